@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+// Every parameter of a run, and the one table that describes each of them: flags, sliders, docs, range checks and the
+// stage cache all read `kParams`.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <variant>
+
+namespace pointfair {
+
+/// A length in one of four units. Plain numbers convert: `params.radius = 0.02`.
+struct Length {
+  enum class Unit : std::uint8_t {
+    automatic,  ///< chosen from the data
+    file,       ///< the unit of the cloud's coordinates
+    diagonal,   ///< fraction of the bounding-box diagonal; "0.5%" is 0.005
+    spacing,    ///< multiple of the mean spacing; "2s" is 2
+  };
+  double value = 0;
+  Unit unit = Unit::automatic;
+
+  constexpr Length() = default;
+  constexpr Length(double in_file_units) : value(in_file_units), unit(Unit::file) {}
+  constexpr Length(double amount, Unit its_unit) : value(amount), unit(its_unit) {}
+  constexpr bool is_automatic() const { return unit == Unit::automatic; }
+  friend constexpr bool operator==(const Length&, const Length&) = default;
+};
+
+/// Stages in the order of the road; each reads the results of the one before. `passes` repeats the whole chain.
+enum class Stage : std::uint8_t { index, neighbors, normals, fairing, passes };
+
+enum class Method : std::uint8_t { bilateral };
+enum class AreaWeight : std::uint8_t { none, length, squared };
+
+inline constexpr int kAutomatic = 0;        ///< for `k` and `passes`: chosen from the data
+inline constexpr int kMaxNeighbors = 512;   ///< the longest neighbour list
+
+/// What to do. Defaults come from the data, so `Params{}` is a sound run on any cloud.
+struct Params {
+  // neighbours: the k nearest, all within `radius`, or the k nearest within `radius`.
+  // Only k given: k nearest. Only radius given: all within it, without a limit. Neither: chosen from the data.
+  int k = kAutomatic;
+  Length radius;
+  bool constraint = false;  ///< a point joins N only if d(q, N) < rho + delta; needs a list, so k
+  Length rho;
+  Length delta;
+  // normals, paper eq. 3-5
+  bool normal_weights = true;  ///< false: equal weights (Hoppe 1992)
+  Length normal_sigma;
+  // fairing, paper eq. 1, 2, 6
+  Method method = Method::bilateral;
+  Length closeness_sigma;
+  Length similarity_sigma;
+  AreaWeight area_weight = AreaWeight::none;
+  int passes = kAutomatic;
+
+  friend bool operator==(const Params&, const Params&) = default;
+};
+
+/// The paper: k = 8, one pass, the constrained neighbourhood, squared area weight; lengths from the data.
+Params paper_preset();
+
+/// A pointer to the field that a row of the table describes.
+using ParamField = std::variant<int Params::*, bool Params::*, Length Params::*, Method Params::*, AreaWeight Params::*>;
+
+/// One row of the table. `name` is the field's name; a flag writes it with '-' for '_'.
+struct ParamInfo {
+  std::string_view name;
+  Stage stage;              ///< the first stage that reads it
+  ParamField field;
+  double min, max;          ///< range of a number, in the unit given; 0, 0 for words
+  bool automatic;           ///< whether "auto" is allowed
+  std::string_view values;  ///< the words allowed, separated by '|'; empty for numbers
+  std::string_view help;    ///< one line
+};
+
+inline constexpr std::array kParams = {
+    ParamInfo{"k", Stage::neighbors, &Params::k, 1, kMaxNeighbors, true, "", "nearest neighbours of a point, itself not counted"},
+    ParamInfo{"radius", Stage::neighbors, &Params::radius, 0, 1e30, true, "", "neighbours lie within this distance; without --k there is no limit on their number"},
+    ParamInfo{"constraint", Stage::neighbors, &Params::constraint, 0, 0, false, "on|off", "grow the neighbourhood without jumping a gap of rho + delta, so that it does not cross sharp features"},
+    ParamInfo{"rho", Stage::neighbors, &Params::rho, 0, 1e30, true, "", "with --constraint: the largest gap of a sound sampling"},
+    ParamInfo{"delta", Stage::neighbors, &Params::delta, 0, 1e30, true, "", "with --constraint: what noise adds to a gap"},
+    ParamInfo{"normal_weights", Stage::normals, &Params::normal_weights, 0, 0, false, "on|off", "Gaussian weights in the normals; off: equal weights (Hoppe)"},
+    ParamInfo{"normal_sigma", Stage::normals, &Params::normal_sigma, 0, 1e30, true, "", "width of the normals' Gaussian"},
+    ParamInfo{"method", Stage::fairing, &Params::method, 0, 0, false, "bilateral", "how a point moves"},
+    ParamInfo{"closeness_sigma", Stage::fairing, &Params::closeness_sigma, 0, 1e30, true, "", "width of the Gaussian over distance"},
+    ParamInfo{"similarity_sigma", Stage::fairing, &Params::similarity_sigma, 0, 1e30, true, "", "width of the Gaussian over height above the tangent plane; smaller keeps more"},
+    ParamInfo{"area_weight", Stage::fairing, &Params::area_weight, 0, 0, false, "none|length|squared", "weight of a neighbour by the area it stands for: mean distance to its 5 nearest, squared, plain, or 1"},
+    ParamInfo{"passes", Stage::passes, &Params::passes, 1, 100, true, "", "how often the whole is repeated, neighbours searched again"},
+};
+
+/// The row called `name` ('-' and '_' alike), or null.
+const ParamInfo* find_param(std::string_view name);
+
+/// Reads a value as the command line writes it ("8", "auto", "0.02", "0.5%", "2s", "on", "squared") into its field.
+/// Throws ErrorKind::usage with name, value and range.
+void set_param(Params& params, const ParamInfo& info, std::string_view text);
+
+/// The value as `set_param` reads it; numbers in the shortest form that reads back the same.
+std::string param_text(const Params& params, const ParamInfo& info);
+
+/// Throws ErrorKind::usage if a value is out of its range or two contradict each other.
+void check_params(const Params& params);
+
+}  // namespace pointfair

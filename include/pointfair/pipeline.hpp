@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: Apache-2.0
+// The road from points to fair points: load, index, neighbours, normals, fairing, out.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "pointfair/cloud.hpp"
+#include "pointfair/params.hpp"
+
+namespace pointfair {
+
+/// Where to compute. `automatic` takes CUDA if it is built in and a card can be used, else the CPU.
+struct Device {
+  enum class Kind : std::uint8_t { automatic, cpu, cuda };
+  Kind kind = Kind::automatic;
+  int index = 0;         ///< which CUDA card
+  unsigned threads = 0;  ///< CPU threads; 0: all cores
+
+  static constexpr Kind automatic = Kind::automatic, cpu = Kind::cpu, cuda = Kind::cuda;
+  constexpr Device() = default;
+  constexpr Device(Kind its_kind, int card = 0, unsigned cpu_threads = 0)
+      : kind(its_kind), index(card), threads(cpu_threads) {}
+};
+
+/// The device that a pipeline runs on, and why it is that one.
+struct DeviceInfo {
+  Device::Kind kind = Device::cpu;
+  std::string name;    ///< "AMD EPYC, 2 threads, AVX-512"; "NVIDIA H200"
+  std::string reason;  ///< "requested"; "no CUDA device: driver not found"
+};
+
+/// One candidate of `Device`, for a report of what this machine has.
+struct DeviceStatus {
+  DeviceInfo info;
+  bool usable = false;
+  std::vector<std::string> details;  ///< driver, runtime, memory, each reason why it cannot be used
+};
+
+/// Every device that this build knows of, the CPU first. Never throws for a missing driver.
+std::vector<DeviceStatus> list_devices();
+
+/// What the cloud itself says, measured once after `load`. Lengths in file units.
+struct Estimates {
+  std::array<double, 3> min{}, max{};  ///< bounds of the finite points, relative to the cloud's origin
+  double diagonal = 0;                 ///< of those bounds
+  double spacing = 0;                  ///< mean distance to the 6 nearest other points
+  double noise = 0;                    ///< standard deviation of the noise along the normal
+  std::uint64_t points = 0;            ///< all
+  std::uint64_t finite = 0;            ///< those without NaN or infinity
+};
+
+/// Why points kept their place.
+struct UnmovedCounts {
+  std::uint64_t non_finite = 0;         ///< a coordinate is NaN or infinite, or its square would overflow
+  std::uint64_t too_few_neighbors = 0;  ///< fewer than 3 neighbours
+  std::uint64_t no_normal = 0;          ///< neighbours identical or on a line
+  friend bool operator==(const UnmovedCounts&, const UnmovedCounts&) = default;
+};
+
+struct StageTime {
+  std::string name;
+  double milliseconds = 0;
+};
+
+/// What the last run did.
+struct Report {
+  DeviceInfo device;
+  std::uint64_t points = 0;
+  Params params;  ///< as used: no `auto` left, lengths in file units
+  UnmovedCounts unmoved;
+  std::uint64_t short_neighborhoods = 0;  ///< points whose constrained neighbourhood holds fewer than k
+  std::vector<StageTime> stages;          ///< those that ran, in order; passes after the first add to the same names
+  double total_milliseconds = 0;          ///< from array to array
+  std::uint64_t peak_host_bytes = 0, peak_device_bytes = 0;  ///< held by the pipeline beside the caller's arrays
+};
+
+/// Called from the thread that called `run`, with the share done so far in [0, 1] and the stage at work.
+using ProgressFunction = std::function<void(double share, std::string_view stage)>;
+
+/// Holds one cloud on one device with the results of every stage, so that a run repeats only the stages that a changed
+/// parameter reaches. Not for use from two threads at once. Memory: at most 100 + 8k bytes a point on the CPU.
+class Pipeline {
+ public:
+  /// Throws ErrorKind::device if the requested device cannot be used; `automatic` never throws.
+  explicit Pipeline(Device device = {});
+  ~Pipeline();
+  Pipeline(Pipeline&&) noexcept;
+  Pipeline& operator=(Pipeline&&) noexcept;
+
+  /// Takes a copy of the points onto the device; the next run starts from the first stage. O(N).
+  void load(const Cloud& cloud);
+  void load(std::span<const Point> points);
+
+  /// Fairs the loaded cloud and returns it with moved points and the source's attributes. Throws ErrorKind::usage for
+  /// contradicting parameters, ErrorKind::memory, ErrorKind::interrupted (the next run resumes at the stage that was
+  /// interrupted). Same points and same parameters give the same bits, for any number of threads.
+  Cloud run(const Params& params = {}, std::stop_token stop = {}, const ProgressFunction& progress = {});
+
+  /// The same into the caller's array of as many points as were loaded.
+  void run(const Params& params, std::span<Point> out, std::stop_token stop = {}, const ProgressFunction& progress = {});
+
+  /// Bounds, spacing and noise of the loaded cloud; computed on the first call, which builds the index.
+  const Estimates& estimates(std::stop_token stop = {});
+
+  /// `params` with every `auto` replaced by what the data suggests, and every length in file units.
+  Params resolve(const Params& params, std::stop_token stop = {});
+
+  /// What the last successful run did.
+  const Report& report() const;
+
+  /// The device this pipeline runs on.
+  DeviceInfo device() const;
+
+  /// Unit normals of the last run's last pass, sign arbitrary, zero where there is none; N values, in file order.
+  void normals(std::span<Point> out) const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace pointfair

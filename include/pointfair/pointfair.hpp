@@ -1,0 +1,9 @@
+// SPDX-License-Identifier: Apache-2.0
+// pointfair: removes the noise of 3D scans and keeps their shape. This header includes all others.
+#pragma once
+
+#include "pointfair/cloud.hpp"
+#include "pointfair/io.hpp"
+#include "pointfair/params.hpp"
+#include "pointfair/pipeline.hpp"
+#include "pointfair/version.hpp"

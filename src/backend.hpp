@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+// The seam between the pipeline and a device: one call per stage, plus upload and download. Each backend owns its
+// arrays; data crosses only in upload, download and the two small sampling calls.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <stop_token>
+#include <vector>
+
+#include "pointfair/cloud.hpp"
+#include "pointfair/params.hpp"
+#include "pointfair/pipeline.hpp"
+
+namespace pointfair {
+
+// What each stage reads: Params with every `auto` resolved and every length in file units.
+struct NeighborSettings {
+  int k = 0;             // 0: no list, everything within `radius` is summed directly
+  float radius = 0;      // 0: no limit
+  bool constraint = false;
+  float reach = 0;       // rho + delta
+  friend bool operator==(const NeighborSettings&, const NeighborSettings&) = default;
+};
+struct NormalSettings {
+  bool weighted = true;
+  float sigma = 0;
+  friend bool operator==(const NormalSettings&, const NormalSettings&) = default;
+};
+struct FairingSettings {
+  Method method = Method::bilateral;
+  AreaWeight area_weight = AreaWeight::none;
+  float closeness_sigma = 0;
+  float similarity_sigma = 0;
+  friend bool operator==(const FairingSettings&, const FairingSettings&) = default;
+};
+
+struct Bounds {
+  Point min{}, max{};        // of the valid points; zero if there is none
+  std::uint64_t valid = 0;   // points that are indexed: finite, and small enough to be squared
+};
+
+struct Counts {
+  UnmovedCounts unmoved;
+  std::uint64_t short_neighborhoods = 0;
+};
+
+// A backend holds up to two chains of stage results: that of the first pass, which stays cached for later runs, and
+// that of the pass at work. begin_pass(0) makes the first current and keeps what it holds; begin_pass(p > 0) empties the
+// second and gives it the faired points of the pass before. The stage calls work on the current chain, in order.
+// Calls throw Error(interrupted) once `stop` is triggered and leave the stage to be run again.
+class Backend {
+ public:
+  virtual ~Backend() = default;
+  virtual DeviceInfo device() const = 0;
+
+  virtual void upload(std::span<const Point> points) = 0;
+  virtual void begin_pass(int pass) = 0;
+  virtual void build_index(std::stop_token stop) = 0;
+  virtual void find_neighbors(const NeighborSettings& settings, std::stop_token stop) = 0;
+  virtual void estimate_normals(const NormalSettings& settings, std::stop_token stop) = 0;
+  virtual void fair(const FairingSettings& settings, std::stop_token stop) = 0;
+  virtual void download(std::span<Point> points) = 0;          // faired points of the current pass, in upload order
+  virtual void download_normals(std::span<Point> normals) = 0;
+
+  // Of the current chain, after build_index.
+  virtual Bounds bounds() const = 0;
+  // For each of `queries` (indices in upload order): the query itself, then its k nearest other points, nearest first,
+  // row after row of k + 1; rows of invalid queries, and places past the last point, are NaN. k up to 1024.
+  virtual void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) = 0;
+
+  virtual Counts counts() const = 0;                   // of the current chain, after fair
+  virtual std::uint64_t peak_host_bytes() const = 0;   // since upload
+  virtual std::uint64_t peak_device_bytes() const = 0;
+};
+
+std::unique_ptr<Backend> make_cpu_backend(unsigned threads);
+
+// src/cuda, or src/cuda_absent.cpp in a build without CUDA. `make_cuda_backend` throws Error(device) with the reason.
+std::unique_ptr<Backend> make_cuda_backend(int card);
+std::vector<DeviceStatus> list_cuda_devices();
+DeviceStatus cpu_status();
+
+}  // namespace pointfair

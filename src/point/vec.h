@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: Apache-2.0
+// Small vectors and matrices over a number type F: `float` in CUDA and scalar code, a SIMD pack of floats in the CPU
+// backend. A pack type brings its own `select`, `square_root`, `power_of_two_times` and comparison results, so every
+// formula here and in the other headers of this folder exists once. No fused multiply-add anywhere (the build forbids
+// the compiler to make one), so that all instruction sets and the GPU round alike.
+#pragma once
+
+#if defined(__CUDACC__)
+#define POINTFAIR_INLINE __host__ __device__ __forceinline__
+#else
+#define POINTFAIR_INLINE inline __attribute__((always_inline))
+#endif
+
+namespace pointfair::point {
+
+// What F must offer, for F = float.
+POINTFAIR_INLINE float select(bool condition, float yes, float no) { return condition ? yes : no; }
+POINTFAIR_INLINE float square_root(float x) { return __builtin_sqrtf(x); }
+
+// `value` times 2^n, where `shifted` is n + 1.5 * 2^23: the low bits of that sum are n.
+POINTFAIR_INLINE float power_of_two_times(float value, float shifted) {
+  union { float f; unsigned u; } bits = {shifted}, result = {value};
+  result.u += bits.u << 23;
+  return result.f;
+}
+
+template <class F>
+POINTFAIR_INLINE F smaller(F a, F b) { return select(b < a, b, a); }
+template <class F>
+POINTFAIR_INLINE F larger(F a, F b) { return select(a < b, b, a); }
+
+template <class F>
+struct Vec3 {
+  F x, y, z;
+};
+
+template <class F>
+POINTFAIR_INLINE Vec3<F> operator+(Vec3<F> a, Vec3<F> b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
+template <class F>
+POINTFAIR_INLINE Vec3<F> operator-(Vec3<F> a, Vec3<F> b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+template <class F>
+POINTFAIR_INLINE Vec3<F> operator*(F s, Vec3<F> a) { return {s * a.x, s * a.y, s * a.z}; }
+template <class F>
+POINTFAIR_INLINE F dot(Vec3<F> a, Vec3<F> b) { return (a.x * b.x + a.y * b.y) + a.z * b.z; }
+template <class F>
+POINTFAIR_INLINE Vec3<F> cross(Vec3<F> a, Vec3<F> b) {
+  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+
+// The one place where a squared distance is rounded: neighbour order, box tests and brute force all agree to the bit.
+// Monotone in each |coordinate|, so the distance to a box computed with it is never above that to a point inside.
+template <class F>
+POINTFAIR_INLINE F squared_length(Vec3<F> a) { return (a.x * a.x + a.y * a.y) + a.z * a.z; }
+
+template <class F>
+POINTFAIR_INLINE Vec3<F> select(decltype(F() < F()) condition, Vec3<F> yes, Vec3<F> no) {
+  return {select(condition, yes.x, no.x), select(condition, yes.y, no.y), select(condition, yes.z, no.z)};
+}
+
+// exp(-t) for t >= 0; 0 from t = 87 on, where exp(-t) nears the smallest normal float; NaN gives 0.
+// Relative error below 2e-7 (tests/test_point.cpp). 2^f on [-1/2, 1/2] by its Taylor series, constants ln(2)^n / n!.
+template <class F>
+POINTFAIR_INLINE F gaussian(F t) {
+  const F shift = F{} + 12582912.0f;  // 1.5 * 2^23: adding it rounds to an integer
+  const F capped = select(t < F{} + 87.0f, t, F{} + 87.0f);
+  const F shifted = capped * -1.44269504f + shift;
+  const F n = shifted - shift;
+  // t + n ln 2, with ln 2 in two parts, so that no digit of the difference is lost
+  const F r = (capped + n * 0.693145752f) + n * 1.42860677e-6f;
+  F p = r * -1.98412698e-4f + 1.38888889e-3f;
+  p = p * r + -8.33333333e-3f;
+  p = p * r + 4.16666667e-2f;
+  p = p * r + -1.66666667e-1f;
+  p = p * r + 0.5f;
+  p = p * r + -1.0f;
+  p = p * r + 1.0f;
+  return select(t < F{} + 87.0f, power_of_two_times(p, shifted), F{});
+}
+
+// A symmetric matrix.
+template <class F>
+struct Sym3 {
+  F xx, xy, xz, yy, yz, zz;
+};
+
+// A direction and whether there is one.
+template <class F>
+struct Direction {
+  Vec3<F> unit;                     // zero where there is none
+  decltype(F() < F()) exists;
+};
+
+// The eigenvector of the least eigenvalue of a positive semi-definite matrix; none where the two least eigenvalues
+// agree to about 1e-5 of the trace (points on a line, or all identical), since every direction would do as well.
+// Newton's method from 0 meets the least root of the characteristic polynomial from below, monotonely, because the
+// polynomial is convex there; the eigenvector is the longest cross product of two rows of M - lambda I.
+template <class F>
+POINTFAIR_INLINE Direction<F> least_eigenvector(Sym3<F> m) {
+  const F trace = (m.xx + m.yy) + m.zz;
+  const auto sound = (trace > F{} + 1e-36f) & (trace < F{} + 1e36f);
+  const F scale = select(sound, (F{} + 1.0f) / trace, F{});
+  const F a = m.xx * scale, b = m.xy * scale, c = m.xz * scale, d = m.yy * scale, e = m.yz * scale, f = m.zz * scale;
+  const F minors = ((a * d - b * b) + (a * f - c * c)) + (d * f - e * e);
+  const F det = (a * (d * f - e * e) - b * (b * f - c * e)) + c * (b * e - c * d);
+  F lambda = F{};
+  for (int step = 0; step < 6; ++step) {  // the trace is 1: p = det - minors x + x^2 - x^3
+    const F p = det - lambda * (minors - lambda * (1.0f - lambda));
+    const F slope = minors - lambda * (2.0f - 3.0f * lambda);  // -p', positive below the least root
+    lambda = lambda + select(slope > F{} + 1e-12f, p / slope, F{});
+  }
+  const Vec3<F> row0 = {a - lambda, b, c}, row1 = {b, d - lambda, e}, row2 = {c, e, f - lambda};
+  const Vec3<F> c01 = cross(row0, row1), c02 = cross(row0, row2), c12 = cross(row1, row2);
+  Vec3<F> best = c01;
+  F longest = squared_length(c01);
+  const F l02 = squared_length(c02), l12 = squared_length(c12);
+  best = select<F>(l02 > longest, c02, best);
+  longest = larger(longest, l02);
+  best = select<F>(l12 > longest, c12, best);
+  longest = larger(longest, l12);
+  const auto exists = sound & (longest > F{} + 1e-11f);
+  const F inverse = select(exists, (F{} + 1.0f) / square_root(longest), F{});
+  return {inverse * best, exists};
+}
+
+}  // namespace pointfair::point
