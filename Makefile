@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: Apache-2.0
+# The words anyone types. Each installs the packages that it needs and the machine lacks (Debian, Ubuntu), then works
+# in build/; the program is build/bin/pointfair.
+
+has_cuda := $(and $(shell command -v nvcc),$(wildcard src/cuda/CMakeLists.txt))
+preset := $(if $(has_cuda),cuda,cpu)
+install := scripts/install_packages.sh
+jobs := $(shell nproc)
+PREFIX ?= /usr/local
+FUZZ_SECONDS ?= 60
+FUZZ_TARGETS = $(notdir $(wildcard build/fuzz/bin/fuzz_*))
+
+.PHONY: help demo build test bench fuzz format docs asan tsan clean install
+
+help:
+	@echo "make build    the program, build/bin/pointfair"
+	@echo "make demo     fair a noisy Armadillo and a real scan, with a table and a picture in build/demo"
+	@echo "make test     all tests"
+	@echo "make bench    time every stage and the peers"
+	@echo "make fuzz     every file reader under a fuzzer, $(FUZZ_SECONDS) s each (FUZZ_SECONDS=N)"
+	@echo "make format   clang-format on every C++ file"
+	@echo "make docs     the reference of the public headers, build/docs/html"
+	@echo "make asan     all tests under AddressSanitizer and UndefinedBehaviorSanitizer"
+	@echo "make tsan     the threaded tests under ThreadSanitizer"
+	@echo "make install  library, headers and program into PREFIX=$(PREFIX)"
+	@echo "make clean    removes build/"
+
+build:
+	@$(install) build
+	cmake --preset $(preset) -DPOINTFAIR_TESTS=OFF
+	cmake --build build
+
+test:
+	@$(install) build test
+	cmake --preset $(preset) -DPOINTFAIR_TESTS=ON
+	cmake --build build
+	ctest --test-dir build -j $(jobs) --output-on-failure
+
+demo:
+	@$(install) build demo
+	cmake --preset $(preset) -DPOINTFAIR_TESTS=OFF
+	cmake --build build
+	cmake --build build --target picture
+	scripts/demo.py
+
+bench:
+	@$(install) build bench
+	cmake --preset $(preset) -B build/bench -DPOINTFAIR_TESTS=OFF -DPOINTFAIR_BENCH=ON
+	cmake --build build/bench
+	bench/report.py --build build/bench
+
+fuzz:
+	@$(install) build test fuzz
+	cmake --preset fuzz
+	cmake --build build/fuzz
+	@$(MAKE) --no-print-directory run-fuzz
+
+.PHONY: run-fuzz $(FUZZ_TARGETS)
+run-fuzz: $(FUZZ_TARGETS)
+$(FUZZ_TARGETS):
+	@echo "$@: $(FUZZ_SECONDS) s"
+	@mkdir -p build/fuzz/corpus/$@
+	@build/fuzz/bin/$@ -max_total_time=$(FUZZ_SECONDS) -timeout=10 -rss_limit_mb=2048 -print_final_stats=1 \
+	  -artifact_prefix=build/fuzz/ build/fuzz/corpus/$@ >build/fuzz/$@.log 2>&1 || { tail -40 build/fuzz/$@.log; exit 1; }
+	@grep -E 'stat::(number_of_executed_units|new_units_added|peak_rss_mb)' build/fuzz/$@.log
+
+format:
+	@$(install) format
+	git ls-files -z '*.cpp' '*.hpp' '*.h' '*.cu' '*.cuh' | xargs -0 clang-format-16 -i
+
+docs:
+	@$(install) docs
+	@mkdir -p build/docs
+	doxygen scripts/Doxyfile
+	@echo "build/docs/html/index.html"
+
+asan tsan:
+	@$(install) build test
+	cmake --preset $@
+	cmake --build build/$@
+	ctest --test-dir build/$@ -j $(jobs) --output-on-failure
+
+install:
+	@$(install) build
+	cmake --preset $(preset) -DPOINTFAIR_TESTS=OFF
+	cmake --build build
+	cmake --install build --prefix $(PREFIX)
+
+clean:
+	rm -rf build

@@ -1,0 +1,13 @@
+# SPDX-License-Identifier: Apache-2.0
+# cmake --install: the library, its headers, and what find_package(pointfair) reads.
+include(GNUInstallDirs)
+include(CMakePackageConfigHelpers)
+
+set(package_dir ${CMAKE_INSTALL_LIBDIR}/cmake/pointfair)
+install(TARGETS pointfair EXPORT pointfairTargets)
+install(DIRECTORY include/pointfair DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} FILES_MATCHING PATTERN "*.hpp")
+install(EXPORT pointfairTargets NAMESPACE pointfair:: DESTINATION ${package_dir})
+configure_package_config_file(cmake/pointfairConfig.cmake.in pointfairConfig.cmake INSTALL_DESTINATION ${package_dir})
+write_basic_package_version_file(pointfairConfigVersion.cmake COMPATIBILITY SameMinorVersion)
+install(FILES ${PROJECT_BINARY_DIR}/pointfairConfig.cmake ${PROJECT_BINARY_DIR}/pointfairConfigVersion.cmake
+        DESTINATION ${package_dir})

@@ -1,0 +1,48 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# Installs the Debian or Ubuntu packages that the named jobs need and this machine lacks, and says which.
+# A machine that has them all is left alone: no network, no root.
+# Usage: scripts/install_packages.sh build|test|demo|bench|fuzz|format|docs...
+set -euo pipefail
+
+packages_for() {
+  case "$1" in
+    build) echo g++ cmake ninja-build libtbb-dev libcli11-dev libfmt-dev libfast-float-dev libembree-dev nlohmann-json3-dev ;;
+    test) echo libgtest-dev librapidcheck-dev libnanoflann-dev libeigen3-dev python3 ;;
+    demo) echo libcgal-demo libpng-dev python3 ;;
+    bench) echo libnanoflann-dev libeigen3-dev libcgal-dev libpcl-dev python3 ;;
+    fuzz) echo clang-16 libclang-rt-16-dev ;;
+    format) echo clang-format-16 ;;
+    docs) echo doxygen ;;
+    *) echo "$0: unknown job '$1': use build, test, demo, bench, fuzz, format or docs" >&2; exit 2 ;;
+  esac
+}
+
+is_installed() {
+  [ "$(dpkg-query -W -f='${db:Status-Status}' "$1" 2>/dev/null)" = installed ]
+}
+
+wanted=""
+for job in "$@"; do wanted+=" $(packages_for "$job")"; done
+
+if ! command -v dpkg-query >/dev/null; then
+  echo "No dpkg-query here, so nothing was checked. This step needs what Debian calls:$wanted"
+  exit 0
+fi
+
+missing=()
+for package in $(tr ' ' '\n' <<<"$wanted" | sort -u); do is_installed "$package" || missing+=("$package"); done
+if [ ${#missing[@]} -eq 0 ]; then exit 0; fi
+
+as_root=()
+if [ "$(id -u)" -ne 0 ]; then
+  if ! command -v sudo >/dev/null; then
+    echo "Missing packages: ${missing[*]}" >&2
+    echo "Neither root nor sudo here: ask an administrator to run: apt-get install ${missing[*]}" >&2
+    exit 1
+  fi
+  as_root=(sudo)
+fi
+echo "Installing with apt-get: ${missing[*]}"
+"${as_root[@]}" apt-get update -q
+"${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -q -y --no-install-recommends "${missing[@]}"
