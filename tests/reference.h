@@ -1,0 +1,273 @@
+// SPDX-License-Identifier: Apache-2.0
+// The method in the plainest code: every equation in double precision, every search by brute force, nothing shared with
+// src/point. Only the order of neighbours is decided in float, rounded as the library promises, since neighbour sets
+// must agree exactly.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "pointfair/params.hpp"
+#include "pointfair/pipeline.hpp"
+
+namespace pointfair::reference {
+
+struct Vec {
+  double x = 0, y = 0, z = 0;
+};
+inline Vec operator+(Vec a, Vec b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
+inline Vec operator-(Vec a, Vec b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+inline Vec operator*(double s, Vec a) { return {s * a.x, s * a.y, s * a.z}; }
+inline double dot(Vec a, Vec b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+inline double length(Vec a) { return std::sqrt(dot(a, a)); }
+inline Vec to_vec(Point p) { return {p.x, p.y, p.z}; }
+inline Point to_point(Vec v) { return {float(v.x), float(v.y), float(v.z)}; }
+
+// A run with every value settled; lengths in file units, 0 for "no limit".
+struct Settings {
+  int k = 0;
+  double radius = 0;
+  bool constraint = false;
+  double reach = 0;  // rho + delta
+  bool weighted_normals = true;
+  double normal_sigma = 1, closeness_sigma = 1, similarity_sigma = 1;
+  AreaWeight area_weight = AreaWeight::none;
+  int passes = 1;
+};
+
+inline Settings settings_of(const Params& resolved) {
+  Settings s;
+  s.k = resolved.k;
+  s.radius = resolved.radius.is_automatic() ? 0 : resolved.radius.value;
+  s.constraint = resolved.constraint;
+  s.reach = resolved.rho.value + resolved.delta.value;
+  s.weighted_normals = resolved.normal_weights;
+  s.normal_sigma = resolved.normal_sigma.value;
+  s.closeness_sigma = resolved.closeness_sigma.value;
+  s.similarity_sigma = resolved.similarity_sigma.value;
+  s.area_weight = resolved.area_weight;
+  s.passes = resolved.passes;
+  return s;
+}
+
+using Points = std::vector<Point>;
+using List = std::vector<std::uint32_t>;
+
+inline bool is_valid(Point p) {
+  return std::abs(p.x) < 1e18f && std::abs(p.y) < 1e18f && std::abs(p.z) < 1e18f;  // false for NaN
+}
+
+inline float squared_distance(Point a, Point b) {
+  const float x = b.x - a.x, y = b.y - a.y, z = b.z - a.z;
+  return (x * x + y * y) + z * z;
+}
+
+// The nearest `count` other valid points, nearest first, equal distances by index.
+inline List nearest(const Points& points, std::size_t i, std::size_t count) {
+  struct Candidate {
+    float squared;
+    std::uint32_t index;
+  };
+  std::vector<Candidate> candidates;
+  for (std::size_t j = 0; j < points.size(); ++j)
+    if (j != i && is_valid(points[j])) candidates.push_back({squared_distance(points[i], points[j]), std::uint32_t(j)});
+  count = std::min(count, candidates.size());
+  std::partial_sort(
+      candidates.begin(), candidates.begin() + std::ptrdiff_t(count), candidates.end(),
+      [](Candidate a, Candidate b) { return a.squared != b.squared ? a.squared < b.squared : a.index < b.index; });
+  List list;
+  for (std::size_t c = 0; c < count; ++c) list.push_back(candidates[c].index);
+  return list;
+}
+
+// All others within the radius, nearest first.
+inline List within(const Points& points, std::size_t i, double radius) {
+  const float limit = float(radius) * float(radius);
+  List list = nearest(points, i, points.size());
+  std::erase_if(list, [&](std::uint32_t j) { return squared_distance(points[i], points[j]) > limit; });
+  return list;
+}
+
+// q joins N, nearest first, if d(q, N) < rho + delta; N holds the point itself from the start (paper, III.C).
+inline List constrained(const Points& points, std::size_t i, const List& candidates, int k, double reach) {
+  List members = {std::uint32_t(i)};
+  for (const std::uint32_t q : candidates) {
+    if (members.size() > std::size_t(k)) break;
+    const bool joins = std::any_of(members.begin(), members.end(), [&](std::uint32_t m) {
+      return length(to_vec(points[q]) - to_vec(points[m])) < reach;
+    });
+    if (joins) members.push_back(q);
+  }
+  members.erase(members.begin());
+  return members;
+}
+
+// N(v_i) without v_i itself.
+inline List neighborhood(const Points& points, std::size_t i, const Settings& s) {
+  if (!is_valid(points[i])) return {};
+  const std::size_t limit = s.k == 0 || s.constraint ? points.size() : std::size_t(s.k);
+  List list = s.radius > 0 ? within(points, i, s.radius) : nearest(points, i, limit);
+  if (s.constraint) return constrained(points, i, list, s.k, s.reach);
+  if (s.k > 0 && list.size() > std::size_t(s.k)) list.resize(std::size_t(s.k));
+  return list;
+}
+
+using Matrix = std::array<std::array<double, 3>, 3>;
+
+struct Eigen3 {
+  std::array<double, 3> values;  // rising
+  std::array<Vec, 3> vectors;
+};
+
+// One rotation of Jacobi's method in the plane of axes p and q: m[p][q] becomes 0, v collects the rotation.
+inline void rotate(Matrix& m, Matrix& v, int p, int q) {
+  if (m[p][q] == 0) return;
+  const double theta = (m[q][q] - m[p][p]) / (2 * m[p][q]);
+  const double t = (theta < 0 ? -1 : 1) / (std::abs(theta) + std::sqrt(theta * theta + 1));
+  const double c = 1 / std::sqrt(t * t + 1), s = t * c;
+  const auto turn = [c, s](double& a, double& b) {
+    const double old_a = a;
+    a = c * a - s * b;
+    b = s * old_a + c * b;
+  };
+  for (int r = 0; r < 3; ++r) turn(m[r][p], m[r][q]);
+  for (int r = 0; r < 3; ++r) turn(m[p][r], m[q][r]);
+  for (int r = 0; r < 3; ++r) turn(v[r][p], v[r][q]);
+}
+
+inline Eigen3 eigen(Matrix m) {
+  Matrix v = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+  for (int sweep = 0; sweep < 20; ++sweep) {
+    rotate(m, v, 0, 1);
+    rotate(m, v, 0, 2);
+    rotate(m, v, 1, 2);
+  }
+  std::array<int, 3> order = {0, 1, 2};
+  std::sort(order.begin(), order.end(), [&](int a, int b) { return m[a][a] < m[b][b]; });
+  Eigen3 result{};
+  for (int i = 0; i < 3; ++i) {
+    const int c = order[i];
+    result.values[i] = m[c][c];
+    result.vectors[i] = {v[0][c], v[1][c], v[2][c]};
+  }
+  return result;
+}
+
+// The normal, and how well the data determines it: the gap of the two least eigenvalues over their sum.
+struct Normal {
+  Vec unit;
+  double gap = 0;
+};
+
+// Paper eq. 3-5; eq. 4 normalised by its weights.
+inline Normal normal(const Points& points, std::size_t i, const List& list, const Settings& s) {
+  const auto weight = [&](double x) {
+    return s.weighted_normals ? std::exp(-x * x / (2 * s.normal_sigma * s.normal_sigma)) : 1;
+  };
+  const Vec here = to_vec(points[i]);
+  Vec moment;
+  double sum = 0;
+  for (const std::uint32_t j : list) {
+    const double w = weight(length(to_vec(points[j]) - here));
+    moment = moment + w * (to_vec(points[j]) - here);
+    sum += w;
+  }
+  const Vec centroid = here + 1 / sum * moment;
+  Matrix m{};
+  for (const std::uint32_t j : list) {
+    const Vec d = to_vec(points[j]) - centroid;
+    const double w = weight(length(d));
+    const double wd[3] = {w * d.x, w * d.y, w * d.z};
+    for (int r = 0; r < 3; ++r)
+      for (int c = 0; c < 3; ++c) m[r][c] += wd[r] * wd[c];
+  }
+  const double trace = m[0][0] + m[1][1] + m[2][2];
+  if (!(trace > 0)) return {};
+  const Eigen3 e = eigen(m);
+  return {e.vectors[0], (e.values[1] - e.values[0]) / trace};
+}
+
+// W_a: mean distance to the 5 nearest, or a power of it (paper, III.E).
+inline std::vector<double> area_weights(const Points& points, AreaWeight kind) {
+  std::vector<double> result(points.size(), 1.0);
+  if (kind == AreaWeight::none) return result;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const List list = is_valid(points[i]) ? nearest(points, i, 5) : List{};
+    double sum = 0;
+    for (const std::uint32_t j : list) sum += length(to_vec(points[j]) - to_vec(points[i]));
+    const double mean = list.empty() ? 0 : sum / double(list.size());
+    result[i] = kind == AreaWeight::squared ? mean * mean : mean;
+  }
+  return result;
+}
+
+// Paper eq. 6 (eq. 2 where all area weights are 1); 0 if no neighbour has weight.
+inline double displacement(const Points& points, std::size_t i, const List& list, Vec n, const Settings& s,
+                           const std::vector<double>& area) {
+  double moment = 0, sum = 0;
+  for (const std::uint32_t j : list) {
+    const Vec offset = to_vec(points[i]) - to_vec(points[j]);
+    const double height = dot(n, offset), distance = length(offset);
+    const double w = std::exp(-distance * distance / (2 * s.closeness_sigma * s.closeness_sigma)) *
+                     std::exp(-height * height / (2 * s.similarity_sigma * s.similarity_sigma)) * area[j];
+    moment += w * height;
+    sum += w;
+  }
+  return sum > 0 ? moment / sum : 0;
+}
+
+// One faired point.
+struct Faired {
+  Vec position;
+  Normal normal;  // zero gap: no normal
+  std::size_t neighbors = 0;
+};
+
+inline constexpr double kLeastGap = 1e-5;  // below it points count as a line
+
+// Paper eq. 1 for every point, from the old positions.
+inline std::vector<Faired> fair_once(const Points& points, const Settings& s) {
+  const std::vector<double> area = area_weights(points, s.area_weight);
+  std::vector<Faired> result(points.size());
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const List list = neighborhood(points, i, s);
+    result[i].position = to_vec(points[i]);
+    result[i].neighbors = list.size();
+    if (list.size() < 3) continue;
+    result[i].normal = normal(points, i, list, s);
+    if (result[i].normal.gap < kLeastGap) continue;
+    const Vec n = result[i].normal.unit;
+    result[i].position = to_vec(points[i]) - displacement(points, i, list, n, s, area) * n;
+  }
+  return result;
+}
+
+// All passes; positions are rounded to float between them, as the library stores them.
+inline std::vector<Faired> fair(Points points, const Settings& s) {
+  std::vector<Faired> result;
+  for (int pass = 0; pass < s.passes; ++pass) {
+    result = fair_once(points, s);
+    for (std::size_t i = 0; i < points.size(); ++i) points[i] = to_point(result[i].position);
+  }
+  return result;
+}
+
+// Mean distance to the 6 nearest.
+inline double spacing(const Points& points) {
+  double sum = 0;
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (!is_valid(points[i])) continue;
+    for (const std::uint32_t j : nearest(points, i, 6)) {
+      sum += length(to_vec(points[j]) - to_vec(points[i]));
+      ++count;
+    }
+  }
+  return count == 0 ? 0 : sum / double(count);
+}
+
+}  // namespace pointfair::reference

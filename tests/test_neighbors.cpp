@@ -1,0 +1,244 @@
+// SPDX-License-Identifier: Apache-2.0
+// Neighbour lists of the CPU backend: exact set and order, against brute force and nanoflann, on every instruction set
+// that this processor has.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <memory>
+#include <nanoflann.hpp>
+#include <string>
+#include <vector>
+
+#include "backend.hpp"
+#include "cpu/index.h"
+#include "cpu/kernels.h"
+#include "reference.h"
+#include "shapes.h"
+
+#if defined(__x86_64__)
+namespace pointfair::cpu {
+namespace sse2 {
+extern const Kernels kKernels;
+}
+namespace avx2 {
+extern const Kernels kKernels;
+}
+namespace avx512 {
+extern const Kernels kKernels;
+}
+}  // namespace pointfair::cpu
+#endif
+
+namespace pointfair {
+namespace {
+
+using cpu::Index;
+using shapes::Points;
+
+std::vector<const cpu::Kernels*> available_kernels() {
+#if defined(__x86_64__)
+  std::vector<const cpu::Kernels*> result = {&cpu::sse2::kKernels};
+  if (__builtin_cpu_supports("avx2")) result.push_back(&cpu::avx2::kKernels);
+  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw") &&
+      __builtin_cpu_supports("avx512vl"))
+    result.push_back(&cpu::avx512::kKernels);
+  return result;
+#else
+  return {&cpu::best_kernels()};
+#endif
+}
+
+// Lists of all points in upload order and numbering, as the neighbour stage computes them.
+std::vector<reference::List> all_lists(const cpu::SpatialIndex& index, const cpu::Kernels& kernels, std::size_t points,
+                                       int k, float squared_limit) {
+  const cpu::IndexView view = index.view();
+  std::vector<reference::List> lists(points);
+  std::vector<Index> block(std::size_t(k) * cpu::kLeafSize);
+  for (Index leaf = 0; leaf < view.leaves; ++leaf) {
+    kernels.nearest(view, leaf, k, squared_limit, block.data());
+    for (Index lane = 0; lane < Index(cpu::kLeafSize); ++lane) {
+      const Index position = leaf * cpu::kLeafSize + lane;
+      for (int s = 0; s < k && position < view.points; ++s) {
+        const Index found = block[std::size_t(s) * cpu::kLeafSize + lane];
+        if (found != point::kNoNeighbor) lists[view.original[position]].push_back(view.original[found]);
+      }
+    }
+  }
+  return lists;
+}
+
+void expect_exact_lists(const Points& points, int k, float radius = 0, std::size_t step = 1) {
+  const float limit = radius > 0 ? radius * radius : std::numeric_limits<float>::max();
+  std::vector<reference::List> expected(points.size());
+  for (std::size_t i = 0; i < points.size(); i += step) {
+    if (!reference::is_valid(points[i])) continue;
+    expected[i] = reference::nearest(points, i, std::size_t(k));
+    std::erase_if(expected[i], [&](auto j) { return reference::squared_distance(points[i], points[j]) > limit; });
+  }
+  for (const cpu::Kernels* kernels : available_kernels()) {
+    cpu::MemoryMeter meter;
+    cpu::SpatialIndex index(meter);
+    index.build(points, {}, *kernels, {});
+    const auto found = all_lists(index, *kernels, points.size(), k, limit);
+    for (std::size_t i = 0; i < points.size(); i += step)
+      ASSERT_EQ(found[i], expected[i]) << "point " << i << ", k " << k << ", radius " << radius << ", "
+                                       << kernels->name;
+  }
+}
+
+constexpr int kEveryK[] = {1, 2, 3, 5, 8, 16, 32, 64, 512};
+
+TEST(Neighbors, are_exact_for_every_k_on_a_noisy_surface) {
+  const Points points = shapes::with_noise(shapes::waves(1500), 0.01);
+  for (const int k : kEveryK) expect_exact_lists(points, k);
+}
+
+TEST(Neighbors, are_exact_where_every_distance_ties) {
+  for (const int k : kEveryK) expect_exact_lists(shapes::grid(9), k);
+}
+
+TEST(Neighbors, of_identical_points_are_the_first_by_index) {
+  for (const int k : {1, 5, 8, 32, 64}) expect_exact_lists(shapes::identical(300), k);
+}
+
+TEST(Neighbors, are_exact_when_many_points_are_doubles) {
+  Points points = shapes::waves(400);
+  points.insert(points.end(), points.begin(), points.end());
+  points.insert(points.end(), points.begin(), points.begin() + 300);
+  for (const int k : kEveryK) expect_exact_lists(points, k);
+}
+
+TEST(Neighbors, are_exact_at_1000_to_1_density) {
+  const Points points = shapes::uneven(1500, 1000);
+  for (const int k : {8, 32, 64}) expect_exact_lists(points, k);
+}
+
+TEST(Neighbors, are_exact_beside_a_stray_point) {
+  for (const float distance : {1e3f, 1e6f, 1e17f})
+    for (const int k : {8, 32, 64}) expect_exact_lists(shapes::with_stray(shapes::waves(700), distance), k);
+}
+
+TEST(Neighbors, do_not_include_invalid_points) {
+  const Points points = shapes::with_invalid(shapes::sphere(900), 5);
+  for (const int k : kEveryK) expect_exact_lists(points, k);
+}
+
+TEST(Neighbors, are_all_others_when_there_are_fewer_than_k) {
+  for (int count = 0; count <= 40; ++count)
+    for (const int k : {1, 8, 16, 33}) expect_exact_lists(shapes::sphere(count), k);
+}
+
+TEST(Neighbors, are_exact_for_every_number_of_points_around_a_leaf_and_a_node) {
+  for (const int around : {16, 256, 4096})
+    for (const int count : {around - 1, around, around + 1}) expect_exact_lists(shapes::cube(count), 8, 0, 13);
+}
+
+TEST(Neighbors, within_a_radius_are_the_nearest_that_lie_in_it) {
+  const Points points = shapes::with_noise(shapes::waves(1500), 0.01);
+  for (const float radius : {1e-6f, 0.02f, 0.05f, 0.2f, 3.0f})
+    for (const int k : {1, 8, 32, 64}) expect_exact_lists(points, k, radius);
+}
+
+TEST(Neighbors, at_exactly_the_radius_belong_to_it) {
+  for (const float radius : {1.0f, 2.0f, 3.0f}) expect_exact_lists(shapes::grid(7), 64, radius);
+}
+
+TEST(Neighbors, on_a_line_or_far_from_zero_or_at_tiny_scale_are_exact) {
+  expect_exact_lists(shapes::line(900), 16);
+  expect_exact_lists(shapes::shifted(shapes::waves(900), {4e5f, -5e6f, 300}), 16);  // rounded: full of ties
+  expect_exact_lists(shapes::scaled(shapes::waves(900), 1e-15f), 16);
+  expect_exact_lists(shapes::scaled(shapes::waves(900), 1e15f), 16);
+}
+
+struct NanoflannPoints {
+  const Points& points;
+  std::size_t kdtree_get_point_count() const { return points.size(); }
+  float kdtree_get_pt(std::size_t i, std::size_t axis) const { return (&points[i].x)[axis]; }
+  template <class Box>
+  bool kdtree_get_bbox(Box&) const {
+    return false;
+  }
+};
+
+TEST(Neighbors, have_the_distances_that_nanoflann_finds) {
+  using Metric = nanoflann::L2_Simple_Adaptor<float, NanoflannPoints>;
+  using Tree = nanoflann::KDTreeSingleIndexAdaptor<Metric, NanoflannPoints, 3, std::uint32_t>;
+  constexpr int kCount = 30000, kNeighbors = 17;
+  const Points points = shapes::with_noise(shapes::uneven(kCount, 50), 0.003);
+  const NanoflannPoints adaptor{points};
+  Tree tree(3, adaptor);
+  cpu::MemoryMeter meter;
+  cpu::SpatialIndex index(meter);
+  index.build(points, {}, cpu::best_kernels(), {});
+  const auto found =
+      all_lists(index, cpu::best_kernels(), points.size(), kNeighbors, std::numeric_limits<float>::max());
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    std::uint32_t ids[kNeighbors + 1];
+    float squared[kNeighbors + 1];  // the point itself comes first
+    ASSERT_EQ(tree.knnSearch(&points[i].x, kNeighbors + 1, ids, squared), std::size_t(kNeighbors + 1));
+    for (std::size_t s = 0; s < kNeighbors; ++s)
+      ASSERT_EQ(reference::squared_distance(points[i], points[found[i][s]]), squared[s + 1]) << "point " << i;
+  }
+}
+
+// The rows that sample_neighborhoods promises, by brute force; invalid places are NaN.
+std::vector<Point> expected_rows(const Points& points, const std::vector<std::uint32_t>& queries, int k) {
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  std::vector<Point> rows(queries.size() * std::size_t(k + 1), Point{nan, nan, nan});
+  for (std::size_t q = 0; q < queries.size(); ++q) {
+    if (!reference::is_valid(points[queries[q]])) continue;
+    Point* row = &rows[q * std::size_t(k + 1)];
+    *row++ = points[queries[q]];
+    for (const std::uint32_t j : reference::nearest(points, queries[q], std::size_t(k))) *row++ = points[j];
+  }
+  return rows;
+}
+
+bool same_or_both_nan(Point a, Point b) {
+  return (std::isnan(a.x) && std::isnan(b.x)) || (a.x == b.x && a.y == b.y && a.z == b.z);
+}
+
+TEST(SampleNeighborhoods, returns_each_query_and_its_nearest_in_order) {
+  for (const Points& points :
+       {shapes::with_noise(shapes::waves(3000), 0.01), shapes::with_invalid(shapes::sphere(500), 4), shapes::grid(8),
+        shapes::sphere(5), shapes::identical(40)}) {
+    const std::unique_ptr<Backend> backend = make_cpu_backend(2);
+    backend->upload(points);
+    backend->begin_pass(0);
+    backend->build_index({});
+    std::vector<std::uint32_t> queries;
+    for (std::uint32_t i = 0; i < points.size(); i += 3) queries.push_back(std::uint32_t(points.size()) - 1 - i);
+    for (const int k : {1, 6, 24, 100, 1024}) {
+      std::vector<Point> rows(queries.size() * std::size_t(k + 1));
+      backend->sample_neighborhoods(queries, k, rows);
+      const std::vector<Point> expected = expected_rows(points, queries, k);
+      for (std::size_t i = 0; i < rows.size(); ++i)
+        ASSERT_TRUE(same_or_both_nan(rows[i], expected[i]))
+            << "place " << i << " of " << points.size() << " points, k " << k;
+    }
+  }
+}
+
+TEST(Index, bounds_hold_exactly_the_valid_points) {
+  for (const Points& points :
+       {shapes::with_invalid(shapes::sphere(500), 4), shapes::with_stray(shapes::plane(50), 1e6f)}) {
+    Bounds expected{{1e30f, 1e30f, 1e30f}, {-1e30f, -1e30f, -1e30f}, 0};
+    for (const Point p : points) {
+      if (!reference::is_valid(p)) continue;
+      expected.min = {std::min(expected.min.x, p.x), std::min(expected.min.y, p.y), std::min(expected.min.z, p.z)};
+      expected.max = {std::max(expected.max.x, p.x), std::max(expected.max.y, p.y), std::max(expected.max.z, p.z)};
+      ++expected.valid;
+    }
+    const std::unique_ptr<Backend> backend = make_cpu_backend(2);
+    backend->upload(points);
+    backend->begin_pass(0);
+    backend->build_index({});
+    const Bounds found = backend->bounds();
+    EXPECT_EQ(found.valid, expected.valid);
+    EXPECT_TRUE(same_or_both_nan(found.min, expected.min));
+    EXPECT_TRUE(same_or_both_nan(found.max, expected.max));
+  }
+}
+
+}  // namespace
+}  // namespace pointfair

@@ -1,0 +1,200 @@
+// SPDX-License-Identifier: Apache-2.0
+// The formulas of src/point, for F = float, against closed forms in double.
+#include <gtest/gtest.h>
+
+#include <Eigen/Eigenvalues>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+#include <vector>
+
+#include "point/fairing.h"
+#include "point/neighbors.h"
+#include "point/normal.h"
+#include "reference.h"
+#include "shapes.h"
+
+namespace pointfair {
+namespace {
+
+using point::Sym3;
+using point::Vec3;
+using shapes::Random;
+
+Vec3<float> random_vector(Random& random, double scale = 1) {
+  const float x = float(scale * random.normal()), y = float(scale * random.normal());
+  return {x, y, float(scale * random.normal())};
+}
+
+TEST(Gaussian, is_within_2e_7_of_exp_for_every_exponent) {
+  double worst = 0;
+  for (float t = 0; t < 86.999f; t = std::nextafter(t + 1e-4f, 100.0f)) {
+    const double exact = std::exp(-double(t));
+    worst = std::max(worst, std::abs(double(point::gaussian(t)) - exact) / exact);
+  }
+  for (float t = 1e-30f; t < 1e-3f; t *= 1.001f)
+    worst = std::max(worst, std::abs(double(point::gaussian(t)) / std::exp(-double(t)) - 1));
+  EXPECT_LT(worst, 2e-7);
+}
+
+TEST(Gaussian, is_one_at_zero_and_zero_far_out_and_for_nan) {
+  EXPECT_EQ(point::gaussian(0.0f), 1.0f);
+  EXPECT_EQ(point::gaussian(87.0f), 0.0f);
+  EXPECT_EQ(point::gaussian(std::numeric_limits<float>::infinity()), 0.0f);
+  EXPECT_EQ(point::gaussian(std::numeric_limits<float>::quiet_NaN()), 0.0f);
+}
+
+Eigen::Matrix3d to_eigen(const Sym3<float>& m) {
+  return Eigen::Matrix3d{{m.xx, m.xy, m.xz}, {m.xy, m.yy, m.yz}, {m.xz, m.yz, m.zz}};
+}
+
+// The covariance of points spread by three given deviations along random axes.
+Sym3<float> covariance(Random& random, double a, double b, double c) {
+  Eigen::Matrix3d q;
+  for (int i = 0; i < 9; ++i) q(i / 3, i % 3) = random.normal();
+  q = Eigen::HouseholderQR<Eigen::Matrix3d>(q).householderQ();
+  const Eigen::Matrix3d m = q * Eigen::Vector3d(a * a, b * b, c * c).asDiagonal() * q.transpose();
+  return {float(m(0, 0)), float(m(0, 1)), float(m(0, 2)), float(m(1, 1)), float(m(1, 2)), float(m(2, 2))};
+}
+
+// Rounding disturbs the matrix by about 1e-7 of its trace, and so turns the eigenvector by that over the gap.
+TEST(LeastEigenvector, agrees_with_eigen_to_rounding_over_the_gap) {
+  Random random(3);
+  for (int i = 0; i < 200000; ++i) {
+    const double scale = std::ldexp(1, int(random.below(60)) - 30);
+    const double thin = std::ldexp(random.uniform(), -int(random.below(12)));
+    const Sym3<float> m = covariance(random, scale, scale * random.uniform(0.05, 1), scale * thin);
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(to_eigen(m));
+    const double gap = (solver.eigenvalues()[1] - solver.eigenvalues()[0]) / solver.eigenvalues().sum();
+    if (gap < 1e-4) continue;
+    const point::Direction<float> found = point::least_eigenvector(m);
+    ASSERT_TRUE(found.exists) << "gap " << gap;
+    const Eigen::Vector3d n(found.unit.x, found.unit.y, found.unit.z);
+    ASSERT_NEAR(n.norm(), 1, 1e-6);
+    const double sine = n.cross(solver.eigenvectors().col(0)).norm();
+    ASSERT_LT(sine, 4e-7 + 1e-6 / gap) << "gap " << gap << " scale " << scale;
+  }
+}
+
+TEST(LeastEigenvector, is_exact_for_points_in_a_coordinate_plane) {
+  const point::Direction<float> found = point::least_eigenvector(Sym3<float>{3, 1, 0, 2, 0, 0});
+  ASSERT_TRUE(found.exists);
+  EXPECT_EQ(std::abs(found.unit.z), 1.0f);
+  EXPECT_EQ(found.unit.x, 0.0f);
+  EXPECT_EQ(found.unit.y, 0.0f);
+}
+
+TEST(LeastEigenvector, does_not_exist_for_points_on_a_line_or_all_identical_or_not_finite) {
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  for (const Sym3<float>& m : {Sym3<float>{1, 2, 3, 4, 6, 9}, Sym3<float>{5, 0, 0, 0, 0, 0}, Sym3<float>{},
+                               Sym3<float>{nan, 0, 0, 1, 0, 1}, Sym3<float>{1e38f, 0, 0, 1e38f, 0, 1e30f}}) {
+    const point::Direction<float> found = point::least_eigenvector(m);
+    EXPECT_FALSE(found.exists);
+    EXPECT_EQ(point::squared_length(found.unit), 0.0f);
+  }
+}
+
+TEST(SquaredGap, of_boxes_is_never_above_the_distance_of_points_inside) {
+  Random random(5);
+  for (int i = 0; i < 300000; ++i) {
+    const double size = std::ldexp(1, int(random.below(20)) - 10), apart = std::ldexp(1, int(random.below(20)) - 10);
+    const Vec3<float> shift = random_vector(random, apart);
+    Vec3<float> a[2], b[2];
+    for (auto& p : a) p = random_vector(random, size);
+    for (auto& p : b) p = random_vector(random, size) + shift;
+    const auto low = [](const Vec3<float>* p) {
+      return Vec3<float>{std::min(p[0].x, p[1].x), std::min(p[0].y, p[1].y), std::min(p[0].z, p[1].z)};
+    };
+    const auto high = [](const Vec3<float>* p) {
+      return Vec3<float>{std::max(p[0].x, p[1].x), std::max(p[0].y, p[1].y), std::max(p[0].z, p[1].z)};
+    };
+    const float gap = point::squared_gap(low(a), high(a), low(b), high(b));
+    for (const auto& p : a)
+      for (const auto& q : b) ASSERT_LE(gap, point::squared_length(q - p));
+  }
+}
+
+TEST(NeighborKey, orders_by_distance_and_then_by_index_and_gives_both_back) {
+  const float rising[] = {0.0f, 1e-45f, 1e-38f, 1e-10f, 1.0f, std::nextafter(1.0f, 2.0f), 1e37f};
+  for (std::size_t i = 1; i < std::size(rising); ++i)
+    EXPECT_LT(point::neighbor_key(rising[i - 1], 0xfffffffeu), point::neighbor_key(rising[i], 0));
+  EXPECT_LT(point::neighbor_key(2.0f, 7), point::neighbor_key(2.0f, 8));
+  EXPECT_EQ(point::key_squared_distance(point::neighbor_key(2.5f, 7)), 2.5f);
+  EXPECT_EQ(point::key_index(point::neighbor_key(2.5f, 7)), 7u);
+}
+
+struct Grown {
+  reference::List members;
+  bool complete;
+};
+
+Grown grow(const shapes::Points& points, const reference::List& candidates, int k, float reach) {
+  Grown grown{};
+  const auto offset = [&](std::uint32_t j) {
+    return Vec3<float>{points[j].x - points[0].x, points[j].y - points[0].y, points[j].z - points[0].z};
+  };
+  const auto result = point::grow_constrained(
+      int(candidates.size()), k, reach, candidates.size() + 1 == points.size(),
+      [&](int i) { return offset(candidates[i]); }, [&](int i) { grown.members.push_back(candidates[i]); },
+      [&](int i) { return offset(grown.members[i]); });
+  grown.complete = result.complete;
+  EXPECT_EQ(result.accepted, int(grown.members.size()));
+  return grown;
+}
+
+TEST(GrowConstrained, agrees_with_the_rule_over_all_points_whenever_it_says_complete) {
+  Random random(11);
+  int complete_early = 0;
+  for (std::uint64_t seed = 0; seed < 400; ++seed) {
+    const shapes::Points points = shapes::with_noise(shapes::two_sheets(120, 0.12, seed), 0.01, seed + 1);
+    const int k = 1 + int(random.below(24));
+    const float reach = float(random.uniform(0.03, 0.25));
+    const reference::List all = reference::nearest(points, 0, points.size());
+    const reference::List expected = reference::constrained(points, 0, all, k, reach);
+    for (const std::size_t given : {std::size_t(4), std::size_t(k), std::size_t(2 * k + 8), all.size()}) {
+      const reference::List candidates(all.begin(), all.begin() + std::ptrdiff_t(std::min(given, all.size())));
+      const Grown grown = grow(points, candidates, k, reach);
+      if (!grown.complete) continue;
+      EXPECT_EQ(grown.members, expected) << "seed " << seed << " k " << k << " reach " << reach;
+      complete_early += candidates.size() < all.size();
+    }
+    EXPECT_TRUE(grow(points, all, k, reach).complete);
+  }
+  EXPECT_GT(complete_early, 400);
+}
+
+TEST(GrowConstrained, does_not_cross_to_a_sheet_farther_than_the_reach_though_it_is_nearer_than_its_own) {
+  // the paper's Figure 4: a point's own sheet continues in steps of 0.1, the other sheet is 0.15 away
+  shapes::Points points = {{0, 0, 0}};
+  for (int i = 1; i <= 4; ++i) points.push_back({0.1f * float(i), 0, 0});
+  for (int i = 0; i <= 4; ++i) points.push_back({0.1f * float(i), 0, 0.15f});
+  const reference::List all = reference::nearest(points, 0, points.size());
+  EXPECT_EQ(grow(points, all, 4, 0.12f).members, (reference::List{1, 2, 3, 4}));
+  EXPECT_GE(grow(points, all, 4, 0.2f).members[1], 5u);
+}
+
+TEST(BilateralSum, of_no_weight_moves_nothing) {
+  point::BilateralSum<float> sum;
+  sum.add({1, 0, 0}, {1, 0, 0}, 1.0f, true, point::bilateral_weights(0.01f, 0.01f));
+  EXPECT_EQ(sum.distance(), 0.0f);
+}
+
+TEST(BilateralSum, does_not_see_the_sign_of_the_normal) {
+  Random random(13);
+  for (int trial = 0; trial < 1000; ++trial) {
+    const Vec3<float> n = random_vector(random), here = random_vector(random);
+    point::BilateralSum<float> plus, minus;
+    for (int j = 0; j < 8; ++j) {
+      const Vec3<float> offset = random_vector(random);
+      plus.add(offset, n, 1.0f, true, point::bilateral_weights(1, 1));
+      minus.add(offset, -1.0f * n, 1.0f, true, point::bilateral_weights(1, 1));
+    }
+    const Vec3<float> a = point::moved(here, n, plus.distance());
+    const Vec3<float> b = point::moved(here, -1.0f * n, minus.distance());
+    EXPECT_EQ(std::memcmp(&a, &b, sizeof a), 0);
+  }
+}
+
+}  // namespace
+}  // namespace pointfair
