@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "arguments.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <charconv>
+
+namespace pointfair::cli {
+namespace {
+
+constexpr std::pair<std::string_view, Format> kFormats[] = {
+    {"ply", Format::ply}, {"pcd", Format::pcd}, {"xyz", Format::xyz}, {"txt", Format::txt},
+    {"csv", Format::csv}, {"pts", Format::pts}, {"off", Format::off}, {"obj", Format::obj}};
+
+constexpr std::pair<std::string_view, Encoding> kEncodings[] = {{"ascii", Encoding::ascii},
+                                                                {"binary", Encoding::binary},
+                                                                {"binary-big-endian", Encoding::binary_big_endian},
+                                                                {"binary-compressed", Encoding::binary_compressed}};
+
+template <class Table>
+std::vector<std::string> names(const Table& table) {
+  std::vector<std::string> result;
+  for (const auto& row : table) result.emplace_back(row.first);
+  return result;
+}
+
+template <class Table>
+auto find_value(const Table& table, std::string_view name) {
+  const auto row = std::find_if(std::begin(table), std::end(table), [&](const auto& r) { return r.first == name; });
+  using Value = decltype(row->second);
+  return row == std::end(table) ? std::optional<std::remove_const_t<Value>>() : row->second;
+}
+
+std::string flag_of(const ParamInfo& info) {
+  std::string flag = "--" + std::string(info.name);
+  std::replace(flag.begin(), flag.end(), '_', '-');
+  return flag;
+}
+
+std::string value_hint(const ParamInfo& info) {
+  if (!info.values.empty()) return std::string(info.values);
+  std::string hint = "LENGTH";
+  if (std::holds_alternative<int Params::*>(info.field)) hint = fmt::format("{}..{}", info.min, info.max);
+  return info.automatic ? hint + "|auto" : hint;
+}
+
+void add_param(CLI::App& command, const ParamInfo& info, ParamArguments& arguments) {
+  const auto store = [&arguments, &info](const std::string& text) { arguments.given.emplace_back(&info, text); };
+  CLI::Option* option = command.add_option_function<std::string>(flag_of(info), store, std::string(info.help));
+  option->type_name(value_hint(info))->group("Parameters")->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
+}
+
+}  // namespace
+
+void add_params(CLI::App& command, ParamArguments& arguments) {
+  command.add_option("--preset", arguments.preset, "paper: k 8, one pass, constraint on, squared area weight")
+      ->check(CLI::IsMember({"paper"}))
+      ->group("Parameters");
+  for (const ParamInfo& info : kParams) add_param(command, info, arguments);
+  command.footer(
+      "A LENGTH is a number in the file's unit, 0.5% of the bounding box's diagonal, 2s mean spacings, or auto:\n"
+      "what the data suggests, the default of every length.");
+}
+
+Params make_params(const ParamArguments& arguments, const Params& defaults) {
+  Params params = arguments.preset == "paper" ? paper_preset() : defaults;
+  for (const auto& [info, text] : arguments.given) set_param(params, *info, text);
+  check_params(params);
+  return params;
+}
+
+void add_threads(CLI::App& command, unsigned& threads) {
+  command.add_option("--threads", threads, "CPU threads; 0: all cores")->check(CLI::Range(0, 4096))->type_name("N");
+}
+
+std::optional<tbb::global_control> limit_threads(unsigned threads) {
+  if (threads == 0) return std::nullopt;
+  return std::make_optional<tbb::global_control>(tbb::global_control::max_allowed_parallelism, threads);
+}
+
+void add_device(CLI::App& command, DeviceArguments& arguments) {
+  command.add_option("--device", arguments.device, "auto: cuda where there is one")->type_name("auto|cpu|cuda[:N]");
+  add_threads(command, arguments.threads);
+}
+
+Device make_device(const DeviceArguments& arguments) {
+  const std::string_view text = arguments.device;
+  if (text == "auto") return {Device::automatic, 0, arguments.threads};
+  if (text == "cpu") return {Device::cpu, 0, arguments.threads};
+  if (text == "cuda") return {Device::cuda, 0, arguments.threads};
+  int card = 0;
+  if (text.starts_with("cuda:")) {
+    const auto [end, error] = std::from_chars(text.data() + 5, text.data() + text.size(), card);
+    if (error == std::errc() && end == text.data() + text.size() && card >= 0) {
+      return {Device::cuda, card, arguments.threads};
+    }
+  }
+  throw Error(ErrorKind::usage, fmt::format("--device {}: use auto, cpu, cuda or cuda:N", text));
+}
+
+void add_format(CLI::App& command, FormatArguments& arguments) {
+  command.add_option("--format", arguments.format, "of the output; default: by its extension, on - the input's")
+      ->check(CLI::IsMember(names(kFormats)))
+      ->type_name(fmt::format("{}", fmt::join(names(kFormats), "|")));
+  command.add_option("--encoding", arguments.encoding, "of the output; default: the input's, else binary")
+      ->check(CLI::IsMember(names(kEncodings)))
+      ->type_name(fmt::format("{}", fmt::join(names(kEncodings), "|")));
+}
+
+WriteOptions make_write_options(const FormatArguments& arguments, bool overwrite) {
+  WriteOptions options;
+  options.format = find_value(kFormats, arguments.format);
+  options.encoding = find_value(kEncodings, arguments.encoding);
+  options.overwrite = overwrite;
+  return options;
+}
+
+void add_report(CLI::App& command, std::string& report) {
+  command.add_option("--report", report, "write a JSON report; - is standard output")->type_name("FILE|-");
+}
+
+std::vector<std::string> format_names() { return names(kFormats); }
+
+std::vector<std::string> complete_switches(std::vector<std::string> words) {
+  for (std::size_t i = 0; i < words.size(); ++i) {
+    const bool bare = std::any_of(kParams.begin(), kParams.end(), [&](const ParamInfo& info) {
+      return std::holds_alternative<bool Params::*>(info.field) && words[i] == flag_of(info);
+    });
+    const bool valued = i + 1 < words.size() && (words[i + 1] == "on" || words[i + 1] == "off");
+    if (bare && !valued) words[i] += "=on";
+  }
+  return words;
+}
+
+Length parse_length(std::string_view name, const std::string& text) {
+  const ParamInfo row = {name, Stage::index, &Params::radius, 0, 1e30, false, "", ""};  // borrows a field
+  Params params;
+  set_param(params, row, text);
+  return params.radius;
+}
+
+double parse_share(std::string_view name, const std::string& text) {
+  std::string_view digits = text;
+  const bool percent = digits.ends_with('%');
+  if (percent) digits.remove_suffix(1);
+  double value = 0;
+  const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
+  if (percent) value /= 100;
+  if (error != std::errc() || end != digits.data() + digits.size() || !(value >= 0 && value <= 1)) {
+    throw Error(ErrorKind::usage, fmt::format("--{} {}: use a share from 0% to 100%", name, text));
+  }
+  return value;
+}
+
+}  // namespace pointfair::cli

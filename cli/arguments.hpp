@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+// Flags that several verbs share. Those of the parameters are generated from kParams.
+#pragma once
+
+#include <tbb/global_control.h>
+
+#include <CLI/CLI.hpp>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "pointfair/pointfair.hpp"
+
+namespace pointfair::cli {
+
+/// The parameters given, in their order; they come after the preset, wherever that stands.
+struct ParamArguments {
+  std::string preset;
+  std::vector<std::pair<const ParamInfo*, std::string>> given;
+};
+void add_params(CLI::App& command, ParamArguments& arguments);
+
+/// `defaults` or the preset, then what was given. Throws ErrorKind::usage.
+Params make_params(const ParamArguments& arguments, const Params& defaults);
+
+struct DeviceArguments {
+  std::string device = "auto";
+  unsigned threads = 0;
+};
+void add_device(CLI::App& command, DeviceArguments& arguments);
+void add_threads(CLI::App& command, unsigned& threads);
+
+/// Keeps this program's own loops to so many threads while it lives; 0: all cores.
+std::optional<tbb::global_control> limit_threads(unsigned threads);
+
+/// Throws ErrorKind::usage for a word that names no device.
+Device make_device(const DeviceArguments& arguments);
+
+struct FormatArguments {
+  std::string format, encoding;
+};
+void add_format(CLI::App& command, FormatArguments& arguments);
+WriteOptions make_write_options(const FormatArguments& arguments, bool overwrite);
+
+void add_report(CLI::App& command, std::string& report);
+
+/// The names of the formats, as --format takes them.
+std::vector<std::string> format_names();
+
+/// Adds "=on" to a switch that stands alone, "--constraint", so that it need not be followed by a value.
+std::vector<std::string> complete_switches(std::vector<std::string> words);
+
+/// A length as the parameters write it. `name` appears in errors. Throws ErrorKind::usage.
+Length parse_length(std::string_view name, const std::string& text);
+
+/// "1%" or "0.01" as 0.01. Throws ErrorKind::usage outside [0, 1].
+double parse_share(std::string_view name, const std::string& text);
+
+}  // namespace pointfair::cli

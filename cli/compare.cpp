@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+// pointfair compare A B: distances of a cloud to a mesh or another cloud.
+#include <fmt/format.h>
+
+#include <iterator>
+#include <memory>
+
+#include "arguments.hpp"
+#include "distances.hpp"
+#include "output.hpp"
+#include "pointfair/pointfair.hpp"
+#include "report.hpp"
+#include "verbs.hpp"
+
+namespace pointfair::cli {
+namespace {
+
+struct CompareArguments {
+  std::string cloud, reference, as = "auto", report;
+  std::optional<double> edges;
+  unsigned threads = 0;
+};
+
+std::string line(std::string_view name, double value, double diagonal) {
+  const std::string percent = diagonal > 0 ? fmt::format("  {:.4f} %", 100 * value / diagonal) : "";
+  return fmt::format("{:<10}{:<12.6g}{}\n", name, value, percent);
+}
+
+std::string comparison_text(const Comparison& comparison) {
+  const double diagonal = comparison.diagonal;
+  std::string text = fmt::format("{} points against a {}, diagonal {:.6g}\n", comparison.points,
+                                 comparison.mesh ? "mesh" : "cloud", diagonal);
+  text += line("mean", comparison.distance.mean, diagonal);
+  text += line("rms", comparison.distance.rms, diagonal);
+  text += line("p95", comparison.distance.p95, diagonal);
+  text += line("max", comparison.distance.max, diagonal);
+  fmt::format_to(std::back_inserter(text), "{:<10}{:.6g}\n", "chamfer", comparison.chamfer);
+  if (comparison.edge_rms) {
+    text += line("edge rms", *comparison.edge_rms, diagonal);
+    fmt::format_to(std::back_inserter(text), "{:<10}of {} points\n", "", comparison.edge_points);
+  }
+  return text;
+}
+
+Json comparison_json(const Comparison& comparison) {
+  Json json = {{"points", comparison.points}, {"diagonal", comparison.diagonal}};
+  json.update(statistics_json(comparison.distance));
+  json["chamfer"] = comparison.chamfer;
+  json["edge_rms"] = comparison.edge_rms ? Json(*comparison.edge_rms) : Json();
+  json["edge_points"] = comparison.edge_points;
+  return json;
+}
+
+void compare(const CompareArguments& arguments, Interrupts& interrupts) {
+  check_report(arguments.report, {arguments.cloud, arguments.reference});
+  const auto limit = limit_threads(arguments.threads);
+  ReadOptions options;
+  options.threads = arguments.threads;
+  const Cloud cloud = read(arguments.cloud, options);
+  const Cloud reference = read(arguments.reference, options);
+  const Comparison comparison = compare_clouds(cloud, reference, {arguments.as == "cloud", arguments.edges});
+  write_report(arguments.report, comparison_json(comparison), interrupts);
+  if (arguments.report != "-") print_output(comparison_text(comparison));
+}
+
+}  // namespace
+
+Verb add_compare(CLI::App& app) {
+  const auto arguments = std::make_shared<CompareArguments>();
+  CLI::App& command = *app.add_subcommand("compare", "Distances of the points of A to the mesh or cloud B.");
+  command.add_option("A", arguments->cloud, "cloud to measure")->required();
+  command.add_option("B", arguments->reference, "mesh or cloud to measure against")->required();
+  command.add_option("--as", arguments->as, "cloud: take B by its points though it has faces")
+      ->check(CLI::IsMember({"auto", "cloud"}))
+      ->type_name("auto|cloud");
+  command.add_option("--edges", arguments->edges, "also measure near edges whose faces turn by more than this")
+      ->check(CLI::Range(0.0, 180.0))
+      ->type_name("DEGREES");
+  add_threads(command, arguments->threads);
+  add_report(command, arguments->report);
+  command.footer(
+      "Distances are in the file's unit and in % of the diagonal of B's bounding box. chamfer is the mean squared\n"
+      "distance to the nearest point from A to B plus that from B to A, where B's bounding sphere has radius 1.");
+  return {&command, [arguments](Interrupts& interrupts) { compare(*arguments, interrupts); }};
+}
+
+}  // namespace pointfair::cli

@@ -1,0 +1,231 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "distances.hpp"
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <nanoflann.hpp>
+#include <numbers>
+#include <numeric>
+
+namespace pointfair::cli {
+namespace {
+
+using Faces = std::vector<std::array<std::uint32_t, 3>>;
+
+// All measuring happens where B's bounding sphere, as the standard test set defines it (the centre of its bounding box,
+// the largest distance to it), is the unit sphere: floats then suit Embree whatever the files' units.
+struct Frame {
+  Vec3 centre;  // in file coordinates
+  double radius = 0, diagonal = 0;
+
+  double scale() const { return radius > 0 ? 1 / radius : 1; }
+};
+
+Vec3 file_place(const Cloud& cloud, const Point& p) {
+  return {cloud.origin[0] + p.x, cloud.origin[1] + p.y, cloud.origin[2] + p.z};
+}
+
+Frame frame_of(const Cloud& cloud) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  Vec3 min = {kInfinity, kInfinity, kInfinity}, max = {-kInfinity, -kInfinity, -kInfinity};
+  for (const Point& point : cloud.points) {
+    const Vec3 p = file_place(cloud, point);
+    if (!is_finite(p)) continue;
+    min = {std::min(min.x, p.x), std::min(min.y, p.y), std::min(min.z, p.z)};
+    max = {std::max(max.x, p.x), std::max(max.y, p.y), std::max(max.z, p.z)};
+  }
+  Frame frame = {0.5 * (min + max), 0, length(max - min)};
+  for (const Point& point : cloud.points) {
+    const Vec3 p = file_place(cloud, point);
+    if (is_finite(p)) frame.radius = std::max(frame.radius, length(p - frame.centre));
+  }
+  return frame;
+}
+
+// All points, in order; one that is not finite stays so.
+std::vector<Vec3> places(const Cloud& cloud, const Frame& frame) {
+  std::vector<Vec3> result;
+  result.reserve(cloud.points.size());
+  for (const Point& p : cloud.points) result.push_back(frame.scale() * (file_place(cloud, p) - frame.centre));
+  return result;
+}
+
+std::vector<Vec3> finite(std::vector<Vec3> points) {
+  std::erase_if(points, [](Vec3 p) { return !is_finite(p); });
+  return points;
+}
+
+// nanoflann's view of an array of points.
+struct PointArray {
+  const std::vector<Vec3>& points;
+  std::size_t kdtree_get_point_count() const { return points.size(); }
+  double kdtree_get_pt(std::size_t i, std::size_t axis) const {
+    return axis == 0 ? points[i].x : axis == 1 ? points[i].y : points[i].z;
+  }
+  template <class Box>
+  bool kdtree_get_bbox(Box&) const {
+    return false;
+  }
+};
+
+template <class F>
+std::vector<double> for_each_point(const std::vector<Vec3>& points, const F& measure) {
+  std::vector<double> result(points.size());
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, points.size(), 1024), [&](const auto& range) {
+    for (std::size_t i = range.begin(); i != range.end(); ++i) result[i] = measure(i);
+  });
+  return result;
+}
+
+// Squared distance of each point of `from` to the nearest of `to`.
+std::vector<double> squared_distances(const std::vector<Vec3>& from, const std::vector<Vec3>& to) {
+  using Metric = nanoflann::L2_Simple_Adaptor<double, PointArray>;
+  const PointArray array = {to};
+  const nanoflann::KDTreeSingleIndexAdaptor<Metric, PointArray, 3, std::size_t> tree(3, array, {10});
+  return for_each_point(from, [&](std::size_t i) {
+    const double query[3] = {from[i].x, from[i].y, from[i].z};
+    std::size_t index = 0;
+    double squared = 0;
+    tree.knnSearch(query, 1, &index, &squared);
+    return squared;
+  });
+}
+
+double mean(const std::vector<double>& values) {
+  return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+}
+
+std::vector<Triangle> finite_triangles(const std::vector<Vec3>& vertices, const Faces& faces) {
+  std::vector<Triangle> result;
+  for (const auto& [a, b, c] : faces) {
+    if (is_finite(vertices[a]) && is_finite(vertices[b]) && is_finite(vertices[c])) {
+      result.push_back({vertices[a], vertices[b], vertices[c]});
+    }
+  }
+  return result;
+}
+
+// Squared distance and foot of every point; the feet decide which points lie near an edge.
+std::vector<double> measure_surface(const std::vector<Vec3>& points, const Surface& surface, std::vector<Vec3>& feet) {
+  feet.resize(points.size());
+  return for_each_point(points, [&](std::size_t i) {
+    const Foot foot = surface.closest(points[i]);
+    feet[i] = foot.place;
+    return foot.squared_distance;
+  });
+}
+
+// Points whose foot lies within 1 % of the diagonal of a sharp edge.
+void measure_edges(const std::vector<double>& squared, const std::vector<Vec3>& feet, std::vector<Triangle> edges,
+                   const Frame& frame, Comparison& result) {
+  if (edges.empty()) return;
+  const Surface surface(std::move(edges));
+  const double reach = 0.01 * frame.diagonal * frame.scale();
+  const std::vector<double> to_edge =
+      for_each_point(feet, [&](std::size_t i) { return surface.closest(feet[i]).squared_distance; });
+  double sum = 0;
+  for (std::size_t i = 0; i < feet.size(); ++i) {
+    if (to_edge[i] > reach * reach) continue;
+    sum += squared[i];
+    ++result.edge_points;
+  }
+  if (result.edge_points == 0) return;
+  result.edge_rms = std::sqrt(sum / static_cast<double>(result.edge_points)) / frame.scale();
+}
+
+// One face's side of an edge between two welded vertices.
+struct HalfEdge {
+  std::uint32_t low, high;
+  bool forward;  // the face runs from low to high
+  Vec3 normal;
+  Triangle segment;
+  bool same_edge(const HalfEdge& other) const { return low == other.low && high == other.high; }
+};
+
+// For every vertex the first of those at its place.
+std::vector<std::uint32_t> weld(std::span<const Vec3> vertices) {
+  const auto key = [&](std::uint32_t i) { return std::array{vertices[i].x, vertices[i].y, vertices[i].z}; };
+  std::vector<std::uint32_t> order(vertices.size()), first(vertices.size());
+  std::iota(order.begin(), order.end(), 0u);
+  std::erase_if(order, [&](std::uint32_t i) { return !is_finite(vertices[i]); });
+  std::sort(order.begin(), order.end(),
+            [&](std::uint32_t i, std::uint32_t j) { return key(i) != key(j) ? key(i) < key(j) : i < j; });
+  for (std::size_t n = 0; n < order.size(); ++n) {
+    const bool same = n > 0 && key(order[n]) == key(order[n - 1]);
+    first[order[n]] = same ? first[order[n - 1]] : order[n];
+  }
+  return first;
+}
+
+std::vector<HalfEdge> half_edges(std::span<const Vec3> vertices, std::span<const std::array<std::uint32_t, 3>> faces) {
+  const std::vector<std::uint32_t> welded = weld(vertices);
+  std::vector<HalfEdge> result;
+  for (const auto& face : faces) {
+    const Vec3 normal = cross(vertices[face[1]] - vertices[face[0]], vertices[face[2]] - vertices[face[0]]);
+    const double size = length(normal);
+    if (!(size > 0) || !std::isfinite(size)) continue;
+    for (std::size_t side = 0; side < 3; ++side) {
+      const std::uint32_t from = face[side], to = face[(side + 1) % 3];
+      const std::uint32_t a = welded[from], b = welded[to];
+      result.push_back(
+          {std::min(a, b), std::max(a, b), a < b, (1 / size) * normal, {vertices[from], vertices[to], vertices[to]}});
+    }
+  }
+  std::sort(result.begin(), result.end(),
+            [](const HalfEdge& x, const HalfEdge& y) { return x.low != y.low ? x.low < y.low : x.high < y.high; });
+  return result;
+}
+
+}  // namespace
+
+std::vector<Triangle> sharp_edges(std::span<const Vec3> vertices, std::span<const std::array<std::uint32_t, 3>> faces,
+                                  double degrees) {
+  const std::vector<HalfEdge> halves = half_edges(vertices, faces);
+  const double limit = std::cos(degrees * std::numbers::pi / 180);
+  std::vector<Triangle> result;
+  for (std::size_t begin = 0, end; begin < halves.size(); begin = end) {
+    end = begin + 1;
+    while (end < halves.size() && halves[end].same_edge(halves[begin])) ++end;
+    if (end - begin != 2) continue;
+    const HalfEdge &one = halves[begin], &other = halves[begin + 1];
+    const double sign = one.forward == other.forward ? -1 : 1;  // alike: the two faces are oriented against each other
+    if (sign * dot(one.normal, other.normal) < limit) result.push_back(one.segment);
+  }
+  return result;
+}
+
+Comparison compare_clouds(const Cloud& a, const Cloud& b, const CompareOptions& options) {
+  const Frame frame = frame_of(b);
+  const std::vector<Vec3> vertices = places(b, frame);
+  const std::vector<Vec3> from = finite(places(a, frame));
+  const std::vector<Vec3> to = finite(vertices);
+  if (from.empty()) throw Error(ErrorKind::failed, "the first cloud has no finite point to measure");
+  if (to.empty()) throw Error(ErrorKind::failed, "the second file has no finite point to measure against");
+
+  const Faces faces = options.as_cloud ? Faces() : triangles(b);
+  std::vector<Triangle> mesh = finite_triangles(vertices, faces);
+  if (options.edge_degrees && mesh.empty()) {
+    throw Error(ErrorKind::usage, "--edges needs a mesh, but the second file is taken as a cloud");
+  }
+  Comparison result;
+  result.points = from.size();
+  result.mesh = !mesh.empty();
+  result.diagonal = frame.diagonal;
+  std::vector<double> squared = squared_distances(from, to);
+  result.chamfer = mean(squared) + mean(squared_distances(to, from));
+  if (result.mesh) {
+    std::vector<Vec3> feet;
+    squared = measure_surface(from, Surface(std::move(mesh)), feet);
+    if (options.edge_degrees) {
+      measure_edges(squared, feet, sharp_edges(vertices, faces, *options.edge_degrees), frame, result);
+    }
+  }
+  for (double& value : squared) value = std::sqrt(value) / frame.scale();
+  result.distance = summarize(squared);
+  return result;
+}
+
+}  // namespace pointfair::cli

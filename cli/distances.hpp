@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+// How far a cloud lies from a mesh or another cloud.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "pointfair/cloud.hpp"
+#include "statistics.hpp"
+#include "surface.hpp"
+
+namespace pointfair::cli {
+
+struct CompareOptions {
+  bool as_cloud = false;               ///< take a mesh by its vertices
+  std::optional<double> edge_degrees;  ///< measure near edges whose faces turn by more
+};
+
+/// Lengths in file units.
+struct Comparison {
+  std::uint64_t points = 0;  ///< finite points of A
+  bool mesh = false;         ///< B was taken as a mesh
+  double diagonal = 0;       ///< of B's bounding box
+  Statistics distance;       ///< of A's points to B
+  double chamfer = 0;        ///< squared, both ways, where B's bounding sphere has radius 1
+  std::optional<double> edge_rms;
+  std::uint64_t edge_points = 0;  ///< points that edge_rms is about
+};
+
+/// Throws ErrorKind::failed where there is nothing to measure, ErrorKind::usage for edges of a cloud.
+Comparison compare_clouds(const Cloud& a, const Cloud& b, const CompareOptions& options);
+
+/// The edges between two faces that turn by more than `degrees`, as segments. Vertices at the same place count as one;
+/// faces may be oriented either way.
+std::vector<Triangle> sharp_edges(std::span<const Vec3> vertices,
+                                  std::span<const std::array<std::uint32_t, 3>> triangles, double degrees);
+
+}  // namespace pointfair::cli

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+// pointfair doctor: what this build can do on this machine.
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <iterator>
+#include <memory>
+
+#include "arguments.hpp"
+#include "output.hpp"
+#include "pointfair/pointfair.hpp"
+#include "report.hpp"
+#include "verbs.hpp"
+
+namespace pointfair::cli {
+namespace {
+
+#if defined(__clang__)
+constexpr std::string_view kCompiler = "clang " __clang_version__;
+#else
+constexpr std::string_view kCompiler = "gcc " __VERSION__;
+#endif
+
+constexpr std::string_view kBuild =
+#ifdef NDEBUG
+    "release";
+#else
+    "debug";
+#endif
+
+std::string device_text(const DeviceStatus& status) {
+  std::string text = fmt::format("{:<10}{}: {}", device_name(status.info.kind), status.info.name,
+                                 status.usable ? "usable" : "not usable");
+  if (!status.info.reason.empty()) fmt::format_to(std::back_inserter(text), " ({})", status.info.reason);
+  text += '\n';
+  for (const std::string& detail : status.details) fmt::format_to(std::back_inserter(text), "          {}\n", detail);
+  return text;
+}
+
+std::string doctor_text(const std::vector<DeviceStatus>& devices) {
+  std::string text = fmt::format("pointfair {}, {}, {}\n", version(), kBuild, kCompiler);
+  for (const DeviceStatus& status : devices) text += device_text(status);
+  return text + fmt::format("formats   {}\n", fmt::join(format_names(), ", "));
+}
+
+Json doctor_json(const std::vector<DeviceStatus>& devices) {
+  Json list = Json::array();
+  for (const DeviceStatus& status : devices) {
+    Json device = device_json(status.info);
+    device["usable"] = status.usable;
+    device["details"] = status.details;
+    list.push_back(device);
+  }
+  return {{"version", version()},
+          {"build", kBuild},
+          {"compiler", kCompiler},
+          {"devices", list},
+          {"formats", format_names()}};
+}
+
+void doctor(const std::string& report, Interrupts& interrupts) {
+  check_report(report, {});
+  const std::vector<DeviceStatus> devices = list_devices();
+  write_report(report, doctor_json(devices), interrupts);
+  if (report != "-") print_output(doctor_text(devices));
+}
+
+}  // namespace
+
+Verb add_doctor(CLI::App& app) {
+  const auto report = std::make_shared<std::string>();
+  CLI::App& command = *app.add_subcommand("doctor", "Devices and why they can or cannot be used, formats, versions.");
+  add_report(command, *report);
+  return {&command, [report](Interrupts& interrupts) { doctor(*report, interrupts); }};
+}
+
+}  // namespace pointfair::cli

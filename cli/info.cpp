@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: Apache-2.0
+// pointfair info IN: what a cloud holds and what it suggests.
+#include <fmt/format.h>
+
+#include <iterator>
+#include <memory>
+
+#include "arguments.hpp"
+#include "output.hpp"
+#include "pointfair/pointfair.hpp"
+#include "report.hpp"
+#include "verbs.hpp"
+
+namespace pointfair::cli {
+namespace {
+
+struct InfoArguments {
+  std::string input, report;
+  DeviceArguments device;
+};
+
+std::string bounds_text(const Cloud& cloud, const Estimates& estimates) {
+  std::string text;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    fmt::format_to(std::back_inserter(text), "  {}  {:.10g} .. {:.10g}\n", "xyz"[axis],
+                   cloud.origin[axis] + estimates.min[axis], cloud.origin[axis] + estimates.max[axis]);
+  }
+  return text;
+}
+
+std::string info_text(const Cloud& cloud, const Estimates& estimates, const Params& suggested) {
+  std::string text = fmt::format("points      {}, {} of them finite\n", estimates.points, estimates.finite);
+  const auto out = std::back_inserter(text);
+  if (estimates.finite > 0) {
+    fmt::format_to(out, "bounds\n{}", bounds_text(cloud, estimates));
+    fmt::format_to(out, "diagonal    {:.6g}\n", estimates.diagonal);
+  }
+  fmt::format_to(out, "spacing     {:.4g}\nnoise       {:.4g}\n", estimates.spacing, estimates.noise);
+  if (estimates.spacing > 0) {
+    fmt::format_to(out, "            {:.3g} of the spacing\n", estimates.noise / estimates.spacing);
+  }
+  fmt::format_to(out, "attributes\n");
+  for (const AttributeInfo& attribute : attributes(cloud)) {
+    const std::string shape = attribute.components > 1 ? fmt::format(" x {}", attribute.components) : "";
+    fmt::format_to(out, "  {:<18} {}{}\n", attribute.name, type_name(attribute.type), shape);
+  }
+  fmt::format_to(out, "suggested parameters\n");
+  for (const ParamInfo& info : kParams) {
+    fmt::format_to(out, "  {:<18} {}\n", info.name, param_text(suggested, info));
+  }
+  return text;
+}
+
+Json info_json(const Cloud& cloud, const Estimates& estimates, const Params& suggested) {
+  return {{"points", estimates.points},
+          {"finite", estimates.finite},
+          {"bounds", bounds_json(cloud, estimates)},
+          {"diagonal", estimates.diagonal},
+          {"attributes", attributes_json(attributes(cloud))},
+          {"spacing", estimates.spacing},
+          {"noise", estimates.noise},
+          {"suggested", params_json(suggested)}};
+}
+
+void info(const InfoArguments& arguments, Interrupts& interrupts) {
+  check_report(arguments.report, {arguments.input});
+  Pipeline pipeline(make_device(arguments.device));
+  ReadOptions options;
+  options.threads = arguments.device.threads;
+  const Cloud cloud = read(arguments.input, options);
+  pipeline.load(cloud);
+  const Estimates estimates = pipeline.estimates(interrupts.token());
+  const Params suggested = pipeline.resolve({}, interrupts.token());
+  write_report(arguments.report, info_json(cloud, estimates, suggested), interrupts);
+  if (arguments.report != "-") print_output(info_text(cloud, estimates, suggested));
+}
+
+}  // namespace
+
+Verb add_info(CLI::App& app) {
+  const auto arguments = std::make_shared<InfoArguments>();
+  CLI::App& command = *app.add_subcommand("info", "Counts, bounds, attributes, spacing, noise, suggested parameters.");
+  command.add_option("IN", arguments->input, "cloud to read; - is standard input")->required();
+  add_device(command, arguments->device);
+  add_report(command, arguments->report);
+  return {&command, [arguments](Interrupts& interrupts) { info(*arguments, interrupts); }};
+}
+
+}  // namespace pointfair::cli

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+// SIGINT, SIGTERM and SIGPIPE.
+#pragma once
+
+#include <condition_variable>
+#include <csignal>
+#include <mutex>
+#include <stop_token>
+#include <thread>
+
+namespace pointfair::cli {
+
+/// Turns SIGINT and SIGTERM into a stop request; where nothing answers it in time, ends the program with exit code 130,
+/// unless a file is being written. Make one before any other thread: threads inherit the blocked signals.
+class Interrupts {
+ public:
+  Interrupts();
+  ~Interrupts();
+  Interrupts(const Interrupts&) = delete;
+  Interrupts& operator=(const Interrupts&) = delete;
+
+  std::stop_token token() const { return source_.get_token(); }
+
+  /// From here on signals change nothing any more: the program is about to say how it ended.
+  void finish();
+
+  /// While one lives, the program is not ended from outside, so that no half file is left behind.
+  class Writing {
+   public:
+    explicit Writing(Interrupts& interrupts);
+    ~Writing();
+    Writing(const Writing&) = delete;
+    Writing& operator=(const Writing&) = delete;
+
+   private:
+    Interrupts& interrupts_;
+  };
+
+ private:
+  void watch();
+
+  std::stop_source source_;
+  sigset_t signals_{};
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  bool finished_ = false;
+  int writers_ = 0;
+  std::thread watcher_;
+};
+
+/// Whether a write met a pipe that nobody reads any more.
+bool pipe_is_broken();
+
+}  // namespace pointfair::cli

@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: Apache-2.0
+// pointfair on the command line: finds the verb, runs it, turns errors into one line and an exit code.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <exception>
+#include <filesystem>
+#include <new>
+#include <numeric>
+#include <string>
+#include <vector>
+
+#include "arguments.hpp"
+#include "interrupts.hpp"
+#include "output.hpp"
+#include "pointfair/pointfair.hpp"
+#include "verbs.hpp"
+
+namespace pointfair::cli {
+namespace {
+
+constexpr std::string_view kHelp = R"(pointfair {}: removes the noise of 3D scans and keeps their shape
+
+  pointfair run IN OUT      fair a cloud
+  pointfair info IN         counts, bounds, spacing, noise, suggested parameters
+  pointfair compare A B     distances of cloud A to mesh or cloud B
+  pointfair noise IN OUT    sample a mesh, add noise
+  pointfair bench           time each stage on this machine
+  pointfair doctor          devices, formats, versions
+
+Files: {}; - is standard input or output.
+pointfair VERB --help lists a verb's flags; the usual start is
+
+  pointfair run scan.ply fair.ply
+)";
+
+std::string help() { return fmt::format(kHelp, version(), fmt::join(format_names(), ", ")); }
+
+// Levenshtein's distance.
+std::size_t edits_between(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), 0u);
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    std::size_t diagonal = row[0];
+    row[0] = i + 1;
+    for (std::size_t j = 0; j < b.size(); ++j) {
+      const std::size_t replaced = diagonal + (a[i] == b[j] ? 0 : 1);
+      diagonal = row[j + 1];
+      row[j + 1] = std::min({row[j] + 1, diagonal + 1, replaced});
+    }
+  }
+  return row.back();
+}
+
+[[noreturn]] void refuse_verb(const std::string& word, const std::vector<Verb>& verbs) {
+  std::string closest;
+  std::size_t fewest = 3;  // more edits than two are no typo
+  for (const Verb& verb : verbs) {
+    const std::size_t edits = edits_between(word, verb.command->get_name());
+    if (edits >= fewest) continue;
+    fewest = edits;
+    closest = verb.command->get_name();
+  }
+  const std::string advice = closest.empty() ? "pointfair --help lists them" : fmt::format("did you mean {}?", closest);
+  throw Error(ErrorKind::usage, fmt::format("there is no verb {}; {}", word, advice));
+}
+
+// Returns the verb to run, or null where only help or the version was asked for, which is then printed.
+const Verb* parse(CLI::App& app, const std::vector<Verb>& verbs, std::vector<std::string> words) {
+  if (words.empty() || words[0] == "--help" || words[0] == "-h") {
+    print_output(help());
+    return nullptr;
+  }
+  const auto is_named = [&](const Verb& verb) { return verb.command->get_name() == words[0]; };
+  if (!words[0].starts_with('-') && std::none_of(verbs.begin(), verbs.end(), is_named)) refuse_verb(words[0], verbs);
+  words = complete_switches(std::move(words));
+  std::reverse(words.begin(), words.end());  // as CLI11 wants them
+  try {
+    app.parse(std::move(words));
+  } catch (const CLI::CallForHelp&) {
+    const auto asked = app.get_subcommands();
+    print_output(asked.empty() ? help() : asked.front()->help());
+    return nullptr;
+  } catch (const CLI::CallForVersion&) {
+    print_output(fmt::format("pointfair {}\n", version()));
+    return nullptr;
+  } catch (const CLI::ParseError& error) {
+    throw Error(ErrorKind::usage, error.what());
+  }
+  return &*std::find_if(verbs.begin(), verbs.end(), [](const Verb& verb) { return verb.command->parsed(); });
+}
+
+void run_verb(std::vector<std::string> words, Interrupts& interrupts) {
+  CLI::App app("", "pointfair");
+  app.set_version_flag("--version", "");
+  app.require_subcommand(1);
+  const std::vector<Verb> verbs = {add_run(app),   add_info(app),  add_compare(app),
+                                   add_noise(app), add_bench(app), add_doctor(app)};
+  if (const Verb* verb = parse(app, verbs, std::move(words))) verb->action(interrupts);
+}
+
+int fail(Interrupts& interrupts, std::string_view message, int code) {
+  interrupts.finish();
+  if (pipe_is_broken()) return kExitFailed;  // the reader left: nobody wants to know
+  print_error(message);
+  return code;
+}
+
+}  // namespace
+}  // namespace pointfair::cli
+
+int main(int count, char** words) {
+  using namespace pointfair;
+  cli::Interrupts interrupts;
+  try {
+    cli::run_verb({words + 1, words + count}, interrupts);
+    return cli::kExitOk;
+  } catch (const Error& error) {
+    return cli::fail(interrupts, error.what(), cli::exit_code(error.kind()));
+  } catch (const std::bad_alloc&) {
+    return cli::fail(interrupts, "out of memory; close other programs or use fewer points", cli::kExitMemory);
+  } catch (const std::length_error&) {
+    return cli::fail(interrupts, "more points than any memory holds; use fewer", cli::kExitMemory);
+  } catch (const std::filesystem::filesystem_error& error) {
+    return cli::fail(interrupts, error.what(), cli::kExitFile);
+  } catch (const std::exception& error) {
+    return cli::fail(interrupts, error.what(), cli::kExitFailed);
+  }
+}

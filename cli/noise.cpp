@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+// pointfair noise IN OUT: a noisy cloud made from a mesh or a cloud.
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "arguments.hpp"
+#include "output.hpp"
+#include "pointfair/pointfair.hpp"
+#include "sampling.hpp"
+#include "verbs.hpp"
+
+namespace pointfair::cli {
+namespace {
+
+struct NoiseArguments {
+  std::string input, output, sigma = "0", outliers = "0";
+  std::optional<std::uint64_t> points;
+  std::optional<double> uneven;
+  std::uint64_t seed = 1;
+  unsigned threads = 0;
+  FormatArguments format;
+  bool force = false, quiet = false;
+};
+
+void check_arguments(const NoiseArguments& arguments) {
+  if (arguments.uneven && !arguments.points) {
+    throw Error(ErrorKind::usage, "--uneven says how to sample; add --points N");
+  }
+  if (!arguments.force) check_not_same(arguments.input, arguments.output, "name another output");
+  check_writable(arguments.output, arguments.force);
+}
+
+Cloud sample(const Cloud& mesh, const NoiseArguments& arguments) {
+  const auto faces = triangles(mesh);
+  if (faces.empty()) {
+    throw Error(ErrorKind::usage,
+                fmt::format("{}: has no faces to sample; leave --points out to take its points", arguments.input));
+  }
+  Cloud cloud;
+  cloud.origin = mesh.origin;
+  cloud.points = sample_surface(mesh.points, faces, *arguments.points, arguments.uneven.value_or(1), arguments.seed);
+  return cloud;
+}
+
+// `diagonal` is that of what was read; the spacing is that of the points that get the noise.
+double in_file_units(Length length, double diagonal, const Cloud& cloud, Interrupts& interrupts) {
+  if (length.unit == Length::Unit::diagonal) return length.value * diagonal;
+  if (length.unit != Length::Unit::spacing) return length.value;
+  Pipeline pipeline(Device::cpu);
+  pipeline.load(cloud);
+  return length.value * pipeline.estimates(interrupts.token()).spacing;
+}
+
+void noise(const NoiseArguments& arguments, Interrupts& interrupts) {
+  const Length sigma = parse_length("sigma", arguments.sigma);
+  const double outliers = parse_share("outliers", arguments.outliers);
+  check_arguments(arguments);
+  const auto limit = limit_threads(arguments.threads);
+  ReadOptions options;
+  options.threads = arguments.threads;
+  Cloud cloud = read(arguments.input, options);
+  const double diagonal = bounding_box(cloud.points).diagonal();
+  if (arguments.points) cloud = sample(cloud, arguments);
+  const double width = in_file_units(sigma, diagonal, cloud, interrupts);
+  if (width > 0) add_noise(cloud.points, width, arguments.seed);
+  if (outliers > 0) add_outliers(cloud.points, outliers, arguments.seed);
+  {
+    const Interrupts::Writing writing(interrupts);
+    write(arguments.output, cloud, make_write_options(arguments.format, arguments.force));
+  }
+  if (!arguments.quiet) fmt::print(stderr, "{} points, sigma {:.6g}\n", cloud.points.size(), width);
+}
+
+}  // namespace
+
+Verb add_noise(CLI::App& app) {
+  const auto arguments = std::make_shared<NoiseArguments>();
+  CLI::App& command = *app.add_subcommand("noise", "Sample a mesh and add noise, or add noise to a cloud's points.");
+  command.add_option("IN", arguments->input, "mesh or cloud to read")->required();
+  command.add_option("OUT", arguments->output, "cloud to write")->required();
+  command.add_option("--points", arguments->points, "sample the mesh at so many places, uniformly by area")
+      ->type_name("N");
+  command.add_option("--sigma", arguments->sigma, "standard deviation of the noise: 0.3% of the diagonal, 2s spacings")
+      ->type_name("LENGTH");
+  command.add_option("--uneven", arguments->uneven, "density varies by this ratio along the longest axis")
+      ->check(CLI::Range(1.0, 1e6))
+      ->type_name("RATIO");
+  command.add_option("--outliers", arguments->outliers, "so many points go anywhere in the box grown by 10 %")
+      ->type_name("SHARE");
+  command.add_option("--seed", arguments->seed, "the same seed gives the same bytes on any machine")->type_name("N");
+  add_threads(command, arguments->threads);
+  add_format(command, arguments->format);
+  command.add_flag("--force", arguments->force, "replace OUT if it exists");
+  command.add_flag("-q,--quiet", arguments->quiet, "print errors only");
+  return {&command, [arguments](Interrupts& interrupts) { noise(*arguments, interrupts); }};
+}
+
+}  // namespace pointfair::cli

@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "output.hpp"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <fstream>
+#include <system_error>
+
+namespace pointfair::cli {
+namespace fs = std::filesystem;
+namespace {
+
+[[noreturn]] void fail(const fs::path& path, std::string_view reason) {
+  throw Error(ErrorKind::file, fmt::format("{}: {}", path.string(), reason));
+}
+
+void write_stream(const fs::path& path, std::string_view text) {
+  std::ofstream file(path, std::ios::binary | std::ios::trunc);
+  errno = 0;
+  file.write(text.data(), static_cast<std::streamsize>(text.size()));
+  file.close();
+  if (!file) fail(path, fmt::format("cannot write: {}", std::strerror(errno != 0 ? errno : EIO)));
+}
+
+}  // namespace
+
+int exit_code(ErrorKind kind) {
+  switch (kind) {
+    case ErrorKind::usage:
+      return kExitUsage;
+    case ErrorKind::file:
+      return kExitFile;
+    case ErrorKind::memory:
+      return kExitMemory;
+    case ErrorKind::device:
+      return kExitDevice;
+    case ErrorKind::interrupted:
+      return kExitInterrupted;
+    case ErrorKind::failed:
+      break;
+  }
+  return kExitFailed;
+}
+
+void print_error(std::string_view message) {
+  std::string line = fmt::format("pointfair: {}", message);
+  std::replace(line.begin(), line.end(), '\n', ' ');
+  if (isatty(STDERR_FILENO)) line.insert(0, "\r\x1b[K");  // over a progress bar
+  fmt::print(stderr, "{}\n", line);
+}
+
+void print_output(std::string_view text) {
+  errno = 0;
+  if (std::fwrite(text.data(), 1, text.size(), stdout) != text.size() || std::fflush(stdout) != 0) {
+    fail("standard output", fmt::format("cannot write: {}", std::strerror(errno)));
+  }
+}
+
+void check_writable(const fs::path& path, bool overwrite) {
+  if (path == "-") return;
+  std::error_code error;
+  const fs::file_status status = fs::status(path, error);
+  if (fs::is_directory(status)) fail(path, "is a directory; name a file");
+  if (fs::exists(status)) {
+    if (!overwrite) fail(path, "exists already; add --force to replace it");
+    if (access(path.c_str(), W_OK) != 0) fail(path, fmt::format("cannot replace it: {}", std::strerror(errno)));
+    if (!fs::is_regular_file(status)) return;  // a pipe or a device is written in place
+  }
+  const fs::path folder = path.has_parent_path() ? path.parent_path() : fs::path(".");
+  if (!fs::is_directory(folder, error)) fail(path, fmt::format("there is no folder {}", folder.string()));
+  if (access(folder.c_str(), W_OK | X_OK) != 0) {
+    fail(path, fmt::format("cannot create files in {}: {}", folder.string(), std::strerror(errno)));
+  }
+}
+
+void check_not_same(const fs::path& input, const fs::path& output, std::string_view advice) {
+  if (input == "-" || output == "-") return;
+  std::error_code error;
+  if (fs::equivalent(input, output, error)) {
+    throw Error(ErrorKind::usage, fmt::format("{}: is input and output at once; {}", output.string(), advice));
+  }
+}
+
+void write_text(const fs::path& path, std::string_view text) {
+  if (path == "-") return print_output(text);
+  std::error_code error;
+  if (fs::exists(path, error) && !fs::is_regular_file(path, error)) return write_stream(path, text);
+  fs::path temporary = path;
+  temporary += fmt::format(".{}.tmp", getpid());
+  try {
+    write_stream(temporary, text);
+    fs::rename(temporary, path);
+  } catch (const fs::filesystem_error& failure) {
+    fs::remove(temporary, error);
+    fail(path, fmt::format("cannot write: {}", failure.code().message()));
+  } catch (...) {
+    fs::remove(temporary, error);
+    throw;
+  }
+}
+
+}  // namespace pointfair::cli

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// Where a command's results go: exit codes, lines on the terminal, and the checks made before any work is done.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+#include "pointfair/cloud.hpp"
+
+namespace pointfair::cli {
+
+inline constexpr int kExitOk = 0, kExitFailed = 1, kExitUsage = 2, kExitFile = 3, kExitMemory = 4, kExitDevice = 5,
+                     kExitInterrupted = 130;
+
+int exit_code(ErrorKind kind);
+
+/// Prints "pointfair: message" on standard error, as one line whatever the message holds.
+void print_error(std::string_view message);
+
+/// Prints to standard output. Throws ErrorKind::file if it cannot take the text.
+void print_output(std::string_view text);
+
+/// Throws ErrorKind::file if `path` cannot be created: it exists and `overwrite` is false, it is a directory, or its
+/// folder is missing or read-only. "-" always passes.
+void check_writable(const std::filesystem::path& path, bool overwrite);
+
+/// Throws ErrorKind::usage if `output` is the file `input` under whatever name.
+void check_not_same(const std::filesystem::path& input, const std::filesystem::path& output, std::string_view advice);
+
+/// Writes a whole text file, under its name only when it is complete; "-" is standard output. Throws ErrorKind::file.
+void write_text(const std::filesystem::path& path, std::string_view text);
+
+}  // namespace pointfair::cli

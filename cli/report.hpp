@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+// The JSON of --report. Keys are stable from the first release on: add, never rename.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "interrupts.hpp"
+#include "pointfair/pointfair.hpp"
+#include "statistics.hpp"
+
+namespace pointfair::cli {
+
+using Json = nlohmann::ordered_json;  // keys in the order in which they are written
+
+Json device_json(const DeviceInfo& device);
+Json params_json(const Params& params);  ///< lengths in file units as numbers, others as the command line writes them
+Json stages_json(const std::vector<StageTime>& stages);
+Json statistics_json(const Statistics& statistics);
+Json bounds_json(const Cloud& cloud, const Estimates& estimates);  ///< in file coordinates
+Json attributes_json(const std::vector<AttributeInfo>& attributes);
+
+std::string_view type_name(ScalarType type);
+std::string_view device_name(Device::Kind kind);
+
+/// Early check of --report: throws if it would replace one of `files` or cannot be created. Empty: no report.
+void check_report(const std::string& report, const std::vector<std::string>& files);
+
+/// Writes the object as text; a number that JSON cannot hold becomes null. Throws ErrorKind::file.
+void write_report(const std::string& report, const Json& json, Interrupts& interrupts);
+
+}  // namespace pointfair::cli

@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: Apache-2.0
+// pointfair run IN OUT: fair a cloud.
+#include <fmt/format.h>
+
+#include <cmath>
+#include <memory>
+
+#include "arguments.hpp"
+#include "output.hpp"
+#include "pointfair/pointfair.hpp"
+#include "progress.hpp"
+#include "report.hpp"
+#include "statistics.hpp"
+#include "verbs.hpp"
+
+namespace pointfair::cli {
+namespace {
+
+struct RunArguments {
+  std::string input, output, report, progress = "auto";
+  ParamArguments params;
+  DeviceArguments device;
+  FormatArguments format;
+  bool force = false, quiet = false, verbose = false;
+};
+
+// What is said about a run beside the library's own report.
+struct Findings {
+  double spacing = 0, noise_before = 0, noise_after = 0;
+  Statistics displacement;
+};
+
+void check_paths(const RunArguments& arguments) {
+  if (arguments.report == "-" && arguments.output == "-") {
+    throw Error(ErrorKind::usage, "the cloud and the report cannot both go to standard output; give --report a file");
+  }
+  if (!arguments.force) {
+    check_not_same(arguments.input, arguments.output, "name another output, or add --force to replace the input");
+  }
+  check_writable(arguments.output, arguments.force);
+  check_report(arguments.report, {arguments.input, arguments.output});
+}
+
+// Of the finite points, in file units.
+Statistics displacement(const Cloud& before, const Cloud& after) {
+  std::vector<double> lengths;
+  lengths.reserve(before.points.size());
+  for (std::size_t i = 0; i < before.points.size(); ++i) {
+    const Point &p = before.points[i], &q = after.points[i];
+    const double length = std::hypot(double{q.x} - p.x, double{q.y} - p.y, double{q.z} - p.z);
+    if (std::isfinite(length)) lengths.push_back(length);
+  }
+  return summarize(lengths);
+}
+
+double noise_of(const Cloud& cloud, const Device& device, std::stop_token stop) {
+  Pipeline pipeline(device);
+  pipeline.load(cloud);
+  return pipeline.estimates(stop).noise;
+}
+
+Json unmoved_json(const UnmovedCounts& unmoved) {
+  return {{"non_finite", unmoved.non_finite},
+          {"too_few_neighbors", unmoved.too_few_neighbors},
+          {"no_normal", unmoved.no_normal}};
+}
+
+Json run_json(const Report& report, const Findings& findings) {
+  return {{"version", version()},
+          {"device", device_json(report.device)},
+          {"points", report.points},
+          {"params", params_json(report.params)},
+          {"spacing", findings.spacing},
+          {"noise", {{"before", findings.noise_before}, {"after", findings.noise_after}}},
+          {"unmoved", unmoved_json(report.unmoved)},
+          {"short_neighborhoods", report.short_neighborhoods},
+          {"displacement", statistics_json(findings.displacement)},
+          {"stages", stages_json(report.stages)},
+          {"total_ms", report.total_milliseconds},
+          {"peak_bytes", {{"host", report.peak_host_bytes}, {"device", report.peak_device_bytes}}}};
+}
+
+void print_details(const Report& report) {
+  fmt::print(stderr, "device    {}, {} ({})\n", device_name(report.device.kind), report.device.name,
+             report.device.reason);
+  for (const ParamInfo& info : kParams) {
+    fmt::print(stderr, "  {:<18} {}\n", info.name, param_text(report.params, info));
+  }
+  for (const StageTime& stage : report.stages)
+    fmt::print(stderr, "  {:<18} {:.1f} ms\n", stage.name, stage.milliseconds);
+}
+
+void print_summary(const RunArguments& arguments, const Report& report, const Findings& findings) {
+  if (arguments.verbose) print_details(report);
+  const std::uint64_t unmoved = report.unmoved.non_finite + report.unmoved.too_few_neighbors + report.unmoved.no_normal;
+  fmt::print(stderr, "{} points faired on {} in {:.1f} ms, {} kept as they were\n", report.points - unmoved,
+             device_name(report.device.kind), report.total_milliseconds, unmoved);
+  fmt::print(stderr, "noise {:.4g} -> {:.4g}, points moved {:.4g} on average, {:.4g} at most\n", findings.noise_before,
+             findings.noise_after, findings.displacement.mean, findings.displacement.max);
+}
+
+Cloud read_input(const RunArguments& arguments) {
+  ReadOptions options;
+  options.threads = arguments.device.threads;
+  return read(arguments.input, options);
+}
+
+void write_output(const RunArguments& arguments, const Cloud& cloud, Interrupts& interrupts) {
+  const Interrupts::Writing writing(interrupts);
+  write(arguments.output, cloud, make_write_options(arguments.format, arguments.force));
+}
+
+void run(const RunArguments& arguments, Interrupts& interrupts) {
+  const Params params = make_params(arguments.params, {});
+  const Device device = make_device(arguments.device);
+  check_paths(arguments);
+  Pipeline pipeline(device);
+  Findings findings;
+  const bool wants_findings = !arguments.quiet || !arguments.report.empty();
+  {
+    Progress progress(arguments.quiet ? "none" : arguments.progress);
+    progress.show(0, "reading");
+    const Cloud cloud = read_input(arguments);
+    pipeline.load(cloud);
+    const Cloud fair = pipeline.run(params, interrupts.token(),
+                                    [&](double share, std::string_view stage) { progress.show(share, stage); });
+    progress.show(1, "writing");
+    write_output(arguments, fair, interrupts);
+    if (wants_findings) {
+      progress.show(1, "measuring");
+      const Estimates& estimates = pipeline.estimates(interrupts.token());
+      findings = {estimates.spacing, estimates.noise, noise_of(fair, device, interrupts.token()),
+                  displacement(cloud, fair)};
+    }
+  }
+  write_report(arguments.report, run_json(pipeline.report(), findings), interrupts);
+  if (!arguments.quiet) print_summary(arguments, pipeline.report(), findings);
+}
+
+}  // namespace
+
+Verb add_run(CLI::App& app) {
+  const auto arguments = std::make_shared<RunArguments>();
+  CLI::App& command = *app.add_subcommand("run", "Fair a cloud: remove its noise and keep its shape.");
+  command.add_option("IN", arguments->input, "cloud to read; - is standard input")->required();
+  command.add_option("OUT", arguments->output, "cloud to write; - is standard output")->required();
+  add_params(command, arguments->params);
+  add_device(command, arguments->device);
+  add_format(command, arguments->format);
+  add_report(command, arguments->report);
+  command.add_option("--progress", arguments->progress, "on standard error; auto: a bar on a terminal")
+      ->check(CLI::IsMember(std::vector<std::string>(std::begin(kProgressModes), std::end(kProgressModes))))
+      ->type_name("auto|bar|plain|json|none");
+  command.add_flag("--force", arguments->force, "replace OUT if it exists");
+  command.add_flag("-q,--quiet", arguments->quiet, "print errors only");
+  command.add_flag("-v,--verbose", arguments->verbose, "print the device, the parameters and each stage's time");
+  return {&command, [arguments](Interrupts& interrupts) { run(*arguments, interrupts); }};
+}
+
+}  // namespace pointfair::cli

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+// Exact distances to triangles, found through Embree's tree of bounding boxes.
+#pragma once
+
+#include <limits>
+#include <memory>
+#include <vector>
+
+#include "vec3.hpp"
+
+namespace pointfair::cli {
+
+/// May be degenerate: two equal corners make a segment, three a point.
+struct Triangle {
+  Vec3 a, b, c;
+};
+
+Vec3 closest_on_triangle(Vec3 point, const Triangle& triangle);
+
+struct Foot {
+  Vec3 place;  ///< the closest point
+  double squared_distance = std::numeric_limits<double>::infinity();
+};
+
+/// Triangles that can be asked for their closest point by many threads at once. They are expected within a few units of
+/// the origin, since Embree holds their boxes as floats; distances are of doubles.
+class Surface {
+ public:
+  explicit Surface(std::vector<Triangle> triangles);
+  ~Surface();
+  Surface(Surface&&) noexcept;
+
+  Foot closest(Vec3 point) const;
+
+ private:
+  struct Scene;
+  std::unique_ptr<Scene> scene_;
+};
+
+}  // namespace pointfair::cli
