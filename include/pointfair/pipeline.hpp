@@ -122,7 +122,9 @@ class Pipeline {
   void normals(std::span<Point> out) const;
 
  private:
+  friend struct PipelineAccess;
   struct State;
+  explicit Pipeline(std::unique_ptr<State> state);
   std::unique_ptr<State> state_;
 };
 

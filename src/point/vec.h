@@ -105,7 +105,7 @@ POINTFAIR_INLINE Direction<F> least_eigenvector(Sym3<F> m) {
   F lambda = F{};
   for (int step = 0; step < 6; ++step) {  // the trace is 1: p = det - minors x + x^2 - x^3
     const F p = det - lambda * (minors - lambda * (1.0f - lambda));
-    const F slope = minors - lambda * (2.0f - 3.0f * lambda);  // -p', positive below the least root
+    const F slope = minors - lambda * (2.0f - lambda * 3.0f);  // -p', positive below the least root
     lambda = lambda + select(slope > F{} + 1e-12f, p / slope, F{});
   }
   const Vec3<F> row0 = {a - lambda, b, c}, row1 = {b, d - lambda, e}, row2 = {c, e, f - lambda};
@@ -117,7 +117,7 @@ POINTFAIR_INLINE Direction<F> least_eigenvector(Sym3<F> m) {
   longest = larger(longest, l02);
   best = select<F>(l12 > longest, c12, best);
   longest = larger(longest, l12);
-  const auto exists = sound & (longest > F{} + 1e-11f);
+  const decltype(F() < F()) exists = sound & (longest > F{} + 1e-11f);
   const F inverse = select(exists, (F{} + 1.0f) / square_root(longest), F{});
   return {inverse * best, exists};
 }

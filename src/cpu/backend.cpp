@@ -1,0 +1,188 @@
+// SPDX-License-Identifier: Apache-2.0
+// The CPU backend: the seam's calls over two chains, on its own number of threads.
+#include "backend.hpp"
+
+#include <tbb/global_control.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <cstring>
+#include <fstream>
+#include <limits>
+#include <thread>
+
+#include "cpu/chain.h"
+#include "cpu/parallel.h"
+
+namespace pointfair {
+namespace cpu {
+namespace {
+
+constexpr std::size_t kCopyBlock = 1 << 15;
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+
+unsigned available_threads() { return std::max(1u, std::thread::hardware_concurrency()); }
+
+std::string processor_name() {
+  std::ifstream cpuinfo("/proc/cpuinfo");
+  for (std::string line; std::getline(cpuinfo, line);)
+    if (line.starts_with("model name")) return line.substr(std::min(line.size(), line.find(':') + 2));
+  return "CPU";
+}
+
+class CpuBackend final : public Backend {
+ public:
+  explicit CpuBackend(unsigned threads)
+      : threads_(threads == 0 ? available_threads() : threads),
+        allow_(tbb::global_control::max_allowed_parallelism, std::max(threads_, available_threads())),
+        arena_(int(threads_)) {}
+
+  DeviceInfo device() const override {
+    return {Device::cpu, processor_name() + ", " + std::to_string(threads_) + (threads_ == 1 ? " thread, " : " threads, ") +
+                             kernels_.name,
+            "requested"};
+  }
+
+  void upload(std::span<const Point> points) override {
+    meter_.reset_peak();
+    uploaded_.resize(points.size());
+    points_ = points.size();
+    arena_.execute([&] {
+      for_blocks(points.size(), kCopyBlock, {}, [&](std::size_t first, std::size_t last, std::size_t) {
+        std::copy(points.begin() + first, points.begin() + last, uploaded_.data() + first);
+      });
+    });
+    at_work_ = &first_;
+  }
+
+  void begin_pass(int pass) override {
+    if (pass > 0) {
+      pass_input_.resize(at_work_->faired().size());
+      pass_originals_.resize(pass_input_.size());
+      const std::span<const Point> faired = at_work_->faired();
+      std::copy(faired.begin(), faired.end(), pass_input_.data());
+      const std::span<const Index> originals = at_work_->index().originals();
+      std::copy_n(originals.begin(), faired.size(), pass_originals_.data());
+    }
+    at_work_ = pass == 0 ? &first_ : &further_;
+  }
+
+  void build_index(std::stop_token stop) override {
+    arena_.execute([&] {
+      if (at_work_ == &first_) {
+        first_.build_index({uploaded_.data(), uploaded_.size()}, {}, kernels_, stop);
+      } else {
+        further_.build_index({pass_input_.data(), pass_input_.size()}, {pass_originals_.data(), pass_originals_.size()},
+                             kernels_, stop);
+      }
+    });
+  }
+  void find_neighbors(const NeighborSettings& settings, std::stop_token stop) override {
+    arena_.execute([&] { at_work_->find_neighbors(settings, kernels_, stop); });
+  }
+  void estimate_normals(const NormalSettings& settings, std::stop_token stop) override {
+    arena_.execute([&] { at_work_->estimate_normals(settings, kernels_, stop); });
+  }
+  void fair(const FairingSettings& settings, std::stop_token stop) override {
+    arena_.execute([&] { at_work_->fair(settings, kernels_, stop); });
+  }
+
+  void download(std::span<Point> points) override {
+    scatter(points, at_work_->faired());
+    for (const InvalidPoint& p : first_.index().invalid()) points[p.original] = p.position;
+    if (at_work_ != &first_)
+      for (const InvalidPoint& p : further_.index().invalid()) points[p.original] = p.position;
+  }
+
+  void download_normals(std::span<Point> normals) override {
+    std::fill(normals.begin(), normals.end(), Point{0, 0, 0});
+    const NormalsView from = at_work_->normals();
+    const std::span<const Index> originals = at_work_->index().originals();
+    for (std::size_t i = 0; i < at_work_->faired().size(); ++i) normals[originals[i]] = {from.x[i], from.y[i], from.z[i]};
+  }
+
+  Bounds bounds() const override { return at_work_->index().bounds(); }
+
+  void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override {
+    std::fill(out.begin(), out.end(), Point{kNan, kNan, kNan});
+    arena_.execute([&] {
+      const std::vector<Index> positions = positions_of(queries);
+      const IndexView index = at_work_->index().view();
+      for_blocks(queries.size(), 4, {}, [&](std::size_t first, std::size_t last, std::size_t) {
+        std::vector<Index> list(std::size_t(k), 0);
+        for (std::size_t q = first; q < last; ++q) {
+          if (positions[q] == point::kNoNeighbor) continue;
+          kernels_.nearest_of_one(index, positions[q], k, std::numeric_limits<float>::infinity(), list.data());
+          Point* row = out.data() + q * (std::size_t(k) + 1);
+          *row++ = {index.x[positions[q]], index.y[positions[q]], index.z[positions[q]]};
+          for (const Index at : list)
+            if (at != point::kNoNeighbor) *row++ = {index.x[at], index.y[at], index.z[at]};
+        }
+      });
+    });
+  }
+
+  Counts counts() const override {
+    Counts counts = at_work_->counts();
+    if (at_work_ != &first_) counts.unmoved.non_finite += first_.counts().unmoved.non_finite;
+    return counts;
+  }
+  std::uint64_t peak_host_bytes() const override { return meter_.peak; }
+  std::uint64_t peak_device_bytes() const override { return 0; }
+
+ private:
+  void scatter(std::span<Point> out, std::span<const Point> sorted) {
+    const std::span<const Index> originals = at_work_->index().originals();
+    arena_.execute([&] {
+      for_blocks(sorted.size(), kCopyBlock, {}, [&](std::size_t first, std::size_t last, std::size_t) {
+        for (std::size_t i = first; i < last; ++i) out[originals[i]] = sorted[i];
+      });
+    });
+  }
+
+  // Sorted positions of upload indices, kNoNeighbor for invalid points. One sweep over the cloud.
+  std::vector<Index> positions_of(std::span<const std::uint32_t> queries) {
+    std::vector<std::pair<Index, Index>> wanted;  // upload index, place in queries
+    for (std::size_t q = 0; q < queries.size(); ++q) wanted.emplace_back(queries[q], Index(q));
+    std::sort(wanted.begin(), wanted.end());
+    std::vector<bool> is_wanted(points_, false);
+    for (const std::uint32_t query : queries) is_wanted[query] = true;
+    std::vector<Index> positions(queries.size(), point::kNoNeighbor);
+    const std::span<const Index> originals = at_work_->index().originals();
+    for_blocks(at_work_->index().view().points, kCopyBlock, {}, [&](std::size_t first, std::size_t last, std::size_t) {
+      for (std::size_t i = first; i < last; ++i) {
+        if (!is_wanted[originals[i]]) continue;
+        auto match = std::lower_bound(wanted.begin(), wanted.end(), std::pair<Index, Index>(originals[i], 0));
+        for (; match != wanted.end() && match->first == originals[i]; ++match) positions[match->second] = Index(i);
+      }
+    });
+    return positions;
+  }
+
+  unsigned threads_;
+  tbb::global_control allow_;  // more threads than cores, when asked for
+  tbb::task_arena arena_;
+  const Kernels& kernels_ = best_kernels();
+  MemoryMeter meter_;
+  std::uint64_t points_ = 0;
+  Buffer<Point> uploaded_{meter_};
+  Buffer<Point> pass_input_{meter_};
+  Buffer<Index> pass_originals_{meter_};
+  Chain first_{meter_}, further_{meter_};
+  Chain* at_work_ = &first_;
+};
+
+}  // namespace
+}  // namespace cpu
+
+std::unique_ptr<Backend> make_cpu_backend(unsigned threads) { return std::make_unique<cpu::CpuBackend>(threads); }
+
+DeviceStatus cpu_status() {
+  const cpu::CpuBackend backend(0);
+  DeviceStatus status{backend.device(), true, {}};
+  status.info.reason = "always available";
+  status.details.push_back(std::string("instruction set ") + cpu::best_kernels().name);
+  return status;
+}
+
+}  // namespace pointfair

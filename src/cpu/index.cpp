@@ -1,0 +1,200 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cpu/index.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "cpu/parallel.h"
+#include "cpu/sort.h"
+
+namespace pointfair::cpu {
+namespace {
+
+constexpr std::size_t kBlock = 1 << 13;  // points; a multiple of the leaf and of a group of leaves
+constexpr float kInf = std::numeric_limits<float>::infinity();
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+
+bool is_valid(const Point& p) { return point::is_indexable(p.x, p.y, p.z); }
+
+Bounds unite(const Bounds& a, const Bounds& b) {
+  return {{std::min(a.min.x, b.min.x), std::min(a.min.y, b.min.y), std::min(a.min.z, b.min.z)},
+          {std::max(a.max.x, b.max.x), std::max(a.max.y, b.max.y), std::max(a.max.z, b.max.z)},
+          a.valid + b.valid};
+}
+constexpr Bounds kNothing{{kInf, kInf, kInf}, {-kInf, -kInf, -kInf}, 0};
+
+// The box of most points: between the 2 % and the 98 % quantile of a sample on each axis, widened by a quarter. A stray
+// point far away must not stretch the curve.
+Box core_box(std::span<const Point> points, std::span<const std::uint64_t> elements, const Bounds& bounds) {
+  constexpr std::size_t kSample = 2048;
+  const std::size_t count = std::min(kSample, elements.size());
+  std::array<std::vector<float>, 3> axis;
+  for (std::size_t i = 0; i < count; ++i) {
+    const Point& p = points[std::uint32_t(elements[i * elements.size() / count])];
+    axis[0].push_back(p.x);
+    axis[1].push_back(p.y);
+    axis[2].push_back(p.z);
+  }
+  std::array<float, 3> low{}, high{};
+  for (int a = 0; a < 3; ++a) {
+    const std::size_t cut = count / 50;
+    std::nth_element(axis[a].begin(), axis[a].begin() + cut, axis[a].end());
+    low[a] = axis[a][cut];
+    std::nth_element(axis[a].begin(), axis[a].end() - 1 - cut, axis[a].end());
+    high[a] = *(axis[a].end() - 1 - cut);
+    const float margin = (high[a] - low[a]) / 4;
+    low[a] -= margin;
+    high[a] += margin;
+  }
+  const Box box{std::max(low[0], bounds.min.x),  std::max(low[1], bounds.min.y),  std::max(low[2], bounds.min.z),
+                std::min(high[0], bounds.max.x), std::min(high[1], bounds.max.y), std::min(high[2], bounds.max.z)};
+  const bool flat = !(box.max_x > box.min_x || box.max_y > box.min_y || box.max_z > box.min_z);
+  return flat ? Box{bounds.min.x, bounds.min.y, bounds.min.z, bounds.max.x, bounds.max.y, bounds.max.z} : box;
+}
+
+template <class Size>
+Size groups_of(Size children) {
+  return (children + kLeafSize - 1) / kLeafSize;
+}
+
+constexpr ChildBox kNoChild{{kNan, kNan, kNan, kNan, kNan, kNan}, point::kNoNeighbor};
+constexpr ChildBox kEmptyBox{{kInf, kInf, kInf, -kInf, -kInf, -kInf}, point::kNoNeighbor};
+
+ChildBox unite(const ChildBox& a, const ChildBox& b) {
+  return {{std::min(a.box.min_x, b.box.min_x), std::min(a.box.min_y, b.box.min_y), std::min(a.box.min_z, b.box.min_z),
+           std::max(a.box.max_x, b.box.max_x), std::max(a.box.max_y, b.box.max_y), std::max(a.box.max_z, b.box.max_z)},
+          std::min(a.least_original, b.least_original)};
+}
+
+ChildBox child_of(const BoxGroup& g, std::size_t c) {
+  return {{g.min_x[c], g.min_y[c], g.min_z[c], g.max_x[c], g.max_y[c], g.max_z[c]}, g.least_original[c]};
+}
+
+void set_child(BoxGroup& g, std::size_t c, const ChildBox& child) {
+  g.min_x[c] = child.box.min_x;
+  g.min_y[c] = child.box.min_y;
+  g.min_z[c] = child.box.min_z;
+  g.max_x[c] = child.box.max_x;
+  g.max_y[c] = child.box.max_y;
+  g.max_z[c] = child.box.max_z;
+  g.least_original[c] = child.least_original;
+}
+
+// Children fill a group from the front.
+ChildBox united(const BoxGroup& group) {
+  ChildBox result = kEmptyBox;
+  for (std::size_t c = 0; c < kLeafSize && !std::isnan(group.min_x[c]); ++c) result = unite(result, child_of(group, c));
+  return result;
+}
+
+}  // namespace
+
+SpatialIndex::SpatialIndex(MemoryMeter& meter)
+    : elements_(meter), scratch_(meter), x_(meter), y_(meter), z_(meter), original_(meter), meter_(meter) {}
+
+void SpatialIndex::build(std::span<const Point> points, std::span<const Index> originals, const Kernels& kernels,
+                         const std::stop_token& stop) {
+  if (points.size() > kMaxPoints)
+    throw Error(ErrorKind::usage, "the CPU backend holds at most 2147483632 points at once; cut the cloud");
+  collect_valid(points, originals, stop);
+  scratch_.resize(elements_.size());
+  if (points_ > 0) {
+    const Box core = core_box(points, {elements_.data(), elements_.size()}, bounds_);
+    sort_along_curve(points, {elements_.data(), elements_.size()}, {scratch_.data(), scratch_.size()}, core, kernels,
+                     stop);
+  }
+  scratch_.release();
+  gather(points, originals, stop);
+  elements_.release();
+  build_boxes(stop);
+}
+
+IndexView SpatialIndex::view() const {
+  IndexView view{x_.data(), y_.data(), z_.data(), original_.data(), points_, leaves_, int(levels_.size()), {}};
+  for (std::size_t level = 0; level < levels_.size(); ++level) view.level[level] = levels_[level].data();
+  return view;
+}
+
+void SpatialIndex::collect_valid(std::span<const Point> points, std::span<const Index> originals,
+                                 const std::stop_token& stop) {
+  const std::size_t blocks = (points.size() + kBlock - 1) / kBlock;
+  std::vector<Bounds> of_block(blocks, kNothing);
+  for_blocks(points.size(), kBlock, stop, [&](std::size_t first, std::size_t last, std::size_t block) {
+    Bounds bounds = kNothing;
+    for (std::size_t i = first; i < last; ++i)
+      if (is_valid(points[i])) bounds = unite(bounds, {points[i], points[i], 1});
+    of_block[block] = bounds;
+  });
+  bounds_ = kNothing;
+  std::vector<std::size_t> first_valid(blocks);
+  for (std::size_t block = 0; block < blocks; ++block) {
+    first_valid[block] = bounds_.valid;
+    bounds_ = unite(bounds_, of_block[block]);
+  }
+  points_ = Index(bounds_.valid);
+  leaves_ = groups_of(points_);
+  if (points_ == 0) bounds_ = {};
+
+  elements_.resize(points_);
+  for_blocks(points.size(), kBlock, stop, [&](std::size_t first, std::size_t last, std::size_t block) {
+    std::size_t next = first_valid[block];
+    for (std::size_t i = first; i < last; ++i)
+      if (is_valid(points[i])) elements_[next++] = i;
+  });
+  invalid_.clear();
+  for (std::size_t block = 0; block < blocks && points_ < points.size(); ++block) {
+    const std::size_t first = block * kBlock, last = std::min(points.size(), first + kBlock);
+    if (of_block[block].valid == last - first) continue;
+    for (std::size_t i = first; i < last; ++i)
+      if (!is_valid(points[i])) invalid_.push_back({originals.empty() ? Index(i) : originals[i], points[i]});
+  }
+}
+
+void SpatialIndex::gather(std::span<const Point> points, std::span<const Index> originals,
+                          const std::stop_token& stop) {
+  const std::size_t padded = std::size_t(leaves_) * kLeafSize;
+  for (Buffer<float>* axis : {&x_, &y_, &z_}) axis->resize(padded);
+  original_.resize(padded);
+  for_blocks(padded, kBlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
+    for (std::size_t i = first; i < last; ++i) {
+      const bool real = i < points_;
+      const std::size_t from = real ? std::uint32_t(elements_[i]) : 0;
+      const Point p = real ? points[from] : Point{kNan, kNan, kNan};
+      x_[i] = p.x;
+      y_[i] = p.y;
+      z_[i] = p.z;
+      original_[i] = !real ? point::kNoNeighbor : originals.empty() ? Index(from) : originals[from];
+    }
+  });
+}
+
+void SpatialIndex::build_boxes(const std::stop_token& stop) {
+  levels_.clear();
+  if (leaves_ == 0) return;
+  levels_.emplace_back(meter_).resize(groups_of<std::size_t>(leaves_));
+  for_blocks(levels_[0].size(), kBlock / kLeafSize / kLeafSize, stop,
+             [&](std::size_t first, std::size_t last, std::size_t) {
+               for (std::size_t child = first * kLeafSize; child < last * kLeafSize; ++child)
+                 set_child(levels_[0][child / kLeafSize], child % kLeafSize, leaf_box(child));
+             });
+  while (levels_.back().size() > 1) {
+    const std::size_t below = levels_.size() - 1;
+    levels_.emplace_back(meter_).resize(groups_of(levels_[below].size()));
+    Buffer<BoxGroup>& level = levels_.back();
+    for (std::size_t child = 0; child < level.size() * kLeafSize; ++child)
+      set_child(level[child / kLeafSize], child % kLeafSize,
+                child < levels_[below].size() ? united(levels_[below][child]) : kNoChild);
+  }
+}
+
+ChildBox SpatialIndex::leaf_box(std::size_t leaf) const {
+  if (leaf >= leaves_) return kNoChild;
+  ChildBox result = kEmptyBox;
+  const std::size_t last = std::min<std::size_t>(points_, (leaf + 1) * kLeafSize);
+  for (std::size_t i = leaf * kLeafSize; i < last; ++i)
+    result = unite(result, {{x_[i], y_[i], z_[i], x_[i], y_[i], z_[i]}, original_[i]});
+  return result;
+}
+
+}  // namespace pointfair::cpu

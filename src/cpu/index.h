@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+// The index over occupied space: points sorted along a Hilbert curve under a tree of tight boxes (src/cpu/kernels.h).
+// Memory: 16 bytes a point, 1.9 for boxes, and 16 more while it is built.
+#pragma once
+
+#include <array>
+#include <span>
+#include <stop_token>
+#include <vector>
+
+#include "backend.hpp"
+#include "cpu/kernels.h"
+#include "cpu/memory.h"
+
+namespace pointfair::cpu {
+
+struct InvalidPoint {
+  Index original;
+  Point position;
+};
+
+// What a BoxGroup says of one child.
+struct ChildBox {
+  Box box;
+  Index least_original;
+};
+
+class SpatialIndex {
+ public:
+  explicit SpatialIndex(MemoryMeter& meter);
+
+  // `originals` gives the upload index of each point; empty: its place in `points`.
+  void build(std::span<const Point> points, std::span<const Index> originals, const Kernels& kernels,
+             const std::stop_token& stop);
+
+  IndexView view() const;
+  const Bounds& bounds() const { return bounds_; }
+  const std::vector<InvalidPoint>& invalid() const { return invalid_; }
+  std::span<const Index> originals() const { return {original_.data(), original_.size()}; }
+
+ private:
+  void collect_valid(std::span<const Point> points, std::span<const Index> originals, const std::stop_token& stop);
+  void gather(std::span<const Point> points, std::span<const Index> originals, const std::stop_token& stop);
+  void build_boxes(const std::stop_token& stop);
+  ChildBox leaf_box(std::size_t leaf) const;
+
+  Buffer<std::uint64_t> elements_, scratch_;  // sort key over place in `points`; empty once built
+  Buffer<float> x_, y_, z_;
+  Buffer<Index> original_;
+  std::vector<Buffer<BoxGroup>> levels_;
+  MemoryMeter& meter_;
+  std::vector<InvalidPoint> invalid_;
+  Bounds bounds_;
+  Index points_ = 0, leaves_ = 0;
+};
+
+}  // namespace pointfair::cpu

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+// The stage kernels, compiled once per instruction set with POINTFAIR_ISA naming it. Includes nothing whose inline
+// functions could be shared with code for a lesser processor.
+#include "cpu/kernels.h"
+
+#include "cpu/hilbert.h"
+#include "cpu/pack.h"
+#include "cpu/search.h"
+#include "cpu/stage_loops.h"
+
+namespace pointfair::cpu::POINTFAIR_ISA {
+
+static void nearest(const IndexView& index, Index leaf, int k, float squared_limit, Index* out) {
+  for (int part = 0; part < kLeafSize; part += kLanes) {
+    const Index start = leaf * kLeafSize + Index(part);
+    if (start < index.points) {
+      search_lanes(index, start, 0, kLanes, k, squared_limit, out + part);
+    } else {
+      for (int s = 0; s < k; ++s) store(out + s * kLeafSize + part, broadcast(int(point::kNoNeighbor)));
+    }
+  }
+}
+
+static void nearest_of_one(const IndexView& index, Index position, int k, float squared_limit, Index* out) {
+  alignas(64) Index lists[ExactLists::kCapacity * kLeafSize];
+  const int lane = int(position) % kLanes;
+  search_lanes(index, position - Index(lane), lane, lane + 1, k, squared_limit, lists);
+  for (int s = 0; s < k; ++s) out[s] = lists[s * kLeafSize + lane];
+}
+
+extern const Kernels kKernels;
+const Kernels kKernels = {POINTFAIR_ISA_LABEL, hilbert_keys, nearest, nearest_of_one, mean_distances,
+                          normals,             normals_in_ball, fair, fair_in_ball};
+
+}  // namespace pointfair::cpu::POINTFAIR_ISA

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+// The index as the stage kernels see it, and the table of kernels, one per instruction set.
+// Points are sorted along a Hilbert curve; 16 consecutive points are a leaf; 16 consecutive leaves have their boxes in
+// one BoxGroup, 16 consecutive groups in one of the next level, up to a single group. Boxes are tight, so the tree holds
+// occupied space only and adapts to any density.
+#pragma once
+
+#include <cstdint>
+
+#include "point/fairing.h"
+#include "point/neighbors.h"
+#include "point/normal.h"
+
+namespace pointfair::cpu {
+
+using point::Index;
+
+inline constexpr int kLeafSize = 16;  // also the number of children of a tree node
+inline constexpr int kMaxLevels = 8;  // 16^8 = 2^32 leaves
+inline constexpr Index kMaxPoints = 0x7ffffff0u;  // SIMD gathers take signed 32-bit indices
+
+struct Box {
+  float min_x, min_y, min_z, max_x, max_y, max_z;
+};
+
+// The boxes of 16 children; NaN for children that do not exist, so that no comparison holds for them.
+struct BoxGroup {
+  float min_x[kLeafSize], min_y[kLeafSize], min_z[kLeafSize];
+  float max_x[kLeafSize], max_y[kLeafSize], max_z[kLeafSize];
+  Index least_original[kLeafSize];
+};
+
+struct IndexView {
+  const float *x, *y, *z;            // sorted; padded with NaN to whole leaves
+  const Index* original;             // upload index of each sorted point
+  Index points;                      // valid points
+  Index leaves;
+  int levels;
+  const BoxGroup* level[kMaxLevels]; // level[0] holds the boxes of leaves
+};
+
+// A neighbour list per point: list[(leaf * k + slot) * 16 + lane], nearest first; sorted positions, kNoNeighbor at the end.
+struct NeighborView {
+  int k;
+  const Index* list;
+};
+
+// Everything within `squared_radius`, when there is no list.
+struct Ball {
+  float squared_radius;
+};
+
+struct AreaView {
+  const float* mean_distance;  // of each sorted point to its 5 nearest; null for weight 1
+  int power;                   // 2, 1 or 0
+};
+
+struct NormalsOut {
+  float *x, *y, *z;  // of the sorted points; zero where there is no normal
+};
+struct NormalsView {
+  const float *x, *y, *z;
+};
+
+// Each kernel treats the 16 points of one leaf.
+struct Kernels {
+  const char* name;
+  // Keys of the points `elements` names (upload index in the low half), into the high half: position along the Hilbert
+  // curve of 2^10 steps an axis over the cube from (x, y, z) with `scale` steps a unit.
+  void (*hilbert_keys)(const float* xyz, std::uint64_t* elements, std::size_t count, float x, float y, float z, float scale);
+  // The k nearest other points within `squared_limit`: out[slot * 16 + lane]. k <= 1024.
+  void (*nearest)(const IndexView&, Index leaf, int k, float squared_limit, Index* out);
+  // The same for one sorted position: out[slot].
+  void (*nearest_of_one)(const IndexView&, Index position, int k, float squared_limit, Index* out);
+  // Mean distance to the first `count` entries of a list of k, or as many as it holds.
+  void (*mean_distances)(const IndexView&, Index leaf, const Index* list, int count, float* out);
+  void (*normals)(const IndexView&, Index leaf, NeighborView, point::NormalWeights, NormalsOut);
+  void (*normals_in_ball)(const IndexView&, Index leaf, Ball, point::NormalWeights, NormalsOut, unsigned* neighbor_counts);
+  void (*fair)(const IndexView&, Index leaf, NeighborView, NormalsView, AreaView, point::BilateralWeights, float* xyz);
+  void (*fair_in_ball)(const IndexView&, Index leaf, Ball, NormalsView, AreaView, point::BilateralWeights, float* xyz);
+};
+
+// The kernels of the best instruction set that this processor has; POINTFAIR_ISA=sse2|avx2|avx512 asks for a lesser one.
+const Kernels& best_kernels();
+
+}  // namespace pointfair::cpu

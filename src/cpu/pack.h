@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: Apache-2.0
+// Packs of floats and of 32-bit integers, as wide as the instruction set that this file is compiled for. The formulas of
+// src/point run on them lane by lane; each lane rounds exactly as a single float would.
+// Only for src/cpu/kernels.cpp, which is compiled once per instruction set: everything lives in a namespace named after
+// it, so that no function compiled for one processor can stand in for another's.
+#pragma once
+
+#if defined(__AVX2__)
+#include <immintrin.h>
+#endif
+
+#include "point/neighbors.h"
+#include "point/vec.h"
+
+#ifndef POINTFAIR_ISA
+#error "POINTFAIR_ISA names the instruction set's namespace"
+#endif
+
+namespace pointfair::cpu::POINTFAIR_ISA {
+
+#if defined(__AVX512F__)
+inline constexpr int kLanes = 16;
+#elif defined(__AVX2__)
+inline constexpr int kLanes = 8;
+#else
+inline constexpr int kLanes = 4;
+#endif
+
+typedef float FloatVector __attribute__((vector_size(4 * kLanes)));
+typedef int IntVector __attribute__((vector_size(4 * kLanes)));
+typedef float LooseFloatVector __attribute__((vector_size(4 * kLanes), aligned(4)));
+typedef int LooseIntVector __attribute__((vector_size(4 * kLanes), aligned(4)));
+
+// All bits of a lane set, or none.
+struct Mask {
+  IntVector v;
+};
+struct Floats {
+  FloatVector v;
+};
+struct Ints {
+  IntVector v;
+};
+
+POINTFAIR_INLINE Floats broadcast(float x) { return {FloatVector{} + x}; }
+POINTFAIR_INLINE Ints broadcast(int x) { return {IntVector{} + x}; }
+POINTFAIR_INLINE Floats load(const float* p) { return {FloatVector(*reinterpret_cast<const LooseFloatVector*>(p))}; }
+POINTFAIR_INLINE Ints load(const int* p) { return {IntVector(*reinterpret_cast<const LooseIntVector*>(p))}; }
+POINTFAIR_INLINE Ints load(const unsigned* p) { return load(reinterpret_cast<const int*>(p)); }
+POINTFAIR_INLINE void store(float* p, Floats a) { *reinterpret_cast<LooseFloatVector*>(p) = a.v; }
+POINTFAIR_INLINE void store(unsigned* p, Ints a) { *reinterpret_cast<LooseIntVector*>(p) = a.v; }
+
+POINTFAIR_INLINE Floats operator+(Floats a, Floats b) { return {a.v + b.v}; }
+POINTFAIR_INLINE Floats operator-(Floats a, Floats b) { return {a.v - b.v}; }
+POINTFAIR_INLINE Floats operator*(Floats a, Floats b) { return {a.v * b.v}; }
+POINTFAIR_INLINE Floats operator/(Floats a, Floats b) { return {a.v / b.v}; }
+POINTFAIR_INLINE Floats operator+(Floats a, float b) { return {a.v + b}; }
+POINTFAIR_INLINE Floats operator-(Floats a, float b) { return {a.v - b}; }
+POINTFAIR_INLINE Floats operator*(Floats a, float b) { return {a.v * b}; }
+POINTFAIR_INLINE Floats operator/(Floats a, float b) { return {a.v / b}; }
+POINTFAIR_INLINE Floats operator-(float a, Floats b) { return {a - b.v}; }
+POINTFAIR_INLINE Floats operator-(Floats a) { return {-a.v}; }
+POINTFAIR_INLINE Mask operator<(Floats a, Floats b) { return {a.v < b.v}; }
+POINTFAIR_INLINE Mask operator>(Floats a, Floats b) { return {a.v > b.v}; }
+POINTFAIR_INLINE Mask operator<=(Floats a, Floats b) { return {a.v <= b.v}; }
+POINTFAIR_INLINE Mask operator==(Floats a, Floats b) { return {a.v == b.v}; }
+POINTFAIR_INLINE Mask operator<(Ints a, Ints b) { return {a.v < b.v}; }
+POINTFAIR_INLINE Mask operator==(Ints a, Ints b) { return {a.v == b.v}; }
+POINTFAIR_INLINE Mask operator!=(Ints a, Ints b) { return {a.v != b.v}; }
+POINTFAIR_INLINE Mask operator&(Mask a, Mask b) { return {a.v & b.v}; }
+POINTFAIR_INLINE Mask operator|(Mask a, Mask b) { return {a.v | b.v}; }
+POINTFAIR_INLINE Mask operator~(Mask a) { return {~a.v}; }
+
+POINTFAIR_INLINE Floats select(Mask condition, Floats yes, Floats no) { return {condition.v ? yes.v : no.v}; }
+POINTFAIR_INLINE Ints select(Mask condition, Ints yes, Ints no) { return {condition.v ? yes.v : no.v}; }
+
+POINTFAIR_INLINE Floats square_root(Floats a) {
+#if defined(__AVX512F__)
+  return {_mm512_sqrt_ps(a.v)};
+#elif defined(__AVX2__)
+  return {_mm256_sqrt_ps(a.v)};
+#else
+  Floats root;
+  for (int lane = 0; lane < kLanes; ++lane) root.v[lane] = __builtin_sqrtf(a.v[lane]);
+  return root;
+#endif
+}
+
+POINTFAIR_INLINE Floats power_of_two_times(Floats value, Floats shifted) {
+  return {FloatVector(IntVector(value.v) + (IntVector(shifted.v) << 23))};
+}
+
+// One bit a lane, lane 0 lowest.
+POINTFAIR_INLINE unsigned bits(Mask m) {
+#if defined(__AVX512F__)
+  return _mm512_movepi32_mask(__m512i(m.v));
+#elif defined(__AVX2__)
+  return unsigned(_mm256_movemask_ps(__m256(m.v)));
+#else
+  unsigned result = 0;
+  for (int lane = 0; lane < kLanes; ++lane) result |= unsigned(m.v[lane] & 1) << lane;
+  return result;
+#endif
+}
+POINTFAIR_INLINE bool any(Mask m) { return bits(m) != 0; }
+
+// base[index] in each lane; every index must be valid.
+POINTFAIR_INLINE Floats gather(const float* base, Ints index) {
+#if defined(__AVX512F__)
+  return {_mm512_i32gather_ps(__m512i(index.v), base, 4)};
+#elif defined(__AVX2__)
+  return {_mm256_i32gather_ps(base, __m256i(index.v), 4)};
+#else
+  Floats result;
+  for (int lane = 0; lane < kLanes; ++lane) result.v[lane] = base[unsigned(index.v[lane])];
+  return result;
+#endif
+}
+
+POINTFAIR_INLINE float largest(Floats a) {
+#if defined(__AVX512F__)
+  return _mm512_reduce_max_ps(a.v);
+#else
+  float result = a.v[0];
+  for (int lane = 1; lane < kLanes; ++lane) result = a.v[lane] > result ? a.v[lane] : result;
+  return result;
+#endif
+}
+POINTFAIR_INLINE float smallest(Floats a) { return -largest(-a); }
+
+POINTFAIR_INLINE Ints lane_numbers() {
+  Ints numbers;
+  for (int lane = 0; lane < kLanes; ++lane) numbers.v[lane] = lane;
+  return numbers;
+}
+
+}  // namespace pointfair::cpu::POINTFAIR_ISA

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+// The one parallel loop of the CPU backend: blocks of fixed size, so that what a block computes never depends on the
+// number of threads, with a look at the stop token before each.
+#pragma once
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cstddef>
+#include <stop_token>
+
+#include "pointfair/cloud.hpp"
+
+namespace pointfair::cpu {
+
+inline void throw_if_stopped(const std::stop_token& stop) {
+  if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+}
+
+// Calls body(first, last, block) for consecutive blocks of `block_size` items.
+template <class Body>
+void for_blocks(std::size_t items, std::size_t block_size, const std::stop_token& stop, const Body& body) {
+  const std::size_t blocks = (items + block_size - 1) / block_size;
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, blocks, 1), [&](const tbb::blocked_range<std::size_t>& range) {
+    for (std::size_t block = range.begin(); block != range.end(); ++block) {
+      throw_if_stopped(stop);
+      body(block * block_size, std::min(items, (block + 1) * block_size), block);
+    }
+  });
+}
+
+}  // namespace pointfair::cpu

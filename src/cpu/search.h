@@ -1,0 +1,287 @@
+// SPDX-License-Identifier: Apache-2.0
+// The k nearest other points of a group of neighbouring points at once, one query a lane. The group walks the tree
+// together: a node is entered if its box is nearer to the group's box than the worst of the lanes' k-th distances, and
+// each candidate is offered to all lanes. Part of src/cpu/kernels.cpp.
+#pragma once
+
+#include "cpu/kernels.h"
+#include "cpu/pack.h"
+
+namespace pointfair::cpu::POINTFAIR_ISA {
+
+inline constexpr float kInfinity = __builtin_inff();
+
+// K sorted lists, one a lane, in registers as far as they go. Insertion has no order among equal distances; `ambiguous`
+// tells where that could have mattered, and ExactLists then decides.
+template <int K>
+struct FastLists {
+  static constexpr bool kOrdersTies = false;
+  Floats squared[K];
+  Ints at[K];
+  Floats evicted;  // the least distance that was offered and is not in the list
+
+  POINTFAIR_INLINE void clear() {
+    for (int s = 0; s < K; ++s) squared[s] = broadcast(kInfinity);
+    for (int s = 0; s < K; ++s) at[s] = broadcast(int(point::kNoNeighbor));
+    evicted = broadcast(kInfinity);
+  }
+  POINTFAIR_INLINE Floats last() const { return squared[K - 1]; }
+
+  // `distance` is infinite in lanes that do not take part.
+  POINTFAIR_INLINE void insert(Floats distance, Index position, Index) {
+    evicted = point::smaller(evicted, point::larger(distance, squared[K - 1]));
+    const Ints candidate = broadcast(int(position));
+    Mask before = distance < squared[K - 1];
+    for (int s = K - 1; s > 0; --s) {
+      const Mask before_previous = distance < squared[s - 1];
+      squared[s] = point::larger(squared[s - 1], point::smaller(distance, squared[s]));
+      at[s] = select(before, select(before_previous, at[s - 1], candidate), at[s]);
+      before = before_previous;
+    }
+    squared[0] = point::smaller(distance, squared[0]);
+    at[0] = select(before, candidate, at[0]);
+  }
+
+  POINTFAIR_INLINE Mask ambiguous() const {
+    Mask equal = evicted == squared[K - 1];
+    for (int s = 1; s < K; ++s) equal = equal | (squared[s] == squared[s - 1]);
+    return equal & (squared[0] < broadcast(kInfinity));
+  }
+  POINTFAIR_INLINE Index last_original() const { return point::kNoNeighbor; }
+};
+
+// Any k, ties by original index.
+struct ExactLists {
+  static constexpr bool kOrdersTies = true;
+  static constexpr int kCapacity = 1024;
+  int k;
+  Floats squared[kCapacity];
+  Ints at[kCapacity];
+  Ints original[kCapacity];
+
+  explicit ExactLists(int its_k) : k(its_k) {}
+  void clear() {
+    for (int s = 0; s < k; ++s) {
+      squared[s] = broadcast(kInfinity);
+      at[s] = broadcast(int(point::kNoNeighbor));
+      original[s] = broadcast(0x7fffffff);
+    }
+  }
+  Floats last() const { return squared[k - 1]; }
+
+  Mask precedes(Floats distance, Ints id, int s) const {
+    return (distance < squared[s]) | ((distance == squared[s]) & (id < original[s]));
+  }
+  void insert(Floats distance, Index position, Index original_index) {
+    const Ints id = broadcast(int(original_index)), candidate = broadcast(int(position));
+    const Mask takes_part = distance < broadcast(kInfinity);
+    Mask before = precedes(distance, id, k - 1) & takes_part;
+    for (int s = k - 1; any(before); --s) {
+      const Mask before_previous = s > 0 ? precedes(distance, id, s - 1) & before : Mask{};
+      const int p = s > 0 ? s - 1 : 0;
+      squared[s] = select(before, select(before_previous, squared[p], distance), squared[s]);
+      at[s] = select(before, select(before_previous, at[p], candidate), at[s]);
+      original[s] = select(before, select(before_previous, original[p], id), original[s]);
+      before = before_previous;
+    }
+  }
+  // The largest original index among the last entries at exactly `distance`.
+  Index last_original(float distance) const {
+    const Ints shown = select(last() == broadcast(distance), original[k - 1], broadcast(0));
+    int result = 0;
+    for (int lane = 0; lane < kLanes; ++lane) result = shown.v[lane] > result ? shown.v[lane] : result;
+    return Index(result);
+  }
+};
+
+// The lanes of a leaf that search together, their common box, and how far each still has to look.
+struct Queries {
+  point::Vec3<Floats> position;
+  point::Vec3<Floats> min, max;  // of the active lanes, the same in every lane
+  Ints at;                       // sorted positions of the queries
+  Floats limit;                  // candidates beyond do not count; -1 in idle lanes
+};
+
+POINTFAIR_INLINE point::Vec3<Floats> spread(float x, float y, float z) { return {broadcast(x), broadcast(y), broadcast(z)}; }
+
+POINTFAIR_INLINE Queries make_queries(const IndexView& index, Index first, Mask active, Floats limit) {
+  Queries q;
+  q.position = {load(index.x + first), load(index.y + first), load(index.z + first)};
+  q.at = Ints{lane_numbers().v + int(first)};
+  q.limit = select(active, limit, broadcast(-1.0f));
+  const Floats inf = broadcast(kInfinity);
+  q.min = spread(smallest(select(active, q.position.x, inf)), smallest(select(active, q.position.y, inf)),
+                 smallest(select(active, q.position.z, inf)));
+  q.max = spread(largest(select(active, q.position.x, -inf)), largest(select(active, q.position.y, -inf)),
+                 largest(select(active, q.position.z, -inf)));
+  return q;
+}
+
+// One walk of a group over the tree. `Lists` collects.
+template <class Lists>
+class GroupSearch {
+ public:
+  POINTFAIR_INLINE GroupSearch(const IndexView& index, const Queries& queries, Lists& lists, int leaf_budget)
+      : index_(index), q_(queries), lists_(lists), budget_(leaf_budget) {
+    lists_.clear();
+    update_bound();
+  }
+
+  // From the leaf outwards: its own points, the leaves beside it on the curve, then the siblings of each ancestor.
+  // Returns false if the budget of leaves ran out before the end.
+  bool run(Index own_leaf, Index leaves_beside) {
+    visit_leaf<true>(own_leaf);
+    first_done_ = own_leaf > leaves_beside ? own_leaf - leaves_beside : 0;
+    last_done_ = own_leaf + leaves_beside < index_.leaves ? own_leaf + leaves_beside : index_.leaves - 1;
+    for (Index leaf = first_done_; leaf <= last_done_; ++leaf)
+      if (leaf != own_leaf) visit_leaf<false>(leaf);
+    Index node = own_leaf;
+    for (int level = 0; level < index_.levels; ++level) {
+      if (!visit_children(level, node / kLeafSize, level == 0 ? kLeafSize : node % kLeafSize)) return false;
+      node /= kLeafSize;
+    }
+    return true;
+  }
+
+ private:
+  POINTFAIR_INLINE void update_bound() {
+    bound_ = point::smaller(lists_.last(), q_.limit);
+    farthest_ = largest(bound_);
+    if constexpr (Lists::kOrdersTies) last_original_ = lists_.last_original(farthest_);
+  }
+
+  // Bit c is set if child c of the group may hold a neighbour.
+  POINTFAIR_INLINE unsigned near_children(const BoxGroup& group) const {
+    unsigned result = 0;
+    const Floats farthest = broadcast(farthest_);
+    for (int c = 0; c < kLeafSize; c += kLanes) {
+      const point::Vec3<Floats> min = {load(group.min_x + c), load(group.min_y + c), load(group.min_z + c)};
+      const point::Vec3<Floats> max = {load(group.max_x + c), load(group.max_y + c), load(group.max_z + c)};
+      const Floats gap = point::squared_gap(min, max, q_.min, q_.max);
+      Mask near = gap <= farthest;
+      if constexpr (Lists::kOrdersTies) {
+        const Mask too_late = Ints{IntVector{} + int(last_original_)} < load(group.least_original + c);
+        near = near & ~((gap == farthest) & (farthest < q_.limit) & too_late);
+      }
+      result |= bits(near) << c;
+    }
+    return result;
+  }
+
+  bool visit_children(int level, Index group, Index skipped) {
+    unsigned children = near_children(index_.level[level][group]) & ~(1u << skipped);
+    for (; children != 0; children &= children - 1) {
+      const Index child = group * kLeafSize + Index(__builtin_ctz(children));
+      if (level > 0) {
+        if (!visit_children(level - 1, child, kLeafSize)) return false;
+      } else if (child < first_done_ || child > last_done_) {
+        if (--budget_ < 0) return false;
+        visit_leaf<false>(child);
+      }
+    }
+    return true;
+  }
+
+  template <bool kOwn>
+  POINTFAIR_INLINE void visit_leaf(Index leaf) {
+    for (int c = 0; c < kLeafSize; c += kLanes) {
+      const Index first = leaf * kLeafSize + Index(c);
+      const point::Vec3<Floats> p = {load(index_.x + first), load(index_.y + first), load(index_.z + first)};
+      unsigned near = bits(point::squared_gap(p, p, q_.min, q_.max) <= broadcast(farthest_));
+      for (; near != 0; near &= near - 1) offer<kOwn>(first + Index(__builtin_ctz(near)));
+    }
+    update_bound();
+  }
+
+  template <bool kOwn>
+  POINTFAIR_INLINE void offer(Index position) {
+    const point::Vec3<Floats> candidate = spread(index_.x[position], index_.y[position], index_.z[position]);
+    const Floats distance = point::squared_length(candidate - q_.position);
+    Mask hit = distance <= bound_;
+    if constexpr (kOwn) hit = hit & (q_.at != broadcast(int(position)));
+    if (!any(hit)) return;
+    lists_.insert(select(hit, distance, broadcast(kInfinity)), position, index_.original[position]);
+    bound_ = point::smaller(lists_.last(), q_.limit);
+  }
+
+  const IndexView& index_;
+  const Queries& q_;
+  Lists& lists_;
+  Floats bound_;           // per lane: what a candidate must not exceed
+  float farthest_ = 0;     // the largest of them when last measured
+  Index last_original_ = 0;
+  Index first_done_ = 0, last_done_ = 0;
+  int budget_;
+};
+
+// A group whose box is wide against its lanes' reach (a stray point among others, a jump of the curve) would visit far
+// too much together; past this many leaves it is split.
+POINTFAIR_INLINE int leaf_budget(int k, bool may_split) { return may_split ? 48 + 2 * k : 0x7fffffff; }
+POINTFAIR_INLINE Index leaves_beside(int k) { return Index(k + kLeafSize - 1) / kLeafSize; }
+
+POINTFAIR_INLINE void copy_lists(const Floats* squared, const Ints* at, int k, Mask active, Index* out, int lane_stride) {
+  for (int s = 0; s < k; ++s) {
+    const Ints found = select(squared[s] < broadcast(kInfinity), at[s], broadcast(int(point::kNoNeighbor)));
+    for (unsigned lanes = bits(active); lanes != 0; lanes &= lanes - 1) {
+      const int lane = __builtin_ctz(lanes);
+      out[s * lane_stride + lane] = Index(found.v[lane]);
+    }
+  }
+}
+POINTFAIR_INLINE void copy_whole_lists(const Ints* at, int k, Index* out) {
+  for (int s = 0; s < k; ++s) store(out + s * kLeafSize, at[s]);
+}
+
+POINTFAIR_INLINE Mask lanes_between(int first, int last) {
+  return ~(lane_numbers() < broadcast(first)) & (lane_numbers() < broadcast(last));
+}
+
+// Lanes [first_lane, last_lane) of the pack that starts at sorted position `start`.
+inline void search_exact(const IndexView& index, Index start, int first_lane, int last_lane, int k, Floats limit, Index* out) {
+  const Mask active = lanes_between(first_lane, last_lane) & Mask{lane_numbers().v < int(index.points - start)};
+  if (!any(active)) return;
+  ExactLists lists(k);
+  const Queries queries = make_queries(index, start, active, limit);
+  GroupSearch<ExactLists> search(index, queries, lists, leaf_budget(k, last_lane - first_lane > 1));
+  if (search.run(start / kLeafSize, leaves_beside(k))) {
+    copy_lists(lists.squared, lists.at, k, active, out, kLeafSize);
+    return;
+  }
+  const Floats known = point::smaller(lists.last(), limit);  // k candidates lie within it
+  const int middle = (first_lane + last_lane) / 2;
+  search_exact(index, start, first_lane, middle, k, known, out);
+  search_exact(index, start, middle, last_lane, k, known, out);
+}
+
+template <int K>
+void search_pack(const IndexView& index, Index start, int first_lane, int last_lane, int k, Floats limit, Index* out) {
+  const Mask active = lanes_between(first_lane, last_lane) & Mask{lane_numbers().v < int(index.points - start)};
+  if (!any(active)) return;
+  FastLists<K> lists;
+  const Queries queries = make_queries(index, start, active, limit);
+  GroupSearch<FastLists<K>> search(index, queries, lists, leaf_budget(k, last_lane - first_lane > 1));
+  const bool whole = search.run(start / kLeafSize, leaves_beside(K));
+  const Floats known = point::smaller(lists.last(), limit);
+  if (any(lists.ambiguous() & active)) {
+    search_exact(index, start, first_lane, last_lane, k, known, out);
+  } else if (whole && last_lane - first_lane == kLanes) {
+    copy_whole_lists(lists.at, k, out);
+  } else if (whole) {
+    copy_lists(lists.squared, lists.at, k, active, out, kLeafSize);
+  } else {
+    const int middle = (first_lane + last_lane) / 2;
+    search_pack<K>(index, start, first_lane, middle, k, known, out);
+    search_pack<K>(index, start, middle, last_lane, k, known, out);
+  }
+}
+
+inline void search_lanes(const IndexView& index, Index start, int first_lane, int last_lane, int k, float squared_limit,
+                         Index* out) {
+  const Floats limit = broadcast(squared_limit);
+  if (k <= 8) return search_pack<8>(index, start, first_lane, last_lane, k, limit, out);
+  if (k <= 16) return search_pack<16>(index, start, first_lane, last_lane, k, limit, out);
+  if (k <= 32) return search_pack<32>(index, start, first_lane, last_lane, k, limit, out);
+  search_exact(index, start, first_lane, last_lane, k, limit, out);
+}
+
+}  // namespace pointfair::cpu::POINTFAIR_ISA

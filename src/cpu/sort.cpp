@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cpu/sort.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <utility>
+#include <vector>
+
+#include "cpu/parallel.h"
+
+namespace pointfair::cpu {
+namespace {
+
+constexpr int kDigitBits = 10, kDigits = 3;              // of a 30-bit key
+constexpr std::size_t kBuckets = std::size_t(1) << kDigitBits;
+constexpr std::size_t kSmall = 512;                      // below, comparison sorting wins
+constexpr std::size_t kCacheable = std::size_t(1) << 15; // elements of a run that one thread sorts in its cache
+constexpr std::size_t kSortBlock = std::size_t(1) << 14;
+
+using Elements = std::span<std::uint64_t>;
+using Histogram = std::array<std::uint32_t, kBuckets>;
+
+std::size_t digit_of(std::uint64_t element, int digit) {
+  return std::size_t(element >> (32 + digit * kDigitBits)) & (kBuckets - 1);
+}
+
+class CurveSorter {
+ public:
+  CurveSorter(std::span<const Point> points, const Kernels& kernels, const std::stop_token& stop)
+      : points_(points), kernels_(kernels), stop_(stop) {}
+
+  // Keys the run within `box` and sorts it; scratch is of the same size.
+  void sort(Elements run, Elements scratch, const Box& box) const {
+    const float extent = std::max({box.max_x - box.min_x, box.max_y - box.min_y, box.max_z - box.min_z});
+    const float scale = float(kBuckets) / extent;
+    if (!(extent > 0) || !std::isfinite(scale)) {  // identical points, or as good as that
+      std::sort(run.begin(), run.end(), [](auto a, auto b) { return std::uint32_t(a) < std::uint32_t(b); });
+      return;
+    }
+    for_blocks(run.size(), kSortBlock, stop_, [&](std::size_t first, std::size_t last, std::size_t) {
+      kernels_.hilbert_keys(&points_[0].x, run.data() + first, last - first, box.min_x, box.min_y, box.min_z, scale);
+    });
+    sort_keyed(run, scratch, kDigits - 1);
+  }
+
+ private:
+  // Sorts by digits `digit` to 0; those above agree throughout the run.
+  void sort_keyed(Elements run, Elements scratch, int digit) const {
+    if (run.size() <= kCacheable || digit == 0) {
+      sort_in_cache(run, scratch, digit);
+      refine_cells(run, scratch);
+      return;
+    }
+    const std::vector<std::size_t> ends = partition(run, scratch, digit);
+    tbb::parallel_for(std::size_t(0), kBuckets, [&](std::size_t bucket) {
+      throw_if_stopped(stop_);
+      const std::size_t first = bucket == 0 ? 0 : ends[bucket - 1], size = ends[bucket] - first;
+      if (size == 0) return;
+      std::copy_n(scratch.begin() + first, size, run.begin() + first);
+      sort_keyed(run.subspan(first, size), scratch.subspan(first, size), digit - 1);
+    });
+  }
+
+  // Stable, into scratch; returns where each bucket ends.
+  std::vector<std::size_t> partition(Elements run, Elements scratch, int digit) const {
+    const std::size_t block_size = std::max(kSortBlock, run.size() / 64 + 1);
+    const std::size_t blocks = (run.size() + block_size - 1) / block_size;
+    std::vector<Histogram> next(blocks);
+    for_blocks(run.size(), block_size, stop_, [&](std::size_t first, std::size_t last, std::size_t block) {
+      next[block].fill(0);
+      for (std::size_t i = first; i < last; ++i) ++next[block][digit_of(run[i], digit)];
+    });
+    std::vector<std::size_t> ends(kBuckets);
+    std::size_t total = 0;
+    for (std::size_t bucket = 0; bucket < kBuckets; ++bucket) {
+      for (Histogram& histogram : next) total += std::exchange(histogram[bucket], std::uint32_t(total));
+      ends[bucket] = total;
+    }
+    for_blocks(run.size(), block_size, stop_, [&](std::size_t first, std::size_t last, std::size_t block) {
+      for (std::size_t i = first; i < last; ++i) scratch[next[block][digit_of(run[i], digit)]++] = run[i];
+    });
+    return ends;
+  }
+
+  static void sort_in_cache(Elements run, Elements scratch, int digit) {
+    if (run.size() <= kSmall) {
+      std::sort(run.begin(), run.end());
+      return;
+    }
+    for (int d = 0; d <= digit; ++d) {
+      Histogram next{};
+      for (const std::uint64_t element : run) ++next[digit_of(element, d)];
+      std::uint32_t total = 0;
+      for (std::uint32_t& count : next) total += std::exchange(count, total);
+      for (const std::uint64_t element : run) scratch[next[digit_of(element, d)]++] = element;
+      std::copy(scratch.begin(), scratch.end(), run.begin());
+    }
+  }
+
+  // Gives every cell of more than a leaf of points a finer curve.
+  void refine_cells(Elements run, Elements scratch) const {
+    for (std::size_t first = 0; first < run.size();) {
+      std::size_t last = first + 1;
+      while (last < run.size() && run[last] >> 32 == run[first] >> 32) ++last;
+      const std::size_t size = last - first;
+      if (size > kLeafSize) sort(run.subspan(first, size), scratch.subspan(first, size), box_of(run.subspan(first, size)));
+      first = last;
+    }
+  }
+
+  Box box_of(Elements run) const {
+    constexpr float inf = std::numeric_limits<float>::infinity();
+    Box box{inf, inf, inf, -inf, -inf, -inf};
+    for (const std::uint64_t element : run) {
+      const Point p = points_[std::uint32_t(element)];
+      box = {std::min(box.min_x, p.x), std::min(box.min_y, p.y), std::min(box.min_z, p.z),
+             std::max(box.max_x, p.x), std::max(box.max_y, p.y), std::max(box.max_z, p.z)};
+    }
+    return box;
+  }
+
+  std::span<const Point> points_;
+  const Kernels& kernels_;
+  const std::stop_token& stop_;
+};
+
+}  // namespace
+
+void sort_along_curve(std::span<const Point> points, std::span<std::uint64_t> elements, std::span<std::uint64_t> scratch,
+                      const Box& core, const Kernels& kernels, const std::stop_token& stop) {
+  CurveSorter(points, kernels, stop).sort(elements, scratch, core);
+}
+
+}  // namespace pointfair::cpu

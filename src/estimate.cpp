@@ -1,0 +1,256 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "estimate.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <span>
+#include <vector>
+
+namespace pointfair {
+namespace {
+
+constexpr std::size_t kSpacingSamples = 2000, kNoiseSamples = 500;
+constexpr int kSpacingNeighbors = 6;
+constexpr int kFirstFit = 24, kLargestFit = 600;
+constexpr double kFitGrowth = 1.4;
+
+// Scattered over the upload order by a low-discrepancy sequence (multiples of the golden ratio), so that a period in
+// the order of the file (rows of a scanner) is not met in step.
+std::vector<std::uint32_t> sample_queries(std::uint64_t points, std::size_t samples) {
+  std::vector<std::uint32_t> queries;
+  if (points <= samples) {
+    for (std::uint64_t i = 0; i < points; ++i) queries.push_back(std::uint32_t(i));
+    return queries;
+  }
+  constexpr double kGolden = 0.6180339887498949;
+  for (std::size_t i = 0; i < samples; ++i) {
+    const double place = double(i + 1) * kGolden;
+    queries.push_back(std::uint32_t((place - std::floor(place)) * double(points)));
+  }
+  return queries;
+}
+
+struct Vec {
+  double x, y, z;
+};
+Vec operator-(Vec a, Vec b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+double dot(Vec a, Vec b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+double length(Vec a) { return std::sqrt(dot(a, a)); }
+Vec to_vec(Point p) { return {p.x, p.y, p.z}; }
+
+// The known part of a row of sample_neighborhoods, relative to its query; empty if the query is invalid.
+std::vector<Vec> offsets_of(std::span<const Point> row) {
+  std::vector<Vec> offsets;
+  for (const Point& p : row.subspan(1)) {
+    if (std::isnan(p.x)) break;
+    offsets.push_back(to_vec(p) - to_vec(row[0]));
+  }
+  return offsets;
+}
+
+struct Frame {
+  Vec centroid;
+  std::array<Vec, 3> axes;        // by falling eigenvalue: the last is the normal
+  double least_eigenvalue;        // variance along the normal
+};
+
+// Cyclic Jacobi rotations; exact enough after 12 sweeps for any symmetric 3 x 3.
+Frame principal_frame(std::span<const Vec> offsets) {
+  Vec c{0, 0, 0};
+  for (const Vec& o : offsets) c = {c.x + o.x, c.y + o.y, c.z + o.z};
+  const double n = double(offsets.size());
+  c = {c.x / n, c.y / n, c.z / n};
+  double m[3][3] = {};
+  for (const Vec& o : offsets) {
+    const Vec d = o - c;
+    const double v[3] = {d.x, d.y, d.z};
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j) m[i][j] += v[i] * v[j] / n;
+  }
+  double e[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+  for (int sweep = 0; sweep < 12; ++sweep)
+    for (int p = 0; p < 2; ++p)
+      for (int q = p + 1; q < 3; ++q) {
+        if (m[p][q] == 0) continue;
+        const double theta = (m[q][q] - m[p][p]) / (2 * m[p][q]);
+        const double t = (theta < 0 ? -1 : 1) / (std::abs(theta) + std::sqrt(theta * theta + 1));
+        const double cosine = 1 / std::sqrt(t * t + 1), sine = t * cosine;
+        for (int i = 0; i < 3; ++i) {
+          const double a = m[i][p], b = m[i][q];
+          m[i][p] = cosine * a - sine * b;
+          m[i][q] = sine * a + cosine * b;
+        }
+        for (int i = 0; i < 3; ++i) {
+          const double a = m[p][i], b = m[q][i];
+          m[p][i] = cosine * a - sine * b;
+          m[q][i] = sine * a + cosine * b;
+          const double u = e[i][p], w = e[i][q];
+          e[i][p] = cosine * u - sine * w;
+          e[i][q] = sine * u + cosine * w;
+        }
+      }
+  std::array<int, 3> order{0, 1, 2};
+  std::sort(order.begin(), order.end(), [&](int a, int b) { return m[a][a] > m[b][b]; });
+  Frame frame{c, {}, std::max(0.0, m[order[2]][order[2]])};
+  for (int i = 0; i < 3; ++i) frame.axes[i] = {e[0][order[i]], e[1][order[i]], e[2][order[i]]};
+  return frame;
+}
+
+// Residual variance of the least-squares quadric over the frame's plane, unbiased: divided by n - 6.
+double quadric_variance(std::span<const Vec> offsets, const Frame& frame, double radius) {
+  constexpr int kTerms = 6;
+  double a[kTerms][kTerms + 1] = {};
+  const auto terms = [&](Vec o, double& height) {
+    const Vec d = o - frame.centroid;
+    const double u = dot(d, frame.axes[0]) / radius, v = dot(d, frame.axes[1]) / radius;
+    height = dot(d, frame.axes[2]);
+    return std::array<double, kTerms>{1, u, v, u * u, u * v, v * v};
+  };
+  for (const Vec& o : offsets) {
+    double h = 0;
+    const auto t = terms(o, h);
+    for (int i = 0; i < kTerms; ++i) {
+      for (int j = 0; j < kTerms; ++j) a[i][j] += t[i] * t[j];
+      a[i][kTerms] += t[i] * h;
+    }
+  }
+  for (int i = 0; i < kTerms; ++i) {  // Gauss-Jordan; a vanishing pivot drops its term
+    const double pivot = a[i][i];
+    if (pivot < 1e-9 * double(offsets.size())) {
+      for (double& value : a[i]) value = 0;
+      continue;
+    }
+    for (double& value : a[i]) value /= pivot;
+    for (int r = 0; r < kTerms; ++r) {
+      if (r == i) continue;
+      const double factor = a[r][i];
+      for (int j = 0; j <= kTerms; ++j) a[r][j] -= factor * a[i][j];
+    }
+  }
+  double sum = 0;
+  for (const Vec& o : offsets) {
+    double h = 0;
+    const auto t = terms(o, h);
+    for (int i = 0; i < kTerms; ++i) h -= a[i][kTerms] * t[i];
+    sum += h * h;
+  }
+  return sum / double(offsets.size() - kTerms);
+}
+
+// A ball of radius r cuts the slab of noise: near its rim only small offsets are inside. Undoes that to second order.
+double without_slab_bias(double variance, double radius) {
+  double s2 = variance;
+  for (int round = 0; round < 8; ++round) {
+    const double t = std::min(0.15, s2 / (radius * radius));
+    s2 = variance * (1 - t) / (1 - 3 * t);
+  }
+  return s2;
+}
+
+// The noise seen from one neighbourhood, or nothing if it is still too narrow against the noise.
+std::optional<double> local_noise(std::span<const Vec> offsets, bool may_grow) {
+  const double k = double(offsets.size());
+  const Frame frame = principal_frame(offsets);
+  const double radius = length(offsets.back());
+  if (!(radius > 0)) return 0.0;
+  if (may_grow && radius < 3.7 * std::sqrt(frame.least_eigenvalue * k / (k - 3))) return std::nullopt;
+  return std::sqrt(without_slab_bias(quadric_variance(offsets, frame, radius), radius));
+}
+
+}  // namespace
+
+Spacing measure_spacing(Backend& backend, std::uint64_t points) {
+  const std::vector<std::uint32_t> queries = sample_queries(points, kSpacingSamples);
+  std::vector<Point> rows(queries.size() * (kSpacingNeighbors + 1));
+  backend.sample_neighborhoods(queries, kSpacingNeighbors, rows);
+  double sum = 0;
+  std::vector<double> last;
+  for (std::size_t q = 0; q < queries.size(); ++q) {
+    const auto offsets = offsets_of({rows.data() + q * (kSpacingNeighbors + 1), kSpacingNeighbors + 1});
+    if (offsets.empty()) continue;
+    double mean = 0;
+    for (const Vec& o : offsets) mean += length(o) / double(offsets.size());
+    sum += mean;
+    last.push_back(length(offsets.back()));
+  }
+  if (last.empty()) return {};
+  const auto high = last.begin() + std::ptrdiff_t(0.95 * double(last.size() - 1));
+  std::nth_element(last.begin(), high, last.end());
+  return {sum / double(last.size()), *high};
+}
+
+double measure_noise(Backend& backend, std::uint64_t points) {
+  std::vector<std::uint32_t> queries = sample_queries(points, kNoiseSamples);
+  std::vector<double> found;
+  for (double wanted = kFirstFit; !queries.empty(); wanted *= kFitGrowth) {
+    const int k = std::min(int(wanted), kLargestFit);
+    std::vector<Point> rows(queries.size() * (std::size_t(k) + 1));
+    backend.sample_neighborhoods(queries, k, rows);
+    std::vector<std::uint32_t> again;
+    for (std::size_t q = 0; q < queries.size(); ++q) {
+      const auto offsets = offsets_of({rows.data() + q * (std::size_t(k) + 1), std::size_t(k) + 1});
+      if (offsets.size() < kFirstFit / 2) continue;
+      const bool may_grow = k < kLargestFit && offsets.size() == std::size_t(k);
+      const std::optional<double> noise = local_noise(offsets, may_grow);
+      if (noise) {
+        found.push_back(*noise);
+      } else {
+        again.push_back(queries[q]);
+      }
+    }
+    queries = std::move(again);
+  }
+  if (found.empty()) return 0;
+  const auto low = found.begin() + std::ptrdiff_t(0.35 * double(found.size() - 1));
+  std::nth_element(found.begin(), low, found.end());
+  return *low;
+}
+
+bool needs_noise(const Params& p) {
+  const bool k_follows = p.k == kAutomatic && p.radius.is_automatic();
+  return k_follows || p.similarity_sigma.is_automatic() || (p.constraint && p.delta.is_automatic());
+}
+
+bool needs_spacing(const Params& p) {
+  const auto of_spacing = [](const Length& l) { return l.unit == Length::Unit::spacing || l.is_automatic(); };
+  return p.k == kAutomatic || of_spacing(p.normal_sigma) || of_spacing(p.closeness_sigma) ||
+         of_spacing(p.similarity_sigma) || p.radius.unit == Length::Unit::spacing ||
+         (p.constraint && (of_spacing(p.rho) || of_spacing(p.delta)));
+}
+
+Params resolve_params(const Params& params, const Spacing& spacing, double noise, double diagonal) {
+  // A cloud without extent or noise must still get lengths that can be given again.
+  const double least = 1e-6 * (diagonal > 0 ? diagonal : 1.0);
+  const auto in_file_units = [&](const Length& length, double automatic) -> Length {
+    switch (length.unit) {
+      case Length::Unit::automatic: return std::max(automatic, least);
+      case Length::Unit::diagonal: return length.value * diagonal;
+      case Length::Unit::spacing: return length.value * spacing.mean;
+      case Length::Unit::file: break;
+    }
+    return length;
+  };
+  Params used = params;
+  const double s = spacing.mean;
+  // Points within R of a point, where a square of side s holds one point.
+  const auto count_within = [&](double r) { return s > 0 ? std::numbers::pi * r * r / (s * s) : 0.0; };
+  if (!params.radius.is_automatic()) {
+    used.radius = in_file_units(params.radius, 0);
+  } else if (params.k == kAutomatic) {
+    // wide enough to hold 16 points, and wide against the noise
+    used.k = int(std::clamp(16 + count_within(2.5 * noise), 16.0, 200.0));
+  }
+  const double r = used.k != kAutomatic ? s * std::sqrt(used.k / std::numbers::pi) : used.radius.value;
+  const double reach = used.radius.is_automatic() ? r : std::min(r, used.radius.value);
+  used.rho = in_file_units(params.rho, spacing.rho);
+  used.delta = in_file_units(params.delta, 2.5 * noise);
+  used.normal_sigma = in_file_units(params.normal_sigma, 0.5 * reach);
+  used.closeness_sigma = in_file_units(params.closeness_sigma, 0.5 * reach);  // Fleishman 2003: radius = 2 sigma_c
+  used.similarity_sigma = in_file_units(params.similarity_sigma, std::max(3 * noise, 0.05 * s));
+  if (params.passes == kAutomatic) used.passes = 2;
+  return used;
+}
+
+}  // namespace pointfair

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the cloud itself says: spacing, noise, and the parameters that follow from them.
+#pragma once
+
+#include <optional>
+
+#include "backend.hpp"
+#include "pointfair/params.hpp"
+
+namespace pointfair {
+
+// Sampled at the same points for every backend, so the same on each.
+struct Spacing {
+  double mean = 0;       // mean distance to the 6 nearest other points (as CGAL's compute_average_spacing)
+  double rho = 0;        // 95 % quantile of the distance to the 6th: a sampling gap that is no feature
+};
+
+// Points spread evenly over the upload order among which valid ones are found; `points` is the number uploaded.
+Spacing measure_spacing(Backend& backend, std::uint64_t points);
+
+// Standard deviation of the noise along the normal. Residuals of quadric fits over neighbourhoods that are grown until
+// they are wide against the noise (Eq. 8 of docs/how-it-works.md); a low quantile over the samples, since edges and
+// outliers only ever raise a residual.
+double measure_noise(Backend& backend, std::uint64_t points);
+
+// Replaces each `auto` by what follows from the spacing and noise, and every length by file units.
+Params resolve_params(const Params& params, const Spacing& spacing, double noise, double diagonal);
+
+// Whether `resolve_params` would look at the spacing, at the noise.
+bool needs_spacing(const Params& params);
+bool needs_noise(const Params& params);
+
+}  // namespace pointfair

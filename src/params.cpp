@@ -1,0 +1,184 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pointfair/params.hpp"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <optional>
+#include <vector>
+
+#include "pointfair/cloud.hpp"
+
+namespace pointfair {
+namespace {
+
+char joined(char c) { return c == '-' ? '_' : c; }
+
+std::vector<std::string_view> words_of(std::string_view values) {
+  std::vector<std::string_view> words;
+  for (std::size_t first = 0; first <= values.size();) {
+    const std::size_t end = std::min(values.find('|', first), values.size());
+    words.push_back(values.substr(first, end - first));
+    first = end + 1;
+  }
+  return words;
+}
+
+std::string flag_of(const ParamInfo& info) {
+  std::string flag = "--" + std::string(info.name);
+  std::replace(flag.begin(), flag.end(), '_', '-');
+  return flag;
+}
+
+[[noreturn]] void refuse(const ParamInfo& info, std::string_view text, const std::string& wanted) {
+  throw Error(ErrorKind::usage, flag_of(info) + " cannot be '" + std::string(text) + "': give " + wanted);
+}
+
+std::string number_text(double value) {
+  char text[32];
+  const auto end = std::to_chars(text, text + sizeof text, value).ptr;
+  return std::string(text, end);
+}
+
+std::optional<double> number_of(std::string_view text) {
+  double value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size() || !std::isfinite(value)) return std::nullopt;
+  return value;
+}
+
+std::string wanted_values(const ParamInfo& info) {
+  const std::string automatic = info.automatic ? " or auto" : "";
+  if (!info.values.empty()) return "one of " + std::string(info.values) + automatic;
+  if (std::holds_alternative<int Params::*>(info.field))
+    return "a whole number from " + number_text(info.min) + " to " + number_text(info.max) + automatic;
+  return "a positive length: 0.02 (file units), 0.5% (of the diagonal), 2s (mean spacings)" + automatic;
+}
+
+Length length_of(const ParamInfo& info, std::string_view text) {
+  if (text == "auto") return {};
+  Length::Unit unit = Length::Unit::file;
+  double factor = 1;
+  std::string_view digits = text;
+  if (digits.ends_with('%')) {
+    unit = Length::Unit::diagonal;
+    factor = 0.01;
+    digits.remove_suffix(1);
+  } else if (digits.ends_with('s')) {
+    unit = Length::Unit::spacing;
+    digits.remove_suffix(1);
+  }
+  const std::optional<double> value = number_of(digits);
+  if (!value || !(*value > 0) || *value > info.max) refuse(info, text, wanted_values(info));
+  return {*value * factor, unit};
+}
+
+std::string length_text(const Length& length) {
+  switch (length.unit) {
+    case Length::Unit::automatic: return "auto";
+    case Length::Unit::file: return number_text(length.value);
+    case Length::Unit::diagonal: return number_text(length.value * 100) + "%";
+    case Length::Unit::spacing: return number_text(length.value) + "s";
+  }
+  return "auto";
+}
+
+std::size_t word_index(const ParamInfo& info, std::string_view text) {
+  const auto words = words_of(info.values);
+  const auto found = std::find(words.begin(), words.end(), text);
+  if (found == words.end()) refuse(info, text, wanted_values(info));
+  return std::size_t(found - words.begin());
+}
+
+// How one kind of field is read, printed and checked.
+struct ReadField {
+  Params& params;
+  const ParamInfo& info;
+  std::string_view text;
+
+  void operator()(int Params::*field) const {
+    if (info.automatic && text == "auto") {
+      params.*field = kAutomatic;
+      return;
+    }
+    const std::optional<double> value = number_of(text);
+    if (!value || *value != std::floor(*value) || *value < info.min || *value > info.max)
+      refuse(info, text, wanted_values(info));
+    params.*field = int(*value);
+  }
+  void operator()(bool Params::*field) const { params.*field = word_index(info, text) == 0; }
+  void operator()(Length Params::*field) const { params.*field = length_of(info, text); }
+  template <class Enum>
+  void operator()(Enum Params::*field) const {
+    params.*field = static_cast<Enum>(word_index(info, text));
+  }
+};
+
+struct PrintField {
+  const Params& params;
+  const ParamInfo& info;
+
+  std::string operator()(int Params::*field) const {
+    return params.*field == kAutomatic ? "auto" : std::to_string(params.*field);
+  }
+  std::string operator()(bool Params::*field) const { return params.*field ? "on" : "off"; }
+  std::string operator()(Length Params::*field) const { return length_text(params.*field); }
+  template <class Enum>
+  std::string operator()(Enum Params::*field) const {
+    return std::string(words_of(info.values).at(std::size_t(params.*field)));
+  }
+};
+
+struct CheckField {
+  const Params& params;
+  const ParamInfo& info;
+
+  void operator()(int Params::*field) const {
+    const int value = params.*field;
+    if (value != kAutomatic && (value < info.min || value > info.max))
+      refuse(info, std::to_string(value), wanted_values(info));
+  }
+  void operator()(Length Params::*field) const {
+    const Length length = params.*field;
+    if (length.is_automatic()) return;
+    if (!(length.value > 0) || !(length.value <= info.max)) refuse(info, length_text(length), wanted_values(info));
+  }
+  template <class Other>
+  void operator()(Other Params::*) const {}
+};
+
+}  // namespace
+
+Params paper_preset() {
+  Params params;
+  params.k = 8;
+  params.constraint = true;
+  params.area_weight = AreaWeight::squared;
+  params.passes = 1;
+  return params;
+}
+
+const ParamInfo* find_param(std::string_view name) {
+  const auto same = [&](const ParamInfo& info) {
+    return std::equal(info.name.begin(), info.name.end(), name.begin(), name.end(),
+                      [](char a, char b) { return joined(a) == joined(b); });
+  };
+  const auto found = std::find_if(kParams.begin(), kParams.end(), same);
+  return found == kParams.end() ? nullptr : &*found;
+}
+
+void set_param(Params& params, const ParamInfo& info, std::string_view text) {
+  std::visit(ReadField{params, info, text}, info.field);
+}
+
+std::string param_text(const Params& params, const ParamInfo& info) {
+  return std::visit(PrintField{params, info}, info.field);
+}
+
+void check_params(const Params& params) {
+  for (const ParamInfo& info : kParams) std::visit(CheckField{params, info}, info.field);
+  if (params.constraint && params.k == kAutomatic && !params.radius.is_automatic())
+    throw Error(ErrorKind::usage, "--constraint grows a list of neighbours: give --k beside --radius");
+}
+
+}  // namespace pointfair

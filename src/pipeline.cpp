@@ -1,0 +1,310 @@
+// SPDX-License-Identifier: Apache-2.0
+// Which stage must run again. The stages are a chain, so one number says it: the first stage whose result is not valid.
+#include "pointfair/pipeline.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <optional>
+#include <utility>
+
+#include "backend.hpp"
+#include "estimate.hpp"
+#include "pipeline_access.hpp"
+
+namespace pointfair {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double milliseconds_since(Clock::time_point start) {
+  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+}
+
+constexpr std::array<std::string_view, 4> kStageNames{"index", "neighbors", "normals", "fairing"};
+
+struct Settings {
+  NeighborSettings neighbors;
+  NormalSettings normals;
+  FairingSettings fairing;
+};
+
+Settings settings_of(const Params& p) {
+  Settings s;
+  s.neighbors.k = p.k;
+  s.neighbors.radius = p.radius.is_automatic() ? 0.0f : float(p.radius.value);
+  s.neighbors.constraint = p.constraint;
+  s.neighbors.reach = p.constraint ? float(p.rho.value + p.delta.value) : 0.0f;
+  s.normals = {p.normal_weights, p.normal_weights ? float(p.normal_sigma.value) : 0.0f};
+  s.fairing = {p.method, p.area_weight, float(p.closeness_sigma.value), float(p.similarity_sigma.value)};
+  return s;
+}
+
+// The first stage that reads something that differs.
+Stage first_difference(const Settings& a, const Settings& b) {
+  if (a.neighbors != b.neighbors) return Stage::neighbors;
+  if (a.normals != b.normals) return Stage::normals;
+  if (a.fairing != b.fairing) return Stage::fairing;
+  return Stage::passes;
+}
+
+Stage following(Stage stage) { return Stage(int(stage) + 1); }
+
+std::unique_ptr<Backend> make_backend(const Device& device, DeviceInfo& info) {
+  if (device.kind == Device::cpu) {
+    auto backend = make_cpu_backend(device.threads);
+    info = backend->device();
+    info.reason = "requested";
+    return backend;
+  }
+  try {
+    auto backend = make_cuda_backend(device.index);
+    info = backend->device();
+    info.reason = device.kind == Device::cuda ? "requested" : "a CUDA card was found";
+    return backend;
+  } catch (const Error& error) {
+    if (device.kind == Device::cuda) throw;
+    auto backend = make_cpu_backend(device.threads);
+    info = backend->device();
+    info.reason = std::string("no CUDA: ") + error.what();
+    return backend;
+  }
+}
+
+}  // namespace
+
+struct Pipeline::State {
+  std::unique_ptr<Backend> backend;
+  DeviceInfo device;
+  std::uint64_t points = 0;
+  Cloud shell;  // the loaded cloud without its points
+
+  Stage next = Stage::index;   // of the first pass; `passes` once it is complete
+  Settings settings;           // that the valid stages ran with
+  int further_passes = 0;      // complete beyond the first, with `settings`
+
+  std::optional<Spacing> spacing;
+  std::optional<double> noise;
+  std::optional<Estimates> estimates;
+  double upload_milliseconds = 0;  // not yet reported
+  Report report;
+
+  void load(std::span<const Point> given) {
+    if (given.size() > 0xfffffff0u)
+      throw Error(ErrorKind::usage, "more than 4294967280 points: cut the cloud into parts");
+    const auto start = Clock::now();
+    next = Stage::index;
+    further_passes = 0;
+    spacing.reset();
+    noise.reset();
+    estimates.reset();
+    points = given.size();
+    backend->upload(given);
+    upload_milliseconds = milliseconds_since(start);
+  }
+
+  void note_time(std::string_view name, double milliseconds) {
+    for (StageTime& stage : report.stages)
+      if (stage.name == name) {
+        stage.milliseconds += milliseconds;
+        return;
+      }
+    report.stages.push_back({std::string(name), milliseconds});
+  }
+
+  template <class Work>
+  void timed(std::string_view name, const Work& work) {
+    const auto start = Clock::now();
+    work();
+    note_time(name, milliseconds_since(start));
+  }
+
+  void run_stage(Stage stage, const std::stop_token& stop) {
+    if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+    timed(kStageNames[std::size_t(stage)], [&] {
+      switch (stage) {
+        case Stage::index: return backend->build_index(stop);
+        case Stage::neighbors: return backend->find_neighbors(settings.neighbors, stop);
+        case Stage::normals: return backend->estimate_normals(settings.normals, stop);
+        case Stage::fairing: return backend->fair(settings.fairing, stop);
+        case Stage::passes: return;
+      }
+    });
+  }
+
+  // The index of the first pass, which the estimates need too.
+  void ensure_index(const std::stop_token& stop) {
+    if (next != Stage::index) return;
+    backend->begin_pass(0);
+    run_stage(Stage::index, stop);
+    next = Stage::neighbors;
+  }
+
+  // The first pass's index must be the current one: estimates are of the cloud as loaded.
+  void measure(bool with_spacing, bool with_noise, const std::stop_token& stop) {
+    const bool missing = (with_spacing && !spacing) || (with_noise && !noise);
+    if (!missing) return;
+    ensure_index(stop);
+    backend->begin_pass(0);
+    further_passes = 0;
+    timed("estimate", [&] {
+      if (with_spacing && !spacing) spacing = measure_spacing(*backend, points);
+      if (with_noise && !noise) noise = measure_noise(*backend, points);
+    });
+  }
+
+  double diagonal() const {
+    const Bounds b = backend->bounds();
+    return std::hypot(double(b.max.x) - b.min.x, double(b.max.y) - b.min.y, double(b.max.z) - b.min.z);
+  }
+
+  Params resolve(const Params& params, const std::stop_token& stop) {
+    check_params(params);
+    ensure_index(stop);
+    measure(needs_spacing(params), needs_noise(params), stop);
+    return resolve_params(params, spacing.value_or(Spacing{}), noise.value_or(0), loaded_diagonal(stop));
+  }
+
+  double loaded_diagonal(const std::stop_token& stop) { return measured_bounds(stop).diagonal; }
+
+  const Estimates& measured_bounds(const std::stop_token& stop) {
+    if (!estimates) {
+      ensure_index(stop);
+      backend->begin_pass(0);
+      const Bounds b = backend->bounds();
+      estimates = Estimates{{b.min.x, b.min.y, b.min.z}, {b.max.x, b.max.y, b.max.z}, diagonal(), 0, 0, points, b.valid};
+    }
+    return *estimates;
+  }
+
+  void adopt(const Settings& wanted) {
+    const Stage changed = first_difference(settings, wanted);
+    if (changed < Stage::passes) further_passes = 0;
+    next = std::min(next, changed);
+    settings = wanted;
+  }
+
+  void run_first_pass(const std::stop_token& stop, const std::function<void()>& stage_done) {
+    if (next < Stage::passes) {
+      backend->begin_pass(0);
+      further_passes = 0;
+    }
+    while (next < Stage::passes) {
+      run_stage(next, stop);
+      next = following(next);
+      stage_done();
+    }
+  }
+
+  void run_further_passes(int wanted, const std::stop_token& stop, const std::function<void()>& stage_done) {
+    if (further_passes > wanted) further_passes = 0;
+    if (further_passes == 0) backend->begin_pass(0);
+    while (further_passes < wanted) {
+      const int pass = further_passes + 1;
+      further_passes = 0;  // until this pass is complete its chain holds no result
+      backend->begin_pass(pass);
+      for (Stage stage = Stage::index; stage < Stage::passes; stage = following(stage)) {
+        run_stage(stage, stop);
+        stage_done();
+      }
+      further_passes = pass;
+    }
+  }
+
+  void run(const Params& params, std::span<Point> out, const std::stop_token& stop, const ProgressFunction& progress) {
+    if (out.size() != points)
+      throw Error(ErrorKind::usage, "the output holds " + std::to_string(out.size()) + " points, the loaded cloud " +
+                                        std::to_string(points));
+    const auto start = Clock::now();
+    const double upload = std::exchange(upload_milliseconds, 0);
+    report = {};
+    if (upload > 0) note_time("upload", upload);
+    const Params used = resolve(params, stop);
+    adopt(settings_of(used));
+    int done = int(next), all = 4 * used.passes;
+    const auto stage_done = [&] {
+      ++done;
+      if (progress) progress(std::min(1.0, double(done) / all), kStageNames[std::size_t(done) % 4]);
+    };
+    if (progress) progress(double(done) / all, kStageNames[std::size_t(done) % 4]);
+    run_first_pass(stop, stage_done);
+    run_further_passes(used.passes - 1, stop, stage_done);
+    timed("download", [&] { backend->download(out); });
+    const Counts counts = backend->counts();
+    report.device = device;
+    report.points = points;
+    report.params = used;
+    report.unmoved = counts.unmoved;
+    report.short_neighborhoods = counts.short_neighborhoods;
+    report.peak_host_bytes = backend->peak_host_bytes();
+    report.peak_device_bytes = backend->peak_device_bytes();
+    report.total_milliseconds = upload + milliseconds_since(start);
+  }
+};
+
+Pipeline::Pipeline(Device device) : state_(std::make_unique<State>()) {
+  state_->backend = make_backend(device, state_->device);
+  state_->load({});
+}
+Pipeline::Pipeline(std::unique_ptr<State> state) : state_(std::move(state)) {}
+Pipeline::~Pipeline() = default;
+Pipeline::Pipeline(Pipeline&&) noexcept = default;
+Pipeline& Pipeline::operator=(Pipeline&&) noexcept = default;
+
+Pipeline PipelineAccess::make(std::unique_ptr<Backend> backend, DeviceInfo device) {
+  auto state = std::make_unique<Pipeline::State>();
+  state->backend = std::move(backend);
+  state->device = std::move(device);
+  return Pipeline(std::move(state));
+}
+
+void Pipeline::load(const Cloud& cloud) {
+  state_->shell = Cloud{cloud.origin, {}, cloud.added, cloud.source};
+  state_->load(cloud.points);
+}
+
+void Pipeline::load(std::span<const Point> points) {
+  state_->shell = {};
+  state_->load(points);
+}
+
+Cloud Pipeline::run(const Params& params, std::stop_token stop, const ProgressFunction& progress) {
+  std::vector<Point> out(state_->points);
+  state_->run(params, out, stop, progress);
+  Cloud result = state_->shell;
+  result.points = std::move(out);
+  return result;
+}
+
+void Pipeline::run(const Params& params, std::span<Point> out, std::stop_token stop, const ProgressFunction& progress) {
+  state_->run(params, out, stop, progress);
+}
+
+const Estimates& Pipeline::estimates(std::stop_token stop) {
+  State& state = *state_;
+  state.measured_bounds(stop);
+  state.measure(true, true, stop);
+  state.estimates->spacing = state.spacing->mean;
+  state.estimates->noise = *state.noise;
+  return *state.estimates;
+}
+
+Params Pipeline::resolve(const Params& params, std::stop_token stop) { return state_->resolve(params, stop); }
+
+const Report& Pipeline::report() const { return state_->report; }
+
+DeviceInfo Pipeline::device() const { return state_->device; }
+
+void Pipeline::normals(std::span<Point> out) const {
+  if (out.size() != state_->points || state_->next != Stage::passes)
+    throw Error(ErrorKind::usage, "normals: run first, and give an array of as many points as were loaded");
+  state_->backend->download_normals(out);
+}
+
+std::vector<DeviceStatus> list_devices() {
+  std::vector<DeviceStatus> devices{cpu_status()};
+  for (DeviceStatus& cuda : list_cuda_devices()) devices.push_back(std::move(cuda));
+  return devices;
+}
+
+}  // namespace pointfair
