@@ -1,0 +1,241 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "pointfair/cloud.hpp"
+#include "pointfair/params.hpp"
+#include "shapes.h"
+
+namespace pointfair {
+namespace {
+
+// Converts to the type of any field, so that Params{anything, anything, ...} compiles for as many as it has fields.
+struct Anything {
+  template <class T>
+  operator T() const;
+};
+
+template <class T, std::size_t... I>
+constexpr bool takes(std::index_sequence<I...>) {
+  return requires { T{((void)I, Anything{})...}; };
+}
+template <class T, std::size_t N = 0>
+constexpr std::size_t field_count() {
+  if constexpr (takes<T>(std::make_index_sequence<N + 1>())) {
+    return field_count<T, N + 1>();
+  } else {
+    return N;
+  }
+}
+
+const ParamInfo& row(std::string_view name) {
+  const ParamInfo* info = find_param(name);
+  if (!info) throw std::runtime_error("no parameter " + std::string(name));
+  return *info;
+}
+
+std::string refusal(std::string_view name, std::string_view text) {
+  Params params;
+  try {
+    set_param(params, row(name), text);
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::usage);
+    EXPECT_EQ(params, Params{}) << "a refused value changed the parameters";
+    return error.what();
+  }
+  return "";
+}
+
+TEST(ParamTable, has_one_row_for_every_field) {
+  std::set<std::string_view> names;
+  for (const ParamInfo& info : kParams) names.insert(info.name);
+  EXPECT_EQ(names.size(), kParams.size());
+  for (std::size_t a = 0; a < kParams.size(); ++a)
+    for (std::size_t b = 0; b < a; ++b) EXPECT_FALSE(kParams[a].field == kParams[b].field) << kParams[a].name;
+  EXPECT_EQ(kParams.size(), field_count<Params>());
+}
+
+TEST(ParamTable, is_in_the_order_of_the_stages_and_explains_each_row) {
+  for (std::size_t i = 0; i < kParams.size(); ++i) {
+    const ParamInfo& info = kParams[i];
+    EXPECT_FALSE(info.help.empty()) << info.name;
+    EXPECT_LE(info.min, info.max) << info.name;
+    EXPECT_GE(info.stage, kParams[i == 0 ? 0 : i - 1].stage) << info.name;
+  }
+}
+
+TEST(ParamTable, rows_are_found_with_dashes_or_underscores_and_by_the_whole_name_only) {
+  for (const ParamInfo& info : kParams) {
+    std::string flag(info.name);
+    std::replace(flag.begin(), flag.end(), '_', '-');
+    EXPECT_EQ(find_param(info.name), &info);
+    EXPECT_EQ(find_param(flag), &info);
+    EXPECT_EQ(find_param(flag + "s"), nullptr);
+    EXPECT_EQ(find_param(flag.substr(1)), nullptr);
+  }
+  EXPECT_EQ(find_param(""), nullptr);
+}
+
+TEST(ParamText, of_the_defaults_reads_back_as_the_defaults) {
+  Params params = paper_preset();
+  for (const ParamInfo& info : kParams) set_param(params, info, param_text(Params{}, info));
+  EXPECT_EQ(params, Params{});
+}
+
+TEST(ParamText, says_auto_where_auto_is_allowed_and_the_data_decides) {
+  for (const ParamInfo& info : kParams) EXPECT_EQ(param_text(Params{}, info) == "auto", info.automatic) << info.name;
+}
+
+TEST(ParamText, reads_back_the_same_for_random_values) {
+  shapes::Random random(17);
+  for (int i = 0; i < 20000; ++i) {
+    const ParamInfo& info = kParams[random.below(kParams.size())];
+    Params params;
+    if (const auto* number = std::get_if<int Params::*>(&info.field)) {
+      params.*(*number) = int(info.min) + int(random.below(std::uint64_t(info.max - info.min) + 1));
+    } else if (const auto* length = std::get_if<Length Params::*>(&info.field)) {
+      const double value = std::ldexp(random.uniform(0.5, 1), int(random.below(80)) - 50);
+      params.*(*length) = Length(value, Length::Unit(1 + random.below(3)));
+    }
+    Params again;
+    set_param(again, info, param_text(params, info));
+    ASSERT_EQ(again, params) << info.name << " " << param_text(params, info);
+  }
+}
+
+TEST(ParamText, of_words_reads_back_the_same_for_every_word) {
+  for (const ParamInfo& info : kParams) {
+    std::string_view words = info.values;
+    while (!words.empty()) {
+      const std::string_view word = words.substr(0, words.find('|'));
+      words.remove_prefix(std::min(words.size(), word.size() + 1));
+      Params params;
+      set_param(params, info, word);
+      EXPECT_EQ(param_text(params, info), word) << info.name;
+    }
+  }
+}
+
+TEST(SetParam, reads_the_units_of_a_length) {
+  Params params;
+  const auto read = [&](std::string_view text) {
+    set_param(params, row("radius"), text);
+    return params.radius;
+  };
+  EXPECT_EQ(read("0.02"), Length(0.02, Length::Unit::file));
+  EXPECT_EQ(read("1e-3"), Length(0.001, Length::Unit::file));
+  EXPECT_EQ(read("0.5%"), Length(0.005, Length::Unit::diagonal));
+  EXPECT_EQ(read("2s"), Length(2, Length::Unit::spacing));
+  EXPECT_TRUE(read("auto").is_automatic());
+}
+
+TEST(SetParam, reads_words_and_whole_numbers) {
+  Params params;
+  set_param(params, row("k"), "512");
+  EXPECT_EQ(params.k, 512);
+  set_param(params, row("k"), "auto");
+  EXPECT_EQ(params.k, kAutomatic);
+  set_param(params, row("constraint"), "on");
+  EXPECT_TRUE(params.constraint);
+  set_param(params, row("normal-weights"), "off");
+  EXPECT_FALSE(params.normal_weights);
+  set_param(params, row("area-weight"), "squared");
+  EXPECT_EQ(params.area_weight, AreaWeight::squared);
+}
+
+TEST(SetParam, refuses_what_is_out_of_range_or_no_value_and_says_the_flag_and_the_value) {
+  const std::vector<std::pair<std::string_view, std::string_view>> bad = {{"k", "0"},
+                                                                          {"k", "513"},
+                                                                          {"k", "-1"},
+                                                                          {"k", "8.5"},
+                                                                          {"k", "eight"},
+                                                                          {"k", ""},
+                                                                          {"k", "8 "},
+                                                                          {"k", "1e9"},
+                                                                          {"k", "nan"},
+                                                                          {"passes", "0"},
+                                                                          {"passes", "101"},
+                                                                          {"radius", "0"},
+                                                                          {"radius", "-1"},
+                                                                          {"radius", "nan"},
+                                                                          {"radius", "inf"},
+                                                                          {"radius", "2x"},
+                                                                          {"radius", "%"},
+                                                                          {"radius", "s"},
+                                                                          {"radius", "1e31"},
+                                                                          {"radius", "0%"},
+                                                                          {"radius", "2 s"},
+                                                                          {"rho", "-0.5%"},
+                                                                          {"method", "best"},
+                                                                          {"area_weight", "auto"},
+                                                                          {"constraint", "maybe"},
+                                                                          {"constraint", "auto"},
+                                                                          {"constraint", ""},
+                                                                          {"normal_weights", "1"}};
+  for (const auto& [name, text] : bad) {
+    const std::string message = refusal(name, text);
+    std::string flag = "--" + std::string(name);
+    std::replace(flag.begin(), flag.end(), '_', '-');
+    EXPECT_NE(message.find(flag), std::string::npos) << name << "=" << text << ": " << message;
+    EXPECT_NE(message.find("'" + std::string(text) + "'"), std::string::npos) << name << "=" << text << ": " << message;
+    EXPECT_EQ(message.find('\n'), std::string::npos);
+  }
+}
+
+ErrorKind kind_of_check(const Params& params) {
+  try {
+    check_params(params);
+  } catch (const Error& error) {
+    return error.kind();
+  }
+  return ErrorKind::failed;
+}
+
+TEST(CheckParams, accepts_the_defaults_and_the_papers_preset) {
+  EXPECT_NO_THROW(check_params(Params{}));
+  EXPECT_NO_THROW(check_params(paper_preset()));
+}
+
+TEST(CheckParams, refuses_values_that_set_param_would_refuse) {
+  const auto with = [](auto change) {
+    Params params;
+    change(params);
+    return params;
+  };
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(kind_of_check(with([](Params& p) { p.k = 513; })), ErrorKind::usage);
+  EXPECT_EQ(kind_of_check(with([](Params& p) { p.k = -1; })), ErrorKind::usage);
+  EXPECT_EQ(kind_of_check(with([](Params& p) { p.passes = 101; })), ErrorKind::usage);
+  EXPECT_EQ(kind_of_check(with([](Params& p) { p.radius = 0.0; })), ErrorKind::usage);
+  EXPECT_EQ(kind_of_check(with([](Params& p) { p.rho = -1.0; })), ErrorKind::usage);
+  EXPECT_EQ(kind_of_check(with([=](Params& p) { p.normal_sigma = nan; })), ErrorKind::usage);
+  EXPECT_EQ(kind_of_check(with([](Params& p) { p.closeness_sigma = {-1, Length::Unit::spacing}; })), ErrorKind::usage);
+}
+
+TEST(CheckParams, refuses_the_constraint_with_a_radius_alone) {
+  Params params;
+  params.constraint = true;
+  params.radius = 0.1;
+  EXPECT_EQ(kind_of_check(params), ErrorKind::usage);
+  params.k = 8;
+  EXPECT_NO_THROW(check_params(params));
+}
+
+TEST(PaperPreset, is_k_8_one_pass_with_constraint_and_squared_area_weight) {
+  Params expected;
+  expected.k = 8;
+  expected.passes = 1;
+  expected.constraint = true;
+  expected.area_weight = AreaWeight::squared;
+  EXPECT_EQ(paper_preset(), expected);
+}
+
+}  // namespace
+}  // namespace pointfair

@@ -1,0 +1,181 @@
+// SPDX-License-Identifier: Apache-2.0
+// Whole runs on small clouds against tests/reference.h: positions, normals and counts, for every kind of neighbourhood
+// and every switch.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <ostream>
+#include <string>
+#include <vector>
+
+#include "pointfair/pipeline.hpp"
+#include "reference.h"
+#include "shapes.h"
+
+namespace pointfair {
+namespace {
+
+using shapes::Points;
+
+// Normals that the data hardly determines cannot agree: rounding turns them by 1e-6 / gap^2 (tests/test_point.cpp).
+constexpr double kLeastComparedGap = 0.01;
+
+// Positions may differ by the float grid around the point, by 2e-6 of the neighbourhood's size for the sums, and by the
+// turn of the normal times that size. `size` is the larger of the closeness sigma and the spacing.
+double allowed(Point p, double size, double gap) {
+  const double largest = std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)});
+  return 1.2e-7 * largest + size * (2e-6 + 1e-6 / (gap * gap));
+}
+
+// A wrong neighbour or weight shows by far more than `allowed`.
+void expect_like_reference(const Points& points, const Params& params, const std::string& what) {
+  Pipeline pipeline(Device::cpu);
+  pipeline.load(points);
+  Points out(points.size()), normals(points.size());
+  pipeline.run(params, out);
+  pipeline.normals(normals);
+  const reference::Settings settings = reference::settings_of(pipeline.report().params);
+  const std::vector<reference::Faired> expected = reference::fair(points, settings);
+  const double size = std::max(settings.closeness_sigma, reference::spacing(points));
+  UnmovedCounts counts;
+  std::uint64_t short_lists = 0, ill_determined = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const reference::Faired& e = expected[i];
+    counts.non_finite += !reference::is_valid(points[i]);
+    if (!reference::is_valid(points[i])) continue;
+    short_lists += settings.constraint && e.neighbors < std::size_t(settings.k);
+    counts.too_few_neighbors += e.neighbors < 3;
+    if (e.neighbors >= 3) {
+      ill_determined += e.normal.gap < kLeastComparedGap;
+    }
+    if (e.neighbors >= 3 && e.normal.gap < kLeastComparedGap) continue;
+    const double gap = e.neighbors < 3 ? 1 : e.normal.gap;
+    const double off = reference::length(reference::to_vec(out[i]) - e.position);
+    ASSERT_LE(off, allowed(points[i], size, gap)) << what << ", point " << i << ", gap " << gap << ", spacing " << size;
+    const double along = e.neighbors < 3 ? 1 : std::abs(reference::dot(reference::to_vec(normals[i]), e.normal.unit));
+    ASSERT_GE(along, 1 - 1e-6 - 1e-10 / std::pow(gap, 4)) << what << ", normal of point " << i;
+  }
+  const UnmovedCounts found = pipeline.report().unmoved;
+  EXPECT_EQ(found.non_finite, counts.non_finite) << what;
+  EXPECT_EQ(found.too_few_neighbors, counts.too_few_neighbors) << what;
+  EXPECT_LE(found.no_normal, ill_determined) << what;
+  EXPECT_EQ(pipeline.report().short_neighborhoods, short_lists) << what;
+  EXPECT_LT(ill_determined, points.size() / 4 + 1) << what << ": too few points were compared";
+}
+
+Params one_pass(double sigma) {
+  Params params;
+  params.passes = 1;
+  params.normal_sigma = sigma;
+  params.closeness_sigma = sigma;
+  params.similarity_sigma = 0.7 * sigma;
+  return params;
+}
+
+const Points& hills() {
+  static const Points points = shapes::with_noise(shapes::waves(900), 0.006);  // spacing about 0.045
+  return points;
+}
+
+TEST(Stages, agree_with_the_reference_for_every_k) {
+  for (const int k : {1, 2, 3, 5, 8, 16, 32, 64, 512}) {
+    Params params = one_pass(0.012 * std::sqrt(double(k)) + 0.01);
+    params.k = k;
+    expect_like_reference(hills(), params, "k " + std::to_string(k));
+  }
+}
+
+TEST(Stages, agree_with_the_reference_for_every_radius_without_a_list) {
+  for (const double radius : {0.05, 0.1, 0.3, 2.0}) {
+    Params params = one_pass(radius / 2);
+    params.radius = radius;
+    expect_like_reference(hills(), params, "radius " + std::to_string(radius));
+  }
+}
+
+TEST(Stages, agree_with_the_reference_for_k_within_a_radius) {
+  for (const int k : {8, 32})
+    for (const double radius : {0.06, 0.1, 0.4}) {
+      Params params = one_pass(0.05);
+      params.k = k;
+      params.radius = radius;
+      expect_like_reference(hills(), params, "k " + std::to_string(k) + " radius " + std::to_string(radius));
+    }
+}
+
+TEST(Stages, agree_with_the_reference_for_the_constrained_neighborhood) {
+  const Points sheets = shapes::with_noise(shapes::two_sheets(800, 0.06), 0.002);
+  for (const int k : {5, 8, 24, 100})
+    for (const double rho : {0.03, 0.055, 0.3}) {
+      Params params = one_pass(0.06);
+      params.k = k;
+      params.constraint = true;
+      params.rho = rho;
+      params.delta = 0.004;
+      const std::string what = "constraint, k " + std::to_string(k) + " rho " + std::to_string(rho);
+      expect_like_reference(sheets, params, what);
+      params.radius = 0.15;
+      expect_like_reference(sheets, params, what + ", radius");
+    }
+}
+
+TEST(Stages, agree_with_the_reference_for_every_switch) {
+  for (const AreaWeight area : {AreaWeight::none, AreaWeight::length, AreaWeight::squared})
+    for (const bool weights : {true, false})
+      for (const bool constraint : {true, false})
+        for (const int k : {3, 8, 0}) {
+          Params params = one_pass(0.05);
+          params.area_weight = area;
+          params.normal_weights = weights;
+          params.constraint = constraint && k > 3;
+          params.rho = 0.06;
+          params.delta = 0.01;
+          params.k = k == 3 ? 4 : k;
+          if (k == 0) params.radius = 0.13;
+          expect_like_reference(shapes::with_noise(shapes::uneven(900, 20), 0.004), params,
+                                "area " + std::to_string(int(area)) + ", weights " + std::to_string(weights) +
+                                    ", constraint " + std::to_string(params.constraint) + ", k " + std::to_string(k));
+        }
+}
+
+TEST(Stages, agree_with_the_reference_for_the_papers_preset_on_each_shape) {
+  for (const Points& points : {hills(), shapes::with_noise(shapes::sphere(900), 0.01),
+                               shapes::with_noise(shapes::cube(900), 0.01), shapes::uneven(900, 50)})
+    expect_like_reference(points, paper_preset(), "paper");
+}
+
+TEST(Stages, agree_with_the_reference_for_automatic_parameters) {
+  for (const Points& points : {hills(), shapes::with_noise(shapes::sphere(1200), 0.01)})
+    expect_like_reference(points, Params{}, "automatic");
+}
+
+TEST(Stages, agree_with_the_reference_after_several_passes) {
+  for (const int passes : {2, 3, 5}) {
+    Params params = one_pass(0.06);
+    params.k = 16;
+    params.passes = passes;
+    expect_like_reference(hills(), params, std::to_string(passes) + " passes");
+  }
+}
+
+TEST(Stages, agree_with_the_reference_where_every_distance_ties) {
+  Points points = shapes::grid(7);
+  Params params = one_pass(1.5);
+  for (std::size_t i = 0; i < points.size(); ++i) points[i].z *= 1.0f / 8;  // flattened, so that normals exist
+  for (const int k : {8, 30}) {
+    params.k = k;
+    expect_like_reference(points, params, "grid, k " + std::to_string(k));
+  }
+}
+
+TEST(Stages, agree_with_the_reference_beside_invalid_points) {
+  Params params = one_pass(0.1);
+  for (const int k : {8, 0}) {
+    params.k = k;
+    if (k == 0) params.radius = 0.2;
+    expect_like_reference(shapes::with_invalid(hills(), 7), params, "invalid, k " + std::to_string(k));
+  }
+}
+
+}  // namespace
+}  // namespace pointfair
