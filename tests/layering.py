@@ -1,0 +1,69 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Checks who includes whom (CONTRIBUTING.md) by reading the #include lines of the tree given as argument."""
+import pathlib
+import re
+import sys
+
+root = pathlib.Path(sys.argv[1])
+INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]', re.M)
+CUDA = re.compile(r"__CUDA|__global__|__device__|__host__|__launch_bounds__|\bcuda[A-Z]\w*|cuda_runtime|cub/")
+SOURCE = {".cpp", ".hpp", ".h", ".cu", ".cuh"}
+
+# folder: (folders or files of ours that it may include, third-party headers that it may include)
+PUBLIC = "include/pointfair/"
+RULES = {
+    "include/pointfair/": ([PUBLIC], ()),
+    "src/point/": (["src/point/"], ()),
+    "src/cpu/": (["src/cpu/", "src/point/", "src/backend.hpp", PUBLIC], ("tbb/", "sys/", "unistd.h", "immintrin.h")),
+    "src/cuda/": (["src/cuda/", "src/point/", "src/backend.hpp", PUBLIC], ("cuda", "cub/", "thrust/", "nv")),
+    "src/io/": (["src/io/", PUBLIC], ("tbb/", "sys/", "fcntl.h", "unistd.h", "fast_float/")),
+    "src/": (["src/backend.hpp", "src/estimate.hpp", "src/pipeline_access.hpp", PUBLIC], ()),
+    "cli/": (["cli/", PUBLIC], None),
+    "bench/": (["bench/", PUBLIC], None),
+    "python/": (["python/", PUBLIC], None),
+    "viewer/": (["viewer/", PUBLIC], None),
+}
+SEARCH = ("", "include/", "src/", "cli/", "bench/", "viewer/", "python/")  # as the -I flags of the targets
+
+
+def ours(path, name):
+    """The file of this tree that the include means, or None."""
+    for folder in (path.parent.relative_to(root).as_posix() + "/",) + SEARCH:
+        if (root / folder / name).is_file():
+            return (root / folder / name).resolve().relative_to(root.resolve()).as_posix()
+    return None
+
+
+def is_standard(name):
+    return "/" not in name and "." not in name or name in ("assert.h", "math.h", "stdint.h", "stddef.h")
+
+
+def violations(path):
+    relative = path.relative_to(root).as_posix()
+    rule = next((RULES[folder] for folder in RULES if relative.startswith(folder)), None)
+    text = path.read_text()
+    if rule is None:
+        return
+    allowed, third_party = rule
+    for bracket, name in INCLUDE.findall(text):
+        target = ours(path, name)
+        if target:
+            if not target.startswith(tuple(allowed)):
+                yield f"{relative} includes {target}"
+            if relative.startswith(PUBLIC) and bracket == '"' and not name.startswith("pointfair/"):
+                yield f'{relative}: write "pointfair/..." so that it is found when installed'
+        elif bracket == '"':
+            yield f'{relative} includes "{name}", which is not in the tree'
+        elif relative.startswith("src/point/") or not is_standard(name):
+            if third_party is not None and not name.startswith(tuple(third_party)):
+                yield f"{relative} includes <{name}>"
+    if not relative.startswith("src/cuda/") and relative != "src/point/vec.h" and CUDA.search(text):
+        yield f"{relative} mentions CUDA's own names: {CUDA.search(text).group()}"
+
+
+files = [f for folder in {r.split("/")[0] for r in RULES} for f in sorted((root / folder).rglob("*"))
+         if f.suffix in SOURCE and "node_modules" not in f.parts]
+found = [line for f in files for line in violations(f)]
+print("\n".join(found) if found else f"{len(files)} files keep the include rules")
+sys.exit(1 if found else 0)

@@ -1,0 +1,61 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Installs the build, then builds a project outside that finds the package: it must give the bits of this build, and the
+README's C++ example (the first ```cpp block) must compile and run."""
+import argparse
+import pathlib
+import re
+import shutil
+import subprocess
+import tempfile
+
+parser = argparse.ArgumentParser()
+for name in ("build", "fingerprint", "generator", "compiler", "flags", "readme"):
+    parser.add_argument("--" + name, required=True)
+args = parser.parse_args()
+
+
+def run(*command, **options):
+    done = subprocess.run([str(part) for part in command], capture_output=True, text=True, **options)
+    if done.returncode != 0:
+        raise SystemExit(f"failed: {' '.join(map(str, command))}\n{done.stdout}{done.stderr}")
+    return done.stdout
+
+
+def program_of(readme):
+    """The block's #include lines, and the rest as the body of main."""
+    block = re.search(r"^```cpp\n(.*?)^```", pathlib.Path(readme).read_text(), re.M | re.S)
+    if not block:
+        raise SystemExit(f"{readme} holds no ```cpp block")
+    lines = block.group(1).splitlines()
+    includes = [line for line in lines if line.startswith("#include")]
+    body = [line for line in lines if not line.startswith("#include")]
+    return "\n".join(includes + ["int main() {"] + body + ["}", ""])
+
+
+def bumpy_cloud():
+    points = [(x / 20, y / 20, 0.002 * ((7 * x + 3 * y) % 5)) for x in range(20) for y in range(20)]
+    header = ["ply", "format ascii 1.0", f"element vertex {len(points)}"]
+    header += [f"property float {axis}" for axis in "xyz"] + ["end_header"]
+    return "\n".join(header + ["%g %g %g" % p for p in points]) + "\n"
+
+
+with tempfile.TemporaryDirectory() as folder:
+    work = pathlib.Path(folder)
+    run("cmake", "--install", args.build, "--prefix", work / "prefix")
+    here = pathlib.Path(__file__).parent
+    for name in ("CMakeLists.txt", "fingerprint.cpp"):
+        (work / "project").mkdir(exist_ok=True)
+        shutil.copy(here / name, work / "project" / name)
+    (work / "project/example.cpp").write_text(program_of(args.readme))
+    run("cmake", "-S", work / "project", "-B", work / "build", "-G", args.generator, "-DCMAKE_BUILD_TYPE=Release",
+        f"-DCMAKE_CXX_COMPILER={args.compiler}", f"-DCMAKE_CXX_FLAGS={args.flags}", "-DEXAMPLE=example.cpp",
+        f"-DCMAKE_PREFIX_PATH={work / 'prefix'}")
+    run("cmake", "--build", work / "build")
+    inside, outside = run(args.fingerprint), run(work / "build/fingerprint")
+    if inside != outside:
+        raise SystemExit(f"the installed library gives other bits\n--- here\n{inside}--- installed\n{outside}")
+    (work / "scan.ply").write_text(bumpy_cloud())
+    run(work / "build/example", cwd=work)
+    if not (work / "smooth.ply").read_text(errors="replace").startswith("ply"):
+        raise SystemExit("the README's example wrote no smooth.ply")
