@@ -109,11 +109,18 @@ void add_format(CLI::App& command, FormatArguments& arguments) {
       ->type_name(fmt::format("{}", fmt::join(names(kEncodings), "|")));
 }
 
-WriteOptions make_write_options(const FormatArguments& arguments, bool overwrite) {
+WriteOptions make_write_options(const FormatArguments& arguments, const std::filesystem::path& path) {
   WriteOptions options;
-  options.format = find_value(kFormats, arguments.format);
+  options.format = arguments.format.empty() ? format_of(path) : find_value(kFormats, arguments.format);
   options.encoding = find_value(kEncodings, arguments.encoding);
-  options.overwrite = overwrite;
+  if (!options.format && path.has_extension()) {
+    throw Error(ErrorKind::file, fmt::format("{}: unknown extension; use one of {}, or --format", path.string(),
+                                             fmt::join(format_names(), ", ")));
+  }
+  if (options.format && options.encoding) {
+    const Cloud one_point = {.origin = {}, .points = {{0, 0, 0}}, .added = {}, .source = nullptr};
+    write_bytes(one_point, *options.format, options.encoding);  // refuses what the format does not have
+  }
   return options;
 }
 

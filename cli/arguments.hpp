@@ -5,6 +5,7 @@
 #include <tbb/global_control.h>
 
 #include <CLI/CLI.hpp>
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <utility>
@@ -41,7 +42,10 @@ struct FormatArguments {
   std::string format, encoding;
 };
 void add_format(CLI::App& command, FormatArguments& arguments);
-WriteOptions make_write_options(const FormatArguments& arguments, bool overwrite);
+
+/// Decides what can be decided before any work is done; the format stays open where the input's will be taken. Throws
+/// ErrorKind::file for an unknown extension, ErrorKind::usage for an encoding that the format does not have.
+WriteOptions make_write_options(const FormatArguments& arguments, const std::filesystem::path& path);
 
 void add_report(CLI::App& command, std::string& report);
 

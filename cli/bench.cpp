@@ -111,7 +111,7 @@ Json bench_json(const Report& report, const Times& times) {
           {"peak_bytes", {{"host", report.peak_host_bytes}, {"device", report.peak_device_bytes}}}};
 }
 
-void bench(const BenchArguments& arguments, Interrupts& interrupts) {
+void bench(const BenchArguments& arguments, std::stop_token stop) {
   Params params;
   params.k = 8;
   params.passes = 1;
@@ -123,12 +123,12 @@ void bench(const BenchArguments& arguments, Interrupts& interrupts) {
   if (points.empty()) throw Error(ErrorKind::failed, "there are no points to time");
   const double estimation = milliseconds([&] {
     pipeline.load(points);
-    params = pipeline.resolve(params, interrupts.token());
+    params = pipeline.resolve(params, stop);
   });
   Report report;
-  Times times = measure(pipeline, points, params, arguments.repeat, report, interrupts.token());
+  Times times = measure(pipeline, points, params, arguments.repeat, report, stop);
   times.estimation = estimation;
-  write_report(arguments.report, bench_json(report, times), interrupts);
+  write_report(arguments.report, bench_json(report, times));
   if (arguments.report != "-") print_output(bench_text(report, times, arguments.repeat));
 }
 
@@ -146,7 +146,7 @@ Verb add_bench(CLI::App& app) {
   add_params(command, arguments->params);
   add_device(command, arguments->device);
   add_report(command, arguments->report);
-  return {&command, [arguments](Interrupts& interrupts) { bench(*arguments, interrupts); }};
+  return {&command, [arguments](std::stop_token stop) { bench(*arguments, stop); }};
 }
 
 }  // namespace pointfair::cli

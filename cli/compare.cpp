@@ -51,7 +51,7 @@ Json comparison_json(const Comparison& comparison) {
   return json;
 }
 
-void compare(const CompareArguments& arguments, Interrupts& interrupts) {
+void compare(const CompareArguments& arguments) {
   check_report(arguments.report, {arguments.cloud, arguments.reference});
   const auto limit = limit_threads(arguments.threads);
   ReadOptions options;
@@ -59,7 +59,7 @@ void compare(const CompareArguments& arguments, Interrupts& interrupts) {
   const Cloud cloud = read(arguments.cloud, options);
   const Cloud reference = read(arguments.reference, options);
   const Comparison comparison = compare_clouds(cloud, reference, {arguments.as == "cloud", arguments.edges});
-  write_report(arguments.report, comparison_json(comparison), interrupts);
+  write_report(arguments.report, comparison_json(comparison));
   if (arguments.report != "-") print_output(comparison_text(comparison));
 }
 
@@ -81,7 +81,7 @@ Verb add_compare(CLI::App& app) {
   command.footer(
       "Distances are in the file's unit and in % of the diagonal of B's bounding box. chamfer is the mean squared\n"
       "distance to the nearest point from A to B plus that from B to A, where B's bounding sphere has radius 1.");
-  return {&command, [arguments](Interrupts& interrupts) { compare(*arguments, interrupts); }};
+  return {&command, [arguments](std::stop_token) { compare(*arguments); }};
 }
 
 }  // namespace pointfair::cli

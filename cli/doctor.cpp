@@ -58,10 +58,10 @@ Json doctor_json(const std::vector<DeviceStatus>& devices) {
           {"formats", format_names()}};
 }
 
-void doctor(const std::string& report, Interrupts& interrupts) {
+void doctor(const std::string& report) {
   check_report(report, {});
   const std::vector<DeviceStatus> devices = list_devices();
-  write_report(report, doctor_json(devices), interrupts);
+  write_report(report, doctor_json(devices));
   if (report != "-") print_output(doctor_text(devices));
 }
 
@@ -71,7 +71,7 @@ Verb add_doctor(CLI::App& app) {
   const auto report = std::make_shared<std::string>();
   CLI::App& command = *app.add_subcommand("doctor", "Devices and why they can or cannot be used, formats, versions.");
   add_report(command, *report);
-  return {&command, [report](Interrupts& interrupts) { doctor(*report, interrupts); }};
+  return {&command, [report](std::stop_token) { doctor(*report); }};
 }
 
 }  // namespace pointfair::cli

@@ -62,16 +62,16 @@ Json info_json(const Cloud& cloud, const Estimates& estimates, const Params& sug
           {"suggested", params_json(suggested)}};
 }
 
-void info(const InfoArguments& arguments, Interrupts& interrupts) {
+void info(const InfoArguments& arguments, std::stop_token stop) {
   check_report(arguments.report, {arguments.input});
   Pipeline pipeline(make_device(arguments.device));
   ReadOptions options;
   options.threads = arguments.device.threads;
   const Cloud cloud = read(arguments.input, options);
   pipeline.load(cloud);
-  const Estimates estimates = pipeline.estimates(interrupts.token());
-  const Params suggested = pipeline.resolve({}, interrupts.token());
-  write_report(arguments.report, info_json(cloud, estimates, suggested), interrupts);
+  const Estimates estimates = pipeline.estimates(stop);
+  const Params suggested = pipeline.resolve({}, stop);
+  write_report(arguments.report, info_json(cloud, estimates, suggested));
   if (arguments.report != "-") print_output(info_text(cloud, estimates, suggested));
 }
 
@@ -83,7 +83,7 @@ Verb add_info(CLI::App& app) {
   command.add_option("IN", arguments->input, "cloud to read; - is standard input")->required();
   add_device(command, arguments->device);
   add_report(command, arguments->report);
-  return {&command, [arguments](Interrupts& interrupts) { info(*arguments, interrupts); }};
+  return {&command, [arguments](std::stop_token stop) { info(*arguments, stop); }};
 }
 
 }  // namespace pointfair::cli

@@ -7,6 +7,7 @@
 #include <chrono>
 
 #include "output.hpp"
+#include "pointfair/io.hpp"
 
 namespace pointfair::cli {
 namespace {
@@ -30,6 +31,7 @@ Interrupts::Interrupts() {
   struct sigaction pipe {};
   pipe.sa_handler = note_broken_pipe;  // the write then fails with EPIPE
   sigaction(SIGPIPE, &pipe, nullptr);
+  std::signal(SIGXFSZ, SIG_IGN);  // beyond the limit of a file's size: EFBIG
   sigemptyset(&signals_);
   sigaddset(&signals_, SIGTERM);
   if (!is_ignored(SIGINT)) sigaddset(&signals_, SIGINT);
@@ -55,21 +57,10 @@ void Interrupts::watch() {
   source_.request_stop();
   std::unique_lock lock(mutex_);
   changed_.wait_for(lock, kGrace, [this] { return finished_; });
-  changed_.wait(lock, [this] { return finished_ || writers_ == 0; });
   if (finished_) return;
+  remove_unfinished_files();
   print_error("interrupted");
   _exit(kExitInterrupted);
-}
-
-Interrupts::Writing::Writing(Interrupts& interrupts) : interrupts_(interrupts) {
-  const std::lock_guard lock(interrupts_.mutex_);
-  ++interrupts_.writers_;
-}
-
-Interrupts::Writing::~Writing() {
-  const std::lock_guard lock(interrupts_.mutex_);
-  --interrupts_.writers_;
-  interrupts_.changed_.notify_all();
 }
 
 bool pipe_is_broken() { return broken_pipe != 0; }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// SIGINT, SIGTERM and SIGPIPE.
+// Signals: interrupts, and writes that fail.
 #pragma once
 
 #include <condition_variable>
@@ -10,8 +10,8 @@
 
 namespace pointfair::cli {
 
-/// Turns SIGINT and SIGTERM into a stop request; where nothing answers it in time, ends the program with exit code 130,
-/// unless a file is being written. Make one before any other thread: threads inherit the blocked signals.
+/// Turns SIGINT and SIGTERM into a stop request; where nothing answers it in time, removes the half-written clouds and
+/// ends the program with exit code 130. Make one before any other thread: threads inherit the blocked signals.
 class Interrupts {
  public:
   Interrupts();
@@ -24,18 +24,6 @@ class Interrupts {
   /// From here on signals change nothing any more: the program is about to say how it ended.
   void finish();
 
-  /// While one lives, the program is not ended from outside, so that no half file is left behind.
-  class Writing {
-   public:
-    explicit Writing(Interrupts& interrupts);
-    ~Writing();
-    Writing(const Writing&) = delete;
-    Writing& operator=(const Writing&) = delete;
-
-   private:
-    Interrupts& interrupts_;
-  };
-
  private:
   void watch();
 
@@ -44,7 +32,6 @@ class Interrupts {
   std::mutex mutex_;
   std::condition_variable changed_;
   bool finished_ = false;
-  int writers_ = 0;
   std::thread watcher_;
 };
 

@@ -90,13 +90,13 @@ const Verb* parse(CLI::App& app, const std::vector<Verb>& verbs, std::vector<std
   return &*std::find_if(verbs.begin(), verbs.end(), [](const Verb& verb) { return verb.command->parsed(); });
 }
 
-void run_verb(std::vector<std::string> words, Interrupts& interrupts) {
+void run_verb(std::vector<std::string> words, std::stop_token stop) {
   CLI::App app("", "pointfair");
   app.set_version_flag("--version", "");
   app.require_subcommand(1);
   const std::vector<Verb> verbs = {add_run(app),   add_info(app),  add_compare(app),
                                    add_noise(app), add_bench(app), add_doctor(app)};
-  if (const Verb* verb = parse(app, verbs, std::move(words))) verb->action(interrupts);
+  if (const Verb* verb = parse(app, verbs, std::move(words))) verb->action(stop);
 }
 
 int fail(Interrupts& interrupts, std::string_view message, int code) {
@@ -113,7 +113,7 @@ int main(int count, char** words) {
   using namespace pointfair;
   cli::Interrupts interrupts;
   try {
-    cli::run_verb({words + 1, words + count}, interrupts);
+    cli::run_verb({words + 1, words + count}, interrupts.token());
     return cli::kExitOk;
   } catch (const Error& error) {
     return cli::fail(interrupts, error.what(), cli::exit_code(error.kind()));

@@ -44,31 +44,32 @@ Cloud sample(const Cloud& mesh, const NoiseArguments& arguments) {
 }
 
 // `diagonal` is that of what was read; the spacing is that of the points that get the noise.
-double in_file_units(Length length, double diagonal, const Cloud& cloud, Interrupts& interrupts) {
+double in_file_units(Length length, double diagonal, const Cloud& cloud, std::stop_token stop) {
   if (length.unit == Length::Unit::diagonal) return length.value * diagonal;
   if (length.unit != Length::Unit::spacing) return length.value;
   Pipeline pipeline(Device::cpu);
   pipeline.load(cloud);
-  return length.value * pipeline.estimates(interrupts.token()).spacing;
+  return length.value * pipeline.estimates(stop).spacing;
 }
 
-void noise(const NoiseArguments& arguments, Interrupts& interrupts) {
+void noise(const NoiseArguments& arguments, std::stop_token stop) {
   const Length sigma = parse_length("sigma", arguments.sigma);
   const double outliers = parse_share("outliers", arguments.outliers);
   check_arguments(arguments);
+  WriteOptions write_options = make_write_options(arguments.format, arguments.output);
+  write_options.overwrite = arguments.force;
+  write_options.threads = arguments.threads;
+  if (arguments.points && !write_options.format) write_options.format = Format::ply;  // on standard output
   const auto limit = limit_threads(arguments.threads);
   ReadOptions options;
   options.threads = arguments.threads;
   Cloud cloud = read(arguments.input, options);
   const double diagonal = bounding_box(cloud.points).diagonal();
   if (arguments.points) cloud = sample(cloud, arguments);
-  const double width = in_file_units(sigma, diagonal, cloud, interrupts);
+  const double width = in_file_units(sigma, diagonal, cloud, stop);
   if (width > 0) add_noise(cloud.points, width, arguments.seed);
   if (outliers > 0) add_outliers(cloud.points, outliers, arguments.seed);
-  {
-    const Interrupts::Writing writing(interrupts);
-    write(arguments.output, cloud, make_write_options(arguments.format, arguments.force));
-  }
+  write(arguments.output, cloud, write_options);
   if (!arguments.quiet) fmt::print(stderr, "{} points, sigma {:.6g}\n", cloud.points.size(), width);
 }
 
@@ -93,7 +94,7 @@ Verb add_noise(CLI::App& app) {
   add_format(command, arguments->format);
   command.add_flag("--force", arguments->force, "replace OUT if it exists");
   command.add_flag("-q,--quiet", arguments->quiet, "print errors only");
-  return {&command, [arguments](Interrupts& interrupts) { noise(*arguments, interrupts); }};
+  return {&command, [arguments](std::stop_token stop) { noise(*arguments, stop); }};
 }
 
 }  // namespace pointfair::cli

@@ -74,9 +74,8 @@ void check_report(const std::string& report, const std::vector<std::string>& fil
   check_writable(report, true);
 }
 
-void write_report(const std::string& report, const Json& json, Interrupts& interrupts) {
+void write_report(const std::string& report, const Json& json) {
   if (report.empty()) return;
-  const Interrupts::Writing writing(interrupts);
   write_text(report, json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
 }
 

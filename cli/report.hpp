@@ -6,7 +6,6 @@
 #include <string>
 #include <vector>
 
-#include "interrupts.hpp"
 #include "pointfair/pointfair.hpp"
 #include "statistics.hpp"
 
@@ -28,6 +27,6 @@ std::string_view device_name(Device::Kind kind);
 void check_report(const std::string& report, const std::vector<std::string>& files);
 
 /// Writes the object as text; a number that JSON cannot hold becomes null. Throws ErrorKind::file.
-void write_report(const std::string& report, const Json& json, Interrupts& interrupts);
+void write_report(const std::string& report, const Json& json);
 
 }  // namespace pointfair::cli

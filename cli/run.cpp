@@ -105,15 +105,13 @@ Cloud read_input(const RunArguments& arguments) {
   return read(arguments.input, options);
 }
 
-void write_output(const RunArguments& arguments, const Cloud& cloud, Interrupts& interrupts) {
-  const Interrupts::Writing writing(interrupts);
-  write(arguments.output, cloud, make_write_options(arguments.format, arguments.force));
-}
-
-void run(const RunArguments& arguments, Interrupts& interrupts) {
+void run(const RunArguments& arguments, std::stop_token stop) {
   const Params params = make_params(arguments.params, {});
   const Device device = make_device(arguments.device);
   check_paths(arguments);
+  WriteOptions write_options = make_write_options(arguments.format, arguments.output);
+  write_options.overwrite = arguments.force;
+  write_options.threads = arguments.device.threads;
   Pipeline pipeline(device);
   Findings findings;
   const bool wants_findings = !arguments.quiet || !arguments.report.empty();
@@ -122,18 +120,17 @@ void run(const RunArguments& arguments, Interrupts& interrupts) {
     progress.show(0, "reading");
     const Cloud cloud = read_input(arguments);
     pipeline.load(cloud);
-    const Cloud fair = pipeline.run(params, interrupts.token(),
-                                    [&](double share, std::string_view stage) { progress.show(share, stage); });
+    const Cloud fair =
+        pipeline.run(params, stop, [&](double share, std::string_view stage) { progress.show(share, stage); });
     progress.show(1, "writing");
-    write_output(arguments, fair, interrupts);
+    write(arguments.output, fair, write_options);
     if (wants_findings) {
       progress.show(1, "measuring");
-      const Estimates& estimates = pipeline.estimates(interrupts.token());
-      findings = {estimates.spacing, estimates.noise, noise_of(fair, device, interrupts.token()),
-                  displacement(cloud, fair)};
+      const Estimates& estimates = pipeline.estimates(stop);
+      findings = {estimates.spacing, estimates.noise, noise_of(fair, device, stop), displacement(cloud, fair)};
     }
   }
-  write_report(arguments.report, run_json(pipeline.report(), findings), interrupts);
+  write_report(arguments.report, run_json(pipeline.report(), findings));
   if (!arguments.quiet) print_summary(arguments, pipeline.report(), findings);
 }
 
@@ -154,7 +151,7 @@ Verb add_run(CLI::App& app) {
   command.add_flag("--force", arguments->force, "replace OUT if it exists");
   command.add_flag("-q,--quiet", arguments->quiet, "print errors only");
   command.add_flag("-v,--verbose", arguments->verbose, "print the device, the parameters and each stage's time");
-  return {&command, [arguments](Interrupts& interrupts) { run(*arguments, interrupts); }};
+  return {&command, [arguments](std::stop_token stop) { run(*arguments, stop); }};
 }
 
 }  // namespace pointfair::cli

@@ -1,18 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// The verbs of the command line, one file each. add_* describes a verb's arguments; its action does the work, throwing
-// what goes wrong.
+// The verbs of the command line, one file each. add_* describes a verb's arguments; its action does the work and
+// throws what goes wrong.
 #pragma once
 
 #include <CLI/CLI.hpp>
 #include <functional>
-
-#include "interrupts.hpp"
+#include <stop_token>
 
 namespace pointfair::cli {
 
 struct Verb {
   CLI::App* command;
-  std::function<void(Interrupts&)> action;
+  std::function<void(std::stop_token)> action;
 };
 
 Verb add_run(CLI::App& app);

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Interrupts end a run at once, leave no half file, and a reader that leaves makes no noise."""
+import os
+import signal
+import subprocess
+import time
+import unittest
+
+from program import BIN, Case, default_signals, sphere_points, write_ply
+
+WITHIN = 1.0  # seconds; 0.2 are promised, the rest is for a busy machine
+
+
+class Interrupt(Case):
+    def start(self, *words, **options):
+        return subprocess.Popen([BIN, *map(str, words)], stderr=subprocess.PIPE, preexec_fn=default_signals, **options)
+
+    def interrupt(self, process, number):
+        """Sends the signal; the program ends in time with one line. Returns what it had printed before."""
+        begin = time.monotonic()
+        process.send_signal(number)
+        process.wait(10)
+        self.assertLess(time.monotonic() - begin, WITHIN)
+        lines = process.stderr.read().decode().splitlines()
+        process.stderr.close()
+        self.assertEqual(process.returncode, 130, lines)
+        self.assertEqual([line for line in lines if line.startswith("pointfair:")], lines[-1:])
+        self.assertIn("interrupted", lines[-1])
+
+    def cloud(self, count):
+        sphere = write_ply(self.path("seed.ply"), sphere_points(1000, 0.01))
+        return sphere if count == 1000 else self.grow(count)
+
+    def grow(self, count):
+        vertices = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
+        mesh = write_ply(self.path("mesh.ply"), vertices, [(0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3)])
+        self.ok("noise", mesh, self.path("in.ply"), "--points", count, "--sigma", "0.1%", "-q")
+        return self.path("in.ply")
+
+    def test_in_the_middle_of_a_run(self):
+        cloud = self.grow(300000)
+        before = self.files()
+        for number, stage in ((signal.SIGINT, b"neighbors"), (signal.SIGTERM, b"normals"), (signal.SIGINT, b"fairing")):
+            process = self.start("run", cloud, self.path("out.ply"), "--k", 200, "--passes", 100, "--progress", "plain")
+            for line in process.stderr:
+                if line.strip() == stage:
+                    break
+            self.interrupt(process, number)
+            self.assertEqual(self.files(), before)
+
+    def test_while_reading_standard_input(self):
+        process = self.start("run", "-", self.path("out.ply"), stdin=subprocess.PIPE)
+        process.stdin.write(b"ply\nformat ascii 1.0\n")
+        process.stdin.flush()
+        time.sleep(0.3)
+        self.interrupt(process, signal.SIGTERM)
+        process.stdin.close()
+        self.assertEqual(self.files(), [])
+
+    def test_while_writing_to_a_reader_that_waits(self):
+        cloud = self.grow(100000)
+        process = self.start("noise", cloud, "-", "-q", stdout=subprocess.PIPE)
+        process.stdout.read(1)
+        self.interrupt(process, signal.SIGTERM)
+        process.stdout.close()
+
+    def test_during_each_phase_of_a_short_run_the_output_is_whole_or_absent(self):
+        cloud = self.grow(200000)
+        before = self.files()
+        size = cloud.stat().st_size
+        for delay in range(10):
+            process = self.start("noise", cloud, self.path("out.ply"), "--sigma", "1%", "-q")
+            time.sleep(0.01 * delay)
+            process.send_signal(signal.SIGTERM)
+            process.wait(10)
+            process.stderr.close()
+            self.assertIn(process.returncode, (0, 130))
+            if self.path("out.ply").exists():
+                self.assertEqual(self.path("out.ply").stat().st_size, size)
+                self.path("out.ply").unlink()
+            self.assertEqual(self.files(), before)
+
+    def test_bench(self):
+        process = self.start("bench", "--points", 200000, "--repeat", 1000, stdout=subprocess.PIPE)
+        time.sleep(1)
+        self.interrupt(process, signal.SIGINT)
+        process.stdout.close()
+
+    def test_an_ignored_interrupt_stays_ignored(self):
+        process = subprocess.Popen([BIN, "run", "-", self.path("out.ply"), "-q"], stdin=subprocess.PIPE,
+                                   stderr=subprocess.PIPE,
+                                   preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN))
+        time.sleep(0.3)
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(write_ply(self.path("in.ply"), sphere_points(50, 0.01)).read_bytes(), 60)
+        self.assertEqual(process.returncode, 0, errors)
+
+
+class BrokenPipe(Case):
+    def test_a_reader_that_leaves(self):
+        cloud = write_ply(self.path("in.ply"), sphere_points(100, 0.01))
+        for words in (["run", cloud, "-", "-q"], ["info", cloud], ["doctor"], ["--help"]):
+            reading, writing = os.pipe()
+            os.close(reading)
+            result = subprocess.run([BIN, *map(str, words)], stdout=writing, stderr=subprocess.PIPE)
+            os.close(writing)
+            self.assertEqual((result.returncode, result.stderr), (1, b""), words)
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,274 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every verb: what it prints, the keys of its report, the flags, the exit code of a wrong command line."""
+import json
+import math
+import unittest
+
+from program import (CUBE_FACES, CUBE_VERTICES, Case, positions, radius_error, read_ply, sphere_points, write_off,
+                     write_ply)
+
+PARAMS = ["k", "radius", "constraint", "rho", "delta", "normal_weights", "normal_sigma", "method", "closeness_sigma",
+          "similarity_sigma", "area_weight", "passes"]
+VERBS = ["run", "info", "compare", "noise", "bench", "doctor"]
+
+
+class Usage(Case):
+    def test_alone_it_prints_a_help_that_fits_a_screen(self):
+        text = self.ok().stdout.decode()
+        self.assertEqual(text, self.ok("--help").stdout.decode())
+        for verb in VERBS:
+            self.assertIn(f"pointfair {verb}", text)
+        lines = text.splitlines()
+        self.assertLessEqual(len(lines), 24)
+        self.assertLessEqual(max(map(len, lines)), 80)
+
+    def test_version(self):
+        self.assertRegex(self.ok("--version").stdout.decode(), r"^pointfair \d+\.\d+\.\d+\n$")
+
+    def test_each_verb_has_help(self):
+        for verb in VERBS:
+            self.assertIn(verb, self.ok(verb, "--help").stdout.decode())
+
+    def test_the_help_of_run_lists_every_parameter_in_a_hundred_lines(self):
+        text = self.ok("run", "--help").stdout.decode()
+        for name in PARAMS:
+            self.assertIn("--" + name.replace("_", "-"), text)
+        self.assertLess(len(text.splitlines()), 100)
+
+    def test_a_mistyped_verb_is_guessed(self):
+        self.fails(2, "rnu", "a", "b", says="did you mean run?")
+        self.fails(2, "compaer", "a", "b", says="did you mean compare?")
+        self.fails(2, "sharpen", says="--help")
+
+    def test_wrong_command_lines(self):
+        cloud = write_ply(self.path("in.ply"), sphere_points(20, 0.01))
+        out = self.path("out.ply")
+        for words in (["run"], ["run", cloud], ["run", cloud, out, "more"], ["run", cloud, out, "--wat"], ["--wat"],
+                      ["run", cloud, out, "--k"], ["run", cloud, out, "--threads", "x"], ["info"], ["compare", cloud],
+                      ["run", cloud, out, "--threads", "-1"], ["run", cloud, out, "--progress", "loud"],
+                      ["run", cloud, out, "--preset", "mine"], ["run", cloud, out, "--format", "las"],
+                      ["run", cloud, out, "--device", "tpu"], ["run", cloud, out, "--device", "cuda:x"],
+                      ["bench", "--repeat", "0"], ["run", cloud, "-", "--report", "-"]):
+            with self.subTest(words=words):
+                self.fails(2, *words)
+
+    def test_parameters_out_of_range(self):
+        cloud = write_ply(self.path("in.ply"), sphere_points(20, 0.01))
+        for name, value in (("k", "0"), ("k", "513"), ("k", "x"), ("k", "1.5"), ("radius", "-1"), ("rho", "nan"),
+                            ("passes", "101"), ("passes", "-1"), ("area-weight", "heavy"), ("constraint", "maybe"),
+                            ("normal-sigma", "1q"), ("similarity-sigma", "")):
+            with self.subTest(name=name, value=value):
+                self.fails(2, "run", cloud, self.path("out.ply"), f"--{name}={value}", says=name.split("-")[0])
+
+    def test_a_device_that_is_not_there(self):
+        cloud = write_ply(self.path("in.ply"), sphere_points(20, 0.01))
+        self.fails(5, "run", cloud, self.path("out.ply"), "--device", "cuda:63")
+
+
+class Run(Case):
+    def test_a_noisy_sphere_gets_fair(self):
+        write_ply(self.path("in.ply"), sphere_points(5000, 0.01))
+        report = self.report("run", self.path("in.ply"), self.path("out.ply"))
+        self.assertLess(radius_error(positions(self.path("out.ply"))), 0.6 * 0.01)
+        self.assertAlmostEqual(report["noise"]["before"], 0.01, delta=0.005)
+        self.assertLess(report["noise"]["after"], report["noise"]["before"])
+
+    def test_the_keys_of_the_report(self):
+        write_ply(self.path("in.ply"), sphere_points(500, 0.01))
+        words = ["run", self.path("in.ply"), self.path("out.ply"), "--preset", "paper", "--radius", "0.5"]
+        report = self.report(*words)
+        keys = ["version", "device", "points", "params", "spacing", "noise", "unmoved", "displacement", "stages",
+                "total_ms", "peak_bytes"]
+        self.assertEqual([key for key in report if key in keys], keys)
+        self.assertEqual(list(report["device"]), ["kind", "name", "reason"])
+        self.assertEqual(list(report["params"]), PARAMS)
+        self.assertEqual(list(report["noise"]), ["before", "after"])
+        self.assertEqual(list(report["displacement"]), ["mean", "rms", "p95", "max"])
+        self.assertEqual(list(report["peak_bytes"]), ["host", "device"])
+        self.assertEqual([list(stage) for stage in report["stages"]], [["name", "ms"]] * len(report["stages"]))
+        self.assertEqual(report["points"], 500)
+        self.assertEqual(set(report["unmoved"]), {"non_finite", "too_few_neighbors", "no_normal"})
+        params = report["params"]
+        self.assertEqual((params["k"], params["passes"], params["constraint"], params["area_weight"]),
+                         (8, 1, True, "squared"))
+        self.assertAlmostEqual(params["radius"], 0.5)
+        for name in ("rho", "delta", "normal_sigma", "closeness_sigma", "similarity_sigma"):
+            self.assertGreater(params[name], 0)
+
+    def test_the_displacement_reported_is_that_of_the_files(self):
+        write_ply(self.path("in.ply"), sphere_points(800, 0.01))
+        reported = self.report("run", self.path("in.ply"), self.path("out.ply"))["displacement"]
+        moved = sorted(math.dist(p, q) for p, q in zip(positions(self.path("in.ply")), positions(self.path("out.ply"))))
+        self.assertAlmostEqual(reported["mean"], sum(moved) / len(moved), delta=1e-6)
+        self.assertAlmostEqual(reported["rms"], math.sqrt(sum(d * d for d in moved) / len(moved)), delta=1e-6)
+        self.assertAlmostEqual(reported["p95"], moved[math.ceil(0.95 * len(moved)) - 1], delta=1e-6)
+        self.assertAlmostEqual(reported["max"], moved[-1], delta=1e-6)
+
+    def test_units_of_lengths(self):
+        points = [(x / 10, y / 10, 0.0) for x in range(31) for y in range(41)]  # diagonal 5
+        write_ply(self.path("in.ply"), points)
+        def radius(text):
+            out = self.path("out.ply")
+            return self.report("run", self.path("in.ply"), out, "--radius", text, "--force")["params"]["radius"]
+        self.assertAlmostEqual(radius("0.25"), 0.25)
+        self.assertAlmostEqual(radius("10%"), 0.5, delta=1e-5)
+        self.assertAlmostEqual(radius("2s"), 2 * 0.1 * (4 + 2 * math.sqrt(2)) / 6, delta=0.02)
+
+    def test_switches_bare_and_with_a_value(self):
+        write_ply(self.path("in.ply"), sphere_points(100, 0.01))
+        for words, expected in ((["--constraint"], True), (["--constraint", "on"], True), (["--constraint=off"], False),
+                                (["--constraint", "off"], False), (["--preset", "paper"], True),
+                                (["--constraint", "off", "--preset", "paper"], False)):
+            report = self.report("run", "--k", 8, *words, self.path("in.ply"), self.path("out.ply"), "--force")
+            self.assertEqual(report["params"]["constraint"], expected, words)
+
+    def test_standard_input_and_output(self):
+        write_ply(self.path("in.ply"), sphere_points(300, 0.01))
+        self.ok("run", self.path("in.ply"), self.path("out.ply"))
+        piped = self.ok("run", "-", "-", "-q", input=self.path("in.ply").read_bytes())
+        self.assertEqual(piped.stdout, self.path("out.ply").read_bytes())
+        self.assertEqual(piped.stderr, b"")
+
+    def test_output_format_and_encoding(self):
+        write_ply(self.path("in.ply"), sphere_points(30, 0.01))
+        self.ok("run", self.path("in.ply"), self.path("big.ply"), "--encoding", "binary-big-endian")
+        self.assertIn(b"format binary_big_endian 1.0", self.path("big.ply").read_bytes())
+        piped = self.ok("run", self.path("in.ply"), "-", "--format", "pcd", "--encoding", "ascii", "-q")
+        self.assertIn(b"DATA ascii", piped.stdout)
+        self.ok("run", self.path("in.ply"), self.path("odd.dat"), "--format", "xyz")
+        self.assertEqual(len(self.path("odd.dat").read_text().split()), 90)
+
+    def test_attributes_stay_and_order_too(self):
+        points = sphere_points(200, 0.01)
+        labels = [(7 * i) % 256 for i in range(200)]
+        write_ply(self.path("in.ply"), points, extra=[("uchar", "label", labels)])
+        self.ok("run", self.path("in.ply"), self.path("out.ply"))
+        after = read_ply(self.path("out.ply"))
+        self.assertEqual([p["label"] for p in after], labels)
+        self.assertLess(max(math.dist(p, (q["x"], q["y"], q["z"])) for p, q in zip(points, after)), 0.1)
+
+    def test_threads_change_no_bit(self):
+        write_ply(self.path("in.ply"), sphere_points(3000, 0.01))
+        for threads in (1, 2, 7):
+            self.ok("run", self.path("in.ply"), self.path(f"{threads}.ply"), "--threads", threads)
+        first = self.path("1.ply").read_bytes()
+        self.assertEqual(first, self.path("2.ply").read_bytes())
+        self.assertEqual(first, self.path("7.ply").read_bytes())
+
+    def test_a_report_in_a_file(self):
+        write_ply(self.path("in.ply"), sphere_points(100, 0.01))
+        result = self.ok("run", self.path("in.ply"), self.path("out.ply"), "--report", self.path("r.json"))
+        self.assertEqual(json.loads(self.path("r.json").read_text())["points"], 100)
+        self.assertEqual(self.files(), ["in.ply", "out.ply", "r.json"])
+        self.assertEqual(result.stdout, b"")
+
+    def test_a_report_never_replaces_a_cloud(self):
+        cloud = write_ply(self.path("in.ply"), sphere_points(100, 0.01))
+        self.fails(2, "run", cloud, self.path("out.ply"), "--report", cloud)
+        self.fails(2, "info", cloud, "--report", cloud)
+
+
+class Progress(Case):
+    def stderr(self, *words):
+        write_ply(self.path("in.ply"), sphere_points(500, 0.01))
+        return self.ok("run", self.path("in.ply"), self.path("out.ply"), "--force", *words).stderr.decode()
+
+    def test_no_bar_where_there_is_no_terminal(self):
+        self.assertNotIn("\r", self.stderr())
+        self.assertIn("\r", self.stderr("--progress", "bar"))
+
+    def test_plain_is_a_line_a_stage(self):
+        lines = self.stderr("--progress", "plain", "--passes", 1).splitlines()
+        stages = [line for line in lines if line.isalpha()]
+        self.assertEqual(stages[0], "reading")
+        self.assertEqual([stage for stage in stages if stage in ("neighbors", "normals", "fairing")],
+                         ["neighbors", "normals", "fairing"])
+
+    def test_json_is_an_object_a_line(self):
+        lines = self.stderr("--progress", "json").splitlines()
+        objects = [json.loads(line) for line in lines if line.startswith("{")]
+        self.assertTrue(all(set(o) == {"stage", "share"} and 0 <= o["share"] <= 1 for o in objects))
+        self.assertEqual([o["share"] for o in objects], sorted(o["share"] for o in objects))
+
+    def test_quiet_and_verbose(self):
+        self.assertEqual(self.stderr("-q"), "")
+        self.assertIn("500 points", self.stderr())
+        self.assertIn("similarity_sigma", self.stderr("-v"))
+
+
+class Info(Case):
+    def test_the_report(self):
+        points = [(500000.0 + p[0], 4100000.0 + p[1], p[2]) for p in sphere_points(2000, 0.0)]
+        write_ply(self.path("in.ply"), points, scalar="double", extra=[("uchar", "red", [1] * 2000)])
+        report = self.report("info", self.path("in.ply"))
+        keys = ["points", "bounds", "attributes", "spacing", "noise", "suggested"]
+        self.assertEqual([key for key in report if key in keys], keys)
+        self.assertEqual(report["points"], 2000)
+        for axis in range(3):
+            self.assertAlmostEqual(report["bounds"]["min"][axis], min(p[axis] for p in points), delta=1e-6)
+            self.assertAlmostEqual(report["bounds"]["max"][axis], max(p[axis] for p in points), delta=1e-6)
+        self.assertEqual(report["attributes"], [{"name": "red", "type": "uint8", "components": 1}])
+        self.assertEqual(list(report["suggested"]), PARAMS)
+        self.assertGreater(report["spacing"], 0)
+
+    def test_the_text(self):
+        write_ply(self.path("in.ply"), sphere_points(100, 0.01), extra=[("float", "intensity", [0.5] * 100)])
+        text = self.ok("info", self.path("in.ply")).stdout.decode()
+        for part in ("100", "bounds", "spacing", "noise", "intensity", "similarity_sigma"):
+            self.assertIn(part, text)
+
+
+class Bench(Case):
+    KEYS = ["device", "points", "k", "stages", "total_ms", "peak_bytes"]
+
+    def test_its_own_cloud(self):
+        report = self.report("bench", "--points", 5000, "--repeat", 2)
+        self.assertEqual([key for key in report if key in self.KEYS], self.KEYS)
+        self.assertEqual((report["points"], report["k"], report["params"]["passes"]), (5000, 8, 1))
+        names = [stage["name"] for stage in report["stages"]]
+        for name in ("index", "neighbors", "normals", "fairing"):
+            self.assertIn(name, names)
+        self.assertLess(report["similarity_only_ms"], report["total_ms"])
+        self.assertGreater(report["peak_bytes"]["host"], 0)
+
+    def test_a_cloud_of_the_user(self):
+        write_ply(self.path("in.ply"), sphere_points(1000, 0.01))
+        report = self.report("bench", "--input", self.path("in.ply"), "--k", 12, "--repeat", 1)
+        self.assertEqual((report["points"], report["k"]), (1000, 12))
+        self.assertIn("million points a second", self.ok("bench", "--points", 1000, "--repeat", 1).stdout.decode())
+
+
+class Doctor(Case):
+    def test_it_lists_devices_and_formats(self):
+        report = self.report("doctor")
+        self.assertEqual(report["devices"][0]["kind"], "cpu")
+        self.assertTrue(report["devices"][0]["usable"])
+        for device in report["devices"]:
+            self.assertTrue(device["usable"] or device["reason"])
+        self.assertEqual(report["formats"], ["ply", "pcd", "xyz", "txt", "csv", "pts", "off", "obj"])
+        self.assertIn("cpu", self.ok("doctor").stdout.decode())
+
+
+class Formats(Case):
+    def test_every_format_goes_through_run(self):
+        mesh = write_off(self.path("cube.off"), CUBE_VERTICES, CUBE_FACES)
+        for name in ("ply", "pcd", "xyz", "txt", "csv", "pts", "off", "obj"):
+            with self.subTest(format=name):
+                source, result = self.path(f"a.{name}"), self.path(f"b.{name}")
+                self.ok("noise", mesh, source, "--points", 500, "--sigma", "0.5%")
+                self.ok("run", source, result)
+                self.assertEqual(self.report("compare", result, mesh)["points"], 500)
+
+    def test_a_mesh_keeps_its_faces(self):
+        for name in ("off", "obj", "ply"):
+            with self.subTest(format=name):
+                mesh = write_off(self.path("cube.off"), CUBE_VERTICES, CUBE_FACES)
+                self.ok("noise", mesh, self.path(f"mesh.{name}"), "--sigma", "1%")
+                self.ok("run", self.path(f"mesh.{name}"), self.path(f"fair.{name}"))
+                again = self.path(f"sampled_{name}.ply")
+                self.ok("noise", self.path(f"fair.{name}"), again, "--points", 100)
+                self.assertEqual(len(positions(again)), 100)
+
+
+if __name__ == "__main__":
+    unittest.main()
