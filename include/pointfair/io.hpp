@@ -7,6 +7,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "pointfair/cloud.hpp"
 
@@ -27,6 +28,7 @@ struct WriteOptions {
   std::optional<Encoding> encoding;  ///< unset: as in the source when the format is the same, else binary where there is one
   bool overwrite = false;            ///< false: an existing file is an error
   bool sync = false;                 ///< true: fsync before the file gets its name
+  unsigned threads = 0;              ///< 0: all cores
 };
 
 /// Reads a whole file; the path "-" is standard input.
@@ -44,6 +46,13 @@ Cloud read(std::span<const std::byte> bytes, const std::string& name, const Read
 /// file's own value plus the displacement, in the file's own type, so a point that did not move keeps its bytes.
 /// The file appears under its name only when it is complete. Throws ErrorKind::file.
 void write(const std::filesystem::path& path, const Cloud& cloud, const WriteOptions& options = {});
+
+/// The file image that `write` would write.
+std::vector<std::byte> write_bytes(const Cloud& cloud, Format format, std::optional<Encoding> encoding = {});
+
+/// Removes the temporary files of writes that are under way. For the handler of a signal that ends the program:
+/// async-signal-safe. A `write` that still runs afterwards fails with ErrorKind::file.
+void remove_unfinished_files() noexcept;
 
 /// The format that an extension names (".ply", ".PLY", ...), or nothing.
 std::optional<Format> format_of(const std::filesystem::path& path);

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/detect.hpp"
+
+#include <algorithm>
+#include <array>
+#include <utility>
+
+#include "io/text.hpp"
+#include "io/text_source.hpp"
+
+namespace pointfair {
+namespace io {
+namespace {
+
+// The first line that is neither blank nor a comment, looked for near the front only.
+std::string_view first_line(std::string_view bytes) {
+  constexpr std::size_t kFront = 65536;
+  std::string_view rest = bytes.substr(0, kFront), line;
+  while (next_line(rest, line)) {
+    if (is_row(line, RowRule::uncommented)) return line;
+  }
+  return {};
+}
+
+bool is_off_keyword(std::string_view word) {
+  if (!word.ends_with("OFF")) return false;
+  word.remove_suffix(3);
+  for (const std::string_view prefix : {"ST", "C", "N", "4", "n"}) {
+    if (word.starts_with(prefix)) word.remove_prefix(prefix.size());
+  }
+  return word.empty();
+}
+
+}  // namespace
+
+std::optional<Format> format_of_content(std::string_view bytes) {
+  if (bytes.starts_with("ply\n") || bytes.starts_with("ply\r") || bytes.starts_with("ply ")) return Format::ply;
+  if (bytes.starts_with("# .PCD")) return Format::pcd;
+  std::string_view line = first_line(bytes), word;
+  if (!next_word(line, word)) return std::nullopt;
+  if (is_off_keyword(word)) return Format::off;
+  if (word == "VERSION" || word == "FIELDS" || word == "COLUMNS") return Format::pcd;
+  static constexpr std::array<std::string_view, 9> kObjKeywords = {"v", "vn", "vt", "f", "o", "g", "s", "l", "mtllib"};
+  const bool obj = std::find(kObjKeywords.begin(), kObjKeywords.end(), word) != kObjKeywords.end();
+  // A line of column names may begin with such a letter, too.
+  if (obj && (word != "v" || (next_word(line, word) && to_number(word)))) return Format::obj;
+  return std::nullopt;
+}
+
+bool looks_like_numbers(std::string_view bytes) {
+  std::string_view line = first_line(bytes), word;
+  return next_word(line, word) && to_number(word).has_value();
+}
+
+}  // namespace io
+
+std::optional<Format> format_of(const std::filesystem::path& path) {
+  static constexpr std::array<std::pair<std::string_view, Format>, 11> kExtensions = {{
+      {".ply", Format::ply},
+      {".pcd", Format::pcd},
+      {".xyz", Format::xyz},
+      {".xyzn", Format::xyz},
+      {".xyzrgb", Format::xyz},
+      {".txt", Format::txt},
+      {".asc", Format::txt},
+      {".csv", Format::csv},
+      {".pts", Format::pts},
+      {".off", Format::off},
+      {".obj", Format::obj},
+  }};
+  const std::string extension = io::lower_case(path.extension().string());
+  for (const auto& [known, format] : kExtensions) {
+    if (extension == known) return format;
+  }
+  return std::nullopt;
+}
+
+}  // namespace pointfair

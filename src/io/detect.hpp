@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
+// Which format a file has.
+#pragma once
+
+#include <optional>
+#include <string_view>
+
+#include "pointfair/io.hpp"
+
+namespace pointfair::io {
+
+/// The format that the content shows by itself: ply, pcd, off or obj; nothing for plain numbers.
+std::optional<Format> format_of_content(std::string_view bytes);
+
+/// Whether the first line that is no comment begins with a number.
+bool looks_like_numbers(std::string_view bytes);
+
+}  // namespace pointfair::io

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// The bytes of a whole file, immutable: mapped where the file is a regular one, else owned.
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+
+namespace pointfair::io {
+
+/// Throws Error(file) with "name: message".
+[[noreturn]] void fail(const std::string& name, const std::string& message);
+
+/// The bytes of one file. Copies share them. A mapped file stays readable after it was unlinked or replaced.
+class FileBytes {
+ public:
+  /// Reads the file; "-" is standard input. Throws Error(file) with the path.
+  static FileBytes open(const std::filesystem::path& path);
+  static FileBytes copy(std::span<const std::byte> bytes);
+
+  std::string_view view() const { return view_; }
+
+ private:
+  FileBytes(std::shared_ptr<const void> owner, std::string_view view) : owner_(std::move(owner)), view_(view) {}
+
+  std::shared_ptr<const void> owner_;
+  std::string_view view_;
+};
+
+/// How a path is named in messages: as given, "-" as "standard input" or "standard output".
+std::string shown_name(const std::filesystem::path& path, bool input);
+
+}  // namespace pointfair::io

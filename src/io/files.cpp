@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: Apache-2.0
+// Reading and writing whole files: chooses the format, and hands over to its reader or writer.
+#include <algorithm>
+#include <limits>
+
+#include "io/detect.hpp"
+#include "io/formats.hpp"
+#include "io/parallel.hpp"
+#include "pointfair/io.hpp"
+
+namespace pointfair {
+namespace {
+
+constexpr const char* kKnownExtensions = ".ply, .pcd, .xyz, .txt, .csv, .pts, .off or .obj";
+
+Format choose_format(std::string_view bytes, const std::string& name, const ReadOptions& options) {
+  if (options.format) return *options.format;
+  if (const auto format = io::format_of_content(bytes)) return *format;
+  const std::filesystem::path path(name);
+  if (const auto format = format_of(path)) return *format;
+  if (!path.has_extension() && io::looks_like_numbers(bytes)) return Format::xyz;
+  io::fail(name, std::string("unknown format; say which it is, or name the file ") + kKnownExtensions);
+}
+
+std::shared_ptr<Source> parse(io::FileBytes bytes, const std::string& name, Format format) {
+  switch (format) {
+    case Format::ply:
+      return io::read_ply(std::move(bytes), name);
+    case Format::pcd:
+      return io::read_pcd(std::move(bytes), name);
+    case Format::off:
+      return io::read_off(std::move(bytes), name);
+    case Format::obj:
+      return io::read_obj(std::move(bytes), name);
+    default:
+      return io::read_xyz(std::move(bytes), name, format);
+  }
+}
+
+Cloud read_bytes(io::FileBytes bytes, const std::string& name, const ReadOptions& options) {
+  if (bytes.view().empty()) io::fail(name, "is empty");
+  const Format format = choose_format(bytes.view(), name, options);
+  return io::with_threads(options.threads, [&] {
+    const std::shared_ptr<Source> source = parse(std::move(bytes), name, format);
+    Cloud cloud;
+    cloud.points = source->place();
+    cloud.origin = source->origin();
+    cloud.source = source;
+    return cloud;
+  });
+}
+
+[[noreturn]] void refuse(const std::string& message) { throw Error(ErrorKind::usage, message); }
+
+void check(const Cloud& cloud) {
+  if (cloud.points.empty()) refuse("the cloud has no points, so there is nothing to write");
+  if (cloud.source && cloud.source->size() != cloud.points.size()) {
+    refuse("the cloud has " + std::to_string(cloud.points.size()) + " points, its file " +
+           std::to_string(cloud.source->size()) + "; keep them all, or write without the source");
+  }
+  std::vector<AttributeInfo> known;
+  if (cloud.source) known = attributes(Cloud{.origin = {}, .points = {}, .added = {}, .source = cloud.source});
+  for (const Attribute& added : cloud.added) {
+    if (added.components == 0 || added.data.size() != cloud.points.size() * added.components * size_of(added.type)) {
+      refuse("the attribute '" + added.name + "' does not have one value for each point");
+    }
+    if (std::any_of(known.begin(), known.end(), [&](const AttributeInfo& k) { return k.name == added.name; })) {
+      refuse("the cloud has two attributes '" + added.name + "'; rename one");
+    }
+    known.push_back(added);
+  }
+}
+
+bool has_encoding(Format format, Encoding encoding) {
+  switch (encoding) {
+    case Encoding::ascii:
+      return true;
+    case Encoding::binary:
+      return format == Format::ply || format == Format::pcd;
+    case Encoding::binary_big_endian:
+      return format == Format::ply;
+    case Encoding::binary_compressed:
+      break;
+  }
+  return format == Format::pcd;
+}
+
+// Plain columns of numbers may go by either name.
+Format family(Format format) { return format == Format::txt ? Format::xyz : format; }
+
+void write_new(const Cloud& cloud, Format format, Encoding encoding, io::Output& out) {
+  io::Table table = io::make_table(cloud);
+  switch (format) {
+    case Format::ply:
+      return io::write_ply(std::move(table), encoding, out);
+    case Format::pcd:
+      return io::write_pcd(std::move(table), encoding, out);
+    case Format::off:
+      return io::write_off(std::move(table), out);
+    case Format::obj:
+      return io::write_obj(std::move(table), out);
+    default:
+      return io::write_xyz(std::move(table), format, out);
+  }
+}
+
+// What is written where: decided, and refused, before the output is opened.
+struct Plan {
+  Format format;
+  Encoding encoding;
+  bool copy;  // into the source's own format
+};
+
+Plan plan(const Cloud& cloud, Format format, std::optional<Encoding> encoding) {
+  check(cloud);
+  const bool copy = cloud.source && family(cloud.source->format()) == family(format);
+  const Encoding usual = has_encoding(format, Encoding::binary) ? Encoding::binary : Encoding::ascii;
+  const Plan result{format, encoding.value_or(copy ? cloud.source->encoding() : usual), copy};
+  if (!has_encoding(format, result.encoding)) refuse("this format has no such encoding; choose another");
+  return result;
+}
+
+void carry_out(const Plan& plan, const Cloud& cloud, unsigned threads, io::Output& out) {
+  io::with_threads(threads, [&] {
+    plan.copy ? cloud.source->write(cloud, plan.encoding, out) : write_new(cloud, plan.format, plan.encoding, out);
+  });
+}
+
+}  // namespace
+
+Cloud read(const std::filesystem::path& path, const ReadOptions& options) {
+  return read_bytes(io::FileBytes::open(path), io::shown_name(path, true), options);
+}
+
+Cloud read(std::span<const std::byte> bytes, const std::string& name, const ReadOptions& options) {
+  return read_bytes(io::FileBytes::copy(bytes), name, options);
+}
+
+void write(const std::filesystem::path& path, const Cloud& cloud, const WriteOptions& options) {
+  std::optional<Format> format = options.format ? options.format : format_of(path);
+  if (!format && cloud.source && !path.has_extension()) format = cloud.source->format();
+  if (!format) {
+    io::fail(io::shown_name(path, false), std::string("unknown extension; name the file ") + kKnownExtensions);
+  }
+  const Plan chosen = plan(cloud, *format, options.encoding);
+  const std::unique_ptr<io::Output> out = io::open_output(path, options.overwrite, options.sync);
+  carry_out(chosen, cloud, options.threads, *out);
+  out->finish();
+}
+
+std::vector<std::byte> write_bytes(const Cloud& cloud, Format format, std::optional<Encoding> encoding) {
+  io::MemoryOutput out;
+  carry_out(plan(cloud, format, encoding), cloud, 0, out);
+  const auto* const begin = reinterpret_cast<const std::byte*>(out.bytes.data());
+  return {begin, begin + out.bytes.size()};
+}
+
+}  // namespace pointfair

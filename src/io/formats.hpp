@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+// One reader and one writer for each format; files.cpp chooses among them.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "io/file_bytes.hpp"
+#include "io/output.hpp"
+#include "io/source.hpp"
+#include "io/table.hpp"
+#include "pointfair/io.hpp"
+
+namespace pointfair::io {
+
+// Readers. `name` is how the file is called in errors. The result has at least one point.
+std::shared_ptr<Source> read_ply(FileBytes bytes, const std::string& name);
+std::shared_ptr<Source> read_pcd(FileBytes bytes, const std::string& name);
+std::shared_ptr<Source> read_xyz(FileBytes bytes, const std::string& name, Format format);
+std::shared_ptr<Source> read_off(FileBytes bytes, const std::string& name);
+std::shared_ptr<Source> read_obj(FileBytes bytes, const std::string& name);
+
+// Writers of a new file, for a cloud from memory or from another format.
+void write_ply(Table table, Encoding encoding, Output& out);
+void write_pcd(Table table, Encoding encoding, Output& out);
+void write_xyz(Table table, Format format, Output& out);
+void write_off(Table table, Output& out);
+void write_obj(Table table, Output& out);
+
+}  // namespace pointfair::io

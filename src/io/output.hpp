@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// Where a file is written to: a temporary file that gets its name at the end, a stream, or memory.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <string_view>
+
+namespace pointfair::io {
+
+class Output {
+ public:
+  virtual ~Output() = default;
+  virtual void write(std::string_view bytes) = 0;
+  /// Everything was written: the file may appear under its name. Not called: it never appears.
+  virtual void finish() = 0;
+};
+
+/// Collects the bytes in `bytes`.
+class MemoryOutput : public Output {
+ public:
+  void write(std::string_view more) override { bytes += more; }
+  void finish() override {}
+
+  std::string bytes;
+};
+
+/// Opens `path`; "-" is standard output, and a device or pipe is written directly. Anything else is written to a
+/// temporary file in the same directory and renamed by `finish`. Throws Error(file), also if the file exists and
+/// `overwrite` is false. `sync`: the data is on the disk before the file gets its name.
+std::unique_ptr<Output> open_output(const std::filesystem::path& path, bool overwrite, bool sync);
+
+}  // namespace pointfair::io

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+// Blocks in parallel, with results and errors that do not depend on the order in which threads arrive.
+#pragma once
+
+#include <tbb/parallel_for.h>
+#include <tbb/parallel_pipeline.h>
+#include <tbb/task_arena.h>
+
+#include <atomic>
+#include <cstddef>
+#include <exception>
+#include <mutex>
+#include <string>
+#include <utility>
+
+#include "io/output.hpp"
+
+namespace pointfair::io {
+
+/// Calls `body(block)` for every block below `count`. If some throw, the exception of the lowest one is passed on.
+template <class Body>
+void for_each_block(std::size_t count, const Body& body) {
+  std::atomic<std::size_t> failed{count};
+  std::exception_ptr error;
+  std::mutex guard;
+  tbb::parallel_for(std::size_t{0}, count, [&](std::size_t block) {
+    if (block > failed.load(std::memory_order_relaxed)) return;
+    try {
+      body(block);
+    } catch (...) {
+      const std::lock_guard lock(guard);
+      if (block >= failed) return;
+      failed = block;
+      error = std::current_exception();
+    }
+  });
+  if (error) std::rethrow_exception(error);
+}
+
+/// Writes `format(block, buffer)` of every block below `count` in order; buffers are filled in parallel.
+template <class Format>
+void write_blocks(Output& out, std::size_t count, const Format& format) {
+  const auto in_flight = static_cast<std::size_t>(2 * tbb::this_task_arena::max_concurrency());
+  std::size_t next = 0;
+  tbb::parallel_pipeline(
+      in_flight,
+      tbb::make_filter<void, std::size_t>(tbb::filter_mode::serial_in_order, [&](tbb::flow_control& control) {
+        if (next == count) control.stop();
+        return next++;
+      }) & tbb::make_filter<std::size_t, std::string>(tbb::filter_mode::parallel, [&](std::size_t block) {
+        std::string buffer;
+        format(block, buffer);
+        return buffer;
+      }) & tbb::make_filter<std::string, void>(tbb::filter_mode::serial_in_order, [&](const std::string& buffer) {
+        out.write(buffer);
+      }));
+}
+
+/// Runs `body` with at most `threads` threads; 0: all cores.
+template <class Body>
+decltype(auto) with_threads(unsigned threads, Body&& body) {
+  tbb::task_arena arena(threads == 0 ? tbb::task_arena::automatic : static_cast<int>(threads));
+  return arena.execute(std::forward<Body>(body));
+}
+
+}  // namespace pointfair::io

@@ -1,0 +1,291 @@
+// SPDX-License-Identifier: Apache-2.0
+// Reading and writing PCD.
+#include <algorithm>
+#include <cstring>
+#include <limits>
+
+#include "io/column_names.hpp"
+#include "io/formats.hpp"
+#include "io/lzf.hpp"
+#include "io/parallel.hpp"
+#include "io/pcd_header.hpp"
+#include "io/record_source.hpp"
+#include "io/text_source.hpp"
+
+namespace pointfair::io {
+namespace {
+
+constexpr std::size_t kSizesBytes = 8;  // before compressed data: its size and that of the data, 4 bytes each
+constexpr bool kSwap = std::endian::native == std::endian::big;
+
+void append_size(std::string& to, std::size_t size) {
+  char bytes[4];
+  store_double(bytes, NativeType::uint32, kSwap, static_cast<double>(size));
+  to.append(bytes, sizeof bytes);
+}
+
+// Compresses in pieces, in parallel: LZF data may be joined.
+void write_compressed(std::string_view data, Output& out) {
+  constexpr std::size_t kPiece = std::size_t{1} << 20;
+  std::vector<std::string> pieces((data.size() + kPiece - 1) / kPiece);
+  for_each_block(pieces.size(), [&](std::size_t p) { lzf_compress(data.substr(p * kPiece, kPiece), pieces[p]); });
+  std::size_t size = 0;
+  for (const std::string& piece : pieces) size += piece.size();
+  if (std::max(size, data.size()) > std::numeric_limits<std::uint32_t>::max()) {
+    throw Error(ErrorKind::usage, "a compressed PCD file holds at most 4 GiB; choose the binary encoding");
+  }
+  std::string sizes;
+  append_size(sizes, size);
+  append_size(sizes, data.size());
+  out.write(sizes);
+  for (const std::string& piece : pieces) out.write(piece);
+}
+
+// Writes columns, coordinates among them, as the data of a file in any encoding.
+void write_data(const std::vector<TableColumn>& columns, std::size_t points, Encoding encoding, Output& out) {
+  if (encoding == Encoding::binary_compressed) {
+    std::string data;
+    for (const TableColumn& column : columns) data.append(column.data.data(), column.data.size());
+    return write_compressed(data, out);
+  }
+  write_rows(out, points, [&](std::size_t i, std::string& buffer) {
+    for (const TableColumn& column : columns) {
+      const std::size_t bytes = column_bytes(column), size = size_of(column.type);
+      const char* from = column.data.data() + i * bytes;
+      if (encoding == Encoding::binary) {
+        buffer.append(from, bytes);
+        continue;
+      }
+      for (std::uint32_t c = 0; c < column.components; ++c) {
+        append_scalar(buffer, from + c * size, column.type);
+        buffer += ' ';
+      }
+    }
+    if (encoding == Encoding::ascii) buffer.back() = '\n';
+  });
+}
+
+TableColumn coordinate_column(const std::vector<Position>& positions, std::size_t axis, NativeType type) {
+  TableColumn column;
+  static_cast<Column&>(column) = {std::string(1, static_cast<char>('x' + axis)), type, 1};
+  column.data.resize(positions.size() * size_of(type));
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    store_double(column.data.data() + i * size_of(type), type, false, positions[i][axis]);
+  }
+  return column;
+}
+
+// A PCD file whose points are lines of text or binary, as Base says.
+template <class Base>
+class PcdSource : public Base {
+ public:
+  template <class... Arguments>
+  PcdSource(PcdHeader header, std::shared_ptr<const char[]> unpacked, Arguments&&... arguments)
+      : Base(std::forward<Arguments>(arguments)...), header_(std::move(header)), unpacked_(std::move(unpacked)) {}
+
+  void write(const Cloud& cloud, Encoding encoding, Output& out) const override {
+    if (encoding != this->encoding()) return write_as(cloud, encoding, out);
+    if constexpr (std::is_same_v<Base, RecordSource>) {
+      if (encoding == Encoding::binary_compressed) return write_packed(cloud, out);
+    }
+    Base::write(cloud, encoding, out);
+  }
+
+ protected:
+  std::string header(const std::vector<Attribute>& added) const override { return pcd_header_text(header_, added); }
+
+  std::string_view tail() const override {
+    if constexpr (std::is_same_v<Base, RecordSource>) {
+      return this->bytes().substr(header_.text.size() + this->points().size());
+    } else {
+      return Base::tail();
+    }
+  }
+
+ private:
+  void write_as(const Cloud& cloud, Encoding encoding, Output& out) const {
+    Table table = make_table(cloud);
+    std::vector<TableColumn> columns;
+    auto next = table.columns.begin();
+    for (std::size_t f = 0; f < header_.fields.size(); ++f) {
+      const auto axis =
+          static_cast<std::size_t>(std::find(header_.xyz.begin(), header_.xyz.end(), f) - header_.xyz.begin());
+      if (axis < 3) {
+        columns.push_back(coordinate_column(table.positions, axis, header_.fields[f].type));
+      } else if (!is_padding(header_.fields[f])) {
+        columns.push_back(std::move(*next++));
+      }
+    }
+    std::move(next, table.columns.end(), std::back_inserter(columns));
+    out.write(
+        new_pcd_header({columns.begin(), columns.end()}, header_.width, header_.height, header_.viewpoint, encoding));
+    write_data(columns, table.size(), encoding, out);
+  }
+
+  // The data lies field after field; added attributes go behind the last.
+  void write_packed(const Cloud& cloud, Output& out) const {
+    std::string data(this->points());
+    std::atomic<bool> moved{false};
+    for_each_block(this->block_count(), [&](std::size_t block) {
+      const Moves moves = this->moves(block, cloud);
+      if (std::all_of(moves.changed.begin(), moves.changed.end(), [](std::uint8_t c) { return c == 0; })) return;
+      moved = true;
+      this->patch(block, moves, data.data(), 0, 0);
+    });
+    if (!moved && cloud.added.empty()) return out.write(this->bytes());
+    for (const Attribute& attribute : cloud.added) {
+      data.append(reinterpret_cast<const char*>(attribute.data.data()), attribute.data.size());
+    }
+    out.write(header(cloud.added));
+    write_compressed(data, out);
+  }
+
+  PcdHeader header_;
+  std::shared_ptr<const char[]> unpacked_;
+};
+
+[[noreturn]] void fail_count(const std::string& name, std::uint64_t promised, const std::string& found) {
+  fail(name, "header promises " + std::to_string(promised) + " points, " + found);
+}
+
+std::shared_ptr<Source> read_ascii(FileBytes bytes, PcdHeader header, const std::string& name) {
+  TextLayout layout;
+  layout.begin = header.text.size();
+  layout.rule = RowRule::uncommented;
+  layout.rows = find_rows(bytes.view().substr(layout.begin), layout.rule);
+  layout.count = header.points();
+  layout.exact = true;
+  if (const std::uint64_t found = layout.rows.count(); found != layout.count) {
+    fail_count(name, layout.count,
+               found < layout.count
+                   ? "file ends after " + std::to_string(found) + "; copy the file again or correct the header"
+                   : "file holds " + std::to_string(found) + "; correct the header");
+  }
+  for (std::size_t f = 0; f < header.fields.size(); ++f) {
+    const Column& field = header.fields[f];
+    const auto axis = static_cast<std::size_t>(std::find(header.xyz.begin(), header.xyz.end(), f) - header.xyz.begin());
+    if (axis < 3) {
+      layout.integers = layout.integers || is_integer(field.type);
+    } else if (!is_padding(field)) {
+      layout.attributes.push_back({field, layout.columns.size(), true});
+    }
+    layout.columns.insert(layout.columns.end(), field.components,
+                          axis < 3 ? static_cast<ColumnKind>(axis) : ColumnKind::other);
+  }
+  return std::make_shared<PcdSource<TextSource>>(std::move(header), nullptr, std::move(bytes), name, Format::pcd,
+                                                 std::move(layout));
+}
+
+RecordLayout record_layout(const PcdHeader& header, bool field_after_field) {
+  RecordLayout layout;
+  layout.begin = header.text.size();
+  layout.count = header.points();
+  layout.xyz = header.xyz;
+  layout.record_size = header.record_size();
+  layout.swap = kSwap;
+  std::size_t offset = 0;
+  for (const Column& column : header.fields) {
+    RecordField field;
+    static_cast<Column&>(field) = column;
+    field.offset = field_after_field ? offset * static_cast<std::size_t>(layout.count) : offset;
+    field.stride = field_after_field ? column_bytes(column) : layout.record_size;
+    field.padding = is_padding(column);
+    offset += column_bytes(column);
+    layout.fields.push_back(std::move(field));
+  }
+  return layout;
+}
+
+std::shared_ptr<Source> read_plain(FileBytes bytes, PcdHeader header, const std::string& name) {
+  const std::string_view data = bytes.view().substr(header.text.size());
+  const std::size_t record = header.record_size();
+  const std::uint64_t room = data.size() / record;
+  if (header.points() > room) {
+    fail_count(name, header.points(),
+               "file ends after " + std::to_string(room) + "; copy the file again or correct the header");
+  }
+  const std::string_view points = data.substr(0, static_cast<std::size_t>(header.points()) * record);
+  // Some writers round the size up.
+  if (data.substr(points.size()).find_first_not_of(std::string_view("\r\n\0", 3)) != std::string_view::npos) {
+    fail_count(
+        name, header.points(),
+        std::to_string(data.size() - points.size()) + " bytes follow the last; correct the header or cut the file");
+  }
+  RecordLayout layout = record_layout(header, false);
+  return std::make_shared<PcdSource<RecordSource>>(std::move(header), nullptr, std::move(bytes), name, Format::pcd,
+                                                   Encoding::binary, std::move(layout), points);
+}
+
+std::shared_ptr<Source> read_packed(FileBytes bytes, PcdHeader header, const std::string& name) {
+  std::string_view data = bytes.view().substr(header.text.size());
+  if (data.size() < kSizesBytes) fail(name, "the file ends before its data; copy it again");
+  const std::uint64_t packed = load<std::uint32_t>(data.data(), kSwap);
+  const std::uint64_t size = load<std::uint32_t>(data.data() + 4, kSwap);
+  data.remove_prefix(kSizesBytes);
+  if (packed > data.size()) {
+    fail(name, "header promises " + std::to_string(packed) + " bytes of compressed data, file ends after " +
+                   std::to_string(data.size()) + "; copy it again");
+  }
+  const std::size_t record = header.record_size();
+  if (header.points() != size / record || size % record != 0) {
+    fail_count(name, header.points(),
+               "the compressed data holds " + std::to_string(size / record) + "; correct the header");
+  }
+  data = data.substr(0, static_cast<std::size_t>(packed));
+  auto unpacked = size / kLzfLargestRatio > packed ? nullptr : std::make_shared_for_overwrite<char[]>(size);
+  if (!unpacked || !lzf_decompress(data, unpacked.get(), static_cast<std::size_t>(size))) {
+    fail(name, "the compressed data is damaged; copy the file again");
+  }
+  const std::string_view points(unpacked.get(), static_cast<std::size_t>(size));
+  RecordLayout layout = record_layout(header, true);
+  return std::make_shared<PcdSource<RecordSource>>(std::move(header), std::move(unpacked), std::move(bytes), name,
+                                                   Format::pcd, Encoding::binary_compressed, std::move(layout), points);
+}
+
+// red, green, blue as PCL has them: in the bytes of one number called rgb.
+void pack_colors(Table& table) {
+  std::vector<std::array<std::uint8_t, 3>> colors;
+  if (!colors_as_bytes(table, colors)) return;
+  TableColumn packed;
+  static_cast<Column&>(packed) = {"rgb", NativeType::float32, 1};
+  packed.data.resize(4 * colors.size());
+  for (std::size_t i = 0; i < colors.size(); ++i) {
+    const std::uint32_t value = static_cast<std::uint32_t>(colors[i][0] << 16 | colors[i][1] << 8 | colors[i][2]);
+    std::memcpy(packed.data.data() + 4 * i, &value, sizeof value);
+  }
+  std::erase_if(table.columns,
+                [](const TableColumn& c) { return c.name == "red" || c.name == "green" || c.name == "blue"; });
+  table.columns.push_back(std::move(packed));
+}
+
+}  // namespace
+
+std::shared_ptr<Source> read_pcd(FileBytes bytes, const std::string& name) {
+  PcdHeader header = parse_pcd_header(bytes.view(), name);
+  switch (header.encoding) {
+    case Encoding::ascii:
+      return read_ascii(std::move(bytes), std::move(header), name);
+    case Encoding::binary:
+      return read_plain(std::move(bytes), std::move(header), name);
+    default:
+      return read_packed(std::move(bytes), std::move(header), name);
+  }
+}
+
+void write_pcd(Table table, Encoding encoding, Output& out) {
+  use_ply_names(table);
+  pack_colors(table);
+  std::vector<TableColumn> columns;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    columns.push_back(coordinate_column(table.positions, axis, native(table.coordinate_type)));
+  }
+  for (TableColumn& column : table.columns) {
+    if (column.name == "nx" || column.name == "ny" || column.name == "nz")
+      column.name = "normal_" + column.name.substr(1);
+    columns.push_back(std::move(column));
+  }
+  out.write(new_pcd_header({columns.begin(), columns.end()}, table.size(), 1, PcdHeader().viewpoint, encoding));
+  write_data(columns, table.size(), encoding, out);
+}
+
+}  // namespace pointfair::io

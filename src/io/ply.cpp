@@ -1,0 +1,341 @@
+// SPDX-License-Identifier: Apache-2.0
+// Reading PLY, and writing back a PLY file with moved points.
+#include <algorithm>
+#include <limits>
+
+#include "io/formats.hpp"
+#include "io/parallel.hpp"
+#include "io/ply_body.hpp"
+#include "io/ply_header.hpp"
+#include "io/record_source.hpp"
+#include "io/text_source.hpp"
+
+namespace pointfair::io {
+namespace {
+
+// The header, and where each element's rows begin in the file, with the end of the last.
+struct PlyFile {
+  PlyHeader header;
+  std::vector<std::size_t> begins;
+
+  const PlyElement& vertex() const { return header.elements[header.vertex]; }
+};
+
+std::string counted(std::uint64_t count, const PlyElement& element) {
+  return std::to_string(count) + (element.name == "vertex" ? " points" : " rows of '" + element.name + "'");
+}
+
+[[noreturn]] void fail_short(const std::string& name, const PlyElement& element, std::uint64_t found) {
+  fail(name, "header promises " + counted(element.count, element) + ", file ends after " + std::to_string(found) +
+                 "; copy the file again or correct the header");
+}
+
+[[noreturn]] void fail_long(const std::string& name, const PlyElement& element, const std::string& more) {
+  fail(name,
+       "header promises " + counted(element.count, element) + ", " + more + "; correct the header or cut the file");
+}
+
+std::array<std::size_t, 3> find_xyz(const PlyElement& vertex, const std::string& name) {
+  std::array<std::size_t, 3> xyz{};
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const std::string wanted(1, static_cast<char>('x' + axis));
+    xyz[axis] = find_property(vertex, wanted);
+    if (xyz[axis] == vertex.properties.size()) {
+      fail(name, "the points have no property '" + wanted + "'; name the coordinates x, y, z in the header");
+    }
+    if (vertex.properties[xyz[axis]].list_count) {
+      fail(name, "property '" + wanted + "' of the points is a list; a coordinate must be one number");
+    }
+  }
+  return xyz;
+}
+
+Faces read_faces(const PlyFile& file, std::string_view bytes, const std::string& name) {
+  Faces faces;
+  const auto& elements = file.header.elements;
+  const auto face =
+      std::find_if(elements.begin(), elements.end(), [](const PlyElement& e) { return e.name == "face"; });
+  if (face == elements.end()) return faces;
+  std::size_t list = std::min(find_property(*face, "vertex_indices"), find_property(*face, "vertex_index"));
+  if (list == face->properties.size() || !face->properties[list].list_count) return faces;
+
+  const auto at = file.begins[static_cast<std::size_t>(face - elements.begin())];
+  PlyCursor cursor(bytes, at, file.header.encoding, name);
+  const double points = static_cast<double>(file.vertex().count);
+  for (std::uint64_t row = 0; row < face->count; ++row) {
+    cursor.begin_row();
+    for (std::size_t p = 0; p < face->properties.size(); ++p) {
+      const PlyProperty& property = face->properties[p];
+      if (p != list) {
+        cursor.skip(property);
+        continue;
+      }
+      for (std::uint64_t left = cursor.next_list_size(property); left > 0; --left) {
+        const double corner = cursor.next(property.type);
+        if (!(corner >= 0 && corner < points)) {
+          fail(name, "face " + std::to_string(row) + " names a point that is not there; repair the faces");
+        }
+        faces.corners.push_back(static_cast<std::uint32_t>(corner));
+      }
+    }
+    faces.ends.push_back(faces.corners.size());
+  }
+  return faces;
+}
+
+// Copies `rows` rows of an element that is not the points from one encoding to another.
+void transcode_rows(PlyCursor& cursor, const PlyElement& element, std::uint64_t rows, PlyEmitter& emitter) {
+  for (; rows > 0; --rows) {
+    cursor.begin_row();
+    for (const PlyProperty& property : element.properties) {
+      std::uint64_t count = 1;
+      if (property.list_count) {
+        count = cursor.next_list_size(property);
+        emitter.put(static_cast<double>(count), *property.list_count);
+      }
+      for (; count > 0; --count) emitter.put(cursor.next(property.type), property.type);
+    }
+    emitter.end_row();
+  }
+}
+
+void put_added(const std::vector<Attribute>& added, std::uint64_t point, PlyEmitter& emitter) {
+  for (const Attribute& attribute : added) {
+    const std::size_t size = pointfair::size_of(attribute.type);
+    const char* from = reinterpret_cast<const char*>(attribute.data.data()) + point * attribute.components * size;
+    for (std::uint32_t c = 0; c < attribute.components; ++c, from += size) {
+      emitter.put(load_double(from, native(attribute.type), false), native(attribute.type));
+    }
+  }
+}
+
+// A PLY file whose points are lines of text or binary records, as Base says.
+template <class Base>
+class PlySource : public Base {
+ public:
+  template <class... Arguments>
+  PlySource(PlyFile file, Arguments&&... arguments)
+      : Base(std::forward<Arguments>(arguments)...), file_(std::move(file)) {}
+
+  Faces faces() const override { return read_faces(file_, this->bytes(), this->name()); }
+
+  void write(const Cloud& cloud, Encoding encoding, Output& out) const override {
+    if (encoding == this->encoding()) return Base::write(cloud, encoding, out);
+    out.write(ply_header_text(file_.header, encoding, cloud.added));
+    for (std::size_t e = 0; e < file_.header.elements.size(); ++e) {
+      if (e == file_.header.vertex) {
+        transcode_points(cloud, encoding, out);
+      } else {
+        transcode_element(e, encoding, out);
+      }
+    }
+  }
+
+ protected:
+  std::string header(const std::vector<Attribute>& added) const override {
+    const auto points_begin = file_.begins[file_.header.vertex];
+    std::string result = ply_header_text(file_.header, this->encoding(), added);
+    if constexpr (std::is_same_v<Base, RecordSource>) {
+      result += this->bytes().substr(file_.header.text.size(), points_begin - file_.header.text.size());
+    }
+    return result;
+  }
+
+  std::string_view tail() const override {
+    if constexpr (std::is_same_v<Base, RecordSource>) {
+      return this->bytes().substr(file_.begins[file_.header.vertex + 1]);
+    } else {
+      return Base::tail();
+    }
+  }
+
+ private:
+  void transcode_element(std::size_t e, Encoding encoding, Output& out) const {
+    constexpr std::uint64_t kRows = 65536;
+    PlyCursor cursor(this->bytes(), file_.begins[e], this->encoding(), this->name());
+    for (std::uint64_t left = file_.header.elements[e].count; left > 0; left -= std::min(left, kRows)) {
+      std::string buffer;
+      PlyEmitter emitter(buffer, encoding);
+      transcode_rows(cursor, file_.header.elements[e], std::min(left, kRows), emitter);
+      out.write(buffer);
+    }
+  }
+
+  void transcode_points(const Cloud& cloud, Encoding encoding, Output& out) const {
+    write_blocks(out, this->block_count(), [&](std::size_t block, std::string& buffer) {
+      const Moves moves = this->moves(block, cloud);
+      const std::uint64_t first = this->block_begin(block);
+      if (moves.values.empty()) return;
+      PlyCursor cursor(this->bytes(), point_begin(first), this->encoding(), this->name());
+      PlyEmitter emitter(buffer, encoding);
+      for (std::size_t i = 0; i < moves.values.size(); ++i) {
+        transcode_point(cursor, moves.values[i], emitter);
+        put_added(cloud.added, first + i, emitter);
+        emitter.end_row();
+      }
+    });
+  }
+
+  void transcode_point(PlyCursor& cursor, const Position& position, PlyEmitter& emitter) const {
+    const auto& properties = file_.vertex().properties;
+    cursor.begin_row();
+    for (std::size_t p = 0; p < properties.size(); ++p) {
+      const PlyProperty& property = properties[p];
+      std::uint64_t count = 1;
+      if (property.list_count) {
+        count = cursor.next_list_size(property);
+        emitter.put(static_cast<double>(count), *property.list_count);
+      }
+      for (; count > 0; --count) {
+        const double value = cursor.next(property.type);
+        const auto axis = std::find(xyz_.begin(), xyz_.end(), p);
+        emitter.put(axis == xyz_.end() ? value : position[static_cast<std::size_t>(axis - xyz_.begin())],
+                    property.type);
+      }
+    }
+  }
+
+  std::size_t point_begin(std::uint64_t point) const {
+    if constexpr (std::is_same_v<Base, RecordSource>) {
+      return file_.begins[file_.header.vertex] + this->record_begin(point);
+    } else {
+      return this->row_begin(this->layout().first_row + point);
+    }
+  }
+
+  PlyFile file_;
+  std::array<std::size_t, 3> xyz_ = find_xyz(file_.vertex(), this->name());
+};
+
+RecordLayout record_layout(const PlyFile& file, const std::string& name) {
+  RecordLayout layout;
+  layout.begin = file.begins[file.header.vertex];
+  layout.count = file.vertex().count;
+  layout.swap = must_swap(file.header.encoding);
+  layout.xyz = find_xyz(file.vertex(), name);
+  layout.record_size = record_size(file.vertex()).value_or(0);
+  std::size_t offset = 0;
+  for (const PlyProperty& property : file.vertex().properties) {
+    RecordField field;
+    static_cast<Column&>(field) = {property.name, property.type, 1};
+    field.offset = offset;
+    field.stride = layout.record_size;
+    field.list_count = property.list_count;
+    offset += size_of(property.type);
+    layout.fields.push_back(std::move(field));
+  }
+  return layout;
+}
+
+// Walks an element with lists. Appends the begin of each row to `starts` where it is given, and returns the end.
+std::size_t walk_lists(std::string_view bytes, std::size_t at, const PlyHeader& header, const PlyElement& element,
+                       const std::string& name, std::vector<std::uint64_t>* starts) {
+  const std::size_t begin = at;
+  std::size_t least = 0;  // bytes of a row whose lists are empty
+  for (const PlyProperty& p : element.properties) least += size_of(p.list_count.value_or(p.type));
+  const std::uint64_t room = (bytes.size() - at) / least;
+  if (element.count > room) fail_short(name, element, room);
+  if (starts) starts->reserve(static_cast<std::size_t>(element.count + 1));
+  for (std::uint64_t row = 0; row < element.count; ++row) {
+    if (starts) starts->push_back(at - begin);
+    for (const PlyProperty& property : element.properties) {
+      RecordField field;
+      field.type = property.type;
+      field.list_count = property.list_count;
+      const std::string_view rest = bytes.substr(at);
+      const auto size = property.list_count ? list_bytes(rest, field, must_swap(header.encoding))
+                                            : std::optional(size_of(property.type));
+      if (!size || *size > rest.size()) fail_short(name, element, row);
+      at += *size;
+    }
+  }
+  if (starts) starts->push_back(at - begin);
+  return at;
+}
+
+std::shared_ptr<Source> read_binary(FileBytes bytes, PlyFile file, const std::string& name) {
+  const std::string_view view = bytes.view();
+  const auto& elements = file.header.elements;
+  std::vector<std::uint64_t> starts;
+  std::size_t at = file.header.text.size();
+  for (std::size_t e = 0; e < elements.size(); ++e) {
+    file.begins.push_back(at);
+    const std::optional<std::size_t> size = record_size(elements[e]);
+    if (!size) {
+      at = walk_lists(view, at, file.header, elements[e], name, e == file.header.vertex ? &starts : nullptr);
+    } else if (*size > 0) {
+      const std::uint64_t room = (view.size() - at) / *size;
+      if (elements[e].count > room) fail_short(name, elements[e], room);
+      at += static_cast<std::size_t>(elements[e].count) * *size;
+    }
+  }
+  file.begins.push_back(at);
+  // Some writers end a binary file with a line end.
+  if (view.substr(at).find_first_not_of(std::string_view("\r\n\0", 3)) != std::string_view::npos) {
+    fail_long(name, elements.back(), std::to_string(view.size() - at) + " bytes follow the last");
+  }
+  RecordLayout layout = record_layout(file, name);
+  layout.starts = std::move(starts);
+  const std::string_view points = view.substr(layout.begin, file.begins[file.header.vertex + 1] - layout.begin);
+  const Encoding encoding = file.header.encoding;
+  return std::make_shared<PlySource<RecordSource>>(std::move(file), std::move(bytes), name, Format::ply, encoding,
+                                                   std::move(layout), points);
+}
+
+TextLayout text_layout(const PlyFile& file, TextRows rows, std::uint64_t first_row, const std::string& name) {
+  TextLayout layout;
+  layout.begin = file.header.text.size();
+  layout.rows = std::move(rows);
+  layout.first_row = first_row;
+  layout.count = file.vertex().count;
+  layout.exact = true;
+  const auto xyz = find_xyz(file.vertex(), name);
+  const auto& properties = file.vertex().properties;
+  for (std::size_t p = 0; p < properties.size(); ++p) {
+    const auto axis = static_cast<std::size_t>(std::find(xyz.begin(), xyz.end(), p) - xyz.begin());
+    if (axis < 3) {
+      layout.columns.push_back(static_cast<ColumnKind>(axis));
+      layout.integers = layout.integers || is_integer(properties[p].type);
+    } else if (properties[p].list_count) {
+      layout.columns.push_back(ColumnKind::list);
+    } else {
+      layout.columns.push_back(ColumnKind::other);
+      layout.attributes.push_back({{properties[p].name, properties[p].type, 1}, p, true});
+    }
+  }
+  return layout;
+}
+
+std::shared_ptr<Source> read_ascii(FileBytes bytes, PlyFile file, const std::string& name) {
+  const std::size_t body = file.header.text.size();
+  TextRows rows = find_rows(bytes.view().substr(body), RowRule::filled);
+  std::uint64_t row = 0, first_row = 0;
+  for (std::size_t e = 0; e < file.header.elements.size(); ++e) {
+    const PlyElement& element = file.header.elements[e];
+    if (e == file.header.vertex) first_row = row;
+    file.begins.push_back(body + begin_of_row(bytes.view().substr(body), rows, RowRule::filled, row));
+    if (element.properties.empty()) continue;
+    if (element.count > rows.count() - row) fail_short(name, element, rows.count() - row);
+    row += element.count;
+  }
+  file.begins.push_back(bytes.view().size());
+  if (row < rows.count()) {
+    fail_long(name, file.header.elements.back(), std::to_string(rows.count() - row) + " more lines follow");
+  }
+  TextLayout layout = text_layout(file, std::move(rows), first_row, name);
+  return std::make_shared<PlySource<TextSource>>(std::move(file), std::move(bytes), name, Format::ply,
+                                                 std::move(layout));
+}
+
+}  // namespace
+
+std::shared_ptr<Source> read_ply(FileBytes bytes, const std::string& name) {
+  PlyFile file;
+  file.header = parse_ply_header(bytes.view(), name);
+  find_xyz(file.vertex(), name);
+  if (file.vertex().count == 0) fail(name, "has no points");
+  return file.header.encoding == Encoding::ascii ? read_ascii(std::move(bytes), std::move(file), name)
+                                                 : read_binary(std::move(bytes), std::move(file), name);
+}
+
+}  // namespace pointfair::io

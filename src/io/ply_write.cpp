@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+// A new PLY file from a table.
+#include <algorithm>
+#include <utility>
+
+#include "io/column_names.hpp"
+#include "io/formats.hpp"
+#include "io/ply_body.hpp"
+#include "io/ply_header.hpp"
+
+namespace pointfair::io {
+namespace {
+
+// Most readers expect a face as a list of uchar and int; larger files need more.
+struct FaceTypes {
+  NativeType count = NativeType::uint8, corner = NativeType::int32;
+};
+
+FaceTypes face_types(const Table& table) {
+  std::uint64_t begin = 0, longest = 0;
+  for (const std::uint64_t end : table.faces.ends) longest = std::max(longest, end - std::exchange(begin, end));
+  if (longest < 256 && table.size() < (std::uint64_t{1} << 31)) return {};
+  return {NativeType::uint32, NativeType::uint32};
+}
+
+std::string new_header(const Table& table, Encoding encoding) {
+  std::vector<AttributeInfo> properties;
+  for (const char* axis : {"x", "y", "z"}) properties.push_back({axis, table.coordinate_type, 1});
+  for (const TableColumn& column : table.columns) properties.push_back({column.name, shown_as(column.type), 1});
+  std::string header = "ply\nformat " + std::string(ply_encoding_name(encoding)) + " 1.0\n";
+  header += "element vertex " + std::to_string(table.size()) + "\n" + ply_property_lines(properties, "\n");
+  if (!table.faces.ends.empty()) {
+    header += "element face " + std::to_string(table.faces.ends.size()) + "\n";
+    header += face_types(table).count == NativeType::uint8 ? "property list uchar int" : "property list uint uint";
+    header += " vertex_indices\n";
+  }
+  return header + "end_header\n";
+}
+
+}  // namespace
+
+void write_ply(Table table, Encoding encoding, Output& out) {
+  use_ply_names(table);
+  out.write(new_header(table, encoding));
+  write_rows(out, table.size(), [&](std::size_t i, std::string& buffer) {
+    PlyEmitter emitter(buffer, encoding);
+    for (const double value : table.positions[i]) emitter.put(value, native(table.coordinate_type));
+    for (const TableColumn& column : table.columns) {
+      const double value = load_double(column.data.data() + i * column_bytes(column), column.type, false);
+      emitter.put(value, native(shown_as(column.type)));
+    }
+    emitter.end_row();
+  });
+  const FaceTypes types = face_types(table);
+  write_rows(out, table.faces.ends.size(), [&](std::size_t face, std::string& buffer) {
+    const std::uint64_t begin = face == 0 ? 0 : table.faces.ends[face - 1], end = table.faces.ends[face];
+    PlyEmitter emitter(buffer, encoding);
+    emitter.put(static_cast<double>(end - begin), types.count);
+    for (std::uint64_t c = begin; c < end; ++c) emitter.put(table.faces.corners[c], types.corner);
+    emitter.end_row();
+  });
+}
+
+}  // namespace pointfair::io

@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/record_source.hpp"
+
+#include <algorithm>
+
+#include "io/parallel.hpp"
+
+namespace pointfair::io {
+namespace {
+
+constexpr std::uint64_t kBlock = 16384;
+
+}  // namespace
+
+std::optional<std::size_t> list_bytes(std::string_view available, const RecordField& field, bool swap) {
+  const std::size_t count_size = size_of(*field.list_count);
+  if (available.size() < count_size) return std::nullopt;
+  const double count = load_double(available.data(), *field.list_count, swap);
+  const double room = static_cast<double>((available.size() - count_size) / size_of(field.type));
+  if (!(count >= 0 && count <= room)) return std::nullopt;
+  return count_size + static_cast<std::size_t>(count) * size_of(field.type);
+}
+
+void append_added(const std::vector<Attribute>& added, std::uint64_t point, bool swap, std::string& to) {
+  for (const Attribute& attribute : added) {
+    const std::size_t size = pointfair::size_of(attribute.type), bytes = attribute.components * size;
+    const char* from = reinterpret_cast<const char*>(attribute.data.data()) + point * bytes;
+    char scalar[8];
+    for (std::size_t at = 0; at < bytes; at += size) {
+      copy_scalar(scalar, from + at, size, swap);
+      to.append(scalar, size);
+    }
+  }
+}
+
+RecordSource::RecordSource(FileBytes bytes, std::string name, Format format, Encoding encoding, RecordLayout layout,
+                           std::string_view points)
+    : Source(std::move(bytes), std::move(name), format, encoding), layout_(std::move(layout)), points_(points) {
+  for (std::size_t f = 0; f < layout_.fields.size(); ++f) {
+    const bool coordinate = std::find(layout_.xyz.begin(), layout_.xyz.end(), f) != layout_.xyz.end();
+    if (!coordinate && !layout_.fields[f].padding && !layout_.fields[f].list_count) shown_.push_back(f);
+  }
+}
+
+std::size_t RecordSource::block_count() const {
+  return static_cast<std::size_t>((layout_.count + kBlock - 1) / kBlock);
+}
+
+std::uint64_t RecordSource::block_begin(std::size_t block) const { return std::min(block * kBlock, layout_.count); }
+
+std::size_t RecordSource::record_begin(std::uint64_t point) const {
+  return static_cast<std::size_t>(layout_.starts.empty() ? point * layout_.record_size : layout_.starts[point]);
+}
+
+std::size_t RecordSource::locate(std::uint64_t point, std::size_t field) const {
+  if (layout_.starts.empty()) {
+    return layout_.fields[field].offset + static_cast<std::size_t>(point) * layout_.fields[field].stride;
+  }
+  std::size_t at = record_begin(point);
+  for (std::size_t f = 0; f < field; ++f) {
+    const RecordField& before = layout_.fields[f];
+    at += before.list_count ? list_bytes(points_.substr(at), before, layout_.swap).value() : column_bytes(before);
+  }
+  return at;
+}
+
+void RecordSource::positions(std::size_t block, std::span<Position> out) const {
+  const std::uint64_t first = block_begin(block);
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const std::size_t field = layout_.xyz[axis];
+    const bool fixed = layout_.starts.empty();
+    const std::size_t stride = layout_.fields[field].stride, begin = locate(first, field);
+    const auto read = [&](auto tag, auto swap) {
+      for (std::size_t i = 0; i < out.size(); ++i) {
+        const std::size_t at = fixed ? begin + i * stride : locate(first + i, field);
+        out[i][axis] = static_cast<double>(load<decltype(tag)>(points_.data() + at, swap));
+      }
+    };
+    with_type(layout_.fields[field].type,
+              [&](auto tag) { layout_.swap ? read(tag, std::true_type{}) : read(tag, std::false_type{}); });
+  }
+}
+
+ScalarType RecordSource::coordinate_type() const {
+  // 32-bit integers have more digits than a float holds.
+  const auto needs_double = [&](std::size_t f) {
+    const NativeType type = layout_.fields[f].type;
+    return type != NativeType::float32 && size_of(type) >= 4;
+  };
+  return std::any_of(layout_.xyz.begin(), layout_.xyz.end(), needs_double) ? ScalarType::float64 : ScalarType::float32;
+}
+
+std::vector<Column> RecordSource::columns() const {
+  std::vector<Column> result;
+  for (const std::size_t f : shown_) result.push_back(layout_.fields[f]);
+  return result;
+}
+
+void RecordSource::extract(std::size_t index, std::span<char> out) const {
+  const std::size_t f = shown_[index];
+  const RecordField& field = layout_.fields[f];
+  const std::size_t size = size_of(field.type);
+  for_each_block(block_count(), [&](std::size_t block) {
+    for (std::uint64_t point = block_begin(block); point < block_begin(block + 1); ++point) {
+      const char* from = points_.data() + locate(point, f);
+      char* to = out.data() + point * column_bytes(field);
+      for (std::uint32_t c = 0; c < field.components; ++c) {
+        copy_scalar(to + c * size, from + c * size, size, layout_.swap);
+      }
+    }
+  });
+}
+
+void RecordSource::patch(std::size_t block, const Moves& moves, char* to, std::size_t base,
+                         std::size_t extra_per_point) const {
+  const std::uint64_t first = block_begin(block);
+  for (std::size_t i = 0; i < moves.changed.size(); ++i) {
+    if (moves.changed[i] == 0) continue;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      if ((moves.changed[i] >> axis & 1) == 0) continue;
+      const std::size_t field = layout_.xyz[axis];
+      char* const at = to + (locate(first + i, field) - base) + i * extra_per_point;
+      store_double(at, layout_.fields[field].type, layout_.swap, moves.values[i][axis]);
+    }
+  }
+}
+
+void RecordSource::append_block(std::size_t block, const Moves& moves, const std::vector<Attribute>& added,
+                                std::string& to) const {
+  const std::uint64_t first = block_begin(block), last = block_begin(block + 1);
+  std::size_t extra = 0;
+  if (added.empty()) {
+    to.append(points_.substr(record_begin(first), record_begin(last) - record_begin(first)));
+  } else {
+    for (const Attribute& attribute : added) extra += attribute.components * pointfair::size_of(attribute.type);
+    for (std::uint64_t point = first; point < last; ++point) {
+      to.append(points_.substr(record_begin(point), record_begin(point + 1) - record_begin(point)));
+      append_added(added, point, layout_.swap, to);
+    }
+  }
+  patch(block, moves, to.data(), record_begin(first), extra);
+}
+
+}  // namespace pointfair::io

@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+// The parsed file behind a cloud: the file's bytes as they are, and the knowledge of where each value lies in them.
+// Writing to the same format copies the bytes and patches the coordinates that moved.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "io/file_bytes.hpp"
+#include "io/output.hpp"
+#include "io/scalar.hpp"
+#include "pointfair/cloud.hpp"
+#include "pointfair/io.hpp"
+
+namespace pointfair {
+
+namespace io {
+
+/// Name and shape of an attribute as the file has it.
+struct Column {
+  std::string name;
+  NativeType type = NativeType::float32;
+  std::uint32_t components = 1;
+};
+inline std::size_t column_bytes(const Column& column) { return column.components * size_of(column.type); }
+
+}  // namespace io
+
+using Position = std::array<double, 3>;
+
+/// Polygons: face f has the corners [ends[f - 1], ends[f]), the first from 0.
+struct Faces {
+  std::vector<std::uint64_t> ends;
+  std::vector<std::uint32_t> corners;
+};
+
+/// Where the points of one block are now, and which of their coordinates differ from the file's.
+struct Moves {
+  std::vector<Position> values;       ///< the file's own, or the moved ones
+  std::vector<std::uint8_t> changed;  ///< bit a: coordinate a moved
+};
+
+/// Immutable once `place` was called. Points come in blocks, runs of consecutive points, the unit of parallel work.
+class Source {
+ public:
+  Source(io::FileBytes bytes, std::string name, Format format, Encoding encoding)
+      : bytes_(std::move(bytes)), name_(std::move(name)), format_(format), encoding_(encoding) {}
+  virtual ~Source() = default;
+  Source(const Source&) = delete;
+  Source& operator=(const Source&) = delete;
+
+  const std::string& name() const { return name_; }
+  Format format() const { return format_; }
+  Encoding encoding() const { return encoding_; }
+  std::uint64_t size() const { return block_begin(block_count()); }
+
+  virtual std::size_t block_count() const = 0;
+  /// Index of the first point of `block`; that of the block past the last is the number of points.
+  virtual std::uint64_t block_begin(std::size_t block) const = 0;
+  std::size_t block_size(std::size_t block) const {
+    return static_cast<std::size_t>(block_begin(block + 1) - block_begin(block));
+  }
+
+  /// The file's own coordinates of the points of `block`.
+  virtual void positions(std::size_t block, std::span<Position> out) const = 0;
+  /// The type that holds the file's coordinates without loss.
+  virtual ScalarType coordinate_type() const = 0;
+
+  /// Per-point attributes, coordinates excluded, in the order of the file.
+  virtual std::vector<io::Column> columns() const = 0;
+  /// The values of the attribute at `index` of `columns()`: size() * column_bytes of them.
+  virtual void extract(std::size_t index, std::span<char> out) const = 0;
+  virtual Faces faces() const { return {}; }
+
+  /// Writes the file in its own format, with the coordinates and added attributes of `cloud`.
+  virtual void write(const Cloud& cloud, Encoding encoding, io::Output& out) const;
+
+  /// Chooses the origin from a sample of the points, and returns the points relative to it.
+  std::vector<Point> place();
+  const Position& origin() const { return origin_; }
+
+  Moves moves(std::size_t block, const Cloud& cloud) const;
+
+ protected:
+  /// Everything before the first block, with the added attributes declared.
+  virtual std::string header(const std::vector<Attribute>& added) const = 0;
+  /// The bytes of `block` with the moved coordinates patched and the added attributes appended to each point.
+  virtual void append_block(std::size_t block, const Moves& moves, const std::vector<Attribute>& added,
+                            std::string& to) const = 0;
+  /// Everything after the last block.
+  virtual std::string_view tail() const { return {}; }
+
+  std::string_view bytes() const { return bytes_.view(); }
+
+ private:
+  io::FileBytes bytes_;
+  std::string name_;
+  Format format_;
+  Encoding encoding_;
+  Position origin_{};
+};
+
+namespace io {
+
+/// An origin for coordinates of which these are a sample: 0 on an axis unless the coordinates there are large against
+/// the extent of the bulk of the points, else a round number near its centre.
+Position choose_origin(std::vector<Position> sample);
+
+}  // namespace io
+}  // namespace pointfair

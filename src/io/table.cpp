@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/table.hpp"
+
+#include <algorithm>
+#include <cstring>
+
+#include "io/column_names.hpp"
+#include "io/parallel.hpp"
+
+namespace pointfair::io {
+namespace {
+
+constexpr std::size_t kRowsPerBlock = 8192;
+
+void take_positions(const Cloud& cloud, Table& table) {
+  table.positions.resize(cloud.points.size());
+  if (cloud.source) {
+    table.coordinate_type = cloud.source->coordinate_type();
+    for_each_block(cloud.source->block_count(), [&](std::size_t block) {
+      const Moves moves = cloud.source->moves(block, cloud);
+      std::copy(moves.values.begin(), moves.values.end(),
+                table.positions.begin() + static_cast<std::ptrdiff_t>(cloud.source->block_begin(block)));
+    });
+    return;
+  }
+  if (cloud.origin != Position{}) table.coordinate_type = ScalarType::float64;
+  for (std::size_t i = 0; i < table.size(); ++i) {
+    const Point& p = cloud.points[i];
+    table.positions[i] = {cloud.origin[0] + p.x, cloud.origin[1] + p.y, cloud.origin[2] + p.z};
+  }
+}
+
+// Splits a column into one for each component.
+void split_components(const TableColumn& column, std::vector<TableColumn>& to) {
+  const std::size_t size = size_of(column.type), stride = column_bytes(column), rows = column.data.size() / stride;
+  const auto names = component_names(column.name, column.components);
+  for (std::size_t c = 0; c < names.size(); ++c) {
+    TableColumn part;
+    static_cast<Column&>(part) = {names[c], column.type, 1};
+    part.data.resize(rows * size);
+    for (std::size_t i = 0; i < rows; ++i) {
+      std::memcpy(part.data.data() + i * size, column.data.data() + i * stride + c * size, size);
+    }
+    to.push_back(std::move(part));
+  }
+}
+
+// PCD packs colours into the four bytes of one number, 0xAARRGGBB.
+void split_packed_color(const TableColumn& column, std::vector<TableColumn>& to) {
+  static constexpr const char* kNames[] = {"red", "green", "blue", "alpha"};
+  static constexpr int kShifts[] = {16, 8, 0, 24};
+  const std::size_t rows = column.data.size() / 4;
+  for (std::size_t c = 0; c < (column.name == "rgba" ? 4U : 3U); ++c) {
+    TableColumn part;
+    static_cast<Column&>(part) = {kNames[c], NativeType::uint8, 1};
+    part.data.resize(rows);
+    for (std::size_t i = 0; i < rows; ++i) {
+      part.data[i] = static_cast<char>(load<std::uint32_t>(column.data.data() + 4 * i, false) >> kShifts[c] & 255);
+    }
+    to.push_back(std::move(part));
+  }
+}
+
+}  // namespace
+
+const TableColumn* Table::find(std::string_view name) const {
+  const auto found = std::find_if(columns.begin(), columns.end(), [&](const TableColumn& c) { return c.name == name; });
+  return found == columns.end() ? nullptr : &*found;
+}
+
+Table make_table(const Cloud& cloud) {
+  Table table;
+  take_positions(cloud, table);
+  if (cloud.source) {
+    const std::vector<Column> columns = cloud.source->columns();
+    for (std::size_t c = 0; c < columns.size(); ++c) {
+      TableColumn column;
+      static_cast<Column&>(column) = columns[c];
+      column.data.resize(table.size() * column_bytes(column));
+      cloud.source->extract(c, column.data);
+      table.columns.push_back(std::move(column));
+    }
+    table.faces = cloud.source->faces();
+  }
+  for (const Attribute& attribute : cloud.added) {
+    TableColumn column;
+    static_cast<Column&>(column) = {attribute.name, native(attribute.type), attribute.components};
+    const char* data = reinterpret_cast<const char*>(attribute.data.data());
+    column.data.assign(data, data + attribute.data.size());
+    table.columns.push_back(std::move(column));
+  }
+  return table;
+}
+
+void use_ply_names(Table& table) {
+  std::vector<TableColumn> columns;
+  for (TableColumn& column : table.columns) {
+    if ((column.name == "rgb" || column.name == "rgba") && column_bytes(column) == 4 && column.components == 1) {
+      split_packed_color(column, columns);
+    } else if (column.components != 1) {
+      split_components(column, columns);
+    } else {
+      column.name = ply_name(column.name);
+      columns.push_back(std::move(column));
+    }
+  }
+  table.columns = std::move(columns);
+}
+
+bool colors_as_bytes(const Table& table, std::vector<std::array<std::uint8_t, 3>>& colors) {
+  const TableColumn* const channels[] = {table.find("red"), table.find("green"), table.find("blue")};
+  if (!std::all_of(std::begin(channels), std::end(channels), [](const TableColumn* c) { return c; })) return false;
+  colors.resize(table.size());
+  for (std::size_t c = 0; c < 3; ++c) {
+    const NativeType type = channels[c]->type;
+    const double scale = is_integer(type) ? 1 : 255;
+    for (std::size_t i = 0; i < colors.size(); ++i) {
+      const double value = load_double(channels[c]->data.data() + i * size_of(type), type, false);
+      colors[i][c] = narrow<std::uint8_t>(scale * value);
+    }
+  }
+  return true;
+}
+
+void write_rows(Output& out, std::size_t rows, const std::function<void(std::size_t, std::string&)>& append_row) {
+  write_blocks(out, (rows + kRowsPerBlock - 1) / kRowsPerBlock, [&](std::size_t block, std::string& buffer) {
+    const std::size_t end = std::min((block + 1) * kRowsPerBlock, rows);
+    for (std::size_t i = block * kRowsPerBlock; i < end; ++i) append_row(i, buffer);
+  });
+}
+
+}  // namespace pointfair::io

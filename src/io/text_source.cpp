@@ -1,0 +1,354 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/text_source.hpp"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+#include "io/parallel.hpp"
+
+namespace pointfair::io {
+namespace {
+
+constexpr std::size_t kChunkBytes = std::size_t{1} << 18;
+
+// What the numbers of a column have in common, and so the narrowest type that holds them without losing a digit.
+struct Narrowest {
+  bool numbers = true, integers = true, fits_float = true;
+  double low = 0, high = 0;
+
+  void see(std::string_view word) {
+    const std::optional<double> value = to_number(word);
+    if (!value) {
+      numbers = numbers && word.empty();
+      integers = false;
+      return;
+    }
+    const int decimals = decimals_of(word);
+    integers = integers && decimals == 0;
+    low = std::min(low, *value);
+    high = std::max(high, *value);
+    if (!std::isfinite(*value)) return;
+    // A float suffices if, printed with as many decimals, it gives the same word.
+    const double error = std::abs(static_cast<double>(static_cast<float>(*value)) - *value);
+    fits_float = fits_float && (error == 0 || (decimals >= 0 && error < 0.5 * std::pow(10.0, -decimals)) ||
+                                (decimals < 0 && error <= 5e-8 * std::abs(*value)));
+  }
+  void merge(const Narrowest& other) {
+    numbers = numbers && other.numbers;
+    integers = integers && other.integers;
+    fits_float = fits_float && other.fits_float;
+    low = std::min(low, other.low);
+    high = std::max(high, other.high);
+  }
+  NativeType type() const {
+    if (integers && low >= 0 && high <= 255) return NativeType::uint8;
+    if (integers && low >= std::numeric_limits<std::int32_t>::min() && high <= std::numeric_limits<std::int32_t>::max())
+      return NativeType::int32;
+    return fits_float ? NativeType::float32 : NativeType::float64;
+  }
+};
+
+// The words of one row, column after column; lists are stepped over, and shift the words behind them.
+class RowWords {
+ public:
+  RowWords(std::string_view line, const std::vector<ColumnKind>& columns) : rest_(line), columns_(columns) {}
+
+  /// The next column, `word` empty for a list. False: the row has no more words, or fewer than a list promises.
+  bool next(ColumnKind& kind, std::string_view& word) {
+    kind = at_ < columns_.size() ? columns_[at_] : ColumnKind::other;
+    ++at_;
+    if (!next_word(rest_, word)) return false;
+    if (kind != ColumnKind::list) return true;
+    const std::optional<std::uint64_t> count = to_count(word);
+    if (!count) return false;
+    for (std::uint64_t i = 0; i < *count; ++i) {
+      if (!next_word(rest_, word)) return false;
+    }
+    word = {};
+    return true;
+  }
+
+ private:
+  std::string_view rest_;
+  const std::vector<ColumnKind>& columns_;
+  std::size_t at_ = 0;
+};
+
+// The words of an attribute in one row; empty where the row is too short.
+void column_words(std::string_view line, const std::vector<ColumnKind>& columns, const TextColumn& column,
+                  std::vector<std::string_view>& words) {
+  words.assign(column.components, {});
+  RowWords row(line, columns);
+  ColumnKind kind{};
+  std::string_view word;
+  for (std::size_t c = 0; c < column.first + words.size() && row.next(kind, word); ++c) {
+    if (c >= column.first) words[c - column.first] = word;
+  }
+}
+
+// Stores a word as a value of `type`; a missing one as NaN, or 0. False: it is no number.
+bool word_to_scalar(std::string_view word, NativeType type, char* to) {
+  if (size_of(type) == 8 && is_integer(type)) {  // a double would lose digits
+    return with_type(type, [&](auto value) {
+      if constexpr (std::is_integral_v<decltype(value)>) {
+        const auto [stop, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+        std::memcpy(to, &value, sizeof value);
+        return word.empty() || (error == std::errc() && stop == word.data() + word.size());
+      }
+      return false;
+    });
+  }
+  const std::optional<double> value = to_number(word);
+  store_double(to, type, false, value.value_or(std::numeric_limits<double>::quiet_NaN()));
+  return value.has_value() || word.empty();
+}
+
+}  // namespace
+
+char separator_of(std::string_view line) {
+  std::string_view word;
+  next_word(line, word);
+  if (word.data() == nullptr || line.empty()) return ' ';
+  const char* const between = word.data() + word.size();
+  const std::string_view gap(between, static_cast<std::size_t>(line.data() - between));
+  for (const char c : {',', ';', '\t'}) {
+    if (gap.find(c) != std::string_view::npos) return c;
+  }
+  return ' ';
+}
+
+void append_added_words(const std::vector<Attribute>& added, std::uint64_t point, char separator, std::string& to) {
+  for (const Attribute& attribute : added) {
+    const std::size_t size = pointfair::size_of(attribute.type);
+    const char* from = reinterpret_cast<const char*>(attribute.data.data()) + point * attribute.components * size;
+    for (std::uint32_t c = 0; c < attribute.components; ++c, from += size) {
+      to += separator;
+      append_scalar(to, from, native(attribute.type));
+    }
+  }
+}
+
+bool is_row(std::string_view line, RowRule rule) {
+  std::size_t at = 0;
+  while (at < line.size() && is_blank(line[at])) ++at;
+  line.remove_prefix(at);
+  if (line.empty()) return false;
+  switch (rule) {
+    case RowRule::filled:
+      return true;
+    case RowRule::uncommented:
+      return line[0] != '#' && !line.starts_with("//");
+    case RowRule::vertices:
+      break;
+  }
+  return line[0] == 'v' && line.size() > 1 && is_blank(line[1]);
+}
+
+TextRows find_rows(std::string_view text, RowRule rule) {
+  TextRows rows;
+  for (std::size_t at = 0; at < text.size();) {
+    rows.chunks.push_back({at, 0});
+    const std::size_t end = text.find('\n', std::min(at + kChunkBytes, text.size()) - 1);
+    at = end == std::string_view::npos ? text.size() : end + 1;
+  }
+  const std::size_t count = rows.chunks.size();
+  rows.chunks.push_back({text.size(), 0});
+  for_each_block(count, [&](std::size_t c) {
+    std::string_view chunk = text.substr(rows.chunks[c].begin, rows.chunks[c + 1].begin - rows.chunks[c].begin), line;
+    std::uint64_t found = 0;
+    while (next_line(chunk, line)) found += is_row(line, rule);
+    rows.chunks[c + 1].first_row = found;
+  });
+  for (std::size_t c = 0; c < count; ++c) rows.chunks[c + 1].first_row += rows.chunks[c].first_row;
+  return rows;
+}
+
+std::size_t begin_of_row(std::string_view text, const TextRows& rows, RowRule rule, std::uint64_t row) {
+  if (row >= rows.count()) return text.size();
+  const auto behind = std::upper_bound(rows.chunks.begin(), rows.chunks.end(), row,
+                                       [](std::uint64_t r, const TextRows::Chunk& c) { return r < c.first_row; });
+  const TextRows::Chunk& chunk = *(behind - 1);
+  std::string_view rest = text.substr(chunk.begin), line;
+  std::uint64_t at = chunk.first_row;
+  while (next_line(rest, line)) {
+    if (is_row(line, rule) && at++ == row) break;
+  }
+  return static_cast<std::size_t>(line.data() - text.data());
+}
+
+TextSource::TextSource(FileBytes bytes, std::string name, Format format, TextLayout layout)
+    : Source(std::move(bytes), std::move(name), format, Encoding::ascii),
+      layout_(std::move(layout)),
+      attributes_(layout_.attributes) {
+  layout_.end = std::min(layout_.end, this->bytes().size());
+}
+
+std::uint64_t TextSource::block_begin(std::size_t block) const {
+  const std::uint64_t row = layout_.rows.chunks[block].first_row;
+  return std::clamp(row, layout_.first_row, layout_.first_row + layout_.count) - layout_.first_row;
+}
+
+std::string_view TextSource::chunk_text(std::size_t block) const {
+  const auto& chunks = layout_.rows.chunks;
+  return bytes().substr(layout_.begin + chunks[block].begin, chunks[block + 1].begin - chunks[block].begin);
+}
+
+// Calls visit(line, point) with the place of the point in the block, or -1 for a line that is no point.
+template <class Visit>
+void TextSource::for_each_line(std::size_t block, const Visit& visit) const {
+  std::string_view text = chunk_text(block), line;
+  std::uint64_t row = layout_.rows.chunks[block].first_row;
+  std::ptrdiff_t point = 0;
+  while (next_line(text, line)) {
+    const bool data = is_row(line, layout_.rule);
+    const bool is_point = data && row - layout_.first_row < layout_.count;
+    row += data;
+    visit(line, is_point ? point++ : -1);
+  }
+}
+
+std::size_t TextSource::row_begin(std::uint64_t row) const {
+  return layout_.begin + begin_of_row(bytes().substr(layout_.begin), layout_.rows, layout_.rule, row);
+}
+
+void TextSource::fail_at(const char* place, const std::string& message) const {
+  fail(name(), "line " + std::to_string(line_number(bytes(), place)) + ": " + message);
+}
+
+std::array<std::string_view, 3> TextSource::coordinate_words(std::string_view line) const {
+  std::array<std::string_view, 3> result;
+  RowWords row(line, layout_.columns);
+  ColumnKind kind{};
+  std::string_view word;
+  std::size_t found = 0, columns = 0;
+  const std::size_t wanted = layout_.columns.size();
+  while ((layout_.exact ? columns < wanted : found < 3) && row.next(kind, word)) {
+    ++columns;
+    if (kind > ColumnKind::z) continue;
+    result[static_cast<std::size_t>(kind)] = word;
+    ++found;
+  }
+  if (found < 3 || (layout_.exact && columns < wanted)) {
+    fail_at(line.data(), "too few values: " + quoted(line.substr(0, line.find('\r'))) + "; repair or remove the line");
+  }
+  if (layout_.exact && row.next(kind, word)) {
+    fail_at(line.data(), "more values than the header names, from " + quoted(word) + " on; repair the line");
+  }
+  return result;
+}
+
+void TextSource::positions(std::size_t block, std::span<Position> out) const {
+  for_each_line(block, [&](std::string_view line, std::ptrdiff_t point) {
+    if (point < 0) return;
+    const auto words = coordinate_words(line);
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const std::optional<double> value = to_number(words[axis]);
+      if (!value) fail_at(line.data(), quoted(words[axis]) + " is not a number; repair or remove the line");
+      out[static_cast<std::size_t>(point)][axis] = *value;
+    }
+  });
+}
+
+ScalarType TextSource::coordinate_type() const {
+  if (origin() != Position{}) return ScalarType::float64;
+  std::vector<Narrowest> seen(block_count());
+  for_each_block(seen.size(), [&](std::size_t block) {
+    for_each_line(block, [&](std::string_view line, std::ptrdiff_t point) {
+      if (point < 0) return;
+      for (const std::string_view word : coordinate_words(line)) seen[block].see(word);
+    });
+  });
+  const bool all = std::all_of(seen.begin(), seen.end(), [](const Narrowest& n) { return n.fits_float; });
+  return all ? ScalarType::float32 : ScalarType::float64;
+}
+
+// Looks through the columns of unknown type; those with a word that is no number are no attributes.
+void TextSource::find_types() const {
+  std::vector<TextColumn> kept;
+  for (TextColumn& column : attributes_) {
+    if (!column.typed) {
+      std::vector<Narrowest> seen(block_count());
+      for_each_block(seen.size(), [&](std::size_t block) {
+        std::vector<std::string_view> words;
+        for_each_line(block, [&](std::string_view line, std::ptrdiff_t point) {
+          if (point < 0) return;
+          column_words(line, layout_.columns, column, words);
+          for (const std::string_view word : words) seen[block].see(word);
+        });
+      });
+      for (const Narrowest& other : seen) seen.front().merge(other);
+      if (!seen.front().numbers) continue;
+      column.type = seen.front().type();
+    }
+    kept.push_back(column);
+  }
+  attributes_ = std::move(kept);
+}
+
+std::vector<Column> TextSource::columns() const {
+  std::call_once(types_found_, [this] { find_types(); });
+  return {attributes_.begin(), attributes_.end()};
+}
+
+void TextSource::extract(std::size_t index, std::span<char> out) const {
+  columns();  // finds the types
+  const TextColumn& column = attributes_[index];
+  const std::size_t size = size_of(column.type);
+  for_each_block(block_count(), [&](std::size_t block) {
+    std::vector<std::string_view> words;
+    char* to = out.data() + block_begin(block) * column_bytes(column);
+    for_each_line(block, [&](std::string_view line, std::ptrdiff_t point) {
+      if (point < 0) return;
+      column_words(line, layout_.columns, column, words);
+      for (const std::string_view word : words) {
+        if (!word_to_scalar(word, column.type, to)) {
+          fail_at(line.data(), quoted(word) + " in column " + column.name + " is not a number; repair the line");
+        }
+        to += size;
+      }
+    });
+  });
+}
+
+void TextSource::append_block(std::size_t block, const Moves& moves, const std::vector<Attribute>& added,
+                              std::string& to) const {
+  const std::string_view text = chunk_text(block);
+  to.reserve(text.size() + text.size() / 4);
+  const char* copied = text.data();  // everything before it is in `to`
+  const auto copy_up_to = [&](const char* end) {
+    to.append(copied, end);
+    copied = end;
+  };
+  for_each_line(block, [&](std::string_view line, std::ptrdiff_t point) {
+    if (point < 0) return;
+    const auto i = static_cast<std::size_t>(point);
+    if (moves.changed[i] != 0) {
+      const auto words = coordinate_words(line);
+      std::array<std::size_t, 3> order = {0, 1, 2};  // as they stand in the line
+      std::sort(order.begin(), order.end(), [&](auto a, auto b) { return words[a].data() < words[b].data(); });
+      for (const std::size_t axis : order) {
+        if ((moves.changed[i] >> axis & 1) == 0) continue;
+        const double value = moves.values[i][axis];
+        copy_up_to(words[axis].data());
+        if (layout_.integers) {
+          append_as(to, value, NativeType::int64);
+        } else {
+          append_moved(to, words[axis], value, static_cast<float>(value - origin()[axis]));
+        }
+        copied = words[axis].data() + words[axis].size();
+      }
+    }
+    if (layout_.extendable && !added.empty()) {
+      std::size_t end = line.size();
+      while (end > 0 && is_blank(line[end - 1])) --end;
+      copy_up_to(line.data() + end);
+      append_added_words(added, block_begin(block) + i, separator_of(line), to);
+    }
+  });
+  copy_up_to(text.data() + text.size());
+}
+
+}  // namespace pointfair::io
