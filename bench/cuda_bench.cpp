@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: Apache-2.0
+// Times each stage of the CUDA backend on clouds that hurt: uneven density, identical points, a stray point.
+//   cuda_bench [POINTS] [REPEAT]
+// A line a cloud and k: medians in milliseconds, points resident on the card; each stage timed from an idle card to an
+// idle card, and `whole` with all stages in flight at once. The checksum is the sum of all faired coordinates.
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <functional>
+#include <thread>
+
+#include "backend.hpp"
+#include "shapes.h"
+
+namespace {
+
+using namespace pointfair;
+using Points = std::vector<Point>;
+using Clock = std::chrono::steady_clock;
+
+template <class Body>
+void in_parallel(std::size_t count, Body body) {
+  std::vector<std::thread> threads;
+  const std::size_t parts = std::max(1u, std::thread::hardware_concurrency());
+  for (std::size_t part = 0; part < parts; ++part)
+    threads.emplace_back([=] { body(part, count * part / parts, count * (part + 1) / parts); });
+  for (std::thread& thread : threads) thread.join();
+}
+
+// A bumpy ball of diameter about 1 in random order, noise along the normal. `ratio`: density at one end of the z axis
+// over that at the other.
+Points bumpy_ball(std::size_t count, double noise, double ratio) {
+  Points points(count);
+  in_parallel(count, [&](std::size_t part, std::size_t first, std::size_t last) {
+    shapes::Random random(part + 17);
+    for (std::size_t i = first; i < last; ++i) {
+      double x = 0, y = 0, z = 0, length = 0;
+      do {
+        x = random.uniform(-1, 1), y = random.uniform(-1, 1), z = random.uniform(-1, 1);
+        length = std::sqrt(x * x + y * y + z * z);
+      } while (length < 0.1 || length > 1 || random.uniform() > std::pow(ratio, (z / length - 1) / 2));
+      x /= length, y /= length, z /= length;
+      const double r =
+          0.3 * (1 + 0.1 * std::sin(8 * x) * std::sin(7 * y + 1) * std::cos(9 * z) + 0.03 * std::sin(30 * x + 20 * y)) +
+          noise * random.normal();
+      points[i] = shapes::make_point(r * x, r * y, r * z);
+    }
+  });
+  return points;
+}
+
+double median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  return values[values.size() / 2];
+}
+
+double milliseconds(Backend& backend, const std::function<void()>& body) {
+  const auto start = Clock::now();
+  body();
+  backend.counts();  // waits for the card
+  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+}
+
+struct Case {
+  std::string name;
+  int k;
+  bool constraint = false;
+  AreaWeight area = AreaWeight::none;
+};
+
+void measure(Backend& backend, const Points& points, const Case& c, int repeat) {
+  const double spacing = std::sqrt(1.2 / double(points.size()));
+  const NeighborSettings neighbors{c.k, 0, c.constraint, float(2.5 * spacing)};
+  const NormalSettings normals{true, float(2 * spacing)};
+  const FairingSettings fairing{Method::bilateral, c.area, float(2 * spacing), float(spacing)};
+  const auto upload_start = Clock::now();
+  backend.upload(points);
+  const double upload = std::chrono::duration<double, std::milli>(Clock::now() - upload_start).count();
+  backend.begin_pass(0);
+  std::vector<double> times[6];
+  for (int n = 0; n < repeat + 2; ++n) {
+    const double wait = milliseconds(backend, [] {});
+    const double t[] = {milliseconds(backend, [&] { backend.build_index({}); }),
+                        milliseconds(backend, [&] { backend.find_neighbors(neighbors, {}); }),
+                        milliseconds(backend, [&] { backend.estimate_normals(normals, {}); }),
+                        milliseconds(backend, [&] { backend.fair(fairing, {}); }), milliseconds(backend, [&] {
+                          backend.build_index({});
+                          backend.find_neighbors(neighbors, {});
+                          backend.estimate_normals(normals, {});
+                          backend.fair(fairing, {});
+                        })};
+    for (int i = 0; i < 5 && n >= 2; ++i) times[i].push_back(t[i] - wait);
+    if (n >= 2) times[5].push_back(wait);
+  }
+  Points out(points.size());
+  backend.download(out);
+  double checksum = 0;
+  for (const Point& p : out) checksum += double(p.x) + double(p.y) + double(p.z);
+  std::printf("%-28s %9zu %3d  %8.3f %8.3f %8.3f %8.3f  %8.3f  (wait %.3f, upload %.1f)  %.1f B/pt  %.9g\n",
+              c.name.c_str(), points.size(), c.k, median(times[0]), median(times[1]), median(times[2]),
+              median(times[3]), median(times[4]), median(times[5]), upload,
+              double(backend.peak_device_bytes()) / double(points.size()), checksum);
+  std::fflush(stdout);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const std::size_t count = argc > 1 ? std::strtoull(argv[1], nullptr, 10) : 1000000;
+  const int repeat = argc > 2 ? std::atoi(argv[2]) : 15;
+  const double noise = count > 5000000 ? 0.0002 : 0.0005;
+  std::printf("%-28s %9s %3s  %8s %8s %8s %8s  %8s\n", "cloud", "points", "k", "index", "neighb.", "normals", "fairing",
+              "whole");
+  try {
+    const auto fresh = [] { return make_cuda_backend(0); };
+    Points even = bumpy_ball(count, noise, 1);
+    auto backend = fresh();
+    for (const int k : {8, 16, 32}) measure(*backend, even, {"even", k}, repeat);
+    measure(*backend, even, {"even, constrained, squared", 8, true, AreaWeight::squared}, repeat);
+    if (count > 20000000) return 0;
+    Points stray = even;
+    stray[count / 3] = {1e6f, 1e6f, -1e6f};
+    measure(*backend, stray, {"one stray point", 8}, repeat);
+    Points identical = even;
+    for (std::size_t i = 0; i < count / 5; ++i) identical[5 * i] = {0.2f, 0.1f, 0.05f};
+    measure(*backend, identical, {"a fifth identical", 8}, repeat);
+    Points quantised = even;
+    const float grid = float(std::round(1 / (0.5 * std::sqrt(1.2 / double(count)))));
+    for (Point& p : quantised)
+      p = {std::round(p.x * grid) / grid, std::round(p.y * grid) / grid, std::round(p.z * grid) / grid};
+    measure(*backend, quantised, {"quantised to half a spacing", 8}, repeat);
+    measure(*backend, bumpy_ball(count, noise, 50), {"uneven 50:1", 8}, repeat);
+    measure(*backend, bumpy_ball(count, noise / 4, 1000), {"uneven 1000:1", 8}, repeat);
+  } catch (const Error& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    return 1;
+  }
+}

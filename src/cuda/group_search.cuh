@@ -1,0 +1,304 @@
+// SPDX-License-Identifier: Apache-2.0
+// The k <= 32 nearest other points of all points of a leaf at once: one warp, a query a lane. The warp walks the tree
+// for the union of what its lanes need, gathers the candidates in shared memory, and every lane looks at each.
+//
+// Keys. A candidate is one 32-bit number: 22 bits of squared distance in units of (leaf diagonal / 2047)^2, 10 bits of
+// slot in the table of candidates. Distances are computed with rounding errors that together stay below kUnsure / 2
+// units, so two candidates whose keys differ by kUnsure units are in their true order. A lane's result stands only if
+// the last key kept and the least key rejected differ by that much; otherwise, or if the table overflows, the query
+// goes to the exact search. Those kept are put in exact order at the end.
+//
+// Rounding. Coordinates, relative to the middle of the leaf's box and scaled, are at most 1.5 * 2047 where it matters
+// and twice rounded: 3 * 2^-13 units of length off at worst, so a difference of two is off by less than 2^-10 and a
+// squared distance of up to 2^22 by less than 2 * 2^11 * sqrt(3) * 2^-10 < 7 units; three additions to 2^23 round to
+// whole units, 1.5 more; the exact squared distance itself is rounded by less than a unit.
+#pragma once
+
+#include "cuda/network.cuh"
+#include "cuda/tree.cuh"
+
+namespace pointfair::cuda {
+
+inline constexpr int kSlotBits = 10;
+inline constexpr Index kSlots = 1u << kSlotBits;
+inline constexpr float kDiagonalSteps = 2047.0f;
+inline constexpr float kUnitsBase = 8388608.0f;        // 2^23: floats from here on count whole units
+inline constexpr float kLargestDistance = 4190400.0f;  // units; a little over kDiagonalSteps squared, below 2^22
+inline constexpr unsigned kUnsure = 20;                // units
+inline constexpr int kChunk = 8;                       // candidates between two looks at the stacks
+
+__device__ __forceinline__ unsigned units_of(unsigned key) { return key >> kSlotBits; }
+
+template <int kList>
+struct GroupShape {
+  static constexpr int kBatch = kList <= 8 ? 8 : 16;
+  static constexpr unsigned kStack = kBatch + kChunk;  // candidates a lane can hold before they are merged
+};
+
+// What a warp keeps in shared memory. `close` is in scaled coordinates, slot in w.
+template <int kList>
+struct GroupMemory {
+  float4 close[2 * kWarp + kChunk];
+  unsigned stack[GroupShape<kList>::kStack][kWarp];
+  Index position[kSlots];
+  WalkStack walk;
+};
+
+// The queries of a leaf as two runs of lanes, cut where consecutive points lie farthest apart: where the curve leaves
+// the surface and comes back, one box would be mostly empty.
+struct TwoBoxes {
+  Box box[2];
+  bool in_second;  // whether this lane belongs to the second
+
+  __device__ __forceinline__ TwoBoxes(Vec p, bool active) {
+    const Vec step = {p.x - __shfl_up_sync(kAllLanes, p.x, 1), p.y - __shfl_up_sync(kAllLanes, p.y, 1),
+                      p.z - __shfl_up_sync(kAllLanes, p.z, 1)};
+    const unsigned jump = active && lane_number() > 0 ? __float_as_uint(point::squared_length(step)) : 0u;
+    const unsigned longest = warp_max(jump);
+    const int cut = __ffs(static_cast<int>(__ballot_sync(kAllLanes, jump == longest))) - 1;
+    in_second = static_cast<int>(lane_number()) >= cut;
+    box[0] = warp_box(p, active && !in_second);
+    box[1] = warp_box(p, active && in_second);
+  }
+  __device__ Box both() const {
+    return {{fminf(box[0].min.x, box[1].min.x), fminf(box[0].min.y, box[1].min.y), fminf(box[0].min.z, box[1].min.z)},
+            {fmaxf(box[0].max.x, box[1].max.x), fmaxf(box[0].max.y, box[1].max.y), fmaxf(box[0].max.z, box[1].max.z)}};
+  }
+};
+
+template <int kList>
+class GroupSearch {
+ public:
+  static constexpr int kBatch = GroupShape<kList>::kBatch;
+  static constexpr unsigned kStack = GroupShape<kList>::kStack;
+  static constexpr float kFar = 1e18f;  // fills places of `close`; beyond every limit
+
+  __device__ __forceinline__ GroupSearch(const Tree& tree, GroupMemory<kList>& memory, Index leaf, Index valid)
+      : tree_(tree),
+        memory_(memory),
+        leaf_(leaf),
+        at_(leaf * kLeafSize + lane_number()),
+        active_(at_ < valid),
+        position_(position_of(tree.points[at_])),
+        boxes_(position_, active_) {
+    const Box both = boxes_.both();
+    middle_ = {0.5f * both.min.x + 0.5f * both.max.x, 0.5f * both.min.y + 0.5f * both.max.y,
+               0.5f * both.min.z + 0.5f * both.max.z};
+    squared_diagonal_ = point::squared_length(both.max - both.min);
+    scale_ = kDiagonalSteps * rsqrtf(squared_diagonal_);
+  }
+
+  // Leaves with all points in one place, or too large or small to be scaled, are for the exact search.
+  __device__ __forceinline__ bool suits() const { return squared_diagonal_ > 1e-30f && squared_diagonal_ < 1e30f; }
+
+  // Returns false if there were too many candidates; then nothing is known of any lane.
+  __device__ __forceinline__ bool run(int k, float squared_limit) {
+    begin(k, squared_limit);
+    search_own_leaf();
+    constexpr Index kBeside = kList <= 16 ? 1 : 2;  // leaves on either side that come first, for an early limit
+    const Index first = leaf_ > kBeside ? leaf_ - kBeside : 0, last = min(leaf_ + kBeside, tree_.leaves - 1);
+    Walk walk(tree_, memory_.walk);
+    Index beside = first;
+    while (true) {
+      Index leaf = beside <= last ? beside : walk.next([&](const Box& box) { return is_near(box); });
+      const bool skipped = beside <= last ? leaf == leaf_ : leaf >= first && leaf <= last;
+      const bool rest = leaf == point::kNoNeighbor || beside == last;
+      beside += beside <= last;
+      if (leaf != point::kNoNeighbor && !skipped && !collect(leaf)) return false;
+      if (close_ >= kWarp || rest) look_at_close(rest);
+      if (leaf == point::kNoNeighbor) return true;
+    }
+  }
+
+  // Whether this lane's list is certainly right as a set.
+  __device__ __forceinline__ bool certain() const {
+    const unsigned last = units_of(list_[kList - 1]);
+    if (!active_) return true;
+    const bool separate = units_of(rejected_) >= last + kUnsure;
+    const bool all_in_reach = limited_ || last + kUnsure <= static_cast<unsigned>(kLargestDistance);
+    return all_in_reach && (separate || rejected_ == ~0u);
+  }
+  __device__ __forceinline__ bool active() const { return active_; }
+  __device__ Index at() const { return at_; }
+
+  // Writes the k positions in exact order, those beyond the limit left out.
+  __device__ __forceinline__ void write(int k, float squared_limit, Index* list, bool wanted) {
+    float distance[kList];
+    Index found[kList];
+    const int first = kList - k;
+#pragma unroll
+    for (int i = 0; i < kList; ++i) {
+      const bool real = i >= first && list_[i] != ~0u;
+      found[i] = real ? memory_.position[list_[i] & (kSlots - 1)] : point::kNoNeighbor;
+      distance[i] = i < first ? -1.0f : __int_as_float(0x7f800000);
+      if (!real) continue;
+      const float d = point::squared_length(position_of(tree_.points[found[i]]) - position_);
+      const bool inside = d <= squared_limit;
+      distance[i] = inside ? d : distance[i];
+      found[i] = inside ? found[i] : point::kNoNeighbor;
+    }
+    while (__any_sync(kAllLanes, reorder(distance, found) && wanted)) {
+    }
+#pragma unroll
+    for (int i = 0; i < kList; ++i)
+      if (i >= first && wanted) list[(i - first) * kWarp + lane_number()] = found[i];
+  }
+
+ private:
+  // One round of exchanges of neighbours in the list that are out of order; returns whether there were any.
+  __device__ __forceinline__ bool reorder(float (&distance)[kList], Index (&found)[kList]) const {
+    bool exchanged = false;
+#pragma unroll
+    for (int i = 0; i + 1 < kList; ++i) {
+      bool wrong = distance[i] > distance[i + 1];
+      if (distance[i] == distance[i + 1] && found[i] != point::kNoNeighbor && found[i + 1] != point::kNoNeighbor)
+        wrong = original_of(tree_.points[found[i]]) > original_of(tree_.points[found[i + 1]]);
+      const float d = distance[i];
+      const Index f = found[i];
+      distance[i] = wrong ? distance[i + 1] : d;
+      found[i] = wrong ? found[i + 1] : f;
+      distance[i + 1] = wrong ? d : distance[i + 1];
+      found[i + 1] = wrong ? f : found[i + 1];
+      exchanged |= wrong;
+    }
+    return exchanged;
+  }
+
+  __device__ __forceinline__ void begin(int k, float squared_limit) {
+    // The first places of the list hold keys below all others where k is smaller than it.
+#pragma unroll
+    for (int i = 0; i < kList; ++i) list_[i] = i < kList - k ? 0u : ~0u;
+    const float limit_units = squared_limit * (scale_ * scale_) * 1.0001f + float(2 * kUnsure);
+    limited_ = limit_units < kLargestDistance;
+    limit_ = active_ ? kUnitsBase + floorf(fminf(limit_units, kLargestDistance)) : -1.0f;
+    update_reach();
+    const Vec scaled = scaled_of(position_);
+    query_ = scaled;
+    memory_.close[lane_number()] = {scaled.x, scaled.y, scaled.z, __uint_as_float(1 + lane_number())};
+    memory_.position[1 + lane_number()] = at_;
+    slots_ = 1 + kWarp;  // slot 0 stays free, so that every key is above 0
+    __syncwarp();
+  }
+
+  __device__ __forceinline__ Vec scaled_of(Vec p) const {
+    return {(p.x - middle_.x) * scale_, (p.y - middle_.y) * scale_, (p.z - middle_.z) * scale_};
+  }
+
+  // Squared distance in units, on top of 2^23.
+  __device__ __forceinline__ float distance_to(float4 candidate) const {
+    const float x = candidate.x - query_.x, y = candidate.y - query_.y, z = candidate.z - query_.z;
+    return __fmaf_rn(z, z, __fmaf_rn(y, y, __fmaf_rn(x, x, kUnitsBase)));
+  }
+  __device__ __forceinline__ static unsigned key_of(float distance, float4 candidate) {
+    return (__float_as_uint(distance) << kSlotBits) + __float_as_uint(candidate.w);  // the exponent is shifted out
+  }
+
+  __device__ __forceinline__ void search_own_leaf() {
+#pragma unroll 1
+    for (unsigned start = 0; start < kWarp; start += kBatch) {
+      unsigned batch[kBatch];
+#pragma unroll
+      for (int i = 0; i < kBatch; ++i) {
+        const float4 candidate = memory_.close[start + i];
+        const float distance = distance_to(candidate);
+        batch[i] = distance <= limit_ && start + i != lane_number() ? key_of(distance, candidate) : ~0u;
+      }
+      merge_batch(list_, batch, rejected_);
+    }
+    __syncwarp();
+    update_limit();
+  }
+
+  __device__ __forceinline__ bool is_near(const Box& box) const {
+    const float first = squared_gap(box, boxes_.box[0]), second = squared_gap(box, boxes_.box[1]);
+    return first <= reach_[0] || second <= reach_[1];
+  }
+
+  // Puts the points of the leaf that some lane may need at the end of `close`. Returns false if there are too many.
+  __device__ __forceinline__ bool collect(Index leaf) {
+    const Index at = leaf * kLeafSize + lane_number();
+    const Vec p = position_of(tree_.points[at]);
+    const bool near = is_near({p, p});
+    const unsigned all_near = __ballot_sync(kAllLanes, near);
+    const unsigned count = static_cast<unsigned>(__popc(all_near));
+    if (slots_ + count > kSlots - 1) return false;  // the last slot would look like an empty place
+    if (near) {
+      const unsigned rank = static_cast<unsigned>(__popc(all_near & lanes_below()));
+      const Vec scaled = scaled_of(p);
+      memory_.close[close_ + rank] = {scaled.x, scaled.y, scaled.z, __uint_as_float(slots_ + rank)};
+      memory_.position[slots_ + rank] = at;
+    }
+    close_ += count;
+    slots_ += count;
+    return true;
+  }
+
+  // Offers the collected points to every lane. Each lane stacks those within its limit; the stacks are merged into the
+  // lists when one of them could overflow, and at last if `rest`.
+  __device__ __forceinline__ void look_at_close(bool rest) {
+    if (lane_number() < kChunk) memory_.close[close_ + lane_number()] = {kFar, kFar, kFar, 0.0f};
+    __syncwarp();
+#pragma unroll 1
+    for (unsigned start = 0; start < close_ || rest; start += kChunk) {
+      if (start < close_) {
+#pragma unroll
+        for (unsigned i = 0; i < kChunk; ++i) stack_if_close(memory_.close[start + i]);
+      }
+      const bool last = start + kChunk >= close_;
+      const unsigned room_needed = rest && last ? kStack : kChunk;
+      while (__any_sync(kAllLanes, depth_ > kStack - room_needed)) merge_stack();
+      if (last) break;
+    }
+    __syncwarp();
+    close_ = 0;
+  }
+
+  __device__ __forceinline__ void stack_if_close(float4 candidate) {
+    const float distance = distance_to(candidate);
+    if (distance > limit_) return;
+    memory_.stack[depth_][lane_number()] = key_of(distance, candidate);
+    ++depth_;
+  }
+
+  __device__ __forceinline__ void merge_stack() {
+    unsigned batch[kBatch];
+#pragma unroll
+    for (unsigned i = 0; i < kBatch; ++i) batch[i] = i < depth_ ? memory_.stack[depth_ - 1 - i][lane_number()] : ~0u;
+    depth_ = depth_ > kBatch ? depth_ - kBatch : 0;
+    merge_batch(list_, batch, rejected_);
+    update_limit();
+  }
+
+  // A candidate farther than this by kUnsure units cannot be among the k nearest.
+  __device__ __forceinline__ void update_limit() {
+    limit_ = fminf(limit_, kUnitsBase + float(units_of(list_[kList - 1]) + kUnsure));
+    update_reach();
+  }
+  // What the boxes of the two runs must come near to; a little too far, never too near.
+  __device__ __forceinline__ void update_reach() {
+    const float units_to_squared = squared_diagonal_ * (1.001f / (kDiagonalSteps * kDiagonalSteps));
+    const unsigned mine = active_ ? __float_as_uint(limit_) : __float_as_uint(kUnitsBase);
+    const unsigned none = __float_as_uint(kUnitsBase);
+    const unsigned farthest_first = warp_max(boxes_.in_second ? none : mine);
+    const unsigned farthest_second = warp_max(boxes_.in_second ? mine : none);
+    reach_[0] = (__uint_as_float(farthest_first) - kUnitsBase) * units_to_squared;
+    reach_[1] = (__uint_as_float(farthest_second) - kUnitsBase) * units_to_squared;
+  }
+
+  const Tree& tree_;
+  GroupMemory<kList>& memory_;
+  Index leaf_, at_;
+  bool active_;
+  Vec position_;
+  TwoBoxes boxes_;
+  Vec middle_, query_;
+  float squared_diagonal_, scale_;
+  bool limited_ = false;  // by the radius rather than by the range of keys
+  float limit_ = -1.0f;   // kUnitsBase + units
+  float reach_[2] = {};
+  unsigned list_[kList];     // sorted keys
+  unsigned rejected_ = ~0u;  // the least key that was looked at and is not in the list
+  unsigned close_ = 0, slots_ = 0, depth_ = 0;
+};
+
+}  // namespace pointfair::cuda

@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: Apache-2.0
+// Checked CUDA calls, and device arrays from one memory pool and one stream.
+#pragma once
+
+#include <cuda_runtime_api.h>
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <utility>
+
+namespace pointfair::cuda {
+
+// Throws Error(device) naming what failed and what to do; a lost card cannot be used again by this process.
+void check(cudaError_t status, const char* doing);
+
+// One card, one stream, one pool of device memory. Counts the bytes that its arrays hold.
+class Context {
+ public:
+  explicit Context(int card);
+  ~Context();
+  Context(const Context&) = delete;
+  Context& operator=(const Context&) = delete;
+
+  // Makes the card current for this thread; every public call of the backend begins with it.
+  void enter() const { check(cudaSetDevice(card_), "choosing the card"); }
+  cudaStream_t stream() const { return stream_; }
+  int processors() const { return processors_; }
+  const std::string& name() const { return name_; }
+  void finish() const { check(cudaStreamSynchronize(stream_), "computing"); }
+
+  // Throws Error(memory) if the card has not that much left.
+  void* allocate(std::size_t bytes);
+  void release(void* memory, std::size_t bytes) noexcept;
+  std::uint64_t peak_bytes() const { return peak_bytes_; }
+  void reset_peak() { peak_bytes_ = held_bytes_; }
+
+ private:
+  int card_;
+  int processors_ = 0;
+  std::string name_;
+  cudaStream_t stream_ = nullptr;
+  cudaMemPool_t pool_ = nullptr;  // null where the card has no pools: plain cudaMalloc then
+  std::uint64_t held_bytes_ = 0, peak_bytes_ = 0;
+};
+
+// An array on the card. Contents are not kept when it grows.
+template <class T>
+class DeviceArray {
+ public:
+  explicit DeviceArray(Context& context) : context_(&context) {}
+  ~DeviceArray() { release(); }
+  DeviceArray(const DeviceArray&) = delete;
+  DeviceArray& operator=(const DeviceArray&) = delete;
+
+  void resize(std::size_t count) {
+    if (count > capacity_) {
+      release();
+      data_ = static_cast<T*>(context_->allocate(count * sizeof(T)));
+      capacity_ = count;
+    }
+    size_ = count;
+  }
+  void release() noexcept {
+    if (data_ != nullptr) context_->release(data_, capacity_ * sizeof(T));
+    data_ = nullptr;
+    capacity_ = size_ = 0;
+  }
+  void swap(DeviceArray& other) noexcept {
+    std::swap(data_, other.data_);
+    std::swap(size_, other.size_);
+    std::swap(capacity_, other.capacity_);
+  }
+  T* data() const { return data_; }
+  std::size_t size() const { return size_; }
+
+ private:
+  Context* context_;
+  T* data_ = nullptr;
+  std::size_t size_ = 0, capacity_ = 0;
+};
+
+// Blocks of `per_block` that cover `count`.
+inline unsigned blocks_for(std::size_t count, std::size_t per_block) {
+  return static_cast<unsigned>(std::max<std::size_t>(1, (count + per_block - 1) / per_block));
+}
+
+}  // namespace pointfair::cuda

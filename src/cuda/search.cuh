@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+// Neighbour lists of all points: the fast search for leaves together (group_search.cuh), the exact one for single
+// queries (single_search.cuh), the constrained rule, and the area weight's mean distances.
+#pragma once
+
+#include "cuda/memory.cuh"
+#include "cuda/tree.cuh"
+#include "pointfair/cloud.hpp"
+
+namespace pointfair::cuda {
+
+inline constexpr int kLargestGroupList = 32;
+inline constexpr int kLargestList = 1024;
+
+// list[(leaf * k + slot) * 32 + lane], nearest first; sorted positions, kNoNeighbor at the end.
+struct Lists {
+  int k;
+  const Index* list;
+
+  __device__ const Index* of(std::size_t at) const { return list + (at / kWarp * k) * kWarp + at % kWarp; }
+};
+
+struct NearestQuery {
+  int k;
+  float squared_limit;  // infinite for none
+};
+
+// The k nearest other points of every point. `retries` has room for every point.
+void find_nearest(Context& context, const Tree& tree, CloudState* state, NearestQuery query, Index* list,
+                  Index* retries);
+
+// Grows constrained neighbourhoods of k points over the `pool` nearest that `candidates` holds, and over as many more
+// as it takes. Adds to state->short_neighborhoods.
+void grow_neighborhoods(Context& context, const Tree& tree, CloudState* state, NearestQuery query, float reach,
+                        Lists candidates, Index* list, Index* retries);
+
+// Mean distance to the first five listed.
+void measure_mean_distances(Context& context, const Tree& tree, Lists lists, float* mean_distance);
+
+// Rows of k + 1 points: the query and its k nearest others, NaN where there is none. `queries` in upload order.
+void sample_nearest(Context& context, const Tree& tree, const Point* points, const Index* queries, std::size_t count,
+                    int k, Point* rows);
+
+}  // namespace pointfair::cuda

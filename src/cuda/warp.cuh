@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the 32 lanes of a warp do together.
+#pragma once
+
+namespace pointfair::cuda {
+
+inline constexpr int kWarp = 32;
+inline constexpr unsigned kAllLanes = 0xffffffffu;
+
+__device__ inline unsigned lane_number() { return threadIdx.x % kWarp; }
+__device__ inline unsigned lanes_below() { return (1u << lane_number()) - 1u; }
+
+__device__ inline unsigned warp_max(unsigned value) {
+#if __CUDA_ARCH__ >= 800
+  return __reduce_max_sync(kAllLanes, value);
+#else
+  for (int step = kWarp / 2; step > 0; step /= 2) value = max(value, __shfl_xor_sync(kAllLanes, value, step));
+  return value;
+#endif
+}
+__device__ inline unsigned warp_min(unsigned value) { return ~warp_max(~value); }
+
+// Floats as integers of the same order, so that integer reductions and atomics serve them. Exact, NaN excluded.
+__device__ inline unsigned ordered(float x) {
+  const unsigned bits = __float_as_uint(x);
+  return bits ^ ((static_cast<int>(bits) >> 31) | 0x80000000u);
+}
+__host__ __device__ inline unsigned unordered_bits(unsigned o) { return (o & 0x80000000u) != 0 ? o ^ 0x80000000u : ~o; }
+__device__ inline float unordered(unsigned o) { return __uint_as_float(unordered_bits(o)); }
+
+}  // namespace pointfair::cuda

@@ -1,0 +1,318 @@
+// SPDX-License-Identifier: Apache-2.0
+// The CUDA backend against the CPU backend, bit for bit, and both against brute force. Skipped where no card can be
+// used.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <bit>
+#include <cstring>
+
+#include "backend.hpp"
+#include "point/fairing.h"
+#include "point/neighbors.h"
+#include "point/normal.h"
+#include "shapes.h"
+
+namespace pointfair {
+namespace {
+
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+
+struct Settings {
+  NeighborSettings neighbors{8, 0, false, 0};
+  NormalSettings normals{true, 0.1f};
+  FairingSettings fairing{Method::bilateral, AreaWeight::none, 0.1f, 0.05f};
+  int passes = 1;
+};
+
+struct Result {
+  std::vector<Point> points, normals;
+  Counts counts;
+};
+
+Result run(Backend& backend, const std::vector<Point>& points, const Settings& settings) {
+  backend.upload(points);
+  for (int pass = 0; pass < settings.passes; ++pass) {
+    backend.begin_pass(pass);
+    backend.build_index({});
+    backend.find_neighbors(settings.neighbors, {});
+    backend.estimate_normals(settings.normals, {});
+    backend.fair(settings.fairing, {});
+  }
+  Result result{std::vector<Point>(points.size()), std::vector<Point>(points.size()), {}};
+  backend.download(result.points);
+  backend.download_normals(result.normals);
+  result.counts = backend.counts();
+  return result;
+}
+
+// Places where two clouds differ in a bit, the first of them in words.
+std::string difference(const std::vector<Point>& a, const std::vector<Point>& b) {
+  std::size_t count = 0, first = 0;
+  for (std::size_t i = 0; i < a.size(); ++i)
+    if (std::memcmp(&a[i], &b[i], sizeof(Point)) != 0 && count++ == 0) first = i;
+  if (count == 0) return "";
+  const Point p = a[first], q = b[first];
+  char text[200];
+  std::snprintf(text, sizeof text, "%zu of %zu differ, first %zu: %.9g %.9g %.9g and %.9g %.9g %.9g", count, a.size(),
+                first, double(p.x), double(p.y), double(p.z), double(q.x), double(q.y), double(q.z));
+  return text;
+}
+
+class CudaBackendTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::string reason;
+    for (const DeviceStatus& status : list_cuda_devices()) {
+      if (status.usable) reason = "usable";
+      if (reason.empty()) reason = status.info.reason;
+    }
+    if (reason != "usable") GTEST_SKIP() << reason;
+    cuda_ = make_cuda_backend(0);
+    cpu_ = make_cpu_backend(0);
+  }
+
+  void expect_same(const std::vector<Point>& points, const Settings& settings, const char* what) {
+    SCOPED_TRACE(what);
+    const Result cuda = run(*cuda_, points, settings), cpu = run(*cpu_, points, settings);
+    EXPECT_EQ(difference(cuda.normals, cpu.normals), "") << "normals";
+    EXPECT_EQ(difference(cuda.points, cpu.points), "") << "faired points";
+    EXPECT_EQ(cuda.counts.unmoved, cpu.counts.unmoved);
+    EXPECT_EQ(cuda.counts.short_neighborhoods, cpu.counts.short_neighborhoods);
+  }
+
+  std::unique_ptr<Backend> cuda_, cpu_;
+};
+
+Settings with_neighbors(int k, float radius = 0, bool constraint = false, float reach = 0) {
+  Settings settings;
+  settings.neighbors = {k, radius, constraint, reach};
+  return settings;
+}
+
+std::vector<Point> noisy_sphere(int count, std::uint64_t seed, double noise) {
+  std::vector<Point> points = shapes::sphere(count, seed);
+  shapes::Random random(seed + 1);
+  for (Point& p : points) {
+    const float r = float(1 + noise * random.normal());
+    p = {p.x * r, p.y * r, p.z * r};
+  }
+  return points;
+}
+
+std::vector<Point> lattice(int side) {
+  std::vector<Point> points;
+  for (int i = 0; i < side * side * side; ++i)
+    points.push_back({float(i % side), float(i / side % side), float(i / side / side)});
+  return points;
+}
+
+// One axis is warped so that density varies by the square of the ratio of its ends.
+std::vector<Point> uneven_sphere(int count, double ratio) {
+  std::vector<Point> points = noisy_sphere(count, 3, 0.001);
+  for (Point& p : points) {
+    const double size = 1 / (1 + (ratio - 1) * (double(p.z) + 1.1) / 2.2);
+    p = {float(p.x * size), float(p.y * size), float(p.z * size)};
+  }
+  return points;
+}
+
+// By the definition: all other points ordered by squared distance, then by index.
+Result by_brute_force(const std::vector<Point>& points, const Settings& settings) {
+  using point::Vec3;
+  const auto vec = [](Point p) { return Vec3<float>{p.x, p.y, p.z}; };
+  Result result{points, std::vector<Point>(points.size()), {}};
+  const auto weights = point::normal_weights(settings.normals.weighted, settings.normals.sigma);
+  const auto bilateral = point::bilateral_weights(settings.fairing.closeness_sigma, settings.fairing.similarity_sigma);
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    std::vector<std::pair<float, std::size_t>> order;
+    for (std::size_t j = 0; j < points.size(); ++j)
+      if (j != i) order.emplace_back(point::squared_length(vec(points[j]) - vec(points[i])), j);
+    const std::size_t k = std::min(order.size(), std::size_t(settings.neighbors.k));
+    std::partial_sort(order.begin(), order.begin() + std::ptrdiff_t(k), order.end());
+    point::CentroidSum<float> centroid;
+    for (std::size_t n = 0; n < k; ++n) centroid.add(vec(points[order[n].second]) - vec(points[i]), true, weights);
+    point::CovarianceSum<float> covariance;
+    for (std::size_t n = 0; n < k; ++n)
+      covariance.add(vec(points[order[n].second]) - vec(points[i]), centroid.centroid(), true, weights);
+    const Vec3<float> normal = k < point::kLeastNeighbors ? Vec3<float>{} : covariance.normal().unit;
+    point::BilateralSum<float> sum;
+    for (std::size_t n = 0; n < k; ++n)
+      sum.add(vec(points[order[n].second]) - vec(points[i]), normal, 1.0f, true, bilateral);
+    const Vec3<float> moved = point::moved(vec(points[i]), normal, sum.distance());
+    result.normals[i] = {normal.x, normal.y, normal.z};
+    result.points[i] = {moved.x, moved.y, moved.z};
+  }
+  return result;
+}
+
+TEST_F(CudaBackendTest, equals_brute_force) {
+  for (const auto& points : {noisy_sphere(3000, 1, 0.01), lattice(13), shapes::sphere(33), shapes::sphere(9)}) {
+    for (const int k : {1, 3, 5, 8, 13, 16, 31, 32, 33, 100}) {
+      SCOPED_TRACE(std::to_string(points.size()) + " points, k " + std::to_string(k));
+      const Settings settings = with_neighbors(k);
+      const Result cuda = run(*cuda_, points, settings), expected = by_brute_force(points, settings);
+      EXPECT_EQ(difference(cuda.normals, expected.normals), "");
+      EXPECT_EQ(difference(cuda.points, expected.points), "");
+    }
+  }
+}
+
+TEST_F(CudaBackendTest, equals_the_cpu_for_every_k) {
+  const std::vector<Point> points = noisy_sphere(200000, 2, 0.002);
+  for (const int k : {1, 2, 5, 8, 12, 16, 24, 32, 64})
+    expect_same(points, with_neighbors(k), std::to_string(k).c_str());
+  expect_same(noisy_sphere(20000, 2, 0.002), with_neighbors(512), "512");
+}
+
+TEST_F(CudaBackendTest, equals_the_cpu_on_a_million_points) {
+  const std::vector<Point> points = noisy_sphere(1000000, 5, 0.001);
+  for (const int k : {8, 16, 32}) expect_same(points, with_neighbors(k), std::to_string(k).c_str());
+}
+
+TEST_F(CudaBackendTest, equals_the_cpu_with_a_radius) {
+  const std::vector<Point> points = noisy_sphere(100000, 7, 0.002);
+  for (const float radius : {0.001f, 0.01f, 0.02f, 0.5f}) expect_same(points, with_neighbors(16, radius), "radius");
+  Settings with_area = with_neighbors(16, 0.01f);
+  with_area.fairing.area_weight = AreaWeight::squared;
+  expect_same(points, with_area, "radius and area weight");
+}
+
+TEST_F(CudaBackendTest, equals_the_cpu_with_every_switch) {
+  const std::vector<Point> points = noisy_sphere(100000, 8, 0.002);
+  for (const AreaWeight area : {AreaWeight::length, AreaWeight::squared}) {
+    for (const int k : {3, 8}) {
+      Settings settings = with_neighbors(k);
+      settings.fairing.area_weight = area;
+      settings.normals.weighted = k == 3;
+      expect_same(points, settings, "area weight");
+    }
+  }
+}
+
+TEST_F(CudaBackendTest, equals_the_cpu_with_the_constraint) {
+  for (const auto& points : {noisy_sphere(100000, 9, 0.002), uneven_sphere(50000, 10)}) {
+    for (const float reach : {0.004f, 0.008f, 0.02f}) {
+      Settings settings = with_neighbors(8, 0, true, reach);
+      settings.fairing.area_weight = AreaWeight::squared;
+      expect_same(points, settings, "constraint");
+    }
+    expect_same(points, with_neighbors(24, 0, true, 0.01f), "k 24");
+    expect_same(points, with_neighbors(8, 0.02f, true, 0.01f), "with a radius");
+  }
+}
+
+TEST_F(CudaBackendTest, balls_agree_with_the_cpu_within_rounding) {
+  const std::vector<Point> points = noisy_sphere(50000, 10, 0.002);
+  Settings settings = with_neighbors(0, 0.03f);
+  const Result cuda = run(*cuda_, points, settings), cpu = run(*cpu_, points, settings);
+  float farthest = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const Point a = cuda.points[i], b = cpu.points[i];
+    farthest = std::max({farthest, std::abs(a.x - b.x), std::abs(a.y - b.y), std::abs(a.z - b.z)});
+  }
+  EXPECT_LT(farthest, 2e-6f);
+  EXPECT_EQ(cuda.counts.unmoved, cpu.counts.unmoved);
+}
+
+TEST_F(CudaBackendTest, equals_the_cpu_over_passes) {
+  Settings settings;
+  settings.passes = 3;
+  expect_same(noisy_sphere(100000, 11, 0.002), settings, "3 passes");
+}
+
+TEST_F(CudaBackendTest, equals_the_cpu_on_hard_clouds) {
+  const std::vector<Point> even = noisy_sphere(100000, 12, 0.002);
+  expect_same(uneven_sphere(100000, 7), with_neighbors(8), "density 50:1");
+  expect_same(uneven_sphere(100000, 32), with_neighbors(8), "density 1000:1");
+  std::vector<Point> cloud = even;
+  cloud[777] = {1e6f, -1e6f, 1e6f};
+  expect_same(cloud, with_neighbors(8), "a stray point");
+  cloud = even;
+  for (std::size_t i = 0; i < 20000; ++i) cloud[5 * i] = {0.5f, 0.25f, 0.125f};
+  expect_same(cloud, with_neighbors(8), "20000 identical");
+  expect_same(std::vector<Point>(5000, Point{1, 2, 3}), with_neighbors(8), "all identical");
+  cloud = even;
+  for (std::size_t i = 0; i < cloud.size(); ++i) cloud[i].z = 0, cloud[i].y = i % 2 == 0 ? 0 : cloud[i].y;
+  expect_same(cloud, with_neighbors(8), "a plane and a line");
+  cloud = even;
+  for (Point& p : cloud) p = {std::round(p.x * 200) / 200, std::round(p.y * 200) / 200, std::round(p.z * 200) / 200};
+  expect_same(cloud, with_neighbors(8), "quantised");
+  expect_same(lattice(40), with_neighbors(16), "a lattice");
+}
+
+TEST_F(CudaBackendTest, equals_the_cpu_on_invalid_and_tiny_clouds) {
+  std::vector<Point> cloud = noisy_sphere(50000, 13, 0.002);
+  for (std::size_t i = 0; i < cloud.size(); i += 7)
+    cloud[i].y = i % 2 == 0 ? kNan : std::numeric_limits<float>::infinity();
+  cloud[8] = {1e30f, 0, 0};
+  expect_same(cloud, with_neighbors(8), "invalid points");
+  expect_same(cloud, with_neighbors(40), "invalid points, long lists");
+  for (const int count : {0, 1, 2, 3, 5, 8, 9, 31, 32, 33, 64, 65, 1023, 1025})
+    for (const int k : {2, 8, 32, 50}) expect_same(shapes::sphere(count), with_neighbors(k), "tiny");
+  expect_same(std::vector<Point>(100, Point{kNan, 0, 0}), with_neighbors(8), "nothing valid");
+}
+
+TEST_F(CudaBackendTest, bounds_and_samples_equal_the_cpu) {
+  std::vector<Point> cloud = noisy_sphere(20000, 14, 0.01);
+  cloud[3].x = kNan;
+  const std::vector<std::uint32_t> queries = {0, 1, 2, 3, 19999, 77};
+  for (Backend* backend : {cuda_.get(), cpu_.get()}) {
+    backend->upload(cloud);
+    backend->begin_pass(0);
+    backend->build_index({});
+  }
+  const Bounds a = cuda_->bounds(), b = cpu_->bounds();
+  EXPECT_EQ(difference({a.min, a.max}, {b.min, b.max}), "");
+  EXPECT_EQ(a.valid, b.valid);
+  for (const int k : {1, 30, 300, 1024}) {
+    std::vector<Point> rows(queries.size() * std::size_t(k + 1)), expected = rows;
+    cuda_->sample_neighborhoods(queries, k, rows);
+    cpu_->sample_neighborhoods(queries, k, expected);
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      if (std::isnan(expected[i].x)) {
+        EXPECT_TRUE(std::isnan(rows[i].x)) << i;
+        rows[i] = expected[i];
+      }
+    }
+    EXPECT_EQ(difference(rows, expected), "") << k;
+  }
+}
+
+TEST_F(CudaBackendTest, runs_repeat_to_the_bit_and_stages_repeat_alone) {
+  const std::vector<Point> points = noisy_sphere(100000, 15, 0.002);
+  Settings settings;
+  const Result once = run(*cuda_, points, settings), again = run(*cuda_, points, settings);
+  EXPECT_EQ(difference(once.points, again.points), "");
+  settings.fairing.similarity_sigma = 0.01f;
+  cuda_->fair(settings.fairing, {});
+  std::vector<Point> changed(points.size());
+  cuda_->download(changed);
+  EXPECT_EQ(difference(changed, run(*cpu_, points, settings).points), "");
+}
+
+TEST_F(CudaBackendTest, a_stop_is_an_interruption) {
+  cuda_->upload(shapes::sphere(1000));
+  cuda_->begin_pass(0);
+  std::stop_source stop;
+  stop.request_stop();
+  try {
+    cuda_->build_index(stop.get_token());
+    FAIL() << "not interrupted";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::interrupted);
+  }
+}
+
+TEST(CudaDevices, a_card_that_is_not_there_is_refused_with_a_reason) {
+  try {
+    make_cuda_backend(99);
+    FAIL() << "card 99 exists";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::device);
+    EXPECT_GT(std::string(error.what()).size(), 20u);
+  }
+}
+
+}  // namespace
+}  // namespace pointfair
