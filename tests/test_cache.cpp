@@ -1,0 +1,241 @@
+// SPDX-License-Identifier: Apache-2.0
+// The chain of cached stages: which stages run again is read from a recording backend, and what they give must equal a
+// fresh run.
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <memory>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "backend.hpp"
+#include "pipeline_access.hpp"
+#include "pointfair/pipeline.hpp"
+#include "shapes.h"
+
+namespace pointfair {
+namespace {
+
+using shapes::Points;
+using Calls = std::vector<std::string>;
+
+// A CPU backend that notes each stage, and fails one on request.
+class RecordingBackend : public Backend {
+ public:
+  explicit RecordingBackend(Calls& calls, std::string& failing)
+      : calls_(calls), failing_(failing), inner_(make_cpu_backend(1)) {}
+  DeviceInfo device() const override { return inner_->device(); }
+  void upload(std::span<const Point> points) override { inner_->upload(points); }
+  void begin_pass(int pass) override { inner_->begin_pass(pass); }
+  void build_index(std::stop_token stop) override {
+    note("index");
+    inner_->build_index(stop);
+  }
+  void find_neighbors(const NeighborSettings& settings, std::stop_token stop) override {
+    note("neighbors");
+    inner_->find_neighbors(settings, stop);
+  }
+  void estimate_normals(const NormalSettings& settings, std::stop_token stop) override {
+    note("normals");
+    inner_->estimate_normals(settings, stop);
+  }
+  void fair(const FairingSettings& settings, std::stop_token stop) override {
+    note("fairing");
+    inner_->fair(settings, stop);
+  }
+  void download(std::span<Point> points) override { inner_->download(points); }
+  void download_normals(std::span<Point> normals) override { inner_->download_normals(normals); }
+  Bounds bounds() const override { return inner_->bounds(); }
+  void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override {
+    inner_->sample_neighborhoods(queries, k, out);
+  }
+  Counts counts() const override { return inner_->counts(); }
+  std::uint64_t peak_host_bytes() const override { return inner_->peak_host_bytes(); }
+  std::uint64_t peak_device_bytes() const override { return inner_->peak_device_bytes(); }
+
+ private:
+  void note(const std::string& stage) {
+    calls_.push_back(stage);
+    if (stage == failing_) throw Error(ErrorKind::memory, "no memory for " + stage);
+  }
+  Calls& calls_;
+  std::string& failing_;
+  std::unique_ptr<Backend> inner_;
+};
+
+// A pipeline over a recording backend, with a small cloud loaded.
+struct Recorded {
+  Points points = shapes::with_noise(shapes::waves(1500), 0.004);
+  Calls calls;
+  std::string failing;
+  Pipeline pipeline = make();
+
+  Pipeline make() {
+    auto backend = std::make_unique<RecordingBackend>(calls, failing);
+    const DeviceInfo device = backend->device();
+    Pipeline made = PipelineAccess::make(std::move(backend), device);
+    made.load(points);
+    return made;
+  }
+  // The stages that a run calls.
+  Calls run(const Params& params) {
+    calls.clear();
+    pipeline.run(params);
+    return calls;
+  }
+};
+
+const Calls kAll = {"index", "neighbors", "normals", "fairing"};
+
+Params settled() {  // nothing automatic, so that a change of one value changes nothing else
+  Params params;
+  params.k = 12;
+  params.constraint = true;
+  params.rho = 0.08;
+  params.delta = 0.01;
+  params.normal_sigma = 0.05;
+  params.closeness_sigma = 0.05;
+  params.similarity_sigma = 0.02;
+  params.passes = 1;
+  return params;
+}
+
+// Another value for the field of a row.
+void change(Params& params, const ParamInfo& info) {
+  std::visit(
+      [&](auto field) {
+        using Field = std::remove_cvref_t<decltype(params.*field)>;
+        if constexpr (std::is_same_v<Field, int>) params.*field += 1;
+        if constexpr (std::is_same_v<Field, bool>) params.*field = !(params.*field);
+        if constexpr (std::is_same_v<Field, Length>) params.*field = 0.8 * (params.*field).value + 0.05;
+        if constexpr (std::is_same_v<Field, AreaWeight>) params.*field = AreaWeight::squared;
+      },
+      info.field);
+}
+
+TEST(Cache, first_run_calls_every_stage_and_an_equal_run_none) {
+  Recorded recorded;
+  EXPECT_EQ(recorded.run(settled()), kAll);
+  EXPECT_EQ(recorded.run(settled()), Calls{});
+}
+
+TEST(Cache, a_changed_parameter_runs_again_from_the_stage_of_its_row_and_no_earlier) {
+  for (const ParamInfo& info : kParams) {
+    Recorded recorded;
+    recorded.run(settled());
+    Params params = settled();
+    change(params, info);
+    Calls expected(kAll.begin() + std::ptrdiff_t(std::min(kAll.size(), std::size_t(info.stage))), kAll.end());
+    if (info.stage == Stage::passes) expected = kAll;  // one further pass
+    if (params == settled()) expected = {};            // a word without an alternative
+    EXPECT_EQ(recorded.run(params), expected) << info.name;
+  }
+}
+
+TEST(Cache, a_run_with_several_passes_repeats_them_all_but_keeps_the_first) {
+  Recorded recorded;
+  Params params = settled();
+  params.passes = 3;
+  Calls expected;
+  for (int pass = 0; pass < 3; ++pass) expected.insert(expected.end(), kAll.begin(), kAll.end());
+  EXPECT_EQ(recorded.run(params), expected);
+  EXPECT_EQ(recorded.run(params), Calls{});
+  params.similarity_sigma = 0.01;
+  expected.erase(expected.begin(), expected.begin() + 3);
+  EXPECT_EQ(recorded.run(params), expected);
+  params.passes = 1;
+  EXPECT_EQ(recorded.run(params), Calls{});
+}
+
+TEST(Cache, a_new_cloud_runs_from_the_first_stage) {
+  Recorded recorded;
+  recorded.run(settled());
+  recorded.pipeline.load(shapes::cube(700));
+  EXPECT_EQ(recorded.run(settled()), kAll);
+}
+
+TEST(Cache, estimates_build_the_index_and_the_run_uses_it) {
+  Recorded recorded;
+  recorded.pipeline.estimates();
+  EXPECT_EQ(recorded.calls, Calls{"index"});
+  EXPECT_EQ(recorded.run(settled()), Calls(kAll.begin() + 1, kAll.end()));
+}
+
+TEST(Cache, a_stage_that_failed_is_where_the_next_run_begins) {
+  for (std::size_t stage = 1; stage < kAll.size(); ++stage) {
+    Recorded recorded;
+    recorded.failing = kAll[stage];
+    EXPECT_THROW(recorded.run(settled()), Error);
+    recorded.failing.clear();
+    EXPECT_EQ(recorded.run(settled()), Calls(kAll.begin() + std::ptrdiff_t(stage), kAll.end()));
+  }
+}
+
+TEST(Cache, an_interrupted_run_throws_interrupted_and_the_next_gives_the_result_of_a_fresh_one) {
+  Recorded recorded;
+  std::stop_source source;
+  source.request_stop();
+  try {
+    recorded.pipeline.run(settled(), source.get_token());
+    ADD_FAILURE() << "nothing was thrown";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::interrupted);
+  }
+  Recorded fresh;
+  const Points found = recorded.pipeline.run(settled()).points, expected = fresh.pipeline.run(settled()).points;
+  EXPECT_EQ(std::memcmp(found.data(), expected.data(), found.size() * sizeof(Point)), 0);
+}
+
+// As a person at the sliders would: one parameter at a time, now and then back to automatic.
+Params moved_slider(Params params, shapes::Random& random) {
+  const ParamInfo& info = kParams[random.below(kParams.size())];
+  if (info.name == "passes") {
+    params.passes = 1 + int(random.below(3));
+  } else if (info.name == "k") {
+    params.k = int(random.below(4)) * 7;
+  } else if (info.name == "area_weight") {
+    params.area_weight = AreaWeight(random.below(3));
+  } else if (const auto* flag = std::get_if<bool Params::*>(&info.field)) {
+    params.*(*flag) = random.below(2) == 0;
+  } else if (const auto* length = std::get_if<Length Params::*>(&info.field)) {
+    params.*(*length) = random.below(3) == 0 ? Length{} : Length(random.uniform(0.02, 0.12));
+  }
+  if (params.constraint && params.k == kAutomatic) params.constraint = false;
+  return params;
+}
+
+TEST(Cache, any_sequence_of_slider_moves_gives_the_result_of_a_fresh_run) {
+  shapes::Random random(31);
+  for (int session = 0; session < 4; ++session) {
+    Recorded recorded;
+    Params params;
+    for (int move = 0; move < 40; ++move) {
+      params = moved_slider(params, random);
+      if (random.below(5) == 0) {  // a drag that is given up half way
+        recorded.failing = kAll[random.below(kAll.size())];
+        try {
+          recorded.pipeline.run(params);
+        } catch (const Error&) {
+        }
+        recorded.failing.clear();
+        params = moved_slider(params, random);
+      }
+      if (random.below(6) == 0) recorded.pipeline.estimates();
+      const Points found = recorded.pipeline.run(params).points;
+      Recorded fresh;
+      const Points expected = fresh.pipeline.run(params).points;
+      ASSERT_EQ(std::memcmp(found.data(), expected.data(), found.size() * sizeof(Point)), 0) << "move " << move;
+      Points normals(found.size()), expected_normals(found.size());
+      recorded.pipeline.normals(normals);
+      fresh.pipeline.normals(expected_normals);
+      ASSERT_EQ(std::memcmp(normals.data(), expected_normals.data(), normals.size() * sizeof(Point)), 0)
+          << "move " << move;
+      ASSERT_EQ(recorded.pipeline.report().unmoved, fresh.pipeline.report().unmoved);
+      ASSERT_EQ(recorded.pipeline.report().params, fresh.pipeline.report().params);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace pointfair
