@@ -1,0 +1,84 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""make demo: fairs a noisy Armadillo, whose true surface is known, and a scanned building, whose is not. Prints the errors
+and times, and leaves clouds and pictures in build/demo. The models come from Debian's libcgal-demo."""
+import json
+import pathlib
+import subprocess
+import tarfile
+import tempfile
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+OUT = ROOT / "build/demo"
+POINTFAIR, PICTURE = ROOT / "build/bin/pointfair", ROOT / "build/bin/picture"
+ARCHIVE = "usr/share/doc/libcgal-demo/data.tar.gz"
+MODELS = {"armadillo.off": "data/meshes/armadillo.off", "building.ply": "data/points_3/building.ply"}
+SEED = 1
+
+
+def extract(archive):
+    with tarfile.open(archive) as tar:
+        for name, member in MODELS.items():
+            (OUT / name).write_bytes(tar.extractfile(member).read())
+
+
+def fetch_models():
+    if all((OUT / name).exists() for name in MODELS):
+        return
+    if (pathlib.Path("/") / ARCHIVE).exists():
+        return extract(pathlib.Path("/") / ARCHIVE)
+    # container images often leave /usr/share/doc out of every package; the package itself still holds it
+    with tempfile.TemporaryDirectory() as folder:
+        print("The models are not in /usr/share/doc here: downloading the package libcgal-demo")
+        subprocess.run(["apt-get", "download", "-q", "libcgal-demo"], cwd=folder, check=True)
+        package = next(pathlib.Path(folder).glob("*.deb"))
+        subprocess.run(["dpkg-deb", "-x", package, folder], check=True)
+        extract(pathlib.Path(folder) / ARCHIVE)
+
+
+def pointfair(*arguments):
+    """Runs a verb and returns its JSON report."""
+    command = [str(a) for a in arguments]
+    shown = " ".join(a.replace(str(ROOT) + "/", "") for a in command)
+    print("$ pointfair", shown, flush=True)
+    wants_report = command[0] in ("run", "compare")
+    with tempfile.TemporaryDirectory() as folder:
+        report = pathlib.Path(folder) / "report.json"
+        more = ["--report", report] if wants_report else []
+        subprocess.run([POINTFAIR, *command, *more], check=True, stdout=subprocess.DEVNULL)
+        return json.loads(report.read_text()) if wants_report else None
+
+
+def percent(compared, key):
+    return f"{100 * compared[key] / compared['diagonal']:.4f} %"
+
+
+def print_table(rows):
+    widths = [max(len(row[c]) for row in rows) for c in range(len(rows[0]))]
+    for row in rows:
+        print("  " + row[0].ljust(widths[0]), *(cell.rjust(width + 2) for cell, width in zip(row[1:], widths[1:])))
+
+
+OUT.mkdir(parents=True, exist_ok=True)
+fetch_models()
+mesh, noisy, fair = OUT / "armadillo.off", OUT / "noisy.ply", OUT / "fair.ply"
+pointfair("noise", mesh, noisy, "--points", 200000, "--sigma", "0.3%", "--seed", SEED, "--force")
+armadillo = pointfair("run", noisy, fair, "--force")
+before, after = pointfair("compare", noisy, mesh), pointfair("compare", fair, mesh)
+building = pointfair("run", OUT / "building.ply", OUT / "building_fair.ply", "--force")
+subprocess.run([PICTURE, noisy, fair, OUT / "before_after.png", "180", "5"], check=True)
+subprocess.run([PICTURE, OUT / "building.ply", OUT / "building_fair.ply", OUT / "building_before_after.png", "0", "0"], check=True)
+
+print(f"\nArmadillo, {armadillo['points']} points, noise 0.3 %: distance to the true surface, of the diagonal\n")
+print_table([["", "before", "after"]] + [[key, percent(before, key), percent(after, key)] for key in ("mean", "rms", "p95")])
+print("\nNoise as the clouds themselves show it, in file units\n")
+print_table([["", "before", "after"]] + [[name, *(f"{r['noise'][when]:.4f}" for when in ("before", "after"))]
+                                         for name, r in (("armadillo", armadillo), ("building", building))])
+print(f"\nMilliseconds on {armadillo['device']['name']}\n")
+names = list(dict.fromkeys(stage["name"] for r in (armadillo, building) for stage in r["stages"]))
+rows = [["", *names, "total"]]
+for name, r in (("armadillo", armadillo), ("building", building)):
+    times = {stage["name"]: stage["ms"] for stage in r["stages"]}
+    rows.append([name, *(f"{times[n]:.1f}" if n in times else "-" for n in names), f"{r['total_ms']:.1f}"])
+print_table(rows)
+print(f"\nClouds and pictures: {OUT.relative_to(ROOT)}: noisy.ply, fair.ply, building_fair.ply, before_after.png, building_before_after.png")

@@ -1,0 +1,272 @@
+// SPDX-License-Identifier: Apache-2.0
+// Clouds on which a filter has nothing to do, or little to hold on to. Each test's name is the claim.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "pointfair/pipeline.hpp"
+#include "reference.h"
+#include "shapes.h"
+
+namespace pointfair {
+namespace {
+
+using shapes::Points;
+
+struct Result {
+  Points points;
+  Report report;
+  Estimates estimates;
+};
+
+Result fair(const Points& points, const Params& params = {}) {
+  Pipeline pipeline(Device(Device::cpu, 0, 2));
+  pipeline.load(points);
+  Result result{Points(points.size()), {}, {}};
+  pipeline.run(params, result.points);
+  result.report = pipeline.report();
+  result.estimates = pipeline.estimates();
+  return result;
+}
+
+std::vector<Params> all_kinds() {
+  Params list, constrained = paper_preset(), radius, share_of_diagonal, spacings;
+  list.k = 16;
+  list.area_weight = AreaWeight::squared;
+  radius.radius = 0.5;
+  share_of_diagonal.radius = Length(0.05, Length::Unit::diagonal);
+  spacings.k = 20;
+  spacings.radius = Length(3, Length::Unit::spacing);
+  spacings.closeness_sigma = spacings.normal_sigma = spacings.similarity_sigma = Length(1, Length::Unit::spacing);
+  return {Params{}, list, constrained, radius, share_of_diagonal, spacings};
+}
+
+bool same_bits(const Points& a, const Points& b) {
+  return a.size() == b.size() && (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(Point)) == 0);
+}
+
+std::uint64_t unmoved(const Report& report) {
+  return report.unmoved.non_finite + report.unmoved.too_few_neighbors + report.unmoved.no_normal;
+}
+
+bool all_finite(const Points& points) {
+  for (const Point& p : points)
+    if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z)) return false;
+  return true;
+}
+
+TEST(Degenerate, no_points_are_no_points_with_every_kind_of_neighborhood) {
+  for (const Params& params : all_kinds()) {
+    const Result result = fair({}, params);
+    EXPECT_EQ(result.report.points, 0u);
+    EXPECT_EQ(unmoved(result.report), 0u);
+    EXPECT_EQ(result.estimates.diagonal, 0);
+    EXPECT_EQ(result.estimates.spacing, 0);
+  }
+}
+
+TEST(Degenerate, one_two_and_three_points_keep_their_places_and_are_counted) {
+  for (int count = 1; count <= 3; ++count)
+    for (const Params& params : all_kinds()) {
+      const Points points = shapes::sphere(count);
+      const Result result = fair(points, params);
+      EXPECT_TRUE(same_bits(result.points, points));
+      EXPECT_EQ(result.report.unmoved.too_few_neighbors, std::uint64_t(count));
+    }
+}
+
+TEST(Degenerate, k_points_and_one_more_are_faired_with_all_there_are) {
+  for (const int count : {4, 15, 16, 17})
+    for (const int k : {16, 512}) {
+      Params params;
+      params.k = k;
+      const Result result = fair(shapes::with_noise(shapes::sphere(count), 0.05), params);
+      EXPECT_TRUE(all_finite(result.points));
+      EXPECT_EQ(result.report.unmoved.too_few_neighbors, 0u);
+    }
+}
+
+TEST(Degenerate, one_and_two_neighbors_are_too_few_for_every_point) {
+  for (const int k : {1, 2}) {
+    Params params;
+    params.k = k;
+    const Points points = shapes::sphere(500);
+    const Result result = fair(points, params);
+    EXPECT_TRUE(same_bits(result.points, points));
+    EXPECT_EQ(result.report.unmoved.too_few_neighbors, points.size());
+  }
+}
+
+TEST(Degenerate, identical_points_keep_their_place_and_are_counted) {
+  const Points points = shapes::identical(3000);
+  for (const Params& params : all_kinds()) {
+    const Result result = fair(points, params);
+    EXPECT_TRUE(same_bits(result.points, points));
+    EXPECT_EQ(unmoved(result.report), points.size());
+  }
+}
+
+TEST(Degenerate, points_on_a_line_keep_their_places_and_are_counted) {
+  const Points points = shapes::line(3000);
+  for (const Params& params : all_kinds()) {
+    const Result result = fair(points, params);
+    EXPECT_TRUE(same_bits(result.points, points));
+    EXPECT_EQ(unmoved(result.report), points.size());
+  }
+}
+
+TEST(Degenerate, doubled_points_move_alike) {
+  Points points = shapes::with_noise(shapes::waves(1000), 0.004);
+  points.insert(points.end(), points.begin(), points.end());
+  Params params;
+  params.radius = 0.1;
+  const Points out = fair(points, params).points;
+  for (std::size_t i = 0; i < 1000; ++i)
+    ASSERT_LT(reference::length(reference::to_vec(out[i]) - reference::to_vec(out[i + 1000])), 1e-5);
+}
+
+TEST(Degenerate, nan_infinite_and_overflowing_points_keep_their_bits_and_are_counted) {
+  const Points points = shapes::with_invalid(shapes::with_noise(shapes::waves(3000), 0.004), 6);
+  for (const Params& params : all_kinds()) {
+    const Result result = fair(points, params);
+    EXPECT_EQ(result.report.unmoved.non_finite, 500u);
+    EXPECT_EQ(result.estimates.points, 3000u);
+    EXPECT_EQ(result.estimates.finite, 2500u);
+    for (std::size_t i = 0; i < points.size(); ++i)
+      if (!reference::is_valid(points[i]))
+        ASSERT_EQ(std::memcmp(&result.points[i], &points[i], sizeof(Point)), 0);
+      else
+        ASSERT_TRUE(std::isfinite(result.points[i].x + result.points[i].y + result.points[i].z));
+  }
+}
+
+TEST(Degenerate, only_invalid_points_come_back_as_they_are) {
+  const Points points = shapes::with_invalid(shapes::sphere(50), 1);
+  const Result result = fair(points);
+  EXPECT_TRUE(same_bits(result.points, points));
+  EXPECT_EQ(result.report.unmoved.non_finite, 50u);
+}
+
+TEST(Degenerate, invalid_points_do_not_change_the_others) {
+  const Points points = shapes::with_noise(shapes::waves(2000), 0.004);
+  Points mixed = points;
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  for (int i = 0; i < 500; ++i) mixed.push_back({nan, 0, 0});
+  Params params;
+  params.k = 16;
+  params.normal_sigma = params.closeness_sigma = params.similarity_sigma = 0.05;
+  Points out = fair(mixed, params).points;
+  out.resize(points.size());
+  EXPECT_TRUE(same_bits(out, fair(points, params).points));
+}
+
+TEST(Degenerate, a_stray_point_stays_and_does_not_change_the_others) {
+  const Points points = shapes::with_noise(shapes::waves(3000), 0.004);
+  Params params;
+  params.k = 16;
+  params.normal_sigma = params.closeness_sigma = params.similarity_sigma = 0.05;
+  const Points expected = fair(points, params).points;
+  for (const float distance : {1e3f, 1e6f, 1e12f, 9e17f}) {
+    Points out = fair(shapes::with_stray(points, distance), params).points;
+    EXPECT_EQ(out.back().x, distance);
+    EXPECT_EQ(out.back().y, distance);
+    EXPECT_EQ(out.back().z, distance);
+    out.pop_back();
+    EXPECT_TRUE(same_bits(out, expected)) << distance;
+  }
+}
+
+TEST(Degenerate, coordinates_from_tiny_to_1e17_stay_finite) {
+  for (const float factor : {1e-30f, 1e-20f, 1e-15f, 1e-6f, 1e6f, 1e15f, 9e17f})
+    for (Params params : {Params{}, paper_preset()}) {
+      const Points points = shapes::scaled(shapes::with_noise(shapes::sphere(1000), 0.01), factor * 0.9f);
+      EXPECT_TRUE(all_finite(fair(points, params).points)) << factor;
+    }
+}
+
+TEST(Degenerate, coordinates_of_1e30_pass_through_and_are_counted) {
+  const Points points = shapes::scaled(shapes::sphere(200), 1e30f);
+  const Result result = fair(points);
+  EXPECT_TRUE(same_bits(result.points, points));
+  EXPECT_EQ(result.report.unmoved.non_finite, 200u);
+}
+
+TEST(Degenerate, offsets_as_large_as_float_coordinates_of_utm_do_not_spoil_the_normals) {
+  // 5e6 leaves steps of 0.5: what a float file of such coordinates holds is a lattice, whose plane is still level
+  const Points points = shapes::shifted(shapes::scaled(shapes::plane(3000), 100), {448000, 5411000, 300});
+  const Result result = fair(points);
+  for (std::size_t i = 0; i < points.size(); ++i) ASSERT_EQ(result.points[i].z, points[i].z);
+}
+
+TEST(Degenerate, widths_far_below_the_spacing_leave_every_point_in_place) {
+  const Points points = shapes::with_noise(shapes::waves(1000), 0.004);
+  for (const double sigma : {1e-6, 1e-20, 1e-38}) {
+    Params params;
+    params.k = 12;
+    params.closeness_sigma = sigma;
+    EXPECT_TRUE(same_bits(fair(points, params).points, points)) << sigma;
+    params.normal_sigma = params.similarity_sigma = sigma;
+    EXPECT_TRUE(same_bits(fair(points, params).points, points)) << sigma;
+  }
+}
+
+TEST(Degenerate, widths_far_above_the_cloud_stay_finite) {
+  const Points points = shapes::with_noise(shapes::waves(1000), 0.004);
+  for (const double sigma : {1e6, 1e20, 1e30}) {
+    Params params;
+    params.k = 12;
+    params.normal_sigma = params.closeness_sigma = params.similarity_sigma = sigma;
+    EXPECT_TRUE(all_finite(fair(points, params).points)) << sigma;
+    params.radius = sigma;
+    EXPECT_TRUE(all_finite(fair(points, params).points)) << sigma;
+  }
+}
+
+TEST(Degenerate, a_radius_without_neighbors_leaves_every_point_in_place_and_counts_it) {
+  const Points points = shapes::waves(1000);
+  for (const double radius : {1e-4, 1e-25}) {
+    Params params;
+    params.radius = radius;
+    const Result result = fair(points, params);
+    EXPECT_TRUE(same_bits(result.points, points));
+    EXPECT_EQ(result.report.unmoved.too_few_neighbors, points.size());
+  }
+}
+
+TEST(Degenerate, a_constraint_that_nothing_meets_counts_every_point) {
+  Params params;
+  params.k = 8;
+  params.constraint = true;
+  params.rho = params.delta = 1e-5;
+  const Points points = shapes::waves(1000);
+  const Result result = fair(points, params);
+  EXPECT_TRUE(same_bits(result.points, points));
+  EXPECT_EQ(result.report.unmoved.too_few_neighbors, points.size());
+  EXPECT_EQ(result.report.short_neighborhoods, points.size());
+}
+
+TEST(Degenerate, a_run_before_any_load_returns_no_points) {
+  Pipeline pipeline(Device::cpu);
+  EXPECT_TRUE(pipeline.run().points.empty());
+}
+
+TEST(Degenerate, an_output_of_another_size_is_refused_with_both_counts) {
+  Pipeline pipeline(Device::cpu);
+  pipeline.load(shapes::sphere(100));
+  Points out(99);
+  try {
+    pipeline.run({}, out);
+    ADD_FAILURE() << "nothing was thrown";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::usage);
+    EXPECT_NE(std::string(error.what()).find("99"), std::string::npos);
+    EXPECT_NE(std::string(error.what()).find("100"), std::string::npos);
+  }
+}
+
+}  // namespace
+}  // namespace pointfair

@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: Apache-2.0
+// What must hold for any cloud: the code against itself, over random shapes and parameters. Lengths are given, since
+// automatic ones are measured on a sample that follows the order of the points.
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <vector>
+
+#include "pointfair/pipeline.hpp"
+#include "reference.h"
+#include "shapes.h"
+
+namespace pointfair {
+namespace {
+
+using reference::Vec;
+using shapes::Points;
+
+struct Sample {
+  Points points;
+  Params params;
+  double sigma;  // width of the weights, about the size of a neighbourhood
+  double spacing;
+};
+
+// A random noisy cloud without exact ties, in about the unit cube, and settled parameters that suit it.
+Sample make_sample(std::uint64_t seed, bool with_list) {
+  shapes::Random random(seed);
+  const int count = 200 + int(random.below(800));
+  const double spacing = 1 / std::sqrt(double(count)), noise = spacing * random.uniform(0.02, 0.3);
+  const Points clean[] = {shapes::waves(count, seed), shapes::sphere(count, seed), shapes::cube(count, seed),
+                          shapes::uneven(count, 30, seed)};
+  Sample sample;
+  sample.points = shapes::with_noise(clean[random.below(4)], noise, seed + 1);
+  sample.spacing = spacing;
+  sample.sigma = spacing * random.uniform(1, 3);
+  sample.params.passes = 1;
+  sample.params.normal_sigma = sample.sigma;
+  sample.params.closeness_sigma = sample.sigma;
+  sample.params.similarity_sigma = spacing * random.uniform(0.3, 2);
+  sample.params.area_weight = AreaWeight(random.below(3));
+  sample.params.normal_weights = random.below(4) != 0;
+  if (with_list) sample.params.k = 6 + int(random.below(40));
+  if (!with_list || random.below(3) == 0) sample.params.radius = spacing * random.uniform(2, 4);
+  if (with_list && random.below(3) == 0) {
+    sample.params.constraint = true;
+    sample.params.rho = spacing * random.uniform(1, 3);
+    sample.params.delta = noise;
+  }
+  return sample;
+}
+
+Points fair(const Points& points, const Params& params) {
+  Pipeline pipeline(Device(Device::cpu, 0, 1));
+  pipeline.load(points);
+  Points out(points.size());
+  pipeline.run(params, out);
+  return out;
+}
+
+// Points whose normal the data determines: elsewhere the last bits of the input may decide.
+std::vector<bool> well_determined(const Sample& sample) {
+  const reference::Settings settings = reference::settings_of(sample.params);
+  std::vector<bool> result;
+  for (const reference::Faired& p : reference::fair_once(sample.points, settings))
+    result.push_back(p.neighbors < 3 || p.normal.gap > 0.03);
+  return result;
+}
+
+// The share of points that differ by more than `limit`, among those that are well determined. A neighbour at the edge
+// of a neighbourhood may fall on its other side after rounding, so single points may differ by more.
+double share_beyond(const Points& a, const Points& b, double limit, const std::vector<bool>& compared) {
+  std::size_t beyond = 0;
+  for (std::size_t i = 0; i < a.size(); ++i)
+    beyond += compared[i] && !(reference::length(reference::to_vec(a[i]) - reference::to_vec(b[i])) <= limit);
+  return double(beyond) / double(a.size());
+}
+
+bool same_bits(const Points& a, const Points& b) {
+  return std::memcmp(a.data(), b.data(), a.size() * sizeof(Point)) == 0;
+}
+
+RC_GTEST_PROP(Properties, shuffling_the_input_shuffles_the_output_bit_for_bit, (std::uint64_t seed)) {
+  const Sample sample = make_sample(seed, true);
+  const auto order = shapes::shuffle_order(sample.points.size(), seed);
+  RC_ASSERT(same_bits(fair(shapes::permuted(sample.points, order), sample.params),
+                      shapes::permuted(fair(sample.points, sample.params), order)));
+}
+
+// Without a list the sum runs in the order of the index, which breaks ties of its own by input order.
+RC_GTEST_PROP(Properties, shuffling_the_input_shuffles_the_output_of_a_radius_run, (std::uint64_t seed)) {
+  const Sample sample = make_sample(seed, false);
+  const auto order = shapes::shuffle_order(sample.points.size(), seed);
+  const Points a = fair(shapes::permuted(sample.points, order), sample.params);
+  const Points b = shapes::permuted(fair(sample.points, sample.params), order);
+  const std::vector<bool> all(a.size(), true);
+  RC_ASSERT(share_beyond(a, b, 1e-4 * sample.sigma, all) == 0);
+}
+
+RC_GTEST_PROP(Properties, scaling_by_a_power_of_two_commutes_bit_for_bit, (std::uint64_t seed, bool with_list)) {
+  const Sample sample = make_sample(seed, with_list);
+  for (const int exponent : {-20, 20}) {
+    const float factor = std::ldexp(1.0f, exponent);
+    Params params = sample.params;
+    for (Length* length : {&params.radius, &params.rho, &params.delta, &params.normal_sigma, &params.closeness_sigma,
+                           &params.similarity_sigma})
+      if (!length->is_automatic()) length->value *= double(factor);
+    RC_ASSERT(same_bits(fair(shapes::scaled(sample.points, factor), params),
+                        shapes::scaled(fair(sample.points, sample.params), factor)));
+  }
+}
+
+// Onto a grid that both places hold exactly: the shift then loses nothing, and nothing may change.
+RC_GTEST_PROP(Properties, shifting_commutes_but_for_the_last_bits_of_the_result, (std::uint64_t seed, bool with_list)) {
+  Sample sample = make_sample(seed, with_list);
+  for (Point& p : sample.points)
+    for (float* c : {&p.x, &p.y, &p.z}) *c = std::round(*c * 0x1p18f) * 0x1p-18f;
+  const Point by = {16, -8, 24};
+  const Points a = fair(shapes::shifted(sample.points, by), sample.params);
+  const Points b = shapes::shifted(fair(sample.points, sample.params), by);
+  const std::vector<bool> all(a.size(), true);
+  RC_ASSERT(share_beyond(a, b, with_list ? 4e-6 : 4e-6 + 1e-4 * sample.sigma, all) == 0);
+}
+
+// Axes exchanged and mirrored: exact, but sums of squares round in another order.
+RC_GTEST_PROP(Properties, rotating_commutes_within_rounding, (std::uint64_t seed, bool with_list)) {
+  const Sample sample = make_sample(seed, with_list);
+  shapes::Random random(seed + 5);
+  const double angle_cosine = random.uniform(-1, 1), angle_sine = std::sqrt(1 - angle_cosine * angle_cosine);
+  const auto turn = [&](const Points& points) {
+    Points turned;
+    for (const Point& p : points)
+      turned.push_back(
+          shapes::make_point(angle_cosine * p.x - angle_sine * p.y, p.z, angle_sine * p.x + angle_cosine * p.y));
+    return turned;
+  };
+  const Points a = fair(turn(sample.points), sample.params), b = turn(fair(sample.points, sample.params));
+  RC_ASSERT(share_beyond(a, b, 1e-6 + 2e-3 * sample.sigma, well_determined(sample)) < 0.01);
+}
+
+RC_GTEST_PROP(Properties, no_point_moves_farther_than_its_neighborhood_reaches, (std::uint64_t seed)) {
+  const Sample sample = make_sample(seed, true);
+  const Points out = fair(sample.points, sample.params);
+  const reference::Settings settings = reference::settings_of(sample.params);
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    const reference::List list = reference::neighborhood(sample.points, i, settings);
+    const Vec here = reference::to_vec(sample.points[i]);
+    double reach = 0;
+    for (const std::uint32_t j : list)
+      reach = std::max(reach, reference::length(reference::to_vec(sample.points[j]) - here));
+    RC_ASSERT(reference::length(reference::to_vec(out[i]) - here) <= 1.00001 * reach + 1e-7);
+  }
+}
+
+RC_GTEST_PROP(Properties, moves_are_along_the_normal, (std::uint64_t seed)) {
+  const Sample sample = make_sample(seed, true);
+  Pipeline pipeline(Device(Device::cpu, 0, 1));
+  pipeline.load(sample.points);
+  Points out(sample.points.size()), normals(sample.points.size());
+  pipeline.run(sample.params, out);
+  pipeline.normals(normals);
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    const Vec move = reference::to_vec(out[i]) - reference::to_vec(sample.points[i]), n = reference::to_vec(normals[i]);
+    RC_ASSERT(reference::length(move - reference::dot(move, n) * n) < 4e-7 + 1e-6 * reference::length(move));
+  }
+}
+
+RC_GTEST_PROP(Properties, passes_one_by_one_are_the_passes_at_once, (std::uint64_t seed, bool with_list)) {
+  Sample sample = make_sample(seed, with_list);
+  Points step = sample.points;
+  for (int pass = 0; pass < 3; ++pass) step = fair(step, sample.params);
+  sample.params.passes = 3;
+  if (with_list) {
+    RC_ASSERT(same_bits(fair(sample.points, sample.params), step));
+  } else {
+    const std::vector<bool> all(step.size(), true);
+    RC_ASSERT(share_beyond(fair(sample.points, sample.params), step, 1e-3 * sample.sigma, all) < 0.01);
+  }
+}
+
+}  // namespace
+}  // namespace pointfair
