@@ -17,10 +17,10 @@ namespace pointfair {
 
 // What each stage reads: Params with every `auto` resolved and every length in file units.
 struct NeighborSettings {
-  int k = 0;             // 0: no list, everything within `radius` is summed directly
-  float radius = 0;      // 0: no limit
+  int k = 0;         // 0: no list, everything within `radius` is summed directly
+  float radius = 0;  // 0: no limit
   bool constraint = false;
-  float reach = 0;       // rho + delta
+  float reach = 0;  // rho + delta
   friend bool operator==(const NeighborSettings&, const NeighborSettings&) = default;
 };
 struct NormalSettings {
@@ -37,8 +37,8 @@ struct FairingSettings {
 };
 
 struct Bounds {
-  Point min{}, max{};        // of the valid points; zero if there is none
-  std::uint64_t valid = 0;   // points that are indexed: finite, and small enough to be squared
+  Point min{}, max{};       // of the valid points; zero if there is none
+  std::uint64_t valid = 0;  // points that are indexed: finite, and small enough to be squared
 };
 
 struct Counts {
@@ -47,8 +47,8 @@ struct Counts {
 };
 
 // A backend holds up to two chains of stage results: that of the first pass, which stays cached for later runs, and
-// that of the pass at work. begin_pass(0) makes the first current and keeps what it holds; begin_pass(p > 0) empties the
-// second and gives it the faired points of the pass before. The stage calls work on the current chain, in order.
+// that of the pass at work. begin_pass(0) makes the first current and keeps what it holds; begin_pass(p > 0) empties
+// the second and gives it the faired points of the pass before. The stage calls work on the current chain, in order.
 // Calls throw Error(interrupted) once `stop` is triggered and leave the stage to be run again.
 class Backend {
  public:
@@ -61,7 +61,7 @@ class Backend {
   virtual void find_neighbors(const NeighborSettings& settings, std::stop_token stop) = 0;
   virtual void estimate_normals(const NormalSettings& settings, std::stop_token stop) = 0;
   virtual void fair(const FairingSettings& settings, std::stop_token stop) = 0;
-  virtual void download(std::span<Point> points) = 0;          // faired points of the current pass, in upload order
+  virtual void download(std::span<Point> points) = 0;  // faired points of the current pass, in upload order
   virtual void download_normals(std::span<Point> normals) = 0;
 
   // Of the current chain, after build_index.
@@ -70,8 +70,8 @@ class Backend {
   // row after row of k + 1; rows of invalid queries, and places past the last point, are NaN. k up to 1024.
   virtual void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) = 0;
 
-  virtual Counts counts() const = 0;                   // of the current chain, after fair
-  virtual std::uint64_t peak_host_bytes() const = 0;   // since upload
+  virtual Counts counts() const = 0;                  // of the current chain, after fair
+  virtual std::uint64_t peak_host_bytes() const = 0;  // since upload
   virtual std::uint64_t peak_device_bytes() const = 0;
 };
 

@@ -52,8 +52,8 @@ std::vector<Vec> offsets_of(std::span<const Point> row) {
 
 struct Frame {
   Vec centroid;
-  std::array<Vec, 3> axes;        // by falling eigenvalue: the last is the normal
-  double least_eigenvalue;        // variance along the normal
+  std::array<Vec, 3> axes;  // by falling eigenvalue: the last is the normal
+  double least_eigenvalue;  // variance along the normal
 };
 
 // Cyclic Jacobi rotations; exact enough after 12 sweeps for any symmetric 3 x 3.
@@ -225,10 +225,14 @@ Params resolve_params(const Params& params, const Spacing& spacing, double noise
   const double least = 1e-6 * (diagonal > 0 ? diagonal : 1.0);
   const auto in_file_units = [&](const Length& length, double automatic) -> Length {
     switch (length.unit) {
-      case Length::Unit::automatic: return std::max(automatic, least);
-      case Length::Unit::diagonal: return length.value * diagonal;
-      case Length::Unit::spacing: return length.value * spacing.mean;
-      case Length::Unit::file: break;
+      case Length::Unit::automatic:
+        return std::max(automatic, least);
+      case Length::Unit::diagonal:
+        return length.value * diagonal;
+      case Length::Unit::spacing:
+        return length.value * spacing.mean;
+      case Length::Unit::file:
+        break;
     }
     return length;
   };

@@ -11,8 +11,8 @@ namespace pointfair {
 
 // Sampled at the same points for every backend, so the same on each.
 struct Spacing {
-  double mean = 0;       // mean distance to the 6 nearest other points (as CGAL's compute_average_spacing)
-  double rho = 0;        // 95 % quantile of the distance to the 6th: a sampling gap that is no feature
+  double mean = 0;  // mean distance to the 6 nearest other points (as CGAL's compute_average_spacing)
+  double rho = 0;   // 95 % quantile of the distance to the 6th: a sampling gap that is no feature
 };
 
 // Points spread evenly over the upload order among which valid ones are found; `points` is the number uploaded.

@@ -75,10 +75,14 @@ Length length_of(const ParamInfo& info, std::string_view text) {
 
 std::string length_text(const Length& length) {
   switch (length.unit) {
-    case Length::Unit::automatic: return "auto";
-    case Length::Unit::file: return number_text(length.value);
-    case Length::Unit::diagonal: return number_text(length.value * 100) + "%";
-    case Length::Unit::spacing: return number_text(length.value) + "s";
+    case Length::Unit::automatic:
+      return "auto";
+    case Length::Unit::file:
+      return number_text(length.value);
+    case Length::Unit::diagonal:
+      return number_text(length.value * 100) + "%";
+    case Length::Unit::spacing:
+      return number_text(length.value) + "s";
   }
   return "auto";
 }

@@ -79,9 +79,9 @@ struct Pipeline::State {
   std::uint64_t points = 0;
   Cloud shell;  // the loaded cloud without its points
 
-  Stage next = Stage::index;   // of the first pass; `passes` once it is complete
-  Settings settings;           // that the valid stages ran with
-  int further_passes = 0;      // complete beyond the first, with `settings`
+  Stage next = Stage::index;  // of the first pass; `passes` once it is complete
+  Settings settings;          // that the valid stages ran with
+  int further_passes = 0;     // complete beyond the first, with `settings`
 
   std::optional<Spacing> spacing;
   std::optional<double> noise;
@@ -123,11 +123,16 @@ struct Pipeline::State {
     if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
     timed(kStageNames[std::size_t(stage)], [&] {
       switch (stage) {
-        case Stage::index: return backend->build_index(stop);
-        case Stage::neighbors: return backend->find_neighbors(settings.neighbors, stop);
-        case Stage::normals: return backend->estimate_normals(settings.normals, stop);
-        case Stage::fairing: return backend->fair(settings.fairing, stop);
-        case Stage::passes: return;
+        case Stage::index:
+          return backend->build_index(stop);
+        case Stage::neighbors:
+          return backend->find_neighbors(settings.neighbors, stop);
+        case Stage::normals:
+          return backend->estimate_normals(settings.normals, stop);
+        case Stage::fairing:
+          return backend->fair(settings.fairing, stop);
+        case Stage::passes:
+          return;
       }
     });
   }
@@ -172,7 +177,8 @@ struct Pipeline::State {
       ensure_index(stop);
       backend->begin_pass(0);
       const Bounds b = backend->bounds();
-      estimates = Estimates{{b.min.x, b.min.y, b.min.z}, {b.max.x, b.max.y, b.max.z}, diagonal(), 0, 0, points, b.valid};
+      estimates =
+          Estimates{{b.min.x, b.min.y, b.min.z}, {b.max.x, b.max.y, b.max.z}, diagonal(), 0, 0, points, b.valid};
     }
     return *estimates;
   }

@@ -38,42 +38,51 @@ class CpuBackend final : public Backend {
         arena_(int(threads_)) {}
 
   DeviceInfo device() const override {
-    return {Device::cpu, processor_name() + ", " + std::to_string(threads_) + (threads_ == 1 ? " thread, " : " threads, ") +
-                             kernels_.name,
+    return {Device::cpu,
+            processor_name() + ", " + std::to_string(threads_) + (threads_ == 1 ? " thread, " : " threads, ") +
+                kernels_.name,
             "requested"};
   }
 
   void upload(std::span<const Point> points) override {
     meter_.reset_peak();
-    uploaded_.resize(points.size());
+    further_ = Chain(meter_);
+    at_work_ = &first_;
+    if (upload_is_indexed_) first_.swap_faired(uploaded_);
+    upload_is_indexed_ = false;
     points_ = points.size();
+    uploaded_.resize((points.size() + kLeafSize - 1) / kLeafSize * kLeafSize);  // as many as faired positions
     arena_.execute([&] {
       for_blocks(points.size(), kCopyBlock, {}, [&](std::size_t first, std::size_t last, std::size_t) {
         std::copy(points.begin() + first, points.begin() + last, uploaded_.data() + first);
       });
     });
-    at_work_ = &first_;
   }
 
   void begin_pass(int pass) override {
-    if (pass > 0) {
-      pass_input_.resize(at_work_->faired().size());
+    if (pass > 1) {  // the second chain gives its result and takes the next pass
+      further_.swap_faired(pass_input_);
+      pass_input_.resize(further_.index().originals().size());
       pass_originals_.resize(pass_input_.size());
-      const std::span<const Point> faired = at_work_->faired();
-      std::copy(faired.begin(), faired.end(), pass_input_.data());
-      const std::span<const Index> originals = at_work_->index().originals();
-      std::copy_n(originals.begin(), faired.size(), pass_originals_.data());
+      std::copy_n(further_.index().originals().begin(), pass_originals_.size(), pass_originals_.data());
     }
+    pass_ = pass;
     at_work_ = pass == 0 ? &first_ : &further_;
   }
 
   void build_index(std::stop_token stop) override {
     arena_.execute([&] {
-      if (at_work_ == &first_) {
-        first_.build_index({uploaded_.data(), uploaded_.size()}, {}, kernels_, stop);
+      if (pass_ == 0) {
+        build_first_index(stop);
       } else {
-        further_.build_index({pass_input_.data(), pass_input_.size()}, {pass_originals_.data(), pass_originals_.size()},
-                             kernels_, stop);
+        further_.release_small_results();
+        const std::span<const Point> input =
+            pass_ == 1 ? first_.faired() : std::span<const Point>(pass_input_.data(), further_.index().view().points);
+        const std::span<const Index> originals =
+            pass_ == 1 ? first_.index().originals()
+                       : std::span<const Index>(pass_originals_.data(), pass_originals_.size());
+        further_.build_index(input, originals, space_, kernels_, stop);
+        space_.release();
       }
     });
   }
@@ -98,7 +107,8 @@ class CpuBackend final : public Backend {
     std::fill(normals.begin(), normals.end(), Point{0, 0, 0});
     const NormalsView from = at_work_->normals();
     const std::span<const Index> originals = at_work_->index().originals();
-    for (std::size_t i = 0; i < at_work_->faired().size(); ++i) normals[originals[i]] = {from.x[i], from.y[i], from.z[i]};
+    for (std::size_t i = 0; i < at_work_->faired().size(); ++i)
+      normals[originals[i]] = {from.x[i], from.y[i], from.z[i]};
   }
 
   Bounds bounds() const override { return at_work_->index().bounds(); }
@@ -131,6 +141,12 @@ class CpuBackend final : public Backend {
   std::uint64_t peak_device_bytes() const override { return 0; }
 
  private:
+  void build_first_index(const std::stop_token& stop) {
+    first_.build_index({uploaded_.data(), points_}, {}, space_, kernels_, stop);
+    first_.swap_faired(uploaded_);
+    upload_is_indexed_ = true;
+  }
+
   void scatter(std::span<Point> out, std::span<const Point> sorted) {
     const std::span<const Index> originals = at_work_->index().originals();
     arena_.execute([&] {
@@ -166,10 +182,13 @@ class CpuBackend final : public Backend {
   MemoryMeter meter_;
   std::uint64_t points_ = 0;
   Buffer<Point> uploaded_{meter_};
-  Buffer<Point> pass_input_{meter_};
+  bool upload_is_indexed_ = false;    // and its memory lent to the first chain
+  Buffer<Point> pass_input_{meter_};  // of the passes from the third on, in the order of the pass before
   Buffer<Index> pass_originals_{meter_};
+  SortSpace space_{meter_};
   Chain first_{meter_}, further_{meter_};
   Chain* at_work_ = &first_;
+  int pass_ = 0;
 };
 
 }  // namespace

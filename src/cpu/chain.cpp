@@ -13,52 +13,88 @@ namespace {
 
 constexpr std::size_t kLeavesABlock = 64;
 
-// The area weight's neighbours, found beside the lists where those are too short or too narrow to hold them.
-bool lists_hold_area_neighbors(const NeighborSettings& settings) {
-  return settings.k >= point::kAreaNeighbors && settings.radius == 0 && !settings.constraint;
-}
-
 }  // namespace
 
 Chain::Chain(MemoryMeter& meter)
-    : index_(meter), lists_(meter), mean_distance_(meter), normal_x_(meter), normal_y_(meter), normal_z_(meter),
+    : index_(meter),
+      lists_(meter),
+      mean_distance_(meter),
+      normal_x_(meter),
+      normal_y_(meter),
+      normal_z_(meter),
       faired_(meter) {}
 
-void Chain::build_index(std::span<const Point> points, std::span<const Index> originals, const Kernels& kernels,
-                        const std::stop_token& stop) {
-  index_.build(points, originals, kernels, stop);
+void Chain::build_index(std::span<const Point> points, std::span<const Index> originals, SortSpace& space,
+                        const Kernels& kernels, const std::stop_token& stop) {
+  has_lists_ = false;
+  index_.build(points, originals, space, kernels, stop);
   counts_ = {};
   counts_.unmoved.non_finite = index_.invalid().size();
 }
 
+void Chain::release_small_results() {
+  for (Buffer<float>* values : {&mean_distance_, &normal_x_, &normal_y_, &normal_z_}) values->release();
+}
+
+bool Chain::prefix_suffices(const NeighborSettings& settings) const {
+  NeighborSettings longer = settings;
+  longer.k = neighbors_.k;
+  return has_lists_ && settings.k > 0 && settings.k <= stored_k_ && longer == neighbors_;
+}
+
+// Neighbourhoods of fewer than k, where the constraint may have cut them.
+void Chain::count_short(const std::stop_token& stop) {
+  counts_.short_neighborhoods = 0;
+  if (!neighbors_.constraint) return;
+  const IndexView index = index_.view();
+  std::atomic<std::uint64_t> total = 0;
+  for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
+    std::uint64_t here = 0;
+    for (std::size_t i = first * kLeafSize; i < std::min<std::size_t>(last * kLeafSize, index.points); ++i) {
+      const std::size_t last_slot = i / kLeafSize * stored_k_ + std::size_t(neighbors_.k) - 1;
+      here += lists_[last_slot * kLeafSize + i % kLeafSize] == point::kNoNeighbor;
+    }
+    total += here;
+  });
+  counts_.short_neighborhoods = total;
+}
+
 void Chain::find_neighbors(const NeighborSettings& settings, const Kernels& kernels, const std::stop_token& stop) {
+  if (prefix_suffices(settings)) {
+    neighbors_ = settings;
+    return count_short(stop);
+  }
+  has_lists_ = false;
   neighbors_ = settings;
+  stored_k_ = settings.k;
   const IndexView index = index_.view();
   const std::size_t row = std::size_t(settings.k) * kLeafSize;
   lists_.resize(index.leaves * row);
   mean_distance_.resize(std::size_t(index.leaves) * kLeafSize);
   const float limit = settings.radius > 0 ? settings.radius * settings.radius : std::numeric_limits<float>::infinity();
-  std::atomic<std::uint64_t> short_neighborhoods = 0;
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     ConstrainedSearch constrained(kernels, settings, limit);
     Index area_list[point::kAreaNeighbors * kLeafSize];
     for (std::size_t leaf = first; leaf < last; ++leaf) {
       Index* list = lists_.data() + leaf * row;
+      const Index* nearest = list;
+      int nearest_count = settings.k;
       if (settings.constraint) {
-        constrained.find(index, Index(leaf), list);
+        nearest = constrained.find(index, Index(leaf), list);
+        nearest_count = point::kAreaNeighbors;
       } else if (settings.k > 0) {
         kernels.nearest(index, Index(leaf), settings.k, limit, list);
       }
-      const Index* nearest = list;
-      if (!lists_hold_area_neighbors(settings)) {
+      if (nearest_count < point::kAreaNeighbors || settings.radius > 0) {  // W_a knows no radius
         kernels.nearest(index, Index(leaf), point::kAreaNeighbors, std::numeric_limits<float>::infinity(), area_list);
         nearest = area_list;
       }
-      kernels.mean_distances(index, Index(leaf), nearest, point::kAreaNeighbors, mean_distance_.data() + leaf * kLeafSize);
+      kernels.mean_distances(index, Index(leaf), nearest, point::kAreaNeighbors,
+                             mean_distance_.data() + leaf * kLeafSize);
     }
-    short_neighborhoods += constrained.short_neighborhoods();
   });
-  counts_.short_neighborhoods = short_neighborhoods;
+  count_short(stop);
+  has_lists_ = true;
 }
 
 void Chain::estimate_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop) {
@@ -71,8 +107,8 @@ void Chain::estimate_normals(const NormalSettings& settings, const Kernels& kern
     std::uint64_t too_few_here = 0, no_normal_here = 0;
     unsigned found[kLeafSize];
     for (std::size_t leaf = first; leaf < last; ++leaf) {
-      const Index* list = lists_.data() + leaf * neighbors_.k * kLeafSize;
-      if (has_lists()) {
+      const Index* list = lists_.data() + leaf * stored_k_ * kLeafSize;
+      if (by_list()) {
         kernels.normals(index, Index(leaf), lists(), weights, out);
       } else {
         kernels.normals_in_ball(index, Index(leaf), ball(), weights, out, found);
@@ -80,9 +116,9 @@ void Chain::estimate_normals(const NormalSettings& settings, const Kernels& kern
       const Index points = std::min<Index>(kLeafSize, index.points - Index(leaf) * kLeafSize);
       for (Index lane = 0; lane < points; ++lane) {
         constexpr Index kNeeded = point::kLeastNeighbors;
-        const bool enough = has_lists() ? neighbors_.k >= int(kNeeded) &&
-                                              list[(kNeeded - 1) * kLeafSize + lane] != point::kNoNeighbor
-                                        : found[lane] >= kNeeded;
+        const bool enough =
+            by_list() ? neighbors_.k >= int(kNeeded) && list[(kNeeded - 1) * kLeafSize + lane] != point::kNoNeighbor
+                      : found[lane] >= kNeeded;
         const std::size_t i = leaf * kLeafSize + lane;
         if (!enough) {
           ++too_few_here;
@@ -101,13 +137,15 @@ void Chain::estimate_normals(const NormalSettings& settings, const Kernels& kern
 void Chain::fair(const FairingSettings& settings, const Kernels& kernels, const std::stop_token& stop) {
   const IndexView index = index_.view();
   const point::BilateralWeights weights = point::bilateral_weights(settings.closeness_sigma, settings.similarity_sigma);
-  const int power = settings.area_weight == AreaWeight::squared ? 2 : settings.area_weight == AreaWeight::length ? 1 : 0;
+  const int power = settings.area_weight == AreaWeight::squared  ? 2
+                    : settings.area_weight == AreaWeight::length ? 1
+                                                                 : 0;
   const AreaView area{mean_distance_.data(), power};
   faired_.resize(std::size_t(index.leaves) * kLeafSize);
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     for (std::size_t leaf = first; leaf < last; ++leaf) {
       float* xyz = &faired_[leaf * kLeafSize].x;
-      if (has_lists()) {
+      if (by_list()) {
         kernels.fair(index, Index(leaf), lists(), normals(), area, weights, xyz);
       } else {
         kernels.fair_in_ball(index, Index(leaf), ball(), normals(), area, weights, xyz);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The results of every stage of one pass. Memory, bytes a point: index 18, lists 4 k, W_a lengths 4, normals 12,
-// faired positions 12.
+// The results of every stage of one pass. Memory, bytes a point: index 18, lists 4 k, W_a lengths 4, normals 12, faired
+// positions 12; 46 + 4 k in all.
 #pragma once
 
 #include "backend.hpp"
@@ -14,8 +14,8 @@ class Chain {
  public:
   explicit Chain(MemoryMeter& meter);
 
-  void build_index(std::span<const Point> points, std::span<const Index> originals, const Kernels& kernels,
-                   const std::stop_token& stop);
+  void build_index(std::span<const Point> points, std::span<const Index> originals, SortSpace& space,
+                   const Kernels& kernels, const std::stop_token& stop);
   void find_neighbors(const NeighborSettings& settings, const Kernels& kernels, const std::stop_token& stop);
   void estimate_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop);
   void fair(const FairingSettings& settings, const Kernels& kernels, const std::stop_token& stop);
@@ -26,16 +26,25 @@ class Chain {
   NormalsView normals() const { return {normal_x_.data(), normal_y_.data(), normal_z_.data()}; }
   const Counts& counts() const { return counts_; }
 
+  // Gives back what only the stages after the index fill, so that a further pass never holds more than two chains.
+  void release_small_results();
+  // The faired positions' memory also serves the uploaded points, which are of no use once there is an index.
+  void swap_faired(Buffer<Point>& other) { std::swap(faired_, other); }
+
  private:
-  NeighborView lists() const { return {neighbors_.k, lists_.data()}; }
+  NeighborView lists() const { return {neighbors_.k, stored_k_, lists_.data()}; }
   Ball ball() const { return {neighbors_.radius * neighbors_.radius}; }
-  bool has_lists() const { return neighbors_.k > 0; }
+  bool by_list() const { return neighbors_.k > 0; }
+  bool prefix_suffices(const NeighborSettings& settings) const;
+  void count_short(const std::stop_token& stop);
 
   SpatialIndex index_;
   Buffer<Index> lists_;
   Buffer<float> mean_distance_, normal_x_, normal_y_, normal_z_;
   Buffer<Point> faired_;
   NeighborSettings neighbors_;
+  int stored_k_ = 0;        // length of the stored lists; a smaller k is a prefix of them
+  bool has_lists_ = false;  // of the present index
   Counts counts_;
 };
 

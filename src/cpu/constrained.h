@@ -16,21 +16,20 @@ class ConstrainedSearch {
   ConstrainedSearch(const Kernels& kernels, const NeighborSettings& settings, float squared_limit);
 
   // Fills the k slots of the leaf's 16 points: list[slot * 16 + lane].
-  void find(const IndexView& index, Index leaf, Index* list);
-
-  // Points so far whose neighbourhood is complete and yet holds fewer than k.
-  std::uint64_t short_neighborhoods() const { return short_neighborhoods_; }
+  // Returns the plain nearest points of each within the limit, at least 16, in the same layout, valid until the next
+  // call.
+  const Index* find(const IndexView& index, Index leaf, Index* list);
 
  private:
-  bool grow(const IndexView& index, Index position, const Index* candidates, int stride, int count, Index* list, int lane);
+  bool grow(const IndexView& index, Index position, int count, Index* list);
 
   const Kernels& kernels_;
   NeighborSettings settings_;
   float squared_limit_;
-  int first_pool_;                  // candidates fetched for a whole leaf at once
-  std::vector<Index> candidates_;
+  int first_pool_;                      // candidates fetched for a whole leaf at once
+  std::vector<Index> candidates_;       // of the leaf's 16 points
+  std::vector<Index> more_candidates_;  // of one point whose first pool did not suffice
   std::vector<point::Vec3<float>> members_;
-  std::uint64_t short_neighborhoods_ = 0;
 };
 
 }  // namespace pointfair::cpu

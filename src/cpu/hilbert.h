@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Position along a Hilbert curve of 1024 steps an axis, after J. Skilling, "Programming the Hilbert curve" (2004):
-// consecutive positions are adjacent cells, so consecutive points make compact leaves, without the jumps of Morton order.
-// Part of src/cpu/kernels.cpp.
+// consecutive positions are adjacent cells, so consecutive points make compact leaves, without the jumps of Morton
+// order. Part of src/cpu/kernels.cpp.
 #pragma once
 
 #include <cstddef>
@@ -58,7 +58,8 @@ inline void hilbert_keys(const float* xyz, std::uint64_t* elements, std::size_t 
       py[lane] = p[1];
       pz[lane] = p[2];
     }
-    const IntVector key = hilbert_key(hilbert_step(px, x, scale), hilbert_step(py, y, scale), hilbert_step(pz, z, scale));
+    const IntVector key =
+        hilbert_key(hilbert_step(px, x, scale), hilbert_step(py, y, scale), hilbert_step(pz, z, scale));
     for (int lane = 0; lane < lanes; ++lane)
       elements[i + lane] = (std::uint64_t(std::uint32_t(key[lane])) << 32) | std::uint32_t(elements[i + lane]);
   }

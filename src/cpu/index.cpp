@@ -90,23 +90,17 @@ ChildBox united(const BoxGroup& group) {
 
 }  // namespace
 
-SpatialIndex::SpatialIndex(MemoryMeter& meter)
-    : elements_(meter), scratch_(meter), x_(meter), y_(meter), z_(meter), original_(meter), meter_(meter) {}
+SpatialIndex::SpatialIndex(MemoryMeter& meter) : x_(meter), y_(meter), z_(meter), original_(meter), meter_(&meter) {}
 
-void SpatialIndex::build(std::span<const Point> points, std::span<const Index> originals, const Kernels& kernels,
-                         const std::stop_token& stop) {
+void SpatialIndex::build(std::span<const Point> points, std::span<const Index> originals, SortSpace& space,
+                         const Kernels& kernels, const std::stop_token& stop) {
   if (points.size() > kMaxPoints)
     throw Error(ErrorKind::usage, "the CPU backend holds at most 2147483632 points at once; cut the cloud");
-  collect_valid(points, originals, stop);
-  scratch_.resize(elements_.size());
-  if (points_ > 0) {
-    const Box core = core_box(points, {elements_.data(), elements_.size()}, bounds_);
-    sort_along_curve(points, {elements_.data(), elements_.size()}, {scratch_.data(), scratch_.size()}, core, kernels,
-                     stop);
-  }
-  scratch_.release();
-  gather(points, originals, stop);
-  elements_.release();
+  collect_valid(points, originals, space, stop);
+  space.scratch.resize(points_);
+  const std::span<std::uint64_t> elements{space.elements.data(), points_}, scratch{space.scratch.data(), points_};
+  if (points_ > 0) sort_along_curve(points, elements, scratch, core_box(points, elements, bounds_), kernels, stop);
+  gather(points, originals, space, stop);
   build_boxes(stop);
 }
 
@@ -116,7 +110,7 @@ IndexView SpatialIndex::view() const {
   return view;
 }
 
-void SpatialIndex::collect_valid(std::span<const Point> points, std::span<const Index> originals,
+void SpatialIndex::collect_valid(std::span<const Point> points, std::span<const Index> originals, SortSpace& space,
                                  const std::stop_token& stop) {
   const std::size_t blocks = (points.size() + kBlock - 1) / kBlock;
   std::vector<Bounds> of_block(blocks, kNothing);
@@ -136,11 +130,11 @@ void SpatialIndex::collect_valid(std::span<const Point> points, std::span<const 
   leaves_ = groups_of(points_);
   if (points_ == 0) bounds_ = {};
 
-  elements_.resize(points_);
+  space.elements.resize(points_);
   for_blocks(points.size(), kBlock, stop, [&](std::size_t first, std::size_t last, std::size_t block) {
     std::size_t next = first_valid[block];
     for (std::size_t i = first; i < last; ++i)
-      if (is_valid(points[i])) elements_[next++] = i;
+      if (is_valid(points[i])) space.elements[next++] = i;
   });
   invalid_.clear();
   for (std::size_t block = 0; block < blocks && points_ < points.size(); ++block) {
@@ -151,7 +145,7 @@ void SpatialIndex::collect_valid(std::span<const Point> points, std::span<const 
   }
 }
 
-void SpatialIndex::gather(std::span<const Point> points, std::span<const Index> originals,
+void SpatialIndex::gather(std::span<const Point> points, std::span<const Index> originals, const SortSpace& space,
                           const std::stop_token& stop) {
   const std::size_t padded = std::size_t(leaves_) * kLeafSize;
   for (Buffer<float>* axis : {&x_, &y_, &z_}) axis->resize(padded);
@@ -159,7 +153,7 @@ void SpatialIndex::gather(std::span<const Point> points, std::span<const Index> 
   for_blocks(padded, kBlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     for (std::size_t i = first; i < last; ++i) {
       const bool real = i < points_;
-      const std::size_t from = real ? std::uint32_t(elements_[i]) : 0;
+      const std::size_t from = real ? std::uint32_t(space.elements[i]) : 0;
       const Point p = real ? points[from] : Point{kNan, kNan, kNan};
       x_[i] = p.x;
       y_[i] = p.y;
@@ -172,7 +166,7 @@ void SpatialIndex::gather(std::span<const Point> points, std::span<const Index> 
 void SpatialIndex::build_boxes(const std::stop_token& stop) {
   levels_.clear();
   if (leaves_ == 0) return;
-  levels_.emplace_back(meter_).resize(groups_of<std::size_t>(leaves_));
+  levels_.emplace_back(*meter_).resize(groups_of<std::size_t>(leaves_));
   for_blocks(levels_[0].size(), kBlock / kLeafSize / kLeafSize, stop,
              [&](std::size_t first, std::size_t last, std::size_t) {
                for (std::size_t child = first * kLeafSize; child < last * kLeafSize; ++child)
@@ -180,7 +174,7 @@ void SpatialIndex::build_boxes(const std::stop_token& stop) {
              });
   while (levels_.back().size() > 1) {
     const std::size_t below = levels_.size() - 1;
-    levels_.emplace_back(meter_).resize(groups_of(levels_[below].size()));
+    levels_.emplace_back(*meter_).resize(groups_of(levels_[below].size()));
     Buffer<BoxGroup>& level = levels_.back();
     for (std::size_t child = 0; child < level.size() * kLeafSize; ++child)
       set_child(level[child / kLeafSize], child % kLeafSize,

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The index over occupied space: points sorted along a Hilbert curve under a tree of tight boxes (src/cpu/kernels.h).
-// Memory: 16 bytes a point, 1.9 for boxes, and 16 more while it is built.
+// Memory: 16 bytes a point and 1.9 for boxes.
 #pragma once
 
 #include <array>
@@ -19,6 +19,16 @@ struct InvalidPoint {
   Point position;
 };
 
+// Where the points are sorted: 16 bytes a point, of no use once an index is built.
+struct SortSpace {
+  Buffer<std::uint64_t> elements, scratch;  // sort key over place in the array of points
+  explicit SortSpace(MemoryMeter& meter) : elements(meter), scratch(meter) {}
+  void release() {
+    elements.release();
+    scratch.release();
+  }
+};
+
 // What a BoxGroup says of one child.
 struct ChildBox {
   Box box;
@@ -30,7 +40,7 @@ class SpatialIndex {
   explicit SpatialIndex(MemoryMeter& meter);
 
   // `originals` gives the upload index of each point; empty: its place in `points`.
-  void build(std::span<const Point> points, std::span<const Index> originals, const Kernels& kernels,
+  void build(std::span<const Point> points, std::span<const Index> originals, SortSpace& space, const Kernels& kernels,
              const std::stop_token& stop);
 
   IndexView view() const;
@@ -39,16 +49,17 @@ class SpatialIndex {
   std::span<const Index> originals() const { return {original_.data(), original_.size()}; }
 
  private:
-  void collect_valid(std::span<const Point> points, std::span<const Index> originals, const std::stop_token& stop);
-  void gather(std::span<const Point> points, std::span<const Index> originals, const std::stop_token& stop);
+  void collect_valid(std::span<const Point> points, std::span<const Index> originals, SortSpace& space,
+                     const std::stop_token& stop);
+  void gather(std::span<const Point> points, std::span<const Index> originals, const SortSpace& space,
+              const std::stop_token& stop);
   void build_boxes(const std::stop_token& stop);
   ChildBox leaf_box(std::size_t leaf) const;
 
-  Buffer<std::uint64_t> elements_, scratch_;  // sort key over place in `points`; empty once built
   Buffer<float> x_, y_, z_;
   Buffer<Index> original_;
   std::vector<Buffer<BoxGroup>> levels_;
-  MemoryMeter& meter_;
+  MemoryMeter* meter_;
   std::vector<InvalidPoint> invalid_;
   Bounds bounds_;
   Index points_ = 0, leaves_ = 0;

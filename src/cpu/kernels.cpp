@@ -3,6 +3,7 @@
 // functions could be shared with code for a lesser processor.
 #include "cpu/kernels.h"
 
+#include "cpu/growth.h"
 #include "cpu/hilbert.h"
 #include "cpu/pack.h"
 #include "cpu/search.h"
@@ -29,7 +30,7 @@ static void nearest_of_one(const IndexView& index, Index position, int k, float 
 }
 
 extern const Kernels kKernels;
-const Kernels kKernels = {POINTFAIR_ISA_LABEL, hilbert_keys, nearest, nearest_of_one, mean_distances,
-                          normals,             normals_in_ball, fair, fair_in_ball};
+const Kernels kKernels = {POINTFAIR_ISA_LABEL, hilbert_keys, nearest,         nearest_of_one, grow,
+                          mean_distances,      normals,      normals_in_ball, fair,           fair_in_ball};
 
 }  // namespace pointfair::cpu::POINTFAIR_ISA

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The index as the stage kernels see it, and the table of kernels, one per instruction set.
 // Points are sorted along a Hilbert curve; 16 consecutive points are a leaf; 16 consecutive leaves have their boxes in
-// one BoxGroup, 16 consecutive groups in one of the next level, up to a single group. Boxes are tight, so the tree holds
-// occupied space only and adapts to any density.
+// one BoxGroup, 16 consecutive groups in one of the next level, up to a single group. Boxes are tight, so the tree
+// holds occupied space only and adapts to any density.
 #pragma once
 
 #include <cstdint>
@@ -15,8 +15,8 @@ namespace pointfair::cpu {
 
 using point::Index;
 
-inline constexpr int kLeafSize = 16;  // also the number of children of a tree node
-inline constexpr int kMaxLevels = 8;  // 16^8 = 2^32 leaves
+inline constexpr int kLeafSize = 16;              // also the number of children of a tree node
+inline constexpr int kMaxLevels = 8;              // 16^8 = 2^32 leaves
 inline constexpr Index kMaxPoints = 0x7ffffff0u;  // SIMD gathers take signed 32-bit indices
 
 struct Box {
@@ -31,17 +31,19 @@ struct BoxGroup {
 };
 
 struct IndexView {
-  const float *x, *y, *z;            // sorted; padded with NaN to whole leaves
-  const Index* original;             // upload index of each sorted point
-  Index points;                      // valid points
+  const float *x, *y, *z;  // sorted; padded with NaN to whole leaves
+  const Index* original;   // upload index of each sorted point
+  Index points;            // valid points
   Index leaves;
   int levels;
-  const BoxGroup* level[kMaxLevels]; // level[0] holds the boxes of leaves
+  const BoxGroup* level[kMaxLevels];  // level[0] holds the boxes of leaves
 };
 
-// A neighbour list per point: list[(leaf * k + slot) * 16 + lane], nearest first; sorted positions, kNoNeighbor at the end.
+// A neighbour list per point: list[(leaf * stored + slot) * 16 + lane], nearest first; sorted positions, kNoNeighbor at
+// the end.
 struct NeighborView {
-  int k;
+  int k;       // entries to use
+  int stored;  // entries a point that the lists hold, at least k
   const Index* list;
 };
 
@@ -67,20 +69,26 @@ struct Kernels {
   const char* name;
   // Keys of the points `elements` names (upload index in the low half), into the high half: position along the Hilbert
   // curve of 2^10 steps an axis over the cube from (x, y, z) with `scale` steps a unit.
-  void (*hilbert_keys)(const float* xyz, std::uint64_t* elements, std::size_t count, float x, float y, float z, float scale);
+  void (*hilbert_keys)(const float* xyz, std::uint64_t* elements, std::size_t count, float x, float y, float z,
+                       float scale);
   // The k nearest other points within `squared_limit`: out[slot * 16 + lane]. k <= 1024.
   void (*nearest)(const IndexView&, Index leaf, int k, float squared_limit, Index* out);
   // The same for one sorted position: out[slot].
   void (*nearest_of_one)(const IndexView&, Index position, int k, float squared_limit, Index* out);
+  // Constrained neighbourhoods of the leaf's points among the `count` nearest of each, as `nearest` gives them; bit l
+  // of the result is set if no candidate beyond those could join that of lane l. count <= 1024.
+  unsigned (*grow)(const IndexView&, Index leaf, const Index* candidates, int count, int k, float reach, Index* list);
   // Mean distance to the first `count` entries of a list of k, or as many as it holds.
   void (*mean_distances)(const IndexView&, Index leaf, const Index* list, int count, float* out);
   void (*normals)(const IndexView&, Index leaf, NeighborView, point::NormalWeights, NormalsOut);
-  void (*normals_in_ball)(const IndexView&, Index leaf, Ball, point::NormalWeights, NormalsOut, unsigned* neighbor_counts);
+  void (*normals_in_ball)(const IndexView&, Index leaf, Ball, point::NormalWeights, NormalsOut,
+                          unsigned* neighbor_counts);
   void (*fair)(const IndexView&, Index leaf, NeighborView, NormalsView, AreaView, point::BilateralWeights, float* xyz);
   void (*fair_in_ball)(const IndexView&, Index leaf, Ball, NormalsView, AreaView, point::BilateralWeights, float* xyz);
 };
 
-// The kernels of the best instruction set that this processor has; POINTFAIR_ISA=sse2|avx2|avx512 asks for a lesser one.
+// The kernels of the best instruction set that this processor has; POINTFAIR_ISA=sse2|avx2|avx512 asks for a lesser
+// one.
 const Kernels& best_kernels();
 
 }  // namespace pointfair::cpu

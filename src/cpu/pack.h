@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Packs of floats and of 32-bit integers, as wide as the instruction set that this file is compiled for. The formulas of
-// src/point run on them lane by lane; each lane rounds exactly as a single float would.
-// Only for src/cpu/kernels.cpp, which is compiled once per instruction set: everything lives in a namespace named after
-// it, so that no function compiled for one processor can stand in for another's.
+// Packs of floats and of 32-bit integers, as wide as the instruction set that this file is compiled for. The formulas
+// of src/point run on them lane by lane; each lane rounds exactly as a single float would. Only for
+// src/cpu/kernels.cpp, which is compiled once per instruction set: everything lives in a namespace named after it, so
+// that no function compiled for one processor can stand in for another's.
 #pragma once
 
 #if defined(__AVX2__)
@@ -31,19 +31,78 @@ typedef int IntVector __attribute__((vector_size(4 * kLanes)));
 typedef float LooseFloatVector __attribute__((vector_size(4 * kLanes), aligned(4)));
 typedef int LooseIntVector __attribute__((vector_size(4 * kLanes), aligned(4)));
 
-// All bits of a lane set, or none.
-struct Mask {
-  IntVector v;
-};
 struct Floats {
   FloatVector v;
+  Floats() = default;
+  POINTFAIR_INLINE Floats(FloatVector vector) : v(vector) {}
+  POINTFAIR_INLINE explicit Floats(float x);  // the same in every lane
 };
 struct Ints {
   IntVector v;
 };
 
-POINTFAIR_INLINE Floats broadcast(float x) { return {FloatVector{} + x}; }
+#if defined(__AVX512F__)
+// One bit a lane, lane 0 lowest.
+struct Mask {
+  __mmask16 v;
+};
+POINTFAIR_INLINE unsigned bits(Mask m) { return m.v; }
+POINTFAIR_INLINE Mask operator&(Mask a, Mask b) { return {__mmask16(a.v & b.v)}; }
+POINTFAIR_INLINE Mask operator|(Mask a, Mask b) { return {__mmask16(a.v | b.v)}; }
+POINTFAIR_INLINE Mask operator~(Mask a) { return {__mmask16(~a.v)}; }
+
+POINTFAIR_INLINE Floats broadcast(float x) { return {_mm512_set1_ps(x)}; }
+POINTFAIR_INLINE Ints broadcast(int x) { return {IntVector(_mm512_set1_epi32(x))}; }
+POINTFAIR_INLINE Mask operator<(Floats a, Floats b) { return {_mm512_cmp_ps_mask(a.v, b.v, _CMP_LT_OQ)}; }
+POINTFAIR_INLINE Mask operator>(Floats a, Floats b) { return {_mm512_cmp_ps_mask(a.v, b.v, _CMP_GT_OQ)}; }
+POINTFAIR_INLINE Mask operator<=(Floats a, Floats b) { return {_mm512_cmp_ps_mask(a.v, b.v, _CMP_LE_OQ)}; }
+POINTFAIR_INLINE Mask operator==(Floats a, Floats b) { return {_mm512_cmp_ps_mask(a.v, b.v, _CMP_EQ_OQ)}; }
+POINTFAIR_INLINE Mask operator<(Ints a, Ints b) { return {_mm512_cmplt_epi32_mask(__m512i(a.v), __m512i(b.v))}; }
+POINTFAIR_INLINE Mask operator==(Ints a, Ints b) { return {_mm512_cmpeq_epi32_mask(__m512i(a.v), __m512i(b.v))}; }
+POINTFAIR_INLINE Mask operator!=(Ints a, Ints b) { return {_mm512_cmpneq_epi32_mask(__m512i(a.v), __m512i(b.v))}; }
+POINTFAIR_INLINE Floats select(Mask condition, Floats yes, Floats no) {
+  return {_mm512_mask_blend_ps(condition.v, no.v, yes.v)};
+}
+POINTFAIR_INLINE Ints select(Mask condition, Ints yes, Ints no) {
+  return {IntVector(_mm512_mask_blend_epi32(condition.v, __m512i(no.v), __m512i(yes.v)))};
+}
+#else
+// All bits of a lane set, or none.
+struct Mask {
+  IntVector v;
+};
+POINTFAIR_INLINE unsigned bits(Mask m) {
+#if defined(__AVX2__)
+  return unsigned(_mm256_movemask_ps(__m256(m.v)));
+#else
+  unsigned result = 0;
+  for (int lane = 0; lane < kLanes; ++lane) result |= unsigned(m.v[lane] & 1) << lane;
+  return result;
+#endif
+}
+POINTFAIR_INLINE Mask operator&(Mask a, Mask b) { return {a.v & b.v}; }
+POINTFAIR_INLINE Mask operator|(Mask a, Mask b) { return {a.v | b.v}; }
+POINTFAIR_INLINE Mask operator~(Mask a) { return {~a.v}; }
+
+POINTFAIR_INLINE Floats broadcast(float x) {
+  Floats result;
+  for (int lane = 0; lane < kLanes; ++lane) result.v[lane] = x;
+  return result;
+}
 POINTFAIR_INLINE Ints broadcast(int x) { return {IntVector{} + x}; }
+POINTFAIR_INLINE Mask operator<(Floats a, Floats b) { return {a.v < b.v}; }
+POINTFAIR_INLINE Mask operator>(Floats a, Floats b) { return {a.v > b.v}; }
+POINTFAIR_INLINE Mask operator<=(Floats a, Floats b) { return {a.v <= b.v}; }
+POINTFAIR_INLINE Mask operator==(Floats a, Floats b) { return {a.v == b.v}; }
+POINTFAIR_INLINE Mask operator<(Ints a, Ints b) { return {a.v < b.v}; }
+POINTFAIR_INLINE Mask operator==(Ints a, Ints b) { return {a.v == b.v}; }
+POINTFAIR_INLINE Mask operator!=(Ints a, Ints b) { return {a.v != b.v}; }
+POINTFAIR_INLINE Floats select(Mask condition, Floats yes, Floats no) { return {condition.v ? yes.v : no.v}; }
+POINTFAIR_INLINE Ints select(Mask condition, Ints yes, Ints no) { return {condition.v ? yes.v : no.v}; }
+#endif
+POINTFAIR_INLINE Floats::Floats(float x) : v(broadcast(x).v) {}
+POINTFAIR_INLINE bool any(Mask m) { return bits(m) != 0; }
+
 POINTFAIR_INLINE Floats load(const float* p) { return {FloatVector(*reinterpret_cast<const LooseFloatVector*>(p))}; }
 POINTFAIR_INLINE Ints load(const int* p) { return {IntVector(*reinterpret_cast<const LooseIntVector*>(p))}; }
 POINTFAIR_INLINE Ints load(const unsigned* p) { return load(reinterpret_cast<const int*>(p)); }
@@ -54,25 +113,12 @@ POINTFAIR_INLINE Floats operator+(Floats a, Floats b) { return {a.v + b.v}; }
 POINTFAIR_INLINE Floats operator-(Floats a, Floats b) { return {a.v - b.v}; }
 POINTFAIR_INLINE Floats operator*(Floats a, Floats b) { return {a.v * b.v}; }
 POINTFAIR_INLINE Floats operator/(Floats a, Floats b) { return {a.v / b.v}; }
-POINTFAIR_INLINE Floats operator+(Floats a, float b) { return {a.v + b}; }
-POINTFAIR_INLINE Floats operator-(Floats a, float b) { return {a.v - b}; }
-POINTFAIR_INLINE Floats operator*(Floats a, float b) { return {a.v * b}; }
-POINTFAIR_INLINE Floats operator/(Floats a, float b) { return {a.v / b}; }
-POINTFAIR_INLINE Floats operator-(float a, Floats b) { return {a - b.v}; }
+POINTFAIR_INLINE Floats operator+(Floats a, float b) { return a + broadcast(b); }
+POINTFAIR_INLINE Floats operator-(Floats a, float b) { return a - broadcast(b); }
+POINTFAIR_INLINE Floats operator*(Floats a, float b) { return a * broadcast(b); }
+POINTFAIR_INLINE Floats operator/(Floats a, float b) { return a / broadcast(b); }
+POINTFAIR_INLINE Floats operator-(float a, Floats b) { return broadcast(a) - b; }
 POINTFAIR_INLINE Floats operator-(Floats a) { return {-a.v}; }
-POINTFAIR_INLINE Mask operator<(Floats a, Floats b) { return {a.v < b.v}; }
-POINTFAIR_INLINE Mask operator>(Floats a, Floats b) { return {a.v > b.v}; }
-POINTFAIR_INLINE Mask operator<=(Floats a, Floats b) { return {a.v <= b.v}; }
-POINTFAIR_INLINE Mask operator==(Floats a, Floats b) { return {a.v == b.v}; }
-POINTFAIR_INLINE Mask operator<(Ints a, Ints b) { return {a.v < b.v}; }
-POINTFAIR_INLINE Mask operator==(Ints a, Ints b) { return {a.v == b.v}; }
-POINTFAIR_INLINE Mask operator!=(Ints a, Ints b) { return {a.v != b.v}; }
-POINTFAIR_INLINE Mask operator&(Mask a, Mask b) { return {a.v & b.v}; }
-POINTFAIR_INLINE Mask operator|(Mask a, Mask b) { return {a.v | b.v}; }
-POINTFAIR_INLINE Mask operator~(Mask a) { return {~a.v}; }
-
-POINTFAIR_INLINE Floats select(Mask condition, Floats yes, Floats no) { return {condition.v ? yes.v : no.v}; }
-POINTFAIR_INLINE Ints select(Mask condition, Ints yes, Ints no) { return {condition.v ? yes.v : no.v}; }
 
 POINTFAIR_INLINE Floats square_root(Floats a) {
 #if defined(__AVX512F__)
@@ -89,20 +135,6 @@ POINTFAIR_INLINE Floats square_root(Floats a) {
 POINTFAIR_INLINE Floats power_of_two_times(Floats value, Floats shifted) {
   return {FloatVector(IntVector(value.v) + (IntVector(shifted.v) << 23))};
 }
-
-// One bit a lane, lane 0 lowest.
-POINTFAIR_INLINE unsigned bits(Mask m) {
-#if defined(__AVX512F__)
-  return _mm512_movepi32_mask(__m512i(m.v));
-#elif defined(__AVX2__)
-  return unsigned(_mm256_movemask_ps(__m256(m.v)));
-#else
-  unsigned result = 0;
-  for (int lane = 0; lane < kLanes; ++lane) result |= unsigned(m.v[lane] & 1) << lane;
-  return result;
-#endif
-}
-POINTFAIR_INLINE bool any(Mask m) { return bits(m) != 0; }
 
 // base[index] in each lane; every index must be valid.
 POINTFAIR_INLINE Floats gather(const float* base, Ints index) {

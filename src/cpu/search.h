@@ -45,9 +45,8 @@ struct FastLists {
   POINTFAIR_INLINE Mask ambiguous() const {
     Mask equal = evicted == squared[K - 1];
     for (int s = 1; s < K; ++s) equal = equal | (squared[s] == squared[s - 1]);
-    return equal & (squared[0] < broadcast(kInfinity));
+    return (equal & (squared[0] < broadcast(kInfinity))) | (squared[K - 1] == broadcast(0.0f));
   }
-  POINTFAIR_INLINE Index last_original() const { return point::kNoNeighbor; }
 };
 
 // Any k, ties by original index.
@@ -85,9 +84,12 @@ struct ExactLists {
       before = before_previous;
     }
   }
-  // The largest original index among the last entries at exactly `distance`.
-  Index last_original(float distance) const {
-    const Ints shown = select(last() == broadcast(distance), original[k - 1], broadcast(0));
+  // A candidate at exactly `distance` with a larger original index than this joins no list whose bound is that
+  // distance.
+  Index last_original(float distance, Floats bound) const {
+    const Floats d = broadcast(distance);
+    const Ints of_full_lists = select(last() == d, original[k - 1], broadcast(0x7fffffff));
+    const Ints shown = select(bound == d, of_full_lists, broadcast(0));
     int result = 0;
     for (int lane = 0; lane < kLanes; ++lane) result = shown.v[lane] > result ? shown.v[lane] : result;
     return Index(result);
@@ -102,7 +104,9 @@ struct Queries {
   Floats limit;                  // candidates beyond do not count; -1 in idle lanes
 };
 
-POINTFAIR_INLINE point::Vec3<Floats> spread(float x, float y, float z) { return {broadcast(x), broadcast(y), broadcast(z)}; }
+POINTFAIR_INLINE point::Vec3<Floats> spread(float x, float y, float z) {
+  return {broadcast(x), broadcast(y), broadcast(z)};
+}
 
 POINTFAIR_INLINE Queries make_queries(const IndexView& index, Index first, Mask active, Floats limit) {
   Queries q;
@@ -128,13 +132,15 @@ class GroupSearch {
   }
 
   // From the leaf outwards: its own points, the leaves beside it on the curve, then the siblings of each ancestor.
-  // Returns false if the budget of leaves ran out before the end.
+  // Returns false if it gave up: the budget of leaves ran out, or ties decide and the lists do not order them.
   bool run(Index own_leaf, Index leaves_beside) {
     visit_leaf<true>(own_leaf);
     first_done_ = own_leaf > leaves_beside ? own_leaf - leaves_beside : 0;
     last_done_ = own_leaf + leaves_beside < index_.leaves ? own_leaf + leaves_beside : index_.leaves - 1;
     for (Index leaf = first_done_; leaf <= last_done_; ++leaf)
       if (leaf != own_leaf) visit_leaf<false>(leaf);
+    if constexpr (!Lists::kOrdersTies)  // more than k identical points: only their order is left to find
+      if (any(lists_.last() == broadcast(0.0f))) return false;
     Index node = own_leaf;
     for (int level = 0; level < index_.levels; ++level) {
       if (!visit_children(level, node / kLeafSize, level == 0 ? kLeafSize : node % kLeafSize)) return false;
@@ -147,7 +153,7 @@ class GroupSearch {
   POINTFAIR_INLINE void update_bound() {
     bound_ = point::smaller(lists_.last(), q_.limit);
     farthest_ = largest(bound_);
-    if constexpr (Lists::kOrdersTies) last_original_ = lists_.last_original(farthest_);
+    if constexpr (Lists::kOrdersTies) last_original_ = lists_.last_original(farthest_, bound_);
   }
 
   // Bit c is set if child c of the group may hold a neighbour.
@@ -160,8 +166,8 @@ class GroupSearch {
       const Floats gap = point::squared_gap(min, max, q_.min, q_.max);
       Mask near = gap <= farthest;
       if constexpr (Lists::kOrdersTies) {
-        const Mask too_late = Ints{IntVector{} + int(last_original_)} < load(group.least_original + c);
-        near = near & ~((gap == farthest) & (farthest < q_.limit) & too_late);
+        const Mask too_late = broadcast(int(last_original_)) < load(group.least_original + c);
+        near = near & ~((gap == farthest) & too_late);
       }
       result |= bits(near) << c;
     }
@@ -172,6 +178,8 @@ class GroupSearch {
     unsigned children = near_children(index_.level[level][group]) & ~(1u << skipped);
     for (; children != 0; children &= children - 1) {
       const Index child = group * kLeafSize + Index(__builtin_ctz(children));
+      if constexpr (Lists::kOrdersTies)  // of many equals, the first ones visited exclude the rest
+        if ((near_children(index_.level[level][group]) >> (child % kLeafSize) & 1) == 0) continue;
       if (level > 0) {
         if (!visit_children(level - 1, child, kLeafSize)) return false;
       } else if (child < first_done_ || child > last_done_) {
@@ -207,8 +215,8 @@ class GroupSearch {
   const IndexView& index_;
   const Queries& q_;
   Lists& lists_;
-  Floats bound_;           // per lane: what a candidate must not exceed
-  float farthest_ = 0;     // the largest of them when last measured
+  Floats bound_;        // per lane: what a candidate must not exceed
+  float farthest_ = 0;  // the largest of them when last measured
   Index last_original_ = 0;
   Index first_done_ = 0, last_done_ = 0;
   int budget_;
@@ -219,7 +227,8 @@ class GroupSearch {
 POINTFAIR_INLINE int leaf_budget(int k, bool may_split) { return may_split ? 48 + 2 * k : 0x7fffffff; }
 POINTFAIR_INLINE Index leaves_beside(int k) { return Index(k + kLeafSize - 1) / kLeafSize; }
 
-POINTFAIR_INLINE void copy_lists(const Floats* squared, const Ints* at, int k, Mask active, Index* out, int lane_stride) {
+POINTFAIR_INLINE void copy_lists(const Floats* squared, const Ints* at, int k, Mask active, Index* out,
+                                 int lane_stride) {
   for (int s = 0; s < k; ++s) {
     const Ints found = select(squared[s] < broadcast(kInfinity), at[s], broadcast(int(point::kNoNeighbor)));
     for (unsigned lanes = bits(active); lanes != 0; lanes &= lanes - 1) {
@@ -237,8 +246,9 @@ POINTFAIR_INLINE Mask lanes_between(int first, int last) {
 }
 
 // Lanes [first_lane, last_lane) of the pack that starts at sorted position `start`.
-inline void search_exact(const IndexView& index, Index start, int first_lane, int last_lane, int k, Floats limit, Index* out) {
-  const Mask active = lanes_between(first_lane, last_lane) & Mask{lane_numbers().v < int(index.points - start)};
+inline void search_exact(const IndexView& index, Index start, int first_lane, int last_lane, int k, Floats limit,
+                         Index* out) {
+  const Mask active = lanes_between(first_lane, last_lane) & (lane_numbers() < broadcast(int(index.points - start)));
   if (!any(active)) return;
   ExactLists lists(k);
   const Queries queries = make_queries(index, start, active, limit);
@@ -255,7 +265,7 @@ inline void search_exact(const IndexView& index, Index start, int first_lane, in
 
 template <int K>
 void search_pack(const IndexView& index, Index start, int first_lane, int last_lane, int k, Floats limit, Index* out) {
-  const Mask active = lanes_between(first_lane, last_lane) & Mask{lane_numbers().v < int(index.points - start)};
+  const Mask active = lanes_between(first_lane, last_lane) & (lane_numbers() < broadcast(int(index.points - start)));
   if (!any(active)) return;
   FastLists<K> lists;
   const Queries queries = make_queries(index, start, active, limit);

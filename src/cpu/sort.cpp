@@ -13,10 +13,10 @@
 namespace pointfair::cpu {
 namespace {
 
-constexpr int kDigitBits = 10, kDigits = 3;              // of a 30-bit key
+constexpr int kDigitBits = 10, kDigits = 3;  // of a 30-bit key
 constexpr std::size_t kBuckets = std::size_t(1) << kDigitBits;
-constexpr std::size_t kSmall = 512;                      // below, comparison sorting wins
-constexpr std::size_t kCacheable = std::size_t(1) << 15; // elements of a run that one thread sorts in its cache
+constexpr std::size_t kSmall = 512;                       // below, comparison sorting wins
+constexpr std::size_t kCacheable = std::size_t(1) << 15;  // elements of a run that one thread sorts in its cache
 constexpr std::size_t kSortBlock = std::size_t(1) << 14;
 
 using Elements = std::span<std::uint64_t>;
@@ -105,7 +105,8 @@ class CurveSorter {
       std::size_t last = first + 1;
       while (last < run.size() && run[last] >> 32 == run[first] >> 32) ++last;
       const std::size_t size = last - first;
-      if (size > kLeafSize) sort(run.subspan(first, size), scratch.subspan(first, size), box_of(run.subspan(first, size)));
+      if (size > kLeafSize)
+        sort(run.subspan(first, size), scratch.subspan(first, size), box_of(run.subspan(first, size)));
       first = last;
     }
   }
@@ -128,8 +129,9 @@ class CurveSorter {
 
 }  // namespace
 
-void sort_along_curve(std::span<const Point> points, std::span<std::uint64_t> elements, std::span<std::uint64_t> scratch,
-                      const Box& core, const Kernels& kernels, const std::stop_token& stop) {
+void sort_along_curve(std::span<const Point> points, std::span<std::uint64_t> elements,
+                      std::span<std::uint64_t> scratch, const Box& core, const Kernels& kernels,
+                      const std::stop_token& stop) {
   CurveSorter(points, kernels, stop).sort(elements, scratch, core);
 }
 

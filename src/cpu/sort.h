@@ -15,7 +15,8 @@ namespace pointfair::cpu {
 // spent. `core` is the box that the coarsest curve covers; points outside it count as on its border. Where more than a
 // leaf of points share a cell, the cell gets a curve of its own, and so on, until only identical points are together;
 // those keep the order of their places. `scratch` has the size of `elements`. O(N) for sampled surfaces.
-void sort_along_curve(std::span<const Point> points, std::span<std::uint64_t> elements, std::span<std::uint64_t> scratch,
-                      const Box& core, const Kernels& kernels, const std::stop_token& stop);
+void sort_along_curve(std::span<const Point> points, std::span<std::uint64_t> elements,
+                      std::span<std::uint64_t> scratch, const Box& core, const Kernels& kernels,
+                      const std::stop_token& stop);
 
 }  // namespace pointfair::cpu

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The formulas of src/point over the points of one leaf, a pack at a time; neighbours from a list or, without a list, by
-// a walk over everything within a radius in sorted order. Part of src/cpu/kernels.cpp.
+// The formulas of src/point over the points of one leaf, a pack at a time; neighbours from a list or, without a list,
+// by a walk over everything within a radius in sorted order. Part of src/cpu/kernels.cpp.
 #pragma once
 
 #include "cpu/kernels.h"
@@ -31,7 +31,8 @@ class BallWalk {
  public:
   POINTFAIR_INLINE BallWalk(const IndexView& index, Index start, Ball ball, Visit visit)
       : index_(index),
-        queries_(make_queries(index, start, lanes_between(0, kLanes) & Mask{lane_numbers().v < int(index.points - start)},
+        queries_(make_queries(index, start,
+                              lanes_between(0, kLanes) & (lane_numbers() < broadcast(int(index.points - start))),
                               broadcast(ball.squared_radius))),
         visit_(visit),
         squared_radius_(ball.squared_radius) {}
@@ -103,7 +104,8 @@ POINTFAIR_INLINE Floats normals_of_pack(ForNeighbors for_neighbors, point::Norma
   });
   const point::Vec3<Floats> centroid = centroid_sum.centroid();
   point::CovarianceSum<Floats> covariance;
-  for_neighbors([&](point::Vec3<Floats> offset, Ints, Mask inside) { covariance.add(offset, centroid, inside, weights); });
+  for_neighbors(
+      [&](point::Vec3<Floats> offset, Ints, Mask inside) { covariance.add(offset, centroid, inside, weights); });
   const point::Direction<Floats> normal = covariance.normal();
   const Mask enough = ~(found < broadcast(float(point::kLeastNeighbors)));
   const point::Vec3<Floats> unit = point::select<Floats>(enough, normal.unit, point::Vec3<Floats>{});
@@ -117,7 +119,7 @@ inline void normals(const IndexView& index, Index leaf, NeighborView neighbors, 
                     NormalsOut out) {
   for (int part = 0; part < kLeafSize; part += kLanes) {
     const Index start = leaf * kLeafSize + Index(part);
-    const Index* list = neighbors.list + std::size_t(leaf) * neighbors.k * kLeafSize + part;
+    const Index* list = neighbors.list + std::size_t(leaf) * neighbors.stored * kLeafSize + part;
     normals_of_pack([&](auto visit) { for_listed(index, start, list, neighbors.k, visit); }, weights, start, out);
   }
 }
@@ -161,7 +163,7 @@ inline void fair(const IndexView& index, Index leaf, NeighborView neighbors, Nor
                  point::BilateralWeights weights, float* xyz) {
   for (int part = 0; part < kLeafSize; part += kLanes) {
     const Index start = leaf * kLeafSize + Index(part);
-    const Index* list = neighbors.list + std::size_t(leaf) * neighbors.k * kLeafSize + part;
+    const Index* list = neighbors.list + std::size_t(leaf) * neighbors.stored * kLeafSize + part;
     fair_pack([&](auto visit) { for_listed(index, start, list, neighbors.k, visit); }, index, start, normals, area,
               weights, xyz + 3 * part);
   }

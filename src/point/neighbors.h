@@ -79,6 +79,6 @@ POINTFAIR_INLINE ConstrainedGrowth grow_constrained(int candidates, int k, float
 // W_a(v_j) before the choice of its power: the mean distance to the nearest `count` <= 5 neighbours.
 // Sum of distances first to last, then one division.
 template <class F>
-POINTFAIR_INLINE F mean_distance(F sum_of_distances, int count) { return sum_of_distances / (F{} + float(count)); }
+POINTFAIR_INLINE F mean_distance(F sum_of_distances, int count) { return sum_of_distances / F(float(count)); }
 
 }  // namespace pointfair::point

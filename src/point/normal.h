@@ -34,7 +34,7 @@ struct CentroidSum {
     moment = moment + w * select<F>(inside, offset, Vec3<F>{});
   }
   POINTFAIR_INLINE Vec3<F> centroid() const {
-    const F inverse = select(weight > F{}, (F{} + 1.0f) / weight, F{});
+    const F inverse = select(weight > F{}, F(1.0f) / weight, F{});
     return inverse * moment;
   }
 };

@@ -61,8 +61,8 @@ POINTFAIR_INLINE Vec3<F> select(decltype(F() < F()) condition, Vec3<F> yes, Vec3
 // Relative error below 2e-7 (tests/test_point.cpp). 2^f on [-1/2, 1/2] by its Taylor series, constants ln(2)^n / n!.
 template <class F>
 POINTFAIR_INLINE F gaussian(F t) {
-  const F shift = F{} + 12582912.0f;  // 1.5 * 2^23: adding it rounds to an integer
-  const F capped = select(t < F{} + 87.0f, t, F{} + 87.0f);
+  const F shift = F(12582912.0f);  // 1.5 * 2^23: adding it rounds to an integer
+  const F capped = select(t < F(87.0f), t, F(87.0f));
   const F shifted = capped * -1.44269504f + shift;
   const F n = shifted - shift;
   // t + n ln 2, with ln 2 in two parts, so that no digit of the difference is lost
@@ -74,7 +74,7 @@ POINTFAIR_INLINE F gaussian(F t) {
   p = p * r + 0.5f;
   p = p * r + -1.0f;
   p = p * r + 1.0f;
-  return select(t < F{} + 87.0f, power_of_two_times(p, shifted), F{});
+  return select(t < F(87.0f), power_of_two_times(p, shifted), F{});
 }
 
 // A symmetric matrix.
@@ -97,8 +97,8 @@ struct Direction {
 template <class F>
 POINTFAIR_INLINE Direction<F> least_eigenvector(Sym3<F> m) {
   const F trace = (m.xx + m.yy) + m.zz;
-  const auto sound = (trace > F{} + 1e-36f) & (trace < F{} + 1e36f);
-  const F scale = select(sound, (F{} + 1.0f) / trace, F{});
+  const auto sound = (trace > F(1e-36f)) & (trace < F(1e36f));
+  const F scale = select(sound, F(1.0f) / trace, F{});
   const F a = m.xx * scale, b = m.xy * scale, c = m.xz * scale, d = m.yy * scale, e = m.yz * scale, f = m.zz * scale;
   const F minors = ((a * d - b * b) + (a * f - c * c)) + (d * f - e * e);
   const F det = (a * (d * f - e * e) - b * (b * f - c * e)) + c * (b * e - c * d);
@@ -106,7 +106,7 @@ POINTFAIR_INLINE Direction<F> least_eigenvector(Sym3<F> m) {
   for (int step = 0; step < 6; ++step) {  // the trace is 1: p = det - minors x + x^2 - x^3
     const F p = det - lambda * (minors - lambda * (1.0f - lambda));
     const F slope = minors - lambda * (2.0f - lambda * 3.0f);  // -p', positive below the least root
-    lambda = lambda + select(slope > F{} + 1e-12f, p / slope, F{});
+    lambda = lambda + select(slope > F(1e-12f), p / slope, F{});
   }
   const Vec3<F> row0 = {a - lambda, b, c}, row1 = {b, d - lambda, e}, row2 = {c, e, f - lambda};
   const Vec3<F> c01 = cross(row0, row1), c02 = cross(row0, row2), c12 = cross(row1, row2);
@@ -117,8 +117,8 @@ POINTFAIR_INLINE Direction<F> least_eigenvector(Sym3<F> m) {
   longest = larger(longest, l02);
   best = select<F>(l12 > longest, c12, best);
   longest = larger(longest, l12);
-  const decltype(F() < F()) exists = sound & (longest > F{} + 1e-11f);
-  const F inverse = select(exists, (F{} + 1.0f) / square_root(longest), F{});
+  const decltype(F() < F()) exists = sound & (longest > F(1e-11f));
+  const F inverse = select(exists, F(1.0f) / square_root(longest), F{});
   return {inverse * best, exists};
 }
 
