@@ -142,9 +142,11 @@ std::vector<std::string> complete_switches(std::vector<std::string> words) {
 }
 
 Length parse_length(std::string_view name, const std::string& text) {
+  if (text == "0") return 0.0;                                                          // parameters are positive
   const ParamInfo row = {name, Stage::index, &Params::radius, 0, 1e30, false, "", ""};  // borrows a field
   Params params;
   set_param(params, row, text);
+  if (params.radius.is_automatic()) throw Error(ErrorKind::usage, fmt::format("--{} has no automatic value", name));
   return params.radius;
 }
 

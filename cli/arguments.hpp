@@ -55,7 +55,7 @@ std::vector<std::string> format_names();
 /// Adds "=on" to a switch that stands alone, "--constraint", so that it need not be followed by a value.
 std::vector<std::string> complete_switches(std::vector<std::string> words);
 
-/// A length as the parameters write it. `name` appears in errors. Throws ErrorKind::usage.
+/// A length as the parameters write it, or 0. `name` appears in errors. Throws ErrorKind::usage.
 Length parse_length(std::string_view name, const std::string& text);
 
 /// "1%" or "0.01" as 0.01. Throws ErrorKind::usage outside [0, 1].

@@ -202,8 +202,8 @@ Comparison compare_clouds(const Cloud& a, const Cloud& b, const CompareOptions& 
   const std::vector<Vec3> vertices = places(b, frame);
   const std::vector<Vec3> from = finite(places(a, frame));
   const std::vector<Vec3> to = finite(vertices);
-  if (from.empty()) throw Error(ErrorKind::failed, "the first cloud has no finite point to measure");
   if (to.empty()) throw Error(ErrorKind::failed, "the second file has no finite point to measure against");
+  if (from.empty()) throw Error(ErrorKind::failed, "the first cloud has no finite point to measure");
 
   const Faces faces = options.as_cloud ? Faces() : triangles(b);
   std::vector<Triangle> mesh = finite_triangles(vertices, faces);

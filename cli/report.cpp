@@ -13,6 +13,7 @@ Json param_json(const Params& params, const ParamInfo& info) {
     return params.*(*flag);
   } else if (const auto* length = std::get_if<Length Params::*>(&info.field)) {
     if ((params.*(*length)).unit == Length::Unit::file) return (params.*(*length)).value;
+    if ((params.*(*length)).is_automatic()) return nullptr;
   }
   return param_text(params, info);
 }

@@ -14,7 +14,9 @@ namespace pointfair::cli {
 using Json = nlohmann::ordered_json;  // keys in the order in which they are written
 
 Json device_json(const DeviceInfo& device);
-Json params_json(const Params& params);  ///< lengths in file units as numbers, others as the command line writes them
+
+/// Of resolved parameters: lengths as numbers in file units, null where there is none (a radius where only k counts).
+Json params_json(const Params& params);
 Json stages_json(const std::vector<StageTime>& stages);
 Json statistics_json(const Statistics& statistics);
 Json bounds_json(const Cloud& cloud, const Estimates& estimates);  ///< in file coordinates
