@@ -7,6 +7,8 @@
 #include <CGAL/version.h>
 #include <tbb/global_control.h>
 
+#include <memory>
+
 #include "peer.hpp"
 
 namespace {

@@ -6,6 +6,8 @@
 #include <pcl/search/kdtree.h>
 #include <pcl/surface/mls.h>
 
+#include <cmath>
+
 #include "peer.hpp"
 
 namespace {

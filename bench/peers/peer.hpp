@@ -3,14 +3,11 @@
 // Peers are measured beside pointfair and so use nothing of it.
 #pragma once
 
-#include <sys/resource.h>
-
 #include <algorithm>
 #include <atomic>
 #include <bit>
 #include <chrono>
 #include <cstdint>
-#include <cstring>
 #include <exception>
 #include <fstream>
 #include <functional>
@@ -176,10 +173,13 @@ inline double median(std::vector<double> values) {
   return values.size() % 2 ? values[half] : 0.5 * (values[half - 1] + values[half]);
 }
 
-inline std::int64_t resident_peak_bytes() {
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  return std::int64_t{usage.ru_maxrss} * 1024;
+// A line of /proc/self/status such as VmRSS (resident now) or VmHWM (the most ever), in bytes.
+inline std::int64_t own_memory(const std::string& key) {
+  std::ifstream status("/proc/self/status");
+  for (std::string line; std::getline(status, line);) {
+    if (line.starts_with(key + ":")) return std::stoll(line.substr(key.size() + 1)) * 1024;
+  }
+  return 0;
 }
 
 struct Measurement {
@@ -211,7 +211,7 @@ inline int peer_main(int argc, char** argv, const std::string& name, const std::
   const Arguments arguments = parse_arguments(argc, argv);
   std::vector<Point> points = read_ply(arguments.in);
   if (arguments.morton) points = morton_ordered(points);
-  const std::int64_t before = resident_peak_bytes();
+  const std::int64_t before = own_memory("VmRSS");
   Stopwatch watch;
   const Run run = prepare(points, arguments);
   const double preparation_seconds = watch.lap();
@@ -223,7 +223,7 @@ inline int peer_main(int argc, char** argv, const std::string& name, const std::
        << (arguments.morton ? "morton" : "input") << "\",\"repeat\":" << arguments.repeat
        << ",\"seconds\":" << median(measured.totals) << ",\"preparation_seconds\":" << preparation_seconds;
   for (const auto& [part, seconds] : measured.parts) line << ",\"" << part << "_seconds\":" << median(seconds);
-  line << ",\"peak_bytes\":" << resident_peak_bytes() - before << "}";
+  line << ",\"peak_bytes\":" << own_memory("VmHWM") - before << "}";
   std::cout << line.str() << std::endl;
   if (!arguments.out.empty()) {
     if (measured.last.points.empty()) throw std::runtime_error("moves no points: leave out --out");
