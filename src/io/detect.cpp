@@ -49,7 +49,7 @@ std::optional<Format> format_of_content(std::string_view bytes) {
 
 bool looks_like_numbers(std::string_view bytes) {
   std::string_view line = first_line(bytes), word;
-  return next_word(line, word) && to_number(word).has_value();
+  return next_word(line, word, separator_of(line)) && to_number(word).has_value();
 }
 
 }  // namespace io

@@ -59,10 +59,10 @@ std::string shown_name(const std::filesystem::path& path, bool input) {
 }
 
 FileBytes FileBytes::copy(std::span<const std::byte> bytes) {
-  auto owned = std::make_shared_for_overwrite<char[]>(bytes.size());
+  auto owned = std::make_unique_for_overwrite<char[]>(bytes.size());
   if (!bytes.empty()) std::memcpy(owned.get(), bytes.data(), bytes.size());
   const std::string_view view(owned.get(), bytes.size());
-  return FileBytes(std::move(owned), view);
+  return FileBytes(std::shared_ptr<char[]>(std::move(owned)), view);
 }
 
 FileBytes FileBytes::open(const std::filesystem::path& path) {

@@ -2,10 +2,12 @@
 // Blocks in parallel, with results and errors that do not depend on the order in which threads arrive.
 #pragma once
 
+#include <tbb/info.h>
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_pipeline.h>
 #include <tbb/task_arena.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cstddef>
 #include <exception>
@@ -56,10 +58,11 @@ void write_blocks(Output& out, std::size_t count, const Format& format) {
       }));
 }
 
-/// Runs `body` with at most `threads` threads; 0: all cores.
+/// Runs `body` with at most `threads` threads; 0: all cores. Never more than there are: oneTBB would print a warning.
 template <class Body>
 decltype(auto) with_threads(unsigned threads, Body&& body) {
-  tbb::task_arena arena(threads == 0 ? tbb::task_arena::automatic : static_cast<int>(threads));
+  const int cores = tbb::info::default_concurrency();
+  tbb::task_arena arena(threads == 0 ? cores : std::min(cores, static_cast<int>(std::min(threads, 1U << 16))));
   return arena.execute(std::forward<Body>(body));
 }
 

@@ -232,7 +232,8 @@ std::shared_ptr<Source> read_packed(FileBytes bytes, PcdHeader header, const std
                "the compressed data holds " + std::to_string(size / record) + "; correct the header");
   }
   data = data.substr(0, static_cast<std::size_t>(packed));
-  auto unpacked = size / kLzfLargestRatio > packed ? nullptr : std::make_shared_for_overwrite<char[]>(size);
+  std::unique_ptr<char[]> unpacked;
+  if (size / kLzfLargestRatio <= packed) unpacked = std::make_unique_for_overwrite<char[]>(size);
   if (!unpacked || !lzf_decompress(data, unpacked.get(), static_cast<std::size_t>(size))) {
     fail(name, "the compressed data is damaged; copy the file again");
   }

@@ -27,9 +27,16 @@ bool next_line(std::string_view& text, std::string_view& line) {
   return true;
 }
 
-std::vector<std::string_view> words_of(std::string_view line) {
+char separator_of(std::string_view line) {
+  for (const char separator : {';', ','}) {
+    if (line.find(separator) != std::string_view::npos) return separator;
+  }
+  return ' ';
+}
+
+std::vector<std::string_view> words_of(std::string_view line, char separator) {
   std::vector<std::string_view> words;
-  for (std::string_view word; next_word(line, word);) words.push_back(word);
+  for (std::string_view word; next_word(line, word, separator);) words.push_back(word);
   return words;
 }
 

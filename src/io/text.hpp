@@ -14,10 +14,10 @@
 namespace pointfair::io {
 
 constexpr bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r'; }
-constexpr bool is_separator(char c) { return is_blank(c) || c == ',' || c == ';'; }
 
-/// Takes the next word off the front of `line`; a word between two commas may be empty. False: there is none left.
-inline bool next_word(std::string_view& line, std::string_view& word) {
+/// Takes the next word off the front of `line`. Words are separated by blanks; or, if `separator` is none, by one such
+/// character, with blanks around it, and then a word may be empty, or quoted. False: there is none left.
+inline bool next_word(std::string_view& line, std::string_view& word, char separator = ' ') {
   const char* at = line.data();
   const char* const end = at + line.size();
   while (at != end && is_blank(*at)) ++at;
@@ -26,18 +26,32 @@ inline bool next_word(std::string_view& line, std::string_view& word) {
     return false;
   }
   const char* const begin = at;
-  while (at != end && !is_separator(*at)) ++at;
-  word = {begin, static_cast<std::size_t>(at - begin)};
-  while (at != end && is_blank(*at)) ++at;
-  if (at != end && (*at == ',' || *at == ';')) ++at;
+  if (separator == ' ') {
+    while (at != end && !is_blank(*at)) ++at;
+    word = {begin, static_cast<std::size_t>(at - begin)};
+    line = {at, static_cast<std::size_t>(end - at)};
+    return true;
+  }
+  if (*at == '"') {
+    do ++at;
+    while (at != end && *at != '"');
+  }
+  while (at != end && *at != separator) ++at;
+  const char* last = at;
+  while (last != begin && is_blank(last[-1])) --last;
+  word = {begin, static_cast<std::size_t>(last - begin)};
+  if (at != end) ++at;
   line = {at, static_cast<std::size_t>(end - at)};
   return true;
 }
 
+/// What separates the words of a line: ';' or ',' if there is one, else ' '.
+char separator_of(std::string_view line);
+
 /// Takes the next line off the front of `text`; the line keeps its '\r' but not its '\n'. False: the text is empty.
 bool next_line(std::string_view& text, std::string_view& line);
 
-std::vector<std::string_view> words_of(std::string_view line);
+std::vector<std::string_view> words_of(std::string_view line, char separator = ' ');
 std::string lower_case(std::string_view word);
 
 /// The number that the whole word spells ("1", "-.5", "+1e-3", "nan", "inf"), or nothing.

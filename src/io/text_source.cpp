@@ -54,13 +54,13 @@ struct Narrowest {
 // The words of one row, column after column; lists are stepped over, and shift the words behind them.
 class RowWords {
  public:
-  RowWords(std::string_view line, const std::vector<ColumnKind>& columns) : rest_(line), columns_(columns) {}
+  RowWords(std::string_view line, const TextLayout& layout) : rest_(line), layout_(layout) {}
 
   /// The next column, `word` empty for a list. False: the row has no more words, or fewer than a list promises.
   bool next(ColumnKind& kind, std::string_view& word) {
-    kind = at_ < columns_.size() ? columns_[at_] : ColumnKind::other;
+    kind = at_ < layout_.columns.size() ? layout_.columns[at_] : ColumnKind::other;
     ++at_;
-    if (!next_word(rest_, word)) return false;
+    if (!next_word(rest_, word, layout_.separator)) return false;
     if (kind != ColumnKind::list) return true;
     const std::optional<std::uint64_t> count = to_count(word);
     if (!count) return false;
@@ -73,20 +73,25 @@ class RowWords {
 
  private:
   std::string_view rest_;
-  const std::vector<ColumnKind>& columns_;
+  const TextLayout& layout_;
   std::size_t at_ = 0;
 };
 
 // The words of an attribute in one row; empty where the row is too short.
-void column_words(std::string_view line, const std::vector<ColumnKind>& columns, const TextColumn& column,
+void column_words(std::string_view line, const TextLayout& layout, const TextColumn& column,
                   std::vector<std::string_view>& words) {
   words.assign(column.components, {});
-  RowWords row(line, columns);
+  RowWords row(line, layout);
   ColumnKind kind{};
   std::string_view word;
   for (std::size_t c = 0; c < column.first + words.size() && row.next(kind, word); ++c) {
     if (c >= column.first) words[c - column.first] = word;
   }
+}
+
+// What goes between a row and values added to it: its own separator, a tab where it has tabs.
+char added_separator(std::string_view line, char separator) {
+  return separator == ' ' && line.find('\t') != std::string_view::npos ? '\t' : separator;
 }
 
 // Stores a word as a value of `type`; a missing one as NaN, or 0. False: it is no number.
@@ -107,18 +112,6 @@ bool word_to_scalar(std::string_view word, NativeType type, char* to) {
 }
 
 }  // namespace
-
-char separator_of(std::string_view line) {
-  std::string_view word;
-  next_word(line, word);
-  if (word.data() == nullptr || line.empty()) return ' ';
-  const char* const between = word.data() + word.size();
-  const std::string_view gap(between, static_cast<std::size_t>(line.data() - between));
-  for (const char c : {',', ';', '\t'}) {
-    if (gap.find(c) != std::string_view::npos) return c;
-  }
-  return ' ';
-}
 
 void append_added_words(const std::vector<Attribute>& added, std::uint64_t point, char separator, std::string& to) {
   for (const Attribute& attribute : added) {
@@ -220,7 +213,7 @@ void TextSource::fail_at(const char* place, const std::string& message) const {
 
 std::array<std::string_view, 3> TextSource::coordinate_words(std::string_view line) const {
   std::array<std::string_view, 3> result;
-  RowWords row(line, layout_.columns);
+  RowWords row(line, layout_);
   ColumnKind kind{};
   std::string_view word;
   std::size_t found = 0, columns = 0;
@@ -275,7 +268,7 @@ void TextSource::find_types() const {
         std::vector<std::string_view> words;
         for_each_line(block, [&](std::string_view line, std::ptrdiff_t point) {
           if (point < 0) return;
-          column_words(line, layout_.columns, column, words);
+          column_words(line, layout_, column, words);
           for (const std::string_view word : words) seen[block].see(word);
         });
       });
@@ -302,7 +295,7 @@ void TextSource::extract(std::size_t index, std::span<char> out) const {
     char* to = out.data() + block_begin(block) * column_bytes(column);
     for_each_line(block, [&](std::string_view line, std::ptrdiff_t point) {
       if (point < 0) return;
-      column_words(line, layout_.columns, column, words);
+      column_words(line, layout_, column, words);
       for (const std::string_view word : words) {
         if (!word_to_scalar(word, column.type, to)) {
           fail_at(line.data(), quoted(word) + " in column " + column.name + " is not a number; repair the line");
@@ -345,7 +338,7 @@ void TextSource::append_block(std::size_t block, const Moves& moves, const std::
       std::size_t end = line.size();
       while (end > 0 && is_blank(line[end - 1])) --end;
       copy_up_to(line.data() + end);
-      append_added_words(added, block_begin(block) + i, separator_of(line), to);
+      append_added_words(added, block_begin(block) + i, added_separator(line, layout_.separator), to);
     }
   });
   copy_up_to(text.data() + text.size());

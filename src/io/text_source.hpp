@@ -48,6 +48,7 @@ struct TextLayout {
   std::size_t begin = 0;  ///< of the text with the rows in the file; it goes on to the end of the file
   std::size_t end = std::string_view::npos;
   RowRule rule = RowRule::filled;
+  char separator = ' ';  ///< of the words in a row, as `next_word` takes it
   TextRows rows;
   std::uint64_t first_row = 0;  ///< the row of the first point
   std::uint64_t count = 0;      ///< points
@@ -91,8 +92,5 @@ class TextSource : public Source {
 
 /// Appends the values of `added` at `point` as words, each with `separator` before it.
 void append_added_words(const std::vector<Attribute>& added, std::uint64_t point, char separator, std::string& to);
-
-/// What stands between the first two words of a line: a comma, semicolon, tab or else a blank.
-char separator_of(std::string_view line);
 
 }  // namespace pointfair::io

@@ -54,7 +54,7 @@ class FrontReader {
         if (line.size() > 1) comment = line;
         continue;
       }
-      const Words words = words_of(line);
+      const Words words = words_of(line, separator_of(line));
       if (format_ == Format::pts && !front_.count && words.size() == 1 && to_count(words[0])) {
         front_.count = to_count(words[0]);
       } else if (!header_seen && is_header(words)) {
@@ -81,7 +81,7 @@ class FrontReader {
     const std::size_t begin = comment.find_first_not_of("#/ \t");
     if (begin == std::string_view::npos) return;
     comment.remove_prefix(begin);
-    const Words words = words_of(comment);
+    const Words words = words_of(comment, separator_of(comment));
     const std::vector<std::string> names(words.begin(), words.end());
     if (words.size() != columns || !find_name(names, "x") || !find_name(names, "y") || !find_name(names, "z")) return;
     take_names(comment, words);
@@ -123,8 +123,10 @@ std::vector<std::string> usual_names(Format format, std::size_t columns) {
   return names;
 }
 
-TextLayout make_layout(const Front& front, std::size_t columns, Format format, const std::string& name) {
+TextLayout make_layout(const Front& front, std::string_view first, Format format, const std::string& name) {
   TextLayout layout;
+  layout.separator = separator_of(first);
+  const std::size_t columns = words_of(first, layout.separator).size();
   layout.begin = front.end;
   layout.rule = RowRule::uncommented;
   layout.columns.assign(std::max<std::size_t>(columns, 3), ColumnKind::other);
@@ -150,7 +152,7 @@ std::shared_ptr<Source> read_xyz(FileBytes bytes, const std::string& name, Forma
   Front front = FrontReader(text, format).read();
   if (front.end == text.size()) fail(name, "has no points");
   const std::string_view first = text.substr(front.end, text.find('\n', front.end) - front.end);
-  TextLayout layout = make_layout(front, words_of(first).size(), format, name);
+  TextLayout layout = make_layout(front, first, format, name);
   layout.rows = find_rows(text.substr(front.end), layout.rule);
   layout.count = layout.rows.count();
   if (front.count && *front.count != layout.count) {

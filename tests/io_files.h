@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+// File images for the tests of readers and writers, made by hand or by the plainest code, and short names for calls.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "pointfair/io.hpp"
+
+namespace pointfair::test {
+
+/// Reads a file image from an allocation of exactly its size, so that a sanitizer sees every over-read.
+inline Cloud parse(const std::string& bytes, const std::string& name = "cloud.ply", std::optional<Format> format = {}) {
+  const auto exact = std::make_unique_for_overwrite<std::byte[]>(bytes.size());
+  if (!bytes.empty()) std::memcpy(exact.get(), bytes.data(), bytes.size());
+  ReadOptions options;
+  options.format = format;
+  return read(std::span<const std::byte>(exact.get(), bytes.size()), name, options);
+}
+
+inline std::string image(const Cloud& cloud, Format format, std::optional<Encoding> encoding = {}) {
+  const std::vector<std::byte> bytes = write_bytes(cloud, format, encoding);
+  return std::string(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+}
+
+/// The error that `call` throws: its kind and its message. Fails the test if there is none.
+struct Thrown {
+  ErrorKind kind = ErrorKind::failed;
+  std::string message;
+};
+template <class Call>
+Thrown thrown_by(const Call& call) {
+  try {
+    call();
+  } catch (const Error& error) {
+    return {error.kind(), error.what()};
+  }
+  ADD_FAILURE() << "no error was thrown";
+  return {};
+}
+
+template <class T>
+std::vector<T> values(const Cloud& cloud, const std::string& name) {
+  const Attribute found = attribute(cloud, name);
+  EXPECT_EQ(size_of(found.type), sizeof(T)) << name;
+  std::vector<T> result(found.data.size() / sizeof(T));
+  std::memcpy(result.data(), found.data.data(), found.data.size());
+  return result;
+}
+
+template <class T>
+Attribute make_attribute(const std::string& name, ScalarType type, const std::vector<T>& values,
+                         std::uint32_t components = 1) {
+  Attribute made;
+  static_cast<AttributeInfo&>(made) = {name, type, components};
+  made.data.resize(values.size() * sizeof(T));
+  std::memcpy(made.data.data(), values.data(), made.data.size());
+  return made;
+}
+
+/// The bytes of numbers as a file holds them.
+template <class T>
+std::string packed(std::initializer_list<T> numbers, bool big_endian = false) {
+  std::string bytes;
+  for (const T number : numbers) {
+    char one[sizeof(T)];
+    std::memcpy(one, &number, sizeof(T));
+    if (big_endian) std::reverse(one, one + sizeof(T));
+    bytes.append(one, sizeof(T));
+  }
+  return bytes;
+}
+
+/// A folder that goes away with the test.
+class Folder {
+ public:
+  Folder() {
+    std::string pattern = (std::filesystem::temp_directory_path() / "pointfair-test-XXXXXX").string();
+    path_ = ::mkdtemp(pattern.data());
+  }
+  ~Folder() { std::filesystem::remove_all(path_); }
+  std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
+  /// Names of all that is in it.
+  std::vector<std::string> names() const {
+    std::vector<std::string> found;
+    for (const auto& entry : std::filesystem::directory_iterator(path_)) found.push_back(entry.path().filename());
+    std::sort(found.begin(), found.end());
+    return found;
+  }
+
+ private:
+  std::filesystem::path path_;
+};
+
+inline void put_file(const std::filesystem::path& path, const std::string& bytes) {
+  std::ofstream(path, std::ios::binary) << bytes;
+}
+
+inline std::string file_bytes(const std::filesystem::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  return std::string(std::istreambuf_iterator<char>(file), {});
+}
+
+struct Sample {
+  std::string name;  ///< with an extension
+  std::string bytes;
+  std::size_t points;
+  bool binary = false;
+};
+
+/// Small valid files of every format and encoding, each with what it may hold beside coordinates.
+std::vector<Sample> samples();
+
+}  // namespace pointfair::test
