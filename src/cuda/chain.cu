@@ -109,6 +109,7 @@ void Chain::sample_neighborhoods(const Index* queries, std::size_t count, int k,
 
 CloudState Chain::state() const {
   CloudState state{};
+  if (index_.state() == nullptr) return state;
   check(cudaMemcpyAsync(&state, index_.state(), sizeof(state), cudaMemcpyDeviceToHost, context_.stream()),
         "reading counts");
   context_.finish();
