@@ -54,9 +54,15 @@ void add_param(CLI::App& command, const ParamInfo& info, ParamArguments& argumen
 
 }  // namespace
 
+CLI::Option* add_choice(CLI::App& command, const std::string& flag, std::string& value,
+                        const std::vector<std::string>& words, const std::string& help) {
+  return command.add_option(flag, value, help)
+      ->check(CLI::IsMember(words).description(""))  // the type's name says it
+      ->type_name(fmt::format("{}", fmt::join(words, "|")));
+}
+
 void add_params(CLI::App& command, ParamArguments& arguments) {
-  command.add_option("--preset", arguments.preset, "paper: k 8, one pass, constraint on, squared area weight")
-      ->check(CLI::IsMember({"paper"}))
+  add_choice(command, "--preset", arguments.preset, {"paper"}, "k 8, one pass, constraint on, squared area weight")
       ->group("Parameters");
   for (const ParamInfo& info : kParams) add_param(command, info, arguments);
   command.footer(
@@ -72,7 +78,9 @@ Params make_params(const ParamArguments& arguments, const Params& defaults) {
 }
 
 void add_threads(CLI::App& command, unsigned& threads) {
-  command.add_option("--threads", threads, "CPU threads; 0: all cores")->check(CLI::Range(0, 4096))->type_name("N");
+  command.add_option("--threads", threads, "CPU threads; 0: all cores")
+      ->check(CLI::Range(0, 4096).description(""))
+      ->type_name("N");
 }
 
 std::optional<tbb::global_control> limit_threads(unsigned threads) {
@@ -101,12 +109,10 @@ Device make_device(const DeviceArguments& arguments) {
 }
 
 void add_format(CLI::App& command, FormatArguments& arguments) {
-  command.add_option("--format", arguments.format, "of the output; default: by its extension, on - the input's")
-      ->check(CLI::IsMember(names(kFormats)))
-      ->type_name(fmt::format("{}", fmt::join(names(kFormats), "|")));
-  command.add_option("--encoding", arguments.encoding, "of the output; default: the input's, else binary")
-      ->check(CLI::IsMember(names(kEncodings)))
-      ->type_name(fmt::format("{}", fmt::join(names(kEncodings), "|")));
+  add_choice(command, "--format", arguments.format, names(kFormats),
+             "of the output; default: by its extension, on - the input's");
+  add_choice(command, "--encoding", arguments.encoding, names(kEncodings),
+             "of the output; default: the input's, else binary");
 }
 
 WriteOptions make_write_options(const FormatArguments& arguments, const std::filesystem::path& path) {

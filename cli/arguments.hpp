@@ -15,6 +15,10 @@
 
 namespace pointfair::cli {
 
+/// An option that takes one of the words.
+CLI::Option* add_choice(CLI::App& command, const std::string& flag, std::string& value,
+                        const std::vector<std::string>& words, const std::string& help);
+
 /// The parameters given, in their order; they come after the preset, wherever that stands.
 struct ParamArguments {
   std::string preset;

@@ -141,7 +141,7 @@ Verb add_bench(CLI::App& app) {
       ->type_name("FILE");
   command.add_option("--points", arguments->points, "of the bumpy sphere")->type_name("N")->excludes("--input");
   command.add_option("--repeat", arguments->repeat, "median of so many runs, after one to warm up")
-      ->check(CLI::Range(1, 1000))
+      ->check(CLI::Range(1, 1000).description(""))
       ->type_name("N");
   add_params(command, arguments->params);
   add_device(command, arguments->device);

@@ -70,11 +70,9 @@ Verb add_compare(CLI::App& app) {
   CLI::App& command = *app.add_subcommand("compare", "Distances of the points of A to the mesh or cloud B.");
   command.add_option("A", arguments->cloud, "cloud to measure")->required();
   command.add_option("B", arguments->reference, "mesh or cloud to measure against")->required();
-  command.add_option("--as", arguments->as, "cloud: take B by its points though it has faces")
-      ->check(CLI::IsMember({"auto", "cloud"}))
-      ->type_name("auto|cloud");
+  add_choice(command, "--as", arguments->as, {"auto", "cloud"}, "cloud: take B by its points though it has faces");
   command.add_option("--edges", arguments->edges, "also measure near edges whose faces turn by more than this")
-      ->check(CLI::Range(0.0, 180.0))
+      ->check(CLI::Range(0.0, 180.0).description(""))
       ->type_name("DEGREES");
   add_threads(command, arguments->threads);
   add_report(command, arguments->report);

@@ -79,7 +79,7 @@ const Verb* parse(CLI::App& app, const std::vector<Verb>& verbs, std::vector<std
     app.parse(std::move(words));
   } catch (const CLI::CallForHelp&) {
     const auto asked = app.get_subcommands();
-    print_output(asked.empty() ? help() : asked.front()->help());
+    print_output(asked.empty() ? help() : asked.front()->help("pointfair"));
     return nullptr;
   } catch (const CLI::CallForVersion&) {
     print_output(fmt::format("pointfair {}\n", version()));

@@ -85,7 +85,7 @@ Verb add_noise(CLI::App& app) {
   command.add_option("--sigma", arguments->sigma, "standard deviation of the noise: 0.3% of the diagonal, 2s spacings")
       ->type_name("LENGTH");
   command.add_option("--uneven", arguments->uneven, "density varies by this ratio along the longest axis")
-      ->check(CLI::Range(1.0, 1e6))
+      ->check(CLI::Range(1.0, 1e6).description(""))
       ->type_name("RATIO");
   command.add_option("--outliers", arguments->outliers, "so many points go anywhere in the box grown by 10 %")
       ->type_name("SHARE");
