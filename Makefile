@@ -47,7 +47,7 @@ bench:
 	@$(install) build bench
 	cmake --preset $(preset) -B build/bench -DPOINTFAIR_TESTS=OFF -DPOINTFAIR_BENCH=ON
 	cmake --build build/bench
-	bench/report.py --build build/bench
+	bench/compare_peers.py --build build/bench
 
 fuzz:
 	@$(install) build test fuzz

@@ -77,8 +77,9 @@ void expect_exact_lists(const Points& points, int k, float radius = 0, std::size
   }
   for (const cpu::Kernels* kernels : available_kernels()) {
     cpu::MemoryMeter meter;
+    cpu::SortSpace space(meter);
     cpu::SpatialIndex index(meter);
-    index.build(points, {}, *kernels, {});
+    index.build(points, {}, space, *kernels, {});
     const auto found = all_lists(index, *kernels, points.size(), k, limit);
     for (std::size_t i = 0; i < points.size(); i += step)
       ASSERT_EQ(found[i], expected[i]) << "point " << i << ", k " << k << ", radius " << radius << ", "
@@ -168,8 +169,9 @@ TEST(Neighbors, have_the_distances_that_nanoflann_finds) {
   const NanoflannPoints adaptor{points};
   Tree tree(3, adaptor);
   cpu::MemoryMeter meter;
+  cpu::SortSpace space(meter);
   cpu::SpatialIndex index(meter);
-  index.build(points, {}, cpu::best_kernels(), {});
+  index.build(points, {}, space, cpu::best_kernels(), {});
   const auto found =
       all_lists(index, cpu::best_kernels(), points.size(), kNeighbors, std::numeric_limits<float>::max());
   for (std::size_t i = 0; i < points.size(); ++i) {
@@ -181,17 +183,18 @@ TEST(Neighbors, have_the_distances_that_nanoflann_finds) {
   }
 }
 
-// The rows that sample_neighborhoods promises, by brute force; invalid places are NaN.
-std::vector<Point> expected_rows(const Points& points, const std::vector<std::uint32_t>& queries, int k) {
+constexpr int kLargestSample = 1024;
+
+// The row that sample_neighborhoods promises for a query with the largest k, by brute force; invalid places are NaN.
+std::vector<Point> expected_row(const Points& points, std::uint32_t query) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
-  std::vector<Point> rows(queries.size() * std::size_t(k + 1), Point{nan, nan, nan});
-  for (std::size_t q = 0; q < queries.size(); ++q) {
-    if (!reference::is_valid(points[queries[q]])) continue;
-    Point* row = &rows[q * std::size_t(k + 1)];
-    *row++ = points[queries[q]];
-    for (const std::uint32_t j : reference::nearest(points, queries[q], std::size_t(k))) *row++ = points[j];
+  std::vector<Point> row;
+  if (reference::is_valid(points[query])) {
+    row.push_back(points[query]);
+    for (const std::uint32_t j : reference::nearest(points, query, kLargestSample)) row.push_back(points[j]);
   }
-  return rows;
+  row.resize(kLargestSample + 1, Point{nan, nan, nan});
+  return row;
 }
 
 bool same_or_both_nan(Point a, Point b) {
@@ -200,21 +203,25 @@ bool same_or_both_nan(Point a, Point b) {
 
 TEST(SampleNeighborhoods, returns_each_query_and_its_nearest_in_order) {
   for (const Points& points :
-       {shapes::with_noise(shapes::waves(3000), 0.01), shapes::with_invalid(shapes::sphere(500), 4), shapes::grid(8),
+       {shapes::with_noise(shapes::waves(2000), 0.01), shapes::with_invalid(shapes::sphere(500), 4), shapes::grid(8),
         shapes::sphere(5), shapes::identical(40)}) {
     const std::unique_ptr<Backend> backend = make_cpu_backend(2);
     backend->upload(points);
     backend->begin_pass(0);
     backend->build_index({});
     std::vector<std::uint32_t> queries;
-    for (std::uint32_t i = 0; i < points.size(); i += 3) queries.push_back(std::uint32_t(points.size()) - 1 - i);
-    for (const int k : {1, 6, 24, 100, 1024}) {
-      std::vector<Point> rows(queries.size() * std::size_t(k + 1));
+    std::vector<std::vector<Point>> expected;
+    for (std::uint32_t i = 0; i < points.size(); i += 3) {
+      queries.push_back(std::uint32_t(points.size()) - 1 - i);
+      expected.push_back(expected_row(points, queries.back()));
+    }
+    for (const int k : {1, 6, 24, 100, kLargestSample}) {
+      const std::size_t width = std::size_t(k) + 1;
+      std::vector<Point> rows(queries.size() * width);
       backend->sample_neighborhoods(queries, k, rows);
-      const std::vector<Point> expected = expected_rows(points, queries, k);
       for (std::size_t i = 0; i < rows.size(); ++i)
-        ASSERT_TRUE(same_or_both_nan(rows[i], expected[i]))
-            << "place " << i << " of " << points.size() << " points, k " << k;
+        ASSERT_TRUE(same_or_both_nan(rows[i], expected[i / width][i % width]))
+            << "place " << i % width << " of query " << queries[i / width] << ", k " << k;
     }
   }
 }

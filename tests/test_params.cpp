@@ -184,7 +184,8 @@ TEST(SetParam, refuses_what_is_out_of_range_or_no_value_and_says_the_flag_and_th
     std::string flag = "--" + std::string(name);
     std::replace(flag.begin(), flag.end(), '_', '-');
     EXPECT_NE(message.find(flag), std::string::npos) << name << "=" << text << ": " << message;
-    EXPECT_NE(message.find("'" + std::string(text) + "'"), std::string::npos) << name << "=" << text << ": " << message;
+    const std::string quoted = std::string("'").append(text).append("'");
+    EXPECT_NE(message.find(quoted), std::string::npos) << name << "=" << text << ": " << message;
     EXPECT_EQ(message.find('\n'), std::string::npos);
   }
 }
