@@ -166,6 +166,7 @@ std::shared_ptr<Source> read_ascii(FileBytes bytes, PcdHeader header, const std:
     const auto axis = static_cast<std::size_t>(std::find(header.xyz.begin(), header.xyz.end(), f) - header.xyz.begin());
     if (axis < 3) {
       layout.integers = layout.integers || is_integer(field.type);
+      layout.doubles = layout.doubles || field.type == NativeType::float64;
     } else if (!is_padding(field)) {
       layout.attributes.push_back({field, layout.columns.size(), true});
     }

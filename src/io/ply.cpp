@@ -296,6 +296,7 @@ TextLayout text_layout(const PlyFile& file, TextRows rows, std::uint64_t first_r
     if (axis < 3) {
       layout.columns.push_back(static_cast<ColumnKind>(axis));
       layout.integers = layout.integers || is_integer(properties[p].type);
+      layout.doubles = layout.doubles || properties[p].type == NativeType::float64;
     } else if (properties[p].list_count) {
       layout.columns.push_back(ColumnKind::list);
     } else {

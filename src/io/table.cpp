@@ -61,6 +61,21 @@ void split_packed_color(const TableColumn& column, std::vector<TableColumn>& to)
   }
 }
 
+// Colours from 0 to 1, as OBJ has them, become bytes.
+void use_byte_colors(Table& table) {
+  std::vector<std::array<std::uint8_t, 3>> colors;
+  const TableColumn* const red = table.find("red");
+  if (!red || is_integer(red->type) || !colors_as_bytes(table, colors)) return;
+  for (std::size_t c = 0; c < 3; ++c) {
+    static constexpr const char* kNames[] = {"red", "green", "blue"};
+    auto& column = *std::find_if(table.columns.begin(), table.columns.end(),
+                                 [&](const TableColumn& candidate) { return candidate.name == kNames[c]; });
+    column.type = NativeType::uint8;
+    column.data.resize(colors.size());
+    for (std::size_t i = 0; i < colors.size(); ++i) column.data[i] = static_cast<char>(colors[i][c]);
+  }
+}
+
 }  // namespace
 
 const TableColumn* Table::find(std::string_view name) const {
@@ -105,6 +120,7 @@ void use_ply_names(Table& table) {
     }
   }
   table.columns = std::move(columns);
+  use_byte_colors(table);
 }
 
 bool colors_as_bytes(const Table& table, std::vector<std::array<std::uint8_t, 3>>& colors) {

@@ -29,7 +29,8 @@ struct Table {
 /// Everything in the cloud that is numbers, under the names that its file uses.
 Table make_table(const Cloud& cloud);
 
-/// Gives the columns the names of PLY: packed colours become red, green, blue, columns of several components one each.
+/// Gives the columns the names and shapes of PLY: packed colours become red, green, blue, colours are bytes, columns of
+/// several components become one each.
 void use_ply_names(Table& table);
 
 /// red, green, blue as bytes, colours in 0..1 scaled; false if the table has none.

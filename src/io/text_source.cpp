@@ -246,7 +246,7 @@ void TextSource::positions(std::size_t block, std::span<Position> out) const {
 }
 
 ScalarType TextSource::coordinate_type() const {
-  if (origin() != Position{}) return ScalarType::float64;
+  if (layout_.doubles || origin() != Position{}) return ScalarType::float64;
   std::vector<Narrowest> seen(block_count());
   for_each_block(seen.size(), [&](std::size_t block) {
     for_each_line(block, [&](std::string_view line, std::ptrdiff_t point) {

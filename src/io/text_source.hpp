@@ -54,7 +54,8 @@ struct TextLayout {
   std::uint64_t count = 0;      ///< points
   std::vector<ColumnKind> columns;
   bool exact = false;                  ///< a row must have exactly these columns; else at least the coordinates
-  bool integers = false;               ///< the coordinates are declared as integers
+  bool integers = false;               ///< a coordinate is declared as an integer
+  bool doubles = false;                ///< a coordinate is declared as a double
   std::vector<TextColumn> attributes;  ///< in their order
   bool extendable = true;              ///< columns may be appended
 };

@@ -138,7 +138,7 @@ TextLayout make_layout(const Front& front, std::string_view first, Format format
     if (!column) fail(name, "no column is called '" + wanted + "'; name the coordinates x, y, z in the first line");
     layout.columns[*column] = static_cast<ColumnKind>(axis);
   }
-  for (std::size_t c = 0; c < std::min(names.size(), columns); ++c) {
+  for (std::size_t c = 0; c < names.size(); ++c) {
     if (layout.columns[c] == ColumnKind::other)
       layout.attributes.push_back({{names[c], NativeType::float64, 1}, c, false});
   }

@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: Apache-2.0
+// PCD: its compression, its encodings among each other, organised clouds.
+#include <gtest/gtest.h>
+// rapidcheck needs GoogleTest before it
+#include <rapidcheck/gtest.h>
+
+#include <cmath>
+
+#include "io/lzf.hpp"
+#include "io_files.h"
+
+namespace pointfair::test {
+namespace {
+
+std::string unpacked(const std::string& compressed, std::size_t size) {
+  std::string bytes(size, '?');
+  EXPECT_TRUE(io::lzf_decompress(compressed, bytes.data(), size));
+  return bytes;
+}
+
+const Encoding kEncodings[] = {Encoding::ascii, Encoding::binary, Encoding::binary_compressed};
+
+}  // namespace
+
+TEST(FilesPcd, LzfFollowsTheFormat) {
+  // Worked by hand: 3 literals, a copy of 3 from 3 back, a long copy of 9 + 5 that overlaps itself.
+  EXPECT_EQ(unpacked(std::string("\2abc\x20\2", 6), 6), "abcabc");
+  EXPECT_EQ(unpacked(std::string("\0z\xe0\5\0", 5), 15), std::string(15, 'z'));
+  std::string to(20, '?');
+  for (const std::string& damaged : {std::string("\2ab"), std::string("\x20\0", 2), std::string("\0z\x20\1", 4),
+                                     std::string("\0z\xe0\5", 4), std::string("\0z", 2), std::string(60, '\x1f')}) {
+    EXPECT_FALSE(io::lzf_decompress(damaged, to.data(), to.size()));
+  }
+}
+
+RC_GTEST_PROP(FilesPcd, LzfGivesBackWhatWasPacked, (const std::string& seed)) {
+  std::string bytes;
+  const int pieces = *rc::gen::inRange(0, 40);
+  for (int i = 0; i < pieces; ++i) {
+    const bool repeat = !bytes.empty() && *rc::gen::inRange(0, 2) == 0;
+    if (repeat) {
+      const auto from = *rc::gen::inRange<std::size_t>(0, bytes.size());
+      bytes += bytes.substr(from, *rc::gen::inRange<std::size_t>(1, 600));
+    } else {
+      bytes += seed + static_cast<char>(i);
+    }
+  }
+  std::string packed_bytes;
+  io::lzf_compress(bytes, packed_bytes);
+  RC_ASSERT(unpacked(packed_bytes, bytes.size()) == bytes);
+  RC_ASSERT(packed_bytes.size() <= bytes.size() + bytes.size() / 32 + 1);
+  // Packed pieces may be joined.
+  io::lzf_compress(bytes, packed_bytes);
+  RC_ASSERT(unpacked(packed_bytes, 2 * bytes.size()) == bytes + bytes);
+}
+
+TEST(FilesPcd, LargeDataIsPackedInPiecesAndRepeatsShrink) {
+  Cloud cloud;
+  for (int i = 0; i < 300000; ++i) cloud.points.push_back({static_cast<float>(i % 17), 1, std::nanf("")});
+  const std::string bytes = image(cloud, Format::pcd, Encoding::binary_compressed);
+  EXPECT_LT(bytes.size(), 200000U);
+  const Cloud again = parse(bytes, "a.pcd");
+  EXPECT_EQ(std::memcmp(again.points.data(), cloud.points.data(), 300000 * sizeof(Point)), 0);
+}
+
+// Every encoding into every other: fields, 64-bit integers, WIDTH x HEIGHT, VIEWPOINT and NaN in place.
+TEST(FilesPcd, EveryEncodingTurnsIntoEveryOther) {
+  for (const Sample& sample : samples()) {
+    if (*format_of(sample.name) != Format::pcd || sample.name == "old.pcd") continue;
+    const Cloud cloud = parse(sample.bytes, sample.name);
+    for (const Encoding encoding : kEncodings) {
+      SCOPED_TRACE(sample.name + " to " + std::to_string(static_cast<int>(encoding)));
+      const std::string bytes = image(cloud, Format::pcd, encoding);
+      EXPECT_NE(bytes.find("WIDTH 2\nHEIGHT 2\nVIEWPOINT 1 2 3 1 0 0 0\nPOINTS 4\n"), std::string::npos);
+      const Cloud again = parse(bytes, "b.pcd");
+      for (std::size_t i = 0; i < 4; ++i) {
+        EXPECT_EQ(std::isnan(again.points[i].x), std::isnan(cloud.points[i].x));
+        EXPECT_TRUE(std::isnan(cloud.points[i].x) || again.points[i].z == cloud.points[i].z);
+      }
+      for (const char* name : {"hist", "t"}) EXPECT_EQ(attribute(again, name).data, attribute(cloud, name).data);
+    }
+    // A 64-bit integer survives a detour to its last digit.
+    const Cloud there = parse(image(cloud, Format::pcd, Encoding::binary_compressed), "b.pcd");
+    const std::string back = image(there, Format::pcd, Encoding::ascii);
+    const bool ascii = sample.name == "ascii.pcd", binary = sample.name == "binary.pcd";
+    EXPECT_EQ(back.find(" 1699999999999999999\n") != std::string::npos, ascii);
+    EXPECT_EQ(back.find(" 18446744073709551615\n") != std::string::npos, binary);
+  }
+}
+
+TEST(FilesPcd, PackedColorsAndNormalsTurnIntoThoseOfPlyAndBack) {
+  const std::string pcd =
+      "FIELDS x y z rgb normal_x normal_y normal_z\nSIZE 4 4 4 4 4 4 4\nTYPE F F F U F F F\n"
+      "COUNT 1 1 1 1 1 1 1\nWIDTH 2\nHEIGHT 1\nPOINTS 2\nDATA ascii\n"
+      "1 2 3 16711935 0 0 1\n4 5 6 66051 0 1 0\n";  // 0xff00ff, 0x010203
+  const Cloud ply = parse(image(parse(pcd, "a.pcd"), Format::ply));
+  EXPECT_EQ(values<std::uint8_t>(ply, "red"), (std::vector<std::uint8_t>{255, 1}));
+  EXPECT_EQ(values<std::uint8_t>(ply, "green"), (std::vector<std::uint8_t>{0, 2}));
+  EXPECT_EQ(values<std::uint8_t>(ply, "blue"), (std::vector<std::uint8_t>{255, 3}));
+  EXPECT_EQ(values<float>(ply, "nz"), (std::vector<float>{1, 0}));
+  const Cloud back = parse(image(ply, Format::pcd), "b.pcd");
+  EXPECT_EQ(values<std::uint32_t>(back, "rgb"), (std::vector<std::uint32_t>{16711935, 66051}));
+  EXPECT_EQ(values<float>(back, "normal_y"), (std::vector<float>{0, 1}));
+}
+
+}  // namespace pointfair::test

@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: Apache-2.0
+// Columns of numbers: separators, headers, names and types of columns; OFF and OBJ.
+#include <cmath>
+
+#include "io/source.hpp"
+#include "io/text.hpp"
+#include "io_files.h"
+
+namespace pointfair::test {
+namespace {
+
+std::vector<std::string> names(const Cloud& cloud) {
+  std::vector<std::string> result;
+  for (const AttributeInfo& info : attributes(cloud)) result.push_back(info.name);
+  return result;
+}
+using Names = std::vector<std::string>;
+
+}  // namespace
+
+TEST(FilesText, NumbersAreReadAsWritten) {
+  for (const auto& [word, value] : std::vector<std::pair<std::string, double>>{{"1", 1},
+                                                                               {"-0.5", -0.5},
+                                                                               {"+3", 3},
+                                                                               {".25", 0.25},
+                                                                               {"4.", 4},
+                                                                               {"1e-3", 1e-3},
+                                                                               {"1E5", 1e5},
+                                                                               {"0.1", 0.1},
+                                                                               {"5334567.891", 5334567.891},
+                                                                               {"1e999", INFINITY},
+                                                                               {"-inf", -INFINITY}}) {
+    ASSERT_TRUE(io::to_number(word)) << word;
+    EXPECT_EQ(*io::to_number(word), value) << word;
+  }
+  EXPECT_TRUE(std::isnan(*io::to_number("nan")));
+  for (const char* word : {"", "+", "-", "1x", "0x10", "1,5", "one", "1e", "+-1", "--1", "."}) {
+    EXPECT_FALSE(io::to_number(word)) << word;
+  }
+}
+
+TEST(FilesText, AMovedNumberLosesNoDigit) {
+  const auto moved = [](const std::string& word, double value, float offset) {
+    std::string text;
+    io::append_moved(text, word, value, offset);
+    return text;
+  };
+  EXPECT_EQ(moved("1.0", 1.5, 1.5F), "1.5");
+  EXPECT_EQ(moved("1.000", 1.5, 1.5F), "1.500");
+  EXPECT_EQ(moved("1", 2, 2), "2");
+  EXPECT_EQ(moved("1e0", 1.5, 1.5F), "1.5");
+  EXPECT_EQ(moved("0.1", 0, 0), "0");
+  EXPECT_EQ(moved("691234.567", 691234.56825, 0.56825F), "691234.56825");
+  // Read back, the float nearest to the number is the offset.
+  for (int i = 1; i < 2000; ++i) {
+    const float offset = std::sin(static_cast<float>(i)) * std::pow(10.0F, static_cast<float>(i % 12 - 6));
+    EXPECT_EQ(static_cast<float>(*io::to_number(moved("0.1", static_cast<double>(offset), offset))), offset);
+  }
+}
+
+TEST(FilesText, EverySeparatorIsUnderstood) {
+  for (const char* line :
+       {"1 2.5 -3 7", "1\t2.5\t-3\t7", "1,2.5,-3,7", "1;2.5;-3;7", "  1 ,\t2.5 ,-3,7 ", "1 2.5 -3   7\r"}) {
+    SCOPED_TRACE(line);
+    const std::string text = std::string(line) + "\n" + line;
+    for (const char* name : {"a.xyz", "a.txt", "a.csv"}) {
+      const Cloud cloud = parse(text, name);
+      ASSERT_EQ(cloud.points.size(), 2U);
+      EXPECT_EQ(cloud.points[1].y, 2.5F);
+      EXPECT_EQ(cloud.points[1].z, -3);
+      EXPECT_EQ(values<std::uint8_t>(cloud, "column_4")[1], 7);
+    }
+  }
+}
+
+TEST(FilesText, NamesComeFromAHeaderOrARemark) {
+  EXPECT_EQ(names(parse("z,y,x,time\n1,2,3,4\n", "a.csv")), Names{"time"});
+  EXPECT_EQ(parse("z,y,x,time\n1,2,3,4\n", "a.csv").points[0].x, 3);
+  EXPECT_EQ(names(parse("\"X\",\"Y\",\"Z\",\"a b\"\n1,2,3,4\n", "a.csv")), Names{"a b"});
+  EXPECT_EQ(names(parse("//X Y Z R G B\n1 2 3 4 5 6\n", "a.asc")), (Names{"R", "G", "B"}));
+  EXPECT_EQ(names(parse("# x y z quality\n1 2 3 4\n", "a.xyz")), Names{"quality"});
+  EXPECT_EQ(names(parse("# just a remark\n1 2 3 4\n", "a.xyz")), Names{"column_4"});
+  EXPECT_EQ(names(parse("\xEF\xBB\xBFx,y,z\n1,2,3\n", "a.csv")), Names{});
+  EXPECT_EQ(names(parse("1\n1 2 3 4 5 6 7\n", "a.pts")), (Names{"intensity", "red", "green", "blue"}));
+  EXPECT_EQ(names(parse("1 2 3 4 5 6\n", "a.pts")), (Names{"red", "green", "blue"}));
+}
+
+TEST(FilesText, AColumnHasTheNarrowestTypeThatHoldsIt) {
+  const Cloud cloud = parse(
+      "x,y,z,byte,whole,real,fine,word,part\n1,2,3,255,-7,0.5,0.123456789012,a,\n4,5,6,0,70000,"
+      "123.25,1,b,2\n",
+      "a.csv");
+  const auto infos = attributes(cloud);
+  ASSERT_EQ(infos.size(), 5U);  // words are no numbers
+  EXPECT_EQ(infos[0].type, ScalarType::uint8);
+  EXPECT_EQ(infos[1].type, ScalarType::int32);
+  EXPECT_EQ(infos[2].type, ScalarType::float32);
+  EXPECT_EQ(infos[3].type, ScalarType::float64);
+  EXPECT_EQ(infos[4].type, ScalarType::float32);
+  EXPECT_TRUE(std::isnan(values<float>(cloud, "part")[0]));
+  EXPECT_EQ(values<double>(cloud, "fine")[0], 0.123456789012);
+}
+
+TEST(FilesText, CoordinatesBecomeDoublesOnlyIfAFloatWouldLoseADigit) {
+  EXPECT_EQ(parse("1.25 2.5 3\n0.1 0.2 0.3\n", "a.xyz").source->coordinate_type(), ScalarType::float32);
+  EXPECT_EQ(parse("12.345678 2.5 3\n", "a.xyz").source->coordinate_type(), ScalarType::float32);
+  EXPECT_EQ(parse("123.4567891 2.5 3\n0 0 0\n", "a.xyz").source->coordinate_type(), ScalarType::float64);
+}
+
+TEST(FilesText, ColumnsOfAnOffFileHaveTheirNames) {
+  const Cloud cloud = parse("CNOFF\n1 0 0\n0 0 0 0 0 1 255 128 0 255 # a remark\n", "a.off");
+  EXPECT_EQ(names(cloud), (Names{"nx", "ny", "nz", "red", "green", "blue", "alpha"}));
+  EXPECT_EQ(values<std::uint8_t>(cloud, "green")[0], 128);
+}
+
+TEST(FilesText, TabsStayTabs) {
+  Cloud cloud = parse("1\t2\t3\n", "a.txt");
+  cloud.added = {make_attribute<int>("n", ScalarType::int32, {7})};
+  EXPECT_EQ(image(cloud, Format::txt), "1\t2\t3\t7\n");
+}
+
+TEST(FilesText, AddedNamesGoToTheHeader) {
+  Cloud cloud = parse("//X;Y;Z\r\n1;2;3\r\n", "a.txt");
+  cloud.added = {make_attribute<float>("normal", ScalarType::float32, {0, 0, 1}, 3)};
+  EXPECT_EQ(image(cloud, Format::txt), "//X;Y;Z;nx;ny;nz\r\n1;2;3;0;0;1\r\n");
+}
+
+}  // namespace pointfair::test
