@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 #include <span>
 #include <vector>
 
@@ -15,6 +16,7 @@ constexpr std::size_t kSpacingSamples = 2000, kNoiseSamples = 500;
 constexpr int kSpacingNeighbors = 6;
 constexpr int kFirstFit = 24, kLargestFit = 600;
 constexpr double kFitGrowth = 1.4;
+constexpr double kLongestAutomaticList = 32;
 
 // Scattered over the upload order by a low-discrepancy sequence (multiples of the golden ratio), so that a period in
 // the order of the file (rows of a scanner) is not met in step.
@@ -150,13 +152,20 @@ double without_slab_bias(double variance, double radius) {
 }
 
 // The noise seen from one neighbourhood, or nothing if it is still too narrow against the noise.
-std::optional<double> local_noise(std::span<const Vec> offsets, bool may_grow) {
+std::optional<Noise> local_noise(std::span<const Vec> offsets, bool may_grow) {
   const double k = double(offsets.size());
   const Frame frame = principal_frame(offsets);
   const double radius = length(offsets.back());
-  if (!(radius > 0)) return 0.0;
+  if (!(radius > 0)) return Noise{};
   if (may_grow && radius < 3.7 * std::sqrt(frame.least_eigenvalue * k / (k - 3))) return std::nullopt;
-  return std::sqrt(without_slab_bias(quadric_variance(offsets, frame, radius), radius));
+  return Noise{std::sqrt(without_slab_bias(quadric_variance(offsets, frame, radius), radius)),
+               radius * std::sqrt(std::numbers::pi / k)};
+}
+
+double quantile(std::vector<double> values, double share) {
+  const auto place = values.begin() + std::ptrdiff_t(share * double(values.size() - 1));
+  std::nth_element(values.begin(), place, values.end());
+  return *place;
 }
 
 }  // namespace
@@ -165,25 +174,25 @@ Spacing measure_spacing(Backend& backend, std::uint64_t points) {
   const std::vector<std::uint32_t> queries = sample_queries(points, kSpacingSamples);
   std::vector<Point> rows(queries.size() * (kSpacingNeighbors + 1));
   backend.sample_neighborhoods(queries, kSpacingNeighbors, rows);
-  double sum = 0;
-  std::vector<double> last;
+  std::vector<double> means, last;
   for (std::size_t q = 0; q < queries.size(); ++q) {
     const auto offsets = offsets_of({rows.data() + q * (kSpacingNeighbors + 1), kSpacingNeighbors + 1});
     if (offsets.empty()) continue;
     double mean = 0;
     for (const Vec& o : offsets) mean += length(o) / double(offsets.size());
-    sum += mean;
+    means.push_back(mean);
     last.push_back(length(offsets.back()));
   }
   if (last.empty()) return {};
-  const auto high = last.begin() + std::ptrdiff_t(0.95 * double(last.size() - 1));
-  std::nth_element(last.begin(), high, last.end());
-  return {sum / double(last.size()), *high};
+  // without the loneliest 2 %: a stray point's distance is no spacing
+  std::sort(means.begin(), means.end());
+  means.resize(means.size() - means.size() / 50);
+  return {std::accumulate(means.begin(), means.end(), 0.0) / double(means.size()), quantile(last, 0.95)};
 }
 
-double measure_noise(Backend& backend, std::uint64_t points) {
+Noise measure_noise(Backend& backend, std::uint64_t points) {
   std::vector<std::uint32_t> queries = sample_queries(points, kNoiseSamples);
-  std::vector<double> found;
+  std::vector<double> sigmas, spacings;
   for (double wanted = kFirstFit; !queries.empty(); wanted *= kFitGrowth) {
     const int k = std::min(int(wanted), kLargestFit);
     std::vector<Point> rows(queries.size() * (std::size_t(k) + 1));
@@ -193,24 +202,23 @@ double measure_noise(Backend& backend, std::uint64_t points) {
       const auto offsets = offsets_of({rows.data() + q * (std::size_t(k) + 1), std::size_t(k) + 1});
       if (offsets.size() < kFirstFit / 2) continue;
       const bool may_grow = k < kLargestFit && offsets.size() == std::size_t(k);
-      const std::optional<double> noise = local_noise(offsets, may_grow);
-      if (noise) {
-        found.push_back(*noise);
+      if (const std::optional<Noise> noise = local_noise(offsets, may_grow)) {
+        sigmas.push_back(noise->sigma);
+        spacings.push_back(noise->surface_spacing);
       } else {
         again.push_back(queries[q]);
       }
     }
     queries = std::move(again);
   }
-  if (found.empty()) return 0;
-  const auto low = found.begin() + std::ptrdiff_t(0.35 * double(found.size() - 1));
-  std::nth_element(found.begin(), low, found.end());
-  return *low;
+  if (sigmas.empty()) return {};
+  return {quantile(sigmas, 0.35), quantile(spacings, 0.5)};
 }
 
 bool needs_noise(const Params& p) {
   const bool k_follows = p.k == kAutomatic && p.radius.is_automatic();
-  return k_follows || p.similarity_sigma.is_automatic() || (p.constraint && p.delta.is_automatic());
+  return k_follows || p.normal_sigma.is_automatic() || p.closeness_sigma.is_automatic() ||
+         p.similarity_sigma.is_automatic() || (p.constraint && p.delta.is_automatic());
 }
 
 bool needs_spacing(const Params& p) {
@@ -220,9 +228,9 @@ bool needs_spacing(const Params& p) {
          (p.constraint && (of_spacing(p.rho) || of_spacing(p.delta)));
 }
 
-Params resolve_params(const Params& params, const Spacing& spacing, double noise, double diagonal) {
+Params resolve_params(const Params& params, const Spacing& spacing, const Noise& noise, double diagonal) {
   // A cloud without extent or noise must still get lengths that can be given again.
-  const double least = 1e-6 * (diagonal > 0 ? diagonal : 1.0);
+  const double least = 1e-6 * (spacing.mean > 0 ? spacing.mean : diagonal > 0 ? diagonal : 1.0);
   const auto in_file_units = [&](const Length& length, double automatic) -> Length {
     switch (length.unit) {
       case Length::Unit::automatic:
@@ -237,22 +245,32 @@ Params resolve_params(const Params& params, const Spacing& spacing, double noise
     return length;
   };
   Params used = params;
-  const double s = spacing.mean;
-  // Points within R of a point, where a square of side s holds one point.
-  const auto count_within = [&](double r) { return s > 0 ? std::numbers::pi * r * r / (s * s) : 0.0; };
+  // Where a square of side s holds one point, pi (R / s)^2 points lie within R of one.
+  const double s = noise.surface_spacing > 0 ? noise.surface_spacing : spacing.mean;
+  double reach = 0;  // radius of the neighbourhoods
   if (!params.radius.is_automatic()) {
     used.radius = in_file_units(params.radius, 0);
+    reach = used.radius.value;
   } else if (params.k == kAutomatic) {
-    // wide enough to hold 16 points, and wide against the noise
-    used.k = int(std::clamp(16 + count_within(2.5 * noise), 16.0, 200.0));
+    // wide enough for 16 points and wide against the noise; a long list costs more than sums over a ball
+    const double wide = std::hypot(2.5 * noise.sigma, s * std::sqrt(16 / std::numbers::pi));
+    const double count = s > 0 ? std::numbers::pi * (wide / s) * (wide / s) : 16;
+    if (count <= kLongestAutomaticList || params.constraint) {
+      used.k = int(std::min<double>(count, kMaxNeighbors));
+    } else {
+      used.radius = wide;
+    }
+    reach = wide;
   }
-  const double r = used.k != kAutomatic ? s * std::sqrt(used.k / std::numbers::pi) : used.radius.value;
-  const double reach = used.radius.is_automatic() ? r : std::min(r, used.radius.value);
+  if (used.k != kAutomatic) {
+    const double filled = s * std::sqrt(used.k / std::numbers::pi);
+    reach = reach > 0 ? std::min(reach, filled) : filled;
+  }
   used.rho = in_file_units(params.rho, spacing.rho);
-  used.delta = in_file_units(params.delta, 2.5 * noise);
+  used.delta = in_file_units(params.delta, 2.5 * noise.sigma);
   used.normal_sigma = in_file_units(params.normal_sigma, 0.5 * reach);
   used.closeness_sigma = in_file_units(params.closeness_sigma, 0.5 * reach);  // Fleishman 2003: radius = 2 sigma_c
-  used.similarity_sigma = in_file_units(params.similarity_sigma, std::max(3 * noise, 0.05 * s));
+  used.similarity_sigma = in_file_units(params.similarity_sigma, std::max(3 * noise.sigma, 0.05 * s));
   if (params.passes == kAutomatic) used.passes = 2;
   return used;
 }

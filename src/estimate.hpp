@@ -11,7 +11,7 @@ namespace pointfair {
 
 // Sampled at the same points for every backend, so the same on each.
 struct Spacing {
-  double mean = 0;  // mean distance to the 6 nearest other points (as CGAL's compute_average_spacing)
+  double mean = 0;  // mean distance to the 6 nearest other points (as CGAL's compute_average_spacing), strays aside
   double rho = 0;   // 95 % quantile of the distance to the 6th: a sampling gap that is no feature
 };
 
@@ -21,10 +21,16 @@ Spacing measure_spacing(Backend& backend, std::uint64_t points);
 // Standard deviation of the noise along the normal. Residuals of quadric fits over neighbourhoods that are grown until
 // they are wide against the noise (Eq. 8 of docs/how-it-works.md); a low quantile over the samples, since edges and
 // outliers only ever raise a residual.
-double measure_noise(Backend& backend, std::uint64_t points);
+struct Noise {
+  double sigma = 0;
+  // Side of the square that holds one point of the surface, by the density of those wide neighbourhoods (median).
+  // Unlike the distance to the nearest points, noise does not blow it up.
+  double surface_spacing = 0;
+};
+Noise measure_noise(Backend& backend, std::uint64_t points);
 
 // Replaces each `auto` by what follows from the spacing and noise, and every length by file units.
-Params resolve_params(const Params& params, const Spacing& spacing, double noise, double diagonal);
+Params resolve_params(const Params& params, const Spacing& spacing, const Noise& noise, double diagonal);
 
 // Whether `resolve_params` would look at the spacing, at the noise.
 bool needs_spacing(const Params& params);

@@ -84,7 +84,7 @@ struct Pipeline::State {
   int further_passes = 0;     // complete beyond the first, with `settings`
 
   std::optional<Spacing> spacing;
-  std::optional<double> noise;
+  std::optional<Noise> noise;
   std::optional<Estimates> estimates;
   double upload_milliseconds = 0;  // not yet reported
   Report report;
@@ -167,7 +167,9 @@ struct Pipeline::State {
     check_params(params);
     ensure_index(stop);
     measure(needs_spacing(params), needs_noise(params), stop);
-    return resolve_params(params, spacing.value_or(Spacing{}), noise.value_or(0), loaded_diagonal(stop));
+    // what a run sees must not depend on what was measured before it
+    return resolve_params(params, needs_spacing(params) ? *spacing : Spacing{}, needs_noise(params) ? *noise : Noise{},
+                          loaded_diagonal(stop));
   }
 
   double loaded_diagonal(const std::stop_token& stop) { return measured_bounds(stop).diagonal; }
@@ -291,7 +293,7 @@ const Estimates& Pipeline::estimates(std::stop_token stop) {
   state.measured_bounds(stop);
   state.measure(true, true, stop);
   state.estimates->spacing = state.spacing->mean;
-  state.estimates->noise = *state.noise;
+  state.estimates->noise = state.noise->sigma;
   return *state.estimates;
 }
 

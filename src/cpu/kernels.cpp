@@ -14,11 +14,9 @@ namespace pointfair::cpu::POINTFAIR_ISA {
 static void nearest(const IndexView& index, Index leaf, int k, float squared_limit, Index* out) {
   for (int part = 0; part < kLeafSize; part += kLanes) {
     const Index start = leaf * kLeafSize + Index(part);
-    if (start < index.points) {
-      search_lanes(index, start, 0, kLanes, k, squared_limit, out + part);
-    } else {
+    if (start + kLanes > index.points)  // lanes without a point
       for (int s = 0; s < k; ++s) store(out + s * kLeafSize + part, broadcast(int(point::kNoNeighbor)));
-    }
+    if (start < index.points) search_lanes(index, start, 0, kLanes, k, squared_limit, out + part);
   }
 }
 
