@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+// What every fuzz target does: reads bytes as a file of one format. If that succeeds, everything that can be asked of
+// the cloud is asked, and what is written is read again and must be the same.
+#pragma once
+
+#include <cstdint>
+#include <cstdlib>
+#include <cstring>
+#include <string>
+
+#include "pointfair/io.hpp"
+
+namespace pointfair::fuzz {
+
+inline void require(bool condition) {
+  if (!condition) std::abort();
+}
+
+// Calls that may refuse, but with an error of this library only.
+template <class Call>
+bool accepted(const Call& call) {
+  try {
+    call();
+    return true;
+  } catch (const Error& error) {
+    require(error.kind() == ErrorKind::file || error.kind() == ErrorKind::usage);
+    return false;
+  }
+}
+
+inline Cloud read_as(const std::vector<std::byte>& bytes, Format format) {
+  ReadOptions options;
+  options.format = format;
+  options.threads = 1;
+  return read(bytes, "fuzz", options);
+}
+
+/// Moves a point, adds an attribute, writes in every encoding, and reads that again. A text file with fewer columns in
+/// some row may be refused after a column was added to it.
+inline void write_changed(Cloud cloud, Format format) {
+  cloud.points.front().x += 1;
+  cloud.points.back().z = 7;
+  Attribute added;
+  added.name = "pointfair_fuzz";
+  added.type = ScalarType::uint8;
+  added.data.resize(cloud.points.size());
+  cloud.added = {added};
+  for (const Encoding encoding :
+       {Encoding::ascii, Encoding::binary, Encoding::binary_big_endian, Encoding::binary_compressed}) {
+    accepted([&] {
+      const Cloud again = read_as(write_bytes(cloud, format, encoding), format);
+      require(again.points.size() == cloud.points.size());
+    });
+  }
+  for (const Format other : {Format::ply, Format::pcd, Format::csv, Format::off, Format::obj}) {
+    accepted([&] { write_bytes(cloud, other); });
+  }
+}
+
+inline int run(const std::uint8_t* data, std::size_t size, Format format) {
+  const auto* const begin = reinterpret_cast<const std::byte*>(data);
+  const std::vector<std::byte> bytes(begin, begin + size);
+  Cloud cloud;
+  if (!accepted([&] { cloud = read_as(bytes, format); })) return 0;
+  require(!cloud.points.empty() && cloud.points.size() <= size * 100);
+  for (const AttributeInfo& info : attributes(cloud)) accepted([&] { attribute(cloud, info.name); });
+  accepted([&] { triangles(cloud); });
+  require(write_bytes(cloud, format) == bytes);
+  write_changed(std::move(cloud), format);
+  return 0;
+}
+
+}  // namespace pointfair::fuzz
