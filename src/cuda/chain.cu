@@ -32,23 +32,24 @@ void Chain::find_neighbors(const NeighborSettings& settings, std::stop_token sto
   stop_if_asked(stop);
   neighbors_ = settings;
   areas_measured_ = false;
-  check(cudaMemsetAsync(&index_.state()->short_neighborhoods, 0, sizeof(CloudState::short_neighborhoods), context_.stream()),
+  check(cudaMemsetAsync(&index_.state()->short_neighborhoods, 0, sizeof(CloudState::short_neighborhoods),
+                        context_.stream()),
         "preparing the search");
   if (settings.k == 0) return lists_.release();
   const std::size_t places = index_.leaves() * kLeafSize;
   const float squared_limit = settings.radius > 0 ? settings.radius * settings.radius : kNoLimit;
   DeviceArray<Index> retries(context_);
-  retries.resize(places);
+  retries.resize(places + index_.leaves());
+  const Retries room{retries.data() + places, retries.data()};
   lists_.resize(places * settings.k);
   if (!settings.constraint)
-    return find_nearest(context_, index_.tree(), index_.state(), {settings.k, squared_limit}, lists_.data(),
-                        retries.data());
+    return find_nearest(context_, index_.tree(), index_.state(), {settings.k, squared_limit}, lists_.data(), room);
 
   const int pool = std::min(std::max(kLeastPool, 2 * settings.k), kLargestList);
   DeviceArray<Index> candidates(context_);
   candidates.resize(places * pool);
   const Lists pools{pool, candidates.data()};
-  find_nearest(context_, index_.tree(), index_.state(), {pool, squared_limit}, candidates.data(), retries.data());
+  find_nearest(context_, index_.tree(), index_.state(), {pool, squared_limit}, candidates.data(), room);
   stop_if_asked(stop);
   grow_neighborhoods(context_, index_.tree(), index_.state(), {settings.k, squared_limit}, settings.reach, pools,
                      lists_.data(), retries.data());
@@ -69,9 +70,9 @@ void Chain::measure_areas() {
   } else {
     DeviceArray<Index> nearest(context_), retries(context_);
     nearest.resize(places * point::kAreaNeighbors);
-    retries.resize(places);
+    retries.resize(places + index_.leaves());
     find_nearest(context_, index_.tree(), index_.state(), {point::kAreaNeighbors, kNoLimit}, nearest.data(),
-                 retries.data());
+                 {retries.data() + places, retries.data()});
     measure_mean_distances(context_, index_.tree(), {point::kAreaNeighbors, nearest.data()}, mean_distance_.data());
   }
   areas_measured_ = true;

@@ -4,6 +4,8 @@
 // asked for; while neighbours are found, 4, and with the constraint 4 more for each of 2 k candidates.
 #pragma once
 
+#include <limits>
+
 #include "backend.hpp"
 #include "cuda/index.cuh"
 #include "cuda/search.cuh"
@@ -32,7 +34,10 @@ class Chain {
  private:
   void measure_areas();
   Lists lists() const { return {neighbors_.k, lists_.data()}; }
-  Neighborhoods neighborhoods() const { return {lists(), neighbors_.radius * neighbors_.radius}; }
+  // The squared radius stays finite: infinite are only places that hold no point.
+  Neighborhoods neighborhoods() const {
+    return {lists(), std::min(neighbors_.radius * neighbors_.radius, std::numeric_limits<float>::max())};
+  }
   Normals normals() const;
 
   Context& context_;

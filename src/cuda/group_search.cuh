@@ -15,7 +15,7 @@
 #pragma once
 
 #include "cuda/network.cuh"
-#include "cuda/tree.cuh"
+#include "cuda/query_boxes.cuh"
 
 namespace pointfair::cuda {
 
@@ -38,32 +38,9 @@ struct GroupShape {
 // What a warp keeps in shared memory. `close` is in scaled coordinates, slot in w.
 template <int kList>
 struct GroupMemory {
-  float4 close[2 * kWarp + kChunk];
+  float4 close[kList <= 16 ? 2 * kWarp + kChunk : 4 * kWarp + kChunk];
   unsigned stack[GroupShape<kList>::kStack][kWarp];
   Index position[kSlots];
-  WalkStack walk;
-};
-
-// The queries of a leaf as two runs of lanes, cut where consecutive points lie farthest apart: where the curve leaves
-// the surface and comes back, one box would be mostly empty.
-struct TwoBoxes {
-  Box box[2];
-  bool in_second;  // whether this lane belongs to the second
-
-  __device__ __forceinline__ TwoBoxes(Vec p, bool active) {
-    const Vec step = {p.x - __shfl_up_sync(kAllLanes, p.x, 1), p.y - __shfl_up_sync(kAllLanes, p.y, 1),
-                      p.z - __shfl_up_sync(kAllLanes, p.z, 1)};
-    const unsigned jump = active && lane_number() > 0 ? __float_as_uint(point::squared_length(step)) : 0u;
-    const unsigned longest = warp_max(jump);
-    const int cut = __ffs(static_cast<int>(__ballot_sync(kAllLanes, jump == longest))) - 1;
-    in_second = static_cast<int>(lane_number()) >= cut;
-    box[0] = warp_box(p, active && !in_second);
-    box[1] = warp_box(p, active && in_second);
-  }
-  __device__ Box both() const {
-    return {{fminf(box[0].min.x, box[1].min.x), fminf(box[0].min.y, box[1].min.y), fminf(box[0].min.z, box[1].min.z)},
-            {fmaxf(box[0].max.x, box[1].max.x), fmaxf(box[0].max.y, box[1].max.y), fmaxf(box[0].max.z, box[1].max.z)}};
-  }
 };
 
 template <int kList>
@@ -71,7 +48,8 @@ class GroupSearch {
  public:
   static constexpr int kBatch = GroupShape<kList>::kBatch;
   static constexpr unsigned kStack = GroupShape<kList>::kStack;
-  static constexpr float kFar = 1e18f;  // fills places of `close`; beyond every limit
+  static constexpr unsigned kEntry = kWarp * sizeof(unsigned);  // from one place of a stack to the next, bytes
+  static constexpr float kFar = 1e18f;                          // fills places of `close`; beyond every limit
 
   __device__ __forceinline__ GroupSearch(const Tree& tree, GroupMemory<kList>& memory, Index leaf, Index valid)
       : tree_(tree),
@@ -81,14 +59,18 @@ class GroupSearch {
         active_(at_ < valid),
         position_(position_of(tree.points[at_])),
         boxes_(position_, active_) {
-    const Box both = boxes_.both();
-    middle_ = {0.5f * both.min.x + 0.5f * both.max.x, 0.5f * both.min.y + 0.5f * both.max.y,
-               0.5f * both.min.z + 0.5f * both.max.z};
-    squared_diagonal_ = point::squared_length(both.max - both.min);
+    const Box all = boxes_.all();
+    middle_ = {0.5f * all.min.x + 0.5f * all.max.x, 0.5f * all.min.y + 0.5f * all.max.y,
+               0.5f * all.min.z + 0.5f * all.max.z};
+    squared_diagonal_ = QueryBoxes::squared_diagonal(all);
     scale_ = kDiagonalSteps * rsqrtf(squared_diagonal_);
+    stack_ = shared_address(&memory.stack[0][lane_number()]);
+    top_ = stack_;
   }
 
-  // Leaves with all points in one place, or too large or small to be scaled, are for the exact search.
+  __device__ Index candidates() const { return slots_; }
+  __device__ bool in_one_place() const { return squared_diagonal_ == 0; }
+  // Leaves with all points in one place, or too large or small to be scaled, are for the exact searches.
   __device__ __forceinline__ bool suits() const { return squared_diagonal_ > 1e-30f && squared_diagonal_ < 1e30f; }
 
   // Returns false if there were too many candidates; then nothing is known of any lane.
@@ -97,17 +79,23 @@ class GroupSearch {
     search_own_leaf();
     constexpr Index kBeside = kList <= 16 ? 1 : 2;  // leaves on either side that come first, for an early limit
     const Index first = leaf_ > kBeside ? leaf_ - kBeside : 0, last = min(leaf_ + kBeside, tree_.leaves - 1);
-    Walk walk(tree_, memory_.walk);
-    Index beside = first;
-    while (true) {
-      Index leaf = beside <= last ? beside : walk.next([&](const Box& box) { return is_near(box); });
-      const bool skipped = beside <= last ? leaf == leaf_ : leaf >= first && leaf <= last;
-      const bool rest = leaf == point::kNoNeighbor || beside == last;
-      beside += beside <= last;
-      if (leaf != point::kNoNeighbor && !skipped && !collect(leaf)) return false;
-      if (close_ >= kWarp || rest) look_at_close(rest);
-      if (leaf == point::kNoNeighbor) return true;
+    for (Index beside = first; beside <= last; ++beside)
+      if (beside != leaf_) collect(beside, points_of(beside));
+    look_at_close(true);
+    Walk walk(tree_);
+    const auto near = [&](const BoxGroup& group) { return is_near(box_of_lane(group)); };
+    Index leaf = walk.next(near);
+    Vec points = points_of(leaf);
+    while (leaf != point::kNoNeighbor) {
+      const Index following = walk.next(near);
+      const Vec points_ahead = points_of(following);  // on their way while `leaf` is looked at
+      const bool seen = leaf - first <= last - first;
+      if (!seen && !collect(leaf, points)) return false;
+      if (close_ >= kWarp || following == point::kNoNeighbor) look_at_close(following == point::kNoNeighbor);
+      leaf = following;
+      points = points_ahead;
     }
+    return true;
   }
 
   // Whether this lane's list is certainly right as a set.
@@ -209,15 +197,25 @@ class GroupSearch {
     update_limit();
   }
 
+  // Squared distance of two boxes, rounded any way: `reach` has room for that.
+  __device__ __forceinline__ static float gap_of(const Box& a, const Box& b) {
+    const float x = fmaxf(fmaxf(a.min.x - b.max.x, b.min.x - a.max.x), 0.0f);
+    const float y = fmaxf(fmaxf(a.min.y - b.max.y, b.min.y - a.max.y), 0.0f);
+    const float z = fmaxf(fmaxf(a.min.z - b.max.z, b.min.z - a.max.z), 0.0f);
+    return __fmaf_rn(z, z, __fmaf_rn(y, y, x * x));
+  }
   __device__ __forceinline__ bool is_near(const Box& box) const {
-    const float first = squared_gap(box, boxes_.box[0]), second = squared_gap(box, boxes_.box[1]);
-    return first <= reach_[0] || second <= reach_[1];
+    bool near = gap_of(box, boxes_.box[0]) <= boxes_.reach[0];
+    if (boxes_.split) near = near || gap_of(box, boxes_.box[1]) <= boxes_.reach[1];
+    return near;
+  }
+
+  __device__ __forceinline__ Vec points_of(Index leaf) const {
+    return leaf != point::kNoNeighbor ? position_of(tree_.points[leaf * kLeafSize + lane_number()]) : Vec{};
   }
 
   // Puts the points of the leaf that some lane may need at the end of `close`. Returns false if there are too many.
-  __device__ __forceinline__ bool collect(Index leaf) {
-    const Index at = leaf * kLeafSize + lane_number();
-    const Vec p = position_of(tree_.points[at]);
+  __device__ __forceinline__ bool collect(Index leaf, Vec p) {
     const bool near = is_near({p, p});
     const unsigned all_near = __ballot_sync(kAllLanes, near);
     const unsigned count = static_cast<unsigned>(__popc(all_near));
@@ -226,7 +224,7 @@ class GroupSearch {
       const unsigned rank = static_cast<unsigned>(__popc(all_near & lanes_below()));
       const Vec scaled = scaled_of(p);
       memory_.close[close_ + rank] = {scaled.x, scaled.y, scaled.z, __uint_as_float(slots_ + rank)};
-      memory_.position[slots_ + rank] = at;
+      memory_.position[slots_ + rank] = leaf * kLeafSize + lane_number();
     }
     close_ += count;
     slots_ += count;
@@ -241,12 +239,15 @@ class GroupSearch {
 #pragma unroll 1
     for (unsigned start = 0; start < close_ || rest; start += kChunk) {
       if (start < close_) {
+        float4 candidates[kChunk];
 #pragma unroll
-        for (unsigned i = 0; i < kChunk; ++i) stack_if_close(memory_.close[start + i]);
+        for (unsigned i = 0; i < kChunk; ++i) candidates[i] = memory_.close[start + i];
+#pragma unroll
+        for (unsigned i = 0; i < kChunk; ++i) stack_if_close(candidates[i]);
       }
       const bool last = start + kChunk >= close_;
-      const unsigned room_needed = rest && last ? kStack : kChunk;
-      while (__any_sync(kAllLanes, depth_ > kStack - room_needed)) merge_stack();
+      const unsigned full = stack_ + (rest && last ? 0 : kStack - kChunk) * kEntry;
+      while (__any_sync(kAllLanes, top_ > full)) merge_stack();
       if (last) break;
     }
     __syncwarp();
@@ -256,15 +257,18 @@ class GroupSearch {
   __device__ __forceinline__ void stack_if_close(float4 candidate) {
     const float distance = distance_to(candidate);
     if (distance > limit_) return;
-    memory_.stack[depth_][lane_number()] = key_of(distance, candidate);
-    ++depth_;
+    store_word(top_, key_of(distance, candidate));
+    top_ += kEntry;
   }
 
   __device__ __forceinline__ void merge_stack() {
     unsigned batch[kBatch];
 #pragma unroll
-    for (unsigned i = 0; i < kBatch; ++i) batch[i] = i < depth_ ? memory_.stack[depth_ - 1 - i][lane_number()] : ~0u;
-    depth_ = depth_ > kBatch ? depth_ - kBatch : 0;
+    for (unsigned i = 0; i < kBatch; ++i) {
+      batch[i] = ~0u;
+      if (top_ > stack_ + i * kEntry) batch[i] = load_word(top_ - (i + 1) * kEntry);
+    }
+    top_ = max(top_, stack_ + kBatch * kEntry) - kBatch * kEntry;
     merge_batch(list_, batch, rejected_);
     update_limit();
   }
@@ -274,15 +278,12 @@ class GroupSearch {
     limit_ = fminf(limit_, kUnitsBase + float(units_of(list_[kList - 1]) + kUnsure));
     update_reach();
   }
-  // What the boxes of the two runs must come near to; a little too far, never too near.
+  // What must come near to the boxes; a little too far, never too near.
   __device__ __forceinline__ void update_reach() {
     const float units_to_squared = squared_diagonal_ * (1.001f / (kDiagonalSteps * kDiagonalSteps));
-    const unsigned mine = active_ ? __float_as_uint(limit_) : __float_as_uint(kUnitsBase);
-    const unsigned none = __float_as_uint(kUnitsBase);
-    const unsigned farthest_first = warp_max(boxes_.in_second ? none : mine);
-    const unsigned farthest_second = warp_max(boxes_.in_second ? mine : none);
-    reach_[0] = (__uint_as_float(farthest_first) - kUnitsBase) * units_to_squared;
-    reach_[1] = (__uint_as_float(farthest_second) - kUnitsBase) * units_to_squared;
+    boxes_.set_reach(
+        active_ ? __float_as_uint(limit_) : __float_as_uint(kUnitsBase),
+        [](unsigned limit, float factor) { return (__uint_as_float(limit) - kUnitsBase) * factor; }, units_to_squared);
   }
 
   const Tree& tree_;
@@ -290,15 +291,15 @@ class GroupSearch {
   Index leaf_, at_;
   bool active_;
   Vec position_;
-  TwoBoxes boxes_;
+  QueryBoxes boxes_;
   Vec middle_, query_;
   float squared_diagonal_, scale_;
-  bool limited_ = false;  // by the radius rather than by the range of keys
-  float limit_ = -1.0f;   // kUnitsBase + units
-  float reach_[2] = {};
+  bool limited_ = false;     // by the radius rather than by the range of keys
+  float limit_ = -1.0f;      // kUnitsBase + units
   unsigned list_[kList];     // sorted keys
   unsigned rejected_ = ~0u;  // the least key that was looked at and is not in the list
-  unsigned close_ = 0, slots_ = 0, depth_ = 0;
+  unsigned close_ = 0, slots_ = 0;
+  unsigned stack_, top_;  // addresses of this lane's stack and of its first free place
 };
 
 }  // namespace pointfair::cuda

@@ -7,64 +7,85 @@
 namespace pointfair::cuda {
 namespace {
 
-constexpr int kSample = 1024;
+constexpr int kSample = 256;
 constexpr int kKeyBlock = 256;
 constexpr int kBoxBlock = 1024;  // threads; 32 leaves, so a block also has the box of the level above
 constexpr float kInfinity = __builtin_inff();
 
 __device__ bool is_valid(Point p) { return point::is_indexable(p.x, p.y, p.z); }
 
-// Sorts three arrays of kSample floats at once, a thread an element.
-__device__ void sort_sample(float (*values)[kSample]) {
-  const int i = int(threadIdx.x);
-  for (int size = 2; size <= kSample; size *= 2) {
-    for (int stride = size / 2; stride > 0; stride /= 2) {
-      __syncthreads();
-      const int j = i ^ stride;
-      if (j <= i) continue;
-      for (int axis = 0; axis < 3; ++axis) {
-        const float a = values[axis][i], b = values[axis][j];
-        if ((a > b) == ((i & size) == 0)) {
-          values[axis][i] = b;
-          values[axis][j] = a;
-        }
-      }
+// A sample of one axis over the lanes of a warp, as ordered() numbers; kNothing marks an empty place.
+struct Sample {
+  static constexpr unsigned kNothing = ~0u;
+  static constexpr int kHeld = kSample / kWarp;
+  unsigned values[kHeld];
+
+  // The least value left, which is then taken out.
+  __device__ unsigned take_least() {
+    unsigned least = kNothing;
+    for (int i = 0; i < kHeld; ++i) least = min(least, values[i]);
+    const unsigned result = warp_min(least);
+    const int lane = __ffs(static_cast<int>(__ballot_sync(kAllLanes, least == result))) - 1;
+    bool taken = static_cast<int>(lane_number()) != lane;
+    for (int i = 0; i < kHeld; ++i) {
+      const bool here = !taken && values[i] == result;
+      values[i] = here ? kNothing : values[i];
+      taken = taken || here;
     }
+    return result;
   }
-  __syncthreads();
-}
+  // The least value, and that which has `rank` below it. The sample is used up.
+  __device__ void measure(int rank, float& least, float& at_rank) {
+    unsigned value = take_least();
+    least = unordered(value);
+    for (int i = 0; i < rank; ++i) value = take_least();
+    at_rank = unordered(value);
+  }
+  __device__ Sample negated() const {
+    Sample other;
+    for (int i = 0; i < kHeld; ++i) other.values[i] = values[i] == kNothing ? kNothing : ordered(-unordered(values[i]));
+    return other;
+  }
+};
 
 // Lays the key's cube over most points: between the 2 % and the 98 % quantile of a sample on each axis, widened by the
 // longest side, and no wider than the sample itself. A stray point far away does not stretch it; points outside are
 // clamped for the key only.
-__global__ void prepare(const Point* points, std::size_t count, float steps, CloudState* state) {
-  __shared__ float values[3][kSample];
+__global__ void __launch_bounds__(3 * kWarp)
+    prepare(const Point* points, std::size_t count, float steps, CloudState* state) {
+  __shared__ float first[3], last[3], low[3], high[3];  // by axis: ends and quantiles
+  const unsigned axis = threadIdx.x / kWarp;
   const std::size_t size = min(count, std::size_t(kSample));
-  const bool taken = threadIdx.x < size;
-  const Point p = taken ? points[threadIdx.x * count / size] : Point{};
-  const bool valid = taken && is_valid(p);
-  values[0][threadIdx.x] = valid ? p.x : kInfinity;
-  values[1][threadIdx.x] = valid ? p.y : kInfinity;
-  values[2][threadIdx.x] = valid ? p.z : kInfinity;
-  const int found = __syncthreads_count(valid);
-  sort_sample(values);
+  Sample sample;
+  int found = 0;
+  for (int i = 0; i < Sample::kHeld; ++i) {
+    const std::size_t place = i * kWarp + lane_number();
+    const Point p = place < size ? points[place * count / size] : Point{__int_as_float(0x7fc00000), 0, 0};
+    const bool valid = is_valid(p);
+    sample.values[i] = valid ? ordered(axis == 0 ? p.x : axis == 1 ? p.y : p.z) : Sample::kNothing;
+    found += __popc(__ballot_sync(kAllLanes, valid));
+  }
+  Sample negated = sample.negated();
+  float least, quantile;
+  sample.measure(found / 50, least, quantile);
+  first[axis] = least, low[axis] = quantile;
+  negated.measure(found / 50, least, quantile);
+  last[axis] = -least, high[axis] = -quantile;
+  __syncthreads();
   if (threadIdx.x != 0) return;
-  float low[3] = {}, high[3] = {}, longest = 0, side = 0;
-  const int cut = found / 50;
-  for (int axis = 0; axis < 3 && found > 0; ++axis)
-    longest = fmaxf(longest, values[axis][found - 1 - cut] - values[axis][cut]);
-  for (int axis = 0; axis < 3 && found > 0; ++axis) {
-    const float first = values[axis][0], last = values[axis][found - 1];
-    const float slack = (longest > 0 ? longest : last - first) / 32;
-    low[axis] = fmaxf(first - slack, longest > 0 ? values[axis][cut] - longest : first);
-    high[axis] = fminf(last + slack, longest > 0 ? values[axis][found - 1 - cut] + longest : last);
-    side = fmaxf(side, high[axis] - low[axis]);
+  float longest = 0, side = 0, origin[3] = {};
+  for (int a = 0; a < 3 && found > 0; ++a) longest = fmaxf(longest, high[a] - low[a]);
+  for (int a = 0; a < 3 && found > 0; ++a) {
+    const bool spread = longest > 0;  // else nearly all are in one place, and the ends must do
+    const float slack = (spread ? longest : last[a] - first[a]) / 32;
+    origin[a] = fmaxf(first[a] - slack, spread ? low[a] - longest : first[a]);
+    side = fmaxf(side, fminf(last[a] + slack, spread ? high[a] + longest : last[a]) - origin[a]);
   }
   const float scale = steps / side;
   *state = CloudState{};
-  for (int axis = 0; axis < 3; ++axis) {
-    state->origin[axis] = low[axis];
-    state->min[axis] = ~0u;
+  for (int a = 0; a < 3; ++a) {
+    state->origin[a] = origin[a];
+    state->min[a] = ~0u;
   }
   state->steps_per_unit = side > 0 && scale < kInfinity ? scale : 0;
 }
@@ -119,71 +140,66 @@ __global__ void make_keys(const Point* points, std::size_t count, CloudState* st
   bounds.publish(state);
 }
 
-__device__ void store_box(const Level& level, Index node, const Box& box, Index least_original) {
-  float* b = level.boxes + node;
-  const std::size_t stride = level.stride;
-  b[0] = box.min.x, b[stride] = box.min.y, b[2 * stride] = box.min.z;
-  b[3 * stride] = box.max.x, b[4 * stride] = box.max.y, b[5 * stride] = box.max.z;
-  level.least_original[node] = least_original;
+__device__ void store_box(BoxGroup& group, unsigned child, const Box& box, Index least_original) {
+  const float bounds[6] = {box.min.x, box.min.y, box.min.z, box.max.x, box.max.y, box.max.z};
+  for (int b = 0; b < 6; ++b) group.bound[b][child] = bounds[b];
+  group.least_original[child] = least_original;
 }
 
 __device__ Box united_box(const Box& mine) { return {warp_box(mine.min, true).min, warp_box(mine.max, true).max}; }
 
 // Brings the points into sorted order and makes the boxes of their leaves and of the level above.
-__global__ void __launch_bounds__(kBoxBlock)
-    gather(const Point* points, std::size_t count, const Index* order, const CloudState* state, float4* sorted,
-           Index leaves, Level leaf_level, Level level_above) {
+__global__ void __launch_bounds__(kBoxBlock) gather(const Point* points, std::size_t count, const Index* order,
+                                                    const __grid_constant__ Tree tree, float4* sorted) {
   __shared__ Box boxes[kWarp];
   __shared__ Index least[kWarp];
   const std::size_t i = std::size_t(blockIdx.x) * kBoxBlock + threadIdx.x;
-  const Index leaf = static_cast<Index>(i / kLeafSize);
-  const bool valid = i < state->valid;
+  const unsigned warp = threadIdx.x / kWarp;
+  const bool valid = i < tree.state->valid;
   const Index original = i < count ? order[i] : point::kNoNeighbor;
   const Point p = valid ? points[original] : Point{kInfinity, kInfinity, kInfinity};
-  if (leaf < leaves) sorted[i] = {p.x, p.y, p.z, __uint_as_float(original)};
+  if (i / kLeafSize < tree.leaves) sorted[i] = {p.x, p.y, p.z, __uint_as_float(original)};
   const Box box = warp_box({p.x, p.y, p.z}, valid);
   const Index first = warp_min(valid ? original : point::kNoNeighbor);
   if (lane_number() == 0) {
-    store_box(leaf_level, leaf, box, first);
-    boxes[threadIdx.x / kWarp] = box;
-    least[threadIdx.x / kWarp] = first;
+    store_box(tree.group(0, blockIdx.x), warp, box, first);
+    boxes[warp] = box;
+    least[warp] = first;
   }
   __syncthreads();
-  if (threadIdx.x >= kWarp || level_above.boxes == nullptr) return;
+  if (warp > 0 || tree.levels < 2) return;
   const Box above = united_box(boxes[threadIdx.x]);
   const Index first_above = warp_min(least[threadIdx.x]);
-  if (threadIdx.x == 0) store_box(level_above, blockIdx.x, above, first_above);
+  if (threadIdx.x == 0) store_box(tree.group(1, blockIdx.x / kWarp), blockIdx.x % kWarp, above, first_above);
 }
 
-// The levels from `first` on, by one block: the padding of each, then the boxes of the next.
-__global__ void __launch_bounds__(kBoxBlock) gather_upper_levels(Tree tree, int first, Index nodes) {
+// The levels from 1 on, by one block: the places of each that no child fills, then the boxes of the next.
+__global__ void __launch_bounds__(kBoxBlock) gather_upper_levels(const __grid_constant__ Tree tree, Index nodes) {
   const Box nothing = {{kInfinity, kInfinity, kInfinity}, {-kInfinity, -kInfinity, -kInfinity}};
-  for (int l = first; l < tree.levels; ++l) {
-    const Level level = tree.level[l];
-    for (Index node = nodes + threadIdx.x; node < level.stride; node += kBoxBlock)
-      store_box(level, node, nothing, point::kNoNeighbor);
+  for (int level = 1; level < tree.levels; ++level) {
+    const Index groups = (nodes + kLeafSize - 1) / kLeafSize;
+    const Index empty = nodes + threadIdx.x;
+    if (empty < groups * kLeafSize)
+      store_box(tree.group(level, empty / kLeafSize), empty % kLeafSize, nothing, point::kNoNeighbor);
     __syncthreads();
-    nodes = (nodes + kLeafSize - 1) / kLeafSize;
-    for (Index node = threadIdx.x / kWarp; node < nodes && l + 1 < tree.levels; node += kBoxBlock / kWarp) {
-      const Index child = node * kLeafSize + lane_number();
-      const Box box = united_box(box_of_child(level, child));
-      const Index least = warp_min(level.least_original[child]);
-      if (lane_number() == 0) store_box(tree.level[l + 1], node, box, least);
+    for (Index node = threadIdx.x / kWarp; node < groups && level + 1 < tree.levels; node += kBoxBlock / kWarp) {
+      const BoxGroup& children = tree.group(level, node);
+      const Box box = united_box(box_of_lane(children));
+      const Index least = warp_min(children.least_original[lane_number()]);
+      if (lane_number() == 0) store_box(tree.group(level + 1, node / kLeafSize), node % kLeafSize, box, least);
     }
+    nodes = groups;
     __syncthreads();
   }
 }
-
-std::size_t padded(std::size_t nodes) { return (nodes + kLeafSize - 1) / kLeafSize * kLeafSize; }
 
 }  // namespace
 
-DeviceIndex::DeviceIndex(Context& context)
-    : context_(context), state_(context), points_(context), boxes_(context), least_original_(context) {}
+DeviceIndex::DeviceIndex(Context& context) : context_(context), state_(context), points_(context), groups_(context) {}
 
 Tree DeviceIndex::tree() const {
-  Tree tree{points_.data(), state_.data(), static_cast<Index>(leaves_), levels_, {}};
-  std::copy_n(level_, kMaxLevels, tree.level);
+  Tree tree{points_.data(), state_.data(), static_cast<Index>(leaves_), levels_, groups_.data(), {}};
+  std::copy_n(first_group_, kMaxLevels, tree.first_group);
   return tree;
 }
 
@@ -195,16 +211,15 @@ void DeviceIndex::build(const Point* points, std::size_t count) {
   DeviceArray<Index> order(context_);
   constexpr std::size_t kManyPoints = 1 << 24;  // from here on cells of 2^10 steps an axis hold too many points each
   if (count < kManyPoints) {
-    sort<std::uint32_t>(points, 10, order);
+    sort<std::uint32_t, 10>(points, order);
   } else {
-    sort<std::uint64_t>(points, 13, order);
+    sort<std::uint64_t, 13>(points, order);
   }
   build_boxes(points, order.data());
 }
 
-template <class Key>
-void DeviceIndex::sort(const Point* points, int bits, DeviceArray<Index>& order) {
-  constexpr int kBits = sizeof(Key) == 4 ? 10 : 13;
+template <class Key, int kBits>
+void DeviceIndex::sort(const Point* points, DeviceArray<Index>& order) {
   DeviceArray<Key> keys(context_), sorted_keys(context_);
   DeviceArray<Index> unsorted(context_);
   keys.resize(count_);
@@ -212,7 +227,7 @@ void DeviceIndex::sort(const Point* points, int bits, DeviceArray<Index>& order)
   unsorted.resize(count_);
   order.resize(count_);
   const cudaStream_t stream = context_.stream();
-  prepare<<<1, kSample, 0, stream>>>(points, count_, float(1 << bits), state_.data());
+  prepare<<<1, 3 * kWarp, 0, stream>>>(points, count_, float(1 << kBits), state_.data());
   check(cudaGetLastError(), "laying out the index");
   const unsigned blocks = std::min(blocks_for(count_, kKeyBlock), unsigned(context_.processors()) * 8);
   make_keys<Key, kBits><<<blocks, kKeyBlock, 0, stream>>>(points, count_, state_.data(), keys.data(), unsorted.data());
@@ -231,26 +246,20 @@ void DeviceIndex::sort(const Point* points, int bits, DeviceArray<Index>& order)
 }
 
 void DeviceIndex::build_boxes(const Point* points, const Index* order) {
-  std::size_t nodes[kMaxLevels] = {std::max<std::size_t>(1, leaves_)}, all = padded(nodes[0]);
-  for (levels_ = 1; nodes[levels_ - 1] > kLeafSize; ++levels_) {
-    nodes[levels_] = (nodes[levels_ - 1] + kLeafSize - 1) / kLeafSize;
-    all += padded(nodes[levels_]);
+  std::size_t groups = blocks_for(leaves_, kLeafSize), all = groups;
+  const Index groups_of_leaves = static_cast<Index>(groups);
+  first_group_[0] = 0;
+  for (levels_ = 1; groups > 1; ++levels_) {
+    groups = blocks_for(groups, kLeafSize);
+    first_group_[levels_] = static_cast<Index>(all);
+    all += groups;
   }
-  boxes_.resize(6 * all);
-  least_original_.resize(all);
-  std::size_t start = 0;
-  for (int l = 0; l < kMaxLevels; ++l) {
-    level_[l] = {};
-    if (l >= levels_) continue;
-    level_[l] = {boxes_.data() + 6 * start, least_original_.data() + start, static_cast<Index>(padded(nodes[l]))};
-    start += padded(nodes[l]);
-  }
+  groups_.resize(all);
   const cudaStream_t stream = context_.stream();
-  gather<<<blocks_for(leaves_, kWarp), kBoxBlock, 0, stream>>>(points, count_, order, state_.data(), points_.data(),
-                                                               static_cast<Index>(leaves_), level_[0], level_[1]);
+  gather<<<groups_of_leaves, kBoxBlock, 0, stream>>>(points, count_, order, tree(), points_.data());
   check(cudaGetLastError(), "gathering points");
   if (levels_ < 2) return;
-  gather_upper_levels<<<1, kBoxBlock, 0, stream>>>(tree(), 1, static_cast<Index>(nodes[1]));
+  gather_upper_levels<<<1, kBoxBlock, 0, stream>>>(tree(), groups_of_leaves);
   check(cudaGetLastError(), "building the tree");
 }
 

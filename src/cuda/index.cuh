@@ -22,17 +22,16 @@ class DeviceIndex {
   std::size_t leaves() const { return leaves_; }
 
  private:
-  template <class Key>
-  void sort(const Point* points, int bits, DeviceArray<Index>& order);
+  template <class Key, int kBits>
+  void sort(const Point* points, DeviceArray<Index>& order);
   void build_boxes(const Point* points, const Index* order);
 
   Context& context_;
   std::size_t count_ = 0, leaves_ = 0;
   DeviceArray<CloudState> state_;
   DeviceArray<float4> points_;
-  DeviceArray<float> boxes_;
-  DeviceArray<Index> least_original_;
-  Level level_[kMaxLevels] = {};
+  DeviceArray<BoxGroup> groups_;
+  Index first_group_[kMaxLevels] = {};
   int levels_ = 0;
 };
 

@@ -25,9 +25,15 @@ struct NearestQuery {
   float squared_limit;  // infinite for none
 };
 
-// The k nearest other points of every point. `retries` has room for every point.
+// Room for the leaves and the queries that the fast search leaves to the exact ones: each may be all of them.
+struct Retries {
+  Index* leaves;
+  Index* queries;
+};
+
+// The k nearest other points of every point.
 void find_nearest(Context& context, const Tree& tree, CloudState* state, NearestQuery query, Index* list,
-                  Index* retries);
+                  Retries retries);
 
 // Grows constrained neighbourhoods of k points over the `pool` nearest that `candidates` holds, and over as many more
 // as it takes. Adds to state->short_neighborhoods.

@@ -31,7 +31,7 @@ struct SingleMemory {
         size(its_size) {}
 };
 
-inline int single_size(int k) {
+__host__ __device__ inline int single_size(int k) {
   int size = kLeastSize;
   while (size < k) size *= 2;
   return size;
@@ -60,7 +60,9 @@ class SingleSearch {
       if (int(lane_number()) == child) memory_.gaps[level * kWarp + lane_number()] = kVisited;
       const Index node = memory_.groups[level] * kLeafSize + Index(child);
       __syncwarp();
-      if (nearest == last_bits() && tree_.level[level].least_original[node] > last_original()) continue;
+      if (nearest == last_bits() &&
+          tree_.group(level, node / kLeafSize).least_original[node % kLeafSize] > last_original())
+        continue;
       if (level == 0) {
         visit_leaf(node);
       } else {
@@ -81,7 +83,7 @@ class SingleSearch {
   __device__ bool may_hold(unsigned gap) const { return gap <= last_bits() && __uint_as_float(gap) <= squared_limit_; }
 
   __device__ void enter(int level, Index group) {
-    const Box box = box_of_child(tree_.level[level], group * kLeafSize + lane_number());
+    const Box box = box_of_lane(tree_.group(level, group));
     const float gap = squared_gap(box, {position_, position_});
     memory_.gaps[level * kWarp + lane_number()] = gap < __int_as_float(0x7f800000) ? __float_as_uint(gap) : kVisited;
     memory_.groups[level] = group;

@@ -54,17 +54,14 @@ struct Listed<0> {
 // Everything within a radius, in sorted order; the warp walks the tree for its leaf.
 struct Ball {
   const Tree& tree;
-  WalkStack& stack;
   float squared_radius;
   Index at;
   Vec here;
   bool active;
   Box box;
 
-  __device__ __forceinline__ Ball(const Tree& its_tree, WalkStack& its_stack, float squared, Index its_place,
-                                  Vec position, bool is_active)
+  __device__ __forceinline__ Ball(const Tree& its_tree, float squared, Index its_place, Vec position, bool is_active)
       : tree(its_tree),
-        stack(its_stack),
         squared_radius(squared),
         at(its_place),
         here(position),
@@ -74,8 +71,9 @@ struct Ball {
   template <class Visit>
   __device__ __forceinline__ void operator()(Visit visit) const {
     const auto near = [&](const Box& other) { return squared_gap(other, box) <= squared_radius; };
-    Walk walk(tree, stack);
-    for (Index leaf = walk.next(near); leaf != point::kNoNeighbor; leaf = walk.next(near)) {
+    const auto near_group = [&](const BoxGroup& group) { return near(box_of_lane(group)); };
+    Walk walk(tree);
+    for (Index leaf = walk.next(near_group); leaf != point::kNoNeighbor; leaf = walk.next(near_group)) {
       const Vec mine = position_of(tree.points[leaf * kLeafSize + lane_number()]);
       for (unsigned all = __ballot_sync(kAllLanes, near({mine, mine})); all != 0; all &= all - 1) {
         const int lane = __ffs(static_cast<int>(all)) - 1;
@@ -112,8 +110,8 @@ __device__ __forceinline__ void normal_of(ForNeighbors for_neighbors, point::Nor
 }
 
 template <int kHeld>
-__global__ void __launch_bounds__(kBlock)
-    listed_normals(Tree tree, CloudState* state, Lists lists, point::NormalWeights weights, Normals normals) {
+__global__ void __launch_bounds__(kBlock) listed_normals(const __grid_constant__ Tree tree, CloudState* state,
+                                                         Lists lists, point::NormalWeights weights, Normals normals) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;  // whole leaves, so whole warps
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   const Listed<kHeld> neighbors(tree, lists, at, position_of(tree.points[at]));
@@ -121,13 +119,12 @@ __global__ void __launch_bounds__(kBlock)
 }
 
 __global__ void __launch_bounds__(kBlock)
-    ball_normals(Tree tree, CloudState* state, float squared_radius, point::NormalWeights weights, Normals normals) {
-  __shared__ WalkStack stacks[kWarps];
+    ball_normals(const __grid_constant__ Tree tree, CloudState* state, float squared_radius,
+                 point::NormalWeights weights, Normals normals) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   const bool valid = at < state->valid;
-  const Ball neighbors(tree, stacks[threadIdx.x / kWarp], squared_radius, Index(at), position_of(tree.points[at]),
-                       valid);
+  const Ball neighbors(tree, squared_radius, Index(at), position_of(tree.points[at]), valid);
   normal_of(neighbors, weights, at, valid, normals, state);
 }
 
@@ -147,8 +144,8 @@ __device__ __forceinline__ void fair_one(ForNeighbors for_neighbors, const Tree&
 
 template <int kHeld>
 __global__ void __launch_bounds__(kBlock)
-    listed_fairing(Tree tree, Lists lists, Normals normals, AreaWeights areas, point::BilateralWeights weights,
-                   const Point* points, std::size_t count, Point* faired) {
+    listed_fairing(const __grid_constant__ Tree tree, Lists lists, Normals normals, AreaWeights areas,
+                   point::BilateralWeights weights, const Point* points, std::size_t count, Point* faired) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= count) return;
   const Listed<kHeld> neighbors(tree, lists, at, position_of(tree.points[at]));
@@ -156,17 +153,15 @@ __global__ void __launch_bounds__(kBlock)
 }
 
 __global__ void __launch_bounds__(kBlock)
-    ball_fairing(Tree tree, float squared_radius, Normals normals, AreaWeights areas, point::BilateralWeights weights,
-                 const Point* points, std::size_t count, Point* faired) {
-  __shared__ WalkStack stacks[kWarps];
+    ball_fairing(const __grid_constant__ Tree tree, float squared_radius, Normals normals, AreaWeights areas,
+                 point::BilateralWeights weights, const Point* points, std::size_t count, Point* faired) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
-  const Ball neighbors(tree, stacks[threadIdx.x / kWarp], squared_radius, Index(at), position_of(tree.points[at]),
-                       at < tree.state->valid);
+  const Ball neighbors(tree, squared_radius, Index(at), position_of(tree.points[at]), at < tree.state->valid);
   fair_one(neighbors, tree, at, normals, areas, weights, points, count, faired);
 }
 
-__global__ void scatter_normals(Tree tree, Normals normals, std::size_t count, Point* out) {
+__global__ void scatter_normals(const __grid_constant__ Tree tree, Normals normals, std::size_t count, Point* out) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= count) return;
   const Vec n = normals.at(at);

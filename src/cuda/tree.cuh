@@ -19,12 +19,11 @@ struct Box {
   Vec min, max;
 };
 
-// Boxes of one level: six arrays of `stride` floats (min x, y, z, max x, y, z); boxes that do not exist are inside out,
+// The boxes of 32 children side by side: min x, y, z, max x, y, z. Those of children that do not exist are inside out,
 // at an infinite distance from everything. `least_original` breaks ties among points at the same distance.
-struct Level {
-  float* boxes;
-  Index* least_original;
-  Index stride;  // a multiple of 32
+struct BoxGroup {
+  float bound[6][kLeafSize];
+  Index least_original[kLeafSize];
 };
 
 // Facts about a cloud and its results that only the card knows until someone asks.
@@ -32,7 +31,7 @@ struct CloudState {
   float origin[3], steps_per_unit;  // of the sort key's grid
   unsigned min[3], max[3];          // ordered() floats
   Index valid;                      // these come first in sorted order
-  Index retries;                    // queries left to the exact search
+  Index leaf_retries, retries;      // leaves and queries left to the exact searches
   unsigned long long too_few_neighbors, no_normal, short_neighborhoods;
 };
 
@@ -41,16 +40,19 @@ struct Tree {
   const CloudState* state;
   Index leaves;
   int levels;
-  Level level[kMaxLevels];
+  BoxGroup* groups;  // of all levels
+  Index
+      first_group[kMaxLevels];  // level 0 has the boxes of leaves; group g has those of its children 32 g to 32 g + 31
+
+  __device__ BoxGroup& group(int level, Index number) const { return groups[first_group[level] + number]; }
 };
 
 __device__ inline Vec position_of(float4 p) { return {p.x, p.y, p.z}; }
 __device__ inline Index original_of(float4 p) { return __float_as_uint(p.w); }
 
-__device__ inline Box box_of_child(const Level& level, Index child) {
-  const float* b = level.boxes + child;
-  const std::size_t stride = level.stride;
-  return {{b[0], b[stride], b[2 * stride]}, {b[3 * stride], b[4 * stride], b[5 * stride]}};
+__device__ inline Box box_of_lane(const BoxGroup& group) {
+  const float* b = &group.bound[0][lane_number()];
+  return {{b[0], b[kLeafSize], b[2 * kLeafSize]}, {b[3 * kLeafSize], b[4 * kLeafSize], b[5 * kLeafSize]}};
 }
 
 __device__ inline float squared_gap(const Box& a, const Box& b) {
@@ -68,39 +70,33 @@ __device__ inline Box warp_box(Vec p, bool inside) {
   return {{least(p.x), least(p.y), least(p.z)}, {most(p.x), most(p.y), most(p.z)}};
 }
 
-// Where a warp stands on its way down the tree; one per warp in shared memory.
-struct WalkStack {
-  unsigned near[kMaxLevels];  // children still to be visited
-  Index group[kMaxLevels];    // whose they are
-};
-
-// The whole warp walks the leaves under boxes that are `near(box)`, in sorted order; `near` may narrow on the way.
+// The whole warp walks the leaves under boxes that are `near`, in sorted order; `near(group)` says so of the lane's box
+// in a group, and may narrow on the way. Lane l remembers what is left to visit on level l.
 class Walk {
  public:
-  __device__ __forceinline__ Walk(const Tree& tree, WalkStack& stack)
-      : tree_(tree), stack_(stack), level_(tree.levels) {}
+  __device__ __forceinline__ explicit Walk(const Tree& tree) : tree_(tree), level_(tree.levels) {}
 
-  // The next leaf, or kNoNeighbor after the last.
+  // The next leaf, or kNoNeighbor after the last; not to be called again then.
   template <class Near>
   __device__ __forceinline__ Index next(Near near) {
-    if (level_ == tree_.levels && group_ == 0) descend(tree_.levels - 1, 0, near);
-    while (level_ < tree_.levels) {
+    if (!begun_) descend(tree_.levels - 1, 0, near);
+    begun_ = true;
+    while (true) {
       if (pending_ == 0) {
-        if (++level_ == tree_.levels) break;
-        pending_ = stack_.near[level_];
-        group_ = stack_.group[level_];
+        if (++level_ >= tree_.levels) return point::kNoNeighbor;
+        pending_ = __shfl_sync(kAllLanes, left_, level_);
+        group_ = __shfl_sync(kAllLanes, left_group_, level_);
         continue;
       }
       const Index child = group_ * kLeafSize + static_cast<Index>(__ffs(static_cast<int>(pending_)) - 1);
       pending_ &= pending_ - 1;
       if (level_ == 0) return child;
-      stack_.near[level_] = pending_;  // the same value from every lane
-      stack_.group[level_] = group_;
-      __syncwarp();
+      if (static_cast<int>(lane_number()) == level_) {
+        left_ = pending_;
+        left_group_ = group_;
+      }
       descend(level_ - 1, child, near);
     }
-    group_ = point::kNoNeighbor;
-    return point::kNoNeighbor;
   }
 
  private:
@@ -108,14 +104,15 @@ class Walk {
   __device__ __forceinline__ void descend(int level, Index group, Near near) {
     level_ = level;
     group_ = group;
-    pending_ = __ballot_sync(kAllLanes, near(box_of_child(tree_.level[level], group * kLeafSize + lane_number())));
+    pending_ = __ballot_sync(kAllLanes, near(tree_.group(level, group)));
   }
 
   const Tree& tree_;
-  WalkStack& stack_;
   int level_;
   Index group_ = 0;
-  unsigned pending_ = 0;
+  unsigned pending_ = 0, left_ = 0;
+  Index left_group_ = 0;
+  bool begun_ = false;
 };
 
 }  // namespace pointfair::cuda

@@ -28,4 +28,16 @@ __device__ inline unsigned ordered(float x) {
 __host__ __device__ inline unsigned unordered_bits(unsigned o) { return (o & 0x80000000u) != 0 ? o ^ 0x80000000u : ~o; }
 __device__ inline float unordered(unsigned o) { return __uint_as_float(unordered_bits(o)); }
 
+// Words of shared memory by address. Ordered among themselves, but free to move past other accesses, so that loads of
+// other arrays need not wait for these stores.
+__device__ inline unsigned shared_address(const void* p) { return static_cast<unsigned>(__cvta_generic_to_shared(p)); }
+__device__ inline void store_word(unsigned address, unsigned value) {
+  asm volatile("st.shared.u32 [%0], %1;" ::"r"(address), "r"(value));
+}
+__device__ inline unsigned load_word(unsigned address) {
+  unsigned value;
+  asm volatile("ld.shared.u32 %0, [%1];" : "=r"(value) : "r"(address));
+  return value;
+}
+
 }  // namespace pointfair::cuda
