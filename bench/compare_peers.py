@@ -2,13 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compares pointfair with the programs of bench/peers, and with itself on difficult clouds.
 
-Everything is measured in one go on the same files: contenders take turns, round after round, so that a slow minute of the
-machine hits all of them; a ratio is the median of the rounds' ratios. Prints Markdown. Needs a build with
--DPOINTFAIR_BENCH=ON (`make bench` does all of it), and the Armadillo of Debian's package libcgal-demo or --mesh.
+Everything is measured in one go on the same files: contenders take turns, round after round, so that a slow minute of
+the machine hits all of them; a ratio is the median of the rounds' ratios. Prints Markdown, part by part. Needs a build
+with -DPOINTFAIR_BENCH=ON (`make bench` does all of it), and the Armadillo of Debian's libcgal-demo or --mesh.
 A quick look: bench/compare_peers.py --points 100000 --rounds 1 --only plain_pipeline uneven
 """
 import argparse
 import array
+import contextlib
 import hashlib
 import json
 import math
@@ -85,7 +86,7 @@ def table(header, rows):
 
 
 class Clouds:
-    """The files measured on. Made by `pointfair noise` from the mesh, always with the same seed, or by changing bytes."""
+    """The files measured on: made by `pointfair noise` from the mesh, with the same seed, or by changing bytes."""
 
     HEADER = ("ply\nformat binary_little_endian 1.0\nelement vertex {}\n"
               "property float x\nproperty float y\nproperty float z\nend_header\n")
@@ -98,8 +99,8 @@ class Clouds:
         if name not in self.made:
             self.made[name] = self.folder / f"{name}.ply"
             note(f"making {self.made[name]}")
-            run([self.pointfair, "noise", self.mesh, self.made[name], "--points", points, "--sigma", "0.1%", "--seed", 1,
-                 "--force", "-q", *flags])
+            run([self.pointfair, "noise", self.mesh, self.made[name], "--points", points, "--sigma", "0.1%",
+                 "--seed", 1, "--force", "-q", *flags])
         return self.made[name]
 
     def even(self):
@@ -164,8 +165,8 @@ class Bench:
     def smooth(self, name, *flags):
         """`pointfair run`; returns its report and the distance left."""
         out = self.clouds.folder / f"{name}.ply"
-        report = run([self.pointfair, "run", self.clouds.even(), out, *flags, "--force", "--device", "cpu", "--progress",
-                      "none", "--report", "-"])[0]
+        report = run([self.pointfair, "run", self.clouds.even(), out, *flags, "--force", "--device", "cpu", "-q",
+                      "--report", "-"])[0]
         return json.loads(report), self.distance(out)
 
     def compare_peers(self, peers):
@@ -175,10 +176,10 @@ class Bench:
                       "peer, bytes a point", "peer leaves, %", "pointfair leaves, %"], rows)
         report, left = self.smooth("automatic")
         return text + f"""
-*order*: of the points as the peer gets them; pointfair always gets them in random order. *preparation*: what the peer needs
-beyond points (oriented normals; a radius that holds k points), not counted. For the neighbours alone, pointfair's time is
-that of its index and neighbours. *leaves*: mean distance to the mesh, in % of its diagonal; the noisy points have
-{self.distance(self.clouds.even()):.4f}. pointfair with every parameter automatic (k {report['params']['k']}, passes
+*order*: of the points as the peer gets them; pointfair always gets them in random order. *preparation*: what the peer
+needs beyond points (oriented normals; a radius that holds k points), not counted. For the neighbours alone, pointfair's
+time is that of its index and neighbours. *leaves*: mean distance to the mesh, in % of its diagonal; the noisy points
+have {self.distance(self.clouds.even()):.4f}. pointfair with every parameter automatic (k {report['params']['k']}, passes
 {report['params']['passes']}) leaves {left:.4f}, in {report['total_ms'] / 1000:.3f} s.
 """
 
@@ -216,7 +217,8 @@ that of its index and neighbours. *leaves*: mean distance to the mesh, in % of i
 
     def uneven(self):
         time, memory = self.against_even(self.clouds.uneven())
-        return [["density 50:1 against even: time", f"{time:.2f}", "at most 1.3"], ["the same: memory", f"{memory:.2f}", ""]]
+        return [["density 50:1 against even: time", f"{time:.2f}", "at most 1.3"],
+                ["the same: memory", f"{memory:.2f}", ""]]
 
     def stray(self):
         time, memory = self.against_even(self.clouds.stray())
@@ -225,20 +227,24 @@ that of its index and neighbours. *leaves*: mean distance to the mesh, in % of i
 
     def identical(self):
         time, memory = self.against_even(self.clouds.identical())
-        return [["identical points against a surface: time", f"{time:.2f}", "at most 3"], ["the same: memory", f"{memory:.2f}", ""]]
+        return [["identical points against a surface: time", f"{time:.2f}", "at most 3"],
+                ["the same: memory", f"{memory:.2f}", ""]]
 
     def linear(self):
         time, memory = self.against_even(self.clouds.large())
-        return [["ten times the points: time", f"{time:.2f}", "at most 11"], ["the same: memory", f"{memory:.2f}", ""]]
+        return [["ten times the points: time", f"{time:.2f}", "at most 11"],
+                ["the same: memory", f"{memory:.2f}", ""]]
 
     def threads(self):
-        contenders = {f"{count} threads": lambda count=count: self.time(self.clouds.even(), 8, threads=count) for count in (1, 2)}
+        contenders = {f"{count} threads": lambda count=count: self.time(self.clouds.even(), 8, threads=count)
+                      for count in (1, 2)}
         one, two = alternate(self.options.rounds, contenders).values()
         hashes = set()
         for count in (1, 2, 7):
             self.smooth("same_bits", "--k", 8, *SAME_FORMULAS, "--threads", count)
             hashes.add(hashlib.sha256((self.clouds.folder / "same_bits.ply").read_bytes()).hexdigest())
-        return [["two threads against one: speed", f"{ratio(map(seconds, one), map(seconds, two)):.2f}", "at least 1.8"],
+        speed = ratio(map(seconds, one), map(seconds, two))
+        return [["two threads against one: speed", f"{speed:.2f}", "at least 1.8"],
                 ["different results with 1, 2 and 7 threads", str(len(hashes) - 1), "0"]]
 
     def slider(self):
@@ -272,8 +278,8 @@ def seconds(result, stages=None):
 def find_mesh(folder):
     """Unpacks the Armadillo from where dpkg put CGAL's demo data."""
     try:
-        listed = subprocess.run(["dpkg", "-L", "libcgal-demo"], capture_output=True, text=True, check=True).stdout.split()
-        archive = next(path for path in listed if path.endswith("data.tar.gz"))
+        listed = subprocess.run(["dpkg", "-L", "libcgal-demo"], capture_output=True, text=True, check=True).stdout
+        archive = next(path for path in listed.split() if path.endswith("data.tar.gz"))
     except (OSError, subprocess.CalledProcessError, StopIteration):
         sys.exit("the Armadillo is missing: apt-get install libcgal-demo, or give --mesh FILE")
     with tarfile.open(archive) as files:
@@ -291,11 +297,12 @@ def first_line(path, key):
 
 
 def environment(options):
-    return (f"{first_line('/proc/cpuinfo', 'model name')}, {os.cpu_count()} cores; {first_line('/etc/os-release', 'PRETTY_NAME')}, "
-            f"Linux {platform.release()}; load before the start {os.getloadavg()[0]:.1f}. {options.points:,} points of the "
-            f"{options.mesh.stem} in random order, noise 0.1 % of the diagonal, {options.threads} threads, array to array, "
-            f"index included, one pass; median of {options.rounds} rounds in turn, each the median of {options.repeat} runs "
-            "(CGAL and PCL: one run).\n")
+    return f"""{first_line('/proc/cpuinfo', 'model name')}, {os.cpu_count()} cores;
+{first_line('/etc/os-release', 'PRETTY_NAME')}, Linux {platform.release()}; load before the start {os.getloadavg()[0]:.1f}.
+{options.points:,} points of the {options.mesh.stem} in random order, noise 0.1 % of the diagonal, {options.threads} threads,
+array to array, index included, one pass. Median of {options.rounds} rounds in turn, each the median of {options.repeat} runs (CGAL
+and PCL: one run).
+"""
 
 
 def parse_options():
@@ -309,7 +316,8 @@ def parse_options():
     parser.add_argument("--rounds", type=int, default=3, help="how often the contenders take turns")
     parser.add_argument("--repeat", type=int, default=3, help="runs of a contender in its turn")
     parser.add_argument("--only", nargs="+", choices=[*names, *ROBUSTNESS, "peers", "robustness"],
-                        default=["peers", "robustness"], metavar="PART", help="peers, robustness, or any of: " + ", ".join([*names, *ROBUSTNESS]))
+                        default=["peers", "robustness"], metavar="PART",
+                        help="peers, robustness, or any of: " + ", ".join([*names, *ROBUSTNESS]))
     parser.add_argument("--out", type=Path, help="file for the Markdown (default: standard output)")
     options = parser.parse_args()
     options.pointfair = options.build / "bin" / "pointfair"
@@ -319,27 +327,30 @@ def parse_options():
     return options
 
 
+def parts(options, folder):
+    """The Markdown, part by part as it is measured."""
+    yield environment(options)
+    bench = Bench(options, Clouds(options.pointfair, folder, options.mesh, options.points))
+    wanted = [peer for peer in PEERS if {"peers", peer.program} & set(options.only)]
+    built = [peer for peer in wanted if (options.build / "bin" / "peers" / peer.program).exists()]
+    for peer in wanted:
+        if peer not in built:
+            yield f"{peer.program} was not built: its library was not found.\n"
+    if built:
+        yield bench.compare_peers(built)
+    claims = [name for name in ROBUSTNESS if {"robustness", name} & set(options.only)]
+    if claims:
+        yield table(["claim", "measured", "goal"], [row for name in claims for row in getattr(bench, name)()])
+
+
 def main():
     options = parse_options()
     folder = options.build / "clouds"
     folder.mkdir(exist_ok=True)
     options.mesh = options.mesh or find_mesh(folder)
-    text = environment(options)
-    bench = Bench(options, Clouds(options.pointfair, folder, options.mesh, options.points))
-    wanted = [peer for peer in PEERS if {"peers", peer.program} & set(options.only)]
-    peers = [peer for peer in wanted if (options.build / "bin" / "peers" / peer.program).exists()]
-    for peer in wanted:
-        if peer not in peers:
-            text += f"\n{peer.program} was not built: its library was not found.\n"
-    if peers:
-        text += "\n" + bench.compare_peers(peers)
-    rows = [row for name in ROBUSTNESS if {"robustness", name} & set(options.only) for row in getattr(bench, name)()]
-    if rows:
-        text += "\n" + table(["claim", "measured", "goal"], rows)
-    if options.out:
-        options.out.write_text(text)
-    else:
-        print(text)
+    with open(options.out, "w") if options.out else contextlib.nullcontext(sys.stdout) as out:
+        for part in parts(options, folder):
+            print(part, file=out, flush=True)
 
 
 if __name__ == "__main__":
