@@ -23,7 +23,7 @@ using pointfair::Point;
 constexpr int kPanelWidth = 800, kPanelHeight = 900;
 constexpr int kSamples = 2;           // per pixel and axis
 constexpr float kDiscRadius = 1.25f;  // in mean spacings: discs overlap without closing real gaps
-constexpr int kNormalNeighbors = 12;
+constexpr int kNormalNeighbors = 20;
 constexpr float kEmpty = -std::numeric_limits<float>::infinity();
 
 struct Vec {

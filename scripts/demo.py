@@ -66,8 +66,8 @@ pointfair("noise", mesh, noisy, "--points", 200000, "--sigma", "0.3%", "--seed",
 armadillo = pointfair("run", noisy, fair, "--force")
 before, after = pointfair("compare", noisy, mesh), pointfair("compare", fair, mesh)
 building = pointfair("run", OUT / "building.ply", OUT / "building_fair.ply", "--force")
-subprocess.run([PICTURE, noisy, fair, OUT / "before_after.png", "180", "5"], check=True)
-subprocess.run([PICTURE, OUT / "building.ply", OUT / "building_fair.ply", OUT / "building_before_after.png", "0", "0"], check=True)
+subprocess.run([PICTURE, noisy, fair, OUT / "before_after.png", "200", "8"], check=True)
+subprocess.run([PICTURE, OUT / "building.ply", OUT / "building_fair.ply", OUT / "building_before_after.png", "0", "-40"], check=True)
 
 print(f"\nArmadillo, {armadillo['points']} points, noise 0.3 %: distance to the true surface, of the diagonal\n")
 print_table([["", "before", "after"]] + [[key, percent(before, key), percent(after, key)] for key in ("mean", "rms", "p95")])
