@@ -96,6 +96,8 @@ const std::vector<Bad>& bad_files() {
       {"a.pcd", "FIELDS x y\nSIZE 4 4\nTYPE F F\nPOINTS 1\nDATA ascii\n1 2\n", "there is no field 'z'"},
       {"a.pcd", "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 3\nPOINTS 1\nDATA ascii\n1 2 3 4 5\n",
        "the field 'z' is a list"},
+      {"a.pcd", "FIELDS x y z h\nSIZE 4 4 4 8\nTYPE F F F F\nCOUNT 1 1 1 999999\nPOINTS 1\nDATA ascii\n1 2 3 4\n",
+       "COUNT names more values than the file has"},
       {"a.pcd", "FIELDS x y z\nSIZE 4 4\nTYPE F F F\nPOINTS 1\nDATA ascii\n1 2 3\n", "do not have as many entries"},
       {"a.pcd", "FIELDS x y z\nSIZE 4 4 3\nTYPE F F F\nPOINTS 1\nDATA ascii\n1 2 3\n", "TYPE and SIZE"},
       {"a.pcd", "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 2\nHEIGHT 2\nPOINTS 3\nDATA ascii\n",

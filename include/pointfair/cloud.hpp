@@ -65,7 +65,8 @@ struct Cloud {
   std::shared_ptr<const Source> source;  ///< the file's own attributes, faces, comments; null for a cloud made in memory
 };
 
-/// The attributes of the cloud's file and then the added ones, coordinates excluded. Costs nothing per point.
+/// The attributes of the cloud's file and then the added ones, coordinates excluded. Costs nothing per point, but the
+/// first call for columns of text reads them once to learn their types.
 std::vector<AttributeInfo> attributes(const Cloud& cloud);
 
 /// The values of the attribute `name`. Throws ErrorKind::usage if there is none. O(N).

@@ -58,6 +58,7 @@ void check(const Cloud& cloud) {
     refuse("the cloud has " + std::to_string(cloud.points.size()) + " points, its file " +
            std::to_string(cloud.source->size()) + "; keep them all, or write without the source");
   }
+  if (cloud.added.empty()) return;
   std::vector<AttributeInfo> known;
   if (cloud.source) known = attributes(Cloud{.origin = {}, .points = {}, .added = {}, .source = cloud.source});
   for (const Attribute& added : cloud.added) {

@@ -161,6 +161,7 @@ std::shared_ptr<Source> read_ascii(FileBytes bytes, PcdHeader header, const std:
                    ? "file ends after " + std::to_string(found) + "; copy the file again or correct the header"
                    : "file holds " + std::to_string(found) + "; correct the header");
   }
+  if (header.record_size() / 8 > bytes.view().size()) fail(name, "COUNT names more values than the file has");
   for (std::size_t f = 0; f < header.fields.size(); ++f) {
     const Column& field = header.fields[f];
     const auto axis = static_cast<std::size_t>(std::find(header.xyz.begin(), header.xyz.end(), f) - header.xyz.begin());
