@@ -45,7 +45,7 @@ Cloud sample(const Cloud& mesh, const NoiseArguments& arguments) {
 
 // `diagonal` is that of what was read; the spacing is that of the points that get the noise.
 double in_file_units(Length length, double diagonal, const Cloud& cloud, std::stop_token stop) {
-  if (length.unit == Length::Unit::diagonal) return length.value * diagonal;
+  if (length.unit == Length::Unit::percent) return length.value * diagonal / 100;
   if (length.unit != Length::Unit::spacing) return length.value;
   Pipeline pipeline(Device::cpu);
   pipeline.load(cloud);

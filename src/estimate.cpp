@@ -235,8 +235,8 @@ Params resolve_params(const Params& params, const Spacing& spacing, const Noise&
     switch (length.unit) {
       case Length::Unit::automatic:
         return std::max(automatic, least);
-      case Length::Unit::diagonal:
-        return length.value * diagonal;
+      case Length::Unit::percent:
+        return length.value * diagonal / 100;
       case Length::Unit::spacing:
         return length.value * spacing.mean;
       case Length::Unit::file:

@@ -58,11 +58,9 @@ std::string wanted_values(const ParamInfo& info) {
 Length length_of(const ParamInfo& info, std::string_view text) {
   if (text == "auto") return {};
   Length::Unit unit = Length::Unit::file;
-  double factor = 1;
   std::string_view digits = text;
   if (digits.ends_with('%')) {
-    unit = Length::Unit::diagonal;
-    factor = 0.01;
+    unit = Length::Unit::percent;
     digits.remove_suffix(1);
   } else if (digits.ends_with('s')) {
     unit = Length::Unit::spacing;
@@ -70,7 +68,7 @@ Length length_of(const ParamInfo& info, std::string_view text) {
   }
   const std::optional<double> value = number_of(digits);
   if (!value || !(*value > 0) || *value > info.max) refuse(info, text, wanted_values(info));
-  return {*value * factor, unit};
+  return {*value, unit};
 }
 
 std::string length_text(const Length& length) {
@@ -79,8 +77,8 @@ std::string length_text(const Length& length) {
       return "auto";
     case Length::Unit::file:
       return number_text(length.value);
-    case Length::Unit::diagonal:
-      return number_text(length.value * 100) + "%";
+    case Length::Unit::percent:
+      return number_text(length.value) + "%";
     case Length::Unit::spacing:
       return number_text(length.value) + "s";
   }

@@ -38,7 +38,7 @@ std::vector<Params> all_kinds() {
   list.k = 16;
   list.area_weight = AreaWeight::squared;
   radius.radius = 0.5;
-  share_of_diagonal.radius = Length(0.05, Length::Unit::diagonal);
+  share_of_diagonal.radius = Length(5, Length::Unit::percent);
   spacings.k = 20;
   spacings.radius = Length(3, Length::Unit::spacing);
   spacings.closeness_sigma = spacings.normal_sigma = spacings.similarity_sigma = Length(1, Length::Unit::spacing);

@@ -131,7 +131,7 @@ TEST(SetParam, reads_the_units_of_a_length) {
   };
   EXPECT_EQ(read("0.02"), Length(0.02, Length::Unit::file));
   EXPECT_EQ(read("1e-3"), Length(0.001, Length::Unit::file));
-  EXPECT_EQ(read("0.5%"), Length(0.005, Length::Unit::diagonal));
+  EXPECT_EQ(read("0.5%"), Length(0.5, Length::Unit::percent));
   EXPECT_EQ(read("2s"), Length(2, Length::Unit::spacing));
   EXPECT_TRUE(read("auto").is_automatic());
 }

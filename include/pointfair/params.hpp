@@ -16,7 +16,7 @@ struct Length {
   enum class Unit : std::uint8_t {
     automatic,  ///< chosen from the data
     file,       ///< the unit of the cloud's coordinates
-    diagonal,   ///< fraction of the bounding-box diagonal; "0.5%" is 0.005
+    percent,    ///< percent of the bounding-box diagonal; "0.5%" is 0.5
     spacing,    ///< multiple of the mean spacing; "2s" is 2
   };
   double value = 0;

@@ -117,6 +117,7 @@ POINTFAIR_INLINE Floats operator+(Floats a, float b) { return a + broadcast(b); 
 POINTFAIR_INLINE Floats operator-(Floats a, float b) { return a - broadcast(b); }
 POINTFAIR_INLINE Floats operator*(Floats a, float b) { return a * broadcast(b); }
 POINTFAIR_INLINE Floats operator/(Floats a, float b) { return a / broadcast(b); }
+POINTFAIR_INLINE Floats operator*(float a, Floats b) { return broadcast(a) * b; }
 POINTFAIR_INLINE Floats operator-(float a, Floats b) { return broadcast(a) - b; }
 POINTFAIR_INLINE Floats operator-(Floats a) { return {-a.v}; }
 

@@ -25,9 +25,10 @@ struct BilateralSum {
   template <class Mask>
   POINTFAIR_INLINE void add(Vec3<F> offset, Vec3<F> normal, F area, Mask inside, BilateralWeights weights) {
     const F height = -dot(normal, offset);  // n_i . (v_i - v_j)
-    const F exponent = squared_length(offset) * weights.inverse_two_closeness2 +
-                       (height * height) * weights.inverse_two_similarity2;
-    const F w = select(inside, gaussian(exponent) * area, F{});
+    const F exponent =
+        squared_length(offset) * weights.inverse_two_closeness2 + (height * height) * weights.inverse_two_similarity2;
+    // the factor cancels in the quotient; without it a squared length of an area could overflow
+    const F w = select(inside, gaussian(exponent) * (area * weights.inverse_two_closeness2), F{});
     weight = weight + w;
     moment = moment + w * select(inside, height, F{});
   }

@@ -9,8 +9,8 @@ namespace pointfair::point {
 using Index = unsigned;                            // of a point; a backend holds at most kNoNeighbor points
 inline constexpr Index kNoNeighbor = 0xffffffffu;  // fills the places of a list that is too short
 
-inline constexpr int kAreaNeighbors = 5;           // W_a is a mean over this many (paper, III.E)
-inline constexpr int kLeastNeighbors = 3;          // fewer span no plane
+inline constexpr int kAreaNeighbors = 5;   // W_a is a mean over this many (paper, III.E)
+inline constexpr int kLeastNeighbors = 3;  // fewer span no plane
 
 // Squared distances of this size and above are not distances any more; points beyond kCoordinateLimit are not indexed.
 inline constexpr float kCoordinateLimit = 1e18f;
@@ -23,11 +23,17 @@ POINTFAIR_INLINE bool is_indexable(float x, float y, float z) {
 // Neighbours are ordered by squared distance, then by original index, so that a list has one answer whatever the order
 // of visits. As one number: non-negative floats order as their bits.
 POINTFAIR_INLINE unsigned long long neighbor_key(float squared_distance, Index original_index) {
-  union { float f; unsigned u; } bits = {squared_distance};
+  union {
+    float f;
+    unsigned u;
+  } bits = {squared_distance};
   return (static_cast<unsigned long long>(bits.u) << 32) | original_index;
 }
 POINTFAIR_INLINE float key_squared_distance(unsigned long long key) {
-  union { unsigned u; float f; } bits = {static_cast<unsigned>(key >> 32)};
+  union {
+    unsigned u;
+    float f;
+  } bits = {static_cast<unsigned>(key >> 32)};
   return bits.f;
 }
 POINTFAIR_INLINE Index key_index(unsigned long long key) { return static_cast<Index>(key); }
@@ -48,12 +54,12 @@ struct ConstrainedGrowth {
   bool complete = true;  // false: a candidate beyond those given could still join
 };
 
-// The constrained neighbourhood of the paper (III.C), Eq. 7 of docs/how-it-works.md: candidates come nearest first; q joins N
-// if d(q, N) < rho + delta, where N holds the point itself from the start. `candidate(i)` gives the offset of the
-// i-th candidate from the point; `accept(i)` is called for those that join, in order; `member(i)` gives back the offset
-// of the i-th that joined. `all_given` says that the cloud has no further candidates.
-// Every member lies within the last candidate's distance, so a later candidate can only join while its distance is
-// below the farthest member's plus the reach.
+// The constrained neighbourhood of the paper (III.C), Eq. 7 of docs/how-it-works.md: candidates come nearest first; q
+// joins N if d(q, N) < rho + delta, where N holds the point itself from the start. `candidate(i)` gives the offset of
+// the i-th candidate from the point; `accept(i)` is called for those that join, in order; `member(i)` gives back the
+// offset of the i-th that joined. `all_given` says that the cloud has no further candidates. Every member lies within
+// the last candidate's distance, so a later candidate can only join while its distance is below the farthest member's
+// plus the reach.
 template <class Candidate, class Accept, class Member>
 POINTFAIR_INLINE ConstrainedGrowth grow_constrained(int candidates, int k, float reach, bool all_given,
                                                     Candidate candidate, Accept accept, Member member) {
@@ -79,6 +85,8 @@ POINTFAIR_INLINE ConstrainedGrowth grow_constrained(int candidates, int k, float
 // W_a(v_j) before the choice of its power: the mean distance to the nearest `count` <= 5 neighbours.
 // Sum of distances first to last, then one division.
 template <class F>
-POINTFAIR_INLINE F mean_distance(F sum_of_distances, int count) { return sum_of_distances / F(float(count)); }
+POINTFAIR_INLINE F mean_distance(F sum_of_distances, int count) {
+  return sum_of_distances / F(float(count));
+}
 
 }  // namespace pointfair::point

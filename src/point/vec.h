@@ -19,15 +19,22 @@ POINTFAIR_INLINE float square_root(float x) { return __builtin_sqrtf(x); }
 
 // `value` times 2^n, where `shifted` is n + 1.5 * 2^23: the low bits of that sum are n.
 POINTFAIR_INLINE float power_of_two_times(float value, float shifted) {
-  union { float f; unsigned u; } bits = {shifted}, result = {value};
+  union {
+    float f;
+    unsigned u;
+  } bits = {shifted}, result = {value};
   result.u += bits.u << 23;
   return result.f;
 }
 
 template <class F>
-POINTFAIR_INLINE F smaller(F a, F b) { return select(b < a, b, a); }
+POINTFAIR_INLINE F smaller(F a, F b) {
+  return select(b < a, b, a);
+}
 template <class F>
-POINTFAIR_INLINE F larger(F a, F b) { return select(a < b, b, a); }
+POINTFAIR_INLINE F larger(F a, F b) {
+  return select(a < b, b, a);
+}
 
 template <class F>
 struct Vec3 {
@@ -35,13 +42,21 @@ struct Vec3 {
 };
 
 template <class F>
-POINTFAIR_INLINE Vec3<F> operator+(Vec3<F> a, Vec3<F> b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
+POINTFAIR_INLINE Vec3<F> operator+(Vec3<F> a, Vec3<F> b) {
+  return {a.x + b.x, a.y + b.y, a.z + b.z};
+}
 template <class F>
-POINTFAIR_INLINE Vec3<F> operator-(Vec3<F> a, Vec3<F> b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+POINTFAIR_INLINE Vec3<F> operator-(Vec3<F> a, Vec3<F> b) {
+  return {a.x - b.x, a.y - b.y, a.z - b.z};
+}
 template <class F>
-POINTFAIR_INLINE Vec3<F> operator*(F s, Vec3<F> a) { return {s * a.x, s * a.y, s * a.z}; }
+POINTFAIR_INLINE Vec3<F> operator*(F s, Vec3<F> a) {
+  return {s * a.x, s * a.y, s * a.z};
+}
 template <class F>
-POINTFAIR_INLINE F dot(Vec3<F> a, Vec3<F> b) { return (a.x * b.x + a.y * b.y) + a.z * b.z; }
+POINTFAIR_INLINE F dot(Vec3<F> a, Vec3<F> b) {
+  return (a.x * b.x + a.y * b.y) + a.z * b.z;
+}
 template <class F>
 POINTFAIR_INLINE Vec3<F> cross(Vec3<F> a, Vec3<F> b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
@@ -50,7 +65,9 @@ POINTFAIR_INLINE Vec3<F> cross(Vec3<F> a, Vec3<F> b) {
 // The one place where a squared distance is rounded: neighbour order, box tests and brute force all agree to the bit.
 // Monotone in each |coordinate|, so the distance to a box computed with it is never above that to a point inside.
 template <class F>
-POINTFAIR_INLINE F squared_length(Vec3<F> a) { return (a.x * a.x + a.y * a.y) + a.z * a.z; }
+POINTFAIR_INLINE F squared_length(Vec3<F> a) {
+  return (a.x * a.x + a.y * a.y) + a.z * a.z;
+}
 
 template <class F>
 POINTFAIR_INLINE Vec3<F> select(decltype(F() < F()) condition, Vec3<F> yes, Vec3<F> no) {
@@ -86,28 +103,56 @@ struct Sym3 {
 // A direction and whether there is one.
 template <class F>
 struct Direction {
-  Vec3<F> unit;                     // zero where there is none
+  Vec3<F> unit;  // zero where there is none
   decltype(F() < F()) exists;
 };
 
+// arccos of x in [-1, 1], absolute error 2e-8 before rounding (Abramowitz and Stegun 4.4.46).
+template <class F>
+POINTFAIR_INLINE F arc_cosine(F x) {
+  const F a = larger(x, -x);
+  F p = a * -0.0012624911f + 0.0066700901f;
+  p = p * a + -0.0170881256f;
+  p = p * a + 0.0308918810f;
+  p = p * a + -0.0501743046f;
+  p = p * a + 0.0889789874f;
+  p = p * a + -0.2145988016f;
+  p = p * a + 1.5707963050f;
+  const F angle = square_root(1.0f - a) * p;
+  return select(x < F{}, 3.14159265f - angle, angle);
+}
+
+// Cosine of an angle in [0, pi/3], by its Taylor series.
+template <class F>
+POINTFAIR_INLINE F cosine_to_sixty_degrees(F angle) {
+  const F t = angle * angle;
+  F p = t * -2.75573192e-7f + 2.48015873e-5f;
+  p = p * t + -1.38888889e-3f;
+  p = p * t + 4.16666667e-2f;
+  p = p * t + -0.5f;
+  return p * t + 1.0f;
+}
+
 // The eigenvector of the least eigenvalue of a positive semi-definite matrix; none where the two least eigenvalues
-// agree to about 1e-5 of the trace (points on a line, or all identical), since every direction would do as well.
-// Newton's method from 0 meets the least root of the characteristic polynomial from below, monotonely, because the
-// polynomial is convex there; the eigenvector is the longest cross product of two rows of M - lambda I.
+// agree to about 5e-4 of the trace (points on a line, or all identical): every direction would do as well, and a double
+// root is not known better than to the square root of the rounding.
+// The eigenvalue in closed form (O. K. Smith, "Eigenvalues of a symmetric 3 x 3 matrix", 1961): with q a third of the
+// trace, p the size of M - q I and r = det((M - q I) / p) / 2, it is q - 2 p cos(arccos(-r) / 3). The eigenvector is
+// the longest cross product of two rows of M - lambda I.
 template <class F>
 POINTFAIR_INLINE Direction<F> least_eigenvector(Sym3<F> m) {
   const F trace = (m.xx + m.yy) + m.zz;
   const auto sound = (trace > F(1e-36f)) & (trace < F(1e36f));
-  const F scale = select(sound, F(1.0f) / trace, F{});
-  const F a = m.xx * scale, b = m.xy * scale, c = m.xz * scale, d = m.yy * scale, e = m.yz * scale, f = m.zz * scale;
-  const F minors = ((a * d - b * b) + (a * f - c * c)) + (d * f - e * e);
+  const F scale = select(sound, F(3.0f) / trace, F{});  // the mean eigenvalue becomes 1
+  const F a = m.xx * scale - 1.0f, b = m.xy * scale, c = m.xz * scale;
+  const F d = m.yy * scale - 1.0f, e = m.yz * scale, f = m.zz * scale - 1.0f;
+  const F p2 = (((a * a + d * d) + f * f) + 2.0f * ((b * b + c * c) + e * e)) / 6.0f;
+  const F p = square_root(p2);
   const F det = (a * (d * f - e * e) - b * (b * f - c * e)) + c * (b * e - c * d);
-  F lambda = F{};
-  for (int step = 0; step < 6; ++step) {  // the trace is 1: p = det - minors x + x^2 - x^3
-    const F p = det - lambda * (minors - lambda * (1.0f - lambda));
-    const F slope = minors - lambda * (2.0f - lambda * 3.0f);  // -p', positive below the least root
-    lambda = lambda + select(slope > F(1e-12f), p / slope, F{});
-  }
+  const F cube = p2 * p;
+  const F r = select(cube > F(1e-30f), (0.5f * det) / cube, F{});
+  const F angle = arc_cosine(-smaller(larger(r, F(-1.0f)), F(1.0f))) / 3.0f;
+  const F lambda = (p * -2.0f) * cosine_to_sixty_degrees(angle);
   const Vec3<F> row0 = {a - lambda, b, c}, row1 = {b, d - lambda, e}, row2 = {c, e, f - lambda};
   const Vec3<F> c01 = cross(row0, row1), c02 = cross(row0, row2), c12 = cross(row1, row2);
   Vec3<F> best = c01;
@@ -117,9 +162,9 @@ POINTFAIR_INLINE Direction<F> least_eigenvector(Sym3<F> m) {
   longest = larger(longest, l02);
   best = select<F>(l12 > longest, c12, best);
   longest = larger(longest, l12);
-  const decltype(F() < F()) exists = sound & (longest > F(1e-11f));
+  const decltype(F() < F()) exists = sound & (longest > F(1e-11f)) & (longest > 1e-5f * (p2 * p2));
   const F inverse = select(exists, F(1.0f) / square_root(longest), F{});
-  return {inverse * best, exists};
+  return {select<F>(exists, inverse * best, Vec3<F>{}), exists};
 }
 
 }  // namespace pointfair::point
