@@ -16,7 +16,7 @@ constexpr std::size_t kSpacingSamples = 2000, kNoiseSamples = 500;
 constexpr int kSpacingNeighbors = 6;
 constexpr int kFirstFit = 24, kLargestFit = 600;
 constexpr double kFitGrowth = 1.4;
-constexpr double kLongestAutomaticList = 32;
+constexpr double kLongestAutomaticList = 24;
 
 // Scattered over the upload order by a low-discrepancy sequence (multiples of the golden ratio), so that a period in
 // the order of the file (rows of a scanner) is not met in step.
@@ -252,9 +252,9 @@ Params resolve_params(const Params& params, const Spacing& spacing, const Noise&
     used.radius = in_file_units(params.radius, 0);
     reach = used.radius.value;
   } else if (params.k == kAutomatic) {
-    // wide enough for 16 points and wide against the noise; a long list costs more than sums over a ball
-    const double wide = std::hypot(2.5 * noise.sigma, s * std::sqrt(16 / std::numbers::pi));
-    const double count = s > 0 ? std::numbers::pi * (wide / s) * (wide / s) : 16;
+    // wide enough for 11 points and wide against the noise; a long list costs more than sums over a ball
+    const double wide = std::hypot(3 * noise.sigma, s * std::sqrt(11 / std::numbers::pi));
+    const double count = s > 0 ? std::numbers::pi * (wide / s) * (wide / s) : 11;
     if (count <= kLongestAutomaticList || params.constraint) {
       used.k = int(std::min<double>(count, kMaxNeighbors));
     } else {
@@ -268,7 +268,7 @@ Params resolve_params(const Params& params, const Spacing& spacing, const Noise&
   }
   used.rho = in_file_units(params.rho, spacing.rho);
   used.delta = in_file_units(params.delta, 2.5 * noise.sigma);
-  used.normal_sigma = in_file_units(params.normal_sigma, 0.5 * reach);
+  used.normal_sigma = in_file_units(params.normal_sigma, reach);
   used.closeness_sigma = in_file_units(params.closeness_sigma, 0.5 * reach);  // Fleishman 2003: radius = 2 sigma_c
   used.similarity_sigma = in_file_units(params.similarity_sigma, std::max(3 * noise.sigma, 0.05 * s));
   if (params.passes == kAutomatic) used.passes = 2;
