@@ -10,6 +10,7 @@
 #include <fstream>
 #include <limits>
 #include <thread>
+#include <unordered_map>
 
 #include "cpu/chain.h"
 #include "cpu/parallel.h"
@@ -66,11 +67,13 @@ class CpuBackend final : public Backend {
       pass_originals_.resize(pass_input_.size());
       std::copy_n(further_.index().originals().begin(), pass_originals_.size(), pass_originals_.data());
     }
+    if (pass != pass_) located_.clear();
     pass_ = pass;
     at_work_ = pass == 0 ? &first_ : &further_;
   }
 
   void build_index(std::stop_token stop) override {
+    located_.clear();
     arena_.execute([&] {
       if (pass_ == 0) {
         build_first_index(stop);
@@ -116,15 +119,16 @@ class CpuBackend final : public Backend {
   void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override {
     std::fill(out.begin(), out.end(), Point{kNan, kNan, kNan});
     arena_.execute([&] {
-      const std::vector<Index> positions = positions_of(queries);
+      locate(queries);
       const IndexView index = at_work_->index().view();
       for_blocks(queries.size(), 4, {}, [&](std::size_t first, std::size_t last, std::size_t) {
         std::vector<Index> list(std::size_t(k), 0);
         for (std::size_t q = first; q < last; ++q) {
-          if (positions[q] == point::kNoNeighbor) continue;
-          kernels_.nearest_of_one(index, positions[q], k, std::numeric_limits<float>::infinity(), list.data());
+          const Index at_query = located_.at(queries[q]);
+          if (at_query == point::kNoNeighbor) continue;
+          kernels_.nearest_of_one(index, at_query, k, std::numeric_limits<float>::infinity(), list.data());
           Point* row = out.data() + q * (std::size_t(k) + 1);
-          *row++ = {index.x[positions[q]], index.y[positions[q]], index.z[positions[q]]};
+          *row++ = {index.x[at_query], index.y[at_query], index.z[at_query]};
           for (const Index at : list)
             if (at != point::kNoNeighbor) *row++ = {index.x[at], index.y[at], index.z[at]};
         }
@@ -156,23 +160,21 @@ class CpuBackend final : public Backend {
     });
   }
 
-  // Sorted positions of upload indices, kNoNeighbor for invalid points. One sweep over the cloud.
-  std::vector<Index> positions_of(std::span<const std::uint32_t> queries) {
-    std::vector<std::pair<Index, Index>> wanted;  // upload index, place in queries
-    for (std::size_t q = 0; q < queries.size(); ++q) wanted.emplace_back(queries[q], Index(q));
-    std::sort(wanted.begin(), wanted.end());
+  // Finds the sorted positions of those queries that are not known yet. One sweep over the cloud, so samples are best
+  // taken of the same points again.
+  void locate(std::span<const std::uint32_t> queries) {
     std::vector<bool> is_wanted(points_, false);
-    for (const std::uint32_t query : queries) is_wanted[query] = true;
-    std::vector<Index> positions(queries.size(), point::kNoNeighbor);
+    bool any_new = false;
+    for (const std::uint32_t query : queries) {
+      if (!located_.try_emplace(query, point::kNoNeighbor).second) continue;
+      is_wanted[query] = any_new = true;
+    }
+    if (!any_new) return;
     const std::span<const Index> originals = at_work_->index().originals();
     for_blocks(at_work_->index().view().points, kCopyBlock, {}, [&](std::size_t first, std::size_t last, std::size_t) {
-      for (std::size_t i = first; i < last; ++i) {
-        if (!is_wanted[originals[i]]) continue;
-        auto match = std::lower_bound(wanted.begin(), wanted.end(), std::pair<Index, Index>(originals[i], 0));
-        for (; match != wanted.end() && match->first == originals[i]; ++match) positions[match->second] = Index(i);
-      }
+      for (std::size_t i = first; i < last; ++i)
+        if (is_wanted[originals[i]]) located_.find(originals[i])->second = Index(i);
     });
-    return positions;
   }
 
   unsigned threads_;
@@ -189,6 +191,7 @@ class CpuBackend final : public Backend {
   Chain first_{meter_}, further_{meter_};
   Chain* at_work_ = &first_;
   int pass_ = 0;
+  std::unordered_map<Index, Index> located_;  // upload index to sorted position in the chain at work, as far as asked
 };
 
 }  // namespace
