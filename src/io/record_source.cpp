@@ -2,13 +2,14 @@
 #include "io/record_source.hpp"
 
 #include <algorithm>
+#include <cstring>
 
 #include "io/parallel.hpp"
 
 namespace pointfair::io {
 namespace {
 
-constexpr std::uint64_t kBlock = 16384;
+constexpr std::uint64_t kBlock = 4096;
 
 }  // namespace
 
@@ -67,18 +68,40 @@ std::size_t RecordSource::locate(std::uint64_t point, std::size_t field) const {
 void RecordSource::positions(std::size_t block, std::span<Position> out) const {
   const std::uint64_t first = block_begin(block);
   for (std::size_t axis = 0; axis < 3; ++axis) {
-    const std::size_t field = layout_.xyz[axis];
-    const bool fixed = layout_.starts.empty();
-    const std::size_t stride = layout_.fields[field].stride, begin = locate(first, field);
+    const std::size_t f = layout_.xyz[axis];
+    const RecordField& field = layout_.fields[f];
+    if (!layout_.starts.empty()) {
+      for (std::size_t i = 0; i < out.size(); ++i) {
+        out[i][axis] = load_double(points_.data() + locate(first + i, f), field.type, layout_.swap);
+      }
+      continue;
+    }
+    const char* const from = points_.data() + locate(first, f);
+    const std::size_t stride = field.stride;
     const auto read = [&](auto tag, auto swap) {
       for (std::size_t i = 0; i < out.size(); ++i) {
-        const std::size_t at = fixed ? begin + i * stride : locate(first + i, field);
-        out[i][axis] = static_cast<double>(load<decltype(tag)>(points_.data() + at, swap));
+        out[i][axis] = static_cast<double>(load<decltype(tag)>(from + i * stride, swap));
       }
     };
-    with_type(layout_.fields[field].type,
-              [&](auto tag) { layout_.swap ? read(tag, std::true_type{}) : read(tag, std::false_type{}); });
+    with_type(field.type, [&](auto tag) { layout_.swap ? read(tag, std::true_type{}) : read(tag, std::false_type{}); });
   }
+}
+
+// Three floats in a row, as in most files.
+bool RecordSource::copy_points(std::size_t block, std::span<Point> out) const {
+  const auto& [x, y, z] = layout_.xyz;
+  const auto follows = [&](std::size_t f, std::size_t before) {
+    return layout_.fields[f].type == NativeType::float32 && layout_.fields[f].stride == layout_.record_size &&
+           layout_.fields[f].offset == layout_.fields[before].offset + sizeof(float);
+  };
+  const bool floats = layout_.fields[x].type == NativeType::float32 && follows(y, x) && follows(z, y);
+  if (!floats || !layout_.starts.empty() || layout_.swap) return false;
+  const char* from = points_.data() + locate(block_begin(block), x);
+  for (Point& point : out) {
+    std::memcpy(&point, from, sizeof point);
+    from += layout_.record_size;
+  }
+  return true;
 }
 
 ScalarType RecordSource::coordinate_type() const {

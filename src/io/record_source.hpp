@@ -39,6 +39,7 @@ class RecordSource : public Source {
   std::size_t block_count() const override;
   std::uint64_t block_begin(std::size_t block) const override;
   void positions(std::size_t block, std::span<Position> out) const override;
+  bool copy_points(std::size_t block, std::span<Point> out) const override;
   ScalarType coordinate_type() const override;
   std::vector<Column> columns() const override;
   void extract(std::size_t index, std::span<char> out) const override;

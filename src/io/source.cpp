@@ -95,10 +95,11 @@ std::vector<Point> Source::place() {
 
   std::vector<Point> points = new_points(static_cast<std::size_t>(size()));
   io::for_each_block(blocks, [&](std::size_t block) {
+    Point* out = points.data() + block_begin(block);
+    if (origin_ == Position{} && copy_points(block, {out, block_size(block)})) return;
     thread_local std::vector<Position> values;
     values.resize(block_size(block));
     positions(block, values);
-    Point* out = points.data() + block_begin(block);
     for (const Position& value : values) {
       *out++ = {to_offset(value[0], origin_[0]), to_offset(value[1], origin_[1]), to_offset(value[2], origin_[2])};
     }

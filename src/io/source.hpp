@@ -67,6 +67,8 @@ class Source {
 
   /// The file's own coordinates of the points of `block`.
   virtual void positions(std::size_t block, std::span<Position> out) const = 0;
+  /// A shortcut: the same as points relative to 0. False: the file does not hold them in this form.
+  virtual bool copy_points(std::size_t, std::span<Point>) const { return false; }
   /// The type that holds the file's coordinates without loss.
   virtual ScalarType coordinate_type() const = 0;
 
