@@ -170,6 +170,12 @@ TEST_F(CudaBackendTest, equals_the_cpu_on_a_million_points) {
   for (const int k : {8, 16, 32}) expect_same(points, with_neighbors(k), std::to_string(k).c_str());
 }
 
+TEST_F(CudaBackendTest, equals_the_cpu_on_a_cloud_larger_than_the_cache) {
+  std::vector<Point> points = noisy_sphere(4000000, 6, 0.0005);
+  points[12345].z = kNan;
+  expect_same(points, with_neighbors(8), "4 million");
+}
+
 TEST_F(CudaBackendTest, equals_the_cpu_with_a_radius) {
   const std::vector<Point> points = noisy_sphere(100000, 7, 0.002);
   for (const float radius : {0.001f, 0.01f, 0.02f, 0.5f}) expect_same(points, with_neighbors(16, radius), "radius");

@@ -4,7 +4,8 @@
 namespace pointfair::cuda {
 namespace {
 
-constexpr int kLeastPool = 16;  // candidates that a constrained neighbourhood starts with
+constexpr int kLeastPool = 16;                  // candidates that a constrained neighbourhood starts with
+constexpr std::size_t kLargeCloud = 3'000'000;  // points; its random accesses miss the cache
 constexpr float kNoLimit = __builtin_inff();
 
 void stop_if_asked(const std::stop_token& stop) {
@@ -19,12 +20,13 @@ Chain::Chain(Context& context)
       lists_(context),
       normals_(context),
       mean_distance_(context),
-      faired_(context) {}
+      faired_(context),
+      place_of_(context) {}
 
 void Chain::build_index(const Point* points, std::size_t count, std::stop_token stop) {
   stop_if_asked(stop);
   input_ = points;
-  areas_measured_ = false;
+  areas_measured_ = places_known_ = false;
   index_.build(points, count);
 }
 
@@ -97,9 +99,21 @@ void Chain::fair(const FairingSettings& settings, std::stop_token stop) {
                                                                  : 0;
   if (power > 0) measure_areas();
   faired_.resize(index_.points());
+  DeviceArray<float4> sorted(context_);
+  if (index_.points() >= kLargeCloud) {
+    sorted.resize(index_.leaves() * kLeafSize);
+    find_places();
+  }
   cuda::fair(context_, index_.tree(), neighborhoods(), normals(), {mean_distance_.data(), power},
              point::bilateral_weights(settings.closeness_sigma, settings.similarity_sigma), input_, index_.points(),
-             faired_.data());
+             {faired_.data(), sorted.data(), place_of_.data()});
+}
+
+void Chain::find_places() {
+  if (places_known_) return;
+  place_of_.resize(index_.points());
+  cuda::find_places(context_, index_.tree(), index_.points(), place_of_.data());
+  places_known_ = true;
 }
 
 void Chain::restore_normals(Point* out) { restore_order(context_, index_.tree(), normals(), index_.points(), out); }

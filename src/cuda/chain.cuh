@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The results of every stage of one pass on the card.
-// Memory, bytes a point: index 17, lists 4 k, normals 12, faired positions 12; mean distances 4 once an area weight is
-// asked for; while neighbours are found, 4, and with the constraint 4 more for each of 2 k candidates.
+// Memory, bytes a point: index 17, lists 4 k, normals 12, faired positions 12, places 4; mean distances 4 once an area
+// weight is asked for; while neighbours are found, 4, and with the constraint 4 more for each of 2 k candidates; while
+// a large cloud is faired, 16.
 #pragma once
 
 #include <limits>
@@ -33,6 +34,7 @@ class Chain {
 
  private:
   void measure_areas();
+  void find_places();
   Lists lists() const { return {neighbors_.k, lists_.data()}; }
   // The squared radius stays finite: infinite are only places that hold no point.
   Neighborhoods neighborhoods() const {
@@ -48,6 +50,8 @@ class Chain {
   DeviceArray<float> normals_, mean_distance_;
   bool areas_measured_ = false;
   DeviceArray<Point> faired_;
+  DeviceArray<Index> place_of_;  // of large clouds only
+  bool places_known_ = false;
 };
 
 }  // namespace pointfair::cuda

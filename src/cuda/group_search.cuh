@@ -49,6 +49,7 @@ class GroupSearch {
   static constexpr int kBatch = GroupShape<kList>::kBatch;
   static constexpr unsigned kStack = GroupShape<kList>::kStack;
   static constexpr unsigned kEntry = kWarp * sizeof(unsigned);  // from one place of a stack to the next, bytes
+  static constexpr float kNotSearching = -1.0f;                 // a limit
   static constexpr float kFar = 1e18f;                          // fills places of `close`; beyond every limit
 
   __device__ __forceinline__ GroupSearch(const Tree& tree, GroupMemory<kList>& memory, Index leaf, Index valid)
@@ -69,6 +70,7 @@ class GroupSearch {
   }
 
   __device__ Index candidates() const { return slots_; }
+  __device__ bool any_dropped() const { return any_dropped_; }
   __device__ bool in_one_place() const { return squared_diagonal_ == 0; }
   // Leaves with all points in one place, or too large or small to be scaled, are for the exact searches.
   __device__ __forceinline__ bool suits() const { return squared_diagonal_ > 1e-30f && squared_diagonal_ < 1e30f; }
@@ -82,6 +84,7 @@ class GroupSearch {
     for (Index beside = first; beside <= last; ++beside)
       if (beside != leaf_) collect(beside, points_of(beside));
     look_at_close(true);
+    drop_far_lanes();
     Walk walk(tree_);
     const auto near = [&](const BoxGroup& group) { return is_near(box_of_lane(group)); };
     Index leaf = walk.next(near);
@@ -101,7 +104,7 @@ class GroupSearch {
   // Whether this lane's list is certainly right as a set.
   __device__ __forceinline__ bool certain() const {
     const unsigned last = units_of(list_[kList - 1]);
-    if (!active_) return true;
+    if (!searches()) return !active_;
     const bool separate = units_of(rejected_) >= last + kUnsure;
     const bool all_in_reach = limited_ || last + kUnsure <= static_cast<unsigned>(kLargestDistance);
     return all_in_reach && (separate || rejected_ == ~0u);
@@ -158,7 +161,7 @@ class GroupSearch {
     for (int i = 0; i < kList; ++i) list_[i] = i < kList - k ? 0u : ~0u;
     const float limit_units = squared_limit * (scale_ * scale_) * 1.0001f + float(2 * kUnsure);
     limited_ = limit_units < kLargestDistance;
-    limit_ = active_ ? kUnitsBase + floorf(fminf(limit_units, kLargestDistance)) : -1.0f;
+    limit_ = active_ ? kUnitsBase + floorf(fminf(limit_units, kLargestDistance)) : kNotSearching;
     update_reach();
     const Vec scaled = scaled_of(position_);
     query_ = scaled;
@@ -278,11 +281,23 @@ class GroupSearch {
     limit_ = fminf(limit_, kUnitsBase + float(units_of(list_[kList - 1]) + kUnsure));
     update_reach();
   }
+  // A lane that looks much farther than the others would make all of them look at everything in between, so it is left
+  // to the exact search. Beyond 6 times the mean, half as many queries end up there as without.
+  __device__ __forceinline__ void drop_far_lanes() {
+    const unsigned units = searches() ? __float_as_uint(limit_) - __float_as_uint(kUnitsBase) : 0u;
+    const unsigned lanes = static_cast<unsigned>(__popc(__ballot_sync(kAllLanes, searches())));
+    const bool far = units * lanes > 6 * warp_sum(units);  // below 2^22 * 32 on either side
+    limit_ = far ? kNotSearching : limit_;
+    any_dropped_ = __any_sync(kAllLanes, far);
+    update_reach();
+  }
+  __device__ __forceinline__ bool searches() const { return limit_ > 0; }
+
   // What must come near to the boxes; a little too far, never too near.
   __device__ __forceinline__ void update_reach() {
     const float units_to_squared = squared_diagonal_ * (1.001f / (kDiagonalSteps * kDiagonalSteps));
     boxes_.set_reach(
-        active_ ? __float_as_uint(limit_) : __float_as_uint(kUnitsBase),
+        searches() ? __float_as_uint(limit_) : __float_as_uint(kUnitsBase),
         [](unsigned limit, float factor) { return (__uint_as_float(limit) - kUnitsBase) * factor; }, units_to_squared);
   }
 
@@ -294,10 +309,11 @@ class GroupSearch {
   QueryBoxes boxes_;
   Vec middle_, query_;
   float squared_diagonal_, scale_;
-  bool limited_ = false;     // by the radius rather than by the range of keys
-  float limit_ = -1.0f;      // kUnitsBase + units
-  unsigned list_[kList];     // sorted keys
-  unsigned rejected_ = ~0u;  // the least key that was looked at and is not in the list
+  bool any_dropped_ = false;     // lanes that looked too far
+  bool limited_ = false;         // by the radius rather than by the range of keys
+  float limit_ = kNotSearching;  // kUnitsBase + units
+  unsigned list_[kList];         // sorted keys
+  unsigned rejected_ = ~0u;      // the least key that was looked at and is not in the list
   unsigned close_ = 0, slots_ = 0;
   unsigned stack_, top_;  // addresses of this lane's stack and of its first free place
 };

@@ -111,8 +111,8 @@ struct BoundsSum {
       if (lane_number() == 0 && low < state->min[axis]) atomicMin(&state->min[axis], low);
       if (lane_number() == 0 && high > state->max[axis]) atomicMax(&state->max[axis], high);
     }
-    for (int step = kWarp / 2; step > 0; step /= 2) valid += __shfl_xor_sync(kAllLanes, valid, step);
-    if (lane_number() == 0 && valid > 0) atomicAdd(&state->valid, valid);
+    const unsigned all_valid = warp_sum(valid);
+    if (lane_number() == 0 && all_valid > 0) atomicAdd(&state->valid, all_valid);
   }
 };
 

@@ -38,10 +38,11 @@ struct QueryBoxes {
   }
   __device__ Box all() const { return split ? both() : box[0]; }
 
-  // The lanes' reaches as ordered bits; 0 for a lane that does not search.
+  // The lanes' reaches as ordered bits; 0 for a lane that does not search. Both maxima are always taken: see warp_max.
   __device__ __forceinline__ void set_reach(unsigned bits, float (*to_squared)(unsigned, float), float factor) {
-    reach[0] = to_squared(warp_max(in_second ? 0u : bits), factor);
-    if (split) reach[1] = to_squared(warp_max(in_second ? bits : 0u), factor);
+    const unsigned first = warp_max(in_second ? 0u : bits), second = warp_max(in_second ? bits : 0u);
+    reach[0] = to_squared(first, factor);
+    reach[1] = to_squared(second, factor);
   }
 };
 

@@ -9,8 +9,8 @@ namespace {
 
 constexpr int kGroupBlock = 64;
 constexpr int kGroupWarps = kGroupBlock / kWarp;
-constexpr int kFewUncertain = 3;        // up to so many queries of a leaf go to the exact search one by one,
-constexpr Index kManyCandidates = 400;  // or however many with so many candidates, which one warp would be long about
+constexpr int kFewUncertain = 7;        // up to so many queries of a leaf go to the exact search one by one,
+constexpr Index kManyCandidates = 256;  // or however many with so many candidates, which one warp would be long about
 
 // Leaves the queries of these lanes to the exact search. Their order differs from run to run; no result depends on it.
 __device__ void retry(CloudState* state, Index* retries, Index at, bool wanted) {
@@ -46,7 +46,7 @@ __global__ void __launch_bounds__(kGroupBlock, kList <= 8    ? 14
   if (search.suits() && search.run(query.k, query.squared_limit)) {
     found = search.certain();
     const int uncertain = __popc(__ballot_sync(kAllLanes, !found));
-    if (uncertain > kFewUncertain && search.candidates() < kManyCandidates)
+    if (uncertain > kFewUncertain && search.candidates() < kManyCandidates && !search.any_dropped())
       return retry_leaf(state, retries.leaves, leaf);
     search.write(query.k, query.squared_limit, list, found);
   }
@@ -181,9 +181,9 @@ __global__ void grow_retries(const __grid_constant__ Tree tree, CloudState* stat
       const SingleMemory memory = memory_of_warp(single_size(size));
       SingleSearch search(tree, memory, position_of(p), original_of(p), size, query.squared_limit);
       search.run();
-      int given = 0;
-      for (int i = int(lane_number()); i < size; i += kWarp) given += search.key(i) != kNoKey;
-      for (int step = kWarp / 2; step > 0; step /= 2) given += __shfl_xor_sync(kAllLanes, given, step);
+      unsigned found = 0;
+      for (int i = int(lane_number()); i < size; i += kWarp) found += search.key(i) != kNoKey;
+      const int given = static_cast<int>(warp_sum(found));
       if (lane_number() == 0) {
         const auto growth = grow(tree, at, memory.positions, 1, given, given < size, query.k, reach, list);
         complete = growth.complete;

@@ -131,21 +131,24 @@ __global__ void __launch_bounds__(kBlock)
 template <class ForNeighbors>
 __device__ __forceinline__ void fair_one(ForNeighbors for_neighbors, const Tree& tree, std::size_t at, Normals normals,
                                          AreaWeights areas, point::BilateralWeights weights, const Point* points,
-                                         std::size_t count, Point* faired) {
+                                         std::size_t count, FairedPoints faired) {
   const float4 p = tree.points[at];
   const Vec normal = normals.at(at);
   point::BilateralSum<float> sum;
   for_neighbors([&](Vec offset, Index neighbor) { sum.add(offset, normal, areas.of(neighbor), true, weights); });
   const Vec moved = point::moved(position_of(p), normal, sum.distance());
-  if (at >= count) return;
-  const Index original = original_of(p);
-  faired[original] = at < tree.state->valid ? Point{moved.x, moved.y, moved.z} : points[original];
+  if (faired.sorted != nullptr) {
+    faired.sorted[at] = {moved.x, moved.y, moved.z, 0};
+  } else if (at < count) {
+    const Index original = original_of(p);
+    faired.in_order[original] = at < tree.state->valid ? Point{moved.x, moved.y, moved.z} : points[original];
+  }
 }
 
 template <int kHeld>
 __global__ void __launch_bounds__(kBlock)
     listed_fairing(const __grid_constant__ Tree tree, Lists lists, Normals normals, AreaWeights areas,
-                   point::BilateralWeights weights, const Point* points, std::size_t count, Point* faired) {
+                   point::BilateralWeights weights, const Point* points, std::size_t count, FairedPoints faired) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= count) return;
   const Listed<kHeld> neighbors(tree, lists, at, position_of(tree.points[at]));
@@ -154,11 +157,24 @@ __global__ void __launch_bounds__(kBlock)
 
 __global__ void __launch_bounds__(kBlock)
     ball_fairing(const __grid_constant__ Tree tree, float squared_radius, Normals normals, AreaWeights areas,
-                 point::BilateralWeights weights, const Point* points, std::size_t count, Point* faired) {
+                 point::BilateralWeights weights, const Point* points, std::size_t count, FairedPoints faired) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   const Ball neighbors(tree, squared_radius, Index(at), position_of(tree.points[at]), at < tree.state->valid);
   fair_one(neighbors, tree, at, normals, areas, weights, points, count, faired);
+}
+
+__global__ void invert(const __grid_constant__ Tree tree, std::size_t count, Index* place_of) {
+  const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
+  if (at < count) place_of[original_of(tree.points[at])] = Index(at);
+}
+
+__global__ void pull(const __grid_constant__ Tree tree, const Point* points, std::size_t count, FairedPoints faired) {
+  const std::size_t i = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
+  if (i >= count) return;
+  const Index at = faired.place_of[i];
+  const float4 p = faired.sorted[at];
+  faired.in_order[i] = at < tree.state->valid ? Point{p.x, p.y, p.z} : points[i];
 }
 
 __global__ void scatter_normals(const __grid_constant__ Tree tree, Normals normals, std::size_t count, Point* out) {
@@ -187,7 +203,7 @@ void estimate_normals(Context& context, const Tree& tree, CloudState* state, Nei
 }
 
 void fair(Context& context, const Tree& tree, Neighborhoods neighborhoods, Normals normals, AreaWeights areas,
-          point::BilateralWeights weights, const Point* points, std::size_t count, Point* faired) {
+          point::BilateralWeights weights, const Point* points, std::size_t count, FairedPoints faired) {
   const cudaStream_t stream = context.stream();
   const unsigned blocks = blocks_for(tree.leaves, kWarps);
   const int k = neighborhoods.lists.k;
@@ -199,6 +215,14 @@ void fair(Context& context, const Tree& tree, Neighborhoods neighborhoods, Norma
     kernel<<<blocks, kBlock, 0, stream>>>(tree, neighborhoods.lists, normals, areas, weights, points, count, faired);
   }
   check(cudaGetLastError(), "fairing");
+  if (faired.sorted == nullptr) return;
+  pull<<<blocks_for(count, kBlock), kBlock, 0, stream>>>(tree, points, count, faired);
+  check(cudaGetLastError(), "bringing points into upload order");
+}
+
+void find_places(Context& context, const Tree& tree, std::size_t count, Index* place_of) {
+  invert<<<blocks_for(count, kBlock), kBlock, 0, context.stream()>>>(tree, count, place_of);
+  check(cudaGetLastError(), "finding the places of points");
 }
 
 void restore_order(Context& context, const Tree& tree, Normals normals, std::size_t count, Point* out) {

@@ -10,11 +10,21 @@ inline constexpr unsigned kAllLanes = 0xffffffffu;
 __device__ inline unsigned lane_number() { return threadIdx.x % kWarp; }
 __device__ inline unsigned lanes_below() { return (1u << lane_number()) - 1u; }
 
+// Not to be called in a short block under a condition that is the same in all lanes: ptxas of CUDA 13.0 turns such a
+// block into predicated instructions and gives REDUX a wrong predicate (@!P0 for @!UP0), so it runs or not by chance.
 __device__ inline unsigned warp_max(unsigned value) {
 #if __CUDA_ARCH__ >= 800
   return __reduce_max_sync(kAllLanes, value);
 #else
   for (int step = kWarp / 2; step > 0; step /= 2) value = max(value, __shfl_xor_sync(kAllLanes, value, step));
+  return value;
+#endif
+}
+__device__ inline unsigned warp_sum(unsigned value) {
+#if __CUDA_ARCH__ >= 800
+  return __reduce_add_sync(kAllLanes, value);
+#else
+  for (int step = kWarp / 2; step > 0; step /= 2) value += __shfl_xor_sync(kAllLanes, value, step);
   return value;
 #endif
 }
