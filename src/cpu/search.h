@@ -156,30 +156,35 @@ class GroupSearch {
     if constexpr (Lists::kOrdersTies) last_original_ = lists_.last_original(farthest_, bound_);
   }
 
-  // Bit c is set if child c of the group may hold a neighbour.
-  POINTFAIR_INLINE unsigned near_children(const BoxGroup& group) const {
+  // Bit c is set if child c of the group may hold a neighbour; gaps receives the squared distance to each child.
+  POINTFAIR_INLINE unsigned near_children(const BoxGroup& group, float* gaps) const {
     unsigned result = 0;
     const Floats farthest = broadcast(farthest_);
     for (int c = 0; c < kLeafSize; c += kLanes) {
       const point::Vec3<Floats> min = {load(group.min_x + c), load(group.min_y + c), load(group.min_z + c)};
       const point::Vec3<Floats> max = {load(group.max_x + c), load(group.max_y + c), load(group.max_z + c)};
       const Floats gap = point::squared_gap(min, max, q_.min, q_.max);
-      Mask near = gap <= farthest;
-      if constexpr (Lists::kOrdersTies) {
-        const Mask too_late = broadcast(int(last_original_)) < load(group.least_original + c);
-        near = near & ~((gap == farthest) & too_late);
-      }
-      result |= bits(near) << c;
+      store(gaps + c, gap);
+      result |= bits(gap <= farthest) << c;
     }
     return result;
   }
 
-  bool visit_children(int level, Index group, Index skipped) {
-    unsigned children = near_children(index_.level[level][group]) & ~(1u << skipped);
+  // Whether a child that was near still is, after its siblings' visits.
+  POINTFAIR_INLINE bool still_near(const BoxGroup& group, const float* gaps, int c) const {
+    if constexpr (Lists::kOrdersTies)  // of many equals, the first ones visited exclude the rest
+      if (gaps[c] == farthest_ && group.least_original[c] > last_original_) return false;
+    return gaps[c] <= farthest_;
+  }
+
+  bool visit_children(int level, Index group_number, Index skipped) {
+    const BoxGroup& group = index_.level[level][group_number];
+    float gaps[kLeafSize];
+    unsigned children = near_children(group, gaps) & ~(1u << skipped);
     for (; children != 0; children &= children - 1) {
-      const Index child = group * kLeafSize + Index(__builtin_ctz(children));
-      if constexpr (Lists::kOrdersTies)  // of many equals, the first ones visited exclude the rest
-        if ((near_children(index_.level[level][group]) >> (child % kLeafSize) & 1) == 0) continue;
+      const int c = __builtin_ctz(children);
+      const Index child = group_number * kLeafSize + Index(c);
+      if (!still_near(group, gaps, c)) continue;
       if (level > 0) {
         if (!visit_children(level - 1, child, kLeafSize)) return false;
       } else if (child < first_done_ || child > last_done_) {
