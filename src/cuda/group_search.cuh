@@ -25,7 +25,9 @@ inline constexpr float kDiagonalSteps = 2047.0f;
 inline constexpr float kUnitsBase = 8388608.0f;        // 2^23: floats from here on count whole units
 inline constexpr float kLargestDistance = 4190400.0f;  // units; a little over kDiagonalSteps squared, below 2^22
 inline constexpr unsigned kUnsure = 20;                // units
-inline constexpr int kChunk = 8;                       // candidates between two looks at the stacks
+// Below a quarter of the diagonal the first of these errors is a quarter: two distances are off by less than 6 units.
+inline constexpr unsigned kShort = 1u << 18, kUnsureIfShort = 8;
+inline constexpr int kChunk = 8;  // candidates between two looks at the stacks
 
 __device__ __forceinline__ unsigned units_of(unsigned key) { return key >> kSlotBits; }
 
@@ -105,7 +107,7 @@ class GroupSearch {
   __device__ __forceinline__ bool certain() const {
     const unsigned last = units_of(list_[kList - 1]);
     if (!searches()) return !active_;
-    const bool separate = units_of(rejected_) >= last + kUnsure;
+    const bool separate = units_of(rejected_) >= last + (last < kShort ? kUnsureIfShort : kUnsure);
     const bool all_in_reach = limited_ || last + kUnsure <= static_cast<unsigned>(kLargestDistance);
     return all_in_reach && (separate || rejected_ == ~0u);
   }
