@@ -79,7 +79,7 @@ TEST(FilesMoves, FloatsNearZeroAreTheFilesOwnBits) {
       "ply\nformat binary_little_endian 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"
       "property float z\nend_header\n";
   const std::vector<float> numbers = {
-      0.1F, -0.0F, 1e-42F, 3.4e38F, 1e-9F, 12345.678F, std::bit_cast<float>(0x7fc12345U), INFINITY, -1, 2, 3, 4e-3F};
+      0.1F, -0.0F, 1e-42F, 3.4e38F, 1e-9F, 12345.678F, std::bit_cast<float>(0x7fb12345U), INFINITY, -1, 2, 3, 4e-3F};
   for (const float f : numbers) bytes += packed<float>({f});
   const Cloud cloud = parse(bytes);
   EXPECT_EQ(cloud.origin, (std::array<double, 3>{0, 0, 0}));

@@ -46,6 +46,11 @@ std::vector<Point> new_points(std::size_t count) {
   return points;
 }
 
+// Any NaN is like any other: on its way through a double a signalling one becomes quiet.
+bool same_bits(float a, float b) {
+  return std::bit_cast<std::uint32_t>(a) == std::bit_cast<std::uint32_t>(b) || (std::isnan(a) && std::isnan(b));
+}
+
 float to_offset(double value, double origin) { return static_cast<float>(value - origin); }
 
 }  // namespace
@@ -120,7 +125,7 @@ Moves Source::moves(std::size_t block, const Cloud& cloud) const {
       double& value = result.values[i][axis];
       const float before = to_offset(value, origin_[axis]);
       const double shift = cloud.origin[axis] - origin_[axis];
-      if (shift == 0 && std::bit_cast<std::uint32_t>(before) == std::bit_cast<std::uint32_t>(now[axis])) continue;
+      if (shift == 0 && same_bits(before, now[axis])) continue;
       // The file's own value keeps what a float cannot hold of it.
       value = std::isfinite(before) ? value + (static_cast<double>(now[axis]) - before + shift)
                                     : cloud.origin[axis] + now[axis];
