@@ -7,10 +7,10 @@ set -euo pipefail
 
 packages_for() {
   case "$1" in
-    build) echo g++ cmake ninja-build libtbb-dev libcli11-dev libfmt-dev libfast-float-dev libembree-dev nlohmann-json3-dev ;;
+    build) echo g++ cmake ninja-build libtbb-dev libcli11-dev libfmt-dev libfast-float-dev libembree-dev libnanoflann-dev nlohmann-json3-dev ;;
     test) echo libgtest-dev librapidcheck-dev libnanoflann-dev libeigen3-dev python3 ;;
     demo) echo libcgal-demo libpng-dev python3 ;;
-    bench) echo libnanoflann-dev libeigen3-dev libcgal-dev libpcl-dev python3 ;;
+    bench) echo libnanoflann-dev libeigen3-dev libcgal-dev libcgal-demo libpcl-dev python3 ;;
     fuzz) echo clang-16 libclang-rt-16-dev ;;
     format) echo clang-format-16 ;;
     docs) echo doxygen ;;
