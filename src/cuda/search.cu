@@ -68,7 +68,7 @@ __device__ void search_single(const Tree& tree, SingleWalk& walk, List& list, Ne
 }
 
 // The queries that are left, a warp to each.
-__global__ void __launch_bounds__(kSingleBlock, 9)
+__global__ void __launch_bounds__(kSingleBlock, 8)
     nearest_of_left(const __grid_constant__ Tree tree, NearestQuery query, Index* lists, Retries retries) {
   __shared__ SingleWalk walks[kSingleBlock / kWarp];
   const Index warps = gridDim.x * (kSingleBlock / kWarp), valid = tree.state->valid;

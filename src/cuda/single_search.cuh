@@ -39,7 +39,7 @@ class SingleSearch {
         ++level;
         continue;
       }
-      const int child = __ffs(static_cast<int>(__ballot_sync(kAllLanes, gap == nearest))) - 1;
+      const int child = first_of(__ballot_sync(kAllLanes, gap == nearest), level);
       if (static_cast<int>(lane_number()) == child) walk_.gaps[level][child] = kVisited;
       const Index group = walk_.groups[level];
       __syncwarp();
@@ -59,6 +59,16 @@ class SingleSearch {
 
   __device__ unsigned last_bits() const { return static_cast<unsigned>(last_ >> 32); }
   __device__ Index last_original() const { return static_cast<Index>(last_); }
+
+  // Of boxes equally near, the one with the least original index: from afar all distances may round to one number.
+  __device__ int first_of(unsigned tied, int level) const {
+    if (__popc(tied) == 1) return __ffs(static_cast<int>(tied)) - 1;
+    const bool mine = (tied >> lane_number() & 1u) != 0;
+    Index least = mine ? tree_.group(level, walk_.groups[level]).least_original[lane_number()] : point::kNoNeighbor;
+    const Index own = least;
+    for (int step = kWarp / 2; step > 0; step /= 2) least = min(least, __shfl_xor_sync(kAllLanes, least, step));
+    return __ffs(static_cast<int>(__ballot_sync(kAllLanes, mine && own == least))) - 1;
+  }
 
   __device__ void enter(int level, Index group) {
     const float gap = squared_gap(box_of_lane(tree_.group(level, group)), {position_, position_});
