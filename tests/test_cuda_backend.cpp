@@ -212,12 +212,16 @@ TEST_F(CudaBackendTest, balls_agree_with_the_cpu_within_rounding) {
   const std::vector<Point> points = noisy_sphere(50000, 10, 0.002);
   Settings settings = with_neighbors(0, 0.03f);
   const Result cuda = run(*cuda_, points, settings), cpu = run(*cpu_, points, settings);
-  float farthest = 0;
+  // Sums run in another order here. Planes through three or four points magnify what that rounds.
+  constexpr float kRounding = 2e-6f, kMagnified = 5e-5f;  // spacing 0.016
+  std::size_t beyond_rounding = 0;
   for (std::size_t i = 0; i < points.size(); ++i) {
     const Point a = cuda.points[i], b = cpu.points[i];
-    farthest = std::max({farthest, std::abs(a.x - b.x), std::abs(a.y - b.y), std::abs(a.z - b.z)});
+    const float off = std::max({std::abs(a.x - b.x), std::abs(a.y - b.y), std::abs(a.z - b.z)});
+    beyond_rounding += off > kRounding;
+    EXPECT_LT(off, kMagnified) << i;
   }
-  EXPECT_LT(farthest, 2e-6f);
+  EXPECT_LT(beyond_rounding, points.size() / 1000);
   EXPECT_EQ(cuda.counts.unmoved, cpu.counts.unmoved);
 }
 
