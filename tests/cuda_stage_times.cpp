@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Times each stage of the CUDA backend on clouds that hurt: uneven density, identical points, a stray point.
-//   cuda_bench [POINTS] [REPEAT]
+//   cuda_stage_times [POINTS] [REPEAT]
 // A line a cloud and k: medians in milliseconds, points resident on the card; each stage timed from an idle card to an
 // idle card, and `whole` with all stages in flight at once. The checksum is the sum of all faired coordinates.
 #include <algorithm>
