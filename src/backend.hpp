@@ -61,6 +61,8 @@ class Backend {
   virtual void find_neighbors(const NeighborSettings& settings, std::stop_token stop) = 0;
   virtual void estimate_normals(const NormalSettings& settings, std::stop_token stop) = 0;
   virtual void fair(const FairingSettings& settings, std::stop_token stop) = 0;
+  // Waits for stage calls that only started their work, as a card's do: a stage's time is measured up to here.
+  virtual void finish() {}
   virtual void download(std::span<Point> points) = 0;  // faired points of the current pass, in upload order
   virtual void download_normals(std::span<Point> normals) = 0;
 

@@ -124,16 +124,21 @@ struct Pipeline::State {
     timed(kStageNames[std::size_t(stage)], [&] {
       switch (stage) {
         case Stage::index:
-          return backend->build_index(stop);
+          backend->build_index(stop);
+          break;
         case Stage::neighbors:
-          return backend->find_neighbors(settings.neighbors, stop);
+          backend->find_neighbors(settings.neighbors, stop);
+          break;
         case Stage::normals:
-          return backend->estimate_normals(settings.normals, stop);
+          backend->estimate_normals(settings.normals, stop);
+          break;
         case Stage::fairing:
-          return backend->fair(settings.fairing, stop);
+          backend->fair(settings.fairing, stop);
+          break;
         case Stage::passes:
-          return;
+          break;
       }
+      backend->finish();
     });
   }
 

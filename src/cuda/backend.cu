@@ -63,6 +63,10 @@ class CudaBackend final : public Backend {
     at_work_->fair(settings, stop);
   }
 
+  void finish() override {
+    context_.enter();
+    context_.finish();
+  }
   void download(std::span<Point> points) override {
     context_.enter();
     fetch(at_work_->faired().data(), points);
