@@ -47,8 +47,8 @@ std::vector<Params> all_kinds() {
 }
 
 std::vector<Points> clouds() {
-  return {shapes::with_noise(shapes::waves(30000), 0.004), shapes::with_noise(shapes::uneven(20000, 1000), 0.0005),
-          shapes::with_invalid(shapes::sphere(9000), 11), shapes::grid(16),
+  return {shapes::with_noise(shapes::waves(12000), 0.004), shapes::with_noise(shapes::uneven(9000, 1000), 0.0005),
+          shapes::with_invalid(shapes::sphere(9000), 11), shapes::flat_grid(60),
           shapes::with_stray(shapes::cube(5000), 1e6f)};
 }
 
