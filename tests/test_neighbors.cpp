@@ -98,6 +98,25 @@ TEST(Neighbors, are_exact_where_every_distance_ties) {
   for (const int k : kEveryK) expect_exact_lists(shapes::grid(9), k);
 }
 
+TEST(Neighbors, are_exact_where_distances_differ_in_their_last_bits) {
+  Points points = shapes::sphere(600);  // unit radius as far as rounding allows
+  for (int i = 0; i < 20; ++i) points.push_back(shapes::make_point(1e-7 * i, -1e-7 * i, 0));
+  for (const int k : kEveryK) expect_exact_lists(points, k);
+}
+
+// Along a spiral about the query every candidate is nearer than all before, and each is worth a place in the list for a
+// while: more than a walk has numbers for.
+TEST(Neighbors, at_the_centre_of_a_spiral_are_exact) {
+  for (const double turn : {6.28, -6.28}) {
+    Points points = {{0, 0, 0}};
+    for (int i = 0; i < 4000; ++i) {
+      const double t = i / 4000.0;
+      points.push_back(shapes::make_point((1 - t / 2) * std::cos(turn * t), (1 - t / 2) * std::sin(turn * t), 0));
+    }
+    for (const int k : {8, 16, 32, 64}) expect_exact_lists(points, k, 0, 20);
+  }
+}
+
 TEST(Neighbors, of_identical_points_are_the_first_by_index) {
   for (const int k : {1, 5, 8, 32, 64}) expect_exact_lists(shapes::identical(300), k);
 }

@@ -21,22 +21,35 @@ POINTFAIR_INLINE IntVector spread_bits(IntVector v) {
   return (v | (v << 2)) & 0x09249249;
 }
 
-POINTFAIR_INLINE IntVector hilbert_key(IntVector x, IntVector y, IntVector z) {
-  for (int q = 1 << (kHilbertBits - 1); q > 1; q >>= 1) {
-    const int p = q - 1;
-    x = (x & q) != 0 ? x ^ p : x;
-    const IntVector swap_y = (x ^ y) & p, y_set = (y & q) != 0;
-    x = y_set ? x ^ p : x ^ swap_y;
-    y = y_set ? y : y ^ swap_y;
-    const IntVector swap_z = (x ^ z) & p, z_set = (z & q) != 0;
-    x = z_set ? x ^ p : x ^ swap_z;
-    z = z_set ? z : z ^ swap_z;
+// All bits set where bit `bit` of v is; cheaper than comparison and mask.
+POINTFAIR_INLINE IntVector spread_bit(IntVector v, int bit) { return (v << (31 - bit)) >> 31; }
+
+inline constexpr int kPacks = 2;  // keyed side by side: one alone would wait for its own results most of the time
+
+// Replaces x by the keys.
+POINTFAIR_INLINE void hilbert_key(IntVector* x, IntVector* y, IntVector* z) {
+#pragma GCC unroll 16
+  for (int bit = kHilbertBits - 1; bit > 0; --bit) {
+    const int p = (1 << bit) - 1;
+#pragma GCC unroll 2
+    for (int i = 0; i < kPacks; ++i) {
+      x[i] ^= spread_bit(x[i], bit) & p;
+      const IntVector y_set = spread_bit(y[i], bit), swap_y = (x[i] ^ y[i]) & p & ~y_set;
+      x[i] ^= swap_y | (y_set & p);
+      y[i] ^= swap_y;
+      const IntVector z_set = spread_bit(z[i], bit), swap_z = (x[i] ^ z[i]) & p & ~z_set;
+      x[i] ^= swap_z | (z_set & p);
+      z[i] ^= swap_z;
+    }
   }
-  y ^= x;
-  z ^= y;
-  IntVector t{};
-  for (int q = 1 << (kHilbertBits - 1); q > 1; q >>= 1) t = (z & q) != 0 ? t ^ (q - 1) : t;
-  return (spread_bits(x ^ t) << 2) | (spread_bits(y ^ t) << 1) | spread_bits(z ^ t);
+#pragma GCC unroll 2
+  for (int i = 0; i < kPacks; ++i) {
+    y[i] ^= x[i];
+    z[i] ^= y[i];
+    IntVector t = z[i] >> 1;  // bit j: the exclusive or of all bits of z above j
+    for (int shift = 1; shift < kHilbertBits; shift *= 2) t ^= t >> shift;
+    x[i] = (spread_bits(x[i] ^ t) << 2) | (spread_bits(y[i] ^ t) << 1) | spread_bits(z[i] ^ t);
+  }
 }
 
 // The step of a coordinate, points outside the cube at its border.
@@ -47,21 +60,41 @@ POINTFAIR_INLINE IntVector hilbert_step(FloatVector coordinate, float origin, fl
   return __builtin_convertvector(step < top ? step : top, IntVector);
 }
 
+// The coordinates of the points that `count` <= kLanes elements name.
+POINTFAIR_INLINE point::Vec3<Floats> points_of(const float* xyz, const std::uint64_t* elements, int count) {
+  const std::uint32_t first = std::uint32_t(elements[0]);
+  if (count == kLanes && std::uint32_t(elements[kLanes - 1]) - first == kLanes - 1) {  // ascending, so consecutive
+    const float* p = xyz + 3 * std::size_t(first);
+    const Ints offset = {lane_numbers().v * 3};
+    return {gather(p, offset), gather(p + 1, offset), gather(p + 2, offset)};
+  }
+  float x[kLanes] = {}, y[kLanes] = {}, z[kLanes] = {};
+  for (int lane = 0; lane < count; ++lane) {
+    const float* p = xyz + 3 * std::size_t(std::uint32_t(elements[lane]));
+    x[lane] = p[0];
+    y[lane] = p[1];
+    z[lane] = p[2];
+  }
+  return {load(x), load(y), load(z)};
+}
+
 inline void hilbert_keys(const float* xyz, std::uint64_t* elements, std::size_t count, float x, float y, float z,
                          float scale) {
-  for (std::size_t i = 0; i < count; i += kLanes) {
-    FloatVector px{}, py{}, pz{};
-    const int lanes = count - i < std::size_t(kLanes) ? int(count - i) : kLanes;
-    for (int lane = 0; lane < lanes; ++lane) {
-      const float* p = xyz + 3 * std::size_t(std::uint32_t(elements[i + lane]));
-      px[lane] = p[0];
-      py[lane] = p[1];
-      pz[lane] = p[2];
+  constexpr std::size_t kRound = kPacks * kLanes;
+  for (std::size_t i = 0; i < count; i += kRound) {
+    const int points = count - i < kRound ? int(count - i) : int(kRound);
+    IntVector step_x[kPacks] = {}, step_y[kPacks] = {}, step_z[kPacks] = {};
+    for (int pack = 0; pack * kLanes < points; ++pack) {
+      const int rest = points - pack * kLanes;
+      const point::Vec3<Floats> p = points_of(xyz, elements + i + pack * kLanes, rest < kLanes ? rest : kLanes);
+      step_x[pack] = hilbert_step(p.x.v, x, scale);
+      step_y[pack] = hilbert_step(p.y.v, y, scale);
+      step_z[pack] = hilbert_step(p.z.v, z, scale);
     }
-    const IntVector key =
-        hilbert_key(hilbert_step(px, x, scale), hilbert_step(py, y, scale), hilbert_step(pz, z, scale));
-    for (int lane = 0; lane < lanes; ++lane)
-      elements[i + lane] = (std::uint64_t(std::uint32_t(key[lane])) << 32) | std::uint32_t(elements[i + lane]);
+    hilbert_key(step_x, step_y, step_z);
+    unsigned key[kRound];
+    for (int pack = 0; pack < kPacks; ++pack) store(key + pack * kLanes, Ints{step_x[pack]});
+    for (int j = 0; j < points; ++j) elements[i + j] = (std::uint64_t(key[j]) << 32) | std::uint32_t(elements[i + j]);
   }
 }
 

@@ -133,6 +133,10 @@ void SpatialIndex::collect_valid(std::span<const Point> points, std::span<const 
   space.elements.resize(points_);
   for_blocks(points.size(), kBlock, stop, [&](std::size_t first, std::size_t last, std::size_t block) {
     std::size_t next = first_valid[block];
+    if (of_block[block].valid == last - first) {
+      for (std::size_t i = first; i < last; ++i) space.elements[next + i - first] = i;
+      return;
+    }
     for (std::size_t i = first; i < last; ++i)
       if (is_valid(points[i])) space.elements[next++] = i;
   });
@@ -152,7 +156,7 @@ void SpatialIndex::gather(std::span<const Point> points, std::span<const Index> 
   original_.resize(padded);
   for_blocks(padded, kBlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     for (std::size_t i = first; i < last; ++i) {
-      constexpr std::size_t kAhead = 24;  // the points lie scattered in memory
+      constexpr std::size_t kAhead = 64;  // the points lie scattered in memory
       if (i + kAhead < points_) __builtin_prefetch(&points[std::uint32_t(space.elements[i + kAhead])]);
       const bool real = i < points_;
       const std::size_t from = real ? std::uint32_t(space.elements[i]) : 0;

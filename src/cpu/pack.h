@@ -101,6 +101,29 @@ POINTFAIR_INLINE Floats select(Mask condition, Floats yes, Floats no) { return {
 POINTFAIR_INLINE Ints select(Mask condition, Ints yes, Ints no) { return {condition.v ? yes.v : no.v}; }
 #endif
 POINTFAIR_INLINE Floats::Floats(float x) : v(broadcast(x).v) {}
+
+POINTFAIR_INLINE Ints operator&(Ints a, int b) { return {a.v & b}; }
+POINTFAIR_INLINE Ints operator|(Ints a, int b) { return {a.v | b}; }
+POINTFAIR_INLINE Ints as_ints(Floats a) { return {IntVector(a.v)}; }
+POINTFAIR_INLINE Floats as_floats(Ints a) { return {FloatVector(a.v)}; }
+
+// As point::smaller and point::larger, in one instruction: `a` where neither is smaller, or one is NaN.
+#if defined(__AVX512F__)
+POINTFAIR_INLINE Floats smaller(Floats a, Floats b) { return {_mm512_min_ps(b.v, a.v)}; }
+POINTFAIR_INLINE Floats larger(Floats a, Floats b) { return {_mm512_max_ps(b.v, a.v)}; }
+POINTFAIR_INLINE Ints smaller(Ints a, Ints b) { return {IntVector(_mm512_min_epi32(__m512i(a.v), __m512i(b.v)))}; }
+POINTFAIR_INLINE Ints larger(Ints a, Ints b) { return {IntVector(_mm512_max_epi32(__m512i(a.v), __m512i(b.v)))}; }
+#elif defined(__AVX2__)
+POINTFAIR_INLINE Floats smaller(Floats a, Floats b) { return {_mm256_min_ps(b.v, a.v)}; }
+POINTFAIR_INLINE Floats larger(Floats a, Floats b) { return {_mm256_max_ps(b.v, a.v)}; }
+POINTFAIR_INLINE Ints smaller(Ints a, Ints b) { return {IntVector(_mm256_min_epi32(__m256i(a.v), __m256i(b.v)))}; }
+POINTFAIR_INLINE Ints larger(Ints a, Ints b) { return {IntVector(_mm256_max_epi32(__m256i(a.v), __m256i(b.v)))}; }
+#else
+POINTFAIR_INLINE Floats smaller(Floats a, Floats b) { return {b.v < a.v ? b.v : a.v}; }
+POINTFAIR_INLINE Floats larger(Floats a, Floats b) { return {a.v < b.v ? b.v : a.v}; }
+POINTFAIR_INLINE Ints smaller(Ints a, Ints b) { return {b.v < a.v ? b.v : a.v}; }
+POINTFAIR_INLINE Ints larger(Ints a, Ints b) { return {a.v < b.v ? b.v : a.v}; }
+#endif
 POINTFAIR_INLINE bool any(Mask m) { return bits(m) != 0; }
 
 POINTFAIR_INLINE Floats load(const float* p) { return {FloatVector(*reinterpret_cast<const LooseFloatVector*>(p))}; }
@@ -138,6 +161,17 @@ POINTFAIR_INLINE Floats power_of_two_times(Floats value, Floats shifted) {
 }
 
 // base[index] in each lane; every index must be valid.
+POINTFAIR_INLINE Ints gather(const int* base, Ints index) {
+#if defined(__AVX512F__)
+  return {IntVector(_mm512_i32gather_epi32(__m512i(index.v), base, 4))};
+#elif defined(__AVX2__)
+  return {IntVector(_mm256_i32gather_epi32(base, __m256i(index.v), 4))};
+#else
+  Ints result;
+  for (int lane = 0; lane < kLanes; ++lane) result.v[lane] = base[unsigned(index.v[lane])];
+  return result;
+#endif
+}
 POINTFAIR_INLINE Floats gather(const float* base, Ints index) {
 #if defined(__AVX512F__)
   return {_mm512_i32gather_ps(__m512i(index.v), base, 4)};
@@ -161,10 +195,26 @@ POINTFAIR_INLINE float largest(Floats a) {
 }
 POINTFAIR_INLINE float smallest(Floats a) { return -largest(-a); }
 
+POINTFAIR_INLINE point::Vec3<Floats> spread(float x, float y, float z) {
+  return {broadcast(x), broadcast(y), broadcast(z)};
+}
+
 POINTFAIR_INLINE Ints lane_numbers() {
   Ints numbers;
   for (int lane = 0; lane < kLanes; ++lane) numbers.v[lane] = lane;
   return numbers;
+}
+
+// Appends the numbers first + lane of the chosen lanes to `out`, which has room for a whole pack; returns how many.
+POINTFAIR_INLINE int append(int* out, int first, Mask chosen) {
+#if defined(__AVX512F__)
+  _mm512_storeu_si512(out, _mm512_maskz_compress_epi32(chosen.v, __m512i(lane_numbers().v + first)));
+  return __builtin_popcount(chosen.v);
+#else
+  int count = 0;
+  for (unsigned lanes = bits(chosen); lanes != 0; lanes &= lanes - 1) out[count++] = first + __builtin_ctz(lanes);
+  return count;
+#endif
 }
 
 }  // namespace pointfair::cpu::POINTFAIR_ISA

@@ -5,108 +5,10 @@
 #pragma once
 
 #include "cpu/kernels.h"
+#include "cpu/lists.h"
 #include "cpu/pack.h"
 
 namespace pointfair::cpu::POINTFAIR_ISA {
-
-inline constexpr float kInfinity = __builtin_inff();
-
-// K sorted lists, one a lane, in registers as far as they go. Insertion has no order among equal distances; `ambiguous`
-// tells where that could have mattered, and ExactLists then decides.
-template <int K>
-struct FastLists {
-  static constexpr bool kOrdersTies = false;
-  Floats squared[K];
-  Ints at[K];
-  Floats evicted;  // the least distance that was offered and is not in the list
-
-  POINTFAIR_INLINE void clear() {
-    for (int s = 0; s < K; ++s) squared[s] = broadcast(kInfinity);
-    for (int s = 0; s < K; ++s) at[s] = broadcast(int(point::kNoNeighbor));
-    evicted = broadcast(kInfinity);
-  }
-  POINTFAIR_INLINE Floats last() const { return squared[K - 1]; }
-
-  // `distance` is infinite in lanes that do not take part.
-  POINTFAIR_INLINE void insert(Floats distance, Index position, Index) {
-    evicted = point::smaller(evicted, point::larger(distance, squared[K - 1]));
-    const Ints candidate = broadcast(int(position));
-    Mask before = distance < squared[K - 1];
-    for (int s = K - 1; s > 0; --s) {
-      const Mask before_previous = distance < squared[s - 1];
-      squared[s] = point::larger(squared[s - 1], point::smaller(distance, squared[s]));
-      at[s] = select(before, select(before_previous, at[s - 1], candidate), at[s]);
-      before = before_previous;
-    }
-    squared[0] = point::smaller(distance, squared[0]);
-    at[0] = select(before, candidate, at[0]);
-  }
-
-  POINTFAIR_INLINE Mask ambiguous() const {
-    Mask equal = evicted == squared[K - 1];
-    for (int s = 1; s < K; ++s) equal = equal | (squared[s] == squared[s - 1]);
-    return (equal & (squared[0] < broadcast(kInfinity))) | (squared[K - 1] == broadcast(0.0f));
-  }
-};
-
-// Any k, ties by original index.
-struct ExactLists {
-  static constexpr bool kOrdersTies = true;
-  static constexpr int kCapacity = 1024;
-  int k;
-  Floats squared[kCapacity];
-  Ints at[kCapacity];
-  Ints original[kCapacity];
-
-  explicit ExactLists(int its_k) : k(its_k) {}
-  void clear() {
-    for (int s = 0; s < k; ++s) {
-      squared[s] = broadcast(kInfinity);
-      at[s] = broadcast(int(point::kNoNeighbor));
-      original[s] = broadcast(0x7fffffff);
-    }
-  }
-  Floats last() const { return squared[k - 1]; }
-
-  Mask precedes(Floats distance, Ints id, int s) const {
-    return (distance < squared[s]) | ((distance == squared[s]) & (id < original[s]));
-  }
-  void insert(Floats distance, Index position, Index original_index) {
-    const Ints id = broadcast(int(original_index)), candidate = broadcast(int(position));
-    const Mask takes_part = distance < broadcast(kInfinity);
-    Mask before = precedes(distance, id, k - 1) & takes_part;
-    for (int s = k - 1; any(before); --s) {
-      const Mask before_previous = s > 0 ? precedes(distance, id, s - 1) & before : Mask{};
-      const int p = s > 0 ? s - 1 : 0;
-      squared[s] = select(before, select(before_previous, squared[p], distance), squared[s]);
-      at[s] = select(before, select(before_previous, at[p], candidate), at[s]);
-      original[s] = select(before, select(before_previous, original[p], id), original[s]);
-      before = before_previous;
-    }
-  }
-  // A candidate at exactly `distance` with a larger original index than this joins no list whose bound is that
-  // distance.
-  Index last_original(float distance, Floats bound) const {
-    const Floats d = broadcast(distance);
-    const Ints of_full_lists = select(last() == d, original[k - 1], broadcast(0x7fffffff));
-    const Ints shown = select(bound == d, of_full_lists, broadcast(0));
-    int result = 0;
-    for (int lane = 0; lane < kLanes; ++lane) result = shown.v[lane] > result ? shown.v[lane] : result;
-    return Index(result);
-  }
-};
-
-// The lanes of a leaf that search together, their common box, and how far each still has to look.
-struct Queries {
-  point::Vec3<Floats> position;
-  point::Vec3<Floats> min, max;  // of the active lanes, the same in every lane
-  Ints at;                       // sorted positions of the queries
-  Floats limit;                  // candidates beyond do not count; -1 in idle lanes
-};
-
-POINTFAIR_INLINE point::Vec3<Floats> spread(float x, float y, float z) {
-  return {broadcast(x), broadcast(y), broadcast(z)};
-}
 
 POINTFAIR_INLINE Queries make_queries(const IndexView& index, Index first, Mask active, Floats limit) {
   Queries q;
@@ -134,24 +36,27 @@ class GroupSearch {
   // From the leaf outwards: its own points, the leaves beside it on the curve, then the siblings of each ancestor.
   // Returns false if it gave up: the budget of leaves ran out, or ties decide and the lists do not order them.
   bool run(Index own_leaf, Index leaves_beside) {
-    visit_leaf<true>(own_leaf);
+    collect_leaf(own_leaf);
+    offer_waiting<true>();
     first_done_ = own_leaf > leaves_beside ? own_leaf - leaves_beside : 0;
     last_done_ = own_leaf + leaves_beside < index_.leaves ? own_leaf + leaves_beside : index_.leaves - 1;
     for (Index leaf = first_done_; leaf <= last_done_; ++leaf)
-      if (leaf != own_leaf) visit_leaf<false>(leaf);
+      if (leaf != own_leaf) visit_leaf(leaf);
+    offer_waiting<false>();
     if constexpr (!Lists::kOrdersTies)  // more than k identical points: only their order is left to find
-      if (any(lists_.last() == broadcast(0.0f))) return false;
+      if (lists_.all_identical()) return false;
     Index node = own_leaf;
     for (int level = 0; level < index_.levels; ++level) {
       if (!visit_children(level, node / kLeafSize, level == 0 ? kLeafSize : node % kLeafSize)) return false;
       node /= kLeafSize;
     }
+    offer_waiting<false>();
     return true;
   }
 
  private:
   POINTFAIR_INLINE void update_bound() {
-    bound_ = point::smaller(lists_.last(), q_.limit);
+    bound_ = smaller(lists_.last(), q_.limit);
     farthest_ = largest(bound_);
     if constexpr (Lists::kOrdersTies) last_original_ = lists_.last_original(farthest_, bound_);
   }
@@ -189,32 +94,31 @@ class GroupSearch {
         if (!visit_children(level - 1, child, kLeafSize)) return false;
       } else if (child < first_done_ || child > last_done_) {
         if (--budget_ < 0) return false;
-        visit_leaf<false>(child);
+        visit_leaf(child);
       }
     }
     return true;
   }
 
-  template <bool kOwn>
   POINTFAIR_INLINE void visit_leaf(Index leaf) {
+    collect_leaf(leaf);
+    if (waiting_count_ >= Lists::kBatch) offer_waiting<false>();
+  }
+
+  POINTFAIR_INLINE void collect_leaf(Index leaf) {
     for (int c = 0; c < kLeafSize; c += kLanes) {
       const Index first = leaf * kLeafSize + Index(c);
       const point::Vec3<Floats> p = {load(index_.x + first), load(index_.y + first), load(index_.z + first)};
-      unsigned near = bits(point::squared_gap(p, p, q_.min, q_.max) <= broadcast(farthest_));
-      for (; near != 0; near &= near - 1) offer<kOwn>(first + Index(__builtin_ctz(near)));
+      const Mask near = point::squared_gap(p, p, q_.min, q_.max) <= broadcast(farthest_);
+      waiting_count_ += append(waiting_ + waiting_count_, int(first), near);
     }
-    update_bound();
   }
 
   template <bool kOwn>
-  POINTFAIR_INLINE void offer(Index position) {
-    const point::Vec3<Floats> candidate = spread(index_.x[position], index_.y[position], index_.z[position]);
-    const Floats distance = point::squared_length(candidate - q_.position);
-    Mask hit = distance <= bound_;
-    if constexpr (kOwn) hit = hit & (q_.at != broadcast(int(position)));
-    if (!any(hit)) return;
-    lists_.insert(select(hit, distance, broadcast(kInfinity)), position, index_.original[position]);
-    bound_ = point::smaller(lists_.last(), q_.limit);
+  POINTFAIR_INLINE void offer_waiting() {
+    lists_.template offer<kOwn>(index_, q_, bound_, waiting_, waiting_count_);
+    waiting_count_ = 0;
+    update_bound();
   }
 
   const IndexView& index_;
@@ -223,27 +127,31 @@ class GroupSearch {
   Floats bound_;        // per lane: what a candidate must not exceed
   float farthest_ = 0;  // the largest of them when last measured
   Index last_original_ = 0;
+  int waiting_count_ = 0;
+  int waiting_[Lists::kMaxBatch + kLanes];  // sorted positions of candidates still to be offered
   Index first_done_ = 0, last_done_ = 0;
   int budget_;
 };
 
 // A group whose box is wide against its lanes' reach (a stray point among others, a jump of the curve) would visit far
 // too much together; past this many leaves it is split.
-POINTFAIR_INLINE int leaf_budget(int k, bool may_split) { return may_split ? 48 + 2 * k : 0x7fffffff; }
+POINTFAIR_INLINE int leaf_budget(int k, bool may_split) { return may_split ? 128 + 2 * k : 0x7fffffff; }
 POINTFAIR_INLINE Index leaves_beside(int k) { return Index(k + kLeafSize - 1) / kLeafSize; }
 
-POINTFAIR_INLINE void copy_lists(const Floats* squared, const Ints* at, int k, Mask active, Index* out,
-                                 int lane_stride) {
+// The first k of each active lane.
+template <class Lists>
+POINTFAIR_INLINE void copy_lists(const Lists& lists, int k, Mask active, Index* out) {
   for (int s = 0; s < k; ++s) {
-    const Ints found = select(squared[s] < broadcast(kInfinity), at[s], broadcast(int(point::kNoNeighbor)));
+    const Ints found = lists.at(s);
+    if (!any(~active)) {
+      store(out + s * kLeafSize, found);
+      continue;
+    }
     for (unsigned lanes = bits(active); lanes != 0; lanes &= lanes - 1) {
       const int lane = __builtin_ctz(lanes);
-      out[s * lane_stride + lane] = Index(found.v[lane]);
+      out[s * kLeafSize + lane] = Index(found.v[lane]);
     }
   }
-}
-POINTFAIR_INLINE void copy_whole_lists(const Ints* at, int k, Index* out) {
-  for (int s = 0; s < k; ++s) store(out + s * kLeafSize, at[s]);
 }
 
 POINTFAIR_INLINE Mask lanes_between(int first, int last) {
@@ -259,10 +167,10 @@ inline void search_exact(const IndexView& index, Index start, int first_lane, in
   const Queries queries = make_queries(index, start, active, limit);
   GroupSearch<ExactLists> search(index, queries, lists, leaf_budget(k, last_lane - first_lane > 1));
   if (search.run(start / kLeafSize, leaves_beside(k))) {
-    copy_lists(lists.squared, lists.at, k, active, out, kLeafSize);
+    copy_lists(lists, k, active, out);
     return;
   }
-  const Floats known = point::smaller(lists.last(), limit);  // k candidates lie within it
+  const Floats known = smaller(lists.last(), limit);  // k candidates lie within it
   const int middle = (first_lane + last_lane) / 2;
   search_exact(index, start, first_lane, middle, k, known, out);
   search_exact(index, start, middle, last_lane, k, known, out);
@@ -275,19 +183,14 @@ void search_pack(const IndexView& index, Index start, int first_lane, int last_l
   FastLists<K> lists;
   const Queries queries = make_queries(index, start, active, limit);
   GroupSearch<FastLists<K>> search(index, queries, lists, leaf_budget(k, last_lane - first_lane > 1));
-  const bool whole = search.run(start / kLeafSize, leaves_beside(K));
-  const Floats known = point::smaller(lists.last(), limit);
-  if (any(lists.ambiguous() & active)) {
-    search_exact(index, start, first_lane, last_lane, k, known, out);
-  } else if (whole && last_lane - first_lane == kLanes) {
-    copy_whole_lists(lists.at, k, out);
-  } else if (whole) {
-    copy_lists(lists.squared, lists.at, k, active, out, kLeafSize);
-  } else {
-    const int middle = (first_lane + last_lane) / 2;
-    search_pack<K>(index, start, first_lane, middle, k, known, out);
-    search_pack<K>(index, start, middle, last_lane, k, known, out);
-  }
+  const bool whole = search.run(start / kLeafSize, leaves_beside(K)) && !lists.overflown();
+  if (whole && lists.finish(index, queries, k, active)) return copy_lists(lists, k, active, out);
+  const Floats known = smaller(lists.last(), limit);
+  if (whole || last_lane - first_lane == 1 || lists.all_identical())
+    return search_exact(index, start, first_lane, last_lane, k, known, out);
+  const int middle = (first_lane + last_lane) / 2;
+  search_pack<K>(index, start, first_lane, middle, k, known, out);
+  search_pack<K>(index, start, middle, last_lane, k, known, out);
 }
 
 inline void search_lanes(const IndexView& index, Index start, int first_lane, int last_lane, int k, float squared_limit,
@@ -296,6 +199,7 @@ inline void search_lanes(const IndexView& index, Index start, int first_lane, in
   if (k <= 8) return search_pack<8>(index, start, first_lane, last_lane, k, limit, out);
   if (k <= 16) return search_pack<16>(index, start, first_lane, last_lane, k, limit, out);
   if (k <= 32) return search_pack<32>(index, start, first_lane, last_lane, k, limit, out);
+  if (k <= 64) return search_pack<64>(index, start, first_lane, last_lane, k, limit, out);
   search_exact(index, start, first_lane, last_lane, k, limit, out);
 }
 

@@ -16,7 +16,7 @@ namespace {
 constexpr int kDigitBits = 10, kDigits = 3;  // of a 30-bit key
 constexpr std::size_t kBuckets = std::size_t(1) << kDigitBits;
 constexpr std::size_t kSmall = 512;                       // below, comparison sorting wins
-constexpr std::size_t kCacheable = std::size_t(1) << 15;  // elements of a run that one thread sorts in its cache
+constexpr std::size_t kCacheable = std::size_t(1) << 19;  // elements of a run that one thread sorts in its caches
 constexpr std::size_t kSortBlock = std::size_t(1) << 14;
 
 using Elements = std::span<std::uint64_t>;
@@ -89,25 +89,28 @@ class CurveSorter {
       std::sort(run.begin(), run.end());
       return;
     }
+    Elements from = run, to = scratch;
     for (int d = 0; d <= digit; ++d) {
       Histogram next{};
-      for (const std::uint64_t element : run) ++next[digit_of(element, d)];
+      for (const std::uint64_t element : from) ++next[digit_of(element, d)];
       std::uint32_t total = 0;
       for (std::uint32_t& count : next) total += std::exchange(count, total);
-      for (const std::uint64_t element : run) scratch[next[digit_of(element, d)]++] = element;
-      std::copy(scratch.begin(), scratch.end(), run.begin());
+      for (const std::uint64_t element : from) to[next[digit_of(element, d)]++] = element;
+      std::swap(from, to);
     }
+    if (from.data() != run.data()) std::copy(from.begin(), from.end(), run.begin());
   }
 
   // Gives every cell of more than a leaf of points a finer curve.
   void refine_cells(Elements run, Elements scratch) const {
-    for (std::size_t first = 0; first < run.size();) {
-      std::size_t last = first + 1;
-      while (last < run.size() && run[last] >> 32 == run[first] >> 32) ++last;
-      const std::size_t size = last - first;
-      if (size > kLeafSize)
-        sort(run.subspan(first, size), scratch.subspan(first, size), box_of(run.subspan(first, size)));
-      first = last;
+    const auto same_cell = [&](std::size_t a, std::size_t b) { return run[a] >> 32 == run[b] >> 32; };
+    for (std::size_t first = 0; first + kLeafSize < run.size(); ++first) {
+      if (!same_cell(first, first + kLeafSize)) continue;
+      std::size_t last = first + kLeafSize + 1;
+      while (last < run.size() && same_cell(first, last)) ++last;
+      const Elements cell = run.subspan(first, last - first);
+      sort(cell, scratch.subspan(first, last - first), box_of(cell));
+      first = last - 1;
     }
   }
 

@@ -1,0 +1,199 @@
+// SPDX-License-Identifier: Apache-2.0
+// The nearest candidates of each lane of a group of queries. Part of src/cpu/kernels.cpp.
+#pragma once
+
+#include "cpu/kernels.h"
+#include "cpu/network.h"
+#include "cpu/pack.h"
+
+namespace pointfair::cpu::POINTFAIR_ISA {
+
+inline constexpr float kInfinity = __builtin_inff();
+
+// The lanes of a leaf that search together, their common box, and how far each still has to look.
+struct Queries {
+  point::Vec3<Floats> position;
+  point::Vec3<Floats> min, max;  // of the active lanes, the same in every lane
+  Ints at;                       // sorted positions of the queries
+  Floats limit;                  // candidates beyond do not count; -1 in idle lanes
+};
+
+// K sorted lists, one a lane, in registers as far as they go. An entry is one number: the bits of the squared distance,
+// the lowest of them replaced by the candidate's number in this walk. Non-negative floats order as their bits, so lists
+// are kept by minima and maxima alone. Two slots more than asked for make it rare that the shortened distances cannot
+// tell the k nearest from the rest; `finish` then says so, and ExactLists decides.
+template <int K>
+class FastLists {
+ public:
+  static constexpr bool kOrdersTies = false;
+  static constexpr int kBatch = 48;  // candidates to collect before they are offered
+
+  POINTFAIR_INLINE void clear() {
+    for (Ints& entry : entry_) entry = broadcast(kEmpty);
+    candidates_ = 0;
+  }
+  // The K-th distance, or a little more.
+  POINTFAIR_INLINE Floats last() const { return as_floats(entry_[K - 1] | kNumber); }
+  POINTFAIR_INLINE bool all_identical() const { return any(entry_[K - 1] < broadcast(kNumber + 1)); }
+  // More candidates than numbers: the entries do not tell any more where they are.
+  POINTFAIR_INLINE bool overflown() const { return candidates_ > kNumber; }
+
+  // Offers the points at `count` <= kMaxBatch sorted positions; those farther than `bound` do not count. First all
+  // distances, then all insertions: neither part has a branch to mispredict.
+  template <bool kOwn>
+  POINTFAIR_INLINE void offer(const IndexView& index, const Queries& queries, Floats bound, const int* positions,
+                              int count) {
+    Ints useful[kMaxBatch];
+    int n = 0;
+    for (int i = 0; i < count; ++i) {
+      const int at = positions[i];
+      const Floats distance = point::squared_length(spread(index.x[at], index.y[at], index.z[at]) - queries.position);
+      Mask hit = distance <= bound;
+      if constexpr (kOwn) hit = hit & (queries.at != broadcast(at));
+      const int number = (candidates_ + n) & kNumber;
+      position_[number] = at;
+      useful[n] = select(hit, shortened(as_ints(distance)) | number, broadcast(kEmpty));
+      n += any(hit);  // the next one takes this place if nobody wants it
+    }
+    candidates_ += n;
+    if constexpr (K <= 16) {
+      for (int i = 0; i < n; ++i) insert(useful[i]);
+    } else {
+      for (; n % kRound != 0; ++n) useful[n] = broadcast(kEmpty);
+      for (int i = 0; i < n; i += kRound) merge(useful + i);
+    }
+  }
+
+  // Orders the first k of the active lanes exactly. False if it is not certain which they are.
+  bool finish(const IndexView& index, const Queries& queries, int k, Mask active) {
+    const Ints beyond = shortened(entry_[kSlots - 1]);
+    if (any((beyond == shortened(entry_[k - 1])) & (beyond < broadcast(kEmpty)) & active)) return false;
+    for (int s = 1; s < kSlots; ++s) {
+      const Ints here = shortened(entry_[s]);
+      const Mask equal = (here == shortened(entry_[s - 1])) & (here < broadcast(kEmpty)) & active;
+      for (unsigned lanes = bits(equal); lanes != 0; lanes &= lanes - 1)
+        put_in_order(index, queries, __builtin_ctz(lanes), s);
+    }
+    return true;
+  }
+  POINTFAIR_INLINE Ints at(int s) const {
+    const Mask found = entry_[s] < broadcast(kEmpty);
+    return select(found, gather(position_, entry_[s] & kNumber), broadcast(int(point::kNoNeighbor)));
+  }
+
+  static constexpr int kMaxBatch = kBatch + kLeafSize;
+
+ private:
+  static constexpr int kSlots = K + 2;
+  static constexpr int kRound = 16;                                                          // merged together
+  static constexpr int kNumber = (1 << (K <= 8 ? 8 : K <= 16 ? 9 : K <= 32 ? 10 : 11)) - 1;  // the number's bits
+  static constexpr int kEmpty = 0x7f7fffff & ~kNumber;                                       // above every distance
+
+  static POINTFAIR_INLINE Ints shortened(Ints entry) { return entry & ~kNumber; }
+
+  POINTFAIR_INLINE void insert(Ints entry) {
+    for (int s = kSlots - 1; s > 0; --s) entry_[s] = larger(entry_[s - 1], smaller(entry_[s], entry));
+    entry_[0] = smaller(entry_[0], entry);
+  }
+
+  // From 32 slots on cheaper than one insertion after the other. A sorted list and the reverse of a sorted round,
+  // element by element, leave a bitonic sequence.
+  POINTFAIR_INLINE void merge(Ints* round) {
+    sort_run<0, kRound>(round);
+    for (int i = 0; i < kRound; ++i) {
+      Ints& kept = entry_[K - kRound + i];
+      const Ints candidate = round[kRound - 1 - i], evicted = larger(kept, candidate);
+      kept = smaller(kept, candidate);
+      entry_[K + 1] = smaller(entry_[K + 1], larger(entry_[K], evicted));
+      entry_[K] = smaller(entry_[K], evicted);
+    }
+    sort_bitonic<K>(entry_);
+  }
+
+  // Moves a lane's entry s before those of the same shortened distance that it precedes.
+  void put_in_order(const IndexView& index, const Queries& queries, int lane, int s) {
+    const point::Vec3<float> here = {queries.position.x.v[lane], queries.position.y.v[lane],
+                                     queries.position.z.v[lane]};
+    const auto key = [&](int entry) {
+      const int at = position_[entry & kNumber];
+      const point::Vec3<float> there = {index.x[at], index.y[at], index.z[at]};
+      return point::neighbor_key(point::squared_length(there - here), index.original[at]);
+    };
+    const int entry = entry_[s].v[lane];
+    const unsigned long long own = key(entry);
+    for (; s > 0; --s) {
+      const int before = entry_[s - 1].v[lane];
+      if ((before & ~kNumber) != (entry & ~kNumber) || key(before) < own) break;
+      entry_[s].v[lane] = before;
+    }
+    entry_[s].v[lane] = entry;
+  }
+
+  Ints entry_[kSlots];
+  int position_[kNumber + 1];  // of each candidate, by its number
+  int candidates_;
+};
+
+// Any k, ties by original index.
+class ExactLists {
+ public:
+  static constexpr bool kOrdersTies = true;
+  static constexpr int kBatch = 1;  // every candidate excludes others
+  static constexpr int kMaxBatch = kBatch + kLeafSize;
+  static constexpr int kCapacity = 1024;
+
+  explicit ExactLists(int k) : k_(k) {}
+  void clear() {
+    for (int s = 0; s < k_; ++s) {
+      squared_[s] = broadcast(kInfinity);
+      position_[s] = broadcast(int(point::kNoNeighbor));
+      original_[s] = broadcast(0x7fffffff);
+    }
+  }
+  Floats last() const { return squared_[k_ - 1]; }
+  Ints at(int s) const { return position_[s]; }
+
+  template <bool kOwn>
+  void offer(const IndexView& index, const Queries& queries, Floats bound, const int* positions, int count) {
+    for (int i = 0; i < count; ++i) {
+      const int at = positions[i];
+      const Floats distance = point::squared_length(spread(index.x[at], index.y[at], index.z[at]) - queries.position);
+      Mask hit = distance <= bound;
+      if constexpr (kOwn) hit = hit & (queries.at != broadcast(at));
+      insert(hit, distance, broadcast(at), broadcast(int(index.original[at])));
+    }
+  }
+  // A candidate at exactly `distance` with a larger original index than this joins no list whose bound is that
+  // distance.
+  Index last_original(float distance, Floats bound) const {
+    const Floats d = broadcast(distance);
+    const Ints of_full_lists = select(last() == d, original_[k_ - 1], broadcast(0x7fffffff));
+    const Ints shown = select(bound == d, of_full_lists, broadcast(0));
+    int result = 0;
+    for (int lane = 0; lane < kLanes; ++lane) result = shown.v[lane] > result ? shown.v[lane] : result;
+    return Index(result);
+  }
+
+ private:
+  void insert(Mask hit, Floats distance, Ints candidate, Ints id) {
+    Mask before = precedes(distance, id, k_ - 1) & hit;
+    for (int s = k_ - 1; any(before); --s) {
+      const Mask before_previous = s > 0 ? precedes(distance, id, s - 1) & before : Mask{};
+      const int p = s > 0 ? s - 1 : 0;
+      squared_[s] = select(before, select(before_previous, squared_[p], distance), squared_[s]);
+      position_[s] = select(before, select(before_previous, position_[p], candidate), position_[s]);
+      original_[s] = select(before, select(before_previous, original_[p], id), original_[s]);
+      before = before_previous;
+    }
+  }
+
+  Mask precedes(Floats distance, Ints id, int s) const {
+    return (distance < squared_[s]) | ((distance == squared_[s]) & (id < original_[s]));
+  }
+
+  int k_;
+  Floats squared_[kCapacity];
+  Ints position_[kCapacity], original_[kCapacity];
+};
+
+}  // namespace pointfair::cpu::POINTFAIR_ISA

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+// Sorting networks (K. Batcher, "Sorting networks and their applications", 1968), one sequence a lane; every loop
+// unrolls, so that short sequences stay in registers. Part of src/cpu/kernels.cpp.
+#pragma once
+
+#include "cpu/pack.h"
+
+namespace pointfair::cpu::POINTFAIR_ISA {
+
+POINTFAIR_INLINE void order_pair(Ints& a, Ints& b) {
+  const Ints low = smaller(a, b);
+  b = larger(a, b);
+  a = low;
+}
+
+// Odd-even merge of the elements kFirst, kFirst + kStep, ... of a run of kSize whose halves are sorted.
+template <int kFirst, int kSize, int kStep>
+POINTFAIR_INLINE void merge_halves(Ints* v) {
+  if constexpr (2 * kStep < kSize) {
+    merge_halves<kFirst, kSize, 2 * kStep>(v);
+    merge_halves<kFirst + kStep, kSize, 2 * kStep>(v);
+#pragma GCC unroll 16
+    for (int i = kFirst + kStep; i + kStep < kFirst + kSize; i += 2 * kStep) order_pair(v[i], v[i + kStep]);
+  } else {
+    order_pair(v[kFirst], v[kFirst + kStep]);
+  }
+}
+
+template <int kFirst, int kSize>
+POINTFAIR_INLINE void sort_run(Ints* v) {
+  if constexpr (kSize > 1) {
+    sort_run<kFirst, kSize / 2>(v);
+    sort_run<kFirst + kSize / 2, kSize / 2>(v);
+    merge_halves<kFirst, kSize, 1>(v);
+  }
+}
+
+// Sorts a sequence that first rises and then falls.
+template <int kSize>
+POINTFAIR_INLINE void sort_bitonic(Ints* v) {
+#pragma GCC unroll 8
+  for (int stride = kSize / 2; stride > 0; stride /= 2) {
+#pragma GCC unroll 64
+    for (int i = 0; i < kSize; ++i)
+      if ((i & stride) == 0) order_pair(v[i], v[i + stride]);
+  }
+}
+
+}  // namespace pointfair::cpu::POINTFAIR_ISA
