@@ -65,6 +65,7 @@ class CudaBackend final : public Backend {
 
   void finish() override {
     context_.enter();
+    at_work_->settle();
     context_.finish();
   }
   void download(std::span<Point> points) override {

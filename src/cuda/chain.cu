@@ -4,8 +4,7 @@
 namespace pointfair::cuda {
 namespace {
 
-constexpr int kLeastPool = 16;                  // candidates that a constrained neighbourhood starts with
-constexpr std::size_t kLargeCloud = 3'000'000;  // points; its random accesses miss the cache
+constexpr std::size_t kLargeCloud = 3'000'000;  // points; random writes to all of it miss the cache
 constexpr float kNoLimit = __builtin_inff();
 
 void stop_if_asked(const std::stop_token& stop) {
@@ -20,13 +19,12 @@ Chain::Chain(Context& context)
       lists_(context),
       normals_(context),
       mean_distance_(context),
-      faired_(context),
-      place_of_(context) {}
+      faired_(context) {}
 
 void Chain::build_index(const Point* points, std::size_t count, std::stop_token stop) {
   stop_if_asked(stop);
   input_ = points;
-  areas_measured_ = places_known_ = false;
+  areas_measured_ = normals_wait_ = false;
   index_.build(points, count);
 }
 
@@ -37,28 +35,39 @@ void Chain::find_neighbors(const NeighborSettings& settings, std::stop_token sto
   check(cudaMemsetAsync(&index_.state()->short_neighborhoods, 0, sizeof(CloudState::short_neighborhoods),
                         context_.stream()),
         "preparing the search");
+  normals_wait_ = false;
   if (settings.k == 0) return lists_.release();
-  const std::size_t places = index_.leaves() * kLeafSize;
-  const float squared_limit = settings.radius > 0 ? settings.radius * settings.radius : kNoLimit;
+  lists_.resize(index_.leaves() * kLeafSize * settings.k);
+  if (settings.constraint) return grow_constrained();
   DeviceArray<Index> retries(context_);
-  retries.resize(places + index_.leaves());
-  const Retries room{retries.data() + places, retries.data()};
-  lists_.resize(places * settings.k);
-  if (!settings.constraint)
-    return find_nearest(context_, index_.tree(), index_.state(), {settings.k, squared_limit}, lists_.data(), room);
+  find_nearest(context_, index_.tree(), index_.state(), nearest_query(), lists_.data(), make_room(retries));
+}
 
-  const int pool = std::min(std::max(kLeastPool, 2 * settings.k), kLargestList);
-  DeviceArray<Index> candidates(context_);
-  candidates.resize(places * pool);
+void Chain::grow_constrained() {
+  // Most neighbourhoods are the nearest points themselves, and show that they are from these alone.
+  const int pool = std::min(std::max(point::kAreaNeighbors, neighbors_.k), kLargestList);
+  const NearestQuery query = nearest_query();
+  DeviceArray<Index> retries(context_), candidates(context_);
+  const Retries room = make_room(retries);
+  candidates.resize(index_.leaves() * kLeafSize * pool);
   const Lists pools{pool, candidates.data()};
-  find_nearest(context_, index_.tree(), index_.state(), {pool, squared_limit}, candidates.data(), room);
-  stop_if_asked(stop);
-  grow_neighborhoods(context_, index_.tree(), index_.state(), {settings.k, squared_limit}, settings.reach, pools,
-                     lists_.data(), retries.data());
-  if (settings.radius > 0) return;
-  mean_distance_.resize(places);
+  find_nearest(context_, index_.tree(), index_.state(), {pool, query.squared_limit}, candidates.data(), room);
+  grow_neighborhoods(context_, index_.tree(), index_.state(), query, neighbors_.reach, pools, lists_.data(),
+                     room.queries);
+  if (neighbors_.radius > 0) return;
+  mean_distance_.resize(index_.leaves() * kLeafSize);
   measure_mean_distances(context_, index_.tree(), pools, mean_distance_.data());
   areas_measured_ = true;
+}
+
+NearestQuery Chain::nearest_query() const {
+  return {neighbors_.k, neighbors_.radius > 0 ? neighbors_.radius * neighbors_.radius : kNoLimit};
+}
+
+Retries Chain::make_room(DeviceArray<Index>& retries) const {
+  const std::size_t places = index_.leaves() * kLeafSize;
+  retries.resize(places + index_.leaves());
+  return {retries.data() + places, retries.data()};
 }
 
 // The mean distances are to the nearest of all points, whatever the lists are limited to. Only some runs need them.
@@ -72,9 +81,8 @@ void Chain::measure_areas() {
   } else {
     DeviceArray<Index> nearest(context_), retries(context_);
     nearest.resize(places * point::kAreaNeighbors);
-    retries.resize(places + index_.leaves());
     find_nearest(context_, index_.tree(), index_.state(), {point::kAreaNeighbors, kNoLimit}, nearest.data(),
-                 {retries.data() + places, retries.data()});
+                 make_room(retries));
     measure_mean_distances(context_, index_.tree(), {point::kAreaNeighbors, nearest.data()}, mean_distance_.data());
   }
   areas_measured_ = true;
@@ -87,9 +95,16 @@ Normals Chain::normals() const {
 
 void Chain::estimate_normals(const NormalSettings& settings, std::stop_token stop) {
   stop_if_asked(stop);
+  normal_settings_ = settings;
   normals_.resize(3 * index_.leaves() * kLeafSize);
-  cuda::estimate_normals(context_, index_.tree(), index_.state(), neighborhoods(),
-                         point::normal_weights(settings.weighted, settings.sigma), normals());
+  normals_wait_ = true;
+  if (neighbors_.k == 0) settle();
+}
+
+void Chain::settle() {
+  if (!normals_wait_) return;
+  cuda::estimate_normals(context_, index_.tree(), index_.state(), neighborhoods(), normal_weights(), normals());
+  normals_wait_ = false;
 }
 
 void Chain::fair(const FairingSettings& settings, std::stop_token stop) {
@@ -97,32 +112,40 @@ void Chain::fair(const FairingSettings& settings, std::stop_token stop) {
   const int power = settings.area_weight == AreaWeight::squared  ? 2
                     : settings.area_weight == AreaWeight::length ? 1
                                                                  : 0;
-  if (power > 0) measure_areas();
-  faired_.resize(index_.points());
-  DeviceArray<float4> sorted(context_);
-  if (index_.points() >= kLargeCloud) {
-    sorted.resize(index_.leaves() * kLeafSize);
-    find_places();
+  if (power > 0) {
+    settle();
+    measure_areas();
   }
-  cuda::fair(context_, index_.tree(), neighborhoods(), normals(), {mean_distance_.data(), power},
-             point::bilateral_weights(settings.closeness_sigma, settings.similarity_sigma), input_, index_.points(),
-             {faired_.data(), sorted.data(), place_of_.data()});
+  faired_.resize(index_.points());
+  DeviceArray<Point> staged(context_);
+  DeviceArray<Index> originals(context_);
+  if (index_.points() >= kLargeCloud) {
+    staged.resize(index_.points());
+    originals.resize(2 * index_.points());
+  }
+  const FairedPoints faired{faired_.data(), input_,           index_.points(),
+                            staged.data(),  originals.data(), originals.data() + originals.size() / 2};
+  const auto weights = point::bilateral_weights(settings.closeness_sigma, settings.similarity_sigma);
+  if (normals_wait_) {
+    estimate_normals_and_fair(context_, index_.tree(), index_.state(), lists(), normal_weights(), normals(), weights,
+                              faired);
+    normals_wait_ = false;
+  } else {
+    cuda::fair(context_, index_.tree(), neighborhoods(), normals(), {mean_distance_.data(), power}, weights, faired);
+  }
 }
 
-void Chain::find_places() {
-  if (places_known_) return;
-  place_of_.resize(index_.points());
-  cuda::find_places(context_, index_.tree(), index_.points(), place_of_.data());
-  places_known_ = true;
+void Chain::restore_normals(Point* out) {
+  settle();
+  restore_order(context_, index_.tree(), normals(), index_.points(), out);
 }
-
-void Chain::restore_normals(Point* out) { restore_order(context_, index_.tree(), normals(), index_.points(), out); }
 
 void Chain::sample_neighborhoods(const Index* queries, std::size_t count, int k, Point* rows) {
   sample_nearest(context_, index_.tree(), input_, queries, count, k, rows);
 }
 
-CloudState Chain::state() const {
+CloudState Chain::state() {
+  settle();
   CloudState state{};
   if (index_.state() == nullptr) return state;
   check(cudaMemcpyAsync(&state, index_.state(), sizeof(state), cudaMemcpyDeviceToHost, context_.stream()),

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The results of every stage of one pass on the card.
-// Memory, bytes a point: index 17, lists 4 k, normals 12, faired positions 12, places 4; mean distances 4 once an area
-// weight is asked for; while neighbours are found, 4, and with the constraint 4 more for each of 2 k candidates; while
-// a large cloud is faired, 16.
+// The results of every stage of one pass on the card. Normals over lists wait until it is known what comes next:
+// fairing runs with them as one kernel, and once a result is asked for they run alone.
+// Memory, bytes a point: index 17, lists 4 k, normals 12, faired positions 12; mean distances 4 once an area weight is
+// asked for; while neighbours are found, 4, and with the constraint 4 more for each of k candidates; while a large
+// cloud is faired, 20.
 #pragma once
 
 #include <limits>
@@ -24,34 +25,42 @@ class Chain {
   void estimate_normals(const NormalSettings& settings, std::stop_token stop);
   void fair(const FairingSettings& settings, std::stop_token stop);
 
+  // Starts normals that still wait for fairing.
+  void settle();
+
   // Start the work and return before it is done.
   void restore_normals(Point* out);
   void sample_neighborhoods(const Index* queries, std::size_t count, int k, Point* rows);
 
   DeviceArray<Point>& faired() { return faired_; }  // in upload order
-  CloudState state() const;                         // waits for all work
+  CloudState state();                               // settles and waits for all work
   std::size_t points() const { return index_.points(); }
 
  private:
+  void grow_constrained();
+  NearestQuery nearest_query() const;
+  Retries make_room(DeviceArray<Index>& retries) const;
   void measure_areas();
-  void find_places();
   Lists lists() const { return {neighbors_.k, lists_.data()}; }
   // The squared radius stays finite: infinite are only places that hold no point.
   Neighborhoods neighborhoods() const {
     return {lists(), std::min(neighbors_.radius * neighbors_.radius, std::numeric_limits<float>::max())};
   }
   Normals normals() const;
+  point::NormalWeights normal_weights() const {
+    return point::normal_weights(normal_settings_.weighted, normal_settings_.sigma);
+  }
 
   Context& context_;
   const Point* input_ = nullptr;
   DeviceIndex index_;
   NeighborSettings neighbors_;
+  NormalSettings normal_settings_;
+  bool normals_wait_ = false;
   DeviceArray<Index> lists_;
   DeviceArray<float> normals_, mean_distance_;
   bool areas_measured_ = false;
   DeviceArray<Point> faired_;
-  DeviceArray<Index> place_of_;  // of large clouds only
-  bool places_known_ = false;
 };
 
 }  // namespace pointfair::cuda

@@ -80,33 +80,79 @@ __global__ void __launch_bounds__(kGrowBlock)
   count_short(state, valid && !again && growth.accepted < query.k);
 }
 
+// point::grow_constrained over up to 32 candidates, a lane to each, nearest first: all members are asked at once
+// whether a candidate joins.
+__device__ point::ConstrainedGrowth grow_over_lanes(Vec mine, bool given, bool all_given, int k, float reach,
+                                                    unsigned& members) {
+  const float squared_reach = reach * reach, distance = point::squared_length(mine);
+  const int count = __popc(__ballot_sync(kAllLanes, given));
+  point::ConstrainedGrowth growth;
+  float last = 0, farthest = 0;
+  members = 0;
+  for (int i = 0; i < count && growth.accepted < k; ++i) {
+    const Vec q = {__shfl_sync(kAllLanes, mine.x, i), __shfl_sync(kAllLanes, mine.y, i),
+                   __shfl_sync(kAllLanes, mine.z, i)};
+    last = __shfl_sync(kAllLanes, distance, i);
+    const bool member = (members >> lane_number() & 1u) != 0;
+    const bool joins = last < squared_reach || (member && point::squared_length(q - mine) < squared_reach);
+    if (!__any_sync(kAllLanes, joins)) continue;
+    members |= 1u << i;
+    ++growth.accepted;
+    farthest = last;
+  }
+  growth.complete =
+      growth.accepted == k || all_given || point::square_root(last) >= point::square_root(farthest) + reach;
+  return growth;
+}
+
 extern __shared__ __align__(16) std::byte candidate_memory[];
 
-// The neighbourhoods that needed more candidates than all were given: a warp finds them, its first lane grows.
+// One neighbourhood that needed more candidates than all were given: over the 32 nearest, then over twice as many, and
+// so on.
+__device__ point::ConstrainedGrowth grow_retry(const Tree& tree, SingleWalk& walk, NearestQuery query, float reach,
+                                               int pool, Index at, Index* list) {
+  const float4 p = tree.points[at];
+  const Vec here = position_of(p);
+  point::ConstrainedGrowth growth;
+  if (pool < kWarp) {
+    RegisterList nearest;
+    SingleSearch<RegisterList>(tree, walk, nearest, here, original_of(p), kWarp, query.squared_limit).run();
+    bool given = false;
+    Index position = 0;
+    nearest.for_each(kWarp, [&](int, Key key, Index found) { given = key != kNoKey, position = found; });
+    const Vec mine = given ? offset_from(tree, position, here) : Vec{};
+    unsigned members = 0;
+    growth = grow_over_lanes(mine, given, !__all_sync(kAllLanes, given), query.k, reach, members);
+    if ((members >> lane_number() & 1u) != 0) list[__popc(members & lanes_below()) * kWarp] = position;
+    if (static_cast<int>(lane_number()) >= growth.accepted && static_cast<int>(lane_number()) < query.k)
+      list[lane_number() * kWarp] = point::kNoNeighbor;
+    if (growth.complete) return growth;
+    __syncwarp();
+    pool = kWarp;
+  }
+  for (bool complete = false; !complete && pool < kLargestList;) {
+    pool = min(2 * pool, kLargestList);
+    SharedList nearest(candidate_memory, SharedList::size_for(pool));
+    SingleSearch<SharedList>(tree, walk, nearest, here, original_of(p), pool, query.squared_limit).run();
+    unsigned found = 0;
+    nearest.for_each(pool, [&](int, Key key, Index) { found += key != kNoKey; });
+    const int given = static_cast<int>(warp_sum(found));
+    if (lane_number() == 0) growth = grow(tree, at, nearest.positions(), 1, given, given < pool, query.k, reach, list);
+    complete = __shfl_sync(kAllLanes, growth.complete, 0);
+    __syncwarp();
+  }
+  return growth;
+}
+
 __global__ void grow_retries(const __grid_constant__ Tree tree, CloudState* state, NearestQuery query, float reach,
                              int pool, Index* lists, const Index* retries) {
   __shared__ SingleWalk walk;
   for (Index n = blockIdx.x; n < state->retries; n += gridDim.x) {
     const Index at = retries[n];
-    const float4 p = tree.points[at];
     Index* list = lists + std::size_t(at / kWarp) * query.k * kWarp + at % kWarp;
-    bool complete = false;
-    for (int size = pool; !complete && size < kLargestList;) {
-      size = min(2 * size, kLargestList);
-      SharedList nearest(candidate_memory, SharedList::size_for(size));
-      SingleSearch<SharedList>(tree, walk, nearest, position_of(p), original_of(p), size, query.squared_limit).run();
-      unsigned found = 0;
-      nearest.for_each(size, [&](int, Key key, Index) { found += key != kNoKey; });
-      const int given = static_cast<int>(warp_sum(found));
-      if (lane_number() == 0) {
-        const auto growth = grow(tree, at, nearest.positions(), 1, given, given < size, query.k, reach, list);
-        complete = growth.complete;
-        if ((complete || size == kLargestList) && growth.accepted < query.k)
-          atomicAdd(&state->short_neighborhoods, 1ull);
-      }
-      complete = __shfl_sync(kAllLanes, complete, 0);
-      __syncwarp();
-    }
+    const point::ConstrainedGrowth growth = grow_retry(tree, walk, query, reach, pool, at, list);
+    if (lane_number() == 0 && growth.accepted < query.k) atomicAdd(&state->short_neighborhoods, 1ull);
+    __syncwarp();
   }
 }
 

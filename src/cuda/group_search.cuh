@@ -3,15 +3,19 @@
 // for the union of what its lanes need, gathers the candidates in shared memory, and every lane looks at each.
 //
 // Keys. A candidate is one 32-bit number: 22 bits of squared distance in units of (leaf diagonal / 2047)^2, 10 bits of
-// slot in the table of candidates. Distances are computed with rounding errors that together stay below kUnsure / 2
-// units, so two candidates whose keys differ by kUnsure units are in their true order. A lane's result stands only if
-// the last key kept and the least key rejected differ by that much; otherwise, or if the table overflows, the query
-// goes to the exact search. Those kept are put in exact order at the end.
+// slot in the table of candidates. With coordinates relative to the middle of the leaf's box, |c - q|^2 = |c|^2 - 2 q.c
+// + |q|^2; the last term is the same for all candidates of a lane and left out, so a lane's keys are lower by |q|^2
+// than the squared distances, and 2^20 is added, since |q|^2 is below that. Distances are computed with rounding errors
+// that together stay below kUnsure / 2 units, so two candidates whose keys differ by kUnsure units are in their true
+// order. A lane's result stands only if the last key kept and the least key rejected differ by that much; otherwise, or
+// if the table overflows, the query goes to the exact search. Those kept are put in exact order at the end.
 //
-// Rounding. Coordinates, relative to the middle of the leaf's box and scaled, are at most 1.5 * 2047 where it matters
-// and twice rounded: 3 * 2^-13 units of length off at worst, so a difference of two is off by less than 2^-10 and a
-// squared distance of up to 2^22 by less than 2 * 2^11 * sqrt(3) * 2^-10 < 7 units; three additions to 2^23 round to
-// whole units, 1.5 more; the exact squared distance itself is rounded by less than a unit.
+// Rounding. The queries' coordinates are at most 1024, the candidates', where it matters, at most 1024 + 1774, all
+// twice rounded, so a difference of two is off by less than 2^-11 and a squared distance of up to 1774^2 by less than 2
+// * 1774
+// * sqrt(3) * 2^-11 = 3 units. Three additions for |c|^2 and three for -2 q.c stay below 2^25, so each rounds by one
+// unit at most, and the exact squared distance itself is rounded by less than one: 10 in all. Below a quarter of the
+// diagonal, |c| is at most 1536 and the six sums are below 2^24: 0.6 + 6 / 2 + 0.1 units.
 #pragma once
 
 #include "cuda/network.cuh"
@@ -23,9 +27,9 @@ inline constexpr int kSlotBits = 10;
 inline constexpr Index kSlots = 1u << kSlotBits;
 inline constexpr float kDiagonalSteps = 2047.0f;
 inline constexpr float kUnitsBase = 8388608.0f;        // 2^23: floats from here on count whole units
-inline constexpr float kLargestDistance = 4190400.0f;  // units; a little over kDiagonalSteps squared, below 2^22
+inline constexpr float kUnitsShift = 1048576.0f;       // 2^20: see above
+inline constexpr float kLargestDistance = 3145000.0f;  // units; with kUnitsShift below 2^22
 inline constexpr unsigned kUnsure = 20;                // units
-// Below a quarter of the diagonal the first of these errors is a quarter: two distances are off by less than 6 units.
 inline constexpr unsigned kShort = 1u << 18, kUnsureIfShort = 8;
 inline constexpr int kChunk = 8;  // candidates between two looks at the stacks
 
@@ -35,14 +39,18 @@ template <int kList>
 struct GroupShape {
   static constexpr int kBatch = kList <= 8 ? 8 : 16;
   static constexpr unsigned kStack = kBatch + kChunk;  // candidates a lane can hold before they are merged
+  static constexpr unsigned kMostSlots = kList <= 8 ? 768 : kSlots;  // what fits beside the registers of a processor
 };
 
-// What a warp keeps in shared memory. `close` is in scaled coordinates, slot in w.
+// What a warp keeps in shared memory. `close` is in scaled coordinates, slot in w; `square` is kUnitsBase + kUnitsShift
+// more than its squared length.
 template <int kList>
 struct GroupMemory {
-  float4 close[kList <= 16 ? 2 * kWarp + kChunk : 4 * kWarp + kChunk];
+  static constexpr int kClose = 2 * kWarp + kChunk;
+  float4 close[kClose];
+  alignas(16) float square[kClose];
   unsigned stack[GroupShape<kList>::kStack][kWarp];
-  Index position[kSlots];
+  Index position[GroupShape<kList>::kMostSlots];
 };
 
 template <int kList>
@@ -52,7 +60,7 @@ class GroupSearch {
   static constexpr unsigned kStack = GroupShape<kList>::kStack;
   static constexpr unsigned kEntry = kWarp * sizeof(unsigned);  // from one place of a stack to the next, bytes
   static constexpr float kNotSearching = -1.0f;                 // a limit
-  static constexpr float kFar = 1e18f;                          // fills places of `close`; beyond every limit
+  static constexpr float kFar = 1e18f;                          // fills places of `square`; beyond every limit
 
   __device__ __forceinline__ GroupSearch(const Tree& tree, GroupMemory<kList>& memory, Index leaf, Index valid)
       : tree_(tree),
@@ -81,24 +89,32 @@ class GroupSearch {
   __device__ __forceinline__ bool run(int k, float squared_limit) {
     begin(k, squared_limit);
     search_own_leaf();
-    constexpr Index kBeside = kList <= 16 ? 1 : 2;  // leaves on either side that come first, for an early limit
-    const Index first = leaf_ > kBeside ? leaf_ - kBeside : 0, last = min(leaf_ + kBeside, tree_.leaves - 1);
-    for (Index beside = first; beside <= last; ++beside)
-      if (beside != leaf_) collect(beside, points_of(beside));
-    look_at_close(true);
-    drop_far_lanes();
-    Walk walk(tree_);
+    // The leaves beside it on the curve come first, for an early limit: a bit each, from `first` on.
+    constexpr Index kBeside = kList <= 16 ? 1 : 2;
+    Index first = leaf_ - kBeside;
+    unsigned pending = leaves_beside(kBeside);
     const auto near = [&](const BoxGroup& group) { return is_near(box_of_lane(group)); };
-    Index leaf = walk.next(near);
-    Vec points = points_of(leaf);
-    while (leaf != point::kNoNeighbor) {
-      const Index following = walk.next(near);
-      const Vec points_ahead = points_of(following);  // on their way while `leaf` is looked at
-      const bool seen = leaf - first <= last - first;
-      if (!seen && !collect(leaf, points)) return false;
-      if (close_ >= kWarp || following == point::kNoNeighbor) look_at_close(following == point::kNoNeighbor);
-      leaf = following;
-      points = points_ahead;
+    GroupWalk walk(tree_);
+    bool beside = true, more = true;
+    Vec points = points_of(first, pending);
+    while (more) {
+      if (pending != 0) {
+        const Index leaf = first + first_of(pending);
+        pending &= pending - 1;
+        const Vec points_ahead = points_of(first, pending);  // on their way while `leaf` is looked at
+        if (!collect(leaf, points)) return false;
+        points = points_ahead;
+      }
+      const bool rest = beside && pending == 0;
+      if (!beside && pending == 0) {
+        more = walk.next(near);
+        first = walk.first_leaf();
+        pending = more ? walk.near_leaves() & ~seen_from(first, kBeside) : 0u;
+        points = points_of(first, pending);
+      }
+      if (rest || !more || close_ >= kWarp) look_at_close(rest || !more);
+      if (rest) drop_far_lanes();
+      beside = beside && !rest;
     }
     return true;
   }
@@ -107,11 +123,17 @@ class GroupSearch {
   __device__ __forceinline__ bool certain() const {
     const unsigned last = units_of(list_[kList - 1]);
     if (!searches()) return !active_;
-    const bool separate = units_of(rejected_) >= last + (last < kShort ? kUnsureIfShort : kUnsure);
-    const bool all_in_reach = limited_ || last + kUnsure <= static_cast<unsigned>(kLargestDistance);
+    const float distance = kUnitsBase + float(last) - no_distance_;  // of the last
+    const bool separate = units_of(rejected_) >= last + (distance < float(kShort) ? kUnsureIfShort : kUnsure);
+    const bool all_in_reach = limited_ || distance + float(kUnsure) <= kLargestDistance;
     return all_in_reach && (separate || rejected_ == ~0u);
   }
   __device__ __forceinline__ bool active() const { return active_; }
+  // After run(): a squared distance that this lane's k-th neighbour is not beyond; infinite if none is known.
+  __device__ __forceinline__ float bound() const {
+    const float units = searches() ? limit_ - no_distance_ : dropped_at_;
+    return list_[kList - 1] != ~0u ? units * units_to_squared() : __int_as_float(0x7f800000);
+  }
   __device__ Index at() const { return at_; }
 
   // Writes the k positions in exact order, those beyond the limit left out.
@@ -161,14 +183,14 @@ class GroupSearch {
     // The first places of the list hold keys below all others where k is smaller than it.
 #pragma unroll
     for (int i = 0; i < kList; ++i) list_[i] = i < kList - k ? 0u : ~0u;
+    const Vec scaled = scaled_of(position_);
     const float limit_units = squared_limit * (scale_ * scale_) * 1.0001f + float(2 * kUnsure);
     limited_ = limit_units < kLargestDistance;
-    limit_ = active_ ? kUnitsBase + floorf(fminf(limit_units, kLargestDistance)) : kNotSearching;
+    no_distance_ = kUnitsBase + kUnitsShift - point::squared_length(scaled);
+    limit_ = active_ ? no_distance_ + floorf(fminf(limit_units, kLargestDistance)) : kNotSearching;
     update_reach();
-    const Vec scaled = scaled_of(position_);
-    query_ = scaled;
-    memory_.close[lane_number()] = {scaled.x, scaled.y, scaled.z, __uint_as_float(1 + lane_number())};
-    memory_.position[1 + lane_number()] = at_;
+    query_ = {-2.0f * scaled.x, -2.0f * scaled.y, -2.0f * scaled.z};
+    put(lane_number(), scaled, 1 + lane_number(), at_);
     slots_ = 1 + kWarp;  // slot 0 stays free, so that every key is above 0
     __syncwarp();
   }
@@ -176,14 +198,23 @@ class GroupSearch {
   __device__ __forceinline__ Vec scaled_of(Vec p) const {
     return {(p.x - middle_.x) * scale_, (p.y - middle_.y) * scale_, (p.z - middle_.z) * scale_};
   }
+  __device__ __forceinline__ void put(unsigned place, Vec scaled, unsigned slot, Index position) {
+    memory_.close[place] = {scaled.x, scaled.y, scaled.z, __uint_as_float(slot)};
+    memory_.square[place] = __fmaf_rn(
+        scaled.z, scaled.z, __fmaf_rn(scaled.y, scaled.y, __fmaf_rn(scaled.x, scaled.x, kUnitsBase + kUnitsShift)));
+    memory_.position[slot] = position;
+  }
 
-  // Squared distance in units, on top of 2^23.
-  __device__ __forceinline__ float distance_to(float4 candidate) const {
-    const float x = candidate.x - query_.x, y = candidate.y - query_.y, z = candidate.z - query_.z;
-    return __fmaf_rn(z, z, __fmaf_rn(y, y, __fmaf_rn(x, x, kUnitsBase)));
+  // Squared distance in units, less |q|^2, on top of 2^23 + 2^20.
+  __device__ __forceinline__ float distance_to(float4 candidate, float square) const {
+    return __fmaf_rn(candidate.z, query_.z, __fmaf_rn(candidate.y, query_.y, __fmaf_rn(candidate.x, query_.x, square)));
   }
   __device__ __forceinline__ static unsigned key_of(float distance, float4 candidate) {
     return (__float_as_uint(distance) << kSlotBits) + __float_as_uint(candidate.w);  // the exponent is shifted out
+  }
+  // Four squares at once.
+  __device__ __forceinline__ float4 squares_from(unsigned place) const {
+    return *reinterpret_cast<const float4*>(&memory_.square[place]);
   }
 
   __device__ __forceinline__ void search_own_leaf() {
@@ -191,10 +222,15 @@ class GroupSearch {
     for (unsigned start = 0; start < kWarp; start += kBatch) {
       unsigned batch[kBatch];
 #pragma unroll
-      for (int i = 0; i < kBatch; ++i) {
-        const float4 candidate = memory_.close[start + i];
-        const float distance = distance_to(candidate);
-        batch[i] = distance <= limit_ && start + i != lane_number() ? key_of(distance, candidate) : ~0u;
+      for (int i = 0; i < kBatch; i += 4) {
+        const float4 four = squares_from(start + i);
+        const float squares[4] = {four.x, four.y, four.z, four.w};
+#pragma unroll
+        for (int j = 0; j < 4; ++j) {
+          const float4 candidate = memory_.close[start + i + j];
+          const float distance = distance_to(candidate, squares[j]);
+          batch[i + j] = distance <= limit_ && start + i + j != lane_number() ? key_of(distance, candidate) : ~0u;
+        }
       }
       merge_batch(list_, batch, rejected_);
     }
@@ -215,8 +251,24 @@ class GroupSearch {
     return near;
   }
 
-  __device__ __forceinline__ Vec points_of(Index leaf) const {
-    return leaf != point::kNoNeighbor ? position_of(tree_.points[leaf * kLeafSize + lane_number()]) : Vec{};
+  __device__ __forceinline__ static Index first_of(unsigned pending) {
+    return static_cast<Index>(__ffs(static_cast<int>(pending)) - 1);
+  }
+  // Of the first leaf pending.
+  __device__ __forceinline__ Vec points_of(Index first, unsigned pending) const {
+    return pending != 0 ? position_of(tree_.points[(first + first_of(pending)) * kLeafSize + lane_number()]) : Vec{};
+  }
+  // The leaves up to `beside` away that exist, as bits from leaf_ - beside on.
+  __device__ __forceinline__ unsigned leaves_beside(Index beside) const {
+    const unsigned before = leaf_ < beside ? beside - leaf_ : 0u, after = min(tree_.leaves - 1 - leaf_, beside);
+    return ((2u << (beside + after)) - 1u) & ~((1u << before) - 1u) & ~(1u << beside);
+  }
+  // Its own leaf and those beside it, as bits of a group of leaves.
+  __device__ __forceinline__ unsigned seen_from(Index first_leaf, Index beside) const {
+    const unsigned all = (2u << (2 * beside)) - 1u;
+    const int shift = static_cast<int>(leaf_ - beside - first_leaf);
+    if (shift >= 0) return shift < kWarp ? all << shift : 0u;
+    return shift > -kWarp ? all >> -shift : 0u;
   }
 
   // Puts the points of the leaf that some lane may need at the end of `close`. Returns false if there are too many.
@@ -224,12 +276,11 @@ class GroupSearch {
     const bool near = is_near({p, p});
     const unsigned all_near = __ballot_sync(kAllLanes, near);
     const unsigned count = static_cast<unsigned>(__popc(all_near));
-    if (slots_ + count > kSlots - 1) return false;  // the last slot would look like an empty place
+    if (slots_ + count > GroupShape<kList>::kMostSlots - 1)
+      return false;  // the last slot would look like an empty place
     if (near) {
       const unsigned rank = static_cast<unsigned>(__popc(all_near & lanes_below()));
-      const Vec scaled = scaled_of(p);
-      memory_.close[close_ + rank] = {scaled.x, scaled.y, scaled.z, __uint_as_float(slots_ + rank)};
-      memory_.position[slots_ + rank] = leaf * kLeafSize + lane_number();
+      put(close_ + rank, scaled_of(p), slots_ + rank, leaf * kLeafSize + lane_number());
     }
     close_ += count;
     slots_ += count;
@@ -239,7 +290,10 @@ class GroupSearch {
   // Offers the collected points to every lane. Each lane stacks those within its limit; the stacks are merged into the
   // lists when one of them could overflow, and at last if `rest`.
   __device__ __forceinline__ void look_at_close(bool rest) {
-    if (lane_number() < kChunk) memory_.close[close_ + lane_number()] = {kFar, kFar, kFar, 0.0f};
+    if (lane_number() < kChunk) {
+      memory_.close[close_ + lane_number()] = {};
+      memory_.square[close_ + lane_number()] = kFar;
+    }
     __syncwarp();
 #pragma unroll 1
     for (unsigned start = 0; start < close_ || rest; start += kChunk) {
@@ -247,8 +301,10 @@ class GroupSearch {
         float4 candidates[kChunk];
 #pragma unroll
         for (unsigned i = 0; i < kChunk; ++i) candidates[i] = memory_.close[start + i];
+        const float4 a = squares_from(start), b = squares_from(start + 4);
+        const float squares[kChunk] = {a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w};
 #pragma unroll
-        for (unsigned i = 0; i < kChunk; ++i) stack_if_close(candidates[i]);
+        for (unsigned i = 0; i < kChunk; ++i) stack_if_close(candidates[i], squares[i]);
       }
       const bool last = start + kChunk >= close_;
       const unsigned full = stack_ + (rest && last ? 0 : kStack - kChunk) * kEntry;
@@ -259,9 +315,9 @@ class GroupSearch {
     close_ = 0;
   }
 
-  __device__ __forceinline__ void stack_if_close(float4 candidate) {
-    const float distance = distance_to(candidate);
-    if (distance > limit_) return;
+  __device__ __forceinline__ void stack_if_close(float4 candidate, float square) {
+    const float distance = distance_to(candidate, square);
+    if (!(distance <= limit_)) return;  // a lane without a point gets NaN
     store_word(top_, key_of(distance, candidate));
     top_ += kEntry;
   }
@@ -286,21 +342,25 @@ class GroupSearch {
   // A lane that looks much farther than the others would make all of them look at everything in between, so it is left
   // to the exact search. Beyond 6 times the mean, half as many queries end up there as without.
   __device__ __forceinline__ void drop_far_lanes() {
-    const unsigned units = searches() ? __float_as_uint(limit_) - __float_as_uint(kUnitsBase) : 0u;
+    const unsigned units = searches() ? static_cast<unsigned>(limit_ - no_distance_) : 0u;
     const unsigned lanes = static_cast<unsigned>(__popc(__ballot_sync(kAllLanes, searches())));
     const bool far = units * lanes > 6 * warp_sum(units);  // below 2^22 * 32 on either side
+    dropped_at_ = limit_ - no_distance_;
     limit_ = far ? kNotSearching : limit_;
     any_dropped_ = __any_sync(kAllLanes, far);
     update_reach();
   }
   __device__ __forceinline__ bool searches() const { return limit_ > 0; }
 
-  // What must come near to the boxes; a little too far, never too near.
+  // A little too much, never too little.
+  __device__ __forceinline__ float units_to_squared() const {
+    return squared_diagonal_ * (1.001f / (kDiagonalSteps * kDiagonalSteps));
+  }
+  // What must come near to the boxes.
   __device__ __forceinline__ void update_reach() {
-    const float units_to_squared = squared_diagonal_ * (1.001f / (kDiagonalSteps * kDiagonalSteps));
     boxes_.set_reach(
-        searches() ? __float_as_uint(limit_) : __float_as_uint(kUnitsBase),
-        [](unsigned limit, float factor) { return (__uint_as_float(limit) - kUnitsBase) * factor; }, units_to_squared);
+        searches() ? __float_as_uint(limit_ - no_distance_) : 0u,
+        [](unsigned units, float factor) { return __uint_as_float(units) * factor; }, units_to_squared());
   }
 
   const Tree& tree_;
@@ -309,11 +369,13 @@ class GroupSearch {
   bool active_;
   Vec position_;
   QueryBoxes boxes_;
-  Vec middle_, query_;
+  Vec middle_, query_;  // query_: -2 q
   float squared_diagonal_, scale_;
   bool any_dropped_ = false;     // lanes that looked too far
+  float dropped_at_ = 0;         // how far this one looked, units
   bool limited_ = false;         // by the radius rather than by the range of keys
-  float limit_ = kNotSearching;  // kUnitsBase + units
+  float no_distance_;            // what distance_to() makes of none at all
+  float limit_ = kNotSearching;  // as distance_to()
   unsigned list_[kList];         // sorted keys
   unsigned rejected_ = ~0u;      // the least key that was looked at and is not in the list
   unsigned close_ = 0, slots_ = 0;

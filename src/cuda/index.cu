@@ -9,6 +9,8 @@ namespace {
 
 constexpr int kSample = 256;
 constexpr int kKeyBlock = 256;
+constexpr int kKeysAtOnce = 4;  // loads in flight
+constexpr int kKeysOfBlock = kKeyBlock * kKeysAtOnce;
 constexpr int kBoxBlock = 1024;  // threads; 32 leaves, so a block also has the box of the level above
 constexpr float kInfinity = __builtin_inff();
 
@@ -95,47 +97,77 @@ __device__ unsigned grid_step(float coordinate, float origin, float steps_per_un
 }
 
 struct BoundsSum {
-  unsigned min[3] = {~0u, ~0u, ~0u}, max[3] = {};
+  float min[3] = {kInfinity, kInfinity, kInfinity}, max[3] = {-kInfinity, -kInfinity, -kInfinity};
   unsigned valid = 0;
   __device__ void add(Point p) {
     const float v[3] = {p.x, p.y, p.z};
     for (int axis = 0; axis < 3; ++axis) {
-      min[axis] = ::min(min[axis], ordered(v[axis]));
-      max[axis] = ::max(max[axis], ordered(v[axis]));
+      min[axis] = fminf(min[axis], v[axis]);
+      max[axis] = fmaxf(max[axis], v[axis]);
     }
     ++valid;
   }
+  // One atomic a block and number: all blocks meet in the same place.
   __device__ void publish(CloudState* state) {
+    constexpr int kWarps = kKeyBlock / kWarp;
+    __shared__ unsigned low[3][kWarps], high[3][kWarps], valid_of[kWarps];
+    const unsigned warp = threadIdx.x / kWarp, lane = lane_number();
     for (int axis = 0; axis < 3; ++axis) {
-      const unsigned low = warp_min(min[axis]), high = warp_max(max[axis]);
-      if (lane_number() == 0 && low < state->min[axis]) atomicMin(&state->min[axis], low);
-      if (lane_number() == 0 && high > state->max[axis]) atomicMax(&state->max[axis], high);
+      low[axis][warp] = warp_min(ordered(min[axis]));
+      high[axis][warp] = warp_max(ordered(max[axis]));
     }
-    const unsigned all_valid = warp_sum(valid);
-    if (lane_number() == 0 && all_valid > 0) atomicAdd(&state->valid, all_valid);
+    valid_of[warp] = warp_sum(valid);
+    __syncthreads();
+    if (warp > 0) return;
+    const bool holds = lane < kWarps;
+    for (int axis = 0; axis < 3; ++axis) {
+      const unsigned least = warp_min(holds ? low[axis][lane % kWarps] : ~0u);
+      const unsigned most = warp_max(holds ? high[axis][lane % kWarps] : 0u);
+      if (lane == 0 && least < state->min[axis]) atomicMin(&state->min[axis], least);
+      if (lane == 0 && most > state->max[axis]) atomicMax(&state->max[axis], most);
+    }
+    const unsigned all_valid = warp_sum(holds ? valid_of[lane % kWarps] : 0u);
+    if (lane == 0 && all_valid > 0) atomicAdd(&state->valid, all_valid);
   }
 };
 
 // Invalid points get the last key, which no valid point has, so they end up behind all others.
 template <class Key, int kBits>
-__global__ void make_keys(const Point* points, std::size_t count, CloudState* state, Key* keys, Index* order) {
+__global__ void __launch_bounds__(kKeyBlock)
+    make_keys(const Point* points, std::size_t count, CloudState* state, Key* keys, Index* order) {
   constexpr Key kLast = (Key(1) << (3 * kBits)) - 1;
+  constexpr float kLastStep = (1 << kBits) - 1;
+  __shared__ HilbertTable table;
+  constexpr int kParts = sizeof(HilbertTable) / sizeof(uint4);
+  for (int i = threadIdx.x; i < kParts; i += kKeyBlock)
+    reinterpret_cast<uint4*>(&table)[i] = reinterpret_cast<const uint4*>(&kHilbertTable)[i];
+  __syncthreads();
   const float origin[3] = {state->origin[0], state->origin[1], state->origin[2]}, scale = state->steps_per_unit;
   BoundsSum bounds;
-  for (std::size_t i = std::size_t(blockIdx.x) * kKeyBlock + threadIdx.x; i < count;
-       i += std::size_t(gridDim.x) * kKeyBlock) {
-    const Point p = points[i];
-    Key key = kLast;
-    if (is_valid(p)) {
-      constexpr float kLastStep = (1 << kBits) - 1;
-      key = hilbert_key<Key, kBits>(grid_step(p.x, origin[0], scale, kLastStep),
-                                    grid_step(p.y, origin[1], scale, kLastStep),
-                                    grid_step(p.z, origin[2], scale, kLastStep));
-      key = key < kLast ? key : kLast - 1;
-      bounds.add(p);
+  for (std::size_t first = std::size_t(blockIdx.x) * kKeysOfBlock; first < count;
+       first += std::size_t(gridDim.x) * kKeysOfBlock) {
+    Point p[kKeysAtOnce];
+#pragma unroll
+    for (int n = 0; n < kKeysAtOnce; ++n) {
+      const std::size_t i = first + n * kKeyBlock + threadIdx.x;
+      p[n] = i < count ? points[i] : Point{kInfinity, 0, 0};
     }
-    keys[i] = key;
-    order[i] = static_cast<Index>(i);
+#pragma unroll
+    for (int n = 0; n < kKeysAtOnce; ++n) {
+      const std::size_t i = first + n * kKeyBlock + threadIdx.x;
+      Key key = kLast;
+      if (is_valid(p[n])) {
+        key = hilbert_key<Key, kBits>(table.entry, grid_step(p[n].x, origin[0], scale, kLastStep),
+                                      grid_step(p[n].y, origin[1], scale, kLastStep),
+                                      grid_step(p[n].z, origin[2], scale, kLastStep));
+        key = key < kLast ? key : kLast - 1;
+        bounds.add(p[n]);
+      }
+      if (i < count) {
+        keys[i] = key;
+        order[i] = static_cast<Index>(i);
+      }
+    }
   }
   bounds.publish(state);
 }
@@ -229,18 +261,19 @@ void DeviceIndex::sort(const Point* points, DeviceArray<Index>& order) {
   const cudaStream_t stream = context_.stream();
   prepare<<<1, 3 * kWarp, 0, stream>>>(points, count_, float(1 << kBits), state_.data());
   check(cudaGetLastError(), "laying out the index");
-  const unsigned blocks = std::min(blocks_for(count_, kKeyBlock), unsigned(context_.processors()) * 8);
+  const unsigned blocks = std::min(blocks_for(count_, kKeysOfBlock), unsigned(context_.processors()) * 8);
   make_keys<Key, kBits><<<blocks, kKeyBlock, 0, stream>>>(points, count_, state_.data(), keys.data(), unsorted.data());
   check(cudaGetLastError(), "making sort keys");
   if (count_ == 0) return;
   cub::DoubleBuffer<Key> both_keys(keys.data(), sorted_keys.data());
   cub::DoubleBuffer<Index> both_orders(unsorted.data(), order.data());
+  const Index count = static_cast<Index>(count_);  // 32 bits, else CUB takes smaller tiles
   std::size_t bytes = 0;
-  check(cub::DeviceRadixSort::SortPairs(nullptr, bytes, both_keys, both_orders, count_, 0, 3 * kBits, stream),
+  check(cub::DeviceRadixSort::SortPairs(nullptr, bytes, both_keys, both_orders, count, 0, 3 * kBits, stream),
         "sizing the sort");
   DeviceArray<std::byte> scratch(context_);
   scratch.resize(bytes);
-  check(cub::DeviceRadixSort::SortPairs(scratch.data(), bytes, both_keys, both_orders, count_, 0, 3 * kBits, stream),
+  check(cub::DeviceRadixSort::SortPairs(scratch.data(), bytes, both_keys, both_orders, count, 0, 3 * kBits, stream),
         "sorting");
   if (both_orders.Current() != order.data()) order.swap(unsorted);
 }

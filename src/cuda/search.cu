@@ -8,47 +8,52 @@
 namespace pointfair::cuda {
 namespace {
 
-constexpr int kGroupBlock = 64;
-constexpr int kGroupWarps = kGroupBlock / kWarp;
-constexpr int kSingleBlock = 128;
+constexpr int kSingleBlock = 64;
+constexpr int kSingleBlocks = 24;       // of a processor
 constexpr int kFewUncertain = 5;        // up to so many queries of a leaf go to the exact search one by one,
 constexpr Index kManyCandidates = 256;  // or however many with so many candidates, which one warp would be long about;
 constexpr Index kFewHardLeaves = 128;   // also the queries of so few leaves: a warp to a leaf would leave the card idle
 
+constexpr int group_warps_resident(int list) { return list <= 8 ? 28 : list <= 16 ? 23 : 16; }
+
+// A block to a leaf, one warp.
 template <int kList>
-__global__ void __launch_bounds__(kGroupBlock, kList <= 8    ? 14
-                                               : kList <= 16 ? 12
-                                                             : 8)
+__global__ void __launch_bounds__(kWarp, group_warps_resident(kList))
     nearest_of_leaves(const __grid_constant__ Tree tree, CloudState* state, NearestQuery query, Index* lists,
                       Retries retries) {
-  __shared__ GroupMemory<kList> memory[kGroupWarps];
-  const Index leaf = blockIdx.x * kGroupWarps + threadIdx.x / kWarp;
+  __shared__ GroupMemory<kList> memory;
+  const Index leaf = blockIdx.x, at = leaf * kLeafSize + lane_number();
   const Index valid = state->valid;
   if (leaf >= tree.leaves) return;
   Index* list = lists + std::size_t(leaf) * query.k * kLeafSize;
-  if (leaf * kLeafSize + lane_number() >= valid) {
+  if (at >= valid) {
     for (int slot = 0; slot < query.k; ++slot) list[slot * kWarp + lane_number()] = point::kNoNeighbor;
   }
   if (leaf * kLeafSize >= valid) return;
-  GroupSearch<kList> search(tree, memory[threadIdx.x / kWarp], leaf, valid);
+  GroupSearch<kList> search(tree, memory, leaf, valid);
   if (search.in_one_place()) return retry_leaf(state, retries.leaves, leaf);
   bool found = false;
-  if (search.suits() && search.run(query.k, query.squared_limit)) {
+  float bound = __int_as_float(0x7f800000);
+  const bool suits = search.suits(), complete = suits && search.run(query.k, query.squared_limit);
+  if (suits) bound = search.bound();
+  if (complete) {
     found = search.certain();
     const int uncertain = __popc(__ballot_sync(kAllLanes, !found));
     if (uncertain > kFewUncertain && search.candidates() < kManyCandidates && !search.any_dropped())
       return retry_leaf(state, retries.leaves, leaf);
     search.write(query.k, query.squared_limit, list, found);
   }
-  retry(state, retries.queries, search.at(), search.active() && !found);
+  const bool left = search.active() && !found;
+  retry(state, retries.queries, at, left);
+  if (left) list[lane_number()] = __float_as_uint(bound);  // until there is something better
 }
 
 template <int kList>
-__global__ void __launch_bounds__(kGroupBlock)
+__global__ void __launch_bounds__(kWarp)
     nearest_of_hard_leaves(const __grid_constant__ Tree tree, NearestQuery query, Index* lists, const Index* retries) {
-  const Index warps = gridDim.x * kGroupWarps, count = tree.state->leaf_retries, valid = tree.state->valid;
+  const Index count = tree.state->leaf_retries, valid = tree.state->valid;
   if (count < kFewHardLeaves) return;
-  for (Index n = blockIdx.x * kGroupWarps + threadIdx.x / kWarp; n < count; n += warps) {
+  for (Index n = blockIdx.x; n < count; n += gridDim.x) {
     const Index leaf = retries[n];
     ExactGroupSearch<kList> search(tree, leaf, valid);
     search.run(query.k, query.squared_limit);
@@ -58,17 +63,20 @@ __global__ void __launch_bounds__(kGroupBlock)
 
 template <class List>
 __device__ void search_single(const Tree& tree, SingleWalk& walk, List& list, NearestQuery query, Index at,
-                              Index* lists) {
+                              bool bounded, Index* lists) {
   const float4 p = tree.points[at];
-  SingleSearch<List>(tree, walk, list, position_of(p), original_of(p), query.k, query.squared_limit).run();
   Index* out = lists + std::size_t(at / kWarp) * query.k * kWarp + at % kWarp;
+  SingleSearch<List> search(tree, walk, list, position_of(p), original_of(p), query.k, query.squared_limit);
+  if (bounded) search.bound(__uint_as_float(*out));
+  __syncwarp();
+  search.run();
   list.for_each(
       query.k, [&](int slot, Key key, Index found) { out[slot * kWarp] = key != kNoKey ? found : point::kNoNeighbor; });
   __syncwarp();
 }
 
-// The queries that are left, a warp to each.
-__global__ void __launch_bounds__(kSingleBlock, 8)
+// The queries that are left, a warp to each. Those left one by one have a bound in the first place of their lists.
+__global__ void __launch_bounds__(kSingleBlock, kSingleBlocks)
     nearest_of_left(const __grid_constant__ Tree tree, NearestQuery query, Index* lists, Retries retries) {
   __shared__ SingleWalk walks[kSingleBlock / kWarp];
   const Index warps = gridDim.x * (kSingleBlock / kWarp), valid = tree.state->valid;
@@ -79,7 +87,7 @@ __global__ void __launch_bounds__(kSingleBlock, 8)
     const Index at =
         n < queries ? retries.queries[n] : retries.leaves[in_leaf / kLeafSize] * kLeafSize + in_leaf % kLeafSize;
     RegisterList list;
-    if (at < valid) search_single(tree, walks[threadIdx.x / kWarp], list, query, at, lists);
+    if (at < valid) search_single(tree, walks[threadIdx.x / kWarp], list, query, at, n < queries, lists);
   }
 }
 
@@ -91,7 +99,7 @@ __global__ void nearest_of_all(const __grid_constant__ Tree tree, NearestQuery q
   const Index warps = gridDim.x * (blockDim.x / kWarp), warp = threadIdx.x / kWarp;
   for (Index at = blockIdx.x * (blockDim.x / kWarp) + warp; at < tree.state->valid; at += warps) {
     SharedList list(list_memory + warp * SharedList::bytes(size), size);
-    search_single(tree, walks[warp], list, query, at, lists);
+    search_single(tree, walks[warp], list, query, at, false, lists);
   }
 }
 
@@ -126,13 +134,13 @@ template <int kList>
 void search_leaves(Context& context, const Tree& tree, CloudState* state, NearestQuery query, Index* list,
                    Retries retries) {
   const cudaStream_t stream = context.stream();
-  const unsigned blocks = blocks_for(tree.leaves, kGroupWarps);
-  nearest_of_leaves<kList><<<blocks, kGroupBlock, 0, stream>>>(tree, state, query, list, retries);
+  const unsigned blocks = blocks_for(tree.leaves, 1), processors = unsigned(context.processors());
+  nearest_of_leaves<kList><<<blocks, kWarp, 0, stream>>>(tree, state, query, list, retries);
   check(cudaGetLastError(), "searching neighbours");
-  nearest_of_hard_leaves<kList><<<std::min(blocks, unsigned(context.processors()) * 12), kGroupBlock, 0, stream>>>(
-      tree, query, list, retries.leaves);
+  nearest_of_hard_leaves<kList>
+      <<<std::min(blocks, processors * 24), kWarp, 0, stream>>>(tree, query, list, retries.leaves);
   check(cudaGetLastError(), "searching neighbours of hard leaves");
-  nearest_of_left<<<unsigned(context.processors()) * 16, kSingleBlock, 0, stream>>>(tree, query, list, retries);
+  nearest_of_left<<<processors * kSingleBlocks, kSingleBlock, 0, stream>>>(tree, query, list, retries);
   check(cudaGetLastError(), "searching neighbours left over");
 }
 

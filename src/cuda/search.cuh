@@ -4,21 +4,13 @@
 #pragma once
 
 #include "cuda/memory.cuh"
+#include "cuda/stages.cuh"
 #include "cuda/tree.cuh"
-#include "pointfair/cloud.hpp"
 
 namespace pointfair::cuda {
 
 inline constexpr int kLargestGroupList = 32;
 inline constexpr int kLargestList = 1024;
-
-// list[(leaf * k + slot) * 32 + lane], nearest first; sorted positions, kNoNeighbor at the end.
-struct Lists {
-  int k;
-  const Index* list;
-
-  __device__ const Index* of(std::size_t at) const { return list + (at / kWarp * k) * kWarp + at % kWarp; }
-};
 
 struct NearestQuery {
   int k;

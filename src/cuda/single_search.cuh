@@ -28,6 +28,10 @@ class SingleSearch {
         k_(k),
         squared_limit_(squared_limit) {}
 
+  // What is beyond this squared distance is no neighbour.
+  __device__ void bound(float squared) {
+    if (squared < __int_as_float(0x7f800000)) last_ = point::neighbor_key(squared, point::kNoNeighbor);
+  }
   // Afterwards the list holds the nearest, sorted, kNoKey at the end.
   __device__ void run() {
     int level = tree_.levels - 1;
@@ -40,10 +44,13 @@ class SingleSearch {
         continue;
       }
       const int child = first_of(__ballot_sync(kAllLanes, gap == nearest), level);
-      if (static_cast<int>(lane_number()) == child) walk_.gaps[level][child] = kVisited;
       const Index group = walk_.groups[level];
+      if (nearest == last_bits() && tree_.group(level, group).least_original[child] > last_original()) {
+        ++level;  // nor can any other box of the group have a neighbour
+        continue;
+      }
+      if (static_cast<int>(lane_number()) == child) walk_.gaps[level][child] = kVisited;
       __syncwarp();
-      if (nearest == last_bits() && tree_.group(level, group).least_original[child] > last_original()) continue;
       const Index node = group * kLeafSize + static_cast<Index>(child);
       if (level == 0) {
         visit_leaf(node);
@@ -71,10 +78,32 @@ class SingleSearch {
   }
 
   __device__ void enter(int level, Index group) {
-    const float gap = squared_gap(box_of_lane(tree_.group(level, group)), {position_, position_});
-    walk_.gaps[level][lane_number()] = gap < __int_as_float(0x7f800000) ? __float_as_uint(gap) : kVisited;
+    const BoxGroup& boxes = tree_.group(level, group);
+    const Box box = box_of_lane(boxes);
+    const float gap = squared_gap(box, {position_, position_});
+    const bool exists = gap < __int_as_float(0x7f800000);
+    walk_.gaps[level][lane_number()] = exists ? __float_as_uint(gap) : kVisited;
     walk_.groups[level] = group;
     __syncwarp();
+    // From inside the cloud boxes rarely lie at one distance other than zero; from far away many do.
+    const unsigned nearest = warp_min(walk_.gaps[level][lane_number()]);
+    const unsigned tied = __ballot_sync(kAllLanes, exists && __float_as_uint(gap) == nearest);
+    if (nearest > 0 && __popc(tied) > 1) bound_by_corners(box, boxes.least_original[lane_number()], exists);
+  }
+
+  // Each box has a point that is no farther than its farthest corner, and one of its least original index. From far
+  // away, where all distances round to one number, these k points may already be the nearest.
+  __device__ void bound_by_corners(const Box& box, Index least_original, bool exists) {
+    const Vec corner = {fmaxf(box.max.x - position_.x, position_.x - box.min.x),
+                        fmaxf(box.max.y - position_.y, position_.y - box.min.y),
+                        fmaxf(box.max.z - position_.z, position_.z - box.min.z)};
+    const float distance = point::squared_length(corner);
+    const Key key = point::neighbor_key(distance, least_original);
+    const bool counts = exists && key < last_ && distance < __int_as_float(0x7f800000) && least_original != original_;
+    if (__popc(__ballot_sync(kAllLanes, counts)) < k_) return;
+    RegisterList corners;
+    corners.offer(counts, key, 0);
+    last_ = corners.key(k_ - 1) + 1;
   }
 
   __device__ void visit_leaf(Index leaf) {
@@ -85,7 +114,8 @@ class SingleSearch {
     const bool joins = distance <= squared_limit_ && distance < __int_as_float(0x7f800000) &&
                        original_of(p) != original_ && key < last_;
     list_.offer(joins, key, at);
-    last_ = list_.key(k_ - 1);
+    const Key kth = list_.key(k_ - 1);
+    last_ = kth < last_ ? kth : last_;
   }
 
   const Tree& tree_;
@@ -95,7 +125,7 @@ class SingleSearch {
   Index original_;
   int k_;
   float squared_limit_;
-  Key last_ = kNoKey;  // the k-th found so far
+  Key last_ = kNoKey;  // the k-th found so far, or a bound of it
 };
 
 }  // namespace pointfair::cuda

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// A thread a point, in sorted order. Both kernels run over their neighbours through `for_neighbors(visit)`, which calls
+// A thread a point, in sorted order. Everything runs over neighbours through `for_neighbors(visit)`, which calls
 // visit(offset, sorted position) for each, always in the same order.
+#include <bit>
+#include <cub/device/device_radix_sort.cuh>
+
 #include "cuda/stages.cuh"
 
 namespace pointfair::cuda {
@@ -14,20 +17,24 @@ template <int kHeld>
 struct Listed {
   Vec offset[kHeld];
   Index position[kHeld];
+  int count = 0;
 
   __device__ __forceinline__ Listed(const Tree& tree, const Lists& lists, std::size_t at, Vec here) {
     const Index* list = lists.of(at);
 #pragma unroll
     for (int i = 0; i < kHeld; ++i) position[i] = i < lists.k ? list[i * kWarp] : point::kNoNeighbor;
 #pragma unroll
-    for (int i = 0; i < kHeld; ++i)
-      offset[i] = position[i] != point::kNoNeighbor ? position_of(tree.points[position[i]]) - here : Vec{};
+    for (int i = 0; i < kHeld; ++i) {
+      const bool exists = position[i] != point::kNoNeighbor;
+      offset[i] = exists ? position_of(tree.points[position[i]]) - here : Vec{};
+      count += exists;
+    }
   }
   template <class Visit>
   __device__ __forceinline__ void operator()(Visit visit) const {
 #pragma unroll
     for (int i = 0; i < kHeld; ++i)
-      if (position[i] != point::kNoNeighbor) visit(offset[i], position[i]);
+      if (i < count) visit(offset[i], position[i]);
   }
 };
 
@@ -87,9 +94,13 @@ struct Ball {
   }
 };
 
+struct NormalOfPoint {
+  Vec unit = {};  // zero where there is none
+  bool too_few = false, none = false;
+};
+
 template <class ForNeighbors>
-__device__ __forceinline__ void normal_of(ForNeighbors for_neighbors, point::NormalWeights weights, std::size_t at,
-                                          bool valid, Normals normals, CloudState* state) {
+__device__ __forceinline__ NormalOfPoint normal_of(ForNeighbors for_neighbors, point::NormalWeights weights) {
   point::CentroidSum<float> centroid_sum;
   int found = 0;
   for_neighbors([&](Vec offset, Index) {
@@ -101,12 +112,32 @@ __device__ __forceinline__ void normal_of(ForNeighbors for_neighbors, point::Nor
   for_neighbors([&](Vec offset, Index) { covariance.add(offset, centroid, true, weights); });
   const point::Direction<float> normal = covariance.normal();
   const bool enough = found >= point::kLeastNeighbors;
-  normals.set(at, enough && valid ? normal.unit : Vec{});
-  const unsigned few = __ballot_sync(kAllLanes, valid && !enough);
-  const unsigned none = __ballot_sync(kAllLanes, valid && enough && !normal.exists);
+  return {enough ? normal.unit : Vec{}, !enough, enough && !normal.exists};
+}
+
+// All lanes of the warp take part.
+__device__ __forceinline__ void count_unmoved(CloudState* state, bool too_few, bool no_normal) {
+  const unsigned few = __ballot_sync(kAllLanes, too_few), none = __ballot_sync(kAllLanes, no_normal);
   if (lane_number() != 0) return;
   if (few != 0) atomicAdd(&state->too_few_neighbors, static_cast<unsigned long long>(__popc(few)));
   if (none != 0) atomicAdd(&state->no_normal, static_cast<unsigned long long>(__popc(none)));
+}
+
+template <class ForNeighbors>
+__device__ __forceinline__ Vec moved_point(ForNeighbors for_neighbors, Vec here, Vec normal, AreaWeights areas,
+                                           point::BilateralWeights weights) {
+  point::BilateralSum<float> sum;
+  for_neighbors([&](Vec offset, Index neighbor) { sum.add(offset, normal, areas.of(neighbor), true, weights); });
+  return point::moved(here, normal, sum.distance());
+}
+
+__device__ __forceinline__ void store_faired(const FairedPoints& faired, std::size_t at, float4 p, bool valid,
+                                             Vec moved) {
+  if (at >= faired.count) return;
+  const Index original = original_of(p);
+  const bool staged = faired.staged != nullptr;
+  faired.in_order[staged ? at : original] = valid ? Point{moved.x, moved.y, moved.z} : faired.input[original];
+  if (staged) faired.originals[at] = original;
 }
 
 template <int kHeld>
@@ -114,8 +145,11 @@ __global__ void __launch_bounds__(kBlock) listed_normals(const __grid_constant__
                                                          Lists lists, point::NormalWeights weights, Normals normals) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;  // whole leaves, so whole warps
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
+  const bool valid = at < state->valid;
   const Listed<kHeld> neighbors(tree, lists, at, position_of(tree.points[at]));
-  normal_of(neighbors, weights, at, at < state->valid, normals, state);
+  const NormalOfPoint normal = normal_of(neighbors, weights);
+  normals.set(at, valid ? normal.unit : Vec{});
+  count_unmoved(state, valid && normal.too_few, valid && normal.none);
 }
 
 __global__ void __launch_bounds__(kBlock)
@@ -125,56 +159,55 @@ __global__ void __launch_bounds__(kBlock)
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   const bool valid = at < state->valid;
   const Ball neighbors(tree, squared_radius, Index(at), position_of(tree.points[at]), valid);
-  normal_of(neighbors, weights, at, valid, normals, state);
+  const NormalOfPoint normal = normal_of(neighbors, weights);
+  normals.set(at, valid ? normal.unit : Vec{});
+  count_unmoved(state, valid && normal.too_few, valid && normal.none);
 }
 
-template <class ForNeighbors>
-__device__ __forceinline__ void fair_one(ForNeighbors for_neighbors, const Tree& tree, std::size_t at, Normals normals,
-                                         AreaWeights areas, point::BilateralWeights weights, const Point* points,
-                                         std::size_t count, FairedPoints faired) {
+// Both stages for lists: the neighbours are fetched once.
+template <int kHeld>
+__global__ void __launch_bounds__(kBlock)
+    listed_normals_and_fairing(const __grid_constant__ Tree tree, CloudState* state, Lists lists,
+                               point::NormalWeights weights, Normals normals, point::BilateralWeights fairing_weights,
+                               FairedPoints faired) {
+  const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;  // whole leaves, so whole warps
+  if (at >= std::size_t(tree.leaves) * kLeafSize) return;
+  const bool valid = at < state->valid;
   const float4 p = tree.points[at];
-  const Vec normal = normals.at(at);
-  point::BilateralSum<float> sum;
-  for_neighbors([&](Vec offset, Index neighbor) { sum.add(offset, normal, areas.of(neighbor), true, weights); });
-  const Vec moved = point::moved(position_of(p), normal, sum.distance());
-  if (faired.sorted != nullptr) {
-    faired.sorted[at] = {moved.x, moved.y, moved.z, 0};
-  } else if (at < count) {
-    const Index original = original_of(p);
-    faired.in_order[original] = at < tree.state->valid ? Point{moved.x, moved.y, moved.z} : points[original];
-  }
+  const Listed<kHeld> neighbors(tree, lists, at, position_of(p));
+  const NormalOfPoint normal = normal_of(neighbors, weights);
+  normals.set(at, valid ? normal.unit : Vec{});
+  count_unmoved(state, valid && normal.too_few, valid && normal.none);
+  store_faired(faired, at, p, valid,
+               moved_point(neighbors, position_of(p), normal.unit, AreaWeights{nullptr, 0}, fairing_weights));
 }
 
 template <int kHeld>
 __global__ void __launch_bounds__(kBlock)
     listed_fairing(const __grid_constant__ Tree tree, Lists lists, Normals normals, AreaWeights areas,
-                   point::BilateralWeights weights, const Point* points, std::size_t count, FairedPoints faired) {
+                   point::BilateralWeights weights, FairedPoints faired) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
-  if (at >= count) return;
-  const Listed<kHeld> neighbors(tree, lists, at, position_of(tree.points[at]));
-  fair_one(neighbors, tree, at, normals, areas, weights, points, count, faired);
+  if (at >= faired.count) return;
+  const float4 p = tree.points[at];
+  const Listed<kHeld> neighbors(tree, lists, at, position_of(p));
+  store_faired(faired, at, p, at < tree.state->valid,
+               moved_point(neighbors, position_of(p), normals.at(at), areas, weights));
 }
 
 __global__ void __launch_bounds__(kBlock)
     ball_fairing(const __grid_constant__ Tree tree, float squared_radius, Normals normals, AreaWeights areas,
-                 point::BilateralWeights weights, const Point* points, std::size_t count, FairedPoints faired) {
+                 point::BilateralWeights weights, FairedPoints faired) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
-  const Ball neighbors(tree, squared_radius, Index(at), position_of(tree.points[at]), at < tree.state->valid);
-  fair_one(neighbors, tree, at, normals, areas, weights, points, count, faired);
+  const float4 p = tree.points[at];
+  const bool valid = at < tree.state->valid;
+  const Ball neighbors(tree, squared_radius, Index(at), position_of(p), valid);
+  store_faired(faired, at, p, valid, moved_point(neighbors, position_of(p), normals.at(at), areas, weights));
 }
 
-__global__ void invert(const __grid_constant__ Tree tree, std::size_t count, Index* place_of) {
-  const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
-  if (at < count) place_of[original_of(tree.points[at])] = Index(at);
-}
-
-__global__ void pull(const __grid_constant__ Tree tree, const Point* points, std::size_t count, FairedPoints faired) {
+__global__ void scatter_staged(FairedPoints faired) {
   const std::size_t i = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
-  if (i >= count) return;
-  const Index at = faired.place_of[i];
-  const float4 p = faired.sorted[at];
-  faired.in_order[i] = at < tree.state->valid ? Point{p.x, p.y, p.z} : points[i];
+  if (i < faired.count) faired.in_order[faired.staged_originals[i]] = faired.staged[i];
 }
 
 __global__ void scatter_normals(const __grid_constant__ Tree tree, Normals normals, std::size_t count, Point* out) {
@@ -184,13 +217,37 @@ __global__ void scatter_normals(const __grid_constant__ Tree tree, Normals norma
   out[original_of(tree.points[at])] = {n.x, n.y, n.z};
 }
 
+void forget_unmoved(Context& context, CloudState* state) {
+  check(cudaMemsetAsync(&state->too_few_neighbors, 0, 2 * sizeof(state->too_few_neighbors), context.stream()),
+        "preparing normals");
+}
+
+// Random writes all over a large cloud miss the cache, so a pass of radix sort by the highest bits of the original
+// index comes first: what is written at one time then goes to a 256th of the array.
+void bring_into_order(Context& context, FairedPoints faired) {
+  if (faired.staged == nullptr) return;
+  const cudaStream_t stream = context.stream();
+  const Index count = static_cast<Index>(faired.count);
+  const int end = std::bit_width(count - 1), begin = std::max(end - 8, 0);
+  std::size_t bytes = 0;
+  DeviceArray<std::byte> scratch(context);
+  for (const bool sizing : {true, false}) {
+    check(cub::DeviceRadixSort::SortPairs(sizing ? nullptr : scratch.data(), bytes, faired.originals,
+                                          faired.staged_originals, faired.in_order, faired.staged, count, begin, end,
+                                          stream),
+          "bringing points into upload order");
+    if (sizing) scratch.resize(bytes);
+  }
+  scatter_staged<<<blocks_for(count, kBlock), kBlock, 0, stream>>>(faired);
+  check(cudaGetLastError(), "bringing points into upload order");
+}
+
 }  // namespace
 
 void estimate_normals(Context& context, const Tree& tree, CloudState* state, Neighborhoods neighborhoods,
                       point::NormalWeights weights, Normals normals) {
   const cudaStream_t stream = context.stream();
-  check(cudaMemsetAsync(&state->too_few_neighbors, 0, 2 * sizeof(state->too_few_neighbors), stream),
-        "preparing normals");
+  forget_unmoved(context, state);
   const unsigned blocks = blocks_for(tree.leaves, kWarps);
   const int k = neighborhoods.lists.k;
   if (k == 0) {
@@ -203,26 +260,32 @@ void estimate_normals(Context& context, const Tree& tree, CloudState* state, Nei
 }
 
 void fair(Context& context, const Tree& tree, Neighborhoods neighborhoods, Normals normals, AreaWeights areas,
-          point::BilateralWeights weights, const Point* points, std::size_t count, FairedPoints faired) {
+          point::BilateralWeights weights, FairedPoints faired) {
   const cudaStream_t stream = context.stream();
   const unsigned blocks = blocks_for(tree.leaves, kWarps);
   const int k = neighborhoods.lists.k;
   if (k == 0) {
-    ball_fairing<<<blocks, kBlock, 0, stream>>>(tree, neighborhoods.squared_radius, normals, areas, weights, points,
-                                                count, faired);
+    ball_fairing<<<blocks, kBlock, 0, stream>>>(tree, neighborhoods.squared_radius, normals, areas, weights, faired);
   } else {
     const auto kernel = k <= 8 ? listed_fairing<8> : k <= 16 ? listed_fairing<16> : listed_fairing<0>;
-    kernel<<<blocks, kBlock, 0, stream>>>(tree, neighborhoods.lists, normals, areas, weights, points, count, faired);
+    kernel<<<blocks, kBlock, 0, stream>>>(tree, neighborhoods.lists, normals, areas, weights, faired);
   }
   check(cudaGetLastError(), "fairing");
-  if (faired.sorted == nullptr) return;
-  pull<<<blocks_for(count, kBlock), kBlock, 0, stream>>>(tree, points, count, faired);
-  check(cudaGetLastError(), "bringing points into upload order");
+  bring_into_order(context, faired);
 }
 
-void find_places(Context& context, const Tree& tree, std::size_t count, Index* place_of) {
-  invert<<<blocks_for(count, kBlock), kBlock, 0, context.stream()>>>(tree, count, place_of);
-  check(cudaGetLastError(), "finding the places of points");
+void estimate_normals_and_fair(Context& context, const Tree& tree, CloudState* state, Lists lists,
+                               point::NormalWeights weights, Normals normals, point::BilateralWeights fairing_weights,
+                               FairedPoints faired) {
+  forget_unmoved(context, state);
+  const int k = lists.k;
+  const auto kernel = k <= 8    ? listed_normals_and_fairing<8>
+                      : k <= 16 ? listed_normals_and_fairing<16>
+                                : listed_normals_and_fairing<0>;
+  kernel<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, state, lists, weights, normals,
+                                                                           fairing_weights, faired);
+  check(cudaGetLastError(), "estimating normals and fairing");
+  bring_into_order(context, faired);
 }
 
 void restore_order(Context& context, const Tree& tree, Normals normals, std::size_t count, Point* out) {

@@ -3,10 +3,10 @@
 #pragma once
 
 #include "cuda/memory.cuh"
-#include "cuda/search.cuh"
 #include "cuda/tree.cuh"
 #include "point/fairing.h"
 #include "point/normal.h"
+#include "pointfair/cloud.hpp"
 
 namespace pointfair::cuda {
 
@@ -30,6 +30,14 @@ struct AreaWeights {
   }
 };
 
+// list[(leaf * k + slot) * 32 + lane], nearest first; sorted positions, kNoNeighbor at the end.
+struct Lists {
+  int k;
+  const Index* list;
+
+  __device__ const Index* of(std::size_t at) const { return list + (at / kWarp * k) * kWarp + at % kWarp; }
+};
+
 // Where the neighbours come from: lists of k, or a ball around each point if k is 0.
 struct Neighborhoods {
   Lists lists;
@@ -40,20 +48,24 @@ struct Neighborhoods {
 void estimate_normals(Context& context, const Tree& tree, CloudState* state, Neighborhoods neighborhoods,
                       point::NormalWeights weights, Normals normals);
 
-// Where moved points go: straight to their places in upload order, or, if `sorted` is not null, there first, to be
-// pulled into order through `place_of`, the sorted position of each uploaded point. Random reads of 16 bytes cost half
-// of random writes of 12 once a cloud is larger than the cache.
+// Where moved points go: straight to their places in upload order, or, if `staged` is not null, into `in_order` as they
+// are sorted, with their original indices in `originals`, to be brought into order by way of `staged`. Invalid points
+// stay as they are in `input`.
 struct FairedPoints {
   Point* in_order;
-  float4* sorted;
-  const Index* place_of;
+  const Point* input;  // in upload order
+  std::size_t count;
+  Point* staged;
+  Index *originals, *staged_originals;
 };
 
-void find_places(Context& context, const Tree& tree, std::size_t count, Index* place_of);
-
-// Invalid points stay as they are in `points`.
 void fair(Context& context, const Tree& tree, Neighborhoods neighborhoods, Normals normals, AreaWeights areas,
-          point::BilateralWeights weights, const Point* points, std::size_t count, FairedPoints faired);
+          point::BilateralWeights weights, FairedPoints faired);
+
+// Both over lists, without area weights, as one kernel.
+void estimate_normals_and_fair(Context& context, const Tree& tree, CloudState* state, Lists lists,
+                               point::NormalWeights weights, Normals normals, point::BilateralWeights fairing_weights,
+                               FairedPoints faired);
 
 // Normals in upload order.
 void restore_order(Context& context, const Tree& tree, Normals normals, std::size_t count, Point* out);

@@ -4,6 +4,8 @@
 // at most 32. Boxes are tight, so the tree holds occupied space only and adapts to any density.
 #pragma once
 
+#include <cstddef>
+
 #include "cuda/warp.cuh"
 #include "point/neighbors.h"
 
@@ -32,8 +34,10 @@ struct CloudState {
   unsigned min[3], max[3];          // ordered() floats
   Index valid;                      // these come first in sorted order
   Index leaf_retries, retries;      // leaves and queries left to the exact searches
+  Index unused;                     // fills the gap before the next, since the host copies every byte
   unsigned long long too_few_neighbors, no_normal, short_neighborhoods;
 };
+static_assert(offsetof(CloudState, too_few_neighbors) == offsetof(CloudState, unused) + sizeof(Index));
 
 struct Tree {
   const float4* points;  // sorted, padded to whole leaves: x, y, z, original index as bits; infinite where invalid
@@ -70,34 +74,39 @@ __device__ inline Box warp_box(Vec p, bool inside) {
   return {{least(p.x), least(p.y), least(p.z)}, {most(p.x), most(p.y), most(p.z)}};
 }
 
-// The whole warp walks the leaves under boxes that are `near`, in sorted order; `near(group)` says so of the lane's box
-// in a group, and may narrow on the way. Lane l remembers what is left to visit on level l.
-class Walk {
+// The whole warp walks the groups of leaves under boxes that are `near`, in sorted order; `near(group)` says so of the
+// lane's box in a group, and may narrow on the way. Lane l remembers what is left to visit on level l.
+class GroupWalk {
  public:
-  __device__ __forceinline__ explicit Walk(const Tree& tree) : tree_(tree), level_(tree.levels) {}
+  __device__ __forceinline__ explicit GroupWalk(const Tree& tree) : tree_(tree), level_(tree.levels) {}
 
-  // The next leaf, or kNoNeighbor after the last; not to be called again then.
+  // Goes to the next group that has near leaves; false after the last, and not to be called again then.
   template <class Near>
-  __device__ __forceinline__ Index next(Near near) {
-    if (!begun_) descend(tree_.levels - 1, 0, near);
-    begun_ = true;
-    while (true) {
+  __device__ __forceinline__ bool next(Near near) {
+    if (level_ == tree_.levels) {
+      descend(tree_.levels - 1, 0, near);
+    } else {
+      pending_ = 0;
+    }
+    while (level_ > 0 || pending_ == 0) {
       if (pending_ == 0) {
-        if (++level_ >= tree_.levels) return point::kNoNeighbor;
+        if (++level_ >= tree_.levels) return false;
         pending_ = __shfl_sync(kAllLanes, left_, level_);
         group_ = __shfl_sync(kAllLanes, left_group_, level_);
         continue;
       }
       const Index child = group_ * kLeafSize + static_cast<Index>(__ffs(static_cast<int>(pending_)) - 1);
       pending_ &= pending_ - 1;
-      if (level_ == 0) return child;
       if (static_cast<int>(lane_number()) == level_) {
         left_ = pending_;
         left_group_ = group_;
       }
       descend(level_ - 1, child, near);
     }
+    return true;
   }
+  __device__ Index first_leaf() const { return group_ * kLeafSize; }
+  __device__ unsigned near_leaves() const { return pending_; }  // a bit each, from first_leaf() on
 
  private:
   template <class Near>
@@ -112,7 +121,28 @@ class Walk {
   Index group_ = 0;
   unsigned pending_ = 0, left_ = 0;
   Index left_group_ = 0;
-  bool begun_ = false;
+};
+
+// The same, leaf by leaf.
+class Walk {
+ public:
+  __device__ __forceinline__ explicit Walk(const Tree& tree) : groups_(tree) {}
+
+  // The next leaf, or kNoNeighbor after the last; not to be called again then.
+  template <class Near>
+  __device__ __forceinline__ Index next(Near near) {
+    if (pending_ == 0) {
+      if (!groups_.next(near)) return point::kNoNeighbor;
+      pending_ = groups_.near_leaves();
+    }
+    const Index leaf = groups_.first_leaf() + static_cast<Index>(__ffs(static_cast<int>(pending_)) - 1);
+    pending_ &= pending_ - 1;
+    return leaf;
+  }
+
+ private:
+  GroupWalk groups_;
+  unsigned pending_ = 0;
 };
 
 }  // namespace pointfair::cuda
