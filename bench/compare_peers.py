@@ -95,11 +95,11 @@ class Clouds:
         self.pointfair, self.folder, self.mesh, self.points = pointfair, folder, mesh, points
         self.made = {}
 
-    def sampled(self, name, points, *flags):
+    def sampled(self, name, points, *flags, sigma="0.1%"):
         if name not in self.made:
             self.made[name] = self.folder / f"{name}.ply"
             note(f"making {self.made[name]}")
-            run([self.pointfair, "noise", self.mesh, self.made[name], "--points", points, "--sigma", "0.1%",
+            run([self.pointfair, "noise", self.mesh, self.made[name], "--points", points, "--sigma", sigma,
                  "--seed", 1, "--force", "-q", *flags])
         return self.made[name]
 
@@ -110,7 +110,12 @@ class Clouds:
         return self.sampled("uneven", self.points, "--uneven", "50")
 
     def large(self):
+        """Ten times the points and the same noise, which is 3.2 times as many spacings."""
         return self.sampled("large", 10 * self.points)
+
+    def large_alike(self):
+        """Ten times the points, noise of as many spacings as the even cloud has."""
+        return self.sampled("large_alike", 10 * self.points, sigma=f"{0.1 / math.sqrt(10):.6f}%")
 
     def read_even(self):
         data = self.even().read_bytes()
@@ -231,9 +236,12 @@ have {self.distance(self.clouds.even()):.4f}. pointfair with every parameter aut
                 ["the same: memory", f"{memory:.2f}", ""]]
 
     def linear(self):
-        time, memory = self.against_even(self.clouds.large())
-        return [["ten times the points: time", f"{time:.2f}", "at most 11"],
+        time, memory = self.against_even(self.clouds.large_alike())
+        rows = [["ten times the points, noise of as many spacings: time", f"{time:.2f}", "at most 11"],
                 ["the same: memory", f"{memory:.2f}", ""]]
+        time, memory = self.against_even(self.clouds.large())
+        return rows + [["ten times the points, noise of 0.1 %: time", f"{time:.2f}", "at most 11"],
+                       ["the same: memory", f"{memory:.2f}", ""]]
 
     def threads(self):
         contenders = {f"{count} threads": lambda count=count: self.time(self.clouds.even(), 8, threads=count)

@@ -88,7 +88,7 @@ inline void mean_distances(const IndexView& index, Index leaf, const Index* list
                  sum = sum + select(inside, square_root(point::squared_length(offset)), broadcast(0.0f));
                  found = found + select(inside, broadcast(1.0f), broadcast(0.0f));
                });
-    store(out + part, sum / larger(found, broadcast(1.0f)));
+    store(out + part, point::mean_distance(sum, larger(found, broadcast(1.0f))));
   }
 }
 

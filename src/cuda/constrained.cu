@@ -165,7 +165,7 @@ __global__ void mean_distances(const __grid_constant__ Tree tree, Lists lists, f
   int found = 0;
   for (; found < point::kAreaNeighbors && list[found * kWarp] != point::kNoNeighbor; ++found)
     sum += point::square_root(point::squared_length(offset_from(tree, list[found * kWarp], here)));
-  out[at] = point::mean_distance(sum, max(found, 1));
+  out[at] = point::mean_distance(sum, float(max(found, 1)));
 }
 
 }  // namespace

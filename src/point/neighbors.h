@@ -83,10 +83,10 @@ POINTFAIR_INLINE ConstrainedGrowth grow_constrained(int candidates, int k, float
 }
 
 // W_a(v_j) before the choice of its power: the mean distance to the nearest `count` <= 5 neighbours.
-// Sum of distances first to last, then one division.
+// Sum of distances first to last, then one division; count >= 1.
 template <class F>
-POINTFAIR_INLINE F mean_distance(F sum_of_distances, int count) {
-  return sum_of_distances / F(float(count));
+POINTFAIR_INLINE F mean_distance(F sum_of_distances, F count) {
+  return sum_of_distances / count;
 }
 
 }  // namespace pointfair::point
