@@ -90,11 +90,24 @@ void print_details(const Report& report) {
     fmt::print(stderr, "  {:<18} {:.1f} ms\n", stage.name, stage.milliseconds);
 }
 
+// Why points kept their place.
+std::string reasons_kept(const UnmovedCounts& unmoved) {
+  std::string reasons;
+  const auto add = [&](std::uint64_t count, const char* reason) {
+    if (count > 0) reasons += fmt::format("{}{} {}", reasons.empty() ? ": " : ", ", count, reason);
+  };
+  add(unmoved.non_finite, "not finite or beyond 1e18");
+  add(unmoved.too_few_neighbors, "with too few neighbours");
+  add(unmoved.no_normal, "without a normal");
+  return reasons;
+}
+
 void print_summary(const RunArguments& arguments, const Report& report, const Findings& findings) {
   if (arguments.verbose) print_details(report);
-  const std::uint64_t unmoved = report.unmoved.non_finite + report.unmoved.too_few_neighbors + report.unmoved.no_normal;
-  fmt::print(stderr, "{} points faired on {} in {:.1f} ms, {} kept as they were\n", report.points - unmoved,
-             device_name(report.device.kind), report.total_milliseconds, unmoved);
+  const UnmovedCounts& unmoved = report.unmoved;
+  const std::uint64_t kept = unmoved.non_finite + unmoved.too_few_neighbors + unmoved.no_normal;
+  fmt::print(stderr, "{} points faired on {} in {:.1f} ms, {} kept as they were{}\n", report.points - kept,
+             device_name(report.device.kind), report.total_milliseconds, kept, reasons_kept(unmoved));
   fmt::print(stderr, "noise {:.4g} -> {:.4g}, points moved {:.4g} on average, {:.4g} at most\n", findings.noise_before,
              findings.noise_after, findings.displacement.mean, findings.displacement.max);
 }

@@ -38,7 +38,7 @@ std::shared_ptr<Source> parse(io::FileBytes bytes, const std::string& name, Form
 }
 
 Cloud read_bytes(io::FileBytes bytes, const std::string& name, const ReadOptions& options) {
-  if (bytes.view().empty()) io::fail(name, "is empty");
+  if (bytes.view().empty()) io::fail(name, "is empty; copy the file again or choose another");
   const Format format = choose_format(bytes.view(), name, options);
   return io::with_threads(options.threads, [&] {
     const std::shared_ptr<Source> source = parse(std::move(bytes), name, format);

@@ -56,7 +56,7 @@ std::shared_ptr<Source> read_obj(FileBytes bytes, const std::string& name) {
   layout.rows = find_rows(text, layout.rule);
   layout.count = layout.rows.count();
   layout.extendable = false;
-  if (layout.count == 0) fail(name, "has no points: no line begins with 'v'");
+  if (layout.count == 0) fail(name, "has no points: no line begins with 'v'; choose another file");
   layout.columns = {ColumnKind::other, ColumnKind::x, ColumnKind::y, ColumnKind::z};
   const std::string_view first = text.substr(begin_of_row(text, layout.rows, layout.rule, 0));
   const std::size_t words = words_of(first.substr(0, first.find('\n'))).size();

@@ -134,7 +134,7 @@ std::vector<const TableColumn*> normal_columns(const Table& table) {
 
 std::shared_ptr<Source> read_off(FileBytes bytes, const std::string& name) {
   const OffHeader header = HeaderReader(bytes.view(), name).read();
-  if (header.points == 0) fail(name, "has no points");
+  if (header.points == 0) fail(name, "has no points; choose another file");
   TextLayout layout = make_layout(header, bytes.view());
   const std::uint64_t rows = layout.rows.count();
   const std::string promised = "header promises " + std::to_string(header.points) + " points";

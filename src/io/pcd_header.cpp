@@ -151,7 +151,7 @@ class HeaderParser {
       fail(name_, "WIDTH x HEIGHT is " + std::to_string(header_.points()) + " points, POINTS says " +
                       std::to_string(*points_) + "; correct the header");
     }
-    if (header_.points() == 0) fail(name_, "has no points");
+    if (header_.points() == 0) fail(name_, "has no points; choose another file");
   }
 
   std::string_view file_, rest_;

@@ -334,7 +334,7 @@ std::shared_ptr<Source> read_ply(FileBytes bytes, const std::string& name) {
   PlyFile file;
   file.header = parse_ply_header(bytes.view(), name);
   find_xyz(file.vertex(), name);
-  if (file.vertex().count == 0) fail(name, "has no points");
+  if (file.vertex().count == 0) fail(name, "has no points; choose another file");
   return file.header.encoding == Encoding::ascii ? read_ascii(std::move(bytes), std::move(file), name)
                                                  : read_binary(std::move(bytes), std::move(file), name);
 }

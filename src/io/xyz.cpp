@@ -150,7 +150,7 @@ TextLayout make_layout(const Front& front, std::string_view first, Format format
 std::shared_ptr<Source> read_xyz(FileBytes bytes, const std::string& name, Format format) {
   const std::string_view text = bytes.view();
   Front front = FrontReader(text, format).read();
-  if (front.end == text.size()) fail(name, "has no points");
+  if (front.end == text.size()) fail(name, "has no points; choose another file");
   const std::string_view first = text.substr(front.end, text.find('\n', front.end) - front.end);
   TextLayout layout = make_layout(front, first, format, name);
   layout.rows = find_rows(text.substr(front.end), layout.rule);

@@ -95,6 +95,12 @@ class Run(Case):
         for name in ("rho", "delta", "normal_sigma", "closeness_sigma", "similarity_sigma"):
             self.assertGreater(params[name], 0)
 
+    def test_it_says_why_points_were_kept(self):
+        points = sphere_points(300, 0.01) + [(math.nan, 0, 0), (0, 1e30, 0)]
+        write_ply(self.path("in.ply"), points)
+        text = self.ok("run", self.path("in.ply"), self.path("out.ply")).stderr.decode()
+        self.assertIn(", 2 kept as they were: 2 not finite or beyond 1e18\n", text)
+
     def test_the_displacement_reported_is_that_of_the_files(self):
         write_ply(self.path("in.ply"), sphere_points(800, 0.01))
         reported = self.report("run", self.path("in.ply"), self.path("out.ply"))["displacement"]
