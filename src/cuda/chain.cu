@@ -52,12 +52,10 @@ void Chain::grow_constrained() {
   candidates.resize(index_.leaves() * kLeafSize * pool);
   const Lists pools{pool, candidates.data()};
   find_nearest(context_, index_.tree(), index_.state(), {pool, query.squared_limit}, candidates.data(), room);
+  areas_measured_ = neighbors_.radius == 0;  // with a radius the candidates are not the nearest of all
+  if (areas_measured_) mean_distance_.resize(index_.leaves() * kLeafSize);
   grow_neighborhoods(context_, index_.tree(), index_.state(), query, neighbors_.reach, pools, lists_.data(),
-                     room.queries);
-  if (neighbors_.radius > 0) return;
-  mean_distance_.resize(index_.leaves() * kLeafSize);
-  measure_mean_distances(context_, index_.tree(), pools, mean_distance_.data());
-  areas_measured_ = true;
+                     room.queries, areas_measured_ ? mean_distance_.data() : nullptr);
 }
 
 NearestQuery Chain::nearest_query() const {

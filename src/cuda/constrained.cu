@@ -30,7 +30,7 @@ __device__ void count_short(CloudState* state, bool is_short) {
 
 // Pools of up to kHeldPool candidates are fetched once, all lanes of a block side by side, and grown in shared memory.
 constexpr int kGrowBlock = 64;
-constexpr int kHeldPool = 32;
+constexpr int kHeldPool = 16;
 
 __device__ point::ConstrainedGrowth grow_held(const Tree& tree, Index at, const Index* candidates, int given,
                                               bool all_given, int k, float reach, Index* list) {
@@ -58,23 +58,59 @@ __device__ point::ConstrainedGrowth grow_held(const Tree& tree, Index at, const 
   return growth;
 }
 
+// What one look at all candidates tells.
+struct Look {
+  int given = 0;
+  bool all_near = true;  // the first k are within reach of the point itself, so they are its neighbourhood
+  float mean_distance = 0;
+};
+
+__device__ __forceinline__ Look look_at(const Tree& tree, Index at, const Index* candidates, int pool, int k,
+                                        float reach) {
+  const Vec here = position_of(tree.points[at]);
+  const float squared_reach = reach * reach;
+  Look look;
+  float sum = 0;
+  int summed = 0;
+#pragma unroll 8
+  for (int i = 0; i < pool; ++i) {
+    const Index candidate = candidates[i * kWarp];
+    const bool exists = candidate != point::kNoNeighbor;
+    const float distance = point::squared_length(offset_from(tree, exists ? candidate : at, here));
+    look.given += exists;
+    look.all_near &= i >= k || (exists && distance < squared_reach);
+    if (i >= point::kAreaNeighbors || !exists) continue;
+    sum += point::square_root(distance);
+    ++summed;
+  }
+  look.mean_distance = point::mean_distance(sum, max(summed, 1));
+  return look;
+}
+
 __global__ void __launch_bounds__(kGrowBlock)
     grow_all(const __grid_constant__ Tree tree, CloudState* state, NearestQuery query, float reach, Lists pools,
-             Index* lists, Index* retries) {
+             Index* lists, Index* retries, float* mean_distance) {
   const std::size_t at = std::size_t(blockIdx.x) * kGrowBlock + threadIdx.x;  // whole leaves, so whole warps
-  const bool valid = at < state->valid;
+  const bool valid = at < state->valid, exists = at < std::size_t(tree.leaves) * kLeafSize;
   Index* list = lists + (at / kWarp * query.k) * kWarp + at % kWarp;
   point::ConstrainedGrowth growth;
+  Look look;
   if (valid) {
     const Index* candidates = pools.of(at);
-    int given = 0;
-    while (given < pools.k && candidates[given * kWarp] != point::kNoNeighbor) ++given;
-    const bool all_given = given < pools.k;
-    growth = pools.k <= kHeldPool ? grow_held(tree, Index(at), candidates, given, all_given, query.k, reach, list)
-                                  : grow(tree, Index(at), candidates, kWarp, given, all_given, query.k, reach, list);
-  } else if (at < std::size_t(tree.leaves) * kLeafSize) {
+    look = look_at(tree, Index(at), candidates, pools.k, query.k, reach);
+    const bool all_given = look.given < pools.k;
+    if (look.all_near) {
+      for (int slot = 0; slot < query.k; ++slot) list[slot * kWarp] = candidates[slot * kWarp];
+      growth.accepted = query.k;
+    } else if (pools.k <= kHeldPool) {
+      growth = grow_held(tree, Index(at), candidates, look.given, all_given, query.k, reach, list);
+    } else {
+      growth = grow(tree, Index(at), candidates, kWarp, look.given, all_given, query.k, reach, list);
+    }
+  } else if (exists) {
     for (int slot = 0; slot < query.k; ++slot) list[slot * kWarp] = point::kNoNeighbor;
   }
+  if (exists && mean_distance != nullptr) mean_distance[at] = look.mean_distance;
   const bool again = valid && !growth.complete && pools.k < kLargestList;
   retry(state, retries, Index(at), again);
   count_short(state, valid && !again && growth.accepted < query.k);
@@ -171,11 +207,11 @@ __global__ void mean_distances(const __grid_constant__ Tree tree, Lists lists, f
 }  // namespace
 
 void grow_neighborhoods(Context& context, const Tree& tree, CloudState* state, NearestQuery query, float reach,
-                        Lists candidates, Index* list, Index* retries) {
+                        Lists candidates, Index* list, Index* retries, float* mean_distance) {
   const cudaStream_t stream = context.stream();
   check(cudaMemsetAsync(&state->retries, 0, sizeof(Index), stream), "preparing constrained neighbourhoods");
-  grow_all<<<blocks_for(tree.leaves, kGrowBlock / kWarp), kGrowBlock, 0, stream>>>(tree, state, query, reach,
-                                                                                   candidates, list, retries);
+  grow_all<<<blocks_for(tree.leaves, kGrowBlock / kWarp), kGrowBlock, 0, stream>>>(
+      tree, state, query, reach, candidates, list, retries, mean_distance);
   check(cudaGetLastError(), "growing constrained neighbourhoods");
   const std::size_t bytes = allow_list_memory(grow_retries, 1, kLargestList);
   grow_retries<<<unsigned(context.processors()) * 8, kWarp, bytes, stream>>>(tree, state, query, reach, candidates.k,

@@ -27,10 +27,11 @@ struct Retries {
 void find_nearest(Context& context, const Tree& tree, CloudState* state, NearestQuery query, Index* list,
                   Retries retries);
 
-// Grows constrained neighbourhoods of k points over the `pool` nearest that `candidates` holds, and over as many more
-// as it takes. Adds to state->short_neighborhoods.
+// Grows constrained neighbourhoods of k points over the nearest that `candidates` holds, at least k, and over as many
+// more as it takes. Adds to state->short_neighborhoods. `mean_distance`, if not null, becomes that of
+// measure_mean_distances().
 void grow_neighborhoods(Context& context, const Tree& tree, CloudState* state, NearestQuery query, float reach,
-                        Lists candidates, Index* list, Index* retries);
+                        Lists candidates, Index* list, Index* retries, float* mean_distance);
 
 // Mean distance to the first five listed.
 void measure_mean_distances(Context& context, const Tree& tree, Lists lists, float* mean_distance);

@@ -131,13 +131,31 @@ __device__ __forceinline__ Vec moved_point(ForNeighbors for_neighbors, Vec here,
   return point::moved(here, normal, sum.distance());
 }
 
+// A point a lane to its place in `out`, none to kNoNeighbor; all lanes of the warp take part. Three lanes write the
+// three words of a point: as many single writes as points meet the cache then, not three times as many.
+__device__ __forceinline__ void scatter(Point* out, Index to, Vec p) {
+  float* words = &out->x;
+#pragma unroll
+  for (unsigned first = 0; first < 3 * kWarp; first += kWarp) {
+    const unsigned word = first + lane_number(), lane = word / 3, axis = word % 3;
+    const float x = __shfl_sync(kAllLanes, p.x, lane), y = __shfl_sync(kAllLanes, p.y, lane),
+                z = __shfl_sync(kAllLanes, p.z, lane);
+    const Index place = __shfl_sync(kAllLanes, to, lane);
+    if (place != point::kNoNeighbor) words[std::size_t(place) * 3 + axis] = axis == 0 ? x : axis == 1 ? y : z;
+  }
+}
+
+// All lanes of the warp take part.
 __device__ __forceinline__ void store_faired(const FairedPoints& faired, std::size_t at, float4 p, bool valid,
                                              Vec moved) {
-  if (at >= faired.count) return;
-  const Index original = original_of(p);
-  const bool staged = faired.staged != nullptr;
-  faired.in_order[staged ? at : original] = valid ? Point{moved.x, moved.y, moved.z} : faired.input[original];
-  if (staged) faired.originals[at] = original;
+  const bool exists = at < faired.count, staged = faired.staged != nullptr;
+  const Index original = exists ? original_of(p) : point::kNoNeighbor;
+  if (exists && !valid) {
+    const Point same = faired.input[original];
+    moved = {same.x, same.y, same.z};
+  }
+  scatter(faired.in_order, staged && exists ? static_cast<Index>(at) : original, moved);
+  if (staged && exists) faired.originals[at] = original;
 }
 
 template <int kHeld>
@@ -187,7 +205,7 @@ __global__ void __launch_bounds__(kBlock)
     listed_fairing(const __grid_constant__ Tree tree, Lists lists, Normals normals, AreaWeights areas,
                    point::BilateralWeights weights, FairedPoints faired) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
-  if (at >= faired.count) return;
+  if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   const float4 p = tree.points[at];
   const Listed<kHeld> neighbors(tree, lists, at, position_of(p));
   store_faired(faired, at, p, at < tree.state->valid,
@@ -207,14 +225,15 @@ __global__ void __launch_bounds__(kBlock)
 
 __global__ void scatter_staged(FairedPoints faired) {
   const std::size_t i = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
-  if (i < faired.count) faired.in_order[faired.staged_originals[i]] = faired.staged[i];
+  const bool exists = i < faired.count;
+  const Point p = exists ? faired.staged[i] : Point{};
+  scatter(faired.in_order, exists ? faired.staged_originals[i] : point::kNoNeighbor, {p.x, p.y, p.z});
 }
 
 __global__ void scatter_normals(const __grid_constant__ Tree tree, Normals normals, std::size_t count, Point* out) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
-  if (at >= count) return;
-  const Vec n = normals.at(at);
-  out[original_of(tree.points[at])] = {n.x, n.y, n.z};
+  const bool exists = at < count;
+  scatter(out, exists ? original_of(tree.points[at]) : point::kNoNeighbor, exists ? normals.at(at) : Vec{});
 }
 
 void forget_unmoved(Context& context, CloudState* state) {
