@@ -32,9 +32,9 @@ void Chain::find_neighbors(const NeighborSettings& settings, std::stop_token sto
   stop_if_asked(stop);
   neighbors_ = settings;
   areas_measured_ = false;
-  check(cudaMemsetAsync(&index_.state()->short_neighborhoods, 0, sizeof(CloudState::short_neighborhoods),
-                        context_.stream()),
-        "preparing the search");
+  clear(offsetof(CloudState, leaf_retries),
+        sizeof(CloudState));  // one launch for all counts of this stage and the next
+  unmoved_clear_ = true;
   normals_wait_ = false;
   if (settings.k == 0) return lists_.release();
   lists_.resize(index_.leaves() * kLeafSize * settings.k);
@@ -58,6 +58,17 @@ void Chain::grow_constrained() {
                      room.queries, areas_measured_ ? mean_distance_.data() : nullptr);
 }
 
+void Chain::clear(std::size_t first, std::size_t end) {
+  check(cudaMemsetAsync(reinterpret_cast<std::byte*>(index_.state()) + first, 0, end - first, context_.stream()),
+        "clearing counts");
+}
+
+// Before normals are estimated, which then count anew.
+void Chain::clear_unmoved() {
+  if (!unmoved_clear_) clear(offsetof(CloudState, too_few_neighbors), offsetof(CloudState, short_neighborhoods));
+  unmoved_clear_ = false;
+}
+
 NearestQuery Chain::nearest_query() const {
   return {neighbors_.k, neighbors_.radius > 0 ? neighbors_.radius * neighbors_.radius : kNoLimit};
 }
@@ -79,6 +90,7 @@ void Chain::measure_areas() {
   } else {
     DeviceArray<Index> nearest(context_), retries(context_);
     nearest.resize(places * point::kAreaNeighbors);
+    clear(offsetof(CloudState, leaf_retries), offsetof(CloudState, unused));
     find_nearest(context_, index_.tree(), index_.state(), {point::kAreaNeighbors, kNoLimit}, nearest.data(),
                  make_room(retries));
     measure_mean_distances(context_, index_.tree(), {point::kAreaNeighbors, nearest.data()}, mean_distance_.data());
@@ -101,6 +113,7 @@ void Chain::estimate_normals(const NormalSettings& settings, std::stop_token sto
 
 void Chain::settle() {
   if (!normals_wait_) return;
+  clear_unmoved();
   cuda::estimate_normals(context_, index_.tree(), index_.state(), neighborhoods(), normal_weights(), normals());
   normals_wait_ = false;
 }
@@ -110,10 +123,8 @@ void Chain::fair(const FairingSettings& settings, std::stop_token stop) {
   const int power = settings.area_weight == AreaWeight::squared  ? 2
                     : settings.area_weight == AreaWeight::length ? 1
                                                                  : 0;
-  if (power > 0) {
-    settle();
-    measure_areas();
-  }
+  if (power > 0) measure_areas();
+  const AreaWeights areas{mean_distance_.data(), power};
   faired_.resize(index_.points());
   DeviceArray<Point> staged(context_);
   DeviceArray<Index> originals(context_);
@@ -125,11 +136,12 @@ void Chain::fair(const FairingSettings& settings, std::stop_token stop) {
                             staged.data(),  originals.data(), originals.data() + originals.size() / 2};
   const auto weights = point::bilateral_weights(settings.closeness_sigma, settings.similarity_sigma);
   if (normals_wait_) {
-    estimate_normals_and_fair(context_, index_.tree(), index_.state(), lists(), normal_weights(), normals(), weights,
-                              faired);
+    clear_unmoved();
+    estimate_normals_and_fair(context_, index_.tree(), index_.state(), lists(), normal_weights(), normals(), areas,
+                              weights, faired);
     normals_wait_ = false;
   } else {
-    cuda::fair(context_, index_.tree(), neighborhoods(), normals(), {mean_distance_.data(), power}, weights, faired);
+    cuda::fair(context_, index_.tree(), neighborhoods(), normals(), areas, weights, faired);
   }
 }
 

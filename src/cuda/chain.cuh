@@ -41,6 +41,8 @@ class Chain {
   NearestQuery nearest_query() const;
   Retries make_room(DeviceArray<Index>& retries) const;
   void measure_areas();
+  void clear(std::size_t first, std::size_t end);  // bytes of the state
+  void clear_unmoved();
   Lists lists() const { return {neighbors_.k, lists_.data()}; }
   // The squared radius stays finite: infinite are only places that hold no point.
   Neighborhoods neighborhoods() const {
@@ -56,7 +58,7 @@ class Chain {
   DeviceIndex index_;
   NeighborSettings neighbors_;
   NormalSettings normal_settings_;
-  bool normals_wait_ = false;
+  bool normals_wait_ = false, unmoved_clear_ = false;
   DeviceArray<Index> lists_;
   DeviceArray<float> normals_, mean_distance_;
   bool areas_measured_ = false;

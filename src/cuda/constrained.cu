@@ -83,7 +83,7 @@ __device__ __forceinline__ Look look_at(const Tree& tree, Index at, const Index*
     sum += point::square_root(distance);
     ++summed;
   }
-  look.mean_distance = point::mean_distance(sum, max(summed, 1));
+  look.mean_distance = point::mean_distance(sum, float(max(summed, 1)));
   return look;
 }
 
@@ -116,79 +116,110 @@ __global__ void __launch_bounds__(kGrowBlock)
   count_short(state, valid && !again && growth.accepted < query.k);
 }
 
-// point::grow_constrained over up to 32 candidates, a lane to each, nearest first: all members are asked at once
-// whether a candidate joins.
-__device__ point::ConstrainedGrowth grow_over_lanes(Vec mine, bool given, bool all_given, int k, float reach,
-                                                    unsigned& members) {
-  const float squared_reach = reach * reach, distance = point::squared_length(mine);
-  const int count = __popc(__ballot_sync(kAllLanes, given));
+// point::grow_constrained for k <= 32 by a warp: a lane to each member, so all are asked at once whether a candidate
+// joins. `position_of_candidate(i)` is called by all lanes, each for its own i below `given`. The members are left in
+// `member`, a lane each.
+template <class PositionOfCandidate>
+__device__ point::ConstrainedGrowth grow_by_warp(const Tree& tree, Vec here, int given, bool all_given, int k,
+                                                 float reach, PositionOfCandidate position_of_candidate,
+                                                 Index& member) {
+  const float squared_reach = reach * reach;
+  const int lane = static_cast<int>(lane_number());
   point::ConstrainedGrowth growth;
+  Vec member_offset = {};
   float last = 0, farthest = 0;
-  members = 0;
-  for (int i = 0; i < count && growth.accepted < k; ++i) {
-    const Vec q = {__shfl_sync(kAllLanes, mine.x, i), __shfl_sync(kAllLanes, mine.y, i),
-                   __shfl_sync(kAllLanes, mine.z, i)};
-    last = __shfl_sync(kAllLanes, distance, i);
-    const bool member = (members >> lane_number() & 1u) != 0;
-    const bool joins = last < squared_reach || (member && point::squared_length(q - mine) < squared_reach);
-    if (!__any_sync(kAllLanes, joins)) continue;
-    members |= 1u << i;
-    ++growth.accepted;
-    farthest = last;
+  for (int first = 0; first < given && growth.accepted < k; first += kWarp) {
+    const Index position = first + lane < given ? position_of_candidate(first + lane) : point::kNoNeighbor;
+    const Vec offset = position != point::kNoNeighbor ? offset_from(tree, position, here) : Vec{};
+    for (int i = 0; first + i < given && i < kWarp && growth.accepted < k; ++i) {
+      const Vec q = {__shfl_sync(kAllLanes, offset.x, i), __shfl_sync(kAllLanes, offset.y, i),
+                     __shfl_sync(kAllLanes, offset.z, i)};
+      const Index candidate = __shfl_sync(kAllLanes, position, i);
+      last = point::squared_length(q);
+      const bool near = lane < growth.accepted && point::squared_length(q - member_offset) < squared_reach;
+      if (!__any_sync(kAllLanes, near || last < squared_reach)) continue;
+      if (lane == growth.accepted) member = candidate, member_offset = q;
+      ++growth.accepted;
+      farthest = last;
+    }
   }
   growth.complete =
       growth.accepted == k || all_given || point::square_root(last) >= point::square_root(farthest) + reach;
   return growth;
 }
 
-extern __shared__ __align__(16) std::byte candidate_memory[];
-
-// One neighbourhood that needed more candidates than all were given: over the 32 nearest, then over twice as many, and
-// so on.
-__device__ point::ConstrainedGrowth grow_retry(const Tree& tree, SingleWalk& walk, NearestQuery query, float reach,
-                                               int pool, Index at, Index* list) {
-  const float4 p = tree.points[at];
-  const Vec here = position_of(p);
-  point::ConstrainedGrowth growth;
-  if (pool < kWarp) {
-    RegisterList nearest;
-    SingleSearch<RegisterList>(tree, walk, nearest, here, original_of(p), kWarp, query.squared_limit).run();
-    bool given = false;
-    Index position = 0;
-    nearest.for_each(kWarp, [&](int, Key key, Index found) { given = key != kNoKey, position = found; });
-    const Vec mine = given ? offset_from(tree, position, here) : Vec{};
-    unsigned members = 0;
-    growth = grow_over_lanes(mine, given, !__all_sync(kAllLanes, given), query.k, reach, members);
-    if ((members >> lane_number() & 1u) != 0) list[__popc(members & lanes_below()) * kWarp] = position;
-    if (static_cast<int>(lane_number()) >= growth.accepted && static_cast<int>(lane_number()) < query.k)
-      list[lane_number() * kWarp] = point::kNoNeighbor;
-    if (growth.complete) return growth;
-    __syncwarp();
-    pool = kWarp;
-  }
-  for (bool complete = false; !complete && pool < kLargestList;) {
-    pool = min(2 * pool, kLargestList);
-    SharedList nearest(candidate_memory, SharedList::size_for(pool));
-    SingleSearch<SharedList>(tree, walk, nearest, here, original_of(p), pool, query.squared_limit).run();
-    unsigned found = 0;
-    nearest.for_each(pool, [&](int, Key key, Index) { found += key != kNoKey; });
-    const int given = static_cast<int>(warp_sum(found));
-    if (lane_number() == 0) growth = grow(tree, at, nearest.positions(), 1, given, given < pool, query.k, reach, list);
-    complete = __shfl_sync(kAllLanes, growth.complete, 0);
-    __syncwarp();
-  }
-  return growth;
+// Writes the members, and what a list of k has beyond them.
+__device__ void write_members(const point::ConstrainedGrowth& growth, Index member, int k, Index* list) {
+  const int lane = static_cast<int>(lane_number());
+  if (lane < k) list[lane * kWarp] = lane < growth.accepted ? member : point::kNoNeighbor;
 }
 
-__global__ void grow_retries(const __grid_constant__ Tree tree, CloudState* state, NearestQuery query, float reach,
-                             int pool, Index* lists, const Index* retries) {
+// Neighbourhoods that needed more candidates than all were given: over the 32 nearest. Of `retries` those are left that
+// need more still.
+constexpr int kRetryBlock = 64;
+constexpr int kRetryBlocks = 20;  // of a processor
+
+__global__ void __launch_bounds__(kRetryBlock, kRetryBlocks)
+    grow_over_few(const __grid_constant__ Tree tree, CloudState* state, NearestQuery query, float reach, Index* lists,
+                  Index* retries) {
+  __shared__ SingleWalk walks[kRetryBlock / kWarp];
+  const Index warp = threadIdx.x / kWarp, warps = gridDim.x * (kRetryBlock / kWarp);
+  for (Index n = blockIdx.x * (kRetryBlock / kWarp) + warp; n < state->retries; n += warps) {
+    const Index at = retries[n];
+    const float4 p = tree.points[at];
+    Index* list = lists + std::size_t(at / kWarp) * query.k * kWarp + at % kWarp;
+    RegisterList nearest;
+    SingleSearch<RegisterList>(tree, walks[warp], nearest, position_of(p), original_of(p), kWarp, query.squared_limit)
+        .run();
+    Index candidate = point::kNoNeighbor, member = 0;
+    nearest.for_each(kWarp, [&](int, Key key, Index found) { candidate = key != kNoKey ? found : candidate; });
+    const int given = __popc(__ballot_sync(kAllLanes, candidate != point::kNoNeighbor));
+    const point::ConstrainedGrowth growth = grow_by_warp(
+        tree, position_of(p), given, given < kWarp, query.k, reach, [&](int) { return candidate; }, member);
+    write_members(growth, member, query.k, list);
+    if (growth.complete && lane_number() == 0) {
+      retries[n] = point::kNoNeighbor;
+      if (growth.accepted < query.k) atomicAdd(&state->short_neighborhoods, 1ull);
+    }
+    __syncwarp();
+  }
+}
+
+extern __shared__ __align__(16) std::byte candidate_memory[];
+
+// What is left of `retries`: over twice as many as `pool`, and so on.
+__global__ void grow_over_many(const __grid_constant__ Tree tree, CloudState* state, NearestQuery query, float reach,
+                               int pool, Index* lists, const Index* retries) {
   __shared__ SingleWalk walk;
   for (Index n = blockIdx.x; n < state->retries; n += gridDim.x) {
     const Index at = retries[n];
+    if (at == point::kNoNeighbor) continue;
+    const float4 p = tree.points[at];
     Index* list = lists + std::size_t(at / kWarp) * query.k * kWarp + at % kWarp;
-    const point::ConstrainedGrowth growth = grow_retry(tree, walk, query, reach, pool, at, list);
-    if (lane_number() == 0 && growth.accepted < query.k) atomicAdd(&state->short_neighborhoods, 1ull);
-    __syncwarp();
+    bool complete = false;
+    for (int size = pool; !complete && size < kLargestList;) {
+      size = min(2 * size, kLargestList);
+      SharedList nearest(candidate_memory, SharedList::size_for(size));
+      SingleSearch<SharedList>(tree, walk, nearest, position_of(p), original_of(p), size, query.squared_limit).run();
+      unsigned found = 0;
+      nearest.for_each(size, [&](int, Key key, Index) { found += key != kNoKey; });
+      const int given = static_cast<int>(warp_sum(found));
+      const bool all_given = given < size;
+      point::ConstrainedGrowth growth;
+      if (query.k <= kWarp) {
+        Index member = 0;
+        growth = grow_by_warp(
+            tree, position_of(p), given, all_given, query.k, reach, [&](int i) { return nearest.positions()[i]; },
+            member);
+        write_members(growth, member, query.k, list);
+      } else if (lane_number() == 0) {
+        growth = grow(tree, at, nearest.positions(), 1, given, all_given, query.k, reach, list);
+      }
+      complete = __shfl_sync(kAllLanes, growth.complete, 0);
+      if (lane_number() == 0 && (complete || size == kLargestList) && growth.accepted < query.k)
+        atomicAdd(&state->short_neighborhoods, 1ull);
+      __syncwarp();
+    }
   }
 }
 
@@ -213,9 +244,15 @@ void grow_neighborhoods(Context& context, const Tree& tree, CloudState* state, N
   grow_all<<<blocks_for(tree.leaves, kGrowBlock / kWarp), kGrowBlock, 0, stream>>>(
       tree, state, query, reach, candidates, list, retries, mean_distance);
   check(cudaGetLastError(), "growing constrained neighbourhoods");
-  const std::size_t bytes = allow_list_memory(grow_retries, 1, kLargestList);
-  grow_retries<<<unsigned(context.processors()) * 8, kWarp, bytes, stream>>>(tree, state, query, reach, candidates.k,
-                                                                             list, retries);
+  const unsigned processors = unsigned(context.processors());
+  const bool few = candidates.k < kWarp;
+  if (few) {
+    grow_over_few<<<processors * kRetryBlocks, kRetryBlock, 0, stream>>>(tree, state, query, reach, list, retries);
+    check(cudaGetLastError(), "growing constrained neighbourhoods");
+  }
+  const std::size_t bytes = allow_list_memory(grow_over_many, 1, kLargestList);
+  grow_over_many<<<processors * 8, kWarp, bytes, stream>>>(tree, state, query, reach, few ? kWarp : candidates.k, list,
+                                                           retries);
   check(cudaGetLastError(), "growing constrained neighbourhoods");
 }
 

@@ -39,7 +39,7 @@ template <int kList>
 struct GroupShape {
   static constexpr int kBatch = kList <= 8 ? 8 : 16;
   static constexpr unsigned kStack = kBatch + kChunk;  // candidates a lane can hold before they are merged
-  static constexpr unsigned kMostSlots = kList <= 8 ? 768 : kSlots;  // what fits beside the registers of a processor
+  static constexpr unsigned kMostSlots = kList <= 8 ? 640 : kSlots;  // what fits beside the registers of a processor
 };
 
 // What a warp keeps in shared memory. `close` is in scaled coordinates, slot in w; `square` is kUnitsBase + kUnitsShift

@@ -43,36 +43,34 @@ struct Sample {
     for (int i = 0; i < rank; ++i) value = take_least();
     at_rank = unordered(value);
   }
-  __device__ Sample negated() const {
-    Sample other;
-    for (int i = 0; i < kHeld; ++i) other.values[i] = values[i] == kNothing ? kNothing : ordered(-unordered(values[i]));
-    return other;
-  }
 };
 
 // Lays the key's cube over most points: between the 2 % and the 98 % quantile of a sample on each axis, widened by the
 // longest side, and no wider than the sample itself. A stray point far away does not stretch it; points outside are
 // clamped for the key only.
-__global__ void __launch_bounds__(3 * kWarp)
+constexpr int kPrepareBlock = 6 * kWarp;  // a warp for each end of each axis
+__global__ void __launch_bounds__(kPrepareBlock)
     prepare(const Point* points, std::size_t count, float steps, CloudState* state) {
   __shared__ float first[3], last[3], low[3], high[3];  // by axis: ends and quantiles
-  const unsigned axis = threadIdx.x / kWarp;
-  const std::size_t size = min(count, std::size_t(kSample));
+  const unsigned axis = threadIdx.x / kWarp % 3;
+  const bool upper = threadIdx.x / kWarp >= 3;
+  const unsigned size = static_cast<unsigned>(min(count, std::size_t(kSample)));
+  const std::size_t stride = count / max(size, 1u);
   Sample sample;
   int found = 0;
+#pragma unroll
   for (int i = 0; i < Sample::kHeld; ++i) {
-    const std::size_t place = i * kWarp + lane_number();
-    const Point p = place < size ? points[place * count / size] : Point{__int_as_float(0x7fc00000), 0, 0};
+    const unsigned place = i * kWarp + lane_number();
+    const Point p = place < size ? points[place * stride] : Point{__int_as_float(0x7fc00000), 0, 0};
     const bool valid = is_valid(p);
-    sample.values[i] = valid ? ordered(axis == 0 ? p.x : axis == 1 ? p.y : p.z) : Sample::kNothing;
+    const float value = axis == 0 ? p.x : axis == 1 ? p.y : p.z;
+    sample.values[i] = valid ? ordered(upper ? -value : value) : Sample::kNothing;
     found += __popc(__ballot_sync(kAllLanes, valid));
   }
-  Sample negated = sample.negated();
   float least, quantile;
   sample.measure(found / 50, least, quantile);
-  first[axis] = least, low[axis] = quantile;
-  negated.measure(found / 50, least, quantile);
-  last[axis] = -least, high[axis] = -quantile;
+  (upper ? last : first)[axis] = upper ? -least : least;
+  (upper ? high : low)[axis] = upper ? -quantile : quantile;
   __syncthreads();
   if (threadIdx.x != 0) return;
   float longest = 0, side = 0, origin[3] = {};
@@ -259,7 +257,7 @@ void DeviceIndex::sort(const Point* points, DeviceArray<Index>& order) {
   unsorted.resize(count_);
   order.resize(count_);
   const cudaStream_t stream = context_.stream();
-  prepare<<<1, 3 * kWarp, 0, stream>>>(points, count_, float(1 << kBits), state_.data());
+  prepare<<<1, kPrepareBlock, 0, stream>>>(points, count_, float(1 << kBits), state_.data());
   check(cudaGetLastError(), "laying out the index");
   const unsigned blocks = std::min(blocks_for(count_, kKeysOfBlock), unsigned(context_.processors()) * 8);
   make_keys<Key, kBits><<<blocks, kKeyBlock, 0, stream>>>(points, count_, state_.data(), keys.data(), unsorted.data());

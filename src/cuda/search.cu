@@ -14,7 +14,7 @@ constexpr int kFewUncertain = 5;        // up to so many queries of a leaf go to
 constexpr Index kManyCandidates = 256;  // or however many with so many candidates, which one warp would be long about;
 constexpr Index kFewHardLeaves = 128;   // also the queries of so few leaves: a warp to a leaf would leave the card idle
 
-constexpr int group_warps_resident(int list) { return list <= 8 ? 28 : list <= 16 ? 23 : 16; }
+constexpr int group_warps_resident(int list) { return list <= 8 ? 32 : list <= 16 ? 23 : 16; }
 
 // A block to a leaf, one warp.
 template <int kList>
@@ -159,8 +159,6 @@ void search_all(Context& context, const Tree& tree, CloudState* state, NearestQu
 void find_nearest(Context& context, const Tree& tree, CloudState* state, NearestQuery query, Index* list,
                   Retries retries) {
   if (query.k > kLargestGroupList) return search_all(context, tree, state, query, list);
-  static_assert(offsetof(CloudState, retries) == offsetof(CloudState, leaf_retries) + sizeof(Index));
-  check(cudaMemsetAsync(&state->leaf_retries, 0, 2 * sizeof(Index), context.stream()), "preparing the search");
   const auto search = query.k <= 8 ? search_leaves<8> : query.k <= 16 ? search_leaves<16> : search_leaves<32>;
   search(context, tree, state, query, list, retries);
 }

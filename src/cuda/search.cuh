@@ -23,7 +23,7 @@ struct Retries {
   Index* queries;
 };
 
-// The k nearest other points of every point.
+// The k nearest other points of every point. state->leaf_retries and state->retries must be 0.
 void find_nearest(Context& context, const Tree& tree, CloudState* state, NearestQuery query, Index* list,
                   Retries retries);
 

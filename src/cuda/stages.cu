@@ -182,12 +182,12 @@ __global__ void __launch_bounds__(kBlock)
   count_unmoved(state, valid && normal.too_few, valid && normal.none);
 }
 
-// Both stages for lists: the neighbours are fetched once.
-template <int kHeld>
+// Both stages for lists: the neighbours are fetched once. Without area weights it is known here that there are none.
+template <int kHeld, bool kAreas>
 __global__ void __launch_bounds__(kBlock)
     listed_normals_and_fairing(const __grid_constant__ Tree tree, CloudState* state, Lists lists,
-                               point::NormalWeights weights, Normals normals, point::BilateralWeights fairing_weights,
-                               FairedPoints faired) {
+                               point::NormalWeights weights, Normals normals, AreaWeights areas,
+                               point::BilateralWeights fairing_weights, FairedPoints faired) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;  // whole leaves, so whole warps
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   const bool valid = at < state->valid;
@@ -196,11 +196,12 @@ __global__ void __launch_bounds__(kBlock)
   const NormalOfPoint normal = normal_of(neighbors, weights);
   normals.set(at, valid ? normal.unit : Vec{});
   count_unmoved(state, valid && normal.too_few, valid && normal.none);
-  store_faired(faired, at, p, valid,
-               moved_point(neighbors, position_of(p), normal.unit, AreaWeights{nullptr, 0}, fairing_weights));
+  store_faired(
+      faired, at, p, valid,
+      moved_point(neighbors, position_of(p), normal.unit, kAreas ? areas : AreaWeights{nullptr, 0}, fairing_weights));
 }
 
-template <int kHeld>
+template <int kHeld, bool kAreas>
 __global__ void __launch_bounds__(kBlock)
     listed_fairing(const __grid_constant__ Tree tree, Lists lists, Normals normals, AreaWeights areas,
                    point::BilateralWeights weights, FairedPoints faired) {
@@ -208,8 +209,9 @@ __global__ void __launch_bounds__(kBlock)
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   const float4 p = tree.points[at];
   const Listed<kHeld> neighbors(tree, lists, at, position_of(p));
-  store_faired(faired, at, p, at < tree.state->valid,
-               moved_point(neighbors, position_of(p), normals.at(at), areas, weights));
+  store_faired(
+      faired, at, p, at < tree.state->valid,
+      moved_point(neighbors, position_of(p), normals.at(at), kAreas ? areas : AreaWeights{nullptr, 0}, weights));
 }
 
 __global__ void __launch_bounds__(kBlock)
@@ -234,11 +236,6 @@ __global__ void scatter_normals(const __grid_constant__ Tree tree, Normals norma
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   const bool exists = at < count;
   scatter(out, exists ? original_of(tree.points[at]) : point::kNoNeighbor, exists ? normals.at(at) : Vec{});
-}
-
-void forget_unmoved(Context& context, CloudState* state) {
-  check(cudaMemsetAsync(&state->too_few_neighbors, 0, 2 * sizeof(state->too_few_neighbors), context.stream()),
-        "preparing normals");
 }
 
 // Random writes all over a large cloud miss the cache, so a pass of radix sort by the highest bits of the original
@@ -266,7 +263,6 @@ void bring_into_order(Context& context, FairedPoints faired) {
 void estimate_normals(Context& context, const Tree& tree, CloudState* state, Neighborhoods neighborhoods,
                       point::NormalWeights weights, Normals normals) {
   const cudaStream_t stream = context.stream();
-  forget_unmoved(context, state);
   const unsigned blocks = blocks_for(tree.leaves, kWarps);
   const int k = neighborhoods.lists.k;
   if (k == 0) {
@@ -286,7 +282,10 @@ void fair(Context& context, const Tree& tree, Neighborhoods neighborhoods, Norma
   if (k == 0) {
     ball_fairing<<<blocks, kBlock, 0, stream>>>(tree, neighborhoods.squared_radius, normals, areas, weights, faired);
   } else {
-    const auto kernel = k <= 8 ? listed_fairing<8> : k <= 16 ? listed_fairing<16> : listed_fairing<0>;
+    const bool with = areas.power > 0;
+    const auto kernel = k <= 8    ? (with ? listed_fairing<8, true> : listed_fairing<8, false>)
+                        : k <= 16 ? (with ? listed_fairing<16, true> : listed_fairing<16, false>)
+                                  : (with ? listed_fairing<0, true> : listed_fairing<0, false>);
     kernel<<<blocks, kBlock, 0, stream>>>(tree, neighborhoods.lists, normals, areas, weights, faired);
   }
   check(cudaGetLastError(), "fairing");
@@ -294,14 +293,14 @@ void fair(Context& context, const Tree& tree, Neighborhoods neighborhoods, Norma
 }
 
 void estimate_normals_and_fair(Context& context, const Tree& tree, CloudState* state, Lists lists,
-                               point::NormalWeights weights, Normals normals, point::BilateralWeights fairing_weights,
-                               FairedPoints faired) {
-  forget_unmoved(context, state);
+                               point::NormalWeights weights, Normals normals, AreaWeights areas,
+                               point::BilateralWeights fairing_weights, FairedPoints faired) {
   const int k = lists.k;
-  const auto kernel = k <= 8    ? listed_normals_and_fairing<8>
-                      : k <= 16 ? listed_normals_and_fairing<16>
-                                : listed_normals_and_fairing<0>;
-  kernel<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, state, lists, weights, normals,
+  const bool with = areas.power > 0;
+  const auto kernel = k <= 8    ? (with ? listed_normals_and_fairing<8, true> : listed_normals_and_fairing<8, false>)
+                      : k <= 16 ? (with ? listed_normals_and_fairing<16, true> : listed_normals_and_fairing<16, false>)
+                                : (with ? listed_normals_and_fairing<0, true> : listed_normals_and_fairing<0, false>);
+  kernel<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, state, lists, weights, normals, areas,
                                                                            fairing_weights, faired);
   check(cudaGetLastError(), "estimating normals and fairing");
   bring_into_order(context, faired);

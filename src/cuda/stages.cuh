@@ -44,7 +44,7 @@ struct Neighborhoods {
   float squared_radius;
 };
 
-// Counts state->too_few_neighbors and state->no_normal anew.
+// Adds to state->too_few_neighbors and state->no_normal.
 void estimate_normals(Context& context, const Tree& tree, CloudState* state, Neighborhoods neighborhoods,
                       point::NormalWeights weights, Normals normals);
 
@@ -62,10 +62,10 @@ struct FairedPoints {
 void fair(Context& context, const Tree& tree, Neighborhoods neighborhoods, Normals normals, AreaWeights areas,
           point::BilateralWeights weights, FairedPoints faired);
 
-// Both over lists, without area weights, as one kernel.
+// Both over lists, as one kernel.
 void estimate_normals_and_fair(Context& context, const Tree& tree, CloudState* state, Lists lists,
-                               point::NormalWeights weights, Normals normals, point::BilateralWeights fairing_weights,
-                               FairedPoints faired);
+                               point::NormalWeights weights, Normals normals, AreaWeights areas,
+                               point::BilateralWeights fairing_weights, FairedPoints faired);
 
 // Normals in upload order.
 void restore_order(Context& context, const Tree& tree, Normals normals, std::size_t count, Point* out);
