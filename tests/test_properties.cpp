@@ -83,11 +83,28 @@ bool same_bits(const Points& a, const Points& b) {
   return std::memcmp(a.data(), b.data(), a.size() * sizeof(Point)) == 0;
 }
 
+// Points that no two others are equally far from: among equals the order of the input decides, and a sum in another
+// order may end in other bits.
+std::vector<bool> without_ties(const Points& points) {
+  std::vector<bool> result;
+  std::vector<float> squared(points.size());
+  for (const Point& p : points) {
+    std::transform(points.begin(), points.end(), squared.begin(),
+                   [&](const Point& q) { return reference::squared_distance(p, q); });
+    std::sort(squared.begin(), squared.end());
+    result.push_back(std::adjacent_find(squared.begin(), squared.end()) == squared.end());
+  }
+  return result;
+}
+
 RC_GTEST_PROP(Properties, shuffling_the_input_shuffles_the_output_bit_for_bit, (std::uint64_t seed)) {
   const Sample sample = make_sample(seed, true);
   const auto order = shapes::shuffle_order(sample.points.size(), seed);
-  RC_ASSERT(same_bits(fair(shapes::permuted(sample.points, order), sample.params),
-                      shapes::permuted(fair(sample.points, sample.params), order)));
+  const Points shuffled = shapes::permuted(sample.points, order);
+  const Points a = fair(shuffled, sample.params), b = shapes::permuted(fair(sample.points, sample.params), order);
+  const std::vector<bool> compared = without_ties(shuffled);
+  RC_ASSERT(std::count(compared.begin(), compared.end(), true) > std::ptrdiff_t(a.size()) * 4 / 5);
+  for (std::size_t i = 0; i < a.size(); ++i) RC_ASSERT(!compared[i] || std::memcmp(&a[i], &b[i], sizeof(Point)) == 0);
 }
 
 // Without a list the sum runs in the order of the index, which breaks ties of its own by input order.

@@ -41,8 +41,7 @@ class FastLists {
   // Offers the points at `count` <= kMaxBatch sorted positions; those farther than `bound` do not count. First all
   // distances, then all insertions: neither part has a branch to mispredict.
   template <bool kOwn>
-  POINTFAIR_INLINE void offer(const IndexView& index, const Queries& queries, Floats bound, const int* positions,
-                              int count) {
+  void offer(const IndexView& index, const Queries& queries, Floats bound, const int* positions, int count) {
     Ints useful[kMaxBatch];
     int n = 0;
     for (int i = 0; i < count; ++i) {
