@@ -77,6 +77,27 @@ Params make_params(const ParamArguments& arguments, const Params& defaults) {
   return params;
 }
 
+void add_limits(CLI::App& command, LimitArguments& arguments) {
+  constexpr std::array<std::array<const char*, 2>, kLimitNames.size()> kHelp{{
+      {"0..1", "share of each displacement that is kept"},
+      {"X,Y,Z,X,Y,Z", "only points in this box move: lower corner, upper corner"},
+      {"MATRIX:POLYGON", "only points that a picture shows inside a polygon move; the viewer writes it"},
+  }};
+  for (std::size_t i = 0; i < kLimitNames.size(); ++i) {
+    const auto store = [&arguments, i](const std::string& text) { arguments.given.emplace_back(kLimitNames[i], text); };
+    command.add_option_function<std::string>("--" + std::string(kLimitNames[i]), store, kHelp[i][1])
+        ->type_name(kHelp[i][0])
+        ->group("Limits")
+        ->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
+  }
+}
+
+Limits make_limits(const LimitArguments& arguments) {
+  Limits limits;
+  for (const auto& [name, text] : arguments.given) set_limit(limits, name, text);
+  return limits;
+}
+
 void add_threads(CLI::App& command, unsigned& threads) {
   command.add_option("--threads", threads, "CPU threads; 0: all cores")
       ->check(CLI::Range(0, 4096).description(""))

@@ -29,6 +29,15 @@ void add_params(CLI::App& command, ParamArguments& arguments);
 /// `defaults` or the preset, then what was given. Throws ErrorKind::usage.
 Params make_params(const ParamArguments& arguments, const Params& defaults);
 
+/// The limits given, by name.
+struct LimitArguments {
+  std::vector<std::pair<std::string_view, std::string>> given;
+};
+void add_limits(CLI::App& command, LimitArguments& arguments);
+
+/// Throws ErrorKind::usage.
+Limits make_limits(const LimitArguments& arguments);
+
 struct DeviceArguments {
   std::string device = "auto";
   unsigned threads = 0;

@@ -19,6 +19,7 @@ namespace {
 struct RunArguments {
   std::string input, output, report, progress = "auto";
   ParamArguments params;
+  LimitArguments limits;
   DeviceArguments device;
   FormatArguments format;
   bool force = false, quiet = false, verbose = false;
@@ -120,6 +121,7 @@ Cloud read_input(const RunArguments& arguments) {
 
 void run(const RunArguments& arguments, std::stop_token stop) {
   const Params params = make_params(arguments.params, {});
+  const Limits limits = make_limits(arguments.limits);
   const Device device = make_device(arguments.device);
   check_paths(arguments);
   WriteOptions write_options = make_write_options(arguments.format, arguments.output);
@@ -133,8 +135,8 @@ void run(const RunArguments& arguments, std::stop_token stop) {
     progress.show(0, "reading");
     const Cloud cloud = read_input(arguments);
     pipeline.load(cloud);
-    const Cloud fair =
-        pipeline.run(params, stop, [&](double share, std::string_view stage) { progress.show(share, stage); });
+    Cloud fair = pipeline.run(params, stop, [&](double share, std::string_view stage) { progress.show(share, stage); });
+    apply_limits(limits, cloud, fair);
     progress.show(1, "writing");
     write(arguments.output, fair, write_options);
     if (wants_findings) {
@@ -155,6 +157,7 @@ Verb add_run(CLI::App& app) {
   command.add_option("IN", arguments->input, "cloud to read; - is standard input")->required();
   command.add_option("OUT", arguments->output, "cloud to write; - is standard output")->required();
   add_params(command, arguments->params);
+  add_limits(command, arguments->limits);
   add_device(command, arguments->device);
   add_format(command, arguments->format);
   add_report(command, arguments->report);

@@ -20,5 +20,6 @@ Verb add_compare(CLI::App& app);
 Verb add_noise(CLI::App& app);
 Verb add_bench(CLI::App& app);
 Verb add_doctor(CLI::App& app);
+Verb add_view(CLI::App& app);
 
 }  // namespace pointfair::cli

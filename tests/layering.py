@@ -19,7 +19,7 @@ RULES = {
     "src/cuda/": (["src/cuda/", "src/point/", "src/backend.hpp", PUBLIC], ("cuda", "cub/", "thrust/", "nv")),
     "src/io/": (["src/io/", PUBLIC], ("tbb/", "sys/", "fcntl.h", "unistd.h", "fast_float/")),
     "src/": (["src/backend.hpp", "src/estimate.hpp", "src/pipeline_access.hpp", PUBLIC], ()),
-    "cli/": (["cli/", PUBLIC], None),
+    "cli/": (["cli/", "viewer/server.hpp", PUBLIC], None),
     "bench/": (["bench/", PUBLIC], None),
     "python/": (["python/", PUBLIC], None),
     "viewer/": (["viewer/", PUBLIC], None),

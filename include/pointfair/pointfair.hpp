@@ -4,6 +4,7 @@
 
 #include "pointfair/cloud.hpp"
 #include "pointfair/io.hpp"
+#include "pointfair/limits.hpp"
 #include "pointfair/params.hpp"
 #include "pointfair/pipeline.hpp"
 #include "pointfair/version.hpp"

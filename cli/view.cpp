@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+// pointfair view IN: the interactive page in the browser.
+#include <fmt/format.h>
+#include <spawn.h>
+#include <sys/wait.h>
+
+#include <cstdlib>
+#include <memory>
+#include <thread>
+
+#include "arguments.hpp"
+#include "output.hpp"
+#include "pointfair/pointfair.hpp"
+#include "verbs.hpp"
+#if POINTFAIR_VIEWER
+#include "viewer/server.hpp"
+#endif
+
+extern char** environ;
+
+namespace pointfair::cli {
+namespace {
+
+struct ViewArguments {
+  std::string input, host = "127.0.0.1", save_folder = ".";
+  std::optional<std::uint16_t> port;
+  std::uint64_t points = 3'000'000;
+  bool no_open = false, token = false;
+  DeviceArguments device;
+};
+
+#if POINTFAIR_VIEWER
+
+constexpr std::uint16_t kUsualPort = 7373;
+
+// Only where there is a screen; its own output would disturb ours.
+void open_browser(std::string url) {
+  if (!std::getenv("DISPLAY") && !std::getenv("WAYLAND_DISPLAY")) return;
+  std::string program = "xdg-open";
+  char* words[] = {program.data(), url.data(), nullptr};
+  posix_spawn_file_actions_t actions;
+  posix_spawn_file_actions_init(&actions);
+  for (const int stream : {0, 1, 2}) posix_spawn_file_actions_addopen(&actions, stream, "/dev/null", 2, 0);
+  pid_t child = 0;
+  const bool started = posix_spawnp(&child, words[0], &actions, nullptr, words, environ) == 0;
+  posix_spawn_file_actions_destroy(&actions);
+  if (started) std::thread([child] { waitpid(child, nullptr, 0); }).detach();
+}
+
+void view(const ViewArguments& arguments, std::stop_token stop) {
+  if (arguments.input == "-")
+    throw Error(ErrorKind::usage, "view needs a file, since its result is saved from it again");
+  viewer::ServerOptions options;
+  options.host = arguments.host;
+  options.token = arguments.token;
+  options.device = make_device(arguments.device);
+  options.save_folder = arguments.save_folder;
+  options.point_budget = arguments.points;
+  const auto ready = [&](const std::string& url) {
+    print_output(url + "\n");
+    if (!arguments.no_open) open_browser(url);
+  };
+  options.port = arguments.port.value_or(kUsualPort);
+  options.other_port = !arguments.port;
+  viewer::serve(arguments.input, options, ready, stop);
+  throw Error(ErrorKind::interrupted, "interrupted");
+}
+
+#else
+
+void view(const ViewArguments&, std::stop_token) {
+  throw Error(
+      ErrorKind::failed,
+      "this build has no viewer: install libboost-dev, nodejs and npm, and configure with -DPOINTFAIR_VIEWER=ON");
+}
+
+#endif
+
+}  // namespace
+
+Verb add_view(CLI::App& app) {
+  const auto arguments = std::make_shared<ViewArguments>();
+  CLI::App& command = *app.add_subcommand("view", "Fair a cloud under your hand, on a page in the browser.");
+  command.add_option("IN", arguments->input, "cloud to read")->required();
+  command.add_option("--port", arguments->port, "to listen on; 0: any; default: 7373 or any")->type_name("N");
+  command.add_option("--host", arguments->host, "address to listen on; beyond this machine the URL gets a token")
+      ->type_name("ADDRESS");
+  command.add_flag("--token", arguments->token, "ask for a token on this machine too, where others work on it");
+  command.add_flag("--no-open", arguments->no_open, "print the URL only");
+  command.add_option("--save-folder", arguments->save_folder, "where the page saves to; default: here")
+      ->type_name("FOLDER");
+  command.add_option("--points", arguments->points, "that the page holds of a larger cloud")
+      ->check(CLI::Range(1000, 100'000'000).description(""))
+      ->type_name("N");
+  add_device(command, arguments->device);
+  return {&command, [arguments](std::stop_token stop) { view(*arguments, stop); }};
+}
+
+}  // namespace pointfair::cli

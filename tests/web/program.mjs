@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+// The program under test and a browser to look at its page. Node modules come from where the page was built.
+import { spawn, spawnSync } from "node:child_process";
+import { mkdtempSync, rmSync } from "node:fs";
+import { createRequire } from "node:module";
+import { tmpdir } from "node:os";
+import path from "node:path";
+
+export const kProgram = process.env.POINTFAIR_BIN;
+export const modules = createRequire(path.join(process.env.POINTFAIR_WEB, "package.json"));
+
+/** A folder that goes with the test. */
+export function temporaryFolder(t) {
+  const folder = mkdtempSync(path.join(tmpdir(), "pointfair-web-"));
+  t.after(() => rmSync(folder, { recursive: true, force: true }));
+  return folder;
+}
+
+/** Runs the program to its end; its standard output. Throws with what it said if it failed. */
+export function run(words, options = {}) {
+  const done = spawnSync(kProgram, words.map(String), { encoding: "utf8", ...options });
+  if (done.status !== 0) throw new Error(`pointfair ${words.join(" ")}: ${done.status} ${done.stderr}`);
+  return done.stdout;
+}
+
+/** Starts `pointfair view`; resolves with its URL once it listens. It ends with the test. */
+export async function view(t, words, options = {}) {
+  const child = spawn(kProgram, ["view", ...words.map(String), "--no-open"], { stdio: ["ignore", "pipe", "pipe"], ...options });
+  t.after(async () => {
+    if (child.exitCode !== null) return;
+    const ended = new Promise((resolve) => child.once("exit", resolve));
+    child.kill("SIGTERM");
+    await ended;
+  });
+  let errors = "";
+  child.stderr.on("data", (text) => (errors += text));
+  const url = await new Promise((resolve, reject) => {
+    let output = "";
+    child.stdout.on("data", (text) => {
+      output += text;
+      if (output.includes("\n")) resolve(output.trim());
+    });
+    child.once("exit", (code) => reject(new Error(`pointfair view ended with ${code}: ${errors}`)));
+  });
+  return { url, child };
+}
+
+/** Debian's Chromium, with a graphics card in software. */
+export async function openBrowser(t) {
+  const { chromium } = modules("playwright-core");
+  const browser = await chromium.launch({
+    executablePath: process.env.POINTFAIR_CHROMIUM ?? "/usr/bin/chromium",
+    args: ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-dev-shm-usage"],
+  });
+  t.after(() => browser.close());
+  return browser;
+}
+
+/** A page at the URL. What it logs as an error, or asks of another address, makes the test fail. */
+export async function openPage(t, browser, url, options = {}) {
+  const context = await browser.newContext({ viewport: { width: 1280, height: 800 }, acceptDownloads: true, ...options });
+  const page = await context.newPage();
+  const faults = [];
+  page.on("pageerror", (error) => faults.push(String(error)));
+  page.on("console", (message) => message.type() === "error" && faults.push(message.text()));
+  page.on("request", (request) => {
+    const asked = new URL(request.url());
+    if (!["blob:", "data:"].includes(asked.protocol) && asked.host !== new URL(url).host) faults.push(`asks for ${asked}`);
+  });
+  t.after(() => context.close());
+  await page.goto(url);
+  return { page, faults, context };
+}
+
+/** Waits until the page shows the whole result of what it asked for last. */
+export async function settled(page, timeout = 60000) {
+  await page.waitForFunction(() => document.body.dataset.last === "result" && document.body.dataset.busy === "false", null, { timeout });
+  await page.waitForTimeout(150);
+}

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+// The files of the built page, read once: what is not among them cannot be asked for.
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <string>
+#include <string_view>
+
+namespace pointfair::viewer {
+
+struct PageFile {
+  std::string_view type;  ///< MIME
+  std::string content;
+};
+
+/// By path, "/index.html", ...
+using PageFiles = std::map<std::string, PageFile, std::less<>>;
+
+/// Where the page lies for a program at `program`: ../share/pointfair/web, in the build as where it is installed.
+std::filesystem::path page_folder(const std::filesystem::path& program);
+
+/// Throws ErrorKind::failed with what to do if there is no page in the folder.
+PageFiles read_page(const std::filesystem::path& folder);
+
+}  // namespace pointfair::viewer

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "preview.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+namespace pointfair::viewer {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr double kBudgetMilliseconds = 80;  // of the larger part; 150 are promised for the whole answer
+constexpr std::size_t kSamples = 4096;
+
+float squared_distance(const Point& a, const Point& b) {
+  const float x = a.x - b.x, y = a.y - b.y, z = a.z - b.z;
+  return x * x + y * y + z * z;  // NaN for a point that is not finite, which compares as "not near"
+}
+
+// The squared radius about `center` that holds about `size` points, from an even sample of distances.
+float squared_radius_for(std::span<const Point> points, const Point& center, std::size_t size) {
+  const std::size_t stride = std::max<std::size_t>(1, points.size() / kSamples);
+  std::vector<float> sample;
+  for (std::size_t i = 0; i < points.size(); i += stride) {
+    const float squared = squared_distance(points[i], center);
+    if (std::isfinite(squared)) sample.push_back(squared);
+  }
+  const std::size_t rank = size / stride;
+  if (rank + 1 >= sample.size()) return std::numeric_limits<float>::max();
+  std::nth_element(sample.begin(), sample.begin() + static_cast<std::ptrdiff_t>(rank), sample.end());
+  return sample[rank];
+}
+
+std::vector<std::uint32_t> indices_within(std::span<const Point> points, const Point& center, float squared_radius) {
+  std::vector<std::uint32_t> indices;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (squared_distance(points[i], center) <= squared_radius) indices.push_back(static_cast<std::uint32_t>(i));
+  }
+  return indices;
+}
+
+// How far from a point others still matter, all passes together.
+double reach_of(const Params& params, double spacing) {
+  double reach = spacing * std::sqrt(params.k / std::numbers::pi);
+  if (!params.radius.is_automatic()) reach = params.k > 0 ? std::min(reach, params.radius.value) : params.radius.value;
+  return reach * std::max(1, params.passes);
+}
+
+}  // namespace
+
+Patch cut_patch(std::span<const Point> points, const Point& center, std::size_t size) {
+  Patch patch;
+  float squared = squared_radius_for(points, center, size);
+  patch.indices = indices_within(points, center, squared);
+  // a sample of distances cannot know how many points lie just beside the center
+  if (patch.indices.size() > 2 * size) {
+    std::vector<float> squares;
+    for (const std::uint32_t i : patch.indices) squares.push_back(squared_distance(points[i], center));
+    const auto nth = squares.begin() + static_cast<std::ptrdiff_t>(size);
+    std::nth_element(squares.begin(), nth, squares.end());
+    squared = *nth;
+    std::erase_if(patch.indices, [&](std::uint32_t i) { return squared_distance(points[i], center) > squared; });
+    if (patch.indices.size() > 2 * size) patch.indices.resize(2 * size);  // identical points
+  }
+  patch.radius = std::sqrt(squared);
+  return patch;
+}
+
+void Preview::reset() {
+  for (Level& level : levels_) level = Level{level.size, {}, {}, {}, {}, {}};
+}
+
+void Preview::aim(Level& level, std::span<const Point> points, const Point& center) {
+  if (level.pipeline && squared_distance(center, level.center) == 0) return;
+  level.patch = cut_patch(points, center, level.size);
+  level.center = center;
+  level.before.clear();
+  for (const std::uint32_t i : level.patch.indices) level.before.push_back(points[i]);
+  level.after.resize(level.before.size());
+  if (!level.pipeline) level.pipeline.emplace(make_());
+  level.pipeline->load(level.before);
+}
+
+// Points near the rim lack neighbours that the whole cloud has; they are left out, though never all.
+Preview::Result Preview::run_level(Level& level, const Params& params, double spacing, std::stop_token stop) {
+  level.pipeline->run(params, level.after, stop);
+  const float inner = level.patch.radius - static_cast<float>(reach_of(params, spacing));
+  const float shown = std::max(inner, 0.4f * level.patch.radius);
+  Result result;
+  for (std::size_t i = 0; i < level.before.size(); ++i) {
+    if (!(squared_distance(level.before[i], level.center) <= shown * shown)) continue;
+    result.indices.push_back(level.patch.indices[i]);
+    result.after.push_back(level.after[i]);
+  }
+  return result;
+}
+
+void Preview::run(std::span<const Point> points, const Point& center, const Params& params, double spacing,
+                  std::stop_token stop, const Show& show) {
+  double per_point = 0;
+  for (Level& level : levels_) {
+    if (per_point * static_cast<double>(level.size) > kBudgetMilliseconds) return;
+    const auto start = Clock::now();
+    aim(level, points, center);
+    const auto aimed = Clock::now();
+    Result result = run_level(level, params, spacing, stop);
+    const auto end = Clock::now();
+    result.milliseconds = std::chrono::duration<double, std::milli>(end - start).count();
+    per_point = std::chrono::duration<double, std::milli>(end - aimed).count() /
+                static_cast<double>(std::max<std::size_t>(1, level.before.size()));
+    show(result);
+  }
+}
+
+}  // namespace pointfair::viewer

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+// The part of a cloud that shows a change at once: the points about where the user looks, at full density, so that what
+// they do is what the whole run will make them do. A small part comes first; if it was quick, a larger one.
+// Memory: a pipeline on at most 49152 points beside that of the whole cloud.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <span>
+#include <stop_token>
+#include <vector>
+
+#include "pointfair/pointfair.hpp"
+
+namespace pointfair::viewer {
+
+/// Indices of about `size` points nearest to `center`, in the order of the file; all finite ones if there are fewer.
+/// `radius` is how far they reach. O(N).
+struct Patch {
+  std::vector<std::uint32_t> indices;
+  float radius = 0;
+};
+Patch cut_patch(std::span<const Point> points, const Point& center, std::size_t size);
+
+class Preview {
+ public:
+  using MakePipeline = std::function<Pipeline()>;
+  /// Points of the cloud, by index, and where they go.
+  struct Result {
+    std::vector<std::uint32_t> indices;
+    std::vector<Point> after;
+    double milliseconds = 0;
+  };
+  using Show = std::function<void(const Result&)>;
+
+  explicit Preview(MakePipeline make) : make_(std::move(make)) {}
+
+  /// Forgets the cloud.
+  void reset();
+
+  /// Fairs parts of `points` about `center` with `params`, which hold no `auto`, and shows each as it is done.
+  /// `spacing` is that of the whole cloud. Throws what Pipeline::run throws.
+  void run(std::span<const Point> points, const Point& center, const Params& params, double spacing,
+           std::stop_token stop, const Show& show);
+
+ private:
+  struct Level {
+    std::size_t size;
+    std::optional<Pipeline> pipeline;
+    Patch patch;
+    Point center{};
+    std::vector<Point> before, after;
+  };
+  void aim(Level& level, std::span<const Point> points, const Point& center);
+  Result run_level(Level& level, const Params& params, double spacing, std::stop_token stop);
+
+  MakePipeline make_;
+  std::array<Level, 2> levels_{Level{4096, {}, {}, {}, {}, {}}, Level{49152, {}, {}, {}, {}, {}}};
+};
+
+}  // namespace pointfair::viewer

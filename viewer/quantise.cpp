@@ -1,0 +1,163 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "quantise.hpp"
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace pointfair::viewer {
+namespace {
+
+constexpr float kUnit = 32767;
+constexpr std::size_t kBlock = 16384;
+constexpr std::size_t kExceptionShare = 50;  // one point in so many may be an exception before 6 bytes are cheaper
+
+float sign_of(float x) { return x < 0 ? -1.0f : 1.0f; }
+
+bool is_finite(const Point& p) { return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z); }
+
+// The lower or upper side of the octahedron, unfolded into the corners of the square; its own inverse.
+void fold(float& u, float& v) {
+  const float folded = (1 - std::abs(v)) * sign_of(u);
+  v = (1 - std::abs(u)) * sign_of(v);
+  u = folded;
+}
+
+std::int16_t to_steps(float x) { return static_cast<std::int16_t>(std::lrint(std::clamp(x, -kUnit, kUnit))); }
+
+Point minus(const Point& a, const Point& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+float dot(const Point& a, const Point& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+
+// What one block of places gave.
+struct Block {
+  std::vector<std::uint32_t> places;
+  std::vector<float> exceptions;
+  double sum = 0, squares = 0, largest = 0;
+  std::size_t finite = 0;
+};
+
+struct Encoder {
+  std::span<const Point> before, after;
+  const Order& order;
+  std::span<const std::int16_t> normals;
+  float step;
+
+  // In steps; 0 where a point is not finite.
+  Point displacement(std::size_t place, Block& block) const {
+    const std::size_t i = order.index(place);
+    const Point d = minus(after[i], before[i]);
+    if (!is_finite(d)) return {0, 0, 0};
+    const double squared = double{d.x} * d.x + double{d.y} * d.y + double{d.z} * d.z, length = std::sqrt(squared);
+    block.sum += length;
+    block.squares += squared;
+    block.largest = std::max(block.largest, length);
+    ++block.finite;
+    return {d.x / step, d.y / step, d.z / step};
+  }
+
+  void except(std::size_t place, const Point& d, Block& block) const {
+    block.places.push_back(static_cast<std::uint32_t>(place));
+    block.exceptions.insert(block.exceptions.end(), {d.x * step, d.y * step, d.z * step});
+  }
+
+  void encode(std::size_t place, Block& block, std::int16_t* out, std::bool_constant<true> /*along normals*/) const {
+    const Point d = displacement(place, block);
+    const Point n = decode_normal({normals[2 * place], normals[2 * place + 1]});
+    const std::int16_t steps = to_steps(dot(d, n));
+    const Point off = minus(d, {n.x * steps, n.y * steps, n.z * steps});
+    const bool close = dot(off, off) <= kTolerance * kTolerance;
+    out[place] = close ? steps : std::int16_t{0};
+    if (!close) except(place, d, block);
+  }
+
+  void encode(std::size_t place, Block& block, std::int16_t* out, std::bool_constant<false>) const {
+    const Point d = displacement(place, block);
+    const bool close = std::max({std::abs(d.x), std::abs(d.y), std::abs(d.z)}) <= kUnit;
+    out[3 * place] = close ? to_steps(d.x) : std::int16_t{0};
+    out[3 * place + 1] = close ? to_steps(d.y) : std::int16_t{0};
+    out[3 * place + 2] = close ? to_steps(d.z) : std::int16_t{0};
+    if (!close) except(place, d, block);
+  }
+};
+
+Displacements joined(std::vector<Block>& blocks, std::vector<std::int16_t> values, bool along_normals) {
+  Displacements result;
+  result.along_normals = along_normals;
+  result.values = std::move(values);
+  Block all;
+  for (const Block& block : blocks) {
+    result.places.insert(result.places.end(), block.places.begin(), block.places.end());
+    result.exceptions.insert(result.exceptions.end(), block.exceptions.begin(), block.exceptions.end());
+    all.sum += block.sum;
+    all.squares += block.squares;
+    all.largest = std::max(all.largest, block.largest);
+    all.finite += block.finite;
+  }
+  const double finite = std::max<double>(1, static_cast<double>(all.finite));
+  result.mean = all.sum / finite;
+  result.rms = std::sqrt(all.squares / finite);
+  result.max = all.largest;
+  return result;
+}
+
+template <bool along_normals>
+Displacements encode_all(const Encoder& encoder, std::size_t count) {
+  std::vector<std::int16_t> values(count * (along_normals ? 1 : 3));
+  std::vector<Block> blocks((count + kBlock - 1) / kBlock);
+  tbb::parallel_for(std::size_t{0}, blocks.size(), [&](std::size_t b) {
+    for (std::size_t place = b * kBlock; place < std::min(count, (b + 1) * kBlock); ++place)
+      encoder.encode(place, blocks[b], values.data(), std::bool_constant<along_normals>{});
+  });
+  return joined(blocks, std::move(values), along_normals);
+}
+
+}  // namespace
+
+float displacement_step(double spacing, double diagonal) {
+  const double length = spacing > 0 ? spacing : diagonal > 0 ? diagonal / 1000 : 1;
+  return std::max(static_cast<float>(length / 128), std::numeric_limits<float>::min());
+}
+
+OctNormal encode_normal(const Point& n) {
+  const float length = std::abs(n.x) + std::abs(n.y) + std::abs(n.z);
+  if (!(length > 0)) return kNoNormal;
+  float u = n.x / length, v = n.y / length;
+  if (n.z < 0) fold(u, v);
+  return {to_steps(u * kUnit), to_steps(v * kUnit)};
+}
+
+Point decode_normal(OctNormal normal) {
+  if (normal.u == kNoNormal.u) return {0, 0, 0};
+  float u = normal.u / kUnit, v = normal.v / kUnit;
+  const float z = 1 - std::abs(u) - std::abs(v);
+  if (z < 0) fold(u, v);
+  const float scale = 1 / std::sqrt(u * u + v * v + z * z);
+  return {u * scale, v * scale, z * scale};
+}
+
+std::vector<std::int16_t> encode_normals(std::span<const Point> normals, const Order& order, std::size_t count) {
+  std::vector<std::int16_t> result(2 * count);
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, kBlock), [&](const auto& range) {
+    for (std::size_t place = range.begin(); place < range.end(); ++place) {
+      const OctNormal normal = encode_normal(normals[order.index(place)]);
+      result[2 * place] = normal.u;
+      result[2 * place + 1] = normal.v;
+    }
+  });
+  return result;
+}
+
+Displacements encode_displacements(std::span<const Point> before, std::span<const Point> after, const Order& order,
+                                   std::size_t count, std::span<const std::int16_t> normals, float step) {
+  const Encoder encoder{before, after, order, normals, step};
+  if (normals.size() == 2 * count && count > 0) {
+    Displacements result = encode_all<true>(encoder, count);
+    if (result.places.size() <= count / kExceptionShare) return result;
+  }
+  return encode_all<false>(encoder, count);
+}
+
+}  // namespace pointfair::viewer

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+// One cloud under one user's hand. A worker thread runs the pipeline; new parameters stop the run that is under way and
+// replace those that wait. Knows nothing of networks: messages of the page come in as text, answers go out through a
+// function.
+//
+// Memory beside the pipeline's own, a point of the cloud: 24 bytes (the cloud, the result), 1 with a box or lasso;
+// beside the message on its way, 4 a point that the page holds. Settling makes a second pipeline, up to kMaxSettled
+// points.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "message.hpp"
+#include "pointfair/pointfair.hpp"
+
+namespace pointfair::viewer {
+
+/// A cloud larger than this keeps the normals of the run for shading: a second pipeline would cost too much memory.
+inline constexpr std::uint64_t kMaxSettled = 4'000'000;
+
+class Session {
+ public:
+  /// Takes a message for the page. Called from the worker thread only; may wait until earlier ones have left, and
+  /// returns at once where there is no page.
+  using Send = std::function<void(Bytes)>;
+
+  struct Options {
+    std::function<Pipeline()> make_pipeline;  ///< on the device that the user chose
+    std::filesystem::path save_folder = ".";  ///< the only folder that saving writes to
+    std::uint64_t point_budget = 3'000'000;   ///< points that the page gets of a larger cloud
+  };
+
+  Session(Options options, Send send);
+  ~Session();  ///< stops what runs and waits for it
+  Session(const Session&) = delete;
+  Session& operator=(const Session&) = delete;
+
+  /// Takes a cloud that was read from `path`.
+  void open(Cloud cloud, const std::filesystem::path& path);
+
+  /// Reads a cloud from the bytes of a file called `name`; an error is sent to the page.
+  void open(std::string bytes, std::string name);
+
+  /// A new page is there: sends it what it needs to begin.
+  void greet();
+
+  /// A message of the page. Never throws: what is wrong with it is sent back. Cheap, for a network thread.
+  void receive(std::string_view text);
+
+ private:
+  class Worker;
+  std::unique_ptr<Worker> worker_;
+};
+
+}  // namespace pointfair::viewer

@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: Apache-2.0
+// One control for each row of the parameter table: what it is called, how it ranges and what it may say all come from the
+// row. Values are texts as the flags take them.
+
+import { h, short } from "./dom";
+import type { Param } from "./protocol";
+
+export interface Scale {
+  spacing: number;
+  diagonal: number;
+}
+
+type Unit = "s" | "%" | "";
+const kUnits: [Unit, string][] = [["s", "spacings"], ["%", "% of size"], ["", "file units"]];
+const kSteps = 1000;
+const kLengthRange = [0.05, 50]; // of a slider, in spacings
+
+const unitOf = (text: string): Unit => (text.endsWith("s") ? "s" : text.endsWith("%") ? "%" : "");
+const perUnit = (unit: Unit, scale: Scale) =>
+  unit === "s" ? scale.spacing || 1 : unit === "%" ? scale.diagonal / 100 || 1 : 1;
+
+/** A length's text in file units; NaN for none. */
+export function lengthOf(text: string, scale: Scale): number {
+  const unit = unitOf(text);
+  const digits = unit ? text.slice(0, -1) : text;
+  return digits.trim() === "" ? NaN : Number(digits) * perUnit(unit, scale);
+}
+
+export const lengthText = (length: number, unit: Unit, scale: Scale) =>
+  Number((length / perUnit(unit, scale)).toPrecision(3)) + unit;
+
+export interface Control {
+  element: HTMLElement;
+  /** Shows a value, and what `auto` came to. */
+  show(text: string, used: string | undefined, scale: Scale): void;
+}
+
+/** `change` gets the text; `done` is true when the hand lets go. */
+export function makeControl(param: Param, change: (text: string, done: boolean) => void): Control {
+  if (param.kind === "switch") return switchControl(param, change);
+  if (param.kind === "word") return wordControl(param, change);
+  return numberControl(param, change);
+}
+
+function row(param: Param, ...parts: (Node | null)[]): HTMLElement {
+  const id = `param-${param.name}`;
+  const help = h("span", { class: "help", id: `${id}-help` }, param.help);
+  return h("div", { class: `param ${param.kind}`, "data-param": param.name, title: param.help },
+    h("label", { class: "flag", htmlFor: id }, param.flag), ...parts, help);
+}
+
+function switchControl(param: Param, change: (text: string, done: boolean) => void): Control {
+  const [on, off] = param.values;
+  const box = h("input", {
+    type: "checkbox", id: `param-${param.name}`, class: "switch", role: "switch",
+    "aria-describedby": `param-${param.name}-help`, onchange: () => change(box.checked ? on : off, true),
+  });
+  return { element: row(param, box), show: (text) => void (box.checked = text === on) };
+}
+
+function wordControl(param: Param, change: (text: string, done: boolean) => void): Control {
+  const words = param.automatic ? ["auto", ...param.values] : param.values;
+  const select = h("select", {
+    id: `param-${param.name}`, "aria-describedby": `param-${param.name}-help`, onchange: () => change(select.value, true),
+  }, ...words.map((word) => h("option", { value: word }, word)));
+  const show = (text: string, used: string | undefined) => {
+    select.value = text;
+    const auto = select.options[0];
+    if (param.automatic) auto.textContent = used && used !== "auto" ? `auto (${used})` : "auto";
+  };
+  return { element: row(param, select), show };
+}
+
+function numberControl(param: Param, change: (text: string, done: boolean) => void): Control {
+  const isLength = param.kind === "length";
+  let scale: Scale = { spacing: 1, diagonal: 1 };
+  let shown = "";
+  let unit: Unit = "s";
+
+  const range = (): [number, number] => {
+    if (!isLength) return [param.min, param.max];
+    return [kLengthRange[0] * (scale.spacing || 1), kLengthRange[1] * (scale.spacing || 1)];
+  };
+  const logarithmic = () => range()[0] > 0;
+  const toPlace = (value: number) => {
+    const [low, high] = range();
+    const share = logarithmic() ? Math.log(value / low) / Math.log(high / low) : (value - low) / (high - low);
+    return Math.round(kSteps * Math.min(1, Math.max(0, share)));
+  };
+  const fromPlace = (place: number) => {
+    const [low, high] = range();
+    const share = place / kSteps;
+    return logarithmic() ? low * (high / low) ** share : low + share * (high - low);
+  };
+  const textOf = (value: number) => {
+    if (isLength) return lengthText(value, unit, scale);
+    return String(param.kind === "int" ? Math.round(value) : Number(value.toPrecision(3)));
+  };
+  const valueOf = (text: string) => (isLength ? lengthOf(text, scale) : Number(text));
+  const spoken = (text: string) => (isLength ? `${text.replace(/[s%]$/, "")} ${unitName(unitOf(text))}` : text);
+
+  const id = `param-${param.name}`;
+  const slider = h("input", {
+    type: "range", min: "0", max: String(kSteps), step: "1", "aria-label": param.flag,
+    "aria-describedby": `${id}-help`,
+    oninput: () => change(textOf(fromPlace(slider.valueAsNumber)), false),
+    onchange: () => change(textOf(fromPlace(slider.valueAsNumber)), true),
+    // a whole number moves by one, whatever the slider's own steps are
+    onkeydown: (event: KeyboardEvent) => {
+      const step = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 }[event.key];
+      if (!step || param.kind !== "int") return;
+      event.preventDefault();
+      const now = Math.round(fromPlace(slider.valueAsNumber));
+      const from = shown === "auto" ? now : Number(shown);
+      change(String(Math.min(param.max, Math.max(param.min, from + step))), true);
+    },
+  });
+  const entry = h("input", {
+    type: "text", id, class: "entry", spellcheck: false, autocomplete: "off", inputMode: isLength ? "text" : "numeric",
+    "aria-describedby": `${id}-help`,
+    onchange: () => {
+      const text = entry.value.trim();
+      change(text || (param.automatic ? "auto" : shown), true);
+    },
+  });
+  const units = h("select", {
+    class: "unit", "aria-label": `unit of ${param.flag}`,
+    onchange: () => {
+      unit = units.value as Unit;
+      const value = lengthOf(shown === "auto" ? usedText : shown, scale);
+      if (shown === "auto" || !Number.isFinite(value)) refresh();
+      else change(lengthText(value, unit, scale), true);
+    },
+  }, ...kUnits.map(([value, name]) => h("option", { value }, name)));
+  const auto = h("button", {
+    type: "button", class: "auto", "aria-pressed": "false", title: "let the data decide",
+    "aria-label": `${param.flag} auto`,
+    onclick: () => {
+      if (shown !== "auto") return change("auto", true);
+      const value = valueOf(usedText);
+      change(textOf(Number.isFinite(value) && value > 0 ? value : Math.sqrt(range()[0] * range()[1])), true);
+    },
+  }, "auto");
+
+  let usedText = "";
+  const element = row(param, h("div", { class: "number" }, entry, isLength ? units : null, param.automatic ? auto : null), slider);
+  const refresh = () => {
+    const isAuto = shown === "auto";
+    element.classList.toggle("is-auto", isAuto);
+    auto.setAttribute("aria-pressed", String(isAuto));
+    const value = valueOf(isAuto ? usedText : shown);
+    const known = Number.isFinite(value);
+    if (document.activeElement !== entry)
+      entry.value = !isAuto ? shown : known ? (isLength ? lengthText(value, unit, scale) : short(value)) : "–";
+    if (document.activeElement !== slider || isAuto || Math.abs(fromPlace(slider.valueAsNumber) / value - 1) > 0.02)
+      if (known) slider.value = String(toPlace(value));
+    slider.setAttribute("aria-valuetext", isAuto ? `auto, ${known ? spoken(entry.value) : "unused"}` : spoken(shown));
+    if (isLength) units.value = unit;
+  };
+  const show = (text: string, used: string | undefined, itsScale: Scale) => {
+    scale = itsScale;
+    shown = text;
+    usedText = used ?? usedText;
+    if (isLength && text !== "auto") unit = unitOf(text);
+    refresh();
+  };
+  return { element, show };
+}
+
+const unitName = (unit: Unit) => kUnits.find(([value]) => value === unit)![1];

@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the keys and the pointer do.
+
+import { h } from "./dom";
+
+const kHelp: [string, string][] = [
+  ["drag", "turn"], ["right drag, Shift drag", "move"], ["wheel, pinch", "zoom to the pointer"],
+  ["double click", "turn about that point"], ["← → ↑ ↓", "turn (the picture has the focus)"], ["Shift ← → ↑ ↓", "move"],
+  ["+ −", "zoom"], ["F", "fit"], ["B, held", "the original"], ["1 2 3 4", "faired, wipe, side by side, original"],
+  ["Ctrl Z, Ctrl Shift Z", "undo, redo"], ["L", "draw a lasso"], ["S", "screenshot"], ["P", "settings"], ["?", "this list"],
+];
+
+export function helpDialog(): HTMLDialogElement {
+  const rows = kHelp.flatMap(([keys, what]) => [h("dt", {}, h("kbd", {}, keys)), h("dd", {}, what)]);
+  const dialog = h("dialog", { "aria-labelledby": "help-title" }, h("h2", { id: "help-title" }, "Keys and pointer"), h("dl", {}, ...rows),
+    h("button", { type: "button", class: "plain primary", onclick: () => dialog.close() }, "Close"));
+  return dialog;
+}

@@ -1,0 +1,283 @@
+// SPDX-License-Identifier: Apache-2.0
+// The panel at the side: parameters, limits, display, snapshots, saving.
+
+import { type Control, makeControl, type Scale } from "./controls";
+import { choice, h, short } from "./dom";
+import type { CloudHead, Hello, Recipe, Result, Texts } from "./protocol";
+import { type Box, boxText, parseBox } from "./region";
+import { copyRecipe, type View } from "./state";
+
+export interface PanelActions {
+  changeRecipe(recipe: Recipe, done: boolean): void;
+  changeView(): void;
+  drawLasso(): void;
+  lassoInView(): void;
+  keepSnapshot(name: string): void;
+  restoreSnapshot(index: number): void;
+  dropSnapshot(index: number): void;
+  save(overwrite: boolean): void;
+  copyCommand(): void;
+  copyCpp(): void;
+  copyLink(): void;
+}
+
+const kStageTitles: Record<string, string> = {
+  index: "Index", neighbors: "Neighbours", normals: "Normals", fairing: "Fairing", passes: "Passes",
+};
+const kAxes = ["x", "y", "z"];
+const kBoxSteps = 200;
+
+export class Panel {
+  readonly element = h("aside", { class: "panel", "aria-label": "Settings" });
+  private controls: [string, Control][] = [];
+  private recipe: Recipe = { params: {}, limits: {} };
+  private cloud: CloudHead | null = null;
+  private used: Texts = {};
+  private readonly output = h("input", { class: "text", id: "output", value: "fair.ply", spellcheck: false, autocomplete: "off" });
+  private readonly encoding = h("select", { id: "encoding", class: "grow" });
+  private readonly overwrite = h("input", { type: "checkbox", class: "switch", role: "switch", id: "overwrite" });
+  private readonly strength = h("input", { type: "range", min: "0", max: "1", step: "0.01", id: "strength" });
+  private readonly strengthValue = h("span", { class: "value" });
+  private readonly boxSwitch = h("input", { type: "checkbox", class: "switch", role: "switch", id: "box" });
+  private readonly hideSwitch = h("input", { type: "checkbox", class: "switch", role: "switch", id: "hide" });
+  private readonly axes = h("div", { class: "axes" });
+  private readonly sliders: HTMLInputElement[] = [];
+  private readonly lassoNote = h("p", { class: "note" });
+  private readonly clearLasso = h("button", { type: "button", class: "plain" }, "Clear lasso");
+  private readonly colour = h("select", { id: "colour", class: "grow" });
+  private readonly snapshots = h("ul", { class: "snapshots" });
+  private readonly folder = h("p", { class: "note" });
+  private readonly findings = h("p", { class: "note", id: "findings" });
+  private readonly viewSliders: [keyof View, HTMLInputElement][] = [];
+  private readonly up = choice<"y" | "z">("Up", [["z", "z up"], ["y", "y up"]], (up) => {
+    this.view.up = up;
+    this.actions.changeView();
+  });
+
+  constructor(hello: Hello, private readonly view: View, private readonly actions: PanelActions) {
+    this.encoding.append(h("option", { value: "" }, "as in the input"),
+      ...hello.formats.encodings.map((name) => h("option", { value: name }, name)));
+    this.folder.textContent = `Saved in ${hello.save_folder}`;
+    this.element.append(
+      this.section("Fairing", true, ...this.paramGroups(hello)),
+      this.section("Where it acts", true, ...this.limitFields()),
+      this.section("Display", true, ...this.displayFields()),
+      this.section("Snapshots", false, ...this.snapshotFields()),
+      this.section("Save and share", true, ...this.saveFields(hello)),
+    );
+  }
+
+  get outputName(): string {
+    return this.output.value.trim();
+  }
+  get encodingName(): string {
+    return this.encoding.value;
+  }
+
+  setCloud(cloud: CloudHead): void {
+    this.cloud = cloud;
+    this.used = {};
+    const computed: [string, string][] = [["plain", "plain"], ["displacement", "displacement"], ["noise", "estimated noise"],
+      ["height", "height"], ["normal", "normal"]];
+    const own = cloud.colours.map(({ name, kind }): [string, string] => [kind === "rgb" ? "rgb" : `attribute:${name}`, name]);
+    this.colour.replaceChildren(...[...computed, ...own].map(([value, text]) => h("option", { value }, text)));
+    if (![...this.colour.options].some((option) => option.value === this.view.colour)) this.view.colour = own[0]?.[0] === "rgb" ? "rgb" : "plain";
+    this.findings.textContent = `spacing ${short(cloud.spacing)}, noise ${short(cloud.noise)}`;
+    this.showView();
+  }
+
+  setUsed(result: Result): void {
+    this.used = result.used;
+    this.show(this.recipe);
+  }
+
+  setNoiseLeft(noise: number): void {
+    if (this.cloud) this.findings.textContent = `spacing ${short(this.cloud.spacing)}, noise ${short(this.cloud.noise)} → ${short(noise)}`;
+  }
+
+  /** Shows a recipe without asking for anything. */
+  show(recipe: Recipe): void {
+    this.recipe = copyRecipe(recipe);
+    const scale: Scale = { spacing: this.cloud?.spacing ?? 1, diagonal: this.cloud?.diagonal ?? 1 };
+    for (const [name, control] of this.controls) control.show(recipe.params[name] ?? "", this.used[name], scale);
+    const strength = recipe.limits.strength || "1";
+    if (Number(strength) !== this.strength.valueAsNumber) this.strength.value = strength;
+    this.strengthValue.textContent = `${Math.round(100 * Number(strength))} %`;
+    this.showBox(parseBox(recipe.limits.box ?? ""));
+    this.lassoNote.textContent = recipe.limits.lasso ? "Only what the lasso holds moves." : "";
+    this.lassoNote.hidden = this.clearLasso.hidden = !recipe.limits.lasso;
+  }
+
+  showView(): void {
+    for (const [key, slider] of this.viewSliders) slider.value = String(this.view[key]);
+    this.colour.value = this.view.colour;
+    this.hideSwitch.checked = this.view.hide;
+    this.up.set(this.view.up);
+  }
+
+  showSnapshots(names: string[]): void {
+    this.snapshots.replaceChildren(...names.map((name, i) => h("li", {},
+      h("button", { type: "button", class: "plain", onclick: () => this.actions.restoreSnapshot(i) }, name),
+      h("button", { type: "button", class: "plain", "aria-label": `Delete ${name}`, onclick: () => this.actions.dropSnapshot(i) }, "×"))));
+  }
+
+  private section(title: string, open: boolean, ...parts: Node[]): HTMLElement {
+    return h("details", { open }, h("summary", {}, title), h("div", { class: "body" }, ...parts));
+  }
+
+  private field(label: string, id: string, ...parts: Node[]): HTMLElement {
+    return h("div", { class: "field" }, h("label", { htmlFor: id }, label), ...parts);
+  }
+
+  private change(edit: (recipe: Recipe) => void, done: boolean): void {
+    const recipe = copyRecipe(this.recipe);
+    edit(recipe);
+    this.show(recipe);
+    this.actions.changeRecipe(recipe, done);
+  }
+
+  private paramGroups(hello: Hello): Node[] {
+    const stages = [...new Set(hello.params.map((param) => param.stage))];
+    const presets = h("select", { id: "preset", onchange: () => {
+      const preset = hello.presets.find(({ name }) => name === presets.value);
+      presets.value = "";
+      if (preset) this.change((recipe) => (recipe.params = { ...preset.params }), true);
+    } }, h("option", { value: "" }, "choose…"), ...hello.presets.map(({ name }) => h("option", { value: name }, name)));
+    return [this.findings, this.field("Preset", "preset", presets), ...stages.map((stage) => {
+      const group = h("div", { class: "group", role: "group", "aria-label": kStageTitles[stage] ?? stage },
+        h("h3", {}, kStageTitles[stage] ?? stage));
+      for (const param of hello.params.filter((p) => p.stage === stage)) {
+        const control = makeControl(param, (text, done) => this.change((recipe) => (recipe.params[param.name] = text), done));
+        this.controls.push([param.name, control]);
+        group.append(control.element);
+      }
+      return group;
+    })];
+  }
+
+  private limitFields(): Node[] {
+    const strength = (done: boolean) => () =>
+      this.change((recipe) => (recipe.limits.strength = this.strength.value === "1" ? "" : this.strength.value), done);
+    this.strength.addEventListener("input", strength(false));
+    this.strength.addEventListener("change", strength(true));
+    this.boxSwitch.addEventListener("change", () => this.change((recipe) => {
+      recipe.limits.box = this.boxSwitch.checked ? boxText(this.wholeBox()) : "";
+    }, true));
+    this.hideSwitch.addEventListener("change", () => {
+      this.view.hide = this.hideSwitch.checked;
+      this.actions.changeView();
+    });
+    this.axes.append(h("span"), h("span", { class: "note" }, "from"), h("span", { class: "note" }, "to"));
+    kAxes.forEach((axis, i) => {
+      this.axes.append(h("span", { class: "flag" }, axis));
+      for (const end of [0, 1]) {
+        const slider = h("input", { type: "range", min: "0", max: String(kBoxSteps), "aria-label": `box ${axis} ${end ? "to" : "from"}` });
+        this.sliders[2 * i + end] = slider;
+        slider.addEventListener("input", () => this.moveBox(i, end, false));
+        slider.addEventListener("change", () => this.moveBox(i, end, true));
+        this.axes.append(slider);
+      }
+    });
+    this.clearLasso.addEventListener("click", () => this.change((recipe) => (recipe.limits.lasso = ""), true));
+    return [
+      this.field("Strength", "strength", this.strengthValue, this.strength),
+      this.field("Clip box", "box", this.boxSwitch),
+      this.axes,
+      this.field("Hide what is outside the box", "hide", this.hideSwitch),
+      h("div", { class: "buttons" },
+        h("button", { type: "button", class: "plain", onclick: () => this.actions.drawLasso() }, "Draw lasso"),
+        h("button", { type: "button", class: "plain", onclick: () => this.actions.lassoInView() }, "Only what is in view"),
+        this.clearLasso),
+      this.lassoNote,
+    ];
+  }
+
+  private bounds(axis: number): [number, number] {
+    const { min, max, origin } = this.cloud!;
+    const margin = 1e-6 * (Math.abs(origin[axis]) + max[axis] - min[axis]); // the faces hold the outermost points
+    return [min[axis] + origin[axis] - margin, max[axis] + origin[axis] + margin];
+  }
+
+  private wholeBox(): Box {
+    const ends = kAxes.map((_, axis) => this.bounds(axis));
+    return { min: ends.map(([low]) => low), max: ends.map(([, high]) => high) };
+  }
+
+  private moveBox(axis: number, end: number, done: boolean): void {
+    const box = parseBox(this.recipe.limits.box) ?? this.wholeBox();
+    const [low, high] = this.bounds(axis);
+    const place = this.sliders[2 * axis + end].valueAsNumber / kBoxSteps;
+    const value = Number((low + place * (high - low)).toPrecision(9));
+    (end ? box.max : box.min)[axis] = place === 0 ? low : place === 1 ? high : value;
+    if (end) box.min[axis] = Math.min(box.min[axis], box.max[axis]);
+    else box.max[axis] = Math.max(box.min[axis], box.max[axis]);
+    this.change((recipe) => (recipe.limits.box = boxText(box)), done);
+  }
+
+  private showBox(box: Box | null): void {
+    this.boxSwitch.checked = box !== null;
+    this.axes.hidden = this.hideSwitch.parentElement!.hidden = box === null;
+    if (!box || !this.cloud) return;
+    kAxes.forEach((_, axis) => {
+      const [low, high] = this.bounds(axis);
+      [box.min[axis], box.max[axis]].forEach((value, end) => {
+        this.sliders[2 * axis + end].value = String(Math.round((kBoxSteps * (value - low)) / (high - low || 1)));
+      });
+    });
+  }
+
+  private displayFields(): Node[] {
+    this.colour.addEventListener("change", () => {
+      this.view.colour = this.colour.value;
+      this.actions.changeView();
+    });
+    const slider = (label: string, key: "size" | "edl" | "shade", min: number, max: number, step: number) => {
+      const input = h("input", { type: "range", id: `view-${key}`, min: String(min), max: String(max), step: String(step),
+        oninput: () => {
+          this.view[key] = input.valueAsNumber;
+          this.actions.changeView();
+        } });
+      this.viewSliders.push([key, input]);
+      return this.field(label, `view-${key}`, input);
+    };
+    return [
+      this.field("Colour by", "colour", this.colour),
+      slider("Point size", "size", 0.4, 5, 0.1),
+      slider("Eye-dome lighting", "edl", 0, 1, 0.02),
+      slider("Shading by normals", "shade", 0, 1, 0.02),
+      h("div", { class: "field" }, h("span", {}, "Axis"), this.up.element),
+    ];
+  }
+
+  private snapshotFields(): Node[] {
+    const name = h("input", { class: "text", placeholder: "name", "aria-label": "Name of the snapshot" });
+    const keep = () => {
+      this.actions.keepSnapshot(name.value.trim());
+      name.value = "";
+    };
+    name.addEventListener("keydown", (event) => {
+      if (event.key === "Enter") keep();
+    });
+    return [h("div", { class: "line" }, name, h("button", { type: "button", class: "plain", onclick: keep }, "Keep")), this.snapshots];
+  }
+
+  private saveFields(hello: Hello): Node[] {
+    const extensions = hello.formats.extensions.map((e) => `.${e}`).join(" ");
+    const asked = () => this.actions.changeRecipe(this.recipe, false); // the command names the file
+    this.output.addEventListener("change", asked);
+    this.encoding.addEventListener("change", asked);
+    this.output.title = `The extension decides the format: ${extensions}`;
+    return [
+      this.field("File", "output", this.output),
+      this.field("Numbers", "encoding", this.encoding),
+      this.field("Replace a file of that name", "overwrite", this.overwrite),
+      h("div", { class: "buttons" },
+        h("button", { type: "button", class: "plain primary", id: "save", onclick: () => this.actions.save(this.overwrite.checked) }, "Save")),
+      this.folder,
+      h("div", { class: "buttons" },
+        h("button", { type: "button", class: "plain", id: "copy-command", onclick: () => this.actions.copyCommand() }, "Copy as command"),
+        h("button", { type: "button", class: "plain", id: "copy-cpp", onclick: () => this.actions.copyCpp() }, "Copy as C++"),
+        h("button", { type: "button", class: "plain", onclick: () => this.actions.copyLink() }, "Copy link")),
+    ];
+  }
+}

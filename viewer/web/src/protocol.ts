@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+// The messages of the server, read as viewer/message.hpp writes them; and the types of what goes either way.
+
+export type Numbers = Float32Array | Int16Array | Uint8Array | Uint32Array;
+
+export interface Message {
+  head: Head;
+  arrays: Record<string, Numbers>;
+}
+
+const kTypes = { float32: Float32Array, int16: Int16Array, uint8: Uint8Array, uint32: Uint32Array } as const;
+const kAlignment = 8;
+const kLengthBytes = 4;
+
+const aligned = (bytes: number) => Math.ceil(bytes / kAlignment) * kAlignment;
+
+/** Reads a frame. The arrays are views of it. Throws if it is not one. */
+export function decode(frame: ArrayBuffer): Message {
+  const length = new DataView(frame).getUint32(0, true);
+  const text = new TextDecoder("utf-8", { fatal: true }).decode(new Uint8Array(frame, kLengthBytes, length));
+  const head = JSON.parse(text) as Head & { arrays: [string, keyof typeof kTypes, number][] };
+  const arrays: Record<string, Numbers> = {};
+  let at = kLengthBytes + length;
+  for (const [name, type, count] of head.arrays) {
+    const array = new kTypes[type](frame, at, count);
+    arrays[name] = array;
+    at += aligned(array.byteLength);
+  }
+  if (at !== frame.byteLength) throw new RangeError("the frame is longer than its arrays");
+  return { head, arrays };
+}
+
+/** A direction as the server encodes a unit normal: two numbers of an octahedron's unfolding; null for none. */
+export function decodeNormal(u16: number, v16: number): [number, number, number] | null {
+  if (u16 === -32768) return null;
+  let u = u16 / 32767;
+  let v = v16 / 32767;
+  const z = 1 - Math.abs(u) - Math.abs(v);
+  if (z < 0) [u, v] = [(1 - Math.abs(v)) * (u < 0 ? -1 : 1), (1 - Math.abs(u)) * (v < 0 ? -1 : 1)];
+  const length = Math.hypot(u, v, z);
+  return [u / length, v / length, z / length];
+}
+
+export type Texts = Record<string, string>;
+
+/** A row of the parameter table. */
+export interface Param {
+  name: string;
+  flag: string;
+  stage: string;
+  kind: "int" | "length" | "switch" | "word" | "number";
+  min: number;
+  max: number;
+  automatic: boolean;
+  values: string[];
+  default: string;
+  help: string;
+}
+
+export interface Hello {
+  type: "hello";
+  protocol: number;
+  version: string;
+  device: { kind: string; name: string; reason: string } | null;
+  params: Param[];
+  presets: { name: string; params: Texts }[];
+  limits: string[];
+  formats: { extensions: string[]; encodings: string[] };
+  save_folder: string;
+}
+
+export interface CloudHead {
+  type: "cloud";
+  name: string;
+  path: string;
+  points: number;
+  finite: number;
+  shown: number;
+  origin: [number, number, number];
+  min: [number, number, number];
+  max: [number, number, number];
+  diagonal: number;
+  spacing: number;
+  noise: number;
+  step: number;
+  colours: { name: string; kind: "rgb" | "scalar" }[];
+  settles: boolean;
+}
+
+export interface Result {
+  type: "result";
+  id: number;
+  along_normals: boolean;
+  step: number;
+  used: Texts;
+  moved: { mean: number; rms: number; max: number };
+  unmoved: number;
+  stages: { name: string; ms: number }[];
+  total_ms: number;
+  encode_ms: number;
+  server_ms: number;
+  peak_bytes: { host: number; device: number };
+  command: string;
+  cpp: string;
+}
+
+export type Head =
+  | Hello
+  | CloudHead
+  | Result
+  | { type: "preview"; id: number; ms: number; server_ms: number; points: number }
+  | { type: "settled"; noise: number }
+  | { type: "colours"; id: number; name: string }
+  | { type: "progress"; id: number; share: number; stage: string }
+  | { type: "saved"; id: number; path: string; bytes: number; command: string }
+  | { type: "cancelled"; id: number; ms: number }
+  | { type: "taken" }
+  | { type: "error"; id: number | null; message: string };
+
+/** What is asked of a run: texts as the flags take them. */
+export interface Recipe {
+  params: Texts;
+  limits: Texts;
+}
+
+export type Request =
+  | ({ type: "run"; id: number; focus?: number[]; output: string; encoding: string } & Recipe)
+  | ({ type: "save"; id: number; output: string; encoding: string; overwrite: boolean } & Recipe)
+  | { type: "colours"; id: number; name: string }
+  | { type: "cancel"; id: number };

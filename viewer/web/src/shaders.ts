@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: Apache-2.0
+// GLSL of the points and of the eye-dome lighting.
+
+/** What a point is coloured by; the numbers that the shader knows. */
+export const kColourModes = { plain: 0, rgb: 1, normal: 2, height: 3, displacement: 4, scalar: 5 } as const;
+
+export const pointVertex = /* glsl */ `
+precision highp float;
+in vec3 position;
+in float along;      // steps along the motion normal
+in vec2 motion;      // octahedral
+in vec3 move;        // steps
+in vec3 far_move;    // file units: displacements that no steps can say
+in vec2 normal_before, normal_after;
+in vec3 rgb;
+in float scalar;
+in float inside;     // 1 where the limits let a point move
+
+uniform mat4 modelViewMatrix, projectionMatrix;
+uniform float uAfter;         // 0 the original, 1 the result
+uniform int uMotion;          // 0 none, 1 along normals, 2 vectors, 3 far vectors
+uniform float uStep, uPointSize, uPixelsPerUnit, uMaxSize, uShade;
+uniform int uColour;
+uniform vec2 uRange;          // of the scalar, the height or the displacement
+uniform vec3 uHeightAxis;
+uniform sampler2D uMap;
+uniform vec3 uBoxMin, uBoxMax;
+uniform bool uHide, uHasNormals, uDim;
+out vec3 vColour;
+
+vec3 oct(vec2 e) {
+  if (e.x < -32767.5) return vec3(0.0);
+  e /= 32767.0;
+  vec3 n = vec3(e, 1.0 - abs(e.x) - abs(e.y));
+  if (n.z < 0.0) n.xy = (1.0 - abs(n.yx)) * vec2(n.x < 0.0 ? -1.0 : 1.0, n.y < 0.0 ? -1.0 : 1.0);
+  return normalize(n);
+}
+
+vec3 displacement() {
+  if (uMotion == 1) return oct(motion) * along * uStep;
+  if (uMotion == 2) return move * uStep;
+  if (uMotion == 3) return far_move;
+  return vec3(0.0);
+}
+
+vec3 mapped(float value) { return texture(uMap, vec2(clamp(value, 0.0, 1.0) * 255.0 / 256.0 + 0.5 / 256.0, 0.5)).rgb; }
+float share(float value) { return (value - uRange.x) / max(uRange.y - uRange.x, 1e-30); }
+
+void main() {
+  vec3 d = displacement();
+  vec3 at = position + uAfter * d;
+  vec4 view = modelViewMatrix * vec4(at, 1.0);
+  gl_Position = projectionMatrix * view;
+  gl_PointSize = clamp(uPointSize * uPixelsPerUnit / max(-view.z, 1e-20), 1.0, uMaxSize);
+  bool finite = all(lessThan(abs(position), vec3(1e37)));
+  if (!finite || (uHide && (any(lessThan(at, uBoxMin)) || any(greaterThan(at, uBoxMax))))) {
+    gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
+    gl_PointSize = 1.0;
+  }
+
+  vec3 n = oct(uAfter > 0.5 ? normal_after : normal_before);
+  vec3 seen = (modelViewMatrix * vec4(n, 0.0)).xyz;
+  if (dot(seen, view.xyz) > 0.0) seen = -seen;
+
+  vec3 base = vec3(0.78, 0.80, 0.82);
+  if (uColour == 1) base = rgb;
+  if (uColour == 2) base = 0.5 + 0.5 * n * (dot(seen, (modelViewMatrix * vec4(n, 0.0)).xyz) < 0.0 ? -1.0 : 1.0);
+  if (uColour == 3) base = mapped(share(dot(at, uHeightAxis)));
+  if (uColour == 4) {
+    vec3 toward = (modelViewMatrix * vec4(d, 0.0)).xyz;
+    base = mapped(share(length(d) * (dot(toward, view.xyz) < 0.0 ? 1.0 : -1.0)));
+  }
+  if (uColour == 5) base = isnan(scalar) ? vec3(0.35) : mapped(share(scalar));
+
+  float lit = 1.0;
+  if (uHasNormals && dot(n, n) > 0.5) {
+    float key = max(dot(seen, normalize(vec3(-0.45, 0.55, 0.70))), 0.0);
+    float fill = max(dot(seen, normalize(vec3(0.75, -0.15, 0.45))), 0.0);
+    lit = mix(1.0, 0.18 + 0.78 * key + 0.22 * fill, uShade);
+  }
+  vColour = base * lit;
+  if (uDim && inside < 0.5) vColour = mix(vec3(dot(vColour, vec3(0.3, 0.59, 0.11))), vec3(0.10, 0.12, 0.15), 0.55);
+}
+`;
+
+export const pointFragment = /* glsl */ `
+precision mediump float;
+in vec3 vColour;
+uniform bool uRound;
+out vec4 colour;
+void main() {
+  if (uRound) {
+    vec2 c = gl_PointCoord - 0.5;
+    if (dot(c, c) > 0.25) discard;
+  }
+  colour = vec4(vColour, 1.0);
+}
+`;
+
+export const screenVertex = /* glsl */ `
+in vec3 position;
+void main() { gl_Position = vec4(position.xy, 0.0, 1.0); }
+`;
+
+// Eye-dome lighting (Boucheny 2009): a pixel is darkened by how far its neighbours stand in front of it, in the logarithm
+// of the distance, so that it works alike at any scale. Left and right of the divider are different pictures.
+export const screenFragment = /* glsl */ `
+precision highp float;
+uniform sampler2D uColourImage;
+uniform highp sampler2D uDepthImage;
+uniform vec2 uSize, uNearFar;
+uniform float uStrength, uRadius, uDivider, uScale;
+out vec4 colour;
+
+float logDistance(ivec2 pixel) {
+  float depth = texelFetch(uDepthImage, pixel, 0).r;
+  if (depth >= 1.0) return 0.0;
+  float near = uNearFar.x, far = uNearFar.y;
+  return log2(near * far / (far - depth * (far - near)));
+}
+
+void main() {
+  ivec2 pixel = ivec2(gl_FragCoord.xy);
+  ivec2 last = ivec2(uSize) - 1;
+  float depth = texelFetch(uDepthImage, pixel, 0).r;
+  vec2 place = gl_FragCoord.xy / uSize - vec2(0.5, 0.58);
+  vec3 back = mix(vec3(0.105, 0.125, 0.150), vec3(0.043, 0.053, 0.066), clamp(2.2 * dot(place, place), 0.0, 1.0));
+  float here = logDistance(pixel);
+  bool left = float(pixel.x) < uDivider;
+  float sum = 0.0;
+  const ivec2 steps[8] = ivec2[8](ivec2(1, 0), ivec2(1, 1), ivec2(0, 1), ivec2(-1, 1), ivec2(-1, 0), ivec2(-1, -1),
+                                  ivec2(0, -1), ivec2(1, -1));
+  for (int i = 0; i < 8; ++i) {
+    ivec2 other = clamp(pixel + ivec2(round(uRadius * vec2(steps[i]))), ivec2(0), last);
+    if ((float(other.x) < uDivider) != left) continue;
+    float there = logDistance(other);
+    if (texelFetch(uDepthImage, other, 0).r < 1.0) sum += max(0.0, here - there);
+  }
+  vec3 points = texelFetch(uColourImage, pixel, 0).rgb;
+  float shade = exp(-uScale * uStrength * sum / 8.0);
+  colour = vec4(depth < 1.0 ? points * shade : back, 1.0);
+}
+`;
