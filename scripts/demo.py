@@ -5,35 +5,14 @@ and times, and leaves clouds and pictures in build/demo. The models come from De
 import json
 import pathlib
 import subprocess
-import tarfile
 import tempfile
+
+import models
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 OUT = ROOT / "build/demo"
 POINTFAIR, PICTURE = ROOT / "build/bin/pointfair", ROOT / "build/bin/picture"
-ARCHIVE = "usr/share/doc/libcgal-demo/data.tar.gz"
-MODELS = {"armadillo.off": "data/meshes/armadillo.off", "building.ply": "data/points_3/building.ply"}
 SEED = 1
-
-
-def extract(archive):
-    with tarfile.open(archive) as tar:
-        for name, member in MODELS.items():
-            (OUT / name).write_bytes(tar.extractfile(member).read())
-
-
-def fetch_models():
-    if all((OUT / name).exists() for name in MODELS):
-        return
-    if (pathlib.Path("/") / ARCHIVE).exists():
-        return extract(pathlib.Path("/") / ARCHIVE)
-    # container images often leave /usr/share/doc out of every package; the package itself still holds it
-    with tempfile.TemporaryDirectory() as folder:
-        print("The models are not in /usr/share/doc here: downloading the package libcgal-demo")
-        subprocess.run(["apt-get", "download", "-q", "libcgal-demo"], cwd=folder, check=True)
-        package = next(pathlib.Path(folder).glob("*.deb"))
-        subprocess.run(["dpkg-deb", "-x", package, folder], check=True)
-        extract(pathlib.Path(folder) / ARCHIVE)
 
 
 def pointfair(*arguments):
@@ -59,8 +38,7 @@ def print_table(rows):
         print("  " + row[0].ljust(widths[0]), *(cell.rjust(width + 2) for cell, width in zip(row[1:], widths[1:])))
 
 
-OUT.mkdir(parents=True, exist_ok=True)
-fetch_models()
+models.fetch(OUT)
 mesh, noisy, fair = OUT / "armadillo.off", OUT / "noisy.ply", OUT / "fair.ply"
 pointfair("noise", mesh, noisy, "--points", 200000, "--sigma", "0.3%", "--seed", SEED, "--force")
 armadillo = pointfair("run", noisy, fair, "--force")

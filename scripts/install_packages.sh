@@ -7,8 +7,8 @@ set -euo pipefail
 
 packages_for() {
   case "$1" in
-    build) echo g++ cmake ninja-build libtbb-dev libcli11-dev libfmt-dev libfast-float-dev libembree-dev libnanoflann-dev nlohmann-json3-dev ;;
-    test) echo libgtest-dev librapidcheck-dev libnanoflann-dev libeigen3-dev python3 ;;
+    build) echo g++ cmake ninja-build libtbb-dev libcli11-dev libfmt-dev libfast-float-dev libembree-dev libnanoflann-dev nlohmann-json3-dev libboost-dev nodejs npm ;;
+    test) echo libgtest-dev librapidcheck-dev libnanoflann-dev libeigen3-dev python3 chromium ;;
     demo) echo libcgal-demo libpng-dev python3 ;;
     bench) echo libnanoflann-dev libeigen3-dev libcgal-dev libcgal-demo libpcl-dev python3 ;;
     fuzz) echo clang-16 libclang-rt-16-dev ;;
@@ -19,6 +19,8 @@ packages_for() {
 }
 
 is_installed() {
+  # a node of its maker's own package, or of none, brings its npm along
+  if [ "$1" = npm ] || [ "$1" = nodejs ]; then command -v npm >/dev/null && command -v node >/dev/null && return; fi
   [ "$(dpkg-query -W -f='${db:Status-Status}' "$1" 2>/dev/null)" = installed ]
 }
 

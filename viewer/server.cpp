@@ -12,6 +12,7 @@
 #include <boost/asio/post.hpp>
 #include <boost/asio/redirect_error.hpp>
 #include <boost/asio/use_awaitable.hpp>
+#include <limits>
 #include <mutex>
 
 #include "connection.hpp"
@@ -165,7 +166,7 @@ net::awaitable<void> Server::answer_requests(beast::tcp_stream& stream) {
   while (more) {
     HeaderParser parser;
     parser.header_limit(kMaxHeaderBytes);
-    parser.body_limit(options_.upload_limit);
+    parser.body_limit(std::numeric_limits<std::uint64_t>::max());  // what has a body sets its own limit
     stream.expires_after(kHeaderPatience);
     error_code error;
     co_await http::async_read_header(stream, buffer, parser, net::redirect_error(net::use_awaitable, error));
@@ -250,16 +251,18 @@ net::awaitable<Response> Server::take_upload(beast::tcp_stream& stream, beast::f
                                              HeaderParser& parser) {
   if (parser.get().method() != http::verb::post)
     co_return text_response(http::status::method_not_allowed, "send a file with POST");
+  const Response too_large =
+      text_response(http::status::payload_too_large,
+                    fmt::format("a file sent through the page may have {} MiB; start pointfair view with it",
+                                options_.upload_limit >> 20));
+  if (parser.content_length() && *parser.content_length() > options_.upload_limit) co_return too_large;
   const std::string name = query_value(view(parser.get().target()), "name");
   http::request_parser<http::string_body> body(std::move(parser));
   body.body_limit(options_.upload_limit);
   stream.expires_after(kUploadPatience);
   error_code error;
   co_await http::async_read(stream, buffer, body, net::redirect_error(net::use_awaitable, error));
-  if (error == http::error::body_limit)
-    co_return text_response(http::status::payload_too_large,
-                            fmt::format("a file sent through the page may have {} MiB; start pointfair view with it",
-                                        options_.upload_limit >> 20));
+  if (error == http::error::body_limit) co_return too_large;
   if (error) co_return text_response(http::status::bad_request, "the file did not arrive whole");
   session_.open(std::move(body.get().body()), name.empty() ? "cloud" : name);
   co_return text_response(http::status::accepted, "reading");

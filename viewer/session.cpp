@@ -33,6 +33,7 @@ constexpr int kLookNeighbors = 12;         // of the normals that a cloud is sha
 constexpr std::size_t kMaxNameLength = 200;
 constexpr std::size_t kMaxWaitingJobs = 64;
 constexpr std::chrono::milliseconds kProgressInterval{100};
+constexpr std::chrono::milliseconds kRest{200};  // without a message before a result is settled
 
 double milliseconds_since(Clock::time_point start) {
   return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
@@ -45,6 +46,7 @@ struct Request {
   std::optional<std::array<double, 3>> focus;  // where the user looks, file coordinates
   std::string output, encoding;                // of the file that its command writes
   Clock::time_point received;
+  std::uint64_t page = 0;  // which of the pages, one after the other
 };
 
 std::string_view device_word(Device::Kind kind) { return kind == Device::cuda ? "cuda" : "cpu"; }
@@ -139,6 +141,7 @@ class Session::Worker {
   // The newest parameters win: they take the one place there is, and stop what runs.
   void submit(Request request) {
     const std::lock_guard lock(mutex_);
+    request.page = page_;
     waiting_ = std::move(request);
     if (running_) stop_.request_stop();
     changed_.notify_all();
@@ -151,6 +154,14 @@ class Session::Worker {
     jobs_.push_back(std::move(job));
     if (running_) stop_.request_stop();
     changed_.notify_all();
+  }
+
+  // What a former page asked for is void.
+  void forget_requests() {
+    const std::lock_guard lock(mutex_);
+    ++page_;
+    waiting_.reset();
+    if (running_) stop_.request_stop();
   }
 
   void cancel(const Json& id, Clock::time_point received) {
@@ -203,6 +214,7 @@ class Session::Worker {
   std::optional<Request> waiting_;
   std::deque<Job> jobs_;
   std::stop_source stop_;
+  std::uint64_t page_ = 0;
   bool running_ = false, cancelled_ = false, quit_ = false;
 
   bool has_cloud_ = false;
@@ -222,6 +234,7 @@ class Session::Worker {
   Limits limits_;                         // of movable_
   std::vector<std::uint8_t> movable_;
   bool settled_ = true;
+  Clock::time_point rest_{};  // when to settle
 
   std::thread thread_;  // last: starts when all else is there
 };
@@ -229,9 +242,12 @@ class Session::Worker {
 void Session::Worker::work() {
   std::unique_lock lock(mutex_);
   while (!quit_) {
-    if (jobs_.empty() && !waiting_ && settled_) {
-      changed_.wait(lock);
-      continue;
+    if (jobs_.empty() && !waiting_) {
+      if (settled_) {
+        changed_.wait(lock);
+        continue;
+      }
+      if (changed_.wait_until(lock, rest_) == std::cv_status::no_timeout) continue;
     }
     stop_ = std::stop_source();
     const std::stop_token stop = stop_.get_token();
@@ -278,7 +294,7 @@ void Session::Worker::do_run(Request request, const std::stop_token& stop) {
     if (error.kind() != ErrorKind::interrupted) return send_error(request.id, error.what());
     // a job came between: the run goes on after it, unless newer parameters are there
     const std::lock_guard lock(mutex_);
-    if (!waiting_ && !cancelled_ && !quit_) waiting_ = std::move(request);
+    if (!waiting_ && !cancelled_ && request.page == page_) waiting_ = std::move(request);
   } catch (const std::exception& error) {
     send_error(request.id, error.what());
   }
@@ -302,6 +318,7 @@ void Session::Worker::run(const Request& request, const std::stop_token& stop) {
   apply_limits(request.recipe.limits, movable_, cloud_.points, result_);
   show_result(request);
   settled_ = false;
+  rest_ = Clock::now() + kRest;
 }
 
 void Session::Worker::update_movable(const Limits& limits) {
@@ -529,7 +546,6 @@ void Session::open(Cloud cloud, const std::filesystem::path& path) {
   const auto shared = std::make_shared<Cloud>(std::move(cloud));
   worker_->post([worker = worker_.get(), shared, path](std::stop_token) {
     worker->open(std::move(*shared), path.filename().string(), fs::absolute(path).lexically_normal().string());
-    worker->greet();
   });
 }
 
@@ -543,6 +559,7 @@ void Session::open(std::string bytes, std::string name) {
 }
 
 void Session::greet() {
+  worker_->forget_requests();
   worker_->post([worker = worker_.get()](std::stop_token) { worker->greet(); });
 }
 

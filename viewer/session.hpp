@@ -39,10 +39,10 @@ class Session {
   Session(const Session&) = delete;
   Session& operator=(const Session&) = delete;
 
-  /// Takes a cloud that was read from `path`.
+  /// Takes a cloud that was read from `path`, before there is a page.
   void open(Cloud cloud, const std::filesystem::path& path);
 
-  /// Reads a cloud from the bytes of a file called `name`; an error is sent to the page.
+  /// Reads a cloud from the bytes of a file called `name` and shows it; an error is sent to the page.
   void open(std::string bytes, std::string name);
 
   /// A new page is there: sends it what it needs to begin.

@@ -81,7 +81,8 @@ export class Panel {
       ["height", "height"], ["normal", "normal"]];
     const own = cloud.colours.map(({ name, kind }): [string, string] => [kind === "rgb" ? "rgb" : `attribute:${name}`, name]);
     this.colour.replaceChildren(...[...computed, ...own].map(([value, text]) => h("option", { value }, text)));
-    if (![...this.colour.options].some((option) => option.value === this.view.colour)) this.view.colour = own[0]?.[0] === "rgb" ? "rgb" : "plain";
+    const known = [...this.colour.options].some((option) => option.value === this.view.colour);
+    if (!known) this.view.colour = own[0]?.[0] === "rgb" ? "rgb" : "plain";
     this.findings.textContent = `spacing ${short(cloud.spacing)}, noise ${short(cloud.noise)}`;
     this.showView();
   }

@@ -13,9 +13,10 @@ import type { View } from "./state";
 
 type ColourMode = keyof typeof kColourModes;
 const kFieldOfView = 40;
-const kSlowFrame = 45; // ms; fewer points are drawn while the camera moves
+const kSlowFrame = 50; // ms; while things change slower frames become coarser, then hold fewer points
+const kCoarsest = 0.5;
 const kRestDelay = 180;
-const kEdlScale = 130;
+const kRoundFrom = 4.5; // pixels; smaller points are squares
 const kMinDrawn = 20000;
 
 export class Scene {
@@ -42,6 +43,8 @@ export class Scene {
   private restTimer = 0;
   private moving = false;
   private share = 1; // of the points, drawn while moving
+  private fineness = 1; // of the picture while it changes
+  private changing = false;
   private holding = false;
   private glide: { from: THREE.Vector3; to: THREE.Vector3; eye: THREE.Vector3; start: number } | null = null;
   view!: View;
@@ -49,7 +52,10 @@ export class Scene {
   onFrame: () => void = () => {};
 
   constructor(parent: HTMLElement, view: View) {
-    this.renderer = new THREE.WebGLRenderer({ antialias: false, powerPreference: "high-performance" });
+    const canvas = document.createElement("canvas");
+    const context = canvas.getContext("webgl2", { alpha: false, antialias: false, depth: false, powerPreference: "high-performance" });
+    if (!context) throw new Error("this browser has no WebGL 2");
+    this.renderer = new THREE.WebGLRenderer({ canvas, context });
     this.renderer.autoClear = false;
     this.renderer.outputColorSpace = THREE.LinearSRGBColorSpace; // the shaders write what the screen shows
     this.canvas = this.renderer.domElement;
@@ -331,14 +337,24 @@ export class Scene {
 
   private cameraMoved(): void {
     this.moving = true;
+    this.touch();
+  }
+
+  // Something changes: the picture may be coarse until it rests.
+  private touch(): void {
+    this.changing = true;
     clearTimeout(this.restTimer);
-    this.restTimer = window.setTimeout(() => {
-      this.moving = false;
-      this.view.camera = [...this.camera.position.toArray(), ...this.controls.target.toArray()];
-      this.onCamera();
-      this.render();
-    }, kRestDelay);
+    this.restTimer = window.setTimeout(() => this.rest(), kRestDelay);
     this.render();
+  }
+
+  private rest(): void {
+    const moved = this.moving;
+    this.moving = this.changing = false;
+    if (this.fineness < 1 || this.share < 1) this.render();
+    if (!moved) return;
+    this.view.camera = [...this.camera.position.toArray(), ...this.controls.target.toArray()];
+    this.onCamera();
   }
 
   private resetCamera(): void {
@@ -358,7 +374,7 @@ export class Scene {
     }
     this.controls.update();
     clearTimeout(this.restTimer);
-    this.moving = false;
+    this.moving = this.changing = false;
     this.render();
   }
 
@@ -375,7 +391,7 @@ export class Scene {
   private setMotion(): void {
     const name = ["", "along", "move", "far_move"][this.motion];
     if (this.values) this.set(name, this.values, this.motion === 1 ? 1 : 3);
-    this.render();
+    this.touch();
   }
 
   private motionNormal(place: number): [number, number, number] | null {
@@ -405,7 +421,6 @@ export class Scene {
     this.target.scissorTest = true;
     this.screen.uniforms.uColourImage.value = this.target.texture;
     this.screen.uniforms.uDepthImage.value = this.target.depthTexture;
-    this.screen.uniforms.uSize.value.copy(size);
     const fitted = this.cloud !== null && this.view.camera.length === 0;
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
@@ -422,10 +437,10 @@ export class Scene {
   private draw(now: number, whole = false): void {
     this.frame = 0;
     if (this.glide) this.followGlide(now);
-    const moving = this.moving && !whole;
+    const coarse = this.changing && !whole;
     const start = performance.now();
-    this.drawParts(moving ? this.share : 1);
-    if (moving) this.adapt(performance.now() - start, now);
+    this.drawParts(coarse && this.moving ? this.share : 1, coarse ? this.fineness : 1);
+    if (coarse) this.adapt(performance.now() - start, now);
     this.onFrame();
   }
 
@@ -436,8 +451,13 @@ export class Scene {
     this.lastFrame = now;
     const time = between < 500 ? Math.max(spent, between) : spent;
     const least = Math.min(1, kMinDrawn / Math.max(1, this.count));
-    if (time > kSlowFrame) this.share = Math.max(least, this.share * 0.7);
-    else if (time < kSlowFrame / 2) this.share = Math.min(1, this.share * 1.15);
+    if (time > kSlowFrame) {
+      if (this.fineness > kCoarsest) this.fineness = Math.max(kCoarsest, this.fineness * 0.8);
+      else if (this.moving) this.share = Math.max(least, this.share * 0.7);
+    } else if (time < kSlowFrame / 2) {
+      if (this.share < 1) this.share = Math.min(1, this.share * 1.15);
+      else this.fineness = Math.min(1, this.fineness * 1.1);
+    }
   }
 
   private followGlide(now: number): void {
@@ -451,9 +471,9 @@ export class Scene {
     this.cameraMoved();
   }
 
-  private drawParts(share: number): void {
+  private drawParts(share: number, fineness: number): void {
     const { renderer, target, camera, view } = this;
-    const [width, height] = [target.width, target.height];
+    const [width, height] = [target.width, target.height].map((length) => Math.ceil(length * fineness));
     const mode = this.holding ? "before" : view.mode;
     const divider = mode === "side" ? Math.round(width / 2) : mode === "wipe" ? Math.round(width * view.wipe) : 0;
     this.setClipPlanes();
@@ -466,33 +486,35 @@ export class Scene {
     renderer.setRenderTarget(target);
     renderer.clear();
     const half = mode === "side" ? divider : width;
-    if (mode === "before" || divider > 0) this.drawPart(0, 0, half, 0, divider || width);
-    if (mode !== "before" && divider < width) this.drawPart(1, mode === "side" ? divider : 0, half, divider, width - divider);
+    if (mode === "before" || divider > 0) this.drawPart(0, 0, half, 0, divider || width, height);
+    if (mode !== "before" && divider < width)
+      this.drawPart(1, mode === "side" ? divider : 0, half, divider, width - divider, height);
     renderer.setRenderTarget(null);
     const { uniforms } = this.screen;
     uniforms.uNearFar.value.set(camera.near, camera.far);
     uniforms.uDivider.value = divider;
-    uniforms.uRadius.value = renderer.getPixelRatio() * 1.4;
-    uniforms.uScale.value = kEdlScale;
+    uniforms.uRadius.value = Math.max(1, Math.round(renderer.getPixelRatio() * fineness * 1.4));
+    uniforms.uFineness.value = fineness;
+    uniforms.uSize.value.set(width, height);
     renderer.render(this.screenScene, camera);
-    if (this.boxLines.visible) this.drawLines(mode === "side", half, width, height);
+    if (this.boxLines.visible) this.drawLines(mode === "side");
     camera.aspect = width / height;
     camera.updateProjectionMatrix();
   }
 
-  private drawLines(side: boolean, half: number, width: number, height: number): void {
-    const ratio = this.renderer.getPixelRatio();
-    for (const left of side ? [0, half] : [0]) {
-      this.renderer.setViewport(left / ratio, 0, half / ratio, height / ratio);
+  private drawLines(side: boolean): void {
+    const { x: width, y: height } = this.renderer.getSize(new THREE.Vector2());
+    for (const left of side ? [0, width / 2] : [0]) {
+      this.renderer.setViewport(left, 0, side ? width / 2 : width, height);
       this.renderer.render(this.lineScene, this.camera);
     }
-    this.renderer.setViewport(0, 0, width / ratio, height / ratio);
+    this.renderer.setViewport(0, 0, width, height);
   }
 
-  private drawPart(after: number, left: number, width: number, from: number, shown: number): void {
+  private drawPart(after: number, left: number, width: number, from: number, shown: number, height: number): void {
     const { target } = this;
-    target.viewport.set(left, 0, width, target.height);
-    target.scissor.set(from, 0, shown, target.height);
+    target.viewport.set(left, 0, width, height);
+    target.scissor.set(from, 0, shown, height);
     this.renderer.setRenderTarget(target);
     const { uniforms } = this.material;
     uniforms.uAfter.value = after;
@@ -523,8 +545,14 @@ export class Scene {
     const thinning = Math.sqrt(cloud.points / Math.max(1, drawn));
     uniforms.uPointSize.value = this.view.size * (cloud.spacing || cloud.diagonal / 500 || 1) * thinning;
     uniforms.uPixelsPerUnit.value = height / (2 * Math.tan((kFieldOfView * Math.PI) / 360));
-    uniforms.uMaxSize.value = 24 * this.renderer.getPixelRatio();
-    uniforms.uRound.value = true;
+    uniforms.uMaxSize.value = (24 * height) / this.canvas.clientHeight;
+    const pixels = (uniforms.uPointSize.value * uniforms.uPixelsPerUnit.value) /
+      Math.max(1e-20, this.camera.position.distanceTo(this.controls.target));
+    const defines: Record<string, string> = pixels >= kRoundFrom ? { ROUND: "" } : {};
+    if ("ROUND" in this.material.defines !== "ROUND" in defines) {
+      this.material.defines = defines;
+      this.material.needsUpdate = true;
+    }
   }
 }
 
@@ -538,12 +566,13 @@ function pointMaterial(): THREE.RawShaderMaterial {
     glslVersion: THREE.GLSL3,
     vertexShader: pointVertex,
     fragmentShader: pointFragment,
+    defines: {},
     uniforms: {
       uAfter: { value: 1 }, uMotion: { value: 0 }, uStep: { value: 1 }, uPointSize: { value: 1 },
       uPixelsPerUnit: { value: 1 }, uMaxSize: { value: 24 }, uShade: { value: 1 }, uColour: { value: 0 },
       uRange: { value: new THREE.Vector2(0, 1) }, uHeightAxis: { value: new THREE.Vector3(0, 0, 1) },
       uMap: { value: map }, uBoxMin: { value: new THREE.Vector3() }, uBoxMax: { value: new THREE.Vector3() },
-      uHide: { value: false }, uHasNormals: { value: false }, uDim: { value: false }, uRound: { value: true },
+      uHide: { value: false }, uHasNormals: { value: false }, uDim: { value: false },
     },
   });
 }
@@ -558,7 +587,7 @@ function screenMaterial(): THREE.RawShaderMaterial {
     uniforms: {
       uColourImage: { value: null }, uDepthImage: { value: null }, uSize: { value: new THREE.Vector2() },
       uNearFar: { value: new THREE.Vector2() }, uStrength: { value: 0.5 }, uRadius: { value: 1 },
-      uDivider: { value: 0 }, uScale: { value: 100 },
+      uDivider: { value: 0 }, uFineness: { value: 1 },
     },
   });
 }

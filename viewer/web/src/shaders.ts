@@ -86,13 +86,12 @@ void main() {
 export const pointFragment = /* glsl */ `
 precision mediump float;
 in vec3 vColour;
-uniform bool uRound;
 out vec4 colour;
 void main() {
-  if (uRound) {
-    vec2 c = gl_PointCoord - 0.5;
-    if (dot(c, c) > 0.25) discard;
-  }
+#ifdef ROUND  // a discard costs the early depth test
+  vec2 c = gl_PointCoord - 0.5;
+  if (dot(c, c) > 0.25) discard;
+#endif
   colour = vec4(vColour, 1.0);
 }
 `;
@@ -102,42 +101,43 @@ in vec3 position;
 void main() { gl_Position = vec4(position.xy, 0.0, 1.0); }
 `;
 
-// Eye-dome lighting (Boucheny 2009): a pixel is darkened by how far its neighbours stand in front of it, in the logarithm
-// of the distance, so that it works alike at any scale. Left and right of the divider are different pictures.
+// Eye-dome lighting (Boucheny 2009): a pixel is darkened by how far its neighbours stand in front of it, as a share of the
+// distance, so that it works alike at any scale. Left and right of the divider are different pictures.
 export const screenFragment = /* glsl */ `
 precision highp float;
 uniform sampler2D uColourImage;
 uniform highp sampler2D uDepthImage;
 uniform vec2 uSize, uNearFar;
-uniform float uStrength, uRadius, uDivider, uScale;
+uniform float uStrength, uRadius, uDivider, uFineness;  // uFineness: pixels of the image a pixel of the screen
 out vec4 colour;
 
-float logDistance(ivec2 pixel) {
-  float depth = texelFetch(uDepthImage, pixel, 0).r;
-  if (depth >= 1.0) return 0.0;
-  float near = uNearFar.x, far = uNearFar.y;
-  return log2(near * far / (far - depth * (far - near)));
+float depthAt(ivec2 pixel) { return texelFetch(uDepthImage, pixel, 0).r; }
+float distanceOf(float depth) { return uNearFar.x * uNearFar.y / (uNearFar.y - depth * (uNearFar.y - uNearFar.x)); }
+
+float front(ivec2 pixel, ivec2 step, float here) {
+  ivec2 other = clamp(pixel + step, ivec2(0), ivec2(uSize) - 1);
+  if ((float(other.x) < uDivider) != (float(pixel.x) < uDivider)) return 0.0;
+  return max(0.0, 1.0 - distanceOf(depthAt(other)) * here);
 }
 
 void main() {
-  ivec2 pixel = ivec2(gl_FragCoord.xy);
-  ivec2 last = ivec2(uSize) - 1;
-  float depth = texelFetch(uDepthImage, pixel, 0).r;
-  vec2 place = gl_FragCoord.xy / uSize - vec2(0.5, 0.58);
-  vec3 back = mix(vec3(0.105, 0.125, 0.150), vec3(0.043, 0.053, 0.066), clamp(2.2 * dot(place, place), 0.0, 1.0));
-  float here = logDistance(pixel);
-  bool left = float(pixel.x) < uDivider;
-  float sum = 0.0;
-  const ivec2 steps[8] = ivec2[8](ivec2(1, 0), ivec2(1, 1), ivec2(0, 1), ivec2(-1, 1), ivec2(-1, 0), ivec2(-1, -1),
-                                  ivec2(0, -1), ivec2(1, -1));
-  for (int i = 0; i < 8; ++i) {
-    ivec2 other = clamp(pixel + ivec2(round(uRadius * vec2(steps[i]))), ivec2(0), last);
-    if ((float(other.x) < uDivider) != left) continue;
-    float there = logDistance(other);
-    if (texelFetch(uDepthImage, other, 0).r < 1.0) sum += max(0.0, here - there);
+  ivec2 pixel = ivec2(gl_FragCoord.xy * uFineness);
+  float depth = depthAt(pixel);
+  if (depth >= 1.0) {
+    vec2 place = gl_FragCoord.xy * uFineness / uSize - vec2(0.5, 0.58);
+    vec3 back = mix(vec3(0.105, 0.125, 0.150), vec3(0.043, 0.053, 0.066), clamp(2.2 * dot(place, place), 0.0, 1.0));
+    colour = vec4(back, 1.0);
+    return;
   }
-  vec3 points = texelFetch(uColourImage, pixel, 0).rgb;
-  float shade = exp(-uScale * uStrength * sum / 8.0);
-  colour = vec4(depth < 1.0 ? points * shade : back, 1.0);
+  float shade = 1.0;
+  if (uStrength > 0.0) {
+    float here = 1.0 / distanceOf(depth);
+    int r = int(uRadius), q = int(0.7 * uRadius + 0.5);
+    float sum = front(pixel, ivec2(r, 0), here) + front(pixel, ivec2(-r, 0), here) + front(pixel, ivec2(0, r), here) +
+                front(pixel, ivec2(0, -r), here) + front(pixel, ivec2(q, q), here) + front(pixel, ivec2(-q, q), here) +
+                front(pixel, ivec2(q, -q), here) + front(pixel, ivec2(-q, -q), here);
+    shade = exp(-110.0 * uStrength * sum / 8.0);
+  }
+  colour = vec4(texelFetch(uColourImage, pixel, 0).rgb * shade, 1.0);
 }
 `;

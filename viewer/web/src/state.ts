@@ -8,7 +8,7 @@ export type Mode = "after" | "wipe" | "side" | "before";
 export interface View {
   mode: Mode;
   wipe: number; // share of the width that shows the original
-  colour: string;
+  colour: string; // "auto": the file's own colours, where it has some
   size: number; // of a point, in spacings
   edl: number; // strength of eye-dome lighting
   shade: number; // strength of shading by normals
@@ -18,7 +18,7 @@ export interface View {
 }
 
 export const defaultView = (): View => ({
-  mode: "after", wipe: 0.5, colour: "plain", size: 2, edl: 0.5, shade: 0.8, up: "z", hide: false, camera: [],
+  mode: "after", wipe: 0.5, colour: "auto", size: 2, edl: 0.4, shade: 0.8, up: "z", hide: false, camera: [],
 });
 
 export const equalRecipes = (a: Recipe, b: Recipe) => recipeKey(a) === recipeKey(b);
@@ -98,7 +98,7 @@ function readView(view: View, key: string, text: string, same: boolean): void {
   const inRange = (least: number, most: number) => text !== "" && number >= least && number <= most;
   if (key === "mode" && ["after", "wipe", "side", "before"].includes(text)) view.mode = text as Mode;
   if (key === "wipe" && inRange(0, 1)) view.wipe = number;
-  if (key === "colour") view.colour = text;
+  if (key === "colour" && same) view.colour = text;
   if (key === "size" && inRange(0.1, 10)) view.size = number;
   if (key === "edl" && inRange(0, 1)) view.edl = number;
   if (key === "shade" && inRange(0, 1)) view.shade = number;

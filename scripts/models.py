@@ -1,0 +1,37 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""models.py FOLDER: puts the models of Debian's libcgal-demo that the demo and the tests use into the folder: a mesh,
+armadillo.off, and a scanned building, building.ply."""
+import pathlib
+import subprocess
+import sys
+import tarfile
+import tempfile
+
+ARCHIVE = "usr/share/doc/libcgal-demo/data.tar.gz"
+MODELS = {"armadillo.off": "data/meshes/armadillo.off", "building.ply": "data/points_3/building.ply"}
+
+
+def extract(archive, folder):
+    with tarfile.open(archive) as tar:
+        for name, member in MODELS.items():
+            (folder / name).write_bytes(tar.extractfile(member).read())
+
+
+def fetch(folder):
+    folder.mkdir(parents=True, exist_ok=True)
+    if all((folder / name).exists() for name in MODELS):
+        return
+    if (pathlib.Path("/") / ARCHIVE).exists():
+        return extract(pathlib.Path("/") / ARCHIVE, folder)
+    # container images often leave /usr/share/doc out of every package; the package itself still holds it
+    with tempfile.TemporaryDirectory() as work:
+        print("The models are not in /usr/share/doc here: downloading the package libcgal-demo")
+        subprocess.run(["apt-get", "download", "-q", "libcgal-demo"], cwd=work, check=True)
+        package = next(pathlib.Path(work).glob("*.deb"))
+        subprocess.run(["dpkg-deb", "-x", package, work], check=True)
+        extract(pathlib.Path(work) / ARCHIVE, folder)
+
+
+if __name__ == "__main__":
+    fetch(pathlib.Path(sys.argv[1]))

@@ -1,0 +1,191 @@
+// SPDX-License-Identifier: Apache-2.0
+// The viewer's order of points, encodings, preview patches, gate and recipes.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <set>
+
+#include "shapes.h"
+#include "viewer/gate.hpp"
+#include "viewer/order.hpp"
+#include "viewer/preview.hpp"
+#include "viewer/quantise.hpp"
+#include "viewer/recipe.hpp"
+
+namespace pointfair::viewer {
+namespace {
+
+TEST(ViewerOrder, HoldsEveryPointOnceAndKnowsItsPlace) {
+  for (const std::uint64_t n : {1u, 2u, 3u, 4u, 5u, 8u, 13u, 100u, 1000u, 65536u, 99991u}) {
+    const Order order(n);
+    std::vector<bool> seen(n);
+    for (std::uint64_t place = 0; place < n; ++place) {
+      const std::uint32_t index = order.index(place);
+      ASSERT_LT(index, n);
+      EXPECT_FALSE(seen[index]) << n;
+      seen[index] = true;
+      EXPECT_EQ(order.place(index), place) << n;
+    }
+  }
+}
+
+TEST(ViewerOrder, FirstPartsAreSpreadEvenly) {
+  constexpr std::uint64_t n = 100000, first = 1000, parts = 50;
+  const Order order(n);
+  std::vector<int> counts(parts);
+  for (std::uint64_t place = 0; place < first; ++place) ++counts[order.index(place) * parts / n];
+  for (const int count : counts) EXPECT_NEAR(count, int(first / parts), 3);
+}
+
+TEST(ViewerOrder, TheLargestCloudDoesNotOverflow) {
+  const std::uint64_t n = 0xfffffff0u;
+  const Order order(n);
+  for (const std::uint64_t place : {std::uint64_t{0}, std::uint64_t{1}, n / 2, n - 1})
+    EXPECT_EQ(order.place(order.index(place)), place);
+}
+
+TEST(ViewerQuantise, NormalsComeBackWithinATenThousandth) {
+  std::mt19937 random(3);
+  std::normal_distribution<float> gauss;
+  for (int i = 0; i < 20000; ++i) {
+    Point n{gauss(random), gauss(random), gauss(random)};
+    if (i < 6)
+      n = Point{i == 0   ? 1.f
+                : i == 1 ? -1.f
+                         : 0.f,
+                i == 2   ? 1.f
+                : i == 3 ? -1.f
+                         : 0.f,
+                i == 4   ? 1.f
+                : i == 5 ? -1.f
+                         : 0.f};
+    const float length = std::hypot(n.x, n.y, n.z);
+    n = {n.x / length, n.y / length, n.z / length};
+    const Point back = decode_normal(encode_normal(n));
+    EXPECT_LT(std::hypot(back.x - n.x, back.y - n.y, back.z - n.z), 1e-4);
+  }
+  const Point none = decode_normal(encode_normal({0, 0, 0}));
+  EXPECT_EQ(std::abs(none.x) + std::abs(none.y) + std::abs(none.z), 0);
+}
+
+TEST(ViewerQuantise, WhatStepsCannotSayIsSentAsItIs) {
+  const std::vector<Point> before(1000, Point{0, 0, 0});
+  std::vector<Point> after = before;
+  for (std::size_t i = 0; i < after.size(); ++i) after[i].z = 0.001f * float(i % 7);
+  after[10] = {0.5f, 0, 0};  // across its normal
+  after[20] = {0, 0, 5000};  // farther than 16 bits reach
+  const Order order(before.size());
+  const std::vector<std::int16_t> normals = encode_normals(std::vector<Point>(1000, Point{0, 0, 1}), order, 1000);
+  const float step = displacement_step(0.1, 10);
+  const Displacements moved = encode_displacements(before, after, order, 1000, normals, step);
+  EXPECT_TRUE(moved.along_normals);
+  ASSERT_EQ(moved.places.size(), 2u);
+  for (std::size_t e = 0; e < 2; ++e) {
+    const Point& wanted = after[order.index(moved.places[e])];
+    EXPECT_NEAR(moved.exceptions[3 * e], wanted.x, 1e-6);
+    EXPECT_NEAR(moved.exceptions[3 * e + 2], wanted.z, 1e-6 * std::abs(wanted.z));
+  }
+  EXPECT_NEAR(moved.max, 5000, 1e-3);
+}
+
+TEST(ViewerQuantise, TangentialMotionTakesSixBytes) {
+  const std::vector<Point> before(1000, Point{0, 0, 0}), after(1000, Point{0.3f, 0.1f, 0});
+  const Order order(before.size());
+  const std::vector<std::int16_t> normals = encode_normals(std::vector<Point>(1000, Point{0, 0, 1}), order, 1000);
+  const Displacements moved = encode_displacements(before, after, order, 1000, normals, displacement_step(0.1, 10));
+  EXPECT_FALSE(moved.along_normals);
+  EXPECT_TRUE(moved.places.empty());
+  EXPECT_NEAR(moved.mean, std::hypot(0.3, 0.1), 1e-6);
+}
+
+TEST(ViewerPreview, APatchHoldsTheNearestPoints) {
+  const std::vector<Point> points = shapes::waves(20000);
+  const Point center = points[777];
+  const Patch patch = cut_patch(points, center, 1000);
+  EXPECT_GT(patch.indices.size(), 800u);
+  EXPECT_LT(patch.indices.size(), 1200u);
+  const std::set<std::uint32_t> inside(patch.indices.begin(), patch.indices.end());
+  for (std::uint32_t i = 0; i < points.size(); ++i) {
+    const double d = std::hypot(points[i].x - center.x, points[i].y - center.y, points[i].z - center.z);
+    if (std::abs(d / patch.radius - 1) > 0.001) {
+      EXPECT_EQ(inside.count(i) == 1, d < patch.radius) << i;
+    }
+  }
+}
+
+TEST(ViewerPreview, APatchOfDenseOrIdenticalPointsStaysSmall) {
+  std::vector<Point> points = shapes::waves(50000);
+  for (std::size_t i = 0; i < 20000; ++i) points.push_back({0, 0, 0});
+  EXPECT_LE(cut_patch(points, {0, 0, 0}, 1000).indices.size(), 2000u);
+  EXPECT_EQ(cut_patch(points, {0, 0, 0}, 1000000).indices.size(), points.size());
+  EXPECT_TRUE(cut_patch({}, {0, 0, 0}, 10).indices.empty());
+}
+
+TEST(ViewerGate, AdmitsItsOwnNamesOnly) {
+  const Gate gate{{"localhost", "127.0.0.1", "[::1]"}, ""};
+  for (const char* host : {"localhost", "localhost:8080", "127.0.0.1:1", "[::1]", "[::1]:99", "LOCALHOST:80"})
+    EXPECT_TRUE(gate.admits_host(host)) << host;
+  for (const char* host :
+       {"", ":80", "evil.example", "localhost.evil.example", "127.0.0.1.evil.example:80", "[::2]:80", "[", "10.0.0.1"})
+    EXPECT_FALSE(gate.admits_host(host)) << host;
+}
+
+TEST(ViewerGate, AdmitsPagesOfItsOwnAddressOnly) {
+  const Gate gate{{"localhost"}, ""};
+  EXPECT_TRUE(gate.admits_origin("http://localhost:8080", "localhost:8080"));
+  for (const char* origin : {"", "null", "http://localhost", "http://localhost:8081", "http://evil.example",
+                             "localhost:8080", "http://localhost:8080.evil.example", "file://"})
+    EXPECT_FALSE(gate.admits_origin(origin, "localhost:8080")) << origin;
+}
+
+TEST(ViewerGate, AsksForTheWholeToken) {
+  const Gate gate{{}, make_token()};
+  EXPECT_EQ(gate.token.size(), 32u);
+  EXPECT_NE(gate.token, make_token());
+  EXPECT_TRUE(gate.admits_target("/session?token=" + gate.token));
+  EXPECT_TRUE(gate.admits_target("/upload?name=a.ply&token=" + gate.token));
+  for (const std::string& target :
+       {std::string("/session"), std::string("/session?token="), "/session?token=" + gate.token.substr(1),
+        "/session?token=" + gate.token + "0", "/session?notoken=" + gate.token})
+    EXPECT_FALSE(gate.admits_target(target)) << target;
+}
+
+TEST(ViewerGate, DecodesQueries) {
+  EXPECT_EQ(query_value("/u?name=a%20b%2Fc.ply&x=1", "name"), "a b/c.ply");
+  EXPECT_EQ(query_value("/u?name=%zz%4", "name"), "%zz%4");
+  EXPECT_EQ(query_value("/u", "name"), "");
+  EXPECT_EQ(path_of("/a/b?c=/d"), "/a/b");
+}
+
+TEST(ViewerRecipe, EveryParameterIsDescribedAndReadsBack) {
+  const Json rows = describe_params();
+  ASSERT_EQ(rows.size(), kParams.size());
+  for (const Json& row : rows) {
+    const Json message{{"params", {{row["name"].get<std::string>(), row["default"]}}}};
+    EXPECT_EQ(read_recipe(message), Recipe{}) << row;
+    for (const Json& word : row["values"])
+      EXPECT_NO_THROW(read_recipe({{"params", {{row["name"].get<std::string>(), word}, {"k", "12"}}}})) << word;
+  }
+}
+
+TEST(ViewerRecipe, TheCommandNamesWhatDiffersAndQuotesForTheShell) {
+  Recipe recipe;
+  recipe.params.k = 24;
+  recipe.params.radius = {0.5, Length::Unit::percent};
+  recipe.limits.strength = 0.25;
+  const std::string command = as_command(recipe, {"/data/my 'scan'.ply", "fair.ply", "ascii", Device::cpu});
+  EXPECT_EQ(
+      command,
+      R"(pointfair run '/data/my '\''scan'\''.ply' fair.ply --k=24 --radius=0.5% --strength=0.25 --encoding=ascii --device=cpu)");
+  EXPECT_EQ(as_command({}, {"-", "-x.ply", "", Device::cuda}), "pointfair run ./- ./-x.ply --device=cuda");
+}
+
+TEST(ViewerRecipe, TheProgramEscapesNames) {
+  const std::string program = as_cpp({}, {"a\"b\\c\n.ply", "fair.ply", "", Device::cpu});
+  EXPECT_NE(program.find(R"(read("a\"b\\c\012.ply"))"), std::string::npos) << program;
+}
+
+}  // namespace
+}  // namespace pointfair::viewer

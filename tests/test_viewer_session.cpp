@@ -1,0 +1,400 @@
+// SPDX-License-Identifier: Apache-2.0
+// The viewer's session, driven without a network. Oracle: a fresh pipeline.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <filesystem>
+#include <fstream>
+#include <random>
+#include <thread>
+
+#include "backend.hpp"
+#include "pipeline_access.hpp"
+#include "shapes.h"
+#include "viewer_page.h"
+
+namespace pointfair::viewer {
+namespace {
+
+namespace fs = std::filesystem;
+using Points = std::vector<Point>;
+
+Points noisy(int count) { return shapes::with_noise(shapes::waves(count), 0.004); }
+
+Cloud cloud_of(Points points) {
+  Cloud cloud;
+  cloud.points = std::move(points);
+  return cloud;
+}
+
+Session::Options cpu_options() {
+  Session::Options options;
+  options.make_pipeline = [] { return Pipeline(Device::cpu); };
+  return options;
+}
+
+std::string run_text(int id, const Json& params, const Json& limits = Json::object()) {
+  return Json{{"type", "run"}, {"id", id}, {"params", params}, {"limits", limits}}.dump();
+}
+
+// A session with a page, and the normals that the page has.
+struct Seat {
+  Points points;
+  FakePage page;
+  Session session;
+
+  explicit Seat(Points its_points, Session::Options options = cpu_options())
+      : points(std::move(its_points)), session(std::move(options), page.send()) {
+    session.open(cloud_of(points), "scan.ply");
+    session.greet();
+    page.wait_for("cloud");
+  }
+
+  Decoded result(int id) { return page.wait_for("result", id); }
+
+  std::vector<std::int16_t> normals_until(int id) {
+    std::vector<std::int16_t> normals;
+    for (const Decoded& message : page.all()) {
+      if (!message.is("result")) continue;
+      for (const Json& row : message.head["arrays"])
+        if (row[0] == "motion_normals") normals = message.array<std::int16_t>("motion_normals");
+      if (message.head["id"] == id) break;
+    }
+    return normals;
+  }
+
+  // The largest error of what the page shows against the points expected, in spacings.
+  double error_of(int id, const Points& expected) {
+    const Decoded message = result(id);
+    const double spacing = double(page.wait_for("cloud").head["spacing"]);
+    const Points moved = displacements(message, normals_until(id), points.size());
+    double worst = 0;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const double x = double{points[i].x} + moved[i].x - expected[i].x,
+                   y = double{points[i].y} + moved[i].y - expected[i].y,
+                   z = double{points[i].z} + moved[i].z - expected[i].z;
+      worst = std::max(worst, std::sqrt(x * x + y * y + z * z));
+    }
+    return worst / spacing;
+  }
+};
+
+Points fresh_run(const Points& points, const Json& params) {
+  Pipeline pipeline(Device::cpu);
+  pipeline.load(points);
+  Params wanted;
+  for (const auto& [name, text] : params.items()) set_param(wanted, *find_param(name), text.get<std::string>());
+  Points out(points.size());
+  pipeline.run(wanted, out);
+  return out;
+}
+
+TEST(ViewerSession, TheCloudArrivesInTheOrderOfThePage) {
+  Seat seat(noisy(1000));
+  const auto positions = seat.page.wait_for("cloud").array<float>("positions");
+  const Order order(seat.points.size());
+  ASSERT_EQ(positions.size(), 3 * seat.points.size());
+  for (std::size_t place = 0; place < seat.points.size(); ++place) {
+    EXPECT_EQ(positions[3 * place], seat.points[order.index(place)].x);
+    EXPECT_EQ(positions[3 * place + 2], seat.points[order.index(place)].z);
+  }
+}
+
+TEST(ViewerSession, ASinglePassTravelsInTwoBytesAPointWithinAHundredthOfTheSpacing) {
+  Seat seat(noisy(5000));
+  const Json params{{"k", "16"}, {"passes", "1"}};
+  seat.session.receive(run_text(1, params));
+  const Decoded result = seat.result(1);
+  EXPECT_TRUE(result.head["along_normals"]);
+  EXPECT_EQ(result.array<std::int16_t>("displacements").size(), seat.points.size());
+  EXPECT_LT(seat.error_of(1, fresh_run(seat.points, params)), 0.01);
+}
+
+TEST(ViewerSession, SeveralPassesTravelInSixBytesAPointWithinAHundredthOfTheSpacing) {
+  Seat seat(noisy(5000));
+  const Json params{{"k", "16"}, {"passes", "3"}};
+  seat.session.receive(run_text(1, params));
+  const Decoded result = seat.result(1);
+  EXPECT_FALSE(result.head["along_normals"]);
+  EXPECT_EQ(result.array<std::int16_t>("displacements").size(), 3 * seat.points.size());
+  EXPECT_LT(seat.error_of(1, fresh_run(seat.points, params)), 0.01);
+}
+
+TEST(ViewerSession, OnlyTheStagesThatDependOnTheChangeRunAgain) {
+  Seat seat(noisy(3000));
+  seat.session.receive(run_text(1, {{"k", "16"}, {"passes", "1"}}));
+  seat.result(1);
+  seat.session.receive(run_text(2, {{"k", "16"}, {"passes", "1"}, {"similarity_sigma", "0.01"}}));
+  std::vector<std::string> stages;
+  const Decoded result = seat.result(2);
+  for (const Json& stage : result.head["stages"]) stages.push_back(stage["name"]);
+  EXPECT_EQ(stages, (std::vector<std::string>{"fairing", "download"}));
+}
+
+TEST(ViewerSession, TwoHundredRandomMessagesEndInTheStateOfTheLast) {
+  Seat seat(noisy(4000));
+  std::mt19937 random(7);
+  const auto pick = [&](std::vector<std::string> words) { return words[random() % words.size()]; };
+  Json params;
+  int last_shown = 0;
+  for (int id = 1; id <= 200; ++id) {
+    params = {{"k", pick({"8", "16", "24"})},
+              {"passes", pick({"1", "1", "2"})},
+              {"similarity_sigma", pick({"auto", "0.5s", "0.01"})},
+              {"normal_sigma", pick({"auto", "2s"})},
+              {"area_weight", pick({"none", "squared"})}};
+    seat.session.receive(run_text(id, params));
+    if (random() % 3 == 0) std::this_thread::sleep_for(std::chrono::milliseconds(random() % 20));
+    if (random() % 40 == 0) seat.session.receive(R"({"type":"cancel","id":-1})");
+    if (random() % 20 == 0) seat.session.receive(run_text(id, {{"k", "0"}}));  // refused: changes nothing
+  }
+  seat.session.receive(run_text(201, params));
+  EXPECT_LT(seat.error_of(201, fresh_run(seat.points, params)), 0.01);
+  for (const Decoded& message : seat.page.all()) {
+    if (!message.is("result")) continue;
+    EXPECT_GT(int(message.head["id"]), last_shown);
+    last_shown = message.head["id"];
+  }
+  EXPECT_EQ(last_shown, 201);
+}
+
+TEST(ViewerSession, ACancelledRunEndsAtOnceAndShowsNothing) {
+  Seat seat(noisy(100000));
+  seat.session.receive(run_text(1, {{"k", "100"}, {"passes", "100"}}));
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  seat.session.receive(R"({"type":"cancel","id":2})");
+  const double milliseconds = seat.page.wait_for("cancelled", 2).head["ms"];
+  EXPECT_LT(milliseconds, 1000);  // 50 are promised, the rest is for a busy machine
+  seat.session.receive(run_text(3, {{"k", "8"}, {"passes", "1"}}));
+  seat.result(3);
+  for (const Decoded& message : seat.page.all()) EXPECT_FALSE(message.is("result") && message.head["id"] == 1);
+}
+
+TEST(ViewerSession, NewParametersStopTheRunUnderWay) {
+  Seat seat(noisy(100000));
+  seat.session.receive(run_text(1, {{"k", "100"}, {"passes", "100"}}));
+  std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  seat.session.receive(run_text(2, {{"k", "8"}, {"passes", "1"}}));
+  seat.result(2);
+  for (const Decoded& message : seat.page.all()) EXPECT_FALSE(message.is("result") && message.head["id"] == 1);
+}
+
+TEST(ViewerSession, ARunGoesOnAfterAJobCameBetween) {
+  Seat seat(noisy(60000));
+  const Json params{{"k", "40"}, {"passes", "4"}};
+  seat.session.receive(run_text(1, params));
+  for (int id = 2; id < 6; ++id) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(40));
+    seat.session.receive(Json{{"type", "colours"}, {"id", id}, {"name", "none"}}.dump());
+  }
+  EXPECT_LT(seat.error_of(1, fresh_run(seat.points, params)), 0.01);
+}
+
+TEST(ViewerSession, ASlowRunIsPreviewedByPointsThatGoWhereTheWholeRunSendsThem) {
+  Seat seat(noisy(150000));
+  const Json params{{"k", "16"}, {"passes", "2"}};
+  seat.session.receive(run_text(1, params));
+  const Decoded preview = seat.page.wait_for("preview", 1);
+  const Points expected = fresh_run(seat.points, params);
+  const Order order(seat.points.size());
+  const double spacing = seat.page.wait_for("cloud").head["spacing"];
+  const auto places = preview.array<std::uint32_t>("places");
+  const auto moved = preview.array<float>("displacements");
+  ASSERT_GT(places.size(), 500u);
+  std::size_t close = 0;
+  for (std::size_t p = 0; p < places.size(); ++p) {
+    const std::uint32_t i = order.index(places[p]);
+    const Point d{expected[i].x - seat.points[i].x, expected[i].y - seat.points[i].y, expected[i].z - seat.points[i].z};
+    close += std::hypot(d.x - moved[3 * p], d.y - moved[3 * p + 1], d.z - moved[3 * p + 2]) < 0.02 * spacing;
+  }
+  EXPECT_GT(double(close), 0.98 * double(places.size()));
+  seat.result(1);
+}
+
+// Fails the fairing stage while told to.
+class FailingBackend : public Backend {
+ public:
+  explicit FailingBackend(const std::atomic<bool>& fails) : fails_(fails), inner_(make_cpu_backend(1)) {}
+  DeviceInfo device() const override { return inner_->device(); }
+  void upload(std::span<const Point> points) override { inner_->upload(points); }
+  void begin_pass(int pass) override { inner_->begin_pass(pass); }
+  void build_index(std::stop_token stop) override { inner_->build_index(stop); }
+  void find_neighbors(const NeighborSettings& s, std::stop_token stop) override { inner_->find_neighbors(s, stop); }
+  void estimate_normals(const NormalSettings& s, std::stop_token stop) override { inner_->estimate_normals(s, stop); }
+  void fair(const FairingSettings& settings, std::stop_token stop) override {
+    if (fails_) throw Error(ErrorKind::memory, "no memory for fairing");
+    inner_->fair(settings, stop);
+  }
+  void download(std::span<Point> points) override { inner_->download(points); }
+  void download_normals(std::span<Point> normals) override { inner_->download_normals(normals); }
+  Bounds bounds() const override { return inner_->bounds(); }
+  void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override {
+    inner_->sample_neighborhoods(queries, k, out);
+  }
+  Counts counts() const override { return inner_->counts(); }
+  std::uint64_t peak_host_bytes() const override { return inner_->peak_host_bytes(); }
+  std::uint64_t peak_device_bytes() const override { return inner_->peak_device_bytes(); }
+
+ private:
+  const std::atomic<bool>& fails_;
+  std::unique_ptr<Backend> inner_;
+};
+
+TEST(ViewerSession, AFailingStageIsSaidAndTheNextRunIsSound) {
+  std::atomic<bool> fails = false;
+  Session::Options options;
+  options.make_pipeline = [&fails] {
+    return PipelineAccess::make(std::make_unique<FailingBackend>(fails), {Device::cpu, "test", "requested"});
+  };
+  Seat seat(noisy(3000), options);
+  fails = true;
+  seat.session.receive(run_text(1, {{"k", "16"}, {"passes", "1"}}));
+  EXPECT_EQ(seat.page.wait_for("error", 1).head["message"], "no memory for fairing");
+  fails = false;
+  const Json params{{"k", "16"}, {"passes", "1"}};
+  seat.session.receive(run_text(2, params));
+  EXPECT_LT(seat.error_of(2, fresh_run(seat.points, params)), 0.01);
+}
+
+TEST(ViewerSession, WhatIsWrongWithAMessageIsSaidInWords) {
+  Seat seat(noisy(500));
+  const std::vector<std::pair<std::string, std::string>> cases{
+      {"{", "not JSON"},
+      {"[1]", "JSON object"},
+      {R"({"type":"dance"})", "unknown type"},
+      {R"({"type":7})", "unknown type"},
+      {R"({"type":"run","params":{"kk":"8"}})", "no parameter 'kk'"},
+      {R"({"type":"run","params":{"k":"-4"}})", "--k cannot be '-4'"},
+      {R"({"type":"run","params":{"k":8}})", "travels as text"},
+      {R"({"type":"run","params":[]})", "must be an object"},
+      {R"({"type":"run","limits":{"box":"1,2"}})", "--box cannot be"},
+      {R"({"type":"run","limits":{"lid":"1"}})", "no limit 'lid'"},
+      {R"({"type":"colours","name":"nothing"})", "no attribute 'nothing'"},
+      {R"({"type":"run","encoding":"latin"})", "no encoding 'latin'"}};
+  for (const auto& [text, wanted] : cases) {
+    const std::size_t before = seat.page.all().size();
+    seat.session.receive(text);
+    const Decoded error = seat.page.wait([](const Decoded& m) { return m.is("error"); }, before);
+    EXPECT_NE(std::string(error.head["message"]).find(wanted), std::string::npos) << text << error.head["message"];
+  }
+  seat.session.receive(run_text(1, {{"k", "8"}}));
+  seat.result(1);
+}
+
+struct Folder {
+  fs::path path = fs::temp_directory_path() / ("pointfair-viewer-" + std::to_string(::getpid()));
+  Folder() { fs::create_directories(path); }
+  ~Folder() { fs::remove_all(path); }
+};
+
+std::string content(const fs::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+TEST(ViewerSession, SavesWhatTheLibraryWrites) {
+  const Folder folder;
+  const Cloud cloud = cloud_of(noisy(2000));
+  Session::Options options = cpu_options();
+  options.save_folder = folder.path;
+  FakePage page;
+  Session session(options, page.send());
+  session.open(cloud, "scan.ply");
+  session.receive(R"({"type":"save","id":1,"output":"fair.ply","params":{"k":"12"},"limits":{"strength":"0.5"}})");
+  page.wait_for("saved", 1);
+  Pipeline pipeline(Device::cpu);
+  pipeline.load(cloud);
+  Params params;
+  params.k = 12;
+  Cloud fair = pipeline.run(params);
+  Limits limits;
+  limits.strength = 0.5;
+  apply_limits(limits, cloud, fair);
+  write(folder.path / "expected.ply", fair);
+  EXPECT_EQ(content(folder.path / "fair.ply"), content(folder.path / "expected.ply"));
+
+  session.receive(R"({"type":"save","id":2,"output":"fair.ply"})");
+  EXPECT_NE(std::string(page.wait_for("error", 2).head["message"]).find("exists already"), std::string::npos);
+  session.receive(R"({"type":"save","id":3,"output":"fair.ply","overwrite":true})");
+  page.wait_for("saved", 3);
+}
+
+TEST(ViewerSession, SavesNowhereElse) {
+  const Folder folder;
+  Session::Options options = cpu_options();
+  options.save_folder = folder.path / "inner";
+  fs::create_directories(options.save_folder);
+  fs::create_symlink(folder.path / "outside.ply", options.save_folder / "link.ply");
+  FakePage page;
+  Session session(options, page.send());
+  session.open(cloud_of(noisy(200)), "scan.ply");
+  int id = 0;
+  for (const char* name : {"../a.ply", "/tmp/pointfair-a.ply", "b/a.ply", ".a.ply", "-a.ply", "", "a", "a.exe", "..",
+                           "link.ply", "a\nb.ply", "a\\b.ply"}) {
+    session.receive(Json{{"type", "save"}, {"id", ++id}, {"output", name}, {"overwrite", true}}.dump());
+    page.wait_for("error", id);
+  }
+  EXPECT_FALSE(fs::exists(folder.path / "a.ply"));
+  EXPECT_FALSE(fs::exists(folder.path / "outside.ply"));
+  EXPECT_EQ(std::distance(fs::directory_iterator(options.save_folder), {}), 1);
+}
+
+TEST(ViewerSession, LimitsHoldPointsStill) {
+  Seat seat(noisy(3000));
+  seat.session.receive(run_text(1, {{"k", "16"}, {"passes", "1"}}, {{"box", "0,-10,-10,10,10,10"}}));
+  const Decoded result = seat.result(1);
+  const Points moved = displacements(result, seat.normals_until(1), seat.points.size());
+  int inside = 0;
+  for (std::size_t i = 0; i < moved.size(); ++i) {
+    const bool still = moved[i].x == 0 && moved[i].y == 0 && moved[i].z == 0;
+    EXPECT_TRUE(still || seat.points[i].x >= 0) << i;
+    inside += !still;
+  }
+  EXPECT_GT(inside, 100);
+}
+
+TEST(ViewerSession, ALargeCloudIsShownInPart) {
+  Session::Options options = cpu_options();
+  options.point_budget = 1000;
+  Seat seat(noisy(20000), options);
+  EXPECT_EQ(seat.page.wait_for("cloud").head["shown"], 1000);
+  seat.session.receive(run_text(1, {{"k", "16"}, {"passes", "1"}}));
+  EXPECT_EQ(seat.result(1).array<std::int16_t>("displacements").size(), 1000u);
+}
+
+TEST(ViewerSession, DegenerateCloudsAreShownAndRun) {
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  const Points clouds[] = {
+      {}, {{0, 0, 0}}, {{1, 2, 3}, {1, 2, 3}}, {{nan, 0, 0}, {0, nan, 0}}, Points(50, Point{1, 1, 1})};
+  for (const Points& points : clouds) {
+    Seat seat(points);
+    seat.session.receive(run_text(1, Json::object()));
+    seat.session.receive(run_text(2, {{"k", "4"}, {"passes", "1"}}, {{"box", "0,0,0,1,1,1"}}));
+    const Decoded result = seat.result(2);
+    const Points moved = displacements(result, seat.normals_until(2), points.size());
+    for (const Point& d : moved) EXPECT_EQ(d.x, 0);
+  }
+}
+
+TEST(ViewerSession, ANewPageGetsEverythingAgain) {
+  Seat seat(noisy(1000));
+  const Json params{{"k", "16"}, {"passes", "1"}};
+  seat.session.receive(run_text(1, params));
+  seat.result(1);
+  const std::size_t before = seat.page.all().size();
+  seat.session.greet();
+  seat.page.wait([](const Decoded& m) { return m.is("cloud"); }, before);
+  seat.session.receive(run_text(2, params));
+  EXPECT_EQ(seat.result(2).array<std::int16_t>("motion_normals").size(), 2 * seat.points.size());
+}
+
+TEST(ViewerSession, AFileThatCannotBeReadLeavesTheCloudInPlace) {
+  Seat seat(noisy(500));
+  seat.session.open(std::string("nonsense"), "broken.ply");
+  EXPECT_NE(std::string(seat.page.wait_for("error").head["message"]).find("broken.ply"), std::string::npos);
+  seat.session.receive(run_text(1, {{"k", "8"}}));
+  seat.result(1);
+}
+
+}  // namespace
+}  // namespace pointfair::viewer

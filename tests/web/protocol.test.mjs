@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: Apache-2.0
+// What C++ writes is what the page reads; and the page's own parts that need no browser.
+import assert from "node:assert/strict";
+import { spawnSync } from "node:child_process";
+import { readdirSync, readFileSync } from "node:fs";
+import path from "node:path";
+import test from "node:test";
+import { pathToFileURL } from "node:url";
+import { modules, temporaryFolder } from "./program.mjs";
+
+const kSources = process.env.POINTFAIR_WEB_SOURCES;
+
+/** A module of the page, as JavaScript. */
+async function pageModule(t, name) {
+  const outfile = path.join(temporaryFolder(t), `${name}.mjs`);
+  await modules("esbuild").build({ entryPoints: [path.join(kSources, `${name}.ts`)], outfile, bundle: true, format: "esm" });
+  return import(pathToFileURL(outfile).href);
+}
+
+test("messages written by C++ are read in JavaScript", async (t) => {
+  const { decode, decodeNormal } = await pageModule(t, "protocol");
+  const folder = temporaryFolder(t);
+  assert.equal(spawnSync(process.env.POINTFAIR_WRITE_MESSAGES, [folder]).status, 0);
+  const names = readdirSync(folder).filter((name) => name.endsWith(".bin"));
+  assert.ok(names.length >= 10);
+  for (const name of names) {
+    const bytes = readFileSync(path.join(folder, name));
+    const frame = bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.byteLength);
+    const expected = JSON.parse(readFileSync(path.join(folder, name.replace(".bin", ".json")), "utf8"));
+    const { head, arrays } = decode(frame);
+    delete head.arrays;
+    assert.deepEqual(head, expected.head);
+    if (name === "normals.bin") {
+      expected.arrays.decoded.forEach((wanted, i) => {
+        const found = decodeNormal(arrays.normals[2 * i], arrays.normals[2 * i + 1]) ?? [0, 0, 0];
+        assert.ok(Math.hypot(...found.map((v, c) => v - wanted[c])) < 1e-6, `normal ${i}`);
+      });
+    } else {
+      for (const [key, list] of Object.entries(expected.arrays)) assert.deepEqual([...arrays[key]], list, `${name} ${key}`);
+    }
+    for (let length = 0; length < frame.byteLength; ++length)
+      assert.throws(() => decode(frame.slice(0, length)), `${name} cut to ${length}`);
+  }
+});
+
+test("state survives the URL, and nonsense in it does not", async (t) => {
+  const { readFragment, writeFragment, defaultView } = await pageModule(t, "state");
+  const defaults = { params: { k: "auto", passes: "auto" }, limits: { strength: "", box: "" } };
+  const recipe = { params: { k: "24", passes: "auto" }, limits: { strength: "0.5", box: "0,0,0,1,1,1" } };
+  const view = { ...defaultView(), mode: "wipe", wipe: 0.25, colour: "attribute:a&b=c", camera: [1, 2, 3, 0, 0, -1.5] };
+  const fragment = writeFragment("a b.ply", recipe, defaults, view);
+  assert.deepEqual(readFragment(fragment, "a b.ply", defaults), { recipe, view });
+  const other = readFragment(fragment, "other.ply", defaults);
+  assert.deepEqual(other.recipe, { params: recipe.params, limits: defaults.limits });
+  assert.deepEqual(other.view.camera, []);
+  for (const bad of ["", "#", "#%", "#view.mode=up&view.wipe=7&view.size=x&kk=3&limit.lid=1&view.camera=1,2", "#__proto__=1"])
+    assert.deepEqual(readFragment(bad, "a b.ply", defaults), { recipe: defaults, view: defaultView() }, bad);
+});
+
+test("history goes back and forth and forgets what was left", async (t) => {
+  const { History } = await pageModule(t, "state");
+  const recipe = (k) => ({ params: { k }, limits: {} });
+  const history = new History(recipe("1"));
+  assert.equal(history.undo(), null);
+  history.keep(recipe("2"));
+  history.keep(recipe("2"));
+  history.keep(recipe("3"));
+  assert.deepEqual(history.undo(), recipe("2"));
+  assert.deepEqual(history.undo(), recipe("1"));
+  assert.equal(history.canUndo, false);
+  assert.deepEqual(history.redo(), recipe("2"));
+  history.keep(recipe("4"));
+  assert.equal(history.redo(), null);
+  assert.deepEqual(history.undo(), recipe("2"));
+});
+
+test("a drawn outline keeps its shape with at most 64 corners", async (t) => {
+  const { simplified, lassoText, parseLasso } = await pageModule(t, "region");
+  const circle = Array.from({ length: 3000 }, (_, i) => [Math.cos(i / 480), Math.sin(i / 480)]);
+  const polygon = simplified(circle);
+  assert.ok(polygon.length >= 16 && polygon.length <= 64);
+  for (const [x, y] of polygon) assert.ok(Math.abs(Math.hypot(x, y) - 1) < 0.02);
+  const lasso = { camera: Array.from({ length: 12 }, (_, i) => i / 7), polygon };
+  assert.deepEqual(parseLasso(lassoText(lasso)), lasso);
+  assert.equal(parseLasso(""), null);
+});
+
+test("noise about a point is the root mean square of its cell", async (t) => {
+  const { localNoise, binned, quantileRange } = await pageModule(t, "colours");
+  const positions = Float32Array.from([0.1, 0.1, 0.1, 0.2, 0.2, 0.2, -5, 0, 0, NaN, 0, 0]);
+  const noise = localNoise(positions, (place) => [1, 9, 4, NaN][place], 1);
+  assert.deepEqual([...noise.slice(0, 3)].map((v) => v.toFixed(5)), [Math.sqrt(5), Math.sqrt(5), 2].map((v) => v.toFixed(5)));
+  const { counts } = binned((i) => i, 96, [0, 96]);
+  assert.deepEqual(new Set(counts), new Set([2]));
+  assert.deepEqual(quantileRange((i) => i, 101), [1, 99]);
+});

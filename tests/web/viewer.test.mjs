@@ -1,0 +1,334 @@
+// SPDX-License-Identifier: Apache-2.0
+// End to end in a headless Chromium with a graphics card in software: what a user does, and what then is on the screen and
+// on the disk. POINTFAIR_UPDATE_PICTURES=1 writes the pictures that later runs are compared with.
+import assert from "node:assert/strict";
+import { execFileSync, spawnSync } from "node:child_process";
+import { existsSync, mkdirSync, readFileSync, writeFileSync } from "node:fs";
+import path from "node:path";
+import test from "node:test";
+import { kProgram, openBrowser, openPage, run, settled, temporaryFolder, view } from "./program.mjs";
+
+const kSource = process.env.POINTFAIR_SOURCE;
+const kModels = path.join(process.env.POINTFAIR_BUILD, "demo");
+const kPictures = path.join(kSource, "tests/web/pictures");
+
+function models() {
+  if (existsSync(path.join(kModels, "building.ply"))) return true;
+  return spawnSync("python3", [path.join(kSource, "scripts/models.py"), kModels]).status === 0;
+}
+const withModels = models() ? {} : { skip: "the models of libcgal-demo are not here and cannot be fetched" };
+
+const slider = (page, name) => page.locator(`[data-param="${name}"] input[type=range]`);
+const entry = (page, name) => page.locator(`[data-param="${name}"] input.entry`);
+const canvas = (page) => page.locator(".stage > canvas");
+const dataset = (page, key) => page.evaluate((k) => document.body.dataset[k], key);
+
+/** Pulls a slider with the pointer from one share of its length to another. */
+async function pull(page, locator, from, to, steps, pause = 0) {
+  await locator.scrollIntoViewIfNeeded();
+  const box = await locator.boundingBox();
+  const at = (share) => [box.x + 8 + share * (box.width - 16), box.y + box.height / 2];
+  await page.mouse.move(...at(from));
+  await page.mouse.down();
+  for (let i = 1; i <= steps; ++i) {
+    await page.mouse.move(...at(from + ((to - from) * i) / steps));
+    if (pause) await page.waitForTimeout(pause);
+  }
+  await page.mouse.up();
+}
+
+/** Mean colours of blocks of the picture, 64 x 40 of them, as the browser decodes it. */
+async function blocks(page, png, width = 64, height = 40) {
+  return page.evaluate(async ([base64, width, height]) => {
+    const image = new Image();
+    image.src = `data:image/png;base64,${base64}`;
+    await image.decode();
+    const small = new OffscreenCanvas(width, height);
+    const context = small.getContext("2d");
+    context.imageSmoothingQuality = "high";
+    context.drawImage(image, 0, 0, width, height);
+    return [...context.getImageData(0, 0, width, height).data].filter((_, i) => i % 4 !== 3);
+  }, [png.toString("base64"), width, height]);
+}
+const difference = (a, b) => a.reduce((sum, v, i) => sum + Math.abs(v - b[i]), 0) / a.length;
+
+async function picture(page) {
+  await page.evaluate(() => document.activeElement.blur()); // a focus ring is no part of it
+  await page.waitForFunction(() => !document.querySelector(".toast"));
+  await page.waitForTimeout(400);
+  return canvas(page).screenshot();
+}
+
+async function assertPicture(page, name) {
+  const png = await picture(page);
+  const file = path.join(kPictures, `${name}.png`);
+  if (process.env.POINTFAIR_UPDATE_PICTURES) {
+    mkdirSync(kPictures, { recursive: true });
+    return writeFileSync(file, png);
+  }
+  const off = difference(await blocks(page, png), await blocks(page, readFileSync(file)));
+  if (off > 4) writeFileSync(path.join(process.env.POINTFAIR_BUILD, `${name}.png`), png);
+  assert.ok(off <= 4, `${name} is off by ${off.toFixed(1)} of 255 a block; see ${name}.png in the build`);
+}
+
+function armadillo(folder, points) {
+  const noisy = path.join(folder, "noisy.ply");
+  run(["noise", path.join(kModels, "armadillo.off"), noisy, "--points", points, "--sigma", "0.3%", "--seed", 1, "-q"]);
+  return noisy;
+}
+
+const distance = (cloud) =>
+  JSON.parse(run(["compare", cloud, path.join(kModels, "armadillo.off"), "--report", "-"])).mean;
+
+test("a scan is loaded, faired, compared, saved, and all of it comes back", withModels, async (t) => {
+  const folder = temporaryFolder(t);
+  const scan = path.join(kModels, "building.ply");
+  const { url } = await view(t, [scan, "--port", 0, "--save-folder", folder]);
+  const browser = await openBrowser(t);
+  const { page, faults, context } = await openPage(t, browser, url);
+  await context.grantPermissions(["clipboard-read", "clipboard-write"]);
+  await settled(page);
+  assert.equal(await dataset(page, "cloud"), "building.ply");
+
+  await t.test("the picture follows the slider while it is pulled", async () => {
+    await page.locator("#colour").selectOption("plain");
+    const before = await blocks(page, await picture(page), 640, 400);
+    const updates = Number(await dataset(page, "updates"));
+    await pull(page, slider(page, "closeness_sigma"), 0.5, 0.75, 20, 60);
+    await settled(page);
+    assert.ok(Number(await dataset(page, "updates")) > updates + 2);
+    const changed = difference(before, await blocks(page, await picture(page), 640, 400));
+    t.diagnostic(`pixels changed by ${changed.toFixed(2)} of 255`);
+    assert.ok(changed > 0.1);
+    assert.match(await entry(page, "closeness_sigma").inputValue(), /^[\d.]+s$/);
+  });
+
+  await t.test("the noise that is left is less", async () => {
+    await page.waitForFunction(() => document.body.dataset.noise);
+    const [, before, after] = (await page.locator("#findings").textContent()).match(/noise ([\d.e-]+) → ([\d.e-]+)/);
+    assert.ok(Number(after) < 0.7 * Number(before), `${before} to ${after}`);
+  });
+
+  await t.test("the wipe, side by side, and a held key show the original", async () => {
+    const faired = await blocks(page, await picture(page));
+    await page.keyboard.press("2");
+    const wiped = await blocks(page, await picture(page));
+    await page.keyboard.press("3");
+    const beside = await blocks(page, await picture(page));
+    await page.keyboard.press("4");
+    const original = await blocks(page, await picture(page));
+    await page.keyboard.press("1");
+    await page.keyboard.down("b");
+    const held = await blocks(page, await picture(page));
+    await page.keyboard.up("b");
+    const released = await blocks(page, await picture(page));
+    t.diagnostic(`held ${difference(held, original)}, released ${difference(released, faired)}, original ${difference(original, faired)}`);
+    assert.ok(difference(held, original) < 0.1);
+    assert.ok(difference(released, faired) < 0.1);
+    const halves = (a, b) => {
+      const part = (from) => a.filter((_, i) => Math.floor(i / 3) % 64 >= from && Math.floor(i / 3) % 64 < from + 30);
+      const other = (from) => b.filter((_, i) => Math.floor(i / 3) % 64 >= from && Math.floor(i / 3) % 64 < from + 30);
+      return [difference(part(0), other(0)), difference(part(34), other(34))];
+    };
+    t.diagnostic(`wipe ${halves(wiped, original)} ${halves(wiped, faired)}`);
+    assert.ok(halves(wiped, original)[0] < 0.6 && halves(wiped, faired)[1] < 0.6);
+    assert.ok(difference(beside, faired) > 1);
+  });
+
+  await t.test("undo and redo go through what was set", async () => {
+    const changed = await entry(page, "closeness_sigma").inputValue();
+    const auto = page.locator('[data-param="closeness_sigma"] button.auto');
+    assert.equal(await auto.getAttribute("aria-pressed"), "false");
+    await canvas(page).focus();
+    await page.keyboard.press("Control+z");
+    await settled(page);
+    assert.equal(await auto.getAttribute("aria-pressed"), "true");
+    await page.keyboard.press("Control+Shift+z");
+    await settled(page);
+    assert.equal(await entry(page, "closeness_sigma").inputValue(), changed);
+  });
+
+  await t.test("a snapshot brings its parameters back", async () => {
+    await page.locator("summary", { hasText: "Snapshots" }).click();
+    await page.getByLabel("Name of the snapshot").fill("soft");
+    await page.getByRole("button", { name: "Keep", exact: true }).click();
+    const kept = await entry(page, "closeness_sigma").inputValue();
+    await entry(page, "closeness_sigma").fill("0.9s");
+    await page.keyboard.press("Enter");
+    await settled(page);
+    await page.getByRole("button", { name: "soft", exact: true }).click();
+    await settled(page);
+    assert.equal(await entry(page, "closeness_sigma").inputValue(), kept);
+  });
+
+  await t.test("a number that cannot be is refused in words", async () => {
+    await entry(page, "k").fill("many");
+    await page.keyboard.press("Enter");
+    await page.locator(".toast.error", { hasText: "--k cannot be 'many'" }).waitFor();
+    await canvas(page).focus();
+    await page.keyboard.press("Control+z");
+    await settled(page);
+  });
+
+  await t.test("a lasso and a box hold points still", async () => {
+    await page.getByRole("button", { name: "Draw lasso" }).click();
+    const box = await canvas(page).boundingBox();
+    const corners = [[0.35, 0.35], [0.65, 0.3], [0.7, 0.6], [0.5, 0.75], [0.32, 0.6]];
+    await page.mouse.move(box.x + corners[0][0] * box.width, box.y + corners[0][1] * box.height);
+    await page.mouse.down();
+    for (const [x, y] of corners) await page.mouse.move(box.x + x * box.width, box.y + y * box.height, { steps: 8 });
+    await page.mouse.up();
+    await page.locator("#box").check();
+    await page.getByLabel("box x from").press("ArrowRight");
+    await settled(page);
+    assert.match(decodeURIComponent(await page.evaluate(() => new Promise((r) => setTimeout(() => r(location.hash), 400)))), /limit\.lasso=.*limit\.box=|limit\.box=.*limit\.lasso=/);
+  });
+
+  await t.test("what is saved is what the copied command writes, bit for bit", async () => {
+    await page.locator("#output").fill("fair.ply");
+    await page.keyboard.press("Tab");
+    await settled(page);
+    await page.locator("#save").click();
+    await page.waitForFunction(() => document.body.dataset.saved);
+    const saved = readFileSync(path.join(folder, "fair.ply"));
+    await page.locator("#copy-command").click();
+    await page.locator(".toast", { hasText: "on the clipboard" }).waitFor();
+    const command = await page.evaluate(() => navigator.clipboard.readText());
+    assert.match(command, /--lasso=.*|--box=/);
+    const elsewhere = temporaryFolder(t);
+    execFileSync("sh", ["-c", command], { cwd: elsewhere, env: { ...process.env, PATH: `${path.dirname(kProgram)}:${process.env.PATH}` }, stdio: "pipe" });
+    assert.ok(saved.equals(readFileSync(path.join(elsewhere, "fair.ply"))));
+    assert.ok(!saved.equals(readFileSync(scan)));
+  });
+
+  await t.test("reloading restores the state from the URL", async () => {
+    await page.keyboard.press("Escape");
+    await canvas(page).focus();
+    await page.keyboard.press("2");
+    await page.keyboard.press("ArrowLeft");
+    await page.waitForTimeout(700);
+    const [closeness, hash] = [await entry(page, "closeness_sigma").inputValue(), await page.evaluate(() => location.hash)];
+    const before = await blocks(page, await picture(page));
+    await page.reload();
+    await settled(page);
+    assert.equal(await entry(page, "closeness_sigma").inputValue(), closeness);
+    assert.ok(await page.locator("#box").isChecked());
+    assert.ok(await page.locator(".wipe").isVisible());
+    assert.equal(await page.evaluate(() => location.hash), hash);
+    await page.waitForTimeout(1000);
+    const after = difference(before, await blocks(page, await picture(page)));
+    assert.ok(after < 1.5, `the picture differs by ${after}`);
+  });
+
+  assert.deepEqual(faults, []);
+});
+
+test("100,000 points: ready in 3 s, 5 pictures a second while a slider is pulled, and nearer to the truth", withModels, async (t) => {
+  const folder = temporaryFolder(t);
+  const noisy = armadillo(folder, 100000);
+  const { url } = await view(t, [noisy, "--port", 0, "--save-folder", folder]);
+  const browser = await openBrowser(t);
+  const start = performance.now();
+  const { page, faults } = await openPage(t, browser, `${url}#k=16&passes=1&view.up=y`);
+  await settled(page);
+  const ready = performance.now() - start;
+  const updates = Number(await dataset(page, "updates"));
+  const begin = performance.now();
+  await pull(page, slider(page, "similarity_sigma"), 0.3, 0.8, 90, 33);
+  const seconds = (performance.now() - begin) / 1000;
+  const rate = (Number(await dataset(page, "updates")) - updates) / seconds;
+  t.diagnostic(`ready after ${ready.toFixed(0)} ms, ${rate.toFixed(1)} pictures a second`);
+  assert.ok(ready < 3000, `ready after ${ready} ms`);
+  assert.ok(rate >= 5, `${rate} pictures a second`);
+  await settled(page);
+  const byHand = page.locator('button.auto[aria-pressed="false"]');
+  while (await byHand.count()) await byHand.first().click();
+  await settled(page);
+  await page.locator("#save").click();
+  await page.waitForFunction(() => document.body.dataset.saved);
+  const [before, after] = [distance(noisy), distance(path.join(folder, "fair.ply"))];
+  t.diagnostic(`mean distance to the mesh ${before} before, ${after} after`);
+  assert.ok(after < 0.6 * before, `${before} to ${after}`);
+  assert.deepEqual(faults, []);
+});
+
+test("pictures are as they were", withModels, async (t) => {
+  const noisy = armadillo(temporaryFolder(t), 30000);
+  const { url } = await view(t, [noisy, "--port", 0]);
+  const browser = await openBrowser(t);
+  const { page, faults } = await openPage(t, browser, `${url}#k=24&passes=1&view.up=y`, { viewport: { width: 988, height: 490 } });
+  await settled(page);
+  await page.waitForTimeout(1500);  // normals of the result
+  await assertPicture(page, "faired");
+  await page.locator("#colour").selectOption("displacement");
+  await assertPicture(page, "displacement");
+  await page.locator("#colour").selectOption("noise");
+  await assertPicture(page, "noise");
+  await page.locator("#colour").selectOption("normal");
+  await page.keyboard.press("3");
+  await assertPicture(page, "side_by_side");
+  assert.deepEqual(faults, []);
+});
+
+test("the keyboard alone, phone width, a dropped file, and colours of the file", withModels, async (t) => {
+  const folder = temporaryFolder(t);
+  const small = armadillo(folder, 3000);
+  const { url } = await view(t, [small, "--port", 0]);
+  const browser = await openBrowser(t);
+  const { page, faults } = await openPage(t, browser, url, { viewport: { width: 390, height: 780 }, hasTouch: true });
+  await settled(page);
+  assert.ok(await page.evaluate(() => document.documentElement.scrollWidth <= innerWidth), "nothing is wider than a phone");
+
+  // Every control is reached with the tabulator, has a name, and shows that it has the focus.
+  const reached = new Set();
+  for (let i = 0; i < 120; ++i) {
+    await page.keyboard.press("Tab");
+    const focus = await page.evaluate(() => {
+      const element = document.activeElement;
+      if (element === document.body) return null;
+      const label = element.labels?.[0]?.textContent ?? "";
+      const name = element.getAttribute("aria-label") || label || element.textContent || element.title;
+      return { name: name.trim(), outline: getComputedStyle(element).outlineStyle, tag: element.tagName };
+    });
+    if (!focus) break;
+    assert.ok(focus.name, `a ${focus.tag} without a name`);
+    assert.notEqual(focus.outline, "none", focus.name);
+    reached.add(focus.name);
+  }
+  for (const name of ["Fit", "Screenshot", "--k", "--passes", "Clip box", "Only what is in view", "Save", "Copy as command"])
+    assert.ok(reached.has(name), `${name} cannot be reached`);
+
+  const k = slider(page, "k");
+  await k.focus();
+  await page.keyboard.press("ArrowRight");
+  await settled(page);
+  const first = Number(await entry(page, "k").inputValue());
+  await page.keyboard.press("ArrowRight");
+  await settled(page);
+  assert.equal(Number(await entry(page, "k").inputValue()), first + 1);
+
+  const scan = path.join(folder, "coloured.ply");
+  const lines = Array.from({ length: 400 }, (_, i) => `${i % 20} ${Math.floor(i / 20)} ${(i * 7) % 5 / 20} ${i % 256} 100 200 ${i}`);
+  writeFileSync(scan, ["ply", "format ascii 1.0", "element vertex 400", "property float x", "property float y", "property float z",
+    "property uchar red", "property uchar green", "property uchar blue", "property float depth", "end_header", ...lines, ""].join("\n"));
+  const transfer = await page.evaluateHandle((text) => {
+    const data = new DataTransfer();
+    data.items.add(new File([text], "coloured.ply"));
+    return data;
+  }, readFileSync(scan, "utf8"));
+  await page.dispatchEvent("body", "drop", { dataTransfer: transfer });
+  await page.waitForFunction(() => document.body.dataset.cloud === "coloured.ply");
+  await settled(page);
+  assert.equal(await page.locator("#colour").inputValue(), "rgb");
+  await page.locator("#colour").selectOption("attribute:depth");
+  await page.locator(".legend", { hasText: "depth" }).waitFor();
+
+  await canvas(page).focus();
+  const download = page.waitForEvent("download");
+  await page.keyboard.press("s");
+  assert.equal((await download).suggestedFilename(), "coloured.png");
+  await page.keyboard.press("?");
+  await page.getByRole("dialog").waitFor();
+  await page.keyboard.press("Escape");
+  assert.deepEqual(faults, []);
+});
