@@ -71,6 +71,31 @@ async function assertPicture(page, name) {
   assert.ok(off <= 4, `${name} is off by ${off.toFixed(1)} of 255 a block; see ${name}.png in the build`);
 }
 
+/** In the page: texts whose contrast with what lies behind them is below 4.5. */
+function faintTexts() {
+  const channels = (colour) => colour.match(/[\d.]+/g).map(Number);
+  const luminance = ([r, g, b]) => {
+    const [x, y, z] = [r, g, b].map((c) => (c / 255 <= 0.04045 ? c / 255 / 12.92 : ((c / 255 + 0.055) / 1.055) ** 2.4));
+    return 0.2126 * x + 0.7152 * y + 0.0722 * z;
+  };
+  const behind = (element) => {
+    for (let at = element; at; at = at.parentElement) {
+      const [r, g, b, alpha = 1] = channels(getComputedStyle(at).backgroundColor);
+      if (alpha > 0.7) return [r, g, b];
+    }
+    return [255, 255, 255];
+  };
+  const faint = [];
+  for (const element of document.body.querySelectorAll("*")) {
+    const text = [...element.childNodes].filter((node) => node.nodeType === 3).map((node) => node.data.trim()).join("") || element.value;
+    if (!text || element.disabled || !element.checkVisibility() || element.tagName === "OPTION" || element.type === "range") continue;
+    const [a, b] = [luminance(channels(getComputedStyle(element).color)), luminance(behind(element))];
+    const contrast = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
+    if (contrast < 4.5) faint.push(`${text.slice(0, 30)}: ${contrast.toFixed(2)}`);
+  }
+  return faint;
+}
+
 function armadillo(folder, points) {
   const noisy = path.join(folder, "noisy.ply");
   run(["noise", path.join(kModels, "armadillo.off"), noisy, "--points", points, "--sigma", "0.3%", "--seed", 1, "-q"]);
@@ -298,6 +323,9 @@ test("the keyboard alone, phone width, a dropped file, and colours of the file",
   for (const name of ["Fit", "Screenshot", "--k", "--passes", "Clip box", "Only what is in view", "Save", "Copy as command"])
     assert.ok(reached.has(name), `${name} cannot be reached`);
 
+  const faint = await page.evaluate(faintTexts);
+  assert.deepEqual(faint, [], "text with less contrast than WCAG AA asks for");
+
   const k = slider(page, "k");
   await k.focus();
   await page.keyboard.press("ArrowRight");
@@ -331,4 +359,52 @@ test("the keyboard alone, phone width, a dropped file, and colours of the file",
   await page.getByRole("dialog").waitFor();
   await page.keyboard.press("Escape");
   assert.deepEqual(faults, []);
+});
+
+// The README's picture and animation: a slider is pulled, then the wipe.
+test("pictures of the README", process.env.POINTFAIR_UPDATE_PICTURES ? withModels : { skip: "POINTFAIR_UPDATE_PICTURES is not set" }, async (t) => {
+  const noisy = armadillo(temporaryFolder(t), 150000);
+  const { bounds, diagonal } = JSON.parse(run(["info", noisy, "--report", "-"]));
+  const target = bounds.min.map((low, i) => (low + bounds.max[i]) / 2);
+  const eye = [-0.42, 0.22, -0.88].map((d, i) => target[i] + 1.22 * diagonal * d);
+  const { url } = await view(t, [noisy, "--port", 0]);
+  const browser = await openBrowser(t);
+  const state = new URLSearchParams({ cloud: "noisy.ply", k: "32", "view.up": "y", "view.mode": "wipe", "view.camera": [...eye, ...target].join(",") });
+  const { page } = await openPage(t, browser, `${url}#${state}`, { viewport: { width: 1280, height: 760 } });
+  await settled(page);
+  await page.waitForTimeout(2500);
+  await page.screenshot({ path: path.join(kSource, "docs/pictures/viewer.png") });
+
+  const frames = temporaryFolder(t);
+  let frame = 0;
+  const shoot = async (ms) => {
+    const file = path.join(frames, `${String(frame++).padStart(3, "0")}.png`);
+    await page.screenshot({ path: file });
+    return ["-d", String(ms), file];
+  };
+  const words = [];
+  await page.keyboard.press("1");
+  const width = entry(page, "similarity_sigma");
+  for (const value of ["0.02s", "0.05s", "0.1s", "0.2s", "0.35s", "0.6s", "0.9s", "1.3s", "1.8s"]) {
+    await width.fill(value);
+    await page.keyboard.press("Enter");
+    await settled(page);
+    await page.waitForTimeout(1200);
+    words.push(...(await shoot(260)));
+  }
+  await page.keyboard.press("2");
+  const handle = page.locator(".wipe");
+  for (const share of [0.15, 0.25, 0.35, 0.45, 0.55, 0.65, 0.75, 0.85, 0.7, 0.5]) {
+    const box = await page.locator(".stage").boundingBox();
+    const grip = await handle.boundingBox();
+    await page.mouse.move(grip.x + grip.width / 2, box.y + box.height / 2);
+    await page.mouse.down();
+    await page.mouse.move(box.x + share * box.width, box.y + box.height / 2);
+    await page.mouse.up();
+    await page.waitForTimeout(400);
+    words.push(...(await shoot(share === 0.5 ? 1500 : 140)));
+  }
+  const animation = path.join(kSource, "docs/pictures/viewer.webp");
+  const made = spawnSync("img2webp", ["-loop", "0", "-lossy", "-q", "60", "-m", "6", ...words, "-o", animation]);
+  assert.equal(made.status, 0, "img2webp of Debian's webp is needed");
 });
