@@ -88,7 +88,7 @@ function faintTexts() {
   const faint = [];
   for (const element of document.body.querySelectorAll("*")) {
     const text = [...element.childNodes].filter((node) => node.nodeType === 3).map((node) => node.data.trim()).join("") || element.value;
-    if (!text || element.disabled || !element.checkVisibility() || element.tagName === "OPTION" || element.type === "range") continue;
+    if (!text || element.disabled || !element.checkVisibility() || element.tagName === "OPTION" || ["range", "checkbox"].includes(element.type)) continue;
     const [a, b] = [luminance(channels(getComputedStyle(element).color)), luminance(behind(element))];
     const contrast = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
     if (contrast < 4.5) faint.push(`${text.slice(0, 30)}: ${contrast.toFixed(2)}`);
@@ -392,7 +392,9 @@ test("pictures of the README", process.env.POINTFAIR_UPDATE_PICTURES ? withModel
     await page.waitForTimeout(1200);
     words.push(...(await shoot(260)));
   }
+  await canvas(page).focus();
   await page.keyboard.press("2");
+  await page.evaluate(() => document.activeElement.blur());
   const handle = page.locator(".wipe");
   for (const share of [0.15, 0.25, 0.35, 0.45, 0.55, 0.65, 0.75, 0.85, 0.7, 0.5]) {
     const box = await page.locator(".stage").boundingBox();

@@ -15,9 +15,10 @@ type ColourMode = keyof typeof kColourModes;
 const kFieldOfView = 40;
 const kSlowFrame = 50; // ms; while things change slower frames become coarser, then hold fewer points
 const kCoarsest = 0.5;
-const kRestDelay = 180;
+const kRestDelay = 350;
 const kRoundFrom = 4.5; // pixels; smaller points are squares
 const kMinDrawn = 20000;
+const kLeastShare = 0.3; // of the points, while only their displacements change
 
 export class Scene {
   readonly canvas: HTMLCanvasElement;
@@ -439,7 +440,7 @@ export class Scene {
     if (this.glide) this.followGlide(now);
     const coarse = this.changing && !whole;
     const start = performance.now();
-    this.drawParts(coarse && this.moving ? this.share : 1, coarse ? this.fineness : 1);
+    this.drawParts(coarse ? this.share : 1, coarse ? this.fineness : 1);
     if (coarse) this.adapt(performance.now() - start, now);
     this.onFrame();
   }
@@ -450,10 +451,10 @@ export class Scene {
     const between = now - this.lastFrame;
     this.lastFrame = now;
     const time = between < 500 ? Math.max(spent, between) : spent;
-    const least = Math.min(1, kMinDrawn / Math.max(1, this.count));
+    const least = Math.min(1, Math.max(kMinDrawn / Math.max(1, this.count), this.moving ? 0 : kLeastShare));
     if (time > kSlowFrame) {
       if (this.fineness > kCoarsest) this.fineness = Math.max(kCoarsest, this.fineness * 0.8);
-      else if (this.moving) this.share = Math.max(least, this.share * 0.7);
+      else this.share = Math.max(least, this.share * 0.7);
     } else if (time < kSlowFrame / 2) {
       if (this.share < 1) this.share = Math.min(1, this.share * 1.15);
       else this.fineness = Math.min(1, this.fineness * 1.1);
