@@ -266,8 +266,7 @@ test("100,000 points: ready in 3 s, 5 pictures a second while a slider is pulled
   assert.ok(ready < 3000, `ready after ${ready} ms`);
   assert.ok(rate >= 5, `${rate} pictures a second`);
   await settled(page);
-  const byHand = page.locator('button.auto[aria-pressed="false"]');
-  while (await byHand.count()) await byHand.first().click();
+  for (const name of ["k", "passes", "similarity_sigma"]) await page.locator(`[data-param="${name}"] button.auto`).click();
   await settled(page);
   await page.locator("#save").click();
   await page.waitForFunction(() => document.body.dataset.saved);
