@@ -26,6 +26,7 @@ TEST(ViewerOrder, HoldsEveryPointOnceAndKnowsItsPlace) {
       ASSERT_LT(index, n);
       EXPECT_FALSE(seen[index]) << n;
       seen[index] = true;
+      EXPECT_EQ(order.next(index), order.index(place + 1)) << n;
       EXPECT_EQ(order.place(index), place) << n;
     }
   }

@@ -24,6 +24,11 @@ class Order {
 
   /// The index in the file of the point at `place`.
   std::uint32_t index(std::uint64_t place) const { return static_cast<std::uint32_t>(place * stride_ % n_); }
+  /// The index at the place after that of `index`, without a division.
+  std::uint32_t next(std::uint32_t index) const {
+    const std::uint64_t following = index + stride_;
+    return static_cast<std::uint32_t>(following >= n_ ? following - n_ : following);
+  }
   /// The place of the point that has `index` in the file.
   std::uint32_t place(std::uint64_t index) const { return static_cast<std::uint32_t>(index * inverse_ % n_); }
 

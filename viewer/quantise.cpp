@@ -46,8 +46,7 @@ struct Encoder {
   float step;
 
   // In steps; 0 where a point is not finite.
-  Point displacement(std::size_t place, Block& block) const {
-    const std::size_t i = order.index(place);
+  Point displacement(std::uint32_t i, Block& block) const {
     const Point d = minus(after[i], before[i]);
     if (!is_finite(d)) return {0, 0, 0};
     const double squared = double{d.x} * d.x + double{d.y} * d.y + double{d.z} * d.z, length = std::sqrt(squared);
@@ -63,8 +62,9 @@ struct Encoder {
     block.exceptions.insert(block.exceptions.end(), {d.x * step, d.y * step, d.z * step});
   }
 
-  void encode(std::size_t place, Block& block, std::int16_t* out, std::bool_constant<true> /*along normals*/) const {
-    const Point d = displacement(place, block);
+  void encode(std::size_t place, std::uint32_t index, Block& block, std::int16_t* out,
+              std::bool_constant<true> /*along normals*/) const {
+    const Point d = displacement(index, block);
     const Point n = decode_normal({normals[2 * place], normals[2 * place + 1]});
     const std::int16_t steps = to_steps(dot(d, n));
     const Point off = minus(d, {n.x * steps, n.y * steps, n.z * steps});
@@ -73,8 +73,9 @@ struct Encoder {
     if (!close) except(place, d, block);
   }
 
-  void encode(std::size_t place, Block& block, std::int16_t* out, std::bool_constant<false>) const {
-    const Point d = displacement(place, block);
+  void encode(std::size_t place, std::uint32_t index, Block& block, std::int16_t* out,
+              std::bool_constant<false>) const {
+    const Point d = displacement(index, block);
     const bool close = std::max({std::abs(d.x), std::abs(d.y), std::abs(d.z)}) <= kUnit;
     out[3 * place] = close ? to_steps(d.x) : std::int16_t{0};
     out[3 * place + 1] = close ? to_steps(d.y) : std::int16_t{0};
@@ -108,8 +109,10 @@ Displacements encode_all(const Encoder& encoder, std::size_t count) {
   std::vector<std::int16_t> values(count * (along_normals ? 1 : 3));
   std::vector<Block> blocks((count + kBlock - 1) / kBlock);
   tbb::parallel_for(std::size_t{0}, blocks.size(), [&](std::size_t b) {
-    for (std::size_t place = b * kBlock; place < std::min(count, (b + 1) * kBlock); ++place)
-      encoder.encode(place, blocks[b], values.data(), std::bool_constant<along_normals>{});
+    std::uint32_t index = encoder.order.index(b * kBlock);
+    for (std::size_t place = b * kBlock; place < std::min(count, (b + 1) * kBlock);
+         ++place, index = encoder.order.next(index))
+      encoder.encode(place, index, blocks[b], values.data(), std::bool_constant<along_normals>{});
   });
   return joined(blocks, std::move(values), along_normals);
 }
@@ -141,8 +144,9 @@ Point decode_normal(OctNormal normal) {
 std::vector<std::int16_t> encode_normals(std::span<const Point> normals, const Order& order, std::size_t count) {
   std::vector<std::int16_t> result(2 * count);
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, kBlock), [&](const auto& range) {
-    for (std::size_t place = range.begin(); place < range.end(); ++place) {
-      const OctNormal normal = encode_normal(normals[order.index(place)]);
+    std::uint32_t index = order.index(range.begin());
+    for (std::size_t place = range.begin(); place < range.end(); ++place, index = order.next(index)) {
+      const OctNormal normal = encode_normal(normals[index]);
       result[2 * place] = normal.u;
       result[2 * place + 1] = normal.v;
     }
