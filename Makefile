@@ -10,13 +10,14 @@ PREFIX ?= /usr/local
 FUZZ_SECONDS ?= 60
 FUZZ_TARGETS = $(notdir $(wildcard build/fuzz/bin/fuzz_*))
 
-.PHONY: help demo build test bench fuzz format docs asan tsan clean install
+.PHONY: help demo build test bench bench-viewer fuzz format docs asan tsan clean install
 
 help:
 	@echo "make build    the program, build/bin/pointfair"
 	@echo "make demo     fair a noisy Armadillo and a real scan, with a table and a picture in build/demo"
 	@echo "make test     all tests"
 	@echo "make bench    time every stage and the peers"
+	@echo "make bench-viewer  time the viewer over its WebSocket, 100,000 and 1M points"
 	@echo "make fuzz     every file reader under a fuzzer, $(FUZZ_SECONDS) s each (FUZZ_SECONDS=N)"
 	@echo "make format   clang-format on every C++ file"
 	@echo "make docs     the reference of the public headers, build/docs/html"
@@ -48,6 +49,14 @@ bench:
 	cmake --preset $(preset) -B build/bench -DPOINTFAIR_TESTS=OFF -DPOINTFAIR_BENCH=ON
 	cmake --build build/bench
 	bench/compare_peers.py --build build/bench
+
+bench-viewer:
+	@$(install) build
+	cmake --preset $(preset) -DPOINTFAIR_TESTS=OFF
+	cmake --build build
+	cmake --build build --target bench_viewer
+	build/bin/bench_viewer --program build/bin/pointfair --points 100000
+	build/bin/bench_viewer --program build/bin/pointfair --points 1000000
 
 fuzz:
 	@$(install) build test fuzz

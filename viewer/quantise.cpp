@@ -31,6 +31,27 @@ std::int16_t to_steps(float x) { return static_cast<std::int16_t>(std::lrint(std
 Point minus(const Point& a, const Point& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
 float dot(const Point& a, const Point& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 
+// Indices of places one after the other, and those of places to come: the order leaps through memory, so what is needed
+// soon is asked for now.
+class Walk {
+ public:
+  Walk(const Order& order, std::size_t place, std::size_t count)
+      : order_(order), index_(order.index(place)), ahead_(order.index((place + kAhead) % count)) {}
+  std::uint32_t index() const { return index_; }
+  std::uint32_t ahead() const { return ahead_; }
+  void step() {
+    index_ = order_.next(index_);
+    ahead_ = order_.next(ahead_);
+  }
+
+ private:
+  static constexpr std::size_t kAhead = 24;
+  const Order& order_;
+  std::uint32_t index_, ahead_;
+};
+
+void prefetch(const Point* point) { __builtin_prefetch(point); }
+
 // What one block of places gave.
 struct Block {
   std::vector<std::uint32_t> places;
@@ -109,10 +130,12 @@ Displacements encode_all(const Encoder& encoder, std::size_t count) {
   std::vector<std::int16_t> values(count * (along_normals ? 1 : 3));
   std::vector<Block> blocks((count + kBlock - 1) / kBlock);
   tbb::parallel_for(std::size_t{0}, blocks.size(), [&](std::size_t b) {
-    std::uint32_t index = encoder.order.index(b * kBlock);
-    for (std::size_t place = b * kBlock; place < std::min(count, (b + 1) * kBlock);
-         ++place, index = encoder.order.next(index))
-      encoder.encode(place, index, blocks[b], values.data(), std::bool_constant<along_normals>{});
+    Walk walk(encoder.order, b * kBlock, count);
+    for (std::size_t place = b * kBlock; place < std::min(count, (b + 1) * kBlock); ++place, walk.step()) {
+      prefetch(&encoder.before[walk.ahead()]);
+      prefetch(&encoder.after[walk.ahead()]);
+      encoder.encode(place, walk.index(), blocks[b], values.data(), std::bool_constant<along_normals>{});
+    }
   });
   return joined(blocks, std::move(values), along_normals);
 }
@@ -144,9 +167,10 @@ Point decode_normal(OctNormal normal) {
 std::vector<std::int16_t> encode_normals(std::span<const Point> normals, const Order& order, std::size_t count) {
   std::vector<std::int16_t> result(2 * count);
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, kBlock), [&](const auto& range) {
-    std::uint32_t index = order.index(range.begin());
-    for (std::size_t place = range.begin(); place < range.end(); ++place, index = order.next(index)) {
-      const OctNormal normal = encode_normal(normals[index]);
+    Walk walk(order, range.begin(), count);
+    for (std::size_t place = range.begin(); place < range.end(); ++place, walk.step()) {
+      prefetch(&normals[walk.ahead()]);
+      const OctNormal normal = encode_normal(normals[walk.index()]);
       result[2 * place] = normal.u;
       result[2 * place + 1] = normal.v;
     }
