@@ -16,6 +16,7 @@ const kFieldOfView = 40;
 const kSlowFrame = 50; // ms; while things change slower frames become coarser, then hold fewer points
 const kCoarsest = 0.5;
 const kRestDelay = 350;
+const kLongestFrame = 3000;
 const kRoundFrom = 4.5; // pixels; smaller points are squares
 const kMinDrawn = 20000;
 const kLeastShare = 0.3; // of the points, while only their displacements change
@@ -46,6 +47,7 @@ export class Scene {
   private share = 1; // of the points, drawn while moving
   private fineness = 1; // of the picture while it changes
   private changing = false;
+  private restDelay = kRestDelay;
   private holding = false;
   private glide: { from: THREE.Vector3; to: THREE.Vector3; eye: THREE.Vector3; start: number } | null = null;
   view!: View;
@@ -345,13 +347,15 @@ export class Scene {
   private touch(): void {
     this.changing = true;
     clearTimeout(this.restTimer);
-    this.restTimer = window.setTimeout(() => this.rest(), kRestDelay);
+    this.restTimer = window.setTimeout(() => this.rest(), this.restDelay);
     this.render();
   }
 
   private rest(): void {
     const moved = this.moving;
     this.moving = this.changing = false;
+    this.restDelay = kRestDelay;
+    this.lastFrame = -Infinity;
     if (this.fineness < 1 || this.share < 1) this.render();
     if (!moved) return;
     this.view.camera = [...this.camera.position.toArray(), ...this.controls.target.toArray()];
@@ -445,16 +449,18 @@ export class Scene {
     this.onFrame();
   }
 
-  // The call returns before the picture is there, so the time between frames counts too.
+  // The calls return before the picture is there, so between frames of one movement the time from one to the next counts.
   private lastFrame = 0;
   private adapt(spent: number, now: number): void {
     const between = now - this.lastFrame;
     this.lastFrame = now;
-    const time = between < 500 ? Math.max(spent, between) : spent;
+    const time = between < kLongestFrame ? Math.max(spent, between) : spent;
+    this.restDelay = Math.max(kRestDelay, 2 * time);
     const least = Math.min(1, Math.max(kMinDrawn / Math.max(1, this.count), this.moving ? 0 : kLeastShare));
     if (time > kSlowFrame) {
-      if (this.fineness > kCoarsest) this.fineness = Math.max(kCoarsest, this.fineness * 0.8);
-      else this.share = Math.max(least, this.share * 0.7);
+      const factor = Math.max(0.5, kSlowFrame / time);
+      if (this.fineness > kCoarsest) this.fineness = Math.max(kCoarsest, this.fineness * factor);
+      else this.share = Math.max(least, this.share * factor);
     } else if (time < kSlowFrame / 2) {
       if (this.share < 1) this.share = Math.min(1, this.share * 1.15);
       else this.fineness = Math.min(1, this.fineness * 1.1);
