@@ -20,12 +20,16 @@ struct NeighborSettings {
   int k = 0;         // 0: no list, everything within `radius` is summed directly
   float radius = 0;  // 0: no limit
   bool constraint = false;
-  float reach = 0;  // rho + delta
+  float reach = 0;   // rho + delta
+  int widening = 0;  // without a list: squared radii grow by the squared distance to this many nearest; 0: not at all
   friend bool operator==(const NeighborSettings&, const NeighborSettings&) = default;
 };
 struct NormalSettings {
   bool weighted = true;
   float sigma = 0;
+  bool of_radius = false;  // sigma is a multiple of the point's radius; only without a list
+  int filter_rounds = 0;
+  int filter_angle = 0;  // degrees
   friend bool operator==(const NormalSettings&, const NormalSettings&) = default;
 };
 struct FairingSettings {
@@ -33,6 +37,10 @@ struct FairingSettings {
   AreaWeight area_weight = AreaWeight::none;
   float closeness_sigma = 0;
   float similarity_sigma = 0;
+  bool closeness_of_radius = false;  // as in NormalSettings
+  bool two_planes = false;           // Eq. 10 instead of the paper's step
+  int facing_angle = 0;              // degrees, of Eq. 10; 0: normals do not weigh
+  float strength = 1;                // share of the displacement that is made
   friend bool operator==(const FairingSettings&, const FairingSettings&) = default;
 };
 

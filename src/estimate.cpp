@@ -16,7 +16,6 @@ constexpr std::size_t kSpacingSamples = 2000, kNoiseSamples = 500;
 constexpr int kSpacingNeighbors = 6;
 constexpr int kFirstFit = 24, kLargestFit = 600;
 constexpr double kFitGrowth = 1.4;
-constexpr double kLongestAutomaticList = 24;
 
 // Scattered over the upload order by a low-discrepancy sequence (multiples of the golden ratio), so that a period in
 // the order of the file (rows of a scanner) is not met in step.
@@ -215,10 +214,35 @@ Noise measure_noise(Backend& backend, std::uint64_t points) {
   return {quantile(sigmas, 0.35), quantile(spacings, 0.5)};
 }
 
+namespace {
+
+// Neighbourhoods are balls whose radius follows noise and density, unless the caller says otherwise.
+bool chooses_balls(const Params& p) { return p.k == kAutomatic && p.radius.is_automatic() && !p.constraint; }
+bool sums_balls(const Params& p) { return p.k == kAutomatic && !p.constraint; }
+
+constexpr double kNoiseRadius = 2.5;       // radius of a ball on top of the spacing, in sigmas
+constexpr int kWidening = 16;              // and the neighbours that make up the spacing's part
+constexpr double kNormalWidth = 1.4;       // of a ball's radius
+constexpr double kClosenessWidth = 0.6;    // of a ball's radius
+constexpr double kSimilarityWidth = 3;     // sigmas
+constexpr double kTrustedNoise = 0.16;     // spacings; noise below it is hard to tell from shape
+constexpr int kNormalAngle = 20, kFacingAngle = 40;  // degrees
+constexpr int kPasses = 2;
+
+// Percent. Next to nothing where the noise estimate is small against the spacing, so that clean clouds stay clean.
+int automatic_strength(double sigma, double spacing) {
+  if (!(sigma > 0)) return 1;
+  const double ratio = kTrustedNoise * spacing / sigma;
+  return std::max(1, int(std::lround(100 / (1 + ratio * ratio * ratio * ratio))));
+}
+
+}  // namespace
+
 bool needs_noise(const Params& p) {
   const bool k_follows = p.k == kAutomatic && p.radius.is_automatic();
-  return k_follows || p.normal_sigma.is_automatic() || p.closeness_sigma.is_automatic() ||
-         p.similarity_sigma.is_automatic() || (p.constraint && p.delta.is_automatic());
+  return k_follows || (p.strength == kAutomatic && sums_balls(p)) || p.normal_sigma.is_automatic() ||
+         p.closeness_sigma.is_automatic() || p.similarity_sigma.is_automatic() ||
+         (p.constraint && p.delta.is_automatic());
 }
 
 bool needs_spacing(const Params& p) {
@@ -240,38 +264,48 @@ Params resolve_params(const Params& params, const Spacing& spacing, const Noise&
       case Length::Unit::spacing:
         return length.value * spacing.mean;
       case Length::Unit::file:
+      case Length::Unit::radius:
         break;
     }
     return length;
   };
   Params used = params;
+  const bool by_ball = sums_balls(params);
   // Where a square of side s holds one point, pi (R / s)^2 points lie within R of one.
   const double s = noise.surface_spacing > 0 ? noise.surface_spacing : spacing.mean;
-  double reach = 0;  // radius of the neighbourhoods
-  if (!params.radius.is_automatic()) {
-    used.radius = in_file_units(params.radius, 0);
-    reach = used.radius.value;
-  } else if (params.k == kAutomatic) {
-    // wide enough for 11 points and wide against the noise; a long list costs more than sums over a ball
-    const double wide = std::hypot(3 * noise.sigma, s * std::sqrt(11 / std::numbers::pi));
-    const double count = s > 0 ? std::numbers::pi * (wide / s) * (wide / s) : 11;
-    if (count <= kLongestAutomaticList || params.constraint) {
+  double list_radius = 0;
+  if (!params.radius.is_automatic()) used.radius = in_file_units(params.radius, 0);
+  if (chooses_balls(params)) {
+    used.radius = in_file_units({}, kNoiseRadius * noise.sigma);
+    if (params.widening == kAutomatic) used.widening = kWidening;
+  } else if (!by_ball) {
+    if (params.k == kAutomatic) {  // wide enough for 11 points and wide against the noise
+      const double wide = std::hypot(3 * noise.sigma, s * std::sqrt(11 / std::numbers::pi));
+      const double count = s > 0 ? std::numbers::pi * (wide / s) * (wide / s) : 11;
       used.k = int(std::min<double>(count, kMaxNeighbors));
-    } else {
-      used.radius = wide;
     }
-    reach = wide;
+    list_radius = s * std::sqrt(used.k / std::numbers::pi);
+    if (!used.radius.is_automatic()) list_radius = std::min(list_radius, used.radius.value);
   }
-  if (used.k != kAutomatic) {
-    const double filled = s * std::sqrt(used.k / std::numbers::pi);
-    reach = reach > 0 ? std::min(reach, filled) : filled;
-  }
+  // the width of a Gaussian: by the ball of each point, or by what a list of k reaches on average
+  const auto width = [&](const Length& length, double of_ball, double of_list) -> Length {
+    if (by_ball) return length.is_automatic() ? Length(of_ball, Length::Unit::radius) : in_file_units(length, 0);
+    if (length.unit == Length::Unit::radius) return std::max(length.value * list_radius, least);
+    return in_file_units(length, of_list * list_radius);
+  };
   used.rho = in_file_units(params.rho, spacing.rho);
   used.delta = in_file_units(params.delta, 2.5 * noise.sigma);
-  used.normal_sigma = in_file_units(params.normal_sigma, reach);
-  used.closeness_sigma = in_file_units(params.closeness_sigma, 0.5 * reach);  // Fleishman 2003: radius = 2 sigma_c
-  used.similarity_sigma = in_file_units(params.similarity_sigma, std::max(3 * noise.sigma, 0.05 * s));
-  if (params.passes == kAutomatic) used.passes = 2;
+  used.normal_sigma = width(params.normal_sigma, kNormalWidth, 1);
+  used.closeness_sigma = width(params.closeness_sigma, kClosenessWidth, 0.5);  // Fleishman 2003: radius = 2 sigma_c
+  used.similarity_sigma = in_file_units(params.similarity_sigma, std::max(kSimilarityWidth * noise.sigma, 0.05 * s));
+  // A list is the paper's road: what the paper does not have is off unless asked for.
+  if (params.normal_filter == NormalFilter::automatic)
+    used.normal_filter = by_ball ? NormalFilter::on : NormalFilter::off;
+  if (params.planes == Planes::automatic) used.planes = by_ball ? Planes::both : Planes::own;
+  if (params.normal_angle == kAutomatic) used.normal_angle = kNormalAngle;
+  if (params.facing_angle == kAutomatic) used.facing_angle = kFacingAngle;
+  if (params.strength == kAutomatic) used.strength = by_ball ? automatic_strength(noise.sigma, s) : 100;
+  if (params.passes == kAutomatic) used.passes = kPasses;
   return used;
 }
 

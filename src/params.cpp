@@ -47,12 +47,16 @@ std::optional<double> number_of(std::string_view text) {
   return value;
 }
 
+// Widths of the Gaussians over distance.
+bool may_be_of_radius(const ParamInfo& info) { return info.name == "normal_sigma" || info.name == "closeness_sigma"; }
+
 std::string wanted_values(const ParamInfo& info) {
   const std::string automatic = info.automatic ? " or auto" : "";
   if (!info.values.empty()) return "one of " + std::string(info.values) + automatic;
   if (std::holds_alternative<int Params::*>(info.field))
     return "a whole number from " + number_text(info.min) + " to " + number_text(info.max) + automatic;
-  return "a positive length: 0.02 (file units), 0.5% (of the diagonal), 2s (mean spacings)" + automatic;
+  const std::string of_radius = may_be_of_radius(info) ? ", 0.6r (radii of the neighbourhood)" : "";
+  return "a positive length: 0.02 (file units), 0.5% (of the diagonal), 2s (mean spacings)" + of_radius + automatic;
 }
 
 Length length_of(const ParamInfo& info, std::string_view text) {
@@ -64,6 +68,9 @@ Length length_of(const ParamInfo& info, std::string_view text) {
     digits.remove_suffix(1);
   } else if (digits.ends_with('s')) {
     unit = Length::Unit::spacing;
+    digits.remove_suffix(1);
+  } else if (digits.ends_with('r') && may_be_of_radius(info)) {
+    unit = Length::Unit::radius;
     digits.remove_suffix(1);
   }
   const std::optional<double> value = number_of(digits);
@@ -81,6 +88,8 @@ std::string length_text(const Length& length) {
       return number_text(length.value) + "%";
     case Length::Unit::spacing:
       return number_text(length.value) + "s";
+    case Length::Unit::radius:
+      return number_text(length.value) + "r";
   }
   return "auto";
 }
@@ -143,7 +152,8 @@ struct CheckField {
   void operator()(Length Params::*field) const {
     const Length length = params.*field;
     if (length.is_automatic()) return;
-    if (!(length.value > 0) || !(length.value <= info.max)) refuse(info, length_text(length), wanted_values(info));
+    if (!(length.value > 0) || !(length.value <= info.max) ||
+        (length.unit == Length::Unit::radius && !may_be_of_radius(info))) refuse(info, length_text(length), wanted_values(info));
   }
   template <class Other>
   void operator()(Other Params::*) const {}
@@ -155,7 +165,10 @@ Params paper_preset() {
   Params params;
   params.k = 8;
   params.constraint = true;
+  params.normal_filter = NormalFilter::off;
   params.area_weight = AreaWeight::squared;
+  params.planes = Planes::own;
+  params.strength = 100;
   params.passes = 1;
   return params;
 }

@@ -23,6 +23,8 @@ double milliseconds_since(Clock::time_point start) {
 
 constexpr std::array<std::string_view, 4> kStageNames{"index", "neighbors", "normals", "fairing"};
 
+constexpr int kFilterRounds = 2;
+
 struct Settings {
   NeighborSettings neighbors;
   NormalSettings normals;
@@ -35,8 +37,23 @@ Settings settings_of(const Params& p) {
   s.neighbors.radius = p.radius.is_automatic() ? 0.0f : float(p.radius.value);
   s.neighbors.constraint = p.constraint;
   s.neighbors.reach = p.constraint ? float(p.rho.value + p.delta.value) : 0.0f;
-  s.normals = {p.normal_weights, p.normal_weights ? float(p.normal_sigma.value) : 0.0f};
-  s.fairing = {p.method, p.area_weight, float(p.closeness_sigma.value), float(p.similarity_sigma.value)};
+  s.neighbors.widening = p.k == 0 ? p.widening : 0;
+  const bool filters = p.normal_filter == NormalFilter::on;
+  if (p.normal_weights || filters) {
+    s.normals.sigma = float(p.normal_sigma.value);
+    s.normals.of_radius = p.normal_sigma.unit == Length::Unit::radius;
+  }
+  s.normals.weighted = p.normal_weights;
+  s.normals.filter_rounds = filters ? kFilterRounds : 0;
+  s.normals.filter_angle = filters ? p.normal_angle : 0;
+  s.fairing.method = p.method;
+  s.fairing.area_weight = p.area_weight;
+  s.fairing.closeness_sigma = float(p.closeness_sigma.value);
+  s.fairing.similarity_sigma = float(p.similarity_sigma.value);
+  s.fairing.closeness_of_radius = p.closeness_sigma.unit == Length::Unit::radius;
+  s.fairing.two_planes = p.planes == Planes::both;
+  s.fairing.facing_angle = s.fairing.two_planes ? p.facing_angle : 0;
+  s.fairing.strength = float(p.strength) / 100.0f;
   return s;
 }
 

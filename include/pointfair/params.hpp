@@ -11,13 +11,14 @@
 
 namespace pointfair {
 
-/// A length in one of four units. Plain numbers convert: `params.radius = 0.02`.
+/// A length in one of five units. Plain numbers convert: `params.radius = 0.02`.
 struct Length {
   enum class Unit : std::uint8_t {
     automatic,  ///< chosen from the data
     file,       ///< the unit of the cloud's coordinates
     percent,    ///< percent of the bounding-box diagonal; "0.5%" is 0.5
     spacing,    ///< multiple of the mean spacing; "2s" is 2
+    radius,     ///< multiple of the radius of each point's neighbourhood; "0.6r" is 0.6; widths of Gaussians only
   };
   double value = 0;
   Unit unit = Unit::automatic;
@@ -34,8 +35,11 @@ enum class Stage : std::uint8_t { index, neighbors, normals, fairing, passes };
 
 enum class Method : std::uint8_t { bilateral };
 enum class AreaWeight : std::uint8_t { none, length, squared };
+enum class NormalFilter : std::uint8_t { automatic, off, on };
+/// Which planes an offset is measured to: the point's own (paper eq. 2), or its own and the neighbour's alike.
+enum class Planes : std::uint8_t { automatic, own, both };
 
-inline constexpr int kAutomatic = 0;        ///< for `k` and `passes`: chosen from the data
+inline constexpr int kAutomatic = 0;        ///< for whole numbers: chosen from the data
 inline constexpr int kMaxNeighbors = 512;   ///< the longest neighbour list
 
 /// What to do. Defaults come from the data, so `Params{}` is a sound run on any cloud.
@@ -44,27 +48,35 @@ struct Params {
   // Only k given: k nearest. Only radius given: all within it, without a limit. Neither: chosen from the data.
   int k = kAutomatic;
   Length radius;
+  int widening = kAutomatic;  ///< without k: squared radii grow by the squared distance to so many nearest
   bool constraint = false;  ///< a point joins N only if d(q, N) < rho + delta; needs a list, so k
   Length rho;
   Length delta;
   // normals, paper eq. 3-5
   bool normal_weights = true;  ///< false: equal weights (Hoppe 1992)
   Length normal_sigma;
+  NormalFilter normal_filter = NormalFilter::automatic;  ///< two rounds of bilateral filtering of the normals
+  int normal_angle = kAutomatic;                         ///< of that filter, degrees
   // fairing, paper eq. 1, 2, 6
   Method method = Method::bilateral;
   Length closeness_sigma;
   Length similarity_sigma;
   AreaWeight area_weight = AreaWeight::none;
+  Planes planes = Planes::automatic;
+  int facing_angle = kAutomatic;  ///< with planes both: weight by the normals' agreement, degrees
+  int strength = kAutomatic;      ///< percent of the displacement that is made
   int passes = kAutomatic;
 
   friend bool operator==(const Params&, const Params&) = default;
 };
 
-/// The paper: k = 8, one pass, the constrained neighbourhood, squared area weight; lengths from the data.
+/// The paper: k = 8, one pass, the constrained neighbourhood, squared area weight, nothing that it does not know;
+/// lengths from the data.
 Params paper_preset();
 
 /// A pointer to the field that a row of the table describes.
-using ParamField = std::variant<int Params::*, bool Params::*, Length Params::*, Method Params::*, AreaWeight Params::*>;
+using ParamField = std::variant<int Params::*, bool Params::*, Length Params::*, Method Params::*,
+                                AreaWeight Params::*, NormalFilter Params::*, Planes Params::*>;
 
 /// One row of the table. `name` is the field's name; a flag writes it with '-' for '_'.
 struct ParamInfo {
@@ -80,15 +92,21 @@ struct ParamInfo {
 inline constexpr std::array kParams = {
     ParamInfo{"k", Stage::neighbors, &Params::k, 1, kMaxNeighbors, true, "", "nearest neighbours of a point, itself not counted"},
     ParamInfo{"radius", Stage::neighbors, &Params::radius, 0, 1e30, true, "", "neighbours lie within this distance; without --k there is no limit on their number"},
+    ParamInfo{"widening", Stage::neighbors, &Params::widening, 1, 64, true, "", "without --k: widens each point's radius by its distance to so many nearest (squares add), so that it follows the density"},
     ParamInfo{"constraint", Stage::neighbors, &Params::constraint, 0, 0, false, "on|off", "grow the neighbourhood without jumping a gap of rho + delta, so that it does not cross sharp features"},
     ParamInfo{"rho", Stage::neighbors, &Params::rho, 0, 1e30, true, "", "with --constraint: the largest gap of a sound sampling"},
     ParamInfo{"delta", Stage::neighbors, &Params::delta, 0, 1e30, true, "", "with --constraint: what noise adds to a gap"},
     ParamInfo{"normal_weights", Stage::normals, &Params::normal_weights, 0, 0, false, "on|off", "Gaussian weights in the normals; off: equal weights (Hoppe)"},
     ParamInfo{"normal_sigma", Stage::normals, &Params::normal_sigma, 0, 1e30, true, "", "width of the normals' Gaussian"},
+    ParamInfo{"normal_filter", Stage::normals, &Params::normal_filter, 0, 0, false, "auto|off|on", "two rounds of bilateral filtering of the normals, which keeps edges"},
+    ParamInfo{"normal_angle", Stage::normals, &Params::normal_angle, 1, 90, true, "", "with the normal filter: normals that differ by more than so many degrees do not mix"},
     ParamInfo{"method", Stage::fairing, &Params::method, 0, 0, false, "bilateral", "how a point moves"},
     ParamInfo{"closeness_sigma", Stage::fairing, &Params::closeness_sigma, 0, 1e30, true, "", "width of the Gaussian over distance"},
     ParamInfo{"similarity_sigma", Stage::fairing, &Params::similarity_sigma, 0, 1e30, true, "", "width of the Gaussian over height above the tangent plane; smaller keeps more"},
     ParamInfo{"area_weight", Stage::fairing, &Params::area_weight, 0, 0, false, "none|length|squared", "weight of a neighbour by the area it stands for: mean distance to its 5 nearest, squared, plain, or 1"},
+    ParamInfo{"planes", Stage::fairing, &Params::planes, 0, 0, false, "auto|own|both", "planes that offsets are measured to: the point's own (the paper), or its own and its neighbours' alike"},
+    ParamInfo{"facing_angle", Stage::fairing, &Params::facing_angle, 1, 90, true, "", "with planes both: neighbours whose normals differ by more than so many degrees hardly count"},
+    ParamInfo{"strength", Stage::fairing, &Params::strength, 1, 200, true, "", "percent of the displacement that is made"},
     ParamInfo{"passes", Stage::passes, &Params::passes, 1, 100, true, "", "how often the whole is repeated, neighbours searched again"},
 };
 

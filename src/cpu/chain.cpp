@@ -22,6 +22,10 @@ Chain::Chain(MemoryMeter& meter)
       normal_x_(meter),
       normal_y_(meter),
       normal_z_(meter),
+      squared_radius_(meter),
+      filtered_x_(meter),
+      filtered_y_(meter),
+      filtered_z_(meter),
       faired_(meter) {}
 
 void Chain::build_index(std::span<const Point> points, std::span<const Index> originals, SortSpace& space,
@@ -33,7 +37,14 @@ void Chain::build_index(std::span<const Point> points, std::span<const Index> or
 }
 
 void Chain::release_small_results() {
-  for (Buffer<float>* values : {&mean_distance_, &normal_x_, &normal_y_, &normal_z_}) values->release();
+  for (Buffer<float>* values : {&mean_distance_, &normal_x_, &normal_y_, &normal_z_, &squared_radius_, &filtered_x_,
+                                &filtered_y_, &filtered_z_})
+    values->release();
+}
+
+Neighborhoods Chain::neighborhoods() const {
+  return {{neighbors_.k, stored_k_, lists_.data()},
+          {squared_radius_.data(), neighbors_.radius * neighbors_.radius, neighbors_.widening}};
 }
 
 bool Chain::prefix_suffices(const NeighborSettings& settings) const {
@@ -72,6 +83,7 @@ void Chain::find_neighbors(const NeighborSettings& settings, const Kernels& kern
   lists_.resize(index.leaves * row);
   mean_distance_.resize(std::size_t(index.leaves) * kLeafSize);
   const float limit = settings.radius > 0 ? settings.radius * settings.radius : std::numeric_limits<float>::infinity();
+  if (!by_list()) measure_radii(kernels, stop);
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     ConstrainedSearch constrained(kernels, settings, limit);
     Index area_list[point::kAreaNeighbors * kLeafSize];
@@ -97,9 +109,25 @@ void Chain::find_neighbors(const NeighborSettings& settings, const Kernels& kern
   has_lists_ = true;
 }
 
+void Chain::measure_radii(const Kernels& kernels, const std::stop_token& stop) {
+  const IndexView index = index_.view();
+  squared_radius_.resize(std::size_t(index.leaves) * kLeafSize);
+  const float squared_base = neighbors_.radius * neighbors_.radius;
+  const int widening = neighbors_.widening;
+  for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
+    std::vector<Index> nearest(std::size_t(widening) * kLeafSize);
+    for (std::size_t leaf = first; leaf < last; ++leaf) {
+      if (widening > 0)
+        kernels.nearest(index, Index(leaf), widening, std::numeric_limits<float>::infinity(), nearest.data());
+      kernels.squared_radii(index, Index(leaf), nearest.data(), widening, squared_base,
+                            squared_radius_.data() + leaf * kLeafSize);
+    }
+  });
+}
+
 void Chain::estimate_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop) {
   const IndexView index = index_.view();
-  const point::NormalWeights weights = point::normal_weights(settings.weighted, settings.sigma);
+  const NormalRule rule{point::normal_weights(settings.weighted, settings.sigma), settings.of_radius};
   for (Buffer<float>* axis : {&normal_x_, &normal_y_, &normal_z_}) axis->resize(std::size_t(index.leaves) * kLeafSize);
   const NormalsOut out{normal_x_.data(), normal_y_.data(), normal_z_.data()};
   std::atomic<std::uint64_t> too_few = 0, no_normal = 0;
@@ -107,20 +135,11 @@ void Chain::estimate_normals(const NormalSettings& settings, const Kernels& kern
     std::uint64_t too_few_here = 0, no_normal_here = 0;
     unsigned found[kLeafSize];
     for (std::size_t leaf = first; leaf < last; ++leaf) {
-      const Index* list = lists_.data() + leaf * stored_k_ * kLeafSize;
-      if (by_list()) {
-        kernels.normals(index, Index(leaf), lists(), weights, out);
-      } else {
-        kernels.normals_in_ball(index, Index(leaf), ball(), weights, out, found);
-      }
+      kernels.normals(index, Index(leaf), neighborhoods(), rule, out, found);
       const Index points = std::min<Index>(kLeafSize, index.points - Index(leaf) * kLeafSize);
       for (Index lane = 0; lane < points; ++lane) {
-        constexpr Index kNeeded = point::kLeastNeighbors;
-        const bool enough =
-            by_list() ? neighbors_.k >= int(kNeeded) && list[(kNeeded - 1) * kLeafSize + lane] != point::kNoNeighbor
-                      : found[lane] >= kNeeded;
         const std::size_t i = leaf * kLeafSize + lane;
-        if (!enough) {
+        if (found[lane] < unsigned(point::kLeastNeighbors)) {
           ++too_few_here;
         } else if (out.x[i] == 0 && out.y[i] == 0 && out.z[i] == 0) {
           ++no_normal_here;
@@ -132,25 +151,41 @@ void Chain::estimate_normals(const NormalSettings& settings, const Kernels& kern
   });
   counts_.unmoved.too_few_neighbors = too_few;
   counts_.unmoved.no_normal = no_normal;
+  filter_normals(settings, kernels, stop);
+}
+
+void Chain::filter_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop) {
+  if (settings.filter_rounds == 0) return;
+  const IndexView index = index_.view();
+  const NormalRule rule{point::normal_weights(settings.weighted, settings.sigma), settings.of_radius};
+  const float inverse_turn = point::inverse_turn(settings.filter_angle);
+  for (Buffer<float>* axis : {&filtered_x_, &filtered_y_, &filtered_z_}) axis->resize(normal_x_.size());
+  for (int round = 0; round < settings.filter_rounds; ++round) {
+    const NormalsOut out{filtered_x_.data(), filtered_y_.data(), filtered_z_.data()};
+    for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
+      for (std::size_t leaf = first; leaf < last; ++leaf)
+        kernels.filter_normals(index, Index(leaf), neighborhoods(), rule, inverse_turn, normals(), out);
+    });
+    std::swap(normal_x_, filtered_x_);
+    std::swap(normal_y_, filtered_y_);
+    std::swap(normal_z_, filtered_z_);
+  }
+  for (Buffer<float>* axis : {&filtered_x_, &filtered_y_, &filtered_z_}) axis->release();
 }
 
 void Chain::fair(const FairingSettings& settings, const Kernels& kernels, const std::stop_token& stop) {
   const IndexView index = index_.view();
-  const point::BilateralWeights weights = point::bilateral_weights(settings.closeness_sigma, settings.similarity_sigma);
+  const FairingRule rule{point::bilateral_weights(settings.closeness_sigma, settings.similarity_sigma),
+                         settings.closeness_of_radius, settings.two_planes, point::inverse_turn(settings.facing_angle),
+                         settings.strength};
   const int power = settings.area_weight == AreaWeight::squared  ? 2
                     : settings.area_weight == AreaWeight::length ? 1
                                                                  : 0;
   const AreaView area{mean_distance_.data(), power};
   faired_.resize(std::size_t(index.leaves) * kLeafSize);
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
-    for (std::size_t leaf = first; leaf < last; ++leaf) {
-      float* xyz = &faired_[leaf * kLeafSize].x;
-      if (by_list()) {
-        kernels.fair(index, Index(leaf), lists(), normals(), area, weights, xyz);
-      } else {
-        kernels.fair_in_ball(index, Index(leaf), ball(), normals(), area, weights, xyz);
-      }
-    }
+    for (std::size_t leaf = first; leaf < last; ++leaf)
+      kernels.fair(index, Index(leaf), neighborhoods(), normals(), area, rule, &faired_[leaf * kLeafSize].x);
   });
 }
 

@@ -32,15 +32,18 @@ class Chain {
   void swap_faired(Buffer<Point>& other) { std::swap(faired_, other); }
 
  private:
-  NeighborView lists() const { return {neighbors_.k, stored_k_, lists_.data()}; }
-  Ball ball() const { return {neighbors_.radius * neighbors_.radius}; }
+  Neighborhoods neighborhoods() const;
   bool by_list() const { return neighbors_.k > 0; }
   bool prefix_suffices(const NeighborSettings& settings) const;
+  void measure_radii(const Kernels& kernels, const std::stop_token& stop);
+  void filter_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop);
   void count_short(const std::stop_token& stop);
 
   SpatialIndex index_;
   Buffer<Index> lists_;
   Buffer<float> mean_distance_, normal_x_, normal_y_, normal_z_;
+  Buffer<float> squared_radius_;  // without a list
+  Buffer<float> filtered_x_, filtered_y_, filtered_z_;
   Buffer<Point> faired_;
   NeighborSettings neighbors_;
   int stored_k_ = 0;        // length of the stored lists; a smaller k is a prefix of them

@@ -47,9 +47,33 @@ struct NeighborView {
   const Index* list;
 };
 
-// Everything within `squared_radius`, when there is no list.
+// Everything within a radius, when there is no list: R_i^2 = radius^2 + r_i^2, where r_i is the distance of point i to
+// its `widening`-th nearest; the same radius for all if that is 0. A ball that would hold many more than kBallPoints
+// points is thinned to about so many, by a hash of the original index.
 struct Ball {
-  float squared_radius;
+  const float* squared_radius;  // of each sorted point
+  float squared_base;
+  int widening;
+};
+inline constexpr float kBallPoints = 400;
+
+// Where the neighbours of a pack come from: a list, or a ball if lists.k is 0.
+struct Neighborhoods {
+  NeighborView lists;
+  Ball ball;
+};
+
+// Whether a Gaussian's sigma is a multiple of the ball's radius, or a length.
+struct NormalRule {
+  point::NormalWeights weights;
+  bool of_radius;
+};
+struct FairingRule {
+  point::BilateralWeights weights;
+  bool of_radius;
+  bool two_planes;     // Eq. 10 instead of the paper's step
+  float inverse_turn;  // of Eq. 10
+  float strength;      // share of the displacement that is made
 };
 
 struct AreaView {
@@ -78,13 +102,15 @@ struct Kernels {
   // Constrained neighbourhoods of the leaf's points among the `count` nearest of each, as `nearest` gives them; bit l
   // of the result is set if no candidate beyond those could join that of lane l. count <= 1024.
   unsigned (*grow)(const IndexView&, Index leaf, const Index* candidates, int count, int k, float reach, Index* list);
+  // R_i^2 of a ball, from lists of the `widening` nearest (or as many as there are).
+  void (*squared_radii)(const IndexView&, Index leaf, const Index* list, int widening, float squared_base, float* out);
   // Mean distance to the first `count` entries of a list of k, or as many as it holds.
   void (*mean_distances)(const IndexView&, Index leaf, const Index* list, int count, float* out);
-  void (*normals)(const IndexView&, Index leaf, NeighborView, point::NormalWeights, NormalsOut);
-  void (*normals_in_ball)(const IndexView&, Index leaf, Ball, point::NormalWeights, NormalsOut,
-                          unsigned* neighbor_counts);
-  void (*fair)(const IndexView&, Index leaf, NeighborView, NormalsView, AreaView, point::BilateralWeights, float* xyz);
-  void (*fair_in_ball)(const IndexView&, Index leaf, Ball, NormalsView, AreaView, point::BilateralWeights, float* xyz);
+  // neighbor_counts receives how many neighbours each point has.
+  void (*normals)(const IndexView&, Index leaf, Neighborhoods, NormalRule, NormalsOut, unsigned* neighbor_counts);
+  void (*filter_normals)(const IndexView&, Index leaf, Neighborhoods, NormalRule, float inverse_turn, NormalsView,
+                         NormalsOut);
+  void (*fair)(const IndexView&, Index leaf, Neighborhoods, NormalsView, AreaView, FairingRule, float* xyz);
 };
 
 // The kernels of the best instruction set that this processor has; POINTFAIR_ISA=sse2|avx2|avx512 asks for a lesser

@@ -9,174 +9,274 @@
 
 namespace pointfair::cpu::POINTFAIR_ISA {
 
-// Calls visit(offset, position, inside) for each listed neighbour of the pack at `start`, slot by slot.
+// What belongs to a neighbour, read by its sorted position: another one in each lane, or the same in all.
+struct Gathered {
+  Ints at;
+  POINTFAIR_INLINE Floats of(const float* values) const { return gather(values, at); }
+};
+struct Shared {
+  Index at;
+  POINTFAIR_INLINE Floats of(const float* values) const { return broadcast(values[at]); }
+};
+
+// Each of the two ways to the neighbours of a pack calls visit(offset, there, inside) for each of them, always in the
+// same order; `squared_radius` is that of their neighbourhoods.
+
 // Lists fill from the front, so the walk ends at the first slot that is empty in every lane.
-template <class Visit>
-POINTFAIR_INLINE void for_listed(const IndexView& index, Index start, const Index* pack_list, int k, Visit visit) {
-  const point::Vec3<Floats> here = {load(index.x + start), load(index.y + start), load(index.z + start)};
-  const Ints empty = broadcast(int(point::kNoNeighbor));
-  for (int slot = 0; slot < k; ++slot) {
-    const Ints listed = load(pack_list + slot * kLeafSize);
-    const Mask inside = listed != empty;
-    if (!any(inside)) return;
-    const Ints at = select(inside, listed, broadcast(0));
-    const point::Vec3<Floats> there = {gather(index.x, at), gather(index.y, at), gather(index.z, at)};
-    visit(there - here, at, inside);
+class ListWalk {
+ public:
+  // list[slot * 16] is the first lane's entry
+  POINTFAIR_INLINE ListWalk(const IndexView& index, Index start, const Index* list, int k)
+      : index_(index), start_(start), list_(list), k_(k) {}
+
+  template <class Visit>
+  POINTFAIR_INLINE void operator()(Visit visit) const {
+    const point::Vec3<Floats> here = {load(index_.x + start_), load(index_.y + start_), load(index_.z + start_)};
+    const Ints empty = broadcast(int(point::kNoNeighbor));
+    for (int slot = 0; slot < k_; ++slot) {
+      const Ints listed = load(list_ + slot * kLeafSize);
+      const Mask inside = listed != empty;
+      if (!any(inside)) return;
+      const Gathered at{select(inside, listed, broadcast(0))};
+      const point::Vec3<Floats> there = {at.of(index_.x), at.of(index_.y), at.of(index_.z)};
+      visit(there - here, at, inside);
+    }
   }
+  POINTFAIR_INLINE Floats squared_radius() const { return broadcast(1.0f); }  // lists have no width of their own
+
+ private:
+  const IndexView& index_;
+  Index start_;
+  const Index* list_;
+  int k_;
+};
+
+// Scatters indices over [0, 1) (multiplicative hashing with xor-shifts, after Wellons 2018).
+POINTFAIR_INLINE float unit_hash(Index x) {
+  x ^= x >> 16;
+  x *= 0x7feb352du;
+  x ^= x >> 15;
+  x *= 0x846ca68bu;
+  x ^= x >> 16;
+  return float(x >> 8) * 0x1p-24f;
 }
 
 // Walks the tree from the root in sorted order, so that sums have one order whatever the instruction set.
-template <class Visit>
 class BallWalk {
  public:
-  POINTFAIR_INLINE BallWalk(const IndexView& index, Index start, Ball ball, Visit visit)
-      : index_(index),
-        queries_(make_queries(index, start,
-                              lanes_between(0, kLanes) & (lane_numbers() < broadcast(int(index.points - start))),
-                              broadcast(ball.squared_radius))),
-        visit_(visit),
-        squared_radius_(ball.squared_radius) {}
+  POINTFAIR_INLINE BallWalk(const IndexView& index, Index start, const Ball& ball) : index_(index) {
+    const Mask active = lane_numbers() < broadcast(int(index.points - start));
+    queries_ = make_queries(index, start, active, load(ball.squared_radius + start));
+    farthest_ = largest(queries_.limit);
+    share_ = broadcast(1.0f);
+    if (ball.widening > 0) {  // a surface holds widening * R^2 / r^2 points
+      const Floats squared_widening = queries_.limit - ball.squared_base;
+      const Floats holds = select(squared_widening > broadcast(0.0f), queries_.limit / squared_widening, broadcast(1.0f));
+      share_ = select(active, broadcast(kBallPoints / float(ball.widening)) / holds, broadcast(0.0f));
+    }
+    largest_share_ = largest(share_);
+    is_thinned_ = smallest(select(active, share_, broadcast(1.0f))) < 1.0f;
+  }
 
-  void run() { descend(index_.levels - 1, 0); }
+  template <class Visit>
+  POINTFAIR_INLINE void operator()(Visit visit) const {
+    descend(index_.levels - 1, 0, visit);
+  }
+  POINTFAIR_INLINE Floats squared_radius() const { return queries_.limit; }
 
  private:
-  void descend(int level, Index group_number) {
+  template <class Visit>
+  void descend(int level, Index group_number, Visit& visit) const {
     const BoxGroup& group = index_.level[level][group_number];
     unsigned near = 0;
     for (int c = 0; c < kLeafSize; c += kLanes) {
       const point::Vec3<Floats> min = {load(group.min_x + c), load(group.min_y + c), load(group.min_z + c)};
       const point::Vec3<Floats> max = {load(group.max_x + c), load(group.max_y + c), load(group.max_z + c)};
-      near |= bits(point::squared_gap(min, max, queries_.min, queries_.max) <= broadcast(squared_radius_)) << c;
+      near |= bits(point::squared_gap(min, max, queries_.min, queries_.max) <= broadcast(farthest_)) << c;
     }
     for (; near != 0; near &= near - 1) {
       const Index child = group_number * kLeafSize + Index(__builtin_ctz(near));
       if (level > 0) {
-        descend(level - 1, child);
+        descend(level - 1, child, visit);
       } else {
-        visit_leaf(child);
+        visit_leaf(child, visit);
       }
     }
   }
 
-  void visit_leaf(Index leaf) {
+  template <class Visit>
+  void visit_leaf(Index leaf, Visit& visit) const {
     for (int c = 0; c < kLeafSize; c += kLanes) {
       const Index first = leaf * kLeafSize + Index(c);
       const point::Vec3<Floats> p = {load(index_.x + first), load(index_.y + first), load(index_.z + first)};
-      unsigned near = bits(point::squared_gap(p, p, queries_.min, queries_.max) <= broadcast(squared_radius_));
+      unsigned near = bits(point::squared_gap(p, p, queries_.min, queries_.max) <= broadcast(farthest_));
       for (; near != 0; near &= near - 1) {
         const Index position = first + Index(__builtin_ctz(near));
+        const float hash = is_thinned_ ? unit_hash(index_.original[position]) : 0.0f;
+        if (!(hash < largest_share_)) continue;
         const point::Vec3<Floats> offset =
             spread(index_.x[position], index_.y[position], index_.z[position]) - queries_.position;
-        const Ints at = broadcast(int(position));
-        const Mask inside = (point::squared_length(offset) <= queries_.limit) & (at != queries_.at);
-        if (any(inside)) visit_(offset, at, inside);
+        const Mask inside = (point::squared_length(offset) <= queries_.limit) &
+                            (queries_.at != broadcast(int(position))) & (broadcast(hash) < share_);
+        if (any(inside)) visit(offset, Shared{position}, inside);
       }
     }
   }
 
   const IndexView& index_;
   Queries queries_;
-  Visit visit_;
-  float squared_radius_;
+  float farthest_;  // the largest squared radius of the lanes
+  Floats share_;    // of the neighbours that count
+  float largest_share_;
+  bool is_thinned_;
 };
+
+// Calls body(start, neighbours) for each pack of the leaf.
+template <class Body>
+POINTFAIR_INLINE void for_packs(const IndexView& index, Index leaf, const Neighborhoods& neighborhoods, Body body) {
+  for (int part = 0; part < kLeafSize; part += kLanes) {
+    const Index start = leaf * kLeafSize + Index(part);
+    if (neighborhoods.lists.k > 0) {
+      const NeighborView& lists = neighborhoods.lists;
+      const Index* list = lists.list + std::size_t(leaf) * std::size_t(lists.stored) * kLeafSize + part;
+      body(start, ListWalk(index, start, list, lists.k));
+    } else if (start < index.points) {
+      body(start, BallWalk(index, start, neighborhoods.ball));
+    }
+  }
+}
 
 inline void mean_distances(const IndexView& index, Index leaf, const Index* list, int count, float* out) {
   for (int part = 0; part < kLeafSize; part += kLanes) {
     Floats sum = broadcast(0.0f), found = broadcast(0.0f);
-    for_listed(index, leaf * kLeafSize + Index(part), list + part, count,
-               [&](point::Vec3<Floats> offset, Ints, Mask inside) {
-                 sum = sum + select(inside, square_root(point::squared_length(offset)), broadcast(0.0f));
-                 found = found + select(inside, broadcast(1.0f), broadcast(0.0f));
-               });
+    const ListWalk listed(index, leaf * kLeafSize + Index(part), list + part, count);
+    listed([&](point::Vec3<Floats> offset, Gathered, Mask inside) {
+      sum = sum + select(inside, square_root(point::squared_length(offset)), broadcast(0.0f));
+      found = found + select(inside, broadcast(1.0f), broadcast(0.0f));
+    });
     store(out + part, point::mean_distance(sum, larger(found, broadcast(1.0f))));
   }
 }
 
-// `for_neighbors(visit)` runs over the neighbours of the pack, the same way each time it is called.
-template <class ForNeighbors>
-POINTFAIR_INLINE Floats normals_of_pack(ForNeighbors for_neighbors, point::NormalWeights weights, Index start,
-                                        NormalsOut out) {
+inline void squared_radii(const IndexView& index, Index leaf, const Index* list, int widening, float squared_base,
+                          float* out) {
+  for (int part = 0; part < kLeafSize; part += kLanes) {
+    Floats farthest = broadcast(0.0f);
+    const ListWalk listed(index, leaf * kLeafSize + Index(part), list + part, widening);
+    listed([&](point::Vec3<Floats> offset, Gathered, Mask inside) {
+      farthest = select(inside, point::squared_length(offset), farthest);
+    });
+    store(out + part, farthest + squared_base);
+  }
+}
+
+POINTFAIR_INLINE point::Vec3<Floats> load_vector(const float* x, const float* y, const float* z, Index start) {
+  return {load(x + start), load(y + start), load(z + start)};
+}
+POINTFAIR_INLINE void store_vector(NormalsOut out, Index start, point::Vec3<Floats> v) {
+  store(out.x + start, v.x);
+  store(out.y + start, v.y);
+  store(out.z + start, v.z);
+}
+template <class There>
+POINTFAIR_INLINE point::Vec3<Floats> vector_of(There there, NormalsView v) {
+  return {there.of(v.x), there.of(v.y), there.of(v.z)};
+}
+
+template <class Neighbors, class Weights>
+POINTFAIR_INLINE Floats normals_of_pack(const Neighbors& neighbors, Weights weights, Index start, NormalsOut out) {
   point::CentroidSum<Floats> centroid_sum;
   Floats found = broadcast(0.0f);
-  for_neighbors([&](point::Vec3<Floats> offset, Ints, Mask inside) {
+  neighbors([&](point::Vec3<Floats> offset, auto, Mask inside) {
     centroid_sum.add(offset, inside, weights);
     found = found + select(inside, broadcast(1.0f), broadcast(0.0f));
   });
   const point::Vec3<Floats> centroid = centroid_sum.centroid();
   point::CovarianceSum<Floats> covariance;
-  for_neighbors(
-      [&](point::Vec3<Floats> offset, Ints, Mask inside) { covariance.add(offset, centroid, inside, weights); });
+  neighbors([&](point::Vec3<Floats> offset, auto, Mask inside) { covariance.add(offset, centroid, inside, weights); });
   const point::Direction<Floats> normal = covariance.normal();
   const Mask enough = ~(found < broadcast(float(point::kLeastNeighbors)));
-  const point::Vec3<Floats> unit = point::select<Floats>(enough, normal.unit, point::Vec3<Floats>{});
-  store(out.x + start, unit.x);
-  store(out.y + start, unit.y);
-  store(out.z + start, unit.z);
+  store_vector(out, start, point::select<Floats>(enough, normal.unit, point::Vec3<Floats>{}));
   return found;
 }
 
-inline void normals(const IndexView& index, Index leaf, NeighborView neighbors, point::NormalWeights weights,
-                    NormalsOut out) {
-  for (int part = 0; part < kLeafSize; part += kLanes) {
-    const Index start = leaf * kLeafSize + Index(part);
-    const Index* list = neighbors.list + std::size_t(leaf) * neighbors.stored * kLeafSize + part;
-    normals_of_pack([&](auto visit) { for_listed(index, start, list, neighbors.k, visit); }, weights, start, out);
-  }
+inline void normals(const IndexView& index, Index leaf, Neighborhoods neighborhoods, NormalRule rule, NormalsOut out,
+                    unsigned* neighbor_counts) {
+  for_packs(index, leaf, neighborhoods, [&](Index start, const auto& neighbors) {
+    const Floats found = rule.of_radius
+                             ? normals_of_pack(neighbors, point::local_weights(rule.weights, neighbors.squared_radius()),
+                                               start, out)
+                             : normals_of_pack(neighbors, rule.weights, start, out);
+    for (int lane = 0; lane < kLanes; ++lane) neighbor_counts[start % kLeafSize + Index(lane)] = unsigned(found.v[lane]);
+  });
 }
 
-inline void normals_in_ball(const IndexView& index, Index leaf, Ball ball, point::NormalWeights weights, NormalsOut out,
-                            unsigned* neighbor_counts) {
-  for (int part = 0; part < kLeafSize; part += kLanes) {
-    const Index start = leaf * kLeafSize + Index(part);
-    if (start >= index.points) return;
-    const Floats found =
-        normals_of_pack([&](auto visit) { BallWalk(index, start, ball, visit).run(); }, weights, start, out);
-    for (int lane = 0; lane < kLanes; ++lane) neighbor_counts[part + lane] = unsigned(found.v[lane]);
-  }
+template <class Neighbors, class Weights>
+POINTFAIR_INLINE void filter_pack(const Neighbors& neighbors, Weights weights, float inverse_turn, Index start,
+                                  NormalsView from, NormalsOut out) {
+  point::FilteredNormal<Floats> filtered(load_vector(from.x, from.y, from.z, start));
+  neighbors([&](point::Vec3<Floats> offset, auto there, Mask inside) {
+    filtered.add(offset, vector_of(there, from), inside, weights, inverse_turn);
+  });
+  store_vector(out, start, filtered.unit());
 }
 
-POINTFAIR_INLINE Floats area_weight(AreaView area, Ints at) {
+inline void filter_normals(const IndexView& index, Index leaf, Neighborhoods neighborhoods, NormalRule rule,
+                           float inverse_turn, NormalsView from, NormalsOut out) {
+  for_packs(index, leaf, neighborhoods, [&](Index start, const auto& neighbors) {
+    if (rule.of_radius) {
+      filter_pack(neighbors, point::local_weights(rule.weights, neighbors.squared_radius()), inverse_turn, start, from,
+                  out);
+    } else {
+      filter_pack(neighbors, rule.weights, inverse_turn, start, from, out);
+    }
+  });
+}
+
+template <class There>
+POINTFAIR_INLINE Floats area_weight(AreaView area, There there) {
   if (area.power == 0) return broadcast(1.0f);
-  const Floats length = gather(area.mean_distance, at);
+  const Floats length = there.of(area.mean_distance);
   return area.power == 1 ? length : length * length;
 }
 
-// Moved positions of the pack, point after point into `xyz`; a zero normal leaves a point where it is.
-template <class ForNeighbors>
-POINTFAIR_INLINE void fair_pack(ForNeighbors for_neighbors, const IndexView& index, Index start, NormalsView normals,
-                                AreaView area, point::BilateralWeights weights, float* xyz) {
-  const point::Vec3<Floats> here = {load(index.x + start), load(index.y + start), load(index.z + start)};
-  const point::Vec3<Floats> normal = {load(normals.x + start), load(normals.y + start), load(normals.z + start)};
+// How far the points of the pack move against their normals.
+template <class Neighbors, class Weights>
+POINTFAIR_INLINE Floats distance_of_pack(const Neighbors& neighbors, Weights weights, const FairingRule& rule,
+                                         point::Vec3<Floats> normal, NormalsView normals, AreaView area) {
+  if (rule.two_planes) {
+    point::TwoPlaneSum<Floats> sum;
+    neighbors([&](point::Vec3<Floats> offset, auto there, Mask inside) {
+      sum.add(offset, normal, vector_of(there, normals), area_weight(area, there), inside, weights, rule.inverse_turn);
+    });
+    return sum.distance();
+  }
   point::BilateralSum<Floats> sum;
-  for_neighbors([&](point::Vec3<Floats> offset, Ints at, Mask inside) {
-    sum.add(offset, normal, area_weight(area, at), inside, weights);
+  neighbors([&](point::Vec3<Floats> offset, auto there, Mask inside) {
+    sum.add(offset, normal, area_weight(area, there), inside, weights);
   });
-  const point::Vec3<Floats> there = point::moved(here, normal, sum.distance());
-  for (int lane = 0; lane < kLanes; ++lane) {
-    xyz[3 * lane] = there.x.v[lane];
-    xyz[3 * lane + 1] = there.y.v[lane];
-    xyz[3 * lane + 2] = there.z.v[lane];
-  }
+  return sum.distance();
 }
 
-inline void fair(const IndexView& index, Index leaf, NeighborView neighbors, NormalsView normals, AreaView area,
-                 point::BilateralWeights weights, float* xyz) {
-  for (int part = 0; part < kLeafSize; part += kLanes) {
-    const Index start = leaf * kLeafSize + Index(part);
-    const Index* list = neighbors.list + std::size_t(leaf) * neighbors.stored * kLeafSize + part;
-    fair_pack([&](auto visit) { for_listed(index, start, list, neighbors.k, visit); }, index, start, normals, area,
-              weights, xyz + 3 * part);
-  }
-}
-
-inline void fair_in_ball(const IndexView& index, Index leaf, Ball ball, NormalsView normals, AreaView area,
-                         point::BilateralWeights weights, float* xyz) {
-  for (int part = 0; part < kLeafSize; part += kLanes) {
-    const Index start = leaf * kLeafSize + Index(part);
-    if (start >= index.points) return;
-    fair_pack([&](auto visit) { BallWalk(index, start, ball, visit).run(); }, index, start, normals, area, weights,
-              xyz + 3 * part);
-  }
+// Moved positions, point after point into `xyz`; a zero normal leaves a point where it is.
+inline void fair(const IndexView& index, Index leaf, Neighborhoods neighborhoods, NormalsView normals, AreaView area,
+                 FairingRule rule, float* xyz) {
+  for_packs(index, leaf, neighborhoods, [&](Index start, const auto& neighbors) {
+    const point::Vec3<Floats> here = load_vector(index.x, index.y, index.z, start);
+    const point::Vec3<Floats> normal = load_vector(normals.x, normals.y, normals.z, start);
+    const Floats distance =
+        rule.of_radius
+            ? distance_of_pack(neighbors, point::local_weights(rule.weights, neighbors.squared_radius()), rule, normal,
+                               normals, area)
+            : distance_of_pack(neighbors, rule.weights, rule, normal, normals, area);
+    const point::Vec3<Floats> there = point::moved(here, normal, distance * rule.strength);
+    float* out = xyz + 3 * (start % kLeafSize);
+    for (int lane = 0; lane < kLanes; ++lane) {
+      out[3 * lane] = there.x.v[lane];
+      out[3 * lane + 1] = there.y.v[lane];
+      out[3 * lane + 2] = there.z.v[lane];
+    }
+  });
 }
 
 }  // namespace pointfair::cpu::POINTFAIR_ISA

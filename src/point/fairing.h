@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// The weighted bilateral step of one point: paper eq. 1, 2 and 6, Eq. 1, 2 and 6 of docs/how-it-works.md.
+// The bilateral step of one point, in two forms: the paper's (eq. 1, 2 and 6; Eq. 1, 2 and 6 of docs/how-it-works.md),
+// whose offsets are measured along the point's own normal, and the default's, which measures them against its own plane
+// and its neighbours' planes alike (Eq. 10).
 #pragma once
 
+#include "point/normal.h"
 #include "point/vec.h"
 
 namespace pointfair::point {
@@ -15,6 +18,18 @@ POINTFAIR_INLINE BilateralWeights bilateral_weights(float closeness_sigma, float
   return {0.5f / (closeness_sigma * closeness_sigma), 0.5f / (similarity_sigma * similarity_sigma)};
 }
 
+// BilateralWeights whose sigma_c is a multiple of the radius of the point's neighbourhood.
+template <class F>
+struct LocalBilateralWeights {
+  F inverse_two_closeness2;
+  float inverse_two_similarity2;
+};
+
+template <class F>
+POINTFAIR_INLINE LocalBilateralWeights<F> local_weights(BilateralWeights multiple, F squared_radius) {
+  return {F(multiple.inverse_two_closeness2) / squared_radius, multiple.inverse_two_similarity2};
+}
+
 // d_i of eq. 6. W_c W_s is one Gaussian of the summed exponents.
 template <class F>
 struct BilateralSum {
@@ -22,18 +37,41 @@ struct BilateralSum {
   F moment{};
 
   // offset is v_j - v_i; area is W_a(v_j)
-  template <class Mask>
-  POINTFAIR_INLINE void add(Vec3<F> offset, Vec3<F> normal, F area, Mask inside, BilateralWeights weights) {
+  template <class Mask, class Weights>
+  POINTFAIR_INLINE void add(Vec3<F> offset, Vec3<F> normal, F area, Mask inside, Weights weights) {
     const F height = -dot(normal, offset);  // n_i . (v_i - v_j)
     const F exponent =
         squared_length(offset) * weights.inverse_two_closeness2 + (height * height) * weights.inverse_two_similarity2;
-    // the factor cancels in the quotient; without it a squared length of an area could overflow
-    const F w = select(inside, gaussian(exponent) * (area * weights.inverse_two_closeness2), F{});
-    weight = weight + w;
-    moment = moment + w * select(inside, height, F{});
+    add_weighted(gaussian(exponent), height, area, inside, weights);
   }
   // 0 where all weights vanish: the point then keeps its place
   POINTFAIR_INLINE F distance() const { return select(weight > F{}, moment / weight, F{}); }
+
+ protected:
+  template <class Mask, class Weights>
+  POINTFAIR_INLINE void add_weighted(F closeness, F height, F area, Mask inside, Weights weights) {
+    // the factor cancels in the quotient; without it a squared length of an area could overflow
+    const F w = select(inside, closeness * (area * weights.inverse_two_closeness2), F{});
+    weight = weight + w;
+    moment = moment + w * select(inside, height, F{});
+  }
+};
+
+// d_i of Eq. 10: the mean of the heights above the point's own plane and above the neighbour's, similarity measured
+// against the neighbour's plane, and less weight where the normals differ.
+template <class F>
+struct TwoPlaneSum : BilateralSum<F> {
+  // there is n_j, of any sign; zero if the neighbour has no normal
+  template <class Mask, class Weights>
+  POINTFAIR_INLINE void add(Vec3<F> offset, Vec3<F> normal, Vec3<F> there, F area, Mask inside, Weights weights,
+                            float inverse_turn) {
+    const F cosine = dot(normal, there);
+    const F own = -dot(normal, offset), theirs = -dot(facing(there, cosine), offset);
+    const F exponent = (squared_length(offset) * weights.inverse_two_closeness2 +
+                        (theirs * theirs) * weights.inverse_two_similarity2) +
+                       turn_exponent(cosine, inverse_turn);
+    this->add_weighted(gaussian(exponent), (own + theirs) * 0.5f, area, inside, weights);
+  }
 };
 
 // Eq. 1: v_i' = v_i - n_i d_i.

@@ -21,14 +21,25 @@ POINTFAIR_INLINE NormalWeights normal_weights(bool weighted, float sigma) {
   return {0.5f / sigma2, 1.0f / sigma2};
 }
 
+// NormalWeights whose sigma is a multiple of the radius of the point's neighbourhood.
+template <class F>
+struct LocalNormalWeights {
+  F inverse_two_sigma2, inverse_sigma2;
+};
+
+template <class F>
+POINTFAIR_INLINE LocalNormalWeights<F> local_weights(NormalWeights multiple, F squared_radius) {
+  return {F(multiple.inverse_two_sigma2) / squared_radius, F(multiple.inverse_sigma2) / squared_radius};
+}
+
 // Paper eq. 4, normalised.
 template <class F>
 struct CentroidSum {
   F weight{};
   Vec3<F> moment{};
 
-  template <class Mask>
-  POINTFAIR_INLINE void add(Vec3<F> offset, Mask inside, NormalWeights weights) {
+  template <class Mask, class Weights>
+  POINTFAIR_INLINE void add(Vec3<F> offset, Mask inside, Weights weights) {
     const F w = select(inside, gaussian(squared_length(offset) * weights.inverse_two_sigma2), F{});
     weight = weight + w;
     moment = moment + w * select<F>(inside, offset, Vec3<F>{});
@@ -44,8 +55,8 @@ template <class F>
 struct CovarianceSum {
   Sym3<F> sum{};
 
-  template <class Mask>
-  POINTFAIR_INLINE void add(Vec3<F> offset, Vec3<F> centroid, Mask inside, NormalWeights weights) {
+  template <class Mask, class Weights>
+  POINTFAIR_INLINE void add(Vec3<F> offset, Vec3<F> centroid, Mask inside, Weights weights) {
     const Vec3<F> d = select<F>(inside, offset - centroid, Vec3<F>{});
     const F w2 = select(inside, gaussian(squared_length(d) * weights.inverse_sigma2), F{});
     const Vec3<F> wd = w2 * d;
@@ -57,6 +68,50 @@ struct CovarianceSum {
     sum.zz = sum.zz + wd.z * d.z;
   }
   POINTFAIR_INLINE Direction<F> normal() const { return least_eigenvector(sum); }
+};
+
+// 1 / (1 - cos angle), up to 120 degrees: with it, turn_exponent is 1 for normals that differ by `degrees`; 0 for no weight.
+POINTFAIR_INLINE float inverse_turn(int degrees) {
+  if (degrees == 0) return 0.0f;
+  const float half = cosine_to_sixty_degrees(0.00872664626f * static_cast<float>(degrees));
+  return 0.5f / (1.0f - half * half);  // 1 - cos a = 2 (1 - cos^2(a / 2))
+}
+
+// The exponent of a Gaussian over how far two unit normals of arbitrary sign differ, 1 - |cos|.
+template <class F>
+POINTFAIR_INLINE F turn_exponent(F cosine, float inverse_turn) {
+  const F turn = (F(1.0f) - larger(cosine, -cosine)) * inverse_turn;
+  return turn * turn;
+}
+
+// The vector or its opposite, whichever makes the smaller angle with what `cosine` was measured against.
+template <class F>
+POINTFAIR_INLINE Vec3<F> facing(Vec3<F> normal, F cosine) {
+  return select<F>(cosine < F{}, Vec3<F>{-normal.x, -normal.y, -normal.z}, normal);
+}
+
+// One round of bilateral filtering of the normals (Jones, Durand and Zwicker 2004; Zheng and others 2011), Eq. 9 of
+// docs/how-it-works.md: neighbours count by distance and by how little their normal differs.
+template <class F>
+struct FilteredNormal {
+  Vec3<F> normal;  // of the point itself
+  Vec3<F> sum;
+
+  POINTFAIR_INLINE explicit FilteredNormal(Vec3<F> its_normal) : normal(its_normal), sum(its_normal) {}
+
+  template <class Mask, class Weights>
+  POINTFAIR_INLINE void add(Vec3<F> offset, Vec3<F> there, Mask inside, Weights weights, float inverse_turn) {
+    const F cosine = dot(normal, there);
+    const F exponent = squared_length(offset) * weights.inverse_two_sigma2 + turn_exponent(cosine, inverse_turn);
+    const F w = select(inside, gaussian(exponent), F{});
+    sum = sum + w * facing(there, cosine);
+  }
+  // zero where there was no normal
+  POINTFAIR_INLINE Vec3<F> unit() const {
+    const F squared = squared_length(sum);
+    const F inverse = select(squared > F{}, F(1.0f) / square_root(squared), F{});
+    return select<F>(squared_length(normal) > F{}, inverse * sum, Vec3<F>{});
+  }
 };
 
 }  // namespace pointfair::point
