@@ -240,7 +240,7 @@ int automatic_strength(double sigma, double spacing) {
 
 bool needs_noise(const Params& p) {
   const bool k_follows = p.k == kAutomatic && p.radius.is_automatic();
-  return k_follows || (p.strength == kAutomatic && sums_balls(p)) || p.normal_sigma.is_automatic() ||
+  return k_follows || p.normal_sigma.is_automatic() ||
          p.closeness_sigma.is_automatic() || p.similarity_sigma.is_automatic() ||
          (p.constraint && p.delta.is_automatic());
 }
@@ -304,7 +304,7 @@ Params resolve_params(const Params& params, const Spacing& spacing, const Noise&
   if (params.planes == Planes::automatic) used.planes = by_ball ? Planes::both : Planes::own;
   if (params.normal_angle == kAutomatic) used.normal_angle = kNormalAngle;
   if (params.facing_angle == kAutomatic) used.facing_angle = kFacingAngle;
-  if (params.strength == kAutomatic) used.strength = by_ball ? automatic_strength(noise.sigma, s) : 100;
+  if (params.strength == kAutomatic) used.strength = chooses_balls(params) ? automatic_strength(noise.sigma, s) : 100;
   if (params.passes == kAutomatic) used.passes = kPasses;
   return used;
 }

@@ -121,7 +121,8 @@ struct ReadField {
   void operator()(Length Params::*field) const { params.*field = length_of(info, text); }
   template <class Enum>
   void operator()(Enum Params::*field) const {
-    params.*field = static_cast<Enum>(word_index(info, text));
+    const bool is_automatic = info.automatic && text == "auto";  // such an enumeration begins with it
+    params.*field = is_automatic ? Enum{} : static_cast<Enum>(word_index(info, text) + (info.automatic ? 1 : 0));
   }
 };
 
@@ -136,7 +137,8 @@ struct PrintField {
   std::string operator()(Length Params::*field) const { return length_text(params.*field); }
   template <class Enum>
   std::string operator()(Enum Params::*field) const {
-    return std::string(words_of(info.values).at(std::size_t(params.*field)));
+    if (info.automatic && params.*field == Enum{}) return "auto";
+    return std::string(words_of(info.values).at(std::size_t(params.*field) - (info.automatic ? 1 : 0)));
   }
 };
 

@@ -31,10 +31,16 @@ inline Point to_point(Vec v) { return {float(v.x), float(v.y), float(v.z)}; }
 struct Settings {
   int k = 0;
   double radius = 0;
+  int widening = 0;
   bool constraint = false;
   double reach = 0;  // rho + delta
   bool weighted_normals = true;
   double normal_sigma = 1, closeness_sigma = 1, similarity_sigma = 1;
+  bool normal_of_radius = false, closeness_of_radius = false;  // those sigmas are multiples of the ball's radius
+  int filter_rounds = 0;
+  double filter_angle = 0, facing_angle = 0;  // degrees
+  bool two_planes = false;
+  double strength = 1;
   AreaWeight area_weight = AreaWeight::none;
   int passes = 1;
 };
@@ -49,6 +55,14 @@ inline Settings settings_of(const Params& resolved) {
   s.normal_sigma = resolved.normal_sigma.value;
   s.closeness_sigma = resolved.closeness_sigma.value;
   s.similarity_sigma = resolved.similarity_sigma.value;
+  s.widening = resolved.k == 0 ? resolved.widening : 0;
+  s.normal_of_radius = resolved.normal_sigma.unit == Length::Unit::radius;
+  s.closeness_of_radius = resolved.closeness_sigma.unit == Length::Unit::radius;
+  s.filter_rounds = resolved.normal_filter == NormalFilter::on ? 2 : 0;
+  s.filter_angle = resolved.normal_angle;
+  s.facing_angle = resolved.facing_angle;
+  s.two_planes = resolved.planes == Planes::both;
+  s.strength = resolved.strength / 100.0;
   s.area_weight = resolved.area_weight;
   s.passes = resolved.passes;
   return s;
@@ -106,9 +120,42 @@ inline List constrained(const Points& points, std::size_t i, const List& candida
   return members;
 }
 
+// The squared radius of a ball: rounded as the library does, since it decides who is inside.
+inline float squared_radius(const Points& points, std::size_t i, const Settings& s) {
+  const float squared_base = float(s.radius) * float(s.radius);
+  if (s.widening == 0) return squared_base;
+  const List list = nearest(points, i, std::size_t(s.widening));
+  return list.empty() ? squared_base : squared_distance(points[i], points[list.back()]) + squared_base;
+}
+
+// Which points count in a ball too full (over 400 by the density at its centre): a share, by a hash of their index.
+inline bool counts_in_ball(std::uint32_t j, float squared_radius, float squared_base, int widening) {
+  if (widening == 0 || squared_radius <= squared_base) return true;
+  const double holds = widening * double(squared_radius) / double(squared_radius - squared_base);
+  std::uint32_t x = j;
+  x ^= x >> 16;
+  x *= 0x7feb352du;
+  x ^= x >> 15;
+  x *= 0x846ca68bu;
+  x ^= x >> 16;
+  return (x >> 8) / 16777216.0 < 400 / holds;
+}
+
+// All others within the ball, nearest first.
+inline List ball(const Points& points, std::size_t i, const Settings& s) {
+  const float squared = squared_radius(points, i, s);
+  List list = nearest(points, i, points.size());
+  std::erase_if(list, [&](std::uint32_t j) {
+    return squared_distance(points[i], points[j]) > squared ||
+           !counts_in_ball(j, squared, float(s.radius) * float(s.radius), s.widening);
+  });
+  return list;
+}
+
 // N(v_i) without v_i itself.
 inline List neighborhood(const Points& points, std::size_t i, const Settings& s) {
   if (!is_valid(points[i])) return {};
+  if (s.k == 0) return ball(points, i, s);
   const std::size_t limit = s.k == 0 || s.constraint ? points.size() : std::size_t(s.k);
   List list = s.radius > 0 ? within(points, i, s.radius) : nearest(points, i, limit);
   if (s.constraint) return constrained(points, i, list, s.k, s.reach);
@@ -163,11 +210,17 @@ struct Normal {
   double gap = 0;
 };
 
+inline double normal_sigma(const Points& points, std::size_t i, const Settings& s) {
+  return s.normal_sigma * (s.normal_of_radius ? std::sqrt(double(squared_radius(points, i, s))) : 1);
+}
+inline double closeness_sigma(const Points& points, std::size_t i, const Settings& s) {
+  return s.closeness_sigma * (s.closeness_of_radius ? std::sqrt(double(squared_radius(points, i, s))) : 1);
+}
+
 // Paper eq. 3-5; eq. 4 normalised by its weights.
 inline Normal normal(const Points& points, std::size_t i, const List& list, const Settings& s) {
-  const auto weight = [&](double x) {
-    return s.weighted_normals ? std::exp(-x * x / (2 * s.normal_sigma * s.normal_sigma)) : 1;
-  };
+  const double sigma = normal_sigma(points, i, s);
+  const auto weight = [&](double x) { return s.weighted_normals ? std::exp(-x * x / (2 * sigma * sigma)) : 1; };
   const Vec here = to_vec(points[i]);
   Vec moment;
   double sum = 0;
@@ -205,19 +258,55 @@ inline std::vector<double> area_weights(const Points& points, AreaWeight kind) {
   return result;
 }
 
-// Paper eq. 6 (eq. 2 where all area weights are 1); 0 if no neighbour has weight.
-inline double displacement(const Points& points, std::size_t i, const List& list, Vec n, const Settings& s,
-                           const std::vector<double>& area) {
+// Weight of a normal that makes this angle's cosine with another, signs aside.
+inline double turn_weight(double cosine, double degrees) {
+  const double turn = (1 - std::abs(cosine)) / (1 - std::cos(degrees * 3.14159265358979 / 180));
+  return std::exp(-turn * turn);
+}
+
+// One round of bilateral filtering of the normals (Eq. 9); points without a normal take no part.
+inline std::vector<Normal> filtered(const std::vector<Normal>& normals, const Points& points,
+                                    const std::vector<List>& lists, const Settings& s) {
+  std::vector<Normal> result = normals;
+  for (std::size_t i = 0; i < normals.size(); ++i) {
+    const Vec n = normals[i].unit;
+    if (length(n) == 0) continue;
+    const double sigma = normal_sigma(points, i, s);
+    Vec sum = n;
+    for (const std::uint32_t j : lists[i]) {
+      const double cosine = dot(n, normals[j].unit), distance = length(to_vec(points[j]) - to_vec(points[i]));
+      const double w = (s.weighted_normals ? std::exp(-distance * distance / (2 * sigma * sigma)) : 1) *
+                       turn_weight(cosine, s.filter_angle);
+      sum = sum + (cosine < 0 ? -w : w) * normals[j].unit;
+    }
+    result[i].unit = 1 / length(sum) * sum;
+    for (const std::uint32_t j : lists[i]) result[i].gap = std::min(result[i].gap, normals[j].gap);
+  }
+  return result;
+}
+
+// Paper eq. 6 (eq. 2 where all area weights are 1), or Eq. 10 with both planes; 0 if no neighbour has weight.
+inline double displacement(const Points& points, std::size_t i, const List& list, const std::vector<Normal>& normals,
+                           const Settings& s, const std::vector<double>& area) {
+  const double closeness = closeness_sigma(points, i, s);
+  const Vec n = normals[i].unit;
   double moment = 0, sum = 0;
   for (const std::uint32_t j : list) {
     const Vec offset = to_vec(points[i]) - to_vec(points[j]);
-    const double height = dot(n, offset), distance = length(offset);
-    const double w = std::exp(-distance * distance / (2 * s.closeness_sigma * s.closeness_sigma)) *
-                     std::exp(-height * height / (2 * s.similarity_sigma * s.similarity_sigma)) * area[j];
+    double height = dot(n, offset), compared = height, facing = 1;
+    if (s.two_planes) {
+      const double cosine = dot(n, normals[j].unit);
+      compared = (cosine < 0 ? -1 : 1) * dot(normals[j].unit, offset);
+      height = (height + compared) / 2;
+      facing = turn_weight(cosine, s.facing_angle);
+    }
+    const double distance = length(offset);
+    const double w = std::exp(-distance * distance / (2 * closeness * closeness)) *
+                     std::exp(-compared * compared / (2 * s.similarity_sigma * s.similarity_sigma)) * area[j] * facing;
     moment += w * height;
     sum += w;
   }
-  return sum > 0 ? moment / sum : 0;
+  return s.strength * (sum > 0 ? moment / sum : 0);
 }
 
 // One faired point.
@@ -232,16 +321,19 @@ inline constexpr double kLeastGap = 1e-5;  // below it points count as a line
 // Paper eq. 1 for every point, from the old positions.
 inline std::vector<Faired> fair_once(const Points& points, const Settings& s) {
   const std::vector<double> area = area_weights(points, s.area_weight);
+  std::vector<List> lists(points.size());
+  std::vector<Normal> normals(points.size());
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    lists[i] = neighborhood(points, i, s);
+    if (lists[i].size() >= 3) normals[i] = normal(points, i, lists[i], s);
+    if (normals[i].gap < kLeastGap) normals[i] = {};
+  }
+  for (int round = 0; round < s.filter_rounds; ++round) normals = filtered(normals, points, lists, s);
   std::vector<Faired> result(points.size());
   for (std::size_t i = 0; i < points.size(); ++i) {
-    const List list = neighborhood(points, i, s);
-    result[i].position = to_vec(points[i]);
-    result[i].neighbors = list.size();
-    if (list.size() < 3) continue;
-    result[i].normal = normal(points, i, list, s);
-    if (result[i].normal.gap < kLeastGap) continue;
-    const Vec n = result[i].normal.unit;
-    result[i].position = to_vec(points[i]) - displacement(points, i, list, n, s, area) * n;
+    result[i] = {to_vec(points[i]), normals[i], lists[i].size()};
+    const Vec n = normals[i].unit;
+    if (length(n) > 0) result[i].position = to_vec(points[i]) - displacement(points, i, lists[i], normals, s, area) * n;
   }
   return result;
 }

@@ -136,6 +136,17 @@ TEST(SetParam, reads_the_units_of_a_length) {
   EXPECT_TRUE(read("auto").is_automatic());
 }
 
+TEST(SetParam, knows_multiples_of_the_radius_for_the_widths_of_gaussians_only) {
+  Params params;
+  set_param(params, row("closeness_sigma"), "0.6r");
+  EXPECT_EQ(params.closeness_sigma, Length(0.6, Length::Unit::radius));
+  EXPECT_EQ(param_text(params, row("closeness_sigma")), "0.6r");
+  set_param(params, row("normal_sigma"), "1r");
+  EXPECT_EQ(params.normal_sigma, Length(1, Length::Unit::radius));
+  EXPECT_NE(refusal("radius", "2r").find("--radius"), std::string::npos);
+  EXPECT_NE(refusal("similarity_sigma", "2r").find("--similarity-sigma"), std::string::npos);
+}
+
 TEST(SetParam, reads_words_and_whole_numbers) {
   Params params;
   set_param(params, row("k"), "512");
@@ -148,6 +159,10 @@ TEST(SetParam, reads_words_and_whole_numbers) {
   EXPECT_FALSE(params.normal_weights);
   set_param(params, row("area-weight"), "squared");
   EXPECT_EQ(params.area_weight, AreaWeight::squared);
+  set_param(params, row("planes"), "both");
+  EXPECT_EQ(params.planes, Planes::both);
+  set_param(params, row("planes"), "auto");
+  EXPECT_EQ(params.planes, Planes::automatic);
 }
 
 TEST(SetParam, refuses_what_is_out_of_range_or_no_value_and_says_the_flag_and_the_value) {
@@ -229,12 +244,15 @@ TEST(CheckParams, refuses_the_constraint_with_a_radius_alone) {
   EXPECT_NO_THROW(check_params(params));
 }
 
-TEST(PaperPreset, is_k_8_one_pass_with_constraint_and_squared_area_weight) {
+TEST(PaperPreset, is_k_8_one_pass_with_constraint_and_squared_area_weight_and_nothing_newer) {
   Params expected;
   expected.k = 8;
   expected.passes = 1;
   expected.constraint = true;
   expected.area_weight = AreaWeight::squared;
+  expected.normal_filter = NormalFilter::off;
+  expected.planes = Planes::own;
+  expected.strength = 100;
   EXPECT_EQ(paper_preset(), expected);
 }
 

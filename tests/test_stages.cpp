@@ -27,6 +27,16 @@ double allowed(Point p, double size, double gap) {
   return 1.2e-7 * largest + size * (2e-6 + 1e-6 / (gap * gap));
 }
 
+double mean_radius(const Points& points, const reference::Settings& settings) {
+  double sum = 0, valid = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (!reference::is_valid(points[i])) continue;
+    sum += std::sqrt(reference::squared_radius(points, i, settings));
+    ++valid;
+  }
+  return sum / valid;
+}
+
 // A wrong neighbour or weight shows by far more than `allowed`.
 void expect_like_reference(const Points& points, const Params& params, const std::string& what) {
   Pipeline pipeline(Device::cpu);
@@ -36,7 +46,8 @@ void expect_like_reference(const Points& points, const Params& params, const std
   pipeline.normals(normals);
   const reference::Settings settings = reference::settings_of(pipeline.report().params);
   const std::vector<reference::Faired> expected = reference::fair(points, settings);
-  const double size = std::max(settings.closeness_sigma, reference::spacing(points));
+  double size = std::max(settings.closeness_sigma, reference::spacing(points));
+  if (settings.closeness_of_radius) size = settings.closeness_sigma * mean_radius(points, settings);
   UnmovedCounts counts;
   std::uint64_t short_lists = 0, ill_determined = 0;
   for (std::size_t i = 0; i < points.size(); ++i) {
@@ -86,7 +97,7 @@ TEST(Stages, agree_with_the_reference_for_every_k) {
 }
 
 TEST(Stages, agree_with_the_reference_for_every_radius_without_a_list) {
-  for (const double radius : {0.05, 0.1, 0.3, 2.0}) {
+  for (const double radius : {0.07, 0.1, 0.3, 2.0}) {
     Params params = one_pass(radius / 2);
     params.radius = radius;
     expect_like_reference(hills(), params, "radius " + std::to_string(radius));
@@ -135,6 +146,47 @@ TEST(Stages, agree_with_the_reference_for_every_switch) {
           expect_like_reference(shapes::with_noise(shapes::uneven(900, 20), 0.004), params,
                                 "area " + std::to_string(int(area)) + ", weights " + std::to_string(weights) +
                                     ", constraint " + std::to_string(params.constraint) + ", k " + std::to_string(k));
+        }
+}
+
+TEST(Stages, agree_with_the_reference_for_balls_that_follow_the_density) {
+  const Points points = shapes::with_noise(shapes::uneven(900, 20), 0.004);
+  for (const int widening : {1, 6, 16, 64}) {
+    Params params;
+    params.passes = 1;
+    params.radius = 0.06;
+    params.widening = widening;
+    expect_like_reference(points, params, "widening " + std::to_string(widening));
+  }
+}
+
+TEST(Stages, agree_with_the_reference_for_balls_that_are_thinned) {
+  Params params;
+  params.passes = 1;
+  params.radius = 0.5;  // holds hundreds of points, against 4 within the widening
+  params.widening = 4;
+  params.strength = 100;
+  expect_like_reference(shapes::with_noise(shapes::waves(2500), 0.004), params, "thinned");
+}
+
+TEST(Stages, agree_with_the_reference_for_filtered_normals_and_both_planes) {
+  for (const int k : {8, 30, 0})
+    for (const bool filter : {true, false})
+      for (const Planes planes : {Planes::own, Planes::both})
+        for (const bool weights : {true, false}) {
+          Params params = one_pass(0.09);
+          params.k = k;
+          if (k == 0) params.radius = 0.15;
+          params.normal_weights = weights;
+          params.normal_filter = filter ? NormalFilter::on : NormalFilter::off;
+          params.normal_angle = 35;
+          params.planes = planes;
+          params.facing_angle = 50;
+          params.strength = 150;
+          params.area_weight = planes == Planes::both ? AreaWeight::squared : AreaWeight::none;
+          expect_like_reference(shapes::with_noise(shapes::cube(900), 0.01), params,
+                                "k " + std::to_string(k) + ", filter " + std::to_string(filter) + ", planes " +
+                                    std::to_string(int(planes)) + ", weights " + std::to_string(weights));
         }
 }
 

@@ -7,8 +7,9 @@ import unittest
 from program import (CUBE_FACES, CUBE_VERTICES, Case, positions, radius_error, read_ply, sphere_points, write_off,
                      write_ply)
 
-PARAMS = ["k", "radius", "constraint", "rho", "delta", "normal_weights", "normal_sigma", "method", "closeness_sigma",
-          "similarity_sigma", "area_weight", "passes"]
+PARAMS = ["k", "radius", "widening", "constraint", "rho", "delta", "normal_weights", "normal_sigma", "normal_filter",
+          "normal_angle", "method", "closeness_sigma", "similarity_sigma", "area_weight", "planes", "facing_angle",
+          "strength", "passes"]
 VERBS = ["run", "info", "compare", "noise", "bench", "doctor"]
 
 
