@@ -40,7 +40,7 @@ std::string flag_of(const ParamInfo& info) {
 }
 
 std::string value_hint(const ParamInfo& info) {
-  if (!info.values.empty()) return std::string(info.values);
+  if (!info.values.empty()) return std::string(info.values) + (info.automatic ? "|auto" : "");
   std::string hint = "LENGTH";
   if (std::holds_alternative<int Params::*>(info.field)) hint = fmt::format("{}..{}", info.min, info.max);
   return info.automatic ? hint + "|auto" : hint;

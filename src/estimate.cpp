@@ -14,7 +14,7 @@ namespace {
 
 constexpr std::size_t kSpacingSamples = 2000, kNoiseSamples = 500;
 constexpr int kSpacingNeighbors = 6;
-constexpr int kFirstFit = 24, kLargestFit = 600;
+constexpr int kFirstFit = 30, kLargestFit = 600;
 constexpr double kFitGrowth = 1.4;
 
 // Scattered over the upload order by a low-discrepancy sequence (multiples of the golden ratio), so that a period in
@@ -99,15 +99,15 @@ Frame principal_frame(std::span<const Vec> offsets) {
   return frame;
 }
 
-// Residual variance of the least-squares quadric over the frame's plane, unbiased: divided by n - 6.
-double quadric_variance(std::span<const Vec> offsets, const Frame& frame, double radius) {
-  constexpr int kTerms = 6;
+// Residual variance of the least-squares cubic over the frame's plane, unbiased: divided by n - 10.
+double cubic_variance(std::span<const Vec> offsets, const Frame& frame, double radius) {
+  constexpr int kTerms = 10;
   double a[kTerms][kTerms + 1] = {};
   const auto terms = [&](Vec o, double& height) {
     const Vec d = o - frame.centroid;
     const double u = dot(d, frame.axes[0]) / radius, v = dot(d, frame.axes[1]) / radius;
     height = dot(d, frame.axes[2]);
-    return std::array<double, kTerms>{1, u, v, u * u, u * v, v * v};
+    return std::array<double, kTerms>{1, u, v, u * u, u * v, v * v, u * u * u, u * u * v, u * v * v, v * v * v};
   };
   for (const Vec& o : offsets) {
     double h = 0;
@@ -157,7 +157,7 @@ std::optional<Noise> local_noise(std::span<const Vec> offsets, bool may_grow) {
   const double radius = length(offsets.back());
   if (!(radius > 0)) return Noise{};
   if (may_grow && radius < 3.7 * std::sqrt(frame.least_eigenvalue * k / (k - 3))) return std::nullopt;
-  return Noise{std::sqrt(without_slab_bias(quadric_variance(offsets, frame, radius), radius)),
+  return Noise{std::sqrt(without_slab_bias(cubic_variance(offsets, frame, radius), radius)),
                radius * std::sqrt(std::numbers::pi / k)};
 }
 
@@ -211,7 +211,9 @@ Noise measure_noise(Backend& backend, std::uint64_t points) {
     queries = std::move(again);
   }
   if (sigmas.empty()) return {};
-  return {quantile(sigmas, 0.35), quantile(spacings, 0.5)};
+  // Where noise is all there is, residuals spread little; where curvature adds to them, the least ones know more.
+  const double sigma = std::min(quantile(sigmas, 0.35), 1.2 * quantile(sigmas, 0.15));
+  return {sigma, quantile(spacings, 0.5)};
 }
 
 namespace {
@@ -220,12 +222,12 @@ namespace {
 bool chooses_balls(const Params& p) { return p.k == kAutomatic && p.radius.is_automatic() && !p.constraint; }
 bool sums_balls(const Params& p) { return p.k == kAutomatic && !p.constraint; }
 
-constexpr double kNoiseRadius = 2.5;       // radius of a ball on top of the spacing, in sigmas
-constexpr int kWidening = 16;              // and the neighbours that make up the spacing's part
-constexpr double kNormalWidth = 1.4;       // of a ball's radius
-constexpr double kClosenessWidth = 0.6;    // of a ball's radius
-constexpr double kSimilarityWidth = 3;     // sigmas
-constexpr double kTrustedNoise = 0.16;     // spacings; noise below it is hard to tell from shape
+constexpr double kNoiseRadius = 2.5;                 // radius of a ball on top of the spacing, in sigmas
+constexpr int kWidening = 16;                        // and the neighbours that make up the spacing's part
+constexpr double kNormalWidth = 1.4;                 // of a ball's radius
+constexpr double kClosenessWidth = 0.6;              // of a ball's radius
+constexpr double kSimilarityWidth = 3;               // sigmas
+constexpr double kTrustedNoise = 0.16;               // spacings; noise below it is hard to tell from shape
 constexpr int kNormalAngle = 20, kFacingAngle = 40;  // degrees
 constexpr int kPasses = 2;
 
@@ -240,9 +242,8 @@ int automatic_strength(double sigma, double spacing) {
 
 bool needs_noise(const Params& p) {
   const bool k_follows = p.k == kAutomatic && p.radius.is_automatic();
-  return k_follows || p.normal_sigma.is_automatic() ||
-         p.closeness_sigma.is_automatic() || p.similarity_sigma.is_automatic() ||
-         (p.constraint && p.delta.is_automatic());
+  return k_follows || p.normal_sigma.is_automatic() || p.closeness_sigma.is_automatic() ||
+         p.similarity_sigma.is_automatic() || (p.constraint && p.delta.is_automatic());
 }
 
 bool needs_spacing(const Params& p) {

@@ -155,7 +155,8 @@ struct CheckField {
     const Length length = params.*field;
     if (length.is_automatic()) return;
     if (!(length.value > 0) || !(length.value <= info.max) ||
-        (length.unit == Length::Unit::radius && !may_be_of_radius(info))) refuse(info, length_text(length), wanted_values(info));
+        (length.unit == Length::Unit::radius && !may_be_of_radius(info)))
+      refuse(info, length_text(length), wanted_values(info));
   }
   template <class Other>
   void operator()(Other Params::*) const {}

@@ -208,21 +208,69 @@ TEST_F(CudaBackendTest, equals_the_cpu_with_the_constraint) {
   }
 }
 
-TEST_F(CudaBackendTest, balls_agree_with_the_cpu_within_rounding) {
-  const std::vector<Point> points = noisy_sphere(50000, 10, 0.002);
-  Settings settings = with_neighbors(0, 0.03f);
-  const Result cuda = run(*cuda_, points, settings), cpu = run(*cpu_, points, settings);
-  // Sums run in another order here. Planes through three or four points magnify what that rounds.
-  constexpr float kRounding = 2e-6f, kMagnified = 5e-5f;  // spacing 0.016
-  std::size_t beyond_rounding = 0;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const Point a = cuda.points[i], b = cpu.points[i];
-    const float off = std::max({std::abs(a.x - b.x), std::abs(a.y - b.y), std::abs(a.z - b.z)});
-    beyond_rounding += off > kRounding;
-    EXPECT_LT(off, kMagnified) << i;
+// What the default run does to balls, over lists too; lists keep their order, so there the bits agree.
+Settings with_filter_and_both_planes(Settings settings) {
+  settings.normals.filter_rounds = 2;
+  settings.normals.filter_angle = 25;
+  settings.fairing.two_planes = true;
+  settings.fairing.facing_angle = 45;
+  settings.fairing.strength = 0.9f;
+  return settings;
+}
+
+TEST_F(CudaBackendTest, equals_the_cpu_with_filtered_normals_and_both_planes) {
+  const std::vector<Point> points = noisy_sphere(100000, 17, 0.002);
+  for (const int k : {5, 8, 30}) {
+    Settings settings = with_filter_and_both_planes(with_neighbors(k));
+    expect_same(points, settings, "both planes");
+    settings.fairing.two_planes = false;
+    settings.fairing.area_weight = AreaWeight::length;
+    expect_same(points, settings, "own plane");
   }
-  EXPECT_LT(beyond_rounding, points.size() / 1000);
-  EXPECT_EQ(cuda.counts.unmoved, cpu.counts.unmoved);
+}
+
+class CudaBalls : public CudaBackendTest {
+ protected:
+  // Sums run in another order here. Planes through three or four points magnify what that rounds.
+  void expect_close(const std::vector<Point>& points, const Settings& settings, const char* what) {
+    SCOPED_TRACE(what);
+    constexpr float kRounding = 2e-6f, kMagnified = 5e-5f;  // spacing 0.016
+    const Result cuda = run(*cuda_, points, settings), cpu = run(*cpu_, points, settings);
+    std::size_t beyond_rounding = 0;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const Point a = cuda.points[i], b = cpu.points[i];
+      const float off = std::max({std::abs(a.x - b.x), std::abs(a.y - b.y), std::abs(a.z - b.z)});
+      beyond_rounding += off > kRounding;
+      EXPECT_LT(off, kMagnified) << i;
+    }
+    EXPECT_LT(beyond_rounding, points.size() / 1000);
+    EXPECT_EQ(cuda.counts.unmoved, cpu.counts.unmoved);
+  }
+};
+
+TEST_F(CudaBalls, agree_with_the_cpu_within_rounding) {
+  expect_close(noisy_sphere(50000, 10, 0.002), with_neighbors(0, 0.03f), "one radius");
+}
+
+TEST_F(CudaBalls, that_follow_the_density_agree_with_the_cpu_within_rounding) {
+  for (const int widening : {4, 16, 40}) {
+    Settings settings = with_filter_and_both_planes(with_neighbors(0, 0.02f));
+    settings.neighbors.widening = widening;
+    settings.normals.sigma = 1.4f;
+    settings.normals.of_radius = true;
+    settings.fairing.closeness_sigma = 0.6f;
+    settings.fairing.closeness_of_radius = true;
+    expect_close(noisy_sphere(50000, 10, 0.002), settings, "sphere");
+    expect_close(uneven_sphere(50000, 7), settings, "uneven");
+    settings.passes = 2;
+    expect_close(noisy_sphere(50000, 12, 0.002), settings, "two passes");
+  }
+}
+
+TEST_F(CudaBalls, that_are_thinned_agree_with_the_cpu_within_rounding) {
+  Settings settings = with_filter_and_both_planes(with_neighbors(0, 0.2f));
+  settings.neighbors.widening = 8;
+  expect_close(noisy_sphere(50000, 18, 0.002), settings, "thinned");
 }
 
 TEST_F(CudaBackendTest, equals_the_cpu_over_passes) {

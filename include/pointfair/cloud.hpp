@@ -59,10 +59,11 @@ class Source;  // the parsed file behind a cloud; see src/io/source.hpp
 
 /// N points. A value: copies are independent, and share only the immutable `source`.
 struct Cloud {
-  std::array<double, 3> origin{};        ///< added to every point; 0 unless coordinates are large against the extent
-  std::vector<Point> points;             ///< N offsets, in the order of the file
-  std::vector<Attribute> added;          ///< attributes that the file did not have; written after the file's own
-  std::shared_ptr<const Source> source;  ///< the file's own attributes, faces, comments; null for a cloud made in memory
+  std::array<double, 3> origin{};  ///< added to every point; 0 unless coordinates are large against the extent
+  std::vector<Point> points;       ///< N offsets, in the order of the file
+  std::vector<Attribute> added;    ///< attributes that the file did not have; written after the file's own
+  std::shared_ptr<const Source>
+      source;  ///< the file's own attributes, faces, comments; null for a cloud made in memory
 };
 
 /// The attributes of the cloud's file and then the added ones, coordinates excluded. Costs nothing per point, but the

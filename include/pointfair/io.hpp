@@ -24,17 +24,19 @@ struct ReadOptions {
 };
 
 struct WriteOptions {
-  std::optional<Format> format;      ///< unset: by extension
-  std::optional<Encoding> encoding;  ///< unset: as in the source when the format is the same, else binary where there is one
-  bool overwrite = false;            ///< false: an existing file is an error
-  bool sync = false;                 ///< true: fsync before the file gets its name
-  unsigned threads = 0;              ///< 0: all cores
+  std::optional<Format> format;  ///< unset: by extension
+  std::optional<Encoding>
+      encoding;            ///< unset: as in the source when the format is the same, else binary where there is one
+  bool overwrite = false;  ///< false: an existing file is an error
+  bool sync = false;       ///< true: fsync before the file gets its name
+  unsigned threads = 0;    ///< 0: all cores
 };
 
 /// Reads a whole file; the path "-" is standard input.
 /// Returns the points in file order, invalid ones included. Coordinates far from zero are held relative to
 /// `Cloud::origin`. Throws ErrorKind::file with path, place and reason. Host memory: 12 bytes a point, and the file
-/// (mapped, not copied, where it is a regular file; replacing or removing it does no harm, shortening it in place does).
+/// (mapped, not copied, where it is a regular file; replacing or removing it does no harm, shortening it in place
+/// does).
 Cloud read(const std::filesystem::path& path, const ReadOptions& options = {});
 
 /// Reads a file image that is already in memory (copied). `name` appears in errors. `options.format` unset: by content.

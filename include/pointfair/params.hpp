@@ -39,8 +39,8 @@ enum class NormalFilter : std::uint8_t { automatic, off, on };
 /// Which planes an offset is measured to: the point's own (paper eq. 2), or its own and the neighbour's alike.
 enum class Planes : std::uint8_t { automatic, own, both };
 
-inline constexpr int kAutomatic = 0;        ///< for whole numbers: chosen from the data
-inline constexpr int kMaxNeighbors = 512;   ///< the longest neighbour list
+inline constexpr int kAutomatic = 0;       ///< for whole numbers: chosen from the data
+inline constexpr int kMaxNeighbors = 512;  ///< the longest neighbour list
 
 /// What to do. Defaults come from the data, so `Params{}` is a sound run on any cloud.
 struct Params {
@@ -49,7 +49,7 @@ struct Params {
   int k = kAutomatic;
   Length radius;
   int widening = kAutomatic;  ///< without k: squared radii grow by the squared distance to so many nearest
-  bool constraint = false;  ///< a point joins N only if d(q, N) < rho + delta; needs a list, so k
+  bool constraint = false;    ///< a point joins N only if d(q, N) < rho + delta; needs a list, so k
   Length rho;
   Length delta;
   // normals, paper eq. 3-5
@@ -75,13 +75,13 @@ struct Params {
 Params paper_preset();
 
 /// A pointer to the field that a row of the table describes.
-using ParamField = std::variant<int Params::*, bool Params::*, Length Params::*, Method Params::*,
-                                AreaWeight Params::*, NormalFilter Params::*, Planes Params::*>;
+using ParamField = std::variant<int Params::*, bool Params::*, Length Params::*, Method Params::*, AreaWeight Params::*,
+                                NormalFilter Params::*, Planes Params::*>;
 
 /// One row of the table. `name` is the field's name; a flag writes it with '-' for '_'.
 struct ParamInfo {
   std::string_view name;
-  Stage stage;              ///< the first stage that reads it
+  Stage stage;  ///< the first stage that reads it
   ParamField field;
   double min, max;          ///< range of a number, in the unit given; 0, 0 for words
   bool automatic;           ///< whether "auto" is allowed
@@ -90,24 +90,42 @@ struct ParamInfo {
 };
 
 inline constexpr std::array kParams = {
-    ParamInfo{"k", Stage::neighbors, &Params::k, 1, kMaxNeighbors, true, "", "nearest neighbours of a point, itself not counted"},
-    ParamInfo{"radius", Stage::neighbors, &Params::radius, 0, 1e30, true, "", "neighbours lie within this distance; without --k there is no limit on their number"},
-    ParamInfo{"widening", Stage::neighbors, &Params::widening, 1, 64, true, "", "without --k: widens each point's radius by its distance to so many nearest (squares add), so that it follows the density"},
-    ParamInfo{"constraint", Stage::neighbors, &Params::constraint, 0, 0, false, "on|off", "grow the neighbourhood without jumping a gap of rho + delta, so that it does not cross sharp features"},
-    ParamInfo{"rho", Stage::neighbors, &Params::rho, 0, 1e30, true, "", "with --constraint: the largest gap of a sound sampling"},
-    ParamInfo{"delta", Stage::neighbors, &Params::delta, 0, 1e30, true, "", "with --constraint: what noise adds to a gap"},
-    ParamInfo{"normal_weights", Stage::normals, &Params::normal_weights, 0, 0, false, "on|off", "Gaussian weights in the normals; off: equal weights (Hoppe)"},
-    ParamInfo{"normal_sigma", Stage::normals, &Params::normal_sigma, 0, 1e30, true, "", "width of the normals' Gaussian"},
-    ParamInfo{"normal_filter", Stage::normals, &Params::normal_filter, 0, 0, true, "off|on", "two rounds of bilateral filtering of the normals, which keeps edges"},
-    ParamInfo{"normal_angle", Stage::normals, &Params::normal_angle, 1, 90, true, "", "with the normal filter: normals that differ by more than so many degrees do not mix"},
+    ParamInfo{"k", Stage::neighbors, &Params::k, 1, kMaxNeighbors, true, "",
+              "nearest neighbours of a point, itself not counted"},
+    ParamInfo{"radius", Stage::neighbors, &Params::radius, 0, 1e30, true, "",
+              "neighbours lie within this distance; without --k there is no limit on their number"},
+    ParamInfo{"widening", Stage::neighbors, &Params::widening, 1, 64, true, "",
+              "without --k: widens each point's radius by its distance to so many nearest (squares add), so that it "
+              "follows the density"},
+    ParamInfo{"constraint", Stage::neighbors, &Params::constraint, 0, 0, false, "on|off",
+              "grow the neighbourhood without jumping a gap of rho + delta, so that it does not cross sharp features"},
+    ParamInfo{"rho", Stage::neighbors, &Params::rho, 0, 1e30, true, "",
+              "with --constraint: the largest gap of a sound sampling"},
+    ParamInfo{"delta", Stage::neighbors, &Params::delta, 0, 1e30, true, "",
+              "with --constraint: what noise adds to a gap"},
+    ParamInfo{"normal_weights", Stage::normals, &Params::normal_weights, 0, 0, false, "on|off",
+              "Gaussian weights in the normals; off: equal weights (Hoppe)"},
+    ParamInfo{"normal_sigma", Stage::normals, &Params::normal_sigma, 0, 1e30, true, "",
+              "width of the normals' Gaussian"},
+    ParamInfo{"normal_filter", Stage::normals, &Params::normal_filter, 0, 0, true, "off|on",
+              "two rounds of bilateral filtering of the normals, which keeps edges"},
+    ParamInfo{"normal_angle", Stage::normals, &Params::normal_angle, 1, 90, true, "",
+              "with the normal filter: normals that differ by more than so many degrees do not mix"},
     ParamInfo{"method", Stage::fairing, &Params::method, 0, 0, false, "bilateral", "how a point moves"},
-    ParamInfo{"closeness_sigma", Stage::fairing, &Params::closeness_sigma, 0, 1e30, true, "", "width of the Gaussian over distance"},
-    ParamInfo{"similarity_sigma", Stage::fairing, &Params::similarity_sigma, 0, 1e30, true, "", "width of the Gaussian over height above the tangent plane; smaller keeps more"},
-    ParamInfo{"area_weight", Stage::fairing, &Params::area_weight, 0, 0, false, "none|length|squared", "weight of a neighbour by the area it stands for: mean distance to its 5 nearest, squared, plain, or 1"},
-    ParamInfo{"planes", Stage::fairing, &Params::planes, 0, 0, true, "own|both", "planes that offsets are measured to: the point's own (the paper), or its own and its neighbours' alike"},
-    ParamInfo{"facing_angle", Stage::fairing, &Params::facing_angle, 1, 90, true, "", "with planes both: neighbours whose normals differ by more than so many degrees hardly count"},
-    ParamInfo{"strength", Stage::fairing, &Params::strength, 1, 200, true, "", "percent of the displacement that is made"},
-    ParamInfo{"passes", Stage::passes, &Params::passes, 1, 100, true, "", "how often the whole is repeated, neighbours searched again"},
+    ParamInfo{"closeness_sigma", Stage::fairing, &Params::closeness_sigma, 0, 1e30, true, "",
+              "width of the Gaussian over distance"},
+    ParamInfo{"similarity_sigma", Stage::fairing, &Params::similarity_sigma, 0, 1e30, true, "",
+              "width of the Gaussian over height above the tangent plane; smaller keeps more"},
+    ParamInfo{"area_weight", Stage::fairing, &Params::area_weight, 0, 0, false, "none|length|squared",
+              "weight of a neighbour by the area it stands for: mean distance to its 5 nearest, squared, plain, or 1"},
+    ParamInfo{"planes", Stage::fairing, &Params::planes, 0, 0, true, "own|both",
+              "planes that offsets are measured to: the point's own (the paper), or its own and its neighbours' alike"},
+    ParamInfo{"facing_angle", Stage::fairing, &Params::facing_angle, 1, 90, true, "",
+              "with planes both: neighbours whose normals differ by more than so many degrees hardly count"},
+    ParamInfo{"strength", Stage::fairing, &Params::strength, 1, 200, true, "",
+              "percent of the displacement that is made"},
+    ParamInfo{"passes", Stage::passes, &Params::passes, 1, 100, true, "",
+              "how often the whole is repeated, neighbours searched again"},
 };
 
 /// The row called `name` ('-' and '_' alike), or null.

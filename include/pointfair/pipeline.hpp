@@ -104,7 +104,8 @@ class Pipeline {
   Cloud run(const Params& params = {}, std::stop_token stop = {}, const ProgressFunction& progress = {});
 
   /// The same into the caller's array of as many points as were loaded.
-  void run(const Params& params, std::span<Point> out, std::stop_token stop = {}, const ProgressFunction& progress = {});
+  void run(const Params& params, std::span<Point> out, std::stop_token stop = {},
+           const ProgressFunction& progress = {});
 
   /// Bounds, spacing and noise of the loaded cloud; computed on the first call, which builds the index.
   const Estimates& estimates(std::stop_token stop = {});

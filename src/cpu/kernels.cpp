@@ -28,7 +28,7 @@ static void nearest_of_one(const IndexView& index, Index position, int k, float 
 }
 
 extern const Kernels kKernels;
-const Kernels kKernels = {POINTFAIR_ISA_LABEL, hilbert_keys,   nearest, nearest_of_one, grow, squared_radii,
-                          mean_distances,      normals, filter_normals, fair};
+const Kernels kKernels = {POINTFAIR_ISA_LABEL, hilbert_keys,   nearest, nearest_of_one, grow,
+                          squared_radii,       mean_distances, normals, filter_normals, fair};
 
 }  // namespace pointfair::cpu::POINTFAIR_ISA

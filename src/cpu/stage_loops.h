@@ -71,7 +71,8 @@ class BallWalk {
     share_ = broadcast(1.0f);
     if (ball.widening > 0) {  // a surface holds widening * R^2 / r^2 points
       const Floats squared_widening = queries_.limit - ball.squared_base;
-      const Floats holds = select(squared_widening > broadcast(0.0f), queries_.limit / squared_widening, broadcast(1.0f));
+      const Floats holds =
+          select(squared_widening > broadcast(0.0f), queries_.limit / squared_widening, broadcast(1.0f));
       share_ = select(active, broadcast(kBallPoints / float(ball.widening)) / holds, broadcast(0.0f));
     }
     largest_share_ = largest(share_);
@@ -203,11 +204,12 @@ POINTFAIR_INLINE Floats normals_of_pack(const Neighbors& neighbors, Weights weig
 inline void normals(const IndexView& index, Index leaf, Neighborhoods neighborhoods, NormalRule rule, NormalsOut out,
                     unsigned* neighbor_counts) {
   for_packs(index, leaf, neighborhoods, [&](Index start, const auto& neighbors) {
-    const Floats found = rule.of_radius
-                             ? normals_of_pack(neighbors, point::local_weights(rule.weights, neighbors.squared_radius()),
-                                               start, out)
-                             : normals_of_pack(neighbors, rule.weights, start, out);
-    for (int lane = 0; lane < kLanes; ++lane) neighbor_counts[start % kLeafSize + Index(lane)] = unsigned(found.v[lane]);
+    const Floats found =
+        rule.of_radius
+            ? normals_of_pack(neighbors, point::local_weights(rule.weights, neighbors.squared_radius()), start, out)
+            : normals_of_pack(neighbors, rule.weights, start, out);
+    for (int lane = 0; lane < kLanes; ++lane)
+      neighbor_counts[start % kLeafSize + Index(lane)] = unsigned(found.v[lane]);
   });
 }
 
@@ -265,10 +267,9 @@ inline void fair(const IndexView& index, Index leaf, Neighborhoods neighborhoods
     const point::Vec3<Floats> here = load_vector(index.x, index.y, index.z, start);
     const point::Vec3<Floats> normal = load_vector(normals.x, normals.y, normals.z, start);
     const Floats distance =
-        rule.of_radius
-            ? distance_of_pack(neighbors, point::local_weights(rule.weights, neighbors.squared_radius()), rule, normal,
-                               normals, area)
-            : distance_of_pack(neighbors, rule.weights, rule, normal, normals, area);
+        rule.of_radius ? distance_of_pack(neighbors, point::local_weights(rule.weights, neighbors.squared_radius()),
+                                          rule, normal, normals, area)
+                       : distance_of_pack(neighbors, rule.weights, rule, normal, normals, area);
     const point::Vec3<Floats> there = point::moved(here, normal, distance * rule.strength);
     float* out = xyz + 3 * (start % kLeafSize);
     for (int lane = 0; lane < kLanes; ++lane) {

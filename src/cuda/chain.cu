@@ -19,6 +19,7 @@ Chain::Chain(Context& context)
       lists_(context),
       normals_(context),
       mean_distance_(context),
+      squared_radius_(context),
       faired_(context) {}
 
 void Chain::build_index(const Point* points, std::size_t count, std::stop_token stop) {
@@ -36,11 +37,24 @@ void Chain::find_neighbors(const NeighborSettings& settings, std::stop_token sto
         sizeof(CloudState));  // one launch for all counts of this stage and the next
   unmoved_clear_ = true;
   normals_wait_ = false;
-  if (settings.k == 0) return lists_.release();
+  if (settings.k == 0) return measure_radii();
   lists_.resize(index_.leaves() * kLeafSize * settings.k);
   if (settings.constraint) return grow_constrained();
   DeviceArray<Index> retries(context_);
   find_nearest(context_, index_.tree(), index_.state(), nearest_query(), lists_.data(), make_room(retries));
+}
+
+void Chain::measure_radii() {
+  lists_.release();
+  const std::size_t places = index_.leaves() * kLeafSize;
+  squared_radius_.resize(places);
+  const int widening = neighbors_.widening;
+  DeviceArray<Index> nearest(context_), retries(context_);
+  if (widening > 0) {
+    nearest.resize(places * widening);
+    find_nearest(context_, index_.tree(), index_.state(), {widening, kNoLimit}, nearest.data(), make_room(retries));
+  }
+  cuda::measure_radii(context_, index_.tree(), {widening, nearest.data()}, squared_base(), squared_radius_.data());
 }
 
 void Chain::grow_constrained() {
@@ -108,14 +122,32 @@ void Chain::estimate_normals(const NormalSettings& settings, std::stop_token sto
   normal_settings_ = settings;
   normals_.resize(3 * index_.leaves() * kLeafSize);
   normals_wait_ = true;
-  if (neighbors_.k == 0) settle();
+  if (neighbors_.k == 0 || settings.filter_rounds > 0) settle();
 }
 
 void Chain::settle() {
   if (!normals_wait_) return;
   clear_unmoved();
-  cuda::estimate_normals(context_, index_.tree(), index_.state(), neighborhoods(), normal_weights(), normals());
+  if (neighbors_.k > 0) {
+    cuda::estimate_normals(context_, index_.tree(), index_.state(), lists(), normal_weights(), normals());
+  } else {
+    estimate_wide_normals(context_, index_.tree(), index_.state(), surroundings(),
+                          {normal_weights(), normal_settings_.of_radius}, normals());
+  }
+  filter_normals();
   normals_wait_ = false;
+}
+
+void Chain::filter_normals() {
+  const std::size_t places = index_.leaves() * kLeafSize;
+  DeviceArray<float> filtered(context_);
+  for (int round = 0; round < normal_settings_.filter_rounds; ++round) {
+    filtered.resize(3 * places);
+    cuda::filter_normals(context_, index_.tree(), surroundings(), {normal_weights(), normal_settings_.of_radius},
+                         point::inverse_turn(normal_settings_.filter_angle), normals(),
+                         {filtered.data(), filtered.data() + places, filtered.data() + 2 * places});
+    normals_.swap(filtered);
+  }
 }
 
 void Chain::fair(const FairingSettings& settings, std::stop_token stop) {
@@ -135,13 +167,19 @@ void Chain::fair(const FairingSettings& settings, std::stop_token stop) {
   const FairedPoints faired{faired_.data(), input_,           index_.points(),
                             staged.data(),  originals.data(), originals.data() + originals.size() / 2};
   const auto weights = point::bilateral_weights(settings.closeness_sigma, settings.similarity_sigma);
-  if (normals_wait_) {
+  if (neighbors_.k == 0 || settings.two_planes || settings.strength != 1) {
+    settle();
+    fair_widely(context_, index_.tree(), surroundings(), normals(), areas,
+                {weights, settings.closeness_of_radius, settings.two_planes, point::inverse_turn(settings.facing_angle),
+                 settings.strength},
+                faired);
+  } else if (normals_wait_) {
     clear_unmoved();
     estimate_normals_and_fair(context_, index_.tree(), index_.state(), lists(), normal_weights(), normals(), areas,
                               weights, faired);
     normals_wait_ = false;
   } else {
-    cuda::fair(context_, index_.tree(), neighborhoods(), normals(), areas, weights, faired);
+    cuda::fair(context_, index_.tree(), lists(), normals(), areas, weights, faired);
   }
 }
 

@@ -12,6 +12,7 @@
 #include "cuda/index.cuh"
 #include "cuda/search.cuh"
 #include "cuda/stages.cuh"
+#include "cuda/wide_stages.cuh"
 
 namespace pointfair::cuda {
 
@@ -44,10 +45,11 @@ class Chain {
   void clear(std::size_t first, std::size_t end);  // bytes of the state
   void clear_unmoved();
   Lists lists() const { return {neighbors_.k, lists_.data()}; }
-  // The squared radius stays finite: infinite are only places that hold no point.
-  Neighborhoods neighborhoods() const {
-    return {lists(), std::min(neighbors_.radius * neighbors_.radius, std::numeric_limits<float>::max())};
-  }
+  void measure_radii();
+  void filter_normals();
+  // A squared radius stays finite: infinite are only places that hold no point.
+  float squared_base() const { return std::min(neighbors_.radius * neighbors_.radius, 1e37f); }
+  Surroundings surroundings() const { return {lists(), {squared_radius_.data(), squared_base(), neighbors_.widening}}; }
   Normals normals() const;
   point::NormalWeights normal_weights() const {
     return point::normal_weights(normal_settings_.weighted, normal_settings_.sigma);
@@ -61,6 +63,7 @@ class Chain {
   bool normals_wait_ = false, unmoved_clear_ = false;
   DeviceArray<Index> lists_;
   DeviceArray<float> normals_, mean_distance_;
+  DeviceArray<float> squared_radius_;  // without lists
   bool areas_measured_ = false;
   DeviceArray<Point> faired_;
 };

@@ -4,6 +4,7 @@
 #include <bit>
 #include <cub/device/device_radix_sort.cuh>
 
+#include "cuda/stage_parts.cuh"
 #include "cuda/stages.cuh"
 
 namespace pointfair::cuda {
@@ -58,104 +59,12 @@ struct Listed<0> {
   }
 };
 
-// Everything within a radius, in sorted order; the warp walks the tree for its leaf.
-struct Ball {
-  const Tree& tree;
-  float squared_radius;
-  Index at;
-  Vec here;
-  bool active;
-  Box box;
-
-  __device__ __forceinline__ Ball(const Tree& its_tree, float squared, Index its_place, Vec position, bool is_active)
-      : tree(its_tree),
-        squared_radius(squared),
-        at(its_place),
-        here(position),
-        active(is_active),
-        box(warp_box(position, is_active)) {}
-
-  template <class Visit>
-  __device__ __forceinline__ void operator()(Visit visit) const {
-    const auto near = [&](const Box& other) { return squared_gap(other, box) <= squared_radius; };
-    const auto near_group = [&](const BoxGroup& group) { return near(box_of_lane(group)); };
-    Walk walk(tree);
-    for (Index leaf = walk.next(near_group); leaf != point::kNoNeighbor; leaf = walk.next(near_group)) {
-      const Vec mine = position_of(tree.points[leaf * kLeafSize + lane_number()]);
-      for (unsigned all = __ballot_sync(kAllLanes, near({mine, mine})); all != 0; all &= all - 1) {
-        const int lane = __ffs(static_cast<int>(all)) - 1;
-        const Vec there = {__shfl_sync(kAllLanes, mine.x, lane), __shfl_sync(kAllLanes, mine.y, lane),
-                           __shfl_sync(kAllLanes, mine.z, lane)};
-        const Vec offset = there - here;
-        const Index position = leaf * kLeafSize + Index(lane);
-        if (active && position != at && point::squared_length(offset) <= squared_radius) visit(offset, position);
-      }
-    }
-  }
-};
-
-struct NormalOfPoint {
-  Vec unit = {};  // zero where there is none
-  bool too_few = false, none = false;
-};
-
-template <class ForNeighbors>
-__device__ __forceinline__ NormalOfPoint normal_of(ForNeighbors for_neighbors, point::NormalWeights weights) {
-  point::CentroidSum<float> centroid_sum;
-  int found = 0;
-  for_neighbors([&](Vec offset, Index) {
-    centroid_sum.add(offset, true, weights);
-    ++found;
-  });
-  const Vec centroid = centroid_sum.centroid();
-  point::CovarianceSum<float> covariance;
-  for_neighbors([&](Vec offset, Index) { covariance.add(offset, centroid, true, weights); });
-  const point::Direction<float> normal = covariance.normal();
-  const bool enough = found >= point::kLeastNeighbors;
-  return {enough ? normal.unit : Vec{}, !enough, enough && !normal.exists};
-}
-
-// All lanes of the warp take part.
-__device__ __forceinline__ void count_unmoved(CloudState* state, bool too_few, bool no_normal) {
-  const unsigned few = __ballot_sync(kAllLanes, too_few), none = __ballot_sync(kAllLanes, no_normal);
-  if (lane_number() != 0) return;
-  if (few != 0) atomicAdd(&state->too_few_neighbors, static_cast<unsigned long long>(__popc(few)));
-  if (none != 0) atomicAdd(&state->no_normal, static_cast<unsigned long long>(__popc(none)));
-}
-
 template <class ForNeighbors>
 __device__ __forceinline__ Vec moved_point(ForNeighbors for_neighbors, Vec here, Vec normal, AreaWeights areas,
                                            point::BilateralWeights weights) {
   point::BilateralSum<float> sum;
   for_neighbors([&](Vec offset, Index neighbor) { sum.add(offset, normal, areas.of(neighbor), true, weights); });
   return point::moved(here, normal, sum.distance());
-}
-
-// A point a lane to its place in `out`, none to kNoNeighbor; all lanes of the warp take part. Three lanes write the
-// three words of a point: as many single writes as points meet the cache then, not three times as many.
-__device__ __forceinline__ void scatter(Point* out, Index to, Vec p) {
-  float* words = &out->x;
-#pragma unroll
-  for (unsigned first = 0; first < 3 * kWarp; first += kWarp) {
-    const unsigned word = first + lane_number(), lane = word / 3, axis = word % 3;
-    const float x = __shfl_sync(kAllLanes, p.x, lane), y = __shfl_sync(kAllLanes, p.y, lane),
-                z = __shfl_sync(kAllLanes, p.z, lane);
-    const Index place = __shfl_sync(kAllLanes, to, lane);
-    if (place != point::kNoNeighbor) words[std::size_t(place) * 3 + axis] = axis == 0 ? x : axis == 1 ? y : z;
-  }
-}
-
-// All lanes of the warp take part.
-__device__ __forceinline__ void store_faired(const FairedPoints& faired, std::size_t at, float4 p, bool valid,
-                                             Vec moved) {
-  const bool exists = at < faired.count, staged = faired.staged != nullptr;
-  const Index original = exists ? original_of(p) : point::kNoNeighbor;
-  if (exists && !valid) {
-    const Point same = faired.input[original];
-    moved = {same.x, same.y, same.z};
-  }
-  scatter(faired.in_order, staged && exists ? static_cast<Index>(at) : original, moved);
-  if (staged && exists) faired.originals[at] = original;
 }
 
 template <int kHeld>
@@ -165,18 +74,6 @@ __global__ void __launch_bounds__(kBlock) listed_normals(const __grid_constant__
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   const bool valid = at < state->valid;
   const Listed<kHeld> neighbors(tree, lists, at, position_of(tree.points[at]));
-  const NormalOfPoint normal = normal_of(neighbors, weights);
-  normals.set(at, valid ? normal.unit : Vec{});
-  count_unmoved(state, valid && normal.too_few, valid && normal.none);
-}
-
-__global__ void __launch_bounds__(kBlock)
-    ball_normals(const __grid_constant__ Tree tree, CloudState* state, float squared_radius,
-                 point::NormalWeights weights, Normals normals) {
-  const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
-  if (at >= std::size_t(tree.leaves) * kLeafSize) return;
-  const bool valid = at < state->valid;
-  const Ball neighbors(tree, squared_radius, Index(at), position_of(tree.points[at]), valid);
   const NormalOfPoint normal = normal_of(neighbors, weights);
   normals.set(at, valid ? normal.unit : Vec{});
   count_unmoved(state, valid && normal.too_few, valid && normal.none);
@@ -214,17 +111,6 @@ __global__ void __launch_bounds__(kBlock)
       moved_point(neighbors, position_of(p), normals.at(at), kAreas ? areas : AreaWeights{nullptr, 0}, weights));
 }
 
-__global__ void __launch_bounds__(kBlock)
-    ball_fairing(const __grid_constant__ Tree tree, float squared_radius, Normals normals, AreaWeights areas,
-                 point::BilateralWeights weights, FairedPoints faired) {
-  const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
-  if (at >= std::size_t(tree.leaves) * kLeafSize) return;
-  const float4 p = tree.points[at];
-  const bool valid = at < tree.state->valid;
-  const Ball neighbors(tree, squared_radius, Index(at), position_of(p), valid);
-  store_faired(faired, at, p, valid, moved_point(neighbors, position_of(p), normals.at(at), areas, weights));
-}
-
 __global__ void scatter_staged(FairedPoints faired) {
   const std::size_t i = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   const bool exists = i < faired.count;
@@ -237,6 +123,8 @@ __global__ void scatter_normals(const __grid_constant__ Tree tree, Normals norma
   const bool exists = at < count;
   scatter(out, exists ? original_of(tree.points[at]) : point::kNoNeighbor, exists ? normals.at(at) : Vec{});
 }
+
+}  // namespace
 
 // Random writes all over a large cloud miss the cache, so a pass of radix sort by the highest bits of the original
 // index comes first: what is written at one time then goes to a 256th of the array.
@@ -258,36 +146,23 @@ void bring_into_order(Context& context, FairedPoints faired) {
   check(cudaGetLastError(), "bringing points into upload order");
 }
 
-}  // namespace
-
-void estimate_normals(Context& context, const Tree& tree, CloudState* state, Neighborhoods neighborhoods,
-                      point::NormalWeights weights, Normals normals) {
-  const cudaStream_t stream = context.stream();
-  const unsigned blocks = blocks_for(tree.leaves, kWarps);
-  const int k = neighborhoods.lists.k;
-  if (k == 0) {
-    ball_normals<<<blocks, kBlock, 0, stream>>>(tree, state, neighborhoods.squared_radius, weights, normals);
-  } else {
-    const auto kernel = k <= 8 ? listed_normals<8> : k <= 16 ? listed_normals<16> : listed_normals<0>;
-    kernel<<<blocks, kBlock, 0, stream>>>(tree, state, neighborhoods.lists, weights, normals);
-  }
+void estimate_normals(Context& context, const Tree& tree, CloudState* state, Lists lists, point::NormalWeights weights,
+                      Normals normals) {
+  const int k = lists.k;
+  const auto kernel = k <= 8 ? listed_normals<8> : k <= 16 ? listed_normals<16> : listed_normals<0>;
+  kernel<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, state, lists, weights, normals);
   check(cudaGetLastError(), "estimating normals");
 }
 
-void fair(Context& context, const Tree& tree, Neighborhoods neighborhoods, Normals normals, AreaWeights areas,
+void fair(Context& context, const Tree& tree, Lists lists, Normals normals, AreaWeights areas,
           point::BilateralWeights weights, FairedPoints faired) {
-  const cudaStream_t stream = context.stream();
-  const unsigned blocks = blocks_for(tree.leaves, kWarps);
-  const int k = neighborhoods.lists.k;
-  if (k == 0) {
-    ball_fairing<<<blocks, kBlock, 0, stream>>>(tree, neighborhoods.squared_radius, normals, areas, weights, faired);
-  } else {
-    const bool with = areas.power > 0;
-    const auto kernel = k <= 8    ? (with ? listed_fairing<8, true> : listed_fairing<8, false>)
-                        : k <= 16 ? (with ? listed_fairing<16, true> : listed_fairing<16, false>)
-                                  : (with ? listed_fairing<0, true> : listed_fairing<0, false>);
-    kernel<<<blocks, kBlock, 0, stream>>>(tree, neighborhoods.lists, normals, areas, weights, faired);
-  }
+  const int k = lists.k;
+  const bool with = areas.power > 0;
+  const auto kernel = k <= 8    ? (with ? listed_fairing<8, true> : listed_fairing<8, false>)
+                      : k <= 16 ? (with ? listed_fairing<16, true> : listed_fairing<16, false>)
+                                : (with ? listed_fairing<0, true> : listed_fairing<0, false>);
+  kernel<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, lists, normals, areas, weights,
+                                                                           faired);
   check(cudaGetLastError(), "fairing");
   bring_into_order(context, faired);
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Normals and fairing of all points, over lists or over everything within a radius.
+// The paper's normals and fairing of all points, over lists.
 #pragma once
 
 #include "cuda/memory.cuh"
@@ -38,15 +38,9 @@ struct Lists {
   __device__ const Index* of(std::size_t at) const { return list + (at / kWarp * k) * kWarp + at % kWarp; }
 };
 
-// Where the neighbours come from: lists of k, or a ball around each point if k is 0.
-struct Neighborhoods {
-  Lists lists;
-  float squared_radius;
-};
-
 // Adds to state->too_few_neighbors and state->no_normal.
-void estimate_normals(Context& context, const Tree& tree, CloudState* state, Neighborhoods neighborhoods,
-                      point::NormalWeights weights, Normals normals);
+void estimate_normals(Context& context, const Tree& tree, CloudState* state, Lists lists, point::NormalWeights weights,
+                      Normals normals);
 
 // Where moved points go: straight to their places in upload order, or, if `staged` is not null, into `in_order` as they
 // are sorted, with their original indices in `originals`, to be brought into order by way of `staged`. Invalid points
@@ -59,7 +53,10 @@ struct FairedPoints {
   Index *originals, *staged_originals;
 };
 
-void fair(Context& context, const Tree& tree, Neighborhoods neighborhoods, Normals normals, AreaWeights areas,
+// From where the kernels put them, if faired.staged is not null.
+void bring_into_order(Context& context, FairedPoints faired);
+
+void fair(Context& context, const Tree& tree, Lists lists, Normals normals, AreaWeights areas,
           point::BilateralWeights weights, FairedPoints faired);
 
 // Both over lists, as one kernel.

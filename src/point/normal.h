@@ -70,7 +70,8 @@ struct CovarianceSum {
   POINTFAIR_INLINE Direction<F> normal() const { return least_eigenvector(sum); }
 };
 
-// 1 / (1 - cos angle), up to 120 degrees: with it, turn_exponent is 1 for normals that differ by `degrees`; 0 for no weight.
+// 1 / (1 - cos angle), up to 120 degrees: with it, turn_exponent is 1 for normals that differ by `degrees`; 0 for no
+// weight.
 POINTFAIR_INLINE float inverse_turn(int degrees) {
   if (degrees == 0) return 0.0f;
   const float half = cosine_to_sixty_degrees(0.00872664626f * static_cast<float>(degrees));
