@@ -234,7 +234,8 @@ class CudaBalls : public CudaBackendTest {
   // Sums run in another order here. Planes through three or four points magnify what that rounds.
   void expect_close(const std::vector<Point>& points, const Settings& settings, const char* what) {
     SCOPED_TRACE(what);
-    constexpr float kRounding = 2e-6f, kMagnified = 5e-5f;  // spacing 0.016
+    // A further pass may find a point on the other side of a ball's rim, which is worth 1 % of the spacing.
+    const float kRounding = 2e-6f, kMagnified = settings.passes == 1 ? 5e-5f : 1.6e-4f;  // spacing 0.016
     const Result cuda = run(*cuda_, points, settings), cpu = run(*cpu_, points, settings);
     std::size_t beyond_rounding = 0;
     for (std::size_t i = 0; i < points.size(); ++i) {
