@@ -125,7 +125,7 @@ test("a scan is loaded, faired, compared, saved, and all of it comes back", with
     const changed = difference(before, await blocks(page, await picture(page), 640, 400));
     t.diagnostic(`pixels changed by ${changed.toFixed(2)} of 255`);
     assert.ok(changed > 0.1);
-    assert.match(await entry(page, "closeness_sigma").inputValue(), /^[\d.]+s$/);
+    assert.match(await entry(page, "closeness_sigma").inputValue(), /^[\d.]+[sr]$/);
   });
 
   await t.test("the noise that is left is less", async () => {
