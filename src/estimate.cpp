@@ -232,7 +232,7 @@ constexpr int kNormalAngle = 20, kFacingAngle = 40;  // degrees
 constexpr int kPasses = 2;
 
 // Percent. Next to nothing where the noise estimate is small against the spacing, so that clean clouds stay clean.
-int automatic_strength(double sigma, double spacing) {
+int automatic_step(double sigma, double spacing) {
   if (!(sigma > 0)) return 1;
   const double ratio = kTrustedNoise * spacing / sigma;
   return std::max(1, int(std::lround(100 / (1 + ratio * ratio * ratio * ratio))));
@@ -305,7 +305,7 @@ Params resolve_params(const Params& params, const Spacing& spacing, const Noise&
   if (params.planes == Planes::automatic) used.planes = by_ball ? Planes::both : Planes::own;
   if (params.normal_angle == kAutomatic) used.normal_angle = kNormalAngle;
   if (params.facing_angle == kAutomatic) used.facing_angle = kFacingAngle;
-  if (params.strength == kAutomatic) used.strength = chooses_balls(params) ? automatic_strength(noise.sigma, s) : 100;
+  if (params.step == kAutomatic) used.step = chooses_balls(params) ? automatic_step(noise.sigma, s) : 100;
   if (params.passes == kAutomatic) used.passes = kPasses;
   return used;
 }

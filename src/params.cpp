@@ -171,7 +171,7 @@ Params paper_preset() {
   params.normal_filter = NormalFilter::off;
   params.area_weight = AreaWeight::squared;
   params.planes = Planes::own;
-  params.strength = 100;
+  params.step = 100;
   params.passes = 1;
   return params;
 }

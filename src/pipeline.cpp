@@ -53,7 +53,7 @@ Settings settings_of(const Params& p) {
   s.fairing.closeness_of_radius = p.closeness_sigma.unit == Length::Unit::radius;
   s.fairing.two_planes = p.planes == Planes::both;
   s.fairing.facing_angle = s.fairing.two_planes ? p.facing_angle : 0;
-  s.fairing.strength = float(p.strength) / 100.0f;
+  s.fairing.strength = float(p.step) / 100.0f;
   return s;
 }
 

@@ -62,7 +62,7 @@ inline Settings settings_of(const Params& resolved) {
   s.filter_angle = resolved.normal_angle;
   s.facing_angle = resolved.facing_angle;
   s.two_planes = resolved.planes == Planes::both;
-  s.strength = resolved.strength / 100.0;
+  s.strength = resolved.step / 100.0;
   s.area_weight = resolved.area_weight;
   s.passes = resolved.passes;
   return s;

@@ -101,7 +101,7 @@ Params settled() {  // nothing automatic, so that a change of one value changes 
   params.normal_angle = 30;
   params.planes = Planes::both;
   params.facing_angle = 40;
-  params.strength = 90;
+  params.step = 90;
   params.passes = 1;
   return params;
 }

@@ -252,7 +252,7 @@ TEST(PaperPreset, is_k_8_one_pass_with_constraint_and_squared_area_weight_and_no
   expected.area_weight = AreaWeight::squared;
   expected.normal_filter = NormalFilter::off;
   expected.planes = Planes::own;
-  expected.strength = 100;
+  expected.step = 100;
   EXPECT_EQ(paper_preset(), expected);
 }
 

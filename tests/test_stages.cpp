@@ -165,7 +165,7 @@ TEST(Stages, agree_with_the_reference_for_balls_that_are_thinned) {
   params.passes = 1;
   params.radius = 0.5;  // holds hundreds of points, against 4 within the widening
   params.widening = 4;
-  params.strength = 100;
+  params.step = 100;
   expect_like_reference(shapes::with_noise(shapes::waves(2500), 0.004), params, "thinned");
 }
 
@@ -182,7 +182,7 @@ TEST(Stages, agree_with_the_reference_for_filtered_normals_and_both_planes) {
           params.normal_angle = 35;
           params.planes = planes;
           params.facing_angle = 50;
-          params.strength = 150;
+          params.step = 150;
           params.area_weight = planes == Planes::both ? AreaWeight::squared : AreaWeight::none;
           expect_like_reference(shapes::with_noise(shapes::cube(900), 0.01), params,
                                 "k " + std::to_string(k) + ", filter " + std::to_string(filter) + ", planes " +

@@ -44,8 +44,10 @@ std::vector<std::uint32_t> indices_within(std::span<const Point> points, const P
 
 // How far from a point others still matter, all passes together.
 double reach_of(const Params& params, double spacing) {
-  double reach = spacing * std::sqrt(params.k / std::numbers::pi);
-  if (!params.radius.is_automatic()) reach = params.k > 0 ? std::min(reach, params.radius.value) : params.radius.value;
+  const double listed = spacing * std::sqrt((params.k > 0 ? params.k : params.widening) / std::numbers::pi);
+  double reach = listed;
+  if (!params.radius.is_automatic())
+    reach = params.k > 0 ? std::min(listed, params.radius.value) : std::hypot(listed, params.radius.value);
   return reach * std::max(1, params.passes);
 }
 

@@ -64,7 +64,7 @@ struct Params {
   AreaWeight area_weight = AreaWeight::none;
   Planes planes = Planes::automatic;
   int facing_angle = kAutomatic;  ///< with planes both: weight by the normals' agreement, degrees
-  int strength = kAutomatic;      ///< percent of the displacement that is made
+  int step = kAutomatic;          ///< percent of the displacement that is made
   int passes = kAutomatic;
 
   friend bool operator==(const Params&, const Params&) = default;
@@ -122,8 +122,8 @@ inline constexpr std::array kParams = {
               "planes that offsets are measured to: the point's own (the paper), or its own and its neighbours' alike"},
     ParamInfo{"facing_angle", Stage::fairing, &Params::facing_angle, 1, 90, true, "",
               "with planes both: neighbours whose normals differ by more than so many degrees hardly count"},
-    ParamInfo{"strength", Stage::fairing, &Params::strength, 1, 200, true, "",
-              "percent of the displacement that is made"},
+    ParamInfo{"step", Stage::fairing, &Params::step, 1, 200, true, "",
+              "percent of the displacement that each pass makes"},
     ParamInfo{"passes", Stage::passes, &Params::passes, 1, 100, true, "",
               "how often the whole is repeated, neighbours searched again"},
 };

@@ -10,14 +10,17 @@ export interface Scale {
   diagonal: number;
 }
 
-type Unit = "s" | "%" | "";
-const kUnits: [Unit, string][] = [["s", "spacings"], ["%", "% of size"], ["", "file units"]];
+type Unit = "s" | "%" | "r" | "";
+const kUnits: [Unit, string][] = [["s", "spacings"], ["%", "% of size"], ["r", "radii"], ["", "file units"]];
 const kSteps = 1000;
 const kLengthRange = [0.05, 50]; // of a slider, in spacings
 
-const unitOf = (text: string): Unit => (text.endsWith("s") ? "s" : text.endsWith("%") ? "%" : "");
+const unitOf = (text: string): Unit => (text.endsWith("s") ? "s" : text.endsWith("%") ? "%" : text.endsWith("r") ? "r" : "");
 const perUnit = (unit: Unit, scale: Scale) =>
-  unit === "s" ? scale.spacing || 1 : unit === "%" ? scale.diagonal / 100 || 1 : 1;
+  unit === "s" ? scale.spacing || 1
+  : unit === "%" ? scale.diagonal / 100 || 1
+  : unit === "r" ? 2.26 * scale.spacing || 1 // of 16 points without noise; each point has its own
+  : 1;
 
 /** A length's text in file units; NaN for none. */
 export function lengthOf(text: string, scale: Scale): number {
@@ -97,7 +100,7 @@ function numberControl(param: Param, change: (text: string, done: boolean) => vo
     return String(param.kind === "int" ? Math.round(value) : Number(value.toPrecision(3)));
   };
   const valueOf = (text: string) => (isLength ? lengthOf(text, scale) : Number(text));
-  const spoken = (text: string) => (isLength ? `${text.replace(/[s%]$/, "")} ${unitName(unitOf(text))}` : text);
+  const spoken = (text: string) => (isLength ? `${text.replace(/[s%r]$/, "")} ${unitName(unitOf(text))}` : text);
 
   const id = `param-${param.name}`;
   const slider = h("input", {
