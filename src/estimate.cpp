@@ -227,7 +227,7 @@ constexpr int kWidening = 16;                        // and the neighbours that 
 constexpr double kNormalWidth = 1.4;                 // of a ball's radius
 constexpr double kClosenessWidth = 0.6;              // of a ball's radius
 constexpr double kSimilarityWidth = 3;               // sigmas
-constexpr double kTrustedNoise = 0.16;               // spacings; noise below it is hard to tell from shape
+constexpr double kTrustedNoise = 0.02;     // spacings; noise below it is hard to tell from shape
 constexpr int kNormalAngle = 20, kFacingAngle = 40;  // degrees
 constexpr int kPasses = 2;
 
