@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <stop_token>
@@ -79,6 +80,8 @@ class Backend {
   // For each of `queries` (indices in upload order): the query itself, then its k nearest other points, nearest first,
   // row after row of k + 1; rows of invalid queries, and places past the last point, are NaN. k up to 1024.
   virtual void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) = 0;
+  // Calls body(i) for each i below count on the host's cores, as many at once as this backend may use.
+  virtual void for_each_on_host(std::size_t count, const std::function<void(std::size_t)>& body);
 
   virtual Counts counts() const = 0;                  // of the current chain, after fair
   virtual std::uint64_t peak_host_bytes() const = 0;  // since upload

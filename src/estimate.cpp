@@ -16,6 +16,9 @@ constexpr std::size_t kSpacingSamples = 2000, kNoiseSamples = 500;
 constexpr int kSpacingNeighbors = 6;
 constexpr int kFirstFit = 30, kLargestFit = 600;
 constexpr double kFitGrowth = 1.4;
+// Rows are asked for in two lengths: a row of the nearest begins with every shorter one, so each serves several rounds
+// of growth. The first is a round's size (30 times 1.4^4).
+constexpr int kFitRows[] = {115, kLargestFit};
 
 // Scattered over the upload order by a low-discrepancy sequence (multiples of the golden ratio), so that a period in
 // the order of the file (rows of a scanner) is not met in step.
@@ -44,6 +47,7 @@ Vec to_vec(Point p) { return {p.x, p.y, p.z}; }
 // The known part of a row of sample_neighborhoods, relative to its query; empty if the query is invalid.
 std::vector<Vec> offsets_of(std::span<const Point> row) {
   std::vector<Vec> offsets;
+  offsets.reserve(row.size());
   for (const Point& p : row.subspan(1)) {
     if (std::isnan(p.x)) break;
     offsets.push_back(to_vec(p) - to_vec(row[0]));
@@ -57,24 +61,14 @@ struct Frame {
   double least_eigenvalue;  // variance along the normal
 };
 
-// Cyclic Jacobi rotations; exact enough after 12 sweeps for any symmetric 3 x 3.
-Frame principal_frame(std::span<const Vec> offsets) {
-  Vec c{0, 0, 0};
-  for (const Vec& o : offsets) c = {c.x + o.x, c.y + o.y, c.z + o.z};
-  const double n = double(offsets.size());
-  c = {c.x / n, c.y / n, c.z / n};
-  double m[3][3] = {};
-  for (const Vec& o : offsets) {
-    const Vec d = o - c;
-    const double v[3] = {d.x, d.y, d.z};
-    for (int i = 0; i < 3; ++i)
-      for (int j = 0; j < 3; ++j) m[i][j] += v[i] * v[j] / n;
-  }
+// Cyclic Jacobi rotations; exact enough after 12 sweeps for any symmetric 3 x 3, which most never need.
+Frame principal_frame(Vec centroid, double (&m)[3][3]) {
+  const double negligible = 1e-18 * (m[0][0] + m[1][1] + m[2][2]);
   double e[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
   for (int sweep = 0; sweep < 12; ++sweep)
     for (int p = 0; p < 2; ++p)
       for (int q = p + 1; q < 3; ++q) {
-        if (m[p][q] == 0) continue;
+        if (!(std::abs(m[p][q]) > negligible)) continue;
         const double theta = (m[q][q] - m[p][p]) / (2 * m[p][q]);
         const double t = (theta < 0 ? -1 : 1) / (std::abs(theta) + std::sqrt(theta * theta + 1));
         const double cosine = 1 / std::sqrt(t * t + 1), sine = t * cosine;
@@ -94,47 +88,96 @@ Frame principal_frame(std::span<const Vec> offsets) {
       }
   std::array<int, 3> order{0, 1, 2};
   std::sort(order.begin(), order.end(), [&](int a, int b) { return m[a][a] > m[b][b]; });
-  Frame frame{c, {}, std::max(0.0, m[order[2]][order[2]])};
+  Frame frame{centroid, {}, std::max(0.0, m[order[2]][order[2]])};
   for (int i = 0; i < 3; ++i) frame.axes[i] = {e[0][order[i]], e[1][order[i]], e[2][order[i]]};
   return frame;
 }
 
+// First and second moments of offsets from the query. It lies among them, so little is lost when the mean is taken off
+// at the end, and a neighbourhood that grows adds its new points only.
+class Moments {
+ public:
+  void add(Vec o) {
+    first_ = {first_.x + o.x, first_.y + o.y, first_.z + o.z};
+    const double products[6] = {o.x * o.x, o.x * o.y, o.x * o.z, o.y * o.y, o.y * o.z, o.z * o.z};
+    for (int i = 0; i < 6; ++i) second_[i] += products[i];
+  }
+  Frame frame(double n) const {
+    const Vec c = {first_.x / n, first_.y / n, first_.z / n};
+    const auto [xx, xy, xz, yy, yz, zz] = second_;
+    double m[3][3] = {{xx / n - c.x * c.x, xy / n - c.x * c.y, xz / n - c.x * c.z},
+                      {xy / n - c.x * c.y, yy / n - c.y * c.y, yz / n - c.y * c.z},
+                      {xz / n - c.x * c.z, yz / n - c.y * c.z, zz / n - c.z * c.z}};
+    return principal_frame(c, m);
+  }
+
+ private:
+  Vec first_{0, 0, 0};
+  std::array<double, 6> second_{};
+};
+
+constexpr int kTerms = 10;
+// 1, u, v, u u, u v, v v, .. : the powers of u and of v in each term of a cubic.
+constexpr int kPowersU[kTerms] = {0, 1, 0, 2, 1, 0, 3, 2, 1, 0}, kPowersV[kTerms] = {0, 0, 1, 0, 1, 2, 0, 1, 2, 3};
+
+// Sums of the normal equations. A product of two terms is a monomial of degree 6 at most, of which there are 28.
+struct CubicSums {
+  double monomial[7][7] = {}, height[4][4] = {};
+
+  void add(double u, double v, double h) {
+    double power_u[7], power_v[7];
+    power_u[0] = power_v[0] = 1;
+    for (int i = 1; i < 7; ++i) power_u[i] = power_u[i - 1] * u, power_v[i] = power_v[i - 1] * v;
+    for (int a = 0; a < 7; ++a)
+      for (int b = 0; a + b < 7; ++b) monomial[a][b] += power_u[a] * power_v[b];
+    for (int a = 0; a < 4; ++a)
+      for (int b = 0; a + b < 4; ++b) height[a][b] += power_u[a] * power_v[b] * h;
+  }
+
+  // The coefficients of the least-squares cubic of `n` points, by Gauss-Jordan elimination; a vanishing pivot drops its
+  // term.
+  std::array<double, kTerms> solve(double n) const {
+    double a[kTerms][kTerms + 1];
+    for (int i = 0; i < kTerms; ++i) {
+      for (int j = 0; j < kTerms; ++j) a[i][j] = monomial[kPowersU[i] + kPowersU[j]][kPowersV[i] + kPowersV[j]];
+      a[i][kTerms] = height[kPowersU[i]][kPowersV[i]];
+    }
+    for (int i = 0; i < kTerms; ++i) {
+      const double pivot = a[i][i];
+      if (pivot < 1e-9 * n) {
+        for (double& value : a[i]) value = 0;
+        continue;
+      }
+      for (double& value : a[i]) value /= pivot;
+      for (int r = 0; r < kTerms; ++r) {
+        if (r == i) continue;
+        const double factor = a[r][i];
+        for (int j = 0; j <= kTerms; ++j) a[r][j] -= factor * a[i][j];
+      }
+    }
+    std::array<double, kTerms> coefficients;
+    for (int i = 0; i < kTerms; ++i) coefficients[i] = a[i][kTerms];
+    return coefficients;
+  }
+};
+
 // Residual variance of the least-squares cubic over the frame's plane, unbiased: divided by n - 10.
 double cubic_variance(std::span<const Vec> offsets, const Frame& frame, double radius) {
-  constexpr int kTerms = 10;
-  double a[kTerms][kTerms + 1] = {};
-  const auto terms = [&](Vec o, double& height) {
+  const auto in_frame = [&](Vec o) -> Vec {
     const Vec d = o - frame.centroid;
-    const double u = dot(d, frame.axes[0]) / radius, v = dot(d, frame.axes[1]) / radius;
-    height = dot(d, frame.axes[2]);
-    return std::array<double, kTerms>{1, u, v, u * u, u * v, v * v, u * u * u, u * u * v, u * v * v, v * v * v};
+    return {dot(d, frame.axes[0]) / radius, dot(d, frame.axes[1]) / radius, dot(d, frame.axes[2])};
   };
+  CubicSums sums;
   for (const Vec& o : offsets) {
-    double h = 0;
-    const auto t = terms(o, h);
-    for (int i = 0; i < kTerms; ++i) {
-      for (int j = 0; j < kTerms; ++j) a[i][j] += t[i] * t[j];
-      a[i][kTerms] += t[i] * h;
-    }
+    const Vec p = in_frame(o);
+    sums.add(p.x, p.y, p.z);
   }
-  for (int i = 0; i < kTerms; ++i) {  // Gauss-Jordan; a vanishing pivot drops its term
-    const double pivot = a[i][i];
-    if (pivot < 1e-9 * double(offsets.size())) {
-      for (double& value : a[i]) value = 0;
-      continue;
-    }
-    for (double& value : a[i]) value /= pivot;
-    for (int r = 0; r < kTerms; ++r) {
-      if (r == i) continue;
-      const double factor = a[r][i];
-      for (int j = 0; j <= kTerms; ++j) a[r][j] -= factor * a[i][j];
-    }
-  }
+  const auto c = sums.solve(double(offsets.size()));
   double sum = 0;
   for (const Vec& o : offsets) {
-    double h = 0;
-    const auto t = terms(o, h);
-    for (int i = 0; i < kTerms; ++i) h -= a[i][kTerms] * t[i];
+    const auto [u, v, height] = in_frame(o);
+    const double h = height - (c[0] + u * (c[1] + u * (c[3] + u * c[6])) +
+                               v * (c[2] + u * (c[4] + u * c[7]) + v * (c[5] + u * c[8] + v * c[9])));
     sum += h * h;
   }
   return sum / double(offsets.size() - kTerms);
@@ -150,15 +193,23 @@ double without_slab_bias(double variance, double radius) {
   return s2;
 }
 
-// The noise seen from one neighbourhood, or nothing if it is still too narrow against the noise.
-std::optional<Noise> local_noise(std::span<const Vec> offsets, bool may_grow) {
-  const double k = double(offsets.size());
-  const Frame frame = principal_frame(offsets);
-  const double radius = length(offsets.back());
-  if (!(radius > 0)) return Noise{};
-  if (may_grow && radius < 3.7 * std::sqrt(frame.least_eigenvalue * k / (k - 3))) return std::nullopt;
-  return Noise{std::sqrt(without_slab_bias(cubic_variance(offsets, frame, radius), radius)),
-               radius * std::sqrt(std::numbers::pi / k)};
+// The noise seen from the nearest `offsets` of a query, of `asked` that there should be. The neighbourhood grows until
+// it is wide against the noise; nothing if all of them are not enough, but more could be.
+std::optional<Noise> local_noise(std::span<const Vec> offsets, std::size_t asked) {
+  Moments moments;
+  std::size_t added = 0;
+  for (double wanted = kFirstFit;; wanted *= kFitGrowth) {
+    const std::size_t k = std::min(std::min(std::size_t(wanted), std::size_t(kLargestFit)), offsets.size());
+    for (; added < k; ++added) moments.add(offsets[added]);
+    const double n = double(k), radius = length(offsets[k - 1]);
+    if (!(radius > 0)) return Noise{};
+    const Frame frame = moments.frame(n);
+    const bool wide = radius >= 3.7 * std::sqrt(frame.least_eigenvalue * n / (n - 3));
+    if (wide || k == kLargestFit || offsets.size() < std::min(asked, std::size_t(wanted)))
+      return Noise{std::sqrt(without_slab_bias(cubic_variance(offsets.first(k), frame, radius), radius)),
+                   radius * std::sqrt(std::numbers::pi / n)};
+    if (k == asked) return std::nullopt;
+  }
 }
 
 double quantile(std::vector<double> values, double share) {
@@ -192,23 +243,29 @@ Spacing measure_spacing(Backend& backend, std::uint64_t points) {
 Noise measure_noise(Backend& backend, std::uint64_t points) {
   std::vector<std::uint32_t> queries = sample_queries(points, kNoiseSamples);
   std::vector<double> sigmas, spacings;
-  for (double wanted = kFirstFit; !queries.empty(); wanted *= kFitGrowth) {
-    const int k = std::min(int(wanted), kLargestFit);
-    std::vector<Point> rows(queries.size() * (std::size_t(k) + 1));
+  for (const int k : kFitRows) {
+    const std::size_t row = std::size_t(k) + 1;
+    std::vector<Point> rows(queries.size() * row);
     backend.sample_neighborhoods(queries, k, rows);
+    std::vector<std::optional<Noise>> found(queries.size());
+    std::vector<std::uint8_t> has_few(queries.size());
+    backend.for_each_on_host(queries.size(), [&](std::size_t q) {
+      const auto offsets = offsets_of({rows.data() + q * row, row});
+      has_few[q] = offsets.size() < kFirstFit / 2;
+      if (!has_few[q]) found[q] = local_noise(offsets, std::size_t(k));
+    });
     std::vector<std::uint32_t> again;
     for (std::size_t q = 0; q < queries.size(); ++q) {
-      const auto offsets = offsets_of({rows.data() + q * (std::size_t(k) + 1), std::size_t(k) + 1});
-      if (offsets.size() < kFirstFit / 2) continue;
-      const bool may_grow = k < kLargestFit && offsets.size() == std::size_t(k);
-      if (const std::optional<Noise> noise = local_noise(offsets, may_grow)) {
-        sigmas.push_back(noise->sigma);
-        spacings.push_back(noise->surface_spacing);
-      } else {
+      if (has_few[q]) continue;
+      if (!found[q]) {
         again.push_back(queries[q]);
+        continue;
       }
+      sigmas.push_back(found[q]->sigma);
+      spacings.push_back(found[q]->surface_spacing);
     }
     queries = std::move(again);
+    if (queries.empty()) break;
   }
   if (sigmas.empty()) return {};
   // Where noise is all there is, residuals spread little; where curvature adds to them, the least ones know more.
@@ -227,7 +284,7 @@ constexpr int kWidening = 16;                        // and the neighbours that 
 constexpr double kNormalWidth = 1.4;                 // of a ball's radius
 constexpr double kClosenessWidth = 0.6;              // of a ball's radius
 constexpr double kSimilarityWidth = 3;               // sigmas
-constexpr double kTrustedNoise = 0.02;     // spacings; noise below it is hard to tell from shape
+constexpr double kTrustedNoise = 0.02;               // spacings; noise below it is hard to tell from shape
 constexpr int kNormalAngle = 20, kFacingAngle = 40;  // degrees
 constexpr int kPasses = 2;
 

@@ -14,6 +14,7 @@
 
 #include "cpu/chain.h"
 #include "cpu/parallel.h"
+#include "cpu/single_search.h"
 
 namespace pointfair {
 namespace cpu {
@@ -122,11 +123,12 @@ class CpuBackend final : public Backend {
       locate(queries);
       const IndexView index = at_work_->index().view();
       for_blocks(queries.size(), 4, {}, [&](std::size_t first, std::size_t last, std::size_t) {
+        SingleSearch search;
         std::vector<Index> list(std::size_t(k), 0);
         for (std::size_t q = first; q < last; ++q) {
           const Index at_query = located_.at(queries[q]);
           if (at_query == point::kNoNeighbor) continue;
-          kernels_.nearest_of_one(index, at_query, k, std::numeric_limits<float>::infinity(), list.data());
+          search.find(index, at_query, k, std::numeric_limits<float>::infinity(), list.data());
           Point* row = out.data() + q * (std::size_t(k) + 1);
           *row++ = {index.x[at_query], index.y[at_query], index.z[at_query]};
           for (const Index at : list)
@@ -134,6 +136,10 @@ class CpuBackend final : public Backend {
         }
       });
     });
+  }
+
+  void for_each_on_host(std::size_t count, const std::function<void(std::size_t)>& body) override {
+    arena_.execute([&] { Backend::for_each_on_host(count, body); });
   }
 
   Counts counts() const override {
@@ -196,6 +202,10 @@ class CpuBackend final : public Backend {
 
 }  // namespace
 }  // namespace cpu
+
+void Backend::for_each_on_host(std::size_t count, const std::function<void(std::size_t)>& body) {
+  tbb::parallel_for(std::size_t(0), count, body);
+}
 
 std::unique_ptr<Backend> make_cpu_backend(unsigned threads) { return std::make_unique<cpu::CpuBackend>(threads); }
 

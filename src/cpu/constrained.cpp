@@ -28,7 +28,7 @@ const Index* ConstrainedSearch::find(const IndexView& index, Index leaf, Index* 
     int pool = first_pool_;
     do {
       pool = std::min(2 * pool, kLargestPool);
-      kernels_.nearest_of_one(index, first + lane, pool, squared_limit_, more_candidates_.data());
+      single_.find(index, first + lane, pool, squared_limit_, more_candidates_.data());
     } while (!grow(index, first + lane, pool, list + lane) && pool < kLargestPool);
   }
   return candidates_.data();

@@ -7,6 +7,7 @@
 
 #include "backend.hpp"
 #include "cpu/kernels.h"
+#include "cpu/single_search.h"
 
 namespace pointfair::cpu {
 
@@ -30,6 +31,7 @@ class ConstrainedSearch {
   std::vector<Index> candidates_;       // of the leaf's 16 points
   std::vector<Index> more_candidates_;  // of one point whose first pool did not suffice
   std::vector<point::Vec3<float>> members_;
+  SingleSearch single_;
 };
 
 }  // namespace pointfair::cpu

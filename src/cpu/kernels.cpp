@@ -20,15 +20,8 @@ static void nearest(const IndexView& index, Index leaf, int k, float squared_lim
   }
 }
 
-static void nearest_of_one(const IndexView& index, Index position, int k, float squared_limit, Index* out) {
-  alignas(64) Index lists[ExactLists::kCapacity * kLeafSize];
-  const int lane = int(position) % kLanes;
-  search_lanes(index, position - Index(lane), lane, lane + 1, k, squared_limit, lists);
-  for (int s = 0; s < k; ++s) out[s] = lists[s * kLeafSize + lane];
-}
-
 extern const Kernels kKernels;
-const Kernels kKernels = {POINTFAIR_ISA_LABEL, hilbert_keys,   nearest, nearest_of_one, grow,
-                          squared_radii,       mean_distances, normals, filter_normals, fair};
+const Kernels kKernels = {POINTFAIR_ISA_LABEL, hilbert_keys, nearest,        grow, squared_radii,
+                          mean_distances,      normals,      filter_normals, fair};
 
 }  // namespace pointfair::cpu::POINTFAIR_ISA

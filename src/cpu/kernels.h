@@ -97,8 +97,6 @@ struct Kernels {
                        float scale);
   // The k nearest other points within `squared_limit`: out[slot * 16 + lane]. k <= 1024.
   void (*nearest)(const IndexView&, Index leaf, int k, float squared_limit, Index* out);
-  // The same for one sorted position: out[slot].
-  void (*nearest_of_one)(const IndexView&, Index position, int k, float squared_limit, Index* out);
   // Constrained neighbourhoods of the leaf's points among the `count` nearest of each, as `nearest` gives them; bit l
   // of the result is set if no candidate beyond those could join that of lane l. count <= 1024.
   unsigned (*grow)(const IndexView&, Index leaf, const Index* candidates, int count, int k, float reach, Index* list);

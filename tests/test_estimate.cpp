@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: Apache-2.0
+// The noise estimate against known noise, and against Eq. 8 as Eigen computes it from brute-force neighbourhoods.
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <optional>
+#include <vector>
+
+#include "backend.hpp"
+#include "estimate.hpp"
+#include "reference.h"
+#include "shapes.h"
+
+namespace pointfair {
+namespace {
+
+using shapes::Points;
+
+Noise measured_noise(const Points& points) {
+  const std::unique_ptr<Backend> backend = make_cpu_backend(2);
+  backend->upload(points);
+  backend->begin_pass(0);
+  backend->build_index({});
+  return measure_noise(*backend, points.size());
+}
+
+struct Fit {
+  double sigma, surface_spacing;
+};
+
+// One round over the `k` nearest: nothing if they are not wide against the noise and more may be asked for.
+std::optional<Fit> fit(const Eigen::MatrixXd& offsets, Eigen::Index k, bool may_grow) {
+  const double n = double(k), radius = offsets.row(k - 1).norm();
+  if (radius == 0) return Fit{0, 0};
+  const Eigen::RowVector3d centroid = offsets.topRows(k).colwise().mean();
+  const Eigen::MatrixXd centred = offsets.topRows(k).rowwise() - centroid;
+  const Eigen::Matrix3d covariance = centred.transpose() * centred / n;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(covariance);  // by rising eigenvalue
+  if (may_grow && radius < 3.7 * std::sqrt(solver.eigenvalues()[0] * n / (n - 3))) return std::nullopt;
+  const Eigen::VectorXd h = centred * solver.eigenvectors().col(0);
+  const Eigen::ArrayXd u = centred * solver.eigenvectors().col(2) / radius,
+                       v = centred * solver.eigenvectors().col(1) / radius;
+  Eigen::MatrixXd terms(k, 10);
+  terms << Eigen::ArrayXd::Ones(k), u, v, u * u, u * v, v * v, u * u * u, u * u * v, u * v * v, v * v * v;
+  const Eigen::VectorXd residual = h - terms * terms.colPivHouseholderQr().solve(h);
+  const double variance = residual.squaredNorm() / (n - 10);
+  double squared = variance;
+  for (int i = 0; i < 8; ++i) {
+    const double t = std::min(0.15, squared / (radius * radius));
+    squared = variance * (1 - t) / (1 - 3 * t);
+  }
+  return Fit{std::sqrt(squared), radius * std::sqrt(std::numbers::pi / n)};
+}
+
+Fit fit_at(const Points& points, std::size_t query) {
+  const auto nearest = reference::nearest(points, query, 600);
+  Eigen::MatrixXd offsets(nearest.size(), 3);
+  for (std::size_t i = 0; i < nearest.size(); ++i) {
+    const Point p = points[nearest[i]], q = points[query];
+    offsets.row(Eigen::Index(i)) << double(p.x) - q.x, double(p.y) - q.y, double(p.z) - q.z;
+  }
+  for (double wanted = 30;; wanted *= 1.4) {
+    const int k = std::min(int(wanted), 600);
+    if (const auto found = fit(offsets, k, k < 600)) return *found;
+  }
+}
+
+double quantile(std::vector<double> values, double share) {
+  std::sort(values.begin(), values.end());
+  return values[std::size_t(share * double(values.size() - 1))];
+}
+
+// At the samples of measure_noise: multiples of the golden ratio over the upload order.
+TEST(Noise, is_that_of_cubic_fits_over_growing_neighbourhoods) {
+  Points points = shapes::with_noise(shapes::waves(3000), 0.02);
+  for (const double flat : {1.0, 0.05}) {  // far above the spacing, where all rounds run, and below
+    for (Point& p : points) p.z = float(p.z * flat);
+    std::vector<double> sigmas, spacings;
+    for (std::size_t i = 0; i < 500; ++i) {
+      const double place = double(i + 1) * 0.6180339887498949;
+      const Fit found = fit_at(points, std::size_t((place - std::floor(place)) * double(points.size())));
+      sigmas.push_back(found.sigma);
+      spacings.push_back(found.surface_spacing);
+    }
+    const Noise noise = measured_noise(points);
+    const double sigma = std::min(quantile(sigmas, 0.35), 1.2 * quantile(sigmas, 0.15));
+    EXPECT_NEAR(noise.sigma, sigma, 1e-7 * sigma);
+    EXPECT_NEAR(noise.surface_spacing, quantile(spacings, 0.5), 1e-7 * noise.surface_spacing);
+  }
+}
+
+// Spacing of the sphere's points: sqrt(4 pi / 20000) = 0.025.
+TEST(Noise, on_a_sphere_is_near_the_truth_from_a_tenth_of_the_spacing_to_the_spacing) {
+  for (const double sigma : {0.0025, 0.00625, 0.0125, 0.025}) {
+    Points points = shapes::sphere(20000);
+    shapes::Random random(3);
+    for (Point& p : points) {
+      const float r = float(1 + sigma * random.normal());
+      p = {p.x * r, p.y * r, p.z * r};
+    }
+    EXPECT_NEAR(measured_noise(points).sigma, sigma, (sigma < 0.00625 ? 0.3 : 0.15) * sigma) << sigma;
+  }
+}
+
+TEST(Noise, of_a_clean_sphere_is_next_to_none) { EXPECT_LT(measured_noise(shapes::sphere(20000)).sigma, 0.0025); }
+
+TEST(Noise, of_clouds_without_a_surface_is_none) {
+  EXPECT_EQ(measured_noise(shapes::identical(100)).sigma, 0);
+  EXPECT_EQ(measured_noise(shapes::sphere(10)).sigma, 0);
+  EXPECT_EQ(measured_noise({}).sigma, 0);
+}
+
+}  // namespace
+}  // namespace pointfair
