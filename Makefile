@@ -10,7 +10,7 @@ PREFIX ?= /usr/local
 FUZZ_SECONDS ?= 60
 FUZZ_TARGETS = $(notdir $(wildcard build/fuzz/bin/fuzz_*))
 
-.PHONY: help demo build test bench bench-viewer fuzz format docs asan tsan clean install
+.PHONY: help demo build test bench bench-viewer paper-tables gpu release fuzz format docs asan tsan clean install
 
 help:
 	@echo "make build    the program, build/bin/pointfair"
@@ -18,6 +18,9 @@ help:
 	@echo "make test     all tests"
 	@echo "make bench    time every stage and the peers"
 	@echo "make bench-viewer  time the viewer over its WebSocket, 100,000 and 1M points"
+	@echo "make paper-tables  the paper's table II and figures 6 and 7 on this machine, in build/paper"
+	@echo "make gpu      on a machine with a card: build, test, sanitize and benchmark, in build/gpu-report"
+	@echo "make release  the program with machine code for all cards, build/release/bin/pointfair"
 	@echo "make fuzz     every file reader under a fuzzer, $(FUZZ_SECONDS) s each (FUZZ_SECONDS=N)"
 	@echo "make format   clang-format on every C++ file"
 	@echo "make docs     the reference of the public headers, build/docs/html"
@@ -57,6 +60,23 @@ bench-viewer:
 	cmake --build build --target bench_viewer
 	build/bin/bench_viewer --program build/bin/pointfair --points 100000
 	build/bin/bench_viewer --program build/bin/pointfair --points 1000000
+
+paper-tables:
+	@$(install) build plots
+	cmake --preset $(preset) -DPOINTFAIR_TESTS=OFF
+	cmake --build build
+	cmake --build build --target paper_tables
+	bench/paper_tables.py
+
+# installs nothing: such a machine may have no network
+gpu:
+	scripts/gpu.sh
+
+release:
+	@$(install) build
+	cmake --preset release
+	cmake --build build/release
+	scripts/check_architectures.sh build/release/bin/pointfair
 
 fuzz:
 	@$(install) build test fuzz

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # Installs the Debian or Ubuntu packages that the named jobs need and this machine lacks, and says which.
 # A machine that has them all is left alone: no network, no root.
-# Usage: scripts/install_packages.sh build|test|demo|bench|fuzz|format|docs...
+# Usage: scripts/install_packages.sh build|test|demo|bench|plots|fuzz|format|docs...
 set -euo pipefail
 
 packages_for() {
@@ -11,10 +11,11 @@ packages_for() {
     test) echo libgtest-dev librapidcheck-dev libnanoflann-dev libeigen3-dev python3 chromium ;;
     demo) echo libcgal-demo libpng-dev python3 ;;
     bench) echo libnanoflann-dev libeigen3-dev libcgal-dev libcgal-demo libpcl-dev python3 ;;
+    plots) echo python3 python3-matplotlib ;;
     fuzz) echo clang-16 libclang-rt-16-dev ;;
     format) echo clang-format-16 ;;
     docs) echo doxygen ;;
-    *) echo "$0: unknown job '$1': use build, test, demo, bench, fuzz, format or docs" >&2; exit 2 ;;
+    *) echo "$0: unknown job '$1': use build, test, demo, bench, plots, fuzz, format or docs" >&2; exit 2 ;;
   esac
 }
 
