@@ -120,7 +120,7 @@ if wanted tests; then part tests '\[  (PASSED|FAILED)' tests; fi
 for tool in memcheck initcheck synccheck; do
   if wanted $tool; then part $tool '^tests passed' sanitize $tool 50000 1; fi
 done
-if wanted racecheck; then part racecheck '^tests passed' sanitize racecheck 10000 9; fi  # far slower than the others
+if wanted racecheck; then part racecheck '^tests passed' sanitize racecheck 4000 6; fi  # far slower than the others
 if wanted stages; then part stages '^even +100000000 +8 ' stages; fi
 if wanted tables; then part tables 'pointfair CUDA.*[0-9]' tables; fi
 cat "$summary"

@@ -159,7 +159,7 @@ __device__ void write_members(const point::ConstrainedGrowth& growth, Index memb
 constexpr int kRetryBlock = 64;
 constexpr int kRetryBlocks = 20;  // of a processor
 
-__global__ void __launch_bounds__(kRetryBlock, kRetryBlocks)
+__global__ void __launch_bounds__(kRetryBlock, resident_blocks(kRetryBlocks, kRetryBlock))
     grow_over_few(const __grid_constant__ Tree tree, CloudState* state, NearestQuery query, float reach, Index* lists,
                   Index* retries) {
   __shared__ SingleWalk walks[kRetryBlock / kWarp];

@@ -18,7 +18,7 @@ constexpr int group_warps_resident(int list) { return list <= 8 ? 32 : list <= 1
 
 // A block to a leaf, one warp.
 template <int kList>
-__global__ void __launch_bounds__(kWarp, group_warps_resident(kList))
+__global__ void __launch_bounds__(kWarp, resident_blocks(group_warps_resident(kList), kWarp))
     nearest_of_leaves(const __grid_constant__ Tree tree, CloudState* state, NearestQuery query, Index* lists,
                       Retries retries) {
   __shared__ GroupMemory<kList> memory;
@@ -76,7 +76,7 @@ __device__ void search_single(const Tree& tree, SingleWalk& walk, List& list, Ne
 }
 
 // The queries that are left, a warp to each. Those left one by one have a bound in the first place of their lists.
-__global__ void __launch_bounds__(kSingleBlock, kSingleBlocks)
+__global__ void __launch_bounds__(kSingleBlock, resident_blocks(kSingleBlocks, kSingleBlock))
     nearest_of_left(const __grid_constant__ Tree tree, NearestQuery query, Index* lists, Retries retries) {
   __shared__ SingleWalk walks[kSingleBlock / kWarp];
   const Index warps = gridDim.x * (kSingleBlock / kWarp), valid = tree.state->valid;

@@ -10,6 +10,22 @@ inline constexpr unsigned kAllLanes = 0xffffffffu;
 __device__ inline unsigned lane_number() { return threadIdx.x % kWarp; }
 __device__ inline unsigned lanes_below() { return (1u << lane_number()) - 1u; }
 
+// Blocks of so many threads that a processor is to hold at once: `wanted`, or as many as the architecture can (CUDA
+// programming guide, compute capabilities), since ptxas refuses launch bounds beyond that.
+constexpr int resident_blocks(int wanted, int threads) {
+#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ == 750
+  const int most_blocks = 16, most_threads = 1024;
+#elif defined(__CUDA_ARCH__) && (__CUDA_ARCH__ == 860 || __CUDA_ARCH__ == 870)
+  const int most_blocks = 16, most_threads = 1536;
+#elif defined(__CUDA_ARCH__) && (__CUDA_ARCH__ == 890 || __CUDA_ARCH__ >= 1200)
+  const int most_blocks = 24, most_threads = 1536;
+#else
+  const int most_blocks = 32, most_threads = 2048;
+#endif
+  const int most = most_threads / threads < most_blocks ? most_threads / threads : most_blocks;
+  return wanted < most ? wanted : most;
+}
+
 // Not to be called in a short block under a condition that is the same in all lanes: ptxas of CUDA 13.0 turns such a
 // block into predicated instructions and gives REDUX a wrong predicate (@!P0 for @!UP0), so it runs or not by chance.
 __device__ inline unsigned warp_max(unsigned value) {
