@@ -64,14 +64,20 @@ class Backend {
   virtual ~Backend() = default;
   virtual DeviceInfo device() const = 0;
 
+  virtual HostBuffer host_buffer(std::size_t count) {
+    return {new Point[count], count, [](Point* points) noexcept { delete[] points; }};
+  }
   virtual void upload(std::span<const Point> points) = 0;
   virtual void begin_pass(int pass) = 0;
   virtual void build_index(std::stop_token stop) = 0;
   virtual void find_neighbors(const NeighborSettings& settings, std::stop_token stop) = 0;
   virtual void estimate_normals(const NormalSettings& settings, std::stop_token stop) = 0;
   virtual void fair(const FairingSettings& settings, std::stop_token stop) = 0;
-  // Waits for stage calls that only started their work, as a card's do: a stage's time is measured up to here.
+  // Waits for stage calls that only started their work, as a card's do.
   virtual void finish() {}
+  // Where stage calls only start their work: how long those since the last call took, by the device's own clock, in
+  // the order of their first; waits for them. Empty where a stage is done when its call returns.
+  virtual std::vector<StageTime> stage_times() { return {}; }
   virtual void download(std::span<Point> points) = 0;  // faired points of the current pass, in upload order
   virtual void download_normals(std::span<Point> normals) = 0;
 

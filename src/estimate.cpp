@@ -310,6 +310,16 @@ bool needs_spacing(const Params& p) {
          (p.constraint && (of_spacing(p.rho) || of_spacing(p.delta)));
 }
 
+bool needs_diagonal(const Params& p) {
+  // lengths that follow the spacing fall back on the diagonal where there is none
+  const auto given = [](const Length& l) { return l.unit == Length::Unit::file; };
+  const auto is_set_aside = [&](const Length& l) { return !p.constraint && l.is_automatic(); };
+  const bool all_given = given(p.normal_sigma) && given(p.closeness_sigma) && given(p.similarity_sigma) &&
+                         (given(p.radius) || (p.radius.is_automatic() && p.k != kAutomatic)) &&
+                         (given(p.rho) || is_set_aside(p.rho)) && (given(p.delta) || is_set_aside(p.delta));
+  return !all_given;
+}
+
 Params resolve_params(const Params& params, const Spacing& spacing, const Noise& noise, double diagonal) {
   // A cloud without extent or noise must still get lengths that can be given again.
   const double least = 1e-6 * (spacing.mean > 0 ? spacing.mean : diagonal > 0 ? diagonal : 1.0);

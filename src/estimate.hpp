@@ -32,8 +32,9 @@ Noise measure_noise(Backend& backend, std::uint64_t points);
 // Replaces each `auto` by what follows from the spacing and noise, and every length by file units.
 Params resolve_params(const Params& params, const Spacing& spacing, const Noise& noise, double diagonal);
 
-// Whether `resolve_params` would look at the spacing, at the noise.
+// Whether `resolve_params` would look at the spacing, at the noise, at the diagonal.
 bool needs_spacing(const Params& params);
 bool needs_noise(const Params& params);
+bool needs_diagonal(const Params& params);
 
 }  // namespace pointfair

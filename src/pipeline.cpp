@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <new>
 #include <optional>
 #include <utility>
 
@@ -104,6 +105,7 @@ struct Pipeline::State {
   std::optional<Noise> noise;
   std::optional<Estimates> estimates;
   double upload_milliseconds = 0;  // not yet reported
+  std::vector<StageTime> calls;    // stage calls and how long they took, not yet reported
   Report report;
 
   void load(std::span<const Point> given) {
@@ -138,25 +140,31 @@ struct Pipeline::State {
 
   void run_stage(Stage stage, const std::stop_token& stop) {
     if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
-    timed(kStageNames[std::size_t(stage)], [&] {
-      switch (stage) {
-        case Stage::index:
-          backend->build_index(stop);
-          break;
-        case Stage::neighbors:
-          backend->find_neighbors(settings.neighbors, stop);
-          break;
-        case Stage::normals:
-          backend->estimate_normals(settings.normals, stop);
-          break;
-        case Stage::fairing:
-          backend->fair(settings.fairing, stop);
-          break;
-        case Stage::passes:
-          break;
-      }
-      backend->finish();
-    });
+    const auto start = Clock::now();
+    switch (stage) {
+      case Stage::index:
+        backend->build_index(stop);
+        break;
+      case Stage::neighbors:
+        backend->find_neighbors(settings.neighbors, stop);
+        break;
+      case Stage::normals:
+        backend->estimate_normals(settings.normals, stop);
+        break;
+      case Stage::fairing:
+        backend->fair(settings.fairing, stop);
+        break;
+      case Stage::passes:
+        break;
+    }
+    calls.push_back({std::string(kStageNames[std::size_t(stage)]), milliseconds_since(start)});
+  }
+
+  // What the stages took goes into the report: by the device's clock if their calls only start them.
+  void report_stages() {
+    const std::vector<StageTime> measured = backend->stage_times();
+    for (const StageTime& stage : measured.empty() ? calls : measured) note_time(stage.name, stage.milliseconds);
+    calls.clear();
   }
 
   // The index of the first pass, which the estimates need too.
@@ -174,6 +182,7 @@ struct Pipeline::State {
     ensure_index(stop);
     backend->begin_pass(0);
     further_passes = 0;
+    report_stages();  // waits for the index, which has its own time
     timed("estimate", [&] {
       if (with_spacing && !spacing) spacing = measure_spacing(*backend, points);
       if (with_noise && !noise) noise = measure_noise(*backend, points);
@@ -191,7 +200,7 @@ struct Pipeline::State {
     measure(needs_spacing(params), needs_noise(params), stop);
     // what a run sees must not depend on what was measured before it
     return resolve_params(params, needs_spacing(params) ? *spacing : Spacing{}, needs_noise(params) ? *noise : Noise{},
-                          loaded_diagonal(stop));
+                          needs_diagonal(params) ? loaded_diagonal(stop) : 0.0);
   }
 
   double loaded_diagonal(const std::stop_token& stop) { return measured_bounds(stop).diagonal; }
@@ -248,6 +257,10 @@ struct Pipeline::State {
     const auto start = Clock::now();
     const double upload = std::exchange(upload_milliseconds, 0);
     report = {};
+    if (!calls.empty()) {  // of a run that failed
+      calls.clear();
+      backend->stage_times();
+    }
     if (upload > 0) note_time("upload", upload);
     const Params used = resolve(params, stop);
     adopt(settings_of(used));
@@ -259,7 +272,10 @@ struct Pipeline::State {
     if (progress) progress(double(done) / all, kStageNames[std::size_t(done) % 4]);
     run_first_pass(stop, stage_done);
     run_further_passes(used.passes - 1, stop, stage_done);
-    timed("download", [&] { backend->download(out); });
+    const auto computed = Clock::now();
+    backend->download(out);
+    calls.push_back({"download", milliseconds_since(computed)});
+    report_stages();
     const Counts counts = backend->counts();
     report.device = device;
     report.points = points;
@@ -322,6 +338,14 @@ const Estimates& Pipeline::estimates(std::stop_token stop) {
 Params Pipeline::resolve(const Params& params, std::stop_token stop) { return state_->resolve(params, stop); }
 
 const Report& Pipeline::report() const { return state_->report; }
+
+HostBuffer Pipeline::host_buffer(std::size_t count) const {
+  try {
+    return state_->backend->host_buffer(count);
+  } catch (const std::bad_alloc&) {
+    throw Error(ErrorKind::memory, "no host memory for " + std::to_string(count) + " points");
+  }
+}
 
 DeviceInfo Pipeline::device() const { return state_->device; }
 

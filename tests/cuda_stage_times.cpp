@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Times each stage of the CUDA backend on clouds that hurt: uneven density, identical points, a stray point.
-//   cuda_stage_times [POINTS] [REPEAT]
+//   cuda_stage_times [POINTS] [REPEAT] [host]
 // A line a cloud and k: medians in milliseconds, points resident on the card; each stage timed from an idle card to an
 // idle card, and `whole` with all stages in flight at once. The checksum is the sum of all faired coordinates.
+// With `host`: from a page-locked array of the host to another, through the public Pipeline, in random and in spatial
+// order; `whole` is the median of load and run together, the rest its report's medians.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -12,6 +14,7 @@
 #include <thread>
 
 #include "backend.hpp"
+#include "pointfair/pipeline.hpp"
 #include "shapes.h"
 
 namespace {
@@ -105,12 +108,78 @@ void measure(Backend& backend, const Points& points, const Case& c, int repeat) 
   std::fflush(stdout);
 }
 
+// Cell after cell of a grid of 128 a side, the cells in Morton order.
+Points in_spatial_order(const Points& points) {
+  const auto cell = [](Point p) {
+    std::uint32_t key = 0;
+    const float v[3] = {p.x, p.y, p.z};
+    for (int axis = 0; axis < 3; ++axis) {
+      const auto step = std::uint32_t(std::clamp((double(v[axis]) + 0.6) / 1.2 * 128, 0.0, 127.0));
+      for (int bit = 0; bit < 7; ++bit) key |= (step >> bit & 1u) << (3 * bit + axis);
+    }
+    return key;
+  };
+  std::vector<std::size_t> start((1u << 21) + 1, 0);
+  for (const Point& p : points) ++start[cell(p) + 1];
+  for (std::size_t i = 1; i < start.size(); ++i) start[i] += start[i - 1];
+  Points ordered(points.size());
+  for (const Point& p : points) ordered[start[cell(p)]++] = p;
+  return ordered;
+}
+
+void measure_from_host(Pipeline& pipeline, const Points& points, const char* name, int k, int repeat) {
+  const double spacing = std::sqrt(1.2 / double(points.size()));
+  Params params;
+  params.k = k;
+  params.normal_sigma = params.closeness_sigma = 2 * spacing;
+  params.similarity_sigma = spacing;
+  params.passes = 1;
+  params.step = 100;
+  const HostBuffer in = pipeline.host_buffer(points.size()), out = pipeline.host_buffer(points.size());
+  std::copy(points.begin(), points.end(), in.points().begin());
+  std::vector<double> wholes, uploads;
+  std::vector<std::vector<double>> stages;
+  std::vector<std::string> names;
+  for (int n = 0; n < repeat + 2; ++n) {
+    const auto start = Clock::now();
+    pipeline.load(in.points());
+    const double upload = std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+    pipeline.run(params, out.points());
+    const double whole = std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+    if (n < 2) continue;
+    wholes.push_back(whole);
+    uploads.push_back(upload);
+    const std::vector<StageTime>& report = pipeline.report().stages;
+    stages.resize(report.size());
+    names.resize(report.size());
+    for (std::size_t s = 0; s < report.size(); ++s) {
+      names[s] = report[s].name;
+      stages[s].push_back(report[s].milliseconds);
+    }
+  }
+  double checksum = 0;
+  for (const Point& p : out.points()) checksum += double(p.x) + double(p.y) + double(p.z);
+  std::printf("%-22s %9zu %3d  whole %8.3f ", name, points.size(), k, median(wholes));
+  for (std::size_t s = 0; s < stages.size(); ++s) std::printf(" %s %.3f", names[s].c_str(), median(stages[s]));
+  std::printf("  %.1f B/pt  %.9g\n", double(pipeline.report().peak_device_bytes) / double(points.size()), checksum);
+  std::fflush(stdout);
+}
+
+int measure_host_rows(std::size_t count, int repeat, double noise) {
+  Pipeline pipeline(Device::cuda);
+  const Points points = bumpy_ball(count, noise, 1);
+  measure_from_host(pipeline, points, "host, random order", 8, repeat);
+  measure_from_host(pipeline, in_spatial_order(points), "host, spatial order", 8, repeat);
+  return 0;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   const std::size_t count = argc > 1 ? std::strtoull(argv[1], nullptr, 10) : 1000000;
   const int repeat = argc > 2 ? std::atoi(argv[2]) : 15;
   const double noise = count > 5000000 ? 0.0002 : 0.0005;
+  if (argc > 3 && std::string(argv[3]) == "host") return measure_host_rows(count, repeat, noise);
   std::printf("%-28s %9s %3s  %8s %8s %8s %8s  %8s\n", "cloud", "points", "k", "index", "neighb.", "normals", "fairing",
               "whole");
   try {

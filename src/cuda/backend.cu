@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // The CUDA backend: the seam's calls over two chains on one card. Stage calls start their work and return; the host
-// waits only where data crosses. Memory beside the chains, bytes a point: the uploaded points 12, and 12 from the third
-// pass on.
+// waits only where data crosses. The first pass's index is begun while its points arrive. Memory beside the chains,
+// bytes a point: the uploaded points 12, and 12 from the third pass on.
 #include "backend.hpp"
 #include "cuda/chain.cuh"
 #include "cuda/devices.cuh"
 #include "cuda/memory.cuh"
+#include "cuda/stage_clock.cuh"
+#include "cuda/transfer.cuh"
 
 namespace pointfair {
 namespace cuda {
@@ -22,16 +24,19 @@ class CudaBackend final : public Backend {
       throw Error(ErrorKind::usage, "the CUDA backend holds at most 4294967263 points at once; cut the cloud");
     context_.enter();
     context_.reset_peak();
+    clock_.forget();
     uploaded_.resize(points.size());
-    check(cudaMemcpyAsync(uploaded_.data(), points.data(), points.size_bytes(), cudaMemcpyHostToDevice,
-                          context_.stream()),
-          "uploading points");
-    context_.finish();
     at_work_ = &first_;
     input_ = uploaded_.data();
+    is_index_begun_ = false;
+    const Arrival arrival = upload_.start(points, uploaded_.data());
+    begin_index(&arrival, {});
+    is_index_begun_ = true;
+    upload_.finish();
   }
 
   void begin_pass(int pass) override {
+    is_fetched_ = false;
     if (pass == 0) {
       at_work_ = &first_;
       input_ = uploaded_.data();
@@ -48,36 +53,70 @@ class CudaBackend final : public Backend {
 
   void build_index(std::stop_token stop) override {
     context_.enter();
-    at_work_->build_index(input_, uploaded_.size(), stop);
+    if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+    if (at_work_ != &first_ || !std::exchange(is_index_begun_, false)) begin_index(nullptr, stop);
   }
   void find_neighbors(const NeighborSettings& settings, std::stop_token stop) override {
-    context_.enter();
+    const cudaEvent_t start = start_stage();
     at_work_->find_neighbors(settings, stop);
+    clock_.note("neighbors", start);
   }
   void estimate_normals(const NormalSettings& settings, std::stop_token stop) override {
-    context_.enter();
+    const cudaEvent_t start = start_stage();
     at_work_->estimate_normals(settings, stop);
+    if (!at_work_->normals_wait()) clock_.note("normals", start);
   }
   void fair(const FairingSettings& settings, std::stop_token stop) override {
-    context_.enter();
+    const bool with_normals = at_work_->normals_wait();
+    const cudaEvent_t start = start_stage();
     at_work_->fair(settings, stop);
+    clock_.note(with_normals ? kBoth : "fairing", start);
   }
 
   void finish() override {
     context_.enter();
     at_work_->settle();
-    context_.finish();
+    wait();
+  }
+  std::vector<StageTime> stage_times() override {
+    context_.enter();
+    std::vector<StageTime> times;
+    for (StageTime& stage : clock_.take()) {
+      if (stage.name == kBoth) {
+        times.push_back({"normals", kNormalsShare * stage.milliseconds});
+        stage = {"fairing", (1 - kNormalsShare) * stage.milliseconds};
+      }
+      times.push_back(std::move(stage));
+    }
+    return times;
+  }
+  HostBuffer host_buffer(std::size_t count) override {
+    context_.enter();
+    if (count == 0) return {};
+    Point* points = nullptr;
+    const cudaError_t status = cudaHostAlloc(&points, count * sizeof(Point), cudaHostAllocPortable);
+    if (status == cudaErrorMemoryAllocation) {
+      cudaGetLastError();
+      throw Error(ErrorKind::memory, "no page-locked host memory for " + std::to_string(count) + " points");
+    }
+    check(status, "allocating page-locked memory");
+    return {points, count, [](Point* memory) noexcept { cudaFreeHost(memory); }};
   }
   void download(std::span<Point> points) override {
-    context_.enter();
-    fetch(at_work_->faired().data(), points);
+    const cudaEvent_t start = start_stage();
+    copy_out(at_work_->faired().data(), points);
+    at_work_->fetch_state(fetched_.get());  // counts() then need not ask the card again
+    clock_.note("download", start);
+    wait();
+    is_fetched_ = true;
   }
   void download_normals(std::span<Point> normals) override {
     context_.enter();
     DeviceArray<Point> restored(context_);
     restored.resize(normals.size());
     at_work_->restore_normals(restored.data());
-    fetch(restored.data(), normals);
+    copy_out(restored.data(), normals);
+    wait();
   }
 
   Bounds bounds() const override {
@@ -100,12 +139,13 @@ class CudaBackend final : public Backend {
         cudaMemcpyAsync(asked.data(), queries.data(), queries.size_bytes(), cudaMemcpyHostToDevice, context_.stream()),
         "uploading queries");
     at_work_->sample_neighborhoods(asked.data(), queries.size(), k, rows.data());
-    fetch(rows.data(), out);
+    copy_out(rows.data(), out);
+    wait();
   }
 
   Counts counts() const override {
     context_.enter();
-    const CloudState state = at_work_->state();
+    const CloudState state = is_fetched_ ? *fetched_.get() : at_work_->state();
     Counts counts;
     counts.unmoved = {at_work_->points() - state.valid, state.too_few_neighbors, state.no_normal};
     counts.short_neighborhoods = state.short_neighborhoods;
@@ -115,13 +155,36 @@ class CudaBackend final : public Backend {
   std::uint64_t peak_device_bytes() const override { return context_.peak_bytes(); }
 
  private:
-  void fetch(const Point* from, std::span<Point> to) {
+  // The paper's normals and fairing as one kernel, and what the normals take of it.
+  static constexpr const char* kBoth = "normals and fairing";
+  static constexpr double kNormalsShare = 0.6;
+
+  cudaEvent_t start_stage() {
+    context_.enter();
+    is_fetched_ = false;
+    return clock_.start();
+  }
+  void begin_index(const Arrival* arrival, const std::stop_token& stop) {
+    is_fetched_ = false;
+    const cudaEvent_t start = arrival == nullptr ? clock_.start() : arrival->all;
+    at_work_->build_index(input_, uploaded_.size(), arrival, stop);
+    clock_.note("index", start);
+  }
+  void wait() {
+    context_.finish();
+    clock_.pause();
+  }
+  void copy_out(const Point* from, std::span<Point> to) {
     check(cudaMemcpyAsync(to.data(), from, to.size_bytes(), cudaMemcpyDeviceToHost, context_.stream()),
           "downloading points");
-    context_.finish();
   }
 
   Context context_;
+  StageClock clock_{context_};
+  Upload upload_{context_};
+  Pinned<CloudState> fetched_;
+  bool is_fetched_ = false;      // and as the chain at work is
+  bool is_index_begun_ = false;  // by upload()
   DeviceArray<Point> uploaded_{context_};
   DeviceArray<Point> pass_input_{context_};  // faired points of the further pass before
   Chain first_{context_}, further_{context_};

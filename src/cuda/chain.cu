@@ -20,31 +20,50 @@ Chain::Chain(Context& context)
       normals_(context),
       mean_distance_(context),
       squared_radius_(context),
-      faired_(context) {}
+      faired_(context) {
+  check(cudaEventCreateWithFlags(&paced_, cudaEventDisableTiming), "making an event");
+}
 
-void Chain::build_index(const Point* points, std::size_t count, std::stop_token stop) {
+Chain::~Chain() { cudaEventDestroy(paced_); }
+
+// Between the kernels of long stages: the host stays one kernel ahead of the card, so that a stop is heard in time and
+// the card never waits.
+void Chain::pace(const std::stop_token& stop) {
+  stop_if_asked(stop);
+  if (!stop.stop_possible()) return;
+  check(cudaEventSynchronize(paced_), "computing");
+  check(cudaEventRecord(paced_, context_.stream()), "computing");
+  stop_if_asked(stop);
+}
+
+void Chain::begin_stage(const std::stop_token& stop) {
+  if (index_.points() < kLargeCloud) return stop_if_asked(stop);
+  pace(stop);
+}
+
+void Chain::build_index(const Point* points, std::size_t count, const Arrival* arrival, std::stop_token stop) {
   stop_if_asked(stop);
   input_ = points;
   areas_measured_ = normals_wait_ = false;
-  index_.build(points, count);
+  index_.build(points, count, arrival);
 }
 
 void Chain::find_neighbors(const NeighborSettings& settings, std::stop_token stop) {
-  stop_if_asked(stop);
+  begin_stage(stop);
   neighbors_ = settings;
   areas_measured_ = false;
   clear(offsetof(CloudState, leaf_retries),
         sizeof(CloudState));  // one launch for all counts of this stage and the next
   unmoved_clear_ = true;
   normals_wait_ = false;
-  if (settings.k == 0) return measure_radii();
+  if (settings.k == 0) return measure_radii(stop);
   lists_.resize(index_.leaves() * kLeafSize * settings.k);
-  if (settings.constraint) return grow_constrained();
+  if (settings.constraint) return grow_constrained(stop);
   DeviceArray<Index> retries(context_);
   find_nearest(context_, index_.tree(), index_.state(), nearest_query(), lists_.data(), make_room(retries));
 }
 
-void Chain::measure_radii() {
+void Chain::measure_radii(const std::stop_token& stop) {
   lists_.release();
   const std::size_t places = index_.leaves() * kLeafSize;
   squared_radius_.resize(places);
@@ -53,11 +72,12 @@ void Chain::measure_radii() {
   if (widening > 0) {
     nearest.resize(places * widening);
     find_nearest(context_, index_.tree(), index_.state(), {widening, kNoLimit}, nearest.data(), make_room(retries));
+    pace(stop);
   }
   cuda::measure_radii(context_, index_.tree(), {widening, nearest.data()}, squared_base(), squared_radius_.data());
 }
 
-void Chain::grow_constrained() {
+void Chain::grow_constrained(const std::stop_token& stop) {
   // Most neighbourhoods are the nearest points themselves, and show that they are from these alone.
   const int pool = std::min(std::max(point::kAreaNeighbors, neighbors_.k), kLargestList);
   const NearestQuery query = nearest_query();
@@ -66,6 +86,7 @@ void Chain::grow_constrained() {
   candidates.resize(index_.leaves() * kLeafSize * pool);
   const Lists pools{pool, candidates.data()};
   find_nearest(context_, index_.tree(), index_.state(), {pool, query.squared_limit}, candidates.data(), room);
+  pace(stop);
   areas_measured_ = neighbors_.radius == 0;  // with a radius the candidates are not the nearest of all
   if (areas_measured_) mean_distance_.resize(index_.leaves() * kLeafSize);
   grow_neighborhoods(context_, index_.tree(), index_.state(), query, neighbors_.reach, pools, lists_.data(),
@@ -118,14 +139,14 @@ Normals Chain::normals() const {
 }
 
 void Chain::estimate_normals(const NormalSettings& settings, std::stop_token stop) {
-  stop_if_asked(stop);
+  begin_stage(stop);
   normal_settings_ = settings;
   normals_.resize(3 * index_.leaves() * kLeafSize);
   normals_wait_ = true;
-  if (neighbors_.k == 0 || settings.filter_rounds > 0) settle();
+  if (neighbors_.k == 0 || settings.filter_rounds > 0) settle(stop);
 }
 
-void Chain::settle() {
+void Chain::settle(const std::stop_token& stop) {
   if (!normals_wait_) return;
   clear_unmoved();
   if (neighbors_.k > 0) {
@@ -134,14 +155,15 @@ void Chain::settle() {
     estimate_wide_normals(context_, index_.tree(), index_.state(), surroundings(),
                           {normal_weights(), normal_settings_.of_radius}, normals());
   }
-  filter_normals();
+  filter_normals(stop);
   normals_wait_ = false;
 }
 
-void Chain::filter_normals() {
+void Chain::filter_normals(const std::stop_token& stop) {
   const std::size_t places = index_.leaves() * kLeafSize;
   DeviceArray<float> filtered(context_);
   for (int round = 0; round < normal_settings_.filter_rounds; ++round) {
+    pace(stop);
     filtered.resize(3 * places);
     cuda::filter_normals(context_, index_.tree(), surroundings(), {normal_weights(), normal_settings_.of_radius},
                          point::inverse_turn(normal_settings_.filter_angle), normals(),
@@ -151,7 +173,7 @@ void Chain::filter_normals() {
 }
 
 void Chain::fair(const FairingSettings& settings, std::stop_token stop) {
-  stop_if_asked(stop);
+  begin_stage(stop);
   const int power = settings.area_weight == AreaWeight::squared  ? 2
                     : settings.area_weight == AreaWeight::length ? 1
                                                                  : 0;
@@ -168,7 +190,7 @@ void Chain::fair(const FairingSettings& settings, std::stop_token stop) {
                             staged.data(),  originals.data(), originals.data() + originals.size() / 2};
   const auto weights = point::bilateral_weights(settings.closeness_sigma, settings.similarity_sigma);
   if (neighbors_.k == 0 || settings.two_planes || settings.strength != 1) {
-    settle();
+    settle(stop);
     fair_widely(context_, index_.tree(), surroundings(), normals(), areas,
                 {weights, settings.closeness_of_radius, settings.two_planes, point::inverse_turn(settings.facing_angle),
                  settings.strength},
@@ -192,12 +214,17 @@ void Chain::sample_neighborhoods(const Index* queries, std::size_t count, int k,
   sample_nearest(context_, index_.tree(), input_, queries, count, k, rows);
 }
 
-CloudState Chain::state() {
+void Chain::fetch_state(CloudState* pinned) {
   settle();
-  CloudState state{};
-  if (index_.state() == nullptr) return state;
-  check(cudaMemcpyAsync(&state, index_.state(), sizeof(state), cudaMemcpyDeviceToHost, context_.stream()),
+  *pinned = {};
+  if (index_.state() == nullptr) return;
+  check(cudaMemcpyAsync(pinned, index_.state(), sizeof(*pinned), cudaMemcpyDeviceToHost, context_.stream()),
         "reading counts");
+}
+
+CloudState Chain::state() {
+  CloudState state{};
+  fetch_state(&state);
   context_.finish();
   return state;
 }

@@ -19,15 +19,19 @@ namespace pointfair::cuda {
 class Chain {
  public:
   explicit Chain(Context& context);
+  ~Chain();
+  Chain(const Chain&) = delete;
+  Chain& operator=(const Chain&) = delete;
 
   // `points` on the card, in upload order; they stay there as long as the chain is used.
-  void build_index(const Point* points, std::size_t count, std::stop_token stop);
+  void build_index(const Point* points, std::size_t count, const Arrival* arrival, std::stop_token stop);
   void find_neighbors(const NeighborSettings& settings, std::stop_token stop);
   void estimate_normals(const NormalSettings& settings, std::stop_token stop);
   void fair(const FairingSettings& settings, std::stop_token stop);
 
+  bool normals_wait() const { return normals_wait_; }
   // Starts normals that still wait for fairing.
-  void settle();
+  void settle(const std::stop_token& stop = {});
 
   // Start the work and return before it is done.
   void restore_normals(Point* out);
@@ -35,18 +39,21 @@ class Chain {
 
   DeviceArray<Point>& faired() { return faired_; }  // in upload order
   CloudState state();                               // settles and waits for all work
+  void fetch_state(CloudState* pinned);             // settles, and only starts the copy
   std::size_t points() const { return index_.points(); }
 
  private:
-  void grow_constrained();
+  void begin_stage(const std::stop_token& stop);
+  void pace(const std::stop_token& stop);
+  void grow_constrained(const std::stop_token& stop);
   NearestQuery nearest_query() const;
   Retries make_room(DeviceArray<Index>& retries) const;
   void measure_areas();
   void clear(std::size_t first, std::size_t end);  // bytes of the state
   void clear_unmoved();
   Lists lists() const { return {neighbors_.k, lists_.data()}; }
-  void measure_radii();
-  void filter_normals();
+  void measure_radii(const std::stop_token& stop);
+  void filter_normals(const std::stop_token& stop);
   // A squared radius stays finite: infinite are only places that hold no point.
   float squared_base() const { return std::min(neighbors_.radius * neighbors_.radius, 1e37f); }
   Surroundings surroundings() const { return {lists(), {squared_radius_.data(), squared_base(), neighbors_.widening}}; }
@@ -56,6 +63,7 @@ class Chain {
   }
 
   Context& context_;
+  cudaEvent_t paced_ = nullptr;  // what was started before the last pace()
   const Point* input_ = nullptr;
   DeviceIndex index_;
   NeighborSettings neighbors_;

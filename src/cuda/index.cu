@@ -1,5 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <thrust/iterator/discard_iterator.h>
+
+#include <algorithm>
+#include <cub/device/device_merge.cuh>
 #include <cub/device/device_radix_sort.cuh>
+#include <cuda/std/functional>
 
 #include "cuda/hilbert.cuh"
 #include "cuda/index.cuh"
@@ -45,23 +50,33 @@ struct Sample {
   }
 };
 
+// The points that are sampled: every so many of those on the card, or those of a cloud that is not there yet.
+struct EverySo {
+  const Point* points;
+  std::size_t stride;
+  __device__ Point operator[](unsigned i) const { return points[i * stride]; }
+};
+struct Brought {
+  Point points[kSample];
+  __device__ Point operator[](unsigned i) const { return points[i]; }
+};
+
 // Lays the key's cube over most points: between the 2 % and the 98 % quantile of a sample on each axis, widened by the
 // longest side, and no wider than the sample itself. A stray point far away does not stretch it; points outside are
 // clamped for the key only.
 constexpr int kPrepareBlock = 6 * kWarp;  // a warp for each end of each axis
+template <class Sampled>
 __global__ void __launch_bounds__(kPrepareBlock)
-    prepare(const Point* points, std::size_t count, float steps, CloudState* state) {
+    prepare(const __grid_constant__ Sampled sampled, unsigned size, float steps, CloudState* state) {
   __shared__ float first[3], last[3], low[3], high[3];  // by axis: ends and quantiles
   const unsigned axis = threadIdx.x / kWarp % 3;
   const bool upper = threadIdx.x / kWarp >= 3;
-  const unsigned size = static_cast<unsigned>(min(count, std::size_t(kSample)));
-  const std::size_t stride = count / max(size, 1u);
   Sample sample;
   int found = 0;
 #pragma unroll
   for (int i = 0; i < Sample::kHeld; ++i) {
     const unsigned place = i * kWarp + lane_number();
-    const Point p = place < size ? points[place * stride] : Point{__int_as_float(0x7fc00000), 0, 0};
+    const Point p = place < size ? sampled[place] : Point{__int_as_float(0x7fc00000), 0, 0};
     const bool valid = is_valid(p);
     const float value = axis == 0 ? p.x : axis == 1 ? p.y : p.z;
     sample.values[i] = valid ? ordered(upper ? -value : value) : Sample::kNothing;
@@ -132,7 +147,7 @@ struct BoundsSum {
 // Invalid points get the last key, which no valid point has, so they end up behind all others.
 template <class Key, int kBits>
 __global__ void __launch_bounds__(kKeyBlock)
-    make_keys(const Point* points, std::size_t count, CloudState* state, Key* keys, Index* order) {
+    make_keys(const Point* points, std::size_t begin, std::size_t end, CloudState* state, Key* keys, Index* order) {
   constexpr Key kLast = (Key(1) << (3 * kBits)) - 1;
   constexpr float kLastStep = (1 << kBits) - 1;
   __shared__ HilbertTable table;
@@ -142,13 +157,13 @@ __global__ void __launch_bounds__(kKeyBlock)
   __syncthreads();
   const float origin[3] = {state->origin[0], state->origin[1], state->origin[2]}, scale = state->steps_per_unit;
   BoundsSum bounds;
-  for (std::size_t first = std::size_t(blockIdx.x) * kKeysOfBlock; first < count;
+  for (std::size_t first = begin + std::size_t(blockIdx.x) * kKeysOfBlock; first < end;
        first += std::size_t(gridDim.x) * kKeysOfBlock) {
     Point p[kKeysAtOnce];
 #pragma unroll
     for (int n = 0; n < kKeysAtOnce; ++n) {
       const std::size_t i = first + n * kKeyBlock + threadIdx.x;
-      p[n] = i < count ? points[i] : Point{kInfinity, 0, 0};
+      p[n] = i < end ? points[i] : Point{kInfinity, 0, 0};
     }
 #pragma unroll
     for (int n = 0; n < kKeysAtOnce; ++n) {
@@ -161,7 +176,7 @@ __global__ void __launch_bounds__(kKeyBlock)
         key = key < kLast ? key : kLast - 1;
         bounds.add(p[n]);
       }
-      if (i < count) {
+      if (i < end) {
         keys[i] = key;
         order[i] = static_cast<Index>(i);
       }
@@ -233,7 +248,7 @@ Tree DeviceIndex::tree() const {
   return tree;
 }
 
-void DeviceIndex::build(const Point* points, std::size_t count) {
+void DeviceIndex::build(const Point* points, std::size_t count, const Arrival* arrival) {
   count_ = count;
   leaves_ = (count + kLeafSize - 1) / kLeafSize;
   state_.resize(1);
@@ -241,39 +256,123 @@ void DeviceIndex::build(const Point* points, std::size_t count) {
   DeviceArray<Index> order(context_);
   constexpr std::size_t kManyPoints = 1 << 24;  // from here on cells of 2^10 steps an axis hold too many points each
   if (count < kManyPoints) {
-    sort<std::uint32_t, 10>(points, order);
+    sort<std::uint32_t, 10>(points, arrival, order);
   } else {
-    sort<std::uint64_t, 13>(points, order);
+    sort<std::uint64_t, 13>(points, arrival, order);
   }
   build_boxes(points, order.data());
 }
 
-template <class Key, int kBits>
-void DeviceIndex::sort(const Point* points, DeviceArray<Index>& order) {
-  DeviceArray<Key> keys(context_), sorted_keys(context_);
-  DeviceArray<Index> unsorted(context_);
-  keys.resize(count_);
-  sorted_keys.resize(count_);
-  unsorted.resize(count_);
-  order.resize(count_);
-  const cudaStream_t stream = context_.stream();
-  prepare<<<1, kPrepareBlock, 0, stream>>>(points, count_, float(1 << kBits), state_.data());
+namespace {
+
+void start_prepare(const Point* points, std::size_t count, const Arrival* arrival, float steps, CloudState* state,
+                   cudaStream_t stream) {
+  const unsigned size = static_cast<unsigned>(std::min(count, std::size_t(kSample)));
+  const std::size_t stride = count / std::max(size, 1u);
+  if (arrival == nullptr) {
+    prepare<<<1, kPrepareBlock, 0, stream>>>(EverySo{points, stride}, size, steps, state);
+  } else {
+    Brought brought;
+    for (unsigned i = 0; i < size; ++i) brought.points[i] = arrival->source[i * stride];
+    prepare<<<1, kPrepareBlock, 0, stream>>>(brought, size, steps, state);
+  }
   check(cudaGetLastError(), "laying out the index");
-  const unsigned blocks = std::min(blocks_for(count_, kKeysOfBlock), unsigned(context_.processors()) * 8);
-  make_keys<Key, kBits><<<blocks, kKeyBlock, 0, stream>>>(points, count_, state_.data(), keys.data(), unsorted.data());
-  check(cudaGetLastError(), "making sort keys");
+}
+
+// Two places for the keys and indices of a cloud, and sorting parts of it there.
+template <class Key, int kBits>
+class KeySort {
+ public:
+  struct Part {
+    std::size_t begin, end;
+    int place = 0;                                                   // where it is sorted
+    Index count() const { return static_cast<Index>(end - begin); }  // 32 bits, else CUB takes smaller tiles
+  };
+
+  KeySort(Context& context, const Point* points, std::size_t count, CloudState* state)
+      : context_(context),
+        points_(points),
+        state_(state),
+        keys_{DeviceArray<Key>(context), DeviceArray<Key>(context)},
+        order_{DeviceArray<Index>(context), DeviceArray<Index>(context)} {
+    for (int i = 0; i < 2; ++i) {
+      keys_[i].resize(count);
+      order_[i].resize(count);
+    }
+  }
+
+  void find_keys(std::size_t begin, std::size_t end) {
+    const unsigned blocks = std::min(blocks_for(end - begin, kKeysOfBlock), unsigned(context_.processors()) * 8);
+    make_keys<Key, kBits>
+        <<<blocks, kKeyBlock, 0, context_.stream()>>>(points_, begin, end, state_, keys_[0].data(), order_[0].data());
+    check(cudaGetLastError(), "making sort keys");
+  }
+  // By their keys, equal ones as uploaded.
+  Part sort(std::size_t begin, std::size_t end) {
+    Part part{begin, end};
+    cub::DoubleBuffer<Key> keys(keys_[0].data() + begin, keys_[1].data() + begin);
+    cub::DoubleBuffer<Index> order(order_[0].data() + begin, order_[1].data() + begin);
+    with_scratch("sorting", [&](void* scratch, std::size_t& bytes) {
+      return cub::DeviceRadixSort::SortPairs(scratch, bytes, keys, order, part.count(), 0, 3 * kBits,
+                                             context_.stream());
+    });
+    part.place = keys.selector;
+    return part;
+  }
+  void merge(const Part& a, const Part& b, DeviceArray<Index>& order) {
+    order.resize(std::size_t(a.count()) + b.count());
+    with_scratch("merging sorted parts", [&](void* scratch, std::size_t& bytes) {
+      return cub::DeviceMerge::MergePairs(scratch, bytes, keys_[a.place].data() + a.begin,
+                                          order_[a.place].data() + a.begin, a.count(), keys_[b.place].data() + b.begin,
+                                          order_[b.place].data() + b.begin, b.count(), thrust::make_discard_iterator(),
+                                          order.data(), ::cuda::std::less<Key>{}, context_.stream());
+    });
+  }
+  void take(const Part& whole, DeviceArray<Index>& order) { order.swap(order_[whole.place]); }
+
+ private:
+  // CUB's way: called without memory it says how much it needs.
+  template <class Call>
+  void with_scratch(const char* doing, const Call& call) {
+    std::size_t bytes = 0;
+    check(call(nullptr, bytes), doing);
+    DeviceArray<std::byte> scratch(context_);
+    scratch.resize(bytes);
+    check(call(scratch.data(), bytes), doing);
+  }
+
+  Context& context_;
+  const Point* points_;
+  CloudState* state_;
+  DeviceArray<Key> keys_[2];
+  DeviceArray<Index> order_[2];
+};
+
+}  // namespace
+
+// While the second part of a cloud arrives, the first gets its keys, and is sorted if that takes longer than the
+// latency of a second sort and a merge, which at 1M points are as long as a sort of the whole.
+template <class Key, int kBits>
+void DeviceIndex::sort(const Point* points, const Arrival* arrival, DeviceArray<Index>& order) {
+  constexpr std::size_t kWorthMerging = 1 << 24;
+  start_prepare(points, count_, arrival, float(1 << kBits), state_.data(), context_.stream());
   if (count_ == 0) return;
-  cub::DoubleBuffer<Key> both_keys(keys.data(), sorted_keys.data());
-  cub::DoubleBuffer<Index> both_orders(unsorted.data(), order.data());
-  const Index count = static_cast<Index>(count_);  // 32 bits, else CUB takes smaller tiles
-  std::size_t bytes = 0;
-  check(cub::DeviceRadixSort::SortPairs(nullptr, bytes, both_keys, both_orders, count, 0, 3 * kBits, stream),
-        "sizing the sort");
-  DeviceArray<std::byte> scratch(context_);
-  scratch.resize(bytes);
-  check(cub::DeviceRadixSort::SortPairs(scratch.data(), bytes, both_keys, both_orders, count, 0, 3 * kBits, stream),
-        "sorting");
-  if (both_orders.Current() != order.data()) order.swap(unsorted);
+  KeySort<Key, kBits> sorter(context_, points, count_, state_.data());
+  const std::size_t first_part = arrival != nullptr ? arrival->first_part : 0;
+  const bool merges = first_part > 0 && count_ >= kWorthMerging;
+  typename KeySort<Key, kBits>::Part first{};
+  if (first_part > 0) {
+    context_.wait_for(arrival->first);
+    sorter.find_keys(0, first_part);
+    if (merges) first = sorter.sort(0, first_part);
+  }
+  if (arrival != nullptr) context_.wait_for(arrival->all);
+  sorter.find_keys(first_part, count_);
+  if (merges) {
+    sorter.merge(first, sorter.sort(first_part, count_), order);
+  } else {
+    sorter.take(sorter.sort(0, count_), order);
+  }
 }
 
 void DeviceIndex::build_boxes(const Point* points, const Index* order) {

@@ -3,18 +3,27 @@
 // Memory: 16 bytes a point and 0.9 for boxes; 16 to 24 more while it is built.
 #pragma once
 
+#include <span>
+
 #include "cuda/memory.cuh"
 #include "cuda/tree.cuh"
 #include "pointfair/cloud.hpp"
 
 namespace pointfair::cuda {
 
+// A cloud on its way to the card: its first part is there after one event, all of it after another.
+struct Arrival {
+  std::size_t first_part;
+  cudaEvent_t first, all;
+  std::span<const Point> source;  // the cloud in host memory
+};
+
 class DeviceIndex {
  public:
   explicit DeviceIndex(Context& context);
 
-  // `points` on the card, in upload order. Only starts the work.
-  void build(const Point* points, std::size_t count);
+  // `points` on the card, in upload order. Only starts the work, so far as `arrival`, if not null, allows.
+  void build(const Point* points, std::size_t count, const Arrival* arrival = nullptr);
 
   Tree tree() const;
   CloudState* state() const { return state_.data(); }
@@ -23,7 +32,7 @@ class DeviceIndex {
 
  private:
   template <class Key, int kBits>
-  void sort(const Point* points, DeviceArray<Index>& order);
+  void sort(const Point* points, const Arrival* arrival, DeviceArray<Index>& order);
   void build_boxes(const Point* points, const Index* order);
 
   Context& context_;

@@ -50,6 +50,19 @@ Context::~Context() {
   if (pool_ != nullptr) cudaMemPoolDestroy(pool_);
 }
 
+SideStream::SideStream(const Context& context) : context_(context) {
+  check(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "making a stream");
+  check(cudaEventCreateWithFlags(&event_, cudaEventDisableTiming), "making an event");
+}
+
+SideStream::~SideStream() {
+  if (stream_ != nullptr) {
+    cudaStreamSynchronize(stream_);
+    cudaStreamDestroy(stream_);
+  }
+  if (event_ != nullptr) cudaEventDestroy(event_);
+}
+
 void* Context::allocate(std::size_t bytes) {
   void* memory = nullptr;
   const cudaError_t status =

@@ -29,6 +29,8 @@ class Context {
   int processors() const { return processors_; }
   const std::string& name() const { return name_; }
   void finish() const { check(cudaStreamSynchronize(stream_), "computing"); }
+  // What is given to the stream from now on waits.
+  void wait_for(cudaEvent_t event) const { check(cudaStreamWaitEvent(stream_, event), "ordering work"); }
 
   // Throws Error(memory) if the card has not that much left.
   void* allocate(std::size_t bytes);
@@ -43,6 +45,32 @@ class Context {
   cudaStream_t stream_ = nullptr;
   cudaMemPool_t pool_ = nullptr;  // null where the card has no pools: plain cudaMalloc then
   std::uint64_t held_bytes_ = 0, peak_bytes_ = 0;
+};
+
+// A second stream beside a context's.
+class SideStream {
+ public:
+  explicit SideStream(const Context& context);
+  ~SideStream();
+  SideStream(const SideStream&) = delete;
+  SideStream& operator=(const SideStream&) = delete;
+
+  cudaStream_t stream() const { return stream_; }
+  // What this stream gets from now on waits for what the context's was given before.
+  void fork() const {
+    check(cudaEventRecord(event_, context_.stream()), "ordering work");
+    check(cudaStreamWaitEvent(stream_, event_), "ordering work");
+  }
+  // The other way round.
+  void join() const {
+    check(cudaEventRecord(event_, stream_), "ordering work");
+    context_.wait_for(event_);
+  }
+
+ private:
+  const Context& context_;
+  cudaStream_t stream_ = nullptr;
+  cudaEvent_t event_ = nullptr;
 };
 
 // An array on the card. Contents are not kept when it grows.

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cuda/stage_clock.cuh"
+
+namespace pointfair::cuda {
+
+StageClock::~StageClock() {
+  for (const cudaEvent_t event : events_) cudaEventDestroy(event);
+}
+
+cudaEvent_t StageClock::mark() {
+  constexpr std::size_t kMostMarks = 10000;  // nobody asks for the times
+  if (used_ == kMostMarks) forget();
+  if (used_ == events_.size()) {
+    cudaEvent_t event = nullptr;
+    check(cudaEventCreate(&event), "making an event");
+    events_.push_back(event);
+  }
+  const cudaEvent_t event = events_[used_++];
+  check(cudaEventRecord(event, context_.stream()), "timing a stage");
+  return event;
+}
+
+std::vector<StageTime> StageClock::take() {
+  std::vector<StageTime> times;
+  for (const Interval& interval : intervals_) {
+    check(cudaEventSynchronize(interval.to), "computing");
+    float milliseconds = 0;
+    check(cudaEventElapsedTime(&milliseconds, interval.from, interval.to), "timing a stage");
+    times.push_back({interval.name, milliseconds});
+  }
+  forget();
+  return times;
+}
+
+}  // namespace pointfair::cuda

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+// Times work on a stream by events, so that nothing has to wait while it runs.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "cuda/memory.cuh"
+#include "pointfair/pipeline.hpp"
+
+namespace pointfair::cuda {
+
+class StageClock {
+ public:
+  explicit StageClock(Context& context) : context_(context) {}
+  ~StageClock();
+  StageClock(const StageClock&) = delete;
+  StageClock& operator=(const StageClock&) = delete;
+
+  // The moment at which the context's stream has done all that it was given before. A stage that follows another at
+  // once starts where that ends: marks cost the card a microsecond or two each.
+  cudaEvent_t start() { return last_ != nullptr ? last_ : mark(); }
+  // `name` took the time from `from` until now.
+  void note(const char* name, cudaEvent_t from) {
+    last_ = mark();
+    intervals_.push_back({name, from, last_});
+  }
+  // The host has waited, so the card is idle until the next stage starts.
+  void pause() { last_ = nullptr; }
+  // What was noted since the last call; waits for it. All marks are used up.
+  std::vector<StageTime> take();
+  void forget() {
+    intervals_.clear();
+    used_ = 0;
+    last_ = nullptr;
+  }
+
+ private:
+  struct Interval {
+    const char* name;
+    cudaEvent_t from, to;
+  };
+  cudaEvent_t mark();
+
+  Context& context_;
+  cudaEvent_t last_ = nullptr;
+  std::vector<cudaEvent_t> events_;
+  std::size_t used_ = 0;  // of events_
+  std::vector<Interval> intervals_;
+};
+
+}  // namespace pointfair::cuda
