@@ -30,11 +30,11 @@ struct NormalSettings {
   float sigma = 0;
   bool of_radius = false;  // sigma is a multiple of the point's radius; only without a list
   int filter_rounds = 0;
-  int filter_angle = 0;  // degrees
+  int filter_angle = 0;  // degrees; 0: a plain Gaussian mean
   friend bool operator==(const NormalSettings&, const NormalSettings&) = default;
 };
 struct FairingSettings {
-  Method method = Method::bilateral;
+  Method method = Method::bilateral;  // the others are put together in method_rule.hpp
   AreaWeight area_weight = AreaWeight::none;
   float closeness_sigma = 0;
   float similarity_sigma = 0;

@@ -288,11 +288,53 @@ constexpr double kTrustedNoise = 0.02;               // spacings; noise below it
 constexpr int kNormalAngle = 20, kFacingAngle = 40;  // degrees
 constexpr int kPasses = 2;
 
+// What `auto` means for one method; the constants above are the bilateral one's.
+struct MethodDefaults {
+  double noise_radius = kNoiseRadius, closeness_width = kClosenessWidth;
+  double similarity_width = kSimilarityWidth, least_similarity = 0.05;  // sigmas, spacings
+  int step = 100, passes = kPasses;
+  NormalFilter filter = NormalFilter::off;
+};
+
+MethodDefaults defaults_of(Method method) {
+  MethodDefaults its;
+  switch (method) {
+    case Method::bilateral:
+      its.filter = NormalFilter::on;
+      break;
+    case Method::laplacian:
+      its.closeness_width = 0.4;
+      break;
+    case Method::taubin:
+      its.step = 63;  // his lambda
+      its.passes = 8;
+      break;
+    case Method::hc_laplacian:
+      its.closeness_width = 0.5;
+      its.passes = 6;
+      break;
+    case Method::mls:
+      its.noise_radius = 3;
+      its.closeness_width = 0.5;
+      break;
+    case Method::wiener:
+      its.closeness_width = 0.4;
+      its.similarity_width = 1;  // the noise itself
+      its.least_similarity = 0;
+      break;
+    case Method::mollified:
+      its.closeness_width = 0.5;
+      its.filter = NormalFilter::mollify;
+      break;
+  }
+  return its;
+}
+
 // Percent. Next to nothing where the noise estimate is small against the spacing, so that clean clouds stay clean.
-int automatic_step(double sigma, double spacing) {
+int automatic_step(int whole, double sigma, double spacing) {
   if (!(sigma > 0)) return 1;
   const double ratio = kTrustedNoise * spacing / sigma;
-  return std::max(1, int(std::lround(100 / (1 + ratio * ratio * ratio * ratio))));
+  return std::max(1, int(std::lround(whole / (1 + ratio * ratio * ratio * ratio))));
 }
 
 }  // namespace
@@ -338,13 +380,14 @@ Params resolve_params(const Params& params, const Spacing& spacing, const Noise&
     return length;
   };
   Params used = params;
+  const MethodDefaults its = defaults_of(params.method);
   const bool by_ball = sums_balls(params);
   // Where a square of side s holds one point, pi (R / s)^2 points lie within R of one.
   const double s = noise.surface_spacing > 0 ? noise.surface_spacing : spacing.mean;
   double list_radius = 0;
   if (!params.radius.is_automatic()) used.radius = in_file_units(params.radius, 0);
   if (chooses_balls(params)) {
-    used.radius = in_file_units({}, kNoiseRadius * noise.sigma);
+    used.radius = in_file_units({}, its.noise_radius * noise.sigma);
     if (params.widening == kAutomatic) used.widening = kWidening;
   } else if (!by_ball) {
     if (params.k == kAutomatic) {  // wide enough for 11 points and wide against the noise
@@ -364,16 +407,18 @@ Params resolve_params(const Params& params, const Spacing& spacing, const Noise&
   used.rho = in_file_units(params.rho, spacing.rho);
   used.delta = in_file_units(params.delta, 2.5 * noise.sigma);
   used.normal_sigma = width(params.normal_sigma, kNormalWidth, 1);
-  used.closeness_sigma = width(params.closeness_sigma, kClosenessWidth, 0.5);  // Fleishman 2003: radius = 2 sigma_c
-  used.similarity_sigma = in_file_units(params.similarity_sigma, std::max(kSimilarityWidth * noise.sigma, 0.05 * s));
+  used.closeness_sigma = width(params.closeness_sigma, its.closeness_width, 0.5);  // Fleishman 2003: radius = 2 sigma_c
+  used.similarity_sigma =
+      in_file_units(params.similarity_sigma, std::max(its.similarity_width * noise.sigma, its.least_similarity * s));
   // A list is the paper's road: what the paper does not have is off unless asked for.
   if (params.normal_filter == NormalFilter::automatic)
-    used.normal_filter = by_ball ? NormalFilter::on : NormalFilter::off;
+    used.normal_filter = by_ball || its.filter == NormalFilter::mollify ? its.filter : NormalFilter::off;
   if (params.planes == Planes::automatic) used.planes = by_ball ? Planes::both : Planes::own;
   if (params.normal_angle == kAutomatic) used.normal_angle = kNormalAngle;
   if (params.facing_angle == kAutomatic) used.facing_angle = kFacingAngle;
-  if (params.step == kAutomatic) used.step = chooses_balls(params) ? automatic_step(noise.sigma, s) : 100;
-  if (params.passes == kAutomatic) used.passes = kPasses;
+  if (params.step == kAutomatic)
+    used.step = chooses_balls(params) ? automatic_step(its.step, noise.sigma, s) : its.step;
+  if (params.passes == kAutomatic) used.passes = its.passes;
   return used;
 }
 

@@ -24,7 +24,10 @@ double milliseconds_since(Clock::time_point start) {
 
 constexpr std::array<std::string_view, 4> kStageNames{"index", "neighbors", "normals", "fairing"};
 
-constexpr int kFilterRounds = 2;
+int filter_rounds(NormalFilter filter) {
+  if (filter == NormalFilter::on) return 2;
+  return filter == NormalFilter::mollify ? 1 : 0;
+}
 
 struct Settings {
   NeighborSettings neighbors;
@@ -39,14 +42,13 @@ Settings settings_of(const Params& p) {
   s.neighbors.constraint = p.constraint;
   s.neighbors.reach = p.constraint ? float(p.rho.value + p.delta.value) : 0.0f;
   s.neighbors.widening = p.k == 0 ? p.widening : 0;
-  const bool filters = p.normal_filter == NormalFilter::on;
-  if (p.normal_weights || filters) {
+  s.normals.filter_rounds = filter_rounds(p.normal_filter);
+  if (p.normal_weights || s.normals.filter_rounds > 0) {
     s.normals.sigma = float(p.normal_sigma.value);
     s.normals.of_radius = p.normal_sigma.unit == Length::Unit::radius;
   }
   s.normals.weighted = p.normal_weights;
-  s.normals.filter_rounds = filters ? kFilterRounds : 0;
-  s.normals.filter_angle = filters ? p.normal_angle : 0;
+  s.normals.filter_angle = p.normal_filter == NormalFilter::on ? p.normal_angle : 0;
   s.fairing.method = p.method;
   s.fairing.area_weight = p.area_weight;
   s.fairing.closeness_sigma = float(p.closeness_sigma.value);
@@ -281,6 +283,7 @@ struct Pipeline::State {
     report.points = points;
     report.params = used;
     report.unmoved = counts.unmoved;
+    if (!moves_along_normal(used.method)) report.unmoved.no_normal = 0;
     report.short_neighborhoods = counts.short_neighborhoods;
     report.peak_host_bytes = backend->peak_host_bytes();
     report.peak_device_bytes = backend->peak_device_bytes();

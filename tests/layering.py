@@ -15,9 +15,10 @@ PUBLIC = "include/pointfair/"
 RULES = {
     "include/pointfair/": ([PUBLIC], ()),
     "src/point/": (["src/point/"], ()),
-    "src/cpu/": (["src/cpu/", "src/point/", "src/backend.hpp", PUBLIC], ("tbb/", "sys/", "unistd.h", "immintrin.h")),
-    "src/cuda/": (["src/cuda/", "src/point/", "src/backend.hpp", PUBLIC], ("cuda", "cub/", "thrust/", "nv")),
+    "src/cpu/": (["src/cpu/", "src/point/", "src/backend.hpp", "src/method_rule.hpp", PUBLIC], ("tbb/", "sys/", "unistd.h", "immintrin.h")),
+    "src/cuda/": (["src/cuda/", "src/point/", "src/backend.hpp", "src/method_rule.hpp", PUBLIC], ("cuda", "cub/", "thrust/", "nv")),
     "src/io/": (["src/io/", PUBLIC], ("tbb/", "sys/", "fcntl.h", "unistd.h", "fast_float/")),
+    "src/method_rule.hpp": (["src/backend.hpp", "src/point/"], ()),
     "src/": (["src/backend.hpp", "src/estimate.hpp", "src/pipeline_access.hpp", PUBLIC], ()),
     "cli/": (["cli/", "viewer/server.hpp", PUBLIC], None),
     "bench/paper/": (["bench/paper/", "src/point/", PUBLIC], None),

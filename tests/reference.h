@@ -1,167 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // The method in the plainest code: every equation in double precision, every search by brute force, nothing shared with
-// src/point. Only the order of neighbours is decided in float, rounded as the library promises, since neighbour sets
-// must agree exactly.
+// src/point.
 #pragma once
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <limits>
 #include <vector>
 
-#include "pointfair/params.hpp"
-#include "pointfair/pipeline.hpp"
+#include "reference_methods.h"
+#include "reference_neighbors.h"
 
 namespace pointfair::reference {
-
-struct Vec {
-  double x = 0, y = 0, z = 0;
-};
-inline Vec operator+(Vec a, Vec b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
-inline Vec operator-(Vec a, Vec b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
-inline Vec operator*(double s, Vec a) { return {s * a.x, s * a.y, s * a.z}; }
-inline double dot(Vec a, Vec b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-inline double length(Vec a) { return std::sqrt(dot(a, a)); }
-inline Vec to_vec(Point p) { return {p.x, p.y, p.z}; }
-inline Point to_point(Vec v) { return {float(v.x), float(v.y), float(v.z)}; }
-
-// A run with every value settled; lengths in file units, 0 for "no limit".
-struct Settings {
-  int k = 0;
-  double radius = 0;
-  int widening = 0;
-  bool constraint = false;
-  double reach = 0;  // rho + delta
-  bool weighted_normals = true;
-  double normal_sigma = 1, closeness_sigma = 1, similarity_sigma = 1;
-  bool normal_of_radius = false, closeness_of_radius = false;  // those sigmas are multiples of the ball's radius
-  int filter_rounds = 0;
-  double filter_angle = 0, facing_angle = 0;  // degrees
-  bool two_planes = false;
-  double strength = 1;
-  AreaWeight area_weight = AreaWeight::none;
-  int passes = 1;
-};
-
-inline Settings settings_of(const Params& resolved) {
-  Settings s;
-  s.k = resolved.k;
-  s.radius = resolved.radius.is_automatic() ? 0 : resolved.radius.value;
-  s.constraint = resolved.constraint;
-  s.reach = resolved.rho.value + resolved.delta.value;
-  s.weighted_normals = resolved.normal_weights;
-  s.normal_sigma = resolved.normal_sigma.value;
-  s.closeness_sigma = resolved.closeness_sigma.value;
-  s.similarity_sigma = resolved.similarity_sigma.value;
-  s.widening = resolved.k == 0 ? resolved.widening : 0;
-  s.normal_of_radius = resolved.normal_sigma.unit == Length::Unit::radius;
-  s.closeness_of_radius = resolved.closeness_sigma.unit == Length::Unit::radius;
-  s.filter_rounds = resolved.normal_filter == NormalFilter::on ? 2 : 0;
-  s.filter_angle = resolved.normal_angle;
-  s.facing_angle = resolved.facing_angle;
-  s.two_planes = resolved.planes == Planes::both;
-  s.strength = resolved.step / 100.0;
-  s.area_weight = resolved.area_weight;
-  s.passes = resolved.passes;
-  return s;
-}
-
-using Points = std::vector<Point>;
-using List = std::vector<std::uint32_t>;
-
-inline bool is_valid(Point p) {
-  return std::abs(p.x) < 1e18f && std::abs(p.y) < 1e18f && std::abs(p.z) < 1e18f;  // false for NaN
-}
-
-inline float squared_distance(Point a, Point b) {
-  const float x = b.x - a.x, y = b.y - a.y, z = b.z - a.z;
-  return (x * x + y * y) + z * z;
-}
-
-// The nearest `count` other valid points, nearest first, equal distances by index.
-inline List nearest(const Points& points, std::size_t i, std::size_t count) {
-  struct Candidate {
-    float squared;
-    std::uint32_t index;
-  };
-  std::vector<Candidate> candidates;
-  for (std::size_t j = 0; j < points.size(); ++j)
-    if (j != i && is_valid(points[j])) candidates.push_back({squared_distance(points[i], points[j]), std::uint32_t(j)});
-  count = std::min(count, candidates.size());
-  std::partial_sort(
-      candidates.begin(), candidates.begin() + std::ptrdiff_t(count), candidates.end(),
-      [](Candidate a, Candidate b) { return a.squared != b.squared ? a.squared < b.squared : a.index < b.index; });
-  List list;
-  for (std::size_t c = 0; c < count; ++c) list.push_back(candidates[c].index);
-  return list;
-}
-
-// All others within the radius, nearest first.
-inline List within(const Points& points, std::size_t i, double radius) {
-  const float limit = float(radius) * float(radius);
-  List list = nearest(points, i, points.size());
-  std::erase_if(list, [&](std::uint32_t j) { return squared_distance(points[i], points[j]) > limit; });
-  return list;
-}
-
-// q joins N, nearest first, if d(q, N) < rho + delta; N holds the point itself from the start (paper, III.C).
-inline List constrained(const Points& points, std::size_t i, const List& candidates, int k, double reach) {
-  List members = {std::uint32_t(i)};
-  for (const std::uint32_t q : candidates) {
-    if (members.size() > std::size_t(k)) break;
-    const bool joins = std::any_of(members.begin(), members.end(), [&](std::uint32_t m) {
-      return length(to_vec(points[q]) - to_vec(points[m])) < reach;
-    });
-    if (joins) members.push_back(q);
-  }
-  members.erase(members.begin());
-  return members;
-}
-
-// The squared radius of a ball: rounded as the library does, since it decides who is inside.
-inline float squared_radius(const Points& points, std::size_t i, const Settings& s) {
-  const float squared_base = float(s.radius) * float(s.radius);
-  if (s.widening == 0) return squared_base;
-  const List list = nearest(points, i, std::size_t(s.widening));
-  return list.empty() ? squared_base : squared_distance(points[i], points[list.back()]) + squared_base;
-}
-
-// Which points count in a ball too full (over 400 by the density at its centre): a share, by a hash of their index.
-inline bool counts_in_ball(std::uint32_t j, float squared_radius, float squared_base, int widening) {
-  if (widening == 0 || squared_radius <= squared_base) return true;
-  const double holds = widening * double(squared_radius) / double(squared_radius - squared_base);
-  std::uint32_t x = j;
-  x ^= x >> 16;
-  x *= 0x7feb352du;
-  x ^= x >> 15;
-  x *= 0x846ca68bu;
-  x ^= x >> 16;
-  return (x >> 8) / 16777216.0 < 400 / holds;
-}
-
-// All others within the ball, nearest first.
-inline List ball(const Points& points, std::size_t i, const Settings& s) {
-  const float squared = squared_radius(points, i, s);
-  List list = nearest(points, i, points.size());
-  std::erase_if(list, [&](std::uint32_t j) {
-    return squared_distance(points[i], points[j]) > squared ||
-           !counts_in_ball(j, squared, float(s.radius) * float(s.radius), s.widening);
-  });
-  return list;
-}
-
-// N(v_i) without v_i itself.
-inline List neighborhood(const Points& points, std::size_t i, const Settings& s) {
-  if (!is_valid(points[i])) return {};
-  if (s.k == 0) return ball(points, i, s);
-  const std::size_t limit = s.k == 0 || s.constraint ? points.size() : std::size_t(s.k);
-  List list = s.radius > 0 ? within(points, i, s.radius) : nearest(points, i, limit);
-  if (s.constraint) return constrained(points, i, list, s.k, s.reach);
-  if (s.k > 0 && list.size() > std::size_t(s.k)) list.resize(std::size_t(s.k));
-  return list;
-}
 
 using Matrix = std::array<std::array<double, 3>, 3>;
 
@@ -210,13 +61,6 @@ struct Normal {
   double gap = 0;
 };
 
-inline double normal_sigma(const Points& points, std::size_t i, const Settings& s) {
-  return s.normal_sigma * (s.normal_of_radius ? std::sqrt(double(squared_radius(points, i, s))) : 1);
-}
-inline double closeness_sigma(const Points& points, std::size_t i, const Settings& s) {
-  return s.closeness_sigma * (s.closeness_of_radius ? std::sqrt(double(squared_radius(points, i, s))) : 1);
-}
-
 // Paper eq. 3-5; eq. 4 normalised by its weights.
 inline Normal normal(const Points& points, std::size_t i, const List& list, const Settings& s) {
   const double sigma = normal_sigma(points, i, s);
@@ -260,6 +104,7 @@ inline std::vector<double> area_weights(const Points& points, AreaWeight kind) {
 
 // Weight of a normal that makes this angle's cosine with another, signs aside.
 inline double turn_weight(double cosine, double degrees) {
+  if (degrees == 0) return 1;
   const double turn = (1 - std::abs(cosine)) / (1 - std::cos(degrees * 3.14159265358979 / 180));
   return std::exp(-turn * turn);
 }
@@ -330,10 +175,15 @@ inline std::vector<Faired> fair_once(const Points& points, const Settings& s) {
   }
   for (int round = 0; round < s.filter_rounds; ++round) normals = filtered(normals, points, lists, s);
   std::vector<Faired> result(points.size());
+  const bool is_bilateral = s.method == Method::bilateral;
+  std::vector<Vec> units;
+  for (const Normal& n : normals) units.push_back(n.unit);
+  const std::vector<Vec> moves = displacements({points, lists, units, area, s});
   for (std::size_t i = 0; i < points.size(); ++i) {
-    result[i] = {to_vec(points[i]), normals[i], lists[i].size()};
+    result[i] = {to_vec(points[i]) + moves[i], normals[i], lists[i].size()};
     const Vec n = normals[i].unit;
-    if (length(n) > 0) result[i].position = to_vec(points[i]) - displacement(points, i, lists[i], normals, s, area) * n;
+    if (is_bilateral && length(n) > 0)
+      result[i].position = to_vec(points[i]) - displacement(points, i, lists[i], normals, s, area) * n;
   }
   return result;
 }

@@ -183,6 +183,15 @@ TEST(ViewerRecipe, TheCommandNamesWhatDiffersAndQuotesForTheShell) {
   EXPECT_EQ(as_command({}, {"-", "-x.ply", "", Device::cuda}), "pointfair run ./- ./-x.ply --device=cuda");
 }
 
+TEST(ViewerRecipe, AMethodIsNamedInTheCommandAndInTheProgram) {
+  const Recipe recipe = read_recipe({{"params", {{"method", "hc-laplacian"}}}});
+  EXPECT_EQ(recipe.params.method, Method::hc_laplacian);
+  const Errand errand{"a.ply", "b.ply", "", Device::cpu};
+  EXPECT_EQ(as_command(recipe, errand), "pointfair run a.ply b.ply --method=hc-laplacian --device=cpu");
+  EXPECT_NE(as_cpp(recipe, errand).find(R"(set_param(params, *pointfair::find_param("method"), "hc-laplacian");)"),
+            std::string::npos);
+}
+
 TEST(ViewerRecipe, TheProgramEscapesNames) {
   const std::string program = as_cpp({}, {"a\"b\\c\n.ply", "fair.ply", "", Device::cpu});
   EXPECT_NE(program.find(R"(read("a\"b\\c\012.ply"))"), std::string::npos) << program;

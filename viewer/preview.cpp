@@ -42,13 +42,18 @@ std::vector<std::uint32_t> indices_within(std::span<const Point> points, const P
   return indices;
 }
 
+// Methods in which the displacements of neighbours count, and so their neighbours.
+bool looks_twice(Method method) {
+  return method == Method::taubin || method == Method::hc_laplacian || method == Method::wiener;
+}
+
 // How far from a point others still matter, all passes together.
 double reach_of(const Params& params, double spacing) {
   const double listed = spacing * std::sqrt((params.k > 0 ? params.k : params.widening) / std::numbers::pi);
   double reach = listed;
   if (!params.radius.is_automatic())
     reach = params.k > 0 ? std::min(listed, params.radius.value) : std::hypot(listed, params.radius.value);
-  return reach * std::max(1, params.passes);
+  return reach * std::max(1, params.passes) * (looks_twice(params.method) ? 2 : 1);
 }
 
 }  // namespace

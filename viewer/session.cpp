@@ -372,8 +372,9 @@ void Session::Worker::show_preview(const Request& request, const Params& used, c
 void Session::Worker::show_result(const Request& request) {
   const Report& report = pipeline_->report();
   const auto start = Clock::now();
-  if (report.params.passes != 1 || first_difference(motion_params_, report.params) <= Stage::normals) motion_.clear();
-  const bool fresh = report.params.passes == 1 && motion_.empty();
+  const bool along_normals = report.params.passes == 1 && moves_along_normal(report.params.method);
+  if (!along_normals || first_difference(motion_params_, report.params) <= Stage::normals) motion_.clear();
+  const bool fresh = along_normals && motion_.empty();
   if (fresh) {
     normals_.resize(cloud_.points.size());
     pipeline_->normals(normals_);

@@ -33,9 +33,11 @@ struct Length {
 /// Stages in the order of the road; each reads the results of the one before. `passes` repeats the whole chain.
 enum class Stage : std::uint8_t { index, neighbors, normals, fairing, passes };
 
-enum class Method : std::uint8_t { bilateral };
+/// How a point moves; docs/methods.md has a section on each.
+enum class Method : std::uint8_t { bilateral, laplacian, taubin, hc_laplacian, mls, wiener, mollified };
 enum class AreaWeight : std::uint8_t { none, length, squared };
-enum class NormalFilter : std::uint8_t { automatic, off, on };
+/// on: two rounds that keep edges (bilateral); mollify: one round that does not (a Gaussian mean, Jones 2003).
+enum class NormalFilter : std::uint8_t { automatic, off, on, mollify };
 /// Which planes an offset is measured to: the point's own (paper eq. 2), or its own and the neighbour's alike.
 enum class Planes : std::uint8_t { automatic, own, both };
 
@@ -55,8 +57,8 @@ struct Params {
   // normals, paper eq. 3-5
   bool normal_weights = true;  ///< false: equal weights (Hoppe 1992)
   Length normal_sigma;
-  NormalFilter normal_filter = NormalFilter::automatic;  ///< two rounds of bilateral filtering of the normals
-  int normal_angle = kAutomatic;                         ///< of that filter, degrees
+  NormalFilter normal_filter = NormalFilter::automatic;
+  int normal_angle = kAutomatic;  ///< with normal_filter on, degrees
   // fairing, paper eq. 1, 2, 6
   Method method = Method::bilateral;
   Length closeness_sigma;
@@ -107,23 +109,27 @@ inline constexpr std::array kParams = {
               "Gaussian weights in the normals; off: equal weights (Hoppe)"},
     ParamInfo{"normal_sigma", Stage::normals, &Params::normal_sigma, 0, 1e30, true, "",
               "width of the normals' Gaussian"},
-    ParamInfo{"normal_filter", Stage::normals, &Params::normal_filter, 0, 0, true, "off|on",
-              "two rounds of bilateral filtering of the normals, which keeps edges"},
+    ParamInfo{"normal_filter", Stage::normals, &Params::normal_filter, 0, 0, true, "off|on|mollify",
+              "on: two rounds of bilateral filtering of the normals, which keeps edges; mollify: one Gaussian mean"},
     ParamInfo{"normal_angle", Stage::normals, &Params::normal_angle, 1, 90, true, "",
               "with the normal filter: normals that differ by more than so many degrees do not mix"},
-    ParamInfo{"method", Stage::fairing, &Params::method, 0, 0, false, "bilateral", "how a point moves"},
+    ParamInfo{"method", Stage::fairing, &Params::method, 0, 0, false,
+              "bilateral|laplacian|taubin|hc-laplacian|mls|wiener|mollified",
+              "how a point moves; bilateral keeps edges best, see docs/methods.md"},
     ParamInfo{"closeness_sigma", Stage::fairing, &Params::closeness_sigma, 0, 1e30, true, "",
               "width of the Gaussian over distance"},
     ParamInfo{"similarity_sigma", Stage::fairing, &Params::similarity_sigma, 0, 1e30, true, "",
-              "width of the Gaussian over height above the tangent plane; smaller keeps more"},
+              "width of the Gaussian over height above the tangent plane; smaller keeps more; with method wiener: the "
+              "standard deviation of the noise"},
     ParamInfo{"area_weight", Stage::fairing, &Params::area_weight, 0, 0, false, "none|length|squared",
               "weight of a neighbour by the area it stands for: mean distance to its 5 nearest, squared, plain, or 1"},
     ParamInfo{"planes", Stage::fairing, &Params::planes, 0, 0, true, "own|both",
-              "planes that offsets are measured to: the point's own (the paper), or its own and its neighbours' alike"},
+              "with method bilateral: planes that offsets are measured to: the point's own (the paper), or its own and "
+              "its neighbours' alike"},
     ParamInfo{"facing_angle", Stage::fairing, &Params::facing_angle, 1, 90, true, "",
               "with planes both: neighbours whose normals differ by more than so many degrees hardly count"},
     ParamInfo{"step", Stage::fairing, &Params::step, 1, 200, true, "",
-              "percent of the displacement that each pass makes"},
+              "percent of the displacement that each pass makes; with taubin: lambda"},
     ParamInfo{"passes", Stage::passes, &Params::passes, 1, 100, true, "",
               "how often the whole is repeated, neighbours searched again"},
 };
@@ -137,6 +143,11 @@ void set_param(Params& params, const ParamInfo& info, std::string_view text);
 
 /// The value as `set_param` reads it; numbers in the shortest form that reads back the same.
 std::string param_text(const Params& params, const ParamInfo& info);
+
+/// Whether the method moves each point along its own normal only; a point without one then keeps its place.
+constexpr bool moves_along_normal(Method method) {
+  return method == Method::bilateral || method == Method::mls || method == Method::wiener;
+}
 
 /// Throws ErrorKind::usage if a value is out of its range or two contradict each other.
 void check_params(const Params& params);

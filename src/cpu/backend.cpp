@@ -109,7 +109,7 @@ class CpuBackend final : public Backend {
 
   void download_normals(std::span<Point> normals) override {
     std::fill(normals.begin(), normals.end(), Point{0, 0, 0});
-    const NormalsView from = at_work_->normals();
+    const VectorsView from = at_work_->normals();
     const std::span<const Index> originals = at_work_->index().originals();
     for (std::size_t i = 0; i < at_work_->faired().size(); ++i)
       normals[originals[i]] = {from.x[i], from.y[i], from.z[i]};

@@ -7,6 +7,7 @@
 
 #include "cpu/constrained.h"
 #include "cpu/parallel.h"
+#include "method_rule.hpp"
 
 namespace pointfair::cpu {
 namespace {
@@ -23,9 +24,9 @@ Chain::Chain(MemoryMeter& meter)
       normal_y_(meter),
       normal_z_(meter),
       squared_radius_(meter),
-      filtered_x_(meter),
-      filtered_y_(meter),
-      filtered_z_(meter),
+      spare_x_(meter),
+      spare_y_(meter),
+      spare_z_(meter),
       faired_(meter) {}
 
 void Chain::build_index(std::span<const Point> points, std::span<const Index> originals, SortSpace& space,
@@ -37,8 +38,8 @@ void Chain::build_index(std::span<const Point> points, std::span<const Index> or
 }
 
 void Chain::release_small_results() {
-  for (Buffer<float>* values : {&mean_distance_, &normal_x_, &normal_y_, &normal_z_, &squared_radius_, &filtered_x_,
-                                &filtered_y_, &filtered_z_})
+  for (Buffer<float>* values :
+       {&mean_distance_, &normal_x_, &normal_y_, &normal_z_, &squared_radius_, &spare_x_, &spare_y_, &spare_z_})
     values->release();
 }
 
@@ -129,7 +130,7 @@ void Chain::estimate_normals(const NormalSettings& settings, const Kernels& kern
   const IndexView index = index_.view();
   const NormalRule rule{point::normal_weights(settings.weighted, settings.sigma), settings.of_radius};
   for (Buffer<float>* axis : {&normal_x_, &normal_y_, &normal_z_}) axis->resize(std::size_t(index.leaves) * kLeafSize);
-  const NormalsOut out{normal_x_.data(), normal_y_.data(), normal_z_.data()};
+  const VectorsOut out{normal_x_.data(), normal_y_.data(), normal_z_.data()};
   std::atomic<std::uint64_t> too_few = 0, no_normal = 0;
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     std::uint64_t too_few_here = 0, no_normal_here = 0;
@@ -159,34 +160,61 @@ void Chain::filter_normals(const NormalSettings& settings, const Kernels& kernel
   const IndexView index = index_.view();
   const NormalRule rule{point::normal_weights(settings.weighted, settings.sigma), settings.of_radius};
   const float inverse_turn = point::inverse_turn(settings.filter_angle);
-  for (Buffer<float>* axis : {&filtered_x_, &filtered_y_, &filtered_z_}) axis->resize(normal_x_.size());
+  for (Buffer<float>* axis : {&spare_x_, &spare_y_, &spare_z_}) axis->resize(normal_x_.size());
   for (int round = 0; round < settings.filter_rounds; ++round) {
-    const NormalsOut out{filtered_x_.data(), filtered_y_.data(), filtered_z_.data()};
+    const VectorsOut out{spare_x_.data(), spare_y_.data(), spare_z_.data()};
     for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
       for (std::size_t leaf = first; leaf < last; ++leaf)
         kernels.filter_normals(index, Index(leaf), neighborhoods(), rule, inverse_turn, normals(), out);
     });
-    std::swap(normal_x_, filtered_x_);
-    std::swap(normal_y_, filtered_y_);
-    std::swap(normal_z_, filtered_z_);
+    std::swap(normal_x_, spare_x_);
+    std::swap(normal_y_, spare_y_);
+    std::swap(normal_z_, spare_z_);
   }
-  for (Buffer<float>* axis : {&filtered_x_, &filtered_y_, &filtered_z_}) axis->release();
+  for (Buffer<float>* axis : {&spare_x_, &spare_y_, &spare_z_}) axis->release();
 }
 
 void Chain::fair(const FairingSettings& settings, const Kernels& kernels, const std::stop_token& stop) {
-  const IndexView index = index_.view();
-  const FairingRule rule{point::bilateral_weights(settings.closeness_sigma, settings.similarity_sigma),
-                         settings.closeness_of_radius, settings.two_planes, point::inverse_turn(settings.facing_angle),
-                         settings.strength};
   const int power = settings.area_weight == AreaWeight::squared  ? 2
                     : settings.area_weight == AreaWeight::length ? 1
                                                                  : 0;
   const AreaView area{mean_distance_.data(), power};
-  faired_.resize(std::size_t(index.leaves) * kLeafSize);
+  faired_.resize(std::size_t(index_.view().leaves) * kLeafSize);
+  if (settings.method == Method::bilateral) {
+    fair_bilaterally(settings, area, kernels, stop);
+  } else {
+    fair_otherwise(settings, area, kernels, stop);
+  }
+}
+
+void Chain::fair_bilaterally(const FairingSettings& settings, AreaView area, const Kernels& kernels,
+                             const std::stop_token& stop) {
+  const IndexView index = index_.view();
+  const FairingRule rule{point::bilateral_weights(settings.closeness_sigma, settings.similarity_sigma),
+                         settings.closeness_of_radius, settings.two_planes, point::inverse_turn(settings.facing_angle),
+                         settings.strength};
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     for (std::size_t leaf = first; leaf < last; ++leaf)
       kernels.fair(index, Index(leaf), neighborhoods(), normals(), area, rule, &faired_[leaf * kLeafSize].x);
   });
+}
+
+void Chain::fair_otherwise(const FairingSettings& settings, AreaView area, const Kernels& kernels,
+                           const std::stop_token& stop) {
+  const IndexView index = index_.view();
+  const point::MethodRule rule = method_rule(settings);
+  for (Buffer<float>* axis : {&spare_x_, &spare_y_, &spare_z_}) axis->resize(std::size_t(index.leaves) * kLeafSize);
+  const VectorsOut displacements{spare_x_.data(), spare_y_.data(), spare_z_.data()};
+  for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
+    for (std::size_t leaf = first; leaf < last; ++leaf)
+      kernels.displacements(index, Index(leaf), neighborhoods(), normals(), area, rule, displacements);
+  });
+  for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
+    for (std::size_t leaf = first; leaf < last; ++leaf)
+      kernels.move(index, Index(leaf), neighborhoods(), {spare_x_.data(), spare_y_.data(), spare_z_.data()}, area, rule,
+                   &faired_[leaf * kLeafSize].x);
+  });
+  for (Buffer<float>* axis : {&spare_x_, &spare_y_, &spare_z_}) axis->release();
 }
 
 }  // namespace pointfair::cpu

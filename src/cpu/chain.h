@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The results of every stage of one pass. Memory, bytes a point: index 18, lists 4 k, W_a lengths 4, normals 12, faired
-// positions 12; 46 + 4 k in all.
+// positions 12; 46 + 4 k in all. While normals are filtered, or a method other than the bilateral one runs, 12 more.
 #pragma once
 
 #include "backend.hpp"
@@ -23,7 +23,7 @@ class Chain {
   // In sorted order, one for each valid point.
   std::span<const Point> faired() const { return {faired_.data(), std::size_t(index_.view().points)}; }
   const SpatialIndex& index() const { return index_; }
-  NormalsView normals() const { return {normal_x_.data(), normal_y_.data(), normal_z_.data()}; }
+  VectorsView normals() const { return {normal_x_.data(), normal_y_.data(), normal_z_.data()}; }
   const Counts& counts() const { return counts_; }
 
   // Gives back what only the stages after the index fill, so that a further pass never holds more than two chains.
@@ -37,13 +37,17 @@ class Chain {
   bool prefix_suffices(const NeighborSettings& settings) const;
   void measure_radii(const Kernels& kernels, const std::stop_token& stop);
   void filter_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop);
+  void fair_bilaterally(const FairingSettings& settings, AreaView area, const Kernels& kernels,
+                        const std::stop_token& stop);
+  void fair_otherwise(const FairingSettings& settings, AreaView area, const Kernels& kernels,
+                      const std::stop_token& stop);
   void count_short(const std::stop_token& stop);
 
   SpatialIndex index_;
   Buffer<Index> lists_;
   Buffer<float> mean_distance_, normal_x_, normal_y_, normal_z_;
-  Buffer<float> squared_radius_;  // without a list
-  Buffer<float> filtered_x_, filtered_y_, filtered_z_;
+  Buffer<float> squared_radius_;               // without a list
+  Buffer<float> spare_x_, spare_y_, spare_z_;  // filtered normals, then displacements
   Buffer<Point> faired_;
   NeighborSettings neighbors_;
   int stored_k_ = 0;        // length of the stored lists; a smaller k is a prefix of them

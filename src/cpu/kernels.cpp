@@ -5,6 +5,7 @@
 
 #include "cpu/growth.h"
 #include "cpu/hilbert.h"
+#include "cpu/method_loops.h"
 #include "cpu/pack.h"
 #include "cpu/search.h"
 #include "cpu/stage_loops.h"
@@ -21,7 +22,8 @@ static void nearest(const IndexView& index, Index leaf, int k, float squared_lim
 }
 
 extern const Kernels kKernels;
-const Kernels kKernels = {POINTFAIR_ISA_LABEL, hilbert_keys, nearest,        grow, squared_radii,
-                          mean_distances,      normals,      filter_normals, fair};
+const Kernels kKernels = {
+    POINTFAIR_ISA_LABEL, hilbert_keys, nearest,       grow, squared_radii, mean_distances, normals,
+    filter_normals,      fair,         displacements, move};
 
 }  // namespace pointfair::cpu::POINTFAIR_ISA

@@ -8,6 +8,7 @@
 #include <cstdint>
 
 #include "point/fairing.h"
+#include "point/method.h"
 #include "point/neighbors.h"
 #include "point/normal.h"
 
@@ -81,10 +82,11 @@ struct AreaView {
   int power;                   // 2, 1 or 0
 };
 
-struct NormalsOut {
-  float *x, *y, *z;  // of the sorted points; zero where there is no normal
+// One vector of each sorted point; a normal is zero where there is none.
+struct VectorsOut {
+  float *x, *y, *z;
 };
-struct NormalsView {
+struct VectorsView {
   const float *x, *y, *z;
 };
 
@@ -105,10 +107,16 @@ struct Kernels {
   // Mean distance to the first `count` entries of a list of k, or as many as it holds.
   void (*mean_distances)(const IndexView&, Index leaf, const Index* list, int count, float* out);
   // neighbor_counts receives how many neighbours each point has.
-  void (*normals)(const IndexView&, Index leaf, Neighborhoods, NormalRule, NormalsOut, unsigned* neighbor_counts);
-  void (*filter_normals)(const IndexView&, Index leaf, Neighborhoods, NormalRule, float inverse_turn, NormalsView,
-                         NormalsOut);
-  void (*fair)(const IndexView&, Index leaf, Neighborhoods, NormalsView, AreaView, FairingRule, float* xyz);
+  void (*normals)(const IndexView&, Index leaf, Neighborhoods, NormalRule, VectorsOut, unsigned* neighbor_counts);
+  void (*filter_normals)(const IndexView&, Index leaf, Neighborhoods, NormalRule, float inverse_turn, VectorsView,
+                         VectorsOut);
+  // The bilateral method: moved positions, point after point.
+  void (*fair)(const IndexView&, Index leaf, Neighborhoods, VectorsView, AreaView, FairingRule, float* xyz);
+  // The other methods: the displacements of all points, then from them the moved positions.
+  void (*displacements)(const IndexView&, Index leaf, Neighborhoods, VectorsView, AreaView, point::MethodRule,
+                        VectorsOut);
+  void (*move)(const IndexView&, Index leaf, Neighborhoods, VectorsView displacements, AreaView, point::MethodRule,
+               float* xyz);
 };
 
 // The kernels of the best instruction set that this processor has; POINTFAIR_ISA=sse2|avx2|avx512 asks for a lesser

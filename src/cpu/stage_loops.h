@@ -174,18 +174,18 @@ inline void squared_radii(const IndexView& index, Index leaf, const Index* list,
 POINTFAIR_INLINE point::Vec3<Floats> load_vector(const float* x, const float* y, const float* z, Index start) {
   return {load(x + start), load(y + start), load(z + start)};
 }
-POINTFAIR_INLINE void store_vector(NormalsOut out, Index start, point::Vec3<Floats> v) {
+POINTFAIR_INLINE void store_vector(VectorsOut out, Index start, point::Vec3<Floats> v) {
   store(out.x + start, v.x);
   store(out.y + start, v.y);
   store(out.z + start, v.z);
 }
 template <class There>
-POINTFAIR_INLINE point::Vec3<Floats> vector_of(There there, NormalsView v) {
+POINTFAIR_INLINE point::Vec3<Floats> vector_of(There there, VectorsView v) {
   return {there.of(v.x), there.of(v.y), there.of(v.z)};
 }
 
 template <class Neighbors, class Weights>
-POINTFAIR_INLINE Floats normals_of_pack(const Neighbors& neighbors, Weights weights, Index start, NormalsOut out) {
+POINTFAIR_INLINE Floats normals_of_pack(const Neighbors& neighbors, Weights weights, Index start, VectorsOut out) {
   point::CentroidSum<Floats> centroid_sum;
   Floats found = broadcast(0.0f);
   neighbors([&](point::Vec3<Floats> offset, auto, Mask inside) {
@@ -201,7 +201,7 @@ POINTFAIR_INLINE Floats normals_of_pack(const Neighbors& neighbors, Weights weig
   return found;
 }
 
-inline void normals(const IndexView& index, Index leaf, Neighborhoods neighborhoods, NormalRule rule, NormalsOut out,
+inline void normals(const IndexView& index, Index leaf, Neighborhoods neighborhoods, NormalRule rule, VectorsOut out,
                     unsigned* neighbor_counts) {
   for_packs(index, leaf, neighborhoods, [&](Index start, const auto& neighbors) {
     const Floats found =
@@ -215,7 +215,7 @@ inline void normals(const IndexView& index, Index leaf, Neighborhoods neighborho
 
 template <class Neighbors, class Weights>
 POINTFAIR_INLINE void filter_pack(const Neighbors& neighbors, Weights weights, float inverse_turn, Index start,
-                                  NormalsView from, NormalsOut out) {
+                                  VectorsView from, VectorsOut out) {
   point::FilteredNormal<Floats> filtered(load_vector(from.x, from.y, from.z, start));
   neighbors([&](point::Vec3<Floats> offset, auto there, Mask inside) {
     filtered.add(offset, vector_of(there, from), inside, weights, inverse_turn);
@@ -224,7 +224,7 @@ POINTFAIR_INLINE void filter_pack(const Neighbors& neighbors, Weights weights, f
 }
 
 inline void filter_normals(const IndexView& index, Index leaf, Neighborhoods neighborhoods, NormalRule rule,
-                           float inverse_turn, NormalsView from, NormalsOut out) {
+                           float inverse_turn, VectorsView from, VectorsOut out) {
   for_packs(index, leaf, neighborhoods, [&](Index start, const auto& neighbors) {
     if (rule.of_radius) {
       filter_pack(neighbors, point::local_weights(rule.weights, neighbors.squared_radius()), inverse_turn, start, from,
@@ -245,7 +245,7 @@ POINTFAIR_INLINE Floats area_weight(AreaView area, There there) {
 // How far the points of the pack move against their normals.
 template <class Neighbors, class Weights>
 POINTFAIR_INLINE Floats distance_of_pack(const Neighbors& neighbors, Weights weights, const FairingRule& rule,
-                                         point::Vec3<Floats> normal, NormalsView normals, AreaView area) {
+                                         point::Vec3<Floats> normal, VectorsView normals, AreaView area) {
   if (rule.two_planes) {
     point::TwoPlaneSum<Floats> sum;
     neighbors([&](point::Vec3<Floats> offset, auto there, Mask inside) {
@@ -260,8 +260,17 @@ POINTFAIR_INLINE Floats distance_of_pack(const Neighbors& neighbors, Weights wei
   return sum.distance();
 }
 
+// Point after point.
+POINTFAIR_INLINE void store_points(point::Vec3<Floats> p, float* xyz) {
+  for (int lane = 0; lane < kLanes; ++lane) {
+    xyz[3 * lane] = p.x.v[lane];
+    xyz[3 * lane + 1] = p.y.v[lane];
+    xyz[3 * lane + 2] = p.z.v[lane];
+  }
+}
+
 // Moved positions, point after point into `xyz`; a zero normal leaves a point where it is.
-inline void fair(const IndexView& index, Index leaf, Neighborhoods neighborhoods, NormalsView normals, AreaView area,
+inline void fair(const IndexView& index, Index leaf, Neighborhoods neighborhoods, VectorsView normals, AreaView area,
                  FairingRule rule, float* xyz) {
   for_packs(index, leaf, neighborhoods, [&](Index start, const auto& neighbors) {
     const point::Vec3<Floats> here = load_vector(index.x, index.y, index.z, start);
@@ -271,12 +280,7 @@ inline void fair(const IndexView& index, Index leaf, Neighborhoods neighborhoods
                                           rule, normal, normals, area)
                        : distance_of_pack(neighbors, rule.weights, rule, normal, normals, area);
     const point::Vec3<Floats> there = point::moved(here, normal, distance * rule.strength);
-    float* out = xyz + 3 * (start % kLeafSize);
-    for (int lane = 0; lane < kLanes; ++lane) {
-      out[3 * lane] = there.x.v[lane];
-      out[3 * lane + 1] = there.y.v[lane];
-      out[3 * lane + 2] = there.z.v[lane];
-    }
+    store_points(there, xyz + 3 * (start % kLeafSize));
   });
 }
 

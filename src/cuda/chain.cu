@@ -174,6 +174,8 @@ void Chain::filter_normals(const std::stop_token& stop) {
 
 void Chain::fair(const FairingSettings& settings, std::stop_token stop) {
   begin_stage(stop);
+  if (settings.method != Method::bilateral)
+    throw Error(ErrorKind::usage, "this --method has no CUDA kernels yet: give --device cpu");
   const int power = settings.area_weight == AreaWeight::squared  ? 2
                     : settings.area_weight == AreaWeight::length ? 1
                                                                  : 0;

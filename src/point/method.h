@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the methods other than the bilateral one are made of: a displacement of each point, and what the displacements
+// of its neighbours change in it.
+#pragma once
+
+#include "point/fairing.h"
+#include "point/laplacian.h"
+#include "point/mls.h"
+#include "point/mollified.h"
+#include "point/wiener.h"
+
+namespace pointfair::point {
+
+enum class Displacement : unsigned char {
+  to_mean,     // of the neighbours
+  to_plane,    // through their mean, along the point's normal
+  to_quadric,  // along the point's normal
+  to_planes,   // of the neighbours
+};
+
+enum class Adjustment : unsigned char { none, relaxation, wiener };
+
+struct MethodRule {
+  Displacement displacement;
+  Adjustment adjustment;
+  BilateralWeights weights;
+  bool of_radius;         // the closeness sigma is a multiple of the radius of the point's neighbourhood
+  float strength;         // factor of the displacement before the adjustment
+  Relaxation relaxation;  // `own` also of Adjustment::wiener
+  float noise_variance;   // of Adjustment::wiener
+};
+
+// The weights of one point, whose neighbourhood has that radius.
+template <class F>
+POINTFAIR_INLINE LocalBilateralWeights<F> weights_of(const MethodRule& rule, F squared_radius) {
+  if (rule.of_radius) return local_weights(rule.weights, squared_radius);
+  return {F(rule.weights.inverse_two_closeness2), rule.weights.inverse_two_similarity2};
+}
+
+}  // namespace pointfair::point

@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: Apache-2.0
+// Part of tests/reference.h: vectors, the settings of a run, and neighbours by brute force. Only the order of
+// neighbours is decided in float, rounded as the library promises, since neighbour sets must agree exactly.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <vector>
+
+#include "pointfair/params.hpp"
+#include "pointfair/pipeline.hpp"
+
+namespace pointfair::reference {
+
+struct Vec {
+  double x = 0, y = 0, z = 0;
+};
+inline Vec operator+(Vec a, Vec b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
+inline Vec operator-(Vec a, Vec b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+inline Vec operator*(double s, Vec a) { return {s * a.x, s * a.y, s * a.z}; }
+inline double dot(Vec a, Vec b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+inline double length(Vec a) { return std::sqrt(dot(a, a)); }
+inline Vec to_vec(Point p) { return {p.x, p.y, p.z}; }
+inline Point to_point(Vec v) { return {float(v.x), float(v.y), float(v.z)}; }
+
+// A run with every value settled; lengths in file units, 0 for "no limit".
+struct Settings {
+  int k = 0;
+  double radius = 0;
+  int widening = 0;
+  bool constraint = false;
+  double reach = 0;  // rho + delta
+  bool weighted_normals = true;
+  double normal_sigma = 1, closeness_sigma = 1, similarity_sigma = 1;
+  bool normal_of_radius = false, closeness_of_radius = false;  // those sigmas are multiples of the ball's radius
+  int filter_rounds = 0;
+  double filter_angle = 0, facing_angle = 0;  // degrees; a filter without one is a plain mean
+  Method method = Method::bilateral;
+  bool two_planes = false;
+  double strength = 1;
+  AreaWeight area_weight = AreaWeight::none;
+  int passes = 1;
+};
+
+inline Settings settings_of(const Params& resolved) {
+  Settings s;
+  s.k = resolved.k;
+  s.radius = resolved.radius.is_automatic() ? 0 : resolved.radius.value;
+  s.constraint = resolved.constraint;
+  s.reach = resolved.rho.value + resolved.delta.value;
+  s.weighted_normals = resolved.normal_weights;
+  s.normal_sigma = resolved.normal_sigma.value;
+  s.closeness_sigma = resolved.closeness_sigma.value;
+  s.similarity_sigma = resolved.similarity_sigma.value;
+  s.widening = resolved.k == 0 ? resolved.widening : 0;
+  s.normal_of_radius = resolved.normal_sigma.unit == Length::Unit::radius;
+  s.closeness_of_radius = resolved.closeness_sigma.unit == Length::Unit::radius;
+  const bool bilateral_filter = resolved.normal_filter == NormalFilter::on;
+  s.filter_rounds = bilateral_filter ? 2 : resolved.normal_filter == NormalFilter::mollify ? 1 : 0;
+  s.filter_angle = bilateral_filter ? resolved.normal_angle : 0;
+  s.method = resolved.method;
+  s.facing_angle = resolved.facing_angle;
+  s.two_planes = resolved.planes == Planes::both;
+  s.strength = resolved.step / 100.0;
+  s.area_weight = resolved.area_weight;
+  s.passes = resolved.passes;
+  return s;
+}
+
+using Points = std::vector<Point>;
+using List = std::vector<std::uint32_t>;
+
+inline bool is_valid(Point p) {
+  return std::abs(p.x) < 1e18f && std::abs(p.y) < 1e18f && std::abs(p.z) < 1e18f;  // false for NaN
+}
+
+inline float squared_distance(Point a, Point b) {
+  const float x = b.x - a.x, y = b.y - a.y, z = b.z - a.z;
+  return (x * x + y * y) + z * z;
+}
+
+// The nearest `count` other valid points, nearest first, equal distances by index.
+inline List nearest(const Points& points, std::size_t i, std::size_t count) {
+  struct Candidate {
+    float squared;
+    std::uint32_t index;
+  };
+  std::vector<Candidate> candidates;
+  for (std::size_t j = 0; j < points.size(); ++j)
+    if (j != i && is_valid(points[j])) candidates.push_back({squared_distance(points[i], points[j]), std::uint32_t(j)});
+  count = std::min(count, candidates.size());
+  std::partial_sort(
+      candidates.begin(), candidates.begin() + std::ptrdiff_t(count), candidates.end(),
+      [](Candidate a, Candidate b) { return a.squared != b.squared ? a.squared < b.squared : a.index < b.index; });
+  List list;
+  for (std::size_t c = 0; c < count; ++c) list.push_back(candidates[c].index);
+  return list;
+}
+
+// All others within the radius, nearest first.
+inline List within(const Points& points, std::size_t i, double radius) {
+  const float limit = float(radius) * float(radius);
+  List list = nearest(points, i, points.size());
+  std::erase_if(list, [&](std::uint32_t j) { return squared_distance(points[i], points[j]) > limit; });
+  return list;
+}
+
+// q joins N, nearest first, if d(q, N) < rho + delta; N holds the point itself from the start (paper, III.C).
+inline List constrained(const Points& points, std::size_t i, const List& candidates, int k, double reach) {
+  List members = {std::uint32_t(i)};
+  for (const std::uint32_t q : candidates) {
+    if (members.size() > std::size_t(k)) break;
+    const bool joins = std::any_of(members.begin(), members.end(), [&](std::uint32_t m) {
+      return length(to_vec(points[q]) - to_vec(points[m])) < reach;
+    });
+    if (joins) members.push_back(q);
+  }
+  members.erase(members.begin());
+  return members;
+}
+
+// The squared radius of a ball: rounded as the library does, since it decides who is inside.
+inline float squared_radius(const Points& points, std::size_t i, const Settings& s) {
+  const float squared_base = float(s.radius) * float(s.radius);
+  if (s.widening == 0) return squared_base;
+  const List list = nearest(points, i, std::size_t(s.widening));
+  return list.empty() ? squared_base : squared_distance(points[i], points[list.back()]) + squared_base;
+}
+
+// Which points count in a ball too full (over 400 by the density at its centre): a share, by a hash of their index.
+inline bool counts_in_ball(std::uint32_t j, float squared_radius, float squared_base, int widening) {
+  if (widening == 0 || squared_radius <= squared_base) return true;
+  const double holds = widening * double(squared_radius) / double(squared_radius - squared_base);
+  std::uint32_t x = j;
+  x ^= x >> 16;
+  x *= 0x7feb352du;
+  x ^= x >> 15;
+  x *= 0x846ca68bu;
+  x ^= x >> 16;
+  return (x >> 8) / 16777216.0 < 400 / holds;
+}
+
+// All others within the ball, nearest first.
+inline List ball(const Points& points, std::size_t i, const Settings& s) {
+  const float squared = squared_radius(points, i, s);
+  List list = nearest(points, i, points.size());
+  std::erase_if(list, [&](std::uint32_t j) {
+    return squared_distance(points[i], points[j]) > squared ||
+           !counts_in_ball(j, squared, float(s.radius) * float(s.radius), s.widening);
+  });
+  return list;
+}
+
+// N(v_i) without v_i itself.
+inline List neighborhood(const Points& points, std::size_t i, const Settings& s) {
+  if (!is_valid(points[i])) return {};
+  if (s.k == 0) return ball(points, i, s);
+  const std::size_t limit = s.k == 0 || s.constraint ? points.size() : std::size_t(s.k);
+  List list = s.radius > 0 ? within(points, i, s.radius) : nearest(points, i, limit);
+  if (s.constraint) return constrained(points, i, list, s.k, s.reach);
+  if (s.k > 0 && list.size() > std::size_t(s.k)) list.resize(std::size_t(s.k));
+  return list;
+}
+
+inline double normal_sigma(const Points& points, std::size_t i, const Settings& s) {
+  return s.normal_sigma * (s.normal_of_radius ? std::sqrt(double(squared_radius(points, i, s))) : 1);
+}
+inline double closeness_sigma(const Points& points, std::size_t i, const Settings& s) {
+  return s.closeness_sigma * (s.closeness_of_radius ? std::sqrt(double(squared_radius(points, i, s))) : 1);
+}
+
+}  // namespace pointfair::reference
