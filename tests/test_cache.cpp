@@ -126,6 +126,7 @@ void change(Params& params, const ParamInfo& info) {
         if constexpr (std::is_same_v<Field, AreaWeight>) params.*field = AreaWeight::squared;
         if constexpr (std::is_same_v<Field, NormalFilter>) params.*field = NormalFilter::off;
         if constexpr (std::is_same_v<Field, Planes>) params.*field = Planes::own;
+        if constexpr (std::is_same_v<Field, Method>) params.*field = Method::mls;
       },
       info.field);
 }
@@ -145,7 +146,6 @@ TEST(Cache, a_changed_parameter_runs_again_from_the_stage_of_its_row_and_no_earl
     change(params, info);
     Calls expected(kAll.begin() + std::ptrdiff_t(std::min(kAll.size(), std::size_t(info.stage))), kAll.end());
     if (info.stage == Stage::passes) expected = kAll;  // one further pass
-    if (params == before) expected = {};               // a word without an alternative
     EXPECT_EQ(recorded.run(params), expected) << info.name;
   }
 }
