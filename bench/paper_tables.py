@@ -3,12 +3,14 @@
 """The paper's table II and figures 6 and 7 on this machine (`make paper-tables`).
 
 Makes clouds of the paper's sizes with `pointfair noise`, measures with the program paper_tables, which writes CSV, and
-turns the CSV into table2.md, figure6.svg and figure7.svg. Without a card the table and plots hold the CPU and the
+turns the CSV into table2.md, figure6.svg and figure7.svg; hard.md is of clouds that a dense grid is not made for. Without a card the table and plots hold the CPU and the
 paper's published numbers. --draw FOLDER only draws, from CSV that was written anywhere; plots need matplotlib.
 """
 import argparse
+import array
 import csv
 import math
+import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -25,6 +27,8 @@ PAPER_SECONDS = {
     "the paper, Tesla C1060": (0.027, 0.099, 0.215, 0.883, 2.617),
 }
 FIGURE_POINTS = 543652  # the Buddha of figures 6 and 7
+HARD_POINTS, STRAY = 1000000, 20
+PARTS = ("table2", "hard", "figures")
 DESIGN, BRUTE, CUDA, CPU = "paper's design", "brute force", "pointfair CUDA", "pointfair CPU"
 
 
@@ -57,12 +61,29 @@ def find_mesh(folder):
         return folder / "bumpy_sphere.off"
 
 
-def make_cloud(options, points):
-    path = options.out / "clouds" / f"{options.mesh.stem}_{points}.ply"
+def make_cloud(options, points, name=None, *flags):
+    path = options.out / "clouds" / f"{name or options.mesh.stem + '_' + str(points)}.ply"
     if not path.exists():
         subprocess.run([options.bin / "pointfair", "noise", options.mesh, path, "--points", str(points), "--sigma", "0.1%",
-                        "--seed", "1", "-q"], check=True)
+                        "--seed", "1", "-q", *flags], check=True)
     return path
+
+
+def with_stray(cloud, name):
+    """The cloud with its last point STRAY diagonals away: binary PLY of nothing but x, y and z as floats."""
+    data = bytearray(cloud.read_bytes())
+    values = array.array("f", data[data.index(b"end_header\n") + 11:])
+    diagonal = math.dist(*([edge(values[axis::3]) for axis in range(3)] for edge in (min, max)))
+    data[-12:-8] = struct.pack("<f", values[-3] + STRAY * diagonal)
+    path = cloud.with_name(name + ".ply")
+    path.write_bytes(data)
+    return path
+
+
+def hard_clouds(options):
+    even = make_cloud(options, HARD_POINTS, "even")
+    return [even, make_cloud(options, HARD_POINTS, "uneven_50", "--uneven", "50"),
+            make_cloud(options, HARD_POINTS, "uneven_1000", "--uneven", "1000"), with_stray(even, "one_stray_point")]
 
 
 def measure(options):
@@ -72,6 +93,8 @@ def measure(options):
     command = [options.bin / "paper_tables", "--out", options.out, "--repeat", str(options.repeat)]
     if "figures" in options.only:
         command += ["--figure-cloud", make_cloud(options, FIGURE_POINTS)]
+    if "hard" in options.only:
+        command += ["--hard", *hard_clouds(options), "--"]
     if "table2" in options.only:
         command += [make_cloud(options, points) for points in PAPER_POINTS]
     code = subprocess.run(command).returncode
@@ -86,42 +109,59 @@ def read_csv(path):
         return list(csv.DictReader(file))
 
 
-def shown(milliseconds):
-    return f"{milliseconds:,.0f}" if milliseconds >= 100 else f"{milliseconds:.3g}"
+def shown(number):
+    return f"{number:,.0f}" if number >= 100 else f"{number:.3g}"
+
+
+def fastest(rows, key):
+    """By contender and column: the row of the least time, since the paper's design is given its best resolution."""
+    best = {}
+    for row in rows:
+        place = row["contender"], row[key]
+        if place not in best or float(row["ms"]) < float(best[place]["ms"]):
+            best[place] = row
+    return best
+
+
+def markdown(columns, titles, lines):
+    """Lines are a name and a function of a column; those with nothing in any column are left out."""
+    rows = [(name, [cell(column) for column in columns]) for name, cell in lines]
+    body = [f"| {name} | " + " | ".join(cells) + " |" for name, cells in rows if any(cells)]
+    return "\n".join(["| | " + " | ".join(titles) + " |", "|---" * (len(columns) + 1) + "|", *body]) + "\n"
+
+
+def comparison(rows, key, published):
+    """The lines of a table: milliseconds of every contender, the best resolution, and ratios."""
+    best = fastest(rows, key)
+    times = {place: float(row["ms"]) for place, row in best.items()} | published
+
+    def time(name):
+        return lambda column: shown(times[name, column]) if (name, column) in times else ""
+
+    def ratio(above, below):
+        return lambda column: (shown(times[above, column] / times[below, column])
+                               if (above, column) in times and (below, column) in times else "")
+
+    return [*((f"{name}, ms", time(name)) for name in (*PAPER_SECONDS, CPU, BRUTE)),
+            ("the paper's design on this card, ms", time(DESIGN)),
+            ("its best resolution", lambda column: best.get((DESIGN, column), {}).get("resolution", "")),
+            (f"{CUDA}, ms", time(CUDA)),
+            (f"{CPU}: times faster than the paper's CPU", ratio("the paper, CPU", CPU)),
+            (f"{CUDA}: times faster than the paper's Tesla C1060", ratio("the paper, Tesla C1060", CUDA)),
+            ("than the paper's design on this card", ratio(DESIGN, CUDA)),
+            ("than brute force on this card", ratio(BRUTE, CUDA))]
 
 
 def table2(rows):
-    """Markdown: a row a contender, a column a size, milliseconds."""
-    sizes = sorted({int(row["points"]) for row in rows})
-    times, best = {}, {}
-    for row in rows:
-        key = row["contender"], int(row["points"])
-        time = float(row["ms"])
-        if time < times.get(key, math.inf):  # the resolution that serves the paper's design best
-            times[key], best[key] = time, row["resolution"]
-    for name, seconds in PAPER_SECONDS.items():
-        times |= {(name, points): 1000 * s for points, s in zip(PAPER_POINTS, seconds)}
-    lines = ["| milliseconds | " + " | ".join(f"{size:,}" for size in sizes) + " |", "|---" * (len(sizes) + 1) + "|"]
+    sizes = sorted({row["points"] for row in rows}, key=int)
+    published = {(name, str(points)): 1000 * s for name, seconds in PAPER_SECONDS.items()
+                 for points, s in zip(PAPER_POINTS, seconds)}
+    return markdown(sizes, [f"{int(size):,}" for size in sizes], comparison(rows, "points", published))
 
-    def add(name, cell):
-        cells = [cell(size) for size in sizes]
-        if any(cells):
-            lines.append(f"| {name} | " + " | ".join(cells) + " |")
 
-    def ratio(above, below):
-        return lambda size: (f"{times[above, size] / times[below, size]:,.0f}"
-                             if (above, size) in times and (below, size) in times else "")
-
-    for name in (*PAPER_SECONDS, CPU, BRUTE, DESIGN, CUDA):
-        add({DESIGN: "the paper's design, this card", BRUTE: "brute force, this card"}.get(name, name),
-            lambda size, name=name: shown(times[name, size]) if (name, size) in times else "")
-    add("its best resolution", lambda size: best.get((DESIGN, size), ""))
-    add("pointfair CPU: times faster than the paper's CPU", ratio("the paper, CPU", CPU))
-    add("pointfair CUDA: times faster than the paper's Tesla C1060", ratio("the paper, Tesla C1060", CUDA))
-    add("than the paper's design on this card", lambda size: (f"{times[DESIGN, size] / times[CUDA, size]:.1f}"
-                                                             if (DESIGN, size) in times else ""))
-    add("than brute force", ratio(BRUTE, CUDA))
-    return "\n".join(lines) + "\n"
+def hard(rows):
+    clouds = list(dict.fromkeys(row["cloud"] for row in rows))
+    return markdown(clouds, [cloud.replace("_", " ") for cloud in clouds], comparison(rows, "cloud", {}))
 
 
 def card_of(folder):
@@ -167,10 +207,11 @@ def plot(plt, rows, folder, name, title, colors):
 
 def draw(folder):
     """What can be made of the CSV in the folder."""
-    rows = read_csv(folder / "table2.csv")
-    if rows:
-        (folder / "table2.md").write_text(table2(rows))
-        print(table2(rows))
+    for name, make in (("table2", table2), ("hard", hard)):
+        rows = read_csv(folder / f"{name}.csv")
+        if rows:
+            (folder / f"{name}.md").write_text(make(rows))
+            print(make(rows))
     try:
         import matplotlib
         matplotlib.use("svg")
@@ -194,7 +235,7 @@ def main():
     parser.add_argument("--out", type=Path, default=ROOT / "build/paper", help="folder for clouds, CSV, table and plots")
     parser.add_argument("--mesh", type=Path, help="default: the Armadillo of libcgal-demo, else a bumpy sphere")
     parser.add_argument("--repeat", type=int, default=9, help="median of so many runs")
-    parser.add_argument("--only", nargs="+", choices=("table2", "figures"), default=("table2", "figures"))
+    parser.add_argument("--only", nargs="+", choices=PARTS, default=PARTS)
     parser.add_argument("--draw", type=Path, metavar="FOLDER", help="only draw the CSV of this folder")
     options = parser.parse_args()
     if not options.draw:

@@ -9,6 +9,7 @@
 #include <fstream>
 #include <map>
 #include <optional>
+#include <span>
 
 #include "paper/agreement.hpp"
 #include "paper/baselines.hpp"
@@ -24,6 +25,9 @@ using Points = std::vector<Point>;
 constexpr int kTableK = 8;
 constexpr int kTableResolutions[] = {32, 64, 128, 256, 512};
 constexpr int kFigureResolutions[] = {16, 32, 64, 128, 256, 512, 1024};
+constexpr int kHardResolutions[] = {256, 512, 1024};  // of coarser grids one search can take minutes
+constexpr std::size_t kManyPoints = 200'000;          // beyond, brute force is measured once
+const std::string kDesign = "paper's design", kBrute = "brute force";
 
 double median(std::vector<double> values) {
   std::sort(values.begin(), values.end());
@@ -148,68 +152,70 @@ class Tables {
 
   bool wrong() const { return wrong_; }
 
-  void table2(const std::vector<std::string>& clouds) {
-    Csv csv(out_ / "table2.csv", "points,contender,resolution,ms,sum_of_last_distances");
-    for (const std::string& file : clouds) {
-      const Points points = pointfair::read(file).points;
-      const Params params = settings_for(points, kTableK);
-      const auto row = [&](const char* contender, const std::string& resolution, double ms, const std::string& sum) {
-        csv.row(points.size(), contender, resolution, ms, sum);
-        std::printf("table II  %8zu  %-20s %6s %12.3f ms\n", points.size(), contender, resolution.c_str(), ms);
-        std::fflush(stdout);
-      };
-      const Measured cpu = measure(cpu_, points, params, repeat_);
-      row("pointfair CPU", "", cpu.whole, "");
-      if (!card_) continue;
-      const Measured cuda = measure(*card_, points, params, repeat_);
-      if (agrees("pointfair CUDA", paper::compare_points(cuda.faired, cpu.faired)))
-        row("pointfair CUDA", "", cuda.whole, "");
-      Truth truth{points, cpu.faired, {}};
-      for (const int resolution : kTableResolutions) {
-        const auto settings = baseline_settings(paper::Search::dense_grid, resolution, params);
-        const auto grid = measure_checked(truth, settings, repeat_);
-        if (grid) row("paper's design", std::to_string(resolution), grid->whole, sum_text());
-      }
-      const auto settings = baseline_settings(paper::Search::brute_force, 0, params);
-      const auto brute = measure_checked(truth, settings, points.size() > 200000 ? 1 : repeat_);
-      if (brute) row("brute force", "", brute->whole, sum_text());
-    }
-  }
+  void table2(const std::vector<std::string>& clouds) { whole_times("table2", clouds, kTableResolutions, true); }
 
-  // Index and search of the paper's design over resolution and k; pointfair's own stages do not depend on a resolution.
+  // Clouds that a dense grid is not made for. Brute force does not notice and is left out.
+  void hard(const std::vector<std::string>& clouds) { whole_times("hard", clouds, kHardResolutions, false); }
+
+  // Index and search over resolution and k; only the paper's design has a resolution.
   void figures(const std::string& cloud) {
     const Points points = pointfair::read(cloud).points;
     Csv figure6(out_ / "figure6.csv", "points,contender,resolution,ms");
     Csv figure7(out_ / "figure7.csv", "points,contender,k,resolution,ms,sum_of_last_distances");
     for (const int k : paper::kListLengths) {
-      const Params params = settings_for(points, k);
-      const Measured cpu = measure(cpu_, points, params, repeat_);
-      note(figure6, figure7, points.size(), "pointfair CPU", k, cpu);
-      if (!card_) continue;
-      const Measured cuda = measure(*card_, points, params, repeat_);
-      if (!agrees("pointfair CUDA", paper::compare_points(cuda.faired, cpu.faired))) continue;
-      note(figure6, figure7, points.size(), "pointfair CUDA", k, cuda);
-      Truth truth{points, cpu.faired, {}};
-      for (const int resolution : kFigureResolutions) {
-        if (!paper::CudaBaseline::fits(points, resolution)) continue;
-        const auto settings = baseline_settings(paper::Search::dense_grid, resolution, params);
-        const auto grid = measure_checked(truth, settings, repeat_);
-        if (!grid) continue;
-        if (k == kTableK) figure6.row(points.size(), "paper's design", resolution, grid->stages.at("index"));
-        figure7.row(points.size(), "paper's design", k, resolution, grid->stages.at("neighbors"), sum_text());
-      }
-      const auto settings = baseline_settings(paper::Search::brute_force, 0, params);
-      const auto brute = measure_checked(truth, settings, 1);
-      if (brute) figure7.row(points.size(), "brute force", k, "", brute->stages.at("neighbors"), sum_text());
+      measure_all(points, k, kFigureResolutions, 1, [&](const Row& row) {
+        if (k == kTableK && row.contender != kBrute)
+          figure6.row(points.size(), row.contender, row.resolution, row.measured.stages.at("index"));
+        figure7.row(points.size(), row.contender, k, row.resolution, row.measured.stages.at("neighbors"), row.sum);
+      });
       std::printf("figures   %8zu  k %d\n", points.size(), k);
       std::fflush(stdout);
     }
   }
 
  private:
-  void note(Csv& figure6, Csv& figure7, std::size_t points, const char* contender, int k, const Measured& measured) {
-    if (k == kTableK) figure6.row(points, contender, "", measured.stages.at("index"));
-    figure7.row(points, contender, k, "", measured.stages.at("neighbors"), "");
+  struct Row {
+    std::string contender, resolution;
+    const Measured& measured;
+    std::string sum;  // of the distances to the last neighbours, where a baseline has it
+  };
+
+  void whole_times(const std::string& name, const std::vector<std::string>& clouds, std::span<const int> resolutions,
+                   bool with_brute_force) {
+    Csv csv(out_ / (name + ".csv"), "cloud,points,contender,resolution,ms,sum_of_last_distances");
+    for (const std::string& file : clouds) {
+      const Points points = pointfair::read(file).points;
+      const std::string cloud = std::filesystem::path(file).stem().string();
+      const int brute_repeat = !with_brute_force ? 0 : points.size() > kManyPoints ? 1 : repeat_;
+      measure_all(points, kTableK, resolutions, brute_repeat, [&](const Row& row) {
+        csv.row(cloud, points.size(), row.contender, row.resolution, row.measured.whole, row.sum);
+        std::printf("%-8s %-22s %8zu  %-16s %6s %12.3f ms\n", name.c_str(), cloud.c_str(), points.size(),
+                    row.contender.c_str(), row.resolution.c_str(), row.measured.whole);
+        std::fflush(stdout);
+      });
+    }
+  }
+
+  // Every contender that this machine can run on one cloud, the paper's design at each resolution that fits.
+  template <class Emit>
+  void measure_all(const Points& points, int k, std::span<const int> resolutions, int brute_repeat, Emit emit) {
+    const Params params = settings_for(points, k);
+    const Measured cpu = measure(cpu_, points, params, repeat_);
+    emit(Row{"pointfair CPU", "", cpu, ""});
+    if (!card_) return;
+    const Measured cuda = measure(*card_, points, params, repeat_);
+    if (agrees("pointfair CUDA", paper::compare_points(cuda.faired, cpu.faired)))
+      emit(Row{"pointfair CUDA", "", cuda, ""});
+    Truth truth{points, cpu.faired, {}};
+    for (const int resolution : resolutions) {
+      if (!paper::CudaBaseline::fits(points, resolution)) continue;
+      const auto settings = baseline_settings(paper::Search::dense_grid, resolution, params);
+      if (const auto grid = measure_checked(truth, settings, repeat_))
+        emit(Row{kDesign, std::to_string(resolution), *grid, sum_text()});
+    }
+    if (brute_repeat == 0) return;
+    const auto settings = baseline_settings(paper::Search::brute_force, 0, params);
+    if (const auto brute = measure_checked(truth, settings, brute_repeat)) emit(Row{kBrute, "", *brute, sum_text()});
   }
 
   bool agrees(const std::string& who, const std::string& difference) {
@@ -228,8 +234,8 @@ class Tables {
     if (difference.empty() && !truth.sum) difference = paper::compare_samples(truth.points, settings.k, rows);
     if (difference.empty() && truth.sum.value_or(sum_) != sum_) difference = "the sum of the last distances differs";
     const std::string who = settings.search == paper::Search::brute_force
-                                ? "brute force"
-                                : "paper's design at resolution " + std::to_string(settings.resolution);
+                                ? kBrute
+                                : kDesign + " at resolution " + std::to_string(settings.resolution);
     if (!agrees(who, difference)) return std::nullopt;
     truth.sum = sum_;
     return result;
@@ -255,15 +261,17 @@ class Tables {
 int main(int argc, char** argv) try {
   CLI::App app("The paper's table II and figures 6 and 7 on this machine, as CSV.");
   std::string out, figure_cloud;
-  std::vector<std::string> clouds;
+  std::vector<std::string> clouds, hard_clouds;
   int repeat = 9;
   app.add_option("--out", out, "folder for the CSV files")->required();
   app.add_option("--figure-cloud", figure_cloud, "cloud of figures 6 and 7")->check(CLI::ExistingFile);
+  app.add_option("--hard", hard_clouds, "clouds of uneven density or with a stray point")->check(CLI::ExistingFile);
   app.add_option("--repeat", repeat, "median of so many runs, after one to warm up")->check(CLI::Range(1, 1000));
   app.add_option("CLOUDS", clouds, "clouds of table II")->check(CLI::ExistingFile);
   CLI11_PARSE(app, argc, argv);
   Tables tables(out, repeat);
   if (!clouds.empty()) tables.table2(clouds);
+  if (!hard_clouds.empty()) tables.hard(hard_clouds);
   if (!figure_cloud.empty()) tables.figures(figure_cloud);
   return tables.wrong() ? 1 : 0;
 } catch (const std::exception& error) {
