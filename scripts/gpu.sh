@@ -55,14 +55,17 @@ build() {
     cmake --build "$root/build/gpu" --target pointfair_cli pointfair_tests cuda_stage_times paper_tables
 }
 
-# sanitize TOOL POINTS PROCESSES: the tests of the backend under a tool of compute-sanitizer, on clouds of at most so
+# The tests that use a card.
+card_tests='Cuda*:HostBuffer.*:*every_device*'
+
+# sanitize TOOL POINTS PROCESSES: the tests that use a card under a tool of compute-sanitizer, on clouds of at most so
 # many points, divided among processes that run at once.
 sanitize() {
   local sanitizer=compute-sanitizer n pids=() failures=0
   command -v $sanitizer >/dev/null || sanitizer=/usr/local/cuda/bin/compute-sanitizer
   for ((n = 0; n < $3; n++)); do
     GTEST_TOTAL_SHARDS=$3 GTEST_SHARD_INDEX=$n POINTFAIR_TEST_POINTS=$2 timeout "$limit" "$sanitizer" --tool "$1" \
-      --error-exitcode 9 "$bin/pointfair_tests" --gtest_filter='Cuda*' >"$out/$1.$n.log" 2>&1 &
+      --error-exitcode 9 "$bin/pointfair_tests" --gtest_filter="$card_tests" >"$out/$1.$n.log" 2>&1 &
     pids+=($!)
   done
   for ((n = 0; n < $3; n++)); do
@@ -81,9 +84,16 @@ tests() {
   ! grep -aq 'SKIPPED.*Cuda' "$out/tests.log"
 }
 
+# Resident on the card and from host to host; 100 million points where the card has room for them.
 stages() {
-  local times="timeout $limit $bin/cuda_stage_times"
-  $times 1000000 15 && $times 10000000 5 && $times 100000000 2
+  local megabytes size repeat
+  megabytes=$(nvidia-smi --query-gpu=memory.total --format=csv,noheader,nounits | head -n 1)
+  for size in 1000000 10000000 100000000; do
+    if [ $size = 100000000 ] && [ "$megabytes" -lt 30000 ]; then echo "$size points left out: $megabytes MiB"; break; fi
+    repeat=$((size == 1000000 ? 15 : size == 10000000 ? 5 : 2))
+    timeout "$limit" "$bin/cuda_stage_times" $size $repeat && timeout "$limit" "$bin/cuda_stage_times" $size $repeat host ||
+      return 1
+  done
 }
 
 tables() {
@@ -121,7 +131,7 @@ for tool in memcheck initcheck synccheck; do
   if wanted $tool; then part $tool '^tests passed' sanitize $tool 50000 1; fi
 done
 if wanted racecheck; then part racecheck '^tests passed' sanitize racecheck 4000 6; fi  # far slower than the others
-if wanted stages; then part stages '^even +100000000 +8 ' stages; fi
+if wanted stages; then part stages '^even +[0-9]+ +8 ' stages; fi
 if wanted tables; then part tables 'pointfair CUDA.*[0-9]' tables; fi
 cat "$summary"
 exit $failed
