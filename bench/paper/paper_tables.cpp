@@ -63,7 +63,6 @@ class Csv {
 struct Measured {
   double whole = 0;
   std::map<std::string, double> stages;
-  Points faired;
 };
 
 // Eq. 1 to 6 in one pass, squared area weight, no constraint; widths from the data, measured once and not timed.
@@ -77,15 +76,15 @@ Params settings_for(const Points& points, int k) {
   return pipeline.resolve(params);
 }
 
-Measured measure(pointfair::Pipeline& pipeline, const Points& points, const Params& params, int repeat) {
+Measured measure(pointfair::Pipeline& pipeline, std::span<const Point> points, const Params& params, int repeat,
+                 std::span<Point> out) {
   Measured result;
-  result.faired.resize(points.size());
   std::vector<double> whole;
   std::map<std::string, std::vector<double>> stages;
   for (int i = 0; i <= repeat; ++i) {
     const double time = milliseconds([&] {
       pipeline.load(points);
-      pipeline.run(params, result.faired);
+      pipeline.run(params, out);
     });
     if (i == 0) continue;
     whole.push_back(time);
@@ -105,12 +104,12 @@ paper::Settings baseline_settings(paper::Search search, int resolution, const Pa
           static_cast<float>(params.similarity_sigma.value)};
 }
 
-Measured measure(paper::CudaBaseline& baseline, const Points& points, const paper::Settings& settings, int repeat) {
+Measured measure(paper::CudaBaseline& baseline, std::span<const Point> points, const paper::Settings& settings,
+                 int repeat, std::span<Point> out) {
   Measured result;
-  result.faired.resize(points.size());
   std::vector<double> whole, index, search;
   for (int i = 0; i <= repeat; ++i) {
-    const double time = milliseconds([&] { baseline.run(points, settings, result.faired); });
+    const double time = milliseconds([&] { baseline.run(points, settings, out); });
     if (i == 0) continue;
     whole.push_back(time);
     index.push_back(double(baseline.times().index));
@@ -123,9 +122,9 @@ Measured measure(paper::CudaBaseline& baseline, const Points& points, const pape
 
 // What every contender must find on one cloud with one k.
 struct Truth {
-  const Points& points;
-  const Points& faired;       // by pointfair on the CPU
-  std::optional<double> sum;  // of the distances to the last neighbours, once a baseline agreed with a plain loop
+  std::span<const Point> points;
+  std::span<const Point> faired;  // by pointfair on the CPU
+  std::optional<double> sum;      // of the distances to the last neighbours, once a baseline agreed with a plain loop
 };
 
 // All that is measured on one machine.
@@ -196,26 +195,31 @@ class Tables {
     }
   }
 
-  // Every contender that this machine can run on one cloud, the paper's design at each resolution that fits.
+  // Every contender that this machine can run on one cloud, the paper's design at each resolution that fits; those on
+  // the card from and to the same page-locked arrays.
   template <class Emit>
   void measure_all(const Points& points, int k, std::span<const int> resolutions, int brute_repeat, Emit emit) {
     const Params params = settings_for(points, k);
-    const Measured cpu = measure(cpu_, points, params, repeat_);
+    Points faired(points.size());
+    const Measured cpu = measure(cpu_, points, params, repeat_, faired);
     emit(Row{"pointfair CPU", "", cpu, ""});
     if (!card_) return;
-    const Measured cuda = measure(*card_, points, params, repeat_);
-    if (agrees("pointfair CUDA", paper::compare_points(cuda.faired, cpu.faired)))
+    const pointfair::HostBuffer in = card_->host_buffer(points.size()), out = card_->host_buffer(points.size());
+    std::copy(points.begin(), points.end(), in.points().begin());
+    const Measured cuda = measure(*card_, in.points(), params, repeat_, out.points());
+    if (agrees("pointfair CUDA", paper::compare_points(out.points(), faired)))
       emit(Row{"pointfair CUDA", "", cuda, ""});
-    Truth truth{points, cpu.faired, {}};
+    Truth truth{in.points(), faired, {}};
     for (const int resolution : resolutions) {
       if (!paper::CudaBaseline::fits(points, resolution)) continue;
       const auto settings = baseline_settings(paper::Search::dense_grid, resolution, params);
-      if (const auto grid = measure_checked(truth, settings, repeat_))
+      if (const auto grid = measure_checked(truth, settings, repeat_, out.points()))
         emit(Row{kDesign, std::to_string(resolution), *grid, sum_text()});
     }
     if (brute_repeat == 0) return;
     const auto settings = baseline_settings(paper::Search::brute_force, 0, params);
-    if (const auto brute = measure_checked(truth, settings, brute_repeat)) emit(Row{kBrute, "", *brute, sum_text()});
+    if (const auto brute = measure_checked(truth, settings, brute_repeat, out.points()))
+      emit(Row{kBrute, "", *brute, sum_text()});
   }
 
   bool agrees(const std::string& who, const std::string& difference) {
@@ -226,11 +230,12 @@ class Tables {
   }
 
   // Nothing, and a complaint, if neighbours or faired points are not those of pointfair.
-  std::optional<Measured> measure_checked(Truth& truth, const paper::Settings& settings, int repeat) {
-    Measured result = measure(*baseline_, truth.points, settings, repeat);
+  std::optional<Measured> measure_checked(Truth& truth, const paper::Settings& settings, int repeat,
+                                          std::span<Point> out) {
+    const Measured result = measure(*baseline_, truth.points, settings, repeat, out);
     const std::vector<std::uint32_t> rows = baseline_->neighbors();
     sum_ = paper::sum_of_last_distances(truth.points, settings.k, rows);
-    std::string difference = paper::compare_points(result.faired, truth.faired);
+    std::string difference = paper::compare_points(out, truth.faired);
     if (difference.empty() && !truth.sum) difference = paper::compare_samples(truth.points, settings.k, rows);
     if (difference.empty() && truth.sum.value_or(sum_) != sum_) difference = "the sum of the last distances differs";
     const std::string who = settings.search == paper::Search::brute_force
