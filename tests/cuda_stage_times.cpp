@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Times each stage of the CUDA backend on clouds that hurt: uneven density, identical points, a stray point.
 //   cuda_stage_times [POINTS] [REPEAT] [host]
+//   cuda_stage_times FILE [REPEAT]
+// The same for the default run of a cloud, all automatic, through the pipeline: each stage over both passes.
+//
 // A line a cloud and k: medians in milliseconds, points resident on the card; each stage timed from an idle card to an
 // idle card, and `whole` with all stages in flight at once. The checksum is the sum of all faired coordinates.
 // With `host`: from a page-locked array of the host to another, through the public Pipeline, in random and in spatial
@@ -11,10 +14,12 @@
 #include <cstdio>
 #include <cstdlib>
 #include <functional>
+#include <map>
+#include <numeric>
 #include <thread>
 
 #include "backend.hpp"
-#include "pointfair/pipeline.hpp"
+#include "pointfair/pointfair.hpp"
 #include "shapes.h"
 
 namespace {
@@ -173,9 +178,32 @@ int measure_host_rows(std::size_t count, int repeat, double noise) {
   return 0;
 }
 
+void measure_default_run(const Points& points, int repeat) {
+  Pipeline pipeline(Device::cuda);
+  Points out(points.size());
+  std::map<std::string, std::vector<double>> times;
+  for (int n = 0; n < repeat + 2; ++n) {
+    pipeline.load(points);
+    pipeline.run({}, out);
+    double resident = 0;
+    for (const StageTime& stage : pipeline.report().stages) {
+      if (n >= 2) times[stage.name].push_back(stage.milliseconds);
+      if (stage.name != "upload" && stage.name != "download") resident += stage.milliseconds;
+    }
+    if (n >= 2) times["resident"].push_back(resident);
+  }
+  for (const auto& [name, values] : times) std::printf("%-10s %8.3f\n", name.c_str(), median(values));
+  std::printf("%.1f B/pt, checksum %.9g\n", double(pipeline.report().peak_device_bytes) / double(points.size()),
+              std::accumulate(out.begin(), out.end(), 0.0, [](double sum, Point p) { return sum + p.x + p.y + p.z; }));
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
+  if (argc > 1 && std::strtoull(argv[1], nullptr, 10) == 0) {
+    measure_default_run(read(argv[1]).points, argc > 2 ? std::atoi(argv[2]) : 9);
+    return 0;
+  }
   const std::size_t count = argc > 1 ? std::strtoull(argv[1], nullptr, 10) : 1000000;
   const int repeat = argc > 2 ? std::atoi(argv[2]) : 15;
   const double noise = count > 5000000 ? 0.0002 : 0.0005;

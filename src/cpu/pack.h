@@ -156,6 +156,8 @@ POINTFAIR_INLINE Floats square_root(Floats a) {
 #endif
 }
 
+POINTFAIR_INLINE Floats absolute(Floats a) { return as_floats(as_ints(a) & 0x7fffffff); }
+
 POINTFAIR_INLINE Floats power_of_two_times(Floats value, Floats shifted) {
   return {FloatVector(IntVector(value.v) + (IntVector(shifted.v) << 23))};
 }

@@ -6,6 +6,7 @@ namespace {
 
 constexpr std::size_t kLargeCloud = 3'000'000;  // points; random writes to all of it miss the cache
 constexpr float kNoLimit = __builtin_inff();
+constexpr std::size_t kLargestBalls = 1024;  // bytes a point
 
 void stop_if_asked(const std::stop_token& stop) {
   if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
@@ -20,6 +21,7 @@ Chain::Chain(Context& context)
       normals_(context),
       mean_distance_(context),
       squared_radius_(context),
+      collector_(context),
       faired_(context) {
   check(cudaEventCreateWithFlags(&paced_, cudaEventDisableTiming), "making an event");
 }
@@ -56,7 +58,11 @@ void Chain::find_neighbors(const NeighborSettings& settings, std::stop_token sto
         sizeof(CloudState));  // one launch for all counts of this stage and the next
   unmoved_clear_ = true;
   normals_wait_ = false;
-  if (settings.k == 0) return measure_radii(stop);
+  if (settings.k == 0) {
+    measure_radii(stop);
+    return collector_.collect(index_.tree(), balls(), index_.points() * kLargestBalls);
+  }
+  collector_.release();
   lists_.resize(index_.leaves() * kLeafSize * settings.k);
   if (settings.constraint) return grow_constrained(stop);
   DeviceArray<Index> retries(context_);

@@ -2,8 +2,8 @@
 // The results of every stage of one pass on the card. Normals over lists wait until it is known what comes next:
 // fairing runs with them as one kernel, and once a result is asked for they run alone.
 // Memory, bytes a point: index 17, lists 4 k, normals 12, faired positions 12; mean distances 4 once an area weight is
-// asked for; while neighbours are found, 4, and with the constraint 4 more for each of k candidates; while a large
-// cloud is faired, 20.
+// asked for; balls instead of lists 4, and what the collector takes, up to kLargestBalls; while neighbours are found,
+// 4, and with the constraint 4 more for each of k candidates; while a large cloud is faired, 20.
 #pragma once
 
 #include <limits>
@@ -56,7 +56,8 @@ class Chain {
   void filter_normals(const std::stop_token& stop);
   // A squared radius stays finite: infinite are only places that hold no point.
   float squared_base() const { return std::min(neighbors_.radius * neighbors_.radius, 1e37f); }
-  Surroundings surroundings() const { return {lists(), {squared_radius_.data(), squared_base(), neighbors_.widening}}; }
+  Balls balls() const { return {squared_radius_.data(), squared_base(), neighbors_.widening}; }
+  Surroundings surroundings() const { return {lists(), balls(), collector_.collected()}; }
   Normals normals() const;
   point::NormalWeights normal_weights() const {
     return point::normal_weights(normal_settings_.weighted, normal_settings_.sigma);
@@ -71,7 +72,8 @@ class Chain {
   bool normals_wait_ = false, unmoved_clear_ = false;
   DeviceArray<Index> lists_;
   DeviceArray<float> normals_, mean_distance_;
-  DeviceArray<float> squared_radius_;  // without lists
+  DeviceArray<float> squared_radius_;  // without lists, as is
+  BallCollector collector_;
   bool areas_measured_ = false;
   DeviceArray<Point> faired_;
 };

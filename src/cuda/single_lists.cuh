@@ -136,7 +136,7 @@ class SharedList {
   // One step of bitonic merges of the list (from 0) or of the buffer (from size_).
   __device__ void exchange_all(int first, int stride) {
     for (int n = static_cast<int>(lane_number()); n < size_ / 2; n += kWarp) {
-      const int i = first + (n / stride) * 2 * stride + n % stride;
+      const int i = first + 2 * n - (n & (stride - 1));  // strides are powers of two
       exchange(i, i + stride);
     }
     __syncwarp();
@@ -144,7 +144,7 @@ class SharedList {
   // The first step of each merge compares mirrored places, so that all runs ascend.
   __device__ void exchange_mirrored(int first, int run) {
     for (int n = static_cast<int>(lane_number()); n < size_ / 2; n += kWarp) {
-      const int start = first + (n / (run / 2)) * run, i = n % (run / 2);
+      const int i = n & (run / 2 - 1), start = first + 2 * (n - i);
       exchange(start + i, start + run - 1 - i);
     }
     __syncwarp();

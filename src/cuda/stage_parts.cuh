@@ -12,18 +12,19 @@ struct NormalOfPoint {
   bool too_few = false, none = false;
 };
 
-// for_neighbors(visit) calls visit(offset, sorted position) for each neighbour, always in the same order.
+// for_neighbors(visit) calls visit(offset, .., inside) for each neighbour, always in the same order; without the last
+// if it only calls for what is inside.
 template <class ForNeighbors, class Weights>
 __device__ __forceinline__ NormalOfPoint normal_of(const ForNeighbors& for_neighbors, Weights weights) {
   point::CentroidSum<float> centroid_sum;
   int found = 0;
-  for_neighbors([&](Vec offset, Index) {
-    centroid_sum.add(offset, true, weights);
-    ++found;
+  for_neighbors([&](Vec offset, auto, bool inside = true) {
+    centroid_sum.add(offset, inside, weights);
+    found += inside;
   });
   const Vec centroid = centroid_sum.centroid();
   point::CovarianceSum<float> covariance;
-  for_neighbors([&](Vec offset, Index) { covariance.add(offset, centroid, true, weights); });
+  for_neighbors([&](Vec offset, auto, bool inside = true) { covariance.add(offset, centroid, inside, weights); });
   const point::Direction<float> normal = covariance.normal();
   const bool enough = found >= point::kLeastNeighbors;
   return {enough ? normal.unit : Vec{}, !enough, enough && !normal.exists};

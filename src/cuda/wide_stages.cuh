@@ -3,25 +3,9 @@
 // balls, filtered normals, offsets to both planes.
 #pragma once
 
-#include "cuda/stages.cuh"
+#include "cuda/surroundings.cuh"
 
 namespace pointfair::cuda {
-
-// Everything within a radius: R_i^2 = radius^2 + r_i^2, where r_i is the distance of point i to its `widening`-th
-// nearest; the same radius for all if that is 0. A ball that would hold many more than kBallPoints points is thinned to
-// about so many, by a hash of the original index. As in src/cpu/kernels.h.
-struct Balls {
-  const float* squared_radius;  // of each sorted point
-  float squared_base;
-  int widening;
-};
-inline constexpr float kBallPoints = 400;
-
-// Lists, or balls if lists.k is 0.
-struct Surroundings {
-  Lists lists;
-  Balls balls;
-};
 
 // Whether a Gaussian's sigma is a multiple of the ball's radius, or a length.
 struct NormalRule {

@@ -53,7 +53,7 @@ struct BilateralSum {
     // the factor cancels in the quotient; without it a squared length of an area could overflow
     const F w = select(inside, closeness * (area * weights.inverse_two_closeness2), F{});
     weight = weight + w;
-    moment = moment + w * select(inside, height, F{});
+    moment = moment + w * height;
   }
 };
 
@@ -66,7 +66,8 @@ struct TwoPlaneSum : BilateralSum<F> {
   POINTFAIR_INLINE void add(Vec3<F> offset, Vec3<F> normal, Vec3<F> there, F area, Mask inside, Weights weights,
                             float inverse_turn) {
     const F cosine = dot(normal, there);
-    const F own = -dot(normal, offset), theirs = -dot(facing(there, cosine), offset);
+    const F own = -dot(normal, offset), along = dot(there, offset);
+    const F theirs = select(cosine < F{}, along, -along);  // of the two opposites, the normal that faces as this one
     const F exponent = (squared_length(offset) * weights.inverse_two_closeness2 +
                         (theirs * theirs) * weights.inverse_two_similarity2) +
                        turn_exponent(cosine, inverse_turn);

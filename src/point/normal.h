@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The Gaussian-weighted normal of one point: paper eq. 3-5, Eq. 3-5 of docs/how-it-works.md.
 // Two rounds over the neighbours, in neighbour order: first their weighted centroid, then the covariance about it.
-// Offsets are v_j - v_i, so nothing large is ever subtracted from something large. `inside` is false for an empty place
-// of a list, which then adds exact zeros.
+// Offsets are v_j - v_i, so nothing large is ever subtracted from something large. `inside` is false for what is no
+// neighbour, an empty place of a list for instance; whatever finite offset it has, it adds exact zeros.
 #pragma once
 
 #include "point/vec.h"
@@ -42,7 +42,7 @@ struct CentroidSum {
   POINTFAIR_INLINE void add(Vec3<F> offset, Mask inside, Weights weights) {
     const F w = select(inside, gaussian(squared_length(offset) * weights.inverse_two_sigma2), F{});
     weight = weight + w;
-    moment = moment + w * select<F>(inside, offset, Vec3<F>{});
+    moment = moment + w * offset;
   }
   POINTFAIR_INLINE Vec3<F> centroid() const {
     const F inverse = select(weight > F{}, F(1.0f) / weight, F{});
@@ -57,7 +57,7 @@ struct CovarianceSum {
 
   template <class Mask, class Weights>
   POINTFAIR_INLINE void add(Vec3<F> offset, Vec3<F> centroid, Mask inside, Weights weights) {
-    const Vec3<F> d = select<F>(inside, offset - centroid, Vec3<F>{});
+    const Vec3<F> d = offset - centroid;
     const F w2 = select(inside, gaussian(squared_length(d) * weights.inverse_sigma2), F{});
     const Vec3<F> wd = w2 * d;
     sum.xx = sum.xx + wd.x * d.x;
@@ -81,14 +81,8 @@ POINTFAIR_INLINE float inverse_turn(int degrees) {
 // The exponent of a Gaussian over how far two unit normals of arbitrary sign differ, 1 - |cos|.
 template <class F>
 POINTFAIR_INLINE F turn_exponent(F cosine, float inverse_turn) {
-  const F turn = (F(1.0f) - larger(cosine, -cosine)) * inverse_turn;
+  const F turn = (F(1.0f) - absolute(cosine)) * inverse_turn;
   return turn * turn;
-}
-
-// The vector or its opposite, whichever makes the smaller angle with what `cosine` was measured against.
-template <class F>
-POINTFAIR_INLINE Vec3<F> facing(Vec3<F> normal, F cosine) {
-  return select<F>(cosine < F{}, Vec3<F>{-normal.x, -normal.y, -normal.z}, normal);
 }
 
 // One round of bilateral filtering of the normals (Jones, Durand and Zwicker 2004; Zheng and others 2011), Eq. 9 of
@@ -105,7 +99,7 @@ struct FilteredNormal {
     const F cosine = dot(normal, there);
     const F exponent = squared_length(offset) * weights.inverse_two_sigma2 + turn_exponent(cosine, inverse_turn);
     const F w = select(inside, gaussian(exponent), F{});
-    sum = sum + w * facing(there, cosine);
+    sum = sum + select(cosine < F{}, -w, w) * there;  // whichever of the two opposites makes the smaller angle
   }
   // zero where there was no normal
   POINTFAIR_INLINE Vec3<F> unit() const {
