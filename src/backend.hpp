@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <stop_token>
 #include <vector>
@@ -45,6 +46,15 @@ struct FairingSettings {
   friend bool operator==(const FairingSettings&, const FairingSettings&) = default;
 };
 
+// The cube over which the curve of sums over balls is laid (src/point/curve.h).
+struct CurveCube {
+  Point origin{};
+  float side = 0;
+  friend bool operator==(const CurveCube& a, const CurveCube& b) {
+    return a.origin.x == b.origin.x && a.origin.y == b.origin.y && a.origin.z == b.origin.z && a.side == b.side;
+  }
+};
+
 struct Bounds {
   Point min{}, max{};       // of the valid points; zero if there is none
   std::uint64_t valid = 0;  // points that are indexed: finite, and small enough to be squared
@@ -69,6 +79,10 @@ class Backend {
   }
   virtual void upload(std::span<const Point> points) = 0;
   virtual void begin_pass(int pass) = 0;
+  // Indexes that are built from now on, also while points arrive, hold the points in one order whatever the device,
+  // given by this cube and the points alone; without a cube in the order that the device builds fastest. Results over
+  // lists do not depend on it; those over balls do, by rounding.
+  virtual void order_along(std::optional<CurveCube> cube) = 0;
   virtual void build_index(std::stop_token stop) = 0;
   virtual void find_neighbors(const NeighborSettings& settings, std::stop_token stop) = 0;
   virtual void estimate_normals(const NormalSettings& settings, std::stop_token stop) = 0;

@@ -220,6 +220,37 @@ double quantile(std::vector<double> values, double share) {
 
 }  // namespace
 
+std::vector<Point> curve_sample(std::span<const Point> points) {
+  constexpr std::size_t kAll = 2048, kSample = 256;  // a small cloud's cube does not depend on the order of its points
+  const std::size_t count = points.size() <= kAll ? points.size() : kSample;
+  std::vector<Point> sample;
+  for (std::size_t i = 0; i < count; ++i) sample.push_back(points[i * points.size() / count]);
+  return sample;
+}
+
+CurveCube curve_cube(std::span<const Point> sample) {
+  const auto is_indexed = [](float coordinate) { return std::abs(coordinate) < 1e18f; };
+  std::array<std::vector<double>, 3> axes;
+  for (const Point& p : sample) {
+    if (!is_indexed(p.x) || !is_indexed(p.y) || !is_indexed(p.z)) continue;
+    axes[0].push_back(p.x);
+    axes[1].push_back(p.y);
+    axes[2].push_back(p.z);
+  }
+  if (axes[0].empty()) return {};
+  std::array<double, 3> low{};
+  double side = 0, widest = 0;
+  for (std::size_t a = 0; a < 3; ++a) {
+    low[a] = quantile(axes[a], 0.02);
+    side = std::max(side, quantile(axes[a], 0.98) - low[a]);
+    const auto [least, most] = std::minmax_element(axes[a].begin(), axes[a].end());
+    widest = std::max(widest, *most - *least);
+  }
+  if (!(side > 0)) side = widest;  // nearly all in one place
+  for (double& l : low) l -= side / 4;
+  return {{float(low[0]), float(low[1]), float(low[2])}, float(1.5 * side)};
+}
+
 Spacing measure_spacing(Backend& backend, std::uint64_t points) {
   const std::vector<std::uint32_t> queries = sample_queries(points, kSpacingSamples);
   std::vector<Point> rows(queries.size() * (kSpacingNeighbors + 1));
@@ -277,7 +308,6 @@ namespace {
 
 // Neighbourhoods are balls whose radius follows noise and density, unless the caller says otherwise.
 bool chooses_balls(const Params& p) { return p.k == kAutomatic && p.radius.is_automatic() && !p.constraint; }
-bool sums_balls(const Params& p) { return p.k == kAutomatic && !p.constraint; }
 
 constexpr double kNoiseRadius = 2.5;                 // radius of a ball on top of the spacing, in sigmas
 constexpr int kWidening = 16;                        // and the neighbours that make up the spacing's part
@@ -338,6 +368,8 @@ int automatic_step(int whole, double sigma, double spacing) {
 }
 
 }  // namespace
+
+bool sums_balls(const Params& p) { return p.k == kAutomatic && !p.constraint; }
 
 bool needs_noise(const Params& p) {
   const bool k_follows = p.k == kAutomatic && p.radius.is_automatic();

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <optional>
+#include <span>
+#include <vector>
 
 #include "backend.hpp"
 #include "pointfair/params.hpp"
@@ -18,6 +20,12 @@ struct Spacing {
 // Points spread evenly over the upload order among which valid ones are found; `points` is the number uploaded.
 Spacing measure_spacing(Backend& backend, std::uint64_t points);
 
+// The cube that holds most of a cloud, for Backend::order_along: between the 2 % and the 98 % quantiles of a sample on
+// each axis, widened by half their distance. The sample is of the cloud as loaded, a few points evenly spread over it,
+// or all of a small one.
+std::vector<Point> curve_sample(std::span<const Point> points);
+CurveCube curve_cube(std::span<const Point> sample);
+
 // Standard deviation of the noise along the normal. Residuals of quadric fits over neighbourhoods that are grown until
 // they are wide against the noise (Eq. 8 of docs/how-it-works.md); a low quantile over the samples, since edges and
 // outliers only ever raise a residual.
@@ -31,6 +39,9 @@ Noise measure_noise(Backend& backend, std::uint64_t points);
 
 // Replaces each `auto` by what follows from the spacing and noise, and every length by file units.
 Params resolve_params(const Params& params, const Spacing& spacing, const Noise& noise, double diagonal);
+
+// Whether sums run over balls and not over lists.
+bool sums_balls(const Params& params);
 
 // Whether `resolve_params` would look at the spacing, at the noise, at the diagonal.
 bool needs_spacing(const Params& params);

@@ -99,7 +99,10 @@ struct Pipeline::State {
   std::uint64_t points = 0;
   Cloud shell;  // the loaded cloud without its points
 
+  std::vector<Point> sample;  // of the loaded cloud, for the curve
+
   Stage next = Stage::index;  // of the first pass; `passes` once it is complete
+  bool serves_balls = false;  // the first pass's index, which is in the order that sums over balls need
   Settings settings;          // that the valid stages ran with
   int further_passes = 0;     // complete beyond the first, with `settings`
 
@@ -120,6 +123,8 @@ struct Pipeline::State {
     noise.reset();
     estimates.reset();
     points = given.size();
+    sample = curve_sample(given);
+    order_for(serves_balls);  // the next run is likely to be as the last
     backend->upload(given);
     upload_milliseconds = milliseconds_since(start);
   }
@@ -169,12 +174,22 @@ struct Pipeline::State {
     calls.clear();
   }
 
-  // The index of the first pass, which the estimates need too.
-  void ensure_index(const std::stop_token& stop) {
-    if (next != Stage::index) return;
+  void order_for(bool balls) { backend->order_along(balls ? std::optional(curve_cube(sample)) : std::nullopt); }
+
+  // The index of the first pass, which the estimates need too. One in the order of balls serves lists as well.
+  void ensure_index(bool for_balls, const std::stop_token& stop) {
+    order_for(for_balls);
+    if (next != Stage::index && (serves_balls || !for_balls)) return;
+    next = Stage::index;
+    further_passes = 0;
     backend->begin_pass(0);
     run_stage(Stage::index, stop);
+    serves_balls = for_balls;
     next = Stage::neighbors;
+  }
+  // Where no parameters are known: the default run's.
+  void ensure_index(const std::stop_token& stop) {
+    if (next == Stage::index) ensure_index(true, stop);
   }
 
   // The first pass's index must be the current one: estimates are of the cloud as loaded.
@@ -198,7 +213,7 @@ struct Pipeline::State {
 
   Params resolve(const Params& params, const std::stop_token& stop) {
     check_params(params);
-    ensure_index(stop);
+    ensure_index(sums_balls(params), stop);
     measure(needs_spacing(params), needs_noise(params), stop);
     // what a run sees must not depend on what was measured before it
     return resolve_params(params, needs_spacing(params) ? *spacing : Spacing{}, needs_noise(params) ? *noise : Noise{},

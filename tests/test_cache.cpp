@@ -28,6 +28,7 @@ class RecordingBackend : public Backend {
   DeviceInfo device() const override { return inner_->device(); }
   void upload(std::span<const Point> points) override { inner_->upload(points); }
   void begin_pass(int pass) override { inner_->begin_pass(pass); }
+  void order_along(std::optional<CurveCube> cube) override { inner_->order_along(cube); }
   void build_index(std::stop_token stop) override {
     note("index");
     inner_->build_index(stop);

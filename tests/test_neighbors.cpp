@@ -3,7 +3,10 @@
 // that this processor has.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <map>
 #include <memory>
 #include <nanoflann.hpp>
 #include <string>
@@ -79,7 +82,7 @@ void expect_exact_lists(const Points& points, int k, float radius = 0, std::size
     cpu::MemoryMeter meter;
     cpu::SortSpace space(meter);
     cpu::SpatialIndex index(meter);
-    index.build(points, {}, space, *kernels, {});
+    index.build(points, {}, std::nullopt, space, *kernels, {});
     const auto found = all_lists(index, *kernels, points.size(), k, limit);
     for (std::size_t i = 0; i < points.size(); i += step)
       ASSERT_EQ(found[i], expected[i]) << "point " << i << ", k " << k << ", radius " << radius << ", "
@@ -190,7 +193,7 @@ TEST(Neighbors, have_the_distances_that_nanoflann_finds) {
   cpu::MemoryMeter meter;
   cpu::SortSpace space(meter);
   cpu::SpatialIndex index(meter);
-  index.build(points, {}, space, cpu::best_kernels(), {});
+  index.build(points, {}, std::nullopt, space, cpu::best_kernels(), {});
   const auto found =
       all_lists(index, cpu::best_kernels(), points.size(), kNeighbors, std::numeric_limits<float>::max());
   for (std::size_t i = 0; i < points.size(); ++i) {
@@ -242,6 +245,115 @@ TEST(SampleNeighborhoods, returns_each_query_and_its_nearest_in_order) {
         ASSERT_TRUE(same_or_both_nan(rows[i], expected[i / width][i % width]))
             << "place " << i % width << " of query " << queries[i / width] << ", k " << k;
     }
+  }
+}
+
+// Upload indices of the valid points in the order of a cube's curve.
+std::vector<Index> order_along(const Points& points, const CurveCube& cube, const cpu::Kernels& kernels,
+                               std::span<const Index> originals = {}) {
+  cpu::MemoryMeter meter;
+  cpu::SpatialIndex index(meter);
+  cpu::SortSpace space(meter);
+  index.build(points, originals, cube, space, kernels, {});
+  const auto order = index.originals().first(index.view().points);
+  return {order.begin(), order.end()};
+}
+
+Points hard_cloud() {
+  Points points = shapes::with_invalid(shapes::with_noise(shapes::waves(6000), 0.01), 50);
+  for (std::size_t i = 0; i < 500; ++i) points[7 * i + 3] = points[11];
+  for (std::size_t i = 0; i < 40; ++i) points[13 * i] = {float(i) * 1e4f, -1e9f, float(i % 3)};
+  return points;
+}
+constexpr CurveCube kCube{{-0.2f, 0.1f, -0.3f}, 0.9f};  // neither holds all nor all valid points
+
+// Shuffled, in parts, at any length of the sorts' runs: the same order.
+TEST(CurveOrder, of_a_part_is_that_of_the_whole) {
+  const Points points = hard_cloud();
+  for (const cpu::Kernels* kernels : available_kernels()) {
+    const std::vector<Index> whole = order_along(points, kCube, *kernels);
+    EXPECT_EQ(whole, order_along(points, kCube, cpu::best_kernels())) << kernels->name;
+    for (const std::size_t step : {1, 2, 7}) {
+      Points part;
+      std::vector<Index> originals, expected;
+      for (const std::uint32_t i : shapes::shuffle_order(points.size(), 3)) {
+        if (i % step != 0) continue;
+        part.push_back(points[i]);
+        originals.push_back(i);
+      }
+      for (const Index i : whole)
+        if (i % step == 0) expected.push_back(i);
+      EXPECT_EQ(order_along(part, kCube, *kernels, originals), expected) << kernels->name << ", every " << step;
+    }
+  }
+}
+
+// By the definition: cells of 2^20 steps an axis, of which two digits make the place on the curve, ties by index.
+TEST(CurveOrder, is_by_first_digit_then_by_second_then_by_index) {
+  const Points points = hard_cloud();
+  const auto steps_of = [](Point p) {
+    const auto step = [](float v, float origin) {
+      const double u = double((v - origin) * (1 / kCube.side)), margin = 1 << 16;
+      const double at = u < 0   ? margin / (1 - u)
+                        : u > 1 ? (1 << 20) - margin / u
+                                : margin + u * ((1 << 20) - 2 * margin);
+      return std::min(at, (1 << 20) - 1.0);
+    };
+    return std::array{step(p.x, kCube.origin.x), step(p.y, kCube.origin.y), step(p.z, kCube.origin.z)};
+  };
+  const auto whole_steps = [&](Point p) {
+    const auto s = steps_of(p);
+    return std::array{int(s[0]), int(s[1]), int(s[2])};
+  };
+  const std::vector<Index> order = order_along(points, kCube, cpu::best_kernels());
+  // Points of one cell of the first digit, and of one cell of the second, follow each other without a gap.
+  for (const int shift : {10, 0}) {
+    std::map<std::array<int, 3>, std::pair<std::size_t, std::size_t>> cells;  // first and last place
+    std::map<std::array<int, 3>, std::size_t> counts;
+    for (std::size_t i = 0; i < order.size(); ++i) {
+      const auto exact = steps_of(points[order[i]]);
+      if (std::any_of(exact.begin(), exact.end(), [](double s) { return std::abs(s - std::round(s)) < 0.2; }))
+        continue;  // may round to the cell beside it in single precision
+      auto cell = whole_steps(points[order[i]]);
+      for (int& c : cell) c >>= shift;
+      const auto [place, is_new] = cells.try_emplace(cell, i, i);
+      place->second.second = i;
+      ++counts[cell];
+    }
+    std::size_t shared = 0;
+    for (const auto& [cell, ends] : cells) {
+      shared += counts[cell] > 1;
+      for (std::size_t i = ends.first; i <= ends.second; ++i) {
+        const auto at = steps_of(points[order[i]]);
+        for (int axis = 0; axis < 3; ++axis) {
+          EXPECT_GE(at[axis], double(cell[axis] << shift) - 0.2);
+          EXPECT_LE(at[axis], double((cell[axis] + 1) << shift) + 0.2);
+        }
+      }
+    }
+    EXPECT_GT(shared, 0u);
+  }
+  for (std::size_t i = 1; i < order.size(); ++i) {
+    const Point a = points[order[i - 1]], b = points[order[i]];
+    const bool identical = a.x == b.x && a.y == b.y && a.z == b.z;
+    EXPECT_TRUE(!identical || order[i - 1] < order[i]) << i;
+  }
+}
+
+// A cell of the first digit touches the next one: that is what makes it a Hilbert curve.
+TEST(CurveOrder, goes_from_each_cell_to_one_beside_it) {
+  constexpr int kSide = 16;
+  Points points;  // a point in each of 16^3 cells in a corner of the cube, which the curve fills before it leaves
+  for (const std::uint32_t i : shapes::shuffle_order(kSide * kSide * kSide, 5)) {
+    const auto place = [](std::uint32_t cell) { return (float(cell) + 0.5f - 64) / 896; };  // 64 steps are outside
+    points.push_back({place(i % kSide), place(i / kSide % kSide), place(i / kSide / kSide)});
+  }
+  for (Point& p : points) p = {p.x + 64.0f / 896, p.y + 64.0f / 896, p.z + 64.0f / 896};
+  const std::vector<Index> order = order_along(points, {{0, 0, 0}, 1}, cpu::best_kernels());
+  const float step = 1.0f / 896;
+  for (std::size_t i = 1; i < order.size(); ++i) {
+    const Point a = points[order[i - 1]], b = points[order[i]];
+    EXPECT_NEAR(std::abs(a.x - b.x) + std::abs(a.y - b.y) + std::abs(a.z - b.z), step, step / 100) << i;
   }
 }
 

@@ -235,6 +235,7 @@ class FailingBackend : public Backend {
   DeviceInfo device() const override { return inner_->device(); }
   void upload(std::span<const Point> points) override { inner_->upload(points); }
   void begin_pass(int pass) override { inner_->begin_pass(pass); }
+  void order_along(std::optional<CurveCube> cube) override { inner_->order_along(cube); }
   void build_index(std::stop_token stop) override { inner_->build_index(stop); }
   void find_neighbors(const NeighborSettings& s, std::stop_token stop) override { inner_->find_neighbors(s, stop); }
   void estimate_normals(const NormalSettings& s, std::stop_token stop) override { inner_->estimate_normals(s, stop); }

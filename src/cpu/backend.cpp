@@ -73,6 +73,8 @@ class CpuBackend final : public Backend {
     at_work_ = pass == 0 ? &first_ : &further_;
   }
 
+  void order_along(std::optional<CurveCube> cube) override { cube_ = cube; }
+
   void build_index(std::stop_token stop) override {
     located_.clear();
     arena_.execute([&] {
@@ -85,7 +87,7 @@ class CpuBackend final : public Backend {
         const std::span<const Index> originals =
             pass_ == 1 ? first_.index().originals()
                        : std::span<const Index>(pass_originals_.data(), pass_originals_.size());
-        further_.build_index(input, originals, space_, kernels_, stop);
+        further_.build_index(input, originals, cube_, space_, kernels_, stop);
         space_.release();
       }
     });
@@ -152,9 +154,21 @@ class CpuBackend final : public Backend {
 
  private:
   void build_first_index(const std::stop_token& stop) {
-    first_.build_index({uploaded_.data(), points_}, {}, space_, kernels_, stop);
+    if (upload_is_indexed_) restore_upload();
+    first_.build_index({uploaded_.data(), points_}, {}, cube_, space_, kernels_, stop);
     first_.swap_faired(uploaded_);
     upload_is_indexed_ = true;
+  }
+
+  // An index that is built anew takes its points from the old one, which holds them all.
+  void restore_upload() {
+    first_.swap_faired(uploaded_);
+    upload_is_indexed_ = false;
+    const IndexView index = first_.index().view();
+    for_blocks(index.points, kCopyBlock, {}, [&](std::size_t first, std::size_t last, std::size_t) {
+      for (std::size_t i = first; i < last; ++i) uploaded_[index.original[i]] = {index.x[i], index.y[i], index.z[i]};
+    });
+    for (const InvalidPoint& p : first_.index().invalid()) uploaded_[p.original] = p.position;
   }
 
   void scatter(std::span<Point> out, std::span<const Point> sorted) {
@@ -194,6 +208,7 @@ class CpuBackend final : public Backend {
   Buffer<Point> pass_input_{meter_};  // of the passes from the third on, in the order of the pass before
   Buffer<Index> pass_originals_{meter_};
   SortSpace space_{meter_};
+  std::optional<CurveCube> cube_;
   Chain first_{meter_}, further_{meter_};
   Chain* at_work_ = &first_;
   int pass_ = 0;

@@ -29,10 +29,11 @@ Chain::Chain(MemoryMeter& meter)
       spare_z_(meter),
       faired_(meter) {}
 
-void Chain::build_index(std::span<const Point> points, std::span<const Index> originals, SortSpace& space,
-                        const Kernels& kernels, const std::stop_token& stop) {
+void Chain::build_index(std::span<const Point> points, std::span<const Index> originals,
+                        const std::optional<CurveCube>& cube, SortSpace& space, const Kernels& kernels,
+                        const std::stop_token& stop) {
   has_lists_ = false;
-  index_.build(points, originals, space, kernels, stop);
+  index_.build(points, originals, cube, space, kernels, stop);
   counts_ = {};
   counts_.unmoved.non_finite = index_.invalid().size();
 }

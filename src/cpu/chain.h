@@ -14,8 +14,9 @@ class Chain {
  public:
   explicit Chain(MemoryMeter& meter);
 
-  void build_index(std::span<const Point> points, std::span<const Index> originals, SortSpace& space,
-                   const Kernels& kernels, const std::stop_token& stop);
+  void build_index(std::span<const Point> points, std::span<const Index> originals,
+                   const std::optional<CurveCube>& cube, SortSpace& space, const Kernels& kernels,
+                   const std::stop_token& stop);
   void find_neighbors(const NeighborSettings& settings, const Kernels& kernels, const std::stop_token& stop);
   void estimate_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop);
   void fair(const FairingSettings& settings, const Kernels& kernels, const std::stop_token& stop);

@@ -8,10 +8,12 @@
 #include <cstdint>
 
 #include "cpu/pack.h"
+#include "point/curve.h"
 
 namespace pointfair::cpu::POINTFAIR_ISA {
 
 inline constexpr int kHilbertBits = 10;
+static_assert(kHilbertBits == point::kDigitBits);
 
 // Bits 0..9 to bits 0, 3, .. 27.
 POINTFAIR_INLINE IntVector spread_bits(IntVector v) {
@@ -60,10 +62,11 @@ POINTFAIR_INLINE IntVector hilbert_step(FloatVector coordinate, float origin, fl
   return __builtin_convertvector(step < top ? step : top, IntVector);
 }
 
-// The coordinates of the points that `count` <= kLanes elements name.
-POINTFAIR_INLINE point::Vec3<Floats> points_of(const float* xyz, const std::uint64_t* elements, int count) {
+// The coordinates of the points that `count` <= kLanes elements name, in ascending order or not.
+POINTFAIR_INLINE point::Vec3<Floats> points_of(const float* xyz, const std::uint64_t* elements, int count,
+                                               bool ascending) {
   const std::uint32_t first = std::uint32_t(elements[0]);
-  if (count == kLanes && std::uint32_t(elements[kLanes - 1]) - first == kLanes - 1) {  // ascending, so consecutive
+  if (ascending && count == kLanes && std::uint32_t(elements[kLanes - 1]) - first == kLanes - 1) {  // consecutive
     const float* p = xyz + 3 * std::size_t(first);
     const Ints offset = {lane_numbers().v * 3};
     return {gather(p, offset), gather(p + 1, offset), gather(p + 2, offset)};
@@ -78,24 +81,46 @@ POINTFAIR_INLINE point::Vec3<Floats> points_of(const float* xyz, const std::uint
   return {load(x), load(y), load(z)};
 }
 
-inline void hilbert_keys(const float* xyz, std::uint64_t* elements, std::size_t count, float x, float y, float z,
-                         float scale) {
+// Writes the keys of steps(x, y, z), steps along each axis of a pack of points, into the high halves.
+template <class Steps>
+POINTFAIR_INLINE void key_elements(const float* xyz, std::uint64_t* elements, std::size_t count, bool ascending,
+                                   Steps steps) {
   constexpr std::size_t kRound = kPacks * kLanes;
   for (std::size_t i = 0; i < count; i += kRound) {
     const int points = count - i < kRound ? int(count - i) : int(kRound);
     IntVector step_x[kPacks] = {}, step_y[kPacks] = {}, step_z[kPacks] = {};
     for (int pack = 0; pack * kLanes < points; ++pack) {
       const int rest = points - pack * kLanes;
-      const point::Vec3<Floats> p = points_of(xyz, elements + i + pack * kLanes, rest < kLanes ? rest : kLanes);
-      step_x[pack] = hilbert_step(p.x.v, x, scale);
-      step_y[pack] = hilbert_step(p.y.v, y, scale);
-      step_z[pack] = hilbert_step(p.z.v, z, scale);
+      const point::Vec3<Ints> step =
+          steps(points_of(xyz, elements + i + pack * kLanes, rest < kLanes ? rest : kLanes, ascending));
+      step_x[pack] = step.x.v;
+      step_y[pack] = step.y.v;
+      step_z[pack] = step.z.v;
     }
     hilbert_key(step_x, step_y, step_z);
     unsigned key[kRound];
     for (int pack = 0; pack < kPacks; ++pack) store(key + pack * kLanes, Ints{step_x[pack]});
     for (int j = 0; j < points; ++j) elements[i + j] = (std::uint64_t(key[j]) << 32) | std::uint32_t(elements[i + j]);
   }
+}
+
+inline void hilbert_keys(const float* xyz, std::uint64_t* elements, std::size_t count, float x, float y, float z,
+                         float scale) {
+  key_elements(xyz, elements, count, true, [&](point::Vec3<Floats> p) -> point::Vec3<Ints> {
+    return {{hilbert_step(p.x.v, x, scale)}, {hilbert_step(p.y.v, y, scale)}, {hilbert_step(p.z.v, z, scale)}};
+  });
+}
+
+inline void curve_keys(const float* xyz, std::uint64_t* elements, std::size_t count, point::CurveCube cube,
+                       bool second) {
+  const auto digit = [&](Floats coordinate, float origin) -> Ints {
+    const Floats step = point::curve_step(coordinate, origin, cube.inverse_side);
+    const IntVector whole = __builtin_convertvector(step.v, IntVector);
+    return {second ? whole & ((1 << point::kDigitBits) - 1) : whole >> point::kDigitBits};
+  };
+  key_elements(xyz, elements, count, !second, [&](point::Vec3<Floats> p) -> point::Vec3<Ints> {
+    return {digit(p.x, cube.x), digit(p.y, cube.y), digit(p.z, cube.z)};
+  });
 }
 
 }  // namespace pointfair::cpu::POINTFAIR_ISA

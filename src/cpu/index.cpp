@@ -92,14 +92,20 @@ ChildBox united(const BoxGroup& group) {
 
 SpatialIndex::SpatialIndex(MemoryMeter& meter) : x_(meter), y_(meter), z_(meter), original_(meter), meter_(&meter) {}
 
-void SpatialIndex::build(std::span<const Point> points, std::span<const Index> originals, SortSpace& space,
-                         const Kernels& kernels, const std::stop_token& stop) {
+void SpatialIndex::build(std::span<const Point> points, std::span<const Index> originals,
+                         const std::optional<CurveCube>& cube, SortSpace& space, const Kernels& kernels,
+                         const std::stop_token& stop) {
   if (points.size() > kMaxPoints)
     throw Error(ErrorKind::usage, "the CPU backend holds at most 2147483632 points at once; cut the cloud");
   collect_valid(points, originals, space, stop);
   space.scratch.resize(points_);
   const std::span<std::uint64_t> elements{space.elements.data(), points_}, scratch{space.scratch.data(), points_};
-  if (points_ > 0) sort_along_curve(points, elements, scratch, core_box(points, elements, bounds_), kernels, stop);
+  if (points_ > 0 && cube) {
+    const auto [x, y, z] = cube->origin;
+    sort_along_curve(points, originals, elements, scratch, point::curve_cube({x, y, z}, cube->side), kernels, stop);
+  } else if (points_ > 0) {
+    sort_along_curve(points, elements, scratch, core_box(points, elements, bounds_), kernels, stop);
+  }
   gather(points, originals, space, stop);
   build_boxes(stop);
 }

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <span>
 #include <stop_token>
 #include <vector>
@@ -39,9 +40,9 @@ class SpatialIndex {
  public:
   explicit SpatialIndex(MemoryMeter& meter);
 
-  // `originals` gives the upload index of each point; empty: its place in `points`.
-  void build(std::span<const Point> points, std::span<const Index> originals, SortSpace& space, const Kernels& kernels,
-             const std::stop_token& stop);
+  // `originals` gives the upload index of each point; empty: its place in `points`. `cube` as Backend::order_along.
+  void build(std::span<const Point> points, std::span<const Index> originals, const std::optional<CurveCube>& cube,
+             SortSpace& space, const Kernels& kernels, const std::stop_token& stop);
 
   IndexView view() const;
   const Bounds& bounds() const { return bounds_; }

@@ -7,6 +7,7 @@
 
 #include <cstdint>
 
+#include "point/curve.h"
 #include "point/fairing.h"
 #include "point/method.h"
 #include "point/neighbors.h"
@@ -93,10 +94,13 @@ struct VectorsView {
 // Each kernel treats the 16 points of one leaf.
 struct Kernels {
   const char* name;
-  // Keys of the points `elements` names (upload index in the low half), into the high half: position along the Hilbert
-  // curve of 2^10 steps an axis over the cube from (x, y, z) with `scale` steps a unit.
+  // Keys of the points `elements` names (ascending places in the low half), into the high half: position along the
+  // Hilbert curve of 2^10 steps an axis over the cube from (x, y, z) with `scale` steps a unit.
   void (*hilbert_keys)(const float* xyz, std::uint64_t* elements, std::size_t count, float x, float y, float z,
                        float scale);
+  // The same with the first or the second digit of the point's place on the curve of src/point/curve.h; for the second,
+  // elements are in any order.
+  void (*curve_keys)(const float* xyz, std::uint64_t* elements, std::size_t count, point::CurveCube, bool second);
   // The k nearest other points within `squared_limit`: out[slot * 16 + lane]. k <= 1024.
   void (*nearest)(const IndexView&, Index leaf, int k, float squared_limit, Index* out);
   // Constrained neighbourhoods of the leaf's points among the `count` nearest of each, as `nearest` gives them; bit l

@@ -26,31 +26,34 @@ std::size_t digit_of(std::uint64_t element, int digit) {
   return std::size_t(element >> (32 + digit * kDigitBits)) & (kBuckets - 1);
 }
 
-class CurveSorter {
- public:
-  CurveSorter(std::span<const Point> points, const Kernels& kernels, const std::stop_token& stop)
-      : points_(points), kernels_(kernels), stop_(stop) {}
+bool same_cell(std::uint64_t a, std::uint64_t b) { return a >> 32 == b >> 32; }
 
-  // Keys the run within `box` and sorts it; scratch is of the same size.
-  void sort(Elements run, Elements scratch, const Box& box) const {
-    const float extent = std::max({box.max_x - box.min_x, box.max_y - box.min_y, box.max_z - box.min_z});
-    const float scale = float(kBuckets) / extent;
-    if (!(extent > 0) || !std::isfinite(scale)) {  // identical points, or as good as that
-      std::sort(run.begin(), run.end(), [](auto a, auto b) { return std::uint32_t(a) < std::uint32_t(b); });
-      return;
-    }
-    for_blocks(run.size(), kSortBlock, stop_, [&](std::size_t first, std::size_t last, std::size_t) {
-      kernels_.hilbert_keys(&points_[0].x, run.data() + first, last - first, box.min_x, box.min_y, box.min_z, scale);
-    });
-    sort_keyed(run, scratch, kDigits - 1);
+// Calls visit(first, last) for each stretch of at least `least` elements in one cell.
+template <class Visit>
+void for_cells(Elements run, std::size_t least, Visit visit) {
+  for (std::size_t first = 0; first + least <= run.size(); ++first) {
+    if (!same_cell(run[first], run[first + least - 1])) continue;
+    std::size_t last = first + least;
+    while (last < run.size() && same_cell(run[first], run[last])) ++last;
+    visit(first, last);
+    first = last - 1;
   }
+}
+
+// Sorts keyed elements by their keys, and leaves cells of equal keys to `order_cells(run, scratch)`.
+template <class OrderCells>
+class KeySorter {
+ public:
+  KeySorter(const std::stop_token& stop, OrderCells order_cells) : stop_(stop), order_cells_(order_cells) {}
+
+  void sort(Elements run, Elements scratch) const { sort_keyed(run, scratch, kDigits - 1); }
 
  private:
   // Sorts by digits `digit` to 0; those above agree throughout the run.
   void sort_keyed(Elements run, Elements scratch, int digit) const {
     if (run.size() <= kCacheable || digit == 0) {
       sort_in_cache(run, scratch, digit);
-      refine_cells(run, scratch);
+      order_cells_(run, scratch);
       return;
     }
     const std::vector<std::size_t> ends = partition(run, scratch, digit);
@@ -101,17 +104,38 @@ class CurveSorter {
     if (from.data() != run.data()) std::copy(from.begin(), from.end(), run.begin());
   }
 
+  const std::stop_token& stop_;
+  OrderCells order_cells_;
+};
+
+class CurveSorter {
+ public:
+  CurveSorter(std::span<const Point> points, const Kernels& kernels, const std::stop_token& stop)
+      : points_(points), kernels_(kernels), stop_(stop) {}
+
+  // Keys the run within `box` and sorts it; scratch is of the same size.
+  void sort(Elements run, Elements scratch, const Box& box) const {
+    const float extent = std::max({box.max_x - box.min_x, box.max_y - box.min_y, box.max_z - box.min_z});
+    const float scale = float(kBuckets) / extent;
+    if (!(extent > 0) || !std::isfinite(scale)) {  // identical points, or as good as that
+      std::sort(run.begin(), run.end(), [](auto a, auto b) { return std::uint32_t(a) < std::uint32_t(b); });
+      return;
+    }
+    for_blocks(run.size(), kSortBlock, stop_, [&](std::size_t first, std::size_t last, std::size_t) {
+      kernels_.hilbert_keys(&points_[0].x, run.data() + first, last - first, box.min_x, box.min_y, box.min_z, scale);
+    });
+    KeySorter(stop_, [this](Elements part, Elements its_scratch) {
+      refine_cells(part, its_scratch);
+    }).sort(run, scratch);
+  }
+
+ private:
   // Gives every cell of more than a leaf of points a finer curve.
   void refine_cells(Elements run, Elements scratch) const {
-    const auto same_cell = [&](std::size_t a, std::size_t b) { return run[a] >> 32 == run[b] >> 32; };
-    for (std::size_t first = 0; first + kLeafSize < run.size(); ++first) {
-      if (!same_cell(first, first + kLeafSize)) continue;
-      std::size_t last = first + kLeafSize + 1;
-      while (last < run.size() && same_cell(first, last)) ++last;
+    for_cells(run, kLeafSize + 1, [&](std::size_t first, std::size_t last) {
       const Elements cell = run.subspan(first, last - first);
       sort(cell, scratch.subspan(first, last - first), box_of(cell));
-      first = last - 1;
-    }
+    });
   }
 
   Box box_of(Elements run) const {
@@ -130,12 +154,67 @@ class CurveSorter {
   const std::stop_token& stop_;
 };
 
+// Sorts by both digits of the curve of src/point/curve.h, then by original index.
+class CubeSorter {
+ public:
+  CubeSorter(std::span<const Point> points, std::span<const Index> originals, const point::CurveCube& cube,
+             const Kernels& kernels, const std::stop_token& stop)
+      : points_(points), originals_(originals), cube_(cube), kernels_(kernels), stop_(stop) {}
+
+  void sort(Elements elements, Elements scratch) const {
+    for_blocks(elements.size(), kSortBlock, stop_, [&](std::size_t first, std::size_t last, std::size_t) {
+      kernels_.curve_keys(&points_[0].x, elements.data() + first, last - first, cube_, false);
+    });
+    KeySorter(stop_, [this](Elements run, Elements its_scratch) {
+      order_cells(run, its_scratch);
+    }).sort(elements, scratch);
+  }
+
+ private:
+  // The second digits of all points that share a cell are made at once, since most cells hold two or three.
+  void order_cells(Elements run, Elements scratch) const {
+    std::size_t shared = 0;
+    for_cells(run, 2, [&](std::size_t first, std::size_t last) {
+      std::copy(run.begin() + first, run.begin() + last, scratch.begin() + shared);
+      shared += last - first;
+    });
+    kernels_.curve_keys(&points_[0].x, scratch.data(), shared, cube_, true);
+    std::size_t next = 0;
+    for_cells(run, 2, [&](std::size_t first, std::size_t last) {
+      const Elements cell = scratch.subspan(next, last - first);
+      next += cell.size();
+      std::sort(cell.begin(), cell.end(), [this](std::uint64_t a, std::uint64_t b) {
+        return same_cell(a, b) ? original_of(a) < original_of(b) : a < b;
+      });
+      // the key stays that of the first digit, which tells cells apart
+      for (std::size_t i = 0; i < cell.size(); ++i)
+        run[first + i] = (run[first + i] >> 32 << 32) | std::uint32_t(cell[i]);
+    });
+  }
+  Index original_of(std::uint64_t element) const {
+    const std::uint32_t place = std::uint32_t(element);
+    return originals_.empty() ? place : originals_[place];
+  }
+
+  std::span<const Point> points_;
+  std::span<const Index> originals_;
+  point::CurveCube cube_;
+  const Kernels& kernels_;
+  const std::stop_token& stop_;
+};
+
 }  // namespace
 
 void sort_along_curve(std::span<const Point> points, std::span<std::uint64_t> elements,
                       std::span<std::uint64_t> scratch, const Box& core, const Kernels& kernels,
                       const std::stop_token& stop) {
   CurveSorter(points, kernels, stop).sort(elements, scratch, core);
+}
+
+void sort_along_curve(std::span<const Point> points, std::span<const Index> originals,
+                      std::span<std::uint64_t> elements, std::span<std::uint64_t> scratch, const point::CurveCube& cube,
+                      const Kernels& kernels, const std::stop_token& stop) {
+  CubeSorter(points, originals, cube, kernels, stop).sort(elements, scratch);
 }
 
 }  // namespace pointfair::cpu

@@ -51,6 +51,10 @@ class CudaBackend final : public Backend {
     at_work_ = &further_;
   }
 
+  void order_along(std::optional<CurveCube> cube) override {
+    if (cube && cube != cube_) is_index_begun_ = false;
+    cube_ = cube;
+  }
   void build_index(std::stop_token stop) override {
     context_.enter();
     if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
@@ -167,7 +171,7 @@ class CudaBackend final : public Backend {
   void begin_index(const Arrival* arrival, const std::stop_token& stop) {
     is_fetched_ = false;
     const cudaEvent_t start = arrival == nullptr ? clock_.start() : arrival->all;
-    at_work_->build_index(input_, uploaded_.size(), arrival, stop);
+    at_work_->build_index(input_, uploaded_.size(), cube_, arrival, stop);
     clock_.note("index", start);
   }
   void wait() {
@@ -189,6 +193,7 @@ class CudaBackend final : public Backend {
   DeviceArray<Point> pass_input_{context_};  // faired points of the further pass before
   Chain first_{context_}, further_{context_};
   Chain* at_work_ = &first_;
+  std::optional<CurveCube> cube_;
   const Point* input_ = nullptr;  // of the chain at work
 };
 

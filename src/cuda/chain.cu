@@ -43,11 +43,12 @@ void Chain::begin_stage(const std::stop_token& stop) {
   pace(stop);
 }
 
-void Chain::build_index(const Point* points, std::size_t count, const Arrival* arrival, std::stop_token stop) {
+void Chain::build_index(const Point* points, std::size_t count, const std::optional<CurveCube>& cube,
+                        const Arrival* arrival, std::stop_token stop) {
   stop_if_asked(stop);
   input_ = points;
   areas_measured_ = normals_wait_ = false;
-  index_.build(points, count, arrival);
+  index_.build(points, count, cube, arrival);
 }
 
 void Chain::find_neighbors(const NeighborSettings& settings, std::stop_token stop) {

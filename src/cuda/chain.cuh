@@ -24,7 +24,8 @@ class Chain {
   Chain& operator=(const Chain&) = delete;
 
   // `points` on the card, in upload order; they stay there as long as the chain is used.
-  void build_index(const Point* points, std::size_t count, const Arrival* arrival, std::stop_token stop);
+  void build_index(const Point* points, std::size_t count, const std::optional<CurveCube>& cube, const Arrival* arrival,
+                   std::stop_token stop);
   void find_neighbors(const NeighborSettings& settings, std::stop_token stop);
   void estimate_normals(const NormalSettings& settings, std::stop_token stop);
   void fair(const FairingSettings& settings, std::stop_token stop);

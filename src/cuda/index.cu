@@ -8,6 +8,7 @@
 
 #include "cuda/hilbert.cuh"
 #include "cuda/index.cuh"
+#include "point/curve.h"
 
 namespace pointfair::cuda {
 namespace {
@@ -144,12 +145,47 @@ struct BoundsSum {
   }
 };
 
+// The curve of src/point/curve.h, whose cube is in the state.
+__global__ void lay_out(point::CurveCube cube, CloudState* state) {
+  *state = CloudState{};
+  state->origin[0] = cube.x;
+  state->origin[1] = cube.y;
+  state->origin[2] = cube.z;
+  state->steps_per_unit = cube.inverse_side;
+  for (unsigned& min : state->min) min = ~0u;
+}
+
+constexpr int kCurveBits = 2 * point::kDigitBits;  // kBits for that curve
+
+// One bit more for the curve of balls, whose order must be exact: there invalid points have a bit of their own.
+template <int kBits>
+constexpr int kKeyBits = 3 * kBits + (kBits == kCurveBits ? 1 : 0);
+
+template <class Key, int kBits>
+__device__ __forceinline__ Key key_of(const std::uint16_t* table, Point p, const float (&origin)[3], float scale) {
+  if constexpr (kBits == kCurveBits) {
+    const unsigned x = static_cast<unsigned>(point::curve_step(p.x, origin[0], scale)),
+                   y = static_cast<unsigned>(point::curve_step(p.y, origin[1], scale)),
+                   z = static_cast<unsigned>(point::curve_step(p.z, origin[2], scale));
+    constexpr int kDigit = point::kDigitBits;
+    constexpr unsigned kMask = (1u << kDigit) - 1;
+    const Key first = hilbert_key<Key, kDigit>(table, x >> kDigit, y >> kDigit, z >> kDigit);
+    return first << (3 * kDigit) | hilbert_key<Key, kDigit>(table, x & kMask, y & kMask, z & kMask);
+  } else {
+    constexpr Key kLast = (Key(1) << (3 * kBits)) - 1;
+    constexpr float kLastStep = (1 << kBits) - 1;
+    const Key key = hilbert_key<Key, kBits>(table, grid_step(p.x, origin[0], scale, kLastStep),
+                                            grid_step(p.y, origin[1], scale, kLastStep),
+                                            grid_step(p.z, origin[2], scale, kLastStep));
+    return key < kLast ? key : kLast - 1;
+  }
+}
+
 // Invalid points get the last key, which no valid point has, so they end up behind all others.
 template <class Key, int kBits>
 __global__ void __launch_bounds__(kKeyBlock)
     make_keys(const Point* points, std::size_t begin, std::size_t end, CloudState* state, Key* keys, Index* order) {
-  constexpr Key kLast = (Key(1) << (3 * kBits)) - 1;
-  constexpr float kLastStep = (1 << kBits) - 1;
+  constexpr Key kLast = (Key(1) << kKeyBits<kBits>)-1;
   __shared__ HilbertTable table;
   constexpr int kParts = sizeof(HilbertTable) / sizeof(uint4);
   for (int i = threadIdx.x; i < kParts; i += kKeyBlock)
@@ -170,10 +206,7 @@ __global__ void __launch_bounds__(kKeyBlock)
       const std::size_t i = first + n * kKeyBlock + threadIdx.x;
       Key key = kLast;
       if (is_valid(p[n])) {
-        key = hilbert_key<Key, kBits>(table.entry, grid_step(p[n].x, origin[0], scale, kLastStep),
-                                      grid_step(p[n].y, origin[1], scale, kLastStep),
-                                      grid_step(p[n].z, origin[2], scale, kLastStep));
-        key = key < kLast ? key : kLast - 1;
+        key = key_of<Key, kBits>(table.entry, p[n], origin, scale);
         bounds.add(p[n]);
       }
       if (i < end) {
@@ -248,14 +281,20 @@ Tree DeviceIndex::tree() const {
   return tree;
 }
 
-void DeviceIndex::build(const Point* points, std::size_t count, const Arrival* arrival) {
+void DeviceIndex::build(const Point* points, std::size_t count, const std::optional<CurveCube>& cube,
+                        const Arrival* arrival) {
   count_ = count;
   leaves_ = (count + kLeafSize - 1) / kLeafSize;
   state_.resize(1);
   points_.resize(leaves_ * kLeafSize);
   DeviceArray<Index> order(context_);
   constexpr std::size_t kManyPoints = 1 << 24;  // from here on cells of 2^10 steps an axis hold too many points each
-  if (count < kManyPoints) {
+  if (cube) {
+    const auto [x, y, z] = cube->origin;
+    lay_out<<<1, 1, 0, context_.stream()>>>(point::curve_cube({x, y, z}, cube->side), state_.data());
+    check(cudaGetLastError(), "laying out the index");
+    sort<std::uint64_t, kCurveBits>(points, arrival, order);
+  } else if (count < kManyPoints) {
     sort<std::uint32_t, 10>(points, arrival, order);
   } else {
     sort<std::uint64_t, 13>(points, arrival, order);
@@ -313,7 +352,7 @@ class KeySort {
     cub::DoubleBuffer<Key> keys(keys_[0].data() + begin, keys_[1].data() + begin);
     cub::DoubleBuffer<Index> order(order_[0].data() + begin, order_[1].data() + begin);
     with_scratch("sorting", [&](void* scratch, std::size_t& bytes) {
-      return cub::DeviceRadixSort::SortPairs(scratch, bytes, keys, order, part.count(), 0, 3 * kBits,
+      return cub::DeviceRadixSort::SortPairs(scratch, bytes, keys, order, part.count(), 0, kKeyBits<kBits>,
                                              context_.stream());
     });
     part.place = keys.selector;
@@ -355,7 +394,8 @@ class KeySort {
 template <class Key, int kBits>
 void DeviceIndex::sort(const Point* points, const Arrival* arrival, DeviceArray<Index>& order) {
   constexpr std::size_t kWorthMerging = 1 << 24;
-  start_prepare(points, count_, arrival, float(1 << kBits), state_.data(), context_.stream());
+  if constexpr (kBits != kCurveBits)
+    start_prepare(points, count_, arrival, float(1 << kBits), state_.data(), context_.stream());
   if (count_ == 0) return;
   KeySort<Key, kBits> sorter(context_, points, count_, state_.data());
   const std::size_t first_part = arrival != nullptr ? arrival->first_part : 0;

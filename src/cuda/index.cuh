@@ -3,8 +3,10 @@
 // Memory: 16 bytes a point and 0.9 for boxes; 16 to 24 more while it is built.
 #pragma once
 
+#include <optional>
 #include <span>
 
+#include "backend.hpp"
 #include "cuda/memory.cuh"
 #include "cuda/tree.cuh"
 #include "pointfair/cloud.hpp"
@@ -22,8 +24,10 @@ class DeviceIndex {
  public:
   explicit DeviceIndex(Context& context);
 
-  // `points` on the card, in upload order. Only starts the work, so far as `arrival`, if not null, allows.
-  void build(const Point* points, std::size_t count, const Arrival* arrival = nullptr);
+  // `points` on the card, in upload order; `cube` as Backend::order_along. Only starts the work, so far as `arrival`,
+  // if not null, allows.
+  void build(const Point* points, std::size_t count, const std::optional<CurveCube>& cube,
+             const Arrival* arrival = nullptr);
 
   Tree tree() const;
   CloudState* state() const { return state_.data(); }
