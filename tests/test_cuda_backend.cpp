@@ -245,6 +245,37 @@ Settings with_balls(float radius, int widening = 0) {
 }
 
 // Sums over balls run along one curve.
+constexpr Method kOtherMethods[] = {Method::laplacian, Method::taubin, Method::hc_laplacian,
+                                    Method::mls,       Method::wiener, Method::mollified};
+
+Settings with_method(Settings settings, Method method) {
+  settings.fairing.method = method;
+  settings.fairing.strength = 0.63f;
+  settings.fairing.similarity_sigma = 0.003f;
+  return settings;
+}
+
+TEST_F(CudaBackendTest, equals_the_cpu_with_every_method) {
+  std::vector<Point> points = noisy_sphere(100000, 19, 0.002);
+  points[777] = {5, 5, 5};
+  points[778].x = kNan;
+  for (const Method method : kOtherMethods) {
+    const std::string name = "method " + std::to_string(int(method));
+    for (const int k : {2, 5, 8, 30}) {
+      Settings settings = with_method(with_neighbors(k), method);
+      settings.normals.filter_rounds = 1;  // mollified: no angle
+      expect_same(points, settings, name.c_str());
+      settings.fairing.area_weight = AreaWeight::squared;
+      if (k == 8) expect_same(points, settings, (name + ", area weight").c_str());
+    }
+    Settings settings = with_method(with_neighbors(12, 0, true, 0.02f), method);
+    settings.passes = 3;
+    expect_same(points, settings, (name + ", constraint, passes").c_str());
+    expect_same(std::vector<Point>(500, Point{1, 2, 3}), settings, (name + ", identical points").c_str());
+    expect_same({}, settings, (name + ", no points").c_str());
+  }
+}
+
 class CudaBalls : public CudaBackendTest {
  protected:
   void SetUp() override {
@@ -312,6 +343,22 @@ TEST_F(CudaBalls, of_the_default_run_equal_the_cpu) {
   cpu.run({}, on_cpu);
   EXPECT_EQ(difference(on_card, on_cpu), "");
   EXPECT_EQ(cuda.report().params.radius.value, cpu.report().params.radius.value);
+}
+
+TEST_F(CudaBalls, equal_the_cpu_with_every_method) {
+  for (const Method method : kOtherMethods) {
+    const std::string name = "method " + std::to_string(int(method));
+    Settings settings = with_method(with_neighbors(0, 0.02f), method);
+    settings.neighbors.widening = 16;
+    settings.fairing.closeness_sigma = 0.5f;
+    settings.fairing.closeness_of_radius = true;
+    settings.fairing.area_weight = AreaWeight::length;
+    expect_same(noisy_sphere(50000, 20, 0.002), settings, name.c_str());
+    settings.neighbors = {0, 0.03f};
+    settings.fairing.closeness_sigma = 0.02f;
+    settings.fairing.closeness_of_radius = false;
+    expect_same(noisy_sphere(50000, 21, 0.002), settings, (name + ", one radius").c_str());
+  }
 }
 
 TEST_F(CudaBackendTest, equals_the_cpu_over_passes) {

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cuda/chain.cuh"
+#include "cuda/methods.cuh"
+#include "method_rule.hpp"
 
 namespace pointfair::cuda {
 namespace {
@@ -181,8 +183,6 @@ void Chain::filter_normals(const std::stop_token& stop) {
 
 void Chain::fair(const FairingSettings& settings, std::stop_token stop) {
   begin_stage(stop);
-  if (settings.method != Method::bilateral)
-    throw Error(ErrorKind::usage, "this --method has no CUDA kernels yet: give --device cpu");
   const int power = settings.area_weight == AreaWeight::squared  ? 2
                     : settings.area_weight == AreaWeight::length ? 1
                                                                  : 0;
@@ -197,6 +197,7 @@ void Chain::fair(const FairingSettings& settings, std::stop_token stop) {
   }
   const FairedPoints faired{faired_.data(), input_,           index_.points(),
                             staged.data(),  originals.data(), originals.data() + originals.size() / 2};
+  if (settings.method != Method::bilateral) return fair_by_method(settings, areas, faired, stop);
   const auto weights = point::bilateral_weights(settings.closeness_sigma, settings.similarity_sigma);
   if (neighbors_.k == 0 || settings.two_planes || settings.strength != 1) {
     settle(stop);
@@ -212,6 +213,17 @@ void Chain::fair(const FairingSettings& settings, std::stop_token stop) {
   } else {
     cuda::fair(context_, index_.tree(), lists(), normals(), areas, weights, faired);
   }
+}
+
+void Chain::fair_by_method(const FairingSettings& settings, AreaWeights areas, const FairedPoints& faired,
+                           const std::stop_token& stop) {
+  settle(stop);
+  const std::size_t places = index_.leaves() * kLeafSize;
+  DeviceArray<float> displacements(context_);
+  displacements.resize(3 * places);
+  cuda::fair_by_method(context_, index_.tree(), surroundings(), normals(), areas, method_rule(settings),
+                       {displacements.data(), displacements.data() + places, displacements.data() + 2 * places},
+                       faired);
 }
 
 void Chain::restore_normals(Point* out) {

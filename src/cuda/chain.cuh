@@ -55,6 +55,8 @@ class Chain {
   Lists lists() const { return {neighbors_.k, lists_.data()}; }
   void measure_radii(const std::stop_token& stop);
   void filter_normals(const std::stop_token& stop);
+  void fair_by_method(const FairingSettings& settings, AreaWeights areas, const FairedPoints& faired,
+                      const std::stop_token& stop);
   // A squared radius stays finite: infinite are only places that hold no point.
   float squared_base() const { return std::min(neighbors_.radius * neighbors_.radius, 1e37f); }
   Balls balls() const { return {squared_radius_.data(), squared_base(), neighbors_.widening}; }
