@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <memory>
 #include <numbers>
 #include <numeric>
 #include <span>
@@ -120,31 +121,67 @@ constexpr int kTerms = 10;
 // 1, u, v, u u, u v, v v, .. : the powers of u and of v in each term of a cubic.
 constexpr int kPowersU[kTerms] = {0, 1, 0, 2, 1, 0, 3, 2, 1, 0}, kPowersV[kTerms] = {0, 0, 1, 0, 1, 2, 0, 1, 2, 3};
 
-// Sums of the normal equations. A product of two terms is a monomial of degree 6 at most, of which there are 28.
-struct CubicSums {
-  double monomial[7][7] = {}, height[4][4] = {};
-
-  void add(double u, double v, double h) {
-    double power_u[7], power_v[7];
-    power_u[0] = power_v[0] = 1;
-    for (int i = 1; i < 7; ++i) power_u[i] = power_u[i - 1] * u, power_v[i] = power_v[i - 1] * v;
-    for (int a = 0; a < 7; ++a)
-      for (int b = 0; a + b < 7; ++b) monomial[a][b] += power_u[a] * power_v[b];
-    for (int a = 0; a < 4; ++a)
-      for (int b = 0; a + b < 4; ++b) height[a][b] += power_u[a] * power_v[b] * h;
+// A neighbourhood in its frame, prepared for sums of products: powers of the two coordinates in the plane, and powers
+// of the second times the height. Padded with zeros to whole strides.
+class CubicFit {
+ public:
+  CubicFit(std::span<const Vec> offsets, const Frame& frame, double radius)
+      : count_(offsets.size()), padded_((count_ + kStride - 1) / kStride * kStride) {
+    for (std::size_t i = 0; i < padded_; ++i) {
+      const bool exists = i < count_;
+      const Vec d = exists ? offsets[i] - frame.centroid : Vec{0, 0, 0};
+      u_[0][i] = v_[0][i] = exists ? 1 : 0;
+      u_[1][i] = dot(d, frame.axes[0]) / radius;
+      v_[1][i] = dot(d, frame.axes[1]) / radius;
+      height_[0][i] = dot(d, frame.axes[2]);
+    }
+    for (int power = 2; power < 7; ++power) {
+      multiply(u_[power - 1], u_[1], u_[power]);
+      multiply(v_[power - 1], v_[1], v_[power]);
+    }
+    for (int power = 1; power < 4; ++power) multiply(height_[power - 1], v_[1], height_[power]);
   }
 
-  // The coefficients of the least-squares cubic of `n` points, by Gauss-Jordan elimination; a vanishing pivot drops its
-  // term.
-  std::array<double, kTerms> solve(double n) const {
-    double a[kTerms][kTerms + 1];
+  // Residual variance of the least-squares cubic, unbiased: divided by n - 10.
+  double variance() const {
+    const std::array<double, kTerms> c = coefficients();
+    Column residual;
+    for (std::size_t i = 0; i < padded_; ++i) {
+      const double u = u_[1][i], v = v_[1][i];
+      residual[i] = height_[0][i] - (c[0] * u_[0][i] + u * (c[1] + u * (c[3] + u * c[6])) +
+                                     v * (c[2] + u * (c[4] + u * c[7]) + v * (c[5] + u * c[8] + v * c[9])));
+    }
+    return sum_of_products(residual, residual) / double(count_ - kTerms);
+  }
+
+ private:
+  static constexpr std::size_t kStride = 8;
+  using Column = std::array<double, (kLargestFit + kStride - 1) / kStride * kStride>;
+
+  void multiply(const Column& a, const Column& b, Column& product) const {
+    for (std::size_t i = 0; i < padded_; ++i) product[i] = a[i] * b[i];
+  }
+  // In strides, which the compiler turns into vectors without changing the order of any sum.
+  double sum_of_products(const Column& a, const Column& b) const {
+    double part[kStride] = {};
+    for (std::size_t i = 0; i < padded_; i += kStride)
+      for (std::size_t j = 0; j < kStride; ++j) part[j] += a[i + j] * b[i + j];
+    return std::accumulate(part, part + kStride, 0.0);
+  }
+
+  // By the normal equations and Gauss-Jordan elimination; a vanishing pivot drops its term. A product of two terms is a
+  // monomial of degree 6 at most, of which there are 28.
+  std::array<double, kTerms> coefficients() const {
+    double monomial[7][7] = {}, a[kTerms][kTerms + 1];
+    for (std::size_t p = 0; p < 7; ++p)
+      for (std::size_t q = 0; p + q < 7; ++q) monomial[p][q] = sum_of_products(u_[p], v_[q]);
     for (int i = 0; i < kTerms; ++i) {
       for (int j = 0; j < kTerms; ++j) a[i][j] = monomial[kPowersU[i] + kPowersU[j]][kPowersV[i] + kPowersV[j]];
-      a[i][kTerms] = height[kPowersU[i]][kPowersV[i]];
+      a[i][kTerms] = sum_of_products(u_[std::size_t(kPowersU[i])], height_[std::size_t(kPowersV[i])]);
     }
     for (int i = 0; i < kTerms; ++i) {
       const double pivot = a[i][i];
-      if (pivot < 1e-9 * n) {
+      if (pivot < 1e-9 * double(count_)) {
         for (double& value : a[i]) value = 0;
         continue;
       }
@@ -155,33 +192,15 @@ struct CubicSums {
         for (int j = 0; j <= kTerms; ++j) a[r][j] -= factor * a[i][j];
       }
     }
-    std::array<double, kTerms> coefficients;
-    for (int i = 0; i < kTerms; ++i) coefficients[i] = a[i][kTerms];
-    return coefficients;
+    std::array<double, kTerms> result;
+    for (int i = 0; i < kTerms; ++i) result[std::size_t(i)] = a[i][kTerms];
+    return result;
   }
-};
 
-// Residual variance of the least-squares cubic over the frame's plane, unbiased: divided by n - 10.
-double cubic_variance(std::span<const Vec> offsets, const Frame& frame, double radius) {
-  const auto in_frame = [&](Vec o) -> Vec {
-    const Vec d = o - frame.centroid;
-    return {dot(d, frame.axes[0]) / radius, dot(d, frame.axes[1]) / radius, dot(d, frame.axes[2])};
-  };
-  CubicSums sums;
-  for (const Vec& o : offsets) {
-    const Vec p = in_frame(o);
-    sums.add(p.x, p.y, p.z);
-  }
-  const auto c = sums.solve(double(offsets.size()));
-  double sum = 0;
-  for (const Vec& o : offsets) {
-    const auto [u, v, height] = in_frame(o);
-    const double h = height - (c[0] + u * (c[1] + u * (c[3] + u * c[6])) +
-                               v * (c[2] + u * (c[4] + u * c[7]) + v * (c[5] + u * c[8] + v * c[9])));
-    sum += h * h;
-  }
-  return sum / double(offsets.size() - kTerms);
-}
+  std::size_t count_, padded_;
+  std::array<Column, 7> u_, v_;   // u^p, v^p
+  std::array<Column, 4> height_;  // height v^p
+};
 
 // A ball of radius r cuts the slab of noise: near its rim only small offsets are inside. Undoes that to second order.
 double without_slab_bias(double variance, double radius) {
@@ -206,7 +225,7 @@ std::optional<Noise> local_noise(std::span<const Vec> offsets, std::size_t asked
     const Frame frame = moments.frame(n);
     const bool wide = radius >= 3.7 * std::sqrt(frame.least_eigenvalue * n / (n - 3));
     if (wide || k == kLargestFit || offsets.size() < std::min(asked, std::size_t(wanted)))
-      return Noise{std::sqrt(without_slab_bias(cubic_variance(offsets.first(k), frame, radius), radius)),
+      return Noise{std::sqrt(without_slab_bias(CubicFit(offsets.first(k), frame, radius).variance(), radius)),
                    radius * std::sqrt(std::numbers::pi / n)};
     if (k == asked) return std::nullopt;
   }
@@ -276,12 +295,12 @@ Noise measure_noise(Backend& backend, std::uint64_t points) {
   std::vector<double> sigmas, spacings;
   for (const int k : kFitRows) {
     const std::size_t row = std::size_t(k) + 1;
-    std::vector<Point> rows(queries.size() * row);
-    backend.sample_neighborhoods(queries, k, rows);
+    const auto rows = std::make_unique_for_overwrite<Point[]>(queries.size() * row);  // megabytes, all written below
+    backend.sample_neighborhoods(queries, k, {rows.get(), queries.size() * row});
     std::vector<std::optional<Noise>> found(queries.size());
     std::vector<std::uint8_t> has_few(queries.size());
     backend.for_each_on_host(queries.size(), [&](std::size_t q) {
-      const auto offsets = offsets_of({rows.data() + q * row, row});
+      const auto offsets = offsets_of({rows.get() + q * row, row});
       has_few[q] = offsets.size() < kFirstFit / 2;
       if (!has_few[q]) found[q] = local_noise(offsets, std::size_t(k));
     });

@@ -86,8 +86,7 @@ void BallCollector::release() {
   complete_ = false;
 }
 
-bool BallCollector::make_room(std::size_t parts, std::size_t largest) {
-  if (parts * (sizeof(BallPart) + sizeof(Index)) > largest) return false;
+bool BallCollector::make_room(std::size_t parts) {
   try {
     parts_.resize(parts);
     next_.resize(parts);
@@ -115,10 +114,11 @@ void BallCollector::collect(const Tree& tree, const Balls& balls, std::size_t la
   complete_ = false;
   first_.resize(std::max<std::size_t>(tree.leaves, 1));
   count_.resize(1);
-  if (!make_room(std::max(parts_.size(), tree.leaves * kExpectedParts), largest)) return release();
+  const std::size_t most = largest / (sizeof(BallPart) + sizeof(Index));
+  if (!make_room(std::min(most, std::max(parts_.size(), tree.leaves * kExpectedParts)))) return release();
   const std::size_t wanted = run(tree, balls);
   if (wanted > parts_.size()) {
-    if (!make_room(wanted, largest)) return release();
+    if (wanted > most || !make_room(wanted)) return release();
     run(tree, balls);
   }
   complete_ = true;

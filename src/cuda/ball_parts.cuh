@@ -41,7 +41,7 @@ class BallCollector {
   void release();
 
  private:
-  bool make_room(std::size_t parts, std::size_t largest);
+  bool make_room(std::size_t parts);  // false where memory is short
   std::size_t run(const Tree& tree, const Balls& balls);
 
   Context& context_;
