@@ -42,13 +42,14 @@ models.fetch(OUT)
 mesh, noisy, fair = OUT / "armadillo.off", OUT / "noisy.ply", OUT / "fair.ply"
 pointfair("noise", mesh, noisy, "--points", 200000, "--sigma", "0.3%", "--seed", SEED, "--force")
 armadillo = pointfair("run", noisy, fair, "--force")
-before, after = pointfair("compare", noisy, mesh), pointfair("compare", fair, mesh)
+distance_before, distance_after = pointfair("compare", noisy, mesh), pointfair("compare", fair, mesh)
 building = pointfair("run", OUT / "building.ply", OUT / "building_fair.ply", "--force")
-subprocess.run([PICTURE, noisy, fair, OUT / "before_after.png", "200", "8"], check=True)
-subprocess.run([PICTURE, OUT / "building.ply", OUT / "building_fair.ply", OUT / "building_before_after.png", "0", "-40"], check=True)
+for before, after, out, angles in ((noisy, fair, "before_after.png", (200, 8)),
+                                   (OUT / "building.ply", OUT / "building_fair.ply", "building_before_after.png", (0, -40))):
+    subprocess.run([PICTURE, before, after, "--out", OUT / out, "--angles", *map(str, angles)], check=True)
 
 print(f"\nArmadillo, {armadillo['points']} points, noise 0.3 %: distance to the true surface, of the diagonal\n")
-print_table([["", "before", "after"]] + [[key, percent(before, key), percent(after, key)] for key in ("mean", "rms", "p95")])
+print_table([["", "before", "after"]] + [[key, percent(distance_before, key), percent(distance_after, key)] for key in ("mean", "rms", "p95")])
 print("\nNoise as the clouds themselves show it, in file units\n")
 print_table([["", "before", "after"]] + [[name, *(f"{r['noise'][when]:.4f}" for when in ("before", "after"))]
                                          for name, r in (("armadillo", armadillo), ("building", building))])

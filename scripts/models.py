@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""models.py FOLDER: puts the models of Debian's libcgal-demo that the demo and the tests use into the folder: a mesh,
-armadillo.off, and a scanned building, building.ply."""
+"""models.py FOLDER: puts the models of Debian's libcgal-demo that the demo, the pictures and the paper's tables use into the folder:
+meshes (armadillo.off, dragon.off, fandisk.off) and a scanned building, building.ply."""
 import pathlib
 import subprocess
 import sys
@@ -9,7 +9,12 @@ import tarfile
 import tempfile
 
 ARCHIVE = "usr/share/doc/libcgal-demo/data.tar.gz"
-MODELS = {"armadillo.off": "data/meshes/armadillo.off", "building.ply": "data/points_3/building.ply"}
+MODELS = {
+    "armadillo.off": "data/meshes/armadillo.off",
+    "dragon.off": "data/meshes/ChineseDragon-10kv.off",
+    "fandisk.off": "data/meshes/fandisk.off",
+    "building.ply": "data/points_3/building.ply",
+}
 
 
 def extract(archive, folder):
