@@ -10,7 +10,7 @@ PREFIX ?= /usr/local
 FUZZ_SECONDS ?= 60
 FUZZ_TARGETS = $(notdir $(wildcard build/fuzz/bin/fuzz_*))
 
-.PHONY: help demo build test bench bench-viewer paper-tables gpu release fuzz format docs asan tsan clean install
+.PHONY: help demo build test bench bench-viewer paper-tables figures gpu release fuzz format docs asan tsan clean install
 
 help:
 	@echo "make build    the program, build/bin/pointfair"
@@ -19,6 +19,7 @@ help:
 	@echo "make bench    time every stage and the peers"
 	@echo "make bench-viewer  time the viewer over its WebSocket, 100,000 and 1M points"
 	@echo "make paper-tables  the paper's table II and figures 6 and 7 on this machine, in build/paper"
+	@echo "make figures  every picture of the documents and the numbers under them, in docs"
 	@echo "make gpu      on a machine with a card: build, test, sanitize and benchmark, in build/gpu-report"
 	@echo "make release  the program with machine code for all cards, build/release/bin/pointfair"
 	@echo "make fuzz     every file reader under a fuzzer, $(FUZZ_SECONDS) s each (FUZZ_SECONDS=N)"
@@ -67,6 +68,13 @@ paper-tables:
 	cmake --build build
 	cmake --build build --target paper_tables
 	bench/paper_tables.py
+
+figures:
+	@$(install) build demo
+	cmake --preset $(preset) -DPOINTFAIR_TESTS=OFF
+	cmake --build build
+	cmake --build build --target picture
+	scripts/figures.py
 
 # installs nothing: such a machine may have no network
 gpu:

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""models.py FOLDER: puts the models of Debian's libcgal-demo that the demo, the pictures and the paper's tables use into the folder:
-meshes (armadillo.off, dragon.off, fandisk.off) and a scanned building, building.ply."""
+"""models.py FOLDER: puts the models of Debian's libcgal-demo that the demo, the figures and the paper's
+tables use into the folder: meshes, armadillo.off, dragon.off and fandisk.off, and scans, hippo.ply and building.ply."""
 import pathlib
 import subprocess
 import sys
@@ -13,6 +13,7 @@ MODELS = {
     "armadillo.off": "data/meshes/armadillo.off",
     "dragon.off": "data/meshes/ChineseDragon-10kv.off",
     "fandisk.off": "data/meshes/fandisk.off",
+    "hippo.ply": "data/points_3/hippo1.ply",
     "building.ply": "data/points_3/building.ply",
 }
 
