@@ -266,7 +266,7 @@ def measure_times():
         for f in flags:
             done = report_of("run", HEAD.file(), OUT / "fair/timed.ply", *f.split(), "--device", "cpu", "--force", "--quiet")
             least[f] = min(least[f], done["total_ms"])
-    rows = "".join(f"| `{f}` | {least[f] / least['']:.2f} |\n" for f in flags[1:])
+    rows = "".join(f"| `{f}` | {least[f] / least['']:.1f} |\n" for f in flags[1:])
     set_caption("times", f"| {HEAD.words()} | time, nothing set is 1 |\n|---|---|\n{rows}".rstrip())
 
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// PNG files of 256 colours, which take a third of the space of all colours and look the same for shades of clay.
+// PNG files of 256 colours, which take two fifths of the space of all colours and look the same for shades of clay.
 #pragma once
 
 #include <string>
