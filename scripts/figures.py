@@ -171,6 +171,7 @@ ARMADILLO_LITTLE_NOISE = Scene("armadillo", 200000, "0.1%", (200, 8))
 APART = "--k 30 --constraint on"
 
 STRIPS = {
+    "noisy": (FANDISK, ["", "--widening 32", "--passes 3"]),
     "edges": (FANDISK_LITTLE_NOISE, ["", "--passes 1", "--widening 8"]),
     "uneven": (UNEVEN, ["", "--radius 1%", "--k 30"]),
     "clean": (HEAD_CLEAN, [None, "", "--passes 1"]),
