@@ -11,6 +11,7 @@
 #include <stop_token>
 #include <vector>
 
+#include "point/region.h"
 #include "pointfair/cloud.hpp"
 #include "pointfair/params.hpp"
 #include "pointfair/pipeline.hpp"
@@ -78,6 +79,8 @@ class Backend {
     return {new Point[count], count, [](Point* points) noexcept { delete[] points; }};
   }
   virtual void upload(std::span<const Point> points) = 0;
+  // After an upload of points of a larger cloud: the index there of each of them, ascending. Balls are thinned by it.
+  virtual void set_originals(std::span<const std::uint32_t> /*originals*/) {}
   virtual void begin_pass(int pass) = 0;
   // Indexes that are built from now on, also while points arrive, hold the points in one order whatever the device,
   // given by this cube and the points alone; without a cube in the order that the device builds fastest. Results over
@@ -103,12 +106,32 @@ class Backend {
   // Calls body(i) for each i below count on the host's cores, as many at once as this backend may use.
   virtual void for_each_on_host(std::size_t count, const std::function<void(std::size_t)>& body);
 
+  // Of the current chain, after fair, where all that was uploaded are the points of a larger cloud in `loaded`: an
+  // Outcome a point, in upload order; invalid points have none. Not offered by every backend.
+  virtual void outcomes(const point::Region& loaded, std::span<unsigned char> out);
+  // What was uploaded.
+  virtual void download_input(std::span<Point> points);
+
+  // How many pieces the cloud is cut into.
+  virtual std::uint64_t pieces() const { return 1; }
+  // Takes no more device memory than this from now on, as if the device had no more.
+  virtual void limit_memory(std::uint64_t /*bytes*/) {}
+
   virtual Counts counts() const = 0;                  // of the current chain, after fair
   virtual std::uint64_t peak_host_bytes() const = 0;  // since upload
   virtual std::uint64_t peak_device_bytes() const = 0;
 };
 
 std::unique_ptr<Backend> make_cpu_backend(unsigned threads);
+
+// Cuts each cloud into at least so many pieces with exact halos (src/stream.cpp), and computes as many at once as there
+// are `workers`, which are backends of one device. No more than `most_points` are uploaded to one of them.
+struct Cutting {
+  std::uint64_t pieces = 2;
+  std::uint64_t most_points = ~std::uint64_t{0};
+  double first_halo = 1;  // of the width that is thought to suffice
+};
+std::unique_ptr<Backend> make_cut_backend(std::vector<std::unique_ptr<Backend>> workers, Cutting cutting);
 
 // src/cuda, or src/cuda_absent.cpp in a build without CUDA. `make_cuda_backend` throws Error(device) with the reason.
 std::unique_ptr<Backend> make_cuda_backend(int card);

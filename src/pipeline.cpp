@@ -70,6 +70,11 @@ Stage first_difference(const Settings& a, const Settings& b) {
 
 Stage following(Stage stage) { return Stage(int(stage) + 1); }
 
+using MakeBackend = std::function<std::unique_ptr<Backend>()>;
+
+constexpr std::uint64_t kFirstPieces = 4;    // of a cloud that does not fit
+constexpr std::uint64_t kLeastPiece = 2000;  // points; if so few do not fit, cutting does not help
+
 std::unique_ptr<Backend> make_backend(const Device& device, DeviceInfo& info) {
   if (device.kind == Device::cpu) {
     auto backend = make_cpu_backend(device.threads);
@@ -95,6 +100,8 @@ std::unique_ptr<Backend> make_backend(const Device& device, DeviceInfo& info) {
 
 struct Pipeline::State {
   std::unique_ptr<Backend> backend;
+  MakeBackend make_worker;  // of those that compute the pieces of a cloud too large for the backend; may be null
+  std::uint64_t wanted_pieces = 1;  // of the loaded cloud
   DeviceInfo device;
   std::uint64_t points = 0;
   Cloud shell;  // the loaded cloud without its points
@@ -124,9 +131,46 @@ struct Pipeline::State {
     estimates.reset();
     points = given.size();
     sample = curve_sample(given);
+    if (std::exchange(wanted_pieces, 1) > 1) backend = make_worker();
     order_for(serves_balls);  // the next run is likely to be as the last
-    backend->upload(given);
+    for (bool uploaded = false; !uploaded;) try {
+        backend->upload(given);
+        uploaded = true;
+      } catch (const Error& error) {
+        if (!may_cut(error)) throw;
+        make_cut();
+      }
     upload_milliseconds = milliseconds_since(start);
+  }
+
+  bool may_cut(const Error& error) const {
+    return error.kind() == ErrorKind::memory && make_worker &&
+           points / std::max(kFirstPieces, 2 * wanted_pieces) >= kLeastPiece;
+  }
+  // An empty backend that cuts, into twice as many pieces as before.
+  void make_cut() {
+    wanted_pieces = std::max(kFirstPieces, 2 * wanted_pieces);
+    backend.reset();  // its memory is needed
+    std::vector<std::unique_ptr<Backend>> workers;
+    for (int i = 0; i < 2; ++i) workers.push_back(make_worker());
+    backend = make_cut_backend(std::move(workers), {wanted_pieces});
+  }
+  // Does `work`; where the device's memory does not suffice, once more with the cloud in pieces.
+  template <class Work>
+  void within_memory(const Work& work) {
+    for (bool done = false; !done;) try {
+        work();
+        done = true;
+      } catch (const Error& error) {
+        if (!may_cut(error)) throw;
+        std::vector<Point> input(points);
+        backend->download_input(input);
+        make_cut();
+        backend->upload(input);
+        next = Stage::index;
+        further_passes = 0;
+        calls.clear();
+      }
   }
 
   void note_time(std::string_view name, double milliseconds) {
@@ -296,6 +340,7 @@ struct Pipeline::State {
     const Counts counts = backend->counts();
     report.device = device;
     report.points = points;
+    report.pieces = backend->pieces();
     report.params = used;
     report.unmoved = counts.unmoved;
     if (!moves_along_normal(used.method)) report.unmoved.no_normal = 0;
@@ -308,6 +353,8 @@ struct Pipeline::State {
 
 Pipeline::Pipeline(Device device) : state_(std::make_unique<State>()) {
   state_->backend = make_backend(device, state_->device);
+  if (state_->device.kind == Device::cuda)
+    state_->make_worker = [card = device.index] { return make_cuda_backend(card); };
   state_->load({});
 }
 Pipeline::Pipeline(std::unique_ptr<State> state) : state_(std::move(state)) {}
@@ -315,10 +362,12 @@ Pipeline::~Pipeline() = default;
 Pipeline::Pipeline(Pipeline&&) noexcept = default;
 Pipeline& Pipeline::operator=(Pipeline&&) noexcept = default;
 
-Pipeline PipelineAccess::make(std::unique_ptr<Backend> backend, DeviceInfo device) {
+Pipeline PipelineAccess::make(std::unique_ptr<Backend> backend, DeviceInfo device,
+                              std::function<std::unique_ptr<Backend>()> make_worker) {
   auto state = std::make_unique<Pipeline::State>();
   state->backend = std::move(backend);
   state->device = std::move(device);
+  state->make_worker = std::move(make_worker);
   return Pipeline(std::move(state));
 }
 
@@ -334,26 +383,32 @@ void Pipeline::load(std::span<const Point> points) {
 
 Cloud Pipeline::run(const Params& params, std::stop_token stop, const ProgressFunction& progress) {
   std::vector<Point> out(state_->points);
-  state_->run(params, out, stop, progress);
+  run(params, out, std::move(stop), progress);
   Cloud result = state_->shell;
   result.points = std::move(out);
   return result;
 }
 
 void Pipeline::run(const Params& params, std::span<Point> out, std::stop_token stop, const ProgressFunction& progress) {
-  state_->run(params, out, stop, progress);
+  state_->within_memory([&] { state_->run(params, out, stop, progress); });
 }
 
 const Estimates& Pipeline::estimates(std::stop_token stop) {
   State& state = *state_;
-  state.measured_bounds(stop);
-  state.measure(true, true, stop);
+  state.within_memory([&] {
+    state.measured_bounds(stop);
+    state.measure(true, true, stop);
+  });
   state.estimates->spacing = state.spacing->mean;
   state.estimates->noise = state.noise->sigma;
   return *state.estimates;
 }
 
-Params Pipeline::resolve(const Params& params, std::stop_token stop) { return state_->resolve(params, stop); }
+Params Pipeline::resolve(const Params& params, std::stop_token stop) {
+  Params used;
+  state_->within_memory([&] { used = state_->resolve(params, stop); });
+  return used;
+}
 
 const Report& Pipeline::report() const { return state_->report; }
 

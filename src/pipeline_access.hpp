@@ -2,6 +2,7 @@
 // For tests: a pipeline on a backend of one's own.
 #pragma once
 
+#include <functional>
 #include <memory>
 
 #include "backend.hpp"
@@ -10,7 +11,9 @@
 namespace pointfair {
 
 struct PipelineAccess {
-  static Pipeline make(std::unique_ptr<Backend> backend, DeviceInfo device);
+  // With `make_worker`, clouds that are too large for the backend's memory are cut, and computed by two such workers.
+  static Pipeline make(std::unique_ptr<Backend> backend, DeviceInfo device,
+                       std::function<std::unique_ptr<Backend>()> make_worker = {});
 };
 
 }  // namespace pointfair

@@ -7,7 +7,7 @@
 // A line a cloud and k: medians in milliseconds, points resident on the card; each stage timed from an idle card to an
 // idle card, and `whole` with all stages in flight at once. The checksum is the sum of all faired coordinates.
 // With `host`: from a page-locked array of the host to another, through the public Pipeline, in random and in spatial
-// order; `whole` is the median of load and run together, the rest its report's medians.
+// order, and cut into 4 pieces; `whole` is the median of load and run together, the rest its report's medians.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -19,6 +19,7 @@
 #include <thread>
 
 #include "backend.hpp"
+#include "pipeline_access.hpp"
 #include "pointfair/pointfair.hpp"
 #include "shapes.h"
 
@@ -174,7 +175,13 @@ int measure_host_rows(std::size_t count, int repeat, double noise) {
   Pipeline pipeline(Device::cuda);
   const Points points = bumpy_ball(count, noise, 1);
   measure_from_host(pipeline, points, "host, random order", 8, repeat);
-  measure_from_host(pipeline, in_spatial_order(points), "host, spatial order", 8, repeat);
+  const Points ordered = in_spatial_order(points);
+  measure_from_host(pipeline, ordered, "host, spatial order", 8, repeat);
+  std::vector<std::unique_ptr<Backend>> workers;
+  for (int i = 0; i < 2; ++i) workers.push_back(make_cuda_backend(0));
+  pipeline = PipelineAccess::make(make_cut_backend(std::move(workers), {4}), {Device::cuda, "", ""});
+  measure_from_host(pipeline, points, "host, random, 4 pieces", 8, repeat);
+  measure_from_host(pipeline, ordered, "host, spatial, 4 pieces", 8, repeat);
   return 0;
 }
 

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Host memory that devices copy fast from.
+// Clouds that are cut into pieces give the bits of the whole; host memory that devices copy fast from.
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 
+#include "backend.hpp"
+#include "pipeline_access.hpp"
 #include "pointfair/pipeline.hpp"
 #include "shapes.h"
 
@@ -12,6 +15,334 @@ namespace pointfair {
 namespace {
 
 using shapes::Points;
+
+struct Settings {
+  NeighborSettings neighbors{8, 0, false, 0};
+  NormalSettings normals{true, 0.02f};
+  FairingSettings fairing{Method::bilateral, AreaWeight::none, 0.02f, 0.01f};
+  int passes = 1;
+};
+
+struct Result {
+  Points points, normals;
+  Counts counts;
+};
+
+Result run(Backend& backend, const Points& points, const Settings& settings) {
+  if (settings.neighbors.k == 0) backend.order_along(CurveCube{{-1.5f, -1.5f, -1.5f}, 3});
+  backend.upload(points);
+  for (int pass = 0; pass < settings.passes; ++pass) {
+    backend.begin_pass(pass);
+    backend.build_index({});
+    backend.find_neighbors(settings.neighbors, {});
+    backend.estimate_normals(settings.normals, {});
+    backend.fair(settings.fairing, {});
+  }
+  Result result{Points(points.size()), Points(points.size()), {}};
+  backend.download(result.points);
+  backend.download_normals(result.normals);
+  result.counts = backend.counts();
+  return result;
+}
+
+std::size_t differences(const Points& a, const Points& b) {
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) count += std::memcmp(&a[i], &b[i], sizeof(Point)) != 0;
+  return count;
+}
+
+// Every device of this machine; `workers` of them at once cut a cloud.
+struct Place {
+  Device::Kind kind;
+  int workers;
+  std::unique_ptr<Backend> make() const { return kind == Device::cpu ? make_cpu_backend(0) : make_cuda_backend(0); }
+  std::unique_ptr<Backend> make_cut(Cutting cutting) const {
+    std::vector<std::unique_ptr<Backend>> backends;
+    for (int i = 0; i < workers; ++i) backends.push_back(make());
+    return make_cut_backend(std::move(backends), cutting);
+  }
+};
+std::vector<Place> places() {
+  std::vector<Place> all{{Device::cpu, 1}, {Device::cpu, 2}};
+  for (const DeviceStatus& device : list_cuda_devices())
+    if (device.usable && all.size() == 2) all.push_back({Device::cuda, 2});
+  return all;
+}
+
+void expect_the_same_cut(const Points& points, const Settings& settings, const char* what,
+                         const std::vector<Cutting>& cuttings = {{2}, {3, ~0ull, 0.2}, {7, ~0ull, 0.05}}) {
+  for (const Place& place : places()) {
+    const Result whole = run(*place.make(), points, settings);
+    for (const Cutting& cutting : cuttings) {
+      SCOPED_TRACE(std::string(what) + ", " + (place.kind == Device::cpu ? "cpu" : "cuda") + ", " +
+                   std::to_string(cutting.pieces) + " pieces, " + std::to_string(place.workers) + " at once");
+      const auto backend = place.make_cut(cutting);
+      const Result cut = run(*backend, points, settings);
+      EXPECT_EQ(differences(whole.points, cut.points), 0u);
+      EXPECT_EQ(differences(whole.normals, cut.normals), 0u);
+      EXPECT_EQ(whole.counts.unmoved, cut.counts.unmoved);
+      EXPECT_EQ(whole.counts.short_neighborhoods, cut.counts.short_neighborhoods);
+    }
+  }
+}
+
+Points cloud(int count) { return shapes::with_noise(shapes::sphere(count), 0.002); }
+
+TEST(CutCloud, has_the_bits_of_the_whole) { expect_the_same_cut(cloud(200000), {}, "plain"); }
+
+TEST(CutCloud, has_the_bits_of_the_whole_with_every_option) {
+  const Points points = cloud(60000);
+  Settings settings;
+  settings.fairing.area_weight = AreaWeight::squared;
+  expect_the_same_cut(points, settings, "area weight");
+  settings.neighbors.k = 3;
+  expect_the_same_cut(points, settings, "area weight over more than the list");
+  settings.neighbors = {8, 0, true, 0.012f};
+  expect_the_same_cut(points, settings, "constraint");
+  settings.neighbors = {12, 0.02f, true, 0.008f};
+  expect_the_same_cut(points, settings, "constraint within a radius");
+  settings.neighbors = {16, 0.015f, false, 0};
+  expect_the_same_cut(points, settings, "radius");
+  settings.normals.filter_rounds = 2;
+  settings.normals.filter_angle = 20;
+  settings.fairing.two_planes = true;
+  settings.fairing.facing_angle = 40;
+  settings.fairing.strength = 0.9f;
+  settings.passes = 2;
+  expect_the_same_cut(points, settings, "filtered, both planes, two passes");
+  settings.neighbors = {30, 0, true, 0.012f};
+  settings.passes = 3;
+  expect_the_same_cut(points, settings, "constraint, filtered, both planes, three passes");
+}
+
+TEST(CutCloud, has_the_bits_of_the_whole_with_every_method) {
+  const Points points = cloud(30000);
+  for (const ParamInfo& info : kParams) {
+    if (info.name != "method") continue;
+    for (std::size_t start = 0; start < info.values.size();) {
+      const std::string_view word = info.values.substr(start, info.values.find('|', start) - start);
+      start += word.size() + 1;
+      Params params;
+      set_param(params, info, word);
+      Settings settings;
+      settings.neighbors.k = 12;
+      settings.fairing.method = params.method;
+      settings.fairing.area_weight = AreaWeight::length;
+      settings.fairing.strength = 0.8f;
+      expect_the_same_cut(points, settings, std::string(word).c_str(), {{7, ~0ull, 0.05}});
+    }
+  }
+}
+
+TEST(CutCloud, has_the_bits_of_the_whole_over_balls) {
+  const Points points = cloud(60000);
+  Settings settings;
+  settings.neighbors = {0, 0.04f, false, 0};
+  settings.passes = 2;
+  expect_the_same_cut(points, settings, "one radius");
+  settings.normals = {true, 1.4f, true, 2, 20};
+  settings.fairing.closeness_sigma = 0.6f;
+  settings.fairing.closeness_of_radius = settings.fairing.two_planes = true;
+  settings.fairing.facing_angle = 40;
+  settings.neighbors = {0, 0.02f, false, 0, 16};
+  expect_the_same_cut(points, settings, "balls that follow the density");
+  expect_the_same_cut(shapes::with_invalid(shapes::uneven(20000, 50), 11), settings, "uneven, invalid points");
+  settings.neighbors = {0, 0.2f, false, 0, 8};
+  settings.passes = 1;
+  expect_the_same_cut(points, settings, "thinned balls", {{5, ~0ull, 0.3}});
+}
+
+TEST(CutCloud, has_the_bits_of_the_whole_on_hard_clouds) {
+  expect_the_same_cut(shapes::with_invalid(cloud(20000), 7), {}, "invalid points");
+  expect_the_same_cut(shapes::with_stray(cloud(20000), 1e6f), {}, "a stray point");
+  expect_the_same_cut(shapes::uneven(20000, 200), {}, "uneven");
+  expect_the_same_cut(shapes::grid(20), {}, "a grid, full of ties");
+  expect_the_same_cut(shapes::flat_grid(100), {}, "a flat grid");
+  expect_the_same_cut(shapes::line(5000), {}, "a line");
+  Points some_identical = cloud(20000);
+  for (std::size_t i = 0; i < some_identical.size(); i += 5) some_identical[i] = {0.5f, 0.25f, 0.125f};
+  expect_the_same_cut(some_identical, {}, "a fifth identical");
+  for (const int count : {0, 1, 2, 9, 100}) expect_the_same_cut(cloud(count), {}, "tiny");
+  expect_the_same_cut(shapes::identical(3000), {}, "identical points");
+}
+
+TEST(CutCloud, has_the_bits_of_the_whole_where_little_may_be_uploaded) {
+  expect_the_same_cut(cloud(60000), {}, "a limit", {{2, 15000}, {3, 9000}});
+}
+
+TEST(CutCloud, that_a_far_point_keeps_from_being_cut_is_an_error_and_no_wrong_cloud) {
+  const Points points = shapes::with_stray(cloud(20000), 1e6f);
+  const auto backend = Place{Device::cpu, 1}.make_cut({4, 12000});
+  try {
+    run(*backend, points, {});
+    FAIL() << "fitted";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::memory);
+  }
+}
+
+TEST(CutCloud, has_the_estimates_of_the_whole) {
+  const Points points = shapes::with_invalid(cloud(50000), 9);
+  std::vector<std::uint32_t> queries;
+  for (std::uint32_t i = 0; i < 50000; i += 77) queries.push_back(i);
+  for (const Place& place : places()) {
+    const auto whole = place.make(), cut = place.make_cut({5, ~0ull, 0.1});
+    for (Backend* backend : {whole.get(), cut.get()}) {
+      backend->upload(points);
+      backend->begin_pass(0);
+      backend->build_index({});
+    }
+    for (const int k : {6, 30, 600}) {
+      Points expected(queries.size() * std::size_t(k + 1)), rows = expected;
+      whole->sample_neighborhoods(queries, k, expected);
+      cut->sample_neighborhoods(queries, k, rows);
+      for (std::size_t i = 0; i < rows.size(); ++i) {
+        if (std::isnan(expected[i].x) && std::isnan(rows[i].x)) rows[i] = expected[i] = {};
+      }
+      EXPECT_EQ(differences(expected, rows), 0u) << k;
+    }
+    const Bounds a = whole->bounds(), b = cut->bounds();
+    EXPECT_EQ(differences({a.min, a.max}, {b.min, b.max}), 0u);
+    EXPECT_EQ(a.valid, b.valid);
+  }
+}
+
+TEST(CutCloud, runs_a_stage_again_without_the_others) {
+  const Points points = cloud(20000);
+  Settings settings;
+  settings.passes = 2;
+  const auto cut = Place{Device::cpu, 1}.make_cut({3});
+  run(*cut, points, settings);
+  settings.fairing.similarity_sigma = 0.005f;
+  settings.passes = 1;
+  cut->begin_pass(0);
+  cut->fair(settings.fairing, {});
+  Points again(points.size());
+  cut->download(again);
+  EXPECT_EQ(differences(again, run(*make_cpu_backend(0), points, settings).points), 0u);
+}
+
+TEST(CutCloud, stops_when_asked_and_then_runs_again) {
+  const Points points = cloud(20000);
+  for (const Place& place : places()) {
+    const auto cut = place.make_cut({4});
+    std::stop_source stop;
+    cut->upload(points);
+    cut->begin_pass(0);
+    cut->build_index({});
+    cut->find_neighbors({8, 0, false, 0}, {});
+    cut->estimate_normals({true, 0.02f}, {});
+    stop.request_stop();
+    try {
+      cut->fair(Settings{}.fairing, stop.get_token());
+      FAIL() << "not interrupted";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::interrupted);
+    }
+    EXPECT_EQ(differences(run(*cut, points, {}).points, run(*place.make(), points, {}).points), 0u);
+  }
+}
+
+// A CPU backend with room for so many points.
+class SmallBackend : public Backend {
+ public:
+  explicit SmallBackend(std::size_t room) : room_(room) {}
+  DeviceInfo device() const override { return inner_->device(); }
+  void upload(std::span<const Point> points) override {
+    require(points.size() / 2);  // they fit, but not what is made of them
+    count_ = points.size();
+    inner_->upload(points);
+    input_.assign(points.begin(), points.end());
+  }
+  void begin_pass(int pass) override { inner_->begin_pass(pass); }
+  void order_along(std::optional<CurveCube> cube) override { inner_->order_along(cube); }
+  void set_originals(std::span<const std::uint32_t> originals) override { inner_->set_originals(originals); }
+  void build_index(std::stop_token stop) override { inner_->build_index(stop); }
+  void find_neighbors(const NeighborSettings& settings, std::stop_token stop) override {
+    require(count_);
+    inner_->find_neighbors(settings, stop);
+  }
+  void estimate_normals(const NormalSettings& settings, std::stop_token stop) override {
+    inner_->estimate_normals(settings, stop);
+  }
+  void fair(const FairingSettings& settings, std::stop_token stop) override { inner_->fair(settings, stop); }
+  void download(std::span<Point> points) override { inner_->download(points); }
+  void download_normals(std::span<Point> normals) override { inner_->download_normals(normals); }
+  void download_input(std::span<Point> points) override { std::copy(input_.begin(), input_.end(), points.begin()); }
+  void outcomes(const point::Region& loaded, std::span<unsigned char> out) override { inner_->outcomes(loaded, out); }
+  Bounds bounds() const override { return inner_->bounds(); }
+  void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override {
+    inner_->sample_neighborhoods(queries, k, out);
+  }
+  Counts counts() const override { return inner_->counts(); }
+  std::uint64_t peak_host_bytes() const override { return inner_->peak_host_bytes(); }
+  std::uint64_t peak_device_bytes() const override { return inner_->peak_device_bytes(); }
+
+ private:
+  void require(std::size_t points) const {
+    if (points > room_) throw Error(ErrorKind::memory, "no room");
+  }
+  std::size_t room_, count_ = 0;
+  std::unique_ptr<Backend> inner_ = make_cpu_backend(0);
+  Points input_;
+};
+
+// A pipeline whose device has too little memory against one whose has enough. `small` makes the former's backends.
+void expect_the_same_in_little_memory(Device::Kind kind, const std::function<std::unique_ptr<Backend>()>& small) {
+  const Points points = cloud(200000);
+  Pipeline tight = PipelineAccess::make(small(), {kind, "small", "test"}, small), ample(kind);
+  Params params;
+  for (int run = 0; run < 3; ++run) {
+    if (run == 0) {  // nothing set: balls
+      tight.load(points);
+      ample.load(points);
+    } else if (run == 1) {
+      params.k = 8;
+    } else {  // some stages only
+      params.similarity_sigma = 0.004;
+    }
+    Points expected(points.size()), out(points.size());
+    ample.run(params, expected);
+    tight.run(params, out);
+    EXPECT_GT(tight.report().pieces, 1u);
+    EXPECT_EQ(ample.report().pieces, 1u);
+    EXPECT_EQ(ample.report().params, tight.report().params);
+    EXPECT_EQ(differences(expected, out), 0u);
+    EXPECT_EQ(ample.estimates().noise, tight.estimates().noise);
+    tight.normals(out);
+    ample.normals(expected);
+    EXPECT_EQ(differences(expected, out), 0u);
+  }
+  const Points few = cloud(1000);
+  tight.load(few);
+  Points out(few.size());
+  tight.run(params, out);
+  EXPECT_EQ(tight.report().pieces, 1u) << "a cloud that fits";
+}
+
+TEST(CutCloud, is_what_becomes_of_a_cloud_that_memory_does_not_hold) {
+  for (const std::size_t room : {150000, 60000})
+    expect_the_same_in_little_memory(Device::cpu, [room] { return std::make_unique<SmallBackend>(room); });
+  if (places().size() < 3) return;
+  for (const std::uint64_t bytes : {18'000'000, 8'000'000})  // the second hold the points, but not their index
+    expect_the_same_in_little_memory(Device::cuda, [bytes] {
+      auto backend = make_cuda_backend(0);
+      backend->limit_memory(bytes);
+      return backend;
+    });
+}
+
+TEST(CutCloud, that_never_fits_is_an_error) {
+  const auto small = [] { return std::make_unique<SmallBackend>(100); };
+  Pipeline pipeline = PipelineAccess::make(small(), {Device::cpu, "small", "test"}, small);
+  try {
+    pipeline.load(cloud(100000));
+    pipeline.run();
+    FAIL() << "fitted";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::memory);
+  }
+}
 
 TEST(HostBuffer, gives_the_same_as_ordinary_memory_on_every_device) {
   for (const DeviceStatus& device : list_devices()) {

@@ -80,6 +80,9 @@ struct Report {
   /// paper's normals and fairing are one kernel there, whose time is divided as they take apart, three to two. `upload`
   /// on a card lasts until the caller's array may be used again; the index is begun meanwhile.
   std::vector<StageTime> stages;
+  /// Into how many pieces the cloud was cut because the card's memory did not suffice; 1: not cut. The stages then are
+  /// `cut`, `pieces` and `download`, and the cloud is kept in host memory.
+  std::uint64_t pieces = 1;
   double total_milliseconds = 0;                             ///< from array to array
   std::uint64_t peak_host_bytes = 0, peak_device_bytes = 0;  ///< held by the pipeline beside the caller's arrays
 };
@@ -121,7 +124,8 @@ class Pipeline {
   /// GB, so allocate once and use often. Throws ErrorKind::memory.
   HostBuffer host_buffer(std::size_t count) const;
 
-  /// Takes a copy of the points onto the device; the next run starts from the first stage. O(N).
+  /// Takes a copy of the points onto the device; the next run starts from the first stage. O(N). A cloud that a card
+  /// cannot hold stays in host memory and is computed in pieces, with the same result.
   void load(const Cloud& cloud);
   void load(std::span<const Point> points);
 

@@ -49,6 +49,7 @@ class CpuBackend final : public Backend {
   void upload(std::span<const Point> points) override {
     meter_.reset_peak();
     further_ = Chain(meter_);
+    first_.set_whole(nullptr);
     at_work_ = &first_;
     if (upload_is_indexed_) first_.swap_faired(uploaded_);
     upload_is_indexed_ = false;
@@ -59,6 +60,12 @@ class CpuBackend final : public Backend {
         std::copy(points.begin() + first, points.begin() + last, uploaded_.data() + first);
       });
     });
+  }
+
+  void set_originals(std::span<const Index> originals) override {
+    whole_.resize(originals.size());
+    std::copy(originals.begin(), originals.end(), whole_.data());
+    first_.set_whole(whole_.data());
   }
 
   void begin_pass(int pass) override {
@@ -115,6 +122,10 @@ class CpuBackend final : public Backend {
     const std::span<const Index> originals = at_work_->index().originals();
     for (std::size_t i = 0; i < at_work_->faired().size(); ++i)
       normals[originals[i]] = {from.x[i], from.y[i], from.z[i]};
+  }
+
+  void outcomes(const point::Region& loaded, std::span<unsigned char> out) override {
+    arena_.execute([&] { at_work_->outcomes(loaded, kernels_, out); });
   }
 
   Bounds bounds() const override { return at_work_->index().bounds(); }
@@ -204,6 +215,7 @@ class CpuBackend final : public Backend {
   MemoryMeter meter_;
   std::uint64_t points_ = 0;
   Buffer<Point> uploaded_{meter_};
+  Buffer<Index> whole_{meter_};       // indices in the cloud that the uploaded points are a part of
   bool upload_is_indexed_ = false;    // and its memory lent to the first chain
   Buffer<Point> pass_input_{meter_};  // of the passes from the third on, in the order of the pass before
   Buffer<Index> pass_originals_{meter_};

@@ -128,6 +128,7 @@ void Chain::measure_radii(const Kernels& kernels, const std::stop_token& stop) {
 }
 
 void Chain::estimate_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop) {
+  normal_settings_ = settings;
   const IndexView index = index_.view();
   const NormalRule rule{point::normal_weights(settings.weighted, settings.sigma), settings.of_radius};
   for (Buffer<float>* axis : {&normal_x_, &normal_y_, &normal_z_}) axis->resize(std::size_t(index.leaves) * kLeafSize);
@@ -176,6 +177,7 @@ void Chain::filter_normals(const NormalSettings& settings, const Kernels& kernel
 }
 
 void Chain::fair(const FairingSettings& settings, const Kernels& kernels, const std::stop_token& stop) {
+  fairing_settings_ = settings;
   const int power = settings.area_weight == AreaWeight::squared  ? 2
                     : settings.area_weight == AreaWeight::length ? 1
                                                                  : 0;

@@ -21,6 +21,10 @@ class Chain {
   void estimate_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop);
   void fair(const FairingSettings& settings, const Kernels& kernels, const std::stop_token& stop);
 
+  void set_whole(const Index* whole) { index_.set_whole(whole); }
+  // As Backend::outcomes.
+  void outcomes(const point::Region& loaded, const Kernels& kernels, std::span<unsigned char> out) const;
+
   // In sorted order, one for each valid point.
   std::span<const Point> faired() const { return {faired_.data(), std::size_t(index_.view().points)}; }
   const SpatialIndex& index() const { return index_; }
@@ -51,6 +55,8 @@ class Chain {
   Buffer<float> spare_x_, spare_y_, spare_z_;  // filtered normals, then displacements
   Buffer<Point> faired_;
   NeighborSettings neighbors_;
+  NormalSettings normal_settings_;
+  FairingSettings fairing_settings_;
   int stored_k_ = 0;        // length of the stored lists; a smaller k is a prefix of them
   bool has_lists_ = false;  // of the present index
   Counts counts_;

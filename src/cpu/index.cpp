@@ -111,7 +111,7 @@ void SpatialIndex::build(std::span<const Point> points, std::span<const Index> o
 }
 
 IndexView SpatialIndex::view() const {
-  IndexView view{x_.data(), y_.data(), z_.data(), original_.data(), points_, leaves_, int(levels_.size()), {}};
+  IndexView view{x_.data(), y_.data(), z_.data(), original_.data(), points_, leaves_, int(levels_.size()), {}, whole_};
   for (std::size_t level = 0; level < levels_.size(); ++level) view.level[level] = levels_[level].data();
   return view;
 }

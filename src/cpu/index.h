@@ -45,6 +45,8 @@ class SpatialIndex {
              SortSpace& space, const Kernels& kernels, const std::stop_token& stop);
 
   IndexView view() const;
+  // As IndexView::whole, from now on.
+  void set_whole(const Index* whole) { whole_ = whole; }
   const Bounds& bounds() const { return bounds_; }
   const std::vector<InvalidPoint>& invalid() const { return invalid_; }
   std::span<const Index> originals() const { return {original_.data(), original_.size()}; }
@@ -61,6 +63,7 @@ class SpatialIndex {
   Buffer<Index> original_;
   std::vector<Buffer<BoxGroup>> levels_;
   MemoryMeter* meter_;
+  const Index* whole_ = nullptr;
   std::vector<InvalidPoint> invalid_;
   Bounds bounds_;
   Index points_ = 0, leaves_ = 0;

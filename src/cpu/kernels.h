@@ -39,6 +39,7 @@ struct IndexView {
   Index leaves;
   int levels;
   const BoxGroup* level[kMaxLevels];  // level[0] holds the boxes of leaves
+  const Index* whole = nullptr;       // by `original`: the index in the larger cloud that this is a part of; null: none
 };
 
 // A neighbour list per point: list[(leaf * stored + slot) * 16 + lane], nearest first; sorted positions, kNoNeighbor at
@@ -121,6 +122,8 @@ struct Kernels {
                         VectorsOut);
   void (*move)(const IndexView&, Index leaf, Neighborhoods, VectorsView displacements, AreaView, point::MethodRule,
                float* xyz);
+  // How many neighbours each point has, and the least of `values` over it and them.
+  void (*survey)(const IndexView&, Index leaf, Neighborhoods, const float* values, float* counts, float* least);
 };
 
 // The kernels of the best instruction set that this processor has; POINTFAIR_ISA=sse2|avx2|avx512 asks for a lesser

@@ -113,7 +113,7 @@ class BallWalk {
       unsigned near = bits(point::squared_gap(p, p, queries_.min, queries_.max) <= broadcast(farthest_));
       for (; near != 0; near &= near - 1) {
         const Index position = first + Index(__builtin_ctz(near));
-        const float hash = is_thinned_ ? unit_hash(index_.original[position]) : 0.0f;
+        const float hash = is_thinned_ ? unit_hash(whole_index(position)) : 0.0f;
         if (!(hash < largest_share_)) continue;
         const point::Vec3<Floats> offset =
             spread(index_.x[position], index_.y[position], index_.z[position]) - queries_.position;
@@ -122,6 +122,11 @@ class BallWalk {
         if (any(inside)) visit(offset, Shared{position}, inside);
       }
     }
+  }
+
+  POINTFAIR_INLINE Index whole_index(Index position) const {
+    const Index original = index_.original[position];
+    return index_.whole == nullptr ? original : index_.whole[original];
   }
 
   const IndexView& index_;
@@ -267,6 +272,19 @@ POINTFAIR_INLINE void store_points(point::Vec3<Floats> p, float* xyz) {
     xyz[3 * lane + 1] = p.y.v[lane];
     xyz[3 * lane + 2] = p.z.v[lane];
   }
+}
+
+inline void survey(const IndexView& index, Index leaf, Neighborhoods neighborhoods, const float* values, float* counts,
+                   float* least) {
+  for_packs(index, leaf, neighborhoods, [&](Index start, const auto& neighbors) {
+    Floats count = broadcast(0.0f), lowest = load(values + start);
+    neighbors([&](point::Vec3<Floats>, auto there, Mask inside) {
+      count = count + select(inside, broadcast(1.0f), broadcast(0.0f));
+      lowest = select(inside, smaller(lowest, there.of(values)), lowest);
+    });
+    store(counts + start, count);
+    store(least + start, lowest);
+  });
 }
 
 // Moved positions, point after point into `xyz`; a zero normal leaves a point where it is.

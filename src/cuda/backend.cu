@@ -25,6 +25,7 @@ class CudaBackend final : public Backend {
     context_.enter();
     context_.reset_peak();
     clock_.forget();
+    first_.set_whole(nullptr);
     uploaded_.resize(points.size());
     at_work_ = &first_;
     input_ = uploaded_.data();
@@ -33,6 +34,15 @@ class CudaBackend final : public Backend {
     begin_index(&arrival, {});
     is_index_begun_ = true;
     upload_.finish();
+  }
+
+  void set_originals(std::span<const Index> originals) override {
+    context_.enter();
+    whole_.resize(originals.size());
+    check(cudaMemcpyAsync(whole_.data(), originals.data(), originals.size_bytes(), cudaMemcpyHostToDevice,
+                          context_.stream()),
+          "uploading indices");
+    first_.set_whole(whole_.data());
   }
 
   void begin_pass(int pass) override {
@@ -123,6 +133,21 @@ class CudaBackend final : public Backend {
     wait();
   }
 
+  void download_input(std::span<Point> points) override {
+    context_.enter();
+    copy_out(uploaded_.data(), points);
+    wait();
+  }
+  void outcomes(const point::Region& loaded, std::span<unsigned char> out) override {
+    context_.enter();
+    DeviceArray<unsigned char> found(context_);
+    found.resize(out.size());
+    at_work_->find_outcomes(loaded, found.data());
+    check(cudaMemcpyAsync(out.data(), found.data(), out.size(), cudaMemcpyDeviceToHost, context_.stream()),
+          "downloading outcomes");
+    wait();
+  }
+
   Bounds bounds() const override {
     context_.enter();
     const CloudState state = at_work_->state();
@@ -156,6 +181,7 @@ class CudaBackend final : public Backend {
     return counts;
   }
   std::uint64_t peak_host_bytes() const override { return 0; }
+  void limit_memory(std::uint64_t bytes) override { context_.limit(bytes); }
   std::uint64_t peak_device_bytes() const override { return context_.peak_bytes(); }
 
  private:
@@ -190,6 +216,7 @@ class CudaBackend final : public Backend {
   bool is_fetched_ = false;      // and as the chain at work is
   bool is_index_begun_ = false;  // by upload()
   DeviceArray<Point> uploaded_{context_};
+  DeviceArray<Index> whole_{context_};       // indices in the cloud that the uploaded points are a part of
   DeviceArray<Point> pass_input_{context_};  // faired points of the further pass before
   Chain first_{context_}, further_{context_};
   Chain* at_work_ = &first_;

@@ -183,6 +183,7 @@ void Chain::filter_normals(const std::stop_token& stop) {
 
 void Chain::fair(const FairingSettings& settings, std::stop_token stop) {
   begin_stage(stop);
+  fairing_settings_ = settings;
   const int power = settings.area_weight == AreaWeight::squared  ? 2
                     : settings.area_weight == AreaWeight::length ? 1
                                                                  : 0;
@@ -229,6 +230,20 @@ void Chain::fair_by_method(const FairingSettings& settings, AreaWeights areas, c
 void Chain::restore_normals(Point* out) {
   settle();
   restore_order(context_, index_.tree(), normals(), index_.points(), out);
+}
+
+void Chain::find_outcomes(const point::Region& loaded, unsigned char* out) {
+  settle();
+  const bool reads_areas = fairing_settings_.area_weight != AreaWeight::none;
+  const NearestQuery query = nearest_query();
+  cuda::find_outcomes(context_, index_.tree(), surroundings(), normals(),
+                      {loaded,
+                       {query.k, query.squared_limit, neighbors_.constraint, neighbors_.reach},
+                       reads_areas ? mean_distance_.data() : nullptr,
+                       normal_settings_.filter_rounds,
+                       fairing_settings_.two_planes || fairing_settings_.method != Method::bilateral,
+                       fairing_settings_.method != Method::bilateral},
+                      index_.points(), out);
 }
 
 void Chain::sample_neighborhoods(const Index* queries, std::size_t count, int k, Point* rows) {

@@ -10,6 +10,7 @@
 
 #include "backend.hpp"
 #include "cuda/index.cuh"
+#include "cuda/outcomes.cuh"
 #include "cuda/search.cuh"
 #include "cuda/stages.cuh"
 #include "cuda/wide_stages.cuh"
@@ -30,12 +31,14 @@ class Chain {
   void estimate_normals(const NormalSettings& settings, std::stop_token stop);
   void fair(const FairingSettings& settings, std::stop_token stop);
 
+  void set_whole(const Index* whole) { index_.set_whole(whole); }
   bool normals_wait() const { return normals_wait_; }
   // Starts normals that still wait for fairing.
   void settle(const std::stop_token& stop = {});
 
   // Start the work and return before it is done.
   void restore_normals(Point* out);
+  void find_outcomes(const point::Region& loaded, unsigned char* out);  // on the card
   void sample_neighborhoods(const Index* queries, std::size_t count, int k, Point* rows);
 
   DeviceArray<Point>& faired() { return faired_; }  // in upload order
@@ -72,6 +75,7 @@ class Chain {
   DeviceIndex index_;
   NeighborSettings neighbors_;
   NormalSettings normal_settings_;
+  FairingSettings fairing_settings_;
   bool normals_wait_ = false, unmoved_clear_ = false;
   DeviceArray<Index> lists_;
   DeviceArray<float> normals_, mean_distance_;

@@ -35,34 +35,38 @@ inline constexpr int kChunk = 8;  // candidates between two looks at the stacks
 
 __device__ __forceinline__ unsigned units_of(unsigned key) { return key >> kSlotBits; }
 
-template <int kList>
+// kWide: room for more candidates at the price of fewer warps at once, for clouds whose noise is wide against their
+// spacing.
+template <int kList, bool kWide>
 struct GroupShape {
   static constexpr int kBatch = kList <= 8 ? 8 : 16;
   static constexpr unsigned kStack = kBatch + kChunk;  // candidates a lane can hold before they are merged
-  static constexpr unsigned kMostSlots = kList <= 8 ? 640 : kSlots;  // what fits beside the registers of a processor
+  static constexpr unsigned kMostSlots = kList > 8 ? kSlots
+                                         : kWide   ? 768
+                                                   : 640;  // what fits beside the registers of a processor
 };
 
 // What a warp keeps in shared memory. `close` is in scaled coordinates, slot in w; `square` is kUnitsBase + kUnitsShift
 // more than its squared length.
-template <int kList>
+template <int kList, bool kWide>
 struct GroupMemory {
   static constexpr int kClose = 2 * kWarp + kChunk;
   float4 close[kClose];
   alignas(16) float square[kClose];
-  unsigned stack[GroupShape<kList>::kStack][kWarp];
-  Index position[GroupShape<kList>::kMostSlots];
+  unsigned stack[GroupShape<kList, kWide>::kStack][kWarp];
+  Index position[GroupShape<kList, kWide>::kMostSlots];
 };
 
-template <int kList>
+template <int kList, bool kWide>
 class GroupSearch {
  public:
-  static constexpr int kBatch = GroupShape<kList>::kBatch;
-  static constexpr unsigned kStack = GroupShape<kList>::kStack;
+  static constexpr int kBatch = GroupShape<kList, kWide>::kBatch;
+  static constexpr unsigned kStack = GroupShape<kList, kWide>::kStack;
   static constexpr unsigned kEntry = kWarp * sizeof(unsigned);  // from one place of a stack to the next, bytes
   static constexpr float kNotSearching = -1.0f;                 // a limit
   static constexpr float kFar = 1e18f;                          // fills places of `square`; beyond every limit
 
-  __device__ __forceinline__ GroupSearch(const Tree& tree, GroupMemory<kList>& memory, Index leaf, Index valid)
+  __device__ __forceinline__ GroupSearch(const Tree& tree, GroupMemory<kList, kWide>& memory, Index leaf, Index valid)
       : tree_(tree),
         memory_(memory),
         leaf_(leaf),
@@ -276,7 +280,7 @@ class GroupSearch {
     const bool near = is_near({p, p});
     const unsigned all_near = __ballot_sync(kAllLanes, near);
     const unsigned count = static_cast<unsigned>(__popc(all_near));
-    if (slots_ + count > GroupShape<kList>::kMostSlots - 1)
+    if (slots_ + count > GroupShape<kList, kWide>::kMostSlots - 1)
       return false;  // the last slot would look like an empty place
     if (near) {
       const unsigned rank = static_cast<unsigned>(__popc(all_near & lanes_below()));
@@ -364,7 +368,7 @@ class GroupSearch {
   }
 
   const Tree& tree_;
-  GroupMemory<kList>& memory_;
+  GroupMemory<kList, kWide>& memory_;
   Index leaf_, at_;
   bool active_;
   Vec position_;

@@ -276,7 +276,7 @@ __global__ void __launch_bounds__(kBoxBlock) gather_upper_levels(const __grid_co
 DeviceIndex::DeviceIndex(Context& context) : context_(context), state_(context), points_(context), groups_(context) {}
 
 Tree DeviceIndex::tree() const {
-  Tree tree{points_.data(), state_.data(), static_cast<Index>(leaves_), levels_, groups_.data(), {}};
+  Tree tree{points_.data(), state_.data(), static_cast<Index>(leaves_), levels_, groups_.data(), {}, whole_};
   std::copy_n(first_group_, kMaxLevels, tree.first_group);
   return tree;
 }

@@ -30,6 +30,8 @@ class DeviceIndex {
              const Arrival* arrival = nullptr);
 
   Tree tree() const;
+  // As Tree::whole, from now on.
+  void set_whole(const Index* whole) { whole_ = whole; }
   CloudState* state() const { return state_.data(); }
   std::size_t points() const { return count_; }
   std::size_t leaves() const { return leaves_; }
@@ -40,6 +42,7 @@ class DeviceIndex {
   void build_boxes(const Point* points, const Index* order);
 
   Context& context_;
+  const Index* whole_ = nullptr;
   std::size_t count_ = 0, leaves_ = 0;
   DeviceArray<CloudState> state_;
   DeviceArray<float4> points_;

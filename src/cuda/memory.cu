@@ -65,15 +65,16 @@ SideStream::~SideStream() {
 
 void* Context::allocate(std::size_t bytes) {
   void* memory = nullptr;
-  const cudaError_t status =
-      pool_ != nullptr ? cudaMallocFromPoolAsync(&memory, bytes, pool_, stream_) : cudaMalloc(&memory, bytes);
+  const cudaError_t status = held_bytes_ + bytes > limit_ ? cudaErrorMemoryAllocation
+                             : pool_ != nullptr           ? cudaMallocFromPoolAsync(&memory, bytes, pool_, stream_)
+                                                          : cudaMalloc(&memory, bytes);
   if (status == cudaErrorMemoryAllocation) {
     cudaGetLastError();
     std::size_t free_bytes = 0, all_bytes = 0;
     cudaMemGetInfo(&free_bytes, &all_bytes);
     throw Error(ErrorKind::memory, name_ + ": " + gigabytes(bytes) + " more are needed, " + gigabytes(held_bytes_) +
                                        " are held, " + gigabytes(free_bytes) + " of " + gigabytes(all_bytes) +
-                                       " are free; take fewer points or neighbours, or run on the CPU");
+                                       " are free; take fewer neighbours, or run on the CPU");
   }
   check(status, "allocating device memory");
   held_bytes_ += bytes;

@@ -37,6 +37,8 @@ class Context {
   void release(void* memory, std::size_t bytes) noexcept;
   std::uint64_t peak_bytes() const { return peak_bytes_; }
   void reset_peak() { peak_bytes_ = held_bytes_; }
+  // As if the card had no more.
+  void limit(std::uint64_t bytes) { limit_ = bytes; }
 
  private:
   int card_;
@@ -44,7 +46,7 @@ class Context {
   std::string name_;
   cudaStream_t stream_ = nullptr;
   cudaMemPool_t pool_ = nullptr;  // null where the card has no pools: plain cudaMalloc then
-  std::uint64_t held_bytes_ = 0, peak_bytes_ = 0;
+  std::uint64_t held_bytes_ = 0, peak_bytes_ = 0, limit_ = UINT64_MAX;
 };
 
 // A second stream beside a context's.

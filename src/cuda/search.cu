@@ -14,14 +14,15 @@ constexpr int kFewUncertain = 5;        // up to so many queries of a leaf go to
 constexpr Index kManyCandidates = 256;  // or however many with so many candidates, which one warp would be long about;
 constexpr Index kFewHardLeaves = 128;   // also the queries of so few leaves: a warp to a leaf would leave the card idle
 
-constexpr int group_warps_resident(int list) { return list <= 8 ? 32 : list <= 16 ? 23 : 16; }
+constexpr int group_warps_resident(int list, bool wide) { return list <= 8 ? (wide ? 28 : 32) : list <= 16 ? 23 : 16; }
+constexpr Index kManyLeaves = 1 << 19;  // clouds of so many tend to have noise that is wide against their spacing
 
 // A block to a leaf, one warp.
-template <int kList>
-__global__ void __launch_bounds__(kWarp, resident_blocks(group_warps_resident(kList), kWarp))
+template <int kList, bool kWide>
+__global__ void __launch_bounds__(kWarp, resident_blocks(group_warps_resident(kList, kWide), kWarp))
     nearest_of_leaves(const __grid_constant__ Tree tree, CloudState* state, NearestQuery query, Index* lists,
                       Retries retries) {
-  __shared__ GroupMemory<kList> memory;
+  __shared__ GroupMemory<kList, kWide> memory;
   const Index leaf = blockIdx.x, at = leaf * kLeafSize + lane_number();
   const Index valid = state->valid;
   if (leaf >= tree.leaves) return;
@@ -30,7 +31,7 @@ __global__ void __launch_bounds__(kWarp, resident_blocks(group_warps_resident(kL
     for (int slot = 0; slot < query.k; ++slot) list[slot * kWarp + lane_number()] = point::kNoNeighbor;
   }
   if (leaf * kLeafSize >= valid) return;
-  GroupSearch<kList> search(tree, memory, leaf, valid);
+  GroupSearch<kList, kWide> search(tree, memory, leaf, valid);
   if (search.in_one_place()) return retry_leaf(state, retries.leaves, leaf);
   bool found = false;
   float bound = __int_as_float(0x7f800000);
@@ -130,12 +131,12 @@ __global__ void sample(const __grid_constant__ Tree tree, const Point* points, c
   }
 }
 
-template <int kList>
+template <int kList, bool kWide>
 void search_leaves(Context& context, const Tree& tree, CloudState* state, NearestQuery query, Index* list,
                    Retries retries) {
   const cudaStream_t stream = context.stream();
   const unsigned blocks = blocks_for(tree.leaves, 1), processors = unsigned(context.processors());
-  nearest_of_leaves<kList><<<blocks, kWarp, 0, stream>>>(tree, state, query, list, retries);
+  nearest_of_leaves<kList, kWide><<<blocks, kWarp, 0, stream>>>(tree, state, query, list, retries);
   check(cudaGetLastError(), "searching neighbours");
   nearest_of_hard_leaves<kList>
       <<<std::min(blocks, processors * 24), kWarp, 0, stream>>>(tree, query, list, retries.leaves);
@@ -159,7 +160,10 @@ void search_all(Context& context, const Tree& tree, CloudState* state, NearestQu
 void find_nearest(Context& context, const Tree& tree, CloudState* state, NearestQuery query, Index* list,
                   Retries retries) {
   if (query.k > kLargestGroupList) return search_all(context, tree, state, query, list);
-  const auto search = query.k <= 8 ? search_leaves<8> : query.k <= 16 ? search_leaves<16> : search_leaves<32>;
+  const auto search = query.k > 16                 ? search_leaves<32, false>
+                      : query.k > 8                ? search_leaves<16, false>
+                      : tree.leaves >= kManyLeaves ? search_leaves<8, true>
+                                                   : search_leaves<8, false>;
   search(context, tree, state, query, list, retries);
 }
 

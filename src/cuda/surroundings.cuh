@@ -95,7 +95,7 @@ class WalkedBall {
       __syncwarp();
       unsigned inside = points_inside();
       if (at_ / kLeafSize == leaf) inside &= ~(1u << lane_number());  // none is its own neighbour
-      if (is_thinned_) inside = thinned(inside, unit_hash(original_of(mine)));
+      if (is_thinned_) inside = thinned(inside, unit_hash(tree_.whole_index(original_of(mine))));
       if (__any_sync(kAllLanes, inside != 0)) visit(leaf, inside);
       __syncwarp();
     }

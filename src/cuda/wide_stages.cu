@@ -109,7 +109,33 @@ __global__ void __launch_bounds__(kBlock)
   store_faired(faired, at, p, valid, moved);
 }
 
+template <class Neighbors>
+__global__ void __launch_bounds__(kBlock) survey_neighbors(const __grid_constant__ Tree tree, Surroundings surroundings,
+                                                           const float* values, float* counts, float* least) {
+  const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
+  if (at >= std::size_t(tree.leaves) * kLeafSize) return;
+  __shared__ typename Neighbors::Shared shared[kWarps];
+  const Neighbors neighbors(tree, surroundings, Index(at), at < tree.state->valid, shared[threadIdx.x / kWarp]);
+  float count = 0, lowest = values[at];
+  neighbors([&](Index there) { return values[there]; },
+            [&](Vec, float value, bool inside) {
+              count += inside ? 1.0f : 0.0f;
+              lowest = fminf(lowest, inside ? value : lowest);
+            });
+  counts[at] = count;
+  least[at] = lowest;
+}
+
 }  // namespace
+
+void survey(Context& context, const Tree& tree, Surroundings surroundings, const float* values, float* counts,
+            float* least) {
+  const auto kernel = surroundings.lists.k > 0                  ? survey_neighbors<Listed>
+                      : surroundings.collected.parts != nullptr ? survey_neighbors<CollectedBall>
+                                                                : survey_neighbors<WalkedBall>;
+  kernel<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, surroundings, values, counts, least);
+  check(cudaGetLastError(), "looking at neighbourhoods");
+}
 
 void measure_radii(Context& context, const Tree& tree, Lists nearest, float squared_base, float* squared_radius) {
   radii<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, nearest, squared_base, squared_radius);

@@ -31,6 +31,10 @@ void estimate_wide_normals(Context& context, const Tree& tree, CloudState* state
 void filter_normals(Context& context, const Tree& tree, Surroundings surroundings, NormalRule rule, float inverse_turn,
                     Normals from, Normals to);
 
+// How many neighbours each point has, and the least of `values` over it and them.
+void survey(Context& context, const Tree& tree, Surroundings surroundings, const float* values, float* counts,
+            float* least);
+
 void fair_widely(Context& context, const Tree& tree, Surroundings surroundings, Normals normals, AreaWeights areas,
                  FairingRule rule, FairedPoints faired);
 

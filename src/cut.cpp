@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cut.hpp"
+
+#include <algorithm>
+
+namespace pointfair {
+namespace {
+
+constexpr std::size_t kBlock = 1 << 13;    // points
+constexpr std::size_t kSamples = 1 << 16;  // of which the cells are made
+
+std::size_t blocks_of(std::size_t points) { return (points + kBlock - 1) / kBlock; }
+
+void unite(Bounds& a, const Bounds& b) {
+  a.min = {std::min(a.min.x, b.min.x), std::min(a.min.y, b.min.y), std::min(a.min.z, b.min.z)};
+  a.max = {std::max(a.max.x, b.max.x), std::max(a.max.y, b.max.y), std::max(a.max.z, b.max.z)};
+  a.valid += b.valid;
+}
+
+constexpr float Point::*kAxes[] = {&Point::x, &Point::y, &Point::z};
+constexpr float point::Vec3<float>::*kCellAxes[] = {&point::Vec3<float>::x, &point::Vec3<float>::y,
+                                                    &point::Vec3<float>::z};
+
+bool overlap(const Bounds& b, const point::Region& r) {
+  return b.valid > 0 && b.min.x <= r.max.x && b.max.x >= r.min.x && b.min.y <= r.max.y && b.max.y >= r.min.y &&
+         b.min.z <= r.max.z && b.max.z >= r.min.z;
+}
+
+}  // namespace
+
+void include(Bounds& bounds, const Point& p) { unite(bounds, {p, p, 1}); }
+
+point::Region region_around(const Bounds& bounds, double halo) {
+  const auto below = [&](float v) { return float(double(v) - halo); };
+  const auto above = [&](float v) { return float(double(v) + halo); };
+  return {{below(bounds.min.x), below(bounds.min.y), below(bounds.min.z)},
+          {above(bounds.max.x), above(bounds.max.y), above(bounds.max.z)}};
+}
+
+Cut::Cut(std::span<const Point> points, std::size_t pieces, const ForEach& for_each) : points_(points) {
+  block_bounds_.assign(blocks_of(points.size()), kNoBounds);
+  for_each(block_bounds_.size(), [&](std::size_t block) {
+    for (const Point& p : points.subspan(block * kBlock, std::min(kBlock, points.size() - block * kBlock)))
+      if (is_valid(p)) include(block_bounds_[block], p);
+  });
+  bounds_ = kNoBounds;
+  for (const Bounds& b : block_bounds_) unite(bounds_, b);
+  if (bounds_.valid == 0) {
+    bounds_ = {};
+    return;
+  }
+  std::vector<Point> sample;
+  const std::size_t stride = std::max<std::size_t>(1, points.size() / kSamples);
+  for (std::size_t i = 0; i < points.size(); i += stride)
+    if (is_valid(points[i])) sample.push_back(points[i]);
+  split(sample, std::max<std::size_t>(1, pieces),
+        {{-kUnbounded, -kUnbounded, -kUnbounded}, {kUnbounded, kUnbounded, kUnbounded}});
+
+  std::vector<std::vector<Bounds>> of_block(block_bounds_.size());
+  for_each(block_bounds_.size(), [&](std::size_t block) {
+    std::vector<Bounds>& cores = of_block[block];
+    cores.assign(pieces_.size(), kNoBounds);
+    for (const Point& p : points.subspan(block * kBlock, std::min(kBlock, points.size() - block * kBlock)))
+      for (std::size_t piece = 0; piece < pieces_.size(); ++piece)
+        if (pieces_[piece].cell.contains(p)) {
+          if (is_valid(p)) include(cores[piece], p);
+          break;
+        }
+  });
+  for (const auto& cores : of_block)
+    for (std::size_t piece = 0; piece < cores.size(); ++piece) unite(pieces_[piece].core, cores[piece]);
+}
+
+// At the rank of the sample that shares it as the pieces are to be shared.
+void Cut::split(std::span<Point> sample, std::size_t pieces, const Cell& cell) {
+  Bounds extent = kNoBounds;
+  for (const Point& p : sample) include(extent, p);
+  int axis = 0;
+  for (int a = 1; a < 3; ++a)
+    if (extent.max.*kAxes[a] - extent.min.*kAxes[a] > extent.max.*kAxes[axis] - extent.min.*kAxes[axis]) axis = a;
+  const auto coordinate = kAxes[axis];
+  if (pieces == 1 || sample.size() < 2 || !(extent.max.*coordinate > extent.min.*coordinate)) {
+    pieces_.push_back({cell, kNoBounds});
+    return;
+  }
+  const std::size_t left_pieces = pieces / 2;
+  const auto middle = sample.begin() + std::ptrdiff_t(sample.size() * left_pieces / pieces);
+  std::nth_element(sample.begin(), middle, sample.end(),
+                   [&](const Point& a, const Point& b) { return a.*coordinate < b.*coordinate; });
+  float plane = (*middle).*coordinate;
+  if (!(plane > extent.min.*coordinate)) {  // many share the least coordinate: they make the left part
+    plane = extent.max.*coordinate;
+    for (const Point& p : sample)
+      if (p.*coordinate > extent.min.*coordinate) plane = std::min(plane, p.*coordinate);
+  }
+  const auto bound =
+      std::partition(sample.begin(), sample.end(), [&](const Point& p) { return p.*coordinate < plane; });
+  Cell left = cell, right = cell;
+  left.max.*kCellAxes[axis] = right.min.*kCellAxes[axis] = plane;
+  split(sample.first(std::size_t(bound - sample.begin())), left_pieces, left);
+  split(sample.subspan(std::size_t(bound - sample.begin())), pieces - left_pieces, right);
+}
+
+void Cut::find(const point::Region& region, const ForEach& for_each, std::vector<std::uint32_t>& indices) const {
+  std::vector<std::size_t> blocks;
+  for (std::size_t block = 0; block < block_bounds_.size(); ++block)
+    if (overlap(block_bounds_[block], region)) blocks.push_back(block);
+  const auto visit = [&](std::size_t block, const auto& body) {
+    const std::size_t first = block * kBlock, last = std::min(points_.size(), first + kBlock);
+    for (std::size_t i = first; i < last; ++i)
+      if (is_valid(points_[i]) && is_inside(region, to_vec3(points_[i]))) body(i);
+  };
+  std::vector<std::size_t> start(blocks.size() + 1, 0);
+  for_each(blocks.size(), [&](std::size_t b) {
+    std::size_t count = 0;
+    visit(blocks[b], [&](std::size_t) { ++count; });
+    start[b + 1] = count;
+  });
+  for (std::size_t b = 0; b < blocks.size(); ++b) start[b + 1] += start[b];
+  indices.resize(start.back());
+  for_each(blocks.size(), [&](std::size_t b) {
+    std::size_t to = start[b];
+    visit(blocks[b], [&](std::size_t i) { indices[to++] = std::uint32_t(i); });
+  });
+}
+
+}  // namespace pointfair
