@@ -22,7 +22,8 @@ static void nearest(const IndexView& index, Index leaf, int k, float squared_lim
 }
 
 extern const Kernels kKernels;
-const Kernels kKernels = {POINTFAIR_ISA_LABEL, hilbert_keys, curve_keys,     nearest, grow,          squared_radii,
-                          mean_distances,      normals,      filter_normals, fair,    displacements, move, survey};
+const Kernels kKernels = {POINTFAIR_ISA_LABEL, hilbert_keys,   curve_keys, nearest,        grow,
+                          squared_radii,       mean_distances, normals,    filter_normals, fair,
+                          displacements,       move,           survey};
 
 }  // namespace pointfair::cpu::POINTFAIR_ISA
