@@ -63,7 +63,8 @@ double noise_of(const Cloud& cloud, const Device& device, std::stop_token stop) 
 Json unmoved_json(const UnmovedCounts& unmoved) {
   return {{"non_finite", unmoved.non_finite},
           {"too_few_neighbors", unmoved.too_few_neighbors},
-          {"no_normal", unmoved.no_normal}};
+          {"no_normal", unmoved.no_normal},
+          {"outliers", unmoved.outliers}};
 }
 
 Json run_json(const Report& report, const Findings& findings) {
@@ -101,13 +102,14 @@ std::string reasons_kept(const UnmovedCounts& unmoved) {
   add(unmoved.non_finite, "not finite or beyond 1e18");
   add(unmoved.too_few_neighbors, "with too few neighbours");
   add(unmoved.no_normal, "without a normal");
+  add(unmoved.outliers, "outliers");
   return reasons;
 }
 
 void print_summary(const RunArguments& arguments, const Report& report, const Findings& findings) {
   if (arguments.verbose) print_details(report);
   const UnmovedCounts& unmoved = report.unmoved;
-  const std::uint64_t kept = unmoved.non_finite + unmoved.too_few_neighbors + unmoved.no_normal;
+  const std::uint64_t kept = unmoved.non_finite + unmoved.too_few_neighbors + unmoved.no_normal + unmoved.outliers;
   fmt::print(stderr, "{} points faired on {} in {:.1f} ms, {} kept as they were{}\n", report.points - kept,
              device_name(report.device.kind), report.total_milliseconds, kept, reasons_kept(unmoved));
   if (report.pieces > 1)

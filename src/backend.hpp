@@ -44,6 +44,8 @@ struct FairingSettings {
   bool two_planes = false;           // Eq. 10 instead of the paper's step
   int facing_angle = 0;              // degrees, of Eq. 10; 0: normals do not weigh
   float strength = 1;                // share of the displacement that is made
+  float outlier_distance = 0;        // from its neighbours, to be an outlier (src/point/outliers.h); 0: not looked for
+  bool pull_outliers = false;        // in to the mean of their neighbours; else they become NaN
   friend bool operator==(const FairingSettings&, const FairingSettings&) = default;
 };
 
@@ -59,6 +61,12 @@ struct CurveCube {
 struct Bounds {
   Point min{}, max{};       // of the valid points; zero if there is none
   std::uint64_t valid = 0;  // points that are indexed: finite, and small enough to be squared
+};
+
+// Of the whole way from upload; none if `farthest` is 0.
+struct DisplacementLimits {
+  float farthest = 0;          // a point moves no farther,
+  float outlier_distance = 0;  // and one that would move farther than this, or became NaN, keeps its place
 };
 
 struct Counts {
@@ -95,7 +103,10 @@ class Backend {
   // Where stage calls only start their work: how long those since the last call took, by the device's own clock, in
   // the order of their first; waits for them. Empty where a stage is done when its call returns.
   virtual std::vector<StageTime> stage_times() { return {}; }
-  virtual void download(std::span<Point> points) = 0;  // faired points of the current pass, in upload order
+  // Faired points of the current pass, in upload order. Returns how many outliers `limits` held back; `outliers`, unless
+  // empty, gets 1 for each of them and 0 for others.
+  virtual std::uint64_t download(std::span<Point> points, const DisplacementLimits& limits,
+                                 std::span<std::uint8_t> outliers) = 0;
   virtual void download_normals(std::span<Point> normals) = 0;
 
   // Of the current chain, after build_index.

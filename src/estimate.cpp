@@ -20,6 +20,9 @@ constexpr double kFitGrowth = 1.4;
 // Rows are asked for in two lengths: a row of the nearest begins with every shorter one, so each serves several rounds
 // of growth. The first is a round's size (30 times 1.4^4).
 constexpr int kFitRows[] = {115, kLargestFit};
+constexpr double kDoubtfulNoise = 0.3;  // spacings; below it residuals may be shape
+// How residuals grow from one neighbourhood to one of twice the points where they are noise, where they are shape.
+constexpr double kNoiseGrowth = 1.35, kShapeGrowth = 1.5;
 
 // Scattered over the upload order by a low-discrepancy sequence (multiples of the golden ratio), so that a period in
 // the order of the file (rows of a scanner) is not met in step.
@@ -290,12 +293,46 @@ Spacing measure_spacing(Backend& backend, std::uint64_t points) {
   return {std::accumulate(means.begin(), means.end(), 0.0) / double(means.size()), quantile(last, 0.95)};
 }
 
+namespace {
+
+// The noise seen from the first n of the offsets.
+double noise_of_first(std::span<const Vec> offsets, std::size_t n) {
+  Moments moments;
+  for (const Vec& o : offsets.first(n)) moments.add(o);
+  const double radius = length(offsets[n - 1]);
+  if (!(radius > 0)) return 0;
+  const CubicFit fit(offsets.first(n), moments.frame(double(n)), radius);
+  return std::sqrt(without_slab_bias(fit.variance(), radius));
+}
+
+// From rows of neighbourhoods: 0 if residuals are as large in twice the neighbourhood, so they are noise; 1 if they
+// grow with it, so they are shape.
+double likeness_to_shape(Backend& backend, std::span<const Point> rows, std::size_t row) {
+  const std::size_t samples = rows.size() / row;
+  std::vector<double> narrow(samples, -1), wide(samples, -1);
+  backend.for_each_on_host(samples, [&](std::size_t q) {
+    const auto offsets = offsets_of(rows.subspan(q * row, row));
+    if (offsets.size() < 2 * kFirstFit) return;
+    narrow[q] = noise_of_first(offsets, kFirstFit);
+    wide[q] = noise_of_first(offsets, 2 * kFirstFit);
+  });
+  for (std::vector<double>* sigmas : {&narrow, &wide}) std::erase_if(*sigmas, [](double s) { return s < 0; });
+  if (narrow.empty()) return 0;
+  const double low = quantile(narrow, 0.15), high = quantile(wide, 0.15);
+  if (!(low > 0)) return high > 0 ? 1 : 0;
+  return std::clamp((high / low - kNoiseGrowth) / (kShapeGrowth - kNoiseGrowth), 0.0, 1.0);
+}
+
+}  // namespace
+
 Noise measure_noise(Backend& backend, std::uint64_t points) {
   std::vector<std::uint32_t> queries = sample_queries(points, kNoiseSamples);
   std::vector<double> sigmas, spacings;
+  std::unique_ptr<Point[]> first_rows;
+  const std::size_t samples = queries.size();
   for (const int k : kFitRows) {
     const std::size_t row = std::size_t(k) + 1;
-    const auto rows = std::make_unique_for_overwrite<Point[]>(queries.size() * row);  // megabytes, all written below
+    auto rows = std::make_unique_for_overwrite<Point[]>(queries.size() * row);  // megabytes, all written below
     backend.sample_neighborhoods(queries, k, {rows.get(), queries.size() * row});
     std::vector<std::optional<Noise>> found(queries.size());
     std::vector<std::uint8_t> has_few(queries.size());
@@ -314,28 +351,43 @@ Noise measure_noise(Backend& backend, std::uint64_t points) {
       sigmas.push_back(found[q]->sigma);
       spacings.push_back(found[q]->surface_spacing);
     }
+    if (first_rows == nullptr) first_rows = std::move(rows);
     queries = std::move(again);
     if (queries.empty()) break;
   }
   if (sigmas.empty()) return {};
   // Where noise is all there is, residuals spread little; where curvature adds to them, the least ones know more.
   const double sigma = std::min(quantile(sigmas, 0.35), 1.2 * quantile(sigmas, 0.15));
-  return {sigma, quantile(spacings, 0.5)};
+  Noise noise{sigma, quantile(spacings, 0.5)};
+  if (sigma < kDoubtfulNoise * noise.surface_spacing) {
+    const std::size_t row = std::size_t(kFitRows[0]) + 1;
+    noise.likeness_to_shape = likeness_to_shape(backend, {first_rows.get(), samples * row}, row);
+  }
+  return noise;
 }
 
 namespace {
 
 // Neighbourhoods are balls whose radius follows noise and density, unless the caller says otherwise.
 bool chooses_balls(const Params& p) { return p.k == kAutomatic && p.radius.is_automatic() && !p.constraint; }
+// Lists are the paper's road, which knows no outliers; and where points also move along the surface, a long way says
+// nothing of noise.
+bool seeks_outliers(const Params& p) {
+  if (p.outliers != Outliers::automatic) return p.outliers != Outliers::off;
+  return sums_balls(p) && moves_along_normal(p.method);
+}
 
-constexpr double kNoiseRadius = 2.5;                 // radius of a ball on top of the spacing, in sigmas
-constexpr int kWidening = 16;                        // and the neighbours that make up the spacing's part
-constexpr double kNormalWidth = 1.4;                 // of a ball's radius
-constexpr double kClosenessWidth = 0.6;              // of a ball's radius
-constexpr double kSimilarityWidth = 3;               // sigmas
-constexpr double kTrustedNoise = 0.02;               // spacings; noise below it is hard to tell from shape
+constexpr double kNoiseRadius = 2.5;     // radius of a ball on top of the spacing, in sigmas
+constexpr int kWidening = 16;            // and the neighbours that make up the spacing's part
+constexpr double kNormalWidth = 1.4;     // of a ball's radius
+constexpr double kClosenessWidth = 0.6;  // of a ball's radius
+constexpr double kSimilarityWidth = 3;   // sigmas
+// Spacings; noise below it is hard to tell from shape: where residuals look like noise, and where they look like shape.
+constexpr double kTrustedNoise = 0.02, kTrustedShape = 0.16;
 constexpr int kNormalAngle = 20, kFacingAngle = 40;  // degrees
 constexpr int kPasses = 2;
+constexpr double kFarthestMove = 4, kOutlierDistance = 6;  // sigmas
+constexpr double kOutlierSpacings = 0.5;                   // and at least so many spacings
 
 // What `auto` means for one method; the constants above are the bilateral one's.
 struct MethodDefaults {
@@ -380,9 +432,10 @@ MethodDefaults defaults_of(Method method) {
 }
 
 // Percent. Next to nothing where the noise estimate is small against the spacing, so that clean clouds stay clean.
-int automatic_step(int whole, double sigma, double spacing) {
-  if (!(sigma > 0)) return 1;
-  const double ratio = kTrustedNoise * spacing / sigma;
+int automatic_step(int whole, const Noise& noise, double spacing) {
+  if (!(noise.sigma > 0)) return 1;
+  const double trusted = kTrustedNoise + noise.likeness_to_shape * (kTrustedShape - kTrustedNoise);
+  const double ratio = trusted * spacing / noise.sigma;
   return std::max(1, int(std::lround(whole / (1 + ratio * ratio * ratio * ratio))));
 }
 
@@ -393,14 +446,16 @@ bool sums_balls(const Params& p) { return p.k == kAutomatic && !p.constraint; }
 bool needs_noise(const Params& p) {
   const bool k_follows = p.k == kAutomatic && p.radius.is_automatic();
   return k_follows || p.normal_sigma.is_automatic() || p.closeness_sigma.is_automatic() ||
-         p.similarity_sigma.is_automatic() || (p.constraint && p.delta.is_automatic());
+         p.similarity_sigma.is_automatic() || (p.constraint && p.delta.is_automatic()) ||
+         (seeks_outliers(p) && (p.displacement_limit.is_automatic() || p.outlier_distance.is_automatic()));
 }
 
 bool needs_spacing(const Params& p) {
   const auto of_spacing = [](const Length& l) { return l.unit == Length::Unit::spacing || l.is_automatic(); };
   return p.k == kAutomatic || of_spacing(p.normal_sigma) || of_spacing(p.closeness_sigma) ||
          of_spacing(p.similarity_sigma) || p.radius.unit == Length::Unit::spacing ||
-         (p.constraint && (of_spacing(p.rho) || of_spacing(p.delta)));
+         (p.constraint && (of_spacing(p.rho) || of_spacing(p.delta))) ||
+         (seeks_outliers(p) && (of_spacing(p.displacement_limit) || of_spacing(p.outlier_distance)));
 }
 
 bool needs_diagonal(const Params& p) {
@@ -467,9 +522,12 @@ Params resolve_params(const Params& params, const Spacing& spacing, const Noise&
   if (params.planes == Planes::automatic) used.planes = by_ball ? Planes::both : Planes::own;
   if (params.normal_angle == kAutomatic) used.normal_angle = kNormalAngle;
   if (params.facing_angle == kAutomatic) used.facing_angle = kFacingAngle;
-  if (params.step == kAutomatic)
-    used.step = chooses_balls(params) ? automatic_step(its.step, noise.sigma, s) : its.step;
+  if (params.step == kAutomatic) used.step = chooses_balls(params) ? automatic_step(its.step, noise, s) : its.step;
   if (params.passes == kAutomatic) used.passes = its.passes;
+  if (params.outliers == Outliers::automatic) used.outliers = seeks_outliers(params) ? Outliers::keep : Outliers::off;
+  used.displacement_limit = in_file_units(params.displacement_limit, kFarthestMove * noise.sigma);
+  used.outlier_distance =
+      in_file_units(params.outlier_distance, std::max(kOutlierDistance * noise.sigma, kOutlierSpacings * s));
   return used;
 }
 

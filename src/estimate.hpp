@@ -34,6 +34,8 @@ struct Noise {
   // Side of the square that holds one point of the surface, by the density of those wide neighbourhoods (median).
   // Unlike the distance to the nearest points, noise does not blow it up.
   double surface_spacing = 0;
+  // 0 to 1: whether residuals grow with the neighbourhood as those of a curved shape do; 0 where noise is large.
+  double likeness_to_shape = 0;
 };
 Noise measure_noise(Backend& backend, std::uint64_t points);
 

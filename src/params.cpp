@@ -173,6 +173,7 @@ Params paper_preset() {
   params.planes = Planes::own;
   params.step = 100;
   params.passes = 1;
+  params.outliers = Outliers::off;
   return params;
 }
 

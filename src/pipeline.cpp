@@ -33,6 +33,7 @@ struct Settings {
   NeighborSettings neighbors;
   NormalSettings normals;
   FairingSettings fairing;
+  DisplacementLimits limits;  // of the download: no stage reads them
 };
 
 Settings settings_of(const Params& p) {
@@ -57,6 +58,12 @@ Settings settings_of(const Params& p) {
   s.fairing.two_planes = p.planes == Planes::both;
   s.fairing.facing_angle = s.fairing.two_planes ? p.facing_angle : 0;
   s.fairing.strength = float(p.step) / 100.0f;
+  if (p.outliers != Outliers::off) s.fairing.outlier_distance = float(p.outlier_distance.value);
+  s.fairing.pull_outliers = p.outliers == Outliers::move;
+  if (p.outliers == Outliers::keep || p.outliers == Outliers::mark) {
+    s.limits.farthest = float(p.displacement_limit.value);
+    s.limits.outlier_distance = std::max(s.limits.farthest, float(p.outlier_distance.value));
+  }
   return s;
 }
 
@@ -74,6 +81,19 @@ using MakeBackend = std::function<std::unique_ptr<Backend>()>;
 
 constexpr std::uint64_t kFirstPieces = 4;    // of a cloud that does not fit
 constexpr std::uint64_t kLeastPiece = 2000;  // points; if so few do not fit, cutting does not help
+
+// As the attribute "outlier", or outlier_2 and so on where the file has one of that name.
+void mark_outliers(Cloud& cloud, std::span<const std::uint8_t> outliers) {
+  const std::vector<AttributeInfo> present = attributes(cloud);
+  std::string name = "outlier";
+  for (int number = 2; std::any_of(present.begin(), present.end(), [&](const auto& a) { return a.name == name; });)
+    name = "outlier_" + std::to_string(number++);
+  const auto bytes = std::as_bytes(outliers);
+  Attribute& attribute = cloud.added.emplace_back();
+  attribute.name = std::move(name);
+  attribute.type = ScalarType::uint8;
+  attribute.data.assign(bytes.begin(), bytes.end());
+}
 
 std::unique_ptr<Backend> make_backend(const Device& device, DeviceInfo& info) {
   if (device.kind == Device::cpu) {
@@ -116,8 +136,9 @@ struct Pipeline::State {
   std::optional<Spacing> spacing;
   std::optional<Noise> noise;
   std::optional<Estimates> estimates;
-  double upload_milliseconds = 0;  // not yet reported
-  std::vector<StageTime> calls;    // stage calls and how long they took, not yet reported
+  std::vector<std::uint8_t> outliers;  // of the last run, if they are to be marked
+  double upload_milliseconds = 0;      // not yet reported
+  std::vector<StageTime> calls;        // stage calls and how long they took, not yet reported
   Report report;
 
   void load(std::span<const Point> given) {
@@ -333,8 +354,9 @@ struct Pipeline::State {
     if (progress) progress(double(done) / all, kStageNames[std::size_t(done) % 4]);
     run_first_pass(stop, stage_done);
     run_further_passes(used.passes - 1, stop, stage_done);
+    outliers.assign(used.outliers == Outliers::mark ? points : 0, 0);
     const auto computed = Clock::now();
-    backend->download(out);
+    const std::uint64_t outlier_count = backend->download(out, settings.limits, outliers);
     calls.push_back({"download", milliseconds_since(computed)});
     report_stages();
     const Counts counts = backend->counts();
@@ -344,6 +366,7 @@ struct Pipeline::State {
     report.params = used;
     report.unmoved = counts.unmoved;
     if (!moves_along_normal(used.method)) report.unmoved.no_normal = 0;
+    report.unmoved.outliers = outlier_count;
     report.short_neighborhoods = counts.short_neighborhoods;
     report.peak_host_bytes = backend->peak_host_bytes();
     report.peak_device_bytes = backend->peak_device_bytes();
@@ -386,6 +409,7 @@ Cloud Pipeline::run(const Params& params, std::stop_token stop, const ProgressFu
   run(params, out, std::move(stop), progress);
   Cloud result = state_->shell;
   result.points = std::move(out);
+  if (!state_->outliers.empty()) mark_outliers(result, state_->outliers);
   return result;
 }
 
@@ -427,6 +451,8 @@ void Pipeline::normals(std::span<Point> out) const {
     throw Error(ErrorKind::usage, "normals: run first, and give an array of as many points as were loaded");
   state_->backend->download_normals(out);
 }
+
+std::span<const std::uint8_t> Pipeline::outliers() const { return state_->outliers; }
 
 std::vector<DeviceStatus> list_devices() {
   std::vector<DeviceStatus> devices{cpu_status()};

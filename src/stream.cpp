@@ -10,6 +10,7 @@
 // ones, which go by index, are as in the whole; balls are thinned by that index itself, and sums over
 // them run along a curve that the caller lays over the whole cloud.
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <deque>
@@ -19,6 +20,7 @@
 #include <utility>
 
 #include "cut.hpp"
+#include "point/outliers.h"
 
 namespace pointfair {
 namespace {
@@ -27,7 +29,7 @@ using Clock = std::chrono::steady_clock;
 using Indices = std::vector<std::uint32_t>;
 
 constexpr std::size_t kBlock = 1 << 14;
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN(), kInfinity = std::numeric_limits<float>::infinity();
 
 // Points whose results are wanted: those of a cell, or those listed.
 struct Task {
@@ -100,10 +102,30 @@ class CutBackend final : public Backend {
 
   std::vector<StageTime> stage_times() override { return std::exchange(times_, {}); }
 
-  void download(std::span<Point> points) override {
+  std::uint64_t download(std::span<Point> points, const DisplacementLimits& limits,
+                         std::span<std::uint8_t> outliers) override {
     const auto start = Clock::now();
-    std::copy(output().begin(), output().end(), points.begin());
+    std::fill(outliers.begin(), outliers.end(), std::uint8_t(0));
+    const bool is_limited = limits.farthest > 0;
+    const float farthest = is_limited ? limits.farthest : kInfinity;
+    const float outlier_distance = is_limited ? limits.outlier_distance : kInfinity;
+    std::atomic<std::uint64_t> held_back = 0;
+    for_blocks(points.size(), [&](std::size_t first, std::size_t last) {
+      std::uint64_t here = 0;
+      for (std::size_t i = first; i < last; ++i) {
+        const Point &before = cloud_[i], &after = output()[i];
+        points[i] = after;
+        if (!is_valid(before) || !(is_limited || pass_ > 0)) continue;
+        const auto settled = point::settled({before.x, before.y, before.z}, {after.x, after.y, after.z}, farthest,
+                                            outlier_distance);
+        points[i] = {settled.place.x, settled.place.y, settled.place.z};
+        here += settled.is_outlier;
+        if (!outliers.empty()) outliers[i] = settled.is_outlier;
+      }
+      held_back += here;
+    });
     note("download", start);
+    return held_back;
   }
   void download_input(std::span<Point> points) override { std::copy(cloud_.begin(), cloud_.end(), points.begin()); }
   // Normals are not kept: the pass runs again.
@@ -217,7 +239,7 @@ class CutBackend final : public Backend {
     output() = input();
     Counts& all = counts_[chain()];
     all = {};
-    all.unmoved.non_finite = input().size() - cut().bounds().valid;
+    all.unmoved.non_finite = cloud_.size() - cuts_[0]->bounds().valid;
     halo_factor_ = cutting_.first_halo;
     for (Worker& worker : workers_) worker.task.reset();  // of a run that failed
     std::deque<Task> tasks;
@@ -284,7 +306,7 @@ class CutBackend final : public Backend {
     Backend& backend = *worker.backend;
     const std::size_t count = worker.indices.size();
     const std::span<Point> out = worker.room(worker.out, count);
-    backend.download(out);
+    backend.download(out, {}, {});
     worker.outcomes.resize(count);
     backend.outcomes(worker.loaded, worker.outcomes);
     std::vector<Point> its_normals(normals.empty() ? 0 : count);

@@ -104,7 +104,7 @@ void measure(Backend& backend, const Points& points, const Case& c, int repeat) 
     if (n >= 2) times[5].push_back(wait);
   }
   Points out(points.size());
-  backend.download(out);
+  backend.download(out, {}, {});
   double checksum = 0;
   for (const Point& p : out) checksum += double(p.x) + double(p.y) + double(p.z);
   std::printf("%-28s %9zu %3d  %8.3f %8.3f %8.3f %8.3f  %8.3f  (wait %.3f, upload %.1f)  %.1f B/pt  %.9g\n",

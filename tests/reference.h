@@ -154,11 +154,38 @@ inline double displacement(const Points& points, std::size_t i, const List& list
   return s.strength * (sum > 0 ? moment / sum : 0);
 }
 
+// Off the surface: hardly a neighbour is near the point's plane, or all of a ball's are near its rim.
+inline bool is_outlier(const Points& points, std::size_t i, const List& list, Vec normal, const Settings& s) {
+  double near_plane = 0, near = 0;
+  for (const std::uint32_t j : list) {
+    const Vec offset = to_vec(points[j]) - to_vec(points[i]);
+    near_plane += std::abs(dot(normal, offset)) <= s.outlier_distance;
+    near += s.k > 0 || dot(offset, offset) <= 0.49 * squared_radius(points, i, s);
+  }
+  const double all = double(list.size());
+  return s.outlier_distance > 0 && (near_plane < 0.1 * all || near < 0.05 * all);
+}
+
+// From the point to the mean of its neighbours, weighted by closeness.
+inline Vec to_mean(const Points& points, std::size_t i, const List& list, const Settings& s) {
+  const double closeness = closeness_sigma(points, i, s);
+  Vec moment;
+  double sum = 0;
+  for (const std::uint32_t j : list) {
+    const Vec offset = to_vec(points[j]) - to_vec(points[i]);
+    const double w = std::exp(-dot(offset, offset) / (2 * closeness * closeness));
+    moment = moment + w * offset;
+    sum += w;
+  }
+  return 1 / sum * moment;
+}
+
 // One faired point.
 struct Faired {
   Vec position;
   Normal normal;  // zero gap: no normal
   std::size_t neighbors = 0;
+  bool is_outlier = false;
 };
 
 inline constexpr double kLeastGap = 1e-5;  // below it points count as a line
@@ -169,6 +196,7 @@ inline std::vector<Faired> fair_once(const Points& points, const Settings& s) {
   std::vector<List> lists(points.size());
   std::vector<Normal> normals(points.size());
   for (std::size_t i = 0; i < points.size(); ++i) {
+    if (!is_valid(points[i])) continue;
     lists[i] = neighborhood(points, i, s);
     if (lists[i].size() >= 3) normals[i] = normal(points, i, lists[i], s);
     if (normals[i].gap < kLeastGap) normals[i] = {};
@@ -182,18 +210,37 @@ inline std::vector<Faired> fair_once(const Points& points, const Settings& s) {
   for (std::size_t i = 0; i < points.size(); ++i) {
     result[i] = {to_vec(points[i]) + moves[i], normals[i], lists[i].size()};
     const Vec n = normals[i].unit;
-    if (is_bilateral && length(n) > 0)
+    if (!is_bilateral || length(n) == 0) continue;
+    constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+    if (!is_outlier(points, i, lists[i], n, s)) {
       result[i].position = to_vec(points[i]) - displacement(points, i, lists[i], normals, s, area) * n;
+    } else if (s.pull_outliers) {
+      result[i].position = to_vec(points[i]) + s.strength * to_mean(points, i, lists[i], s);
+    } else {
+      result[i].position = {kNan, kNan, kNan};
+    }
   }
   return result;
 }
 
 // All passes; positions are rounded to float between them, as the library stores them.
 inline std::vector<Faired> fair(Points points, const Settings& s) {
+  const Points start = points;
   std::vector<Faired> result;
   for (int pass = 0; pass < s.passes; ++pass) {
     result = fair_once(points, s);
     for (std::size_t i = 0; i < points.size(); ++i) points[i] = to_point(result[i].position);
+  }
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (!is_valid(start[i]) || !(s.hold_back || s.passes > 1)) continue;
+    const Vec from = to_vec(start[i]), step = result[i].position - from;
+    const double moved = length(step);
+    result[i].is_outlier = !is_valid(points[i]) || (s.hold_back && moved > s.outlier_distance);
+    if (result[i].is_outlier) {
+      result[i].position = from;
+    } else if (s.hold_back && moved > s.farthest) {
+      result[i].position = from + s.farthest / moved * step;
+    }
   }
   return result;
 }

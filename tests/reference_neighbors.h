@@ -41,6 +41,9 @@ struct Settings {
   double strength = 1;
   AreaWeight area_weight = AreaWeight::none;
   int passes = 1;
+  double outlier_distance = 0;  // 0: outliers are not looked for
+  bool pull_outliers = false, hold_back = false;
+  double farthest = 0;
 };
 
 inline Settings settings_of(const Params& resolved) {
@@ -65,6 +68,10 @@ inline Settings settings_of(const Params& resolved) {
   s.strength = resolved.step / 100.0;
   s.area_weight = resolved.area_weight;
   s.passes = resolved.passes;
+  s.outlier_distance = resolved.outliers == Outliers::off ? 0 : resolved.outlier_distance.value;
+  s.pull_outliers = resolved.outliers == Outliers::move;
+  s.hold_back = resolved.outliers == Outliers::keep || resolved.outliers == Outliers::mark;
+  s.farthest = resolved.displacement_limit.value;
   return s;
 }
 

@@ -25,11 +25,13 @@ struct Settings {
   NormalSettings normals{true, 0.1f};
   FairingSettings fairing{Method::bilateral, AreaWeight::none, 0.1f, 0.05f};
   int passes = 1;
+  DisplacementLimits limits;
 };
 
 struct Result {
   std::vector<Point> points, normals;
   Counts counts;
+  std::uint64_t held_back = 0;
 };
 
 Result run(Backend& backend, const std::vector<Point>& points, const Settings& settings) {
@@ -41,8 +43,8 @@ Result run(Backend& backend, const std::vector<Point>& points, const Settings& s
     backend.estimate_normals(settings.normals, {});
     backend.fair(settings.fairing, {});
   }
-  Result result{std::vector<Point>(points.size()), std::vector<Point>(points.size()), {}};
-  backend.download(result.points);
+  Result result{std::vector<Point>(points.size()), std::vector<Point>(points.size()), {}, 0};
+  result.held_back = backend.download(result.points, settings.limits, {});
   backend.download_normals(result.normals);
   result.counts = backend.counts();
   return result;
@@ -88,6 +90,7 @@ class CudaBackendTest : public ::testing::Test {
     EXPECT_EQ(difference(cuda.points, cpu.points), "") << "faired points";
     EXPECT_EQ(cuda.counts.unmoved, cpu.counts.unmoved);
     EXPECT_EQ(cuda.counts.short_neighborhoods, cpu.counts.short_neighborhoods);
+    EXPECT_EQ(cuda.held_back, cpu.held_back);
   }
 
   std::unique_ptr<Backend> cuda_, cpu_;
@@ -366,6 +369,23 @@ TEST_F(CudaBalls, equal_the_cpu_with_every_method) {
   }
 }
 
+TEST_F(CudaBackendTest, equals_the_cpu_on_outliers) {
+  std::vector<Point> points = noisy_sphere(100000, 21, 0.002);
+  for (std::size_t i = 0; i < points.size(); i += 100) {
+    const float lift = 1 + 0.0001f * float(i % 7919);
+    points[i] = {points[i].x * lift, points[i].y * lift, points[i].z * lift};
+  }
+  points[5].y = std::numeric_limits<float>::quiet_NaN();
+  for (const int passes : {1, 2, 3}) {
+    Settings settings = with_filter_and_both_planes(with_neighbors(24));
+    settings.passes = passes;
+    settings.fairing.outlier_distance = 0.01f;
+    settings.fairing.pull_outliers = passes == 2;
+    settings.limits = {0.006f, 0.01f};
+    expect_same(points, settings, "held back");
+  }
+}
+
 TEST_F(CudaBackendTest, equals_the_cpu_over_passes) {
   Settings settings;
   settings.passes = 3;
@@ -438,7 +458,7 @@ TEST_F(CudaBackendTest, runs_repeat_to_the_bit_and_stages_repeat_alone) {
   settings.fairing.similarity_sigma = 0.01f;
   cuda_->fair(settings.fairing, {});
   std::vector<Point> changed(points.size());
-  cuda_->download(changed);
+  cuda_->download(changed, {}, {});
   EXPECT_EQ(difference(changed, run(*cpu_, points, settings).points), "");
 }
 

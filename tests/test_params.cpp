@@ -253,6 +253,7 @@ TEST(PaperPreset, is_k_8_one_pass_with_constraint_and_squared_area_weight_and_no
   expected.normal_filter = NormalFilter::off;
   expected.planes = Planes::own;
   expected.step = 100;
+  expected.outliers = Outliers::off;
   EXPECT_EQ(paper_preset(), expected);
 }
 

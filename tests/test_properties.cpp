@@ -38,6 +38,7 @@ Sample make_sample(std::uint64_t seed, bool with_list) {
   sample.spacing = spacing;
   sample.sigma = spacing * random.uniform(1, 3);
   sample.params.passes = 1;
+  sample.params.outliers = Outliers::off;  // limits by the noise, which is estimated anew for every cloud
   sample.params.normal_sigma = sample.sigma;
   sample.params.closeness_sigma = sample.sigma;
   sample.params.similarity_sigma = spacing * random.uniform(0.3, 2);

@@ -243,7 +243,10 @@ class FailingBackend : public Backend {
     if (fails_) throw Error(ErrorKind::memory, "no memory for fairing");
     inner_->fair(settings, stop);
   }
-  void download(std::span<Point> points) override { inner_->download(points); }
+  std::uint64_t download(std::span<Point> points, const DisplacementLimits& limits,
+                         std::span<std::uint8_t> outliers) override {
+    return inner_->download(points, limits, outliers);
+  }
   void download_normals(std::span<Point> normals) override { inner_->download_normals(normals); }
   Bounds bounds() const override { return inner_->bounds(); }
   void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override {

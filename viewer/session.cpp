@@ -372,7 +372,8 @@ void Session::Worker::show_preview(const Request& request, const Params& used, c
 void Session::Worker::show_result(const Request& request) {
   const Report& report = pipeline_->report();
   const auto start = Clock::now();
-  const bool along_normals = report.params.passes == 1 && moves_along_normal(report.params.method);
+  const bool along_normals =
+      report.params.passes == 1 && moves_along_normal(report.params.method) && report.params.outliers != Outliers::move;
   if (!along_normals || first_difference(motion_params_, report.params) <= Stage::normals) motion_.clear();
   const bool fresh = along_normals && motion_.empty();
   if (fresh) {
@@ -391,7 +392,8 @@ void Session::Worker::show_result(const Request& request) {
               {"step", step_},
               {"used", params_texts(report.params)},
               {"moved", {{"mean", moved.mean}, {"rms", moved.rms}, {"max", moved.max}}},
-              {"unmoved", report.unmoved.non_finite + report.unmoved.too_few_neighbors + report.unmoved.no_normal},
+              {"unmoved", report.unmoved.non_finite + report.unmoved.too_few_neighbors + report.unmoved.no_normal +
+                              report.unmoved.outliers},
               {"stages", stages_json(report.stages)},
               {"total_ms", report.total_milliseconds},
               {"encode_ms", milliseconds_since(start)},

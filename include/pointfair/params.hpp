@@ -40,6 +40,9 @@ enum class AreaWeight : std::uint8_t { none, length, squared };
 enum class NormalFilter : std::uint8_t { automatic, off, on, mollify };
 /// Which planes an offset is measured to: the point's own (paper eq. 2), or its own and the neighbour's alike.
 enum class Planes : std::uint8_t { automatic, own, both };
+/// What is done with points off the surface: `off` does not look for them, `move` pulls them in, `keep` leaves them
+/// where they are, `mark` keeps them and says so in an attribute.
+enum class Outliers : std::uint8_t { automatic, off, move, keep, mark };
 
 inline constexpr int kAutomatic = 0;       ///< for whole numbers: chosen from the data
 inline constexpr int kMaxNeighbors = 512;  ///< the longest neighbour list
@@ -68,6 +71,10 @@ struct Params {
   int facing_angle = kAutomatic;  ///< with planes both: weight by the normals' agreement, degrees
   int step = kAutomatic;          ///< percent of the displacement that is made
   int passes = kAutomatic;
+  // points off the surface
+  Outliers outliers = Outliers::automatic;
+  Length outlier_distance;
+  Length displacement_limit;
 
   friend bool operator==(const Params&, const Params&) = default;
 };
@@ -78,7 +85,7 @@ Params paper_preset();
 
 /// A pointer to the field that a row of the table describes.
 using ParamField = std::variant<int Params::*, bool Params::*, Length Params::*, Method Params::*, AreaWeight Params::*,
-                                NormalFilter Params::*, Planes Params::*>;
+                                NormalFilter Params::*, Planes Params::*, Outliers Params::*>;
 
 /// One row of the table. `name` is the field's name; a flag writes it with '-' for '_'.
 struct ParamInfo {
@@ -130,8 +137,16 @@ inline constexpr std::array kParams = {
               "with planes both: neighbours whose normals differ by more than so many degrees hardly count"},
     ParamInfo{"step", Stage::fairing, &Params::step, 1, 200, true, "",
               "percent of the displacement that each pass makes; with taubin: lambda"},
+    ParamInfo{"outliers", Stage::fairing, &Params::outliers, 0, 0, true, "off|move|keep|mark",
+              "points off the surface: do not look for them, pull them in, keep them, or keep and mark them (attribute "
+              "'outlier')"},
+    ParamInfo{"outlier_distance", Stage::fairing, &Params::outlier_distance, 0, 1e30, true, "",
+              "an outlier is a point with fewer than a tenth of its neighbours this close to its plane, or that would "
+              "move farther; auto: 6 times the noise, at least half a spacing"},
     ParamInfo{"passes", Stage::passes, &Params::passes, 1, 100, true, "",
               "how often the whole is repeated, neighbours searched again"},
+    ParamInfo{"displacement_limit", Stage::passes, &Params::displacement_limit, 0, 1e30, true, "",
+              "with outliers kept or marked no point moves farther, all passes together; auto: 4 times the noise"},
 };
 
 /// The row called `name` ('-' and '_' alike), or null.

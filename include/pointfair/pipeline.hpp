@@ -61,6 +61,7 @@ struct UnmovedCounts {
   std::uint64_t non_finite = 0;         ///< a coordinate is NaN or infinite, or its square would overflow
   std::uint64_t too_few_neighbors = 0;  ///< fewer than 3 neighbours
   std::uint64_t no_normal = 0;          ///< neighbours identical or on a line
+  std::uint64_t outliers = 0;           ///< farther from the surface than noise explains (Params::outliers)
   friend bool operator==(const UnmovedCounts&, const UnmovedCounts&) = default;
 };
 
@@ -129,7 +130,8 @@ class Pipeline {
   void load(const Cloud& cloud);
   void load(std::span<const Point> points);
 
-  /// Fairs the loaded cloud and returns it with moved points and the source's attributes. Throws ErrorKind::usage for
+  /// Fairs the loaded cloud and returns it with moved points and the source's attributes; with Outliers::mark also with
+  /// the attribute "outlier", 1 or 0 a point. Throws ErrorKind::usage for
   /// contradicting parameters, ErrorKind::memory, ErrorKind::interrupted (the next run resumes at the stage that was
   /// interrupted). Same points and same parameters give the same bits, for any number of threads.
   Cloud run(const Params& params = {}, std::stop_token stop = {}, const ProgressFunction& progress = {});
@@ -149,6 +151,10 @@ class Pipeline {
 
   /// The device this pipeline runs on.
   DeviceInfo device() const;
+
+  /// 1 for each outlier of the last run, 0 for other points, in file order; empty unless Outliers::mark was asked for.
+  /// Valid until the next run.
+  std::span<const std::uint8_t> outliers() const;
 
   /// Unit normals of the last run's last pass, sign arbitrary, zero where there is none; N values, in file order.
   void normals(std::span<Point> out) const;

@@ -6,6 +6,7 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cstring>
 #include <fstream>
 #include <limits>
@@ -15,13 +16,14 @@
 #include "cpu/chain.h"
 #include "cpu/parallel.h"
 #include "cpu/single_search.h"
+#include "point/outliers.h"
 
 namespace pointfair {
 namespace cpu {
 namespace {
 
 constexpr std::size_t kCopyBlock = 1 << 15;
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN(), kInfinity = std::numeric_limits<float>::infinity();
 
 unsigned available_threads() { return std::max(1u, std::thread::hardware_concurrency()); }
 
@@ -109,11 +111,15 @@ class CpuBackend final : public Backend {
     arena_.execute([&] { at_work_->fair(settings, kernels_, stop); });
   }
 
-  void download(std::span<Point> points) override {
+  std::uint64_t download(std::span<Point> points, const DisplacementLimits& limits,
+                         std::span<std::uint8_t> outliers) override {
+    const bool may_miss_some = at_work_ != &first_;  // those that a pass before turned into NaN
+    if (may_miss_some) fill(points, Point{kNan, kNan, kNan});
     scatter(points, at_work_->faired());
     for (const InvalidPoint& p : first_.index().invalid()) points[p.original] = p.position;
-    if (at_work_ != &first_)
-      for (const InvalidPoint& p : further_.index().invalid()) points[p.original] = p.position;
+    std::fill(outliers.begin(), outliers.end(), std::uint8_t(0));
+    if (limits.farthest > 0) return hold_back(points, limits, outliers);
+    return may_miss_some ? hold_back(points, {kInfinity, kInfinity}, outliers) : 0;
   }
 
   void download_normals(std::span<Point> normals) override {
@@ -157,7 +163,7 @@ class CpuBackend final : public Backend {
 
   Counts counts() const override {
     Counts counts = at_work_->counts();
-    if (at_work_ != &first_) counts.unmoved.non_finite += first_.counts().unmoved.non_finite;
+    counts.unmoved.non_finite = first_.counts().unmoved.non_finite;
     return counts;
   }
   std::uint64_t peak_host_bytes() const override { return meter_.peak; }
@@ -182,6 +188,14 @@ class CpuBackend final : public Backend {
     for (const InvalidPoint& p : first_.index().invalid()) uploaded_[p.original] = p.position;
   }
 
+  void fill(std::span<Point> points, Point value) {
+    arena_.execute([&] {
+      for_blocks(points.size(), kCopyBlock, {}, [&](std::size_t first, std::size_t last, std::size_t) {
+        std::fill(points.begin() + first, points.begin() + last, value);
+      });
+    });
+  }
+
   void scatter(std::span<Point> out, std::span<const Point> sorted) {
     const std::span<const Index> originals = at_work_->index().originals();
     arena_.execute([&] {
@@ -189,6 +203,26 @@ class CpuBackend final : public Backend {
         for (std::size_t i = first; i < last; ++i) out[originals[i]] = sorted[i];
       });
     });
+  }
+
+  std::uint64_t hold_back(std::span<Point> points, const DisplacementLimits& limits, std::span<std::uint8_t> outliers) {
+    const IndexView index = first_.index().view();
+    std::atomic<std::uint64_t> total = 0;
+    arena_.execute([&] {
+      for_blocks(index.points, kCopyBlock, {}, [&](std::size_t first, std::size_t last, std::size_t) {
+        std::uint64_t here = 0;
+        for (std::size_t i = first; i < last; ++i) {
+          Point& p = points[index.original[i]];
+          const auto settled = point::settled({index.x[i], index.y[i], index.z[i]}, {p.x, p.y, p.z}, limits.farthest,
+                                              limits.outlier_distance);
+          p = {settled.place.x, settled.place.y, settled.place.z};
+          here += settled.is_outlier;
+          if (!outliers.empty()) outliers[index.original[i]] = settled.is_outlier;
+        }
+        total += here;
+      });
+    });
+    return total;
   }
 
   // Finds the sorted positions of those queries that are not known yet. One sweep over the cloud, so samples are best

@@ -194,8 +194,12 @@ void Chain::fair_bilaterally(const FairingSettings& settings, AreaView area, con
                              const std::stop_token& stop) {
   const IndexView index = index_.view();
   const FairingRule rule{point::bilateral_weights(settings.closeness_sigma, settings.similarity_sigma),
-                         settings.closeness_of_radius, settings.two_planes, point::inverse_turn(settings.facing_angle),
-                         settings.strength};
+                         settings.closeness_of_radius,
+                         settings.two_planes,
+                         point::inverse_turn(settings.facing_angle),
+                         settings.strength,
+                         settings.outlier_distance * settings.outlier_distance,
+                         settings.pull_outliers};
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     for (std::size_t leaf = first; leaf < last; ++leaf)
       kernels.fair(index, Index(leaf), neighborhoods(), normals(), area, rule, &faired_[leaf * kLeafSize].x);

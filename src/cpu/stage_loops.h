@@ -6,6 +6,7 @@
 #include "cpu/kernels.h"
 #include "cpu/pack.h"
 #include "cpu/search.h"
+#include "point/outliers.h"
 
 namespace pointfair::cpu::POINTFAIR_ISA {
 
@@ -43,6 +44,7 @@ class ListWalk {
     }
   }
   POINTFAIR_INLINE Floats squared_radius() const { return broadcast(1.0f); }  // lists have no width of their own
+  POINTFAIR_INLINE Floats squared_core() const { return broadcast(__builtin_inff()); }
 
  private:
   const IndexView& index_;
@@ -84,6 +86,7 @@ class BallWalk {
     descend(index_.levels - 1, 0, visit);
   }
   POINTFAIR_INLINE Floats squared_radius() const { return queries_.limit; }
+  POINTFAIR_INLINE Floats squared_core() const { return queries_.limit * point::kNearSquaredRadius; }
 
  private:
   template <class Visit>
@@ -247,22 +250,53 @@ POINTFAIR_INLINE Floats area_weight(AreaView area, There there) {
   return area.power == 1 ? length : length * length;
 }
 
-// How far the points of the pack move against their normals.
-template <class Neighbors, class Weights>
-POINTFAIR_INLINE Floats distance_of_pack(const Neighbors& neighbors, Weights weights, const FairingRule& rule,
-                                         point::Vec3<Floats> normal, VectorsView normals, AreaView area) {
+// How far the points of the pack move against their normals; `visited` sees each neighbour's offset too.
+template <class Neighbors, class Weights, class Visited>
+POINTFAIR_INLINE Floats bilateral_distance(const Neighbors& neighbors, Weights weights, const FairingRule& rule,
+                                           point::Vec3<Floats> normal, VectorsView normals, AreaView area,
+                                           Visited visited) {
   if (rule.two_planes) {
     point::TwoPlaneSum<Floats> sum;
     neighbors([&](point::Vec3<Floats> offset, auto there, Mask inside) {
+      visited(offset, inside);
       sum.add(offset, normal, vector_of(there, normals), area_weight(area, there), inside, weights, rule.inverse_turn);
     });
     return sum.distance();
   }
   point::BilateralSum<Floats> sum;
   neighbors([&](point::Vec3<Floats> offset, auto there, Mask inside) {
+    visited(offset, inside);
     sum.add(offset, normal, area_weight(area, there), inside, weights);
   });
   return sum.distance();
+}
+
+// Where the points of the pack go: along their normals; outliers become NaN or go to the mean of their neighbours.
+template <class Neighbors, class Weights>
+POINTFAIR_INLINE point::Vec3<Floats> fair_pack(const Neighbors& neighbors, Weights weights, const FairingRule& rule,
+                                               point::Vec3<Floats> here, point::Vec3<Floats> normal,
+                                               VectorsView normals, AreaView area) {
+  if (rule.squared_outlier_distance == 0) {
+    const Floats distance =
+        bilateral_distance(neighbors, weights, rule, normal, normals, area, [](point::Vec3<Floats>, Mask) {});
+    return point::moved(here, normal, distance * rule.strength);
+  }
+  point::Agreement<Floats> agreement;
+  const Floats squared_core = neighbors.squared_core();
+  const Floats distance =
+      bilateral_distance(neighbors, weights, rule, normal, normals, area, [&](point::Vec3<Floats> offset, Mask inside) {
+        agreement.add(offset, normal, inside, rule.squared_outlier_distance, squared_core);
+      });
+  const point::Vec3<Floats> there = point::moved(here, normal, distance * rule.strength);
+  // a point without a normal keeps its place
+  const Mask outlier = agreement.is_missing() & (point::squared_length(normal) > broadcast(0.0f));
+  if (!any(outlier)) return there;
+  const Floats nan = broadcast(__builtin_nanf(""));
+  if (!rule.pull_outliers) return point::select<Floats>(outlier, {nan, nan, nan}, there);
+  point::CentroidSum<Floats> sum;
+  const point::PullWeights<Floats> pull{broadcast(0.0f) + weights.inverse_two_closeness2};
+  neighbors([&](point::Vec3<Floats> offset, auto, Mask inside) { sum.add(offset, inside, pull); });
+  return point::select<Floats>(outlier, here + broadcast(rule.strength) * sum.centroid(), there);
 }
 
 // Point after point.
@@ -293,11 +327,10 @@ inline void fair(const IndexView& index, Index leaf, Neighborhoods neighborhoods
   for_packs(index, leaf, neighborhoods, [&](Index start, const auto& neighbors) {
     const point::Vec3<Floats> here = load_vector(index.x, index.y, index.z, start);
     const point::Vec3<Floats> normal = load_vector(normals.x, normals.y, normals.z, start);
-    const Floats distance =
-        rule.of_radius ? distance_of_pack(neighbors, point::local_weights(rule.weights, neighbors.squared_radius()),
-                                          rule, normal, normals, area)
-                       : distance_of_pack(neighbors, rule.weights, rule, normal, normals, area);
-    const point::Vec3<Floats> there = point::moved(here, normal, distance * rule.strength);
+    const point::Vec3<Floats> there =
+        rule.of_radius ? fair_pack(neighbors, point::local_weights(rule.weights, neighbors.squared_radius()), rule,
+                                   here, normal, normals, area)
+                       : fair_pack(neighbors, rule.weights, rule, here, normal, normals, area);
     store_points(there, xyz + 3 * (start % kLeafSize));
   });
 }

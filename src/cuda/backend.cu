@@ -6,12 +6,15 @@
 #include "cuda/chain.cuh"
 #include "cuda/devices.cuh"
 #include "cuda/memory.cuh"
+#include "cuda/outliers.cuh"
 #include "cuda/stage_clock.cuh"
 #include "cuda/transfer.cuh"
 
 namespace pointfair {
 namespace cuda {
 namespace {
+
+constexpr float kInfinity = __builtin_inff();
 
 class CudaBackend final : public Backend {
  public:
@@ -116,13 +119,26 @@ class CudaBackend final : public Backend {
     check(status, "allocating page-locked memory");
     return {points, count, [](Point* memory) noexcept { cudaFreeHost(memory); }};
   }
-  void download(std::span<Point> points) override {
+  std::uint64_t download(std::span<Point> points, const DisplacementLimits& limits,
+                         std::span<std::uint8_t> outliers) override {
     const cudaEvent_t start = start_stage();
-    copy_out(at_work_->faired().data(), points);
+    const bool may_miss_some = at_work_ != &first_;  // those that a pass before turned into NaN
+    unsigned long long held_back = 0;
+    if (limits.farthest > 0) {
+      copy_held_back(limits, points, outliers, held_back);
+    } else {
+      std::fill(outliers.begin(), outliers.end(), std::uint8_t(0));
+      if (may_miss_some) {
+        copy_held_back({kInfinity, kInfinity}, points, {}, held_back);
+      } else {
+        copy_out(at_work_->faired().data(), points);
+      }
+    }
     at_work_->fetch_state(fetched_.get());  // counts() then need not ask the card again
     clock_.note("download", start);
     wait();
     is_fetched_ = true;
+    return held_back;
   }
   void download_normals(std::span<Point> normals) override {
     context_.enter();
@@ -176,7 +192,8 @@ class CudaBackend final : public Backend {
     context_.enter();
     const CloudState state = is_fetched_ ? *fetched_.get() : at_work_->state();
     Counts counts;
-    counts.unmoved = {at_work_->points() - state.valid, state.too_few_neighbors, state.no_normal};
+    const Index valid = at_work_ == &first_ ? state.valid : loaded_->state().valid;
+    counts.unmoved = {first_.points() - valid, state.too_few_neighbors, state.no_normal};
     counts.short_neighborhoods = state.short_neighborhoods;
     return counts;
   }
@@ -204,6 +221,27 @@ class CudaBackend final : public Backend {
     context_.finish();
     clock_.pause();
   }
+  // Starts the copies; `held_back` and what the spans hold are there after wait().
+  void copy_held_back(const DisplacementLimits& limits, std::span<Point> points, std::span<std::uint8_t> outliers,
+                      unsigned long long& held_back) {
+    DeviceArray<Point> settled(context_);
+    DeviceArray<std::uint8_t> marks(context_);
+    DeviceArray<unsigned long long> total(context_);
+    settled.resize(points.size());
+    marks.resize(outliers.size());
+    total.resize(1);
+    check(cudaMemsetAsync(total.data(), 0, sizeof(unsigned long long), context_.stream()), "clearing a count");
+    hold_back(context_,
+              {uploaded_.data(), at_work_->faired().data(), points.size(), limits.farthest, limits.outlier_distance},
+              settled.data(), outliers.empty() ? nullptr : marks.data(), total.data());
+    check(cudaMemcpyAsync(&held_back, total.data(), sizeof held_back, cudaMemcpyDeviceToHost, context_.stream()),
+          "reading a count");
+    if (!outliers.empty())
+      check(cudaMemcpyAsync(outliers.data(), marks.data(), outliers.size(), cudaMemcpyDeviceToHost, context_.stream()),
+            "downloading outliers");
+    copy_out(settled.data(), points);
+  }
+
   void copy_out(const Point* from, std::span<Point> to) {
     check(cudaMemcpyAsync(to.data(), from, to.size_bytes(), cudaMemcpyDeviceToHost, context_.stream()),
           "downloading points");
@@ -219,6 +257,7 @@ class CudaBackend final : public Backend {
   DeviceArray<Index> whole_{context_};       // indices in the cloud that the uploaded points are a part of
   DeviceArray<Point> pass_input_{context_};  // faired points of the further pass before
   Chain first_{context_}, further_{context_};
+  Chain* const loaded_ = &first_;
   Chain* at_work_ = &first_;
   std::optional<CurveCube> cube_;
   const Point* input_ = nullptr;  // of the chain at work

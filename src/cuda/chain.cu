@@ -200,11 +200,11 @@ void Chain::fair(const FairingSettings& settings, std::stop_token stop) {
                             staged.data(),  originals.data(), originals.data() + originals.size() / 2};
   if (settings.method != Method::bilateral) return fair_by_method(settings, areas, faired, stop);
   const auto weights = point::bilateral_weights(settings.closeness_sigma, settings.similarity_sigma);
-  if (neighbors_.k == 0 || settings.two_planes || settings.strength != 1) {
+  if (neighbors_.k == 0 || settings.two_planes || settings.strength != 1 || settings.outlier_distance > 0) {
     settle(stop);
     fair_widely(context_, index_.tree(), surroundings(), normals(), areas,
                 {weights, settings.closeness_of_radius, settings.two_planes, point::inverse_turn(settings.facing_angle),
-                 settings.strength},
+                 settings.strength, settings.outlier_distance * settings.outlier_distance, settings.pull_outliers},
                 faired);
   } else if (normals_wait_) {
     clear_unmoved();

@@ -10,6 +10,7 @@
 
 #include "cuda/ball_parts.cuh"
 #include "cuda/stages.cuh"
+#include "point/outliers.h"
 
 namespace pointfair::cuda {
 
@@ -44,6 +45,7 @@ class Listed {
     (*this)(LoadNothing{}, visit);
   }
   __device__ __forceinline__ float squared_radius() const { return 1; }  // lists have no width of their own
+  __device__ __forceinline__ float squared_core() const { return __int_as_float(0x7f800000); }
 
  private:
   const float4* points_;
@@ -115,6 +117,7 @@ class WalkedBall {
     (*this)(LoadNothing{}, visit);
   }
   __device__ __forceinline__ float squared_radius() const { return squared_radius_; }
+  __device__ __forceinline__ float squared_core() const { return squared_radius_ * point::kNearSquaredRadius; }
 
  private:
   // Whether a ball of the warp reaches this lane's box. Most boxes are near that of the whole warp or they are not; a
@@ -206,6 +209,7 @@ class CollectedBall {
     (*this)(LoadNothing{}, visit);
   }
   __device__ __forceinline__ float squared_radius() const { return squared_radius_; }
+  __device__ __forceinline__ float squared_core() const { return squared_radius_ * point::kNearSquaredRadius; }
 
  private:
   static constexpr int kAtOnce = 4;  // independent until they are added up

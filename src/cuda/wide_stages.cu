@@ -2,6 +2,7 @@
 // A thread a point, in sorted order, a warp a leaf, over the neighbours of src/cuda/surroundings.cuh.
 #include "cuda/stage_parts.cuh"
 #include "cuda/wide_stages.cuh"
+#include "point/outliers.h"
 
 namespace pointfair::cuda {
 namespace {
@@ -72,10 +73,10 @@ __global__ void __launch_bounds__(kBlock)
   to.set(at, filtered.unit());
 }
 
-template <class Neighbors>
-__device__ __forceinline__ float distance_along_normal(const Neighbors& neighbors, const FairingRule& rule,
-                                                       Normals normals, Vec normal, AreaWeights areas) {
-  const auto weights = weights_of(rule, neighbors.squared_radius());
+template <class Neighbors, class Weights, class Visited>
+__device__ __forceinline__ float bilateral_distance(const Neighbors& neighbors, Weights weights,
+                                                    const FairingRule& rule, Normals normals, Vec normal,
+                                                    AreaWeights areas, Visited visited) {
   if (rule.two_planes) {
     point::TwoPlaneSum<float> sum;
     neighbors(
@@ -83,14 +84,46 @@ __device__ __forceinline__ float distance_along_normal(const Neighbors& neighbor
           return Plane{normals.at(there), areas.of(there)};
         },
         [&](Vec offset, Plane there, bool inside) {
+          visited(offset, inside);
           sum.add(offset, normal, there.normal, there.area, inside, weights, rule.inverse_turn);
         });
     return sum.distance();
   }
   point::BilateralSum<float> sum;
   neighbors([&](Index there) { return areas.of(there); },
-            [&](Vec offset, float area, bool inside) { sum.add(offset, normal, area, inside, weights); });
+            [&](Vec offset, float area, bool inside) {
+              visited(offset, inside);
+              sum.add(offset, normal, area, inside, weights);
+            });
   return sum.distance();
+}
+
+// Where the point goes: along its normal; an outlier becomes NaN or goes to the mean of its neighbours. All lanes of
+// the warp take part.
+template <class Neighbors>
+__device__ __forceinline__ Vec fair_point(const Neighbors& neighbors, const FairingRule& rule, Vec here, Vec normal,
+                                          Normals normals, AreaWeights areas, bool valid) {
+  const auto weights = weights_of(rule, neighbors.squared_radius());
+  if (rule.squared_outlier_distance == 0) {
+    const float distance = bilateral_distance(neighbors, weights, rule, normals, normal, areas, [](Vec, bool) {});
+    return point::moved(here, normal, distance * rule.strength);
+  }
+  point::Agreement<float> agreement;
+  const float squared_core = neighbors.squared_core();
+  const float distance =
+      bilateral_distance(neighbors, weights, rule, normals, normal, areas, [&](Vec offset, bool inside) {
+        agreement.add(offset, normal, inside, rule.squared_outlier_distance, squared_core);
+      });
+  const Vec there = point::moved(here, normal, distance * rule.strength);
+  // a point without a normal keeps its place
+  const bool outlier = valid && agreement.is_missing() && point::squared_length(normal) > 0;
+  if (!__any_sync(kAllLanes, outlier)) return there;
+  const float nan = __int_as_float(0x7fffffff);
+  if (!rule.pull_outliers) return outlier ? Vec{nan, nan, nan} : there;
+  point::CentroidSum<float> sum;
+  const point::PullWeights<float> pull{weights.inverse_two_closeness2};
+  neighbors([](Index) { return 0; }, [&](Vec offset, int, bool inside) { sum.add(offset, inside, pull); });
+  return outlier ? here + rule.strength * sum.centroid() : there;
 }
 
 template <class Neighbors>
@@ -103,9 +136,8 @@ __global__ void __launch_bounds__(kBlock)
   const bool valid = at < tree.state->valid;
   const Neighbors neighbors(tree, surroundings, Index(at), valid, shared[threadIdx.x / kWarp]);
   const Vec normal = normals.at(at);
-  const float distance = distance_along_normal(neighbors, rule, normals, normal, areas);
   const float4 p = tree.points[at];
-  const Vec moved = point::moved(position_of(p), normal, distance * rule.strength);
+  const Vec moved = fair_point(neighbors, rule, position_of(p), normal, normals, areas, valid);
   store_faired(faired, at, p, valid, moved);
 }
 

@@ -15,9 +15,11 @@ struct NormalRule {
 struct FairingRule {
   point::BilateralWeights weights;
   bool of_radius;
-  bool two_planes;     // Eq. 10 of docs/how-it-works.md instead of the paper's step
-  float inverse_turn;  // of Eq. 10
-  float strength;      // share of the displacement that is made
+  bool two_planes;                 // Eq. 10 of docs/how-it-works.md instead of the paper's step
+  float inverse_turn;              // of Eq. 10
+  float strength;                  // share of the displacement that is made
+  float squared_outlier_distance;  // 0: outliers are not looked for
+  bool pull_outliers;              // else they become NaN
 };
 
 // R_i^2 from lists of the `widening` nearest, or as many as there are; lists.k is 0 for none.

@@ -9,7 +9,8 @@ from program import (CUBE_FACES, CUBE_VERTICES, Case, positions, radius_error, r
 
 PARAMS = ["k", "radius", "widening", "constraint", "rho", "delta", "normal_weights", "normal_sigma", "normal_filter",
           "normal_angle", "method", "closeness_sigma", "similarity_sigma", "area_weight", "planes", "facing_angle",
-          "step", "passes"]
+          "step", "outliers",
+          "outlier_distance", "passes", "displacement_limit"]
 VERBS = ["run", "info", "compare", "noise", "bench", "doctor"]
 
 
@@ -88,7 +89,7 @@ class Run(Case):
         self.assertEqual(list(report["peak_bytes"]), ["host", "device"])
         self.assertEqual([list(stage) for stage in report["stages"]], [["name", "ms"]] * len(report["stages"]))
         self.assertEqual(report["points"], 500)
-        self.assertEqual(set(report["unmoved"]), {"non_finite", "too_few_neighbors", "no_normal"})
+        self.assertEqual(set(report["unmoved"]), {"non_finite", "too_few_neighbors", "no_normal", "outliers"})
         params = report["params"]
         self.assertEqual((params["k"], params["passes"], params["constraint"], params["area_weight"]),
                          (8, 1, True, "squared"))

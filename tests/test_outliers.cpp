@@ -1,0 +1,190 @@
+// SPDX-License-Identifier: Apache-2.0
+// Points far from the surface: recognised, kept in place, pulled in or marked; and no point moves farther than allowed.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <numeric>
+
+#include "pointfair/pointfair.hpp"
+#include "reference.h"
+#include "shapes.h"
+
+namespace pointfair {
+namespace {
+
+using shapes::Points;
+
+constexpr double kSigma = 0.006;
+
+// Two outliers beside each other may pass for a scrap of surface; of 50, so many are recognised at least.
+constexpr std::uint64_t kRecognized = 45;
+
+// A noisy plane z = 0 over the unit square; every 100th point is lifted by 10 to 40 sigmas instead.
+struct Lifted {
+  Points points;
+  std::vector<bool> is_lifted;
+};
+
+Points noisy_plane() { return shapes::with_noise(shapes::plane(5000), kSigma); }
+
+Lifted with_outliers(Points points) {
+  shapes::Random random(7);
+  std::vector<bool> is_lifted(points.size());
+  for (std::size_t i = 50; i < points.size(); i += 100) {
+    points[i].z = float((i % 200 == 50 ? 1 : -1) * kSigma * random.uniform(10, 40));
+    is_lifted[i] = true;
+  }
+  return {std::move(points), std::move(is_lifted)};
+}
+
+struct Outcome {
+  Points points;
+  Report report;
+  std::vector<std::uint8_t> outliers;
+};
+
+Outcome run(const Points& points, const Params& params) {
+  Pipeline pipeline(Device::cpu);
+  pipeline.load(points);
+  Outcome outcome{Points(points.size()), {}, {}};
+  pipeline.run(params, outcome.points);
+  outcome.report = pipeline.report();
+  outcome.outliers.assign(pipeline.outliers().begin(), pipeline.outliers().end());
+  return outcome;
+}
+
+Params with(Outliers outliers) {
+  Params params;
+  params.outliers = outliers;
+  return params;
+}
+
+double distance(Point a, Point b) { return reference::length(reference::to_vec(a) - reference::to_vec(b)); }
+
+bool same_bits(Point a, Point b) { return std::memcmp(&a, &b, sizeof a) == 0; }
+
+// Mean height of the points that were not lifted.
+double mean_height(const Points& points, const std::vector<bool>& is_lifted) {
+  double sum = 0, count = 0;
+  for (std::size_t i = 0; i < points.size(); ++i)
+    if (!is_lifted[i]) sum += std::abs(points[i].z), ++count;
+  return sum / count;
+}
+
+TEST(Outliers, keep_their_bits_and_are_counted) {
+  const Lifted cloud = with_outliers(noisy_plane());
+  const Outcome outcome = run(cloud.points, with(Outliers::keep));
+  std::uint64_t kept = 0;
+  for (std::size_t i = 0; i < cloud.points.size(); ++i)
+    kept += cloud.is_lifted[i] && same_bits(outcome.points[i], cloud.points[i]);
+  EXPECT_EQ(outcome.report.unmoved.outliers, kept);
+  EXPECT_GE(kept, kRecognized);
+  EXPECT_TRUE(outcome.outliers.empty()) << "marks were not asked for";
+}
+
+TEST(Outliers, are_kept_without_being_asked_for_in_balls_and_not_in_lists) {
+  const Lifted cloud = with_outliers(noisy_plane());
+  EXPECT_EQ(run(cloud.points, {}).report.params.outliers, Outliers::keep);
+  Params lists;
+  lists.k = 12;
+  const Outcome outcome = run(cloud.points, lists);
+  EXPECT_EQ(outcome.report.params.outliers, Outliers::off);
+  EXPECT_EQ(outcome.report.unmoved.outliers, 0u);
+  lists.outliers = Outliers::keep;
+  EXPECT_GT(run(cloud.points, lists).report.unmoved.outliers, 0u);
+}
+
+TEST(Outliers, are_marked_and_no_other_point_is) {
+  const Lifted cloud = with_outliers(noisy_plane());
+  const Outcome outcome = run(cloud.points, with(Outliers::mark));
+  ASSERT_EQ(outcome.outliers.size(), cloud.points.size());
+  std::uint64_t marked = 0;
+  for (std::size_t i = 0; i < cloud.points.size(); ++i) {
+    EXPECT_LE(outcome.outliers[i], cloud.is_lifted[i] ? 1 : 0) << i;
+    marked += outcome.outliers[i];
+  }
+  EXPECT_GE(marked, kRecognized);
+  EXPECT_EQ(outcome.report.unmoved.outliers, marked);
+  const Outcome kept = run(cloud.points, with(Outliers::keep));
+  for (std::size_t i = 0; i < cloud.points.size(); ++i) ASSERT_TRUE(same_bits(kept.points[i], outcome.points[i])) << i;
+}
+
+TEST(Outliers, are_marked_in_an_attribute_of_a_free_name) {
+  Cloud cloud;
+  cloud.points = with_outliers(noisy_plane()).points;
+  Pipeline pipeline(Device::cpu);
+  pipeline.load(cloud);
+  const Cloud once = pipeline.run(with(Outliers::mark));
+  const Attribute marks = attribute(once, "outlier");
+  EXPECT_EQ(marks.type, ScalarType::uint8);
+  ASSERT_EQ(marks.data.size(), cloud.points.size());
+  EXPECT_EQ(std::uint64_t(std::count(marks.data.begin(), marks.data.end(), std::byte{1})),
+            pipeline.report().unmoved.outliers);
+  pipeline.load(once);
+  const Cloud twice = pipeline.run(with(Outliers::mark));
+  EXPECT_EQ(attribute(twice, "outlier").data, marks.data) << "what the cloud brought stays";
+  EXPECT_EQ(attribute(twice, "outlier_2").data.size(), cloud.points.size());
+}
+
+TEST(Outliers, are_pulled_in) {
+  const Lifted cloud = with_outliers(noisy_plane());
+  const Outcome outcome = run(cloud.points, with(Outliers::move));
+  EXPECT_EQ(outcome.report.unmoved.outliers, 0u);
+  std::uint64_t near = 0;
+  for (std::size_t i = 0; i < cloud.points.size(); ++i)
+    near += cloud.is_lifted[i] && std::abs(outcome.points[i].z) < 3 * kSigma;
+  EXPECT_GE(near, kRecognized);
+}
+
+TEST(Outliers, cost_the_other_points_no_more_than_a_tenth) {
+  const Points clean = noisy_plane();
+  const Lifted cloud = with_outliers(clean);
+  const double without = mean_height(run(clean, {}).points, cloud.is_lifted);
+  for (const Outliers choice : {Outliers::off, Outliers::keep, Outliers::move, Outliers::mark})
+    EXPECT_LT(mean_height(run(cloud.points, with(choice)).points, cloud.is_lifted), 1.1 * without);
+}
+
+TEST(DisplacementLimit, holds_for_every_point) {
+  const Lifted cloud = with_outliers(noisy_plane());
+  for (const double limit : {0.5 * kSigma, 2 * kSigma, 10 * kSigma}) {
+    Params params = with(Outliers::keep);
+    params.displacement_limit = limit;
+    const Outcome outcome = run(cloud.points, params);
+    std::size_t at_limit = 0;
+    for (std::size_t i = 0; i < cloud.points.size(); ++i) {
+      const double moved = distance(outcome.points[i], cloud.points[i]);
+      ASSERT_LE(moved, limit * (1 + 1e-5) + 1e-7) << i;
+      at_limit += moved > 0.999 * limit;
+    }
+    EXPECT_EQ(at_limit > 0, limit < 3 * kSigma) << limit;
+  }
+}
+
+TEST(DisplacementLimit, is_four_times_the_noise_by_itself) {
+  const Outcome outcome = run(noisy_plane(), {});
+  EXPECT_NEAR(outcome.report.params.displacement_limit.value, 4 * kSigma, 0.8 * kSigma);
+  EXPECT_NEAR(outcome.report.params.outlier_distance.value, 6 * kSigma, 1.2 * kSigma);
+}
+
+TEST(Outliers, agree_with_the_reference) {
+  Lifted cloud = with_outliers(shapes::with_noise(shapes::plane(1200), kSigma));
+  cloud.points[3].x = std::numeric_limits<float>::quiet_NaN();
+  for (const Outliers choice : {Outliers::keep, Outliers::move}) {
+    const Outcome outcome = run(cloud.points, with(choice));
+    const auto expected = reference::fair(cloud.points, reference::settings_of(outcome.report.params));
+    std::uint64_t outliers = 0;
+    for (std::size_t i = 0; i < cloud.points.size(); ++i) {
+      if (i == 3) continue;
+      outliers += expected[i].is_outlier;
+      EXPECT_LT(reference::length(reference::to_vec(outcome.points[i]) - expected[i].position), 1e-5)
+          << i << " of choice " << int(choice);
+    }
+    EXPECT_EQ(outcome.report.unmoved.outliers, outliers);
+    EXPECT_TRUE(std::isnan(outcome.points[3].x));
+  }
+}
+
+}  // namespace
+}  // namespace pointfair
