@@ -116,8 +116,8 @@ class CutBackend final : public Backend {
         const Point &before = cloud_[i], &after = output()[i];
         points[i] = after;
         if (!is_valid(before) || !(is_limited || pass_ > 0)) continue;
-        const auto settled = point::settled({before.x, before.y, before.z}, {after.x, after.y, after.z}, farthest,
-                                            outlier_distance);
+        const auto settled =
+            point::settled({before.x, before.y, before.z}, {after.x, after.y, after.z}, farthest, outlier_distance);
         points[i] = {settled.place.x, settled.place.y, settled.place.z};
         here += settled.is_outlier;
         if (!outliers.empty()) outliers[i] = settled.is_outlier;

@@ -21,11 +21,13 @@ struct Settings {
   NormalSettings normals{true, 0.02f};
   FairingSettings fairing{Method::bilateral, AreaWeight::none, 0.02f, 0.01f};
   int passes = 1;
+  DisplacementLimits limits;
 };
 
 struct Result {
   Points points, normals;
   Counts counts;
+  std::uint64_t held_back = 0;
 };
 
 Result run(Backend& backend, const Points& points, const Settings& settings) {
@@ -38,8 +40,8 @@ Result run(Backend& backend, const Points& points, const Settings& settings) {
     backend.estimate_normals(settings.normals, {});
     backend.fair(settings.fairing, {});
   }
-  Result result{Points(points.size()), Points(points.size()), {}};
-  backend.download(result.points);
+  Result result{Points(points.size()), Points(points.size()), {}, 0};
+  result.held_back = backend.download(result.points, settings.limits, {});
   backend.download_normals(result.normals);
   result.counts = backend.counts();
   return result;
@@ -82,6 +84,7 @@ void expect_the_same_cut(const Points& points, const Settings& settings, const c
       EXPECT_EQ(differences(whole.normals, cut.normals), 0u);
       EXPECT_EQ(whole.counts.unmoved, cut.counts.unmoved);
       EXPECT_EQ(whole.counts.short_neighborhoods, cut.counts.short_neighborhoods);
+      EXPECT_EQ(whole.held_back, cut.held_back);
     }
   }
 }
@@ -89,6 +92,26 @@ void expect_the_same_cut(const Points& points, const Settings& settings, const c
 Points cloud(int count) { return shapes::with_noise(shapes::sphere(count), 0.002); }
 
 TEST(CutCloud, has_the_bits_of_the_whole) { expect_the_same_cut(cloud(200000), {}, "plain"); }
+
+TEST(CutCloud, has_the_outliers_of_the_whole) {
+  Points points = cloud(30000);
+  for (std::size_t i = 0; i < points.size(); i += 100) {
+    const float lift = 1 + 0.0001f * float(i % 997);
+    points[i] = {points[i].x * lift, points[i].y * lift, points[i].z * lift};
+  }
+  Settings settings;
+  settings.neighbors = {0, 0.02f};
+  settings.neighbors.widening = 16;
+  settings.fairing.outlier_distance = 0.012f;
+  settings.limits = {0.008f, 0.012f};
+  for (const int passes : {1, 2}) {
+    settings.passes = passes;
+    settings.fairing.pull_outliers = false;
+    expect_the_same_cut(points, settings, "kept");
+    settings.fairing.pull_outliers = true;
+    expect_the_same_cut(points, settings, "pulled in");
+  }
+}
 
 TEST(CutCloud, has_the_bits_of_the_whole_with_every_option) {
   const Points points = cloud(60000);
@@ -218,7 +241,7 @@ TEST(CutCloud, runs_a_stage_again_without_the_others) {
   cut->begin_pass(0);
   cut->fair(settings.fairing, {});
   Points again(points.size());
-  cut->download(again);
+  cut->download(again, {}, {});
   EXPECT_EQ(differences(again, run(*make_cpu_backend(0), points, settings).points), 0u);
 }
 
@@ -266,7 +289,10 @@ class SmallBackend : public Backend {
     inner_->estimate_normals(settings, stop);
   }
   void fair(const FairingSettings& settings, std::stop_token stop) override { inner_->fair(settings, stop); }
-  void download(std::span<Point> points) override { inner_->download(points); }
+  std::uint64_t download(std::span<Point> points, const DisplacementLimits& limits,
+                         std::span<std::uint8_t> outliers) override {
+    return inner_->download(points, limits, outliers);
+  }
   void download_normals(std::span<Point> normals) override { inner_->download_normals(normals); }
   void download_input(std::span<Point> points) override { std::copy(input_.begin(), input_.end(), points.begin()); }
   void outcomes(const point::Region& loaded, std::span<unsigned char> out) override { inner_->outcomes(loaded, out); }
