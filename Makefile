@@ -10,13 +10,14 @@ PREFIX ?= /usr/local
 FUZZ_SECONDS ?= 60
 FUZZ_TARGETS = $(notdir $(wildcard build/fuzz/bin/fuzz_*))
 
-.PHONY: help demo build test bench bench-viewer paper-tables figures gpu release fuzz format docs asan tsan clean install
+.PHONY: help demo build test bench quality bench-viewer paper-tables figures gpu release fuzz format docs asan tsan clean install
 
 help:
 	@echo "make build    the program, build/bin/pointfair"
 	@echo "make demo     fair a noisy Armadillo and a real scan, with a table and a picture in build/demo"
 	@echo "make test     all tests"
 	@echo "make bench    time every stage and the peers"
+	@echo "make quality  what noise is left: every method and the peers, on clouds whose truth is known"
 	@echo "make bench-viewer  time the viewer over its WebSocket, 100,000 and 1M points"
 	@echo "make paper-tables  the paper's table II and figures 6 and 7 on this machine, in build/paper"
 	@echo "make figures  every picture of the documents and the numbers under them, in docs"
@@ -53,6 +54,12 @@ bench:
 	cmake --preset $(preset) -B build/bench -DPOINTFAIR_TESTS=OFF -DPOINTFAIR_BENCH=ON
 	cmake --build build/bench
 	bench/compare_peers.py --build build/bench
+
+quality:
+	@$(install) build bench
+	cmake --preset $(preset) -B build/bench -DPOINTFAIR_TESTS=OFF -DPOINTFAIR_BENCH=ON
+	cmake --build build/bench
+	bench/quality.py --build build/bench
 
 bench-viewer:
 	@$(install) build

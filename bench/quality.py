@@ -45,8 +45,7 @@ class Contender:
 METHODS = ("laplacian", "taubin", "hc-laplacian", "mls", "wiener", "mollified")
 PEERS = (
     Contender("CGAL bilateral, default", "cgal_bilateral", (("--k", "24"),)),
-    Contender("CGAL bilateral, best of 6", "cgal_bilateral",
-              tuple(("--k", str(k), "--passes", str(p)) for k in (24, 48, 96) for p in (1, 2))),
+    Contender("CGAL bilateral, best of 5", "cgal_bilateral", tuple(("--k", str(k)) for k in (12, 24, 48, 96, 192))),
     Contender("CGAL jet, default", "cgal_jet", (("--k", "24"),)),
     Contender("CGAL jet, best of 4", "cgal_jet", tuple(("--k", str(k)) for k in (24, 48, 96, 192))),
     Contender("PCL MLS, default", "pcl_mls", (("--k", "48"),)),

@@ -384,7 +384,7 @@ constexpr double kClosenessWidth = 0.6;  // of a ball's radius
 constexpr double kSimilarityWidth = 3;   // sigmas
 // Spacings; noise below it is hard to tell from shape: where residuals look like noise, and where they look like shape.
 constexpr double kTrustedNoise = 0.02, kTrustedShape = 0.16;
-constexpr int kNormalAngle = 20, kFacingAngle = 40;  // degrees
+constexpr int kNormalAngle = 15, kFacingAngle = 40;  // degrees
 constexpr int kPasses = 2;
 constexpr double kFarthestMove = 4, kOutlierDistance = 6;  // sigmas
 constexpr double kOutlierSpacings = 0.5;                   // and at least so many spacings
