@@ -18,7 +18,7 @@ help:
 	@echo "make test     all tests"
 	@echo "make bench    time every stage and the peers"
 	@echo "make quality  what noise is left: every method and the peers, on clouds whose truth is known"
-	@echo "make bench-viewer  time the viewer over its WebSocket, 100,000 and 1M points"
+	@echo "make bench-viewer  time the viewer over its WebSocket, 100,000 and 1M points, and its page in Chromium"
 	@echo "make paper-tables  the paper's table II and figures 6 and 7 on this machine, in build/paper"
 	@echo "make figures  every picture of the documents and the numbers under them, in docs"
 	@echo "make gpu      on a machine with a card: build, test, sanitize and benchmark, in build/gpu-report"
@@ -68,6 +68,9 @@ bench-viewer:
 	cmake --build build --target bench_viewer
 	build/bin/bench_viewer --program build/bin/pointfair --points 100000
 	build/bin/bench_viewer --program build/bin/pointfair --points 1000000
+	@command -v chromium >/dev/null || echo "chromium was not found: the page itself is not timed"
+	! command -v chromium >/dev/null || POINTFAIR_BIN=build/bin/pointfair POINTFAIR_WEB=$(CURDIR)/build/viewer/web \
+	  node bench/viewer_page.mjs --points 100000
 
 paper-tables:
 	@$(install) build plots
@@ -129,7 +132,7 @@ tsan:
 	@$(install) build test
 	cmake --preset tsan
 	cmake --build build/tsan
-	TSAN_OPTIONS=atexit_sleep_ms=0 ctest --test-dir build/tsan -j $(jobs) --output-on-failure -R 'Determinism|Cache|Files|interrupt'
+	TSAN_OPTIONS=atexit_sleep_ms=0 ctest --test-dir build/tsan -j $(jobs) --output-on-failure -R 'Determinism|Cache|Files|interrupt|Viewer'
 
 install:
 	@$(install) build

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// bench_viewer [--points N] [--k K] [--repeat R] [--device auto|cpu|cuda] [--program pointfair]: times the viewer as
-// its page meets it. Starts `pointfair view` on a noisy torus, connects over loopback as a page does, sends slider
-// moves, and prints one JSON object: milliseconds from a message's first byte out to its whole answer in, the median of
-// R and the best.
+// bench_viewer [--points N] [--k K] [--repeat R] [--cancels C] [--device auto|cpu|cuda] [--program pointfair]: times
+// the viewer as its page meets it. Starts `pointfair view` on a noisy torus, connects over loopback as a page does,
+// sends slider moves, and prints one JSON object: milliseconds from a message's first byte out to its whole answer in,
+// the median of R and the best; and how long C cancelled runs went on, with the processor time that the program spent
+// meanwhile, which says how much of a wait is other programs'.
 #include <fcntl.h>
 #include <signal.h>
 #include <spawn.h>
@@ -41,7 +42,7 @@ using Clock = std::chrono::steady_clock;
 using Json = nlohmann::ordered_json;
 
 struct Options {
-  int points = 1'000'000, k = 16, repeat = 11;
+  int points = 1'000'000, k = 16, repeat = 11, cancels = 60;
   std::string device = "auto", program = "pointfair";
 };
 
@@ -91,6 +92,16 @@ class Program {
     kill(child_, SIGTERM);
     waitpid(child_, nullptr, 0);
   }
+  // Processor time of all its threads so far, by the kernel's own nanoseconds.
+  double processor_milliseconds() const {
+    double nanoseconds = 0;
+    for (const auto& thread : std::filesystem::directory_iterator("/proc/" + std::to_string(child_) + "/task")) {
+      double its = 0;
+      std::ifstream(thread.path() / "schedstat") >> its;
+      nanoseconds += its;
+    }
+    return nanoseconds * 1e-6;
+  }
   std::string port() const { return url_.substr(url_.rfind(':') + 1, url_.rfind('/') - url_.rfind(':') - 1); }
 
  private:
@@ -130,6 +141,17 @@ class Page {
       if (std::find(types.begin(), types.end(), type) != types.end()) return head;
     }
   }
+  // Reads what comes until then, as a page does all the time.
+  void read_until(Clock::time_point end) {
+    while (Clock::now() < end) {
+      if (beast::get_lowest_layer(socket_).available() > 0) {
+        buffer_.clear();
+        socket_.read(buffer_);
+      } else {
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      }
+    }
+  }
   std::size_t bytes = 0;
 
  private:
@@ -151,18 +173,22 @@ struct Sample {
 
 class Bench {
  public:
-  Bench(Page& page, const Options& options) : page_(page), options_(options) {
+  Bench(const Program& program, Page& page, const Options& options)
+      : program_(program), page_(page), options_(options) {
     base_ = {{"k", std::to_string(options.k)}, {"passes", "1"}};
   }
 
-  // Alternates between two values of a parameter; every answer is a whole result.
-  Json slider(const std::string& name, const std::vector<std::string>& values) {
+  // Alternates between values of a parameter; every answer is a whole result. `between` runs before each and is not
+  // timed.
+  Json slider(const std::string& name, const std::vector<std::string>& values, const Json& between = nullptr) {
     Sample whole, preview, pipeline, encoding;
+    std::map<std::string, Sample> stages;
     int previews = 0;
     run(base_);
     for (int i = 0; i < options_.repeat; ++i) {
       Json params = base_;
       params[name] = values[std::size_t(i) % values.size()];
+      if (!between.is_null()) run(between);
       const auto start = Clock::now();
       page_.send(message(params));
       Json head;
@@ -179,29 +205,39 @@ class Bench {
       whole.bytes = page_.bytes;
       pipeline.values.push_back(head["total_ms"]);
       encoding.values.push_back(head["encode_ms"]);
+      for (const Json& stage : head["stages"]) stages[stage["name"]].values.push_back(stage["ms"]);
     }
     Json json = whole.summary();
     json["pipeline_ms"] = pipeline.summary()["median_ms"];
     json["encode_ms"] = encoding.summary()["median_ms"];
+    for (auto& [stage, sample] : stages) json["stages_ms"][stage] = sample.summary()["median_ms"];
     if (previews > 0) json["preview"] = preview.summary();
     return json;
   }
 
-  // From the message to the word that the run has ended, in the middle of a long run.
+  // From the message to the word that the run has ended, at any moment of its first 0.6 s: previews, every stage of
+  // lists and of balls, first and further passes.
   Json cancel() {
-    Sample sample;
-    for (int i = 0; i < options_.repeat; ++i) {
+    std::mt19937 random(1);
+    Sample wait, inside, processor;
+    for (int i = 0; i < options_.cancels; ++i) {
       Json params = base_;
-      params["k"] = std::to_string(60 + i);
+      params["k"] = i % 2 == 0 ? std::to_string(60 + i % 16) : "auto";
+      params["radius"] = i % 2 == 0 ? "auto" : std::to_string(4 + i % 16) + "s";
       params["passes"] = "20";
       page_.send(message(params));
-      std::this_thread::sleep_for(std::chrono::milliseconds(200 + 37 * (i % 8)));
+      page_.read_until(Clock::now() + std::chrono::milliseconds(random() % 600));
+      const double spent = program_.processor_milliseconds();
       const auto start = Clock::now();
       page_.send({{"type", "cancel"}, {"id", ++id_}});
-      page_.next({"cancelled"});
-      sample.values.push_back(milliseconds(Clock::now() - start));
+      inside.values.push_back(page_.next({"cancelled"})["ms"]);
+      wait.values.push_back(milliseconds(Clock::now() - start));
+      processor.values.push_back(program_.processor_milliseconds() - spent);
     }
-    return sample.summary();
+    Json json = wait.summary();
+    json["inside"] = inside.summary();  // by the program's own clock
+    json["processor"] = processor.summary();
+    return json;
   }
 
  private:
@@ -210,11 +246,12 @@ class Bench {
     page_.send(message(params));
     while (page_.next({"result"})["id"] != id_) {
     }
-    std::this_thread::sleep_for(std::chrono::milliseconds(300));  // let it settle
+    page_.read_until(Clock::now() + std::chrono::milliseconds(300));  // let it settle
     page_.send({{"type", "cancel"}, {"id", ++id_}});
     page_.next({"cancelled"});
   }
 
+  const Program& program_;
   Page& page_;
   const Options& options_;
   Json base_;
@@ -233,17 +270,18 @@ Json measure(const Options& options) {
   const double ready = milliseconds(Clock::now() - start);
   const std::size_t cloud_bytes = page.bytes;
   std::filesystem::remove_all(folder);
-  Bench bench(page, options);
+  Bench bench(program, page, options);
   Json json{{"device", hello["device"]},
             {"points", options.points},
             {"k", options.k},
             {"cloud", {{"ms", ready}, {"bytes", cloud_bytes}}}};
-  const std::string k1 = std::to_string(options.k + 1), k2 = std::to_string(options.k + 2);
+  // a run over balls keeps no lists, so that the next must search them: a smaller k would read a part of those there
+  const Json balls{{"radius", "2s"}, {"passes", "1"}}, single{{"k", std::to_string(options.k)}, {"passes", "1"}};
   json["sliders"] = {{"last_stage", bench.slider("similarity_sigma", {"0.4s", "0.5s"})},
                      {"normals", bench.slider("normal_sigma", {"2s", "2.2s"})},
-                     {"neighbors", bench.slider("k", {k1, k2})},
-                     {"two_passes", bench.slider("passes", {"2", "1"})}};
-  json["cancel"] = bench.cancel();
+                     {"neighbors", bench.slider("similarity_sigma", {"0.4s", "0.5s"}, balls)},
+                     {"second_pass", bench.slider("passes", {"2"}, single)}};
+  if (options.cancels > 0) json["cancel"] = bench.cancel();
   return json;
 }
 
@@ -257,6 +295,8 @@ Options parse(int argc, char** argv) {
       options.k = std::stoi(value);
     else if (flag == "--repeat")
       options.repeat = std::stoi(value);
+    else if (flag == "--cancels")
+      options.cancels = std::stoi(value);
     else if (flag == "--device")
       options.device = value;
     else if (flag == "--program")

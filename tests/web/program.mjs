@@ -59,6 +59,7 @@ export async function openBrowser(t) {
 /** A page at the URL. What it logs as an error, or asks of another address, makes the test fail. */
 export async function openPage(t, browser, url, options = {}) {
   const context = await browser.newContext({ viewport: { width: 1280, height: 800 }, acceptDownloads: true, ...options });
+  context.setDefaultTimeout(120000); // for what never comes; how long things take is measured by bench/viewer_page.mjs
   const page = await context.newPage();
   const faults = [];
   page.on("pageerror", (error) => faults.push(String(error)));
@@ -72,8 +73,31 @@ export async function openPage(t, browser, url, options = {}) {
   return { page, faults, context };
 }
 
-/** Waits until the page shows the whole result of what it asked for last. */
-export async function settled(page, timeout = 60000) {
+/** Waits until the page shows the whole result of what it asked for last; the limit is for what never comes. */
+export async function settled(page, timeout = 300000) {
   await page.waitForFunction(() => document.body.dataset.last === "result" && document.body.dataset.busy === "false", null, { timeout });
   await page.waitForTimeout(150);
+}
+
+export const slider = (page, name) => page.locator(`[data-param="${name}"] input[type=range]`);
+export const dataset = (page, key) => page.evaluate((k) => document.body.dataset[k], key);
+
+/** How often the picture has changed. */
+export const updates = async (page) => Number((await dataset(page, "updates")) ?? 0);
+
+/** Takes hold of a slider with the pointer; the hand that is returned moves to a share of its length, and lets go. */
+export async function grip(page, locator, from) {
+  await locator.scrollIntoViewIfNeeded();
+  const box = await locator.boundingBox();
+  const move = (share) => page.mouse.move(box.x + 8 + share * (box.width - 16), box.y + box.height / 2);
+  await move(from);
+  await page.mouse.down();
+  return { move, release: () => page.mouse.up() };
+}
+
+/** The Armadillo with `points` points and noise of 0.3 % of its diagonal. */
+export function noisyArmadillo(folder, points, models) {
+  const noisy = path.join(folder, "noisy.ply");
+  run(["noise", path.join(models, "armadillo.off"), noisy, "--points", points, "--sigma", "0.3%", "--seed", 1, "-q"]);
+  return noisy;
 }

@@ -58,6 +58,7 @@ class Page {
       this.writeUrl();
       if (this.view.colour === "displacement") this.colour();
     };
+    this.scene.onStill = (still) => (document.body.dataset.still = String(still));
     this.scene.canvas.addEventListener("dblclick", (event) => this.pivot(event));
     this.listenToKeys();
     window.addEventListener("hashchange", () => this.readUrl());

@@ -52,7 +52,8 @@ export class Scene {
   private glide: { from: THREE.Vector3; to: THREE.Vector3; eye: THREE.Vector3; start: number } | null = null;
   view!: View;
   onCamera: () => void = () => {};
-  onFrame: () => void = () => {};
+  /** Told whether the picture is whole, at its finest, and nothing is about to change it. */
+  onStill: (still: boolean) => void = () => {};
 
   constructor(parent: HTMLElement, view: View) {
     const canvas = document.createElement("canvas");
@@ -326,6 +327,11 @@ export class Scene {
 
   render(): void {
     if (!this.frame) this.frame = requestAnimationFrame((now) => this.draw(now));
+    this.tellStill();
+  }
+
+  private tellStill(): void {
+    this.onStill(this.frame === 0 && !this.changing);
   }
 
   private makeControls(): OrbitControls {
@@ -357,6 +363,7 @@ export class Scene {
     this.restDelay = kRestDelay;
     this.lastFrame = -Infinity;
     if (this.fineness < 1 || this.share < 1) this.render();
+    this.tellStill();
     if (!moved) return;
     this.view.camera = [...this.camera.position.toArray(), ...this.controls.target.toArray()];
     this.onCamera();
@@ -446,7 +453,7 @@ export class Scene {
     const start = performance.now();
     this.drawParts(coarse ? this.share : 1, coarse ? this.fineness : 1);
     if (coarse) this.adapt(performance.now() - start, now);
-    this.onFrame();
+    this.tellStill();
   }
 
   // The calls return before the picture is there, so between frames of one movement the time from one to the next counts.
