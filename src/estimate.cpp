@@ -40,6 +40,10 @@ std::vector<std::uint32_t> sample_queries(std::uint64_t points, std::size_t samp
   return queries;
 }
 
+void throw_if_stopped(const std::stop_token& stop) {
+  if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+}
+
 struct Vec {
   double x, y, z;
 };
@@ -273,7 +277,8 @@ CurveCube curve_cube(std::span<const Point> sample) {
   return {{float(low[0]), float(low[1]), float(low[2])}, float(1.5 * side)};
 }
 
-Spacing measure_spacing(Backend& backend, std::uint64_t points) {
+Spacing measure_spacing(Backend& backend, std::uint64_t points, const std::stop_token& stop) {
+  throw_if_stopped(stop);
   const std::vector<std::uint32_t> queries = sample_queries(points, kSpacingSamples);
   std::vector<Point> rows(queries.size() * (kSpacingNeighbors + 1));
   backend.sample_neighborhoods(queries, kSpacingNeighbors, rows);
@@ -307,10 +312,11 @@ double noise_of_first(std::span<const Vec> offsets, std::size_t n) {
 
 // From rows of neighbourhoods: 0 if residuals are as large in twice the neighbourhood, so they are noise; 1 if they
 // grow with it, so they are shape.
-double likeness_to_shape(Backend& backend, std::span<const Point> rows, std::size_t row) {
+double likeness_to_shape(Backend& backend, std::span<const Point> rows, std::size_t row, const std::stop_token& stop) {
   const std::size_t samples = rows.size() / row;
   std::vector<double> narrow(samples, -1), wide(samples, -1);
   backend.for_each_on_host(samples, [&](std::size_t q) {
+    throw_if_stopped(stop);
     const auto offsets = offsets_of(rows.subspan(q * row, row));
     if (offsets.size() < 2 * kFirstFit) return;
     narrow[q] = noise_of_first(offsets, kFirstFit);
@@ -325,18 +331,20 @@ double likeness_to_shape(Backend& backend, std::span<const Point> rows, std::siz
 
 }  // namespace
 
-Noise measure_noise(Backend& backend, std::uint64_t points) {
+Noise measure_noise(Backend& backend, std::uint64_t points, const std::stop_token& stop) {
   std::vector<std::uint32_t> queries = sample_queries(points, kNoiseSamples);
   std::vector<double> sigmas, spacings;
   std::unique_ptr<Point[]> first_rows;
   const std::size_t samples = queries.size();
   for (const int k : kFitRows) {
+    throw_if_stopped(stop);
     const std::size_t row = std::size_t(k) + 1;
     auto rows = std::make_unique_for_overwrite<Point[]>(queries.size() * row);  // megabytes, all written below
     backend.sample_neighborhoods(queries, k, {rows.get(), queries.size() * row});
     std::vector<std::optional<Noise>> found(queries.size());
     std::vector<std::uint8_t> has_few(queries.size());
     backend.for_each_on_host(queries.size(), [&](std::size_t q) {
+      throw_if_stopped(stop);
       const auto offsets = offsets_of({rows.get() + q * row, row});
       has_few[q] = offsets.size() < kFirstFit / 2;
       if (!has_few[q]) found[q] = local_noise(offsets, std::size_t(k));
@@ -361,7 +369,7 @@ Noise measure_noise(Backend& backend, std::uint64_t points) {
   Noise noise{sigma, quantile(spacings, 0.5)};
   if (sigma < kDoubtfulNoise * noise.surface_spacing) {
     const std::size_t row = std::size_t(kFitRows[0]) + 1;
-    noise.likeness_to_shape = likeness_to_shape(backend, {first_rows.get(), samples * row}, row);
+    noise.likeness_to_shape = likeness_to_shape(backend, {first_rows.get(), samples * row}, row, stop);
   }
   return noise;
 }

@@ -4,6 +4,7 @@
 
 #include <optional>
 #include <span>
+#include <stop_token>
 #include <vector>
 
 #include "backend.hpp"
@@ -17,8 +18,9 @@ struct Spacing {
   double rho = 0;   // 95 % quantile of the distance to the 6th: a sampling gap that is no feature
 };
 
-// Points spread evenly over the upload order among which valid ones are found; `points` is the number uploaded.
-Spacing measure_spacing(Backend& backend, std::uint64_t points);
+// Points spread evenly over the upload order among which valid ones are found; `points` is the number uploaded. Throws
+// Error(interrupted) once `stop` is triggered.
+Spacing measure_spacing(Backend& backend, std::uint64_t points, const std::stop_token& stop);
 
 // The cube that holds most of a cloud, for Backend::order_along: between the 2 % and the 98 % quantiles of a sample on
 // each axis, widened by half their distance. The sample is of the cloud as loaded, a few points evenly spread over it,
@@ -37,7 +39,7 @@ struct Noise {
   // 0 to 1: whether residuals grow with the neighbourhood as those of a curved shape do; 0 where noise is large.
   double likeness_to_shape = 0;
 };
-Noise measure_noise(Backend& backend, std::uint64_t points);
+Noise measure_noise(Backend& backend, std::uint64_t points, const std::stop_token& stop);
 
 // Replaces each `auto` by what follows from the spacing and noise, and every length by file units.
 Params resolve_params(const Params& params, const Spacing& spacing, const Noise& noise, double diagonal);

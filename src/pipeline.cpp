@@ -266,8 +266,8 @@ struct Pipeline::State {
     further_passes = 0;
     report_stages();  // waits for the index, which has its own time
     timed("estimate", [&] {
-      if (with_spacing && !spacing) spacing = measure_spacing(*backend, points);
-      if (with_noise && !noise) noise = measure_noise(*backend, points);
+      if (with_spacing && !spacing) spacing = measure_spacing(*backend, points, stop);
+      if (with_noise && !noise) noise = measure_noise(*backend, points, stop);
     });
   }
 

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cstring>
+#include <functional>
 #include <memory>
 #include <stop_token>
 #include <string>
@@ -20,11 +21,11 @@ namespace {
 using shapes::Points;
 using Calls = std::vector<std::string>;
 
-// A CPU backend that notes each stage, and fails one on request.
+// A CPU backend that notes each stage, fails one on request, and tells of each sample of neighbourhoods.
 class RecordingBackend : public Backend {
  public:
-  explicit RecordingBackend(Calls& calls, std::string& failing)
-      : calls_(calls), failing_(failing), inner_(make_cpu_backend(1)) {}
+  RecordingBackend(Calls& calls, std::string& failing, std::function<void()>& sampled)
+      : calls_(calls), failing_(failing), sampled_(sampled), inner_(make_cpu_backend(1)) {}
   DeviceInfo device() const override { return inner_->device(); }
   void upload(std::span<const Point> points) override { inner_->upload(points); }
   void begin_pass(int pass) override { inner_->begin_pass(pass); }
@@ -53,6 +54,7 @@ class RecordingBackend : public Backend {
   Bounds bounds() const override { return inner_->bounds(); }
   void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override {
     inner_->sample_neighborhoods(queries, k, out);
+    if (sampled_) sampled_();
   }
   Counts counts() const override { return inner_->counts(); }
   std::uint64_t peak_host_bytes() const override { return inner_->peak_host_bytes(); }
@@ -65,6 +67,7 @@ class RecordingBackend : public Backend {
   }
   Calls& calls_;
   std::string& failing_;
+  std::function<void()>& sampled_;
   std::unique_ptr<Backend> inner_;
 };
 
@@ -73,10 +76,11 @@ struct Recorded {
   Points points = shapes::with_noise(shapes::waves(1500), 0.004);
   Calls calls;
   std::string failing;
+  std::function<void()> sampled;
   Pipeline pipeline = make();
 
   Pipeline make() {
-    auto backend = std::make_unique<RecordingBackend>(calls, failing);
+    auto backend = std::make_unique<RecordingBackend>(calls, failing, sampled);
     const DeviceInfo device = backend->device();
     Pipeline made = PipelineAccess::make(std::move(backend), device);
     made.load(points);
@@ -210,6 +214,29 @@ TEST(Cache, an_interrupted_run_throws_interrupted_and_the_next_gives_the_result_
   Recorded fresh;
   const Points found = recorded.pipeline.run(settled()).points, expected = fresh.pipeline.run(settled()).points;
   EXPECT_EQ(std::memcmp(found.data(), expected.data(), found.size() * sizeof(Point)), 0);
+}
+
+// By a stop after the sample for the spacing, and after that for the noise.
+TEST(Cache, interrupted_estimates_are_measured_by_the_next_call) {
+  for (int samples = 1; samples <= 2; ++samples) {
+    Recorded recorded;
+    recorded.pipeline.run(settled());
+    std::stop_source source;
+    int taken = 0;
+    recorded.sampled = [&] {
+      if (++taken == samples) source.request_stop();
+    };
+    try {
+      recorded.pipeline.estimates(source.get_token());
+      ADD_FAILURE() << "nothing was thrown";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::interrupted);
+    }
+    Recorded fresh;
+    const Estimates found = recorded.pipeline.estimates(), expected = fresh.pipeline.estimates();
+    EXPECT_EQ(found.spacing, expected.spacing);
+    EXPECT_EQ(found.noise, expected.noise);
+  }
 }
 
 // As a person at the sliders would: one parameter at a time, now and then back to automatic.

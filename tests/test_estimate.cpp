@@ -24,7 +24,7 @@ Noise measured_noise(const Points& points) {
   backend->upload(points);
   backend->begin_pass(0);
   backend->build_index({});
-  return measure_noise(*backend, points.size());
+  return measure_noise(*backend, points.size(), {});
 }
 
 struct Fit {

@@ -12,7 +12,9 @@
 namespace pointfair::cpu {
 namespace {
 
-constexpr std::size_t kLeavesABlock = 64;
+// Between two looks at the stop token: at most about 10 ms of work where balls are as wide as they can be, and where
+// lists are as long as they can be under the constraint, which then takes up to 10 ms a leaf.
+constexpr std::size_t kLeavesABlock = 32, kConstrainedLeavesABlock = 2;
 
 }  // namespace
 
@@ -86,7 +88,8 @@ void Chain::find_neighbors(const NeighborSettings& settings, const Kernels& kern
   mean_distance_.resize(std::size_t(index.leaves) * kLeafSize);
   const float limit = settings.radius > 0 ? settings.radius * settings.radius : std::numeric_limits<float>::infinity();
   if (!by_list()) measure_radii(kernels, stop);
-  for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
+  const std::size_t block_size = settings.constraint ? kConstrainedLeavesABlock : kLeavesABlock;
+  for_blocks(index.leaves, block_size, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     ConstrainedSearch constrained(kernels, settings, limit);
     Index area_list[point::kAreaNeighbors * kLeafSize];
     for (std::size_t leaf = first; leaf < last; ++leaf) {
