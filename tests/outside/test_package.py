@@ -1,8 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Installs the build, then builds a project outside that finds the package: it must give the bits of this build, and the
-README's C++ example (the first ```cpp block) must compile and run."""
+"""Installs the build, then builds a project outside that finds the package: it must give the bits of this build, the
+README's C++ example (the first ```cpp block) must compile and run, and the programs that the viewer copies must write what
+the commands that it copies write."""
 import argparse
+import os
 import pathlib
 import re
 import shutil
@@ -12,6 +14,7 @@ import tempfile
 parser = argparse.ArgumentParser()
 for name in ("build", "fingerprint", "generator", "compiler", "flags", "readme"):
     parser.add_argument("--" + name, required=True)
+parser.add_argument("--copied-code", help="the program that writes what the viewer copies, in a build with the viewer")
 args = parser.parse_args()
 
 
@@ -40,6 +43,29 @@ def bumpy_cloud():
     return "\n".join(header + ["%g %g %g" % p for p in points]) + "\n"
 
 
+def write_copied_code(work):
+    """Fills work/project with N.sh and copied_N.cpp; their N."""
+    if not args.copied_code:
+        return []
+    run(args.copied_code, work / "project", work / "scan.ply")
+    return sorted(path.stem for path in (work / "project").glob("*.sh"))
+
+
+def check_copied_code(work, names):
+    environment = {**os.environ, "PATH": f"{work / 'prefix/bin'}:{os.environ['PATH']}"}
+    written = []
+    for name in names:
+        for way, command in (("command", ["sh", work / f"project/{name}.sh"]), ("program", [work / f"build/copied_{name}"])):
+            (work / way).mkdir(exist_ok=True)
+            run(*command, cwd=work / way, env=environment)
+        written.append((work / f"command/{name}.ply").read_bytes())
+        if written[-1] != (work / f"program/{name}.ply").read_bytes():
+            raise SystemExit("the copied program does not write what the copied command writes\n" +
+                             (work / f"project/{name}.sh").read_text() + (work / f"project/copied_{name}.cpp").read_text())
+    if len(set(written)) < len(written):
+        raise SystemExit("two recipes of copied code give the same file")
+
+
 with tempfile.TemporaryDirectory() as folder:
     work = pathlib.Path(folder)
     run("cmake", "--install", args.build, "--prefix", work / "prefix")
@@ -48,14 +74,17 @@ with tempfile.TemporaryDirectory() as folder:
         (work / "project").mkdir(exist_ok=True)
         shutil.copy(here / name, work / "project" / name)
     (work / "project/example.cpp").write_text(program_of(args.readme))
+    (work / "scan.ply").write_text(bumpy_cloud())
+    copied = write_copied_code(work)
+    programs = ["example.cpp"] + [f"copied_{name}.cpp" for name in copied]
     run("cmake", "-S", work / "project", "-B", work / "build", "-G", args.generator, "-DCMAKE_BUILD_TYPE=Release",
-        f"-DCMAKE_CXX_COMPILER={args.compiler}", f"-DCMAKE_CXX_FLAGS={args.flags}", "-DEXAMPLE=example.cpp",
+        f"-DCMAKE_CXX_COMPILER={args.compiler}", f"-DCMAKE_CXX_FLAGS={args.flags}", f"-DPROGRAMS={';'.join(programs)}",
         f"-DCMAKE_PREFIX_PATH={work / 'prefix'}")
     run("cmake", "--build", work / "build")
     inside, outside = run(args.fingerprint), run(work / "build/fingerprint")
     if inside != outside:
         raise SystemExit(f"the installed library gives other bits\n--- here\n{inside}--- installed\n{outside}")
-    (work / "scan.ply").write_text(bumpy_cloud())
     run(work / "build/example", cwd=work)
     if not (work / "smooth.ply").read_text(errors="replace").startswith("ply"):
         raise SystemExit("the README's example wrote no smooth.ply")
+    check_copied_code(work, copied)
