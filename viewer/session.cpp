@@ -227,7 +227,7 @@ class Session::Worker {
   Order order_;
   std::size_t shown_ = 0;  // places that the page holds
   float step_ = 1;
-  std::vector<Point> result_, normals_;
+  HostBuffer result_, normals_;           // of all points
   std::vector<std::int16_t> start_look_;  // normals that the cloud as loaded is shaded with
   std::vector<std::int16_t> motion_;      // normals that the page has for displacements along them; empty if none
   Params motion_params_;                  // that they came from
@@ -313,9 +313,9 @@ void Session::Worker::run(const Request& request, const std::stop_token& stop) {
   const Params used = pipeline_->resolve(request.recipe.params, stop);
   update_movable(request.recipe.limits);
   if (expectation_.milliseconds(used) > kSlowMilliseconds) show_preview(request, used, stop);
-  pipeline_->run(request.recipe.params, result_, stop, progress_for(request.id));
+  pipeline_->run(request.recipe.params, result_.points(), stop, progress_for(request.id));
   expectation_.learn(pipeline_->report());
-  apply_limits(request.recipe.limits, movable_, cloud_.points, result_);
+  apply_limits(request.recipe.limits, movable_, cloud_.points, result_.points());
   show_result(request);
   settled_ = false;
   rest_ = Clock::now() + kRest;
@@ -377,12 +377,11 @@ void Session::Worker::show_result(const Request& request) {
   if (!along_normals || first_difference(motion_params_, report.params) <= Stage::normals) motion_.clear();
   const bool fresh = along_normals && motion_.empty();
   if (fresh) {
-    normals_.resize(cloud_.points.size());
-    pipeline_->normals(normals_);
-    motion_ = encode_normals(normals_, order_, shown_);
+    pipeline_->normals(normals_.points());
+    motion_ = encode_normals(normals_.points(), order_, shown_);
     motion_params_ = report.params;
   }
-  const Displacements moved = encode_displacements(cloud_.points, result_, order_, shown_, motion_, step_);
+  const Displacements moved = encode_displacements(cloud_.points, result_.points(), order_, shown_, motion_, step_);
   std::vector<Array> arrays{make_array("displacements", moved.values), make_array("places", moved.places),
                             make_array("exceptions", moved.exceptions)};
   if (fresh) arrays.push_back(make_array("motion_normals", motion_));
@@ -412,10 +411,8 @@ void Session::Worker::look_at(std::span<const Point> points, const std::stop_tok
   Params params;
   params.k = kLookNeighbors;
   params.passes = 1;
-  std::vector<Point> unused(points.size());
-  look_->run(params, unused, stop);
-  normals_.resize(points.size());
-  look_->normals(normals_);
+  look_->run(params, normals_.points(), stop);  // where points go is not asked for
+  look_->normals(normals_.points());
 }
 
 // What can wait until the hand rests: normals of the result and the noise that is left.
@@ -423,9 +420,9 @@ void Session::Worker::settle(const std::stop_token& stop) {
   settled_ = true;
   if (!has_cloud_ || !fits_settling()) return;
   try {
-    look_at(result_, stop);
+    look_at(result_.points(), stop);
     const double noise = look_->estimates(stop).noise;
-    const std::vector<std::int16_t> normals = encode_normals(normals_, order_, shown_);
+    const std::vector<std::int16_t> normals = encode_normals(normals_.points(), order_, shown_);
     send_(pack({{"type", "settled"}, {"noise", noise}}, {make_array("normals", normals)}));
   } catch (const Error& error) {
     if (error.kind() != ErrorKind::interrupted) throw;
@@ -443,7 +440,8 @@ void Session::Worker::open(Cloud cloud, const std::string& name, std::string pat
   path_ = std::move(path);
   pipeline_->load(cloud_);
   estimates_ = pipeline_->estimates();
-  result_ = cloud_.points;
+  result_ = pipeline_->host_buffer(cloud_.points.size());
+  normals_ = pipeline_->host_buffer(cloud_.points.size());
   order_ = Order(cloud_.points.size());
   shown_ = static_cast<std::size_t>(std::min<std::uint64_t>(cloud_.points.size(), options_.point_budget));
   step_ = displacement_step(estimates_.spacing, estimates_.diagonal);
@@ -455,7 +453,7 @@ void Session::Worker::open(Cloud cloud, const std::string& name, std::string pat
   has_cloud_ = true;
   if (fits_settling()) {
     look_at(cloud_.points, {});
-    start_look_ = encode_normals(normals_, order_, shown_);
+    start_look_ = encode_normals(normals_.points(), order_, shown_);
   } else {
     look_.reset();
   }
