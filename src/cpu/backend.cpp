@@ -123,15 +123,16 @@ class CpuBackend final : public Backend {
   }
 
   void download_normals(std::span<Point> normals) override {
-    std::fill(normals.begin(), normals.end(), Point{0, 0, 0});
     const VectorsView from = at_work_->normals();
     const std::span<const Index> originals = at_work_->index().originals();
-    for (std::size_t i = 0; i < at_work_->faired().size(); ++i)
-      normals[originals[i]] = {from.x[i], from.y[i], from.z[i]};
-  }
-
-  void outcomes(const point::Region& loaded, std::span<unsigned char> out) override {
-    arena_.execute([&] { at_work_->outcomes(loaded, kernels_, out); });
+    arena_.execute([&] {
+      for_blocks(normals.size(), kCopyBlock, {}, [&](std::size_t first, std::size_t last, std::size_t) {
+        std::fill(normals.begin() + first, normals.begin() + last, Point{0, 0, 0});
+      });
+      for_blocks(at_work_->faired().size(), kCopyBlock, {}, [&](std::size_t first, std::size_t last, std::size_t) {
+        for (std::size_t i = first; i < last; ++i) normals[originals[i]] = {from.x[i], from.y[i], from.z[i]};
+      });
+    });
   }
 
   Bounds bounds() const override { return at_work_->index().bounds(); }
