@@ -132,7 +132,7 @@ tsan:
 	@$(install) build test
 	cmake --preset tsan
 	cmake --build build/tsan
-	TSAN_OPTIONS=atexit_sleep_ms=0 ctest --test-dir build/tsan -j $(jobs) --output-on-failure -R 'Determinism|Cache|Files|interrupt|Viewer'
+	TSAN_OPTIONS='atexit_sleep_ms=0 halt_on_error=1' ctest --test-dir build/tsan -j $(jobs) --output-on-failure -R 'Determinism|Cache|Files|interrupt|Viewer|cli.test_view'
 
 install:
 	@$(install) build

@@ -270,7 +270,8 @@ net::awaitable<Response> Server::take_upload(beast::tcp_stream& stream, beast::f
 
 net::awaitable<void> Server::take_page(beast::tcp_stream& stream, HeaderParser& parser) {
   const auto page = std::make_shared<Connection>(std::move(stream));
-  const auto opened = [this, page] {
+  // Named, and not temporaries of the co_await: GCC 12 destroys what a temporary closure holds there twice.
+  const std::function<void()> opened = [this, page] {
     std::shared_ptr<Connection> former;
     {
       const std::lock_guard lock(mutex_);
@@ -279,9 +280,10 @@ net::awaitable<void> Server::take_page(beast::tcp_stream& stream, HeaderParser& 
     if (former) former->dismiss(pack({{"type", "taken"}}));
     session_.greet();
   };
-  co_await page->run(parser.release(), opened, [this, page](std::string_view text) {
+  const Connection::Receive receive = [this, page](std::string_view text) {
     if (current_page() == page) session_.receive(text);
-  });
+  };
+  co_await page->run(parser.release(), opened, receive);
   const std::lock_guard lock(mutex_);
   if (page_ == page) page_.reset();
 }
