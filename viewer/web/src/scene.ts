@@ -19,7 +19,8 @@ const kRestDelay = 350;
 const kLongestFrame = 3000;
 const kRoundFrom = 4.5; // pixels; smaller points are squares
 const kMinDrawn = 20000;
-const kLeastShare = 0.3; // of the points, while only their displacements change
+const kLeastShare = 0.3; // of the points, or so many, while only their displacements change
+const kLeastDrawn = 150000;
 
 export class Scene {
   readonly canvas: HTMLCanvasElement;
@@ -463,7 +464,8 @@ export class Scene {
     this.lastFrame = now;
     const time = between < kLongestFrame ? Math.max(spent, between) : spent;
     this.restDelay = Math.max(kRestDelay, 2 * time);
-    const least = Math.min(1, Math.max(kMinDrawn / Math.max(1, this.count), this.moving ? 0 : kLeastShare));
+    const count = Math.max(1, this.count);
+    const least = Math.min(1, Math.max(kMinDrawn / count, this.moving ? 0 : Math.min(kLeastShare, kLeastDrawn / count)));
     if (time > kSlowFrame) {
       const factor = Math.max(0.5, kSlowFrame / time);
       if (this.fineness > kCoarsest) this.fineness = Math.max(kCoarsest, this.fineness * factor);
