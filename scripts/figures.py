@@ -50,8 +50,8 @@ class Scene:
         return path
 
     def words(self):
-        uneven = f", density {self.more[1]}:1" if self.more else ""
-        return f"{self.mesh}, {self.points:,} points, noise {self.sigma}{uneven}"
+        more = {"--uneven": ", density {}:1", "--outliers": ", {} outliers"}
+        return f"{self.mesh}, {self.points:,} points, noise {self.sigma}" + (more[self.more[0]].format(self.more[1]) if self.more else "")
 
     def camera(self):
         return ["--frame", OUT / f"{self.mesh}.off", "--angles", *self.angles, "--zoom", self.zoom, "--focus", *self.focus]
@@ -120,7 +120,7 @@ def write_sampled(path, mesh, points, noise):
 
 def fair(cloud, flags):
     out = OUT / "fair" / (cloud.stem + "".join(flags.split()).replace("/", "") + ".ply")
-    pointfair("run", cloud, out, *flags.split(), "--force", "--quiet")
+    pointfair("run", cloud, out, *flags.split(), "--force", "--quiet", "--report", out.with_suffix(".json"))
     return out
 
 
@@ -136,6 +136,14 @@ def left(cloud, mesh, edges):
     compared = report_of("compare", cloud, OUT / f"{mesh}.off", "--edges", 40)
     in_percent = lambda key: f"{100 * compared[key] / compared['diagonal']:.3f} %"
     return in_percent("mean") + (f" ({in_percent('edge_rms')})" if edges else "")
+
+
+def left_beside_outliers(cloud):
+    """The distance within which 95 % of the points lie, since a few outliers make any mean, and how many were recognised."""
+    compared = report_of("compare", cloud, OUT / "fandisk.off")
+    report = cloud.with_suffix(".json")
+    found = f", {json.loads(report.read_text())['unmoved']['outliers']} kept" if report.exists() else ""
+    return f"{100 * compared['p95'] / compared['diagonal']:.3f} %{found}"
 
 
 def set_caption(name, text):
@@ -154,7 +162,8 @@ def draw_strip(name, scene, variants):
     clouds = [source if flags is None else fair(source, flags) for flags in variants]
     draw(clouds, name, scene)
     labels = ["as it came" if flags is None else f"`{flags}`" if flags else "auto" for flags in variants]
-    parts = [f"{label}: {left(cloud, scene.mesh, edges)}" for label, cloud in zip(labels, clouds)]
+    measure = left_beside_outliers if "--outliers" in scene.more else lambda cloud: left(cloud, scene.mesh, edges)
+    parts = [f"{label}: {measure(cloud)}" for label, cloud in zip(labels, clouds)]
     alt = "from left to right: " + ", ".join(label.replace("`", "") for label in labels)
     set_caption(name, f"![{alt}](pictures/{name}.png)\n\n{' · '.join(parts)} ({scene.words()})")
 
@@ -164,6 +173,7 @@ HEAD_CLEAN = Scene("armadillo", 100000, "0.01%", (200, 8), 2.6, (0.02, 0.52))
 FANDISK = Scene("fandisk", 50000, "0.3%", (30, 30), 2, (-0.55, -0.25))
 FANDISK_LITTLE_NOISE = Scene("fandisk", 50000, "0.1%", (30, 30), 2, (-0.55, -0.25))
 UNEVEN = Scene("fandisk", 60000, "0.2%", (30, 30), 1.3, (0.1, 0), ("--uneven", "20"))
+OUTLIERS = Scene("fandisk", 50000, "0.2%", (30, 30), 1, (0, 0), ("--outliers", "1%"))
 PLATE = Scene("plate", 40000, "0.1%", (0, 0), 6, (0, 0))
 LION = Scene("dragon", 200000, "0.3%", (20, 8))
 ARMADILLO = Scene("armadillo", 200000, "0.3%", (200, 8))
@@ -194,6 +204,9 @@ STRIPS = {
     "facing_angle": (FANDISK, ["--facing-angle 5", "", "--facing-angle 90"]),
     "step": (HEAD, ["--step 30", "", "--step 200"]),
     "passes": (HEAD, ["--passes 1", "", "--passes 10"]),
+    "outliers": (OUTLIERS, [None, "--outliers move", "--outliers keep"]),
+    "outlier_distance": (OUTLIERS, ["--outlier-distance 0.3%", "", "--outlier-distance 5%"]),
+    "displacement_limit": (OUTLIERS, ["--displacement-limit 0.1%", "", "--displacement-limit 3%"]),
 }
 
 
