@@ -273,8 +273,12 @@ CurveCube curve_cube(std::span<const Point> sample) {
     widest = std::max(widest, *most - *least);
   }
   if (!(side > 0)) side = widest;  // nearly all in one place
-  for (double& l : low) l -= side / 4;
-  return {{float(low[0]), float(low[1]), float(low[2])}, float(1.5 * side)};
+  if (!(side > 0)) return {{float(low[0]), float(low[1]), float(low[2])}, 0};
+  // On a grid that small moves hardly change, so that a pass on its own and as one of several order sums alike. From a
+  // quarter of the side below the sample to a quarter above are inside wherever the grid lies.
+  const double power = std::exp2(std::ceil(std::log2(1.75 * side))), step = power / 8;
+  for (double& l : low) l = std::floor((l - side / 4) / step) * step;
+  return {{float(low[0]), float(low[1]), float(low[2])}, float(power)};
 }
 
 Spacing measure_spacing(Backend& backend, std::uint64_t points, const std::stop_token& stop) {
