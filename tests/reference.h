@@ -156,11 +156,12 @@ inline double displacement(const Points& points, std::size_t i, const List& list
 
 // Off the surface: hardly a neighbour is near the point's plane, or all of a ball's are near its rim.
 inline bool is_outlier(const Points& points, std::size_t i, const List& list, Vec normal, const Settings& s) {
+  const double core = s.outlier_distance * s.outlier_distance;
   double near_plane = 0, near = 0;
   for (const std::uint32_t j : list) {
     const Vec offset = to_vec(points[j]) - to_vec(points[i]);
     near_plane += std::abs(dot(normal, offset)) <= s.outlier_distance;
-    near += s.k > 0 || dot(offset, offset) <= 0.49 * squared_radius(points, i, s);
+    near += s.k > 0 || dot(offset, offset) <= std::max(0.49 * squared_radius(points, i, s), core);
   }
   const double all = double(list.size());
   return s.outlier_distance > 0 && (near_plane < 0.1 * all || near < 0.05 * all);

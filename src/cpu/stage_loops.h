@@ -282,7 +282,7 @@ POINTFAIR_INLINE point::Vec3<Floats> fair_pack(const Neighbors& neighbors, Weigh
     return point::moved(here, normal, distance * rule.strength);
   }
   point::Agreement<Floats> agreement;
-  const Floats squared_core = neighbors.squared_core();
+  const Floats squared_core = point::larger(neighbors.squared_core(), broadcast(rule.squared_outlier_distance));
   const Floats distance =
       bilateral_distance(neighbors, weights, rule, normal, normals, area, [&](point::Vec3<Floats> offset, Mask inside) {
         agreement.add(offset, normal, inside, rule.squared_outlier_distance, squared_core);

@@ -109,7 +109,7 @@ __device__ __forceinline__ Vec fair_point(const Neighbors& neighbors, const Fair
     return point::moved(here, normal, distance * rule.strength);
   }
   point::Agreement<float> agreement;
-  const float squared_core = neighbors.squared_core();
+  const float squared_core = point::larger(neighbors.squared_core(), rule.squared_outlier_distance);
   const float distance =
       bilateral_distance(neighbors, weights, rule, normals, normal, areas, [&](Vec offset, bool inside) {
         agreement.add(offset, normal, inside, rule.squared_outlier_distance, squared_core);

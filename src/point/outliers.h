@@ -10,14 +10,15 @@ namespace pointfair::point {
 
 // A point is an outlier if fewer than a tenth of its neighbours lie within the outlier distance of its plane (two close
 // sheets give each other half), or, in a ball of radius R, fewer than a twentieth within 0.7 R of it, where a surface
-// through the point has half of them.
+// through the point has half of them, or within the outlier distance if that is more: the tails of the noise are no
+// outliers.
 inline constexpr float kLeastNearPlane = 0.1f, kLeastNear = 0.05f, kNearSquaredRadius = 0.49f;
 
 template <class F>
 struct Agreement {
   F near_plane{}, near{}, all{};
 
-  // `squared_core`: (0.7 R)^2, infinite where there is no radius
+  // `squared_core`: of 0.7 R or the outlier distance, infinite where there is no radius
   template <class Mask>
   POINTFAIR_INLINE void add(Vec3<F> offset, Vec3<F> normal, Mask inside, float squared_distance, F squared_core) {
     const F height = dot(normal, offset), one = select(inside, F(1.0f), F{});
