@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the cloud itself says: spacing, noise, and the parameters that follow from them.
+// What the cloud itself says: spacing, noise, and where most of it lies.
 #pragma once
 
 #include <optional>
@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "backend.hpp"
-#include "pointfair/params.hpp"
 
 namespace pointfair {
 
@@ -23,8 +22,8 @@ struct Spacing {
 Spacing measure_spacing(Backend& backend, std::uint64_t points, const std::stop_token& stop);
 
 // The cube that holds most of a cloud, for Backend::order_along: between the 2 % and the 98 % quantiles of a sample on
-// each axis, widened by half their distance. The sample is of the cloud as loaded, a few points evenly spread over it,
-// or all of a small one.
+// each axis, widened by half their distance at least, on a grid of powers of two. The sample is of the cloud as loaded,
+// a few points evenly spread over it, or all of a small one.
 std::vector<Point> curve_sample(std::span<const Point> points);
 CurveCube curve_cube(std::span<const Point> sample);
 
@@ -40,16 +39,5 @@ struct Noise {
   double likeness_to_shape = 0;
 };
 Noise measure_noise(Backend& backend, std::uint64_t points, const std::stop_token& stop);
-
-// Replaces each `auto` by what follows from the spacing and noise, and every length by file units.
-Params resolve_params(const Params& params, const Spacing& spacing, const Noise& noise, double diagonal);
-
-// Whether sums run over balls and not over lists.
-bool sums_balls(const Params& params);
-
-// Whether `resolve_params` would look at the spacing, at the noise, at the diagonal.
-bool needs_spacing(const Params& params);
-bool needs_noise(const Params& params);
-bool needs_diagonal(const Params& params);
 
 }  // namespace pointfair

@@ -9,8 +9,8 @@
 #include <optional>
 #include <utility>
 
+#include "automatic.hpp"
 #include "backend.hpp"
-#include "estimate.hpp"
 #include "pipeline_access.hpp"
 
 namespace pointfair {

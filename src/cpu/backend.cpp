@@ -135,6 +135,10 @@ class CpuBackend final : public Backend {
     });
   }
 
+  void outcomes(const point::Region& loaded, std::span<unsigned char> out) override {
+    arena_.execute([&] { at_work_->outcomes(loaded, kernels_, out); });
+  }
+
   Bounds bounds() const override { return at_work_->index().bounds(); }
 
   void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override {

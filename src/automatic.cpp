@@ -1,0 +1,174 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "automatic.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace pointfair {
+namespace {
+
+// Neighbourhoods are balls whose radius follows noise and density, unless the caller says otherwise.
+bool chooses_balls(const Params& p) { return p.k == kAutomatic && p.radius.is_automatic() && !p.constraint; }
+// Lists are the paper's road, which knows no outliers; and where points also move along the surface, a long way says
+// nothing of noise.
+bool seeks_outliers(const Params& p) {
+  if (p.outliers != Outliers::automatic) return p.outliers != Outliers::off;
+  return sums_balls(p) && moves_along_normal(p.method);
+}
+
+constexpr double kNoiseRadius = 2.5;     // radius of a ball on top of the spacing, in sigmas
+constexpr int kWidening = 16;            // and the neighbours that make up the spacing's part
+constexpr double kNormalWidth = 1.4;     // of a ball's radius
+constexpr double kClosenessWidth = 0.6;  // of a ball's radius
+constexpr double kSimilarityWidth = 3;   // sigmas
+// Spacings; noise below it is hard to tell from shape: where residuals look like noise, and where they look like shape.
+constexpr double kTrustedNoise = 0.02, kTrustedShape = 0.16;
+constexpr int kNormalAngle = 15, kFacingAngle = 40;  // degrees
+constexpr int kPasses = 2;
+constexpr double kFarthestMove = 4, kOutlierDistance = 6;  // sigmas
+constexpr double kOutlierSpacings = 0.5;                   // and at least so many spacings
+
+// What `auto` means for one method; the constants above are the bilateral one's.
+struct MethodDefaults {
+  double noise_radius = kNoiseRadius, closeness_width = kClosenessWidth;
+  double similarity_width = kSimilarityWidth, least_similarity = 0.05;  // sigmas, spacings
+  int step = 100, passes = kPasses;
+  NormalFilter filter = NormalFilter::off;
+};
+
+MethodDefaults defaults_of(Method method) {
+  MethodDefaults its;
+  switch (method) {
+    case Method::bilateral:
+      its.filter = NormalFilter::on;
+      break;
+    case Method::laplacian:
+      its.closeness_width = 0.4;
+      break;
+    case Method::taubin:
+      its.step = 63;  // his lambda
+      its.passes = 8;
+      break;
+    case Method::hc_laplacian:
+      its.closeness_width = 0.5;
+      its.passes = 6;
+      break;
+    case Method::mls:
+      its.noise_radius = 3;
+      its.closeness_width = 0.5;
+      break;
+    case Method::wiener:
+      its.closeness_width = 0.4;
+      its.similarity_width = 1;  // the noise itself
+      its.least_similarity = 0;
+      break;
+    case Method::mollified:
+      its.closeness_width = 0.5;
+      its.filter = NormalFilter::mollify;
+      break;
+  }
+  return its;
+}
+
+// Percent. Next to nothing where the noise estimate is small against the spacing, so that clean clouds stay clean.
+int automatic_step(int whole, const Noise& noise, double spacing) {
+  if (!(noise.sigma > 0)) return 1;
+  const double trusted = kTrustedNoise + noise.likeness_to_shape * (kTrustedShape - kTrustedNoise);
+  const double ratio = trusted * spacing / noise.sigma;
+  return std::max(1, int(std::lround(whole / (1 + ratio * ratio * ratio * ratio))));
+}
+
+}  // namespace
+
+bool sums_balls(const Params& p) { return p.k == kAutomatic && !p.constraint; }
+
+bool needs_noise(const Params& p) {
+  const bool k_follows = p.k == kAutomatic && p.radius.is_automatic();
+  return k_follows || p.normal_sigma.is_automatic() || p.closeness_sigma.is_automatic() ||
+         p.similarity_sigma.is_automatic() || (p.constraint && p.delta.is_automatic()) ||
+         (seeks_outliers(p) && (p.displacement_limit.is_automatic() || p.outlier_distance.is_automatic()));
+}
+
+bool needs_spacing(const Params& p) {
+  const auto of_spacing = [](const Length& l) { return l.unit == Length::Unit::spacing || l.is_automatic(); };
+  return p.k == kAutomatic || of_spacing(p.normal_sigma) || of_spacing(p.closeness_sigma) ||
+         of_spacing(p.similarity_sigma) || p.radius.unit == Length::Unit::spacing ||
+         (p.constraint && (of_spacing(p.rho) || of_spacing(p.delta))) ||
+         (seeks_outliers(p) && (of_spacing(p.displacement_limit) || of_spacing(p.outlier_distance)));
+}
+
+bool needs_diagonal(const Params& p) {
+  // lengths that follow the spacing fall back on the diagonal where there is none
+  const auto given = [](const Length& l) { return l.unit == Length::Unit::file; };
+  const auto is_set_aside = [&](const Length& l) { return !p.constraint && l.is_automatic(); };
+  const bool all_given = given(p.normal_sigma) && given(p.closeness_sigma) && given(p.similarity_sigma) &&
+                         (given(p.radius) || (p.radius.is_automatic() && p.k != kAutomatic)) &&
+                         (given(p.rho) || is_set_aside(p.rho)) && (given(p.delta) || is_set_aside(p.delta));
+  return !all_given;
+}
+
+Params resolve_params(const Params& params, const Spacing& spacing, const Noise& noise, double diagonal) {
+  // A cloud without extent or noise must still get lengths that can be given again.
+  const double least = 1e-6 * (spacing.mean > 0 ? spacing.mean : diagonal > 0 ? diagonal : 1.0);
+  const auto in_file_units = [&](const Length& length, double automatic) -> Length {
+    switch (length.unit) {
+      case Length::Unit::automatic:
+        return std::max(automatic, least);
+      case Length::Unit::percent:
+        return length.value * diagonal / 100;
+      case Length::Unit::spacing:
+        return length.value * spacing.mean;
+      case Length::Unit::file:
+      case Length::Unit::radius:
+        break;
+    }
+    return length;
+  };
+  Params used = params;
+  const MethodDefaults its = defaults_of(params.method);
+  const bool by_ball = sums_balls(params);
+  // Where a square of side s holds one point, pi (R / s)^2 points lie within R of one.
+  const double s = noise.surface_spacing > 0 ? noise.surface_spacing : spacing.mean;
+  double list_radius = 0;
+  if (!params.radius.is_automatic()) used.radius = in_file_units(params.radius, 0);
+  if (chooses_balls(params)) {
+    used.radius = in_file_units({}, its.noise_radius * noise.sigma);
+    if (params.widening == kAutomatic) used.widening = kWidening;
+  } else if (!by_ball) {
+    if (params.k == kAutomatic) {  // wide enough for 11 points and wide against the noise
+      const double wide = std::hypot(3 * noise.sigma, s * std::sqrt(11 / std::numbers::pi));
+      const double count = s > 0 ? std::numbers::pi * (wide / s) * (wide / s) : 11;
+      used.k = int(std::min<double>(count, kMaxNeighbors));
+    }
+    list_radius = s * std::sqrt(used.k / std::numbers::pi);
+    if (!used.radius.is_automatic()) list_radius = std::min(list_radius, used.radius.value);
+  }
+  // the width of a Gaussian: by the ball of each point, or by what a list of k reaches on average
+  const auto width = [&](const Length& length, double of_ball, double of_list) -> Length {
+    if (by_ball) return length.is_automatic() ? Length(of_ball, Length::Unit::radius) : in_file_units(length, 0);
+    if (length.unit == Length::Unit::radius) return std::max(length.value * list_radius, least);
+    return in_file_units(length, of_list * list_radius);
+  };
+  used.rho = in_file_units(params.rho, spacing.rho);
+  used.delta = in_file_units(params.delta, 2.5 * noise.sigma);
+  used.normal_sigma = width(params.normal_sigma, kNormalWidth, 1);
+  used.closeness_sigma = width(params.closeness_sigma, its.closeness_width, 0.5);  // Fleishman 2003: radius = 2 sigma_c
+  used.similarity_sigma =
+      in_file_units(params.similarity_sigma, std::max(its.similarity_width * noise.sigma, its.least_similarity * s));
+  // A list is the paper's road: what the paper does not have is off unless asked for.
+  if (params.normal_filter == NormalFilter::automatic)
+    used.normal_filter = by_ball || its.filter == NormalFilter::mollify ? its.filter : NormalFilter::off;
+  if (params.planes == Planes::automatic) used.planes = by_ball ? Planes::both : Planes::own;
+  if (params.normal_angle == kAutomatic) used.normal_angle = kNormalAngle;
+  if (params.facing_angle == kAutomatic) used.facing_angle = kFacingAngle;
+  if (params.step == kAutomatic) used.step = chooses_balls(params) ? automatic_step(its.step, noise, s) : its.step;
+  if (params.passes == kAutomatic) used.passes = its.passes;
+  if (params.outliers == Outliers::automatic) used.outliers = seeks_outliers(params) ? Outliers::keep : Outliers::off;
+  used.displacement_limit = in_file_units(params.displacement_limit, kFarthestMove * noise.sigma);
+  used.outlier_distance =
+      in_file_units(params.outlier_distance, std::max(kOutlierDistance * noise.sigma, kOutlierSpacings * s));
+  return used;
+}
+
+}  // namespace pointfair
