@@ -272,11 +272,11 @@ POINTFAIR_INLINE Floats bilateral_distance(const Neighbors& neighbors, Weights w
 }
 
 // Where the points of the pack go: along their normals; outliers become NaN or go to the mean of their neighbours.
-template <class Neighbors, class Weights>
+template <bool kSeeksOutliers, class Neighbors, class Weights>
 POINTFAIR_INLINE point::Vec3<Floats> fair_pack(const Neighbors& neighbors, Weights weights, const FairingRule& rule,
                                                point::Vec3<Floats> here, point::Vec3<Floats> normal,
                                                VectorsView normals, AreaView area) {
-  if (rule.squared_outlier_distance == 0) {
+  if constexpr (!kSeeksOutliers) {
     const Floats distance =
         bilateral_distance(neighbors, weights, rule, normal, normals, area, [](point::Vec3<Floats>, Mask) {});
     return point::moved(here, normal, distance * rule.strength);
@@ -321,18 +321,30 @@ inline void survey(const IndexView& index, Index leaf, Neighborhoods neighborhoo
   });
 }
 
-// Moved positions, point after point into `xyz`; a zero normal leaves a point where it is.
-inline void fair(const IndexView& index, Index leaf, Neighborhoods neighborhoods, VectorsView normals, AreaView area,
-                 FairingRule rule, float* xyz) {
+// Two functions and not one: what outliers need would take registers from the loop that does not look for them.
+template <bool kSeeksOutliers>
+__attribute__((noinline)) void fair_leaf(const IndexView& index, Index leaf, const Neighborhoods& neighborhoods,
+                                         VectorsView normals, AreaView area, const FairingRule& rule, float* xyz) {
   for_packs(index, leaf, neighborhoods, [&](Index start, const auto& neighbors) {
     const point::Vec3<Floats> here = load_vector(index.x, index.y, index.z, start);
     const point::Vec3<Floats> normal = load_vector(normals.x, normals.y, normals.z, start);
     const point::Vec3<Floats> there =
-        rule.of_radius ? fair_pack(neighbors, point::local_weights(rule.weights, neighbors.squared_radius()), rule,
-                                   here, normal, normals, area)
-                       : fair_pack(neighbors, rule.weights, rule, here, normal, normals, area);
+        rule.of_radius
+            ? fair_pack<kSeeksOutliers>(neighbors, point::local_weights(rule.weights, neighbors.squared_radius()), rule,
+                                        here, normal, normals, area)
+            : fair_pack<kSeeksOutliers>(neighbors, rule.weights, rule, here, normal, normals, area);
     store_points(there, xyz + 3 * (start % kLeafSize));
   });
+}
+
+// Moved positions, point after point into `xyz`; a zero normal leaves a point where it is.
+inline void fair(const IndexView& index, Index leaf, Neighborhoods neighborhoods, VectorsView normals, AreaView area,
+                 FairingRule rule, float* xyz) {
+  if (rule.squared_outlier_distance > 0) {
+    fair_leaf<true>(index, leaf, neighborhoods, normals, area, rule, xyz);
+  } else {
+    fair_leaf<false>(index, leaf, neighborhoods, normals, area, rule, xyz);
+  }
 }
 
 }  // namespace pointfair::cpu::POINTFAIR_ISA
