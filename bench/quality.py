@@ -6,7 +6,7 @@ Clouds are made by `pointfair noise`, several seeds and levels, from
   - the shapes of $POINTFAIR_DATA/punet_train (NAME_COUNT.ply, clean, and NAME_mesh.ply), noise in % of the bounding
     radius; left: Chamfer distance (squared, both ways) and squared distance to the mesh, x 1e-4 at radius 1;
   - the meshes of --meshes, by default the Armadillo and the fandisk of Debian's libcgal-demo, 100,000 points even and of
-    density 50:1, noise in % of the diagonal; left: mean distance, edge rms, both in % of the diagonal, normal error.
+    density 50:1, noise in % of the diagonal; left: mean distance and edge rms, both in % of the diagonal.
 pointfair runs with nothing set, or as --contender says. A peer runs at its documented defaults and at each setting of
 a small sweep, of which the best counts column by column, chosen with the truth in hand. Prints Markdown. Needs a build
 with -DPOINTFAIR_BENCH=ON for the peers (`make quality` does all of it).

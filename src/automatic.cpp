@@ -102,9 +102,12 @@ bool needs_diagonal(const Params& p) {
   // lengths that follow the spacing fall back on the diagonal where there is none
   const auto given = [](const Length& l) { return l.unit == Length::Unit::file; };
   const auto is_set_aside = [&](const Length& l) { return !p.constraint && l.is_automatic(); };
+  const auto is_unread = [&](const Length& l) { return !seeks_outliers(p) && l.is_automatic(); };
   const bool all_given = given(p.normal_sigma) && given(p.closeness_sigma) && given(p.similarity_sigma) &&
                          (given(p.radius) || (p.radius.is_automatic() && p.k != kAutomatic)) &&
-                         (given(p.rho) || is_set_aside(p.rho)) && (given(p.delta) || is_set_aside(p.delta));
+                         (given(p.rho) || is_set_aside(p.rho)) && (given(p.delta) || is_set_aside(p.delta)) &&
+                         (given(p.outlier_distance) || is_unread(p.outlier_distance)) &&
+                         (given(p.displacement_limit) || is_unread(p.displacement_limit));
   return !all_given;
 }
 
