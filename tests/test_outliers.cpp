@@ -168,6 +168,15 @@ TEST(DisplacementLimit, is_four_times_the_noise_by_itself) {
   EXPECT_NEAR(outcome.report.params.outlier_distance.value, 6 * kSigma, 1.2 * kSigma);
 }
 
+TEST(DisplacementLimit, may_be_in_percent_where_nothing_else_asks_for_the_diagonal) {
+  Params params = with(Outliers::keep);
+  params.radius = params.normal_sigma = params.closeness_sigma = params.similarity_sigma = 0.05;
+  params.outlier_distance = 0.1;
+  params.displacement_limit = Length(0.1, Length::Unit::percent);
+  const double limit = run(noisy_plane(), params).report.params.displacement_limit.value;
+  EXPECT_NEAR(limit, 0.001 * std::sqrt(2.0), 0.0001);
+}
+
 TEST(Outliers, agree_with_the_reference) {
   Lifted cloud = with_outliers(shapes::with_noise(shapes::plane(1200), kSigma));
   cloud.points[3].x = std::numeric_limits<float>::quiet_NaN();
