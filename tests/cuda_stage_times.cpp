@@ -165,15 +165,22 @@ void measure_from_host(Pipeline& pipeline, const Points& points, const char* nam
   }
   double checksum = 0;
   for (const Point& p : out.points()) checksum += double(p.x) + double(p.y) + double(p.z);
-  std::printf("%-22s %9zu %3d  whole %8.3f ", name, points.size(), k, median(wholes));
+  std::printf("%-26s %9zu %3d  whole %8.3f ", name, points.size(), k, median(wholes));
   for (std::size_t s = 0; s < stages.size(); ++s) std::printf(" %s %.3f", names[s].c_str(), median(stages[s]));
   std::printf("  %.1f B/pt  %.9g\n", double(pipeline.report().peak_device_bytes) / double(points.size()), checksum);
   std::fflush(stdout);
 }
 
-int measure_host_rows(std::size_t count, int repeat, double noise) {
+// Noise of about half a spacing at 1M, less than a spacing at 10M and 100M.
+constexpr std::size_t kMany = 50'000'000;
+double noise_of(std::size_t count) { return count > kMany ? 0.00008 : count > 5'000'000 ? 0.0002 : 0.0005; }
+constexpr double kWideNoise = 0.0002;  // 1.8 spacings of 100M: the points fill a volume
+
+int measure_host_rows(std::size_t count, int repeat) {
   Pipeline pipeline(Device::cuda);
-  const Points points = bumpy_ball(count, noise, 1);
+  if (count > kMany)
+    measure_from_host(pipeline, bumpy_ball(count, kWideNoise, 1), "host, random, noise .0002", 8, repeat);
+  const Points points = bumpy_ball(count, noise_of(count), 1);
   measure_from_host(pipeline, points, "host, random order", 8, repeat);
   const Points ordered = in_spatial_order(points);
   measure_from_host(pipeline, ordered, "host, spatial order", 8, repeat);
@@ -213,8 +220,8 @@ int main(int argc, char** argv) {
   }
   const std::size_t count = argc > 1 ? std::strtoull(argv[1], nullptr, 10) : 1000000;
   const int repeat = argc > 2 ? std::atoi(argv[2]) : 15;
-  const double noise = count > 5000000 ? 0.0002 : 0.0005;
-  if (argc > 3 && std::string(argv[3]) == "host") return measure_host_rows(count, repeat, noise);
+  const double noise = noise_of(count);
+  if (argc > 3 && std::string(argv[3]) == "host") return measure_host_rows(count, repeat);
   std::printf("%-28s %9s %3s  %8s %8s %8s %8s  %8s\n", "cloud", "points", "k", "index", "neighb.", "normals", "fairing",
               "whole");
   try {
@@ -223,7 +230,11 @@ int main(int argc, char** argv) {
     auto backend = fresh();
     for (const int k : {8, 16, 32}) measure(*backend, even, {"even", k}, repeat);
     measure(*backend, even, {"even, constrained, squared", 8, true, AreaWeight::squared}, repeat);
-    if (count > 20000000) return 0;
+    if (count > kMany) {
+      even = {};
+      measure(*backend, bumpy_ball(count, kWideNoise, 1), {"even, noise .0002", 8}, repeat);
+      return 0;
+    }
     Points stray = even;
     stray[count / 3] = {1e6f, 1e6f, -1e6f};
     measure(*backend, stray, {"one stray point", 8}, repeat);

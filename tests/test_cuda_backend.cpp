@@ -412,6 +412,23 @@ TEST_F(CudaBackendTest, equals_the_cpu_on_hard_clouds) {
   expect_same(lattice(40), with_neighbors(16), "a lattice");
 }
 
+// Cells of the curve that hold more points than a leaf, and more than a block of leaves; points in its last cells,
+// beside invalid ones, which must still be sorted behind all others.
+TEST_F(CudaBackendTest, equals_the_cpu_where_cells_are_dense) {
+  for (const float size : {0.05f, 1e-3f}) {
+    std::vector<Point> cloud = noisy_sphere(50000, 16, 0.002);
+    for (std::size_t i = 0; i < 10000; ++i) {
+      Point& p = cloud[5 * i];
+      p = {0.3f + size * p.x, 0.2f + size * p.y, size * p.z};
+    }
+    for (std::size_t i = 0; i < 2000; ++i) cloud[7 * i].z = kNan;
+    for (std::size_t i = 0; i < 800; ++i)
+      cloud[11 * i] = {i % 2 == 0 ? -9.0f : 9.0f, i / 2 % 2 == 0 ? -9.0f : 9.0f,
+                       (i / 4 % 2 == 0 ? -9.0f : 9.0f) + float(i) * 1e-5f};
+    expect_same(cloud, with_neighbors(8), size < 0.01f ? "dense" : "a little dense");
+  }
+}
+
 TEST_F(CudaBackendTest, equals_the_cpu_on_invalid_and_tiny_clouds) {
   std::vector<Point> cloud = noisy_sphere(50000, 13, 0.002);
   for (std::size_t i = 0; i < cloud.size(); i += 7)

@@ -51,14 +51,15 @@ void Chain::build_index(const Point* points, std::size_t count, const std::optio
   input_ = points;
   areas_measured_ = normals_wait_ = false;
   index_.build(points, count, cube, arrival);
+  counts_clear_ = true;
 }
 
 void Chain::find_neighbors(const NeighborSettings& settings, std::stop_token stop) {
   begin_stage(stop);
   neighbors_ = settings;
   areas_measured_ = false;
-  clear(offsetof(CloudState, leaf_retries),
-        sizeof(CloudState));  // one launch for all counts of this stage and the next
+  // one launch for all counts of this stage and the next
+  if (!std::exchange(counts_clear_, false)) clear(offsetof(CloudState, leaf_retries), sizeof(CloudState));
   unmoved_clear_ = true;
   normals_wait_ = false;
   if (settings.k == 0) {
@@ -119,8 +120,9 @@ NearestQuery Chain::nearest_query() const {
 
 Retries Chain::make_room(DeviceArray<Index>& retries) const {
   const std::size_t places = index_.leaves() * kLeafSize;
-  retries.resize(places + index_.leaves());
-  return {retries.data() + places, retries.data()};
+  constexpr std::size_t kOfLeaf = sizeof(HardLeaf) / sizeof(Index);
+  retries.resize(kOfLeaf * index_.leaves() + places);
+  return {reinterpret_cast<HardLeaf*>(retries.data()), retries.data() + kOfLeaf * index_.leaves()};
 }
 
 // The mean distances are to the nearest of all points, whatever the lists are limited to. Only some runs need them.

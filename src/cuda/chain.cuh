@@ -76,7 +76,9 @@ class Chain {
   NeighborSettings neighbors_;
   NormalSettings normal_settings_;
   FairingSettings fairing_settings_;
-  bool normals_wait_ = false, unmoved_clear_ = false;
+  bool normals_wait_ = false;
+  bool counts_clear_ = false;   // all that follow the index, as it leaves them
+  bool unmoved_clear_ = false;  // those of normals
   DeviceArray<Index> lists_;
   DeviceArray<float> normals_, mean_distance_;
   DeviceArray<float> squared_radius_;  // without lists, as is

@@ -8,9 +8,20 @@
 
 #include "cuda/hilbert.cuh"
 #include "cuda/index.cuh"
+#include "cuda/launch.cuh"
 #include "point/curve.h"
 
 namespace pointfair::cuda {
+
+using CoarseKey = std::uint32_t;
+
+// Indices of points in the order of their keys, and these keys if they are to be refined.
+struct Sorted {
+  explicit Sorted(Context& context) : order(context), coarse(context) {}
+  DeviceArray<Index> order;
+  DeviceArray<CoarseKey> coarse;
+};
+
 namespace {
 
 constexpr int kSample = 256;
@@ -70,6 +81,7 @@ template <class Sampled>
 __global__ void __launch_bounds__(kPrepareBlock)
     prepare(const __grid_constant__ Sampled sampled, unsigned size, float steps, CloudState* state) {
   __shared__ float first[3], last[3], low[3], high[3];  // by axis: ends and quantiles
+  begin_kernel();
   const unsigned axis = threadIdx.x / kWarp % 3;
   const bool upper = threadIdx.x / kWarp >= 3;
   Sample sample;
@@ -161,6 +173,16 @@ constexpr int kCurveBits = 2 * point::kDigitBits;  // kBits for that curve
 template <int kBits>
 constexpr int kKeyBits = 3 * kBits + (kBits == kCurveBits ? 1 : 0);
 
+// A cloud of fewer points is sorted by all bits of its keys but the lowest kRefinedBits, in three passes instead of
+// four: on a surface the cells of 2^8 steps an axis then hold fewer points than a leaf. Where one holds more,
+// the points are sorted by the other bits a block of kBoxBlock at a time.
+constexpr std::size_t kFewPoints = 1 << 21;
+constexpr int kRefinedBits = 6;
+
+// The last keys, which only invalid points have: they must not share a cell with others.
+template <class Key, int kBits>
+constexpr Key kRefined = std::is_same_v<Key, CoarseKey> ? (Key(1) << kRefinedBits) - 1 : 0;
+
 template <class Key, int kBits>
 __device__ __forceinline__ Key key_of(const std::uint16_t* table, Point p, const float (&origin)[3], float scale) {
   if constexpr (kBits == kCurveBits) {
@@ -177,7 +199,7 @@ __device__ __forceinline__ Key key_of(const std::uint16_t* table, Point p, const
     const Key key = hilbert_key<Key, kBits>(table, grid_step(p.x, origin[0], scale, kLastStep),
                                             grid_step(p.y, origin[1], scale, kLastStep),
                                             grid_step(p.z, origin[2], scale, kLastStep));
-    return key < kLast ? key : kLast - 1;
+    return key < kLast - kRefined<Key, kBits> ? key : kLast - kRefined<Key, kBits> - 1;
   }
 }
 
@@ -190,6 +212,7 @@ __global__ void __launch_bounds__(kKeyBlock)
   constexpr int kParts = sizeof(HilbertTable) / sizeof(uint4);
   for (int i = threadIdx.x; i < kParts; i += kKeyBlock)
     reinterpret_cast<uint4*>(&table)[i] = reinterpret_cast<const uint4*>(&kHilbertTable)[i];
+  begin_kernel();
   __syncthreads();
   const float origin[3] = {state->origin[0], state->origin[1], state->origin[2]}, scale = state->steps_per_unit;
   BoundsSum bounds;
@@ -226,15 +249,50 @@ __device__ void store_box(BoxGroup& group, unsigned child, const Box& box, Index
 
 __device__ Box united_box(const Box& mine) { return {warp_box(mine.min, true).min, warp_box(mine.max, true).max}; }
 
-// Brings the points into sorted order and makes the boxes of their leaves and of the level above.
-__global__ void __launch_bounds__(kBoxBlock) gather(const Point* points, std::size_t count, const Index* order,
-                                                    const __grid_constant__ Tree tree, float4* sorted) {
+// Sorts a block's pairs, one a thread, by their keys: a bitonic network (Batcher 1968).
+__device__ void sort_block(CoarseKey& key, Index& value, uint2 (&shared)[kBoxBlock]) {
+  const unsigned thread = threadIdx.x;
+  for (unsigned run = 2; run <= kBoxBlock; run *= 2) {
+    for (unsigned stride = run / 2; stride > 0; stride /= 2) {
+      uint2 other;
+      if (stride >= kWarp) {
+        shared[thread] = {key, value};
+        __syncthreads();
+        other = shared[thread ^ stride];
+        __syncthreads();
+      } else {
+        other = {__shfl_xor_sync(kAllLanes, key, stride), __shfl_xor_sync(kAllLanes, value, stride)};
+      }
+      const bool keeps_smaller = ((thread & run) == 0) == ((thread & stride) == 0);
+      if (keeps_smaller ? other.x < key : other.x > key) key = other.x, value = other.y;
+    }
+  }
+}
+
+// See kFewPoints. `original` is that of sorted place i, and the block's places follow each other.
+__device__ void refine(const CoarseKey* coarse, std::size_t i, Index valid, Index& original) {
+  __shared__ uint2 pairs[kBoxBlock];
+  CoarseKey key = i < valid ? coarse[i] : ~CoarseKey{0};
+  pairs[threadIdx.x].x = key;
+  __syncthreads();
+  const unsigned leaf_on = threadIdx.x + kLeafSize;
+  const bool is_dense = i < valid && leaf_on < kBoxBlock && pairs[leaf_on].x >> kRefinedBits == key >> kRefinedBits;
+  if (__syncthreads_or(is_dense) != 0) sort_block(key, original, pairs);
+}
+
+// Brings the points into sorted order and makes the boxes of their leaves and of the level above. `coarse`: their keys,
+// if they are to be refined, else null.
+__global__ void __launch_bounds__(kBoxBlock)
+    gather(const Point* points, std::size_t count, const Index* order, const CoarseKey* coarse,
+           const __grid_constant__ Tree tree, float4* sorted) {
   __shared__ Box boxes[kWarp];
   __shared__ Index least[kWarp];
+  begin_kernel();
   const std::size_t i = std::size_t(blockIdx.x) * kBoxBlock + threadIdx.x;
   const unsigned warp = threadIdx.x / kWarp;
   const bool valid = i < tree.state->valid;
-  const Index original = i < count ? order[i] : point::kNoNeighbor;
+  Index original = i < count ? order[i] : point::kNoNeighbor;
+  if (coarse != nullptr) refine(coarse, i, tree.state->valid, original);
   const Point p = valid ? points[original] : Point{kInfinity, kInfinity, kInfinity};
   if (i / kLeafSize < tree.leaves) sorted[i] = {p.x, p.y, p.z, __uint_as_float(original)};
   const Box box = warp_box({p.x, p.y, p.z}, valid);
@@ -253,6 +311,7 @@ __global__ void __launch_bounds__(kBoxBlock) gather(const Point* points, std::si
 
 // The levels from 1 on, by one block: the places of each that no child fills, then the boxes of the next.
 __global__ void __launch_bounds__(kBoxBlock) gather_upper_levels(const __grid_constant__ Tree tree, Index nodes) {
+  begin_kernel();
   const Box nothing = {{kInfinity, kInfinity, kInfinity}, {-kInfinity, -kInfinity, -kInfinity}};
   for (int level = 1; level < tree.levels; ++level) {
     const Index groups = (nodes + kLeafSize - 1) / kLeafSize;
@@ -287,19 +346,19 @@ void DeviceIndex::build(const Point* points, std::size_t count, const std::optio
   leaves_ = (count + kLeafSize - 1) / kLeafSize;
   state_.resize(1);
   points_.resize(leaves_ * kLeafSize);
-  DeviceArray<Index> order(context_);
+  Sorted sorted(context_);
   constexpr std::size_t kManyPoints = 1 << 24;  // from here on cells of 2^10 steps an axis hold too many points each
   if (cube) {
     const auto [x, y, z] = cube->origin;
     lay_out<<<1, 1, 0, context_.stream()>>>(point::curve_cube({x, y, z}, cube->side), state_.data());
     check(cudaGetLastError(), "laying out the index");
-    sort<std::uint64_t, kCurveBits>(points, arrival, order);
+    sort<std::uint64_t, kCurveBits>(points, arrival, sorted);
   } else if (count < kManyPoints) {
-    sort<std::uint32_t, 10>(points, arrival, order);
+    sort<CoarseKey, 10>(points, arrival, sorted);
   } else {
-    sort<std::uint64_t, 13>(points, arrival, order);
+    sort<std::uint64_t, 13>(points, arrival, sorted);
   }
-  build_boxes(points, order.data());
+  build_boxes(points, sorted);
 }
 
 namespace {
@@ -342,32 +401,35 @@ class KeySort {
 
   void find_keys(std::size_t begin, std::size_t end) {
     const unsigned blocks = std::min(blocks_for(end - begin, kKeysOfBlock), unsigned(context_.processors()) * 8);
-    make_keys<Key, kBits>
-        <<<blocks, kKeyBlock, 0, context_.stream()>>>(points_, begin, end, state_, keys_[0].data(), order_[0].data());
-    check(cudaGetLastError(), "making sort keys");
+    launch_early(context_, "making sort keys", make_keys<Key, kBits>, blocks, kKeyBlock, points_, begin, end, state_,
+                 keys_[0].data(), order_[0].data());
   }
-  // By their keys, equal ones as uploaded.
-  Part sort(std::size_t begin, std::size_t end) {
+  // By their keys, but for the lowest bits; equal ones as uploaded.
+  Part sort(std::size_t begin, std::size_t end, int lowest_bit = 0) {
     Part part{begin, end};
     cub::DoubleBuffer<Key> keys(keys_[0].data() + begin, keys_[1].data() + begin);
     cub::DoubleBuffer<Index> order(order_[0].data() + begin, order_[1].data() + begin);
     with_scratch("sorting", [&](void* scratch, std::size_t& bytes) {
-      return cub::DeviceRadixSort::SortPairs(scratch, bytes, keys, order, part.count(), 0, kKeyBits<kBits>,
+      return cub::DeviceRadixSort::SortPairs(scratch, bytes, keys, order, part.count(), lowest_bit, kKeyBits<kBits>,
                                              context_.stream());
     });
     part.place = keys.selector;
     return part;
   }
-  void merge(const Part& a, const Part& b, DeviceArray<Index>& order) {
-    order.resize(std::size_t(a.count()) + b.count());
+  void merge(const Part& a, const Part& b, Sorted& sorted) {
+    sorted.order.resize(std::size_t(a.count()) + b.count());
     with_scratch("merging sorted parts", [&](void* scratch, std::size_t& bytes) {
       return cub::DeviceMerge::MergePairs(scratch, bytes, keys_[a.place].data() + a.begin,
                                           order_[a.place].data() + a.begin, a.count(), keys_[b.place].data() + b.begin,
                                           order_[b.place].data() + b.begin, b.count(), thrust::make_discard_iterator(),
-                                          order.data(), ::cuda::std::less<Key>{}, context_.stream());
+                                          sorted.order.data(), ::cuda::std::less<Key>{}, context_.stream());
     });
   }
-  void take(const Part& whole, DeviceArray<Index>& order) { order.swap(order_[whole.place]); }
+  void take(const Part& whole, Sorted& sorted) { sorted.order.swap(order_[whole.place]); }
+  void take_coarse(const Part& whole, Sorted& sorted) {
+    take(whole, sorted);
+    sorted.coarse.swap(keys_[whole.place]);
+  }
 
  private:
   // CUB's way: called without memory it says how much it needs.
@@ -392,7 +454,7 @@ class KeySort {
 // While the second part of a cloud arrives, the first gets its keys, and is sorted if that takes longer than the
 // latency of a second sort and a merge, which at 1M points are as long as a sort of the whole.
 template <class Key, int kBits>
-void DeviceIndex::sort(const Point* points, const Arrival* arrival, DeviceArray<Index>& order) {
+void DeviceIndex::sort(const Point* points, const Arrival* arrival, Sorted& sorted) {
   constexpr std::size_t kWorthMerging = 1 << 24;
   if constexpr (kBits != kCurveBits)
     start_prepare(points, count_, arrival, float(1 << kBits), state_.data(), context_.stream());
@@ -409,13 +471,16 @@ void DeviceIndex::sort(const Point* points, const Arrival* arrival, DeviceArray<
   if (arrival != nullptr) context_.wait_for(arrival->all);
   sorter.find_keys(first_part, count_);
   if (merges) {
-    sorter.merge(first, sorter.sort(first_part, count_), order);
-  } else {
-    sorter.take(sorter.sort(0, count_), order);
+    sorter.merge(first, sorter.sort(first_part, count_), sorted);
+    return;
   }
+  if constexpr (std::is_same_v<Key, CoarseKey>) {
+    if (count_ < kFewPoints) return sorter.take_coarse(sorter.sort(0, count_, kRefinedBits), sorted);
+  }
+  sorter.take(sorter.sort(0, count_), sorted);
 }
 
-void DeviceIndex::build_boxes(const Point* points, const Index* order) {
+void DeviceIndex::build_boxes(const Point* points, const Sorted& from) {
   std::size_t groups = blocks_for(leaves_, kLeafSize), all = groups;
   const Index groups_of_leaves = static_cast<Index>(groups);
   first_group_[0] = 0;
@@ -425,12 +490,10 @@ void DeviceIndex::build_boxes(const Point* points, const Index* order) {
     all += groups;
   }
   groups_.resize(all);
-  const cudaStream_t stream = context_.stream();
-  gather<<<groups_of_leaves, kBoxBlock, 0, stream>>>(points, count_, order, tree(), points_.data());
-  check(cudaGetLastError(), "gathering points");
+  launch_early(context_, "gathering points", gather, groups_of_leaves, kBoxBlock, points, count_, from.order.data(),
+               from.coarse.data(), tree(), points_.data());
   if (levels_ < 2) return;
-  gather_upper_levels<<<1, kBoxBlock, 0, stream>>>(tree(), groups_of_leaves);
-  check(cudaGetLastError(), "building the tree");
+  launch_early(context_, "building the tree", gather_upper_levels, 1u, kBoxBlock, tree(), groups_of_leaves);
 }
 
 }  // namespace pointfair::cuda

@@ -20,6 +20,8 @@ struct Arrival {
   std::span<const Point> source;  // the cloud in host memory
 };
 
+struct Sorted;
+
 class DeviceIndex {
  public:
   explicit DeviceIndex(Context& context);
@@ -38,8 +40,8 @@ class DeviceIndex {
 
  private:
   template <class Key, int kBits>
-  void sort(const Point* points, const Arrival* arrival, DeviceArray<Index>& order);
-  void build_boxes(const Point* points, const Index* order);
+  void sort(const Point* points, const Arrival* arrival, Sorted& sorted);
+  void build_boxes(const Point* points, const Sorted& from);
 
   Context& context_;
   const Index* whole_ = nullptr;

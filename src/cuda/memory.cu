@@ -29,6 +29,7 @@ Context::Context(int card) : card_(card) {
   check(cudaGetDeviceProperties(&properties, card), "asking for the card's properties");
   name_ = properties.name;
   processors_ = properties.multiProcessorCount;
+  launches_early_ = properties.major >= 9;
   check(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "making a stream");
   int has_pools = 0;
   check(cudaDeviceGetAttribute(&has_pools, cudaDevAttrMemoryPoolsSupported, card), "asking for memory pools");

@@ -27,6 +27,7 @@ class Context {
   void enter() const { check(cudaSetDevice(card_), "choosing the card"); }
   cudaStream_t stream() const { return stream_; }
   int processors() const { return processors_; }
+  bool launches_early() const { return launches_early_; }  // what src/cuda/launch.cuh needs
   const std::string& name() const { return name_; }
   void finish() const { check(cudaStreamSynchronize(stream_), "computing"); }
   // What is given to the stream from now on waits.
@@ -43,6 +44,7 @@ class Context {
  private:
   int card_;
   int processors_ = 0;
+  bool launches_early_ = false;
   std::string name_;
   cudaStream_t stream_ = nullptr;
   cudaMemPool_t pool_ = nullptr;  // null where the card has no pools: plain cudaMalloc then

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "cuda/memory.cuh"
+#include "cuda/search.cuh"
 #include "cuda/single_lists.cuh"
 #include "cuda/tree.cuh"
 
@@ -17,7 +18,7 @@ __device__ inline void retry(CloudState* state, Index* retries, Index at, bool w
   first = __shfl_sync(kAllLanes, first, 0);
   if (wanted) retries[first + __popc(all & lanes_below())] = at;
 }
-__device__ inline void retry_leaf(CloudState* state, Index* retries, Index leaf) {
+__device__ inline void retry_leaf(CloudState* state, HardLeaf* retries, HardLeaf leaf) {
   if (lane_number() == 0) retries[atomicAdd(&state->leaf_retries, 1u)] = leaf;
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cuda/exact_group_search.cuh"
 #include "cuda/group_search.cuh"
+#include "cuda/launch.cuh"
 #include "cuda/retries.cuh"
 #include "cuda/search.cuh"
 #include "cuda/single_search.cuh"
@@ -12,6 +13,7 @@ constexpr int kSingleBlock = 64;
 constexpr int kSingleBlocks = 24;       // of a processor
 constexpr int kFewUncertain = 5;        // up to so many queries of a leaf go to the exact search one by one,
 constexpr Index kManyCandidates = 256;  // or however many with so many candidates, which one warp would be long about;
+constexpr int kMostUncertain = 16;      // of a hard leaf whose other lists are kept
 constexpr Index kFewHardLeaves = 128;   // also the queries of so few leaves: a warp to a leaf would leave the card idle
 
 constexpr int group_warps_resident(int list, bool wide) { return list <= 8 ? (wide ? 28 : 32) : list <= 16 ? 23 : 16; }
@@ -23,6 +25,7 @@ __global__ void __launch_bounds__(kWarp, resident_blocks(group_warps_resident(kL
     nearest_of_leaves(const __grid_constant__ Tree tree, CloudState* state, NearestQuery query, Index* lists,
                       Retries retries) {
   __shared__ GroupMemory<kList, kWide> memory;
+  begin_kernel();
   const Index leaf = blockIdx.x, at = leaf * kLeafSize + lane_number();
   const Index valid = state->valid;
   if (leaf >= tree.leaves) return;
@@ -32,63 +35,78 @@ __global__ void __launch_bounds__(kWarp, resident_blocks(group_warps_resident(kL
   }
   if (leaf * kLeafSize >= valid) return;
   GroupSearch<kList, kWide> search(tree, memory, leaf, valid);
-  if (search.in_one_place()) return retry_leaf(state, retries.leaves, leaf);
-  bool found = false;
+  bool found = false, is_hard = search.in_one_place();
   float bound = __int_as_float(0x7f800000);
   const bool suits = search.suits(), complete = suits && search.run(query.k, query.squared_limit);
   if (suits) bound = search.bound();
   if (complete) {
     found = search.certain();
     const int uncertain = __popc(__ballot_sync(kAllLanes, !found));
-    if (uncertain > kFewUncertain && search.candidates() < kManyCandidates && !search.any_dropped())
-      return retry_leaf(state, retries.leaves, leaf);
-    search.write(query.k, query.squared_limit, list, found);
+    is_hard = uncertain > kFewUncertain && search.candidates() < kManyCandidates && !search.any_dropped();
+    found = found && !(is_hard && uncertain > kMostUncertain);
+    if (__any_sync(kAllLanes, found)) search.write(query.k, query.squared_limit, list, found);
   }
   const bool left = search.active() && !found;
-  retry(state, retries.queries, at, left);
   if (left) list[lane_number()] = __float_as_uint(bound);  // until there is something better
+  const unsigned undecided = __ballot_sync(kAllLanes, left);
+  if (is_hard) return retry_leaf(state, retries.leaves, {leaf, undecided});
+  retry(state, retries.queries, at, left);
 }
 
 template <int kList>
-__global__ void __launch_bounds__(kWarp)
-    nearest_of_hard_leaves(const __grid_constant__ Tree tree, NearestQuery query, Index* lists, const Index* retries) {
+__global__ void __launch_bounds__(kWarp) nearest_of_hard_leaves(const __grid_constant__ Tree tree, NearestQuery query,
+                                                                Index* lists, const HardLeaf* retries) {
+  begin_kernel();
   const Index count = tree.state->leaf_retries, valid = tree.state->valid;
   if (count < kFewHardLeaves) return;
   for (Index n = blockIdx.x; n < count; n += gridDim.x) {
-    const Index leaf = retries[n];
+    const Index leaf = retries[n].leaf;
     ExactGroupSearch<kList> search(tree, leaf, valid);
     search.run(query.k, query.squared_limit);
     search.write(query.k, lists + std::size_t(leaf) * query.k * kLeafSize);
   }
 }
 
+// `bound`: as SingleSearch::bound().
 template <class List>
-__device__ void search_single(const Tree& tree, SingleWalk& walk, List& list, NearestQuery query, Index at,
-                              bool bounded, Index* lists) {
+__device__ void search_single(const Tree& tree, SingleWalk& walk, List& list, NearestQuery query, Index at, float bound,
+                              Index* out) {
   const float4 p = tree.points[at];
-  Index* out = lists + std::size_t(at / kWarp) * query.k * kWarp + at % kWarp;
   SingleSearch<List> search(tree, walk, list, position_of(p), original_of(p), query.k, query.squared_limit);
-  if (bounded) search.bound(__uint_as_float(*out));
-  __syncwarp();
+  search.bound(bound);
   search.run();
   list.for_each(
       query.k, [&](int slot, Key key, Index found) { out[slot * kWarp] = key != kNoKey ? found : point::kNoNeighbor; });
   __syncwarp();
 }
 
-// The queries that are left, a warp to each. Those left one by one have a bound in the first place of their lists.
+__device__ Index* list_of(Index* lists, int k, Index at) {
+  return lists + std::size_t(at / kWarp) * k * kWarp + at % kWarp;
+}
+
+// The queries that are left, a warp to each. A bound is in the first place of their lists.
 __global__ void __launch_bounds__(kSingleBlock, resident_blocks(kSingleBlocks, kSingleBlock))
     nearest_of_left(const __grid_constant__ Tree tree, NearestQuery query, Index* lists, Retries retries) {
   __shared__ SingleWalk walks[kSingleBlock / kWarp];
-  const Index warps = gridDim.x * (kSingleBlock / kWarp), valid = tree.state->valid;
+  begin_kernel();
+  const Index warps = gridDim.x * (kSingleBlock / kWarp), warp = threadIdx.x / kWarp;
   const Index queries = tree.state->retries, hard_leaves = tree.state->leaf_retries;
   const Index count = queries + (hard_leaves < kFewHardLeaves ? hard_leaves * kLeafSize : 0);
-  for (Index n = blockIdx.x * (kSingleBlock / kWarp) + threadIdx.x / kWarp; n < count; n += warps) {
-    const Index in_leaf = n - queries;
-    const Index at =
-        n < queries ? retries.queries[n] : retries.leaves[in_leaf / kLeafSize] * kLeafSize + in_leaf % kLeafSize;
+  for (Index n = blockIdx.x * (kSingleBlock / kWarp) + warp; n < count; n += warps) {
+    Index at;
+    if (n < queries) {
+      at = retries.queries[n];
+    } else {
+      const HardLeaf hard = retries.leaves[(n - queries) / kLeafSize];
+      const Index lane = (n - queries) % kLeafSize;
+      if ((hard.undecided >> lane & 1u) == 0) continue;
+      at = hard.leaf * kLeafSize + lane;
+    }
+    Index* out = list_of(lists, query.k, at);
+    const float bound = __uint_as_float(*out);
+    __syncwarp();  // all lanes have read it
     RegisterList list;
-    if (at < valid) search_single(tree, walks[threadIdx.x / kWarp], list, query, at, n < queries, lists);
+    search_single(tree, walks[warp], list, query, at, bound, out);
   }
 }
 
@@ -100,7 +118,7 @@ __global__ void nearest_of_all(const __grid_constant__ Tree tree, NearestQuery q
   const Index warps = gridDim.x * (blockDim.x / kWarp), warp = threadIdx.x / kWarp;
   for (Index at = blockIdx.x * (blockDim.x / kWarp) + warp; at < tree.state->valid; at += warps) {
     SharedList list(list_memory + warp * SharedList::bytes(size), size);
-    search_single(tree, walks[warp], list, query, at, false, lists);
+    search_single(tree, walks[warp], list, query, at, __int_as_float(0x7f800000), list_of(lists, query.k, at));
   }
 }
 
@@ -134,15 +152,13 @@ __global__ void sample(const __grid_constant__ Tree tree, const Point* points, c
 template <int kList, bool kWide>
 void search_leaves(Context& context, const Tree& tree, CloudState* state, NearestQuery query, Index* list,
                    Retries retries) {
-  const cudaStream_t stream = context.stream();
   const unsigned blocks = blocks_for(tree.leaves, 1), processors = unsigned(context.processors());
-  nearest_of_leaves<kList, kWide><<<blocks, kWarp, 0, stream>>>(tree, state, query, list, retries);
-  check(cudaGetLastError(), "searching neighbours");
-  nearest_of_hard_leaves<kList>
-      <<<std::min(blocks, processors * 24), kWarp, 0, stream>>>(tree, query, list, retries.leaves);
-  check(cudaGetLastError(), "searching neighbours of hard leaves");
-  nearest_of_left<<<processors * kSingleBlocks, kSingleBlock, 0, stream>>>(tree, query, list, retries);
-  check(cudaGetLastError(), "searching neighbours left over");
+  launch_early(context, "searching neighbours", nearest_of_leaves<kList, kWide>, blocks, kWarp, tree, state, query,
+               list, retries);
+  launch_early(context, "searching neighbours of hard leaves", nearest_of_hard_leaves<kList>,
+               std::min(blocks, processors * 24), kWarp, tree, query, list, retries.leaves);
+  launch_early(context, "searching neighbours left over", nearest_of_left, processors * kSingleBlocks, kSingleBlock,
+               tree, query, list, retries);
 }
 
 void search_all(Context& context, const Tree& tree, CloudState* state, NearestQuery query, Index* list) {

@@ -17,9 +17,15 @@ struct NearestQuery {
   float squared_limit;  // infinite for none
 };
 
+// A leaf that is left to the exact searches.
+struct HardLeaf {
+  Index leaf;
+  unsigned undecided;  // a bit for each of its queries whose list is not known
+};
+
 // Room for the leaves and the queries that the fast search leaves to the exact ones: each may be all of them.
 struct Retries {
-  Index* leaves;
+  HardLeaf* leaves;
   Index* queries;
 };
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The k <= 1024 nearest points of one place: a warp to a query, exact, ties by original index. Visits the tree nearest
-// box first.
+// box first; of leaves the two nearest, so that the points of both are on their way at once.
 #pragma once
 
 #include "cuda/single_lists.cuh"
@@ -43,17 +43,25 @@ class SingleSearch {
         ++level;
         continue;
       }
-      const int child = first_of(__ballot_sync(kAllLanes, gap == nearest), level);
+      const int child = first_of(__ballot_sync(kAllLanes, gap == nearest), nearest, level);
       const Index group = walk_.groups[level];
+      const unsigned rest = static_cast<int>(lane_number()) == child ? kVisited : gap, second = warp_min(rest);
       if (nearest == last_bits() && tree_.group(level, group).least_original[child] > last_original()) {
         ++level;  // nor can any other box of the group have a neighbour
         continue;
       }
-      if (static_cast<int>(lane_number()) == child) walk_.gaps[level][child] = kVisited;
+      const int follower = __ffs(static_cast<int>(__ballot_sync(kAllLanes, rest == second))) - 1;
+      const bool both = level == 0 && second != kVisited && second <= last_bits();
+      const int lane = static_cast<int>(lane_number());
+      if (lane == child || (both && lane == follower)) walk_.gaps[level][lane] = kVisited;
       __syncwarp();
-      const Index node = group * kLeafSize + static_cast<Index>(child);
+      const Index first = group * kLeafSize, node = first + static_cast<Index>(child);
       if (level == 0) {
-        visit_leaf(node);
+        const Index next = both ? first + static_cast<Index>(follower) : node;
+        const float4 p = tree_.points[node * kLeafSize + lane_number()];
+        const float4 q = tree_.points[next * kLeafSize + lane_number()];
+        visit_leaf(node, p);
+        if (both) visit_leaf(next, q);
       } else {
         enter(--level, node);
       }
@@ -67,9 +75,10 @@ class SingleSearch {
   __device__ unsigned last_bits() const { return static_cast<unsigned>(last_ >> 32); }
   __device__ Index last_original() const { return static_cast<Index>(last_); }
 
-  // Of boxes equally near, the one with the least original index: from afar all distances may round to one number.
-  __device__ int first_of(unsigned tied, int level) const {
-    if (__popc(tied) == 1) return __ffs(static_cast<int>(tied)) - 1;
+  // Of boxes equally near, the one with the least original index: from afar all distances may round to one number. Of
+  // boxes around the query any, unless k points are at its place.
+  __device__ int first_of(unsigned tied, unsigned gap, int level) const {
+    if (__popc(tied) == 1 || (gap == 0 && last_bits() > 0)) return __ffs(static_cast<int>(tied)) - 1;
     const bool mine = (tied >> lane_number() & 1u) != 0;
     Index least = mine ? tree_.group(level, walk_.groups[level]).least_original[lane_number()] : point::kNoNeighbor;
     const Index own = least;
@@ -106,9 +115,9 @@ class SingleSearch {
     last_ = corners.key(k_ - 1) + 1;
   }
 
-  __device__ void visit_leaf(Index leaf) {
+  // `p` is the leaf's point of this lane.
+  __device__ void visit_leaf(Index leaf, float4 p) {
     const Index at = leaf * kLeafSize + lane_number();
-    const float4 p = tree_.points[at];
     const float distance = point::squared_length(position_of(p) - position_);
     const Key key = point::neighbor_key(distance, original_of(p));
     const bool joins = distance <= squared_limit_ && distance < __int_as_float(0x7f800000) &&

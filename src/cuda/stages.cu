@@ -4,6 +4,7 @@
 #include <bit>
 #include <cub/device/device_radix_sort.cuh>
 
+#include "cuda/launch.cuh"
 #include "cuda/stage_parts.cuh"
 #include "cuda/stages.cuh"
 
@@ -85,6 +86,7 @@ __global__ void __launch_bounds__(kBlock)
     listed_normals_and_fairing(const __grid_constant__ Tree tree, CloudState* state, Lists lists,
                                point::NormalWeights weights, Normals normals, AreaWeights areas,
                                point::BilateralWeights fairing_weights, FairedPoints faired) {
+  begin_kernel();
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;  // whole leaves, so whole warps
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   const bool valid = at < state->valid;
@@ -175,9 +177,8 @@ void estimate_normals_and_fair(Context& context, const Tree& tree, CloudState* s
   const auto kernel = k <= 8    ? (with ? listed_normals_and_fairing<8, true> : listed_normals_and_fairing<8, false>)
                       : k <= 16 ? (with ? listed_normals_and_fairing<16, true> : listed_normals_and_fairing<16, false>)
                                 : (with ? listed_normals_and_fairing<0, true> : listed_normals_and_fairing<0, false>);
-  kernel<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, state, lists, weights, normals, areas,
-                                                                           fairing_weights, faired);
-  check(cudaGetLastError(), "estimating normals and fairing");
+  launch_early(context, "estimating normals and fairing", kernel, blocks_for(tree.leaves, kWarps), kBlock, tree, state,
+               lists, weights, normals, areas, fairing_weights, faired);
   bring_into_order(context, faired);
 }
 
