@@ -6,24 +6,32 @@ Clouds are made by `pointfair noise`, several seeds and levels, from
   - the shapes of $POINTFAIR_DATA/punet_train (NAME_COUNT.ply, clean, and NAME_mesh.ply), noise in % of the bounding
     radius; left: Chamfer distance (squared, both ways) and squared distance to the mesh, x 1e-4 at radius 1;
   - the meshes of --meshes, by default the Armadillo and the fandisk of Debian's libcgal-demo, 100,000 points even and of
-    density 50:1, noise in % of the diagonal; left: mean distance and edge rms, both in % of the diagonal.
-pointfair runs with nothing set, or as --contender says. A peer runs at its documented defaults and at each setting of
-a small sweep, of which the best counts column by column, chosen with the truth in hand. Prints Markdown. Needs a build
-with -DPOINTFAIR_BENCH=ON for the peers (`make quality` does all of it).
+    density 50:1, noise in % of the diagonal; left: mean distance and edge rms, both in % of the diagonal;
+and from both the mean error of normals, of planes through 16 points, in degrees. pointfair runs with nothing set, or as
+--contender says. A peer runs at its documented defaults and at each setting of a small sweep, of which the best counts
+column by column, chosen with the truth in hand. Needs a build with -DPOINTFAIR_BENCH=ON for the peers (`make quality`
+does all of it).
+
+Each result is kept in FOLDER/results.jsonl as it comes, so a run that was stopped goes on where it was, and a changed
+program is measured again alone. By default, about 45 minutes of one core, most of them the peers'; what is left is said
+while it runs. Prints Markdown; --write puts it between the marks <!-- quality NAME --> and <!-- end --> of a page.
 A quick look: bench/quality.py --seeds 1 --peers none --shapes cad dino
 Another setting: bench/quality.py --peers none --contender "sharper=--normal-angle 15"
 """
 import argparse
 import array
+import functools
+import hashlib
 import json
 import math
 import os
+import re
 import statistics
 import subprocess
 import sys
 import tarfile
 import time
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,6 +39,10 @@ SHAPE_LEVELS = (1, 2, 3)  # % of the bounding radius
 MESH_LEVELS = (0.1, 0.3, 0.5)  # % of the diagonal
 MESH_POINTS = 100_000
 EDGE_DEGREES = 40
+NORMAL_NEIGHBORS = 16
+TITLES = {"chamfer": "Chamfer distance x 1e-4", "squared": "Mean squared distance to the mesh x 1e-4",
+          "mean": "Mean distance, % of the diagonal", "edge": "Edge rms, % of the diagonal",
+          "normals": "Mean error of normals, degrees", "seconds": "Processor seconds on one thread, files included"}
 
 
 @dataclass(frozen=True)
@@ -41,15 +53,20 @@ class Contender:
     program: str | None  # of bench/peers; None: pointfair
     settings: tuple  # of flags
 
+    @property
+    def is_peer(self):
+        return self.program not in (None, "noisy")
 
+
+NOISY = Contender("noisy", "noisy", ((),))
 METHODS = ("laplacian", "taubin", "hc-laplacian", "mls", "wiener", "mollified")
-PEERS = (
-    Contender("CGAL bilateral, default", "cgal_bilateral", (("--k", "24"),)),
-    Contender("CGAL bilateral, best of 5", "cgal_bilateral", tuple(("--k", str(k)) for k in (12, 24, 48, 96, 192))),
-    Contender("CGAL jet, default", "cgal_jet", (("--k", "24"),)),
-    Contender("CGAL jet, best of 4", "cgal_jet", tuple(("--k", str(k)) for k in (24, 48, 96, 192))),
+PEERS = (  # the quick ones first
     Contender("PCL MLS, default", "pcl_mls", (("--k", "48"),)),
     Contender("PCL MLS, best of 4", "pcl_mls", tuple(("--k", str(k)) for k in (24, 48, 96, 192))),
+    Contender("CGAL jet, default", "cgal_jet", (("--k", "24"),)),
+    Contender("CGAL jet, best of 4", "cgal_jet", tuple(("--k", str(k)) for k in (24, 48, 96, 192))),
+    Contender("CGAL bilateral, default", "cgal_bilateral", (("--k", "24"),)),
+    Contender("CGAL bilateral, best of 5", "cgal_bilateral", tuple(("--k", str(k)) for k in (12, 24, 48, 96, 192))),
 )
 
 
@@ -58,6 +75,16 @@ def run(command):
     if done.returncode != 0:
         sys.exit(f"stopped: exit code {done.returncode} of {' '.join(map(str, command))}")
     return done.stdout
+
+
+def processor_seconds(command):
+    """Runs it; what it took of the processor, which other work on the machine changes little."""
+    child = subprocess.Popen([str(word) for word in command], stdout=subprocess.DEVNULL)
+    _, status, usage = os.wait4(child.pid, 0)
+    child.returncode = os.waitstatus_to_exitcode(status)
+    if child.returncode != 0:
+        sys.exit(f"stopped: exit code {child.returncode} of {' '.join(map(str, command))}")
+    return usage.ru_utime + usage.ru_stime
 
 
 def bounding_radius(path):
@@ -81,6 +108,7 @@ class Case:
     column: str  # that its results are averaged in
     name: str
     source: Path  # to sample or to add noise to
+    seed: int
     flags: tuple  # of `pointfair noise`
     mesh: Path
     clean: Path | None  # a cloud, for the Chamfer distance
@@ -98,7 +126,7 @@ def shape_cases(data, names, counts, seeds):
             radius = bounding_radius(clean)
             for level in SHAPE_LEVELS:
                 for seed in range(1, seeds + 1):
-                    yield Case(f"{count // 1000}K {level} %", f"{name}_{count}_{level}_{seed}", clean,
+                    yield Case(f"{count // 1000}K {level} %", f"{name}_{count}_{level}_{seed}", clean, seed,
                                ("--sigma", repr(level / 100 * radius), "--seed", seed), mesh, clean, radius)
 
 
@@ -108,13 +136,28 @@ def mesh_cases(meshes, seeds):
             for level in MESH_LEVELS:
                 for seed in range(1, seeds + 1):
                     yield Case(f"{mesh.stem} {density} {level} %", f"{mesh.stem}_{density.replace(':', '_')}_{level}_{seed}",
-                               mesh, ("--points", MESH_POINTS, "--sigma", f"{level}%", "--seed", seed, *flags), mesh, None)
+                               mesh, seed, ("--points", MESH_POINTS, "--sigma", f"{level}%", "--seed", seed, *flags), mesh, None)
+
+
+def digest(*parts):
+    return hashlib.sha256(b"\0".join(part if isinstance(part, bytes) else str(part).encode() for part in parts)).hexdigest()[:20]
+
+
+@functools.cache
+def file_digest(path):
+    return digest(path.read_bytes())
 
 
 class Bench:
     def __init__(self, options, folder):
         self.options, self.folder = options, folder
         self.pointfair = options.build / "bin" / "pointfair"
+        self.log = folder / "results.jsonl"
+        self.results = {}
+        if self.log.exists():
+            for line in self.log.read_text().splitlines():
+                result = json.loads(line)
+                self.results[result.pop("key")] = result
 
     def noisy(self, case):
         path = self.folder / f"{case.name}.ply"
@@ -124,69 +167,149 @@ class Bench:
             part.rename(path)
         return path
 
+    def program(self, contender):
+        if contender.program is None:
+            return self.pointfair
+        return self.options.build / "bin" / "peers" / contender.program
+
+    def key(self, case, contender, flags):
+        """Of one result: the cloud, the program and its flags."""
+        program = "" if contender.program == "noisy" else file_digest(self.program(contender))
+        return digest(file_digest(self.noisy(case)), program, *flags)
+
     def measure(self, case, cloud):
         """What is left, by name of the figure."""
-        report = json.loads(run([self.pointfair, "compare", cloud, case.mesh, "--edges", EDGE_DEGREES, "--threads", 1,
-                                 "--report", "-"]))
+        report = json.loads(run([self.pointfair, "compare", cloud, case.mesh, "--edges", EDGE_DEGREES, "--normals",
+                                 NORMAL_NEIGHBORS, "--threads", 1, "--report", "-"]))
+        normals = {"normals": report["normal_error"]}
         if case.clean is None:
             percent = 100 / report["diagonal"]
-            return {"mean": percent * report["mean"], "edge": percent * (report["edge_rms"] or math.nan)}
+            return {"mean": percent * report["mean"], "edge": percent * (report["edge_rms"] or math.nan)} | normals
         to_clean = json.loads(run([self.pointfair, "compare", cloud, case.clean, "--as", "cloud", "--threads", 1,
                                    "--report", "-"]))
-        return {"chamfer": 1e4 * to_clean["chamfer"], "squared": 1e4 * (report["rms"] / case.radius) ** 2}
+        return {"chamfer": 1e4 * to_clean["chamfer"], "squared": 1e4 * (report["rms"] / case.radius) ** 2} | normals
 
     def fair(self, case, contender, flags):
         """Figures of one setting on one cloud, and its seconds."""
-        noisy, out = self.noisy(case), self.folder / f"{case.name}.{contender.name.replace(' ', '_')}.ply"
-        start = time.monotonic()
+        noisy = self.noisy(case)
+        if contender.program == "noisy":
+            return self.measure(case, noisy)
+        out = self.folder / f"{case.name}.{digest(contender.program, *flags)}.ply"
         if contender.program is None:
-            run([self.pointfair, "run", noisy, out, *flags, "--force", "-q", "--device", "cpu", "--threads", 1])
+            command = [self.pointfair, "run", noisy, out, *flags, "--force", "-q", "--device", "cpu", "--threads", 1]
         else:
-            run([self.options.build / "bin" / "peers" / contender.program, noisy, "--out", out, "--threads", 1,
-                 "--repeat", 1, *flags])
-        seconds = time.monotonic() - start
+            command = [self.program(contender), noisy, "--out", out, "--threads", 1, "--repeat", 1, *flags]
+        seconds = processor_seconds(command)
         figures = self.measure(case, out) | {"seconds": seconds}
         out.unlink()
         return figures
 
-    def averages(self, cases, contender):
-        """{figure: {column: mean over shapes and seeds}}; of several settings the best of each column and figure."""
-        with ThreadPoolExecutor(self.options.jobs) as pool:
-            jobs = [(case, flags, pool.submit(self.fair, case, contender, flags))
-                    for flags in contender.settings for case in cases]
-            found = {}
-            for case, flags, job in jobs:
-                for figure, value in job.result().items():
-                    found.setdefault(figure, {}).setdefault(case.column, {}).setdefault(flags, []).append(value)
-        return {figure: {column: min(statistics.fmean(values) for values in settings.values())
-                         for column, settings in columns.items()} for figure, columns in found.items()}
+    def measure_all(self, cases, contenders):
+        """What is not known yet: seed by seed, contender by contender."""
+        wanted = {}
+        for case, contender in sorted(((case, contender) for contender in contenders for case in cases),
+                                      key=lambda pair: (pair[0].seed, pair[1].is_peer)):
+            if contender.is_peer and case.seed > self.options.peer_seeds:
+                continue
+            for flags in contender.settings:
+                key = self.key(case, contender, flags)
+                if key not in self.results:
+                    wanted[key] = (case, contender, flags)
+        start = time.monotonic()
+        with ThreadPoolExecutor(self.options.jobs) as pool, self.log.open("a") as log:
+            jobs = {pool.submit(self.fair, *job): key for key, job in wanted.items()}
+            for done, job in enumerate(as_completed(jobs), 1):
+                self.results[jobs[job]] = job.result()
+                print(json.dumps({"key": jobs[job]} | job.result()), file=log, flush=True)
+                if done % 20 == 0 or done == len(wanted):
+                    print(f"{done} of {len(wanted)} results, {(time.monotonic() - start) / 60:.1f} min", file=sys.stderr,
+                          flush=True)
 
-    def untouched(self, cases):
-        with ThreadPoolExecutor(self.options.jobs) as pool:
-            jobs = [(case, pool.submit(lambda case=case: self.measure(case, self.noisy(case)))) for case in cases]
-            found = {}
-            for case, job in jobs:
-                for figure, value in job.result().items():
-                    found.setdefault(figure, {}).setdefault(case.column, []).append(value)
-        return {figure: {column: statistics.fmean(values) for column, values in columns.items()}
-                for figure, columns in found.items()}
+    def row(self, cases, contender):
+        """The contender's Row, of all seeds whose every result is known."""
+        row = Row(contender)
+        for column in dict.fromkeys(case.column for case in cases):
+            mine = [case for case in cases if case.column == column]
+            by_setting = [self.seed_averages(mine, contender, flags) for flags in contender.settings]
+            seeds = set.intersection(*(set(averages) for averages in by_setting))
+            if not seeds:
+                continue
+            row.seeds.append(len(seeds))
+            found = [{figure: statistics.fmean(averages[seed][figure] for seed in seeds)
+                      for figure in averages[min(seeds)]} for averages in by_setting]
+            best = min(found, key=lambda figures: figures.get("chamfer", figures.get("mean")))  # whose time counts
+            for figure in found[0]:
+                row.cells[figure, column] = best[figure] if figure == "seconds" else min(its[figure] for its in found)
+        return row
 
-    def results(self, cases, contenders):
-        """(name, averages) of the noisy clouds and of each contender, as they are measured."""
-        yield "noisy", self.untouched(cases)
-        for contender in contenders:
-            print(contender.name, file=sys.stderr, flush=True)
-            yield contender.name, self.averages(cases, contender)
+    def seed_averages(self, cases, contender, flags):
+        """{seed: {figure: mean over the cases}} of the seeds whose results are complete."""
+        averages = {}
+        for seed in sorted({case.seed for case in cases}):
+            known = [self.results.get(self.key(case, contender, flags)) for case in cases if case.seed == seed]
+            if all(known):
+                averages[seed] = {figure: statistics.fmean(result[figure] for result in known) for figure in known[0]}
+        return averages
+
+
+class Row:
+    """A line of each table."""
+
+    def __init__(self, contender):
+        self.contender, self.cells, self.seeds = contender, {}, []
+
+    def seeds_text(self):
+        return "-".join(map(str, sorted({min(self.seeds), max(self.seeds)})))
 
 
 def table(header, rows):
     return "\n".join("| " + " | ".join(row) + " |" for row in [header, ["---"] * len(header), *rows]) + "\n"
 
 
-def figure_table(results, figure, columns):
-    rows = [[name] + [f"{averages[figure][column]:.3g}" if figure == "seconds" else f"{averages[figure][column]:.4f}"
-                      for column in columns] for name, averages in results if figure in averages]
-    return table(["", *columns], rows)
+def cell_text(figure, value):
+    return "" if value is None else f"{value:.2g}" if figure == "seconds" else f"{value:.3g}"
+
+
+def best_peers(rows):
+    """{(figure, column): the best of all peers}, times left out."""
+    best = {}
+    for row in rows:
+        if row.contender.is_peer:
+            for cell, value in row.cells.items():
+                if cell[0] != "seconds":
+                    best[cell] = min(value, best.get(cell, math.inf))
+    return best
+
+
+def figure_table(rows, figure, columns):
+    """Markdown; what pointfair with nothing set loses to the best of the peers is bold."""
+    best, lines = best_peers(rows), []
+    for row in rows:
+        if not any((figure, column) in row.cells for column in columns):
+            continue
+        line = []
+        for column in columns:
+            value = row.cells.get((figure, column))
+            text = cell_text(figure, value)
+            is_lost = row.contender.name == "pointfair" and value is not None and value > best.get((figure, column), math.inf)
+            line.append(f"**{text}**" if is_lost else text)
+        lines.append([row.contender.name, row.seeds_text(), *line])
+    return table(["", "seeds", *columns], lines)
+
+
+def verdict(rows, figures):
+    """Which cells pointfair with nothing set loses to CGAL's bilateral filter, and to the best of all peers."""
+    ours = next(row for row in rows if row.contender.name == "pointfair")
+    bilateral = best_peers([row for row in rows if row.contender.program == "cgal_bilateral"])
+    text = []
+    for name, best in (("CGAL's bilateral filter at its best", bilateral), ("the best of all peers", best_peers(rows))):
+        compared = [cell for cell in ours.cells if cell in best and cell[0] in figures]
+        if compared:
+            lost = [f"{TITLES[figure].split(',')[0].lower()} {column} ({100 * (ours.cells[figure, column] / best[figure, column] - 1):+.1f} %)"
+                    for figure, column in compared if ours.cells[figure, column] > best[figure, column]]
+            text.append(f"Against {name}, of {len(compared)} cells pointfair loses "
+                        + (f"{len(lost)}: {'; '.join(lost)}." if lost else "none."))
+    return "\n".join(text) + "\n"
 
 
 def cgal_meshes(folder):
@@ -210,6 +333,7 @@ def parse_options():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--build", type=Path, default=root / "build", help="folder of the build (default: build)")
     parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--peer-seeds", type=int, default=1, help="of the peers, which take most of the time (default: 1)")
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="clouds at a time, each on one thread")
     parser.add_argument("--shapes", nargs="*", metavar="NAME", help="only these of the test shapes; none: no shapes")
     parser.add_argument("--counts", nargs="*", type=int, default=(10_000, 50_000), help="points of the test shapes")
@@ -218,11 +342,14 @@ def parse_options():
     parser.add_argument("--peers", choices=("all", "none"), default="all")
     parser.add_argument("--contender", action="append", default=[], metavar="NAME=FLAGS",
                         help="pointfair with these flags; instead of the methods")
-    parser.add_argument("--folder", type=Path, help="for the clouds (default: BUILD/quality)")
+    parser.add_argument("--folder", type=Path, help="for clouds and results (default: BUILD/quality)")
+    parser.add_argument("--write", type=Path, metavar="PAGE", help="put the tables between the marks of this page")
+    parser.add_argument("--known", action="store_true", help="tables of the results that are there; measures nothing")
     return parser.parse_args()
 
 
 def contenders_of(options):
+    yield NOISY
     yield Contender("pointfair", None, ((),))
     if options.contender:
         for text in options.contender:
@@ -238,6 +365,33 @@ def contenders_of(options):
             print(f"{peer.program} was not built: its library was not found", file=sys.stderr)
 
 
+def processor():
+    for line in Path("/proc/cpuinfo").read_text().splitlines():
+        if line.startswith("model name"):
+            return line.split(":", 1)[1].strip()
+    return "unknown processor"
+
+
+def tables(rows, figures, columns):
+    """Markdown of one set of cases."""
+    primary = [figure for figure in figures if figure not in ("normals", "seconds")]
+    parts = [f"{TITLES[figure]}:\n\n{figure_table(rows, figure, columns)}" for figure in figures]
+    return "\n".join([verdict(rows, primary), *parts])
+
+
+def put(page, name, text):
+    """Between the marks of the page, if one is given and has them, else on standard output."""
+    block = f"<!-- quality {name} -->\n{text}<!-- end -->"
+    if page is None:
+        print(text, flush=True)
+        return
+    old = page.read_text()
+    new, count = re.subn(rf"<!-- quality {re.escape(name)} -->\n.*?<!-- end -->", lambda _: block, old, flags=re.S)
+    if count == 0:
+        sys.exit(f"{page}: no mark <!-- quality {name} -->")
+    page.write_text(new)
+
+
 def main():
     options = parse_options()
     folder = options.folder or options.build / "quality"
@@ -245,21 +399,19 @@ def main():
     bench = Bench(options, folder)
     contenders = list(contenders_of(options))
     data = os.environ.get("POINTFAIR_DATA")
-    if data and options.shapes != []:
-        cases = list(shape_cases(Path(data), options.shapes, options.counts, options.seeds))
-        results = list(bench.results(cases, contenders))
-        columns = list(dict.fromkeys(case.column for case in cases))
-        print(f"Chamfer distance x 1e-4, {options.seeds} seeds:\n\n{figure_table(results, 'chamfer', columns)}")
-        print(f"Mean squared distance to the mesh x 1e-4:\n\n{figure_table(results, 'squared', columns)}")
-        print(f"Seconds on one thread, files included:\n\n{figure_table(results, 'seconds', columns)}", flush=True)
+    groups = []
     meshes = cgal_meshes(folder) if options.meshes is None else options.meshes
-    for mesh in meshes:
-        cases = list(mesh_cases([mesh], options.seeds))
-        results = list(bench.results(cases, contenders))
+    groups += [(mesh.stem, ("mean", "edge", "normals", "seconds"), list(mesh_cases([mesh], options.seeds)))
+               for mesh in meshes]
+    if data and options.shapes != []:
+        groups.append(("shapes", ("chamfer", "squared", "normals", "seconds"),
+                       list(shape_cases(Path(data), options.shapes, options.counts, options.seeds))))
+    if not options.known:
+        bench.measure_all([case for _, _, cases in groups for case in cases], contenders)
+    for name, figures, cases in groups:
+        rows = [row for contender in contenders if (row := bench.row(cases, contender)).seeds]
         columns = list(dict.fromkeys(case.column for case in cases))
-        print(f"Mean distance, % of the diagonal:\n\n{figure_table(results, 'mean', columns)}")
-        print(f"Edge rms, % of the diagonal:\n\n{figure_table(results, 'edge', columns)}")
-        print(f"Seconds on one thread, files included:\n\n{figure_table(results, 'seconds', columns)}", flush=True)
+        put(options.write, name, f"{processor()}, {time.strftime('%Y-%m-%d')}.\n{tables(rows, figures, columns)}")
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ namespace {
 struct CompareArguments {
   std::string cloud, reference, as = "auto", report;
   std::optional<double> edges;
+  std::optional<int> normals;
   unsigned threads = 0;
 };
 
@@ -39,6 +40,9 @@ std::string comparison_text(const Comparison& comparison) {
     text += line("edge rms", *comparison.edge_rms, diagonal);
     fmt::format_to(std::back_inserter(text), "{:<10}of {} points\n", "", comparison.edge_points);
   }
+  if (comparison.normal_error) {
+    fmt::format_to(std::back_inserter(text), "{:<10}{:.3f} degrees\n", "normals", *comparison.normal_error);
+  }
   return text;
 }
 
@@ -48,6 +52,7 @@ Json comparison_json(const Comparison& comparison) {
   json["chamfer"] = comparison.chamfer;
   json["edge_rms"] = comparison.edge_rms ? Json(*comparison.edge_rms) : Json();
   json["edge_points"] = comparison.edge_points;
+  json["normal_error"] = comparison.normal_error ? Json(*comparison.normal_error) : Json();
   return json;
 }
 
@@ -58,7 +63,8 @@ void compare(const CompareArguments& arguments) {
   options.threads = arguments.threads;
   const Cloud cloud = read(arguments.cloud, options);
   const Cloud reference = read(arguments.reference, options);
-  const Comparison comparison = compare_clouds(cloud, reference, {arguments.as == "cloud", arguments.edges});
+  const Comparison comparison = compare_clouds(
+      cloud, reference, {arguments.as == "cloud", arguments.edges, arguments.normals, arguments.threads});
   write_report(arguments.report, comparison_json(comparison));
   if (arguments.report != "-") print_output(comparison_text(comparison));
 }
@@ -74,11 +80,16 @@ Verb add_compare(CLI::App& app) {
   command.add_option("--edges", arguments->edges, "also measure near edges whose faces turn by more than this")
       ->check(CLI::Range(0.0, 180.0).description(""))
       ->type_name("DEGREES");
+  command
+      .add_option("--normals", arguments->normals, "also measure the normals of planes through so many nearest points")
+      ->check(CLI::Range(3, kMaxNeighbors).description(""))
+      ->type_name("K");
   add_threads(command, arguments->threads);
   add_report(command, arguments->report);
   command.footer(
       "Distances are in the file's unit and in % of the diagonal of B's bounding box. chamfer is the mean squared\n"
-      "distance to the nearest point from A to B plus that from B to A, where B's bounding sphere has radius 1.");
+      "distance to the nearest point from A to B plus that from B to A, where B's bounding sphere has radius 1.\n"
+      "normal_error is the mean angle in degrees to the normal of the nearest face, signs left out.");
   return {&command, [arguments](std::stop_token) { compare(*arguments); }};
 }
 

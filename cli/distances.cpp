@@ -9,6 +9,9 @@
 #include <nanoflann.hpp>
 #include <numbers>
 #include <numeric>
+#include <string>
+
+#include "pointfair/pipeline.hpp"
 
 namespace pointfair::cli {
 namespace {
@@ -71,8 +74,8 @@ struct PointArray {
   }
 };
 
-template <class F>
-std::vector<double> for_each_point(const std::vector<Vec3>& points, const F& measure) {
+template <class Of, class F>
+std::vector<double> for_each_point(const std::vector<Of>& points, const F& measure) {
   std::vector<double> result(points.size());
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, points.size(), 1024), [&](const auto& range) {
     for (std::size_t i = range.begin(); i != range.end(); ++i) result[i] = measure(i);
@@ -109,23 +112,55 @@ std::vector<Triangle> finite_triangles(const std::vector<Vec3>& vertices, const 
 }
 
 // Squared distance and foot of every point; the feet decide which points lie near an edge.
-std::vector<double> measure_surface(const std::vector<Vec3>& points, const Surface& surface, std::vector<Vec3>& feet) {
+std::vector<double> measure_surface(const std::vector<Vec3>& points, const Surface& surface, std::vector<Foot>& feet) {
   feet.resize(points.size());
   return for_each_point(points, [&](std::size_t i) {
-    const Foot foot = surface.closest(points[i]);
-    feet[i] = foot.place;
-    return foot.squared_distance;
+    feet[i] = surface.closest(points[i]);
+    return feet[i].squared_distance;
   });
 }
 
+// Unit normals of the planes through the k nearest points (Hoppe 1992), zero where there is none. They are those of the
+// first stages of a run; lengths of which nothing depends here are given, so that none is looked for.
+std::vector<Point> plane_normals(const Cloud& cloud, int k, unsigned threads) {
+  Params params;
+  params.k = k;
+  params.passes = 1;
+  params.normal_weights = false;
+  params.normal_sigma = params.closeness_sigma = params.similarity_sigma = 1;
+  Pipeline pipeline({Device::cpu, 0, threads});
+  pipeline.load(cloud.points);
+  std::vector<Point> normals(cloud.points.size());
+  pipeline.run(params, normals);
+  pipeline.normals(normals);
+  return normals;
+}
+
+// Mean angle between the normals of the points and of the faces nearest to them; `feet` are of the finite points.
+std::optional<double> mean_normal_error(const Cloud& cloud, const std::vector<Point>& normals,
+                                        const std::vector<Foot>& feet, const std::vector<Triangle>& mesh) {
+  double sum = 0, count = 0;
+  auto foot = feet.begin();
+  for (std::size_t i = 0; i < normals.size(); ++i) {
+    if (!is_finite(file_place(cloud, cloud.points[i]))) continue;
+    const auto& [a, b, c] = mesh[(foot++)->triangle];
+    const Vec3 face = cross(b - a, c - a), normal = {normals[i].x, normals[i].y, normals[i].z};
+    const double lengths = length(face) * length(normal);
+    if (!(lengths > 0)) continue;
+    sum += std::acos(std::min(1.0, std::abs(dot(face, normal)) / lengths));
+    ++count;
+  }
+  return count > 0 ? std::optional(sum / count * 180 / std::numbers::pi) : std::nullopt;
+}
+
 // Points whose foot lies within 1 % of the diagonal of a sharp edge.
-void measure_edges(const std::vector<double>& squared, const std::vector<Vec3>& feet, std::vector<Triangle> edges,
+void measure_edges(const std::vector<double>& squared, const std::vector<Foot>& feet, std::vector<Triangle> edges,
                    const Frame& frame, Comparison& result) {
   if (edges.empty()) return;
   const Surface surface(std::move(edges));
   const double reach = 0.01 * frame.diagonal * frame.scale();
   const std::vector<double> to_edge =
-      for_each_point(feet, [&](std::size_t i) { return surface.closest(feet[i]).squared_distance; });
+      for_each_point(feet, [&](std::size_t i) { return surface.closest(feet[i].place).squared_distance; });
   double sum = 0;
   for (std::size_t i = 0; i < feet.size(); ++i) {
     if (to_edge[i] > reach * reach) continue;
@@ -206,9 +241,10 @@ Comparison compare_clouds(const Cloud& a, const Cloud& b, const CompareOptions& 
   if (from.empty()) throw Error(ErrorKind::failed, "the first cloud has no finite point to measure");
 
   const Faces faces = options.as_cloud ? Faces() : triangles(b);
-  std::vector<Triangle> mesh = finite_triangles(vertices, faces);
-  if (options.edge_degrees && mesh.empty()) {
-    throw Error(ErrorKind::usage, "--edges needs a mesh, but the second file is taken as a cloud");
+  const std::vector<Triangle> mesh = finite_triangles(vertices, faces);
+  if ((options.edge_degrees || options.normal_neighbors) && mesh.empty()) {
+    throw Error(ErrorKind::usage, std::string(options.edge_degrees ? "--edges" : "--normals") +
+                                      " needs a mesh, but the second file is taken as a cloud");
   }
   Comparison result;
   result.points = from.size();
@@ -217,10 +253,14 @@ Comparison compare_clouds(const Cloud& a, const Cloud& b, const CompareOptions& 
   std::vector<double> squared = squared_distances(from, to);
   result.chamfer = mean(squared) + mean(squared_distances(to, from));
   if (result.mesh) {
-    std::vector<Vec3> feet;
-    squared = measure_surface(from, Surface(std::move(mesh)), feet);
+    std::vector<Foot> feet;
+    squared = measure_surface(from, Surface(mesh), feet);
     if (options.edge_degrees) {
       measure_edges(squared, feet, sharp_edges(vertices, faces, *options.edge_degrees), frame, result);
+    }
+    if (options.normal_neighbors) {
+      result.normal_error =
+          mean_normal_error(a, plane_normals(a, *options.normal_neighbors, options.threads), feet, mesh);
     }
   }
   for (double& value : squared) value = std::sqrt(value) / frame.scale();

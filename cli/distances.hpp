@@ -15,8 +15,10 @@
 namespace pointfair::cli {
 
 struct CompareOptions {
-  bool as_cloud = false;               ///< take a mesh by its vertices
-  std::optional<double> edge_degrees;  ///< measure near edges whose faces turn by more
+  bool as_cloud = false;                ///< take a mesh by its vertices
+  std::optional<double> edge_degrees;   ///< measure near edges whose faces turn by more
+  std::optional<int> normal_neighbors;  ///< measure the normals of planes through so many nearest points
+  unsigned threads = 0;                 ///< of the normals; 0: all cores
 };
 
 /// Lengths in file units.
@@ -27,10 +29,12 @@ struct Comparison {
   Statistics distance;       ///< of A's points to B
   double chamfer = 0;        ///< squared, both ways, where B's bounding sphere has radius 1
   std::optional<double> edge_rms;
-  std::uint64_t edge_points = 0;  ///< points that edge_rms is about
+  std::uint64_t edge_points = 0;       ///< points that edge_rms is about
+  std::optional<double> normal_error;  ///< mean angle to the nearest face's normal, signs left out, degrees
 };
 
-/// Throws ErrorKind::failed where there is nothing to measure, ErrorKind::usage for edges of a cloud.
+/// Throws ErrorKind::failed where there is nothing to measure, ErrorKind::usage for edges or normals of a
+/// cloud.
 Comparison compare_clouds(const Cloud& a, const Cloud& b, const CompareOptions& options);
 
 /// The edges between two faces that turn by more than `degrees`, as segments. Vertices at the same place count as one;

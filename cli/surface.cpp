@@ -34,7 +34,6 @@ struct Query {
   const std::vector<Triangle>* triangles;
   Vec3 point;
   Foot foot;
-  unsigned index = 0;
 };
 
 // Embree's boxes and query are floats, so the radius it may skip beyond is kept a little larger than the best distance.
@@ -43,8 +42,7 @@ bool visit(RTCPointQueryFunctionArguments* arguments) {
   const Vec3 place = closest_on_triangle(query.point, (*query.triangles)[arguments->primID]);
   const double squared_distance = squared_length(place - query.point);
   if (!(squared_distance < query.foot.squared_distance)) return false;
-  query.foot = {place, squared_distance};
-  query.index = arguments->primID;
+  query.foot = {place, squared_distance, arguments->primID};
   const double size = length(query.point) + 1;
   const float radius = above(std::sqrt(squared_distance) * (1 + 1e-6) + 1e-6 * size);
   if (!(radius < arguments->query->radius)) return false;
@@ -120,8 +118,8 @@ Foot Surface::closest(Vec3 point) const {
   rtcInitPointQueryContext(&context);
   rtcPointQuery(scene_->scene, &embree_query, &context, visit, &query);
   if (away <= kFar || !std::isfinite(query.foot.squared_distance)) return query.foot;
-  const Vec3 place = closest_on_triangle(point, scene_->triangles[query.index]);
-  return {place, squared_length(place - point)};
+  const Vec3 place = closest_on_triangle(point, scene_->triangles[query.foot.triangle]);
+  return {place, squared_length(place - point), query.foot.triangle};
 }
 
 }  // namespace pointfair::cli

@@ -2,6 +2,7 @@
 // Exact distances to triangles, found through Embree's tree of bounding boxes.
 #pragma once
 
+#include <cstdint>
 #include <limits>
 #include <memory>
 #include <vector>
@@ -20,6 +21,7 @@ Vec3 closest_on_triangle(Vec3 point, const Triangle& triangle);
 struct Foot {
   Vec3 place;  ///< the closest point
   double squared_distance = std::numeric_limits<double>::infinity();
+  std::uint32_t triangle = 0;  ///< that it lies on; of several the first that was found
 };
 
 /// Triangles that can be asked for their closest point by many threads at once. They are expected within a few units of

@@ -197,6 +197,18 @@ class Edges(Case):
         flat = self.report("compare", self.path("cloud.ply"), self.path("cube.off"), "--edges", 91)
         self.assertIsNone(flat["edge_rms"])
 
+    def test_normals_of_points_on_tilted_planes(self):
+        generator = random.Random(9)
+        points = [(x, y, math.tan(math.radians(7)) * x) for x, y in
+                  ((generator.uniform(0.2, 0.8), generator.uniform(0.2, 0.8)) for _ in range(400))]
+        points[5] = (math.nan, 0, 0)
+        write_ply(self.path("cloud.ply"), points, scalar="double")
+        write_off(self.path("square.off"), [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], [(0, 1, 2), (0, 3, 2)])
+        words = ("compare", self.path("cloud.ply"), self.path("square.off"))
+        self.assertAlmostEqual(self.report(*words, "--normals", 12)["normal_error"], 7, delta=1e-3)
+        self.assertIsNone(self.report(*words)["normal_error"])
+        self.fails(2, *words, "--as", "cloud", "--normals", 12, says="--normals needs a mesh")
+
     def test_repeated_vertices_and_faces_turned_over_change_nothing(self):
         points = self.near_cube()
         write_ply(self.path("cloud.ply"), points, scalar="double")
