@@ -17,11 +17,14 @@ bool seeks_outliers(const Params& p) {
   return sums_balls(p) && moves_along_normal(p.method);
 }
 
-constexpr double kNoiseRadius = 2.5;     // radius of a ball on top of the spacing, in sigmas
-constexpr int kWidening = 16;            // and the neighbours that make up the spacing's part
-constexpr double kNormalWidth = 1.4;     // of a ball's radius
-constexpr double kClosenessWidth = 0.6;  // of a ball's radius
-constexpr double kSimilarityWidth = 3;   // sigmas
+constexpr double kNoiseRadius = 2.5;                    // radius of a ball on top of the spacing, in sigmas
+constexpr int kWidening = 16;                           // and the neighbours that make up the spacing's part
+constexpr double kSeparableGap = 1.9;                   // spacings between two sheets
+constexpr double kSheetShare = 0.65, kBothSheets = 14;  // of the points of one sheet within the gap
+constexpr double kSheetSimilarity = 1.0 / 6;            // of the gap
+constexpr double kNormalWidth = 1.4;                    // of a ball's radius
+constexpr double kClosenessWidth = 0.6;                 // of a ball's radius
+constexpr double kSimilarityWidth = 3;                  // sigmas
 // Spacings; noise below it is hard to tell from shape: where residuals look like noise, and where they look like shape.
 constexpr double kTrustedNoise = 0.02, kTrustedShape = 0.16;
 constexpr int kNormalAngle = 15, kFacingAngle = 40;  // degrees
@@ -69,6 +72,15 @@ MethodDefaults defaults_of(Method method) {
       break;
   }
   return its;
+}
+
+// Between the sheets of a thin part: balls that stop short of the other sheet, or, where that leaves them too few
+// points for a normal, such as are so wide that the normal of both sheets is that of each.
+int automatic_widening(const Noise& noise, double spacing) {
+  if (!(noise.gap > 0 && spacing > 0)) return kWidening;
+  const double gap = noise.gap / spacing, count = std::numbers::pi * gap * gap;
+  if (gap > kSeparableGap) return std::min(kWidening, int(kSheetShare * count));
+  return std::clamp(int(kBothSheets * count), kWidening, kMaxWidening);
 }
 
 // Percent. Next to nothing where the noise estimate is small against the spacing, so that clean clouds stay clean.
@@ -137,7 +149,7 @@ Params resolve_params(const Params& params, const Spacing& spacing, const Noise&
   if (!params.radius.is_automatic()) used.radius = in_file_units(params.radius, 0);
   if (chooses_balls(params)) {
     used.radius = in_file_units({}, its.noise_radius * noise.sigma);
-    if (params.widening == kAutomatic) used.widening = kWidening;
+    if (params.widening == kAutomatic) used.widening = automatic_widening(noise, s);
   } else if (!by_ball) {
     if (params.k == kAutomatic) {  // wide enough for 11 points and wide against the noise
       const double wide = std::hypot(3 * noise.sigma, s * std::sqrt(11 / std::numbers::pi));
@@ -157,8 +169,9 @@ Params resolve_params(const Params& params, const Spacing& spacing, const Noise&
   used.delta = in_file_units(params.delta, 2.5 * noise.sigma);
   used.normal_sigma = width(params.normal_sigma, kNormalWidth, 1);
   used.closeness_sigma = width(params.closeness_sigma, its.closeness_width, 0.5);  // Fleishman 2003: radius = 2 sigma_c
-  used.similarity_sigma =
-      in_file_units(params.similarity_sigma, std::max(its.similarity_width * noise.sigma, its.least_similarity * s));
+  double similarity = its.similarity_width * noise.sigma;
+  if (noise.gap > 0) similarity = std::min(similarity, std::max(noise.sigma, kSheetSimilarity * noise.gap));
+  used.similarity_sigma = in_file_units(params.similarity_sigma, std::max(similarity, its.least_similarity * s));
   // A list is the paper's road: what the paper does not have is off unless asked for.
   if (params.normal_filter == NormalFilter::automatic)
     used.normal_filter = by_ball || its.filter == NormalFilter::mollify ? its.filter : NormalFilter::off;

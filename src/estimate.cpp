@@ -17,6 +17,9 @@ constexpr std::size_t kSpacingSamples = 2000, kNoiseSamples = 500;
 constexpr int kSpacingNeighbors = 6;
 constexpr int kFirstFit = 30, kLargestFit = 600;
 constexpr double kFitGrowth = 1.4;
+constexpr int kGroupingRounds = 5;
+constexpr double kSheetShare = 0.1;      // of the samples; fewer that see two sheets are corners and outliers
+constexpr double kSheetVariance = 0.12;  // of all variance, left within two groups of heights that are two sheets
 // Rows are asked for in two lengths: a row of the nearest begins with every shorter one, so each serves several rounds
 // of growth. The first is a round's size (30 times 1.4^4).
 constexpr int kFitRows[] = {115, kLargestFit};
@@ -124,6 +127,12 @@ class Moments {
   std::array<double, 6> second_{};
 };
 
+Frame frame_of(std::span<const Vec> offsets) {
+  Moments moments;
+  for (const Vec& o : offsets) moments.add(o);
+  return moments.frame(double(offsets.size()));
+}
+
 constexpr int kTerms = 10;
 // 1, u, v, u u, u v, v v, .. : the powers of u and of v in each term of a cubic.
 constexpr int kPowersU[kTerms] = {0, 1, 0, 2, 1, 0, 3, 2, 1, 0}, kPowersV[kTerms] = {0, 0, 1, 0, 1, 2, 0, 1, 2, 3};
@@ -219,6 +228,39 @@ double without_slab_bias(double variance, double radius) {
   return s2;
 }
 
+struct Sheet {
+  std::vector<Vec> offsets;
+  double gap = 0;  // to the other sheet; 0 if there is one only
+};
+
+// The offsets on the query's side where heights over the plane lie in two groups with a gap between, as those of two
+// sheets of a thin part do; all of them elsewhere. Groups by two-means: of Gaussian heights its groups keep 0.36 of the
+// variance, of two sheets 6 sigmas apart 0.1.
+Sheet own_sheet(std::span<const Vec> offsets, const Frame& frame) {
+  const auto height = [&](Vec offset) { return dot(offset - frame.centroid, frame.axes[2]); };
+  double threshold = 0, below = 0, above = 0, low = 0, high = 0;
+  for (int round = 0; round < kGroupingRounds; ++round) {
+    below = above = low = high = 0;
+    for (const Vec& o : offsets) {
+      const double h = height(o);
+      (h < threshold ? below : above) += 1;
+      (h < threshold ? low : high) += h;
+    }
+    if (below == 0 || above == 0) return {{offsets.begin(), offsets.end()}};
+    low /= below;
+    high /= above;
+    threshold = (low + high) / 2;
+  }
+  const double n = double(offsets.size()), between = below * above / (n * n) * (high - low) * (high - low);
+  if (frame.least_eigenvalue - between >= kSheetVariance * frame.least_eigenvalue)
+    return {{offsets.begin(), offsets.end()}};
+  const bool is_above = height({0, 0, 0}) >= threshold;
+  Sheet own{{}, high - low};
+  for (const Vec& o : offsets)
+    if ((height(o) >= threshold) == is_above) own.offsets.push_back(o);
+  return own;
+}
+
 // The noise seen from the nearest `offsets` of a query, of `asked` that there should be. The neighbourhood grows until
 // it is wide against the noise; nothing if all of them are not enough, but more could be.
 std::optional<Noise> local_noise(std::span<const Vec> offsets, std::size_t asked) {
@@ -227,13 +269,17 @@ std::optional<Noise> local_noise(std::span<const Vec> offsets, std::size_t asked
   for (double wanted = kFirstFit;; wanted *= kFitGrowth) {
     const std::size_t k = std::min(std::min(std::size_t(wanted), std::size_t(kLargestFit)), offsets.size());
     for (; added < k; ++added) moments.add(offsets[added]);
-    const double n = double(k), radius = length(offsets[k - 1]);
+    const double radius = length(offsets[k - 1]);
     if (!(radius > 0)) return Noise{};
-    const Frame frame = moments.frame(n);
-    const bool wide = radius >= 3.7 * std::sqrt(frame.least_eigenvalue * n / (n - 3));
+    Frame frame = moments.frame(double(k));
+    const Sheet own = own_sheet(offsets.first(k), frame);
+    const double n = double(own.offsets.size());
+    const bool has_enough = own.offsets.size() >= kFirstFit / 2;
+    if (own.gap > 0 && has_enough) frame = frame_of(own.offsets);
+    const bool wide = has_enough && radius >= 3.7 * std::sqrt(frame.least_eigenvalue * n / (n - 3));
     if (wide || k == kLargestFit || offsets.size() < std::min(asked, std::size_t(wanted)))
-      return Noise{std::sqrt(without_slab_bias(CubicFit(offsets.first(k), frame, radius).variance(), radius)),
-                   radius * std::sqrt(std::numbers::pi / n)};
+      return Noise{std::sqrt(without_slab_bias(CubicFit(own.offsets, frame, radius).variance(), radius)),
+                   radius * std::sqrt(std::numbers::pi / n), 0, own.gap};
     if (k == asked) return std::nullopt;
   }
 }
@@ -304,13 +350,15 @@ Spacing measure_spacing(Backend& backend, std::uint64_t points, const std::stop_
 
 namespace {
 
-// The noise seen from the first n of the offsets.
+// The noise seen from the first n of the offsets; -1 if the query's sheet has too few of them.
 double noise_of_first(std::span<const Vec> offsets, std::size_t n) {
-  Moments moments;
-  for (const Vec& o : offsets.first(n)) moments.add(o);
   const double radius = length(offsets[n - 1]);
   if (!(radius > 0)) return 0;
-  const CubicFit fit(offsets.first(n), moments.frame(double(n)), radius);
+  Frame frame = frame_of(offsets.first(n));
+  const Sheet own = own_sheet(offsets.first(n), frame);
+  if (own.offsets.size() < kFirstFit / 2) return -1;
+  if (own.gap > 0) frame = frame_of(own.offsets);
+  const CubicFit fit(own.offsets, frame, radius);
   return std::sqrt(without_slab_bias(fit.variance(), radius));
 }
 
@@ -337,7 +385,7 @@ double likeness_to_shape(Backend& backend, std::span<const Point> rows, std::siz
 
 Noise measure_noise(Backend& backend, std::uint64_t points, const std::stop_token& stop) {
   std::vector<std::uint32_t> queries = sample_queries(points, kNoiseSamples);
-  std::vector<double> sigmas, spacings;
+  std::vector<double> sigmas, spacings, gaps;
   std::unique_ptr<Point[]> first_rows;
   const std::size_t samples = queries.size();
   for (const int k : kFitRows) {
@@ -362,6 +410,7 @@ Noise measure_noise(Backend& backend, std::uint64_t points, const std::stop_toke
       }
       sigmas.push_back(found[q]->sigma);
       spacings.push_back(found[q]->surface_spacing);
+      if (found[q]->gap > 0) gaps.push_back(found[q]->gap);
     }
     if (first_rows == nullptr) first_rows = std::move(rows);
     queries = std::move(again);
@@ -371,6 +420,7 @@ Noise measure_noise(Backend& backend, std::uint64_t points, const std::stop_toke
   // Where noise is all there is, residuals spread little; where curvature adds to them, the least ones know more.
   const double sigma = std::min(quantile(sigmas, 0.35), 1.2 * quantile(sigmas, 0.15));
   Noise noise{sigma, quantile(spacings, 0.5)};
+  if (double(gaps.size()) > kSheetShare * double(sigmas.size())) noise.gap = quantile(gaps, 0.25);
   if (sigma < kDoubtfulNoise * noise.surface_spacing) {
     const std::size_t row = std::size_t(kFitRows[0]) + 1;
     noise.likeness_to_shape = likeness_to_shape(backend, {first_rows.get(), samples * row}, row, stop);

@@ -105,6 +105,26 @@ TEST(Noise, on_a_sphere_is_near_the_truth_from_a_tenth_of_the_spacing_to_the_spa
   }
 }
 
+// The sheets of a thin part are no noise: 10,000 points each over the unit square, spacing 0.01.
+TEST(Noise, of_two_sheets_is_that_of_each) {
+  for (const double gap : {0.011, 0.015, 0.022})
+    for (const double sigma : {0.001, 0.0018}) {
+      const Noise noise = measured_noise(shapes::with_noise(shapes::two_sheets(20000, gap), sigma));
+      EXPECT_NEAR(noise.sigma, sigma, 0.2 * sigma) << gap;
+      EXPECT_NEAR(noise.gap, gap, 0.15 * gap) << sigma;
+      EXPECT_NEAR(noise.surface_spacing, 0.01, 0.003) << gap;  // 0.0071 if both sheets counted
+    }
+  EXPECT_LT(measured_noise(shapes::two_sheets(20000, 0.015)).sigma, 1e-6);
+}
+
+TEST(Noise, of_one_sheet_has_no_gap) {
+  for (const double sigma : {0.0, 0.001, 0.01, 0.03}) {
+    EXPECT_EQ(measured_noise(shapes::with_noise(shapes::plane(10000), sigma)).gap, 0) << sigma;
+    EXPECT_EQ(measured_noise(shapes::with_noise(shapes::waves(10000), sigma)).gap, 0) << sigma;
+    EXPECT_EQ(measured_noise(shapes::with_noise(shapes::cube(10000), sigma)).gap, 0) << sigma;
+  }
+}
+
 TEST(Noise, of_a_clean_sphere_is_next_to_none) { EXPECT_LT(measured_noise(shapes::sphere(20000)).sigma, 0.0025); }
 
 TEST(Noise, of_clouds_without_a_surface_is_none) {

@@ -46,6 +46,7 @@ enum class Outliers : std::uint8_t { automatic, off, move, keep, mark };
 
 inline constexpr int kAutomatic = 0;       ///< for whole numbers: chosen from the data
 inline constexpr int kMaxNeighbors = 512;  ///< the longest neighbour list
+inline constexpr int kMaxWidening = 64;    ///< the most neighbours that widen a ball
 
 /// What to do. Defaults come from the data, so `Params{}` is a sound run on any cloud.
 struct Params {
@@ -103,7 +104,7 @@ inline constexpr std::array kParams = {
               "nearest neighbours of a point, itself not counted"},
     ParamInfo{"radius", Stage::neighbors, &Params::radius, 0, 1e30, true, "",
               "neighbours lie within this distance; without --k there is no limit on their number"},
-    ParamInfo{"widening", Stage::neighbors, &Params::widening, 1, 64, true, "",
+    ParamInfo{"widening", Stage::neighbors, &Params::widening, 1, kMaxWidening, true, "",
               "without --k: widens each point's radius by its distance to so many nearest (squares add), so that it "
               "follows the density"},
     ParamInfo{"constraint", Stage::neighbors, &Params::constraint, 0, 0, false, "on|off",

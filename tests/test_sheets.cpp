@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+// With nothing set the two sheets of a thin part stay apart and lose their noise.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "pointfair/pointfair.hpp"
+#include "shapes.h"
+
+namespace pointfair {
+namespace {
+
+using shapes::Points;
+
+constexpr int kPoints = 20000;  // on both sheets; the spacing of each is 0.01
+
+// Mean distance of the points to their own sheet of two_sheets, away from the border.
+double mean_height(const Points& points, double gap) {
+  const auto is_inside = [](float x) { return x > 0.04f && x < 0.96f; };
+  double sum = 0, count = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (!is_inside(points[i].x) || !is_inside(points[i].y)) continue;
+    sum += std::abs(points[i].z - (i % 2 == 1 ? gap : 0));
+    ++count;
+  }
+  return sum / count;
+}
+
+Points faired(const Points& points) {
+  Pipeline pipeline(Device::cpu);
+  pipeline.load(points);
+  Points out(points.size());
+  pipeline.run({}, out);
+  return out;
+}
+
+// From gaps of 1.1 spacings, and 6 sigmas, on.
+TEST(Sheets, stay_apart_and_lose_noise) {
+  for (const double gap : {0.011, 0.015, 0.018, 0.022, 0.03, 0.05})
+    for (const double sigma : {0.0005, 0.001, 0.0018}) {
+      const Points noisy = shapes::with_noise(shapes::two_sheets(kPoints, gap), sigma);
+      EXPECT_LT(mean_height(faired(noisy), gap), 0.6 * mean_height(noisy, gap)) << gap << ' ' << sigma;
+    }
+}
+
+TEST(Sheets, without_noise_stay_where_they_are) {
+  for (const double gap : {0.011, 0.015, 0.022}) {
+    const Points clean = shapes::two_sheets(kPoints, gap);
+    EXPECT_LT(mean_height(faired(clean), gap), 0.0001) << gap;
+  }
+}
+
+}  // namespace
+}  // namespace pointfair
