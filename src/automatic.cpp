@@ -27,6 +27,7 @@ constexpr double kClosenessWidth = 0.6;                 // of a ball's radius
 constexpr double kSimilarityWidth = 3;                  // sigmas
 // Spacings; noise below it is hard to tell from shape: where residuals look like noise, and where they look like shape.
 constexpr double kTrustedNoise = 0.02, kTrustedShape = 0.16;
+constexpr double kShapeDamage = 3;
 constexpr int kNormalAngle = 15, kFacingAngle = 40;  // degrees
 constexpr int kPasses = 2;
 constexpr double kFarthestMove = 4, kOutlierDistance = 6;  // sigmas
@@ -83,12 +84,17 @@ int automatic_widening(const Noise& noise, double spacing) {
   return std::clamp(int(kBothSheets * count), kWidening, kMaxWidening);
 }
 
-// Percent. Next to nothing where the noise estimate is small against the spacing, so that clean clouds stay clean.
-int automatic_step(int whole, const Noise& noise, double spacing) {
+// Percent. Next to nothing where the noise estimate is small against the spacing, so that clean clouds stay clean. What
+// a run does to the shape itself has about 3 times the variance that shape has in the estimate's neighbourhoods; the
+// share of the displacement that leaves least of both, Wiener's, is that of the noise. All passes together make that
+// share.
+int automatic_step(int whole, int passes, const Noise& noise, double spacing) {
   if (!(noise.sigma > 0)) return 1;
   const double trusted = kTrustedNoise + noise.likeness_to_shape * (kTrustedShape - kTrustedNoise);
   const double ratio = trusted * spacing / noise.sigma;
-  return std::max(1, int(std::lround(whole / (1 + ratio * ratio * ratio * ratio))));
+  const double of_noise = 1 / (1 + kShapeDamage * noise.shape_to_noise);
+  const double share = 1 - std::pow(1 - of_noise, 1.0 / passes);
+  return std::max(1, int(std::lround(whole * share / (1 + ratio * ratio * ratio * ratio))));
 }
 
 }  // namespace
@@ -178,8 +184,9 @@ Params resolve_params(const Params& params, const Spacing& spacing, const Noise&
   if (params.planes == Planes::automatic) used.planes = by_ball ? Planes::both : Planes::own;
   if (params.normal_angle == kAutomatic) used.normal_angle = kNormalAngle;
   if (params.facing_angle == kAutomatic) used.facing_angle = kFacingAngle;
-  if (params.step == kAutomatic) used.step = chooses_balls(params) ? automatic_step(its.step, noise, s) : its.step;
   if (params.passes == kAutomatic) used.passes = its.passes;
+  if (params.step == kAutomatic)
+    used.step = chooses_balls(params) ? automatic_step(its.step, used.passes, noise, s) : its.step;
   if (params.outliers == Outliers::automatic) used.outliers = seeks_outliers(params) ? Outliers::keep : Outliers::off;
   used.displacement_limit = in_file_units(params.displacement_limit, kFarthestMove * noise.sigma);
   used.outlier_distance =

@@ -26,6 +26,10 @@ constexpr int kFitRows[] = {115, kLargestFit};
 constexpr double kDoubtfulNoise = 0.3;  // spacings; below it residuals may be shape
 // How residuals grow from one neighbourhood to one of twice the points where they are noise, where they are shape.
 constexpr double kNoiseGrowth = 1.35, kShapeGrowth = 1.5;
+// The same of the medians: of noise alone (fewer points scatter more), and of the variances of shape.
+constexpr double kOwnGrowth = 1.05, kShapeVarianceGrowth = 4;
+constexpr double kNearFlat = 2;  // of the flattest places' residual; larger ones are beyond the similarity sigma
+constexpr double kEndless = 1e9;
 
 // Scattered over the upload order by a low-discrepancy sequence (multiples of the golden ratio), so that a period in
 // the order of the file (rows of a scanner) is not met in step.
@@ -279,7 +283,7 @@ std::optional<Noise> local_noise(std::span<const Vec> offsets, std::size_t asked
     const bool wide = has_enough && radius >= 3.7 * std::sqrt(frame.least_eigenvalue * n / (n - 3));
     if (wide || k == kLargestFit || offsets.size() < std::min(asked, std::size_t(wanted)))
       return Noise{std::sqrt(without_slab_bias(CubicFit(own.offsets, frame, radius).variance(), radius)),
-                   radius * std::sqrt(std::numbers::pi / n), 0, own.gap};
+                   radius * std::sqrt(std::numbers::pi / n), 0, 0, own.gap};
     if (k == asked) return std::nullopt;
   }
 }
@@ -362,9 +366,12 @@ double noise_of_first(std::span<const Vec> offsets, std::size_t n) {
   return std::sqrt(without_slab_bias(fit.variance(), radius));
 }
 
-// From rows of neighbourhoods: 0 if residuals are as large in twice the neighbourhood, so they are noise; 1 if they
-// grow with it, so they are shape.
-double likeness_to_shape(Backend& backend, std::span<const Point> rows, std::size_t row, const std::stop_token& stop) {
+// How residuals grow from neighbourhoods of some points to those of twice as many: hardly where they are noise.
+struct Growth {
+  double flat = 1, typical = 1;  // of the 15 % quantiles and of the medians
+};
+
+Growth residual_growth(Backend& backend, std::span<const Point> rows, std::size_t row, const std::stop_token& stop) {
   const std::size_t samples = rows.size() / row;
   std::vector<double> narrow(samples, -1), wide(samples, -1);
   backend.for_each_on_host(samples, [&](std::size_t q) {
@@ -374,11 +381,32 @@ double likeness_to_shape(Backend& backend, std::span<const Point> rows, std::siz
     narrow[q] = noise_of_first(offsets, kFirstFit);
     wide[q] = noise_of_first(offsets, 2 * kFirstFit);
   });
-  for (std::vector<double>* sigmas : {&narrow, &wide}) std::erase_if(*sigmas, [](double s) { return s < 0; });
-  if (narrow.empty()) return 0;
-  const double low = quantile(narrow, 0.15), high = quantile(wide, 0.15);
-  if (!(low > 0)) return high > 0 ? 1 : 0;
-  return std::clamp((high / low - kNoiseGrowth) / (kShapeGrowth - kNoiseGrowth), 0.0, 1.0);
+  const auto growth_at = [&](double share, double most) {
+    std::vector<double> from, to;
+    for (std::size_t q = 0; q < samples; ++q) {
+      if (narrow[q] < 0 || wide[q] < 0 || narrow[q] > most) continue;
+      from.push_back(narrow[q]);
+      to.push_back(wide[q]);
+    }
+    if (from.empty()) return 1.0;
+    const double low = quantile(from, share), high = quantile(to, share);
+    return low > 0 ? high / low : high > 0 ? kEndless : 1;
+  };
+  std::vector<double> known = narrow;
+  std::erase_if(known, [](double s) { return s < 0; });
+  if (known.empty()) return {};
+  return {growth_at(0.15, kEndless), growth_at(0.5, kNearFlat * quantile(known, 0.15))};
+}
+
+double likeness_to_shape(double flat_growth) {
+  return std::clamp((flat_growth - kNoiseGrowth) / (kShapeGrowth - kNoiseGrowth), 0.0, 1.0);
+}
+
+// Variances of noise stay, those of shape grow fourfold: g^2 = (1 + 4 x) / (1 + x).
+double shape_to_noise(double typical_growth) {
+  const double squared = typical_growth * typical_growth / (kOwnGrowth * kOwnGrowth);
+  if (squared >= kShapeVarianceGrowth) return kEndless;
+  return std::max(0.0, (squared - 1) / (kShapeVarianceGrowth - squared));
 }
 
 }  // namespace
@@ -423,7 +451,9 @@ Noise measure_noise(Backend& backend, std::uint64_t points, const std::stop_toke
   if (double(gaps.size()) > kSheetShare * double(sigmas.size())) noise.gap = quantile(gaps, 0.25);
   if (sigma < kDoubtfulNoise * noise.surface_spacing) {
     const std::size_t row = std::size_t(kFitRows[0]) + 1;
-    noise.likeness_to_shape = likeness_to_shape(backend, {first_rows.get(), samples * row}, row, stop);
+    const Growth growth = residual_growth(backend, {first_rows.get(), samples * row}, row, stop);
+    noise.likeness_to_shape = likeness_to_shape(growth.flat);
+    noise.shape_to_noise = shape_to_noise(growth.typical);
   }
   return noise;
 }

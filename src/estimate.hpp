@@ -37,6 +37,8 @@ struct Noise {
   double surface_spacing = 0;
   // 0 to 1: whether residuals grow with the neighbourhood as those of a curved shape do; 0 where noise is large.
   double likeness_to_shape = 0;
+  // Of the variances in neighbourhoods of 30 points at a typical place; 0 where noise is large.
+  double shape_to_noise = 0;
   // Between two sheets of a thin part that neighbourhoods of a few dozen points reach across; 0 where there are none.
   double gap = 0;
 };
