@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <fstream>
 #include <random>
+#include <set>
 #include <thread>
 
 #include "backend.hpp"
@@ -218,6 +219,46 @@ void expect_a_true_preview(Seat& seat, const Json& params) {
   }
   EXPECT_GT(double(close), 0.98 * double(places.size()));
   seat.result(1);
+}
+
+// The page cuts the ball out of the cloud and puts these points in its place.
+TEST(ViewerSession, APreviewHoldsEveryPointOfItsBall) {
+  Seat seat(noisy(150000));
+  Json request = Json::parse(run_text(1, {{"k", "16"}, {"passes", "2"}}));
+  request["focus"] = {seat.points[777].x, seat.points[777].y, seat.points[777].z};
+  seat.session.receive(request.dump());
+  seat.result(1);
+  const Order order(seat.points.size());
+  int previews = 0;
+  for (const Decoded& message : seat.page.all()) {
+    if (!message.is("preview")) continue;
+    ++previews;
+    const auto places = message.array<std::uint32_t>("places");
+    const std::set<std::uint32_t> held(places.begin(), places.end());
+    const double radius = message.head["radius"];
+    const Json& center = message.head["center"];
+    for (std::size_t i = 0; i < seat.points.size(); ++i) {
+      const double d = std::hypot(seat.points[i].x - double(center[0]), seat.points[i].y - double(center[1]),
+                                  seat.points[i].z - double(center[2]));
+      if (std::abs(d / radius - 1) > 1e-4) {
+        ASSERT_EQ(held.contains(order.place(i)), d < radius) << i;
+      }
+    }
+  }
+  EXPECT_GE(previews, 1);
+}
+
+TEST(ViewerSession, AHeldSliderEndsInTheStateOfItsLastPlace) {
+  Seat seat(noisy(150000));
+  Json params{{"k", "16"}, {"passes", "2"}};
+  for (int id = 1; id <= 6; ++id) {
+    params["similarity_sigma"] = std::to_string(0.1 * id) + "s";
+    Json request = Json::parse(run_text(id, params));
+    request["held"] = true;
+    seat.session.receive(request.dump());
+    seat.page.wait([id](const Decoded& m) { return (m.is("preview") || m.is("result")) && m.head["id"] == id; });
+  }
+  EXPECT_LT(seat.error_of(6, fresh_run(seat.points, params)), 0.01);
 }
 
 TEST(ViewerSession, ASlowRunIsPreviewedByPointsThatGoWhereTheWholeRunSendsThem) {

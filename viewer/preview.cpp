@@ -96,7 +96,7 @@ Preview::Result Preview::run_level(Level& level, const Params& params, double sp
   level.pipeline->run(params, level.after, stop);
   const float inner = level.patch.radius - static_cast<float>(reach_of(params, spacing));
   const float shown = std::max(inner, 0.4f * level.patch.radius);
-  Result result;
+  Result result{level.center, shown, {}, {}};
   for (std::size_t i = 0; i < level.before.size(); ++i) {
     if (!(squared_distance(level.before[i], level.center) <= shown * shown)) continue;
     result.indices.push_back(level.patch.indices[i]);
@@ -105,19 +105,25 @@ Preview::Result Preview::run_level(Level& level, const Params& params, double sp
   return result;
 }
 
+// Whether the level is larger than `done`, which took so long, yet small enough to be worth its time.
+bool Preview::is_next(std::size_t level, double milliseconds, std::size_t done, std::size_t points) const {
+  if (level >= levels_.size() || 2 * levels_[level].size > points) return false;
+  return milliseconds * static_cast<double>(levels_[level].size) <= kBudgetMilliseconds * static_cast<double>(done);
+}
+
 void Preview::run(std::span<const Point> points, const Point& center, const Params& params, double spacing,
                   std::stop_token stop, const Show& show) {
-  double per_point = 0;
-  for (Level& level : levels_) {
-    if (per_point * static_cast<double>(level.size) > kBudgetMilliseconds) return;
+  bool next = true;
+  for (std::size_t level = 0; next; ++level) {
     const auto start = Clock::now();
-    aim(level, points, center);
+    aim(levels_[level], points, center);
     const auto aimed = Clock::now();
-    Result result = run_level(level, params, spacing, stop);
+    Result result = run_level(levels_[level], params, spacing, stop);
     const auto end = Clock::now();
     result.milliseconds = std::chrono::duration<double, std::milli>(end - start).count();
-    per_point = std::chrono::duration<double, std::milli>(end - aimed).count() /
-                static_cast<double>(std::max<std::size_t>(1, level.before.size()));
+    next = is_next(level + 1, std::chrono::duration<double, std::milli>(end - aimed).count(),
+                   levels_[level].before.size(), points.size());
+    result.more = next && level == 0;
     show(result);
   }
 }

@@ -27,11 +27,14 @@ Patch cut_patch(std::span<const Point> points, const Point& center, std::size_t 
 class Preview {
  public:
   using MakePipeline = std::function<Pipeline()>;
-  /// Points of the cloud, by index, and where they go.
+  /// The points within `radius` of `center`, by index in the cloud, and where they go.
   struct Result {
+    Point center;
+    float radius = 0;
     std::vector<std::uint32_t> indices;
     std::vector<Point> after;
     double milliseconds = 0;
+    bool more = false;  ///< a larger part follows that is worth waiting for
   };
   using Show = std::function<void(const Result&)>;
 
@@ -54,10 +57,12 @@ class Preview {
     std::vector<Point> before, after;
   };
   void aim(Level& level, std::span<const Point> points, const Point& center);
+  bool is_next(std::size_t level, double milliseconds, std::size_t done, std::size_t points) const;
   Result run_level(Level& level, const Params& params, double spacing, std::stop_token stop);
 
   MakePipeline make_;
-  std::array<Level, 2> levels_{Level{4096, {}, {}, {}, {}, {}}, Level{49152, {}, {}, {}, {}, {}}};
+  std::array<Level, 3> levels_{Level{4096, {}, {}, {}, {}, {}}, Level{49152, {}, {}, {}, {}, {}},
+                               Level{393216, {}, {}, {}, {}, {}}};
 };
 
 }  // namespace pointfair::viewer

@@ -3,9 +3,8 @@
 // replace those that wait. Knows nothing of networks: messages of the page come in as text, answers go out through a
 // function.
 //
-// Memory beside the pipeline's own, a point of the cloud: 24 bytes (the cloud, the result), 1 with a box or lasso;
-// beside the message on its way, 4 a point that the page holds. Settling makes a second pipeline, up to kMaxSettled
-// points.
+// Memory beside the pipeline's own, a point of the cloud: 36 bytes (the cloud, the result, normals), 1 with a box or
+// lasso; beside the message on its way, 4 a point that the page holds. Shading has a second pipeline (shading.hpp).
 #pragma once
 
 #include <filesystem>
@@ -18,9 +17,6 @@
 #include "pointfair/pointfair.hpp"
 
 namespace pointfair::viewer {
-
-/// A cloud larger than this keeps the normals of the run for shading: a second pipeline would cost too much memory.
-inline constexpr std::uint64_t kMaxSettled = 4'000'000;
 
 class Session {
  public:
@@ -52,8 +48,8 @@ class Session {
   void receive(std::string_view text);
 
  private:
-  class Worker;
-  std::unique_ptr<Worker> worker_;
+  struct Parts;
+  std::unique_ptr<Parts> parts_;
 };
 
 }  // namespace pointfair::viewer

@@ -1,0 +1,252 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "document.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <condition_variable>
+#include <mutex>
+
+#include "attributes.hpp"
+#include "quantise.hpp"
+
+namespace pointfair::viewer {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+namespace fs = std::filesystem;
+
+constexpr double kSlowMilliseconds = 100;  // a run expected to take longer gets a preview first
+constexpr std::chrono::milliseconds kProgressInterval{100};
+constexpr std::chrono::milliseconds kHeld{
+    200};  // without a newer message before more than a quick preview under a held slider
+
+double milliseconds_since(Clock::time_point start) {
+  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+}
+
+// Throws ErrorKind::interrupted if stopped meanwhile.
+void wait_for(std::chrono::milliseconds time, const std::stop_token& stop) {
+  std::mutex mutex;
+  std::unique_lock lock(mutex);
+  std::condition_variable_any().wait_for(lock, stop, time, [] { return false; });
+  if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+}
+
+std::string shown_path(const fs::path& path) { return fs::absolute(path).lexically_normal().string(); }
+
+}  // namespace
+
+Document::Document(Session::Options options, Session::Send send)
+    : options_(std::move(options)),
+      send_(std::move(send)),
+      shading_(options_.make_pipeline),
+      preview_(options_.make_pipeline) {}
+
+void Document::open(Cloud cloud, const std::string& name, std::string path) {
+  has_cloud_ = false;
+  preview_.reset();
+  if (!pipeline_) pipeline_.emplace(options_.make_pipeline());
+  cloud_ = std::move(cloud);
+  const std::size_t count = cloud_.points.size();
+  pipeline_->load(cloud_);
+  facts_ = {name, std::move(path), pipeline_->estimates(), std::min<std::size_t>(count, options_.point_budget)};
+  facts_.step = displacement_step(facts_.estimates.spacing, facts_.estimates.diagonal);
+  facts_.settles = count <= kMaxShaded;
+  result_ = pipeline_->host_buffer(count);
+  normals_ = pipeline_->host_buffer(count);
+  order_ = Order(count);
+  expectation_.reset(count);
+  limits_ = {};
+  movable_.clear();
+  motion_.clear();
+  start_shading_.clear();
+  has_cloud_ = true;
+  if (facts_.settles) {
+    shading_.compute(cloud_.points, normals_.points(), {});
+    start_shading_ = encode_normals(normals_.points(), order_, facts_.shown);
+  } else {
+    shading_.reset();
+  }
+}
+
+void Document::greet() {
+  const std::optional<DeviceInfo> device = pipeline_ ? std::optional(pipeline_->device()) : std::nullopt;
+  send_(pack(hello_answer(device, shown_path(options_.save_folder))));
+  send_cloud();
+}
+
+void Document::send_cloud() {
+  motion_.clear();  // a new page has none
+  if (!has_cloud_) return;
+  std::vector<float> positions(3 * facts_.shown);
+  for (std::size_t place = 0; place < facts_.shown; ++place) {
+    const Point& p = cloud_.points[order_.index(place)];
+    positions[3 * place] = p.x;
+    positions[3 * place + 1] = p.y;
+    positions[3 * place + 2] = p.z;
+  }
+  send_(
+      pack(cloud_answer(cloud_, facts_), {make_array("positions", positions), make_array("normals", start_shading_)}));
+}
+
+void Document::run(const Request& request, std::stop_token stop) {
+  if (!has_cloud_) return;
+  const Params used = pipeline_->resolve(request.recipe.params, stop);
+  update_movable(request.recipe.limits);
+  if (expectation_.milliseconds(used) > kSlowMilliseconds) show_preview(request, used, stop);
+  pipeline_->run(request.recipe.params, result_.points(), stop, progress_for(request.id));
+  expectation_.learn(pipeline_->report());
+  apply_limits(request.recipe.limits, movable_, cloud_.points, result_.points());
+  show_result(request);
+}
+
+void Document::update_movable(const Limits& limits) {
+  if (limits.box == limits_.box && limits.lasso == limits_.lasso) return;
+  movable_ = movable_points(limits, cloud_);
+  limits_ = limits;
+}
+
+// The limits upon a part of the cloud.
+void Document::limit(const Limits& limits, std::span<Point> after, std::span<const std::uint32_t> indices) const {
+  std::vector<Point> before;
+  std::vector<std::uint8_t> movable;
+  for (const std::uint32_t i : indices) {
+    before.push_back(cloud_.points[i]);
+    if (!movable_.empty()) movable.push_back(movable_[i]);
+  }
+  apply_limits(limits, movable, before, after);
+}
+
+// Where the user looks, else the middle.
+Point Document::focus_of(const Request& request) const {
+  const auto& [low, high] = std::pair(facts_.estimates.min, facts_.estimates.max);
+  std::array<double, 3> at;
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    at[axis] = request.focus ? (*request.focus)[axis] - cloud_.origin[axis] : (low[axis] + high[axis]) / 2;
+  return {static_cast<float>(at[0]), static_cast<float>(at[1]), static_cast<float>(at[2])};
+}
+
+void Document::show_preview(const Request& request, const Params& used, std::stop_token stop) {
+  preview_.run(cloud_.points, focus_of(request), used, facts_.estimates.spacing, stop,
+               [&](const Preview::Result& part) {
+                 send_part(request, part);
+                 // the processors meanwhile draw, where the page is on this machine
+                 if (request.held && !part.more) wait_for(kHeld, stop);
+               });
+}
+
+// Of a part of the cloud, what the page holds and what has a place after the run.
+void Document::send_part(const Request& request, const Preview::Result& part) {
+  std::vector<Point> after = part.after;
+  limit(request.recipe.limits, after, part.indices);
+  std::vector<std::uint32_t> places;
+  std::vector<float> moved;
+  for (std::size_t i = 0; i < after.size(); ++i) {
+    const std::uint32_t place = order_.place(part.indices[i]);
+    if (place >= facts_.shown) continue;
+    const Point &p = cloud_.points[part.indices[i]], &q = after[i];
+    const Point d{q.x - p.x, q.y - p.y, q.z - p.z};
+    if (!std::isfinite(d.x + d.y + d.z)) continue;
+    places.push_back(place);
+    moved.insert(moved.end(), {d.x, d.y, d.z});
+  }
+  send_(pack({{"type", "preview"},
+              {"id", request.id},
+              {"center", {part.center.x, part.center.y, part.center.z}},
+              {"radius", part.radius},
+              {"more", part.more},
+              {"ms", part.milliseconds},
+              {"server_ms", request.milliseconds_since_received()},
+              {"points", places.size()}},
+             {make_array("places", places), make_array("displacements", moved)}));
+}
+
+// Whether the last run moved points along normals that the page lacks or has others of; `motion_` are then the new
+// ones, and empty where points did not move along normals.
+bool Document::takes_motion_normals(const Report& report) {
+  const bool along_normals =
+      report.params.passes == 1 && moves_along_normal(report.params.method) && report.params.outliers != Outliers::move;
+  if (!along_normals || first_difference(motion_params_, report.params) <= Stage::normals) motion_.clear();
+  if (!along_normals || !motion_.empty()) return false;
+  pipeline_->normals(normals_.points());
+  motion_ = encode_normals(normals_.points(), order_, facts_.shown);
+  motion_params_ = report.params;
+  return true;
+}
+
+void Document::show_result(const Request& request) {
+  const Report& report = pipeline_->report();
+  const auto start = Clock::now();
+  const bool fresh = takes_motion_normals(report);
+  const Displacements moved =
+      encode_displacements(cloud_.points, result_.points(), order_, facts_.shown, motion_, facts_.step);
+  std::vector<Array> arrays{make_array("displacements", moved.values), make_array("places", moved.places),
+                            make_array("exceptions", moved.exceptions)};
+  if (fresh) arrays.push_back(make_array("motion_normals", motion_));
+  send_(
+      pack(result_answer(request, report, moved, facts_.step, milliseconds_since(start), errand_of(request)), arrays));
+}
+
+void Document::settle(std::stop_token stop) {
+  if (!has_cloud_ || !facts_.settles) return;
+  shading_.compute(result_.points(), normals_.points(), stop);
+  const double noise = shading_.noise(stop);
+  const std::vector<std::int16_t> normals = encode_normals(normals_.points(), order_, facts_.shown);
+  send_(pack({{"type", "settled"}, {"noise", noise}}, {make_array("normals", normals)}));
+}
+
+void Document::send_colours(const Json& id, const std::string& name) {
+  if (!has_cloud_) return;
+  const Json head{{"type", "colours"}, {"id", id}, {"name", name}};
+  if (name == "rgb") {
+    send_(pack(head, {make_array("rgb", colours(cloud_, order_, facts_.shown))}));
+  } else {
+    send_(pack(head, {make_array("scalar", scalars(cloud_, name, order_, facts_.shown))}));
+  }
+}
+
+void Document::send_cancelled(const Json& id, double milliseconds) {
+  send_(pack({{"type", "cancelled"}, {"id", id}, {"ms", milliseconds}}));
+}
+
+ProgressFunction Document::progress_for(const Json& id) const {
+  return [this, id, last = Clock::now()](double share, std::string_view stage) mutable {
+    if (Clock::now() - last < kProgressInterval) return;
+    last = Clock::now();
+    send_(pack(progress_answer(id, share, stage)));
+  };
+}
+
+Errand Document::errand_of(const Request& request) const {
+  return {facts_.path.empty() ? facts_.name : facts_.path, request.output.empty() ? "fair.ply" : request.output,
+          request.encoding, pipeline_->device().kind};
+}
+
+void Document::save(const Request& request, bool overwrite, std::stop_token stop) {
+  try {
+    WriteOptions write_options;
+    write_options.encoding = encoding_of(request.encoding);
+    write_options.overwrite = overwrite;
+    write_file(request, write_options, stop);
+  } catch (const Error& error) {
+    send_error(request.id, error.kind() == ErrorKind::interrupted ? "saving was cancelled" : error.what());
+  }
+}
+
+void Document::write_file(const Request& request, const WriteOptions& write_options, std::stop_token stop) {
+  if (!has_cloud_) throw Error(ErrorKind::usage, "there is no cloud to save");
+  check_file_name(request.output);
+  const fs::path path = options_.save_folder / request.output;
+  if (fs::is_symlink(path)) throw Error(ErrorKind::file, request.output + " is a link; choose another name");
+  Cloud fair = pipeline_->run(request.recipe.params, stop, progress_for(request.id));
+  apply_limits(request.recipe.limits, cloud_, fair);
+  write(path, fair, write_options);
+  send_(pack({{"type", "saved"},
+              {"id", request.id},
+              {"path", shown_path(path)},
+              {"bytes", fs::file_size(path)},
+              {"command", as_command(request.recipe, errand_of(request))}}));
+}
+
+}  // namespace pointfair::viewer

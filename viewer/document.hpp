@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+// The open cloud, the pipelines that fair it, and what the page is told of both. Used by the worker's thread only.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <span>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "answers.hpp"
+#include "expectation.hpp"
+#include "order.hpp"
+#include "preview.hpp"
+#include "request.hpp"
+#include "session.hpp"
+#include "shading.hpp"
+
+namespace pointfair::viewer {
+
+class Document {
+ public:
+  Document(Session::Options options, Session::Send send);
+
+  /// Replaces the cloud. `path` is empty for one that came through the page.
+  void open(Cloud cloud, const std::string& name, std::string path);
+
+  /// Tells a page that has just come what it needs to begin.
+  void greet();
+
+  /// Sends the result of a run, and before it a preview where the run is expected to take long. The first throws what
+  /// Pipeline::run throws, as do the next two.
+  void run(const Request& request, std::stop_token stop);
+
+  /// What can wait until the hand rests: the normals of the last result and the noise that is left.
+  void settle(std::stop_token stop);
+
+  /// Writes the library's own run, so that the file is what the command writes; says what goes wrong.
+  void save(const Request& request, bool overwrite, std::stop_token stop);
+
+  void send_colours(const Json& id, const std::string& name);
+  void send_error(const Json& id, std::string_view words) { send_(pack(error_answer(id, words))); }
+  void send_cancelled(const Json& id, double milliseconds);
+
+ private:
+  void show_preview(const Request& request, const Params& used, std::stop_token stop);
+  void send_part(const Request& request, const Preview::Result& part);
+  void show_result(const Request& request);
+  bool takes_motion_normals(const Report& report);
+  void send_cloud();
+  void write_file(const Request& request, const WriteOptions& write_options, std::stop_token stop);
+  void update_movable(const Limits& limits);
+  void limit(const Limits& limits, std::span<Point> after, std::span<const std::uint32_t> indices) const;
+  Point focus_of(const Request& request) const;
+  ProgressFunction progress_for(const Json& id) const;
+  Errand errand_of(const Request& request) const;
+
+  const Session::Options options_;
+  const Session::Send send_;
+  bool has_cloud_ = false;
+  Cloud cloud_;
+  CloudFacts facts_;
+  Order order_;
+  std::optional<Pipeline> pipeline_;
+  Shading shading_;
+  Preview preview_;
+  Expectation expectation_;
+  HostBuffer result_, normals_;              // of all points
+  std::vector<std::int16_t> start_shading_;  // normals that the cloud as loaded is shaded with
+  std::vector<std::int16_t> motion_;         // normals that the page has for displacements along them; empty if none
+  Params motion_params_;                     // that they came from
+  Limits limits_;                            // of movable_
+  std::vector<std::uint8_t> movable_;
+};
+
+}  // namespace pointfair::viewer

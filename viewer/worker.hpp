@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+// The thread that works for a page. Jobs are done in order and before anything else. Runs have one place to wait: newer
+// parameters replace those that wait and stop the run under way. After a run and a short rest its result is settled.
+#pragma once
+
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <mutex>
+#include <optional>
+#include <stop_token>
+#include <string_view>
+#include <thread>
+
+#include "request.hpp"
+
+namespace pointfair::viewer {
+
+class Worker {
+ public:
+  using Job = std::function<void(std::stop_token)>;
+
+  /// What it is there for; all are called on its thread. `complain` gets what `run`, `settle` and jobs throw, in words.
+  struct Duties {
+    std::function<void(const Request&, std::stop_token)> run;
+    Job settle;
+    std::function<void(const Json& id, std::string_view words)> complain;
+  };
+
+  explicit Worker(Duties duties);
+  ~Worker();  ///< stops what runs and waits for it
+
+  /// The newest parameters win: they take the one place there is, and stop what runs.
+  void submit(Request request);
+
+  /// A job stops a run, which afterwards goes on where it was.
+  void post(Job job);
+
+  /// Ends the run under way and the one that waits, then does `job`.
+  void cancel(Job job);
+
+  /// What a former page asked for is void.
+  void forget_requests();
+
+  /// Nothing is left to settle, since the result is void. On the worker's own thread.
+  void forget_settling() { settle_at_.reset(); }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  struct Waiting {
+    Request request;
+    std::uint64_t page;  // which of the pages, one after the other
+  };
+
+  void work();
+  void wait_for_work(std::unique_lock<std::mutex>& lock);
+  void take_turn(std::unique_lock<std::mutex>& lock);
+  void do_job(const Job& job, const std::stop_token& stop);
+  void do_run(Waiting waiting, const std::stop_token& stop);
+  void settle(const std::stop_token& stop);
+  bool complain(const Json& id);
+
+  const Duties duties_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::optional<Waiting> waiting_;
+  std::deque<Job> jobs_;
+  std::stop_source stop_;
+  std::uint64_t page_ = 0;
+  bool running_ = false;  // what may be stopped and goes on later
+  bool cancelled_ = false, quit_ = false;
+  std::optional<Clock::time_point> settle_at_;  // of the worker's thread only
+  std::thread thread_;                          // last: starts when all else is there
+};
+
+}  // namespace pointfair::viewer
