@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // node bench/viewer_page.mjs [--points N] [--models FOLDER] [--seconds S]: times the page in a headless Chromium with a
 // graphics card in software and prints one JSON object: when the whole result was first there, how often the picture
-// changed while a slider was pulled and while the camera was turned, and the memory that both sides then held.
+// changed while a slider was pulled and while the camera was turned, when it was whole again, and the memory that both sides then held.
 // POINTFAIR_BIN is the program, POINTFAIR_WEB the folder that its page was built in.
 import { execFileSync } from "node:child_process";
-import { readFileSync } from "node:fs";
+import { readdirSync, readFileSync } from "node:fs";
 import os from "node:os";
 import path from "node:path";
 import { fileURLToPath } from "node:url";
@@ -32,6 +32,22 @@ function held(process) {
   return { now: of("VmRSS"), most: of("VmHWM") };
 }
 
+/** The process that is the graphics card, among those that this one started. */
+function cardProcess() {
+  const parents = new Map();
+  const cards = [];
+  for (const name of readdirSync("/proc").filter((entry) => /^\d+$/.test(entry))) {
+    try {
+      parents.set(name, readFileSync(`/proc/${name}/stat`, "utf8").replace(/^.*\) /, "").split(" ")[1]);
+      if (readFileSync(`/proc/${name}/cmdline`, "utf8").includes("--type=gpu-process")) cards.push(name);
+    } catch {
+      // it has ended meanwhile
+    }
+  }
+  const isOurs = (name) => name === String(process.pid) || (parents.has(name) && isOurs(parents.get(name)));
+  return cards.find(isOurs);
+}
+
 /** Megabytes of the page's objects and of its arrays. */
 async function heap(page) {
   const client = await page.context().newCDPSession(page);
@@ -57,23 +73,16 @@ async function pulled(page, seconds) {
 /** Pictures a second while the camera turns. */
 async function turned(page, seconds) {
   const box = await page.locator(".stage > canvas").boundingBox();
+  const frames = async () => Number(await dataset(page, "frames"));
   await page.mouse.move(box.x + box.width / 2, box.y + box.height / 2);
   await page.mouse.down();
-  await page.evaluate(() => {
-    window.frames_seen = 0;
-    const count = () => {
-      window.frames_seen += 1;
-      window.frames_request = requestAnimationFrame(count);
-    };
-    count();
-  });
+  const before = await frames();
   const begin = performance.now();
   for (let i = 0; performance.now() - begin < 1000 * seconds; ++i) {
     await page.mouse.move(box.x + box.width * (0.5 + 0.3 * Math.sin(i / 20)), box.y + box.height * (0.5 + 0.1 * Math.sin(i / 31)));
     await page.waitForTimeout(1000 / kMoves);
   }
-  const seen = await page.evaluate(() => (cancelAnimationFrame(window.frames_request), window.frames_seen));
-  const rate = seen / ((performance.now() - begin) / 1000);
+  const rate = ((await frames()) - before) / ((performance.now() - begin) / 1000);
   await page.mouse.up();
   return rate;
 }
@@ -91,12 +100,14 @@ async function measure(scope, { points, models, seconds }) {
   const slider_rate = await pulled(page, seconds);
   await settled(page);
   const camera_rate = await turned(page, seconds);
+  const let_go = performance.now();
   await page.waitForFunction(() => document.body.dataset.still === "true");
+  const whole = performance.now();
   const result = {
     points, shown: await page.locator(".file .count").textContent(), cores: os.cpus().length, load: os.loadavg()[0],
     server_ms: opened - started, page_ms: ready - opened, last_answer_ms: Number(await dataset(page, "serverMs")),
-    updates_a_second: slider_rate, frames_a_second: camera_rate,
-    megabytes: { server: held(child.pid), page: await heap(page) },
+    updates_a_second: slider_rate, frames_a_second: camera_rate, whole_again_ms: whole - let_go,
+    megabytes: { server: held(child.pid), page: await heap(page), card: held(cardProcess()) },
   };
   if (faults.length) throw new Error(faults.join("; "));
   return result;

@@ -1,13 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 // The program under test and a browser to look at its page. Node modules come from where the page was built.
 import { spawn, spawnSync } from "node:child_process";
-import { mkdtempSync, rmSync } from "node:fs";
+import { existsSync, mkdtempSync, rmSync } from "node:fs";
 import { createRequire } from "node:module";
 import { tmpdir } from "node:os";
 import path from "node:path";
 
 export const kProgram = process.env.POINTFAIR_BIN;
 export const modules = createRequire(path.join(process.env.POINTFAIR_WEB, "package.json"));
+
+/** The models of libcgal-demo, fetched where they are not here; tests that need them are skipped without. */
+export const kModels = path.join(process.env.POINTFAIR_BUILD ?? "build", "demo");
+export function withModels() {
+  const script = path.join(process.env.POINTFAIR_SOURCE ?? ".", "scripts/models.py");
+  const here = existsSync(path.join(kModels, "building.ply")) || spawnSync("python3", [script, kModels]).status === 0;
+  return here ? {} : { skip: "the models of libcgal-demo are not here and cannot be fetched" };
+}
 
 /** A folder that goes with the test. */
 export function temporaryFolder(t) {
@@ -79,6 +87,18 @@ export async function settled(page, timeout = 300000) {
   await page.waitForTimeout(150);
 }
 
+/** Pulls a slider through places; at each it waits, the pointer still down, until the picture has changed. */
+export async function pull(page, locator, from, ...places) {
+  const hand = await grip(page, locator, from);
+  for (const place of places) {
+    const before = await updates(page);
+    await hand.move(place);
+    await page.waitForFunction((n) => Number(document.body.dataset.updates) > n, before);
+  }
+  await hand.release();
+}
+
+export const entry = (page, name) => page.locator(`[data-param="${name}"] input.entry`);
 export const slider = (page, name) => page.locator(`[data-param="${name}"] input[type=range]`);
 export const dataset = (page, key) => page.evaluate((k) => document.body.dataset[k], key);
 

@@ -94,3 +94,55 @@ test("noise about a point is the root mean square of its cell", async (t) => {
   assert.deepEqual(new Set(counts), new Set([2]));
   assert.deepEqual(quantileRange((i) => i, 101), [1, 99]);
 });
+
+test("detail is lowered until frames are quick, and rises again", async (t) => {
+  const { Detail } = await pageModule(t, "detail");
+  const count = 3_000_000;
+  /** The milliseconds of the last of many frames on a machine that draws so many points a millisecond. */
+  const after = (detail, rate) => {
+    let time = 0;
+    for (let frame = 0; frame < 200; ++frame) {
+      const drawn = detail.moving(count);
+      time = 5 * detail.fineness ** 2 + drawn / rate;
+      detail.learnMoving(drawn, count, time);
+    }
+    return time;
+  };
+  const detail = new Detail();
+  assert.ok(after(detail, 2000) <= 70, "a slow machine");
+  assert.ok(detail.moving(count) > 60000 && detail.moving(count) < count && detail.fineness < 1);
+  assert.ok(after(detail, 500000) <= 70, "a fast one");
+  assert.deepEqual([detail.moving(count), detail.fineness], [count, 1]);
+  after(detail, 1);
+  assert.ok(detail.moving(count) >= 60000, "never so little that nothing is seen");
+});
+
+test("a cloud is completed in portions, each once, that become as large as a frame allows", async (t) => {
+  const { Detail } = await pageModule(t, "detail");
+  for (const [rate, most] of [[1000, 100000], [1000000, 3_000_000]]) {
+    const detail = new Detail();
+    let last = 0;
+    for (let round = 0; round < 10; ++round) {
+      for (let left = 3_000_000; left > 0; left -= last) {
+        last = detail.completing(left);
+        assert.ok(last > 0 && last <= left);
+        detail.learnCompleting(last, last / rate);
+      }
+    }
+    assert.ok(detail.completing(3_000_000) <= most && detail.completing(3_000_000) >= most / 3, `${detail.completing(3_000_000)}`);
+  }
+});
+
+test("displacements are those that the server meant, whichever way they came", async (t) => {
+  const { Motion } = await pageModule(t, "motion");
+  const none = { places: new Uint32Array(), exceptions: new Float32Array() };
+  const motion = new Motion(2);
+  assert.deepEqual(motion.of(1), [0, 0, 0]);
+  motion.take({ step: 0.5, along_normals: true }, { ...none, motion_normals: Int16Array.of(0, 0, -32768, -32768), displacements: Int16Array.of(-4, 7) });
+  assert.deepEqual(motion.of(0), [-0, -0, -2]);
+  assert.deepEqual(motion.of(1), [0, 0, 0]);
+  motion.take({ step: 0.5, along_normals: true }, { displacements: Int16Array.of(3, 0), places: Uint32Array.of(1), exceptions: Float32Array.of(9, 8, 7) });
+  assert.deepEqual([motion.of(0), motion.of(1)], [[0, 0, 1.5], [9, 8, 7]]);
+  motion.take({ step: 0.25, along_normals: false }, { ...none, displacements: Int16Array.of(1, 2, 3, -4, -5, -6) });
+  assert.deepEqual([motion.of(0), motion.of(1)], [[0.25, 0.5, 0.75], [-1, -1.25, -1.5]]);
+});

@@ -9,6 +9,7 @@ const kRetry = 1500;
 
 export interface Asked extends Recipe {
   focus?: number[];
+  held: boolean; // the hand still holds the slider
   output: string;
   encoding: string;
 }
@@ -79,7 +80,7 @@ export class Connection {
 
   private note({ head }: Message): void {
     const ends = head.type === "result" || head.type === "error" || head.type === "cancelled";
-    if (head.type === "preview" || ends) this.answered = true;
+    if ((head.type === "preview" && !head.more) || ends) this.answered = true;
     if (ends && (head.type !== "result" || head.id === this.lastRun)) this.lastDone = this.lastRun;
     if (head.type === "cloud") {
       this.answered = true;

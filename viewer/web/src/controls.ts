@@ -29,8 +29,7 @@ export function lengthOf(text: string, scale: Scale): number {
   return digits.trim() === "" ? NaN : Number(digits) * perUnit(unit, scale);
 }
 
-export const lengthText = (length: number, unit: Unit, scale: Scale) =>
-  Number((length / perUnit(unit, scale)).toPrecision(3)) + unit;
+export const lengthText = (length: number, unit: Unit, scale: Scale) => short(length / perUnit(unit, scale)) + unit;
 
 export interface Control {
   element: HTMLElement;

@@ -2,20 +2,21 @@
 // The page: joins the connection, the picture, the panel and the keyboard.
 
 import "./style.css";
-import { binned, localNoise, type MapName, quantileRange, type Spread } from "./colours";
+import { Colouring } from "./colouring";
 import { Connection } from "./connection";
-import { choice, grouped, h, iconButton } from "./dom";
+import { grouped, h } from "./dom";
+import { Header } from "./header";
 import { helpDialog } from "./help";
+import { listenToKeys } from "./keys";
 import { Legend } from "./legend";
 import { Panel } from "./panel";
-import type { CloudHead, Head, Hello, Message, Recipe, Result } from "./protocol";
+import type { CloudHead, Hello, Message, Recipe, Result } from "./protocol";
 import { fileCamera, insideMask, lassoText, parseBox, parseLasso, simplified } from "./region";
 import { Scene } from "./scene";
 import { Stage } from "./stage";
 import { copyRecipe, defaultView, equalRecipes, History, type Mode, readFragment, type View, writeFragment } from "./state";
 import { Status } from "./status";
 
-const kNoiseCell = 6; // spacings
 const kUrlDelay = 250;
 const kProtocol = 1;
 
@@ -25,13 +26,22 @@ class Page {
   private readonly status = new Status(() => this.connection.cancel());
   private readonly legend = new Legend();
   private readonly help = helpDialog();
-  private readonly file = h("div", { class: "file" });
-  private readonly device = h("div", { class: "file device" });
-  private readonly undoButton = iconButton("Undo", "M8 5 4 9l4 4M4 9h7a5 5 0 0 1 0 10H9", () => this.undo(), "Ctrl Z");
-  private readonly redoButton = iconButton("Redo", "m12 5 4 4-4 4m4-4H9a5 5 0 0 0 0 10h2", () => this.redo(), "Ctrl Shift Z");
-  private readonly modes = choice<Mode>("View", [["after", "Faired"], ["wipe", "Wipe"], ["side", "Side by side"], ["before", "Original"]],
-    (mode) => this.setMode(mode));
-  private readonly scene: Scene;
+  private readonly actions = {
+    setMode: (mode: Mode) => this.setMode(mode),
+    undo: () => this.restore(this.history.undo()),
+    redo: () => this.restore(this.history.redo()),
+    fit: () => this.scene.fit(),
+    screenshot: () => void this.screenshot(),
+    help: () => this.help.showModal(),
+    hold: (original: boolean) => this.hold(original),
+    nudge: (turn: [number, number], move: [number, number], zoom: number) => this.scene.nudge(turn, move, zoom),
+    drawLasso: () => void this.drawLasso(),
+    togglePanel: () => this.header.togglePanel(),
+  };
+  private readonly header = new Header(this.actions);
+  private readonly scene = new Scene(this.stage.element, this.view);
+  private readonly colouring = new Colouring(this.scene, this.legend, (name) =>
+    this.connection.send({ type: "colours", id: this.connection.nextId(), name }));
   private readonly connection: Connection;
   private panel: Panel | null = null;
   private hello: Hello | null = null;
@@ -45,12 +55,11 @@ class Page {
   private asked: Recipe = this.recipe;
   private focus: number[] | undefined;
   private urlTimer = 0;
-  private maskOf = "";
-  private loaded: Record<string, "asked" | "here"> = {};
+  private shownLimits = "";
+  private fresh: { kind: string; serverMs: number } | null = null; // displacements that the next frame shows first
 
   constructor() {
-    document.body.append(this.header(), this.stage.element, this.status.element, this.help);
-    this.scene = new Scene(this.stage.element, this.view);
+    document.body.append(this.header.element, this.stage.element, this.status.element, this.help);
     this.stage.element.prepend(this.scene.canvas);
     this.stage.add(this.legend.element);
     this.scene.onCamera = () => {
@@ -58,9 +67,10 @@ class Page {
       this.writeUrl();
       if (this.view.colour === "displacement") this.colour();
     };
+    this.scene.onShown = () => this.shown();
     this.scene.onStill = (still) => (document.body.dataset.still = String(still));
     this.scene.canvas.addEventListener("dblclick", (event) => this.pivot(event));
-    this.listenToKeys();
+    listenToKeys(this.scene.canvas, this.actions);
     window.addEventListener("hashchange", () => this.readUrl());
     this.connection = new Connection((message) => this.receive(message), (state) => this.connectionChanged(state));
   }
@@ -75,8 +85,9 @@ class Page {
         return this.setCloud(head, arrays);
       case "preview":
         if (head.id !== this.connection.lastRun || !this.cloud) return;
-        this.scene.setPreview(arrays.places as Uint32Array, arrays.displacements as Float32Array);
-        return this.updated("preview", head.server_ms);
+        this.scene.setPreview(arrays.places as Uint32Array, arrays.displacements as Float32Array, head.center, head.radius);
+        this.fresh = { kind: "preview", serverMs: head.server_ms };
+        return;
       case "result":
         if (!this.cloud) return;
         return this.setResult(head, arrays);
@@ -85,7 +96,7 @@ class Page {
         this.panel?.setNoiseLeft(head.noise);
         return void (document.body.dataset.noise = String(head.noise));
       case "colours":
-        return this.setColours(head, arrays);
+        return this.colouring.setColours(head.name, arrays);
       case "progress":
         return this.status.showProgress(head.stage, head.share);
       case "saved":
@@ -131,10 +142,7 @@ class Page {
       copyLink: () => void this.copy(location.href, "The link"),
     });
     document.body.append(this.panel.element);
-    if (hello.device) {
-      this.device.textContent = `${hello.device.kind} · ${hello.device.name}`;
-      this.device.title = hello.device.reason;
-    }
+    this.status.setDevice(hello.device);
   }
 
   private setCloud(head: CloudHead, arrays: Message["arrays"]): void {
@@ -149,19 +157,17 @@ class Page {
     }
     this.cloud = head;
     this.result = null;
-    this.loaded = {};
-    this.maskOf = "";
+    this.shownLimits = "";
     this.focus = undefined;
-    this.scene.setStep(head.step);
     this.scene.setCloud(head, arrays);
+    this.colouring.setCloud(head);
     this.panel!.setCloud(head);
     this.panel!.show(this.recipe);
-    this.file.replaceChildren(h("b", { title: head.path }, head.name),
-      h("span", { class: "count" }, ` · ${grouped(head.points)} points${head.shown < head.points ? `, ${grouped(head.shown)} shown` : ""}`));
+    this.header.setCloud(head);
     document.title = `${head.name} · pointfair`;
     document.body.dataset.cloud = head.name;
     this.stage.ready();
-    this.modes.set(this.view.mode);
+    this.header.setMode(this.view.mode);
     this.viewChanged(false);
     this.ask();
   }
@@ -172,18 +178,21 @@ class Page {
     this.scene.setResult(head, arrays);
     this.panel!.setUsed(head);
     this.status.showResult(head, this.cloud!.points);
-    this.colour();
-    this.updated("result", head.server_ms);
+    this.colouring.setMoved(head.moved.rms);
+    this.fresh = { kind: "result", serverMs: head.server_ms };
   }
 
-  // For tests and for whoever looks: how often the picture changed.
-  private updated(kind: string, serverMs: number): void {
+  // A frame is on the screen. For tests and for whoever looks: how often there was one, and with new displacements.
+  private shown(): void {
     const { dataset } = document.body;
+    dataset.frames = String(Number(dataset.frames ?? 0) + 1);
+    if (!this.fresh) return;
     dataset.updates = String(Number(dataset.updates ?? 0) + 1);
     dataset.rate = this.status.countUpdate(performance.now()).toFixed(1);
-    dataset.last = kind;
-    dataset.serverMs = serverMs.toFixed(2);
+    dataset.last = this.fresh.kind;
+    dataset.serverMs = this.fresh.serverMs.toFixed(2);
     dataset.busy = String(this.connection.busy);
+    this.fresh = null;
   }
 
   // What the user does.
@@ -192,32 +201,25 @@ class Page {
     this.recipe = copyRecipe(recipe);
     if (done) this.history.keep(recipe);
     this.showRecipe();
-    this.ask();
+    this.ask(!done);
   }
 
   private showRecipe(): void {
     this.panel?.show(this.recipe);
-    this.undoButton.disabled = !this.history.canUndo;
-    this.redoButton.disabled = !this.history.canRedo;
+    this.header.setHistory(this.history.canUndo, this.history.canRedo);
     this.showLimits();
     this.writeUrl();
   }
 
-  private ask(): void {
+  private ask(held = false): void {
     if (!this.cloud || !this.panel) return;
     this.focus ??= this.scene.focus();
     this.asked = copyRecipe(this.recipe);
     document.body.dataset.busy = "true";
-    this.connection.run({ ...this.asked, focus: this.focus, output: this.panel.outputName, encoding: this.panel.encodingName });
+    this.connection.run({ ...this.asked, focus: this.focus, held, output: this.panel.outputName, encoding: this.panel.encodingName });
   }
 
-  private undo(): void {
-    this.step(this.history.undo());
-  }
-  private redo(): void {
-    this.step(this.history.redo());
-  }
-  private step(recipe: Recipe | null): void {
+  private restore(recipe: Recipe | null): void {
     if (!recipe) return;
     this.recipe = recipe;
     this.showRecipe();
@@ -259,7 +261,7 @@ class Page {
 
   private async drawLasso(): Promise<void> {
     const outline = await this.stage.drawLasso();
-    if (outline) this.setLasso(simplified(outline));
+    if (outline) this.setLasso(simplified(outline.map((corner) => this.scene.inPicture(corner, outline[0][0] < 0))));
   }
 
   private setLasso(polygon: [number, number][]): void {
@@ -292,7 +294,8 @@ class Page {
 
   private pivot(event: MouseEvent): void {
     const box = this.scene.canvas.getBoundingClientRect();
-    const at = this.scene.pick(((event.clientX - box.left) / box.width) * 2 - 1, 1 - ((event.clientY - box.top) / box.height) * 2);
+    const at = this.scene.pick(...this.scene.inPicture(
+      [((event.clientX - box.left) / box.width) * 2 - 1, 1 - ((event.clientY - box.top) / box.height) * 2]));
     if (at) this.scene.pivot(at);
   }
 
@@ -300,7 +303,7 @@ class Page {
 
   private setMode(mode: Mode): void {
     this.view.mode = mode;
-    this.modes.set(mode);
+    this.header.setMode(mode);
     this.viewChanged(true);
   }
 
@@ -319,70 +322,16 @@ class Page {
   }
 
   private showLimits(): void {
+    const key = `${this.recipe.limits.box}|${this.recipe.limits.lasso}`;
+    if (!this.cloud || key === this.shownLimits) return;
+    this.shownLimits = key;
     const [box, lasso] = [parseBox(this.recipe.limits.box ?? ""), parseLasso(this.recipe.limits.lasso ?? "")];
     this.scene.setBox(box);
-    const key = `${this.recipe.limits.box}|${this.recipe.limits.lasso}`;
-    if (!this.cloud || key === this.maskOf) return;
-    this.maskOf = key;
     this.scene.setInside(box || lasso ? insideMask(this.scene.allPositions, this.cloud.origin, box, lasso) : null);
   }
 
   private colour(): void {
-    const { view, scene, cloud } = this;
-    if (!cloud) return;
-    const name = view.colour;
-    if (name === "displacement") {
-      const most = 2.5 * (this.result?.moved.rms || cloud.spacing || 1);
-      const spread = binned((place) => scene.signedDisplacement(place), scene.count, [-most, most]);
-      return this.map("displacement", "diverging", spread, "displacement, toward you +");
-    }
-    if (name === "height") {
-      const spread = this.spread((place) => scene.height(place));
-      return this.map("height", "sequential", spread, "height");
-    }
-    if (name === "noise") {
-      const squared = (place: number) => scene.displacement(place).reduce((sum, d) => sum + d * d, 0);
-      const noise = localNoise(scene.allPositions, squared, kNoiseCell * (cloud.spacing || 1));
-      scene.setScalar(noise);
-      this.loaded = { rgb: this.loaded.rgb };
-      return this.map("scalar", "sequential", this.spread((place) => noise[place]), "estimated noise");
-    }
-    this.legend.hide();
-    if (name === "rgb" || name.startsWith("attribute:")) {
-      if (this.loaded[name] === "here") return this.showLoaded(name);
-      if (this.loaded[name] === "asked") return;
-      this.loaded[name] = "asked";
-      return this.connection.send({ type: "colours", id: this.connection.nextId(), name: name === "rgb" ? "rgb" : name.slice(10) });
-    }
-    scene.setColourMode(name === "normal" ? "normal" : "plain", [0, 1], "sequential");
-  }
-
-  private scalar: Float32Array = new Float32Array();
-
-  private setColours(head: Extract<Head, { type: "colours" }>, arrays: Message["arrays"]): void {
-    const name = head.name === "rgb" && arrays.rgb ? "rgb" : `attribute:${head.name}`;
-    if (arrays.rgb) this.scene.setColours(arrays.rgb as Uint8Array);
-    else {
-      for (const other of Object.keys(this.loaded)) if (other !== "rgb") delete this.loaded[other];
-      this.scalar = arrays.scalar as Float32Array;
-      this.scene.setScalar(this.scalar);
-    }
-    this.loaded[name] = "here";
-    if (this.view.colour === name) this.showLoaded(name);
-  }
-
-  private showLoaded(name: string): void {
-    if (name === "rgb") return this.scene.setColourMode("rgb", [0, 1], "sequential");
-    this.map("scalar", "sequential", this.spread((place) => this.scalar[place]), name.slice(10));
-  }
-
-  private spread(value: (place: number) => number): Spread {
-    return binned(value, this.scene.count, quantileRange(value, this.scene.count));
-  }
-
-  private map(mode: "displacement" | "height" | "scalar", map: MapName, spread: Spread, title: string): void {
-    this.scene.setColourMode(mode, spread.range, map);
-    this.legend.show(title, map, spread);
+    this.colouring.apply(this.view.colour);
   }
 
   // The URL.
@@ -400,7 +349,7 @@ class Page {
     if (!this.cloud) return;
     const { recipe, view } = readFragment(location.hash, this.cloud.name, this.defaults);
     Object.assign(this.view, view);
-    this.modes.set(view.mode);
+    this.header.setMode(view.mode);
     this.changeRecipe(recipe, true);
     this.viewChanged(false);
   }
@@ -412,73 +361,6 @@ class Page {
       this.stage.showHint("The connection is gone. Trying again…");
     }
   }
-
-  // The frame of the page.
-
-  private header(): HTMLElement {
-    this.undoButton.disabled = this.redoButton.disabled = true;
-    const panelButton = iconButton("Settings", "M3 5h14M3 10h14M3 15h14M7 3v4M13 8v4M6 13v4", () => {
-      const closed = document.body.classList.toggle("closed");
-      panelButton.setAttribute("aria-pressed", String(!closed));
-    }, "P");
-    panelButton.setAttribute("aria-pressed", "true");
-    panelButton.id = "toggle-panel";
-    return h("header", {},
-      h("div", { class: "brand" }, h("img", { src: "./icon.svg", alt: "" }), h("span", {}, "pointfair")),
-      this.file, h("div", { class: "spacer" }), this.modes.element, h("div", { class: "spacer" }), this.device,
-      h("div", { class: "tools", role: "toolbar", "aria-label": "Tools" },
-        this.undoButton, this.redoButton,
-        iconButton("Fit", "M3 7V3h4M13 3h4v4M17 13v4h-4M7 17H3v-4M7 7h6v6H7z", () => this.scene.fit(), "F"),
-        iconButton("Screenshot", "M3 6h3l1.5-2h5L14 6h3v10H3zM10 8a3 3 0 1 0 0 6 3 3 0 0 0 0-6z", () => void this.screenshot(), "S"),
-        iconButton("Keyboard", "M2.5 5.5h15v9h-15zM5 8.5h.01M8 8.5h.01M11 8.5h.01M14 8.5h.01M6 11.5h8", () => this.help.showModal(), "?"),
-        panelButton));
-  }
-
-  private listenToKeys(): void {
-    const typing = (event: KeyboardEvent) =>
-      event.target instanceof HTMLElement && event.target.matches("input:not([type=range]):not([type=checkbox]), select, textarea");
-    window.addEventListener("keydown", (event) => {
-      if ((event.ctrlKey || event.metaKey) && !event.altKey && event.key.toLowerCase() === "z" && !typing(event)) {
-        event.preventDefault();
-        return event.shiftKey ? this.redo() : this.undo();
-      }
-      if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "y" && !typing(event)) {
-        event.preventDefault();
-        return this.redo();
-      }
-      if (event.ctrlKey || event.metaKey || event.altKey || typing(event) || document.querySelector("dialog[open]")) return;
-      const act = this.keys[event.key.length === 1 ? event.key.toLowerCase() : event.key];
-      const onCanvas = event.target === this.scene.canvas || event.target === document.body;
-      if (act && (onCanvas || event.key.length === 1)) {
-        event.preventDefault();
-        act(event.shiftKey);
-      }
-    });
-    window.addEventListener("keyup", (event) => {
-      if (event.key.toLowerCase() === "b") this.hold(false);
-    });
-    window.addEventListener("blur", () => this.hold(false));
-  }
-
-  private readonly keys: Record<string, (shift: boolean) => void> = {
-    ArrowLeft: (shift) => (shift ? this.scene.nudge([0, 0], [0.04, 0], 1) : this.scene.nudge([-0.08, 0], [0, 0], 1)),
-    ArrowRight: (shift) => (shift ? this.scene.nudge([0, 0], [-0.04, 0], 1) : this.scene.nudge([0.08, 0], [0, 0], 1)),
-    ArrowUp: (shift) => (shift ? this.scene.nudge([0, 0], [0, -0.04], 1) : this.scene.nudge([0, -0.08], [0, 0], 1)),
-    ArrowDown: (shift) => (shift ? this.scene.nudge([0, 0], [0, 0.04], 1) : this.scene.nudge([0, 0.08], [0, 0], 1)),
-    "+": () => this.scene.nudge([0, 0], [0, 0], 1 / 1.15),
-    "=": () => this.scene.nudge([0, 0], [0, 0], 1 / 1.15),
-    "-": () => this.scene.nudge([0, 0], [0, 0], 1.15),
-    b: () => this.hold(true),
-    f: () => this.scene.fit(),
-    l: () => void this.drawLasso(),
-    p: () => document.getElementById("toggle-panel")!.click(),
-    s: () => void this.screenshot(),
-    "1": () => this.setMode("after"),
-    "2": () => this.setMode("wipe"),
-    "3": () => this.setMode("side"),
-    "4": () => this.setMode("before"),
-    "?": () => this.help.showModal(),
-  };
 }
 
 new Page();

@@ -104,11 +104,23 @@ export interface Result {
   cpp: string;
 }
 
+/** Points of a ball, and where they go; center relative to the cloud's origin. */
+export interface Preview {
+  type: "preview";
+  id: number;
+  center: [number, number, number];
+  radius: number;
+  more: boolean; // a larger part follows that is worth waiting for
+  ms: number;
+  server_ms: number;
+  points: number;
+}
+
 export type Head =
   | Hello
   | CloudHead
   | Result
-  | { type: "preview"; id: number; ms: number; server_ms: number; points: number }
+  | Preview
   | { type: "settled"; noise: number }
   | { type: "colours"; id: number; name: string }
   | { type: "progress"; id: number; share: number; stage: string }
@@ -124,7 +136,7 @@ export interface Recipe {
 }
 
 export type Request =
-  | ({ type: "run"; id: number; focus?: number[]; output: string; encoding: string } & Recipe)
+  | ({ type: "run"; id: number; focus?: number[]; held: boolean; output: string; encoding: string } & Recipe)
   | ({ type: "save"; id: number; output: string; encoding: string; overwrite: boolean } & Recipe)
   | { type: "colours"; id: number; name: string }
   | { type: "cancel"; id: number };

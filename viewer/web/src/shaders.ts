@@ -19,13 +19,14 @@ in float inside;     // 1 where the limits let a point move
 uniform mat4 modelViewMatrix, projectionMatrix;
 uniform float uAfter;         // 0 the original, 1 the result
 uniform int uMotion;          // 0 none, 1 along normals, 2 vectors, 3 far vectors
-uniform float uStep, uPointSize, uPixelsPerUnit, uMaxSize, uShade;
+uniform float uStep, uPointSize, uPixelsPerUnit, uMinSize, uMaxSize, uShade;
 uniform int uColour;
 uniform vec2 uRange;          // of the scalar, the height or the displacement
 uniform vec3 uHeightAxis;
 uniform sampler2D uMap;
 uniform vec3 uBoxMin, uBoxMax;
 uniform bool uHide, uHasNormals, uDim;
+uniform vec4 uHole;           // center and radius of a ball whose points others stand for; radius below 0: none
 out vec3 vColour;
 
 vec3 oct(vec2 e) {
@@ -51,9 +52,10 @@ void main() {
   vec3 at = position + uAfter * d;
   vec4 view = modelViewMatrix * vec4(at, 1.0);
   gl_Position = projectionMatrix * view;
-  gl_PointSize = clamp(uPointSize * uPixelsPerUnit / max(-view.z, 1e-20), 1.0, uMaxSize);
+  gl_PointSize = clamp(uPointSize * uPixelsPerUnit / max(-view.z, 1e-20), max(uMinSize, 1.0), uMaxSize);
   bool finite = all(lessThan(abs(position), vec3(1e37)));
-  if (!finite || (uHide && (any(lessThan(at, uBoxMin)) || any(greaterThan(at, uBoxMax))))) {
+  bool replaced = distance(position, uHole.xyz) <= uHole.w;
+  if (!finite || replaced || (uHide && (any(lessThan(at, uBoxMin)) || any(greaterThan(at, uBoxMax))))) {
     gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
     gl_PointSize = 1.0;
   }

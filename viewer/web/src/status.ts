@@ -2,7 +2,7 @@
 // The line at the bottom: what the last run took, on what, and what is under way.
 
 import { grouped, h, short } from "./dom";
-import type { Result } from "./protocol";
+import type { Hello, Result } from "./protocol";
 
 const kStageColours: Record<string, string> = {
   upload: "#8794a1", index: "#7aa2f7", estimate: "#b9a1ff", neighbors: "#55cdb9", normals: "#e5c07b", fairing: "#f28fad",
@@ -18,12 +18,19 @@ export class Status {
   private readonly stage = h("span", {});
   private readonly progress: HTMLElement;
   private readonly updates: number[] = [];
+  private readonly device = h("span", { class: "device" });
   readonly element: HTMLElement;
 
   constructor(cancel: () => void) {
     this.progress = h("span", { class: "progress", hidden: true }, this.stage, this.bar,
       h("button", { type: "button", class: "plain", onclick: cancel }, "Stop"));
-    this.element = h("footer", { class: "status", "aria-label": "Last run" }, this.total, this.rate, this.stages, this.progress);
+    this.element = h("footer", { class: "status", "aria-label": "Last run" }, this.total, this.rate, this.stages, this.progress, this.device);
+  }
+
+  setDevice(device: Hello["device"]): void {
+    if (!device) return;
+    this.device.textContent = `${device.kind} · ${device.name}`;
+    this.device.title = device.reason;
   }
 
   showResult(result: Result, points: number): void {

@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: Apache-2.0
+// What can be done: stop a run, save in every format, hold points still, bring a link, and lose the page to another.
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import path from "node:path";
+import test from "node:test";
+import { canvas } from "./looks.mjs";
+import { dataset, entry, kModels, noisyArmadillo, openBrowser, openPage, run, settled, temporaryFolder, view, withModels } from "./program.mjs";
+
+const models = withModels();
+
+/** Saves under a name and waits until it is there. */
+async function save(page, name, encoding = "") {
+  await page.locator("#output").fill(name);
+  await page.locator("#encoding").selectOption(encoding);
+  await page.locator("#save").click();
+  await page.waitForFunction((wanted) => document.body.dataset.saved?.endsWith(wanted) || document.body.dataset.error, name);
+  assert.equal(await dataset(page, "error"), undefined);
+}
+
+const report = (file) => JSON.parse(run(["info", file, "--report", "-"]));
+
+test("the result is saved in every format that is offered", models, async (t) => {
+  const folder = temporaryFolder(t);
+  const { url } = await view(t, [noisyArmadillo(folder, 2000, kModels), "--port", 0, "--save-folder", folder]);
+  const { page, faults } = await openPage(t, await openBrowser(t), url);
+  await settled(page);
+  const hint = await page.locator("#output").getAttribute("title");
+  const extensions = hint.match(/\.\w+/g).map((word) => word.slice(1));
+  assert.deepEqual(extensions, ["ply", "pcd", "xyz", "txt", "csv", "pts", "off", "obj"]);
+  const encodings = await page.locator("#encoding option").evaluateAll((options) => options.map((option) => option.value).filter(Boolean));
+  assert.deepEqual(encodings, ["ascii", "binary", "binary-big-endian", "binary-compressed"]);
+  const names = [...extensions.map((extension) => [`fair.${extension}`, ""]), ["a.ply", "ascii"], ["b.ply", "binary"],
+    ["c.ply", "binary-big-endian"], ["a.pcd", "ascii"], ["b.pcd", "binary"], ["c.pcd", "binary-compressed"]];
+  for (const [name, encoding] of names) {
+    await save(page, name, encoding);
+    const [saved, first] = [report(path.join(folder, name)), report(path.join(folder, "fair.ply"))];
+    assert.equal(saved.points, 2000, name);
+    for (const end of ["min", "max"])
+      saved.bounds[end].forEach((v, i) => assert.ok(Math.abs(v - first.bounds[end][i]) < 1e-3 * Math.abs(first.diagonal ?? 100), name));
+  }
+  await page.locator("#output").fill("fair.ply");
+  await page.locator("#encoding").selectOption("");
+  await page.locator("#save").click();
+  await page.locator(".toast.error", { hasText: "exists already" }).waitFor();
+  await page.locator("#overwrite").check();
+  await page.locator("#save").click();
+  await page.locator(".toast", { hasText: /Saved .*fair\.ply/ }).waitFor();
+  assert.deepEqual(faults, []);
+});
+
+/** The lines of a text cloud. */
+const lines = (file) => readFileSync(file, "utf8").trim().split("\n");
+
+test("only what the box and the lasso hold moves, and by the strength's share", models, async (t) => {
+  const folder = temporaryFolder(t);
+  run(["noise", path.join(kModels, "armadillo.off"), path.join(folder, "scan.xyz"), "--points", 4000, "--sigma", "0.3%", "--seed", 1, "-q"]);
+  const { url } = await view(t, [path.join(folder, "scan.xyz"), "--port", 0, "--save-folder", folder]);
+  const { page, faults } = await openPage(t, await openBrowser(t), `${url}#view.up=y`);
+  await settled(page);
+  await save(page, "all.xyz");
+  await page.locator("#strength").evaluate((element) => {
+    element.value = "0.5";
+    element.dispatchEvent(new Event("change", { bubbles: true }));
+  });
+  await settled(page);
+  await save(page, "half.xyz");
+  await page.locator("#box").check();
+  const low = page.getByLabel("box x from");
+  for (let i = 0; i < 40; ++i) await low.press("ArrowRight");
+  await settled(page);
+  await save(page, "box.xyz");
+  await page.getByRole("button", { name: "Draw lasso" }).click();
+  const box = await canvas(page).boundingBox();
+  const corners = [[0.3, 0.05], [0.7, 0.05], [0.7, 0.5], [0.3, 0.5]]; // the upper half of the picture
+  await page.mouse.move(box.x + corners[0][0] * box.width, box.y + corners[0][1] * box.height);
+  await page.mouse.down();
+  for (const [x, y] of corners) await page.mouse.move(box.x + x * box.width, box.y + y * box.height, { steps: 5 });
+  await page.mouse.up();
+  await settled(page);
+  await save(page, "lasso.xyz");
+
+  const [scan, all, half, boxed, lassoed] = ["scan", "all", "half", "box", "lasso"].map((name) => lines(path.join(folder, `${name}.xyz`)));
+  const limit = await page.evaluate(() => Number(new URLSearchParams(location.hash.slice(1)).get("limit.box").split(",")[0]));
+  const counts = { all: 0, half: 0, box: 0, lasso: 0 };
+  scan.forEach((line, i) => {
+    const at = (text) => text.split(" ").map(Number);
+    const [p, q, r] = [line, all[i], half[i]].map(at);
+    counts.all += all[i] !== line;
+    counts.half += half[i] !== line;
+    p.forEach((v, c) => assert.ok(Math.abs(v + (q[c] - v) / 2 - r[c]) < 1e-3 * Math.abs(q[c] - v) + 1e-4, `point ${i} goes half the way`));
+    counts.box += boxed[i] !== line;
+    if (p[0] < limit) assert.equal(boxed[i], line, "outside the box nothing moves");
+    else assert.equal(boxed[i], half[i], "inside it moves as without a box");
+    counts.lasso += lassoed[i] !== line;
+    if (lassoed[i] !== line) assert.equal(lassoed[i], boxed[i], "what the lasso holds moves as without it");
+  });
+  t.diagnostic(JSON.stringify(counts));
+  assert.ok(counts.all > 3500 && counts.box > 100 && counts.box < 0.95 * counts.half);
+  assert.ok(counts.lasso > 50 && counts.lasso < 0.9 * counts.box);
+  await page.getByRole("button", { name: "Clear lasso" }).click();
+  await page.locator("#box").uncheck();
+  await page.waitForFunction(() => !location.hash.includes("limit.box") && !location.hash.includes("limit.lasso"));
+  assert.deepEqual(faults, []);
+});
+
+test("a long run says how far it is, is stopped, and the next is sound", models, async (t) => {
+  const { url } = await view(t, [noisyArmadillo(temporaryFolder(t), 100000, kModels), "--port", 0]);
+  const { page, faults } = await openPage(t, await openBrowser(t), `${url}#k=16&passes=1`);
+  await settled(page);
+  await entry(page, "passes").fill("100");
+  await page.keyboard.press("Enter");
+  await page.locator(".status progress").waitFor();
+  await page.getByRole("button", { name: "Stop" }).click();
+  await page.locator(".toast", { hasText: "Stopped" }).waitFor();
+  await page.locator(".status progress").waitFor({ state: "hidden" });
+  await entry(page, "passes").fill("2");
+  await page.keyboard.press("Enter");
+  await settled(page);
+  assert.deepEqual(await page.locator(".stages i").evaluateAll((stages) => stages.map((stage) => stage.textContent.split(" ")[0]).includes("fairing")), true);
+  assert.match(await page.locator("#total").textContent(), /[\d.]+ ms run, [\d.]+ ms answer/);
+  assert.match(await page.locator("#rate").textContent(), /M points\/s/);
+  assert.match(await page.locator(".status .device").textContent(), /^(cpu|cuda) · ./);
+  assert.deepEqual(faults, []);
+});
+
+test("a link brings the state to another page, which takes the cloud over; without a server the page says so", models, async (t) => {
+  const { url, child } = await view(t, [noisyArmadillo(temporaryFolder(t), 3000, kModels), "--port", 0]);
+  const browser = await openBrowser(t);
+  const { page, context } = await openPage(t, browser, url);
+  await context.grantPermissions(["clipboard-read", "clipboard-write"]);
+  await settled(page);
+  await entry(page, "k").fill("20");
+  await page.keyboard.press("Enter");
+  await settled(page);
+  await page.getByRole("button", { name: "Copy link" }).click();
+  await page.locator(".toast", { hasText: "on the clipboard" }).waitFor();
+  const link = await page.evaluate(() => navigator.clipboard.readText());
+  const other = await openPage(t, browser, link);
+  await settled(other.page);
+  assert.equal(await entry(other.page, "k").inputValue(), "20");
+  await page.locator(".hint", { hasText: "Another page shows this cloud now" }).waitFor();
+  child.kill("SIGTERM");
+  await other.page.locator(".hint", { hasText: "The connection is gone" }).waitFor();
+});

@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: Apache-2.0
+// The page for those without a pointer, with a phone, or with weak eyes.
+import assert from "node:assert/strict";
+import { existsSync } from "node:fs";
+import path from "node:path";
+import test from "node:test";
+import { blocks, canvas, difference, faintTexts, picture } from "./looks.mjs";
+import { dataset, entry, kModels, noisyArmadillo, openBrowser, openPage, settled, slider, temporaryFolder, view, withModels } from "./program.mjs";
+
+const models = withModels();
+
+async function start(t, options, words = [], hash = "") {
+  const small = noisyArmadillo(temporaryFolder(t), 3000, kModels);
+  const { url } = await view(t, [small, "--port", 0, ...words]);
+  const opened = await openPage(t, await openBrowser(t), url + hash, options);
+  await settled(opened.page);
+  return opened;
+}
+
+/** What has the focus: its name, its kind, and whether the focus shows. */
+const focused = (page) => page.evaluate(() => {
+  const element = document.activeElement;
+  if (element === document.body) return null;
+  const name = element.getAttribute("aria-label") || element.labels?.[0]?.textContent || element.textContent || element.title;
+  return { name: name.trim(), tag: element.tagName, outline: getComputedStyle(element).outlineStyle };
+});
+
+async function tabTo(page, name) {
+  for (let i = 0; i < 150; ++i) {
+    await page.keyboard.press("Tab");
+    if ((await focused(page))?.name === name) return;
+  }
+  assert.fail(`${name} cannot be reached`);
+}
+
+test("every control is reached with the tabulator, has a name, and shows that it has the focus", models, async (t) => {
+  const { page, faults } = await start(t, {});
+  const reached = new Set();
+  for (let i = 0; i < 150; ++i) {
+    await page.keyboard.press("Tab");
+    const focus = await focused(page);
+    if (!focus) break;
+    assert.ok(focus.name, `a ${focus.tag} without a name`);
+    assert.notEqual(focus.outline, "none", focus.name);
+    reached.add(focus.name);
+  }
+  const names = ["Faired", "Fit", "Screenshot", "Keyboard", "Settings", "--k", "--k auto", "--passes", "--method", "Strength", "Clip box",
+    "Only what is in view", "Colour by", "Point size", "Eye-dome lighting", "Save", "Copy as command", "Copy as C++", "Copy link"];
+  for (const name of names) assert.ok(reached.has(name), `${name} cannot be reached`);
+  assert.deepEqual(faults, []);
+});
+
+test("a cloud is faired, compared and saved with the keyboard alone", models, async (t) => {
+  const folder = temporaryFolder(t);
+  const { page, faults } = await start(t, {}, ["--save-folder", folder]);
+  const keys = async (...names) => {
+    for (const name of names) await page.keyboard.press(name);
+  };
+  await slider(page, "k").focus();
+  await keys("ArrowRight");
+  await settled(page);
+  const first = Number(await entry(page, "k").inputValue());
+  await keys("ArrowRight", "ArrowRight");
+  await settled(page);
+  assert.equal(Number(await entry(page, "k").inputValue()), first + 2, "a whole number moves by one");
+  await keys("Control+z");
+  await settled(page);
+  assert.equal(Number(await entry(page, "k").inputValue()), first + 1);
+
+  await canvas(page).focus();
+  const before = await blocks(page, await picture(page));
+  await canvas(page).focus();
+  await keys("ArrowLeft", "ArrowLeft", "ArrowUp", "+", "Shift+ArrowRight");
+  assert.ok(difference(before, await blocks(page, await picture(page))) > 1, "arrow keys turn the picture");
+  await canvas(page).focus();
+  await keys("f");
+  const fitted = difference(before, await blocks(page, await picture(page)));
+  assert.ok(fitted < 1, `the same as before the keys: ${fitted}`);
+
+  await keys("2");
+  await tabTo(page, "wipe");
+  await keys("ArrowRight", "ArrowRight", "ArrowRight");
+  assert.equal(await page.locator(".wipe").getAttribute("aria-valuenow"), "56");
+  await tabTo(page, "File");
+  await keys("Control+a");
+  await page.keyboard.type("by_keys.ply");
+  await tabTo(page, "Save");
+  await keys("Enter");
+  await page.waitForFunction(() => document.body.dataset.saved);
+  assert.ok(existsSync(path.join(folder, "by_keys.ply")));
+  await canvas(page).focus();
+  await keys("?");
+  await page.getByRole("dialog").waitFor();
+  await keys("Escape");
+  await page.getByRole("dialog").waitFor({ state: "hidden" });
+  assert.deepEqual(faults, []);
+});
+
+test("texts have the contrast that WCAG AA asks for", models, async (t) => {
+  const { page } = await start(t, {}, [], "#view.mode=wipe");
+  for (const section of await page.locator("summary").all())
+    if (!(await section.evaluate((element) => element.parentElement.open))) await section.click();
+  await page.locator("#box").check();
+  await page.locator("#colour").selectOption("displacement");
+  await page.locator("#save").click(); // a message appears
+  await page.locator(".toast").first().waitFor();
+  assert.deepEqual(await page.evaluate(faintTexts), []);
+  await page.keyboard.press("?");
+  assert.deepEqual(await page.evaluate(faintTexts), []);
+});
+
+for (const [width, height] of [[390, 844], [320, 568]]) {
+  test(`on a phone of ${width} x ${height} nothing is cut off, and fingers turn and wipe`, models, async (t) => {
+    const { page, faults } = await start(t, { viewport: { width, height }, hasTouch: true, isMobile: true }, [], "#view.mode=wipe&view.colour=displacement");
+    assert.ok(await page.evaluate(() => document.documentElement.scrollWidth <= innerWidth), "nothing is wider than the screen");
+    const beyond = await page.evaluate(() => [...document.querySelectorAll("header *, .panel *, .stage > :not(canvas)")].filter((element) => {
+      if (!element.checkVisibility() || element.closest("details:not([open])")) return false;
+      const box = element.getBoundingClientRect();
+      return box.width > 0 && (box.left < -0.5 || box.right > innerWidth + 0.5);
+    }).map((element) => element.className || element.tagName));
+    assert.deepEqual(beyond, [], "what sticks out at the sides");
+    const stage = await canvas(page).boundingBox();
+    assert.ok(stage.height > 0.3 * height, `the picture is ${stage.height} high`);
+    const before = await page.evaluate(() => location.hash);
+    const client = await page.context().newCDPSession(page);
+    const touch = (type, x, y) => client.send("Input.dispatchTouchEvent", { type, touchPoints: type === "touchEnd" ? [] : [{ x, y }] });
+    await touch("touchStart", stage.x + 0.25 * stage.width, stage.y + 0.5 * stage.height);
+    for (let i = 0; i <= 10; ++i) await touch("touchMove", stage.x + (0.25 - 0.01 * i) * stage.width, stage.y + 0.5 * stage.height);
+    await touch("touchEnd");
+    await page.waitForFunction((old) => location.hash !== old && location.hash.includes("view.camera"), before);
+    const updates = Number(await dataset(page, "updates"));
+    await page.locator('[data-param="widening"] input[type=range]').scrollIntoViewIfNeeded();
+    const knob = await page.locator('[data-param="widening"] input[type=range]').boundingBox();
+    await page.touchscreen.tap(knob.x + 0.3 * knob.width, knob.y + knob.height / 2);
+    await page.waitForFunction((n) => Number(document.body.dataset.updates) > n, updates);
+    assert.deepEqual(faults, []);
+  });
+}

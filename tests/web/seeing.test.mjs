@@ -1,0 +1,204 @@
+// SPDX-License-Identifier: Apache-2.0
+// What can be seen: every way to colour and to light, the legend, the pointer on the picture, files that are dropped, and
+// clouds that are organised or too large.
+import assert from "node:assert/strict";
+import { readFileSync, writeFileSync } from "node:fs";
+import path from "node:path";
+import test from "node:test";
+import { blocks, canvas, difference, picture } from "./looks.mjs";
+import {
+  dataset, grip, kModels, noisyArmadillo, openBrowser, openPage, pull, run, settled, slider, temporaryFolder, updates, view, withModels,
+} from "./program.mjs";
+
+const models = withModels();
+
+/** 20 x 20 points with colours and a scalar, as PLY. */
+function coloured(folder) {
+  const file = path.join(folder, "coloured.ply");
+  const lines = Array.from({ length: 400 }, (_, i) =>
+    `${i % 20} ${Math.floor(i / 20)} ${((i * 7) % 5) / 20} ${(i * 3) % 256} 100 ${255 - (i % 256)} ${i}`);
+  writeFileSync(file, ["ply", "format ascii 1.0", "element vertex 400", "property float x", "property float y", "property float z",
+    "property uchar red", "property uchar green", "property uchar blue", "property float depth", "end_header", ...lines, ""].join("\n"));
+  return file;
+}
+
+/** Sets a slider of the display. */
+const display = (page, id, value) => page.locator(id).evaluate((element, to) => {
+  element.value = to;
+  element.dispatchEvent(new Event("input", { bubbles: true }));
+}, value);
+
+test("a dropped file is shown; each way to colour it is another picture", models, async (t) => {
+  const folder = temporaryFolder(t);
+  const { url } = await view(t, [noisyArmadillo(folder, 3000, kModels), "--port", 0]);
+  const { page, faults } = await openPage(t, await openBrowser(t), url);
+  await settled(page);
+  const transfer = await page.evaluateHandle((text) => {
+    const data = new DataTransfer();
+    data.items.add(new File([text], "coloured.ply"));
+    return data;
+  }, readFileSync(coloured(folder), "utf8"));
+  await page.dispatchEvent("body", "dragover", { dataTransfer: transfer });
+  await page.locator(".drop").waitFor();
+  await page.dispatchEvent("body", "drop", { dataTransfer: transfer });
+  await page.waitForFunction(() => document.body.dataset.cloud === "coloured.ply");
+  await settled(page);
+  await page.waitForFunction(() => document.body.dataset.noise);
+
+  assert.equal(await page.locator("#colour").inputValue(), "rgb", "colours of the file come first");
+  const seen = [];
+  for (const choice of ["rgb", "plain", "height", "normal", "displacement", "noise", "attribute:depth"]) {
+    await page.locator("#colour").selectOption(choice);
+    const withLegend = ["height", "displacement", "noise", "attribute:depth"].includes(choice);
+    await page.locator(".legend").waitFor({ state: withLegend ? "visible" : "hidden" });
+    if (withLegend) {
+      const inked = await page.locator(".legend canvas").evaluate((chart) =>
+        chart.getContext("2d").getImageData(0, 0, chart.width, chart.height).data.filter((v, i) => i % 4 === 3 && v > 0).length);
+      assert.ok(inked > 500, `the histogram of ${choice} is empty`);
+    }
+    const colours = await blocks(page, await picture(page));
+    for (const [other, its] of seen) assert.ok(difference(colours, its) > 0.2, `${choice} looks like ${other}`);
+    seen.push([choice, colours]);
+  }
+  await page.locator(".legend", { hasText: "depth" }).waitFor();
+  assert.deepEqual(await page.locator(".legend .ends span").allTextContents(), ["4", "200", "395"]); // 1 % and 99 % of 0 to 399
+  assert.deepEqual(faults, []);
+});
+
+test("lighting, the size of points and the axis that is up change the picture", models, async (t) => {
+  const { url } = await view(t, [noisyArmadillo(temporaryFolder(t), 20000, kModels), "--port", 0]);
+  const { page, faults } = await openPage(t, await openBrowser(t), url);
+  await settled(page);
+  await page.waitForFunction(() => document.body.dataset.noise);
+  let last = await blocks(page, await picture(page));
+  for (const [id, value] of [["#view-edl", "1"], ["#view-shade", "0"], ["#view-size", "4.5"]]) {
+    await display(page, id, value);
+    const now = await blocks(page, await picture(page));
+    assert.ok(difference(now, last) > 0.2, `${id} changes nothing`);
+    last = now;
+  }
+  await page.getByRole("radio", { name: "y up" }).click();
+  assert.ok(difference(await blocks(page, await picture(page)), last) > 0.5, "the axis changes nothing");
+  assert.deepEqual(faults, []);
+});
+
+test("the pointer turns, moves, zooms, chooses what to turn about, and takes a screenshot", models, async (t) => {
+  const { url } = await view(t, [noisyArmadillo(temporaryFolder(t), 3000, kModels), "--port", 0]);
+  const { page, faults } = await openPage(t, await openBrowser(t), `${url}#view.up=y`);
+  await settled(page);
+  const box = await canvas(page).boundingBox();
+  const camera = () => page.evaluate(() => new URLSearchParams(location.hash.slice(1)).get("view.camera") ?? "");
+  const at = (x, y) => page.mouse.move(box.x + x * box.width, box.y + y * box.height, { steps: 4 });
+  const changed = async (act) => {
+    const old = await camera();
+    await act();
+    await page.waitForFunction((was) => (new URLSearchParams(location.hash.slice(1)).get("view.camera") ?? "") !== was, old);
+    return [old, await camera()].map((text) => text.split(",").map(Number));
+  };
+  const drag = (button) => async () => {
+    await at(0.5, 0.5);
+    await page.mouse.down({ button });
+    await at(0.6, 0.55);
+    await page.mouse.up({ button });
+  };
+  const apart = (a, b, from) => Math.hypot(...[0, 1, 2].map((i) => a[from + i] - b[from + i]));
+  await changed(drag("left"));
+  const [turned, moved] = await changed(drag("right"));
+  assert.ok(apart(turned, moved, 3) > 0, "the right button moves the target");
+  const reach = (c) => Math.hypot(c[0] - c[3], c[1] - c[4], c[2] - c[5]);
+  const [far, near] = await changed(async () => {
+    await at(0.5, 0.5);
+    await page.mouse.wheel(0, -600);
+  });
+  assert.ok(reach(near) < reach(far), "the wheel comes nearer");
+  await page.keyboard.press("f");
+  await page.waitForFunction(() => !location.hash.includes("view.camera"));
+  await page.waitForFunction(() => document.body.dataset.still === "true");
+  const [, pivoted] = await changed(() => page.mouse.dblclick(box.x + 0.5 * box.width, box.y + 0.35 * box.height));
+  const info = JSON.parse(run(["info", path.join(kModels, "armadillo.off"), "--report", "-"]));
+  const nearest = [3, 4, 5].every((i) => pivoted[i] > -info.diagonal && pivoted[i] < info.diagonal);
+  assert.ok(nearest && pivoted.every(Number.isFinite));
+
+  const download = page.waitForEvent("download");
+  await canvas(page).focus();
+  await page.keyboard.press("s");
+  const file = await download;
+  assert.equal(file.suggestedFilename(), "noisy.png");
+  const png = readFileSync(await file.path());
+  assert.equal(png.subarray(1, 4).toString(), "PNG");
+  assert.equal(png.readUInt32BE(16), Math.round(box.width), "its width is that of the picture");
+  assert.deepEqual(faults, []);
+});
+
+test("the original and the result turn together, side by side, and the wipe is pulled", models, async (t) => {
+  const { url } = await view(t, [noisyArmadillo(temporaryFolder(t), 20000, kModels), "--port", 0]);
+  const { page, faults } = await openPage(t, await openBrowser(t), `${url}#view.up=y&view.mode=side`);
+  await settled(page);
+  const halves = async () => {
+    const all = await blocks(page, await picture(page));
+    const half = (from) => all.filter((_, i) => Math.floor(i / 3) % 64 >= from && Math.floor(i / 3) % 64 < from + 32);
+    return [half(0), half(32)];
+  };
+  const [left, right] = await halves();
+  await canvas(page).focus();
+  for (let i = 0; i < 8; ++i) await page.keyboard.press("ArrowRight");
+  const [leftTurned, rightTurned] = await halves();
+  const moved = [difference(left, leftTurned), difference(right, rightTurned)];
+  t.diagnostic(`turned by ${moved}, apart ${difference(left, right)} and ${difference(leftTurned, rightTurned)}`);
+  assert.ok(moved[0] > 2 && moved[1] > 2, "both turn");
+  assert.ok(difference(leftTurned, rightTurned) < 0.6 * Math.min(...moved), "and show the same from the same place");
+
+  await page.keyboard.press("2");
+  const stage = await page.locator(".stage").boundingBox();
+  const handle = await page.locator(".wipe").boundingBox();
+  await page.mouse.move(handle.x + handle.width / 2, stage.y + stage.height / 2);
+  await page.mouse.down();
+  await page.mouse.move(stage.x + 0.75 * stage.width, stage.y + stage.height / 2, { steps: 5 });
+  await page.mouse.up();
+  await page.waitForFunction(() => Math.abs(Number(new URLSearchParams(location.hash.slice(1)).get("view.wipe")) - 0.75) < 0.01);
+  assert.deepEqual(faults, []);
+});
+
+test("an organised cloud with points that are not there", async (t) => {
+  const folder = temporaryFolder(t);
+  const file = path.join(folder, "organised.pcd");
+  const lines = Array.from({ length: 1200 }, (_, i) => (i % 7 === 0 ? "nan nan nan" : `${(i % 40) / 40} ${Math.floor(i / 40) / 40} ${((i * 5) % 3) / 300}`));
+  writeFileSync(file, ["VERSION .7", "FIELDS x y z", "SIZE 4 4 4", "TYPE F F F", "COUNT 1 1 1", "WIDTH 40", "HEIGHT 30",
+    "VIEWPOINT 0 0 0 1 0 0 0", "POINTS 1200", "DATA ascii", ...lines, ""].join("\n"));
+  const { url } = await view(t, [file, "--port", 0]);
+  const { page, faults } = await openPage(t, await openBrowser(t), url);
+  await settled(page);
+  await page.locator(".status", { hasText: "kept in place" }).waitFor();
+  for (const choice of ["displacement", "noise", "height"]) {
+    await page.locator("#colour").selectOption(choice);
+    const ends = await page.locator(".legend .ends span").allTextContents();
+    assert.ok(ends.every((end) => !/NaN|–/.test(end)), `${choice}: ${ends}`);
+  }
+  assert.ok(difference(await blocks(page, await picture(page)), new Array(64 * 40 * 3).fill(16)) > 1, "nothing is seen");
+  assert.deepEqual(faults, []);
+});
+
+test("of a large cloud a part is held; a held slider shows previews, and the whole once it is let go", models, async (t) => {
+  const folder = temporaryFolder(t);
+  const { url } = await view(t, [noisyArmadillo(folder, 400000, kModels), "--port", 0, "--points", 150000, "--save-folder", folder]);
+  const { page, faults } = await openPage(t, await openBrowser(t), `${url}#view.up=y&k=24&passes=3`);
+  await settled(page);
+  assert.match(await page.locator(".file").textContent(), /400\D000 points, 150\D000 shown/);
+  const before = await blocks(page, await picture(page));
+  const hand = await grip(page, slider(page, "similarity_sigma"), 0.5);
+  const kinds = new Set();
+  for (let i = 0; i < 8; ++i) {
+    const count = await updates(page);
+    await hand.move(0.5 + 0.04 * i);
+    await page.waitForFunction((n) => Number(document.body.dataset.updates) > n, count);
+    kinds.add(await dataset(page, "last"));
+  }
+  assert.ok(kinds.has("preview"), "a slow run is previewed");
+  await hand.release();
+  await settled(page);
+  assert.ok(difference(before, await blocks(page, await picture(page))) > 0.05);
+  await page.locator("#save").click();
+  await page.waitForFunction(() => document.body.dataset.saved);
+  assert.equal(JSON.parse(run(["info", path.join(folder, "fair.ply"), "--report", "-"])).points, 400000, "files hold all points");
+  assert.deepEqual(faults, []);
+});

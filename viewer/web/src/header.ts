@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+// The line at the top: what is open, how it is compared, and the tools.
+
+import { choice, grouped, h, iconButton } from "./dom";
+import type { CloudHead } from "./protocol";
+import type { Mode } from "./state";
+
+export interface HeaderActions {
+  setMode(mode: Mode): void;
+  undo(): void;
+  redo(): void;
+  fit(): void;
+  screenshot(): void;
+  help(): void;
+}
+
+export class Header {
+  readonly element: HTMLElement;
+  private readonly file = h("div", { class: "file" });
+  private readonly undo: HTMLButtonElement;
+  private readonly redo: HTMLButtonElement;
+  private readonly panel: HTMLButtonElement;
+  private readonly modes: { element: HTMLElement; set(mode: Mode): void };
+
+  constructor(actions: HeaderActions) {
+    this.undo = iconButton("Undo", "M8 5 4 9l4 4M4 9h7a5 5 0 0 1 0 10H9", actions.undo, "Ctrl Z");
+    this.redo = iconButton("Redo", "m12 5 4 4-4 4m4-4H9a5 5 0 0 0 0 10h2", actions.redo, "Ctrl Shift Z");
+    this.panel = iconButton("Settings", "M3 5h14M3 10h14M3 15h14M7 3v4M13 8v4M6 13v4", () => this.togglePanel(), "P");
+    this.panel.setAttribute("aria-pressed", "true");
+    this.modes = choice<Mode>("View", [["after", "Faired"], ["wipe", "Wipe"], ["side", "Side by side"], ["before", "Original"]],
+      actions.setMode);
+    this.setHistory(false, false);
+    this.element = h("header", {},
+      h("div", { class: "brand" }, h("img", { src: "./icon.svg", alt: "" }), h("span", {}, "pointfair")),
+      this.file, h("div", { class: "spacer" }), this.modes.element, h("div", { class: "spacer" }),
+      h("div", { class: "tools", role: "toolbar", "aria-label": "Tools" }, this.undo, this.redo,
+        iconButton("Fit", "M3 7V3h4M13 3h4v4M17 13v4h-4M7 17H3v-4M7 7h6v6H7z", actions.fit, "F"),
+        iconButton("Screenshot", "M3 6h3l1.5-2h5L14 6h3v10H3zM10 8a3 3 0 1 0 0 6 3 3 0 0 0 0-6z", actions.screenshot, "S"),
+        iconButton("Keyboard", "M2.5 5.5h15v9h-15zM5 8.5h.01M8 8.5h.01M11 8.5h.01M14 8.5h.01M6 11.5h8", actions.help, "?"),
+        this.panel));
+  }
+
+  setCloud(head: CloudHead): void {
+    const shown = head.shown < head.points ? `, ${grouped(head.shown)} shown` : "";
+    this.file.replaceChildren(h("b", { title: head.path }, head.name), h("span", { class: "count" }, ` · ${grouped(head.points)} points${shown}`));
+  }
+
+  setMode(mode: Mode): void {
+    this.modes.set(mode);
+  }
+
+  setHistory(canUndo: boolean, canRedo: boolean): void {
+    this.undo.disabled = !canUndo;
+    this.redo.disabled = !canRedo;
+  }
+
+  togglePanel(): void {
+    const closed = document.body.classList.toggle("closed");
+    this.panel.setAttribute("aria-pressed", String(!closed));
+  }
+}
