@@ -77,7 +77,8 @@ struct Counts {
 // A backend holds up to two chains of stage results: that of the first pass, which stays cached for later runs, and
 // that of the pass at work. begin_pass(0) makes the first current and keeps what it holds; begin_pass(p > 0) empties
 // the second and gives it the faired points of the pass before. The stage calls work on the current chain, in order.
-// Calls throw Error(interrupted) once `stop` is triggered and leave the stage to be run again.
+// Calls throw Error(interrupted) once `stop` is triggered and leave the stage to be run again. Where calls only start
+// their work, a later one may find that it was given up, and throws; take_stopped() then says what else must run again.
 class Backend {
  public:
   virtual ~Backend() = default;
@@ -98,13 +99,18 @@ class Backend {
   virtual void find_neighbors(const NeighborSettings& settings, std::stop_token stop) = 0;
   virtual void estimate_normals(const NormalSettings& settings, std::stop_token stop) = 0;
   virtual void fair(const FairingSettings& settings, std::stop_token stop) = 0;
+  // The points of the next fair() are downloaded at once: they may be faired in the order in which they leave.
+  virtual void expect_download() {}
   // Waits for stage calls that only started their work, as a card's do.
   virtual void finish() {}
+  // After Error(interrupted): whether work was given up whose call had returned; the first such stage of the first
+  // pass, `passes` if only further passes had such.
+  virtual std::optional<Stage> take_stopped() { return std::nullopt; }
   // Where stage calls only start their work: how long those since the last call took, by the device's own clock, in
   // the order of their first; waits for them. Empty where a stage is done when its call returns.
   virtual std::vector<StageTime> stage_times() { return {}; }
-  // Faired points of the current pass, in upload order. Returns how many outliers `limits` held back; `outliers`, unless
-  // empty, gets 1 for each of them and 0 for others.
+  // Faired points of the current pass, in upload order. Returns how many outliers `limits` held back; `outliers`,
+  // unless empty, gets 1 for each of them and 0 for others.
   virtual std::uint64_t download(std::span<Point> points, const DisplacementLimits& limits,
                                  std::span<std::uint8_t> outliers) = 0;
   virtual void download_normals(std::span<Point> normals) = 0;

@@ -79,8 +79,9 @@ Stage following(Stage stage) { return Stage(int(stage) + 1); }
 
 using MakeBackend = std::function<std::unique_ptr<Backend>()>;
 
-constexpr std::uint64_t kFirstPieces = 4;    // of a cloud that does not fit
-constexpr std::uint64_t kLeastPiece = 2000;  // points; if so few do not fit, cutting does not help
+constexpr std::uint64_t kWorthParts = 1 << 18;  // points; whose copy takes longer than what it costs to start early
+constexpr std::uint64_t kFirstPieces = 4;       // of a cloud that does not fit
+constexpr std::uint64_t kLeastPiece = 2000;     // points; if so few do not fit, cutting does not help
 
 // As the attribute "outlier", or outlier_2 and so on where the file has one of that name.
 void mark_outliers(Cloud& cloud, std::span<const std::uint8_t> outliers) {
@@ -305,12 +306,13 @@ struct Pipeline::State {
     settings = wanted;
   }
 
-  void run_first_pass(const std::stop_token& stop, const std::function<void()>& stage_done) {
+  void run_first_pass(bool only, const std::stop_token& stop, const std::function<void()>& stage_done) {
     if (next < Stage::passes) {
       backend->begin_pass(0);
       further_passes = 0;
     }
     while (next < Stage::passes) {
+      if (only && next == Stage::fairing && points >= kWorthParts) backend->expect_download();
       run_stage(next, stop);
       next = following(next);
       stage_done();
@@ -333,6 +335,23 @@ struct Pipeline::State {
   }
 
   void run(const Params& params, std::span<Point> out, const std::stop_token& stop, const ProgressFunction& progress) {
+    try {
+      run_to_end(params, out, stop, progress);
+    } catch (const Error& error) {
+      if (error.kind() == ErrorKind::interrupted) forget_stopped();
+      throw;
+    }
+  }
+
+  void forget_stopped() {
+    const std::optional<Stage> stopped = backend->take_stopped();
+    if (!stopped) return;
+    next = std::min(next, *stopped);
+    further_passes = 0;
+  }
+
+  void run_to_end(const Params& params, std::span<Point> out, const std::stop_token& stop,
+                  const ProgressFunction& progress) {
     if (out.size() != points)
       throw Error(ErrorKind::usage, "the output holds " + std::to_string(out.size()) + " points, the loaded cloud " +
                                         std::to_string(points));
@@ -352,7 +371,7 @@ struct Pipeline::State {
       if (progress) progress(std::min(1.0, double(done) / all), kStageNames[std::size_t(done) % 4]);
     };
     if (progress) progress(double(done) / all, kStageNames[std::size_t(done) % 4]);
-    run_first_pass(stop, stage_done);
+    run_first_pass(used.passes == 1, stop, stage_done);
     run_further_passes(used.passes - 1, stop, stage_done);
     outliers.assign(used.outliers == Outliers::mark ? points : 0, 0);
     const auto computed = Clock::now();

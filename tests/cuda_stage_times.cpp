@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Times each stage of the CUDA backend on clouds that hurt: uneven density, identical points, a stray point.
 //   cuda_stage_times [POINTS] [REPEAT] [host]
+//   cuda_stage_times [POINTS] [REPEAT] cancel
 //   cuda_stage_times FILE [REPEAT]
 // The same for the default run of a cloud, all automatic, through the pipeline: each stage over both passes.
 //
@@ -8,6 +9,8 @@
 // idle card, and `whole` with all stages in flight at once. The checksum is the sum of all faired coordinates.
 // With `host`: from a page-locked array of the host to another, through the public Pipeline, in random and in spatial
 // order, and cut into 4 pieces; `whole` is the median of load and run together, the rest its report's medians.
+// With `cancel`: how long runs over balls of 19 spacings go on when they are stopped at a random moment, median and
+// worst of REPEAT.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -192,6 +195,39 @@ int measure_host_rows(std::size_t count, int repeat) {
   return 0;
 }
 
+int measure_cancels(std::size_t count, int repeat) {
+  Pipeline pipeline(Device::cuda);
+  const Points points = bumpy_ball(count, noise_of(count), 1);
+  Points out(count);
+  pipeline.load(points);
+  shapes::Random random(5);
+  Params params;
+  std::vector<double> times;
+  double whole = 0;
+  int stopped = 0;
+  for (int n = 0; n <= repeat; ++n) {
+    params.radius = (19 + 0.01 * n) * std::sqrt(1.2 / double(count));  // so that no result of before serves
+    std::stop_source stop;
+    std::thread runner([&] {
+      try {
+        pipeline.run(params, out, stop.get_token());
+      } catch (const Error&) {
+        ++stopped;
+      }
+    });
+    const auto start = Clock::now();
+    if (n > 0) std::this_thread::sleep_for(std::chrono::duration<double, std::milli>(random.uniform(0, whole)));
+    const auto asked = Clock::now();
+    if (n > 0) stop.request_stop();
+    runner.join();
+    if (n == 0) whole = std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+    if (n > 0) times.push_back(std::chrono::duration<double, std::milli>(Clock::now() - asked).count());
+  }
+  std::printf("cancel %zu points: a run takes %.0f ms; %d of %d stopped, after %.1f ms, worst %.1f\n", count, whole,
+              stopped, repeat, median(times), *std::max_element(times.begin(), times.end()));
+  return 0;
+}
+
 void measure_default_run(const Points& points, int repeat) {
   Pipeline pipeline(Device::cuda);
   Points out(points.size());
@@ -222,6 +258,7 @@ int main(int argc, char** argv) {
   const int repeat = argc > 2 ? std::atoi(argv[2]) : 15;
   const double noise = noise_of(count);
   if (argc > 3 && std::string(argv[3]) == "host") return measure_host_rows(count, repeat);
+  if (argc > 3 && std::string(argv[3]) == "cancel") return measure_cancels(count, repeat);
   std::printf("%-28s %9s %3s  %8s %8s %8s %8s  %8s\n", "cloud", "points", "k", "index", "neighb.", "normals", "fairing",
               "whole");
   try {

@@ -26,6 +26,7 @@ struct Settings {
   FairingSettings fairing{Method::bilateral, AreaWeight::none, 0.1f, 0.05f};
   int passes = 1;
   DisplacementLimits limits;
+  bool leaving = false;  // the download is announced
 };
 
 struct Result {
@@ -41,6 +42,7 @@ Result run(Backend& backend, const std::vector<Point>& points, const Settings& s
     backend.build_index({});
     backend.find_neighbors(settings.neighbors, {});
     backend.estimate_normals(settings.normals, {});
+    if (settings.leaving) backend.expect_download();
     backend.fair(settings.fairing, {});
   }
   Result result{std::vector<Point>(points.size()), std::vector<Point>(points.size()), {}, 0};
@@ -194,6 +196,20 @@ TEST_F(CudaBackendTest, equals_the_cpu_with_a_radius) {
   Settings with_area = with_neighbors(16, 0.01f);
   with_area.fairing.area_weight = AreaWeight::squared;
   expect_same(points, with_area, "radius and area weight");
+}
+
+TEST_F(CudaBackendTest, equals_the_cpu_where_points_leave_in_parts) {
+  std::vector<Point> cloud = noisy_sphere(100000, 19, 0.002);
+  for (std::size_t i = 0; i < cloud.size(); i += 9) cloud[i].z = kNan;
+  Settings settings;
+  settings.leaving = true;
+  for (const int count : {100000, 257, 5, 1, 0})
+    for (const int k : {2, 8, 12, 40}) {
+      settings.neighbors.k = k;
+      expect_same({cloud.begin(), cloud.begin() + count}, settings, "in parts");
+    }
+  settings.fairing.area_weight = AreaWeight::squared;
+  expect_same(cloud, settings, "an area weight, at once");
 }
 
 TEST_F(CudaBackendTest, equals_the_cpu_with_every_switch) {
@@ -489,6 +505,62 @@ TEST_F(CudaBackendTest, a_stop_is_an_interruption) {
     FAIL() << "not interrupted";
   } catch (const Error& error) {
     EXPECT_EQ(error.kind(), ErrorKind::interrupted);
+  }
+}
+
+// Kernels that run when a stop comes give up.
+TEST_F(CudaBackendTest, a_stop_ends_kernels_that_run) {
+  const std::vector<Point> points = cut(noisy_sphere(100000, 17, 0.002));
+  const NeighborSettings neighbors{0, 1.0f};  // a quarter of all points
+  std::stop_source stop;
+  cuda_->upload(points);
+  cuda_->begin_pass(0);
+  cuda_->build_index(stop.get_token());
+  cuda_->find_neighbors(neighbors, stop.get_token());
+  cuda_->estimate_normals({true, 0.1f}, stop.get_token());
+  stop.request_stop();
+  if (points.size() == 100000) {  // else the normals, a tenth of a second's work here, may be done
+    EXPECT_THROW(cuda_->finish(), Error);
+    EXPECT_EQ(cuda_->take_stopped(), Stage::normals);
+  }
+  cuda_->take_stopped();
+  EXPECT_EQ(cuda_->take_stopped(), std::nullopt);
+  const Settings settings;
+  EXPECT_EQ(difference(run(*cuda_, points, settings).points, run(*cpu_, points, settings).points), "");
+}
+
+// Stopped after each stage call, again and again, and then asked for all: what kernels gave up is never used.
+TEST_F(CudaBackendTest, a_stopped_run_can_be_repeated) {
+  const std::vector<Point> points = cut(noisy_sphere(30000, 18, 0.002));
+  Params balls, lists, constrained;
+  balls.radius = 0.3;
+  lists.k = 100;
+  constrained.k = 20;
+  constrained.constraint = true;
+  for (Params params : {balls, lists, constrained, Params{}}) {
+    params.passes = 2;
+    std::vector<Point> expected(points.size()), out(points.size());
+    Pipeline fresh(Device::cuda), pipeline(Device::cuda);
+    fresh.load(points);
+    fresh.run(params, expected);
+    pipeline.load(points);
+    for (int calls = 1; calls <= 9; ++calls) {
+      std::stop_source stop;
+      int made = 0;
+      try {
+        pipeline.run(params, out, stop.get_token(), [&](double, std::string_view) {
+          if (++made == calls) stop.request_stop();
+        });
+      } catch (const Error& error) {
+        EXPECT_EQ(error.kind(), ErrorKind::interrupted);
+      }
+      if (calls % 3 != 0) continue;
+      pipeline.run(params, out);
+      EXPECT_EQ(difference(out, expected), "") << "k " << params.k << ", stopped after call " << calls;
+      Params changed = params;  // so that the next run has work to do
+      changed.normal_sigma = 0.2;
+      pipeline.run(changed, out);
+    }
   }
 }
 

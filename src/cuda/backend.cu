@@ -8,6 +8,7 @@
 #include "cuda/memory.cuh"
 #include "cuda/outliers.cuh"
 #include "cuda/stage_clock.cuh"
+#include "cuda/stop.cuh"
 #include "cuda/transfer.cuh"
 
 namespace pointfair {
@@ -29,6 +30,7 @@ class CudaBackend final : public Backend {
     context_.reset_peak();
     clock_.forget();
     first_.set_whole(nullptr);
+    stop_line_.clear();
     uploaded_.resize(points.size());
     at_work_ = &first_;
     input_ = uploaded_.data();
@@ -86,14 +88,23 @@ class CudaBackend final : public Backend {
   void fair(const FairingSettings& settings, std::stop_token stop) override {
     const bool with_normals = at_work_->normals_wait();
     const cudaEvent_t start = start_stage();
-    at_work_->fair(settings, stop);
+    at_work_->fair(settings, std::exchange(expects_download_, false), stop);
     clock_.note(with_normals ? kBoth : "fairing", start);
   }
+
+  void expect_download() override { expects_download_ = true; }
 
   void finish() override {
     context_.enter();
     at_work_->settle();
-    wait();
+    deliver();
+  }
+  std::optional<Stage> take_stopped() override {
+    context_.enter();
+    const unsigned call = stop_line_.given_up();
+    stop_line_.clear();
+    if (call == 0) return std::nullopt;
+    return call >= kFurtherCalls ? Stage::passes : Stage(call);
   }
   std::vector<StageTime> stage_times() override {
     context_.enter();
@@ -131,12 +142,12 @@ class CudaBackend final : public Backend {
       if (may_miss_some) {
         copy_held_back({kInfinity, kInfinity}, points, {}, held_back);
       } else {
-        copy_out(at_work_->faired().data(), points);
+        copy_faired(points);
       }
     }
     at_work_->fetch_state(fetched_.get());  // counts() then need not ask the card again
     clock_.note("download", start);
-    wait();
+    deliver();
     is_fetched_ = true;
     return held_back;
   }
@@ -146,7 +157,7 @@ class CudaBackend final : public Backend {
     restored.resize(normals.size());
     at_work_->restore_normals(restored.data());
     copy_out(restored.data(), normals);
-    wait();
+    deliver();
   }
 
   void download_input(std::span<Point> points) override {
@@ -161,7 +172,7 @@ class CudaBackend final : public Backend {
     at_work_->find_outcomes(loaded, found.data());
     check(cudaMemcpyAsync(out.data(), found.data(), out.size(), cudaMemcpyDeviceToHost, context_.stream()),
           "downloading outcomes");
-    wait();
+    deliver();
   }
 
   Bounds bounds() const override {
@@ -205,6 +216,7 @@ class CudaBackend final : public Backend {
   // The paper's normals and fairing as one kernel, and what the normals take of it.
   static constexpr const char* kBoth = "normals and fairing";
   static constexpr double kNormalsShare = 0.6;
+  static constexpr unsigned kFurtherCalls = 8;  // numbers of stage calls of further passes, for stops
 
   cudaEvent_t start_stage() {
     context_.enter();
@@ -220,6 +232,11 @@ class CudaBackend final : public Backend {
   void wait() {
     context_.finish();
     clock_.pause();
+  }
+  // The host gets results of stages.
+  void deliver() {
+    wait();
+    if (stop_line_.given_up() != 0) throw Error(ErrorKind::interrupted, "interrupted");
   }
   // Starts the copies; `held_back` and what the spans hold are there after wait().
   void copy_held_back(const DisplacementLimits& limits, std::span<Point> points, std::span<std::uint8_t> outliers,
@@ -242,6 +259,18 @@ class CudaBackend final : public Backend {
     copy_out(settled.data(), points);
   }
 
+  // The first part, if there is one, leaves while the second is faired.
+  void copy_faired(std::span<Point> to) {
+    const std::size_t first = at_work_->first_part();
+    const Point* const from = at_work_->faired().data();
+    if (first > 0) {
+      leaving_.wait_for(at_work_->first_part_done());
+      check(cudaMemcpyAsync(to.data(), from, first * sizeof(Point), cudaMemcpyDeviceToHost, leaving_.stream()),
+            "downloading points");
+    }
+    copy_out(from + first, to.subspan(first));
+    if (first > 0) leaving_.join();
+  }
   void copy_out(const Point* from, std::span<Point> to) {
     check(cudaMemcpyAsync(to.data(), from, to.size_bytes(), cudaMemcpyDeviceToHost, context_.stream()),
           "downloading points");
@@ -256,7 +285,10 @@ class CudaBackend final : public Backend {
   DeviceArray<Point> uploaded_{context_};
   DeviceArray<Index> whole_{context_};       // indices in the cloud that the uploaded points are a part of
   DeviceArray<Point> pass_input_{context_};  // faired points of the further pass before
-  Chain first_{context_}, further_{context_};
+  bool expects_download_ = false;
+  SideStream leaving_{context_};
+  StopLine stop_line_{context_};
+  Chain first_{context_, stop_line_, 0}, further_{context_, stop_line_, kFurtherCalls};
   Chain* const loaded_ = &first_;
   Chain* at_work_ = &first_;
   std::optional<CurveCube> cube_;

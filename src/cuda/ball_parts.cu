@@ -56,11 +56,12 @@ class Collection {
 };
 
 __global__ void __launch_bounds__(kBlock)
-    collect_balls(const __grid_constant__ Tree tree, Balls balls, const __grid_constant__ Room room) {
+    collect_balls(const __grid_constant__ Tree tree, Balls balls, const __grid_constant__ Room room,
+                  const __grid_constant__ Stop stop) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;  // whole leaves, so whole warps
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   __shared__ WalkedBall::Shared shared[kWarps];
-  const WalkedBall ball(tree, balls, Index(at), at < tree.state->valid, shared[threadIdx.x / kWarp]);
+  const WalkedBall ball(tree, balls, stop, Index(at), at < tree.state->valid, shared[threadIdx.x / kWarp]);
   Collection collection(room, Index(at / kLeafSize));
   ball.for_leaves([&](Index leaf, unsigned inside) {
     for (unsigned all = warp_or(inside); all != 0; all &= all - 1) {
@@ -97,11 +98,11 @@ bool BallCollector::make_room(std::size_t parts) {
   return true;
 }
 
-std::size_t BallCollector::run(const Tree& tree, const Balls& balls) {
+std::size_t BallCollector::run(const Tree& tree, const Balls& balls, const Stop& stop) {
   check(cudaMemsetAsync(count_.data(), 0, sizeof(Index), context_.stream()), "preparing balls");
   const Index capacity = static_cast<Index>(std::min<std::size_t>(parts_.size(), point::kNoNeighbor));
   collect_balls<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context_.stream()>>>(
-      tree, balls, {parts_.data(), next_.data(), first_.data(), count_.data(), capacity});
+      tree, balls, {parts_.data(), next_.data(), first_.data(), count_.data(), capacity}, stop);
   check(cudaGetLastError(), "collecting balls");
   Index count = 0;
   check(cudaMemcpyAsync(&count, count_.data(), sizeof(count), cudaMemcpyDeviceToHost, context_.stream()),
@@ -110,16 +111,16 @@ std::size_t BallCollector::run(const Tree& tree, const Balls& balls) {
   return count;
 }
 
-void BallCollector::collect(const Tree& tree, const Balls& balls, std::size_t largest) {
+void BallCollector::collect(const Tree& tree, const Balls& balls, std::size_t largest, const Stop& stop) {
   complete_ = false;
   first_.resize(std::max<std::size_t>(tree.leaves, 1));
   count_.resize(1);
   const std::size_t most = largest / (sizeof(BallPart) + sizeof(Index));
   if (!make_room(std::min(most, std::max(parts_.size(), tree.leaves * kExpectedParts)))) return release();
-  const std::size_t wanted = run(tree, balls);
+  const std::size_t wanted = run(tree, balls, stop);
   if (wanted > parts_.size()) {
     if (wanted > most || !make_room(wanted)) return release();
-    run(tree, balls);
+    run(tree, balls, stop);
   }
   complete_ = true;
 }

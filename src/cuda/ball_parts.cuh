@@ -3,6 +3,7 @@
 #pragma once
 
 #include "cuda/memory.cuh"
+#include "cuda/stop.cuh"
 #include "cuda/tree.cuh"
 
 namespace pointfair::cuda {
@@ -36,13 +37,13 @@ class BallCollector {
   explicit BallCollector(Context& context);
 
   // Waits for the card. Falls back to no parts at all if they would take more than `largest` bytes, or memory is short.
-  void collect(const Tree& tree, const Balls& balls, std::size_t largest);
+  void collect(const Tree& tree, const Balls& balls, std::size_t largest, const Stop& stop);
   CollectedBalls collected() const;
   void release();
 
  private:
   bool make_room(std::size_t parts);  // false where memory is short
-  std::size_t run(const Tree& tree, const Balls& balls);
+  std::size_t run(const Tree& tree, const Balls& balls, const Stop& stop);
 
   Context& context_;
   DeviceArray<BallPart> parts_;

@@ -16,8 +16,10 @@ void stop_if_asked(const std::stop_token& stop) {
 
 }  // namespace
 
-Chain::Chain(Context& context)
+Chain::Chain(Context& context, StopLine& stop_line, unsigned first_call)
     : context_(context),
+      stop_line_(stop_line),
+      first_call_(first_call),
       index_(context),
       lists_(context),
       normals_(context),
@@ -26,9 +28,13 @@ Chain::Chain(Context& context)
       collector_(context),
       faired_(context) {
   check(cudaEventCreateWithFlags(&paced_, cudaEventDisableTiming), "making an event");
+  check(cudaEventCreateWithFlags(&first_part_done_, cudaEventDisableTiming), "making an event");
 }
 
-Chain::~Chain() { cudaEventDestroy(paced_); }
+Chain::~Chain() {
+  cudaEventDestroy(paced_);
+  cudaEventDestroy(first_part_done_);
+}
 
 // Between the kernels of long stages: the host stays one kernel ahead of the card, so that a stop is heard in time and
 // the card never waits.
@@ -40,7 +46,9 @@ void Chain::pace(const std::stop_token& stop) {
   stop_if_asked(stop);
 }
 
-void Chain::begin_stage(const std::stop_token& stop) {
+void Chain::begin_stage(Stage stage, const std::stop_token& stop) {
+  stop_if_asked(stop);
+  stop_ = stop_line_.listen(stop, first_call_ + unsigned(stage));
   if (index_.points() < kLargeCloud) return stop_if_asked(stop);
   pace(stop);
 }
@@ -55,7 +63,7 @@ void Chain::build_index(const Point* points, std::size_t count, const std::optio
 }
 
 void Chain::find_neighbors(const NeighborSettings& settings, std::stop_token stop) {
-  begin_stage(stop);
+  begin_stage(Stage::neighbors, stop);
   neighbors_ = settings;
   areas_measured_ = false;
   // one launch for all counts of this stage and the next
@@ -64,13 +72,14 @@ void Chain::find_neighbors(const NeighborSettings& settings, std::stop_token sto
   normals_wait_ = false;
   if (settings.k == 0) {
     measure_radii(stop);
-    return collector_.collect(index_.tree(), balls(), index_.points() * kLargestBalls);
+    collector_.collect(index_.tree(), balls(), index_.points() * kLargestBalls, stop_);
+    return stop_if_asked(stop);  // it has waited
   }
   collector_.release();
   lists_.resize(index_.leaves() * kLeafSize * settings.k);
   if (settings.constraint) return grow_constrained(stop);
   DeviceArray<Index> retries(context_);
-  find_nearest(context_, index_.tree(), index_.state(), nearest_query(), lists_.data(), make_room(retries));
+  find_nearest(context_, index_.tree(), index_.state(), nearest_query(), lists_.data(), make_room(retries), stop_);
 }
 
 void Chain::measure_radii(const std::stop_token& stop) {
@@ -81,7 +90,8 @@ void Chain::measure_radii(const std::stop_token& stop) {
   DeviceArray<Index> nearest(context_), retries(context_);
   if (widening > 0) {
     nearest.resize(places * widening);
-    find_nearest(context_, index_.tree(), index_.state(), {widening, kNoLimit}, nearest.data(), make_room(retries));
+    find_nearest(context_, index_.tree(), index_.state(), {widening, kNoLimit}, nearest.data(), make_room(retries),
+                 stop_);
     pace(stop);
   }
   cuda::measure_radii(context_, index_.tree(), {widening, nearest.data()}, squared_base(), squared_radius_.data());
@@ -95,12 +105,12 @@ void Chain::grow_constrained(const std::stop_token& stop) {
   const Retries room = make_room(retries);
   candidates.resize(index_.leaves() * kLeafSize * pool);
   const Lists pools{pool, candidates.data()};
-  find_nearest(context_, index_.tree(), index_.state(), {pool, query.squared_limit}, candidates.data(), room);
+  find_nearest(context_, index_.tree(), index_.state(), {pool, query.squared_limit}, candidates.data(), room, stop_);
   pace(stop);
   areas_measured_ = neighbors_.radius == 0;  // with a radius the candidates are not the nearest of all
   if (areas_measured_) mean_distance_.resize(index_.leaves() * kLeafSize);
   grow_neighborhoods(context_, index_.tree(), index_.state(), query, neighbors_.reach, pools, lists_.data(),
-                     room.queries, areas_measured_ ? mean_distance_.data() : nullptr);
+                     room.queries, areas_measured_ ? mean_distance_.data() : nullptr, stop_);
 }
 
 void Chain::clear(std::size_t first, std::size_t end) {
@@ -138,7 +148,7 @@ void Chain::measure_areas() {
     nearest.resize(places * point::kAreaNeighbors);
     clear(offsetof(CloudState, leaf_retries), offsetof(CloudState, unused));
     find_nearest(context_, index_.tree(), index_.state(), {point::kAreaNeighbors, kNoLimit}, nearest.data(),
-                 make_room(retries));
+                 make_room(retries), stop_);
     measure_mean_distances(context_, index_.tree(), {point::kAreaNeighbors, nearest.data()}, mean_distance_.data());
   }
   areas_measured_ = true;
@@ -150,7 +160,7 @@ Normals Chain::normals() const {
 }
 
 void Chain::estimate_normals(const NormalSettings& settings, std::stop_token stop) {
-  begin_stage(stop);
+  begin_stage(Stage::normals, stop);
   normal_settings_ = settings;
   normals_.resize(3 * index_.leaves() * kLeafSize);
   normals_wait_ = true;
@@ -163,7 +173,7 @@ void Chain::settle(const std::stop_token& stop) {
   if (neighbors_.k > 0) {
     cuda::estimate_normals(context_, index_.tree(), index_.state(), lists(), normal_weights(), normals());
   } else {
-    estimate_wide_normals(context_, index_.tree(), index_.state(), surroundings(),
+    estimate_wide_normals(context_, index_.tree(), index_.state(), surroundings(stop_),
                           {normal_weights(), normal_settings_.of_radius}, normals());
   }
   filter_normals(stop);
@@ -176,15 +186,16 @@ void Chain::filter_normals(const std::stop_token& stop) {
   for (int round = 0; round < normal_settings_.filter_rounds; ++round) {
     pace(stop);
     filtered.resize(3 * places);
-    cuda::filter_normals(context_, index_.tree(), surroundings(), {normal_weights(), normal_settings_.of_radius},
+    cuda::filter_normals(context_, index_.tree(), surroundings(stop_), {normal_weights(), normal_settings_.of_radius},
                          point::inverse_turn(normal_settings_.filter_angle), normals(),
                          {filtered.data(), filtered.data() + places, filtered.data() + 2 * places});
     normals_.swap(filtered);
   }
 }
 
-void Chain::fair(const FairingSettings& settings, std::stop_token stop) {
-  begin_stage(stop);
+void Chain::fair(const FairingSettings& settings, bool leaving, std::stop_token stop) {
+  begin_stage(Stage::fairing, stop);
+  first_part_ = 0;
   fairing_settings_ = settings;
   const int power = settings.area_weight == AreaWeight::squared  ? 2
                     : settings.area_weight == AreaWeight::length ? 1
@@ -204,18 +215,31 @@ void Chain::fair(const FairingSettings& settings, std::stop_token stop) {
   const auto weights = point::bilateral_weights(settings.closeness_sigma, settings.similarity_sigma);
   if (neighbors_.k == 0 || settings.two_planes || settings.strength != 1 || settings.outlier_distance > 0) {
     settle(stop);
-    fair_widely(context_, index_.tree(), surroundings(), normals(), areas,
+    fair_widely(context_, index_.tree(), surroundings(stop_), normals(), areas,
                 {weights, settings.closeness_of_radius, settings.two_planes, point::inverse_turn(settings.facing_angle),
                  settings.strength, settings.outlier_distance * settings.outlier_distance, settings.pull_outliers},
                 faired);
   } else if (normals_wait_) {
     clear_unmoved();
+    normals_wait_ = false;
+    if (leaving && power == 0 && faired.staged == nullptr) return fair_in_parts(weights, faired);
     estimate_normals_and_fair(context_, index_.tree(), index_.state(), lists(), normal_weights(), normals(), areas,
                               weights, faired);
-    normals_wait_ = false;
   } else {
     cuda::fair(context_, index_.tree(), lists(), normals(), areas, weights, faired);
   }
+}
+
+// While the first part leaves the second is computed, and is done before the first has left.
+void Chain::fair_in_parts(point::BilateralWeights weights, const FairedPoints& faired) {
+  first_part_ = index_.points() / 4;
+  const auto fair_between = [&](std::size_t begin, std::size_t end) {
+    estimate_normals_and_fair_between(context_, index_.tree(), index_.state(), lists(), normal_weights(), normals(),
+                                      weights, faired, begin, end);
+  };
+  fair_between(0, first_part_);
+  check(cudaEventRecord(first_part_done_, context_.stream()), "ordering work");
+  fair_between(first_part_, index_.points());
 }
 
 void Chain::fair_by_method(const FairingSettings& settings, AreaWeights areas, const FairedPoints& faired,
@@ -224,7 +248,7 @@ void Chain::fair_by_method(const FairingSettings& settings, AreaWeights areas, c
   const std::size_t places = index_.leaves() * kLeafSize;
   DeviceArray<float> displacements(context_);
   displacements.resize(3 * places);
-  cuda::fair_by_method(context_, index_.tree(), surroundings(), normals(), areas, method_rule(settings),
+  cuda::fair_by_method(context_, index_.tree(), surroundings(stop_), normals(), areas, method_rule(settings),
                        {displacements.data(), displacements.data() + places, displacements.data() + 2 * places},
                        faired);
 }

@@ -13,13 +13,15 @@
 #include "cuda/outcomes.cuh"
 #include "cuda/search.cuh"
 #include "cuda/stages.cuh"
+#include "cuda/stop.cuh"
 #include "cuda/wide_stages.cuh"
 
 namespace pointfair::cuda {
 
 class Chain {
  public:
-  explicit Chain(Context& context);
+  // Stage calls listen to `stop_line` under the numbers of their stages, `first_call` added.
+  Chain(Context& context, StopLine& stop_line, unsigned first_call);
   ~Chain();
   Chain(const Chain&) = delete;
   Chain& operator=(const Chain&) = delete;
@@ -29,7 +31,11 @@ class Chain {
                    std::stop_token stop);
   void find_neighbors(const NeighborSettings& settings, std::stop_token stop);
   void estimate_normals(const NormalSettings& settings, std::stop_token stop);
-  void fair(const FairingSettings& settings, std::stop_token stop);
+  // With `leaving` the faired points of the paper's road may come in two parts: first those before first_part() in
+  // upload order, there after first_part_done().
+  void fair(const FairingSettings& settings, bool leaving, std::stop_token stop);
+  std::size_t first_part() const { return first_part_; }  // 0: all points come at once
+  cudaEvent_t first_part_done() const { return first_part_done_; }
 
   void set_whole(const Index* whole) { index_.set_whole(whole); }
   bool normals_wait() const { return normals_wait_; }
@@ -47,7 +53,7 @@ class Chain {
   std::size_t points() const { return index_.points(); }
 
  private:
-  void begin_stage(const std::stop_token& stop);
+  void begin_stage(Stage stage, const std::stop_token& stop);
   void pace(const std::stop_token& stop);
   void grow_constrained(const std::stop_token& stop);
   NearestQuery nearest_query() const;
@@ -58,19 +64,25 @@ class Chain {
   Lists lists() const { return {neighbors_.k, lists_.data()}; }
   void measure_radii(const std::stop_token& stop);
   void filter_normals(const std::stop_token& stop);
+  void fair_in_parts(point::BilateralWeights weights, const FairedPoints& faired);
   void fair_by_method(const FairingSettings& settings, AreaWeights areas, const FairedPoints& faired,
                       const std::stop_token& stop);
   // A squared radius stays finite: infinite are only places that hold no point.
   float squared_base() const { return std::min(neighbors_.radius * neighbors_.radius, 1e37f); }
   Balls balls() const { return {squared_radius_.data(), squared_base(), neighbors_.widening}; }
-  Surroundings surroundings() const { return {lists(), balls(), collector_.collected()}; }
+  Surroundings surroundings(const Stop& stop = {}) const { return {lists(), balls(), collector_.collected(), stop}; }
   Normals normals() const;
   point::NormalWeights normal_weights() const {
     return point::normal_weights(normal_settings_.weighted, normal_settings_.sigma);
   }
 
   Context& context_;
+  StopLine& stop_line_;
+  const unsigned first_call_;
+  Stop stop_;                    // of the last stage call
   cudaEvent_t paced_ = nullptr;  // what was started before the last pace()
+  cudaEvent_t first_part_done_ = nullptr;
+  std::size_t first_part_ = 0;
   const Point* input_ = nullptr;
   DeviceIndex index_;
   NeighborSettings neighbors_;

@@ -161,10 +161,11 @@ constexpr int kRetryBlocks = 20;  // of a processor
 
 __global__ void __launch_bounds__(kRetryBlock, resident_blocks(kRetryBlocks, kRetryBlock))
     grow_over_few(const __grid_constant__ Tree tree, CloudState* state, NearestQuery query, float reach, Index* lists,
-                  Index* retries) {
+                  Index* retries, const __grid_constant__ Stop stop) {
   __shared__ SingleWalk walks[kRetryBlock / kWarp];
   const Index warp = threadIdx.x / kWarp, warps = gridDim.x * (kRetryBlock / kWarp);
   for (Index n = blockIdx.x * (kRetryBlock / kWarp) + warp; n < state->retries; n += warps) {
+    if (stop.is_heard(n)) return;
     const Index at = retries[n];
     const float4 p = tree.points[at];
     Index* list = lists + std::size_t(at / kWarp) * query.k * kWarp + at % kWarp;
@@ -189,11 +190,12 @@ extern __shared__ __align__(16) std::byte candidate_memory[];
 
 // What is left of `retries`: over twice as many as `pool`, and so on.
 __global__ void grow_over_many(const __grid_constant__ Tree tree, CloudState* state, NearestQuery query, float reach,
-                               int pool, Index* lists, const Index* retries) {
+                               int pool, Index* lists, const Index* retries, const __grid_constant__ Stop stop) {
   __shared__ SingleWalk walk;
   for (Index n = blockIdx.x; n < state->retries; n += gridDim.x) {
     const Index at = retries[n];
     if (at == point::kNoNeighbor) continue;
+    if (stop.is_heard(n)) return;
     const float4 p = tree.points[at];
     Index* list = lists + std::size_t(at / kWarp) * query.k * kWarp + at % kWarp;
     bool complete = false;
@@ -238,7 +240,7 @@ __global__ void mean_distances(const __grid_constant__ Tree tree, Lists lists, f
 }  // namespace
 
 void grow_neighborhoods(Context& context, const Tree& tree, CloudState* state, NearestQuery query, float reach,
-                        Lists candidates, Index* list, Index* retries, float* mean_distance) {
+                        Lists candidates, Index* list, Index* retries, float* mean_distance, const Stop& stop) {
   const cudaStream_t stream = context.stream();
   check(cudaMemsetAsync(&state->retries, 0, sizeof(Index), stream), "preparing constrained neighbourhoods");
   grow_all<<<blocks_for(tree.leaves, kGrowBlock / kWarp), kGrowBlock, 0, stream>>>(
@@ -247,12 +249,13 @@ void grow_neighborhoods(Context& context, const Tree& tree, CloudState* state, N
   const unsigned processors = unsigned(context.processors());
   const bool few = candidates.k < kWarp;
   if (few) {
-    grow_over_few<<<processors * kRetryBlocks, kRetryBlock, 0, stream>>>(tree, state, query, reach, list, retries);
+    grow_over_few<<<processors * kRetryBlocks, kRetryBlock, 0, stream>>>(tree, state, query, reach, list, retries,
+                                                                         stop);
     check(cudaGetLastError(), "growing constrained neighbourhoods");
   }
   const std::size_t bytes = allow_list_memory(grow_over_many, 1, kLargestList);
   grow_over_many<<<processors * 8, kWarp, bytes, stream>>>(tree, state, query, reach, few ? kWarp : candidates.k, list,
-                                                           retries);
+                                                           retries, stop);
   check(cudaGetLastError(), "growing constrained neighbourhoods");
 }
 

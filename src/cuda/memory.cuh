@@ -65,6 +65,7 @@ class SideStream {
     check(cudaEventRecord(event_, context_.stream()), "ordering work");
     check(cudaStreamWaitEvent(stream_, event_), "ordering work");
   }
+  void wait_for(cudaEvent_t event) const { check(cudaStreamWaitEvent(stream_, event), "ordering work"); }
   // The other way round.
   void join() const {
     check(cudaEventRecord(event_, stream_), "ordering work");

@@ -51,8 +51,8 @@ __device__ __forceinline__ Vec to_planes(const Neighbors& neighbors, Weights wei
 
 template <class Neighbors, Displacement kTo>
 __global__ void __launch_bounds__(kBlock)
-    displace(const __grid_constant__ Tree tree, Surroundings surroundings, Normals normals, AreaWeights areas,
-             MethodRule rule, Normals displacements) {
+    displace(const __grid_constant__ Tree tree, const __grid_constant__ Surroundings surroundings, Normals normals,
+             AreaWeights areas, MethodRule rule, Normals displacements) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;  // whole leaves, so whole warps
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   __shared__ typename Neighbors::Shared shared[kWarps];
@@ -97,8 +97,8 @@ __device__ __forceinline__ Vec shrunk(const Neighbors& neighbors, Weights weight
 
 template <class Neighbors, Adjustment kBy>
 __global__ void __launch_bounds__(kBlock)
-    move(const __grid_constant__ Tree tree, Surroundings surroundings, Normals displacements, AreaWeights areas,
-         MethodRule rule, FairedPoints faired) {
+    move(const __grid_constant__ Tree tree, const __grid_constant__ Surroundings surroundings, Normals displacements,
+         AreaWeights areas, MethodRule rule, FairedPoints faired) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   const bool valid = at < tree.state->valid;

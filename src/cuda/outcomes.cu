@@ -9,8 +9,8 @@ constexpr int kWarps = kBlock / kWarp;
 
 // 1 or 0 for exact or not: neighbourhoods and mean distances.
 __global__ void __launch_bounds__(kBlock)
-    find_exact(const __grid_constant__ Tree tree, Surroundings surroundings, const __grid_constant__ OutcomeQuery query,
-               float* neighborhood, float* mean, unsigned char* is_short) {
+    find_exact(const __grid_constant__ Tree tree, const __grid_constant__ Surroundings surroundings,
+               const __grid_constant__ OutcomeQuery query, float* neighborhood, float* mean, unsigned char* is_short) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   const Index valid = tree.state->valid;

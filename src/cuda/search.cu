@@ -113,12 +113,18 @@ __global__ void __launch_bounds__(kSingleBlock, resident_blocks(kSingleBlocks, k
 extern __shared__ __align__(16) std::byte list_memory[];
 
 // Lists too long for registers: all queries, a warp to each.
-__global__ void nearest_of_all(const __grid_constant__ Tree tree, NearestQuery query, int size, Index* lists) {
+__global__ void nearest_of_all(const __grid_constant__ Tree tree, NearestQuery query, int size, Index* lists,
+                               const __grid_constant__ Stop stop) {
   __shared__ SingleWalk walks[kSingleBlock / kWarp];
   const Index warps = gridDim.x * (blockDim.x / kWarp), warp = threadIdx.x / kWarp;
   for (Index at = blockIdx.x * (blockDim.x / kWarp) + warp; at < tree.state->valid; at += warps) {
+    Index* out = list_of(lists, query.k, at);
+    if (stop.is_heard(at)) {
+      for (int slot = lane_number(); slot < query.k; slot += kWarp) out[slot * kWarp] = point::kNoNeighbor;
+      continue;
+    }
     SharedList list(list_memory + warp * SharedList::bytes(size), size);
-    search_single(tree, walks[warp], list, query, at, __int_as_float(0x7f800000), list_of(lists, query.k, at));
+    search_single(tree, walks[warp], list, query, at, __int_as_float(0x7f800000), out);
   }
 }
 
@@ -161,21 +167,22 @@ void search_leaves(Context& context, const Tree& tree, CloudState* state, Neares
                tree, query, list, retries);
 }
 
-void search_all(Context& context, const Tree& tree, CloudState* state, NearestQuery query, Index* list) {
+void search_all(Context& context, const Tree& tree, CloudState* state, NearestQuery query, Index* list,
+                const Stop& stop) {
   const cudaStream_t stream = context.stream();
   clear_lists_beyond<<<context.processors(), 256, 0, stream>>>(state, tree.leaves, query.k, list);
   check(cudaGetLastError(), "preparing the search");
   const int size = SharedList::size_for(query.k), warps = size <= 256 ? kSingleBlock / kWarp : 1;
   const std::size_t bytes = allow_list_memory(nearest_of_all, warps, size);
-  nearest_of_all<<<unsigned(context.processors()) * 16, warps * kWarp, bytes, stream>>>(tree, query, size, list);
+  nearest_of_all<<<unsigned(context.processors()) * 16, warps * kWarp, bytes, stream>>>(tree, query, size, list, stop);
   check(cudaGetLastError(), "searching neighbours");
 }
 
 }  // namespace
 
 void find_nearest(Context& context, const Tree& tree, CloudState* state, NearestQuery query, Index* list,
-                  Retries retries) {
-  if (query.k > kLargestGroupList) return search_all(context, tree, state, query, list);
+                  Retries retries, const Stop& stop) {
+  if (query.k > kLargestGroupList) return search_all(context, tree, state, query, list, stop);
   const auto search = query.k > 16                 ? search_leaves<32, false>
                       : query.k > 8                ? search_leaves<16, false>
                       : tree.leaves >= kManyLeaves ? search_leaves<8, true>

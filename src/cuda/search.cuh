@@ -5,6 +5,7 @@
 
 #include "cuda/memory.cuh"
 #include "cuda/stages.cuh"
+#include "cuda/stop.cuh"
 #include "cuda/tree.cuh"
 
 namespace pointfair::cuda {
@@ -29,15 +30,16 @@ struct Retries {
   Index* queries;
 };
 
-// The k nearest other points of every point. state->leaf_retries and state->retries must be 0.
+// The k nearest other points of every point. state->leaf_retries and state->retries must be 0. After a stop some lists
+// of more than kLargestGroupList are empty.
 void find_nearest(Context& context, const Tree& tree, CloudState* state, NearestQuery query, Index* list,
-                  Retries retries);
+                  Retries retries, const Stop& stop);
 
 // Grows constrained neighbourhoods of k points over the nearest that `candidates` holds, at least k, and over as many
 // more as it takes. Adds to state->short_neighborhoods. `mean_distance`, if not null, becomes that of
-// measure_mean_distances().
+// measure_mean_distances(). After a stop some neighbourhoods are smaller.
 void grow_neighborhoods(Context& context, const Tree& tree, CloudState* state, NearestQuery query, float reach,
-                        Lists candidates, Index* list, Index* retries, float* mean_distance);
+                        Lists candidates, Index* list, Index* retries, float* mean_distance, const Stop& stop);
 
 // Mean distance to the first five listed.
 void measure_mean_distances(Context& context, const Tree& tree, Lists lists, float* mean_distance);

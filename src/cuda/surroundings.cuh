@@ -10,15 +10,17 @@
 
 #include "cuda/ball_parts.cuh"
 #include "cuda/stages.cuh"
+#include "cuda/stop.cuh"
 #include "point/outliers.h"
 
 namespace pointfair::cuda {
 
-// Lists, or balls if lists.k is 0.
+// Lists, or balls if lists.k is 0. After a stop that is heard balls lack neighbours.
 struct Surroundings {
   Lists lists;
   Balls balls;
   CollectedBalls collected;
+  Stop stop;
 };
 
 struct Nothing {};
@@ -72,9 +74,15 @@ class WalkedBall {
   };
   __device__ __forceinline__ WalkedBall(const Tree& tree, const Surroundings& from, Index at, bool active,
                                         Shared& shared)
-      : WalkedBall(tree, from.balls, at, active, shared) {}
-  __device__ __forceinline__ WalkedBall(const Tree& tree, const Balls& balls, Index at, bool active, Shared& shared)
-      : tree_(tree), at_(at), here_(position_of(tree.points[at])), box_(warp_box(here_, active)), shared_(shared) {
+      : WalkedBall(tree, from.balls, from.stop, at, active, shared) {}
+  __device__ __forceinline__ WalkedBall(const Tree& tree, const Balls& balls, const Stop& stop, Index at, bool active,
+                                        Shared& shared)
+      : tree_(tree),
+        stop_(stop),
+        at_(at),
+        here_(position_of(tree.points[at])),
+        box_(warp_box(here_, active)),
+        shared_(shared) {
     squared_radius_ = active ? balls.squared_radius[at] : -1.0f;
     farthest_ = unordered(warp_max(ordered(squared_radius_)));
     if (balls.widening > 0) {  // a surface holds widening * R^2 / r^2 points
@@ -91,7 +99,9 @@ class WalkedBall {
   __device__ __forceinline__ void for_leaves(Visit visit) const {
     const auto is_near = [&](const BoxGroup& group) { return this->is_near(box_of_lane(group)); };
     Walk walk(tree_);
+    unsigned visited = 0;
     for (Index leaf = walk.next(is_near); leaf != point::kNoNeighbor; leaf = walk.next(is_near)) {
+      if (visited++ % kBetweenLooks == 0 && stop_.is_heard(at_ / kLeafSize + visited / kBetweenLooks)) return;
       const float4 mine = tree_.points[leaf * kLeafSize + lane_number()];
       shared_.place[lane_number()] = mine;
       __syncwarp();
@@ -150,7 +160,10 @@ class WalkedBall {
     return inside;
   }
 
+  static constexpr unsigned kBetweenLooks = 32;  // leaves
+
   const Tree& tree_;
+  const Stop& stop_;
   Index at_;
   Vec here_;
   Box box_;
@@ -168,7 +181,12 @@ class CollectedBall {
   };
   __device__ __forceinline__ CollectedBall(const Tree& tree, const Surroundings& from, Index at, bool active,
                                            Shared& shared)
-      : points_(tree.points), balls_(from.collected), at_(at), here_(position_of(tree.points[at])), shared_(shared) {
+      : points_(tree.points),
+        balls_(from.collected),
+        stop_(from.stop),
+        at_(at),
+        here_(position_of(tree.points[at])),
+        shared_(shared) {
     squared_radius_ = active ? from.balls.squared_radius[at] : -1.0f;
   }
 
@@ -178,7 +196,9 @@ class CollectedBall {
     static_assert(sizeof(Loaded) <= sizeof(float4));
     constexpr bool kLoads = !std::is_empty_v<Loaded>;
     const auto loaded = reinterpret_cast<Loaded*>(shared_.loaded);
+    unsigned read = 0;
     for (Index part = balls_.first[at_ / kLeafSize]; part != point::kNoNeighbor;) {
+      if (read++ % kBetweenLooks == 0 && stop_.is_heard(at_ / kLeafSize + read / kBetweenLooks)) return;
       const unsigned lane = lane_number();
       const Index next = balls_.next[part], position = balls_.parts[part].position[lane];
       const unsigned inside = balls_.parts[part].inside[lane];
@@ -212,10 +232,12 @@ class CollectedBall {
   __device__ __forceinline__ float squared_core() const { return squared_radius_ * point::kNearSquaredRadius; }
 
  private:
-  static constexpr int kAtOnce = 4;  // independent until they are added up
+  static constexpr int kAtOnce = 4;              // independent until they are added up
+  static constexpr unsigned kBetweenLooks = 32;  // parts
 
   const float4* points_;
   CollectedBalls balls_;
+  const Stop& stop_;
   Index at_;
   Vec here_;
   Shared& shared_;

@@ -57,8 +57,8 @@ struct __align__(16) Plane {
 
 template <class Neighbors>
 __global__ void __launch_bounds__(kBlock)
-    filtered_normals(const __grid_constant__ Tree tree, Surroundings surroundings, NormalRule rule, float inverse_turn,
-                     Normals from, Normals to) {
+    filtered_normals(const __grid_constant__ Tree tree, const __grid_constant__ Surroundings surroundings,
+                     NormalRule rule, float inverse_turn, Normals from, Normals to) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   __shared__ typename Neighbors::Shared shared[kWarps];
@@ -128,8 +128,8 @@ __device__ __forceinline__ Vec fair_point(const Neighbors& neighbors, const Fair
 
 template <class Neighbors>
 __global__ void __launch_bounds__(kBlock)
-    wide_fairing(const __grid_constant__ Tree tree, Surroundings surroundings, Normals normals, AreaWeights areas,
-                 FairingRule rule, FairedPoints faired) {
+    wide_fairing(const __grid_constant__ Tree tree, const __grid_constant__ Surroundings surroundings, Normals normals,
+                 AreaWeights areas, FairingRule rule, FairedPoints faired) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   __shared__ typename Neighbors::Shared shared[kWarps];
@@ -142,8 +142,9 @@ __global__ void __launch_bounds__(kBlock)
 }
 
 template <class Neighbors>
-__global__ void __launch_bounds__(kBlock) survey_neighbors(const __grid_constant__ Tree tree, Surroundings surroundings,
-                                                           const float* values, float* counts, float* least) {
+__global__ void __launch_bounds__(kBlock)
+    survey_neighbors(const __grid_constant__ Tree tree, const __grid_constant__ Surroundings surroundings,
+                     const float* values, float* counts, float* least) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   __shared__ typename Neighbors::Shared shared[kWarps];
