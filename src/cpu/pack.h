@@ -28,6 +28,7 @@ inline constexpr int kLanes = 4;
 
 typedef float FloatVector __attribute__((vector_size(4 * kLanes)));
 typedef int IntVector __attribute__((vector_size(4 * kLanes)));
+typedef unsigned UnsignedVector __attribute__((vector_size(4 * kLanes)));
 typedef float LooseFloatVector __attribute__((vector_size(4 * kLanes), aligned(4)));
 typedef int LooseIntVector __attribute__((vector_size(4 * kLanes), aligned(4)));
 
@@ -158,8 +159,9 @@ POINTFAIR_INLINE Floats square_root(Floats a) {
 
 POINTFAIR_INLINE Floats absolute(Floats a) { return as_floats(as_ints(a) & 0x7fffffff); }
 
+// Unsigned: of a number that is too small the exponent wraps round, and nobody reads it.
 POINTFAIR_INLINE Floats power_of_two_times(Floats value, Floats shifted) {
-  return {FloatVector(IntVector(value.v) + (IntVector(shifted.v) << 23))};
+  return {FloatVector(UnsignedVector(value.v) + (UnsignedVector(shifted.v) << 23))};
 }
 
 // base[index] in each lane; every index must be valid. By single loads, since
