@@ -88,6 +88,13 @@ class Backend {
     return {new Point[count], count, [](Point* points) noexcept { delete[] points; }};
   }
   virtual void upload(std::span<const Point> points) = 0;
+  // The same, but `points` must stay as they are until finish_upload(), and stages may be called before. Returns
+  // whether it goes on meanwhile; stage_times() then tells how long it took.
+  virtual bool start_upload(std::span<const Point> points) {
+    upload(points);
+    return false;
+  }
+  virtual void finish_upload() {}
   // After an upload of points of a larger cloud: the index there of each of them, ascending. Balls are thinned by it.
   virtual void set_originals(std::span<const std::uint32_t> /*originals*/) {}
   virtual void begin_pass(int pass) = 0;
@@ -151,7 +158,8 @@ struct Cutting {
 std::unique_ptr<Backend> make_cut_backend(std::vector<std::unique_ptr<Backend>> workers, Cutting cutting);
 
 // src/cuda, or src/cuda_absent.cpp in a build without CUDA. `make_cuda_backend` throws Error(device) with the reason.
-std::unique_ptr<Backend> make_cuda_backend(int card);
+// `part`: points of each part of an upload, 1,024 or a multiple of that; 0: as suits the cloud. It changes no result.
+std::unique_ptr<Backend> make_cuda_backend(int card, std::size_t part = 0);
 std::vector<DeviceStatus> list_cuda_devices();
 DeviceStatus cpu_status();
 

@@ -4,7 +4,7 @@
 
 namespace pointfair {
 
-std::unique_ptr<Backend> make_cuda_backend(int) {
+std::unique_ptr<Backend> make_cuda_backend(int, std::size_t) {
   throw Error(ErrorKind::device,
               "this program was not built with CUDA; build it with -DPOINTFAIR_CUDA=ON, or use the CPU");
 }

@@ -139,30 +139,57 @@ struct Pipeline::State {
   std::optional<Estimates> estimates;
   std::vector<std::uint8_t> outliers;  // of the last run, if they are to be marked
   double upload_milliseconds = 0;      // not yet reported
+  bool upload_times_itself = false;    // that is how long it took to start; the rest is among the stage times
   std::vector<StageTime> calls;        // stage calls and how long they took, not yet reported
   Report report;
 
   void load(std::span<const Point> given) {
+    const auto start = Clock::now();
+    load_by(given, serves_balls, [&] { backend->upload(given); });  // the next run is likely to be as the last
+    upload_milliseconds = milliseconds_since(start);
+  }
+
+  template <class Upload>
+  void load_by(std::span<const Point> given, bool for_balls, const Upload& upload) {
     if (given.size() > 0xfffffff0u)
       throw Error(ErrorKind::usage, "more than 4294967280 points: cut the cloud into parts");
-    const auto start = Clock::now();
     next = Stage::index;
     further_passes = 0;
+    upload_milliseconds = 0;
+    calls.clear();  // of a run that failed
     spacing.reset();
     noise.reset();
     estimates.reset();
     points = given.size();
     sample = curve_sample(given);
     if (std::exchange(wanted_pieces, 1) > 1) backend = make_worker();
-    order_for(serves_balls);  // the next run is likely to be as the last
+    order_for(for_balls);
+    upload_times_itself = false;
     for (bool uploaded = false; !uploaded;) try {
-        backend->upload(given);
+        upload();
         uploaded = true;
       } catch (const Error& error) {
         if (!may_cut(error)) throw;
         make_cut();
       }
+  }
+
+  void load_and_run(std::span<const Point> given, const Params& params, std::span<Point> out,
+                    const std::stop_token& stop, const ProgressFunction& progress) {
+    check_params(params);
+    struct Finish {
+      State& state;
+      ~Finish() {
+        try {
+          state.backend->finish_upload();
+        } catch (const Error&) {  // a lost card: the run has said so
+        }
+      }
+    } finish{*this};
+    const auto start = Clock::now();
+    load_by(given, sums_balls(params), [&] { upload_times_itself = backend->start_upload(given); });
     upload_milliseconds = milliseconds_since(start);
+    within_memory([&] { run(params, out, stop, progress); });
   }
 
   bool may_cut(const Error& error) const {
@@ -362,7 +389,7 @@ struct Pipeline::State {
       calls.clear();
       backend->stage_times();
     }
-    if (upload > 0) note_time("upload", upload);
+    if (upload > 0 && !std::exchange(upload_times_itself, false)) note_time("upload", upload);
     const Params used = resolve(params, stop);
     adopt(settings_of(used));
     int done = int(next), all = 4 * used.passes;
@@ -434,6 +461,15 @@ Cloud Pipeline::run(const Params& params, std::stop_token stop, const ProgressFu
 
 void Pipeline::run(const Params& params, std::span<Point> out, std::stop_token stop, const ProgressFunction& progress) {
   state_->within_memory([&] { state_->run(params, out, stop, progress); });
+}
+
+void Pipeline::run(std::span<const Point> points, const Params& params, std::span<Point> out, std::stop_token stop,
+                   const ProgressFunction& progress) {
+  if (out.size() != points.size())
+    throw Error(ErrorKind::usage, "the output holds " + std::to_string(out.size()) + " points, the cloud " +
+                                      std::to_string(points.size()));
+  state_->shell = {};
+  state_->load_and_run(points, params, out, stop, progress);
 }
 
 const Estimates& Pipeline::estimates(std::stop_token stop) {

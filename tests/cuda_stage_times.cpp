@@ -8,7 +8,8 @@
 // A line a cloud and k: medians in milliseconds, points resident on the card; each stage timed from an idle card to an
 // idle card, and `whole` with all stages in flight at once. The checksum is the sum of all faired coordinates.
 // With `host`: from a page-locked array of the host to another, through the public Pipeline, in random and in spatial
-// order, and cut into 4 pieces; `whole` is the median of load and run together, the rest its report's medians.
+// order, by load and run and by both at once, and cut into 4 pieces; `whole` is the median of load and run together,
+// the rest its report's medians.
 // With `cancel`: how long runs over balls of 19 spacings go on when they are stopped at a random moment, median and
 // worst of REPEAT.
 #include <algorithm>
@@ -136,7 +137,10 @@ Points in_spatial_order(const Points& points) {
   return ordered;
 }
 
-void measure_from_host(Pipeline& pipeline, const Points& points, const char* name, int k, int repeat) {
+enum class Calls { two, one };  // load and run, or both at once
+
+void measure_from_host(Pipeline& pipeline, const Points& points, const char* name, int k, int repeat,
+                       Calls calls = Calls::two) {
   const double spacing = std::sqrt(1.2 / double(points.size()));
   Params params;
   params.k = k;
@@ -146,18 +150,20 @@ void measure_from_host(Pipeline& pipeline, const Points& points, const char* nam
   params.step = 100;
   const HostBuffer in = pipeline.host_buffer(points.size()), out = pipeline.host_buffer(points.size());
   std::copy(points.begin(), points.end(), in.points().begin());
-  std::vector<double> wholes, uploads;
+  std::vector<double> wholes;
   std::vector<std::vector<double>> stages;
   std::vector<std::string> names;
   for (int n = 0; n < repeat + 2; ++n) {
     const auto start = Clock::now();
-    pipeline.load(in.points());
-    const double upload = std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-    pipeline.run(params, out.points());
+    if (calls == Calls::one) {
+      pipeline.run(in.points(), params, out.points());
+    } else {
+      pipeline.load(in.points());
+      pipeline.run(params, out.points());
+    }
     const double whole = std::chrono::duration<double, std::milli>(Clock::now() - start).count();
     if (n < 2) continue;
     wholes.push_back(whole);
-    uploads.push_back(upload);
     const std::vector<StageTime>& report = pipeline.report().stages;
     stages.resize(report.size());
     names.resize(report.size());
@@ -185,8 +191,10 @@ int measure_host_rows(std::size_t count, int repeat) {
     measure_from_host(pipeline, bumpy_ball(count, kWideNoise, 1), "host, random, noise .0002", 8, repeat);
   const Points points = bumpy_ball(count, noise_of(count), 1);
   measure_from_host(pipeline, points, "host, random order", 8, repeat);
+  measure_from_host(pipeline, points, "the same, one call", 8, repeat, Calls::one);
   const Points ordered = in_spatial_order(points);
   measure_from_host(pipeline, ordered, "host, spatial order", 8, repeat);
+  measure_from_host(pipeline, ordered, "the same, one call", 8, repeat, Calls::one);
   std::vector<std::unique_ptr<Backend>> workers;
   for (int i = 0; i < 2; ++i) workers.push_back(make_cuda_backend(0));
   pipeline = PipelineAccess::make(make_cut_backend(std::move(workers), {4}), {Device::cuda, "", ""});

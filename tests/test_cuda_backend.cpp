@@ -7,6 +7,7 @@
 #include <bit>
 #include <cstdlib>
 #include <cstring>
+#include <map>
 
 #include "backend.hpp"
 #include "point/fairing.h"
@@ -35,8 +36,13 @@ struct Result {
   std::uint64_t held_back = 0;
 };
 
-Result run(Backend& backend, const std::vector<Point>& points, const Settings& settings) {
-  backend.upload(points);
+// `while_arriving`: stages are started before the upload has ended.
+Result run(Backend& backend, const std::vector<Point>& points, const Settings& settings, bool while_arriving = false) {
+  if (while_arriving) {
+    backend.start_upload(points);
+  } else {
+    backend.upload(points);
+  }
   for (int pass = 0; pass < settings.passes; ++pass) {
     backend.begin_pass(pass);
     backend.build_index({});
@@ -47,6 +53,7 @@ Result run(Backend& backend, const std::vector<Point>& points, const Settings& s
   }
   Result result{std::vector<Point>(points.size()), std::vector<Point>(points.size()), {}, 0};
   result.held_back = backend.download(result.points, settings.limits, {});
+  backend.finish_upload();
   backend.download_normals(result.normals);
   result.counts = backend.counts();
   return result;
@@ -87,7 +94,13 @@ class CudaBackendTest : public ::testing::Test {
   void expect_same(const std::vector<Point>& whole, const Settings& settings, const char* what) {
     SCOPED_TRACE(what);
     const std::vector<Point> points = cut(whole);
-    const Result cuda = run(*cuda_, points, settings), cpu = run(*cpu_, points, settings);
+    const Result cpu = run(*cpu_, points, settings);
+    expect_equal(run(*cuda_, points, settings), cpu, "whole");
+    if (points.size() > 1024 && !cube_)
+      expect_equal(run(in_parts(points.size()), points, settings, true), cpu, "in parts");
+  }
+  static void expect_equal(const Result& cuda, const Result& cpu, const char* what) {
+    SCOPED_TRACE(what);
     EXPECT_EQ(difference(cuda.normals, cpu.normals), "") << "normals";
     EXPECT_EQ(difference(cuda.points, cpu.points), "") << "faired points";
     EXPECT_EQ(cuda.counts.unmoved, cpu.counts.unmoved);
@@ -95,7 +108,18 @@ class CudaBackendTest : public ::testing::Test {
     EXPECT_EQ(cuda.held_back, cpu.held_back);
   }
 
+  // A backend to which so many points come in three to eight parts.
+  Backend& in_parts(std::size_t points) {
+    std::size_t part = 1 << 20;
+    while (part > 1024 && points <= 2 * part) part /= part > (1 << 15) ? 8 : 4;
+    std::unique_ptr<Backend>& backend = in_parts_[part];
+    if (backend == nullptr) backend = make_cuda_backend(0, part);
+    return *backend;
+  }
+
   std::unique_ptr<Backend> cuda_, cpu_;
+  std::map<std::size_t, std::unique_ptr<Backend>> in_parts_;
+  bool cube_ = false;  // points are in the order of balls
 };
 
 Settings with_neighbors(int k, float radius = 0, bool constraint = false, float reach = 0) {
@@ -307,6 +331,7 @@ class CudaBalls : public CudaBackendTest {
     if (IsSkipped()) return;
     cuda_->order_along(kCube);
     cpu_->order_along(kCube);
+    cube_ = true;
   }
   static constexpr CurveCube kCube{{-1.2f, -1.1f, -1.0f}, 2.1f};  // a part of the unit sphere lies outside
 };
@@ -457,22 +482,136 @@ TEST_F(CudaBackendTest, equals_the_cpu_on_invalid_and_tiny_clouds) {
   expect_same(std::vector<Point>(100, Point{kNan, 0, 0}), with_neighbors(8), "nothing valid");
 }
 
+// Slabs along z, as a scanner writes them.
+std::vector<Point> in_order(std::vector<Point> points) {
+  std::sort(points.begin(), points.end(), [](Point a, Point b) { return a.z < b.z; });
+  return points;
+}
+
+TEST_F(CudaBackendTest, in_parts_equals_the_cpu_where_parts_lie_apart) {
+  const std::vector<Point> even = in_order(noisy_sphere(100000, 31, 0.002));
+  for (const int k : {3, 8, 16, 32, 40}) expect_same(even, with_neighbors(k), std::to_string(k).c_str());
+  expect_same(even, with_neighbors(8, 0.01f), "radius");
+  expect_same(even, with_neighbors(8, 0, true, 0.02f), "constraint");
+  Settings settings = with_filter_and_both_planes(with_neighbors(8));
+  settings.fairing.area_weight = AreaWeight::squared;
+  settings.passes = 2;
+  expect_same(even, settings, "filtered, both planes, area weight, two passes");
+  settings = with_neighbors(8);
+  settings.limits = {0.001f, 0.002f};
+  expect_same(even, settings, "limits");
+}
+
+TEST_F(CudaBackendTest, in_parts_equals_the_cpu_on_hard_clouds) {
+  const std::vector<Point> even = in_order(noisy_sphere(20000, 32, 0.002));
+  std::vector<Point> cloud = even;
+  for (std::size_t i = 0; i < cloud.size(); i += 3) cloud[i].x = kNan;
+  for (std::size_t i = 8192; i < 16384; ++i) cloud[i].y = kNan;
+  expect_same(cloud, with_neighbors(8), "invalid points, a part of nothing else");
+  cloud = even;
+  for (std::size_t i = 8192 - 40; i < 8192 + 40; ++i) cloud[i] = cloud[8192];
+  for (std::size_t i = 0; i < cloud.size(); i += 100) cloud[i] = {0.5f, 0.25f, 0.125f};
+  for (std::size_t i = 1; i < cloud.size(); i += 100) cloud[i] = cloud[(i * 7919) % cloud.size()];
+  expect_same(cloud, with_neighbors(8), "identical points on both sides of a seam, and in all parts");
+  cloud = even;
+  cloud[777] = cloud[19000] = {1e6f, -1e6f, 1e6f};
+  cloud[12000] = {-3e17f, 3e17f, 3e17f};
+  expect_same(cloud, with_neighbors(8), "stray points");
+  expect_same(std::vector<Point>(5000, Point{1, 2, 3}), with_neighbors(8), "all identical");
+  cloud.clear();
+  for (int turn = 0; turn < 8; ++turn)
+    for (int i = 0; i < 2500; ++i) cloud.push_back(even[std::size_t(8 * i + turn)]);
+  expect_same(cloud, with_neighbors(16), "each part all over the others");
+  cloud = lattice(20);
+  expect_same(cloud, with_neighbors(16), "a lattice, layer after layer");
+  std::reverse(cloud.begin(), cloud.end());
+  expect_same(cloud, with_neighbors(6), "the last layer first");
+}
+
+TEST_F(CudaBackendTest, in_parts_equals_the_cpu_for_every_size) {
+  for (const int count : {1024, 1025, 1027, 1056, 2047, 2048, 2049, 3071, 3073, 4000})
+    expect_same(in_order(noisy_sphere(count, 33, 0.01)), with_neighbors(8), std::to_string(count).c_str());
+}
+
+// What is cached from a run in parts serves later ones.
+TEST_F(CudaBackendTest, in_parts_stages_repeat_alone) {
+  const std::vector<Point> points = cut(in_order(noisy_sphere(20000, 34, 0.002)));
+  Backend& backend = in_parts(points.size());
+  Settings settings;
+  const Result first = run(backend, points, settings, true);
+  expect_equal(run(backend, points, settings), first, "after the upload");
+  std::vector<Point> out(points.size());
+  const auto fair = [&] {
+    backend.fair(settings.fairing, {});
+    backend.download(out, {}, {});
+    return out;
+  };
+  settings.fairing.similarity_sigma = 0.01f;
+  EXPECT_EQ(difference(fair(), run(*cpu_, points, settings).points), "");
+  backend.start_upload(points);  // and before anything was asked for
+  backend.begin_pass(0);
+  backend.build_index({});
+  backend.find_neighbors(settings.neighbors, {});
+  backend.estimate_normals(settings.normals, {});
+  backend.fair(settings.fairing, {});
+  settings.fairing.similarity_sigma = 0.02f;
+  backend.estimate_normals(settings.normals, {});
+  EXPECT_EQ(difference(fair(), run(*cpu_, points, settings).points), "");
+  backend.finish_upload();
+  settings.neighbors.k = 12;
+  backend.find_neighbors(settings.neighbors, {});
+  backend.estimate_normals(settings.normals, {});
+  EXPECT_EQ(difference(fair(), run(*cpu_, points, settings).points), "");
+}
+
+TEST_F(CudaBackendTest, in_parts_a_stop_is_an_interruption_and_the_next_run_is_whole) {
+  const std::vector<Point> points = cut(in_order(noisy_sphere(20000, 35, 0.002)));
+  Backend& backend = in_parts(points.size());
+  Settings settings;
+  backend.start_upload(points);
+  backend.begin_pass(0);
+  backend.build_index({});
+  std::stop_source stop;
+  stop.request_stop();
+  EXPECT_THROW(backend.find_neighbors(settings.neighbors, stop.get_token()), Error);
+  backend.finish_upload();
+  backend.find_neighbors(settings.neighbors, std::stop_source().get_token());
+  backend.estimate_normals(settings.normals, {});
+  backend.fair(settings.fairing, {});
+  std::vector<Point> out(points.size());
+  backend.download(out, {}, {});
+  EXPECT_EQ(difference(out, run(*cpu_, points, settings).points), "");
+  backend.start_upload(points);  // with a stop that nobody asks for
+  backend.begin_pass(0);
+  const std::stop_source unused;
+  backend.build_index(unused.get_token());
+  backend.find_neighbors(settings.neighbors, unused.get_token());
+  backend.estimate_normals(settings.normals, unused.get_token());
+  backend.fair(settings.fairing, unused.get_token());
+  backend.download(out, {}, {});
+  backend.finish_upload();
+  EXPECT_EQ(difference(out, run(*cpu_, points, settings).points), "");
+}
+
 TEST_F(CudaBackendTest, bounds_and_samples_equal_the_cpu) {
   std::vector<Point> cloud = noisy_sphere(20000, 14, 0.01);
   cloud[3].x = kNan;
   const std::vector<std::uint32_t> queries = {0, 1, 2, 3, 19999, 77};
-  for (Backend* backend : {cuda_.get(), cpu_.get()}) {
+  for (Backend* backend : {cuda_.get(), cpu_.get(), &in_parts(cloud.size())}) {
     backend->upload(cloud);
     backend->begin_pass(0);
     backend->build_index({});
+    const Bounds a = backend->bounds(), b = cuda_->bounds();
+    EXPECT_EQ(difference({a.min, a.max}, {b.min, b.max}), "");
+    EXPECT_EQ(a.valid, b.valid);
   }
-  const Bounds a = cuda_->bounds(), b = cpu_->bounds();
-  EXPECT_EQ(difference({a.min, a.max}, {b.min, b.max}), "");
-  EXPECT_EQ(a.valid, b.valid);
   for (const int k : {1, 30, 300, 1024}) {
     std::vector<Point> rows(queries.size() * std::size_t(k + 1)), expected = rows;
     cuda_->sample_neighborhoods(queries, k, rows);
     cpu_->sample_neighborhoods(queries, k, expected);
+    std::vector<Point> from_parts = rows;
+    in_parts(cloud.size()).sample_neighborhoods(queries, k, from_parts);
+    EXPECT_EQ(std::memcmp(from_parts.data(), rows.data(), rows.size() * sizeof(Point)), 0);
     for (std::size_t i = 0; i < rows.size(); ++i) {
       if (std::isnan(expected[i].x)) {
         EXPECT_TRUE(std::isnan(rows[i].x)) << i;

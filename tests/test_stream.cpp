@@ -395,6 +395,49 @@ TEST(HostBuffer, gives_the_same_as_ordinary_memory_on_every_device) {
   }
 }
 
+TEST(Pipeline, loads_and_runs_at_once_with_the_same_result_on_every_device) {
+  for (const DeviceStatus& device : list_devices()) {
+    if (!device.usable) continue;
+    for (const int count : {0, 7, 5000, 1000000}) {  // in order of z, so that a card gets the last in parts
+      SCOPED_TRACE(device.info.name + ", " + std::to_string(count) + " points");
+      Points points = shapes::with_noise(shapes::sphere(count), 0.001);
+      std::sort(points.begin(), points.end(), [](Point a, Point b) { return a.z < b.z; });
+      Pipeline pipeline(device.info.kind), fresh(device.info.kind);
+      const HostBuffer in = pipeline.host_buffer(points.size()), out = pipeline.host_buffer(points.size());
+      Points expected(points.size());
+      std::copy(points.begin(), points.end(), in.points().begin());
+      for (const int passes : {1, 1, 2}) {
+        for (const bool all_automatic : {false, true}) {
+          if (all_automatic && count > 5000) continue;
+          Params params;
+          if (!all_automatic) {
+            params.k = 8;
+            params.normal_sigma = params.closeness_sigma = 0.004;
+            params.similarity_sigma = 0.002;
+            params.step = 100;
+          }
+          params.passes = passes;
+          pipeline.run(in.points(), params, out.points());
+          fresh.load(points);
+          fresh.run(params, expected);
+          EXPECT_EQ(differences(expected, Points(out.points().begin(), out.points().end())), 0u);
+          std::vector<std::string> names, separate;
+          for (const StageTime& stage : pipeline.report().stages) names.push_back(stage.name);
+          for (const StageTime& stage : fresh.report().stages) separate.push_back(stage.name);
+          EXPECT_EQ(names, separate);
+          params.similarity_sigma = 0.003;  // and what is cached serves as well
+          pipeline.run(params, out.points());
+          fresh.run(params, expected);
+          EXPECT_EQ(differences(expected, Points(out.points().begin(), out.points().end())), 0u);
+        }
+      }
+    }
+    Pipeline pipeline(device.info.kind);
+    Points out(2);
+    EXPECT_THROW(pipeline.run(Points(3), {}, out), Error);
+  }
+}
+
 TEST(HostBuffer, outlives_its_pipeline_and_moves) {
   HostBuffer buffer;
   EXPECT_TRUE(buffer.points().empty());

@@ -140,6 +140,13 @@ class Pipeline {
   void run(const Params& params, std::span<Point> out, std::stop_token stop = {},
            const ProgressFunction& progress = {});
 
+  /// load(points) and run(params, out) at once. Where the points come in spatial order, as from most scanners and
+  /// tilings, a card copies some parts while it computes others, so that this takes little longer than the longer of
+  /// the two; best from and to host_buffer(), without `stop`, with widths given and nothing but the paper's step. Same
+  /// bits, errors and cached stages as the two calls. `points` must not overlap `out`.
+  void run(std::span<const Point> points, const Params& params, std::span<Point> out, std::stop_token stop = {},
+           const ProgressFunction& progress = {});
+
   /// Bounds, spacing and noise of the loaded cloud; computed on the first call, which builds the index.
   const Estimates& estimates(std::stop_token stop = {});
 

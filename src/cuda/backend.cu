@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The CUDA backend: the seam's calls over two chains on one card. Stage calls start their work and return; the host
-// waits only where data crosses. The first pass's index is begun while its points arrive. Memory beside the chains,
-// bytes a point: the uploaded points 12, and 12 from the third pass on.
+// waits only where data crosses. The first pass's index is begun while its points arrive, and where the cloud is in
+// spatial order, stages and download of its parts overlap (part_flow.cuh). Memory beside the chains, bytes a point: the
+// uploaded points 12, and 12 from the third pass on.
 #include "backend.hpp"
 #include "cuda/chain.cuh"
 #include "cuda/devices.cuh"
@@ -19,25 +20,21 @@ constexpr float kInfinity = __builtin_inff();
 
 class CudaBackend final : public Backend {
  public:
-  explicit CudaBackend(int card) : context_(card) {}
+  CudaBackend(int card, std::size_t part) : context_(card), points_of_part_(part) {}
 
   DeviceInfo device() const override { return {Device::cuda, context_.name(), "requested"}; }
 
   void upload(std::span<const Point> points) override {
-    if (points.size() > point::kNoNeighbor - kLeafSize)
-      throw Error(ErrorKind::usage, "the CUDA backend holds at most 4294967263 points at once; cut the cloud");
+    begin_upload(points, false);
+    finish_upload();
+  }
+  bool start_upload(std::span<const Point> points) override {
+    begin_upload(points, true);
+    return true;
+  }
+  void finish_upload() override {
     context_.enter();
-    context_.reset_peak();
-    clock_.forget();
-    first_.set_whole(nullptr);
-    stop_line_.clear();
-    uploaded_.resize(points.size());
-    at_work_ = &first_;
-    input_ = uploaded_.data();
-    is_index_begun_ = false;
-    const Arrival arrival = upload_.start(points, uploaded_.data());
-    begin_index(&arrival, {});
-    is_index_begun_ = true;
+    is_arriving_ = false;
     upload_.finish();
   }
 
@@ -57,6 +54,8 @@ class CudaBackend final : public Backend {
       input_ = uploaded_.data();
       return;
     }
+    context_.enter();
+    at_work_->join();
     if (at_work_ == &further_) {
       pass_input_.swap(further_.faired());
       input_ = pass_input_.data();
@@ -77,19 +76,19 @@ class CudaBackend final : public Backend {
   }
   void find_neighbors(const NeighborSettings& settings, std::stop_token stop) override {
     const cudaEvent_t start = start_stage();
-    at_work_->find_neighbors(settings, stop);
-    clock_.note("neighbors", start);
+    at_work_->find_neighbors(settings, is_arriving_ && at_work_ == &first_ && is_worth_searching_twice(), stop);
+    clock_.note("neighbors", start, at_work_->stream());
   }
   void estimate_normals(const NormalSettings& settings, std::stop_token stop) override {
     const cudaEvent_t start = start_stage();
     at_work_->estimate_normals(settings, stop);
-    if (!at_work_->normals_wait()) clock_.note("normals", start);
+    if (!at_work_->normals_wait()) clock_.note("normals", start, at_work_->stream());
   }
   void fair(const FairingSettings& settings, std::stop_token stop) override {
     const bool with_normals = at_work_->normals_wait();
     const cudaEvent_t start = start_stage();
     at_work_->fair(settings, std::exchange(expects_download_, false), stop);
-    clock_.note(with_normals ? kBoth : "fairing", start);
+    clock_.note(with_normals ? kBoth : "fairing", start, at_work_->stream());
   }
 
   void expect_download() override { expects_download_ = true; }
@@ -136,6 +135,7 @@ class CudaBackend final : public Backend {
     const bool may_miss_some = at_work_ != &first_;  // those that a pass before turned into NaN
     unsigned long long held_back = 0;
     if (limits.farthest > 0) {
+      at_work_->join();
       copy_held_back(limits, points, outliers, held_back);
     } else {
       std::fill(outliers.begin(), outliers.end(), std::uint8_t(0));
@@ -162,6 +162,8 @@ class CudaBackend final : public Backend {
 
   void download_input(std::span<Point> points) override {
     context_.enter();
+    first_.join();
+    upload_.finish();
     copy_out(uploaded_.data(), points);
     wait();
   }
@@ -223,11 +225,42 @@ class CudaBackend final : public Backend {
     is_fetched_ = false;
     return clock_.start();
   }
+  // Searches of parts that are there, and of their borders again, take longer than the wait for a small cloud.
+  bool is_worth_searching_twice() const {
+    constexpr std::size_t kWorth = 1 << 22;
+    return uploaded_.size() >= kWorth || points_of_part_ > 0;
+  }
+  void begin_upload(std::span<const Point> points, bool timed) {
+    if (points.size() > point::kNoNeighbor - kLeafSize)
+      throw Error(ErrorKind::usage, "the CUDA backend holds at most 4294967263 points at once; cut the cloud");
+    context_.enter();
+    context_.reset_peak();
+    first_.join();
+    clock_.forget();
+    first_.set_whole(nullptr);
+    stop_line_.clear();
+    uploaded_.resize(points.size());
+    at_work_ = &first_;
+    input_ = uploaded_.data();
+    is_index_begun_ = false;
+    const bool may_lie_apart = !cube_ && points_of_part_ == 0;
+    Parts parts = points_of_part_ > 0 ? Parts::of(points.size(), points_of_part_) : plan_parts(points, may_lie_apart);
+    const Arrival arrival = upload_.start(points, std::move(parts), uploaded_.data());
+    is_arriving_ = true;
+    if (timed) clock_.note_between("upload", arrival.begun, arrival.all());
+    try {
+      begin_index(&arrival, {});
+    } catch (const Error&) {  // `points` may not be read any more
+      finish_upload();
+      throw;
+    }
+    is_index_begun_ = true;
+  }
   void begin_index(const Arrival* arrival, const std::stop_token& stop) {
     is_fetched_ = false;
-    const cudaEvent_t start = arrival == nullptr ? clock_.start() : arrival->all;
+    const cudaEvent_t start = arrival == nullptr ? clock_.start() : arrival->all();
     at_work_->build_index(input_, uploaded_.size(), cube_, arrival, stop);
-    clock_.note("index", start);
+    clock_.note("index", start, at_work_->stream());
   }
   void wait() {
     context_.finish();
@@ -259,17 +292,19 @@ class CudaBackend final : public Backend {
     copy_out(settled.data(), points);
   }
 
-  // The first part, if there is one, leaves while the second is faired.
+  // Parts that are done before all leave at once.
   void copy_faired(std::span<Point> to) {
-    const std::size_t first = at_work_->first_part();
     const Point* const from = at_work_->faired().data();
-    if (first > 0) {
-      leaving_.wait_for(at_work_->first_part_done());
-      check(cudaMemcpyAsync(to.data(), from, first * sizeof(Point), cudaMemcpyDeviceToHost, leaving_.stream()),
-            "downloading points");
+    std::size_t left = 0;
+    for (const FairedPart& part : at_work_->faired_parts()) {
+      leaving_.wait_for(part.done);
+      const OnStream stream(context_, leaving_);
+      copy_out(from + left, to.subspan(left, part.end - left));
+      left = part.end;
     }
-    copy_out(from + first, to.subspan(first));
-    if (first > 0) leaving_.join();
+    at_work_->join();
+    if (left < to.size()) copy_out(from + left, to.subspan(left));
+    if (left > 0) leaving_.join();
   }
   void copy_out(const Point* from, std::span<Point> to) {
     check(cudaMemcpyAsync(to.data(), from, to.size_bytes(), cudaMemcpyDeviceToHost, context_.stream()),
@@ -278,10 +313,11 @@ class CudaBackend final : public Backend {
 
   Context context_;
   StageClock clock_{context_};
-  Upload upload_{context_};
+  const std::size_t points_of_part_;  // 0: as plan_parts()
   Pinned<CloudState> fetched_;
   bool is_fetched_ = false;      // and as the chain at work is
-  bool is_index_begun_ = false;  // by upload()
+  bool is_index_begun_ = false;  // by an upload
+  bool is_arriving_ = false;     // the uploaded cloud
   DeviceArray<Point> uploaded_{context_};
   DeviceArray<Index> whole_{context_};       // indices in the cloud that the uploaded points are a part of
   DeviceArray<Point> pass_input_{context_};  // faired points of the further pass before
@@ -293,14 +329,15 @@ class CudaBackend final : public Backend {
   Chain* at_work_ = &first_;
   std::optional<CurveCube> cube_;
   const Point* input_ = nullptr;  // of the chain at work
+  Upload upload_{context_};
 };
 
 }  // namespace
 }  // namespace cuda
 
-std::unique_ptr<Backend> make_cuda_backend(int card) {
+std::unique_ptr<Backend> make_cuda_backend(int card, std::size_t part) {
   cuda::require_card(card);
-  return std::make_unique<cuda::CudaBackend>(card);
+  return std::make_unique<cuda::CudaBackend>(card, part);
 }
 
 }  // namespace pointfair

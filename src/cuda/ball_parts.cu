@@ -61,7 +61,7 @@ __global__ void __launch_bounds__(kBlock)
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;  // whole leaves, so whole warps
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   __shared__ WalkedBall::Shared shared[kWarps];
-  const WalkedBall ball(tree, balls, stop, Index(at), at < tree.state->valid, shared[threadIdx.x / kWarp]);
+  const WalkedBall ball(tree, balls, stop, Index(at), tree.holds(at), shared[threadIdx.x / kWarp]);
   Collection collection(room, Index(at / kLeafSize));
   ball.for_leaves([&](Index leaf, unsigned inside) {
     for (unsigned all = warp_or(inside); all != 0; all &= all - 1) {

@@ -21,6 +21,7 @@ Chain::Chain(Context& context, StopLine& stop_line, unsigned first_call)
       stop_line_(stop_line),
       first_call_(first_call),
       index_(context),
+      flow_(context),
       lists_(context),
       normals_(context),
       mean_distance_(context),
@@ -46,6 +47,15 @@ void Chain::pace(const std::stop_token& stop) {
   stop_if_asked(stop);
 }
 
+void Chain::join() {
+  index_.join();
+  flow_.join();
+}
+
+cudaStream_t Chain::stream() const {
+  return flow_.is_searched() ? flow_.stream() : index_.is_in_parts() ? index_.stream() : context_.stream();
+}
+
 void Chain::begin_stage(Stage stage, const std::stop_token& stop) {
   stop_if_asked(stop);
   stop_ = stop_line_.listen(stop, first_call_ + unsigned(stage));
@@ -56,13 +66,17 @@ void Chain::begin_stage(Stage stage, const std::stop_token& stop) {
 void Chain::build_index(const Point* points, std::size_t count, const std::optional<CurveCube>& cube,
                         const Arrival* arrival, std::stop_token stop) {
   stop_if_asked(stop);
+  join();
   input_ = points;
   areas_measured_ = normals_wait_ = false;
   index_.build(points, count, cube, arrival);
   counts_clear_ = true;
 }
 
-void Chain::find_neighbors(const NeighborSettings& settings, std::stop_token stop) {
+void Chain::find_neighbors(const NeighborSettings& settings, bool arriving, std::stop_token stop) {
+  const bool by_parts = index_.is_in_parts() && !flow_.is_searched() && settings.k > 0 &&
+                        settings.k <= kLargestGroupList && !settings.constraint;
+  if (!by_parts) join();
   begin_stage(Stage::neighbors, stop);
   neighbors_ = settings;
   areas_measured_ = false;
@@ -78,6 +92,7 @@ void Chain::find_neighbors(const NeighborSettings& settings, std::stop_token sto
   collector_.release();
   lists_.resize(index_.leaves() * kLeafSize * settings.k);
   if (settings.constraint) return grow_constrained(stop);
+  if (by_parts) return flow_.search(index_, nearest_query(), lists_.data(), arriving, stop);
   DeviceArray<Index> retries(context_);
   find_nearest(context_, index_.tree(), index_.state(), nearest_query(), lists_.data(), make_room(retries), stop_);
 }
@@ -168,6 +183,7 @@ void Chain::estimate_normals(const NormalSettings& settings, std::stop_token sto
 }
 
 void Chain::settle(const std::stop_token& stop) {
+  join();
   if (!normals_wait_) return;
   clear_unmoved();
   if (neighbors_.k > 0) {
@@ -200,9 +216,18 @@ void Chain::fair(const FairingSettings& settings, bool leaving, std::stop_token 
   const int power = settings.area_weight == AreaWeight::squared  ? 2
                     : settings.area_weight == AreaWeight::length ? 1
                                                                  : 0;
-  if (power > 0) measure_areas();
+  if (power > 0) {
+    join();
+    measure_areas();
+  }
   const AreaWeights areas{mean_distance_.data(), power};
   faired_.resize(index_.points());
+  const auto weights = point::bilateral_weights(settings.closeness_sigma, settings.similarity_sigma);
+  const bool plain = settings.method == Method::bilateral && neighbors_.k > 0 && !settings.two_planes &&
+                     settings.strength == 1 && settings.outlier_distance == 0;
+  const bool by_parts = flow_.is_searched() && !flow_.is_done();
+  if (by_parts && plain && normals_wait_ && power == 0) return fair_by_parts(weights);
+  join();
   DeviceArray<Point> staged(context_);
   DeviceArray<Index> originals(context_);
   if (index_.points() >= kLargeCloud) {
@@ -212,8 +237,7 @@ void Chain::fair(const FairingSettings& settings, bool leaving, std::stop_token 
   const FairedPoints faired{faired_.data(), input_,           index_.points(),
                             staged.data(),  originals.data(), originals.data() + originals.size() / 2};
   if (settings.method != Method::bilateral) return fair_by_method(settings, areas, faired, stop);
-  const auto weights = point::bilateral_weights(settings.closeness_sigma, settings.similarity_sigma);
-  if (neighbors_.k == 0 || settings.two_planes || settings.strength != 1 || settings.outlier_distance > 0) {
+  if (!plain) {
     settle(stop);
     fair_widely(context_, index_.tree(), surroundings(stop_), normals(), areas,
                 {weights, settings.closeness_of_radius, settings.two_planes, point::inverse_turn(settings.facing_angle),
@@ -222,16 +246,16 @@ void Chain::fair(const FairingSettings& settings, bool leaving, std::stop_token 
   } else if (normals_wait_) {
     clear_unmoved();
     normals_wait_ = false;
-    if (leaving && power == 0 && faired.staged == nullptr) return fair_in_parts(weights, faired);
-    estimate_normals_and_fair(context_, index_.tree(), index_.state(), lists(), normal_weights(), normals(), areas,
-                              weights, faired);
+    if (leaving && power == 0 && faired.staged == nullptr) return fair_first_part_first(weights, faired);
+    estimate_normals_and_fair(context_, index_.tree(), index_.state(), index_.all_leaves(), lists(), normal_weights(),
+                              normals(), areas, weights, faired);
   } else {
     cuda::fair(context_, index_.tree(), lists(), normals(), areas, weights, faired);
   }
 }
 
 // While the first part leaves the second is computed, and is done before the first has left.
-void Chain::fair_in_parts(point::BilateralWeights weights, const FairedPoints& faired) {
+void Chain::fair_first_part_first(point::BilateralWeights weights, const FairedPoints& faired) {
   first_part_ = index_.points() / 4;
   const auto fair_between = [&](std::size_t begin, std::size_t end) {
     estimate_normals_and_fair_between(context_, index_.tree(), index_.state(), lists(), normal_weights(), normals(),
@@ -240,6 +264,25 @@ void Chain::fair_in_parts(point::BilateralWeights weights, const FairedPoints& f
   fair_between(0, first_part_);
   check(cudaEventRecord(first_part_done_, context_.stream()), "ordering work");
   fair_between(first_part_, index_.points());
+}
+
+// Normals, too. In spatial order a part's points go to places near each other, so nothing is staged.
+void Chain::fair_by_parts(point::BilateralWeights weights) {
+  clear_unmoved();
+  const FairedPoints faired{faired_.data(), input_, index_.points(), nullptr, nullptr, nullptr};
+  flow_.after_search(index_, [&](LeafRange leaves) {
+    estimate_normals_and_fair(context_, index_.tree(), index_.state(), leaves, lists(), normal_weights(), normals(), {},
+                              weights, faired);
+  });
+  normals_wait_ = false;
+}
+
+std::vector<FairedPart> Chain::faired_parts() const {
+  std::vector<FairedPart> parts;
+  if (first_part_ > 0) parts.push_back({first_part_, first_part_done_});
+  for (std::size_t part = 0; flow_.is_done() && part < index_.parts().count(); ++part)
+    parts.push_back({index_.parts().ends[part], flow_.done(part)});
+  return parts;
 }
 
 void Chain::fair_by_method(const FairingSettings& settings, AreaWeights areas, const FairedPoints& faired,
@@ -273,6 +316,7 @@ void Chain::find_outcomes(const point::Region& loaded, unsigned char* out) {
 }
 
 void Chain::sample_neighborhoods(const Index* queries, std::size_t count, int k, Point* rows) {
+  join();
   sample_nearest(context_, index_.tree(), input_, queries, count, k, rows);
 }
 

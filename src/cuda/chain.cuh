@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The results of every stage of one pass on the card. Normals over lists wait until it is known what comes next:
-// fairing runs with them as one kernel, and once a result is asked for they run alone.
+// fairing runs with them as one kernel, and once a result is asked for they run alone. Where the index is in parts, the
+// paper's stages over lists follow each other part by part (part_flow.cuh); all else waits for all parts.
 // Memory, bytes a point: index 17, lists 4 k, normals 12, faired positions 12; mean distances 4 once an area weight is
 // asked for; balls instead of lists 4, and what the collector takes, up to kLargestBalls; while neighbours are found,
 // 4, and with the constraint 4 more for each of k candidates; while a large cloud is faired, 20.
@@ -11,12 +12,19 @@
 #include "backend.hpp"
 #include "cuda/index.cuh"
 #include "cuda/outcomes.cuh"
+#include "cuda/part_flow.cuh"
 #include "cuda/search.cuh"
 #include "cuda/stages.cuh"
 #include "cuda/stop.cuh"
 #include "cuda/wide_stages.cuh"
 
 namespace pointfair::cuda {
+
+// Consecutive points in upload order, there after an event.
+struct FairedPart {
+  std::size_t end;
+  cudaEvent_t done;
+};
 
 class Chain {
  public:
@@ -29,25 +37,29 @@ class Chain {
   // `points` on the card, in upload order; they stay there as long as the chain is used.
   void build_index(const Point* points, std::size_t count, const std::optional<CurveCube>& cube, const Arrival* arrival,
                    std::stop_token stop);
-  void find_neighbors(const NeighborSettings& settings, std::stop_token stop);
+  // `arriving`: parts of the cloud may not be on the card yet.
+  void find_neighbors(const NeighborSettings& settings, bool arriving, std::stop_token stop);
   void estimate_normals(const NormalSettings& settings, std::stop_token stop);
-  // With `leaving` the faired points of the paper's road may come in two parts: first those before first_part() in
-  // upload order, there after first_part_done().
+  // With `leaving` the faired points of the paper's road may come in parts although the index is not in parts.
   void fair(const FairingSettings& settings, bool leaving, std::stop_token stop);
-  std::size_t first_part() const { return first_part_; }  // 0: all points come at once
-  cudaEvent_t first_part_done() const { return first_part_done_; }
 
   void set_whole(const Index* whole) { index_.set_whole(whole); }
   bool normals_wait() const { return normals_wait_; }
-  // Starts normals that still wait for fairing.
+  // What the context's stream gets from now on waits for all parts.
+  void join();
+  // Starts normals that still wait for fairing; what comes after waits for all parts.
   void settle(const std::stop_token& stop = {});
+  // Of faired(); what is behind the last is done in the order of the context's stream.
+  std::vector<FairedPart> faired_parts() const;
+  // That of the stage started last.
+  cudaStream_t stream() const;
 
   // Start the work and return before it is done.
   void restore_normals(Point* out);
   void find_outcomes(const point::Region& loaded, unsigned char* out);  // on the card
   void sample_neighborhoods(const Index* queries, std::size_t count, int k, Point* rows);
 
-  DeviceArray<Point>& faired() { return faired_; }  // in upload order
+  DeviceArray<Point>& faired() { return faired_; }  // in upload order; by parts, or after join()
   CloudState state();                               // settles and waits for all work
   void fetch_state(CloudState* pinned);             // settles, and only starts the copy
   std::size_t points() const { return index_.points(); }
@@ -64,7 +76,8 @@ class Chain {
   Lists lists() const { return {neighbors_.k, lists_.data()}; }
   void measure_radii(const std::stop_token& stop);
   void filter_normals(const std::stop_token& stop);
-  void fair_in_parts(point::BilateralWeights weights, const FairedPoints& faired);
+  void fair_first_part_first(point::BilateralWeights weights, const FairedPoints& faired);
+  void fair_by_parts(point::BilateralWeights weights);
   void fair_by_method(const FairingSettings& settings, AreaWeights areas, const FairedPoints& faired,
                       const std::stop_token& stop);
   // A squared radius stays finite: infinite are only places that hold no point.
@@ -82,9 +95,10 @@ class Chain {
   Stop stop_;                    // of the last stage call
   cudaEvent_t paced_ = nullptr;  // what was started before the last pace()
   cudaEvent_t first_part_done_ = nullptr;
-  std::size_t first_part_ = 0;
+  std::size_t first_part_ = 0;  // is faired before the others; 0: none is
   const Point* input_ = nullptr;
   DeviceIndex index_;
+  PartFlow flow_;
   NeighborSettings neighbors_;
   NormalSettings normal_settings_;
   FairingSettings fairing_settings_;

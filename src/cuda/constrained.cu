@@ -91,7 +91,7 @@ __global__ void __launch_bounds__(kGrowBlock)
     grow_all(const __grid_constant__ Tree tree, CloudState* state, NearestQuery query, float reach, Lists pools,
              Index* lists, Index* retries, float* mean_distance) {
   const std::size_t at = std::size_t(blockIdx.x) * kGrowBlock + threadIdx.x;  // whole leaves, so whole warps
-  const bool valid = at < state->valid, exists = at < std::size_t(tree.leaves) * kLeafSize;
+  const bool exists = at < std::size_t(tree.leaves) * kLeafSize, valid = exists && tree.holds(at);
   Index* list = lists + (at / kWarp * query.k) * kWarp + at % kWarp;
   point::ConstrainedGrowth growth;
   Look look;

@@ -10,12 +10,12 @@ namespace pointfair::cuda {
 template <int kList>
 class ExactGroupSearch {
  public:
-  __device__ __forceinline__ ExactGroupSearch(const Tree& tree, Index leaf, Index valid)
+  __device__ __forceinline__ ExactGroupSearch(const Tree& tree, Index leaf)
       : tree_(tree),
         leaf_(leaf),
         at_(leaf * kLeafSize + lane_number()),
-        active_(at_ < valid),
         mine_(tree.points[at_]),
+        active_(is_present(mine_)),
         boxes_(position_of(mine_), active_) {}
 
   __device__ __forceinline__ void run(int k, float squared_limit) {
@@ -101,8 +101,8 @@ class ExactGroupSearch {
 
   const Tree& tree_;
   Index leaf_, at_;
-  bool active_;
   float4 mine_;
+  bool active_;
   QueryBoxes boxes_;
   float limit_ = 0;
   Index last_original_ = point::kNoNeighbor;

@@ -66,13 +66,13 @@ class GroupSearch {
   static constexpr float kNotSearching = -1.0f;                 // a limit
   static constexpr float kFar = 1e18f;                          // fills places of `square`; beyond every limit
 
-  __device__ __forceinline__ GroupSearch(const Tree& tree, GroupMemory<kList, kWide>& memory, Index leaf, Index valid)
+  __device__ __forceinline__ GroupSearch(const Tree& tree, GroupMemory<kList, kWide>& memory, Index leaf)
       : tree_(tree),
         memory_(memory),
         leaf_(leaf),
         at_(leaf * kLeafSize + lane_number()),
-        active_(at_ < valid),
         position_(position_of(tree.points[at_])),
+        active_(is_present(tree.points[at_])),
         boxes_(position_, active_) {
     const Box all = boxes_.all();
     middle_ = {0.5f * all.min.x + 0.5f * all.max.x, 0.5f * all.min.y + 0.5f * all.max.y,
@@ -264,7 +264,7 @@ class GroupSearch {
   }
   // The leaves up to `beside` away that exist, as bits from leaf_ - beside on.
   __device__ __forceinline__ unsigned leaves_beside(Index beside) const {
-    const unsigned before = leaf_ < beside ? beside - leaf_ : 0u, after = min(tree_.leaves - 1 - leaf_, beside);
+    const unsigned before = leaf_ < beside ? beside - leaf_ : 0u, after = min(tree_.leaves_there - 1 - leaf_, beside);
     return ((2u << (beside + after)) - 1u) & ~((1u << before) - 1u) & ~(1u << beside);
   }
   // Its own leaf and those beside it, as bits of a group of leaves.
@@ -370,8 +370,8 @@ class GroupSearch {
   const Tree& tree_;
   GroupMemory<kList, kWide>& memory_;
   Index leaf_, at_;
-  bool active_;
   Vec position_;
+  bool active_;
   QueryBoxes boxes_;
   Vec middle_, query_;  // query_: -2 q
   float squared_diagonal_, scale_;

@@ -31,6 +31,7 @@ Context::Context(int card) : card_(card) {
   processors_ = properties.multiProcessorCount;
   launches_early_ = properties.major >= 9;
   check(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "making a stream");
+  current_ = stream_;
   int has_pools = 0;
   check(cudaDeviceGetAttribute(&has_pools, cudaDevAttrMemoryPoolsSupported, card), "asking for memory pools");
   if (has_pools == 0) return;
@@ -51,8 +52,11 @@ Context::~Context() {
   if (pool_ != nullptr) cudaMemPoolDestroy(pool_);
 }
 
-SideStream::SideStream(const Context& context) : context_(context) {
-  check(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "making a stream");
+SideStream::SideStream(const Context& context, Urgency urgency) : context_(context) {
+  int least = 0, greatest = 0;
+  check(cudaDeviceGetStreamPriorityRange(&least, &greatest), "asking for priorities");
+  check(cudaStreamCreateWithPriority(&stream_, cudaStreamNonBlocking, urgency == Urgency::high ? greatest : least),
+        "making a stream");
   check(cudaEventCreateWithFlags(&event_, cudaEventDisableTiming), "making an event");
 }
 

@@ -9,13 +9,14 @@
 #include <cstdint>
 #include <string>
 #include <utility>
+#include <vector>
 
 namespace pointfair::cuda {
 
 // Throws Error(device) naming what failed and what to do; a lost card cannot be used again by this process.
 void check(cudaError_t status, const char* doing);
 
-// One card, one stream, one pool of device memory. Counts the bytes that its arrays hold.
+// One card, a main stream, one pool of device memory. Counts the bytes that its arrays hold.
 class Context {
  public:
   explicit Context(int card);
@@ -25,12 +26,15 @@ class Context {
 
   // Makes the card current for this thread; every public call of the backend begins with it.
   void enter() const { check(cudaSetDevice(card_), "choosing the card"); }
-  cudaStream_t stream() const { return stream_; }
+  // Where work is given to: the main stream, or that of the innermost OnStream. Memory is allocated and released in the
+  // order of the main stream, whatever this is.
+  cudaStream_t stream() const { return current_; }
+  cudaStream_t main_stream() const { return stream_; }
   int processors() const { return processors_; }
   bool launches_early() const { return launches_early_; }  // what src/cuda/launch.cuh needs
   const std::string& name() const { return name_; }
-  void finish() const { check(cudaStreamSynchronize(stream_), "computing"); }
-  // What is given to the stream from now on waits.
+  void finish() const { check(cudaStreamSynchronize(stream_), "computing"); }  // the main stream
+  // What is given to the main stream from now on waits.
   void wait_for(cudaEvent_t event) const { check(cudaStreamWaitEvent(stream_, event), "ordering work"); }
 
   // Throws Error(memory) if the card has not that much left.
@@ -42,19 +46,22 @@ class Context {
   void limit(std::uint64_t bytes) { limit_ = bytes; }
 
  private:
+  friend class OnStream;
   int card_;
   int processors_ = 0;
   bool launches_early_ = false;
   std::string name_;
-  cudaStream_t stream_ = nullptr;
+  cudaStream_t stream_ = nullptr, current_ = nullptr;
   cudaMemPool_t pool_ = nullptr;  // null where the card has no pools: plain cudaMalloc then
   std::uint64_t held_bytes_ = 0, peak_bytes_ = 0, limit_ = UINT64_MAX;
 };
 
+enum class Urgency : bool { usual, high };  // whose work goes first where both have some
+
 // A second stream beside a context's.
 class SideStream {
  public:
-  explicit SideStream(const Context& context);
+  explicit SideStream(const Context& context, Urgency urgency = Urgency::usual);
   ~SideStream();
   SideStream(const SideStream&) = delete;
   SideStream& operator=(const SideStream&) = delete;
@@ -62,7 +69,7 @@ class SideStream {
   cudaStream_t stream() const { return stream_; }
   // What this stream gets from now on waits for what the context's was given before.
   void fork() const {
-    check(cudaEventRecord(event_, context_.stream()), "ordering work");
+    check(cudaEventRecord(event_, context_.main_stream()), "ordering work");
     check(cudaStreamWaitEvent(stream_, event_), "ordering work");
   }
   void wait_for(cudaEvent_t event) const { check(cudaStreamWaitEvent(stream_, event), "ordering work"); }
@@ -76,6 +83,44 @@ class SideStream {
   const Context& context_;
   cudaStream_t stream_ = nullptr;
   cudaEvent_t event_ = nullptr;
+};
+
+// Work is given to another stream than the context's as long as this lives.
+class OnStream {
+ public:
+  OnStream(Context& context, const SideStream& side) : context_(context), before_(context.current_) {
+    context.current_ = side.stream();
+  }
+  ~OnStream() { context_.current_ = before_; }
+  OnStream(const OnStream&) = delete;
+  OnStream& operator=(const OnStream&) = delete;
+
+ private:
+  Context& context_;
+  cudaStream_t before_;
+};
+
+// Events for the parts of a cloud, made once.
+class Events {
+ public:
+  Events() = default;
+  ~Events() {
+    for (const cudaEvent_t event : events_) cudaEventDestroy(event);
+  }
+  Events(const Events&) = delete;
+  Events& operator=(const Events&) = delete;
+
+  void record(std::size_t number, cudaStream_t stream) {
+    while (events_.size() <= number) {
+      events_.push_back(nullptr);
+      check(cudaEventCreateWithFlags(&events_.back(), cudaEventDisableTiming), "making an event");
+    }
+    check(cudaEventRecord(events_[number], stream), "ordering work");
+  }
+  cudaEvent_t operator[](std::size_t number) const { return events_[number]; }
+
+ private:
+  std::vector<cudaEvent_t> events_;
 };
 
 // An array on the card. Contents are not kept when it grows.

@@ -56,7 +56,7 @@ __global__ void __launch_bounds__(kBlock)
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;  // whole leaves, so whole warps
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   __shared__ typename Neighbors::Shared shared[kWarps];
-  const bool valid = at < tree.state->valid;
+  const bool valid = tree.holds(at);
   const Neighbors neighbors(tree, surroundings, Index(at), valid, shared[threadIdx.x / kWarp]);
   const Weights weights = point::weights_of(rule, neighbors.squared_radius());
   Vec d;
@@ -101,7 +101,7 @@ __global__ void __launch_bounds__(kBlock)
          AreaWeights areas, MethodRule rule, FairedPoints faired) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
-  const bool valid = at < tree.state->valid;
+  const bool valid = tree.holds(at);
   Vec d = displacements.at(at);
   if constexpr (kBy != Adjustment::none) {
     __shared__ typename Neighbors::Shared shared[kWarps];

@@ -16,7 +16,7 @@ __global__ void __launch_bounds__(kBlock)
   const Index valid = tree.state->valid;
   neighborhood[at] = mean[at] = 1;
   is_short[at] = 0;
-  if (at >= valid) return;
+  if (!tree.holds(at)) return;
   const Vec here = position_of(tree.points[at]);
   const float gap = point::squared_gap_to_outside(query.loaded, here);
   if (query.mean_distance != nullptr) {
@@ -48,7 +48,7 @@ __global__ void __launch_bounds__(kBlock)
     write_outcomes(const __grid_constant__ Tree tree, Normals normals, const float* neighborhood, const float* normal,
                    const float* step, const float* counts, const unsigned char* is_short, unsigned char* out) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
-  if (at >= tree.state->valid) return;
+  if (at >= std::size_t(tree.leaves) * kLeafSize || !tree.holds(at)) return;
   unsigned outcome = is_short[at] != 0 ? point::kShort : 0u;
   if (neighborhood[at] * normal[at] * step[at] > 0) outcome |= point::kExact;
   const Vec n = normals.at(at);

@@ -54,7 +54,7 @@ class LeafOrder {
       : walk_(tree),
         own_(own),
         first_(own > beside ? own - beside : 0),
-        last_(min(own + beside, tree.leaves - 1)),
+        last_(min(own + beside, tree.leaves_there - 1)),
         next_(first_) {}
 
   // kNoNeighbor at the end.

@@ -35,6 +35,18 @@ struct Retries {
 void find_nearest(Context& context, const Tree& tree, CloudState* state, NearestQuery query, Index* list,
                   Retries retries, const Stop& stop);
 
+// The same for k <= kLargestGroupList and the points of some leaves, among those that the tree holds, in two steps that
+// may be on different streams: the fast search, then those that it leaves.
+void find_nearest_of(Context& context, const Tree& tree, CloudState* state, LeafRange leaves, NearestQuery query,
+                     Index* list, Retries retries);
+void find_nearest_of_left(Context& context, const Tree& tree, LeafRange leaves, NearestQuery query, Index* list,
+                          Retries retries);
+
+// The first step again for those of these leaves that may have nearer points in `later`, a tree of points of higher
+// original indices that were missing then.
+void find_nearest_again(Context& context, const Tree& tree, const Tree& later, CloudState* state, LeafRange leaves,
+                        NearestQuery query, Index* list, Retries retries);
+
 // Grows constrained neighbourhoods of k points over the nearest that `candidates` holds, at least k, and over as many
 // more as it takes. Adds to state->short_neighborhoods. `mean_distance`, if not null, becomes that of
 // measure_mean_distances(). After a stop some neighbourhoods are smaller.

@@ -7,7 +7,7 @@ StageClock::~StageClock() {
   for (const cudaEvent_t event : events_) cudaEventDestroy(event);
 }
 
-cudaEvent_t StageClock::mark() {
+cudaEvent_t StageClock::mark(cudaStream_t stream) {
   constexpr std::size_t kMostMarks = 10000;  // nobody asks for the times
   if (used_ == kMostMarks) forget();
   if (used_ == events_.size()) {
@@ -16,7 +16,7 @@ cudaEvent_t StageClock::mark() {
     events_.push_back(event);
   }
   const cudaEvent_t event = events_[used_++];
-  check(cudaEventRecord(event, context_.stream()), "timing a stage");
+  check(cudaEventRecord(event, stream), "timing a stage");
   return event;
 }
 

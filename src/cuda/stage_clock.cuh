@@ -19,12 +19,14 @@ class StageClock {
 
   // The moment at which the context's stream has done all that it was given before. A stage that follows another at
   // once starts where that ends: marks cost the card a microsecond or two each.
-  cudaEvent_t start() { return last_ != nullptr ? last_ : mark(); }
-  // `name` took the time from `from` until now.
-  void note(const char* name, cudaEvent_t from) {
-    last_ = mark();
+  cudaEvent_t start() { return last_ != nullptr ? last_ : mark(context_.stream()); }
+  // `name` took the time from `from` until `stream` has done all that it was given before.
+  void note(const char* name, cudaEvent_t from, cudaStream_t stream) {
+    last_ = mark(stream);
     intervals_.push_back({name, from, last_});
   }
+  void note(const char* name, cudaEvent_t from) { note(name, from, context_.stream()); }
+  void note_between(const char* name, cudaEvent_t from, cudaEvent_t to) { intervals_.push_back({name, from, to}); }
   // The host has waited, so the card is idle until the next stage starts.
   void pause() { last_ = nullptr; }
   // What was noted since the last call; waits for it. All marks are used up.
@@ -40,7 +42,7 @@ class StageClock {
     const char* name;
     cudaEvent_t from, to;
   };
-  cudaEvent_t mark();
+  cudaEvent_t mark(cudaStream_t stream);
 
   Context& context_;
   cudaEvent_t last_ = nullptr;

@@ -73,8 +73,9 @@ __global__ void __launch_bounds__(kBlock) listed_normals(const __grid_constant__
                                                          Lists lists, point::NormalWeights weights, Normals normals) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;  // whole leaves, so whole warps
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
-  const bool valid = at < state->valid;
-  const Listed<kHeld> neighbors(tree, lists, at, position_of(tree.points[at]));
+  const float4 p = tree.points[at];
+  const bool valid = is_present(p);
+  const Listed<kHeld> neighbors(tree, lists, at, position_of(p));
   const NormalOfPoint normal = normal_of(neighbors, weights);
   normals.set(at, valid ? normal.unit : Vec{});
   count_unmoved(state, valid && normal.too_few, valid && normal.none);
@@ -83,14 +84,14 @@ __global__ void __launch_bounds__(kBlock) listed_normals(const __grid_constant__
 // Both stages for lists: the neighbours are fetched once. Without area weights it is known here that there are none.
 template <int kHeld, bool kAreas>
 __global__ void __launch_bounds__(kBlock)
-    listed_normals_and_fairing(const __grid_constant__ Tree tree, CloudState* state, Lists lists,
+    listed_normals_and_fairing(const __grid_constant__ Tree tree, CloudState* state, LeafRange leaves, Lists lists,
                                point::NormalWeights weights, Normals normals, AreaWeights areas,
                                point::BilateralWeights fairing_weights, FairedPoints faired) {
   begin_kernel();
-  const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;  // whole leaves, so whole warps
-  if (at >= std::size_t(tree.leaves) * kLeafSize) return;
-  const bool valid = at < state->valid;
+  const std::size_t at = std::size_t(leaves.begin) * kLeafSize + std::size_t(blockIdx.x) * kBlock + threadIdx.x;
+  if (at >= std::size_t(leaves.end) * kLeafSize) return;  // whole leaves, so whole warps
   const float4 p = tree.points[at];
+  const bool valid = is_present(p);
   const Listed<kHeld> neighbors(tree, lists, at, position_of(p));
   const NormalOfPoint normal = normal_of(neighbors, weights);
   normals.set(at, valid ? normal.unit : Vec{});
@@ -128,8 +129,8 @@ __global__ void __launch_bounds__(kBlock, resident_blocks(kHeld == 8 ? 8 : 4, kB
   const unsigned count = chosen_count;
   for (unsigned i = threadIdx.x; i - lane_number() < count; i += kBlock) {  // whole warps
     const std::size_t at = first + chosen[min(i, count - 1)];
-    const bool mine = i < count, valid = mine && at < state->valid;
     const float4 p = tree.points[at];
+    const bool mine = i < count, valid = mine && is_present(p);
     const Listed<kHeld> neighbors(tree, lists, at, position_of(p));
     const NormalOfPoint normal = normal_of(neighbors, weights);
     if (mine) normals.set(at, valid ? normal.unit : Vec{});
@@ -152,7 +153,7 @@ __global__ void __launch_bounds__(kBlock)
   const float4 p = tree.points[at];
   const Listed<kHeld> neighbors(tree, lists, at, position_of(p));
   store_faired(
-      faired, at, p, at < tree.state->valid,
+      faired, at, p, is_present(p),
       moved_point(neighbors, position_of(p), normals.at(at), kAreas ? areas : AreaWeights{nullptr, 0}, weights));
 }
 
@@ -212,7 +213,7 @@ void fair(Context& context, const Tree& tree, Lists lists, Normals normals, Area
   bring_into_order(context, faired);
 }
 
-void estimate_normals_and_fair(Context& context, const Tree& tree, CloudState* state, Lists lists,
+void estimate_normals_and_fair(Context& context, const Tree& tree, CloudState* state, LeafRange leaves, Lists lists,
                                point::NormalWeights weights, Normals normals, AreaWeights areas,
                                point::BilateralWeights fairing_weights, FairedPoints faired) {
   const int k = lists.k;
@@ -220,8 +221,8 @@ void estimate_normals_and_fair(Context& context, const Tree& tree, CloudState* s
   const auto kernel = k <= 8    ? (with ? listed_normals_and_fairing<8, true> : listed_normals_and_fairing<8, false>)
                       : k <= 16 ? (with ? listed_normals_and_fairing<16, true> : listed_normals_and_fairing<16, false>)
                                 : (with ? listed_normals_and_fairing<0, true> : listed_normals_and_fairing<0, false>);
-  launch_early(context, "estimating normals and fairing", kernel, blocks_for(tree.leaves, kWarps), kBlock, tree, state,
-               lists, weights, normals, areas, fairing_weights, faired);
+  launch_early(context, "estimating normals and fairing", kernel, blocks_for(leaves.count(), kWarps), kBlock, tree,
+               state, leaves, lists, weights, normals, areas, fairing_weights, faired);
   bring_into_order(context, faired);
 }
 

@@ -59,8 +59,8 @@ void bring_into_order(Context& context, FairedPoints faired);
 void fair(Context& context, const Tree& tree, Lists lists, Normals normals, AreaWeights areas,
           point::BilateralWeights weights, FairedPoints faired);
 
-// Both over lists, as one kernel.
-void estimate_normals_and_fair(Context& context, const Tree& tree, CloudState* state, Lists lists,
+// Both over lists, as one kernel, for the points of some leaves.
+void estimate_normals_and_fair(Context& context, const Tree& tree, CloudState* state, LeafRange leaves, Lists lists,
                                point::NormalWeights weights, Normals normals, AreaWeights areas,
                                point::BilateralWeights fairing_weights, FairedPoints faired);
 

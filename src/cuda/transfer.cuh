@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Between host and card: page-locked memory, and an upload that runs beside the work on its first part.
+// Between host and card: page-locked memory, and an upload that runs beside the work on what has arrived.
 #pragma once
 
 #include <span>
 
-#include "cuda/index.cuh"
 #include "cuda/memory.cuh"
+#include "parts.hpp"
 
 namespace pointfair::cuda {
 
@@ -23,6 +23,15 @@ class Pinned {
   T* value_ = nullptr;
 };
 
+// A cloud on its way to the card: each of its parts is there after an event, all of it after the last.
+struct Arrival {
+  Parts parts;
+  std::span<const cudaEvent_t> there;
+  cudaEvent_t begun;
+  std::span<const Point> source;  // the cloud in host memory
+  cudaEvent_t all() const { return there.back(); }
+};
+
 class Upload {
  public:
   explicit Upload(const Context& context);
@@ -31,13 +40,16 @@ class Upload {
   Upload& operator=(const Upload&) = delete;
 
   // Starts to copy, after all that the context's stream still has to do. From page-locked memory this returns at once.
-  Arrival start(std::span<const Point> from, Point* to);
+  Arrival start(std::span<const Point> from, Parts parts, Point* to);
   // Returns when `from` may be changed.
-  void finish() const { check(cudaEventSynchronize(all_), "uploading points"); }
+  void finish() const;
 
  private:
+  cudaEvent_t event(std::size_t number);
+
   SideStream side_;
-  cudaEvent_t first_ = nullptr, all_ = nullptr;
+  std::vector<cudaEvent_t> events_;  // the start, then the parts
+  std::size_t parts_ = 0;
 };
 
 }  // namespace pointfair::cuda

@@ -28,21 +28,33 @@ struct BoxGroup {
   Index least_original[kLeafSize];
 };
 
+// A grid over which sort keys run.
+struct KeyGrid {
+  float origin[3], steps_per_unit;
+};
+
 // Facts about a cloud and its results that only the card knows until someone asks.
 struct CloudState {
-  float origin[3], steps_per_unit;  // of the sort key's grid
-  unsigned min[3], max[3];          // ordered() floats
-  Index valid;                      // these come first in sorted order
-  Index leaf_retries, retries;      // leaves and queries left to the exact searches
-  Index unused;                     // fills the gap before the next, since the host copies every byte
+  KeyGrid grid;
+  unsigned min[3], max[3];  // ordered() floats
+  Index valid;
+  Index leaf_retries, retries;  // leaves and queries left to the exact searches
+  Index unused;                 // fills the gap before the next, since the host copies every byte
   unsigned long long too_few_neighbors, no_normal, short_neighborhoods;
 };
 static_assert(offsetof(CloudState, too_few_neighbors) == offsetof(CloudState, unused) + sizeof(Index));
 
+__device__ inline Vec position_of(float4 p) { return {p.x, p.y, p.z}; }
+__device__ inline Index original_of(float4 p) { return __float_as_uint(p.w); }
+__device__ inline bool is_present(float4 p) { return p.x < __int_as_float(0x7f800000); }
+
 struct Tree {
-  const float4* points;  // sorted, padded to whole leaves: x, y, z, original index as bits; infinite where invalid
+  // Sorted, padded to whole leaves: x, y, z, original index as bits; infinite where invalid. The valid ones of a leaf
+  // come first.
+  const float4* points;
   const CloudState* state;
   Index leaves;
+  Index leaves_there;  // of a cloud that is still arriving; those from here on must not be read
   int levels;
   BoxGroup* groups;  // of all levels
   Index
@@ -53,11 +65,15 @@ struct Tree {
   __device__ Index whole_index(Index original) const {
     return whole == nullptr || original == point::kNoNeighbor ? original : whole[original];
   }
+  __device__ bool holds(std::size_t at) const { return is_present(points[at]); }  // a valid point
   __device__ BoxGroup& group(int level, Index number) const { return groups[first_group[level] + number]; }
 };
 
-__device__ inline Vec position_of(float4 p) { return {p.x, p.y, p.z}; }
-__device__ inline Index original_of(float4 p) { return __float_as_uint(p.w); }
+// Consecutive leaves, `end` behind the last.
+struct LeafRange {
+  Index begin, end;
+  Index count() const { return end - begin; }
+};
 
 __device__ inline Box box_of_lane(const BoxGroup& group) {
   const float* b = &group.bound[0][lane_number()];

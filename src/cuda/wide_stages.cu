@@ -41,7 +41,7 @@ __global__ void __launch_bounds__(kBlock) wide_normals(const __grid_constant__ T
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;  // whole leaves, so whole warps
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   __shared__ typename Neighbors::Shared shared[kWarps];
-  const bool valid = at < state->valid;
+  const bool valid = tree.holds(at);
   const Neighbors neighbors(tree, surroundings, Index(at), valid, shared[threadIdx.x / kWarp]);
   const auto weights = weights_of(rule, neighbors.squared_radius());
   const NormalOfPoint normal = normal_of(neighbors, weights);
@@ -62,7 +62,7 @@ __global__ void __launch_bounds__(kBlock)
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   __shared__ typename Neighbors::Shared shared[kWarps];
-  const Neighbors neighbors(tree, surroundings, Index(at), at < tree.state->valid, shared[threadIdx.x / kWarp]);
+  const Neighbors neighbors(tree, surroundings, Index(at), tree.holds(at), shared[threadIdx.x / kWarp]);
   const auto weights = weights_of(rule, neighbors.squared_radius());
   point::FilteredNormal<float> filtered(from.at(at));
   neighbors(
@@ -133,7 +133,7 @@ __global__ void __launch_bounds__(kBlock)
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   __shared__ typename Neighbors::Shared shared[kWarps];
-  const bool valid = at < tree.state->valid;
+  const bool valid = tree.holds(at);
   const Neighbors neighbors(tree, surroundings, Index(at), valid, shared[threadIdx.x / kWarp]);
   const Vec normal = normals.at(at);
   const float4 p = tree.points[at];
@@ -148,7 +148,7 @@ __global__ void __launch_bounds__(kBlock)
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   __shared__ typename Neighbors::Shared shared[kWarps];
-  const Neighbors neighbors(tree, surroundings, Index(at), at < tree.state->valid, shared[threadIdx.x / kWarp]);
+  const Neighbors neighbors(tree, surroundings, Index(at), tree.holds(at), shared[threadIdx.x / kWarp]);
   float count = 0, lowest = values[at];
   neighbors([&](Index there) { return values[there]; },
             [&](Vec, float value, bool inside) {
