@@ -204,10 +204,11 @@ template <int kList>
 void search_left(Context& context, const Tree& tree, LeafRange leaves, NearestQuery query, Index* list,
                  Retries retries) {
   const unsigned blocks = blocks_for(leaves.count(), 1), processors = unsigned(context.processors());
-  launch_early(context, "searching neighbours of hard leaves", nearest_of_hard_leaves<kList>,
-               std::min(blocks, processors * 24), kWarp, tree, query, list, retries.leaves);
+  // Both only need what the leaves have left. The second mostly has nothing to do, and comes while the first ends.
   launch_early(context, "searching neighbours left over", nearest_of_left, processors * kSingleBlocks, kSingleBlock,
                tree, query, list, retries);
+  launch_early(context, "searching neighbours of hard leaves", nearest_of_hard_leaves<kList>,
+               std::min(blocks, processors * 24), kWarp, tree, query, list, retries.leaves);
 }
 
 void search_all(Context& context, const Tree& tree, NearestQuery query, Index* list, const Stop& stop) {

@@ -51,7 +51,7 @@ class SingleSearch {
         continue;
       }
       const int follower = __ffs(static_cast<int>(__ballot_sync(kAllLanes, rest == second))) - 1;
-      const bool both = level == 0 && second != kVisited && second <= last_bits();
+      const bool both = level == 0 && second != kVisited && second < last_bits();
       const int lane = static_cast<int>(lane_number());
       if (lane == child || (both && lane == follower)) walk_.gaps[level][lane] = kVisited;
       __syncwarp();
@@ -97,7 +97,8 @@ class SingleSearch {
     // From inside the cloud boxes rarely lie at one distance other than zero; from far away many do.
     const unsigned nearest = warp_min(walk_.gaps[level][lane_number()]);
     const unsigned tied = __ballot_sync(kAllLanes, exists && __float_as_uint(gap) == nearest);
-    if (nearest > 0 && __popc(tied) > 1) bound_by_corners(box, boxes.least_original[lane_number()], exists);
+    if (nearest > 0 && nearest < last_bits() && __popc(tied) > 1)
+      bound_by_corners(box, boxes.least_original[lane_number()], exists);
   }
 
   // Each box has a point that is no farther than its farthest corner, and one of its least original index. From far
