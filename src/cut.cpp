@@ -2,6 +2,9 @@
 #include "cut.hpp"
 
 #include <algorithm>
+#include <bit>
+#include <memory>
+#include <numeric>
 
 namespace pointfair {
 namespace {
@@ -20,6 +23,29 @@ void unite(Bounds& a, const Bounds& b) {
 constexpr float Point::*kAxes[] = {&Point::x, &Point::y, &Point::z};
 constexpr float point::Vec3<float>::*kCellAxes[] = {&point::Vec3<float>::x, &point::Vec3<float>::y,
                                                     &point::Vec3<float>::z};
+
+constexpr std::size_t kWordBits = 64;
+
+std::span<const Point> block_of(std::span<const Point> points, std::size_t block) {
+  return points.subspan(block * kBlock, std::min(kBlock, points.size() - block * kBlock));
+}
+
+// A bit for each of up to 64 points: whether it is valid and in the region.
+std::uint64_t bits_inside(const point::Region& r, std::span<const Point> points) {
+  std::uint64_t bits = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const Point& p = points[i];
+    const bool in = bool(int(p.x >= r.min.x) & int(p.x <= r.max.x) & int(p.y >= r.min.y) & int(p.y <= r.max.y) &
+                         int(p.z >= r.min.z) & int(p.z <= r.max.z) & int(is_valid(p)));
+    bits |= std::uint64_t(in) << i;
+  }
+  return bits;
+}
+
+bool holds(const point::Region& r, const Bounds& b) {
+  return b.min.x >= r.min.x && b.max.x <= r.max.x && b.min.y >= r.min.y && b.max.y <= r.max.y && b.min.z >= r.min.z &&
+         b.max.z <= r.max.z;
+}
 
 bool overlap(const Bounds& b, const point::Region& r) {
   return b.valid > 0 && b.min.x <= r.max.x && b.max.x >= r.min.x && b.min.y <= r.max.y && b.max.y >= r.min.y &&
@@ -40,7 +66,7 @@ point::Region region_around(const Bounds& bounds, double halo) {
 Cut::Cut(std::span<const Point> points, std::size_t pieces, const ForEach& for_each) : points_(points) {
   block_bounds_.assign(blocks_of(points.size()), kNoBounds);
   for_each(block_bounds_.size(), [&](std::size_t block) {
-    for (const Point& p : points.subspan(block * kBlock, std::min(kBlock, points.size() - block * kBlock)))
+    for (const Point& p : block_of(points, block))
       if (is_valid(p)) include(block_bounds_[block], p);
   });
   bounds_ = kNoBounds;
@@ -60,7 +86,13 @@ Cut::Cut(std::span<const Point> points, std::size_t pieces, const ForEach& for_e
   for_each(block_bounds_.size(), [&](std::size_t block) {
     std::vector<Bounds>& cores = of_block[block];
     cores.assign(pieces_.size(), kNoBounds);
-    for (const Point& p : points.subspan(block * kBlock, std::min(kBlock, points.size() - block * kBlock)))
+    const Bounds& bounds = block_bounds_[block];
+    for (std::size_t piece = 0; piece < pieces_.size(); ++piece)
+      if (pieces_[piece].cell.contains(bounds.min) && pieces_[piece].cell.contains(bounds.max)) {
+        cores[piece] = bounds;  // all of the block
+        return;
+      }
+    for (const Point& p : block_of(points, block))
       for (std::size_t piece = 0; piece < pieces_.size(); ++piece)
         if (pieces_[piece].cell.contains(p)) {
           if (is_valid(p)) include(cores[piece], p);
@@ -101,26 +133,42 @@ void Cut::split(std::span<Point> sample, std::size_t pieces, const Cell& cell) {
   split(sample.subspan(std::size_t(bound - sample.begin())), pieces - left_pieces, right);
 }
 
+// One look at each point of blocks that lie partly inside, without a branch: half of them may be in. A bit each is
+// kept, so that they are counted before there is room for them.
 void Cut::find(const point::Region& region, const ForEach& for_each, std::vector<std::uint32_t>& indices) const {
   std::vector<std::size_t> blocks;
   for (std::size_t block = 0; block < block_bounds_.size(); ++block)
     if (overlap(block_bounds_[block], region)) blocks.push_back(block);
-  const auto visit = [&](std::size_t block, const auto& body) {
-    const std::size_t first = block * kBlock, last = std::min(points_.size(), first + kBlock);
-    for (std::size_t i = first; i < last; ++i)
-      if (is_valid(points_[i]) && is_inside(region, to_vec3(points_[i]))) body(i);
-  };
+  constexpr std::size_t kWords = kBlock / kWordBits;
+  const auto inside = std::make_unique_for_overwrite<std::uint64_t[]>(blocks.size() * kWords);
   std::vector<std::size_t> start(blocks.size() + 1, 0);
   for_each(blocks.size(), [&](std::size_t b) {
-    std::size_t count = 0;
-    visit(blocks[b], [&](std::size_t) { ++count; });
-    start[b + 1] = count;
+    const std::span<const Point> points = block_of(points_, blocks[b]);
+    const Bounds& bounds = block_bounds_[blocks[b]];
+    if (bounds.valid == points.size() && holds(region, bounds)) {
+      start[b + 1] = points.size();
+      return;
+    }
+    for (std::size_t word = 0; word < kWords; ++word) {
+      const std::size_t first = std::min(points.size(), word * kWordBits);
+      const std::uint64_t bits =
+          bits_inside(region, points.subspan(first).first(std::min(kWordBits, points.size() - first)));
+      inside[b * kWords + word] = bits;
+      start[b + 1] += std::size_t(std::popcount(bits));
+    }
   });
   for (std::size_t b = 0; b < blocks.size(); ++b) start[b + 1] += start[b];
   indices.resize(start.back());
   for_each(blocks.size(), [&](std::size_t b) {
+    const auto first = std::uint32_t(blocks[b] * kBlock);
     std::size_t to = start[b];
-    visit(blocks[b], [&](std::size_t i) { indices[to++] = std::uint32_t(i); });
+    if (start[b + 1] - to == block_of(points_, blocks[b]).size()) {
+      std::iota(indices.begin() + std::ptrdiff_t(to), indices.begin() + std::ptrdiff_t(start[b + 1]), first);
+      return;
+    }
+    for (std::size_t word = 0; word < kWords; ++word)
+      for (std::uint64_t bits = inside[b * kWords + word]; bits != 0; bits &= bits - 1)
+        indices[to++] = first + std::uint32_t(word * kWordBits) + std::uint32_t(std::countr_zero(bits));
   });
 }
 

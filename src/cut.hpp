@@ -35,8 +35,8 @@ class Cut {
   const std::vector<Piece>& pieces() const { return pieces_; }
   const Bounds& bounds() const { return bounds_; }
 
-  // The indices of all valid points in the region, ascending. Blocks of points that lie elsewhere are passed over, so a
-  // cloud in spatial order is not read as a whole.
+  // The indices of all valid points in the region, ascending. Blocks of points that lie elsewhere, or inside, are not
+  // read, so of a cloud in spatial order little is.
   void find(const point::Region& region, const ForEach& for_each, std::vector<std::uint32_t>& indices) const;
 
  private:

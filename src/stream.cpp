@@ -45,12 +45,12 @@ struct Task {
 
 // A backend, and the task that it is about.
 struct Worker {
-  std::unique_ptr<Backend> backend;
   std::optional<Task> task;
   point::Region loaded{};
   Indices indices;  // of the uploaded points
   HostBuffer in, out;
   std::vector<unsigned char> outcomes;
+  std::unique_ptr<Backend> backend;  // goes first, since it may still read `in`
 
   std::span<Point> room(HostBuffer& buffer, std::size_t count) {
     if (buffer.points().size() < count) {
@@ -71,7 +71,7 @@ class CutBackend final : public Backend {
   HostBuffer host_buffer(std::size_t count) override { return workers_[0].backend->host_buffer(count); }
 
   void upload(std::span<const Point> points) override {
-    cloud_.assign(points.begin(), points.end());
+    copy(points, cloud_);
     peak_device_ = peak_inner_host_ = 0;
     for (std::optional<Cut>& cut : cuts_) cut.reset();
     begin_pass(0);
@@ -110,12 +110,17 @@ class CutBackend final : public Backend {
     const float farthest = is_limited ? limits.farthest : kInfinity;
     const float outlier_distance = is_limited ? limits.outlier_distance : kInfinity;
     std::atomic<std::uint64_t> held_back = 0;
+    const bool may_hold_back = is_limited || pass_ > 0;
     for_blocks(points.size(), [&](std::size_t first, std::size_t last) {
       std::uint64_t here = 0;
+      if (!may_hold_back) {
+        std::copy_n(&output()[first], last - first, &points[first]);
+        return;
+      }
       for (std::size_t i = first; i < last; ++i) {
         const Point &before = cloud_[i], &after = output()[i];
         points[i] = after;
-        if (!is_valid(before) || !(is_limited || pass_ > 0)) continue;
+        if (!is_valid(before)) continue;
         const auto settled =
             point::settled({before.x, before.y, before.z}, {after.x, after.y, after.z}, farthest, outlier_distance);
         points[i] = {settled.place.x, settled.place.y, settled.place.z};
@@ -221,12 +226,14 @@ class CutBackend final : public Backend {
     cut().find(region, for_each(), worker.indices);
     worker.loaded = region;
   }
+  // Goes on until the worker is asked for a result, or for finish_upload().
   void upload(Worker& worker) {
+    worker.backend->finish_upload();  // of a run that failed
     const std::span<Point> in = worker.room(worker.in, worker.indices.size());
     for_blocks(in.size(), [&](std::size_t first, std::size_t last) {
       for (std::size_t i = first; i < last; ++i) in[i] = input()[worker.indices[i]];
     });
-    worker.backend->upload(in);
+    worker.backend->start_upload(in);
     worker.backend->begin_pass(0);
   }
   void for_blocks(std::size_t count, const std::function<void(std::size_t, std::size_t)>& body) {
@@ -234,9 +241,19 @@ class CutBackend final : public Backend {
                      [&](std::size_t b) { body(b * kBlock, std::min(count, (b + 1) * kBlock)); });
   }
 
+  // By all threads; a vector's own copy is made by one.
+  void copy(std::span<const Point> from, std::vector<Point>& to) {
+    if (to.capacity() < from.size()) to = {};  // nothing of it is needed
+    to.resize(from.size());
+    for_blocks(from.size(), [&](std::size_t first, std::size_t last) {
+      std::copy(from.begin() + std::ptrdiff_t(first), from.begin() + std::ptrdiff_t(last),
+                to.begin() + std::ptrdiff_t(first));
+    });
+  }
+
   // The whole pass; `normals`, if any are asked for, in the order of the cloud.
   void run(std::span<Point> normals, const std::stop_token& stop) {
-    output() = input();
+    copy(input(), output());
     Counts& all = counts_[chain()];
     all = {};
     all.unmoved.non_finite = cloud_.size() - cuts_[0]->bounds().valid;
