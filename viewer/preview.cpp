@@ -14,6 +14,7 @@ using Clock = std::chrono::steady_clock;
 
 constexpr double kBudgetMilliseconds = 80;  // of the larger part; 150 are promised for the whole answer
 constexpr std::size_t kSamples = 4096;
+constexpr std::size_t kWorthwhile = 3;  // times as many points has a cloud of which a further part is shown first
 
 float squared_distance(const Point& a, const Point& b) {
   const float x = a.x - b.x, y = a.y - b.y, z = a.z - b.z;
@@ -107,7 +108,7 @@ Preview::Result Preview::run_level(Level& level, const Params& params, double sp
 
 // Whether the level is larger than `done`, which took so long, yet small enough to be worth its time.
 bool Preview::is_next(std::size_t level, double milliseconds, std::size_t done, std::size_t points) const {
-  if (level >= levels_.size() || 2 * levels_[level].size > points) return false;
+  if (level >= levels_.size() || kWorthwhile * levels_[level].size > points) return false;
   return milliseconds * static_cast<double>(levels_[level].size) <= kBudgetMilliseconds * static_cast<double>(done);
 }
 

@@ -112,6 +112,11 @@ test("texts have the contrast that WCAG AA asks for", models, async (t) => {
 for (const [width, height] of [[390, 844], [320, 568]]) {
   test(`on a phone of ${width} x ${height} nothing is cut off, and fingers turn and wipe`, models, async (t) => {
     const { page, faults } = await start(t, { viewport: { width, height }, hasTouch: true, isMobile: true }, [], "#view.mode=wipe&view.colour=displacement");
+    await page.locator("summary", { hasText: "Snapshots" }).click();
+    await page.getByLabel("Name of the snapshot").fill("a name that somebody typed at length and then some");
+    await page.getByRole("button", { name: "Keep", exact: true }).click();
+    await page.locator("#box").check();
+    await settled(page);
     assert.ok(await page.evaluate(() => document.documentElement.scrollWidth <= innerWidth), "nothing is wider than the screen");
     const beyond = await page.evaluate(() => [...document.querySelectorAll("header *, .panel *, .stage > :not(canvas)")].filter((element) => {
       if (!element.checkVisibility() || element.closest("details:not([open])")) return false;

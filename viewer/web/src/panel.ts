@@ -57,7 +57,7 @@ export class Panel {
   constructor(hello: Hello, private readonly view: View, private readonly actions: PanelActions) {
     this.encoding.append(h("option", { value: "" }, "as in the input"),
       ...hello.formats.encodings.map((name) => h("option", { value: name }, name)));
-    this.folder.textContent = `Saved in ${hello.save_folder}`;
+    this.folder.textContent = `Saves into ${hello.save_folder}`;
     this.element.append(
       this.section("Fairing", true, ...this.paramGroups(hello)),
       this.section("Where it acts", true, ...this.limitFields()),
@@ -270,7 +270,7 @@ export class Panel {
     this.output.title = `The extension decides the format: ${extensions}`;
     return [
       this.field("File", "output", this.output),
-      this.field("Numbers", "encoding", this.encoding),
+      this.field("Encoding", "encoding", this.encoding),
       this.field("Replace a file of that name", "overwrite", this.overwrite),
       h("div", { class: "buttons" },
         h("button", { type: "button", class: "plain primary", id: "save", onclick: () => this.actions.save(this.overwrite.checked) }, "Save")),

@@ -8,6 +8,7 @@ const kStageColours: Record<string, string> = {
   upload: "#8794a1", index: "#7aa2f7", estimate: "#b9a1ff", neighbors: "#55cdb9", normals: "#e5c07b", fairing: "#f28fad",
   download: "#8794a1",
 };
+const kCopies = ["upload", "download"]; // what runs where the result is known already
 const kRateWindow = 2000;
 
 export class Status {
@@ -35,9 +36,10 @@ export class Status {
 
   showResult(result: Result, points: number): void {
     this.hideProgress();
+    const computed = result.stages.some(({ name }) => !kCopies.includes(name));
     const rate = points / (result.total_ms / 1000);
     this.total.replaceChildren(h("b", {}, `${short(result.total_ms)} ms`), ` run, ${short(result.server_ms)} ms answer`);
-    this.rate.textContent = `${grouped(Math.round(rate / 1e4) / 100)} M points/s`;
+    this.rate.textContent = !computed ? "" : `${grouped(Math.round(rate / 1e4) / 100)} M points/s`;
     this.stages.replaceChildren(...result.stages.map(({ name, ms }) => {
       const item = h("i", {}, `${name} ${short(ms)}`);
       item.style.setProperty("--dot", kStageColours[name] ?? "#8794a1");
