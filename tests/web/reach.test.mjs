@@ -9,9 +9,9 @@ import { dataset, entry, kModels, noisyArmadillo, openBrowser, openPage, settled
 
 const models = withModels();
 
-async function start(t, options, words = [], hash = "") {
-  const small = noisyArmadillo(temporaryFolder(t), 3000, kModels);
-  const { url } = await view(t, [small, "--port", 0, ...words]);
+async function start(t, options, hash = "", folder = temporaryFolder(t)) {
+  const small = noisyArmadillo(folder, 3000, kModels);
+  const { url } = await view(t, [small, "--port", 0, "--save-folder", folder]);
   const opened = await openPage(t, await openBrowser(t), url + hash, options);
   await settled(opened.page);
   return opened;
@@ -52,7 +52,7 @@ test("every control is reached with the tabulator, has a name, and shows that it
 
 test("a cloud is faired, compared and saved with the keyboard alone", models, async (t) => {
   const folder = temporaryFolder(t);
-  const { page, faults } = await start(t, {}, ["--save-folder", folder]);
+  const { page, faults } = await start(t, {}, "", folder);
   const keys = async (...names) => {
     for (const name of names) await page.keyboard.press(name);
   };
@@ -97,7 +97,7 @@ test("a cloud is faired, compared and saved with the keyboard alone", models, as
 });
 
 test("texts have the contrast that WCAG AA asks for", models, async (t) => {
-  const { page } = await start(t, {}, [], "#view.mode=wipe");
+  const { page } = await start(t, {}, "#view.mode=wipe");
   for (const section of await page.locator("summary").all())
     if (!(await section.evaluate((element) => element.parentElement.open))) await section.click();
   await page.locator("#box").check();
@@ -111,7 +111,7 @@ test("texts have the contrast that WCAG AA asks for", models, async (t) => {
 
 for (const [width, height] of [[390, 844], [320, 568]]) {
   test(`on a phone of ${width} x ${height} nothing is cut off, and fingers turn and wipe`, models, async (t) => {
-    const { page, faults } = await start(t, { viewport: { width, height }, hasTouch: true, isMobile: true }, [], "#view.mode=wipe&view.colour=displacement");
+    const { page, faults } = await start(t, { viewport: { width, height }, hasTouch: true, isMobile: true }, "#view.mode=wipe&view.colour=displacement");
     await page.locator("summary", { hasText: "Snapshots" }).click();
     await page.getByLabel("Name of the snapshot").fill("a name that somebody typed at length and then some");
     await page.getByRole("button", { name: "Keep", exact: true }).click();
