@@ -31,7 +31,7 @@ constexpr double kShapeDamage = 3;
 constexpr int kNormalAngle = 15, kFacingAngle = 40;  // degrees
 constexpr int kPasses = 2;
 constexpr double kFarthestMove = 4, kOutlierDistance = 6;  // sigmas
-constexpr double kOutlierSpacings = 0.5;                   // and at least so many spacings
+constexpr double kOutlierSpacings = 0.5;  // and at least so many spacings, twice if residuals are shape
 
 // What `auto` means for one method; the constants above are the bilateral one's.
 struct MethodDefaults {
@@ -189,8 +189,9 @@ Params resolve_params(const Params& params, const Spacing& spacing, const Noise&
     used.step = chooses_balls(params) ? automatic_step(its.step, used.passes, noise, s) : its.step;
   if (params.outliers == Outliers::automatic) used.outliers = seeks_outliers(params) ? Outliers::keep : Outliers::off;
   used.displacement_limit = in_file_units(params.displacement_limit, kFarthestMove * noise.sigma);
+  const double least_outlier = kOutlierSpacings * (1 + noise.likeness_to_shape) * s;
   used.outlier_distance =
-      in_file_units(params.outlier_distance, std::max(kOutlierDistance * noise.sigma, kOutlierSpacings * s));
+      in_file_units(params.outlier_distance, std::max(kOutlierDistance * noise.sigma, least_outlier));
   return used;
 }
 

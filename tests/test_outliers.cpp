@@ -177,6 +177,19 @@ TEST(DisplacementLimit, may_be_in_percent_where_nothing_else_asks_for_the_diagon
   EXPECT_NEAR(limit, 0.001 * std::sqrt(2.0), 0.0001);
 }
 
+// Terraces of 3 x 3 spacings, every other one up to 4 spacings high, without noise: hardly one of the points is no
+// surface.
+TEST(Outliers, are_not_the_points_of_a_rough_terrain) {
+  constexpr int kCount = 20000;
+  const double spacing = 1 / std::sqrt(double(kCount)), cell = 3 * spacing;
+  Points points = shapes::plane(kCount);
+  for (Point& p : points) {
+    shapes::Random random(std::uint64_t(p.x / cell) * 1000 + std::uint64_t(p.y / cell));
+    if (random.uniform() < 0.5) p.z = float(4 * spacing * random.uniform());
+  }
+  EXPECT_LT(run(points, {}).report.unmoved.outliers, std::uint64_t(kCount / 100));
+}
+
 TEST(Outliers, agree_with_the_reference) {
   Lifted cloud = with_outliers(shapes::with_noise(shapes::plane(1200), kSigma));
   cloud.points[3].x = std::numeric_limits<float>::quiet_NaN();
