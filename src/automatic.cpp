@@ -30,7 +30,8 @@ constexpr double kTrustedNoise = 0.02, kTrustedShape = 0.16;
 constexpr double kShapeDamage = 3;
 constexpr int kNormalAngle = 15, kFacingAngle = 40;  // degrees
 constexpr int kPasses = 2;
-constexpr double kFarthestMove = 4, kOutlierDistance = 6;  // sigmas
+constexpr double kFarthestMove = 4, kFarthestOfLittleNoise = 2.5, kOutlierDistance = 6;  // sigmas
+constexpr double kLittleNoise = 0.2, kMuchNoise = 0.5;                                   // spacings
 constexpr double kOutlierSpacings = 0.5;  // and at least so many spacings, twice if residuals are shape
 
 // What `auto` means for one method; the constants above are the bilateral one's.
@@ -95,6 +96,13 @@ int automatic_step(int whole, int passes, const Noise& noise, double spacing) {
   const double of_noise = 1 / (1 + kShapeDamage * noise.shape_to_noise);
   const double share = 1 - std::pow(1 - of_noise, 1.0 / passes);
   return std::max(1, int(std::lround(whole * share / (1 + ratio * ratio * ratio * ratio))));
+}
+
+// Sigmas. Where noise is little against the spacing, what moves by more is edges, which balls reach across.
+double farthest_move(const Noise& noise, double spacing) {
+  const double level = spacing > 0 ? noise.sigma / spacing : kMuchNoise;
+  const double share = std::clamp((level - kLittleNoise) / (kMuchNoise - kLittleNoise), 0.0, 1.0);
+  return kFarthestOfLittleNoise + share * (kFarthestMove - kFarthestOfLittleNoise);
 }
 
 }  // namespace
@@ -188,7 +196,7 @@ Params resolve_params(const Params& params, const Spacing& spacing, const Noise&
   if (params.step == kAutomatic)
     used.step = chooses_balls(params) ? automatic_step(its.step, used.passes, noise, s) : its.step;
   if (params.outliers == Outliers::automatic) used.outliers = seeks_outliers(params) ? Outliers::keep : Outliers::off;
-  used.displacement_limit = in_file_units(params.displacement_limit, kFarthestMove * noise.sigma);
+  used.displacement_limit = in_file_units(params.displacement_limit, farthest_move(noise, s) * noise.sigma);
   const double least_outlier = kOutlierSpacings * (1 + noise.likeness_to_shape) * s;
   used.outlier_distance =
       in_file_units(params.outlier_distance, std::max(kOutlierDistance * noise.sigma, least_outlier));

@@ -162,10 +162,16 @@ TEST(DisplacementLimit, holds_for_every_point) {
   }
 }
 
-TEST(DisplacementLimit, is_four_times_the_noise_by_itself) {
-  const Outcome outcome = run(noisy_plane(), {});
-  EXPECT_NEAR(outcome.report.params.displacement_limit.value, 4 * kSigma, 0.8 * kSigma);
-  EXPECT_NEAR(outcome.report.params.outlier_distance.value, 6 * kSigma, 1.2 * kSigma);
+// Of noise above half a spacing, and below a fifth; the spacing is 0.014.
+TEST(DisplacementLimit, is_four_times_the_noise_by_itself_and_less_of_little_noise) {
+  const auto in_sigmas = [](double sigma) {
+    const Params used = run(shapes::with_noise(shapes::plane(5000), sigma), {}).report.params;
+    return std::pair(used.displacement_limit.value / sigma, used.outlier_distance.value / sigma);
+  };
+  const auto [farthest, outlier] = in_sigmas(0.012);
+  EXPECT_NEAR(farthest, 4, 0.6);
+  EXPECT_NEAR(outlier, 6, 0.9);
+  EXPECT_NEAR(in_sigmas(0.002).first, 2.5, 0.3);
 }
 
 TEST(DisplacementLimit, may_be_in_percent_where_nothing_else_asks_for_the_diagonal) {
