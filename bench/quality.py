@@ -238,7 +238,7 @@ class Bench:
             found = [{figure: statistics.fmean(averages[seed][figure] for seed in seeds)
                       for figure in averages[min(seeds)]} for averages in by_setting]
             best = min(found, key=lambda figures: figures.get("chamfer", figures.get("mean")))  # whose time counts
-            for figure in found[0]:
+            for figure in set.intersection(*map(set, found)):
                 row.cells[figure, column] = best[figure] if figure == "seconds" else min(its[figure] for its in found)
         return row
 
@@ -248,7 +248,8 @@ class Bench:
         for seed in sorted({case.seed for case in cases}):
             known = [self.results.get(self.key(case, contender, flags)) for case in cases if case.seed == seed]
             if all(known):
-                averages[seed] = {figure: statistics.fmean(result[figure] for result in known) for figure in known[0]}
+                figures = set.intersection(*map(set, known))  # of results that an older version left, some may be missing
+                averages[seed] = {figure: statistics.fmean(result[figure] for result in known) for figure in figures}
         return averages
 
 
