@@ -299,12 +299,15 @@ def figure_table(rows, figure, columns):
 
 
 def verdict(rows, figures):
-    """Which cells pointfair with nothing set loses to CGAL's bilateral filter, and to the best of all peers."""
+    """Which cells pointfair with nothing set loses to CGAL's bilateral filter, and to the best of all peers; only cells
+    for which the whole sweep is known count."""
     ours = next(row for row in rows if row.contender.name == "pointfair")
-    bilateral = best_peers([row for row in rows if row.contender.program == "cgal_bilateral"])
+    swept = [row for row in rows if row.contender.is_peer and len(row.contender.settings) > 1]
+    bilateral = [row for row in swept if row.contender.program == "cgal_bilateral"]
     text = []
-    for name, best in (("CGAL's bilateral filter at its best", bilateral), ("the best of all peers", best_peers(rows))):
-        compared = [cell for cell in ours.cells if cell in best and cell[0] in figures]
+    for name, peers in (("CGAL's bilateral filter at its best", bilateral), ("the best of all peers", swept)):
+        best = best_peers(peers)
+        compared = [cell for cell in ours.cells if cell[0] in figures and best and all(cell in row.cells for row in peers)]
         if compared:
             lost = [f"{TITLES[figure].split(',')[0].lower()} {column} ({100 * (ours.cells[figure, column] / best[figure, column] - 1):+.1f} %)"
                     for figure, column in compared if ours.cells[figure, column] > best[figure, column]]

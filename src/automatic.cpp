@@ -17,14 +17,14 @@ bool seeks_outliers(const Params& p) {
   return sums_balls(p) && moves_along_normal(p.method);
 }
 
-constexpr double kNoiseRadius = 2.5;                    // radius of a ball on top of the spacing, in sigmas
-constexpr int kWidening = 16;                           // and the neighbours that make up the spacing's part
-constexpr double kSeparableGap = 1.9;                   // spacings between two sheets
-constexpr double kSheetShare = 0.65, kBothSheets = 14;  // of the points of one sheet within the gap
-constexpr double kSheetSimilarity = 1.0 / 6;            // of the gap
-constexpr double kNormalWidth = 1.4;                    // of a ball's radius
-constexpr double kClosenessWidth = 0.6;                 // of a ball's radius
-constexpr double kSimilarityWidth = 3;                  // sigmas
+constexpr double kNoiseRadius = 2.5;                  // radius of a ball on top of the spacing, in sigmas
+constexpr int kWidening = 16;                         // and the neighbours that make up the spacing's part
+constexpr double kSeparableGap = 1.9;                 // spacings between two sheets
+constexpr double kOneSheet = 0.65, kBothSheets = 14;  // of the points of one sheet within the gap
+constexpr double kSheetSimilarity = 1.0 / 6;          // of the gap
+constexpr double kNormalWidth = 1.4;                  // of a ball's radius
+constexpr double kClosenessWidth = 0.6;               // of a ball's radius
+constexpr double kSimilarityWidth = 3;                // sigmas
 // Spacings; noise below it is hard to tell from shape: where residuals look like noise, and where they look like shape.
 constexpr double kTrustedNoise = 0.02, kTrustedShape = 0.16;
 constexpr double kShapeDamage = 3;
@@ -81,7 +81,7 @@ MethodDefaults defaults_of(Method method) {
 int automatic_widening(const Noise& noise, double spacing) {
   if (!(noise.gap > 0 && spacing > 0)) return kWidening;
   const double gap = noise.gap / spacing, count = std::numbers::pi * gap * gap;
-  if (gap > kSeparableGap) return std::min(kWidening, int(kSheetShare * count));
+  if (gap > kSeparableGap) return std::min(kWidening, int(kOneSheet * count));
   return std::clamp(int(kBothSheets * count), kWidening, kMaxWidening);
 }
 
