@@ -181,7 +181,7 @@ struct Pipeline::State {
       State& state;
       ~Finish() {
         try {
-          state.backend->finish_upload();
+          if (state.backend) state.backend->finish_upload();
         } catch (const Error&) {  // a lost card: the run has said so
         }
       }
