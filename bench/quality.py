@@ -305,7 +305,8 @@ def verdict(rows, figures):
     swept = [row for row in rows if row.contender.is_peer and len(row.contender.settings) > 1]
     bilateral = [row for row in swept if row.contender.program == "cgal_bilateral"]
     text = []
-    for name, peers in (("CGAL's bilateral filter at its best", bilateral), ("the best of all peers", swept)):
+    for name, peers in (("CGAL's bilateral filter at its best", bilateral),
+                        ("the best of " + ", ".join(row.contender.name.split(",")[0] for row in swept), swept)):
         best = best_peers(peers)
         compared = [cell for cell in ours.cells if cell[0] in figures and best and all(cell in row.cells for row in peers)]
         if compared:
