@@ -35,7 +35,7 @@ test("a scan is loaded, faired, compared, saved, and all of it comes back", mode
     await settled(page);
     const changed = difference(before, await blocks(page, await picture(page), 640, 400));
     t.diagnostic(`pixels changed by ${changed.toFixed(2)} of 255`);
-    assert.ok(changed > 0.1);
+    assert.ok(changed > 0.03); // 0 where nothing changes
     assert.match(await entry(page, "closeness_sigma").inputValue(), /^[\d.]+[sr]$/);
   });
 

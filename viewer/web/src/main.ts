@@ -175,6 +175,7 @@ class Page {
   private setResult(head: Result, arrays: Message["arrays"]): void {
     this.result = head;
     this.shownRecipe = this.asked;
+    delete document.body.dataset.noise; // until this result has settled
     this.scene.setResult(head, arrays);
     this.panel!.setUsed(head);
     this.status.showResult(head, this.cloud!.points);
