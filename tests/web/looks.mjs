@@ -8,17 +8,23 @@ const kPictures = path.join(process.env.POINTFAIR_SOURCE ?? ".", "tests/web/pict
 
 export const canvas = (page) => page.locator(".stage > canvas");
 
-/** Mean colours of blocks of the picture, 64 x 40 of them, as the browser decodes it. */
+/** Mean colours of blocks of the picture, 64 x 40 of them, without the browser's own scaling, of which it has several. */
 export async function blocks(page, png, width = 64, height = 40) {
   return page.evaluate(async ([base64, width, height]) => {
     const image = new Image();
     image.src = `data:image/png;base64,${base64}`;
     await image.decode();
-    const small = new OffscreenCanvas(width, height);
-    const context = small.getContext("2d");
-    context.imageSmoothingQuality = "high";
-    context.drawImage(image, 0, 0, width, height);
-    return [...context.getImageData(0, 0, width, height).data].filter((_, i) => i % 4 !== 3);
+    const context = new OffscreenCanvas(image.width, image.height).getContext("2d", { willReadFrequently: true });
+    context.drawImage(image, 0, 0);
+    const { data } = context.getImageData(0, 0, image.width, image.height);
+    const sums = new Float64Array(3 * width * height), counts = new Uint32Array(width * height);
+    for (let y = 0, at = 0; y < image.height; ++y)
+      for (let x = 0; x < image.width; ++x, at += 4) {
+        const block = Math.floor((y * height) / image.height) * width + Math.floor((x * width) / image.width);
+        ++counts[block];
+        for (let c = 0; c < 3; ++c) sums[3 * block + c] += data[at + c];
+      }
+    return Array.from(sums, (sum, i) => sum / Math.max(1, counts[Math.floor(i / 3)]));
   }, [png.toString("base64"), width, height]);
 }
 export const difference = (a, b) => a.reduce((sum, v, i) => sum + Math.abs(v - b[i]), 0) / a.length;
