@@ -10,7 +10,8 @@ namespace pointfair::cuda {
 
 // Where one warp stands in the tree.
 struct SingleWalk {
-  unsigned gaps[kMaxLevels][kWarp];  // bits of squared distances to the boxes still to be visited
+  unsigned gaps[kMaxLevels][kWarp];         // bits of squared distances to the boxes still to be visited
+  Index least_original[kMaxLevels][kWarp];  // of these boxes
   Index groups[kMaxLevels];
 };
 
@@ -46,7 +47,7 @@ class SingleSearch {
       const int child = first_of(__ballot_sync(kAllLanes, gap == nearest), nearest, level);
       const Index group = walk_.groups[level];
       const unsigned rest = static_cast<int>(lane_number()) == child ? kVisited : gap, second = warp_min(rest);
-      if (nearest == last_bits() && tree_.group(level, group).least_original[child] > last_original()) {
+      if (nearest == last_bits() && walk_.least_original[level][child] > last_original()) {
         ++level;  // nor can any other box of the group have a neighbour
         continue;
       }
@@ -80,7 +81,7 @@ class SingleSearch {
   __device__ int first_of(unsigned tied, unsigned gap, int level) const {
     if (__popc(tied) == 1 || (gap == 0 && last_bits() > 0)) return __ffs(static_cast<int>(tied)) - 1;
     const bool mine = (tied >> lane_number() & 1u) != 0;
-    Index least = mine ? tree_.group(level, walk_.groups[level]).least_original[lane_number()] : point::kNoNeighbor;
+    Index least = mine ? walk_.least_original[level][lane_number()] : point::kNoNeighbor;
     const Index own = least;
     for (int step = kWarp / 2; step > 0; step /= 2) least = min(least, __shfl_xor_sync(kAllLanes, least, step));
     return __ffs(static_cast<int>(__ballot_sync(kAllLanes, mine && own == least))) - 1;
@@ -92,6 +93,7 @@ class SingleSearch {
     const float gap = squared_gap(box, {position_, position_});
     const bool exists = gap < __int_as_float(0x7f800000);
     walk_.gaps[level][lane_number()] = exists ? __float_as_uint(gap) : kVisited;
+    walk_.least_original[level][lane_number()] = boxes.least_original[lane_number()];
     walk_.groups[level] = group;
     __syncwarp();
     // From inside the cloud boxes rarely lie at one distance other than zero; from far away many do.
