@@ -30,8 +30,9 @@ constexpr double kTrustedNoise = 0.02, kTrustedShape = 0.16;
 constexpr double kShapeDamage = 3;
 constexpr int kNormalAngle = 15, kFacingAngle = 40;  // degrees
 constexpr int kPasses = 2;
-constexpr double kFarthestMove = 4, kFarthestOfLittleNoise = 2.5, kOutlierDistance = 6;  // sigmas
-constexpr double kLittleNoise = 0.2, kMuchNoise = 0.5;                                   // spacings
+constexpr double kFarthestMove = 4, kFarthestOfLittleNoise = 1.5, kOutlierDistance = 6;  // sigmas
+// Spacings. The farthest move grows between the first and the last; from the second on shape matters less and less.
+constexpr double kLittleNoise = 0.03, kSmoothingNoise = 0.1, kMuchNoise = 0.5;
 constexpr double kOutlierSpacings = 0.5;  // and at least so many spacings, twice if residuals are shape
 
 // What `auto` means for one method; the constants above are the bilateral one's.
@@ -85,15 +86,22 @@ int automatic_widening(const Noise& noise, double spacing) {
   return std::clamp(int(kBothSheets * count), kWidening, kMaxWidening);
 }
 
+// 0 at `from` and below, 1 at `to` and above.
+double share_between(double from, double to, double value) {
+  return std::clamp((value - from) / (to - from), 0.0, 1.0);
+}
+
 // Percent. Next to nothing where the noise estimate is small against the spacing, so that clean clouds stay clean. What
 // a run does to the shape itself has about 3 times the variance that shape has in the estimate's neighbourhoods; the
-// share of the displacement that leaves least of both, Wiener's, is that of the noise. All passes together make that
-// share.
+// share of the displacement that leaves least of both, Wiener's, is that of the noise. Where balls are wide for the
+// noise's sake and not for the 16 points', they damage less than that: the share has a least value that grows with the
+// noise, up to all. All passes together make that share.
 int automatic_step(int whole, int passes, const Noise& noise, double spacing) {
   if (!(noise.sigma > 0)) return 1;
   const double trusted = kTrustedNoise + noise.likeness_to_shape * (kTrustedShape - kTrustedNoise);
   const double ratio = trusted * spacing / noise.sigma;
-  const double of_noise = 1 / (1 + kShapeDamage * noise.shape_to_noise);
+  const double smallness = 1 - share_between(kSmoothingNoise, kMuchNoise, noise.sigma / spacing);
+  const double of_noise = std::max(1 / (1 + kShapeDamage * noise.shape_to_noise), 1 - std::pow(smallness, 4));
   const double share = 1 - std::pow(1 - of_noise, 1.0 / passes);
   return std::max(1, int(std::lround(whole * share / (1 + ratio * ratio * ratio * ratio))));
 }
@@ -101,8 +109,7 @@ int automatic_step(int whole, int passes, const Noise& noise, double spacing) {
 // Sigmas. Where noise is little against the spacing, what moves by more is edges, which balls reach across.
 double farthest_move(const Noise& noise, double spacing) {
   const double level = spacing > 0 ? noise.sigma / spacing : kMuchNoise;
-  const double share = std::clamp((level - kLittleNoise) / (kMuchNoise - kLittleNoise), 0.0, 1.0);
-  return kFarthestOfLittleNoise + share * (kFarthestMove - kFarthestOfLittleNoise);
+  return std::lerp(kFarthestOfLittleNoise, kFarthestMove, share_between(kLittleNoise, kMuchNoise, level));
 }
 
 }  // namespace

@@ -23,7 +23,7 @@ constexpr double kSheetVariance = 0.12;  // of all variance, left within two gro
 // Rows are asked for in two lengths: a row of the nearest begins with every shorter one, so each serves several rounds
 // of growth. The first is a round's size (30 times 1.4^4).
 constexpr int kFitRows[] = {115, kLargestFit};
-constexpr double kDoubtfulNoise = 0.3;  // spacings; below it residuals may be shape
+constexpr double kDoubtfulNoise = 0.5;  // spacings; below it residuals may be shape
 // How residuals grow from one neighbourhood to one of twice the points where they are noise, where they are shape.
 constexpr double kNoiseGrowth = 1.35, kShapeGrowth = 1.5;
 // The same of the medians: of noise alone (fewer points scatter more), and of the variances of shape.

@@ -240,7 +240,8 @@ inline std::vector<Faired> fair(Points points, const Settings& s) {
     if (result[i].is_outlier) {
       result[i].position = from;
     } else if (s.hold_back && moved > s.farthest) {
-      result[i].position = from + s.farthest / moved * step;
+      const double share = s.farthest / moved;
+      result[i].position = from + share * share * step;
     }
   }
   return result;

@@ -35,12 +35,34 @@ double mean_distance(const Points& points) {
   return sum / double(points.size());
 }
 
-double left_by_a_run(const Points& points) {
+struct Outcome {
+  Points points;
+  Params used;
+};
+
+Outcome run(const Points& points) {
   Pipeline pipeline(Device::cpu);
   pipeline.load(points);
   Points out(points.size());
   pipeline.run({}, out);
-  return mean_distance(out);
+  return {out, pipeline.report().params};
+}
+
+double left_by_a_run(const Points& points) { return mean_distance(run(points).points); }
+
+// A roof of right angle, its crest along x = 0.5.
+double roof(double x) { return -std::abs(x - 0.5); }
+
+// Root mean square of the distances to the roof, of the points that lay within three spacings of its crest.
+double rms_at_the_crest(const Points& points, const Points& start) {
+  double sum = 0, count = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (!(std::abs(start[i].x - 0.5) < 0.021)) continue;
+    const double over = (points[i].z - roof(points[i].x)) / std::sqrt(2.0);
+    sum += over * over;
+    count += 1;
+  }
+  return std::sqrt(sum / count);
 }
 
 TEST(LowNoise, is_not_raised_by_a_run) {
@@ -48,6 +70,29 @@ TEST(LowNoise, is_not_raised_by_a_run) {
     const Points noisy = shapes::with_noise(hills(), sigma);
     EXPECT_LT(left_by_a_run(noisy), mean_distance(noisy)) << sigma;
   }
+}
+
+TEST(LowNoise, is_not_raised_at_a_crest) {
+  Points clean = shapes::plane(kPoints);
+  for (Point& p : clean) p.z = float(roof(p.x));
+  for (const double sigma : {0.0002, 0.0005, 0.001, 0.002}) {  // 0.03 to 0.28 spacings
+    const Points noisy = shapes::with_noise(clean, sigma);
+    EXPECT_LT(rms_at_the_crest(run(noisy).points, noisy), rms_at_the_crest(noisy, noisy)) << sigma;
+  }
+}
+
+TEST(LowNoise, grows_into_much_noise_without_a_jump_of_the_step) {
+  Points steep = hills();
+  for (Point& p : steep) p.z *= 10;
+  int last = 0;
+  for (double level = 0.2; level < 0.6; level += 0.02) {  // spacings
+    const int step = run(shapes::with_noise(steep, 0.007 * level)).used.step;
+    if (last > 0) {
+      EXPECT_LE(std::abs(step - last), 12) << level;
+    }
+    last = step;
+  }
+  EXPECT_GE(last, 97);
 }
 
 TEST(LowNoise, without_noise_there_is_hardly_a_step) { EXPECT_LT(left_by_a_run(hills()), 0.00003); }

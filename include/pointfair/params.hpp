@@ -146,9 +146,10 @@ inline constexpr std::array kParams = {
               "move farther; auto: 6 times the noise, at least half a spacing"},
     ParamInfo{"passes", Stage::passes, &Params::passes, 1, 100, true, "",
               "how often the whole is repeated, neighbours searched again"},
-    ParamInfo{"displacement_limit", Stage::passes, &Params::displacement_limit, 0, 1e30, true, "",
-              "with outliers kept or marked no point moves farther, all passes together; auto: 4 times the noise, 2.5 "
-              "times where it is far below the spacing"},
+    ParamInfo{
+        "displacement_limit", Stage::passes, &Params::displacement_limit, 0, 1e30, true, "",
+        "with outliers kept or marked no point moves farther, all passes together, and what would moves the less; "
+        "auto: 4 times the noise, down to 1.5 times where it is far below the spacing"},
 };
 
 /// The row called `name` ('-' and '_' alike), or null.

@@ -42,14 +42,16 @@ struct Settled {
   bool is_outlier;
 };
 
-// A point moves no farther than `limit`; one that would move farther than `outlier_distance`, or whose neighbours did
-// not agree with it (`after` is NaN then), is an outlier and stays at `before`. 0 < limit <= outlier_distance.
+// A point moves no farther than `limit`, and what would move by more by the less the more it would be, limit^2 over
+// that way: so far goes no noise, but edges that balls reach across. One that would move farther than
+// `outlier_distance`, or whose neighbours did not agree with it (`after` is NaN then), is an outlier and stays at
+// `before`. 0 < limit <= outlier_distance.
 POINTFAIR_INLINE Settled settled(Vec3<float> before, Vec3<float> after, float limit, float outlier_distance) {
   const Vec3<float> step = after - before;
   const float squared = squared_length(step);
   if (!(squared <= outlier_distance * outlier_distance)) return {before, true};
   if (squared <= limit * limit) return {after, false};
-  return {before + (limit / square_root(squared)) * step, false};
+  return {before + (limit * limit / squared) * step, false};
 }
 
 }  // namespace pointfair::point
