@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "backend.hpp"
+#include "forwarding_backend.h"
 #include "pipeline_access.hpp"
 #include "pointfair/pipeline.hpp"
 #include "shapes.h"
@@ -22,43 +23,30 @@ using shapes::Points;
 using Calls = std::vector<std::string>;
 
 // A CPU backend that notes each stage, fails one on request, and tells of each sample of neighbourhoods.
-class RecordingBackend : public Backend {
+class RecordingBackend : public ForwardingBackend {
  public:
   RecordingBackend(Calls& calls, std::string& failing, std::function<void()>& sampled)
-      : calls_(calls), failing_(failing), sampled_(sampled), inner_(make_cpu_backend(1)) {}
-  DeviceInfo device() const override { return inner_->device(); }
-  void upload(std::span<const Point> points) override { inner_->upload(points); }
-  void begin_pass(int pass) override { inner_->begin_pass(pass); }
-  void order_along(std::optional<CurveCube> cube) override { inner_->order_along(cube); }
+      : ForwardingBackend(make_cpu_backend(1)), calls_(calls), failing_(failing), sampled_(sampled) {}
   void build_index(std::stop_token stop) override {
     note("index");
-    inner_->build_index(stop);
+    ForwardingBackend::build_index(stop);
   }
   void find_neighbors(const NeighborSettings& settings, std::stop_token stop) override {
     note("neighbors");
-    inner_->find_neighbors(settings, stop);
+    ForwardingBackend::find_neighbors(settings, stop);
   }
   void estimate_normals(const NormalSettings& settings, std::stop_token stop) override {
     note("normals");
-    inner_->estimate_normals(settings, stop);
+    ForwardingBackend::estimate_normals(settings, stop);
   }
   void fair(const FairingSettings& settings, std::stop_token stop) override {
     note("fairing");
-    inner_->fair(settings, stop);
+    ForwardingBackend::fair(settings, stop);
   }
-  std::uint64_t download(std::span<Point> points, const DisplacementLimits& limits,
-                         std::span<std::uint8_t> outliers) override {
-    return inner_->download(points, limits, outliers);
-  }
-  void download_normals(std::span<Point> normals) override { inner_->download_normals(normals); }
-  Bounds bounds() const override { return inner_->bounds(); }
   void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override {
-    inner_->sample_neighborhoods(queries, k, out);
+    ForwardingBackend::sample_neighborhoods(queries, k, out);
     if (sampled_) sampled_();
   }
-  Counts counts() const override { return inner_->counts(); }
-  std::uint64_t peak_host_bytes() const override { return inner_->peak_host_bytes(); }
-  std::uint64_t peak_device_bytes() const override { return inner_->peak_device_bytes(); }
 
  private:
   void note(const std::string& stage) {
@@ -68,7 +56,6 @@ class RecordingBackend : public Backend {
   Calls& calls_;
   std::string& failing_;
   std::function<void()>& sampled_;
-  std::unique_ptr<Backend> inner_;
 };
 
 // A pipeline over a recording backend, with a small cloud loaded.

@@ -7,6 +7,7 @@
 #include <cstring>
 
 #include "backend.hpp"
+#include "forwarding_backend.h"
 #include "pipeline_access.hpp"
 #include "pointfair/pipeline.hpp"
 #include "shapes.h"
@@ -267,49 +268,26 @@ TEST(CutCloud, stops_when_asked_and_then_runs_again) {
 }
 
 // A CPU backend with room for so many points.
-class SmallBackend : public Backend {
+class SmallBackend : public ForwardingBackend {
  public:
-  explicit SmallBackend(std::size_t room) : room_(room) {}
-  DeviceInfo device() const override { return inner_->device(); }
+  explicit SmallBackend(std::size_t room) : ForwardingBackend(make_cpu_backend(0)), room_(room) {}
   void upload(std::span<const Point> points) override {
     require(points.size() / 2);  // they fit, but not what is made of them
     count_ = points.size();
-    inner_->upload(points);
+    ForwardingBackend::upload(points);
     input_.assign(points.begin(), points.end());
   }
-  void begin_pass(int pass) override { inner_->begin_pass(pass); }
-  void order_along(std::optional<CurveCube> cube) override { inner_->order_along(cube); }
-  void set_originals(std::span<const std::uint32_t> originals) override { inner_->set_originals(originals); }
-  void build_index(std::stop_token stop) override { inner_->build_index(stop); }
   void find_neighbors(const NeighborSettings& settings, std::stop_token stop) override {
     require(count_);
-    inner_->find_neighbors(settings, stop);
+    ForwardingBackend::find_neighbors(settings, stop);
   }
-  void estimate_normals(const NormalSettings& settings, std::stop_token stop) override {
-    inner_->estimate_normals(settings, stop);
-  }
-  void fair(const FairingSettings& settings, std::stop_token stop) override { inner_->fair(settings, stop); }
-  std::uint64_t download(std::span<Point> points, const DisplacementLimits& limits,
-                         std::span<std::uint8_t> outliers) override {
-    return inner_->download(points, limits, outliers);
-  }
-  void download_normals(std::span<Point> normals) override { inner_->download_normals(normals); }
   void download_input(std::span<Point> points) override { std::copy(input_.begin(), input_.end(), points.begin()); }
-  void outcomes(const point::Region& loaded, std::span<unsigned char> out) override { inner_->outcomes(loaded, out); }
-  Bounds bounds() const override { return inner_->bounds(); }
-  void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override {
-    inner_->sample_neighborhoods(queries, k, out);
-  }
-  Counts counts() const override { return inner_->counts(); }
-  std::uint64_t peak_host_bytes() const override { return inner_->peak_host_bytes(); }
-  std::uint64_t peak_device_bytes() const override { return inner_->peak_device_bytes(); }
 
  private:
   void require(std::size_t points) const {
     if (points > room_) throw Error(ErrorKind::memory, "no room");
   }
   std::size_t room_, count_ = 0;
-  std::unique_ptr<Backend> inner_ = make_cpu_backend(0);
   Points input_;
 };
 

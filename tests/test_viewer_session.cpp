@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "backend.hpp"
+#include "forwarding_backend.h"
 #include "pipeline_access.hpp"
 #include "shapes.h"
 #include "viewer_page.h"
@@ -269,36 +270,16 @@ TEST(ViewerSession, ASlowRunIsPreviewedByPointsThatGoWhereTheWholeRunSendsThem) 
 }
 
 // Fails the fairing stage while told to.
-class FailingBackend : public Backend {
+class FailingBackend : public ForwardingBackend {
  public:
-  explicit FailingBackend(const std::atomic<bool>& fails) : fails_(fails), inner_(make_cpu_backend(1)) {}
-  DeviceInfo device() const override { return inner_->device(); }
-  void upload(std::span<const Point> points) override { inner_->upload(points); }
-  void begin_pass(int pass) override { inner_->begin_pass(pass); }
-  void order_along(std::optional<CurveCube> cube) override { inner_->order_along(cube); }
-  void build_index(std::stop_token stop) override { inner_->build_index(stop); }
-  void find_neighbors(const NeighborSettings& s, std::stop_token stop) override { inner_->find_neighbors(s, stop); }
-  void estimate_normals(const NormalSettings& s, std::stop_token stop) override { inner_->estimate_normals(s, stop); }
+  explicit FailingBackend(const std::atomic<bool>& fails) : ForwardingBackend(make_cpu_backend(1)), fails_(fails) {}
   void fair(const FairingSettings& settings, std::stop_token stop) override {
     if (fails_) throw Error(ErrorKind::memory, "no memory for fairing");
-    inner_->fair(settings, stop);
+    ForwardingBackend::fair(settings, stop);
   }
-  std::uint64_t download(std::span<Point> points, const DisplacementLimits& limits,
-                         std::span<std::uint8_t> outliers) override {
-    return inner_->download(points, limits, outliers);
-  }
-  void download_normals(std::span<Point> normals) override { inner_->download_normals(normals); }
-  Bounds bounds() const override { return inner_->bounds(); }
-  void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override {
-    inner_->sample_neighborhoods(queries, k, out);
-  }
-  Counts counts() const override { return inner_->counts(); }
-  std::uint64_t peak_host_bytes() const override { return inner_->peak_host_bytes(); }
-  std::uint64_t peak_device_bytes() const override { return inner_->peak_device_bytes(); }
 
  private:
   const std::atomic<bool>& fails_;
-  std::unique_ptr<Backend> inner_;
 };
 
 TEST(ViewerSession, AFailingStageIsSaidAndTheNextRunIsSound) {
