@@ -27,12 +27,12 @@ constexpr double kClosenessWidth = 0.6;               // of a ball's radius
 constexpr double kSimilarityWidth = 3;                // sigmas
 // Spacings; noise below it is hard to tell from shape: where residuals look like noise, and where they look like shape.
 constexpr double kTrustedNoise = 0.02, kTrustedShape = 0.16;
-constexpr double kShapeDamage = 3;
-constexpr int kNormalAngle = 15, kFacingAngle = 40;  // degrees
+constexpr double kShapeDamage = 3, kUnseenShape = 0.01;  // of the noise's variance; less shape looks like none
+constexpr int kNormalAngle = 15, kFacingAngle = 40;      // degrees
 constexpr int kPasses = 2;
 constexpr double kFarthestMove = 4, kFarthestOfLittleNoise = 1.5, kOutlierDistance = 6;  // sigmas
-// Spacings. The farthest move grows between the first and the last; from the second on shape matters less and less.
-constexpr double kLittleNoise = 0.03, kSmoothingNoise = 0.1, kMuchNoise = 0.5;
+constexpr double kLittleNoise = 0.03, kMuchNoise = 0.5;         // spacings; between them the farthest move grows
+constexpr double kSmoothingNoise = 0.1, kShapelessNoise = 0.6;  // spacings; between them shape matters less and less
 constexpr double kOutlierSpacings = 0.5;  // and at least so many spacings, twice if residuals are shape
 
 // What `auto` means for one method; the constants above are the bilateral one's.
@@ -100,8 +100,9 @@ int automatic_step(int whole, int passes, const Noise& noise, double spacing) {
   if (!(noise.sigma > 0)) return 1;
   const double trusted = kTrustedNoise + noise.likeness_to_shape * (kTrustedShape - kTrustedNoise);
   const double ratio = trusted * spacing / noise.sigma;
-  const double smallness = 1 - share_between(kSmoothingNoise, kMuchNoise, noise.sigma / spacing);
-  const double of_noise = std::max(1 / (1 + kShapeDamage * noise.shape_to_noise), 1 - std::pow(smallness, 4));
+  const double smallness = 1 - share_between(kSmoothingNoise, kShapelessNoise, noise.sigma / spacing);
+  const double of_noise =
+      std::max(1 / (1 + kShapeDamage * (kUnseenShape + noise.shape_to_noise)), 1 - std::pow(smallness, 4));
   const double share = 1 - std::pow(1 - of_noise, 1.0 / passes);
   return std::max(1, int(std::lround(whole * share / (1 + ratio * ratio * ratio * ratio))));
 }

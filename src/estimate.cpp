@@ -17,13 +17,15 @@ constexpr std::size_t kSpacingSamples = 2000, kNoiseSamples = 500;
 constexpr int kSpacingNeighbors = 6;
 constexpr int kFirstFit = 30, kLargestFit = 600;
 constexpr double kFitGrowth = 1.4;
+// Of the radius from a quarter of the points to all of them: 2 on a plane, 4 on a line.
+constexpr double kSurfaceGrowth = 2.6;
 constexpr int kGroupingRounds = 5;
 constexpr double kSheetShare = 0.1;      // of the samples; fewer that see two sheets are corners and outliers
 constexpr double kSheetVariance = 0.12;  // of all variance, left within two groups of heights that are two sheets
 // Rows are asked for in two lengths: a row of the nearest begins with every shorter one, so each serves several rounds
 // of growth. The first is a round's size (30 times 1.4^4).
 constexpr int kFitRows[] = {115, kLargestFit};
-constexpr double kDoubtfulNoise = 0.5;  // spacings; below it residuals may be shape
+constexpr double kDoubtfulNoise = 0.6;  // spacings; below it residuals may be shape
 // How residuals grow from one neighbourhood to one of twice the points where they are noise, where they are shape.
 constexpr double kNoiseGrowth = 1.35, kShapeGrowth = 1.5;
 // The same of the medians: of noise alone (fewer points scatter more), and of the variances of shape.
@@ -265,26 +267,39 @@ Sheet own_sheet(std::span<const Vec> offsets, const Frame& frame) {
   return own;
 }
 
-// The noise seen from the nearest `offsets` of a query, of `asked` that there should be. The neighbourhood grows until
-// it is wide against the noise; nothing if all of them are not enough, but more could be.
-std::optional<Noise> local_noise(std::span<const Vec> offsets, std::size_t asked) {
+// False of points along a line, as those of one turn of a scanner are, and of identical points: what they leave of a
+// cubic is no noise. Rows of nearest points, n >= 4.
+bool are_on_a_surface(std::span<const Vec> offsets, std::size_t n) {
+  return length(offsets[n - 1]) < kSurfaceGrowth * length(offsets[n / 4 - 1]);
+}
+
+// What the nearest `offsets` of a query show, of `asked` that there should be.
+struct Sight {
+  bool is_short = false;       // all of them are not enough, but more could be
+  std::optional<Noise> noise;  // none where there is no surface
+};
+
+// The neighbourhood grows until it is wide against the noise.
+Sight local_noise(std::span<const Vec> offsets, std::size_t asked) {
   Moments moments;
   std::size_t added = 0;
   for (double wanted = kFirstFit;; wanted *= kFitGrowth) {
     const std::size_t k = std::min(std::min(std::size_t(wanted), std::size_t(kLargestFit)), offsets.size());
     for (; added < k; ++added) moments.add(offsets[added]);
     const double radius = length(offsets[k - 1]);
-    if (!(radius > 0)) return Noise{};
     Frame frame = moments.frame(double(k));
     const Sheet own = own_sheet(offsets.first(k), frame);
     const double n = double(own.offsets.size());
     const bool has_enough = own.offsets.size() >= kFirstFit / 2;
     if (own.gap > 0 && has_enough) frame = frame_of(own.offsets);
-    const bool wide = has_enough && radius >= 3.7 * std::sqrt(frame.least_eigenvalue * n / (n - 3));
-    if (wide || k == kLargestFit || offsets.size() < std::min(asked, std::size_t(wanted)))
-      return Noise{std::sqrt(without_slab_bias(CubicFit(own.offsets, frame, radius).variance(), radius)),
-                   radius * std::sqrt(std::numbers::pi / n), 0, 0, own.gap};
-    if (k == asked) return std::nullopt;
+    const bool is_surface = are_on_a_surface(offsets, k);
+    const bool wide = has_enough && is_surface && radius >= 3.7 * std::sqrt(frame.least_eigenvalue * n / (n - 3));
+    if (wide || k == kLargestFit || offsets.size() < std::min(asked, std::size_t(wanted))) {
+      if (!is_surface) return {};
+      return {false, Noise{std::sqrt(without_slab_bias(CubicFit(own.offsets, frame, radius).variance(), radius)),
+                           radius * std::sqrt(std::numbers::pi / n), 0, 0, own.gap}};
+    }
+    if (k == asked) return {true, {}};
   }
 }
 
@@ -354,10 +369,10 @@ Spacing measure_spacing(Backend& backend, std::uint64_t points, const std::stop_
 
 namespace {
 
-// The noise seen from the first n of the offsets; -1 if the query's sheet has too few of them.
+// The noise seen from the first n of the offsets; -1 if the query's sheet has too few of them or they are no surface.
 double noise_of_first(std::span<const Vec> offsets, std::size_t n) {
+  if (!are_on_a_surface(offsets, n)) return -1;
   const double radius = length(offsets[n - 1]);
-  if (!(radius > 0)) return 0;
   Frame frame = frame_of(offsets.first(n));
   const Sheet own = own_sheet(offsets.first(n), frame);
   if (own.offsets.size() < kFirstFit / 2) return -1;
@@ -421,24 +436,19 @@ Noise measure_noise(Backend& backend, std::uint64_t points, const std::stop_toke
     const std::size_t row = std::size_t(k) + 1;
     auto rows = std::make_unique_for_overwrite<Point[]>(queries.size() * row);  // megabytes, all written below
     backend.sample_neighborhoods(queries, k, {rows.get(), queries.size() * row});
-    std::vector<std::optional<Noise>> found(queries.size());
-    std::vector<std::uint8_t> has_few(queries.size());
+    std::vector<Sight> found(queries.size());
     backend.for_each_on_host(queries.size(), [&](std::size_t q) {
       throw_if_stopped(stop);
       const auto offsets = offsets_of({rows.get() + q * row, row});
-      has_few[q] = offsets.size() < kFirstFit / 2;
-      if (!has_few[q]) found[q] = local_noise(offsets, std::size_t(k));
+      if (offsets.size() >= kFirstFit / 2) found[q] = local_noise(offsets, std::size_t(k));
     });
     std::vector<std::uint32_t> again;
     for (std::size_t q = 0; q < queries.size(); ++q) {
-      if (has_few[q]) continue;
-      if (!found[q]) {
-        again.push_back(queries[q]);
-        continue;
-      }
-      sigmas.push_back(found[q]->sigma);
-      spacings.push_back(found[q]->surface_spacing);
-      if (found[q]->gap > 0) gaps.push_back(found[q]->gap);
+      if (found[q].is_short) again.push_back(queries[q]);
+      if (!found[q].noise) continue;
+      sigmas.push_back(found[q].noise->sigma);
+      spacings.push_back(found[q].noise->surface_spacing);
+      if (found[q].noise->gap > 0) gaps.push_back(found[q].noise->gap);
     }
     if (first_rows == nullptr) first_rows = std::move(rows);
     queries = std::move(again);

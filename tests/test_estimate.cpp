@@ -39,7 +39,8 @@ std::optional<Fit> fit(const Eigen::MatrixXd& offsets, Eigen::Index k, bool may_
   const Eigen::MatrixXd centred = offsets.topRows(k).rowwise() - centroid;
   const Eigen::Matrix3d covariance = centred.transpose() * centred / n;
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(covariance);  // by rising eigenvalue
-  if (may_grow && radius < 3.7 * std::sqrt(solver.eigenvalues()[0] * n / (n - 3))) return std::nullopt;
+  const bool is_line = radius >= 2.6 * offsets.row(k / 4 - 1).norm();
+  if (may_grow && (is_line || radius < 3.7 * std::sqrt(solver.eigenvalues()[0] * n / (n - 3)))) return std::nullopt;
   const Eigen::VectorXd h = centred * solver.eigenvectors().col(0);
   const Eigen::ArrayXd u = centred * solver.eigenvectors().col(2) / radius,
                        v = centred * solver.eigenvectors().col(1) / radius;
@@ -106,6 +107,28 @@ TEST(Noise, on_a_sphere_is_near_the_truth_from_a_tenth_of_the_spacing_to_the_spa
 }
 
 // The sheets of a thin part are no noise: 10,000 points each over the unit square, spacing 0.01.
+// Lines across which points are 25 times as far apart as along, each in a plane of its own, as a scanner's turns are;
+// noise is along the ray only.
+TEST(Noise, on_scan_lines_is_that_along_the_rays) {
+  constexpr double kSigma = 0.002;
+  shapes::Random random(5);
+  Points points;
+  for (int line = 0; line < 40; ++line)
+    for (int i = 0; i < 1000; ++i) {
+      const double x = 0.001 * (i + random.uniform()), y = 0.025 * line;
+      points.push_back(
+          {float(x), float(y), float(0.05 * std::sin(4 * x) * std::cos(3 * y) + kSigma * random.normal())});
+    }
+  EXPECT_NEAR(measured_noise(points).sigma, kSigma, 0.15 * kSigma);
+}
+
+TEST(Noise, is_not_seen_among_copies_of_a_point) {
+  Points points = shapes::with_noise(shapes::plane(5000), 0.01);
+  const double alone = measured_noise(points).sigma;
+  points.insert(points.end(), 2000, points.front());
+  EXPECT_NEAR(measured_noise(points).sigma, alone, 0.05 * alone);
+}
+
 TEST(Noise, of_two_sheets_is_that_of_each) {
   for (const double gap : {0.011, 0.015, 0.022})
     for (const double sigma : {0.001, 0.0018}) {
