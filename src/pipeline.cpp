@@ -162,16 +162,45 @@ struct Pipeline::State {
     estimates.reset();
     points = given.size();
     sample = curve_sample(given);
-    if (std::exchange(wanted_pieces, 1) > 1) backend = make_worker();
-    order_for(for_balls);
     upload_times_itself = false;
-    for (bool uploaded = false; !uploaded;) try {
-        upload();
-        uploaded = true;
-      } catch (const Error& error) {
-        if (!may_cut(error)) throw;
-        make_cut();
+    holding_nothing_if_it_fails([&] {
+      if (std::exchange(wanted_pieces, 1) > 1) backend = make_worker();
+      require_backend();
+      order_for(for_balls);
+      for (bool uploaded = false; !uploaded;) try {
+          upload();
+          uploaded = true;
+        } catch (const Error& error) {
+          if (!may_cut(error)) throw;
+          make_cut();
+        }
+    });
+  }
+
+  // A load that fails leaves no cloud, so that nothing runs on half of one.
+  template <class Work>
+  void holding_nothing_if_it_fails(const Work& work) {
+    try {
+      work();
+    } catch (...) {
+      points = 0;
+      shell = {};
+      sample.clear();
+      next = Stage::index;
+      further_passes = 0;
+      try {
+        if (backend) backend->upload({});
+      } catch (...) {
+        backend.reset();  // a lost card
       }
+      throw;
+    }
+  }
+  void require_backend() {
+    if (backend) return;
+    if (!make_worker) throw Error(ErrorKind::device, "the device was lost; make another Pipeline");
+    backend = make_worker();
+    backend->upload({});
   }
 
   void load_and_run(std::span<const Point> given, const Params& params, std::span<Point> out,
@@ -207,6 +236,7 @@ struct Pipeline::State {
   // Does `work`; where the device's memory does not suffice, once more with the cloud in pieces.
   template <class Work>
   void within_memory(const Work& work) {
+    require_backend();
     for (bool done = false; !done;) try {
         work();
         done = true;
@@ -214,8 +244,10 @@ struct Pipeline::State {
         if (!may_cut(error)) throw;
         std::vector<Point> input(points);
         backend->download_input(input);
-        make_cut();
-        backend->upload(input);
+        holding_nothing_if_it_fails([&] {
+          make_cut();
+          backend->upload(input);
+        });
         next = Stage::index;
         further_passes = 0;
         calls.clear();
@@ -493,6 +525,7 @@ const Report& Pipeline::report() const { return state_->report; }
 
 HostBuffer Pipeline::host_buffer(std::size_t count) const {
   try {
+    state_->require_backend();
     return state_->backend->host_buffer(count);
   } catch (const std::bad_alloc&) {
     throw Error(ErrorKind::memory, "no host memory for " + std::to_string(count) + " points");

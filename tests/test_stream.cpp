@@ -159,7 +159,7 @@ TEST(CutCloud, has_the_bits_of_the_whole_with_every_method) {
 }
 
 TEST(CutCloud, has_the_bits_of_the_whole_over_balls) {
-  const Points points = cloud(60000);
+  const Points points = cloud(30000);
   Settings settings;
   settings.neighbors = {0, 0.04f, false, 0};
   settings.passes = 2;
@@ -171,9 +171,16 @@ TEST(CutCloud, has_the_bits_of_the_whole_over_balls) {
   settings.neighbors = {0, 0.02f, false, 0, 16};
   expect_the_same_cut(points, settings, "balls that follow the density");
   expect_the_same_cut(shapes::with_invalid(shapes::uneven(20000, 50), 11), settings, "uneven, invalid points");
+}
+
+TEST(CutCloud, has_the_bits_of_the_whole_over_thinned_balls) {
+  Settings settings;
   settings.neighbors = {0, 0.2f, false, 0, 8};
-  settings.passes = 1;
-  expect_the_same_cut(points, settings, "thinned balls", {{5, ~0ull, 0.3}});
+  settings.normals = {true, 1.4f, true, 1, 20};
+  settings.fairing.closeness_sigma = 0.6f;
+  settings.fairing.closeness_of_radius = settings.fairing.two_planes = true;
+  settings.fairing.facing_angle = 40;
+  expect_the_same_cut(cloud(60000), settings, "thinned balls", {{5, ~0ull, 0.3}});
 }
 
 TEST(CutCloud, has_the_bits_of_the_whole_on_hard_clouds) {
@@ -345,6 +352,45 @@ TEST(CutCloud, that_never_fits_is_an_error) {
     FAIL() << "fitted";
   } catch (const Error& error) {
     EXPECT_EQ(error.kind(), ErrorKind::memory);
+  }
+}
+
+// No more workers are to be had: the cloud is lost, and said to be; the next load is as any.
+TEST(CutCloud, without_workers_is_an_error_and_the_next_cloud_is_sound) {
+  bool lost = true;
+  const auto small = [&lost] {
+    if (lost) throw Error(ErrorKind::device, "the card is lost");
+    return std::make_unique<SmallBackend>(60000);
+  };
+  const Points points = cloud(100000), few = cloud(5000);
+  const auto error_of = [](const auto& work) {
+    try {
+      work();
+    } catch (const Error& error) {
+      return error.kind();
+    }
+    return ErrorKind::interrupted;  // none
+  };
+  Pipeline pipeline =
+      PipelineAccess::make(std::make_unique<SmallBackend>(60000), {Device::cpu, "small", "test"}, small);
+  pipeline.load(points);
+  Points out(points.size());
+  EXPECT_EQ(error_of([&] { pipeline.run({}, out); }), ErrorKind::device) << "it is to be cut";
+  EXPECT_EQ(error_of([&] { pipeline.run({}, out); }), ErrorKind::device) << "there is still no device";
+  EXPECT_EQ(error_of([&] { pipeline.load(few); }), ErrorKind::device);
+  lost = false;
+  EXPECT_EQ(error_of([&] { pipeline.run({}, out); }), ErrorKind::usage) << "no cloud is loaded";
+  EXPECT_EQ(pipeline.run().points.size(), 0u);
+  out.resize(few.size());
+  for (const Points& next : {few, points}) {
+    Pipeline fresh(Device::cpu);
+    Points expected(next.size());
+    fresh.load(next);
+    fresh.run({}, expected);
+    pipeline.load(next);
+    out.resize(next.size());
+    pipeline.run({}, out);
+    EXPECT_EQ(differences(out, expected), 0u);
   }
 }
 

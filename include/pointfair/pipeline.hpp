@@ -126,7 +126,8 @@ class Pipeline {
   HostBuffer host_buffer(std::size_t count) const;
 
   /// Takes a copy of the points onto the device; the next run starts from the first stage. O(N). A cloud that a card
-  /// cannot hold stays in host memory and is computed in pieces, with the same result.
+  /// cannot hold stays in host memory and is computed in pieces, with the same result. Throws ErrorKind::memory,
+  /// ErrorKind::device; the pipeline then holds no cloud, as before its first load.
   void load(const Cloud& cloud);
   void load(std::span<const Point> points);
 
