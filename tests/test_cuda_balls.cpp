@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+// Sums over balls on a card, and the default run, which is made of them.
+#include "cuda_backend_test.h"
+#include "pointfair/pipeline.hpp"
+
+namespace pointfair {
+namespace {
+
+StageSettings with_balls(float radius, int widening = 0) {
+  StageSettings settings = with_filter_and_both_planes(with_neighbors(0, radius));
+  settings.neighbors.widening = widening;
+  if (widening == 0) return settings;
+  settings.normals.sigma = 1.4f;
+  settings.normals.of_radius = true;
+  settings.fairing.closeness_sigma = 0.6f;
+  settings.fairing.closeness_of_radius = true;
+  return settings;
+}
+
+// Sums over balls run along one curve.
+class CudaBalls : public CudaBackendTest {
+ protected:
+  void SetUp() override {
+    CudaBackendTest::SetUp();
+    if (IsSkipped()) return;
+    cuda_->order_along(kCube);
+    cpu_->order_along(kCube);
+    cube_ = true;
+  }
+  static constexpr CurveCube kCube{{-1.2f, -1.1f, -1.0f}, 2.1f};  // a part of the unit sphere lies outside
+};
+
+TEST_F(CudaBalls, equal_the_cpu) {
+  const std::vector<Point> points = noisy_sphere(50000, 10, 0.002);
+  expect_same(points, with_neighbors(0, 0.03f), "one radius");
+  expect_same(points, with_balls(0.03f), "one radius, filtered, both planes");
+  StageSettings settings = with_balls(0.03f);
+  settings.fairing.area_weight = AreaWeight::squared;
+  expect_same(points, settings, "area weight");
+}
+
+TEST_F(CudaBalls, that_follow_the_density_equal_the_cpu) {
+  for (const int widening : {4, 16, 40}) {
+    StageSettings settings = with_balls(0.02f, widening);
+    expect_same(noisy_sphere(50000, 10, 0.002), settings, "sphere");
+    expect_same(uneven_sphere(50000, 7), settings, "uneven");
+    settings.passes = 3;
+    expect_same(noisy_sphere(50000, 12, 0.002), settings, "three passes");
+  }
+}
+
+TEST_F(CudaBalls, that_are_thinned_equal_the_cpu) {
+  expect_same(noisy_sphere(50000, 18, 0.002), with_balls(0.2f, 8), "thinned");
+}
+
+TEST_F(CudaBalls, that_are_too_large_to_be_collected_equal_the_cpu) {
+  expect_same(noisy_sphere(5000, 19, 0.002), with_balls(1.5f), "most of the sphere");
+}
+
+TEST_F(CudaBalls, of_hard_clouds_equal_the_cpu) {
+  const std::vector<Point> even = noisy_sphere(30000, 20, 0.002);
+  std::vector<Point> cloud = even;
+  cloud[777] = {1e6f, -1e6f, 1e6f};
+  cloud[778] = {3e17f, 3e17f, -3e17f};
+  for (std::size_t i = 0; i < cloud.size(); i += 70) cloud[i].y = kNan;
+  expect_same(cloud, with_balls(0.02f, 16), "stray and invalid points");
+  cloud = even;
+  for (std::size_t i = 0; i < 300; ++i) cloud[5 * i] = {0.5f, 0.25f, 0.125f};
+  for (std::size_t i = 0; i < 3000; ++i) cloud[5 * i + 1] = cloud[5 * i + 2];
+  expect_same(cloud, with_balls(0.02f, 16), "identical points");
+  for (const int count : {0, 1, 2, 3, 31, 32, 33, 65}) expect_same(shapes::sphere(count), with_balls(0.7f, 4), "tiny");
+  expect_same(std::vector<Point>(100, Point{kNan, 0, 0}), with_balls(0.7f), "nothing valid");
+}
+
+TEST_F(CudaBalls, equal_the_cpu_on_a_million_points) {
+  expect_same(noisy_sphere(1000000, 21, 0.003), with_balls(0.008f, 16), "a million");
+}
+
+TEST_F(CudaBalls, of_the_default_run_equal_the_cpu) {
+  const std::vector<Point> points = cut(noisy_sphere(60000, 22, 0.01));
+  Pipeline cuda(Device::cuda), cpu(Device::cpu);
+  std::vector<Point> on_card(points.size()), on_cpu(points.size());
+  cuda.load(points);
+  cuda.run({}, on_card);
+  cpu.load(points);
+  cpu.run({}, on_cpu);
+  EXPECT_EQ(difference(on_card, on_cpu), "");
+  EXPECT_EQ(cuda.report().params.radius.value, cpu.report().params.radius.value);
+}
+
+TEST_F(CudaBalls, equal_the_cpu_with_every_method) {
+  for (const Method method : kOtherMethods) {
+    const std::string name = "method " + std::to_string(int(method));
+    StageSettings settings = with_method(with_neighbors(0, 0.02f), method);
+    settings.neighbors.widening = 16;
+    settings.fairing.closeness_sigma = 0.5f;
+    settings.fairing.closeness_of_radius = true;
+    settings.fairing.area_weight = AreaWeight::length;
+    expect_same(noisy_sphere(50000, 20, 0.002), settings, name.c_str());
+    settings.neighbors = {0, 0.03f};
+    settings.fairing.closeness_sigma = 0.02f;
+    settings.fairing.closeness_of_radius = false;
+    expect_same(noisy_sphere(50000, 21, 0.002), settings, (name + ", one radius").c_str());
+  }
+}
+
+}  // namespace
+}  // namespace pointfair

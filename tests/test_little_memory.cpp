@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: Apache-2.0
+// Clouds that a device's memory does not hold, and devices that are lost.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "backend_runs.h"
+#include "forwarding_backend.h"
+#include "pipeline_access.hpp"
+#include "pointfair/pipeline.hpp"
+#include "shapes.h"
+
+namespace pointfair {
+namespace {
+
+using shapes::Points;
+
+Points cloud(int count) { return shapes::with_noise(shapes::sphere(count), 0.002); }
+
+// A CPU backend with room for so many points.
+class SmallBackend : public ForwardingBackend {
+ public:
+  explicit SmallBackend(std::size_t room) : ForwardingBackend(make_cpu_backend(0)), room_(room) {}
+  void upload(std::span<const Point> points) override {
+    require(points.size() / 2);  // they fit, but not what is made of them
+    count_ = points.size();
+    ForwardingBackend::upload(points);
+    input_.assign(points.begin(), points.end());
+  }
+  void find_neighbors(const NeighborSettings& settings, std::stop_token stop) override {
+    require(count_);
+    ForwardingBackend::find_neighbors(settings, stop);
+  }
+  void download_input(std::span<Point> points) override { std::copy(input_.begin(), input_.end(), points.begin()); }
+
+ private:
+  void require(std::size_t points) const {
+    if (points > room_) throw Error(ErrorKind::memory, "no room");
+  }
+  std::size_t room_, count_ = 0;
+  Points input_;
+};
+
+// A pipeline whose device has too little memory against one whose has enough. `small` makes the former's backends.
+void expect_the_same_in_little_memory(Device::Kind kind, const std::function<std::unique_ptr<Backend>()>& small) {
+  const Points points = cloud(200000);
+  Pipeline tight = PipelineAccess::make(small(), {kind, "small", "test"}, small), ample(kind);
+  Params params;
+  for (int run = 0; run < 3; ++run) {
+    if (run == 0) {  // nothing set: balls
+      tight.load(points);
+      ample.load(points);
+    } else if (run == 1) {
+      params.k = 8;
+    } else {  // some stages only
+      params.similarity_sigma = 0.004;
+    }
+    Points expected(points.size()), out(points.size());
+    ample.run(params, expected);
+    tight.run(params, out);
+    EXPECT_GT(tight.report().pieces, 1u);
+    EXPECT_EQ(ample.report().pieces, 1u);
+    EXPECT_EQ(ample.report().params, tight.report().params);
+    EXPECT_EQ(difference(expected, out), "");
+    EXPECT_EQ(ample.estimates().noise, tight.estimates().noise);
+    tight.normals(out);
+    ample.normals(expected);
+    EXPECT_EQ(difference(expected, out), "");
+  }
+  const Points few = cloud(1000);
+  tight.load(few);
+  Points out(few.size());
+  tight.run(params, out);
+  EXPECT_EQ(tight.report().pieces, 1u) << "a cloud that fits";
+}
+
+TEST(CutCloud, is_what_becomes_of_a_cloud_that_memory_does_not_hold) {
+  for (const std::size_t room : {150000, 60000})
+    expect_the_same_in_little_memory(Device::cpu, [room] { return std::make_unique<SmallBackend>(room); });
+  const auto cards = list_cuda_devices();
+  if (std::none_of(cards.begin(), cards.end(), [](const DeviceStatus& card) { return card.usable; })) return;
+  for (const std::uint64_t bytes : {18'000'000, 8'000'000})  // the second hold the points, but not their index
+    expect_the_same_in_little_memory(Device::cuda, [bytes] {
+      auto backend = make_cuda_backend(0);
+      backend->limit_memory(bytes);
+      return backend;
+    });
+}
+
+TEST(CutCloud, that_never_fits_is_an_error) {
+  const auto small = [] { return std::make_unique<SmallBackend>(100); };
+  Pipeline pipeline = PipelineAccess::make(small(), {Device::cpu, "small", "test"}, small);
+  try {
+    pipeline.load(cloud(100000));
+    pipeline.run();
+    FAIL() << "fitted";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::memory);
+  }
+}
+
+// No more workers are to be had: the cloud is lost, and said to be; the next load is as any.
+TEST(CutCloud, without_workers_is_an_error_and_the_next_cloud_is_sound) {
+  bool lost = true;
+  const auto small = [&lost] {
+    if (lost) throw Error(ErrorKind::device, "the card is lost");
+    return std::make_unique<SmallBackend>(60000);
+  };
+  const Points points = cloud(100000), few = cloud(5000);
+  const auto error_of = [](const auto& work) {
+    try {
+      work();
+    } catch (const Error& error) {
+      return error.kind();
+    }
+    return ErrorKind::interrupted;  // none
+  };
+  Pipeline pipeline =
+      PipelineAccess::make(std::make_unique<SmallBackend>(60000), {Device::cpu, "small", "test"}, small);
+  pipeline.load(points);
+  Points out(points.size());
+  EXPECT_EQ(error_of([&] { pipeline.run({}, out); }), ErrorKind::device) << "it is to be cut";
+  EXPECT_EQ(error_of([&] { pipeline.run({}, out); }), ErrorKind::device) << "there is still no device";
+  EXPECT_EQ(error_of([&] { pipeline.load(few); }), ErrorKind::device);
+  lost = false;
+  EXPECT_EQ(error_of([&] { pipeline.run({}, out); }), ErrorKind::usage) << "no cloud is loaded";
+  EXPECT_EQ(pipeline.run().points.size(), 0u);
+  out.resize(few.size());
+  for (const Points& next : {few, points}) {
+    Pipeline fresh(Device::cpu);
+    Points expected(next.size());
+    fresh.load(next);
+    fresh.run({}, expected);
+    pipeline.load(next);
+    out.resize(next.size());
+    pipeline.run({}, out);
+    EXPECT_EQ(difference(out, expected), "");
+  }
+}
+
+}  // namespace
+}  // namespace pointfair
