@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "share_between.hpp"
+
 namespace pointfair {
 namespace {
 
@@ -18,7 +20,7 @@ bool seeks_outliers(const Params& p) {
 }
 
 constexpr double kNoiseRadius = 2.5;                  // radius of a ball on top of the spacing, in sigmas
-constexpr int kWidening = 16;                         // and the neighbours that make up the spacing's part
+constexpr int kWidening = 16, kWideningIfAlike = 48;  // and the neighbours that make up the spacing's part
 constexpr double kSeparableGap = 1.9;                 // spacings between two sheets
 constexpr double kOneSheet = 0.65, kBothSheets = 14;  // of the points of one sheet within the gap
 constexpr double kSheetSimilarity = 1.0 / 6;          // of the gap
@@ -77,18 +79,14 @@ MethodDefaults defaults_of(Method method) {
   return its;
 }
 
-// Between the sheets of a thin part: balls that stop short of the other sheet, or, where that leaves them too few
-// points for a normal, such as are so wide that the normal of both sheets is that of each.
+// Noise that is alike in neighbouring points does not average out among a few of them. Between the sheets of a thin
+// part: balls that stop short of the other sheet, or, where that leaves them too few points for a normal, such as are
+// so wide that the normal of both sheets is that of each.
 int automatic_widening(const Noise& noise, double spacing) {
-  if (!(noise.gap > 0 && spacing > 0)) return kWidening;
+  if (!(noise.gap > 0 && spacing > 0)) return int(std::lround(std::lerp(kWidening, kWideningIfAlike, noise.alikeness)));
   const double gap = noise.gap / spacing, count = std::numbers::pi * gap * gap;
   if (gap > kSeparableGap) return std::min(kWidening, int(kOneSheet * count));
   return std::clamp(int(kBothSheets * count), kWidening, kMaxWidening);
-}
-
-// 0 at `from` and below, 1 at `to` and above.
-double share_between(double from, double to, double value) {
-  return std::clamp((value - from) / (to - from), 0.0, 1.0);
 }
 
 // Percent. Next to nothing where the noise estimate is small against the spacing, so that clean clouds stay clean. What

@@ -10,6 +10,8 @@
 #include <span>
 #include <vector>
 
+#include "share_between.hpp"
+
 namespace pointfair {
 namespace {
 
@@ -32,6 +34,10 @@ constexpr double kNoiseGrowth = 1.35, kShapeGrowth = 1.5;
 constexpr double kOwnGrowth = 1.05, kShapeVarianceGrowth = 4;
 constexpr double kNearFlat = 2;  // of the flattest places' residual; larger ones are beyond the similarity sigma
 constexpr double kEndless = 1e9;
+// Noise that is alike in neighbouring points: how much residuals grow even in the flattest places (1.09 is chance), the
+// variance at most (more is shape), what it grows then over that (more is shape), and the noise in spacings.
+constexpr double kAlikeGrowth[] = {1.14, 1.18}, kUnlikeGrowth[] = {1.5, 1.0};
+constexpr double kAlikeSlowing[] = {1.2, 0.9}, kAlikeNoise[] = {0.05, 0.1};
 
 // Scattered over the upload order by a low-discrepancy sequence (multiples of the golden ratio), so that a period in
 // the order of the file (rows of a scanner) is not met in step.
@@ -384,17 +390,19 @@ double noise_of_first(std::span<const Vec> offsets, std::size_t n) {
 // How residuals grow from neighbourhoods of some points to those of twice as many: hardly where they are noise.
 struct Growth {
   double flat = 1, typical = 1;  // of the 15 % quantiles and of the medians
+  double first = 0, second = 0;  // of the mean variance in flat places, less one; from there to twice as many again
 };
 
 Growth residual_growth(Backend& backend, std::span<const Point> rows, std::size_t row, const std::stop_token& stop) {
   const std::size_t samples = rows.size() / row;
-  std::vector<double> narrow(samples, -1), wide(samples, -1);
+  std::vector<double> narrow(samples, -1), wide(samples, -1), widest(samples, -1);
   backend.for_each_on_host(samples, [&](std::size_t q) {
     throw_if_stopped(stop);
     const auto offsets = offsets_of(rows.subspan(q * row, row));
     if (offsets.size() < 2 * kFirstFit) return;
     narrow[q] = noise_of_first(offsets, kFirstFit);
     wide[q] = noise_of_first(offsets, 2 * kFirstFit);
+    if (offsets.size() + 1 == row) widest[q] = noise_of_first(offsets, offsets.size());
   });
   const auto growth_at = [&](double share, double most) {
     std::vector<double> from, to;
@@ -410,12 +418,33 @@ Growth residual_growth(Backend& backend, std::span<const Point> rows, std::size_
   std::vector<double> known = narrow;
   std::erase_if(known, [](double s) { return s < 0; });
   if (known.empty()) return {};
-  return {growth_at(0.15, kEndless), growth_at(0.5, kNearFlat * quantile(known, 0.15))};
+  const double near_flat = kNearFlat * quantile(known, 0.15);
+  Growth growth{growth_at(0.15, kEndless), growth_at(0.5, near_flat)};
+  double variance[3] = {};
+  for (std::size_t q = 0; q < samples; ++q) {
+    if (narrow[q] < 0 || wide[q] < 0 || widest[q] < 0) continue;
+    if (narrow[q] > near_flat || widest[q] > kNearFlat * near_flat) continue;
+    variance[0] += narrow[q] * narrow[q];
+    variance[1] += wide[q] * wide[q];
+    variance[2] += widest[q] * widest[q];
+  }
+  if (variance[0] > 0 && variance[1] > 0) {
+    growth.first = variance[1] / variance[0] - 1;
+    growth.second = variance[2] / variance[1] - 1;
+  }
+  return growth;
 }
 
-double likeness_to_shape(double flat_growth) {
-  return std::clamp((flat_growth - kNoiseGrowth) / (kShapeGrowth - kNoiseGrowth), 0.0, 1.0);
+// Residuals of shape grow faster and faster with the neighbourhood, those of noise that is alike in neighbouring points
+// ever less.
+double alikeness(const Growth& growth, double sigma_in_spacings) {
+  const auto share = [](const double(&ends)[2], double value) { return share_between(ends[0], ends[1], value); };
+  if (!(growth.first > 0)) return 0;
+  return share(kAlikeGrowth, growth.flat) * share(kUnlikeGrowth, growth.first) *
+         share(kAlikeSlowing, growth.second / growth.first) * share(kAlikeNoise, sigma_in_spacings);
 }
+
+double likeness_to_shape(double flat_growth) { return share_between(kNoiseGrowth, kShapeGrowth, flat_growth); }
 
 // Variances of noise stay, those of shape grow fourfold: g^2 = (1 + 4 x) / (1 + x).
 double shape_to_noise(double typical_growth) {
@@ -463,7 +492,8 @@ Noise measure_noise(Backend& backend, std::uint64_t points, const std::stop_toke
     const std::size_t row = std::size_t(kFitRows[0]) + 1;
     const Growth growth = residual_growth(backend, {first_rows.get(), samples * row}, row, stop);
     noise.likeness_to_shape = likeness_to_shape(growth.flat);
-    noise.shape_to_noise = shape_to_noise(growth.typical);
+    noise.alikeness = alikeness(growth, sigma / noise.surface_spacing);
+    noise.shape_to_noise = (1 - noise.alikeness) * shape_to_noise(growth.typical);
   }
   return noise;
 }

@@ -41,6 +41,9 @@ struct Noise {
   double shape_to_noise = 0;
   // Between two sheets of a thin part that neighbourhoods of a few dozen points reach across; 0 where there are none.
   double gap = 0;
+  // 0 to 1: whether the noise is alike in neighbouring points, as that of depth cameras; 0 where noise is large or
+  // tiny.
+  double alikeness = 0;
 };
 Noise measure_noise(Backend& backend, std::uint64_t points, const std::stop_token& stop);
 

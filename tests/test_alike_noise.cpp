@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+// Noise that is alike in neighbouring points, as that of depth cameras, is told from shape and from other noise, and
+// averaged over wider neighbourhoods.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <vector>
+
+#include "backend.hpp"
+#include "estimate.hpp"
+#include "pointfair/pointfair.hpp"
+#include "shapes.h"
+
+namespace pointfair {
+namespace {
+
+using shapes::Points;
+
+constexpr int kPoints = 20000;
+constexpr double kSpacing = 0.00707;  // over the unit square
+constexpr double kSigma = 0.2 * kSpacing;
+
+// Heights of deviation `sigma` about z: two fifths of their variance are each point's own, the rest belongs to cells of
+// 1.5 spacings and is interpolated between their corners.
+Points with_alike_noise(Points points, double sigma) {
+  constexpr double kCell = 1.5 * kSpacing;
+  shapes::Random random(7);
+  const int side = int(1 / kCell) + 2;
+  std::vector<double> corner(std::size_t(side * side));
+  for (double& c : corner) c = random.normal();
+  for (Point& p : points) {
+    const int column = int(p.x / kCell), row = int(p.y / kCell);
+    const double u = p.x / kCell - column, v = p.y / kCell - row;
+    double field = 0, squares = 0;
+    for (int i = 0; i < 4; ++i) {
+      const double weight = (i % 2 ? u : 1 - u) * (i / 2 ? v : 1 - v);
+      field += weight * corner[std::size_t((row + i / 2) * side + column + i % 2)];
+      squares += weight * weight;
+    }
+    p.z += float(sigma * (std::sqrt(0.6 / squares) * field + std::sqrt(0.4) * random.normal()));
+  }
+  return points;
+}
+
+Points waves() {
+  Points points = shapes::plane(kPoints);
+  for (Point& p : points) p.z = float(0.004 * std::sin(60 * double(p.x)) * std::cos(50 * double(p.y)));
+  return points;
+}
+
+double alikeness(const Points& points) {
+  const auto backend = make_cpu_backend(2);
+  backend->upload(points);
+  backend->begin_pass(0);
+  backend->build_index({});
+  return measure_noise(*backend, points.size(), {}).alikeness;
+}
+
+double rms_height_after_a_run(const Points& points, const Params& params) {
+  Pipeline pipeline(Device::cpu);
+  pipeline.load(points);
+  Points out(points.size());
+  pipeline.run(params, out);
+  double squares = 0;
+  for (const Point& p : out) squares += double(p.z) * p.z;
+  return std::sqrt(squares / double(out.size()));
+}
+
+TEST(AlikeNoise, is_told_from_other_noise_and_from_shape) {
+  EXPECT_GT(alikeness(with_alike_noise(shapes::plane(kPoints), kSigma)), 0.8);
+  for (const double level : {0.1, 0.2, 0.4}) {
+    EXPECT_EQ(alikeness(shapes::with_noise(shapes::plane(kPoints), level * kSpacing)), 0) << level;
+    EXPECT_EQ(alikeness(shapes::with_noise(waves(), level * kSpacing)), 0) << level;
+  }
+  EXPECT_EQ(alikeness(waves()), 0);
+}
+
+TEST(AlikeNoise, is_averaged_over_wider_neighbourhoods) {
+  const Points noisy = with_alike_noise(shapes::plane(kPoints), kSigma);
+  Params narrow;
+  narrow.widening = 16;
+  const double left = rms_height_after_a_run(noisy, {});
+  EXPECT_LT(left, 0.5 * kSigma);
+  EXPECT_LT(left, 0.85 * rms_height_after_a_run(noisy, narrow));
+}
+
+}  // namespace
+}  // namespace pointfair
