@@ -93,7 +93,7 @@ int automatic_widening(const Noise& noise, double spacing) {
 // a run does to the shape itself has about 3 times the variance that shape has in the estimate's neighbourhoods; the
 // share of the displacement that leaves least of both, Wiener's, is that of the noise. Where balls are wide for the
 // noise's sake and not for the 16 points', they damage less than that: the share has a least value that grows with the
-// noise, up to all. All passes together make that share.
+// noise, up to all. `passes` together make that share, each of which would make the whole.
 int automatic_step(int whole, int passes, const Noise& noise, double spacing) {
   if (!(noise.sigma > 0)) return 1;
   const double trusted = kTrustedNoise + noise.likeness_to_shape * (kTrustedShape - kTrustedNoise);
@@ -199,8 +199,10 @@ Params resolve_params(const Params& params, const Spacing& spacing, const Noise&
   if (params.normal_angle == kAutomatic) used.normal_angle = kNormalAngle;
   if (params.facing_angle == kAutomatic) used.facing_angle = kFacingAngle;
   if (params.passes == kAutomatic) used.passes = its.passes;
-  if (params.step == kAutomatic)
-    used.step = chooses_balls(params) ? automatic_step(its.step, used.passes, noise, s) : its.step;
+  if (params.step == kAutomatic) {
+    const int whole_passes = its.passes > kPasses ? 1 : used.passes;  // many small passes make the whole together
+    used.step = chooses_balls(params) ? automatic_step(its.step, whole_passes, noise, s) : its.step;
+  }
   if (params.outliers == Outliers::automatic) used.outliers = seeks_outliers(params) ? Outliers::keep : Outliers::off;
   used.displacement_limit = in_file_units(params.displacement_limit, farthest_move(noise, s) * noise.sigma);
   const double least_outlier = kOutlierSpacings * (1 + noise.likeness_to_shape) * s;

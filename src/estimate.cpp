@@ -493,7 +493,8 @@ Noise measure_noise(Backend& backend, std::uint64_t points, const std::stop_toke
     const Growth growth = residual_growth(backend, {first_rows.get(), samples * row}, row, stop);
     noise.likeness_to_shape = likeness_to_shape(growth.flat);
     noise.alikeness = alikeness(growth, sigma / noise.surface_spacing);
-    noise.shape_to_noise = (1 - noise.alikeness) * shape_to_noise(growth.typical);
+    // between two sheets, wide neighbourhoods see the other one and not shape
+    if (noise.gap == 0) noise.shape_to_noise = (1 - noise.alikeness) * shape_to_noise(growth.typical);
   }
   return noise;
 }

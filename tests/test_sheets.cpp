@@ -43,6 +43,17 @@ TEST(Sheets, stay_apart_and_lose_noise) {
     }
 }
 
+// Residuals that grow since the other sheet comes into sight are not taken for shape.
+TEST(Sheets, are_no_shape_to_be_spared) {
+  for (const double gap : {0.011, 0.015, 0.022}) {
+    Pipeline pipeline(Device::cpu);
+    pipeline.load(shapes::with_noise(shapes::two_sheets(kPoints, gap), 0.001));
+    Points out(kPoints);
+    pipeline.run({}, out);
+    EXPECT_GT(pipeline.report().params.step, 75) << gap;
+  }
+}
+
 TEST(Sheets, without_noise_stay_where_they_are) {
   for (const double gap : {0.011, 0.015, 0.022}) {
     const Points clean = shapes::two_sheets(kPoints, gap);
