@@ -153,18 +153,12 @@ struct Pipeline::State {
   void load_by(std::span<const Point> given, bool for_balls, const Upload& upload) {
     if (given.size() > 0xfffffff0u)
       throw Error(ErrorKind::usage, "more than 4294967280 points: cut the cloud into parts");
-    next = Stage::index;
-    further_passes = 0;
-    upload_milliseconds = 0;
-    calls.clear();  // of a run that failed
-    spacing.reset();
-    noise.reset();
-    estimates.reset();
+    forget_cloud();
     points = given.size();
     sample = curve_sample(given);
     upload_times_itself = false;
     holding_nothing_if_it_fails([&] {
-      if (std::exchange(wanted_pieces, 1) > 1) backend = make_worker();
+      if (std::exchange(wanted_pieces, 1) > 1) backend.reset();
       require_backend();
       order_for(for_balls);
       for (bool uploaded = false; !uploaded;) try {
@@ -177,17 +171,26 @@ struct Pipeline::State {
     });
   }
 
+  void forget_cloud() {
+    points = 0;
+    sample.clear();
+    next = Stage::index;
+    further_passes = 0;
+    upload_milliseconds = 0;
+    calls.clear();  // of a run that failed
+    spacing.reset();
+    noise.reset();
+    estimates.reset();
+  }
+
   // A load that fails leaves no cloud, so that nothing runs on half of one.
   template <class Work>
   void holding_nothing_if_it_fails(const Work& work) {
     try {
       work();
     } catch (...) {
-      points = 0;
+      forget_cloud();
       shell = {};
-      sample.clear();
-      next = Stage::index;
-      further_passes = 0;
       try {
         if (backend) backend->upload({});
       } catch (...) {

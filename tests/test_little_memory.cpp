@@ -125,6 +125,7 @@ TEST(CutCloud, without_workers_is_an_error_and_the_next_cloud_is_sound) {
   lost = false;
   EXPECT_EQ(error_of([&] { pipeline.run({}, out); }), ErrorKind::usage) << "no cloud is loaded";
   EXPECT_EQ(pipeline.run().points.size(), 0u);
+  EXPECT_EQ(pipeline.estimates().points, 0u) << "of the cloud that was lost";
   out.resize(few.size());
   for (const Points& next : {few, points}) {
     Pipeline fresh(Device::cpu);
