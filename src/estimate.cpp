@@ -282,7 +282,7 @@ bool are_on_a_surface(std::span<const Vec> offsets, std::size_t n) {
 // What the nearest `offsets` of a query show, of `asked` that there should be.
 struct Sight {
   bool is_short = false;       // all of them are not enough, but more could be
-  std::optional<Noise> noise;  // none where there is no surface
+  std::optional<Noise> noise;  // none where there is no surface, or too few of its points
 };
 
 // The neighbourhood grows until it is wide against the noise.
@@ -301,7 +301,7 @@ Sight local_noise(std::span<const Vec> offsets, std::size_t asked) {
     const bool is_surface = are_on_a_surface(offsets, k);
     const bool wide = has_enough && is_surface && radius >= 3.7 * std::sqrt(frame.least_eigenvalue * n / (n - 3));
     if (wide || k == kLargestFit || offsets.size() < std::min(asked, std::size_t(wanted))) {
-      if (!is_surface) return {};
+      if (!is_surface || !has_enough) return {};
       return {false, Noise{std::sqrt(without_slab_bias(CubicFit(own.offsets, frame, radius).variance(), radius)),
                            radius * std::sqrt(std::numbers::pi / n), 0, 0, own.gap}};
     }

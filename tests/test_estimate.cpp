@@ -106,7 +106,6 @@ TEST(Noise, on_a_sphere_is_near_the_truth_from_a_tenth_of_the_spacing_to_the_spa
   }
 }
 
-// The sheets of a thin part are no noise: 10,000 points each over the unit square, spacing 0.01.
 // Lines across which points are 25 times as far apart as along, each in a plane of its own, as a scanner's turns are;
 // noise is along the ray only.
 TEST(Noise, on_scan_lines_is_that_along_the_rays) {
@@ -129,6 +128,7 @@ TEST(Noise, is_not_seen_among_copies_of_a_point) {
   EXPECT_NEAR(measured_noise(points).sigma, alone, 0.05 * alone);
 }
 
+// The sheets of a thin part are no noise: 10,000 points each over the unit square, spacing 0.01.
 TEST(Noise, of_two_sheets_is_that_of_each) {
   for (const double gap : {0.011, 0.015, 0.022})
     for (const double sigma : {0.001, 0.0018}) {
