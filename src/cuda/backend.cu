@@ -147,6 +147,7 @@ class CudaBackend final : public Backend {
     }
     at_work_->fetch_state(fetched_.get());  // counts() then need not ask the card again
     clock_.note("download", start);
+    clock_.read();  // while the points are on their way
     deliver();
     is_fetched_ = true;
     return held_back;

@@ -20,14 +20,19 @@ cudaEvent_t StageClock::mark(cudaStream_t stream) {
   return event;
 }
 
-std::vector<StageTime> StageClock::take() {
-  std::vector<StageTime> times;
+void StageClock::read() {
   for (const Interval& interval : intervals_) {
     check(cudaEventSynchronize(interval.to), "computing");
     float milliseconds = 0;
     check(cudaEventElapsedTime(&milliseconds, interval.from, interval.to), "timing a stage");
-    times.push_back({interval.name, milliseconds});
+    times_.push_back({interval.name, milliseconds});
   }
+  intervals_.clear();
+}
+
+std::vector<StageTime> StageClock::take() {
+  read();
+  std::vector<StageTime> times = std::move(times_);
   forget();
   return times;
 }

@@ -29,9 +29,12 @@ class StageClock {
   void note_between(const char* name, cudaEvent_t from, cudaEvent_t to) { intervals_.push_back({name, from, to}); }
   // The host has waited, so the card is idle until the next stage starts.
   void pause() { last_ = nullptr; }
+  // Waits for what was noted, one after the other, so that the last is all that is left to read when the card is done.
+  void read();
   // What was noted since the last call; waits for it. All marks are used up.
   std::vector<StageTime> take();
   void forget() {
+    times_.clear();
     intervals_.clear();
     used_ = 0;
     last_ = nullptr;
@@ -47,8 +50,9 @@ class StageClock {
   Context& context_;
   cudaEvent_t last_ = nullptr;
   std::vector<cudaEvent_t> events_;
-  std::size_t used_ = 0;  // of events_
-  std::vector<Interval> intervals_;
+  std::size_t used_ = 0;             // of events_
+  std::vector<Interval> intervals_;  // not yet read
+  std::vector<StageTime> times_;
 };
 
 }  // namespace pointfair::cuda
