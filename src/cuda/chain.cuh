@@ -85,6 +85,7 @@ class Chain {
   Balls balls() const { return {squared_radius_.data(), squared_base(), neighbors_.widening}; }
   Surroundings surroundings(const Stop& stop = {}) const { return {lists(), balls(), collector_.collected(), stop}; }
   Normals normals() const;
+  bool is_further() const { return first_call_ > 0; }
   point::NormalWeights normal_weights() const {
     return point::normal_weights(normal_settings_.weighted, normal_settings_.sigma);
   }
