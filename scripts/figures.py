@@ -207,6 +207,7 @@ STRIPS = {
     "passes": (HEAD, ["--passes 1", "", "--passes 10"]),
     "outliers": (OUTLIERS, [None, "--outliers move", "--outliers keep"]),
     "outlier_distance": (OUTLIERS, ["--outlier-distance 0.3%", "", "--outlier-distance 5%"]),
+    "outlier_radius": (OUTLIERS, ["--outlier-radius 100%", "", "--outlier-radius 2s"]),
     "displacement_limit": (OUTLIERS, ["--displacement-limit 0.1%", "", "--displacement-limit 3%"]),
 }
 

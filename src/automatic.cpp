@@ -35,6 +35,7 @@ constexpr int kPasses = 2;
 constexpr double kFarthestMove = 4, kFarthestOfLittleNoise = 1.5, kOutlierDistance = 6;  // sigmas
 constexpr double kLittleNoise = 0.03, kMuchNoise = 0.5;         // spacings; between them the farthest move grows
 constexpr double kSmoothingNoise = 0.1, kShapelessNoise = 0.6;  // spacings; between them shape matters less and less
+constexpr double kOutlierRadius = 6;                            // of what holds a typical point's neighbours
 constexpr double kOutlierSpacings = 0.5;  // and at least so many spacings, twice if residuals are shape
 
 // What `auto` means for one method; the constants above are the bilateral one's.
@@ -119,7 +120,8 @@ bool needs_noise(const Params& p) {
   const bool k_follows = p.k == kAutomatic && p.radius.is_automatic();
   return k_follows || p.normal_sigma.is_automatic() || p.closeness_sigma.is_automatic() ||
          p.similarity_sigma.is_automatic() || (p.constraint && p.delta.is_automatic()) ||
-         (seeks_outliers(p) && (p.displacement_limit.is_automatic() || p.outlier_distance.is_automatic()));
+         (seeks_outliers(p) && (p.displacement_limit.is_automatic() || p.outlier_distance.is_automatic() ||
+                                (sums_balls(p) && p.outlier_radius.is_automatic())));
 }
 
 bool needs_spacing(const Params& p) {
@@ -127,7 +129,8 @@ bool needs_spacing(const Params& p) {
   return p.k == kAutomatic || of_spacing(p.normal_sigma) || of_spacing(p.closeness_sigma) ||
          of_spacing(p.similarity_sigma) || p.radius.unit == Length::Unit::spacing ||
          (p.constraint && (of_spacing(p.rho) || of_spacing(p.delta))) ||
-         (seeks_outliers(p) && (of_spacing(p.displacement_limit) || of_spacing(p.outlier_distance)));
+         (seeks_outliers(p) &&
+          (of_spacing(p.displacement_limit) || of_spacing(p.outlier_distance) || of_spacing(p.outlier_radius)));
 }
 
 bool needs_diagonal(const Params& p) {
@@ -139,6 +142,7 @@ bool needs_diagonal(const Params& p) {
                          (given(p.radius) || (p.radius.is_automatic() && p.k != kAutomatic)) &&
                          (given(p.rho) || is_set_aside(p.rho)) && (given(p.delta) || is_set_aside(p.delta)) &&
                          (given(p.outlier_distance) || is_unread(p.outlier_distance)) &&
+                         (given(p.outlier_radius) || p.k != kAutomatic || is_unread(p.outlier_radius)) &&
                          (given(p.displacement_limit) || is_unread(p.displacement_limit));
   return !all_given;
 }
@@ -208,6 +212,9 @@ Params resolve_params(const Params& params, const Spacing& spacing, const Noise&
   const double least_outlier = kOutlierSpacings * (1 + noise.likeness_to_shape) * s;
   used.outlier_distance =
       in_file_units(params.outlier_distance, std::max(kOutlierDistance * noise.sigma, least_outlier));
+  const double widened = s * std::sqrt(used.widening / std::numbers::pi);
+  const double typical = by_ball ? std::hypot(used.radius.value, widened) : list_radius;
+  used.outlier_radius = in_file_units(params.outlier_radius, kOutlierRadius * typical);
   return used;
 }
 

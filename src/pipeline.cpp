@@ -58,7 +58,10 @@ Settings settings_of(const Params& p) {
   s.fairing.two_planes = p.planes == Planes::both;
   s.fairing.facing_angle = s.fairing.two_planes ? p.facing_angle : 0;
   s.fairing.strength = float(p.step) / 100.0f;
-  if (p.outliers != Outliers::off) s.fairing.outlier_distance = float(p.outlier_distance.value);
+  if (p.outliers != Outliers::off) {
+    s.fairing.outlier_distance = float(p.outlier_distance.value);
+    if (sums_balls(p)) s.fairing.outlier_radius = float(p.outlier_radius.value);
+  }
   s.fairing.pull_outliers = p.outliers == Outliers::move;
   if (p.outliers == Outliers::keep || p.outliers == Outliers::mark) {
     s.limits.farthest = float(p.displacement_limit.value);

@@ -154,7 +154,8 @@ inline double displacement(const Points& points, std::size_t i, const List& list
   return s.strength * (sum > 0 ? moment / sum : 0);
 }
 
-// Off the surface: hardly a neighbour is near the point's plane, or all of a ball's are near its rim.
+// Off the surface: hardly a neighbour is near the point's plane, or, in a ball that is far wider than others, many are
+// not; or all of a ball's are near its rim.
 inline bool is_outlier(const Points& points, std::size_t i, const List& list, Vec normal, const Settings& s) {
   const double core = s.outlier_distance * s.outlier_distance;
   double near_plane = 0, near = 0;
@@ -163,8 +164,9 @@ inline bool is_outlier(const Points& points, std::size_t i, const List& list, Ve
     near_plane += std::abs(dot(normal, offset)) <= s.outlier_distance;
     near += s.k > 0 || dot(offset, offset) <= std::max(0.49 * squared_radius(points, i, s), core);
   }
-  const double all = double(list.size());
-  return s.outlier_distance > 0 && (near_plane < 0.1 * all || near < 0.05 * all);
+  const bool is_sparse = s.k == 0 && squared_radius(points, i, s) > s.outlier_radius * s.outlier_radius;
+  const double all = double(list.size()), least = is_sparse ? 0.7 : 0.1;
+  return s.outlier_distance > 0 && (near_plane < least * all || near < 0.05 * all);
 }
 
 // From the point to the mean of its neighbours, weighted by closeness.

@@ -42,6 +42,7 @@ struct Settings {
   AreaWeight area_weight = AreaWeight::none;
   int passes = 1;
   double outlier_distance = 0;  // 0: outliers are not looked for
+  double outlier_radius = 0;    // of balls
   bool pull_outliers = false, hold_back = false;
   double farthest = 0;
 };
@@ -69,6 +70,7 @@ inline Settings settings_of(const Params& resolved) {
   s.area_weight = resolved.area_weight;
   s.passes = resolved.passes;
   s.outlier_distance = resolved.outliers == Outliers::off ? 0 : resolved.outlier_distance.value;
+  s.outlier_radius = resolved.outlier_radius.value;
   s.pull_outliers = resolved.outliers == Outliers::move;
   s.hold_back = resolved.outliers == Outliers::keep || resolved.outliers == Outliers::mark;
   s.farthest = resolved.displacement_limit.value;

@@ -49,6 +49,21 @@ TEST_F(CudaBalls, that_follow_the_density_equal_the_cpu) {
   }
 }
 
+TEST_F(CudaBalls, of_strays_equal_the_cpu) {
+  std::vector<Point> points = noisy_sphere(50000, 23, 0.002);
+  shapes::Random random(24);
+  const auto anywhere = [&] { return float(random.uniform(-1.2, 1.2)); };
+  for (std::size_t i = 0; i < points.size(); i += 100) points[i] = {anywhere(), anywhere(), anywhere()};
+  StageSettings settings = with_balls(0.02f, 16);
+  settings.fairing.outlier_distance = 0.012f;
+  settings.fairing.outlier_radius = 0.1f;
+  settings.limits = {0.008f, 0.012f};
+  settings.passes = 2;
+  expect_same(points, settings, "held back");
+  settings.fairing.pull_outliers = true;
+  expect_same(points, settings, "pulled in");
+}
+
 TEST_F(CudaBalls, that_are_thinned_equal_the_cpu) {
   expect_same(noisy_sphere(50000, 18, 0.002), with_balls(0.2f, 8), "thinned");
 }

@@ -73,6 +73,7 @@ TEST(CutCloud, has_the_outliers_of_the_whole) {
   settings.neighbors = {0, 0.02f};
   settings.neighbors.widening = 16;
   settings.fairing.outlier_distance = 0.012f;
+  settings.fairing.outlier_radius = 0.05f;
   settings.limits = {0.008f, 0.012f};
   for (const int passes : {1, 2}) {
     settings.passes = passes;

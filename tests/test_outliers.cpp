@@ -214,6 +214,27 @@ TEST(Outliers, are_not_the_points_of_a_rough_terrain) {
   EXPECT_LT(run(points, {}).report.unmoved.outliers, std::uint64_t(kCount / 100));
 }
 
+// Each has others nearer than the plane, so their balls hold hardly anything else and are wide.
+TEST(Outliers, are_recognised_where_they_are_each_others_neighbours) {
+  constexpr double kNoise = 0.007;
+  Points points = shapes::with_noise(shapes::plane(20000), kNoise);
+  shapes::Random random(11);
+  for (std::size_t i = 0; i < points.size(); i += 100)
+    points[i].z = float((random.uniform() < 0.5 ? -1 : 1) * random.uniform(10 * kNoise, 0.5));
+  const Outcome outcome = run(points, with(Outliers::mark));
+  std::size_t recognised = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (i % 100 == 0)
+      recognised += outcome.outliers[i];
+    else
+      EXPECT_FALSE(outcome.outliers[i]) << i;
+  }
+  EXPECT_GE(recognised, 190u);
+  Params any_width = with(Outliers::mark);
+  any_width.outlier_radius = 10;
+  EXPECT_LT(run(points, any_width).report.unmoved.outliers, 150u);
+}
+
 TEST(Outliers, agree_with_the_reference) {
   Lifted cloud = with_outliers(shapes::with_noise(shapes::plane(1200), kSigma));
   cloud.points[3].x = std::numeric_limits<float>::quiet_NaN();

@@ -75,6 +75,7 @@ struct Params {
   // points off the surface
   Outliers outliers = Outliers::automatic;
   Length outlier_distance;
+  Length outlier_radius;
   Length displacement_limit;
 
   friend bool operator==(const Params&, const Params&) = default;
@@ -144,6 +145,9 @@ inline constexpr std::array kParams = {
     ParamInfo{"outlier_distance", Stage::fairing, &Params::outlier_distance, 0, 1e30, true, "",
               "an outlier is a point with fewer than a tenth of its neighbours this close to its plane, or that would "
               "move farther; auto: 6 times the noise, at least half a spacing"},
+    ParamInfo{"outlier_radius", Stage::fairing, &Params::outlier_radius, 0, 1e30, true, "",
+              "without --k: where a ball is wider than this, an outlier is a point with fewer than seven tenths of its "
+              "neighbours that close to its plane; auto: 6 times the radius of a typical ball"},
     ParamInfo{"passes", Stage::passes, &Params::passes, 1, 100, true, "",
               "how often the whole is repeated, neighbours searched again"},
     ParamInfo{

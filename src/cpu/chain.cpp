@@ -8,6 +8,7 @@
 #include "cpu/constrained.h"
 #include "cpu/parallel.h"
 #include "method_rule.hpp"
+#include "point/outliers.h"
 
 namespace pointfair::cpu {
 namespace {
@@ -202,6 +203,7 @@ void Chain::fair_bilaterally(const FairingSettings& settings, AreaView area, con
                          point::inverse_turn(settings.facing_angle),
                          settings.strength,
                          settings.outlier_distance * settings.outlier_distance,
+                         point::squared_core(settings.outlier_radius * settings.outlier_radius),
                          settings.pull_outliers};
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     for (std::size_t leaf = first; leaf < last; ++leaf)

@@ -86,7 +86,7 @@ class BallWalk {
     descend(index_.levels - 1, 0, visit);
   }
   POINTFAIR_INLINE Floats squared_radius() const { return queries_.limit; }
-  POINTFAIR_INLINE Floats squared_core() const { return queries_.limit * point::kNearSquaredRadius; }
+  POINTFAIR_INLINE Floats squared_core() const { return point::squared_core(queries_.limit); }
 
  private:
   template <class Visit>
@@ -289,7 +289,8 @@ POINTFAIR_INLINE point::Vec3<Floats> fair_pack(const Neighbors& neighbors, Weigh
       });
   const point::Vec3<Floats> there = point::moved(here, normal, distance * rule.strength);
   // a point without a normal keeps its place
-  const Mask outlier = agreement.is_missing() & (point::squared_length(normal) > broadcast(0.0f));
+  const Mask is_sparse = neighbors.squared_core() > broadcast(rule.squared_sparse_core);
+  const Mask outlier = agreement.is_missing(is_sparse) & (point::squared_length(normal) > broadcast(0.0f));
   if (!any(outlier)) return there;
   const Floats nan = broadcast(__builtin_nanf(""));
   if (!rule.pull_outliers) return point::select<Floats>(outlier, {nan, nan, nan}, there);

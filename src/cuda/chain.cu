@@ -2,6 +2,7 @@
 #include "cuda/chain.cuh"
 #include "cuda/methods.cuh"
 #include "method_rule.hpp"
+#include "point/outliers.h"
 
 namespace pointfair::cuda {
 namespace {
@@ -242,7 +243,8 @@ void Chain::fair(const FairingSettings& settings, bool leaving, std::stop_token 
     settle(stop);
     fair_widely(context_, index_.tree(), surroundings(stop_), normals(), areas,
                 {weights, settings.closeness_of_radius, settings.two_planes, point::inverse_turn(settings.facing_angle),
-                 settings.strength, settings.outlier_distance * settings.outlier_distance, settings.pull_outliers},
+                 settings.strength, settings.outlier_distance * settings.outlier_distance,
+                 point::squared_core(settings.outlier_radius * settings.outlier_radius), settings.pull_outliers},
                 faired);
   } else if (normals_wait_) {
     clear_unmoved();

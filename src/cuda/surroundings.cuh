@@ -127,7 +127,7 @@ class WalkedBall {
     (*this)(LoadNothing{}, visit);
   }
   __device__ __forceinline__ float squared_radius() const { return squared_radius_; }
-  __device__ __forceinline__ float squared_core() const { return squared_radius_ * point::kNearSquaredRadius; }
+  __device__ __forceinline__ float squared_core() const { return point::squared_core(squared_radius_); }
 
  private:
   // Whether a ball of the warp reaches this lane's box. Most boxes are near that of the whole warp or they are not; a
@@ -229,7 +229,7 @@ class CollectedBall {
     (*this)(LoadNothing{}, visit);
   }
   __device__ __forceinline__ float squared_radius() const { return squared_radius_; }
-  __device__ __forceinline__ float squared_core() const { return squared_radius_ * point::kNearSquaredRadius; }
+  __device__ __forceinline__ float squared_core() const { return point::squared_core(squared_radius_); }
 
  private:
   static constexpr int kAtOnce = 4;              // independent until they are added up

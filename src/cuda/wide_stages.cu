@@ -116,7 +116,8 @@ __device__ __forceinline__ Vec fair_point(const Neighbors& neighbors, const Fair
       });
   const Vec there = point::moved(here, normal, distance * rule.strength);
   // a point without a normal keeps its place
-  const bool outlier = valid && agreement.is_missing() && point::squared_length(normal) > 0;
+  const bool is_sparse = neighbors.squared_core() > rule.squared_sparse_core;
+  const bool outlier = valid && agreement.is_missing(is_sparse) && point::squared_length(normal) > 0;
   if (!__any_sync(kAllLanes, outlier)) return there;
   const float nan = __int_as_float(0x7fffffff);
   if (!rule.pull_outliers) return outlier ? Vec{nan, nan, nan} : there;

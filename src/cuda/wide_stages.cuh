@@ -19,6 +19,7 @@ struct FairingRule {
   float inverse_turn;              // of Eq. 10
   float strength;                  // share of the displacement that is made
   float squared_outlier_distance;  // 0: outliers are not looked for
+  float squared_sparse_core;       // of a ball of the outlier radius
   bool pull_outliers;              // else they become NaN
 };
 

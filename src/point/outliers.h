@@ -11,8 +11,15 @@ namespace pointfair::point {
 // A point is an outlier if fewer than a tenth of its neighbours lie within the outlier distance of its plane (two close
 // sheets give each other half), or, in a ball of radius R, fewer than a twentieth within 0.7 R of it, where a surface
 // through the point has half of them, or within the outlier distance if that is more: the tails of the noise are no
-// outliers.
-inline constexpr float kLeastNearPlane = 0.1f, kLeastNear = 0.05f, kNearSquaredRadius = 0.49f;
+// outliers. Where R is larger than the outlier radius, points are so sparse that strays may be each other's neighbours:
+// they fill the ball, so seven tenths of them must lie near the plane.
+inline constexpr float kLeastNearPlane = 0.1f, kLeastOfSparse = 0.7f, kLeastNear = 0.05f, kNearSquaredRadius = 0.49f;
+
+// Of 0.7 R.
+template <class F>
+POINTFAIR_INLINE F squared_core(F squared_radius) {
+  return squared_radius * F(kNearSquaredRadius);
+}
 
 template <class F>
 struct Agreement {
@@ -26,8 +33,10 @@ struct Agreement {
     near_plane = near_plane + select(height * height <= F(squared_distance), one, F{});
     near = near + select(squared_length(offset) <= squared_core, one, F{});
   }
-  POINTFAIR_INLINE auto is_missing() const {
-    return (near_plane < all * F(kLeastNearPlane)) | (near < all * F(kLeastNear));
+  template <class Mask>
+  POINTFAIR_INLINE auto is_missing(Mask is_sparse) const {
+    const F least = select(is_sparse, F(kLeastOfSparse), F(kLeastNearPlane));
+    return (near_plane < all * least) | (near < all * F(kLeastNear));
   }
 };
 
