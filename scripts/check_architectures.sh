@@ -14,6 +14,9 @@ complain() {
   failed=1
 }
 
+for tool in cuobjdump nvdisasm; do
+  command -v $tool >/dev/null || { echo "$file is built but not checked: $tool was not found, which comes with the CUDA toolkit"; exit 2; }
+done
 machine_code=$(cuobjdump --list-elf "$file" | grep -oE 'sm_[0-9]+' | sort -Vu | tr '\n' ' ')
 ptx=$(cuobjdump --list-ptx "$file" | grep -oE 'sm_[0-9]+' | sort -Vu | tr '\n' ' ')
 echo "machine code: ${machine_code:-none}"
