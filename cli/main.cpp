@@ -94,8 +94,8 @@ void run_verb(std::vector<std::string> words, std::stop_token stop) {
   CLI::App app("", "pointfair");
   app.set_version_flag("--version", "");
   app.require_subcommand(1);
-  const std::vector<Verb> verbs = {add_run(app),   add_info(app),  add_compare(app),
-                                   add_noise(app), add_bench(app), add_doctor(app), add_view(app)};
+  const std::vector<Verb> verbs = {add_run(app),   add_info(app),   add_compare(app), add_noise(app),
+                                   add_bench(app), add_doctor(app), add_view(app)};
   if (const Verb* verb = parse(app, verbs, std::move(words))) verb->action(stop);
 }
 

@@ -51,7 +51,8 @@ void view(const ViewArguments& arguments, std::stop_token stop) {
   if (arguments.input == "-")
     throw Error(ErrorKind::usage, "view needs a file, since its result is saved from it again");
   if (!std::filesystem::is_directory(arguments.save_folder))
-    throw Error(ErrorKind::file, "--save-folder " + arguments.save_folder + ": is no folder; create it or name another");
+    throw Error(ErrorKind::file,
+                "--save-folder " + arguments.save_folder + ": is no folder; create it or name another");
   viewer::ServerOptions options;
   options.host = arguments.host;
   options.token = arguments.token;

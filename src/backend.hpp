@@ -47,7 +47,7 @@ struct FairingSettings {
   float strength = 1;                // share of the displacement that is made
   float outlier_distance = 0;        // from its neighbours, to be an outlier (src/point/outliers.h); 0: not looked for
   float outlier_radius = std::numeric_limits<float>::infinity();  // of balls that are wider strays may be all there is
-  bool pull_outliers = false;        // in to the mean of their neighbours; else they become NaN
+  bool pull_outliers = false;  // in to the mean of their neighbours; else they become NaN
   friend bool operator==(const FairingSettings&, const FairingSettings&) = default;
 };
 
