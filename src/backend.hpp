@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The seam between the pipeline and a device: one call per stage, plus upload and download. Each backend owns its
-// arrays; data crosses only in upload, download and the two small sampling calls.
+// arrays; data crosses only in upload, download and the small sampling calls.
 #pragma once
 
 #include <cstdint>
@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "point/region.h"
+#include "point/sample.h"
 #include "pointfair/cloud.hpp"
 #include "pointfair/params.hpp"
 #include "pointfair/pipeline.hpp"
@@ -46,7 +47,7 @@ struct FairingSettings {
   int facing_angle = 0;              // degrees, of Eq. 10; 0: normals do not weigh
   float strength = 1;                // share of the displacement that is made
   float outlier_distance = 0;        // from its neighbours, to be an outlier (src/point/outliers.h); 0: not looked for
-  float outlier_radius = std::numeric_limits<float>::infinity();  // of balls that are wider strays may be all there is
+  float outlier_radius = std::numeric_limits<float>::infinity();  // in wider balls strays may have only each other
   bool pull_outliers = false;  // in to the mean of their neighbours; else they become NaN
   friend bool operator==(const FairingSettings&, const FairingSettings&) = default;
 };
@@ -74,6 +75,14 @@ struct DisplacementLimits {
 struct Counts {
   UnmovedCounts unmoved;
   std::uint64_t short_neighborhoods = 0;
+};
+
+// What samples of a cloud say, each in the order of its queries.
+struct Samples {
+  std::vector<point::SpacingSample> spacing;
+  std::vector<point::NoiseSample> noise;
+  // Of the queries for noise, which not every estimate needs. To be called while the backend lives.
+  std::function<std::vector<point::ResidualSample>()> residuals;
 };
 
 // A backend holds up to two chains of stage results: that of the first pass, which stays cached for later runs, and
@@ -129,6 +138,10 @@ class Backend {
   // For each of `queries` (indices in upload order): the query itself, then its k nearest other points, nearest first,
   // row after row of k + 1; rows of invalid queries, and places past the last point, are NaN. k up to 1024.
   virtual void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) = 0;
+  // What such rows say (point/sample.h), at queries for the spacing and at queries for the noise. Here by fits on the
+  // host's cores (src/samples.cpp), the same bits wherever else.
+  virtual Samples take_samples(std::span<const std::uint32_t> for_spacing, std::span<const std::uint32_t> for_noise,
+                               std::stop_token stop);
   // Calls body(i) for each i below count on the host's cores, as many at once as this backend may use.
   virtual void for_each_on_host(std::size_t count, const std::function<void(std::size_t)>& body);
 

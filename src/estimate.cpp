@@ -4,25 +4,18 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <memory>
 #include <numeric>
 #include <span>
 #include <vector>
 
 #include "share_between.hpp"
-#include "surface_fit.hpp"
 
 namespace pointfair {
 namespace {
 
 constexpr std::size_t kSpacingSamples = 2000, kNoiseSamples = 500;
-constexpr int kSpacingNeighbors = 6;
-constexpr std::size_t kFirstFit = 30;
-constexpr double kFitGrowth = 1.4;
-constexpr double kSheetShare = 0.1;  // of the samples; fewer that see two sheets are corners and outliers
-// Rows are asked for in two lengths: a row of the nearest begins with every shorter one, so each serves several rounds
-// of growth. The first is a round's size (30 times 1.4^4).
-constexpr int kFitRows[] = {115, int(kLargestFit)};
+constexpr double kSheetShare = 0.1;     // of the samples; fewer that see two sheets are corners and outliers
+constexpr double kPlaneQuartile = 1.2;  // of a plane's own variances, by chance
 constexpr double kDoubtfulNoise = 0.6;  // spacings; below it residuals may be shape
 // How residuals grow from one neighbourhood to one of twice the points where they are noise, where they are shape.
 constexpr double kNoiseGrowth = 1.35, kShapeGrowth = 1.5;
@@ -49,48 +42,6 @@ std::vector<std::uint32_t> sample_queries(std::uint64_t points, std::size_t samp
     queries.push_back(std::uint32_t((place - std::floor(place)) * double(points)));
   }
   return queries;
-}
-
-void throw_if_stopped(const std::stop_token& stop) {
-  if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
-}
-
-Offset operator-(Point a, Point b) {
-  return {double(a.x) - double(b.x), double(a.y) - double(b.y), double(a.z) - double(b.z)};
-}
-
-// The known part of a row of sample_neighborhoods, relative to its query; empty if the query is invalid.
-std::vector<Offset> offsets_of(std::span<const Point> row) {
-  std::vector<Offset> offsets;
-  offsets.reserve(row.size());
-  for (const Point& p : row.subspan(1)) {
-    if (std::isnan(p.x)) break;
-    offsets.push_back(p - row[0]);
-  }
-  return offsets;
-}
-
-// What the nearest points of a query show.
-struct Sight {
-  bool is_short = false;  // all of them are not enough, but more could be
-  bool shows_noise = false;
-  double sigma = 0, spacing = 0, gap = 0;  // if so
-};
-
-// The neighbourhood grows until it is wide against the noise. `asked`: how many points there should be; up to `known`
-// it was not wide.
-Sight local_noise(std::span<const Offset> offsets, std::size_t known, std::size_t asked) {
-  GrowingNeighborhood neighborhood(offsets);
-  for (double wanted = kFirstFit;; wanted *= kFitGrowth) {
-    const std::size_t k = std::min(std::min(std::size_t(wanted), kLargestFit), offsets.size());
-    if (k <= known && k < offsets.size()) continue;
-    neighborhood.grow_to(k);
-    if (neighborhood.is_wide() || k == kLargestFit || offsets.size() < std::min(asked, std::size_t(wanted))) {
-      if (!neighborhood.shows_a_surface()) return {};
-      return {false, true, neighborhood.noise(), neighborhood.spacing(), neighborhood.gap()};
-    }
-    if (k == asked) return {true};
-  }
 }
 
 double quantile(std::vector<double> values, double share) {
@@ -136,23 +87,15 @@ CurveCube curve_cube(std::span<const Point> sample) {
   return {{float(low[0]), float(low[1]), float(low[2])}, float(power)};
 }
 
-Spacing measure_spacing(Backend& backend, std::uint64_t points, const std::stop_token& stop) {
-  throw_if_stopped(stop);
-  const std::vector<std::uint32_t> queries = sample_queries(points, kSpacingSamples);
-  std::vector<Point> rows(queries.size() * (kSpacingNeighbors + 1));
-  backend.sample_neighborhoods(queries, kSpacingNeighbors, rows);
-  std::vector<double> means(queries.size(), -1), last(queries.size(), -1);  // of valid ones
-  backend.for_each_on_host(queries.size(), [&](std::size_t q) {
-    const Point* const row = rows.data() + q * (kSpacingNeighbors + 1);
-    double total = 0;
-    int found = 0;
-    for (; found < kSpacingNeighbors && !std::isnan(row[found + 1].x); ++found)
-      total += last[q] = length(row[found + 1] - row[0]);
-    if (found > 0) means[q] = total / found;
-  });
-  const auto is_invalid = [](double value) { return value < 0; };
-  std::erase_if(means, is_invalid);
-  std::erase_if(last, is_invalid);
+namespace {
+
+Spacing spacing_of(const std::vector<point::SpacingSample>& samples) {
+  std::vector<double> means, last;
+  for (const point::SpacingSample& sample : samples) {
+    if (sample.last < 0) continue;
+    means.push_back(sample.mean);
+    last.push_back(sample.last);
+  }
   if (last.empty()) return {};
   // without the loneliest 2 %: a stray point's distance is no spacing
   const auto lonely = means.end() - std::ptrdiff_t(means.size() / 50);
@@ -161,53 +104,37 @@ Spacing measure_spacing(Backend& backend, std::uint64_t points, const std::stop_
   return {std::accumulate(means.begin(), means.end(), 0.0) / double(means.size()), quantile(last, 0.95)};
 }
 
-namespace {
-
 // How residuals grow from neighbourhoods of some points to those of twice as many: hardly where they are noise.
 struct Growth {
   double flat = 1, typical = 1;  // of the 15 % quantiles and of the medians
   double first = 0, second = 0;  // of the mean variance in flat places, less one; from there to twice as many again
 };
 
-Growth residual_growth(Backend& backend, std::span<const Point> rows, std::size_t row, const std::stop_token& stop) {
-  const std::size_t samples = rows.size() / row;
-  std::vector<double> narrow(samples, -1), wide(samples, -1), widest(samples, -1);
-  backend.for_each_on_host(samples, [&](std::size_t q) {
-    throw_if_stopped(stop);
-    const auto offsets = offsets_of(rows.subspan(q * row, row));
-    if (offsets.size() < 2 * kFirstFit) return;
-    GrowingNeighborhood neighborhood(offsets);
-    const auto noise_of_first = [&](std::size_t n) {
-      neighborhood.grow_to(n);
-      return neighborhood.shows_a_surface() ? neighborhood.noise() : -1;
-    };
-    narrow[q] = noise_of_first(kFirstFit);
-    wide[q] = noise_of_first(2 * kFirstFit);
-    if (offsets.size() + 1 == row) widest[q] = noise_of_first(offsets.size());
-  });
+Growth residual_growth(const std::vector<point::ResidualSample>& samples) {
   const auto growth_at = [&](double share, double most) {
     std::vector<double> from, to;
-    for (std::size_t q = 0; q < samples; ++q) {
-      if (narrow[q] < 0 || wide[q] < 0 || narrow[q] > most) continue;
-      from.push_back(narrow[q]);
-      to.push_back(wide[q]);
+    for (const point::ResidualSample& s : samples) {
+      if (s.narrow < 0 || s.wide < 0 || s.narrow > most) continue;
+      from.push_back(s.narrow);
+      to.push_back(s.wide);
     }
     if (from.empty()) return 1.0;
     const double low = quantile(from, share), high = quantile(to, share);
     return low > 0 ? high / low : high > 0 ? kEndless : 1;
   };
-  std::vector<double> known = narrow;
-  std::erase_if(known, [](double s) { return s < 0; });
+  std::vector<double> known;
+  for (const point::ResidualSample& s : samples)
+    if (s.narrow >= 0) known.push_back(s.narrow);
   if (known.empty()) return {};
   const double near_flat = kNearFlat * quantile(known, 0.15);
   Growth growth{growth_at(0.15, kEndless), growth_at(0.5, near_flat)};
   double variance[3] = {};
-  for (std::size_t q = 0; q < samples; ++q) {
-    if (narrow[q] < 0 || wide[q] < 0 || widest[q] < 0) continue;
-    if (narrow[q] > near_flat || widest[q] > kNearFlat * near_flat) continue;
-    variance[0] += narrow[q] * narrow[q];
-    variance[1] += wide[q] * wide[q];
-    variance[2] += widest[q] * widest[q];
+  for (const point::ResidualSample& s : samples) {
+    if (s.narrow < 0 || s.wide < 0 || s.widest < 0) continue;
+    if (s.narrow > near_flat || s.widest > kNearFlat * near_flat) continue;
+    variance[0] += s.narrow * s.narrow;
+    variance[1] += s.wide * s.wide;
+    variance[2] += s.widest * s.widest;
   }
   if (variance[0] > 0 && variance[1] > 0) {
     growth.first = variance[1] / variance[0] - 1;
@@ -219,10 +146,9 @@ Growth residual_growth(Backend& backend, std::span<const Point> rows, std::size_
 // Residuals of shape grow faster and faster with the neighbourhood, those of noise that is alike in neighbouring points
 // ever less.
 double alikeness(const Growth& growth, double sigma_in_spacings) {
-  const auto share = [](const double(&ends)[2], double value) { return share_between(ends[0], ends[1], value); };
   if (!(growth.first > 0)) return 0;
-  return share(kAlikeGrowth, growth.flat) * share(kUnlikeGrowth, growth.first) *
-         share(kAlikeSlowing, growth.second / growth.first) * share(kAlikeNoise, sigma_in_spacings);
+  return share_between(kAlikeGrowth, growth.flat) * share_between(kUnlikeGrowth, growth.first) *
+         share_between(kAlikeSlowing, growth.second / growth.first) * share_between(kAlikeNoise, sigma_in_spacings);
 }
 
 double likeness_to_shape(double flat_growth) { return share_between(kNoiseGrowth, kShapeGrowth, flat_growth); }
@@ -234,52 +160,40 @@ double shape_to_noise(double typical_growth) {
   return std::max(0.0, (squared - 1) / (kShapeVarianceGrowth - squared));
 }
 
-}  // namespace
-
-Noise measure_noise(Backend& backend, std::uint64_t points, const std::stop_token& stop) {
-  std::vector<std::uint32_t> queries = sample_queries(points, kNoiseSamples);
-  std::vector<double> sigmas, spacings, gaps;
-  std::unique_ptr<Point[]> first_rows;
-  const std::size_t samples = queries.size();
-  std::size_t known = 0;
-  for (const int k : kFitRows) {
-    throw_if_stopped(stop);
-    const std::size_t row = std::size_t(k) + 1;
-    auto rows = std::make_unique_for_overwrite<Point[]>(queries.size() * row);  // megabytes, all written below
-    backend.sample_neighborhoods(queries, k, {rows.get(), queries.size() * row});
-    std::vector<Sight> found(queries.size());
-    backend.for_each_on_host(queries.size(), [&](std::size_t q) {
-      throw_if_stopped(stop);
-      const auto offsets = offsets_of({rows.get() + q * row, row});
-      if (offsets.size() >= kFirstFit / 2) found[q] = local_noise(offsets, known, std::size_t(k));
-    });
-    std::vector<std::uint32_t> again;
-    for (std::size_t q = 0; q < queries.size(); ++q) {
-      if (found[q].is_short) again.push_back(queries[q]);
-      if (!found[q].shows_noise) continue;
-      sigmas.push_back(found[q].sigma);
-      spacings.push_back(found[q].spacing);
-      if (found[q].gap > 0) gaps.push_back(found[q].gap);
-    }
-    if (first_rows == nullptr) first_rows = std::move(rows);
-    queries = std::move(again);
-    if (queries.empty()) break;
-    known = std::size_t(k);
+Noise noise_of(const Samples& samples) {
+  std::vector<double> sigmas, spacings, gaps, plane_variances;
+  std::size_t confined = 0;
+  for (const point::NoiseSample& sample : samples.noise) {
+    if (!sample.shows_noise) continue;
+    sigmas.push_back(sample.sigma);
+    spacings.push_back(sample.spacing);
+    plane_variances.push_back(sample.plane_variance);
+    if (!sample.is_wide) ++confined;
+    if (sample.gap > 0) gaps.push_back(sample.gap);
   }
   if (sigmas.empty()) return {};
   // Where noise is all there is, residuals spread little; where curvature adds to them, the least ones know more.
   const double sigma = std::min(quantile(sigmas, 0.35), 1.2 * quantile(sigmas, 0.15));
   Noise noise{sigma, quantile(spacings, 0.5)};
+  if (sigma > 0) noise.bend = std::max(1.0, quantile(plane_variances, 0.75) / (kPlaneQuartile * sigma * sigma));
+  noise.confined = double(confined) / double(sigmas.size());
   if (double(gaps.size()) > kSheetShare * double(sigmas.size())) noise.gap = quantile(gaps, 0.25);
   if (sigma < kDoubtfulNoise * noise.surface_spacing) {
-    const std::size_t row = std::size_t(kFitRows[0]) + 1;
-    const Growth growth = residual_growth(backend, {first_rows.get(), samples * row}, row, stop);
+    const Growth growth = residual_growth(samples.residuals());
     noise.likeness_to_shape = likeness_to_shape(growth.flat);
     noise.alikeness = alikeness(growth, sigma / noise.surface_spacing);
     // between two sheets, wide neighbourhoods see the other one and not shape
     if (noise.gap == 0) noise.shape_to_noise = (1 - noise.alikeness) * shape_to_noise(growth.typical);
   }
   return noise;
+}
+
+}  // namespace
+
+Estimate estimate(Backend& backend, std::uint64_t points, Wanted wanted, const std::stop_token& stop) {
+  const Samples samples = backend.take_samples(sample_queries(points, wanted.spacing ? kSpacingSamples : 0),
+                                               sample_queries(points, wanted.noise ? kNoiseSamples : 0), stop);
+  return {spacing_of(samples.spacing), noise_of(samples)};
 }
 
 }  // namespace pointfair

@@ -17,17 +17,13 @@ struct Spacing {
   double rho = 0;   // 95 % quantile of the distance to the 6th: a sampling gap that is no feature
 };
 
-// Points spread evenly over the upload order among which valid ones are found; `points` is the number uploaded. Throws
-// Error(interrupted) once `stop` is triggered.
-Spacing measure_spacing(Backend& backend, std::uint64_t points, const std::stop_token& stop);
-
 // The cube that holds most of a cloud, for Backend::order_along: between the 2 % and the 98 % quantiles of a sample on
 // each axis, widened by half their distance at least, on a grid of powers of two. The sample is of the cloud as loaded,
 // a few points evenly spread over it, or all of a small one.
 std::vector<Point> curve_sample(std::span<const Point> points);
 CurveCube curve_cube(std::span<const Point> sample);
 
-// Standard deviation of the noise along the normal. Residuals of quadric fits over neighbourhoods that are grown until
+// Standard deviation of the noise along the normal. Residuals of cubic fits over neighbourhoods that are grown until
 // they are wide against the noise (Eq. 8 of docs/how-it-works.md); a low quantile over the samples, since edges and
 // outliers only ever raise a residual.
 struct Noise {
@@ -44,7 +40,23 @@ struct Noise {
   // 0 to 1: whether the noise is alike in neighbouring points, as that of depth cameras; 0 where noise is large or
   // tiny.
   double alikeness = 0;
+  // Share of the samples around which no neighbourhood gets wide against the noise, however large: the shape is too
+  // thin or bends too much there.
+  double confined = 0;
+  // Upper quartile of the variances over a plane in the widest neighbourhoods, over what it is on a plane of the same
+  // noise: 1 there, more where the shape bends or ends within them.
+  double bend = 1;
 };
-Noise measure_noise(Backend& backend, std::uint64_t points, const std::stop_token& stop);
+
+struct Wanted {
+  bool spacing = false, noise = false;
+};
+struct Estimate {
+  Spacing spacing;
+  Noise noise;
+};
+// What is wanted, the rest zero, of points spread evenly over the upload order among which valid ones are found;
+// `points` is the number uploaded. Throws Error(interrupted) once `stop` is triggered.
+Estimate estimate(Backend& backend, std::uint64_t points, Wanted wanted, const std::stop_token& stop);
 
 }  // namespace pointfair

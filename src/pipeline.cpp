@@ -325,15 +325,16 @@ struct Pipeline::State {
 
   // The first pass's index must be the current one: estimates are of the cloud as loaded.
   void measure(bool with_spacing, bool with_noise, const std::stop_token& stop) {
-    const bool missing = (with_spacing && !spacing) || (with_noise && !noise);
-    if (!missing) return;
+    const Wanted wanted{with_spacing && !spacing, with_noise && !noise};
+    if (!wanted.spacing && !wanted.noise) return;
     ensure_index(stop);
     backend->begin_pass(0);
     further_passes = 0;
     report_stages();  // waits for the index, which has its own time
     timed("estimate", [&] {
-      if (with_spacing && !spacing) spacing = measure_spacing(*backend, points, stop);
-      if (with_noise && !noise) noise = measure_noise(*backend, points, stop);
+      const Estimate found = estimate(*backend, points, wanted, stop);
+      if (wanted.spacing) spacing = found.spacing;
+      if (wanted.noise) noise = found.noise;
     });
   }
 

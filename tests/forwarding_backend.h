@@ -37,6 +37,10 @@ class ForwardingBackend : public Backend {
   void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override {
     to_->sample_neighborhoods(queries, k, out);
   }
+  Samples take_samples(std::span<const std::uint32_t> for_spacing, std::span<const std::uint32_t> for_noise,
+                       std::stop_token stop) override {
+    return to_->take_samples(for_spacing, for_noise, stop);
+  }
   void outcomes(const point::Region& loaded, std::span<unsigned char> out) override { to_->outcomes(loaded, out); }
   Counts counts() const override { return to_->counts(); }
   std::uint64_t peak_host_bytes() const override { return to_->peak_host_bytes(); }

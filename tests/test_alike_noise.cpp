@@ -53,7 +53,7 @@ double alikeness(const Points& points) {
   backend->upload(points);
   backend->begin_pass(0);
   backend->build_index({});
-  return measure_noise(*backend, points.size(), {}).alikeness;
+  return estimate(*backend, points.size(), {.noise = true}, {}).noise.alikeness;
 }
 
 double rms_height_after_a_run(const Points& points, const Params& params) {

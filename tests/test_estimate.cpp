@@ -24,23 +24,24 @@ Noise measured_noise(const Points& points) {
   backend->upload(points);
   backend->begin_pass(0);
   backend->build_index({});
-  return measure_noise(*backend, points.size(), {});
+  return estimate(*backend, points.size(), {.noise = true}, {}).noise;
 }
 
 struct Fit {
-  double sigma, surface_spacing;
+  double sigma, surface_spacing, plane_variance;
 };
 
 // One round over the `k` nearest: nothing if they are not wide against the noise and more may be asked for.
 std::optional<Fit> fit(const Eigen::MatrixXd& offsets, Eigen::Index k, bool may_grow) {
   const double n = double(k), radius = offsets.row(k - 1).norm();
-  if (radius == 0) return Fit{0, 0};
+  if (radius == 0) return Fit{0, 0, 0};
   const Eigen::RowVector3d centroid = offsets.topRows(k).colwise().mean();
   const Eigen::MatrixXd centred = offsets.topRows(k).rowwise() - centroid;
   const Eigen::Matrix3d covariance = centred.transpose() * centred / n;
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(covariance);  // by rising eigenvalue
   const bool is_line = radius >= 2.6 * offsets.row(k / 4 - 1).norm();
-  if (may_grow && (is_line || radius < 3.7 * std::sqrt(solver.eigenvalues()[0] * n / (n - 3)))) return std::nullopt;
+  const double plane_variance = solver.eigenvalues()[0] * n / (n - 3);
+  if (may_grow && (is_line || radius < 3.7 * std::sqrt(plane_variance))) return std::nullopt;
   const Eigen::VectorXd h = centred * solver.eigenvectors().col(0);
   const Eigen::ArrayXd u = centred * solver.eigenvectors().col(2) / radius,
                        v = centred * solver.eigenvectors().col(1) / radius;
@@ -53,7 +54,7 @@ std::optional<Fit> fit(const Eigen::MatrixXd& offsets, Eigen::Index k, bool may_
     const double t = std::min(0.15, squared / (radius * radius));
     squared = variance * (1 - t) / (1 - 3 * t);
   }
-  return Fit{std::sqrt(squared), radius * std::sqrt(std::numbers::pi / n)};
+  return Fit{std::sqrt(squared), radius * std::sqrt(std::numbers::pi / n), plane_variance};
 }
 
 Fit fit_at(const Points& points, std::size_t query) {
@@ -74,22 +75,25 @@ double quantile(std::vector<double> values, double share) {
   return values[std::size_t(share * double(values.size() - 1))];
 }
 
-// At the samples of measure_noise: multiples of the golden ratio over the upload order.
+// At the samples of estimate(): multiples of the golden ratio over the upload order.
 TEST(Noise, is_that_of_cubic_fits_over_growing_neighbourhoods) {
   Points points = shapes::with_noise(shapes::waves(3000), 0.02);
   for (const double flat : {1.0, 0.05}) {  // far above the spacing, where all rounds run, and below
     for (Point& p : points) p.z = float(p.z * flat);
-    std::vector<double> sigmas, spacings;
+    std::vector<double> sigmas, spacings, plane_variances;
     for (std::size_t i = 0; i < 500; ++i) {
       const double place = double(i + 1) * 0.6180339887498949;
       const Fit found = fit_at(points, std::size_t((place - std::floor(place)) * double(points.size())));
       sigmas.push_back(found.sigma);
       spacings.push_back(found.surface_spacing);
+      plane_variances.push_back(found.plane_variance);
     }
     const Noise noise = measured_noise(points);
     const double sigma = std::min(quantile(sigmas, 0.35), 1.2 * quantile(sigmas, 0.15));
     EXPECT_NEAR(noise.sigma, sigma, 1e-7 * sigma);
     EXPECT_NEAR(noise.surface_spacing, quantile(spacings, 0.5), 1e-7 * noise.surface_spacing);
+    const double bend = std::max(1.0, quantile(plane_variances, 0.75) / (1.2 * sigma * sigma));
+    EXPECT_NEAR(noise.bend, bend, 1e-6 * bend);
   }
 }
 
@@ -146,6 +150,22 @@ TEST(Noise, of_one_sheet_has_no_gap) {
     EXPECT_EQ(measured_noise(shapes::with_noise(shapes::waves(10000), sigma)).gap, 0) << sigma;
     EXPECT_EQ(measured_noise(shapes::with_noise(shapes::cube(10000), sigma)).gap, 0) << sigma;
   }
+}
+
+TEST(Noise, tells_room_for_wide_neighbourhoods_from_none) {
+  for (const double sigma : {0.007, 0.01, 0.02, 0.03}) {  // 10,000 points on a unit square: spacings of 0.01
+    const Noise plane = measured_noise(shapes::with_noise(shapes::plane(10000), sigma));
+    EXPECT_LT(plane.bend, 1.15) << sigma;
+    EXPECT_LT(plane.confined, 0.01) << sigma;
+  }
+  Points strewn = shapes::with_noise(shapes::plane(10000), 0.01);
+  for (std::size_t i = 0; i < strewn.size(); i += 100) strewn[i].z += i % 200 == 0 ? 0.2f : -0.2f;
+  EXPECT_LT(measured_noise(strewn).bend, 1.15) << "outliers are no shape";
+  EXPECT_LT(measured_noise(strewn).confined, 0.02) << "outliers are no shape";
+  EXPECT_GT(measured_noise(shapes::with_noise(shapes::cube(2000), 0.02)).bend, 1.3);
+  // a ball of 4 noise sigmas: no neighbourhood of one side is wide
+  const Noise small = measured_noise(shapes::with_noise(shapes::sphere(4000), 0.25));
+  EXPECT_GT(small.confined, 0.2);
 }
 
 TEST(Noise, of_a_clean_sphere_is_next_to_none) { EXPECT_LT(measured_noise(shapes::sphere(20000)).sigma, 0.0025); }

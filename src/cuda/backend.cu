@@ -197,9 +197,28 @@ class CudaBackend final : public Backend {
     check(
         cudaMemcpyAsync(asked.data(), queries.data(), queries.size_bytes(), cudaMemcpyHostToDevice, context_.stream()),
         "uploading queries");
-    at_work_->sample_neighborhoods(asked.data(), queries.size(), k, rows.data());
+    at_work_->sample_neighborhoods({asked.data(), queries.size(), k, rows.data()});
     copy_out(rows.data(), out);
     wait();
+  }
+  Samples take_samples(std::span<const Index> for_spacing, std::span<const Index> for_noise,
+                       std::stop_token stop) override {
+    if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+    context_.enter();
+    const std::size_t spacings = for_spacing.size(), noises = for_noise.size();
+    queries_.resize(spacings + noises);
+    spacing_samples_.resize(spacings);
+    noise_samples_.resize(noises);
+    residual_samples_.resize(noises);
+    std::copy(for_noise.begin(), for_noise.end(), std::copy(for_spacing.begin(), for_spacing.end(), queries_.get()));
+    at_work_->take_samples(
+        {queries_.get(), spacings, noises, spacing_samples_.get(), noise_samples_.get(), residual_samples_.get()});
+    wait();
+    if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+    std::vector residuals(residual_samples_.get(), residual_samples_.get() + noises);
+    return {{spacing_samples_.get(), spacing_samples_.get() + spacings},
+            {noise_samples_.get(), noise_samples_.get() + noises},
+            [residuals = std::move(residuals)] { return residuals; }};
   }
 
   Counts counts() const override {
@@ -316,7 +335,11 @@ class CudaBackend final : public Backend {
   StageClock clock_{context_};
   const std::size_t points_of_part_;  // 0: as plan_parts()
   Pinned<CloudState> fetched_;
-  bool is_fetched_ = false;      // and as the chain at work is
+  bool is_fetched_ = false;  // and as the chain at work is
+  Pinned<Index> queries_;
+  Pinned<point::SpacingSample> spacing_samples_;
+  Pinned<point::NoiseSample> noise_samples_;
+  Pinned<point::ResidualSample> residual_samples_;
   bool is_index_begun_ = false;  // by an upload
   bool is_arriving_ = false;     // the uploaded cloud
   DeviceArray<Point> uploaded_{context_};

@@ -313,14 +313,20 @@ void Chain::find_outcomes(const point::Region& loaded, unsigned char* out) {
                        {query.k, query.squared_limit, neighbors_.constraint, neighbors_.reach},
                        reads_areas ? mean_distance_.data() : nullptr,
                        normal_settings_.filter_rounds,
-                       fairing_settings_.two_planes || fairing_settings_.method != Method::bilateral,
+                       fairing_settings_.two_planes || fairing_settings_.method != Method::bilateral ||
+                           fairing_settings_.pull_outliers,  // radii, which are exact where normals are
                        fairing_settings_.method != Method::bilateral},
                       index_.points(), out);
 }
 
-void Chain::sample_neighborhoods(const Index* queries, std::size_t count, int k, Point* rows) {
+void Chain::sample_neighborhoods(const RowRequest& request) {
   join();
-  sample_nearest(context_, index_.tree(), input_, queries, count, k, rows);
+  find_rows(context_, index_.tree(), input_, request);
+}
+
+void Chain::take_samples(const SampleArrays& samples) {
+  join();
+  cuda::take_samples(context_, index_.tree(), input_, samples);
 }
 
 void Chain::fetch_state(CloudState* pinned) {

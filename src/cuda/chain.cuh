@@ -13,6 +13,7 @@
 #include "cuda/index.cuh"
 #include "cuda/outcomes.cuh"
 #include "cuda/part_flow.cuh"
+#include "cuda/samples.cuh"
 #include "cuda/search.cuh"
 #include "cuda/stages.cuh"
 #include "cuda/stop.cuh"
@@ -57,7 +58,8 @@ class Chain {
   // Start the work and return before it is done.
   void restore_normals(Point* out);
   void find_outcomes(const point::Region& loaded, unsigned char* out);  // on the card
-  void sample_neighborhoods(const Index* queries, std::size_t count, int k, Point* rows);
+  void sample_neighborhoods(const RowRequest& request);
+  void take_samples(const SampleArrays& samples);
 
   DeviceArray<Point>& faired() { return faired_; }  // in upload order; by parts, or after join()
   CloudState state();                               // settles and waits for all work

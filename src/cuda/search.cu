@@ -166,26 +166,6 @@ __global__ void clear_lists_of_none(const __grid_constant__ Tree tree, int k, In
       lists[(at / kWarp * k + slot) * kWarp + at % kWarp] = point::kNoNeighbor;
 }
 
-__global__ void sample(const __grid_constant__ Tree tree, const Point* points, const Index* queries, std::size_t count,
-                       int k, int size, Point* rows) {
-  __shared__ SingleWalk walk;
-  const float nan = __int_as_float(0x7fc00000);
-  for (std::size_t n = blockIdx.x; n < count; n += gridDim.x) {
-    const Point p = points[queries[n]];
-    Point* row = rows + n * (std::size_t(k) + 1);
-    const bool valid = point::is_indexable(p.x, p.y, p.z);
-    SharedList list(list_memory, size);
-    if (valid)
-      SingleSearch<SharedList>(tree, walk, list, {p.x, p.y, p.z}, queries[n], k, __int_as_float(0x7f800000)).run();
-    list.for_each(k, [&](int slot, Key key, Index found) {
-      const float4 q = key != kNoKey ? tree.points[found] : float4{nan, nan, nan, 0};
-      row[slot + 1] = {q.x, q.y, q.z};
-    });
-    if (lane_number() == 0) row[0] = valid ? p : Point{nan, nan, nan};
-    __syncwarp();
-  }
-}
-
 // With `later` as find_nearest_again().
 template <int kList, bool kWide>
 void search_leaves(Context& context, const Tree& tree, const Tree* later, CloudState* state, LeafRange leaves,
@@ -252,15 +232,6 @@ void find_nearest_of_left(Context& context, const Tree& tree, LeafRange leaves, 
                           Retries retries) {
   const auto search = query.k > 16 ? search_left<32> : query.k > 8 ? search_left<16> : search_left<8>;
   search(context, tree, leaves, query, list, retries);
-}
-
-void sample_nearest(Context& context, const Tree& tree, const Point* points, const Index* queries, std::size_t count,
-                    int k, Point* rows) {
-  const int size = SharedList::size_for(k);
-  const std::size_t bytes = allow_list_memory(sample, 1, size);
-  const unsigned blocks = std::min(blocks_for(count, 1), unsigned(context.processors()) * 16);
-  sample<<<blocks, kWarp, bytes, context.stream()>>>(tree, points, queries, count, k, size, rows);
-  check(cudaGetLastError(), "sampling neighbourhoods");
 }
 
 }  // namespace pointfair::cuda

@@ -56,8 +56,4 @@ void grow_neighborhoods(Context& context, const Tree& tree, CloudState* state, N
 // Mean distance to the first five listed.
 void measure_mean_distances(Context& context, const Tree& tree, Lists lists, float* mean_distance);
 
-// Rows of k + 1 points: the query and its k nearest others, NaN where there is none. `queries` in upload order.
-void sample_nearest(Context& context, const Tree& tree, const Point* points, const Index* queries, std::size_t count,
-                    int k, Point* rows);
-
 }  // namespace pointfair::cuda

@@ -9,18 +9,27 @@
 
 namespace pointfair::cuda {
 
-// Page-locked memory of the host for one value, to which the card writes while the host goes on.
+// Page-locked memory of the host for some values, which the card reads and writes while the host goes on.
 template <class T>
 class Pinned {
  public:
-  Pinned() { check(cudaHostAlloc(&value_, sizeof(T), cudaHostAllocDefault), "allocating page-locked memory"); }
-  ~Pinned() { cudaFreeHost(value_); }
+  explicit Pinned(std::size_t count = 1) { resize(count); }
+  ~Pinned() { cudaFreeHost(values_); }
   Pinned(const Pinned&) = delete;
   Pinned& operator=(const Pinned&) = delete;
-  T* get() const { return value_; }
+  // Contents are not kept when it grows.
+  void resize(std::size_t count) {
+    if (count <= capacity_) return;
+    cudaFreeHost(std::exchange(values_, nullptr));
+    capacity_ = 0;
+    check(cudaHostAlloc(&values_, count * sizeof(T), cudaHostAllocDefault), "allocating page-locked memory");
+    capacity_ = count;
+  }
+  T* get() const { return values_; }
 
  private:
-  T* value_ = nullptr;
+  T* values_ = nullptr;
+  std::size_t capacity_ = 0;
 };
 
 // A cloud on its way to the card: each of its parts is there after an event, all of it after the last.

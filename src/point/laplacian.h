@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Weighted means over a neighbourhood, Eq. 11 of docs/how-it-works.md, and the displacements of the methods that need
+// Weighted means over a neighbourhood, Eq. 11 of docs/methods.md, and the displacements of the methods that need
 // no more than means: Laplacian fairing, Taubin's lambda|mu and the HC algorithm (Eq. 12 to 14).
 #pragma once
 

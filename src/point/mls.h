@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Projection of one point onto its moving-least-squares surface: a quadratic polynomial over a local plane (Levin 2003;
-// Alexa and others 2003), Eq. 16 of docs/how-it-works.md.
+// Alexa and others 2003), Eq. 16 of docs/methods.md.
 #pragma once
 
 #include "point/vec.h"

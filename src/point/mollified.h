@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The step of one point by its neighbours' predictors, the projections onto their planes (Jones, Durand and Desbrun
-// 2003), Eq. 17 of docs/how-it-works.md.
+// 2003), Eq. 17 of docs/methods.md.
 #pragma once
 
 #include "point/weighted_mean.h"

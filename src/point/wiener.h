@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The local adaptive Wiener filter of one point's height above its neighbourhood's plane (Peng, Strela and Zorin 2001;
-// Alexa 2002), Eq. 15 of docs/how-it-works.md.
+// Alexa 2002), Eq. 15 of docs/methods.md.
 #pragma once
 
 #include "point/vec.h"

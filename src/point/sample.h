@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a row of nearest points says of a cloud, at one of the samples that estimates are made of (src/estimate.cpp). A
+// row is the sample itself and then its nearest others, nearest first, NaN from where there are no more, all of it NaN
+// where the sample is invalid.
+#pragma once
+
+#include "point/surface_fit.h"
+
+namespace pointfair::point {
+
+struct SpacingSample {
+  double mean = -1, last = -1;  // distances to the nearest; negative of a sample that has none
+};
+
+// The noise where the neighbourhood is first wide against it.
+struct NoiseSample {
+  bool is_short = false;  // all of the row are not enough, but more could be
+  bool shows_noise = false;
+  bool is_wide = false;  // if so; else the neighbourhood is as large as it may get
+  double sigma = 0, spacing = 0, gap = 0, plane_variance = 0;
+};
+
+// The noise by the first 30, 60 and 115 points; negative where they show none.
+struct ResidualSample {
+  double narrow = -1, wide = -1, widest = -1;
+};
+
+inline constexpr int kSpacingNeighbors = 6;
+// A neighbourhood grows until it is wide against the noise, in rounds of 30, 42, 58, .. 600 points, each 1.4 times the
+// one before. Rows are asked for in two lengths: a row of the nearest begins with every shorter one, so each serves
+// half of the rounds.
+inline constexpr int kFirstFit = 30, kFirstRow = 115, kLastRow = 600;
+inline constexpr int kFirstRounds = 5, kRounds = 10;
+POINTFAIR_INLINE constexpr int points_of(int round) {
+  double points = kFirstFit;
+  for (int r = 0; r < round; ++r) points *= 1.4;
+  return points < kLastRow ? int(points) : kLastRow;
+}
+static_assert(points_of(kFirstRounds - 1) == kFirstRow && points_of(kRounds - 1) == kLastRow);
+
+// What so many of the nearest points show.
+struct Look {
+  bool is_wide = false;  // against the noise
+  bool is_last = true;   // there are no more, or more are not looked at
+  double noise = -1;     // negative: they show none
+  double spacing = 0, gap = 0, plane_variance = 0;
+};
+
+template <class P>
+POINTFAIR_INLINE Offset offset_between(const P& from, const P& to) {
+  return {double(to.x) - double(from.x), double(to.y) - double(from.y), double(to.z) - double(from.z)};
+}
+
+template <class P>
+POINTFAIR_INLINE SpacingSample spacing_sample(const P* row) {
+  double total = 0, last = -1;
+  int found = 0;
+  for (; found < kSpacingNeighbors && row[found + 1].x == row[found + 1].x; ++found)
+    total += last = length(offset_between(row[0], row[found + 1]));
+  return found > 0 ? SpacingSample{total / found, last} : SpacingSample{};
+}
+
+// Takes the offsets of a row of k and returns how many there are.
+template <class Team, int kMost, class P>
+POINTFAIR_INLINE int take_row(Team team, FitSpace<kMost>& space, const P* row, int k) {
+  team.for_each(k, [&space, row](int i) {
+    const Offset o = offset_between(row[0], row[i + 1]);
+    space.x[i] = o.x;
+    space.y[i] = o.y;
+    space.z[i] = o.z;
+  });
+  typename Team::template Sums<1> known(team);
+  known.add(0, k, [&space](int i) { return Terms<1>{{space.x[i] == space.x[i] ? 1.0 : 0.0}}; });
+  return int(known.total().of[0]);
+}
+
+// At the nearest `points` of those that are there. The noise of what is neither wide nor last only if `always`.
+template <class Team, int kMost>
+POINTFAIR_INLINE Look look_at(GrowingNeighborhood<Team, kMost>& neighborhood, int there, int points, bool always) {
+  Look look;
+  if (there < kFirstFit / 2) return look;
+  neighborhood.grow_to(points < there ? points : there);
+  look.is_wide = neighborhood.is_wide();
+  look.is_last = there < points || points == kLastRow;
+  if (!neighborhood.shows_a_surface() || !(look.is_wide || look.is_last || always)) return look;
+  look.noise = neighborhood.noise();
+  look.spacing = neighborhood.spacing();
+  look.gap = neighborhood.gap();
+  look.plane_variance = neighborhood.plane_variance();
+  return look;
+}
+
+// `look_in(round)` for each round from `first` to before `end` until one suffices.
+template <class LookIn>
+POINTFAIR_INLINE NoiseSample noise_sample(int first, int end, const LookIn& look_in) {
+  for (int round = first; round < end; ++round) {
+    const Look look = look_in(round);
+    if (!look.is_wide && !look.is_last) continue;
+    if (look.noise < 0) return {};
+    return {false, true, look.is_wide, look.noise, look.spacing, look.gap, look.plane_variance};
+  }
+  return {true};
+}
+
+// From looks at 30, 60 and 115 points.
+POINTFAIR_INLINE ResidualSample residual_sample(const Look& narrow, const Look& wide, const Look& widest) {
+  if (wide.is_last) return {};
+  return {narrow.noise, wide.noise, widest.is_last ? -1 : widest.noise};
+}
+
+}  // namespace pointfair::point
