@@ -18,9 +18,14 @@ bool seeks_outliers(const Params& p) {
   if (p.outliers != Outliers::automatic) return p.outliers != Outliers::off;
   return sums_balls(p) && moves_along_normal(p.method);
 }
+bool reads_outlier_radius(const Params& p) { return seeks_outliers(p) && sums_balls(p); }
 
 constexpr double kNoiseRadius = 2.5;                  // radius of a ball on top of the spacing, in sigmas
 constexpr int kWidening = 16, kWideningIfAlike = 48;  // and the neighbours that make up the spacing's part
+// Factors of a ball's radius, and the noise in spacings where they set in, and beyond which samples do not see far
+// enough.
+constexpr double kRoominess = 1.15, kConfinement = 0.67, kBendPower = 0.06, kLeastFactor = 0.75;
+constexpr double kRoomyNoise[] = {0.5, 0.85}, kBendingNoise[] = {0.25, 0.45}, kUnseenNoise[] = {3.6, 4.4};
 constexpr double kSeparableGap = 1.9;                 // spacings between two sheets
 constexpr double kOneSheet = 0.65, kBothSheets = 14;  // of the points of one sheet within the gap
 constexpr double kSheetSimilarity = 1.0 / 6;          // of the gap
@@ -30,7 +35,8 @@ constexpr double kSimilarityWidth = 3;                // sigmas
 // Spacings; noise below it is hard to tell from shape: where residuals look like noise, and where they look like shape.
 constexpr double kTrustedNoise = 0.02, kTrustedShape = 0.16;
 constexpr double kShapeDamage = 3, kUnseenShape = 0.01;  // of the noise's variance; less shape looks like none
-constexpr int kNormalAngle = 15, kFacingAngle = 40;      // degrees
+constexpr int kNormalAngle = 15, kNormalAngleOfNoise = 20, kFacingAngle = 40;  // degrees
+constexpr double kTurningNoise[] = {0.45, 1};                                  // spacings
 constexpr int kPasses = 2;
 constexpr double kFarthestMove = 4, kFarthestOfLittleNoise = 1.5, kOutlierDistance = 6;  // sigmas
 constexpr double kLittleNoise = 0.03, kMuchNoise = 0.5;         // spacings; between them the farthest move grows
@@ -44,6 +50,7 @@ struct MethodDefaults {
   double similarity_width = kSimilarityWidth, least_similarity = 0.05;  // sigmas, spacings
   int step = 100, passes = kPasses;
   NormalFilter filter = NormalFilter::off;
+  bool fits_balls = false;  // to the shape; without filtered normals wider ones round edges
 };
 
 MethodDefaults defaults_of(Method method) {
@@ -51,6 +58,7 @@ MethodDefaults defaults_of(Method method) {
   switch (method) {
     case Method::bilateral:
       its.filter = NormalFilter::on;
+      its.fits_balls = true;
       break;
     case Method::laplacian:
       its.closeness_width = 0.4;
@@ -78,6 +86,24 @@ MethodDefaults defaults_of(Method method) {
       break;
   }
   return its;
+}
+
+// What multiplies the radius of balls (Eq. 18 of docs/how-it-works.md). Where only the noise sets their width, wider
+// ones leave less noise if the shape has room for them; the more of it has none, the narrower. Balls between sheets
+// follow the gap.
+double ball_factor(const Noise& noise, double spacing) {
+  if (!(noise.sigma > 0 && spacing > 0) || noise.gap > 0) return 1;
+  const double level = noise.sigma / spacing;
+  const double room = std::pow(kRoominess, share_between(kRoomyNoise, level));
+  const double shape =
+      std::pow(kConfinement, noise.confined) * std::pow(noise.bend, -kBendPower * share_between(kBendingNoise, level));
+  return std::pow(std::max(kLeastFactor, room * shape), 1 - share_between(kUnseenNoise, level));
+}
+
+// Degrees. Normals that little noise tilts differ less by it.
+int automatic_normal_angle(const Noise& noise, double spacing) {
+  const double level = spacing > 0 ? noise.sigma / spacing : 0;
+  return int(std::lround(std::lerp(kNormalAngle, kNormalAngleOfNoise, share_between(kTurningNoise, level))));
 }
 
 // Noise that is alike in neighbouring points does not average out among a few of them. Between the sheets of a thin
@@ -121,7 +147,7 @@ bool needs_noise(const Params& p) {
   return k_follows || p.normal_sigma.is_automatic() || p.closeness_sigma.is_automatic() ||
          p.similarity_sigma.is_automatic() || (p.constraint && p.delta.is_automatic()) ||
          (seeks_outliers(p) && (p.displacement_limit.is_automatic() || p.outlier_distance.is_automatic() ||
-                                (sums_balls(p) && p.outlier_radius.is_automatic())));
+                                (reads_outlier_radius(p) && p.outlier_radius.is_automatic())));
 }
 
 bool needs_spacing(const Params& p) {
@@ -129,8 +155,8 @@ bool needs_spacing(const Params& p) {
   return p.k == kAutomatic || of_spacing(p.normal_sigma) || of_spacing(p.closeness_sigma) ||
          of_spacing(p.similarity_sigma) || p.radius.unit == Length::Unit::spacing ||
          (p.constraint && (of_spacing(p.rho) || of_spacing(p.delta))) ||
-         (seeks_outliers(p) &&
-          (of_spacing(p.displacement_limit) || of_spacing(p.outlier_distance) || of_spacing(p.outlier_radius)));
+         (seeks_outliers(p) && (of_spacing(p.displacement_limit) || of_spacing(p.outlier_distance))) ||
+         (reads_outlier_radius(p) && of_spacing(p.outlier_radius));
 }
 
 bool needs_diagonal(const Params& p) {
@@ -142,7 +168,7 @@ bool needs_diagonal(const Params& p) {
                          (given(p.radius) || (p.radius.is_automatic() && p.k != kAutomatic)) &&
                          (given(p.rho) || is_set_aside(p.rho)) && (given(p.delta) || is_set_aside(p.delta)) &&
                          (given(p.outlier_distance) || is_unread(p.outlier_distance)) &&
-                         (given(p.outlier_radius) || p.k != kAutomatic || is_unread(p.outlier_radius)) &&
+                         (given(p.outlier_radius) || (!reads_outlier_radius(p) && p.outlier_radius.is_automatic())) &&
                          (given(p.displacement_limit) || is_unread(p.displacement_limit));
   return !all_given;
 }
@@ -172,8 +198,10 @@ Params resolve_params(const Params& params, const Spacing& spacing, const Noise&
   double list_radius = 0;
   if (!params.radius.is_automatic()) used.radius = in_file_units(params.radius, 0);
   if (chooses_balls(params)) {
-    used.radius = in_file_units({}, its.noise_radius * noise.sigma);
-    if (params.widening == kAutomatic) used.widening = automatic_widening(noise, s);
+    const double factor = its.fits_balls ? ball_factor(noise, s) : 1;
+    used.radius = in_file_units({}, factor * its.noise_radius * noise.sigma);
+    if (params.widening == kAutomatic)
+      used.widening = std::min(kMaxWidening, int(std::lround(factor * factor * automatic_widening(noise, s))));
   } else if (!by_ball) {
     if (params.k == kAutomatic) {  // wide enough for 11 points and wide against the noise
       const double wide = std::hypot(3 * noise.sigma, s * std::sqrt(11 / std::numbers::pi));
@@ -200,7 +228,7 @@ Params resolve_params(const Params& params, const Spacing& spacing, const Noise&
   if (params.normal_filter == NormalFilter::automatic)
     used.normal_filter = by_ball || its.filter == NormalFilter::mollify ? its.filter : NormalFilter::off;
   if (params.planes == Planes::automatic) used.planes = by_ball ? Planes::both : Planes::own;
-  if (params.normal_angle == kAutomatic) used.normal_angle = kNormalAngle;
+  if (params.normal_angle == kAutomatic) used.normal_angle = automatic_normal_angle(noise, s);
   if (params.facing_angle == kAutomatic) used.facing_angle = kFacingAngle;
   if (params.passes == kAutomatic) used.passes = its.passes;
   if (params.step == kAutomatic) {

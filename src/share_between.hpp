@@ -10,5 +10,6 @@ namespace pointfair {
 inline double share_between(double from, double to, double value) {
   return std::clamp((value - from) / (to - from), 0.0, 1.0);
 }
+inline double share_between(const double (&ends)[2], double value) { return share_between(ends[0], ends[1], value); }
 
 }  // namespace pointfair

@@ -47,6 +47,10 @@ class RecordingBackend : public ForwardingBackend {
     ForwardingBackend::sample_neighborhoods(queries, k, out);
     if (sampled_) sampled_();
   }
+  Samples take_samples(std::span<const std::uint32_t> for_spacing, std::span<const std::uint32_t> for_noise,
+                       std::stop_token stop) override {
+    return Backend::take_samples(for_spacing, for_noise, stop);  // of rows that it sees
+  }
 
  private:
   void note(const std::string& stage) {
@@ -149,6 +153,20 @@ TEST(Cache, a_changed_parameter_runs_again_from_the_stage_of_its_row_and_no_earl
     if (info.name == "passes") expected = kAll;  // one further pass
     EXPECT_EQ(recorded.run(params), expected) << info.name;
   }
+}
+
+TEST(Cache, lists_whose_lengths_are_given_need_no_samples_for_what_only_balls_read) {
+  Params params = settled();
+  params.outlier_radius = {};
+  Recorded recorded;
+  recorded.sampled = [] { FAIL() << "an outlier radius was estimated for lists"; };
+  EXPECT_EQ(recorded.run(params), kAll);
+  bool is_sampled = false;
+  recorded.sampled = [&] { is_sampled = true; };
+  params = settled_without_list();
+  params.outlier_radius = {};
+  recorded.run(params);
+  EXPECT_TRUE(is_sampled);
 }
 
 TEST(Cache, a_run_with_several_passes_repeats_them_all_but_keeps_the_first) {

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+// Balls that follow noise and shape (Eq. 18 of docs/how-it-works.md): the formula, and that it leaves less noise than
+// one width for all shapes.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "automatic.hpp"
+#include "pointfair/pointfair.hpp"
+#include "shapes.h"
+
+namespace pointfair {
+namespace {
+
+using shapes::Points;
+
+Params resolved(const Noise& noise, Method method = Method::bilateral) {
+  Params params;
+  params.method = method;
+  return resolve_params(params, {1, 1}, noise, 100);
+}
+
+// Noise in spacings of 1.
+Noise noise_of(double sigma, double bend = 1, double confined = 0) {
+  Noise noise{sigma, 1};
+  noise.bend = bend;
+  noise.confined = confined;
+  return noise;
+}
+
+double ramp(double from, double to, double value) { return std::clamp((value - from) / (to - from), 0.0, 1.0); }
+
+TEST(Automatic, balls_follow_equation_18) {
+  for (const double sigma : {0.05, 0.3, 0.45, 0.6, 0.85, 1.7, 3.0, 4.0, 8.0})
+    for (const double bend : {1.0, 1.5, 4.0})
+      for (const double confined : {0.0, 0.2, 1.0}) {
+        const double factor = std::max(0.75, std::pow(1.15, ramp(0.5, 0.85, sigma)) * std::pow(0.67, confined) *
+                                                 std::pow(bend, -0.06 * ramp(0.25, 0.45, sigma)));
+        const double seen = std::pow(factor, 1 - ramp(3.6, 4.4, sigma));
+        const Params used = resolved(noise_of(sigma, bend, confined));
+        EXPECT_NEAR(used.radius.value, seen * 2.5 * sigma, 1e-9) << sigma << " " << bend << " " << confined;
+        EXPECT_EQ(used.widening, std::lround(16 * seen * seen)) << sigma << " " << bend << " " << confined;
+      }
+}
+
+TEST(Automatic, balls_follow_the_shape_where_normals_are_filtered_only_and_no_second_sheet_is_near) {
+  Noise noise = noise_of(1);
+  EXPECT_NEAR(resolved(noise, Method::laplacian).radius.value, 2.5, 1e-9);
+  EXPECT_EQ(resolved(noise, Method::laplacian).widening, 16);
+  EXPECT_GT(resolved(noise).radius.value, 2.6);
+  noise.gap = 3;
+  EXPECT_NEAR(resolved(noise).radius.value, 2.5, 1e-9);
+}
+
+TEST(Automatic, normals_of_noisy_clouds_mix_by_a_wider_angle) {
+  EXPECT_EQ(resolved(noise_of(0.3)).normal_angle, 15);
+  EXPECT_EQ(resolved(noise_of(0.8)).normal_angle, 18);
+  EXPECT_EQ(resolved(noise_of(2)).normal_angle, 20);
+}
+
+// Root mean square of how far points lie off the sphere of radius 1, or off the plane z = 0.
+double off_sphere(const Points& points) {
+  double sum = 0;
+  for (const Point& p : points) sum += std::pow(std::hypot(double(p.x), double(p.y), double(p.z)) - 1, 2);
+  return std::sqrt(sum / double(points.size()));
+}
+double off_plane(const Points& points) {
+  double sum = 0;
+  for (const Point& p : points) sum += double(p.z) * double(p.z);
+  return std::sqrt(sum / double(points.size()));
+}
+
+// With nothing set, and with balls of 2.5 sigma and the 16th neighbour whatever the shape.
+struct Left {
+  double automatic, of_one_width;
+};
+Left left(const Points& noisy, double (*off)(const Points&)) {
+  Pipeline pipeline(Device::cpu);
+  pipeline.load(noisy);
+  Points out(noisy.size());
+  Params params;
+  pipeline.run(params, out);
+  const double automatic = off(out);
+  params.radius = 2.5 * pipeline.estimates().noise;
+  params.widening = 16;
+  pipeline.run(params, out);
+  return {automatic, off(out)};
+}
+
+TEST(Automatic, less_noise_is_left_than_by_balls_of_one_width_for_all_shapes) {
+  const Left plane = left(shapes::with_noise(shapes::plane(10000), 0.02), off_plane);  // two spacings
+  EXPECT_LT(plane.automatic, 0.85 * plane.of_one_width);
+  const Left ball = left(shapes::with_noise(shapes::sphere(4000), 0.18), off_sphere);  // a sixth of the radius
+  EXPECT_LT(ball.automatic, ball.of_one_width);
+}
+
+}  // namespace
+}  // namespace pointfair
