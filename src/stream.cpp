@@ -204,7 +204,7 @@ class CutBackend final : public Backend {
     double reach = neighbors_.k > 0 ? nearest : std::hypot(nearest, double(neighbors_.radius));
     if (neighbors_.k > 0 && neighbors_.radius > 0) reach = std::min(reach, 1.01 * double(neighbors_.radius));
     if (neighbors_.constraint) reach += double(neighbors_.reach);
-    const bool reads_others = fairing_.two_planes || fairing_.area_weight != AreaWeight::none;
+    const bool reads_others = fairing_.two_planes || fairing_.area_weight != AreaWeight::none || fairing_.pull_outliers;
     const int steps = fairing_.method != Method::bilateral ? 2 : int(reads_others);
     return reach * (1 + normals_.filter_rounds + steps) * halo_factor_;
   }

@@ -169,14 +169,16 @@ inline bool is_outlier(const Points& points, std::size_t i, const List& list, Ve
   return s.outlier_distance > 0 && (near_plane < least * all || near < 0.05 * all);
 }
 
-// From the point to the mean of its neighbours, weighted by closeness.
+// From the point to the mean of its neighbours, weighted by closeness in a list, by the sixth power of the inverse
+// radius of their own balls in a ball.
 inline Vec to_mean(const Points& points, std::size_t i, const List& list, const Settings& s) {
-  const double closeness = closeness_sigma(points, i, s);
+  const double closeness = closeness_sigma(points, i, s), here = s.k > 0 ? 0 : squared_radius(points, i, s);
   Vec moment;
   double sum = 0;
   for (const std::uint32_t j : list) {
     const Vec offset = to_vec(points[j]) - to_vec(points[i]);
-    const double w = std::exp(-dot(offset, offset) / (2 * closeness * closeness));
+    const double w = s.k > 0 ? std::exp(-dot(offset, offset) / (2 * closeness * closeness))
+                             : std::pow(here / std::max(double(squared_radius(points, j, s)), 1e-6 * here), 3);
     moment = moment + w * offset;
     sum += w;
   }

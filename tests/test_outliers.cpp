@@ -138,6 +138,23 @@ TEST(Outliers, are_pulled_in) {
   EXPECT_GE(near, kRecognized);
 }
 
+// Strays from 4 to 21 spacings off the plane: other strays are among the nearest points of most of them.
+TEST(Outliers, that_have_each_other_for_neighbours_are_pulled_onto_the_surface) {
+  int far = 0;
+  for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+    Points points = noisy_plane();
+    shapes::Random random(seed);
+    const std::size_t on_plane = points.size();
+    for (int i = 0; i < 30; ++i) {
+      const double x = random.uniform(0.1, 0.9), y = random.uniform(0.1, 0.9), height = random.uniform(0.06, 0.3);
+      points.push_back(shapes::make_point(x, y, i % 2 == 0 ? height : -height));
+    }
+    const Outcome outcome = run(points, with(Outliers::move));
+    for (std::size_t i = on_plane; i < points.size(); ++i) far += std::abs(outcome.points[i].z) > 8 * kSigma;
+  }
+  EXPECT_LE(far, 15) << "of 180";
+}
+
 TEST(Outliers, cost_the_other_points_no_more_than_a_tenth) {
   const Points clean = noisy_plane();
   const Lifted cloud = with_outliers(clean);
@@ -156,7 +173,7 @@ TEST(DisplacementLimit, holds_for_every_point) {
     for (std::size_t i = 0; i < cloud.points.size(); ++i) {
       const double moved = distance(outcome.points[i], cloud.points[i]);
       ASSERT_LE(moved, limit * (1 + 1e-5) + 1e-7) << i;
-      at_limit += moved > 0.999 * limit;
+      at_limit += moved > 0.98 * limit;
     }
     EXPECT_EQ(at_limit > 0, limit < 3 * kSigma) << limit;
   }

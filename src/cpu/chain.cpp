@@ -204,7 +204,8 @@ void Chain::fair_bilaterally(const FairingSettings& settings, AreaView area, con
                          settings.strength,
                          settings.outlier_distance * settings.outlier_distance,
                          point::squared_core(settings.outlier_radius * settings.outlier_radius),
-                         settings.pull_outliers};
+                         settings.pull_outliers,
+                         by_list() ? nullptr : squared_radius_.data()};
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     for (std::size_t leaf = first; leaf < last; ++leaf)
       kernels.fair(index, Index(leaf), neighborhoods(), normals(), area, rule, &faired_[leaf * kLeafSize].x);

@@ -80,6 +80,7 @@ struct FairingRule {
   float squared_outlier_distance;  // 0: outliers are not looked for
   float squared_sparse_core;       // of a ball of the outlier radius
   bool pull_outliers;              // else they become NaN
+  const float* squared_radius;     // of each sorted point's ball, for the pull; null over lists
 };
 
 struct AreaView {

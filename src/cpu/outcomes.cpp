@@ -46,7 +46,8 @@ void Chain::outcomes(const point::Region& loaded, const Kernels& kernels, std::s
   const bool widening_found = neighbors_.widening == 0 || index.points > Index(neighbors_.widening);
   const bool mean_found = index.points > Index(point::kAreaNeighbors);
   const NeighborView lists = neighborhoods().lists;
-  const bool reads_normals_there = fairing_settings_.two_planes || fairing_settings_.method != Method::bilateral;
+  const bool reads_normals_there = fairing_settings_.two_planes || fairing_settings_.method != Method::bilateral ||
+                                   fairing_settings_.pull_outliers;  // radii, which are exact where normals are
   const bool with_areas = fairing_settings_.area_weight != AreaWeight::none;
 
   // 1 or 0 for exact or not: neighbourhoods, then what is made of them

@@ -271,7 +271,7 @@ POINTFAIR_INLINE Floats bilateral_distance(const Neighbors& neighbors, Weights w
   return sum.distance();
 }
 
-// Where the points of the pack go: along their normals; outliers become NaN or go to the mean of their neighbours.
+// Where the points of the pack go: along their normals; outliers become NaN or go to a mean of their neighbours.
 template <bool kSeeksOutliers, class Neighbors, class Weights>
 POINTFAIR_INLINE point::Vec3<Floats> fair_pack(const Neighbors& neighbors, Weights weights, const FairingRule& rule,
                                                point::Vec3<Floats> here, point::Vec3<Floats> normal,
@@ -294,10 +294,18 @@ POINTFAIR_INLINE point::Vec3<Floats> fair_pack(const Neighbors& neighbors, Weigh
   if (!any(outlier)) return there;
   const Floats nan = broadcast(__builtin_nanf(""));
   if (!rule.pull_outliers) return point::select<Floats>(outlier, {nan, nan, nan}, there);
-  point::CentroidSum<Floats> sum;
-  const point::PullWeights<Floats> pull{broadcast(0.0f) + weights.inverse_two_closeness2};
-  neighbors([&](point::Vec3<Floats> offset, auto, Mask inside) { sum.add(offset, inside, pull); });
-  return point::select<Floats>(outlier, here + broadcast(rule.strength) * sum.centroid(), there);
+  point::PullSum<Floats> sum;
+  if (rule.squared_radius == nullptr) {
+    const Floats inverse_two_sigma2 = broadcast(0.0f) + weights.inverse_two_closeness2;
+    neighbors([&](point::Vec3<Floats> offset, auto, Mask inside) {
+      sum.add_by_closeness(offset, inside, inverse_two_sigma2);
+    });
+  } else {
+    neighbors([&](point::Vec3<Floats> offset, auto at, Mask inside) {
+      sum.add_by_density(offset, inside, neighbors.squared_radius(), at.of(rule.squared_radius));
+    });
+  }
+  return point::select<Floats>(outlier, here + broadcast(rule.strength) * sum.mean(), there);
 }
 
 // Point after point.

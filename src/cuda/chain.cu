@@ -244,7 +244,8 @@ void Chain::fair(const FairingSettings& settings, bool leaving, std::stop_token 
     fair_widely(context_, index_.tree(), surroundings(stop_), normals(), areas,
                 {weights, settings.closeness_of_radius, settings.two_planes, point::inverse_turn(settings.facing_angle),
                  settings.strength, settings.outlier_distance * settings.outlier_distance,
-                 point::squared_core(settings.outlier_radius * settings.outlier_radius), settings.pull_outliers},
+                 point::squared_core(settings.outlier_radius * settings.outlier_radius), settings.pull_outliers,
+                 neighbors_.k > 0 ? nullptr : squared_radius_.data()},
                 faired);
   } else if (normals_wait_) {
     clear_unmoved();

@@ -98,7 +98,7 @@ __device__ __forceinline__ float bilateral_distance(const Neighbors& neighbors, 
   return sum.distance();
 }
 
-// Where the point goes: along its normal; an outlier becomes NaN or goes to the mean of its neighbours. All lanes of
+// Where the point goes: along its normal; an outlier becomes NaN or goes to a mean of its neighbours. All lanes of
 // the warp take part.
 template <class Neighbors>
 __device__ __forceinline__ Vec fair_point(const Neighbors& neighbors, const FairingRule& rule, Vec here, Vec normal,
@@ -121,10 +121,17 @@ __device__ __forceinline__ Vec fair_point(const Neighbors& neighbors, const Fair
   if (!__any_sync(kAllLanes, outlier)) return there;
   const float nan = __int_as_float(0x7fffffff);
   if (!rule.pull_outliers) return outlier ? Vec{nan, nan, nan} : there;
-  point::CentroidSum<float> sum;
-  const point::PullWeights<float> pull{weights.inverse_two_closeness2};
-  neighbors([](Index) { return 0; }, [&](Vec offset, int, bool inside) { sum.add(offset, inside, pull); });
-  return outlier ? here + rule.strength * sum.centroid() : there;
+  point::PullSum<float> sum;
+  if (rule.squared_radius == nullptr) {
+    neighbors(
+        [&](Vec offset, auto, bool inside) { sum.add_by_closeness(offset, inside, weights.inverse_two_closeness2); });
+  } else {
+    neighbors([&](Index there) { return rule.squared_radius[there]; },
+              [&](Vec offset, float there, bool inside) {
+                sum.add_by_density(offset, inside, neighbors.squared_radius(), there);
+              });
+  }
+  return outlier ? here + rule.strength * sum.mean() : there;
 }
 
 template <class Neighbors>

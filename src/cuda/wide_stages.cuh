@@ -21,6 +21,7 @@ struct FairingRule {
   float squared_outlier_distance;  // 0: outliers are not looked for
   float squared_sparse_core;       // of a ball of the outlier radius
   bool pull_outliers;              // else they become NaN
+  const float* squared_radius;     // of each sorted point's ball, for the pull; null over lists
 };
 
 // R_i^2 from lists of the `widening` nearest, or as many as there are; lists.k is 0 for none.

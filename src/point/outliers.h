@@ -40,10 +40,36 @@ struct Agreement {
   }
 };
 
-// What the Gaussian-weighted mean of the neighbours, where an outlier is pulled to, reads of the weights.
+// Where an outlier is pulled to: a mean of its neighbours. In a list by closeness; in a ball by density, which the
+// neighbours' own balls tell: strays are as near to each other as to the surface, but their balls are far wider.
 template <class F>
-struct PullWeights {
-  F inverse_two_sigma2;
+struct PullSum {
+  F weight{};
+  Vec3<F> moment{};
+
+  template <class Mask>
+  POINTFAIR_INLINE void add_by_closeness(Vec3<F> offset, Mask inside, F inverse_two_sigma2) {
+    add_weighted(gaussian(squared_length(offset) * inverse_two_sigma2), offset, inside);
+  }
+  // squared radii of the outlier's ball and of the neighbour's
+  template <class Mask>
+  POINTFAIR_INLINE void add_by_density(Vec3<F> offset, Mask inside, F here, F there) {
+    const F ratio = here / larger(there, F(1e-6f) * here);
+    add_weighted(ratio * ratio * ratio, offset, inside);
+  }
+  // offset of the place; 0 where all weights vanish
+  POINTFAIR_INLINE Vec3<F> mean() const {
+    const F inverse = select(weight > F{}, F(1.0f) / weight, F{});
+    return inverse * moment;
+  }
+
+ private:
+  template <class Mask>
+  POINTFAIR_INLINE void add_weighted(F closeness, Vec3<F> offset, Mask inside) {
+    const F w = select(inside, closeness, F{});
+    weight = weight + w;
+    moment = moment + w * offset;
+  }
 };
 
 struct Settled {
