@@ -4,7 +4,8 @@
 
 Clouds are made by `pointfair noise`, several seeds and levels, from
   - the shapes of $POINTFAIR_DATA/punet_train (NAME_COUNT.ply, clean, and NAME_mesh.ply), noise in % of the bounding
-    radius; left: Chamfer distance (squared, both ways) and squared distance to the mesh, x 1e-4 at radius 1;
+    radius; left: Chamfer distance (squared, both ways) and squared distance to the mesh, x 1e-4 at radius 1, and beside
+    it what noise along the surface alone leaves: that of the noisy points put onto the mesh;
   - the meshes of --meshes, by default the Armadillo and the fandisk of Debian's libcgal-demo, 100,000 points even and of
     density 50:1, noise in % of the diagonal; left: mean distance and edge rms, both in % of the diagonal;
 and from both the mean error of normals, of planes through 16 points, in degrees. pointfair runs with nothing set, or as
@@ -55,10 +56,11 @@ class Contender:
 
     @property
     def is_peer(self):
-        return self.program not in (None, "noisy")
+        return self.program not in (None, "noisy", "on_mesh")
 
 
 NOISY = Contender("noisy", "noisy", ((),))
+ON_MESH = Contender("noisy, put onto the mesh", "on_mesh", ((),))  # no method that moves along normals leaves less
 METHODS = ("laplacian", "taubin", "hc-laplacian", "mls", "wiener", "mollified")
 PEERS = (  # the quick ones first
     Contender("PCL MLS, default", "pcl_mls", (("--k", "48"),)),
@@ -195,7 +197,9 @@ class Bench:
         if contender.program == "noisy":
             return self.measure(case, noisy)
         out = self.folder / f"{case.name}.{digest(contender.program, *flags)}.ply"
-        if contender.program is None:
+        if contender == ON_MESH:
+            command = [self.program(contender), noisy, case.mesh, out]
+        elif contender.program is None:
             command = [self.pointfair, "run", noisy, out, *flags, "--force", "-q", "--device", "cpu", "--threads", 1]
         else:
             command = [self.program(contender), noisy, "--out", out, "--threads", 1, "--repeat", 1, *flags]
@@ -210,6 +214,8 @@ class Bench:
         for case, contender in sorted(((case, contender) for contender in contenders for case in cases),
                                       key=lambda pair: (pair[0].seed, pair[1].is_peer)):
             if contender.is_peer and case.seed > self.options.peer_seeds:
+                continue
+            if contender == ON_MESH and case.clean is None:
                 continue
             for flags in contender.settings:
                 key = self.key(case, contender, flags)
@@ -355,6 +361,8 @@ def parse_options():
 
 def contenders_of(options):
     yield NOISY
+    if (options.build / "bin" / "peers" / ON_MESH.program).exists():
+        yield ON_MESH
     yield Contender("pointfair", None, ((),))
     if options.contender:
         for text in options.contender:
