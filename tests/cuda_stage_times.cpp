@@ -3,7 +3,8 @@
 //   cuda_stage_times [POINTS] [REPEAT] [host]
 //   cuda_stage_times [POINTS] [REPEAT] cancel
 //   cuda_stage_times FILE [REPEAT]
-// The same for the default run of a cloud, all automatic, through the pipeline: each stage over both passes.
+// The same for the default run of a cloud, all automatic, through the pipeline: each stage over both passes; then what
+// automatic parameters add, resident, to the same run with these parameters typed in, taken in turns with it.
 //
 // A line a cloud and k: medians in milliseconds, points resident on the card; each stage timed from an idle card to an
 // idle card, and `whole` with all stages in flight at once. The checksum is the sum of all faired coordinates.
@@ -236,6 +237,13 @@ int measure_cancels(std::size_t count, int repeat) {
   return 0;
 }
 
+double resident(const Report& report) {
+  double sum = 0;
+  for (const StageTime& stage : report.stages)
+    if (stage.name != "upload" && stage.name != "download") sum += stage.milliseconds;
+  return sum;
+}
+
 void measure_default_run(const Points& points, int repeat) {
   Pipeline pipeline(Device::cuda);
   Points out(points.size());
@@ -243,14 +251,21 @@ void measure_default_run(const Points& points, int repeat) {
   for (int n = 0; n < repeat + 2; ++n) {
     pipeline.load(points);
     pipeline.run({}, out);
-    double resident = 0;
-    for (const StageTime& stage : pipeline.report().stages) {
-      if (n >= 2) times[stage.name].push_back(stage.milliseconds);
-      if (stage.name != "upload" && stage.name != "download") resident += stage.milliseconds;
-    }
-    if (n >= 2) times["resident"].push_back(resident);
+    if (n < 2) continue;
+    for (const StageTime& stage : pipeline.report().stages) times[stage.name].push_back(stage.milliseconds);
+    times["resident"].push_back(resident(pipeline.report()));
   }
   for (const auto& [name, values] : times) std::printf("%-10s %8.3f\n", name.c_str(), median(values));
+  const Params chosen = pipeline.report().params;
+  std::vector<double> automatic, typed;
+  for (int n = 0; n < repeat + 2; ++n)
+    for (const bool is_typed : {false, true}) {
+      pipeline.load(points);
+      pipeline.run(is_typed ? chosen : Params{}, out);
+      if (n >= 2) (is_typed ? typed : automatic).push_back(resident(pipeline.report()));
+    }
+  std::printf("automatic  %8.3f, typed in %.3f: %+.1f %%\n", median(automatic), median(typed),
+              100 * (median(automatic) / median(typed) - 1));
   std::printf("%.1f B/pt, checksum %.9g\n", double(pipeline.report().peak_device_bytes) / double(points.size()),
               std::accumulate(out.begin(), out.end(), 0.0, [](double sum, Point p) { return sum + p.x + p.y + p.z; }));
 }
