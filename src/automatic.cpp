@@ -37,6 +37,8 @@ constexpr double kTrustedNoise = 0.02, kTrustedShape = 0.16;
 constexpr double kShapeDamage = 3, kUnseenShape = 0.01;  // of the noise's variance; less shape looks like none
 constexpr int kNormalAngle = 15, kNormalAngleOfNoise = 20, kFacingAngle = 40;  // degrees
 constexpr double kTurningNoise[] = {0.45, 1};                                  // spacings
+constexpr int kFlatRadius = 160;                                               // percent
+constexpr double kFlatNoise[] = {0.1, 0.25};                                   // spacings
 constexpr int kPasses = 2;
 constexpr double kFarthestMove = 4, kFarthestOfLittleNoise = 1.5, kOutlierDistance = 6;  // sigmas
 constexpr double kLittleNoise = 0.03, kMuchNoise = 0.5;         // spacings; between them the farthest move grows
@@ -104,6 +106,12 @@ double ball_factor(const Noise& noise, double spacing) {
 int automatic_normal_angle(const Noise& noise, double spacing) {
   const double level = spacing > 0 ? noise.sigma / spacing : 0;
   return int(std::lround(std::lerp(kNormalAngle, kNormalAngleOfNoise, share_between(kTurningNoise, level))));
+}
+
+// Percent. Noise that is next to none leaves nothing to gain.
+int automatic_flat_radius(const Noise& noise, double spacing) {
+  const double level = spacing > 0 ? noise.sigma / spacing : 0;
+  return int(std::lround(std::lerp(100, kFlatRadius, share_between(kFlatNoise, level))));
 }
 
 // Noise that is alike in neighbouring points does not average out among a few of them. Between the sheets of a thin
@@ -229,6 +237,7 @@ Params resolve_params(const Params& params, const Spacing& spacing, const Noise&
     used.normal_filter = by_ball || its.filter == NormalFilter::mollify ? its.filter : NormalFilter::off;
   if (params.planes == Planes::automatic) used.planes = by_ball ? Planes::both : Planes::own;
   if (params.normal_angle == kAutomatic) used.normal_angle = automatic_normal_angle(noise, s);
+  if (params.flat_radius == kAutomatic) used.flat_radius = its.fits_balls ? automatic_flat_radius(noise, s) : 100;
   if (params.facing_angle == kAutomatic) used.facing_angle = kFacingAngle;
   if (params.passes == kAutomatic) used.passes = its.passes;
   if (params.step == kAutomatic) {

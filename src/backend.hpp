@@ -34,7 +34,8 @@ struct NormalSettings {
   float sigma = 0;
   bool of_radius = false;  // sigma is a multiple of the point's radius; only without a list
   int filter_rounds = 0;
-  int filter_angle = 0;  // degrees; 0: a plain Gaussian mean
+  int filter_angle = 0;   // degrees; 0: a plain Gaussian mean
+  float flat_radius = 1;  // what multiplies the radius of a ball, for the bilateral step, where the surface is flat
   friend bool operator==(const NormalSettings&, const NormalSettings&) = default;
 };
 struct FairingSettings {

@@ -50,6 +50,7 @@ Settings settings_of(const Params& p) {
   }
   s.normals.weighted = p.normal_weights;
   s.normals.filter_angle = p.normal_filter == NormalFilter::on ? p.normal_angle : 0;
+  if (sums_balls(p) && p.method == Method::bilateral) s.normals.flat_radius = float(p.flat_radius) / 100.0f;
   s.fairing.method = p.method;
   s.fairing.area_weight = p.area_weight;
   s.fairing.closeness_sigma = float(p.closeness_sigma.value);

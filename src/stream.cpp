@@ -206,7 +206,7 @@ class CutBackend final : public Backend {
     if (neighbors_.constraint) reach += double(neighbors_.reach);
     const bool reads_others = fairing_.two_planes || fairing_.area_weight != AreaWeight::none || fairing_.pull_outliers;
     const int steps = fairing_.method != Method::bilateral ? 2 : int(reads_others);
-    return reach * (1 + normals_.filter_rounds + steps) * halo_factor_;
+    return reach * (normals_.filter_rounds + double(normals_.flat_radius) * (1 + steps)) * halo_factor_;
   }
 
   // Grown by the halo, without an end where the cloud ends.

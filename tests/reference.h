@@ -130,6 +130,20 @@ inline std::vector<Normal> filtered(const std::vector<Normal>& normals, const Po
   return result;
 }
 
+// What Eq. 20 multiplies squared radii by, from the normals that the last round of the filter reads.
+inline std::vector<float> squared_growth(const std::vector<Normal>& normals, const std::vector<List>& lists,
+                                         const Settings& s) {
+  std::vector<float> result;
+  for (std::size_t i = 0; i < normals.size(); ++i) {
+    double turn = 0;
+    for (const std::uint32_t j : lists[i]) turn += 1 - std::abs(dot(normals[i].unit, normals[j].unit));
+    const double mean = lists[i].empty() ? 1 : turn / double(lists[i].size());
+    const double share = std::clamp((0.003 - mean) / (0.003 - 0.001), 0.0, 1.0);
+    result.push_back(float(1 + (s.flat_radius * s.flat_radius - 1) * share));
+  }
+  return result;
+}
+
 // Paper eq. 6 (eq. 2 where all area weights are 1), or Eq. 10 with both planes; 0 if no neighbour has weight.
 inline double displacement(const Points& points, std::size_t i, const List& list, const std::vector<Normal>& normals,
                            const Settings& s, const std::vector<double>& area) {
@@ -191,6 +205,7 @@ struct Faired {
   Normal normal;  // zero gap: no normal
   std::size_t neighbors = 0;
   bool is_outlier = false;
+  bool grows_in_part = false;  // its ball, so that rounding decides on points at the rim
 };
 
 inline constexpr double kLeastGap = 1e-5;  // below it points count as a line
@@ -206,7 +221,15 @@ inline std::vector<Faired> fair_once(const Points& points, const Settings& s) {
     if (lists[i].size() >= 3) normals[i] = normal(points, i, lists[i], s);
     if (normals[i].gap < kLeastGap) normals[i] = {};
   }
-  for (int round = 0; round < s.filter_rounds; ++round) normals = filtered(normals, points, lists, s);
+  Settings of_step = s;
+  std::vector<List> step_lists = lists;
+  for (int round = 0; round < s.filter_rounds; ++round) {
+    if (round + 1 == s.filter_rounds && s.flat_radius > 1) {
+      of_step.squared_growth = squared_growth(normals, lists, s);
+      for (std::size_t i = 0; i < points.size(); ++i) step_lists[i] = neighborhood(points, i, of_step);
+    }
+    normals = filtered(normals, points, lists, s);
+  }
   std::vector<Faired> result(points.size());
   const bool is_bilateral = s.method == Method::bilateral;
   std::vector<Vec> units;
@@ -214,13 +237,15 @@ inline std::vector<Faired> fair_once(const Points& points, const Settings& s) {
   const std::vector<Vec> moves = displacements({points, lists, units, area, s});
   for (std::size_t i = 0; i < points.size(); ++i) {
     result[i] = {to_vec(points[i]) + moves[i], normals[i], lists[i].size()};
+    const float growth = of_step.squared_growth.empty() ? 1 : of_step.squared_growth[i];
+    result[i].grows_in_part = growth > 1 && growth < float(s.flat_radius * s.flat_radius);
     const Vec n = normals[i].unit;
     if (!is_bilateral || length(n) == 0) continue;
     constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-    if (!is_outlier(points, i, lists[i], n, s)) {
-      result[i].position = to_vec(points[i]) - displacement(points, i, lists[i], normals, s, area) * n;
+    if (!is_outlier(points, i, step_lists[i], n, of_step)) {
+      result[i].position = to_vec(points[i]) - displacement(points, i, step_lists[i], normals, of_step, area) * n;
     } else if (s.pull_outliers) {
-      result[i].position = to_vec(points[i]) + s.strength * to_mean(points, i, lists[i], s);
+      result[i].position = to_vec(points[i]) + s.strength * to_mean(points, i, step_lists[i], s);
     } else {
       result[i].position = {kNan, kNan, kNan};
     }

@@ -36,6 +36,8 @@ struct Settings {
   bool normal_of_radius = false, closeness_of_radius = false;  // those sigmas are multiples of the ball's radius
   int filter_rounds = 0;
   double filter_angle = 0, facing_angle = 0;  // degrees; a filter without one is a plain mean
+  double flat_radius = 1;                     // of balls in flat places, over their own
+  std::vector<float> squared_growth;          // of each point's squared radius; empty: none
   Method method = Method::bilateral;
   bool two_planes = false;
   double strength = 1;
@@ -63,6 +65,8 @@ inline Settings settings_of(const Params& resolved) {
   const bool bilateral_filter = resolved.normal_filter == NormalFilter::on;
   s.filter_rounds = bilateral_filter ? 2 : resolved.normal_filter == NormalFilter::mollify ? 1 : 0;
   s.filter_angle = bilateral_filter ? resolved.normal_angle : 0;
+  if (s.k == 0 && s.filter_rounds > 0 && resolved.method == Method::bilateral)
+    s.flat_radius = resolved.flat_radius / 100.0;
   s.method = resolved.method;
   s.facing_angle = resolved.facing_angle;
   s.two_planes = resolved.planes == Planes::both;
@@ -129,18 +133,22 @@ inline List constrained(const Points& points, std::size_t i, const List& candida
   return members;
 }
 
-// The squared radius of a ball: rounded as the library does, since it decides who is inside.
-inline float squared_radius(const Points& points, std::size_t i, const Settings& s) {
+// The squared radius of a ball that does not grow: rounded as the library does, since it decides who is inside.
+inline float own_squared_radius(const Points& points, std::size_t i, const Settings& s) {
   const float squared_base = float(s.radius) * float(s.radius);
   if (s.widening == 0) return squared_base;
   const List list = nearest(points, i, std::size_t(s.widening));
   return list.empty() ? squared_base : squared_distance(points[i], points[list.back()]) + squared_base;
 }
 
+inline float squared_radius(const Points& points, std::size_t i, const Settings& s) {
+  return own_squared_radius(points, i, s) * (s.squared_growth.empty() ? 1 : s.squared_growth[i]);
+}
+
 // Which points count in a ball too full (over 400 by the density at its centre): a share, by a hash of their index.
-inline bool counts_in_ball(std::uint32_t j, float squared_radius, float squared_base, int widening) {
-  if (widening == 0 || squared_radius <= squared_base) return true;
-  const double holds = widening * double(squared_radius) / double(squared_radius - squared_base);
+inline bool counts_in_ball(std::uint32_t j, float squared_radius, float own, float squared_base, int widening) {
+  if (widening == 0 || own <= squared_base) return true;
+  const double holds = widening * double(squared_radius) / double(own - squared_base);
   std::uint32_t x = j;
   x ^= x >> 16;
   x *= 0x7feb352du;
@@ -152,11 +160,11 @@ inline bool counts_in_ball(std::uint32_t j, float squared_radius, float squared_
 
 // All others within the ball, nearest first.
 inline List ball(const Points& points, std::size_t i, const Settings& s) {
-  const float squared = squared_radius(points, i, s);
+  const float squared = squared_radius(points, i, s), own = own_squared_radius(points, i, s);
   List list = nearest(points, i, points.size());
   std::erase_if(list, [&](std::uint32_t j) {
     return squared_distance(points[i], points[j]) > squared ||
-           !counts_in_ball(j, squared, float(s.radius) * float(s.radius), s.widening);
+           !counts_in_ball(j, squared, own, float(s.radius) * float(s.radius), s.widening);
   });
   return list;
 }

@@ -59,6 +59,14 @@ TEST(Automatic, normals_of_noisy_clouds_mix_by_a_wider_angle) {
   EXPECT_EQ(resolved(noise_of(2)).normal_angle, 20);
 }
 
+TEST(Automatic, balls_of_flat_places_grow_unless_there_is_next_to_no_noise) {
+  EXPECT_EQ(resolved(noise_of(0.1)).flat_radius, 100);
+  EXPECT_EQ(resolved(noise_of(0.175)).flat_radius, 130);
+  EXPECT_EQ(resolved(noise_of(0.25)).flat_radius, 160);
+  EXPECT_EQ(resolved(noise_of(2)).flat_radius, 160);
+  EXPECT_EQ(resolved(noise_of(2), Method::laplacian).flat_radius, 100);
+}
+
 // Root mean square of how far points lie off the sphere of radius 1, or off the plane z = 0.
 double off_sphere(const Points& points) {
   double sum = 0;

@@ -98,6 +98,7 @@ Params settled() {  // nothing automatic, so that a change of one value changes 
   params.similarity_sigma = 0.02;
   params.normal_filter = NormalFilter::on;
   params.normal_angle = 30;
+  params.flat_radius = 150;
   params.planes = Planes::both;
   params.facing_angle = 40;
   params.step = 90;
@@ -144,7 +145,7 @@ TEST(Cache, first_run_calls_every_stage_and_an_equal_run_none) {
 TEST(Cache, a_changed_parameter_runs_again_from_the_stage_of_its_row_and_no_earlier) {
   for (const ParamInfo& info : kParams) {
     Recorded recorded;
-    const bool is_of_balls = info.name == "widening" || info.name == "outlier_radius";
+    const bool is_of_balls = info.name == "widening" || info.name == "flat_radius" || info.name == "outlier_radius";
     const Params before = is_of_balls ? settled_without_list() : settled();
     recorded.run(before);
     Params params = before;

@@ -8,6 +8,7 @@ namespace {
 
 StageSettings with_balls(float radius, int widening = 0) {
   StageSettings settings = with_filter_and_both_planes(with_neighbors(0, radius));
+  settings.normals.flat_radius = 1.6f;
   settings.neighbors.widening = widening;
   if (widening == 0) return settings;
   settings.normals.sigma = 1.4f;
@@ -66,6 +67,14 @@ TEST_F(CudaBalls, of_strays_equal_the_cpu) {
 
 TEST_F(CudaBalls, that_are_thinned_equal_the_cpu) {
   expect_same(noisy_sphere(50000, 18, 0.002), with_balls(0.2f, 8), "thinned");
+}
+
+TEST_F(CudaBalls, that_grow_where_the_surface_is_flat_equal_the_cpu) {
+  const std::vector<Point> cube = shapes::with_noise(shapes::cube(50000), 0.002);
+  expect_same(cube, with_balls(0.03f), "one radius");
+  expect_same(cube, with_balls(0.015f, 16), "that follow the density");
+  expect_same(cube, with_balls(0.2f, 8), "thinned");
+  expect_same(shapes::cube(30000), with_balls(1.5f), "too large to be collected");
 }
 
 TEST_F(CudaBalls, that_are_too_large_to_be_collected_equal_the_cpu) {

@@ -141,6 +141,9 @@ TEST(CutCloud, has_the_bits_of_the_whole_over_balls) {
   settings.neighbors = {0, 0.02f, false, 0, 16};
   expect_the_same_cut(points, settings, "balls that follow the density");
   expect_the_same_cut(shapes::with_invalid(shapes::uneven(20000, 50), 11), settings, "uneven, invalid points");
+  settings.normals.flat_radius = 1.8f;
+  expect_the_same_cut(points, settings, "balls that grow");
+  expect_the_same_cut(shapes::with_noise(shapes::cube(20000), 0.002), settings, "balls that grow on flat faces");
 }
 
 TEST(CutCloud, has_the_bits_of_the_whole_over_thinned_balls) {

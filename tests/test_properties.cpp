@@ -54,6 +54,7 @@ Sample make_sample(std::uint64_t seed, bool with_list) {
   sample.params.widening = 0;
   sample.params.step = 100;
   sample.params.normal_filter = random.below(2) == 0 ? NormalFilter::off : NormalFilter::on;
+  sample.params.flat_radius = 100 + 20 * int(random.below(5));
   sample.params.normal_angle = 10 + int(random.below(20));
   sample.params.planes = random.below(2) == 0 ? Planes::own : Planes::both;
   sample.params.facing_angle = 35 + int(random.below(25));  // so that no weight is subnormal at another scale

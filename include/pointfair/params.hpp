@@ -63,6 +63,7 @@ struct Params {
   Length normal_sigma;
   NormalFilter normal_filter = NormalFilter::automatic;
   int normal_angle = kAutomatic;  ///< with normal_filter on, degrees
+  int flat_radius = kAutomatic;   ///< with normal_filter on and balls: those of flat places, percent of their radius
   // fairing, paper eq. 1, 2, 6
   Method method = Method::bilateral;
   Length closeness_sigma;
@@ -122,6 +123,9 @@ inline constexpr std::array kParams = {
               "on: two rounds of bilateral filtering of the normals, which keeps edges; mollify: one Gaussian mean"},
     ParamInfo{"normal_angle", Stage::normals, &Params::normal_angle, 1, 90, true, "",
               "with the normal filter: normals that differ by more than so many degrees do not mix"},
+    ParamInfo{"flat_radius", Stage::normals, &Params::flat_radius, 100, 200, true, "",
+              "with the normal filter, without --k: percent of its radius that a ball has for the step of method "
+              "bilateral where the surface is flat; 100: as elsewhere"},
     ParamInfo{"method", Stage::fairing, &Params::method, 0, 0, false,
               "bilateral|laplacian|taubin|hc-laplacian|mls|wiener|mollified",
               "how a point moves; bilateral keeps edges best, see docs/methods.md"},

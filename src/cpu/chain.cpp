@@ -27,6 +27,7 @@ Chain::Chain(MemoryMeter& meter)
       normal_y_(meter),
       normal_z_(meter),
       squared_radius_(meter),
+      squared_growth_(meter),
       spare_x_(meter),
       spare_y_(meter),
       spare_z_(meter),
@@ -42,14 +43,24 @@ void Chain::build_index(std::span<const Point> points, std::span<const Index> or
 }
 
 void Chain::release_small_results() {
-  for (Buffer<float>* values :
-       {&mean_distance_, &normal_x_, &normal_y_, &normal_z_, &squared_radius_, &spare_x_, &spare_y_, &spare_z_})
+  for (Buffer<float>* values : {&mean_distance_, &normal_x_, &normal_y_, &normal_z_, &squared_radius_, &squared_growth_,
+                                &spare_x_, &spare_y_, &spare_z_})
     values->release();
 }
 
 Neighborhoods Chain::neighborhoods() const {
   return {{neighbors_.k, stored_k_, lists_.data()},
           {squared_radius_.data(), neighbors_.radius * neighbors_.radius, neighbors_.widening}};
+}
+
+bool Chain::balls_grow() const {
+  return !by_list() && normal_settings_.filter_rounds > 0 && normal_settings_.flat_radius > 1;
+}
+
+Neighborhoods Chain::grown_neighborhoods() const {
+  Neighborhoods result = neighborhoods();
+  if (balls_grow()) result.ball.squared_growth = squared_growth_.data();
+  return result;
 }
 
 bool Chain::prefix_suffices(const NeighborSettings& settings) const {
@@ -167,11 +178,15 @@ void Chain::filter_normals(const NormalSettings& settings, const Kernels& kernel
   const NormalRule rule{point::normal_weights(settings.weighted, settings.sigma), settings.of_radius};
   const float inverse_turn = point::inverse_turn(settings.filter_angle);
   for (Buffer<float>* axis : {&spare_x_, &spare_y_, &spare_z_}) axis->resize(normal_x_.size());
+  if (balls_grow()) squared_growth_.resize(normal_x_.size());
   for (int round = 0; round < settings.filter_rounds; ++round) {
+    const bool is_last = round + 1 == settings.filter_rounds;
+    const GrowthOut growth{settings.flat_radius * settings.flat_radius,
+                           is_last && balls_grow() ? squared_growth_.data() : nullptr};
     const VectorsOut out{spare_x_.data(), spare_y_.data(), spare_z_.data()};
     for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
       for (std::size_t leaf = first; leaf < last; ++leaf)
-        kernels.filter_normals(index, Index(leaf), neighborhoods(), rule, inverse_turn, normals(), out);
+        kernels.filter_normals(index, Index(leaf), neighborhoods(), rule, inverse_turn, normals(), out, growth);
     });
     std::swap(normal_x_, spare_x_);
     std::swap(normal_y_, spare_y_);
@@ -208,7 +223,7 @@ void Chain::fair_bilaterally(const FairingSettings& settings, AreaView area, con
                          by_list() ? nullptr : squared_radius_.data()};
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     for (std::size_t leaf = first; leaf < last; ++leaf)
-      kernels.fair(index, Index(leaf), neighborhoods(), normals(), area, rule, &faired_[leaf * kLeafSize].x);
+      kernels.fair(index, Index(leaf), grown_neighborhoods(), normals(), area, rule, &faired_[leaf * kLeafSize].x);
   });
 }
 

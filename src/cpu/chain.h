@@ -38,6 +38,8 @@ class Chain {
 
  private:
   Neighborhoods neighborhoods() const;
+  Neighborhoods grown_neighborhoods() const;  // of the bilateral step
+  bool balls_grow() const;
   bool by_list() const { return neighbors_.k > 0; }
   bool prefix_suffices(const NeighborSettings& settings) const;
   void measure_radii(const Kernels& kernels, const std::stop_token& stop);
@@ -52,6 +54,7 @@ class Chain {
   Buffer<Index> lists_;
   Buffer<float> mean_distance_, normal_x_, normal_y_, normal_z_;
   Buffer<float> squared_radius_;               // without a list
+  Buffer<float> squared_growth_;               // of those, where balls of flat places grow
   Buffer<float> spare_x_, spare_y_, spare_z_;  // filtered normals, then displacements
   Buffer<Point> faired_;
   NeighborSettings neighbors_;

@@ -57,6 +57,7 @@ struct Ball {
   const float* squared_radius;  // of each sorted point
   float squared_base;
   int widening;
+  const float* squared_growth = nullptr;  // what multiplies R_i^2, of each sorted point; null: nothing
 };
 inline constexpr float kBallPoints = 400;
 
@@ -92,6 +93,10 @@ struct AreaView {
 struct VectorsOut {
   float *x, *y, *z;
 };
+struct GrowthOut {
+  float most;             // of R_i^2
+  float* squared_growth;  // of each sorted point, or null
+};
 struct VectorsView {
   const float *x, *y, *z;
 };
@@ -117,8 +122,9 @@ struct Kernels {
   void (*mean_distances)(const IndexView&, Index leaf, const Index* list, int count, float* out);
   // neighbor_counts receives how many neighbours each point has.
   void (*normals)(const IndexView&, Index leaf, Neighborhoods, NormalRule, VectorsOut, unsigned* neighbor_counts);
+  // One round of Eq. 9; `growth` receives what Eq. 20 multiplies R_i^2 by, unless its array is null.
   void (*filter_normals)(const IndexView&, Index leaf, Neighborhoods, NormalRule, float inverse_turn, VectorsView,
-                         VectorsOut);
+                         VectorsOut, GrowthOut growth);
   // The bilateral method: moved positions, point after point.
   void (*fair)(const IndexView&, Index leaf, Neighborhoods, VectorsView, AreaView, FairingRule, float* xyz);
   // The other methods: the displacements of all points, then from them the moved positions.

@@ -60,29 +60,30 @@ void Chain::outcomes(const point::Region& loaded, const Kernels& kernels, std::s
       neighborhood[i] = point::is_exact_list(rule, entries.count, entries.squared_last, gap) ? 1.0f : 0.0f;
       is_short[i] = neighbors_.constraint && entries.count < neighbors_.k;
     } else {
-      neighborhood[i] = point::is_exact_ball(squared_radius_[i], widening_found, gap) ? 1.0f : 0.0f;
+      const float squared_radius = squared_radius_[i] * (balls_grow() ? squared_growth_[i] : 1.0f);
+      neighborhood[i] = point::is_exact_ball(squared_radius, widening_found, gap) ? 1.0f : 0.0f;
     }
     if (with_areas)
       mean[i] = point::is_exact_mean(mean_found ? mean_distance_[i] : std::numeric_limits<float>::infinity(), gap)
                     ? 1.0f
                     : 0.0f;
   });
-  const auto least_of_neighborhoods = [&](const std::vector<float>& values) {
+  const auto least_of = [&](const Neighborhoods& neighborhoods, const std::vector<float>& values) {
     std::vector<float> least(places, 1.0f);
     for_blocks(index.leaves, kLeavesABlock, {}, [&](std::size_t first, std::size_t last, std::size_t) {
       for (std::size_t leaf = first; leaf < last; ++leaf)
-        kernels.survey(index, Index(leaf), neighborhoods(), values.data(), counts.data(), least.data());
+        kernels.survey(index, Index(leaf), neighborhoods, values.data(), counts.data(), least.data());
     });
     return least;
   };
   std::vector<float> normal = neighborhood, read_there(places, 1.0f);
-  for (int round = 0; round < normal_settings_.filter_rounds; ++round) normal = least_of_neighborhoods(normal);
+  for (int round = 0; round < normal_settings_.filter_rounds; ++round) normal = least_of(neighborhoods(), normal);
   for (std::size_t i = 0; i < places; ++i)
     read_there[i] = std::min(reads_normals_there ? normal[i] : 1.0f, with_areas ? mean[i] : 1.0f);
-  std::vector<float> step = least_of_neighborhoods(read_there);
+  std::vector<float> step = least_of(grown_neighborhoods(), read_there);
   if (fairing_settings_.method != Method::bilateral) {  // which read the displacements of their neighbours
     for (std::size_t i = 0; i < places; ++i) step[i] = std::min(step[i], neighborhood[i]);
-    step = least_of_neighborhoods(step);
+    step = least_of(neighborhoods(), step);
   }
 
   std::fill(out.begin(), out.end(), static_cast<unsigned char>(0));

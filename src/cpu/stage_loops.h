@@ -68,11 +68,13 @@ class BallWalk {
  public:
   POINTFAIR_INLINE BallWalk(const IndexView& index, Index start, const Ball& ball) : index_(index) {
     const Mask active = lane_numbers() < broadcast(int(index.points - start));
-    queries_ = make_queries(index, start, active, load(ball.squared_radius + start));
+    const Floats own = load(ball.squared_radius + start);
+    const Floats grown = ball.squared_growth == nullptr ? own : own * load(ball.squared_growth + start);
+    queries_ = make_queries(index, start, active, grown);
     farthest_ = largest(queries_.limit);
     share_ = broadcast(1.0f);
     if (ball.widening > 0) {  // a surface holds widening * R^2 / r^2 points
-      const Floats squared_widening = queries_.limit - ball.squared_base;
+      const Floats squared_widening = own - ball.squared_base;
       const Floats holds =
           select(squared_widening > broadcast(0.0f), queries_.limit / squared_widening, broadcast(1.0f));
       share_ = select(active, broadcast(kBallPoints / float(ball.widening)) / holds, broadcast(0.0f));
@@ -223,22 +225,32 @@ inline void normals(const IndexView& index, Index leaf, Neighborhoods neighborho
 
 template <class Neighbors, class Weights>
 POINTFAIR_INLINE void filter_pack(const Neighbors& neighbors, Weights weights, float inverse_turn, Index start,
-                                  VectorsView from, VectorsOut out) {
+                                  VectorsView from, VectorsOut out, GrowthOut growth) {
   point::FilteredNormal<Floats> filtered(load_vector(from.x, from.y, from.z, start));
-  neighbors([&](point::Vec3<Floats> offset, auto there, Mask inside) {
-    filtered.add(offset, vector_of(there, from), inside, weights, inverse_turn);
-  });
+  if (growth.squared_growth == nullptr) {
+    neighbors([&](point::Vec3<Floats> offset, auto there, Mask inside) {
+      filtered.add(offset, vector_of(there, from), inside, weights, inverse_turn);
+    });
+  } else {
+    point::MeanTurn<Floats> turn;
+    neighbors([&](point::Vec3<Floats> offset, auto there, Mask inside) {
+      const point::Vec3<Floats> normal = vector_of(there, from);
+      filtered.add(offset, normal, inside, weights, inverse_turn);
+      turn.add(point::dot(filtered.normal, normal), inside);
+    });
+    store(growth.squared_growth + start, turn.squared_growth(growth.most));
+  }
   store_vector(out, start, filtered.unit());
 }
 
 inline void filter_normals(const IndexView& index, Index leaf, Neighborhoods neighborhoods, NormalRule rule,
-                           float inverse_turn, VectorsView from, VectorsOut out) {
+                           float inverse_turn, VectorsView from, VectorsOut out, GrowthOut growth) {
   for_packs(index, leaf, neighborhoods, [&](Index start, const auto& neighbors) {
     if (rule.of_radius) {
       filter_pack(neighbors, point::local_weights(rule.weights, neighbors.squared_radius()), inverse_turn, start, from,
-                  out);
+                  out, growth);
     } else {
-      filter_pack(neighbors, rule.weights, inverse_turn, start, from, out);
+      filter_pack(neighbors, rule.weights, inverse_turn, start, from, out, growth);
     }
   });
 }

@@ -15,6 +15,7 @@ struct Balls {
   const float* squared_radius;  // of each sorted point
   float squared_base;
   int widening;
+  const float* squared_growth = nullptr;  // what multiplies R_i^2, of each sorted point; null: nothing
 };
 inline constexpr float kBallPoints = 400;
 

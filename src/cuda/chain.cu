@@ -27,6 +27,7 @@ Chain::Chain(Context& context, StopLine& stop_line, unsigned first_call)
       normals_(context),
       mean_distance_(context),
       squared_radius_(context),
+      squared_growth_(context),
       collector_(context),
       faired_(context) {
   check(cudaEventCreateWithFlags(&paced_, cudaEventDisableTiming), "making an event");
@@ -171,6 +172,12 @@ void Chain::measure_areas() {
   areas_measured_ = true;
 }
 
+Surroundings Chain::grown_surroundings(const Stop& stop) const {
+  Surroundings result = surroundings(stop);
+  if (balls_grow()) result.balls.squared_growth = squared_growth_.data();
+  return result;
+}
+
 Normals Chain::normals() const {
   const std::size_t places = index_.leaves() * kLeafSize;
   return {normals_.data(), normals_.data() + places, normals_.data() + 2 * places};
@@ -201,12 +208,16 @@ void Chain::settle(const std::stop_token& stop) {
 void Chain::filter_normals(const std::stop_token& stop) {
   const std::size_t places = index_.leaves() * kLeafSize;
   DeviceArray<float> filtered(context_);
+  if (balls_grow()) squared_growth_.resize(places);
   for (int round = 0; round < normal_settings_.filter_rounds; ++round) {
     pace(stop);
     filtered.resize(3 * places);
+    const bool is_last = round + 1 == normal_settings_.filter_rounds;
     cuda::filter_normals(context_, index_.tree(), surroundings(stop_), {normal_weights(), normal_settings_.of_radius},
                          point::inverse_turn(normal_settings_.filter_angle), normals(),
-                         {filtered.data(), filtered.data() + places, filtered.data() + 2 * places});
+                         {filtered.data(), filtered.data() + places, filtered.data() + 2 * places},
+                         {normal_settings_.flat_radius * normal_settings_.flat_radius,
+                          is_last && balls_grow() ? squared_growth_.data() : nullptr});
     normals_.swap(filtered);
   }
 }
@@ -241,7 +252,7 @@ void Chain::fair(const FairingSettings& settings, bool leaving, std::stop_token 
   if (settings.method != Method::bilateral) return fair_by_method(settings, areas, faired, stop);
   if (!plain) {
     settle(stop);
-    fair_widely(context_, index_.tree(), surroundings(stop_), normals(), areas,
+    fair_widely(context_, index_.tree(), grown_surroundings(stop_), normals(), areas,
                 {weights, settings.closeness_of_radius, settings.two_planes, point::inverse_turn(settings.facing_angle),
                  settings.strength, settings.outlier_distance * settings.outlier_distance,
                  point::squared_core(settings.outlier_radius * settings.outlier_radius), settings.pull_outliers,
@@ -309,7 +320,7 @@ void Chain::find_outcomes(const point::Region& loaded, unsigned char* out) {
   settle();
   const bool reads_areas = fairing_settings_.area_weight != AreaWeight::none;
   const NearestQuery query = nearest_query();
-  cuda::find_outcomes(context_, index_.tree(), surroundings(), normals(),
+  cuda::find_outcomes(context_, index_.tree(), grown_surroundings(), normals(),
                       {loaded,
                        {query.k, query.squared_limit, neighbors_.constraint, neighbors_.reach},
                        reads_areas ? mean_distance_.data() : nullptr,

@@ -86,6 +86,10 @@ class Chain {
   float squared_base() const { return std::min(neighbors_.radius * neighbors_.radius, 1e37f); }
   Balls balls() const { return {squared_radius_.data(), squared_base(), neighbors_.widening}; }
   Surroundings surroundings(const Stop& stop = {}) const { return {lists(), balls(), collector_.collected(), stop}; }
+  bool balls_grow() const {
+    return neighbors_.k == 0 && normal_settings_.filter_rounds > 0 && normal_settings_.flat_radius > 1;
+  }
+  Surroundings grown_surroundings(const Stop& stop = {}) const;  // of the bilateral step
   Normals normals() const;
   bool is_further() const { return first_call_ > 0; }
   point::NormalWeights normal_weights() const {
@@ -111,6 +115,7 @@ class Chain {
   DeviceArray<Index> lists_;
   DeviceArray<float> normals_, mean_distance_;
   DeviceArray<float> squared_radius_;  // without lists, as is
+  DeviceArray<float> squared_growth_;  // of those, where balls of flat places grow
   BallCollector collector_;
   bool areas_measured_ = false;
   DeviceArray<Point> faired_;

@@ -26,7 +26,9 @@ __global__ void __launch_bounds__(kBlock)
   const Lists& lists = surroundings.lists;
   if (lists.k == 0) {
     const bool found = surroundings.balls.widening == 0 || valid > Index(surroundings.balls.widening);
-    neighborhood[at] = point::is_exact_ball(surroundings.balls.squared_radius[at], found, gap);
+    const float* growth = surroundings.balls.squared_growth;
+    const float squared_radius = surroundings.balls.squared_radius[at] * (growth == nullptr ? 1.0f : growth[at]);
+    neighborhood[at] = point::is_exact_ball(squared_radius, found, gap);
     return;
   }
   const Index* list = lists.of(at);
@@ -74,12 +76,15 @@ void find_outcomes(Context& context, const Tree& tree, Surroundings surroundings
   find_exact<<<blocks, kBlock, 0, stream>>>(tree, surroundings, query, neighborhood, mean, is_short.data());
   check(cudaMemcpyAsync(normal, neighborhood, places * sizeof(float), cudaMemcpyDeviceToDevice, stream),
         "finding outcomes");
+  Surroundings of_step = surroundings;
+  if (surroundings.balls.squared_growth != nullptr) of_step.collected = {};
+  surroundings.balls.squared_growth = nullptr;
   for (int round = 0; round < query.filter_rounds; ++round) {
     survey(context, tree, surroundings, normal, counts, least);
     std::swap(normal, least);
   }
   unite_read<<<blocks, kBlock, 0, stream>>>(places, normal, mean, query.reads_normals, mean);
-  survey(context, tree, surroundings, mean, counts, least);
+  survey(context, tree, of_step, mean, counts, least);
   if (query.reads_displacements) {
     unite_read<<<blocks, kBlock, 0, stream>>>(places, neighborhood, least, true, mean);
     survey(context, tree, surroundings, mean, counts, least);

@@ -83,10 +83,11 @@ class WalkedBall {
         here_(position_of(tree.points[at])),
         box_(warp_box(here_, active)),
         shared_(shared) {
-    squared_radius_ = active ? balls.squared_radius[at] : -1.0f;
+    const float own = active ? balls.squared_radius[at] : -1.0f;
+    squared_radius_ = active && balls.squared_growth != nullptr ? own * balls.squared_growth[at] : own;
     farthest_ = unordered(warp_max(ordered(squared_radius_)));
     if (balls.widening > 0) {  // a surface holds widening * R^2 / r^2 points
-      const float squared_widening = squared_radius_ - balls.squared_base;
+      const float squared_widening = own - balls.squared_base;
       const float holds = squared_widening > 0 ? squared_radius_ / squared_widening : 1.0f;
       share_ = active ? (kBallPoints / static_cast<float>(balls.widening)) / holds : 0.0f;
     }

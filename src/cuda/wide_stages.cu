@@ -58,18 +58,26 @@ struct __align__(16) Plane {
 template <class Neighbors>
 __global__ void __launch_bounds__(kBlock)
     filtered_normals(const __grid_constant__ Tree tree, const __grid_constant__ Surroundings surroundings,
-                     NormalRule rule, float inverse_turn, Normals from, Normals to) {
+                     NormalRule rule, float inverse_turn, Normals from, Normals to, GrowthOut growth) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   __shared__ typename Neighbors::Shared shared[kWarps];
   const Neighbors neighbors(tree, surroundings, Index(at), tree.holds(at), shared[threadIdx.x / kWarp]);
   const auto weights = weights_of(rule, neighbors.squared_radius());
   point::FilteredNormal<float> filtered(from.at(at));
-  neighbors(
-      [&](Index there) {
-        return Plane{from.at(there), 0};
-      },
-      [&](Vec offset, Plane there, bool inside) { filtered.add(offset, there.normal, inside, weights, inverse_turn); });
+  const auto load = [&](Index there) { return Plane{from.at(there), 0}; };
+  if (growth.squared_growth == nullptr) {
+    neighbors(load, [&](Vec offset, Plane there, bool inside) {
+      filtered.add(offset, there.normal, inside, weights, inverse_turn);
+    });
+  } else {
+    point::MeanTurn<float> turn;
+    neighbors(load, [&](Vec offset, Plane there, bool inside) {
+      filtered.add(offset, there.normal, inside, weights, inverse_turn);
+      turn.add(point::dot(filtered.normal, there.normal), inside);
+    });
+    growth.squared_growth[at] = turn.squared_growth(growth.most);
+  }
   to.set(at, filtered.unit());
 }
 
@@ -134,14 +142,20 @@ __device__ __forceinline__ Vec fair_point(const Neighbors& neighbors, const Fair
   return outlier ? here + rule.strength * sum.mean() : there;
 }
 
+enum class Leaves { all, grown, others };  // where the ball of a point grows, and where none does
+
 template <class Neighbors>
 __global__ void __launch_bounds__(kBlock)
-    wide_fairing(const __grid_constant__ Tree tree, const __grid_constant__ Surroundings surroundings, Normals normals,
-                 AreaWeights areas, FairingRule rule, FairedPoints faired) {
+    wide_fairing(const __grid_constant__ Tree tree, const __grid_constant__ Surroundings surroundings, Leaves leaves,
+                 Normals normals, AreaWeights areas, FairingRule rule, FairedPoints faired) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   __shared__ typename Neighbors::Shared shared[kWarps];
   const bool valid = tree.holds(at);
+  if (leaves != Leaves::all) {
+    const bool grown = __any_sync(kAllLanes, valid && surroundings.balls.squared_growth[at] > 1);
+    if (grown != (leaves == Leaves::grown)) return;
+  }
   const Neighbors neighbors(tree, surroundings, Index(at), valid, shared[threadIdx.x / kWarp]);
   const Vec normal = normals.at(at);
   const float4 p = tree.points[at];
@@ -193,22 +207,31 @@ void estimate_wide_normals(Context& context, const Tree& tree, CloudState* state
 }
 
 void filter_normals(Context& context, const Tree& tree, Surroundings surroundings, NormalRule rule, float inverse_turn,
-                    Normals from, Normals to) {
+                    Normals from, Normals to, GrowthOut growth) {
   const auto kernel = surroundings.lists.k > 0                  ? filtered_normals<Listed>
                       : surroundings.collected.parts != nullptr ? filtered_normals<CollectedBall>
                                                                 : filtered_normals<WalkedBall>;
   kernel<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, surroundings, rule, inverse_turn, from,
-                                                                           to);
+                                                                           to, growth);
   check(cudaGetLastError(), "filtering normals");
 }
 
 void fair_widely(Context& context, const Tree& tree, Surroundings surroundings, Normals normals, AreaWeights areas,
                  FairingRule rule, FairedPoints faired) {
-  const auto kernel = surroundings.lists.k > 0                  ? wide_fairing<Listed>
-                      : surroundings.collected.parts != nullptr ? wide_fairing<CollectedBall>
-                                                                : wide_fairing<WalkedBall>;
-  kernel<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, surroundings, normals, areas, rule,
-                                                                           faired);
+  const auto launch = [&](auto kernel, Leaves leaves) {
+    kernel<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, surroundings, leaves, normals, areas,
+                                                                             rule, faired);
+  };
+  if (surroundings.lists.k > 0) {
+    launch(wide_fairing<Listed>, Leaves::all);
+  } else if (surroundings.collected.parts == nullptr) {
+    launch(wide_fairing<WalkedBall>, Leaves::all);
+  } else if (surroundings.balls.squared_growth == nullptr) {
+    launch(wide_fairing<CollectedBall>, Leaves::all);
+  } else {
+    launch(wide_fairing<CollectedBall>, Leaves::others);
+    launch(wide_fairing<WalkedBall>, Leaves::grown);
+  }
   check(cudaGetLastError(), "fairing");
   bring_into_order(context, faired);
 }

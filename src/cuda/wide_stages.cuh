@@ -31,14 +31,21 @@ void measure_radii(Context& context, const Tree& tree, Lists nearest, float squa
 void estimate_wide_normals(Context& context, const Tree& tree, CloudState* state, Surroundings surroundings,
                            NormalRule rule, Normals normals);
 
+// What Eq. 20 of docs/how-it-works.md multiplies R_i^2 by.
+struct GrowthOut {
+  float most;
+  float* squared_growth;  // of each sorted point; null: not asked for
+};
+
 // One round of Eq. 9.
 void filter_normals(Context& context, const Tree& tree, Surroundings surroundings, NormalRule rule, float inverse_turn,
-                    Normals from, Normals to);
+                    Normals from, Normals to, GrowthOut growth);
 
 // How many neighbours each point has, and the least of `values` over it and them.
 void survey(Context& context, const Tree& tree, Surroundings surroundings, const float* values, float* counts,
             float* least);
 
+// Collected balls must be without growth; those of leaves where any grows are walked.
 void fair_widely(Context& context, const Tree& tree, Surroundings surroundings, Normals normals, AreaWeights areas,
                  FairingRule rule, FairedPoints faired);
 

@@ -109,4 +109,24 @@ struct FilteredNormal {
   }
 };
 
+// How far the normals of a neighbourhood turn from that of its point, and what its ball grows by where that is next to
+// nothing: Eq. 20 of docs/how-it-works.md.
+template <class F>
+struct MeanTurn {
+  F sum{}, count{};
+
+  // cosine of the two normals, of any sign; 0 where a point has none
+  template <class Mask>
+  POINTFAIR_INLINE void add(F cosine, Mask inside) {
+    sum = sum + select(inside, F(1.0f) - absolute(cosine), F{});
+    count = count + select(inside, F(1.0f), F{});
+  }
+  // of the squared radius, where that of a flat place grows by `most`
+  POINTFAIR_INLINE F squared_growth(float most) const {
+    constexpr float kFlat = 0.001f, kBent = 0.003f;  // 1 - cosine: of 2.6 and of 4.4 degrees
+    const F share = (F(kBent) * count - sum) / (F(kBent - kFlat) * larger(count, F(1.0f)));
+    return F(1.0f) + F(most - 1.0f) * smaller(larger(share, F{}), F(1.0f));
+  }
+};
+
 }  // namespace pointfair::point

@@ -8,9 +8,8 @@ from program import (CUBE_FACES, CUBE_VERTICES, Case, positions, radius_error, r
                      write_ply)
 
 PARAMS = ["k", "radius", "widening", "constraint", "rho", "delta", "normal_weights", "normal_sigma", "normal_filter",
-          "normal_angle", "method", "closeness_sigma", "similarity_sigma", "area_weight", "planes", "facing_angle",
-          "step", "outliers",
-          "outlier_distance", "outlier_radius", "passes", "displacement_limit"]
+          "normal_angle", "flat_radius", "method", "closeness_sigma", "similarity_sigma", "area_weight", "planes",
+          "facing_angle", "step", "outliers", "outlier_distance", "outlier_radius", "passes", "displacement_limit"]
 VERBS = ["run", "info", "compare", "noise", "bench", "doctor"]
 
 
