@@ -196,6 +196,7 @@ STRIPS = {
     "normal_sigma": (HEAD, ["--normal-sigma 0.3r", "", "--normal-sigma 4r"]),
     "normal_filter": (FANDISK, ["--normal-filter off", "", "--normal-filter mollify"]),
     "normal_angle": (FANDISK, ["--normal-angle 5", "", "--normal-angle 80"]),
+    "flat_radius": (FANDISK, ["--flat-radius 100", "", "--flat-radius 200"]),
     "method": (FANDISK, ["", "--method mls", "--method wiener", "--method mollified"]),
     "method_positions": (FANDISK, ["--method laplacian", "--method taubin", "--method hc-laplacian"]),
     "closeness_sigma": (FANDISK, ["--closeness-sigma 0.2r", "", "--closeness-sigma 2r"]),
