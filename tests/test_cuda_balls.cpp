@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sums over balls on a card, and the default run, which is made of them.
+#include <memory>
+#include <utility>
+
 #include "cuda_backend_test.h"
+#include "pipeline_access.hpp"
 #include "pointfair/pipeline.hpp"
 
 namespace pointfair {
@@ -110,6 +114,28 @@ TEST_F(CudaBalls, of_the_default_run_equal_the_cpu) {
   cpu.run({}, on_cpu);
   EXPECT_EQ(difference(on_card, on_cpu), "");
   EXPECT_EQ(cuda.report().params.radius.value, cpu.report().params.radius.value);
+}
+
+// Two workers and five pieces, whose halos are found on the card.
+TEST_F(CudaBalls, of_a_cloud_in_pieces_equal_those_of_the_whole_on_the_cpu) {
+  for (const std::vector<Point>& whole :
+       {noisy_sphere(60000, 25, 0.01), shapes::with_noise(shapes::cube(60000), 0.003), uneven_sphere(60000, 20)}) {
+    const std::vector<Point> points = cut(whole);
+    std::vector<std::unique_ptr<Backend>> workers;
+    for (int i = 0; i < 2; ++i) workers.push_back(make_cuda_backend(0));
+    Pipeline pieces = PipelineAccess::make(make_cut_backend(std::move(workers), {5}), {Device::cuda, "", ""});
+    Pipeline cpu(Device::cpu);
+    std::vector<Point> in_pieces(points.size()), on_cpu(points.size());
+    pieces.load(points);
+    cpu.load(points);
+    for (const int flat_radius : {kAutomatic, 100}) {
+      Params params;
+      params.flat_radius = flat_radius;
+      pieces.run(params, in_pieces);
+      cpu.run(params, on_cpu);
+      EXPECT_EQ(difference(in_pieces, on_cpu), "") << flat_radius;
+    }
+  }
 }
 
 TEST_F(CudaBalls, equal_the_cpu_with_every_method) {
