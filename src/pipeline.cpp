@@ -12,6 +12,7 @@
 #include "automatic.hpp"
 #include "backend.hpp"
 #include "pipeline_access.hpp"
+#include "settings.hpp"
 
 namespace pointfair {
 namespace {
@@ -23,61 +24,6 @@ double milliseconds_since(Clock::time_point start) {
 }
 
 constexpr std::array<std::string_view, 4> kStageNames{"index", "neighbors", "normals", "fairing"};
-
-int filter_rounds(NormalFilter filter) {
-  if (filter == NormalFilter::on) return 2;
-  return filter == NormalFilter::mollify ? 1 : 0;
-}
-
-struct Settings {
-  NeighborSettings neighbors;
-  NormalSettings normals;
-  FairingSettings fairing;
-  DisplacementLimits limits;  // of the download: no stage reads them
-};
-
-Settings settings_of(const Params& p) {
-  Settings s;
-  s.neighbors.k = p.k;
-  s.neighbors.radius = p.radius.is_automatic() ? 0.0f : float(p.radius.value);
-  s.neighbors.constraint = p.constraint;
-  s.neighbors.reach = p.constraint ? float(p.rho.value + p.delta.value) : 0.0f;
-  s.neighbors.widening = p.k == 0 ? p.widening : 0;
-  s.normals.filter_rounds = filter_rounds(p.normal_filter);
-  if (p.normal_weights || s.normals.filter_rounds > 0) {
-    s.normals.sigma = float(p.normal_sigma.value);
-    s.normals.of_radius = p.normal_sigma.unit == Length::Unit::radius;
-  }
-  s.normals.weighted = p.normal_weights;
-  s.normals.filter_angle = p.normal_filter == NormalFilter::on ? p.normal_angle : 0;
-  if (sums_balls(p) && p.method == Method::bilateral) s.normals.flat_radius = float(p.flat_radius) / 100.0f;
-  s.fairing.method = p.method;
-  s.fairing.area_weight = p.area_weight;
-  s.fairing.closeness_sigma = float(p.closeness_sigma.value);
-  s.fairing.similarity_sigma = float(p.similarity_sigma.value);
-  s.fairing.closeness_of_radius = p.closeness_sigma.unit == Length::Unit::radius;
-  s.fairing.two_planes = p.planes == Planes::both;
-  s.fairing.facing_angle = s.fairing.two_planes ? p.facing_angle : 0;
-  s.fairing.strength = float(p.step) / 100.0f;
-  if (p.outliers != Outliers::off) {
-    s.fairing.outlier_distance = float(p.outlier_distance.value);
-    if (sums_balls(p)) s.fairing.outlier_radius = float(p.outlier_radius.value);
-  }
-  s.fairing.pull_outliers = p.outliers == Outliers::move;
-  if (p.outliers == Outliers::keep || p.outliers == Outliers::mark) {
-    s.limits.farthest = float(p.displacement_limit.value);
-    s.limits.outlier_distance = std::max(s.limits.farthest, float(p.outlier_distance.value));
-  }
-  return s;
-}
-
-// The first stage that reads something that differs.
-Stage first_difference(const Settings& a, const Settings& b) {
-  if (a.neighbors != b.neighbors) return Stage::neighbors;
-  if (a.normals != b.normals) return Stage::normals;
-  if (a.fairing != b.fairing) return Stage::fairing;
-  return Stage::passes;
-}
 
 Stage following(Stage stage) { return Stage(int(stage) + 1); }
 
