@@ -237,7 +237,8 @@ Params resolve_params(const Params& params, const Spacing& spacing, const Noise&
     used.normal_filter = by_ball || its.filter == NormalFilter::mollify ? its.filter : NormalFilter::off;
   if (params.planes == Planes::automatic) used.planes = by_ball ? Planes::both : Planes::own;
   if (params.normal_angle == kAutomatic) used.normal_angle = automatic_normal_angle(noise, s);
-  if (params.flat_radius == kAutomatic) used.flat_radius = its.fits_balls ? automatic_flat_radius(noise, s) : 100;
+  if (params.flat_radius == kAutomatic)  // a radius that was asked for is kept to
+    used.flat_radius = its.fits_balls && chooses_balls(params) ? automatic_flat_radius(noise, s) : 100;
   if (params.facing_angle == kAutomatic) used.facing_angle = kFacingAngle;
   if (params.passes == kAutomatic) used.passes = its.passes;
   if (params.step == kAutomatic) {

@@ -65,6 +65,9 @@ TEST(Automatic, balls_of_flat_places_grow_unless_there_is_next_to_no_noise) {
   EXPECT_EQ(resolved(noise_of(0.25)).flat_radius, 160);
   EXPECT_EQ(resolved(noise_of(2)).flat_radius, 160);
   EXPECT_EQ(resolved(noise_of(2), Method::laplacian).flat_radius, 100);
+  Params params;
+  params.radius = 3;
+  EXPECT_EQ(resolve_params(params, {1, 1}, noise_of(2), 100).flat_radius, 100) << "a radius that was asked for";
 }
 
 // Root mean square of how far points lie off the sphere of radius 1, or off the plane z = 0.
