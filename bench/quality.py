@@ -60,7 +60,7 @@ class Contender:
 
 
 NOISY = Contender("noisy", "noisy", ((),))
-ON_MESH = Contender("noisy, put onto the mesh", "on_mesh", ((),))  # no method that moves along normals leaves less
+ON_MESH = Contender("noisy, put onto the mesh", "on_mesh", ((),))  # about what the best move along the normals leaves
 METHODS = ("laplacian", "taubin", "hc-laplacian", "mls", "wiener", "mollified")
 PEERS = (  # the quick ones first
     Contender("PCL MLS, default", "pcl_mls", (("--k", "48"),)),

@@ -90,12 +90,15 @@ MethodDefaults defaults_of(Method method) {
   return its;
 }
 
+// In spacings.
+double level_of(const Noise& noise, double spacing) { return spacing > 0 ? noise.sigma / spacing : 0; }
+
 // What multiplies the radius of balls (Eq. 18 of docs/how-it-works.md). Where only the noise sets their width, wider
 // ones leave less noise if the shape has room for them; the more of it has none, the narrower. Balls between sheets
 // follow the gap.
 double ball_factor(const Noise& noise, double spacing) {
-  if (!(noise.sigma > 0 && spacing > 0) || noise.gap > 0) return 1;
-  const double level = noise.sigma / spacing;
+  const double level = level_of(noise, spacing);
+  if (!(level > 0) || noise.gap > 0) return 1;
   const double room = std::pow(kRoominess, share_between(kRoomyNoise, level));
   const double shape =
       std::pow(kConfinement, noise.confined) * std::pow(noise.bend, -kBendPower * share_between(kBendingNoise, level));
@@ -104,14 +107,13 @@ double ball_factor(const Noise& noise, double spacing) {
 
 // Degrees. Normals that little noise tilts differ less by it.
 int automatic_normal_angle(const Noise& noise, double spacing) {
-  const double level = spacing > 0 ? noise.sigma / spacing : 0;
-  return int(std::lround(std::lerp(kNormalAngle, kNormalAngleOfNoise, share_between(kTurningNoise, level))));
+  const double share = share_between(kTurningNoise, level_of(noise, spacing));
+  return int(std::lround(std::lerp(kNormalAngle, kNormalAngleOfNoise, share)));
 }
 
 // Percent. Noise that is next to none leaves nothing to gain.
 int automatic_flat_radius(const Noise& noise, double spacing) {
-  const double level = spacing > 0 ? noise.sigma / spacing : 0;
-  return int(std::lround(std::lerp(100, kFlatRadius, share_between(kFlatNoise, level))));
+  return int(std::lround(std::lerp(100, kFlatRadius, share_between(kFlatNoise, level_of(noise, spacing)))));
 }
 
 // Noise that is alike in neighbouring points does not average out among a few of them. Between the sheets of a thin

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// No method but a bound: puts each point at the closest place of the true mesh, by CGAL's tree of boxes. The CGAL
-// headers used are GPL: this program is built for comparison only, is never installed, and shares no code with
-// pointfair.
+// No method but what the best move along the normals would leave: puts each point at the closest place of the true
+// mesh, by CGAL's tree of boxes. The CGAL headers used are GPL: this program is built for comparison only, is never
+// installed, and shares no code with pointfair.
 #include <CGAL/AABB_face_graph_triangle_primitive.h>
 #include <CGAL/AABB_traits.h>
 #include <CGAL/AABB_tree.h>

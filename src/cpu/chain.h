@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The results of every stage of one pass. Memory, bytes a point: index 18, lists 4 k, W_a lengths 4, normals 12, faired
-// positions 12; 46 + 4 k in all. While normals are filtered, or a method other than the bilateral one runs, 12 more.
+// positions 12; 46 + 4 k in all. Without lists squared radii 4, and 4 more where balls grow. While normals are
+// filtered, or a method other than the bilateral one runs, 12 more.
 #pragma once
 
 #include "backend.hpp"

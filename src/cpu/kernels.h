@@ -93,12 +93,14 @@ struct AreaView {
 struct VectorsOut {
   float *x, *y, *z;
 };
-struct GrowthOut {
-  float most;             // of R_i^2
-  float* squared_growth;  // of each sorted point, or null
-};
 struct VectorsView {
   const float *x, *y, *z;
+};
+
+// What Eq. 20 multiplies R_i^2 by.
+struct GrowthOut {
+  float most;
+  float* squared_growth;  // of each sorted point; null: not asked for
 };
 
 // Each kernel treats the 16 points of one leaf.
