@@ -78,7 +78,7 @@ Json run_json(const Report& report, const Findings& findings) {
           {"short_neighborhoods", report.short_neighborhoods},
           {"displacement", statistics_json(findings.displacement)},
           {"stages", stages_json(report.stages)},
-          {"pieces", report.pieces},
+          {"tiles", report.tiles},
           {"total_ms", report.total_milliseconds},
           {"peak_bytes", {{"host", report.peak_host_bytes}, {"device", report.peak_device_bytes}}}};
 }
@@ -112,8 +112,8 @@ void print_summary(const RunArguments& arguments, const Report& report, const Fi
   const std::uint64_t kept = unmoved.non_finite + unmoved.too_few_neighbors + unmoved.no_normal + unmoved.outliers;
   fmt::print(stderr, "{} points faired on {} in {:.1f} ms, {} kept as they were{}\n", report.points - kept,
              device_name(report.device.kind), report.total_milliseconds, kept, reasons_kept(unmoved));
-  if (report.pieces > 1)
-    fmt::print(stderr, "computed in {} pieces, since the device's memory holds less than all\n", report.pieces);
+  if (report.tiles > 1)
+    fmt::print(stderr, "computed in {} tiles, since the device's memory holds less than all\n", report.tiles);
   fmt::print(stderr, "noise {:.4g} -> {:.4g}, points moved {:.4g} on average, {:.4g} at most\n", findings.noise_before,
              findings.noise_after, findings.displacement.mean, findings.displacement.max);
 }

@@ -2,8 +2,8 @@
 // What each stage reads of the parameters, so that a change tells which of them must run again.
 #pragma once
 
-#include "backend.hpp"
 #include "pointfair/params.hpp"
+#include "seam/settings.hpp"
 
 namespace pointfair {
 
@@ -12,6 +12,7 @@ struct Settings {
   NormalSettings normals;
   FairingSettings fairing;
   DisplacementLimits limits;  // of the download: no stage reads them
+  friend bool operator==(const Settings&, const Settings&) = default;
 };
 
 // Of parameters of which none is automatic and every length is in file units.
