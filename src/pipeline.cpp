@@ -239,7 +239,7 @@ struct Pipeline::State {
       case Stage::fairing:
         backend->fair(settings.fairing, stop);
         break;
-      case Stage::passes:
+      case Stage::iterations:
         break;
     }
     calls.push_back({std::string(kStageNames[std::size_t(stage)]), milliseconds_since(start)});
@@ -314,17 +314,17 @@ struct Pipeline::State {
 
   void adopt(const Settings& wanted) {
     const Stage changed = first_difference(settings, wanted);
-    if (changed < Stage::passes) further_passes = 0;
+    if (changed < Stage::iterations) further_passes = 0;
     next = std::min(next, changed);
     settings = wanted;
   }
 
   void run_first_pass(bool only, const std::stop_token& stop, const std::function<void()>& stage_done) {
-    if (next < Stage::passes) {
+    if (next < Stage::iterations) {
       backend->begin_pass(0);
       further_passes = 0;
     }
-    while (next < Stage::passes) {
+    while (next < Stage::iterations) {
       if (only && next == Stage::fairing && points >= kWorthParts) backend->expect_download();
       run_stage(next, stop);
       next = following(next);
@@ -339,7 +339,7 @@ struct Pipeline::State {
       const int pass = further_passes + 1;
       further_passes = 0;  // until this pass is complete its chain holds no result
       backend->begin_pass(pass);
-      for (Stage stage = Stage::index; stage < Stage::passes; stage = following(stage)) {
+      for (Stage stage = Stage::index; stage < Stage::iterations; stage = following(stage)) {
         run_stage(stage, stop);
         stage_done();
       }
@@ -378,14 +378,14 @@ struct Pipeline::State {
     if (upload > 0 && !std::exchange(upload_times_itself, false)) note_time("upload", upload);
     const Params used = resolve(params, stop);
     adopt(settings_of(used));
-    int done = int(next), all = 4 * used.passes;
+    int done = int(next), all = 4 * used.iterations;
     const auto stage_done = [&] {
       ++done;
       if (progress) progress(std::min(1.0, double(done) / all), kStageNames[std::size_t(done) % 4]);
     };
     if (progress) progress(double(done) / all, kStageNames[std::size_t(done) % 4]);
-    run_first_pass(used.passes == 1, stop, stage_done);
-    run_further_passes(used.passes - 1, stop, stage_done);
+    run_first_pass(used.iterations == 1, stop, stage_done);
+    run_further_passes(used.iterations - 1, stop, stage_done);
     outliers.assign(used.outliers == Outliers::mark ? points : 0, 0);
     const auto computed = Clock::now();
     const std::uint64_t outlier_count = backend->download(out, settings.limits, outliers);
@@ -394,7 +394,7 @@ struct Pipeline::State {
     const Counts counts = backend->counts();
     report.device = device;
     report.points = points;
-    report.pieces = backend->pieces();
+    report.tiles = backend->pieces();
     report.params = used;
     report.unmoved = counts.unmoved;
     if (!moves_along_normal(used.method)) report.unmoved.no_normal = 0;
@@ -489,7 +489,7 @@ HostBuffer Pipeline::host_buffer(std::size_t count) const {
 DeviceInfo Pipeline::device() const { return state_->device; }
 
 void Pipeline::normals(std::span<Point> out) const {
-  if (out.size() != state_->points || state_->next != Stage::passes)
+  if (out.size() != state_->points || state_->next != Stage::iterations)
     throw Error(ErrorKind::usage, "normals: run first, and give an array of as many points as were loaded");
   state_->backend->download_normals(out);
 }

@@ -97,7 +97,7 @@ class CutBackend final : public Backend {
     fairing_ = settings;
     const auto start = Clock::now();
     run({}, stop);
-    note("pieces", start);
+    note("tiles", start);
   }
 
   std::vector<StageTime> stage_times() override { return std::exchange(times_, {}); }

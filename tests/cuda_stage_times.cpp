@@ -147,8 +147,8 @@ void measure_from_host(Pipeline& pipeline, const Points& points, const char* nam
   params.k = k;
   params.normal_sigma = params.closeness_sigma = 2 * spacing;
   params.similarity_sigma = spacing;
-  params.passes = 1;
-  params.step = 100;
+  params.iterations = 1;
+  params.relaxation = 1;
   const HostBuffer in = pipeline.host_buffer(points.size()), out = pipeline.host_buffer(points.size());
   std::copy(points.begin(), points.end(), in.points().begin());
   std::vector<double> wholes;

@@ -128,12 +128,12 @@ TEST_F(CudaBalls, of_a_cloud_in_pieces_equal_those_of_the_whole_on_the_cpu) {
     std::vector<Point> in_pieces(points.size()), on_cpu(points.size());
     pieces.load(points);
     cpu.load(points);
-    for (const int flat_radius : {kAutomatic, 100}) {
+    for (const std::optional<double> flat_scale : {std::optional<double>(), std::optional<double>(1)}) {
       Params params;
-      params.flat_radius = flat_radius;
+      params.flat_scale = flat_scale;
       pieces.run(params, in_pieces);
       cpu.run(params, on_cpu);
-      EXPECT_EQ(difference(in_pieces, on_cpu), "") << flat_radius;
+      EXPECT_EQ(difference(in_pieces, on_cpu), "") << flat_scale.value_or(0);
     }
   }
 }

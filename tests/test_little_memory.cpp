@@ -58,8 +58,8 @@ void expect_the_same_in_little_memory(Device::Kind kind, const std::function<std
     Points expected(points.size()), out(points.size());
     ample.run(params, expected);
     tight.run(params, out);
-    EXPECT_GT(tight.report().pieces, 1u);
-    EXPECT_EQ(ample.report().pieces, 1u);
+    EXPECT_GT(tight.report().tiles, 1u);
+    EXPECT_EQ(ample.report().tiles, 1u);
     EXPECT_EQ(ample.report().params, tight.report().params);
     EXPECT_EQ(difference(expected, out), "");
     EXPECT_EQ(ample.estimates().noise, tight.estimates().noise);
@@ -71,7 +71,7 @@ void expect_the_same_in_little_memory(Device::Kind kind, const std::function<std
   tight.load(few);
   Points out(few.size());
   tight.run(params, out);
-  EXPECT_EQ(tight.report().pieces, 1u) << "a cloud that fits";
+  EXPECT_EQ(tight.report().tiles, 1u) << "a cloud that fits";
 }
 
 TEST(CutCloud, is_what_becomes_of_a_cloud_that_memory_does_not_hold) {

@@ -104,7 +104,7 @@ TEST(ViewerSession, TheCloudArrivesInTheOrderOfThePage) {
 
 TEST(ViewerSession, ASinglePassTravelsInTwoBytesAPointWithinAHundredthOfTheSpacing) {
   Seat seat(noisy(5000));
-  const Json params{{"k", "16"}, {"passes", "1"}};
+  const Json params{{"k", "16"}, {"iterations", "1"}};
   seat.session.receive(run_text(1, params));
   const Decoded result = seat.result(1);
   EXPECT_TRUE(result.head["along_normals"]);
@@ -114,7 +114,7 @@ TEST(ViewerSession, ASinglePassTravelsInTwoBytesAPointWithinAHundredthOfTheSpaci
 
 TEST(ViewerSession, SeveralPassesTravelInSixBytesAPointWithinAHundredthOfTheSpacing) {
   Seat seat(noisy(5000));
-  const Json params{{"k", "16"}, {"passes", "3"}};
+  const Json params{{"k", "16"}, {"iterations", "3"}};
   seat.session.receive(run_text(1, params));
   const Decoded result = seat.result(1);
   EXPECT_FALSE(result.head["along_normals"]);
@@ -124,9 +124,9 @@ TEST(ViewerSession, SeveralPassesTravelInSixBytesAPointWithinAHundredthOfTheSpac
 
 TEST(ViewerSession, OnlyTheStagesThatDependOnTheChangeRunAgain) {
   Seat seat(noisy(3000));
-  seat.session.receive(run_text(1, {{"k", "16"}, {"passes", "1"}}));
+  seat.session.receive(run_text(1, {{"k", "16"}, {"iterations", "1"}}));
   seat.result(1);
-  seat.session.receive(run_text(2, {{"k", "16"}, {"passes", "1"}, {"similarity_sigma", "0.01"}}));
+  seat.session.receive(run_text(2, {{"k", "16"}, {"iterations", "1"}, {"similarity_sigma", "0.01"}}));
   std::vector<std::string> stages;
   const Decoded result = seat.result(2);
   for (const Json& stage : result.head["stages"]) stages.push_back(stage["name"]);
@@ -137,7 +137,7 @@ TEST(ViewerSession, EveryMethodIsShownWhereItMovesPoints) {
   Seat seat(noisy(3000));
   int id = 0;
   for (const std::string method : {"bilateral", "laplacian", "taubin", "wiener", "hc-laplacian", "mls", "mollified"}) {
-    const Json params{{"method", method}, {"k", "16"}, {"passes", "1"}};
+    const Json params{{"method", method}, {"k", "16"}, {"iterations", "1"}};
     seat.session.receive(run_text(++id, params));
     EXPECT_LT(seat.error_of(id, fresh_run(seat.points, params)), 0.01) << method;
     const bool along = method == "bilateral" || method == "wiener" || method == "mls";
@@ -153,7 +153,7 @@ TEST(ViewerSession, TwoHundredRandomMessagesEndInTheStateOfTheLast) {
   int last_shown = 0;
   for (int id = 1; id <= 200; ++id) {
     params = {{"k", pick({"8", "16", "24"})},
-              {"passes", pick({"1", "1", "2"})},
+              {"iterations", pick({"1", "1", "2"})},
               {"similarity_sigma", pick({"auto", "0.5s", "0.01"})},
               {"normal_sigma", pick({"auto", "2s"})},
               {"area_weight", pick({"none", "squared"})}};
@@ -174,27 +174,27 @@ TEST(ViewerSession, TwoHundredRandomMessagesEndInTheStateOfTheLast) {
 
 TEST(ViewerSession, ACancelledRunEndsAndShowsNothing) {
   Seat seat(noisy(100000));
-  seat.session.receive(run_text(1, {{"k", "100"}, {"passes", "100"}}));
+  seat.session.receive(run_text(1, {{"k", "100"}, {"iterations", "100"}}));
   std::this_thread::sleep_for(std::chrono::milliseconds(300));
   seat.session.receive(R"({"type":"cancel","id":2})");
   seat.page.wait_for("cancelled", 2);
-  seat.session.receive(run_text(3, {{"k", "8"}, {"passes", "1"}}));
+  seat.session.receive(run_text(3, {{"k", "8"}, {"iterations", "1"}}));
   seat.result(3);
   for (const Decoded& message : seat.page.all()) EXPECT_FALSE(message.is("result") && message.head["id"] == 1);
 }
 
 TEST(ViewerSession, NewParametersStopTheRunUnderWay) {
   Seat seat(noisy(100000));
-  seat.session.receive(run_text(1, {{"k", "100"}, {"passes", "100"}}));
+  seat.session.receive(run_text(1, {{"k", "100"}, {"iterations", "100"}}));
   std::this_thread::sleep_for(std::chrono::milliseconds(100));
-  seat.session.receive(run_text(2, {{"k", "8"}, {"passes", "1"}}));
+  seat.session.receive(run_text(2, {{"k", "8"}, {"iterations", "1"}}));
   seat.result(2);
   for (const Decoded& message : seat.page.all()) EXPECT_FALSE(message.is("result") && message.head["id"] == 1);
 }
 
 TEST(ViewerSession, ARunGoesOnAfterAJobCameBetween) {
   Seat seat(noisy(60000));
-  const Json params{{"k", "40"}, {"passes", "4"}};
+  const Json params{{"k", "40"}, {"iterations", "4"}};
   seat.session.receive(run_text(1, params));
   for (int id = 2; id < 6; ++id) {
     std::this_thread::sleep_for(std::chrono::milliseconds(40));
@@ -225,7 +225,7 @@ void expect_a_true_preview(Seat& seat, const Json& params) {
 // The page cuts the ball out of the cloud and puts these points in its place.
 TEST(ViewerSession, APreviewHoldsEveryPointOfItsBall) {
   Seat seat(noisy(150000));
-  Json request = Json::parse(run_text(1, {{"k", "16"}, {"passes", "2"}}));
+  Json request = Json::parse(run_text(1, {{"k", "16"}, {"iterations", "2"}}));
   request["focus"] = {seat.points[777].x, seat.points[777].y, seat.points[777].z};
   seat.session.receive(request.dump());
   seat.result(1);
@@ -251,7 +251,7 @@ TEST(ViewerSession, APreviewHoldsEveryPointOfItsBall) {
 
 TEST(ViewerSession, AHeldSliderEndsInTheStateOfItsLastPlace) {
   Seat seat(noisy(150000));
-  Json params{{"k", "16"}, {"passes", "2"}};
+  Json params{{"k", "16"}, {"iterations", "2"}};
   for (int id = 1; id <= 6; ++id) {
     params["similarity_sigma"] = std::to_string(0.1 * id) + "s";
     Json request = Json::parse(run_text(id, params));
@@ -265,7 +265,7 @@ TEST(ViewerSession, AHeldSliderEndsInTheStateOfItsLastPlace) {
 TEST(ViewerSession, ASlowRunIsPreviewedByPointsThatGoWhereTheWholeRunSendsThem) {
   for (const char* method : {"bilateral", "taubin"}) {
     Seat seat(noisy(150000));
-    expect_a_true_preview(seat, {{"method", method}, {"k", "16"}, {"passes", "2"}});
+    expect_a_true_preview(seat, {{"method", method}, {"k", "16"}, {"iterations", "2"}});
   }
 }
 
@@ -290,10 +290,10 @@ TEST(ViewerSession, AFailingStageIsSaidAndTheNextRunIsSound) {
   };
   Seat seat(noisy(3000), options);
   fails = true;
-  seat.session.receive(run_text(1, {{"k", "16"}, {"passes", "1"}}));
+  seat.session.receive(run_text(1, {{"k", "16"}, {"iterations", "1"}}));
   EXPECT_EQ(seat.page.wait_for("error", 1).head["message"], "no memory for fairing");
   fails = false;
-  const Json params{{"k", "16"}, {"passes", "1"}};
+  const Json params{{"k", "16"}, {"iterations", "1"}};
   seat.session.receive(run_text(2, params));
   EXPECT_LT(seat.error_of(2, fresh_run(seat.points, params)), 0.01);
 }
@@ -383,7 +383,7 @@ TEST(ViewerSession, SavesNowhereElse) {
 
 TEST(ViewerSession, LimitsHoldPointsStill) {
   Seat seat(noisy(3000));
-  seat.session.receive(run_text(1, {{"k", "16"}, {"passes", "1"}}, {{"box", "0,-10,-10,10,10,10"}}));
+  seat.session.receive(run_text(1, {{"k", "16"}, {"iterations", "1"}}, {{"box", "0,-10,-10,10,10,10"}}));
   const Decoded result = seat.result(1);
   const Points moved = displacements(result, seat.normals_until(1), seat.points.size());
   int inside = 0;
@@ -400,7 +400,7 @@ TEST(ViewerSession, ALargeCloudIsShownInPart) {
   options.point_budget = 1000;
   Seat seat(noisy(20000), options);
   EXPECT_EQ(seat.page.wait_for("cloud").head["shown"], 1000);
-  seat.session.receive(run_text(1, {{"k", "16"}, {"passes", "1"}}));
+  seat.session.receive(run_text(1, {{"k", "16"}, {"iterations", "1"}}));
   EXPECT_EQ(seat.result(1).array<std::int16_t>("displacements").size(), 1000u);
 }
 
@@ -411,7 +411,7 @@ TEST(ViewerSession, DegenerateCloudsAreShownAndRun) {
   for (const Points& points : clouds) {
     Seat seat(points);
     seat.session.receive(run_text(1, Json::object()));
-    seat.session.receive(run_text(2, {{"k", "4"}, {"passes", "1"}}, {{"box", "0,0,0,1,1,1"}}));
+    seat.session.receive(run_text(2, {{"k", "4"}, {"iterations", "1"}}, {{"box", "0,0,0,1,1,1"}}));
     const Decoded result = seat.result(2);
     const Points moved = displacements(result, seat.normals_until(2), points.size());
     for (const Point& d : moved) EXPECT_EQ(d.x, 0);
@@ -420,7 +420,7 @@ TEST(ViewerSession, DegenerateCloudsAreShownAndRun) {
 
 TEST(ViewerSession, ANewPageGetsEverythingAgain) {
   Seat seat(noisy(1000));
-  const Json params{{"k", "16"}, {"passes", "1"}};
+  const Json params{{"k", "16"}, {"iterations", "1"}};
   seat.session.receive(run_text(1, params));
   seat.result(1);
   const std::size_t before = seat.page.all().size();

@@ -77,13 +77,13 @@ struct Report {
   Params params;  ///< as used: no `auto` left, lengths in file units
   UnmovedCounts unmoved;
   std::uint64_t short_neighborhoods = 0;  ///< points whose constrained neighbourhood holds fewer than k
-  /// Those that ran, in order; passes after the first add to the same names. A card's stages are timed on the card; the
+  /// Those that ran, in order; further iterations add to the same names. A card's stages are timed on the card; the
   /// paper's normals and fairing are one kernel there, whose time is divided as they take apart, three to two. `upload`
   /// on a card lasts until the caller's array may be used again; the index is begun meanwhile.
   std::vector<StageTime> stages;
-  /// Into how many pieces the cloud was cut because the card's memory did not suffice; 1: not cut. The stages then are
-  /// `cut`, `pieces` and `download`, and the cloud is kept in host memory.
-  std::uint64_t pieces = 1;
+  /// Into how many tiles the cloud was cut because it does not fit into the card's memory; 1: not cut. A cloud in tiles
+  /// is kept in host memory, and its stages are `cut`, `tiles` and `download`.
+  std::uint64_t tiles = 1;
   double total_milliseconds = 0;                             ///< from array to array
   std::uint64_t peak_host_bytes = 0, peak_device_bytes = 0;  ///< held by the pipeline beside the caller's arrays
 };
@@ -126,7 +126,7 @@ class Pipeline {
   HostBuffer host_buffer(std::size_t count) const;
 
   /// Takes a copy of the points onto the device; the next run starts from the first stage. O(N). A cloud that a card
-  /// cannot hold stays in host memory and is computed in pieces, with the same result. Throws ErrorKind::memory,
+  /// cannot hold stays in host memory and is computed in tiles, with the same result. Throws ErrorKind::memory,
   /// ErrorKind::device; the pipeline then holds no cloud, as before its first load.
   void load(const Cloud& cloud);
   void load(std::span<const Point> points);
@@ -164,7 +164,7 @@ class Pipeline {
   /// Valid until the next run.
   std::span<const std::uint8_t> outliers() const;
 
-  /// Unit normals of the last run's last pass, sign arbitrary, zero where there is none; N values, in file order.
+  /// Unit normals of the last run's last iteration, sign arbitrary, zero where there is none; N values, in file order.
   void normals(std::span<Point> out) const;
 
  private:

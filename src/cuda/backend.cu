@@ -103,7 +103,7 @@ class CudaBackend final : public Backend {
     const unsigned call = stop_line_.given_up();
     stop_line_.clear();
     if (call == 0) return std::nullopt;
-    return call >= kFurtherCalls ? Stage::passes : Stage(call);
+    return call >= kFurtherCalls ? Stage::iterations : Stage(call);
   }
   std::vector<StageTime> stage_times() override {
     context_.enter();

@@ -149,7 +149,7 @@ class View(Case):
     def assert_alive(self):
         """A proper page still gets its answer."""
         client = self.session()
-        client.send(frame(b'{"type":"run","id":5,"params":{"k":"8","passes":"1"}}'))
+        client.send(frame(b'{"type":"run","id":5,"params":{"k":"8","iterations":"1"}}'))
         self.assertEqual(client.message_of("result")["id"], 5)
         client.close()
 
@@ -249,7 +249,7 @@ class View(Case):
     def test_a_page_that_does_not_read_is_replaced_by_the_next(self):
         stuck = self.session()
         for i in range(2000):
-            stuck.send(frame(b'{"type":"run","id":%d,"params":{"k":"8","passes":"%d"}}' % (i, 1 + i % 2)))
+            stuck.send(frame(b'{"type":"run","id":%d,"params":{"k":"8","iterations":"%d"}}' % (i, 1 + i % 2)))
         self.assert_alive()
 
     def test_a_new_page_takes_over(self):
@@ -280,7 +280,7 @@ class View(Case):
 
     def test_an_interrupt_ends_it(self):
         client = self.session()
-        client.send(frame(b'{"type":"run","id":1,"params":{"k":"200","passes":"100"}}'))
+        client.send(frame(b'{"type":"run","id":1,"params":{"k":"200","iterations":"100"}}'))
         time.sleep(0.2)
         self.process.send_signal(signal.SIGINT)
         self.process.wait(60)
