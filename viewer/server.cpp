@@ -11,6 +11,7 @@
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/redirect_error.hpp>
+#include <boost/asio/steady_timer.hpp>
 #include <boost/asio/use_awaitable.hpp>
 #include <limits>
 #include <mutex>
@@ -33,6 +34,7 @@ using HeaderParser = http::request_parser<http::empty_body>;
 
 constexpr int kMaxConnections = 64;
 constexpr std::uint32_t kMaxHeaderBytes = 8 * 1024;
+constexpr std::chrono::milliseconds kAcceptRest{100};
 constexpr std::chrono::seconds kHeaderPatience{10}, kUploadPatience{600}, kWritePatience{30};
 constexpr std::string_view kPolicy =
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; connect-src 'self'; "
@@ -139,10 +141,16 @@ std::string Server::url() const {
 }
 
 net::awaitable<void> Server::accept_all() {
+  net::steady_timer rest(context_);
   while (true) {
     error_code error;
     tcp::socket socket = co_await acceptor_.async_accept(net::redirect_error(net::use_awaitable, error));
-    if (error || connections_ >= kMaxConnections) continue;  // the socket closes itself
+    if (error) {  // no file handle is free, most likely: nothing changes until another connection ends
+      rest.expires_after(kAcceptRest);
+      co_await rest.async_wait(net::redirect_error(net::use_awaitable, error));
+      continue;
+    }
+    if (connections_ >= kMaxConnections) continue;  // the socket closes itself
     net::co_spawn(
         context_, [this, taken = std::make_shared<tcp::socket>(std::move(socket))] { return serve(std::move(*taken)); },
         net::detached);

@@ -3,6 +3,7 @@
 import base64
 import json
 import os
+import resource
 import signal
 import socket
 import struct
@@ -245,6 +246,22 @@ class View(Case):
         self.assertTrue(all(client.is_closed() for client in slow))
         self.assertLess(time.monotonic() - begin, QUIET)
         self.assert_alive()
+
+    def test_a_server_without_free_file_handles_rests_and_goes_on_when_there_are(self):
+        handles = len(os.listdir(f"/proc/{self.process.pid}/fd"))
+        resource.prlimit(self.process.pid, resource.RLIMIT_NOFILE, (handles + 5, handles + 5))
+        clients = [self.client() for _ in range(20)]  # of which the server can accept 5
+        time.sleep(0.3)
+        begin = self.processor_seconds()
+        time.sleep(2)
+        self.assertLess(self.processor_seconds() - begin, 0.5)
+        for client in clients:
+            client.close()
+        self.assert_alive()
+
+    def processor_seconds(self):
+        fields = Path(f"/proc/{self.process.pid}/stat").read_text().rsplit(")", 1)[1].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
     def test_a_page_that_does_not_read_is_replaced_by_the_next(self):
         stuck = self.session()
