@@ -101,8 +101,9 @@ struct Pipeline::State {
 
   template <class Upload>
   void load_by(std::span<const Point> given, bool for_balls, const Upload& upload) {
-    if (given.size() > 0xfffffff0u)
-      throw Error(ErrorKind::usage, "more than 4294967280 points: cut the cloud into parts");
+    if (given.size() > kMaxPoints)
+      throw Error(ErrorKind::usage, "the cloud has " + std::to_string(given.size()) + " points, and a pipeline holds " +
+                                        std::to_string(kMaxPoints) + " at most; cut it into tiles");
     forget_cloud();
     points = given.size();
     sample = curve_sample(given);

@@ -16,6 +16,10 @@
 
 namespace pointfair {
 
+/// The most points that one Pipeline holds, on any device: the CPU's searches use signed 32-bit indices. Larger clouds
+/// must be cut into tiles and run one by one.
+inline constexpr std::uint64_t kMaxPoints = 2'147'483'632;
+
 /// Where to compute. `automatic` takes CUDA if it is built in and a card can be used, else the CPU.
 struct Device {
   enum class Kind : std::uint8_t { automatic, cpu, cuda };
