@@ -17,7 +17,7 @@ Each result is kept in FOLDER/results.jsonl as it comes, so a run that was stopp
 program is measured again alone. By default, about 45 minutes of one core, most of them the peers'; what is left is said
 while it runs. Prints Markdown; --write puts it between the marks <!-- quality NAME --> and <!-- end --> of a page.
 A quick look: bench/quality.py --seeds 1 --peers none --shapes cad dino
-Another setting: bench/quality.py --peers none --contender "sharper=--normal-angle 15"
+Another setting: bench/quality.py --peers none --contender "sharper=--crease-angle 15"
 """
 import argparse
 import array

@@ -39,17 +39,23 @@ std::string flag_of(const ParamInfo& info) {
   return flag;
 }
 
+constexpr const char* kParamGroup = "Parameters";
+
 std::string value_hint(const ParamInfo& info) {
   if (!info.values.empty()) return std::string(info.values) + (info.automatic ? "|auto" : "");
   std::string hint = "LENGTH";
-  if (std::holds_alternative<int Params::*>(info.field)) hint = fmt::format("{}..{}", info.min, info.max);
+  if (std::holds_alternative<int Params::*>(info.field) ||
+      std::holds_alternative<std::optional<double> Params::*>(info.field))
+    hint = fmt::format("{}..{}", info.min, info.max);
   return info.automatic ? hint + "|auto" : hint;
 }
 
 void add_param(CLI::App& command, const ParamInfo& info, ParamArguments& arguments) {
   const auto store = [&arguments, &info](const std::string& text) { arguments.given.emplace_back(&info, text); };
   CLI::Option* option = command.add_option_function<std::string>(flag_of(info), store, std::string(info.help));
-  option->type_name(value_hint(info))->group("Parameters")->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
+  option->type_name(value_hint(info))
+      ->group(info.expert ? kExpertGroup : kParamGroup)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
 }
 
 }  // namespace
@@ -62,12 +68,15 @@ CLI::Option* add_choice(CLI::App& command, const std::string& flag, std::string&
 }
 
 void add_params(CLI::App& command, ParamArguments& arguments) {
-  add_choice(command, "--preset", arguments.preset, {"paper"}, "k 8, one pass, constraint on, squared area weight")
-      ->group("Parameters");
+  add_choice(command, "--preset", arguments.preset, {"paper"},
+             "the paper: k 8, one iteration, constraint on, squared area weight")
+      ->group(kParamGroup);
   for (const ParamInfo& info : kParams) add_param(command, info, arguments);
+  command.set_help_all_flag("--help-all", "print this help with the expert parameters");
   command.footer(
-      "A LENGTH is a number in the file's unit, 0.5% of the bounding box's diagonal, 2s mean spacings, or auto:\n"
-      "what the data suggests, the default of every length.");
+      "A LENGTH is a number in the file's unit, 0.5% of the diagonal of the bounding box, 2s mean spacings, or auto.\n"
+      "--closeness-sigma and --normal-sigma also take 0.6r, radii of the neighbourhood. auto, the default, chooses a\n"
+      "value from the data; pointfair info prints it.");
 }
 
 Params make_params(const ParamArguments& arguments, const Params& defaults) {
@@ -79,9 +88,9 @@ Params make_params(const ParamArguments& arguments, const Params& defaults) {
 
 void add_limits(CLI::App& command, LimitArguments& arguments) {
   constexpr std::array<std::array<const char*, 2>, kLimitNames.size()> kHelp{{
-      {"0..1", "share of each displacement that is kept"},
-      {"X,Y,Z,X,Y,Z", "only points in this box move: lower corner, upper corner"},
-      {"MATRIX:POLYGON", "only points that a picture shows inside a polygon move; the viewer writes it"},
+      {"0..1", "how much to denoise: 0 keeps the input, 1 gives the full result, 0.5 the mean of both"},
+      {"X,Y,Z,X,Y,Z", "move only the points in this box: lower corner, upper corner"},
+      {"MATRIX:POLYGON", "move only the points that a view shows inside a polygon; the viewer writes it"},
   }};
   for (std::size_t i = 0; i < kLimitNames.size(); ++i) {
     const auto store = [&arguments, i](const std::string& text) { arguments.given.emplace_back(kLimitNames[i], text); };

@@ -73,7 +73,7 @@ void compare(const CompareArguments& arguments) {
 
 Verb add_compare(CLI::App& app) {
   const auto arguments = std::make_shared<CompareArguments>();
-  CLI::App& command = *app.add_subcommand("compare", "Distances of the points of A to the mesh or cloud B.");
+  CLI::App& command = *app.add_subcommand("compare", "Measure distances of cloud A to mesh or cloud B.");
   command.add_option("A", arguments->cloud, "cloud to measure")->required();
   command.add_option("B", arguments->reference, "mesh or cloud to measure against")->required();
   add_choice(command, "--as", arguments->as, {"auto", "cloud"}, "cloud: take B by its points though it has faces");

@@ -77,7 +77,7 @@ void noise(const NoiseArguments& arguments, std::stop_token stop) {
 
 Verb add_noise(CLI::App& app) {
   const auto arguments = std::make_shared<NoiseArguments>();
-  CLI::App& command = *app.add_subcommand("noise", "Sample a mesh and add noise, or add noise to a cloud's points.");
+  CLI::App& command = *app.add_subcommand("noise", "Sample a mesh, add noise.");
   command.add_option("IN", arguments->input, "mesh or cloud to read")->required();
   command.add_option("OUT", arguments->output, "cloud to write")->required();
   command.add_option("--points", arguments->points, "sample the mesh at so many places, uniformly by area")

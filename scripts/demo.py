@@ -50,9 +50,9 @@ for before, after, out, angles in ((noisy, fair, "before_after.png", (200, 8)),
 
 print(f"\nArmadillo, {armadillo['points']} points, noise 0.3 %: distance to the true surface, of the diagonal\n")
 print_table([["", "before", "after"]] + [[key, percent(distance_before, key), percent(distance_after, key)] for key in ("mean", "rms", "p95")])
-print("\nNoise as the clouds themselves show it, in file units\n")
-print_table([["", "before", "after"]] + [[name, *(f"{r['noise'][when]:.4f}" for when in ("before", "after"))]
-                                         for name, r in (("armadillo", armadillo), ("building", building))])
+print("\nNoise estimated on the input and mean displacement, in file units\n")
+print_table([["", "noise", "moved"]] + [[name, f"{r['noise']['before']:.4f}", f"{r['displacement']['mean']:.4f}"]
+                                        for name, r in (("armadillo", armadillo), ("building", building))])
 print(f"\nMilliseconds on {armadillo['device']['name']}\n")
 names = list(dict.fromkeys(stage["name"] for r in (armadillo, building) for stage in r["stages"]))
 rows = [["", *names, "total"]]

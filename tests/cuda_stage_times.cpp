@@ -3,8 +3,8 @@
 //   cuda_stage_times [POINTS] [REPEAT] [host]
 //   cuda_stage_times [POINTS] [REPEAT] cancel
 //   cuda_stage_times FILE [REPEAT]
-// The same for the default run of a cloud, all automatic, through the pipeline: each stage over both passes; then what
-// automatic parameters add, resident, to the same run with these parameters typed in, taken in turns with it.
+// The same for the default run of a cloud, all automatic, through the pipeline: each stage over both iterations; then
+// what automatic parameters add, resident, to the same run with these parameters typed in, taken in turns with it.
 //
 // A line a cloud and k: medians in milliseconds, points resident on the card; each stage timed from an idle card to an
 // idle card, and `whole` with all stages in flight at once. The checksum is the sum of all faired coordinates.
@@ -147,8 +147,8 @@ void measure_from_host(Pipeline& pipeline, const Points& points, const char* nam
   params.k = k;
   params.normal_sigma = params.closeness_sigma = 2 * spacing;
   params.similarity_sigma = spacing;
-  params.passes = 1;
-  params.step = 100;
+  params.iterations = 1;
+  params.relaxation = 1;
   const HostBuffer in = pipeline.host_buffer(points.size()), out = pipeline.host_buffer(points.size());
   std::copy(points.begin(), points.end(), in.points().begin());
   std::vector<double> wholes;

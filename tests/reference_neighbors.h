@@ -32,7 +32,6 @@ struct Settings {
   int widening = 0;
   bool constraint = false;
   double reach = 0;  // rho + delta
-  bool weighted_normals = true;
   double normal_sigma = 1, closeness_sigma = 1, similarity_sigma = 1;
   bool normal_of_radius = false, closeness_of_radius = false;  // those sigmas are multiples of the ball's radius
   int filter_rounds = 0;
@@ -43,7 +42,7 @@ struct Settings {
   bool two_planes = false;
   double strength = 1;
   AreaWeight area_weight = AreaWeight::none;
-  int passes = 1;
+  int iterations = 1;
   double outlier_distance = 0;  // 0: outliers are not looked for
   double outlier_radius = 0;    // of balls
   bool pull_outliers = false, hold_back = false;
@@ -56,24 +55,23 @@ inline Settings settings_of(const Params& resolved) {
   s.radius = resolved.radius.is_automatic() ? 0 : resolved.radius.value;
   s.constraint = resolved.constraint;
   s.reach = resolved.rho.value + resolved.delta.value;
-  s.weighted_normals = resolved.normal_weights;
   s.normal_sigma = resolved.normal_sigma.value;
   s.closeness_sigma = resolved.closeness_sigma.value;
   s.similarity_sigma = resolved.similarity_sigma.value;
-  s.widening = resolved.k == 0 ? resolved.widening : 0;
+  s.widening = resolved.k == 0 ? resolved.min_neighbors : 0;
   s.normal_of_radius = resolved.normal_sigma.unit == Length::Unit::radius;
   s.closeness_of_radius = resolved.closeness_sigma.unit == Length::Unit::radius;
   const bool bilateral_filter = resolved.normal_filter == NormalFilter::on;
   s.filter_rounds = bilateral_filter ? 2 : resolved.normal_filter == NormalFilter::mollify ? 1 : 0;
-  s.filter_angle = bilateral_filter ? resolved.normal_angle : 0;
+  s.filter_angle = bilateral_filter ? resolved.crease_angle : 0;
   if (s.k == 0 && s.filter_rounds > 0 && resolved.method == Method::bilateral)
-    s.flat_radius = resolved.flat_radius / 100.0;
+    s.flat_radius = resolved.flat_scale.value_or(1);
   s.method = resolved.method;
-  s.facing_angle = resolved.facing_angle;
-  s.two_planes = resolved.planes == Planes::both;
-  s.strength = resolved.step / 100.0;
+  s.facing_angle = 40;
+  s.two_planes = resolved.offset == Offset::symmetric;
+  s.strength = resolved.relaxation.value_or(1);
   s.area_weight = resolved.area_weight;
-  s.passes = resolved.passes;
+  s.iterations = resolved.iterations;
   s.outlier_distance = resolved.outliers == Outliers::off ? 0 : resolved.outlier_distance.value;
   s.outlier_radius = resolved.outlier_radius.value;
   s.pull_outliers = resolved.outliers == Outliers::move;

@@ -78,7 +78,7 @@ TEST(AlikeNoise, is_told_from_other_noise_and_from_shape) {
 TEST(AlikeNoise, is_averaged_over_wider_neighbourhoods) {
   const Points noisy = with_alike_noise(shapes::plane(kPoints), kSigma);
   Params narrow;
-  narrow.widening = 16;
+  narrow.min_neighbors = 16;
   const double left = rms_height_after_a_run(noisy, {});
   EXPECT_LT(left, 0.5 * kSigma);
   EXPECT_LT(left, 0.85 * rms_height_after_a_run(noisy, narrow));

@@ -96,12 +96,11 @@ Params settled() {  // nothing automatic, so that a change of one value changes 
   params.closeness_sigma = 0.05;
   params.similarity_sigma = 0.02;
   params.normal_filter = NormalFilter::on;
-  params.normal_angle = 30;
-  params.flat_radius = 150;
-  params.planes = Planes::both;
-  params.facing_angle = 40;
-  params.step = 90;
-  params.passes = 1;
+  params.crease_angle = 30;
+  params.flat_scale = 1.5;
+  params.offset = Offset::symmetric;
+  params.relaxation = 0.9;
+  params.iterations = 1;
   params.outliers = Outliers::keep;
   params.outlier_distance = 0.3;
   params.outlier_radius = 0.4;
@@ -114,7 +113,7 @@ Params settled_without_list() {
   params.k = kAutomatic;
   params.constraint = false;
   params.radius = 0.1;
-  params.widening = 6;
+  params.min_neighbors = 6;
   return params;
 }
 
@@ -125,10 +124,11 @@ void change(Params& params, const ParamInfo& info) {
         using Field = std::remove_cvref_t<decltype(params.*field)>;
         if constexpr (std::is_same_v<Field, int>) params.*field += 1;
         if constexpr (std::is_same_v<Field, bool>) params.*field = !(params.*field);
+        if constexpr (std::is_same_v<Field, std::optional<double>>) params.*field = *(params.*field) + 0.05;
         if constexpr (std::is_same_v<Field, Length>) params.*field = 0.8 * (params.*field).value + 0.05;
         if constexpr (std::is_same_v<Field, AreaWeight>) params.*field = AreaWeight::squared;
         if constexpr (std::is_same_v<Field, NormalFilter>) params.*field = NormalFilter::off;
-        if constexpr (std::is_same_v<Field, Planes>) params.*field = Planes::own;
+        if constexpr (std::is_same_v<Field, Offset>) params.*field = Offset::point;
         if constexpr (std::is_same_v<Field, Method>) params.*field = Method::mls;
         if constexpr (std::is_same_v<Field, Outliers>) params.*field = Outliers::off;
       },
@@ -144,13 +144,14 @@ TEST(Cache, first_run_calls_every_stage_and_an_equal_run_none) {
 TEST(Cache, a_changed_parameter_runs_again_from_the_stage_of_its_row_and_no_earlier) {
   for (const ParamInfo& info : kParams) {
     Recorded recorded;
-    const bool is_of_balls = info.name == "widening" || info.name == "flat_radius" || info.name == "outlier_radius";
+    const bool is_of_balls = info.name == "min_neighbors" || info.name == "flat_scale" || info.name == "outlier_radius";
     const Params before = is_of_balls ? settled_without_list() : settled();
     recorded.run(before);
     Params params = before;
     change(params, info);
     Calls expected(kAll.begin() + std::ptrdiff_t(std::min(kAll.size(), std::size_t(info.stage))), kAll.end());
-    if (info.name == "passes") expected = kAll;  // one further pass
+    if (info.name == "iterations") expected = kAll;  // one more
+    if (info.name == "noise") expected = {};         // nothing is automatic that could follow from it
     EXPECT_EQ(recorded.run(params), expected) << info.name;
   }
 }
@@ -172,7 +173,7 @@ TEST(Cache, lists_whose_lengths_are_given_need_no_samples_for_what_only_balls_re
 TEST(Cache, a_run_with_several_passes_repeats_them_all_but_keeps_the_first) {
   Recorded recorded;
   Params params = settled();
-  params.passes = 3;
+  params.iterations = 3;
   Calls expected;
   for (int pass = 0; pass < 3; ++pass) expected.insert(expected.end(), kAll.begin(), kAll.end());
   EXPECT_EQ(recorded.run(params), expected);
@@ -180,7 +181,7 @@ TEST(Cache, a_run_with_several_passes_repeats_them_all_but_keeps_the_first) {
   params.similarity_sigma = 0.01;
   expected.erase(expected.begin(), expected.begin() + 3);
   EXPECT_EQ(recorded.run(params), expected);
-  params.passes = 1;
+  params.iterations = 1;
   EXPECT_EQ(recorded.run(params), Calls{});
 }
 

@@ -139,7 +139,7 @@ TEST_F(CudaBackendTest, equals_the_cpu_with_every_method) {
     }
     StageSettings settings = with_method(with_neighbors(12, 0, true, 0.02f), method);
     settings.iterations = 3;
-    expect_same(points, settings, (name + ", constraint, passes").c_str());
+    expect_same(points, settings, (name + ", constraint, iterations").c_str());
     expect_same(std::vector<Point>(500, Point{1, 2, 3}), settings, (name + ", identical points").c_str());
     expect_same({}, settings, (name + ", no points").c_str());
   }
@@ -152,20 +152,20 @@ TEST_F(CudaBackendTest, equals_the_cpu_on_outliers) {
     points[i] = {points[i].x * lift, points[i].y * lift, points[i].z * lift};
   }
   points[5].y = std::numeric_limits<float>::quiet_NaN();
-  for (const int passes : {1, 2, 3}) {
+  for (const int iterations : {1, 2, 3}) {
     StageSettings settings = with_filter_and_both_planes(with_neighbors(24));
-    settings.iterations = passes;
+    settings.iterations = iterations;
     settings.fairing.outlier_distance = 0.01f;
-    settings.fairing.pull_outliers = passes == 2;
+    settings.fairing.pull_outliers = iterations == 2;
     settings.limits = {0.006f, 0.01f};
     expect_same(points, settings, "held back");
   }
 }
 
-TEST_F(CudaBackendTest, equals_the_cpu_over_passes) {
+TEST_F(CudaBackendTest, equals_the_cpu_over_iterations) {
   StageSettings settings;
   settings.iterations = 3;
-  expect_same(noisy_sphere(100000, 11, 0.002), settings, "3 passes");
+  expect_same(noisy_sphere(100000, 11, 0.002), settings, "3 iterations");
 }
 
 TEST_F(CudaBackendTest, equals_the_cpu_on_hard_clouds) {

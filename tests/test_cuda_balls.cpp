@@ -47,7 +47,7 @@ TEST_F(CudaBalls, that_follow_the_density_equal_the_cpu) {
     expect_same(noisy_sphere(50000, 10, 0.002), settings, "sphere");
     expect_same(uneven_sphere(50000, 7), settings, "uneven");
     settings.iterations = 3;
-    expect_same(noisy_sphere(50000, 12, 0.002), settings, "three passes");
+    expect_same(noisy_sphere(50000, 12, 0.002), settings, "three iterations");
   }
 }
 
@@ -125,12 +125,12 @@ TEST_F(CudaBalls, of_a_cloud_in_tiles_equal_those_of_the_whole_on_the_cpu) {
     std::vector<Point> in_tiles(points.size()), on_cpu(points.size());
     tiles.load(points);
     cpu.load(points);
-    for (const int flat_radius : {kAutomatic, 100}) {
+    for (const std::optional<double> flat_scale : {std::optional<double>(), std::optional<double>(1)}) {
       Params params;
-      params.flat_radius = flat_radius;
+      params.flat_scale = flat_scale;
       tiles.run(params, in_tiles);
       cpu.run(params, on_cpu);
-      EXPECT_EQ(difference(in_tiles, on_cpu), "") << flat_radius;
+      EXPECT_EQ(difference(in_tiles, on_cpu), "") << flat_scale.value_or(0);
     }
   }
 }

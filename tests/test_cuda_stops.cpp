@@ -48,7 +48,7 @@ TEST_F(CudaBackendTest, a_stopped_run_can_be_repeated) {
   constrained.k = 20;
   constrained.constraint = true;
   for (Params params : {balls, lists, constrained, Params{}}) {
-    params.passes = 2;
+    params.iterations = 2;
     std::vector<Point> expected(points.size()), out(points.size());
     Pipeline fresh(Device::cuda), pipeline(Device::cuda);
     fresh.load(points);

@@ -171,7 +171,7 @@ class Walk {
       const ParamInfo& info = kParams[random_.below(kParams.size())];
       try {
         set_param(params_, info,
-                  info.name == "passes" ? std::to_string(1 + random_.below(4)) : random_value(info, random_));
+                  info.name == "iterations" ? std::to_string(1 + random_.below(4)) : random_value(info, random_));
       } catch (const Error&) {  // a unit that the parameter does not know
       }
     }

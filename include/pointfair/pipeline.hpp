@@ -16,8 +16,9 @@
 
 namespace pointfair {
 
-/// The most points that one pipeline holds.
-inline constexpr std::uint64_t kMaxPoints = 0x7ffffff0;
+/// The most points that one Pipeline holds, on any device: the CPU's searches use signed 32-bit indices. Larger clouds
+/// must be cut into tiles and run one by one.
+inline constexpr std::uint64_t kMaxPoints = 2'147'483'632;
 
 /// Called from the thread that called `run`, with the share done so far in [0, 1] and the stage at work.
 using ProgressFunction = std::function<void(double share, std::string_view stage)>;

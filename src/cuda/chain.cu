@@ -31,8 +31,8 @@ Chain::Chain(Context& context, StopLine& stop_line, unsigned first_call)
       collector_(context),
       faired_(context) {}
 
-// Between the kernels of long stages, and between further passes: the host stays one of them ahead of the card, so that
-// a stop is heard in time and the card never waits.
+// Between the kernels of long stages, and between further iterations: the host stays one of them ahead of the card, so
+// that a stop is heard in time and the card never waits.
 void Chain::pace(const std::stop_token& stop) {
   stop_if_asked(stop);
   if (!stop.stop_possible()) return;
@@ -59,7 +59,7 @@ void Chain::begin_stage(Stage stage, const std::stop_token& stop) {
 
 void Chain::build_index(const Point* points, std::size_t count, const std::optional<Frame>& frame,
                         const Arrival* arrival, std::stop_token stop) {
-  if (is_further()) pace(stop);  // passes of short kernels that hear no stop
+  if (is_further()) pace(stop);  // iterations of short kernels that hear no stop
   stop_if_asked(stop);
   join();
   input_ = points;

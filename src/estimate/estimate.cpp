@@ -146,7 +146,7 @@ Noise noise_of(const Samples& samples) {
   // Where noise is all there is, residuals spread little; where curvature adds to them, the least ones know more.
   const double sigma = std::min(quantile(sigmas, 0.35), 1.2 * quantile(sigmas, 0.15));
   Noise noise{sigma, quantile(spacings, 0.5)};
-  if (sigma > 0) noise.bend = std::max(1.0, quantile(plane_variances, 0.75) / (kPlaneQuartile * sigma * sigma));
+  if (sigma > 0) noise.bend = quantile(plane_variances, 0.75) / (kPlaneQuartile * sigma * sigma);
   noise.confined = double(confined) / double(sigmas.size());
   if (double(gaps.size()) > kSheetShare * double(sigmas.size())) noise.gap = quantile(gaps, 0.25);
   if (sigma < kDoubtfulNoise * noise.surface_spacing) {
@@ -160,6 +160,12 @@ Noise noise_of(const Samples& samples) {
 }
 
 }  // namespace
+
+Noise of_sigma(Noise noise, double sigma) {
+  if (noise.sigma > 0) noise.bend *= (noise.sigma / sigma) * (noise.sigma / sigma);
+  noise.sigma = sigma;
+  return noise;
+}
 
 Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wanted, const std::stop_token& stop) {
   const std::span<const std::uint32_t> queries = sample.indices;

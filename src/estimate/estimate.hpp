@@ -43,9 +43,12 @@ struct Noise {
   // thin or bends too much there.
   double confined = 0;
   // Upper quartile of the variances over a plane in the widest neighbourhoods, over what it is on a plane of the same
-  // noise: 1 there, more where the shape bends or ends within them.
+  // noise: about 1 there, more where the shape bends or ends within them.
   double bend = 1;
 };
+
+// The same cloud where `sigma` is known to be another than was measured, or the same. The rest stays as measured.
+Noise of_sigma(Noise noise, double sigma);
 
 struct WantedEstimates {
   bool spacing = false, noise = false;

@@ -12,14 +12,14 @@ Stage following(Stage stage) { return Stage(int(stage) + 1); }
 Cached usable(Cached cached, const Wanted& wanted) {
   Stage next = std::min(cached.next, first_difference(cached.settings, wanted.settings));
   if (wanted.order == IndexOrder::along_curve && cached.order != wanted.order) next = Stage::index;
-  if (next < Stage::passes) cached.further = 0;
+  if (next < Stage::iterations) cached.further = 0;
   cached.next = next;
   cached.settings = wanted.settings;
   return cached;
 }
 
 void plan_first(std::vector<Step>& steps, Cached& now, IndexOrder order) {
-  while (now.next < Stage::passes) {
+  while (now.next < Stage::iterations) {
     Step step{{0, now.next}, order, now, now};
     step.after.next = following(now.next);
     if (now.next == Stage::index) step.after.order = order;
@@ -32,7 +32,7 @@ void plan_first(std::vector<Step>& steps, Cached& now, IndexOrder order) {
 void plan_further(std::vector<Step>& steps, Cached& now, IndexOrder order, int last) {
   if (last == 0 || now.further == last) return;
   for (int iteration = now.further < last ? now.further + 1 : 1; iteration <= last; ++iteration)
-    for (Stage stage = Stage::index; stage < Stage::passes; stage = following(stage)) {
+    for (Stage stage = Stage::index; stage < Stage::iterations; stage = following(stage)) {
       Step step{{iteration, stage}, order, now, now};
       step.meanwhile.further = 0;
       step.after.further = stage == Stage::fairing ? iteration : 0;

@@ -11,7 +11,7 @@ namespace pointfair {
 
 // What a backend holds of the loaded cloud. The stages are a chain, so one value says it of the first iteration.
 struct Cached {
-  Stage next = Stage::index;               // the first stage whose result is not valid; `passes`: all are
+  Stage next = Stage::index;               // the first stage whose result is not valid; `iterations`: all are
   IndexOrder order = IndexOrder::fastest;  // of the index, if it is valid
   Settings settings;                       // that the valid stages ran with
   int further = 0;                         // the further iteration whose results are held, `settings` too; 0: none

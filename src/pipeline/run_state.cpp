@@ -134,8 +134,8 @@ void Pipeline::State::run_to_end(const Params& params, std::span<Point> out, con
   const Params used = resolve_once(params, stop);
   last_order_ = order_for(params);
   const Settings settings = settings_of(used);
-  const int last = used.passes - 1;
-  execute(plan(cloud.cached, {settings, last_order_, used.passes}), std::size_t(4) * std::size_t(used.passes),
+  const int last = used.iterations - 1;
+  execute(plan(cloud.cached, {settings, last_order_, used.iterations}), std::size_t(4) * std::size_t(used.iterations),
           last == 0 && cloud.points() >= kWorthChunks, stop, progress);
 
   std::vector<std::uint8_t> marks(used.outliers == Outliers::mark ? cloud.points() : 0);
@@ -194,7 +194,7 @@ void Pipeline::State::run_stage(const Step& step, bool leaves, const std::stop_t
     case Stage::fairing:
       backend.fair(iteration, settings.fairing, leaves, stop);
       break;
-    case Stage::passes:
+    case Stage::iterations:
       break;
   }
   log_.note_call(name_of(stage), milliseconds_since(start));

@@ -18,7 +18,7 @@ struct Settings {
 // Of parameters of which none is automatic and every length is in file units.
 Settings settings_of(const Params& params);
 
-// The first stage that reads something that differs; `passes` if none does.
+// The first stage that reads something that differs; `iterations` if none does.
 Stage first_difference(const Settings& a, const Settings& b);
 
 }  // namespace pointfair

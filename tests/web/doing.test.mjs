@@ -106,15 +106,15 @@ test("only what the box and the lasso hold moves, and by the strength's share", 
 
 test("a long run says how far it is, is stopped, and the next is sound", models, async (t) => {
   const { url } = await view(t, [noisyArmadillo(temporaryFolder(t), 100000, kModels), "--port", 0]);
-  const { page, faults } = await openPage(t, await openBrowser(t), `${url}#k=16&passes=1`);
+  const { page, faults } = await openPage(t, await openBrowser(t), `${url}#k=16&iterations=1`);
   await settled(page);
-  await entry(page, "passes").fill("100");
+  await entry(page, "iterations").fill("100");
   await page.keyboard.press("Enter");
   await page.locator(".status progress").waitFor();
   await page.getByRole("button", { name: "Stop" }).click();
   await page.locator(".toast", { hasText: "Stopped" }).waitFor();
   await page.locator(".status progress").waitFor({ state: "hidden" });
-  await entry(page, "passes").fill("2");
+  await entry(page, "iterations").fill("2");
   await page.keyboard.press("Enter");
   await settled(page);
   assert.deepEqual(await page.locator(".stages i").evaluateAll((stages) => stages.map((stage) => stage.textContent.split(" ")[0]).includes("fairing")), true);

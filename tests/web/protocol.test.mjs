@@ -45,8 +45,8 @@ test("messages written by C++ are read in JavaScript", async (t) => {
 
 test("state survives the URL, and nonsense in it does not", async (t) => {
   const { readFragment, writeFragment, defaultView } = await pageModule(t, "state");
-  const defaults = { params: { k: "auto", passes: "auto" }, limits: { strength: "", box: "" } };
-  const recipe = { params: { k: "24", passes: "auto" }, limits: { strength: "0.5", box: "0,0,0,1,1,1" } };
+  const defaults = { params: { k: "auto", iterations: "auto" }, limits: { strength: "", box: "" } };
+  const recipe = { params: { k: "24", iterations: "auto" }, limits: { strength: "0.5", box: "0,0,0,1,1,1" } };
   const view = { ...defaultView(), mode: "wipe", wipe: 0.25, colour: "attribute:a&b=c", camera: [1, 2, 3, 0, 0, -1.5] };
   const fragment = writeFragment("a b.ply", recipe, defaults, view);
   assert.deepEqual(readFragment(fragment, "a b.ply", defaults), { recipe, view });

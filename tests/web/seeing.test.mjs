@@ -43,7 +43,7 @@ test("a dropped file is shown; each way to colour it is another picture", models
   await page.dispatchEvent("body", "drop", { dataTransfer: transfer });
   await page.waitForFunction(() => document.body.dataset.cloud === "coloured.ply");
   await settled(page);
-  await page.waitForFunction(() => document.body.dataset.noise);
+  await page.waitForFunction(() => document.body.dataset.settled);
 
   assert.equal(await page.locator("#colour").inputValue(), "rgb", "colours of the file come first");
   const seen = [];
@@ -69,7 +69,7 @@ test("lighting, the size of points and the axis that is up change the picture", 
   const { url } = await view(t, [noisyArmadillo(temporaryFolder(t), 20000, kModels), "--port", 0]);
   const { page, faults } = await openPage(t, await openBrowser(t), url);
   await settled(page);
-  await page.waitForFunction(() => document.body.dataset.noise);
+  await page.waitForFunction(() => document.body.dataset.settled);
   let last = await blocks(page, await picture(page));
   for (const [id, value] of [["#view-edl", "1"], ["#view-shade", "0"], ["#view-size", "4.5"]]) {
     await display(page, id, value);
@@ -181,7 +181,7 @@ test("an organised cloud with points that are not there", async (t) => {
 test("of a large cloud a part is held; a held slider shows previews, and the whole once it is let go", models, async (t) => {
   const folder = temporaryFolder(t);
   const { url } = await view(t, [noisyArmadillo(folder, 400000, kModels), "--port", 0, "--points", 150000, "--save-folder", folder]);
-  const { page, faults } = await openPage(t, await openBrowser(t), `${url}#view.up=y&k=24&passes=3`);
+  const { page, faults } = await openPage(t, await openBrowser(t), `${url}#view.up=y&k=24&iterations=3`);
   await settled(page);
   assert.match(await page.locator(".file").textContent(), /400\D000 points, 150\D000 shown/);
   const before = await blocks(page, await picture(page));

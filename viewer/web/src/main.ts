@@ -93,8 +93,7 @@ class Page {
         return this.setResult(head, arrays);
       case "settled":
         this.scene.setNormals(arrays.normals);
-        this.panel?.setNoiseLeft(head.noise);
-        return void (document.body.dataset.noise = String(head.noise));
+        return void (document.body.dataset.settled = "true");
       case "colours":
         return this.colouring.setColours(head.name, arrays);
       case "progress":
@@ -175,7 +174,7 @@ class Page {
   private setResult(head: Result, arrays: Message["arrays"]): void {
     this.result = head;
     this.shownRecipe = this.asked;
-    delete document.body.dataset.noise; // until this result has settled
+    delete document.body.dataset.settled; // until this result has settled
     this.scene.setResult(head, arrays);
     this.panel!.setUsed(head);
     this.status.showResult(head, this.cloud!.points);
