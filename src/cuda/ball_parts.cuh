@@ -15,7 +15,6 @@ struct Balls {
   const float* squared_radius;  // of each sorted point
   float squared_base;
   int widening;
-  Vec corner;                             // relative to which positions are hashed
   const float* squared_growth = nullptr;  // what multiplies R_i^2, of each sorted point; null: nothing
 };
 inline constexpr float kBallPoints = 400;
