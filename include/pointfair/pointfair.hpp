@@ -3,6 +3,7 @@
 #pragma once
 
 #include "pointfair/cloud.hpp"
+#include "pointfair/export.hpp"
 #include "pointfair/io.hpp"
 #include "pointfair/limits.hpp"
 #include "pointfair/params.hpp"
