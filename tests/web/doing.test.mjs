@@ -34,12 +34,12 @@ test("the result is saved in every format that is offered", models, async (t) =>
     ["c.ply", "binary-big-endian"], ["a.pcd", "ascii"], ["b.pcd", "binary"], ["c.pcd", "binary-compressed"]];
   for (const [name, encoding] of names) {
     await save(page, name, encoding);
-    const [saved, first] = [report(path.join(folder, name)), report(path.join(folder, "fair.ply"))];
+    const [saved, first] = [report(path.join(folder, name)), report(path.join(folder, "denoised.ply"))];
     assert.equal(saved.points, 2000, name);
     for (const end of ["min", "max"])
       saved.bounds[end].forEach((v, i) => assert.ok(Math.abs(v - first.bounds[end][i]) < 1e-3 * Math.abs(first.diagonal ?? 100), name));
   }
-  await page.locator("#output").fill("fair.ply");
+  await page.locator("#output").fill("denoised.ply");
   await page.locator("#encoding").selectOption("");
   await page.locator("#save").click();
   await page.locator(".toast.error", { hasText: "exists already" }).waitFor();
