@@ -48,6 +48,8 @@ test("a scan is loaded, denoised, compared, saved, and all of it comes back", mo
   });
 
   await t.test("the wipe, side by side, and a held key show the original", async () => {
+    // points are compared, not the words over them
+    await page.locator(".tag").evaluateAll((tags) => tags.forEach((tag) => (tag.style.visibility = "hidden")));
     const denoised = await blocks(page, await picture(page));
     await page.keyboard.press("2");
     const wiped = await blocks(page, await picture(page));
@@ -69,8 +71,8 @@ test("a scan is loaded, denoised, compared, saved, and all of it comes back", mo
       return [difference(part(0), other(0)), difference(part(34), other(34))];
     };
     t.diagnostic(`wipe ${halves(wiped, original)} ${halves(wiped, denoised)}`);
-    assert.ok(halves(wiped, original)[0] < 0.1 && halves(wiped, denoised)[1] < 0.1);
-    assert.ok(halves(wiped, original)[1] > 0.2 && halves(wiped, denoised)[0] > 0.2);
+    assert.ok(halves(wiped, original)[0] < 0.02 && halves(wiped, denoised)[1] < 0.02);
+    assert.ok(halves(wiped, original)[1] > 0.1 && halves(wiped, denoised)[0] > 0.1);
     assert.ok(difference(beside, denoised) > 1);
   });
 
