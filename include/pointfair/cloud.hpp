@@ -40,6 +40,7 @@ struct Point {
   float x, y, z;
 };
 
+/// The types of attributes.
 enum class ScalarType : std::uint8_t { int8, uint8, int16, uint16, int32, uint32, float32, float64 };
 
 /// Bytes of one scalar of `type`: 1, 2, 4 or 8.

@@ -15,16 +15,19 @@
 
 namespace pointfair {
 
+/// The file formats; the extension of each has its name.
 enum class Format : std::uint8_t { ply, pcd, xyz, txt, csv, pts, off, obj };
 
 /// How numbers are written. PLY and PCD have several encodings, the text formats have `ascii` only.
 enum class Encoding : std::uint8_t { ascii, binary, binary_big_endian, binary_compressed };
 
+/// How to read.
 struct ReadOptions {
   std::optional<Format> format;  ///< unset: by content, then by extension
   unsigned threads = 0;          ///< 0: all cores
 };
 
+/// How to write.
 struct WriteOptions {
   std::optional<Format> format;      ///< unset: by extension
   std::optional<Encoding> encoding;  ///< unset: the source's if the format is the same, else binary if there is one

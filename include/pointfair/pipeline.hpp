@@ -70,6 +70,7 @@ struct UnmovedCounts {
   friend bool operator==(const UnmovedCounts&, const UnmovedCounts&) = default;
 };
 
+/// How long a stage took.
 struct StageTime {
   std::string name;
   double milliseconds = 0;
