@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "reference_methods.h"
@@ -204,7 +205,8 @@ struct Faired {
   Normal normal;  // zero gap: no normal
   std::size_t neighbors = 0;
   bool is_outlier = false;
-  bool grows_in_part = false;  // its ball, so that rounding decides on points at the rim
+  bool grows_in_part = false;  // its ball, in some iteration, so that rounding decides on points at the rim
+  bool reads_part = false;     // of a neighbour in an iteration before
 };
 
 inline constexpr double kLeastGap = 1e-5;  // below it points count as a line
@@ -257,7 +259,11 @@ inline std::vector<Faired> fair(Points points, const Settings& s) {
   const Points start = points;
   std::vector<Faired> result;
   for (int iteration = 0; iteration < s.iterations; ++iteration) {
-    result = fair_once(points, s);
+    const std::vector<Faired> before = std::exchange(result, fair_once(points, s));
+    for (std::size_t i = 0; i < before.size(); ++i) {
+      result[i].grows_in_part |= before[i].grows_in_part;
+      for (const std::uint32_t j : neighborhood(points, i, s)) result[i].reads_part |= before[j].grows_in_part;
+    }
     for (std::size_t i = 0; i < points.size(); ++i) points[i] = to_point(result[i].position);
   }
   for (std::size_t i = 0; i < points.size(); ++i) {

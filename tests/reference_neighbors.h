@@ -4,6 +4,7 @@
 #pragma once
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <vector>
@@ -143,17 +144,28 @@ inline float squared_radius(const Points& points, std::size_t i, const Settings&
   return own_squared_radius(points, i, s) * (s.squared_growth.empty() ? 1 : s.squared_growth[i]);
 }
 
-// Which points count in a ball too full (over 400 by the density at its centre): a share, by a hash of their index.
-inline bool counts_in_ball(std::uint32_t j, float squared_radius, float own, float squared_base, int widening) {
+// The hash of a point's offset from the least coordinates of the cloud, over [0, 1): of each coordinate's bits as a
+// double, the finaliser of MurmurHash3.
+inline double share_of_position(const Points& points, std::uint32_t j) {
+  Point corner{INFINITY, INFINITY, INFINITY};
+  for (const Point& p : points)
+    if (is_valid(p)) corner = {std::min(corner.x, p.x), std::min(corner.y, p.y), std::min(corner.z, p.z)};
+  std::uint64_t hash = 0x9e3779b97f4a7c15u;
+  for (const auto axis : {&Point::x, &Point::y, &Point::z}) {
+    const double offset = double(points[j].*axis) - double(corner.*axis);
+    hash = (hash ^ std::bit_cast<std::uint64_t>(offset)) * 0xff51afd7ed558ccdu;
+    hash ^= hash >> 33;
+  }
+  hash *= 0xc4ceb9fe1a85ec53u;
+  return double(hash >> 40) / 16777216.0;
+}
+
+// Which points count in a ball too full (over 400 by the density at its centre): a share, by a hash of their position.
+inline bool counts_in_ball(const Points& points, std::uint32_t j, float squared_radius, float own, float squared_base,
+                           int widening) {
   if (widening == 0 || own <= squared_base) return true;
   const double holds = widening * double(squared_radius) / double(own - squared_base);
-  std::uint32_t x = j;
-  x ^= x >> 16;
-  x *= 0x7feb352du;
-  x ^= x >> 15;
-  x *= 0x846ca68bu;
-  x ^= x >> 16;
-  return (x >> 8) / 16777216.0 < 400 / holds;
+  return holds <= 400 || share_of_position(points, j) < 400 / holds;
 }
 
 // All others within the ball, nearest first.
@@ -162,7 +174,7 @@ inline List ball(const Points& points, std::size_t i, const Settings& s) {
   List list = nearest(points, i, points.size());
   std::erase_if(list, [&](std::uint32_t j) {
     return squared_distance(points[i], points[j]) > squared ||
-           !counts_in_ball(j, squared, own, float(s.radius) * float(s.radius), s.widening);
+           !counts_in_ball(points, j, squared, own, float(s.radius) * float(s.radius), s.widening);
   });
   return list;
 }

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "automatic.hpp"
+#include "estimate/automatic.hpp"
 #include "pointfair/pointfair.hpp"
 #include "shapes.h"
 

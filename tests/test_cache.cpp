@@ -10,9 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "backend.hpp"
 #include "forwarding_backend.h"
-#include "pipeline_access.hpp"
+#include "pipeline/pipeline_access.hpp"
 #include "pointfair/pipeline.hpp"
 #include "shapes.h"
 
@@ -27,21 +26,21 @@ class RecordingBackend : public ForwardingBackend {
  public:
   RecordingBackend(Calls& calls, std::string& failing, std::function<void()>& sampled)
       : ForwardingBackend(make_cpu_backend(1)), calls_(calls), failing_(failing), sampled_(sampled) {}
-  void build_index(std::stop_token stop) override {
+  void build_index(int iteration, const std::optional<Frame>& frame, std::stop_token stop) override {
     note("index");
-    ForwardingBackend::build_index(stop);
+    ForwardingBackend::build_index(iteration, frame, stop);
   }
-  void find_neighbors(const NeighborSettings& settings, std::stop_token stop) override {
+  void find_neighbors(int iteration, const NeighborSettings& settings, std::stop_token stop) override {
     note("neighbors");
-    ForwardingBackend::find_neighbors(settings, stop);
+    ForwardingBackend::find_neighbors(iteration, settings, stop);
   }
-  void estimate_normals(const NormalSettings& settings, std::stop_token stop) override {
+  void estimate_normals(int iteration, const NormalSettings& settings, std::stop_token stop) override {
     note("normals");
-    ForwardingBackend::estimate_normals(settings, stop);
+    ForwardingBackend::estimate_normals(iteration, settings, stop);
   }
-  void fair(const FairingSettings& settings, std::stop_token stop) override {
+  void fair(int iteration, const FairingSettings& settings, bool leaves, std::stop_token stop) override {
     note("fairing");
-    ForwardingBackend::fair(settings, stop);
+    ForwardingBackend::fair(iteration, settings, leaves, stop);
   }
   void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override {
     ForwardingBackend::sample_neighborhoods(queries, k, out);
@@ -49,7 +48,7 @@ class RecordingBackend : public ForwardingBackend {
   }
   Samples take_samples(std::span<const std::uint32_t> for_spacing, std::span<const std::uint32_t> for_noise,
                        std::stop_token stop) override {
-    return Backend::take_samples(for_spacing, for_noise, stop);  // of rows that it sees
+    return Sampling::take_samples(for_spacing, for_noise, stop);  // of rows that it sees
   }
 
  private:
@@ -245,56 +244,6 @@ TEST(Cache, interrupted_estimates_are_measured_by_the_next_call) {
     const Estimates found = recorded.pipeline.estimates(), expected = fresh.pipeline.estimates();
     EXPECT_EQ(found.spacing, expected.spacing);
     EXPECT_EQ(found.noise, expected.noise);
-  }
-}
-
-// As a person at the sliders would: one parameter at a time, now and then back to automatic.
-Params moved_slider(Params params, shapes::Random& random) {
-  const ParamInfo& info = kParams[random.below(kParams.size())];
-  if (info.name == "iterations") {
-    params.iterations = 1 + int(random.below(3));
-  } else if (info.name == "k") {
-    params.k = int(random.below(4)) * 7;
-  } else if (info.name == "area_weight") {
-    params.area_weight = AreaWeight(random.below(3));
-  } else if (const auto* flag = std::get_if<bool Params::*>(&info.field)) {
-    params.*(*flag) = random.below(2) == 0;
-  } else if (const auto* length = std::get_if<Length Params::*>(&info.field)) {
-    params.*(*length) = random.below(3) == 0 ? Length{} : Length(random.uniform(0.02, 0.12));
-  }
-  if (params.constraint && params.k == kAutomatic) params.constraint = false;
-  return params;
-}
-
-TEST(Cache, any_sequence_of_slider_moves_gives_the_result_of_a_fresh_run) {
-  shapes::Random random(31);
-  for (int session = 0; session < 4; ++session) {
-    Recorded recorded;
-    Params params;
-    for (int move = 0; move < 40; ++move) {
-      params = moved_slider(params, random);
-      if (random.below(5) == 0) {  // a drag that is given up half way
-        recorded.failing = kAll[random.below(kAll.size())];
-        try {
-          recorded.pipeline.run(params);
-        } catch (const Error&) {
-        }
-        recorded.failing.clear();
-        params = moved_slider(params, random);
-      }
-      if (random.below(6) == 0) recorded.pipeline.estimates();
-      const Points found = recorded.pipeline.run(params).points;
-      Recorded fresh;
-      const Points expected = fresh.pipeline.run(params).points;
-      ASSERT_EQ(std::memcmp(found.data(), expected.data(), found.size() * sizeof(Point)), 0) << "move " << move;
-      Points normals(found.size()), expected_normals(found.size());
-      recorded.pipeline.normals(normals);
-      fresh.pipeline.normals(expected_normals);
-      ASSERT_EQ(std::memcmp(normals.data(), expected_normals.data(), normals.size() * sizeof(Point)), 0)
-          << "move " << move;
-      ASSERT_EQ(recorded.pipeline.report().unmoved, fresh.pipeline.report().unmoved);
-      ASSERT_EQ(recorded.pipeline.report().params, fresh.pipeline.report().params);
-    }
   }
 }
 

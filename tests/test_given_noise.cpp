@@ -10,10 +10,10 @@
 #include <utility>
 #include <vector>
 
-#include "automatic.hpp"
-#include "backend.hpp"
+#include "estimate/automatic.hpp"
+#include "seam/backend.hpp"
 #include "forwarding_backend.h"
-#include "pipeline_access.hpp"
+#include "pipeline/pipeline_access.hpp"
 #include "pointfair/pointfair.hpp"
 #include "shapes.h"
 

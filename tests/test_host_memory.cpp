@@ -51,7 +51,7 @@ TEST(Pipeline, loads_and_runs_at_once_with_the_same_result_on_every_device) {
       const HostBuffer in = pipeline.host_buffer(points.size()), out = pipeline.host_buffer(points.size());
       Points expected(points.size());
       std::copy(points.begin(), points.end(), in.points().begin());
-      for (const int passes : {1, 1, 2}) {
+      for (const int iterations : {1, 1, 2}) {
         for (const bool all_automatic : {false, true}) {
           if (all_automatic && count > 5000) continue;
           Params params;
@@ -61,7 +61,7 @@ TEST(Pipeline, loads_and_runs_at_once_with_the_same_result_on_every_device) {
             params.similarity_sigma = 0.002;
             params.relaxation = 1;
           }
-          params.iterations = passes;
+          params.iterations = iterations;
           pipeline.run(in.points(), params, out.points());
           fresh.load(points);
           fresh.run(params, expected);

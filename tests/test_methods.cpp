@@ -139,13 +139,13 @@ TEST_P(Methods, agree_with_the_reference_over_balls) {
   expect_like_reference(shapes::with_noise(shapes::uneven(900, 20), 0.004), params, "uneven");
 }
 
-TEST_P(Methods, agree_with_the_reference_for_automatic_parameters_and_passes) {
+TEST_P(Methods, agree_with_the_reference_for_automatic_parameters_and_iterations) {
   for (const Points& points : {hills(), shapes::with_noise(shapes::sphere(1200), 0.01)}) {
     Params params = with(method());
     expect_like_reference(points, params, "automatic");
     params.iterations = 2;
     params.k = 20;
-    expect_like_reference(points, params, "two passes");
+    expect_like_reference(points, params, "two iterations");
   }
 }
 

@@ -11,9 +11,9 @@
 #include <set>
 #include <thread>
 
-#include "backend.hpp"
 #include "forwarding_backend.h"
-#include "pipeline_access.hpp"
+#include "pipeline/pipeline_access.hpp"
+#include "seam/backend.hpp"
 #include "shapes.h"
 #include "viewer_page.h"
 
@@ -303,9 +303,9 @@ TEST(ViewerSession, ASlowRunIsPreviewedByPointsThatGoWhereTheWholeRunSendsThem) 
 class FailingBackend : public ForwardingBackend {
  public:
   explicit FailingBackend(const std::atomic<bool>& fails) : ForwardingBackend(make_cpu_backend(1)), fails_(fails) {}
-  void fair(const FairingSettings& settings, std::stop_token stop) override {
+  void fair(int iteration, const FairingSettings& settings, bool leaves, std::stop_token stop) override {
     if (fails_) throw Error(ErrorKind::memory, "no memory for fairing");
-    ForwardingBackend::fair(settings, stop);
+    ForwardingBackend::fair(iteration, settings, leaves, stop);
   }
 
  private:

@@ -3,9 +3,11 @@
 #pragma once
 
 #include "pointfair/cloud.hpp"
+#include "pointfair/device.hpp"
 #include "pointfair/export.hpp"
 #include "pointfair/io.hpp"
 #include "pointfair/limits.hpp"
 #include "pointfair/params.hpp"
 #include "pointfair/pipeline.hpp"
+#include "pointfair/report.hpp"
 #include "pointfair/version.hpp"

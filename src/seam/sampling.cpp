@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Samples of a cloud from rows of nearest points, by fits on the host's cores.
+// The default bodies of Sampling: fits of rows of nearest points on the host's cores.
+#include "seam/sampling.hpp"
+
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 #include <array>
 #include <memory>
-
-#include "backend.hpp"
 
 namespace pointfair {
 namespace {
@@ -53,12 +55,12 @@ void throw_if_stopped(const std::stop_token& stop) {
 }
 
 // The rows of `queries`, one after the other. Megabytes, all written at once.
-std::shared_ptr<Point[]> rows_of(Backend& backend, std::span<const std::uint32_t> queries, int k,
+std::shared_ptr<Point[]> rows_of(Sampling& from, std::span<const std::uint32_t> queries, int k,
                                  const std::stop_token& stop) {
   throw_if_stopped(stop);
   const std::size_t size = queries.size() * std::size_t(k + 1);
   auto rows = std::make_shared_for_overwrite<Point[]>(size);
-  if (!queries.empty()) backend.sample_neighborhoods(queries, k, {rows.get(), size});
+  if (!queries.empty()) from.sample_neighborhoods(queries, k, {rows.get(), size});
   return rows;
 }
 
@@ -83,8 +85,12 @@ point::ResidualSample residuals_of(const Point* row) {
 
 }  // namespace
 
-Samples Backend::take_samples(std::span<const std::uint32_t> for_spacing, std::span<const std::uint32_t> for_noise,
-                              std::stop_token stop) {
+void Sampling::for_each_on_host(std::size_t count, const std::function<void(std::size_t)>& body) {
+  tbb::parallel_for(std::size_t(0), count, body);
+}
+
+Samples Sampling::take_samples(std::span<const std::uint32_t> for_spacing, std::span<const std::uint32_t> for_noise,
+                               std::stop_token stop) {
   using namespace point;
   Samples samples;
   samples.spacing.resize(for_spacing.size());

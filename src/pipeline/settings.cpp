@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "settings.hpp"
+#include "pipeline/settings.hpp"
 
 #include <algorithm>
 
-#include "automatic.hpp"
+#include "estimate/automatic.hpp"
 
 namespace pointfair {
 namespace {

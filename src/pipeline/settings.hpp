@@ -2,8 +2,8 @@
 // What each stage reads of the parameters, so that a change tells which of them must run again.
 #pragma once
 
-#include "backend.hpp"
 #include "pointfair/params.hpp"
+#include "seam/settings.hpp"
 
 namespace pointfair {
 
@@ -12,12 +12,13 @@ struct Settings {
   NormalSettings normals;
   FairingSettings fairing;
   DisplacementLimits limits;  // of the download: no stage reads them
+  friend bool operator==(const Settings&, const Settings&) = default;
 };
 
 // Of parameters of which none is automatic and every length is in file units.
 Settings settings_of(const Params& params);
 
-// The first stage that reads something that differs; `passes` if none does.
+// The first stage that reads something that differs; `iterations` if none does.
 Stage first_difference(const Settings& a, const Settings& b);
 
 }  // namespace pointfair

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "automatic.hpp"
+#include "estimate/automatic.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
-#include "share_between.hpp"
+#include "estimate/share_between.hpp"
 
 namespace pointfair {
 namespace {

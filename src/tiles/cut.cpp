@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cut.hpp"
+#include "tiles/cut.hpp"
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <memory>
+#include <numbers>
 #include <numeric>
 
 namespace pointfair {
@@ -13,12 +15,6 @@ constexpr std::size_t kBlock = 1 << 13;    // points
 constexpr std::size_t kSamples = 1 << 16;  // of which the cells are made
 
 std::size_t blocks_of(std::size_t points) { return (points + kBlock - 1) / kBlock; }
-
-void unite(Bounds& a, const Bounds& b) {
-  a.min = {std::min(a.min.x, b.min.x), std::min(a.min.y, b.min.y), std::min(a.min.z, b.min.z)};
-  a.max = {std::max(a.max.x, b.max.x), std::max(a.max.y, b.max.y), std::max(a.max.z, b.max.z)};
-  a.valid += b.valid;
-}
 
 constexpr float Point::*kAxes[] = {&Point::x, &Point::y, &Point::z};
 constexpr float point::Vec3<float>::*kCellAxes[] = {&point::Vec3<float>::x, &point::Vec3<float>::y,
@@ -36,7 +32,7 @@ std::uint64_t bits_inside(const point::Region& r, std::span<const Point> points)
   for (std::size_t i = 0; i < points.size(); ++i) {
     const Point& p = points[i];
     const bool in = bool(int(p.x >= r.min.x) & int(p.x <= r.max.x) & int(p.y >= r.min.y) & int(p.y <= r.max.y) &
-                         int(p.z >= r.min.z) & int(p.z <= r.max.z) & int(is_valid(p)));
+                         int(p.z >= r.min.z) & int(p.z <= r.max.z) & int(is_indexed(p)));
     bits |= std::uint64_t(in) << i;
   }
   return bits;
@@ -54,20 +50,11 @@ bool overlap(const Bounds& b, const point::Region& r) {
 
 }  // namespace
 
-void include(Bounds& bounds, const Point& p) { unite(bounds, {p, p, 1}); }
-
-point::Region region_around(const Bounds& bounds, double halo) {
-  const auto below = [&](float v) { return float(double(v) - halo); };
-  const auto above = [&](float v) { return float(double(v) + halo); };
-  return {{below(bounds.min.x), below(bounds.min.y), below(bounds.min.z)},
-          {above(bounds.max.x), above(bounds.max.y), above(bounds.max.z)}};
-}
-
-Cut::Cut(std::span<const Point> points, std::size_t pieces, const ForEach& for_each) : points_(points) {
+Cut::Cut(std::span<const Point> points, std::size_t tiles, const ForEach& for_each) : points_(points) {
   block_bounds_.assign(blocks_of(points.size()), kNoBounds);
   for_each(block_bounds_.size(), [&](std::size_t block) {
     for (const Point& p : block_of(points, block))
-      if (is_valid(p)) include(block_bounds_[block], p);
+      if (is_indexed(p)) include(block_bounds_[block], p);
   });
   bounds_ = kNoBounds;
   for (const Bounds& b : block_bounds_) unite(bounds_, b);
@@ -78,45 +65,45 @@ Cut::Cut(std::span<const Point> points, std::size_t pieces, const ForEach& for_e
   std::vector<Point> sample;
   const std::size_t stride = std::max<std::size_t>(1, points.size() / kSamples);
   for (std::size_t i = 0; i < points.size(); i += stride)
-    if (is_valid(points[i])) sample.push_back(points[i]);
-  split(sample, std::max<std::size_t>(1, pieces),
+    if (is_indexed(points[i])) sample.push_back(points[i]);
+  split(sample, std::max<std::size_t>(1, tiles),
         {{-kUnbounded, -kUnbounded, -kUnbounded}, {kUnbounded, kUnbounded, kUnbounded}});
 
   std::vector<std::vector<Bounds>> of_block(block_bounds_.size());
   for_each(block_bounds_.size(), [&](std::size_t block) {
     std::vector<Bounds>& cores = of_block[block];
-    cores.assign(pieces_.size(), kNoBounds);
+    cores.assign(tiles_.size(), kNoBounds);
     const Bounds& bounds = block_bounds_[block];
-    for (std::size_t piece = 0; piece < pieces_.size(); ++piece)
-      if (pieces_[piece].cell.contains(bounds.min) && pieces_[piece].cell.contains(bounds.max)) {
-        cores[piece] = bounds;  // all of the block
+    for (std::size_t tile = 0; tile < tiles_.size(); ++tile)
+      if (tiles_[tile].cell.contains(bounds.min) && tiles_[tile].cell.contains(bounds.max)) {
+        cores[tile] = bounds;  // all of the block
         return;
       }
     for (const Point& p : block_of(points, block))
-      for (std::size_t piece = 0; piece < pieces_.size(); ++piece)
-        if (pieces_[piece].cell.contains(p)) {
-          if (is_valid(p)) include(cores[piece], p);
+      for (std::size_t tile = 0; tile < tiles_.size(); ++tile)
+        if (tiles_[tile].cell.contains(p)) {
+          if (is_indexed(p)) include(cores[tile], p);
           break;
         }
   });
   for (const auto& cores : of_block)
-    for (std::size_t piece = 0; piece < cores.size(); ++piece) unite(pieces_[piece].core, cores[piece]);
+    for (std::size_t tile = 0; tile < cores.size(); ++tile) unite(tiles_[tile].core, cores[tile]);
 }
 
-// At the rank of the sample that shares it as the pieces are to be shared.
-void Cut::split(std::span<Point> sample, std::size_t pieces, const Cell& cell) {
+// At the rank of the sample that shares it as the tiles are to be shared.
+void Cut::split(std::span<Point> sample, std::size_t tiles, const Cell& cell) {
   Bounds extent = kNoBounds;
   for (const Point& p : sample) include(extent, p);
   int axis = 0;
   for (int a = 1; a < 3; ++a)
     if (extent.max.*kAxes[a] - extent.min.*kAxes[a] > extent.max.*kAxes[axis] - extent.min.*kAxes[axis]) axis = a;
   const auto coordinate = kAxes[axis];
-  if (pieces == 1 || sample.size() < 2 || !(extent.max.*coordinate > extent.min.*coordinate)) {
-    pieces_.push_back({cell, kNoBounds});
+  if (tiles == 1 || sample.size() < 2 || !(extent.max.*coordinate > extent.min.*coordinate)) {
+    tiles_.push_back({cell, kNoBounds});
     return;
   }
-  const std::size_t left_pieces = pieces / 2;
-  const auto middle = sample.begin() + std::ptrdiff_t(sample.size() * left_pieces / pieces);
+  const std::size_t left_tiles = tiles / 2;
+  const auto middle = sample.begin() + std::ptrdiff_t(sample.size() * left_tiles / tiles);
   std::nth_element(sample.begin(), middle, sample.end(),
                    [&](const Point& a, const Point& b) { return a.*coordinate < b.*coordinate; });
   float plane = (*middle).*coordinate;
@@ -129,8 +116,25 @@ void Cut::split(std::span<Point> sample, std::size_t pieces, const Cell& cell) {
       std::partition(sample.begin(), sample.end(), [&](const Point& p) { return p.*coordinate < plane; });
   Cell left = cell, right = cell;
   left.max.*kCellAxes[axis] = right.min.*kCellAxes[axis] = plane;
-  split(sample.first(std::size_t(bound - sample.begin())), left_pieces, left);
-  split(sample.subspan(std::size_t(bound - sample.begin())), pieces - left_pieces, right);
+  split(sample.first(std::size_t(bound - sample.begin())), left_tiles, left);
+  split(sample.subspan(std::size_t(bound - sample.begin())), tiles - left_tiles, right);
+}
+
+point::Region Cut::region_around(const Bounds& wanted, double halo) const {
+  const auto below = [&](float v, float end) { return v - halo <= end ? -kUnbounded : float(v - halo); };
+  const auto above = [&](float v, float end) { return v + halo >= end ? kUnbounded : float(v + halo); };
+  return {{below(wanted.min.x, bounds_.min.x), below(wanted.min.y, bounds_.min.y), below(wanted.min.z, bounds_.min.z)},
+          {above(wanted.max.x, bounds_.max.x), above(wanted.max.y, bounds_.max.y), above(wanted.max.z, bounds_.max.z)}};
+}
+
+double Cut::reach_of_nearest(double k, const Bounds& b) const {
+  double sides[] = {double(b.max.x) - b.min.x, double(b.max.y) - b.min.y, double(b.max.z) - b.min.z};
+  std::sort(std::begin(sides), std::end(sides));
+  const double count = double(std::max<std::uint64_t>(b.valid, 1));
+  const double spacing = std::max(std::sqrt(sides[2] * sides[1] / count), sides[2] / count);
+  const double diagonal = std::hypot(double(bounds_.max.x) - bounds_.min.x, double(bounds_.max.y) - bounds_.min.y,
+                                     double(bounds_.max.z) - bounds_.min.z);
+  return std::max(2.5 * std::sqrt((k + 1) / std::numbers::pi) * spacing, 1e-6 * diagonal);
 }
 
 // One look at each point of blocks that lie partly inside, without a branch: half of them may be in. A bit each is

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "estimate.hpp"
+#include "estimate/estimate.hpp"
 
 #include <algorithm>
 #include <array>
@@ -8,15 +8,15 @@
 #include <span>
 #include <vector>
 
-#include "share_between.hpp"
+#include "estimate/share_between.hpp"
 
 namespace pointfair {
 namespace {
 
-constexpr std::size_t kSpacingSamples = 2000, kNoiseSamples = 500;
-constexpr double kSheetShare = 0.1;     // of the samples; fewer that see two sheets are corners and outliers
-constexpr double kPlaneQuartile = 1.2;  // of a plane's own variances, by chance
-constexpr double kDoubtfulNoise = 0.6;  // spacings; below it residuals may be shape
+constexpr std::size_t kNoiseSamples = 500;  // of the cloud's sample; all of it serves the spacing
+constexpr double kSheetShare = 0.1;         // of the samples; fewer that see two sheets are corners and outliers
+constexpr double kPlaneQuartile = 1.2;      // of a plane's own variances, by chance
+constexpr double kDoubtfulNoise = 0.6;      // spacings; below it residuals may be shape
 // How residuals grow from one neighbourhood to one of twice the points where they are noise, where they are shape.
 constexpr double kNoiseGrowth = 1.35, kShapeGrowth = 1.5;
 // The same of the medians: of noise alone (fewer points scatter more), and of the variances of shape.
@@ -28,22 +28,6 @@ constexpr double kEndless = 1e9;
 constexpr double kAlikeGrowth[] = {1.14, 1.18}, kUnlikeGrowth[] = {1.5, 1.0};
 constexpr double kAlikeSlowing[] = {1.2, 0.9}, kAlikeNoise[] = {0.05, 0.1};
 
-// Scattered over the upload order by a low-discrepancy sequence (multiples of the golden ratio), so that a period in
-// the order of the file (rows of a scanner) is not met in step.
-std::vector<std::uint32_t> sample_queries(std::uint64_t points, std::size_t samples) {
-  std::vector<std::uint32_t> queries;
-  if (points <= samples) {
-    for (std::uint64_t i = 0; i < points; ++i) queries.push_back(std::uint32_t(i));
-    return queries;
-  }
-  constexpr double kGolden = 0.6180339887498949;
-  for (std::size_t i = 0; i < samples; ++i) {
-    const double place = double(i + 1) * kGolden;
-    queries.push_back(std::uint32_t((place - std::floor(place)) * double(points)));
-  }
-  return queries;
-}
-
 double quantile(std::vector<double> values, double share) {
   const auto place = values.begin() + std::ptrdiff_t(share * double(values.size() - 1));
   std::nth_element(values.begin(), place, values.end());
@@ -52,39 +36,26 @@ double quantile(std::vector<double> values, double share) {
 
 }  // namespace
 
-std::vector<Point> curve_sample(std::span<const Point> points) {
-  constexpr std::size_t kAll = 2048, kSample = 256;  // a small cloud's cube does not depend on the order of its points
-  const std::size_t count = points.size() <= kAll ? points.size() : kSample;
-  std::vector<Point> sample;
-  for (std::size_t i = 0; i < count; ++i) sample.push_back(points[i * points.size() / count]);
-  return sample;
-}
-
-CurveCube curve_cube(std::span<const Point> sample) {
-  const auto is_indexed = [](float coordinate) { return std::abs(coordinate) < 1e18f; };
+Frame frame_of(const CloudSample& sample) {
+  if (sample.points.empty()) return {};
   std::array<std::vector<double>, 3> axes;
-  for (const Point& p : sample) {
-    if (!is_indexed(p.x) || !is_indexed(p.y) || !is_indexed(p.z)) continue;
+  for (const Point& p : sample.points) {
     axes[0].push_back(p.x);
     axes[1].push_back(p.y);
     axes[2].push_back(p.z);
   }
-  if (axes[0].empty()) return {};
   std::array<double, 3> low{};
-  double side = 0, widest = 0;
+  double extent = 0, widest = 0;
   for (std::size_t a = 0; a < 3; ++a) {
     low[a] = quantile(axes[a], 0.02);
-    side = std::max(side, quantile(axes[a], 0.98) - low[a]);
+    extent = std::max(extent, quantile(axes[a], 0.98) - low[a]);
     const auto [least, most] = std::minmax_element(axes[a].begin(), axes[a].end());
     widest = std::max(widest, *most - *least);
   }
-  if (!(side > 0)) side = widest;  // nearly all in one place
-  if (!(side > 0)) return {{float(low[0]), float(low[1]), float(low[2])}, 0};
-  // On a grid that small moves hardly change, so that a pass on its own and as one of several order sums alike. From a
-  // quarter of the side below the sample to a quarter above are inside wherever the grid lies.
-  const double power = std::exp2(std::ceil(std::log2(1.75 * side))), step = power / 8;
-  for (double& l : low) l = std::floor((l - side / 4) / step) * step;
-  return {{float(low[0]), float(low[1]), float(low[2])}, float(power)};
+  if (!(extent > 0)) extent = widest;  // nearly all in one place
+  // a fifth of the side lies below the reference point, and at least as much above what is between the quantiles
+  const float side = extent > 0 ? float(std::exp2(std::ceil(std::log2(1.75 * extent)))) : 0.0f;
+  return {sample.bounds.min, {float(low[0]), float(low[1]), float(low[2])}, side};
 }
 
 namespace {
@@ -196,9 +167,11 @@ Noise of_sigma(Noise noise, double sigma) {
   return noise;
 }
 
-Estimate estimate(Backend& backend, std::uint64_t points, Wanted wanted, const std::stop_token& stop) {
-  const Samples samples = backend.take_samples(sample_queries(points, wanted.spacing ? kSpacingSamples : 0),
-                                               sample_queries(points, wanted.noise ? kNoiseSamples : 0), stop);
+Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wanted, const std::stop_token& stop) {
+  const std::span<const std::uint32_t> queries = sample.indices;
+  const Samples samples =
+      from.take_samples(wanted.spacing ? queries : queries.first(0),
+                        queries.first(wanted.noise ? std::min(queries.size(), kNoiseSamples) : 0), stop);
   return {spacing_of(samples.spacing), noise_of(samples)};
 }
 

@@ -2,8 +2,8 @@
 // How each method but the bilateral one is put together from the formulas of src/point; the same for every backend.
 #pragma once
 
-#include "backend.hpp"
 #include "point/method.h"
+#include "seam/settings.hpp"
 
 namespace pointfair {
 

@@ -2,26 +2,25 @@
 // What the cloud itself says: spacing, noise, and where most of it lies.
 #pragma once
 
-#include <optional>
-#include <span>
+#include <cstddef>
 #include <stop_token>
-#include <vector>
 
-#include "backend.hpp"
+#include "seam/sampling.hpp"
+#include "seam/settings.hpp"
 
 namespace pointfair {
 
-// Sampled at the same points for every backend, so the same on each.
 struct Spacing {
   double mean = 0;  // mean distance to the 6 nearest other points (as CGAL's compute_average_spacing), strays aside
   double rho = 0;   // 95 % quantile of the distance to the 6th: a sampling gap that is no feature
 };
 
-// The cube that holds most of a cloud, for Backend::order_along: between the 2 % and the 98 % quantiles of a sample on
-// each axis, widened by half their distance at least, on a grid of powers of two. The sample is of the cloud as loaded,
-// a few points evenly spread over it, or all of a small one.
-std::vector<Point> curve_sample(std::span<const Point> points);
-CurveCube curve_cube(std::span<const Point> sample);
+// Points of a cloud that estimates and its frame are made of.
+inline constexpr std::size_t kSampledPoints = 2000;
+
+// Its cube holds what lies between the 2 % and the 98 % quantiles of the sample on each axis, and a fifth of its side
+// around that.
+Frame frame_of(const CloudSample& sample);
 
 // Standard deviation of the noise along the normal. Residuals of cubic fits over neighbourhoods that are grown until
 // they are wide against the noise (Eq. 8 of docs/how-it-works.md); a low quantile over the samples, since edges and
@@ -51,15 +50,15 @@ struct Noise {
 // The same cloud where `sigma` is known to be another than was measured, or the same. The rest stays as measured.
 Noise of_sigma(Noise noise, double sigma);
 
-struct Wanted {
+struct WantedEstimates {
   bool spacing = false, noise = false;
 };
 struct Estimate {
   Spacing spacing;
   Noise noise;
 };
-// What is wanted, the rest zero, of points spread evenly over the upload order among which valid ones are found;
-// `points` is the number uploaded. Throws Error(interrupted) once `stop` is triggered.
-Estimate estimate(Backend& backend, std::uint64_t points, Wanted wanted, const std::stop_token& stop);
+// What is wanted, the rest zero, at points of the cloud's sample. Needs the index of the first iteration. Throws
+// Error(interrupted) once `stop` is triggered.
+Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wanted, const std::stop_token& stop);
 
 }  // namespace pointfair

@@ -2,7 +2,7 @@
 // The parameters that follow from what was measured of the cloud.
 #pragma once
 
-#include "estimate.hpp"
+#include "estimate/estimate.hpp"
 #include "pointfair/params.hpp"
 
 namespace pointfair {
