@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Measures what a run with nothing set promises, beside the quality that bench/quality.py compares.
+"""Measures what the default run promises, beside the quality that bench/quality.py compares.
 
 Parts: estimates (noise estimate over known noise), steady (clean clouds, a second run), low (noise below the spacing),
 sheets (thin plates), outliers, scans (real ones, of $POINTFAIR_DATA/scans), cost (of the estimates). Shapes are those of
@@ -151,7 +151,7 @@ def sheets(bench):
         left = [statistics.fmean(abs(its[i][2] - height[i]) for i in inner) / percent for its in (cloud, read_points(out)[0])]
         rows.append([f"{points:,}", f"{gap} %", f"{gap * percent / math.sqrt(2 / points):.1f}", f"{sigma} %",
                      f"{report['noise']['before'] / percent:.3f} %", f"{left[0]:.3f} to {left[1]:.3f}"])
-    return ("Two parallel sheets, nothing set, lengths in % of the diagonal:\n\n"
+    return ("Two parallel sheets, default run, lengths in % of the diagonal:\n\n"
             + table(["points", "gap", "in spacings", "noise", "estimate", "mean distance to the own sheet"], rows))
 
 
@@ -241,7 +241,7 @@ def scans(bench):
         rows.append([scan.name, f"{report['points']:,}", f"{noise / report['spacing']:.3f}", str(report["params"]["relaxation"]), *cells,
                      f"{farthest / noise:.2f}", f"{100 * report['unmoved']['outliers'] / report['points']:.2f} %",
                      "same" if attributes and len(start) == len(end) else "DIFFER"])
-    return ("Real scans, nothing set but `--outliers mark`: residuals of planes after over before, median of the flatter half / of the steepest "
+    return ("Real scans, default run with `--outliers mark`: residuals of planes after over before, median of the flatter half / of the steepest "
             "tenth of the places; farthest move in noise sigmas:\n\n"
             + table(["", "points", "noise, spacings", "relaxation", *(f"{count} points" for count in PLANES), "farthest", "outliers", "attributes"], rows))
 

@@ -119,7 +119,8 @@ std::optional<tbb::global_control> limit_threads(unsigned threads) {
 }
 
 void add_device(CLI::App& command, DeviceArguments& arguments) {
-  command.add_option("--device", arguments.device, "auto: cuda where there is one")->type_name("auto|cpu|cuda[:N]");
+  command.add_option("--device", arguments.device, "auto: CUDA if there is a card, else the CPU")
+      ->type_name("auto|cpu|cuda[:N]");
   add_threads(command, arguments.threads);
 }
 
@@ -140,9 +141,9 @@ Device make_device(const DeviceArguments& arguments) {
 
 void add_format(CLI::App& command, FormatArguments& arguments) {
   add_choice(command, "--format", arguments.format, names(kFormats),
-             "of the output; default: by its extension, on - the input's");
+             "format of the output; default: by its extension, that of the input for -");
   add_choice(command, "--encoding", arguments.encoding, names(kEncodings),
-             "of the output; default: the input's, else binary");
+             "encoding of the output; default: that of the input, else binary");
 }
 
 WriteOptions make_write_options(const FormatArguments& arguments, const std::filesystem::path& path) {
@@ -182,7 +183,8 @@ Length parse_length(std::string_view name, const std::string& text) {
   const ParamInfo row = {name, Stage::index, &Params::radius, 0, 1e30, false, "", ""};  // borrows a field
   Params params;
   set_param(params, row, text);
-  if (params.radius.is_automatic()) throw Error(ErrorKind::usage, fmt::format("--{} has no automatic value", name));
+  if (params.radius.is_automatic())
+    throw Error(ErrorKind::usage, fmt::format("--{} cannot be auto; give a length", name));
   return params.radius;
 }
 

@@ -138,7 +138,7 @@ int main(int count, char** words) {
   } catch (const std::bad_alloc&) {
     return cli::fail(interrupts, "out of memory; close other programs or use fewer points", cli::kExitMemory);
   } catch (const std::length_error&) {
-    return cli::fail(interrupts, "more points than any memory holds; use fewer", cli::kExitMemory);
+    return cli::fail(interrupts, "too many points for any memory; use fewer", cli::kExitMemory);
   } catch (const std::filesystem::filesystem_error& error) {
     return cli::fail(interrupts, error.what(), cli::kExitFile);
   } catch (const std::exception& error) {

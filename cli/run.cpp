@@ -162,7 +162,7 @@ Verb add_run(CLI::App& app) {
   add_format(command, arguments->format);
   add_report(command, arguments->report);
   add_choice(command, "--progress", arguments->progress, {std::begin(kProgressModes), std::end(kProgressModes)},
-             "on standard error; auto: a bar on a terminal");
+             "progress on standard error; auto: a bar on a terminal");
   command.add_flag("--force", arguments->force, "replace OUT if it exists");
   command.add_flag("-q,--quiet", arguments->quiet, "print errors only");
   command.add_flag("-v,--verbose", arguments->verbose, "print the device, the parameters and each stage's time");

@@ -49,7 +49,7 @@ void open_browser(std::string url) {
 
 void view(const ViewArguments& arguments, std::stop_token stop) {
   if (arguments.input == "-")
-    throw Error(ErrorKind::usage, "view needs a file, since its result is saved from it again");
+    throw Error(ErrorKind::usage, "view needs a file and cannot read standard input; write the cloud to a file first");
   if (!std::filesystem::is_directory(arguments.save_folder))
     throw Error(ErrorKind::file,
                 "--save-folder " + arguments.save_folder + ": is no folder; create it or name another");

@@ -215,7 +215,7 @@ std::string param_text(const Params& params, const ParamInfo& info) {
 void check_params(const Params& params) {
   for (const ParamInfo& info : kParams) std::visit(CheckField{params, info}, info.field);
   if (params.constraint && params.k == kAutomatic && !params.radius.is_automatic())
-    throw Error(ErrorKind::usage, "--constraint grows a list of neighbours: give --k beside --radius");
+    throw Error(ErrorKind::usage, "--constraint with --radius needs --k; give the number of neighbours too");
 }
 
 }  // namespace pointfair

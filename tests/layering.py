@@ -29,6 +29,7 @@ RULES = {
     "cli/": (["cli/", "viewer/server.hpp", PUBLIC], None),
     "bench/paper/": (["bench/paper/", "src/point/", PUBLIC], None),
     "bench/": (["bench/", PUBLIC], None),
+    "examples/": ([PUBLIC], ()),
     "python/": (["python/", PUBLIC], None),
     "viewer/": (["viewer/", PUBLIC], None),
 }

@@ -78,7 +78,7 @@ TEST(GivenNoise, sets_what_is_automatic_and_leaves_what_is_given) {
   const Params used = pipeline.resolve(params);
   EXPECT_EQ(used.min_neighbors, 20);
   EXPECT_EQ(used.similarity_sigma, Length(0.01));
-  EXPECT_DOUBLE_EQ(used.delta.value, 2.5 * 0.05);  // Eq. 12 of docs/how-it-works.md
+  EXPECT_DOUBLE_EQ(used.delta.value, 2.5 * 0.05);  // as docs/parameters.md says
   EXPECT_DOUBLE_EQ(used.outlier_distance.value, 6 * 0.05);
   EXPECT_GT(used.radius.value, 2 * pipeline.resolve({}).radius.value);
 }

@@ -337,7 +337,7 @@ TEST(ViewerSession, WhatIsWrongWithAMessageIsSaidInWords) {
       {R"({"type":7})", "unknown type"},
       {R"({"type":"run","params":{"kk":"8"}})", "no parameter 'kk'"},
       {R"({"type":"run","params":{"k":"-4"}})", "--k cannot be '-4'"},
-      {R"({"type":"run","params":{"k":8}})", "travels as text"},
+      {R"({"type":"run","params":{"k":8}})", "must be a string"},
       {R"({"type":"run","params":[]})", "must be an object"},
       {R"({"type":"run","limits":{"box":"1,2"}})", "--box cannot be"},
       {R"({"type":"run","limits":{"lid":"1"}})", "no limit 'lid'"},
@@ -372,8 +372,8 @@ TEST(ViewerSession, SavesWhatTheLibraryWrites) {
   FakePage page;
   Session session(options, page.send());
   session.open(cloud, "scan.ply");
-  EXPECT_TRUE(
-      session.receive(R"({"type":"save","id":1,"output":"fair.ply","params":{"k":"12"},"limits":{"strength":"0.5"}})"));
+  EXPECT_TRUE(session.receive(
+      R"({"type":"save","id":1,"output":"denoised.ply","params":{"k":"12"},"limits":{"strength":"0.5"}})"));
   page.wait_for("saved", 1);
   Pipeline pipeline(Device::cpu);
   pipeline.load(cloud);
@@ -384,11 +384,11 @@ TEST(ViewerSession, SavesWhatTheLibraryWrites) {
   limits.strength = 0.5;
   apply_limits(limits, cloud, fair);
   write(folder.path / "expected.ply", fair);
-  EXPECT_EQ(content(folder.path / "fair.ply"), content(folder.path / "expected.ply"));
+  EXPECT_EQ(content(folder.path / "denoised.ply"), content(folder.path / "expected.ply"));
 
-  EXPECT_TRUE(session.receive(R"({"type":"save","id":2,"output":"fair.ply"})"));
+  EXPECT_TRUE(session.receive(R"({"type":"save","id":2,"output":"denoised.ply"})"));
   EXPECT_NE(std::string(page.wait_for("error", 2).head["message"]).find("exists already"), std::string::npos);
-  EXPECT_TRUE(session.receive(R"({"type":"save","id":3,"output":"fair.ply","overwrite":true})"));
+  EXPECT_TRUE(session.receive(R"({"type":"save","id":3,"output":"denoised.ply","overwrite":true})"));
   page.wait_for("saved", 3);
 }
 

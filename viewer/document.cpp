@@ -218,7 +218,7 @@ ProgressFunction Document::progress_for(const Json& id) const {
 }
 
 Errand Document::errand_of(const Request& request) const {
-  return {facts_.path.empty() ? facts_.name : facts_.path, request.output.empty() ? "fair.ply" : request.output,
+  return {facts_.path.empty() ? facts_.name : facts_.path, request.output.empty() ? "denoised.ply" : request.output,
           request.encoding, pipeline_->device().kind};
 }
 
@@ -238,9 +238,9 @@ void Document::write_file(const Request& request, const WriteOptions& write_opti
   check_file_name(request.output);
   const fs::path path = options_.save_folder / request.output;
   if (fs::is_symlink(path)) throw Error(ErrorKind::file, request.output + " is a link; choose another name");
-  Cloud fair = pipeline_->run(request.recipe.params, stop, progress_for(request.id));
-  apply_limits(request.recipe.limits, cloud_, fair);
-  write(path, fair, write_options);
+  Cloud denoised = pipeline_->run(request.recipe.params, stop, progress_for(request.id));
+  apply_limits(request.recipe.limits, cloud_, denoised);
+  write(path, denoised, write_options);
   send_(pack({{"type", "saved"},
               {"id", request.id},
               {"path", shown_path(path)},

@@ -12,7 +12,7 @@ namespace {
 constexpr std::string_view kStageNames[] = {"index", "neighbors", "normals", "fairing", "iterations"};
 
 std::string text_of(const Json& json, std::string_view name) {
-  if (!json.is_string()) throw Error(ErrorKind::usage, fmt::format("{}: a value travels as text", name));
+  if (!json.is_string()) throw Error(ErrorKind::usage, fmt::format("{}: the value must be a string", name));
   return json.get<std::string>();
 }
 
@@ -181,14 +181,14 @@ std::string as_cpp(const Recipe& recipe, const Errand& errand) {
   for_each_set(recipe.params, [&](const ParamInfo& info, const std::string& value) {
     text += assignment(recipe.params, info, value);
   });
-  text += "  pointfair::Cloud fair = pipeline.run(params);\n";
+  text += "  pointfair::Cloud denoised = pipeline.run(params);\n";
   if (recipe.limits != Limits{}) {
     text += "\n  pointfair::Limits limits;\n";
     for (const std::string_view name : kLimitNames) {
       const std::string value = limit_text(recipe.limits, name);
       if (!value.empty()) fmt::format_to(out, "  set_limit(limits, {}, {});\n", literal(name), literal(value));
     }
-    text += "  apply_limits(limits, cloud, fair);\n";
+    text += "  apply_limits(limits, cloud, denoised);\n";
   }
   text += "\n  pointfair::WriteOptions options;\n";
   if (!errand.encoding.empty()) {
@@ -196,7 +196,7 @@ std::string as_cpp(const Recipe& recipe, const Errand& errand) {
     std::replace(word.begin(), word.end(), '-', '_');
     fmt::format_to(out, "  options.encoding = pointfair::Encoding::{};\n", word);
   }
-  fmt::format_to(out, "  pointfair::write({}, fair, options);\n}}\n", literal(errand.output));
+  fmt::format_to(out, "  pointfair::write({}, denoised, options);\n}}\n", literal(errand.output));
   return text;
 }
 

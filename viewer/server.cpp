@@ -196,15 +196,16 @@ net::awaitable<bool> Server::answer(beast::tcp_stream& stream, beast::flat_buffe
   bool keep = request.keep_alive() && request.method() != http::verb::post;
   Response response;
   if (!gate_.admits_host(view(request[http::field::host]))) {
-    response = text_response(http::status::forbidden, "this server does not go by that name");
+    response =
+        text_response(http::status::forbidden, "this server has another name; use the address that pointfair printed");
     keep = false;
   } else if (path == "/session" || path == "/upload") {
     if (!may_change(parser)) {
-      response = text_response(http::status::forbidden, "use the address that pointfair printed, token included");
+      response = text_response(http::status::forbidden, "use the address that pointfair printed, with its token");
       keep = false;
     } else if (path == "/session") {
       if (!beast::websocket::is_upgrade(request)) {
-        response = text_response(http::status::upgrade_required, "this address takes WebSockets");
+        response = text_response(http::status::upgrade_required, "this address is for WebSockets");
         keep = false;
       } else {
         co_await take_page(stream, parser);
@@ -248,7 +249,7 @@ bool Server::may_change(const HeaderParser& parser) const {
 Response Server::file_response(const HeaderParser& parser) const {
   const auto& request = parser.get();
   if (request.method() != http::verb::get && request.method() != http::verb::head)
-    return text_response(http::status::method_not_allowed, "files can be read only");
+    return text_response(http::status::method_not_allowed, "this address answers GET only");
   const std::string_view path = path_of(view(request.target()));
   const auto file = files_.find(path == "/" ? "/index.html" : path);
   if (file == files_.end()) return text_response(http::status::not_found, "there is no such file");
@@ -264,7 +265,7 @@ net::awaitable<Response> Server::take_upload(beast::tcp_stream& stream, beast::f
     co_return text_response(http::status::method_not_allowed, "send a file with POST");
   const Response too_large =
       text_response(http::status::payload_too_large,
-                    fmt::format("a file sent through the page may have {} MiB; start pointfair view with it",
+                    fmt::format("the page can send files of up to {} MiB; start pointfair view with this file instead",
                                 options_.upload_limit >> 20));
   if (parser.content_length() && *parser.content_length() > options_.upload_limit) co_return too_large;
   const std::string name = query_value(view(parser.get().target()), "name");
@@ -274,7 +275,7 @@ net::awaitable<Response> Server::take_upload(beast::tcp_stream& stream, beast::f
   error_code error;
   co_await http::async_read(stream, buffer, body, net::redirect_error(net::use_awaitable, error));
   if (error == http::error::body_limit) co_return too_large;
-  if (error) co_return text_response(http::status::bad_request, "the file did not arrive whole");
+  if (error) co_return text_response(http::status::bad_request, "the file did not arrive completely; send it again");
   if (!session_.open(std::move(body.get().body()), name.empty() ? "cloud" : name))
     co_return text_response(http::status::service_unavailable, "pointfair is busy; send the file again later");
   co_return text_response(http::status::accepted, "reading");

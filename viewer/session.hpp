@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One cloud under one user's hand. A worker thread runs the pipeline; new parameters stop the run that is under way and
+// One cloud and one user. A worker thread runs the pipeline; new parameters stop the run that is under way and
 // replace those that wait. Knows nothing of networks: messages of the page come in as text, answers go out through a
 // function.
 //

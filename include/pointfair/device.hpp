@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where to compute, what this machine has, and host memory that a device reads and writes fastest.
+// Where to compute, what devices this machine has, and host memory that a device copies fastest.
 #pragma once
 
 #include <cstddef>
@@ -10,10 +10,11 @@
 #include <vector>
 
 #include "pointfair/cloud.hpp"
+#include "pointfair/export.hpp"
 
 namespace pointfair {
 
-/// Where to compute. `automatic` takes CUDA if it is built in and a card can be used, else the CPU.
+/// Where to compute. `automatic` is CUDA if this build has it and a card can be used, else the CPU.
 struct Device {
   enum class Kind : std::uint8_t { automatic, cpu, cuda };
   Kind kind = Kind::automatic;
@@ -33,27 +34,27 @@ struct DeviceInfo {
   std::string reason;  ///< "requested"; "no CUDA device: driver not found"
 };
 
-/// One candidate of `Device`, for a report of what this machine has.
+/// A device of this machine, and whether it can be used.
 struct DeviceStatus {
   DeviceInfo info;
   bool usable = false;
-  std::vector<std::string> details;  ///< driver, runtime, memory, each reason why it cannot be used
+  std::vector<std::string> details;  ///< driver, runtime, memory, and why it cannot be used
 };
 
-/// Every device that this build knows of, the CPU first. Never throws for a missing driver.
-std::vector<DeviceStatus> list_devices();
+/// Every device that this build can see, the CPU first. A missing driver is no error.
+POINTFAIR_EXPORT std::vector<DeviceStatus> list_devices();
 
-/// Host memory for points from and to which the pipeline's device copies at full speed: page-locked if that is a card,
-/// ordinary memory on the CPU. Owns it, may outlive the pipeline, moves but does not copy.
+/// Host memory for points that the pipeline's device copies at full speed: page-locked for a card, ordinary for the
+/// CPU. Owns the memory and may outlive the pipeline. Can be moved, not copied.
 class HostBuffer {
  public:
   using Release = void (*)(Point*) noexcept;
 
   HostBuffer() = default;
-  /// Takes over memory that `release` gives back.
+  /// Takes ownership of `points`; `release` frees it.
   HostBuffer(Point* points, std::size_t count, Release release) : memory_(points, release), count_(count) {}
 
-  /// The points; their values are arbitrary until they are set.
+  /// The points; their values are undefined until they are written.
   std::span<Point> points() const { return {memory_.get(), count_}; }
 
  private:

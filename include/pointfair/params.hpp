@@ -10,6 +10,8 @@
 #include <string_view>
 #include <variant>
 
+#include "pointfair/export.hpp"
+
 namespace pointfair {
 
 /// A length in one of five units. Plain numbers convert: `params.radius = 0.02`.
@@ -18,7 +20,7 @@ struct Length {
     automatic,  ///< chosen from the data
     file,       ///< the unit of the cloud's coordinates
     percent,    ///< percent of the bounding-box diagonal; "0.5%" is 0.5
-    spacing,    ///< multiple of the mean spacing; "2s" is 2
+    spacing,    ///< multiple of the mean spacing of the points; "2s" is 2
     radius,     ///< multiple of the radius of each point's neighbourhood; "0.6r" is 0.6; sigmas over distance only
   };
   double value = 0;
@@ -87,7 +89,7 @@ struct Params {
 
 /// The paper: k = 8, one iteration, the constrained neighbourhood, squared area weight, and nothing that the paper does
 /// not have. Lengths come from the data.
-Params paper_preset();
+POINTFAIR_EXPORT Params paper_preset();
 
 /// A pointer to the field that a row of the table describes.
 using ParamField =
@@ -108,91 +110,77 @@ struct ParamInfo {
 
 inline constexpr std::array kParams = {
     ParamInfo{"noise", Stage::neighbors, &Params::noise, 0, 1e30, true, "",
-              "standard deviation of the noise along the surface normal, as data sheets of scanners give it; auto: "
-              "estimated. All automatic values follow from it"},
+              "standard deviation of the noise along the surface normal; all automatic values follow from it"},
     ParamInfo{"k", Stage::neighbors, &Params::k, 1, kMaxNeighbors, true, "",
-              "use the k nearest neighbours of each point; auto: all within --radius"},
+              "number of nearest neighbours that count; auto: all within --radius"},
     ParamInfo{"radius", Stage::neighbors, &Params::radius, 0, 1e30, true, "",
-              "use the neighbours within this distance; auto: by the noise, the density and the shape"},
+              "distance within which neighbours count; auto: by noise, density and shape"},
     ParamInfo{"min_neighbors", Stage::neighbors, &Params::min_neighbors, 1, kMaxMinNeighbors, true, "",
-              "without --k: adapt each point's radius to the density: radius_i^2 = radius^2 + (distance to the n-th "
-              "nearest point)^2",
+              "without --k: radius_i^2 = radius^2 + (distance to the n-th nearest point)^2, which follows the density",
               true},
     ParamInfo{"constraint", Stage::neighbors, &Params::constraint, 0, 0, false, "on|off",
-              "with --k: grow each neighbourhood from point to point over gaps below rho + delta, so that it does not "
-              "reach the other side of a thin part"},
+              "with --k: neighbourhoods do not cross gaps wider than rho + delta, so that thin parts stay apart"},
     ParamInfo{"rho", Stage::neighbors, &Params::rho, 0, 1e30, true, "",
               "with --constraint: the largest gap between neighbours on one surface", true},
     ParamInfo{"delta", Stage::neighbors, &Params::delta, 0, 1e30, true, "",
-              "with --constraint: what the noise adds to a gap; auto: 2.5 times the noise", true},
+              "with --constraint: what noise adds to a gap; auto: 2.5 times the noise", true},
     ParamInfo{"normal_sigma", Stage::normals, &Params::normal_sigma, 0, 1e30, true, "",
-              "sigma of the Gaussian over distance that weighs neighbours in the normal", true},
-    ParamInfo{
-        "normal_filter", Stage::normals, &Params::normal_filter, 0, 0, true, "off|on|mollify",
-        "filter normals before points move. on: two rounds of a bilateral filter, which keeps edges; mollify: one "
-        "Gaussian mean",
-        true},
+              "sigma of the weights by distance in the normals", true},
+    ParamInfo{"normal_filter", Stage::normals, &Params::normal_filter, 0, 0, true, "off|on|mollify",
+              "filter the normals before points move. on: bilateral, keeps edges; mollify: Gaussian mean", true},
     ParamInfo{"crease_angle", Stage::normals, &Params::crease_angle, 1, 90, true, "",
-              "with --normal-filter on: normals that differ by more than this angle, in degrees, do not mix", true},
+              "with --normal-filter on: normals that differ by more degrees than this do not mix", true},
     ParamInfo{"flat_scale", Stage::normals, &Params::flat_scale, 1, 2, true, "",
-              "with --normal-filter on, without --k: the radius where the surface is flat, relative to elsewhere",
-              true},
+              "with --normal-filter on and without --k: factor on the radius where the surface is flat", true},
     ParamInfo{"method", Stage::fairing, &Params::method, 0, 0, false,
               "bilateral|laplacian|taubin|hc-laplacian|mls|wiener|mollified",
-              "how a point moves; bilateral keeps edges best, see docs/methods.md"},
+              "how points move; bilateral keeps edges best (docs/methods.md)"},
     ParamInfo{"closeness_sigma", Stage::fairing, &Params::closeness_sigma, 0, 1e30, true, "",
-              "closeness (spatial) sigma: of the Gaussian over the distance to a neighbour", true},
+              "closeness (spatial) sigma: of the weights by distance", true},
     ParamInfo{"similarity_sigma", Stage::fairing, &Params::similarity_sigma, 0, 1e30, true, "",
-              "similarity (range) sigma: of the Gaussian over a neighbour's height above the tangent plane; smaller "
-              "keeps more detail and more noise"},
+              "similarity (range) sigma: of the weights by height above the tangent plane; smaller keeps more detail"},
     ParamInfo{
         "area_weight", Stage::fairing, &Params::area_weight, 0, 0, false, "none|length|squared",
-        "weigh a neighbour by the area it stands for: not at all, by its mean distance to its 5 nearest points, or "
-        "by the square of that",
+        "weight by the area a neighbour stands for: mean distance to its 5 nearest points (length), or its square",
         true},
     ParamInfo{"offset", Stage::fairing, &Params::offset, 0, 0, true, "point|symmetric",
-              "with --method bilateral: average heights over the point's own plane (the paper), or the mean of those "
-              "over its plane and its neighbour's",
+              "heights in method bilateral. point: over the point's own plane (the paper); symmetric: over the "
+              "neighbour's too",
               true},
     ParamInfo{"relaxation", Stage::fairing, &Params::relaxation, 0, 2, true, "",
               "factor on each displacement; with --method taubin: lambda", true},
     ParamInfo{"outliers", Stage::fairing, &Params::outliers, 0, 0, true, "off|move|keep|mark",
-              "points off the surface. off: not looked for; move: pulled in; keep: left where they are; mark: kept and "
-              "marked in the attribute 'outlier'"},
-    ParamInfo{
-        "outlier_distance", Stage::fairing, &Params::outlier_distance, 0, 1e30, true, "",
-        "a point is an outlier if fewer than a tenth of its neighbours lie this close to its plane, or if it would "
-        "move farther; auto: 6 times the noise, at least half a spacing",
-        true},
+              "points off the surface. off: not looked for; move: pulled in; keep: not moved; mark: kept and marked"},
+    ParamInfo{"outlier_distance", Stage::fairing, &Params::outlier_distance, 0, 1e30, true, "",
+              "outliers have few neighbours this close to their plane, or would move farther; auto: 6 times the noise",
+              true},
     ParamInfo{
         "outlier_radius", Stage::fairing, &Params::outlier_radius, 0, 1e30, true, "",
-        "without --k: where a point's radius is larger than this, seven tenths of its neighbours must lie close to "
-        "its plane; auto: 6 times the typical radius",
+        "without --k: above this radius most neighbours must be close to the plane; auto: 6 times the typical radius",
         true},
     ParamInfo{"iterations", Stage::iterations, &Params::iterations, 1, 100, true, "",
               "how often all stages run, each time on the moved points"},
     ParamInfo{"displacement_limit", Stage::iterations, &Params::displacement_limit, 0, 1e30, true, "",
-              "with outliers kept or marked: soft bound on how far a point moves over all iterations; a displacement d "
-              "above the limit L becomes L^2 / d; auto: 1.5 to 4 times the noise",
+              "soft bound on how far a point moves: d > limit becomes limit^2 / d; auto: 1.5 to 4 times the noise",
               true},
 };
 
-/// The row called `name` ('-' and '_' alike), or null.
-const ParamInfo* find_param(std::string_view name);
+/// The row called `name`, in which '-' and '_' are alike, or null if there is none.
+POINTFAIR_EXPORT const ParamInfo* find_param(std::string_view name);
 
-/// Reads a value as the command line writes it ("8", "auto", "0.02", "0.5%", "2s", "on", "squared") into its field.
-/// Throws ErrorKind::usage with name, value and range.
-void set_param(Params& params, const ParamInfo& info, std::string_view text);
+/// Sets a field from the text that the command line takes: "8", "auto", "0.02", "0.5%", "2s", "on", "squared". Throws
+/// ErrorKind::usage with name, value and range.
+POINTFAIR_EXPORT void set_param(Params& params, const ParamInfo& info, std::string_view text);
 
-/// The value as `set_param` reads it; numbers in the shortest form that reads back the same.
-std::string param_text(const Params& params, const ParamInfo& info);
+/// The text of a field, which set_param reads back as the same value.
+POINTFAIR_EXPORT std::string param_text(const Params& params, const ParamInfo& info);
 
-/// Whether the method moves each point along its own normal only; a point without one then keeps its place.
+/// Whether the method moves each point along its normal only. A point without a normal then keeps its place.
 constexpr bool moves_along_normal(Method method) {
   return method == Method::bilateral || method == Method::mls || method == Method::wiener;
 }
 
-/// Throws ErrorKind::usage if a value is out of its range or two contradict each other.
-void check_params(const Params& params);
+/// Throws ErrorKind::usage if a value is out of its range or if two contradict each other.
+POINTFAIR_EXPORT void check_params(const Params& params);
 
 }  // namespace pointfair

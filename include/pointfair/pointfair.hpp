@@ -4,6 +4,7 @@
 
 #include "pointfair/cloud.hpp"
 #include "pointfair/device.hpp"
+#include "pointfair/export.hpp"
 #include "pointfair/io.hpp"
 #include "pointfair/limits.hpp"
 #include "pointfair/params.hpp"

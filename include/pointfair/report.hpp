@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a pipeline tells: estimates of the loaded cloud, and what a run did.
+// What a pipeline reports: estimates of the loaded cloud, and what a run did.
 #pragma once
 
 #include <array>
@@ -12,26 +12,26 @@
 
 namespace pointfair {
 
-/// What the cloud itself says, measured once after `load`. Lengths in file units.
+/// What is measured on the loaded cloud, once after `load`. Lengths in file units.
 struct Estimates {
   std::array<double, 3> min{}, max{};  ///< bounds of the finite points, relative to the cloud's origin
   double diagonal = 0;                 ///< of those bounds
   double spacing = 0;                  ///< mean distance to the 6 nearest other points
-  double noise = 0;                    ///< standard deviation of the noise along the normal
-  std::uint64_t points = 0;            ///< all
-  std::uint64_t finite = 0;            ///< those without NaN or infinity
+  double noise = 0;                    ///< estimated standard deviation of the noise along the normal
+  std::uint64_t points = 0;            ///< number of all points
+  std::uint64_t finite = 0;            ///< number of points without NaN or infinity
 };
 
-/// Why points kept their place.
+/// How many points kept their place, by reason.
 struct UnmovedCounts {
   std::uint64_t non_finite = 0;         ///< a coordinate is NaN or infinite, or its square would overflow
   std::uint64_t too_few_neighbors = 0;  ///< fewer than 3 neighbours
   std::uint64_t no_normal = 0;          ///< neighbours identical or on a line
-  std::uint64_t outliers = 0;           ///< farther from the surface than noise explains (Params::outliers)
+  std::uint64_t outliers = 0;           ///< off the surface (Params::outliers)
   friend bool operator==(const UnmovedCounts&, const UnmovedCounts&) = default;
 };
 
-/// How long one stage took.
+/// How long a stage took.
 struct StageTime {
   std::string name;
   double milliseconds = 0;
@@ -41,18 +41,18 @@ struct StageTime {
 struct Report {
   DeviceInfo device;
   std::uint64_t points = 0;
-  Params params;  ///< as used: no `auto` left, lengths in file units
+  Params params;  ///< as used: lengths in file units, and `auto` only for what nothing reads
   UnmovedCounts unmoved;
-  std::uint64_t short_neighborhoods = 0;  ///< points whose constrained neighbourhood holds fewer than k
-  /// The stages that ran, in order; iterations after the first add to the same names. A card's stages are timed on the
-  /// card. The paper's normals and fairing are one kernel there; its time is divided three to two. `upload` on a card
-  /// lasts until the caller's array may be used again; the index is begun meanwhile.
+  std::uint64_t short_neighborhoods = 0;  ///< points whose constrained neighbourhood has fewer than k neighbours
+  /// The stages that ran, in order; further iterations add to the same names. Stages on a card are timed by the card.
+  /// Where normals and fairing are one kernel there, its time is divided three to two, as they take apart. `upload` to
+  /// a card lasts until the caller may change the array again; the index is started meanwhile.
   std::vector<StageTime> stages;
-  /// Into how many tiles the cloud was cut because the card's memory did not suffice; 1: not cut. The stages then are
-  /// `cut`, `tiles` and `download`, and the cloud is kept in host memory.
+  /// Number of tiles that the cloud was cut into because it does not fit into the card's memory; 1: not cut. A cloud in
+  /// tiles stays in host memory, and its stages are `cut`, `tiles` and `download`.
   std::uint64_t tiles = 1;
   double total_milliseconds = 0;                             ///< from array to array
-  std::uint64_t peak_host_bytes = 0, peak_device_bytes = 0;  ///< held by the pipeline beside the caller's arrays
+  std::uint64_t peak_host_bytes = 0, peak_device_bytes = 0;  ///< of the pipeline, without the caller's arrays
 };
 
 }  // namespace pointfair

@@ -46,9 +46,10 @@ void LoadedCloud::drop() noexcept {
 
 void LoadedCloud::load(std::span<const Point> points, IndexOrder expected, bool overlapped) {
   forget();
-  if (points.size() > kMaxPoints)
-    throw Error(ErrorKind::usage, "a cloud of more than " + std::to_string(kMaxPoints) + " points: cut it into parts");
   try {
+    if (points.size() > kMaxPoints)
+      throw Error(ErrorKind::usage, "the cloud has " + std::to_string(points.size()) + " points, and a pipeline holds " +
+                                        std::to_string(kMaxPoints) + " at most; cut it into tiles");
     if (std::exchange(tiles_, 1) > 1) backend_.reset();
     backend();
     points_ = points.size();

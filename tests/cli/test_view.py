@@ -290,10 +290,10 @@ class View(Case):
 
     def test_saving_stays_in_its_folder(self):
         client = self.session()
-        client.send(frame(b'{"type":"save","id":1,"output":"fair.ply","params":{"k":"8"}}'))
-        self.assertEqual(client.message_of("saved")["path"], str(self.path("fair.ply")))
+        client.send(frame(b'{"type":"save","id":1,"output":"denoised.ply","params":{"k":"8"}}'))
+        self.assertEqual(client.message_of("saved")["path"], str(self.path("denoised.ply")))
         self.ok("run", self.cloud, self.path("again.ply"), "--k=8", "--device=cpu")
-        self.assertEqual(self.path("again.ply").read_bytes(), self.path("fair.ply").read_bytes())
+        self.assertEqual(self.path("again.ply").read_bytes(), self.path("denoised.ply").read_bytes())
 
     def test_an_interrupt_ends_it(self):
         client = self.session()

@@ -47,9 +47,9 @@ test("a dropped file is shown; each way to colour it is another picture", models
 
   assert.equal(await page.locator("#colour").inputValue(), "rgb", "colours of the file come first");
   const seen = [];
-  for (const choice of ["rgb", "plain", "height", "normal", "displacement", "noise", "attribute:depth"]) {
+  for (const choice of ["rgb", "plain", "height", "normal", "displacement", "rms", "attribute:depth"]) {
     await page.locator("#colour").selectOption(choice);
-    const withLegend = ["height", "displacement", "noise", "attribute:depth"].includes(choice);
+    const withLegend = ["height", "displacement", "rms", "attribute:depth"].includes(choice);
     await page.locator(".legend").waitFor({ state: withLegend ? "visible" : "hidden" });
     if (withLegend) {
       const inked = await page.locator(".legend canvas").evaluate((chart) =>
@@ -169,7 +169,7 @@ test("an organised cloud with points that are not there", async (t) => {
   const { page, faults } = await openPage(t, await openBrowser(t), url);
   await settled(page);
   await page.locator(".status", { hasText: "kept in place" }).waitFor();
-  for (const choice of ["displacement", "noise", "height"]) {
+  for (const choice of ["displacement", "rms", "height"]) {
     await page.locator("#colour").selectOption(choice);
     const ends = await page.locator(".legend .ends span").allTextContents();
     assert.ok(ends.every((end) => !/NaN|–/.test(end)), `${choice}: ${ends}`);
@@ -199,6 +199,6 @@ test("of a large cloud a part is held; a held slider shows previews, and the who
   assert.ok(difference(before, await blocks(page, await picture(page))) > 0.05);
   await page.locator("#save").click();
   await page.waitForFunction(() => document.body.dataset.saved);
-  assert.equal(JSON.parse(run(["info", path.join(folder, "fair.ply"), "--report", "-"])).points, 400000, "files hold all points");
+  assert.equal(JSON.parse(run(["info", path.join(folder, "denoised.ply"), "--report", "-"])).points, 400000, "files hold all points");
   assert.deepEqual(faults, []);
 });

@@ -106,7 +106,7 @@ class Page {
         this.status.hideProgress();
         return this.stage.say("Stopped.");
       case "taken":
-        return this.stage.showHint("Another page shows this cloud now. Reload to take it back.");
+        return this.stage.showHint("Another page has taken over this cloud. Reload to take it back.");
       case "error":
         this.status.hideProgress();
         document.body.dataset.error = head.message;
@@ -115,7 +115,7 @@ class Page {
   }
 
   private greet(hello: Hello): void {
-    if (hello.protocol !== kProtocol) return this.stage.say("This page is of another version: reload it.", true);
+    if (hello.protocol !== kProtocol) return this.stage.say("This page belongs to another version of pointfair. Reload it.", true);
     this.stage.showHint("");
     if (this.panel && JSON.stringify(hello) === JSON.stringify(this.hello)) return;
     this.hello = hello;
@@ -242,7 +242,7 @@ class Page {
 
   private async copy(text: string | undefined, what: string): Promise<void> {
     if (!text || (what !== "The link" && !(this.shownRecipe && equalRecipes(this.shownRecipe, this.recipe))))
-      return this.stage.say("The run is not finished yet.", true);
+      return this.stage.say("The run has not finished yet.", true);
     try {
       await navigator.clipboard.writeText(text);
       this.stage.say(`${what} is on the clipboard.`);
@@ -358,7 +358,7 @@ class Page {
     document.body.dataset.connection = state;
     if (state === "closed") {
       this.cloud = null;
-      this.stage.showHint("The connection is gone. Trying again…");
+      this.stage.showHint("The connection is lost. Connecting again…");
     }
   }
 }

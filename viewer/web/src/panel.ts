@@ -33,7 +33,7 @@ export class Panel {
   private recipe: Recipe = { params: {}, limits: {} };
   private cloud: CloudHead | null = null;
   private used: Texts = {};
-  private readonly output = h("input", { class: "text", id: "output", value: "fair.ply", spellcheck: false, autocomplete: "off" });
+  private readonly output = h("input", { class: "text", id: "output", value: "denoised.ply", spellcheck: false, autocomplete: "off" });
   private readonly encoding = h("select", { id: "encoding", class: "grow" });
   private readonly overwrite = h("input", { type: "checkbox", class: "switch", role: "switch", id: "overwrite" });
   private readonly strength = h("input", { type: "range", min: "0", max: "1", step: "0.01", id: "strength" });
@@ -62,7 +62,7 @@ export class Panel {
     this.folder.textContent = `Saves into ${hello.save_folder}`;
     this.element.append(
       this.section("Parameters", true, ...this.paramGroups(hello)),
-      this.section("Where it acts", true, ...this.limitFields()),
+      this.section("Which points move", true, ...this.limitFields()),
       this.section("Display", true, ...this.displayFields()),
       this.section("Snapshots", false, ...this.snapshotFields()),
       this.section("Save and share", true, ...this.saveFields(hello)),
@@ -79,7 +79,7 @@ export class Panel {
   setCloud(cloud: CloudHead): void {
     this.cloud = cloud;
     this.used = {};
-    const computed: [string, string][] = [["plain", "plain"], ["displacement", "displacement"], ["noise", "estimated noise"],
+    const computed: [string, string][] = [["plain", "plain"], ["displacement", "displacement"], ["rms", "rms displacement nearby"],
       ["height", "height"], ["normal", "normal"]];
     const own = cloud.colours.map(({ name, kind }): [string, string] => [kind === "rgb" ? "rgb" : `attribute:${name}`, name]);
     this.colour.replaceChildren(...[...computed, ...own].map(([value, text]) => h("option", { value }, text)));
@@ -112,7 +112,7 @@ export class Panel {
     if (Number(strength) !== this.strength.valueAsNumber) this.strength.value = strength;
     this.strengthValue.textContent = `${Math.round(100 * Number(strength))} %`;
     this.showBox(parseBox(recipe.limits.box ?? ""));
-    this.lassoNote.textContent = recipe.limits.lasso ? "Only what the lasso holds moves." : "";
+    this.lassoNote.textContent = recipe.limits.lasso ? "Only points inside the lasso move." : "";
     this.lassoNote.hidden = this.clearLasso.hidden = !recipe.limits.lasso;
   }
 
@@ -197,10 +197,10 @@ export class Panel {
       this.field("Strength", "strength", this.strengthValue, this.strength),
       this.field("Clip box", "box", this.boxSwitch),
       this.axes,
-      this.field("Hide what is outside the box", "hide", this.hideSwitch),
+      this.field("Hide points outside the box", "hide", this.hideSwitch),
       h("div", { class: "buttons" },
         h("button", { type: "button", class: "plain", onclick: () => this.actions.drawLasso() }, "Draw lasso"),
-        h("button", { type: "button", class: "plain", onclick: () => this.actions.lassoInView() }, "Only what is in view"),
+        h("button", { type: "button", class: "plain", onclick: () => this.actions.lassoInView() }, "Only points in view"),
         this.clearLasso),
       this.lassoNote,
     ];
