@@ -70,6 +70,18 @@ std::vector<reference::List> all_lists(const cpu::SpatialIndex& index, const cpu
   return lists;
 }
 
+// The same positions in the same order. Of identical points any may be listed, but none twice, and not the query.
+std::string difference(const Points& points, std::size_t query, reference::List found, const reference::List& expected) {
+  if (found.size() != expected.size()) return std::to_string(found.size()) + " neighbours";
+  for (std::size_t s = 0; s < found.size(); ++s) {
+    const Point a = points[found[s]], b = points[expected[s]];
+    if (a.x != b.x || a.y != b.y || a.z != b.z) return "another at place " + std::to_string(s);
+  }
+  std::sort(found.begin(), found.end());
+  if (std::binary_search(found.begin(), found.end(), std::uint32_t(query))) return "itself";
+  return std::adjacent_find(found.begin(), found.end()) == found.end() ? "" : "one twice";
+}
+
 void expect_exact_lists(const Points& points, int k, float radius = 0, std::size_t step = 1) {
   const float limit = radius > 0 ? radius * radius : std::numeric_limits<float>::max();
   std::vector<reference::List> expected(points.size());
@@ -85,8 +97,8 @@ void expect_exact_lists(const Points& points, int k, float radius = 0, std::size
     index.build(points, {}, std::nullopt, space, *kernels, {});
     const auto found = all_lists(index, *kernels, points.size(), k, limit);
     for (std::size_t i = 0; i < points.size(); i += step)
-      ASSERT_EQ(found[i], expected[i]) << "point " << i << ", k " << k << ", radius " << radius << ", "
-                                       << kernels->name;
+      ASSERT_EQ(difference(points, i, found[i], expected[i]), "")
+          << "point " << i << ", k " << k << ", radius " << radius << ", " << kernels->name;
   }
 }
 
@@ -120,8 +132,38 @@ TEST(Neighbors, at_the_centre_of_a_spiral_are_exact) {
   }
 }
 
-TEST(Neighbors, of_identical_points_are_the_first_by_index) {
-  for (const int k : {1, 5, 8, 32, 64}) expect_exact_lists(shapes::identical(300), k);
+TEST(Neighbors, of_identical_points_are_others_at_their_place) {
+  for (const int k : {1, 5, 8, 32, 64, 100}) expect_exact_lists(shapes::identical(300), k);
+}
+
+// Squared distances below the least number are zero.
+TEST(Neighbors, at_different_places_whose_distance_rounds_to_zero_are_in_order_of_position) {
+  Points points = shapes::scaled(shapes::cube(300), 1e-23f);
+  for (int i = 0; i < 100; ++i) points.push_back(points[std::size_t(i)]);
+  for (const int k : {1, 5, 8, 32, 64, 100}) expect_exact_lists(points, k);
+}
+
+// All distances from a few points to all others round to few numbers.
+TEST(Neighbors, from_afar_are_exact) {
+  for (const float distance : {1e4f, 1e6f, 1e9f}) {
+    Points points = shapes::with_noise(shapes::waves(1500), 0.01);
+    for (int i = 0; i < 5; ++i) points.push_back({distance, distance * float(i), -distance});
+    for (int i = 0; i < 3; ++i) points.push_back({-distance, float(i), 0});
+    for (const int k : {1, 5, 8, 16, 31, 32, 33, 64, 100}) expect_exact_lists(points, k);
+  }
+}
+
+// Many share a coordinate, so that boxes begin at the same one.
+TEST(Neighbors, on_a_plane_across_each_axis_are_exact) {
+  for (int axis = 0; axis < 3; ++axis) {
+    Points points = shapes::flat_grid(30);
+    for (Point& p : points) {
+      float* const c = &p.x;
+      std::swap(c[axis], c[2]);
+    }
+    for (int i = 0; i < 3; ++i) points.push_back({1e6f, 1e6f * float(i), -1e6f});
+    for (const int k : {5, 8, 16, 33, 100}) expect_exact_lists(points, k, 0, 7);
+  }
 }
 
 TEST(Neighbors, are_exact_when_many_points_are_doubles) {
@@ -248,15 +290,20 @@ TEST(SampleNeighborhoods, returns_each_query_and_its_nearest_in_order) {
   }
 }
 
-// Upload indices of the valid points in the order of a cube's curve.
-std::vector<Index> order_along(const Points& points, const CurveCube& cube, const cpu::Kernels& kernels,
-                               std::span<const Index> originals = {}) {
+// The valid points in the order of a cube's curve.
+Points order_along(const Points& points, const CurveCube& cube, const cpu::Kernels& kernels) {
   cpu::MemoryMeter meter;
   cpu::SpatialIndex index(meter);
   cpu::SortSpace space(meter);
-  index.build(points, originals, cube, space, kernels, {});
-  const auto order = index.originals().first(index.view().points);
-  return {order.begin(), order.end()};
+  index.build(points, {}, cube, space, kernels, {});
+  Points ordered;
+  for (const Index original : index.originals().first(index.view().points)) ordered.push_back(points[original]);
+  return ordered;
+}
+
+bool same(const Points& a, const Points& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
+                    [](Point p, Point q) { return p.x == q.x && p.y == q.y && p.z == q.z; });
 }
 
 Points hard_cloud() {
@@ -271,25 +318,37 @@ constexpr CurveCube kCube{{-0.2f, 0.1f, -0.3f}, 0.9f};  // neither holds all nor
 TEST(CurveOrder, of_a_part_is_that_of_the_whole) {
   const Points points = hard_cloud();
   for (const cpu::Kernels* kernels : available_kernels()) {
-    const std::vector<Index> whole = order_along(points, kCube, *kernels);
-    EXPECT_EQ(whole, order_along(points, kCube, cpu::best_kernels())) << kernels->name;
-    for (const std::size_t step : {1, 2, 7}) {
-      Points part;
-      std::vector<Index> originals, expected;
-      for (const std::uint32_t i : shapes::shuffle_order(points.size(), 3)) {
-        if (i % step != 0) continue;
-        part.push_back(points[i]);
-        originals.push_back(i);
-      }
-      for (const Index i : whole)
-        if (i % step == 0) expected.push_back(i);
-      EXPECT_EQ(order_along(part, kCube, *kernels, originals), expected) << kernels->name << ", every " << step;
+    const Points whole = order_along(points, kCube, *kernels);
+    EXPECT_TRUE(same(whole, order_along(points, kCube, cpu::best_kernels()))) << kernels->name;
+    for (const int step : {1, 2, 7}) {
+      const auto is_in_part = [step](Point p) { return int(std::abs(p.x) * 1e4f) % step == 0; };
+      Points part, expected;
+      for (const Point p : shapes::permuted(points, shapes::shuffle_order(points.size(), 3)))
+        if (is_in_part(p)) part.push_back(p);
+      std::copy_if(whole.begin(), whole.end(), std::back_inserter(expected), is_in_part);
+      EXPECT_TRUE(same(order_along(part, kCube, *kernels), expected)) << kernels->name << ", every " << step;
     }
   }
 }
 
-// By the definition: cells of 2^20 steps an axis, of which two digits make the place on the curve, ties by index.
-TEST(CurveOrder, is_by_first_digit_then_by_second_then_by_index) {
+// More different points than one leaf, and than any other number of the sort, in one cell, identical ones among them.
+TEST(CurveOrder, in_one_cell_is_by_position) {
+  Points points = shapes::with_noise(shapes::waves(300), 0.01);
+  for (const Point p : shapes::cube(30000)) points.push_back({1e9f + 2e3f * p.x, 2e9f + 4e3f * p.y, 1e8f * p.z + 4e9f});
+  for (std::size_t i = 0; i < 3000; ++i) points[400 + 9 * i] = points[301];
+  const Points far(points.begin() + 300, points.end());
+  Points expected = far;
+  std::sort(expected.begin(), expected.end(), reference::lies_before);
+  for (const std::uint64_t seed : {1, 2}) {
+    const Points shuffled = shapes::permuted(points, shapes::shuffle_order(points.size(), seed));
+    Points found = order_along(shuffled, kCube, cpu::best_kernels());
+    std::erase_if(found, [](Point p) { return p.x < 1e8f; });
+    EXPECT_TRUE(same(found, expected)) << seed;
+  }
+}
+
+// By the definition: cells of 2^20 steps an axis, of which two digits make the place on the curve.
+TEST(CurveOrder, is_by_first_digit_then_by_second) {
   const Points points = hard_cloud();
   const auto steps_of = [](Point p) {
     const auto step = [](float v, float origin) {
@@ -305,16 +364,16 @@ TEST(CurveOrder, is_by_first_digit_then_by_second_then_by_index) {
     const auto s = steps_of(p);
     return std::array{int(s[0]), int(s[1]), int(s[2])};
   };
-  const std::vector<Index> order = order_along(points, kCube, cpu::best_kernels());
+  const Points order = order_along(points, kCube, cpu::best_kernels());
   // Points of one cell of the first digit, and of one cell of the second, follow each other without a gap.
   for (const int shift : {10, 0}) {
     std::map<std::array<int, 3>, std::pair<std::size_t, std::size_t>> cells;  // first and last place
     std::map<std::array<int, 3>, std::size_t> counts;
     for (std::size_t i = 0; i < order.size(); ++i) {
-      const auto exact = steps_of(points[order[i]]);
+      const auto exact = steps_of(order[i]);
       if (std::any_of(exact.begin(), exact.end(), [](double s) { return std::abs(s - std::round(s)) < 0.2; }))
         continue;  // may round to the cell beside it in single precision
-      auto cell = whole_steps(points[order[i]]);
+      auto cell = whole_steps(order[i]);
       for (int& c : cell) c >>= shift;
       const auto [place, is_new] = cells.try_emplace(cell, i, i);
       place->second.second = i;
@@ -324,7 +383,7 @@ TEST(CurveOrder, is_by_first_digit_then_by_second_then_by_index) {
     for (const auto& [cell, ends] : cells) {
       shared += counts[cell] > 1;
       for (std::size_t i = ends.first; i <= ends.second; ++i) {
-        const auto at = steps_of(points[order[i]]);
+        const auto at = steps_of(order[i]);
         for (int axis = 0; axis < 3; ++axis) {
           EXPECT_GE(at[axis], double(cell[axis] << shift) - 0.2);
           EXPECT_LE(at[axis], double((cell[axis] + 1) << shift) + 0.2);
@@ -332,11 +391,6 @@ TEST(CurveOrder, is_by_first_digit_then_by_second_then_by_index) {
       }
     }
     EXPECT_GT(shared, 0u);
-  }
-  for (std::size_t i = 1; i < order.size(); ++i) {
-    const Point a = points[order[i - 1]], b = points[order[i]];
-    const bool identical = a.x == b.x && a.y == b.y && a.z == b.z;
-    EXPECT_TRUE(!identical || order[i - 1] < order[i]) << i;
   }
 }
 
@@ -349,10 +403,10 @@ TEST(CurveOrder, goes_from_each_cell_to_one_beside_it) {
     points.push_back({place(i % kSide), place(i / kSide % kSide), place(i / kSide / kSide)});
   }
   for (Point& p : points) p = {p.x + 64.0f / 896, p.y + 64.0f / 896, p.z + 64.0f / 896};
-  const std::vector<Index> order = order_along(points, {{0, 0, 0}, 1}, cpu::best_kernels());
+  const Points order = order_along(points, {{0, 0, 0}, 1}, cpu::best_kernels());
   const float step = 1.0f / 896;
   for (std::size_t i = 1; i < order.size(); ++i) {
-    const Point a = points[order[i - 1]], b = points[order[i]];
+    const Point a = order[i - 1], b = order[i];
     EXPECT_NEAR(std::abs(a.x - b.x) + std::abs(a.y - b.y) + std::abs(a.z - b.z), step, step / 100) << i;
   }
 }
