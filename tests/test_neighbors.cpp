@@ -141,6 +141,20 @@ TEST(Neighbors, at_different_places_whose_distance_rounds_to_zero_are_in_order_o
   Points points = shapes::scaled(shapes::cube(300), 1e-23f);
   for (int i = 0; i < 100; ++i) points.push_back(points[std::size_t(i)]);
   for (const int k : {1, 5, 8, 32, 64, 100}) expect_exact_lists(points, k);
+  points = shapes::waves(300);
+  for (int i = 0; i < 400; ++i) points.push_back({0.5f, 0, 0.25f});
+  points.push_back({0.5f, -1e-30f, 0.25f});
+  points.push_back({0.5f, 1e-30f, 0.25f});
+  for (const int k : {1, 5, 8, 32, 64, 100}) expect_exact_lists(points, k);
+}
+
+TEST(Neighbors, are_exact_where_runs_of_identical_points_begin_and_end) {
+  for (const int count : {9, 17, 24, 33, 70, 500}) {
+    Points points = shapes::waves(500);
+    points.insert(points.end(), std::size_t(count), Point{0.5f, 0.5f, 0.25f});
+    points.insert(points.end(), std::size_t(count), points[7]);
+    for (const int k : {1, 5, 8, 16, 32, 64}) expect_exact_lists(points, k);
+  }
 }
 
 // All distances from a few points to all others round to few numbers.

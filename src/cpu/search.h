@@ -180,6 +180,40 @@ inline void search_exact(const IndexView& index, Index start, int first_lane, in
   search_exact(index, start, middle, last_lane, k, known, out);
 }
 
+// The k points behind each of a pack, or before it.
+struct Consecutive {
+  Index start;
+  int step;
+  POINTFAIR_INLINE Ints at(int s) const { return {lane_numbers().v + (int(start) + step * (s + 1))}; }
+};
+
+// Whether `count` points from `first` on are at one place, and none at another so near that squared distances to it
+// could round to zero: its coordinates are not that small.
+inline bool are_in_one_place(const IndexView& index, Index first, Index count) {
+  constexpr float kSmall = 1e-15f;  // differences of larger numbers are above 5e-23, whose square is not zero
+  const auto is_one = [&](const float* axis) {
+    const float here = axis[first];
+    for (Index i = 1; i < count; ++i)
+      if (axis[first + i] != here) return false;
+    return here > kSmall || here < -kSmall;
+  };
+  return first + count <= index.points && is_one(index.x) && is_one(index.y) && is_one(index.z);
+}
+
+// Of many identical points any are the nearest, so those that follow on the curve, or those before. Returns false where
+// there are not enough.
+inline bool list_identical(const IndexView& index, Index start, int k, Mask active, Index* out) {
+  const Index reach = Index(k), count = Index(kLanes + k);
+  if (are_in_one_place(index, start, count)) {
+    copy_lists(Consecutive{start, 1}, k, active, out);
+  } else if (start >= reach && are_in_one_place(index, start - reach, count)) {
+    copy_lists(Consecutive{start, -1}, k, active, out);
+  } else {
+    return false;
+  }
+  return true;
+}
+
 template <int K>
 void search_pack(const IndexView& index, Index start, int first_lane, int last_lane, int k, Floats limit, Index* out) {
   const Mask active = lanes_between(first_lane, last_lane) & (lane_numbers() < broadcast(int(index.points - start)));
@@ -191,6 +225,7 @@ void search_pack(const IndexView& index, Index start, int first_lane, int last_l
   const bool whole = search.run(start / kLeafSize, leaves_beside(K)) && !lists.overflown();
   if (whole && lists.finish(index, queries, k, active)) return copy_lists(lists, k, active, out);
   const Floats known = smaller(lists.last(), limit);
+  if (lists.all_identical() && list_identical(index, start, k, active, out)) return;
   if (whole || lists.all_identical())
     return search_exact(index, start, first_lane, last_lane, k, known, out);
   const int middle = (first_lane + last_lane) / 2;
