@@ -71,7 +71,8 @@ std::vector<reference::List> all_lists(const cpu::SpatialIndex& index, const cpu
 }
 
 // The same positions in the same order. Of identical points any may be listed, but none twice, and not the query.
-std::string difference(const Points& points, std::size_t query, reference::List found, const reference::List& expected) {
+std::string difference(const Points& points, std::size_t query, reference::List found,
+                       const reference::List& expected) {
   if (found.size() != expected.size()) return std::to_string(found.size()) + " neighbours";
   for (std::size_t s = 0; s < found.size(); ++s) {
     const Point a = points[found[s]], b = points[expected[s]];

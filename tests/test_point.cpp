@@ -131,8 +131,8 @@ TEST(NeighborKey, orders_by_distance_and_gives_both_back) {
 
 TEST(NeighborKey, orders_equal_distances_by_position_and_identical_points_by_index) {
   // by x, then y, then z, as numbers
-  const Vec3<float> rising[] = {{-2, 9, 9}, {-1, 9, 9}, {-0.0f, -3, 1}, {0, -2, 9}, {0, 1, -9},
-                                {-0.0f, 1, 4},  {0, 1, 4},  {1e-40f, 0, 0}, {3, -9, -9}};
+  const Vec3<float> rising[] = {{-2, 9, 9},    {-1, 9, 9}, {-0.0f, -3, 1}, {0, -2, 9}, {0, 1, -9},
+                                {-0.0f, 1, 4}, {0, 1, 4},  {1e-40f, 0, 0}, {3, -9, -9}};
   const auto position_of = [&](point::Index at) { return rising[at]; };
   for (point::Index a = 0; a < std::size(rising); ++a)
     for (point::Index b = 0; b < std::size(rising); ++b) {

@@ -145,8 +145,8 @@ struct Kernels {
   void (*survey)(const IndexView&, Index leaf, Neighborhoods, const float* values, float* counts, float* least);
 };
 
-// The k nearest other points within `squared_limit` of the one at sorted position `at`, for the kernels where a point has
-// nothing in common with those of its leaf: list[slot * 16].
+// The k nearest other points within `squared_limit` of the one at sorted position `at`, for the kernels where a point
+// has nothing in common with those of its leaf: list[slot * 16].
 void find_alone(const IndexView& index, Index at, int k, float squared_limit, Index* list);
 
 // The kernels of the best instruction set that this processor has; POINTFAIR_ISA=sse2|avx2|avx512 asks for a lesser

@@ -226,8 +226,7 @@ void search_pack(const IndexView& index, Index start, int first_lane, int last_l
   if (whole && lists.finish(index, queries, k, active)) return copy_lists(lists, k, active, out);
   const Floats known = smaller(lists.last(), limit);
   if (lists.all_identical() && list_identical(index, start, k, active, out)) return;
-  if (whole || lists.all_identical())
-    return search_exact(index, start, first_lane, last_lane, k, known, out);
+  if (whole || lists.all_identical()) return search_exact(index, start, first_lane, last_lane, k, known, out);
   const int middle = (first_lane + last_lane) / 2;
   search_pack<K>(index, start, first_lane, middle, k, known, out);
   search_pack<K>(index, start, middle, last_lane, k, known, out);

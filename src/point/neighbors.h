@@ -20,9 +20,9 @@ POINTFAIR_INLINE bool is_indexable(float x, float y, float z) {
          z > -kCoordinateLimit && z < kCoordinateLimit;  // false for NaN
 }
 
-// The order of points at equal distances: by x, then by y, then by z, as numbers. So no list depends on the order of the
-// points in memory or of the visits, and none changes where all points move by a vector without rounding. Points at the
-// same position are alike: any of them may be listed.
+// The order of points at equal distances: by x, then by y, then by z, as numbers. So no list depends on the order of
+// the points in memory or of the visits, and none changes where all points move by a vector without rounding. Points at
+// the same position are alike: any of them may be listed.
 template <class F>
 POINTFAIR_INLINE decltype(F() < F()) lies_before(Vec3<F> a, Vec3<F> b) {
   return (a.x < b.x) | ((a.x == b.x) & ((a.y < b.y) | ((a.y == b.y) & (a.z < b.z))));
