@@ -18,6 +18,7 @@
 // diagonal, |c| is at most 1536 and the six sums are below 2^24: 0.6 + 6 / 2 + 0.1 units.
 #pragma once
 
+#include "cuda/list_order.cuh"
 #include "cuda/network.cuh"
 #include "cuda/query_boxes.cuh"
 
@@ -156,57 +157,13 @@ class GroupSearch {
       distance[i] = inside ? d : distance[i];
       found[i] = inside ? found[i] : point::kNoNeighbor;
     }
-    while (__any_sync(kAllLanes, order_by_distance(distance, found) && wanted)) {
-    }
-    if (__any_sync(kAllLanes, has_ties(distance, found) && wanted)) {
-      while (__any_sync(kAllLanes, order_ties(distance, found) && wanted)) {
-      }
-    }
+    put_in_order(tree_.points, distance, found, wanted);
 #pragma unroll
     for (int i = 0; i < kList; ++i)
       if (i >= first && wanted) list[(i - first) * kWarp + lane_number()] = found[i];
   }
 
  private:
-  // One round of exchanges of neighbours in the list that are out of order; returns whether there were any.
-  __device__ __forceinline__ static bool order_by_distance(float (&distance)[kList], Index (&found)[kList]) {
-    bool exchanged = false;
-#pragma unroll
-    for (int i = 0; i + 1 < kList; ++i) {
-      const bool wrong = distance[i] > distance[i + 1];
-      const float d = distance[i];
-      const Index f = found[i];
-      distance[i] = wrong ? distance[i + 1] : d;
-      found[i] = wrong ? found[i + 1] : f;
-      distance[i + 1] = wrong ? d : distance[i + 1];
-      found[i + 1] = wrong ? f : found[i + 1];
-      exchanged |= wrong;
-    }
-    return exchanged;
-  }
-  __device__ __forceinline__ static bool is_tied(const float (&distance)[kList], const Index (&found)[kList], int i) {
-    return distance[i] == distance[i + 1] && found[i] != point::kNoNeighbor;
-  }
-  __device__ __forceinline__ static bool has_ties(const float (&distance)[kList], const Index (&found)[kList]) {
-    bool any = false;
-#pragma unroll
-    for (int i = 0; i + 1 < kList; ++i) any |= is_tied(distance, found, i);
-    return any;
-  }
-  // The same as order_by_distance() for those equally far, which follow each other.
-  __device__ __forceinline__ bool order_ties(const float (&distance)[kList], Index (&found)[kList]) const {
-    bool exchanged = false;
-#pragma unroll
-    for (int i = 0; i + 1 < kList; ++i) {
-      if (!is_tied(distance, found, i) || !lies_before(tree_.points, found[i + 1], found[i])) continue;
-      const Index f = found[i];
-      found[i] = found[i + 1];
-      found[i + 1] = f;
-      exchanged = true;
-    }
-    return exchanged;
-  }
-
   __device__ __forceinline__ void begin(int k, float squared_limit) {
     // The first places of the list hold keys below all others where k is smaller than it.
 #pragma unroll
