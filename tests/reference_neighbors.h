@@ -7,6 +7,7 @@
 #include <bit>
 #include <cmath>
 #include <cstdint>
+#include <tuple>
 #include <vector>
 
 #include "pointfair/params.hpp"
@@ -92,7 +93,10 @@ inline float squared_distance(Point a, Point b) {
   return (x * x + y * y) + z * z;
 }
 
-// The nearest `count` other valid points, nearest first, equal distances by index.
+// By x, then by y, then by z.
+inline bool lies_before(Point a, Point b) { return std::tie(a.x, a.y, a.z) < std::tie(b.x, b.y, b.z); }
+
+// The nearest `count` other valid points, nearest first, equal distances by position, identical points by index.
 inline List nearest(const Points& points, std::size_t i, std::size_t count) {
   struct Candidate {
     float squared;
@@ -102,9 +106,12 @@ inline List nearest(const Points& points, std::size_t i, std::size_t count) {
   for (std::size_t j = 0; j < points.size(); ++j)
     if (j != i && is_valid(points[j])) candidates.push_back({squared_distance(points[i], points[j]), std::uint32_t(j)});
   count = std::min(count, candidates.size());
-  std::partial_sort(
-      candidates.begin(), candidates.begin() + std::ptrdiff_t(count), candidates.end(),
-      [](Candidate a, Candidate b) { return a.squared != b.squared ? a.squared < b.squared : a.index < b.index; });
+  std::partial_sort(candidates.begin(), candidates.begin() + std::ptrdiff_t(count), candidates.end(),
+                    [&](Candidate a, Candidate b) {
+                      if (a.squared != b.squared) return a.squared < b.squared;
+                      const Point p = points[a.index], q = points[b.index];
+                      return lies_before(p, q) || (!lies_before(q, p) && a.index < b.index);
+                    });
   List list;
   for (std::size_t c = 0; c < count; ++c) list.push_back(candidates[c].index);
   return list;

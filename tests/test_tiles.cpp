@@ -37,7 +37,7 @@ std::vector<Place> places() {
 
 StageSettings usual() {
   StageSettings settings;
-  settings.normals = {true, 0.02f};
+  settings.normals = {0.02f};
   settings.fairing = {Method::bilateral, AreaWeight::none, 0.02f, 0.01f};
   return settings;
 }
@@ -136,7 +136,7 @@ TEST(Tiles, has_the_bits_of_the_whole_over_balls) {
   settings.neighbors = {0, 0.04f, false, 0};
   settings.iterations = 2;
   expect_the_same_in_tiles(points, settings, "one radius");
-  settings.normals = {true, 1.4f, true, 2, 20};
+  settings.normals = {1.4f, true, 2, 20};
   settings.fairing.closeness_sigma = 0.6f;
   settings.fairing.closeness_of_radius = settings.fairing.two_planes = true;
   settings.fairing.facing_angle = 40;
@@ -151,7 +151,7 @@ TEST(Tiles, has_the_bits_of_the_whole_over_balls) {
 TEST(Tiles, has_the_bits_of_the_whole_over_thinned_balls) {
   StageSettings settings = usual();
   settings.neighbors = {0, 0.2f, false, 0, 8};
-  settings.normals = {true, 1.4f, true, 1, 20};
+  settings.normals = {1.4f, true, 1, 20};
   settings.fairing.closeness_sigma = 0.6f;
   settings.fairing.closeness_of_radius = settings.fairing.two_planes = true;
   settings.fairing.facing_angle = 40;
@@ -235,7 +235,7 @@ TEST(Tiles, stops_when_asked_and_then_runs_again) {
     cut->upload(points, IndexOrder::fastest);
     cut->build_index(0, {}, {});
     cut->find_neighbors(0, {8, 0, false, 0}, {});
-    cut->estimate_normals(0, {true, 0.02f}, {});
+    cut->estimate_normals(0, {0.02f}, {});
     stop.request_stop();
     try {
       cut->fair(0, usual().fairing, false, stop.get_token());

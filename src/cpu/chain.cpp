@@ -147,7 +147,7 @@ void Chain::measure_radii(const Kernels& kernels, const std::stop_token& stop) {
 void Chain::estimate_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop) {
   normal_settings_ = settings;
   const IndexView index = index_.view();
-  const NormalRule rule{point::normal_weights(settings.weighted, settings.sigma), settings.of_radius};
+  const NormalRule rule{point::normal_weights(settings.sigma), settings.of_radius};
   for (Buffer<float>* axis : {&normal_x_, &normal_y_, &normal_z_}) axis->resize(std::size_t(index.leaves) * kLeafSize);
   const VectorsOut out{normal_x_.data(), normal_y_.data(), normal_z_.data()};
   std::atomic<std::uint64_t> too_few = 0, no_normal = 0;
@@ -177,7 +177,7 @@ void Chain::estimate_normals(const NormalSettings& settings, const Kernels& kern
 void Chain::filter_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop) {
   if (settings.filter_rounds == 0) return;
   const IndexView index = index_.view();
-  const NormalRule rule{point::normal_weights(settings.weighted, settings.sigma), settings.of_radius};
+  const NormalRule rule{point::normal_weights(settings.sigma), settings.of_radius};
   const float inverse_turn = point::inverse_turn(settings.filter_angle);
   for (Buffer<float>* axis : {&spare_x_, &spare_y_, &spare_z_}) axis->resize(normal_x_.size());
   if (balls_grow()) squared_growth_.resize(normal_x_.size());

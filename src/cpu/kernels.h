@@ -29,7 +29,6 @@ struct Box {
 struct BoxGroup {
   float min_x[kLeafSize], min_y[kLeafSize], min_z[kLeafSize];
   float max_x[kLeafSize], max_y[kLeafSize], max_z[kLeafSize];
-  Index least_original[kLeafSize];
 };
 
 struct IndexView {
@@ -41,6 +40,14 @@ struct IndexView {
   const BoxGroup* level[kMaxLevels];  // level[0] holds the boxes of leaves
   const float* share;                 // of each sorted point, a hash of its position over [0, 1); null without a frame
 };
+
+POINTFAIR_INLINE point::Vec3<float> position_of(const IndexView& index, Index at) {
+  return {index.x[at], index.y[at], index.z[at]};
+}
+// Of points in a child's box, none lies before this (point::lies_before).
+POINTFAIR_INLINE point::Vec3<float> low_corner(const BoxGroup& group, int child) {
+  return {group.min_x[child], group.min_y[child], group.min_z[child]};
+}
 
 // A neighbour list per point: list[(leaf * stored + slot) * 16 + lane], nearest first; sorted positions, kNoNeighbor at
 // the end.
@@ -137,6 +144,10 @@ struct Kernels {
   // How many neighbours each point has, and the least of `values` over it and them.
   void (*survey)(const IndexView&, Index leaf, Neighborhoods, const float* values, float* counts, float* least);
 };
+
+// The k nearest other points within `squared_limit` of the one at sorted position `at`, for the kernels where a point
+// has nothing in common with those of its leaf: list[slot * 16].
+void find_alone(const IndexView& index, Index at, int k, float squared_limit, Index* list);
 
 // The kernels of the best instruction set that this processor has; POINTFAIR_ISA=sse2|avx2|avx512 asks for a lesser
 // one.

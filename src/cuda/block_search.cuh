@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// The k <= 1024 nearest points of one place, exact, ties by original index: a block to a query, where few queries would
-// leave the card idle with a warp to each. All points in a ball are collected, level by level of the tree, and sorted;
-// the ball is guessed, and grows or shrinks until it holds k and no more than fit.
+// The k <= 1024 nearest points of one place, exact, in the order of point::precedes: a block to a query, where few
+// queries would leave the card idle with a warp to each. All points in a ball are collected, level by level of the
+// tree, and sorted; the ball is guessed, and grows or shrinks until it holds k and no more than fit.
 #pragma once
 
 #include <cub/block/block_merge_sort.cuh>
 
+#include "cuda/network.cuh"
 #include "cuda/single_search.cuh"
 
 namespace pointfair::cuda {
@@ -37,9 +38,9 @@ class BlockSearch {
     Index node = 0;
     for (int level = tree_.levels - 1; level >= 0; --level)
       node = node * kLeafSize + nearest_child(tree_.group(level, node));
-    const Key key = key_of(point_of_lane(node));
-    RegisterList list;
-    list.offer(key != kNoKey, key, 0);
+    const Key key = key_of_lane(node);
+    RegisterList list(tree_.points);
+    list.offer(key != kNoKey, key);
     const int known = min(8, __popc(__ballot_sync(kAllLanes, key != kNoKey)));
     if (known == 0) return 1;
     return scaled(point::key_squared_distance(list.key(known - 1)), known);
@@ -74,13 +75,13 @@ class BlockSearch {
   __device__ float gap_of_lane(const BoxGroup& group) const {
     return squared_gap(box_of_lane(group), {position_, position_});
   }
-  __device__ Key key_of(float4 p) const {
+  // Of the lane's point in a leaf.
+  __device__ Key key_of_lane(Index leaf) const {
+    const Index at = leaf * kLeafSize + lane_number();
+    const float4 p = tree_.points[at];
     const float distance = point::squared_length(position_of(p) - position_);
     const bool counts = is_present(p) && original_of(p) != original_;
-    return counts ? point::neighbor_key(distance, original_of(p)) : kNoKey;
-  }
-  __device__ float4 point_of_lane(Index leaf) const {
-    return tree_.points[std::size_t(leaf) * kLeafSize + lane_number()];
+    return counts ? point::neighbor_key(distance, at) : kNoKey;
   }
 
   // Of boxes equally near, which may hold the query, the one whose farthest corner is nearest.
@@ -119,7 +120,7 @@ class BlockSearch {
 #pragma unroll
       for (int n = 0; n < kAtOnce; ++n) {
         const int at = first + n * kWarps;
-        keys[n] = at < nodes ? key_of(point_of_lane(memory_.nodes[turn][at])) : kNoKey;
+        keys[n] = at < nodes ? key_of_lane(memory_.nodes[turn][at]) : kNoKey;
       }
 #pragma unroll
       for (int n = 0; n < kAtOnce; ++n)
@@ -140,10 +141,26 @@ class BlockSearch {
     if (joins && place < kRoom) list[place] = value;
   }
 
+  // By the keys as numbers, then those equally far by position where there are such.
   __device__ void sort(int count) {
-    if (count <= 2 * kThreads) return sort_items<2>(count);
-    if (count <= 4 * kThreads) return sort_items<4>(count);
-    sort_items<kCapacity / kThreads>(count);
+    if (count <= 2 * kThreads) {
+      sort_items<2>(count);
+    } else if (count <= 4 * kThreads) {
+      sort_items<4>(count);
+    } else {
+      sort_items<kCapacity / kThreads>(count);
+    }
+    Key* const keys = memory_.keys;
+    bool tied = false;
+    for (int i = static_cast<int>(threadIdx.x); i + 1 < count; i += kThreads)
+      tied |= keys[i] >> 32 == keys[i + 1] >> 32;
+    if (__syncthreads_or(tied) == 0) return;
+    sort_by_block(static_cast<std::size_t>(count), kThreads, [&](std::size_t i, std::size_t j) {
+      const Key a = keys[i], b = keys[j];
+      if (!Precedes{tree_.points}(b, a)) return;
+      keys[i] = b;
+      keys[j] = a;
+    });
   }
   template <int kItems>
   __device__ void sort_items(int count) {
@@ -167,7 +184,7 @@ class BlockSearch {
   __device__ void search_alone() {
     __syncthreads();
     if (warp_number() == 0) {
-      SharedList list(memory_.list, SharedList::size_for(k_));
+      SharedList list(tree_.points, memory_.list, SharedList::size_for(k_));
       SingleSearch<SharedList>(tree_, memory_.walk, list, position_, original_, k_, __int_as_float(0x7f800000)).run();
     }
     __syncthreads();

@@ -156,7 +156,7 @@ void Chain::measure_areas() {
   } else {
     DeviceArray<Index> nearest(context_), retries(context_);
     nearest.resize(places * point::kAreaNeighbors);
-    clear(offsetof(CloudState, leaf_retries), offsetof(CloudState, unused));
+    clear(offsetof(CloudState, leaf_retries), offsetof(CloudState, too_few_neighbors));
     find_nearest(context_, index_.tree(), index_.state(), {point::kAreaNeighbors, kNoLimit}, nearest.data(),
                  make_room(retries), stop_);
     measure_mean_distances(context_, index_.tree(), {point::kAreaNeighbors, nearest.data()}, mean_distance_.data());

@@ -90,9 +90,7 @@ class Chain {
   Surroundings grown_surroundings(const Stop& stop = {}) const;  // of the bilateral step
   Normals normals() const;
   bool is_further() const { return first_call_ > 0; }
-  point::NormalWeights normal_weights() const {
-    return point::normal_weights(normal_settings_.weighted, normal_settings_.sigma);
-  }
+  point::NormalWeights normal_weights() const { return point::normal_weights(normal_settings_.sigma); }
 
   Context& context_;
   StopLine& stop_line_;

@@ -20,7 +20,6 @@ struct NeighborSettings {
 };
 
 struct NormalSettings {
-  bool weighted = true;
   float sigma = 0;
   bool of_radius = false;  // sigma is a multiple of the point's radius; only without a list
   int filter_rounds = 0;
