@@ -108,10 +108,10 @@ inline void expect_the_same_sums(Backend& backend, const NamedCloud& cloud) {
   settings.frame = frame_over({0.1f, -0.2f, -0.3f}, 0.8f);
   settings.neighbors = {0, 0.07f, false, 0};
   settings.normals.filter_rounds = 2;
-  settings.normals.filter_angle = 25;
-  settings.normals.flat_radius = 1.3f;
-  settings.fairing.two_planes = true;
-  settings.fairing.facing_angle = 45;
+  settings.normals.crease_angle = 25;
+  settings.normals.flat_scale = 1.3f;
+  settings.fairing.symmetric = true;
+  settings.fairing.turn_angle = 45;
   for (const int iterations : {1, 3}) {
     settings.iterations = iterations;
     expect_the_same(backend, cloud.points, settings);

@@ -124,7 +124,7 @@ TEST_F(CudaBackendTest, equals_the_cpu_with_filtered_normals_and_both_planes) {
   for (const int k : {5, 8, 30}) {
     StageSettings settings = with_filter_and_both_planes(with_neighbors(k));
     expect_same(points, settings, "both planes");
-    settings.fairing.two_planes = false;
+    settings.fairing.symmetric = false;
     settings.fairing.area_weight = AreaWeight::length;
     expect_same(points, settings, "own plane");
   }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Points that share a cell of the curve of balls (src/point/curve.h), by position.
+// Points that share a cell of the curve of src/point/curve.h (src/point/curve.h), by position.
 #pragma once
 
 #include <cstdint>

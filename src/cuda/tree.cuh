@@ -37,7 +37,7 @@ struct CloudState {
   KeyGrid grid;
   unsigned min[3], max[3];  // ordered() floats
   Index valid;
-  Index long_cells;             // of the curve of balls (curve_cells.cuh)
+  Index long_cells;             // of the curve of src/point/curve.h (curve_cells.cuh)
   Index leaf_retries, retries;  // leaves and queries left to the exact searches
   unsigned long long too_few_neighbors, no_normal, short_neighborhoods;
 };

@@ -7,8 +7,10 @@
 
 #if defined(__CUDACC__)
 #define POINTFAIR_INLINE __host__ __device__ __forceinline__
+#define POINTFAIR_DEVICE_INLINE __device__ __forceinline__  // calls what a card alone can run
 #else
 #define POINTFAIR_INLINE inline __attribute__((always_inline))
+#define POINTFAIR_DEVICE_INLINE POINTFAIR_INLINE
 #endif
 
 namespace pointfair::point {
