@@ -163,6 +163,9 @@ POINTFAIR_INLINE Floats square_root(Floats a) {
 #endif
 }
 
+POINTFAIR_INLINE Floats counted(Floats count, Mask one_more) {
+  return count + select(one_more, broadcast(1.0f), broadcast(0.0f));
+}
 POINTFAIR_INLINE Floats absolute(Floats a) { return as_floats(as_ints(a) & 0x7fffffff); }
 
 // Unsigned: of a number that is too small the exponent wraps round, and nobody reads it.

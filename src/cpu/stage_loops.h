@@ -53,6 +53,7 @@ struct Areas {
 class ListWalk {
  public:
   using Number = Floats;
+  using Count = Floats;
 
   // list[slot * 16] is the first lane's entry
   POINTFAIR_INLINE ListWalk(const IndexView& index, Index start, const Index* list, int k)
@@ -86,6 +87,7 @@ class ListWalk {
 class RadiusWalk {
  public:
   using Number = Floats;
+  using Count = Floats;
 
   POINTFAIR_INLINE RadiusWalk(const IndexView& index, Index start, const point::Radii& radii) : index_(index) {
     const Mask active = lane_numbers() < broadcast(int(index.points - start));
@@ -217,8 +219,7 @@ POINTFAIR_INLINE void store_points(point::Vec3<Floats> p, float* xyz) {
 inline void normals(const IndexView& index, Index leaf, Neighborhoods neighborhoods, point::NormalRule rule,
                     VectorsOut out, unsigned* neighbor_counts) {
   for_packs(index, leaf, neighborhoods, [&](Index start, const auto& neighbors) {
-    const point::NormalOfPoint<Floats> normal =
-        point::normal_of(neighbors, point::weights_of(rule, neighbors.squared_radius()));
+    const auto normal = point::normal_of(neighbors, point::weights_of(rule, neighbors.squared_radius()));
     store_vector(out, start, normal.unit);
     for (int lane = 0; lane < kLanes; ++lane)
       neighbor_counts[start % kLeafSize + Index(lane)] = unsigned(normal.found.v[lane]);

@@ -52,15 +52,19 @@ class BlockSearch {
 
   // `squared`: of a radius that may hold a few more than k. Afterwards memory.keys holds k, sorted, kNoKey at the end.
   __device__ void run(float squared) {
-    constexpr int kTries = 8;
+    constexpr int kTries = 12;
     const Index wanted = min(static_cast<Index>(k_), tree_.state->valid - 1);
     float low = 0, high = 0;
     for (int n = 0; n < kTries; ++n) {
       const Index count = collect(squared);
       if (count <= kCapacity && count >= wanted) return sort(static_cast<int>(count));
       (count > kCapacity ? high : low) = squared;
-      squared = fminf(fmaxf(scaled(squared, static_cast<int>(max(count, 1u))), squared / 16), squared * 16);
-      if (squared <= low || (high > 0 && squared >= high)) squared = high > 0 ? sqrtf(low) * sqrtf(high) : 2 * low;
+      if (low > 0 && high > 0) {  // where the density jumps, ratios overshoot to and fro
+        squared = sqrtf(low) * sqrtf(high);
+      } else {
+        squared = fminf(fmaxf(scaled(squared, static_cast<int>(max(count, 1u))), squared / 16), squared * 16);
+        if (squared <= low) squared = 2 * low;
+      }
     }
     search_alone();
   }
@@ -150,17 +154,45 @@ class BlockSearch {
     } else {
       sort_items<kCapacity / kThreads>(count);
     }
+    order_ties(count);
+  }
+  // Keys are in order as numbers. Runs of equal distances are mostly short: a thread orders one.
+  __device__ void order_ties(int count) {
+    constexpr int kLongestRun = 15, kRoomOfRun = 4;  // bits
+    static_assert(kCapacity / kThreads * kRoomOfRun <= 64);
     Key* const keys = memory_.keys;
-    bool tied = false;
-    for (int i = static_cast<int>(threadIdx.x); i + 1 < count; i += kThreads)
-      tied |= keys[i] >> 32 == keys[i + 1] >> 32;
-    if (__syncthreads_or(tied) == 0) return;
-    sort_by_block(static_cast<std::size_t>(count), kThreads, [&](std::size_t i, std::size_t j) {
-      const Key a = keys[i], b = keys[j];
-      if (!Precedes{tree_.points}(b, a)) return;
-      keys[i] = b;
-      keys[j] = a;
-    });
+    const auto tied = [&](int i) { return i > 0 && i < count && keys[i] >> 32 == keys[i - 1] >> 32; };
+    unsigned long long runs = 0;  // lengths less one of those that begin at this thread's places
+    bool any = false, any_long = false;
+    for (int n = 0, i = static_cast<int>(threadIdx.x); i < count; i += kThreads, ++n) {
+      if (tied(i)) continue;
+      int more = 0;
+      while (tied(i + more + 1) && more <= kLongestRun) ++more;
+      any |= more > 0;
+      any_long |= more > kLongestRun;
+      runs |= static_cast<unsigned long long>(min(more, kLongestRun)) << (kRoomOfRun * n);
+    }
+    if (__syncthreads_or(any) == 0) return;
+    const Precedes precedes{tree_.points};
+    if (__syncthreads_or(any_long) != 0) {
+      sort_by_block(static_cast<std::size_t>(count), kThreads, [&](std::size_t i, std::size_t j) {
+        const Key a = keys[i], b = keys[j];
+        if (!precedes(b, a)) return;
+        keys[i] = b;
+        keys[j] = a;
+      });
+      return;
+    }
+    for (int i = static_cast<int>(threadIdx.x); runs != 0; i += kThreads, runs >>= kRoomOfRun) {
+      const int last = i + static_cast<int>(runs & kLongestRun);
+      for (int j = i + 1; j <= last; ++j) {
+        const Key key = keys[j];
+        int to = j;
+        for (; to > i && precedes(key, keys[to - 1]); --to) keys[to] = keys[to - 1];
+        keys[to] = key;
+      }
+    }
+    __syncthreads();
   }
   template <int kItems>
   __device__ void sort_items(int count) {

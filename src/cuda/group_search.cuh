@@ -150,7 +150,7 @@ class GroupSearch {
     for (int i = 0; i < kList; ++i) {
       const bool real = i >= first && list_[i] != ~0u;
       found[i] = real ? memory_.position[list_[i] & (kSlots - 1)] : point::kNoNeighbor;
-      distance[i] = i < first ? -1.0f : __int_as_float(0x7f800000);
+      distance[i] = i < first ? static_cast<float>(i - kList) : __int_as_float(0x7f800000);
       if (!real) continue;
       const float d = point::squared_length(position_of(tree_.points[found[i]]) - position_);
       const bool inside = d <= squared_limit;

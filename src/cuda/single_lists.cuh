@@ -37,25 +37,53 @@ class RegisterList {
     const Key key_below = __shfl_up_sync(kAllLanes, key_, 1);
     key_ = lane < rank ? key_ : lane == rank ? key : key_below;
   }
-  // Keeps the earlier or the later of this lane's key and that of lane ^ distance.
-  __device__ void exchange(Key& key, int distance, bool keep_earlier) const {
-    const Key other = __shfl_xor_sync(kAllLanes, key, distance);
-    if (other != key && precedes_(other, key) == keep_earlier) key = other;
-  }
   __device__ void merge(Key key) {
-    const int lane = static_cast<int>(lane_number());
-#pragma unroll 1  // with ties to settle in each step, it would be too much code
-    for (int size = 2; size <= kWarp; size *= 2) {
-#pragma unroll 1
-      for (int distance = size / 2; distance > 0; distance /= 2) {
-        const bool ascending = (lane & size) == 0;
-        exchange(key, distance, ascending == ((lane & distance) == 0));
-      }
+    Key merged = key_, left = key;
+    merge_sorted(merged, left, [](Key a, Key b) { return a < b; });
+    // As numbers, keys of equal distance are not in order: where that matters, once more.
+    const unsigned distance = distance_bits(merged), before = __shfl_up_sync(kAllLanes, distance, 1),
+                   last = __shfl_sync(kAllLanes, distance, kWarp - 1);
+    const bool tied_within = lane_number() > 0 && distance == before && merged != kNoKey;
+    const bool tied_beyond = distance_bits(left) == last && left != kNoKey;
+    if (!__any_sync(kAllLanes, tied_within || tied_beyond)) {
+      key_ = merged;
+    } else {
+      merge_with_ties(key);
     }
-    const Key mirrored = __shfl_sync(kAllLanes, key, kWarp - 1 - lane);
-    key_ = precedes_(mirrored, key_) ? mirrored : key_;
+  }
+  __device__ static unsigned distance_bits(Key key) { return static_cast<unsigned>(key >> 32); }
+
+  // `list` is in order. It becomes the first 32 of both, in order, and `others` what is left, in any.
+  template <class Before>
+  __device__ __forceinline__ static void merge_sorted(Key& list, Key& others, Before before) {
+    const int lane = static_cast<int>(lane_number());
+#pragma unroll
+    for (int size = 2; size <= kWarp; size *= 2) {
+#pragma unroll
+      for (int distance = size / 2; distance > 0; distance /= 2)
+        exchange(others, distance, ((lane & size) == 0) == ((lane & distance) == 0), before);
+    }
+    const Key mirrored = __shfl_sync(kAllLanes, others, kWarp - 1 - lane);
+    const bool takes = before(mirrored, list);
+    others = takes ? list : mirrored;
+    list = takes ? mirrored : list;
+#pragma unroll
+    for (int distance = kWarp / 2; distance > 0; distance /= 2)
+      exchange(list, distance, (lane & distance) == 0, before);
+  }
+  // Keeps the earlier or the later of this lane's key and that of lane ^ distance.
+  template <class Before>
+  __device__ __forceinline__ static void exchange(Key& key, int distance, bool keep_earlier, Before before) {
+    const Key other = __shfl_xor_sync(kAllLanes, key, distance);
+    if (other != key && before(other, key) == keep_earlier) key = other;
+  }
+  // By one at a time: with ties to settle in each step, a network would be too much code.
+  __device__ __noinline__ void merge_with_ties(Key key) {
 #pragma unroll 1
-    for (int distance = kWarp / 2; distance > 0; distance /= 2) exchange(key_, distance, (lane & distance) == 0);
+    for (int lane = 0; lane < kWarp; ++lane) {
+      const Key offered = __shfl_sync(kAllLanes, key, lane);
+      if (offered != kNoKey) insert(offered);
+    }
   }
 
   Precedes precedes_;

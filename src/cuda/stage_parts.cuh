@@ -10,8 +10,8 @@ namespace pointfair::cuda {
 
 // All lanes of the warp take part; valid ones are counted.
 __device__ __forceinline__ void count_unmoved(CloudState* state, bool valid,
-                                              const point::NormalOfPoint<float>& normal) {
-  const bool too_few = valid && normal.found < static_cast<float>(point::kLeastNeighbors);
+                                              const point::NormalOfPoint<float, int>& normal) {
+  const bool too_few = valid && normal.found < point::kLeastNeighbors;
   const bool no_normal = valid && !too_few && !(point::squared_length(normal.unit) > 0);
   const unsigned few = __ballot_sync(kAllLanes, too_few), none = __ballot_sync(kAllLanes, no_normal);
   if (lane_number() != 0) return;

@@ -18,6 +18,7 @@ constexpr int kWarps = kBlock / kWarp;
 template <int kHeld>
 struct HeldList {
   using Number = float;
+  using Count = int;
   Vec offset[kHeld];
   Index position[kHeld];
   int count = 0;
@@ -45,6 +46,7 @@ struct HeldList {
 template <>
 struct HeldList<0> {
   using Number = float;
+  using Count = int;
   const float4* points;
   const Index* list;
   int k;

@@ -23,6 +23,7 @@ struct Surroundings {
 class Listed {
  public:
   using Number = float;
+  using Count = int;
   struct Shared {};
   __device__ __forceinline__ Listed(const Tree& tree, const Surroundings& from, Index at, bool, Shared&)
       : points_(tree.points), list_(from.lists.of(at)), k_(from.lists.k), here_(position_of(tree.points[at])) {}
@@ -50,6 +51,7 @@ class Listed {
 class WalkedRadius {
  public:
   using Number = float;
+  using Count = int;
   struct Shared {
     float4 place[kWarp];
   };
@@ -152,6 +154,7 @@ class WalkedRadius {
 class CollectedRadius {
  public:
   using Number = float;
+  using Count = int;
   struct Shared {
     float4 place[kWarp], loaded[kWarp];
   };

@@ -43,27 +43,28 @@ POINTFAIR_INLINE LocalBilateralWeights<F> weights_of(const FairingRule& rule, F 
 }
 
 // Eq. 3 to 5.
-template <class F>
+template <class F, class Count>
 struct NormalOfPoint {
   Vec3<F> unit;  // zero where there is none
-  F found;       // neighbours
+  Count found;   // neighbours
 };
 
 template <class Neighbors, class Weights>
-POINTFAIR_DEVICE_INLINE NormalOfPoint<NumberOf<Neighbors>> normal_of(const Neighbors& neighbors, Weights weights) {
+POINTFAIR_DEVICE_INLINE auto normal_of(const Neighbors& neighbors, Weights weights) {
   using F = NumberOf<Neighbors>;
+  using Count = typename Neighbors::Count;
   CentroidSum<F> centroid_sum;
-  F found{};
+  Count found{};
   neighbors(LoadNothing{}, [&](Vec3<F> offset, Nothing, auto inside) {
     centroid_sum.add(offset, inside, weights);
-    found = found + select(inside, F(1.0f), F{});
+    found = counted(found, inside);
   });
   const Vec3<F> centroid = centroid_sum.centroid();
   CovarianceSum<F> covariance;
   neighbors(LoadNothing{},
             [&](Vec3<F> offset, Nothing, auto inside) { covariance.add(offset, centroid, inside, weights); });
-  const auto enough = F(static_cast<float>(kLeastNeighbors) - 0.5f) < found;
-  return {select<F>(enough, covariance.normal().unit, Vec3<F>{}), found};
+  const auto enough = Count(static_cast<float>(kLeastNeighbors - 1)) < found;
+  return NormalOfPoint<F, Count>{select<F>(enough, covariance.normal().unit, Vec3<F>{}), found};
 }
 
 // Eq. 9, and what Eq. 20 multiplies the squared radius by, where that of a flat place grows by `most`.
