@@ -81,7 +81,8 @@ class Source {
   /// Writes the file in its own format, with the coordinates and added attributes of `cloud`.
   virtual void write(const Cloud& cloud, Encoding encoding, io::Output& out) const;
 
-  /// Chooses the origin from a sample of the points, and returns the points relative to it.
+  /// Chooses the origin from a sample of the points, which does not depend on their order, and returns the points
+  /// relative to it.
   std::vector<Point> place();
   const Position& origin() const { return origin_; }
 
@@ -99,6 +100,9 @@ class Source {
   std::string_view bytes() const { return bytes_.view(); }
 
  private:
+  /// The points relative to origin(); returns a sample of their positions.
+  std::vector<Position> place_at_origin(std::span<Point> points) const;
+
   io::FileBytes bytes_;
   std::string name_;
   Format format_;
