@@ -11,8 +11,8 @@ namespace pointfair::cli {
 namespace {
 
 constexpr std::pair<std::string_view, Format> kFormats[] = {
-    {"ply", Format::ply}, {"pcd", Format::pcd}, {"xyz", Format::xyz}, {"txt", Format::txt},
-    {"csv", Format::csv}, {"pts", Format::pts}, {"off", Format::off}, {"obj", Format::obj}};
+    {"ply", Format::ply}, {"pcd", Format::pcd}, {"xyz", Format::xyz}, {"txt", Format::txt}, {"csv", Format::csv},
+    {"pts", Format::pts}, {"off", Format::off}, {"obj", Format::obj}, {"las", Format::las}, {"laz", Format::laz}};
 
 constexpr std::pair<std::string_view, Encoding> kEncodings[] = {{"ascii", Encoding::ascii},
                                                                 {"binary", Encoding::binary},

@@ -13,9 +13,10 @@
 
 namespace pointfair {
 
-enum class Format : std::uint8_t { ply, pcd, xyz, txt, csv, pts, off, obj };
+enum class Format : std::uint8_t { ply, pcd, xyz, txt, csv, pts, off, obj, las, laz };
 
-/// How the numbers of a PLY or PCD file are written; the text formats have `ascii` only.
+/// How the numbers of a PLY or PCD file are written; the text formats have `ascii` only, LAS `binary`, LAZ
+/// `binary_compressed`.
 enum class Encoding : std::uint8_t { ascii, binary, binary_big_endian, binary_compressed };
 
 struct ReadOptions {

@@ -11,7 +11,7 @@
 namespace pointfair {
 namespace {
 
-constexpr const char* kKnownExtensions = ".ply, .pcd, .xyz, .txt, .csv, .pts, .off or .obj";
+constexpr const char* kKnownExtensions = ".ply, .pcd, .las, .laz, .xyz, .txt, .csv, .pts, .off or .obj";
 
 Format choose_format(std::string_view bytes, const std::string& name, const ReadOptions& options) {
   if (options.format) return *options.format;
@@ -32,6 +32,9 @@ std::shared_ptr<Source> parse(io::FileBytes bytes, const std::string& name, Form
       return io::read_off(std::move(bytes), name);
     case Format::obj:
       return io::read_obj(std::move(bytes), name);
+    case Format::las:
+    case Format::laz:
+      return io::read_las(std::move(bytes), name);
     default:
       return io::read_xyz(std::move(bytes), name, format);
   }
@@ -75,19 +78,29 @@ void check(const Cloud& cloud) {
 bool has_encoding(Format format, Encoding encoding) {
   switch (encoding) {
     case Encoding::ascii:
-      return true;
+      return format != Format::las && format != Format::laz;
     case Encoding::binary:
-      return format == Format::ply || format == Format::pcd;
+      return format == Format::ply || format == Format::pcd || format == Format::las;
     case Encoding::binary_big_endian:
       return format == Format::ply;
     case Encoding::binary_compressed:
       break;
   }
-  return format == Format::pcd;
+  return format == Format::pcd || format == Format::laz;
 }
 
-// Plain columns of numbers may go by either name.
-Format family(Format format) { return format == Format::txt ? Format::xyz : format; }
+// What a new file is written in.
+Encoding usual_encoding(Format format) {
+  for (const Encoding encoding : {Encoding::binary, Encoding::ascii}) {
+    if (has_encoding(format, encoding)) return encoding;
+  }
+  return Encoding::binary_compressed;
+}
+
+// Plain columns of numbers may go by either name, and LAZ is compressed LAS.
+Format family(Format format) {
+  return format == Format::txt ? Format::xyz : format == Format::laz ? Format::las : format;
+}
 
 void write_new(const Cloud& cloud, Format format, Encoding encoding, io::Output& out) {
   io::Table table = io::make_table(cloud);
@@ -100,6 +113,9 @@ void write_new(const Cloud& cloud, Format format, Encoding encoding, io::Output&
       return io::write_off(std::move(table), out);
     case Format::obj:
       return io::write_obj(std::move(table), out);
+    case Format::las:
+    case Format::laz:
+      return io::write_las(std::move(table), encoding == Encoding::binary_compressed, out);
     default:
       return io::write_xyz(std::move(table), format, out);
   }
@@ -115,8 +131,8 @@ struct Plan {
 Plan plan(const Cloud& cloud, Format format, std::optional<Encoding> encoding) {
   check(cloud);
   const bool copy = cloud.source && family(cloud.source->format()) == family(format);
-  const Encoding usual = has_encoding(format, Encoding::binary) ? Encoding::binary : Encoding::ascii;
-  const Plan result{format, encoding.value_or(copy ? cloud.source->encoding() : usual), copy};
+  const bool keeps = copy && has_encoding(format, cloud.source->encoding());
+  const Plan result{format, encoding.value_or(keeps ? cloud.source->encoding() : usual_encoding(format)), copy};
   if (!has_encoding(format, result.encoding)) refuse("this format has no such encoding; choose another");
   return result;
 }

@@ -68,6 +68,8 @@ class StreamOutput : public Output {
     if (fd_ > STDERR_FILENO) ::close(fd_);
   }
   void write(std::string_view bytes) override { write_all(fd_, bytes, name_); }
+  bool can_patch() const override { return false; }
+  void patch(std::uint64_t, std::string_view) override {}
   void finish() override {}
 
  private:
@@ -99,6 +101,12 @@ class AtomicOutput : public Output {
   AtomicOutput& operator=(const AtomicOutput&) = delete;
 
   void write(std::string_view bytes) override { write_all(fd_, bytes, name_); }
+
+  void patch(std::uint64_t at, std::string_view bytes) override {
+    if (::lseek(fd_, static_cast<off_t>(at), SEEK_SET) < 0) fail_to_write(name_, errno);
+    write_all(fd_, bytes, name_);
+    if (::lseek(fd_, 0, SEEK_END) < 0) fail_to_write(name_, errno);
+  }
 
   void finish() override {
     struct stat status {};

@@ -88,11 +88,11 @@ class Source {
   Moves moves(std::size_t block, const Cloud& cloud) const;
 
  protected:
+  // What the usual `write` asks for.
   /// Everything before the first block, with the added attributes declared.
-  virtual std::string header(const std::vector<Attribute>& added) const = 0;
+  virtual std::string header(const std::vector<Attribute>&) const { return {}; }
   /// The bytes of `block` with the moved coordinates patched and the added attributes appended to each point.
-  virtual void append_block(std::size_t block, const Moves& moves, const std::vector<Attribute>& added,
-                            std::string& to) const = 0;
+  virtual void append_block(std::size_t, const Moves&, const std::vector<Attribute>&, std::string&) const {}
   /// Everything after the last block.
   virtual std::string_view tail() const { return {}; }
 
