@@ -11,8 +11,9 @@ namespace pointfair::cli {
 namespace {
 
 constexpr std::pair<std::string_view, Format> kFormats[] = {
-    {"ply", Format::ply}, {"pcd", Format::pcd}, {"xyz", Format::xyz}, {"txt", Format::txt}, {"csv", Format::csv},
-    {"pts", Format::pts}, {"off", Format::off}, {"obj", Format::obj}, {"las", Format::las}, {"laz", Format::laz}};
+    {"ply", Format::ply}, {"pcd", Format::pcd}, {"las", Format::las}, {"laz", Format::laz},
+    {"e57", Format::e57}, {"xyz", Format::xyz}, {"txt", Format::txt}, {"csv", Format::csv},
+    {"pts", Format::pts}, {"off", Format::off}, {"obj", Format::obj}};
 
 constexpr std::pair<std::string_view, Encoding> kEncodings[] = {{"ascii", Encoding::ascii},
                                                                 {"binary", Encoding::binary},
@@ -138,12 +139,9 @@ void add_format(CLI::App& command, FormatArguments& arguments) {
 
 WriteOptions make_write_options(const FormatArguments& arguments, const std::filesystem::path& path) {
   WriteOptions options;
-  options.format = arguments.format.empty() ? format_of(path) : find_value(kFormats, arguments.format);
+  options.format = find_value(kFormats, arguments.format);
+  if (!options.format && path.has_extension()) options.format = format_to_write(path);
   options.encoding = find_value(kEncodings, arguments.encoding);
-  if (!options.format && path.has_extension()) {
-    throw Error(ErrorKind::file, fmt::format("{}: unknown extension; use one of {}, or --format", path.string(),
-                                             fmt::join(format_names(), ", ")));
-  }
   if (options.format && options.encoding) {
     const Cloud one_point = {.origin = {}, .points = {{0, 0, 0}}, .added = {}, .source = nullptr};
     write_bytes(one_point, *options.format, options.encoding);  // refuses what the format does not have

@@ -28,7 +28,8 @@ constexpr std::string_view kHelp = R"(pointfair {}: removes the noise of 3D scan
   pointfair bench           time each stage on this machine
   pointfair doctor          devices, formats, versions
 
-Files: {}; - is standard input or output.
+Files: {}
+       - is standard input or output
 pointfair VERB --help lists a verb's flags; the usual start is
 
   pointfair run scan.ply fair.ply

@@ -134,6 +134,7 @@ void run(const RunArguments& arguments, std::stop_token stop) {
   write_options.threads = arguments.device.threads;
   Pipeline pipeline(device);
   Findings findings;
+  std::vector<std::string> not_kept;
   const bool wants_findings = !arguments.quiet || !arguments.report.empty();
   {
     Progress progress(arguments.quiet ? "none" : arguments.progress);
@@ -144,6 +145,7 @@ void run(const RunArguments& arguments, std::stop_token stop) {
     apply_limits(limits, cloud, fair);
     progress.show(1, "writing");
     write(arguments.output, fair, write_options);
+    not_kept = losses(cloud, write_options.format);
     if (wants_findings) {
       progress.show(1, "measuring");
       const Estimates& estimates = pipeline.estimates(stop);
@@ -151,7 +153,9 @@ void run(const RunArguments& arguments, std::stop_token stop) {
     }
   }
   write_report(arguments.report, run_json(pipeline.report(), findings));
-  if (!arguments.quiet) print_summary(arguments, pipeline.report(), findings);
+  if (arguments.quiet) return;
+  print_summary(arguments, pipeline.report(), findings);
+  for (const std::string& sentence : not_kept) fmt::print(stderr, "note: {}\n", sentence);
 }
 
 }  // namespace

@@ -17,7 +17,7 @@ RULES = {
     "src/point/": (["src/point/"], ()),
     "src/cpu/": (["src/cpu/", "src/point/", "src/backend.hpp", "src/method_rule.hpp", PUBLIC], ("tbb/", "sys/", "unistd.h", "immintrin.h")),
     "src/cuda/": (["src/cuda/", "src/point/", "src/backend.hpp", "src/method_rule.hpp", "src/parts.hpp", PUBLIC], ("cuda", "cub/", "thrust/", "nv")),
-    "src/io/": (["src/io/", PUBLIC], ("tbb/", "sys/", "fcntl.h", "unistd.h", "fast_float/", "las")),
+    "src/io/": (["src/io/", PUBLIC], ("tbb/", "sys/", "fcntl.h", "unistd.h", "fast_float/", "las", "pugixml")),
     "src/method_rule.hpp": (["src/backend.hpp", "src/point/"], ()),
     "src/": (["src/automatic.hpp", "src/backend.hpp", "src/cut.hpp", "src/estimate.hpp", "src/parts.hpp", "src/pipeline_access.hpp", "src/point/", "src/settings.hpp", "src/share_between.hpp", PUBLIC], ()),
     "cli/": (["cli/", "viewer/server.hpp", PUBLIC], None),

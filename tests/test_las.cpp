@@ -161,6 +161,31 @@ TEST(LasFiles, AddedAttributesBecomeExtraBytes) {
   }
 }
 
+TEST(LasFiles, WaveformsBesideTheFileAreCopiedAndItsIndexIsNot) {
+  const Folder folder;
+  LasSpec spec;
+  spec.minor = 3;
+  spec.format = 4;
+  std::string las = make_las(spec);
+  put_file(folder / "plain.las", las);
+  las[6] = 4;  // the waveforms are in a file of their own
+  put_file(folder / "in.las", las);
+  for (const char* name : {"in.wdp", "in.lax", "plain.wdp"}) put_file(folder / name, "anything");
+  write(folder / "copy.las", read(folder / "in.las"));
+  EXPECT_EQ(file_bytes(folder / "copy.wdp"), "anything");
+  write(folder / "other.las", read(folder / "plain.las"));
+  EXPECT_EQ(folder.names(), (std::vector<std::string>{"copy.las", "copy.wdp", "in.las", "in.lax", "in.wdp", "other.las",
+                                                      "plain.las", "plain.wdp"}));
+  const auto notes = losses(read(folder / "in.las"));
+  ASSERT_EQ(notes.size(), 1U);
+  EXPECT_NE(notes[0].find("in.lax"), std::string::npos);
+  EXPECT_EQ(losses(read(folder / "plain.las")), std::vector<std::string>{});
+  put_file(folder / "third.wdp", "of another file");
+  EXPECT_NE(thrown_by([&] { write(folder / "third.las", read(folder / "in.las")); }).message.find("exists already"),
+            std::string::npos);
+  EXPECT_FALSE(std::filesystem::exists(folder / "third.las"));
+}
+
 TEST(LasFiles, AFileOfOnePointIsRead) {
   LasSpec spec;
   spec.count = 1;

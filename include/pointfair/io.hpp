@@ -13,10 +13,10 @@
 
 namespace pointfair {
 
-enum class Format : std::uint8_t { ply, pcd, xyz, txt, csv, pts, off, obj, las, laz };
+enum class Format : std::uint8_t { ply, pcd, xyz, txt, csv, pts, off, obj, las, laz, e57 };
 
-/// How the numbers of a PLY or PCD file are written; the text formats have `ascii` only, LAS `binary`, LAZ
-/// `binary_compressed`.
+/// How the numbers of a PLY or PCD file are written; the text formats have `ascii` only, LAS and E57
+/// `binary`, LAZ `binary_compressed`.
 enum class Encoding : std::uint8_t { ascii, binary, binary_big_endian, binary_compressed };
 
 struct ReadOptions {
@@ -59,5 +59,12 @@ void remove_unfinished_files() noexcept;
 
 /// The format that an extension names (".ply", ".PLY", ...), or nothing.
 std::optional<Format> format_of(const std::filesystem::path& path);
+
+/// The format in which `write` writes a file of this name: by its extension, else `source`. Throws ErrorKind::file if
+/// that says nothing, or names what is read only (".copc.laz").
+Format format_to_write(const std::filesystem::path& path, std::optional<Format> source = {});
+
+/// What of the cloud's own file a file of the format does not keep, a sentence each; `format` unset: its own format.
+std::vector<std::string> losses(const Cloud& cloud, std::optional<Format> format = {});
 
 }  // namespace pointfair

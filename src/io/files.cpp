@@ -6,12 +6,13 @@
 #include "io/detect.hpp"
 #include "io/formats.hpp"
 #include "io/parallel.hpp"
+#include "io/text.hpp"
 #include "pointfair/io.hpp"
 
 namespace pointfair {
 namespace {
 
-constexpr const char* kKnownExtensions = ".ply, .pcd, .las, .laz, .xyz, .txt, .csv, .pts, .off or .obj";
+constexpr const char* kKnownExtensions = ".ply, .pcd, .las, .laz, .e57, .xyz, .txt, .csv, .pts, .off or .obj";
 
 Format choose_format(std::string_view bytes, const std::string& name, const ReadOptions& options) {
   if (options.format) return *options.format;
@@ -35,6 +36,8 @@ std::shared_ptr<Source> parse(io::FileBytes bytes, const std::string& name, Form
     case Format::las:
     case Format::laz:
       return io::read_las(std::move(bytes), name);
+    case Format::e57:
+      return io::read_e57(std::move(bytes), name);
     default:
       return io::read_xyz(std::move(bytes), name, format);
   }
@@ -78,9 +81,9 @@ void check(const Cloud& cloud) {
 bool has_encoding(Format format, Encoding encoding) {
   switch (encoding) {
     case Encoding::ascii:
-      return format != Format::las && format != Format::laz;
+      return format != Format::las && format != Format::laz && format != Format::e57;
     case Encoding::binary:
-      return format == Format::ply || format == Format::pcd || format == Format::las;
+      return format == Format::ply || format == Format::pcd || format == Format::las || format == Format::e57;
     case Encoding::binary_big_endian:
       return format == Format::ply;
     case Encoding::binary_compressed:
@@ -116,6 +119,8 @@ void write_new(const Cloud& cloud, Format format, Encoding encoding, io::Output&
     case Format::las:
     case Format::laz:
       return io::write_las(std::move(table), encoding == Encoding::binary_compressed, out);
+    case Format::e57:  // refused by the plan
+      return;
     default:
       return io::write_xyz(std::move(table), format, out);
   }
@@ -132,6 +137,9 @@ Plan plan(const Cloud& cloud, Format format, std::optional<Encoding> encoding) {
   check(cloud);
   const bool copy = cloud.source && family(cloud.source->format()) == family(format);
   const bool keeps = copy && has_encoding(format, cloud.source->encoding());
+  if (format == Format::e57 && !copy) {
+    refuse("E57 files are written from E57 files only, with moved points; choose PLY, PCD or LAZ");
+  }
   const Plan result{format, encoding.value_or(keeps ? cloud.source->encoding() : usual_encoding(format)), copy};
   if (!has_encoding(format, result.encoding)) refuse("this format has no such encoding; choose another");
   return result;
@@ -141,6 +149,20 @@ void carry_out(const Plan& plan, const Cloud& cloud, unsigned threads, io::Outpu
   io::with_threads(threads, [&] {
     plan.copy ? cloud.source->write(cloud, plan.encoding, out) : write_new(cloud, plan.format, plan.encoding, out);
   });
+}
+
+// Copies the files that belong to the source's, under the output's name.
+void copy_companions(const Source& source, const std::filesystem::path& output, const WriteOptions& options) {
+  std::error_code ignored;
+  for (const std::string& extension : source.companions()) {
+    std::filesystem::path from(source.name()), to(output);
+    from.replace_extension(extension);
+    to.replace_extension(extension);
+    if (!std::filesystem::exists(from, ignored) || std::filesystem::equivalent(from, to, ignored)) continue;
+    const std::unique_ptr<io::Output> copy = io::open_output(to, options.overwrite, options.sync);
+    copy->write(io::FileBytes::open(from).view());
+    copy->finish();
+  }
 }
 
 }  // namespace
@@ -154,15 +176,30 @@ Cloud read(std::span<const std::byte> bytes, const std::string& name, const Read
 }
 
 void write(const std::filesystem::path& path, const Cloud& cloud, const WriteOptions& options) {
-  std::optional<Format> format = options.format ? options.format : format_of(path);
-  if (!format && cloud.source && !path.has_extension()) format = cloud.source->format();
-  if (!format) {
-    io::fail(io::shown_name(path, false), std::string("unknown extension; name the file ") + kKnownExtensions);
-  }
-  const Plan chosen = plan(cloud, *format, options.encoding);
+  const std::optional<Format> own = cloud.source ? std::optional(cloud.source->format()) : std::nullopt;
+  const Format format = options.format ? *options.format : format_to_write(path, own);
+  const Plan chosen = plan(cloud, format, options.encoding);
   const std::unique_ptr<io::Output> out = io::open_output(path, options.overwrite, options.sync);
   carry_out(chosen, cloud, options.threads, *out);
+  if (chosen.copy && path != "-") copy_companions(*cloud.source, path, options);
   out->finish();
+}
+
+Format format_to_write(const std::filesystem::path& path, std::optional<Format> source) {
+  const std::string name = io::shown_name(path, false);
+  if (io::lower_case(path.filename().string()).ends_with(".copc.laz")) {
+    io::fail(name,
+             "COPC files are read, not written, since moved points no longer fit their octree; name the file .laz");
+  }
+  std::optional<Format> format = format_of(path);
+  if (!format && !path.has_extension()) format = source;
+  if (!format) io::fail(name, std::string("unknown extension; name the file ") + kKnownExtensions);
+  return *format;
+}
+
+std::vector<std::string> losses(const Cloud& cloud, std::optional<Format> format) {
+  if (!cloud.source) return {};
+  return cloud.source->losses(format.value_or(cloud.source->format()));
 }
 
 std::vector<std::byte> write_bytes(const Cloud& cloud, Format format, std::optional<Encoding> encoding) {

@@ -20,6 +20,7 @@ std::shared_ptr<Source> read_xyz(FileBytes bytes, const std::string& name, Forma
 std::shared_ptr<Source> read_off(FileBytes bytes, const std::string& name);
 std::shared_ptr<Source> read_obj(FileBytes bytes, const std::string& name);
 std::shared_ptr<Source> read_las(FileBytes bytes, const std::string& name);  ///< LAZ, too
+std::shared_ptr<Source> read_e57(FileBytes bytes, const std::string& name);
 
 // Writers of a new file, for a cloud from memory or from another format.
 void write_ply(Table table, Encoding encoding, Output& out);

@@ -113,13 +113,17 @@ std::vector<Point> Source::place() {
 }
 
 Moves Source::moves(std::size_t block, const Cloud& cloud) const {
+  std::vector<Position> own(block_size(block));
+  positions(block, own);
+  return moves(block_begin(block), std::move(own), cloud);
+}
+
+Moves Source::moves(std::uint64_t first, std::vector<Position> own, const Cloud& cloud) const {
   Moves result;
-  result.values.resize(block_size(block));
+  result.values = std::move(own);
   result.changed.assign(result.values.size(), 0);
-  positions(block, result.values);
-  const std::size_t first = static_cast<std::size_t>(block_begin(block));
   for (std::size_t i = 0; i < result.values.size(); ++i) {
-    const Point& point = cloud.points[first + i];
+    const Point& point = cloud.points[static_cast<std::size_t>(first) + i];
     const float now[3] = {point.x, point.y, point.z};
     for (std::size_t axis = 0; axis < 3; ++axis) {
       double& value = result.values[i][axis];

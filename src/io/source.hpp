@@ -81,11 +81,19 @@ class Source {
   /// Writes the file in its own format, with the coordinates and added attributes of `cloud`.
   virtual void write(const Cloud& cloud, Encoding encoding, io::Output& out) const;
 
+  /// What of this file a file of the format does not keep, a sentence each.
+  virtual std::vector<std::string> losses(Format) const { return {}; }
+
+  /// Extensions of files that belong to this one, stand beside it, and stay true when its points move.
+  virtual std::vector<std::string> companions() const { return {}; }
+
   /// Chooses the origin from a sample of the points, and returns the points relative to it.
   std::vector<Point> place();
   const Position& origin() const { return origin_; }
 
   Moves moves(std::size_t block, const Cloud& cloud) const;
+  /// The same for points from `first` on, whose own coordinates these are.
+  Moves moves(std::uint64_t first, std::vector<Position> own, const Cloud& cloud) const;
 
  protected:
   // What the usual `write` asks for.

@@ -47,7 +47,7 @@ class Usage(Case):
         for words in (["run"], ["run", cloud], ["run", cloud, out, "more"], ["run", cloud, out, "--wat"], ["--wat"],
                       ["run", cloud, out, "--k"], ["run", cloud, out, "--threads", "x"], ["info"], ["compare", cloud],
                       ["run", cloud, out, "--threads", "-1"], ["run", cloud, out, "--progress", "loud"],
-                      ["run", cloud, out, "--preset", "mine"], ["run", cloud, out, "--format", "las"],
+                      ["run", cloud, out, "--preset", "mine"], ["run", cloud, out, "--format", "shp"],
                       ["run", cloud, out, "--device", "tpu"], ["run", cloud, out, "--device", "cuda:x"],
                       ["bench", "--repeat", "0"], ["run", cloud, "-", "--report", "-"]):
             with self.subTest(words=words):
@@ -252,7 +252,8 @@ class Doctor(Case):
         self.assertTrue(report["devices"][0]["usable"])
         for device in report["devices"]:
             self.assertTrue(device["usable"] or device["reason"])
-        self.assertEqual(report["formats"], ["ply", "pcd", "xyz", "txt", "csv", "pts", "off", "obj"])
+        self.assertEqual(report["formats"], ["ply", "pcd", "las", "laz", "e57", "xyz", "txt", "csv", "pts", "off",
+                                             "obj"])
         self.assertIn("cpu", self.ok("doctor").stdout.decode())
 
 

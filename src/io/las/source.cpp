@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/las/source.hpp"
 
+#include <filesystem>
+
 #include "io/file_bytes.hpp"
 #include "io/formats.hpp"
 #include "io/las/codec.hpp"
@@ -34,6 +36,35 @@ void LasSource::extract(std::size_t index, std::span<char> out) const {
     extract_field(field, records.data(), layout_.header.record_length, block_size(block),
                   out.data() + static_cast<std::size_t>(block_begin(block)) * size);
   });
+}
+
+std::vector<std::string> LasSource::losses(Format to) const {
+  std::vector<std::string> result;
+  const Header& header = layout_.header;
+  if (to != Format::las && to != Format::laz) {
+    if (!header.records.empty()) {
+      result.push_back(
+          "the format written has no place for the records of a LAS file, its coordinate system among them");
+    }
+    return result;
+  }
+  if (header.find("copc", 1)) {
+    result.push_back("the COPC index of the input no longer fits points that moved, so the output is plain LAZ or LAS");
+  }
+  std::error_code ignored;
+  std::filesystem::path index(name());
+  if (std::filesystem::exists(index.replace_extension(".lax"), ignored)) {
+    result.push_back(index.string() +
+                     " does not fit points that moved, so it was not copied; lasindex makes a new one");
+  }
+  return result;
+}
+
+// Waveforms: a bit of the header says that they are in a file of their own.
+std::vector<std::string> LasSource::companions() const {
+  constexpr unsigned kExternalWaveforms = 4;
+  const bool external = (get<std::uint16_t>(bytes(), place::global_encoding) & kExternalWaveforms) != 0;
+  return external ? std::vector<std::string>{".wdp"} : std::vector<std::string>{};
 }
 
 namespace {

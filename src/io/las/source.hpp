@@ -34,6 +34,8 @@ class LasSource : public Source {
   std::vector<Column> columns() const override { return {fields_.begin(), fields_.end()}; }
   void extract(std::size_t index, std::span<char> out) const override;
   void write(const Cloud& cloud, Encoding encoding, Output& out) const override;
+  std::vector<std::string> losses(Format to) const override;
+  std::vector<std::string> companions() const override;
 
  private:
   friend class LasWriter;

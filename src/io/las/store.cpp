@@ -46,14 +46,6 @@ class FileRecords : public PointStore {
   std::uint64_t count_;
 };
 
-// A record, or its layers, can be coded in next to nothing. A file that would need so much memory was made for that.
-void check_plausible(std::uint64_t bytes, std::size_t file_size, const std::string& name) {
-  constexpr std::uint64_t kAlways = std::uint64_t{1} << 26, kPerByte = 256;
-  if (bytes <= kAlways || bytes / kPerByte <= file_size) return;
-  fail(name, "promises " + std::to_string(bytes) + " bytes of points, which a file of " + std::to_string(file_size) +
-                 " bytes does not hold; copy it again");
-}
-
 class Chunks : public PointStore {
  public:
   Chunks(std::vector<Chunk> chunks, Compression compression, std::size_t record_length, std::string name)
@@ -91,8 +83,8 @@ class DecodedRecords : public Chunks {
   DecodedRecords(std::vector<Chunk> chunks, const Compression& compression, std::size_t record_length,
                  std::size_t file_size, const std::string& name)
       : Chunks(std::move(chunks), compression, record_length, name) {
+    check_plausible(block_begin(block_count()), 0, record_length, file_size, name);
     const std::uint64_t size = block_begin(block_count()) * record_length;
-    check_plausible(size, file_size, name);
     records_ = std::make_unique_for_overwrite<char[]>(static_cast<std::size_t>(size));
     for_each_block(block_count(), [&](std::size_t block) {
       require(decode(block, kAllLayers, {records_.get() + begin(block), block_size(block) * record_length}), block);
@@ -118,7 +110,7 @@ class DecodedLayers : public Chunks {
                 std::size_t file_size, const std::string& name)
       : Chunks(std::move(chunks), compression, record_length, name) {
     const std::uint64_t count = block_begin(block_count());
-    check_plausible(count * (sizeof(Grid) + sizeof(Returns)), file_size, name);
+    check_plausible(count, 0, sizeof(Grid) + sizeof(Returns), file_size, name);
     grid_ = std::make_unique_for_overwrite<Grid[]>(static_cast<std::size_t>(count));
     returns_ = std::make_unique_for_overwrite<Returns[]>(static_cast<std::size_t>(count));
     for_each_block(block_count(), [&](std::size_t block) {
