@@ -83,13 +83,16 @@ void add_limits(CLI::App& command, LimitArguments& arguments) {
       {"0..1", "share of each displacement that is kept"},
       {"X,Y,Z,X,Y,Z", "only points in this box move: lower corner, upper corner"},
       {"MATRIX:POLYGON", "only points that a picture shows inside a polygon move; the viewer writes it"},
+      {"ATTRIBUTE=VALUES", "only points move whose attribute has one of the integers, as in classification=2,6,64-255"},
+      {"ATTRIBUTE=VALUES", "such points do not move, and are nobody's neighbours"},
   }};
   for (std::size_t i = 0; i < kLimitNames.size(); ++i) {
     const auto store = [&arguments, i](const std::string& text) { arguments.given.emplace_back(kLimitNames[i], text); };
-    command.add_option_function<std::string>("--" + std::string(kLimitNames[i]), store, kHelp[i][1])
-        ->type_name(kHelp[i][0])
-        ->group("Limits")
-        ->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
+    CLI::Option* const option =
+        command.add_option_function<std::string>("--" + std::string(kLimitNames[i]), store, kHelp[i][1]);
+    option->type_name(kHelp[i][0])->group("Limits")->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
+    const bool several = kLimitNames[i] == "where" || kLimitNames[i] == "ignore";
+    if (several) option->multi_option_policy(CLI::MultiOptionPolicy::Join)->delimiter(';');
   }
 }
 

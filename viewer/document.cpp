@@ -92,8 +92,8 @@ void Document::send_cloud() {
 
 void Document::run(const Request& request, std::stop_token stop) {
   if (!has_cloud_) return;
-  const Params used = pipeline_->resolve(request.recipe.params, stop);
   update_movable(request.recipe.limits);
+  const Params used = pipeline_->resolve(request.recipe.params, stop);
   if (expectation_.milliseconds(used) > kSlowMilliseconds) show_preview(request, used, stop);
   pipeline_->run(request.recipe.params, result_.points(), stop, progress_for(request.id));
   expectation_.learn(pipeline_->report());
@@ -102,8 +102,11 @@ void Document::run(const Request& request, std::stop_token stop) {
 }
 
 void Document::update_movable(const Limits& limits) {
-  if (limits.box == limits_.box && limits.lasso == limits_.lasso) return;
+  Limits same = limits;
+  same.strength = limits_.strength;  // which points may move does not depend on it
+  if (same == limits_) return;
   movable_ = movable_points(limits, cloud_);
+  if (limits.ignore != limits_.ignore) pipeline_->load(without_ignored(limits, cloud_));
   limits_ = limits;
 }
 
@@ -239,6 +242,7 @@ void Document::write_file(const Request& request, const WriteOptions& write_opti
   check_file_name(request.output);
   const fs::path path = options_.save_folder / request.output;
   if (fs::is_symlink(path)) throw Error(ErrorKind::file, request.output + " is a link; choose another name");
+  update_movable(request.recipe.limits);
   Cloud fair = pipeline_->run(request.recipe.params, stop, progress_for(request.id));
   apply_limits(request.recipe.limits, cloud_, fair);
   write(path, fair, write_options);

@@ -173,19 +173,20 @@ std::string as_cpp(const Recipe& recipe, const Errand& errand) {
   const auto out = std::back_inserter(text);
   fmt::format_to(out, "  const pointfair::Cloud cloud = pointfair::read({});\n", literal(errand.input));
   fmt::format_to(out, "  pointfair::Pipeline pipeline(pointfair::Device::{});\n", device_word(errand.device));
-  text += "  pipeline.load(cloud);\n\n  pointfair::Params params;\n";
-  for_each_set(recipe.params, [&](const ParamInfo& info, const std::string& value) {
-    text += assignment(recipe.params, info, value);
-  });
-  text += "  pointfair::Cloud fair = pipeline.run(params);\n";
   if (recipe.limits != Limits{}) {
-    text += "\n  pointfair::Limits limits;\n";
+    text += "  pointfair::Limits limits;\n";
     for (const std::string_view name : kLimitNames) {
       const std::string value = limit_text(recipe.limits, name);
       if (!value.empty()) fmt::format_to(out, "  set_limit(limits, {}, {});\n", literal(name), literal(value));
     }
-    text += "  apply_limits(limits, cloud, fair);\n";
   }
+  text += recipe.limits.ignore.empty() ? "  pipeline.load(cloud);\n" : "  pipeline.load(without_ignored(limits, cloud));\n";
+  text += "\n  pointfair::Params params;\n";
+  for_each_set(recipe.params, [&](const ParamInfo& info, const std::string& value) {
+    text += assignment(recipe.params, info, value);
+  });
+  text += "  pointfair::Cloud fair = pipeline.run(params);\n";
+  if (recipe.limits != Limits{}) text += "  apply_limits(limits, cloud, fair);\n";
   text += "\n  pointfair::WriteOptions options;\n";
   if (!errand.encoding.empty()) {
     std::string word = errand.encoding;

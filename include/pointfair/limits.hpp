@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // How far and where a run may move points. Limits act on a run's result: points outside are still neighbours of those
-// inside, and keep their place.
+// inside, and keep their place. Only ignored points are kept from the run itself.
 #pragma once
 
 #include <array>
@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "pointfair/cloud.hpp"
+#include "pointfair/selection.hpp"
 
 namespace pointfair {
 
@@ -30,25 +31,34 @@ struct Lasso {
   friend bool operator==(const Lasso&, const Lasso&) = default;
 };
 
-/// Where both a box and a lasso are given, a point moves only inside both.
+/// A point moves only where everything that is given lets it move.
 struct Limits {
   double strength = 1;  ///< share of each displacement that is kept, 0 to 1
   std::optional<Box> box;
   std::optional<Lasso> lasso;
+  std::vector<Selection> where;    ///< only points that each of them holds move
+  std::vector<Selection> ignore;   ///< points that one of them holds do not move, and are nobody's neighbours
+  std::vector<std::uint8_t> mask;  ///< 1 for each point that may move, else 0; empty: all
   friend bool operator==(const Limits&, const Limits&) = default;
 };
 
-/// The names of the limits: flags of the command line, keys of set_limit.
-inline constexpr std::array<std::string_view, 3> kLimitNames{"strength", "box", "lasso"};
+/// The names of the limits that have a text: flags of the command line, keys of set_limit.
+inline constexpr std::array<std::string_view, 5> kLimitNames{"strength", "box", "lasso", "where", "ignore"};
 
 /// Reads a limit as the command line writes it: strength "0.5"; box "x,y,z,x,y,z" (lower corner, upper corner); lasso
-/// "12 numbers of the matrix:x,y,x,y,..."; "" takes the limit away. Throws ErrorKind::usage with name and form.
+/// "12 numbers of the matrix:x,y,x,y,..."; where and ignore as parse_selections; "" takes the limit away. Throws
+/// ErrorKind::usage with name and form.
 void set_limit(Limits& limits, std::string_view name, std::string_view text);
 
 /// The limit as set_limit reads it, numbers in the shortest form that reads back the same; "" if there is none.
 std::string limit_text(const Limits& limits, std::string_view name);
 
-/// 1 for each point of the cloud that may move, else 0; empty if all may. O(N), O(N * corners) for a lasso.
+/// What a run is to be given: a copy of the cloud in which the ignored points are NaN, and so nobody's neighbours;
+/// apply_limits gives them their places back. O(N); throws as selected_points.
+Cloud without_ignored(const Limits& limits, const Cloud& cloud);
+
+/// 1 for each point of the cloud that may move, else 0; empty if all may. O(N), O(N * corners) for a lasso. Throws
+/// ErrorKind::usage as selected_points, and if the mask has not one value for each point.
 std::vector<std::uint8_t> movable_points(const Limits& limits, const Cloud& cloud);
 
 /// Limits the result `after` of a run on `before`. `movable` comes from movable_points. Throws ErrorKind::usage if the

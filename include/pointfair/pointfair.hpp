@@ -7,4 +7,5 @@
 #include "pointfair/limits.hpp"
 #include "pointfair/params.hpp"
 #include "pointfair/pipeline.hpp"
+#include "pointfair/selection.hpp"
 #include "pointfair/version.hpp"
