@@ -9,8 +9,9 @@ namespace pointfair {
 namespace {
 
 [[noreturn]] void refuse(std::string_view name, std::string_view text) {
-  throw Error(ErrorKind::usage, "--" + std::string(name) + " cannot be '" + std::string(text.substr(0, 60)) +
-                                    "': give an attribute and integers or ranges of them, as in classification=2,6,64-255");
+  throw Error(ErrorKind::usage,
+              "--" + std::string(name) + " cannot be '" + std::string(text.substr(0, 60)) +
+                  "': give an attribute and integers or ranges of them, as in classification=2,6,64-255");
 }
 
 // Takes an integer off the front of `text`; false: there is none.
@@ -103,7 +104,8 @@ std::vector<std::uint8_t> selected_points(const Selection& selection, const Clou
         break;
     }
   }
-  throw Error(ErrorKind::usage, "the attribute '" + selection.attribute + "' is not one integer a point; choose another");
+  throw Error(ErrorKind::usage,
+              "the attribute '" + selection.attribute + "' is not one integer a point; choose another");
 }
 
 }  // namespace pointfair

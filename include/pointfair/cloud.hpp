@@ -61,7 +61,8 @@ class Source;  // the parsed file behind a cloud; see src/io/source.hpp
 struct Cloud {
   std::array<double, 3> origin{};  ///< added to every point; 0 unless coordinates are large against the extent
   std::vector<Point> points;       ///< N offsets, in the order of the file
-  std::vector<Attribute> added;    ///< attributes that the file did not have; written after the file's own
+  std::vector<Attribute> added;    ///< attributes that the file did not have, written after its own; or new values
+                                   ///< for one that it has, under its name and with as many values a point
   std::shared_ptr<const Source>
       source;  ///< the file's own attributes, faces, comments; null for a cloud made in memory
 };

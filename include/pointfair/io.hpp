@@ -27,7 +27,9 @@ struct ReadOptions {
 struct WriteOptions {
   std::optional<Format> format;  ///< unset: by extension
   std::optional<Encoding>
-      encoding;            ///< unset: as in the source when the format is the same, else binary where there is one
+      encoding;  ///< unset: as in the source when the format is the same, else binary where there is one
+  std::optional<double> las_scale = {};  ///< step of the coordinates of LAS and LAZ: a whole part of the file's own, or
+                                         ///< of a new file; unset: as it is, else fine enough for floats
   bool overwrite = false;  ///< false: an existing file is an error
   bool sync = false;       ///< true: fsync before the file gets its name
   unsigned threads = 0;    ///< 0: all cores

@@ -3,8 +3,10 @@
 #pragma once
 
 #include "pointfair/cloud.hpp"
+#include "pointfair/file_info.hpp"
 #include "pointfair/io.hpp"
 #include "pointfair/limits.hpp"
+#include "pointfair/normals.hpp"
 #include "pointfair/params.hpp"
 #include "pointfair/pipeline.hpp"
 #include "pointfair/selection.hpp"

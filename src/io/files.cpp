@@ -64,17 +64,10 @@ void check(const Cloud& cloud) {
     refuse("the cloud has " + std::to_string(cloud.points.size()) + " points, its file " +
            std::to_string(cloud.source->size()) + "; keep them all, or write without the source");
   }
-  if (cloud.added.empty()) return;
-  std::vector<AttributeInfo> known;
-  if (cloud.source) known = attributes(Cloud{.origin = {}, .points = {}, .added = {}, .source = cloud.source});
   for (const Attribute& added : cloud.added) {
     if (added.components == 0 || added.data.size() != cloud.points.size() * added.components * size_of(added.type)) {
       refuse("the attribute '" + added.name + "' does not have one value for each point");
     }
-    if (std::any_of(known.begin(), known.end(), [&](const AttributeInfo& k) { return k.name == added.name; })) {
-      refuse("the cloud has two attributes '" + added.name + "'; rename one");
-    }
-    known.push_back(added);
   }
 }
 
@@ -105,50 +98,52 @@ Format family(Format format) {
   return format == Format::txt ? Format::xyz : format == Format::laz ? Format::las : format;
 }
 
-void write_new(const Cloud& cloud, Format format, Encoding encoding, io::Output& out) {
+// What is written where: decided, and refused, before the output is opened.
+struct Plan {
+  Format format;
+  Encoding encoding;
+  bool copy;  // into the source's own format
+  io::Edits edits;
+};
+
+void write_new(const Plan& plan, const Cloud& cloud, io::Output& out) {
   io::Table table = io::make_table(cloud);
-  switch (format) {
+  switch (plan.format) {
     case Format::ply:
-      return io::write_ply(std::move(table), encoding, out);
+      return io::write_ply(std::move(table), plan.encoding, out);
     case Format::pcd:
-      return io::write_pcd(std::move(table), encoding, out);
+      return io::write_pcd(std::move(table), plan.encoding, out);
     case Format::off:
       return io::write_off(std::move(table), out);
     case Format::obj:
       return io::write_obj(std::move(table), out);
     case Format::las:
     case Format::laz:
-      return io::write_las(std::move(table), encoding == Encoding::binary_compressed, out);
+      return io::write_las(std::move(table), plan.encoding == Encoding::binary_compressed, plan.edits.las_scale, out);
     case Format::e57:  // refused by the plan
       return;
     default:
-      return io::write_xyz(std::move(table), format, out);
+      return io::write_xyz(std::move(table), plan.format, out);
   }
 }
 
-// What is written where: decided, and refused, before the output is opened.
-struct Plan {
-  Format format;
-  Encoding encoding;
-  bool copy;  // into the source's own format
-};
-
-Plan plan(const Cloud& cloud, Format format, std::optional<Encoding> encoding) {
+Plan plan(const Cloud& cloud, Format format, std::optional<Encoding> encoding, std::optional<double> las_scale) {
   check(cloud);
   const bool copy = cloud.source && family(cloud.source->format()) == family(format);
   const bool keeps = copy && has_encoding(format, cloud.source->encoding());
   if (format == Format::e57 && !copy) {
     refuse("E57 files are written from E57 files only, with moved points; choose PLY, PCD or LAZ");
   }
-  const Plan result{format, encoding.value_or(keeps ? cloud.source->encoding() : usual_encoding(format)), copy};
+  const Plan result{format, encoding.value_or(keeps ? cloud.source->encoding() : usual_encoding(format)), copy,
+                    io::make_edits(cloud, las_scale)};
+  if (las_scale && family(format) != Format::las) refuse("only LAS and LAZ files have a scale; leave it out");
   if (!has_encoding(format, result.encoding)) refuse("this format has no such encoding; choose another");
   return result;
 }
 
 void carry_out(const Plan& plan, const Cloud& cloud, unsigned threads, io::Output& out) {
-  io::with_threads(threads, [&] {
-    plan.copy ? cloud.source->write(cloud, plan.encoding, out) : write_new(cloud, plan.format, plan.encoding, out);
-  });
+  io::with_threads(
+      threads, [&] { plan.copy ? cloud.source->write(plan.edits, plan.encoding, out) : write_new(plan, cloud, out); });
 }
 
 // Copies the files that belong to the source's, under the output's name.
@@ -178,7 +173,7 @@ Cloud read(std::span<const std::byte> bytes, const std::string& name, const Read
 void write(const std::filesystem::path& path, const Cloud& cloud, const WriteOptions& options) {
   const std::optional<Format> own = cloud.source ? std::optional(cloud.source->format()) : std::nullopt;
   const Format format = options.format ? *options.format : format_to_write(path, own);
-  const Plan chosen = plan(cloud, format, options.encoding);
+  const Plan chosen = plan(cloud, format, options.encoding, options.las_scale);
   const std::unique_ptr<io::Output> out = io::open_output(path, options.overwrite, options.sync);
   carry_out(chosen, cloud, options.threads, *out);
   if (chosen.copy && path != "-") copy_companions(*cloud.source, path, options);
@@ -204,7 +199,7 @@ std::vector<std::string> losses(const Cloud& cloud, std::optional<Format> format
 
 std::vector<std::byte> write_bytes(const Cloud& cloud, Format format, std::optional<Encoding> encoding) {
   io::MemoryOutput out;
-  carry_out(plan(cloud, format, encoding), cloud, 0, out);
+  carry_out(plan(cloud, format, encoding, {}), cloud, 0, out);
   const auto* const begin = reinterpret_cast<const std::byte*>(out.bytes.data());
   return {begin, begin + out.bytes.size()};
 }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "io/file_bytes.hpp"
@@ -28,6 +29,6 @@ void write_pcd(Table table, Encoding encoding, Output& out);
 void write_xyz(Table table, Format format, Output& out);
 void write_off(Table table, Output& out);
 void write_obj(Table table, Output& out);
-void write_las(Table table, bool compress, Output& out);
+void write_las(Table table, bool compress, std::optional<double> scale, Output& out);
 
 }  // namespace pointfair::io

@@ -136,14 +136,16 @@ std::string ply_property_lines(const std::vector<AttributeInfo>& attributes, std
   return lines;
 }
 
-std::string ply_header_text(const PlyHeader& header, Encoding encoding, const std::vector<Attribute>& added) {
+std::string ply_header_text(const PlyHeader& header, Encoding encoding, const AddedAttributes& added) {
   const std::string_view text = header.text;
   const bool crlf = text.ends_with("\r\n");
   const std::size_t encoding_end = header.encoding_at + ply_encoding_name(header.encoding).size();
   std::string result(text.substr(0, header.encoding_at));
   result += ply_encoding_name(encoding);
   result += text.substr(encoding_end, header.properties_end - encoding_end);
-  result += ply_property_lines({added.begin(), added.end()}, crlf ? "\r\n" : "\n");
+  std::vector<AttributeInfo> declared;
+  for (const Attribute* attribute : added) declared.push_back(*attribute);
+  result += ply_property_lines(declared, crlf ? "\r\n" : "\n");
   result += text.substr(header.properties_end);
   return result;
 }

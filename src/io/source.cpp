@@ -139,10 +139,10 @@ Moves Source::moves(std::uint64_t first, std::vector<Position> own, const Cloud&
   return result;
 }
 
-void Source::write(const Cloud& cloud, Encoding, io::Output& out) const {
-  out.write(header(cloud.added));
+void Source::write(const io::Edits& edits, Encoding, io::Output& out) const {
+  out.write(header(edits.added));
   io::write_blocks(out, block_count(), [&](std::size_t block, std::string& buffer) {
-    append_block(block, moves(block, cloud), cloud.added, buffer);
+    append_block(block, moves(block, edits.cloud), edits, buffer);
   });
   out.write(tail());
 }

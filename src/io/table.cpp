@@ -111,7 +111,13 @@ Table make_table(const Cloud& cloud) {
     static_cast<Column&>(column) = {attribute.name, native(attribute.type), attribute.components};
     const char* data = reinterpret_cast<const char*>(attribute.data.data());
     column.data.assign(data, data + attribute.data.size());
-    table.columns.push_back(std::move(column));
+    const auto own = std::find_if(table.columns.begin(), table.columns.end(),
+                                  [&](const TableColumn& other) { return other.name == attribute.name; });
+    if (own == table.columns.end()) {
+      table.columns.push_back(std::move(column));
+    } else {
+      *own = std::move(column);
+    }
   }
   return table;
 }

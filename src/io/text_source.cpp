@@ -113,13 +113,13 @@ bool word_to_scalar(std::string_view word, NativeType type, char* to) {
 
 }  // namespace
 
-void append_added_words(const std::vector<Attribute>& added, std::uint64_t point, char separator, std::string& to) {
-  for (const Attribute& attribute : added) {
-    const std::size_t size = pointfair::size_of(attribute.type);
-    const char* from = reinterpret_cast<const char*>(attribute.data.data()) + point * attribute.components * size;
-    for (std::uint32_t c = 0; c < attribute.components; ++c, from += size) {
+void append_added_words(const AddedAttributes& added, std::uint64_t point, char separator, std::string& to) {
+  for (const Attribute* attribute : added) {
+    const std::size_t size = pointfair::size_of(attribute->type);
+    const char* from = reinterpret_cast<const char*>(attribute->data.data()) + point * attribute->components * size;
+    for (std::uint32_t c = 0; c < attribute->components; ++c, from += size) {
       to += separator;
-      append_scalar(to, from, native(attribute.type));
+      append_scalar(to, from, native(attribute->type));
     }
   }
 }
@@ -275,6 +275,7 @@ void TextSource::find_types() const {
       for (const Narrowest& other : seen) seen.front().merge(other);
       if (!seen.front().numbers) continue;
       column.type = seen.front().type();
+      column.guessed = true;
     }
     kept.push_back(column);
   }
@@ -306,8 +307,51 @@ void TextSource::extract(std::size_t index, std::span<char> out) const {
   });
 }
 
-void TextSource::append_block(std::size_t block, const Moves& moves, const std::vector<Attribute>& added,
-                              std::string& to) const {
+const Replacement* TextSource::find_replacement(const std::vector<Replacement>& replaced, std::size_t column) const {
+  const auto found = std::find_if(replaced.begin(), replaced.end(),
+                                  [&](const Replacement& other) { return attributes_[other.column].first == column; });
+  return found == replaced.end() ? nullptr : &*found;
+}
+
+// A word of a line, and what takes its place.
+struct TextSource::WordEdit {
+  std::string_view word;
+  std::string text;
+};
+
+void TextSource::edit_row(std::string_view line, std::uint64_t point, const Moves& moves, std::size_t place,
+                          const Edits& edits, std::vector<WordEdit>& edited) const {
+  edited.clear();
+  if (moves.changed[place] != 0) {
+    const auto words = coordinate_words(line);
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      if ((moves.changed[place] >> axis & 1) == 0) continue;
+      const double value = moves.values[place][axis];
+      edited.push_back({words[axis], {}});
+      if (layout_.integers) {
+        append_as(edited.back().text, value, NativeType::int64);
+      } else {
+        append_moved(edited.back().text, words[axis], value, static_cast<float>(value - origin()[axis]));
+      }
+    }
+  }
+  std::vector<std::string_view> words;
+  for (const Replacement& replacement : edits.replaced) {
+    const TextColumn& column = attributes_[replacement.column];
+    column_words(line, layout_, column, words);
+    for (std::uint32_t c = 0; c < column.components; ++c) {
+      if (words[c].data() == nullptr) continue;  // the row is too short
+      edited.push_back({words[c], {}});
+      append_as(edited.back().text, replacement.value(point, c),
+                column.guessed ? native(replacement.values->type) : column.type);
+    }
+  }
+  // as they stand in the line
+  std::sort(edited.begin(), edited.end(),
+            [](const WordEdit& a, const WordEdit& b) { return a.word.data() < b.word.data(); });
+}
+
+void TextSource::append_block(std::size_t block, const Moves& moves, const Edits& edits, std::string& to) const {
   const std::string_view text = chunk_text(block);
   to.reserve(text.size() + text.size() / 4);
   const char* copied = text.data();  // everything before it is in `to`
@@ -315,30 +359,21 @@ void TextSource::append_block(std::size_t block, const Moves& moves, const std::
     to.append(copied, end);
     copied = end;
   };
-  for_each_line(block, [&](std::string_view line, std::ptrdiff_t point) {
-    if (point < 0) return;
-    const auto i = static_cast<std::size_t>(point);
-    if (moves.changed[i] != 0) {
-      const auto words = coordinate_words(line);
-      std::array<std::size_t, 3> order = {0, 1, 2};  // as they stand in the line
-      std::sort(order.begin(), order.end(), [&](auto a, auto b) { return words[a].data() < words[b].data(); });
-      for (const std::size_t axis : order) {
-        if ((moves.changed[i] >> axis & 1) == 0) continue;
-        const double value = moves.values[i][axis];
-        copy_up_to(words[axis].data());
-        if (layout_.integers) {
-          append_as(to, value, NativeType::int64);
-        } else {
-          append_moved(to, words[axis], value, static_cast<float>(value - origin()[axis]));
-        }
-        copied = words[axis].data() + words[axis].size();
-      }
+  std::vector<WordEdit> edited;
+  for_each_line(block, [&](std::string_view line, std::ptrdiff_t place) {
+    if (place < 0) return;
+    const std::uint64_t point = block_begin(block) + static_cast<std::uint64_t>(place);
+    edit_row(line, point, moves, static_cast<std::size_t>(place), edits, edited);
+    for (const WordEdit& edit : edited) {
+      copy_up_to(edit.word.data());
+      to += edit.text;
+      copied = edit.word.data() + edit.word.size();
     }
-    if (layout_.extendable && !added.empty()) {
+    if (layout_.extendable && !edits.added.empty()) {
       std::size_t end = line.size();
       while (end > 0 && is_blank(line[end - 1])) --end;
       copy_up_to(line.data() + end);
-      append_added_words(added, block_begin(block) + i, added_separator(line, layout_.separator), to);
+      append_added_words(edits.added, point, added_separator(line, layout_.separator), to);
     }
   });
   copy_up_to(text.data() + text.size());

@@ -72,11 +72,12 @@ class TextSource : public Source {
   void extract(std::size_t index, std::span<char> out) const override;
 
  protected:
-  void append_block(std::size_t block, const Moves& moves, const std::vector<Attribute>& added,
-                    std::string& to) const override;
+  void append_block(std::size_t block, const Moves& moves, const Edits& edits, std::string& to) const override;
   std::string_view tail() const override { return bytes().substr(layout_.end); }
   const TextLayout& layout() const { return layout_; }
   std::size_t row_begin(std::uint64_t row) const;  ///< in the file
+  /// The replacement of the attribute whose first column this is, if it has one.
+  const Replacement* find_replacement(const std::vector<Replacement>& replaced, std::size_t column) const;
 
  private:
   std::string_view chunk_text(std::size_t block) const;
@@ -85,6 +86,9 @@ class TextSource : public Source {
   std::array<std::string_view, 3> coordinate_words(std::string_view line) const;
   [[noreturn]] void fail_at(const char* place, const std::string& message) const;
   void find_types() const;
+  struct WordEdit;
+  void edit_row(std::string_view line, std::uint64_t point, const Moves& moves, std::size_t place, const Edits& edits,
+                std::vector<WordEdit>& words) const;
 
   TextLayout layout_;
   mutable std::once_flag types_found_;
@@ -92,6 +96,6 @@ class TextSource : public Source {
 };
 
 /// Appends the values of `added` at `point` as words, each with `separator` before it.
-void append_added_words(const std::vector<Attribute>& added, std::uint64_t point, char separator, std::string& to);
+void append_added_words(const AddedAttributes& added, std::uint64_t point, char separator, std::string& to);
 
 }  // namespace pointfair::io

@@ -89,6 +89,8 @@ Position to_spherical(const Position& p, double near) {
 
 E57Source::E57Source(FileBytes file, std::string file_name, FileHeader header, Document document)
     : Source(std::move(file), std::move(file_name), Format::e57, Encoding::binary), header_(header) {
+  library_ = std::move(document.library);
+  coordinate_metadata_ = std::move(document.coordinate_metadata);
   std::uint64_t left = to_logical(bytes().size());  // for the sections of scans
   for (Scan& scan : document.scans) {
     ScanPoints points;
@@ -165,6 +167,30 @@ void E57Source::extract(std::size_t index, std::span<char> out) const {
     }
     for (std::size_t i = 0; i < values.size(); ++i) store_double(to + i * size, column.type, false, values[i]);
   });
+}
+
+std::optional<Position> E57Source::sensor(std::size_t block) const {
+  const ScanPoints& scan = scans_[blocks_[block].scan];
+  return scan.has_pose ? std::optional(scan.pose.translation) : std::nullopt;
+}
+
+FileInfo E57Source::info() const {
+  FileInfo result;
+  result.metres_per_unit = 1;  // as the standard says
+  result.rows.push_back({"software", library_});
+  result.rows.push_back({"scans", std::to_string(scans_.size())});
+  const auto poses = std::count_if(scans_.begin(), scans_.end(), [](const ScanPoints& scan) { return scan.has_pose; });
+  result.rows.push_back({"poses", std::to_string(poses)});
+  if (!coordinate_metadata_.empty()) result.rows.push_back({"coordinate_system", coordinate_metadata_});
+  for (const ScanPoints& scan : scans_) {
+    for (const std::size_t f : scan.coordinates()) {
+      const Field& field = scan.fields[f];
+      // an angle's step in metres depends on the range
+      if (scan.cartesian && field.kind == Field::Kind::integer)
+        result.step = std::max(result.step, std::abs(field.scale));
+    }
+  }
+  return result;
 }
 
 std::vector<std::string> E57Source::losses(Format to) const {

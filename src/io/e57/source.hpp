@@ -43,8 +43,10 @@ class E57Source : public Source {
   ScalarType coordinate_type() const override { return ScalarType::float64; }
   std::vector<Column> columns() const override { return columns_; }
   void extract(std::size_t index, std::span<char> out) const override;
-  void write(const Cloud& cloud, Encoding encoding, Output& out) const override;
+  void write(const Edits& edits, Encoding encoding, Output& out) const override;
   std::vector<std::string> losses(Format to) const override;
+  std::optional<Position> sensor(std::size_t block) const override;
+  FileInfo info() const override;
 
  private:
   friend class E57Writer;
@@ -65,6 +67,7 @@ class E57Source : public Source {
   std::vector<Block> blocks_;
   std::uint64_t size_ = 0;
   std::vector<Column> columns_;
+  std::string library_, coordinate_metadata_;
 };
 
 }  // namespace pointfair::io::e57

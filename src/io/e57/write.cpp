@@ -53,8 +53,8 @@ struct Overlap {
 
 class E57Writer {
  public:
-  E57Writer(const E57Source& source, const Cloud& cloud, Output& out)
-      : source_(source), file_(source.bytes()), cloud_(cloud), out_(out) {
+  E57Writer(const E57Source& source, const Edits& edits, Output& out)
+      : source_(source), file_(source.bytes()), edits_(edits), out_(out) {
     replace_xml();
   }
 
@@ -131,65 +131,71 @@ class E57Writer {
     return result;
   }
 
-  // Patches what of the scan's coordinates lies between the logical places `from` and `to`, which `buffer` holds.
+  // A field of a scan that is written, and where its values come from: a coordinate or new values of an attribute.
+  struct Target {
+    std::size_t field, axis;
+    bool spherical;
+    const Replacement* replacement;
+  };
+
+  std::vector<Target> targets(const ScanPoints& scan) const {
+    std::vector<Target> result;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      if (scan.cartesian) result.push_back({(*scan.cartesian)[axis], axis, false, nullptr});
+      if (scan.spherical) result.push_back({(*scan.spherical)[axis], axis, true, nullptr});
+    }
+    for (const Replacement& replacement : edits_.replaced) {
+      for (std::size_t f = 0; f < scan.fields.size(); ++f) {
+        if (scan.fields[f].name == replacement.values->name) result.push_back({f, 0, false, &replacement});
+      }
+    }
+    std::erase_if(result, [&](const Target& target) { return scan.fields[target.field].bits == 0; });
+    return result;
+  }
+
+  // Patches what of the scan lies between the logical places `from` and `to`, which `buffer` holds.
   bool patch_scan(const ScanPoints& scan, std::uint64_t from, std::uint64_t to, std::string& buffer) const {
-    std::vector<std::pair<std::size_t, std::vector<Overlap>>> fields;
+    const std::vector<Target> fields = targets(scan);
+    std::vector<std::vector<Overlap>> parts;
     std::uint64_t first = scan.records, last = 0;
-    for (const std::size_t f : coordinate_fields(scan)) {
-      fields.emplace_back(f, overlaps(scan.streams[f], from, to));
-      for (const auto& [piece, begin, end] : fields.back().second) {
-        const std::uint64_t bits = scan.fields[f].bits, bit = (piece->begin + (begin - piece->place)) * 8;
+    for (const Target& target : fields) {
+      parts.push_back(overlaps(scan.streams[target.field], from, to));
+      for (const auto& [piece, begin, end] : parts.back()) {
+        const std::uint64_t bits = scan.fields[target.field].bits, bit = (piece->begin + (begin - piece->place)) * 8;
         first = std::min(first, bit / bits);
         last = std::max(last, std::min((bit + (end - begin) * 8 + bits - 1) / bits, scan.records));
       }
     }
     if (first >= last) return false;
     const Moved moved = find_moved(scan, first, last);
-    if (std::none_of(moved.changed.begin(), moved.changed.end(), [](std::uint8_t c) { return c != 0; })) return false;
-    for (const auto& [field, parts] : fields) {
-      for (const Overlap& part : parts) patch_part(scan, field, part, moved, first, from, buffer);
+    const bool none = std::none_of(moved.changed.begin(), moved.changed.end(), [](std::uint8_t c) { return c != 0; });
+    for (std::size_t f = 0; f < fields.size(); ++f) {
+      if (none && !fields[f].replacement) continue;
+      for (const Overlap& part : parts[f]) patch_part(scan, fields[f], part, moved, first, from, buffer);
     }
-    return true;
+    return !none || !edits_.replaced.empty();
   }
 
-  static std::vector<std::size_t> coordinate_fields(const ScanPoints& scan) {
-    std::vector<std::size_t> fields;
-    for (const auto& system : {scan.cartesian, scan.spherical}) {
-      if (!system) continue;
-      for (const std::size_t f : *system) {
-        if (scan.fields[f].bits != 0) fields.push_back(f);
-      }
-    }
-    return fields;
-  }
-
-  void patch_part(const ScanPoints& scan, std::size_t f, const Overlap& part, const Moved& moved, std::uint64_t first,
-                  std::uint64_t window, std::string& buffer) const {
+  void patch_part(const ScanPoints& scan, const Target& target, const Overlap& part, const Moved& moved,
+                  std::uint64_t first, std::uint64_t window, std::string& buffer) const {
     const auto size = static_cast<std::size_t>(part.to - part.from);
     std::string bytes(size, '\0');
     read_pages(buffer, window, part.from, size, bytes.data());
-    const Field& field = scan.fields[f];
-    const auto [axis, spherical] = axis_of(scan, f);
+    const Field& field = scan.fields[target.field];
     const auto begin = static_cast<std::int64_t>((part.piece->begin + (part.from - part.piece->place)) * 8);
     const std::uint64_t record = static_cast<std::uint64_t>(begin) / field.bits;
     const std::uint64_t end = std::min<std::uint64_t>(
         first + moved.changed.size(), (static_cast<std::uint64_t>(begin) + size * 8 + field.bits - 1) / field.bits);
     for (std::uint64_t r = record; r < end; ++r) {
       const auto i = static_cast<std::size_t>(r - first);
-      if (moved.changed[i] == 0) continue;
-      const double value = (spherical ? moved.spherical : moved.cartesian)[i][axis];
+      if (!target.replacement && moved.changed[i] == 0) continue;
+      const double value = target.replacement ? target.replacement->value(scan.first_point + r, 0)
+                           : target.spherical ? moved.spherical[i][target.axis]
+                                              : moved.cartesian[i][target.axis];
       put_bits(bytes.data(), size, static_cast<std::int64_t>(r * field.bits) - begin, field.bits,
                bits_of(field, value));
     }
     write_pages(buffer, window, part.from, size, bytes.data());
-  }
-
-  static std::pair<std::size_t, bool> axis_of(const ScanPoints& scan, std::size_t field) {
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      if (scan.cartesian && (*scan.cartesian)[axis] == field) return {axis, false};
-      if (scan.spherical && (*scan.spherical)[axis] == field) return {axis, true};
-    }
-    return {0, false};
   }
 
   // Where the points of the records [first, last) of a scan went.
@@ -197,7 +203,7 @@ class E57Writer {
     const auto count = static_cast<std::size_t>(last - first);
     std::vector<Position> own(count);
     source_.read_positions(scan, first, own);
-    const Moves moves = source_.moves(scan.first_point + first, own, cloud_);
+    const Moves moves = source_.moves(scan.first_point + first, own, edits_.cloud);
     Moved moved;
     moved.changed = moves.changed;
     std::vector<Position> local = local_coordinates(scan, first, count);
@@ -242,19 +248,19 @@ class E57Writer {
 
   const E57Source& source_;
   std::string_view file_;
-  const Cloud& cloud_;
+  const Edits& edits_;
   Output& out_;
   std::size_t tail_begin_ = 0;
   std::string tail_;  // the pages from there on, where they are other than the file's
   std::uint64_t xml_length_ = 0;
 };
 
-void E57Source::write(const Cloud& cloud, Encoding, Output& out) const {
-  if (!cloud.added.empty()) {
-    fail(name(), "an E57 file takes no further attributes, and '" + cloud.added.front().name +
+void E57Source::write(const Edits& edits, Encoding, Output& out) const {
+  if (!edits.added.empty()) {
+    fail(name(), "an E57 file takes no further attributes, and '" + edits.added.front()->name +
                      "' was added; write PLY, PCD or LAZ");
   }
-  E57Writer(*this, cloud, out).write();
+  E57Writer(*this, edits, out).write();
 }
 
 }  // namespace pointfair::io::e57

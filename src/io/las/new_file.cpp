@@ -39,12 +39,13 @@ Range range_of(const std::vector<Position>& positions) {
 }
 
 // A power of ten that divides the extent into 1e8 to 1e9 steps: finer than floats are, and 32 bits hold it.
-Scaling choose_scaling(const Range& range) {
+Scaling choose_scaling(const Range& range, std::optional<double> wanted) {
   double extent = 0;
   for (std::size_t axis = 0; axis < 3; ++axis) extent = std::max(extent, range.max[axis] - range.min[axis]);
-  const double scale = extent > 0 ? std::pow(10, std::floor(std::log10(extent)) - 8) : 0.001;
-  if (!std::isfinite(extent) || !(scale > 0))
-    refuse("the coordinates are too far apart for a LAS file; write PLY or PCD");
+  const double scale = wanted ? *wanted : extent > 0 ? std::pow(10, std::floor(std::log10(extent)) - 8) : 0.001;
+  if (!std::isfinite(extent) || !(scale > 0) || extent / scale > 2e9) {
+    refuse("the coordinates are too far apart for the scale of a LAS file; give a coarser one, or write PLY or PCD");
+  }
   Scaling scaling;
   scaling.scale.fill(scale);
   for (std::size_t axis = 0; axis < 3; ++axis) scaling.offset[axis] = std::floor(range.min[axis]);
@@ -81,8 +82,8 @@ bool is_color(const std::string& name) { return name == "red" || name == "green"
 
 class NewFile {
  public:
-  NewFile(Table& table, bool compress, Output& out)
-      : table_(table), out_(out), range_(range_of(table.positions)), scaling_(choose_scaling(range_)) {
+  NewFile(Table& table, bool compress, std::optional<double> scale, Output& out)
+      : table_(table), out_(out), range_(range_of(table.positions)), scaling_(choose_scaling(range_, scale)) {
     use_ply_names(table);
     const bool color = table.find("red") && table.find("green") && table.find("blue");
     format_ = !color ? 6 : table.find("nir") ? 8 : 7;
@@ -246,8 +247,8 @@ class NewFile {
 }  // namespace
 }  // namespace las
 
-void write_las(Table table, bool compress, Output& out) {
-  write_patched(out, [&](Output& to) { las::NewFile(table, compress, to).write(); });
+void write_las(Table table, bool compress, std::optional<double> scale, Output& out) {
+  write_patched(out, [&](Output& to) { las::NewFile(table, compress, scale, to).write(); });
 }
 
 }  // namespace pointfair::io

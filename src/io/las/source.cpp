@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/las/source.hpp"
 
+#include <algorithm>
+#include <cstdio>
 #include <filesystem>
 
 #include "io/file_bytes.hpp"
 #include "io/formats.hpp"
 #include "io/las/codec.hpp"
+#include "io/las/coordinate_system.hpp"
 #include "io/parallel.hpp"
 
 namespace pointfair::io {
@@ -57,6 +60,33 @@ std::vector<std::string> LasSource::losses(Format to) const {
     result.push_back(index.string() +
                      " does not fit points that moved, so it was not copied; lasindex makes a new one");
   }
+  return result;
+}
+
+FileInfo LasSource::info() const {
+  const Header& header = layout_.header;
+  const CoordinateSystem system = coordinate_system(header);
+  const auto numbers = [](const std::array<double, 3>& values) {
+    std::string text;
+    for (const double value : values) {
+      if (!text.empty()) text += ", ";
+      char digits[32];
+      const int length = std::snprintf(digits, sizeof digits, "%.15g", value);
+      text.append(digits, static_cast<std::size_t>(length));
+    }
+    return text;
+  };
+  FileInfo result;
+  result.metres_per_unit = system.metres_per_unit;
+  result.step = *std::max_element(header.scaling.scale.begin(), header.scaling.scale.end());
+  result.rows = {{"version", "LAS 1." + std::to_string(header.minor) + (header.compressed ? ", compressed" : "")},
+                 {"point_format", std::to_string(header.point_format)},
+                 {"coordinate_system", system.name},
+                 {"scale", numbers(header.scaling.scale)},
+                 {"offset", numbers(header.scaling.offset)},
+                 {"software", std::string(get_text(bytes(), place::software, 32))},
+                 {"system", std::string(get_text(bytes(), place::system, 32))}};
+  if (header.find("copc", 1)) result.rows.front().value += ", COPC";
   return result;
 }
 

@@ -33,9 +33,10 @@ class LasSource : public Source {
   ScalarType coordinate_type() const override { return ScalarType::float64; }
   std::vector<Column> columns() const override { return {fields_.begin(), fields_.end()}; }
   void extract(std::size_t index, std::span<char> out) const override;
-  void write(const Cloud& cloud, Encoding encoding, Output& out) const override;
+  void write(const Edits& edits, Encoding encoding, Output& out) const override;
   std::vector<std::string> losses(Format to) const override;
   std::vector<std::string> companions() const override;
+  FileInfo info() const override;
 
  private:
   friend class LasWriter;

@@ -9,6 +9,7 @@
 #include "io/las/source.hpp"
 #include "io/parallel.hpp"
 #include "io/record_source.hpp"
+#include "io/text.hpp"
 
 namespace pointfair::io::las {
 namespace {
@@ -26,6 +27,21 @@ void put_grid(const Grid& grid, char* record) {
   }
 }
 
+// How many steps of the scale that is asked for make one of the file's own, on each axis.
+Grid steps_of(const Scaling& own, std::optional<double> wanted) {
+  Grid steps{1, 1, 1};
+  for (std::size_t axis = 0; wanted && axis < 3; ++axis) {
+    const double ratio = own.scale[axis] / *wanted, whole = std::nearbyint(ratio);
+    if (!(whole >= 1 && whole < 1e6) || std::abs(ratio - whole) > 1e-6 * whole) {
+      std::string scale;
+      append_number(scale, own.scale[axis]);
+      throw Error(ErrorKind::usage, "the scale of the file is " + scale + "; give a whole part of it, such as a tenth");
+    }
+    steps[axis] = static_cast<std::int32_t>(whole);
+  }
+  return steps;
+}
+
 // A bound that is the same as before keeps its bytes.
 void put_bounds(const Scaling& scaling, const GridBounds& before, const GridBounds& now, std::string& front) {
   for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -35,21 +51,45 @@ void put_bounds(const Scaling& scaling, const GridBounds& before, const GridBoun
   }
 }
 
+// Puts other values into a field of the records of points from `first` on.
+void replace_field(const Field& field, const Replacement& replacement, std::uint64_t first, std::size_t record_length,
+                   std::string& records) {
+  const std::size_t size = size_of(field.stored);
+  const auto mask = static_cast<unsigned char>(((1U << field.bits) - 1) << field.shift);
+  for (std::size_t i = 0; i * record_length < records.size(); ++i) {
+    char* to = records.data() + i * record_length + field.offset;
+    for (std::uint32_t c = 0; c < field.components; ++c, to += size) {
+      const double value = replacement.value(first + i, c);
+      if (field.bits != 0) {
+        const auto bits = static_cast<unsigned>(narrow<std::uint8_t>(value)) << field.shift;
+        *to = static_cast<char>((static_cast<unsigned char>(*to) & ~mask) | (bits & mask));
+      } else {
+        store_double(to, field.stored, kSwap, field.scaled ? (value - field.add[c]) / field.scale[c] : value);
+      }
+    }
+  }
+}
+
 }  // namespace
 
 class LasWriter {
  public:
-  LasWriter(const LasSource& source, const Cloud& cloud, bool compress, Output& out)
+  LasWriter(const LasSource& source, const Edits& edits, bool compress, Output& out)
       : source_(source),
         layout_(source.layout_),
-        cloud_(cloud),
+        edits_(edits),
         out_(out),
         frame_(source.bytes(), layout_.header, layout_.points_end, source.name()),
-        record_length_(layout_.header.record_length) {
+        record_length_(layout_.header.record_length),
+        steps_(steps_of(layout_.header.scaling, edits.las_scale)),
+        scaling_(layout_.header.scaling) {
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      if (steps_[axis] > 1) scaling_.scale[axis] = *edits.las_scale;
+    }
     add_attributes();
     if (compress) choose_compression();
     if (!compress) drop("laszip encoded", kLaszipId);
-    if (compress && (!layout_.compression || !cloud.added.empty())) {
+    if (compress && (!layout_.compression || !edits.added.empty())) {
       frame_.put_record(kLaszipUser, kLaszipId, "by LASzip of pointfair", compression_record(*compression_));
     }
     drop("copc", 1);  // an octree of the points, which no longer are where it has them
@@ -58,6 +98,7 @@ class LasWriter {
 
   void write() {
     std::string front = frame_.front(compression_.has_value(), record_length_);
+    for (std::size_t axis = 0; axis < 3; ++axis) put(front, place::scale + 8 * axis, scaling_.scale[axis]);
     out_.write(front);
     const std::string_view own_place = file().substr(layout_.header.points_begin, kPlaceBytes);
     if (compression_) out_.write(layout_.compression ? own_place : std::string_view("\0\0\0\0\0\0\0\0", kPlaceBytes));
@@ -82,10 +123,10 @@ class LasWriter {
   }
 
   void add_attributes() {
-    if (cloud_.added.empty()) return;
+    if (edits_.added.empty()) return;
     std::vector<Column> columns;
-    for (const Attribute& attribute : cloud_.added) {
-      columns.push_back({attribute.name, native(attribute.type), attribute.components});
+    for (const Attribute* attribute : edits_.added) {
+      columns.push_back({attribute->name, native(attribute->type), attribute->components});
       record_length_ += column_bytes(columns.back());
     }
     if (record_length_ > std::numeric_limits<std::uint16_t>::max()) {
@@ -122,10 +163,13 @@ class LasWriter {
   void append_block(std::size_t block, std::string& buffer) {
     std::vector<Grid> grid(source_.block_size(block));
     source_.store_->grid(block, grid);
-    for (const Grid& point : grid) before_[block].add(point, point);
-    const bool moved = move(block, grid);
+    for (Grid& point : grid) {
+      refine(point);
+      before_[block].add(point, point);
+    }
+    const bool moved = move(block, grid) || is_refined();
     for (const Grid& point : grid) now_[block].add(point, point);
-    if (compression_ && cloud_.added.empty()) {
+    if (compression_ && !edits_.changes_attributes()) {
       const std::string_view own = source_.store_->chunk(block);
       kept_[block] = !moved && !own.empty();
       if (kept_[block]) {
@@ -137,16 +181,28 @@ class LasWriter {
     append_records(block, grid, moved, buffer);
   }
 
+  bool is_refined() const { return steps_ != Grid{1, 1, 1}; }
+
+  // The same place in steps of the new scale.
+  void refine(Grid& point) const {
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const std::int64_t fine = std::int64_t{point[axis]} * steps_[axis];
+      if (fine != static_cast<std::int32_t>(fine)) {
+        throw Error(ErrorKind::usage, "the coordinates do not fit in 32 bits with so fine a scale; give a coarser one");
+      }
+      point[axis] = static_cast<std::int32_t>(fine);
+    }
+  }
+
   // Moves the points of the block; false if none did.
   bool move(std::size_t block, std::vector<Grid>& grid) const {
-    const Scaling& scaling = layout_.header.scaling;
-    const Moves moves = source_.moves(block, cloud_);
+    const Moves moves = source_.moves(block, edits_.cloud);
     bool moved = false;
     for (std::size_t i = 0; i < grid.size(); ++i) {
       for (std::size_t axis = 0; axis < 3; ++axis) {
         if ((moves.changed[i] >> axis & 1) == 0) continue;
-        const double shift = moves.values[i][axis] - scaling.value(axis, grid[i][axis]);
-        const std::int32_t now = moved_integer(grid[i][axis], shift, scaling.scale[axis]);
+        const double own = layout_.header.scaling.value(axis, grid[i][axis] / steps_[axis]);
+        const std::int32_t now = moved_integer(grid[i][axis], moves.values[i][axis] - own, scaling_.scale[axis]);
         moved = moved || now != grid[i][axis];
         grid[i][axis] = now;
       }
@@ -157,17 +213,21 @@ class LasWriter {
   void append_records(std::size_t block, const std::vector<Grid>& grid, bool moved, std::string& buffer) const {
     std::string own_buffer, points;
     const std::string_view own = source_.store_->records(block, kAllLayers, own_buffer);
-    if (cloud_.added.empty()) {
+    if (edits_.added.empty()) {
       points = own;
     } else {
       const std::size_t length = layout_.header.record_length;
       points.reserve(grid.size() * record_length_);
       for (std::size_t i = 0; i < grid.size(); ++i) {
         points.append(own.substr(i * length, length));
-        append_added(cloud_.added, source_.block_begin(block) + i, kSwap, points);
+        append_added(edits_.added, source_.block_begin(block) + i, kSwap, points);
       }
     }
     for (std::size_t i = 0; moved && i < grid.size(); ++i) put_grid(grid[i], points.data() + i * record_length_);
+    for (const Replacement& replacement : edits_.replaced) {
+      replace_field(source_.fields_[replacement.column], replacement, source_.block_begin(block), record_length_,
+                    points);
+    }
     if (compression_) {
       encode_chunk(*compression_, points, buffer);
     } else {
@@ -177,7 +237,7 @@ class LasWriter {
 
   // All chunks are as they were, and nothing else changes.
   bool is_copy() const {
-    return compression_ && cloud_.added.empty() && !layout_.header.find("copc", 1) &&
+    return compression_ && !edits_.changes_attributes() && !is_refined() && !layout_.header.find("copc", 1) &&
            std::all_of(kept_.begin(), kept_.end(), [](char kept) { return kept != 0; });
   }
 
@@ -201,23 +261,25 @@ class LasWriter {
     GridBounds before, now;
     for (const GridBounds& bounds : before_) before.add(bounds);
     for (const GridBounds& bounds : now_) now.add(bounds);
-    put_bounds(layout_.header.scaling, before, now, front);
+    put_bounds(scaling_, before, now, front);
   }
 
   const LasSource& source_;
   const Layout& layout_;
-  const Cloud& cloud_;
+  const Edits& edits_;
   Output& out_;
   Frame frame_;
   std::size_t record_length_;               // as written
+  Grid steps_;                              // as written, of a step of the file's own scale
+  Scaling scaling_;                         // as written
   std::optional<Compression> compression_;  // as written; none: uncompressed
   std::vector<std::size_t> sizes_;          // of the blocks, and below what becomes of each
   std::vector<GridBounds> before_, now_;
   std::vector<char> kept_;  // its chunk is copied
 };
 
-void LasSource::write(const Cloud& cloud, Encoding encoding, Output& out) const {
-  write_patched(out, [&](Output& to) { LasWriter(*this, cloud, encoding == Encoding::binary_compressed, to).write(); });
+void LasSource::write(const Edits& edits, Encoding encoding, Output& out) const {
+  write_patched(out, [&](Output& to) { LasWriter(*this, edits, encoding == Encoding::binary_compressed, to).write(); });
 }
 
 }  // namespace pointfair::io::las

@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a cloud's file says beside its points.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "pointfair/cloud.hpp"
+
+namespace pointfair {
+
+struct FileInfo {
+  struct Row {
+    std::string name, value;
+  };
+  std::vector<Row> rows;                  ///< for people: version, software, coordinate system, ...
+  std::optional<double> metres_per_unit;  ///< of the coordinates, where the file says so
+  double step = 0;                        ///< between coordinates where these are integers, the coarsest; else 0
+};
+
+/// Costs nothing per point.
+FileInfo file_info(const Cloud& cloud);
+
+}  // namespace pointfair
