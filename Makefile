@@ -14,10 +14,10 @@ FUZZ_TARGETS = $(notdir $(wildcard build/fuzz/bin/fuzz_*))
 
 help:
 	@echo "make build    the program, build/bin/pointfair"
-	@echo "make demo     fair a noisy Armadillo and a real scan, with a table and a picture in build/demo"
+	@echo "make demo     denoise an Armadillo and a real scan; errors, times and pictures in build/demo"
 	@echo "make test     all tests"
 	@echo "make bench    time every stage and the peers"
-	@echo "make quality  what noise is left: every method and the peers, where the truth is known, in docs; 1 h, goes on if stopped"
+	@echo "make quality  measure the noise that is left by each method and peer, into docs; 1 h, goes on if stopped"
 	@echo "make bench-viewer  time the viewer over its WebSocket, 100,000 and 1M points, and its page in Chromium"
 	@echo "make paper-tables  the paper's table II and figures 6 and 7 on this machine, in build/paper"
 	@echo "make figures  every picture of the documents and the numbers under them, in docs"

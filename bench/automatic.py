@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Measures what a run with nothing set promises, beside the quality that bench/quality.py compares.
+"""Measures what the default run promises, beside the quality that bench/quality.py compares.
 
 Parts: estimates (noise estimate over known noise), steady (clean clouds, a second run), low (noise below the spacing),
 sheets (thin plates), outliers, scans (real ones, of $POINTFAIR_DATA/scans), cost (of the estimates). Shapes are those of
@@ -129,10 +129,10 @@ def low(bench):
                 cloud = bench.noisy(mesh, "--points", points, "--sigma", f"{level}%", "--seed", 1)
                 out, report = bench.fair(cloud, "once.ply")
                 before, after = bench.left(cloud, mesh), bench.left(out, mesh)
-                rows.append([f"{mesh.stem}, {points:,}", f"{level} %", str(report["params"]["step"]),
+                rows.append([f"{mesh.stem}, {points:,}", f"{level} %", str(report["params"]["relaxation"]),
                              *(f"{b:.4f} to {a:.4f}" for b, a in zip(before, after))])
     return ("Noise far below the spacing, before and after a run, % of the diagonal:\n\n"
-            + table(["", "noise", "step", "mean distance", "edge rms"], rows))
+            + table(["", "noise", "relaxation", "mean distance", "edge rms"], rows))
 
 
 def sheets(bench):
@@ -151,7 +151,7 @@ def sheets(bench):
         left = [statistics.fmean(abs(its[i][2] - height[i]) for i in inner) / percent for its in (cloud, read_points(out)[0])]
         rows.append([f"{points:,}", f"{gap} %", f"{gap * percent / math.sqrt(2 / points):.1f}", f"{sigma} %",
                      f"{report['noise']['before'] / percent:.3f} %", f"{left[0]:.3f} to {left[1]:.3f}"])
-    return ("Two parallel sheets, nothing set, lengths in % of the diagonal:\n\n"
+    return ("Two parallel sheets, default run, lengths in % of the diagonal:\n\n"
             + table(["points", "gap", "in spacings", "noise", "estimate", "mean distance to the own sheet"], rows))
 
 
@@ -222,7 +222,7 @@ def scans(bench):
     """Planes: the residual at flat places (the flatter half of those before); steep: at the worst tenth, where edges are."""
     rows = []
     for scan in bench.scans:
-        convert = ("--strength", 0, "--k", 3, "--passes", 1, "--format", "ply", "--encoding", "binary")
+        convert = ("--strength", 0, "--k", 3, "--iterations", 1, "--format", "ply", "--encoding", "binary")
         before, _ = bench.fair(scan, "before.ply", *convert)
         out, report = bench.fair(scan, "after" + scan.suffix, "--outliers", "mark")
         after, _ = bench.fair(out, "after.ply", *convert) if scan.suffix != ".ply" else (out, None)
@@ -238,12 +238,12 @@ def scans(bench):
             cells += ["/".join(f"{statistics.median(a / b for b, a in part):.2f}" for part in (flat, steep)) if both else ""]
         attributes = all(a[12:] == b[12:len(a)] for a, b in zip(records, moved))
         noise, farthest = report["noise"]["before"], report["displacement"]["max"]
-        rows.append([scan.name, f"{report['points']:,}", f"{noise / report['spacing']:.3f}", str(report["params"]["step"]), *cells,
+        rows.append([scan.name, f"{report['points']:,}", f"{noise / report['spacing']:.3f}", str(report["params"]["relaxation"]), *cells,
                      f"{farthest / noise:.2f}", f"{100 * report['unmoved']['outliers'] / report['points']:.2f} %",
                      "same" if attributes and len(start) == len(end) else "DIFFER"])
-    return ("Real scans, nothing set but `--outliers mark`: residuals of planes after over before, median of the flatter half / of the steepest "
+    return ("Real scans, default run with `--outliers mark`: residuals of planes after over before, median of the flatter half / of the steepest "
             "tenth of the places; farthest move in noise sigmas:\n\n"
-            + table(["", "points", "noise, spacings", "step", *(f"{count} points" for count in PLANES), "farthest", "outliers", "attributes"], rows))
+            + table(["", "points", "noise, spacings", "relaxation", *(f"{count} points" for count in PLANES), "farthest", "outliers", "attributes"], rows))
 
 
 def cost(bench):

@@ -22,7 +22,7 @@ import tarfile
 from dataclasses import dataclass
 from pathlib import Path
 
-SAME_FORMULAS = ["--passes", "1", "--area-weight", "squared"]  # what plain_pipeline computes
+SAME_FORMULAS = ["--iterations", "1", "--area-weight", "squared"]  # what plain_pipeline computes
 
 
 @dataclass(frozen=True)
@@ -184,8 +184,8 @@ class Bench:
 *order*: of the points as the peer gets them; pointfair always gets them in random order. *preparation*: what the peer
 needs beyond points (oriented normals; a radius that holds k points), not counted. For the neighbours alone, pointfair's
 time is that of its index and neighbours. *leaves*: mean distance to the mesh, in % of its diagonal; the noisy points
-have {self.distance(self.clouds.even()):.4f}. pointfair with every parameter automatic (k {report['params']['k']}, passes
-{report['params']['passes']}) leaves {left:.4f}, in {report['total_ms'] / 1000:.3f} s.
+have {self.distance(self.clouds.even()):.4f}. pointfair with every parameter automatic (k {report['params']['k']}, iterations
+{report['params']['iterations']}) leaves {left:.4f}, in {report['total_ms'] / 1000:.3f} s.
 """
 
     def compare_at(self, k, peers):

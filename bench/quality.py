@@ -8,7 +8,7 @@ Clouds are made by `pointfair noise`, several seeds and levels, from
     it what noise along the surface alone leaves: that of the noisy points put onto the mesh;
   - the meshes of --meshes, by default the Armadillo and the fandisk of Debian's libcgal-demo, 100,000 points even and of
     density 50:1, noise in % of the diagonal; left: mean distance and edge rms, both in % of the diagonal;
-and from both the mean error of normals, of planes through 16 points, in degrees. pointfair runs with nothing set, or as
+and from both the mean error of normals, of planes through 16 points, in degrees. pointfair makes its default run, or as
 --contender says. A peer runs at its documented defaults and at each setting of a small sweep, of which the best counts
 column by column, chosen with the truth in hand. Needs a build with -DPOINTFAIR_BENCH=ON for the peers (`make quality`
 does all of it).
@@ -17,7 +17,7 @@ Each result is kept in FOLDER/results.jsonl as it comes, so a run that was stopp
 program is measured again alone. By default, about 45 minutes of one core, most of them the peers'; what is left is said
 while it runs. Prints Markdown; --write puts it between the marks <!-- quality NAME --> and <!-- end --> of a page.
 A quick look: bench/quality.py --seeds 1 --peers none --shapes cad dino
-Another setting: bench/quality.py --peers none --contender "sharper=--normal-angle 15"
+Another setting: bench/quality.py --peers none --contender "sharper=--crease-angle 15"
 """
 import argparse
 import array
@@ -289,7 +289,7 @@ def best_peers(rows):
 
 
 def figure_table(rows, figure, columns):
-    """Markdown; what pointfair with nothing set loses to the best of the peers is bold."""
+    """Markdown; what the default run of pointfair loses to the best of the peers is bold."""
     best, lines = best_peers(rows), []
     for row in rows:
         if not any((figure, column) in row.cells for column in columns):
@@ -305,7 +305,7 @@ def figure_table(rows, figure, columns):
 
 
 def verdict(rows, figures):
-    """Which cells pointfair with nothing set loses to CGAL's bilateral filter, and to the best of all peers; only cells
+    """Which cells the default run of pointfair loses to CGAL's bilateral filter, and to the best of all peers; only cells
     for which the whole sweep is known count."""
     ours = next(row for row in rows if row.contender.name == "pointfair")
     swept = [row for row in rows if row.contender.is_peer and len(row.contender.settings) > 1]

@@ -175,7 +175,7 @@ class Bench {
  public:
   Bench(const Program& program, Page& page, const Options& options)
       : program_(program), page_(page), options_(options) {
-    base_ = {{"k", std::to_string(options.k)}, {"passes", "1"}};
+    base_ = {{"k", std::to_string(options.k)}, {"iterations", "1"}};
   }
 
   // Alternates between values of a parameter; every answer is a whole result. `between` runs before each and is not
@@ -216,7 +216,7 @@ class Bench {
   }
 
   // From the message to the word that the run has ended, at any moment of its first 0.6 s: previews, every stage of
-  // lists and of balls, first and further passes.
+  // lists and of radius neighbourhoods, first and further iterations.
   Json cancel() {
     std::mt19937 random(1);
     Sample wait, inside, processor;
@@ -224,7 +224,7 @@ class Bench {
       Json params = base_;
       params["k"] = i % 2 == 0 ? std::to_string(60 + i % 16) : "auto";
       params["radius"] = i % 2 == 0 ? "auto" : std::to_string(4 + i % 16) + "s";
-      params["passes"] = "20";
+      params["iterations"] = "20";
       page_.send(message(params));
       page_.read_until(Clock::now() + std::chrono::milliseconds(random() % 600));
       const double spent = program_.processor_milliseconds();
@@ -276,11 +276,12 @@ Json measure(const Options& options) {
             {"k", options.k},
             {"cloud", {{"ms", ready}, {"bytes", cloud_bytes}}}};
   // a run over balls keeps no lists, so that the next must search them: a smaller k would read a part of those there
-  const Json balls{{"radius", "2s"}, {"passes", "1"}}, single{{"k", std::to_string(options.k)}, {"passes", "1"}};
+  const Json balls{{"radius", "2s"}, {"iterations", "1"}},
+      single{{"k", std::to_string(options.k)}, {"iterations", "1"}};
   json["sliders"] = {{"last_stage", bench.slider("similarity_sigma", {"0.4s", "0.5s"})},
                      {"normals", bench.slider("normal_sigma", {"2s", "2.2s"})},
                      {"neighbors", bench.slider("similarity_sigma", {"0.4s", "0.5s"}, balls)},
-                     {"second_pass", bench.slider("passes", {"2"}, single)}};
+                     {"second_iteration", bench.slider("iterations", {"2"}, single)}};
   if (options.cancels > 0) json["cancel"] = bench.cancel();
   return json;
 }

@@ -94,7 +94,7 @@ async function measure(scope, { points, models, seconds }) {
   const started = performance.now();
   const { url, child } = await view(scope, [noisy, "--port", 0]);
   const opened = performance.now();
-  const { page, faults } = await openPage(scope, browser, `${url}#k=16&passes=1&view.up=y`);
+  const { page, faults } = await openPage(scope, browser, `${url}#k=16&iterations=1&view.up=y`);
   await settled(page);
   const ready = performance.now();
   const slider_rate = await pulled(page, seconds);

@@ -40,17 +40,23 @@ std::string flag_of(const ParamInfo& info) {
   return flag;
 }
 
+constexpr const char* kParamGroup = "Parameters";
+
 std::string value_hint(const ParamInfo& info) {
   if (!info.values.empty()) return std::string(info.values) + (info.automatic ? "|auto" : "");
   std::string hint = "LENGTH";
-  if (std::holds_alternative<int Params::*>(info.field)) hint = fmt::format("{}..{}", info.min, info.max);
+  if (std::holds_alternative<int Params::*>(info.field) ||
+      std::holds_alternative<std::optional<double> Params::*>(info.field))
+    hint = fmt::format("{}..{}", info.min, info.max);
   return info.automatic ? hint + "|auto" : hint;
 }
 
 void add_param(CLI::App& command, const ParamInfo& info, ParamArguments& arguments) {
   const auto store = [&arguments, &info](const std::string& text) { arguments.given.emplace_back(&info, text); };
   CLI::Option* option = command.add_option_function<std::string>(flag_of(info), store, std::string(info.help));
-  option->type_name(value_hint(info))->group("Parameters")->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
+  option->type_name(value_hint(info))
+      ->group(info.expert ? kExpertGroup : kParamGroup)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
 }
 
 }  // namespace
@@ -63,12 +69,15 @@ CLI::Option* add_choice(CLI::App& command, const std::string& flag, std::string&
 }
 
 void add_params(CLI::App& command, ParamArguments& arguments) {
-  add_choice(command, "--preset", arguments.preset, {"paper"}, "k 8, one pass, constraint on, squared area weight")
-      ->group("Parameters");
+  add_choice(command, "--preset", arguments.preset, {"paper"},
+             "the paper: k 8, one iteration, constraint on, squared area weight")
+      ->group(kParamGroup);
   for (const ParamInfo& info : kParams) add_param(command, info, arguments);
+  command.set_help_all_flag("--help-all", "print this help with the expert parameters");
   command.footer(
-      "A LENGTH is a number in the file's unit, 0.5% of the bounding box's diagonal, 2s mean spacings, or auto:\n"
-      "what the data suggests, the default of every length.");
+      "A LENGTH is a number in the file's unit, 0.5% of the diagonal of the bounding box, 2s mean spacings, or auto.\n"
+      "--closeness-sigma and --normal-sigma also take 0.6r, radii of the neighbourhood. auto, the default, chooses a\n"
+      "value from the data; pointfair info prints it.");
 }
 
 Params make_params(const ParamArguments& arguments, const Params& defaults) {
@@ -80,11 +89,11 @@ Params make_params(const ParamArguments& arguments, const Params& defaults) {
 
 void add_limits(CLI::App& command, LimitArguments& arguments) {
   constexpr std::array<std::array<const char*, 2>, kLimitNames.size()> kHelp{{
-      {"0..1", "share of each displacement that is kept"},
-      {"X,Y,Z,X,Y,Z", "only points in this box move: lower corner, upper corner"},
-      {"MATRIX:POLYGON", "only points that a picture shows inside a polygon move; the viewer writes it"},
-      {"ATTRIBUTE=VALUES", "only points move whose attribute has one of the integers, as in classification=2,6,64-255"},
-      {"ATTRIBUTE=VALUES", "such points do not move, and are nobody's neighbours"},
+      {"0..1", "how much to denoise: 0 keeps the input, 1 gives the full result, 0.5 the mean of both"},
+      {"X,Y,Z,X,Y,Z", "move only the points in this box: lower corner, upper corner"},
+      {"MATRIX:POLYGON", "move only the points that a view shows inside a polygon; the viewer writes it"},
+      {"ATTRIBUTE=VALUES", "move only the points whose attribute has one of these integers, as in classification=2,6,64-255"},
+      {"ATTRIBUTE=VALUES", "leave out the points whose attribute has one of these integers: they keep their place and are nobody's neighbors"},
   }};
   for (std::size_t i = 0; i < kLimitNames.size(); ++i) {
     const auto store = [&arguments, i](const std::string& text) { arguments.given.emplace_back(kLimitNames[i], text); };
@@ -114,7 +123,8 @@ std::optional<tbb::global_control> limit_threads(unsigned threads) {
 }
 
 void add_device(CLI::App& command, DeviceArguments& arguments) {
-  command.add_option("--device", arguments.device, "auto: cuda where there is one")->type_name("auto|cpu|cuda[:N]");
+  command.add_option("--device", arguments.device, "auto: CUDA if there is a card, else the CPU")
+      ->type_name("auto|cpu|cuda[:N]");
   add_threads(command, arguments.threads);
 }
 
@@ -135,9 +145,9 @@ Device make_device(const DeviceArguments& arguments) {
 
 void add_format(CLI::App& command, FormatArguments& arguments) {
   add_choice(command, "--format", arguments.format, names(kFormats),
-             "of the output; default: by its extension, on - the input's");
+             "format of the output; default: by its extension, that of the input for -");
   add_choice(command, "--encoding", arguments.encoding, names(kEncodings),
-             "of the output; default: the input's, else binary");
+             "encoding of the output; default: that of the input, else binary");
 }
 
 WriteOptions make_write_options(const FormatArguments& arguments, const std::filesystem::path& path) {
@@ -174,7 +184,8 @@ Length parse_length(std::string_view name, const std::string& text) {
   const ParamInfo row = {name, Stage::index, &Params::radius, 0, 1e30, false, "", ""};  // borrows a field
   Params params;
   set_param(params, row, text);
-  if (params.radius.is_automatic()) throw Error(ErrorKind::usage, fmt::format("--{} has no automatic value", name));
+  if (params.radius.is_automatic())
+    throw Error(ErrorKind::usage, fmt::format("--{} cannot be auto; give a length", name));
   return params.radius;
 }
 

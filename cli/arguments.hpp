@@ -19,6 +19,9 @@ namespace pointfair::cli {
 CLI::Option* add_choice(CLI::App& command, const std::string& flag, std::string& value,
                         const std::vector<std::string>& words, const std::string& help);
 
+/// The group of flags that `--help` leaves to `--help-all`.
+inline constexpr const char* kExpertGroup = "Expert parameters";
+
 /// The parameters given, in their order; they come after the preset, wherever that stands.
 struct ParamArguments {
   std::string preset;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// pointfair bench: the time of each stage on this machine, from array to array.
+// pointfair bench: the time of each stage on this machine, from array to array. Without parameters, of the default run
+// with its estimates, and then of k = 8 in one iteration.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -29,12 +30,17 @@ struct BenchArguments {
   DeviceArguments device;
 };
 
-// Medians over the repeats.
+// Whether a run also estimates what its parameters leave to the data, as those of users do.
+enum class Estimation { before, in_each_run };
+
+// One table: the medians over the repeats.
 struct Times {
+  Report report;
+  Estimation when;
   std::vector<StageTime> stages;
   double total = 0;
   double similarity_only = 0;  // a further run in which only similarity_sigma changed
-  double estimation = 0;       // of the automatic parameters, once, before all else
+  double estimation = 0;       // index and estimates, once, before all else
 };
 
 template <class F>
@@ -63,11 +69,18 @@ std::vector<StageTime> stage_medians(const std::vector<std::vector<StageTime>>& 
   return result;
 }
 
-// Each repeat loads the points anew; the first one warms up and does not count. `params` has no auto left.
-Times measure(Pipeline& pipeline, std::span<const Point> points, const Params& params, int repeat, Report& report,
+// Each repeat loads the points anew; the first one warms up and does not count.
+Times measure(Pipeline& pipeline, std::span<const Point> points, const Params& asked, Estimation when, int repeat,
               std::stop_token stop) {
+  Report report;
+  Params resolved;
+  const double estimation = milliseconds([&] {
+    pipeline.load(points);
+    resolved = pipeline.resolve(asked, stop);
+  });
+  const Params& params = when == Estimation::before ? resolved : asked;
   Params changed = params;
-  changed.similarity_sigma.value *= 1.25;
+  changed.similarity_sigma = 1.25 * resolved.similarity_sigma.value;
   std::vector<Point> out(points.size());
   std::vector<std::vector<StageTime>> stages;
   std::vector<double> totals, similarity_only;
@@ -83,27 +96,35 @@ Times measure(Pipeline& pipeline, std::span<const Point> points, const Params& p
     totals.push_back(total);
     similarity_only.push_back(last);
   }
-  return {stage_medians(stages), median(totals), median(similarity_only), 0};
+  return {report, when, stage_medians(stages), median(totals), median(similarity_only), estimation};
 }
 
-std::string bench_text(const Report& report, const Times& times, int repeat) {
-  std::string text =
-      fmt::format("{} points, k {}, {}, median of {}\n", report.points, report.params.k, report.device.name, repeat);
+// "all within a radius, 2 iterations".
+std::string run_text(const Params& params) {
+  const std::string neighbors = params.k > 0 ? fmt::format("k {}", params.k) : "neighbours within a radius";
+  return fmt::format("{}, {} iteration{}", neighbors, params.iterations, params.iterations == 1 ? "" : "s");
+}
+
+std::string bench_text(std::string_view title, const Times& times, int repeat) {
+  const Report& report = times.report;
+  std::string text = fmt::format("{}: {}\n{} points, {}, median of {}\n", title, run_text(report.params), report.points,
+                                 report.device.name, repeat);
   const auto out = std::back_inserter(text);
   for (const StageTime& stage : times.stages)
     fmt::format_to(out, "{:<22}{:10.1f} ms\n", stage.name, stage.milliseconds);
   fmt::format_to(out, "{:<22}{:10.1f} ms  {:.2f} million points a second\n", "array to array", times.total,
                  static_cast<double>(report.points) / times.total / 1000);
   fmt::format_to(out, "{:<22}{:10.1f} ms\n", "similarity_sigma only", times.similarity_only);
-  fmt::format_to(out, "automatic parameters were resolved once beforehand, {:.1f} ms, not included\n",
-                 times.estimation);
+  fmt::format_to(out, "{:<22}{:10.1f} ms  {}\n", "index and estimates", times.estimation,
+                 times.when == Estimation::before ? "once before, not included" : "included");
   fmt::format_to(out, "peak memory {:.1f} bytes a point on the host, {:.1f} on the device\n",
                  static_cast<double>(report.peak_host_bytes) / static_cast<double>(report.points),
                  static_cast<double>(report.peak_device_bytes) / static_cast<double>(report.points));
   return text;
 }
 
-Json bench_json(const Report& report, const Times& times) {
+Json bench_json(const Times& times) {
+  const Report& report = times.report;
   return {{"device", device_json(report.device)},
           {"points", report.points},
           {"k", report.params.k},
@@ -116,37 +137,42 @@ Json bench_json(const Report& report, const Times& times) {
 }
 
 void bench(const BenchArguments& arguments, std::stop_token stop) {
-  Params params;
-  params.k = 8;
-  params.passes = 1;
-  params = make_params(arguments.params, params);
+  const bool is_asked = !arguments.params.preset.empty() || !arguments.params.given.empty();
+  const Params params = make_params(arguments.params, {});
   check_report(arguments.report, {arguments.input});
   Pipeline pipeline(make_device(arguments.device));
   const std::vector<Point> points =
       arguments.input.empty() ? make_cloud(arguments.points) : std::move(read(arguments.input).points);
   if (points.empty()) throw Error(ErrorKind::failed, "there are no points to time");
-  const double estimation = milliseconds([&] {
-    pipeline.load(points);
-    params = pipeline.resolve(params, stop);
-  });
-  Report report;
-  Times times = measure(pipeline, points, params, arguments.repeat, report, stop);
-  times.estimation = estimation;
-  write_report(arguments.report, bench_json(report, times));
-  if (arguments.report != "-") print_output(bench_text(report, times, arguments.repeat));
+  const Times times = measure(pipeline, points, params, is_asked ? Estimation::before : Estimation::in_each_run,
+                              arguments.repeat, stop);
+  Json json = bench_json(times);
+  std::string text = bench_text(is_asked ? "as asked" : "the default run", times, arguments.repeat);
+  if (!is_asked) {
+    Params short_lists;
+    short_lists.k = 8;
+    short_lists.iterations = 1;
+    const Times of_lists = measure(pipeline, points, short_lists, Estimation::before, arguments.repeat, stop);
+    json["k8"] = bench_json(of_lists);
+    text += "\n" + bench_text("the least run", of_lists, arguments.repeat);
+  }
+  write_report(arguments.report, json);
+  if (arguments.report != "-") print_output(text);
 }
 
 }  // namespace
 
 Verb add_bench(CLI::App& app) {
   const auto arguments = std::make_shared<BenchArguments>();
-  CLI::App& command = *app.add_subcommand("bench", "Time each stage and the whole, from array to array.");
+  CLI::App& command = *app.add_subcommand("bench", "Time each stage on this machine.");
   command
       .add_option("--input", arguments->input,
-                  "cloud to read; default: a bumpy sphere, random order, noise of one spacing")
+                  "cloud to read; default: a bumpy sphere in random order with noise of one spacing")
       ->type_name("FILE");
-  command.add_option("--points", arguments->points, "of the bumpy sphere")->type_name("N")->excludes("--input");
-  command.add_option("--repeat", arguments->repeat, "median of so many runs, after one to warm up")
+  command.add_option("--points", arguments->points, "number of points of the bumpy sphere")
+      ->type_name("N")
+      ->excludes("--input");
+  command.add_option("--repeat", arguments->repeat, "number of runs that are timed, after one to warm up")
       ->check(CLI::Range(1, 1000).description(""))
       ->type_name("N");
   add_params(command, arguments->params);

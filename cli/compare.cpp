@@ -73,15 +73,16 @@ void compare(const CompareArguments& arguments) {
 
 Verb add_compare(CLI::App& app) {
   const auto arguments = std::make_shared<CompareArguments>();
-  CLI::App& command = *app.add_subcommand("compare", "Distances of the points of A to the mesh or cloud B.");
+  CLI::App& command = *app.add_subcommand("compare", "Measure distances of cloud A to mesh or cloud B.");
   command.add_option("A", arguments->cloud, "cloud to measure")->required();
   command.add_option("B", arguments->reference, "mesh or cloud to measure against")->required();
-  add_choice(command, "--as", arguments->as, {"auto", "cloud"}, "cloud: take B by its points though it has faces");
-  command.add_option("--edges", arguments->edges, "also measure near edges whose faces turn by more than this")
+  add_choice(command, "--as", arguments->as, {"auto", "cloud"},
+             "auto: B is a mesh if it has faces; cloud: use only its points");
+  command.add_option("--edges", arguments->edges, "also measure near edges whose faces differ by more than this angle")
       ->check(CLI::Range(0.0, 180.0).description(""))
       ->type_name("DEGREES");
   command
-      .add_option("--normals", arguments->normals, "also measure the normals of planes through so many nearest points")
+      .add_option("--normals", arguments->normals, "also measure the normals of planes through the K nearest points")
       ->check(CLI::Range(3, kMaxNeighbors).description(""))
       ->type_name("K");
   add_threads(command, arguments->threads);
@@ -89,7 +90,7 @@ Verb add_compare(CLI::App& app) {
   command.footer(
       "Distances are in the file's unit and in % of the diagonal of B's bounding box. chamfer is the mean squared\n"
       "distance to the nearest point from A to B plus that from B to A, where B's bounding sphere has radius 1.\n"
-      "normal_error is the mean angle in degrees to the normal of the nearest face, signs left out.");
+      "normal_error is the mean angle in degrees to the normal of the nearest face, without its sign.");
   return {&command, [arguments](std::stop_token) { compare(*arguments); }};
 }
 

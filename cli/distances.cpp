@@ -125,9 +125,9 @@ std::vector<double> measure_surface(const std::vector<Vec3>& points, const Surfa
 std::vector<Point> plane_normals(const Cloud& cloud, int k, unsigned threads) {
   Params params;
   params.k = k;
-  params.passes = 1;
-  params.normal_weights = false;
-  params.normal_sigma = params.closeness_sigma = params.similarity_sigma = 1;
+  params.iterations = 1;
+  params.normal_sigma = 1e15;  // so wide that weights are equal
+  params.closeness_sigma = params.similarity_sigma = 1;
   Pipeline pipeline({Device::cpu, 0, threads});
   pipeline.load(cloud.points);
   std::vector<Point> normals(cloud.points.size());

@@ -69,7 +69,7 @@ void doctor(const std::string& report) {
 
 Verb add_doctor(CLI::App& app) {
   const auto report = std::make_shared<std::string>();
-  CLI::App& command = *app.add_subcommand("doctor", "Devices and why they can or cannot be used, formats, versions.");
+  CLI::App& command = *app.add_subcommand("doctor", "List devices, formats, versions.");
   add_report(command, *report);
   return {&command, [report](std::stop_token) { doctor(*report); }};
 }

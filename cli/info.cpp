@@ -79,7 +79,7 @@ void info(const InfoArguments& arguments, std::stop_token stop) {
 
 Verb add_info(CLI::App& app) {
   const auto arguments = std::make_shared<InfoArguments>();
-  CLI::App& command = *app.add_subcommand("info", "Counts, bounds, attributes, spacing, noise, suggested parameters.");
+  CLI::App& command = *app.add_subcommand("info", "Print size, spacing, noise, suggested parameters.");
   command.add_option("IN", arguments->input, "cloud to read; - is standard input")->required();
   add_device(command, arguments->device);
   add_report(command, arguments->report);

@@ -3,8 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <exception>
 #include <filesystem>
+#include <iterator>
 #include <new>
 #include <numeric>
 #include <string>
@@ -21,21 +23,34 @@ namespace {
 
 constexpr std::string_view kHelp = R"(pointfair {}: removes the noise of 3D scans and keeps their shape
 
-  pointfair run IN OUT      fair a cloud
-  pointfair info IN         counts, bounds, spacing, noise, suggested parameters
-  pointfair compare A B     distances of cloud A to mesh or cloud B
-  pointfair noise IN OUT    sample a mesh, add noise
-  pointfair bench           time each stage on this machine
-  pointfair doctor          devices, formats, versions
-
+{}
 Files: {}
-       - is standard input or output
-pointfair VERB --help lists a verb's flags; the usual start is
+       - is standard input or output.
+pointfair VERB --help lists the flags of a verb; the usual start is
 
-  pointfair run scan.ply fair.ply
+  pointfair run scan.ply denoised.ply
 )";
 
-std::string help() { return fmt::format(kHelp, version(), fmt::join(format_names(), ", ")); }
+std::string help(const std::vector<Verb>& verbs) {
+  std::string lines;
+  for (const Verb& verb : verbs) {
+    std::string usage = verb.command->get_name();
+    for (const CLI::Option* option : verb.command->get_options())
+      if (option->get_positional()) fmt::format_to(std::back_inserter(usage), " {}", option->get_name());
+    std::string does = verb.command->get_description();
+    does.pop_back();  // the full stop
+    does[0] = static_cast<char>(std::tolower(static_cast<unsigned char>(does[0])));
+    lines += fmt::format("  pointfair {:<15} {}\n", usage, does);
+  }
+  return fmt::format(kHelp, version(), lines, fmt::join(format_names(), ", "));
+}
+
+// The help of a verb; `with_expert`: also the flags that are seldom needed.
+std::string help_of(CLI::App& command, bool with_expert) {
+  for (CLI::Option* option : command.get_options())
+    if (!with_expert && option->get_group() == kExpertGroup) option->group("");  // CLI11 hides such
+  return command.help("pointfair");
+}
 
 // Levenshtein's distance.
 std::size_t edits_between(std::string_view a, std::string_view b) {
@@ -69,7 +84,7 @@ std::size_t edits_between(std::string_view a, std::string_view b) {
 // Returns the verb to run, or null where only help or the version was asked for, which is then printed.
 const Verb* parse(CLI::App& app, const std::vector<Verb>& verbs, std::vector<std::string> words) {
   if (words.empty() || words[0] == "--help" || words[0] == "-h") {
-    print_output(help());
+    print_output(help(verbs));
     return nullptr;
   }
   const auto is_named = [&](const Verb& verb) { return verb.command->get_name() == words[0]; };
@@ -80,7 +95,10 @@ const Verb* parse(CLI::App& app, const std::vector<Verb>& verbs, std::vector<std
     app.parse(std::move(words));
   } catch (const CLI::CallForHelp&) {
     const auto asked = app.get_subcommands();
-    print_output(asked.empty() ? help() : asked.front()->help("pointfair"));
+    print_output(asked.empty() ? help(verbs) : help_of(*asked.front(), false));
+    return nullptr;
+  } catch (const CLI::CallForAllHelp&) {
+    print_output(help_of(*app.get_subcommands().front(), true));
     return nullptr;
   } catch (const CLI::CallForVersion&) {
     print_output(fmt::format("pointfair {}\n", version()));
@@ -95,8 +113,8 @@ void run_verb(std::vector<std::string> words, std::stop_token stop) {
   CLI::App app("", "pointfair");
   app.set_version_flag("--version", "");
   app.require_subcommand(1);
-  const std::vector<Verb> verbs = {add_run(app),   add_info(app),   add_compare(app), add_noise(app),
-                                   add_bench(app), add_doctor(app), add_view(app)};
+  const std::vector<Verb> verbs = {add_run(app),   add_view(app),  add_info(app),  add_compare(app),
+                                   add_noise(app), add_bench(app), add_doctor(app)};
   if (const Verb* verb = parse(app, verbs, std::move(words))) verb->action(stop);
 }
 
@@ -121,7 +139,7 @@ int main(int count, char** words) {
   } catch (const std::bad_alloc&) {
     return cli::fail(interrupts, "out of memory; close other programs or use fewer points", cli::kExitMemory);
   } catch (const std::length_error&) {
-    return cli::fail(interrupts, "more points than any memory holds; use fewer", cli::kExitMemory);
+    return cli::fail(interrupts, "too many points for any memory; use fewer", cli::kExitMemory);
   } catch (const std::filesystem::filesystem_error& error) {
     return cli::fail(interrupts, error.what(), cli::kExitFile);
   } catch (const std::exception& error) {

@@ -25,7 +25,7 @@ struct NoiseArguments {
 
 void check_arguments(const NoiseArguments& arguments) {
   if (arguments.uneven && !arguments.points) {
-    throw Error(ErrorKind::usage, "--uneven says how to sample; add --points N");
+    throw Error(ErrorKind::usage, "--uneven needs --points N, since it says how to sample");
   }
   if (!arguments.force) check_not_same(arguments.input, arguments.output, "name another output");
   check_writable(arguments.output, arguments.force);
@@ -77,17 +77,21 @@ void noise(const NoiseArguments& arguments, std::stop_token stop) {
 
 Verb add_noise(CLI::App& app) {
   const auto arguments = std::make_shared<NoiseArguments>();
-  CLI::App& command = *app.add_subcommand("noise", "Sample a mesh and add noise, or add noise to a cloud's points.");
+  CLI::App& command = *app.add_subcommand("noise", "Sample a mesh, add noise.");
   command.add_option("IN", arguments->input, "mesh or cloud to read")->required();
   command.add_option("OUT", arguments->output, "cloud to write")->required();
-  command.add_option("--points", arguments->points, "sample the mesh at so many places, uniformly by area")
+  command.add_option("--points", arguments->points, "sample the mesh at N random places, uniformly by area")
       ->type_name("N");
-  command.add_option("--sigma", arguments->sigma, "standard deviation of the noise: 0.3% of the diagonal, 2s spacings")
+  command
+      .add_option("--sigma", arguments->sigma,
+                  "standard deviation of the noise in each direction: 0.3% of the diagonal, 2s spacings")
       ->type_name("LENGTH");
-  command.add_option("--uneven", arguments->uneven, "density varies by this ratio along the longest axis")
+  command.add_option("--uneven", arguments->uneven, "let the density vary by this ratio along the longest axis")
       ->check(CLI::Range(1.0, 1e6).description(""))
       ->type_name("RATIO");
-  command.add_option("--outliers", arguments->outliers, "so many points go anywhere in the box grown by 10 %")
+  command
+      .add_option("--outliers", arguments->outliers,
+                  "move this share of the points anywhere in the bounding box, grown by 10 %")
       ->type_name("SHARE");
   command.add_option("--seed", arguments->seed, "the same seed gives the same bytes on any machine")->type_name("N");
   add_threads(command, arguments->threads);

@@ -9,6 +9,8 @@ namespace {
 Json param_json(const Params& params, const ParamInfo& info) {
   if (const auto* field = std::get_if<int Params::*>(&info.field)) {
     if (params.*(*field) != kAutomatic) return params.*(*field);
+  } else if (const auto* factor = std::get_if<std::optional<double> Params::*>(&info.field)) {
+    if (params.*(*factor)) return *(params.*(*factor));
   } else if (const auto* flag = std::get_if<bool Params::*>(&info.field)) {
     return params.*(*flag);
   } else if (const auto* length = std::get_if<Length Params::*>(&info.field)) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// pointfair run IN OUT: fair a cloud.
+// pointfair run IN OUT: denoise a cloud.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -27,7 +27,7 @@ struct RunArguments {
 
 // What is said about a run beside the library's own report.
 struct Findings {
-  double spacing = 0, noise_before = 0, noise_after = 0;
+  double spacing = 0, noise = 0;  // of the input
   Statistics displacement;
 };
 
@@ -54,12 +54,6 @@ Statistics displacement(const Cloud& before, const Cloud& after) {
   return summarize(lengths);
 }
 
-double noise_of(const Cloud& cloud, const Device& device, std::stop_token stop) {
-  Pipeline pipeline(device);
-  pipeline.load(cloud);
-  return pipeline.estimates(stop).noise;
-}
-
 Json unmoved_json(const UnmovedCounts& unmoved) {
   return {{"non_finite", unmoved.non_finite},
           {"too_few_neighbors", unmoved.too_few_neighbors},
@@ -73,12 +67,12 @@ Json run_json(const Report& report, const Findings& findings) {
           {"points", report.points},
           {"params", params_json(report.params)},
           {"spacing", findings.spacing},
-          {"noise", {{"before", findings.noise_before}, {"after", findings.noise_after}}},
+          {"noise", {{"before", findings.noise}}},
           {"unmoved", unmoved_json(report.unmoved)},
           {"short_neighborhoods", report.short_neighborhoods},
           {"displacement", statistics_json(findings.displacement)},
           {"stages", stages_json(report.stages)},
-          {"pieces", report.pieces},
+          {"tiles", report.tiles},
           {"total_ms", report.total_milliseconds},
           {"peak_bytes", {{"host", report.peak_host_bytes}, {"device", report.peak_device_bytes}}}};
 }
@@ -110,12 +104,12 @@ void print_summary(const RunArguments& arguments, const Report& report, const Fi
   if (arguments.verbose) print_details(report);
   const UnmovedCounts& unmoved = report.unmoved;
   const std::uint64_t kept = unmoved.non_finite + unmoved.too_few_neighbors + unmoved.no_normal + unmoved.outliers;
-  fmt::print(stderr, "{} points faired on {} in {:.1f} ms, {} kept as they were{}\n", report.points - kept,
+  fmt::print(stderr, "{} points denoised on {} in {:.1f} ms, {} kept as they were{}\n", report.points - kept,
              device_name(report.device.kind), report.total_milliseconds, kept, reasons_kept(unmoved));
-  if (report.pieces > 1)
-    fmt::print(stderr, "computed in {} pieces, since the device's memory holds less than all\n", report.pieces);
-  fmt::print(stderr, "noise {:.4g} -> {:.4g}, points moved {:.4g} on average, {:.4g} at most\n", findings.noise_before,
-             findings.noise_after, findings.displacement.mean, findings.displacement.max);
+  if (report.tiles > 1)
+    fmt::print(stderr, "computed in {} tiles, since the cloud does not fit into the device's memory\n", report.tiles);
+  fmt::print(stderr, "noise of the input {:.4g} (estimated), points moved {:.4g} on average, {:.4g} at most\n",
+             findings.noise, findings.displacement.mean, findings.displacement.max);
 }
 
 Cloud read_input(const RunArguments& arguments) {
@@ -141,15 +135,16 @@ void run(const RunArguments& arguments, std::stop_token stop) {
     progress.show(0, "reading");
     const Cloud cloud = read_input(arguments);
     pipeline.load(cloud);
-    Cloud fair = pipeline.run(params, stop, [&](double share, std::string_view stage) { progress.show(share, stage); });
-    apply_limits(limits, cloud, fair);
+    Cloud denoised =
+        pipeline.run(params, stop, [&](double share, std::string_view stage) { progress.show(share, stage); });
+    apply_limits(limits, cloud, denoised);
     progress.show(1, "writing");
-    write(arguments.output, fair, write_options);
+    write(arguments.output, denoised, write_options);
     not_kept = losses(cloud, write_options.format);
     if (wants_findings) {
       progress.show(1, "measuring");
       const Estimates& estimates = pipeline.estimates(stop);
-      findings = {estimates.spacing, estimates.noise, noise_of(fair, device, stop), displacement(cloud, fair)};
+      findings = {estimates.spacing, estimates.noise, displacement(cloud, denoised)};
     }
   }
   write_report(arguments.report, run_json(pipeline.report(), findings));
@@ -162,7 +157,7 @@ void run(const RunArguments& arguments, std::stop_token stop) {
 
 Verb add_run(CLI::App& app) {
   const auto arguments = std::make_shared<RunArguments>();
-  CLI::App& command = *app.add_subcommand("run", "Fair a cloud: remove its noise and keep its shape.");
+  CLI::App& command = *app.add_subcommand("run", "Denoise a cloud and keep its shape.");
   command.add_option("IN", arguments->input, "cloud to read; - is standard input")->required();
   command.add_option("OUT", arguments->output, "cloud to write; - is standard output")->required();
   add_params(command, arguments->params);
@@ -171,7 +166,7 @@ Verb add_run(CLI::App& app) {
   add_format(command, arguments->format);
   add_report(command, arguments->report);
   add_choice(command, "--progress", arguments->progress, {std::begin(kProgressModes), std::end(kProgressModes)},
-             "on standard error; auto: a bar on a terminal");
+             "progress on standard error; auto: a bar on a terminal");
   command.add_flag("--force", arguments->force, "replace OUT if it exists");
   command.add_flag("-q,--quiet", arguments->quiet, "print errors only");
   command.add_flag("-v,--verbose", arguments->verbose, "print the device, the parameters and each stage's time");

@@ -49,7 +49,7 @@ void open_browser(std::string url) {
 
 void view(const ViewArguments& arguments, std::stop_token stop) {
   if (arguments.input == "-")
-    throw Error(ErrorKind::usage, "view needs a file, since its result is saved from it again");
+    throw Error(ErrorKind::usage, "view needs a file and cannot read standard input; write the cloud to a file first");
   if (!std::filesystem::is_directory(arguments.save_folder))
     throw Error(ErrorKind::file,
                 "--save-folder " + arguments.save_folder + ": is no folder; create it or name another");
@@ -83,16 +83,21 @@ void view(const ViewArguments&, std::stop_token) {
 
 Verb add_view(CLI::App& app) {
   const auto arguments = std::make_shared<ViewArguments>();
-  CLI::App& command = *app.add_subcommand("view", "Fair a cloud under your hand, on a page in the browser.");
+  CLI::App& command = *app.add_subcommand("view", "Denoise a cloud interactively, in the browser.");
   command.add_option("IN", arguments->input, "cloud to read")->required();
-  command.add_option("--port", arguments->port, "to listen on; 0: any; default: 7373 or any")->type_name("N");
-  command.add_option("--host", arguments->host, "address to listen on; beyond this machine the URL gets a token")
+  command
+      .add_option("--port", arguments->port, "port to listen on; 0: any free one; default: 7373, or any if it is taken")
+      ->type_name("N");
+  command
+      .add_option("--host", arguments->host,
+                  "address to listen on; if other machines can reach it, the URL has a token")
       ->type_name("ADDRESS");
-  command.add_flag("--token", arguments->token, "ask for a token on this machine too, where others work on it");
-  command.add_flag("--no-open", arguments->no_open, "print the URL only");
-  command.add_option("--save-folder", arguments->save_folder, "where the page saves to; default: here")
+  command.add_flag("--token", arguments->token, "require a token on this machine too, if other people use it");
+  command.add_flag("--no-open", arguments->no_open, "print the URL, do not open a browser");
+  command
+      .add_option("--save-folder", arguments->save_folder, "folder that the page saves to; default: the current one")
       ->type_name("FOLDER");
-  command.add_option("--points", arguments->points, "that the page holds of a larger cloud")
+  command.add_option("--points", arguments->points, "show so many points of a larger cloud")
       ->check(CLI::Range(1000, 100'000'000).description(""))
       ->type_name("N");
   add_device(command, arguments->device);

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""make demo: fairs a noisy Armadillo, whose true surface is known, and a scanned building, whose is not. Prints the errors
+"""make demo: denoises a noisy Armadillo, whose true surface is known, and a scanned building, whose is not. Prints the errors
 and times, and leaves clouds and pictures in build/demo. The models come from Debian's libcgal-demo."""
 import json
 import pathlib
@@ -39,20 +39,20 @@ def print_table(rows):
 
 
 models.fetch(OUT)
-mesh, noisy, fair = OUT / "armadillo.off", OUT / "noisy.ply", OUT / "fair.ply"
+mesh, noisy, denoised = OUT / "armadillo.off", OUT / "noisy.ply", OUT / "denoised.ply"
 pointfair("noise", mesh, noisy, "--points", 200000, "--sigma", "0.3%", "--seed", SEED, "--force")
-armadillo = pointfair("run", noisy, fair, "--force")
-distance_before, distance_after = pointfair("compare", noisy, mesh), pointfair("compare", fair, mesh)
-building = pointfair("run", OUT / "building.ply", OUT / "building_fair.ply", "--force")
-for before, after, out, angles in ((noisy, fair, "before_after.png", (200, 8)),
-                                   (OUT / "building.ply", OUT / "building_fair.ply", "building_before_after.png", (0, -40))):
+armadillo = pointfair("run", noisy, denoised, "--force")
+distance_before, distance_after = pointfair("compare", noisy, mesh), pointfair("compare", denoised, mesh)
+building = pointfair("run", OUT / "building.ply", OUT / "building_denoised.ply", "--force")
+for before, after, out, angles in ((noisy, denoised, "before_after.png", (200, 8)),
+                                   (OUT / "building.ply", OUT / "building_denoised.ply", "building_before_after.png", (0, -40))):
     subprocess.run([PICTURE, before, after, "--out", OUT / out, "--angles", *map(str, angles)], check=True)
 
 print(f"\nArmadillo, {armadillo['points']} points, noise 0.3 %: distance to the true surface, of the diagonal\n")
 print_table([["", "before", "after"]] + [[key, percent(distance_before, key), percent(distance_after, key)] for key in ("mean", "rms", "p95")])
-print("\nNoise as the clouds themselves show it, in file units\n")
-print_table([["", "before", "after"]] + [[name, *(f"{r['noise'][when]:.4f}" for when in ("before", "after"))]
-                                         for name, r in (("armadillo", armadillo), ("building", building))])
+print("\nNoise estimated on the input and mean displacement, in file units\n")
+print_table([["", "noise", "moved"]] + [[name, f"{r['noise']['before']:.4f}", f"{r['displacement']['mean']:.4f}"]
+                                        for name, r in (("armadillo", armadillo), ("building", building))])
 print(f"\nMilliseconds on {armadillo['device']['name']}\n")
 names = list(dict.fromkeys(stage["name"] for r in (armadillo, building) for stage in r["stages"]))
 rows = [["", *names, "total"]]
@@ -60,4 +60,4 @@ for name, r in (("armadillo", armadillo), ("building", building)):
     times = {stage["name"]: stage["ms"] for stage in r["stages"]}
     rows.append([name, *(f"{times[n]:.1f}" if n in times else "-" for n in names), f"{r['total_ms']:.1f}"])
 print_table(rows)
-print(f"\nClouds and pictures: {OUT.relative_to(ROOT)}: noisy.ply, fair.ply, building_fair.ply, before_after.png, building_before_after.png")
+print(f"\nClouds and pictures: {OUT.relative_to(ROOT)}: noisy.ply, denoised.ply, building_denoised.ply, before_after.png, building_before_after.png")

@@ -47,7 +47,7 @@ std::optional<double> number_of(std::string_view text) {
   return value;
 }
 
-// Widths of the Gaussians over distance.
+// The sigmas of Gaussians over distance.
 bool may_be_of_radius(const ParamInfo& info) { return info.name == "normal_sigma" || info.name == "closeness_sigma"; }
 
 std::string wanted_values(const ParamInfo& info) {
@@ -55,6 +55,8 @@ std::string wanted_values(const ParamInfo& info) {
   if (!info.values.empty()) return "one of " + std::string(info.values) + automatic;
   if (std::holds_alternative<int Params::*>(info.field))
     return "a whole number from " + number_text(info.min) + " to " + number_text(info.max) + automatic;
+  if (std::holds_alternative<std::optional<double> Params::*>(info.field))
+    return "a number from " + number_text(info.min) + " to " + number_text(info.max) + automatic;
   const std::string of_radius = may_be_of_radius(info) ? ", 0.6r (radii of the neighbourhood)" : "";
   return "a positive length: 0.02 (file units), 0.5% (of the diagonal), 2s (mean spacings)" + of_radius + automatic;
 }
@@ -117,6 +119,15 @@ struct ReadField {
       refuse(info, text, wanted_values(info));
     params.*field = int(*value);
   }
+  void operator()(std::optional<double> Params::*field) const {
+    if (info.automatic && text == "auto") {
+      params.*field = std::nullopt;
+      return;
+    }
+    const std::optional<double> value = number_of(text);
+    if (!value || *value < info.min || *value > info.max) refuse(info, text, wanted_values(info));
+    params.*field = value;
+  }
   void operator()(bool Params::*field) const { params.*field = word_index(info, text) == 0; }
   void operator()(Length Params::*field) const { params.*field = length_of(info, text); }
   template <class Enum>
@@ -132,6 +143,9 @@ struct PrintField {
 
   std::string operator()(int Params::*field) const {
     return params.*field == kAutomatic ? "auto" : std::to_string(params.*field);
+  }
+  std::string operator()(std::optional<double> Params::*field) const {
+    return params.*field ? number_text(*(params.*field)) : "auto";
   }
   std::string operator()(bool Params::*field) const { return params.*field ? "on" : "off"; }
   std::string operator()(Length Params::*field) const { return length_text(params.*field); }
@@ -150,6 +164,10 @@ struct CheckField {
     const int value = params.*field;
     if (value != kAutomatic && (value < info.min || value > info.max))
       refuse(info, std::to_string(value), wanted_values(info));
+  }
+  void operator()(std::optional<double> Params::*field) const {
+    const std::optional<double> value = params.*field;
+    if (value && !(*value >= info.min && *value <= info.max)) refuse(info, number_text(*value), wanted_values(info));
   }
   void operator()(Length Params::*field) const {
     const Length length = params.*field;
@@ -170,9 +188,9 @@ Params paper_preset() {
   params.constraint = true;
   params.normal_filter = NormalFilter::off;
   params.area_weight = AreaWeight::squared;
-  params.planes = Planes::own;
-  params.step = 100;
-  params.passes = 1;
+  params.offset = Offset::point;
+  params.relaxation = 1;
+  params.iterations = 1;
   params.outliers = Outliers::off;
   return params;
 }
@@ -197,7 +215,7 @@ std::string param_text(const Params& params, const ParamInfo& info) {
 void check_params(const Params& params) {
   for (const ParamInfo& info : kParams) std::visit(CheckField{params, info}, info.field);
   if (params.constraint && params.k == kAutomatic && !params.radius.is_automatic())
-    throw Error(ErrorKind::usage, "--constraint grows a list of neighbours: give --k beside --radius");
+    throw Error(ErrorKind::usage, "--constraint with --radius needs --k; give the number of neighbours too");
 }
 
 }  // namespace pointfair

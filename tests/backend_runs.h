@@ -8,7 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "backend.hpp"
+#include "point/curve.h"
+#include "seam/backend.hpp"
+#include "seam/overlap.hpp"
 
 namespace pointfair {
 
@@ -16,10 +18,12 @@ struct StageSettings {
   NeighborSettings neighbors{8, 0, false, 0};
   NormalSettings normals{true, 0.1f};
   FairingSettings fairing{Method::bilateral, AreaWeight::none, 0.1f, 0.05f};
-  int passes = 1;
+  int iterations = 1;
   DisplacementLimits limits;
-  std::optional<CurveCube> cube;
+  std::optional<Frame> frame;
   bool leaving = false;  // the download is announced
+
+  IndexOrder order() const { return frame ? IndexOrder::along_curve : IndexOrder::fastest; }
 };
 
 struct StageResults {
@@ -31,26 +35,30 @@ struct StageResults {
 // `while_arriving`: stages are started before the upload has ended.
 inline StageResults run(Backend& backend, const std::vector<Point>& points, const StageSettings& settings,
                         bool while_arriving = false) {
-  if (settings.cube) backend.order_along(settings.cube);
   if (while_arriving) {
-    backend.start_upload(points);
+    backend.overlap()->start_upload(points, settings.order());
   } else {
-    backend.upload(points);
+    backend.upload(points, settings.order());
   }
-  for (int pass = 0; pass < settings.passes; ++pass) {
-    backend.begin_pass(pass);
-    backend.build_index({});
-    backend.find_neighbors(settings.neighbors, {});
-    backend.estimate_normals(settings.normals, {});
-    if (settings.leaving) backend.expect_download();
-    backend.fair(settings.fairing, {});
+  for (int iteration = 0; iteration < settings.iterations; ++iteration) {
+    backend.build_index(iteration, settings.frame, {});
+    backend.find_neighbors(iteration, settings.neighbors, {});
+    backend.estimate_normals(iteration, settings.normals, {});
+    backend.fair(iteration, settings.fairing, settings.leaving, {});
   }
+  const int last = settings.iterations - 1;
   StageResults result{std::vector<Point>(points.size()), std::vector<Point>(points.size()), {}, 0};
-  result.held_back = backend.download(result.points, settings.limits, {});
-  backend.finish_upload();
-  backend.download_normals(result.normals);
-  result.counts = backend.counts();
+  result.held_back = backend.download(last, result.points, settings.limits, {});
+  if (while_arriving) backend.overlap()->finish_upload();
+  backend.download_normals(last, result.normals, {});
+  result.counts = backend.counts(last);
   return result;
+}
+
+// Whose curve runs over the cube with this lower corner.
+inline Frame frame_over(Point lower, float side) {
+  const float shift = point::kBelowReference * side;
+  return {lower, {lower.x + shift, lower.y + shift, lower.z + shift}, side};
 }
 
 // Places where two clouds differ in a bit, the first of them in words.

@@ -12,6 +12,7 @@
 #include <memory>
 
 #include "backend_runs.h"
+#include "seam/sampling.hpp"
 #include "shapes.h"
 
 namespace pointfair {
@@ -42,7 +43,7 @@ class CudaBackendTest : public ::testing::Test {
     const std::vector<Point> points = cut(whole);
     const StageResults cpu = run(*cpu_, points, settings);
     expect_equal(run(*cuda_, points, settings), cpu, "whole");
-    if (points.size() > 1024 && !cube_)
+    if (points.size() > 1024 && !settings.frame)
       expect_equal(run(in_parts(points.size()), points, settings, true), cpu, "in parts");
   }
   static void expect_equal(const StageResults& cuda, const StageResults& cpu, const char* what) {
@@ -59,13 +60,12 @@ class CudaBackendTest : public ::testing::Test {
     std::size_t part = 1 << 20;
     while (part > 1024 && points <= 2 * part) part /= part > (1 << 15) ? 8 : 4;
     std::unique_ptr<Backend>& backend = in_parts_[part];
-    if (backend == nullptr) backend = make_cuda_backend(0, part);
+    if (backend == nullptr) backend = make_cuda_backend(0, {.upload_chunk = part});
     return *backend;
   }
 
   std::unique_ptr<Backend> cuda_, cpu_;
   std::map<std::size_t, std::unique_ptr<Backend>> in_parts_;
-  bool cube_ = false;  // points are in the order of balls
 };
 
 inline StageSettings with_neighbors(int k, float radius = 0, bool constraint = false, float reach = 0) {

@@ -3,8 +3,8 @@
 //   cuda_stage_times [POINTS] [REPEAT] [host]
 //   cuda_stage_times [POINTS] [REPEAT] cancel
 //   cuda_stage_times FILE [REPEAT]
-// The same for the default run of a cloud, all automatic, through the pipeline: each stage over both passes; then what
-// automatic parameters add, resident, to the same run with these parameters typed in, taken in turns with it.
+// The same for the default run of a cloud, all automatic, through the pipeline: each stage over both iterations; then
+// what automatic parameters add, resident, to the same run with these parameters typed in, taken in turns with it.
 //
 // A line a cloud and k: medians in milliseconds, points resident on the card; each stage timed from an idle card to an
 // idle card, and `whole` with all stages in flight at once. The checksum is the sum of all faired coordinates.
@@ -23,10 +23,11 @@
 #include <numeric>
 #include <thread>
 
-#include "backend.hpp"
-#include "pipeline_access.hpp"
+#include "pipeline/pipeline_access.hpp"
 #include "pointfair/pointfair.hpp"
+#include "seam/backend.hpp"
 #include "shapes.h"
+#include "tiles/tiled_backend.hpp"
 
 namespace {
 
@@ -73,7 +74,7 @@ double median(std::vector<double> values) {
 double milliseconds(Backend& backend, const std::function<void()>& body) {
   const auto start = Clock::now();
   body();
-  backend.counts();  // waits for the card
+  backend.counts(0);  // waits for the card
   return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
 }
 
@@ -90,32 +91,31 @@ void measure(Backend& backend, const Points& points, const Case& c, int repeat) 
   const NormalSettings normals{true, float(2 * spacing)};
   const FairingSettings fairing{Method::bilateral, c.area, float(2 * spacing), float(spacing)};
   const auto upload_start = Clock::now();
-  backend.upload(points);
+  backend.upload(points, IndexOrder::fastest);
   const double upload = std::chrono::duration<double, std::milli>(Clock::now() - upload_start).count();
-  backend.begin_pass(0);
   std::vector<double> times[6];
   for (int n = 0; n < repeat + 2; ++n) {
     const double wait = milliseconds(backend, [] {});
-    const double t[] = {milliseconds(backend, [&] { backend.build_index({}); }),
-                        milliseconds(backend, [&] { backend.find_neighbors(neighbors, {}); }),
-                        milliseconds(backend, [&] { backend.estimate_normals(normals, {}); }),
-                        milliseconds(backend, [&] { backend.fair(fairing, {}); }), milliseconds(backend, [&] {
-                          backend.build_index({});
-                          backend.find_neighbors(neighbors, {});
-                          backend.estimate_normals(normals, {});
-                          backend.fair(fairing, {});
+    const double t[] = {milliseconds(backend, [&] { backend.build_index(0, {}, {}); }),
+                        milliseconds(backend, [&] { backend.find_neighbors(0, neighbors, {}); }),
+                        milliseconds(backend, [&] { backend.estimate_normals(0, normals, {}); }),
+                        milliseconds(backend, [&] { backend.fair(0, fairing, false, {}); }), milliseconds(backend, [&] {
+                          backend.build_index(0, {}, {});
+                          backend.find_neighbors(0, neighbors, {});
+                          backend.estimate_normals(0, normals, {});
+                          backend.fair(0, fairing, false, {});
                         })};
     for (int i = 0; i < 5 && n >= 2; ++i) times[i].push_back(t[i] - wait);
     if (n >= 2) times[5].push_back(wait);
   }
   Points out(points.size());
-  backend.download(out, {}, {});
+  backend.download(0, out, {}, {});
   double checksum = 0;
   for (const Point& p : out) checksum += double(p.x) + double(p.y) + double(p.z);
   std::printf("%-28s %9zu %3d  %8.3f %8.3f %8.3f %8.3f  %8.3f  (wait %.3f, upload %.1f)  %.1f B/pt  %.9g\n",
               c.name.c_str(), points.size(), c.k, median(times[0]), median(times[1]), median(times[2]),
               median(times[3]), median(times[4]), median(times[5]), upload,
-              double(backend.peak_device_bytes()) / double(points.size()), checksum);
+              double(backend.take_costs().peak_device_bytes) / double(points.size()), checksum);
   std::fflush(stdout);
 }
 
@@ -147,8 +147,8 @@ void measure_from_host(Pipeline& pipeline, const Points& points, const char* nam
   params.k = k;
   params.normal_sigma = params.closeness_sigma = 2 * spacing;
   params.similarity_sigma = spacing;
-  params.passes = 1;
-  params.step = 100;
+  params.iterations = 1;
+  params.relaxation = 1;
   const HostBuffer in = pipeline.host_buffer(points.size()), out = pipeline.host_buffer(points.size());
   std::copy(points.begin(), points.end(), in.points().begin());
   std::vector<double> wholes;
@@ -198,9 +198,9 @@ int measure_host_rows(std::size_t count, int repeat) {
   measure_from_host(pipeline, ordered, "the same, one call", 8, repeat, Calls::one);
   std::vector<std::unique_ptr<Backend>> workers;
   for (int i = 0; i < 2; ++i) workers.push_back(make_cuda_backend(0));
-  pipeline = PipelineAccess::make(make_cut_backend(std::move(workers), {4}), {Device::cuda, "", ""});
-  measure_from_host(pipeline, points, "host, random, 4 pieces", 8, repeat);
-  measure_from_host(pipeline, ordered, "host, spatial, 4 pieces", 8, repeat);
+  pipeline = PipelineAccess::make(make_tiled_backend(std::move(workers), {4}), {Device::cuda, "", ""});
+  measure_from_host(pipeline, points, "host, random, 4 tiles", 8, repeat);
+  measure_from_host(pipeline, ordered, "host, spatial, 4 tiles", 8, repeat);
   return 0;
 }
 

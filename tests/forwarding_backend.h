@@ -5,46 +5,61 @@
 #include <memory>
 #include <utility>
 
-#include "backend.hpp"
+#include "seam/backend.hpp"
+#include "seam/exactness.hpp"
+#include "seam/sampling.hpp"
 
 namespace pointfair {
 
-class ForwardingBackend : public Backend {
+class ForwardingBackend : public Backend, public Sampling {
  public:
   explicit ForwardingBackend(std::unique_ptr<Backend> to) : to_(std::move(to)) {}
 
   DeviceInfo device() const override { return to_->device(); }
   HostBuffer host_buffer(std::size_t count) override { return to_->host_buffer(count); }
-  void upload(std::span<const Point> points) override { to_->upload(points); }
-  void set_originals(std::span<const std::uint32_t> originals) override { to_->set_originals(originals); }
-  void begin_pass(int pass) override { to_->begin_pass(pass); }
-  void order_along(std::optional<CurveCube> cube) override { to_->order_along(cube); }
-  void build_index(std::stop_token stop) override { to_->build_index(stop); }
-  void find_neighbors(const NeighborSettings& settings, std::stop_token stop) override {
-    to_->find_neighbors(settings, stop);
+  void upload(std::span<const Point> points, IndexOrder expected) override { to_->upload(points, expected); }
+  void build_index(int iteration, const std::optional<Frame>& frame, std::stop_token stop) override {
+    to_->build_index(iteration, frame, stop);
   }
-  void estimate_normals(const NormalSettings& settings, std::stop_token stop) override {
-    to_->estimate_normals(settings, stop);
+  void find_neighbors(int iteration, const NeighborSettings& settings, std::stop_token stop) override {
+    to_->find_neighbors(iteration, settings, stop);
   }
-  void fair(const FairingSettings& settings, std::stop_token stop) override { to_->fair(settings, stop); }
-  std::uint64_t download(std::span<Point> points, const DisplacementLimits& limits,
+  void estimate_normals(int iteration, const NormalSettings& settings, std::stop_token stop) override {
+    to_->estimate_normals(iteration, settings, stop);
+  }
+  void fair(int iteration, const FairingSettings& settings, bool leaves, std::stop_token stop) override {
+    to_->fair(iteration, settings, leaves, stop);
+  }
+  std::uint64_t download(int iteration, std::span<Point> points, const DisplacementLimits& limits,
                          std::span<std::uint8_t> outliers) override {
-    return to_->download(points, limits, outliers);
+    return to_->download(iteration, points, limits, outliers);
   }
-  void download_normals(std::span<Point> normals) override { to_->download_normals(normals); }
+  void download_normals(int iteration, std::span<Point> normals, std::stop_token stop) override {
+    to_->download_normals(iteration, normals, stop);
+  }
   void download_input(std::span<Point> points) override { to_->download_input(points); }
-  Bounds bounds() const override { return to_->bounds(); }
+  Counts counts(int iteration) override { return to_->counts(iteration); }
+  Costs take_costs() override { return to_->take_costs(); }
+  std::optional<StageOf> take_stopped() override { return to_->take_stopped(); }
+
+  Sampling& sampling() override { return *this; }
+  Exactness* exactness() override { return to_->exactness(); }
+  Overlap* overlap() override { return to_->overlap(); }
+
+  CloudSample sample_cloud(std::size_t count) override { return to_->sampling().sample_cloud(count); }
   void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override {
-    to_->sample_neighborhoods(queries, k, out);
+    to_->sampling().sample_neighborhoods(queries, k, out);
   }
   Samples take_samples(std::span<const std::uint32_t> for_spacing, std::span<const std::uint32_t> for_noise,
                        std::stop_token stop) override {
-    return to_->take_samples(for_spacing, for_noise, stop);
+    return to_->sampling().take_samples(for_spacing, for_noise, stop);
   }
-  void outcomes(const point::Region& loaded, std::span<unsigned char> out) override { to_->outcomes(loaded, out); }
-  Counts counts() const override { return to_->counts(); }
-  std::uint64_t peak_host_bytes() const override { return to_->peak_host_bytes(); }
-  std::uint64_t peak_device_bytes() const override { return to_->peak_device_bytes(); }
+  void for_each_on_host(std::size_t count, const std::function<void(std::size_t)>& body) override {
+    to_->sampling().for_each_on_host(count, body);
+  }
+
+ protected:
+  Backend& to() { return *to_; }
 
  private:
   std::unique_ptr<Backend> to_;

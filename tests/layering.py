@@ -12,17 +12,25 @@ SOURCE = {".cpp", ".hpp", ".h", ".cu", ".cuh"}
 
 # folder: (folders or files of ours that it may include, third-party headers that it may include)
 PUBLIC = "include/pointfair/"
+DATA = [PUBLIC + name + ".hpp" for name in ("cloud", "params", "device", "report")]  # all of src may use them but src/point
+FILES = [PUBLIC + name + ".hpp" for name in ("cloud", "io", "file_info", "normals")]  # what src/io implements
 RULES = {
-    "include/pointfair/": ([PUBLIC], ()),
+    "include/pointfair/pipeline.hpp": (["include/pointfair/"], ()),
+    "include/pointfair/": (["include/pointfair/"], ()),
     "src/point/": (["src/point/"], ()),
-    "src/cpu/": (["src/cpu/", "src/point/", "src/backend.hpp", "src/method_rule.hpp", PUBLIC], ("tbb/", "sys/", "unistd.h", "immintrin.h")),
-    "src/cuda/": (["src/cuda/", "src/point/", "src/backend.hpp", "src/method_rule.hpp", "src/parts.hpp", PUBLIC], ("cuda", "cub/", "thrust/", "nv")),
-    "src/io/": (["src/io/", PUBLIC], ("tbb/", "sys/", "fcntl.h", "unistd.h", "fast_float/", "las", "pugixml")),
-    "src/method_rule.hpp": (["src/backend.hpp", "src/point/"], ()),
-    "src/": (["src/automatic.hpp", "src/backend.hpp", "src/cut.hpp", "src/estimate.hpp", "src/parts.hpp", "src/pipeline_access.hpp", "src/point/", "src/settings.hpp", "src/share_between.hpp", PUBLIC], ()),
+    "src/seam/": (["src/seam/", "src/point/", *DATA], ("tbb/",)),
+    "src/cpu/": (["src/cpu/", "src/point/", "src/seam/", *DATA], ("tbb/", "sys/", "unistd.h", "immintrin.h")),
+    "src/cuda/": (["src/cuda/", "src/point/", "src/seam/", "src/parts.hpp", *DATA], ("cuda", "cub/", "thrust/", "nv")),
+    "src/cuda_absent.cpp": (["src/seam/"], ()),
+    "src/estimate/": (["src/estimate/", "src/point/", "src/seam/", *DATA], ()),
+    "src/tiles/": (["src/tiles/", "src/point/", "src/seam/", *DATA], ()),
+    "src/pipeline/": (["src/pipeline/", "src/estimate/", "src/tiles/", "src/seam/", PUBLIC], ()),
+    "src/io/": (["src/io/", *FILES], ("tbb/", "sys/", "fcntl.h", "unistd.h", "fast_float/", "las", "pugixml")),
+    "src/": (["src/parts.hpp", "src/point/", PUBLIC], ()),
     "cli/": (["cli/", "viewer/server.hpp", PUBLIC], None),
     "bench/paper/": (["bench/paper/", "src/point/", PUBLIC], None),
     "bench/": (["bench/", PUBLIC], None),
+    "examples/": ([PUBLIC], ()),
     "python/": (["python/", PUBLIC], None),
     "viewer/": (["viewer/", PUBLIC], None),
 }

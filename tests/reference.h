@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "reference_methods.h"
@@ -64,7 +65,7 @@ struct Normal {
 // Paper eq. 3-5; eq. 4 normalised by its weights.
 inline Normal normal(const Points& points, std::size_t i, const List& list, const Settings& s) {
   const double sigma = normal_sigma(points, i, s);
-  const auto weight = [&](double x) { return s.weighted_normals ? std::exp(-x * x / (2 * sigma * sigma)) : 1; };
+  const auto weight = [&](double x) { return std::exp(-x * x / (2 * sigma * sigma)); };
   const Vec here = to_vec(points[i]);
   Vec moment;
   double sum = 0;
@@ -120,8 +121,7 @@ inline std::vector<Normal> filtered(const std::vector<Normal>& normals, const Po
     Vec sum = n;
     for (const std::uint32_t j : lists[i]) {
       const double cosine = dot(n, normals[j].unit), distance = length(to_vec(points[j]) - to_vec(points[i]));
-      const double w = (s.weighted_normals ? std::exp(-distance * distance / (2 * sigma * sigma)) : 1) *
-                       turn_weight(cosine, s.filter_angle);
+      const double w = std::exp(-distance * distance / (2 * sigma * sigma)) * turn_weight(cosine, s.filter_angle);
       sum = sum + (cosine < 0 ? -w : w) * normals[j].unit;
     }
     result[i].unit = 1 / length(sum) * sum;
@@ -205,7 +205,8 @@ struct Faired {
   Normal normal;  // zero gap: no normal
   std::size_t neighbors = 0;
   bool is_outlier = false;
-  bool grows_in_part = false;  // its ball, so that rounding decides on points at the rim
+  bool grows_in_part = false;  // its ball, in some iteration, so that rounding decides on points at the rim
+  bool reads_part = false;     // of a neighbour in an iteration before
 };
 
 inline constexpr double kLeastGap = 1e-5;  // below it points count as a line
@@ -253,16 +254,20 @@ inline std::vector<Faired> fair_once(const Points& points, const Settings& s) {
   return result;
 }
 
-// All passes; positions are rounded to float between them, as the library stores them.
+// All iterations; positions are rounded to float between them, as the library stores them.
 inline std::vector<Faired> fair(Points points, const Settings& s) {
   const Points start = points;
   std::vector<Faired> result;
-  for (int pass = 0; pass < s.passes; ++pass) {
-    result = fair_once(points, s);
+  for (int iteration = 0; iteration < s.iterations; ++iteration) {
+    const std::vector<Faired> before = std::exchange(result, fair_once(points, s));
+    for (std::size_t i = 0; i < before.size(); ++i) {
+      result[i].grows_in_part |= before[i].grows_in_part;
+      for (const std::uint32_t j : neighborhood(points, i, s)) result[i].reads_part |= before[j].grows_in_part;
+    }
     for (std::size_t i = 0; i < points.size(); ++i) points[i] = to_point(result[i].position);
   }
   for (std::size_t i = 0; i < points.size(); ++i) {
-    if (!is_valid(start[i]) || !(s.hold_back || s.passes > 1)) continue;
+    if (!is_valid(start[i]) || !(s.hold_back || s.iterations > 1)) continue;
     const Vec from = to_vec(start[i]), step = result[i].position - from;
     const double moved = length(step);
     result[i].is_outlier = !is_valid(points[i]) || (s.hold_back && moved > s.outlier_distance);

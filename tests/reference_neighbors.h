@@ -4,6 +4,7 @@
 #pragma once
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <vector>
@@ -31,7 +32,6 @@ struct Settings {
   int widening = 0;
   bool constraint = false;
   double reach = 0;  // rho + delta
-  bool weighted_normals = true;
   double normal_sigma = 1, closeness_sigma = 1, similarity_sigma = 1;
   bool normal_of_radius = false, closeness_of_radius = false;  // those sigmas are multiples of the ball's radius
   int filter_rounds = 0;
@@ -42,7 +42,7 @@ struct Settings {
   bool two_planes = false;
   double strength = 1;
   AreaWeight area_weight = AreaWeight::none;
-  int passes = 1;
+  int iterations = 1;
   double outlier_distance = 0;  // 0: outliers are not looked for
   double outlier_radius = 0;    // of balls
   bool pull_outliers = false, hold_back = false;
@@ -55,24 +55,23 @@ inline Settings settings_of(const Params& resolved) {
   s.radius = resolved.radius.is_automatic() ? 0 : resolved.radius.value;
   s.constraint = resolved.constraint;
   s.reach = resolved.rho.value + resolved.delta.value;
-  s.weighted_normals = resolved.normal_weights;
   s.normal_sigma = resolved.normal_sigma.value;
   s.closeness_sigma = resolved.closeness_sigma.value;
   s.similarity_sigma = resolved.similarity_sigma.value;
-  s.widening = resolved.k == 0 ? resolved.widening : 0;
+  s.widening = resolved.k == 0 ? resolved.min_neighbors : 0;
   s.normal_of_radius = resolved.normal_sigma.unit == Length::Unit::radius;
   s.closeness_of_radius = resolved.closeness_sigma.unit == Length::Unit::radius;
   const bool bilateral_filter = resolved.normal_filter == NormalFilter::on;
   s.filter_rounds = bilateral_filter ? 2 : resolved.normal_filter == NormalFilter::mollify ? 1 : 0;
-  s.filter_angle = bilateral_filter ? resolved.normal_angle : 0;
+  s.filter_angle = bilateral_filter ? resolved.crease_angle : 0;
   if (s.k == 0 && s.filter_rounds > 0 && resolved.method == Method::bilateral)
-    s.flat_radius = resolved.flat_radius / 100.0;
+    s.flat_radius = resolved.flat_scale.value_or(1);
   s.method = resolved.method;
-  s.facing_angle = resolved.facing_angle;
-  s.two_planes = resolved.planes == Planes::both;
-  s.strength = resolved.step / 100.0;
+  s.facing_angle = 40;
+  s.two_planes = resolved.offset == Offset::symmetric;
+  s.strength = resolved.relaxation.value_or(1);
   s.area_weight = resolved.area_weight;
-  s.passes = resolved.passes;
+  s.iterations = resolved.iterations;
   s.outlier_distance = resolved.outliers == Outliers::off ? 0 : resolved.outlier_distance.value;
   s.outlier_radius = resolved.outlier_radius.value;
   s.pull_outliers = resolved.outliers == Outliers::move;
@@ -145,17 +144,28 @@ inline float squared_radius(const Points& points, std::size_t i, const Settings&
   return own_squared_radius(points, i, s) * (s.squared_growth.empty() ? 1 : s.squared_growth[i]);
 }
 
-// Which points count in a ball too full (over 400 by the density at its centre): a share, by a hash of their index.
-inline bool counts_in_ball(std::uint32_t j, float squared_radius, float own, float squared_base, int widening) {
+// The hash of a point's offset from the least coordinates of the cloud, over [0, 1): of each coordinate's bits as a
+// double, the finaliser of MurmurHash3.
+inline double share_of_position(const Points& points, std::uint32_t j) {
+  Point corner{INFINITY, INFINITY, INFINITY};
+  for (const Point& p : points)
+    if (is_valid(p)) corner = {std::min(corner.x, p.x), std::min(corner.y, p.y), std::min(corner.z, p.z)};
+  std::uint64_t hash = 0x9e3779b97f4a7c15u;
+  for (const auto axis : {&Point::x, &Point::y, &Point::z}) {
+    const double offset = double(points[j].*axis) - double(corner.*axis);
+    hash = (hash ^ std::bit_cast<std::uint64_t>(offset)) * 0xff51afd7ed558ccdu;
+    hash ^= hash >> 33;
+  }
+  hash *= 0xc4ceb9fe1a85ec53u;
+  return double(hash >> 40) / 16777216.0;
+}
+
+// Which points count in a ball too full (over 400 by the density at its centre): a share, by a hash of their position.
+inline bool counts_in_ball(const Points& points, std::uint32_t j, float squared_radius, float own, float squared_base,
+                           int widening) {
   if (widening == 0 || own <= squared_base) return true;
   const double holds = widening * double(squared_radius) / double(own - squared_base);
-  std::uint32_t x = j;
-  x ^= x >> 16;
-  x *= 0x7feb352du;
-  x ^= x >> 15;
-  x *= 0x846ca68bu;
-  x ^= x >> 16;
-  return (x >> 8) / 16777216.0 < 400 / holds;
+  return holds <= 400 || share_of_position(points, j) < 400 / holds;
 }
 
 // All others within the ball, nearest first.
@@ -164,7 +174,7 @@ inline List ball(const Points& points, std::size_t i, const Settings& s) {
   List list = nearest(points, i, points.size());
   std::erase_if(list, [&](std::uint32_t j) {
     return squared_distance(points[i], points[j]) > squared ||
-           !counts_in_ball(j, squared, own, float(s.radius) * float(s.radius), s.widening);
+           !counts_in_ball(points, j, squared, own, float(s.radius) * float(s.radius), s.widening);
   });
   return list;
 }

@@ -6,9 +6,9 @@
 #include <cmath>
 #include <vector>
 
-#include "backend.hpp"
-#include "estimate.hpp"
+#include "estimate/estimate.hpp"
 #include "pointfair/pointfair.hpp"
+#include "seam/backend.hpp"
 #include "shapes.h"
 
 namespace pointfair {
@@ -50,10 +50,10 @@ Points waves() {
 
 double alikeness(const Points& points) {
   const auto backend = make_cpu_backend(2);
-  backend->upload(points);
-  backend->begin_pass(0);
-  backend->build_index({});
-  return estimate(*backend, points.size(), {.noise = true}, {}).noise.alikeness;
+  backend->upload(points, IndexOrder::fastest);
+  backend->build_index(0, {}, {});
+  return estimate(backend->sampling(), backend->sampling().sample_cloud(kSampledPoints), {.noise = true}, {})
+      .noise.alikeness;
 }
 
 double rms_height_after_a_run(const Points& points, const Params& params) {
@@ -78,7 +78,7 @@ TEST(AlikeNoise, is_told_from_other_noise_and_from_shape) {
 TEST(AlikeNoise, is_averaged_over_wider_neighbourhoods) {
   const Points noisy = with_alike_noise(shapes::plane(kPoints), kSigma);
   Params narrow;
-  narrow.widening = 16;
+  narrow.min_neighbors = 16;
   const double left = rms_height_after_a_run(noisy, {});
   EXPECT_LT(left, 0.5 * kSigma);
   EXPECT_LT(left, 0.85 * rms_height_after_a_run(noisy, narrow));

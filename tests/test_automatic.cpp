@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "automatic.hpp"
+#include "estimate/automatic.hpp"
 #include "pointfair/pointfair.hpp"
 #include "shapes.h"
 
@@ -40,34 +40,34 @@ TEST(Automatic, balls_follow_equation_18) {
         const double seen = std::pow(factor, 1 - ramp(3.6, 4.4, sigma));
         const Params used = resolved(noise_of(sigma, bend, confined));
         EXPECT_NEAR(used.radius.value, seen * 2.5 * sigma, 1e-9) << sigma << " " << bend << " " << confined;
-        EXPECT_EQ(used.widening, std::lround(16 * seen * seen)) << sigma << " " << bend << " " << confined;
+        EXPECT_EQ(used.min_neighbors, std::lround(16 * seen * seen)) << sigma << " " << bend << " " << confined;
       }
 }
 
 TEST(Automatic, balls_follow_the_shape_where_normals_are_filtered_only_and_no_second_sheet_is_near) {
   Noise noise = noise_of(1);
   EXPECT_NEAR(resolved(noise, Method::laplacian).radius.value, 2.5, 1e-9);
-  EXPECT_EQ(resolved(noise, Method::laplacian).widening, 16);
+  EXPECT_EQ(resolved(noise, Method::laplacian).min_neighbors, 16);
   EXPECT_GT(resolved(noise).radius.value, 2.6);
   noise.gap = 3;
   EXPECT_NEAR(resolved(noise).radius.value, 2.5, 1e-9);
 }
 
 TEST(Automatic, normals_of_noisy_clouds_mix_by_a_wider_angle) {
-  EXPECT_EQ(resolved(noise_of(0.3)).normal_angle, 15);
-  EXPECT_EQ(resolved(noise_of(0.8)).normal_angle, 18);
-  EXPECT_EQ(resolved(noise_of(2)).normal_angle, 20);
+  EXPECT_EQ(resolved(noise_of(0.3)).crease_angle, 15);
+  EXPECT_EQ(resolved(noise_of(0.8)).crease_angle, 18);
+  EXPECT_EQ(resolved(noise_of(2)).crease_angle, 20);
 }
 
 TEST(Automatic, balls_of_flat_places_grow_unless_there_is_next_to_no_noise) {
-  EXPECT_EQ(resolved(noise_of(0.1)).flat_radius, 100);
-  EXPECT_EQ(resolved(noise_of(0.175)).flat_radius, 130);
-  EXPECT_EQ(resolved(noise_of(0.25)).flat_radius, 160);
-  EXPECT_EQ(resolved(noise_of(2)).flat_radius, 160);
-  EXPECT_EQ(resolved(noise_of(2), Method::laplacian).flat_radius, 100);
+  EXPECT_EQ(resolved(noise_of(0.1)).flat_scale, 1);
+  EXPECT_EQ(resolved(noise_of(0.175)).flat_scale, 1.3);
+  EXPECT_EQ(resolved(noise_of(0.25)).flat_scale, 1.6);
+  EXPECT_EQ(resolved(noise_of(2)).flat_scale, 1.6);
+  EXPECT_EQ(resolved(noise_of(2), Method::laplacian).flat_scale, 1);
   Params params;
   params.radius = 3;
-  EXPECT_EQ(resolve_params(params, {1, 1}, noise_of(2), 100).flat_radius, 100) << "a radius that was asked for";
+  EXPECT_EQ(resolve_params(params, {1, 1}, noise_of(2), 100).flat_scale, 1) << "a radius that was asked for";
 }
 
 // Root mean square of how far points lie off the sphere of radius 1, or off the plane z = 0.
@@ -94,7 +94,7 @@ Left left(const Points& noisy, double (*off)(const Points&)) {
   pipeline.run(params, out);
   const double automatic = off(out);
   params.radius = 2.5 * pipeline.estimates().noise;
-  params.widening = 16;
+  params.min_neighbors = 16;
   pipeline.run(params, out);
   return {automatic, off(out)};
 }

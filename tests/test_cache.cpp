@@ -10,9 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "backend.hpp"
 #include "forwarding_backend.h"
-#include "pipeline_access.hpp"
+#include "pipeline/pipeline_access.hpp"
 #include "pointfair/pipeline.hpp"
 #include "shapes.h"
 
@@ -27,21 +26,21 @@ class RecordingBackend : public ForwardingBackend {
  public:
   RecordingBackend(Calls& calls, std::string& failing, std::function<void()>& sampled)
       : ForwardingBackend(make_cpu_backend(1)), calls_(calls), failing_(failing), sampled_(sampled) {}
-  void build_index(std::stop_token stop) override {
+  void build_index(int iteration, const std::optional<Frame>& frame, std::stop_token stop) override {
     note("index");
-    ForwardingBackend::build_index(stop);
+    ForwardingBackend::build_index(iteration, frame, stop);
   }
-  void find_neighbors(const NeighborSettings& settings, std::stop_token stop) override {
+  void find_neighbors(int iteration, const NeighborSettings& settings, std::stop_token stop) override {
     note("neighbors");
-    ForwardingBackend::find_neighbors(settings, stop);
+    ForwardingBackend::find_neighbors(iteration, settings, stop);
   }
-  void estimate_normals(const NormalSettings& settings, std::stop_token stop) override {
+  void estimate_normals(int iteration, const NormalSettings& settings, std::stop_token stop) override {
     note("normals");
-    ForwardingBackend::estimate_normals(settings, stop);
+    ForwardingBackend::estimate_normals(iteration, settings, stop);
   }
-  void fair(const FairingSettings& settings, std::stop_token stop) override {
+  void fair(int iteration, const FairingSettings& settings, bool leaves, std::stop_token stop) override {
     note("fairing");
-    ForwardingBackend::fair(settings, stop);
+    ForwardingBackend::fair(iteration, settings, leaves, stop);
   }
   void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override {
     ForwardingBackend::sample_neighborhoods(queries, k, out);
@@ -49,7 +48,7 @@ class RecordingBackend : public ForwardingBackend {
   }
   Samples take_samples(std::span<const std::uint32_t> for_spacing, std::span<const std::uint32_t> for_noise,
                        std::stop_token stop) override {
-    return Backend::take_samples(for_spacing, for_noise, stop);  // of rows that it sees
+    return Sampling::take_samples(for_spacing, for_noise, stop);  // of rows that it sees
   }
 
  private:
@@ -97,12 +96,11 @@ Params settled() {  // nothing automatic, so that a change of one value changes 
   params.closeness_sigma = 0.05;
   params.similarity_sigma = 0.02;
   params.normal_filter = NormalFilter::on;
-  params.normal_angle = 30;
-  params.flat_radius = 150;
-  params.planes = Planes::both;
-  params.facing_angle = 40;
-  params.step = 90;
-  params.passes = 1;
+  params.crease_angle = 30;
+  params.flat_scale = 1.5;
+  params.offset = Offset::symmetric;
+  params.relaxation = 0.9;
+  params.iterations = 1;
   params.outliers = Outliers::keep;
   params.outlier_distance = 0.3;
   params.outlier_radius = 0.4;
@@ -115,7 +113,7 @@ Params settled_without_list() {
   params.k = kAutomatic;
   params.constraint = false;
   params.radius = 0.1;
-  params.widening = 6;
+  params.min_neighbors = 6;
   return params;
 }
 
@@ -126,10 +124,11 @@ void change(Params& params, const ParamInfo& info) {
         using Field = std::remove_cvref_t<decltype(params.*field)>;
         if constexpr (std::is_same_v<Field, int>) params.*field += 1;
         if constexpr (std::is_same_v<Field, bool>) params.*field = !(params.*field);
+        if constexpr (std::is_same_v<Field, std::optional<double>>) params.*field = *(params.*field) + 0.05;
         if constexpr (std::is_same_v<Field, Length>) params.*field = 0.8 * (params.*field).value + 0.05;
         if constexpr (std::is_same_v<Field, AreaWeight>) params.*field = AreaWeight::squared;
         if constexpr (std::is_same_v<Field, NormalFilter>) params.*field = NormalFilter::off;
-        if constexpr (std::is_same_v<Field, Planes>) params.*field = Planes::own;
+        if constexpr (std::is_same_v<Field, Offset>) params.*field = Offset::point;
         if constexpr (std::is_same_v<Field, Method>) params.*field = Method::mls;
         if constexpr (std::is_same_v<Field, Outliers>) params.*field = Outliers::off;
       },
@@ -145,13 +144,14 @@ TEST(Cache, first_run_calls_every_stage_and_an_equal_run_none) {
 TEST(Cache, a_changed_parameter_runs_again_from_the_stage_of_its_row_and_no_earlier) {
   for (const ParamInfo& info : kParams) {
     Recorded recorded;
-    const bool is_of_balls = info.name == "widening" || info.name == "flat_radius" || info.name == "outlier_radius";
+    const bool is_of_balls = info.name == "min_neighbors" || info.name == "flat_scale" || info.name == "outlier_radius";
     const Params before = is_of_balls ? settled_without_list() : settled();
     recorded.run(before);
     Params params = before;
     change(params, info);
     Calls expected(kAll.begin() + std::ptrdiff_t(std::min(kAll.size(), std::size_t(info.stage))), kAll.end());
-    if (info.name == "passes") expected = kAll;  // one further pass
+    if (info.name == "iterations") expected = kAll;  // one more
+    if (info.name == "noise") expected = {};         // nothing is automatic that could follow from it
     EXPECT_EQ(recorded.run(params), expected) << info.name;
   }
 }
@@ -173,7 +173,7 @@ TEST(Cache, lists_whose_lengths_are_given_need_no_samples_for_what_only_balls_re
 TEST(Cache, a_run_with_several_passes_repeats_them_all_but_keeps_the_first) {
   Recorded recorded;
   Params params = settled();
-  params.passes = 3;
+  params.iterations = 3;
   Calls expected;
   for (int pass = 0; pass < 3; ++pass) expected.insert(expected.end(), kAll.begin(), kAll.end());
   EXPECT_EQ(recorded.run(params), expected);
@@ -181,7 +181,7 @@ TEST(Cache, a_run_with_several_passes_repeats_them_all_but_keeps_the_first) {
   params.similarity_sigma = 0.01;
   expected.erase(expected.begin(), expected.begin() + 3);
   EXPECT_EQ(recorded.run(params), expected);
-  params.passes = 1;
+  params.iterations = 1;
   EXPECT_EQ(recorded.run(params), Calls{});
 }
 
@@ -244,56 +244,6 @@ TEST(Cache, interrupted_estimates_are_measured_by_the_next_call) {
     const Estimates found = recorded.pipeline.estimates(), expected = fresh.pipeline.estimates();
     EXPECT_EQ(found.spacing, expected.spacing);
     EXPECT_EQ(found.noise, expected.noise);
-  }
-}
-
-// As a person at the sliders would: one parameter at a time, now and then back to automatic.
-Params moved_slider(Params params, shapes::Random& random) {
-  const ParamInfo& info = kParams[random.below(kParams.size())];
-  if (info.name == "passes") {
-    params.passes = 1 + int(random.below(3));
-  } else if (info.name == "k") {
-    params.k = int(random.below(4)) * 7;
-  } else if (info.name == "area_weight") {
-    params.area_weight = AreaWeight(random.below(3));
-  } else if (const auto* flag = std::get_if<bool Params::*>(&info.field)) {
-    params.*(*flag) = random.below(2) == 0;
-  } else if (const auto* length = std::get_if<Length Params::*>(&info.field)) {
-    params.*(*length) = random.below(3) == 0 ? Length{} : Length(random.uniform(0.02, 0.12));
-  }
-  if (params.constraint && params.k == kAutomatic) params.constraint = false;
-  return params;
-}
-
-TEST(Cache, any_sequence_of_slider_moves_gives_the_result_of_a_fresh_run) {
-  shapes::Random random(31);
-  for (int session = 0; session < 4; ++session) {
-    Recorded recorded;
-    Params params;
-    for (int move = 0; move < 40; ++move) {
-      params = moved_slider(params, random);
-      if (random.below(5) == 0) {  // a drag that is given up half way
-        recorded.failing = kAll[random.below(kAll.size())];
-        try {
-          recorded.pipeline.run(params);
-        } catch (const Error&) {
-        }
-        recorded.failing.clear();
-        params = moved_slider(params, random);
-      }
-      if (random.below(6) == 0) recorded.pipeline.estimates();
-      const Points found = recorded.pipeline.run(params).points;
-      Recorded fresh;
-      const Points expected = fresh.pipeline.run(params).points;
-      ASSERT_EQ(std::memcmp(found.data(), expected.data(), found.size() * sizeof(Point)), 0) << "move " << move;
-      Points normals(found.size()), expected_normals(found.size());
-      recorded.pipeline.normals(normals);
-      fresh.pipeline.normals(expected_normals);
-      ASSERT_EQ(std::memcmp(normals.data(), expected_normals.data(), normals.size() * sizeof(Point)), 0)
-          << "move " << move;
-      ASSERT_EQ(recorded.pipeline.report().unmoved, fresh.pipeline.report().unmoved);
-      ASSERT_EQ(recorded.pipeline.report().params, fresh.pipeline.report().params);
-    }
   }
 }
 

@@ -138,8 +138,8 @@ TEST_F(CudaBackendTest, equals_the_cpu_with_every_method) {
       if (k == 8) expect_same(points, settings, (name + ", area weight").c_str());
     }
     StageSettings settings = with_method(with_neighbors(12, 0, true, 0.02f), method);
-    settings.passes = 3;
-    expect_same(points, settings, (name + ", constraint, passes").c_str());
+    settings.iterations = 3;
+    expect_same(points, settings, (name + ", constraint, iterations").c_str());
     expect_same(std::vector<Point>(500, Point{1, 2, 3}), settings, (name + ", identical points").c_str());
     expect_same({}, settings, (name + ", no points").c_str());
   }
@@ -152,20 +152,20 @@ TEST_F(CudaBackendTest, equals_the_cpu_on_outliers) {
     points[i] = {points[i].x * lift, points[i].y * lift, points[i].z * lift};
   }
   points[5].y = std::numeric_limits<float>::quiet_NaN();
-  for (const int passes : {1, 2, 3}) {
+  for (const int iterations : {1, 2, 3}) {
     StageSettings settings = with_filter_and_both_planes(with_neighbors(24));
-    settings.passes = passes;
+    settings.iterations = iterations;
     settings.fairing.outlier_distance = 0.01f;
-    settings.fairing.pull_outliers = passes == 2;
+    settings.fairing.pull_outliers = iterations == 2;
     settings.limits = {0.006f, 0.01f};
     expect_same(points, settings, "held back");
   }
 }
 
-TEST_F(CudaBackendTest, equals_the_cpu_over_passes) {
+TEST_F(CudaBackendTest, equals_the_cpu_over_iterations) {
   StageSettings settings;
-  settings.passes = 3;
-  expect_same(noisy_sphere(100000, 11, 0.002), settings, "3 passes");
+  settings.iterations = 3;
+  expect_same(noisy_sphere(100000, 11, 0.002), settings, "3 iterations");
 }
 
 TEST_F(CudaBackendTest, equals_the_cpu_on_hard_clouds) {
@@ -222,19 +222,21 @@ TEST_F(CudaBackendTest, bounds_and_samples_equal_the_cpu) {
   cloud[3].x = kNan;
   const std::vector<std::uint32_t> queries = {0, 1, 2, 3, 19999, 77};
   for (Backend* backend : {cuda_.get(), cpu_.get(), &in_parts(cloud.size())}) {
-    backend->upload(cloud);
-    backend->begin_pass(0);
-    backend->build_index({});
-    const Bounds a = backend->bounds(), b = cuda_->bounds();
-    EXPECT_EQ(difference({a.min, a.max}, {b.min, b.max}), "");
-    EXPECT_EQ(a.valid, b.valid);
+    backend->upload(cloud, IndexOrder::fastest);
+    backend->build_index(0, {}, {});
+    for (const std::size_t count : {10, 1000, 30000}) {
+      const CloudSample a = backend->sampling().sample_cloud(count), b = cuda_->sampling().sample_cloud(count);
+      EXPECT_EQ(difference({a.bounds.min, a.bounds.max}, {b.bounds.min, b.bounds.max}), "");
+      EXPECT_EQ(a.bounds.valid, b.bounds.valid);
+      EXPECT_EQ(difference(a.points, b.points), "") << count;
+    }
   }
   for (const int k : {1, 30, 300, 1024}) {
     std::vector<Point> rows(queries.size() * std::size_t(k + 1)), expected = rows;
-    cuda_->sample_neighborhoods(queries, k, rows);
-    cpu_->sample_neighborhoods(queries, k, expected);
+    cuda_->sampling().sample_neighborhoods(queries, k, rows);
+    cpu_->sampling().sample_neighborhoods(queries, k, expected);
     std::vector<Point> from_parts = rows;
-    in_parts(cloud.size()).sample_neighborhoods(queries, k, from_parts);
+    in_parts(cloud.size()).sampling().sample_neighborhoods(queries, k, from_parts);
     EXPECT_EQ(std::memcmp(from_parts.data(), rows.data(), rows.size() * sizeof(Point)), 0);
     for (std::size_t i = 0; i < rows.size(); ++i) {
       if (std::isnan(expected[i].x)) {
@@ -252,9 +254,9 @@ TEST_F(CudaBackendTest, runs_repeat_to_the_bit_and_stages_repeat_alone) {
   const StageResults once = run(*cuda_, points, settings), again = run(*cuda_, points, settings);
   EXPECT_EQ(difference(once.points, again.points), "");
   settings.fairing.similarity_sigma = 0.01f;
-  cuda_->fair(settings.fairing, {});
+  cuda_->fair(0, settings.fairing, false, {});
   std::vector<Point> changed(points.size());
-  cuda_->download(changed, {}, {});
+  cuda_->download(0, changed, {}, {});
   EXPECT_EQ(difference(changed, run(*cpu_, points, settings).points), "");
 }
 

@@ -4,8 +4,9 @@
 #include <utility>
 
 #include "cuda_backend_test.h"
-#include "pipeline_access.hpp"
+#include "pipeline/pipeline_access.hpp"
 #include "pointfair/pipeline.hpp"
+#include "tiles/tiled_backend.hpp"
 
 namespace pointfair {
 namespace {
@@ -22,17 +23,13 @@ StageSettings with_balls(float radius, int widening = 0) {
   return settings;
 }
 
-// Sums over balls run along one curve.
+// Sums over balls run along one curve, of whose cube a part of the unit sphere lies outside.
 class CudaBalls : public CudaBackendTest {
  protected:
-  void SetUp() override {
-    CudaBackendTest::SetUp();
-    if (IsSkipped()) return;
-    cuda_->order_along(kCube);
-    cpu_->order_along(kCube);
-    cube_ = true;
+  void expect_same(const std::vector<Point>& whole, StageSettings settings, const char* what) {
+    settings.frame = frame_over({-1.2f, -1.1f, -1.0f}, 2.1f);
+    CudaBackendTest::expect_same(whole, settings, what);
   }
-  static constexpr CurveCube kCube{{-1.2f, -1.1f, -1.0f}, 2.1f};  // a part of the unit sphere lies outside
 };
 
 TEST_F(CudaBalls, equal_the_cpu) {
@@ -49,8 +46,8 @@ TEST_F(CudaBalls, that_follow_the_density_equal_the_cpu) {
     StageSettings settings = with_balls(0.02f, widening);
     expect_same(noisy_sphere(50000, 10, 0.002), settings, "sphere");
     expect_same(uneven_sphere(50000, 7), settings, "uneven");
-    settings.passes = 3;
-    expect_same(noisy_sphere(50000, 12, 0.002), settings, "three passes");
+    settings.iterations = 3;
+    expect_same(noisy_sphere(50000, 12, 0.002), settings, "three iterations");
   }
 }
 
@@ -63,7 +60,7 @@ TEST_F(CudaBalls, of_strays_equal_the_cpu) {
   settings.fairing.outlier_distance = 0.012f;
   settings.fairing.outlier_radius = 0.1f;
   settings.limits = {0.008f, 0.012f};
-  settings.passes = 2;
+  settings.iterations = 2;
   expect_same(points, settings, "held back");
   settings.fairing.pull_outliers = true;
   expect_same(points, settings, "pulled in");
@@ -116,24 +113,24 @@ TEST_F(CudaBalls, of_the_default_run_equal_the_cpu) {
   EXPECT_EQ(cuda.report().params.radius.value, cpu.report().params.radius.value);
 }
 
-// Two workers and five pieces, whose halos are found on the card.
-TEST_F(CudaBalls, of_a_cloud_in_pieces_equal_those_of_the_whole_on_the_cpu) {
+// Two workers and five tiles, whose halos are found on the card.
+TEST_F(CudaBalls, of_a_cloud_in_tiles_equal_those_of_the_whole_on_the_cpu) {
   for (const std::vector<Point>& whole :
        {noisy_sphere(60000, 25, 0.01), shapes::with_noise(shapes::cube(60000), 0.003), uneven_sphere(60000, 20)}) {
     const std::vector<Point> points = cut(whole);
     std::vector<std::unique_ptr<Backend>> workers;
     for (int i = 0; i < 2; ++i) workers.push_back(make_cuda_backend(0));
-    Pipeline pieces = PipelineAccess::make(make_cut_backend(std::move(workers), {5}), {Device::cuda, "", ""});
+    Pipeline tiles = PipelineAccess::make(make_tiled_backend(std::move(workers), {5}), {Device::cuda, "", ""});
     Pipeline cpu(Device::cpu);
-    std::vector<Point> in_pieces(points.size()), on_cpu(points.size());
-    pieces.load(points);
+    std::vector<Point> in_tiles(points.size()), on_cpu(points.size());
+    tiles.load(points);
     cpu.load(points);
-    for (const int flat_radius : {kAutomatic, 100}) {
+    for (const std::optional<double> flat_scale : {std::optional<double>(), std::optional<double>(1)}) {
       Params params;
-      params.flat_radius = flat_radius;
-      pieces.run(params, in_pieces);
+      params.flat_scale = flat_scale;
+      tiles.run(params, in_tiles);
       cpu.run(params, on_cpu);
-      EXPECT_EQ(difference(in_pieces, on_cpu), "") << flat_radius;
+      EXPECT_EQ(difference(in_tiles, on_cpu), "") << flat_scale.value_or(0);
     }
   }
 }

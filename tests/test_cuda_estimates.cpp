@@ -5,7 +5,8 @@
 #include <numeric>
 
 #include "cuda_backend_test.h"
-#include "estimate.hpp"
+#include "estimate/estimate.hpp"
+#include "tiles/tiled_backend.hpp"
 
 namespace pointfair {
 namespace {
@@ -47,9 +48,13 @@ std::vector<Point> scan_lines(double noise) {
 class CudaEstimates : public CudaBackendTest {
  protected:
   static void load(Backend& backend, const std::vector<Point>& points) {
-    backend.upload(points);
-    backend.begin_pass(0);
-    backend.build_index({});
+    backend.upload(points, IndexOrder::fastest);
+    backend.build_index(0, {}, {});
+  }
+
+  static Estimate estimate_of(Backend& backend, WantedEstimates wanted, const std::stop_token& stop = {}) {
+    Sampling& sampling = backend.sampling();
+    return estimate(sampling, sampling.sample_cloud(kSampledPoints), wanted, stop);
   }
 
   void expect_same(const std::vector<Point>& whole, const char* what) {
@@ -57,21 +62,21 @@ class CudaEstimates : public CudaBackendTest {
     const std::vector<Point> points = cut(whole);
     std::vector<std::unique_ptr<Backend>> workers;
     workers.push_back(make_cuda_backend(0));
-    const auto in_pieces = make_cut_backend(std::move(workers), {3});
+    const auto in_tiles = make_tiled_backend(std::move(workers), {3});
     std::vector<Backend*> cards = {cuda_.get()};
-    if (points.size() > 1024) cards.insert(cards.end(), {&in_parts(points.size()), in_pieces.get()});
+    if (points.size() > 1024) cards.insert(cards.end(), {&in_parts(points.size()), in_tiles.get()});
     load(*cpu_, points);
-    const Estimate expected = estimate(*cpu_, points.size(), {true, true}, {});
+    const Estimate expected = estimate_of(*cpu_, {true, true});
     std::vector<std::uint32_t> queries;
     for (std::size_t i = 0; i < points.size(); i += points.size() / 300 + 1) queries.push_back(std::uint32_t(i));
-    const Bits samples = bits_of(cpu_->take_samples(queries, queries, {}));
+    const Bits samples = bits_of(cpu_->sampling().take_samples(queries, queries, {}));
     for (Backend* card : cards) {
       load(*card, points);
-      EXPECT_EQ(bits_of(card->take_samples(queries, queries, {})), samples);
-      EXPECT_EQ(bits_of(estimate(*card, points.size(), {true, true}, {})), bits_of(expected));
+      EXPECT_EQ(bits_of(card->sampling().take_samples(queries, queries, {})), samples);
+      EXPECT_EQ(bits_of(estimate_of(*card, {true, true})), bits_of(expected));
     }
-    EXPECT_EQ(estimate(*cuda_, points.size(), {.spacing = true}, {}).spacing.mean, expected.spacing.mean);
-    EXPECT_EQ(estimate(*cuda_, points.size(), {.noise = true}, {}).noise.sigma, expected.noise.sigma);
+    EXPECT_EQ(estimate_of(*cuda_, {.spacing = true}).spacing.mean, expected.spacing.mean);
+    EXPECT_EQ(estimate_of(*cuda_, {.noise = true}).noise.sigma, expected.noise.sigma);
   }
 };
 
@@ -119,7 +124,7 @@ TEST_F(CudaEstimates, are_given_up_after_a_stop) {
   load(*cuda_, points);
   std::stop_source source;
   source.request_stop();
-  EXPECT_THROW(estimate(*cuda_, points.size(), {true, true}, source.get_token()), Error);
+  EXPECT_THROW(estimate_of(*cuda_, {true, true}, source.get_token()), Error);
 }
 
 }  // namespace

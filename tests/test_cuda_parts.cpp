@@ -18,7 +18,7 @@ TEST_F(CudaBackendTest, in_parts_equals_the_cpu_where_parts_lie_apart) {
   expect_same(even, with_neighbors(8, 0, true, 0.02f), "constraint");
   StageSettings settings = with_filter_and_both_planes(with_neighbors(8));
   settings.fairing.area_weight = AreaWeight::squared;
-  settings.passes = 2;
+  settings.iterations = 2;
   expect_same(even, settings, "filtered, both planes, area weight, two passes");
   settings = with_neighbors(8);
   settings.limits = {0.001f, 0.002f};
@@ -65,25 +65,24 @@ TEST_F(CudaBackendTest, in_parts_stages_repeat_alone) {
   expect_equal(run(backend, points, settings), first, "after the upload");
   std::vector<Point> out(points.size());
   const auto fair = [&] {
-    backend.fair(settings.fairing, {});
-    backend.download(out, {}, {});
+    backend.fair(0, settings.fairing, false, {});
+    backend.download(0, out, {}, {});
     return out;
   };
   settings.fairing.similarity_sigma = 0.01f;
   EXPECT_EQ(difference(fair(), run(*cpu_, points, settings).points), "");
-  backend.start_upload(points);  // and before anything was asked for
-  backend.begin_pass(0);
-  backend.build_index({});
-  backend.find_neighbors(settings.neighbors, {});
-  backend.estimate_normals(settings.normals, {});
-  backend.fair(settings.fairing, {});
+  backend.overlap()->start_upload(points, IndexOrder::fastest);  // and before anything was asked for
+  backend.build_index(0, {}, {});
+  backend.find_neighbors(0, settings.neighbors, {});
+  backend.estimate_normals(0, settings.normals, {});
+  backend.fair(0, settings.fairing, false, {});
   settings.fairing.similarity_sigma = 0.02f;
-  backend.estimate_normals(settings.normals, {});
+  backend.estimate_normals(0, settings.normals, {});
   EXPECT_EQ(difference(fair(), run(*cpu_, points, settings).points), "");
-  backend.finish_upload();
+  backend.overlap()->finish_upload();
   settings.neighbors.k = 12;
-  backend.find_neighbors(settings.neighbors, {});
-  backend.estimate_normals(settings.normals, {});
+  backend.find_neighbors(0, settings.neighbors, {});
+  backend.estimate_normals(0, settings.normals, {});
   EXPECT_EQ(difference(fair(), run(*cpu_, points, settings).points), "");
 }
 
@@ -91,28 +90,26 @@ TEST_F(CudaBackendTest, in_parts_a_stop_is_an_interruption_and_the_next_run_is_w
   const std::vector<Point> points = cut(in_order(noisy_sphere(20000, 35, 0.002)));
   Backend& backend = in_parts(points.size());
   StageSettings settings;
-  backend.start_upload(points);
-  backend.begin_pass(0);
-  backend.build_index({});
+  backend.overlap()->start_upload(points, IndexOrder::fastest);
+  backend.build_index(0, {}, {});
   std::stop_source stop;
   stop.request_stop();
-  EXPECT_THROW(backend.find_neighbors(settings.neighbors, stop.get_token()), Error);
-  backend.finish_upload();
-  backend.find_neighbors(settings.neighbors, std::stop_source().get_token());
-  backend.estimate_normals(settings.normals, {});
-  backend.fair(settings.fairing, {});
+  EXPECT_THROW(backend.find_neighbors(0, settings.neighbors, stop.get_token()), Error);
+  backend.overlap()->finish_upload();
+  backend.find_neighbors(0, settings.neighbors, std::stop_source().get_token());
+  backend.estimate_normals(0, settings.normals, {});
+  backend.fair(0, settings.fairing, false, {});
   std::vector<Point> out(points.size());
-  backend.download(out, {}, {});
+  backend.download(0, out, {}, {});
   EXPECT_EQ(difference(out, run(*cpu_, points, settings).points), "");
-  backend.start_upload(points);  // with a stop that nobody asks for
-  backend.begin_pass(0);
+  backend.overlap()->start_upload(points, IndexOrder::fastest);  // with a stop that nobody asks for
   const std::stop_source unused;
-  backend.build_index(unused.get_token());
-  backend.find_neighbors(settings.neighbors, unused.get_token());
-  backend.estimate_normals(settings.normals, unused.get_token());
-  backend.fair(settings.fairing, unused.get_token());
-  backend.download(out, {}, {});
-  backend.finish_upload();
+  backend.build_index(0, {}, unused.get_token());
+  backend.find_neighbors(0, settings.neighbors, unused.get_token());
+  backend.estimate_normals(0, settings.normals, unused.get_token());
+  backend.fair(0, settings.fairing, false, unused.get_token());
+  backend.download(0, out, {}, {});
+  backend.overlap()->finish_upload();
   EXPECT_EQ(difference(out, run(*cpu_, points, settings).points), "");
 }
 

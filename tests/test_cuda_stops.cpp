@@ -7,12 +7,11 @@ namespace pointfair {
 namespace {
 
 TEST_F(CudaBackendTest, a_stop_is_an_interruption) {
-  cuda_->upload(shapes::sphere(1000));
-  cuda_->begin_pass(0);
+  cuda_->upload(shapes::sphere(1000), IndexOrder::fastest);
   std::stop_source stop;
   stop.request_stop();
   try {
-    cuda_->build_index(stop.get_token());
+    cuda_->build_index(0, {}, stop.get_token());
     FAIL() << "not interrupted";
   } catch (const Error& error) {
     EXPECT_EQ(error.kind(), ErrorKind::interrupted);
@@ -24,15 +23,15 @@ TEST_F(CudaBackendTest, a_stop_ends_kernels_that_run) {
   const std::vector<Point> points = cut(noisy_sphere(100000, 17, 0.002));
   const NeighborSettings neighbors{0, 1.0f};  // a quarter of all points
   std::stop_source stop;
-  cuda_->upload(points);
-  cuda_->begin_pass(0);
-  cuda_->build_index(stop.get_token());
-  cuda_->find_neighbors(neighbors, stop.get_token());
-  cuda_->estimate_normals({true, 0.1f}, stop.get_token());
+  cuda_->upload(points, IndexOrder::fastest);
+  cuda_->build_index(0, {}, stop.get_token());
+  cuda_->find_neighbors(0, neighbors, stop.get_token());
+  cuda_->estimate_normals(0, {true, 0.1f}, stop.get_token());
   stop.request_stop();
   if (points.size() == 100000) {  // else the normals, a tenth of a second's work here, may be done
-    EXPECT_THROW(cuda_->finish(), Error);
-    EXPECT_EQ(cuda_->take_stopped(), Stage::normals);
+    std::vector<Point> out(points.size());
+    EXPECT_THROW(cuda_->download_normals(0, out, {}), Error);
+    EXPECT_EQ(cuda_->take_stopped(), (StageOf{0, Stage::normals}));
   }
   cuda_->take_stopped();
   EXPECT_EQ(cuda_->take_stopped(), std::nullopt);
@@ -49,7 +48,7 @@ TEST_F(CudaBackendTest, a_stopped_run_can_be_repeated) {
   constrained.k = 20;
   constrained.constraint = true;
   for (Params params : {balls, lists, constrained, Params{}}) {
-    params.passes = 2;
+    params.iterations = 2;
     std::vector<Point> expected(points.size()), out(points.size());
     Pipeline fresh(Device::cuda), pipeline(Device::cuda);
     fresh.load(points);

@@ -254,6 +254,26 @@ TEST(Degenerate, a_run_before_any_load_returns_no_points) {
   EXPECT_TRUE(pipeline.run().points.empty());
 }
 
+// Of a cloud that is not there: its size is refused before a point is read.
+TEST(Degenerate, more_points_than_a_pipeline_holds_are_refused_with_the_limit) {
+  for (const DeviceStatus& device : list_devices()) {
+    if (!device.usable) continue;
+    Pipeline pipeline(device.info.kind);
+    pipeline.load(shapes::sphere(100));
+    Point point{};
+    const std::span<const Point> too_many(&point, kMaxPoints + 1);
+    try {
+      pipeline.load(too_many);
+      ADD_FAILURE() << "nothing was thrown";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::usage);
+      EXPECT_NE(std::string(error.what()).find(std::to_string(kMaxPoints)), std::string::npos) << error.what();
+      EXPECT_NE(std::string(error.what()).find(std::to_string(kMaxPoints + 1)), std::string::npos) << error.what();
+    }
+    EXPECT_TRUE(pipeline.run().points.empty()) << "the cloud before is gone, as after any load that fails";
+  }
+}
+
 TEST(Degenerate, an_output_of_another_size_is_refused_with_both_counts) {
   Pipeline pipeline(Device::cpu);
   pipeline.load(shapes::sphere(100));

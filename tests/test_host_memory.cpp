@@ -51,7 +51,7 @@ TEST(Pipeline, loads_and_runs_at_once_with_the_same_result_on_every_device) {
       const HostBuffer in = pipeline.host_buffer(points.size()), out = pipeline.host_buffer(points.size());
       Points expected(points.size());
       std::copy(points.begin(), points.end(), in.points().begin());
-      for (const int passes : {1, 1, 2}) {
+      for (const int iterations : {1, 1, 2}) {
         for (const bool all_automatic : {false, true}) {
           if (all_automatic && count > 5000) continue;
           Params params;
@@ -59,9 +59,9 @@ TEST(Pipeline, loads_and_runs_at_once_with_the_same_result_on_every_device) {
             params.k = 8;
             params.normal_sigma = params.closeness_sigma = 0.004;
             params.similarity_sigma = 0.002;
-            params.step = 100;
+            params.relaxation = 1;
           }
-          params.passes = passes;
+          params.iterations = iterations;
           pipeline.run(in.points(), params, out.points());
           fresh.load(points);
           fresh.run(params, expected);
@@ -116,7 +116,7 @@ TEST(Report, names_every_stage_once_on_every_device) {
     using Names = std::vector<std::string>;
     EXPECT_EQ(names(), (Names{"upload", "index", "neighbors", "normals", "fairing", "download"}));
     params.similarity_sigma = 0.06;
-    params.passes = 1;
+    params.iterations = 1;
     names();
     params.similarity_sigma = 0.07;
     EXPECT_EQ(names(), (Names{"fairing", "download"}));

@@ -6,7 +6,7 @@
 
 #include "backend_runs.h"
 #include "forwarding_backend.h"
-#include "pipeline_access.hpp"
+#include "pipeline/pipeline_access.hpp"
 #include "pointfair/pipeline.hpp"
 #include "shapes.h"
 
@@ -21,24 +21,21 @@ Points cloud(int count) { return shapes::with_noise(shapes::sphere(count), 0.002
 class SmallBackend : public ForwardingBackend {
  public:
   explicit SmallBackend(std::size_t room) : ForwardingBackend(make_cpu_backend(0)), room_(room) {}
-  void upload(std::span<const Point> points) override {
+  void upload(std::span<const Point> points, IndexOrder expected) override {
     require(points.size() / 2);  // they fit, but not what is made of them
     count_ = points.size();
-    ForwardingBackend::upload(points);
-    input_.assign(points.begin(), points.end());
+    ForwardingBackend::upload(points, expected);
   }
-  void find_neighbors(const NeighborSettings& settings, std::stop_token stop) override {
+  void find_neighbors(int iteration, const NeighborSettings& settings, std::stop_token stop) override {
     require(count_);
-    ForwardingBackend::find_neighbors(settings, stop);
+    ForwardingBackend::find_neighbors(iteration, settings, stop);
   }
-  void download_input(std::span<Point> points) override { std::copy(input_.begin(), input_.end(), points.begin()); }
 
  private:
   void require(std::size_t points) const {
     if (points > room_) throw Error(ErrorKind::memory, "no room");
   }
   std::size_t room_, count_ = 0;
-  Points input_;
 };
 
 // A pipeline whose device has too little memory against one whose has enough. `small` makes the former's backends.
@@ -58,8 +55,8 @@ void expect_the_same_in_little_memory(Device::Kind kind, const std::function<std
     Points expected(points.size()), out(points.size());
     ample.run(params, expected);
     tight.run(params, out);
-    EXPECT_GT(tight.report().pieces, 1u);
-    EXPECT_EQ(ample.report().pieces, 1u);
+    EXPECT_GT(tight.report().tiles, 1u);
+    EXPECT_EQ(ample.report().tiles, 1u);
     EXPECT_EQ(ample.report().params, tight.report().params);
     EXPECT_EQ(difference(expected, out), "");
     EXPECT_EQ(ample.estimates().noise, tight.estimates().noise);
@@ -71,23 +68,19 @@ void expect_the_same_in_little_memory(Device::Kind kind, const std::function<std
   tight.load(few);
   Points out(few.size());
   tight.run(params, out);
-  EXPECT_EQ(tight.report().pieces, 1u) << "a cloud that fits";
+  EXPECT_EQ(tight.report().tiles, 1u) << "a cloud that fits";
 }
 
-TEST(CutCloud, is_what_becomes_of_a_cloud_that_memory_does_not_hold) {
+TEST(LittleMemory, is_what_becomes_of_a_cloud_that_memory_does_not_hold) {
   for (const std::size_t room : {150000, 60000})
     expect_the_same_in_little_memory(Device::cpu, [room] { return std::make_unique<SmallBackend>(room); });
   const auto cards = list_cuda_devices();
   if (std::none_of(cards.begin(), cards.end(), [](const DeviceStatus& card) { return card.usable; })) return;
   for (const std::uint64_t bytes : {18'000'000, 8'000'000})  // the second hold the points, but not their index
-    expect_the_same_in_little_memory(Device::cuda, [bytes] {
-      auto backend = make_cuda_backend(0);
-      backend->limit_memory(bytes);
-      return backend;
-    });
+    expect_the_same_in_little_memory(Device::cuda, [bytes] { return make_cuda_backend(0, {.memory = bytes}); });
 }
 
-TEST(CutCloud, that_never_fits_is_an_error) {
+TEST(LittleMemory, that_never_fits_is_an_error) {
   const auto small = [] { return std::make_unique<SmallBackend>(100); };
   Pipeline pipeline = PipelineAccess::make(small(), {Device::cpu, "small", "test"}, small);
   try {
@@ -100,7 +93,7 @@ TEST(CutCloud, that_never_fits_is_an_error) {
 }
 
 // No more workers are to be had: the cloud is lost, and said to be; the next load is as any.
-TEST(CutCloud, without_workers_is_an_error_and_the_next_cloud_is_sound) {
+TEST(LittleMemory, without_workers_is_an_error_and_the_next_cloud_is_sound) {
   bool lost = true;
   const auto small = [&lost] {
     if (lost) throw Error(ErrorKind::device, "the card is lost");

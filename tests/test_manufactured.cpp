@@ -39,17 +39,17 @@ double rms(const Points& points, Error error) {
   return std::sqrt(sum / double(points.size()));
 }
 
-Params one_pass(int k) {
+Params one_iteration(int k) {
   Params params;
   params.k = k;
-  params.passes = 1;
+  params.iterations = 1;
   return params;
 }
 
 std::vector<Params> all_kinds() {
   Params by_radius;
   by_radius.radius = Length(3, Length::Unit::spacing);
-  return {Params{}, paper_preset(), one_pass(16), by_radius};
+  return {Params{}, paper_preset(), one_iteration(16), by_radius};
 }
 
 TEST(CleanPlane, parallel_to_the_axes_does_not_move_by_a_bit) {
@@ -93,7 +93,7 @@ TEST(CleanPlane, on_the_border_of_every_cell_does_not_move) {
 
 TEST(Sphere, normals_are_radial) {
   const Points points = shapes::sphere(20000);
-  for (const Params& params : {one_pass(16), one_pass(64)}) {
+  for (const Params& params : {one_iteration(16), one_iteration(64)}) {
     const Result result = fair(points, params);
     for (std::size_t i = 0; i < points.size(); ++i) {
       const double cosine = reference::dot(reference::to_vec(points[i]), reference::to_vec(result.normals[i]));
@@ -143,8 +143,7 @@ TEST(Cube, clean_edges_stay_within_a_fraction_of_the_spacing) {
 TEST(Constraint, keeps_a_sheet_from_being_drawn_to_one_nearby) {
   constexpr double kGap = 0.05;
   const Points points = shapes::with_noise(shapes::two_sheets(10000, kGap), 0.001);  // spacing about 0.02
-  Params params = one_pass(64);                                                      // reaches 0.065
-  params.normal_weights = false;
+  Params params = one_iteration(64);                                                 // reaches 0.065
   params.closeness_sigma = 0.1;
   params.similarity_sigma = 0.1;
   params.rho = 0.04;
@@ -170,7 +169,7 @@ Points striped_waves(double ratio) {
 
 TEST(AreaWeight, makes_the_shift_of_a_place_depend_on_the_surface_and_less_on_how_densely_it_was_sampled) {
   const auto mean_difference = [](AreaWeight area) {
-    Params params = one_pass(0);
+    Params params = one_iteration(0);
     params.radius = 0.07;
     params.closeness_sigma = params.normal_sigma = 0.035;
     params.similarity_sigma = 1.0;

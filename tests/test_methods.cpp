@@ -118,8 +118,8 @@ TEST_P(Methods, agree_with_the_reference_over_lists) {
     for (const AreaWeight area : {AreaWeight::none, AreaWeight::squared}) {
       Params params = with(method());
       params.k = k;
-      params.passes = 1;
-      params.step = 80;
+      params.iterations = 1;
+      params.relaxation = 0.8;
       params.area_weight = area;
       params.similarity_sigma = 0.01;
       expect_like_reference(hills(), params, "k " + std::to_string(k) + ", area " + std::to_string(int(area)));
@@ -128,24 +128,24 @@ TEST_P(Methods, agree_with_the_reference_over_lists) {
 
 TEST_P(Methods, agree_with_the_reference_over_balls) {
   Params params = with(method());
-  params.passes = 1;
+  params.iterations = 1;
   params.radius = 0.15;
   params.closeness_sigma = 0.07;
   params.area_weight = AreaWeight::length;
   expect_like_reference(hills(), params, "one radius");
   params.radius = 0.1;
-  params.widening = 12;
+  params.min_neighbors = 12;
   params.closeness_sigma = {0.7, Length::Unit::radius};
   expect_like_reference(shapes::with_noise(shapes::uneven(900, 20), 0.004), params, "uneven");
 }
 
-TEST_P(Methods, agree_with_the_reference_for_automatic_parameters_and_passes) {
+TEST_P(Methods, agree_with_the_reference_for_automatic_parameters_and_iterations) {
   for (const Points& points : {hills(), shapes::with_noise(shapes::sphere(1200), 0.01)}) {
     Params params = with(method());
     expect_like_reference(points, params, "automatic");
-    params.passes = 2;
+    params.iterations = 2;
     params.k = 20;
-    expect_like_reference(points, params, "two passes");
+    expect_like_reference(points, params, "two iterations");
   }
 }
 
@@ -154,7 +154,7 @@ TEST_P(Methods, agree_with_the_reference_beside_invalid_and_lonely_points) {
   points.push_back({5, 5, 5});
   points.push_back({5.01f, 5, 5});
   Params params = with(method());
-  params.passes = 1;
+  params.iterations = 1;
   params.radius = 0.2;
   params.closeness_sigma = 0.1;
   const Result result = fair(points, params);
@@ -170,7 +170,7 @@ TEST_P(Methods, give_the_same_bits_on_one_thread_and_many) {
 
 TEST_P(Methods, commute_with_scaling_and_moving) {
   Params params = with(method());
-  params.passes = 1;
+  params.iterations = 1;
   params.k = 16;
   params.closeness_sigma = 0.1;
   params.normal_sigma = 0.1;
@@ -227,7 +227,7 @@ TEST_P(Methods, with_nothing_set_halve_the_noise_of_a_sphere_and_of_a_plane) {
 TEST_P(Methods, move_points_without_a_normal_unless_they_need_one) {
   Params params = with(method());
   params.k = 8;
-  params.passes = 1;
+  params.iterations = 1;
   const Points points = shapes::line(500);
   const Result result = fair(points, params);
   double moved = 0;
@@ -241,8 +241,8 @@ TEST_P(Methods, move_points_without_a_normal_unless_they_need_one) {
 double shrinkage(Method method) {
   Params params = with(method);
   params.k = 40;
-  params.passes = 5;
-  params.step = method == Method::taubin ? 63 : 100;
+  params.iterations = 5;
+  params.relaxation = method == Method::taubin ? 0.63 : 1;
   double sum = 0;
   const Points points = fair(shapes::sphere(5000), params).points;
   for (const Point& p : points) sum -= radial(p);
@@ -263,7 +263,7 @@ TEST(MovingLeastSquares, leaves_a_paraboloid_where_it_is_which_planes_do_not) {
   const auto error = [&](Point p) { return std::abs(p.z - height(p)); };
   Params params = with(Method::mls);
   params.k = 60;
-  params.passes = 1;
+  params.iterations = 1;
   const double mls = rms(fair(points, params).points, error);
   params.method = Method::wiener;
   params.similarity_sigma = 1;  // all is noise: projects onto planes
@@ -275,8 +275,8 @@ TEST(MovingLeastSquares, leaves_a_paraboloid_where_it_is_which_planes_do_not) {
 TEST(Wiener, keeps_heights_beyond_what_noise_explains) {
   const Points points = shapes::with_noise(shapes::cube(10000), 0.005);
   Params params = with(Method::wiener);
-  params.passes = 1;
-  params.step = 100;
+  params.iterations = 1;
+  params.relaxation = 1;
   params.k = 40;
   const auto mean_move = [&](double noise) {
     params.similarity_sigma = noise;
@@ -299,7 +299,7 @@ TEST(Mollified, keeps_an_edge_that_the_laplacian_rounds) {
   };
   Params params;
   params.k = 40;
-  params.passes = 1;
+  params.iterations = 1;
   params.similarity_sigma = 0.005;
   params.method = Method::laplacian;
   const double laplacian = rms(fair(points, params).points, off_cube);

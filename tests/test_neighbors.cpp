@@ -12,10 +12,11 @@
 #include <string>
 #include <vector>
 
-#include "backend.hpp"
+#include "backend_runs.h"
 #include "cpu/index.h"
 #include "cpu/kernels.h"
 #include "reference.h"
+#include "seam/sampling.hpp"
 #include "shapes.h"
 
 #if defined(__x86_64__)
@@ -228,9 +229,8 @@ TEST(SampleNeighborhoods, returns_each_query_and_its_nearest_in_order) {
        {shapes::with_noise(shapes::waves(2000), 0.01), shapes::with_invalid(shapes::sphere(500), 4), shapes::grid(8),
         shapes::sphere(5), shapes::identical(40)}) {
     const std::unique_ptr<Backend> backend = make_cpu_backend(2);
-    backend->upload(points);
-    backend->begin_pass(0);
-    backend->build_index({});
+    backend->upload(points, IndexOrder::fastest);
+    backend->build_index(0, {}, {});
     std::vector<std::uint32_t> queries;
     std::vector<std::vector<Point>> expected;
     for (std::uint32_t i = 0; i < points.size(); i += 3) {
@@ -240,7 +240,7 @@ TEST(SampleNeighborhoods, returns_each_query_and_its_nearest_in_order) {
     for (const int k : {1, 6, 24, 100, kLargestSample}) {
       const std::size_t width = std::size_t(k) + 1;
       std::vector<Point> rows(queries.size() * width);
-      backend->sample_neighborhoods(queries, k, rows);
+      backend->sampling().sample_neighborhoods(queries, k, rows);
       for (std::size_t i = 0; i < rows.size(); ++i)
         ASSERT_TRUE(same_or_both_nan(rows[i], expected[i / width][i % width]))
             << "place " << i % width << " of query " << queries[i / width] << ", k " << k;
@@ -249,12 +249,12 @@ TEST(SampleNeighborhoods, returns_each_query_and_its_nearest_in_order) {
 }
 
 // Upload indices of the valid points in the order of a cube's curve.
-std::vector<Index> order_along(const Points& points, const CurveCube& cube, const cpu::Kernels& kernels,
+std::vector<Index> order_along(const Points& points, const Frame& frame, const cpu::Kernels& kernels,
                                std::span<const Index> originals = {}) {
   cpu::MemoryMeter meter;
   cpu::SpatialIndex index(meter);
   cpu::SortSpace space(meter);
-  index.build(points, originals, cube, space, kernels, {});
+  index.build(points, originals, frame, space, kernels, {});
   const auto order = index.originals().first(index.view().points);
   return {order.begin(), order.end()};
 }
@@ -265,14 +265,16 @@ Points hard_cloud() {
   for (std::size_t i = 0; i < 40; ++i) points[13 * i] = {float(i) * 1e4f, -1e9f, float(i % 3)};
   return points;
 }
-constexpr CurveCube kCube{{-0.2f, 0.1f, -0.3f}, 0.9f};  // neither holds all nor all valid points
+constexpr Point kLower{-0.2f, 0.1f, -0.3f};  // of a cube that neither holds all nor all valid points
+constexpr float kWidth = 0.9f;
+const Frame kFrame = frame_over(kLower, kWidth);
 
 // Shuffled, in parts, at any length of the sorts' runs: the same order.
 TEST(CurveOrder, of_a_part_is_that_of_the_whole) {
   const Points points = hard_cloud();
   for (const cpu::Kernels* kernels : available_kernels()) {
-    const std::vector<Index> whole = order_along(points, kCube, *kernels);
-    EXPECT_EQ(whole, order_along(points, kCube, cpu::best_kernels())) << kernels->name;
+    const std::vector<Index> whole = order_along(points, kFrame, *kernels);
+    EXPECT_EQ(whole, order_along(points, kFrame, cpu::best_kernels())) << kernels->name;
     for (const std::size_t step : {1, 2, 7}) {
       Points part;
       std::vector<Index> originals, expected;
@@ -283,7 +285,7 @@ TEST(CurveOrder, of_a_part_is_that_of_the_whole) {
       }
       for (const Index i : whole)
         if (i % step == 0) expected.push_back(i);
-      EXPECT_EQ(order_along(part, kCube, *kernels, originals), expected) << kernels->name << ", every " << step;
+      EXPECT_EQ(order_along(part, kFrame, *kernels, originals), expected) << kernels->name << ", every " << step;
     }
   }
 }
@@ -293,19 +295,19 @@ TEST(CurveOrder, is_by_first_digit_then_by_second_then_by_index) {
   const Points points = hard_cloud();
   const auto steps_of = [](Point p) {
     const auto step = [](float v, float origin) {
-      const double u = double((v - origin) * (1 / kCube.side)), margin = 1 << 16;
+      const double u = double((v - origin) * (1 / kWidth)), margin = 1 << 16;
       const double at = u < 0   ? margin / (1 - u)
                         : u > 1 ? (1 << 20) - margin / u
                                 : margin + u * ((1 << 20) - 2 * margin);
       return std::min(at, (1 << 20) - 1.0);
     };
-    return std::array{step(p.x, kCube.origin.x), step(p.y, kCube.origin.y), step(p.z, kCube.origin.z)};
+    return std::array{step(p.x, kLower.x), step(p.y, kLower.y), step(p.z, kLower.z)};
   };
   const auto whole_steps = [&](Point p) {
     const auto s = steps_of(p);
     return std::array{int(s[0]), int(s[1]), int(s[2])};
   };
-  const std::vector<Index> order = order_along(points, kCube, cpu::best_kernels());
+  const std::vector<Index> order = order_along(points, kFrame, cpu::best_kernels());
   // Points of one cell of the first digit, and of one cell of the second, follow each other without a gap.
   for (const int shift : {10, 0}) {
     std::map<std::array<int, 3>, std::pair<std::size_t, std::size_t>> cells;  // first and last place
@@ -349,7 +351,7 @@ TEST(CurveOrder, goes_from_each_cell_to_one_beside_it) {
     points.push_back({place(i % kSide), place(i / kSide % kSide), place(i / kSide / kSide)});
   }
   for (Point& p : points) p = {p.x + 64.0f / 896, p.y + 64.0f / 896, p.z + 64.0f / 896};
-  const std::vector<Index> order = order_along(points, {{0, 0, 0}, 1}, cpu::best_kernels());
+  const std::vector<Index> order = order_along(points, frame_over({0, 0, 0}, 1), cpu::best_kernels());
   const float step = 1.0f / 896;
   for (std::size_t i = 1; i < order.size(); ++i) {
     const Point a = points[order[i - 1]], b = points[order[i]];
@@ -357,7 +359,7 @@ TEST(CurveOrder, goes_from_each_cell_to_one_beside_it) {
   }
 }
 
-TEST(Index, bounds_hold_exactly_the_valid_points) {
+TEST(CloudSample, bounds_hold_exactly_the_valid_points) {
   for (const Points& points :
        {shapes::with_invalid(shapes::sphere(500), 4), shapes::with_stray(shapes::plane(50), 1e6f)}) {
     Bounds expected{{1e30f, 1e30f, 1e30f}, {-1e30f, -1e30f, -1e30f}, 0};
@@ -368,10 +370,8 @@ TEST(Index, bounds_hold_exactly_the_valid_points) {
       ++expected.valid;
     }
     const std::unique_ptr<Backend> backend = make_cpu_backend(2);
-    backend->upload(points);
-    backend->begin_pass(0);
-    backend->build_index({});
-    const Bounds found = backend->bounds();
+    backend->upload(points, IndexOrder::fastest);
+    const Bounds found = backend->sampling().sample_cloud(1).bounds;
     EXPECT_EQ(found.valid, expected.valid);
     EXPECT_TRUE(same_or_both_nan(found.min, expected.min));
     EXPECT_TRUE(same_or_both_nan(found.max, expected.max));

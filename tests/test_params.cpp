@@ -100,6 +100,8 @@ TEST(ParamText, reads_back_the_same_for_random_values) {
     Params params;
     if (const auto* number = std::get_if<int Params::*>(&info.field)) {
       params.*(*number) = int(info.min) + int(random.below(std::uint64_t(info.max - info.min) + 1));
+    } else if (const auto* factor = std::get_if<std::optional<double> Params::*>(&info.field)) {
+      params.*(*factor) = random.uniform(info.min, info.max);
     } else if (const auto* length = std::get_if<Length Params::*>(&info.field)) {
       const double value = std::ldexp(random.uniform(0.5, 1), int(random.below(80)) - 50);
       params.*(*length) = Length(value, Length::Unit(1 + random.below(3)));
@@ -155,14 +157,16 @@ TEST(SetParam, reads_words_and_whole_numbers) {
   EXPECT_EQ(params.k, kAutomatic);
   set_param(params, row("constraint"), "on");
   EXPECT_TRUE(params.constraint);
-  set_param(params, row("normal-weights"), "off");
-  EXPECT_FALSE(params.normal_weights);
+  set_param(params, row("relaxation"), "1.5");
+  EXPECT_EQ(params.relaxation, 1.5);
+  set_param(params, row("relaxation"), "auto");
+  EXPECT_EQ(params.relaxation, std::nullopt);
   set_param(params, row("area-weight"), "squared");
   EXPECT_EQ(params.area_weight, AreaWeight::squared);
-  set_param(params, row("planes"), "both");
-  EXPECT_EQ(params.planes, Planes::both);
-  set_param(params, row("planes"), "auto");
-  EXPECT_EQ(params.planes, Planes::automatic);
+  set_param(params, row("offset"), "symmetric");
+  EXPECT_EQ(params.offset, Offset::symmetric);
+  set_param(params, row("offset"), "auto");
+  EXPECT_EQ(params.offset, Offset::automatic);
 }
 
 TEST(SetParam, refuses_what_is_out_of_range_or_no_value_and_says_the_flag_and_the_value) {
@@ -175,8 +179,8 @@ TEST(SetParam, refuses_what_is_out_of_range_or_no_value_and_says_the_flag_and_th
                                                                           {"k", "8 "},
                                                                           {"k", "1e9"},
                                                                           {"k", "nan"},
-                                                                          {"passes", "0"},
-                                                                          {"passes", "101"},
+                                                                          {"iterations", "0"},
+                                                                          {"iterations", "101"},
                                                                           {"radius", "0"},
                                                                           {"radius", "-1"},
                                                                           {"radius", "nan"},
@@ -193,7 +197,12 @@ TEST(SetParam, refuses_what_is_out_of_range_or_no_value_and_says_the_flag_and_th
                                                                           {"constraint", "maybe"},
                                                                           {"constraint", "auto"},
                                                                           {"constraint", ""},
-                                                                          {"normal_weights", "1"}};
+                                                                          {"normal_filter", "1"},
+                                                                          {"relaxation", "2.1"},
+                                                                          {"relaxation", "-0.1"},
+                                                                          {"relaxation", "nan"},
+                                                                          {"relaxation", "90%"},
+                                                                          {"flat_scale", "0.9"}};
   for (const auto& [name, text] : bad) {
     const std::string message = refusal(name, text);
     std::string flag = "--" + std::string(name);
@@ -228,8 +237,11 @@ TEST(CheckParams, refuses_values_that_set_param_would_refuse) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   EXPECT_EQ(kind_of_check(with([](Params& p) { p.k = 513; })), ErrorKind::usage);
   EXPECT_EQ(kind_of_check(with([](Params& p) { p.k = -1; })), ErrorKind::usage);
-  EXPECT_EQ(kind_of_check(with([](Params& p) { p.passes = 101; })), ErrorKind::usage);
+  EXPECT_EQ(kind_of_check(with([](Params& p) { p.iterations = 101; })), ErrorKind::usage);
+  EXPECT_EQ(kind_of_check(with([](Params& p) { p.relaxation = 2.5; })), ErrorKind::usage);
+  EXPECT_EQ(kind_of_check(with([=](Params& p) { p.relaxation = nan; })), ErrorKind::usage);
   EXPECT_EQ(kind_of_check(with([](Params& p) { p.radius = 0.0; })), ErrorKind::usage);
+  EXPECT_EQ(kind_of_check(with([](Params& p) { p.noise = 0.0; })), ErrorKind::usage);
   EXPECT_EQ(kind_of_check(with([](Params& p) { p.rho = -1.0; })), ErrorKind::usage);
   EXPECT_EQ(kind_of_check(with([=](Params& p) { p.normal_sigma = nan; })), ErrorKind::usage);
   EXPECT_EQ(kind_of_check(with([](Params& p) { p.closeness_sigma = {-1, Length::Unit::spacing}; })), ErrorKind::usage);
@@ -244,15 +256,15 @@ TEST(CheckParams, refuses_the_constraint_with_a_radius_alone) {
   EXPECT_NO_THROW(check_params(params));
 }
 
-TEST(PaperPreset, is_k_8_one_pass_with_constraint_and_squared_area_weight_and_nothing_newer) {
+TEST(PaperPreset, is_k_8_one_iteration_with_constraint_and_squared_area_weight_and_nothing_newer) {
   Params expected;
   expected.k = 8;
-  expected.passes = 1;
+  expected.iterations = 1;
   expected.constraint = true;
   expected.area_weight = AreaWeight::squared;
   expected.normal_filter = NormalFilter::off;
-  expected.planes = Planes::own;
-  expected.step = 100;
+  expected.offset = Offset::point;
+  expected.relaxation = 1;
   expected.outliers = Outliers::off;
   EXPECT_EQ(paper_preset(), expected);
 }

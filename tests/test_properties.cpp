@@ -37,13 +37,12 @@ Sample make_sample(std::uint64_t seed, bool with_list) {
   sample.points = shapes::with_noise(clean[random.below(4)], noise, seed + 1);
   sample.spacing = spacing;
   sample.sigma = spacing * random.uniform(1, 3);
-  sample.params.passes = 1;
+  sample.params.iterations = 1;
   sample.params.outliers = Outliers::off;  // limits by the noise, which is estimated anew for every cloud
-  sample.params.normal_sigma = sample.sigma;
+  sample.params.normal_sigma = random.below(4) != 0 ? sample.sigma : 1e9;  // the latter weighs all alike
   sample.params.closeness_sigma = sample.sigma;
   sample.params.similarity_sigma = spacing * random.uniform(0.3, 2);
   sample.params.area_weight = AreaWeight(random.below(3));
-  sample.params.normal_weights = random.below(4) != 0;
   if (with_list) sample.params.k = 6 + int(random.below(40));
   if (!with_list || random.below(3) == 0) sample.params.radius = spacing * random.uniform(2, 4);
   if (with_list && random.below(3) == 0) {
@@ -51,13 +50,11 @@ Sample make_sample(std::uint64_t seed, bool with_list) {
     sample.params.rho = spacing * random.uniform(1, 3);
     sample.params.delta = noise;
   }
-  sample.params.widening = 0;
-  sample.params.step = 100;
+  sample.params.relaxation = 1;
   sample.params.normal_filter = random.below(2) == 0 ? NormalFilter::off : NormalFilter::on;
-  sample.params.flat_radius = 100 + 20 * int(random.below(5));
-  sample.params.normal_angle = 10 + int(random.below(20));
-  sample.params.planes = random.below(2) == 0 ? Planes::own : Planes::both;
-  sample.params.facing_angle = 35 + int(random.below(25));  // so that no weight is subnormal at another scale
+  sample.params.flat_scale = 1 + 0.2 * double(random.below(5));
+  sample.params.crease_angle = 10 + int(random.below(20));
+  sample.params.offset = random.below(2) == 0 ? Offset::point : Offset::symmetric;
   return sample;
 }
 
@@ -212,7 +209,7 @@ RC_GTEST_PROP(Properties, passes_one_by_one_are_the_passes_at_once, (std::uint64
   Sample sample = make_sample(seed, with_list);
   Points step = sample.points;
   for (int pass = 0; pass < 3; ++pass) step = fair(step, sample.params);
-  sample.params.passes = 3;
+  sample.params.iterations = 3;
   if (with_list) {
     RC_ASSERT(same_bits(fair(sample.points, sample.params), step));
   } else {

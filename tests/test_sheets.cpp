@@ -50,7 +50,7 @@ TEST(Sheets, are_no_shape_to_be_spared) {
     pipeline.load(shapes::with_noise(shapes::two_sheets(kPoints, gap), 0.001));
     Points out(kPoints);
     pipeline.run({}, out);
-    EXPECT_GT(pipeline.report().params.step, 75) << gap;
+    EXPECT_GT(pipeline.report().params.relaxation.value(), 0.75) << gap;
   }
 }
 

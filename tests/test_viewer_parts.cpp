@@ -176,10 +176,10 @@ TEST(ViewerRecipe, TheCommandNamesWhatDiffersAndQuotesForTheShell) {
   recipe.params.k = 24;
   recipe.params.radius = {0.5, Length::Unit::percent};
   recipe.limits.strength = 0.25;
-  const std::string command = as_command(recipe, {"/data/my 'scan'.ply", "fair.ply", "ascii", Device::cpu});
+  const std::string command = as_command(recipe, {"/data/my 'scan'.ply", "denoised.ply", "ascii", Device::cpu});
   EXPECT_EQ(
       command,
-      R"(pointfair run '/data/my '\''scan'\''.ply' fair.ply --k=24 --radius=0.5% --strength=0.25 --encoding=ascii --device=cpu)");
+      R"(pointfair run '/data/my '\''scan'\''.ply' denoised.ply --k=24 --radius=0.5% --strength=0.25 --encoding=ascii --device=cpu)");
   EXPECT_EQ(as_command({}, {"-", "-x.ply", "", Device::cuda}), "pointfair run ./- ./-x.ply --device=cuda");
 }
 
@@ -193,7 +193,7 @@ TEST(ViewerRecipe, AMethodIsNamedInTheCommandAndInTheProgram) {
 }
 
 TEST(ViewerRecipe, TheProgramEscapesNames) {
-  const std::string program = as_cpp({}, {"a\"b\\c\n.ply", "fair.ply", "", Device::cpu});
+  const std::string program = as_cpp({}, {"a\"b\\c\n.ply", "denoised.ply", "", Device::cpu});
   EXPECT_NE(program.find(R"(read("a\"b\\c\012.ply"))"), std::string::npos) << program;
 }
 

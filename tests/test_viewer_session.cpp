@@ -5,13 +5,15 @@
 #include <atomic>
 #include <filesystem>
 #include <fstream>
+#include <future>
+#include <memory>
 #include <random>
 #include <set>
 #include <thread>
 
-#include "backend.hpp"
 #include "forwarding_backend.h"
-#include "pipeline_access.hpp"
+#include "pipeline/pipeline_access.hpp"
+#include "seam/backend.hpp"
 #include "shapes.h"
 #include "viewer_page.h"
 
@@ -48,10 +50,11 @@ struct Seat {
   explicit Seat(Points its_points, Session::Options options = cpu_options())
       : points(std::move(its_points)), session(std::move(options), page.send()) {
     session.open(cloud_of(points), "scan.ply");
-    session.greet();
+    EXPECT_TRUE(session.greet());
     page.wait_for("cloud");
   }
 
+  void ask(std::string_view text) { EXPECT_TRUE(session.receive(text)); }
   Decoded result(int id) { return page.wait_for("result", id); }
 
   std::vector<std::int16_t> normals_until(int id) {
@@ -104,8 +107,8 @@ TEST(ViewerSession, TheCloudArrivesInTheOrderOfThePage) {
 
 TEST(ViewerSession, ASinglePassTravelsInTwoBytesAPointWithinAHundredthOfTheSpacing) {
   Seat seat(noisy(5000));
-  const Json params{{"k", "16"}, {"passes", "1"}};
-  seat.session.receive(run_text(1, params));
+  const Json params{{"k", "16"}, {"iterations", "1"}};
+  seat.ask(run_text(1, params));
   const Decoded result = seat.result(1);
   EXPECT_TRUE(result.head["along_normals"]);
   EXPECT_EQ(result.array<std::int16_t>("displacements").size(), seat.points.size());
@@ -114,8 +117,8 @@ TEST(ViewerSession, ASinglePassTravelsInTwoBytesAPointWithinAHundredthOfTheSpaci
 
 TEST(ViewerSession, SeveralPassesTravelInSixBytesAPointWithinAHundredthOfTheSpacing) {
   Seat seat(noisy(5000));
-  const Json params{{"k", "16"}, {"passes", "3"}};
-  seat.session.receive(run_text(1, params));
+  const Json params{{"k", "16"}, {"iterations", "3"}};
+  seat.ask(run_text(1, params));
   const Decoded result = seat.result(1);
   EXPECT_FALSE(result.head["along_normals"]);
   EXPECT_EQ(result.array<std::int16_t>("displacements").size(), 3 * seat.points.size());
@@ -124,9 +127,9 @@ TEST(ViewerSession, SeveralPassesTravelInSixBytesAPointWithinAHundredthOfTheSpac
 
 TEST(ViewerSession, OnlyTheStagesThatDependOnTheChangeRunAgain) {
   Seat seat(noisy(3000));
-  seat.session.receive(run_text(1, {{"k", "16"}, {"passes", "1"}}));
+  seat.ask(run_text(1, {{"k", "16"}, {"iterations", "1"}}));
   seat.result(1);
-  seat.session.receive(run_text(2, {{"k", "16"}, {"passes", "1"}, {"similarity_sigma", "0.01"}}));
+  seat.ask(run_text(2, {{"k", "16"}, {"iterations", "1"}, {"similarity_sigma", "0.01"}}));
   std::vector<std::string> stages;
   const Decoded result = seat.result(2);
   for (const Json& stage : result.head["stages"]) stages.push_back(stage["name"]);
@@ -137,8 +140,8 @@ TEST(ViewerSession, EveryMethodIsShownWhereItMovesPoints) {
   Seat seat(noisy(3000));
   int id = 0;
   for (const std::string method : {"bilateral", "laplacian", "taubin", "wiener", "hc-laplacian", "mls", "mollified"}) {
-    const Json params{{"method", method}, {"k", "16"}, {"passes", "1"}};
-    seat.session.receive(run_text(++id, params));
+    const Json params{{"method", method}, {"k", "16"}, {"iterations", "1"}};
+    seat.ask(run_text(++id, params));
     EXPECT_LT(seat.error_of(id, fresh_run(seat.points, params)), 0.01) << method;
     const bool along = method == "bilateral" || method == "wiener" || method == "mls";
     EXPECT_EQ(bool(seat.result(id).head["along_normals"]), along) << method;
@@ -153,16 +156,16 @@ TEST(ViewerSession, TwoHundredRandomMessagesEndInTheStateOfTheLast) {
   int last_shown = 0;
   for (int id = 1; id <= 200; ++id) {
     params = {{"k", pick({"8", "16", "24"})},
-              {"passes", pick({"1", "1", "2"})},
+              {"iterations", pick({"1", "1", "2"})},
               {"similarity_sigma", pick({"auto", "0.5s", "0.01"})},
               {"normal_sigma", pick({"auto", "2s"})},
               {"area_weight", pick({"none", "squared"})}};
-    seat.session.receive(run_text(id, params));
+    seat.ask(run_text(id, params));
     if (random() % 3 == 0) std::this_thread::sleep_for(std::chrono::milliseconds(random() % 20));
-    if (random() % 40 == 0) seat.session.receive(R"({"type":"cancel","id":-1})");
-    if (random() % 20 == 0) seat.session.receive(run_text(id, {{"k", "0"}}));  // refused: changes nothing
+    if (random() % 40 == 0) seat.ask(R"({"type":"cancel","id":-1})");
+    if (random() % 20 == 0) seat.ask(run_text(id, {{"k", "0"}}));  // refused: changes nothing
   }
-  seat.session.receive(run_text(201, params));
+  seat.ask(run_text(201, params));
   EXPECT_LT(seat.error_of(201, fresh_run(seat.points, params)), 0.01);
   for (const Decoded& message : seat.page.all()) {
     if (!message.is("result")) continue;
@@ -174,37 +177,64 @@ TEST(ViewerSession, TwoHundredRandomMessagesEndInTheStateOfTheLast) {
 
 TEST(ViewerSession, ACancelledRunEndsAndShowsNothing) {
   Seat seat(noisy(100000));
-  seat.session.receive(run_text(1, {{"k", "100"}, {"passes", "100"}}));
+  seat.ask(run_text(1, {{"k", "100"}, {"iterations", "100"}}));
   std::this_thread::sleep_for(std::chrono::milliseconds(300));
-  seat.session.receive(R"({"type":"cancel","id":2})");
+  seat.ask(R"({"type":"cancel","id":2})");
   seat.page.wait_for("cancelled", 2);
-  seat.session.receive(run_text(3, {{"k", "8"}, {"passes", "1"}}));
+  seat.ask(run_text(3, {{"k", "8"}, {"iterations", "1"}}));
   seat.result(3);
   for (const Decoded& message : seat.page.all()) EXPECT_FALSE(message.is("result") && message.head["id"] == 1);
 }
 
 TEST(ViewerSession, NewParametersStopTheRunUnderWay) {
   Seat seat(noisy(100000));
-  seat.session.receive(run_text(1, {{"k", "100"}, {"passes", "100"}}));
+  seat.ask(run_text(1, {{"k", "100"}, {"iterations", "100"}}));
   std::this_thread::sleep_for(std::chrono::milliseconds(100));
-  seat.session.receive(run_text(2, {{"k", "8"}, {"passes", "1"}}));
+  seat.ask(run_text(2, {{"k", "8"}, {"iterations", "1"}}));
   seat.result(2);
   for (const Decoded& message : seat.page.all()) EXPECT_FALSE(message.is("result") && message.head["id"] == 1);
 }
 
 TEST(ViewerSession, ARunGoesOnAfterAJobCameBetween) {
   Seat seat(noisy(60000));
-  const Json params{{"k", "40"}, {"passes", "4"}};
-  seat.session.receive(run_text(1, params));
+  const Json params{{"k", "40"}, {"iterations", "4"}};
+  seat.ask(run_text(1, params));
   for (int id = 2; id < 6; ++id) {
     std::this_thread::sleep_for(std::chrono::milliseconds(40));
-    seat.session.receive(Json{{"type", "colours"}, {"id", id}, {"name", "none"}}.dump());
+    seat.ask(Json{{"type", "colours"}, {"id", id}, {"name", "none"}}.dump());
   }
   EXPECT_LT(seat.error_of(1, fresh_run(seat.points, params)), 0.01);
 }
 
+// A page that does not read holds the worker up, so that tasks pile up behind what it sends.
+TEST(ViewerSession, EveryTaskThatIsTakenIsAnsweredAndTheOthersAreRefused) {
+  FakePage page;
+  std::promise<void> reads;
+  const std::shared_future<void> has_read = reads.get_future().share();
+  Session session(cpu_options(), [to_page = page.send(), has_read](Bytes bytes) {
+    has_read.wait();
+    to_page(std::move(bytes));
+  });
+  ASSERT_TRUE(session.greet());
+  std::vector<int> taken;
+  for (int id = 1; id <= 200; ++id)
+    if (session.receive(Json{{"type", "nonsense"}, {"id", id}}.dump())) taken.push_back(id);
+  EXPECT_GE(taken.size(), 63u);
+  EXPECT_LE(taken.size(), 65u);
+  EXPECT_FALSE(session.receive(R"({"type":"cancel","id":201})"));
+  EXPECT_FALSE(session.open(std::string("x"), "scan.ply"));
+  EXPECT_FALSE(session.greet());
+  reads.set_value();
+  for (const int id : taken) page.wait_for("error", id);
+  EXPECT_TRUE(session.receive(R"({"type":"nonsense","id":202})"));
+  page.wait_for("error", 202);
+  std::size_t answers = 0;
+  for (const Decoded& message : page.all()) answers += message.is("error");
+  EXPECT_EQ(answers, taken.size() + 1);
+}
+
 void expect_a_true_preview(Seat& seat, const Json& params) {
-  seat.session.receive(run_text(1, params));
+  seat.ask(run_text(1, params));
   const Decoded preview = seat.page.wait_for("preview", 1);
   const Points expected = fresh_run(seat.points, params);
   const Order order(seat.points.size());
@@ -225,9 +255,9 @@ void expect_a_true_preview(Seat& seat, const Json& params) {
 // The page cuts the ball out of the cloud and puts these points in its place.
 TEST(ViewerSession, APreviewHoldsEveryPointOfItsBall) {
   Seat seat(noisy(150000));
-  Json request = Json::parse(run_text(1, {{"k", "16"}, {"passes", "2"}}));
+  Json request = Json::parse(run_text(1, {{"k", "16"}, {"iterations", "2"}}));
   request["focus"] = {seat.points[777].x, seat.points[777].y, seat.points[777].z};
-  seat.session.receive(request.dump());
+  seat.ask(request.dump());
   seat.result(1);
   const Order order(seat.points.size());
   int previews = 0;
@@ -251,12 +281,12 @@ TEST(ViewerSession, APreviewHoldsEveryPointOfItsBall) {
 
 TEST(ViewerSession, AHeldSliderEndsInTheStateOfItsLastPlace) {
   Seat seat(noisy(150000));
-  Json params{{"k", "16"}, {"passes", "2"}};
+  Json params{{"k", "16"}, {"iterations", "2"}};
   for (int id = 1; id <= 6; ++id) {
     params["similarity_sigma"] = std::to_string(0.1 * id) + "s";
     Json request = Json::parse(run_text(id, params));
     request["held"] = true;
-    seat.session.receive(request.dump());
+    seat.ask(request.dump());
     seat.page.wait([id](const Decoded& m) { return (m.is("preview") || m.is("result")) && m.head["id"] == id; });
   }
   EXPECT_LT(seat.error_of(6, fresh_run(seat.points, params)), 0.01);
@@ -265,7 +295,7 @@ TEST(ViewerSession, AHeldSliderEndsInTheStateOfItsLastPlace) {
 TEST(ViewerSession, ASlowRunIsPreviewedByPointsThatGoWhereTheWholeRunSendsThem) {
   for (const char* method : {"bilateral", "taubin"}) {
     Seat seat(noisy(150000));
-    expect_a_true_preview(seat, {{"method", method}, {"k", "16"}, {"passes", "2"}});
+    expect_a_true_preview(seat, {{"method", method}, {"k", "16"}, {"iterations", "2"}});
   }
 }
 
@@ -273,9 +303,9 @@ TEST(ViewerSession, ASlowRunIsPreviewedByPointsThatGoWhereTheWholeRunSendsThem) 
 class FailingBackend : public ForwardingBackend {
  public:
   explicit FailingBackend(const std::atomic<bool>& fails) : ForwardingBackend(make_cpu_backend(1)), fails_(fails) {}
-  void fair(const FairingSettings& settings, std::stop_token stop) override {
+  void fair(int iteration, const FairingSettings& settings, bool leaves, std::stop_token stop) override {
     if (fails_) throw Error(ErrorKind::memory, "no memory for fairing");
-    ForwardingBackend::fair(settings, stop);
+    ForwardingBackend::fair(iteration, settings, leaves, stop);
   }
 
  private:
@@ -290,11 +320,11 @@ TEST(ViewerSession, AFailingStageIsSaidAndTheNextRunIsSound) {
   };
   Seat seat(noisy(3000), options);
   fails = true;
-  seat.session.receive(run_text(1, {{"k", "16"}, {"passes", "1"}}));
+  seat.ask(run_text(1, {{"k", "16"}, {"iterations", "1"}}));
   EXPECT_EQ(seat.page.wait_for("error", 1).head["message"], "no memory for fairing");
   fails = false;
-  const Json params{{"k", "16"}, {"passes", "1"}};
-  seat.session.receive(run_text(2, params));
+  const Json params{{"k", "16"}, {"iterations", "1"}};
+  seat.ask(run_text(2, params));
   EXPECT_LT(seat.error_of(2, fresh_run(seat.points, params)), 0.01);
 }
 
@@ -307,7 +337,7 @@ TEST(ViewerSession, WhatIsWrongWithAMessageIsSaidInWords) {
       {R"({"type":7})", "unknown type"},
       {R"({"type":"run","params":{"kk":"8"}})", "no parameter 'kk'"},
       {R"({"type":"run","params":{"k":"-4"}})", "--k cannot be '-4'"},
-      {R"({"type":"run","params":{"k":8}})", "travels as text"},
+      {R"({"type":"run","params":{"k":8}})", "must be a string"},
       {R"({"type":"run","params":[]})", "must be an object"},
       {R"({"type":"run","limits":{"box":"1,2"}})", "--box cannot be"},
       {R"({"type":"run","limits":{"lid":"1"}})", "no limit 'lid'"},
@@ -315,11 +345,11 @@ TEST(ViewerSession, WhatIsWrongWithAMessageIsSaidInWords) {
       {R"({"type":"run","encoding":"latin"})", "no encoding 'latin'"}};
   for (const auto& [text, wanted] : cases) {
     const std::size_t before = seat.page.all().size();
-    seat.session.receive(text);
+    seat.ask(text);
     const Decoded error = seat.page.wait([](const Decoded& m) { return m.is("error"); }, before);
     EXPECT_NE(std::string(error.head["message"]).find(wanted), std::string::npos) << text << error.head["message"];
   }
-  seat.session.receive(run_text(1, {{"k", "8"}}));
+  seat.ask(run_text(1, {{"k", "8"}}));
   seat.result(1);
 }
 
@@ -342,7 +372,8 @@ TEST(ViewerSession, SavesWhatTheLibraryWrites) {
   FakePage page;
   Session session(options, page.send());
   session.open(cloud, "scan.ply");
-  session.receive(R"({"type":"save","id":1,"output":"fair.ply","params":{"k":"12"},"limits":{"strength":"0.5"}})");
+  EXPECT_TRUE(session.receive(
+      R"({"type":"save","id":1,"output":"denoised.ply","params":{"k":"12"},"limits":{"strength":"0.5"}})"));
   page.wait_for("saved", 1);
   Pipeline pipeline(Device::cpu);
   pipeline.load(cloud);
@@ -353,11 +384,11 @@ TEST(ViewerSession, SavesWhatTheLibraryWrites) {
   limits.strength = 0.5;
   apply_limits(limits, cloud, fair);
   write(folder.path / "expected.ply", fair);
-  EXPECT_EQ(content(folder.path / "fair.ply"), content(folder.path / "expected.ply"));
+  EXPECT_EQ(content(folder.path / "denoised.ply"), content(folder.path / "expected.ply"));
 
-  session.receive(R"({"type":"save","id":2,"output":"fair.ply"})");
+  EXPECT_TRUE(session.receive(R"({"type":"save","id":2,"output":"denoised.ply"})"));
   EXPECT_NE(std::string(page.wait_for("error", 2).head["message"]).find("exists already"), std::string::npos);
-  session.receive(R"({"type":"save","id":3,"output":"fair.ply","overwrite":true})");
+  EXPECT_TRUE(session.receive(R"({"type":"save","id":3,"output":"denoised.ply","overwrite":true})"));
   page.wait_for("saved", 3);
 }
 
@@ -373,7 +404,7 @@ TEST(ViewerSession, SavesNowhereElse) {
   int id = 0;
   for (const char* name : {"../a.ply", "/tmp/pointfair-a.ply", "b/a.ply", ".a.ply", "-a.ply", "", "a", "a.exe", "..",
                            "link.ply", "a\nb.ply", "a\\b.ply"}) {
-    session.receive(Json{{"type", "save"}, {"id", ++id}, {"output", name}, {"overwrite", true}}.dump());
+    EXPECT_TRUE(session.receive(Json{{"type", "save"}, {"id", ++id}, {"output", name}, {"overwrite", true}}.dump()));
     page.wait_for("error", id);
   }
   EXPECT_FALSE(fs::exists(folder.path / "a.ply"));
@@ -383,7 +414,7 @@ TEST(ViewerSession, SavesNowhereElse) {
 
 TEST(ViewerSession, LimitsHoldPointsStill) {
   Seat seat(noisy(3000));
-  seat.session.receive(run_text(1, {{"k", "16"}, {"passes", "1"}}, {{"box", "0,-10,-10,10,10,10"}}));
+  seat.ask(run_text(1, {{"k", "16"}, {"iterations", "1"}}, {{"box", "0,-10,-10,10,10,10"}}));
   const Decoded result = seat.result(1);
   const Points moved = displacements(result, seat.normals_until(1), seat.points.size());
   int inside = 0;
@@ -400,7 +431,7 @@ TEST(ViewerSession, ALargeCloudIsShownInPart) {
   options.point_budget = 1000;
   Seat seat(noisy(20000), options);
   EXPECT_EQ(seat.page.wait_for("cloud").head["shown"], 1000);
-  seat.session.receive(run_text(1, {{"k", "16"}, {"passes", "1"}}));
+  seat.ask(run_text(1, {{"k", "16"}, {"iterations", "1"}}));
   EXPECT_EQ(seat.result(1).array<std::int16_t>("displacements").size(), 1000u);
 }
 
@@ -410,8 +441,8 @@ TEST(ViewerSession, DegenerateCloudsAreShownAndRun) {
       {}, {{0, 0, 0}}, {{1, 2, 3}, {1, 2, 3}}, {{nan, 0, 0}, {0, nan, 0}}, Points(50, Point{1, 1, 1})};
   for (const Points& points : clouds) {
     Seat seat(points);
-    seat.session.receive(run_text(1, Json::object()));
-    seat.session.receive(run_text(2, {{"k", "4"}, {"passes", "1"}}, {{"box", "0,0,0,1,1,1"}}));
+    seat.ask(run_text(1, Json::object()));
+    seat.ask(run_text(2, {{"k", "4"}, {"iterations", "1"}}, {{"box", "0,0,0,1,1,1"}}));
     const Decoded result = seat.result(2);
     const Points moved = displacements(result, seat.normals_until(2), points.size());
     for (const Point& d : moved) EXPECT_EQ(d.x, 0);
@@ -420,21 +451,21 @@ TEST(ViewerSession, DegenerateCloudsAreShownAndRun) {
 
 TEST(ViewerSession, ANewPageGetsEverythingAgain) {
   Seat seat(noisy(1000));
-  const Json params{{"k", "16"}, {"passes", "1"}};
-  seat.session.receive(run_text(1, params));
+  const Json params{{"k", "16"}, {"iterations", "1"}};
+  seat.ask(run_text(1, params));
   seat.result(1);
   const std::size_t before = seat.page.all().size();
-  seat.session.greet();
+  EXPECT_TRUE(seat.session.greet());
   seat.page.wait([](const Decoded& m) { return m.is("cloud"); }, before);
-  seat.session.receive(run_text(2, params));
+  seat.ask(run_text(2, params));
   EXPECT_EQ(seat.result(2).array<std::int16_t>("motion_normals").size(), 2 * seat.points.size());
 }
 
 TEST(ViewerSession, AFileThatCannotBeReadLeavesTheCloudInPlace) {
   Seat seat(noisy(500));
-  seat.session.open(std::string("nonsense"), "broken.ply");
+  EXPECT_TRUE(seat.session.open(std::string("nonsense"), "broken.ply"));
   EXPECT_NE(std::string(seat.page.wait_for("error").head["message"]).find("broken.ply"), std::string::npos);
-  seat.session.receive(run_text(1, {{"k", "8"}}));
+  seat.ask(run_text(1, {{"k", "8"}}));
   seat.result(1);
 }
 

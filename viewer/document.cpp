@@ -168,8 +168,8 @@ void Document::send_part(const Request& request, const Preview::Result& part) {
 // Whether the last run moved points along normals that the page lacks or has others of; `motion_` are then the new
 // ones, and empty where points did not move along normals.
 bool Document::takes_motion_normals(const Report& report) {
-  const bool along_normals =
-      report.params.passes == 1 && moves_along_normal(report.params.method) && report.params.outliers != Outliers::move;
+  const bool along_normals = report.params.iterations == 1 && moves_along_normal(report.params.method) &&
+                             report.params.outliers != Outliers::move;
   if (!along_normals || first_difference(motion_params_, report.params) <= Stage::normals) motion_.clear();
   if (!along_normals || !motion_.empty()) return false;
   pipeline_->normals(normals_.points());
@@ -194,9 +194,8 @@ void Document::show_result(const Request& request) {
 void Document::settle(std::stop_token stop) {
   if (!has_cloud_ || !facts_.settles) return;
   shading_.compute(result_.points(), normals_.points(), stop);
-  const double noise = shading_.noise(stop);
   const std::vector<std::int16_t> normals = encode_normals(normals_.points(), order_, facts_.shown);
-  send_(pack({{"type", "settled"}, {"noise", noise}}, {make_array("normals", normals)}));
+  send_(pack({{"type", "settled"}}, {make_array("normals", normals)}));
 }
 
 void Document::send_colours(const Json& id, const std::string& name) {
@@ -222,7 +221,7 @@ ProgressFunction Document::progress_for(const Json& id) const {
 }
 
 Errand Document::errand_of(const Request& request) const {
-  return {facts_.path.empty() ? facts_.name : facts_.path, request.output.empty() ? "fair.ply" : request.output,
+  return {facts_.path.empty() ? facts_.name : facts_.path, request.output.empty() ? "denoised.ply" : request.output,
           request.encoding, pipeline_->device().kind};
 }
 
@@ -243,9 +242,9 @@ void Document::write_file(const Request& request, const WriteOptions& write_opti
   const fs::path path = options_.save_folder / request.output;
   if (fs::is_symlink(path)) throw Error(ErrorKind::file, request.output + " is a link; choose another name");
   update_movable(request.recipe.limits);
-  Cloud fair = pipeline_->run(request.recipe.params, stop, progress_for(request.id));
-  apply_limits(request.recipe.limits, cloud_, fair);
-  write(path, fair, write_options);
+  Cloud denoised = pipeline_->run(request.recipe.params, stop, progress_for(request.id));
+  apply_limits(request.recipe.limits, cloud_, denoised);
+  write(path, denoised, write_options);
   send_(pack({{"type", "saved"},
               {"id", request.id},
               {"path", shown_path(path)},

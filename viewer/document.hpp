@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The open cloud, the pipelines that fair it, and what the page is told of both. Used by the worker's thread only.
+// The open cloud, the pipelines that denoise it, and what the page is told of both. Used by the worker's thread only.
 #pragma once
 
 #include <cstdint>
@@ -34,7 +34,7 @@ class Document {
   /// Pipeline::run throws, as do the next two.
   void run(const Request& request, std::stop_token stop);
 
-  /// What can wait until the hand rests: the normals of the last result and the noise that is left.
+  /// Sends what can wait until the user rests: the normals of the last result.
   void settle(std::stop_token stop);
 
   /// Writes the library's own run, so that the file is what the command writes; says what goes wrong.

@@ -8,7 +8,7 @@
 
 namespace pointfair::viewer {
 
-/// The first stage that reads what differs; Stage::passes if only that or nothing does.
+/// The first stage that reads what differs; Stage::iterations if only that or nothing does.
 Stage first_difference(const Params& a, const Params& b);
 
 class Expectation {
@@ -23,7 +23,7 @@ class Expectation {
   double milliseconds(const Params& params) const;
 
  private:
-  static constexpr std::size_t kStages = 4;  // of a pass
+  static constexpr std::size_t kStages = 4;  // of an iteration
   std::array<double, kStages> stage_{};      // milliseconds of one time each
   Params params_;                            // of the last completed run
   bool has_run_ = false;

@@ -48,13 +48,13 @@ bool looks_twice(Method method) {
   return method == Method::taubin || method == Method::hc_laplacian || method == Method::wiener;
 }
 
-// How far from a point others still matter, all passes together.
+// How far from a point others still matter, all iterations together.
 double reach_of(const Params& params, double spacing) {
-  const double listed = spacing * std::sqrt((params.k > 0 ? params.k : params.widening) / std::numbers::pi);
+  const double listed = spacing * std::sqrt((params.k > 0 ? params.k : params.min_neighbors) / std::numbers::pi);
   double reach = listed;
   if (!params.radius.is_automatic())
     reach = params.k > 0 ? std::min(listed, params.radius.value) : std::hypot(listed, params.radius.value);
-  return reach * std::max(1, params.passes) * (looks_twice(params.method) ? 2 : 1);
+  return reach * std::max(1, params.iterations) * (looks_twice(params.method) ? 2 : 1);
 }
 
 }  // namespace

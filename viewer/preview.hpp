@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The part of a cloud that shows a change at once: the points about where the user looks, at full density, so that what
 // they do is what the whole run will make them do. A small part comes first; if it was quick, a larger one.
-// Memory: a pipeline on at most 49152 points beside that of the whole cloud.
+// Memory beside the pipeline of the whole cloud: one on about 4,096 points, one on 49,152 and one on 393,216, each from
+// its first use on.
 #pragma once
 
 #include <array>

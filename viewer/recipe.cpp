@@ -9,10 +9,10 @@
 namespace pointfair::viewer {
 namespace {
 
-constexpr std::string_view kStageNames[] = {"index", "neighbors", "normals", "fairing", "passes"};
+constexpr std::string_view kStageNames[] = {"index", "neighbors", "normals", "fairing", "iterations"};
 
 std::string text_of(const Json& json, std::string_view name) {
-  if (!json.is_string()) throw Error(ErrorKind::usage, fmt::format("{}: a value travels as text", name));
+  if (!json.is_string()) throw Error(ErrorKind::usage, fmt::format("{}: the value must be a string", name));
   return json.get<std::string>();
 }
 
@@ -28,7 +28,8 @@ std::string kind_of(const ParamInfo& info) {
   if (std::holds_alternative<int Params::*>(info.field)) return "int";
   if (std::holds_alternative<bool Params::*>(info.field)) return "switch";
   if (std::holds_alternative<Length Params::*>(info.field)) return "length";
-  return info.values.empty() ? "number" : "word";
+  if (std::holds_alternative<std::optional<double> Params::*>(info.field)) return "number";
+  return "word";
 }
 
 Json words_json(std::string_view values) {
@@ -107,6 +108,8 @@ std::string length_literal(const Length& length) {
 std::string assignment(const Params& params, const ParamInfo& info, const std::string& text) {
   if (const auto* number = std::get_if<int Params::*>(&info.field))
     return fmt::format("  params.{} = {};\n", info.name, params.*(*number));
+  if (const auto* factor = std::get_if<std::optional<double> Params::*>(&info.field))
+    return fmt::format("  params.{} = {};\n", info.name, (params.*(*factor)).value());
   if (const auto* flag = std::get_if<bool Params::*>(&info.field))
     return fmt::format("  params.{} = {};\n", info.name, params.*(*flag));
   if (const auto* length = std::get_if<Length Params::*>(&info.field))
@@ -144,7 +147,8 @@ Json describe_params() {
                     {"automatic", info.automatic},
                     {"values", words_json(info.values)},
                     {"default", param_text(defaults, info)},
-                    {"help", info.help}});
+                    {"help", info.help},
+                    {"expert", info.expert}});
   }
   return rows;
 }
@@ -185,15 +189,15 @@ std::string as_cpp(const Recipe& recipe, const Errand& errand) {
   for_each_set(recipe.params, [&](const ParamInfo& info, const std::string& value) {
     text += assignment(recipe.params, info, value);
   });
-  text += "  pointfair::Cloud fair = pipeline.run(params);\n";
-  if (recipe.limits != Limits{}) text += "  apply_limits(limits, cloud, fair);\n";
+  text += "  pointfair::Cloud denoised = pipeline.run(params);\n";
+  if (recipe.limits != Limits{}) text += "  apply_limits(limits, cloud, denoised);\n";
   text += "\n  pointfair::WriteOptions options;\n";
   if (!errand.encoding.empty()) {
     std::string word = errand.encoding;
     std::replace(word.begin(), word.end(), '-', '_');
     fmt::format_to(out, "  options.encoding = pointfair::Encoding::{};\n", word);
   }
-  fmt::format_to(out, "  pointfair::write({}, fair, options);\n}}\n", literal(errand.output));
+  fmt::format_to(out, "  pointfair::write({}, denoised, options);\n}}\n", literal(errand.output));
   return text;
 }
 

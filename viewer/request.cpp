@@ -49,7 +49,7 @@ void check_file_name(const std::string& name) {
                        return c == '/' || c == '\\' || static_cast<unsigned char>(c) < 0x20 || c == 0x7f;
                      });
   if (!plain)
-    throw Error(ErrorKind::usage, "give a plain file name, such as fair.ply: it is saved in the folder shown");
+    throw Error(ErrorKind::usage, "give a plain file name, such as denoised.ply: it is saved in the folder shown");
   if (!format_of(name)) throw Error(ErrorKind::usage, name + ": its extension names no format that can be written");
 }
 

@@ -11,10 +11,12 @@
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/redirect_error.hpp>
+#include <boost/asio/steady_timer.hpp>
 #include <boost/asio/use_awaitable.hpp>
 #include <limits>
 #include <mutex>
 
+#include "answers.hpp"
 #include "connection.hpp"
 #include "gate.hpp"
 #include "page_files.hpp"
@@ -33,10 +35,13 @@ using HeaderParser = http::request_parser<http::empty_body>;
 
 constexpr int kMaxConnections = 64;
 constexpr std::uint32_t kMaxHeaderBytes = 8 * 1024;
+constexpr std::chrono::milliseconds kAcceptRest{100};
 constexpr std::chrono::seconds kHeaderPatience{10}, kUploadPatience{600}, kWritePatience{30};
 constexpr std::string_view kPolicy =
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+
+constexpr std::string_view kBusy = "the page asked for more than can wait; it connects again";
 
 std::string_view view(beast::string_view text) { return {text.data(), text.size()}; }
 
@@ -139,10 +144,16 @@ std::string Server::url() const {
 }
 
 net::awaitable<void> Server::accept_all() {
+  net::steady_timer rest(context_);
   while (true) {
     error_code error;
     tcp::socket socket = co_await acceptor_.async_accept(net::redirect_error(net::use_awaitable, error));
-    if (error || connections_ >= kMaxConnections) continue;  // the socket closes itself
+    if (error) {  // no file handle is free, most likely: nothing changes until another connection ends
+      rest.expires_after(kAcceptRest);
+      co_await rest.async_wait(net::redirect_error(net::use_awaitable, error));
+      continue;
+    }
+    if (connections_ >= kMaxConnections) continue;  // the socket closes itself
     net::co_spawn(
         context_, [this, taken = std::make_shared<tcp::socket>(std::move(socket))] { return serve(std::move(*taken)); },
         net::detached);
@@ -185,15 +196,16 @@ net::awaitable<bool> Server::answer(beast::tcp_stream& stream, beast::flat_buffe
   bool keep = request.keep_alive() && request.method() != http::verb::post;
   Response response;
   if (!gate_.admits_host(view(request[http::field::host]))) {
-    response = text_response(http::status::forbidden, "this server does not go by that name");
+    response =
+        text_response(http::status::forbidden, "this server has another name; use the address that pointfair printed");
     keep = false;
   } else if (path == "/session" || path == "/upload") {
     if (!may_change(parser)) {
-      response = text_response(http::status::forbidden, "use the address that pointfair printed, token included");
+      response = text_response(http::status::forbidden, "use the address that pointfair printed, with its token");
       keep = false;
     } else if (path == "/session") {
       if (!beast::websocket::is_upgrade(request)) {
-        response = text_response(http::status::upgrade_required, "this address takes WebSockets");
+        response = text_response(http::status::upgrade_required, "this address is for WebSockets");
         keep = false;
       } else {
         co_await take_page(stream, parser);
@@ -237,7 +249,7 @@ bool Server::may_change(const HeaderParser& parser) const {
 Response Server::file_response(const HeaderParser& parser) const {
   const auto& request = parser.get();
   if (request.method() != http::verb::get && request.method() != http::verb::head)
-    return text_response(http::status::method_not_allowed, "files can be read only");
+    return text_response(http::status::method_not_allowed, "this address answers GET only");
   const std::string_view path = path_of(view(request.target()));
   const auto file = files_.find(path == "/" ? "/index.html" : path);
   if (file == files_.end()) return text_response(http::status::not_found, "there is no such file");
@@ -253,7 +265,7 @@ net::awaitable<Response> Server::take_upload(beast::tcp_stream& stream, beast::f
     co_return text_response(http::status::method_not_allowed, "send a file with POST");
   const Response too_large =
       text_response(http::status::payload_too_large,
-                    fmt::format("a file sent through the page may have {} MiB; start pointfair view with it",
+                    fmt::format("the page can send files of up to {} MiB; start pointfair view with this file instead",
                                 options_.upload_limit >> 20));
   if (parser.content_length() && *parser.content_length() > options_.upload_limit) co_return too_large;
   const std::string name = query_value(view(parser.get().target()), "name");
@@ -263,8 +275,9 @@ net::awaitable<Response> Server::take_upload(beast::tcp_stream& stream, beast::f
   error_code error;
   co_await http::async_read(stream, buffer, body, net::redirect_error(net::use_awaitable, error));
   if (error == http::error::body_limit) co_return too_large;
-  if (error) co_return text_response(http::status::bad_request, "the file did not arrive whole");
-  session_.open(std::move(body.get().body()), name.empty() ? "cloud" : name);
+  if (error) co_return text_response(http::status::bad_request, "the file did not arrive completely; send it again");
+  if (!session_.open(std::move(body.get().body()), name.empty() ? "cloud" : name))
+    co_return text_response(http::status::service_unavailable, "pointfair is busy; send the file again later");
   co_return text_response(http::status::accepted, "reading");
 }
 
@@ -278,10 +291,10 @@ net::awaitable<void> Server::take_page(beast::tcp_stream& stream, HeaderParser& 
       former = std::exchange(page_, page);
     }
     if (former) former->dismiss(pack({{"type", "taken"}}));
-    session_.greet();
+    if (!session_.greet()) page->dismiss(pack(error_answer(nullptr, kBusy)));
   };
   const Connection::Receive receive = [this, page](std::string_view text) {
-    if (current_page() == page) session_.receive(text);
+    if (current_page() == page && !session_.receive(text)) page->dismiss(pack(error_answer(nullptr, kBusy)));
   };
   co_await page->run(parser.release(), opened, receive);
   const std::lock_guard lock(mutex_);

@@ -28,33 +28,34 @@ struct Session::Parts {
     document.open(std::move(cloud), name, std::move(path));
   }
 
-  void refuse(const Json& id, std::string words) {
-    worker.post([this, id, words = std::move(words)](std::stop_token) { document.send_error(id, words); });
+  bool refuse(const Json& id, std::string words) {
+    return worker.post([this, id, words = std::move(words)](std::stop_token) { document.send_error(id, words); });
   }
 
-  void take(const Json& message, Clock::time_point received);
+  bool take(const Json& message, Clock::time_point received);
 };
 
 // A message that is an object of JSON.
-void Session::Parts::take(const Json& message, Clock::time_point received) {
+bool Session::Parts::take(const Json& message, Clock::time_point received) {
   const Json id = message.value("id", Json());
   const std::string type = string_in(message, "type");
   if (type == "run") {
     worker.submit(read_request(message, received));
+    return true;
   } else if (type == "cancel") {
-    worker.cancel([this, id, received](std::stop_token) {
+    return worker.cancel([this, id, received](std::stop_token) {
       document.send_cancelled(id, std::chrono::duration<double, std::milli>(Clock::now() - received).count());
     });
   } else if (type == "colours") {
-    worker.post([this, id, name = string_in(message, "name")](std::stop_token) { document.send_colours(id, name); });
+    return worker.post(
+        [this, id, name = string_in(message, "name")](std::stop_token) { document.send_colours(id, name); });
   } else if (type == "save") {
     const bool overwrite = message.contains("overwrite") && message["overwrite"] == true;
-    worker.post([this, overwrite, request = read_request(message, received)](std::stop_token stop) {
+    return worker.post([this, overwrite, request = read_request(message, received)](std::stop_token stop) {
       document.save(request, overwrite, stop);
     });
-  } else {
-    refuse(id, "unknown type of message");
   }
+  return refuse(id, "unknown type of message");
 }
 
 Session::Session(Options options, Send send) : parts_(std::make_unique<Parts>(std::move(options), std::move(send))) {}
@@ -62,37 +63,37 @@ Session::~Session() = default;
 
 void Session::open(Cloud cloud, const std::filesystem::path& path) {
   const auto shared = std::make_shared<Cloud>(std::move(cloud));
-  parts_->worker.post([parts = parts_.get(), shared, path](std::stop_token) {
+  (void)parts_->worker.post([parts = parts_.get(), shared, path](std::stop_token) {
     parts->open(std::move(*shared), path.filename().string(),
                 std::filesystem::absolute(path).lexically_normal().string());
   });
 }
 
-void Session::open(std::string bytes, std::string name) {
+bool Session::open(std::string bytes, std::string name) {
   const auto shared = std::make_shared<std::string>(std::move(bytes));
-  parts_->worker.post([parts = parts_.get(), shared, name](std::stop_token) {
+  return parts_->worker.post([parts = parts_.get(), shared, name](std::stop_token) {
     parts->open(read(std::as_bytes(std::span(*shared)), name), name, "");
     parts->document.greet();
   });
 }
 
-void Session::greet() {
+bool Session::greet() {
   parts_->worker.forget_requests();
-  parts_->worker.post([parts = parts_.get()](std::stop_token) { parts->document.greet(); });
+  return parts_->worker.post([parts = parts_.get()](std::stop_token) { parts->document.greet(); });
 }
 
-void Session::receive(std::string_view text) {
+bool Session::receive(std::string_view text) {
   const auto received = Clock::now();
   Json id;
   try {
     const Json message = Json::parse(text);
     if (!message.is_object()) return parts_->refuse(id, "a message is a JSON object");
     id = message.value("id", Json());
-    parts_->take(message, received);
+    return parts_->take(message, received);
   } catch (const Json::exception&) {
-    parts_->refuse(id, "the message is not JSON");
+    return parts_->refuse(id, "the message is not JSON");
   } catch (const Error& error) {
-    parts_->refuse(id, error.what());
+    return parts_->refuse(id, error.what());
   }
 }
 

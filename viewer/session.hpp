@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One cloud under one user's hand. A worker thread runs the pipeline; new parameters stop the run that is under way and
+// One cloud and one user. A worker thread runs the pipeline; new parameters stop the run that is under way and
 // replace those that wait. Knows nothing of networks: messages of the page come in as text, answers go out through a
 // function.
 //
@@ -38,14 +38,17 @@ class Session {
   /// Takes a cloud that was read from `path`, before there is a page.
   void open(Cloud cloud, const std::filesystem::path& path);
 
+  // The next three return whether the session takes the task. One that is taken is done and answered; false means that
+  // too many wait already, and that nothing was done.
+
   /// Reads a cloud from the bytes of a file called `name` and shows it; an error is sent to the page.
-  void open(std::string bytes, std::string name);
+  [[nodiscard]] bool open(std::string bytes, std::string name);
 
   /// A new page is there: sends it what it needs to begin.
-  void greet();
+  [[nodiscard]] bool greet();
 
   /// A message of the page. Never throws: what is wrong with it is sent back. Cheap, for a network thread.
-  void receive(std::string_view text);
+  [[nodiscard]] bool receive(std::string_view text);
 
  private:
   struct Parts;

@@ -13,7 +13,7 @@ void Shading::compute(std::span<const Point> points, std::span<Point> normals, s
   pipeline_->load(points);
   Params params;
   params.k = kNeighbors;
-  params.passes = 1;
+  params.iterations = 1;
   pipeline_->run(params, normals, stop);  // where points go is not asked for
   pipeline_->normals(normals);
 }

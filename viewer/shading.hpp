@@ -23,9 +23,6 @@ class Shading {
   /// Fills `normals`, of as many points; a normal is 0 where there is none. Throws what Pipeline::run throws.
   void compute(std::span<const Point> points, std::span<Point> normals, std::stop_token stop);
 
-  /// The noise of the points last given. Throws ErrorKind::interrupted.
-  double noise(std::stop_token stop) { return pipeline_->estimates(stop).noise; }
-
   /// Gives its memory back.
   void reset() { pipeline_.reset(); }
 

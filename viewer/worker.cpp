@@ -9,7 +9,6 @@
 namespace pointfair::viewer {
 namespace {
 
-constexpr std::size_t kMaxWaitingJobs = 64;
 constexpr std::chrono::milliseconds kRest{200};  // without a message before a result is settled
 
 }  // namespace
@@ -33,22 +32,23 @@ void Worker::submit(Request request) {
   changed_.notify_all();
 }
 
-void Worker::post(Job job) {
+bool Worker::post(Job job) {
   const std::lock_guard lock(mutex_);
-  if (jobs_.size() >= kMaxWaitingJobs) return;  // a page never asks for so much at once
+  if (jobs_.size() >= kMaxWaitingJobs) return false;
   jobs_.push_back(std::move(job));
   if (running_) stop_.request_stop();
   changed_.notify_all();
+  return true;
 }
 
-void Worker::cancel(Job job) {
+bool Worker::cancel(Job job) {
   {
     const std::lock_guard lock(mutex_);
     waiting_.reset();
     cancelled_ = true;
     stop_.request_stop();
   }
-  post(std::move(job));
+  return post(std::move(job));
 }
 
 void Worker::forget_requests() {

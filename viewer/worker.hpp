@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The thread that works for a page. Jobs are done in order and before anything else. Runs have one place to wait: newer
-// parameters replace those that wait and stop the run under way. After a run and a short rest its result is settled.
+// The thread that works for a page. Jobs are done in order and before anything else; kMaxWaitingJobs can wait. Runs
+// have one place to wait: newer parameters replace those that wait and stop the run under way. After a run and a short
+// rest its result is settled.
 #pragma once
 
 #include <chrono>
@@ -17,6 +18,9 @@
 #include "request.hpp"
 
 namespace pointfair::viewer {
+
+/// A page never has so many under way.
+inline constexpr std::size_t kMaxWaitingJobs = 64;
 
 class Worker {
  public:
@@ -35,11 +39,12 @@ class Worker {
   /// The newest parameters win: they take the one place there is, and stop what runs.
   void submit(Request request);
 
-  /// A job stops a run, which afterwards goes on where it was.
-  void post(Job job);
+  /// A job stops a run, which afterwards goes on where it was. Returns whether there was room for it: a job that was
+  /// taken will be done, unless the worker ends before.
+  [[nodiscard]] bool post(Job job);
 
-  /// Ends the run under way and the one that waits, then does `job`.
-  void cancel(Job job);
+  /// Ends the run under way and the one that waits, then does `job`, for which post() says whether there was room.
+  [[nodiscard]] bool cancel(Job job);
 
   /// What a former page asked for is void.
   void forget_requests();

@@ -69,7 +69,7 @@ struct Measured {
 Params settings_for(const Points& points, int k) {
   Params params;
   params.k = k;
-  params.passes = 1;
+  params.iterations = 1;
   params.area_weight = pointfair::AreaWeight::squared;
   pointfair::Pipeline pipeline(Device::cpu);
   pipeline.load(points);

@@ -25,15 +25,15 @@ struct Arguments {
   std::array<int, 2> panel = {PanelSize{}.width, PanelSize{}.height};
 };
 
-pointfair::Params one_pass() {
+pointfair::Params one_iteration() {
   pointfair::Params params;
-  params.passes = 1;
+  params.iterations = 1;
   return params;
 }
 
 // "k=8 constraint=on", as the command line of `pointfair run` has them.
 pointfair::Params read_params(const std::string& text) {
-  pointfair::Params params = one_pass();
+  pointfair::Params params = one_iteration();
   std::istringstream words(text);
   for (std::string word; words >> word;) {
     const std::size_t equals = std::min(word.find('='), word.size());
@@ -95,7 +95,7 @@ class Strip {
 };
 
 void draw_clouds(const Arguments& arguments, const Camera& camera, PanelSize panel) {
-  pointfair::Params params = one_pass();
+  pointfair::Params params = one_iteration();
   params.k = kNormalNeighbors;
   Strip strip(panel, arguments.clouds.size());
   for (const std::string& cloud : arguments.clouds)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A point cloud: float offsets from a double origin, and everything else its file said.
+// A point cloud: float positions relative to a double origin, and everything else that its file holds.
 #pragma once
 
 #include <array>
@@ -11,20 +11,22 @@
 #include <string_view>
 #include <vector>
 
+#include "pointfair/export.hpp"
+
 namespace pointfair {
 
-/// What went wrong, and so what a program should do about it.
+/// What went wrong; a program can decide by it what to do.
 enum class ErrorKind : std::uint8_t {
   failed,       ///< anything not named below
-  usage,        ///< an argument is out of range or contradicts another
+  usage,        ///< an argument is out of range or contradicts another one
   file,         ///< a file cannot be read, written or understood
-  memory,       ///< host or device memory does not suffice
-  device,       ///< the requested device is not there or cannot be used
+  memory,       ///< the host or the device has too little memory
+  device,       ///< the requested device is missing or cannot be used
   interrupted,  ///< the caller's stop token was triggered
 };
 
-/// The one exception of this library. `what()` is one sentence: what was wrong, where, and what to do.
-class Error : public std::runtime_error {
+/// The only exception that this library throws. `what()` is one line: what is wrong, where, and what to do.
+class POINTFAIR_EXPORT Error : public std::runtime_error {
  public:
   Error(ErrorKind kind, const std::string& message) : std::runtime_error(message), kind_(kind) {}
   ErrorKind kind() const noexcept { return kind_; }
@@ -33,15 +35,16 @@ class Error : public std::runtime_error {
   ErrorKind kind_;
 };
 
-/// A position as offset from `Cloud::origin`, in the file's unit. A NaN or infinite coordinate marks an invalid point.
+/// A position relative to `Cloud::origin`, in the file's unit. A NaN or infinite coordinate marks an invalid point.
 struct Point {
   float x, y, z;
 };
 
+/// The types of attributes.
 enum class ScalarType : std::uint8_t { int8, uint8, int16, uint16, int32, uint32, float32, float64 };
 
 /// Bytes of one scalar of `type`: 1, 2, 4 or 8.
-std::size_t size_of(ScalarType type) noexcept;
+POINTFAIR_EXPORT std::size_t size_of(ScalarType type) noexcept;
 
 /// Name and shape of a per-point attribute.
 struct AttributeInfo {
@@ -59,22 +62,21 @@ class Source;  // the parsed file behind a cloud; see src/io/source.hpp
 
 /// N points. A value: copies are independent, and share only the immutable `source`.
 struct Cloud {
-  std::array<double, 3> origin{};  ///< added to every point; 0 unless coordinates are large against the extent
-  std::vector<Point> points;       ///< N offsets, in the order of the file
-  std::vector<Attribute> added;    ///< attributes that the file did not have, written after its own; or new values
-                                   ///< for one that it has, under its name and with as many values a point
-  std::shared_ptr<const Source>
-      source;  ///< the file's own attributes, faces, comments; null for a cloud made in memory
+  std::array<double, 3> origin{};        ///< added to every point; 0 unless coordinates are large against the extent
+  std::vector<Point> points;             ///< N positions relative to the origin, in the order of the file
+  std::vector<Attribute> added;          ///< attributes that the file does not have, written after the file's own; or
+                                         ///< new values for one that it has, with the same name and components
+  std::shared_ptr<const Source> source;  ///< the file's own attributes, faces, comments; null without a file
 };
 
-/// The attributes of the cloud's file and then the added ones, coordinates excluded. Costs nothing per point, but the
-/// first call for columns of text reads them once to learn their types.
-std::vector<AttributeInfo> attributes(const Cloud& cloud);
+/// Names and types of the attributes: first those of the cloud's file without the coordinates, then the added ones.
+/// O(1) in the points, except that the first call on a text file reads its columns once to learn their types.
+POINTFAIR_EXPORT std::vector<AttributeInfo> attributes(const Cloud& cloud);
 
 /// The values of the attribute `name`. Throws ErrorKind::usage if there is none. O(N).
-Attribute attribute(const Cloud& cloud, std::string_view name);
+POINTFAIR_EXPORT Attribute attribute(const Cloud& cloud, std::string_view name);
 
-/// The faces of the cloud's file as triangles of point indices (polygons as fans); empty for a plain cloud. O(faces).
-std::vector<std::array<std::uint32_t, 3>> triangles(const Cloud& cloud);
+/// The faces of the cloud's file as triangles of point indices, polygons as fans; empty if there are none. O(faces).
+POINTFAIR_EXPORT std::vector<std::array<std::uint32_t, 3>> triangles(const Cloud& cloud);
 
 }  // namespace pointfair

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "pointfair/cloud.hpp"
+#include "pointfair/export.hpp"
 
 namespace pointfair {
 
@@ -20,6 +21,6 @@ struct FileInfo {
 };
 
 /// Costs nothing per point.
-FileInfo file_info(const Cloud& cloud);
+POINTFAIR_EXPORT FileInfo file_info(const Cloud& cloud);
 
 }  // namespace pointfair

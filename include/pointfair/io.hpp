@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whole files in and out. What a file holds beside coordinates survives byte for byte.
+// Reads and writes whole files. Everything that a file holds beside coordinates survives byte for byte.
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <span>
@@ -10,63 +11,67 @@
 #include <vector>
 
 #include "pointfair/cloud.hpp"
+#include "pointfair/export.hpp"
 
 namespace pointfair {
 
+/// The file formats; the extension of each has its name.
 enum class Format : std::uint8_t { ply, pcd, xyz, txt, csv, pts, off, obj, las, laz, e57 };
 
-/// How the numbers of a PLY or PCD file are written; the text formats have `ascii` only, LAS and E57
+/// How numbers are written. PLY and PCD have several encodings, the text formats have `ascii` only, LAS and E57
 /// `binary`, LAZ `binary_compressed`.
 enum class Encoding : std::uint8_t { ascii, binary, binary_big_endian, binary_compressed };
 
+/// How to read.
 struct ReadOptions {
   std::optional<Format> format;  ///< unset: by content, then by extension
   unsigned threads = 0;          ///< 0: all cores
 };
 
+/// How to write.
 struct WriteOptions {
-  std::optional<Format> format;  ///< unset: by extension
-  std::optional<Encoding>
-      encoding;  ///< unset: as in the source when the format is the same, else binary where there is one
-  std::optional<double> las_scale = {};  ///< step of the coordinates of LAS and LAZ: a whole part of the file's own, or
-                                         ///< of a new file; unset: as it is, else fine enough for floats
-  bool overwrite = false;  ///< false: an existing file is an error
-  bool sync = false;       ///< true: fsync before the file gets its name
-  unsigned threads = 0;    ///< 0: all cores
+  std::optional<Format> format;      ///< unset: by extension
+  std::optional<Encoding> encoding;  ///< unset: the source's if the format is the same, else binary if there is one
+  std::optional<double> las_scale;   ///< step of the coordinates of LAS and LAZ, in the file's unit: a whole part of the
+                                     ///< source's own; unset: the source's, else fine enough for floats
+  bool overwrite = false;            ///< false: an existing file is an error
+  bool sync = false;                 ///< true: fsync before the file gets its name
+  unsigned threads = 0;              ///< 0: all cores
 };
 
-/// Reads a whole file; the path "-" is standard input.
-/// Returns the points in file order, invalid ones included. Coordinates far from zero are held relative to
-/// `Cloud::origin`. Throws ErrorKind::file with path, place and reason. Host memory: 12 bytes a point, and the file
-/// (mapped, not copied, where it is a regular file; replacing or removing it does no harm, shortening it in place
-/// does).
-Cloud read(const std::filesystem::path& path, const ReadOptions& options = {});
+/// Reads a whole file; the path "-" is standard input. Returns the points in file order, invalid ones included.
+/// Coordinates far from zero are stored relative to `Cloud::origin`. Throws ErrorKind::file with path, place and
+/// reason. Memory: 12 bytes a point, and the file. A regular file is mapped and not copied: it may be replaced or
+/// removed while the cloud lives, but it must not be shortened in place.
+POINTFAIR_EXPORT Cloud read(const std::filesystem::path& path, const ReadOptions& options = {});
 
-/// Reads a file image that is already in memory (copied). `name` appears in errors. `options.format` unset: by content.
-Cloud read(std::span<const std::byte> bytes, const std::string& name, const ReadOptions& options = {});
+/// Reads the bytes of a file from memory and copies them. `name` appears in errors. If `options.format` is unset, the
+/// content decides.
+POINTFAIR_EXPORT Cloud read(std::span<const std::byte> bytes, const std::string& name, const ReadOptions& options = {});
 
-/// Writes the cloud; the path "-" is standard output.
-/// Into the source's own format: a copy of the source in which only the coordinates of moved points differ, with added
-/// attributes appended. Into another format: every attribute the format can hold. A coordinate is written as the
-/// file's own value plus the displacement, in the file's own type, so a point that did not move keeps its bytes.
-/// The file appears under its name only when it is complete. Throws ErrorKind::file.
-void write(const std::filesystem::path& path, const Cloud& cloud, const WriteOptions& options = {});
+/// Writes the cloud; the path "-" is standard output. In the source's own format, the result is a copy of the source in
+/// which only the coordinates of moved points differ, with the added attributes appended. In another format, the result
+/// has every attribute that the format can hold. A coordinate is the source's own value plus the displacement, in the
+/// source's own type, so a point that did not move keeps its bytes. The file gets its name only when it is complete.
+/// Throws ErrorKind::file.
+POINTFAIR_EXPORT void write(const std::filesystem::path& path, const Cloud& cloud, const WriteOptions& options = {});
 
-/// The file image that `write` would write.
-std::vector<std::byte> write_bytes(const Cloud& cloud, Format format, std::optional<Encoding> encoding = {});
+/// The bytes that `write` would write.
+POINTFAIR_EXPORT std::vector<std::byte> write_bytes(const Cloud& cloud, Format format,
+                                                    std::optional<Encoding> encoding = {});
 
-/// Removes the temporary files of writes that are under way. For the handler of a signal that ends the program:
-/// async-signal-safe. A `write` that still runs afterwards fails with ErrorKind::file.
-void remove_unfinished_files() noexcept;
+/// Removes the temporary files of all writes in progress. Async-signal-safe: for the handler of a signal that ends the
+/// program. A `write` that is still running fails with ErrorKind::file afterwards.
+POINTFAIR_EXPORT void remove_unfinished_files() noexcept;
 
-/// The format that an extension names (".ply", ".PLY", ...), or nothing.
-std::optional<Format> format_of(const std::filesystem::path& path);
+/// The format of the path's extension, ".ply" or ".PLY" for instance, or nothing if no format has it.
+POINTFAIR_EXPORT std::optional<Format> format_of(const std::filesystem::path& path);
 
 /// The format in which `write` writes a file of this name: by its extension, else `source`. Throws ErrorKind::file if
 /// that says nothing, or names what is read only (".copc.laz").
-Format format_to_write(const std::filesystem::path& path, std::optional<Format> source = {});
+POINTFAIR_EXPORT Format format_to_write(const std::filesystem::path& path, std::optional<Format> source = {});
 
 /// What of the cloud's own file a file of the format does not keep, a sentence each; `format` unset: its own format.
-std::vector<std::string> losses(const Cloud& cloud, std::optional<Format> format = {});
+POINTFAIR_EXPORT std::vector<std::string> losses(const Cloud& cloud, std::optional<Format> format = {});
 
 }  // namespace pointfair

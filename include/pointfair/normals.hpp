@@ -7,12 +7,13 @@
 #include <vector>
 
 #include "pointfair/cloud.hpp"
+#include "pointfair/export.hpp"
 
 namespace pointfair {
 
 /// The attributes that hold the normals of the cloud: three of one float each (nx, ny, nz and their other names), or
 /// one of three; empty if it has none.
-std::vector<std::string> normal_attributes(const Cloud& cloud);
+POINTFAIR_EXPORT std::vector<std::string> normal_attributes(const Cloud& cloud);
 
 /// Gives the cloud these unit normals, one a point, in file order: in the place of its own or, if it has none, as the
 /// added attribute "normal". A normal that is zero leaves a point's own.
@@ -20,6 +21,6 @@ std::vector<std::string> normal_attributes(const Cloud& cloud);
 /// VIEWPOINT of PCD unless it is the default, the poses of E57); else outward: up if the cloud is less than a quarter
 /// as high as wide, as a landscape is, and away from the middle of its bounding box if not. Throws ErrorKind::usage if
 /// there is not one for each point. O(N).
-void set_normals(Cloud& cloud, std::span<const Point> normals);
+POINTFAIR_EXPORT void set_normals(Cloud& cloud, std::span<const Point> normals);
 
 }  // namespace pointfair

@@ -1,13 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every parameter of a run, and the one table that describes each of them: flags, sliders, docs, range checks and the
-// stage cache all read `kParams`.
+// Every parameter of a run, and the one table that describes each of them. Flags, sliders, documents, range checks and
+// the cache of stages all read `kParams`.
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <variant>
+
+#include "pointfair/export.hpp"
 
 namespace pointfair {
 
@@ -17,8 +20,8 @@ struct Length {
     automatic,  ///< chosen from the data
     file,       ///< the unit of the cloud's coordinates
     percent,    ///< percent of the bounding-box diagonal; "0.5%" is 0.5
-    spacing,    ///< multiple of the mean spacing; "2s" is 2
-    radius,     ///< multiple of the radius of each point's neighbourhood; "0.6r" is 0.6; widths of Gaussians only
+    spacing,    ///< multiple of the mean spacing of the points; "2s" is 2
+    radius,     ///< multiple of the radius of each point's neighbourhood; "0.6r" is 0.6; sigmas over distance only
   };
   double value = 0;
   Unit unit = Unit::automatic;
@@ -30,65 +33,68 @@ struct Length {
   friend constexpr bool operator==(const Length&, const Length&) = default;
 };
 
-/// Stages in the order of the road; each reads the results of the one before. `passes` repeats the whole chain.
-enum class Stage : std::uint8_t { index, neighbors, normals, fairing, passes };
+/// Stages in their order; each reads the results of the one before. `iterations` repeats the whole chain.
+enum class Stage : std::uint8_t { index, neighbors, normals, fairing, iterations };
 
 /// How a point moves; docs/methods.md has a section on each.
 enum class Method : std::uint8_t { bilateral, laplacian, taubin, hc_laplacian, mls, wiener, mollified };
+/// The weight of a neighbour by the area that it stands for, paper eq. 6.
 enum class AreaWeight : std::uint8_t { none, length, squared };
-/// on: two rounds that keep edges (bilateral); mollify: one round that does not (a Gaussian mean, Jones 2003).
+/// on: two rounds of a bilateral filter, which keeps edges; mollify: one Gaussian mean, which does not (Jones 2003).
 enum class NormalFilter : std::uint8_t { automatic, off, on, mollify };
-/// Which planes an offset is measured to: the point's own (paper eq. 2), or its own and the neighbour's alike.
-enum class Planes : std::uint8_t { automatic, own, both };
-/// What is done with points off the surface: `off` does not look for them, `move` pulls them in, `keep` leaves them
-/// where they are, `mark` keeps them and says so in an attribute.
+/// Which heights of the neighbours method bilateral averages. point: over the plane of the point itself (paper eq. 2).
+/// symmetric: the mean of the heights over the point's plane and over the neighbour's.
+enum class Offset : std::uint8_t { automatic, point, symmetric };
+/// What happens to outliers, points off the surface. off: they are not looked for. move: they are pulled in. keep: they
+/// stay where they are. mark: as keep, and the attribute "outlier" tells which they are.
 enum class Outliers : std::uint8_t { automatic, off, move, keep, mark };
 
-inline constexpr int kAutomatic = 0;       ///< for whole numbers: chosen from the data
-inline constexpr int kMaxNeighbors = 512;  ///< the longest neighbour list
-inline constexpr int kMaxWidening = 64;    ///< the most neighbours that widen a ball
+inline constexpr int kAutomatic = 0;         ///< for whole numbers: chosen from the data
+inline constexpr int kMaxNeighbors = 512;    ///< the largest k
+inline constexpr int kMaxMinNeighbors = 64;  ///< the largest min_neighbors
 
-/// What to do. Defaults come from the data, so `Params{}` is a sound run on any cloud.
+/// What to do. Defaults come from the data, so `Params{}` suits any cloud. kParams describes each field.
 struct Params {
-  // neighbours: the k nearest, all within `radius`, or the k nearest within `radius`.
-  // Only k given: k nearest. Only radius given: all within it, without a limit. Neither: chosen from the data.
+  Length noise;  ///< standard deviation along the normal; what is automatic below follows from it
+  // Neighbours. Only k given: the k nearest. Only radius given: all within it. Both: the k nearest within it. Neither:
+  // all within a radius that is chosen for each point.
   int k = kAutomatic;
   Length radius;
-  int widening = kAutomatic;  ///< without k: squared radii grow by the squared distance to so many nearest
-  bool constraint = false;    ///< a point joins N only if d(q, N) < rho + delta; needs a list, so k
+  int min_neighbors = kAutomatic;  ///< without k: radius_i^2 = radius^2 + (distance to the n-th nearest)^2
+  bool constraint = false;         ///< a point joins N only if d(q, N) < rho + delta; needs k
   Length rho;
   Length delta;
-  // normals, paper eq. 3-5
-  bool normal_weights = true;  ///< false: equal weights (Hoppe 1992)
+  // Normals, paper eq. 3-5.
   Length normal_sigma;
   NormalFilter normal_filter = NormalFilter::automatic;
-  int normal_angle = kAutomatic;  ///< with normal_filter on, degrees
-  int flat_radius = kAutomatic;   ///< with normal_filter on and balls: those of flat places, percent of their radius
-  // fairing, paper eq. 1, 2, 6
+  int crease_angle = kAutomatic;     ///< with normal_filter on: degrees beyond which normals do not mix
+  std::optional<double> flat_scale;  ///< with normal_filter on and without k: the factor on the radius in flat places
+  // Fairing, paper eq. 1, 2, 6.
   Method method = Method::bilateral;
   Length closeness_sigma;
   Length similarity_sigma;
   AreaWeight area_weight = AreaWeight::none;
-  Planes planes = Planes::automatic;
-  int facing_angle = kAutomatic;  ///< with planes both: weight by the normals' agreement, degrees
-  int step = kAutomatic;          ///< percent of the displacement that is made
-  int passes = kAutomatic;
-  // points off the surface
+  Offset offset = Offset::automatic;
+  std::optional<double> relaxation;  ///< the factor on each displacement
+  // Points off the surface.
   Outliers outliers = Outliers::automatic;
   Length outlier_distance;
   Length outlier_radius;
+  // The whole chain.
+  int iterations = kAutomatic;
   Length displacement_limit;
 
   friend bool operator==(const Params&, const Params&) = default;
 };
 
-/// The paper: k = 8, one pass, the constrained neighbourhood, squared area weight, nothing that it does not know;
-/// lengths from the data.
-Params paper_preset();
+/// The paper: k = 8, one iteration, the constrained neighbourhood, squared area weight, and nothing that the paper does
+/// not have. Lengths come from the data.
+POINTFAIR_EXPORT Params paper_preset();
 
 /// A pointer to the field that a row of the table describes.
-using ParamField = std::variant<int Params::*, bool Params::*, Length Params::*, Method Params::*, AreaWeight Params::*,
-                                NormalFilter Params::*, Planes Params::*, Outliers Params::*>;
+using ParamField =
+    std::variant<int Params::*, bool Params::*, std::optional<double> Params::*, Length Params::*, Method Params::*,
+                 AreaWeight Params::*, NormalFilter Params::*, Offset Params::*, Outliers Params::*>;
 
 /// One row of the table. `name` is the field's name; a flag writes it with '-' for '_'.
 struct ParamInfo {
@@ -99,83 +105,82 @@ struct ParamInfo {
   bool automatic;           ///< whether "auto" is allowed
   std::string_view values;  ///< the words allowed, separated by '|'; empty for numbers
   std::string_view help;    ///< one line
+  bool expert = false;      ///< whether `--help` leaves it to `--help-all` and the viewer folds it away
 };
 
 inline constexpr std::array kParams = {
+    ParamInfo{"noise", Stage::neighbors, &Params::noise, 0, 1e30, true, "",
+              "standard deviation of the noise along the surface normal; all automatic values follow from it"},
     ParamInfo{"k", Stage::neighbors, &Params::k, 1, kMaxNeighbors, true, "",
-              "nearest neighbours of a point, itself not counted"},
+              "number of nearest neighbours that count; auto: all within --radius"},
     ParamInfo{"radius", Stage::neighbors, &Params::radius, 0, 1e30, true, "",
-              "neighbours lie within this distance; without --k there is no limit on their number"},
-    ParamInfo{"widening", Stage::neighbors, &Params::widening, 1, kMaxWidening, true, "",
-              "without --k: widens each point's radius by its distance to so many nearest (squares add), so that it "
-              "follows the density"},
+              "distance within which neighbours count; auto: by noise, density and shape"},
+    ParamInfo{"min_neighbors", Stage::neighbors, &Params::min_neighbors, 1, kMaxMinNeighbors, true, "",
+              "without --k: radius_i^2 = radius^2 + (distance to the n-th nearest point)^2, which follows the density",
+              true},
     ParamInfo{"constraint", Stage::neighbors, &Params::constraint, 0, 0, false, "on|off",
-              "grow the neighbourhood without jumping a gap of rho + delta, so that it does not cross sharp features"},
+              "with --k: neighbourhoods do not cross gaps wider than rho + delta, so that thin parts stay apart"},
     ParamInfo{"rho", Stage::neighbors, &Params::rho, 0, 1e30, true, "",
-              "with --constraint: the largest gap of a sound sampling"},
+              "with --constraint: the largest gap between neighbours on one surface", true},
     ParamInfo{"delta", Stage::neighbors, &Params::delta, 0, 1e30, true, "",
-              "with --constraint: what noise adds to a gap"},
-    ParamInfo{"normal_weights", Stage::normals, &Params::normal_weights, 0, 0, false, "on|off",
-              "Gaussian weights in the normals; off: equal weights (Hoppe)"},
+              "with --constraint: what noise adds to a gap; auto: 2.5 times the noise", true},
     ParamInfo{"normal_sigma", Stage::normals, &Params::normal_sigma, 0, 1e30, true, "",
-              "width of the normals' Gaussian"},
+              "sigma of the weights by distance in the normals", true},
     ParamInfo{"normal_filter", Stage::normals, &Params::normal_filter, 0, 0, true, "off|on|mollify",
-              "on: two rounds of bilateral filtering of the normals, which keeps edges; mollify: one Gaussian mean"},
-    ParamInfo{"normal_angle", Stage::normals, &Params::normal_angle, 1, 90, true, "",
-              "with the normal filter: normals that differ by more than so many degrees do not mix"},
-    ParamInfo{"flat_radius", Stage::normals, &Params::flat_radius, 100, 200, true, "",
-              "with the normal filter, without --k: percent of its radius that a ball has for the step of method "
-              "bilateral where the surface is flat; 100: as elsewhere"},
+              "filter the normals before points move. on: bilateral, keeps edges; mollify: Gaussian mean", true},
+    ParamInfo{"crease_angle", Stage::normals, &Params::crease_angle, 1, 90, true, "",
+              "with --normal-filter on: normals that differ by more degrees than this do not mix", true},
+    ParamInfo{"flat_scale", Stage::normals, &Params::flat_scale, 1, 2, true, "",
+              "with --normal-filter on and without --k: factor on the radius where the surface is flat", true},
     ParamInfo{"method", Stage::fairing, &Params::method, 0, 0, false,
               "bilateral|laplacian|taubin|hc-laplacian|mls|wiener|mollified",
-              "how a point moves; bilateral keeps edges best, see docs/methods.md"},
+              "how points move; bilateral keeps edges best (docs/methods.md)"},
     ParamInfo{"closeness_sigma", Stage::fairing, &Params::closeness_sigma, 0, 1e30, true, "",
-              "width of the Gaussian over distance"},
+              "closeness (spatial) sigma: of the weights by distance", true},
     ParamInfo{"similarity_sigma", Stage::fairing, &Params::similarity_sigma, 0, 1e30, true, "",
-              "width of the Gaussian over height above the tangent plane; smaller keeps more; with method wiener: the "
-              "standard deviation of the noise"},
-    ParamInfo{"area_weight", Stage::fairing, &Params::area_weight, 0, 0, false, "none|length|squared",
-              "weight of a neighbour by the area it stands for: mean distance to its 5 nearest, squared, plain, or 1"},
-    ParamInfo{"planes", Stage::fairing, &Params::planes, 0, 0, true, "own|both",
-              "with method bilateral: planes that offsets are measured to: the point's own (the paper), or its own and "
-              "its neighbours' alike"},
-    ParamInfo{"facing_angle", Stage::fairing, &Params::facing_angle, 1, 90, true, "",
-              "with planes both: neighbours whose normals differ by more than so many degrees hardly count"},
-    ParamInfo{"step", Stage::fairing, &Params::step, 1, 200, true, "",
-              "percent of the displacement that each pass makes; with taubin: lambda"},
-    ParamInfo{"outliers", Stage::fairing, &Params::outliers, 0, 0, true, "off|move|keep|mark",
-              "points off the surface: do not look for them, pull them in, keep them, or keep and mark them (attribute "
-              "'outlier')"},
-    ParamInfo{"outlier_distance", Stage::fairing, &Params::outlier_distance, 0, 1e30, true, "",
-              "an outlier is a point with fewer than a tenth of its neighbours this close to its plane, or that would "
-              "move farther; auto: 6 times the noise, at least half a spacing"},
-    ParamInfo{"outlier_radius", Stage::fairing, &Params::outlier_radius, 0, 1e30, true, "",
-              "without --k: where a ball is wider than this, an outlier is a point with fewer than seven tenths of its "
-              "neighbours that close to its plane; auto: 6 times the radius of a typical ball"},
-    ParamInfo{"passes", Stage::passes, &Params::passes, 1, 100, true, "",
-              "how often the whole is repeated, neighbours searched again"},
+              "similarity (range) sigma: of the weights by height above the tangent plane; smaller keeps more detail"},
     ParamInfo{
-        "displacement_limit", Stage::passes, &Params::displacement_limit, 0, 1e30, true, "",
-        "with outliers kept or marked no point moves farther, all passes together, and what would moves the less; "
-        "auto: 4 times the noise, down to 1.5 times where it is far below the spacing"},
+        "area_weight", Stage::fairing, &Params::area_weight, 0, 0, false, "none|length|squared",
+        "weight by the area a neighbour stands for: mean distance to its 5 nearest points (length), or its square",
+        true},
+    ParamInfo{"offset", Stage::fairing, &Params::offset, 0, 0, true, "point|symmetric",
+              "heights in method bilateral. point: over the point's own plane (the paper); symmetric: over the "
+              "neighbour's too",
+              true},
+    ParamInfo{"relaxation", Stage::fairing, &Params::relaxation, 0, 2, true, "",
+              "factor on each displacement; with --method taubin: lambda", true},
+    ParamInfo{"outliers", Stage::fairing, &Params::outliers, 0, 0, true, "off|move|keep|mark",
+              "points off the surface. off: not looked for; move: pulled in; keep: not moved; mark: kept and marked"},
+    ParamInfo{"outlier_distance", Stage::fairing, &Params::outlier_distance, 0, 1e30, true, "",
+              "outliers have few neighbours this close to their plane, or would move farther; auto: 6 times the noise",
+              true},
+    ParamInfo{
+        "outlier_radius", Stage::fairing, &Params::outlier_radius, 0, 1e30, true, "",
+        "without --k: above this radius most neighbours must be close to the plane; auto: 6 times the typical radius",
+        true},
+    ParamInfo{"iterations", Stage::iterations, &Params::iterations, 1, 100, true, "",
+              "how often all stages run, each time on the moved points"},
+    ParamInfo{"displacement_limit", Stage::iterations, &Params::displacement_limit, 0, 1e30, true, "",
+              "soft bound on how far a point moves: d > limit becomes limit^2 / d; auto: 1.5 to 4 times the noise",
+              true},
 };
 
-/// The row called `name` ('-' and '_' alike), or null.
-const ParamInfo* find_param(std::string_view name);
+/// The row called `name`, in which '-' and '_' are alike, or null if there is none.
+POINTFAIR_EXPORT const ParamInfo* find_param(std::string_view name);
 
-/// Reads a value as the command line writes it ("8", "auto", "0.02", "0.5%", "2s", "on", "squared") into its field.
-/// Throws ErrorKind::usage with name, value and range.
-void set_param(Params& params, const ParamInfo& info, std::string_view text);
+/// Sets a field from the text that the command line takes: "8", "auto", "0.02", "0.5%", "2s", "on", "squared". Throws
+/// ErrorKind::usage with name, value and range.
+POINTFAIR_EXPORT void set_param(Params& params, const ParamInfo& info, std::string_view text);
 
-/// The value as `set_param` reads it; numbers in the shortest form that reads back the same.
-std::string param_text(const Params& params, const ParamInfo& info);
+/// The text of a field, which set_param reads back as the same value.
+POINTFAIR_EXPORT std::string param_text(const Params& params, const ParamInfo& info);
 
-/// Whether the method moves each point along its own normal only; a point without one then keeps its place.
+/// Whether the method moves each point along its normal only. A point without a normal then keeps its place.
 constexpr bool moves_along_normal(Method method) {
   return method == Method::bilateral || method == Method::mls || method == Method::wiener;
 }
 
-/// Throws ErrorKind::usage if a value is out of its range or two contradict each other.
-void check_params(const Params& params);
+/// Throws ErrorKind::usage if a value is out of its range or if two contradict each other.
+POINTFAIR_EXPORT void check_params(const Params& params);
 
 }  // namespace pointfair

@@ -3,11 +3,14 @@
 #pragma once
 
 #include "pointfair/cloud.hpp"
+#include "pointfair/device.hpp"
+#include "pointfair/export.hpp"
 #include "pointfair/file_info.hpp"
 #include "pointfair/io.hpp"
 #include "pointfair/limits.hpp"
 #include "pointfair/normals.hpp"
 #include "pointfair/params.hpp"
 #include "pointfair/pipeline.hpp"
+#include "pointfair/report.hpp"
 #include "pointfair/selection.hpp"
 #include "pointfair/version.hpp"

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "pointfair/cloud.hpp"
+#include "pointfair/export.hpp"
 
 namespace pointfair {
 
@@ -21,13 +22,13 @@ struct Selection {
 
 /// Reads "classification=2,6,64-255": an attribute, and integers and ranges of them. Several with ';' between them.
 /// Throws ErrorKind::usage with `name`, the flag, and the form.
-std::vector<Selection> parse_selections(std::string_view name, std::string_view text);
+POINTFAIR_EXPORT std::vector<Selection> parse_selections(std::string_view name, std::string_view text);
 
 /// The text that parse_selections reads.
-std::string selections_text(const std::vector<Selection>& selections);
+POINTFAIR_EXPORT std::string selections_text(const std::vector<Selection>& selections);
 
 /// 1 for each point of the cloud that the selection holds, else 0. Throws ErrorKind::usage if the cloud has no such
 /// attribute, or it is not one integer a point. O(N), and what reading the attribute costs.
-std::vector<std::uint8_t> selected_points(const Selection& selection, const Cloud& cloud);
+POINTFAIR_EXPORT std::vector<std::uint8_t> selected_points(const Selection& selection, const Cloud& cloud);
 
 }  // namespace pointfair

@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The CPU backend: the seam's calls over two chains, on its own number of threads.
-#include "backend.hpp"
+#include "seam/backend.hpp"
 
 #include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <atomic>
-#include <cstring>
 #include <fstream>
 #include <limits>
 #include <thread>
@@ -17,6 +16,8 @@
 #include "cpu/parallel.h"
 #include "cpu/single_search.h"
 #include "point/outliers.h"
+#include "seam/cloud_sample.hpp"
+#include "seam/exactness.hpp"
 
 namespace pointfair {
 namespace cpu {
@@ -34,7 +35,7 @@ std::string processor_name() {
   return "CPU";
 }
 
-class CpuBackend final : public Backend {
+class CpuBackend final : public Backend, public Sampling, public Exactness {
  public:
   explicit CpuBackend(unsigned threads)
       : threads_(threads == 0 ? available_threads() : threads),
@@ -48,111 +49,115 @@ class CpuBackend final : public Backend {
             "requested"};
   }
 
-  void upload(std::span<const Point> points) override {
+  void upload(std::span<const Point> points, IndexOrder) override {
     meter_.reset_peak();
     further_ = Chain(meter_);
-    first_.set_whole(nullptr);
-    at_work_ = &first_;
+    further_iteration_ = 0;
+    located_.clear();
     if (upload_is_indexed_) first_.swap_faired(uploaded_);
     upload_is_indexed_ = false;
     points_ = points.size();
     uploaded_.resize((points.size() + kLeafSize - 1) / kLeafSize * kLeafSize);  // as many as faired positions
-    arena_.execute([&] {
-      for_blocks(points.size(), kCopyBlock, {}, [&](std::size_t first, std::size_t last, std::size_t) {
-        std::copy(points.begin() + first, points.begin() + last, uploaded_.data() + first);
-      });
+    for_copies(points.size(), [&](std::size_t first, std::size_t last) {
+      std::copy(points.begin() + first, points.begin() + last, uploaded_.data() + first);
     });
   }
 
-  void set_originals(std::span<const Index> originals) override {
-    whole_.resize(originals.size());
-    std::copy(originals.begin(), originals.end(), whole_.data());
-    first_.set_whole(whole_.data());
-  }
-
-  void begin_pass(int pass) override {
-    if (pass > 1) {  // the second chain gives its result and takes the next pass
-      further_.swap_faired(pass_input_);
-      pass_input_.resize(further_.index().originals().size());
-      pass_originals_.resize(pass_input_.size());
-      std::copy_n(further_.index().originals().begin(), pass_originals_.size(), pass_originals_.data());
-    }
-    if (pass != pass_) located_.clear();
-    pass_ = pass;
-    at_work_ = pass == 0 ? &first_ : &further_;
-  }
-
-  void order_along(std::optional<CurveCube> cube) override { cube_ = cube; }
-
-  void build_index(std::stop_token stop) override {
-    located_.clear();
+  void build_index(int iteration, const std::optional<Frame>& frame, std::stop_token stop) override {
     arena_.execute([&] {
-      if (pass_ == 0) {
-        build_first_index(stop);
+      if (iteration == 0) {
+        build_first_index(frame, stop);
       } else {
-        further_.release_small_results();
-        const std::span<const Point> input =
-            pass_ == 1 ? first_.faired() : std::span<const Point>(pass_input_.data(), further_.index().view().points);
-        const std::span<const Index> originals =
-            pass_ == 1 ? first_.index().originals()
-                       : std::span<const Index>(pass_originals_.data(), pass_originals_.size());
-        further_.build_index(input, originals, cube_, space_, kernels_, stop);
-        space_.release();
+        build_further_index(iteration, frame, stop);
       }
     });
   }
-  void find_neighbors(const NeighborSettings& settings, std::stop_token stop) override {
-    arena_.execute([&] { at_work_->find_neighbors(settings, kernels_, stop); });
+  void find_neighbors(int iteration, const NeighborSettings& settings, std::stop_token stop) override {
+    arena_.execute([&] { chain(iteration).find_neighbors(settings, kernels_, stop); });
   }
-  void estimate_normals(const NormalSettings& settings, std::stop_token stop) override {
-    arena_.execute([&] { at_work_->estimate_normals(settings, kernels_, stop); });
+  void estimate_normals(int iteration, const NormalSettings& settings, std::stop_token stop) override {
+    arena_.execute([&] { chain(iteration).estimate_normals(settings, kernels_, stop); });
   }
-  void fair(const FairingSettings& settings, std::stop_token stop) override {
-    arena_.execute([&] { at_work_->fair(settings, kernels_, stop); });
+  void fair(int iteration, const FairingSettings& settings, bool, std::stop_token stop) override {
+    arena_.execute([&] { chain(iteration).fair(settings, kernels_, stop); });
   }
 
-  std::uint64_t download(std::span<Point> points, const DisplacementLimits& limits,
+  std::uint64_t download(int iteration, std::span<Point> points, const DisplacementLimits& limits,
                          std::span<std::uint8_t> outliers) override {
-    const bool may_miss_some = at_work_ != &first_;  // those that a pass before turned into NaN
+    const Chain& from = chain(iteration);
+    const bool may_miss_some = iteration > 0;  // those that an iteration before turned into NaN
     if (may_miss_some) fill(points, Point{kNan, kNan, kNan});
-    scatter(points, at_work_->faired());
+    const std::span<const Point> faired = from.faired();
+    const std::span<const Index> originals = from.index().originals();
+    for_copies(faired.size(), [&](std::size_t first, std::size_t last) {
+      for (std::size_t i = first; i < last; ++i) points[originals[i]] = faired[i];
+    });
     for (const InvalidPoint& p : first_.index().invalid()) points[p.original] = p.position;
     std::fill(outliers.begin(), outliers.end(), std::uint8_t(0));
     if (limits.farthest > 0) return hold_back(points, limits, outliers);
     return may_miss_some ? hold_back(points, {kInfinity, kInfinity}, outliers) : 0;
   }
 
-  void download_normals(std::span<Point> normals) override {
-    const VectorsView from = at_work_->normals();
-    const std::span<const Index> originals = at_work_->index().originals();
-    arena_.execute([&] {
-      for_blocks(normals.size(), kCopyBlock, {}, [&](std::size_t first, std::size_t last, std::size_t) {
-        std::fill(normals.begin() + first, normals.begin() + last, Point{0, 0, 0});
-      });
-      for_blocks(at_work_->faired().size(), kCopyBlock, {}, [&](std::size_t first, std::size_t last, std::size_t) {
-        for (std::size_t i = first; i < last; ++i) normals[originals[i]] = {from.x[i], from.y[i], from.z[i]};
-      });
+  void download_normals(int iteration, std::span<Point> normals, std::stop_token) override {
+    const Chain& from = chain(iteration);
+    const VectorsView vectors = from.normals();
+    const std::span<const Index> originals = from.index().originals();
+    fill(normals, Point{0, 0, 0});
+    for_copies(from.faired().size(), [&](std::size_t first, std::size_t last) {
+      for (std::size_t i = first; i < last; ++i) normals[originals[i]] = {vectors.x[i], vectors.y[i], vectors.z[i]};
     });
   }
-
-  void outcomes(const point::Region& loaded, std::span<unsigned char> out) override {
-    arena_.execute([&] { at_work_->outcomes(loaded, kernels_, out); });
+  void download_input(std::span<Point> points) override {
+    if (!upload_is_indexed_) {
+      for_copies(points.size(), [&](std::size_t first, std::size_t last) {
+        std::copy(uploaded_.data() + first, uploaded_.data() + last, points.begin() + std::ptrdiff_t(first));
+      });
+      return;
+    }
+    const IndexView index = first_.index().view();
+    for_copies(index.points, [&](std::size_t first, std::size_t last) {
+      for (std::size_t i = first; i < last; ++i) points[index.original[i]] = {index.x[i], index.y[i], index.z[i]};
+    });
+    for (const InvalidPoint& p : first_.index().invalid()) points[p.original] = p.position;
   }
 
-  Bounds bounds() const override { return at_work_->index().bounds(); }
+  Counts counts(int iteration) override {
+    Counts counts = chain(iteration).counts();
+    counts.unmoved.non_finite = first_.counts().unmoved.non_finite;
+    return counts;
+  }
+  Costs take_costs() override { return {{}, meter_.peak, 0, 1}; }
+
+  Sampling& sampling() override { return *this; }
+  Exactness* exactness() override { return this; }
+
+  CloudSample sample_cloud(std::size_t count) override {
+    const ForEach for_each = [this](std::size_t n, const std::function<void(std::size_t)>& body) {
+      for_each_on_host(n, body);
+    };
+    if (!upload_is_indexed_) {
+      const auto uploaded = [this](std::size_t i) { return std::pair(uploaded_[i], std::uint32_t(i)); };
+      return sample_points(points_, uploaded, count, for_each);
+    }
+    const IndexView index = first_.index().view();
+    const auto sorted = [&index](std::size_t i) {
+      return std::pair(Point{index.x[i], index.y[i], index.z[i]}, index.original[i]);
+    };
+    return sample_points(index.points, sorted, count, for_each);
+  }
 
   void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override {
     std::fill(out.begin(), out.end(), Point{kNan, kNan, kNan});
     arena_.execute([&] {
       locate(queries);
-      const IndexView index = at_work_->index().view();
+      const IndexView index = first_.index().view();
       for_blocks(queries.size(), 4, {}, [&](std::size_t first, std::size_t last, std::size_t) {
         SingleSearch search;
         std::vector<Index> list(std::size_t(k), 0);
         for (std::size_t q = first; q < last; ++q) {
           const Index at_query = located_.at(queries[q]);
           if (at_query == point::kNoNeighbor) continue;
-          search.find(index, at_query, k, std::numeric_limits<float>::infinity(), list.data());
+          search.find(index, at_query, k, kInfinity, list.data());
           Point* row = out.data() + q * (std::size_t(k) + 1);
           *row++ = {index.x[at_query], index.y[at_query], index.z[at_query]};
           for (const Index at : list)
@@ -163,21 +168,25 @@ class CpuBackend final : public Backend {
   }
 
   void for_each_on_host(std::size_t count, const std::function<void(std::size_t)>& body) override {
-    arena_.execute([&] { Backend::for_each_on_host(count, body); });
+    arena_.execute([&] { Sampling::for_each_on_host(count, body); });
   }
 
-  Counts counts() const override {
-    Counts counts = at_work_->counts();
-    counts.unmoved.non_finite = first_.counts().unmoved.non_finite;
-    return counts;
+  void outcomes(const point::Region& loaded, std::span<unsigned char> out) override {
+    arena_.execute([&] { first_.outcomes(loaded, kernels_, out); });
   }
-  std::uint64_t peak_host_bytes() const override { return meter_.peak; }
-  std::uint64_t peak_device_bytes() const override { return 0; }
 
  private:
-  void build_first_index(const std::stop_token& stop) {
+  Chain& chain(int iteration) {
+    if (iteration == 0) return first_;
+    if (iteration != further_iteration_)
+      throw Error(ErrorKind::failed, "the results of iteration " + std::to_string(iteration) + " are not held");
+    return further_;
+  }
+
+  void build_first_index(const std::optional<Frame>& frame, const std::stop_token& stop) {
+    located_.clear();
     if (upload_is_indexed_) restore_upload();
-    first_.build_index({uploaded_.data(), points_}, {}, cube_, space_, kernels_, stop);
+    first_.build_index({uploaded_.data(), points_}, {}, frame, space_, kernels_, stop);
     first_.swap_faired(uploaded_);
     upload_is_indexed_ = true;
   }
@@ -187,45 +196,62 @@ class CpuBackend final : public Backend {
     first_.swap_faired(uploaded_);
     upload_is_indexed_ = false;
     const IndexView index = first_.index().view();
-    for_blocks(index.points, kCopyBlock, {}, [&](std::size_t first, std::size_t last, std::size_t) {
+    for_copies(index.points, [&](std::size_t first, std::size_t last) {
       for (std::size_t i = first; i < last; ++i) uploaded_[index.original[i]] = {index.x[i], index.y[i], index.z[i]};
     });
     for (const InvalidPoint& p : first_.index().invalid()) uploaded_[p.original] = p.position;
   }
 
-  void fill(std::span<Point> points, Point value) {
-    arena_.execute([&] {
-      for_blocks(points.size(), kCopyBlock, {}, [&](std::size_t first, std::size_t last, std::size_t) {
-        std::fill(points.begin() + first, points.begin() + last, value);
-      });
-    });
+  void build_further_index(int iteration, const std::optional<Frame>& frame, const std::stop_token& stop) {
+    if (iteration == 1) {
+      further_iteration_ = 1;
+      further_.release_small_results();
+      further_.build_index(first_.faired(), first_.index().originals(), frame, space_, kernels_, stop);
+    } else {
+      if (iteration != further_iteration_) take_input_of(iteration);
+      further_.release_small_results();
+      further_.build_index({input_.data(), input_.size()}, {input_originals_.data(), input_originals_.size()}, frame,
+                           space_, kernels_, stop);
+    }
+    space_.release();
+  }
+  // The further chain gives its faired points, and takes the next iteration.
+  void take_input_of(int iteration) {
+    Chain& before = chain(iteration - 1);
+    const std::span<const Index> originals = before.index().originals().first(before.faired().size());
+    input_originals_.resize(originals.size());
+    std::copy(originals.begin(), originals.end(), input_originals_.data());
+    before.swap_faired(input_);
+    input_.resize(originals.size());  // without the padding
+    further_iteration_ = iteration;
   }
 
-  void scatter(std::span<Point> out, std::span<const Point> sorted) {
-    const std::span<const Index> originals = at_work_->index().originals();
+  template <class Body>
+  void for_copies(std::size_t count, const Body& body) {
     arena_.execute([&] {
-      for_blocks(sorted.size(), kCopyBlock, {}, [&](std::size_t first, std::size_t last, std::size_t) {
-        for (std::size_t i = first; i < last; ++i) out[originals[i]] = sorted[i];
-      });
+      for_blocks(count, kCopyBlock, {}, [&](std::size_t first, std::size_t last, std::size_t) { body(first, last); });
+    });
+  }
+  void fill(std::span<Point> points, Point value) {
+    for_copies(points.size(), [&](std::size_t first, std::size_t last) {
+      std::fill(points.begin() + first, points.begin() + last, value);
     });
   }
 
   std::uint64_t hold_back(std::span<Point> points, const DisplacementLimits& limits, std::span<std::uint8_t> outliers) {
     const IndexView index = first_.index().view();
     std::atomic<std::uint64_t> total = 0;
-    arena_.execute([&] {
-      for_blocks(index.points, kCopyBlock, {}, [&](std::size_t first, std::size_t last, std::size_t) {
-        std::uint64_t here = 0;
-        for (std::size_t i = first; i < last; ++i) {
-          Point& p = points[index.original[i]];
-          const auto settled = point::settled({index.x[i], index.y[i], index.z[i]}, {p.x, p.y, p.z}, limits.farthest,
-                                              limits.outlier_distance);
-          p = {settled.place.x, settled.place.y, settled.place.z};
-          here += settled.is_outlier;
-          if (!outliers.empty()) outliers[index.original[i]] = settled.is_outlier;
-        }
-        total += here;
-      });
+    for_copies(index.points, [&](std::size_t first, std::size_t last) {
+      std::uint64_t here = 0;
+      for (std::size_t i = first; i < last; ++i) {
+        Point& p = points[index.original[i]];
+        const auto settled = point::settled({index.x[i], index.y[i], index.z[i]}, {p.x, p.y, p.z}, limits.farthest,
+                                            limits.outlier_distance);
+        p = {settled.place.x, settled.place.y, settled.place.z};
+        here += settled.is_outlier;
+        if (!outliers.empty()) outliers[index.original[i]] = settled.is_outlier;
+      }
+      total += here;
     });
     return total;
   }
@@ -240,8 +266,8 @@ class CpuBackend final : public Backend {
       is_wanted[query] = any_new = true;
     }
     if (!any_new) return;
-    const std::span<const Index> originals = at_work_->index().originals();
-    for_blocks(at_work_->index().view().points, kCopyBlock, {}, [&](std::size_t first, std::size_t last, std::size_t) {
+    const std::span<const Index> originals = first_.index().originals();
+    for_blocks(first_.index().view().points, kCopyBlock, {}, [&](std::size_t first, std::size_t last, std::size_t) {
       for (std::size_t i = first; i < last; ++i)
         if (is_wanted[originals[i]]) located_.find(originals[i])->second = Index(i);
     });
@@ -254,24 +280,17 @@ class CpuBackend final : public Backend {
   MemoryMeter meter_;
   std::uint64_t points_ = 0;
   Buffer<Point> uploaded_{meter_};
-  Buffer<Index> whole_{meter_};       // indices in the cloud that the uploaded points are a part of
-  bool upload_is_indexed_ = false;    // and its memory lent to the first chain
-  Buffer<Point> pass_input_{meter_};  // of the passes from the third on, in the order of the pass before
-  Buffer<Index> pass_originals_{meter_};
+  bool upload_is_indexed_ = false;  // and its memory lent to the first chain
+  Buffer<Point> input_{meter_};     // of iterations from the third on, in the order of the one before
+  Buffer<Index> input_originals_{meter_};
   SortSpace space_{meter_};
-  std::optional<CurveCube> cube_;
   Chain first_{meter_}, further_{meter_};
-  Chain* at_work_ = &first_;
-  int pass_ = 0;
-  std::unordered_map<Index, Index> located_;  // upload index to sorted position in the chain at work, as far as asked
+  int further_iteration_ = 0;                 // whose results further_ holds; 0: none
+  std::unordered_map<Index, Index> located_;  // upload index to sorted position, as far as asked
 };
 
 }  // namespace
 }  // namespace cpu
-
-void Backend::for_each_on_host(std::size_t count, const std::function<void(std::size_t)>& body) {
-  tbb::parallel_for(std::size_t(0), count, body);
-}
 
 std::unique_ptr<Backend> make_cpu_backend(unsigned threads) { return std::make_unique<cpu::CpuBackend>(threads); }
 

@@ -7,8 +7,8 @@
 
 #include "cpu/constrained.h"
 #include "cpu/parallel.h"
-#include "method_rule.hpp"
 #include "point/outliers.h"
+#include "seam/method_rule.hpp"
 
 namespace pointfair::cpu {
 namespace {
@@ -34,10 +34,10 @@ Chain::Chain(MemoryMeter& meter)
       faired_(meter) {}
 
 void Chain::build_index(std::span<const Point> points, std::span<const Index> originals,
-                        const std::optional<CurveCube>& cube, SortSpace& space, const Kernels& kernels,
+                        const std::optional<Frame>& frame, SortSpace& space, const Kernels& kernels,
                         const std::stop_token& stop) {
   has_lists_ = false;
-  index_.build(points, originals, cube, space, kernels, stop);
+  index_.build(points, originals, frame, space, kernels, stop);
   counts_ = {};
   counts_.unmoved.non_finite = index_.invalid().size();
 }
@@ -95,6 +95,8 @@ void Chain::find_neighbors(const NeighborSettings& settings, const Kernels& kern
   neighbors_ = settings;
   stored_k_ = settings.k;
   const IndexView index = index_.view();
+  if (settings.k == 0 && index.points > 0 && index.share == nullptr)
+    throw Error(ErrorKind::failed, "sums over radius neighbourhoods need an index along a frame's curve");
   const std::size_t row = std::size_t(settings.k) * kLeafSize;
   lists_.resize(index.leaves * row);
   mean_distance_.resize(std::size_t(index.leaves) * kLeafSize);

@@ -4,10 +4,11 @@
 // filtered, or a method other than the bilateral one runs, 12 more.
 #pragma once
 
-#include "backend.hpp"
 #include "cpu/index.h"
 #include "cpu/kernels.h"
 #include "cpu/memory.h"
+#include "point/region.h"
+#include "seam/backend.hpp"
 
 namespace pointfair::cpu {
 
@@ -15,15 +16,13 @@ class Chain {
  public:
   explicit Chain(MemoryMeter& meter);
 
-  void build_index(std::span<const Point> points, std::span<const Index> originals,
-                   const std::optional<CurveCube>& cube, SortSpace& space, const Kernels& kernels,
-                   const std::stop_token& stop);
+  void build_index(std::span<const Point> points, std::span<const Index> originals, const std::optional<Frame>& frame,
+                   SortSpace& space, const Kernels& kernels, const std::stop_token& stop);
   void find_neighbors(const NeighborSettings& settings, const Kernels& kernels, const std::stop_token& stop);
   void estimate_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop);
   void fair(const FairingSettings& settings, const Kernels& kernels, const std::stop_token& stop);
 
-  void set_whole(const Index* whole) { index_.set_whole(whole); }
-  // As Backend::outcomes.
+  // As Exactness::outcomes.
   void outcomes(const point::Region& loaded, const Kernels& kernels, std::span<unsigned char> out) const;
 
   // In sorted order, one for each valid point.

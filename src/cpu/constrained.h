@@ -5,9 +5,9 @@
 
 #include <vector>
 
-#include "backend.hpp"
 #include "cpu/kernels.h"
 #include "cpu/single_search.h"
+#include "seam/settings.hpp"
 
 namespace pointfair::cpu {
 

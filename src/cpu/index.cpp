@@ -15,15 +15,6 @@ constexpr std::size_t kBlock = 1 << 13;  // points; a multiple of the leaf and o
 constexpr float kInf = std::numeric_limits<float>::infinity();
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
-bool is_valid(const Point& p) { return point::is_indexable(p.x, p.y, p.z); }
-
-Bounds unite(const Bounds& a, const Bounds& b) {
-  return {{std::min(a.min.x, b.min.x), std::min(a.min.y, b.min.y), std::min(a.min.z, b.min.z)},
-          {std::max(a.max.x, b.max.x), std::max(a.max.y, b.max.y), std::max(a.max.z, b.max.z)},
-          a.valid + b.valid};
-}
-constexpr Bounds kNothing{{kInf, kInf, kInf}, {-kInf, -kInf, -kInf}, 0};
-
 // The box of most points: between the 2 % and the 98 % quantile of a sample on each axis, widened by a quarter. A stray
 // point far away must not stretch the curve.
 Box core_box(std::span<const Point> points, std::span<const std::uint64_t> elements, const Bounds& bounds) {
@@ -90,28 +81,35 @@ ChildBox united(const BoxGroup& group) {
 
 }  // namespace
 
-SpatialIndex::SpatialIndex(MemoryMeter& meter) : x_(meter), y_(meter), z_(meter), original_(meter), meter_(&meter) {}
+SpatialIndex::SpatialIndex(MemoryMeter& meter)
+    : x_(meter), y_(meter), z_(meter), original_(meter), share_(meter), meter_(&meter) {}
 
 void SpatialIndex::build(std::span<const Point> points, std::span<const Index> originals,
-                         const std::optional<CurveCube>& cube, SortSpace& space, const Kernels& kernels,
+                         const std::optional<Frame>& frame, SortSpace& space, const Kernels& kernels,
                          const std::stop_token& stop) {
   if (points.size() > kMaxPoints)
     throw Error(ErrorKind::usage, "the CPU backend holds at most 2147483632 points at once; cut the cloud");
   collect_valid(points, originals, space, stop);
   space.scratch.resize(points_);
   const std::span<std::uint64_t> elements{space.elements.data(), points_}, scratch{space.scratch.data(), points_};
-  if (points_ > 0 && cube) {
-    const auto [x, y, z] = cube->origin;
-    sort_along_curve(points, originals, elements, scratch, point::curve_cube({x, y, z}, cube->side), kernels, stop);
+  if (points_ > 0 && frame) {
+    const point::CurveCube cube = point::curve_cube(to_vec3(frame->reference), frame->side);
+    sort_along_curve(points, originals, elements, scratch, cube, kernels, stop);
   } else if (points_ > 0) {
     sort_along_curve(points, elements, scratch, core_box(points, elements, bounds_), kernels, stop);
   }
   gather(points, originals, space, stop);
+  if (frame) {
+    hash_positions(to_vec3(frame->corner), stop);
+  } else {
+    share_.release();
+  }
   build_boxes(stop);
 }
 
 IndexView SpatialIndex::view() const {
-  IndexView view{x_.data(), y_.data(), z_.data(), original_.data(), points_, leaves_, int(levels_.size()), {}, whole_};
+  IndexView view{x_.data(), y_.data(),           z_.data(), original_.data(), points_,
+                 leaves_,   int(levels_.size()), {},        share_.data()};
   for (std::size_t level = 0; level < levels_.size(); ++level) view.level[level] = levels_[level].data();
   return view;
 }
@@ -119,18 +117,18 @@ IndexView SpatialIndex::view() const {
 void SpatialIndex::collect_valid(std::span<const Point> points, std::span<const Index> originals, SortSpace& space,
                                  const std::stop_token& stop) {
   const std::size_t blocks = (points.size() + kBlock - 1) / kBlock;
-  std::vector<Bounds> of_block(blocks, kNothing);
+  std::vector<Bounds> of_block(blocks, kNoBounds);
   for_blocks(points.size(), kBlock, stop, [&](std::size_t first, std::size_t last, std::size_t block) {
-    Bounds bounds = kNothing;
+    Bounds bounds = kNoBounds;
     for (std::size_t i = first; i < last; ++i)
-      if (is_valid(points[i])) bounds = unite(bounds, {points[i], points[i], 1});
+      if (is_indexed(points[i])) include(bounds, points[i]);
     of_block[block] = bounds;
   });
-  bounds_ = kNothing;
+  bounds_ = kNoBounds;
   std::vector<std::size_t> first_valid(blocks);
   for (std::size_t block = 0; block < blocks; ++block) {
     first_valid[block] = bounds_.valid;
-    bounds_ = unite(bounds_, of_block[block]);
+    unite(bounds_, of_block[block]);
   }
   points_ = Index(bounds_.valid);
   leaves_ = groups_of(points_);
@@ -144,14 +142,14 @@ void SpatialIndex::collect_valid(std::span<const Point> points, std::span<const 
       return;
     }
     for (std::size_t i = first; i < last; ++i)
-      if (is_valid(points[i])) space.elements[next++] = i;
+      if (is_indexed(points[i])) space.elements[next++] = i;
   });
   invalid_.clear();
   for (std::size_t block = 0; block < blocks && points_ < points.size(); ++block) {
     const std::size_t first = block * kBlock, last = std::min(points.size(), first + kBlock);
     if (of_block[block].valid == last - first) continue;
     for (std::size_t i = first; i < last; ++i)
-      if (!is_valid(points[i])) invalid_.push_back({originals.empty() ? Index(i) : originals[i], points[i]});
+      if (!is_indexed(points[i])) invalid_.push_back({originals.empty() ? Index(i) : originals[i], points[i]});
   }
 }
 
@@ -173,6 +171,15 @@ void SpatialIndex::gather(std::span<const Point> points, std::span<const Index> 
       original_[i] = !real ? point::kNoNeighbor : originals.empty() ? Index(from) : originals[from];
     }
   });
+}
+
+void SpatialIndex::hash_positions(point::Vec3<float> corner, const std::stop_token& stop) {
+  share_.resize(x_.size());
+  for_blocks(points_, kBlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
+    for (std::size_t i = first; i < last; ++i)
+      share_[i] = point::share_of_hash(point::position_hash({x_[i], y_[i], z_[i]}, corner));
+  });
+  std::fill(share_.data() + points_, share_.data() + share_.size(), 1.0f);  // the padding
 }
 
 void SpatialIndex::build_boxes(const std::stop_token& stop) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The index over occupied space: points sorted along a Hilbert curve under a tree of tight boxes (src/cpu/kernels.h).
-// Memory: 16 bytes a point and 1.9 for boxes.
+// Memory: 16 bytes a point and 1.9 for boxes, 4 more along the curve of a frame.
 #pragma once
 
 #include <array>
@@ -9,9 +9,10 @@
 #include <stop_token>
 #include <vector>
 
-#include "backend.hpp"
 #include "cpu/kernels.h"
 #include "cpu/memory.h"
+#include "seam/cloud_sample.hpp"
+#include "seam/settings.hpp"
 
 namespace pointfair::cpu {
 
@@ -40,13 +41,11 @@ class SpatialIndex {
  public:
   explicit SpatialIndex(MemoryMeter& meter);
 
-  // `originals` gives the upload index of each point; empty: its place in `points`. `cube` as Backend::order_along.
-  void build(std::span<const Point> points, std::span<const Index> originals, const std::optional<CurveCube>& cube,
+  // `originals` gives the upload index of each point; empty: its place in `points`. `frame` as Backend::build_index.
+  void build(std::span<const Point> points, std::span<const Index> originals, const std::optional<Frame>& frame,
              SortSpace& space, const Kernels& kernels, const std::stop_token& stop);
 
   IndexView view() const;
-  // As IndexView::whole, from now on.
-  void set_whole(const Index* whole) { whole_ = whole; }
   const Bounds& bounds() const { return bounds_; }
   const std::vector<InvalidPoint>& invalid() const { return invalid_; }
   std::span<const Index> originals() const { return {original_.data(), original_.size()}; }
@@ -54,6 +53,7 @@ class SpatialIndex {
  private:
   void collect_valid(std::span<const Point> points, std::span<const Index> originals, SortSpace& space,
                      const std::stop_token& stop);
+  void hash_positions(point::Vec3<float> corner, const std::stop_token& stop);
   void gather(std::span<const Point> points, std::span<const Index> originals, const SortSpace& space,
               const std::stop_token& stop);
   void build_boxes(const std::stop_token& stop);
@@ -61,9 +61,9 @@ class SpatialIndex {
 
   Buffer<float> x_, y_, z_;
   Buffer<Index> original_;
+  Buffer<float> share_;
   std::vector<Buffer<BoxGroup>> levels_;
   MemoryMeter* meter_;
-  const Index* whole_ = nullptr;
   std::vector<InvalidPoint> invalid_;
   Bounds bounds_;
   Index points_ = 0, leaves_ = 0;

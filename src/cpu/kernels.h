@@ -39,7 +39,7 @@ struct IndexView {
   Index leaves;
   int levels;
   const BoxGroup* level[kMaxLevels];  // level[0] holds the boxes of leaves
-  const Index* whole = nullptr;       // by `original`: the index in the larger cloud that this is a part of; null: none
+  const float* share;                 // of each sorted point, a hash of its position over [0, 1); null without a frame
 };
 
 // A neighbour list per point: list[(leaf * stored + slot) * 16 + lane], nearest first; sorted positions, kNoNeighbor at
@@ -52,7 +52,7 @@ struct NeighborView {
 
 // Everything within a radius, when there is no list: R_i^2 = radius^2 + r_i^2, where r_i is the distance of point i to
 // its `widening`-th nearest; the same radius for all if that is 0. A ball that would hold many more than kBallPoints
-// points is thinned to about so many, by a hash of the original index.
+// points is thinned to about so many, by a hash of their positions.
 struct Ball {
   const float* squared_radius;  // of each sorted point
   float squared_base;

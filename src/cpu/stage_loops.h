@@ -53,16 +53,6 @@ class ListWalk {
   int k_;
 };
 
-// Scatters indices over [0, 1) (multiplicative hashing with xor-shifts, after Wellons 2018).
-POINTFAIR_INLINE float unit_hash(Index x) {
-  x ^= x >> 16;
-  x *= 0x7feb352du;
-  x ^= x >> 15;
-  x *= 0x846ca68bu;
-  x ^= x >> 16;
-  return float(x >> 8) * 0x1p-24f;
-}
-
 // Walks the tree from the root in sorted order, so that sums have one order whatever the instruction set.
 class BallWalk {
  public:
@@ -116,10 +106,10 @@ class BallWalk {
       const Index first = leaf * kLeafSize + Index(c);
       const point::Vec3<Floats> p = {load(index_.x + first), load(index_.y + first), load(index_.z + first)};
       unsigned near = bits(point::squared_gap(p, p, queries_.min, queries_.max) <= broadcast(farthest_));
+      if (is_thinned_) near &= bits(load(index_.share + first) < broadcast(largest_share_));
       for (; near != 0; near &= near - 1) {
         const Index position = first + Index(__builtin_ctz(near));
-        const float hash = is_thinned_ ? unit_hash(whole_index(position)) : 0.0f;
-        if (!(hash < largest_share_)) continue;
+        const float hash = is_thinned_ ? index_.share[position] : 0.0f;
         const point::Vec3<Floats> offset =
             spread(index_.x[position], index_.y[position], index_.z[position]) - queries_.position;
         const Mask inside = (point::squared_length(offset) <= queries_.limit) &
@@ -127,11 +117,6 @@ class BallWalk {
         if (any(inside)) visit(offset, Shared{position}, inside);
       }
     }
-  }
-
-  POINTFAIR_INLINE Index whole_index(Index position) const {
-    const Index original = index_.original[position];
-    return index_.whole == nullptr ? original : index_.whole[original];
   }
 
   const IndexView& index_;

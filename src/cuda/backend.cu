@@ -1,16 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 // The CUDA backend: the seam's calls over two chains on one card. Stage calls start their work and return; the host
-// waits only where data crosses. The first pass's index is begun while its points arrive, and where the cloud is in
-// spatial order, stages and download of its parts overlap (part_flow.cuh). Memory beside the chains, bytes a point: the
-// uploaded points 12, and 12 from the third pass on.
-#include "backend.hpp"
+// waits only where data crosses. The first iteration's index is begun while its points arrive, and where the cloud is
+// in spatial order, stages and download of its parts overlap (part_flow.cuh). Memory beside the chains, bytes a point:
+// the uploaded points 12, and 12 from the third iteration on.
 #include "cuda/chain.cuh"
+#include "cuda/cloud_sampler.cuh"
 #include "cuda/devices.cuh"
 #include "cuda/memory.cuh"
 #include "cuda/outliers.cuh"
 #include "cuda/stage_clock.cuh"
 #include "cuda/stop.cuh"
 #include "cuda/transfer.cuh"
+#include "seam/backend.hpp"
+#include "seam/exactness.hpp"
+#include "seam/overlap.hpp"
+#include "seam/sampling.hpp"
 
 namespace pointfair {
 namespace cuda {
@@ -18,105 +22,13 @@ namespace {
 
 constexpr float kInfinity = __builtin_inff();
 
-class CudaBackend final : public Backend {
+class CudaBackend final : public Backend, public Sampling, public Exactness, public Overlap {
  public:
-  CudaBackend(int card, std::size_t part) : context_(card), points_of_part_(part) {}
+  CudaBackend(int card, const CudaOptions& options)
+      : context_(card, options.memory), points_of_chunk_(options.upload_chunk) {}
 
   DeviceInfo device() const override { return {Device::cuda, context_.name(), "requested"}; }
 
-  void upload(std::span<const Point> points) override {
-    begin_upload(points, false);
-    finish_upload();
-  }
-  bool start_upload(std::span<const Point> points) override {
-    begin_upload(points, true);
-    return true;
-  }
-  void finish_upload() override {
-    context_.enter();
-    is_arriving_ = false;
-    upload_.finish();
-  }
-
-  void set_originals(std::span<const Index> originals) override {
-    context_.enter();
-    whole_.resize(originals.size());
-    check(cudaMemcpyAsync(whole_.data(), originals.data(), originals.size_bytes(), cudaMemcpyHostToDevice,
-                          context_.stream()),
-          "uploading indices");
-    first_.set_whole(whole_.data());
-  }
-
-  void begin_pass(int pass) override {
-    is_fetched_ = false;
-    if (pass == 0) {
-      at_work_ = &first_;
-      input_ = uploaded_.data();
-      return;
-    }
-    context_.enter();
-    at_work_->join();
-    if (at_work_ == &further_) {
-      pass_input_.swap(further_.faired());
-      input_ = pass_input_.data();
-    } else {
-      input_ = first_.faired().data();
-    }
-    at_work_ = &further_;
-  }
-
-  void order_along(std::optional<CurveCube> cube) override {
-    if (cube && cube != cube_) is_index_begun_ = false;
-    cube_ = cube;
-  }
-  void build_index(std::stop_token stop) override {
-    context_.enter();
-    if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
-    if (at_work_ != &first_ || !std::exchange(is_index_begun_, false)) begin_index(nullptr, stop);
-  }
-  void find_neighbors(const NeighborSettings& settings, std::stop_token stop) override {
-    const cudaEvent_t start = start_stage();
-    at_work_->find_neighbors(settings, is_arriving_ && at_work_ == &first_ && is_worth_searching_twice(), stop);
-    clock_.note("neighbors", start, at_work_->stream());
-  }
-  void estimate_normals(const NormalSettings& settings, std::stop_token stop) override {
-    const cudaEvent_t start = start_stage();
-    at_work_->estimate_normals(settings, stop);
-    if (!at_work_->normals_wait()) clock_.note("normals", start, at_work_->stream());
-  }
-  void fair(const FairingSettings& settings, std::stop_token stop) override {
-    const bool with_normals = at_work_->normals_wait();
-    const cudaEvent_t start = start_stage();
-    at_work_->fair(settings, std::exchange(expects_download_, false), stop);
-    clock_.note(with_normals ? kBoth : "fairing", start, at_work_->stream());
-  }
-
-  void expect_download() override { expects_download_ = true; }
-
-  void finish() override {
-    context_.enter();
-    at_work_->settle();
-    deliver();
-  }
-  std::optional<Stage> take_stopped() override {
-    context_.enter();
-    const unsigned call = stop_line_.given_up();
-    stop_line_.clear();
-    if (call == 0) return std::nullopt;
-    return call >= kFurtherCalls ? Stage::passes : Stage(call);
-  }
-  std::vector<StageTime> stage_times() override {
-    context_.enter();
-    std::vector<StageTime> times;
-    for (StageTime& stage : clock_.take()) {
-      if (stage.name == kBoth) {
-        times.push_back({"normals", kNormalsShare * stage.milliseconds});
-        stage = {"fairing", (1 - kNormalsShare) * stage.milliseconds};
-      }
-      times.push_back(std::move(stage));
-    }
-    return times;
-  }
   HostBuffer host_buffer(std::size_t count) override {
     context_.enter();
     if (count == 0) return {};
@@ -129,38 +41,85 @@ class CudaBackend final : public Backend {
     check(status, "allocating page-locked memory");
     return {points, count, [](Point* memory) noexcept { cudaFreeHost(memory); }};
   }
-  std::uint64_t download(std::span<Point> points, const DisplacementLimits& limits,
-                         std::span<std::uint8_t> outliers) override {
+
+  void upload(std::span<const Point> points, IndexOrder expected) override {
+    begin_upload(points, expected, false);
+    finish_upload();
+  }
+  void start_upload(std::span<const Point> points, IndexOrder expected) override {
+    begin_upload(points, expected, true);
+  }
+  void finish_upload() override {
+    context_.enter();
+    is_arriving_ = false;
+    upload_.finish();
+  }
+
+  void build_index(int iteration, const std::optional<Frame>& frame, std::stop_token stop) override {
+    context_.enter();
+    if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+    if (iteration == 0) {
+      if (!std::exchange(is_index_begun_, false) || frame) begin_first_index(frame, nullptr, stop);
+    } else {
+      const cudaEvent_t start = start_stage();
+      const Point* const input = take_input_of(iteration);
+      further_.build_index(input, uploaded_.size(), frame, nullptr, stop);
+      clock_.note("index", start, further_.stream());
+    }
+  }
+  void find_neighbors(int iteration, const NeighborSettings& settings, std::stop_token stop) override {
+    Chain& its = chain(iteration);
     const cudaEvent_t start = start_stage();
-    const bool may_miss_some = at_work_ != &first_;  // those that a pass before turned into NaN
+    its.find_neighbors(settings, is_arriving_ && iteration == 0 && is_worth_searching_twice(), stop);
+    clock_.note("neighbors", start, its.stream());
+  }
+  void estimate_normals(int iteration, const NormalSettings& settings, std::stop_token stop) override {
+    Chain& its = chain(iteration);
+    const cudaEvent_t start = start_stage();
+    its.estimate_normals(settings, stop);
+    if (!its.normals_wait()) clock_.note("normals", start, its.stream());
+  }
+  void fair(int iteration, const FairingSettings& settings, bool leaves, std::stop_token stop) override {
+    Chain& its = chain(iteration);
+    const bool with_normals = its.normals_wait();
+    const cudaEvent_t start = start_stage();
+    its.fair(settings, leaves, stop);
+    clock_.note(with_normals ? kBoth : "fairing", start, its.stream());
+  }
+
+  std::uint64_t download(int iteration, std::span<Point> points, const DisplacementLimits& limits,
+                         std::span<std::uint8_t> outliers) override {
+    Chain& from = chain(iteration);
+    const cudaEvent_t start = start_stage();
+    const bool may_miss_some = iteration > 0;  // those that an iteration before turned into NaN
     unsigned long long held_back = 0;
     if (limits.farthest > 0) {
-      at_work_->join();
-      copy_held_back(limits, points, outliers, held_back);
+      from.join();
+      copy_held_back(from, limits, points, outliers, held_back);
     } else {
       std::fill(outliers.begin(), outliers.end(), std::uint8_t(0));
       if (may_miss_some) {
-        copy_held_back({kInfinity, kInfinity}, points, {}, held_back);
+        copy_held_back(from, {kInfinity, kInfinity}, points, {}, held_back);
       } else {
-        copy_faired(points);
+        copy_faired(from, points);
       }
     }
-    at_work_->fetch_state(fetched_.get());  // counts() then need not ask the card again
+    from.fetch_state(fetched_.get());  // counts() then need not ask the card again
     clock_.note("download", start);
     clock_.read();  // while the points are on their way
     deliver();
-    is_fetched_ = true;
+    fetched_iteration_ = iteration;
     return held_back;
   }
-  void download_normals(std::span<Point> normals) override {
+  void download_normals(int iteration, std::span<Point> normals, std::stop_token) override {
+    Chain& from = chain(iteration);
     context_.enter();
     DeviceArray<Point> restored(context_);
     restored.resize(normals.size());
-    at_work_->restore_normals(restored.data());
+    from.restore_normals(restored.data());
     copy_out(restored.data(), normals);
     deliver();
   }
-
   void download_input(std::span<Point> points) override {
     context_.enter();
     first_.join();
@@ -168,26 +127,48 @@ class CudaBackend final : public Backend {
     copy_out(uploaded_.data(), points);
     wait();
   }
-  void outcomes(const point::Region& loaded, std::span<unsigned char> out) override {
+
+  Counts counts(int iteration) override {
+    Chain& of = chain(iteration);
     context_.enter();
-    DeviceArray<unsigned char> found(context_);
-    found.resize(out.size());
-    at_work_->find_outcomes(loaded, found.data());
-    check(cudaMemcpyAsync(out.data(), found.data(), out.size(), cudaMemcpyDeviceToHost, context_.stream()),
-          "downloading outcomes");
-    deliver();
+    const CloudState state = fetched_iteration_ == iteration ? *fetched_.get() : of.state();
+    const Index valid = iteration == 0 ? state.valid : first_.state().valid;
+    Counts counts;
+    counts.unmoved = {first_.points() - valid, state.too_few_neighbors, state.no_normal};
+    counts.short_neighborhoods = state.short_neighborhoods;
+    return counts;
+  }
+  Costs take_costs() override {
+    context_.enter();
+    Costs costs{{}, 0, context_.peak_bytes(), 1};
+    for (StageTime& stage : clock_.take()) {
+      if (stage.name == kBoth) {
+        costs.stages.push_back({"normals", kNormalsShare * stage.milliseconds});
+        stage = {"fairing", (1 - kNormalsShare) * stage.milliseconds};
+      }
+      costs.stages.push_back(std::move(stage));
+    }
+    return costs;
+  }
+  std::optional<StageOf> take_stopped() override {
+    context_.enter();
+    const unsigned call = stop_line_.given_up();
+    stop_line_.clear();
+    if (call == 0) return std::nullopt;
+    return StageOf{call >= kFurtherCalls ? further_iteration_ : 0, Stage(call % kFurtherCalls)};
   }
 
-  Bounds bounds() const override {
-    context_.enter();
-    const CloudState state = at_work_->state();
-    if (state.valid == 0) return {};
-    const auto coordinate = [](unsigned o) { return std::bit_cast<float>(unordered_bits(o)); };
-    return {{coordinate(state.min[0]), coordinate(state.min[1]), coordinate(state.min[2])},
-            {coordinate(state.max[0]), coordinate(state.max[1]), coordinate(state.max[2])},
-            state.valid};
-  }
+  Sampling& sampling() override { return *this; }
+  Exactness* exactness() override { return this; }
+  Overlap* overlap() override { return this; }
 
+  CloudSample sample_cloud(std::size_t count) override {
+    context_.enter();
+    wait_for_upload();
+    CloudSample sample = sampler_.draw(uploaded_.data(), uploaded_.size(), count);
+    clock_.pause();
+    return sample;
+  }
   void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override {
     context_.enter();
     DeviceArray<Index> asked(context_);
@@ -197,7 +178,7 @@ class CudaBackend final : public Backend {
     check(
         cudaMemcpyAsync(asked.data(), queries.data(), queries.size_bytes(), cudaMemcpyHostToDevice, context_.stream()),
         "uploading queries");
-    at_work_->sample_neighborhoods({asked.data(), queries.size(), k, rows.data()});
+    first_.sample_neighborhoods({asked.data(), queries.size(), k, rows.data()});
     copy_out(rows.data(), out);
     wait();
   }
@@ -211,7 +192,7 @@ class CudaBackend final : public Backend {
     noise_samples_.resize(noises);
     residual_samples_.resize(noises);
     std::copy(for_noise.begin(), for_noise.end(), std::copy(for_spacing.begin(), for_spacing.end(), queries_.get()));
-    at_work_->take_samples(
+    first_.take_samples(
         {queries_.get(), spacings, noises, spacing_samples_.get(), noise_samples_.get(), residual_samples_.get()});
     wait();
     if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
@@ -221,66 +202,84 @@ class CudaBackend final : public Backend {
             [residuals = std::move(residuals)] { return residuals; }};
   }
 
-  Counts counts() const override {
+  void outcomes(const point::Region& loaded, std::span<unsigned char> out) override {
     context_.enter();
-    const CloudState state = is_fetched_ ? *fetched_.get() : at_work_->state();
-    Counts counts;
-    const Index valid = at_work_ == &first_ ? state.valid : loaded_->state().valid;
-    counts.unmoved = {first_.points() - valid, state.too_few_neighbors, state.no_normal};
-    counts.short_neighborhoods = state.short_neighborhoods;
-    return counts;
+    DeviceArray<unsigned char> found(context_);
+    found.resize(out.size());
+    first_.find_outcomes(loaded, found.data());
+    check(cudaMemcpyAsync(out.data(), found.data(), out.size(), cudaMemcpyDeviceToHost, context_.stream()),
+          "downloading outcomes");
+    deliver();
   }
-  std::uint64_t peak_host_bytes() const override { return 0; }
-  void limit_memory(std::uint64_t bytes) override { context_.limit(bytes); }
-  std::uint64_t peak_device_bytes() const override { return context_.peak_bytes(); }
 
  private:
   // The paper's normals and fairing as one kernel, and what the normals take of it.
   static constexpr const char* kBoth = "normals and fairing";
   static constexpr double kNormalsShare = 0.6;
-  static constexpr unsigned kFurtherCalls = 8;  // numbers of stage calls of further passes, for stops
+  static constexpr unsigned kFurtherCalls = 8;  // numbers of stage calls of further iterations, for stops
+  static constexpr int kNone = -1;
+
+  Chain& chain(int iteration) {
+    if (iteration == 0) return first_;
+    if (iteration != further_iteration_)
+      throw Error(ErrorKind::failed, "the results of iteration " + std::to_string(iteration) + " are not held");
+    return further_;
+  }
+  // The faired points of the iteration before.
+  const Point* take_input_of(int iteration) {
+    if (iteration == 1) {
+      first_.join();
+    } else if (iteration != further_iteration_) {
+      chain(iteration - 1).join();
+      input_.swap(further_.faired());
+    }
+    further_iteration_ = iteration;
+    return iteration == 1 ? first_.faired().data() : input_.data();
+  }
 
   cudaEvent_t start_stage() {
     context_.enter();
-    is_fetched_ = false;
+    fetched_iteration_ = kNone;
     return clock_.start();
   }
-  // Searches of parts that are there, and of their borders again, take longer than the wait for a small cloud.
+  // Searches of chunks that are there, and of their borders again, take longer than the wait for a small cloud.
   bool is_worth_searching_twice() const {
     constexpr std::size_t kWorth = 1 << 22;
-    return uploaded_.size() >= kWorth || points_of_part_ > 0;
+    return uploaded_.size() >= kWorth || points_of_chunk_ > 0;
   }
-  void begin_upload(std::span<const Point> points, bool timed) {
-    if (points.size() > point::kNoNeighbor - kLeafSize)
-      throw Error(ErrorKind::usage, "the CUDA backend holds at most 4294967263 points at once; cut the cloud");
+  void begin_upload(std::span<const Point> points, IndexOrder expected, bool timed) {
     context_.enter();
     context_.reset_peak();
     first_.join();
     clock_.forget();
-    first_.set_whole(nullptr);
     stop_line_.clear();
     uploaded_.resize(points.size());
-    at_work_ = &first_;
-    input_ = uploaded_.data();
+    further_iteration_ = 0;
     is_index_begun_ = false;
-    const bool may_lie_apart = !cube_ && points_of_part_ == 0;
-    Parts parts = points_of_part_ > 0 ? Parts::of(points.size(), points_of_part_) : plan_parts(points, may_lie_apart);
+    const bool may_lie_apart = expected == IndexOrder::fastest && points_of_chunk_ == 0;
+    Parts parts = points_of_chunk_ > 0 ? Parts::of(points.size(), points_of_chunk_) : plan_parts(points, may_lie_apart);
     const Arrival arrival = upload_.start(points, std::move(parts), uploaded_.data());
+    arrived_ = arrival.all();
     is_arriving_ = true;
     if (timed) clock_.note_between("upload", arrival.begun, arrival.all());
+    if (expected != IndexOrder::fastest) return;
     try {
-      begin_index(&arrival, {});
+      begin_first_index(std::nullopt, &arrival, {});
     } catch (const Error&) {  // `points` may not be read any more
       finish_upload();
       throw;
     }
     is_index_begun_ = true;
   }
-  void begin_index(const Arrival* arrival, const std::stop_token& stop) {
-    is_fetched_ = false;
+  void wait_for_upload() const {
+    if (arrived_ != nullptr) context_.wait_for(arrived_);
+  }
+  void begin_first_index(const std::optional<Frame>& frame, const Arrival* arrival, const std::stop_token& stop) {
+    fetched_iteration_ = kNone;
+    if (arrival == nullptr) wait_for_upload();
     const cudaEvent_t start = arrival == nullptr ? clock_.start() : arrival->all();
-    at_work_->build_index(input_, uploaded_.size(), cube_, arrival, stop);
-    clock_.note("index", start, at_work_->stream());
+    first_.build_index(uploaded_.data(), uploaded_.size(), frame, arrival, stop);
+    clock_.note("index", start, first_.stream());
   }
   void wait() {
     context_.finish();
@@ -292,8 +291,8 @@ class CudaBackend final : public Backend {
     if (stop_line_.given_up() != 0) throw Error(ErrorKind::interrupted, "interrupted");
   }
   // Starts the copies; `held_back` and what the spans hold are there after wait().
-  void copy_held_back(const DisplacementLimits& limits, std::span<Point> points, std::span<std::uint8_t> outliers,
-                      unsigned long long& held_back) {
+  void copy_held_back(Chain& from, const DisplacementLimits& limits, std::span<Point> points,
+                      std::span<std::uint8_t> outliers, unsigned long long& held_back) {
     DeviceArray<Point> settled(context_);
     DeviceArray<std::uint8_t> marks(context_);
     DeviceArray<unsigned long long> total(context_);
@@ -302,7 +301,7 @@ class CudaBackend final : public Backend {
     total.resize(1);
     check(cudaMemsetAsync(total.data(), 0, sizeof(unsigned long long), context_.stream()), "clearing a count");
     hold_back(context_,
-              {uploaded_.data(), at_work_->faired().data(), points.size(), limits.farthest, limits.outlier_distance},
+              {uploaded_.data(), from.faired().data(), points.size(), limits.farthest, limits.outlier_distance},
               settled.data(), outliers.empty() ? nullptr : marks.data(), total.data());
     check(cudaMemcpyAsync(&held_back, total.data(), sizeof held_back, cudaMemcpyDeviceToHost, context_.stream()),
           "reading a count");
@@ -313,16 +312,16 @@ class CudaBackend final : public Backend {
   }
 
   // Parts that are done before all leave at once.
-  void copy_faired(std::span<Point> to) {
-    const Point* const from = at_work_->faired().data();
+  void copy_faired(Chain& chain, std::span<Point> to) {
+    const Point* const from = chain.faired().data();
     std::size_t left = 0;
-    for (const FairedPart& part : at_work_->faired_parts()) {
+    for (const FairedPart& part : chain.faired_parts()) {
       leaving_.wait_for(part.done);
       const OnStream stream(context_, leaving_);
       copy_out(from + left, to.subspan(left, part.end - left));
       left = part.end;
     }
-    at_work_->join();
+    chain.join();
     if (left < to.size()) copy_out(from + left, to.subspan(left));
     if (left > 0) leaving_.join();
   }
@@ -333,35 +332,32 @@ class CudaBackend final : public Backend {
 
   Context context_;
   StageClock clock_{context_};
-  const std::size_t points_of_part_;  // 0: as plan_parts()
+  const std::size_t points_of_chunk_;  // 0: as plan_parts()
   Pinned<CloudState> fetched_;
-  bool is_fetched_ = false;  // and as the chain at work is
+  int fetched_iteration_ = kNone;  // whose state that is
+  CloudSampler sampler_{context_};
   Pinned<Index> queries_;
   Pinned<point::SpacingSample> spacing_samples_;
   Pinned<point::NoiseSample> noise_samples_;
   Pinned<point::ResidualSample> residual_samples_;
-  bool is_index_begun_ = false;  // by an upload
-  bool is_arriving_ = false;     // the uploaded cloud
+  bool is_index_begun_ = false;    // by an upload
+  bool is_arriving_ = false;       // the uploaded cloud
+  cudaEvent_t arrived_ = nullptr;  // after which all of it is there
   DeviceArray<Point> uploaded_{context_};
-  DeviceArray<Index> whole_{context_};       // indices in the cloud that the uploaded points are a part of
-  DeviceArray<Point> pass_input_{context_};  // faired points of the further pass before
-  bool expects_download_ = false;
+  DeviceArray<Point> input_{context_};  // of iterations from the third on
   SideStream leaving_{context_};
   StopLine stop_line_{context_};
   Chain first_{context_, stop_line_, 0}, further_{context_, stop_line_, kFurtherCalls};
-  Chain* const loaded_ = &first_;
-  Chain* at_work_ = &first_;
-  std::optional<CurveCube> cube_;
-  const Point* input_ = nullptr;  // of the chain at work
+  int further_iteration_ = 0;  // whose results further_ holds; 0: none
   Upload upload_{context_};
 };
 
 }  // namespace
 }  // namespace cuda
 
-std::unique_ptr<Backend> make_cuda_backend(int card, std::size_t part) {
+std::unique_ptr<Backend> make_cuda_backend(int card, const CudaOptions& options) {
   cuda::require_card(card);
-  return std::make_unique<cuda::CudaBackend>(card, part);
+  return std::make_unique<cuda::CudaBackend>(card, options);
 }
 
 }  // namespace pointfair

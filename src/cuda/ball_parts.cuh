@@ -10,7 +10,7 @@ namespace pointfair::cuda {
 
 // Everything within a radius: R_i^2 = radius^2 + r_i^2, where r_i is the distance of point i to its `widening`-th
 // nearest; the same radius for all if that is 0. A ball that would hold many more than kBallPoints points is thinned to
-// about so many, by a hash of the original index. As in src/cpu/kernels.h.
+// about so many, by a hash of their positions. As in src/cpu/kernels.h.
 struct Balls {
   const float* squared_radius;  // of each sorted point
   float squared_base;

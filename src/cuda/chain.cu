@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cuda/chain.cuh"
 #include "cuda/methods.cuh"
-#include "method_rule.hpp"
 #include "point/outliers.h"
+#include "seam/method_rule.hpp"
 
 namespace pointfair::cuda {
 namespace {
@@ -29,23 +29,15 @@ Chain::Chain(Context& context, StopLine& stop_line, unsigned first_call)
       squared_radius_(context),
       squared_growth_(context),
       collector_(context),
-      faired_(context) {
-  check(cudaEventCreateWithFlags(&paced_, cudaEventDisableTiming), "making an event");
-  check(cudaEventCreateWithFlags(&first_part_done_, cudaEventDisableTiming), "making an event");
-}
+      faired_(context) {}
 
-Chain::~Chain() {
-  cudaEventDestroy(paced_);
-  cudaEventDestroy(first_part_done_);
-}
-
-// Between the kernels of long stages, and between further passes: the host stays one of them ahead of the card, so that
-// a stop is heard in time and the card never waits.
+// Between the kernels of long stages, and between further iterations: the host stays one of them ahead of the card, so
+// that a stop is heard in time and the card never waits.
 void Chain::pace(const std::stop_token& stop) {
   stop_if_asked(stop);
   if (!stop.stop_possible()) return;
-  check(cudaEventSynchronize(paced_), "computing");
-  check(cudaEventRecord(paced_, context_.stream()), "computing");
+  check(cudaEventSynchronize(paced_.get()), "computing");
+  paced_.record(context_.stream());
   stop_if_asked(stop);
 }
 
@@ -65,14 +57,14 @@ void Chain::begin_stage(Stage stage, const std::stop_token& stop) {
   pace(stop);
 }
 
-void Chain::build_index(const Point* points, std::size_t count, const std::optional<CurveCube>& cube,
+void Chain::build_index(const Point* points, std::size_t count, const std::optional<Frame>& frame,
                         const Arrival* arrival, std::stop_token stop) {
-  if (is_further()) pace(stop);  // passes of short kernels that hear no stop
+  if (is_further()) pace(stop);  // iterations of short kernels that hear no stop
   stop_if_asked(stop);
   join();
   input_ = points;
   areas_measured_ = normals_wait_ = false;
-  index_.build(points, count, cube, arrival);
+  index_.build(points, count, frame, arrival);
   counts_clear_ = true;
 }
 
@@ -277,7 +269,7 @@ void Chain::fair_first_part_first(point::BilateralWeights weights, const FairedP
                                       weights, faired, begin, end);
   };
   fair_between(0, first_part_);
-  check(cudaEventRecord(first_part_done_, context_.stream()), "ordering work");
+  first_part_done_.record(context_.stream());
   fair_between(first_part_, index_.points());
 }
 
@@ -294,7 +286,7 @@ void Chain::fair_by_parts(point::BilateralWeights weights) {
 
 std::vector<FairedPart> Chain::faired_parts() const {
   std::vector<FairedPart> parts;
-  if (first_part_ > 0) parts.push_back({first_part_, first_part_done_});
+  if (first_part_ > 0) parts.push_back({first_part_, first_part_done_.get()});
   for (std::size_t part = 0; flow_.is_done() && part < index_.parts().count(); ++part)
     parts.push_back({index_.parts().ends[part], flow_.done(part)});
   return parts;

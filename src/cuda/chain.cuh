@@ -9,7 +9,6 @@
 
 #include <limits>
 
-#include "backend.hpp"
 #include "cuda/index.cuh"
 #include "cuda/outcomes.cuh"
 #include "cuda/part_flow.cuh"
@@ -18,6 +17,7 @@
 #include "cuda/stages.cuh"
 #include "cuda/stop.cuh"
 #include "cuda/wide_stages.cuh"
+#include "seam/backend.hpp"
 
 namespace pointfair::cuda {
 
@@ -31,12 +31,11 @@ class Chain {
  public:
   // Stage calls listen to `stop_line` under the numbers of their stages, `first_call` added.
   Chain(Context& context, StopLine& stop_line, unsigned first_call);
-  ~Chain();
   Chain(const Chain&) = delete;
   Chain& operator=(const Chain&) = delete;
 
   // `points` on the card, in upload order; they stay there as long as the chain is used.
-  void build_index(const Point* points, std::size_t count, const std::optional<CurveCube>& cube, const Arrival* arrival,
+  void build_index(const Point* points, std::size_t count, const std::optional<Frame>& frame, const Arrival* arrival,
                    std::stop_token stop);
   // `arriving`: parts of the cloud may not be on the card yet.
   void find_neighbors(const NeighborSettings& settings, bool arriving, std::stop_token stop);
@@ -44,7 +43,6 @@ class Chain {
   // With `leaving` the faired points of the paper's road may come in parts although the index is not in parts.
   void fair(const FairingSettings& settings, bool leaving, std::stop_token stop);
 
-  void set_whole(const Index* whole) { index_.set_whole(whole); }
   bool normals_wait() const { return normals_wait_; }
   // What the context's stream gets from now on waits for all parts.
   void join();
@@ -99,9 +97,9 @@ class Chain {
   Context& context_;
   StopLine& stop_line_;
   const unsigned first_call_;
-  Stop stop_;                    // of the last stage call
-  cudaEvent_t paced_ = nullptr;  // what was started before the last pace()
-  cudaEvent_t first_part_done_ = nullptr;
+  Stop stop_;    // of the last stage call
+  Event paced_;  // what was started before the last pace()
+  Event first_part_done_;
   std::size_t first_part_ = 0;  // is faired before the others; 0: none is
   const Point* input_ = nullptr;
   DeviceIndex index_;

@@ -4,8 +4,8 @@
 
 #include <string>
 
-#include "backend.hpp"
 #include "cuda/devices.cuh"
+#include "seam/backend.hpp"
 
 namespace pointfair {
 namespace cuda {

@@ -5,8 +5,20 @@
 #include "cuda/index.cuh"
 #include "cuda/sort_keys.cuh"
 #include "point/curve.h"
+#include "point/position.h"
 
 namespace pointfair::cuda {
+namespace {
+
+constexpr int kHashBlock = 256;
+
+__global__ void __launch_bounds__(kHashBlock)
+    find_shares(const float4* points, std::size_t count, point::Vec3<float> corner, float* share) {
+  const std::size_t i = std::size_t(blockIdx.x) * kHashBlock + threadIdx.x;
+  if (i < count) share[i] = point::share_of_hash(point::position_hash(position_of(points[i]), corner));
+}
+
+}  // namespace
 
 // Room to sort the largest part; each has a grid of its own for its keys, so that 10 bits an axis suffice.
 class PartSort {
@@ -24,7 +36,8 @@ class PartSort {
   DeviceArray<KeyGrid> grids;
 };
 
-DeviceIndex::DeviceIndex(Context& context) : context_(context), state_(context), points_(context), groups_(context) {}
+DeviceIndex::DeviceIndex(Context& context)
+    : context_(context), state_(context), points_(context), share_(context), groups_(context) {}
 DeviceIndex::~DeviceIndex() { side_.reset(); }  // waits; then memory may be released
 
 Tree DeviceIndex::tree() const { return own_levels_ < levels_ ? tree_with_top(parts_.count() - 1) : subtrees(); }
@@ -32,7 +45,8 @@ Tree DeviceIndex::tree() const { return own_levels_ < levels_ ? tree_with_top(pa
 // The levels that no top is made for.
 Tree DeviceIndex::subtrees() const {
   const Index leaves = static_cast<Index>(leaves_);
-  Tree tree{points_.data(), state_.data(), leaves, leaves, std::min(levels_, own_levels_), groups_.data(), {}, whole_};
+  Tree tree{points_.data(), state_.data(), leaves, leaves, std::min(levels_, own_levels_), groups_.data(), {},
+            share_.data()};
   std::copy_n(first_group_, kMaxLevels, tree.first_group);
   return tree;
 }
@@ -61,7 +75,7 @@ void DeviceIndex::join() {
   sort_.reset();
 }
 
-void DeviceIndex::build(const Point* points, std::size_t count, const std::optional<CurveCube>& cube,
+void DeviceIndex::build(const Point* points, std::size_t count, const std::optional<Frame>& frame,
                         const Arrival* arrival) {
   join();
   count_ = count;
@@ -70,12 +84,13 @@ void DeviceIndex::build(const Point* points, std::size_t count, const std::optio
   points_.resize(leaves_ * kLeafSize);
   own_levels_ = kMaxLevels;
   groups_of_top_ = 0;
-  if (arrival != nullptr && arrival->parts.apart && !cube) return build_parts(points, *arrival);
+  share_.release();
+  if (arrival != nullptr && arrival->parts.apart && !frame) return build_parts(points, *arrival);
   Sorted sorted(context_);
   constexpr std::size_t kManyPoints = 1 << 24;  // from here on cells of 2^10 steps an axis hold too many points each
-  if (cube) {
-    const auto [x, y, z] = cube->origin;
-    lay_grid(context_, point::curve_cube({x, y, z}, cube->side), state_.data());
+  if (frame) {
+    const auto [x, y, z] = frame->reference;
+    lay_grid(context_, point::curve_cube({x, y, z}, frame->side), state_.data());
     sort<std::uint64_t, kCurveBits>(points, arrival, sorted);
   } else if (count < kManyPoints) {
     sort<CoarseKey, 10>(points, arrival, sorted);
@@ -83,6 +98,11 @@ void DeviceIndex::build(const Point* points, std::size_t count, const std::optio
     sort<std::uint64_t, 13>(points, arrival, sorted);
   }
   build_boxes(points, sorted);
+  if (!frame) return;
+  share_.resize(points_.size());
+  find_shares<<<blocks_for(points_.size(), kHashBlock), kHashBlock, 0, context_.stream()>>>(
+      points_.data(), points_.size(), {frame->corner.x, frame->corner.y, frame->corner.z}, share_.data());
+  check(cudaGetLastError(), "hashing positions");
 }
 
 // While the second part of a cloud arrives, the first gets its keys, and is sorted if that takes longer than the

@@ -1,17 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // Builds the index (src/cuda/tree.cuh) of a cloud on the card, one tree of the whole or, while its parts arrive, a tree
 // of each part under common upper levels.
-// Memory: 16 bytes a point and 0.9 for boxes; 16 to 24 more while it is built, of each point or of those of one part.
+// Memory: 16 bytes a point and 0.9 for boxes, 4 with a frame; 16 to 24 more while it is built, of each point or of
+// those of one part.
 #pragma once
 
 #include <memory>
 #include <optional>
 
-#include "backend.hpp"
 #include "cuda/memory.cuh"
 #include "cuda/transfer.cuh"
 #include "cuda/tree.cuh"
 #include "pointfair/cloud.hpp"
+#include "seam/settings.hpp"
 
 namespace pointfair::cuda {
 
@@ -23,10 +24,10 @@ class DeviceIndex {
   explicit DeviceIndex(Context& context);
   ~DeviceIndex();
 
-  // `points` on the card, in upload order; `cube` as Backend::order_along. Only starts the work, so far as `arrival`,
-  // if not null, allows. If its parts lie apart, without a cube, the index is built on a stream of its own, and
+  // `points` on the card, in upload order; `frame` as Backend::build_index. Only starts the work, so far as `arrival`,
+  // if not null, allows. If its parts lie apart, without a frame, the index is built on a stream of its own, and
   // is_in_parts() until join().
-  void build(const Point* points, std::size_t count, const std::optional<CurveCube>& cube,
+  void build(const Point* points, std::size_t count, const std::optional<Frame>& frame,
              const Arrival* arrival = nullptr);
 
   // Of the whole cloud, after join().
@@ -46,8 +47,6 @@ class DeviceIndex {
   // The context's main stream waits for the index from now on.
   void join();
 
-  // As Tree::whole, from now on.
-  void set_whole(const Index* whole) { whole_ = whole; }
   CloudState* state() const { return state_.data(); }
   std::size_t points() const { return count_; }
   std::size_t leaves() const { return leaves_; }
@@ -64,10 +63,10 @@ class DeviceIndex {
 
   Context& context_;
   std::optional<SideStream> side_;  // where parts are indexed
-  const Index* whole_ = nullptr;
   std::size_t count_ = 0, leaves_ = 0;
   DeviceArray<CloudState> state_;
   DeviceArray<float4> points_;
+  DeviceArray<float> share_;  // with a frame
   DeviceArray<BoxGroup> groups_;
   Index first_group_[kMaxLevels] = {};
   Index groups_of_[kMaxLevels] = {};  // how many a level has

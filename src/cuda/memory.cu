@@ -23,56 +23,47 @@ void check(cudaError_t status, const char* doing) {
                                      "); if this repeats, restart the program or run on the CPU");
 }
 
-Context::Context(int card) : card_(card) {
+Context::Context(int card, std::uint64_t limit) : card_(card), limit_(limit) {
   enter();
   cudaDeviceProp properties{};
   check(cudaGetDeviceProperties(&properties, card), "asking for the card's properties");
   name_ = properties.name;
   processors_ = properties.multiProcessorCount;
   launches_early_ = properties.major >= 9;
-  check(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "making a stream");
-  current_ = stream_;
+  check(cudaStreamCreateWithFlags(stream_.place(), cudaStreamNonBlocking), "making a stream");
+  current_ = main_stream();
   int has_pools = 0;
   check(cudaDeviceGetAttribute(&has_pools, cudaDevAttrMemoryPoolsSupported, card), "asking for memory pools");
   if (has_pools == 0) return;
   cudaMemPoolProps wanted{};
   wanted.allocType = cudaMemAllocationTypePinned;
   wanted.location = {cudaMemLocationTypeDevice, card};
-  check(cudaMemPoolCreate(&pool_, &wanted), "making a memory pool");
+  check(cudaMemPoolCreate(pool_.place(), &wanted), "making a memory pool");
   std::uint64_t keep_all = UINT64_MAX;
-  check(cudaMemPoolSetAttribute(pool_, cudaMemPoolAttrReleaseThreshold, &keep_all), "setting up a memory pool");
+  check(cudaMemPoolSetAttribute(pool_.get(), cudaMemPoolAttrReleaseThreshold, &keep_all), "setting up a memory pool");
 }
 
 Context::~Context() {
-  if (cudaSetDevice(card_) != cudaSuccess) return;
-  if (stream_ != nullptr) {
-    cudaStreamSynchronize(stream_);
-    cudaStreamDestroy(stream_);
-  }
-  if (pool_ != nullptr) cudaMemPoolDestroy(pool_);
+  cudaSetDevice(card_);
+  cudaStreamSynchronize(main_stream());  // the handles go after it
 }
 
 SideStream::SideStream(const Context& context, Urgency urgency) : context_(context) {
   int least = 0, greatest = 0;
   check(cudaDeviceGetStreamPriorityRange(&least, &greatest), "asking for priorities");
-  check(cudaStreamCreateWithPriority(&stream_, cudaStreamNonBlocking, urgency == Urgency::high ? greatest : least),
-        "making a stream");
-  check(cudaEventCreateWithFlags(&event_, cudaEventDisableTiming), "making an event");
+  check(
+      cudaStreamCreateWithPriority(stream_.place(), cudaStreamNonBlocking, urgency == Urgency::high ? greatest : least),
+      "making a stream");
 }
 
-SideStream::~SideStream() {
-  if (stream_ != nullptr) {
-    cudaStreamSynchronize(stream_);
-    cudaStreamDestroy(stream_);
-  }
-  if (event_ != nullptr) cudaEventDestroy(event_);
-}
+SideStream::~SideStream() { cudaStreamSynchronize(stream()); }
 
 void* Context::allocate(std::size_t bytes) {
   void* memory = nullptr;
   const cudaError_t status = held_bytes_ + bytes > limit_ ? cudaErrorMemoryAllocation
-                             : pool_ != nullptr           ? cudaMallocFromPoolAsync(&memory, bytes, pool_, stream_)
-                                                          : cudaMalloc(&memory, bytes);
+                             : pool_.get() != nullptr
+                                 ? cudaMallocFromPoolAsync(&memory, bytes, pool_.get(), main_stream())
+                                 : cudaMalloc(&memory, bytes);
   if (status == cudaErrorMemoryAllocation) {
     cudaGetLastError();
     std::size_t free_bytes = 0, all_bytes = 0;
@@ -89,8 +80,8 @@ void* Context::allocate(std::size_t bytes) {
 
 void Context::release(void* memory, std::size_t bytes) noexcept {
   held_bytes_ -= bytes;
-  if (pool_ != nullptr) {
-    cudaFreeAsync(memory, stream_);
+  if (pool_.get() != nullptr) {
+    cudaFreeAsync(memory, main_stream());
   } else {
     cudaFree(memory);
   }

@@ -2,24 +2,21 @@
 // Checked CUDA calls, and device arrays from one memory pool and one stream.
 #pragma once
 
-#include <cuda_runtime_api.h>
-
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <string>
 #include <utility>
-#include <vector>
+
+#include "cuda/handles.cuh"
 
 namespace pointfair::cuda {
-
-// Throws Error(device) naming what failed and what to do; a lost card cannot be used again by this process.
-void check(cudaError_t status, const char* doing);
 
 // One card, a main stream, one pool of device memory. Counts the bytes that its arrays hold.
 class Context {
  public:
-  explicit Context(int card);
+  // Uses at most `limit` bytes of the card.
+  Context(int card, std::uint64_t limit);
   ~Context();
   Context(const Context&) = delete;
   Context& operator=(const Context&) = delete;
@@ -29,21 +26,19 @@ class Context {
   // Where work is given to: the main stream, or that of the innermost OnStream. Memory is allocated and released in the
   // order of the main stream, whatever this is.
   cudaStream_t stream() const { return current_; }
-  cudaStream_t main_stream() const { return stream_; }
+  cudaStream_t main_stream() const { return stream_.get(); }
   int processors() const { return processors_; }
   bool launches_early() const { return launches_early_; }  // what src/cuda/launch.cuh needs
   const std::string& name() const { return name_; }
-  void finish() const { check(cudaStreamSynchronize(stream_), "computing"); }  // the main stream
+  void finish() const { check(cudaStreamSynchronize(main_stream()), "computing"); }  // the main stream
   // What is given to the main stream from now on waits.
-  void wait_for(cudaEvent_t event) const { check(cudaStreamWaitEvent(stream_, event), "ordering work"); }
+  void wait_for(cudaEvent_t event) const { check(cudaStreamWaitEvent(main_stream(), event), "ordering work"); }
 
   // Throws Error(memory) if the card has not that much left.
   void* allocate(std::size_t bytes);
   void release(void* memory, std::size_t bytes) noexcept;
   std::uint64_t peak_bytes() const { return peak_bytes_; }
   void reset_peak() { peak_bytes_ = held_bytes_; }
-  // As if the card had no more.
-  void limit(std::uint64_t bytes) { limit_ = bytes; }
 
  private:
   friend class OnStream;
@@ -51,9 +46,11 @@ class Context {
   int processors_ = 0;
   bool launches_early_ = false;
   std::string name_;
-  cudaStream_t stream_ = nullptr, current_ = nullptr;
-  cudaMemPool_t pool_ = nullptr;  // null where the card has no pools: plain cudaMalloc then
-  std::uint64_t held_bytes_ = 0, peak_bytes_ = 0, limit_ = UINT64_MAX;
+  Stream stream_;
+  cudaStream_t current_ = nullptr;
+  MemoryPool pool_;  // none where the card has no pools: plain cudaMalloc then
+  const std::uint64_t limit_;
+  std::uint64_t held_bytes_ = 0, peak_bytes_ = 0;
 };
 
 enum class Urgency : bool { usual, high };  // whose work goes first where both have some
@@ -66,23 +63,23 @@ class SideStream {
   SideStream(const SideStream&) = delete;
   SideStream& operator=(const SideStream&) = delete;
 
-  cudaStream_t stream() const { return stream_; }
+  cudaStream_t stream() const { return stream_.get(); }
   // What this stream gets from now on waits for what the context's was given before.
   void fork() const {
-    check(cudaEventRecord(event_, context_.main_stream()), "ordering work");
-    check(cudaStreamWaitEvent(stream_, event_), "ordering work");
+    event_.record(context_.main_stream());
+    wait_for(event_.get());
   }
-  void wait_for(cudaEvent_t event) const { check(cudaStreamWaitEvent(stream_, event), "ordering work"); }
+  void wait_for(cudaEvent_t event) const { check(cudaStreamWaitEvent(stream(), event), "ordering work"); }
   // The other way round.
   void join() const {
-    check(cudaEventRecord(event_, stream_), "ordering work");
-    context_.wait_for(event_);
+    event_.record(stream());
+    context_.wait_for(event_.get());
   }
 
  private:
   const Context& context_;
-  cudaStream_t stream_ = nullptr;
-  cudaEvent_t event_ = nullptr;
+  Stream stream_;
+  Event event_;
 };
 
 // Work is given to another stream than the context's as long as this lives.
@@ -98,29 +95,6 @@ class OnStream {
  private:
   Context& context_;
   cudaStream_t before_;
-};
-
-// Events for the parts of a cloud, made once.
-class Events {
- public:
-  Events() = default;
-  ~Events() {
-    for (const cudaEvent_t event : events_) cudaEventDestroy(event);
-  }
-  Events(const Events&) = delete;
-  Events& operator=(const Events&) = delete;
-
-  void record(std::size_t number, cudaStream_t stream) {
-    while (events_.size() <= number) {
-      events_.push_back(nullptr);
-      check(cudaEventCreateWithFlags(&events_.back(), cudaEventDisableTiming), "making an event");
-    }
-    check(cudaEventRecord(events_[number], stream), "ordering work");
-  }
-  cudaEvent_t operator[](std::size_t number) const { return events_[number]; }
-
- private:
-  std::vector<cudaEvent_t> events_;
 };
 
 // An array on the card. Contents are not kept when it grows.

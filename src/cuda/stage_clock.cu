@@ -3,21 +3,12 @@
 
 namespace pointfair::cuda {
 
-StageClock::~StageClock() {
-  for (const cudaEvent_t event : events_) cudaEventDestroy(event);
-}
-
 cudaEvent_t StageClock::mark(cudaStream_t stream) {
   constexpr std::size_t kMostMarks = 10000;  // nobody asks for the times
   if (used_ == kMostMarks) forget();
-  if (used_ == events_.size()) {
-    cudaEvent_t event = nullptr;
-    check(cudaEventCreate(&event), "making an event");
-    events_.push_back(event);
-  }
-  const cudaEvent_t event = events_[used_++];
-  check(cudaEventRecord(event, stream), "timing a stage");
-  return event;
+  const Event& event = events_.at(used_++);
+  event.record(stream);
+  return event.get();
 }
 
 void StageClock::read() {

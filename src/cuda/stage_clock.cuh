@@ -6,16 +6,13 @@
 #include <vector>
 
 #include "cuda/memory.cuh"
-#include "pointfair/pipeline.hpp"
+#include "pointfair/report.hpp"
 
 namespace pointfair::cuda {
 
 class StageClock {
  public:
   explicit StageClock(Context& context) : context_(context) {}
-  ~StageClock();
-  StageClock(const StageClock&) = delete;
-  StageClock& operator=(const StageClock&) = delete;
 
   // The moment at which the context's stream has done all that it was given before. A stage that follows another at
   // once starts where that ends: marks cost the card a microsecond or two each.
@@ -49,7 +46,7 @@ class StageClock {
 
   Context& context_;
   cudaEvent_t last_ = nullptr;
-  std::vector<cudaEvent_t> events_;
+  Events events_{Event::Kind::time};
   std::size_t used_ = 0;             // of events_
   std::vector<Interval> intervals_;  // not yet read
   std::vector<StageTime> times_;

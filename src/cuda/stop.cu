@@ -31,7 +31,7 @@ void StopLine::clear() {
   if (!is_asked()) return;
   check(cudaMemsetAsync(heard_.data(), 0, sizeof(unsigned), context_.stream()), "clearing a stop");
   context_.finish();
-  *asked_.get() = 0;
+  set_asked(0);
 }
 
 }  // namespace pointfair::cuda

@@ -56,16 +56,6 @@ class Listed {
   Vec here_;
 };
 
-// Scatters indices over [0, 1) (multiplicative hashing with xor-shifts, after Wellons 2018), as src/cpu/stage_loops.h.
-__device__ __forceinline__ float unit_hash(Index x) {
-  x ^= x >> 16;
-  x *= 0x7feb352du;
-  x ^= x >> 15;
-  x *= 0x846ca68bu;
-  x ^= x >> 16;
-  return static_cast<float>(x >> 8) * 0x1p-24f;
-}
-
 // The warp walks the tree for its leaf.
 class WalkedBall {
  public:
@@ -108,7 +98,7 @@ class WalkedBall {
       __syncwarp();
       unsigned inside = points_inside();
       if (at_ / kLeafSize == leaf) inside &= ~(1u << lane_number());  // none is its own neighbour
-      if (is_thinned_) inside = thinned(inside, unit_hash(tree_.whole_index(original_of(mine))));
+      if (is_thinned_) inside = thinned(inside, tree_.share[leaf * kLeafSize + lane_number()]);
       if (__any_sync(kAllLanes, inside != 0)) visit(leaf, inside);
       __syncwarp();
     }

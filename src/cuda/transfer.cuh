@@ -2,7 +2,9 @@
 // Between host and card: page-locked memory, and an upload that runs beside the work on what has arrived.
 #pragma once
 
+#include <memory>
 #include <span>
+#include <vector>
 
 #include "cuda/memory.cuh"
 #include "parts.hpp"
@@ -14,21 +16,23 @@ template <class T>
 class Pinned {
  public:
   explicit Pinned(std::size_t count = 1) { resize(count); }
-  ~Pinned() { cudaFreeHost(values_); }
-  Pinned(const Pinned&) = delete;
-  Pinned& operator=(const Pinned&) = delete;
   // Contents are not kept when it grows.
   void resize(std::size_t count) {
     if (count <= capacity_) return;
-    cudaFreeHost(std::exchange(values_, nullptr));
+    values_.reset();
     capacity_ = 0;
-    check(cudaHostAlloc(&values_, count * sizeof(T), cudaHostAllocDefault), "allocating page-locked memory");
+    void* memory = nullptr;
+    check(cudaHostAlloc(&memory, count * sizeof(T), cudaHostAllocDefault), "allocating page-locked memory");
+    values_.reset(static_cast<T*>(memory));
     capacity_ = count;
   }
-  T* get() const { return values_; }
+  T* get() const { return values_.get(); }
 
  private:
-  T* values_ = nullptr;
+  struct Release {
+    void operator()(T* values) const { cudaFreeHost(values); }
+  };
+  std::unique_ptr<T, Release> values_;
   std::size_t capacity_ = 0;
 };
 
@@ -44,9 +48,6 @@ struct Arrival {
 class Upload {
  public:
   explicit Upload(const Context& context);
-  ~Upload();
-  Upload(const Upload&) = delete;
-  Upload& operator=(const Upload&) = delete;
 
   // Starts to copy, after all that the context's stream still has to do. From page-locked memory this returns at once.
   Arrival start(std::span<const Point> from, Parts parts, Point* to);
@@ -54,10 +55,9 @@ class Upload {
   void finish() const;
 
  private:
-  cudaEvent_t event(std::size_t number);
-
   SideStream side_;
-  std::vector<cudaEvent_t> events_;  // the start, then the parts
+  Events events_{Event::Kind::time};  // the start, then the parts
+  std::vector<cudaEvent_t> there_;    // of the parts
   std::size_t parts_ = 0;
 };
 

@@ -59,12 +59,8 @@ struct Tree {
   BoxGroup* groups;  // of all levels
   Index
       first_group[kMaxLevels];  // level 0 has the boxes of leaves; group g has those of its children 32 g to 32 g + 31
+  const float* share;           // of each sorted point, a hash of its position over [0, 1); null without a frame
 
-  const Index* whole;  // by original index: the index in the larger cloud that this is a part of; null: none
-
-  __device__ Index whole_index(Index original) const {
-    return whole == nullptr || original == point::kNoNeighbor ? original : whole[original];
-  }
   __device__ bool holds(std::size_t at) const { return is_present(points[at]); }  // a valid point
   __device__ BoxGroup& group(int level, Index number) const { return groups[first_group[level] + number]; }
 };

@@ -145,7 +145,7 @@ class HeaderParser {
     header_.width = width_.value_or(points_.value_or(0));
     header_.height = height_.value_or(1);
     if (header_.height != 0 && header_.width > UINT64_MAX / header_.height) {
-      fail(name_, "WIDTH x HEIGHT is beyond all measure; correct the header");
+      fail(name_, "WIDTH x HEIGHT is too large; correct the header");
     }
     if (points_ && *points_ != header_.points()) {
       fail(name_, "WIDTH x HEIGHT is " + std::to_string(header_.points()) + " points, POINTS says " +

@@ -37,7 +37,7 @@ class Interrupt(Case):
         cloud = self.grow(100000)
         before = self.files()
         for number, stage in ((signal.SIGINT, b"neighbors"), (signal.SIGTERM, b"normals"), (signal.SIGINT, b"fairing")):
-            process = self.start("run", cloud, self.path("out.ply"), "--k", 200, "--passes", 100, "--progress", "plain")
+            process = self.start("run", cloud, self.path("out.ply"), "--k", 200, "--iterations", 100, "--progress", "plain")
             for line in process.stderr:
                 if line.strip() == stage:
                     break

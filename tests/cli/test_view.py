@@ -3,6 +3,7 @@
 import base64
 import json
 import os
+import resource
 import signal
 import socket
 import struct
@@ -149,7 +150,7 @@ class View(Case):
     def assert_alive(self):
         """A proper page still gets its answer."""
         client = self.session()
-        client.send(frame(b'{"type":"run","id":5,"params":{"k":"8","passes":"1"}}'))
+        client.send(frame(b'{"type":"run","id":5,"params":{"k":"8","iterations":"1"}}'))
         self.assertEqual(client.message_of("result")["id"], 5)
         client.close()
 
@@ -246,10 +247,26 @@ class View(Case):
         self.assertLess(time.monotonic() - begin, QUIET)
         self.assert_alive()
 
+    def test_a_server_without_free_file_handles_rests_and_goes_on_when_there_are(self):
+        handles = len(os.listdir(f"/proc/{self.process.pid}/fd"))
+        resource.prlimit(self.process.pid, resource.RLIMIT_NOFILE, (handles + 5, handles + 5))
+        clients = [self.client() for _ in range(20)]  # of which the server can accept 5
+        time.sleep(0.3)
+        begin = self.processor_seconds()
+        time.sleep(2)
+        self.assertLess(self.processor_seconds() - begin, 0.5)
+        for client in clients:
+            client.close()
+        self.assert_alive()
+
+    def processor_seconds(self):
+        fields = Path(f"/proc/{self.process.pid}/stat").read_text().rsplit(")", 1)[1].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
     def test_a_page_that_does_not_read_is_replaced_by_the_next(self):
         stuck = self.session()
         for i in range(2000):
-            stuck.send(frame(b'{"type":"run","id":%d,"params":{"k":"8","passes":"%d"}}' % (i, 1 + i % 2)))
+            stuck.send(frame(b'{"type":"run","id":%d,"params":{"k":"8","iterations":"%d"}}' % (i, 1 + i % 2)))
         self.assert_alive()
 
     def test_a_new_page_takes_over(self):
@@ -273,14 +290,14 @@ class View(Case):
 
     def test_saving_stays_in_its_folder(self):
         client = self.session()
-        client.send(frame(b'{"type":"save","id":1,"output":"fair.ply","params":{"k":"8"}}'))
-        self.assertEqual(client.message_of("saved")["path"], str(self.path("fair.ply")))
+        client.send(frame(b'{"type":"save","id":1,"output":"denoised.ply","params":{"k":"8"}}'))
+        self.assertEqual(client.message_of("saved")["path"], str(self.path("denoised.ply")))
         self.ok("run", self.cloud, self.path("again.ply"), "--k=8", "--device=cpu")
-        self.assertEqual(self.path("again.ply").read_bytes(), self.path("fair.ply").read_bytes())
+        self.assertEqual(self.path("again.ply").read_bytes(), self.path("denoised.ply").read_bytes())
 
     def test_an_interrupt_ends_it(self):
         client = self.session()
-        client.send(frame(b'{"type":"run","id":1,"params":{"k":"200","passes":"100"}}'))
+        client.send(frame(b'{"type":"run","id":1,"params":{"k":"200","iterations":"100"}}'))
         time.sleep(0.2)
         self.process.send_signal(signal.SIGINT)
         self.process.wait(60)

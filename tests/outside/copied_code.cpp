@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iostream>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -23,25 +24,27 @@ std::string other_value(const ParamInfo& info, std::size_t row) {
       const std::string lengths[] = {"2.5s", "0.11", "3%"};
       return lengths[row % std::size(lengths)];
     }
+    if (std::holds_alternative<std::optional<double> Params::*>(info.field))
+      return std::to_string(0.7 * info.min + 0.3 * info.max);
     return std::to_string(int(info.min) + 2);
   }
   return std::string(info.values.substr(info.values.rfind('|') + 1));
 }
 
 std::vector<Recipe> recipes() {
-  Recipe all, balls, limited, methods;
+  Recipe all, in_radii, limited, methods;
   for (std::size_t row = 0; row < kParams.size(); ++row) {
     if (kParams[row].name == "method") continue;
     set_param(all.params, kParams[row], other_value(kParams[row], row));
   }
   set_param(all.params, *find_param("k"), "12");
   set_param(all.params, *find_param("constraint"), "on");
-  set_param(balls.params, *find_param("closeness_sigma"), "0.7r");
+  set_param(in_radii.params, *find_param("closeness_sigma"), "0.7r");
   set_param(methods.params, *find_param("method"), "hc-laplacian");
   set_limit(limited.limits, "strength", "0.5");
   set_limit(limited.limits, "box", "0.1,0.1,-1,0.8,0.7,1");
   set_limit(limited.limits, "lasso", "1,0,0,0,0,1,0,0,0,0,0,1:0,0,0.9,0.1,0.8,0.9");
-  return {{}, all, balls, limited, methods};
+  return {{}, all, in_radii, limited, methods};
 }
 
 }  // namespace

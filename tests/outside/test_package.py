@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Installs the build, then builds a project outside that finds the package: it must give the bits of this build, the
-README's C++ example (the first ```cpp block) must compile and run, and the programs that the viewer copies must write what
+README's C++ example (the first ```cpp block) must compile and run, examples/ must build, and the programs that the viewer copies must write what
 the commands that it copies write."""
 import argparse
 import os
@@ -84,6 +84,10 @@ with tempfile.TemporaryDirectory() as folder:
     inside, outside = run(args.fingerprint), run(work / "build/fingerprint")
     if inside != outside:
         raise SystemExit(f"the installed library gives other bits\n--- here\n{inside}--- installed\n{outside}")
+    run("cmake", "-S", here.parent.parent / "examples", "-B", work / "examples", "-G", args.generator,
+        f"-DCMAKE_CXX_COMPILER={args.compiler}", f"-DCMAKE_CXX_FLAGS={args.flags}",
+        f"-DCMAKE_PREFIX_PATH={work / 'prefix'}")
+    run("cmake", "--build", work / "examples")
     run(work / "build/example", cwd=work)
     if not (work / "smooth.ply").read_text(errors="replace").startswith("ply"):
         raise SystemExit("the README's example wrote no smooth.ply")

@@ -30,22 +30,22 @@ test("the result is saved in every format that is offered", models, async (t) =>
   assert.deepEqual(extensions, ["ply", "pcd", "xyz", "txt", "csv", "pts", "off", "obj"]);
   const encodings = await page.locator("#encoding option").evaluateAll((options) => options.map((option) => option.value).filter(Boolean));
   assert.deepEqual(encodings, ["ascii", "binary", "binary-big-endian", "binary-compressed"]);
-  const names = [...extensions.map((extension) => [`fair.${extension}`, ""]), ["a.ply", "ascii"], ["b.ply", "binary"],
+  const names = [...extensions.map((extension) => [`denoised.${extension}`, ""]), ["a.ply", "ascii"], ["b.ply", "binary"],
     ["c.ply", "binary-big-endian"], ["a.pcd", "ascii"], ["b.pcd", "binary"], ["c.pcd", "binary-compressed"]];
   for (const [name, encoding] of names) {
     await save(page, name, encoding);
-    const [saved, first] = [report(path.join(folder, name)), report(path.join(folder, "fair.ply"))];
+    const [saved, first] = [report(path.join(folder, name)), report(path.join(folder, "denoised.ply"))];
     assert.equal(saved.points, 2000, name);
     for (const end of ["min", "max"])
       saved.bounds[end].forEach((v, i) => assert.ok(Math.abs(v - first.bounds[end][i]) < 1e-3 * Math.abs(first.diagonal ?? 100), name));
   }
-  await page.locator("#output").fill("fair.ply");
+  await page.locator("#output").fill("denoised.ply");
   await page.locator("#encoding").selectOption("");
   await page.locator("#save").click();
   await page.locator(".toast.error", { hasText: "exists already" }).waitFor();
   await page.locator("#overwrite").check();
   await page.locator("#save").click();
-  await page.locator(".toast", { hasText: /Saved .*fair\.ply/ }).waitFor();
+  await page.locator(".toast", { hasText: /Saved .*denoised\.ply/ }).waitFor();
   assert.deepEqual(faults, []);
 });
 
@@ -106,15 +106,15 @@ test("only what the box and the lasso hold moves, and by the strength's share", 
 
 test("a long run says how far it is, is stopped, and the next is sound", models, async (t) => {
   const { url } = await view(t, [noisyArmadillo(temporaryFolder(t), 100000, kModels), "--port", 0]);
-  const { page, faults } = await openPage(t, await openBrowser(t), `${url}#k=16&passes=1`);
+  const { page, faults } = await openPage(t, await openBrowser(t), `${url}#k=16&iterations=1`);
   await settled(page);
-  await entry(page, "passes").fill("100");
+  await entry(page, "iterations").fill("100");
   await page.keyboard.press("Enter");
   await page.locator(".status progress").waitFor();
   await page.getByRole("button", { name: "Stop" }).click();
   await page.locator(".toast", { hasText: "Stopped" }).waitFor();
   await page.locator(".status progress").waitFor({ state: "hidden" });
-  await entry(page, "passes").fill("2");
+  await entry(page, "iterations").fill("2");
   await page.keyboard.press("Enter");
   await settled(page);
   assert.deepEqual(await page.locator(".stages i").evaluateAll((stages) => stages.map((stage) => stage.textContent.split(" ")[0]).includes("fairing")), true);
@@ -139,7 +139,7 @@ test("a link brings the state to another page, which takes the cloud over; witho
   const other = await openPage(t, browser, link);
   await settled(other.page);
   assert.equal(await entry(other.page, "k").inputValue(), "20");
-  await page.locator(".hint", { hasText: "Another page shows this cloud now" }).waitFor();
+  await page.locator(".hint", { hasText: "Another page has taken over this cloud" }).waitFor();
   child.kill("SIGTERM");
-  await other.page.locator(".hint", { hasText: "The connection is gone" }).waitFor();
+  await other.page.locator(".hint", { hasText: "The connection is lost" }).waitFor();
 });

@@ -15,14 +15,14 @@ test("pictures are as they were", models, async (t) => {
   const noisy = noisyArmadillo(temporaryFolder(t), 30000, kModels);
   const { url } = await view(t, [noisy, "--port", 0]);
   const browser = await openBrowser(t);
-  const { page, faults } = await openPage(t, browser, `${url}#k=24&passes=1&view.up=y`, { viewport: { width: 988, height: 490 } });
+  const { page, faults } = await openPage(t, browser, `${url}#k=24&iterations=1&view.up=y`, { viewport: { width: 988, height: 490 } });
   await settled(page);
-  await page.waitForFunction(() => document.body.dataset.noise); // and with it the normals of the result
-  await assertPicture(page, "faired");
+  await page.waitForFunction(() => document.body.dataset.settled); // and with it the normals of the result
+  await assertPicture(page, "denoised");
   await page.locator("#colour").selectOption("displacement");
   await assertPicture(page, "displacement");
-  await page.locator("#colour").selectOption("noise");
-  await assertPicture(page, "noise");
+  await page.locator("#colour").selectOption("rms");
+  await assertPicture(page, "rms_displacement");
   await page.locator("#colour").selectOption("normal");
   await page.keyboard.press("3");
   await assertPicture(page, "side_by_side");

@@ -45,8 +45,8 @@ test("messages written by C++ are read in JavaScript", async (t) => {
 
 test("state survives the URL, and nonsense in it does not", async (t) => {
   const { readFragment, writeFragment, defaultView } = await pageModule(t, "state");
-  const defaults = { params: { k: "auto", passes: "auto" }, limits: { strength: "", box: "" } };
-  const recipe = { params: { k: "24", passes: "auto" }, limits: { strength: "0.5", box: "0,0,0,1,1,1" } };
+  const defaults = { params: { k: "auto", iterations: "auto" }, limits: { strength: "", box: "" } };
+  const recipe = { params: { k: "24", iterations: "auto" }, limits: { strength: "0.5", box: "0,0,0,1,1,1" } };
   const view = { ...defaultView(), mode: "wipe", wipe: 0.25, colour: "attribute:a&b=c", camera: [1, 2, 3, 0, 0, -1.5] };
   const fragment = writeFragment("a b.ply", recipe, defaults, view);
   assert.deepEqual(readFragment(fragment, "a b.ply", defaults), { recipe, view });
@@ -85,11 +85,11 @@ test("a drawn outline keeps its shape with at most 64 corners", async (t) => {
   assert.equal(parseLasso(""), null);
 });
 
-test("noise about a point is the root mean square of its cell", async (t) => {
-  const { localNoise, binned, quantileRange } = await pageModule(t, "colours");
+test("the local displacement of a point is the root mean square over its cell", async (t) => {
+  const { localRms, binned, quantileRange } = await pageModule(t, "colours");
   const positions = Float32Array.from([0.1, 0.1, 0.1, 0.2, 0.2, 0.2, -5, 0, 0, NaN, 0, 0]);
-  const noise = localNoise(positions, (place) => [1, 9, 4, NaN][place], 1);
-  assert.deepEqual([...noise.slice(0, 3)].map((v) => v.toFixed(5)), [Math.sqrt(5), Math.sqrt(5), 2].map((v) => v.toFixed(5)));
+  const rms = localRms(positions, (place) => [1, 9, 4, NaN][place], 1);
+  assert.deepEqual([...rms.slice(0, 3)].map((v) => v.toFixed(5)), [Math.sqrt(5), Math.sqrt(5), 2].map((v) => v.toFixed(5)));
   const { counts } = binned((i) => i, 96, [0, 96]);
   assert.deepEqual(new Set(counts), new Set([2]));
   assert.deepEqual(quantileRange((i) => i, 101), [1, 99]);

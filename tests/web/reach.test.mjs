@@ -44,13 +44,13 @@ test("every control is reached with the tabulator, has a name, and shows that it
     assert.notEqual(focus.outline, "none", focus.name);
     reached.add(focus.name);
   }
-  const names = ["Faired", "Fit", "Screenshot", "Keyboard", "Settings", "--k", "--k auto", "--passes", "--method", "Strength", "Clip box",
-    "Only what is in view", "Colour by", "Point size", "Eye-dome lighting", "Save", "Copy as command", "Copy as C++", "Copy link"];
+  const names = ["Denoised", "Fit", "Screenshot", "Keyboard", "Settings", "--noise", "--k", "--k auto", "--iterations", "--method", "Strength", "Clip box",
+    "Only points in view", "Colour by", "Point size", "Eye-dome lighting", "Save", "Copy as command", "Copy as C++", "Copy link"];
   for (const name of names) assert.ok(reached.has(name), `${name} cannot be reached`);
   assert.deepEqual(faults, []);
 });
 
-test("a cloud is faired, compared and saved with the keyboard alone", models, async (t) => {
+test("a cloud is denoised, compared and saved with the keyboard alone", models, async (t) => {
   const folder = temporaryFolder(t);
   const { page, faults } = await start(t, {}, "", folder);
   const keys = async (...names) => {
@@ -134,8 +134,8 @@ for (const [width, height] of [[390, 844], [320, 568]]) {
     await touch("touchEnd");
     await page.waitForFunction((old) => location.hash !== old && location.hash.includes("view.camera"), before);
     const updates = Number(await dataset(page, "updates"));
-    await page.locator('[data-param="widening"] input[type=range]').scrollIntoViewIfNeeded();
-    const knob = await page.locator('[data-param="widening"] input[type=range]').boundingBox();
+    await page.locator('[data-param="radius"] input[type=range]').scrollIntoViewIfNeeded();
+    const knob = await page.locator('[data-param="radius"] input[type=range]').boundingBox();
     await page.touchscreen.tap(knob.x + 0.3 * knob.width, knob.y + knob.height / 2);
     await page.waitForFunction((n) => Number(document.body.dataset.updates) > n, updates);
     assert.deepEqual(faults, []);

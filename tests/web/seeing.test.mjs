@@ -43,13 +43,13 @@ test("a dropped file is shown; each way to colour it is another picture", models
   await page.dispatchEvent("body", "drop", { dataTransfer: transfer });
   await page.waitForFunction(() => document.body.dataset.cloud === "coloured.ply");
   await settled(page);
-  await page.waitForFunction(() => document.body.dataset.noise);
+  await page.waitForFunction(() => document.body.dataset.settled);
 
   assert.equal(await page.locator("#colour").inputValue(), "rgb", "colours of the file come first");
   const seen = [];
-  for (const choice of ["rgb", "plain", "height", "normal", "displacement", "noise", "attribute:depth"]) {
+  for (const choice of ["rgb", "plain", "height", "normal", "displacement", "rms", "attribute:depth"]) {
     await page.locator("#colour").selectOption(choice);
-    const withLegend = ["height", "displacement", "noise", "attribute:depth"].includes(choice);
+    const withLegend = ["height", "displacement", "rms", "attribute:depth"].includes(choice);
     await page.locator(".legend").waitFor({ state: withLegend ? "visible" : "hidden" });
     if (withLegend) {
       const inked = await page.locator(".legend canvas").evaluate((chart) =>
@@ -69,7 +69,7 @@ test("lighting, the size of points and the axis that is up change the picture", 
   const { url } = await view(t, [noisyArmadillo(temporaryFolder(t), 20000, kModels), "--port", 0]);
   const { page, faults } = await openPage(t, await openBrowser(t), url);
   await settled(page);
-  await page.waitForFunction(() => document.body.dataset.noise);
+  await page.waitForFunction(() => document.body.dataset.settled);
   let last = await blocks(page, await picture(page));
   for (const [id, value] of [["#view-edl", "1"], ["#view-shade", "0"], ["#view-size", "4.5"]]) {
     await display(page, id, value);
@@ -169,7 +169,7 @@ test("an organised cloud with points that are not there", async (t) => {
   const { page, faults } = await openPage(t, await openBrowser(t), url);
   await settled(page);
   await page.locator(".status", { hasText: "kept in place" }).waitFor();
-  for (const choice of ["displacement", "noise", "height"]) {
+  for (const choice of ["displacement", "rms", "height"]) {
     await page.locator("#colour").selectOption(choice);
     const ends = await page.locator(".legend .ends span").allTextContents();
     assert.ok(ends.every((end) => !/NaN|–/.test(end)), `${choice}: ${ends}`);
@@ -181,7 +181,7 @@ test("an organised cloud with points that are not there", async (t) => {
 test("of a large cloud a part is held; a held slider shows previews, and the whole once it is let go", models, async (t) => {
   const folder = temporaryFolder(t);
   const { url } = await view(t, [noisyArmadillo(folder, 400000, kModels), "--port", 0, "--points", 150000, "--save-folder", folder]);
-  const { page, faults } = await openPage(t, await openBrowser(t), `${url}#view.up=y&k=24&passes=3`);
+  const { page, faults } = await openPage(t, await openBrowser(t), `${url}#view.up=y&k=24&iterations=3`);
   await settled(page);
   assert.match(await page.locator(".file").textContent(), /400\D000 points, 150\D000 shown/);
   const before = await blocks(page, await picture(page));
@@ -199,6 +199,6 @@ test("of a large cloud a part is held; a held slider shows previews, and the who
   assert.ok(difference(before, await blocks(page, await picture(page))) > 0.05);
   await page.locator("#save").click();
   await page.waitForFunction(() => document.body.dataset.saved);
-  assert.equal(JSON.parse(run(["info", path.join(folder, "fair.ply"), "--report", "-"])).points, 400000, "files hold all points");
+  assert.equal(JSON.parse(run(["info", path.join(folder, "denoised.ply"), "--report", "-"])).points, 400000, "files hold all points");
   assert.deepEqual(faults, []);
 });

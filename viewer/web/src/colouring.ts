@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the points are coloured by, with the legend that says so.
 
-import { binned, localNoise, type MapName, quantileRange, type Spread } from "./colours";
+import { binned, localRms, type MapName, quantileRange, type Spread } from "./colours";
 import type { Legend } from "./legend";
 import type { CloudHead, Numbers } from "./protocol";
 import type { Scene } from "./scene";
 
-const kNoiseCell = 6; // spacings
-const kQuickNoise = 200000; // points of which the noise is found while a slider moves; of more once it rests
-const kNoiseDelay = 400; // ms
+const kRmsCell = 6; // spacings
+const kQuickRms = 200000; // up to so many points it is computed while a slider moves; of more once it rests
+const kRmsDelay = 400; // ms
 const kPrefix = "attribute:"; // of the choices that are the file's own
 
 export class Colouring {
@@ -31,7 +31,7 @@ export class Colouring {
   /** Displacements have come. */
   setMoved(rms: number): void {
     this.rms = rms;
-    if (["displacement", "noise", "height"].includes(this.choice)) this.apply(this.choice);
+    if (["displacement", "rms", "height"].includes(this.choice)) this.apply(this.choice);
   }
 
   /** Colours of the file have come. */
@@ -53,7 +53,7 @@ export class Colouring {
     if (!this.cloud) return;
     if (choice === "displacement") return this.showDisplacement(this.cloud);
     if (choice === "height") return this.show("height", "sequential", this.spread((place) => this.scene.height(place)), "height");
-    if (choice === "noise") return this.showNoiseSoon(this.cloud);
+    if (choice === "rms") return this.showRmsSoon(this.cloud);
     if (choice === "rgb" || choice.startsWith(kPrefix)) return this.showOwn(choice);
     this.legend.hide();
     this.scene.setColourMode(choice === "normal" ? "normal" : "plain", [0, 1], "sequential");
@@ -65,20 +65,20 @@ export class Colouring {
     this.show("displacement", "diverging", spread, "displacement (+ toward you)");
   }
 
-  private showNoiseSoon(cloud: CloudHead): void {
-    if (this.scene.count <= kQuickNoise) return this.showNoise(cloud);
-    this.timer = window.setTimeout(() => this.showNoise(cloud), kNoiseDelay);
+  private showRmsSoon(cloud: CloudHead): void {
+    if (this.scene.count <= kQuickRms) return this.showRms(cloud);
+    this.timer = window.setTimeout(() => this.showRms(cloud), kRmsDelay);
   }
 
-  private showNoise(cloud: CloudHead): void {
+  private showRms(cloud: CloudHead): void {
     const squared = (place: number) => {
       const [x, y, z] = this.scene.displacement(place);
       return x * x + y * y + z * z;
     };
-    const noise = localNoise(this.scene.allPositions, squared, kNoiseCell * (cloud.spacing || 1));
+    const rms = localRms(this.scene.allPositions, squared, kRmsCell * (cloud.spacing || 1));
     this.forgetScalar();
-    this.scene.setScalar(noise);
-    this.show("scalar", "sequential", this.spread((place) => noise[place]), "estimated noise");
+    this.scene.setScalar(rms);
+    this.show("scalar", "sequential", this.spread((place) => rms[place]), "rms displacement nearby");
   }
 
   private showOwn(choice: string): void {

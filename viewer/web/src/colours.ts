@@ -60,10 +60,10 @@ export function quantileRange(value: (place: number) => number, count: number): 
 }
 
 /**
- * The noise about each point: root mean square of the displacements in its cell of a grid. `squared` is that of a place's
+ * The root mean square of the displacements in each point's cell of a grid. `squared` is the squared length of a place's
  * displacement. O(N).
  */
-export function localNoise(positions: Float32Array, squared: (place: number) => number, cell: number): Float32Array {
+export function localRms(positions: Float32Array, squared: (place: number) => number, cell: number): Float32Array {
   const count = positions.length / 3;
   const sums = new Map<number, [number, number]>();
   const keys = new Float64Array(count);

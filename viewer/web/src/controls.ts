@@ -135,7 +135,7 @@ function numberControl(param: Param, change: (text: string, done: boolean) => vo
     },
   }, ...kUnits.map(([value, name]) => h("option", { value }, name)));
   const auto = h("button", {
-    type: "button", class: "auto", "aria-pressed": "false", title: "let the data decide",
+    type: "button", class: "auto", "aria-pressed": "false", title: "choose the value from the data",
     "aria-label": `${param.flag} auto`,
     onclick: () => {
       if (shown !== "auto") return change("auto", true);

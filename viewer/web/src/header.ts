@@ -27,7 +27,7 @@ export class Header {
     this.redo = iconButton("Redo", "m12 5 4 4-4 4m4-4H9a5 5 0 0 0 0 10h2", actions.redo, "Ctrl Shift Z");
     this.panel = iconButton("Settings", "M3 5h14M3 10h14M3 15h14M7 3v4M13 8v4M6 13v4", () => this.togglePanel(), "P");
     this.panel.setAttribute("aria-pressed", "true");
-    this.modes = choice<Mode>("View", [["after", "Faired"], ["wipe", "Wipe"], ["side", "Side by side"], ["before", "Original"]],
+    this.modes = choice<Mode>("View", [["after", "Denoised"], ["wipe", "Wipe"], ["side", "Side by side"], ["before", "Original"]],
       actions.setMode);
     this.setHistory(false, false);
     this.element = h("header", {},

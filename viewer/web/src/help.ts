@@ -5,8 +5,8 @@ import { h } from "./dom";
 
 const kHelp: [string, string][] = [
   ["drag", "turn"], ["right drag, Shift drag", "move"], ["wheel, pinch", "zoom to the pointer"],
-  ["double click", "turn about that point"], ["← → ↑ ↓", "turn (the picture has the focus)"], ["Shift ← → ↑ ↓", "move"],
-  ["+ −", "zoom"], ["F", "fit"], ["B, held", "the original"], ["1 2 3 4", "faired, wipe, side by side, original"],
+  ["double click", "turn about that point"], ["← → ↑ ↓", "turn, if the picture has the focus"], ["Shift ← → ↑ ↓", "move"],
+  ["+ −", "zoom"], ["F", "fit"], ["B, held", "show the original"], ["1 2 3 4", "denoised, wipe, side by side, original"],
   ["Ctrl Z, Ctrl Shift Z", "undo, redo"], ["L", "draw a lasso"], ["S", "screenshot"], ["P", "settings"], ["?", "this list"],
 ];
 

@@ -93,8 +93,7 @@ class Page {
         return this.setResult(head, arrays);
       case "settled":
         this.scene.setNormals(arrays.normals);
-        this.panel?.setNoiseLeft(head.noise);
-        return void (document.body.dataset.noise = String(head.noise));
+        return void (document.body.dataset.settled = "true");
       case "colours":
         return this.colouring.setColours(head.name, arrays);
       case "progress":
@@ -107,7 +106,7 @@ class Page {
         this.status.hideProgress();
         return this.stage.say("Stopped.");
       case "taken":
-        return this.stage.showHint("Another page shows this cloud now. Reload to take it back.");
+        return this.stage.showHint("Another page has taken over this cloud. Reload to take it back.");
       case "error":
         this.status.hideProgress();
         document.body.dataset.error = head.message;
@@ -116,7 +115,7 @@ class Page {
   }
 
   private greet(hello: Hello): void {
-    if (hello.protocol !== kProtocol) return this.stage.say("This page is of another version: reload it.", true);
+    if (hello.protocol !== kProtocol) return this.stage.say("This page belongs to another version of pointfair. Reload it.", true);
     this.stage.showHint("");
     if (this.panel && JSON.stringify(hello) === JSON.stringify(this.hello)) return;
     this.hello = hello;
@@ -175,7 +174,7 @@ class Page {
   private setResult(head: Result, arrays: Message["arrays"]): void {
     this.result = head;
     this.shownRecipe = this.asked;
-    delete document.body.dataset.noise; // until this result has settled
+    delete document.body.dataset.settled; // until this result has settled
     this.scene.setResult(head, arrays);
     this.panel!.setUsed(head);
     this.status.showResult(head, this.cloud!.points);
@@ -243,7 +242,7 @@ class Page {
 
   private async copy(text: string | undefined, what: string): Promise<void> {
     if (!text || (what !== "The link" && !(this.shownRecipe && equalRecipes(this.shownRecipe, this.recipe))))
-      return this.stage.say("The run is not finished yet.", true);
+      return this.stage.say("The run has not finished yet.", true);
     try {
       await navigator.clipboard.writeText(text);
       this.stage.say(`${what} is on the clipboard.`);
@@ -359,7 +358,7 @@ class Page {
     document.body.dataset.connection = state;
     if (state === "closed") {
       this.cloud = null;
-      this.stage.showHint("The connection is gone. Trying again…");
+      this.stage.showHint("The connection is lost. Connecting again…");
     }
   }
 }

@@ -3,7 +3,7 @@
 
 import { type Control, makeControl, type Scale } from "./controls";
 import { choice, h, short } from "./dom";
-import type { CloudHead, Hello, Recipe, Result, Texts } from "./protocol";
+import type { CloudHead, Hello, Param, Recipe, Result, Texts } from "./protocol";
 import { type Box, boxText, parseBox } from "./region";
 import { copyRecipe, type View } from "./state";
 
@@ -22,7 +22,7 @@ export interface PanelActions {
 }
 
 const kStageTitles: Record<string, string> = {
-  index: "Index", neighbors: "Neighbours", normals: "Normals", fairing: "Fairing", passes: "Passes",
+  index: "Index", neighbors: "Neighbours", normals: "Normals", fairing: "Fairing", iterations: "Iterations",
 };
 const kAxes = ["x", "y", "z"];
 const kBoxSteps = 200;
@@ -33,7 +33,7 @@ export class Panel {
   private recipe: Recipe = { params: {}, limits: {} };
   private cloud: CloudHead | null = null;
   private used: Texts = {};
-  private readonly output = h("input", { class: "text", id: "output", value: "fair.ply", spellcheck: false, autocomplete: "off" });
+  private readonly output = h("input", { class: "text", id: "output", value: "denoised.ply", spellcheck: false, autocomplete: "off" });
   private readonly encoding = h("select", { id: "encoding", class: "grow" });
   private readonly overwrite = h("input", { type: "checkbox", class: "switch", role: "switch", id: "overwrite" });
   private readonly strength = h("input", { type: "range", min: "0", max: "1", step: "0.01", id: "strength" });
@@ -47,6 +47,8 @@ export class Panel {
   private readonly colour = h("select", { id: "colour", class: "grow" });
   private readonly snapshots = h("ul", { class: "snapshots" });
   private readonly folder = h("p", { class: "note" });
+  private readonly expert = h("details", { class: "expert" });
+  private expertDefaults: [string, string][] = [];
   private readonly findings = h("p", { class: "note", id: "findings" });
   private readonly viewSliders: [keyof View, HTMLInputElement][] = [];
   private readonly up = choice<"y" | "z">("Up", [["z", "z up"], ["y", "y up"]], (up) => {
@@ -59,8 +61,8 @@ export class Panel {
       ...hello.formats.encodings.map((name) => h("option", { value: name }, name)));
     this.folder.textContent = `Saves into ${hello.save_folder}`;
     this.element.append(
-      this.section("Fairing", true, ...this.paramGroups(hello)),
-      this.section("Where it acts", true, ...this.limitFields()),
+      this.section("Parameters", true, ...this.paramGroups(hello)),
+      this.section("Which points move", true, ...this.limitFields()),
       this.section("Display", true, ...this.displayFields()),
       this.section("Snapshots", false, ...this.snapshotFields()),
       this.section("Save and share", true, ...this.saveFields(hello)),
@@ -77,23 +79,27 @@ export class Panel {
   setCloud(cloud: CloudHead): void {
     this.cloud = cloud;
     this.used = {};
-    const computed: [string, string][] = [["plain", "plain"], ["displacement", "displacement"], ["noise", "estimated noise"],
+    const computed: [string, string][] = [["plain", "plain"], ["displacement", "displacement"], ["rms", "rms displacement nearby"],
       ["height", "height"], ["normal", "normal"]];
     const own = cloud.colours.map(({ name, kind }): [string, string] => [kind === "rgb" ? "rgb" : `attribute:${name}`, name]);
     this.colour.replaceChildren(...[...computed, ...own].map(([value, text]) => h("option", { value }, text)));
     const known = [...this.colour.options].some((option) => option.value === this.view.colour);
     if (!known) this.view.colour = own[0]?.[0] === "rgb" ? "rgb" : "plain";
-    this.findings.textContent = `spacing ${short(cloud.spacing)}, noise ${short(cloud.noise)}`;
+    this.showFindings();
     this.showView();
   }
 
   setUsed(result: Result): void {
     this.used = result.used;
+    this.showFindings(result.moved);
     this.show(this.recipe);
   }
 
-  setNoiseLeft(noise: number): void {
-    if (this.cloud) this.findings.textContent = `spacing ${short(this.cloud.spacing)}, noise ${short(this.cloud.noise)} → ${short(noise)}`;
+  // What was estimated of the cloud as it came, and how far the last run moved its points.
+  private showFindings(moved?: Result["moved"]): void {
+    const { spacing, noise } = this.cloud!;
+    const motion = moved ? `; points moved ${short(moved.mean)} on average, ${short(moved.max)} at most` : "";
+    this.findings.textContent = `Estimated spacing ${short(spacing)}, noise ${short(noise)}${motion}`;
   }
 
   /** Shows a recipe without asking for anything. */
@@ -101,11 +107,12 @@ export class Panel {
     this.recipe = copyRecipe(recipe);
     const scale: Scale = { spacing: this.cloud?.spacing ?? 1, diagonal: this.cloud?.diagonal ?? 1 };
     for (const [name, control] of this.controls) control.show(recipe.params[name] ?? "", this.used[name], scale);
+    if (this.expertDefaults.some(([name, value]) => (recipe.params[name] ?? value) !== value)) this.expert.open = true;
     const strength = recipe.limits.strength || "1";
     if (Number(strength) !== this.strength.valueAsNumber) this.strength.value = strength;
     this.strengthValue.textContent = `${Math.round(100 * Number(strength))} %`;
     this.showBox(parseBox(recipe.limits.box ?? ""));
-    this.lassoNote.textContent = recipe.limits.lasso ? "Only what the lasso holds moves." : "";
+    this.lassoNote.textContent = recipe.limits.lasso ? "Only points inside the lasso move." : "";
     this.lassoNote.hidden = this.clearLasso.hidden = !recipe.limits.lasso;
   }
 
@@ -138,22 +145,28 @@ export class Panel {
   }
 
   private paramGroups(hello: Hello): Node[] {
-    const stages = [...new Set(hello.params.map((param) => param.stage))];
     const presets = h("select", { id: "preset", onchange: () => {
       const preset = hello.presets.find(({ name }) => name === presets.value);
       presets.value = "";
       if (preset) this.change((recipe) => (recipe.params = { ...preset.params }), true);
     } }, h("option", { value: "" }, "choose…"), ...hello.presets.map(({ name }) => h("option", { value: name }, name)));
-    return [this.findings, this.field("Preset", "preset", presets), ...stages.map((stage) => {
-      const group = h("div", { class: "group", role: "group", "aria-label": kStageTitles[stage] ?? stage },
-        h("h3", {}, kStageTitles[stage] ?? stage));
-      for (const param of hello.params.filter((p) => p.stage === stage)) {
-        const control = makeControl(param, (text, done) => this.change((recipe) => (recipe.params[param.name] = text), done));
-        this.controls.push([param.name, control]);
-        group.append(control.element);
-      }
-      return group;
-    })];
+    const expert = hello.params.filter((param) => param.expert);
+    const stages = [...new Set(expert.map((param) => param.stage))];
+    this.expert.append(h("summary", {}, "Expert"), ...stages.map((stage) =>
+      h("div", { class: "group", role: "group", "aria-label": kStageTitles[stage] ?? stage },
+        h("h3", {}, kStageTitles[stage] ?? stage), ...this.paramControls(expert.filter((param) => param.stage === stage)))));
+    this.expertDefaults = expert.map(({ name, default: value }) => [name, value]);
+    return [this.findings, this.field("Preset", "preset", presets),
+      h("div", { class: "group", role: "group", "aria-label": "Parameters" }, ...this.paramControls(hello.params.filter((param) => !param.expert))),
+      this.expert];
+  }
+
+  private paramControls(params: Param[]): HTMLElement[] {
+    return params.map((param) => {
+      const control = makeControl(param, (text, done) => this.change((recipe) => (recipe.params[param.name] = text), done));
+      this.controls.push([param.name, control]);
+      return control.element;
+    });
   }
 
   private limitFields(): Node[] {
@@ -184,10 +197,10 @@ export class Panel {
       this.field("Strength", "strength", this.strengthValue, this.strength),
       this.field("Clip box", "box", this.boxSwitch),
       this.axes,
-      this.field("Hide what is outside the box", "hide", this.hideSwitch),
+      this.field("Hide points outside the box", "hide", this.hideSwitch),
       h("div", { class: "buttons" },
         h("button", { type: "button", class: "plain", onclick: () => this.actions.drawLasso() }, "Draw lasso"),
-        h("button", { type: "button", class: "plain", onclick: () => this.actions.lassoInView() }, "Only what is in view"),
+        h("button", { type: "button", class: "plain", onclick: () => this.actions.lassoInView() }, "Only points in view"),
         this.clearLasso),
       this.lassoNote,
     ];

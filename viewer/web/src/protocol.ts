@@ -55,6 +55,7 @@ export interface Param {
   values: string[];
   default: string;
   help: string;
+  expert: boolean; // folded away unless asked for
 }
 
 export interface Hello {
@@ -121,7 +122,7 @@ export type Head =
   | CloudHead
   | Result
   | Preview
-  | { type: "settled"; noise: number }
+  | { type: "settled" }
   | { type: "colours"; id: number; name: string }
   | { type: "progress"; id: number; share: number; stage: string }
   | { type: "saved"; id: number; path: string; bytes: number; command: string }

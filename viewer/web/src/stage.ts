@@ -7,12 +7,12 @@ import type { View } from "./state";
 export class Stage {
   readonly element = h("main", { class: "stage" });
   private readonly left = h("div", { class: "tag left", hidden: true }, "original");
-  private readonly right = h("div", { class: "tag right", hidden: true }, "faired");
+  private readonly right = h("div", { class: "tag right", hidden: true }, "denoised");
   private readonly seam = h("div", { class: "seam", hidden: true });
   private readonly handle = h("button", { class: "wipe", type: "button", role: "slider", "aria-label": "wipe",
     "aria-valuemin": "0", "aria-valuemax": "100", hidden: true });
   private readonly hint = h("div", { class: "hint", role: "status", hidden: true });
-  private readonly drop = h("div", { class: "drop", hidden: true }, "Drop a cloud: PLY, PCD, XYZ, TXT, CSV, PTS, OFF or OBJ");
+  private readonly drop = h("div", { class: "drop", hidden: true }, "Drop a point cloud: PLY, PCD, XYZ, TXT, CSV, PTS, OFF or OBJ");
   private readonly toasts = h("div", { class: "toasts", role: "alert", "aria-live": "assertive" });
   private readonly welcome = h("div", { class: "welcome" }, "Reading…");
 
@@ -61,7 +61,7 @@ export class Stage {
     const polygon = document.createElementNS("http://www.w3.org/2000/svg", "polygon");
     svg.append(polygon);
     this.add(svg);
-    this.showHint("Draw around what may move. Escape gives up.");
+    this.showHint("Draw around the points that may move. Escape cancels.");
     return new Promise((resolve) => {
       const outline: [number, number][] = [];
       const end = (result: [number, number][] | null) => {

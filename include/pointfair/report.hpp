@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a pipeline reports: estimates of the loaded cloud, and what a run did.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "pointfair/device.hpp"
+#include "pointfair/params.hpp"
+
+namespace pointfair {
+
+/// What is measured on the loaded cloud, once after `load`. Lengths in file units.
+struct Estimates {
+  std::array<double, 3> min{}, max{};  ///< bounds of the finite points, relative to the cloud's origin
+  double diagonal = 0;                 ///< of those bounds
+  double spacing = 0;                  ///< mean distance to the 6 nearest other points
+  double noise = 0;                    ///< estimated standard deviation of the noise along the normal
+  std::uint64_t points = 0;            ///< number of all points
+  std::uint64_t finite = 0;            ///< number of points without NaN or infinity
+};
+
+/// How many points kept their place, by reason.
+struct UnmovedCounts {
+  std::uint64_t non_finite = 0;         ///< a coordinate is NaN or infinite, or its square would overflow
+  std::uint64_t too_few_neighbors = 0;  ///< fewer than 3 neighbours
+  std::uint64_t no_normal = 0;          ///< neighbours identical or on a line
+  std::uint64_t outliers = 0;           ///< off the surface (Params::outliers)
+  friend bool operator==(const UnmovedCounts&, const UnmovedCounts&) = default;
+};
+
+/// How long a stage took.
+struct StageTime {
+  std::string name;
+  double milliseconds = 0;
+};
+
+/// What a run did.
+struct Report {
+  DeviceInfo device;
+  std::uint64_t points = 0;
+  Params params;  ///< as used: lengths in file units, and `auto` only for what nothing reads
+  UnmovedCounts unmoved;
+  std::uint64_t short_neighborhoods = 0;  ///< points whose constrained neighbourhood has fewer than k neighbours
+  /// The stages that ran, in order; further iterations add to the same names. Stages on a card are timed by the card.
+  /// Where normals and fairing are one kernel there, its time is divided three to two, as they take apart. `upload` to
+  /// a card lasts until the caller may change the array again; the index is started meanwhile.
+  std::vector<StageTime> stages;
+  /// Number of tiles that the cloud was cut into because it does not fit into the card's memory; 1: not cut. A cloud in
+  /// tiles stays in host memory, and its stages are `cut`, `tiles` and `download`.
+  std::uint64_t tiles = 1;
+  double total_milliseconds = 0;                             ///< from array to array
+  std::uint64_t peak_host_bytes = 0, peak_device_bytes = 0;  ///< of the pipeline, without the caller's arrays
+};
+
+}  // namespace pointfair

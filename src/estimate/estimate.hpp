@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the cloud itself says: spacing, noise, and where most of it lies.
+#pragma once
+
+#include <cstddef>
+#include <stop_token>
+
+#include "seam/sampling.hpp"
+#include "seam/settings.hpp"
+
+namespace pointfair {
+
+struct Spacing {
+  double mean = 0;  // mean distance to the 6 nearest other points (as CGAL's compute_average_spacing), strays aside
+  double rho = 0;   // 95 % quantile of the distance to the 6th: a sampling gap that is no feature
+};
+
+// Points of a cloud that estimates and its frame are made of.
+inline constexpr std::size_t kSampledPoints = 2000;
+
+// Its cube holds what lies between the 2 % and the 98 % quantiles of the sample on each axis, and a fifth of its side
+// around that.
+Frame frame_of(const CloudSample& sample);
+
+// Standard deviation of the noise along the normal. Residuals of cubic fits over neighbourhoods that are grown until
+// they are wide against the noise (Eq. 8 of docs/how-it-works.md); a low quantile over the samples, since edges and
+// outliers only ever raise a residual.
+struct Noise {
+  double sigma = 0;
+  // Side of the square that holds one point of the surface, by the density of those wide neighbourhoods (median).
+  // Unlike the distance to the nearest points, noise does not blow it up.
+  double surface_spacing = 0;
+  // 0 to 1: whether residuals grow with the neighbourhood as those of a curved shape do; 0 where noise is large.
+  double likeness_to_shape = 0;
+  // Of the variances in neighbourhoods of 30 points at a typical place; 0 where noise is large.
+  double shape_to_noise = 0;
+  // Between two sheets of a thin part that neighbourhoods of a few dozen points reach across; 0 where there are none.
+  double gap = 0;
+  // 0 to 1: whether the noise is alike in neighbouring points, as that of depth cameras; 0 where noise is large or
+  // tiny.
+  double alikeness = 0;
+  // Share of the samples around which no neighbourhood gets wide against the noise, however large: the shape is too
+  // thin or bends too much there.
+  double confined = 0;
+  // Upper quartile of the variances over a plane in the widest neighbourhoods, over what it is on a plane of the same
+  // noise: about 1 there, more where the shape bends or ends within them.
+  double bend = 1;
+};
+
+// The same cloud where `sigma` is known to be another than was measured, or the same. The rest stays as measured.
+Noise of_sigma(Noise noise, double sigma);
+
+struct WantedEstimates {
+  bool spacing = false, noise = false;
+};
+struct Estimate {
+  Spacing spacing;
+  Noise noise;
+};
+// What is wanted, the rest zero, at points of the cloud's sample. Needs the index of the first iteration. Throws
+// Error(interrupted) once `stop` is triggered.
+Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wanted, const std::stop_token& stop);
+
+}  // namespace pointfair

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+// A cloud on a backend: on one device or, where its memory does not suffice, in tiles.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "estimate/estimate.hpp"
+#include "pipeline/plan.hpp"
+#include "seam/backend.hpp"
+
+namespace pointfair {
+
+using MakeBackend = std::function<std::unique_ptr<Backend>()>;
+
+class LoadedCloud {
+ public:
+  // `make_worker` makes the backends that compute tiles; null: a cloud that does not fit is an error.
+  LoadedCloud(std::unique_ptr<Backend> backend, MakeBackend make_worker)
+      : backend_(std::move(backend)), make_worker_(std::move(make_worker)) {}
+
+  // Takes the place of the cloud before. Afterwards, also if it throws, nothing is cached; if it throws, no cloud is
+  // held. `overlapped`: the upload may go on, and `points` must stay, until finish_load().
+  void load(std::span<const Point> points, IndexOrder expected, bool overlapped = false);
+  void finish_load() noexcept;
+
+  // Does `work`; where the device's memory does not suffice, again with the cloud in tiles, nothing cached.
+  void within_memory(const std::function<void()>& work);
+
+  Backend& backend();  // throws Error(device) if the device was lost for good
+  std::uint64_t points() const { return points_; }
+
+  Cached cached;
+  // Measured once, of the cloud as loaded; null: not yet.
+  std::optional<CloudSample> sample;
+  std::optional<Spacing> spacing;
+  std::optional<Noise> noise;
+
+ private:
+  void forget();
+  void drop() noexcept;
+  void upload(std::span<const Point> points, IndexOrder expected, bool overlapped);
+  bool may_tile(const Error& error) const;
+  void make_tiled();
+
+  std::unique_ptr<Backend> backend_;  // null: must be made again
+  MakeBackend make_worker_;
+  std::uint64_t points_ = 0;
+  std::uint64_t tiles_ = 1;  // that the backend was asked to cut the cloud into
+};
+
+}  // namespace pointfair

@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+// The public face of a pipeline: one kind of error, and clouds with their attributes.
+#include "pointfair/pipeline.hpp"
+
+#include <algorithm>
+#include <new>
+#include <utility>
+
+#include "pipeline/devices.hpp"
+#include "pipeline/pipeline_access.hpp"
+#include "pipeline/run_state.hpp"
+
+namespace pointfair {
+namespace {
+
+template <class Work>
+auto with_one_kind_of_error(const Work& work) {
+  try {
+    return work();
+  } catch (const std::bad_alloc&) {
+    throw Error(ErrorKind::memory, "out of host memory: use a smaller k, or cut the cloud");
+  }
+}
+
+// As the attribute "outlier", or outlier_2 and so on where the file has one of that name.
+void mark_outliers(Cloud& cloud, std::span<const std::uint8_t> outliers) {
+  const std::vector<AttributeInfo> present = attributes(cloud);
+  std::string name = "outlier";
+  for (int number = 2; std::any_of(present.begin(), present.end(), [&](const auto& a) { return a.name == name; });)
+    name = "outlier_" + std::to_string(number++);
+  const auto bytes = std::as_bytes(outliers);
+  Attribute& attribute = cloud.added.emplace_back();
+  attribute.name = std::move(name);
+  attribute.type = ScalarType::uint8;
+  attribute.data.assign(bytes.begin(), bytes.end());
+}
+
+}  // namespace
+
+Pipeline::Pipeline(Device device) {
+  with_one_kind_of_error([&] {
+    DeviceInfo info;
+    std::unique_ptr<Backend> backend = make_backend(device, info);
+    MakeBackend make_worker;
+    if (info.kind == Device::cuda) make_worker = [card = device.index] { return make_cuda_backend(card); };
+    state_ = std::make_unique<State>(std::move(backend), std::move(info), std::move(make_worker));
+    state_->load({});
+  });
+}
+Pipeline::Pipeline(std::unique_ptr<State> state) : state_(std::move(state)) {}
+Pipeline::~Pipeline() = default;
+Pipeline::Pipeline(Pipeline&&) noexcept = default;
+Pipeline& Pipeline::operator=(Pipeline&&) noexcept = default;
+
+Pipeline PipelineAccess::make(std::unique_ptr<Backend> backend, DeviceInfo device, MakeBackend make_worker) {
+  return Pipeline(std::make_unique<Pipeline::State>(std::move(backend), std::move(device), std::move(make_worker)));
+}
+
+void Pipeline::load(const Cloud& cloud) {
+  with_one_kind_of_error([&] {
+    state_->shell = {};
+    state_->load(cloud.points);
+    state_->shell = Cloud{cloud.origin, {}, cloud.added, cloud.source};
+  });
+}
+
+void Pipeline::load(std::span<const Point> points) {
+  with_one_kind_of_error([&] {
+    state_->shell = {};
+    state_->load(points);
+  });
+}
+
+Cloud Pipeline::run(const Params& params, std::stop_token stop, const ProgressFunction& progress) {
+  return with_one_kind_of_error([&] {
+    Cloud result = state_->shell;
+    result.points.resize(state_->cloud.points());
+    state_->run(params, result.points, stop, progress);
+    if (!state_->outliers.empty()) mark_outliers(result, state_->outliers);
+    return result;
+  });
+}
+
+void Pipeline::run(const Params& params, std::span<Point> out, std::stop_token stop, const ProgressFunction& progress) {
+  with_one_kind_of_error([&] { state_->run(params, out, stop, progress); });
+}
+
+void Pipeline::run(std::span<const Point> points, const Params& params, std::span<Point> out, std::stop_token stop,
+                   const ProgressFunction& progress) {
+  if (out.size() != points.size())
+    throw Error(ErrorKind::usage, "the output holds " + std::to_string(out.size()) + " points, the cloud " +
+                                      std::to_string(points.size()));
+  with_one_kind_of_error([&] {
+    state_->shell = {};
+    state_->load_and_run(points, params, out, stop, progress);
+  });
+}
+
+const Estimates& Pipeline::estimates(std::stop_token stop) {
+  with_one_kind_of_error([&] { state_->measure_all(stop); });
+  return *state_->estimates;
+}
+
+Params Pipeline::resolve(const Params& params, std::stop_token stop) {
+  return with_one_kind_of_error([&] { return state_->resolve(params, stop); });
+}
+
+const Report& Pipeline::report() const { return state_->report; }
+
+HostBuffer Pipeline::host_buffer(std::size_t count) const {
+  return with_one_kind_of_error([&] { return state_->cloud.backend().host_buffer(count); });
+}
+
+DeviceInfo Pipeline::device() const { return state_->device; }
+
+std::span<const std::uint8_t> Pipeline::outliers() const { return state_->outliers; }
+
+void Pipeline::normals(std::span<Point> out, std::stop_token stop) {
+  with_one_kind_of_error([&] { state_->normals(out, stop); });
+}
+
+}  // namespace pointfair

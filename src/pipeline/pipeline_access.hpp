@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: Apache-2.0
+// For tests: a pipeline on a backend of one's own.
+#pragma once
+
+#include "pipeline/loaded_cloud.hpp"
+#include "pointfair/pipeline.hpp"
+
+namespace pointfair {
+
+struct PipelineAccess {
+  // With `make_worker`, clouds that are too large for the backend's memory are computed in tiles by two such workers.
+  static Pipeline make(std::unique_ptr<Backend> backend, DeviceInfo device, MakeBackend make_worker = {});
+};
+
+}  // namespace pointfair

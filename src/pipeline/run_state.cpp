@@ -1,0 +1,209 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/run_state.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "estimate/automatic.hpp"
+#include "seam/overlap.hpp"
+#include "seam/sampling.hpp"
+
+namespace pointfair {
+namespace {
+
+constexpr std::array<std::string_view, 4> kStageNames{"index", "neighbors", "normals", "fairing"};
+constexpr std::uint64_t kWorthChunks = 1 << 18;  // points; whose copy takes longer than what it costs to start early
+
+std::string_view name_of(Stage stage) { return kStageNames[std::size_t(stage)]; }
+
+IndexOrder order_for(const Params& params) {
+  return sums_balls(params) ? IndexOrder::along_curve : IndexOrder::fastest;
+}
+
+double diagonal_of(const Bounds& b) {
+  return std::hypot(double(b.max.x) - b.min.x, double(b.max.y) - b.min.y, double(b.max.z) - b.min.z);
+}
+
+}  // namespace
+
+void Pipeline::State::load(std::span<const Point> points) { start_load(points, last_order_, false); }
+
+void Pipeline::State::start_load(std::span<const Point> points, IndexOrder expected, bool overlapped) {
+  frame_.reset();
+  shown_.reset();
+  estimates.reset();
+  upload_milliseconds_ = 0;
+  const auto start = Clock::now();
+  cloud.load(points, expected, overlapped);
+  upload_times_itself_ = overlapped && cloud.backend().overlap() != nullptr;
+  upload_milliseconds_ = milliseconds_since(start);
+}
+
+void Pipeline::State::load_and_run(std::span<const Point> points, const Params& params, std::span<Point> out,
+                                   const std::stop_token& stop, const ProgressFunction& progress) {
+  check_params(params);
+  struct Finish {
+    LoadedCloud& cloud;
+    ~Finish() { cloud.finish_load(); }
+  } finish{cloud};
+  start_load(points, order_for(params), true);
+  run(params, out, stop, progress);
+}
+
+const CloudSample& Pipeline::State::sample() {
+  if (!cloud.sample) cloud.sample = cloud.backend().sampling().sample_cloud(kSampledPoints);
+  return *cloud.sample;
+}
+
+const Frame& Pipeline::State::frame() {
+  if (!frame_) frame_ = frame_of(sample());
+  return *frame_;
+}
+
+// In tiles, if need be. Work that was given up after its call had returned is not cached.
+void Pipeline::State::attempt(const std::function<void()>& work) {
+  try {
+    cloud.within_memory(work);
+  } catch (const Error& error) {
+    if (error.kind() == ErrorKind::interrupted)
+      if (const auto given_up = cloud.backend().take_stopped()) cloud.cached = without(cloud.cached, *given_up);
+    throw;
+  }
+}
+
+// Queries leave what is cached as it is, but for an index where there is none.
+void Pipeline::State::measure(bool with_spacing, bool with_noise, IndexOrder order, const std::stop_token& stop) {
+  const WantedEstimates wanted{with_spacing && !cloud.spacing, with_noise && !cloud.noise};
+  if (!wanted.spacing && !wanted.noise) return;
+  sample();
+  execute(plan_index(cloud.cached, order), 1, false, stop, {});
+  log_.settle(cloud.backend());  // waits for the index, which has its own time
+  const auto start = Clock::now();
+  const Estimate found = estimate(cloud.backend().sampling(), *cloud.sample, wanted, stop);
+  if (wanted.spacing) cloud.spacing = found.spacing;
+  if (wanted.noise) cloud.noise = found.noise;
+  log_.note("estimate", milliseconds_since(start));
+}
+
+void Pipeline::State::measure_all(const std::stop_token& stop) {
+  attempt([&] { measure(true, true, IndexOrder::along_curve, stop); });  // as the default run's
+  const Bounds& b = cloud.sample->bounds;
+  estimates = Estimates{{b.min.x, b.min.y, b.min.z},
+                        {b.max.x, b.max.y, b.max.z},
+                        diagonal_of(b),
+                        cloud.spacing->mean,
+                        cloud.noise->sigma,
+                        cloud.points(),
+                        b.valid};
+}
+
+Params Pipeline::State::resolve(const Params& params, const std::stop_token& stop) {
+  Params used;
+  attempt([&] { used = resolve_once(params, stop); });
+  return used;
+}
+
+Params Pipeline::State::resolve_once(const Params& params, const std::stop_token& stop) {
+  check_params(params);
+  const bool spacing = needs_spacing(params), noise = needs_noise(params);
+  measure(spacing, noise, order_for(params), stop);
+  // what a run sees must not depend on what was measured before it
+  return resolve_params(params, spacing ? *cloud.spacing : Spacing{}, noise ? *cloud.noise : Noise{},
+                        needs_diagonal(params) ? diagonal_of(sample().bounds) : 0.0);
+}
+
+void Pipeline::State::run(const Params& params, std::span<Point> out, const std::stop_token& stop,
+                          const ProgressFunction& progress) {
+  shown_.reset();
+  attempt([&] { run_to_end(params, out, stop, progress); });
+}
+
+void Pipeline::State::run_to_end(const Params& params, std::span<Point> out, const std::stop_token& stop,
+                                 const ProgressFunction& progress) {
+  if (out.size() != cloud.points())
+    throw Error(ErrorKind::usage, "the output holds " + std::to_string(out.size()) + " points, the loaded cloud " +
+                                      std::to_string(cloud.points()));
+  const auto start = Clock::now();
+  const double upload = std::exchange(upload_milliseconds_, 0);
+  Backend& backend = cloud.backend();
+  log_.settle(backend);  // of a run that failed
+  log_ = {};
+  if (upload > 0 && !std::exchange(upload_times_itself_, false)) log_.note("upload", upload);
+
+  const Params used = resolve_once(params, stop);
+  last_order_ = order_for(params);
+  const Settings settings = settings_of(used);
+  const int last = used.iterations - 1;
+  execute(plan(cloud.cached, {settings, last_order_, used.iterations}), std::size_t(4) * std::size_t(used.iterations),
+          last == 0 && cloud.points() >= kWorthChunks, stop, progress);
+
+  std::vector<std::uint8_t> marks(used.outliers == Outliers::mark ? cloud.points() : 0);
+  const auto computed = Clock::now();
+  const std::uint64_t outlier_count = backend.download(last, out, settings.limits, marks);
+  log_.note_call("download", milliseconds_since(computed));
+  const Counts counts = backend.counts(last);
+  const Costs costs = log_.settle(backend);
+
+  outliers = std::move(marks);
+  shown_ = last;
+  report = {device,
+            cloud.points(),
+            used,
+            counts.unmoved,
+            counts.short_neighborhoods,
+            log_.stages(),
+            costs.tiles,
+            upload + milliseconds_since(start),
+            costs.peak_host_bytes,
+            costs.peak_device_bytes};
+  if (!moves_along_normal(used.method)) report.unmoved.no_normal = 0;
+  report.unmoved.outliers = outlier_count;
+}
+
+// The last of `all` stages that a run has in all; those before were cached.
+void Pipeline::State::execute(const std::vector<Step>& steps, std::size_t all, bool leaves, const std::stop_token& stop,
+                              const ProgressFunction& progress) {
+  std::size_t done = all - std::min(all, steps.size());
+  for (const Step& step : steps) {
+    if (progress) progress(double(done++) / double(all), name_of(step.stage.stage));
+    if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+    cloud.cached = step.meanwhile;
+    run_stage(step, leaves, stop);
+    cloud.cached = step.after;
+  }
+  if (progress) progress(1, name_of(Stage::fairing));
+}
+
+void Pipeline::State::run_stage(const Step& step, bool leaves, const std::stop_token& stop) {
+  Backend& backend = cloud.backend();
+  const auto [iteration, stage] = step.stage;
+  const Settings& settings = cloud.cached.settings;
+  const auto start = Clock::now();
+  switch (stage) {
+    case Stage::index:
+      backend.build_index(iteration, step.order == IndexOrder::along_curve ? std::optional(frame()) : std::nullopt,
+                          stop);
+      break;
+    case Stage::neighbors:
+      backend.find_neighbors(iteration, settings.neighbors, stop);
+      break;
+    case Stage::normals:
+      backend.estimate_normals(iteration, settings.normals, stop);
+      break;
+    case Stage::fairing:
+      backend.fair(iteration, settings.fairing, leaves, stop);
+      break;
+    case Stage::iterations:
+      break;
+  }
+  log_.note_call(name_of(stage), milliseconds_since(start));
+}
+
+void Pipeline::State::normals(std::span<Point> out, const std::stop_token& stop) {
+  if (!shown_ || out.size() != cloud.points())
+    throw Error(ErrorKind::usage, "normals: run first, and give an array of as many points as were loaded");
+  cloud.backend().download_normals(*shown_, out, stop);
+}
+
+}  // namespace pointfair

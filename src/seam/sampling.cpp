@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+// The default bodies of Sampling: fits of rows of nearest points on the host's cores.
+#include "seam/sampling.hpp"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <array>
+#include <memory>
+
+namespace pointfair {
+namespace {
+
+// A thread that works for all lanes of a team: loops over strides, which the compiler turns into vectors without
+// changing the order of any sum.
+struct OneThread {
+  template <class Body>
+  void for_each(int count, const Body& body) const {
+    for (int i = 0; i < count; ++i) body(i);
+  }
+
+  template <int N>
+  class Sums {
+   public:
+    explicit Sums(OneThread) {}
+    template <class TermsOf>
+    void add(int first, int end, const TermsOf& terms_of) {
+      for (int i = first; i < end;) {
+        const int stride = i % point::kStrides, strides = std::min(point::kStrides - stride, end - i);
+        for (int s = 0; s < strides; ++s) {
+          const point::Terms<N> terms = terms_of(i + s);
+          point::for_constants<N>([&](auto n) { partial_[n.value][stride + s] += terms.of[n.value]; });
+        }
+        i += strides;
+      }
+    }
+    point::Terms<N> total() const {
+      point::Terms<N> total;
+      for (int n = 0; n < N; ++n) {
+        std::array<double, point::kStrides> sums = partial_[n];
+        for (int half = point::kStrides / 2; half > 0; half /= 2)
+          for (int s = 0; s < half; ++s) sums[s] += sums[s + half];
+        total.of[n] = sums[0];
+      }
+      return total;
+    }
+
+   private:
+    std::array<std::array<double, point::kStrides>, N> partial_{};
+  };
+};
+
+void throw_if_stopped(const std::stop_token& stop) {
+  if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+}
+
+// The rows of `queries`, one after the other. Megabytes, all written at once.
+std::shared_ptr<Point[]> rows_of(Sampling& from, std::span<const std::uint32_t> queries, int k,
+                                 const std::stop_token& stop) {
+  throw_if_stopped(stop);
+  const std::size_t size = queries.size() * std::size_t(k + 1);
+  auto rows = std::make_shared_for_overwrite<Point[]>(size);
+  if (!queries.empty()) from.sample_neighborhoods(queries, k, {rows.get(), size});
+  return rows;
+}
+
+// By the neighbourhoods of some rounds, in a row of kMost.
+template <int kMost>
+point::NoiseSample grown(const Point* row, int first_round, int end_round) {
+  point::FitSpace<kMost> space;
+  const int there = take_row(OneThread{}, space, row, kMost);
+  point::GrowingNeighborhood neighborhood(OneThread{}, space);
+  return point::noise_sample(first_round, end_round,
+                             [&](int round) { return look_at(neighborhood, there, point::points_of(round), false); });
+}
+
+point::ResidualSample residuals_of(const Point* row) {
+  point::FitSpace<point::kFirstRow> space;
+  const int there = take_row(OneThread{}, space, row, point::kFirstRow);
+  point::GrowingNeighborhood neighborhood(OneThread{}, space);
+  const auto look = [&](int points) { return look_at(neighborhood, there, points, true); };
+  const point::Look narrow = look(point::kFirstFit), wide = look(2 * point::kFirstFit);
+  return residual_sample(narrow, wide, look(point::kFirstRow));
+}
+
+}  // namespace
+
+void Sampling::for_each_on_host(std::size_t count, const std::function<void(std::size_t)>& body) {
+  tbb::parallel_for(std::size_t(0), count, body);
+}
+
+Samples Sampling::take_samples(std::span<const std::uint32_t> for_spacing, std::span<const std::uint32_t> for_noise,
+                               std::stop_token stop) {
+  using namespace point;
+  Samples samples;
+  samples.spacing.resize(for_spacing.size());
+  samples.noise.resize(for_noise.size());
+
+  const auto spacing_rows = rows_of(*this, for_spacing, kSpacingNeighbors, stop);
+  for_each_on_host(for_spacing.size(), [&](std::size_t q) {
+    samples.spacing[q] = spacing_sample(spacing_rows.get() + q * (kSpacingNeighbors + 1));
+  });
+
+  const auto first_rows = rows_of(*this, for_noise, kFirstRow, stop);
+  for_each_on_host(for_noise.size(), [&](std::size_t q) {
+    throw_if_stopped(stop);
+    samples.noise[q] = grown<kFirstRow>(first_rows.get() + q * (kFirstRow + 1), 0, kFirstRounds);
+  });
+  samples.residuals = [this, first_rows, stop, count = for_noise.size()] {
+    std::vector<ResidualSample> residuals(count);
+    for_each_on_host(count, [&](std::size_t q) {
+      throw_if_stopped(stop);
+      residuals[q] = residuals_of(first_rows.get() + q * (kFirstRow + 1));
+    });
+    return residuals;
+  };
+
+  std::vector<std::size_t> short_ones;
+  std::vector<std::uint32_t> queries;
+  for (std::size_t q = 0; q < for_noise.size(); ++q) {
+    if (!samples.noise[q].is_short) continue;
+    short_ones.push_back(q);
+    queries.push_back(for_noise[q]);
+  }
+  const auto last_rows = rows_of(*this, queries, kLastRow, stop);
+  for_each_on_host(queries.size(), [&](std::size_t n) {
+    throw_if_stopped(stop);
+    samples.noise[short_ones[n]] = grown<kLastRow>(last_rows.get() + n * (kLastRow + 1), kFirstRounds, kRounds);
+  });
+  return samples;
+}
+
+}  // namespace pointfair

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+// What estimates ask of a backend: a sample of the uploaded cloud, and what the neighbourhoods of its points show.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <stop_token>
+#include <vector>
+
+#include "point/sample.h"
+#include "pointfair/cloud.hpp"
+
+namespace pointfair {
+
+struct Bounds {
+  Point min{}, max{};       // of the valid points; zero if there is none
+  std::uint64_t valid = 0;  // points that are indexed: finite, and small enough to be squared
+};
+
+// Points of a cloud, no two at one place, chosen and ordered by a hash of where they are: a function of the set of the
+// cloud's points alone, which moves with them (src/point/position.h).
+struct CloudSample {
+  Bounds bounds;  // of the whole cloud
+  std::vector<Point> points;
+  std::vector<std::uint32_t> indices;  // of each of them in upload order; of points at one place, any
+};
+
+// What samples of a cloud say, each in the order of its queries.
+struct Samples {
+  std::vector<point::SpacingSample> spacing;
+  std::vector<point::NoiseSample> noise;
+  // Of the queries for noise, which not every estimate needs. To be called while the backend lives.
+  std::function<std::vector<point::ResidualSample>()> residuals;
+};
+
+class Sampling {
+ public:
+  virtual ~Sampling() = default;
+
+  // Of the uploaded cloud: `count` of its points, all where there are no more places. Needs no index.
+  virtual CloudSample sample_cloud(std::size_t count) = 0;
+
+  // The other calls need the index of the first iteration.
+
+  // For each of `queries` (indices in upload order): the query itself, then its k nearest other points, nearest first,
+  // row after row of k + 1; rows of invalid queries, and places past the last point, are NaN. k up to 1024.
+  virtual void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) = 0;
+  // What such rows say (point/sample.h), at queries for the spacing and at queries for the noise. Here by fits on the
+  // host's cores (host_samples.cpp), the same bits wherever else. Throws Error(interrupted) once `stop` is triggered.
+  virtual Samples take_samples(std::span<const std::uint32_t> for_spacing, std::span<const std::uint32_t> for_noise,
+                               std::stop_token stop);
+  // Calls body(i) for each i below count on the host's cores, as many at once as this backend may use.
+  virtual void for_each_on_host(std::size_t count, const std::function<void(std::size_t)>& body);
+};
+
+}  // namespace pointfair

@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tiles/cut.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <memory>
+#include <numbers>
+#include <numeric>
+
+namespace pointfair {
+namespace {
+
+constexpr std::size_t kBlock = 1 << 13;    // points
+constexpr std::size_t kSamples = 1 << 16;  // of which the cells are made
+
+std::size_t blocks_of(std::size_t points) { return (points + kBlock - 1) / kBlock; }
+
+constexpr float Point::*kAxes[] = {&Point::x, &Point::y, &Point::z};
+constexpr float point::Vec3<float>::*kCellAxes[] = {&point::Vec3<float>::x, &point::Vec3<float>::y,
+                                                    &point::Vec3<float>::z};
+
+constexpr std::size_t kWordBits = 64;
+
+std::span<const Point> block_of(std::span<const Point> points, std::size_t block) {
+  return points.subspan(block * kBlock, std::min(kBlock, points.size() - block * kBlock));
+}
+
+// A bit for each of up to 64 points: whether it is valid and in the region.
+std::uint64_t bits_inside(const point::Region& r, std::span<const Point> points) {
+  std::uint64_t bits = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const Point& p = points[i];
+    const bool in = bool(int(p.x >= r.min.x) & int(p.x <= r.max.x) & int(p.y >= r.min.y) & int(p.y <= r.max.y) &
+                         int(p.z >= r.min.z) & int(p.z <= r.max.z) & int(is_indexed(p)));
+    bits |= std::uint64_t(in) << i;
+  }
+  return bits;
+}
+
+bool holds(const point::Region& r, const Bounds& b) {
+  return b.min.x >= r.min.x && b.max.x <= r.max.x && b.min.y >= r.min.y && b.max.y <= r.max.y && b.min.z >= r.min.z &&
+         b.max.z <= r.max.z;
+}
+
+bool overlap(const Bounds& b, const point::Region& r) {
+  return b.valid > 0 && b.min.x <= r.max.x && b.max.x >= r.min.x && b.min.y <= r.max.y && b.max.y >= r.min.y &&
+         b.min.z <= r.max.z && b.max.z >= r.min.z;
+}
+
+}  // namespace
+
+Cut::Cut(std::span<const Point> points, std::size_t tiles, const ForEach& for_each) : points_(points) {
+  block_bounds_.assign(blocks_of(points.size()), kNoBounds);
+  for_each(block_bounds_.size(), [&](std::size_t block) {
+    for (const Point& p : block_of(points, block))
+      if (is_indexed(p)) include(block_bounds_[block], p);
+  });
+  bounds_ = kNoBounds;
+  for (const Bounds& b : block_bounds_) unite(bounds_, b);
+  if (bounds_.valid == 0) {
+    bounds_ = {};
+    return;
+  }
+  std::vector<Point> sample;
+  const std::size_t stride = std::max<std::size_t>(1, points.size() / kSamples);
+  for (std::size_t i = 0; i < points.size(); i += stride)
+    if (is_indexed(points[i])) sample.push_back(points[i]);
+  split(sample, std::max<std::size_t>(1, tiles),
+        {{-kUnbounded, -kUnbounded, -kUnbounded}, {kUnbounded, kUnbounded, kUnbounded}});
+
+  std::vector<std::vector<Bounds>> of_block(block_bounds_.size());
+  for_each(block_bounds_.size(), [&](std::size_t block) {
+    std::vector<Bounds>& cores = of_block[block];
+    cores.assign(tiles_.size(), kNoBounds);
+    const Bounds& bounds = block_bounds_[block];
+    for (std::size_t tile = 0; tile < tiles_.size(); ++tile)
+      if (tiles_[tile].cell.contains(bounds.min) && tiles_[tile].cell.contains(bounds.max)) {
+        cores[tile] = bounds;  // all of the block
+        return;
+      }
+    for (const Point& p : block_of(points, block))
+      for (std::size_t tile = 0; tile < tiles_.size(); ++tile)
+        if (tiles_[tile].cell.contains(p)) {
+          if (is_indexed(p)) include(cores[tile], p);
+          break;
+        }
+  });
+  for (const auto& cores : of_block)
+    for (std::size_t tile = 0; tile < cores.size(); ++tile) unite(tiles_[tile].core, cores[tile]);
+}
+
+// At the rank of the sample that shares it as the tiles are to be shared.
+void Cut::split(std::span<Point> sample, std::size_t tiles, const Cell& cell) {
+  Bounds extent = kNoBounds;
+  for (const Point& p : sample) include(extent, p);
+  int axis = 0;
+  for (int a = 1; a < 3; ++a)
+    if (extent.max.*kAxes[a] - extent.min.*kAxes[a] > extent.max.*kAxes[axis] - extent.min.*kAxes[axis]) axis = a;
+  const auto coordinate = kAxes[axis];
+  if (tiles == 1 || sample.size() < 2 || !(extent.max.*coordinate > extent.min.*coordinate)) {
+    tiles_.push_back({cell, kNoBounds});
+    return;
+  }
+  const std::size_t left_tiles = tiles / 2;
+  const auto middle = sample.begin() + std::ptrdiff_t(sample.size() * left_tiles / tiles);
+  std::nth_element(sample.begin(), middle, sample.end(),
+                   [&](const Point& a, const Point& b) { return a.*coordinate < b.*coordinate; });
+  float plane = (*middle).*coordinate;
+  if (!(plane > extent.min.*coordinate)) {  // many share the least coordinate: they make the left part
+    plane = extent.max.*coordinate;
+    for (const Point& p : sample)
+      if (p.*coordinate > extent.min.*coordinate) plane = std::min(plane, p.*coordinate);
+  }
+  const auto bound =
+      std::partition(sample.begin(), sample.end(), [&](const Point& p) { return p.*coordinate < plane; });
+  Cell left = cell, right = cell;
+  left.max.*kCellAxes[axis] = right.min.*kCellAxes[axis] = plane;
+  split(sample.first(std::size_t(bound - sample.begin())), left_tiles, left);
+  split(sample.subspan(std::size_t(bound - sample.begin())), tiles - left_tiles, right);
+}
+
+point::Region Cut::region_around(const Bounds& wanted, double halo) const {
+  const auto below = [&](float v, float end) { return v - halo <= end ? -kUnbounded : float(v - halo); };
+  const auto above = [&](float v, float end) { return v + halo >= end ? kUnbounded : float(v + halo); };
+  return {{below(wanted.min.x, bounds_.min.x), below(wanted.min.y, bounds_.min.y), below(wanted.min.z, bounds_.min.z)},
+          {above(wanted.max.x, bounds_.max.x), above(wanted.max.y, bounds_.max.y), above(wanted.max.z, bounds_.max.z)}};
+}
+
+double Cut::reach_of_nearest(double k, const Bounds& b) const {
+  double sides[] = {double(b.max.x) - b.min.x, double(b.max.y) - b.min.y, double(b.max.z) - b.min.z};
+  std::sort(std::begin(sides), std::end(sides));
+  const double count = double(std::max<std::uint64_t>(b.valid, 1));
+  const double spacing = std::max(std::sqrt(sides[2] * sides[1] / count), sides[2] / count);
+  const double diagonal = std::hypot(double(bounds_.max.x) - bounds_.min.x, double(bounds_.max.y) - bounds_.min.y,
+                                     double(bounds_.max.z) - bounds_.min.z);
+  return std::max(2.5 * std::sqrt((k + 1) / std::numbers::pi) * spacing, 1e-6 * diagonal);
+}
+
+// One look at each point of blocks that lie partly inside, without a branch: half of them may be in. A bit each is
+// kept, so that they are counted before there is room for them.
+void Cut::find(const point::Region& region, const ForEach& for_each, std::vector<std::uint32_t>& indices) const {
+  std::vector<std::size_t> blocks;
+  for (std::size_t block = 0; block < block_bounds_.size(); ++block)
+    if (overlap(block_bounds_[block], region)) blocks.push_back(block);
+  constexpr std::size_t kWords = kBlock / kWordBits;
+  const auto inside = std::make_unique_for_overwrite<std::uint64_t[]>(blocks.size() * kWords);
+  std::vector<std::size_t> start(blocks.size() + 1, 0);
+  for_each(blocks.size(), [&](std::size_t b) {
+    const std::span<const Point> points = block_of(points_, blocks[b]);
+    const Bounds& bounds = block_bounds_[blocks[b]];
+    if (bounds.valid == points.size() && holds(region, bounds)) {
+      start[b + 1] = points.size();
+      return;
+    }
+    for (std::size_t word = 0; word < kWords; ++word) {
+      const std::size_t first = std::min(points.size(), word * kWordBits);
+      const std::uint64_t bits =
+          bits_inside(region, points.subspan(first).first(std::min(kWordBits, points.size() - first)));
+      inside[b * kWords + word] = bits;
+      start[b + 1] += std::size_t(std::popcount(bits));
+    }
+  });
+  for (std::size_t b = 0; b < blocks.size(); ++b) start[b + 1] += start[b];
+  indices.resize(start.back());
+  for_each(blocks.size(), [&](std::size_t b) {
+    const auto first = std::uint32_t(blocks[b] * kBlock);
+    std::size_t to = start[b];
+    if (start[b + 1] - to == block_of(points_, blocks[b]).size()) {
+      std::iota(indices.begin() + std::ptrdiff_t(to), indices.begin() + std::ptrdiff_t(start[b + 1]), first);
+      return;
+    }
+    for (std::size_t word = 0; word < kWords; ++word)
+      for (std::uint64_t bits = inside[b * kWords + word]; bits != 0; bits &= bits - 1)
+        indices[to++] = first + std::uint32_t(word * kWordBits) + std::uint32_t(std::countr_zero(bits));
+  });
+}
+
+}  // namespace pointfair

@@ -1,0 +1,200 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tiles/tile_run.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "seam/exactness.hpp"
+#include "seam/overlap.hpp"
+
+namespace pointfair {
+namespace {
+
+constexpr std::size_t kBlock = 1 << 14;
+
+void add(Counts& counts, const Counts& more) {
+  counts.unmoved.too_few_neighbors += more.unmoved.too_few_neighbors;
+  counts.unmoved.no_normal += more.unmoved.no_normal;
+  counts.short_neighborhoods += more.short_neighborhoods;
+}
+void add(Counts& counts, unsigned char outcome) {
+  counts.unmoved.too_few_neighbors += (outcome & point::kTooFew) != 0;
+  counts.unmoved.no_normal += (outcome & point::kNoNormal) != 0;
+  counts.short_neighborhoods += (outcome & point::kShort) != 0;
+}
+
+// How wide a halo should be for most points of the tile.
+double first_halo(const Cut& cut, const TileStages& stages, const Bounds& bounds) {
+  const NeighborSettings& n = stages.neighbors;
+  const double nearest = cut.reach_of_nearest(n.k > 0 ? n.k : n.widening, bounds);
+  double reach = n.k > 0 ? nearest : std::hypot(nearest, double(n.radius));
+  if (n.k > 0 && n.radius > 0) reach = std::min(reach, 1.01 * double(n.radius));
+  if (n.constraint) reach += double(n.reach);
+  const FairingSettings& f = stages.fairing;
+  const bool reads_others = f.two_planes || f.area_weight != AreaWeight::none || f.pull_outliers;
+  const int steps = f.method != Method::bilateral ? 2 : int(reads_others);
+  return reach * (stages.normals.filter_rounds + double(stages.normals.flat_radius) * (1 + steps));
+}
+
+}  // namespace
+
+void for_tile_blocks(std::size_t count, const ForEach& for_each,
+                     const std::function<void(std::size_t, std::size_t)>& body) {
+  for_each((count + kBlock - 1) / kBlock,
+           [&](std::size_t block) { body(block * kBlock, std::min(count, (block + 1) * kBlock)); });
+}
+
+bool TileTask::wants(std::uint32_t index, const Point& p) const {
+  return cell ? cell->contains(p) : std::binary_search(listed.begin(), listed.end(), index);
+}
+
+std::span<Point> TileWorker::room(HostBuffer& buffer, std::size_t count) {
+  if (buffer.points().size() < count) {
+    buffer = {};
+    buffer = backend->host_buffer(count + count / 4);
+  }
+  return buffer.points().first(count);
+}
+
+void TileWorker::find(const Cut& cut, const point::Region& region, const ForEach& for_each) {
+  cut.find(region, for_each, indices);
+  loaded = region;
+}
+
+void TileWorker::upload(std::span<const Point> input, const ForEach& for_each) {
+  finish_upload();  // of a run that failed
+  const std::span<Point> to = room(in, indices.size());
+  for_tile_blocks(to.size(), for_each, [&](std::size_t first, std::size_t last) {
+    for (std::size_t i = first; i < last; ++i) to[i] = input[indices[i]];
+  });
+  if (Overlap* overlap = backend->overlap()) {
+    overlap->start_upload(to, IndexOrder::along_curve);
+  } else {
+    backend->upload(to, IndexOrder::along_curve);
+  }
+}
+
+void TileWorker::finish_upload() {
+  if (Overlap* overlap = backend->overlap()) overlap->finish_upload();
+}
+
+// A run's input and state.
+struct TileRun::Job {
+  const Cut& cut;
+  std::span<const Point> input;
+  const TileStages& stages;
+  Results& results;
+  std::deque<TileTask> tasks;
+  double halo_factor;  // by which the tiles to come are wider than first_halo()
+
+  TileTask listed(Indices indices, double halo) const {
+    std::sort(indices.begin(), indices.end());
+    Bounds bounds = kNoBounds;
+    for (const std::uint32_t i : indices) include(bounds, input[i]);
+    return {std::nullopt, std::move(indices), bounds, halo};
+  }
+};
+
+void TileRun::run(const Cut& cut, std::span<const Point> input, const TileStages& stages, Results& results,
+                  const std::stop_token& stop) {
+  Job job{cut, input, stages, results, {}, tiling_.first_halo};
+  for (TileWorker& worker : workers_) worker.task.reset();  // of a run that failed
+  for (const Cut::Tile& tile : cut.tiles())
+    if (tile.core.valid > 0) job.tasks.push_back({tile.cell, {}, tile.core, 0});
+  const auto any_at_work = [&] {
+    return std::any_of(workers_.begin(), workers_.end(), [](const TileWorker& w) { return w.task.has_value(); });
+  };
+  for (std::size_t turn = 0; !job.tasks.empty() || any_at_work(); ++turn) {
+    if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+    TileWorker& worker = workers_[turn % workers_.size()];
+    if (worker.task) collect(job, worker);
+    if (job.tasks.empty()) continue;
+    TileTask task = std::move(job.tasks.front());
+    job.tasks.pop_front();
+    start(job, worker, std::move(task), stop);
+  }
+}
+
+void TileRun::start(Job& job, TileWorker& worker, TileTask task, const std::stop_token& stop) {
+  if (task.halo == 0) task.halo = first_halo(job.cut, job.stages, task.bounds) * job.halo_factor;
+  worker.find(job.cut, job.cut.region_around(task.bounds, task.halo), for_each_);
+  if (worker.indices.size() > tiling_.most_points) return split(job, worker, std::move(task));
+  worker.upload(job.input, for_each_);
+  Backend& backend = *worker.backend;
+  backend.build_index(0, job.stages.frame, stop);
+  backend.find_neighbors(0, job.stages.neighbors, stop);
+  backend.estimate_normals(0, job.stages.normals, stop);
+  backend.fair(0, job.stages.fairing, false, stop);
+  worker.task = std::move(task);
+}
+
+// In two along the longest side, if a task needs more points than can be uploaded.
+void TileRun::split(Job& job, const TileWorker& worker, TileTask task) {
+  if (task.cell)
+    for (const std::uint32_t i : worker.indices)
+      if (task.cell->contains(job.input[i])) task.listed.push_back(i);
+  if (task.listed.size() < 2)
+    throw Error(ErrorKind::memory,
+                "point " + std::to_string(task.listed.empty() ? 0 : task.listed[0]) +
+                    " lies so far from others that its neighbourhood does not fit the device's memory; remove "
+                    "outliers, or run on the CPU");
+  const Bounds& b = task.bounds;
+  const float x = b.max.x - b.min.x, y = b.max.y - b.min.y, z = b.max.z - b.min.z;
+  const auto axis = x >= y && x >= z ? &Point::x : y >= z ? &Point::y : &Point::z;
+  const auto middle = task.listed.begin() + std::ptrdiff_t(task.listed.size() / 2);
+  std::nth_element(task.listed.begin(), middle, task.listed.end(),
+                   [&](std::uint32_t a, std::uint32_t c) { return job.input[a].*axis < job.input[c].*axis; });
+  job.tasks.push_back(job.listed({task.listed.begin(), middle}, task.halo));
+  job.tasks.push_back(job.listed({middle, task.listed.end()}, task.halo));
+}
+
+// Takes the results that are exact, and makes a task of the others.
+void TileRun::collect(Job& job, TileWorker& worker) {
+  const TileTask task = std::move(*worker.task);
+  worker.task.reset();
+  Backend& backend = *worker.backend;
+  const std::size_t count = worker.indices.size();
+  const std::span<Point> out = worker.room(worker.out, count);
+  backend.download(0, out, {}, {});
+  worker.outcomes.resize(count);
+  backend.exactness()->outcomes(worker.loaded, worker.outcomes);
+  std::vector<Point> normals(job.results.normals.empty() ? 0 : count);
+  if (!normals.empty()) backend.download_normals(0, normals, {});
+
+  Indices left = take_results(job, worker, task, out, normals);
+  const Costs costs = backend.take_costs();
+  Results& results = job.results;
+  results.peak_host_bytes = std::max(results.peak_host_bytes, costs.peak_host_bytes * workers_.size());
+  results.peak_device_bytes = std::max(results.peak_device_bytes, costs.peak_device_bytes * workers_.size());
+  if (left.empty()) return;
+  if (task.cell && left.size() > task.bounds.valid / 50) job.halo_factor *= 1.5;
+  job.tasks.push_back(job.listed(std::move(left), 2 * task.halo));
+}
+
+// Returns the points of the task whose results are not known to be exact.
+Indices TileRun::take_results(Job& job, const TileWorker& worker, const TileTask& task, std::span<const Point> out,
+                              std::span<const Point> normals) {
+  const std::size_t count = worker.indices.size();
+  std::vector<Indices> left((count + kBlock - 1) / kBlock);
+  std::vector<Counts> counts(left.size());
+  for_tile_blocks(count, for_each_, [&](std::size_t first, std::size_t last) {
+    for (std::size_t i = first; i < last; ++i) {
+      const std::uint32_t index = worker.indices[i];
+      if (!task.wants(index, job.input[index])) continue;
+      if ((worker.outcomes[i] & point::kExact) == 0) {
+        left[first / kBlock].push_back(index);
+        continue;
+      }
+      if (!job.results.points.empty()) job.results.points[index] = out[i];
+      if (!normals.empty()) job.results.normals[index] = normals[i];
+      add(counts[first / kBlock], worker.outcomes[i]);
+    }
+  });
+  Indices all;
+  for (const Indices& some : left) all.insert(all.end(), some.begin(), some.end());
+  for (const Counts& some : counts) add(job.results.counts, some);
+  return all;
+}
+
+}  // namespace pointfair

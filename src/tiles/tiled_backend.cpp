@@ -1,0 +1,237 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tiles/tiled_backend.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <limits>
+#include <utility>
+
+#include "point/outliers.h"
+#include "seam/exactness.hpp"
+#include "seam/sampling.hpp"
+#include "tiles/cut.hpp"
+#include "tiles/tile_run.hpp"
+
+namespace pointfair {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+
+// What is held of one iteration. Stages up to the normals only note what they are to do; fairing does it all.
+struct Iteration {
+  std::optional<Cut> cut;  // of its input
+  TileStages stages;
+  std::vector<Point> faired;
+  Counts counts;
+};
+
+class TiledBackend final : public Backend, public Sampling {
+ public:
+  TiledBackend(std::vector<std::unique_ptr<Backend>> workers, Tiling tiling) : tiling_(tiling) {
+    for (auto& backend : workers) workers_.emplace_back(std::move(backend));
+  }
+
+  DeviceInfo device() const override { return workers_[0].backend->device(); }
+  HostBuffer host_buffer(std::size_t count) override { return workers_[0].backend->host_buffer(count); }
+
+  void upload(std::span<const Point> points, IndexOrder) override {
+    copy(points, cloud_);
+    peak_device_ = peak_of_workers_ = 0;
+    first_.cut.reset();
+    further_.cut.reset();
+    further_iteration_ = 0;
+  }
+
+  void build_index(int iteration, const std::optional<Frame>& frame, std::stop_token) override {
+    const auto start = Clock::now();
+    if (iteration > 0 && iteration != further_iteration_) {
+      if (iteration > 1) held(iteration - 1).faired.swap(input_);
+      further_iteration_ = iteration;
+    }
+    Iteration& its = held(iteration);
+    its.stages.frame = frame;
+    its.cut.emplace(input_of(iteration), tiling_.tiles, for_each());
+    note("cut", start);
+  }
+  void find_neighbors(int iteration, const NeighborSettings& settings, std::stop_token) override {
+    held(iteration).stages.neighbors = settings;
+  }
+  void estimate_normals(int iteration, const NormalSettings& settings, std::stop_token) override {
+    held(iteration).stages.normals = settings;
+  }
+  void fair(int iteration, const FairingSettings& settings, bool, std::stop_token stop) override {
+    const auto start = Clock::now();
+    Iteration& its = held(iteration);
+    its.stages.fairing = settings;
+    copy(input_of(iteration), its.faired);
+    TileRun::Results results{its.faired, {}, {}};
+    results.counts.unmoved.non_finite = cloud_.size() - first_.cut->bounds().valid;
+    run(iteration, results, stop);
+    its.counts = results.counts;
+    note("tiles", start);
+  }
+
+  std::uint64_t download(int iteration, std::span<Point> points, const DisplacementLimits& limits,
+                         std::span<std::uint8_t> outliers) override {
+    const auto start = Clock::now();
+    const std::vector<Point>& faired = held(iteration).faired;
+    std::fill(outliers.begin(), outliers.end(), std::uint8_t(0));
+    const bool is_limited = limits.farthest > 0, may_hold_back = is_limited || iteration > 0;
+    const DisplacementLimits used = is_limited ? limits : DisplacementLimits{kUnbounded, kUnbounded};
+    std::atomic<std::uint64_t> held_back = 0;
+    for_tile_blocks(points.size(), for_each(), [&](std::size_t first, std::size_t last) {
+      if (!may_hold_back) {
+        std::copy_n(&faired[first], last - first, &points[first]);
+        return;
+      }
+      std::uint64_t here = 0;
+      for (std::size_t i = first; i < last; ++i) {
+        points[i] = faired[i];
+        if (!is_indexed(cloud_[i])) continue;
+        const auto settled =
+            point::settled(to_vec3(cloud_[i]), to_vec3(faired[i]), used.farthest, used.outlier_distance);
+        points[i] = {settled.place.x, settled.place.y, settled.place.z};
+        here += settled.is_outlier;
+        if (!outliers.empty()) outliers[i] = settled.is_outlier;
+      }
+      held_back += here;
+    });
+    note("download", start);
+    return held_back;
+  }
+  void download_input(std::span<Point> points) override { std::copy(cloud_.begin(), cloud_.end(), points.begin()); }
+  // Normals are not kept: the tiles are computed again.
+  void download_normals(int iteration, std::span<Point> normals, std::stop_token stop) override {
+    std::fill(normals.begin(), normals.end(), Point{0, 0, 0});
+    TileRun::Results results{{}, normals, {}};
+    run(iteration, results, stop);
+  }
+
+  Counts counts(int iteration) override { return held(iteration).counts; }
+  Costs take_costs() override {
+    std::uint64_t bytes = peak_of_workers_;
+    for (const std::vector<Point>* points : {&cloud_, &input_, &first_.faired, &further_.faired})
+      bytes += points->capacity() * sizeof(Point);
+    for (const TileWorker& worker : workers_) {
+      bytes += (worker.in.points().size() + worker.out.points().size()) * sizeof(Point);
+      bytes += worker.indices.capacity() * sizeof(std::uint32_t);
+    }
+    const std::uint64_t tiles = first_.cut ? std::max<std::uint64_t>(1, first_.cut->tiles().size()) : 1;
+    return {std::exchange(times_, {}), bytes, peak_device_, tiles};
+  }
+
+  Sampling& sampling() override { return *this; }
+
+  CloudSample sample_cloud(std::size_t count) override {
+    const auto point_at = [this](std::size_t i) { return std::pair(cloud_[i], std::uint32_t(i)); };
+    return sample_points(cloud_.size(), point_at, count, for_each());
+  }
+  void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override {
+    std::fill(out.begin(), out.end(), Point{kNan, kNan, kNan});
+    for (const Cut::Tile& tile : first_.cut->tiles()) {
+      Rows rows{{}, kNoBounds, tiling_.first_halo * first_.cut->reach_of_nearest(k, tile.core)};
+      for (std::size_t q = 0; q < queries.size(); ++q) {
+        const Point& p = cloud_[queries[q]];
+        if (!is_indexed(p) || !tile.cell.contains(p)) continue;
+        rows.asked.push_back(q);
+        include(rows.bounds, p);
+      }
+      while (!rows.asked.empty()) rows = sample(queries, k, rows, out);
+    }
+  }
+  void for_each_on_host(std::size_t count, const std::function<void(std::size_t)>& body) override {
+    workers_[0].backend->sampling().for_each_on_host(count, body);
+  }
+
+ private:
+  // Rows of neighbourhoods that are not known yet.
+  struct Rows {
+    std::vector<std::size_t> asked;
+    Bounds bounds;  // of their queries
+    double halo;
+  };
+
+  ForEach for_each() {
+    return [this](std::size_t count, const std::function<void(std::size_t)>& body) { for_each_on_host(count, body); };
+  }
+  Iteration& held(int iteration) {
+    if (iteration != 0 && iteration != further_iteration_)
+      throw Error(ErrorKind::failed, "the results of iteration " + std::to_string(iteration) + " are not held");
+    return iteration == 0 ? first_ : further_;
+  }
+  const std::vector<Point>& input_of(int iteration) const {
+    return iteration == 0 ? cloud_ : iteration == 1 ? first_.faired : input_;
+  }
+  void note(const char* name, Clock::time_point start) {
+    times_.push_back({name, std::chrono::duration<double, std::milli>(Clock::now() - start).count()});
+  }
+
+  void run(int iteration, TileRun::Results& results, const std::stop_token& stop) {
+    const Iteration& its = held(iteration);
+    TileRun(workers_, tiling_, for_each()).run(*its.cut, input_of(iteration), its.stages, results, stop);
+    peak_device_ = std::max(peak_device_, results.peak_device_bytes);
+    peak_of_workers_ = std::max(peak_of_workers_, results.peak_host_bytes);
+  }
+
+  // By all threads; a vector's own copy is made by one.
+  void copy(std::span<const Point> from, std::vector<Point>& to) {
+    if (to.capacity() < from.size()) to = {};  // nothing of it is needed
+    to.resize(from.size());
+    for_tile_blocks(from.size(), for_each(), [&](std::size_t first, std::size_t last) {
+      std::copy(from.begin() + std::ptrdiff_t(first), from.begin() + std::ptrdiff_t(last),
+                to.begin() + std::ptrdiff_t(first));
+    });
+  }
+
+  // Fills the rows that are exact, and returns the others, to be sampled farther out.
+  Rows sample(std::span<const std::uint32_t> queries, int k, const Rows& rows, std::span<Point> out) {
+    TileWorker& worker = workers_[0];
+    worker.find(*first_.cut, first_.cut->region_around(rows.bounds, rows.halo), for_each());
+    worker.upload(cloud_, for_each());
+    worker.backend->build_index(0, std::nullopt, {});
+    std::vector<std::uint32_t> places;
+    for (const std::size_t q : rows.asked)
+      places.push_back(std::uint32_t(std::lower_bound(worker.indices.begin(), worker.indices.end(), queries[q]) -
+                                     worker.indices.begin()));
+    const std::size_t row_size = std::size_t(k) + 1;
+    std::vector<Point> found(places.size() * row_size);
+    worker.backend->sampling().sample_neighborhoods(places, k, found);
+    const Costs costs = worker.backend->take_costs();
+    peak_device_ = std::max(peak_device_, costs.peak_device_bytes * workers_.size());
+    peak_of_workers_ = std::max(peak_of_workers_, costs.peak_host_bytes * workers_.size());
+    Rows left{{}, kNoBounds, 2 * rows.halo};
+    for (std::size_t r = 0; r < places.size(); ++r) {
+      const Point* row = &found[r * row_size];
+      const auto here = to_vec3(row[0]), last = to_vec3(row[k]);
+      const bool full = is_indexed(row[k]);
+      if (point::is_exact_list({k, kUnbounded, false, 0}, full ? k : 0,
+                               full ? point::squared_length(last - here) : 0.0f,
+                               point::squared_gap_to_outside(worker.loaded, here))) {
+        std::copy_n(row, row_size, &out[rows.asked[r] * row_size]);
+      } else {
+        left.asked.push_back(rows.asked[r]);
+        include(left.bounds, row[0]);
+      }
+    }
+    return left;
+  }
+
+  std::vector<TileWorker> workers_;
+  Tiling tiling_;
+  std::vector<Point> cloud_, input_;  // as uploaded; of iterations from the third on
+  Iteration first_, further_;
+  int further_iteration_ = 0;  // which further_ is; 0: none
+  std::vector<StageTime> times_;
+  std::uint64_t peak_device_ = 0, peak_of_workers_ = 0;
+};
+
+}  // namespace
+
+std::unique_ptr<Backend> make_tiled_backend(std::vector<std::unique_ptr<Backend>> workers, Tiling tiling) {
+  return std::make_unique<TiledBackend>(std::move(workers), tiling);
+}
+
+}  // namespace pointfair

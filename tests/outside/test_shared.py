@@ -1,0 +1,28 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""test_shared.py LIBRARY FINGERPRINT FINGERPRINT_SHARED: a program over the shared library prints what one over the static
+library prints, and the library exports no name that the public headers do not mark."""
+import re
+import subprocess
+import sys
+
+library, inside, shared = sys.argv[1:]
+
+
+def run(*command):
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout
+
+
+PUBLIC = re.compile(r"^(typeinfo (name )?for |vtable for )?pointfair::(Error|Pipeline|size_of|attributes?|triangles|read|write|"
+                    r"write_bytes|remove_unfinished_files|format_of|set_limit|limit_text|movable_points|apply_limits|paper_preset|"
+                    r"find_param|set_param|param_text|check_params|list_devices|version)\b")
+
+symbols = [line.split(maxsplit=2) for line in run("nm", "-D", "-C", "--defined-only", library).splitlines()]
+ours = {re.sub(r"\[abi:\w+\]", "", symbol[2]) for symbol in symbols if "pointfair::" in symbol[2] and not symbol[2].startswith("std::")}
+hidden = sorted(name for name in ours if not PUBLIC.match(name) or re.search(r"Pipeline::State|PipelineAccess", name))
+if hidden:
+    raise SystemExit("exported, but not public:\n" + "\n".join(hidden))
+if not any("Pipeline::run" in name for name in ours):
+    raise SystemExit("the library does not export Pipeline::run")
+if run(inside) != run(shared):
+    raise SystemExit("the shared library gives other results")
