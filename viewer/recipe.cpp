@@ -99,6 +99,8 @@ std::string length_literal(const Length& length) {
       return fmt::format("{{{}, pointfair::Length::Unit::spacing}}", length.value);
     case Length::Unit::radius:
       return fmt::format("{{{}, pointfair::Length::Unit::radius}}", length.value);
+    case Length::Unit::metre:
+      return fmt::format("{{{}, pointfair::Length::Unit::metre}}", length.value);
     case Length::Unit::file:
       break;
   }

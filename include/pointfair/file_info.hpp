@@ -8,6 +8,7 @@
 
 #include "pointfair/cloud.hpp"
 #include "pointfair/export.hpp"
+#include "pointfair/io.hpp"
 
 namespace pointfair {
 
@@ -17,10 +18,11 @@ struct FileInfo {
   };
   std::vector<Row> rows;                  ///< for people: version, software, coordinate system, ...
   std::optional<double> metres_per_unit;  ///< of the coordinates, where the file says so
-  double step = 0;                        ///< between coordinates where these are integers, the coarsest; else 0
+  double step = 0;  ///< between coordinates where these are stored as integers, the coarsest axis's; else 0
+  std::optional<Format> format;  ///< of the file; unset for a cloud made in memory
 };
 
-/// Costs nothing per point.
+/// O(1) in the points.
 POINTFAIR_EXPORT FileInfo file_info(const Cloud& cloud);
 
 }  // namespace pointfair

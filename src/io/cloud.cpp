@@ -61,7 +61,12 @@ Attribute attribute(const Cloud& cloud, std::string_view name) {
               "the cloud has no attribute '" + std::string(name) + "'; it has " + (known.empty() ? "none" : known));
 }
 
-FileInfo file_info(const Cloud& cloud) { return cloud.source ? cloud.source->info() : FileInfo{}; }
+FileInfo file_info(const Cloud& cloud) {
+  if (!cloud.source) return {};
+  FileInfo info = cloud.source->info();
+  info.format = cloud.source->format();
+  return info;
+}
 
 std::vector<std::array<std::uint32_t, 3>> triangles(const Cloud& cloud) {
   std::vector<std::array<std::uint32_t, 3>> result;
