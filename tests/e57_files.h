@@ -160,7 +160,7 @@ inline std::string make_e57(const std::vector<E57Scan>& scans, std::size_t piece
     for (const E57Field& field : scan.fields) xml += e57_prototype(field);
     xml += "</prototype><codecs type=\"Vector\"/></points></vectorChild>\n";
     logical += e57_section(scan, logical.size(), piece);
-    logical += std::string("\0\0\0\0\0\0\0\0", 8) + "a blob of some image" + std::string(300, '\xAB');
+    logical += std::string(8, '\0').append("a blob of some image").append(300, '\xAB');
   }
   xml += "</data3D>\n<images2D type=\"Vector\"/></e57Root>\n";
   const std::uint64_t xml_begin = logical.size();

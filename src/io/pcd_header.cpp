@@ -115,6 +115,10 @@ class HeaderParser {
         (!counts_.empty() && counts_.size() != names_.size())) {
       fail(name_, "FIELDS, SIZE, TYPE and COUNT do not have as many entries; correct the header");
     }
+    if (names_.size() > kMaxColumns) {
+      fail(name_, "has " + std::to_string(names_.size()) + " fields, but at most " + std::to_string(kMaxColumns) +
+                      " can be read; leave some out");
+    }
     for (std::size_t f = 0; f < names_.size(); ++f) {
       const auto type = type_of(types_[f], sizes_[f]);
       const auto count = counts_.empty() ? std::optional<std::uint64_t>(1) : to_count(counts_[f]);

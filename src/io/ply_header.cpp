@@ -102,6 +102,14 @@ class HeaderParser {
     if (std::any_of(vertex + 1, header_.elements.end(), is_vertex)) {
       fail(name_, "the header has two elements 'vertex'; split the file");
     }
+    if (vertex->properties.size() > kMaxColumns) {
+      fail(name_, "a vertex has " + std::to_string(vertex->properties.size()) + " properties, but at most " +
+                      std::to_string(kMaxColumns) + " can be read; leave some out");
+    }
+    for (const PlyElement& element : header_.elements) {  // its rows would be nothing, and any number of them
+      if (element.count == 0 || !element.properties.empty()) continue;
+      fail(name_, "the element '" + element.name + "' has no properties; remove it from the header");
+    }
     header_.vertex = static_cast<std::size_t>(vertex - header_.elements.begin());
     header_.text = file_.substr(0, position());
     return std::move(header_);

@@ -10,9 +10,6 @@
 #include "io/parallel.hpp"
 
 namespace pointfair::io {
-namespace {
-
-constexpr std::size_t kChunkBytes = std::size_t{1} << 18;
 
 // What the numbers of a column have in common, and so the narrowest type that holds them without losing a digit.
 struct Narrowest {
@@ -50,6 +47,10 @@ struct Narrowest {
     return fits_float ? NativeType::float32 : NativeType::float64;
   }
 };
+
+namespace {
+
+constexpr std::size_t kChunkBytes = std::size_t{1} << 18;
 
 // The words of one row, column after column; lists are stepped over, and shift the words behind them.
 class RowWords {
@@ -177,6 +178,20 @@ TextSource::TextSource(FileBytes bytes, std::string name, Format format, TextLay
       layout_(std::move(layout)),
       attributes_(layout_.attributes) {
   layout_.end = std::min(layout_.end, this->bytes().size());
+  check_size();
+}
+
+// What is read stays in proportion to the file, whatever its first lines promise.
+void TextSource::check_size() const {
+  if (layout_.columns.size() > kMaxTextColumns) {
+    fail(name(), "has " + std::to_string(layout_.columns.size()) + " columns, but at most " +
+                     std::to_string(kMaxTextColumns) + " can be read; leave some out");
+  }
+  constexpr std::uint64_t kValuesPerByte = 4;  // at least 2 bytes stand for a value
+  if (layout_.count > 0 && layout_.attributes.size() > kValuesPerByte * bytes().size() / layout_.count) {
+    fail(name(), "most rows are much shorter than the first, which has " + std::to_string(layout_.columns.size()) +
+                     " columns; repair the file");
+  }
 }
 
 std::uint64_t TextSource::block_begin(std::size_t block) const {
@@ -258,23 +273,39 @@ ScalarType TextSource::coordinate_type() const {
   return all ? ScalarType::float32 : ScalarType::float64;
 }
 
+// What the words of each column have in common, of those whose type is unknown.
+std::vector<Narrowest> TextSource::see_columns(std::size_t block) const {
+  std::vector<Narrowest> seen(attributes_.size());
+  std::vector<std::size_t> owner(layout_.columns.size(), attributes_.size());
+  for (std::size_t a = 0; a < attributes_.size(); ++a) {
+    if (!attributes_[a].typed) owner[attributes_[a].first] = a;
+  }
+  for_each_line(block, [&](std::string_view line, std::ptrdiff_t point) {
+    if (point < 0) return;
+    RowWords row(line, layout_);
+    ColumnKind kind{};
+    for (std::size_t c = 0; c < owner.size(); ++c) {
+      std::string_view word;
+      if (!row.next(kind, word)) word = {};
+      if (owner[c] < seen.size()) seen[owner[c]].see(word);
+    }
+  });
+  return seen;
+}
+
 // Looks through the columns of unknown type; those with a word that is no number are no attributes.
 void TextSource::find_types() const {
+  if (std::all_of(attributes_.begin(), attributes_.end(), [](const TextColumn& column) { return column.typed; })) return;
+  std::vector<std::vector<Narrowest>> seen(block_count());
+  for_each_block(seen.size(), [&](std::size_t block) { seen[block] = see_columns(block); });
   std::vector<TextColumn> kept;
-  for (TextColumn& column : attributes_) {
+  for (std::size_t a = 0; a < attributes_.size(); ++a) {
+    TextColumn& column = attributes_[a];
     if (!column.typed) {
-      std::vector<Narrowest> seen(block_count());
-      for_each_block(seen.size(), [&](std::size_t block) {
-        std::vector<std::string_view> words;
-        for_each_line(block, [&](std::string_view line, std::ptrdiff_t point) {
-          if (point < 0) return;
-          column_words(line, layout_, column, words);
-          for (const std::string_view word : words) seen[block].see(word);
-        });
-      });
-      for (const Narrowest& other : seen) seen.front().merge(other);
-      if (!seen.front().numbers) continue;
-      column.type = seen.front().type();
+      Narrowest all;
+      for (const std::vector<Narrowest>& block : seen) all.merge(block[a]);
+      if (!all.numbers) continue;
+      column.type = all.type();
       column.guessed = true;
     }
     kept.push_back(column);

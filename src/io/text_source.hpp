@@ -38,6 +38,8 @@ std::size_t begin_of_row(std::string_view text, const TextRows& rows, RowRule ru
 /// One column of a row, or a list: a count and so many values.
 enum class ColumnKind : std::uint8_t { x, y, z, other, list };
 
+struct Narrowest;  // the type that holds the words of a column
+
 /// An attribute, in the columns from `first` on. `typed`: false while the type is unknown.
 struct TextColumn : Column {
   std::size_t first = 0;
@@ -85,6 +87,8 @@ class TextSource : public Source {
   void for_each_line(std::size_t block, const Visit& visit) const;
   std::array<std::string_view, 3> coordinate_words(std::string_view line) const;
   [[noreturn]] void fail_at(const char* place, const std::string& message) const;
+  void check_size() const;
+  std::vector<Narrowest> see_columns(std::size_t block) const;
   void find_types() const;
   struct WordEdit;
   void edit_row(std::string_view line, std::uint64_t point, const Moves& moves, std::size_t place, const Edits& edits,

@@ -120,7 +120,8 @@ class Outputs(Case):
     def test_disk_full(self):
         def small_files():
             resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000))
-        self.fails(3, "run", self.cloud, self.path("out.ply"), says="out.ply", preexec_fn=small_files)
+        needed = len(self.ok("run", self.cloud, "-", "-q").stdout)
+        self.fails(3, "run", self.cloud, self.path("out.ply"), says=["out.ply", f"{needed} bytes"], preexec_fn=small_files)
         self.path("old.ply").write_bytes(b"precious")
         self.fails(3, "run", self.cloud, self.path("old.ply"), "--force", says="old.ply", preexec_fn=small_files)
         self.assertEqual(self.path("old.ply").read_bytes(), b"precious")
