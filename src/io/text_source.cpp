@@ -95,6 +95,13 @@ char added_separator(std::string_view line, char separator) {
   return separator == ' ' && line.find('\t') != std::string_view::npos ? '\t' : separator;
 }
 
+// Whether a value read from the word as `type` is this one, so that the word may stay as it is.
+bool is_word_of(std::string_view word, double value, ScalarType type) {
+  const std::optional<double> own = to_number(word);
+  if (!own) return false;
+  return *own == value || (type == ScalarType::float32 && static_cast<float>(*own) == static_cast<float>(value));
+}
+
 // Stores a word as a value of `type`; a missing one as NaN, or 0. False: it is no number.
 bool word_to_scalar(std::string_view word, NativeType type, char* to) {
   if (size_of(type) == 8 && is_integer(type)) {  // a double would lose digits
@@ -276,9 +283,11 @@ ScalarType TextSource::coordinate_type() const {
 // What the words of each column have in common, of those whose type is unknown.
 std::vector<Narrowest> TextSource::see_columns(std::size_t block) const {
   std::vector<Narrowest> seen(attributes_.size());
-  std::vector<std::size_t> owner(layout_.columns.size(), attributes_.size());
+  std::vector<std::size_t> owner;  // the attribute in each column, or as many as there are for none
   for (std::size_t a = 0; a < attributes_.size(); ++a) {
-    if (!attributes_[a].typed) owner[attributes_[a].first] = a;
+    if (attributes_[a].typed) continue;
+    owner.resize(std::max(owner.size(), attributes_[a].first + 1), attributes_.size());
+    owner[attributes_[a].first] = a;
   }
   for_each_line(block, [&](std::string_view line, std::ptrdiff_t point) {
     if (point < 0) return;
@@ -371,10 +380,10 @@ void TextSource::edit_row(std::string_view line, std::uint64_t point, const Move
     const TextColumn& column = attributes_[replacement.column];
     column_words(line, layout_, column, words);
     for (std::uint32_t c = 0; c < column.components; ++c) {
-      if (words[c].data() == nullptr) continue;  // the row is too short
+      const double value = replacement.value(point, c);
+      if (words[c].data() == nullptr || is_word_of(words[c], value, replacement.values->type)) continue;
       edited.push_back({words[c], {}});
-      append_as(edited.back().text, replacement.value(point, c),
-                column.guessed ? native(replacement.values->type) : column.type);
+      append_as(edited.back().text, value, column.guessed ? native(replacement.values->type) : column.type);
     }
   }
   // as they stand in the line
