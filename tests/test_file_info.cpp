@@ -6,6 +6,7 @@
 #include "io_files.h"
 #include "las_files.h"
 #include "pointfair/file_info.hpp"
+#include "pointfair/pipeline.hpp"
 
 namespace pointfair::test {
 namespace {
@@ -88,6 +89,20 @@ TEST(FileInfos, GeoKeysNameSystemAndUnit) {
   EXPECT_EQ(info_of(las_with({{34735, geo_keys({{2048, 4326}})}})).metres_per_unit, std::nullopt);
   const FileInfo info = info_of(las_with({{34735, geo_keys({{3072, 32633}})}, {34737, "WGS 84 / UTM zone 33N|other"}}));
   EXPECT_EQ(row(info, "coordinate_system"), "WGS 84 / UTM zone 33N, EPSG:32633");
+}
+
+TEST(FileInfos, LengthsInMetresFollowTheUnitOfTheLoadedFile) {
+  Pipeline pipeline(Device::cpu);
+  Params params;
+  params.noise = {0.3048, Length::Unit::metre};
+  const auto loaded = [&](const std::string& las) {
+    pipeline.load(parse(las, "a.las"));
+    return pipeline.resolve(params).noise.value;
+  };
+  EXPECT_DOUBLE_EQ(loaded(las_with({{34735, geo_keys({{3072, 2994}, {3076, 9002}})}})), 1);  // feet
+  EXPECT_DOUBLE_EQ(loaded(las_with({{34735, geo_keys({{3072, 2993}, {3076, 9001}})}})), 0.3048);
+  EXPECT_EQ(thrown_by([&] { loaded(las_with({})); }).kind, ErrorKind::usage);
+  EXPECT_EQ(thrown_by([&] { pipeline.run(params); }).kind, ErrorKind::usage);
 }
 
 TEST(FileInfos, AnE57FileIsInMetres) {
