@@ -25,7 +25,7 @@ RULES = {
     "src/estimate/": (["src/estimate/", "src/point/", "src/seam/", *DATA], ()),
     "src/tiles/": (["src/tiles/", "src/point/", "src/seam/", *DATA], ()),
     "src/pipeline/": (["src/pipeline/", "src/estimate/", "src/tiles/", "src/seam/", PUBLIC], ()),
-    "src/io/": (["src/io/", *FILES], ("tbb/", "sys/", "fcntl.h", "unistd.h", "fast_float/", "las", "pugixml")),
+    "src/io/": (["src/io/", *FILES], ("tbb/", "sys/", "fcntl.h", "unistd.h", "fast_float/", "las", "pugixml", "emmintrin.h")),
     "src/": (["src/parts.hpp", "src/point/", PUBLIC], ()),
     "cli/": (["cli/", "viewer/server.hpp", PUBLIC], None),
     "bench/paper/": (["bench/paper/", "src/point/", PUBLIC], None),

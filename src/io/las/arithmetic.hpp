@@ -5,6 +5,10 @@
 // ignores it, and returns the value.
 #pragma once
 
+#ifdef __SSE2__
+#include <emmintrin.h>
+#endif
+
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -19,12 +23,13 @@ namespace pointfair::io::las {
 
 inline constexpr std::uint32_t kLeastLength = std::uint32_t{1} << 24;  // a shorter interval takes in or gives off bytes
 
-/// Symbols 0 to n - 1 with probabilities learnt from those seen, 2 <= n <= 256.
-class SymbolModel {
+/// Symbols 0 to n - 1 with probabilities learnt from those seen, 2 <= n <= kMost.
+template <std::uint32_t kMost>
+class alignas(64) BasicSymbolModel {
  public:
   static constexpr int kShift = 15;  // a distribution has 15 bits
 
-  explicit SymbolModel(std::uint32_t symbols = 256) : symbols_(symbols) { reset(); }
+  explicit BasicSymbolModel(std::uint32_t symbols = kMost) : symbols_(symbols) { reset(); }
 
   void reset() {
     total_ = 0;
@@ -42,7 +47,10 @@ class SymbolModel {
   /// The symbol whose share of [0, 2^15) holds `value`. Two passes over 16 places each, without a branch.
   std::uint32_t find(std::uint32_t value) const {
     const auto at = static_cast<std::uint16_t>(std::min<std::uint32_t>(value, kBeyond - 1U));
-    const std::uint32_t group = symbols_ <= kGroup ? 0 : count_up_to(tops_.data(), at) - 1;
+    if (symbols_ <= kGroup) return count_up_to(distribution_.data(), at) - 1;
+    std::uint32_t group = count_up_to(tops_.data(), at) - 1;
+    for (std::uint32_t first = kGroup; first < tops_.size(); first += kGroup)
+      group += count_up_to(tops_.data() + first, at);
     return kGroup * group + count_up_to(distribution_.data() + kGroup * group, at) - 1;
   }
 
@@ -52,13 +60,23 @@ class SymbolModel {
   }
 
  private:
-  static constexpr std::uint32_t kGroup = 16, kMostCounts = std::uint32_t{1} << 15;
+  static constexpr std::uint32_t kGroup = 16, kGroups = (kMost + kGroup - 1) / kGroup, kMostCounts = std::uint32_t{1} << 15;
   static constexpr std::uint16_t kBeyond = 1U << kShift;
 
+  // Of 16 places in ascending order.
   static std::uint32_t count_up_to(const std::uint16_t* places, std::uint16_t value) {
-    std::uint16_t count = 0;
-    for (std::uint32_t i = 0; i < kGroup; ++i) count = static_cast<std::uint16_t>(count + (places[i] <= value));
+#ifdef __SSE2__
+    const auto* const from = reinterpret_cast<const __m128i*>(places);
+    const __m128i values = _mm_set1_epi16(static_cast<std::int16_t>(value)), zero = _mm_setzero_si128();
+    const __m128i low = _mm_cmpeq_epi16(_mm_subs_epu16(_mm_loadu_si128(from), values), zero);
+    const __m128i high = _mm_cmpeq_epi16(_mm_subs_epu16(_mm_loadu_si128(from + 1), values), zero);
+    const int mask = _mm_movemask_epi8(_mm_packs_epi16(low, high));
+    return static_cast<std::uint32_t>(std::countr_one(static_cast<std::uint32_t>(mask)));
+#else
+    std::uint32_t count = 0;
+    for (std::uint32_t i = 0; i < kGroup; ++i) count += places[i] <= value;
     return count;
+#endif
   }
 
   void update() {
@@ -81,11 +99,14 @@ class SymbolModel {
     until_update_ = cycle_;
   }
 
-  std::array<std::uint16_t, kGroup> tops_;       // the first of each group
-  std::array<std::uint16_t, 256> distribution_;  // where each symbol's share begins
-  std::array<std::uint16_t, 256> counts_;
-  std::uint32_t symbols_, total_, cycle_, until_update_;
+  // what each symbol needs comes first, in one cache line
+  std::uint32_t symbols_, until_update_, total_, cycle_;
+  std::array<std::uint16_t, (kGroups + kGroup - 1) / kGroup * kGroup> tops_;  // the first of each group
+  std::array<std::uint16_t, kGroups * kGroup> distribution_;                  // where each symbol's share begins
+  std::array<std::uint16_t, kMost> counts_;
 };
+
+using SymbolModel = BasicSymbolModel<256>;
 
 /// One bit with a probability learnt from those seen.
 class BitModel {
@@ -118,12 +139,15 @@ class BitModel {
 /// Reads what an Encoder wrote. Behind the end it reads zeros; `overrun` tells.
 class Decoder {
  public:
+  static constexpr bool kWrites = false;
+
   explicit Decoder(std::string_view bytes)
       : begin_(bytes.data()), at_(bytes.data()), end_(bytes.data() + bytes.size()), value_(next_bytes()) {
     at_ += 4;
   }
 
-  std::uint32_t code(SymbolModel& model, std::uint32_t) {
+  template <std::uint32_t kMost>
+  std::uint32_t code(BasicSymbolModel<kMost>& model, std::uint32_t) {
     const std::uint32_t unit = length_ >> SymbolModel::kShift;
     const std::uint32_t symbol = model.find(value_ / unit);
     const std::uint32_t begin = model.begin(symbol) * unit;
@@ -186,11 +210,15 @@ class Decoder {
   bool damaged_ = false;
 };
 
+/// Appends to `to`, which is its own until `finish`.
 class Encoder {
  public:
-  explicit Encoder(std::string& to) : to_(to), begin_(to.size()) {}
+  static constexpr bool kWrites = true;
 
-  std::uint32_t code(SymbolModel& model, std::uint32_t symbol) {
+  explicit Encoder(std::string& to) : to_(to), begin_(to.size()), at_(begin_) {}
+
+  template <std::uint32_t kMost>
+  std::uint32_t code(BasicSymbolModel<kMost>& model, std::uint32_t symbol) {
     const std::uint32_t unit = length_ >> SymbolModel::kShift;
     const std::uint32_t begin = model.begin(symbol) * unit;
     const std::uint32_t end = model.is_last(symbol) ? length_ : model.begin(symbol + 1) * unit;
@@ -220,6 +248,7 @@ class Encoder {
   void finish() {
     const bool short_tail = length_ <= 2 * kLeastLength;
     give(short_tail ? kLeastLength >> 1 : kLeastLength, short_tail ? kLeastLength >> 9 : kLeastLength >> 1);
+    to_.resize(at_);
     to_.append(short_tail ? 2 : 3, '\0');
   }
 
@@ -234,22 +263,23 @@ class Encoder {
   void give(std::uint32_t begin, std::uint32_t length) {
     base_ += begin;
     if (base_ < begin) carry();
-    length_ = length;
-    while (length_ < kLeastLength) {
-      to_ += static_cast<char>(base_ >> 24);
-      base_ <<= 8;
-      length_ <<= 8;
-    }
+    const auto shift = static_cast<std::uint32_t>(std::countl_zero(length | 1)) & ~7U;
+    const std::uint32_t bytes = std::endian::native == std::endian::little ? __builtin_bswap32(base_) : base_;
+    if (to_.size() - at_ < sizeof bytes) to_.resize(to_.size() + to_.size() / 2 + 64);
+    std::memcpy(to_.data() + at_, &bytes, sizeof bytes);  // of which the first stay
+    at_ += shift / 8;
+    base_ <<= shift;
+    length_ = length << shift;
   }
 
   void carry() {
-    std::size_t at = to_.size();
+    std::size_t at = at_;
     while (at > begin_ && to_[at - 1] == '\xFF') to_[--at] = '\0';
     if (at > begin_) ++to_[at - 1];
   }
 
   std::string& to_;
-  std::size_t begin_;
+  std::size_t begin_, at_;
   std::uint32_t base_ = 0, length_ = 0xFFFFFFFFU;
 };
 

@@ -11,16 +11,17 @@
 
 namespace pointfair::io::las {
 
-/// Codes the difference of 32-bit integers from their predictions: the number k of its bits, in one of several
-/// contexts, then the bits, of which the upper eight have a probability.
+/// Codes the difference of integers from their predictions: the number k of its bits, in one of several contexts, then
+/// the bits, of which the upper eight have a probability. Integers of 16 bits are unsigned, their differences wrap.
 class IntegerCoder {
  public:
-  explicit IntegerCoder(std::size_t contexts) : sizes_(contexts, SymbolModel(kMostBits + 1)) {
-    for (std::uint32_t k = 1; k < kMostBits; ++k) corrections_.emplace_back(1U << std::min(k, kUpperBits));
+  explicit IntegerCoder(std::size_t contexts, std::uint32_t bits = kMostBits)
+      : sizes_(contexts, SizeModel(bits + 1)), unused_(kMostBits - bits) {
+    for (std::uint32_t k = 1; k <= std::min(bits, kMostBits - 1); ++k) corrections_.emplace_back(1U << std::min(k, kUpperBits));
   }
 
   void reset() {
-    for (SymbolModel& model : sizes_) model.reset();
+    for (SizeModel& model : sizes_) model.reset();
     for (SymbolModel& model : corrections_) model.reset();
     bit_ = {};
   }
@@ -31,14 +32,17 @@ class IntegerCoder {
   template <class Coder>
   std::int32_t code(Coder& coder, std::int32_t prediction, std::int32_t value, std::uint32_t context) {
     // c is from 2^(k-1) + 1 to 2^k, or from -(2^k - 1) to -2^(k-1); k = 0 stands for 0 and 1.
-    const std::uint32_t c = static_cast<std::uint32_t>(value) - static_cast<std::uint32_t>(prediction);
+    const std::uint32_t difference = static_cast<std::uint32_t>(value) - static_cast<std::uint32_t>(prediction);
+    const auto c = static_cast<std::uint32_t>(static_cast<std::int32_t>(difference << unused_) >> unused_);
     const bool negative = static_cast<std::int32_t>(c) <= 0;
     size_ = coder.code(sizes_[context], static_cast<std::uint32_t>(std::bit_width(negative ? -c : c - 1)));
-    return static_cast<std::int32_t>(static_cast<std::uint32_t>(prediction) + code_correction(coder, c, negative));
+    const std::uint32_t result = static_cast<std::uint32_t>(prediction) + code_correction(coder, c, negative);
+    return static_cast<std::int32_t>(result << unused_ >> unused_);
   }
 
  private:
   static constexpr std::uint32_t kMostBits = 32, kUpperBits = 8;
+  using SizeModel = BasicSymbolModel<kMostBits + 1>;
 
   template <class Coder>
   std::uint32_t code_correction(Coder& coder, std::uint32_t c, bool negative) {
@@ -56,7 +60,9 @@ class IntegerCoder {
     return place >> (size_ - 1) != 0 ? place + 1 : place - least;
   }
 
-  std::vector<SymbolModel> sizes_, corrections_;
+  std::vector<SizeModel> sizes_;
+  std::vector<SymbolModel> corrections_;
+  std::uint32_t unused_;  // bits of 32
   BitModel bit_;
   std::uint32_t size_ = 0;
 };

@@ -8,6 +8,7 @@
 
 #include "io/las/codec.hpp"
 #include "io/las/fields.hpp"
+#include "io/las/interleaved.hpp"
 #include "io/las/layers.hpp"
 
 namespace pointfair::io::las {
@@ -172,6 +173,7 @@ bool has_laszip() { return true; }
 
 bool decode_chunk(const Compression& compression, std::string_view chunk, std::uint32_t points, std::uint32_t layers,
                   std::span<char> records) {
+  if (is_interleaved(compression)) return decode_interleaved(compression, chunk, records);
   ItemPointers items(compression);
   // Before a layered chunk LASzip reads where the table of chunks is; 0 makes it do without.
   std::string whole;
@@ -194,6 +196,7 @@ bool decode_chunk(const Compression& compression, std::string_view chunk, std::u
 }
 
 void encode_chunk(const Compression& compression, std::span<const char> records, std::string& to) {
+  if (is_interleaved(compression)) return encode_interleaved(compression, records, to);
   ItemPointers items(compression);
   const std::size_t begin = to.size();
   ChunkWriter stream(to);
