@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <limits>
 #include <optional>
 
 #include "io/parallel.hpp"
@@ -53,6 +54,49 @@ bool same_bits(float a, float b) {
 
 float to_offset(double value, double origin) { return static_cast<float>(value - origin); }
 
+// Positions of a file, chosen by a hash of their coordinates, so that the order of the points does not matter; its
+// words are mixed as in the 64-bit MurmurHash3 (A. Appleby).
+class PositionSample {
+ public:
+  explicit PositionSample(std::uint64_t points)
+      : limit_(points > kWanted ? ~std::uint64_t{0} / points * kWanted : ~std::uint64_t{0}) {}
+
+  void offer(const Position& p) {
+    std::uint64_t hash = 0x9e3779b97f4a7c15u;
+    for (const double c : p) {
+      hash = (hash ^ std::bit_cast<std::uint64_t>(c + 0.0)) * 0xff51afd7ed558ccdu;
+      hash ^= hash >> 33;
+    }
+    if (hash * 0xc4ceb9fe1a85ec53u <= limit_) chosen_.push_back(p);
+    if (std::isfinite(p[0] + p[1] + p[2])) {
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        least_[axis] = std::min(least_[axis], p[axis]);
+        most_[axis] = std::max(most_[axis], p[axis]);
+      }
+    }
+  }
+  void offer_all(const PositionSample& other) {
+    chosen_.insert(chosen_.end(), other.chosen_.begin(), other.chosen_.end());
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      least_[axis] = std::min(least_[axis], other.least_[axis]);
+      most_[axis] = std::max(most_[axis], other.most_[axis]);
+    }
+  }
+  // Many points at few places may all have a hash beyond the limit; then the corners of their box.
+  std::vector<Position> take() && {
+    constexpr std::size_t kFew = 64;
+    if (chosen_.size() < kFew && limit_ != ~std::uint64_t{0}) return {least_, most_};
+    return std::move(chosen_);
+  }
+
+ private:
+  static constexpr std::uint64_t kWanted = 4096;
+  static constexpr double kInfinite = std::numeric_limits<double>::infinity();
+  std::uint64_t limit_;
+  std::vector<Position> chosen_;
+  Position least_{kInfinite, kInfinite, kInfinite}, most_{-kInfinite, -kInfinite, -kInfinite};
+};
+
 }  // namespace
 
 namespace io {
@@ -87,29 +131,47 @@ Position choose_origin(std::vector<Position> sample) {
 
 }  // namespace io
 
+// A guess at the origin from some rows saves a second pass: it is nearly always the one that a sample of all shows.
 std::vector<Point> Source::place() {
-  std::vector<Position> sample;
+  std::vector<Position> rows;
   const std::size_t blocks = block_count(), block_step = std::max<std::size_t>(1, blocks / kSampledBlocks);
   for (std::size_t block = 0; block < blocks; block += block_step) {
     std::vector<Position> values(block_size(block));
     positions(block, values);
     const std::size_t step = std::max<std::size_t>(1, values.size() / kSampledPerBlock);
-    for (std::size_t i = 0; i < values.size(); i += step) sample.push_back(values[i]);
+    for (std::size_t i = 0; i < values.size(); i += step) rows.push_back(values[i]);
   }
-  origin_ = io::choose_origin(std::move(sample));
-
+  origin_ = io::choose_origin(std::move(rows));
   std::vector<Point> points = new_points(static_cast<std::size_t>(size()));
-  io::for_each_block(blocks, [&](std::size_t block) {
-    Point* out = points.data() + block_begin(block);
-    if (origin_ == Position{} && copy_points(block, {out, block_size(block)})) return;
+  const Position origin = io::choose_origin(place_at_origin(points));
+  if (origin != origin_) {
+    origin_ = origin;
+    place_at_origin(points);
+  }
+  return points;
+}
+
+std::vector<Position> Source::place_at_origin(std::span<Point> points) const {
+  std::vector<PositionSample> of_block(block_count(), PositionSample(size()));
+  io::for_each_block(block_count(), [&](std::size_t block) {
+    PositionSample& sample = of_block[block];
+    const std::span<Point> out = points.subspan(static_cast<std::size_t>(block_begin(block)), block_size(block));
+    if (origin_ == Position{} && copy_points(block, out)) {
+      for (const Point& p : out) sample.offer({p.x, p.y, p.z});
+      return;
+    }
     thread_local std::vector<Position> values;
-    values.resize(block_size(block));
+    values.resize(out.size());
     positions(block, values);
-    for (const Position& value : values) {
-      *out++ = {to_offset(value[0], origin_[0]), to_offset(value[1], origin_[1]), to_offset(value[2], origin_[2])};
+    for (std::size_t i = 0; i < out.size(); ++i) {
+      const Position& value = values[i];
+      sample.offer(value);
+      out[i] = {to_offset(value[0], origin_[0]), to_offset(value[1], origin_[1]), to_offset(value[2], origin_[2])};
     }
   });
-  return points;
+  PositionSample all(size());
+  for (const PositionSample& sample : of_block) all.offer_all(sample);
+  return std::move(all).take();
 }
 
 Moves Source::moves(std::size_t block, const Cloud& cloud) const {

@@ -95,7 +95,8 @@ class Source {
   /// Extensions of files that belong to this one, stand beside it, and stay true when its points move.
   virtual std::vector<std::string> companions() const { return {}; }
 
-  /// Chooses the origin from a sample of the points, and returns the points relative to it.
+  /// Chooses the origin from a sample of the points, which does not depend on their order, and returns the points
+  /// relative to it.
   std::vector<Point> place();
   const Position& origin() const { return origin_; }
 
@@ -115,6 +116,9 @@ class Source {
   std::string_view bytes() const { return bytes_.view(); }
 
  private:
+  /// The points relative to origin(); returns a sample of their positions.
+  std::vector<Position> place_at_origin(std::span<Point> points) const;
+
   io::FileBytes bytes_;
   std::string name_;
   Format format_;
