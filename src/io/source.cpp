@@ -175,13 +175,17 @@ std::vector<Position> Source::place_at_origin(std::span<Point> points) const {
 }
 
 Moves Source::moves(std::size_t block, const Cloud& cloud) const {
+  std::vector<Position> own(block_size(block));
+  positions(block, own);
+  return moves(block_begin(block), std::move(own), cloud);
+}
+
+Moves Source::moves(std::uint64_t first, std::vector<Position> own, const Cloud& cloud) const {
   Moves result;
-  result.values.resize(block_size(block));
+  result.values = std::move(own);
   result.changed.assign(result.values.size(), 0);
-  positions(block, result.values);
-  const std::size_t first = static_cast<std::size_t>(block_begin(block));
   for (std::size_t i = 0; i < result.values.size(); ++i) {
-    const Point& point = cloud.points[first + i];
+    const Point& point = cloud.points[static_cast<std::size_t>(first) + i];
     const float now[3] = {point.x, point.y, point.z};
     for (std::size_t axis = 0; axis < 3; ++axis) {
       double& value = result.values[i][axis];
@@ -197,10 +201,10 @@ Moves Source::moves(std::size_t block, const Cloud& cloud) const {
   return result;
 }
 
-void Source::write(const Cloud& cloud, Encoding, io::Output& out) const {
-  out.write(header(cloud.added));
+void Source::write(const io::Edits& edits, Encoding, io::Output& out) const {
+  out.write(header(edits.added));
   io::write_blocks(out, block_count(), [&](std::size_t block, std::string& buffer) {
-    append_block(block, moves(block, cloud), cloud.added, buffer);
+    append_block(block, moves(block, edits.cloud), edits, buffer);
   });
   out.write(tail());
 }
