@@ -24,7 +24,7 @@ RULES = {
     "src/estimate/": (["src/estimate/", "src/point/", "src/seam/", *DATA], ()),
     "src/tiles/": (["src/tiles/", "src/point/", "src/seam/", *DATA], ()),
     "src/pipeline/": (["src/pipeline/", "src/estimate/", "src/tiles/", "src/seam/", PUBLIC], ()),
-    "src/io/": (["src/io/", PUBLIC + "cloud.hpp", PUBLIC + "io.hpp"], ("tbb/", "sys/", "fcntl.h", "unistd.h", "fast_float/")),
+    "src/io/": (["src/io/", *[PUBLIC + name + ".hpp" for name in ("cloud", "io", "positions")]], ("tbb/", "sys/", "fcntl.h", "unistd.h", "fast_float/")),
     "src/": (["src/parts.hpp", "src/point/", PUBLIC], ()),
     "cli/": (["cli/", "viewer/server.hpp", PUBLIC], None),
     "bench/paper/": (["bench/paper/", "src/point/", PUBLIC], None),

@@ -9,5 +9,6 @@
 #include "pointfair/limits.hpp"
 #include "pointfair/params.hpp"
 #include "pointfair/pipeline.hpp"
+#include "pointfair/positions.hpp"
 #include "pointfair/report.hpp"
 #include "pointfair/version.hpp"

@@ -4,10 +4,10 @@
 #include <sys/mman.h>
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <optional>
 
+#include "io/offset.hpp"
 #include "io/parallel.hpp"
 
 namespace pointfair {
@@ -46,12 +46,8 @@ std::vector<Point> new_points(std::size_t count) {
   return points;
 }
 
-// Any NaN is like any other: on its way through a double a signalling one becomes quiet.
-bool same_bits(float a, float b) {
-  return std::bit_cast<std::uint32_t>(a) == std::bit_cast<std::uint32_t>(b) || (std::isnan(a) && std::isnan(b));
-}
-
-float to_offset(double value, double origin) { return static_cast<float>(value - origin); }
+using io::same_bits;
+using io::to_offset;
 
 }  // namespace
 
@@ -87,7 +83,7 @@ Position choose_origin(std::vector<Position> sample) {
 
 }  // namespace io
 
-std::vector<Point> Source::place() {
+Position Source::sampled_origin() const {
   std::vector<Position> sample;
   const std::size_t blocks = block_count(), block_step = std::max<std::size_t>(1, blocks / kSampledBlocks);
   for (std::size_t block = 0; block < blocks; block += block_step) {
@@ -96,8 +92,12 @@ std::vector<Point> Source::place() {
     const std::size_t step = std::max<std::size_t>(1, values.size() / kSampledPerBlock);
     for (std::size_t i = 0; i < values.size(); i += step) sample.push_back(values[i]);
   }
-  origin_ = io::choose_origin(std::move(sample));
+  return io::choose_origin(std::move(sample));
+}
 
+std::vector<Point> Source::place() {
+  const std::size_t blocks = block_count();
+  origin_ = sampled_origin();
   std::vector<Point> points = new_points(static_cast<std::size_t>(size()));
   io::for_each_block(blocks, [&](std::size_t block) {
     Point* out = points.data() + block_begin(block);
@@ -126,9 +126,7 @@ Moves Source::moves(std::size_t block, const Cloud& cloud) const {
       const float before = to_offset(value, origin_[axis]);
       const double shift = cloud.origin[axis] - origin_[axis];
       if (shift == 0 && same_bits(before, now[axis])) continue;
-      // The file's own value keeps what a float cannot hold of it.
-      value = std::isfinite(before) ? value + (static_cast<double>(now[axis]) - before + shift)
-                                    : cloud.origin[axis] + now[axis];
+      value = io::moved_value(value, before, now[axis], cloud.origin[axis], shift);
       result.changed[i] |= static_cast<std::uint8_t>(1U << axis);
     }
   }

@@ -15,6 +15,7 @@
 #include "io/scalar.hpp"
 #include "pointfair/cloud.hpp"
 #include "pointfair/io.hpp"
+#include "pointfair/positions.hpp"
 
 namespace pointfair {
 
@@ -29,8 +30,6 @@ struct Column {
 inline std::size_t column_bytes(const Column& column) { return column.components * size_of(column.type); }
 
 }  // namespace io
-
-using Position = std::array<double, 3>;
 
 /// Polygons: face f has the corners [ends[f - 1], ends[f]), the first from 0.
 struct Faces {
@@ -81,6 +80,8 @@ class Source {
   /// Writes the file in its own format, with the coordinates and added attributes of `cloud`.
   virtual void write(const Cloud& cloud, Encoding encoding, io::Output& out) const;
 
+  /// The origin that suits a sample of the points.
+  Position sampled_origin() const;
   /// Chooses the origin from a sample of the points, and returns the points relative to it.
   std::vector<Point> place();
   const Position& origin() const { return origin_; }
