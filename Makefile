@@ -10,12 +10,13 @@ PREFIX ?= /usr/local
 FUZZ_SECONDS ?= 60
 FUZZ_TARGETS = $(notdir $(wildcard build/fuzz/bin/fuzz_*))
 
-.PHONY: help demo build test bench quality bench-viewer paper-tables figures gpu release fuzz format docs asan tsan clean install
+.PHONY: help demo build test wheel bench quality bench-viewer paper-tables figures gpu release fuzz format docs asan tsan clean install
 
 help:
 	@echo "make build    the program, build/bin/pointfair"
 	@echo "make demo     denoise an Armadillo and a real scan; errors, times and pictures in build/demo"
 	@echo "make test     all tests"
+	@echo "make wheel    the Python package with the program, dist/*.whl"
 	@echo "make bench    time every stage and the peers"
 	@echo "make quality  measure the noise that is left by each method and peer, into docs; 1 h, goes on if stopped"
 	@echo "make bench-viewer  time the viewer over its WebSocket, 100,000 and 1M points, and its page in Chromium"
@@ -37,10 +38,18 @@ build:
 	cmake --build build
 
 test:
-	@$(install) build test
+	@$(install) build test python
 	cmake --preset $(preset) -DPOINTFAIR_TESTS=ON
 	cmake --build build
 	ctest --test-dir build -j $(jobs) --output-on-failure
+
+# with CUDA, machine code for all cards
+wheel_build := $(if $(has_cuda),build/release,build)
+wheel:
+	@$(install) build python
+	cmake --preset $(if $(has_cuda),release,cpu) -DPOINTFAIR_TESTS=OFF
+	cmake --build $(wheel_build)
+	scripts/wheel.py --build $(wheel_build) --dist dist
 
 demo:
 	@$(install) build demo

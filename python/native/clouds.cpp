@@ -143,20 +143,12 @@ nb::ndarray<nb::numpy, std::uint32_t, nb::shape<-1, 3>> triangle_array(const Clo
   return {reinterpret_cast<std::uint32_t*>(found->data()), {found->size(), 3}, owner};
 }
 
-Cloud cloud_of(const Input<double>& coordinates) {
-  const std::span<const Position> span(reinterpret_cast<const Position*>(coordinates.data()), coordinates.shape(0));
-  nb::gil_scoped_release release;
-  return make_cloud(span);
-}
-
 }  // namespace
 
 void bind_clouds(nb::module_& module) {
   nb::class_<Cloud>(module, "Cloud")
       .def("__len__", [](const Cloud& self) { return self.points.size(); })
       .def("copy", [](const Cloud& self) { return Cloud(self); })
-      .def_prop_ro("origin", [](const Cloud& self) { return nb::make_tuple(self.origin[0], self.origin[1], self.origin[2]); })
-      .def_prop_ro("has_file", [](const Cloud& self) { return self.source != nullptr; })
       .def_prop_ro("position_type", [](const Cloud& self) { return name_of(position_type(self)); })
       .def("positions", &copy_positions, nb::arg("out").noconvert())
       .def("replace_positions", &replace_positions, nb::arg("coordinates").noconvert())
@@ -170,7 +162,6 @@ void bind_clouds(nb::module_& module) {
       .def("write_bytes", &write_memory, nb::arg("format"), nb::arg("encoding").none());
   module.def("read", &read_file, nb::arg("path"), nb::arg("format").none(), nb::arg("threads"));
   module.def("read_bytes", &read_memory, nb::arg("data"), nb::arg("name"), nb::arg("format").none());
-  module.def("make_cloud", &cloud_of, nb::arg("coordinates").noconvert());
 }
 
 }  // namespace pointfair::python

@@ -75,6 +75,7 @@ Device device_of(const std::string& name, unsigned threads) {
 
 NB_MODULE(_native, module) {
   using namespace pointfair::python;
+  nb::set_leak_warnings(false);  // what waits for the next call lives until the process ends
   nb::register_exception_translator(translate);
   module.attr("__version__") = pointfair::version();
   module.attr("MAX_POINTS") = pointfair::kMaxPoints;
