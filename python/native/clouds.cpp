@@ -4,7 +4,9 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
+#include <algorithm>
 #include <cstring>
+#include <filesystem>
 
 #include "bindings.hpp"
 
@@ -33,12 +35,16 @@ std::optional<Encoding> encoding_named(const std::optional<std::string>& name) {
               "encoding cannot be '" + *name + "': give ascii, binary, binary-big-endian or binary-compressed");
 }
 
-Cloud read_file(const std::string& path, const std::optional<std::string>& format, unsigned threads) {
+// Names of files are bytes; not all are UTF-8.
+std::string path_of(const nb::bytes& path) { return {path.c_str(), path.size()}; }
+
+Cloud read_file(nb::bytes path, const std::optional<std::string>& format, unsigned threads) {
   ReadOptions options;
   options.format = format_named(format);
   options.threads = threads;
+  const std::filesystem::path file(path_of(path));
   nb::gil_scoped_release release;
-  return read(path, options);
+  return read(file, options);
 }
 
 Cloud read_memory(nb::bytes bytes, const std::string& name, const std::optional<std::string>& format) {
@@ -49,15 +55,16 @@ Cloud read_memory(nb::bytes bytes, const std::string& name, const std::optional<
   return read(span, name, options);
 }
 
-void write_file(const Cloud& cloud, const std::string& path, const std::optional<std::string>& format,
+void write_file(const Cloud& cloud, nb::bytes path, const std::optional<std::string>& format,
                 const std::optional<std::string>& encoding, bool overwrite, unsigned threads) {
   WriteOptions options;
   options.format = format_named(format);
   options.encoding = encoding_named(encoding);
   options.overwrite = overwrite;
   options.threads = threads;
+  const std::filesystem::path file(path_of(path));
   nb::gil_scoped_release release;
-  write(path, cloud, options);
+  write(file, cloud, options);
 }
 
 nb::bytes write_memory(const Cloud& cloud, const std::string& format, const std::optional<std::string>& encoding) {
@@ -147,6 +154,7 @@ nb::ndarray<nb::numpy, std::uint32_t, nb::shape<-1, 3>> triangle_array(const Clo
 
 void bind_clouds(nb::module_& module) {
   nb::class_<Cloud>(module, "Cloud")
+      .def(nb::init<>())
       .def("__len__", [](const Cloud& self) { return self.points.size(); })
       .def("copy", [](const Cloud& self) { return Cloud(self); })
       .def_prop_ro("position_type", [](const Cloud& self) { return name_of(position_type(self)); })

@@ -10,6 +10,7 @@ import numpy as np
 from . import _native
 from ._arrays import as_numpy, check_positions, rows
 from ._errors import UsageError
+from ._values import as_text, as_threads
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -43,10 +44,7 @@ class Cloud:
         check_positions(array, "xyz")
         if array.shape[1] != 3:
             raise UsageError("xyz has 4 columns: give the fourth as an attribute")
-        kind = "float" if array.dtype.itemsize == 4 else "double"
-        header = _PLY.format(len(array), "".join(f"property {kind} {axis}\n" for axis in "xyz"))
-        body = rows(array).astype(f"<f{array.dtype.itemsize}", copy=False).tobytes()
-        self._native = _native.read_bytes(header.encode() + body, "array.ply", "ply")
+        self._native = _native.read_bytes(_ply_of(rows(array)), "array.ply", "ply") if len(array) else _native.Cloud()
         for name, values in (attributes or {}).items():
             self[name] = values
 
@@ -77,7 +75,7 @@ class Cloud:
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         """The values of an attribute, (N,) or (N, C): a copy. Raises UsageError if there is none. O(N)."""
-        kind, components, values = self._native.attribute(name)
+        kind, components, values = self._native.attribute(as_text(name, "the name of an attribute"))
         typed: NDArray[Any] = values.view(kind)
         return typed.reshape(-1, components) if components > 1 else typed
 
@@ -95,7 +93,7 @@ class Cloud:
         components = array.shape[1] if array.ndim == 2 else 1
         if components == 0:
             raise UsageError(f"attribute '{name}' has the shape {array.shape}: give one value a point at least")
-        self._native.set_attribute(name, array.dtype.name, components, array.reshape(-1).view(np.uint8))
+        self._native.set_attribute(as_text(name, "the name of an attribute"), array.dtype.name, components, array.reshape(-1).view(np.uint8))
 
     def __contains__(self, name: object) -> bool:
         return name in self.attributes
@@ -129,7 +127,8 @@ class Cloud:
             overwrite: False: an existing file is an error.
             threads: 0: all cores.
         """
-        self._native.write(os.fspath(path), format, encoding, overwrite, threads)
+        self._native.write(_path(path), _optional(format, "format"), _optional(encoding, "encoding"), bool(overwrite),
+                           as_threads(threads))
 
     def copy(self) -> Cloud:
         """An independent copy."""
@@ -148,10 +147,28 @@ class Cloud:
         return f"<pointfair.Cloud of {len(self)} points, {self._native.position_type}{'; ' + names if names else ''}>"
 
 
+def _ply_of(array: NDArray[Any]) -> bytes:
+    """As a file, behind which the library keeps every digit."""
+    kind = "float" if array.dtype.itemsize == 4 else "double"
+    header = _PLY.format(len(array), "".join(f"property {kind} {axis}\n" for axis in "xyz"))
+    return header.encode() + array.astype(array.dtype.newbyteorder("<"), copy=False).tobytes()
+
+
 def read(path: str | os.PathLike[str], *, format: str | None = None, threads: int = 0) -> Cloud:
     """Reads a whole file; the content and the extension say the format, unless `format` does. Points stay in the order
     of the file, invalid ones included. Raises FileError with path, place and reason."""
-    return Cloud._of(_native.read(os.fspath(path), format, threads))
+    return Cloud._of(_native.read(_path(path), _optional(format, "format"), as_threads(threads)))
+
+
+def _path(path: Any) -> bytes:
+    try:
+        return os.fsencode(path)
+    except (TypeError, UnicodeEncodeError):
+        raise UsageError(f"path cannot be {path!r}: give a text or a pathlib.Path") from None
+
+
+def _optional(text: Any, name: str) -> str | None:
+    return None if text is None else as_text(text, name)
 
 
 def write(path: str | os.PathLike[str], points: Any, *, format: str | None = None, encoding: str | None = None,

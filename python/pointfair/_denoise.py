@@ -12,8 +12,9 @@ from ._arrays import Layout, Result, as_box, as_mask, as_numpy, as_strength, che
 from ._cloud import Cloud
 from ._errors import DeviceError, UsageError
 from ._params import Params
-from ._pipeline import as_threads, make_params, native_pipeline
+from ._pipeline import make_params, native_pipeline
 from ._progress import Progress, progress_function
+from ._values import as_threads
 from ._report import DeviceStatus, Estimates, Report, device_of, report_of
 
 if TYPE_CHECKING:

@@ -12,6 +12,7 @@ from ._cloud import Cloud
 from ._errors import UsageError
 from ._params import Params
 from ._progress import Progress, progress_function
+from ._values import as_text, as_threads
 from ._report import DeviceInfo, Estimates, Report, device_of, report_of
 
 if TYPE_CHECKING:
@@ -41,16 +42,7 @@ def _known(changes: dict[str, Any]) -> dict[str, Any]:
 
 def native_pipeline(device: str, threads: int) -> _native.Pipeline:
     """Raises UsageError for a device or a number of threads that cannot be."""
-    if not isinstance(device, str):
-        raise UsageError(f"device cannot be {device!r}: give 'auto', 'cpu', 'cuda' or 'cuda:N'")
-    return _native.Pipeline(device, as_threads(threads))
-
-
-def as_threads(threads: int) -> int:
-    """A number of threads, 0 for all cores."""
-    if isinstance(threads, bool) or not hasattr(threads, "__index__") or not 0 <= threads <= 4096:
-        raise UsageError(f"threads cannot be {threads!r}: give a whole number from 0, all cores, to 4096")
-    return int(threads)
+    return _native.Pipeline(as_text(device, "device"), as_threads(threads))
 
 
 class Pipeline:

@@ -42,10 +42,22 @@ def canonical(text: str, parameter: Parameter) -> Any:
     return text if text[-1] in "%sr" else float(text)
 
 
+def encodable(text: str) -> str:
+    """The text with what UTF-8 cannot hold written out."""
+    return text.encode("utf-8", "backslashreplace").decode()
+
+
+def as_text(value: Any, name: str) -> str:
+    """A text, for the argument `name`."""
+    if not isinstance(value, str):
+        raise UsageError(f"{name} cannot be {value!r}: give a text")
+    return encodable(value)
+
+
 def text_of(value: Any) -> str:
     """The text that the library reads."""
     if isinstance(value, str):
-        return value
+        return encodable(value)
     if value is None:
         return "auto"
     if isinstance(value, bool):
@@ -63,9 +75,13 @@ def native_params(params: Any, table: tuple[Parameter, ...]) -> _native.Params:
     for parameter in table:
         value = getattr(params, parameter.name)
         if value is not parameter.default:
-            try:
-                native.set(parameter.name, text_of(value))
-            except UnicodeEncodeError:
-                raise UsageError(f"{parameter.name} cannot be {value!r}: it is no text that can be encoded") from None
+            native.set(parameter.name, text_of(value))
     native.check()
     return native
+
+
+def as_threads(threads: int) -> int:
+    """A number of threads, 0 for all cores."""
+    if isinstance(threads, bool) or not hasattr(threads, "__index__") or not 0 <= threads <= 4096:
+        raise UsageError(f"threads cannot be {threads!r}: give a whole number from 0, all cores, to 4096")
+    return int(threads)

@@ -118,6 +118,24 @@ def test_errors_of_files_name_the_file_and_the_next_step(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.ply", "broken.ply"]
 
 
+def test_names_of_files_are_bytes(tmp_path):
+    import os
+    path = os.fsencode(tmp_path) + b"/\xff.ply"
+    pf.write(path, waves(5))
+    assert len(pf.read(os.fsdecode(path))) == 5
+    with pytest.raises(pf.FileError, match="ff"):
+        pf.read(os.fsencode(tmp_path) + b"/\xfe.ply")
+    for wrong in (3, None, "\ud800"):
+        with pytest.raises(pf.UsageError, match="path cannot be"):
+            pf.read(wrong)
+    for arguments in ({"format": 3}, {"format": "\ud800"}, {"threads": -1}):
+        with pytest.raises(pf.UsageError, match="cannot be"):
+            pf.read(path, **arguments)
+    for name in (5, "\ud800", None):
+        with pytest.raises(pf.UsageError):
+            pf.Cloud(waves(5))[name]
+
+
 def test_what_belongs_to_arrays_is_refused_for_clouds():
     cloud = pf.Cloud(waves(50))
     with pytest.raises(pf.UsageError, match="out="):

@@ -46,7 +46,7 @@ def test_values_become_canonical(name, value, canonical):
     ("relaxation", 2.5), ("iterations", -1), ("iterations", b"2"),
 ])
 def test_a_wrong_value_is_refused_with_the_name_and_what_to_give(name, value):
-    with pytest.raises(pf.UsageError, match=rf"^{name} cannot be .*: (give|it is)") as raised:
+    with pytest.raises(pf.UsageError, match=rf"^{name} cannot be .*: give") as raised:
         pf.Params(**{name: value})
     assert "--" not in str(raised.value) and isinstance(raised.value, ValueError)
 

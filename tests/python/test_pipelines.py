@@ -103,7 +103,7 @@ def test_strength_blends():
     ({"mask": np.ones(5, bool)}, "mask has the shape"), ({"mask": np.ones(3000)}, "booleans"), ({"mask": [True]}, "mask"),
     ({"strength": 2}, "strength"), ({"strength": "x"}, "strength"), ({"strength": np.nan}, "strength"), ({"box": 3}, "box"),
     ({"box": ((0, 0, 0), (1, 1, -1))}, "box"), ({"box": ((0, 0, np.nan), (1, 1, 1))}, "box"), ({"device": "gpu"}, "device"),
-    ({"device": 3}, "device"), ({"device": "cuda:x"}, "device"), ({"threads": -1}, "threads"), ({"threads": 1.5}, "threads"),
+    ({"device": 3}, "device"), ({"device": "\ud800"}, "device"), ({"device": []}, "device"), ({"device": "cuda:x"}, "device"), ({"threads": -1}, "threads"), ({"threads": 1.5}, "threads"),
     ({"threads": True}, "threads"), ({"progress": 3}, "progress"), ({"params": {"k": 3}}, "Params"),
 ])
 def test_a_wrong_argument_is_refused_with_what_to_give(arguments, advice):

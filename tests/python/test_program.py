@@ -48,7 +48,7 @@ def test_the_program_passes_on_words_and_exit_codes(tmp_path):
 
 def test_view_serves_its_page(tmp_path):
     write_ply(tmp_path / "in.ply", waves())
-    viewer = subprocess.Popen([PROGRAM, "view", tmp_path / "in.ply", "--no-browser", "--port", "0"], stdout=subprocess.PIPE,
+    viewer = subprocess.Popen([PROGRAM, "view", tmp_path / "in.ply", "--no-open", "--port", "0"], stdout=subprocess.PIPE,
                               stderr=subprocess.STDOUT, text=True)
     try:
         address = None
