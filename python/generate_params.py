@@ -16,14 +16,15 @@ from __future__ import annotations
 import dataclasses
 from typing import TYPE_CHECKING, Any, Literal, TypedDict
 
-from . import _native
+from ._native import Params as NativeParams
+from ._native import paper_preset, parameter_table
 from ._values import Parameter, canonical, native_params
 
 if TYPE_CHECKING:
     from typing_extensions import Self, Unpack
 
 #: Every parameter, in the order of the stages that read them.
-PARAMETERS: tuple[Parameter, ...] = tuple(Parameter(*row) for row in _native.parameter_table())
+PARAMETERS: tuple[Parameter, ...] = tuple(Parameter(*row) for row in parameter_table())
 
 '''
 
@@ -34,7 +35,7 @@ class Params:
 
     A length is a number in the unit of the coordinates, or a text: ``"0.5%"`` of the diagonal of the bounding box,
     ``"2s"`` mean spacings, ``"auto"``; ``normal_sigma`` and ``closeness_sigma`` also take ``"0.6r"``, radii of the
-    neighbourhood. ``None`` is ``"auto"``. Values are checked when the object is made. Raises UsageError with the range.
+    neighbourhood. Values are checked when the object is made. Raises UsageError with the range.
 
 {attributes}
     >>> Params(k=24, similarity_sigma="1s")
@@ -45,18 +46,24 @@ class Params:
 
     def __post_init__(self) -> None:
         native = native_params(self, PARAMETERS)
-        object.__setattr__(self, "_native", native)
+        self.__dict__["_native"] = native
         for parameter in PARAMETERS:
             object.__setattr__(self, parameter.name, canonical(native.text(parameter.name), parameter))
+
+    @property
+    def _native(self) -> NativeParams:
+        native: NativeParams = self.__dict__["_native"]
+        return native
 
     @classmethod
     def paper(cls) -> Self:
         """The paper's method: k = 8, one iteration, the constrained neighbourhood, squared area weight."""
-        return cls._of(_native.paper_preset())
+        return cls._of(paper_preset())
 
     @classmethod
-    def _of(cls, native: _native.Params) -> Self:
-        return cls(**{{parameter.name: native.text(parameter.name) for parameter in PARAMETERS}})
+    def _of(cls, native: NativeParams) -> Self:
+        texts: dict[str, Any] = {{parameter.name: native.text(parameter.name) for parameter in PARAMETERS}}
+        return cls(**texts)
 
     def replace(self, **changes: Unpack[ParamArguments]) -> Self:
         """The same parameters with these changed."""
@@ -117,9 +124,8 @@ def main(output):
         span = range_of(kind, low, high)
         sentence = f"{name}: {in_python(text, names)}" + (f" ({span})" if span else "")
         attributes += textwrap.wrap(sentence, 112, initial_indent="    ", subsequent_indent="        ")
-        ignore = "  # type: ignore[assignment]" if "Literal" not in type_name and kind in ("int", "float") else ""
-        fields.append(f"{name}: {type_name} = {default_of(kind, default)!r}{ignore}")
-        arguments.append(f"{name}: {type_name} | None" if automatic else f"{name}: {type_name}")
+        fields.append(f"{name}: {type_name} = {default_of(kind, default)!r}")
+        arguments.append(f"{name}: {type_name}")
     indented = lambda lines: textwrap.indent("\n".join(lines), "    ")
     pathlib.Path(output).write_text(HEAD + CLASS.format(attributes=indented(attributes) + "\n", fields=indented(fields),
                                                         arguments=indented(arguments)))

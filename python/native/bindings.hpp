@@ -4,6 +4,7 @@
 
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
+#include <nanobind/typing.h>
 
 #include "pointfair/pointfair.hpp"
 
@@ -13,12 +14,16 @@ void bind_params(nanobind::module_& module);
 void bind_clouds(nanobind::module_& module);
 void bind_pipelines(nanobind::module_& module);
 
+/// As Python's types have them.
+using Row = nanobind::typed<nanobind::tuple, nanobind::any, nanobind::ellipsis>;
+using Rows = nanobind::typed<nanobind::list, Row>;
+
 /// "auto", "cpu", "cuda" or "cuda:N". Throws ErrorKind::usage.
 Device device_of(const std::string& name, unsigned threads);
 
 /// The fields in the order of the dataclasses of pointfair/_report.py.
-nanobind::tuple as_tuple(const DeviceInfo& device);
-nanobind::tuple as_tuple(const Report& report);
+Row as_tuple(const DeviceInfo& device);
+Row as_tuple(const Report& report);
 
 /// Contiguous coordinates, in the caller's memory, N rows of 3.
 template <class Scalar>

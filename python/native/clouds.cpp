@@ -100,15 +100,15 @@ void replace_positions(Cloud& cloud, const Input<double>& coordinates) {
   }
 }
 
-nb::list attribute_list(const Cloud& cloud) {
-  nb::list rows;
+Rows attribute_list(const Cloud& cloud) {
+  Rows rows;
   for (const AttributeInfo& info : attributes(cloud))
     rows.append(nb::make_tuple(info.name, name_of(info.type), info.components));
   return rows;
 }
 
 // (the type's name, components, the bytes)
-nb::tuple attribute_values(const Cloud& cloud, const std::string& name) {
+Row attribute_values(const Cloud& cloud, const std::string& name) {
   auto values = std::make_unique<Attribute>();
   {
     nb::gil_scoped_release release;

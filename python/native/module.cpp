@@ -44,7 +44,10 @@ std::string in_python(std::string message) {
 
 void raise(const char* name, const std::string& message) {
   const nb::object errors = nb::module_::import_("pointfair._errors");
-  PyErr_SetString(errors.attr(name).ptr(), message.c_str());
+  // names of files are bytes, which need not be text
+  const auto length = static_cast<Py_ssize_t>(message.size());
+  const nb::object text = nb::steal(PyUnicode_DecodeUTF8(message.data(), length, "backslashreplace"));
+  PyErr_SetObject(errors.attr(name).ptr(), text.ptr());
 }
 
 void translate(const std::exception_ptr& exception, void*) {
@@ -77,7 +80,7 @@ NB_MODULE(_native, module) {
   using namespace pointfair::python;
   nb::set_leak_warnings(false);  // what waits for the next call lives until the process ends
   nb::register_exception_translator(translate);
-  module.attr("__version__") = pointfair::version();
+  module.def("version", &pointfair::version);
   module.attr("MAX_POINTS") = pointfair::kMaxPoints;
   bind_params(module);
   bind_clouds(module);

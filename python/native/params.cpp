@@ -24,8 +24,8 @@ const char* name_of(Stage stage) {
 }
 
 // Rows as (name, kind, stage, min, max, automatic, values, help, expert, default).
-nb::list parameter_table() {
-  nb::list rows;
+Rows parameter_table() {
+  Rows rows;
   for (const ParamInfo& info : kParams) {
     rows.append(nb::make_tuple(std::string(info.name), kind_of(info.field), name_of(info.stage), info.min, info.max,
                                info.automatic, std::string(info.values), std::string(info.help), info.expert,

@@ -88,7 +88,7 @@ Cloud run_cloud(SharedPipeline& self, const Params& params, double strength, con
 }
 
 // (min, max, diagonal, spacing, noise, points, finite), with bounds in file coordinates.
-nb::tuple estimates(SharedPipeline& self) {
+Row estimates(SharedPipeline& self) {
   Estimates found;
   self.use([&](ArrayPipeline& arrays, const Watch& watch) { found = arrays.pipeline().estimates(watch.stop); });
   const Position& origin = self.arrays().origin();
@@ -122,7 +122,7 @@ nb::ndarray<nb::numpy, bool, nb::ndim<1>> outliers(SharedPipeline& self) {
 }
 
 template <class Scalar>
-nb::list batch(const Input<Scalar>& coordinates, const nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig>& offsets,
+Rows batch(const Input<Scalar>& coordinates, const nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig>& offsets,
                const Params& params, unsigned threads, const Output<Scalar>& out, bool with_reports,
                nb::object progress) {
   std::vector<Report> reports(with_reports && offsets.size() > 0 ? offsets.size() - 1 : 0);
@@ -130,19 +130,19 @@ nb::list batch(const Input<Scalar>& coordinates, const nb::ndarray<const std::in
   run_interruptible(always_stoppable, progress, [&](const Watch& watch) {
     denoise_batch<Scalar>(span_of(coordinates), span_of(offsets), params, threads, span_of(out), reports, watch);
   });
-  nb::list result;
+  Rows result;
   for (const Report& report : reports) result.append(as_tuple(report));
   return result;
 }
 
 // (info, usable, details) of each device.
-nb::list devices() {
+Rows devices() {
   std::vector<DeviceStatus> found;
   {
     nb::gil_scoped_release release;
     found = list_devices();
   }
-  nb::list rows;
+  Rows rows;
   for (const DeviceStatus& status : found)
     rows.append(nb::make_tuple(as_tuple(status.info), status.usable, status.details));
   return rows;
@@ -160,11 +160,11 @@ void bind_scalar(nb::class_<SharedPipeline>& pipeline, nb::module_& module) {
 
 }  // namespace
 
-nb::tuple as_tuple(const DeviceInfo& device) {
+Row as_tuple(const DeviceInfo& device) {
   return nb::make_tuple(name_of(device.kind), device.name, device.reason);
 }
 
-nb::tuple as_tuple(const Report& report) {
+Row as_tuple(const Report& report) {
   nb::list stages;
   for (const StageTime& stage : report.stages) stages.append(nb::make_tuple(stage.name, stage.milliseconds));
   const UnmovedCounts& unmoved = report.unmoved;

@@ -10,11 +10,13 @@ from ._cloud import Cloud, read, write
 from ._compare import Comparison, compare
 from ._denoise import denoise, denoise_batch, devices, estimate
 from ._errors import DeviceError, Error, FileError, OutOfMemory, UsageError
-from ._native import __version__
+from ._native import version as _version
 from ._params import PARAMETERS, ParamArguments, Params
 from ._pipeline import Pipeline
 from ._report import DeviceInfo, DeviceStatus, Estimates, Report, Stage, Unmoved
 from ._values import Parameter
+
+__version__ = _version()
 
 __all__ = [
     "Cloud", "Comparison", "DeviceError", "DeviceInfo", "DeviceStatus", "Error", "Estimates", "FileError", "OutOfMemory",

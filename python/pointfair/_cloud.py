@@ -10,6 +10,7 @@ import numpy as np
 from . import _native
 from ._arrays import as_numpy, check_positions, rows
 from ._errors import UsageError
+from ._native import Cloud as NativeCloud
 from ._values import as_text, as_threads
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ class Cloud:
     """
 
     __slots__ = ("_native",)
-    _native: _native.Cloud
+    _native: NativeCloud
 
     def __init__(self, xyz: Any, attributes: Mapping[str, Any] | None = None) -> None:
         array = as_numpy(xyz, "xyz")
@@ -49,7 +50,7 @@ class Cloud:
             self[name] = values
 
     @classmethod
-    def _of(cls, native: _native.Cloud) -> Cloud:
+    def _of(cls, native: NativeCloud) -> Cloud:
         cloud = cls.__new__(cls)
         cloud._native = native
         return cloud

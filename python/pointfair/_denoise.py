@@ -107,7 +107,8 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, stre
         _give_back(pipeline, device, threads)
 
 
-def _denoise_cloud(pipeline: _native.Pipeline, cloud: Cloud, params: Params, limits: Any, out: Any, show: Any) -> Cloud:
+def _denoise_cloud(pipeline: _native.Pipeline, cloud: Cloud, params: Params,
+                   limits: tuple[float, Any, Any], out: Any, show: Any) -> Cloud:
     if out is not None:
         raise UsageError("out= takes arrays, and a Cloud was given: leave it out")
     pipeline.load_cloud(cloud._native)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-from typing import Callable, Iterator, Union
+import importlib
+from typing import Any, Callable, Iterator, Union
 
 from ._errors import UsageError
 
@@ -32,9 +33,9 @@ def progress_function(progress: Progress) -> Iterator[Callable[[float, str], obj
         yield show
 
 
-def _bar():  # type: ignore[no-untyped-def]
+def _bar() -> Any:
     try:
-        from tqdm.auto import tqdm
+        tqdm = importlib.import_module("tqdm.auto").tqdm
     except ImportError:
         return None
     return tqdm(total=1.0, leave=False, bar_format="{desc:<12} {percentage:3.0f} %|{bar}| {elapsed}")
