@@ -16,7 +16,8 @@ def _refuse_devices(points: Any) -> None:
     if getattr(points, "requires_grad", False):
         raise UsageError("the tensor requires a gradient, which denoise does not give: pass tensor.detach()")
     device = getattr(points, "__dlpack_device__", None)
-    if (device is not None and int(device()[0]) not in _HOST) or hasattr(points, "__cuda_array_interface__"):
+    kind = device()[0] if device is not None else 1
+    if getattr(kind, "value", kind) not in _HOST or hasattr(points, "__cuda_array_interface__"):
         raise DeviceError("the array lies on a card, and this version takes arrays in host memory: copy it to the host, "
                           "tensor.cpu() in torch, array.get() in cupy")
 

@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import os
-import pathlib
-import subprocess
-import tempfile
 from typing import Any
 
 from ._cloud import Cloud, write
@@ -43,11 +39,15 @@ def compare(a: Any, b: Any, *, as_cloud: bool = False, edges: float | None = Non
 
     Raises UsageError, FileError.
     """
+    import json  # here, since they double the time of importing the package
+    import subprocess
+    import tempfile
+
     arguments = ["--threads", str(threads)] + (["--as", "cloud"] if as_cloud else [])
     for name, value in (("--edges", edges), ("--normals", normals)):
         arguments += [] if value is None else [name, str(value)]
     with tempfile.TemporaryDirectory(prefix="pointfair-") as folder:
-        paths = [_path(points, pathlib.Path(folder) / f"{name}.ply") for name, points in (("a", a), ("b", b))]
+        paths = [_path(points, os.path.join(folder, f"{name}.ply")) for name, points in (("a", a), ("b", b))]
         command = [program_path(), "compare", *paths, "--report", "-", *arguments]
         done = subprocess.run(command, capture_output=True, text=True, errors="replace")
     if done.returncode != 0:
@@ -57,8 +57,8 @@ def compare(a: Any, b: Any, *, as_cloud: bool = False, edges: float | None = Non
     return Comparison(**json.loads(done.stdout))
 
 
-def _path(points: Any, temporary: pathlib.Path) -> str:
+def _path(points: Any, temporary: str) -> str:
     if isinstance(points, (str, os.PathLike)):
         return os.fspath(points)
     write(temporary, points)
-    return str(temporary)
+    return temporary
