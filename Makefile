@@ -26,7 +26,7 @@ help:
 	@echo "make release  the program with machine code for all cards, build/release/bin/pointfair"
 	@echo "make fuzz     every file reader under a fuzzer, $(FUZZ_SECONDS) s each (FUZZ_SECONDS=N)"
 	@echo "make format   clang-format on every C++ file"
-	@echo "make docs     the reference of the public headers, build/docs/html"
+	@echo "make docs     the site with the references of C++ and Python, build/docs/site"
 	@echo "make asan     all tests under AddressSanitizer and UndefinedBehaviorSanitizer"
 	@echo "make tsan     the threaded tests under ThreadSanitizer"
 	@echo "make install  library, headers and program into PREFIX=$(PREFIX)"
@@ -38,7 +38,7 @@ build:
 	cmake --build build
 
 test:
-	@$(install) build test python
+	@$(install) build test python docs
 	cmake --preset $(preset) -DPOINTFAIR_TESTS=ON
 	cmake --build build
 	ctest --test-dir build -j $(jobs) --output-on-failure
@@ -126,10 +126,11 @@ format:
 	git ls-files -z '*.cpp' '*.hpp' '*.h' '*.cu' '*.cuh' | xargs -0 clang-format-16 -i
 
 docs:
-	@$(install) docs
-	@mkdir -p build/docs
-	doxygen scripts/Doxyfile
-	@echo "build/docs/html/index.html"
+	@$(install) build python docs
+	cmake --preset $(preset)
+	cmake --build build
+	scripts/wheel.py --build build --dist build/python/dist
+	scripts/docs.py --dist build/python/dist
 
 asan:
 	@$(install) build test

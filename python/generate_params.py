@@ -35,11 +35,12 @@ class Params:
 
     A length is a number in the unit of the coordinates, or a text: ``"0.5%"`` of the diagonal of the bounding box,
     ``"2s"`` mean spacings, ``"auto"``; ``normal_sigma`` and ``closeness_sigma`` also take ``"0.6r"``, radii of the
-    neighbourhood. Values are checked when the object is made. Raises UsageError with the range.
+    neighbourhood. Values are checked when the object is made: a wrong one raises UsageError with the range.
 
 {attributes}
-    >>> Params(k=24, similarity_sigma="1s")
-    Params(k=24, similarity_sigma='1s')
+    Examples:
+        >>> Params(k=24, similarity_sigma="1s")
+        Params(k=24, similarity_sigma='1s')
     """
 
 {fields}

@@ -30,11 +30,12 @@ class Cloud:
         xyz: positions, (N, 3) float32 or float64. The cloud keeps every digit of them.
         attributes: values by name, (N,) or (N, C) each.
 
-    >>> cloud = Cloud(np.zeros((2, 3)), {"intensity": np.array([7, 9], np.uint16)})
-    >>> cloud["intensity"]
-    array([7, 9], dtype=uint16)
-    >>> cloud
-    <pointfair.Cloud of 2 points, float64; intensity uint16>
+    Examples:
+        >>> cloud = Cloud(np.zeros((2, 3)), {"intensity": np.array([7, 9], np.uint16)})
+        >>> cloud["intensity"]
+        array([7, 9], dtype=uint16)
+        >>> cloud
+        <pointfair.Cloud of 2 points, float64; intensity uint16>
     """
 
     __slots__ = ("_native",)

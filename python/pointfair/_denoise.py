@@ -80,14 +80,17 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, stre
         input and parameters give the same bits for any number of threads and on any device.
 
     Raises:
-        UsageError: an argument has a wrong shape, type or value. DeviceError: the device cannot be used. OutOfMemory.
-        KeyboardInterrupt comes within 200 ms of Ctrl-C.
+        UsageError: an argument has a wrong shape, type or value.
+        DeviceError: the device cannot be used.
+        OutOfMemory: the host or the device has too little memory.
+        KeyboardInterrupt: within 200 ms of Ctrl-C.
 
-    >>> rng = np.random.default_rng(1)
-    >>> plane = np.c_[rng.random((5000, 2)), rng.normal(0, 0.01, 5000)]
-    >>> smooth, report = denoise(plane, return_report=True)
-    >>> bool(smooth[:, 2].std() < 0.3 * plane[:, 2].std()), round(report.noise, 2)
-    (True, 0.01)
+    Examples:
+        >>> rng = np.random.default_rng(1)
+        >>> plane = np.c_[rng.random((5000, 2)), rng.normal(0, 0.01, 5000)]
+        >>> smooth, report = denoise(plane, return_report=True)
+        >>> bool(smooth[:, 2].std() < 0.3 * plane[:, 2].std()), round(report.noise, 2)
+        (True, 0.01)
     """
     chosen = make_params(params, parameters)
     if normals and not return_report:
@@ -141,9 +144,10 @@ def _full_report(pipeline: _native.Pipeline, with_normals: bool) -> Report:
 def estimate(points: Any, *, device: str = "auto", threads: int = 0) -> Estimates:
     """Bounds, spacing and noise of an array of positions or a Cloud. Arguments are those of denoise.
 
-    >>> grid = np.stack(np.meshgrid(np.arange(50.0), np.arange(50.0), [0.0]), -1).reshape(-1, 3)
-    >>> estimate(grid).points
-    2500
+    Examples:
+        >>> grid = np.stack(np.meshgrid(np.arange(50.0), np.arange(50.0), [0.0]), -1).reshape(-1, 3)
+        >>> estimate(grid).points
+        2500
     """
     pipeline = _take(device, threads)
     try:
@@ -180,18 +184,24 @@ def denoise_batch(clouds: Any, params: Params | None = None, *, offsets: Any = N
         clouds: a list of (N, 3) arrays; or a (B, N, 3) array of clouds of one size; or with `offsets` one (N, 3) array in
             which cloud i has the rows offsets[i] to offsets[i + 1].
         offsets: whole numbers from 0 to N that do not decrease.
+        params: as that of denoise.
+        device: "auto" or "cpu": batches are computed on the CPU.
         threads: the clouds are spread over so many CPU threads; 0: all cores.
-        params, device, progress, return_report, parameters: as those of denoise. Batches are computed on the CPU.
+        progress: as that of denoise.
+        return_report: whether to return (result, list of reports) instead of the result.
+        **parameters: fields of Params that differ from `params`.
 
     Returns:
         What was given, with moved points; with return_report also a list of reports, without noise and spacing.
 
     Raises:
-        UsageError, OutOfMemory: with the number of the cloud.
+        UsageError: as denoise, with the number of the cloud.
+        OutOfMemory: likewise.
 
-    >>> rng = np.random.default_rng(1)
-    >>> [len(cloud) for cloud in denoise_batch([rng.random((300, 3)), rng.random((200, 3))], k=12)]
-    [300, 200]
+    Examples:
+        >>> rng = np.random.default_rng(1)
+        >>> [len(cloud) for cloud in denoise_batch([rng.random((300, 3)), rng.random((200, 3))], k=12)]
+        [300, 200]
     """
     chosen = make_params(params, parameters)
     if not isinstance(device, str) or device not in ("auto", "cpu"):

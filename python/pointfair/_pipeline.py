@@ -53,13 +53,14 @@ class Pipeline:
         device: "auto" is a CUDA card if there is one, else the CPU; or "cpu", "cuda", "cuda:N".
         threads: CPU threads; 0: all cores.
 
-    Raises DeviceError if the device cannot be used.
+    Raises:
+        DeviceError: the device cannot be used.
 
-    >>> import numpy as np
-    >>> pipeline = Pipeline("cpu")
-    >>> pipeline.load(np.random.default_rng(1).random((1000, 3), np.float32))
-    >>> pipeline.run(k=12).shape
-    (1000, 3)
+    Examples:
+        >>> pipeline = Pipeline("cpu")
+        >>> pipeline.load(np.random.default_rng(1).random((1000, 3), np.float32))
+        >>> pipeline.run(k=12).shape
+        (1000, 3)
     """
 
     def __init__(self, device: str = "auto", *, threads: int = 0) -> None:
