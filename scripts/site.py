@@ -10,7 +10,7 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 CPP = ROOT / "build/docs/html"
 PAGES = {"README.md": "index.md", "CHANGELOG.md": "CHANGELOG.md", "CONTRIBUTING.md": "CONTRIBUTING.md", "SECURITY.md": "SECURITY.md"}
 FILES = ["LICENSE", "CITATION.cff"]
-FOLDERS = {"docs/decisions": "decisions/README.md", "examples": "examples.md"}
+FOLDERS = {"docs/decisions": "decisions/README.md", "examples": "examples.md", "examples/python": "examples.md"}
 
 
 def site_target(target):
