@@ -7,8 +7,7 @@
 
 #include "cpu/constrained.h"
 #include "cpu/parallel.h"
-#include "point/outliers.h"
-#include "seam/method_rule.hpp"
+#include "seam/rules.hpp"
 
 namespace pointfair::cpu {
 namespace {
@@ -50,16 +49,12 @@ void Chain::release_small_results() {
 
 Neighborhoods Chain::neighborhoods() const {
   return {{neighbors_.k, stored_k_, lists_.data()},
-          {squared_radius_.data(), neighbors_.radius * neighbors_.radius, neighbors_.widening}};
-}
-
-bool Chain::balls_grow() const {
-  return !by_list() && normal_settings_.filter_rounds > 0 && normal_settings_.flat_radius > 1;
+          {squared_radius_.data(), neighbors_.radius * neighbors_.radius, neighbors_.min_neighbors}};
 }
 
 Neighborhoods Chain::grown_neighborhoods() const {
   Neighborhoods result = neighborhoods();
-  if (balls_grow()) result.ball.squared_growth = squared_growth_.data();
+  if (radii_grow()) result.radii.squared_growth = squared_growth_.data();
   return result;
 }
 
@@ -132,13 +127,13 @@ void Chain::measure_radii(const Kernels& kernels, const std::stop_token& stop) {
   const IndexView index = index_.view();
   squared_radius_.resize(std::size_t(index.leaves) * kLeafSize);
   const float squared_base = neighbors_.radius * neighbors_.radius;
-  const int widening = neighbors_.widening;
+  const int min_neighbors = neighbors_.min_neighbors;
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
-    std::vector<Index> nearest(std::size_t(widening) * kLeafSize);
+    std::vector<Index> nearest(std::size_t(min_neighbors) * kLeafSize);
     for (std::size_t leaf = first; leaf < last; ++leaf) {
-      if (widening > 0)
-        kernels.nearest(index, Index(leaf), widening, std::numeric_limits<float>::infinity(), nearest.data());
-      kernels.squared_radii(index, Index(leaf), nearest.data(), widening, squared_base,
+      if (min_neighbors > 0)
+        kernels.nearest(index, Index(leaf), min_neighbors, std::numeric_limits<float>::infinity(), nearest.data());
+      kernels.squared_radii(index, Index(leaf), nearest.data(), min_neighbors, squared_base,
                             squared_radius_.data() + leaf * kLeafSize);
     }
   });
@@ -147,7 +142,7 @@ void Chain::measure_radii(const Kernels& kernels, const std::stop_token& stop) {
 void Chain::estimate_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop) {
   normal_settings_ = settings;
   const IndexView index = index_.view();
-  const NormalRule rule{point::normal_weights(settings.weighted, settings.sigma), settings.of_radius};
+  const point::NormalRule rule = normal_rule(settings);
   for (Buffer<float>* axis : {&normal_x_, &normal_y_, &normal_z_}) axis->resize(std::size_t(index.leaves) * kLeafSize);
   const VectorsOut out{normal_x_.data(), normal_y_.data(), normal_z_.data()};
   std::atomic<std::uint64_t> too_few = 0, no_normal = 0;
@@ -177,14 +172,14 @@ void Chain::estimate_normals(const NormalSettings& settings, const Kernels& kern
 void Chain::filter_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop) {
   if (settings.filter_rounds == 0) return;
   const IndexView index = index_.view();
-  const NormalRule rule{point::normal_weights(settings.weighted, settings.sigma), settings.of_radius};
-  const float inverse_turn = point::inverse_turn(settings.filter_angle);
+  const point::NormalRule rule = normal_rule(settings);
+  const float inverse_turn = point::inverse_turn(settings.crease_angle);
   for (Buffer<float>* axis : {&spare_x_, &spare_y_, &spare_z_}) axis->resize(normal_x_.size());
-  if (balls_grow()) squared_growth_.resize(normal_x_.size());
+  if (radii_grow()) squared_growth_.resize(normal_x_.size());
   for (int round = 0; round < settings.filter_rounds; ++round) {
     const bool is_last = round + 1 == settings.filter_rounds;
-    const GrowthOut growth{settings.flat_radius * settings.flat_radius,
-                           is_last && balls_grow() ? squared_growth_.data() : nullptr};
+    const GrowthOut growth{settings.flat_scale * settings.flat_scale,
+                           is_last && radii_grow() ? squared_growth_.data() : nullptr};
     const VectorsOut out{spare_x_.data(), spare_y_.data(), spare_z_.data()};
     for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
       for (std::size_t leaf = first; leaf < last; ++leaf)
@@ -199,10 +194,7 @@ void Chain::filter_normals(const NormalSettings& settings, const Kernels& kernel
 
 void Chain::fair(const FairingSettings& settings, const Kernels& kernels, const std::stop_token& stop) {
   fairing_settings_ = settings;
-  const int power = settings.area_weight == AreaWeight::squared  ? 2
-                    : settings.area_weight == AreaWeight::length ? 1
-                                                                 : 0;
-  const AreaView area{mean_distance_.data(), power};
+  const AreaView area{mean_distance_.data(), area_power(settings.area_weight)};
   faired_.resize(std::size_t(index_.view().leaves) * kLeafSize);
   if (settings.method == Method::bilateral) {
     fair_bilaterally(settings, area, kernels, stop);
@@ -214,15 +206,7 @@ void Chain::fair(const FairingSettings& settings, const Kernels& kernels, const 
 void Chain::fair_bilaterally(const FairingSettings& settings, AreaView area, const Kernels& kernels,
                              const std::stop_token& stop) {
   const IndexView index = index_.view();
-  const FairingRule rule{point::bilateral_weights(settings.closeness_sigma, settings.similarity_sigma),
-                         settings.closeness_of_radius,
-                         settings.two_planes,
-                         point::inverse_turn(settings.facing_angle),
-                         settings.strength,
-                         settings.outlier_distance * settings.outlier_distance,
-                         point::squared_core(settings.outlier_radius * settings.outlier_radius),
-                         settings.pull_outliers,
-                         by_list() ? nullptr : squared_radius_.data()};
+  const point::FairingRule rule = fairing_rule(settings, by_list());
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     for (std::size_t leaf = first; leaf < last; ++leaf)
       kernels.fair(index, Index(leaf), grown_neighborhoods(), normals(), area, rule, &faired_[leaf * kLeafSize].x);

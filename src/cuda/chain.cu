@@ -1,15 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cuda/chain.cuh"
-#include "cuda/methods.cuh"
-#include "point/outliers.h"
-#include "seam/method_rule.hpp"
+#include "cuda/stages/methods.cuh"
 
 namespace pointfair::cuda {
 namespace {
 
 constexpr std::size_t kLargeCloud = 3'000'000;  // points; random writes to all of it miss the cache
 constexpr float kNoLimit = __builtin_inff();
-constexpr std::size_t kLargestBalls = 1024;  // bytes a point
+constexpr std::size_t kLargestCollection = 1024;  // bytes a point
 
 void stop_if_asked(const std::stop_token& stop) {
   if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
@@ -22,7 +20,7 @@ Chain::Chain(Context& context, StopLine& stop_line, unsigned first_call)
       stop_line_(stop_line),
       first_call_(first_call),
       index_(context),
-      flow_(context),
+      overlap_(context, index_),
       lists_(context),
       normals_(context),
       mean_distance_(context),
@@ -41,15 +39,6 @@ void Chain::pace(const std::stop_token& stop) {
   stop_if_asked(stop);
 }
 
-void Chain::join() {
-  index_.join();
-  flow_.join();
-}
-
-cudaStream_t Chain::stream() const {
-  return flow_.is_searched() ? flow_.stream() : index_.is_in_parts() ? index_.stream() : context_.stream();
-}
-
 void Chain::begin_stage(Stage stage, const std::stop_token& stop) {
   stop_if_asked(stop);
   stop_ = stop_line_.listen(stop, first_call_ + unsigned(stage));
@@ -64,13 +53,16 @@ void Chain::build_index(const Point* points, std::size_t count, const std::optio
   join();
   input_ = points;
   areas_measured_ = normals_wait_ = false;
-  index_.build(points, count, frame, arrival);
+  if (Overlapped::suits(arrival, frame)) {
+    overlap_.build(points, count, *arrival);
+  } else {
+    index_.build(points, count, frame, arrival);
+  }
   counts_clear_ = true;
 }
 
 void Chain::find_neighbors(const NeighborSettings& settings, bool arriving, std::stop_token stop) {
-  const bool by_parts = index_.is_in_parts() && !flow_.is_searched() && settings.k > 0 &&
-                        settings.k <= kLargestGroupList && !settings.constraint;
+  const bool by_parts = overlap_.can_search(settings);
   if (!by_parts) join();
   begin_stage(Stage::neighbors, stop);
   neighbors_ = settings;
@@ -81,13 +73,13 @@ void Chain::find_neighbors(const NeighborSettings& settings, bool arriving, std:
   normals_wait_ = false;
   if (settings.k == 0) {
     measure_radii(stop);
-    collector_.collect(index_.tree(), balls(), index_.points() * kLargestBalls, stop_);
+    collector_.collect(index_.tree(), radii(), index_.points() * kLargestCollection, stop_);
     return stop_if_asked(stop);  // it has waited
   }
   collector_.release();
   lists_.resize(index_.leaves() * kLeafSize * settings.k);
   if (settings.constraint) return grow_constrained(stop);
-  if (by_parts) return flow_.search(index_, nearest_query(), lists_.data(), arriving, stop);
+  if (by_parts) return overlap_.search(nearest_query(), lists_.data(), arriving, stop);
   DeviceArray<Index> retries(context_);
   find_nearest(context_, index_.tree(), index_.state(), nearest_query(), lists_.data(), make_room(retries), stop_);
 }
@@ -96,15 +88,15 @@ void Chain::measure_radii(const std::stop_token& stop) {
   lists_.release();
   const std::size_t places = index_.leaves() * kLeafSize;
   squared_radius_.resize(places);
-  const int widening = neighbors_.widening;
+  const int min_neighbors = neighbors_.min_neighbors;
   DeviceArray<Index> nearest(context_), retries(context_);
-  if (widening > 0) {
-    nearest.resize(places * widening);
-    find_nearest(context_, index_.tree(), index_.state(), {widening, kNoLimit}, nearest.data(), make_room(retries),
+  if (min_neighbors > 0) {
+    nearest.resize(places * min_neighbors);
+    find_nearest(context_, index_.tree(), index_.state(), {min_neighbors, kNoLimit}, nearest.data(), make_room(retries),
                  stop_);
     pace(stop);
   }
-  cuda::measure_radii(context_, index_.tree(), {widening, nearest.data()}, squared_base(), squared_radius_.data());
+  cuda::measure_radii(context_, index_.tree(), {min_neighbors, nearest.data()}, squared_base(), squared_radius_.data());
 }
 
 void Chain::grow_constrained(const std::stop_token& stop) {
@@ -156,7 +148,7 @@ void Chain::measure_areas() {
   } else {
     DeviceArray<Index> nearest(context_), retries(context_);
     nearest.resize(places * point::kAreaNeighbors);
-    clear(offsetof(CloudState, leaf_retries), offsetof(CloudState, unused));
+    clear(offsetof(CloudState, leaf_retries), offsetof(CloudState, too_few_neighbors));
     find_nearest(context_, index_.tree(), index_.state(), {point::kAreaNeighbors, kNoLimit}, nearest.data(),
                  make_room(retries), stop_);
     measure_mean_distances(context_, index_.tree(), {point::kAreaNeighbors, nearest.data()}, mean_distance_.data());
@@ -166,7 +158,7 @@ void Chain::measure_areas() {
 
 Surroundings Chain::grown_surroundings(const Stop& stop) const {
   Surroundings result = surroundings(stop);
-  if (balls_grow()) result.balls.squared_growth = squared_growth_.data();
+  if (radii_grow()) result.radii.squared_growth = squared_growth_.data();
   return result;
 }
 
@@ -188,10 +180,11 @@ void Chain::settle(const std::stop_token& stop) {
   if (!normals_wait_) return;
   clear_unmoved();
   if (neighbors_.k > 0) {
-    cuda::estimate_normals(context_, index_.tree(), index_.state(), lists(), normal_weights(), normals());
+    cuda::estimate_normals(context_, index_.tree(), index_.state(), lists(), normal_rule(normal_settings_).weights,
+                           normals());
   } else {
-    estimate_wide_normals(context_, index_.tree(), index_.state(), surroundings(stop_),
-                          {normal_weights(), normal_settings_.of_radius}, normals());
+    estimate_wide_normals(context_, index_.tree(), index_.state(), surroundings(stop_), normal_rule(normal_settings_),
+                          normals());
   }
   filter_normals(stop);
   normals_wait_ = false;
@@ -200,16 +193,16 @@ void Chain::settle(const std::stop_token& stop) {
 void Chain::filter_normals(const std::stop_token& stop) {
   const std::size_t places = index_.leaves() * kLeafSize;
   DeviceArray<float> filtered(context_);
-  if (balls_grow()) squared_growth_.resize(places);
+  if (radii_grow()) squared_growth_.resize(places);
   for (int round = 0; round < normal_settings_.filter_rounds; ++round) {
     pace(stop);
     filtered.resize(3 * places);
     const bool is_last = round + 1 == normal_settings_.filter_rounds;
-    cuda::filter_normals(context_, index_.tree(), surroundings(stop_), {normal_weights(), normal_settings_.of_radius},
-                         point::inverse_turn(normal_settings_.filter_angle), normals(),
+    cuda::filter_normals(context_, index_.tree(), surroundings(stop_), normal_rule(normal_settings_),
+                         point::inverse_turn(normal_settings_.crease_angle), normals(),
                          {filtered.data(), filtered.data() + places, filtered.data() + 2 * places},
-                         {normal_settings_.flat_radius * normal_settings_.flat_radius,
-                          is_last && balls_grow() ? squared_growth_.data() : nullptr});
+                         {normal_settings_.flat_scale * normal_settings_.flat_scale,
+                          is_last && radii_grow() ? squared_growth_.data() : nullptr});
     normals_.swap(filtered);
   }
 }
@@ -218,9 +211,7 @@ void Chain::fair(const FairingSettings& settings, bool leaving, std::stop_token 
   begin_stage(Stage::fairing, stop);
   first_part_ = 0;
   fairing_settings_ = settings;
-  const int power = settings.area_weight == AreaWeight::squared  ? 2
-                    : settings.area_weight == AreaWeight::length ? 1
-                                                                 : 0;
+  const int power = area_power(settings.area_weight);
   if (power > 0) {
     join();
     measure_areas();
@@ -228,9 +219,9 @@ void Chain::fair(const FairingSettings& settings, bool leaving, std::stop_token 
   const AreaWeights areas{mean_distance_.data(), power};
   faired_.resize(index_.points());
   const auto weights = point::bilateral_weights(settings.closeness_sigma, settings.similarity_sigma);
-  const bool plain = settings.method == Method::bilateral && neighbors_.k > 0 && !settings.two_planes &&
+  const bool plain = settings.method == Method::bilateral && neighbors_.k > 0 && !settings.symmetric &&
                      settings.strength == 1 && settings.outlier_distance == 0;
-  const bool by_parts = flow_.is_searched() && !flow_.is_done();
+  const bool by_parts = overlap_.can_fair();
   if (by_parts && plain && normals_wait_ && power == 0) return fair_by_parts(weights);
   join();
   DeviceArray<Point> staged(context_);
@@ -245,17 +236,13 @@ void Chain::fair(const FairingSettings& settings, bool leaving, std::stop_token 
   if (!plain) {
     settle(stop);
     fair_widely(context_, index_.tree(), grown_surroundings(stop_), normals(), areas,
-                {weights, settings.closeness_of_radius, settings.two_planes, point::inverse_turn(settings.facing_angle),
-                 settings.strength, settings.outlier_distance * settings.outlier_distance,
-                 point::squared_core(settings.outlier_radius * settings.outlier_radius), settings.pull_outliers,
-                 neighbors_.k > 0 ? nullptr : squared_radius_.data()},
-                faired);
+                fairing_rule(settings, neighbors_.k > 0), faired);
   } else if (normals_wait_) {
     clear_unmoved();
     normals_wait_ = false;
     if (leaving && power == 0 && faired.staged == nullptr) return fair_first_part_first(weights, faired);
-    estimate_normals_and_fair(context_, index_.tree(), index_.state(), index_.all_leaves(), lists(), normal_weights(),
-                              normals(), areas, weights, faired);
+    estimate_normals_and_fair(context_, index_.tree(), index_.state(), index_.all_leaves(), lists(),
+                              normal_rule(normal_settings_).weights, normals(), areas, weights, faired);
   } else {
     cuda::fair(context_, index_.tree(), lists(), normals(), areas, weights, faired);
   }
@@ -265,8 +252,8 @@ void Chain::fair(const FairingSettings& settings, bool leaving, std::stop_token 
 void Chain::fair_first_part_first(point::BilateralWeights weights, const FairedPoints& faired) {
   first_part_ = index_.points() / 4;
   const auto fair_between = [&](std::size_t begin, std::size_t end) {
-    estimate_normals_and_fair_between(context_, index_.tree(), index_.state(), lists(), normal_weights(), normals(),
-                                      weights, faired, begin, end);
+    estimate_normals_and_fair_between(context_, index_.tree(), index_.state(), lists(),
+                                      normal_rule(normal_settings_).weights, normals(), weights, faired, begin, end);
   };
   fair_between(0, first_part_);
   first_part_done_.record(context_.stream());
@@ -277,19 +264,16 @@ void Chain::fair_first_part_first(point::BilateralWeights weights, const FairedP
 void Chain::fair_by_parts(point::BilateralWeights weights) {
   clear_unmoved();
   const FairedPoints faired{faired_.data(), input_, index_.points(), nullptr, nullptr, nullptr};
-  flow_.after_search(index_, [&](LeafRange leaves) {
-    estimate_normals_and_fair(context_, index_.tree(), index_.state(), leaves, lists(), normal_weights(), normals(), {},
-                              weights, faired);
+  overlap_.fair([&](LeafRange leaves) {
+    estimate_normals_and_fair(context_, index_.tree(), index_.state(), leaves, lists(),
+                              normal_rule(normal_settings_).weights, normals(), {}, weights, faired);
   });
   normals_wait_ = false;
 }
 
 std::vector<FairedPart> Chain::faired_parts() const {
-  std::vector<FairedPart> parts;
-  if (first_part_ > 0) parts.push_back({first_part_, first_part_done_.get()});
-  for (std::size_t part = 0; flow_.is_done() && part < index_.parts().count(); ++part)
-    parts.push_back({index_.parts().ends[part], flow_.done(part)});
-  return parts;
+  if (first_part_ > 0) return {{first_part_, first_part_done_.get()}};
+  return overlap_.faired_parts();
 }
 
 void Chain::fair_by_method(const FairingSettings& settings, AreaWeights areas, const FairedPoints& faired,
@@ -317,8 +301,7 @@ void Chain::find_outcomes(const point::Region& loaded, unsigned char* out) {
                        {query.k, query.squared_limit, neighbors_.constraint, neighbors_.reach},
                        reads_areas ? mean_distance_.data() : nullptr,
                        normal_settings_.filter_rounds,
-                       fairing_settings_.two_planes || fairing_settings_.method != Method::bilateral ||
-                           fairing_settings_.pull_outliers,  // radii, which are exact where normals are
+                       reads_normals_of_neighbors(fairing_settings_),
                        fairing_settings_.method != Method::bilateral},
                       index_.points(), out);
 }

@@ -1,31 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
-// The results of every stage of one pass on the card. Normals over lists wait until it is known what comes next:
+// The results of every stage of one iteration on the card. Normals over lists wait until it is known what comes next:
 // fairing runs with them as one kernel, and once a result is asked for they run alone. Where the index is in parts, the
 // paper's stages over lists follow each other part by part (part_flow.cuh); all else waits for all parts.
 // Memory, bytes a point: index 17, lists 4 k, normals 12, faired positions 12; mean distances 4 once an area weight is
-// asked for; balls instead of lists 4, and what the collector takes, up to kLargestBalls; while neighbours are found,
-// 4, and with the constraint 4 more for each of k candidates; while a large cloud is faired, 20.
+// asked for; radii instead of lists 4, and what the collector takes, up to kLargestCollection; while neighbours are
+// found, 4, and with the constraint 4 more for each of k candidates; while a large cloud is faired, 20.
 #pragma once
 
 #include <limits>
 
-#include "cuda/index.cuh"
-#include "cuda/outcomes.cuh"
-#include "cuda/part_flow.cuh"
-#include "cuda/samples.cuh"
-#include "cuda/search.cuh"
-#include "cuda/stages.cuh"
-#include "cuda/stop.cuh"
-#include "cuda/wide_stages.cuh"
+#include "cuda/overlap/overlap.cuh"
+#include "cuda/runtime/stop.cuh"
+#include "cuda/sampling/samples.cuh"
+#include "cuda/search/search.cuh"
+#include "cuda/stages/list_stages.cuh"
+#include "cuda/stages/outcomes.cuh"
+#include "cuda/stages/wide_stages.cuh"
 #include "seam/backend.hpp"
+#include "seam/rules.hpp"
 
 namespace pointfair::cuda {
-
-// Consecutive points in upload order, there after an event.
-struct FairedPart {
-  std::size_t end;
-  cudaEvent_t done;
-};
 
 class Chain {
  public:
@@ -45,13 +39,13 @@ class Chain {
 
   bool normals_wait() const { return normals_wait_; }
   // What the context's stream gets from now on waits for all parts.
-  void join();
+  void join() { overlap_.join(); }
   // Starts normals that still wait for fairing; what comes after waits for all parts.
   void settle(const std::stop_token& stop = {});
   // Of faired(); what is behind the last is done in the order of the context's stream.
   std::vector<FairedPart> faired_parts() const;
   // That of the stage started last.
-  cudaStream_t stream() const;
+  cudaStream_t stream() const { return overlap_.stream(); }
 
   // Start the work and return before it is done.
   void restore_normals(Point* out);
@@ -82,18 +76,12 @@ class Chain {
                       const std::stop_token& stop);
   // A squared radius stays finite: infinite are only places that hold no point.
   float squared_base() const { return std::min(neighbors_.radius * neighbors_.radius, 1e37f); }
-  Balls balls() const { return {squared_radius_.data(), squared_base(), neighbors_.widening}; }
-  Surroundings surroundings(const Stop& stop = {}) const { return {lists(), balls(), collector_.collected(), stop}; }
-  bool balls_grow() const {
-    return neighbors_.k == 0 && normal_settings_.filter_rounds > 0 && normal_settings_.flat_radius > 1;
-  }
+  point::Radii radii() const { return {squared_radius_.data(), squared_base(), neighbors_.min_neighbors}; }
+  Surroundings surroundings(const Stop& stop = {}) const { return {lists(), radii(), collector_.collected(), stop}; }
+  bool radii_grow() const { return pointfair::radii_grow(neighbors_, normal_settings_); }
   Surroundings grown_surroundings(const Stop& stop = {}) const;  // of the bilateral step
   Normals normals() const;
   bool is_further() const { return first_call_ > 0; }
-  point::NormalWeights normal_weights() const {
-    return point::normal_weights(normal_settings_.weighted, normal_settings_.sigma);
-  }
-
   Context& context_;
   StopLine& stop_line_;
   const unsigned first_call_;
@@ -103,7 +91,7 @@ class Chain {
   std::size_t first_part_ = 0;  // is faired before the others; 0: none is
   const Point* input_ = nullptr;
   DeviceIndex index_;
-  PartFlow flow_;
+  Overlapped overlap_;  // of the index
   NeighborSettings neighbors_;
   NormalSettings normal_settings_;
   FairingSettings fairing_settings_;
@@ -113,8 +101,8 @@ class Chain {
   DeviceArray<Index> lists_;
   DeviceArray<float> normals_, mean_distance_;
   DeviceArray<float> squared_radius_;  // without lists, as is
-  DeviceArray<float> squared_growth_;  // of those, where balls of flat places grow
-  BallCollector collector_;
+  DeviceArray<float> squared_growth_;  // of those, where those of flat places grow
+  NeighborCollector collector_;
   bool areas_measured_ = false;
   DeviceArray<Point> faired_;
 };

@@ -34,6 +34,7 @@ void Pipeline::State::start_load(std::span<const Point> points, IndexOrder expec
   shown_.reset();
   estimates.reset();
   upload_milliseconds_ = 0;
+  drop_times_of_failed_run();
   const auto start = Clock::now();
   cloud.load(points, expected, overlapped);
   upload_times_itself_ = overlapped && cloud.backend().overlap() != nullptr;
@@ -127,7 +128,8 @@ void Pipeline::State::run_to_end(const Params& params, std::span<Point> out, con
   const auto start = Clock::now();
   const double upload = std::exchange(upload_milliseconds_, 0);
   Backend& backend = cloud.backend();
-  log_.settle(backend);  // of a run that failed
+  drop_times_of_failed_run();
+  unfinished_ = true;
   log_ = {};
   if (upload > 0 && !std::exchange(upload_times_itself_, false)) log_.note("upload", upload);
 
@@ -145,6 +147,7 @@ void Pipeline::State::run_to_end(const Params& params, std::span<Point> out, con
   const Counts counts = backend.counts(last);
   const Costs costs = log_.settle(backend);
 
+  unfinished_ = false;
   outliers = std::move(marks);
   shown_ = last;
   report = {device,
@@ -198,6 +201,10 @@ void Pipeline::State::run_stage(const Step& step, bool leaves, const std::stop_t
       break;
   }
   log_.note_call(name_of(stage), milliseconds_since(start));
+}
+
+void Pipeline::State::drop_times_of_failed_run() {
+  if (std::exchange(unfinished_, false)) log_.settle(cloud.backend());
 }
 
 void Pipeline::State::normals(std::span<Point> out, const std::stop_token& stop) {

@@ -25,19 +25,19 @@ Settings settings_of(const Params& p) {
   s.neighbors.radius = p.radius.is_automatic() ? 0.0f : float(p.radius.value);
   s.neighbors.constraint = p.constraint;
   s.neighbors.reach = p.constraint ? float(p.rho.value + p.delta.value) : 0.0f;
-  s.neighbors.widening = p.k == 0 ? p.min_neighbors : 0;
+  s.neighbors.min_neighbors = p.k == 0 ? p.min_neighbors : 0;
   s.normals.filter_rounds = filter_rounds(p.normal_filter);
   s.normals.sigma = float(p.normal_sigma.value);
   s.normals.of_radius = p.normal_sigma.unit == Length::Unit::radius;
-  s.normals.filter_angle = p.normal_filter == NormalFilter::on ? p.crease_angle : 0;
-  if (sums_balls(p) && p.method == Method::bilateral) s.normals.flat_radius = float(p.flat_scale.value_or(1));
+  s.normals.crease_angle = p.normal_filter == NormalFilter::on ? p.crease_angle : 0;
+  if (sums_balls(p) && p.method == Method::bilateral) s.normals.flat_scale = float(p.flat_scale.value_or(1));
   s.fairing.method = p.method;
   s.fairing.area_weight = p.area_weight;
   s.fairing.closeness_sigma = float(p.closeness_sigma.value);
   s.fairing.similarity_sigma = float(p.similarity_sigma.value);
   s.fairing.closeness_of_radius = p.closeness_sigma.unit == Length::Unit::radius;
-  s.fairing.two_planes = p.offset == Offset::symmetric;
-  s.fairing.facing_angle = s.fairing.two_planes ? kFacingAngle : 0;
+  s.fairing.symmetric = p.offset == Offset::symmetric;
+  s.fairing.turn_angle = s.fairing.symmetric ? kFacingAngle : 0;
   s.fairing.strength = float(p.relaxation.value_or(1));
   if (p.outliers != Outliers::off) {
     s.fairing.outlier_distance = float(p.outlier_distance.value);

@@ -14,18 +14,18 @@ struct NeighborSettings {
   int k = 0;         // 0: no list; everything within `radius` is summed directly
   float radius = 0;  // 0: no limit
   bool constraint = false;
-  float reach = 0;   // rho + delta
-  int widening = 0;  // without a list: squared radii grow by the squared distance to this many nearest; 0: not at all
+  float reach = 0;  // rho + delta
+  int min_neighbors =
+      0;  // without a list: squared radii grow by the squared distance to this many nearest; 0: not at all
   friend bool operator==(const NeighborSettings&, const NeighborSettings&) = default;
 };
 
 struct NormalSettings {
-  bool weighted = true;
   float sigma = 0;
   bool of_radius = false;  // sigma is a multiple of the point's radius; only without a list
   int filter_rounds = 0;
-  int filter_angle = 0;   // degrees; 0: a plain Gaussian mean
-  float flat_radius = 1;  // what multiplies the radius, for the bilateral step, where the surface is flat
+  int crease_angle = 0;  // degrees; 0: a plain Gaussian mean
+  float flat_scale = 1;  // what multiplies the radius, for the bilateral step, where the surface is flat
   friend bool operator==(const NormalSettings&, const NormalSettings&) = default;
 };
 
@@ -35,8 +35,8 @@ struct FairingSettings {
   float closeness_sigma = 0;
   float similarity_sigma = 0;
   bool closeness_of_radius = false;  // as in NormalSettings
-  bool two_planes = false;           // Eq. 10 instead of the paper's step
-  int facing_angle = 0;              // degrees, of Eq. 10; 0: normals do not weigh
+  bool symmetric = false;            // Eq. 10 instead of the paper's step
+  int turn_angle = 0;                // degrees, of Eq. 10; 0: normals do not weigh
   float strength = 1;                // share of the displacement that is made
   float outlier_distance = 0;        // from its neighbours, to be an outlier (src/point/outliers.h); 0: not looked for
   float outlier_radius = std::numeric_limits<float>::infinity();  // in larger neighbourhoods outliers may be alone
