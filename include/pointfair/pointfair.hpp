@@ -11,6 +11,7 @@
 #include "pointfair/normals.hpp"
 #include "pointfair/params.hpp"
 #include "pointfair/pipeline.hpp"
+#include "pointfair/positions.hpp"
 #include "pointfair/report.hpp"
 #include "pointfair/selection.hpp"
 #include "pointfair/version.hpp"

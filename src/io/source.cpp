@@ -9,6 +9,7 @@
 #include <limits>
 #include <optional>
 
+#include "io/offset.hpp"
 #include "io/parallel.hpp"
 
 namespace pointfair {
@@ -47,12 +48,8 @@ std::vector<Point> new_points(std::size_t count) {
   return points;
 }
 
-// Any NaN is like any other: on its way through a double a signalling one becomes quiet.
-bool same_bits(float a, float b) {
-  return std::bit_cast<std::uint32_t>(a) == std::bit_cast<std::uint32_t>(b) || (std::isnan(a) && std::isnan(b));
-}
-
-float to_offset(double value, double origin) { return static_cast<float>(value - origin); }
+using io::same_bits;
+using io::to_offset;
 
 // Positions of a file, chosen by a hash of their coordinates, so that the order of the points does not matter; its
 // words are mixed as in the 64-bit MurmurHash3 (A. Appleby).
@@ -97,6 +94,16 @@ class PositionSample {
   Position least_{kInfinite, kInfinite, kInfinite}, most_{-kInfinite, -kInfinite, -kInfinite};
 };
 
+// What look(block, sample) offers of each block of the file, many at once.
+template <class Look>
+std::vector<Position> sample_of(const Source& source, const Look& look) {
+  std::vector<PositionSample> of_block(source.block_count(), PositionSample(source.size()));
+  io::for_each_block(source.block_count(), [&](std::size_t block) { look(block, of_block[block]); });
+  PositionSample all(source.size());
+  for (const PositionSample& sample : of_block) all.offer_all(sample);
+  return std::move(all).take();
+}
+
 }  // namespace
 
 namespace io {
@@ -131,8 +138,7 @@ Position choose_origin(std::vector<Position> sample) {
 
 }  // namespace io
 
-// A guess at the origin from some rows saves a second pass: it is nearly always the one that a sample of all shows.
-std::vector<Point> Source::place() {
+Position Source::guessed_origin() const {
   std::vector<Position> rows;
   const std::size_t blocks = block_count(), block_step = std::max<std::size_t>(1, blocks / kSampledBlocks);
   for (std::size_t block = 0; block < blocks; block += block_step) {
@@ -141,7 +147,12 @@ std::vector<Point> Source::place() {
     const std::size_t step = std::max<std::size_t>(1, values.size() / kSampledPerBlock);
     for (std::size_t i = 0; i < values.size(); i += step) rows.push_back(values[i]);
   }
-  origin_ = io::choose_origin(std::move(rows));
+  return io::choose_origin(std::move(rows));
+}
+
+// A guess saves a second pass: it is nearly always what the sample shows.
+std::vector<Point> Source::place() {
+  origin_ = guessed_origin();
   std::vector<Point> points = new_points(static_cast<std::size_t>(size()));
   const Position origin = io::choose_origin(place_at_origin(points));
   if (origin != origin_) {
@@ -151,10 +162,17 @@ std::vector<Point> Source::place() {
   return points;
 }
 
+Position Source::sampled_origin() const {
+  return io::choose_origin(sample_of(*this, [&](std::size_t block, PositionSample& sample) {
+    thread_local std::vector<Position> values;
+    values.resize(block_size(block));
+    positions(block, values);
+    for (const Position& value : values) sample.offer(value);
+  }));
+}
+
 std::vector<Position> Source::place_at_origin(std::span<Point> points) const {
-  std::vector<PositionSample> of_block(block_count(), PositionSample(size()));
-  io::for_each_block(block_count(), [&](std::size_t block) {
-    PositionSample& sample = of_block[block];
+  return sample_of(*this, [&](std::size_t block, PositionSample& sample) {
     const std::span<Point> out = points.subspan(static_cast<std::size_t>(block_begin(block)), block_size(block));
     if (origin_ == Position{} && copy_points(block, out)) {
       for (const Point& p : out) sample.offer({p.x, p.y, p.z});
@@ -169,9 +187,6 @@ std::vector<Position> Source::place_at_origin(std::span<Point> points) const {
       out[i] = {to_offset(value[0], origin_[0]), to_offset(value[1], origin_[1]), to_offset(value[2], origin_[2])};
     }
   });
-  PositionSample all(size());
-  for (const PositionSample& sample : of_block) all.offer_all(sample);
-  return std::move(all).take();
 }
 
 Moves Source::moves(std::size_t block, const Cloud& cloud) const {
@@ -192,9 +207,7 @@ Moves Source::moves(std::uint64_t first, std::vector<Position> own, const Cloud&
       const float before = to_offset(value, origin_[axis]);
       const double shift = cloud.origin[axis] - origin_[axis];
       if (shift == 0 && same_bits(before, now[axis])) continue;
-      // The file's own value keeps what a float cannot hold of it.
-      value = std::isfinite(before) ? value + (static_cast<double>(now[axis]) - before + shift)
-                                    : cloud.origin[axis] + now[axis];
+      value = io::moved_value(value, before, now[axis], cloud.origin[axis], shift);
       result.changed[i] |= static_cast<std::uint8_t>(1U << axis);
     }
   }

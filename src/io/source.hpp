@@ -18,6 +18,7 @@
 #include "pointfair/cloud.hpp"
 #include "pointfair/file_info.hpp"
 #include "pointfair/io.hpp"
+#include "pointfair/positions.hpp"
 
 namespace pointfair {
 
@@ -33,8 +34,6 @@ struct Column {
 inline std::size_t column_bytes(const Column& column) { return column.components * size_of(column.type); }
 
 }  // namespace io
-
-using Position = std::array<double, 3>;
 
 /// Polygons: face f has the corners [ends[f - 1], ends[f]), the first from 0.
 struct Faces {
@@ -95,8 +94,9 @@ class Source {
   /// Extensions of files that belong to this one, stand beside it, and stay true when its points move.
   virtual std::vector<std::string> companions() const { return {}; }
 
-  /// Chooses the origin from a sample of the points, which does not depend on their order, and returns the points
-  /// relative to it.
+  /// The origin that suits a sample of the points, which does not depend on their order.
+  Position sampled_origin() const;
+  /// Chooses that origin, and returns the points relative to it.
   std::vector<Point> place();
   const Position& origin() const { return origin_; }
 
@@ -116,6 +116,7 @@ class Source {
   std::string_view bytes() const { return bytes_.view(); }
 
  private:
+  Position guessed_origin() const;  // from some rows
   /// The points relative to origin(); returns a sample of their positions.
   std::vector<Position> place_at_origin(std::span<Point> points) const;
 

@@ -14,20 +14,8 @@ constexpr std::size_t kRowsPerBlock = 8192;
 
 void take_positions(const Cloud& cloud, Table& table) {
   table.positions.resize(cloud.points.size());
-  if (cloud.source) {
-    table.coordinate_type = cloud.source->coordinate_type();
-    for_each_block(cloud.source->block_count(), [&](std::size_t block) {
-      const Moves moves = cloud.source->moves(block, cloud);
-      std::copy(moves.values.begin(), moves.values.end(),
-                table.positions.begin() + static_cast<std::ptrdiff_t>(cloud.source->block_begin(block)));
-    });
-    return;
-  }
-  if (cloud.origin != Position{}) table.coordinate_type = ScalarType::float64;
-  for (std::size_t i = 0; i < table.size(); ++i) {
-    const Point& p = cloud.points[i];
-    table.positions[i] = {cloud.origin[0] + p.x, cloud.origin[1] + p.y, cloud.origin[2] + p.z};
-  }
+  table.coordinate_type = position_type(cloud);
+  positions(cloud, table.positions);
 }
 
 // Splits a column into one for each component.
