@@ -2,19 +2,23 @@
 #include "cpu/chain.h"
 
 #include <atomic>
+#include <cstdlib>
 #include <limits>
 #include <vector>
 
 #include "cpu/constrained.h"
 #include "cpu/parallel.h"
+#include "point/noise_field.h"
 #include "point/outliers.h"
 #include "seam/method_rule.hpp"
+#include "seam/noise_levels.hpp"
 
 namespace pointfair::cpu {
 namespace {
 
 // Between two looks at the stop token: at most about 10 ms of work where balls are as wide as they can be, and where
 // lists are as long as they can be under the constraint, which then takes up to 10 ms a leaf.
+float tuned(const char* name, float other) { const char* t = std::getenv(name); return t ? float(std::atof(t)) : other; }
 constexpr std::size_t kLeavesABlock = 32, kConstrainedLeavesABlock = 2;
 
 }  // namespace
@@ -27,6 +31,7 @@ Chain::Chain(MemoryMeter& meter)
       normal_y_(meter),
       normal_z_(meter),
       squared_radius_(meter),
+      level_(meter),
       squared_growth_(meter),
       spare_x_(meter),
       spare_y_(meter),
@@ -50,7 +55,8 @@ void Chain::release_small_results() {
 
 Neighborhoods Chain::neighborhoods() const {
   return {{neighbors_.k, stored_k_, lists_.data()},
-          {squared_radius_.data(), neighbors_.radius * neighbors_.radius, neighbors_.widening}};
+          {squared_radius_.data(), neighbors_.radius_follows ? levels() : nullptr, neighbors_.radius * neighbors_.radius,
+           neighbors_.widening}};
 }
 
 bool Chain::balls_grow() const {
@@ -101,6 +107,7 @@ void Chain::find_neighbors(const NeighborSettings& settings, const Kernels& kern
   lists_.resize(index.leaves * row);
   mean_distance_.resize(std::size_t(index.leaves) * kLeafSize);
   const float limit = settings.radius > 0 ? settings.radius * settings.radius : std::numeric_limits<float>::infinity();
+  measure_levels(stop);
   if (!by_list()) measure_radii(kernels, stop);
   const std::size_t block_size = settings.constraint ? kConstrainedLeavesABlock : kLeavesABlock;
   for_blocks(index.leaves, block_size, stop, [&](std::size_t first, std::size_t last, std::size_t) {
@@ -128,6 +135,17 @@ void Chain::find_neighbors(const NeighborSettings& settings, const Kernels& kern
   has_lists_ = true;
 }
 
+void Chain::measure_levels(const std::stop_token& stop) {
+  if (!neighbors_.levels) return level_.release();
+  const IndexView index = index_.view();
+  const point::NoiseField field = field_of(neighbors_.levels.get());
+  level_.resize(std::size_t(index.leaves) * kLeafSize);
+  for_blocks(level_.size(), kLeavesABlock * kLeafSize, stop, [&](std::size_t first, std::size_t last, std::size_t) {
+    for (std::size_t i = first; i < last; ++i)
+      level_[i] = point::noise_level(field, {index.x[i], index.y[i], index.z[i]});
+  });
+}
+
 void Chain::measure_radii(const Kernels& kernels, const std::stop_token& stop) {
   const IndexView index = index_.view();
   squared_radius_.resize(std::size_t(index.leaves) * kLeafSize);
@@ -139,6 +157,7 @@ void Chain::measure_radii(const Kernels& kernels, const std::stop_token& stop) {
       if (widening > 0)
         kernels.nearest(index, Index(leaf), widening, std::numeric_limits<float>::infinity(), nearest.data());
       kernels.squared_radii(index, Index(leaf), nearest.data(), widening, squared_base,
+                            neighbors_.radius_follows ? levels() : nullptr,
                             squared_radius_.data() + leaf * kLeafSize);
     }
   });
@@ -219,7 +238,13 @@ void Chain::fair_bilaterally(const FairingSettings& settings, AreaView area, con
                          settings.two_planes,
                          point::inverse_turn(settings.facing_angle),
                          settings.strength,
+                         settings.noise * settings.noise,
+                         settings.is_further ? tuned("PF_L2", point::kNoiseLeft) : tuned("PF_L1", 1.0f),
+                         settings.damage,
                          settings.outlier_distance * settings.outlier_distance,
+                         settings.level_outlier_distance * settings.level_outlier_distance,
+                         levels(),
+                         settings.similarity_follows,
                          point::squared_core(settings.outlier_radius * settings.outlier_radius),
                          settings.pull_outliers,
                          by_list() ? nullptr : squared_radius_.data()};

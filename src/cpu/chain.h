@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The results of every stage of one pass. Memory, bytes a point: index 18, lists 4 k, W_a lengths 4, normals 12, faired
-// positions 12; 46 + 4 k in all. Without lists squared radii 4, and 4 more where balls grow. While normals are
+// positions 12; 46 + 4 k in all. Without lists squared radii 4, and 4 more where balls grow; where anything follows the noise, its levels 4. While normals are
 // filtered, or a method other than the bilateral one runs, 12 more.
 #pragma once
 
@@ -42,6 +42,8 @@ class Chain {
   bool balls_grow() const;
   bool by_list() const { return neighbors_.k > 0; }
   bool prefix_suffices(const NeighborSettings& settings) const;
+  void measure_levels(const std::stop_token& stop);
+  const float* levels() const { return neighbors_.levels ? level_.data() : nullptr; }
   void measure_radii(const Kernels& kernels, const std::stop_token& stop);
   void filter_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop);
   void fair_bilaterally(const FairingSettings& settings, AreaView area, const Kernels& kernels,
@@ -54,6 +56,7 @@ class Chain {
   Buffer<Index> lists_;
   Buffer<float> mean_distance_, normal_x_, normal_y_, normal_z_;
   Buffer<float> squared_radius_;               // without a list
+  Buffer<float> level_;                        // of the noise, where anything follows it
   Buffer<float> squared_growth_;               // of those, where balls of flat places grow
   Buffer<float> spare_x_, spare_y_, spare_z_;  // filtered normals, then displacements
   Buffer<Point> faired_;

@@ -50,11 +50,12 @@ struct NeighborView {
   const Index* list;
 };
 
-// Everything within a radius, when there is no list: R_i^2 = radius^2 + r_i^2, where r_i is the distance of point i to
+// Everything within a radius, when there is no list: R_i^2 = (level_i radius)^2 + r_i^2, where r_i is the distance of point i to
 // its `widening`-th nearest; the same radius for all if that is 0. A ball that would hold many more than kBallPoints
 // points is thinned to about so many, by a hash of their positions.
 struct Ball {
   const float* squared_radius;  // of each sorted point
+  const float* level;           // of the noise at each, which `radius` follows; null: 1
   float squared_base;
   int widening;
   const float* squared_growth = nullptr;  // what multiplies R_i^2, of each sorted point; null: nothing
@@ -78,7 +79,13 @@ struct FairingRule {
   bool two_planes;                 // Eq. 10 instead of the paper's step
   float inverse_turn;              // of Eq. 10
   float strength;                  // share of the displacement that is made
+  float noise_variance;            // of which a displacement's further share is made (noise_share); 0: all of it
+  float noise_left;                // of that variance, in the points as they are now
+  float damage;                    // of noise_share
   float squared_outlier_distance;  // 0: outliers are not looked for
+  float squared_level_outlier_distance;  // where this times the squared level is more, that counts
+  const float* level;              // of the noise at each sorted point; null: 1
+  bool similarity_follows;         // the level
   float squared_sparse_core;       // of a ball of the outlier radius
   bool pull_outliers;              // else they become NaN
   const float* squared_radius;     // of each sorted point's ball, for the pull; null over lists
@@ -119,7 +126,8 @@ struct Kernels {
   // of the result is set if no candidate beyond those could join that of lane l. count <= 1024.
   unsigned (*grow)(const IndexView&, Index leaf, const Index* candidates, int count, int k, float reach, Index* list);
   // R_i^2 of a ball, from lists of the `widening` nearest (or as many as there are).
-  void (*squared_radii)(const IndexView&, Index leaf, const Index* list, int widening, float squared_base, float* out);
+  void (*squared_radii)(const IndexView&, Index leaf, const Index* list, int widening, float squared_base, const float* level,
+                        float* out);
   // Mean distance to the first `count` entries of a list of k, or as many as it holds.
   void (*mean_distances)(const IndexView&, Index leaf, const Index* list, int count, float* out);
   // neighbor_counts receives how many neighbours each point has.

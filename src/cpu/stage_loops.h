@@ -6,6 +6,7 @@
 #include "cpu/kernels.h"
 #include "cpu/pack.h"
 #include "cpu/search.h"
+#include "point/noise_field.h"
 #include "point/outliers.h"
 
 namespace pointfair::cpu::POINTFAIR_ISA {
@@ -53,6 +54,17 @@ class ListWalk {
   int k_;
 };
 
+// 1 without levels.
+POINTFAIR_INLINE Floats squared_level(const float* level, Index start) {
+  if (level == nullptr) return broadcast(1.0f);
+  const Floats here = load(level + start);
+  return here * here;
+}
+// Of a radius that follows the noise.
+POINTFAIR_INLINE Floats squared_base_of(float squared_base, const float* level, Index start) {
+  return squared_base * squared_level(level, start);
+}
+
 // Walks the tree from the root in sorted order, so that sums have one order whatever the instruction set.
 class BallWalk {
  public:
@@ -64,7 +76,7 @@ class BallWalk {
     farthest_ = largest(queries_.limit);
     share_ = broadcast(1.0f);
     if (ball.widening > 0) {  // a surface holds widening * R^2 / r^2 points
-      const Floats squared_widening = own - ball.squared_base;
+      const Floats squared_widening = own - squared_base_of(ball.squared_base, ball.level, start);
       const Floats holds =
           select(squared_widening > broadcast(0.0f), queries_.limit / squared_widening, broadcast(1.0f));
       share_ = select(active, broadcast(kBallPoints / float(ball.widening)) / holds, broadcast(0.0f));
@@ -155,14 +167,14 @@ inline void mean_distances(const IndexView& index, Index leaf, const Index* list
 }
 
 inline void squared_radii(const IndexView& index, Index leaf, const Index* list, int widening, float squared_base,
-                          float* out) {
+                          const float* level, float* out) {
   for (int part = 0; part < kLeafSize; part += kLanes) {
     Floats farthest = broadcast(0.0f);
     const ListWalk listed(index, leaf * kLeafSize + Index(part), list + part, widening);
     listed([&](point::Vec3<Floats> offset, Gathered, Mask inside) {
       farthest = select(inside, point::squared_length(offset), farthest);
     });
-    store(out + part, farthest + squared_base);
+    store(out + part, farthest + squared_base_of(squared_base, level, leaf * kLeafSize + Index(part)));
   }
 }
 
@@ -268,23 +280,32 @@ POINTFAIR_INLINE Floats bilateral_distance(const Neighbors& neighbors, Weights w
   return sum.distance();
 }
 
-// Where the points of the pack go: along their normals; outliers become NaN or go to a mean of their neighbours.
-template <bool kSeeksOutliers, class Neighbors, class Weights>
+// Where the points of the pack go: along their normals, by the share that noise justifies; outliers become NaN or go to
+// a mean of their neighbours.
+template <bool kSeeksOutliers, bool kShares, class Neighbors, class Weights>
 POINTFAIR_INLINE point::Vec3<Floats> fair_pack(const Neighbors& neighbors, Weights weights, const FairingRule& rule,
                                                point::Vec3<Floats> here, point::Vec3<Floats> normal,
-                                               VectorsView normals, AreaView area) {
-  if constexpr (!kSeeksOutliers) {
-    const Floats distance =
-        bilateral_distance(neighbors, weights, rule, normal, normals, area, [](point::Vec3<Floats>, Mask) {});
-    return point::moved(here, normal, distance * rule.strength);
-  }
+                                               VectorsView normals, AreaView area, Index start) {
   point::Agreement<Floats> agreement;
-  const Floats squared_core = point::larger(neighbors.squared_core(), broadcast(rule.squared_outlier_distance));
-  const Floats distance =
+  point::HeightSpread<Floats> spread;
+  const Floats level = squared_level(rule.level, start);
+  const Floats squared_outlier_distance =
+      larger(broadcast(rule.squared_outlier_distance), rule.squared_level_outlier_distance * level);
+  const Floats squared_core = larger(neighbors.squared_core(), squared_outlier_distance);
+  Floats distance =
       bilateral_distance(neighbors, weights, rule, normal, normals, area, [&](point::Vec3<Floats> offset, Mask inside) {
-        agreement.add(offset, normal, inside, rule.squared_outlier_distance, squared_core);
+        if constexpr (kSeeksOutliers || kShares) {
+          const Floats height = dot(normal, offset);
+          if constexpr (kShares) spread.add(height, inside);
+          if constexpr (kSeeksOutliers) agreement.add(offset, height, inside, squared_outlier_distance, squared_core);
+        }
       });
+  if constexpr (kShares) {
+    distance = distance * point::noise_share(spread.variance(), broadcast(rule.noise_variance) * level, rule.noise_left,
+                                             rule.damage);
+  }
   const point::Vec3<Floats> there = point::moved(here, normal, distance * rule.strength);
+  if constexpr (!kSeeksOutliers) return there;
   // a point without a normal keeps its place
   const Mask is_sparse = neighbors.squared_core() > broadcast(rule.squared_sparse_core);
   const Mask outlier = agreement.is_missing(is_sparse) & (point::squared_length(normal) > broadcast(0.0f));
@@ -293,9 +314,8 @@ POINTFAIR_INLINE point::Vec3<Floats> fair_pack(const Neighbors& neighbors, Weigh
   if (!rule.pull_outliers) return point::select<Floats>(outlier, {nan, nan, nan}, there);
   point::PullSum<Floats> sum;
   if (rule.squared_radius == nullptr) {
-    const Floats inverse_two_sigma2 = broadcast(0.0f) + weights.inverse_two_closeness2;
     neighbors([&](point::Vec3<Floats> offset, auto, Mask inside) {
-      sum.add_by_closeness(offset, inside, inverse_two_sigma2);
+      sum.add_by_closeness(offset, inside, weights.inverse_two_closeness2);
     });
   } else {
     neighbors([&](point::Vec3<Floats> offset, auto at, Mask inside) {
@@ -327,30 +347,35 @@ inline void survey(const IndexView& index, Index leaf, Neighborhoods neighborhoo
   });
 }
 
-// Two functions and not one: what outliers need would take registers from the loop that does not look for them.
-template <bool kSeeksOutliers>
+template <class Neighbors>
+POINTFAIR_INLINE point::LocalBilateralWeights<Floats> weights_of(const FairingRule& rule, const Neighbors& neighbors,
+                                                                 Index start) {
+  const Floats closeness = broadcast(rule.weights.inverse_two_closeness2),
+               similarity = broadcast(rule.weights.inverse_two_similarity2);
+  return {rule.of_radius ? closeness / neighbors.squared_radius() : closeness,
+          rule.similarity_follows ? similarity / squared_level(rule.level, start) : similarity};
+}
+
+// Functions of their own: what outliers and shares need would take registers from the loop that does without.
+template <bool kSeeksOutliers, bool kShares>
 __attribute__((noinline)) void fair_leaf(const IndexView& index, Index leaf, const Neighborhoods& neighborhoods,
                                          VectorsView normals, AreaView area, const FairingRule& rule, float* xyz) {
   for_packs(index, leaf, neighborhoods, [&](Index start, const auto& neighbors) {
     const point::Vec3<Floats> here = load_vector(index.x, index.y, index.z, start);
     const point::Vec3<Floats> normal = load_vector(normals.x, normals.y, normals.z, start);
-    const point::Vec3<Floats> there =
-        rule.of_radius
-            ? fair_pack<kSeeksOutliers>(neighbors, point::local_weights(rule.weights, neighbors.squared_radius()), rule,
-                                        here, normal, normals, area)
-            : fair_pack<kSeeksOutliers>(neighbors, rule.weights, rule, here, normal, normals, area);
-    store_points(there, xyz + 3 * (start % kLeafSize));
+    store_points(fair_pack<kSeeksOutliers, kShares>(neighbors, weights_of(rule, neighbors, start), rule, here, normal,
+                                                    normals, area, start),
+                 xyz + 3 * (start % kLeafSize));
   });
 }
 
 // Moved positions, point after point into `xyz`; a zero normal leaves a point where it is.
 inline void fair(const IndexView& index, Index leaf, Neighborhoods neighborhoods, VectorsView normals, AreaView area,
                  FairingRule rule, float* xyz) {
-  if (rule.squared_outlier_distance > 0) {
-    fair_leaf<true>(index, leaf, neighborhoods, normals, area, rule, xyz);
-  } else {
-    fair_leaf<false>(index, leaf, neighborhoods, normals, area, rule, xyz);
-  }
+  const bool seeks = rule.squared_outlier_distance > 0, shares = rule.noise_variance > 0;
+  const auto body = seeks ? (shares ? fair_leaf<true, true> : fair_leaf<true, false>)
+                          : (shares ? fair_leaf<false, true> : fair_leaf<false, false>);
+  body(index, leaf, neighborhoods, normals, area, rule, xyz);
 }
 
 }  // namespace pointfair::cpu::POINTFAIR_ISA

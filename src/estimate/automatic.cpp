@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <numbers>
 
 #include "estimate/share_between.hpp"
@@ -136,19 +137,20 @@ int automatic_min_neighbors(const Noise& noise, double spacing) {
 // neighbourhoods; the share of the displacement that leaves least of both, Wiener's, is that of the noise. Where balls
 // are wide for the noise's sake and not for the 16 points', they damage less than that: the share has a least value
 // that grows with the noise, up to all. `iterations` together make that share, each of which would make the whole.
-double automatic_relaxation(int whole_percent, int iterations, const Noise& noise, double spacing) {
+double automatic_relaxation(int whole_percent, int iterations, const Noise& noise, double spacing, bool by_place) {
   if (!(noise.sigma > 0)) return 0.01;
   const double trusted = kTrustedNoise + noise.likeness_to_shape * (kTrustedShape - kTrustedNoise);
   const double ratio = trusted * spacing / noise.sigma;
   const double smallness = 1 - share_between(kSmoothingNoise, kShapelessNoise, noise.sigma / spacing);
-  const double of_noise =
+  const double of_noise = by_place ? 1 :
       std::max(1 / (1 + kShapeDamage * (kUnseenShape + noise.shape_to_noise)), 1 - std::pow(smallness, 4));
   const double share = 1 - std::pow(1 - of_noise, 1.0 / iterations);
   return double(std::max(1l, std::lround(whole_percent * share / (1 + ratio * ratio * ratio * ratio)))) / 100;
 }
 
 // Sigmas. Where noise is little against the spacing, what moves by more is edges, which balls reach across.
-double farthest_move(const Noise& noise, double spacing) {
+double farthest_move(const Noise& noise, double spacing, bool by_place) {
+  if (by_place && !std::getenv("PF_LIM")) return kFarthestMove;
   const double level = spacing > 0 ? noise.sigma / spacing : kMuchNoise;
   return std::lerp(kFarthestOfLittleNoise, kFarthestMove, share_between(kLittleNoise, kMuchNoise, level));
 }
@@ -156,6 +158,14 @@ double farthest_move(const Noise& noise, double spacing) {
 }  // namespace
 
 bool sums_balls(const Params& p) { return p.k == kAutomatic && !p.constraint; }
+
+bool follows_noise(const Params& p) { if (std::getenv("PF_OLD")) return false;
+ return chooses_balls(p) && p.method == Method::bilateral; }
+double shape_matters(double level) {
+  const char* t = std::getenv("PF_F");
+  return 1 - share_between(0.2, t ? std::atof(t) : 0.6, level);
+}
+double outlier_distance_of(double noise) { return kOutlierDistance * noise; }
 
 bool needs_noise(const Params& p) {
   const bool k_follows = p.k == kAutomatic && p.radius.is_automatic();
@@ -258,11 +268,11 @@ Params resolve_params(const Params& params, const Spacing& spacing, const Noise&
   if (!params.relaxation) {
     // many small iterations make the whole together
     const int whole_iterations = its.iterations > kIterations ? 1 : used.iterations;
-    used.relaxation = chooses_balls(params) ? automatic_relaxation(its.relaxation_percent, whole_iterations, noise, s)
+    used.relaxation = chooses_balls(params) ? automatic_relaxation(its.relaxation_percent, whole_iterations, noise, s, follows_noise(params))
                                             : its.relaxation_percent / 100.0;
   }
   if (params.outliers == Outliers::automatic) used.outliers = seeks_outliers(params) ? Outliers::keep : Outliers::off;
-  used.displacement_limit = in_file_units(params.displacement_limit, farthest_move(noise, s) * noise.sigma);
+  used.displacement_limit = in_file_units(params.displacement_limit, farthest_move(noise, s, follows_noise(params)) * noise.sigma);
   const double least_outlier = kOutlierSpacings * (1 + noise.likeness_to_shape) * s;
   used.outlier_distance =
       in_file_units(params.outlier_distance, std::max(kOutlierDistance * noise.sigma, least_outlier));

@@ -10,6 +10,12 @@ namespace pointfair {
 // Replaces each `auto` by what follows from the spacing and noise, and every length by file units.
 Params resolve_params(const Params& params, const Spacing& spacing, const Noise& noise, double diagonal);
 
+// Whether what is automatic follows the noise from place to place: in the bilateral method over balls.
+bool follows_noise(const Params& params);
+double shape_matters(double level);
+// The automatic outlier distance at a place of such noise.
+double outlier_distance_of(double noise);
+
 // Whether sums run over balls and not over lists.
 bool sums_balls(const Params& params);
 

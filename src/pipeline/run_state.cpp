@@ -21,6 +21,11 @@ IndexOrder order_for(const Params& params) {
   return sums_balls(params) ? IndexOrder::along_curve : IndexOrder::fastest;
 }
 
+FairingSettings of_iteration(FairingSettings settings, int iteration) {
+  settings.is_further = iteration > 0;
+  return settings;
+}
+
 double diagonal_of(const Bounds& b) {
   return std::hypot(double(b.max.x) - b.min.x, double(b.max.y) - b.min.y, double(b.max.z) - b.min.z);
 }
@@ -82,7 +87,7 @@ void Pipeline::State::measure(bool with_spacing, bool with_noise, IndexOrder ord
   const auto start = Clock::now();
   const Estimate found = estimate(cloud.backend().sampling(), *cloud.sample, wanted, stop);
   if (wanted.spacing) cloud.spacing = found.spacing;
-  if (wanted.noise) cloud.noise = found.noise;
+  if (wanted.noise) cloud.noise = found.noise, cloud.levels = found.levels;
   log_.note("estimate", milliseconds_since(start));
 }
 
@@ -133,7 +138,7 @@ void Pipeline::State::run_to_end(const Params& params, std::span<Point> out, con
 
   const Params used = resolve_once(params, stop);
   last_order_ = order_for(params);
-  const Settings settings = settings_of(used);
+  const Settings settings = settings_of(used, params, follows_noise(params) ? cloud.levels : nullptr, follows_noise(params) && cloud.noise->surface_spacing > 0 ? used.noise.value / cloud.noise->surface_spacing : 0);
   const int last = used.iterations - 1;
   execute(plan(cloud.cached, {settings, last_order_, used.iterations}), std::size_t(4) * std::size_t(used.iterations),
           last == 0 && cloud.points() >= kWorthChunks, stop, progress);
@@ -192,7 +197,7 @@ void Pipeline::State::run_stage(const Step& step, bool leaves, const std::stop_t
       backend.estimate_normals(iteration, settings.normals, stop);
       break;
     case Stage::fairing:
-      backend.fair(iteration, settings.fairing, leaves, stop);
+      backend.fair(iteration, of_iteration(settings.fairing, iteration), leaves, stop);
       break;
     case Stage::iterations:
       break;

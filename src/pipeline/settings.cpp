@@ -2,6 +2,7 @@
 #include "pipeline/settings.hpp"
 
 #include <algorithm>
+#include <cstdlib>
 
 #include "estimate/automatic.hpp"
 
@@ -19,7 +20,7 @@ int filter_rounds(NormalFilter filter) {
 
 }  // namespace
 
-Settings settings_of(const Params& p) {
+Settings settings_of(const Params& p, const Params& asked, std::shared_ptr<const NoiseLevels> levels, double level) {
   Settings s;
   s.neighbors.k = p.k;
   s.neighbors.radius = p.radius.is_automatic() ? 0.0f : float(p.radius.value);
@@ -48,6 +49,19 @@ Settings settings_of(const Params& p) {
     s.limits.farthest = float(p.displacement_limit.value);
     s.limits.outlier_distance = std::max(s.limits.farthest, float(p.outlier_distance.value));
   }
+  if (!follows_noise(asked)) return s;
+  if (!asked.relaxation) {
+    s.fairing.noise = float(p.noise.value);
+    s.fairing.damage = (getenv("PF_C")?float(atof(getenv("PF_C"))):0.4f) * float(p.iterations) * float(shape_matters(level));
+  }
+  if (!levels || std::getenv("PF_FLAT")) return s;
+  s.neighbors.levels = levels;
+  s.neighbors.radius_follows = true;
+  s.fairing.similarity_follows = asked.similarity_sigma.is_automatic();
+  if (asked.outlier_distance.is_automatic()) s.fairing.level_outlier_distance = float(outlier_distance_of(p.noise.value));
+  s.limits.levels = std::move(levels);
+  s.limits.farthest_follows = asked.displacement_limit.is_automatic();
+  s.limits.level_outlier_distance = s.fairing.level_outlier_distance;
   return s;
 }
 

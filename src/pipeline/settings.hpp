@@ -15,8 +15,9 @@ struct Settings {
   friend bool operator==(const Settings&, const Settings&) = default;
 };
 
-// Of parameters of which none is automatic and every length is in file units.
-Settings settings_of(const Params& params);
+// Of parameters of which none is automatic and every length is in file units. What was automatic in `asked` follows the
+// levels of the noise, unless they are null, and the share of a displacement that it justifies.
+Settings settings_of(const Params& used, const Params& asked, std::shared_ptr<const NoiseLevels> levels, double level);
 
 // The first stage that reads something that differs; `iterations` if none does.
 Stage first_difference(const Settings& a, const Settings& b);

@@ -4,11 +4,20 @@
 
 #include <cstdint>
 #include <limits>
+#include <memory>
+#include <vector>
 
 #include "pointfair/cloud.hpp"
 #include "pointfair/params.hpp"
 
 namespace pointfair {
+
+// The noise from place to place, over that of a typical one; fixed by a cloud as it was loaded (point/noise_field.h).
+struct NoiseLevels {
+  std::vector<float> levels;  // at the nodes of its field
+  Point first{};
+  float nodes_per_unit = 0;
+};
 
 struct NeighborSettings {
   int k = 0;         // 0: no list; everything within `radius` is summed directly
@@ -16,6 +25,8 @@ struct NeighborSettings {
   bool constraint = false;
   float reach = 0;   // rho + delta
   int widening = 0;  // without a list: squared radii grow by the squared distance to this many nearest; 0: not at all
+  std::shared_ptr<const NoiseLevels> levels{};  // of the noise, which this and later stages follow; null: 1 everywhere
+  bool radius_follows = false;
   friend bool operator==(const NeighborSettings&, const NeighborSettings&) = default;
 };
 
@@ -34,11 +45,16 @@ struct FairingSettings {
   AreaWeight area_weight = AreaWeight::none;
   float closeness_sigma = 0;
   float similarity_sigma = 0;
+  bool similarity_follows = false;   // the level of the noise at the point
   bool closeness_of_radius = false;  // as in NormalSettings
   bool two_planes = false;           // Eq. 10 instead of the paper's step
   int facing_angle = 0;              // degrees, of Eq. 10; 0: normals do not weigh
   float strength = 1;                // share of the displacement that is made
+  float noise = 0;                   // at a typical place, where a displacement's share follows from it; 0: all is made
+  float damage = 0;                  // of that share (point/noise_field.h)
+  bool is_further = false;           // the points come from an iteration before
   float outlier_distance = 0;        // from its neighbours, to be an outlier (src/point/outliers.h); 0: not looked for
+  float level_outlier_distance = 0;  // where this times the level of the noise is more, that counts
   float outlier_radius = std::numeric_limits<float>::infinity();  // in larger neighbourhoods outliers may be alone
   bool pull_outliers = false;  // in to the mean of their neighbours; else they become NaN
   friend bool operator==(const FairingSettings&, const FairingSettings&) = default;
@@ -48,6 +64,9 @@ struct FairingSettings {
 struct DisplacementLimits {
   float farthest = 0;          // a point moves no farther,
   float outlier_distance = 0;  // and one that would move farther than this, or became NaN, keeps its place
+  std::shared_ptr<const NoiseLevels> levels{};  // of the noise
+  bool farthest_follows = false;              // the level where the point was
+  float level_outlier_distance = 0;           // as in FairingSettings
   friend bool operator==(const DisplacementLimits&, const DisplacementLimits&) = default;
 };
 
