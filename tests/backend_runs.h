@@ -16,7 +16,7 @@ namespace pointfair {
 
 struct StageSettings {
   NeighborSettings neighbors{8, 0, false, 0};
-  NormalSettings normals{true, 0.1f};
+  NormalSettings normals{0.1f};
   FairingSettings fairing{Method::bilateral, AreaWeight::none, 0.1f, 0.05f};
   int iterations = 1;
   DisplacementLimits limits;

@@ -104,9 +104,9 @@ inline std::vector<Point> uneven_sphere(int count, double ratio) {
 // What the default run does to balls, over lists too.
 inline StageSettings with_filter_and_both_planes(StageSettings settings) {
   settings.normals.filter_rounds = 2;
-  settings.normals.filter_angle = 25;
-  settings.fairing.two_planes = true;
-  settings.fairing.facing_angle = 45;
+  settings.normals.crease_angle = 25;
+  settings.fairing.symmetric = true;
+  settings.fairing.turn_angle = 45;
   settings.fairing.strength = 0.9f;
   return settings;
 }

@@ -88,7 +88,7 @@ struct Case {
 void measure(Backend& backend, const Points& points, const Case& c, int repeat) {
   const double spacing = std::sqrt(1.2 / double(points.size()));
   const NeighborSettings neighbors{c.k, 0, c.constraint, float(2.5 * spacing)};
-  const NormalSettings normals{true, float(2 * spacing)};
+  const NormalSettings normals{float(2 * spacing)};
   const FairingSettings fairing{Method::bilateral, c.area, float(2 * spacing), float(spacing)};
   const auto upload_start = Clock::now();
   backend.upload(points, IndexOrder::fastest);

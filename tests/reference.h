@@ -121,7 +121,7 @@ inline std::vector<Normal> filtered(const std::vector<Normal>& normals, const Po
     Vec sum = n;
     for (const std::uint32_t j : lists[i]) {
       const double cosine = dot(n, normals[j].unit), distance = length(to_vec(points[j]) - to_vec(points[i]));
-      const double w = std::exp(-distance * distance / (2 * sigma * sigma)) * turn_weight(cosine, s.filter_angle);
+      const double w = std::exp(-distance * distance / (2 * sigma * sigma)) * turn_weight(cosine, s.crease_angle);
       sum = sum + (cosine < 0 ? -w : w) * normals[j].unit;
     }
     result[i].unit = 1 / length(sum) * sum;
@@ -139,7 +139,7 @@ inline std::vector<float> squared_growth(const std::vector<Normal>& normals, con
     for (const std::uint32_t j : lists[i]) turn += 1 - std::abs(dot(normals[i].unit, normals[j].unit));
     const double mean = lists[i].empty() ? 1 : turn / double(lists[i].size());
     const double share = std::clamp((0.003 - mean) / (0.003 - 0.001), 0.0, 1.0);
-    result.push_back(float(1 + (s.flat_radius * s.flat_radius - 1) * share));
+    result.push_back(float(1 + (s.flat_scale * s.flat_scale - 1) * share));
   }
   return result;
 }
@@ -153,11 +153,11 @@ inline double displacement(const Points& points, std::size_t i, const List& list
   for (const std::uint32_t j : list) {
     const Vec offset = to_vec(points[i]) - to_vec(points[j]);
     double height = dot(n, offset), compared = height, facing = 1;
-    if (s.two_planes) {
+    if (s.symmetric) {
       const double cosine = dot(n, normals[j].unit);
       compared = (cosine < 0 ? -1 : 1) * dot(normals[j].unit, offset);
       height = (height + compared) / 2;
-      facing = turn_weight(cosine, s.facing_angle);
+      facing = turn_weight(cosine, s.turn_angle);
     }
     const double distance = length(offset);
     const double w = std::exp(-distance * distance / (2 * closeness * closeness)) *
@@ -225,7 +225,7 @@ inline std::vector<Faired> fair_once(const Points& points, const Settings& s) {
   Settings of_step = s;
   std::vector<List> step_lists = lists;
   for (int round = 0; round < s.filter_rounds; ++round) {
-    if (round + 1 == s.filter_rounds && s.flat_radius > 1) {
+    if (round + 1 == s.filter_rounds && s.flat_scale > 1) {
       of_step.squared_growth = squared_growth(normals, lists, s);
       for (std::size_t i = 0; i < points.size(); ++i) step_lists[i] = neighborhood(points, i, of_step);
     }
@@ -239,7 +239,7 @@ inline std::vector<Faired> fair_once(const Points& points, const Settings& s) {
   for (std::size_t i = 0; i < points.size(); ++i) {
     result[i] = {to_vec(points[i]) + moves[i], normals[i], lists[i].size()};
     const float growth = of_step.squared_growth.empty() ? 1 : of_step.squared_growth[i];
-    result[i].grows_in_part = growth > 1 && growth < float(s.flat_radius * s.flat_radius);
+    result[i].grows_in_part = growth > 1 && growth < float(s.flat_scale * s.flat_scale);
     const Vec n = normals[i].unit;
     if (!is_bilateral || length(n) == 0) continue;
     constexpr double kNan = std::numeric_limits<double>::quiet_NaN();

@@ -7,6 +7,7 @@
 #include <bit>
 #include <cmath>
 #include <cstdint>
+#include <tuple>
 #include <vector>
 
 #include "pointfair/params.hpp"
@@ -29,17 +30,17 @@ inline Point to_point(Vec v) { return {float(v.x), float(v.y), float(v.z)}; }
 struct Settings {
   int k = 0;
   double radius = 0;
-  int widening = 0;
+  int min_neighbors = 0;
   bool constraint = false;
   double reach = 0;  // rho + delta
   double normal_sigma = 1, closeness_sigma = 1, similarity_sigma = 1;
   bool normal_of_radius = false, closeness_of_radius = false;  // those sigmas are multiples of the ball's radius
   int filter_rounds = 0;
-  double filter_angle = 0, facing_angle = 0;  // degrees; a filter without one is a plain mean
-  double flat_radius = 1;                     // of balls in flat places, over their own
+  double crease_angle = 0, turn_angle = 0;  // degrees; a filter without one is a plain mean
+  double flat_scale = 1;                     // of balls in flat places, over their own
   std::vector<float> squared_growth;          // of each point's squared radius; empty: none
   Method method = Method::bilateral;
-  bool two_planes = false;
+  bool symmetric = false;
   double strength = 1;
   AreaWeight area_weight = AreaWeight::none;
   int iterations = 1;
@@ -58,17 +59,17 @@ inline Settings settings_of(const Params& resolved) {
   s.normal_sigma = resolved.normal_sigma.value;
   s.closeness_sigma = resolved.closeness_sigma.value;
   s.similarity_sigma = resolved.similarity_sigma.value;
-  s.widening = resolved.k == 0 ? resolved.min_neighbors : 0;
+  s.min_neighbors = resolved.k == 0 ? resolved.min_neighbors : 0;
   s.normal_of_radius = resolved.normal_sigma.unit == Length::Unit::radius;
   s.closeness_of_radius = resolved.closeness_sigma.unit == Length::Unit::radius;
   const bool bilateral_filter = resolved.normal_filter == NormalFilter::on;
   s.filter_rounds = bilateral_filter ? 2 : resolved.normal_filter == NormalFilter::mollify ? 1 : 0;
-  s.filter_angle = bilateral_filter ? resolved.crease_angle : 0;
+  s.crease_angle = bilateral_filter ? resolved.crease_angle : 0;
   if (s.k == 0 && s.filter_rounds > 0 && resolved.method == Method::bilateral)
-    s.flat_radius = resolved.flat_scale.value_or(1);
+    s.flat_scale = resolved.flat_scale.value_or(1);
   s.method = resolved.method;
-  s.facing_angle = 40;
-  s.two_planes = resolved.offset == Offset::symmetric;
+  s.turn_angle = 40;
+  s.symmetric = resolved.offset == Offset::symmetric;
   s.strength = resolved.relaxation.value_or(1);
   s.area_weight = resolved.area_weight;
   s.iterations = resolved.iterations;
@@ -92,7 +93,10 @@ inline float squared_distance(Point a, Point b) {
   return (x * x + y * y) + z * z;
 }
 
-// The nearest `count` other valid points, nearest first, equal distances by index.
+// By x, then by y, then by z.
+inline bool lies_before(Point a, Point b) { return std::tie(a.x, a.y, a.z) < std::tie(b.x, b.y, b.z); }
+
+// The nearest `count` other valid points, nearest first, equal distances by position, identical points by index.
 inline List nearest(const Points& points, std::size_t i, std::size_t count) {
   struct Candidate {
     float squared;
@@ -102,9 +106,12 @@ inline List nearest(const Points& points, std::size_t i, std::size_t count) {
   for (std::size_t j = 0; j < points.size(); ++j)
     if (j != i && is_valid(points[j])) candidates.push_back({squared_distance(points[i], points[j]), std::uint32_t(j)});
   count = std::min(count, candidates.size());
-  std::partial_sort(
-      candidates.begin(), candidates.begin() + std::ptrdiff_t(count), candidates.end(),
-      [](Candidate a, Candidate b) { return a.squared != b.squared ? a.squared < b.squared : a.index < b.index; });
+  std::partial_sort(candidates.begin(), candidates.begin() + std::ptrdiff_t(count), candidates.end(),
+                    [&](Candidate a, Candidate b) {
+                      if (a.squared != b.squared) return a.squared < b.squared;
+                      const Point p = points[a.index], q = points[b.index];
+                      return lies_before(p, q) || (!lies_before(q, p) && a.index < b.index);
+                    });
   List list;
   for (std::size_t c = 0; c < count; ++c) list.push_back(candidates[c].index);
   return list;
@@ -135,8 +142,8 @@ inline List constrained(const Points& points, std::size_t i, const List& candida
 // The squared radius of a ball that does not grow: rounded as the library does, since it decides who is inside.
 inline float own_squared_radius(const Points& points, std::size_t i, const Settings& s) {
   const float squared_base = float(s.radius) * float(s.radius);
-  if (s.widening == 0) return squared_base;
-  const List list = nearest(points, i, std::size_t(s.widening));
+  if (s.min_neighbors == 0) return squared_base;
+  const List list = nearest(points, i, std::size_t(s.min_neighbors));
   return list.empty() ? squared_base : squared_distance(points[i], points[list.back()]) + squared_base;
 }
 
@@ -162,9 +169,9 @@ inline double share_of_position(const Points& points, std::uint32_t j) {
 
 // Which points count in a ball too full (over 400 by the density at its centre): a share, by a hash of their position.
 inline bool counts_in_ball(const Points& points, std::uint32_t j, float squared_radius, float own, float squared_base,
-                           int widening) {
-  if (widening == 0 || own <= squared_base) return true;
-  const double holds = widening * double(squared_radius) / double(own - squared_base);
+                           int min_neighbors) {
+  if (min_neighbors == 0 || own <= squared_base) return true;
+  const double holds = min_neighbors * double(squared_radius) / double(own - squared_base);
   return holds <= 400 || share_of_position(points, j) < 400 / holds;
 }
 
@@ -174,7 +181,7 @@ inline List ball(const Points& points, std::size_t i, const Settings& s) {
   List list = nearest(points, i, points.size());
   std::erase_if(list, [&](std::uint32_t j) {
     return squared_distance(points[i], points[j]) > squared ||
-           !counts_in_ball(points, j, squared, own, float(s.radius) * float(s.radius), s.widening);
+           !counts_in_ball(points, j, squared, own, float(s.radius) * float(s.radius), s.min_neighbors);
   });
   return list;
 }

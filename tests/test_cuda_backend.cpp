@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The CUDA backend against the CPU backend, bit for bit, and both against brute force.
+#include <tuple>
+
 #include "cuda_backend_test.h"
 #include "point/fairing.h"
 #include "point/neighbors.h"
@@ -8,28 +10,32 @@
 namespace pointfair {
 namespace {
 
-// By the definition: all other points ordered by squared distance, then by index.
+// By the definition: all other points ordered by squared distance, then by position.
 StageResults by_brute_force(const std::vector<Point>& points, const StageSettings& settings) {
   using point::Vec3;
   const auto vec = [](Point p) { return Vec3<float>{p.x, p.y, p.z}; };
   StageResults result{points, std::vector<Point>(points.size()), {}};
-  const auto weights = point::normal_weights(settings.normals.weighted, settings.normals.sigma);
+  const auto weights = point::normal_weights(settings.normals.sigma);
   const auto bilateral = point::bilateral_weights(settings.fairing.closeness_sigma, settings.fairing.similarity_sigma);
   for (std::size_t i = 0; i < points.size(); ++i) {
-    std::vector<std::pair<float, std::size_t>> order;
+    using Place = std::tuple<float, float, float>;
+    std::vector<std::tuple<float, Place, std::size_t>> order;
     for (std::size_t j = 0; j < points.size(); ++j)
-      if (j != i) order.emplace_back(point::squared_length(vec(points[j]) - vec(points[i])), j);
+      if (j != i)
+        order.emplace_back(point::squared_length(vec(points[j]) - vec(points[i])),
+                           Place{points[j].x, points[j].y, points[j].z}, j);
     const std::size_t k = std::min(order.size(), std::size_t(settings.neighbors.k));
     std::partial_sort(order.begin(), order.begin() + std::ptrdiff_t(k), order.end());
     point::CentroidSum<float> centroid;
-    for (std::size_t n = 0; n < k; ++n) centroid.add(vec(points[order[n].second]) - vec(points[i]), true, weights);
+    for (std::size_t n = 0; n < k; ++n)
+      centroid.add(vec(points[std::get<2>(order[n])]) - vec(points[i]), true, weights);
     point::CovarianceSum<float> covariance;
     for (std::size_t n = 0; n < k; ++n)
-      covariance.add(vec(points[order[n].second]) - vec(points[i]), centroid.centroid(), true, weights);
+      covariance.add(vec(points[std::get<2>(order[n])]) - vec(points[i]), centroid.centroid(), true, weights);
     const Vec3<float> normal = k < point::kLeastNeighbors ? Vec3<float>{} : covariance.normal().unit;
     point::BilateralSum<float> sum;
     for (std::size_t n = 0; n < k; ++n)
-      sum.add(vec(points[order[n].second]) - vec(points[i]), normal, 1.0f, true, bilateral);
+      sum.add(vec(points[std::get<2>(order[n])]) - vec(points[i]), normal, 1.0f, true, bilateral);
     const Vec3<float> moved = point::moved(vec(points[i]), normal, sum.distance());
     result.normals[i] = {normal.x, normal.y, normal.z};
     result.points[i] = {moved.x, moved.y, moved.z};
@@ -95,7 +101,7 @@ TEST_F(CudaBackendTest, equals_the_cpu_with_every_switch) {
     for (const int k : {3, 8}) {
       StageSettings settings = with_neighbors(k);
       settings.fairing.area_weight = area;
-      settings.normals.weighted = k == 3;
+      if (k == 3) settings.normals.sigma = 1e25f;  // equal weights
       expect_same(points, settings, "area weight");
     }
   }
@@ -118,7 +124,7 @@ TEST_F(CudaBackendTest, equals_the_cpu_with_filtered_normals_and_both_planes) {
   for (const int k : {5, 8, 30}) {
     StageSettings settings = with_filter_and_both_planes(with_neighbors(k));
     expect_same(points, settings, "both planes");
-    settings.fairing.two_planes = false;
+    settings.fairing.symmetric = false;
     settings.fairing.area_weight = AreaWeight::length;
     expect_same(points, settings, "own plane");
   }

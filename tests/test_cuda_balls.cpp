@@ -11,11 +11,11 @@
 namespace pointfair {
 namespace {
 
-StageSettings with_balls(float radius, int widening = 0) {
+StageSettings with_balls(float radius, int min_neighbors = 0) {
   StageSettings settings = with_filter_and_both_planes(with_neighbors(0, radius));
-  settings.normals.flat_radius = 1.6f;
-  settings.neighbors.widening = widening;
-  if (widening == 0) return settings;
+  settings.normals.flat_scale = 1.6f;
+  settings.neighbors.min_neighbors = min_neighbors;
+  if (min_neighbors == 0) return settings;
   settings.normals.sigma = 1.4f;
   settings.normals.of_radius = true;
   settings.fairing.closeness_sigma = 0.6f;
@@ -42,8 +42,8 @@ TEST_F(CudaBalls, equal_the_cpu) {
 }
 
 TEST_F(CudaBalls, that_follow_the_density_equal_the_cpu) {
-  for (const int widening : {4, 16, 40}) {
-    StageSettings settings = with_balls(0.02f, widening);
+  for (const int min_neighbors : {4, 16, 40}) {
+    StageSettings settings = with_balls(0.02f, min_neighbors);
     expect_same(noisy_sphere(50000, 10, 0.002), settings, "sphere");
     expect_same(uneven_sphere(50000, 7), settings, "uneven");
     settings.iterations = 3;
@@ -139,7 +139,7 @@ TEST_F(CudaBalls, equal_the_cpu_with_every_method) {
   for (const Method method : kOtherMethods) {
     const std::string name = "method " + std::to_string(int(method));
     StageSettings settings = with_method(with_neighbors(0, 0.02f), method);
-    settings.neighbors.widening = 16;
+    settings.neighbors.min_neighbors = 16;
     settings.fairing.closeness_sigma = 0.5f;
     settings.fairing.closeness_of_radius = true;
     settings.fairing.area_weight = AreaWeight::length;

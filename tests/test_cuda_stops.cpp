@@ -26,7 +26,7 @@ TEST_F(CudaBackendTest, a_stop_ends_kernels_that_run) {
   cuda_->upload(points, IndexOrder::fastest);
   cuda_->build_index(0, {}, stop.get_token());
   cuda_->find_neighbors(0, neighbors, stop.get_token());
-  cuda_->estimate_normals(0, {true, 0.1f}, stop.get_token());
+  cuda_->estimate_normals(0, {0.1f}, stop.get_token());
   stop.request_stop();
   if (points.size() == 100000) {  // else the normals, a tenth of a second's work here, may be done
     std::vector<Point> out(points.size());

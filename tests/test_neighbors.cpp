@@ -4,9 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <map>
 #include <memory>
 #include <nanoflann.hpp>
 #include <string>
@@ -14,43 +12,16 @@
 
 #include "backend_runs.h"
 #include "cpu/index.h"
-#include "cpu/kernels.h"
+#include "every_kernel.h"
 #include "reference.h"
 #include "seam/sampling.hpp"
 #include "shapes.h"
-
-#if defined(__x86_64__)
-namespace pointfair::cpu {
-namespace sse2 {
-extern const Kernels kKernels;
-}
-namespace avx2 {
-extern const Kernels kKernels;
-}
-namespace avx512 {
-extern const Kernels kKernels;
-}
-}  // namespace pointfair::cpu
-#endif
 
 namespace pointfair {
 namespace {
 
 using cpu::Index;
 using shapes::Points;
-
-std::vector<const cpu::Kernels*> available_kernels() {
-#if defined(__x86_64__)
-  std::vector<const cpu::Kernels*> result = {&cpu::sse2::kKernels};
-  if (__builtin_cpu_supports("avx2")) result.push_back(&cpu::avx2::kKernels);
-  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw") &&
-      __builtin_cpu_supports("avx512vl"))
-    result.push_back(&cpu::avx512::kKernels);
-  return result;
-#else
-  return {&cpu::best_kernels()};
-#endif
-}
 
 // Lists of all points in upload order and numbering, as the neighbour stage computes them.
 std::vector<reference::List> all_lists(const cpu::SpatialIndex& index, const cpu::Kernels& kernels, std::size_t points,
@@ -71,6 +42,19 @@ std::vector<reference::List> all_lists(const cpu::SpatialIndex& index, const cpu
   return lists;
 }
 
+// The same positions in the same order. Of identical points any may be listed, but none twice, and not the query.
+std::string difference(const Points& points, std::size_t query, reference::List found,
+                       const reference::List& expected) {
+  if (found.size() != expected.size()) return std::to_string(found.size()) + " neighbours";
+  for (std::size_t s = 0; s < found.size(); ++s) {
+    const Point a = points[found[s]], b = points[expected[s]];
+    if (a.x != b.x || a.y != b.y || a.z != b.z) return "another at place " + std::to_string(s);
+  }
+  std::sort(found.begin(), found.end());
+  if (std::binary_search(found.begin(), found.end(), std::uint32_t(query))) return "itself";
+  return std::adjacent_find(found.begin(), found.end()) == found.end() ? "" : "one twice";
+}
+
 void expect_exact_lists(const Points& points, int k, float radius = 0, std::size_t step = 1) {
   const float limit = radius > 0 ? radius * radius : std::numeric_limits<float>::max();
   std::vector<reference::List> expected(points.size());
@@ -86,8 +70,8 @@ void expect_exact_lists(const Points& points, int k, float radius = 0, std::size
     index.build(points, {}, std::nullopt, space, *kernels, {});
     const auto found = all_lists(index, *kernels, points.size(), k, limit);
     for (std::size_t i = 0; i < points.size(); i += step)
-      ASSERT_EQ(found[i], expected[i]) << "point " << i << ", k " << k << ", radius " << radius << ", "
-                                       << kernels->name;
+      ASSERT_EQ(difference(points, i, found[i], expected[i]), "")
+          << "point " << i << ", k " << k << ", radius " << radius << ", " << kernels->name;
   }
 }
 
@@ -121,8 +105,52 @@ TEST(Neighbors, at_the_centre_of_a_spiral_are_exact) {
   }
 }
 
-TEST(Neighbors, of_identical_points_are_the_first_by_index) {
-  for (const int k : {1, 5, 8, 32, 64}) expect_exact_lists(shapes::identical(300), k);
+TEST(Neighbors, of_identical_points_are_others_at_their_place) {
+  for (const int k : {1, 5, 8, 32, 64, 100}) expect_exact_lists(shapes::identical(300), k);
+}
+
+// Squared distances below the least number are zero.
+TEST(Neighbors, at_different_places_whose_distance_rounds_to_zero_are_in_order_of_position) {
+  Points points = shapes::scaled(shapes::cube(300), 1e-23f);
+  for (int i = 0; i < 100; ++i) points.push_back(points[std::size_t(i)]);
+  for (const int k : {1, 5, 8, 32, 64, 100}) expect_exact_lists(points, k);
+  points = shapes::waves(300);
+  for (int i = 0; i < 400; ++i) points.push_back({0.5f, 0, 0.25f});
+  points.push_back({0.5f, -1e-30f, 0.25f});
+  points.push_back({0.5f, 1e-30f, 0.25f});
+  for (const int k : {1, 5, 8, 32, 64, 100}) expect_exact_lists(points, k);
+}
+
+TEST(Neighbors, are_exact_where_runs_of_identical_points_begin_and_end) {
+  for (const int count : {9, 17, 24, 33, 70, 500}) {
+    Points points = shapes::waves(500);
+    points.insert(points.end(), std::size_t(count), Point{0.5f, 0.5f, 0.25f});
+    points.insert(points.end(), std::size_t(count), points[7]);
+    for (const int k : {1, 5, 8, 16, 32, 64}) expect_exact_lists(points, k);
+  }
+}
+
+// All distances from a few points to all others round to few numbers.
+TEST(Neighbors, from_afar_are_exact) {
+  for (const float distance : {1e4f, 1e6f, 1e9f}) {
+    Points points = shapes::with_noise(shapes::waves(1500), 0.01);
+    for (int i = 0; i < 5; ++i) points.push_back({distance, distance * float(i), -distance});
+    for (int i = 0; i < 3; ++i) points.push_back({-distance, float(i), 0});
+    for (const int k : {1, 5, 8, 16, 31, 32, 33, 64, 100}) expect_exact_lists(points, k);
+  }
+}
+
+// Many share a coordinate, so that boxes begin at the same one.
+TEST(Neighbors, on_a_plane_across_each_axis_are_exact) {
+  for (int axis = 0; axis < 3; ++axis) {
+    Points points = shapes::flat_grid(30);
+    for (Point& p : points) {
+      float* const c = &p.x;
+      std::swap(c[axis], c[2]);
+    }
+    for (int i = 0; i < 3; ++i) points.push_back({1e6f, 1e6f * float(i), -1e6f});
+    for (const int k : {5, 8, 16, 33, 100}) expect_exact_lists(points, k, 0, 7);
+  }
 }
 
 TEST(Neighbors, are_exact_when_many_points_are_doubles) {
@@ -245,117 +273,6 @@ TEST(SampleNeighborhoods, returns_each_query_and_its_nearest_in_order) {
         ASSERT_TRUE(same_or_both_nan(rows[i], expected[i / width][i % width]))
             << "place " << i % width << " of query " << queries[i / width] << ", k " << k;
     }
-  }
-}
-
-// Upload indices of the valid points in the order of a cube's curve.
-std::vector<Index> order_along(const Points& points, const Frame& frame, const cpu::Kernels& kernels,
-                               std::span<const Index> originals = {}) {
-  cpu::MemoryMeter meter;
-  cpu::SpatialIndex index(meter);
-  cpu::SortSpace space(meter);
-  index.build(points, originals, frame, space, kernels, {});
-  const auto order = index.originals().first(index.view().points);
-  return {order.begin(), order.end()};
-}
-
-Points hard_cloud() {
-  Points points = shapes::with_invalid(shapes::with_noise(shapes::waves(6000), 0.01), 50);
-  for (std::size_t i = 0; i < 500; ++i) points[7 * i + 3] = points[11];
-  for (std::size_t i = 0; i < 40; ++i) points[13 * i] = {float(i) * 1e4f, -1e9f, float(i % 3)};
-  return points;
-}
-constexpr Point kLower{-0.2f, 0.1f, -0.3f};  // of a cube that neither holds all nor all valid points
-constexpr float kWidth = 0.9f;
-const Frame kFrame = frame_over(kLower, kWidth);
-
-// Shuffled, in parts, at any length of the sorts' runs: the same order.
-TEST(CurveOrder, of_a_part_is_that_of_the_whole) {
-  const Points points = hard_cloud();
-  for (const cpu::Kernels* kernels : available_kernels()) {
-    const std::vector<Index> whole = order_along(points, kFrame, *kernels);
-    EXPECT_EQ(whole, order_along(points, kFrame, cpu::best_kernels())) << kernels->name;
-    for (const std::size_t step : {1, 2, 7}) {
-      Points part;
-      std::vector<Index> originals, expected;
-      for (const std::uint32_t i : shapes::shuffle_order(points.size(), 3)) {
-        if (i % step != 0) continue;
-        part.push_back(points[i]);
-        originals.push_back(i);
-      }
-      for (const Index i : whole)
-        if (i % step == 0) expected.push_back(i);
-      EXPECT_EQ(order_along(part, kFrame, *kernels, originals), expected) << kernels->name << ", every " << step;
-    }
-  }
-}
-
-// By the definition: cells of 2^20 steps an axis, of which two digits make the place on the curve, ties by index.
-TEST(CurveOrder, is_by_first_digit_then_by_second_then_by_index) {
-  const Points points = hard_cloud();
-  const auto steps_of = [](Point p) {
-    const auto step = [](float v, float origin) {
-      const double u = double((v - origin) * (1 / kWidth)), margin = 1 << 16;
-      const double at = u < 0   ? margin / (1 - u)
-                        : u > 1 ? (1 << 20) - margin / u
-                                : margin + u * ((1 << 20) - 2 * margin);
-      return std::min(at, (1 << 20) - 1.0);
-    };
-    return std::array{step(p.x, kLower.x), step(p.y, kLower.y), step(p.z, kLower.z)};
-  };
-  const auto whole_steps = [&](Point p) {
-    const auto s = steps_of(p);
-    return std::array{int(s[0]), int(s[1]), int(s[2])};
-  };
-  const std::vector<Index> order = order_along(points, kFrame, cpu::best_kernels());
-  // Points of one cell of the first digit, and of one cell of the second, follow each other without a gap.
-  for (const int shift : {10, 0}) {
-    std::map<std::array<int, 3>, std::pair<std::size_t, std::size_t>> cells;  // first and last place
-    std::map<std::array<int, 3>, std::size_t> counts;
-    for (std::size_t i = 0; i < order.size(); ++i) {
-      const auto exact = steps_of(points[order[i]]);
-      if (std::any_of(exact.begin(), exact.end(), [](double s) { return std::abs(s - std::round(s)) < 0.2; }))
-        continue;  // may round to the cell beside it in single precision
-      auto cell = whole_steps(points[order[i]]);
-      for (int& c : cell) c >>= shift;
-      const auto [place, is_new] = cells.try_emplace(cell, i, i);
-      place->second.second = i;
-      ++counts[cell];
-    }
-    std::size_t shared = 0;
-    for (const auto& [cell, ends] : cells) {
-      shared += counts[cell] > 1;
-      for (std::size_t i = ends.first; i <= ends.second; ++i) {
-        const auto at = steps_of(points[order[i]]);
-        for (int axis = 0; axis < 3; ++axis) {
-          EXPECT_GE(at[axis], double(cell[axis] << shift) - 0.2);
-          EXPECT_LE(at[axis], double((cell[axis] + 1) << shift) + 0.2);
-        }
-      }
-    }
-    EXPECT_GT(shared, 0u);
-  }
-  for (std::size_t i = 1; i < order.size(); ++i) {
-    const Point a = points[order[i - 1]], b = points[order[i]];
-    const bool identical = a.x == b.x && a.y == b.y && a.z == b.z;
-    EXPECT_TRUE(!identical || order[i - 1] < order[i]) << i;
-  }
-}
-
-// A cell of the first digit touches the next one: that is what makes it a Hilbert curve.
-TEST(CurveOrder, goes_from_each_cell_to_one_beside_it) {
-  constexpr int kSide = 16;
-  Points points;  // a point in each of 16^3 cells in a corner of the cube, which the curve fills before it leaves
-  for (const std::uint32_t i : shapes::shuffle_order(kSide * kSide * kSide, 5)) {
-    const auto place = [](std::uint32_t cell) { return (float(cell) + 0.5f - 64) / 896; };  // 64 steps are outside
-    points.push_back({place(i % kSide), place(i / kSide % kSide), place(i / kSide / kSide)});
-  }
-  for (Point& p : points) p = {p.x + 64.0f / 896, p.y + 64.0f / 896, p.z + 64.0f / 896};
-  const std::vector<Index> order = order_along(points, frame_over({0, 0, 0}, 1), cpu::best_kernels());
-  const float step = 1.0f / 896;
-  for (std::size_t i = 1; i < order.size(); ++i) {
-    const Point a = points[order[i - 1]], b = points[order[i]];
-    EXPECT_NEAR(std::abs(a.x - b.x) + std::abs(a.y - b.y) + std::abs(a.z - b.z), step, step / 100) << i;
   }
 }
 

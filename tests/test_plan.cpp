@@ -62,8 +62,8 @@ struct Machine {
     Made made = its.results.empty() ? Made{order, 0, 0, 0} : its.results.back();
     if (step.stage == Stage::index) made = {order, 0, 0, 0};
     if (step.stage == Stage::neighbors) made.neighbors = settings.neighbors.k;
-    if (step.stage == Stage::normals) made.normals = settings.normals.filter_angle;
-    if (step.stage == Stage::fairing) made.fairing = settings.fairing.facing_angle;
+    if (step.stage == Stage::normals) made.normals = settings.normals.crease_angle;
+    if (step.stage == Stage::fairing) made.fairing = settings.fairing.turn_angle;
     its.results.push_back(made);
   }
 };
@@ -71,15 +71,15 @@ struct Machine {
 Settings settings_with(int neighbors, int normals, int fairing) {
   Settings settings;
   settings.neighbors.k = neighbors;
-  settings.normals.filter_angle = normals;
-  settings.fairing.facing_angle = fairing;
+  settings.normals.crease_angle = normals;
+  settings.fairing.turn_angle = fairing;
   return settings;
 }
 
 std::string name(const Wanted& w) {
   std::ostringstream text;
-  text << "k " << w.settings.neighbors.k << ", normals " << w.settings.normals.filter_angle << ", fairing "
-       << w.settings.fairing.facing_angle << ", order " << int(w.order) << ", " << w.iterations << " iterations";
+  text << "k " << w.settings.neighbors.k << ", normals " << w.settings.normals.crease_angle << ", fairing "
+       << w.settings.fairing.turn_angle << ", order " << int(w.order) << ", " << w.iterations << " iterations";
   return text.str();
 }
 
@@ -116,8 +116,8 @@ struct Pipe {
   void expect(const Wanted& wanted) const {
     const Settings& s = wanted.settings;
     const auto fits = [&](const Made& made) {
-      return made.neighbors == s.neighbors.k && made.normals == s.normals.filter_angle &&
-             made.fairing == s.fairing.facing_angle &&
+      return made.neighbors == s.neighbors.k && made.normals == s.normals.crease_angle &&
+             made.fairing == s.fairing.turn_angle &&
              (made.order == wanted.order || made.order == IndexOrder::along_curve);
     };
     ASSERT_EQ(int(machine.first.results.size()), kStages) << name(wanted);

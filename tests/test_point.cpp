@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <cstring>
 #include <limits>
+#include <stdexcept>
 #include <vector>
 
 #include "point/fairing.h"
@@ -116,13 +117,33 @@ TEST(SquaredGap, of_boxes_is_never_above_the_distance_of_points_inside) {
   }
 }
 
-TEST(NeighborKey, orders_by_distance_and_then_by_index_and_gives_both_back) {
+TEST(NeighborKey, orders_by_distance_and_gives_both_back) {
   const float rising[] = {0.0f, 1e-45f, 1e-38f, 1e-10f, 1.0f, std::nextafter(1.0f, 2.0f), 1e37f};
-  for (std::size_t i = 1; i < std::size(rising); ++i)
-    EXPECT_LT(point::neighbor_key(rising[i - 1], 0xfffffffeu), point::neighbor_key(rising[i], 0));
-  EXPECT_LT(point::neighbor_key(2.0f, 7), point::neighbor_key(2.0f, 8));
+  const auto nowhere = [](point::Index) -> Vec3<float> { throw std::logic_error("distances differ"); };
+  for (std::size_t i = 1; i < std::size(rising); ++i) {
+    const auto nearer = point::neighbor_key(rising[i - 1], 0xfffffffeu), farther = point::neighbor_key(rising[i], 0);
+    EXPECT_TRUE(point::precedes(nearer, farther, nowhere));
+    EXPECT_FALSE(point::precedes(farther, nearer, nowhere));
+  }
   EXPECT_EQ(point::key_squared_distance(point::neighbor_key(2.5f, 7)), 2.5f);
   EXPECT_EQ(point::key_index(point::neighbor_key(2.5f, 7)), 7u);
+}
+
+TEST(NeighborKey, orders_equal_distances_by_position_and_identical_points_by_index) {
+  // by x, then y, then z, as numbers
+  const Vec3<float> rising[] = {{-2, 9, 9},    {-1, 9, 9}, {-0.0f, -3, 1}, {0, -2, 9}, {0, 1, -9},
+                                {-0.0f, 1, 4}, {0, 1, 4},  {1e-40f, 0, 0}, {3, -9, -9}};
+  const auto position_of = [&](point::Index at) { return rising[at]; };
+  for (point::Index a = 0; a < std::size(rising); ++a)
+    for (point::Index b = 0; b < std::size(rising); ++b) {
+      EXPECT_EQ(point::precedes(point::neighbor_key(2, a), point::neighbor_key(2, b), position_of), a < b);
+      const bool identical = a == 5 && b == 6;
+      EXPECT_EQ(point::lies_before(rising[a], rising[b]), a < b && !identical) << a << ", " << b;
+    }
+  const auto last = point::neighbor_key(2, point::kNoNeighbor);
+  EXPECT_TRUE(point::precedes(point::neighbor_key(2, 8), last, position_of));
+  EXPECT_FALSE(point::precedes(last, point::neighbor_key(2, 8), position_of));
+  EXPECT_FALSE(point::precedes(last, last, position_of));
 }
 
 struct Grown {

@@ -72,7 +72,7 @@ std::vector<bool> among_sound(std::vector<bool> sound, const Points& points, con
   const reference::Settings settings = reference::settings_of(params);
   std::vector<reference::List> lists;
   for (std::size_t i = 0; i < points.size(); ++i) lists.push_back(reference::neighborhood(points, i, settings));
-  for (int ring = 0; ring < settings.filter_rounds + int(settings.two_planes); ++ring) {
+  for (int ring = 0; ring < settings.filter_rounds + int(settings.symmetric); ++ring) {
     const std::vector<bool> before = sound;
     for (std::size_t i = 0; i < sound.size(); ++i)
       for (const std::uint32_t j : lists[i]) sound[i] = sound[i] && before[j];

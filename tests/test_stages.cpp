@@ -50,7 +50,7 @@ void expect_like_reference(const Points& points, const Params& params, const std
   const std::vector<reference::Faired> expected = reference::fair(points, settings);
   double size = std::max(settings.closeness_sigma, reference::spacing(points));
   if (settings.closeness_of_radius) size = settings.closeness_sigma * mean_radius(points, settings);
-  size *= settings.flat_radius;
+  size *= settings.flat_scale;
   UnmovedCounts counts;
   std::uint64_t short_lists = 0, ill_determined = 0, in_part = 0;
   for (std::size_t i = 0; i < points.size(); ++i) {

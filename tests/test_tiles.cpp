@@ -37,7 +37,7 @@ std::vector<Place> places() {
 
 StageSettings usual() {
   StageSettings settings;
-  settings.normals = {true, 0.02f};
+  settings.normals = {0.02f};
   settings.fairing = {Method::bilateral, AreaWeight::none, 0.02f, 0.01f};
   return settings;
 }
@@ -73,7 +73,7 @@ TEST(Tiles, has_the_outliers_of_the_whole) {
   }
   StageSettings settings = usual();
   settings.neighbors = {0, 0.02f};
-  settings.neighbors.widening = 16;
+  settings.neighbors.min_neighbors = 16;
   settings.fairing.outlier_distance = 0.012f;
   settings.fairing.outlier_radius = 0.05f;
   settings.limits = {0.008f, 0.012f};
@@ -100,9 +100,9 @@ TEST(Tiles, has_the_bits_of_the_whole_with_every_option) {
   settings.neighbors = {16, 0.015f, false, 0};
   expect_the_same_in_tiles(points, settings, "radius");
   settings.normals.filter_rounds = 2;
-  settings.normals.filter_angle = 20;
-  settings.fairing.two_planes = true;
-  settings.fairing.facing_angle = 40;
+  settings.normals.crease_angle = 20;
+  settings.fairing.symmetric = true;
+  settings.fairing.turn_angle = 40;
   settings.fairing.strength = 0.9f;
   settings.iterations = 2;
   expect_the_same_in_tiles(points, settings, "filtered, both planes, two iterations");
@@ -136,14 +136,14 @@ TEST(Tiles, has_the_bits_of_the_whole_over_balls) {
   settings.neighbors = {0, 0.04f, false, 0};
   settings.iterations = 2;
   expect_the_same_in_tiles(points, settings, "one radius");
-  settings.normals = {true, 1.4f, true, 2, 20};
+  settings.normals = {1.4f, true, 2, 20};
   settings.fairing.closeness_sigma = 0.6f;
-  settings.fairing.closeness_of_radius = settings.fairing.two_planes = true;
-  settings.fairing.facing_angle = 40;
+  settings.fairing.closeness_of_radius = settings.fairing.symmetric = true;
+  settings.fairing.turn_angle = 40;
   settings.neighbors = {0, 0.02f, false, 0, 16};
   expect_the_same_in_tiles(points, settings, "balls that follow the density");
   expect_the_same_in_tiles(shapes::with_invalid(shapes::uneven(20000, 50), 11), settings, "uneven, invalid points");
-  settings.normals.flat_radius = 1.8f;
+  settings.normals.flat_scale = 1.8f;
   expect_the_same_in_tiles(points, settings, "balls that grow");
   expect_the_same_in_tiles(shapes::with_noise(shapes::cube(20000), 0.002), settings, "balls that grow on flat faces");
 }
@@ -151,10 +151,10 @@ TEST(Tiles, has_the_bits_of_the_whole_over_balls) {
 TEST(Tiles, has_the_bits_of_the_whole_over_thinned_balls) {
   StageSettings settings = usual();
   settings.neighbors = {0, 0.2f, false, 0, 8};
-  settings.normals = {true, 1.4f, true, 1, 20};
+  settings.normals = {1.4f, true, 1, 20};
   settings.fairing.closeness_sigma = 0.6f;
-  settings.fairing.closeness_of_radius = settings.fairing.two_planes = true;
-  settings.fairing.facing_angle = 40;
+  settings.fairing.closeness_of_radius = settings.fairing.symmetric = true;
+  settings.fairing.turn_angle = 40;
   expect_the_same_in_tiles(cloud(60000), settings, "thinned balls", {{5, ~0ull, 0.3}});
 }
 
@@ -235,7 +235,7 @@ TEST(Tiles, stops_when_asked_and_then_runs_again) {
     cut->upload(points, IndexOrder::fastest);
     cut->build_index(0, {}, {});
     cut->find_neighbors(0, {8, 0, false, 0}, {});
-    cut->estimate_normals(0, {true, 0.02f}, {});
+    cut->estimate_normals(0, {0.02f}, {});
     stop.request_stop();
     try {
       cut->fair(0, usual().fairing, false, stop.get_token());

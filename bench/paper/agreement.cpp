@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <utility>
+#include <tuple>
 #include <vector>
 
 namespace paper {
@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::size_t kSamples = 200;
 
-// Rounded like pointfair's distances (docs/how-it-works.md, Neighbours), since equal ones are ordered by index.
+// Rounded like pointfair's distances (docs/how-it-works.md, Neighbours), since equal ones are ordered by position.
 float squared_distance(Point a, Point b) {
   const float x = b.x - a.x, y = b.y - a.y, z = b.z - a.z;
   return (x * x + y * y) + z * z;
@@ -33,15 +33,17 @@ std::string compare_points(std::span<const Point> found, std::span<const Point> 
 std::string compare_samples(std::span<const Point> points, int k, std::span<const std::uint32_t> rows) {
   const std::size_t step = std::max<std::size_t>(1, points.size() / kSamples);
   const auto length = static_cast<std::ptrdiff_t>(k);
-  std::vector<std::pair<float, std::uint32_t>> order;
+  std::vector<std::tuple<float, float, float, float, std::uint32_t>> order;  // distance, position, index
   for (std::size_t i = 0; i < points.size(); i += step) {
     order.clear();
     for (std::size_t j = 0; j < points.size(); ++j)
-      if (j != i) order.emplace_back(squared_distance(points[i], points[j]), static_cast<std::uint32_t>(j));
+      if (j != i)
+        order.emplace_back(squared_distance(points[i], points[j]), points[j].x, points[j].y, points[j].z,
+                           static_cast<std::uint32_t>(j));
     std::partial_sort(order.begin(), order.begin() + length, order.end());
     const auto row = rows.subspan(i * static_cast<std::size_t>(k), static_cast<std::size_t>(k));
     if (!std::equal(row.begin(), row.end(), order.begin(),
-                    [](std::uint32_t a, const auto& b) { return a == b.second; }))
+                    [](std::uint32_t a, const auto& b) { return a == std::get<4>(b); }))
       return "wrong neighbours of point " + std::to_string(i);
   }
   return "";

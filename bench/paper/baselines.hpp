@@ -46,7 +46,7 @@ class CudaBaseline {
 
   const StageTimes& times() const;  // of the last run
 
-  // Neighbours of the last run, row after row of k, nearest first, equal distances by index.
+  // Neighbours of the last run, row after row of k, nearest first, in the order of pointfair's.
   std::vector<std::uint32_t> neighbors() const;
 
   // Whether the dense grid of these points, 4 bytes a cell, takes at most half of the card's free memory.

@@ -15,7 +15,7 @@ __global__ void __launch_bounds__(kTile) search_all_pairs(const float3* points, 
   __shared__ float3 tile[kTile];
   const std::size_t query = std::size_t(blockIdx.x) * kTile + threadIdx.x;
   const float3 q = points[query < count ? query : 0];
-  Nearest<kLength> nearest;
+  Nearest<kLength> nearest(points);
   for (std::size_t first = 0; first < count; first += kTile) {
     __syncthreads();
     if (first + threadIdx.x < count) tile[threadIdx.x] = points[first + threadIdx.x];
@@ -24,8 +24,7 @@ __global__ void __launch_bounds__(kTile) search_all_pairs(const float3* points, 
     for (int i = 0; i < held; ++i) {
       const float3 p = tile[i];
       const float distance = pointfair::point::squared_length(Vec{p.x - q.x, p.y - q.y, p.z - q.z});
-      // candidates come by rising index, so among equal distances the first ones stay
-      const bool nearer = !nearest.full() || distance < nearest.worst();
+      const bool nearer = !nearest.full() || distance <= nearest.worst();
       if (nearer && first + i != query)
         nearest.offer(pointfair::point::neighbor_key(distance, static_cast<Index>(first + i)));
     }

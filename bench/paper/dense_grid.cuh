@@ -43,7 +43,11 @@ template <int kLength>
 class GridSearch {
  public:
   __device__ GridSearch(const Grid& grid, const float3* points, int query)
-      : grid_(grid), points_(points), query_(query), position_{points[query].x, points[query].y, points[query].z} {
+      : grid_(grid),
+        points_(points),
+        query_(query),
+        position_{points[query].x, points[query].y, points[query].z},
+        nearest_(points) {
     const float p[3] = {position_.x, position_.y, position_.z};
     for (int axis = 0; axis < 3; ++axis) box_.low[axis] = box_.high[axis] = grid.along(axis, p[axis]);
     visit_cells(box_.low[0], box_.high[0], box_.low[1], box_.low[2]);

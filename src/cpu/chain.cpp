@@ -2,23 +2,19 @@
 #include "cpu/chain.h"
 
 #include <atomic>
-#include <cstdlib>
 #include <limits>
 #include <vector>
 
 #include "cpu/constrained.h"
 #include "cpu/parallel.h"
-#include "point/noise_field.h"
-#include "point/outliers.h"
-#include "seam/method_rule.hpp"
 #include "seam/noise_levels.hpp"
+#include "seam/rules.hpp"
 
 namespace pointfair::cpu {
 namespace {
 
 // Between two looks at the stop token: at most about 10 ms of work where balls are as wide as they can be, and where
 // lists are as long as they can be under the constraint, which then takes up to 10 ms a leaf.
-float tuned(const char* name, float other) { const char* t = std::getenv(name); return t ? float(std::atof(t)) : other; }
 constexpr std::size_t kLeavesABlock = 32, kConstrainedLeavesABlock = 2;
 
 }  // namespace
@@ -30,8 +26,8 @@ Chain::Chain(MemoryMeter& meter)
       normal_x_(meter),
       normal_y_(meter),
       normal_z_(meter),
+      squared_level_(meter),
       squared_radius_(meter),
-      level_(meter),
       squared_growth_(meter),
       spare_x_(meter),
       spare_y_(meter),
@@ -55,17 +51,13 @@ void Chain::release_small_results() {
 
 Neighborhoods Chain::neighborhoods() const {
   return {{neighbors_.k, stored_k_, lists_.data()},
-          {squared_radius_.data(), neighbors_.radius_follows ? levels() : nullptr, neighbors_.radius * neighbors_.radius,
-           neighbors_.widening}};
-}
-
-bool Chain::balls_grow() const {
-  return !by_list() && normal_settings_.filter_rounds > 0 && normal_settings_.flat_radius > 1;
+          {squared_radius_.data(), neighbors_.radius * neighbors_.radius, neighbors_.min_neighbors,
+           neighbors_.radius_follows ? squared_levels() : nullptr}};
 }
 
 Neighborhoods Chain::grown_neighborhoods() const {
   Neighborhoods result = neighborhoods();
-  if (balls_grow()) result.ball.squared_growth = squared_growth_.data();
+  if (radii_grow()) result.radii.squared_growth = squared_growth_.data();
   return result;
 }
 
@@ -136,28 +128,28 @@ void Chain::find_neighbors(const NeighborSettings& settings, const Kernels& kern
 }
 
 void Chain::measure_levels(const std::stop_token& stop) {
-  if (!neighbors_.levels) return level_.release();
+  if (!neighbors_.levels) return squared_level_.release();
   const IndexView index = index_.view();
   const point::NoiseField field = field_of(neighbors_.levels.get());
-  level_.resize(std::size_t(index.leaves) * kLeafSize);
-  for_blocks(level_.size(), kLeavesABlock * kLeafSize, stop, [&](std::size_t first, std::size_t last, std::size_t) {
-    for (std::size_t i = first; i < last; ++i)
-      level_[i] = point::noise_level(field, {index.x[i], index.y[i], index.z[i]});
+  squared_level_.resize(std::size_t(index.leaves) * kLeafSize);
+  for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
+    for (std::size_t i = first * kLeafSize; i < last * kLeafSize; ++i) {
+      const float level = point::noise_level(field, {index.x[i], index.y[i], index.z[i]});
+      squared_level_[i] = level * level;
+    }
   });
 }
 
 void Chain::measure_radii(const Kernels& kernels, const std::stop_token& stop) {
   const IndexView index = index_.view();
   squared_radius_.resize(std::size_t(index.leaves) * kLeafSize);
-  const float squared_base = neighbors_.radius * neighbors_.radius;
-  const int widening = neighbors_.widening;
+  const int min_neighbors = neighbors_.min_neighbors;
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
-    std::vector<Index> nearest(std::size_t(widening) * kLeafSize);
+    std::vector<Index> nearest(std::size_t(min_neighbors) * kLeafSize);
     for (std::size_t leaf = first; leaf < last; ++leaf) {
-      if (widening > 0)
-        kernels.nearest(index, Index(leaf), widening, std::numeric_limits<float>::infinity(), nearest.data());
-      kernels.squared_radii(index, Index(leaf), nearest.data(), widening, squared_base,
-                            neighbors_.radius_follows ? levels() : nullptr,
+      if (min_neighbors > 0)
+        kernels.nearest(index, Index(leaf), min_neighbors, std::numeric_limits<float>::infinity(), nearest.data());
+      kernels.squared_radii(index, Index(leaf), nearest.data(), neighborhoods().radii,
                             squared_radius_.data() + leaf * kLeafSize);
     }
   });
@@ -166,7 +158,7 @@ void Chain::measure_radii(const Kernels& kernels, const std::stop_token& stop) {
 void Chain::estimate_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop) {
   normal_settings_ = settings;
   const IndexView index = index_.view();
-  const NormalRule rule{point::normal_weights(settings.weighted, settings.sigma), settings.of_radius};
+  const point::NormalRule rule = normal_rule(settings);
   for (Buffer<float>* axis : {&normal_x_, &normal_y_, &normal_z_}) axis->resize(std::size_t(index.leaves) * kLeafSize);
   const VectorsOut out{normal_x_.data(), normal_y_.data(), normal_z_.data()};
   std::atomic<std::uint64_t> too_few = 0, no_normal = 0;
@@ -196,14 +188,14 @@ void Chain::estimate_normals(const NormalSettings& settings, const Kernels& kern
 void Chain::filter_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop) {
   if (settings.filter_rounds == 0) return;
   const IndexView index = index_.view();
-  const NormalRule rule{point::normal_weights(settings.weighted, settings.sigma), settings.of_radius};
-  const float inverse_turn = point::inverse_turn(settings.filter_angle);
+  const point::NormalRule rule = normal_rule(settings);
+  const float inverse_turn = point::inverse_turn(settings.crease_angle);
   for (Buffer<float>* axis : {&spare_x_, &spare_y_, &spare_z_}) axis->resize(normal_x_.size());
-  if (balls_grow()) squared_growth_.resize(normal_x_.size());
+  if (radii_grow()) squared_growth_.resize(normal_x_.size());
   for (int round = 0; round < settings.filter_rounds; ++round) {
     const bool is_last = round + 1 == settings.filter_rounds;
-    const GrowthOut growth{settings.flat_radius * settings.flat_radius,
-                           is_last && balls_grow() ? squared_growth_.data() : nullptr};
+    const GrowthOut growth{settings.flat_scale * settings.flat_scale,
+                           is_last && radii_grow() ? squared_growth_.data() : nullptr};
     const VectorsOut out{spare_x_.data(), spare_y_.data(), spare_z_.data()};
     for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
       for (std::size_t leaf = first; leaf < last; ++leaf)
@@ -218,10 +210,7 @@ void Chain::filter_normals(const NormalSettings& settings, const Kernels& kernel
 
 void Chain::fair(const FairingSettings& settings, const Kernels& kernels, const std::stop_token& stop) {
   fairing_settings_ = settings;
-  const int power = settings.area_weight == AreaWeight::squared  ? 2
-                    : settings.area_weight == AreaWeight::length ? 1
-                                                                 : 0;
-  const AreaView area{mean_distance_.data(), power};
+  const AreaView area{mean_distance_.data(), area_power(settings.area_weight)};
   faired_.resize(std::size_t(index_.view().leaves) * kLeafSize);
   if (settings.method == Method::bilateral) {
     fair_bilaterally(settings, area, kernels, stop);
@@ -233,24 +222,11 @@ void Chain::fair(const FairingSettings& settings, const Kernels& kernels, const 
 void Chain::fair_bilaterally(const FairingSettings& settings, AreaView area, const Kernels& kernels,
                              const std::stop_token& stop) {
   const IndexView index = index_.view();
-  const FairingRule rule{point::bilateral_weights(settings.closeness_sigma, settings.similarity_sigma),
-                         settings.closeness_of_radius,
-                         settings.two_planes,
-                         point::inverse_turn(settings.facing_angle),
-                         settings.strength,
-                         settings.noise * settings.noise,
-                         settings.is_further ? tuned("PF_L2", point::kNoiseLeft) : tuned("PF_L1", 1.0f),
-                         settings.damage,
-                         settings.outlier_distance * settings.outlier_distance,
-                         settings.level_outlier_distance * settings.level_outlier_distance,
-                         levels(),
-                         settings.similarity_follows,
-                         point::squared_core(settings.outlier_radius * settings.outlier_radius),
-                         settings.pull_outliers,
-                         by_list() ? nullptr : squared_radius_.data()};
+  const point::FairingRule rule = fairing_rule(settings, by_list());
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     for (std::size_t leaf = first; leaf < last; ++leaf)
-      kernels.fair(index, Index(leaf), grown_neighborhoods(), normals(), area, rule, &faired_[leaf * kLeafSize].x);
+      kernels.fair(index, Index(leaf), grown_neighborhoods(), normals(), area, rule, squared_levels(),
+                   &faired_[leaf * kLeafSize].x);
   });
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The results of every stage of one pass. Memory, bytes a point: index 18, lists 4 k, W_a lengths 4, normals 12, faired
-// positions 12; 46 + 4 k in all. Without lists squared radii 4, and 4 more where balls grow; where anything follows the noise, its levels 4. While normals are
+// The results of every stage of one iteration. Memory, bytes a point: index 18, lists 4 k, W_a lengths 4, normals 12,
+// faired positions 12; 46 + 4 k in all. Without lists squared radii 4, and 4 more where they grow; where something follows the
+// noise, its levels 4. While normals are
 // filtered, or a method other than the bilateral one runs, 12 more.
 #pragma once
 
@@ -9,6 +10,7 @@
 #include "cpu/memory.h"
 #include "point/region.h"
 #include "seam/backend.hpp"
+#include "seam/rules.hpp"
 
 namespace pointfair::cpu {
 
@@ -31,7 +33,7 @@ class Chain {
   VectorsView normals() const { return {normal_x_.data(), normal_y_.data(), normal_z_.data()}; }
   const Counts& counts() const { return counts_; }
 
-  // Gives back what only the stages after the index fill, so that a further pass never holds more than two chains.
+  // Gives back what only the stages after the index fill, so that a further iteration never holds more than two chains.
   void release_small_results();
   // The faired positions' memory also serves the uploaded points, which are of no use once there is an index.
   void swap_faired(Buffer<Point>& other) { std::swap(faired_, other); }
@@ -39,11 +41,11 @@ class Chain {
  private:
   Neighborhoods neighborhoods() const;
   Neighborhoods grown_neighborhoods() const;  // of the bilateral step
-  bool balls_grow() const;
+  bool radii_grow() const { return pointfair::radii_grow(neighbors_, normal_settings_); }
   bool by_list() const { return neighbors_.k > 0; }
   bool prefix_suffices(const NeighborSettings& settings) const;
   void measure_levels(const std::stop_token& stop);
-  const float* levels() const { return neighbors_.levels ? level_.data() : nullptr; }
+  const float* squared_levels() const { return neighbors_.levels ? squared_level_.data() : nullptr; }
   void measure_radii(const Kernels& kernels, const std::stop_token& stop);
   void filter_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop);
   void fair_bilaterally(const FairingSettings& settings, AreaView area, const Kernels& kernels,
@@ -55,9 +57,9 @@ class Chain {
   SpatialIndex index_;
   Buffer<Index> lists_;
   Buffer<float> mean_distance_, normal_x_, normal_y_, normal_z_;
+  Buffer<float> squared_level_;   // of the noise, where something follows it
   Buffer<float> squared_radius_;               // without a list
-  Buffer<float> level_;                        // of the noise, where anything follows it
-  Buffer<float> squared_growth_;               // of those, where balls of flat places grow
+  Buffer<float> squared_growth_;               // of those, where those of flat places grow
   Buffer<float> spare_x_, spare_y_, spare_z_;  // filtered normals, then displacements
   Buffer<Point> faired_;
   NeighborSettings neighbors_;

@@ -49,32 +49,30 @@ Size groups_of(Size children) {
   return (children + kLeafSize - 1) / kLeafSize;
 }
 
-constexpr ChildBox kNoChild{{kNan, kNan, kNan, kNan, kNan, kNan}, point::kNoNeighbor};
-constexpr ChildBox kEmptyBox{{kInf, kInf, kInf, -kInf, -kInf, -kInf}, point::kNoNeighbor};
+constexpr Box kNoChild{kNan, kNan, kNan, kNan, kNan, kNan};
+constexpr Box kEmptyBox{kInf, kInf, kInf, -kInf, -kInf, -kInf};
 
-ChildBox unite(const ChildBox& a, const ChildBox& b) {
-  return {{std::min(a.box.min_x, b.box.min_x), std::min(a.box.min_y, b.box.min_y), std::min(a.box.min_z, b.box.min_z),
-           std::max(a.box.max_x, b.box.max_x), std::max(a.box.max_y, b.box.max_y), std::max(a.box.max_z, b.box.max_z)},
-          std::min(a.least_original, b.least_original)};
+Box unite(const Box& a, const Box& b) {
+  return {std::min(a.min_x, b.min_x), std::min(a.min_y, b.min_y), std::min(a.min_z, b.min_z),
+          std::max(a.max_x, b.max_x), std::max(a.max_y, b.max_y), std::max(a.max_z, b.max_z)};
 }
 
-ChildBox child_of(const BoxGroup& g, std::size_t c) {
-  return {{g.min_x[c], g.min_y[c], g.min_z[c], g.max_x[c], g.max_y[c], g.max_z[c]}, g.least_original[c]};
+Box child_of(const BoxGroup& g, std::size_t c) {
+  return {g.min_x[c], g.min_y[c], g.min_z[c], g.max_x[c], g.max_y[c], g.max_z[c]};
 }
 
-void set_child(BoxGroup& g, std::size_t c, const ChildBox& child) {
-  g.min_x[c] = child.box.min_x;
-  g.min_y[c] = child.box.min_y;
-  g.min_z[c] = child.box.min_z;
-  g.max_x[c] = child.box.max_x;
-  g.max_y[c] = child.box.max_y;
-  g.max_z[c] = child.box.max_z;
-  g.least_original[c] = child.least_original;
+void set_child(BoxGroup& g, std::size_t c, const Box& child) {
+  g.min_x[c] = child.min_x;
+  g.min_y[c] = child.min_y;
+  g.min_z[c] = child.min_z;
+  g.max_x[c] = child.max_x;
+  g.max_y[c] = child.max_y;
+  g.max_z[c] = child.max_z;
 }
 
 // Children fill a group from the front.
-ChildBox united(const BoxGroup& group) {
-  ChildBox result = kEmptyBox;
+Box united(const BoxGroup& group) {
+  Box result = kEmptyBox;
   for (std::size_t c = 0; c < kLeafSize && !std::isnan(group.min_x[c]); ++c) result = unite(result, child_of(group, c));
   return result;
 }
@@ -94,7 +92,7 @@ void SpatialIndex::build(std::span<const Point> points, std::span<const Index> o
   const std::span<std::uint64_t> elements{space.elements.data(), points_}, scratch{space.scratch.data(), points_};
   if (points_ > 0 && frame) {
     const point::CurveCube cube = point::curve_cube(to_vec3(frame->reference), frame->side);
-    sort_along_curve(points, originals, elements, scratch, cube, kernels, stop);
+    sort_along_curve(points, elements, scratch, cube, kernels, stop);
   } else if (points_ > 0) {
     sort_along_curve(points, elements, scratch, core_box(points, elements, bounds_), kernels, stop);
   }
@@ -201,12 +199,12 @@ void SpatialIndex::build_boxes(const std::stop_token& stop) {
   }
 }
 
-ChildBox SpatialIndex::leaf_box(std::size_t leaf) const {
+Box SpatialIndex::leaf_box(std::size_t leaf) const {
   if (leaf >= leaves_) return kNoChild;
-  ChildBox result = kEmptyBox;
+  Box result = kEmptyBox;
   const std::size_t last = std::min<std::size_t>(points_, (leaf + 1) * kLeafSize);
   for (std::size_t i = leaf * kLeafSize; i < last; ++i)
-    result = unite(result, {{x_[i], y_[i], z_[i], x_[i], y_[i], z_[i]}, original_[i]});
+    result = unite(result, {x_[i], y_[i], z_[i], x_[i], y_[i], z_[i]});
   return result;
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The index over occupied space: points sorted along a Hilbert curve under a tree of tight boxes (src/cpu/kernels.h).
-// Memory: 16 bytes a point and 1.9 for boxes, 4 more along the curve of a frame.
+// Memory: 16 bytes a point and 1.6 for boxes, 4 more along the curve of a frame.
 #pragma once
 
 #include <array>
@@ -31,12 +31,6 @@ struct SortSpace {
   }
 };
 
-// What a BoxGroup says of one child.
-struct ChildBox {
-  Box box;
-  Index least_original;
-};
-
 class SpatialIndex {
  public:
   explicit SpatialIndex(MemoryMeter& meter);
@@ -57,7 +51,7 @@ class SpatialIndex {
   void gather(std::span<const Point> points, std::span<const Index> originals, const SortSpace& space,
               const std::stop_token& stop);
   void build_boxes(const std::stop_token& stop);
-  ChildBox leaf_box(std::size_t leaf) const;
+  Box leaf_box(std::size_t leaf) const;
 
   Buffer<float> x_, y_, z_;
   Buffer<Index> original_;

@@ -8,10 +8,8 @@
 #include <cstdint>
 
 #include "point/curve.h"
-#include "point/fairing.h"
 #include "point/method.h"
-#include "point/neighbors.h"
-#include "point/normal.h"
+#include "point/stages.h"
 
 namespace pointfair::cpu {
 
@@ -29,7 +27,6 @@ struct Box {
 struct BoxGroup {
   float min_x[kLeafSize], min_y[kLeafSize], min_z[kLeafSize];
   float max_x[kLeafSize], max_y[kLeafSize], max_z[kLeafSize];
-  Index least_original[kLeafSize];
 };
 
 struct IndexView {
@@ -42,6 +39,14 @@ struct IndexView {
   const float* share;                 // of each sorted point, a hash of its position over [0, 1); null without a frame
 };
 
+POINTFAIR_INLINE point::Vec3<float> position_of(const IndexView& index, Index at) {
+  return {index.x[at], index.y[at], index.z[at]};
+}
+// Of points in a child's box, none lies before this (point::lies_before).
+POINTFAIR_INLINE point::Vec3<float> low_corner(const BoxGroup& group, int child) {
+  return {group.min_x[child], group.min_y[child], group.min_z[child]};
+}
+
 // A neighbour list per point: list[(leaf * stored + slot) * 16 + lane], nearest first; sorted positions, kNoNeighbor at
 // the end.
 struct NeighborView {
@@ -50,45 +55,10 @@ struct NeighborView {
   const Index* list;
 };
 
-// Everything within a radius, when there is no list: R_i^2 = (level_i radius)^2 + r_i^2, where r_i is the distance of point i to
-// its `widening`-th nearest; the same radius for all if that is 0. A ball that would hold many more than kBallPoints
-// points is thinned to about so many, by a hash of their positions.
-struct Ball {
-  const float* squared_radius;  // of each sorted point
-  const float* level;           // of the noise at each, which `radius` follows; null: 1
-  float squared_base;
-  int widening;
-  const float* squared_growth = nullptr;  // what multiplies R_i^2, of each sorted point; null: nothing
-};
-inline constexpr float kBallPoints = 400;
-
-// Where the neighbours of a pack come from: a list, or a ball if lists.k is 0.
+// Where the neighbours of a pack come from: a list, or everything within a radius if lists.k is 0.
 struct Neighborhoods {
   NeighborView lists;
-  Ball ball;
-};
-
-// Whether a Gaussian's sigma is a multiple of the ball's radius, or a length.
-struct NormalRule {
-  point::NormalWeights weights;
-  bool of_radius;
-};
-struct FairingRule {
-  point::BilateralWeights weights;
-  bool of_radius;
-  bool two_planes;                 // Eq. 10 instead of the paper's step
-  float inverse_turn;              // of Eq. 10
-  float strength;                  // share of the displacement that is made
-  float noise_variance;            // of which a displacement's further share is made (noise_share); 0: all of it
-  float noise_left;                // of that variance, in the points as they are now
-  float damage;                    // of noise_share
-  float squared_outlier_distance;  // 0: outliers are not looked for
-  float squared_level_outlier_distance;  // where this times the squared level is more, that counts
-  const float* level;              // of the noise at each sorted point; null: 1
-  bool similarity_follows;         // the level
-  float squared_sparse_core;       // of a ball of the outlier radius
-  bool pull_outliers;              // else they become NaN
-  const float* squared_radius;     // of each sorted point's ball, for the pull; null over lists
+  point::Radii radii;
 };
 
 struct AreaView {
@@ -125,18 +95,19 @@ struct Kernels {
   // Constrained neighbourhoods of the leaf's points among the `count` nearest of each, as `nearest` gives them; bit l
   // of the result is set if no candidate beyond those could join that of lane l. count <= 1024.
   unsigned (*grow)(const IndexView&, Index leaf, const Index* candidates, int count, int k, float reach, Index* list);
-  // R_i^2 of a ball, from lists of the `widening` nearest (or as many as there are).
-  void (*squared_radii)(const IndexView&, Index leaf, const Index* list, int widening, float squared_base, const float* level,
-                        float* out);
+  // R_i^2, from lists of the `min_neighbors` nearest (or as many as there are); what it is made of is in `radii`.
+  void (*squared_radii)(const IndexView&, Index leaf, const Index* list, const point::Radii& radii, float* out);
   // Mean distance to the first `count` entries of a list of k, or as many as it holds.
   void (*mean_distances)(const IndexView&, Index leaf, const Index* list, int count, float* out);
   // neighbor_counts receives how many neighbours each point has.
-  void (*normals)(const IndexView&, Index leaf, Neighborhoods, NormalRule, VectorsOut, unsigned* neighbor_counts);
+  void (*normals)(const IndexView&, Index leaf, Neighborhoods, point::NormalRule, VectorsOut,
+                  unsigned* neighbor_counts);
   // One round of Eq. 9; `growth` receives what Eq. 20 multiplies R_i^2 by, unless its array is null.
-  void (*filter_normals)(const IndexView&, Index leaf, Neighborhoods, NormalRule, float inverse_turn, VectorsView,
-                         VectorsOut, GrowthOut growth);
-  // The bilateral method: moved positions, point after point.
-  void (*fair)(const IndexView&, Index leaf, Neighborhoods, VectorsView, AreaView, FairingRule, float* xyz);
+  void (*filter_normals)(const IndexView&, Index leaf, Neighborhoods, point::NormalRule, float inverse_turn,
+                         VectorsView, VectorsOut, GrowthOut growth);
+  // The bilateral method: moved positions, point after point. `squared_level`: of the noise at each sorted point; null: 1.
+  void (*fair)(const IndexView&, Index leaf, Neighborhoods, VectorsView, AreaView, point::FairingRule,
+               const float* squared_level, float* xyz);
   // The other methods: the displacements of all points, then from them the moved positions.
   void (*displacements)(const IndexView&, Index leaf, Neighborhoods, VectorsView, AreaView, point::MethodRule,
                         VectorsOut);
@@ -145,6 +116,10 @@ struct Kernels {
   // How many neighbours each point has, and the least of `values` over it and them.
   void (*survey)(const IndexView&, Index leaf, Neighborhoods, const float* values, float* counts, float* least);
 };
+
+// The k nearest other points within `squared_limit` of the one at sorted position `at`, for the kernels where a point
+// has nothing in common with those of its leaf: list[slot * 16].
+void find_alone(const IndexView& index, Index at, int k, float squared_limit, Index* list);
 
 // The kernels of the best instruction set that this processor has; POINTFAIR_ISA=sse2|avx2|avx512 asks for a lesser
 // one.

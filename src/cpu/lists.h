@@ -113,16 +113,15 @@ class FastLists {
   void put_in_order(const IndexView& index, const Queries& queries, int lane, int s) {
     const point::Vec3<float> here = {queries.position.x.v[lane], queries.position.y.v[lane],
                                      queries.position.z.v[lane]};
-    const auto key = [&](int entry) {
-      const int at = position_[entry & kNumber];
-      const point::Vec3<float> there = {index.x[at], index.y[at], index.z[at]};
-      return point::neighbor_key(point::squared_length(there - here), index.original[at]);
-    };
     const int entry = entry_[s].v[lane];
-    const unsigned long long own = key(entry);
+    const point::Vec3<float> own = position_of(index, Index(position_[entry & kNumber]));
+    const float distance = point::squared_length(own - here);
     for (; s > 0; --s) {
       const int before = entry_[s - 1].v[lane];
-      if ((before & ~kNumber) != (entry & ~kNumber) || key(before) < own) break;
+      if ((before & ~kNumber) != (entry & ~kNumber)) break;
+      const point::Vec3<float> there = position_of(index, Index(position_[before & kNumber]));
+      const float its_distance = point::squared_length(there - here);
+      if (its_distance < distance || (its_distance == distance && !point::lies_before(own, there))) break;
       entry_[s].v[lane] = before;
     }
     entry_[s].v[lane] = entry;
@@ -133,7 +132,7 @@ class FastLists {
   int candidates_;
 };
 
-// Any k, ties by original index.
+// Any k, in the order of point::lies_before where distances are equal.
 class ExactLists {
  public:
   static constexpr bool kOrdersTies = true;
@@ -146,7 +145,6 @@ class ExactLists {
     for (int s = 0; s < k_; ++s) {
       squared_[s] = broadcast(kInfinity);
       position_[s] = broadcast(int(point::kNoNeighbor));
-      original_[s] = broadcast(0x7fffffff);
     }
   }
   Floats last() const { return squared_[k_ - 1]; }
@@ -155,44 +153,53 @@ class ExactLists {
   template <bool kOwn>
   void offer(const IndexView& index, const Queries& queries, Floats bound, const int* positions, int count) {
     for (int i = 0; i < count; ++i) {
-      const int at = positions[i];
-      const Floats distance = point::squared_length(spread(index.x[at], index.y[at], index.z[at]) - queries.position);
+      const Index at = Index(positions[i]);
+      const point::Vec3<float> there = position_of(index, at);
+      const Floats distance = point::squared_length(spread(there.x, there.y, there.z) - queries.position);
       Mask hit = distance <= bound;
-      if constexpr (kOwn) hit = hit & (queries.at != broadcast(at));
-      insert(hit, distance, broadcast(at), broadcast(int(index.original[at])));
+      if constexpr (kOwn) hit = hit & (queries.at != broadcast(int(at)));
+      insert(index, hit, distance, there, at);
     }
   }
-  // A candidate at exactly `distance` with a larger original index than this joins no list whose bound is that
+  // Whether points at exactly `distance`, none of which lies before `corner`, may join a list whose bound is that
   // distance.
-  Index last_original(float distance, Floats bound) const {
-    const Floats d = broadcast(distance);
-    const Ints of_full_lists = select(last() == d, original_[k_ - 1], broadcast(0x7fffffff));
-    const Ints shown = select(bound == d, of_full_lists, broadcast(0));
-    int result = 0;
-    for (int lane = 0; lane < kLanes; ++lane) result = shown.v[lane] > result ? shown.v[lane] : result;
-    return Index(result);
+  bool is_open_at(const IndexView& index, float distance, point::Vec3<float> corner, Floats bound) const {
+    const Mask bounded = bound == broadcast(distance), full = bounded & (last() == broadcast(distance));
+    return any(bounded & ~full) || any(lies_before(index, full, corner, k_ - 1));
   }
 
  private:
-  void insert(Mask hit, Floats distance, Ints candidate, Ints id) {
-    Mask before = precedes(distance, id, k_ - 1) & hit;
+  void insert(const IndexView& index, Mask hit, Floats distance, point::Vec3<float> there, Index candidate) {
+    const Mask joins = hit & precedes(index, hit, distance, there, k_ - 1);
+    Mask before = joins;
     for (int s = k_ - 1; any(before); --s) {
-      const Mask before_previous = s > 0 ? precedes(distance, id, s - 1) & before : Mask{};
       const int p = s > 0 ? s - 1 : 0;
+      const Mask before_previous = s > 0 ? joins & precedes(index, before, distance, there, p) : Mask{};
       squared_[s] = select(before, select(before_previous, squared_[p], distance), squared_[s]);
-      position_[s] = select(before, select(before_previous, position_[p], candidate), position_[s]);
-      original_[s] = select(before, select(before_previous, original_[p], id), original_[s]);
+      position_[s] = select(before, select(before_previous, position_[p], broadcast(int(candidate))), position_[s]);
       before = before_previous;
     }
   }
 
-  Mask precedes(Floats distance, Ints id, int s) const {
-    return (distance < squared_[s]) | ((distance == squared_[s]) & (id < original_[s]));
+  // In which lanes a candidate precedes entry s; where they are equally far, only in `asked` ones.
+  POINTFAIR_INLINE Mask precedes(const IndexView& index, Mask asked, Floats distance, point::Vec3<float> there,
+                                 int s) const {
+    const Mask nearer = distance < squared_[s], tied = (distance == squared_[s]) & asked;
+    return any(tied) ? nearer | lies_before(index, tied, there, s) : nearer;
+  }
+  // In which of these lanes, whose entry s exists, a point lies before it. They are few.
+  POINTFAIR_INLINE Mask lies_before(const IndexView& index, Mask lanes, point::Vec3<float> there, int s) const {
+    unsigned result = 0;
+    for (unsigned left = bits(lanes); left != 0; left &= left - 1) {
+      const int lane = __builtin_ctz(left);
+      result |= unsigned(point::lies_before(there, position_of(index, Index(position_[s].v[lane])))) << lane;
+    }
+    return mask_of(result);
   }
 
   int k_;
   Floats squared_[kCapacity];
-  Ints position_[kCapacity], original_[kCapacity];
+  Ints position_[kCapacity];
 };
 
 }  // namespace pointfair::cpu::POINTFAIR_ISA

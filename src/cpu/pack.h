@@ -48,6 +48,7 @@ struct Mask {
   __mmask16 v;
 };
 POINTFAIR_INLINE unsigned bits(Mask m) { return m.v; }
+POINTFAIR_INLINE Mask mask_of(unsigned bits) { return {__mmask16(bits)}; }
 POINTFAIR_INLINE Mask operator&(Mask a, Mask b) { return {__mmask16(a.v & b.v)}; }
 POINTFAIR_INLINE Mask operator|(Mask a, Mask b) { return {__mmask16(a.v | b.v)}; }
 POINTFAIR_INLINE Mask operator~(Mask a) { return {__mmask16(~a.v)}; }
@@ -80,6 +81,11 @@ POINTFAIR_INLINE unsigned bits(Mask m) {
   for (int lane = 0; lane < kLanes; ++lane) result |= unsigned(m.v[lane] & 1) << lane;
   return result;
 #endif
+}
+POINTFAIR_INLINE Mask mask_of(unsigned bits) {
+  Mask result;
+  for (int lane = 0; lane < kLanes; ++lane) result.v[lane] = -int(bits >> lane & 1u);
+  return result;
 }
 POINTFAIR_INLINE Mask operator&(Mask a, Mask b) { return {a.v & b.v}; }
 POINTFAIR_INLINE Mask operator|(Mask a, Mask b) { return {a.v | b.v}; }
@@ -157,6 +163,9 @@ POINTFAIR_INLINE Floats square_root(Floats a) {
 #endif
 }
 
+POINTFAIR_INLINE Floats counted(Floats count, Mask one_more) {
+  return count + select(one_more, broadcast(1.0f), broadcast(0.0f));
+}
 POINTFAIR_INLINE Floats absolute(Floats a) { return as_floats(as_ints(a) & 0x7fffffff); }
 
 // Unsigned: of a number that is too small the exponent wraps round, and nobody reads it.

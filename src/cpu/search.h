@@ -58,7 +58,6 @@ class GroupSearch {
   POINTFAIR_INLINE void update_bound() {
     bound_ = smaller(lists_.last(), q_.limit);
     farthest_ = largest(bound_);
-    if constexpr (Lists::kOrdersTies) last_original_ = lists_.last_original(farthest_, bound_);
   }
 
   // Bit c is set if child c of the group may hold a neighbour; gaps receives the squared distance to each child.
@@ -78,7 +77,7 @@ class GroupSearch {
   // Whether a child that was near still is, after its siblings' visits.
   POINTFAIR_INLINE bool still_near(const BoxGroup& group, const float* gaps, int c) const {
     if constexpr (Lists::kOrdersTies)  // of many equals, the first ones visited exclude the rest
-      if (gaps[c] == farthest_ && group.least_original[c] > last_original_) return false;
+      if (gaps[c] == farthest_) return lists_.is_open_at(index_, farthest_, low_corner(group, c), bound_);
     return gaps[c] <= farthest_;
   }
 
@@ -126,7 +125,6 @@ class GroupSearch {
   Lists& lists_;
   Floats bound_;        // per lane: what a candidate must not exceed
   float farthest_ = 0;  // the largest of them when last measured
-  Index last_original_ = 0;
   int waiting_count_ = 0;
   int waiting_[Lists::kMaxBatch + kLanes];  // sorted positions of candidates still to be offered
   Index first_done_ = 0, last_done_ = 0;
@@ -134,8 +132,9 @@ class GroupSearch {
 };
 
 // A group whose box is wide against its lanes' reach (a stray point among others, a jump of the curve) would visit far
-// too much together; past this many leaves it is split.
-POINTFAIR_INLINE int leaf_budget(int k, bool may_split) { return may_split ? 128 + 2 * k : 0x7fffffff; }
+// too much together; past this many leaves it is split, and a single lane goes to the search that visits the nearest
+// boxes first.
+POINTFAIR_INLINE int leaf_budget(int k) { return 128 + 2 * k; }
 POINTFAIR_INLINE Index leaves_beside(int k) { return Index(k + kLeafSize - 1) / kLeafSize; }
 
 // The first k of each active lane.
@@ -158,14 +157,19 @@ POINTFAIR_INLINE Mask lanes_between(int first, int last) {
   return ~(lane_numbers() < broadcast(first)) & (lane_numbers() < broadcast(last));
 }
 
+POINTFAIR_INLINE void search_alone(const IndexView& index, Index start, int lane, int k, Floats limit, Index* out) {
+  find_alone(index, start + Index(lane), k, limit.v[lane], out + lane);
+}
+
 // Lanes [first_lane, last_lane) of the pack that starts at sorted position `start`.
 inline void search_exact(const IndexView& index, Index start, int first_lane, int last_lane, int k, Floats limit,
                          Index* out) {
   const Mask active = lanes_between(first_lane, last_lane) & (lane_numbers() < broadcast(int(index.points - start)));
   if (!any(active)) return;
+  if (last_lane - first_lane == 1) return search_alone(index, start, first_lane, k, limit, out);
   ExactLists lists(k);
   const Queries queries = make_queries(index, start, active, limit);
-  GroupSearch<ExactLists> search(index, queries, lists, leaf_budget(k, last_lane - first_lane > 1));
+  GroupSearch<ExactLists> search(index, queries, lists, leaf_budget(k));
   if (search.run(start / kLeafSize, leaves_beside(k))) {
     copy_lists(lists, k, active, out);
     return;
@@ -176,18 +180,53 @@ inline void search_exact(const IndexView& index, Index start, int first_lane, in
   search_exact(index, start, middle, last_lane, k, known, out);
 }
 
+// The k points behind each of a pack, or before it.
+struct Consecutive {
+  Index start;
+  int step;
+  POINTFAIR_INLINE Ints at(int s) const { return {lane_numbers().v + (int(start) + step * (s + 1))}; }
+};
+
+// Whether `count` points from `first` on are at one place, and none at another so near that squared distances to it
+// could round to zero: its coordinates are not that small.
+inline bool are_in_one_place(const IndexView& index, Index first, Index count) {
+  constexpr float kSmall = 1e-15f;  // differences of larger numbers are above 5e-23, whose square is not zero
+  const auto is_one = [&](const float* axis) {
+    const float here = axis[first];
+    for (Index i = 1; i < count; ++i)
+      if (axis[first + i] != here) return false;
+    return here > kSmall || here < -kSmall;
+  };
+  return first + count <= index.points && is_one(index.x) && is_one(index.y) && is_one(index.z);
+}
+
+// Of many identical points any are the nearest, so those that follow on the curve, or those before. Returns false where
+// there are not enough.
+inline bool list_identical(const IndexView& index, Index start, int k, Mask active, Index* out) {
+  const Index reach = Index(k), count = Index(kLanes + k);
+  if (are_in_one_place(index, start, count)) {
+    copy_lists(Consecutive{start, 1}, k, active, out);
+  } else if (start >= reach && are_in_one_place(index, start - reach, count)) {
+    copy_lists(Consecutive{start, -1}, k, active, out);
+  } else {
+    return false;
+  }
+  return true;
+}
+
 template <int K>
 void search_pack(const IndexView& index, Index start, int first_lane, int last_lane, int k, Floats limit, Index* out) {
   const Mask active = lanes_between(first_lane, last_lane) & (lane_numbers() < broadcast(int(index.points - start)));
   if (!any(active)) return;
+  if (last_lane - first_lane == 1) return search_alone(index, start, first_lane, k, limit, out);
   FastLists<K> lists;
   const Queries queries = make_queries(index, start, active, limit);
-  GroupSearch<FastLists<K>> search(index, queries, lists, leaf_budget(k, last_lane - first_lane > 1));
+  GroupSearch<FastLists<K>> search(index, queries, lists, leaf_budget(k));
   const bool whole = search.run(start / kLeafSize, leaves_beside(K)) && !lists.overflown();
   if (whole && lists.finish(index, queries, k, active)) return copy_lists(lists, k, active, out);
   const Floats known = smaller(lists.last(), limit);
-  if (whole || last_lane - first_lane == 1 || lists.all_identical())
-    return search_exact(index, start, first_lane, last_lane, k, known, out);
+  if (lists.all_identical() && list_identical(index, start, k, active, out)) return;
+  if (whole || lists.all_identical()) return search_exact(index, start, first_lane, last_lane, k, known, out);
   const int middle = (first_lane + last_lane) / 2;
   search_pack<K>(index, start, first_lane, middle, k, known, out);
   search_pack<K>(index, start, middle, last_lane, k, known, out);

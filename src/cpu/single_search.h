@@ -12,16 +12,14 @@ namespace pointfair::cpu {
 class SingleSearch {
  public:
   // The k nearest other points of the one at sorted position `at` within `squared_limit`: out[slot], nearest first,
-  // ties by original index, kNoNeighbor at the end. O(log N + k log k).
+  // in the order of point::precedes, kNoNeighbor at the end. O(log N + k log k).
   void find(const IndexView& index, Index at, int k, float squared_limit, Index* out);
 
  private:
-  struct Candidate {
-    unsigned long long key;  // point::neighbor_key
-    Index position;
-    bool operator<(const Candidate& other) const { return key < other.key; }
-  };
+  using Key = unsigned long long;  // point::neighbor_key
 
+  bool precedes(Key a, Key b) const;
+  bool may_hold_neighbors(float gap, point::Vec3<float> corner) const;
   void visit_children(int level, Index group_number, Index skipped);
   void visit_leaf(Index leaf);
   void keep_nearest();
@@ -30,8 +28,8 @@ class SingleSearch {
   Index at_ = 0;
   point::Vec3<float> here_{};
   std::size_t k_ = 0;
-  unsigned long long last_ = 0;  // candidates join below this key
-  std::vector<Candidate> found_;
+  Key last_ = 0;  // candidates that precede it join
+  std::vector<Key> found_;
 };
 
 }  // namespace pointfair::cpu

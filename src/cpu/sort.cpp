@@ -154,12 +154,12 @@ class CurveSorter {
   const std::stop_token& stop_;
 };
 
-// Sorts by both digits of the curve of src/point/curve.h, then by original index.
+// Sorts by both digits of the curve of src/point/curve.h, then by position.
 class CubeSorter {
  public:
-  CubeSorter(std::span<const Point> points, std::span<const Index> originals, const point::CurveCube& cube,
-             const Kernels& kernels, const std::stop_token& stop)
-      : points_(points), originals_(originals), cube_(cube), kernels_(kernels), stop_(stop) {}
+  CubeSorter(std::span<const Point> points, const point::CurveCube& cube, const Kernels& kernels,
+             const std::stop_token& stop)
+      : points_(points), cube_(cube), kernels_(kernels), stop_(stop) {}
 
   void sort(Elements elements, Elements scratch) const {
     for_blocks(elements.size(), kSortBlock, stop_, [&](std::size_t first, std::size_t last, std::size_t) {
@@ -183,21 +183,26 @@ class CubeSorter {
     for_cells(run, 2, [&](std::size_t first, std::size_t last) {
       const Elements cell = scratch.subspan(next, last - first);
       next += cell.size();
-      std::sort(cell.begin(), cell.end(), [this](std::uint64_t a, std::uint64_t b) {
-        return same_cell(a, b) ? original_of(a) < original_of(b) : a < b;
-      });
+      std::sort(cell.begin(), cell.end());
+      for_cells(cell, 2, [&](std::size_t tied, std::size_t end) { order_by_position(cell.subspan(tied, end - tied)); });
       // the key stays that of the first digit, which tells cells apart
       for (std::size_t i = 0; i < cell.size(); ++i)
         run[first + i] = (run[first + i] >> 32 << 32) | std::uint32_t(cell[i]);
     });
   }
-  Index original_of(std::uint64_t element) const {
-    const std::uint32_t place = std::uint32_t(element);
-    return originals_.empty() ? place : originals_[place];
+  // Of identical points there may be many: they are in order as they are.
+  void order_by_position(Elements run) const {
+    const auto before = [this](std::uint64_t a, std::uint64_t b) {
+      return point::lies_before(position_of(a), position_of(b));
+    };
+    if (!std::is_sorted(run.begin(), run.end(), before)) std::stable_sort(run.begin(), run.end(), before);
+  }
+  point::Vec3<float> position_of(std::uint64_t element) const {
+    const Point& p = points_[std::uint32_t(element)];
+    return {p.x, p.y, p.z};
   }
 
   std::span<const Point> points_;
-  std::span<const Index> originals_;
   point::CurveCube cube_;
   const Kernels& kernels_;
   const std::stop_token& stop_;
@@ -211,10 +216,10 @@ void sort_along_curve(std::span<const Point> points, std::span<std::uint64_t> el
   CurveSorter(points, kernels, stop).sort(elements, scratch, core);
 }
 
-void sort_along_curve(std::span<const Point> points, std::span<const Index> originals,
-                      std::span<std::uint64_t> elements, std::span<std::uint64_t> scratch, const point::CurveCube& cube,
-                      const Kernels& kernels, const std::stop_token& stop) {
-  CubeSorter(points, originals, cube, kernels, stop).sort(elements, scratch);
+void sort_along_curve(std::span<const Point> points, std::span<std::uint64_t> elements,
+                      std::span<std::uint64_t> scratch, const point::CurveCube& cube, const Kernels& kernels,
+                      const std::stop_token& stop) {
+  CubeSorter(points, cube, kernels, stop).sort(elements, scratch);
 }
 
 }  // namespace pointfair::cpu

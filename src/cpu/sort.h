@@ -19,10 +19,11 @@ void sort_along_curve(std::span<const Point> points, std::span<std::uint64_t> el
                       std::span<std::uint64_t> scratch, const Box& core, const Kernels& kernels,
                       const std::stop_token& stop);
 
-// The same along the curve of src/point/curve.h, ties by `originals`, or by place if that is empty. The order is the
-// same on every device, and that of a part of the points is that of the whole.
-void sort_along_curve(std::span<const Point> points, std::span<const Index> originals,
-                      std::span<std::uint64_t> elements, std::span<std::uint64_t> scratch, const point::CurveCube& cube,
-                      const Kernels& kernels, const std::stop_token& stop);
+// The same along the curve of src/point/curve.h, where points of one cell are in the order of point::lies_before. The
+// positions follow each other alike on every device and whatever the order of the points, and those of a part of the
+// points as in the whole.
+void sort_along_curve(std::span<const Point> points, std::span<std::uint64_t> elements,
+                      std::span<std::uint64_t> scratch, const point::CurveCube& cube, const Kernels& kernels,
+                      const std::stop_token& stop);
 
 }  // namespace pointfair::cpu

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// The k <= 1024 nearest points of one place, exact, ties by original index: a block to a query, where few queries would
-// leave the card idle with a warp to each. All points in a ball are collected, level by level of the tree, and sorted;
-// the ball is guessed, and grows or shrinks until it holds k and no more than fit.
+// The k <= 1024 nearest points of one place, exact, in the order of point::precedes: a block to a query, where few
+// queries would leave the card idle with a warp to each. All points in a ball are collected, level by level of the
+// tree, and sorted; the ball is guessed, and grows or shrinks until it holds k and no more than fit.
 #pragma once
 
 #include <cub/block/block_merge_sort.cuh>
 
+#include "cuda/network.cuh"
 #include "cuda/single_search.cuh"
 
 namespace pointfair::cuda {
@@ -37,9 +38,9 @@ class BlockSearch {
     Index node = 0;
     for (int level = tree_.levels - 1; level >= 0; --level)
       node = node * kLeafSize + nearest_child(tree_.group(level, node));
-    const Key key = key_of(point_of_lane(node));
-    RegisterList list;
-    list.offer(key != kNoKey, key, 0);
+    const Key key = key_of_lane(node);
+    RegisterList list(tree_.points);
+    list.offer(key != kNoKey, key);
     const int known = min(8, __popc(__ballot_sync(kAllLanes, key != kNoKey)));
     if (known == 0) return 1;
     return scaled(point::key_squared_distance(list.key(known - 1)), known);
@@ -51,15 +52,19 @@ class BlockSearch {
 
   // `squared`: of a radius that may hold a few more than k. Afterwards memory.keys holds k, sorted, kNoKey at the end.
   __device__ void run(float squared) {
-    constexpr int kTries = 8;
+    constexpr int kTries = 12;
     const Index wanted = min(static_cast<Index>(k_), tree_.state->valid - 1);
     float low = 0, high = 0;
     for (int n = 0; n < kTries; ++n) {
       const Index count = collect(squared);
       if (count <= kCapacity && count >= wanted) return sort(static_cast<int>(count));
       (count > kCapacity ? high : low) = squared;
-      squared = fminf(fmaxf(scaled(squared, static_cast<int>(max(count, 1u))), squared / 16), squared * 16);
-      if (squared <= low || (high > 0 && squared >= high)) squared = high > 0 ? sqrtf(low) * sqrtf(high) : 2 * low;
+      if (low > 0 && high > 0) {  // where the density jumps, ratios overshoot to and fro
+        squared = sqrtf(low) * sqrtf(high);
+      } else {
+        squared = fminf(fmaxf(scaled(squared, static_cast<int>(max(count, 1u))), squared / 16), squared * 16);
+        if (squared <= low) squared = 2 * low;
+      }
     }
     search_alone();
   }
@@ -74,13 +79,13 @@ class BlockSearch {
   __device__ float gap_of_lane(const BoxGroup& group) const {
     return squared_gap(box_of_lane(group), {position_, position_});
   }
-  __device__ Key key_of(float4 p) const {
+  // Of the lane's point in a leaf.
+  __device__ Key key_of_lane(Index leaf) const {
+    const Index at = leaf * kLeafSize + lane_number();
+    const float4 p = tree_.points[at];
     const float distance = point::squared_length(position_of(p) - position_);
     const bool counts = is_present(p) && original_of(p) != original_;
-    return counts ? point::neighbor_key(distance, original_of(p)) : kNoKey;
-  }
-  __device__ float4 point_of_lane(Index leaf) const {
-    return tree_.points[std::size_t(leaf) * kLeafSize + lane_number()];
+    return counts ? point::neighbor_key(distance, at) : kNoKey;
   }
 
   // Of boxes equally near, which may hold the query, the one whose farthest corner is nearest.
@@ -119,7 +124,7 @@ class BlockSearch {
 #pragma unroll
       for (int n = 0; n < kAtOnce; ++n) {
         const int at = first + n * kWarps;
-        keys[n] = at < nodes ? key_of(point_of_lane(memory_.nodes[turn][at])) : kNoKey;
+        keys[n] = at < nodes ? key_of_lane(memory_.nodes[turn][at]) : kNoKey;
       }
 #pragma unroll
       for (int n = 0; n < kAtOnce; ++n)
@@ -140,10 +145,54 @@ class BlockSearch {
     if (joins && place < kRoom) list[place] = value;
   }
 
+  // By the keys as numbers, then those equally far by position where there are such.
   __device__ void sort(int count) {
-    if (count <= 2 * kThreads) return sort_items<2>(count);
-    if (count <= 4 * kThreads) return sort_items<4>(count);
-    sort_items<kCapacity / kThreads>(count);
+    if (count <= 2 * kThreads) {
+      sort_items<2>(count);
+    } else if (count <= 4 * kThreads) {
+      sort_items<4>(count);
+    } else {
+      sort_items<kCapacity / kThreads>(count);
+    }
+    order_ties(count);
+  }
+  // Keys are in order as numbers. Runs of equal distances are mostly short: a thread orders one.
+  __device__ void order_ties(int count) {
+    constexpr int kLongestRun = 15, kRoomOfRun = 4;  // bits
+    static_assert(kCapacity / kThreads * kRoomOfRun <= 64);
+    Key* const keys = memory_.keys;
+    const auto tied = [&](int i) { return i > 0 && i < count && keys[i] >> 32 == keys[i - 1] >> 32; };
+    unsigned long long runs = 0;  // lengths less one of those that begin at this thread's places
+    bool any = false, any_long = false;
+    for (int n = 0, i = static_cast<int>(threadIdx.x); i < count; i += kThreads, ++n) {
+      if (tied(i)) continue;
+      int more = 0;
+      while (tied(i + more + 1) && more <= kLongestRun) ++more;
+      any |= more > 0;
+      any_long |= more > kLongestRun;
+      runs |= static_cast<unsigned long long>(min(more, kLongestRun)) << (kRoomOfRun * n);
+    }
+    if (__syncthreads_or(any) == 0) return;
+    const Precedes precedes{tree_.points};
+    if (__syncthreads_or(any_long) != 0) {
+      sort_by_block(static_cast<std::size_t>(count), kThreads, [&](std::size_t i, std::size_t j) {
+        const Key a = keys[i], b = keys[j];
+        if (!precedes(b, a)) return;
+        keys[i] = b;
+        keys[j] = a;
+      });
+      return;
+    }
+    for (int i = static_cast<int>(threadIdx.x); runs != 0; i += kThreads, runs >>= kRoomOfRun) {
+      const int last = i + static_cast<int>(runs & kLongestRun);
+      for (int j = i + 1; j <= last; ++j) {
+        const Key key = keys[j];
+        int to = j;
+        for (; to > i && precedes(key, keys[to - 1]); --to) keys[to] = keys[to - 1];
+        keys[to] = key;
+      }
+    }
+    __syncthreads();
   }
   template <int kItems>
   __device__ void sort_items(int count) {
@@ -167,7 +216,7 @@ class BlockSearch {
   __device__ void search_alone() {
     __syncthreads();
     if (warp_number() == 0) {
-      SharedList list(memory_.list, SharedList::size_for(k_));
+      SharedList list(tree_.points, memory_.list, SharedList::size_for(k_));
       SingleSearch<SharedList>(tree_, memory_.walk, list, position_, original_, k_, __int_as_float(0x7f800000)).run();
     }
     __syncthreads();

@@ -8,10 +8,9 @@ namespace {
 constexpr int kBlock = kGroupPoints;  // threads; 32 leaves, so a block also has the box of the level above
 constexpr float kInfinity = __builtin_inff();
 
-__device__ void store_box(BoxGroup& group, unsigned child, const Box& box, Index least_original) {
+__device__ void store_box(BoxGroup& group, unsigned child, const Box& box) {
   const float bounds[6] = {box.min.x, box.min.y, box.min.z, box.max.x, box.max.y, box.max.z};
   for (int b = 0; b < 6; ++b) group.bound[b][child] = bounds[b];
-  group.least_original[child] = least_original;
 }
 
 __device__ Box united_box(const Box& mine) { return {warp_box(mine.min, true).min, warp_box(mine.max, true).max}; }
@@ -53,7 +52,6 @@ __global__ void __launch_bounds__(kBlock)
     gather(const Point* points, std::size_t first, std::size_t end, const Index* order, const CoarseKey* coarse,
            const __grid_constant__ Tree tree, float4* sorted) {
   __shared__ Box boxes[kWarp];
-  __shared__ Index least[kWarp];
   begin_kernel();
   const std::size_t in_order = std::size_t(blockIdx.x) * kBlock + threadIdx.x, i = first + in_order;
   const unsigned warp = threadIdx.x / kWarp;
@@ -64,18 +62,15 @@ __global__ void __launch_bounds__(kBlock)
   if (!valid) p = {kInfinity, kInfinity, kInfinity};
   if (i / kLeafSize < tree.leaves) sorted[i] = {p.x, p.y, p.z, __uint_as_float(original)};
   const Box box = warp_box({p.x, p.y, p.z}, valid);
-  const Index first_original = warp_min(valid ? original : point::kNoNeighbor);
   const Index group = static_cast<Index>(first / kBlock) + blockIdx.x;
   if (lane_number() == 0) {
-    store_box(tree.group(0, group), warp, box, first_original);
+    store_box(tree.group(0, group), warp, box);
     boxes[warp] = box;
-    least[warp] = first_original;
   }
   __syncthreads();
   if (warp > 0 || tree.levels < 2) return;
   const Box above = united_box(boxes[threadIdx.x]);
-  const Index first_above = warp_min(least[threadIdx.x]);
-  if (threadIdx.x == 0) store_box(tree.group(1, group / kWarp), group % kWarp, above, first_above);
+  if (threadIdx.x == 0) store_box(tree.group(1, group / kWarp), group % kWarp, above);
 }
 
 __device__ Box nothing() { return {{kInfinity, kInfinity, kInfinity}, {-kInfinity, -kInfinity, -kInfinity}}; }
@@ -88,15 +83,12 @@ __global__ void __launch_bounds__(kBlock)
   for (int level = 1; level < tree.levels; ++level) {
     const Index first_group = first / kLeafSize, end_group = (end + kLeafSize - 1) / kLeafSize;
     const Index empty = end + threadIdx.x;
-    if (empty < end_group * kLeafSize)
-      store_box(tree.group(level, empty / kLeafSize), empty % kLeafSize, nothing(), point::kNoNeighbor);
+    if (empty < end_group * kLeafSize) store_box(tree.group(level, empty / kLeafSize), empty % kLeafSize, nothing());
     __syncthreads();
     for (Index node = first_group + threadIdx.x / kWarp; node < end_group && level + 1 < tree.levels;
          node += kBlock / kWarp) {
-      const BoxGroup& children = tree.group(level, node);
-      const Box box = united_box(box_of_lane(children));
-      const Index least = warp_min(children.least_original[lane_number()]);
-      if (lane_number() == 0) store_box(tree.group(level + 1, node / kLeafSize), node % kLeafSize, box, least);
+      const Box box = united_box(box_of_lane(tree.group(level, node)));
+      if (lane_number() == 0) store_box(tree.group(level + 1, node / kLeafSize), node % kLeafSize, box);
     }
     first = first_group;
     end = end_group;
@@ -111,13 +103,8 @@ __device__ void build_common(const Tree& tree, int level, Index subtrees, Index 
     const Index places = (nodes + kLeafSize - 1) / kLeafSize * kLeafSize;
     for (Index node = threadIdx.x / kWarp; node < places; node += kBlock / kWarp) {
       Box box = nothing();
-      Index least = point::kNoNeighbor;
-      if (node >= first && node < end) {
-        const BoxGroup& children = tree.group(level - 1, node);
-        box = united_box(box_of_lane(children));
-        least = warp_min(children.least_original[lane_number()]);
-      }
-      if (lane_number() == 0) store_box(tree.group(level, node / kLeafSize), node % kLeafSize, box, least);
+      if (node >= first && node < end) box = united_box(box_of_lane(tree.group(level - 1, node)));
+      if (lane_number() == 0) store_box(tree.group(level, node / kLeafSize), node % kLeafSize, box);
     }
     first = 0;
     end = (nodes + kLeafSize - 1) / kLeafSize;

@@ -1,15 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cuda/chain.cuh"
 #include "cuda/methods.cuh"
-#include "point/outliers.h"
-#include "seam/method_rule.hpp"
 
 namespace pointfair::cuda {
 namespace {
 
 constexpr std::size_t kLargeCloud = 3'000'000;  // points; random writes to all of it miss the cache
 constexpr float kNoLimit = __builtin_inff();
-constexpr std::size_t kLargestBalls = 1024;  // bytes a point
+constexpr std::size_t kLargestCollection = 1024;  // bytes a point
 
 void stop_if_asked(const std::stop_token& stop) {
   if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
@@ -26,6 +24,8 @@ Chain::Chain(Context& context, StopLine& stop_line, unsigned first_call)
       lists_(context),
       normals_(context),
       mean_distance_(context),
+      nodes_(context),
+      squared_level_(context),
       squared_radius_(context),
       squared_growth_(context),
       collector_(context),
@@ -79,9 +79,10 @@ void Chain::find_neighbors(const NeighborSettings& settings, bool arriving, std:
   if (!std::exchange(counts_clear_, false)) clear(offsetof(CloudState, leaf_retries), sizeof(CloudState));
   unmoved_clear_ = true;
   normals_wait_ = false;
+  measure_levels();
   if (settings.k == 0) {
     measure_radii(stop);
-    collector_.collect(index_.tree(), balls(), index_.points() * kLargestBalls, stop_);
+    collector_.collect(index_.tree(), radii(), index_.points() * kLargestCollection, stop_);
     return stop_if_asked(stop);  // it has waited
   }
   collector_.release();
@@ -96,15 +97,35 @@ void Chain::measure_radii(const std::stop_token& stop) {
   lists_.release();
   const std::size_t places = index_.leaves() * kLeafSize;
   squared_radius_.resize(places);
-  const int widening = neighbors_.widening;
+  const int min_neighbors = neighbors_.min_neighbors;
   DeviceArray<Index> nearest(context_), retries(context_);
-  if (widening > 0) {
-    nearest.resize(places * widening);
-    find_nearest(context_, index_.tree(), index_.state(), {widening, kNoLimit}, nearest.data(), make_room(retries),
+  if (min_neighbors > 0) {
+    nearest.resize(places * min_neighbors);
+    find_nearest(context_, index_.tree(), index_.state(), {min_neighbors, kNoLimit}, nearest.data(), make_room(retries),
                  stop_);
     pace(stop);
   }
-  cuda::measure_radii(context_, index_.tree(), {widening, nearest.data()}, squared_base(), squared_radius_.data());
+  cuda::measure_radii(context_, index_.tree(), {min_neighbors, nearest.data()}, radii(), squared_radius_.data());
+}
+
+point::NoiseField Chain::noise_field(const std::shared_ptr<const NoiseLevels>& levels) {
+  if (!levels) return {};
+  if (levels != levels_) {
+    nodes_.resize(levels->levels.size());
+    check(cudaMemcpyAsync(nodes_.data(), levels->levels.data(), levels->levels.size() * sizeof(float),
+                          cudaMemcpyHostToDevice, context_.stream()),
+          "uploading levels of noise");
+    levels_ = levels;
+  }
+  point::NoiseField field = field_of(levels.get());
+  field.levels = nodes_.data();
+  return field;
+}
+
+void Chain::measure_levels() {
+  if (!neighbors_.levels) return squared_level_.release();
+  squared_level_.resize(index_.leaves() * kLeafSize);
+  cuda::measure_levels(context_, index_.tree(), noise_field(neighbors_.levels), squared_level_.data());
 }
 
 void Chain::grow_constrained(const std::stop_token& stop) {
@@ -156,7 +177,7 @@ void Chain::measure_areas() {
   } else {
     DeviceArray<Index> nearest(context_), retries(context_);
     nearest.resize(places * point::kAreaNeighbors);
-    clear(offsetof(CloudState, leaf_retries), offsetof(CloudState, unused));
+    clear(offsetof(CloudState, leaf_retries), offsetof(CloudState, too_few_neighbors));
     find_nearest(context_, index_.tree(), index_.state(), {point::kAreaNeighbors, kNoLimit}, nearest.data(),
                  make_room(retries), stop_);
     measure_mean_distances(context_, index_.tree(), {point::kAreaNeighbors, nearest.data()}, mean_distance_.data());
@@ -166,7 +187,7 @@ void Chain::measure_areas() {
 
 Surroundings Chain::grown_surroundings(const Stop& stop) const {
   Surroundings result = surroundings(stop);
-  if (balls_grow()) result.balls.squared_growth = squared_growth_.data();
+  if (radii_grow()) result.radii.squared_growth = squared_growth_.data();
   return result;
 }
 
@@ -188,10 +209,11 @@ void Chain::settle(const std::stop_token& stop) {
   if (!normals_wait_) return;
   clear_unmoved();
   if (neighbors_.k > 0) {
-    cuda::estimate_normals(context_, index_.tree(), index_.state(), lists(), normal_weights(), normals());
+    cuda::estimate_normals(context_, index_.tree(), index_.state(), lists(), normal_rule(normal_settings_).weights,
+                           normals());
   } else {
-    estimate_wide_normals(context_, index_.tree(), index_.state(), surroundings(stop_),
-                          {normal_weights(), normal_settings_.of_radius}, normals());
+    estimate_wide_normals(context_, index_.tree(), index_.state(), surroundings(stop_), normal_rule(normal_settings_),
+                          normals());
   }
   filter_normals(stop);
   normals_wait_ = false;
@@ -200,16 +222,16 @@ void Chain::settle(const std::stop_token& stop) {
 void Chain::filter_normals(const std::stop_token& stop) {
   const std::size_t places = index_.leaves() * kLeafSize;
   DeviceArray<float> filtered(context_);
-  if (balls_grow()) squared_growth_.resize(places);
+  if (radii_grow()) squared_growth_.resize(places);
   for (int round = 0; round < normal_settings_.filter_rounds; ++round) {
     pace(stop);
     filtered.resize(3 * places);
     const bool is_last = round + 1 == normal_settings_.filter_rounds;
-    cuda::filter_normals(context_, index_.tree(), surroundings(stop_), {normal_weights(), normal_settings_.of_radius},
-                         point::inverse_turn(normal_settings_.filter_angle), normals(),
+    cuda::filter_normals(context_, index_.tree(), surroundings(stop_), normal_rule(normal_settings_),
+                         point::inverse_turn(normal_settings_.crease_angle), normals(),
                          {filtered.data(), filtered.data() + places, filtered.data() + 2 * places},
-                         {normal_settings_.flat_radius * normal_settings_.flat_radius,
-                          is_last && balls_grow() ? squared_growth_.data() : nullptr});
+                         {normal_settings_.flat_scale * normal_settings_.flat_scale,
+                          is_last && radii_grow() ? squared_growth_.data() : nullptr});
     normals_.swap(filtered);
   }
 }
@@ -218,9 +240,7 @@ void Chain::fair(const FairingSettings& settings, bool leaving, std::stop_token 
   begin_stage(Stage::fairing, stop);
   first_part_ = 0;
   fairing_settings_ = settings;
-  const int power = settings.area_weight == AreaWeight::squared  ? 2
-                    : settings.area_weight == AreaWeight::length ? 1
-                                                                 : 0;
+  const int power = area_power(settings.area_weight);
   if (power > 0) {
     join();
     measure_areas();
@@ -228,8 +248,8 @@ void Chain::fair(const FairingSettings& settings, bool leaving, std::stop_token 
   const AreaWeights areas{mean_distance_.data(), power};
   faired_.resize(index_.points());
   const auto weights = point::bilateral_weights(settings.closeness_sigma, settings.similarity_sigma);
-  const bool plain = settings.method == Method::bilateral && neighbors_.k > 0 && !settings.two_planes &&
-                     settings.strength == 1 && settings.outlier_distance == 0;
+  const bool plain = settings.method == Method::bilateral && neighbors_.k > 0 && !settings.symmetric &&
+                     settings.strength == 1 && settings.noise == 0 && settings.outlier_distance == 0;
   const bool by_parts = flow_.is_searched() && !flow_.is_done();
   if (by_parts && plain && normals_wait_ && power == 0) return fair_by_parts(weights);
   join();
@@ -245,17 +265,13 @@ void Chain::fair(const FairingSettings& settings, bool leaving, std::stop_token 
   if (!plain) {
     settle(stop);
     fair_widely(context_, index_.tree(), grown_surroundings(stop_), normals(), areas,
-                {weights, settings.closeness_of_radius, settings.two_planes, point::inverse_turn(settings.facing_angle),
-                 settings.strength, settings.outlier_distance * settings.outlier_distance,
-                 point::squared_core(settings.outlier_radius * settings.outlier_radius), settings.pull_outliers,
-                 neighbors_.k > 0 ? nullptr : squared_radius_.data()},
-                faired);
+                fairing_rule(settings, neighbors_.k > 0), squared_levels(), faired);
   } else if (normals_wait_) {
     clear_unmoved();
     normals_wait_ = false;
     if (leaving && power == 0 && faired.staged == nullptr) return fair_first_part_first(weights, faired);
-    estimate_normals_and_fair(context_, index_.tree(), index_.state(), index_.all_leaves(), lists(), normal_weights(),
-                              normals(), areas, weights, faired);
+    estimate_normals_and_fair(context_, index_.tree(), index_.state(), index_.all_leaves(), lists(),
+                              normal_rule(normal_settings_).weights, normals(), areas, weights, faired);
   } else {
     cuda::fair(context_, index_.tree(), lists(), normals(), areas, weights, faired);
   }
@@ -265,8 +281,8 @@ void Chain::fair(const FairingSettings& settings, bool leaving, std::stop_token 
 void Chain::fair_first_part_first(point::BilateralWeights weights, const FairedPoints& faired) {
   first_part_ = index_.points() / 4;
   const auto fair_between = [&](std::size_t begin, std::size_t end) {
-    estimate_normals_and_fair_between(context_, index_.tree(), index_.state(), lists(), normal_weights(), normals(),
-                                      weights, faired, begin, end);
+    estimate_normals_and_fair_between(context_, index_.tree(), index_.state(), lists(),
+                                      normal_rule(normal_settings_).weights, normals(), weights, faired, begin, end);
   };
   fair_between(0, first_part_);
   first_part_done_.record(context_.stream());
@@ -278,8 +294,8 @@ void Chain::fair_by_parts(point::BilateralWeights weights) {
   clear_unmoved();
   const FairedPoints faired{faired_.data(), input_, index_.points(), nullptr, nullptr, nullptr};
   flow_.after_search(index_, [&](LeafRange leaves) {
-    estimate_normals_and_fair(context_, index_.tree(), index_.state(), leaves, lists(), normal_weights(), normals(), {},
-                              weights, faired);
+    estimate_normals_and_fair(context_, index_.tree(), index_.state(), leaves, lists(),
+                              normal_rule(normal_settings_).weights, normals(), {}, weights, faired);
   });
   normals_wait_ = false;
 }
@@ -317,8 +333,7 @@ void Chain::find_outcomes(const point::Region& loaded, unsigned char* out) {
                        {query.k, query.squared_limit, neighbors_.constraint, neighbors_.reach},
                        reads_areas ? mean_distance_.data() : nullptr,
                        normal_settings_.filter_rounds,
-                       fairing_settings_.two_planes || fairing_settings_.method != Method::bilateral ||
-                           fairing_settings_.pull_outliers,  // radii, which are exact where normals are
+                       reads_normals_of_neighbors(fairing_settings_),
                        fairing_settings_.method != Method::bilateral},
                       index_.points(), out);
 }

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// The results of every stage of one pass on the card. Normals over lists wait until it is known what comes next:
+// The results of every stage of one iteration on the card. Normals over lists wait until it is known what comes next:
 // fairing runs with them as one kernel, and once a result is asked for they run alone. Where the index is in parts, the
 // paper's stages over lists follow each other part by part (part_flow.cuh); all else waits for all parts.
 // Memory, bytes a point: index 17, lists 4 k, normals 12, faired positions 12; mean distances 4 once an area weight is
-// asked for; balls instead of lists 4, and what the collector takes, up to kLargestBalls; while neighbours are found,
-// 4, and with the constraint 4 more for each of k candidates; while a large cloud is faired, 20.
+// asked for; radii instead of lists 4, and what the collector takes, up to kLargestCollection; while neighbours are
+// found, 4, and with the constraint 4 more for each of k candidates; while a large cloud is faired, 20.
 #pragma once
 
 #include <limits>
+#include <memory>
 
 #include "cuda/index.cuh"
 #include "cuda/outcomes.cuh"
@@ -18,6 +19,8 @@
 #include "cuda/stop.cuh"
 #include "cuda/wide_stages.cuh"
 #include "seam/backend.hpp"
+#include "seam/noise_levels.hpp"
+#include "seam/rules.hpp"
 
 namespace pointfair::cuda {
 
@@ -60,6 +63,8 @@ class Chain {
   void take_samples(const SampleArrays& samples);
 
   DeviceArray<Point>& faired() { return faired_; }  // in upload order; by parts, or after join()
+  // With nodes on the card, null without levels.
+  point::NoiseField noise_field(const std::shared_ptr<const NoiseLevels>& levels);
   CloudState state();                               // settles and waits for all work
   void fetch_state(CloudState* pinned);             // settles, and only starts the copy
   std::size_t points() const { return index_.points(); }
@@ -74,6 +79,8 @@ class Chain {
   void clear(std::size_t first, std::size_t end);  // bytes of the state
   void clear_unmoved();
   Lists lists() const { return {neighbors_.k, lists_.data()}; }
+  void measure_levels();
+  const float* squared_levels() const { return neighbors_.levels ? squared_level_.data() : nullptr; }
   void measure_radii(const std::stop_token& stop);
   void filter_normals(const std::stop_token& stop);
   void fair_first_part_first(point::BilateralWeights weights, const FairedPoints& faired);
@@ -82,18 +89,13 @@ class Chain {
                       const std::stop_token& stop);
   // A squared radius stays finite: infinite are only places that hold no point.
   float squared_base() const { return std::min(neighbors_.radius * neighbors_.radius, 1e37f); }
-  Balls balls() const { return {squared_radius_.data(), squared_base(), neighbors_.widening}; }
-  Surroundings surroundings(const Stop& stop = {}) const { return {lists(), balls(), collector_.collected(), stop}; }
-  bool balls_grow() const {
-    return neighbors_.k == 0 && normal_settings_.filter_rounds > 0 && normal_settings_.flat_radius > 1;
-  }
+  point::Radii radii() const { return {squared_radius_.data(), squared_base(), neighbors_.min_neighbors,
+                                                 neighbors_.radius_follows ? squared_levels() : nullptr}; }
+  Surroundings surroundings(const Stop& stop = {}) const { return {lists(), radii(), collector_.collected(), stop}; }
+  bool radii_grow() const { return pointfair::radii_grow(neighbors_, normal_settings_); }
   Surroundings grown_surroundings(const Stop& stop = {}) const;  // of the bilateral step
   Normals normals() const;
   bool is_further() const { return first_call_ > 0; }
-  point::NormalWeights normal_weights() const {
-    return point::normal_weights(normal_settings_.weighted, normal_settings_.sigma);
-  }
-
   Context& context_;
   StopLine& stop_line_;
   const unsigned first_call_;
@@ -112,9 +114,12 @@ class Chain {
   bool unmoved_clear_ = false;  // those of normals
   DeviceArray<Index> lists_;
   DeviceArray<float> normals_, mean_distance_;
+  std::shared_ptr<const NoiseLevels> levels_;  // whose nodes are in
+  DeviceArray<float> nodes_;
+  DeviceArray<float> squared_level_;   // of the noise, where something follows it
   DeviceArray<float> squared_radius_;  // without lists, as is
-  DeviceArray<float> squared_growth_;  // of those, where balls of flat places grow
-  BallCollector collector_;
+  DeviceArray<float> squared_growth_;  // of those, where those of flat places grow
+  NeighborCollector collector_;
   bool areas_measured_ = false;
   DeviceArray<Point> faired_;
 };

@@ -82,6 +82,7 @@ void CloudSampler::collect(const Point* points, std::size_t count, Candidates wa
   for (;;) {
     const std::size_t room = candidates_.size();
     check(cudaMemsetAsync(&state_.data()->candidates, 0, sizeof(unsigned), stream), "sampling the cloud");
+    check(cudaMemsetAsync(candidates_.data(), 0, room * sizeof(SampleCandidate), stream), "sampling the cloud");
     find_candidates<<<blocks, kBlock, 0, stream>>>(points, count, wanted, room, state_.data(), candidates_.data());
     check(cudaGetLastError(), "sampling the cloud");
     fetched_.resize(room);

@@ -9,14 +9,16 @@ namespace {
 
 __device__ Vec offset_from(const Tree& tree, Index at, Vec here) { return position_of(tree.points[at]) - here; }
 
-// Grows the neighbourhood of `at` over `given` candidates (`stride` apart), reading members back from its own list.
-__device__ point::ConstrainedGrowth grow(const Tree& tree, Index at, const Index* candidates, int stride, int given,
-                                         bool all_given, int k, float reach, Index* list) {
+// Grows the neighbourhood of `at` over the `given` candidates that candidate(i) names, reading members back from its
+// own list.
+template <class Candidate>
+__device__ point::ConstrainedGrowth grow(const Tree& tree, Index at, Candidate candidate, int given, bool all_given,
+                                         int k, float reach, Index* list) {
   const Vec here = position_of(tree.points[at]);
   int accepted = 0;
   const point::ConstrainedGrowth growth = point::grow_constrained(
-      given, k, reach, all_given, [&](int i) { return offset_from(tree, candidates[i * stride], here); },
-      [&](int i) { list[accepted++ * kWarp] = candidates[i * stride]; },
+      given, k, reach, all_given, [&](int i) { return offset_from(tree, candidate(i), here); },
+      [&](int i) { list[accepted++ * kWarp] = candidate(i); },
       [&](int i) { return offset_from(tree, list[i * kWarp], here); });
   for (int slot = growth.accepted; slot < k; ++slot) list[slot * kWarp] = point::kNoNeighbor;
   return growth;
@@ -105,7 +107,8 @@ __global__ void __launch_bounds__(kGrowBlock)
     } else if (pools.k <= kHeldPool) {
       growth = grow_held(tree, Index(at), candidates, look.given, all_given, query.k, reach, list);
     } else {
-      growth = grow(tree, Index(at), candidates, kWarp, look.given, all_given, query.k, reach, list);
+      growth = grow(
+          tree, Index(at), [&](int i) { return candidates[i * kWarp]; }, look.given, all_given, query.k, reach, list);
     }
   } else if (exists) {
     for (int slot = 0; slot < query.k; ++slot) list[slot * kWarp] = point::kNoNeighbor;
@@ -169,11 +172,11 @@ __global__ void __launch_bounds__(kRetryBlock, resident_blocks(kRetryBlocks, kRe
     const Index at = retries[n];
     const float4 p = tree.points[at];
     Index* list = lists + std::size_t(at / kWarp) * query.k * kWarp + at % kWarp;
-    RegisterList nearest;
+    RegisterList nearest(tree.points);
     SingleSearch<RegisterList>(tree, walks[warp], nearest, position_of(p), original_of(p), kWarp, query.squared_limit)
         .run();
     Index candidate = point::kNoNeighbor, member = 0;
-    nearest.for_each(kWarp, [&](int, Key key, Index found) { candidate = key != kNoKey ? found : candidate; });
+    nearest.for_each(kWarp, [&](int, Key key) { candidate = point::key_index(key); });
     const int given = __popc(__ballot_sync(kAllLanes, candidate != point::kNoNeighbor));
     const point::ConstrainedGrowth growth = grow_by_warp(
         tree, position_of(p), given, given < kWarp, query.k, reach, [&](int) { return candidate; }, member);
@@ -201,21 +204,20 @@ __global__ void grow_over_many(const __grid_constant__ Tree tree, CloudState* st
     bool complete = false;
     for (int size = pool; !complete && size < kLargestList;) {
       size = min(2 * size, kLargestList);
-      SharedList nearest(candidate_memory, SharedList::size_for(size));
+      SharedList nearest(tree.points, candidate_memory, SharedList::size_for(size));
       SingleSearch<SharedList>(tree, walk, nearest, position_of(p), original_of(p), size, query.squared_limit).run();
       unsigned found = 0;
-      nearest.for_each(size, [&](int, Key key, Index) { found += key != kNoKey; });
+      nearest.for_each(size, [&](int, Key key) { found += key != kNoKey; });
       const int given = static_cast<int>(warp_sum(found));
       const bool all_given = given < size;
+      const auto candidate = [&](int i) { return point::key_index(nearest.key(i)); };
       point::ConstrainedGrowth growth;
       if (query.k <= kWarp) {
         Index member = 0;
-        growth = grow_by_warp(
-            tree, position_of(p), given, all_given, query.k, reach, [&](int i) { return nearest.positions()[i]; },
-            member);
+        growth = grow_by_warp(tree, position_of(p), given, all_given, query.k, reach, candidate, member);
         write_members(growth, member, query.k, list);
       } else if (lane_number() == 0) {
-        growth = grow(tree, at, nearest.positions(), 1, given, all_given, query.k, reach, list);
+        growth = grow(tree, at, candidate, given, all_given, query.k, reach, list);
       }
       complete = __shfl_sync(kAllLanes, growth.complete, 0);
       if (lane_number() == 0 && (complete || size == kLargestList) && growth.accepted < query.k)

@@ -21,14 +21,12 @@ class ExactGroupSearch {
   __device__ __forceinline__ void run(int k, float squared_limit) {
 #pragma unroll
     for (int i = 0; i < kList; ++i) {  // the first places hold what nothing precedes where k is smaller than the list
-      distance_[i] = i < kList - k ? -1.0f : __int_as_float(0x7f800000);
-      original_[i] = position_[i] = point::kNoNeighbor;
+      distance_[i] = i < kList - k ? -1.0f : kInfinite;
+      position_[i] = point::kNoNeighbor;
     }
     limit_ = squared_limit;
     LeafOrder order(tree_, leaf_, kList <= 16 ? 1 : 2);
-    const auto near = [&](const BoxGroup& group) {
-      return is_near(box_of_lane(group), group.least_original[lane_number()]);
-    };
+    const auto near = [&](const BoxGroup& group) { return is_near(box_of_lane(group)); };
     Index leaf = leaf_;
     do {
       visit(leaf);
@@ -44,60 +42,85 @@ class ExactGroupSearch {
   }
 
  private:
-  __device__ __forceinline__ bool precedes(float distance, Index original, int place) const {
-    return distance < distance_[place] || (distance == distance_[place] && original < original_[place]);
+  // At exactly the reach only points that lie before the last in some list still matter. Boxes that do not exist are
+  // infinitely far.
+  __device__ __forceinline__ bool is_within(float gap, float reach, Vec corner) const {
+    return gap < reach || (gap == reach && gap < kInfinite && point::lies_before(corner, last_place_));
   }
-
-  // At exactly the reach only points of a lower original index than the last in some list still matter. Boxes that do
-  // not exist are infinitely far.
-  __device__ __forceinline__ bool is_within(float gap, float reach, Index least_original) const {
-    return gap < reach || (gap == reach && least_original <= last_original_ && gap < __int_as_float(0x7f800000));
-  }
-  __device__ __forceinline__ bool is_near(const Box& box, Index least_original) const {
-    bool near = is_within(squared_gap(box, boxes_.box[0]), boxes_.reach[0], least_original);
-    if (boxes_.split) near = near || is_within(squared_gap(box, boxes_.box[1]), boxes_.reach[1], least_original);
+  __device__ __forceinline__ bool is_near(const Box& box) const {
+    bool near = is_within(squared_gap(box, boxes_.box[0]), boxes_.reach[0], box.min);
+    if (boxes_.split) near = near || is_within(squared_gap(box, boxes_.box[1]), boxes_.reach[1], box.min);
     return near;
   }
 
   __device__ __forceinline__ void visit(Index leaf) {
     const Index at = leaf * kLeafSize + lane_number();
-    const float4 p = tree_.points[at];
-    const bool near = leaf == leaf_ || is_near({position_of(p), position_of(p)}, original_of(p));
+    const Vec p = position_of(tree_.points[at]);
+    const bool near = leaf == leaf_ || is_near({p, p});
     for (unsigned all = __ballot_sync(kAllLanes, near); all != 0; all &= all - 1) {
       const int lane = __ffs(static_cast<int>(all)) - 1;
       const Vec there = {__shfl_sync(kAllLanes, p.x, lane), __shfl_sync(kAllLanes, p.y, lane),
                          __shfl_sync(kAllLanes, p.z, lane)};
-      offer(there, __shfl_sync(kAllLanes, original_of(p), lane), leaf * kLeafSize + Index(lane));
+      offer(there, leaf * kLeafSize + Index(lane));
     }
     update_reach();
   }
 
-  __device__ __forceinline__ void offer(Vec there, Index original, Index at) {
+  __device__ __forceinline__ void offer(Vec there, Index at) {
     const float distance = point::squared_length(there - position_of(mine_));
-    if (!active_ || at == at_ || !(distance <= limit_) || !(distance < __int_as_float(0x7f800000)) ||
-        !precedes(distance, original, kList - 1))
+    if (!active_ || at == at_ || !(distance <= limit_) || !(distance < kInfinite)) return;
+    if (distance > distance_[kList - 1] || (distance == distance_[kList - 1] && !point::lies_before(there, last())))
       return;
-    bool before = true;
+    bool before = true, tied = false;
 #pragma unroll
     for (int i = kList - 1; i > 0; --i) {
-      const bool before_previous = precedes(distance, original, i - 1);
+      const bool before_previous = distance < distance_[i - 1];
+      tied = tied || distance == distance_[i - 1];
       distance_[i] = before_previous ? distance_[i - 1] : before ? distance : distance_[i];
-      original_[i] = before_previous ? original_[i - 1] : before ? original : original_[i];
       position_[i] = before_previous ? position_[i - 1] : before ? at : position_[i];
       before = before_previous;
     }
     distance_[0] = before ? distance : distance_[0];
-    original_[0] = before ? original : original_[0];
     position_[0] = before ? at : position_[0];
+    if (tied) put_in_order(there, distance, at);
+  }
+
+  // The point at `at` stands behind those equally far; moves it before those that it lies before.
+  __device__ __forceinline__ void put_in_order(Vec there, float distance, Index at) {
+#pragma unroll
+    for (int i = kList - 1; i > 0; --i) {
+      if (position_[i] != at || distance_[i - 1] != distance) continue;
+      if (!point::lies_before(there, position_of(tree_.points[position_[i - 1]]))) continue;
+      position_[i] = position_[i - 1];
+      position_[i - 1] = at;
+    }
+  }
+
+  // The position of the last in the list, beyond all others if the list is not full.
+  __device__ __forceinline__ Vec last() {
+    if (position_[kList - 1] != last_) {
+      last_ = position_[kList - 1];
+      place_of_last_ = position_of(tree_.points[last_]);
+    }
+    return place_of_last_;
   }
 
   __device__ __forceinline__ void update_reach() {
     const float reach = fminf(distance_[kList - 1], limit_);
     boxes_.set_reach(
         active_ ? __float_as_uint(reach) : 0u, [](unsigned bits, float) { return __uint_as_float(bits); }, 0.0f);
-    const bool at_end = reach == (boxes_.in_second ? boxes_.reach[1] : boxes_.reach[0]);
-    last_original_ = warp_max(active_ && at_end ? original_[kList - 1] : 0u);
+    const bool at_end = active_ && reach == (boxes_.in_second ? boxes_.reach[1] : boxes_.reach[0]);
+    last_place_ = farthest_place(last(), at_end);
   }
+  // Of some lanes the position that none of the others' lies behind.
+  __device__ __forceinline__ static Vec farthest_place(Vec place, bool counts) {
+    const unsigned x = counts ? ordered_number(place.x) : 0u, most_x = warp_max(x);
+    const unsigned y = counts && x == most_x ? ordered_number(place.y) : 0u, most_y = warp_max(y);
+    const unsigned z = counts && x == most_x && y == most_y ? ordered_number(place.z) : 0u, most_z = warp_max(z);
+    return {unordered(most_x), unordered(most_y), unordered(most_z)};
+  }
+
+  static constexpr float kInfinite = __builtin_inff();
 
   const Tree& tree_;
   Index leaf_, at_;
@@ -105,9 +128,11 @@ class ExactGroupSearch {
   bool active_;
   QueryBoxes boxes_;
   float limit_ = 0;
-  Index last_original_ = point::kNoNeighbor;
+  Vec last_place_{};  // of those at the end of the lists that reach farthest, the one behind all others
+  Index last_ = point::kNoNeighbor;
+  Vec place_of_last_ = {kInfinite, kInfinite, kInfinite};
   float distance_[kList];
-  Index original_[kList], position_[kList];
+  Index position_[kList];
 };
 
 }  // namespace pointfair::cuda

@@ -18,6 +18,7 @@
 // diagonal, |c| is at most 1536 and the six sums are below 2^24: 0.6 + 6 / 2 + 0.1 units.
 #pragma once
 
+#include "cuda/list_order.cuh"
 #include "cuda/network.cuh"
 #include "cuda/query_boxes.cuh"
 
@@ -149,40 +150,20 @@ class GroupSearch {
     for (int i = 0; i < kList; ++i) {
       const bool real = i >= first && list_[i] != ~0u;
       found[i] = real ? memory_.position[list_[i] & (kSlots - 1)] : point::kNoNeighbor;
-      distance[i] = i < first ? -1.0f : __int_as_float(0x7f800000);
+      distance[i] = i < first ? static_cast<float>(i - kList) : __int_as_float(0x7f800000);
       if (!real) continue;
       const float d = point::squared_length(position_of(tree_.points[found[i]]) - position_);
       const bool inside = d <= squared_limit;
       distance[i] = inside ? d : distance[i];
       found[i] = inside ? found[i] : point::kNoNeighbor;
     }
-    while (__any_sync(kAllLanes, reorder(distance, found) && wanted)) {
-    }
+    put_in_order(tree_.points, distance, found, wanted);
 #pragma unroll
     for (int i = 0; i < kList; ++i)
       if (i >= first && wanted) list[(i - first) * kWarp + lane_number()] = found[i];
   }
 
  private:
-  // One round of exchanges of neighbours in the list that are out of order; returns whether there were any.
-  __device__ __forceinline__ bool reorder(float (&distance)[kList], Index (&found)[kList]) const {
-    bool exchanged = false;
-#pragma unroll
-    for (int i = 0; i + 1 < kList; ++i) {
-      bool wrong = distance[i] > distance[i + 1];
-      if (distance[i] == distance[i + 1] && found[i] != point::kNoNeighbor && found[i + 1] != point::kNoNeighbor)
-        wrong = original_of(tree_.points[found[i]]) > original_of(tree_.points[found[i + 1]]);
-      const float d = distance[i];
-      const Index f = found[i];
-      distance[i] = wrong ? distance[i + 1] : d;
-      found[i] = wrong ? found[i + 1] : f;
-      distance[i + 1] = wrong ? d : distance[i + 1];
-      found[i + 1] = wrong ? f : found[i + 1];
-      exchanged |= wrong;
-    }
-    return exchanged;
-  }
-
   __device__ __forceinline__ void begin(int k, float squared_limit) {
     // The first places of the list hold keys below all others where k is smaller than it.
 #pragma unroll

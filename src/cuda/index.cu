@@ -132,7 +132,12 @@ void DeviceIndex::sort(const Point* points, const Arrival* arrival, Sorted& sort
   if constexpr (std::is_same_v<Key, CoarseKey>) {
     if (count_ < kFewPoints) return sorter.take_coarse(sorter.sort(0, count_, kRefinedBits), sorted);
   }
-  sorter.take(sorter.sort(0, count_), sorted);
+  const auto whole = sorter.sort(0, count_);
+  if constexpr (kBits == kCurveBits) {
+    sorter.take_ordered(whole, sorted);
+  } else {
+    sorter.take(whole, sorted);
+  }
 }
 
 void DeviceIndex::lay_out_levels() {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Builds the index (src/cuda/tree.cuh) of a cloud on the card, one tree of the whole or, while its parts arrive, a tree
 // of each part under common upper levels.
-// Memory: 16 bytes a point and 0.9 for boxes, 4 with a frame; 16 to 24 more while it is built, of each point or of
+// Memory: 16 bytes a point and 0.8 for boxes, 4 with a frame; 16 to 24 more while it is built, of each point or of
 // those of one part.
 #pragma once
 

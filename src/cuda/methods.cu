@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// A thread a point, in sorted order, a warp a leaf, in two rounds over the neighbours as in src/cpu/method_loops.h.
+// The bodies of src/point/method_stages.h: a thread a point, in sorted order, a warp a leaf.
 #include "cuda/methods.cuh"
 #include "cuda/stage_parts.cuh"
+#include "point/method_stages.h"
 
 namespace pointfair::cuda {
 namespace {
@@ -10,44 +11,6 @@ constexpr int kBlock = 128;
 constexpr int kWarps = kBlock / kWarp;
 
 using point::Adjustment, point::Displacement, point::MethodRule;
-using Weights = point::LocalBilateralWeights<float>;
-
-// What the sums read of a neighbour beside its place: its normal or displacement, and its area's weight.
-struct __align__(16) Carried {
-  Vec vector;
-  float area;
-};
-
-// The weighted mean of the neighbours' offsets.
-template <class Neighbors>
-__device__ __forceinline__ Vec mean_offset(const Neighbors& neighbors, Weights weights, AreaWeights areas) {
-  point::NeighborMean<float> sum;
-  neighbors([&](Index there) { return areas.of(there); },
-            [&](Vec offset, float area, bool inside) { sum.add(offset, offset, area, inside, weights); });
-  return sum.mean();
-}
-
-template <class Neighbors>
-__device__ __forceinline__ Vec to_quadric(const Neighbors& neighbors, Weights weights, Vec normal, float own_area,
-                                          AreaWeights areas) {
-  const float mean_height = dot(normal, mean_offset(neighbors, weights, areas));
-  point::QuadricFit<float> fit(normal, mean_height, own_area, weights);
-  neighbors([&](Index there) { return areas.of(there); },
-            [&](Vec offset, float area, bool inside) { fit.add(offset, area, inside, weights); });
-  return fit.height() * normal;
-}
-
-template <class Neighbors>
-__device__ __forceinline__ Vec to_planes(const Neighbors& neighbors, Weights weights, Normals normals,
-                                         AreaWeights areas) {
-  point::PredictorMean<float> sum;
-  neighbors(
-      [&](Index there) {
-        return Carried{normals.at(there), areas.of(there)};
-      },
-      [&](Vec offset, Carried there, bool inside) { sum.add(offset, there.vector, there.area, inside, weights); });
-  return sum.mean();
-}
 
 template <class Neighbors, Displacement kTo>
 __global__ void __launch_bounds__(kBlock)
@@ -58,41 +21,8 @@ __global__ void __launch_bounds__(kBlock)
   __shared__ typename Neighbors::Shared shared[kWarps];
   const bool valid = tree.holds(at);
   const Neighbors neighbors(tree, surroundings, Index(at), valid, shared[threadIdx.x / kWarp]);
-  const Weights weights = point::weights_of(rule, neighbors.squared_radius());
-  Vec d;
-  if constexpr (kTo == Displacement::to_quadric) {
-    d = to_quadric(neighbors, weights, normals.at(at), valid ? areas.of(Index(at)) : 0.0f, areas);
-  } else if constexpr (kTo == Displacement::to_planes) {
-    d = to_planes(neighbors, weights, normals, areas);
-  } else {
-    d = mean_offset(neighbors, weights, areas);
-    if constexpr (kTo == Displacement::to_plane) d = dot(normals.at(at), d) * normals.at(at);
-  }
-  displacements.set(at, rule.strength * d);
-}
-
-template <class Neighbors>
-__device__ __forceinline__ Vec relaxed(const Neighbors& neighbors, Weights weights, point::Relaxation relaxation,
-                                       Vec own, Normals displacements, AreaWeights areas) {
-  point::NeighborMean<float> sum;
-  neighbors(
-      [&](Index there) {
-        return Carried{displacements.at(there), areas.of(there)};
-      },
-      [&](Vec offset, Carried there, bool inside) { sum.add(there.vector, offset, there.area, inside, weights); });
-  return relaxation.own * own + relaxation.mean * sum.mean();
-}
-
-template <class Neighbors>
-__device__ __forceinline__ Vec shrunk(const Neighbors& neighbors, Weights weights, const MethodRule& rule, Vec own,
-                                      float own_area, Normals displacements, AreaWeights areas) {
-  point::WienerShrinkage<float> sum(own, own_area, weights);
-  neighbors(
-      [&](Index there) {
-        return Carried{displacements.at(there), areas.of(there)};
-      },
-      [&](Vec offset, Carried there, bool inside) { sum.add(there.vector, offset, there.area, inside, weights); });
-  return (rule.relaxation.own * sum.share(rule.noise_variance)) * own;
+  const point::OwnPlane<float> own{normals.at(at), valid ? areas.of(Index(at)) : 0.0f};
+  displacements.set(at, point::displacement_of<kTo>(neighbors, rule, own, normals, areas));
 }
 
 template <class Neighbors, Adjustment kBy>
@@ -106,59 +36,46 @@ __global__ void __launch_bounds__(kBlock)
   if constexpr (kBy != Adjustment::none) {
     __shared__ typename Neighbors::Shared shared[kWarps];
     const Neighbors neighbors(tree, surroundings, Index(at), valid, shared[threadIdx.x / kWarp]);
-    const Weights weights = point::weights_of(rule, neighbors.squared_radius());
-    if constexpr (kBy == Adjustment::relaxation) {
-      d = relaxed(neighbors, weights, rule.relaxation, d, displacements, areas);
-    } else {
-      d = shrunk(neighbors, weights, rule, d, valid ? areas.of(Index(at)) : 0.0f, displacements, areas);
-    }
+    d = point::adjusted<kBy>(neighbors, rule, d, valid ? areas.of(Index(at)) : 0.0f, displacements, areas);
   }
   const float4 p = tree.points[at];
   store_faired(faired, at, p, valid, position_of(p) + d);
 }
 
-template <Displacement kTo>
-auto displacing(const Surroundings& surroundings) {
-  if (surroundings.lists.k > 0) return displace<Listed, kTo>;
-  return surroundings.collected.parts != nullptr ? displace<CollectedBall, kTo> : displace<WalkedBall, kTo>;
-}
-auto displacing(Displacement to, const Surroundings& surroundings) {
+template <class Neighbors>
+auto displacing(Displacement to) {
   switch (to) {
     case Displacement::to_plane:
-      return displacing<Displacement::to_plane>(surroundings);
+      return displace<Neighbors, Displacement::to_plane>;
     case Displacement::to_quadric:
-      return displacing<Displacement::to_quadric>(surroundings);
+      return displace<Neighbors, Displacement::to_quadric>;
     case Displacement::to_planes:
-      return displacing<Displacement::to_planes>(surroundings);
+      return displace<Neighbors, Displacement::to_planes>;
     case Displacement::to_mean:
       break;
   }
-  return displacing<Displacement::to_mean>(surroundings);
+  return displace<Neighbors, Displacement::to_mean>;
 }
 
-template <Adjustment kBy>
-auto moving(const Surroundings& surroundings) {
-  if (surroundings.lists.k > 0) return move<Listed, kBy>;
-  return surroundings.collected.parts != nullptr ? move<CollectedBall, kBy> : move<WalkedBall, kBy>;
-}
-auto moving(Adjustment by, const Surroundings& surroundings) {
-  if (by == Adjustment::relaxation) return moving<Adjustment::relaxation>(surroundings);
-  if (by == Adjustment::wiener) return moving<Adjustment::wiener>(surroundings);
-  return move<Listed, Adjustment::none>;
+template <class Neighbors>
+auto moving(Adjustment by) {
+  if (by == Adjustment::relaxation) return move<Neighbors, Adjustment::relaxation>;
+  if (by == Adjustment::wiener) return move<Neighbors, Adjustment::wiener>;
+  return move<Neighbors, Adjustment::none>;
 }
 
 }  // namespace
 
 void fair_by_method(Context& context, const Tree& tree, Surroundings surroundings, Normals normals, AreaWeights areas,
                     const MethodRule& rule, Normals displacements, FairedPoints faired) {
-  const auto displace_all = displacing(rule.displacement, surroundings);
-  displace_all<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, surroundings, normals, areas,
-                                                                                 rule, displacements);
-  check(cudaGetLastError(), "displacing points");
-  const auto move_all = moving(rule.adjustment, surroundings);
-  move_all<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, surroundings, displacements, areas,
-                                                                             rule, faired);
-  check(cudaGetLastError(), "fairing");
+  for_way(surroundings, [&]<class Neighbors>(By<Neighbors>) {
+    displacing<Neighbors>(rule.displacement)<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(
+        tree, surroundings, normals, areas, rule, displacements);
+    check(cudaGetLastError(), "displacing points");
+    moving<Neighbors>(rule.adjustment)<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(
+        tree, surroundings, displacements, areas, rule, faired);
+    check(cudaGetLastError(), "fairing");
+  });
   bring_into_order(context, faired);
 }
 

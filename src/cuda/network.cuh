@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sorting networks in registers: every loop unrolls, so no array is indexed at run time.
+// Sorting networks in registers, where every loop unrolls, so that no array is indexed at run time, and one in memory.
 #pragma once
+
+#include <cstddef>
 
 namespace pointfair::cuda {
 
@@ -48,6 +50,36 @@ __device__ __forceinline__ void merge_batch(unsigned (&list)[kSize], unsigned (&
 #pragma unroll
     for (int i = 0; i < kSize; ++i)
       if ((i & stride) == 0) order_pair(list[i], list[i + stride]);
+  }
+}
+
+// Sorts any `count` by all `threads` of a block, where exchange(i, j) puts what stands at i < j in order. A bitonic
+// network (Batcher 1968) whose merges begin with mirrored places, so that all runs ascend, and what lacks to a power of
+// two would stay at the end. Nobody reads the result before the barrier it ends with.
+template <class Exchange>
+__device__ void sort_by_block(std::size_t count, unsigned threads, Exchange exchange) {
+  std::size_t pairs = 1;
+  while (2 * pairs < count) pairs *= 2;
+  const auto step = [&](auto pair) {
+    for (std::size_t n = threadIdx.x; n < pairs; n += threads) {
+      const auto [i, j] = pair(n);
+      if (j < count) exchange(i, j);
+    }
+    __syncthreads();
+  };
+  struct Pair {
+    std::size_t i, j;
+  };
+  for (std::size_t run = 2; run <= 2 * pairs; run *= 2) {
+    step([run](std::size_t n) {
+      const std::size_t i = n & (run / 2 - 1), start = 2 * (n - i);
+      return Pair{start + i, start + run - 1 - i};
+    });
+    for (std::size_t stride = run / 4; stride > 0; stride /= 2)
+      step([stride](std::size_t n) {
+        const std::size_t i = 2 * n - (n & (stride - 1));
+        return Pair{i, i + stride};
+      });
   }
 }
 

@@ -25,10 +25,10 @@ __global__ void __launch_bounds__(kBlock)
   }
   const Lists& lists = surroundings.lists;
   if (lists.k == 0) {
-    const bool found = surroundings.balls.widening == 0 || valid > Index(surroundings.balls.widening);
-    const float* growth = surroundings.balls.squared_growth;
-    const float squared_radius = surroundings.balls.squared_radius[at] * (growth == nullptr ? 1.0f : growth[at]);
-    neighborhood[at] = point::is_exact_ball(squared_radius, found, gap);
+    const bool found = surroundings.radii.min_neighbors == 0 || valid > Index(surroundings.radii.min_neighbors);
+    const float* growth = surroundings.radii.squared_growth;
+    const float squared_radius = surroundings.radii.squared_radius[at] * (growth == nullptr ? 1.0f : growth[at]);
+    neighborhood[at] = point::is_exact_radius(squared_radius, found, gap);
     return;
   }
   const Index* list = lists.of(at);
@@ -51,12 +51,8 @@ __global__ void __launch_bounds__(kBlock)
                    const float* step, const float* counts, const unsigned char* is_short, unsigned char* out) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize || !tree.holds(at)) return;
-  unsigned outcome = is_short[at] != 0 ? point::kShort : 0u;
-  if (neighborhood[at] * normal[at] * step[at] > 0) outcome |= point::kExact;
-  const Vec n = normals.at(at);
-  if (n.x == 0 && n.y == 0 && n.z == 0)
-    outcome |= counts[at] < float(point::kLeastNeighbors) ? point::kTooFew : point::kNoNormal;
-  out[original_of(tree.points[at])] = static_cast<unsigned char>(outcome);
+  const bool exact = neighborhood[at] * normal[at] * step[at] > 0;
+  out[original_of(tree.points[at])] = point::outcome_of(exact, is_short[at] != 0, counts[at], normals.at(at));
 }
 
 }  // namespace
@@ -77,8 +73,8 @@ void find_outcomes(Context& context, const Tree& tree, Surroundings surroundings
   check(cudaMemcpyAsync(normal, neighborhood, places * sizeof(float), cudaMemcpyDeviceToDevice, stream),
         "finding outcomes");
   Surroundings of_step = surroundings;
-  if (surroundings.balls.squared_growth != nullptr) of_step.collected = {};
-  surroundings.balls.squared_growth = nullptr;
+  if (surroundings.radii.squared_growth != nullptr) of_step.collected = {};
+  surroundings.radii.squared_growth = nullptr;
   for (int round = 0; round < query.filter_rounds; ++round) {
     survey(context, tree, surroundings, normal, counts, least);
     std::swap(normal, least);

@@ -16,7 +16,7 @@ struct OutcomeQuery {
   bool reads_displacements;  // of neighbours
 };
 
-// As Backend::outcomes, `out` on the card. The step reads the balls as `surroundings` has them, all else without
+// As Backend::outcomes, `out` on the card. The step reads the radii as `surroundings` has them, all else without
 // growth.
 void find_outcomes(Context& context, const Tree& tree, Surroundings surroundings, Normals normals,
                    const OutcomeQuery& query, std::size_t count, unsigned char* out);

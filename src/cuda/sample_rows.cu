@@ -21,8 +21,10 @@ __device__ Point no_point() {
   const float nan = __int_as_float(0x7fc00000);
   return {nan, nan, nan};
 }
-__device__ Point point_of(const Point* points, Key key) {
-  return key != kNoKey ? points[point::key_index(key)] : no_point();
+__device__ Point point_of(const Tree& tree, Key key) {
+  if (key == kNoKey) return no_point();
+  const Vec p = position_of(tree.points[point::key_index(key)]);
+  return {p.x, p.y, p.z};
 }
 
 __device__ void fill_row_by_block(const Tree& tree, const Point* points, const RowRequest& request, std::size_t n,
@@ -45,19 +47,19 @@ __device__ void fill_row_by_block(const Tree& tree, const Point* points, const R
   Point* const row = request.rows + n * (std::size_t(k) + 1);
   if (threadIdx.x == 0) row[0] = exists ? p : no_point();
   for (int place = static_cast<int>(threadIdx.x); place < k; place += kBlock)
-    row[place + 1] = exists ? point_of(points, memory.keys[place]) : no_point();
+    row[place + 1] = exists ? point_of(tree, memory.keys[place]) : no_point();
 }
 
 __device__ void fill_row_by_warp(const Tree& tree, const Point* points, const RowRequest& request, std::size_t n,
                                  SingleWalk& walk) {
   const Index query = request.queries[n];
   const Point p = points[query];
-  RegisterList list;
+  RegisterList list(tree.points);
   if (is_valid(p))
     SingleSearch<RegisterList>(tree, walk, list, {p.x, p.y, p.z}, query, request.k, __int_as_float(0x7f800000)).run();
   Point* const row = request.rows + n * (std::size_t(request.k) + 1);
   if (lane_number() == 0) row[0] = is_valid(p) ? p : no_point();
-  list.for_each(request.k, [&](int place, Key key, Index) { row[place + 1] = point_of(points, key); });
+  list.for_each(request.k, [&](int place, Key key) { row[place + 1] = point_of(tree, key); });
 }
 
 // A block to each query for many neighbours, then a warp to each for few.

@@ -104,8 +104,7 @@ __device__ void search_single(const Tree& tree, SingleWalk& walk, List& list, Ne
   SingleSearch<List> search(tree, walk, list, position_of(p), original_of(p), query.k, query.squared_limit);
   search.bound(bound);
   search.run();
-  list.for_each(
-      query.k, [&](int slot, Key key, Index found) { out[slot * kWarp] = key != kNoKey ? found : point::kNoNeighbor; });
+  list.for_each(query.k, [&](int slot, Key key) { out[slot * kWarp] = point::key_index(key); });
   __syncwarp();
 }
 
@@ -134,7 +133,7 @@ __global__ void __launch_bounds__(kSingleBlock, resident_blocks(kSingleBlocks, k
     Index* out = list_of(lists, query.k, at);
     const float bound = __uint_as_float(*out);
     __syncwarp();  // all lanes have read it
-    RegisterList list;
+    RegisterList list(tree.points);
     search_single(tree, walks[warp], list, query, at, bound, out);
   }
 }
@@ -153,7 +152,7 @@ __global__ void nearest_of_all(const __grid_constant__ Tree tree, NearestQuery q
       for (int slot = lane_number(); slot < query.k; slot += kWarp) out[slot * kWarp] = point::kNoNeighbor;
       continue;
     }
-    SharedList list(list_memory + warp * SharedList::bytes(size), size);
+    SharedList list(tree.points, list_memory + warp * SharedList::bytes(size), size);
     search_single(tree, walks[warp], list, query, at, __int_as_float(0x7f800000), out);
   }
 }

@@ -42,8 +42,8 @@ void find_nearest_of(Context& context, const Tree& tree, CloudState* state, Leaf
 void find_nearest_of_left(Context& context, const Tree& tree, LeafRange leaves, NearestQuery query, Index* list,
                           Retries retries);
 
-// The first step again for those of these leaves that may have nearer points in `later`, a tree of points of higher
-// original indices that were missing then.
+// The first step again for those of these leaves that may have nearer points in `later`, a tree of points that were
+// missing then.
 void find_nearest_again(Context& context, const Tree& tree, const Tree& later, CloudState* state, LeafRange leaves,
                         NearestQuery query, Index* list, Retries retries);
 

@@ -6,6 +6,7 @@
 #include <cub/device/device_radix_sort.cuh>
 #include <cuda/std/functional>
 
+#include "cuda/curve_cells.cuh"
 #include "cuda/hilbert.cuh"
 #include "cuda/launch.cuh"
 #include "cuda/sort_keys.cuh"
@@ -270,12 +271,48 @@ auto KeySort<Key, kBits>::sort(std::size_t begin, std::size_t end, int lowest_bi
 template <class Key, int kBits>
 void KeySort<Key, kBits>::merge(const Part& a, const Part& b, Sorted& sorted) {
   sorted.order.resize(std::size_t(a.count()) + b.count());
-  const auto call = [&](void* scratch, std::size_t& bytes) {
-    check(cub::DeviceMerge::MergePairs(scratch, bytes, keys_[a.place].data() + a.begin,
-                                       order_[a.place].data() + a.begin, a.count(), keys_[b.place].data() + b.begin,
-                                       order_[b.place].data() + b.begin, b.count(), thrust::make_discard_iterator(),
-                                       sorted.order.data(), ::cuda::std::less<Key>{}, context_.stream()),
+  if constexpr (kBits == kCurveBits) {  // needs the merged keys, which go to the other place
+    Part beside = b;
+    bring(beside, a.place);
+    Key* const keys = keys_[1 - a.place].data();
+    call_merge(a, beside, keys, sorted.order.data());
+    order_cells(context_, points_, keys, sorted.order.size(), sorted.order.data(), state_, order_[1 - a.place].data());
+  } else {
+    call_merge(a, b, thrust::make_discard_iterator(), sorted.order.data());
+  }
+}
+
+template <class Key, int kBits>
+void KeySort<Key, kBits>::take_ordered(const Part& whole, Sorted& sorted)
+  requires(kBits == kCurveBits)
+{
+  order_cells(context_, points_, keys(whole), whole.count(), order_[whole.place].data(), state_,
+              order_[1 - whole.place].data());
+  take(whole, sorted);
+}
+
+template <class Key, int kBits>
+void KeySort<Key, kBits>::bring(Part& part, int place) {
+  if (part.place == place) return;
+  const auto copy = [&](auto& arrays) {
+    check(cudaMemcpyAsync(arrays[place].data() + part.begin, arrays[part.place].data() + part.begin,
+                          part.count() * sizeof(*arrays[place].data()), cudaMemcpyDeviceToDevice, context_.stream()),
           "merging sorted parts");
+  };
+  copy(keys_);
+  copy(order_);
+  part.place = place;
+}
+
+template <class Key, int kBits>
+template <class KeysOut>
+void KeySort<Key, kBits>::call_merge(const Part& a, const Part& b, KeysOut keys, Index* order) {
+  const auto call = [&](void* scratch, std::size_t& bytes) {
+    check(
+        cub::DeviceMerge::MergePairs(scratch, bytes, keys_[a.place].data() + a.begin, order_[a.place].data() + a.begin,
+                                     a.count(), keys_[b.place].data() + b.begin, order_[b.place].data() + b.begin,
+                                     b.count(), keys, order, ::cuda::std::less<Key>{}, context_.stream()),
+        "merging sorted parts");
   };
   std::size_t bytes = 0;
   call(nullptr, bytes);

@@ -24,7 +24,8 @@ struct Sorted {
 
 inline constexpr int kCurveBits = 2 * point::kDigitBits;  // kBits for the curve of src/point/curve.h
 
-// One bit more for the curve of balls, whose order must be exact: there invalid points have a bit of their own.
+// One bit more for the curve of src/point/curve.h, whose order must be exact: there invalid points have a bit of their
+// own.
 template <int kBits>
 inline constexpr int kKeyBits = 3 * kBits + (kBits == kCurveBits ? 1 : 0);
 
@@ -68,11 +69,15 @@ class KeySort {
   void find_keys(std::size_t begin, std::size_t end, const KeyGrid* grid, std::size_t offset = 0);
   // Those places by their keys, but for the lowest bits; equal ones as uploaded.
   Part sort(std::size_t begin, std::size_t end, int lowest_bit = 0);
+  // Two parts that follow each other and are all; on the curve of src/point/curve.h as take_ordered().
   void merge(const Part& a, const Part& b, Sorted& sorted);
 
   const Index* order(const Part& part) const { return order_[part.place].data() + part.begin; }
   const Key* keys(const Part& part) const { return keys_[part.place].data() + part.begin; }
   void take(const Part& whole, Sorted& sorted) { sorted.order.swap(order_[whole.place]); }
+  // With points of one cell by position (curve_cells.cuh).
+  void take_ordered(const Part& whole, Sorted& sorted)
+    requires(kBits == kCurveBits);
   void take_coarse(const Part& whole, Sorted& sorted)
     requires std::same_as<Key, CoarseKey>
   {
@@ -81,6 +86,9 @@ class KeySort {
   }
 
  private:
+  void bring(Part& part, int place);
+  template <class KeysOut>
+  void call_merge(const Part& a, const Part& b, KeysOut keys, Index* order);
   std::size_t sort_bytes(Part part, int lowest_bit);
   void call_sort(Part& part, int lowest_bit, void* scratch, std::size_t& bytes);
 

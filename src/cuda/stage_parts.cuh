@@ -1,37 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the kernels of stages.cu and wide_stages.cu have in common: the normal of a point over its neighbours, counting
-// points without one, and writing moved points.
+// What the kernels of stages.cu, wide_stages.cu and methods.cu have in common: counting points without a normal, and
+// writing moved points.
 #pragma once
 
 #include "cuda/stages.cuh"
+#include "point/stages.h"
 
 namespace pointfair::cuda {
 
-struct NormalOfPoint {
-  Vec unit = {};  // zero where there is none
-  bool too_few = false, none = false;
-};
-
-// for_neighbors(visit) calls visit(offset, .., inside) for each neighbour, always in the same order; without the last
-// if it only calls for what is inside.
-template <class ForNeighbors, class Weights>
-__device__ __forceinline__ NormalOfPoint normal_of(const ForNeighbors& for_neighbors, Weights weights) {
-  point::CentroidSum<float> centroid_sum;
-  int found = 0;
-  for_neighbors([&](Vec offset, auto, bool inside = true) {
-    centroid_sum.add(offset, inside, weights);
-    found += inside;
-  });
-  const Vec centroid = centroid_sum.centroid();
-  point::CovarianceSum<float> covariance;
-  for_neighbors([&](Vec offset, auto, bool inside = true) { covariance.add(offset, centroid, inside, weights); });
-  const point::Direction<float> normal = covariance.normal();
-  const bool enough = found >= point::kLeastNeighbors;
-  return {enough ? normal.unit : Vec{}, !enough, enough && !normal.exists};
-}
-
-// All lanes of the warp take part.
-__device__ __forceinline__ void count_unmoved(CloudState* state, bool too_few, bool no_normal) {
+// All lanes of the warp take part; valid ones are counted.
+__device__ __forceinline__ void count_unmoved(CloudState* state, bool valid,
+                                              const point::NormalOfPoint<float, int>& normal) {
+  const bool too_few = valid && normal.found < point::kLeastNeighbors;
+  const bool no_normal = valid && !too_few && !(point::squared_length(normal.unit) > 0);
   const unsigned few = __ballot_sync(kAllLanes, too_few), none = __ballot_sync(kAllLanes, no_normal);
   if (lane_number() != 0) return;
   if (few != 0) atomicAdd(&state->too_few_neighbors, static_cast<unsigned long long>(__popc(few)));

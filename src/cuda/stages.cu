@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A thread a point, in sorted order. Everything runs over neighbours through `for_neighbors(visit)`, which calls
-// visit(offset, sorted position) for each, always in the same order.
+// The paper's road: the bodies of src/point/stages.h over lists, a thread a point, in sorted order.
 #include <bit>
 #include <cub/device/device_radix_sort.cuh>
 
@@ -14,14 +13,17 @@ namespace {
 constexpr int kBlock = 128;
 constexpr int kWarps = kBlock / kWarp;
 
-// The listed neighbours of one point. Lists of at most kHeld are fetched once and held in registers.
+// The listed neighbours of one point (src/point/neighborhoods.h). Lists of at most kHeld are fetched once and held in
+// registers.
 template <int kHeld>
-struct Listed {
+struct HeldList {
+  using Number = float;
+  using Count = int;
   Vec offset[kHeld];
   Index position[kHeld];
   int count = 0;
 
-  __device__ __forceinline__ Listed(const Tree& tree, const Lists& lists, std::size_t at, Vec here) {
+  __device__ __forceinline__ HeldList(const Tree& tree, const Lists& lists, std::size_t at, Vec here) {
     const Index* list = lists.of(at);
 #pragma unroll
     for (int i = 0; i < kHeld; ++i) position[i] = i < lists.k ? list[i * kWarp] : point::kNoNeighbor;
@@ -32,40 +34,40 @@ struct Listed {
       count += exists;
     }
   }
-  template <class Visit>
-  __device__ __forceinline__ void operator()(Visit visit) const {
+  template <class Load, class Visit>
+  __device__ __forceinline__ void operator()(Load load, Visit visit) const {
 #pragma unroll
     for (int i = 0; i < kHeld; ++i)
-      if (i < count) visit(offset[i], position[i]);
+      if (i < count) visit(offset[i], load(position[i]), true);
   }
 };
 
 // Lists of any length, fetched again for every round.
 template <>
-struct Listed<0> {
+struct HeldList<0> {
+  using Number = float;
+  using Count = int;
   const float4* points;
   const Index* list;
   int k;
   Vec here;
 
-  __device__ __forceinline__ Listed(const Tree& tree, const Lists& lists, std::size_t at, Vec its_position)
+  __device__ __forceinline__ HeldList(const Tree& tree, const Lists& lists, std::size_t at, Vec its_position)
       : points(tree.points), list(lists.of(at)), k(lists.k), here(its_position) {}
-  template <class Visit>
-  __device__ __forceinline__ void operator()(Visit visit) const {
+  template <class Load, class Visit>
+  __device__ __forceinline__ void operator()(Load load, Visit visit) const {
     for (int i = 0; i < k; ++i) {
       const Index at = list[i * kWarp];
       if (at == point::kNoNeighbor) return;
-      visit(position_of(points[at]) - here, at);
+      visit(position_of(points[at]) - here, load(at), true);
     }
   }
 };
 
-template <class ForNeighbors>
-__device__ __forceinline__ Vec moved_point(ForNeighbors for_neighbors, Vec here, Vec normal, AreaWeights areas,
+template <class Neighbors>
+__device__ __forceinline__ Vec moved_point(const Neighbors& neighbors, Vec here, Vec normal, AreaWeights areas,
                                            point::BilateralWeights weights) {
-  point::BilateralSum<float> sum;
-  for_neighbors([&](Vec offset, Index neighbor) { sum.add(offset, normal, areas.of(neighbor), true, weights); });
-  return point::moved(here, normal, sum.distance());
+  return point::moved(here, normal, point::paper_distance(neighbors, weights, normal, areas, [](Vec, bool) {}));
 }
 
 template <int kHeld>
@@ -75,10 +77,10 @@ __global__ void __launch_bounds__(kBlock) listed_normals(const __grid_constant__
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   const float4 p = tree.points[at];
   const bool valid = is_present(p);
-  const Listed<kHeld> neighbors(tree, lists, at, position_of(p));
-  const NormalOfPoint normal = normal_of(neighbors, weights);
+  const HeldList<kHeld> neighbors(tree, lists, at, position_of(p));
+  const auto normal = point::normal_of(neighbors, weights);
   normals.set(at, valid ? normal.unit : Vec{});
-  count_unmoved(state, valid && normal.too_few, valid && normal.none);
+  count_unmoved(state, valid, normal);
 }
 
 // Both stages for lists: the neighbours are fetched once. Without area weights it is known here that there are none.
@@ -92,10 +94,10 @@ __global__ void __launch_bounds__(kBlock)
   if (at >= std::size_t(leaves.end) * kLeafSize) return;  // whole leaves, so whole warps
   const float4 p = tree.points[at];
   const bool valid = is_present(p);
-  const Listed<kHeld> neighbors(tree, lists, at, position_of(p));
-  const NormalOfPoint normal = normal_of(neighbors, weights);
+  const HeldList<kHeld> neighbors(tree, lists, at, position_of(p));
+  const auto normal = point::normal_of(neighbors, weights);
   normals.set(at, valid ? normal.unit : Vec{});
-  count_unmoved(state, valid && normal.too_few, valid && normal.none);
+  count_unmoved(state, valid, normal);
   store_faired(
       faired, at, p, valid,
       moved_point(neighbors, position_of(p), normal.unit, kAreas ? areas : AreaWeights{nullptr, 0}, fairing_weights));
@@ -131,10 +133,10 @@ __global__ void __launch_bounds__(kBlock, resident_blocks(kHeld == 8 ? 8 : 4, kB
     const std::size_t at = first + chosen[min(i, count - 1)];
     const float4 p = tree.points[at];
     const bool mine = i < count, valid = mine && is_present(p);
-    const Listed<kHeld> neighbors(tree, lists, at, position_of(p));
-    const NormalOfPoint normal = normal_of(neighbors, weights);
+    const HeldList<kHeld> neighbors(tree, lists, at, position_of(p));
+    const auto normal = point::normal_of(neighbors, weights);
     if (mine) normals.set(at, valid ? normal.unit : Vec{});
-    count_unmoved(state, valid && normal.too_few, valid && normal.none);
+    count_unmoved(state, valid, normal);
     Vec moved = moved_point(neighbors, position_of(p), normal.unit, {nullptr, 0}, fairing_weights);
     if (mine && !valid) {
       const Point same = faired.input[original_of(p)];
@@ -151,7 +153,7 @@ __global__ void __launch_bounds__(kBlock)
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   const float4 p = tree.points[at];
-  const Listed<kHeld> neighbors(tree, lists, at, position_of(p));
+  const HeldList<kHeld> neighbors(tree, lists, at, position_of(p));
   store_faired(
       faired, at, p, is_present(p),
       moved_point(neighbors, position_of(p), normals.at(at), kAreas ? areas : AreaWeights{nullptr, 0}, weights));

@@ -18,6 +18,12 @@ struct Normals {
   __device__ void set(std::size_t i, Vec n) const { x[i] = n.x, y[i] = n.y, z[i] = n.z; }
 };
 
+// One number of each sorted point.
+struct Scalars {
+  const float* values;
+  __device__ float of(Index at) const { return values[at]; }
+};
+
 // W_a of a neighbour: its mean distance to `power` 2, 1 or 0; `mean_distance` is not read for 0.
 struct AreaWeights {
   const float* mean_distance;

@@ -1,35 +1,29 @@
 // SPDX-License-Identifier: Apache-2.0
-// The ways to the neighbours of a warp's 32 points, which are a leaf. Each is called as neighbors(load, visit) by all
-// lanes: visit(offset, loaded, inside) comes for each neighbour in a fixed order, ascending along the curve for balls;
-// `loaded` is what load(sorted position) gave, at most 16 bytes; where `inside` is false it is another lane's
-// neighbour, and its offset is some finite vector (except in lanes without a valid point). neighbors(visit) loads
-// nothing.
+// The ways to the neighbours of a warp's 32 points, which are a leaf (src/point/neighborhoods.h); handles are sorted
+// positions, and all lanes of the warp call. Everything within a radius comes in ascending order along the curve.
 #pragma once
 
 #include <type_traits>
 
-#include "cuda/ball_parts.cuh"
+#include "cuda/collected.cuh"
 #include "cuda/stages.cuh"
 #include "cuda/stop.cuh"
-#include "point/outliers.h"
+#include "point/stages.h"
 
 namespace pointfair::cuda {
 
-// Lists, or balls if lists.k is 0. After a stop that is heard balls lack neighbours.
+// Lists, or everything within a radius if lists.k is 0, which lacks neighbours after a stop that is heard.
 struct Surroundings {
   Lists lists;
-  Balls balls;
-  CollectedBalls collected;
+  point::Radii radii;
+  CollectedNeighbors collected;
   Stop stop;
-};
-
-struct Nothing {};
-struct LoadNothing {
-  __device__ Nothing operator()(Index) const { return {}; }
 };
 
 class Listed {
  public:
+  using Number = float;
+  using Count = int;
   struct Shared {};
   __device__ __forceinline__ Listed(const Tree& tree, const Surroundings& from, Index at, bool, Shared&)
       : points_(tree.points), list_(from.lists.of(at)), k_(from.lists.k), here_(position_of(tree.points[at])) {}
@@ -42,12 +36,9 @@ class Listed {
       visit(position_of(points_[at]) - here_, load(at), true);
     }
   }
-  template <class Visit>
-  __device__ __forceinline__ void operator()(Visit visit) const {
-    (*this)(LoadNothing{}, visit);
-  }
   __device__ __forceinline__ float squared_radius() const { return 1; }  // lists have no width of their own
   __device__ __forceinline__ float squared_core() const { return __int_as_float(0x7f800000); }
+  __device__ __forceinline__ static bool any(bool mask) { return __any_sync(kAllLanes, mask); }
 
  private:
   const float4* points_;
@@ -56,31 +47,34 @@ class Listed {
   Vec here_;
 };
 
+// Of the noise at a sorted point; null: 1.
+__device__ __forceinline__ float squared_level_at(const float* squared_level, std::size_t at) {
+  return squared_level == nullptr ? 1.0f : squared_level[at];
+}
+
 // The warp walks the tree for its leaf.
-class WalkedBall {
+class WalkedRadius {
  public:
+  using Number = float;
+  using Count = int;
   struct Shared {
     float4 place[kWarp];
   };
-  __device__ __forceinline__ WalkedBall(const Tree& tree, const Surroundings& from, Index at, bool active,
-                                        Shared& shared)
-      : WalkedBall(tree, from.balls, from.stop, at, active, shared) {}
-  __device__ __forceinline__ WalkedBall(const Tree& tree, const Balls& balls, const Stop& stop, Index at, bool active,
-                                        Shared& shared)
+  __device__ __forceinline__ WalkedRadius(const Tree& tree, const Surroundings& from, Index at, bool active,
+                                          Shared& shared)
+      : WalkedRadius(tree, from.radii, from.stop, at, active, shared) {}
+  __device__ __forceinline__ WalkedRadius(const Tree& tree, const point::Radii& radii, const Stop& stop, Index at,
+                                          bool active, Shared& shared)
       : tree_(tree),
         stop_(stop),
         at_(at),
         here_(position_of(tree.points[at])),
         box_(warp_box(here_, active)),
         shared_(shared) {
-    const float own = active ? balls.squared_radius[at] : -1.0f;
-    squared_radius_ = active && balls.squared_growth != nullptr ? own * balls.squared_growth[at] : own;
+    const float own = active ? radii.squared_radius[at] : -1.0f;
+    squared_radius_ = active && radii.squared_growth != nullptr ? own * radii.squared_growth[at] : own;
     farthest_ = unordered(warp_max(ordered(squared_radius_)));
-    if (balls.widening > 0) {  // a surface holds widening * R^2 / r^2 points
-      const float squared_widening = own - balls.squared_base;
-      const float holds = squared_widening > 0 ? squared_radius_ / squared_widening : 1.0f;
-      share_ = active ? (kBallPoints / static_cast<float>(balls.widening)) / holds : 0.0f;
-    }
+    if (radii.min_neighbors > 0) share_ = active ? point::kept_share(radii, squared_level_at(radii.squared_level, at), own, squared_radius_) : 0.0f;
     is_thinned_ = __any_sync(kAllLanes, active && share_ < 1);
   }
 
@@ -113,12 +107,9 @@ class WalkedBall {
       }
     });
   }
-  template <class Visit>
-  __device__ __forceinline__ void operator()(Visit visit) const {
-    (*this)(LoadNothing{}, visit);
-  }
   __device__ __forceinline__ float squared_radius() const { return squared_radius_; }
   __device__ __forceinline__ float squared_core() const { return point::squared_core(squared_radius_); }
+  __device__ __forceinline__ static bool any(bool mask) { return __any_sync(kAllLanes, mask); }
 
  private:
   // Whether a ball of the warp reaches this lane's box. Most boxes are near that of the whole warp or they are not; a
@@ -165,20 +156,22 @@ class WalkedBall {
 };
 
 // The warp reads the parts of its leaf.
-class CollectedBall {
+class CollectedRadius {
  public:
+  using Number = float;
+  using Count = int;
   struct Shared {
     float4 place[kWarp], loaded[kWarp];
   };
-  __device__ __forceinline__ CollectedBall(const Tree& tree, const Surroundings& from, Index at, bool active,
-                                           Shared& shared)
+  __device__ __forceinline__ CollectedRadius(const Tree& tree, const Surroundings& from, Index at, bool active,
+                                             Shared& shared)
       : points_(tree.points),
         balls_(from.collected),
         stop_(from.stop),
         at_(at),
         here_(position_of(tree.points[at])),
         shared_(shared) {
-    squared_radius_ = active ? from.balls.squared_radius[at] : -1.0f;
+    squared_radius_ = active ? from.radii.squared_radius[at] : -1.0f;
   }
 
   template <class Load, class Visit>
@@ -215,24 +208,37 @@ class CollectedBall {
       part = next;
     }
   }
-  template <class Visit>
-  __device__ __forceinline__ void operator()(Visit visit) const {
-    (*this)(LoadNothing{}, visit);
-  }
   __device__ __forceinline__ float squared_radius() const { return squared_radius_; }
   __device__ __forceinline__ float squared_core() const { return point::squared_core(squared_radius_); }
+  __device__ __forceinline__ static bool any(bool mask) { return __any_sync(kAllLanes, mask); }
 
  private:
   static constexpr int kAtOnce = 4;              // independent until they are added up
   static constexpr unsigned kBetweenLooks = 32;  // parts
 
   const float4* points_;
-  CollectedBalls balls_;
+  CollectedNeighbors balls_;
   const Stop& stop_;
   Index at_;
   Vec here_;
   Shared& shared_;
   float squared_radius_;
 };
+
+// Calls launch(way) with the way to the neighbours that `surroundings` have, by its type.
+template <class Way>
+struct By {
+  using Neighbors = Way;
+};
+template <class Launch>
+void for_way(const Surroundings& surroundings, Launch launch) {
+  if (surroundings.lists.k > 0) {
+    launch(By<Listed>{});
+  } else if (surroundings.collected.parts != nullptr) {
+    launch(By<CollectedRadius>{});
+  } else {
+    launch(By<WalkedRadius>{});
+  }
+}
 
 }  // namespace pointfair::cuda

@@ -22,10 +22,9 @@ struct Box {
 };
 
 // The boxes of 32 children side by side: min x, y, z, max x, y, z. Those of children that do not exist are inside out,
-// at an infinite distance from everything. `least_original` breaks ties among points at the same distance.
+// at an infinite distance from everything.
 struct BoxGroup {
   float bound[6][kLeafSize];
-  Index least_original[kLeafSize];
 };
 
 // A grid over which sort keys run.
@@ -38,11 +37,12 @@ struct CloudState {
   KeyGrid grid;
   unsigned min[3], max[3];  // ordered() floats
   Index valid;
+  Index long_cells;             // of the curve of src/point/curve.h (curve_cells.cuh)
   Index leaf_retries, retries;  // leaves and queries left to the exact searches
-  Index unused;                 // fills the gap before the next, since the host copies every byte
   unsigned long long too_few_neighbors, no_normal, short_neighborhoods;
 };
-static_assert(offsetof(CloudState, too_few_neighbors) == offsetof(CloudState, unused) + sizeof(Index));
+// No gap, since the host copies every byte.
+static_assert(offsetof(CloudState, too_few_neighbors) == offsetof(CloudState, retries) + sizeof(Index));
 
 __device__ inline Vec position_of(float4 p) { return {p.x, p.y, p.z}; }
 __device__ inline Index original_of(float4 p) { return __float_as_uint(p.w); }
@@ -79,6 +79,34 @@ __device__ inline Box box_of_lane(const BoxGroup& group) {
 __device__ inline float squared_gap(const Box& a, const Box& b) {
   return point::squared_gap(a.min, a.max, b.min, b.max);
 }
+
+// Of points in a child's box, none lies before this (point::lies_before).
+__device__ inline Vec low_corner(const BoxGroup& group, unsigned child) {
+  return {group.bound[0][child], group.bound[1][child], group.bound[2][child]};
+}
+
+// The order of neighbours in a list, as keys of their distances and places among the sorted points.
+using Key = unsigned long long;
+inline constexpr Key kNoKey = ~0ull;  // behind all others; its place is kNoNeighbor
+
+// point::lies_before of two sorted points, one coordinate after the other: where registers are few.
+__device__ inline bool lies_before(const float4* points, Index a, Index b) {
+  const float* axis = &points->x;
+  float p = 0, q = 0;
+#pragma unroll 1
+  for (int n = 0; n < 3 && p == q; ++n, ++axis) {
+    p = axis[4 * std::size_t(a)];
+    q = axis[4 * std::size_t(b)];
+  }
+  return p < q;
+}
+
+struct Precedes {
+  const float4* points;
+  __device__ bool operator()(Key a, Key b) const {
+    return point::precedes(a, b, [this](Index at) { return position_of(points[at]); });
+  }
+};
 
 // The box of the lanes' points where `inside`; inside out if there are none.
 __device__ inline Box warp_box(Vec p, bool inside) {

@@ -60,6 +60,8 @@ __device__ inline unsigned ordered(float x) {
   return bits ^ ((static_cast<int>(bits) >> 31) | 0x80000000u);
 }
 __host__ __device__ inline unsigned unordered_bits(unsigned o) { return (o & 0x80000000u) != 0 ? o ^ 0x80000000u : ~o; }
+// The same for numbers that are compared for order only: both zeros are one.
+__device__ inline unsigned ordered_number(float x) { return ordered(x + 0.0f); }
 __device__ inline float unordered(unsigned o) { return __uint_as_float(unordered_bits(o)); }
 
 // Words of shared memory by address. Ordered among themselves, but free to move past other accesses, so that loads of

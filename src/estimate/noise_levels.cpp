@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdlib>
-#include <cstdio>
 #include <limits>
 #include <numbers>
 #include <utility>
@@ -23,8 +21,8 @@ constexpr std::size_t kSmoothed = 8;        // whose median is the noise of one 
 constexpr double kQuantile = 0.35;          // of a pool: edges and outliers only raise a residual
 constexpr double kQuantileNormal = -0.3853204664;  // of the normal distribution, at kQuantile
 constexpr double kFitError = 0.1;                  // of log variances, beside chance: no model is exact
-const double kChance = std::getenv("PF_CH") ? std::atof(std::getenv("PF_CH")) : 0.12;                   // of log levels, by the samples alone
-constexpr double kSpread = 0.5;  // of log levels, before anything is known
+constexpr double kChance = 0.15;                   // of log levels, by the samples alone
+constexpr double kSpread = 0.35;  // of log levels, before anything is known
 constexpr double kLargestLevel = 8;
 constexpr double kWideRadius = 2.6;  // standard deviations; in narrower balls the slab's bias is not undone
 
@@ -118,8 +116,7 @@ double noise_of(const Curve& curve, const std::vector<Curve>& rows, double typic
     all += weight[size];
     ++known;
   }
-  const double spread = std::getenv("PF_SP") ? std::atof(std::getenv("PF_SP")) : kSpread;
-  const double prior = 1 / (4 * spread * spread), log_typical = 2 * std::log(typical);
+  const double prior = 1 / (4 * kSpread * kSpread), log_typical = 2 * std::log(typical);
   all += prior;
   if (known < 2) return kUnknown;  // nothing tells shape from noise
   std::vector<std::pair<double, double>> fits;  // minus twice the log likelihood, and log noise
@@ -180,17 +177,6 @@ std::shared_ptr<const NoiseLevels> noise_levels(const LocalSamples& samples, dou
     log_levels.push_back(std::log(std::clamp(*middle / typical, 1 / kLargestLevel, kLargestLevel)));
   }
   if (known.size() < kFewestSamples) return nullptr;
-  if (const char* path = std::getenv("PF_DUMP")) {
-    FILE* f = std::fopen(path, "w");
-    std::size_t n = 0;
-    for (std::size_t i = 0; i < samples.noise.size(); ++i) {
-      if (!samples.noise[i].shows_noise) continue;
-      const Curve p = pooled(pool_of(n, kPool), curves);
-      std::fprintf(f, "%g %d %g %g %g %g %g %g %g %g %g\n", typical, samples.noise[i].is_wide, samples.noise[i].sigma, samples.noise[i].spacing, samples.noise[i].plane_variance, std::sqrt(p[0]), std::sqrt(p[1]), std::sqrt(p[2]), std::sqrt(p[3]), noise[n], samples.noise[i].gap);
-      ++n;
-    }
-    std::fclose(f);
-  }
   shrink(log_levels);
   return std::make_shared<NoiseLevels>(levels_between(known, log_levels));
 }

@@ -39,6 +39,7 @@ void Pipeline::State::start_load(std::span<const Point> points, IndexOrder expec
   shown_.reset();
   estimates.reset();
   upload_milliseconds_ = 0;
+  drop_times_of_failed_run();
   const auto start = Clock::now();
   cloud.load(points, expected, overlapped);
   upload_times_itself_ = overlapped && cloud.backend().overlap() != nullptr;
@@ -132,13 +133,16 @@ void Pipeline::State::run_to_end(const Params& params, std::span<Point> out, con
   const auto start = Clock::now();
   const double upload = std::exchange(upload_milliseconds_, 0);
   Backend& backend = cloud.backend();
-  log_.settle(backend);  // of a run that failed
+  drop_times_of_failed_run();
+  unfinished_ = true;
   log_ = {};
   if (upload > 0 && !std::exchange(upload_times_itself_, false)) log_.note("upload", upload);
 
   const Params used = resolve_once(params, stop);
   last_order_ = order_for(params);
-  const Settings settings = settings_of(used, params, follows_noise(params) ? cloud.levels : nullptr, follows_noise(params) && cloud.noise->surface_spacing > 0 ? used.noise.value / cloud.noise->surface_spacing : 0);
+  const FollowedNoise followed =
+      needs_noise(params) ? followed_noise(params, used, *cloud.noise, cloud.levels) : FollowedNoise{};
+  const Settings settings = settings_of(used, followed);
   const int last = used.iterations - 1;
   execute(plan(cloud.cached, {settings, last_order_, used.iterations}), std::size_t(4) * std::size_t(used.iterations),
           last == 0 && cloud.points() >= kWorthChunks, stop, progress);
@@ -150,6 +154,7 @@ void Pipeline::State::run_to_end(const Params& params, std::span<Point> out, con
   const Counts counts = backend.counts(last);
   const Costs costs = log_.settle(backend);
 
+  unfinished_ = false;
   outliers = std::move(marks);
   shown_ = last;
   report = {device,
@@ -203,6 +208,10 @@ void Pipeline::State::run_stage(const Step& step, bool leaves, const std::stop_t
       break;
   }
   log_.note_call(name_of(stage), milliseconds_since(start));
+}
+
+void Pipeline::State::drop_times_of_failed_run() {
+  if (std::exchange(unfinished_, false)) log_.settle(cloud.backend());
 }
 
 void Pipeline::State::normals(std::span<Point> out, const std::stop_token& stop) {

@@ -45,6 +45,7 @@ struct Pipeline::State {
   void measure(bool with_spacing, bool with_noise, IndexOrder order, const std::stop_token& stop);
   void execute(const std::vector<Step>& steps, std::size_t all, bool leaves, const std::stop_token& stop,
                const ProgressFunction& progress);
+  void drop_times_of_failed_run();
   void run_stage(const Step& step, bool leaves, const std::stop_token& stop);
 
   std::optional<Frame> frame_;                   // of the loaded cloud, once it is needed
@@ -53,6 +54,7 @@ struct Pipeline::State {
   double upload_milliseconds_ = 0;               // not yet reported
   bool upload_times_itself_ = false;             // the costs tell how long it took
   StageLog log_;
+  bool unfinished_ = false;  // a run began and did not end: the backend may hold times of its stages
 };
 
 }  // namespace pointfair

@@ -2,7 +2,6 @@
 #include "pipeline/settings.hpp"
 
 #include <algorithm>
-#include <cstdlib>
 
 #include "estimate/automatic.hpp"
 
@@ -20,25 +19,25 @@ int filter_rounds(NormalFilter filter) {
 
 }  // namespace
 
-Settings settings_of(const Params& p, const Params& asked, std::shared_ptr<const NoiseLevels> levels, double level) {
+Settings settings_of(const Params& p, const FollowedNoise& followed) {
   Settings s;
   s.neighbors.k = p.k;
   s.neighbors.radius = p.radius.is_automatic() ? 0.0f : float(p.radius.value);
   s.neighbors.constraint = p.constraint;
   s.neighbors.reach = p.constraint ? float(p.rho.value + p.delta.value) : 0.0f;
-  s.neighbors.widening = p.k == 0 ? p.min_neighbors : 0;
+  s.neighbors.min_neighbors = p.k == 0 ? p.min_neighbors : 0;
   s.normals.filter_rounds = filter_rounds(p.normal_filter);
   s.normals.sigma = float(p.normal_sigma.value);
   s.normals.of_radius = p.normal_sigma.unit == Length::Unit::radius;
-  s.normals.filter_angle = p.normal_filter == NormalFilter::on ? p.crease_angle : 0;
-  if (sums_balls(p) && p.method == Method::bilateral) s.normals.flat_radius = float(p.flat_scale.value_or(1));
+  s.normals.crease_angle = p.normal_filter == NormalFilter::on ? p.crease_angle : 0;
+  if (sums_balls(p) && p.method == Method::bilateral) s.normals.flat_scale = float(p.flat_scale.value_or(1));
   s.fairing.method = p.method;
   s.fairing.area_weight = p.area_weight;
   s.fairing.closeness_sigma = float(p.closeness_sigma.value);
   s.fairing.similarity_sigma = float(p.similarity_sigma.value);
   s.fairing.closeness_of_radius = p.closeness_sigma.unit == Length::Unit::radius;
-  s.fairing.two_planes = p.offset == Offset::symmetric;
-  s.fairing.facing_angle = s.fairing.two_planes ? kFacingAngle : 0;
+  s.fairing.symmetric = p.offset == Offset::symmetric;
+  s.fairing.turn_angle = s.fairing.symmetric ? kFacingAngle : 0;
   s.fairing.strength = float(p.relaxation.value_or(1));
   if (p.outliers != Outliers::off) {
     s.fairing.outlier_distance = float(p.outlier_distance.value);
@@ -49,19 +48,14 @@ Settings settings_of(const Params& p, const Params& asked, std::shared_ptr<const
     s.limits.farthest = float(p.displacement_limit.value);
     s.limits.outlier_distance = std::max(s.limits.farthest, float(p.outlier_distance.value));
   }
-  if (!follows_noise(asked)) return s;
-  if (!asked.relaxation) {
-    s.fairing.noise = float(p.noise.value);
-    s.fairing.damage = (getenv("PF_C")?float(atof(getenv("PF_C"))):0.4f) * float(p.iterations) * float(shape_matters(level));
-  }
-  if (!levels || std::getenv("PF_FLAT")) return s;
-  s.neighbors.levels = levels;
+  s.fairing.noise = followed.damage > 0 ? float(p.noise.value) : 0;
+  s.fairing.damage = float(followed.damage);
+  if (!followed.levels) return s;
+  s.neighbors.levels = s.limits.levels = followed.levels;
   s.neighbors.radius_follows = true;
-  s.fairing.similarity_follows = asked.similarity_sigma.is_automatic();
-  if (asked.outlier_distance.is_automatic()) s.fairing.level_outlier_distance = float(outlier_distance_of(p.noise.value));
-  s.limits.levels = std::move(levels);
-  s.limits.farthest_follows = asked.displacement_limit.is_automatic();
-  s.limits.level_outlier_distance = s.fairing.level_outlier_distance;
+  s.fairing.similarity_follows = followed.similarity;
+  s.fairing.level_outlier_distance = s.limits.level_outlier_distance = float(followed.outlier_distance);
+  s.limits.farthest_follows = followed.limit;
   return s;
 }
 

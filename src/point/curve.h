@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The order in which sums over radius neighbourhoods run: along a Hilbert curve of 2^20 steps an axis, ties by
-// position. A pure function of a point's position and of one cube, so that it is the same on every device and for every
-// order of the file, and a tile of a cloud keeps the order of the whole.
+// The order in which sums over radius neighbourhoods run: along a Hilbert curve of 2^20 steps an axis, in one cell of
+// it by position (lies_before). A pure function of the set of positions and of one cube, so that it is the same on
+// every device and whatever the order of the points, and a tile of a cloud keeps the order of the whole.
 #pragma once
 
 #include "point/vec.h"

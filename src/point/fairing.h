@@ -59,7 +59,7 @@ struct BilateralSum {
 // d_i of Eq. 10: the mean of the heights above the point's own plane and above the neighbour's, similarity measured
 // against the neighbour's plane, and less weight where the normals differ.
 template <class F>
-struct TwoPlaneSum : BilateralSum<F> {
+struct SymmetricSum : BilateralSum<F> {
   // there is n_j, of any sign; zero if the neighbour has no normal
   template <class Mask, class Weights>
   POINTFAIR_INLINE void add(Vec3<F> offset, Vec3<F> normal, Vec3<F> there, F area, Mask inside, Weights weights,

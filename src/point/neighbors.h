@@ -20,14 +20,22 @@ POINTFAIR_INLINE bool is_indexable(float x, float y, float z) {
          z > -kCoordinateLimit && z < kCoordinateLimit;  // false for NaN
 }
 
-// Neighbours are ordered by squared distance, then by original index, so that a list has one answer whatever the order
-// of visits. As one number: non-negative floats order as their bits.
-POINTFAIR_INLINE unsigned long long neighbor_key(float squared_distance, Index original_index) {
+// The order of points at equal distances: by x, then by y, then by z, as numbers. So no list depends on the order of
+// the points in memory or of the visits, and none changes where all points move by a vector without rounding. Points at
+// the same position are alike: any of them may be listed.
+template <class F>
+POINTFAIR_INLINE decltype(F() < F()) lies_before(Vec3<F> a, Vec3<F> b) {
+  return (a.x < b.x) | ((a.x == b.x) & ((a.y < b.y) | ((a.y == b.y) & (a.z < b.z))));
+}
+
+// A neighbour as one number: the bits of its squared distance, which order as the distances, over its place among the
+// sorted points.
+POINTFAIR_INLINE unsigned long long neighbor_key(float squared_distance, Index at) {
   union {
     float f;
     unsigned u;
   } bits = {squared_distance};
-  return (static_cast<unsigned long long>(bits.u) << 32) | original_index;
+  return (static_cast<unsigned long long>(bits.u) << 32) | at;
 }
 POINTFAIR_INLINE float key_squared_distance(unsigned long long key) {
   union {
@@ -37,6 +45,18 @@ POINTFAIR_INLINE float key_squared_distance(unsigned long long key) {
   return bits.f;
 }
 POINTFAIR_INLINE Index key_index(unsigned long long key) { return static_cast<Index>(key); }
+
+// Whether `a` precedes `b` in a list. `position_of(at)` is asked only where the distances are equal; kNoNeighbor, which
+// has no position, comes behind all others of its distance. Of points at the same position the first sorted one
+// precedes, so that no two are equal.
+template <class PositionOf>
+POINTFAIR_INLINE bool precedes(unsigned long long a, unsigned long long b, const PositionOf& position_of) {
+  const unsigned distance_a = static_cast<unsigned>(a >> 32), distance_b = static_cast<unsigned>(b >> 32);
+  if (distance_a != distance_b) return distance_a < distance_b;
+  if (key_index(a) == kNoNeighbor || key_index(b) == kNoNeighbor) return key_index(a) < key_index(b);
+  const Vec3<float> p = position_of(key_index(a)), q = position_of(key_index(b));
+  return lies_before(p, q) || (!lies_before(q, p) && key_index(a) < key_index(b));
+}
 
 // Squared distance from a box to a box, zero where they overlap; never above that of two points inside them.
 template <class F>

@@ -64,15 +64,14 @@ struct HeightSpread {
   }
 };
 
-// What a local Wiener filter leaves of a displacement: noise / (noise + damage), where the damage that a ball does to
-// the shape within it is kDamage of the variance that noise does not explain, in each iteration. Up to kChance of the
-// noise is chance.
-inline constexpr float kDamage = 0.4f, kChance = 0.3f;
-// Of the noise's variance, after the first iteration.
-inline constexpr float kNoiseLeft = 0.1f;
+// Up to kChance of the noise's variance may be missing or too much by chance; after the first iteration kNoiseLeft of it
+// is left.
+inline constexpr float kChance = 0.3f, kNoiseLeft = 0.1f;
 
-// `noise`: the variance before the first iteration; `left`: what of it the heights still hold, 1 in the first
-// iteration, kNoiseLeft in later ones.
+// The share of a displacement that noise justifies, as a local Wiener filter has it: noise / (noise + damage x shape).
+// `variance`: of the heights; `noise`: the variance of the noise before the first iteration; `left`: how much of it the
+// heights still hold, 1 in the first iteration and kNoiseLeft in later ones; `damage`: what the step does to a shape, in
+// its variance within the neighbourhood.
 template <class F>
 POINTFAIR_INLINE F noise_share(F variance, F noise, float left, float damage) {
   const F shape = larger(variance - noise * (left + kChance), F{});

@@ -9,14 +9,12 @@
 
 namespace pointfair::point {
 
-// `inverse` values are 0 for equal weights (Hoppe), since gaussian(0) is 1.
 struct NormalWeights {
   float inverse_two_sigma2;  // 1 / (2 sigma^2), for w_g
   float inverse_sigma2;      // 1 / sigma^2, for the square of w_g in eq. 3
 };
 
-POINTFAIR_INLINE NormalWeights normal_weights(bool weighted, float sigma) {
-  if (!weighted) return {0.0f, 0.0f};
+POINTFAIR_INLINE NormalWeights normal_weights(float sigma) {
   const float sigma2 = sigma * sigma;
   return {0.5f / sigma2, 1.0f / sigma2};
 }

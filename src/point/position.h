@@ -63,11 +63,4 @@ POINTFAIR_INLINE double cells_per_unit(Vec3<float> min, Vec3<float> max, int ref
   return cells;
 }
 
-// Lexicographic, as real numbers.
-POINTFAIR_INLINE bool lies_before(Vec3<float> a, Vec3<float> b) {
-  if (a.x != b.x) return a.x < b.x;
-  if (a.y != b.y) return a.y < b.y;
-  return a.z < b.z;
-}
-
 }  // namespace pointfair::point

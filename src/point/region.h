@@ -44,9 +44,9 @@ POINTFAIR_INLINE bool is_exact_list(const ListRule& rule, int found, float squar
   return rule.constraint && square_root(squared_gap) >= square_root(squared_last) + rule.reach;
 }
 
-// The same for a ball.
-POINTFAIR_INLINE bool is_exact_ball(float squared_radius, bool widening_found, float squared_gap) {
-  return squared_gap > 3e38f || (widening_found && squared_radius < squared_gap);
+// The same for everything within a radius.
+POINTFAIR_INLINE bool is_exact_radius(float squared_radius, bool radius_found, float squared_gap) {
+  return squared_gap > 3e38f || (radius_found && squared_radius < squared_gap);
 }
 
 // The same for the mean distance to the five nearest points, all of which are loaded somewhere: none is farther than
@@ -63,5 +63,19 @@ enum Outcome : unsigned char {
   kNoNormal = 4,
   kShort = 8,  // a constrained neighbourhood of fewer than k
 };
+
+// `found`: neighbours of the point, whose normal is zero where there is none.
+POINTFAIR_INLINE unsigned char outcome_of(bool is_exact, bool is_short, float found, Vec3<float> normal) {
+  unsigned outcome = 0;
+  if (is_exact) outcome |= kExact;
+  if (is_short) outcome |= kShort;
+  if (normal.x == 0 && normal.y == 0 && normal.z == 0) {
+    if (found < static_cast<float>(kLeastNeighbors))
+      outcome |= kTooFew;
+    else
+      outcome |= kNoNormal;
+  }
+  return static_cast<unsigned char>(outcome);
+}
 
 }  // namespace pointfair::point

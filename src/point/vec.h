@@ -7,8 +7,10 @@
 
 #if defined(__CUDACC__)
 #define POINTFAIR_INLINE __host__ __device__ __forceinline__
+#define POINTFAIR_DEVICE_INLINE __device__ __forceinline__  // calls what a card alone can run
 #else
 #define POINTFAIR_INLINE inline __attribute__((always_inline))
+#define POINTFAIR_DEVICE_INLINE POINTFAIR_INLINE
 #endif
 
 namespace pointfair::point {
@@ -16,6 +18,7 @@ namespace pointfair::point {
 // What F must offer, for F = float, and what of it F = double needs.
 POINTFAIR_INLINE float select(bool condition, float yes, float no) { return condition ? yes : no; }
 POINTFAIR_INLINE double select(bool condition, double yes, double no) { return condition ? yes : no; }
+POINTFAIR_INLINE int counted(int count, bool one_more) { return count + one_more; }
 POINTFAIR_INLINE float square_root(float x) { return __builtin_sqrtf(x); }
 POINTFAIR_INLINE double square_root(double x) { return __builtin_sqrt(x); }
 POINTFAIR_INLINE float absolute(float x) { return __builtin_fabsf(x); }

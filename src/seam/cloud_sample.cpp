@@ -5,6 +5,8 @@
 #include <limits>
 #include <utility>
 
+#include "point/neighbors.h"
+
 namespace pointfair {
 namespace {
 

@@ -12,9 +12,10 @@
 
 namespace pointfair {
 
-// The noise from place to place, over that of a typical one; fixed by a cloud as it was loaded (point/noise_field.h).
+// The noise from place to place, over that of a typical one; fixed by a cloud as it was loaded. The nodes of a
+// point::NoiseField.
 struct NoiseLevels {
-  std::vector<float> levels;  // at the nodes of its field
+  std::vector<float> levels;
   Point first{};
   float nodes_per_unit = 0;
 };
@@ -23,20 +24,21 @@ struct NeighborSettings {
   int k = 0;         // 0: no list; everything within `radius` is summed directly
   float radius = 0;  // 0: no limit
   bool constraint = false;
-  float reach = 0;   // rho + delta
-  int widening = 0;  // without a list: squared radii grow by the squared distance to this many nearest; 0: not at all
-  std::shared_ptr<const NoiseLevels> levels{};  // of the noise, which this and later stages follow; null: 1 everywhere
+  float reach = 0;  // rho + delta
+  // without a list: squared radii grow by the squared distance to this many nearest; 0: not at all
+  int min_neighbors = 0;
+  // Of the noise, which this and later stages may follow, without a list; null: 1 everywhere.
+  std::shared_ptr<const NoiseLevels> levels{};
   bool radius_follows = false;
   friend bool operator==(const NeighborSettings&, const NeighborSettings&) = default;
 };
 
 struct NormalSettings {
-  bool weighted = true;
   float sigma = 0;
   bool of_radius = false;  // sigma is a multiple of the point's radius; only without a list
   int filter_rounds = 0;
-  int filter_angle = 0;   // degrees; 0: a plain Gaussian mean
-  float flat_radius = 1;  // what multiplies the radius, for the bilateral step, where the surface is flat
+  int crease_angle = 0;  // degrees; 0: a plain Gaussian mean
+  float flat_scale = 1;  // what multiplies the radius, for the bilateral step, where the surface is flat
   friend bool operator==(const NormalSettings&, const NormalSettings&) = default;
 };
 
@@ -47,11 +49,11 @@ struct FairingSettings {
   float similarity_sigma = 0;
   bool similarity_follows = false;   // the level of the noise at the point
   bool closeness_of_radius = false;  // as in NormalSettings
-  bool two_planes = false;           // Eq. 10 instead of the paper's step
-  int facing_angle = 0;              // degrees, of Eq. 10; 0: normals do not weigh
+  bool symmetric = false;            // Eq. 10 instead of the paper's step
+  int turn_angle = 0;                // degrees, of Eq. 10; 0: normals do not weigh
   float strength = 1;                // share of the displacement that is made
-  float noise = 0;                   // at a typical place, where a displacement's share follows from it; 0: all is made
-  float damage = 0;                  // of that share (point/noise_field.h)
+  float noise = 0;                   // at level 1, of which a further share follows (noise_share); 0: none does
+  float damage = 0;                  // of that share
   bool is_further = false;           // the points come from an iteration before
   float outlier_distance = 0;        // from its neighbours, to be an outlier (src/point/outliers.h); 0: not looked for
   float level_outlier_distance = 0;  // where this times the level of the noise is more, that counts
@@ -64,9 +66,10 @@ struct FairingSettings {
 struct DisplacementLimits {
   float farthest = 0;          // a point moves no farther,
   float outlier_distance = 0;  // and one that would move farther than this, or became NaN, keeps its place
-  std::shared_ptr<const NoiseLevels> levels{};  // of the noise
-  bool farthest_follows = false;              // the level where the point was
-  float level_outlier_distance = 0;           // as in FairingSettings
+  // Of the noise where the point was uploaded; null: 1 everywhere.
+  std::shared_ptr<const NoiseLevels> levels{};
+  bool farthest_follows = false;
+  float level_outlier_distance = 0;  // as in FairingSettings
   friend bool operator==(const DisplacementLimits&, const DisplacementLimits&) = default;
 };
 

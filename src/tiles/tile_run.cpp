@@ -27,14 +27,14 @@ void add(Counts& counts, unsigned char outcome) {
 // How wide a halo should be for most points of the tile.
 double first_halo(const Cut& cut, const TileStages& stages, const Bounds& bounds) {
   const NeighborSettings& n = stages.neighbors;
-  const double nearest = cut.reach_of_nearest(n.k > 0 ? n.k : n.widening, bounds);
+  const double nearest = cut.reach_of_nearest(n.k > 0 ? n.k : n.min_neighbors, bounds);
   double reach = n.k > 0 ? nearest : std::hypot(nearest, double(n.radius));
   if (n.k > 0 && n.radius > 0) reach = std::min(reach, 1.01 * double(n.radius));
   if (n.constraint) reach += double(n.reach);
   const FairingSettings& f = stages.fairing;
-  const bool reads_others = f.two_planes || f.area_weight != AreaWeight::none || f.pull_outliers;
+  const bool reads_others = f.symmetric || f.area_weight != AreaWeight::none || f.pull_outliers;
   const int steps = f.method != Method::bilateral ? 2 : int(reads_others);
-  return reach * (stages.normals.filter_rounds + double(stages.normals.flat_radius) * (1 + steps));
+  return reach * (stages.normals.filter_rounds + double(stages.normals.flat_scale) * (1 + steps));
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cuda/ball_parts.cuh"
+#include "cuda/collected.cuh"
 #include "cuda/surroundings.cuh"
 #include "pointfair/cloud.hpp"
 
@@ -11,7 +11,7 @@ constexpr int kWarps = kBlock / kWarp;
 constexpr std::size_t kExpectedParts = 16;  // of a leaf; the first guess
 
 struct Room {
-  BallPart* parts;
+  NeighborPart* parts;
   Index *next, *first;
   Index* count;  // of parts that are wanted, also beyond the capacity
   Index capacity;
@@ -56,12 +56,12 @@ class Collection {
 };
 
 __global__ void __launch_bounds__(kBlock)
-    collect_balls(const __grid_constant__ Tree tree, Balls balls, const __grid_constant__ Room room,
-                  const __grid_constant__ Stop stop) {
+    collect_neighbors(const __grid_constant__ Tree tree, point::Radii radii, const __grid_constant__ Room room,
+                      const __grid_constant__ Stop stop) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;  // whole leaves, so whole warps
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
-  __shared__ WalkedBall::Shared shared[kWarps];
-  const WalkedBall ball(tree, balls, stop, Index(at), tree.holds(at), shared[threadIdx.x / kWarp]);
+  __shared__ WalkedRadius::Shared shared[kWarps];
+  const WalkedRadius ball(tree, radii, stop, Index(at), tree.holds(at), shared[threadIdx.x / kWarp]);
   Collection collection(room, Index(at / kLeafSize));
   ball.for_leaves([&](Index leaf, unsigned inside) {
     for (unsigned all = warp_or(inside); all != 0; all &= all - 1) {
@@ -74,20 +74,20 @@ __global__ void __launch_bounds__(kBlock)
 
 }  // namespace
 
-BallCollector::BallCollector(Context& context)
+NeighborCollector::NeighborCollector(Context& context)
     : context_(context), parts_(context), next_(context), first_(context), count_(context) {}
 
-CollectedBalls BallCollector::collected() const {
+CollectedNeighbors NeighborCollector::collected() const {
   return {complete_ ? parts_.data() : nullptr, next_.data(), first_.data()};
 }
 
-void BallCollector::release() {
+void NeighborCollector::release() {
   parts_.release();
   next_.release();
   complete_ = false;
 }
 
-bool BallCollector::make_room(std::size_t parts) {
+bool NeighborCollector::make_room(std::size_t parts) {
   try {
     parts_.resize(parts);
     next_.resize(parts);
@@ -98,29 +98,29 @@ bool BallCollector::make_room(std::size_t parts) {
   return true;
 }
 
-std::size_t BallCollector::run(const Tree& tree, const Balls& balls, const Stop& stop) {
-  check(cudaMemsetAsync(count_.data(), 0, sizeof(Index), context_.stream()), "preparing balls");
+std::size_t NeighborCollector::run(const Tree& tree, const point::Radii& radii, const Stop& stop) {
+  check(cudaMemsetAsync(count_.data(), 0, sizeof(Index), context_.stream()), "preparing neighbourhoods");
   const Index capacity = static_cast<Index>(std::min<std::size_t>(parts_.size(), point::kNoNeighbor));
-  collect_balls<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context_.stream()>>>(
-      tree, balls, {parts_.data(), next_.data(), first_.data(), count_.data(), capacity}, stop);
-  check(cudaGetLastError(), "collecting balls");
+  collect_neighbors<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context_.stream()>>>(
+      tree, radii, {parts_.data(), next_.data(), first_.data(), count_.data(), capacity}, stop);
+  check(cudaGetLastError(), "collecting neighbourhoods");
   Index count = 0;
   check(cudaMemcpyAsync(&count, count_.data(), sizeof(count), cudaMemcpyDeviceToHost, context_.stream()),
-        "collecting balls");
+        "collecting neighbourhoods");
   context_.finish();
   return count;
 }
 
-void BallCollector::collect(const Tree& tree, const Balls& balls, std::size_t largest, const Stop& stop) {
+void NeighborCollector::collect(const Tree& tree, const point::Radii& radii, std::size_t largest, const Stop& stop) {
   complete_ = false;
   first_.resize(std::max<std::size_t>(tree.leaves, 1));
   count_.resize(1);
-  const std::size_t most = largest / (sizeof(BallPart) + sizeof(Index));
+  const std::size_t most = largest / (sizeof(NeighborPart) + sizeof(Index));
   if (!make_room(std::min(most, std::max(parts_.size(), tree.leaves * kExpectedParts)))) return release();
-  const std::size_t wanted = run(tree, balls, stop);
+  const std::size_t wanted = run(tree, radii, stop);
   if (wanted > parts_.size()) {
     if (wanted > most || !make_room(wanted)) return release();
-    run(tree, balls, stop);
+    run(tree, radii, stop);
   }
   complete_ = true;
 }

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+// Radius neighbourhoods, whose radii may differ from point to point, and how the bodies of the stages
+// (src/point/stages.h) meet the neighbours of a point.
+//
+// `Neighbors` is a way to the neighbours of one point, or of each lane's point where several are treated at once:
+//   using Number                the number type F of one such point or lanes
+//   using Count                 a number of neighbours, to which counted(count, inside) adds one
+//   neighbors(load, visit)      calls visit(offset, loaded, inside) for each neighbour, always in the same order.
+//                               offset is v_j - v_i; `loaded` is what load(there) gave, at most 16 bytes, where `there`
+//                               is the neighbour's handle, which the arrays of the same backend understand; where
+//                               `inside` is false it is no neighbour of that lane, and its offset is some vector
+//   neighbors.squared_radius()  of the neighbourhood; 1 for lists, which have no width of their own
+//   neighbors.squared_core()    of 0.7 of that radius; infinite for lists
+//   neighbors.any(mask)         whether a mask holds in any lane that walks together with this one
+#pragma once
+
+#include "point/neighbors.h"
+#include "point/vec.h"
+
+namespace pointfair::point {
+
+// R_i^2 = (L_i radius)^2 + r_i^2, where L_i is the level of the noise at point i (noise_field.h), and r_i is the distance of point i to its `min_neighbors`-th nearest; the same radius for
+// all if that is 0.
+struct Radii {
+  const float* squared_radius;  // of each sorted point
+  float squared_base;
+  int min_neighbors;
+  const float* squared_level = nullptr;   // L_i^2 of each sorted point; null: 1
+  const float* squared_growth = nullptr;  // what multiplies R_i^2, of each sorted point; null: nothing
+};
+
+// A neighbourhood that would hold many more points is thinned to about so many, by a hash of their positions.
+inline constexpr float kNeighborhoodPoints = 400;
+
+// The share of its points that a neighbourhood of `squared_radius` keeps, where that of the point without growth is
+// `own`: a surface holds min_neighbors R^2 / r^2 points. Above 1: all.
+template <class F>
+POINTFAIR_INLINE F kept_share(const Radii& radii, F squared_level, F own, F squared_radius) {
+  const F squared_reach = own - squared_level * radii.squared_base;  // r_i^2
+  const F holds = select(squared_reach > F{}, squared_radius / squared_reach, F(1.0f));
+  return F(kNeighborhoodPoints / static_cast<float>(radii.min_neighbors)) / holds;
+}
+
+// For visits that read nothing of a neighbour.
+struct Nothing {};
+struct LoadNothing {
+  template <class There>
+  POINTFAIR_DEVICE_INLINE Nothing operator()(There) const {
+    return {};
+  }
+};
+
+}  // namespace pointfair::point

@@ -1,0 +1,225 @@
+// SPDX-License-Identifier: Apache-2.0
+// The body of each stage over any neighbourhood (src/point/neighborhoods.h): a backend adds the walk to the neighbours
+// and what is run at once. `Vectors` has at(there), `Scalars` of(there), for the handle of a neighbour.
+#pragma once
+
+#include "point/fairing.h"
+#include "point/neighborhoods.h"
+#include "point/noise_field.h"
+#include "point/normal.h"
+#include "point/outliers.h"
+
+namespace pointfair::point {
+
+template <class Neighbors>
+using NumberOf = typename Neighbors::Number;
+
+struct NormalRule {
+  NormalWeights weights;
+  bool of_radius;  // sigma is a multiple of the neighbourhood's radius
+};
+
+template <class F>
+POINTFAIR_INLINE LocalNormalWeights<F> weights_of(const NormalRule& rule, F squared_radius) {
+  if (rule.of_radius) return local_weights(rule.weights, squared_radius);
+  return {F(rule.weights.inverse_two_sigma2), F(rule.weights.inverse_sigma2)};
+}
+
+struct FairingRule {
+  BilateralWeights weights;
+  bool of_radius;                  // the closeness sigma is a multiple of the neighbourhood's radius
+  bool symmetric;                  // Eq. 10 of docs/how-it-works.md instead of the paper's step
+  float inverse_turn;              // of Eq. 10
+  bool similarity_follows;         // the level of the noise at the point
+  float strength;                  // share of the displacement that is made
+  float noise_variance;            // at level 1, where the share of noise_share() is made of that; 0: all of it
+  float noise_left, damage;        // of noise_share()
+  float squared_outlier_distance;  // 0: outliers are not looked for
+  float squared_level_outlier_distance;  // what the squared level multiplies; counts where it is more
+  float squared_sparse_core;       // of a neighbourhood of the outlier radius
+  bool pull_outliers;              // else they become NaN
+  bool pull_by_density;            // else by closeness
+};
+
+template <class F>
+POINTFAIR_INLINE LocalBilateralWeights<F> weights_of(const FairingRule& rule, F squared_radius, F squared_level) {
+  const F closeness = F(rule.weights.inverse_two_closeness2), similarity = F(rule.weights.inverse_two_similarity2);
+  return {rule.of_radius ? closeness / squared_radius : closeness,
+          rule.similarity_follows ? similarity / squared_level : similarity};
+}
+
+// Eq. 3 to 5.
+template <class F, class Count>
+struct NormalOfPoint {
+  Vec3<F> unit;  // zero where there is none
+  Count found;   // neighbours
+};
+
+template <class Neighbors, class Weights>
+POINTFAIR_DEVICE_INLINE auto normal_of(const Neighbors& neighbors, Weights weights) {
+  using F = NumberOf<Neighbors>;
+  using Count = typename Neighbors::Count;
+  CentroidSum<F> centroid_sum;
+  Count found{};
+  neighbors(LoadNothing{}, [&](Vec3<F> offset, Nothing, auto inside) {
+    centroid_sum.add(offset, inside, weights);
+    found = counted(found, inside);
+  });
+  const Vec3<F> centroid = centroid_sum.centroid();
+  CovarianceSum<F> covariance;
+  neighbors(LoadNothing{},
+            [&](Vec3<F> offset, Nothing, auto inside) { covariance.add(offset, centroid, inside, weights); });
+  const auto enough = Count(static_cast<float>(kLeastNeighbors - 1)) < found;
+  return NormalOfPoint<F, Count>{select<F>(enough, covariance.normal().unit, Vec3<F>{}), found};
+}
+
+// Eq. 9, and what Eq. 20 multiplies the squared radius by, where that of a flat place grows by `most`.
+template <class F>
+struct FilteredOfPoint {
+  Vec3<F> unit;
+  F squared_growth;
+};
+
+template <bool kGrows, class Neighbors, class Vectors>
+POINTFAIR_DEVICE_INLINE FilteredOfPoint<NumberOf<Neighbors>> filtered_normal_of(const Neighbors& neighbors,
+                                                                                const NormalRule& rule,
+                                                                                float inverse_turn,
+                                                                                Vec3<NumberOf<Neighbors>> own,
+                                                                                const Vectors& normals, float most) {
+  using F = NumberOf<Neighbors>;
+  const LocalNormalWeights<F> weights = weights_of(rule, neighbors.squared_radius());
+  FilteredNormal<F> filtered(own);
+  MeanTurn<F> turn;
+  neighbors([&](auto there) { return normals.at(there); },
+            [&](Vec3<F> offset, Vec3<F> normal, auto inside) {
+              filtered.add(offset, normal, inside, weights, inverse_turn);
+              if constexpr (kGrows) turn.add(dot(own, normal), inside);
+            });
+  return {filtered.unit(), turn.squared_growth(most)};
+}
+
+// What the sums read of a neighbour beside its place: a vector, and its area's weight.
+template <class F>
+struct alignas(sizeof(F) == 4 ? 16 : alignof(F)) WithArea {
+  Vec3<F> vector;
+  F area;
+};
+
+// d_i of Eq. 6; `visited` sees the offset of each neighbour too.
+template <class Neighbors, class Weights, class Areas, class Visited>
+POINTFAIR_DEVICE_INLINE NumberOf<Neighbors> paper_distance(const Neighbors& neighbors, Weights weights,
+                                                           Vec3<NumberOf<Neighbors>> normal, const Areas& areas,
+                                                           Visited visited) {
+  using F = NumberOf<Neighbors>;
+  BilateralSum<F> sum;
+  neighbors([&](auto there) { return areas.of(there); },
+            [&](Vec3<F> offset, F area, auto inside) {
+              visited(offset, inside);
+              sum.add(offset, normal, area, inside, weights);
+            });
+  return sum.distance();
+}
+
+// d_i of Eq. 10.
+template <class Neighbors, class Weights, class Vectors, class Areas, class Visited>
+POINTFAIR_DEVICE_INLINE NumberOf<Neighbors> symmetric_distance(const Neighbors& neighbors, Weights weights,
+                                                               float inverse_turn, Vec3<NumberOf<Neighbors>> normal,
+                                                               const Vectors& normals, const Areas& areas,
+                                                               Visited visited) {
+  using F = NumberOf<Neighbors>;
+  SymmetricSum<F> sum;
+  neighbors(
+      [&](auto there) {
+        return WithArea<F>{normals.at(there), areas.of(there)};
+      },
+      [&](Vec3<F> offset, const WithArea<F>& there, auto inside) {
+        visited(offset, inside);
+        sum.add(offset, normal, there.vector, there.area, inside, weights, inverse_turn);
+      });
+  return sum.distance();
+}
+
+// A mean of an outlier's neighbours (PullSum). `squared_radii` are not read without pull_by_density.
+template <class Neighbors, class Scalars>
+POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> pull_of(const Neighbors& neighbors,
+                                                          LocalBilateralWeights<NumberOf<Neighbors>> weights,
+                                                          const FairingRule& rule, const Scalars& squared_radii) {
+  using F = NumberOf<Neighbors>;
+  PullSum<F> sum;
+  if (rule.pull_by_density) {
+    const F own = neighbors.squared_radius();
+    neighbors([&](auto there) { return squared_radii.of(there); },
+              [&](Vec3<F> offset, F there, auto inside) { sum.add_by_density(offset, inside, own, there); });
+  } else {
+    neighbors(LoadNothing{}, [&](Vec3<F> offset, Nothing, auto inside) {
+      sum.add_by_closeness(offset, inside, weights.inverse_two_closeness2);
+    });
+  }
+  return sum.mean();
+}
+
+// Where a point goes by the bilateral method: along its normal, by the share that noise justifies; an outlier becomes
+// NaN or goes to a mean of its neighbours. `squared_level` is that of the noise here. More than one instance: what
+// outliers and shares need would take registers from the loop that does without.
+template <bool kSeeksOutliers, bool kShares, class Neighbors, class Vectors, class Areas, class Scalars>
+POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> faired_point(const Neighbors& neighbors, const FairingRule& rule,
+                                                               NumberOf<Neighbors> squared_level,
+                                                               Vec3<NumberOf<Neighbors>> here,
+                                                               Vec3<NumberOf<Neighbors>> normal, const Vectors& normals,
+                                                               const Areas& areas, const Scalars& squared_radii) {
+  using F = NumberOf<Neighbors>;
+  const LocalBilateralWeights<F> weights = weights_of(rule, neighbors.squared_radius(), squared_level);
+  const auto distance_of = [&](auto visited) {
+    return rule.symmetric ? symmetric_distance(neighbors, weights, rule.inverse_turn, normal, normals, areas, visited)
+                          : paper_distance(neighbors, weights, normal, areas, visited);
+  };
+  Agreement<F> agreement;
+  HeightSpread<F> spread;
+  const F squared_outlier_distance =
+      larger(F(rule.squared_outlier_distance), squared_level * rule.squared_level_outlier_distance);
+  const F squared_core = larger(neighbors.squared_core(), squared_outlier_distance);
+  F distance = distance_of([&](Vec3<F> offset, auto inside) {
+    if constexpr (kSeeksOutliers || kShares) {
+      const F height = dot(normal, offset);
+      if constexpr (kShares) spread.add(height, inside);
+      if constexpr (kSeeksOutliers) agreement.add(offset, height, inside, squared_outlier_distance, squared_core);
+    }
+  });
+  if constexpr (kShares)
+    distance = distance * noise_share(spread.variance(), squared_level * rule.noise_variance, rule.noise_left,
+                                      rule.damage);
+  const Vec3<F> there = moved(here, normal, distance * rule.strength);
+  if constexpr (!kSeeksOutliers) {
+    return there;
+  } else {
+    const auto is_sparse = neighbors.squared_core() > F(rule.squared_sparse_core);
+    // a point without a normal keeps its place
+    const auto is_outlier = agreement.is_missing(is_sparse) & (squared_length(normal) > F{});
+    if (!neighbors.any(is_outlier)) return there;
+    const F nan = F(__builtin_nanf(""));
+    if (!rule.pull_outliers) return select<F>(is_outlier, {nan, nan, nan}, there);
+    const Vec3<F> pull = pull_of(neighbors, weights, rule, squared_radii);
+    return select<F>(is_outlier, here + F(rule.strength) * pull, there);
+  }
+}
+
+// How many neighbours a point has, and the least of `values` over it and them.
+template <class F>
+struct Survey {
+  F count, least;
+};
+
+template <class Neighbors, class Scalars>
+POINTFAIR_DEVICE_INLINE Survey<NumberOf<Neighbors>> survey_of(const Neighbors& neighbors, NumberOf<Neighbors> own,
+                                                              const Scalars& values) {
+  using F = NumberOf<Neighbors>;
+  Survey<F> survey{F{}, own};
+  neighbors([&](auto there) { return values.of(there); },
+            [&](Vec3<F>, F value, auto inside) {
+              survey.count = survey.count + select(inside, F(1.0f), F{});
+              survey.least = select(inside, smaller(survey.least, value), survey.least);
+            });
+  return survey;
+}
+
+}  // namespace pointfair::point

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the bodies of the stages (src/point) read, from the settings of a run; the same for every backend.
+#pragma once
+
+#include "point/method.h"
+#include "point/stages.h"
+#include "seam/settings.hpp"
+
+namespace pointfair {
+
+inline point::NormalRule normal_rule(const NormalSettings& settings) {
+  return {point::normal_weights(settings.sigma), settings.of_radius};
+}
+
+// `by_list`: neighbourhoods are lists. settings.method is Method::bilateral.
+inline point::FairingRule fairing_rule(const FairingSettings& settings, bool by_list) {
+  return {point::bilateral_weights(settings.closeness_sigma, settings.similarity_sigma),
+          settings.closeness_of_radius,
+          settings.symmetric,
+          point::inverse_turn(settings.turn_angle),
+          settings.similarity_follows,
+          settings.strength,
+          settings.noise * settings.noise,
+          settings.is_further ? point::kNoiseLeft : 1.0f,
+          settings.damage,
+          settings.outlier_distance * settings.outlier_distance,
+          settings.level_outlier_distance * settings.level_outlier_distance,
+          point::squared_core(settings.outlier_radius * settings.outlier_radius),
+          settings.pull_outliers,
+          !by_list};
+}
+
+// Of the mean distance in W_a.
+inline int area_power(AreaWeight area_weight) {
+  return area_weight == AreaWeight::squared ? 2 : area_weight == AreaWeight::length ? 1 : 0;
+}
+
+// Whether the radii of flat places grow for the bilateral step.
+inline bool radii_grow(const NeighborSettings& neighbors, const NormalSettings& normals) {
+  return neighbors.k == 0 && normals.filter_rounds > 0 && normals.flat_scale > 1;
+}
+
+// Whether a point's step reads what further points' normals, or their radii, which are exact where normals are.
+inline bool reads_normals_of_neighbors(const FairingSettings& settings) {
+  return settings.symmetric || settings.method != Method::bilateral || settings.pull_outliers;
+}
+
+// settings.method is not Method::bilateral.
+inline point::MethodRule method_rule(const FairingSettings& settings) {
+  using point::Adjustment, point::Displacement;
+  point::MethodRule rule{Displacement::to_mean,
+                         Adjustment::none,
+                         point::bilateral_weights(settings.closeness_sigma, settings.similarity_sigma),
+                         settings.closeness_of_radius,
+                         settings.strength,
+                         {1.0f, 0.0f},
+                         settings.similarity_sigma * settings.similarity_sigma};
+  switch (settings.method) {
+    case Method::bilateral:
+    case Method::laplacian:
+      break;
+    case Method::taubin:
+      rule.adjustment = Adjustment::relaxation;
+      rule.relaxation = point::taubin_relaxation(settings.strength);
+      break;
+    case Method::hc_laplacian:
+      rule.adjustment = Adjustment::relaxation;
+      rule.relaxation = point::hc_relaxation();
+      break;
+    case Method::mls:
+      rule.displacement = Displacement::to_quadric;
+      break;
+    case Method::wiener:
+      rule.displacement = Displacement::to_plane;
+      rule.adjustment = Adjustment::wiener;
+      rule.strength = 1.0f;  // whole heights tell shape from noise
+      rule.relaxation.own = settings.strength;
+      break;
+    case Method::mollified:
+      rule.displacement = Displacement::to_planes;
+      break;
+  }
+  return rule;
+}
+
+}  // namespace pointfair
