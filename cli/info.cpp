@@ -38,6 +38,8 @@ std::string info_text(const Cloud& cloud, const Estimates& estimates, const Para
   fmt::format_to(out, "spacing     {:.4g}\nnoise       {:.4g}\n", estimates.spacing, estimates.noise);
   if (estimates.spacing > 0) {
     fmt::format_to(out, "            {:.3g} of the spacing\n", estimates.noise / estimates.spacing);
+    const auto& [quiet, typical, loud] = estimates.noise_quantiles;
+    fmt::format_to(out, "            {:.4g} .. {:.4g} .. {:.4g} at 5, 50, 95 % of the places\n", quiet, typical, loud);
   }
   fmt::format_to(out, "attributes\n");
   for (const AttributeInfo& attribute : attributes(cloud)) {
@@ -59,6 +61,7 @@ Json info_json(const Cloud& cloud, const Estimates& estimates, const Params& sug
           {"attributes", attributes_json(attributes(cloud))},
           {"spacing", estimates.spacing},
           {"noise", estimates.noise},
+          {"noise_quantiles", estimates.noise_quantiles},
           {"suggested", params_json(suggested)}};
 }
 

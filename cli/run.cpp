@@ -2,6 +2,7 @@
 // pointfair run IN OUT: denoise a cloud.
 #include <fmt/format.h>
 
+#include <array>
 #include <cmath>
 #include <memory>
 
@@ -28,6 +29,7 @@ struct RunArguments {
 // What is said about a run beside the library's own report.
 struct Findings {
   double spacing = 0, noise = 0;  // of the input
+  std::array<double, 3> noise_quantiles{};
   Statistics displacement;
 };
 
@@ -67,7 +69,7 @@ Json run_json(const Report& report, const Findings& findings) {
           {"points", report.points},
           {"params", params_json(report.params)},
           {"spacing", findings.spacing},
-          {"noise", {{"before", findings.noise}}},
+          {"noise", {{"before", findings.noise}, {"quantiles", findings.noise_quantiles}}},
           {"unmoved", unmoved_json(report.unmoved)},
           {"short_neighborhoods", report.short_neighborhoods},
           {"displacement", statistics_json(findings.displacement)},
@@ -142,7 +144,7 @@ void run(const RunArguments& arguments, std::stop_token stop) {
     if (wants_findings) {
       progress.show(1, "measuring");
       const Estimates& estimates = pipeline.estimates(stop);
-      findings = {estimates.spacing, estimates.noise, displacement(cloud, denoised)};
+      findings = {estimates.spacing, estimates.noise, estimates.noise_quantiles, displacement(cloud, denoised)};
     }
   }
   write_report(arguments.report, run_json(pipeline.report(), findings));

@@ -156,8 +156,11 @@ double share_damage(const Noise& noise, int iterations) {
   return kDamage * iterations * (1 - share_between(kHarmlessNoise, level)) * (1 - noise.alikeness);
 }
 
-// What is automatic follows the noise from place to place.
-bool follows_noise(const Params& p) { return chooses_balls(p) && p.method == Method::bilateral; }
+// Whether what is automatic follows the noise from place to place. Between sheets the gap sets lengths, and heights are
+// of both.
+bool follows_noise(const Params& p, const Noise& noise) {
+  return chooses_balls(p) && p.method == Method::bilateral && !(noise.gap > 0);
+}
 
 // Sigmas. Where noise is little against the spacing, what moves by more is edges, which balls reach across.
 double farthest_move(const Noise& noise, double spacing, bool by_share) {
@@ -172,10 +175,10 @@ bool sums_balls(const Params& p) { return p.k == kAutomatic && !p.constraint; }
 
 FollowedNoise followed_noise(const Params& asked, const Params& used, const Noise& noise,
                              std::shared_ptr<const NoiseLevels> levels) {
-  if (!follows_noise(asked)) return {};
+  if (!follows_noise(asked, noise)) return {};
   FollowedNoise followed;
   if (!asked.relaxation) followed.damage = share_damage(of_sigma(noise, used.noise.value), used.iterations);
-  if (!levels || noise.gap > 0) return followed;  // the gap sets lengths between sheets
+  if (!levels) return followed;
   followed.levels = std::move(levels);
   followed.similarity = asked.similarity_sigma.is_automatic();
   followed.limit = asked.displacement_limit.is_automatic();
@@ -284,11 +287,11 @@ Params resolve_params(const Params& params, const Spacing& spacing, const Noise&
   if (!params.relaxation) {
     // many small iterations make the whole together
     const int whole_iterations = its.iterations > kIterations ? 1 : used.iterations;
-    used.relaxation = chooses_balls(params) ? automatic_relaxation(its.relaxation_percent, whole_iterations, noise, s, follows_noise(params))
+    used.relaxation = chooses_balls(params) ? automatic_relaxation(its.relaxation_percent, whole_iterations, noise, s, follows_noise(params, noise))
                                             : its.relaxation_percent / 100.0;
   }
   if (params.outliers == Outliers::automatic) used.outliers = seeks_outliers(params) ? Outliers::keep : Outliers::off;
-  used.displacement_limit = in_file_units(params.displacement_limit, farthest_move(noise, s, follows_noise(params)) * noise.sigma);
+  used.displacement_limit = in_file_units(params.displacement_limit, farthest_move(noise, s, follows_noise(params, noise)) * noise.sigma);
   const double least_outlier = kOutlierSpacings * (1 + noise.likeness_to_shape) * s;
   used.outlier_distance =
       in_file_units(params.outlier_distance, std::max(kOutlierDistance * noise.sigma, least_outlier));

@@ -24,6 +24,7 @@ constexpr double kFitError = 0.1;                  // of log variances, beside c
 constexpr double kChance = 0.15;                   // of log levels, by the samples alone
 constexpr double kSpread = 0.35;  // of log levels, before anything is known
 constexpr double kLargestLevel = 8;
+constexpr std::array kQuantiles{0.05, 0.5, 0.95};  // that are told
 constexpr double kWideRadius = 2.6;  // standard deviations; in narrower balls the slab's bias is not undone
 
 constexpr std::array kCounts{point::kLeastFit, point::kFirstFit, 2 * point::kFirstFit, point::kFirstRow};
@@ -178,7 +179,11 @@ std::shared_ptr<const NoiseLevels> noise_levels(const LocalSamples& samples, dou
   }
   if (known.size() < kFewestSamples) return nullptr;
   shrink(log_levels);
-  return std::make_shared<NoiseLevels>(levels_between(known, log_levels));
+  auto levels = std::make_shared<NoiseLevels>(levels_between(known, log_levels));
+  std::sort(log_levels.begin(), log_levels.end());
+  for (std::size_t q = 0; q < kQuantiles.size(); ++q)
+    levels->quantiles[q] = std::exp(log_levels[std::size_t(kQuantiles[q] * double(log_levels.size() - 1))]);
+  return levels;
 }
 
 }  // namespace pointfair

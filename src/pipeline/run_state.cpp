@@ -26,6 +26,13 @@ FairingSettings of_iteration(FairingSettings settings, int iteration) {
   return settings;
 }
 
+std::array<double, 3> noise_quantiles(const Noise& noise, const NoiseLevels* levels) {
+  std::array<double, 3> result{noise.sigma, noise.sigma, noise.sigma};
+  if (levels != nullptr)
+    for (std::size_t q = 0; q < result.size(); ++q) result[q] *= levels->quantiles[q];
+  return result;
+}
+
 double diagonal_of(const Bounds& b) {
   return std::hypot(double(b.max.x) - b.min.x, double(b.max.y) - b.min.y, double(b.max.z) - b.min.z);
 }
@@ -101,7 +108,8 @@ void Pipeline::State::measure_all(const std::stop_token& stop) {
                         cloud.spacing->mean,
                         cloud.noise->sigma,
                         cloud.points(),
-                        b.valid};
+                        b.valid,
+                        noise_quantiles(*cloud.noise, cloud.levels.get())};
 }
 
 Params Pipeline::State::resolve(const Params& params, const std::stop_token& stop) {
@@ -140,8 +148,7 @@ void Pipeline::State::run_to_end(const Params& params, std::span<Point> out, con
 
   const Params used = resolve_once(params, stop);
   last_order_ = order_for(params);
-  const FollowedNoise followed =
-      needs_noise(params) ? followed_noise(params, used, *cloud.noise, cloud.levels) : FollowedNoise{};
+  followed = needs_noise(params) ? followed_noise(params, used, *cloud.noise, cloud.levels) : FollowedNoise{};
   const Settings settings = settings_of(used, followed);
   const int last = used.iterations - 1;
   execute(plan(cloud.cached, {settings, last_order_, used.iterations}), std::size_t(4) * std::size_t(used.iterations),

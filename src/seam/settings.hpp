@@ -2,6 +2,7 @@
 // What each stage reads: parameters with every `auto` resolved and every length in file units.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <limits>
 #include <memory>
@@ -18,6 +19,7 @@ struct NoiseLevels {
   std::vector<float> levels;
   Point first{};
   float nodes_per_unit = 0;
+  std::array<double, 3> quantiles{1, 1, 1};  // of the samples' levels: 5, 50, 95 %
 };
 
 struct NeighborSettings {
