@@ -39,8 +39,8 @@ struct Settings {
   bool normal_of_radius = false, closeness_of_radius = false;  // those sigmas are multiples of the ball's radius
   int filter_rounds = 0;
   double crease_angle = 0, turn_angle = 0;  // degrees; a filter without one is a plain mean
-  double flat_scale = 1;                     // of balls in flat places, over their own
-  std::vector<float> squared_growth;          // of each point's squared radius; empty: none
+  double flat_scale = 1;                    // of balls in flat places, over their own
+  std::vector<float> squared_growth;        // of each point's squared radius; empty: none
   Method method = Method::bilateral;
   bool symmetric = false;
   double strength = 1;
@@ -100,8 +100,8 @@ inline Settings settings_of(const Params& resolved, const FollowedNoise& followe
   return s;
 }
 
-// The mean of the eight nodes around the place, each by the volume of the box to the opposite one; outside the grid that
-// of the nearest place on it.
+// The mean of the eight nodes around the place, each by the volume of the box to the opposite one; outside the grid
+// that of the nearest place on it.
 inline double noise_level(const Settings& s, Point p) {
   if (!s.levels) return 1;
   const int nodes = int(std::lround(std::cbrt(double(s.levels->levels.size()))));

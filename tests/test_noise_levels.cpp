@@ -9,8 +9,8 @@
 #include <numeric>
 #include <random>
 
-#include "estimate/noise_levels.hpp"
 #include "estimate/node_grid.hpp"
+#include "estimate/noise_levels.hpp"
 #include "pipeline/pipeline_access.hpp"
 #include "pointfair/pointfair.hpp"
 #include "reference.h"
@@ -21,7 +21,7 @@ namespace {
 
 using shapes::Points;
 
-constexpr int kPoints = 20000;       // over the unit square: the spacing is 0.007
+constexpr int kPoints = 20000;  // over the unit square: the spacing is 0.007
 constexpr double kSpacing = 0.0071;
 constexpr double kQuiet = 0.1 * kSpacing, kLoud = 0.6 * kSpacing;
 

@@ -200,8 +200,8 @@ TEST(DisplacementLimit, leaves_the_less_of_a_way_the_longer_it_would_be) {
   EXPECT_GT(beyond, points.size() / 4);
 }
 
-// Of noise above half a spacing, and of a seventh; the spacing is 0.014. What edges would move of little noise, its share
-// of the step holds back (LowNoise.is_not_raised_at_a_crest).
+// Of noise above half a spacing, and of a seventh; the spacing is 0.014. What edges would move of little noise, its
+// share of the step holds back (LowNoise.is_not_raised_at_a_crest).
 TEST(DisplacementLimit, is_four_times_the_noise_by_itself_however_little) {
   const auto in_sigmas = [](double sigma) {
     const Params used = run(shapes::with_noise(shapes::plane(5000), sigma), {}).report.params;
@@ -261,7 +261,8 @@ TEST(Outliers, agree_with_the_reference) {
   cloud.points[3].x = std::numeric_limits<float>::quiet_NaN();
   for (const Outliers choice : {Outliers::keep, Outliers::move}) {
     const Outcome outcome = run(cloud.points, with(choice));
-    const auto expected = reference::fair(cloud.points, reference::settings_of(outcome.report.params, outcome.followed));
+    const auto expected =
+        reference::fair(cloud.points, reference::settings_of(outcome.report.params, outcome.followed));
     std::uint64_t outliers = 0;
     for (std::size_t i = 0; i < cloud.points.size(); ++i) {
       if (i == 3) continue;

@@ -105,7 +105,8 @@ struct Kernels {
   // One round of Eq. 9; `growth` receives what Eq. 20 multiplies R_i^2 by, unless its array is null.
   void (*filter_normals)(const IndexView&, Index leaf, Neighborhoods, point::NormalRule, float inverse_turn,
                          VectorsView, VectorsOut, GrowthOut growth);
-  // The bilateral method: moved positions, point after point. `squared_level`: of the noise at each sorted point; null: 1.
+  // The bilateral method: moved positions, point after point. `squared_level`: of the noise at each sorted point;
+  // null: 1.
   void (*fair)(const IndexView&, Index leaf, Neighborhoods, VectorsView, AreaView, point::FairingRule,
                const float* squared_level, float* xyz);
   // The other methods: the displacements of all points, then from them the moved positions.

@@ -101,7 +101,9 @@ class RadiusWalk {
     farthest_ = largest(queries_.limit);
     share_ = broadcast(1.0f);
     if (radii.min_neighbors > 0)
-      share_ = select(active, point::kept_share(radii, squared_level_at(radii.squared_level, start), own, queries_.limit), broadcast(0.0f));
+      share_ =
+          select(active, point::kept_share(radii, squared_level_at(radii.squared_level, start), own, queries_.limit),
+                 broadcast(0.0f));
     largest_share_ = largest(share_);
     is_thinned_ = smallest(select(active, share_, broadcast(1.0f))) < 1.0f;
   }
@@ -266,10 +268,9 @@ __attribute__((noinline)) void fair_leaf(const IndexView& index, Index leaf, con
   for_packs(index, leaf, neighborhoods, [&](Index start, const auto& neighbors) {
     const point::Vec3<Floats> here = load_vector(index.x, index.y, index.z, start);
     const Vectors of_points{normals};
-    const point::Vec3<Floats> there =
-        point::faired_point<kSeeksOutliers, kShares>(neighbors, rule, squared_level_at(squared_level, start), here,
-                                                     of_points.at(Own{start}), of_points, Areas{area},
-                                                     Scalars{neighborhoods.radii.squared_radius});
+    const point::Vec3<Floats> there = point::faired_point<kSeeksOutliers, kShares>(
+        neighbors, rule, squared_level_at(squared_level, start), here, of_points.at(Own{start}), of_points, Areas{area},
+        Scalars{neighborhoods.radii.squared_radius});
     store_points(there, xyz + 3 * (start % kLeafSize));
   });
 }
@@ -278,8 +279,9 @@ __attribute__((noinline)) void fair_leaf(const IndexView& index, Index leaf, con
 inline void fair(const IndexView& index, Index leaf, Neighborhoods neighborhoods, VectorsView normals, AreaView area,
                  point::FairingRule rule, const float* squared_level, float* xyz) {
   const bool shares = rule.noise_variance > 0;
-  const auto fair_points = rule.squared_outlier_distance > 0 ? (shares ? fair_leaf<true, true> : fair_leaf<true, false>)
-                                                             : (shares ? fair_leaf<false, true> : fair_leaf<false, false>);
+  const auto fair_points = rule.squared_outlier_distance > 0
+                               ? (shares ? fair_leaf<true, true> : fair_leaf<true, false>)
+                               : (shares ? fair_leaf<false, true> : fair_leaf<false, false>);
   fair_points(index, leaf, neighborhoods, normals, area, rule, squared_level, xyz);
 }
 

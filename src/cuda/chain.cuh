@@ -65,8 +65,8 @@ class Chain {
   DeviceArray<Point>& faired() { return faired_; }  // in upload order; by parts, or after join()
   // With nodes on the card, null without levels.
   point::NoiseField noise_field(const std::shared_ptr<const NoiseLevels>& levels);
-  CloudState state();                               // settles and waits for all work
-  void fetch_state(CloudState* pinned);             // settles, and only starts the copy
+  CloudState state();                    // settles and waits for all work
+  void fetch_state(CloudState* pinned);  // settles, and only starts the copy
   std::size_t points() const { return index_.points(); }
 
  private:
@@ -89,8 +89,10 @@ class Chain {
                       const std::stop_token& stop);
   // A squared radius stays finite: infinite are only places that hold no point.
   float squared_base() const { return std::min(neighbors_.radius * neighbors_.radius, 1e37f); }
-  point::Radii radii() const { return {squared_radius_.data(), squared_base(), neighbors_.min_neighbors,
-                                                 neighbors_.radius_follows ? squared_levels() : nullptr}; }
+  point::Radii radii() const {
+    return {squared_radius_.data(), squared_base(), neighbors_.min_neighbors,
+            neighbors_.radius_follows ? squared_levels() : nullptr};
+  }
   Surroundings surroundings(const Stop& stop = {}) const { return {lists(), radii(), collector_.collected(), stop}; }
   bool radii_grow() const { return pointfair::radii_grow(neighbors_, normal_settings_); }
   Surroundings grown_surroundings(const Stop& stop = {}) const;  // of the bilateral step

@@ -96,7 +96,7 @@ __global__ void __launch_bounds__(kBlock) conclude_first(SampleArrays samples, c
   const point::NoiseSample noise = point::noise_sample(0, point::kFirstRounds, [its](int round) { return its[round]; });
   samples.noise[n] = noise;
   samples.residuals[n] = point::residual_sample(its[point::kFirstRounds + 1], its[0], its[point::kFirstRounds],
-                                                  its[point::kFirstRounds - 1]);
+                                                its[point::kFirstRounds - 1]);
   again[n] = noise.is_short ? samples.queries[samples.for_spacing + n] : point::kNoNeighbor;
 }
 

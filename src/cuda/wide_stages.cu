@@ -77,9 +77,9 @@ __global__ void __launch_bounds__(kBlock)
   }
   const Neighbors neighbors(tree, surroundings, Index(at), valid, shared[threadIdx.x / kWarp]);
   const float4 p = tree.points[at];
-  const Vec moved = point::faired_point<kSeeksOutliers, kShares>(
-      neighbors, rule, squared_level_at(squared_level, at), position_of(p), normals.at(at), normals, areas,
-      Scalars{surroundings.radii.squared_radius});
+  const Vec moved = point::faired_point<kSeeksOutliers, kShares>(neighbors, rule, squared_level_at(squared_level, at),
+                                                                 position_of(p), normals.at(at), normals, areas,
+                                                                 Scalars{surroundings.radii.squared_radius});
   store_faired(faired, at, p, valid, moved);
 }
 

@@ -46,10 +46,10 @@ constexpr int kIterations = 2;
 constexpr double kFarthestMove = 4, kFarthestOfLittleNoise = 1.5, kOutlierDistance = 6;  // sigmas
 constexpr double kLittleNoise = 0.03, kMuchNoise = 0.5;         // spacings; between them the farthest move grows
 constexpr double kSmoothingNoise = 0.1, kShapelessNoise = 0.6;  // spacings; between them shape matters less and less
-constexpr double kDamage = 0.6;                // of the variance that noise does not explain, by each iteration
+constexpr double kDamage = 0.6;                  // of the variance that noise does not explain, by each iteration
 constexpr double kHarmlessNoise[] = {0.2, 0.6};  // spacings; between them neighbourhoods begin to be wide for its sake
-constexpr double kOutlierRadius = 6;                            // of what holds a typical point's neighbours
-constexpr double kOutlierSpacings = 0.5;  // and at least so many spacings, twice if residuals are shape
+constexpr double kOutlierRadius = 6;             // of what holds a typical point's neighbours
+constexpr double kOutlierSpacings = 0.5;         // and at least so many spacings, twice if residuals are shape
 
 // What `auto` means for one method; the constants above are the bilateral one's.
 struct MethodDefaults {
@@ -143,8 +143,9 @@ double automatic_relaxation(int whole_percent, int iterations, const Noise& nois
   const double trusted = kTrustedNoise + noise.likeness_to_shape * (kTrustedShape - kTrustedNoise);
   const double ratio = trusted * spacing / noise.sigma;
   const double smallness = 1 - share_between(kSmoothingNoise, kShapelessNoise, noise.sigma / spacing);
-  const double of_noise = by_share ? 1 :
-      std::max(1 / (1 + kShapeDamage * (kUnseenShape + noise.shape_to_noise)), 1 - std::pow(smallness, 4));
+  const double of_noise =
+      by_share ? 1
+               : std::max(1 / (1 + kShapeDamage * (kUnseenShape + noise.shape_to_noise)), 1 - std::pow(smallness, 4));
   const double share = 1 - std::pow(1 - of_noise, 1.0 / iterations);
   return double(std::max(1l, std::lround(whole_percent * share / (1 + ratio * ratio * ratio * ratio)))) / 100;
 }
@@ -287,11 +288,13 @@ Params resolve_params(const Params& params, const Spacing& spacing, const Noise&
   if (!params.relaxation) {
     // many small iterations make the whole together
     const int whole_iterations = its.iterations > kIterations ? 1 : used.iterations;
-    used.relaxation = chooses_balls(params) ? automatic_relaxation(its.relaxation_percent, whole_iterations, noise, s, follows_noise(params, noise))
+    used.relaxation = chooses_balls(params) ? automatic_relaxation(its.relaxation_percent, whole_iterations, noise, s,
+                                                                   follows_noise(params, noise))
                                             : its.relaxation_percent / 100.0;
   }
   if (params.outliers == Outliers::automatic) used.outliers = seeks_outliers(params) ? Outliers::keep : Outliers::off;
-  used.displacement_limit = in_file_units(params.displacement_limit, farthest_move(noise, s, follows_noise(params, noise)) * noise.sigma);
+  used.displacement_limit =
+      in_file_units(params.displacement_limit, farthest_move(noise, s, follows_noise(params, noise)) * noise.sigma);
   const double least_outlier = kOutlierSpacings * (1 + noise.likeness_to_shape) * s;
   used.outlier_distance =
       in_file_units(params.outlier_distance, std::max(kOutlierDistance * noise.sigma, least_outlier));

@@ -17,7 +17,7 @@ struct FollowedNoise {
   std::shared_ptr<const NoiseLevels> levels{};  // null: the noise is held to be the same everywhere
   bool similarity = false, limit = false;       // the similarity sigma, the displacement limit
   double outlier_distance = 0;                  // of level 1
-  double damage = 0;                            // of the share of each displacement (point/noise_field.h); 0: all is made
+  double damage = 0;  // of the share of each displacement (point/noise_field.h); 0: all is made
 };
 FollowedNoise followed_noise(const Params& asked, const Params& used, const Noise& noise,
                              std::shared_ptr<const NoiseLevels> levels);

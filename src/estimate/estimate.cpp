@@ -20,9 +20,9 @@ namespace {
 // many points of the cloud, all of the sample at most.
 constexpr std::size_t kNoiseSamples = 500;
 constexpr std::uint64_t kPointsOfPlace = 200;
-constexpr double kSheetShare = 0.1;         // of the samples; fewer that see two sheets are corners and outliers
-constexpr double kPlaneQuartile = 1.2;      // of a plane's own variances, by chance
-constexpr double kDoubtfulNoise = 0.6;      // spacings; below it residuals may be shape
+constexpr double kSheetShare = 0.1;     // of the samples; fewer that see two sheets are corners and outliers
+constexpr double kPlaneQuartile = 1.2;  // of a plane's own variances, by chance
+constexpr double kDoubtfulNoise = 0.6;  // spacings; below it residuals may be shape
 // How residuals grow from one neighbourhood to one of twice the points where they are noise, where they are shape.
 constexpr double kNoiseGrowth = 1.35, kShapeGrowth = 1.5;
 // The same of the medians: of noise alone (fewer points scatter more), and of the variances of shape.
@@ -178,10 +178,10 @@ Noise of_sigma(Noise noise, double sigma) {
 
 Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wanted, const std::stop_token& stop) {
   const std::span<const std::uint32_t> queries = sample.indices;
-  const std::size_t of_places = std::size_t(std::max<std::uint64_t>(kNoiseSamples, sample.bounds.valid / kPointsOfPlace));
+  const std::size_t of_places =
+      std::size_t(std::max<std::uint64_t>(kNoiseSamples, sample.bounds.valid / kPointsOfPlace));
   const std::size_t noises = wanted.noise ? std::min(queries.size(), of_places) : 0;
-  const Samples samples =
-      from.take_samples(wanted.spacing ? queries : queries.first(0), queries.first(noises), stop);
+  const Samples samples = from.take_samples(wanted.spacing ? queries : queries.first(0), queries.first(noises), stop);
   Estimate result{spacing_of(samples.spacing), {}};
   if (!wanted.noise) return result;
   std::optional<std::vector<point::ResidualSample>> residuals;  // of all places
@@ -196,10 +196,10 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
     return of_first;
   });
   if (result.noise.sigma < kBeyondResiduals * result.noise.surface_spacing) all_residuals();
-  result.levels = noise_levels({std::span(sample.points).first(noises), samples.noise,
-                                residuals ? std::span<const point::ResidualSample>(*residuals)
-                                          : std::span<const point::ResidualSample>()},
-                               result.noise.sigma);
+  result.levels = noise_levels(
+      {std::span(sample.points).first(noises), samples.noise,
+       residuals ? std::span<const point::ResidualSample>(*residuals) : std::span<const point::ResidualSample>()},
+      result.noise.sigma);
   return result;
 }
 

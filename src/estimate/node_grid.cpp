@@ -10,8 +10,8 @@
 namespace pointfair {
 namespace {
 
-constexpr double kWidening = 2;      // samples; where fewer are near, wider surroundings count
-constexpr double kAside = 0.01;      // of the places, at either end of each axis
+constexpr double kWidening = 2;  // samples; where fewer are near, wider surroundings count
+constexpr double kAside = 0.01;  // of the places, at either end of each axis
 
 // Sums over the cells of a cube of n cells an axis, and the mean once it is known.
 struct Level {

@@ -15,14 +15,14 @@
 namespace pointfair {
 namespace {
 
-constexpr std::size_t kFewestSamples = 64;  // that show noise
-constexpr std::size_t kPool = 16;           // samples whose residuals stand for one place
-constexpr std::size_t kSmoothed = 8;        // whose median is the noise of one place
-constexpr double kQuantile = 0.35;          // of a pool: edges and outliers only raise a residual
+constexpr std::size_t kFewestSamples = 64;         // that show noise
+constexpr std::size_t kPool = 16;                  // samples whose residuals stand for one place
+constexpr std::size_t kSmoothed = 8;               // whose median is the noise of one place
+constexpr double kQuantile = 0.35;                 // of a pool: edges and outliers only raise a residual
 constexpr double kQuantileNormal = -0.3853204664;  // of the normal distribution, at kQuantile
 constexpr double kFitError = 0.1;                  // of log variances, beside chance: no model is exact
 constexpr double kChance = 0.15;                   // of log levels, by the samples alone
-constexpr double kSpread = 0.35;  // of log levels, before anything is known
+constexpr double kSpread = 0.35;                   // of log levels, before anything is known
 constexpr double kLargestLevel = 8;
 constexpr std::array kQuantiles{0.05, 0.5, 0.95};  // that are told
 constexpr double kWideRadius = 2.6;  // standard deviations; in narrower balls the slab's bias is not undone
@@ -119,7 +119,7 @@ double noise_of(const Curve& curve, const std::vector<Curve>& rows, double typic
   }
   const double prior = 1 / (4 * kSpread * kSpread), log_typical = 2 * std::log(typical);
   all += prior;
-  if (known < 2) return kUnknown;  // nothing tells shape from noise
+  if (known < 2) return kUnknown;               // nothing tells shape from noise
   std::vector<std::pair<double, double>> fits;  // minus twice the log likelihood, and log noise
   double best = std::numeric_limits<double>::infinity();
   for (const Curve& row : rows) {

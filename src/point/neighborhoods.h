@@ -19,8 +19,8 @@
 
 namespace pointfair::point {
 
-// R_i^2 = (L_i radius)^2 + r_i^2, where L_i is the level of the noise at point i (noise_field.h), and r_i is the distance of point i to its `min_neighbors`-th nearest; the same radius for
-// all if that is 0.
+// R_i^2 = (L_i radius)^2 + r_i^2, where L_i is the level of the noise at point i (noise_field.h), and r_i is the
+// distance of point i to its `min_neighbors`-th nearest; the same radius for all if that is 0.
 struct Radii {
   const float* squared_radius;  // of each sorted point
   float squared_base;

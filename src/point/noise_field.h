@@ -9,9 +9,9 @@ namespace pointfair::point {
 // Levels of noise at the nodes of a cubic grid: the local standard deviation over that of a typical place.
 inline constexpr int kFieldNodes = 32;  // along each axis
 struct NoiseField {
-  const float* levels;     // [z][y][x], kFieldNodes of each; null: 1 everywhere
-  Vec3<float> first;       // the node of least coordinates
-  float nodes_per_unit;    // of length
+  const float* levels;   // [z][y][x], kFieldNodes of each; null: 1 everywhere
+  Vec3<float> first;     // the node of least coordinates
+  float nodes_per_unit;  // of length
 };
 
 struct NodePlace {
@@ -64,14 +64,14 @@ struct HeightSpread {
   }
 };
 
-// Up to kChance of the noise's variance may be missing or too much by chance; after the first iteration kNoiseLeft of it
-// is left.
+// Up to kChance of the noise's variance may be missing or too much by chance; after the first iteration kNoiseLeft of
+// it is left.
 inline constexpr float kChance = 0.3f, kNoiseLeft = 0.1f;
 
 // The share of a displacement that noise justifies, as a local Wiener filter has it: noise / (noise + damage x shape).
 // `variance`: of the heights; `noise`: the variance of the noise before the first iteration; `left`: how much of it the
-// heights still hold, 1 in the first iteration and kNoiseLeft in later ones; `damage`: what the step does to a shape, in
-// its variance within the neighbourhood.
+// heights still hold, 1 in the first iteration and kNoiseLeft in later ones; `damage`: what the step does to a shape,
+// in its variance within the neighbourhood.
 template <class F>
 POINTFAIR_INLINE F noise_share(F variance, F noise, float left, float damage) {
   const F shape = larger(variance - noise * (left + kChance), F{});

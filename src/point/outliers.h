@@ -25,7 +25,8 @@ template <class F>
 struct Agreement {
   F near_plane{}, near{}, all{};
 
-  // `height`: over the point's plane; `squared_core`: of 0.7 R or the outlier distance, infinite where there is no radius
+  // `height`: over the point's plane; `squared_core`: of 0.7 R or the outlier distance, infinite where there is no
+  // radius
   template <class Mask>
   POINTFAIR_INLINE void add(Vec3<F> offset, F height, Mask inside, F squared_distance, F squared_core) {
     const F one = select(inside, F(1.0f), F{});

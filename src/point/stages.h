@@ -27,18 +27,18 @@ POINTFAIR_INLINE LocalNormalWeights<F> weights_of(const NormalRule& rule, F squa
 
 struct FairingRule {
   BilateralWeights weights;
-  bool of_radius;                  // the closeness sigma is a multiple of the neighbourhood's radius
-  bool symmetric;                  // Eq. 10 of docs/how-it-works.md instead of the paper's step
-  float inverse_turn;              // of Eq. 10
-  bool similarity_follows;         // the level of the noise at the point
-  float strength;                  // share of the displacement that is made
-  float noise_variance;            // at level 1, where the share of noise_share() is made of that; 0: all of it
-  float noise_left, damage;        // of noise_share()
-  float squared_outlier_distance;  // 0: outliers are not looked for
+  bool of_radius;                        // the closeness sigma is a multiple of the neighbourhood's radius
+  bool symmetric;                        // Eq. 10 of docs/how-it-works.md instead of the paper's step
+  float inverse_turn;                    // of Eq. 10
+  bool similarity_follows;               // the level of the noise at the point
+  float strength;                        // share of the displacement that is made
+  float noise_variance;                  // at level 1, where the share of noise_share() is made of that; 0: all of it
+  float noise_left, damage;              // of noise_share()
+  float squared_outlier_distance;        // 0: outliers are not looked for
   float squared_level_outlier_distance;  // what the squared level multiplies; counts where it is more
-  float squared_sparse_core;       // of a neighbourhood of the outlier radius
-  bool pull_outliers;              // else they become NaN
-  bool pull_by_density;            // else by closeness
+  float squared_sparse_core;             // of a neighbourhood of the outlier radius
+  bool pull_outliers;                    // else they become NaN
+  bool pull_by_density;                  // else by closeness
 };
 
 template <class F>
@@ -186,8 +186,8 @@ POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> faired_point(const Neighbors& 
     }
   });
   if constexpr (kShares)
-    distance = distance * noise_share(spread.variance(), squared_level * rule.noise_variance, rule.noise_left,
-                                      rule.damage);
+    distance =
+        distance * noise_share(spread.variance(), squared_level * rule.noise_variance, rule.noise_left, rule.damage);
   const Vec3<F> there = moved(here, normal, distance * rule.strength);
   if constexpr (!kSeeksOutliers) {
     return there;

@@ -93,7 +93,8 @@ class TiledBackend final : public Backend, public Sampling {
       for (std::size_t i = first; i < last; ++i) {
         points[i] = faired[i];
         if (!is_indexed(cloud_[i])) continue;
-        const auto [farthest, outlier_distance] = point::limits_at(limit_rule(used), point::noise_level(field, to_vec3(cloud_[i])));
+        const auto [farthest, outlier_distance] =
+            point::limits_at(limit_rule(used), point::noise_level(field, to_vec3(cloud_[i])));
         const auto settled = point::settled(to_vec3(cloud_[i]), to_vec3(faired[i]), farthest, outlier_distance);
         points[i] = {settled.place.x, settled.place.y, settled.place.z};
         here += settled.is_outlier;
