@@ -10,14 +10,16 @@ PREFIX ?= /usr/local
 FUZZ_SECONDS ?= 60
 FUZZ_TARGETS = $(notdir $(wildcard build/fuzz/bin/fuzz_*))
 
-.PHONY: help demo build test bench quality bench-viewer paper-tables figures gpu release fuzz format docs asan tsan clean install
+.PHONY: help demo build test wheel bench quality bench-laz bench-viewer paper-tables figures gpu release fuzz format docs asan tsan clean install
 
 help:
 	@echo "make build    the program, build/bin/pointfair"
 	@echo "make demo     denoise an Armadillo and a real scan; errors, times and pictures in build/demo"
 	@echo "make test     all tests"
+	@echo "make wheel    the Python package with the program, dist/*.whl"
 	@echo "make bench    time every stage and the peers"
 	@echo "make quality  measure the noise that is left by each method and peer, into docs; 1 h, goes on if stopped"
+	@echo "make bench-laz  time LAZ against lazrs, which pip fetches from PyPI"
 	@echo "make bench-viewer  time the viewer over its WebSocket, 100,000 and 1M points, and its page in Chromium"
 	@echo "make paper-tables  the paper's table II and figures 6 and 7 on this machine, in build/paper"
 	@echo "make figures  every picture of the documents and the numbers under them, in docs"
@@ -25,7 +27,7 @@ help:
 	@echo "make release  the program with machine code for all cards, build/release/bin/pointfair"
 	@echo "make fuzz     every file reader under a fuzzer, $(FUZZ_SECONDS) s each (FUZZ_SECONDS=N)"
 	@echo "make format   clang-format on every C++ file"
-	@echo "make docs     the reference of the public headers, build/docs/html"
+	@echo "make docs     the site with the references of C++ and Python, build/docs/site"
 	@echo "make asan     all tests under AddressSanitizer and UndefinedBehaviorSanitizer"
 	@echo "make tsan     the threaded tests under ThreadSanitizer"
 	@echo "make install  library, headers and program into PREFIX=$(PREFIX)"
@@ -37,10 +39,18 @@ build:
 	cmake --build build
 
 test:
-	@$(install) build test
+	@$(install) build test python docs
 	cmake --preset $(preset) -DPOINTFAIR_TESTS=ON
 	cmake --build build
 	ctest --test-dir build -j $(jobs) --output-on-failure
+
+# with CUDA, machine code for all cards
+wheel_build := $(if $(has_cuda),build/release,build)
+wheel:
+	@$(install) build python
+	cmake --preset $(if $(has_cuda),release,cpu) -DPOINTFAIR_TESTS=OFF
+	cmake --build $(wheel_build)
+	scripts/wheel.py --build $(wheel_build) --dist dist
 
 demo:
 	@$(install) build demo
@@ -61,6 +71,12 @@ quality:
 	cmake --build build/bench
 	bench/quality.py --build build/bench --write docs/benchmarks.md
 	bench/automatic.py --build build/bench --write docs/benchmarks.md
+
+bench-laz:
+	@$(install) build
+	cmake --preset $(preset) -DPOINTFAIR_TESTS=OFF
+	cmake --build build --target bench_laz
+	bench/laz.py
 
 bench-viewer:
 	@$(install) build
@@ -101,15 +117,16 @@ fuzz:
 	@$(install) build test fuzz
 	cmake --preset fuzz
 	cmake --build build/fuzz
+	! test -x build/fuzz/bin/write_seeds || build/fuzz/bin/write_seeds build/fuzz/seeds
 	@$(MAKE) --no-print-directory run-fuzz
 
 .PHONY: run-fuzz $(FUZZ_TARGETS)
 run-fuzz: $(FUZZ_TARGETS)
 $(FUZZ_TARGETS):
 	@echo "$@: $(FUZZ_SECONDS) s"
-	@mkdir -p build/fuzz/corpus/$@
+	@mkdir -p build/fuzz/corpus/$@ build/fuzz/seeds/$@
 	@build/fuzz/bin/$@ -max_total_time=$(FUZZ_SECONDS) -timeout=10 -rss_limit_mb=2048 -print_final_stats=1 \
-	  -artifact_prefix=build/fuzz/ build/fuzz/corpus/$@ >build/fuzz/$@.log 2>&1 || { tail -40 build/fuzz/$@.log; exit 1; }
+	  -artifact_prefix=build/fuzz/ build/fuzz/corpus/$@ build/fuzz/seeds/$@ >build/fuzz/$@.log 2>&1 || { tail -40 build/fuzz/$@.log; exit 1; }
 	@grep -E 'stat::(number_of_executed_units|new_units_added|peak_rss_mb)' build/fuzz/$@.log
 
 format:
@@ -117,10 +134,11 @@ format:
 	git ls-files -z '*.cpp' '*.hpp' '*.h' '*.cu' '*.cuh' | xargs -0 clang-format-16 -i
 
 docs:
-	@$(install) docs
-	@mkdir -p build/docs
-	doxygen scripts/Doxyfile
-	@echo "build/docs/html/index.html"
+	@$(install) build python docs
+	cmake --preset $(preset)
+	cmake --build build
+	scripts/wheel.py --build build --dist build/python/dist
+	scripts/docs.py --dist build/python/dist
 
 asan:
 	@$(install) build test

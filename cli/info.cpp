@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "arguments.hpp"
+#include "file_rows.hpp"
 #include "output.hpp"
 #include "pointfair/pointfair.hpp"
 #include "report.hpp"
@@ -29,7 +30,8 @@ std::string bounds_text(const Cloud& cloud, const Estimates& estimates) {
 }
 
 std::string info_text(const Cloud& cloud, const Estimates& estimates, const Params& suggested) {
-  std::string text = fmt::format("points      {}, {} of them finite\n", estimates.points, estimates.finite);
+  std::string text = file_text(cloud);
+  fmt::format_to(std::back_inserter(text), "points      {}, {} of them finite\n", estimates.points, estimates.finite);
   const auto out = std::back_inserter(text);
   if (estimates.finite > 0) {
     fmt::format_to(out, "bounds\n{}", bounds_text(cloud, estimates));
@@ -41,6 +43,8 @@ std::string info_text(const Cloud& cloud, const Estimates& estimates, const Para
     const auto& [quiet, typical, loud] = estimates.noise_quantiles;
     fmt::format_to(out, "            {:.4g} .. {:.4g} .. {:.4g} at 5, 50, 95 % of the places\n", quiet, typical, loud);
   }
+  if (const double step = file_info(cloud).step; estimates.noise > 0 && step > estimates.noise)
+    fmt::format_to(out, "            less than the step of {:.4g} between coordinates: --las-scale makes that finer\n", step);
   fmt::format_to(out, "attributes\n");
   for (const AttributeInfo& attribute : attributes(cloud)) {
     const std::string shape = attribute.components > 1 ? fmt::format(" x {}", attribute.components) : "";
@@ -54,7 +58,8 @@ std::string info_text(const Cloud& cloud, const Estimates& estimates, const Para
 }
 
 Json info_json(const Cloud& cloud, const Estimates& estimates, const Params& suggested) {
-  return {{"points", estimates.points},
+  return {{"file", file_json(cloud)},
+          {"points", estimates.points},
           {"finite", estimates.finite},
           {"bounds", bounds_json(cloud, estimates)},
           {"diagonal", estimates.diagonal},

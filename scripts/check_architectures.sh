@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 # Checks the CUDA code in a program or library: machine code for every architecture of a release, PTX for cards to come,
-# and no predicated REDUX, which ptxas of CUDA 13.0 gets wrong (src/cuda/warp.cuh). Needs cuobjdump and nvdisasm, no card.
+# and no predicated REDUX, which ptxas of CUDA 13.0 gets wrong (src/cuda/runtime/warp.cuh). Needs cuobjdump and nvdisasm, no card.
 #
 #   scripts/check_architectures.sh FILE [ARCHITECTURES]     default: those of the preset `release`
 set -euo pipefail
@@ -30,6 +30,6 @@ for architecture in $machine_code; do
   code=$(cuobjdump --dump-sass --gpu-architecture "$architecture" "$file")
   wrong=$(grep -cE '@.*REDUX' <<<"$code" || true)
   echo "$architecture: $(grep -cE '^[[:space:]]*Function' <<<"$code") kernels, $(grep -c REDUX <<<"$code" || true) REDUX, $wrong of them predicated"
-  [ "$wrong" = 0 ] || complain "$architecture: predicated REDUX; see src/cuda/warp.cuh"
+  [ "$wrong" = 0 ] || complain "$architecture: predicated REDUX; see src/cuda/runtime/warp.cuh"
 done
 exit $failed

@@ -2,26 +2,32 @@
 # SPDX-License-Identifier: Apache-2.0
 # Installs the Debian or Ubuntu packages that the named jobs need and this machine lacks, and says which.
 # A machine that has them all is left alone: no network, no root.
-# Usage: scripts/install_packages.sh build|test|demo|bench|plots|fuzz|format|docs...
+# Usage: scripts/install_packages.sh build|test|python|demo|bench|plots|fuzz|format|docs...
 set -euo pipefail
 
 packages_for() {
   case "$1" in
-    build) echo g++ cmake ninja-build libtbb-dev libcli11-dev libfmt-dev libfast-float-dev libembree-dev libnanoflann-dev nlohmann-json3-dev libboost-dev nodejs npm ;;
+    build) echo g++ cmake ninja-build libtbb-dev libcli11-dev libfmt-dev libfast-float-dev libembree-dev libnanoflann-dev nlohmann-json3-dev libpugixml-dev libboost-dev nodejs npm python3-pip ;;
     test) echo libgtest-dev librapidcheck-dev libnanoflann-dev libeigen3-dev python3 chromium ;;
+    python) echo python3-dev python3-venv ;;
     demo) echo libcgal-demo libpng-dev python3 ;;
     bench) echo libnanoflann-dev libeigen3-dev libcgal-dev libcgal-demo libpcl-dev python3 ;;
     plots) echo python3 python3-matplotlib ;;
     fuzz) echo clang-16 libclang-rt-16-dev ;;
     format) echo clang-format-16 ;;
     docs) echo doxygen ;;
-    *) echo "$0: unknown job '$1': use build, test, demo, bench, plots, fuzz, format or docs" >&2; exit 2 ;;
+    *) echo "$0: unknown job '$1': use build, test, python, demo, bench, plots, fuzz, format or docs" >&2; exit 2 ;;
   esac
 }
 
 is_installed() {
   # a node of its maker's own package, or of none, brings its npm along
   if [ "$1" = npm ] || [ "$1" = nodejs ]; then command -v npm >/dev/null && command -v node >/dev/null && return; fi
+  # and so does a Python with pip
+  if [ "$1" = python3-pip ]; then python3 -m pip --version >/dev/null 2>&1 && return; fi
+  # and so does a Python that Debian did not install
+  if [ "$1" = python3-venv ]; then python3 -c "import ensurepip, venv" 2>/dev/null && return; fi
+  if [ "$1" = python3-dev ]; then python3 -c "import os, sysconfig as s; open(os.path.join(s.get_path('include'), 'Python.h'))" 2>/dev/null && return; fi
   [ "$(dpkg-query -W -f='${db:Status-Status}' "$1" 2>/dev/null)" = installed ]
 }
 

@@ -13,19 +13,31 @@ SOURCE = {".cpp", ".hpp", ".h", ".cu", ".cuh"}
 # folder: (folders or files of ours that it may include, third-party headers that it may include)
 PUBLIC = "include/pointfair/"
 DATA = [PUBLIC + name + ".hpp" for name in ("cloud", "params", "device", "report")]  # all of src may use them but src/point
+FILES = [PUBLIC + name + ".hpp" for name in ("cloud", "io", "file_info", "normals", "positions", "version")]  # what src/io implements
+ON_CARD = ("cuda", "cub/", "thrust/", "nv")
+CUDA_ROOMS = {  # each with those that it may include
+    "runtime": ["runtime"],
+    "index": ["runtime", "index"],
+    "search": ["runtime", "index", "search"],
+    "sampling": ["runtime", "index", "search", "sampling"],
+    "stages": ["runtime", "index", "search", "stages"],
+    "overlap": ["runtime", "index", "search", "overlap"],
+}
 RULES = {
     "include/pointfair/pipeline.hpp": (["include/pointfair/"], ()),
     "include/pointfair/": (["include/pointfair/"], ()),
     "src/point/": (["src/point/"], ()),
     "src/seam/": (["src/seam/", "src/point/", *DATA], ("tbb/",)),
     "src/cpu/": (["src/cpu/", "src/point/", "src/seam/", *DATA], ("tbb/", "sys/", "unistd.h", "immintrin.h")),
-    "src/cuda/": (["src/cuda/", "src/point/", "src/seam/", "src/parts.hpp", *DATA], ("cuda", "cub/", "thrust/", "nv")),
+    **{f"src/cuda/{room}/": ([f"src/cuda/{below}/" for below in rooms] + ["src/point/", "src/seam/", *DATA], ON_CARD)
+       for room, rooms in CUDA_ROOMS.items()},
+    "src/cuda/": (["src/cuda/", "src/point/", "src/seam/", *DATA], ON_CARD),
     "src/cuda_absent.cpp": (["src/seam/"], ()),
     "src/estimate/": (["src/estimate/", "src/point/", "src/seam/", *DATA], ()),
     "src/tiles/": (["src/tiles/", "src/point/", "src/seam/", *DATA], ()),
     "src/pipeline/": (["src/pipeline/", "src/estimate/", "src/tiles/", "src/seam/", PUBLIC], ()),
-    "src/io/": (["src/io/", PUBLIC + "cloud.hpp", PUBLIC + "io.hpp"], ("tbb/", "sys/", "fcntl.h", "unistd.h", "fast_float/")),
-    "src/": (["src/parts.hpp", "src/point/", PUBLIC], ()),
+    "src/io/": (["src/io/", *FILES], ("tbb/", "sys/", "fcntl.h", "unistd.h", "fast_float/", "las", "pugixml", "emmintrin.h")),
+    "src/": (["src/point/", PUBLIC], ()),
     "cli/": (["cli/", "viewer/server.hpp", PUBLIC], None),
     "bench/paper/": (["bench/paper/", "src/point/", PUBLIC], None),
     "bench/": (["bench/", PUBLIC], None),

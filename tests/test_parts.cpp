@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "parts.hpp"
+#include "cuda/runtime/parts.hpp"
 #include "shapes.h"
 
 namespace pointfair {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cuda/chain.cuh"
-#include "cuda/methods.cuh"
+#include "cuda/stages/methods.cuh"
 
 namespace pointfair::cuda {
 namespace {
@@ -20,7 +20,7 @@ Chain::Chain(Context& context, StopLine& stop_line, unsigned first_call)
       stop_line_(stop_line),
       first_call_(first_call),
       index_(context),
-      flow_(context),
+      overlap_(context, index_),
       lists_(context),
       normals_(context),
       mean_distance_(context),
@@ -41,15 +41,6 @@ void Chain::pace(const std::stop_token& stop) {
   stop_if_asked(stop);
 }
 
-void Chain::join() {
-  index_.join();
-  flow_.join();
-}
-
-cudaStream_t Chain::stream() const {
-  return flow_.is_searched() ? flow_.stream() : index_.is_in_parts() ? index_.stream() : context_.stream();
-}
-
 void Chain::begin_stage(Stage stage, const std::stop_token& stop) {
   stop_if_asked(stop);
   stop_ = stop_line_.listen(stop, first_call_ + unsigned(stage));
@@ -64,13 +55,16 @@ void Chain::build_index(const Point* points, std::size_t count, const std::optio
   join();
   input_ = points;
   areas_measured_ = normals_wait_ = false;
-  index_.build(points, count, frame, arrival);
+  if (Overlapped::suits(arrival, frame)) {
+    overlap_.build(points, count, *arrival);
+  } else {
+    index_.build(points, count, frame, arrival);
+  }
   counts_clear_ = true;
 }
 
 void Chain::find_neighbors(const NeighborSettings& settings, bool arriving, std::stop_token stop) {
-  const bool by_parts = index_.is_in_parts() && !flow_.is_searched() && settings.k > 0 &&
-                        settings.k <= kLargestGroupList && !settings.constraint;
+  const bool by_parts = overlap_.can_search(settings);
   if (!by_parts) join();
   begin_stage(Stage::neighbors, stop);
   neighbors_ = settings;
@@ -88,7 +82,7 @@ void Chain::find_neighbors(const NeighborSettings& settings, bool arriving, std:
   collector_.release();
   lists_.resize(index_.leaves() * kLeafSize * settings.k);
   if (settings.constraint) return grow_constrained(stop);
-  if (by_parts) return flow_.search(index_, nearest_query(), lists_.data(), arriving, stop);
+  if (by_parts) return overlap_.search(nearest_query(), lists_.data(), arriving, stop);
   DeviceArray<Index> retries(context_);
   find_nearest(context_, index_.tree(), index_.state(), nearest_query(), lists_.data(), make_room(retries), stop_);
 }
@@ -111,6 +105,7 @@ void Chain::measure_radii(const std::stop_token& stop) {
 point::NoiseField Chain::noise_field(const std::shared_ptr<const NoiseLevels>& levels) {
   if (!levels) return {};
   if (levels != levels_) {
+    levels_.reset();  // if memory is short
     nodes_.resize(levels->levels.size());
     check(cudaMemcpyAsync(nodes_.data(), levels->levels.data(), levels->levels.size() * sizeof(float),
                           cudaMemcpyHostToDevice, context_.stream()),
@@ -250,7 +245,7 @@ void Chain::fair(const FairingSettings& settings, bool leaving, std::stop_token 
   const auto weights = point::bilateral_weights(settings.closeness_sigma, settings.similarity_sigma);
   const bool plain = settings.method == Method::bilateral && neighbors_.k > 0 && !settings.symmetric &&
                      settings.strength == 1 && settings.noise == 0 && settings.outlier_distance == 0;
-  const bool by_parts = flow_.is_searched() && !flow_.is_done();
+  const bool by_parts = overlap_.can_fair();
   if (by_parts && plain && normals_wait_ && power == 0) return fair_by_parts(weights);
   join();
   DeviceArray<Point> staged(context_);
@@ -293,7 +288,7 @@ void Chain::fair_first_part_first(point::BilateralWeights weights, const FairedP
 void Chain::fair_by_parts(point::BilateralWeights weights) {
   clear_unmoved();
   const FairedPoints faired{faired_.data(), input_, index_.points(), nullptr, nullptr, nullptr};
-  flow_.after_search(index_, [&](LeafRange leaves) {
+  overlap_.fair([&](LeafRange leaves) {
     estimate_normals_and_fair(context_, index_.tree(), index_.state(), leaves, lists(),
                               normal_rule(normal_settings_).weights, normals(), {}, weights, faired);
   });
@@ -301,11 +296,8 @@ void Chain::fair_by_parts(point::BilateralWeights weights) {
 }
 
 std::vector<FairedPart> Chain::faired_parts() const {
-  std::vector<FairedPart> parts;
-  if (first_part_ > 0) parts.push_back({first_part_, first_part_done_.get()});
-  for (std::size_t part = 0; flow_.is_done() && part < index_.parts().count(); ++part)
-    parts.push_back({index_.parts().ends[part], flow_.done(part)});
-  return parts;
+  if (first_part_ > 0) return {{first_part_, first_part_done_.get()}};
+  return overlap_.faired_parts();
 }
 
 void Chain::fair_by_method(const FairingSettings& settings, AreaWeights areas, const FairedPoints& faired,

@@ -10,25 +10,18 @@
 #include <limits>
 #include <memory>
 
-#include "cuda/index.cuh"
-#include "cuda/outcomes.cuh"
-#include "cuda/part_flow.cuh"
-#include "cuda/samples.cuh"
-#include "cuda/search.cuh"
-#include "cuda/stages.cuh"
-#include "cuda/stop.cuh"
-#include "cuda/wide_stages.cuh"
+#include "cuda/overlap/overlap.cuh"
+#include "cuda/runtime/stop.cuh"
+#include "cuda/sampling/samples.cuh"
+#include "cuda/search/search.cuh"
+#include "cuda/stages/list_stages.cuh"
+#include "cuda/stages/outcomes.cuh"
+#include "cuda/stages/wide_stages.cuh"
 #include "seam/backend.hpp"
 #include "seam/noise_levels.hpp"
 #include "seam/rules.hpp"
 
 namespace pointfair::cuda {
-
-// Consecutive points in upload order, there after an event.
-struct FairedPart {
-  std::size_t end;
-  cudaEvent_t done;
-};
 
 class Chain {
  public:
@@ -48,13 +41,13 @@ class Chain {
 
   bool normals_wait() const { return normals_wait_; }
   // What the context's stream gets from now on waits for all parts.
-  void join();
+  void join() { overlap_.join(); }
   // Starts normals that still wait for fairing; what comes after waits for all parts.
   void settle(const std::stop_token& stop = {});
   // Of faired(); what is behind the last is done in the order of the context's stream.
   std::vector<FairedPart> faired_parts() const;
   // That of the stage started last.
-  cudaStream_t stream() const;
+  cudaStream_t stream() const { return overlap_.stream(); }
 
   // Start the work and return before it is done.
   void restore_normals(Point* out);
@@ -107,7 +100,7 @@ class Chain {
   std::size_t first_part_ = 0;  // is faired before the others; 0: none is
   const Point* input_ = nullptr;
   DeviceIndex index_;
-  PartFlow flow_;
+  Overlapped overlap_;  // of the index
   NeighborSettings neighbors_;
   NormalSettings normal_settings_;
   FairingSettings fairing_settings_;

@@ -15,7 +15,7 @@ def run(*command):
 
 PUBLIC = re.compile(r"^(typeinfo (name )?for |vtable for )?pointfair::(Error|Pipeline|size_of|attributes?|triangles|read|write|"
                     r"write_bytes|remove_unfinished_files|format_of|set_limit|limit_text|movable_points|apply_limits|paper_preset|"
-                    r"find_param|set_param|param_text|check_params|list_devices|version)\b")
+                    r"find_param|choose_origin|make_cloud|positions|position_type|move_positions|set_param|param_text|check_params|list_devices|version)\b")
 
 symbols = [line.split(maxsplit=2) for line in run("nm", "-D", "-C", "--defined-only", library).splitlines()]
 ours = {re.sub(r"\[abi:\w+\]", "", symbol[2]) for symbol in symbols if "pointfair::" in symbol[2] and not symbol[2].startswith("std::")}

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The bytes of a ROS PointCloud2 message, without ROS: positions in, moved positions back into a copy of the bytes."""
+from __future__ import annotations
+
+from typing import Any, Protocol, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+FLOAT32, FLOAT64 = 7, 8  # sensor_msgs/PointField
+
+
+class Field(Protocol):
+    """sensor_msgs/PointField."""
+
+    name: str
+    offset: int
+    datatype: int
+    count: int
+
+
+class Message(Protocol):
+    """The part of sensor_msgs/PointCloud2 that says where positions are."""
+
+    height: int
+    width: int
+    fields: Sequence[Field]
+    is_bigendian: bool
+    point_step: int
+    row_step: int
+    data: Any
+
+
+def _coordinates(message: Message, data: Any) -> list[NDArray[Any]]:
+    """x, y and z as views of the bytes, (height, width) each. Raises ValueError for a message that lacks one."""
+    fields = {field.name: field for field in message.fields}
+    order = ">" if message.is_bigendian else "<"
+    views = []
+    for axis in "xyz":
+        if axis not in fields or fields[axis].datatype not in (FLOAT32, FLOAT64):
+            raise ValueError(f"the message has no field {axis} of type FLOAT32 or FLOAT64")
+        kind = f"{order}f{4 if fields[axis].datatype == FLOAT32 else 8}"
+        views.append(np.ndarray((message.height, message.width), kind, data, fields[axis].offset,
+                                (message.row_step, message.point_step)))
+    return views
+
+
+def positions(message: Message) -> NDArray[Any]:
+    """The positions, (height * width, 3), in the type of the fields; NaN where the sensor saw nothing."""
+    return np.stack([view.reshape(-1) for view in _coordinates(message, message.data)], axis=1)
+
+
+def with_positions(message: Message, moved: NDArray[Any]) -> bytes:
+    """A copy of the message's bytes with these positions; all else stays."""
+    data = bytearray(message.data)
+    for view, values in zip(_coordinates(message, data), moved.T):
+        view[...] = values.reshape(view.shape)
+    return bytes(data)

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+// Positions in the caller's memory: from doubles to a cloud, and from a result back to doubles.
+#pragma once
+
+#include <array>
+#include <span>
+
+#include "pointfair/cloud.hpp"
+#include "pointfair/export.hpp"
+
+namespace pointfair {
+
+/// A position in double, x, y, z.
+using Position = std::array<double, 3>;
+
+/// The origin that `read` chooses for a binary file of these positions: 0 on each axis where coordinates are not large
+/// against the extent. It does not depend on the order of the positions. O(N).
+POINTFAIR_EXPORT Position choose_origin(std::span<const Position> positions);
+POINTFAIR_EXPORT Position choose_origin(std::span<const Point> positions);
+
+/// A cloud of these positions, as `read` makes it of a binary file of them. O(N).
+POINTFAIR_EXPORT Cloud make_cloud(std::span<const Position> positions);
+
+/// The positions of a cloud, as `write` writes them: a coordinate of the cloud's file keeps all its digits, and a moved
+/// one is the file's value plus the displacement. Throws ErrorKind::usage if `out` has another size. O(N).
+POINTFAIR_EXPORT void positions(const Cloud& cloud, std::span<Position> out);
+
+/// The type that holds the positions of a cloud without loss, float32 or float64.
+POINTFAIR_EXPORT ScalarType position_type(const Cloud& cloud);
+
+/// Adds to each coordinate how far it moved: `before` is what make_cloud made of `positions`, `after` the result of a
+/// run on it. A coordinate that did not move keeps its bits. Throws ErrorKind::usage if the sizes differ. O(N).
+POINTFAIR_EXPORT void move_positions(const Cloud& before, std::span<const Point> after, std::span<Position> positions);
+
+}  // namespace pointfair

@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "interruptible.hpp"
+
+#include <nanobind/stl/string.h>
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <exception>
+#include <mutex>
+#include <string>
+#include <thread>
+
+namespace nb = nanobind;
+
+namespace pointfair::python {
+namespace {
+
+constexpr std::size_t kSmall = 2048;  // denoised within a few milliseconds
+constexpr std::chrono::milliseconds kPoll{50};
+
+// The work on its thread, and what it last said of its progress.
+class Job {
+ public:
+  Job(const std::function<void(const Watch&)>& work, bool with_progress) {
+    Watch watch{stop_.get_token(), {}};
+    if (with_progress) watch.progress = [this](double share, std::string_view stage) { note(share, stage); };
+    thread_ = std::thread([this, &work, watch] {
+      try {
+        work(watch);
+      } catch (...) {
+        error_ = std::current_exception();
+      }
+      const std::lock_guard lock(mutex_);
+      done_ = true;
+      changed_.notify_one();
+    });
+  }
+  ~Job() {
+    stop_.request_stop();
+    thread_.join();
+  }
+
+  // Whether the work ended within a poll.
+  bool wait() {
+    std::unique_lock lock(mutex_);
+    return changed_.wait_for(lock, kPoll, [this] { return done_; });
+  }
+
+  std::pair<double, std::string> progress() {
+    const std::lock_guard lock(mutex_);
+    return {share_, stage_};
+  }
+
+  void rethrow() const {
+    if (error_) std::rethrow_exception(error_);
+  }
+
+ private:
+  void note(double share, std::string_view stage) {
+    const std::lock_guard lock(mutex_);
+    share_ = share;
+    stage_ = stage;
+  }
+
+  std::stop_source stop_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  bool done_ = false;
+  double share_ = 0;
+  std::string stage_;
+  std::exception_ptr error_;
+  std::thread thread_;
+};
+
+void poll(Job& job, nb::handle progress) {
+  const bool tells = !progress.is_none();
+  for (;;) {
+    bool done = false;
+    {
+      nb::gil_scoped_release release;
+      done = job.wait();
+    }
+    if (done) break;
+    if (PyErr_CheckSignals() != 0) throw nb::python_error();
+    if (!tells) continue;
+    const auto [share, stage] = job.progress();
+    progress(share, stage);
+  }
+  job.rethrow();
+  if (tells) progress(1.0, "done");
+}
+
+}  // namespace
+
+void run_interruptible(std::size_t points, nb::handle progress, const std::function<void(const Watch&)>& work) {
+  if (points < kSmall && progress.is_none()) {
+    nb::gil_scoped_release release;
+    work({});
+    return;
+  }
+  auto job = std::make_unique<Job>(work, !progress.is_none());
+  const auto end = [&] {
+    nb::gil_scoped_release release;  // the end of a run that was stopped is awaited
+    job.reset();
+  };
+  try {
+    poll(*job, progress);
+  } catch (...) {
+    end();
+    throw;
+  }
+  end();
+}
+
+}  // namespace pointfair::python

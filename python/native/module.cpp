@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+// The module pointfair._native: the library's calls for Python. The package's Python files are the interface.
+#include "bindings.hpp"
+
+#include <nanobind/stl/string.h>
+
+#include <charconv>
+#include <new>
+
+namespace nb = nanobind;
+
+namespace pointfair::python {
+namespace {
+
+const char* class_name(ErrorKind kind) {
+  switch (kind) {
+    case ErrorKind::usage:
+      return "UsageError";
+    case ErrorKind::file:
+      return "FileError";
+    case ErrorKind::memory:
+      return "OutOfMemory";
+    case ErrorKind::device:
+      return "DeviceError";
+    default:
+      return "Error";
+  }
+}
+
+// Messages name parameters as the command line does, "--similarity-sigma"; in Python it is "similarity_sigma".
+std::string in_python(std::string message) {
+  for (const ParamInfo& info : kParams) {
+    std::string flag = "--" + std::string(info.name);
+    for (char& c : flag) c = c == '_' ? '-' : c;
+    for (std::size_t at = 0; (at = message.find(flag, at)) != std::string::npos;) {
+      const std::size_t end = at + flag.size();
+      const bool whole = end == message.size() || (message[end] != '-' && (message[end] < 'a' || message[end] > 'z'));
+      if (whole) message.replace(at, flag.size(), info.name);
+      at += whole ? info.name.size() : flag.size();
+    }
+  }
+  return message;
+}
+
+void raise(const char* name, const std::string& message) {
+  const nb::object errors = nb::module_::import_("pointfair._errors");
+  // names of files are bytes, which need not be text
+  const auto length = static_cast<Py_ssize_t>(message.size());
+  const nb::object text = nb::steal(PyUnicode_DecodeUTF8(message.data(), length, "backslashreplace"));
+  PyErr_SetObject(errors.attr(name).ptr(), text.ptr());
+}
+
+void translate(const std::exception_ptr& exception, void*) {
+  try {
+    std::rethrow_exception(exception);
+  } catch (const Error& error) {
+    raise(class_name(error.kind()), in_python(error.what()));
+  } catch (const std::bad_alloc&) {
+    raise("OutOfMemory", "out of host memory: give fewer points, or a smaller k");
+  }
+}
+
+}  // namespace
+
+Device device_of(const std::string& name, unsigned threads) {
+  if (name == "auto") return {Device::automatic, 0, threads};
+  if (name == "cpu") return {Device::cpu, 0, threads};
+  if (name == "cuda") return {Device::cuda, 0, threads};
+  int card = 0;
+  if (name.starts_with("cuda:")) {
+    const auto [end, error] = std::from_chars(name.data() + 5, name.data() + name.size(), card);
+    if (error == std::errc() && end == name.data() + name.size() && card >= 0) return {Device::cuda, card, threads};
+  }
+  throw Error(ErrorKind::usage, "device cannot be '" + name + "': give auto, cpu, cuda or cuda:N");
+}
+
+}  // namespace pointfair::python
+
+NB_MODULE(_native, module) {
+  using namespace pointfair::python;
+  nb::set_leak_warnings(false);  // what waits for the next call lives until the process ends
+  nb::register_exception_translator(translate);
+  module.def("version", &pointfair::version);
+  module.attr("MAX_POINTS") = pointfair::kMaxPoints;
+  bind_params(module);
+  bind_clouds(module);
+  bind_pipelines(module);
+}

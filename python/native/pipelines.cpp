@@ -1,0 +1,198 @@
+// SPDX-License-Identifier: Apache-2.0
+// Pipelines, batches, reports, devices.
+#include <nanobind/stl/array.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <mutex>
+
+#include "batch.hpp"
+#include "bindings.hpp"
+#include "interruptible.hpp"
+
+namespace nb = nanobind;
+
+namespace pointfair::python {
+namespace {
+
+const char* name_of(Device::Kind kind) {
+  constexpr const char* kNames[] = {"auto", "cpu", "cuda"};
+  return kNames[static_cast<std::size_t>(kind)];
+}
+
+// strength, box as (min, max), and a mask.
+struct MovableArguments {
+  Limits limits;
+  std::optional<Mask> mask;
+
+  MovableArguments(double strength, const std::optional<std::array<double, 6>>& box, std::optional<Mask> its_mask)
+      : mask(std::move(its_mask)) {
+    limits.strength = strength;
+    if (box) limits.box = Box{{(*box)[0], (*box)[1], (*box)[2]}, {(*box)[3], (*box)[4], (*box)[5]}};
+  }
+  Movable movable() const { return {limits, mask ? span_of(*mask) : std::span<const std::uint8_t>()}; }
+};
+
+/// A pipeline that one thread at a time may use: a second one is refused instead of let in.
+class SharedPipeline {
+ public:
+  SharedPipeline(const std::string& device, unsigned threads) : arrays_(device_of(device, threads)) {}
+
+  template <class Work>
+  void use(nb::handle progress, std::size_t points, const Work& work) {
+    const std::unique_lock lock(mutex_, std::try_to_lock);
+    if (!lock) throw Error(ErrorKind::usage, "another thread uses this Pipeline now; make one for each thread");
+    run_interruptible(points, progress, [&](const Watch& watch) { work(arrays_, watch); });
+  }
+  template <class Work>
+  void use(const Work& work) {
+    use(nb::none(), arrays_.points(), work);
+  }
+  ArrayPipeline& arrays() { return arrays_; }
+
+ private:
+  ArrayPipeline arrays_;
+  std::mutex mutex_;
+};
+
+using OptionalBox = std::optional<std::array<double, 6>>;
+
+template <class Scalar>
+void load(SharedPipeline& self, const Input<Scalar>& coordinates, bool for_limits) {
+  self.use(nb::none(), coordinates.shape(0),
+           [&](ArrayPipeline& arrays, const Watch&) { arrays.load(span_of(coordinates), for_limits); });
+}
+
+void load_cloud(SharedPipeline& self, const Cloud& cloud) {
+  self.use(nb::none(), cloud.points.size(), [&](ArrayPipeline& arrays, const Watch&) { arrays.load(cloud); });
+}
+
+template <class Scalar>
+void run(SharedPipeline& self, const Params& params, const Output<Scalar>& out, double strength, const OptionalBox& box,
+         std::optional<Mask> mask, nb::object progress) {
+  const MovableArguments arguments(strength, box, std::move(mask));
+  self.use(progress, out.shape(0), [&](ArrayPipeline& arrays, const Watch& watch) {
+    arrays.run(params, arguments.movable(), span_of(out), watch);
+  });
+}
+
+Cloud run_cloud(SharedPipeline& self, const Params& params, double strength, const OptionalBox& box,
+                std::optional<Mask> mask, nb::object progress) {
+  const MovableArguments arguments(strength, box, std::move(mask));
+  Cloud result;
+  self.use(progress, self.arrays().points(), [&](ArrayPipeline& arrays, const Watch& watch) {
+    result = arrays.run_cloud(params, arguments.movable(), watch);
+  });
+  return result;
+}
+
+// (min, max, diagonal, spacing, noise, points, finite), with bounds in file coordinates.
+Row estimates(SharedPipeline& self) {
+  Estimates found;
+  self.use([&](ArrayPipeline& arrays, const Watch& watch) { found = arrays.pipeline().estimates(watch.stop); });
+  const Position& origin = self.arrays().origin();
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    found.min[axis] += origin[axis];
+    found.max[axis] += origin[axis];
+  }
+  return nb::make_tuple(nb::make_tuple(found.min[0], found.min[1], found.min[2]),
+                        nb::make_tuple(found.max[0], found.max[1], found.max[2]), found.diagonal, found.spacing,
+                        found.noise, found.points, found.finite);
+}
+
+Params resolve(SharedPipeline& self, const Params& params) {
+  Params result;
+  self.use([&](ArrayPipeline& arrays, const Watch& watch) {
+    result = arrays.pipeline().resolve(params, watch.stop);
+  });
+  return result;
+}
+
+void normals(SharedPipeline& self, const Output<float>& out) {
+  const std::span<Point> span(reinterpret_cast<Point*>(out.data()), out.shape(0));
+  self.use([&](ArrayPipeline& arrays, const Watch& watch) { arrays.pipeline().normals(span, watch.stop); });
+}
+
+nb::ndarray<nb::numpy, bool, nb::ndim<1>> outliers(SharedPipeline& self) {
+  const std::span<const std::uint8_t> found = self.arrays().pipeline().outliers();
+  auto* const copy = new std::vector<std::uint8_t>(found.begin(), found.end());
+  nb::capsule owner(copy, [](void* pointer) noexcept { delete static_cast<std::vector<std::uint8_t>*>(pointer); });
+  return {copy->data(), {copy->size()}, owner};
+}
+
+template <class Scalar>
+Rows batch(const Input<Scalar>& coordinates, const nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig>& offsets,
+               const Params& params, unsigned threads, const Output<Scalar>& out, bool with_reports,
+               nb::object progress) {
+  std::vector<Report> reports(with_reports && offsets.size() > 0 ? offsets.size() - 1 : 0);
+  const std::size_t always_stoppable = std::size_t(1) << 20;
+  run_interruptible(always_stoppable, progress, [&](const Watch& watch) {
+    denoise_batch<Scalar>(span_of(coordinates), span_of(offsets), params, threads, span_of(out), reports, watch);
+  });
+  Rows result;
+  for (const Report& report : reports) result.append(as_tuple(report));
+  return result;
+}
+
+// (info, usable, details) of each device.
+Rows devices() {
+  std::vector<DeviceStatus> found;
+  {
+    nb::gil_scoped_release release;
+    found = list_devices();
+  }
+  Rows rows;
+  for (const DeviceStatus& status : found)
+    rows.append(nb::make_tuple(as_tuple(status.info), status.usable, status.details));
+  return rows;
+}
+
+template <class Scalar>
+void bind_scalar(nb::class_<SharedPipeline>& pipeline, nb::module_& module) {
+  pipeline.def("load", &load<Scalar>, nb::arg("coordinates").noconvert(), nb::arg("for_limits"))
+      .def("run", &run<Scalar>, nb::arg("params"), nb::arg("out").noconvert(), nb::arg("strength"),
+           nb::arg("box").none(), nb::arg("mask").noconvert().none(), nb::arg("progress").none());
+  module.def("denoise_batch", &batch<Scalar>, nb::arg("coordinates").noconvert(), nb::arg("offsets").noconvert(),
+             nb::arg("params"), nb::arg("threads"), nb::arg("out").noconvert(), nb::arg("with_reports"),
+             nb::arg("progress").none());
+}
+
+}  // namespace
+
+Row as_tuple(const DeviceInfo& device) {
+  return nb::make_tuple(name_of(device.kind), device.name, device.reason);
+}
+
+Row as_tuple(const Report& report) {
+  nb::list stages;
+  for (const StageTime& stage : report.stages) stages.append(nb::make_tuple(stage.name, stage.milliseconds));
+  const UnmovedCounts& unmoved = report.unmoved;
+  return nb::make_tuple(
+      as_tuple(report.device), report.points, report.params,
+      nb::make_tuple(unmoved.non_finite, unmoved.too_few_neighbors, unmoved.no_normal, unmoved.outliers),
+      report.short_neighborhoods, stages, report.tiles, report.total_milliseconds, report.peak_host_bytes,
+      report.peak_device_bytes);
+}
+
+void bind_pipelines(nb::module_& module) {
+  nb::class_<SharedPipeline> pipeline(module, "Pipeline");
+  pipeline.def(nb::init<const std::string&, unsigned>(), nb::arg("device"), nb::arg("threads"));
+  bind_scalar<float>(pipeline, module);
+  bind_scalar<double>(pipeline, module);
+  pipeline.def("load_cloud", &load_cloud, nb::arg("cloud"))
+      .def("run_cloud", &run_cloud, nb::arg("params"), nb::arg("strength"), nb::arg("box").none(),
+           nb::arg("mask").noconvert().none(), nb::arg("progress").none())
+      .def("estimates", &estimates)
+      .def("resolve", &resolve, nb::arg("params"))
+      .def("normals", &normals, nb::arg("out").noconvert())
+      .def("outliers", &outliers)
+      .def("report", [](SharedPipeline& self) {
+        return as_tuple(self.arrays().pipeline().report());
+      })
+      .def("device", [](SharedPipeline& self) { return as_tuple(self.arrays().pipeline().device()); })
+      .def_prop_ro("points", [](SharedPipeline& self) { return self.arrays().points(); });
+  module.def("devices", &devices);
+}
+
+}  // namespace pointfair::python

@@ -1,0 +1,25 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Removes the noise of 3D scans and keeps their shape.
+
+    import pointfair as pf
+
+    smooth = pf.denoise(xyz)                     # (N, 3) float32 or float64
+    pf.read("tile.ply").denoise(k=24).write("smooth.ply")
+"""
+from ._cloud import Cloud, read, write
+from ._compare import Comparison, compare
+from ._denoise import denoise, denoise_batch, devices, estimate
+from ._errors import DeviceError, Error, FileError, OutOfMemory, UsageError
+from ._native import version as _version
+from ._params import PARAMETERS, ParamArguments, Params
+from ._pipeline import Pipeline
+from ._report import DeviceInfo, DeviceStatus, Estimates, Report, Stage, Unmoved
+from ._values import Parameter
+
+__version__ = _version()
+
+__all__ = [
+    "Cloud", "Comparison", "DeviceError", "DeviceInfo", "DeviceStatus", "Error", "Estimates", "FileError", "OutOfMemory",
+    "PARAMETERS", "ParamArguments", "Parameter", "Params", "Pipeline", "Report", "Stage", "Unmoved", "UsageError",
+    "__version__", "compare", "denoise", "denoise_batch", "devices", "estimate", "read", "write",
+]

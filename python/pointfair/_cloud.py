@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Clouds of files: positions, attributes, and everything else that the file holds."""
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any, Mapping
+
+import numpy as np
+
+from . import _native
+from ._arrays import as_numpy, check_positions, rows
+from ._errors import UsageError
+from ._native import Cloud as NativeCloud
+from ._values import as_text, as_threads
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from typing_extensions import Unpack
+
+    from ._params import ParamArguments, Params
+
+_TYPES = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "float32", "float64")
+_PLY = "ply\nformat binary_little_endian 1.0\nelement vertex {}\n{}end_header\n"
+
+
+class Cloud:
+    """Positions with attributes, and whatever else their file holds. Its number of points never changes.
+
+    Args:
+        xyz: positions, (N, 3) float32 or float64. The cloud keeps every digit of them.
+        attributes: values by name, (N,) or (N, C) each.
+
+    Examples:
+        >>> cloud = Cloud(np.zeros((2, 3)), {"intensity": np.array([7, 9], np.uint16)})
+        >>> cloud["intensity"]
+        array([7, 9], dtype=uint16)
+        >>> cloud
+        <pointfair.Cloud of 2 points, float64; intensity uint16>
+    """
+
+    __slots__ = ("_native",)
+    _native: NativeCloud
+
+    def __init__(self, xyz: Any, attributes: Mapping[str, Any] | None = None) -> None:
+        array = as_numpy(xyz, "xyz")
+        check_positions(array, "xyz")
+        if array.shape[1] != 3:
+            raise UsageError("xyz has 4 columns: give the fourth as an attribute")
+        self._native = _native.read_bytes(_ply_of(rows(array)), "array.ply", "ply") if len(array) else _native.Cloud()
+        for name, values in (attributes or {}).items():
+            self[name] = values
+
+    @classmethod
+    def _of(cls, native: NativeCloud) -> Cloud:
+        cloud = cls.__new__(cls)
+        cloud._native = native
+        return cloud
+
+    @property
+    def xyz(self) -> NDArray[Any]:
+        """The positions, (N, 3), in the type that holds them without loss, float32 or float64: a copy. Assign to it to
+        move points. O(N)."""
+        out = np.empty((len(self), 3), np.float64)
+        self._native.positions(out)
+        return out.astype(self._native.position_type, copy=False)
+
+    @xyz.setter
+    def xyz(self, positions: Any) -> None:
+        array = as_numpy(positions, "xyz")
+        check_positions(array, "xyz")
+        self._native.replace_positions(rows(array).astype(np.float64))
+
+    @property
+    def attributes(self) -> dict[str, np.dtype[Any]]:
+        """The type of each attribute, by name; one with several values a point has a type with a shape."""
+        return {name: np.dtype((kind, (n,))) if n > 1 else np.dtype(kind) for name, kind, n in self._native.attributes()}
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        """The values of an attribute, (N,) or (N, C): a copy. Raises UsageError if there is none. O(N)."""
+        kind, components, values = self._native.attribute(as_text(name, "the name of an attribute"))
+        typed: NDArray[Any] = values.view(kind)
+        return typed.reshape(-1, components) if components > 1 else typed
+
+    def __setitem__(self, name: str, values: Any) -> None:
+        """Adds an attribute, or replaces an added one: one value or one row for each point."""
+        array = np.ascontiguousarray(as_numpy(values, name))
+        if array.dtype == np.bool_:
+            array = array.view(np.uint8)
+        array = array.astype(array.dtype.newbyteorder("="), copy=False)
+        if array.dtype.name not in _TYPES:
+            raise UsageError(f"attribute '{name}' has the type {array.dtype}: give one of {', '.join(_TYPES)}")
+        if array.ndim not in (1, 2) or len(array) != len(self):
+            raise UsageError(f"attribute '{name}' has the shape {array.shape}: give a value or a row for each of the "
+                             f"{len(self)} points")
+        components = array.shape[1] if array.ndim == 2 else 1
+        if components == 0:
+            raise UsageError(f"attribute '{name}' has the shape {array.shape}: give one value a point at least")
+        self._native.set_attribute(as_text(name, "the name of an attribute"), array.dtype.name, components, array.reshape(-1).view(np.uint8))
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.attributes
+
+    @property
+    def triangles(self) -> NDArray[np.uint32]:
+        """The faces of the file as triangles of point indices, (M, 3); polygons as fans."""
+        found: NDArray[np.uint32] = self._native.triangles()
+        return found
+
+    def denoise(self, params: Params | None = None, **arguments: Any) -> Cloud:
+        """A copy with moved points, and with outliers="mark" the attribute "outlier". Arguments are those of
+        pointfair.denoise but return_report and out."""
+        from ._denoise import denoise
+
+        for name in ("return_report", "out"):
+            if name in arguments:
+                raise UsageError(f"{name} is no argument of Cloud.denoise: pass the cloud to pointfair.denoise")
+        result: Cloud = denoise(self, params, **arguments)
+        return result
+
+    def write(self, path: str | os.PathLike[str], *, format: str | None = None, encoding: str | None = None,
+              overwrite: bool = False, threads: int = 0) -> None:
+        """Writes the cloud. In its file's own format, only the coordinates of moved points differ. The file gets its
+        name only when it is complete. Raises FileError.
+
+        Args:
+            path: its extension says the format.
+            format: "ply", "pcd" and so on, where the extension does not say it.
+            encoding: "ascii", "binary", "binary-big-endian" or "binary-compressed"; by default the file's own.
+            overwrite: False: an existing file is an error.
+            threads: 0: all cores.
+        """
+        self._native.write(_path(path), _optional(format, "format"), _optional(encoding, "encoding"), bool(overwrite),
+                           as_threads(threads))
+
+    def copy(self) -> Cloud:
+        """An independent copy."""
+        return Cloud._of(self._native.copy())
+
+    __copy__ = copy
+
+    def __deepcopy__(self, memo: Any) -> Cloud:
+        return self.copy()
+
+    def __len__(self) -> int:
+        return len(self._native)
+
+    def __repr__(self) -> str:
+        names = ", ".join(f"{name} {kind.base}{list(kind.shape) if kind.shape else ''}" for name, kind in self.attributes.items())
+        return f"<pointfair.Cloud of {len(self)} points, {self._native.position_type}{'; ' + names if names else ''}>"
+
+
+def _ply_of(array: NDArray[Any]) -> bytes:
+    """As a file, behind which the library keeps every digit."""
+    kind = "float" if array.dtype.itemsize == 4 else "double"
+    header = _PLY.format(len(array), "".join(f"property {kind} {axis}\n" for axis in "xyz"))
+    return header.encode() + array.astype(array.dtype.newbyteorder("<"), copy=False).tobytes()
+
+
+def read(path: str | os.PathLike[str], *, format: str | None = None, threads: int = 0) -> Cloud:
+    """Reads a whole file; the content and the extension say the format, unless `format` does. Points stay in the order
+    of the file, invalid ones included. Raises FileError with path, place and reason."""
+    return Cloud._of(_native.read(_path(path), _optional(format, "format"), as_threads(threads)))
+
+
+def _path(path: Any) -> bytes:
+    try:
+        return os.fsencode(path)
+    except (TypeError, UnicodeEncodeError):
+        raise UsageError(f"path cannot be {path!r}: give a text or a pathlib.Path") from None
+
+
+def _optional(text: Any, name: str) -> str | None:
+    return None if text is None else as_text(text, name)
+
+
+def write(path: str | os.PathLike[str], points: Any, *, format: str | None = None, encoding: str | None = None,
+          overwrite: bool = False, threads: int = 0) -> None:
+    """Writes a Cloud, or an array of positions, (N, 3). See Cloud.write."""
+    cloud = points if isinstance(points, Cloud) else Cloud(points)
+    cloud.write(path, format=format, encoding=encoding, overwrite=overwrite, threads=threads)

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Distances of a cloud to another one or to a mesh, measured by the program that comes with the package."""
+from __future__ import annotations
+
+import dataclasses
+import os
+from typing import Any
+
+from ._cloud import Cloud, write
+from ._errors import Error, FileError, UsageError
+from ._program import program_path
+
+
+@dataclasses.dataclass(frozen=True)
+class Comparison:
+    """Distances of cloud A to cloud or mesh B, in the unit of the coordinates."""
+
+    points: int  #: of A
+    diagonal: float  #: of B's bounding box
+    mean: float
+    rms: float
+    p95: float  #: 95 % of the distances are smaller
+    max: float
+    chamfer: float  #: mean squared distance from A to B plus that from B to A, where B's bounding sphere has radius 1
+    edge_rms: float | None  #: of the points near edges, with edges
+    edge_points: int
+    normal_error: float | None  #: mean angle to the normal of the nearest face in degrees, with normals
+
+
+def compare(a: Any, b: Any, *, as_cloud: bool = False, edges: float | None = None, normals: int | None = None,
+            threads: int = 0) -> Comparison:
+    """Measures the distances of cloud `a` to `b`, a cloud or a mesh. Both are arrays, (N, 3), Clouds, or paths.
+
+    Args:
+        as_cloud: use only b's points if it has faces.
+        edges: also the distances near edges of b whose faces differ by more than so many degrees.
+        normals: also the error of normals from so many nearest points, 3 at least.
+        threads: 0: all cores.
+
+    Raises UsageError, FileError.
+    """
+    import json  # here, since they double the time of importing the package
+    import subprocess
+    import tempfile
+
+    arguments = ["--threads", str(threads)] + (["--as", "cloud"] if as_cloud else [])
+    for name, value in (("--edges", edges), ("--normals", normals)):
+        arguments += [] if value is None else [name, str(value)]
+    with tempfile.TemporaryDirectory(prefix="pointfair-") as folder:
+        paths = [_path(points, os.path.join(folder, f"{name}.ply")) for name, points in (("a", a), ("b", b))]
+        command = [program_path(), "compare", *paths, "--report", "-", *arguments]
+        done = subprocess.run(command, capture_output=True, text=True, errors="replace")
+    if done.returncode != 0:
+        message = done.stderr.strip().splitlines()[-1:] or ["no reason given"]
+        kind = {2: UsageError, 3: FileError}.get(done.returncode, Error)
+        raise kind(message[0].removeprefix("pointfair: ").removeprefix("error: "))
+    return Comparison(**json.loads(done.stdout))
+
+
+def _path(points: Any, temporary: str) -> str:
+    if isinstance(points, (str, os.PathLike)):
+        return os.fspath(points)
+    write(temporary, points)
+    return temporary

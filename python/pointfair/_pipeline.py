@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A cloud on a device, with the results of all stages."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from . import _native
+from ._arrays import Layout, Result, as_box, as_mask, as_numpy, as_strength, check_positions, rows
+from ._cloud import Cloud
+from ._errors import UsageError
+from ._params import Params
+from ._progress import Progress, progress_function
+from ._values import as_text, as_threads
+from ._report import DeviceInfo, Estimates, Report, device_of, report_of
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from typing_extensions import Unpack
+
+    from ._params import ParamArguments
+
+_DEFAULT = Params()
+
+
+def make_params(params: Params | None, changes: Any) -> Params:
+    """`params`, or the defaults, with the changes."""
+    if params is None:
+        return Params(**_known(changes)) if changes else _DEFAULT
+    if not isinstance(params, Params):
+        raise UsageError(f"params is a {type(params).__name__}: give a pointfair.Params")
+    return params.replace(**_known(changes)) if changes else params
+
+
+def _known(changes: dict[str, Any]) -> dict[str, Any]:
+    for name in changes:
+        if name not in Params.__dataclass_fields__:
+            raise UsageError(f"there is no parameter '{name}': help(pointfair.Params) lists them")
+    return changes
+
+
+def native_pipeline(device: str, threads: int) -> _native.Pipeline:
+    """Raises UsageError for a device or a number of threads that cannot be."""
+    return _native.Pipeline(as_text(device, "device"), as_threads(threads))
+
+
+class Pipeline:
+    """Holds one cloud on one device, together with the results of all stages: a run repeats only the stages whose
+    parameters changed. One thread at a time may use it; runs of different pipelines go on side by side.
+
+    Args:
+        device: "auto" is a CUDA card if there is one, else the CPU; or "cpu", "cuda", "cuda:N".
+        threads: CPU threads; 0: all cores.
+
+    Raises:
+        DeviceError: the device cannot be used.
+
+    Examples:
+        >>> pipeline = Pipeline("cpu")
+        >>> pipeline.load(np.random.default_rng(1).random((1000, 3), np.float32))
+        >>> pipeline.run(k=12).shape
+        (1000, 3)
+    """
+
+    def __init__(self, device: str = "auto", *, threads: int = 0) -> None:
+        self._native = native_pipeline(device, threads)
+        self._layout: Layout | None = None
+        self._holds_cloud = False
+        self._last_params: Params | None = None
+
+    def load(self, points: Any) -> None:
+        """Copies an array of positions, (N, 3) or (N, 4), or a Cloud to the device. The next run starts anew. O(N)."""
+        self._layout, self._holds_cloud = None, False
+        if isinstance(points, Cloud):
+            self._native.load_cloud(points._native)
+            self._holds_cloud = True
+            return
+        array = as_numpy(points)
+        check_positions(array)
+        layout = Layout(array, points).keep()
+        self._native.load(rows(array), True)
+        self._layout = layout
+
+    def run(
+        self,
+        params: Params | None = None,
+        *,
+        mask: Any = None,
+        strength: float = 1.0,
+        box: Any = None,
+        out: Any = None,
+        progress: Progress = False,
+        **parameters: Unpack[ParamArguments],
+    ) -> Any:
+        """Denoises the loaded cloud. Arguments are those of pointfair.denoise. Returns what was loaded, an array of the
+        same type, shape and order or a Cloud, with the moved positions."""
+        chosen = make_params(params, parameters)
+        limits = (as_strength(strength), as_box(box), as_mask(mask, len(self)))
+        with progress_function(progress) as show:
+            if self._holds_cloud:
+                if out is not None:
+                    raise UsageError("out= takes arrays, and a Cloud was loaded: leave it out")
+                return Cloud._of(self._native.run_cloud(chosen._native, *limits, show))
+            if self._layout is None:
+                raise UsageError("the pipeline holds no cloud: call load first")
+            result = Result(self._layout, out)
+            self._native.run(chosen._native, result.rows, *limits, show)
+            return result.finish()
+
+    def resolve(self, params: Params | None = None, **parameters: Unpack[ParamArguments]) -> Params:
+        """The parameters with every "auto" replaced by the value that a run would use, and lengths in file units."""
+        return Params._of(self._native.resolve(make_params(params, parameters)._native))
+
+    def estimates(self) -> Estimates:
+        """Bounds, spacing and noise of the loaded cloud. Measured once after each load."""
+        return Estimates(*self._native.estimates())
+
+    def normals(self) -> NDArray[np.float32]:
+        """The unit normals of the last run's last iteration, (N, 3), with arbitrary signs; zero where there is none.
+        Raises UsageError if the last run failed or if a cloud was loaded since."""
+        out = np.empty((len(self), 3), np.float32)
+        self._native.normals(out)
+        return out
+
+    def outliers(self) -> NDArray[np.bool_] | None:
+        """True for each outlier of the last run; None unless it had outliers="mark"."""
+        found: NDArray[np.bool_] = self._native.outliers()
+        return found if len(found) == len(self) and len(self) > 0 else None
+
+    @property
+    def report(self) -> Report:
+        """What the last successful run did."""
+        return report_of(self._native.report(), outliers=self.outliers())
+
+    @property
+    def device(self) -> DeviceInfo:
+        """The device that this pipeline runs on."""
+        return device_of(self._native.device())
+
+    def __len__(self) -> int:
+        """Number of points of the loaded cloud."""
+        return int(self._native.points)
+
+    def __repr__(self) -> str:
+        return f"<pointfair.Pipeline on {self.device.kind}, {len(self)} points>"

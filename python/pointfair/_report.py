@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a run did, what a cloud is like, and which devices there are."""
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING, Any
+
+from ._params import Params
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+
+@dataclasses.dataclass(frozen=True)
+class DeviceInfo:
+    """The device of a run."""
+
+    kind: str  #: "cpu" or "cuda"
+    name: str  #: "AMD EPYC, 2 threads, AVX-512"; "NVIDIA H200"
+    reason: str  #: why it is this one
+
+
+@dataclasses.dataclass(frozen=True)
+class DeviceStatus:
+    """A device of this machine."""
+
+    info: DeviceInfo
+    usable: bool
+    details: tuple[str, ...]  #: driver, runtime, memory, and why it cannot be used
+
+
+@dataclasses.dataclass(frozen=True)
+class Estimates:
+    """What was measured on a cloud. Lengths are in the unit of the coordinates."""
+
+    min: tuple[float, float, float]  #: lower corner of the bounds of the finite points
+    max: tuple[float, float, float]  #: upper corner
+    diagonal: float  #: of those bounds
+    spacing: float  #: mean distance to the 6 nearest other points
+    noise: float  #: standard deviation of the noise along the normal
+    points: int  #: number of all points
+    finite: int  #: number of points without NaN or infinity
+
+
+@dataclasses.dataclass(frozen=True)
+class Unmoved:
+    """How many points kept their place, by reason."""
+
+    non_finite: int  #: a coordinate is NaN or infinite, or its square would overflow
+    too_few_neighbors: int  #: fewer than 3 neighbours
+    no_normal: int  #: neighbours identical or on a line
+    outliers: int  #: off the surface
+
+    @property
+    def total(self) -> int:
+        """All points that kept their place."""
+        return self.non_finite + self.too_few_neighbors + self.no_normal + self.outliers
+
+
+@dataclasses.dataclass(frozen=True)
+class Stage:
+    """How long a stage took."""
+
+    name: str
+    milliseconds: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Report:
+    """What a run did."""
+
+    device: DeviceInfo
+    points: int
+    params: Params  #: as used: lengths in file units, and "auto" only for what nothing reads
+    unmoved: Unmoved
+    short_neighborhoods: int  #: points whose constrained neighbourhood has fewer than k neighbours
+    stages: tuple[Stage, ...]  #: the stages that ran, in order
+    tiles: int  #: number of tiles that the cloud was cut into; 1: not cut
+    milliseconds: float  #: from array to array
+    peak_host_bytes: int
+    peak_device_bytes: int
+    noise: float = dataclasses.field(default=float("nan"))  #: estimated on the input; nan: not asked for
+    spacing: float = dataclasses.field(default=float("nan"))  #: estimated on the input; nan: not asked for
+    #: the unit normals of the result, (N, 3), with normals=True; zero where there is none
+    normals: NDArray[np.float32] | None = dataclasses.field(default=None, repr=False, compare=False)
+    #: True for each outlier, with outliers="mark"
+    outliers: NDArray[np.bool_] | None = dataclasses.field(default=None, repr=False, compare=False)
+
+
+def device_of(row: tuple[Any, ...]) -> DeviceInfo:
+    """A DeviceInfo of the native module's tuple."""
+    return DeviceInfo(*row)
+
+
+def report_of(row: tuple[Any, ...], **more: Any) -> Report:
+    """A Report of the native module's tuple."""
+    device, points, params, unmoved, short, stages, *rest = row
+    return Report(device_of(device), points, Params._of(params), Unmoved(*unmoved), short,
+                  tuple(Stage(*stage) for stage in stages), *rest, **more)

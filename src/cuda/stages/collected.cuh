@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the balls of a leaf's 32 points hold, found once and read by every sum over balls that follows.
+#pragma once
+
+#include "cuda/index/tree.cuh"
+#include "cuda/runtime/memory.cuh"
+#include "cuda/runtime/stop.cuh"
+#include "point/neighborhoods.h"
+
+namespace pointfair::cuda {
+
+// Up to 32 points that lie in a ball of the leaf, in sorted order, and in whose.
+struct NeighborPart {
+  Index position[kWarp];   // kNoNeighbor behind the last
+  unsigned inside[kWarp];  // by lane: bit i says that position[i] lies in its ball
+};
+
+// The parts of each leaf, chained in sorted order; `parts` is null where there are none and balls are walked instead.
+struct CollectedNeighbors {
+  const NeighborPart* parts;
+  const Index* next;   // of each part, kNoNeighbor behind the last
+  const Index* first;  // of each leaf, kNoNeighbor if its balls are empty
+};
+
+// Collects the parts of a cloud. Memory: 260 bytes a part; a leaf has a part for each 32 points that its balls hold.
+class NeighborCollector {
+ public:
+  explicit NeighborCollector(Context& context);
+
+  // Waits for the card. Falls back to no parts at all if they would take more than `largest` bytes, or memory is short.
+  void collect(const Tree& tree, const point::Radii& radii, std::size_t largest, const Stop& stop);
+  CollectedNeighbors collected() const;
+  void release();
+
+ private:
+  bool make_room(std::size_t parts);  // false where memory is short
+  std::size_t run(const Tree& tree, const point::Radii& radii, const Stop& stop);
+
+  Context& context_;
+  DeviceArray<NeighborPart> parts_;
+  DeviceArray<Index> next_, first_, count_;
+  bool complete_ = false;
+};
+
+}  // namespace pointfair::cuda

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the kernels of stages.cu, wide_stages.cu and methods.cu have in common: counting points without a normal, and
+// writing moved points.
+#pragma once
+
+#include "cuda/stages/list_stages.cuh"
+#include "point/stages.h"
+
+namespace pointfair::cuda {
+
+// All lanes of the warp take part; valid ones are counted.
+__device__ __forceinline__ void count_unmoved(CloudState* state, bool valid,
+                                              const point::NormalOfPoint<float, int>& normal) {
+  const bool too_few = valid && normal.found < point::kLeastNeighbors;
+  const bool no_normal = valid && !too_few && !(point::squared_length(normal.unit) > 0);
+  const unsigned few = __ballot_sync(kAllLanes, too_few), none = __ballot_sync(kAllLanes, no_normal);
+  if (lane_number() != 0) return;
+  if (few != 0) atomicAdd(&state->too_few_neighbors, static_cast<unsigned long long>(__popc(few)));
+  if (none != 0) atomicAdd(&state->no_normal, static_cast<unsigned long long>(__popc(none)));
+}
+
+// A point a lane to its place in `out`, none to kNoNeighbor; all lanes of the warp take part. Three lanes write the
+// three words of a point: as many single writes as points meet the cache then, not three times as many.
+__device__ __forceinline__ void scatter(Point* out, Index to, Vec p) {
+  float* words = &out->x;
+#pragma unroll
+  for (unsigned first = 0; first < 3 * kWarp; first += kWarp) {
+    const unsigned word = first + lane_number(), lane = word / 3, axis = word % 3;
+    const float x = __shfl_sync(kAllLanes, p.x, lane), y = __shfl_sync(kAllLanes, p.y, lane),
+                z = __shfl_sync(kAllLanes, p.z, lane);
+    const Index place = __shfl_sync(kAllLanes, to, lane);
+    if (place != point::kNoNeighbor) words[std::size_t(place) * 3 + axis] = axis == 0 ? x : axis == 1 ? y : z;
+  }
+}
+
+// All lanes of the warp take part.
+__device__ __forceinline__ void store_faired(const FairedPoints& faired, std::size_t at, float4 p, bool valid,
+                                             Vec moved) {
+  const bool exists = at < faired.count, staged = faired.staged != nullptr;
+  const Index original = exists ? original_of(p) : point::kNoNeighbor;
+  if (exists && !valid) {
+    const Point same = faired.input[original];
+    moved = {same.x, same.y, same.z};
+  }
+  scatter(faired.in_order, staged && exists ? static_cast<Index>(at) : original, moved);
+  if (staged && exists) faired.originals[at] = original;
+}
+
+}  // namespace pointfair::cuda

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cuda/index/tree.cuh"
+#include "cuda/stages/outliers.cuh"
+#include "point/outliers.h"
+
+namespace pointfair::cuda {
+namespace {
+
+constexpr int kBlock = 256;
+
+__global__ void __launch_bounds__(kBlock)
+    settle_points(HeldBack points, Point* out, std::uint8_t* outliers, unsigned long long* total) {
+  const std::size_t i = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
+  bool is_outlier = false;
+  if (i < points.count) {
+    const Point before = points.before[i], after = points.after[i];
+    if (point::is_indexable(before.x, before.y, before.z)) {
+      const point::Vec3<float> from = {before.x, before.y, before.z};
+      const point::Limits limits = point::limits_at(points.limits, point::noise_level(points.field, from));
+      const point::Settled settled =
+          point::settled(from, {after.x, after.y, after.z}, limits.farthest, limits.outlier_distance);
+      out[i] = {settled.place.x, settled.place.y, settled.place.z};
+      is_outlier = settled.is_outlier;
+    } else {
+      out[i] = before;
+    }
+    if (outliers != nullptr) outliers[i] = is_outlier;
+  }
+  const int found = __syncthreads_count(is_outlier);
+  if (threadIdx.x == 0 && found > 0) atomicAdd(total, static_cast<unsigned long long>(found));
+}
+
+}  // namespace
+
+void hold_back(Context& context, HeldBack points, Point* out, std::uint8_t* outliers, unsigned long long* total) {
+  if (points.count == 0) return;
+  settle_points<<<blocks_for(points.count, kBlock), kBlock, 0, context.stream()>>>(points, out, outliers, total);
+  check(cudaGetLastError(), "holding back outliers");
+}
+
+}  // namespace pointfair::cuda

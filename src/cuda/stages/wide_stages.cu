@@ -1,0 +1,161 @@
+// SPDX-License-Identifier: Apache-2.0
+// A thread a point, in sorted order, a warp a leaf, over the neighbours of src/cuda/stages/surroundings.cuh.
+#include "cuda/stages/faired_points.cuh"
+#include "cuda/stages/wide_stages.cuh"
+
+namespace pointfair::cuda {
+namespace {
+
+constexpr int kBlock = 128;
+constexpr int kWarps = kBlock / kWarp;
+
+__global__ void __launch_bounds__(kBlock)
+    radii(const __grid_constant__ Tree tree, Lists nearest, point::Radii radii, float* squared_radius) {
+  const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
+  if (at >= std::size_t(tree.leaves) * kLeafSize) return;
+  const Vec here = position_of(tree.points[at]);
+  float farthest = 0;
+  for (int i = nearest.k - 1; i >= 0; --i) {
+    const Index neighbor = nearest.of(at)[i * kWarp];
+    if (neighbor == point::kNoNeighbor) continue;
+    farthest = point::squared_length(position_of(tree.points[neighbor]) - here);
+    break;
+  }
+  squared_radius[at] = farthest + squared_level_at(radii.squared_level, at) * radii.squared_base;
+}
+
+__global__ void __launch_bounds__(kBlock)
+    levels(const __grid_constant__ Tree tree, point::NoiseField field, float* squared_level) {
+  const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
+  if (at >= std::size_t(tree.leaves) * kLeafSize) return;
+  const float level = point::noise_level(field, position_of(tree.points[at]));
+  squared_level[at] = level * level;
+}
+
+template <class Neighbors>
+__global__ void __launch_bounds__(kBlock)
+    wide_normals(const __grid_constant__ Tree tree, CloudState* state, Surroundings surroundings,
+                 point::NormalRule rule, Normals normals) {
+  const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;  // whole leaves, so whole warps
+  if (at >= std::size_t(tree.leaves) * kLeafSize) return;
+  __shared__ typename Neighbors::Shared shared[kWarps];
+  const bool valid = tree.holds(at);
+  const Neighbors neighbors(tree, surroundings, Index(at), valid, shared[threadIdx.x / kWarp]);
+  const auto normal = point::normal_of(neighbors, point::weights_of(rule, neighbors.squared_radius()));
+  normals.set(at, valid ? normal.unit : Vec{});
+  count_unmoved(state, valid, normal);
+}
+
+template <class Neighbors, bool kGrows>
+__global__ void __launch_bounds__(kBlock)
+    filtered_normals(const __grid_constant__ Tree tree, const __grid_constant__ Surroundings surroundings,
+                     point::NormalRule rule, float inverse_turn, Normals from, Normals to, GrowthOut growth) {
+  const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
+  if (at >= std::size_t(tree.leaves) * kLeafSize) return;
+  __shared__ typename Neighbors::Shared shared[kWarps];
+  const Neighbors neighbors(tree, surroundings, Index(at), tree.holds(at), shared[threadIdx.x / kWarp]);
+  const auto filtered =
+      point::filtered_normal_of<kGrows>(neighbors, rule, inverse_turn, from.at(at), from, growth.most);
+  if constexpr (kGrows) growth.squared_growth[at] = filtered.squared_growth;
+  to.set(at, filtered.unit);
+}
+
+enum class Leaves { all, grown, others };  // where the ball of a point grows, and where none does
+
+template <class Neighbors, bool kSeeksOutliers, bool kShares>
+__global__ void __launch_bounds__(kBlock)
+    wide_fairing(const __grid_constant__ Tree tree, const __grid_constant__ Surroundings surroundings, Leaves leaves,
+                 Normals normals, AreaWeights areas, point::FairingRule rule, const float* squared_level,
+                 FairedPoints faired) {
+  const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
+  if (at >= std::size_t(tree.leaves) * kLeafSize) return;
+  __shared__ typename Neighbors::Shared shared[kWarps];
+  const bool valid = tree.holds(at);
+  if (leaves != Leaves::all) {
+    const bool grown = __any_sync(kAllLanes, valid && surroundings.radii.squared_growth[at] > 1);
+    if (grown != (leaves == Leaves::grown)) return;
+  }
+  const Neighbors neighbors(tree, surroundings, Index(at), valid, shared[threadIdx.x / kWarp]);
+  const float4 p = tree.points[at];
+  const Vec moved = point::faired_point<kSeeksOutliers, kShares>(neighbors, rule, squared_level_at(squared_level, at),
+                                                                 position_of(p), normals.at(at), normals, areas,
+                                                                 Scalars{surroundings.radii.squared_radius});
+  store_faired(faired, at, p, valid, moved);
+}
+
+template <class Neighbors>
+__global__ void __launch_bounds__(kBlock)
+    survey_neighbors(const __grid_constant__ Tree tree, const __grid_constant__ Surroundings surroundings,
+                     const float* values, float* counts, float* least) {
+  const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
+  if (at >= std::size_t(tree.leaves) * kLeafSize) return;
+  __shared__ typename Neighbors::Shared shared[kWarps];
+  const Neighbors neighbors(tree, surroundings, Index(at), tree.holds(at), shared[threadIdx.x / kWarp]);
+  const auto survey = point::survey_of(neighbors, values[at], Scalars{values});
+  counts[at] = survey.count;
+  least[at] = survey.least;
+}
+
+}  // namespace
+
+void survey(Context& context, const Tree& tree, Surroundings surroundings, const float* values, float* counts,
+            float* least) {
+  for_way(surroundings, [&]<class Neighbors>(By<Neighbors>) {
+    survey_neighbors<Neighbors>
+        <<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, surroundings, values, counts, least);
+  });
+  check(cudaGetLastError(), "looking at neighbourhoods");
+}
+
+void measure_levels(Context& context, const Tree& tree, point::NoiseField field, float* squared_level) {
+  levels<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, field, squared_level);
+  check(cudaGetLastError(), "measuring levels of noise");
+}
+
+void measure_radii(Context& context, const Tree& tree, Lists nearest, const point::Radii& of, float* squared_radius) {
+  radii<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, nearest, of, squared_radius);
+  check(cudaGetLastError(), "measuring radii");
+}
+
+void estimate_wide_normals(Context& context, const Tree& tree, CloudState* state, Surroundings surroundings,
+                           const point::NormalRule& rule, Normals normals) {
+  for_way(surroundings, [&]<class Neighbors>(By<Neighbors>) {
+    wide_normals<Neighbors>
+        <<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, state, surroundings, rule, normals);
+  });
+  check(cudaGetLastError(), "estimating normals");
+}
+
+void filter_normals(Context& context, const Tree& tree, Surroundings surroundings, const point::NormalRule& rule,
+                    float inverse_turn, Normals from, Normals to, GrowthOut growth) {
+  for_way(surroundings, [&]<class Neighbors>(By<Neighbors>) {
+    const auto filter =
+        growth.squared_growth == nullptr ? filtered_normals<Neighbors, false> : filtered_normals<Neighbors, true>;
+    filter<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, surroundings, rule, inverse_turn,
+                                                                             from, to, growth);
+  });
+  check(cudaGetLastError(), "filtering normals");
+}
+
+void fair_widely(Context& context, const Tree& tree, Surroundings surroundings, Normals normals, AreaWeights areas,
+                 const point::FairingRule& rule, const float* squared_level, FairedPoints faired) {
+  const auto launch = [&]<class Neighbors>(By<Neighbors>, Leaves leaves) {
+    const bool shares = rule.noise_variance > 0;
+    const auto fair_points =
+        rule.squared_outlier_distance > 0
+            ? (shares ? wide_fairing<Neighbors, true, true> : wide_fairing<Neighbors, true, false>)
+            : (shares ? wide_fairing<Neighbors, false, true> : wide_fairing<Neighbors, false, false>);
+    fair_points<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, surroundings, leaves, normals,
+                                                                                  areas, rule, squared_level, faired);
+  };
+  if (surroundings.collected.parts != nullptr && surroundings.radii.squared_growth != nullptr) {
+    launch(By<CollectedRadius>{}, Leaves::others);
+    launch(By<WalkedRadius>{}, Leaves::grown);
+  } else {
+    for_way(surroundings, [&](auto way) { launch(way, Leaves::all); });
+  }
+  check(cudaGetLastError(), "fairing");
+  bring_into_order(context, faired);
+}
+
+}  // namespace pointfair::cuda

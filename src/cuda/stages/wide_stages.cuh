@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+// Normals and fairing wherever the paper's road over lists (stages.cuh) does not suffice: everything within a
+// radius, filtered normals, symmetric offsets.
+#pragma once
+
+#include "cuda/stages/surroundings.cuh"
+
+namespace pointfair::cuda {
+
+// Squares of the field's levels, of each sorted point.
+void measure_levels(Context& context, const Tree& tree, point::NoiseField field, float* squared_level);
+
+// R_i^2 from lists of the `min_neighbors` nearest, or as many as there are; lists.k is 0 for none. What else it is made
+// of is in `of`.
+void measure_radii(Context& context, const Tree& tree, Lists nearest, const point::Radii& of, float* squared_radius);
+
+// Adds to state->too_few_neighbors and state->no_normal.
+void estimate_wide_normals(Context& context, const Tree& tree, CloudState* state, Surroundings surroundings,
+                           const point::NormalRule& rule, Normals normals);
+
+// What Eq. 20 of docs/how-it-works.md multiplies R_i^2 by.
+struct GrowthOut {
+  float most;
+  float* squared_growth;  // of each sorted point; null: not asked for
+};
+
+// One round of Eq. 9.
+void filter_normals(Context& context, const Tree& tree, Surroundings surroundings, const point::NormalRule& rule,
+                    float inverse_turn, Normals from, Normals to, GrowthOut growth);
+
+// How many neighbours each point has, and the least of `values` over it and them.
+void survey(Context& context, const Tree& tree, Surroundings surroundings, const float* values, float* counts,
+            float* least);
+
+// `squared_level`: of the noise at each sorted point; null: 1. Collected neighbourhoods must be without growth; those
+// of leaves where any grows are walked.
+void fair_widely(Context& context, const Tree& tree, Surroundings surroundings, Normals normals, AreaWeights areas,
+                 const point::FairingRule& rule, const float* squared_level, FairedPoints faired);
+
+}  // namespace pointfair::cuda

@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pointfair/positions.hpp"
+
+#include <algorithm>
+#include <string>
+
+#include "io/offset.hpp"
+#include "io/parallel.hpp"
+#include "io/source.hpp"
+
+namespace pointfair {
+namespace {
+
+constexpr std::size_t kBlock = 4096;  // as binary files are read, so that the origin is that of such a file
+
+Position in_double(const Position& position) { return position; }
+Position in_double(const Point& point) { return {point.x, point.y, point.z}; }
+
+// Coordinates in the caller's memory, seen as a file of nothing else. Lives no longer than that memory.
+template <class Element>
+class View final : public Source {
+ public:
+  explicit View(std::span<const Element> elements)
+      : Source(io::FileBytes::copy({}), "array", Format::xyz, Encoding::binary), elements_(elements) {}
+
+  std::size_t block_count() const override { return (elements_.size() + kBlock - 1) / kBlock; }
+  std::uint64_t block_begin(std::size_t block) const override { return std::min(block * kBlock, elements_.size()); }
+  void positions(std::size_t block, std::span<Position> out) const override {
+    const auto part = elements_.subspan(static_cast<std::size_t>(block_begin(block)), out.size());
+    std::transform(part.begin(), part.end(), out.begin(), [](const Element& element) { return in_double(element); });
+  }
+  ScalarType coordinate_type() const override { return ScalarType::float64; }
+  std::vector<io::Column> columns() const override { return {}; }
+  void extract(std::size_t, std::span<char>) const override {}
+
+ private:
+  std::span<const Element> elements_;
+};
+
+void check_size(std::size_t is, std::size_t wanted) {
+  if (is == wanted) return;
+  throw Error(ErrorKind::usage,
+              "the array has " + std::to_string(is) + " positions, the cloud " + std::to_string(wanted));
+}
+
+}  // namespace
+
+Position choose_origin(std::span<const Position> positions) { return View<Position>(positions).sampled_origin(); }
+Position choose_origin(std::span<const Point> positions) { return View<Point>(positions).sampled_origin(); }
+
+Cloud make_cloud(std::span<const Position> positions) {
+  View<Position> view(positions);
+  Cloud cloud;
+  cloud.points = view.place();
+  cloud.origin = view.origin();
+  return cloud;
+}
+
+void positions(const Cloud& cloud, std::span<Position> out) {
+  check_size(out.size(), cloud.points.size());
+  if (!cloud.source) {
+    std::transform(cloud.points.begin(), cloud.points.end(), out.begin(), [&](const Point& p) {
+      return Position{cloud.origin[0] + p.x, cloud.origin[1] + p.y, cloud.origin[2] + p.z};
+    });
+    return;
+  }
+  io::for_each_block(cloud.source->block_count(), [&](std::size_t block) {
+    const Moves moves = cloud.source->moves(block, cloud);
+    std::copy(moves.values.begin(), moves.values.end(), out.begin() + cloud.source->block_begin(block));
+  });
+}
+
+ScalarType position_type(const Cloud& cloud) {
+  if (cloud.source) return cloud.source->coordinate_type();
+  return cloud.origin == Position{} ? ScalarType::float32 : ScalarType::float64;
+}
+
+void move_positions(const Cloud& before, std::span<const Point> after, std::span<Position> positions) {
+  check_size(positions.size(), before.points.size());
+  check_size(after.size(), before.points.size());
+  io::for_each_block((positions.size() + kBlock - 1) / kBlock, [&](std::size_t block) {
+    const std::size_t end = std::min(positions.size(), (block + 1) * kBlock);
+    for (std::size_t i = block * kBlock; i < end; ++i) {
+      const float from[3] = {before.points[i].x, before.points[i].y, before.points[i].z};
+      const float to[3] = {after[i].x, after[i].y, after[i].z};
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        if (io::same_bits(from[axis], to[axis])) continue;
+        double& value = positions[i][axis];
+        value = io::moved_value(value, from[axis], to[axis], before.origin[axis], 0);
+      }
+    }
+  });
+}
+
+}  // namespace pointfair

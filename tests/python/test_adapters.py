@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The examples, and the packages that they work with; a package that is not installed is skipped."""
+import importlib
+import pathlib
+import sys
+import types
+
+import numpy as np
+import pytest
+from clouds import same_bits, waves, write_ply
+
+import pointfair as pf
+
+sys.path.insert(0, str(pathlib.Path(__file__).parents[2] / "examples/python"))
+POINTS = waves(2000)
+
+
+def test_a_laspy_tile(tmp_path):
+    laspy = pytest.importorskip("laspy")
+    laspy_tile = importlib.import_module("laspy_tile")
+    xyz = waves(5000, centre=(500000, 5.8e6, 100))
+    las = laspy.create(point_format=6, file_version="1.4")
+    las.header.offsets, las.header.scales = [500000, 5.8e6, 100], [1e-4] * 3
+    las.xyz = xyz
+    las.classification = np.arange(5000) % 4 + 1
+    las.intensity = np.arange(5000)
+    las.write(tmp_path / "in.las")
+    report = laspy_tile.denoise_tile(str(tmp_path / "in.las"), str(tmp_path / "out.las"))
+    before, after = laspy.read(tmp_path / "in.las"), laspy.read(tmp_path / "out.las")
+    ground = np.asarray(before.classification) == 2
+    assert (before.xyz[~ground] == after.xyz[~ground]).all() and (before.xyz[ground] != after.xyz[ground]).any()
+    whole = pf.denoise(before.xyz)
+    assert np.abs(after.xyz[ground] - whole[ground]).max() <= 0.51e-4
+    assert (after.intensity == before.intensity).all() and report.points == 5000
+
+
+class Field:
+    def __init__(self, name, offset, datatype):
+        self.name, self.offset, self.datatype, self.count = name, offset, datatype, 1
+
+
+@pytest.mark.parametrize("order", "<>")
+@pytest.mark.parametrize("kind, datatype", [("f4", 7), ("f8", 8)])
+@pytest.mark.parametrize("padding", [0, 24])
+def test_a_point_cloud_2_message(order, kind, datatype, padding):
+    point_cloud2 = importlib.import_module("point_cloud2")
+    size = int(kind[1])
+    layout = np.dtype({"names": ["y", "x", "rgb", "z"], "formats": [order + kind, order + kind, "u4", order + kind],
+                       "offsets": [1, 1 + size, 1 + 2 * size, 5 + 2 * size], "itemsize": 32})
+    image = np.zeros((40, 50), layout)
+    for axis, column in zip("xyz", POINTS.T):
+        image[axis] = column.reshape(40, 50)
+    image["rgb"] = np.arange(2000).reshape(40, 50)
+    image["x"][3, 4] = np.nan
+    data = b"".join(row.tobytes() + b"\xaa" * padding for row in image)
+    message = types.SimpleNamespace(height=40, width=50, is_bigendian=order == ">", point_step=32, row_step=50 * 32 + padding, data=data,
+                                    fields=[Field(name, layout.fields[name][1], datatype if name in "xyz" else 6) for name in layout.names])
+    xyz = point_cloud2.positions(message)
+    expected = np.stack([image[axis].reshape(-1) for axis in "xyz"], 1)
+    assert same_bits(xyz, expected)
+    moved = pf.denoise(xyz, k=10)
+    changed = point_cloud2.with_positions(message, moved)
+    assert len(changed) == len(data)
+    again = types.SimpleNamespace(**{**vars(message), "data": changed})
+    assert same_bits(point_cloud2.positions(again), moved)
+    rows = [np.frombuffer(changed[i * message.row_step:][:1600], layout) for i in range(40)]
+    assert (np.stack(rows)["rgb"] == image["rgb"]).all()
+    assert all(changed[i * message.row_step + 1600:(i + 1) * message.row_step] == b"\xaa" * padding for i in range(40))
+    message.fields = message.fields[1:]
+    with pytest.raises(ValueError, match="no field y"):
+        point_cloud2.positions(message)
+
+
+def test_a_filter_of_pdal():
+    pdal_filter = importlib.import_module("pdal_filter")
+    ins = {axis: column.copy() for axis, column in zip("XYZ", POINTS.T)} | {"Intensity": np.zeros(2000, "u2")}
+    outs = {}
+    pdal_filter.pdalargs = {"k": 10}
+    assert pdal_filter.denoise(ins, outs) is True
+    assert same_bits(np.column_stack([outs[axis] for axis in "XYZ"]), pf.denoise(POINTS, k=10)) and set(outs) == set("XYZ")
+
+
+def test_frames_of_a_sensor():
+    sensor_stream = importlib.import_module("sensor_stream")
+    frames = [waves(2000 + 100 * i, seed=i, dtype=np.float32) for i in range(3)]
+    results = list(sensor_stream.denoise_frames(frames, "cpu"))
+    pipeline = pf.Pipeline("cpu")
+    pipeline.load(frames[0])
+    params = pipeline.resolve(outliers="keep")
+    assert all(same_bits(result, pf.denoise(frame, params)) for frame, result in zip(frames, results)) and len(results) == 3
+
+
+def test_torch_batches():
+    torch = pytest.importorskip("torch")
+    torch_batches = importlib.import_module("torch_batches")
+    clouds = [torch.from_numpy(waves(300, seed=i, dtype=np.float32)) for i in range(4)]
+    result = torch_batches.denoised(clouds)
+    assert isinstance(result, torch.Tensor) and result.shape == (4, 300, 3)
+    assert same_bits(result[2].numpy(), pf.denoise(clouds[2].numpy(), k=16, noise=0.01))
+
+
+def test_both_clouds_of_open3d():
+    o3d = pytest.importorskip("open3d")
+    open3d_clouds = importlib.import_module("open3d_clouds")
+    for dtype in (np.float32, np.float64):
+        cloud = o3d.t.geometry.PointCloud(o3d.core.Tensor(POINTS.astype(dtype)))
+        cloud.point.colors = o3d.core.Tensor(np.ones((2000, 3), np.float32))
+        smooth = open3d_clouds.denoise_tensor_cloud(cloud, k=10)
+        assert isinstance(smooth.point.positions, o3d.core.Tensor)
+        assert same_bits(smooth.point.positions.numpy(), pf.denoise(POINTS.astype(dtype), k=10))
+        assert same_bits(cloud.point.positions.numpy(), POINTS.astype(dtype)) and "colors" in smooth.point
+    legacy = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(POINTS))
+    assert same_bits(np.asarray(open3d_clouds.denoise_legacy_cloud(legacy, k=10).points), pf.denoise(POINTS, k=10))
+
+
+def test_the_accessor_of_pyvista(tmp_path):
+    pyvista = pytest.importorskip("pyvista")
+    for kind in (pyvista.PointSet, pyvista.PolyData):
+        cloud = kind(POINTS)
+        cloud["level"] = np.arange(2000)
+        smooth = cloud.pointfair.denoise(k=10)
+        assert same_bits(np.asarray(smooth.points), pf.denoise(POINTS, k=10)) and (smooth["level"] == np.arange(2000)).all()
+        assert same_bits(np.asarray(cloud.points), POINTS)
+        assert cloud.pointfair.denoise(k=10, inplace=True) is cloud and (np.asarray(cloud.points) == smooth.points).all()
+        assert cloud.pointfair.estimate().points == 2000

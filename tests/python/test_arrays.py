@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Arrays of every kind: the right result, or the right exception with a sentence."""
+import numpy as np
+import pytest
+from clouds import same_bits, waves
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import pointfair as pf
+
+POINTS = waves(400)
+# What a run of these points gives, from plain contiguous arrays; test_program.py compares such runs with the program.
+EXPECTED = {np.dtype(t): pf.denoise(POINTS.astype(t), k=10) for t in (np.float32, np.float64)}
+
+
+def strided(array):
+    wide = np.full((2 * len(array), 5), 7, array.dtype)
+    wide[::2, 1:4] = array
+    return wide[::2, 1:4]
+
+
+def backwards(array):
+    return np.ascontiguousarray(array[::-1])[::-1]
+
+
+def read_only(array):
+    copy = array.copy()
+    copy.flags.writeable = False
+    return copy
+
+
+def unaligned(array):
+    memory = np.zeros(array.nbytes + 1, np.uint8)
+    view = memory[1:].view(array.dtype).reshape(array.shape)
+    view[...] = array
+    return view
+
+
+def byte_swapped(array):
+    return array.astype(array.dtype.newbyteorder(">"))
+
+
+LAYOUTS = [np.copy, np.asfortranarray, strided, backwards, read_only, unaligned, byte_swapped]
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_the_layout_changes_nothing(layout, dtype):
+    points = layout(POINTS.astype(dtype))
+    before = points.copy()
+    result = pf.denoise(points, k=10)
+    assert same_bits(result.astype(dtype), EXPECTED[np.dtype(dtype)])
+    assert result.dtype == points.dtype and type(result) is np.ndarray
+    assert same_bits(points, before)
+    assert not np.shares_memory(result, points)
+
+
+def test_memory_order_comes_back():
+    assert pf.denoise(np.asfortranarray(POINTS)).flags.f_contiguous
+    assert pf.denoise(POINTS).flags.c_contiguous
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_the_fourth_column_stays(dtype):
+    fourth = np.c_[POINTS, np.arange(len(POINTS))].astype(dtype)
+    result = pf.denoise(fourth, k=10)
+    assert same_bits(np.ascontiguousarray(result[:, :3]), EXPECTED[np.dtype(dtype)])
+    assert same_bits(result[:, 3], fourth[:, 3])
+
+
+def test_out_may_be_the_input_or_any_part_of_it():
+    for make in (np.copy, np.asfortranarray, strided, byte_swapped):
+        points = make(POINTS)
+        assert pf.denoise(points, k=10, out=points) is points
+        assert same_bits(points.astype(float), EXPECTED[np.dtype(float)])
+    long = np.concatenate([POINTS, POINTS])
+    pf.denoise(long[:400], k=10, out=long[100:500])
+    assert same_bits(long[100:500], EXPECTED[np.dtype(float)])
+
+
+@pytest.mark.parametrize("out", [np.empty((400, 3), np.float32), np.empty((399, 3)), np.empty((400, 4)),
+                                 read_only(POINTS), [1, 2], np.empty((400, 3), int)])
+def test_an_out_that_cannot_take_the_result_is_refused(out):
+    with pytest.raises(pf.UsageError, match="out "):
+        pf.denoise(POINTS, out=out)
+
+
+def test_large_coordinates_keep_their_digits():
+    centre = np.array([500000.125, 5800000.25, 120.0])
+    near, far = pf.denoise(POINTS, k=10, noise=0.01), pf.denoise(POINTS + centre, k=10, noise=0.01)
+    assert np.abs(far - centre - near).max() < 1e-5
+    still = pf.denoise(POINTS + centre, mask=np.zeros(400, bool))
+    assert same_bits(still, POINTS + centre)
+
+
+def test_points_that_cannot_be_treated_keep_their_bits_and_are_counted():
+    for dtype in (np.float32, np.float64):
+        points = POINTS.astype(dtype)
+        points[7] = np.nan, 1, 2
+        points[9] = np.inf, -np.inf, 0
+        result, report = pf.denoise(points, return_report=True)
+        assert same_bits(result[[7, 9]], points[[7, 9]])
+        assert report.unmoved.non_finite == 2 and report.unmoved.total >= 2
+        assert (result[:7] != points[:7]).any()
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 3, 8])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_few_points(count, dtype):
+    points = POINTS[:count].astype(dtype)
+    result, report = pf.denoise(points, return_report=True, normals=True)
+    assert result.shape == (count, 3) and result.dtype == dtype
+    assert report.points == count and report.normals.shape == (count, 3)
+    if count < 3:
+        assert same_bits(result, points)
+
+
+@pytest.mark.parametrize("wrong, advice", [
+    (POINTS.tolist(), "numpy.asarray"), (None, "numpy.asarray"), ("text", "numpy.asarray"), (5, "array"), (object(), "array"),
+    (POINTS.astype(int), "float32 or float64"), (POINTS.astype(np.float16), "float32 or float64"),
+    (POINTS.astype(np.longdouble), "float32 or float64"), (POINTS.astype(complex), "float32 or float64"),
+    (POINTS.astype(object), "float32 or float64"), (POINTS > 0, "float32 or float64"), (POINTS[:, :2], r"\(N, 3\)"),
+    (POINTS[0], r"\(N, 3\)"), (POINTS.reshape(4, 100, 3), "denoise_batch"), (np.empty(()), r"\(N, 3\)"),
+    (np.empty((5, 5)), r"\(N, 3\)"), (np.zeros(3, "f4,f4,f4"), "float32 or float64"),
+])
+def test_what_is_no_array_of_positions_is_refused_with_advice(wrong, advice):
+    with pytest.raises(pf.UsageError, match=advice):
+        pf.denoise(wrong)
+    with pytest.raises(pf.UsageError, match=advice):
+        pf.estimate(wrong)
+    with pytest.raises(pf.UsageError, match=advice):
+        pf.Pipeline("cpu").load(wrong)
+
+
+class OnCard:
+    """A tensor whose memory a host cannot read."""
+
+    def __dlpack_device__(self):
+        return (2, 0)
+
+
+class Gradient:
+    requires_grad = True
+
+
+class DlpackOnly:
+    """An array that only DLPack can see."""
+
+    def __init__(self, array):
+        self.array = array
+
+    def __dlpack__(self, **options):
+        return self.array.__dlpack__(**options)
+
+    def __dlpack_device__(self):
+        return self.array.__dlpack_device__()
+
+
+def test_tensors_of_a_card_and_of_a_graph_are_refused_with_what_to_do():
+    with pytest.raises(pf.DeviceError, match=r"tensor.cpu\(\)"):
+        pf.denoise(OnCard())
+    with pytest.raises(pf.UsageError, match=r"tensor.detach\(\)"):
+        pf.denoise(Gradient())
+
+
+def test_dlpack_and_buffers_are_read_in_place():
+    assert same_bits(pf.denoise(DlpackOnly(POINTS), k=10), EXPECTED[np.dtype(float)])
+    assert same_bits(pf.denoise(memoryview(POINTS), k=10), EXPECTED[np.dtype(float)])
+
+
+def test_torch_tensors_come_back_as_tensors():
+    torch = pytest.importorskip("torch")
+    tensor = torch.from_numpy(POINTS.copy())
+    result = pf.denoise(tensor, k=10)
+    assert isinstance(result, torch.Tensor) and same_bits(result.numpy(), EXPECTED[np.dtype(float)])
+    assert pf.denoise(tensor, k=10, out=tensor) is tensor and torch.equal(tensor, result)
+    with pytest.raises(pf.UsageError, match="detach"):
+        pf.denoise(tensor.requires_grad_())
+    with pytest.raises(pf.UsageError):
+        pf.denoise(tensor.detach().to(torch.bfloat16))
+
+
+RANDOM_SHAPES = st.one_of(st.tuples(st.integers(0, 40), st.sampled_from([3, 3, 3, 4, 2, 5])),
+                          st.tuples(st.integers(0, 5)), st.tuples(st.integers(0, 3), st.integers(0, 5), st.just(3)))
+RANDOM_TYPES = st.sampled_from(["f4", "f8", ">f4", ">f8", "f2", "i4", "u1", "c8", "?"])
+
+
+@st.composite
+def arrays(draw):
+    shape, dtype = draw(RANDOM_SHAPES), np.dtype(draw(RANDOM_TYPES))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    scale = draw(st.sampled_from([1e-30, 1e-3, 1, 1, 1, 1e4, 1e18, 1e30]))
+    values = rng.normal(draw(st.sampled_from([0, 0, 1e3, 1e6])), 1, shape) * scale
+    if draw(st.booleans()) and values.size:
+        values.flat[:: draw(st.integers(1, 7))] = draw(st.sampled_from([np.nan, np.inf, -np.inf, 0, 1e300]))
+    with np.errstate(all="ignore"):
+        array = values.astype(dtype)
+    steps = tuple(slice(None, None, draw(st.sampled_from([1, 1, 2, -1]))) for _ in shape[:1])
+    return np.asarray(array, order=draw(st.sampled_from("CF")))[steps]
+
+
+@settings(max_examples=1000, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@given(arrays(), st.sampled_from([{}, {"k": 5}, {"radius": 0.5}, {"iterations": 2, "k": 7}, {"strength": 0.5}]), st.booleans())
+def test_random_arrays_give_the_result_of_a_plain_copy_or_a_sentence(array, arguments, in_place):
+    before = array.copy()
+    good = array.dtype.kind == "f" and array.dtype.itemsize in (4, 8) and array.ndim == 2 and array.shape[1] in (3, 4)
+    try:
+        result = pf.denoise(array, **arguments, out=array if in_place else None)
+    except pf.UsageError as error:
+        assert not good
+        assert " " in str(error) and "\n" not in str(error)
+        assert same_bits(array, before)
+        return
+    assert good
+    assert result.shape == array.shape and result.dtype == array.dtype
+    plain = np.ascontiguousarray(before[:, :3]).astype(before.dtype.newbyteorder("="))
+    assert same_bits(np.ascontiguousarray(result[:, :3]).astype(plain.dtype), pf.denoise(plain, **arguments))
+    broken = ~np.isfinite(plain).all(axis=1)
+    assert same_bits(result[broken], before[broken])
+    if not in_place:
+        assert same_bits(array, before)

@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files and clouds: what is read, what is written, what is refused."""
+import copy
+
+import numpy as np
+import pytest
+from clouds import read_ply, same_bits, waves, write_ply
+
+import pointfair as pf
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_a_file_is_read_moved_and_written(tmp_path, dtype):
+    xyz = waves(dtype=dtype, centre=(500000, 5.8e6, 100))
+    write_ply(tmp_path / "in.ply", xyz)
+    cloud = pf.read(tmp_path / "in.ply")
+    assert len(cloud) == 3000 and same_bits(cloud.xyz, xyz)
+    smooth = cloud.denoise(k=20)
+    smooth.write(tmp_path / "out.ply")
+    assert same_bits(cloud.xyz, xyz)
+    assert same_bits(smooth.xyz, pf.denoise(xyz, k=20))
+    assert same_bits(read_ply(tmp_path / "out.ply", dtype), smooth.xyz)
+
+
+def test_arrays_become_files(tmp_path):
+    xyz = waves(100, centre=(500000.1, 5.8e6, 0))
+    pf.write(tmp_path / "a.ply", xyz)
+    assert same_bits(pf.read(tmp_path / "a.ply").xyz, xyz)
+    pf.write(tmp_path / "a.xyz", xyz.astype(np.float32))
+    assert same_bits(pf.read(tmp_path / "a.xyz").xyz.astype(np.float32), xyz.astype(np.float32))
+    assert len(pf.Cloud(np.empty((0, 3)))) == 0
+
+
+@pytest.mark.parametrize("kind", ["i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8", ">f8", "?"])
+def test_attributes_of_each_type_survive_a_file(tmp_path, kind):
+    values = np.arange(100).astype(kind)
+    cloud = pf.Cloud(waves(100), {"level": values})
+    expected = values.astype("u1") if kind == "?" else values.astype(values.dtype.newbyteorder("="))
+    assert same_bits(cloud["level"], expected)
+    assert cloud.attributes == {"level": expected.dtype} and "level" in cloud
+    cloud.write(tmp_path / "a.ply")
+    assert same_bits(pf.read(tmp_path / "a.ply")["level"], expected)
+
+
+def test_attributes_may_have_several_values_a_point():
+    cloud = pf.Cloud(waves(50))
+    cloud["normal"] = np.ones((50, 3), np.float32)
+    cloud["normal"] = np.zeros((50, 3), np.float32)
+    assert cloud["normal"].shape == (50, 3) and not cloud["normal"].any()
+    assert cloud.attributes["normal"].shape == (3,)
+
+
+def test_outliers_are_marked():
+    xyz = waves()
+    xyz[::100, 2] += 0.5
+    cloud, report = pf.denoise(pf.Cloud(xyz), outliers="mark", return_report=True)
+    assert report.unmoved.outliers == report.outliers.sum() == cloud["outlier"].sum() >= 25
+    assert report.outliers.dtype == bool and report.outliers[::100].sum() >= 25
+    assert same_bits(pf.denoise(xyz, outliers="mark"), cloud.xyz)
+
+
+def test_positions_can_be_set():
+    cloud = pf.Cloud(waves(100, centre=(1e6, 0, 0)))
+    moved = cloud.xyz
+    moved[3] += 0.25
+    cloud.xyz = moved
+    assert np.abs(cloud.xyz - moved).max() < 1e-7
+    assert same_bits(np.delete(cloud.xyz, 3, 0), np.delete(moved, 3, 0))
+    with pytest.raises(pf.UsageError, match="keeps its number of points"):
+        cloud.xyz = moved[:5]
+
+
+def test_copies_are_independent():
+    cloud = pf.Cloud(waves(20))
+    other = copy.copy(cloud)
+    other["a"] = np.zeros(20, np.uint8)
+    assert "a" not in cloud and "a" in copy.deepcopy(other)
+
+
+def test_triangles(tmp_path):
+    (tmp_path / "m.off").write_text("OFF\n4 1 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n")
+    assert pf.read(tmp_path / "m.off").triangles.tolist() == [[0, 1, 2], [0, 2, 3]]
+    assert pf.Cloud(waves(5)).triangles.shape == (0, 3)
+
+
+@pytest.mark.parametrize("name, values", [
+    ("a", np.zeros(4)), ("a", np.zeros((5, 0))), ("a", np.zeros((5, 2, 2))), ("a", np.zeros(5, np.int64)), ("a", np.zeros(5, "U3")),
+    ("a", [1, 2, 3, 4, 5]), ("a", np.zeros(5, complex)),
+])
+def test_attributes_that_cannot_be_are_refused(name, values):
+    with pytest.raises(pf.UsageError, match=name):
+        pf.Cloud(waves(5))[name] = values
+
+
+def test_errors_of_files_name_the_file_and_the_next_step(tmp_path):
+    cloud = pf.Cloud(waves(5))
+    with pytest.raises(pf.FileError, match="missing.ply"):
+        pf.read(tmp_path / "missing.ply")
+    (tmp_path / "broken.ply").write_bytes(b"ply\nformat ascii 1.0\nelement vertex 3\n")
+    with pytest.raises(pf.FileError, match="broken.ply"):
+        pf.read(tmp_path / "broken.ply")
+    cloud.write(tmp_path / "a.ply")
+    with pytest.raises(pf.FileError, match="a.ply"):
+        cloud.write(tmp_path / "a.ply")
+    cloud.write(tmp_path / "a.ply", overwrite=True)
+    with pytest.raises(pf.FileError, match="unknown extension"):
+        cloud.write(tmp_path / "a.what")
+    with pytest.raises(pf.UsageError, match="format cannot be 'what'"):
+        cloud.write(tmp_path / "b", format="what")
+    with pytest.raises(pf.UsageError, match="encoding cannot be 'zip'"):
+        cloud.write(tmp_path / "b.ply", encoding="zip")
+    with pytest.raises(pf.UsageError, match="no attribute 'colour'"):
+        cloud["colour"]
+    with pytest.raises(pf.UsageError, match="4 columns"):
+        pf.Cloud(np.zeros((3, 4)))
+    with pytest.raises(OSError):
+        pf.read(tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.ply", "broken.ply"]
+
+
+def test_names_of_files_are_bytes(tmp_path):
+    import os
+    path = os.fsencode(tmp_path) + b"/\xff.ply"
+    pf.write(path, waves(5))
+    assert len(pf.read(os.fsdecode(path))) == 5
+    with pytest.raises(pf.FileError, match="fe.ply"):
+        pf.read(os.fsencode(tmp_path) + b"/\xfe.ply")
+    for wrong in (3, None, "\ud800"):
+        with pytest.raises(pf.UsageError, match="path cannot be"):
+            pf.read(wrong)
+    for arguments in ({"format": 3}, {"format": "\ud800"}, {"threads": -1}):
+        with pytest.raises(pf.UsageError, match="cannot be"):
+            pf.read(path, **arguments)
+    for name in (5, "\ud800", None):
+        with pytest.raises(pf.UsageError):
+            pf.Cloud(waves(5))[name]
+
+
+def test_what_belongs_to_arrays_is_refused_for_clouds():
+    cloud = pf.Cloud(waves(50))
+    with pytest.raises(pf.UsageError, match="out="):
+        pf.denoise(cloud, out=np.empty((50, 3)))
+    with pytest.raises(pf.UsageError, match="return_report"):
+        cloud.denoise(return_report=True)
+
+
+def test_compare_measures_what_geometry_says(tmp_path):
+    flat = np.c_[np.random.default_rng(1).random((2000, 2)), np.zeros(2000)]
+    (tmp_path / "square.off").write_text("OFF\n4 1 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n")
+    found = pf.compare(flat + [0, 0, 0.25], tmp_path / "square.off")
+    assert found.points == 2000 and abs(found.mean - 0.25) < 1e-6 and abs(found.max - 0.25) < 1e-6
+    assert abs(found.diagonal - 2**0.5) < 1e-6 and found.normal_error is None
+    assert pf.compare(flat, pf.Cloud(flat)).max == 0
+    with pytest.raises(pf.FileError, match="missing"):
+        pf.compare(flat, tmp_path / "missing.ply")
+    with pytest.raises(pf.UsageError):
+        pf.compare(flat, flat, edges=1000)

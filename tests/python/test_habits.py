@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Habits of Python: Ctrl-C, threads, progress, exceptions."""
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+from clouds import same_bits, waves
+
+import pointfair as pf
+
+# As slow as parameters can make it, so that a signal meets it in the middle.
+SLOW = {"k": 512, "iterations": 100, "noise": 0.01}
+POINTS = waves(30000)
+
+
+class Interrupt:
+    """Sends a signal to this process after a while, and notes when."""
+
+    def __init__(self, after, number=signal.SIGINT):
+        self.timer = threading.Timer(after, self.send, [number])
+
+    def send(self, number):
+        self.at = time.monotonic()
+        os.kill(os.getpid(), number)
+
+    def __enter__(self):
+        self.timer.start()
+        return self
+
+    def __exit__(self, *error):
+        self.timer.cancel()
+        self.timer.join()
+
+
+@pytest.mark.parametrize("call", [
+    lambda: pf.denoise(POINTS, **SLOW), lambda: pf.denoise(pf.Cloud(POINTS), **SLOW),
+    lambda: pf.denoise_batch([POINTS] * 50, **SLOW), lambda: pf.denoise(POINTS, progress=lambda share, stage: None, **SLOW),
+])
+def test_ctrl_c_stops_a_run(call):
+    with Interrupt(0.4) as interrupt, pytest.raises(KeyboardInterrupt):
+        call()
+    # 200 ms are promised; this only tells a run that was stopped from one that went on to its end after minutes
+    assert time.monotonic() - interrupt.at < 5
+
+
+def test_a_pipeline_goes_on_after_ctrl_c():
+    pipeline = pf.Pipeline("cpu")
+    pipeline.load(POINTS)
+    with Interrupt(0.4), pytest.raises(KeyboardInterrupt):
+        pipeline.run(**SLOW)
+    assert same_bits(pipeline.run(k=8, iterations=1), pf.denoise(POINTS, k=8, iterations=1))
+
+
+def test_a_handler_that_raises_stops_a_run_and_one_that_does_not_lets_it_go_on():
+    class Alarm(Exception):
+        pass
+
+    def fail(number, frame):
+        raise Alarm
+
+    heard = []
+    for handler, parameters in ((fail, SLOW), (lambda *_: heard.append(1), {"k": 300, "iterations": 3, "noise": 0.01})):
+        before = signal.signal(signal.SIGUSR1, handler)
+        try:
+            with Interrupt(0.1, signal.SIGUSR1):
+                if handler is fail:
+                    with pytest.raises(Alarm):
+                        pf.denoise(POINTS, **parameters)
+                else:
+                    pf.denoise(POINTS, **parameters)
+        finally:
+            signal.signal(signal.SIGUSR1, before)
+    assert heard == [1]
+
+
+def test_progress_goes_from_nothing_to_all():
+    seen = []
+    pf.denoise(POINTS, k=200, iterations=3, progress=lambda share, stage: seen.append((share, stage)))
+    shares = [share for share, stage in seen]
+    assert shares == sorted(shares) and seen[-1] == (1.0, "done") and all(isinstance(stage, str) for _, stage in seen)
+
+
+def test_an_exception_of_the_progress_function_stops_the_run_and_comes_out():
+    def fail(share, stage):
+        raise KeyError("mine")
+
+    started = time.monotonic()
+    with pytest.raises(KeyError, match="mine"):
+        pf.denoise(POINTS, progress=fail, **SLOW)
+    assert time.monotonic() - started < 10
+
+
+def test_progress_true_shows_a_bar(capsys):
+    pytest.importorskip("tqdm")
+    pf.denoise(POINTS, k=300, iterations=3, progress=True)
+    assert "%" in capsys.readouterr().err
+
+
+def test_other_threads_go_on_during_a_run():
+    counted, done = [0], threading.Event()
+
+    def count():
+        while not done.is_set():
+            counted[0] += 1
+            time.sleep(0.001)
+
+    counter = threading.Thread(target=count)
+    counter.start()
+    before = counted[0]
+    pf.denoise(POINTS, k=200, iterations=2)
+    during = counted[0] - before
+    done.set()
+    counter.join()
+    assert during > 10
+
+
+def test_pipelines_of_two_threads_do_not_disturb_each_other():
+    clouds = [waves(4000, seed=seed) for seed in (5, 6)]
+    expected = [pf.denoise(cloud, k=15) for cloud in clouds]
+    results = [[], []]
+
+    def work(i):
+        for _ in range(5):
+            results[i].append(pf.denoise(clouds[i], k=15))
+
+    threads = [threading.Thread(target=work, args=[i]) for i in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert all(same_bits(result, expected[i]) for i in range(2) for result in results[i]) and len(results[1]) == 5
+
+
+def test_a_pipeline_refuses_a_second_thread():
+    pipeline = pf.Pipeline("cpu")
+    pipeline.load(POINTS)
+    errors = []
+
+    def second(share, stage):
+        try:
+            pipeline.estimates()
+        except pf.UsageError as error:
+            errors.append(str(error))
+
+    pipeline.run(k=200, iterations=3, progress=lambda *told: (thread := threading.Thread(target=second, args=told)).start() or thread.join())
+    assert errors and "another thread" in errors[0]
+
+
+def test_exceptions_belong_to_pythons_families():
+    for kind, family in ((pf.UsageError, ValueError), (pf.FileError, OSError), (pf.DeviceError, RuntimeError), (pf.OutOfMemory, MemoryError)):
+        assert issubclass(kind, family) and issubclass(kind, pf.Error) and kind.__module__ == "pointfair" and kind.__doc__
+
+
+def test_memory_is_flat_over_many_frames():
+    import resource
+    pipeline, frame = pf.Pipeline("cpu"), waves(5000, dtype=np.float32)
+    pipeline.load(frame)
+    params = pipeline.resolve(k=8, iterations=1)
+
+    def run(frames):
+        for _ in range(frames):
+            pipeline.load(frame)
+            pipeline.run(params)
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+    warm = run(30)
+    assert run(150) - warm < 20 * 1024  # KiB; a copy of each result would be 9 MB, of each state 100 MB
+
+
+def test_a_forked_process_works_or_says_why_not():
+    code = ("import os, signal, numpy as np, pointfair as pf\n"
+            "x = np.random.default_rng(1).random((3000, 3)); y = pf.denoise(x, k=8)\n"
+            "pid = os.fork()\n"
+            "if pid == 0:\n"
+            "    signal.alarm(60)\n"
+            "    try: os._exit(0 if (pf.denoise(x, k=8) == y).all() else 1)\n"
+            "    except pf.Error: os._exit(0)\n"
+            "raise SystemExit(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]))\n")
+    assert subprocess.run([sys.executable, "-W", "ignore", "-c", code]).returncode == 0
+
+
+def test_nothing_is_printed():
+    code = "import numpy as np, pointfair as pf\nr = np.random.default_rng(1)\npf.denoise(r.random((3000, 3)))\np = pf.Pipeline(); p.load(r.random((9, 3)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")

@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pipelines, batches, reports, limits."""
+import pickle
+
+import numpy as np
+import pytest
+from clouds import same_bits, waves
+
+import pointfair as pf
+
+POINTS = waves()
+
+
+def stages(pipeline):
+    return [stage.name for stage in pipeline.report.stages]
+
+
+def test_a_run_repeats_only_what_changed():
+    pipeline = pf.Pipeline("cpu")
+    pipeline.load(POINTS)
+    first = pipeline.run(k=12, iterations=1, similarity_sigma=0.03)
+    second = pipeline.run(k=12, iterations=1, similarity_sigma=0.02)
+    assert "neighbors" not in stages(pipeline) and "fairing" in stages(pipeline)
+    assert same_bits(first, pf.denoise(POINTS, k=12, iterations=1, similarity_sigma=0.03))
+    assert same_bits(second, pf.denoise(POINTS, k=12, iterations=1, similarity_sigma=0.02))
+
+
+def test_frames_with_parameters_resolved_once():
+    pipeline = pf.Pipeline("cpu")
+    pipeline.load(POINTS)
+    params = pipeline.resolve()
+    assert params.noise == pipeline.estimates().noise and isinstance(params.radius, float)
+    frame = waves(2500, seed=2, dtype=np.float32)
+    pipeline.load(frame)
+    out = np.empty_like(frame)
+    assert pipeline.run(params, out=out) is out
+    assert same_bits(out, pf.denoise(frame, params))
+    assert len(pipeline) == 2500 and "2500 points" in repr(pipeline)
+
+
+def test_a_loaded_array_may_change_afterwards():
+    for points in (POINTS.copy(), POINTS.astype(np.float32), np.c_[POINTS, POINTS[:, 0]]):
+        pipeline = pf.Pipeline("cpu")
+        pipeline.load(points)
+        before, expected = points.copy(), pf.denoise(points, k=10, strength=0.5)
+        points[...] = 0
+        assert same_bits(pipeline.run(k=10, strength=0.5), expected)
+        assert same_bits(pipeline.run(k=10, mask=np.zeros(len(points), bool)), before)
+
+
+def test_a_pipeline_says_when_there_is_nothing_to_run():
+    pipeline = pf.Pipeline("cpu")
+    with pytest.raises(pf.UsageError, match="call load first"):
+        pipeline.run()
+    pipeline.load(POINTS)
+    with pytest.raises(pf.UsageError):
+        pipeline.normals()
+    with pytest.raises(pf.UsageError):
+        pipeline.load(POINTS.astype(int))
+    with pytest.raises(pf.UsageError, match="call load first"):
+        pipeline.run()
+
+
+def test_normals_are_of_unit_length_and_of_the_surface():
+    smooth, report = pf.denoise(POINTS, normals=True, return_report=True)
+    slope = 0.6 * np.cos(6 * smooth[:, 0])
+    expected = np.c_[-slope, np.zeros(len(smooth)), np.ones(len(smooth))] / np.sqrt(1 + slope**2)[:, None]
+    assert np.abs(np.linalg.norm(report.normals, axis=1) - 1).max() < 1e-5
+    assert np.median(np.abs((report.normals * expected).sum(1))) > 0.98
+    with pytest.raises(pf.UsageError, match="return_report=True"):
+        pf.denoise(POINTS, normals=True)
+
+
+def test_a_cloud_goes_through_a_pipeline():
+    pipeline = pf.Pipeline("cpu")
+    pipeline.load(pf.Cloud(POINTS))
+    result = pipeline.run(k=10, strength=0.5)
+    assert isinstance(result, pf.Cloud) and same_bits(result.xyz, pf.denoise(POINTS, k=10, strength=0.5))
+    with pytest.raises(pf.UsageError, match="out="):
+        pipeline.run(out=POINTS)
+
+
+def test_masked_points_move_and_the_others_count_as_neighbours():
+    mask = POINTS[:, 0] < 0.5
+    for dtype in (np.float32, np.float64):
+        points = POINTS.astype(dtype)
+        whole, part = pf.denoise(points, k=10), pf.denoise(points, k=10, mask=mask)
+        assert same_bits(part[mask], whole[mask]) and same_bits(part[~mask], points[~mask])
+    box = ((-1, -1, -1), (0.5, 2, 1))
+    assert same_bits(pf.denoise(points, k=10, box=box)[mask], whole[mask])
+    both = pf.denoise(points, k=10, box=box, mask=points[:, 1] < 0.5)
+    inside = mask & (points[:, 1] < 0.5)
+    assert same_bits(both[inside], whole[inside]) and same_bits(both[~inside], points[~inside])
+
+
+def test_strength_blends():
+    whole, half = pf.denoise(POINTS, k=10), pf.denoise(POINTS, k=10, strength=0.5)
+    assert np.abs(half - (whole + POINTS) / 2).max() < 1e-6
+    assert same_bits(pf.denoise(POINTS, k=10, strength=0), POINTS)
+
+
+@pytest.mark.parametrize("arguments, advice", [
+    ({"mask": np.ones(5, bool)}, "mask has the shape"), ({"mask": np.ones(3000)}, "booleans"), ({"mask": [True]}, "mask"),
+    ({"strength": 2}, "strength"), ({"strength": "x"}, "strength"), ({"strength": np.nan}, "strength"), ({"box": 3}, "box"),
+    ({"box": ((0, 0, 0), (1, 1, -1))}, "box"), ({"box": ((0, 0, np.nan), (1, 1, 1))}, "box"), ({"device": "gpu"}, "device"),
+    ({"device": 3}, "device"), ({"device": "\ud800"}, "device"), ({"device": []}, "device"), ({"device": "cuda:x"}, "device"), ({"threads": -1}, "threads"), ({"threads": 1.5}, "threads"),
+    ({"threads": True}, "threads"), ({"progress": 3}, "progress"), ({"params": {"k": 3}}, "Params"),
+])
+def test_a_wrong_argument_is_refused_with_what_to_give(arguments, advice):
+    with pytest.raises(pf.UsageError, match=advice):
+        pf.denoise(POINTS, **arguments)
+
+
+def test_a_card_that_is_not_there_is_a_device_error():
+    cards = [status for status in pf.devices() if status.info.kind == "cuda" and status.usable]
+    assert pf.devices()[0].info.kind == "cpu" and pf.devices()[0].usable
+    with pytest.raises(pf.DeviceError):
+        pf.Pipeline(f"cuda:{len(cards)}")
+
+
+def test_threads_change_no_bit():
+    assert same_bits(pf.denoise(POINTS, threads=1), pf.denoise(POINTS, threads=2))
+
+
+def test_reports_survive_pickling_and_have_nothing_left_to_choose():
+    smooth, report = pf.denoise(POINTS, normals=True, outliers="mark", return_report=True)
+    again = pickle.loads(pickle.dumps(report))
+    assert again == report and same_bits(again.normals, report.normals)
+    assert abs(report.noise - 0.01) < 0.003 and report.points == 3000 and report.tiles == 1
+    assert report.params.noise == report.noise and report.params.iterations >= 1
+    assert report.device.kind == "cpu" and report.milliseconds > 0 and report.peak_host_bytes > 0
+    assert same_bits(pf.denoise(POINTS, report.params), smooth)
+
+
+def test_estimates_are_in_the_coordinates_of_the_array():
+    centre = np.array([500000.0, 5.8e6, 100.0])
+    found = pf.estimate(POINTS + centre)
+    assert np.abs(np.array(found.min) - (POINTS.min(0) + centre)).max() < 1e-5
+    assert np.abs(np.array(found.max) - (POINTS.max(0) + centre)).max() < 1e-5
+    assert found.points == found.finite == 3000 and abs(found.noise - 0.01) < 0.003
+    assert pf.estimate(pf.Cloud(POINTS)) == pf.estimate(POINTS)
+
+
+BATCH = [waves(count, seed=count, dtype=dtype) for count, dtype in
+         ((500, np.float32), (0, np.float32), (700, np.float64), (3, np.float64), (500, np.float32))]
+
+
+@pytest.mark.parametrize("arguments", [{}, {"k": 9, "noise": 0.01}, {"params": pf.Params.paper()}])
+def test_a_batch_is_a_call_for_each(arguments):
+    for threads in (0, 1):
+        results, reports = pf.denoise_batch(BATCH, threads=threads, return_report=True, **arguments)
+        for given, result, report in zip(BATCH, results, reports):
+            single, its_report = pf.denoise(given, return_report=True, **arguments)
+            assert same_bits(result, single)
+            assert report.points == len(given) and report.params == its_report.params
+
+
+def test_batches_of_one_array():
+    clouds = np.stack([waves(300, seed=i) for i in range(4)])
+    expected = [pf.denoise(cloud, k=9) for cloud in clouds]
+    assert same_bits(pf.denoise_batch(clouds, k=9), np.stack(expected))
+    packed = pf.denoise_batch(clouds.reshape(-1, 3), offsets=[0, 300, 600, 900, 1200], k=9)
+    assert same_bits(packed, np.concatenate(expected))
+    assert pf.denoise_batch([]) == [] and pf.denoise_batch(np.empty((0, 5, 3))).shape == (0, 5, 3)
+
+
+@pytest.mark.parametrize("clouds, arguments, error, advice", [
+    (np.zeros((5, 3)), {}, pf.UsageError, "offsets"), (np.zeros((5, 3)), {"offsets": [0, 4]}, pf.UsageError, "offsets must"),
+    (np.zeros((5, 3)), {"offsets": [0, 4, 3, 5]}, pf.UsageError, "must not decrease"),
+    (np.zeros((5, 3)), {"offsets": [0.0, 5.0]}, pf.UsageError, "whole numbers"),
+    (np.zeros((5, 3)), {"offsets": []}, pf.UsageError, "whole numbers"),
+    ([np.zeros((5, 3)), np.zeros((5, 2))], {}, pf.UsageError, "cloud 1"), ([np.zeros((5, 3)), 7], {}, pf.UsageError, "cloud 1"),
+    ([np.zeros((5, 3))], {"offsets": [0, 5]}, pf.UsageError, "leave them out"),
+    ([np.zeros((5, 3))], {"device": "cuda"}, pf.DeviceError, "CPU"),
+])
+def test_batches_that_cannot_be_are_refused(clouds, arguments, error, advice):
+    with pytest.raises(error, match=advice):
+        pf.denoise_batch(clouds, **arguments)

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The program that comes with the package, and the same bits from it, from the build's own and from Python."""
+import os
+import pathlib
+import re
+import signal
+import subprocess
+import sys
+import urllib.request
+
+import numpy as np
+import pytest
+from clouds import read_ply, same_bits, waves, write_ply
+
+import pointfair as pf
+
+PROGRAM = pathlib.Path(sys.executable).with_name("pointfair")
+PROGRAMS = [PROGRAM] + [pathlib.Path(path) for path in [os.environ.get("POINTFAIR_BIN")] if path]
+
+
+def run(program, *words, **options):
+    return subprocess.run([str(program), *map(str, words)], capture_output=True, text=True, **options)
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("centre", [(0, 0, 0), (500000.1, 5.8e6, 120)])
+@pytest.mark.parametrize("parameters", [{}, {"k": 12, "iterations": 2}, {"radius": "3s", "outliers": "move"}, {"strength": 0.25}])
+def test_python_gives_the_bits_of_the_program(tmp_path, program, dtype, centre, parameters):
+    xyz = waves(4000, dtype=dtype, centre=centre)
+    xyz[5] = np.nan
+    write_ply(tmp_path / "in.ply", xyz)
+    flags = [word for name, value in parameters.items() for word in (f"--{name.replace('_', '-')}", value)]
+    done = run(program, "run", tmp_path / "in.ply", tmp_path / "out.ply", "--device", "cpu", *flags)
+    assert done.returncode == 0, done.stderr
+    expected = read_ply(tmp_path / "out.ply", dtype)
+    assert (expected != xyz).any()
+    assert same_bits(pf.denoise(xyz, device="cpu", **parameters), expected)
+    assert same_bits(pf.denoise(pf.Cloud(xyz), device="cpu", **parameters).xyz, expected)
+
+
+def test_the_program_passes_on_words_and_exit_codes(tmp_path):
+    assert re.fullmatch(r"pointfair [0-9.]+\n", run(PROGRAM, "--version").stdout)
+    assert run(PROGRAM, "run", tmp_path / "no.ply", tmp_path / "out.ply").returncode == 3
+    assert run(PROGRAM, "run", "--no-such-flag").returncode == 2
+    assert run(PROGRAM, "--version").stdout.split()[1] == pf.__version__
+
+
+def test_view_serves_its_page(tmp_path):
+    write_ply(tmp_path / "in.ply", waves())
+    viewer = subprocess.Popen([PROGRAM, "view", tmp_path / "in.ply", "--no-open", "--port", "0"], stdout=subprocess.PIPE,
+                              stderr=subprocess.STDOUT, text=True)
+    try:
+        address = None
+        for line in viewer.stdout:
+            address = re.search(r"http://\S+", line)
+            if address:
+                break
+        assert address
+        page = urllib.request.urlopen(address.group(), timeout=20).read().decode()
+        assert "<script" in page
+    finally:
+        viewer.send_signal(signal.SIGTERM)
+        viewer.wait(20)
+        viewer.stdout.close()
