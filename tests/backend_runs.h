@@ -66,8 +66,8 @@ inline Frame frame_over(Point lower, float side) {
   return {lower, {lower.x + shift, lower.y + shift, lower.z + shift}, side};
 }
 
-// With levels of noise from a half to three over the cube with this lower corner, which all that can follows, and shares
-// of noise so large.
+// With levels of noise from a half to three over the cube with this lower corner, which all that can follows, and
+// shares of noise so large.
 inline void follow_noise(StageSettings& settings, Point lower, float side, float noise) {
   NoiseLevels levels;
   const int nodes = point::kFieldNodes;

@@ -59,18 +59,22 @@ double squared_distance(const Point& a, const Point& b) {
   return x * x + y * y + z * z;
 }
 
-// The nearest of `places` to each of them, itself first; rows of `count`. Equal distances in the order of the places,
-// which is one of positions.
-std::vector<std::uint32_t> nearest_rows(const std::vector<Point>& places, std::size_t count) {
-  std::vector<std::uint32_t> rows(places.size() * count);
-  std::vector<std::pair<double, std::uint32_t>> distances(places.size());
-  for (std::size_t i = 0; i < places.size(); ++i) {
-    for (std::size_t j = 0; j < places.size(); ++j)
-      distances[j] = {squared_distance(places[i], places[j]), std::uint32_t(j)};
-    std::partial_sort(distances.begin(), distances.begin() + std::ptrdiff_t(count), distances.end());
-    for (std::size_t n = 0; n < count; ++n) rows[i * count + n] = distances[n].second;
+// The nearest of `places` to one of them, itself first, into a row of kPool. Equal distances in the order of the
+// places, which is one of positions.
+void find_pool(const std::vector<Point>& places, std::size_t of, std::uint32_t* row) {
+  std::array<double, kPool> nearest;
+  nearest.fill(std::numeric_limits<double>::infinity());
+  for (std::size_t j = 0; j < places.size(); ++j) {
+    const double squared = squared_distance(places[of], places[j]);
+    if (!(squared < nearest.back())) continue;
+    std::size_t place = kPool - 1;
+    for (; place > 0 && squared < nearest[place - 1]; --place) {
+      nearest[place] = nearest[place - 1];
+      row[place] = row[place - 1];
+    }
+    nearest[place] = squared;
+    row[place] = std::uint32_t(j);
   }
-  return rows;
 }
 
 // At the place of the pool's first sample.
@@ -140,6 +144,17 @@ double noise_of(const Curve& curve, const std::vector<Curve>& rows, double typic
   return sum / likelihood;
 }
 
+// Of the noise at those places of a pool where it is known, or `otherwise`.
+double median_known(std::span<const std::uint32_t> pool, const std::vector<double>& noise, double otherwise) {
+  std::vector<double> known;
+  for (const std::uint32_t i : pool)
+    if (!std::isnan(noise[i])) known.push_back(noise[i]);
+  if (known.empty()) return otherwise;
+  const auto middle = known.begin() + std::ptrdiff_t(known.size() / 2);
+  std::nth_element(known.begin(), middle, known.end());
+  return *middle;
+}
+
 // Logarithms of levels, as far as they differ from 0 by more than chance makes them.
 void shrink(std::vector<double>& log_levels) {
   double squares = 0;
@@ -151,7 +166,7 @@ void shrink(std::vector<double>& log_levels) {
 
 }  // namespace
 
-std::shared_ptr<const NoiseLevels> noise_levels(const LocalSamples& samples, double typical) {
+std::shared_ptr<const NoiseLevels> noise_levels(const LocalSamples& samples, double typical, const ForEach& for_each) {
   std::vector<Point> places;
   std::vector<Curve> curves;
   for (std::size_t i = 0; i < samples.noise.size(); ++i) {
@@ -160,26 +175,19 @@ std::shared_ptr<const NoiseLevels> noise_levels(const LocalSamples& samples, dou
     curves.push_back(curve_of(samples.noise[i], samples.residuals.empty() ? nullptr : &samples.residuals[i]));
   }
   if (!(typical > 0) || places.size() < kFewestSamples) return nullptr;
-  const std::vector<std::uint32_t> pools = nearest_rows(places, kPool);
-  const auto pool_of = [&](std::size_t i, std::size_t count) { return std::span(pools).subspan(i * kPool, count); };
   const std::vector<Curve> rows = models();
-  std::vector<double> noise(places.size());
-  for (std::size_t i = 0; i < places.size(); ++i) noise[i] = noise_of(pooled(pool_of(i, kPool), curves), rows, typical);
-  std::vector<Point> known;
-  std::vector<double> log_levels;
-  for (std::size_t i = 0; i < places.size(); ++i) {
-    std::vector<double> near;
-    for (const std::uint32_t j : pool_of(i, kSmoothed))
-      if (!std::isnan(noise[j])) near.push_back(noise[j]);
-    if (near.empty()) near.push_back(typical);
-    const auto middle = near.begin() + std::ptrdiff_t(near.size() / 2);
-    std::nth_element(near.begin(), middle, near.end());
-    known.push_back(places[i]);
-    log_levels.push_back(std::log(std::clamp(*middle / typical, 1 / kLargestLevel, kLargestLevel)));
-  }
-  if (known.size() < kFewestSamples) return nullptr;
+  std::vector<std::uint32_t> pools(places.size() * kPool);
+  std::vector<double> noise(places.size()), log_levels(places.size());
+  for_each(places.size(), [&](std::size_t i) {
+    find_pool(places, i, &pools[i * kPool]);
+    noise[i] = noise_of(pooled(std::span(pools).subspan(i * kPool, kPool), curves), rows, typical);
+  });
+  for_each(places.size(), [&](std::size_t i) {
+    const double median = median_known(std::span(pools).subspan(i * kPool, kSmoothed), noise, typical);
+    log_levels[i] = std::log(std::clamp(median / typical, 1 / kLargestLevel, kLargestLevel));
+  });
   shrink(log_levels);
-  auto levels = std::make_shared<NoiseLevels>(levels_between(known, log_levels));
+  auto levels = std::make_shared<NoiseLevels>(levels_between(places, log_levels));
   std::sort(log_levels.begin(), log_levels.end());
   for (std::size_t q = 0; q < kQuantiles.size(); ++q)
     levels->quantiles[q] = std::exp(log_levels[std::size_t(kQuantiles[q] * double(log_levels.size() - 1))]);

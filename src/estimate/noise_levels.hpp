@@ -7,6 +7,7 @@
 
 #include "point/sample.h"
 #include "pointfair/cloud.hpp"
+#include "seam/cloud_sample.hpp"
 #include "seam/settings.hpp"
 
 namespace pointfair {
@@ -19,7 +20,8 @@ struct LocalSamples {
 };
 
 // Levels over `typical`, the noise that is held to be that of a typical place; null where too few samples show noise to
-// tell, or where it is 0. Depends on the samples' places but not on their order, but for rounding. O(samples^2).
-std::shared_ptr<const NoiseLevels> noise_levels(const LocalSamples& samples, double typical);
+// tell, or where it is 0. Depends on the samples' places but not on their order, but for rounding. O(samples^2), by all
+// that `for_each` calls at once.
+std::shared_ptr<const NoiseLevels> noise_levels(const LocalSamples& samples, double typical, const ForEach& for_each);
 
 }  // namespace pointfair
