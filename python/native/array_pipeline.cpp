@@ -107,8 +107,9 @@ void ArrayPipeline::run(const Params& params, const Movable& movable, std::span<
   const std::vector<Point> after = moved(params, movable, watch);
   std::vector<Position> positions = own_;
   move_positions(before_, after, positions);
-  std::transform(positions.begin(), positions.end(), result.begin(),
-                 [](const Position& p) { return Point{float(p[0]), float(p[1]), float(p[2])}; });
+  std::transform(positions.begin(), positions.end(), result.begin(), [](const Position& p) {
+    return Point{float(p[0]), float(p[1]), float(p[2])};
+  });
 }
 
 void ArrayPipeline::run(const Params& params, const Movable& movable, std::span<double> out, const Watch& watch) {

@@ -13,7 +13,7 @@ namespace pointfair::python {
 
 /// Which points of a run move, and by how much.
 struct Movable {
-  Limits limits;                    ///< strength and box
+  Limits limits;                       ///< strength and box
   std::span<const std::uint8_t> mask;  ///< 1 for each point that may move; empty: all may
 
   bool all() const { return limits == Limits{} && mask.empty(); }
@@ -58,8 +58,8 @@ class ArrayPipeline {
   Pipeline pipeline_;
   Kind kind_ = Kind::nothing;
   std::size_t points_ = 0;
-  Cloud before_;                 // origin; and the points where something needs them
-  std::vector<Position> own_;    // the positions in double, unless floats without an origin were loaded
+  Cloud before_;               // origin; and the points where something needs them
+  std::vector<Position> own_;  // the positions in double, unless floats without an origin were loaded
 };
 
 }  // namespace pointfair::python

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // The module pointfair._native: the library's calls for Python. The package's Python files are the interface.
-#include "bindings.hpp"
-
 #include <nanobind/stl/string.h>
 
 #include <charconv>
 #include <new>
+
+#include "bindings.hpp"
 
 namespace nb = nanobind;
 

@@ -103,9 +103,7 @@ Row estimates(SharedPipeline& self) {
 
 Params resolve(SharedPipeline& self, const Params& params) {
   Params result;
-  self.use([&](ArrayPipeline& arrays, const Watch& watch) {
-    result = arrays.pipeline().resolve(params, watch.stop);
-  });
+  self.use([&](ArrayPipeline& arrays, const Watch& watch) { result = arrays.pipeline().resolve(params, watch.stop); });
   return result;
 }
 
@@ -123,8 +121,7 @@ nb::ndarray<nb::numpy, bool, nb::ndim<1>> outliers(SharedPipeline& self) {
 
 template <class Scalar>
 Rows batch(const Input<Scalar>& coordinates, const nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig>& offsets,
-               const Params& params, unsigned threads, const Output<Scalar>& out, bool with_reports,
-               nb::object progress) {
+           const Params& params, unsigned threads, const Output<Scalar>& out, bool with_reports, nb::object progress) {
   std::vector<Report> reports(with_reports && offsets.size() > 0 ? offsets.size() - 1 : 0);
   const std::size_t always_stoppable = std::size_t(1) << 20;
   run_interruptible(always_stoppable, progress, [&](const Watch& watch) {
@@ -160,9 +157,7 @@ void bind_scalar(nb::class_<SharedPipeline>& pipeline, nb::module_& module) {
 
 }  // namespace
 
-Row as_tuple(const DeviceInfo& device) {
-  return nb::make_tuple(name_of(device.kind), device.name, device.reason);
-}
+Row as_tuple(const DeviceInfo& device) { return nb::make_tuple(name_of(device.kind), device.name, device.reason); }
 
 Row as_tuple(const Report& report) {
   nb::list stages;
@@ -187,9 +182,7 @@ void bind_pipelines(nb::module_& module) {
       .def("resolve", &resolve, nb::arg("params"))
       .def("normals", &normals, nb::arg("out").noconvert())
       .def("outliers", &outliers)
-      .def("report", [](SharedPipeline& self) {
-        return as_tuple(self.arrays().pipeline().report());
-      })
+      .def("report", [](SharedPipeline& self) { return as_tuple(self.arrays().pipeline().report()); })
       .def("device", [](SharedPipeline& self) { return as_tuple(self.arrays().pipeline().device()); })
       .def_prop_ro("points", [](SharedPipeline& self) { return self.arrays().points(); });
   module.def("devices", &devices);

@@ -12,8 +12,8 @@ from ._cloud import Cloud
 from ._errors import UsageError
 from ._params import Params
 from ._progress import Progress, progress_function
-from ._values import as_text, as_threads
 from ._report import DeviceInfo, Estimates, Report, device_of, report_of
+from ._values import as_text, as_threads
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
