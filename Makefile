@@ -10,7 +10,7 @@ PREFIX ?= /usr/local
 FUZZ_SECONDS ?= 60
 FUZZ_TARGETS = $(notdir $(wildcard build/fuzz/bin/fuzz_*))
 
-.PHONY: help demo build test wheel bench quality bench-viewer paper-tables figures gpu release fuzz format docs asan tsan clean install
+.PHONY: help demo build test wheel bench quality bench-laz bench-viewer paper-tables figures gpu release fuzz format docs asan tsan clean install
 
 help:
 	@echo "make build    the program, build/bin/pointfair"
@@ -19,6 +19,7 @@ help:
 	@echo "make wheel    the Python package with the program, dist/*.whl"
 	@echo "make bench    time every stage and the peers"
 	@echo "make quality  measure the noise that is left by each method and peer, into docs; 1 h, goes on if stopped"
+	@echo "make bench-laz  time LAZ against lazrs, which pip fetches from PyPI"
 	@echo "make bench-viewer  time the viewer over its WebSocket, 100,000 and 1M points, and its page in Chromium"
 	@echo "make paper-tables  the paper's table II and figures 6 and 7 on this machine, in build/paper"
 	@echo "make figures  every picture of the documents and the numbers under them, in docs"
@@ -71,6 +72,12 @@ quality:
 	bench/quality.py --build build/bench --write docs/benchmarks.md
 	bench/automatic.py --build build/bench --write docs/benchmarks.md
 
+bench-laz:
+	@$(install) build
+	cmake --preset $(preset) -DPOINTFAIR_TESTS=OFF
+	cmake --build build --target bench_laz
+	bench/laz.py
+
 bench-viewer:
 	@$(install) build
 	cmake --preset $(preset) -DPOINTFAIR_TESTS=OFF
@@ -110,15 +117,16 @@ fuzz:
 	@$(install) build test fuzz
 	cmake --preset fuzz
 	cmake --build build/fuzz
+	! test -x build/fuzz/bin/write_seeds || build/fuzz/bin/write_seeds build/fuzz/seeds
 	@$(MAKE) --no-print-directory run-fuzz
 
 .PHONY: run-fuzz $(FUZZ_TARGETS)
 run-fuzz: $(FUZZ_TARGETS)
 $(FUZZ_TARGETS):
 	@echo "$@: $(FUZZ_SECONDS) s"
-	@mkdir -p build/fuzz/corpus/$@
+	@mkdir -p build/fuzz/corpus/$@ build/fuzz/seeds/$@
 	@build/fuzz/bin/$@ -max_total_time=$(FUZZ_SECONDS) -timeout=10 -rss_limit_mb=2048 -print_final_stats=1 \
-	  -artifact_prefix=build/fuzz/ build/fuzz/corpus/$@ >build/fuzz/$@.log 2>&1 || { tail -40 build/fuzz/$@.log; exit 1; }
+	  -artifact_prefix=build/fuzz/ build/fuzz/corpus/$@ build/fuzz/seeds/$@ >build/fuzz/$@.log 2>&1 || { tail -40 build/fuzz/$@.log; exit 1; }
 	@grep -E 'stat::(number_of_executed_units|new_units_added|peak_rss_mb)' build/fuzz/$@.log
 
 format:

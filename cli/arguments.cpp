@@ -11,8 +11,9 @@ namespace pointfair::cli {
 namespace {
 
 constexpr std::pair<std::string_view, Format> kFormats[] = {
-    {"ply", Format::ply}, {"pcd", Format::pcd}, {"xyz", Format::xyz}, {"txt", Format::txt},
-    {"csv", Format::csv}, {"pts", Format::pts}, {"off", Format::off}, {"obj", Format::obj}};
+    {"ply", Format::ply}, {"pcd", Format::pcd}, {"las", Format::las}, {"laz", Format::laz},
+    {"e57", Format::e57}, {"xyz", Format::xyz}, {"txt", Format::txt}, {"csv", Format::csv},
+    {"pts", Format::pts}, {"off", Format::off}, {"obj", Format::obj}};
 
 constexpr std::pair<std::string_view, Encoding> kEncodings[] = {{"ascii", Encoding::ascii},
                                                                 {"binary", Encoding::binary},
@@ -74,7 +75,8 @@ void add_params(CLI::App& command, ParamArguments& arguments) {
   for (const ParamInfo& info : kParams) add_param(command, info, arguments);
   command.set_help_all_flag("--help-all", "print this help with the expert parameters");
   command.footer(
-      "A LENGTH is a number in the file's unit, 0.5% of the diagonal of the bounding box, 2s mean spacings, or auto.\n"
+      "A LENGTH is a number in the file's unit, 5mm (or cm, m, ft) where the file says its unit, 0.5% of the diagonal of\n"
+      "the bounding box, 2s mean spacings, or auto.\n"
       "--closeness-sigma and --normal-sigma also take 0.6r, radii of the neighbourhood. auto, the default, chooses a\n"
       "value from the data; pointfair info prints it.");
 }
@@ -91,13 +93,16 @@ void add_limits(CLI::App& command, LimitArguments& arguments) {
       {"0..1", "how much to denoise: 0 keeps the input, 1 gives the full result, 0.5 the mean of both"},
       {"X,Y,Z,X,Y,Z", "move only the points in this box: lower corner, upper corner"},
       {"MATRIX:POLYGON", "move only the points that a view shows inside a polygon; the viewer writes it"},
+      {"ATTRIBUTE=VALUES", "move only the points whose attribute has one of these integers, as in classification=2,6,64-255"},
+      {"ATTRIBUTE=VALUES", "leave out the points whose attribute has one of these integers: they keep their place and are nobody's neighbours"},
   }};
   for (std::size_t i = 0; i < kLimitNames.size(); ++i) {
     const auto store = [&arguments, i](const std::string& text) { arguments.given.emplace_back(kLimitNames[i], text); };
-    command.add_option_function<std::string>("--" + std::string(kLimitNames[i]), store, kHelp[i][1])
-        ->type_name(kHelp[i][0])
-        ->group("Limits")
-        ->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
+    CLI::Option* const option =
+        command.add_option_function<std::string>("--" + std::string(kLimitNames[i]), store, kHelp[i][1]);
+    option->type_name(kHelp[i][0])->group("Limits")->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
+    const bool several = kLimitNames[i] == "where" || kLimitNames[i] == "ignore";
+    if (several) option->multi_option_policy(CLI::MultiOptionPolicy::Join)->delimiter(';');
   }
 }
 
@@ -148,12 +153,9 @@ void add_format(CLI::App& command, FormatArguments& arguments) {
 
 WriteOptions make_write_options(const FormatArguments& arguments, const std::filesystem::path& path) {
   WriteOptions options;
-  options.format = arguments.format.empty() ? format_of(path) : find_value(kFormats, arguments.format);
+  options.format = find_value(kFormats, arguments.format);
+  if (!options.format && path.has_extension()) options.format = format_to_write(path);
   options.encoding = find_value(kEncodings, arguments.encoding);
-  if (!options.format && path.has_extension()) {
-    throw Error(ErrorKind::file, fmt::format("{}: unknown extension; use one of {}, or --format", path.string(),
-                                             fmt::join(format_names(), ", ")));
-  }
   if (options.format && options.encoding) {
     const Cloud one_point = {.origin = {}, .points = {{0, 0, 0}}, .added = {}, .source = nullptr};
     write_bytes(one_point, *options.format, options.encoding);  // refuses what the format does not have

@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "arguments.hpp"
+#include "file_rows.hpp"
 #include "output.hpp"
 #include "pointfair/pointfair.hpp"
 #include "report.hpp"
@@ -29,7 +30,8 @@ std::string bounds_text(const Cloud& cloud, const Estimates& estimates) {
 }
 
 std::string info_text(const Cloud& cloud, const Estimates& estimates, const Params& suggested) {
-  std::string text = fmt::format("points      {}, {} of them finite\n", estimates.points, estimates.finite);
+  std::string text = file_text(cloud);
+  fmt::format_to(std::back_inserter(text), "points      {}, {} of them finite\n", estimates.points, estimates.finite);
   const auto out = std::back_inserter(text);
   if (estimates.finite > 0) {
     fmt::format_to(out, "bounds\n{}", bounds_text(cloud, estimates));
@@ -39,6 +41,8 @@ std::string info_text(const Cloud& cloud, const Estimates& estimates, const Para
   if (estimates.spacing > 0) {
     fmt::format_to(out, "            {:.3g} of the spacing\n", estimates.noise / estimates.spacing);
   }
+  if (const double step = file_info(cloud).step; estimates.noise > 0 && step > estimates.noise)
+    fmt::format_to(out, "            less than the step of {:.4g} between coordinates: --las-scale makes that finer\n", step);
   fmt::format_to(out, "attributes\n");
   for (const AttributeInfo& attribute : attributes(cloud)) {
     const std::string shape = attribute.components > 1 ? fmt::format(" x {}", attribute.components) : "";
@@ -52,7 +56,8 @@ std::string info_text(const Cloud& cloud, const Estimates& estimates, const Para
 }
 
 Json info_json(const Cloud& cloud, const Estimates& estimates, const Params& suggested) {
-  return {{"points", estimates.points},
+  return {{"file", file_json(cloud)},
+          {"points", estimates.points},
           {"finite", estimates.finite},
           {"bounds", bounds_json(cloud, estimates)},
           {"diagonal", estimates.diagonal},

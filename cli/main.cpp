@@ -24,7 +24,8 @@ namespace {
 constexpr std::string_view kHelp = R"(pointfair {}: removes the noise of 3D scans and keeps their shape
 
 {}
-Files: {}; - is standard input or output.
+Files: {}
+       - is standard input or output.
 pointfair VERB --help lists the flags of a verb; the usual start is
 
   pointfair run scan.ply denoised.ply

@@ -46,6 +46,11 @@ Cloud sample(const Cloud& mesh, const NoiseArguments& arguments) {
 // `diagonal` is that of what was read; the spacing is that of the points that get the noise.
 double in_file_units(Length length, double diagonal, const Cloud& cloud, std::stop_token stop) {
   if (length.unit == Length::Unit::percent) return length.value * diagonal / 100;
+  if (length.unit == Length::Unit::metre) {
+    const std::optional<double> metres = file_info(cloud).metres_per_unit;
+    if (metres) return length.value / *metres;
+    throw Error(ErrorKind::usage, "--sigma: the file does not say how long its unit is; leave mm, cm, m or ft out");
+  }
   if (length.unit != Length::Unit::spacing) return length.value;
   Pipeline pipeline(Device::cpu);
   pipeline.load(cloud);

@@ -2,8 +2,10 @@
 // pointfair run IN OUT: denoise a cloud.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
+#include <optional>
 
 #include "arguments.hpp"
 #include "output.hpp"
@@ -17,7 +19,8 @@ namespace pointfair::cli {
 namespace {
 
 struct RunArguments {
-  std::string input, output, report, progress = "auto";
+  std::string input, output, report, progress = "auto", normals = "keep";
+  std::optional<double> las_scale;
   ParamArguments params;
   LimitArguments limits;
   DeviceArguments device;
@@ -28,7 +31,11 @@ struct RunArguments {
 // What is said about a run beside the library's own report.
 struct Findings {
   double spacing = 0, noise = 0;  // of the input
+  double step = 0;                // between the coordinates written, where these are integers
+  std::uint64_t ignored = 0;      // finite points left out by --ignore
+  std::uint64_t held = 0;         // others that the limits did not let move
   Statistics displacement;
+  std::vector<std::string> notes;
 };
 
 void check_paths(const RunArguments& arguments) {
@@ -43,6 +50,8 @@ void check_paths(const RunArguments& arguments) {
 }
 
 // Of the finite points, in file units.
+constexpr double kRoundingRms = 0.288675;  // of a step, on each axis: 1 / sqrt(12)
+
 Statistics displacement(const Cloud& before, const Cloud& after) {
   std::vector<double> lengths;
   lengths.reserve(before.points.size());
@@ -54,11 +63,34 @@ Statistics displacement(const Cloud& before, const Cloud& after) {
   return summarize(lengths);
 }
 
-Json unmoved_json(const UnmovedCounts& unmoved) {
+// Points that the limits hold, and those of them that were left out of the run.
+void count_limited(const Cloud& cloud, const Limits& limits, std::span<const std::uint8_t> movable,
+                   Findings& findings) {
+  const auto is_finite = [](const Point& p) { return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z); };
+  std::vector<std::uint8_t> ignored(limits.ignore.empty() ? 0 : cloud.points.size());
+  for (const Selection& selection : limits.ignore) {
+    const std::vector<std::uint8_t> selected = selected_points(selection, cloud);
+    for (std::size_t i = 0; i < ignored.size(); ++i) ignored[i] |= selected[i];
+  }
+  for (std::size_t i = 0; i < movable.size(); ++i) {
+    if (movable[i] || !is_finite(cloud.points[i])) continue;
+    ++(!ignored.empty() && ignored[i] ? findings.ignored : findings.held);
+  }
+}
+
+// Ignored points go into a run as points that are not finite.
+UnmovedCounts without(UnmovedCounts unmoved, std::uint64_t ignored) {
+  unmoved.non_finite -= std::min(unmoved.non_finite, ignored);
+  return unmoved;
+}
+
+Json unmoved_json(const UnmovedCounts& unmoved, const Findings& findings) {
   return {{"non_finite", unmoved.non_finite},
           {"too_few_neighbors", unmoved.too_few_neighbors},
           {"no_normal", unmoved.no_normal},
-          {"outliers", unmoved.outliers}};
+          {"outliers", unmoved.outliers},
+          {"ignored", findings.ignored},
+          {"held", findings.held}};
 }
 
 Json run_json(const Report& report, const Findings& findings) {
@@ -68,7 +100,8 @@ Json run_json(const Report& report, const Findings& findings) {
           {"params", params_json(report.params)},
           {"spacing", findings.spacing},
           {"noise", {{"before", findings.noise}}},
-          {"unmoved", unmoved_json(report.unmoved)},
+          {"rounding", {{"step", findings.step}, {"rms", kRoundingRms * findings.step}}},
+          {"unmoved", unmoved_json(without(report.unmoved, findings.ignored), findings)},
           {"short_neighborhoods", report.short_neighborhoods},
           {"displacement", statistics_json(findings.displacement)},
           {"stages", stages_json(report.stages)},
@@ -88,7 +121,7 @@ void print_details(const Report& report) {
 }
 
 // Why points kept their place.
-std::string reasons_kept(const UnmovedCounts& unmoved) {
+std::string reasons_kept(const UnmovedCounts& unmoved, std::uint64_t ignored) {
   std::string reasons;
   const auto add = [&](std::uint64_t count, const char* reason) {
     if (count > 0) reasons += fmt::format("{}{} {}", reasons.empty() ? ": " : ", ", count, reason);
@@ -97,19 +130,27 @@ std::string reasons_kept(const UnmovedCounts& unmoved) {
   add(unmoved.too_few_neighbors, "with too few neighbours");
   add(unmoved.no_normal, "without a normal");
   add(unmoved.outliers, "outliers");
+  add(ignored, "ignored");
   return reasons;
 }
 
 void print_summary(const RunArguments& arguments, const Report& report, const Findings& findings) {
   if (arguments.verbose) print_details(report);
-  const UnmovedCounts& unmoved = report.unmoved;
-  const std::uint64_t kept = unmoved.non_finite + unmoved.too_few_neighbors + unmoved.no_normal + unmoved.outliers;
+  const UnmovedCounts unmoved = without(report.unmoved, findings.ignored);
+  const std::uint64_t kept =
+      unmoved.non_finite + unmoved.too_few_neighbors + unmoved.no_normal + unmoved.outliers + findings.ignored;
   fmt::print(stderr, "{} points denoised on {} in {:.1f} ms, {} kept as they were{}\n", report.points - kept,
-             device_name(report.device.kind), report.total_milliseconds, kept, reasons_kept(unmoved));
+             device_name(report.device.kind), report.total_milliseconds, kept,
+             reasons_kept(unmoved, findings.ignored));
+  if (findings.held > 0) fmt::print(stderr, "the limits kept {} points as they were\n", findings.held);
   if (report.tiles > 1)
     fmt::print(stderr, "computed in {} tiles, since the cloud does not fit into the device's memory\n", report.tiles);
   fmt::print(stderr, "noise of the input {:.4g} (estimated), points moved {:.4g} on average, {:.4g} at most\n",
              findings.noise, findings.displacement.mean, findings.displacement.max);
+  if (findings.step > 0)
+    fmt::print(stderr, "coordinates are stored in steps of {:.4g}: rounding adds {:.2g} on each axis\n", findings.step,
+               kRoundingRms * findings.step);
+  for (const std::string& note : findings.notes) fmt::print(stderr, "note: {}\n", note);
 }
 
 Cloud read_input(const RunArguments& arguments) {
@@ -118,31 +159,94 @@ Cloud read_input(const RunArguments& arguments) {
   return read(arguments.input, options);
 }
 
+// Refuses before the run what would fail after it.
+void check_normals(const RunArguments& arguments, const Cloud& cloud) {
+  if (arguments.normals == "update" && normal_attributes(cloud).empty())
+    throw Error(ErrorKind::usage,
+                fmt::format("--normals update: {} has no normals; --normals write adds them", arguments.input));
+}
+
+// The normals of the last iteration. Where the file has its own, points that were not to move keep theirs.
+void give_normals(Pipeline& pipeline, std::span<const std::uint8_t> movable, std::stop_token stop, Cloud& cloud) {
+  std::vector<Point> normals(cloud.points.size());
+  pipeline.normals(normals, stop);
+  const bool has_own = !normal_attributes(cloud).empty();
+  for (std::size_t i = 0; has_own && i < movable.size(); ++i) {
+    if (!movable[i]) normals[i] = {0, 0, 0};
+  }
+  set_normals(cloud, normals);
+}
+
+// Between the coordinates of the file written, where these are integers.
+double written_step(const Cloud& cloud, const WriteOptions& options) {
+  if (options.las_scale) return *options.las_scale;
+  const auto is_las = [](Format format) { return format == Format::las || format == Format::laz; };
+  const FileInfo info = file_info(cloud);
+  const bool keeps =
+      info.format && (!options.format || options.format == info.format || (is_las(*options.format) && is_las(*info.format)));
+  return keeps ? info.step : 0;
+}
+
+std::vector<std::string> notes(const RunArguments& arguments, const WriteOptions& options, const Cloud& cloud,
+                               const Findings& findings) {
+  std::vector<std::string> result = losses(cloud, options.format);
+  if (arguments.normals == "keep" && findings.displacement.max > 0 && !normal_attributes(cloud).empty())
+    result.push_back("the normals in the file are those from before; --normals update replaces them");
+  if (findings.noise > 0 && findings.step > findings.noise)
+    result.push_back(fmt::format("the steps of {:.4g} between stored coordinates are coarse against the noise of {:.4g}; "
+                                 "for LAS and LAZ, --las-scale makes them finer",
+                                 findings.step, findings.noise));
+  return result;
+}
+
+// What is said about the run. The estimates are of the points that were not ignored.
+void find_out(const RunArguments& arguments, const WriteOptions& options, const Cloud& before, const Cloud& after,
+              Pipeline& pipeline, std::stop_token stop, Findings& findings) {
+  const Estimates& estimates = pipeline.estimates(stop);
+  findings.spacing = estimates.spacing;
+  findings.noise = estimates.noise;
+  findings.step = written_step(before, options);
+  findings.displacement = displacement(before, after);
+  findings.notes = notes(arguments, options, before, findings);
+}
+
+WriteOptions write_options_of(const RunArguments& arguments) {
+  WriteOptions options = make_write_options(arguments.format, arguments.output);
+  options.las_scale = arguments.las_scale;
+  options.overwrite = arguments.force;
+  options.threads = arguments.device.threads;
+  return options;
+}
+
 void run(const RunArguments& arguments, std::stop_token stop) {
   const Params params = make_params(arguments.params, {});
   const Limits limits = make_limits(arguments.limits);
   const Device device = make_device(arguments.device);
   check_paths(arguments);
-  WriteOptions write_options = make_write_options(arguments.format, arguments.output);
-  write_options.overwrite = arguments.force;
-  write_options.threads = arguments.device.threads;
+  const WriteOptions write_options = write_options_of(arguments);
   Pipeline pipeline(device);
   Findings findings;
-  const bool wants_findings = !arguments.quiet || !arguments.report.empty();
   {
     Progress progress(arguments.quiet ? "none" : arguments.progress);
     progress.show(0, "reading");
     const Cloud cloud = read_input(arguments);
-    pipeline.load(cloud);
+    check_normals(arguments, cloud);
+    const std::vector<std::uint8_t> movable = movable_points(limits, cloud);
+    if (limits.ignore.empty()) {
+      pipeline.load(cloud);
+    } else {
+      pipeline.load(without_ignored(limits, cloud));
+    }
     Cloud denoised =
         pipeline.run(params, stop, [&](double share, std::string_view stage) { progress.show(share, stage); });
-    apply_limits(limits, cloud, denoised);
+    apply_limits(limits, movable, cloud.points, denoised.points);
+    if (arguments.normals != "keep") give_normals(pipeline, movable, stop, denoised);
     progress.show(1, "writing");
     write(arguments.output, denoised, write_options);
-    if (wants_findings) {
+    if (!arguments.quiet || !arguments.report.empty()) {
       progress.show(1, "measuring");
-      const Estimates& estimates = pipeline.estimates(stop);
-      findings = {estimates.spacing, estimates.noise, displacement(cloud, denoised)};
+      count_limited(cloud, limits, movable, findings);
+      find_out(arguments, write_options, cloud, denoised, pipeline, stop, findings);
     }
   }
   write_report(arguments.report, run_json(pipeline.report(), findings));
@@ -160,6 +264,11 @@ Verb add_run(CLI::App& app) {
   add_limits(command, arguments->limits);
   add_device(command, arguments->device);
   add_format(command, arguments->format);
+  command.add_option("--las-scale", arguments->las_scale,
+                     "step of the coordinates of LAS and LAZ, a whole part of the input's: 0.001 for 0.01")
+      ->type_name("STEP");
+  add_choice(command, "--normals", arguments->normals, {"keep", "update", "write"},
+             "keep: those in the file stay; update: they follow the points; write: also where the file has none");
   add_report(command, arguments->report);
   add_choice(command, "--progress", arguments->progress, {std::begin(kProgressModes), std::end(kProgressModes)},
              "progress on standard error; auto: a bar on a terminal");

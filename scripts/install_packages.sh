@@ -7,7 +7,7 @@ set -euo pipefail
 
 packages_for() {
   case "$1" in
-    build) echo g++ cmake ninja-build libtbb-dev libcli11-dev libfmt-dev libfast-float-dev libembree-dev libnanoflann-dev nlohmann-json3-dev libboost-dev nodejs npm ;;
+    build) echo g++ cmake ninja-build libtbb-dev libcli11-dev libfmt-dev libfast-float-dev libembree-dev libnanoflann-dev nlohmann-json3-dev libpugixml-dev libboost-dev nodejs npm python3-pip ;;
     test) echo libgtest-dev librapidcheck-dev libnanoflann-dev libeigen3-dev python3 chromium ;;
     python) echo python3-dev python3-venv ;;
     demo) echo libcgal-demo libpng-dev python3 ;;
@@ -23,6 +23,8 @@ packages_for() {
 is_installed() {
   # a node of its maker's own package, or of none, brings its npm along
   if [ "$1" = npm ] || [ "$1" = nodejs ]; then command -v npm >/dev/null && command -v node >/dev/null && return; fi
+  # and so does a Python with pip
+  if [ "$1" = python3-pip ]; then python3 -m pip --version >/dev/null 2>&1 && return; fi
   # and so does a Python that Debian did not install
   if [ "$1" = python3-venv ]; then python3 -c "import ensurepip, venv" 2>/dev/null && return; fi
   if [ "$1" = python3-dev ]; then python3 -c "import os, sysconfig as s; open(os.path.join(s.get_path('include'), 'Python.h'))" 2>/dev/null && return; fi

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <limits>
 
 namespace pointfair {
 namespace {
@@ -123,12 +124,19 @@ void set_limit(Limits& limits, std::string_view name, std::string_view text) {
     limits.box = text.empty() ? std::nullopt : std::optional(box_of(text));
   } else if (name == "lasso") {
     limits.lasso = text.empty() ? std::nullopt : std::optional(lasso_of(text));
+  } else if (name == "where") {
+    limits.where = parse_selections(name, text);
+  } else if (name == "ignore") {
+    limits.ignore = parse_selections(name, text);
   } else {
-    throw Error(ErrorKind::usage, "there is no limit '" + std::string(name) + "': use strength, box or lasso");
+    throw Error(ErrorKind::usage,
+                "there is no limit '" + std::string(name) + "': use strength, box, lasso, where or ignore");
   }
 }
 
 std::string limit_text(const Limits& limits, std::string_view name) {
+  if (name == "where") return selections_text(limits.where);
+  if (name == "ignore") return selections_text(limits.ignore);
   std::string text;
   if (name == "strength" && limits.strength != 1) append_numbers(text, std::array{limits.strength});
   if (name == "box" && limits.box) {
@@ -143,9 +151,24 @@ std::string limit_text(const Limits& limits, std::string_view name) {
   return text;
 }
 
+Cloud without_ignored(const Limits& limits, const Cloud& cloud) {
+  Cloud seen = cloud;
+  constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+  for (const Selection& selection : limits.ignore) {
+    const std::vector<std::uint8_t> ignored = selected_points(selection, cloud);
+    for (std::size_t i = 0; i < ignored.size(); ++i) {
+      if (ignored[i]) seen.points[i] = {kNan, kNan, kNan};
+    }
+  }
+  return seen;
+}
+
 std::vector<std::uint8_t> movable_points(const Limits& limits, const Cloud& cloud) {
-  if (!limits.box && !limits.lasso) return {};
-  std::vector<std::uint8_t> movable(cloud.points.size(), 1);
+  if (!limits.box && !limits.lasso && limits.where.empty() && limits.ignore.empty() && limits.mask.empty()) return {};
+  std::vector<std::uint8_t> movable = limits.mask;
+  if (movable.empty()) movable.assign(cloud.points.size(), 1);
+  if (movable.size() != cloud.points.size())
+    throw Error(ErrorKind::usage, "limits: the mask must have one value for each point");
   const auto keep = [&](const auto& contains) {
     for (std::size_t i = 0; i < movable.size(); ++i) {
       const Point& p = cloud.points[i];
@@ -155,6 +178,12 @@ std::vector<std::uint8_t> movable_points(const Limits& limits, const Cloud& clou
   };
   if (limits.box) keep([&](const auto& position) { return is_inside(*limits.box, position); });
   if (limits.lasso) keep(LassoTest(*limits.lasso));
+  const auto select = [&](const Selection& selection, std::uint8_t moves) {
+    const std::vector<std::uint8_t> selected = selected_points(selection, cloud);
+    for (std::size_t i = 0; i < movable.size(); ++i) movable[i] = movable[i] && selected[i] == moves;
+  };
+  for (const Selection& selection : limits.where) select(selection, 1);
+  for (const Selection& selection : limits.ignore) select(selection, 0);
   return movable;
 }
 

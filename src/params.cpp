@@ -5,6 +5,7 @@
 #include <charconv>
 #include <cmath>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "pointfair/cloud.hpp"
@@ -58,8 +59,12 @@ std::string wanted_values(const ParamInfo& info) {
   if (std::holds_alternative<std::optional<double> Params::*>(info.field))
     return "a number from " + number_text(info.min) + " to " + number_text(info.max) + automatic;
   const std::string of_radius = may_be_of_radius(info) ? ", 0.6r (radii of the neighbourhood)" : "";
-  return "a positive length: 0.02 (file units), 0.5% (of the diagonal), 2s (mean spacings)" + of_radius + automatic;
+  return "a positive length: 0.02 (file units), 5mm (or cm, m, ft), 0.5% (of the diagonal), 2s (mean spacings)" +
+         of_radius + automatic;
 }
+
+// The units that a length may carry, in metres; a longer name stands before its end.
+constexpr std::pair<std::string_view, double> kMetres[] = {{"mm", 0.001}, {"cm", 0.01}, {"ft", 0.3048}, {"m", 1}};
 
 Length length_of(const ParamInfo& info, std::string_view text) {
   if (text == "auto") return {};
@@ -75,9 +80,16 @@ Length length_of(const ParamInfo& info, std::string_view text) {
     unit = Length::Unit::radius;
     digits.remove_suffix(1);
   }
+  double factor = 1;
+  for (const auto& [name, metres] : kMetres) {
+    if (unit != Length::Unit::file || !digits.ends_with(name)) continue;
+    unit = Length::Unit::metre;
+    factor = metres;
+    digits.remove_suffix(name.size());
+  }
   const std::optional<double> value = number_of(digits);
   if (!value || !(*value > 0) || *value > info.max) refuse(info, text, wanted_values(info));
-  return {*value, unit};
+  return {*value * factor, unit};
 }
 
 std::string length_text(const Length& length) {
@@ -92,6 +104,8 @@ std::string length_text(const Length& length) {
       return number_text(length.value) + "s";
     case Length::Unit::radius:
       return number_text(length.value) + "r";
+    case Length::Unit::metre:
+      return number_text(length.value) + "m";
   }
   return "auto";
 }
@@ -216,6 +230,21 @@ void check_params(const Params& params) {
   for (const ParamInfo& info : kParams) std::visit(CheckField{params, info}, info.field);
   if (params.constraint && params.k == kAutomatic && !params.radius.is_automatic())
     throw Error(ErrorKind::usage, "--constraint with --radius needs --k; give the number of neighbours too");
+}
+
+Params in_file_units(const Params& params, std::optional<double> metres_per_unit) {
+  Params result = params;
+  for (const ParamInfo& info : kParams) {
+    const auto* const field = std::get_if<Length Params::*>(&info.field);
+    if (field == nullptr || (params.*(*field)).unit != Length::Unit::metre) continue;
+    if (!metres_per_unit) {
+      throw Error(ErrorKind::usage, flag_of(info) + " cannot be " + length_text(params.*(*field)) +
+                                        ": the cloud's file does not say how long its unit is; give the length in "
+                                        "file units, without mm, cm, m or ft");
+    }
+    result.*(*field) = (params.*(*field)).value / *metres_per_unit;
+  }
+  return result;
 }
 
 }  // namespace pointfair

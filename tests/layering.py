@@ -13,6 +13,7 @@ SOURCE = {".cpp", ".hpp", ".h", ".cu", ".cuh"}
 # folder: (folders or files of ours that it may include, third-party headers that it may include)
 PUBLIC = "include/pointfair/"
 DATA = [PUBLIC + name + ".hpp" for name in ("cloud", "params", "device", "report")]  # all of src may use them but src/point
+FILES = [PUBLIC + name + ".hpp" for name in ("cloud", "io", "file_info", "normals", "positions", "version")]  # what src/io implements
 ON_CARD = ("cuda", "cub/", "thrust/", "nv")
 CUDA_ROOMS = {  # each with those that it may include
     "runtime": ["runtime"],
@@ -35,7 +36,7 @@ RULES = {
     "src/estimate/": (["src/estimate/", "src/point/", "src/seam/", *DATA], ()),
     "src/tiles/": (["src/tiles/", "src/point/", "src/seam/", *DATA], ()),
     "src/pipeline/": (["src/pipeline/", "src/estimate/", "src/tiles/", "src/seam/", PUBLIC], ()),
-    "src/io/": (["src/io/", *[PUBLIC + name + ".hpp" for name in ("cloud", "io", "positions")]], ("tbb/", "sys/", "fcntl.h", "unistd.h", "fast_float/")),
+    "src/io/": (["src/io/", *FILES], ("tbb/", "sys/", "fcntl.h", "unistd.h", "fast_float/", "las", "pugixml", "emmintrin.h")),
     "src/": (["src/point/", PUBLIC], ()),
     "cli/": (["cli/", "viewer/server.hpp", PUBLIC], None),
     "bench/paper/": (["bench/paper/", "src/point/", PUBLIC], None),

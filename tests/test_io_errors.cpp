@@ -134,6 +134,34 @@ TEST(FilesErrors, ABadFileIsRefusedWithOneClearLine) {
   }
 }
 
+TEST(FilesErrors, ASmallFileMayNotPromiseMoreThanItHolds) {
+  const auto refused = [](const std::string& bytes, const std::string& name) {
+    const Thrown thrown = thrown_by([&] { parse(bytes, name); });
+    EXPECT_EQ(thrown.kind, ErrorKind::file) << name;
+    return thrown.message;
+  };
+  const auto repeat = [](const std::string& text, int times) {
+    std::string all;
+    for (int i = 0; i < times; ++i) all += text;
+    return all;
+  };
+  EXPECT_EQ(parse("1 2 3" + repeat(" 4", 1021) + "\n", "a.xyz").points.size(), 1U);
+  EXPECT_NE(refused("1 2 3" + repeat(" 4", 1022) + "\n", "a.xyz").find("1025 columns"), std::string::npos);
+  EXPECT_NE(refused("x,y,z" + repeat(",a", 1022) + "\n1,2,3\n", "a.csv").find("1025 columns"), std::string::npos);
+  const std::string names = "x,y,z" + repeat(",a", 500) + "\n";
+  EXPECT_EQ(parse(names + repeat("1,2,3\n", 5), "a.csv").points.size(), 5U);  // short rows are no fault
+  EXPECT_NE(refused(names + repeat("1,2,3\n", 1000), "a.csv").find("shorter"), std::string::npos);
+  std::string properties;
+  for (int i = 0; i < 5000; ++i) properties += "property char p" + std::to_string(i) + "\n";
+  EXPECT_NE(refused(ply("element vertex 1\n" + kXyz + properties, ""), "a.ply").find("5003 properties"),
+            std::string::npos);
+  EXPECT_NE(refused(ply("element vertex 1\n" + kXyz + "element rows 400000000000\n", std::string(12, '\0'),
+                        "binary_little_endian"),
+                    "a.ply")
+                .find("'rows' has no properties"),
+            std::string::npos);
+}
+
 TEST(FilesErrors, ALineNumberIsRightInALargeFile) {
   std::string text;
   for (int i = 1; i <= 200000; ++i) text += i == 123456 || i == 150000 ? "1 oops 3\n" : "1 2 3\n";
@@ -260,7 +288,7 @@ TEST(FilesErrors, TheInputMayBeOverwrittenWhileItIsRead) {
   ::chmod((folder / "a.xyz").c_str(), 0640);
   Cloud cloud = read(folder / "a.xyz");
   cloud.points[0].x = 7;
-  const WriteOptions over = {.format = {}, .encoding = {}, .overwrite = true, .sync = true, .threads = 1};
+  const WriteOptions over = {.format = {}, .encoding = {}, .las_scale = {}, .overwrite = true, .sync = true, .threads = 1};
   write(folder / "a.xyz", cloud, over);
   EXPECT_EQ(file_bytes(folder / "a.xyz"), "7 2 3\n4 5 6\n");
   EXPECT_EQ(fs::status(folder / "a.xyz").permissions(), fs::perms(0640));

@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "io_files.h"
+#include "shapes.h"
 
 namespace pointfair::test {
 namespace {
@@ -114,6 +115,33 @@ TEST(FilesMoves, MillimetresAtUtmCoordinatesAreExact) {
   // A PLY file of it holds doubles, to the last digit.
   const Cloud ply = parse(image(cloud, Format::ply));
   EXPECT_EQ(image(ply, Format::xyz).substr(0, 10), "691234.567");
+}
+
+// Coordinates that are just large enough for an origin: which rows come first must not decide.
+TEST(FilesMoves, TheOriginDoesNotDependOnTheOrderOfTheRows) {
+  std::vector<std::string> rows;
+  for (int i = 0; i < 20000; ++i) {
+    const double u = i / 20000.0;
+    char line[100];
+    std::snprintf(line, sizeof line, "%.6f 0.5 1\n", 13.45 + u);
+    rows.emplace_back(line);
+  }
+  std::optional<Cloud> first;
+  for (std::uint64_t seed = 0; seed < 12; ++seed) {
+    const auto order = shapes::shuffle_order(rows.size(), seed);
+    std::string text;
+    for (const std::uint32_t i : order) text += rows[i];
+    const Cloud cloud = parse(text, "a.xyz");
+    if (!first) first = cloud;
+    ASSERT_EQ(cloud.origin, first->origin) << seed;
+    if (seed > 0) {
+      const auto before = shapes::shuffle_order(rows.size(), 0);
+      std::vector<Point> by_row(rows.size());
+      for (std::size_t i = 0; i < before.size(); ++i) by_row[before[i]] = first->points[i];
+      for (std::size_t i = 0; i < order.size(); ++i)
+        ASSERT_EQ(std::memcmp(&cloud.points[i], &by_row[order[i]], sizeof(Point)), 0) << i;
+    }
+  }
 }
 
 TEST(FilesMoves, AStrayPointDoesNotHideLargeCoordinates) {

@@ -138,6 +138,33 @@ TEST(SetParam, reads_the_units_of_a_length) {
   EXPECT_TRUE(read("auto").is_automatic());
 }
 
+TEST(SetParam, reads_units_of_lengths_as_metres) {
+  const auto metres = [](const char* text) {
+    Params params;
+    set_param(params, *find_param("noise"), text);
+    EXPECT_EQ(params.noise.unit, Length::Unit::metre) << text;
+    return params.noise.value;
+  };
+  EXPECT_DOUBLE_EQ(metres("5mm"), 0.005);
+  EXPECT_DOUBLE_EQ(metres("1.5cm"), 0.015);
+  EXPECT_DOUBLE_EQ(metres("0.02m"), 0.02);
+  EXPECT_DOUBLE_EQ(metres("2ft"), 0.6096);
+  Params params;
+  for (const char* text : {"5 mm", "mm", "-5mm", "5km", "5in", "5mmm", "5m%", "5%m", "5sm"})
+    EXPECT_THROW(set_param(params, *find_param("noise"), text), Error) << text;
+}
+
+TEST(InFileUnits, divides_metres_by_the_unit_and_refuses_them_where_there_is_none) {
+  Params params;
+  params.noise = {0.3048, Length::Unit::metre};
+  params.radius = {2, Length::Unit::spacing};
+  EXPECT_EQ(in_file_units(params, 0.3048).noise, Length(1.0));
+  EXPECT_EQ(in_file_units(params, 0.3048).radius, params.radius);
+  EXPECT_THROW(in_file_units(params, std::nullopt), Error);
+  params.noise = 5.0;
+  EXPECT_EQ(in_file_units(params, std::nullopt), params);
+}
+
 TEST(SetParam, knows_multiples_of_the_radius_for_the_widths_of_gaussians_only) {
   Params params;
   set_param(params, row("closeness_sigma"), "0.6r");

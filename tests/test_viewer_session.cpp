@@ -426,6 +426,43 @@ TEST(ViewerSession, LimitsHoldPointsStill) {
   EXPECT_GT(inside, 100);
 }
 
+// Oracle: the library's own limits on a fresh pipeline, and the file that is saved.
+TEST(ViewerSession, IgnoredPointsComeAndGoWithTheirLimit) {
+  Cloud cloud = cloud_of(noisy(3000));
+  Attribute& classes = cloud.added.emplace_back();
+  classes.name = "classification";
+  classes.type = ScalarType::uint8;
+  for (std::size_t i = 0; i < cloud.points.size(); ++i) classes.data.push_back(std::byte{i % 4 == 0});
+  FakePage page;
+  Session session(cpu_options(), page.send());
+  session.open(cloud, "scan.ply");
+  EXPECT_TRUE(session.greet());
+  page.wait_for("cloud");
+  const Json params{{"k", "16"}, {"iterations", "2"}};  // two, so that whole displacements are sent
+  int id = 0;
+  for (const char* ignore : {"", "classification=1", "", "classification=0"}) {
+    const Json limits{{"ignore", ignore}};
+    EXPECT_TRUE(session.receive(run_text(++id, params, limits)));
+    const Decoded result = page.wait_for("result", id);
+    Limits same;
+    set_limit(same, "ignore", ignore);
+    Pipeline pipeline(Device::cpu);
+    pipeline.load(without_ignored(same, cloud));
+    Params as_set;
+    as_set.k = 16;
+    as_set.iterations = 2;
+    Cloud expected = pipeline.run(as_set);
+    apply_limits(same, cloud, expected);
+    double sum = 0;
+    for (std::size_t i = 0; i < cloud.points.size(); ++i)
+      sum += std::hypot(expected.points[i].x - cloud.points[i].x, expected.points[i].y - cloud.points[i].y,
+                        expected.points[i].z - cloud.points[i].z);
+    EXPECT_NEAR(result.head["moved"]["mean"].get<double>(), sum / static_cast<double>(cloud.points.size()), 1e-5) << ignore;
+  }
+  EXPECT_TRUE(session.receive(run_text(++id, params, {{"where", "height=1"}})));
+  EXPECT_NE(page.wait_for("error", id).head["message"].get<std::string>().find("no attribute 'height'"), std::string::npos);
+}
+
 TEST(ViewerSession, ALargeCloudIsShownInPart) {
   Session::Options options = cpu_options();
   options.point_budget = 1000;

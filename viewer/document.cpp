@@ -57,8 +57,9 @@ void Document::open(Cloud cloud, const std::string& name, std::string path) {
   normals_ = pipeline_->host_buffer(count);
   order_ = Order(count);
   expectation_.reset(count);
-  limits_ = {};
+  limits_ = Limits{};
   movable_.clear();
+  without_ignored_.clear();
   motion_.clear();
   start_shading_.clear();
   has_cloud_ = true;
@@ -92,8 +93,8 @@ void Document::send_cloud() {
 
 void Document::run(const Request& request, std::stop_token stop) {
   if (!has_cloud_) return;
-  const Params used = pipeline_->resolve(request.recipe.params, stop);
   update_movable(request.recipe.limits);
+  const Params used = pipeline_->resolve(request.recipe.params, stop);
   if (expectation_.milliseconds(used) > kSlowMilliseconds) show_preview(request, used, stop);
   pipeline_->run(request.recipe.params, result_.points(), stop, progress_for(request.id));
   expectation_.learn(pipeline_->report());
@@ -102,9 +103,31 @@ void Document::run(const Request& request, std::stop_token stop) {
 }
 
 void Document::update_movable(const Limits& limits) {
-  if (limits.box == limits_.box && limits.lasso == limits_.lasso) return;
-  movable_ = movable_points(limits, cloud_);
+  if (limits_) {
+    Limits same = limits;
+    same.strength = limits_->strength;  // which points may move does not depend on it
+    if (same == *limits_) return;
+  }
+  std::vector<std::uint8_t> movable = movable_points(limits, cloud_);
+  if (!limits_ || limits.ignore != limits_->ignore) reload(limits);
+  movable_ = std::move(movable);
   limits_ = limits;
+}
+
+// Gives the pipeline the points that are not ignored.
+void Document::reload(const Limits& limits) {
+  limits_.reset();  // should this fail, the next run loads again
+  without_ignored_.clear();
+  motion_.clear();
+  preview_.reset();
+  if (limits.ignore.empty()) return pipeline_->load(cloud_);
+  Cloud seen = without_ignored(limits, cloud_);
+  pipeline_->load(seen);
+  without_ignored_ = std::move(seen.points);
+}
+
+const std::vector<Point>& Document::seen_points() const {
+  return without_ignored_.empty() ? cloud_.points : without_ignored_;
 }
 
 // The limits upon a part of the cloud.
@@ -128,7 +151,7 @@ Point Document::focus_of(const Request& request) const {
 }
 
 void Document::show_preview(const Request& request, const Params& used, std::stop_token stop) {
-  preview_.run(cloud_.points, focus_of(request), used, facts_.estimates.spacing, stop,
+  preview_.run(seen_points(), focus_of(request), used, facts_.estimates.spacing, stop,
                [&](const Preview::Result& part) {
                  send_part(request, part);
                  // the processors meanwhile draw, where the page is on this machine
@@ -238,6 +261,7 @@ void Document::write_file(const Request& request, const WriteOptions& write_opti
   check_file_name(request.output);
   const fs::path path = options_.save_folder / request.output;
   if (fs::is_symlink(path)) throw Error(ErrorKind::file, request.output + " is a link; choose another name");
+  update_movable(request.recipe.limits);
   Cloud denoised = pipeline_->run(request.recipe.params, stop, progress_for(request.id));
   apply_limits(request.recipe.limits, cloud_, denoised);
   write(path, denoised, write_options);

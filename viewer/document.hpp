@@ -52,6 +52,8 @@ class Document {
   void send_cloud();
   void write_file(const Request& request, const WriteOptions& write_options, std::stop_token stop);
   void update_movable(const Limits& limits);
+  void reload(const Limits& limits);
+  const std::vector<Point>& seen_points() const;
   void limit(const Limits& limits, std::span<Point> after, std::span<const std::uint32_t> indices) const;
   Point focus_of(const Request& request) const;
   ProgressFunction progress_for(const Json& id) const;
@@ -71,8 +73,9 @@ class Document {
   std::vector<std::int16_t> start_shading_;  // normals that the cloud as loaded is shaded with
   std::vector<std::int16_t> motion_;         // normals that the page has for displacements along them; empty if none
   Params motion_params_;                     // that they came from
-  Limits limits_;                            // of movable_
+  std::optional<Limits> limits_;             // of movable_ and of what the pipeline holds; none: it holds nothing
   std::vector<std::uint8_t> movable_;
+  std::vector<Point> without_ignored_;  // what the pipeline holds where some points are ignored, else empty
 };
 
 }  // namespace pointfair::viewer

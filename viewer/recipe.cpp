@@ -99,6 +99,8 @@ std::string length_literal(const Length& length) {
       return fmt::format("{{{}, pointfair::Length::Unit::spacing}}", length.value);
     case Length::Unit::radius:
       return fmt::format("{{{}, pointfair::Length::Unit::radius}}", length.value);
+    case Length::Unit::metre:
+      return fmt::format("{{{}, pointfair::Length::Unit::metre}}", length.value);
     case Length::Unit::file:
       break;
   }
@@ -177,19 +179,20 @@ std::string as_cpp(const Recipe& recipe, const Errand& errand) {
   const auto out = std::back_inserter(text);
   fmt::format_to(out, "  const pointfair::Cloud cloud = pointfair::read({});\n", literal(errand.input));
   fmt::format_to(out, "  pointfair::Pipeline pipeline(pointfair::Device::{});\n", device_word(errand.device));
-  text += "  pipeline.load(cloud);\n\n  pointfair::Params params;\n";
-  for_each_set(recipe.params, [&](const ParamInfo& info, const std::string& value) {
-    text += assignment(recipe.params, info, value);
-  });
-  text += "  pointfair::Cloud denoised = pipeline.run(params);\n";
   if (recipe.limits != Limits{}) {
-    text += "\n  pointfair::Limits limits;\n";
+    text += "  pointfair::Limits limits;\n";
     for (const std::string_view name : kLimitNames) {
       const std::string value = limit_text(recipe.limits, name);
       if (!value.empty()) fmt::format_to(out, "  set_limit(limits, {}, {});\n", literal(name), literal(value));
     }
-    text += "  apply_limits(limits, cloud, denoised);\n";
   }
+  text += recipe.limits.ignore.empty() ? "  pipeline.load(cloud);\n" : "  pipeline.load(without_ignored(limits, cloud));\n";
+  text += "\n  pointfair::Params params;\n";
+  for_each_set(recipe.params, [&](const ParamInfo& info, const std::string& value) {
+    text += assignment(recipe.params, info, value);
+  });
+  text += "  pointfair::Cloud denoised = pipeline.run(params);\n";
+  if (recipe.limits != Limits{}) text += "  apply_limits(limits, cloud, denoised);\n";
   text += "\n  pointfair::WriteOptions options;\n";
   if (!errand.encoding.empty()) {
     std::string word = errand.encoding;

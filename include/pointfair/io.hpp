@@ -16,9 +16,10 @@
 namespace pointfair {
 
 /// The file formats; the extension of each has its name.
-enum class Format : std::uint8_t { ply, pcd, xyz, txt, csv, pts, off, obj };
+enum class Format : std::uint8_t { ply, pcd, xyz, txt, csv, pts, off, obj, las, laz, e57 };
 
-/// How numbers are written. PLY and PCD have several encodings, the text formats have `ascii` only.
+/// How numbers are written. PLY and PCD have several encodings, the text formats have `ascii` only, LAS and E57
+/// `binary`, LAZ `binary_compressed`.
 enum class Encoding : std::uint8_t { ascii, binary, binary_big_endian, binary_compressed };
 
 /// How to read.
@@ -31,6 +32,8 @@ struct ReadOptions {
 struct WriteOptions {
   std::optional<Format> format;      ///< unset: by extension
   std::optional<Encoding> encoding;  ///< unset: the source's if the format is the same, else binary if there is one
+  std::optional<double> las_scale;   ///< step of the coordinates of LAS and LAZ, in the file's unit: a whole part of the
+                                     ///< source's own; unset: the source's, else fine enough for floats
   bool overwrite = false;            ///< false: an existing file is an error
   bool sync = false;                 ///< true: fsync before the file gets its name
   unsigned threads = 0;              ///< 0: all cores
@@ -63,5 +66,12 @@ POINTFAIR_EXPORT void remove_unfinished_files() noexcept;
 
 /// The format of the path's extension, ".ply" or ".PLY" for instance, or nothing if no format has it.
 POINTFAIR_EXPORT std::optional<Format> format_of(const std::filesystem::path& path);
+
+/// The format in which `write` writes a file of this name: by its extension, else `source`. Throws ErrorKind::file if
+/// that says nothing, or names what is read only (".copc.laz").
+POINTFAIR_EXPORT Format format_to_write(const std::filesystem::path& path, std::optional<Format> source = {});
+
+/// What of the cloud's own file a file of the format does not keep, a sentence each; `format` unset: its own format.
+POINTFAIR_EXPORT std::vector<std::string> losses(const Cloud& cloud, std::optional<Format> format = {});
 
 }  // namespace pointfair

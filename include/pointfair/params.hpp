@@ -14,7 +14,7 @@
 
 namespace pointfair {
 
-/// A length in one of five units. Plain numbers convert: `params.radius = 0.02`.
+/// A length in one of six units. Plain numbers convert: `params.radius = 0.02`.
 struct Length {
   enum class Unit : std::uint8_t {
     automatic,  ///< chosen from the data
@@ -22,6 +22,7 @@ struct Length {
     percent,    ///< percent of the bounding-box diagonal; "0.5%" is 0.5
     spacing,    ///< multiple of the mean spacing of the points; "2s" is 2
     radius,     ///< multiple of the radius of each point's neighbourhood; "0.6r" is 0.6; sigmas over distance only
+    metre,      ///< metres, where the cloud's file says its unit; "5mm" is 0.005
   };
   double value = 0;
   Unit unit = Unit::automatic;
@@ -182,5 +183,9 @@ constexpr bool moves_along_normal(Method method) {
 
 /// Throws ErrorKind::usage if a value is out of its range or if two contradict each other.
 POINTFAIR_EXPORT void check_params(const Params& params);
+
+/// `params` with lengths in metres turned into file units; `metres_per_unit` is what file_info says. Throws
+/// ErrorKind::usage if there are such lengths and it says nothing.
+POINTFAIR_EXPORT Params in_file_units(const Params& params, std::optional<double> metres_per_unit);
 
 }  // namespace pointfair

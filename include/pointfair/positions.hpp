@@ -14,7 +14,7 @@ namespace pointfair {
 using Position = std::array<double, 3>;
 
 /// The origin that `read` chooses for a binary file of these positions: 0 on each axis where coordinates are not large
-/// against the extent. Looks at 4096 positions at most.
+/// against the extent. It does not depend on the order of the positions. O(N).
 POINTFAIR_EXPORT Position choose_origin(std::span<const Position> positions);
 POINTFAIR_EXPORT Position choose_origin(std::span<const Point> positions);
 

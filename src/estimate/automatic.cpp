@@ -206,6 +206,7 @@ Params resolve_params(const Params& params, const Spacing& spacing, const Noise&
         return length.value * spacing.mean;
       case Length::Unit::file:
       case Length::Unit::radius:
+      case Length::Unit::metre:  // was turned into file units
         break;
     }
     return length;

@@ -5,6 +5,7 @@
 
 #include "io/scalar.hpp"
 #include "io/source.hpp"
+#include "pointfair/file_info.hpp"
 
 namespace pointfair {
 
@@ -17,7 +18,15 @@ std::vector<AttributeInfo> attributes(const Cloud& cloud) {
       result.push_back({column.name, io::shown_as(column.type), column.components});
     }
   }
-  result.insert(result.end(), cloud.added.begin(), cloud.added.end());
+  for (const Attribute& added : cloud.added) {
+    const auto own =
+        std::find_if(result.begin(), result.end(), [&](const auto& info) { return info.name == added.name; });
+    if (own == result.end()) {
+      result.push_back(added);
+    } else {
+      *own = added;
+    }
+  }
   return result;
 }
 
@@ -31,6 +40,9 @@ static void show(io::NativeType type, std::vector<std::byte>& data) {
 }
 
 Attribute attribute(const Cloud& cloud, std::string_view name) {
+  const auto added =
+      std::find_if(cloud.added.begin(), cloud.added.end(), [&](const auto& a) { return a.name == name; });
+  if (added != cloud.added.end()) return *added;
   const std::vector<io::Column> columns = cloud.source ? cloud.source->columns() : std::vector<io::Column>{};
   const auto named = [&](const auto& candidate) { return candidate.name == name; };
   const auto column = std::find_if(columns.begin(), columns.end(), named);
@@ -43,12 +55,17 @@ Attribute attribute(const Cloud& cloud, std::string_view name) {
     show(column->type, result.data);
     return result;
   }
-  const auto added = std::find_if(cloud.added.begin(), cloud.added.end(), named);
-  if (added != cloud.added.end()) return *added;
   std::string known;
   for (const AttributeInfo& info : attributes(cloud)) known += (known.empty() ? "" : ", ") + info.name;
   throw Error(ErrorKind::usage,
               "the cloud has no attribute '" + std::string(name) + "'; it has " + (known.empty() ? "none" : known));
+}
+
+FileInfo file_info(const Cloud& cloud) {
+  if (!cloud.source) return {};
+  FileInfo info = cloud.source->info();
+  info.format = cloud.source->format();
+  return info;
 }
 
 std::vector<std::array<std::uint32_t, 3>> triangles(const Cloud& cloud) {

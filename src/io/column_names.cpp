@@ -25,7 +25,7 @@ std::string one_word(std::string_view name) {
 }
 
 std::string ply_name(const std::string& name) {
-  static constexpr std::array<std::pair<std::string_view, std::string_view>, 14> kAliases = {{
+  static constexpr std::array<std::pair<std::string_view, std::string_view>, 20> kAliases = {{
       {"normal_x", "nx"},
       {"normal_y", "ny"},
       {"normal_z", "nz"},
@@ -40,6 +40,12 @@ std::string ply_name(const std::string& name) {
       {"green", "green"},
       {"blue", "blue"},
       {"alpha", "alpha"},
+      {"colorred", "red"},  // E57
+      {"colorgreen", "green"},
+      {"colorblue", "blue"},
+      {"nor:normalx", "nx"},
+      {"nor:normaly", "ny"},
+      {"nor:normalz", "nz"},
   }};
   const std::string lower = lower_case(name);
   for (const auto& [alias, plain] : kAliases) {

@@ -36,6 +36,8 @@ bool is_off_keyword(std::string_view word) {
 std::optional<Format> format_of_content(std::string_view bytes) {
   if (bytes.starts_with("ply\n") || bytes.starts_with("ply\r") || bytes.starts_with("ply ")) return Format::ply;
   if (bytes.starts_with("# .PCD")) return Format::pcd;
+  if (bytes.starts_with("LASF")) return bytes.size() > 104 && (bytes[104] & 0x80) != 0 ? Format::laz : Format::las;
+  if (bytes.starts_with("ASTM-E57")) return Format::e57;
   std::string_view line = first_line(bytes), word;
   if (!next_word(line, word)) return std::nullopt;
   if (is_off_keyword(word)) return Format::off;
@@ -55,7 +57,7 @@ bool looks_like_numbers(std::string_view bytes) {
 }  // namespace io
 
 std::optional<Format> format_of(const std::filesystem::path& path) {
-  static constexpr std::array<std::pair<std::string_view, Format>, 11> kExtensions = {{
+  static constexpr std::array<std::pair<std::string_view, Format>, 14> kExtensions = {{
       {".ply", Format::ply},
       {".pcd", Format::pcd},
       {".xyz", Format::xyz},
@@ -67,6 +69,9 @@ std::optional<Format> format_of(const std::filesystem::path& path) {
       {".pts", Format::pts},
       {".off", Format::off},
       {".obj", Format::obj},
+      {".las", Format::las},
+      {".laz", Format::laz},
+      {".e57", Format::e57},
   }};
   const std::string extension = io::lower_case(path.extension().string());
   for (const auto& [known, format] : kExtensions) {

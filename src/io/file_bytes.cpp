@@ -6,6 +6,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
@@ -52,6 +53,15 @@ struct Buffer {
 }  // namespace
 
 void fail(const std::string& name, const std::string& message) { throw Error(ErrorKind::file, name + ": " + message); }
+
+void check_plausible(std::uint64_t points, std::uint64_t others, std::size_t bytes, std::size_t file_size,
+                     const std::string& name) {
+  constexpr std::uint64_t kAlways = std::uint64_t{1} << 26, kPerByte = 256;
+  const std::uint64_t most = std::max(kAlways, kPerByte * file_size) / bytes;
+  if (points <= most && others <= most - points) return;
+  fail(name, "promises " + std::to_string(points) + " points, which a file of " + std::to_string(file_size) +
+                 " bytes does not hold; copy it again");
+}
 
 std::string shown_name(const std::filesystem::path& path, bool input) {
   if (path == "-") return input ? "standard input" : "standard output";

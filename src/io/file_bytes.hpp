@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <span>
@@ -13,6 +14,11 @@ namespace pointfair::io {
 
 /// Throws Error(file) with "name: message".
 [[noreturn]] void fail(const std::string& name, const std::string& message);
+
+/// Refuses a file that promises `points` beside `others`, of `bytes` bytes each in memory, where these need not be in
+/// the file: more than 64 MiB, and more than 256 times the file, is what only a file made to do harm promises.
+void check_plausible(std::uint64_t points, std::uint64_t others, std::size_t bytes, std::size_t file_size,
+                     const std::string& name);
 
 /// The bytes of one file. Copies share them. A mapped file stays readable after it was unlinked or replaced.
 class FileBytes {

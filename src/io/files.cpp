@@ -6,12 +6,13 @@
 #include "io/detect.hpp"
 #include "io/formats.hpp"
 #include "io/parallel.hpp"
+#include "io/text.hpp"
 #include "pointfair/io.hpp"
 
 namespace pointfair {
 namespace {
 
-constexpr const char* kKnownExtensions = ".ply, .pcd, .xyz, .txt, .csv, .pts, .off or .obj";
+constexpr const char* kKnownExtensions = ".ply, .pcd, .las, .laz, .e57, .xyz, .txt, .csv, .pts, .off or .obj";
 
 Format choose_format(std::string_view bytes, const std::string& name, const ReadOptions& options) {
   if (options.format) return *options.format;
@@ -32,6 +33,11 @@ std::shared_ptr<Source> parse(io::FileBytes bytes, const std::string& name, Form
       return io::read_off(std::move(bytes), name);
     case Format::obj:
       return io::read_obj(std::move(bytes), name);
+    case Format::las:
+    case Format::laz:
+      return io::read_las(std::move(bytes), name);
+    case Format::e57:
+      return io::read_e57(std::move(bytes), name);
     default:
       return io::read_xyz(std::move(bytes), name, format);
   }
@@ -58,51 +64,38 @@ void check(const Cloud& cloud) {
     refuse("the cloud has " + std::to_string(cloud.points.size()) + " points, its file " +
            std::to_string(cloud.source->size()) + "; keep them all, or write without the source");
   }
-  if (cloud.added.empty()) return;
-  std::vector<AttributeInfo> known;
-  if (cloud.source) known = attributes(Cloud{.origin = {}, .points = {}, .added = {}, .source = cloud.source});
   for (const Attribute& added : cloud.added) {
     if (added.components == 0 || added.data.size() != cloud.points.size() * added.components * size_of(added.type)) {
       refuse("the attribute '" + added.name + "' does not have one value for each point");
     }
-    if (std::any_of(known.begin(), known.end(), [&](const AttributeInfo& k) { return k.name == added.name; })) {
-      refuse("the cloud has two attributes '" + added.name + "'; rename one");
-    }
-    known.push_back(added);
   }
 }
 
 bool has_encoding(Format format, Encoding encoding) {
   switch (encoding) {
     case Encoding::ascii:
-      return true;
+      return format != Format::las && format != Format::laz && format != Format::e57;
     case Encoding::binary:
-      return format == Format::ply || format == Format::pcd;
+      return format == Format::ply || format == Format::pcd || format == Format::las || format == Format::e57;
     case Encoding::binary_big_endian:
       return format == Format::ply;
     case Encoding::binary_compressed:
       break;
   }
-  return format == Format::pcd;
+  return format == Format::pcd || format == Format::laz;
 }
 
-// Plain columns of numbers may go by either name.
-Format family(Format format) { return format == Format::txt ? Format::xyz : format; }
-
-void write_new(const Cloud& cloud, Format format, Encoding encoding, io::Output& out) {
-  io::Table table = io::make_table(cloud);
-  switch (format) {
-    case Format::ply:
-      return io::write_ply(std::move(table), encoding, out);
-    case Format::pcd:
-      return io::write_pcd(std::move(table), encoding, out);
-    case Format::off:
-      return io::write_off(std::move(table), out);
-    case Format::obj:
-      return io::write_obj(std::move(table), out);
-    default:
-      return io::write_xyz(std::move(table), format, out);
+// What a new file is written in.
+Encoding usual_encoding(Format format) {
+  for (const Encoding encoding : {Encoding::binary, Encoding::ascii}) {
+    if (has_encoding(format, encoding)) return encoding;
   }
+  return Encoding::binary_compressed;
+}
+
+// Plain columns of numbers may go by either name, and LAZ is compressed LAS.
+Format family(Format format) {
+  return format == Format::txt ? Format::xyz : format == Format::laz ? Format::las : format;
 }
 
 // What is written where: decided, and refused, before the output is opened.
@@ -110,21 +103,61 @@ struct Plan {
   Format format;
   Encoding encoding;
   bool copy;  // into the source's own format
+  io::Edits edits;
 };
 
-Plan plan(const Cloud& cloud, Format format, std::optional<Encoding> encoding) {
+void write_new(const Plan& plan, const Cloud& cloud, io::Output& out) {
+  io::Table table = io::make_table(cloud);
+  switch (plan.format) {
+    case Format::ply:
+      return io::write_ply(std::move(table), plan.encoding, out);
+    case Format::pcd:
+      return io::write_pcd(std::move(table), plan.encoding, out);
+    case Format::off:
+      return io::write_off(std::move(table), out);
+    case Format::obj:
+      return io::write_obj(std::move(table), out);
+    case Format::las:
+    case Format::laz:
+      return io::write_las(std::move(table), plan.encoding == Encoding::binary_compressed, plan.edits.las_scale, out);
+    case Format::e57:  // refused by the plan
+      return;
+    default:
+      return io::write_xyz(std::move(table), plan.format, out);
+  }
+}
+
+Plan plan(const Cloud& cloud, Format format, std::optional<Encoding> encoding, std::optional<double> las_scale) {
   check(cloud);
   const bool copy = cloud.source && family(cloud.source->format()) == family(format);
-  const Encoding usual = has_encoding(format, Encoding::binary) ? Encoding::binary : Encoding::ascii;
-  const Plan result{format, encoding.value_or(copy ? cloud.source->encoding() : usual), copy};
+  const bool keeps = copy && has_encoding(format, cloud.source->encoding());
+  if (format == Format::e57 && !copy) {
+    refuse("E57 files are written from E57 files only, with moved points; choose PLY, PCD or LAZ");
+  }
+  const Plan result{format, encoding.value_or(keeps ? cloud.source->encoding() : usual_encoding(format)), copy,
+                    io::make_edits(cloud, las_scale)};
+  if (las_scale && family(format) != Format::las) refuse("only LAS and LAZ files have a scale; leave it out");
   if (!has_encoding(format, result.encoding)) refuse("this format has no such encoding; choose another");
   return result;
 }
 
 void carry_out(const Plan& plan, const Cloud& cloud, unsigned threads, io::Output& out) {
-  io::with_threads(threads, [&] {
-    plan.copy ? cloud.source->write(cloud, plan.encoding, out) : write_new(cloud, plan.format, plan.encoding, out);
-  });
+  io::with_threads(
+      threads, [&] { plan.copy ? cloud.source->write(plan.edits, plan.encoding, out) : write_new(plan, cloud, out); });
+}
+
+// Copies the files that belong to the source's, under the output's name.
+void copy_companions(const Source& source, const std::filesystem::path& output, const WriteOptions& options) {
+  std::error_code ignored;
+  for (const std::string& extension : source.companions()) {
+    std::filesystem::path from(source.name()), to(output);
+    from.replace_extension(extension);
+    to.replace_extension(extension);
+    if (!std::filesystem::exists(from, ignored) || std::filesystem::equivalent(from, to, ignored)) continue;
+    const std::unique_ptr<io::Output> copy = io::open_output(to, options.overwrite, options.sync);
+    copy->write(io::FileBytes::open(from).view());
+    copy->finish();
+  }
 }
 
 }  // namespace
@@ -138,20 +171,35 @@ Cloud read(std::span<const std::byte> bytes, const std::string& name, const Read
 }
 
 void write(const std::filesystem::path& path, const Cloud& cloud, const WriteOptions& options) {
-  std::optional<Format> format = options.format ? options.format : format_of(path);
-  if (!format && cloud.source && !path.has_extension()) format = cloud.source->format();
-  if (!format) {
-    io::fail(io::shown_name(path, false), std::string("unknown extension; name the file ") + kKnownExtensions);
-  }
-  const Plan chosen = plan(cloud, *format, options.encoding);
+  const std::optional<Format> own = cloud.source ? std::optional(cloud.source->format()) : std::nullopt;
+  const Format format = options.format ? *options.format : format_to_write(path, own);
+  const Plan chosen = plan(cloud, format, options.encoding, options.las_scale);
   const std::unique_ptr<io::Output> out = io::open_output(path, options.overwrite, options.sync);
   carry_out(chosen, cloud, options.threads, *out);
+  if (chosen.copy && path != "-") copy_companions(*cloud.source, path, options);
   out->finish();
+}
+
+Format format_to_write(const std::filesystem::path& path, std::optional<Format> source) {
+  const std::string name = io::shown_name(path, false);
+  if (io::lower_case(path.filename().string()).ends_with(".copc.laz")) {
+    io::fail(name,
+             "COPC files are read, not written, since moved points no longer fit their octree; name the file .laz");
+  }
+  std::optional<Format> format = format_of(path);
+  if (!format && !path.has_extension()) format = source;
+  if (!format) io::fail(name, std::string("unknown extension; name the file ") + kKnownExtensions);
+  return *format;
+}
+
+std::vector<std::string> losses(const Cloud& cloud, std::optional<Format> format) {
+  if (!cloud.source) return {};
+  return cloud.source->losses(format.value_or(cloud.source->format()));
 }
 
 std::vector<std::byte> write_bytes(const Cloud& cloud, Format format, std::optional<Encoding> encoding) {
   io::MemoryOutput out;
-  carry_out(plan(cloud, format, encoding), cloud, 0, out);
+  carry_out(plan(cloud, format, encoding, {}), cloud, 0, out);
   const auto* const begin = reinterpret_cast<const std::byte*>(out.bytes.data());
   return {begin, begin + out.bytes.size()};
 }

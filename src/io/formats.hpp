@@ -3,6 +3,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "io/file_bytes.hpp"
@@ -19,6 +20,8 @@ std::shared_ptr<Source> read_pcd(FileBytes bytes, const std::string& name);
 std::shared_ptr<Source> read_xyz(FileBytes bytes, const std::string& name, Format format);
 std::shared_ptr<Source> read_off(FileBytes bytes, const std::string& name);
 std::shared_ptr<Source> read_obj(FileBytes bytes, const std::string& name);
+std::shared_ptr<Source> read_las(FileBytes bytes, const std::string& name);  ///< LAZ, too
+std::shared_ptr<Source> read_e57(FileBytes bytes, const std::string& name);
 
 // Writers of a new file, for a cloud from memory or from another format.
 void write_ply(Table table, Encoding encoding, Output& out);
@@ -26,5 +29,6 @@ void write_pcd(Table table, Encoding encoding, Output& out);
 void write_xyz(Table table, Format format, Output& out);
 void write_off(Table table, Output& out);
 void write_obj(Table table, Output& out);
+void write_las(Table table, bool compress, std::optional<double> scale, Output& out);
 
 }  // namespace pointfair::io

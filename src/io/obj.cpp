@@ -30,7 +30,7 @@ class ObjSource : public TextSource {
   }
 
  protected:
-  std::string header(const std::vector<Attribute>&) const override { return {}; }
+  std::string header(const AddedAttributes&) const override { return {}; }
 
  private:
   // "7", "7/1", "7//3", and "-1" for the last point so far.

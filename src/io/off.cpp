@@ -78,9 +78,7 @@ class OffSource : public TextSource {
   }
 
  protected:
-  std::string header(const std::vector<Attribute>&) const override {
-    return std::string(bytes().substr(0, layout().begin));
-  }
+  std::string header(const AddedAttributes&) const override { return std::string(bytes().substr(0, layout().begin)); }
 
  private:
   void add_face(std::string_view line, Faces& faces) const {

@@ -11,6 +11,7 @@
 #include <climits>
 #include <cstdio>
 #include <cstring>
+#include <optional>
 #include <system_error>
 #include <utility>
 
@@ -46,33 +47,71 @@ UnfinishedFile* remember(const std::string& path) {
 }
 
 [[noreturn]] void fail_to_write(const std::string& name, int error) {
-  const std::string reason = std::system_category().message(error);
-  const bool full = error == ENOSPC || error == EDQUOT || error == EFBIG;
-  fail(name, "cannot write: " + reason + (full ? "; free some space or write elsewhere" : ""));
+  fail(name, "cannot write: " + std::system_category().message(error));
 }
 
-void write_all(int fd, std::string_view bytes, const std::string& name) {
-  while (!bytes.empty()) {
-    const ssize_t done = ::write(fd, bytes.data(), bytes.size());
-    if (done < 0 && errno == EINTR) continue;
-    if (done <= 0) fail_to_write(name, done < 0 ? errno : ENOSPC);
-    bytes.remove_prefix(static_cast<std::size_t>(done));
+// Writes to a descriptor. Once there is no room left, it only counts, so that the error can say how much is needed.
+class Writer {
+ public:
+  Writer(int fd, const std::string& name) : fd_(fd), name_(name) {}
+
+  void write(std::string_view bytes) {
+    total_ += bytes.size();
+    while (!bytes.empty() && full_ == 0) {
+      const ssize_t done = ::write(fd_, bytes.data(), bytes.size());
+      if (done < 0 && errno == EINTR) continue;
+      if (done < 0 && errno != ENOSPC && errno != EDQUOT && errno != EFBIG) fail_to_write(name_, errno);
+      if (done <= 0) {
+        full_ = done < 0 ? errno : ENOSPC;
+        (void)!::ftruncate(fd_, 0);  // others may need the room meanwhile
+        return;
+      }
+      bytes.remove_prefix(static_cast<std::size_t>(done));
+    }
   }
-}
+
+  void patch(std::uint64_t at, std::string_view bytes) {
+    if (full_ != 0) return;
+    if (::lseek(fd_, static_cast<off_t>(at), SEEK_SET) < 0) fail_to_write(name_, errno);
+    const std::uint64_t total = total_;
+    write(bytes);
+    total_ = total;
+    if (full_ == 0 && ::lseek(fd_, 0, SEEK_END) < 0) fail_to_write(name_, errno);
+  }
+
+  /// Throws if there was no room for everything.
+  void finish() const {
+    if (full_ == 0) return;
+    fail(name_, "cannot write: " + std::system_category().message(full_) + "; the output needs " +
+                    std::to_string(total_) + " bytes: free some space or write elsewhere");
+  }
+
+ private:
+  int fd_;
+  const std::string& name_;
+  int full_ = 0;  // the error
+  std::uint64_t total_ = 0;
+};
 
 // A device, a pipe or standard output: written as it comes.
 class StreamOutput : public Output {
  public:
-  StreamOutput(int fd, std::string name) : fd_(fd), name_(std::move(name)) {}
+  StreamOutput(int fd, std::string name) : fd_(fd), name_(std::move(name)), writer_(fd_, name_) {}
   ~StreamOutput() override {
     if (fd_ > STDERR_FILENO) ::close(fd_);
   }
-  void write(std::string_view bytes) override { write_all(fd_, bytes, name_); }
-  void finish() override {}
+  StreamOutput(const StreamOutput&) = delete;
+  StreamOutput& operator=(const StreamOutput&) = delete;
+
+  void write(std::string_view bytes) override { writer_.write(bytes); }
+  bool can_patch() const override { return false; }
+  void patch(std::uint64_t, std::string_view) override {}
+  void finish() override { writer_.finish(); }
 
  private:
   int fd_;
   std::string name_;
+  Writer writer_;
 };
 
 class AtomicOutput : public Output {
@@ -88,6 +127,7 @@ class AtomicOutput : public Output {
       if (fd_ < 0) forget();
     } while (fd_ < 0 && errno == EEXIST);
     if (fd_ < 0) fail(name_, "cannot create a file in its folder: " + std::system_category().message(errno));
+    writer_.emplace(fd_, name_);
   }
 
   ~AtomicOutput() override {
@@ -98,9 +138,11 @@ class AtomicOutput : public Output {
   AtomicOutput(const AtomicOutput&) = delete;
   AtomicOutput& operator=(const AtomicOutput&) = delete;
 
-  void write(std::string_view bytes) override { write_all(fd_, bytes, name_); }
+  void write(std::string_view bytes) override { writer_->write(bytes); }
+  void patch(std::uint64_t at, std::string_view bytes) override { writer_->patch(at, bytes); }
 
   void finish() override {
+    writer_->finish();
     struct stat status {};
     if (overwrite_ && ::stat(target_.c_str(), &status) == 0) (void)::fchmod(fd_, status.st_mode & 07777);
     if (sync_ && ::fsync(fd_) != 0) fail_to_write(name_, errno);
@@ -126,6 +168,7 @@ class AtomicOutput : public Output {
   std::string name_;
   bool overwrite_, sync_, finished_ = false;
   int fd_ = -1;
+  std::optional<Writer> writer_;
   UnfinishedFile* slot_ = nullptr;
 };
 

@@ -2,6 +2,7 @@
 // Where a file is written to: a temporary file that gets its name at the end, a stream, or memory.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <string>
@@ -13,6 +14,10 @@ class Output {
  public:
   virtual ~Output() = default;
   virtual void write(std::string_view bytes) = 0;
+  /// Whether `patch` can be called: not where bytes leave as they are written.
+  virtual bool can_patch() const { return true; }
+  /// Replaces bytes that were written before, from `at` on.
+  virtual void patch(std::uint64_t at, std::string_view bytes) = 0;
   /// Everything was written: the file may appear under its name. Not called: it never appears.
   virtual void finish() = 0;
 };
@@ -21,10 +26,20 @@ class Output {
 class MemoryOutput : public Output {
  public:
   void write(std::string_view more) override { bytes += more; }
+  void patch(std::uint64_t at, std::string_view other) override { bytes.replace(at, other.size(), other); }
   void finish() override {}
 
   std::string bytes;
 };
+
+/// Calls `write(to)` with an output that can be patched: `out`, or memory whose bytes then go there.
+template <class Write>
+void write_patched(Output& out, const Write& write) {
+  if (out.can_patch()) return write(out);
+  MemoryOutput memory;
+  write(static_cast<Output&>(memory));
+  out.write(memory.bytes);
+}
 
 /// Opens `path`; "-" is standard output, and a device or pipe is written directly. Anything else is written to a
 /// temporary file in the same directory and renamed by `finish`. Throws Error(file), also if the file exists and

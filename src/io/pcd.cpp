@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reading and writing PCD.
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <limits>
 
@@ -83,16 +84,28 @@ class PcdSource : public Base {
   PcdSource(PcdHeader header, std::shared_ptr<const char[]> unpacked, Arguments&&... arguments)
       : Base(std::forward<Arguments>(arguments)...), header_(std::move(header)), unpacked_(std::move(unpacked)) {}
 
-  void write(const Cloud& cloud, Encoding encoding, Output& out) const override {
-    if (encoding != this->encoding()) return write_as(cloud, encoding, out);
-    if constexpr (std::is_same_v<Base, RecordSource>) {
-      if (encoding == Encoding::binary_compressed) return write_packed(cloud, out);
+  // The default says nothing: many programs write it where they do not know.
+  std::optional<Position> sensor(std::size_t) const override {
+    const std::vector<std::string_view> words = words_of(header_.viewpoint);
+    Position place{};
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const std::optional<double> value = axis < words.size() ? to_number(words[axis]) : std::nullopt;
+      if (!value || !std::isfinite(*value)) return std::nullopt;
+      place[axis] = *value;
     }
-    Base::write(cloud, encoding, out);
+    return place == Position{} ? std::nullopt : std::optional(place);
+  }
+
+  void write(const Edits& edits, Encoding encoding, Output& out) const override {
+    if (encoding != this->encoding()) return write_as(edits.cloud, encoding, out);
+    if constexpr (std::is_same_v<Base, RecordSource>) {
+      if (encoding == Encoding::binary_compressed) return write_packed(edits, out);
+    }
+    Base::write(edits, encoding, out);
   }
 
  protected:
-  std::string header(const std::vector<Attribute>& added) const override { return pcd_header_text(header_, added); }
+  std::string header(const AddedAttributes& added) const override { return pcd_header_text(header_, added); }
 
   std::string_view tail() const override {
     if constexpr (std::is_same_v<Base, RecordSource>) {
@@ -123,20 +136,21 @@ class PcdSource : public Base {
   }
 
   // The data lies field after field; added attributes go behind the last.
-  void write_packed(const Cloud& cloud, Output& out) const {
+  void write_packed(const Edits& edits, Output& out) const {
     std::string data(this->points());
     std::atomic<bool> moved{false};
     for_each_block(this->block_count(), [&](std::size_t block) {
-      const Moves moves = this->moves(block, cloud);
-      if (std::all_of(moves.changed.begin(), moves.changed.end(), [](std::uint8_t c) { return c == 0; })) return;
+      const Moves moves = this->moves(block, edits.cloud);
+      const bool same = std::all_of(moves.changed.begin(), moves.changed.end(), [](std::uint8_t c) { return c == 0; });
+      if (same && edits.replaced.empty()) return;
       moved = true;
-      this->patch(block, moves, data.data(), 0, 0);
+      this->patch(block, moves, edits.replaced, data.data(), 0, 0);
     });
-    if (!moved && cloud.added.empty()) return out.write(this->bytes());
-    for (const Attribute& attribute : cloud.added) {
-      data.append(reinterpret_cast<const char*>(attribute.data.data()), attribute.data.size());
+    if (!moved && edits.added.empty()) return out.write(this->bytes());
+    for (const Attribute* attribute : edits.added) {
+      data.append(reinterpret_cast<const char*>(attribute->data.data()), attribute->data.size());
     }
-    out.write(header(cloud.added));
+    out.write(header(edits.added));
     write_compressed(data, out);
   }
 

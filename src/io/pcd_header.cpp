@@ -115,6 +115,10 @@ class HeaderParser {
         (!counts_.empty() && counts_.size() != names_.size())) {
       fail(name_, "FIELDS, SIZE, TYPE and COUNT do not have as many entries; correct the header");
     }
+    if (names_.size() > kMaxColumns) {
+      fail(name_, "has " + std::to_string(names_.size()) + " fields, but at most " + std::to_string(kMaxColumns) +
+                      " can be read; leave some out");
+    }
     for (std::size_t f = 0; f < names_.size(); ++f) {
       const auto type = type_of(types_[f], sizes_[f]);
       const auto count = counts_.empty() ? std::optional<std::uint64_t>(1) : to_count(counts_[f]);
@@ -163,13 +167,14 @@ class HeaderParser {
 };
 
 // The attributes as fields: "normal" becomes three, as PCL has it.
-std::vector<Column> as_fields(const std::vector<Attribute>& added) {
+std::vector<Column> as_fields(const AddedAttributes& added) {
   std::vector<Column> fields;
-  for (const Attribute& attribute : added) {
-    if (attribute.components == 3 && (attribute.name == "normal" || attribute.name == "normals")) {
-      for (const char* name : {"normal_x", "normal_y", "normal_z"}) fields.push_back({name, native(attribute.type), 1});
+  for (const Attribute* attribute : added) {
+    const NativeType type = native(attribute->type);
+    if (attribute->components == 3 && (attribute->name == "normal" || attribute->name == "normals")) {
+      for (const char* name : {"normal_x", "normal_y", "normal_z"}) fields.push_back({name, type, 1});
     } else {
-      fields.push_back({attribute.name, native(attribute.type), attribute.components});
+      fields.push_back({attribute->name, type, attribute->components});
     }
   }
   return fields;
@@ -202,7 +207,7 @@ std::size_t PcdHeader::record_size() const {
 
 PcdHeader parse_pcd_header(std::string_view file, const std::string& name) { return HeaderParser(file, name).parse(); }
 
-std::string pcd_header_text(const PcdHeader& header, const std::vector<Attribute>& added) {
+std::string pcd_header_text(const PcdHeader& header, const AddedAttributes& added) {
   if (added.empty()) return header.text;
   const FieldLines lines(as_fields(added));
   std::vector<std::pair<std::size_t, std::string>> insertions = {

@@ -33,7 +33,7 @@ inline bool is_padding(const Column& field) { return field.name == "_"; }
 PcdHeader parse_pcd_header(std::string_view file, const std::string& name);
 
 /// The header's text with further fields.
-std::string pcd_header_text(const PcdHeader& header, const std::vector<Attribute>& added);
+std::string pcd_header_text(const PcdHeader& header, const AddedAttributes& added);
 
 /// A header for these fields.
 std::string new_pcd_header(const std::vector<Column>& fields, std::uint64_t width, std::uint64_t height,

@@ -99,12 +99,12 @@ void transcode_rows(PlyCursor& cursor, const PlyElement& element, std::uint64_t 
   }
 }
 
-void put_added(const std::vector<Attribute>& added, std::uint64_t point, PlyEmitter& emitter) {
-  for (const Attribute& attribute : added) {
-    const std::size_t size = pointfair::size_of(attribute.type);
-    const char* from = reinterpret_cast<const char*>(attribute.data.data()) + point * attribute.components * size;
-    for (std::uint32_t c = 0; c < attribute.components; ++c, from += size) {
-      emitter.put(load_double(from, native(attribute.type), false), native(attribute.type));
+void put_added(const AddedAttributes& added, std::uint64_t point, PlyEmitter& emitter) {
+  for (const Attribute* attribute : added) {
+    const std::size_t size = pointfair::size_of(attribute->type);
+    const char* from = reinterpret_cast<const char*>(attribute->data.data()) + point * attribute->components * size;
+    for (std::uint32_t c = 0; c < attribute->components; ++c, from += size) {
+      emitter.put(load_double(from, native(attribute->type), false), native(attribute->type));
     }
   }
 }
@@ -119,12 +119,12 @@ class PlySource : public Base {
 
   Faces faces() const override { return read_faces(file_, this->bytes(), this->name()); }
 
-  void write(const Cloud& cloud, Encoding encoding, Output& out) const override {
-    if (encoding == this->encoding()) return Base::write(cloud, encoding, out);
-    out.write(ply_header_text(file_.header, encoding, cloud.added));
+  void write(const Edits& edits, Encoding encoding, Output& out) const override {
+    if (encoding == this->encoding()) return Base::write(edits, encoding, out);
+    out.write(ply_header_text(file_.header, encoding, edits.added));
     for (std::size_t e = 0; e < file_.header.elements.size(); ++e) {
       if (e == file_.header.vertex) {
-        transcode_points(cloud, encoding, out);
+        transcode_points(edits, encoding, out);
       } else {
         transcode_element(e, encoding, out);
       }
@@ -132,7 +132,7 @@ class PlySource : public Base {
   }
 
  protected:
-  std::string header(const std::vector<Attribute>& added) const override {
+  std::string header(const AddedAttributes& added) const override {
     const auto points_begin = file_.begins[file_.header.vertex];
     std::string result = ply_header_text(file_.header, this->encoding(), added);
     if constexpr (std::is_same_v<Base, RecordSource>) {
@@ -161,22 +161,23 @@ class PlySource : public Base {
     }
   }
 
-  void transcode_points(const Cloud& cloud, Encoding encoding, Output& out) const {
+  void transcode_points(const Edits& edits, Encoding encoding, Output& out) const {
     write_blocks(out, this->block_count(), [&](std::size_t block, std::string& buffer) {
-      const Moves moves = this->moves(block, cloud);
+      const Moves moves = this->moves(block, edits.cloud);
       const std::uint64_t first = this->block_begin(block);
       if (moves.values.empty()) return;
       PlyCursor cursor(this->bytes(), point_begin(first), this->encoding(), this->name());
       PlyEmitter emitter(buffer, encoding);
       for (std::size_t i = 0; i < moves.values.size(); ++i) {
-        transcode_point(cursor, moves.values[i], emitter);
-        put_added(cloud.added, first + i, emitter);
+        transcode_point(cursor, first + i, moves.values[i], edits.replaced, emitter);
+        put_added(edits.added, first + i, emitter);
         emitter.end_row();
       }
     });
   }
 
-  void transcode_point(PlyCursor& cursor, const Position& position, PlyEmitter& emitter) const {
+  void transcode_point(PlyCursor& cursor, std::uint64_t point, const Position& position,
+                       const std::vector<Replacement>& replaced, PlyEmitter& emitter) const {
     const auto& properties = file_.vertex().properties;
     cursor.begin_row();
     for (std::size_t p = 0; p < properties.size(); ++p) {
@@ -187,7 +188,8 @@ class PlySource : public Base {
         emitter.put(static_cast<double>(count), *property.list_count);
       }
       for (; count > 0; --count) {
-        const double value = cursor.next(property.type);
+        double value = cursor.next(property.type);
+        if (const Replacement* const other = this->find_replacement(replaced, p)) value = other->value(point, 0);
         const auto axis = std::find(xyz_.begin(), xyz_.end(), p);
         emitter.put(axis == xyz_.end() ? value : position[static_cast<std::size_t>(axis - xyz_.begin())],
                     property.type);

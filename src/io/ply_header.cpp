@@ -102,6 +102,14 @@ class HeaderParser {
     if (std::any_of(vertex + 1, header_.elements.end(), is_vertex)) {
       fail(name_, "the header has two elements 'vertex'; split the file");
     }
+    if (vertex->properties.size() > kMaxColumns) {
+      fail(name_, "a vertex has " + std::to_string(vertex->properties.size()) + " properties, but at most " +
+                      std::to_string(kMaxColumns) + " can be read; leave some out");
+    }
+    for (const PlyElement& element : header_.elements) {  // its rows would be nothing, and any number of them
+      if (element.count == 0 || !element.properties.empty()) continue;
+      fail(name_, "the element '" + element.name + "' has no properties; remove it from the header");
+    }
     header_.vertex = static_cast<std::size_t>(vertex - header_.elements.begin());
     header_.text = file_.substr(0, position());
     return std::move(header_);
@@ -136,14 +144,16 @@ std::string ply_property_lines(const std::vector<AttributeInfo>& attributes, std
   return lines;
 }
 
-std::string ply_header_text(const PlyHeader& header, Encoding encoding, const std::vector<Attribute>& added) {
+std::string ply_header_text(const PlyHeader& header, Encoding encoding, const AddedAttributes& added) {
   const std::string_view text = header.text;
   const bool crlf = text.ends_with("\r\n");
   const std::size_t encoding_end = header.encoding_at + ply_encoding_name(header.encoding).size();
   std::string result(text.substr(0, header.encoding_at));
   result += ply_encoding_name(encoding);
   result += text.substr(encoding_end, header.properties_end - encoding_end);
-  result += ply_property_lines({added.begin(), added.end()}, crlf ? "\r\n" : "\n");
+  std::vector<AttributeInfo> declared;
+  for (const Attribute* attribute : added) declared.push_back(*attribute);
+  result += ply_property_lines(declared, crlf ? "\r\n" : "\n");
   result += text.substr(header.properties_end);
   return result;
 }

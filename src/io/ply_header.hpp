@@ -7,6 +7,7 @@
 #include <string_view>
 #include <vector>
 
+#include "io/edits.hpp"
 #include "io/scalar.hpp"
 #include "pointfair/io.hpp"
 
@@ -43,7 +44,7 @@ std::string_view ply_encoding_name(Encoding encoding);
 std::string ply_property_lines(const std::vector<AttributeInfo>& attributes, std::string_view line_end);
 
 /// The header's text for another encoding, with further properties of the points.
-std::string ply_header_text(const PlyHeader& header, Encoding encoding, const std::vector<Attribute>& added);
+std::string ply_header_text(const PlyHeader& header, Encoding encoding, const AddedAttributes& added);
 
 /// Which property of an element is called so; the number of properties if none is.
 std::size_t find_property(const PlyElement& element, std::string_view name);

@@ -33,10 +33,6 @@ class View final : public Source {
   std::vector<io::Column> columns() const override { return {}; }
   void extract(std::size_t, std::span<char>) const override {}
 
- protected:
-  std::string header(const std::vector<Attribute>&) const override { return {}; }
-  void append_block(std::size_t, const Moves&, const std::vector<Attribute>&, std::string&) const override {}
-
  private:
   std::span<const Element> elements_;
 };

@@ -22,10 +22,10 @@ std::optional<std::size_t> list_bytes(std::string_view available, const RecordFi
   return count_size + static_cast<std::size_t>(count) * size_of(field.type);
 }
 
-void append_added(const std::vector<Attribute>& added, std::uint64_t point, bool swap, std::string& to) {
-  for (const Attribute& attribute : added) {
-    const std::size_t size = pointfair::size_of(attribute.type), bytes = attribute.components * size;
-    const char* from = reinterpret_cast<const char*>(attribute.data.data()) + point * bytes;
+void append_added(const AddedAttributes& added, std::uint64_t point, bool swap, std::string& to) {
+  for (const Attribute* attribute : added) {
+    const std::size_t size = pointfair::size_of(attribute->type), bytes = attribute->components * size;
+    const char* from = reinterpret_cast<const char*>(attribute->data.data()) + point * bytes;
     char scalar[8];
     for (std::size_t at = 0; at < bytes; at += size) {
       copy_scalar(scalar, from + at, size, swap);
@@ -134,9 +134,19 @@ void RecordSource::extract(std::size_t index, std::span<char> out) const {
   });
 }
 
-void RecordSource::patch(std::size_t block, const Moves& moves, char* to, std::size_t base,
-                         std::size_t extra_per_point) const {
+void RecordSource::patch(std::size_t block, const Moves& moves, const std::vector<Replacement>& replaced, char* to,
+                         std::size_t base, std::size_t extra_per_point) const {
   const std::uint64_t first = block_begin(block);
+  for (const Replacement& replacement : replaced) {
+    const std::size_t f = shown_[replacement.column];
+    const RecordField& field = layout_.fields[f];
+    for (std::size_t i = 0; i < moves.changed.size(); ++i) {
+      char* at = to + (locate(first + i, f) - base) + i * extra_per_point;
+      for (std::uint32_t c = 0; c < field.components; ++c, at += size_of(field.type)) {
+        store_double(at, field.type, layout_.swap, replacement.value(first + i, c));
+      }
+    }
+  }
   for (std::size_t i = 0; i < moves.changed.size(); ++i) {
     if (moves.changed[i] == 0) continue;
     for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -148,20 +158,26 @@ void RecordSource::patch(std::size_t block, const Moves& moves, char* to, std::s
   }
 }
 
-void RecordSource::append_block(std::size_t block, const Moves& moves, const std::vector<Attribute>& added,
-                                std::string& to) const {
+const Replacement* RecordSource::find_replacement(const std::vector<Replacement>& replaced, std::size_t field) const {
+  const auto found = std::find_if(replaced.begin(), replaced.end(),
+                                  [&](const Replacement& replacement) { return shown_[replacement.column] == field; });
+  return found == replaced.end() ? nullptr : &*found;
+}
+
+void RecordSource::append_block(std::size_t block, const Moves& moves, const Edits& edits, std::string& to) const {
+  const AddedAttributes& added = edits.added;
   const std::uint64_t first = block_begin(block), last = block_begin(block + 1);
   std::size_t extra = 0;
   if (added.empty()) {
     to.append(points_.substr(record_begin(first), record_begin(last) - record_begin(first)));
   } else {
-    for (const Attribute& attribute : added) extra += attribute.components * pointfair::size_of(attribute.type);
+    for (const Attribute* attribute : added) extra += attribute->components * pointfair::size_of(attribute->type);
     for (std::uint64_t point = first; point < last; ++point) {
       to.append(points_.substr(record_begin(point), record_begin(point + 1) - record_begin(point)));
       append_added(added, point, layout_.swap, to);
     }
   }
-  patch(block, moves, to.data(), record_begin(first), extra);
+  patch(block, moves, edits.replaced, to.data(), record_begin(first), extra);
 }
 
 }  // namespace pointfair::io

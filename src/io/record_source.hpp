@@ -45,11 +45,13 @@ class RecordSource : public Source {
   void extract(std::size_t index, std::span<char> out) const override;
 
  protected:
-  void append_block(std::size_t block, const Moves& moves, const std::vector<Attribute>& added,
-                    std::string& to) const override;
-  /// Writes the moved coordinates of a block over a copy of the points' bytes from `base` on, to which
-  /// `extra_per_point` bytes were added behind each record.
-  void patch(std::size_t block, const Moves& moves, char* to, std::size_t base, std::size_t extra_per_point) const;
+  void append_block(std::size_t block, const Moves& moves, const Edits& edits, std::string& to) const override;
+  /// Writes the moved coordinates and the replaced attributes of a block over a copy of the points' bytes from `base`
+  /// on, to which `extra_per_point` bytes were added behind each record.
+  void patch(std::size_t block, const Moves& moves, const std::vector<Replacement>& replaced, char* to,
+             std::size_t base, std::size_t extra_per_point) const;
+  /// The replacement of a field, if it has one.
+  const Replacement* find_replacement(const std::vector<Replacement>& replaced, std::size_t field) const;
   const RecordLayout& layout() const { return layout_; }
   std::string_view points() const { return points_; }
   std::size_t record_begin(std::uint64_t point) const;  ///< in `points`
@@ -63,7 +65,7 @@ class RecordSource : public Source {
 };
 
 /// Appends the values of `added` at `point` as a binary file holds them.
-void append_added(const std::vector<Attribute>& added, std::uint64_t point, bool swap, std::string& to);
+void append_added(const AddedAttributes& added, std::uint64_t point, bool swap, std::string& to);
 
 /// Bytes from the start of a list's count to behind its last value; nothing if `available` does not hold them.
 std::optional<std::size_t> list_bytes(std::string_view available, const RecordField& field, bool swap);

@@ -16,6 +16,9 @@
 
 namespace pointfair::io {
 
+inline constexpr std::size_t kMaxColumns = 4096;      ///< of a record; a file with more is damaged
+inline constexpr std::size_t kMaxTextColumns = 1024;  ///< of a row of text, where each is looked for from the left
+
 /// The types of `ScalarType`, in its order, and the 64-bit integers that only PCD files know.
 enum class NativeType : std::uint8_t { int8, uint8, int16, uint16, int32, uint32, float32, float64, int64, uint64 };
 

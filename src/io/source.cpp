@@ -4,7 +4,9 @@
 #include <sys/mman.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <limits>
 #include <optional>
 
 #include "io/offset.hpp"
@@ -49,6 +51,59 @@ std::vector<Point> new_points(std::size_t count) {
 using io::same_bits;
 using io::to_offset;
 
+// Positions of a file, chosen by a hash of their coordinates, so that the order of the points does not matter; its
+// words are mixed as in the 64-bit MurmurHash3 (A. Appleby).
+class PositionSample {
+ public:
+  explicit PositionSample(std::uint64_t points)
+      : limit_(points > kWanted ? ~std::uint64_t{0} / points * kWanted : ~std::uint64_t{0}) {}
+
+  void offer(const Position& p) {
+    std::uint64_t hash = 0x9e3779b97f4a7c15u;
+    for (const double c : p) {
+      hash = (hash ^ std::bit_cast<std::uint64_t>(c + 0.0)) * 0xff51afd7ed558ccdu;
+      hash ^= hash >> 33;
+    }
+    if (hash * 0xc4ceb9fe1a85ec53u <= limit_) chosen_.push_back(p);
+    if (std::isfinite(p[0] + p[1] + p[2])) {
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        least_[axis] = std::min(least_[axis], p[axis]);
+        most_[axis] = std::max(most_[axis], p[axis]);
+      }
+    }
+  }
+  void offer_all(const PositionSample& other) {
+    chosen_.insert(chosen_.end(), other.chosen_.begin(), other.chosen_.end());
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      least_[axis] = std::min(least_[axis], other.least_[axis]);
+      most_[axis] = std::max(most_[axis], other.most_[axis]);
+    }
+  }
+  // Many points at few places may all have a hash beyond the limit; then the corners of their box.
+  std::vector<Position> take() && {
+    constexpr std::size_t kFew = 64;
+    if (chosen_.size() < kFew && limit_ != ~std::uint64_t{0}) return {least_, most_};
+    return std::move(chosen_);
+  }
+
+ private:
+  static constexpr std::uint64_t kWanted = 4096;
+  static constexpr double kInfinite = std::numeric_limits<double>::infinity();
+  std::uint64_t limit_;
+  std::vector<Position> chosen_;
+  Position least_{kInfinite, kInfinite, kInfinite}, most_{-kInfinite, -kInfinite, -kInfinite};
+};
+
+// What look(block, sample) offers of each block of the file, many at once.
+template <class Look>
+std::vector<Position> sample_of(const Source& source, const Look& look) {
+  std::vector<PositionSample> of_block(source.block_count(), PositionSample(source.size()));
+  io::for_each_block(source.block_count(), [&](std::size_t block) { look(block, of_block[block]); });
+  PositionSample all(source.size());
+  for (const PositionSample& sample : of_block) all.offer_all(sample);
+  return std::move(all).take();
+}
+
 }  // namespace
 
 namespace io {
@@ -83,43 +138,69 @@ Position choose_origin(std::vector<Position> sample) {
 
 }  // namespace io
 
-Position Source::sampled_origin() const {
-  std::vector<Position> sample;
+Position Source::guessed_origin() const {
+  std::vector<Position> rows;
   const std::size_t blocks = block_count(), block_step = std::max<std::size_t>(1, blocks / kSampledBlocks);
   for (std::size_t block = 0; block < blocks; block += block_step) {
     std::vector<Position> values(block_size(block));
     positions(block, values);
     const std::size_t step = std::max<std::size_t>(1, values.size() / kSampledPerBlock);
-    for (std::size_t i = 0; i < values.size(); i += step) sample.push_back(values[i]);
+    for (std::size_t i = 0; i < values.size(); i += step) rows.push_back(values[i]);
   }
-  return io::choose_origin(std::move(sample));
+  return io::choose_origin(std::move(rows));
 }
 
+// A guess saves a second pass: it is nearly always what the sample shows.
 std::vector<Point> Source::place() {
-  const std::size_t blocks = block_count();
-  origin_ = sampled_origin();
+  origin_ = guessed_origin();
   std::vector<Point> points = new_points(static_cast<std::size_t>(size()));
-  io::for_each_block(blocks, [&](std::size_t block) {
-    Point* out = points.data() + block_begin(block);
-    if (origin_ == Position{} && copy_points(block, {out, block_size(block)})) return;
-    thread_local std::vector<Position> values;
-    values.resize(block_size(block));
-    positions(block, values);
-    for (const Position& value : values) {
-      *out++ = {to_offset(value[0], origin_[0]), to_offset(value[1], origin_[1]), to_offset(value[2], origin_[2])};
-    }
-  });
+  const Position origin = io::choose_origin(place_at_origin(points));
+  if (origin != origin_) {
+    origin_ = origin;
+    place_at_origin(points);
+  }
   return points;
 }
 
+Position Source::sampled_origin() const {
+  return io::choose_origin(sample_of(*this, [&](std::size_t block, PositionSample& sample) {
+    thread_local std::vector<Position> values;
+    values.resize(block_size(block));
+    positions(block, values);
+    for (const Position& value : values) sample.offer(value);
+  }));
+}
+
+std::vector<Position> Source::place_at_origin(std::span<Point> points) const {
+  return sample_of(*this, [&](std::size_t block, PositionSample& sample) {
+    const std::span<Point> out = points.subspan(static_cast<std::size_t>(block_begin(block)), block_size(block));
+    if (origin_ == Position{} && copy_points(block, out)) {
+      for (const Point& p : out) sample.offer({p.x, p.y, p.z});
+      return;
+    }
+    thread_local std::vector<Position> values;
+    values.resize(out.size());
+    positions(block, values);
+    for (std::size_t i = 0; i < out.size(); ++i) {
+      const Position& value = values[i];
+      sample.offer(value);
+      out[i] = {to_offset(value[0], origin_[0]), to_offset(value[1], origin_[1]), to_offset(value[2], origin_[2])};
+    }
+  });
+}
+
 Moves Source::moves(std::size_t block, const Cloud& cloud) const {
+  std::vector<Position> own(block_size(block));
+  positions(block, own);
+  return moves(block_begin(block), std::move(own), cloud);
+}
+
+Moves Source::moves(std::uint64_t first, std::vector<Position> own, const Cloud& cloud) const {
   Moves result;
-  result.values.resize(block_size(block));
+  result.values = std::move(own);
   result.changed.assign(result.values.size(), 0);
-  positions(block, result.values);
-  const std::size_t first = static_cast<std::size_t>(block_begin(block));
   for (std::size_t i = 0; i < result.values.size(); ++i) {
-    const Point& point = cloud.points[first + i];
+    const Point& point = cloud.points[static_cast<std::size_t>(first) + i];
     const float now[3] = {point.x, point.y, point.z};
     for (std::size_t axis = 0; axis < 3; ++axis) {
       double& value = result.values[i][axis];
@@ -133,10 +214,10 @@ Moves Source::moves(std::size_t block, const Cloud& cloud) const {
   return result;
 }
 
-void Source::write(const Cloud& cloud, Encoding, io::Output& out) const {
-  out.write(header(cloud.added));
+void Source::write(const io::Edits& edits, Encoding, io::Output& out) const {
+  out.write(header(edits.added));
   io::write_blocks(out, block_count(), [&](std::size_t block, std::string& buffer) {
-    append_block(block, moves(block, cloud), cloud.added, buffer);
+    append_block(block, moves(block, edits.cloud), edits, buffer);
   });
   out.write(tail());
 }

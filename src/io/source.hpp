@@ -5,15 +5,18 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "io/edits.hpp"
 #include "io/file_bytes.hpp"
 #include "io/output.hpp"
 #include "io/scalar.hpp"
 #include "pointfair/cloud.hpp"
+#include "pointfair/file_info.hpp"
 #include "pointfair/io.hpp"
 #include "pointfair/positions.hpp"
 
@@ -26,6 +29,7 @@ struct Column {
   std::string name;
   NativeType type = NativeType::float32;
   std::uint32_t components = 1;
+  bool guessed = false;  ///< the type is not the file's: any number may stand there
 };
 inline std::size_t column_bytes(const Column& column) { return column.components * size_of(column.type); }
 
@@ -77,29 +81,45 @@ class Source {
   virtual void extract(std::size_t index, std::span<char> out) const = 0;
   virtual Faces faces() const { return {}; }
 
-  /// Writes the file in its own format, with the coordinates and added attributes of `cloud`.
-  virtual void write(const Cloud& cloud, Encoding encoding, io::Output& out) const;
+  /// Writes the file in its own format with the edits.
+  virtual void write(const io::Edits& edits, Encoding encoding, io::Output& out) const;
 
-  /// The origin that suits a sample of the points.
+  /// Where the sensor of the points of `block` stood, in the file's coordinates, if the file says so.
+  virtual std::optional<Position> sensor(std::size_t) const { return std::nullopt; }
+  /// What the file says beside its points.
+  virtual FileInfo info() const { return {}; }
+  /// What of this file a file of the format does not keep, a sentence each.
+  virtual std::vector<std::string> losses(Format) const { return {}; }
+
+  /// Extensions of files that belong to this one, stand beside it, and stay true when its points move.
+  virtual std::vector<std::string> companions() const { return {}; }
+
+  /// The origin that suits a sample of the points, which does not depend on their order.
   Position sampled_origin() const;
-  /// Chooses the origin from a sample of the points, and returns the points relative to it.
+  /// Chooses that origin, and returns the points relative to it.
   std::vector<Point> place();
   const Position& origin() const { return origin_; }
 
   Moves moves(std::size_t block, const Cloud& cloud) const;
+  /// The same for points from `first` on, whose own coordinates these are.
+  Moves moves(std::uint64_t first, std::vector<Position> own, const Cloud& cloud) const;
 
  protected:
+  // What the usual `write` asks for.
   /// Everything before the first block, with the added attributes declared.
-  virtual std::string header(const std::vector<Attribute>& added) const = 0;
-  /// The bytes of `block` with the moved coordinates patched and the added attributes appended to each point.
-  virtual void append_block(std::size_t block, const Moves& moves, const std::vector<Attribute>& added,
-                            std::string& to) const = 0;
+  virtual std::string header(const io::AddedAttributes&) const { return {}; }
+  /// The bytes of `block` with moved coordinates and replaced attributes patched, added ones appended to each point.
+  virtual void append_block(std::size_t, const Moves&, const io::Edits&, std::string&) const {}
   /// Everything after the last block.
   virtual std::string_view tail() const { return {}; }
 
   std::string_view bytes() const { return bytes_.view(); }
 
  private:
+  Position guessed_origin() const;  // from some rows
+  /// The points relative to origin(); returns a sample of their positions.
+  std::vector<Position> place_at_origin(std::span<Point> points) const;
+
   io::FileBytes bytes_;
   std::string name_;
   Format format_;

@@ -49,6 +49,15 @@ void split_packed_color(const TableColumn& column, std::vector<TableColumn>& to)
   }
 }
 
+// A colour of 16 bits, as LAS has them: some write bytes there all the same.
+bool is_wide(const TableColumn& column) {
+  if (column.type != NativeType::uint16) return false;
+  for (std::size_t at = 0; at < column.data.size(); at += 2) {
+    if (load<std::uint16_t>(column.data.data() + at, false) > 255) return true;
+  }
+  return false;
+}
+
 // Colours from 0 to 1, as OBJ has them, become bytes.
 void use_byte_colors(Table& table) {
   std::vector<std::array<std::uint8_t, 3>> colors;
@@ -90,7 +99,13 @@ Table make_table(const Cloud& cloud) {
     static_cast<Column&>(column) = {attribute.name, native(attribute.type), attribute.components};
     const char* data = reinterpret_cast<const char*>(attribute.data.data());
     column.data.assign(data, data + attribute.data.size());
-    table.columns.push_back(std::move(column));
+    const auto own = std::find_if(table.columns.begin(), table.columns.end(),
+                                  [&](const TableColumn& other) { return other.name == attribute.name; });
+    if (own == table.columns.end()) {
+      table.columns.push_back(std::move(column));
+    } else {
+      *own = std::move(column);
+    }
   }
   return table;
 }
@@ -115,9 +130,11 @@ bool colors_as_bytes(const Table& table, std::vector<std::array<std::uint8_t, 3>
   const TableColumn* const channels[] = {table.find("red"), table.find("green"), table.find("blue")};
   if (!std::all_of(std::begin(channels), std::end(channels), [](const TableColumn* c) { return c; })) return false;
   colors.resize(table.size());
+  const bool wide =
+      std::any_of(std::begin(channels), std::end(channels), [](const TableColumn* c) { return is_wide(*c); });
   for (std::size_t c = 0; c < 3; ++c) {
     const NativeType type = channels[c]->type;
-    const double scale = is_integer(type) ? 1 : 255;
+    const double scale = !is_integer(type) ? 255 : wide ? 255.0 / 65535 : 1;
     for (std::size_t i = 0; i < colors.size(); ++i) {
       const double value = load_double(channels[c]->data.data() + i * size_of(type), type, false);
       colors[i][c] = narrow<std::uint8_t>(scale * value);

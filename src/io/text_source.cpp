@@ -10,9 +10,6 @@
 #include "io/parallel.hpp"
 
 namespace pointfair::io {
-namespace {
-
-constexpr std::size_t kChunkBytes = std::size_t{1} << 18;
 
 // What the numbers of a column have in common, and so the narrowest type that holds them without losing a digit.
 struct Narrowest {
@@ -50,6 +47,10 @@ struct Narrowest {
     return fits_float ? NativeType::float32 : NativeType::float64;
   }
 };
+
+namespace {
+
+constexpr std::size_t kChunkBytes = std::size_t{1} << 18;
 
 // The words of one row, column after column; lists are stepped over, and shift the words behind them.
 class RowWords {
@@ -94,6 +95,13 @@ char added_separator(std::string_view line, char separator) {
   return separator == ' ' && line.find('\t') != std::string_view::npos ? '\t' : separator;
 }
 
+// Whether a value read from the word as `type` is this one, so that the word may stay as it is.
+bool is_word_of(std::string_view word, double value, ScalarType type) {
+  const std::optional<double> own = to_number(word);
+  if (!own) return false;
+  return *own == value || (type == ScalarType::float32 && static_cast<float>(*own) == static_cast<float>(value));
+}
+
 // Stores a word as a value of `type`; a missing one as NaN, or 0. False: it is no number.
 bool word_to_scalar(std::string_view word, NativeType type, char* to) {
   if (size_of(type) == 8 && is_integer(type)) {  // a double would lose digits
@@ -113,13 +121,13 @@ bool word_to_scalar(std::string_view word, NativeType type, char* to) {
 
 }  // namespace
 
-void append_added_words(const std::vector<Attribute>& added, std::uint64_t point, char separator, std::string& to) {
-  for (const Attribute& attribute : added) {
-    const std::size_t size = pointfair::size_of(attribute.type);
-    const char* from = reinterpret_cast<const char*>(attribute.data.data()) + point * attribute.components * size;
-    for (std::uint32_t c = 0; c < attribute.components; ++c, from += size) {
+void append_added_words(const AddedAttributes& added, std::uint64_t point, char separator, std::string& to) {
+  for (const Attribute* attribute : added) {
+    const std::size_t size = pointfair::size_of(attribute->type);
+    const char* from = reinterpret_cast<const char*>(attribute->data.data()) + point * attribute->components * size;
+    for (std::uint32_t c = 0; c < attribute->components; ++c, from += size) {
       to += separator;
-      append_scalar(to, from, native(attribute.type));
+      append_scalar(to, from, native(attribute->type));
     }
   }
 }
@@ -177,6 +185,20 @@ TextSource::TextSource(FileBytes bytes, std::string name, Format format, TextLay
       layout_(std::move(layout)),
       attributes_(layout_.attributes) {
   layout_.end = std::min(layout_.end, this->bytes().size());
+  check_size();
+}
+
+// What is read stays in proportion to the file, whatever its first lines promise.
+void TextSource::check_size() const {
+  if (layout_.columns.size() > kMaxTextColumns) {
+    fail(name(), "has " + std::to_string(layout_.columns.size()) + " columns, but at most " +
+                     std::to_string(kMaxTextColumns) + " can be read; leave some out");
+  }
+  constexpr std::uint64_t kValuesPerByte = 4;  // at least 2 bytes stand for a value
+  if (layout_.count > 0 && layout_.attributes.size() > kValuesPerByte * bytes().size() / layout_.count) {
+    fail(name(), "most rows are much shorter than the first, which has " + std::to_string(layout_.columns.size()) +
+                     " columns; repair the file");
+  }
 }
 
 std::uint64_t TextSource::block_begin(std::size_t block) const {
@@ -258,23 +280,42 @@ ScalarType TextSource::coordinate_type() const {
   return all ? ScalarType::float32 : ScalarType::float64;
 }
 
+// What the words of each column have in common, of those whose type is unknown.
+std::vector<Narrowest> TextSource::see_columns(std::size_t block) const {
+  std::vector<Narrowest> seen(attributes_.size());
+  std::vector<std::size_t> owner;  // the attribute in each column, or as many as there are for none
+  for (std::size_t a = 0; a < attributes_.size(); ++a) {
+    if (attributes_[a].typed) continue;
+    owner.resize(std::max(owner.size(), attributes_[a].first + 1), attributes_.size());
+    owner[attributes_[a].first] = a;
+  }
+  for_each_line(block, [&](std::string_view line, std::ptrdiff_t point) {
+    if (point < 0) return;
+    RowWords row(line, layout_);
+    ColumnKind kind{};
+    for (std::size_t c = 0; c < owner.size(); ++c) {
+      std::string_view word;
+      if (!row.next(kind, word)) word = {};
+      if (owner[c] < seen.size()) seen[owner[c]].see(word);
+    }
+  });
+  return seen;
+}
+
 // Looks through the columns of unknown type; those with a word that is no number are no attributes.
 void TextSource::find_types() const {
+  if (std::all_of(attributes_.begin(), attributes_.end(), [](const TextColumn& column) { return column.typed; })) return;
+  std::vector<std::vector<Narrowest>> seen(block_count());
+  for_each_block(seen.size(), [&](std::size_t block) { seen[block] = see_columns(block); });
   std::vector<TextColumn> kept;
-  for (TextColumn& column : attributes_) {
+  for (std::size_t a = 0; a < attributes_.size(); ++a) {
+    TextColumn& column = attributes_[a];
     if (!column.typed) {
-      std::vector<Narrowest> seen(block_count());
-      for_each_block(seen.size(), [&](std::size_t block) {
-        std::vector<std::string_view> words;
-        for_each_line(block, [&](std::string_view line, std::ptrdiff_t point) {
-          if (point < 0) return;
-          column_words(line, layout_, column, words);
-          for (const std::string_view word : words) seen[block].see(word);
-        });
-      });
-      for (const Narrowest& other : seen) seen.front().merge(other);
-      if (!seen.front().numbers) continue;
-      column.type = seen.front().type();
+      Narrowest all;
+      for (const std::vector<Narrowest>& block : seen) all.merge(block[a]);
+      if (!all.numbers) continue;
+      column.type = all.type();
+      column.guessed = true;
     }
     kept.push_back(column);
   }
@@ -306,8 +347,51 @@ void TextSource::extract(std::size_t index, std::span<char> out) const {
   });
 }
 
-void TextSource::append_block(std::size_t block, const Moves& moves, const std::vector<Attribute>& added,
-                              std::string& to) const {
+const Replacement* TextSource::find_replacement(const std::vector<Replacement>& replaced, std::size_t column) const {
+  const auto found = std::find_if(replaced.begin(), replaced.end(),
+                                  [&](const Replacement& other) { return attributes_[other.column].first == column; });
+  return found == replaced.end() ? nullptr : &*found;
+}
+
+// A word of a line, and what takes its place.
+struct TextSource::WordEdit {
+  std::string_view word;
+  std::string text;
+};
+
+void TextSource::edit_row(std::string_view line, std::uint64_t point, const Moves& moves, std::size_t place,
+                          const Edits& edits, std::vector<WordEdit>& edited) const {
+  edited.clear();
+  if (moves.changed[place] != 0) {
+    const auto words = coordinate_words(line);
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      if ((moves.changed[place] >> axis & 1) == 0) continue;
+      const double value = moves.values[place][axis];
+      edited.push_back({words[axis], {}});
+      if (layout_.integers) {
+        append_as(edited.back().text, value, NativeType::int64);
+      } else {
+        append_moved(edited.back().text, words[axis], value, static_cast<float>(value - origin()[axis]));
+      }
+    }
+  }
+  std::vector<std::string_view> words;
+  for (const Replacement& replacement : edits.replaced) {
+    const TextColumn& column = attributes_[replacement.column];
+    column_words(line, layout_, column, words);
+    for (std::uint32_t c = 0; c < column.components; ++c) {
+      const double value = replacement.value(point, c);
+      if (words[c].data() == nullptr || is_word_of(words[c], value, replacement.values->type)) continue;
+      edited.push_back({words[c], {}});
+      append_as(edited.back().text, value, column.guessed ? native(replacement.values->type) : column.type);
+    }
+  }
+  // as they stand in the line
+  std::sort(edited.begin(), edited.end(),
+            [](const WordEdit& a, const WordEdit& b) { return a.word.data() < b.word.data(); });
+}
+
+void TextSource::append_block(std::size_t block, const Moves& moves, const Edits& edits, std::string& to) const {
   const std::string_view text = chunk_text(block);
   to.reserve(text.size() + text.size() / 4);
   const char* copied = text.data();  // everything before it is in `to`
@@ -315,30 +399,21 @@ void TextSource::append_block(std::size_t block, const Moves& moves, const std::
     to.append(copied, end);
     copied = end;
   };
-  for_each_line(block, [&](std::string_view line, std::ptrdiff_t point) {
-    if (point < 0) return;
-    const auto i = static_cast<std::size_t>(point);
-    if (moves.changed[i] != 0) {
-      const auto words = coordinate_words(line);
-      std::array<std::size_t, 3> order = {0, 1, 2};  // as they stand in the line
-      std::sort(order.begin(), order.end(), [&](auto a, auto b) { return words[a].data() < words[b].data(); });
-      for (const std::size_t axis : order) {
-        if ((moves.changed[i] >> axis & 1) == 0) continue;
-        const double value = moves.values[i][axis];
-        copy_up_to(words[axis].data());
-        if (layout_.integers) {
-          append_as(to, value, NativeType::int64);
-        } else {
-          append_moved(to, words[axis], value, static_cast<float>(value - origin()[axis]));
-        }
-        copied = words[axis].data() + words[axis].size();
-      }
+  std::vector<WordEdit> edited;
+  for_each_line(block, [&](std::string_view line, std::ptrdiff_t place) {
+    if (place < 0) return;
+    const std::uint64_t point = block_begin(block) + static_cast<std::uint64_t>(place);
+    edit_row(line, point, moves, static_cast<std::size_t>(place), edits, edited);
+    for (const WordEdit& edit : edited) {
+      copy_up_to(edit.word.data());
+      to += edit.text;
+      copied = edit.word.data() + edit.word.size();
     }
-    if (layout_.extendable && !added.empty()) {
+    if (layout_.extendable && !edits.added.empty()) {
       std::size_t end = line.size();
       while (end > 0 && is_blank(line[end - 1])) --end;
       copy_up_to(line.data() + end);
-      append_added_words(added, block_begin(block) + i, added_separator(line, layout_.separator), to);
+      append_added_words(edits.added, point, added_separator(line, layout_.separator), to);
     }
   });
   copy_up_to(text.data() + text.size());

@@ -38,6 +38,8 @@ std::size_t begin_of_row(std::string_view text, const TextRows& rows, RowRule ru
 /// One column of a row, or a list: a count and so many values.
 enum class ColumnKind : std::uint8_t { x, y, z, other, list };
 
+struct Narrowest;  // the type that holds the words of a column
+
 /// An attribute, in the columns from `first` on. `typed`: false while the type is unknown.
 struct TextColumn : Column {
   std::size_t first = 0;
@@ -72,11 +74,12 @@ class TextSource : public Source {
   void extract(std::size_t index, std::span<char> out) const override;
 
  protected:
-  void append_block(std::size_t block, const Moves& moves, const std::vector<Attribute>& added,
-                    std::string& to) const override;
+  void append_block(std::size_t block, const Moves& moves, const Edits& edits, std::string& to) const override;
   std::string_view tail() const override { return bytes().substr(layout_.end); }
   const TextLayout& layout() const { return layout_; }
   std::size_t row_begin(std::uint64_t row) const;  ///< in the file
+  /// The replacement of the attribute whose first column this is, if it has one.
+  const Replacement* find_replacement(const std::vector<Replacement>& replaced, std::size_t column) const;
 
  private:
   std::string_view chunk_text(std::size_t block) const;
@@ -84,7 +87,12 @@ class TextSource : public Source {
   void for_each_line(std::size_t block, const Visit& visit) const;
   std::array<std::string_view, 3> coordinate_words(std::string_view line) const;
   [[noreturn]] void fail_at(const char* place, const std::string& message) const;
+  void check_size() const;
+  std::vector<Narrowest> see_columns(std::size_t block) const;
   void find_types() const;
+  struct WordEdit;
+  void edit_row(std::string_view line, std::uint64_t point, const Moves& moves, std::size_t place, const Edits& edits,
+                std::vector<WordEdit>& words) const;
 
   TextLayout layout_;
   mutable std::once_flag types_found_;
@@ -92,6 +100,6 @@ class TextSource : public Source {
 };
 
 /// Appends the values of `added` at `point` as words, each with `separator` before it.
-void append_added_words(const std::vector<Attribute>& added, std::uint64_t point, char separator, std::string& to);
+void append_added_words(const AddedAttributes& added, std::uint64_t point, char separator, std::string& to);
 
 }  // namespace pointfair::io

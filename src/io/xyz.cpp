@@ -98,12 +98,12 @@ class XyzSource : public TextSource {
       : TextSource(std::move(bytes), name, format, std::move(layout)), front_(std::move(front)) {}
 
  protected:
-  std::string header(const std::vector<Attribute>& added) const override {
+  std::string header(const AddedAttributes& added) const override {
     std::string text(bytes().substr(0, front_.end));
     if (front_.names_end == 0) return text;
     std::string names;
-    for (const Attribute& attribute : added) {
-      for (const std::string& name : component_names(attribute.name, attribute.components)) {
+    for (const Attribute* attribute : added) {
+      for (const std::string& name : component_names(attribute->name, attribute->components)) {
         names += front_.names_separator + one_word(name);
       }
     }

@@ -9,6 +9,7 @@
 #include "pipeline/devices.hpp"
 #include "pipeline/pipeline_access.hpp"
 #include "pipeline/run_state.hpp"
+#include "pointfair/file_info.hpp"
 
 namespace pointfair {
 namespace {
@@ -33,6 +34,11 @@ void mark_outliers(Cloud& cloud, std::span<const std::uint8_t> outliers) {
   attribute.name = std::move(name);
   attribute.type = ScalarType::uint8;
   attribute.data.assign(bytes.begin(), bytes.end());
+}
+
+// Lengths in metres, of a cloud whose file says how long its unit is.
+Params in_units_of(const Cloud& cloud, const Params& params) {
+  return in_file_units(params, file_info(cloud).metres_per_unit);
 }
 
 }  // namespace
@@ -75,14 +81,14 @@ Cloud Pipeline::run(const Params& params, std::stop_token stop, const ProgressFu
   return with_one_kind_of_error([&] {
     Cloud result = state_->shell;
     result.points.resize(state_->cloud.points());
-    state_->run(params, result.points, stop, progress);
+    state_->run(in_units_of(result, params), result.points, stop, progress);
     if (!state_->outliers.empty()) mark_outliers(result, state_->outliers);
     return result;
   });
 }
 
 void Pipeline::run(const Params& params, std::span<Point> out, std::stop_token stop, const ProgressFunction& progress) {
-  with_one_kind_of_error([&] { state_->run(params, out, stop, progress); });
+  with_one_kind_of_error([&] { state_->run(in_units_of(state_->shell, params), out, stop, progress); });
 }
 
 void Pipeline::run(std::span<const Point> points, const Params& params, std::span<Point> out, std::stop_token stop,
@@ -92,7 +98,7 @@ void Pipeline::run(std::span<const Point> points, const Params& params, std::spa
                                       std::to_string(points.size()));
   with_one_kind_of_error([&] {
     state_->shell = {};
-    state_->load_and_run(points, params, out, stop, progress);
+    state_->load_and_run(points, in_units_of({}, params), out, stop, progress);
   });
 }
 
@@ -102,7 +108,7 @@ const Estimates& Pipeline::estimates(std::stop_token stop) {
 }
 
 Params Pipeline::resolve(const Params& params, std::stop_token stop) {
-  return with_one_kind_of_error([&] { return state_->resolve(params, stop); });
+  return with_one_kind_of_error([&] { return state_->resolve(in_units_of(state_->shell, params), stop); });
 }
 
 const Report& Pipeline::report() const { return state_->report; }

@@ -53,7 +53,7 @@ class Usage(Case):
         for words in (["run"], ["run", cloud], ["run", cloud, out, "more"], ["run", cloud, out, "--wat"], ["--wat"],
                       ["run", cloud, out, "--k"], ["run", cloud, out, "--threads", "x"], ["info"], ["compare", cloud],
                       ["run", cloud, out, "--threads", "-1"], ["run", cloud, out, "--progress", "loud"],
-                      ["run", cloud, out, "--preset", "mine"], ["run", cloud, out, "--format", "las"],
+                      ["run", cloud, out, "--preset", "mine"], ["run", cloud, out, "--format", "shp"],
                       ["run", cloud, out, "--device", "tpu"], ["run", cloud, out, "--device", "cuda:x"],
                       ["bench", "--repeat", "0"], ["run", cloud, "-", "--report", "-"]):
             with self.subTest(words=words):
@@ -84,7 +84,7 @@ class Run(Case):
         write_ply(self.path("in.ply"), sphere_points(500, 0.01))
         words = ["run", self.path("in.ply"), self.path("out.ply"), "--preset", "paper", "--radius", "0.5"]
         report = self.report(*words)
-        keys = ["version", "device", "points", "params", "spacing", "noise", "unmoved", "displacement", "stages",
+        keys = ["version", "device", "points", "params", "spacing", "noise", "rounding", "unmoved", "displacement", "stages",
                 "total_ms", "peak_bytes"]
         self.assertEqual([key for key in report if key in keys], keys)
         self.assertEqual(list(report["device"]), ["kind", "name", "reason"])
@@ -94,7 +94,7 @@ class Run(Case):
         self.assertEqual(list(report["peak_bytes"]), ["host", "device"])
         self.assertEqual([list(stage) for stage in report["stages"]], [["name", "ms"]] * len(report["stages"]))
         self.assertEqual(report["points"], 500)
-        self.assertEqual(set(report["unmoved"]), {"non_finite", "too_few_neighbors", "no_normal", "outliers"})
+        self.assertEqual(set(report["unmoved"]), {"non_finite", "too_few_neighbors", "no_normal", "outliers", "ignored", "held"})
         params = report["params"]
         self.assertEqual((params["k"], params["iterations"], params["constraint"], params["area_weight"]),
                          (8, 1, True, "squared"))
@@ -269,7 +269,8 @@ class Doctor(Case):
         self.assertTrue(report["devices"][0]["usable"])
         for device in report["devices"]:
             self.assertTrue(device["usable"] or device["reason"])
-        self.assertEqual(report["formats"], ["ply", "pcd", "xyz", "txt", "csv", "pts", "off", "obj"])
+        self.assertEqual(report["formats"], ["ply", "pcd", "las", "laz", "e57", "xyz", "txt", "csv", "pts", "off",
+                                             "obj"])
         self.assertIn("cpu", self.ok("doctor").stdout.decode())
 
 

@@ -8,7 +8,9 @@
 #include <cstring>
 #include <string>
 
+#include "pointfair/file_info.hpp"
 #include "pointfair/io.hpp"
+#include "pointfair/normals.hpp"
 
 namespace pointfair::fuzz {
 
@@ -57,17 +59,36 @@ inline void write_changed(Cloud cloud, Format format) {
   }
 }
 
-inline int run(const std::uint8_t* data, std::size_t size, Format format) {
-  const auto* const begin = reinterpret_cast<const std::byte*>(data);
-  const std::vector<std::byte> bytes(begin, begin + size);
+inline bool same_points(const Cloud& a, const Cloud& b) {
+  return a.points.size() == b.points.size() &&
+         (a.points.empty() || std::memcmp(a.points.data(), b.points.data(), a.points.size() * sizeof(Point)) == 0);
+}
+
+/// `same_bytes`: an unchanged cloud must be written as the bytes that it was read from; else as the same points, where
+/// its points can be written at all.
+inline int run(const std::vector<std::byte>& bytes, Format format, bool same_bytes = true) {
   Cloud cloud;
   if (!accepted([&] { cloud = read_as(bytes, format); })) return 0;
-  require(!cloud.points.empty() && cloud.points.size() <= size * 100);
+  require(!cloud.points.empty() && (!same_bytes || cloud.points.size() <= bytes.size() * 100));
   for (const AttributeInfo& info : attributes(cloud)) accepted([&] { attribute(cloud, info.name); });
   accepted([&] { triangles(cloud); });
-  require(write_bytes(cloud, format) == bytes);
+  file_info(cloud);
+  normal_attributes(cloud);
+  if (same_bytes) {
+    require(write_bytes(cloud, format) == bytes);
+  } else {
+    accepted([&] { require(same_points(read_as(write_bytes(cloud, format), format), cloud)); });
+  }
   write_changed(std::move(cloud), format);
   return 0;
+}
+inline int run(const std::uint8_t* data, std::size_t size, Format format) {
+  const auto* const begin = reinterpret_cast<const std::byte*>(data);
+  return run(std::vector<std::byte>(begin, begin + size), format);
+}
+inline std::vector<std::byte> as_bytes(const std::string& text) {
+  const auto* const begin = reinterpret_cast<const std::byte*>(text.data());
+  return {begin, begin + text.size()};
 }
 
 }  // namespace pointfair::fuzz

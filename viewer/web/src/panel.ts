@@ -42,6 +42,7 @@ export class Panel {
   private readonly hideSwitch = h("input", { type: "checkbox", class: "switch", role: "switch", id: "hide" });
   private readonly axes = h("div", { class: "axes" });
   private readonly sliders: HTMLInputElement[] = [];
+  private readonly selections: [string, HTMLInputElement][] = [];
   private readonly lassoNote = h("p", { class: "note" });
   private readonly clearLasso = h("button", { type: "button", class: "plain" }, "Clear lasso");
   private readonly colour = h("select", { id: "colour", class: "grow" });
@@ -112,6 +113,7 @@ export class Panel {
     if (Number(strength) !== this.strength.valueAsNumber) this.strength.value = strength;
     this.strengthValue.textContent = `${Math.round(100 * Number(strength))} %`;
     this.showBox(parseBox(recipe.limits.box ?? ""));
+    for (const [name, input] of this.selections) input.value = recipe.limits[name] ?? "";
     this.lassoNote.textContent = recipe.limits.lasso ? "Only points inside the lasso move." : "";
     this.lassoNote.hidden = this.clearLasso.hidden = !recipe.limits.lasso;
   }
@@ -203,7 +205,16 @@ export class Panel {
         h("button", { type: "button", class: "plain", onclick: () => this.actions.lassoInView() }, "Only points in view"),
         this.clearLasso),
       this.lassoNote,
+      this.selectionField("where", "Only where", "Only points move whose attribute has one of these integers"),
+      this.selectionField("ignore", "Ignore", "Points whose attribute has one of these integers do not move and are nobody's neighbours"),
     ];
+  }
+
+  private selectionField(name: string, label: string, title: string): HTMLElement {
+    const input = h("input", { class: "text", id: name, title, placeholder: "classification=2,6", spellcheck: false, autocomplete: "off" });
+    input.addEventListener("change", () => this.change((recipe) => (recipe.limits[name] = input.value.trim()), true));
+    this.selections.push([name, input]);
+    return this.field(label, name, input);
   }
 
   private bounds(axis: number): [number, number] {

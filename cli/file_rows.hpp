@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: Apache-2.0
+// What `pointfair info` says of the file behind a cloud, and of the classes and returns of its points.
+#pragma once
+
+#include <string>
+
+#include "report.hpp"
+
+namespace pointfair::cli {
+
+/// Rows for people; empty for a file that says nothing and has neither classes nor returns.
+std::string file_text(const Cloud& cloud);
+
+/// {"version": ..., "metres_per_unit": ..., "step": ..., "classes": {"2": 10}, "returns": {"1": 12}}
+Json file_json(const Cloud& cloud);
+
+}  // namespace pointfair::cli

@@ -1,0 +1,213 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/e57/source.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <numbers>
+
+#include "io/e57/pages.hpp"
+#include "io/file_bytes.hpp"
+#include "io/formats.hpp"
+#include "io/parallel.hpp"
+
+namespace pointfair::io {
+namespace e57 {
+namespace {
+
+constexpr std::uint64_t kBlock = 16384;
+constexpr const char* kScanColumn = "scan";
+
+// The type that holds all values that the field may have.
+NativeType type_of(const Field& field) {
+  if (field.kind == Field::Kind::float32) return NativeType::float32;
+  if (field.kind == Field::Kind::float64 || field.scaled) return NativeType::float64;
+  for (const NativeType type : {NativeType::uint8, NativeType::int8, NativeType::uint16, NativeType::int16,
+                                NativeType::uint32, NativeType::int32}) {
+    const bool fits = with_type(type, [&](auto tag) {
+      using Limits = std::numeric_limits<decltype(tag)>;
+      if constexpr (sizeof tag < 8) {
+        return static_cast<double>(field.minimum) >= static_cast<double>(Limits::lowest()) &&
+               static_cast<double>(field.maximum) <= static_cast<double>(Limits::max());
+      }
+      return false;
+    });
+    if (fits) return type;
+  }
+  return NativeType::int64;
+}
+
+Position turned(const Pose& pose, const Position& p) {
+  Position result{};
+  for (std::size_t row = 0; row < 3; ++row) {
+    const auto& r = pose.rotation[row];
+    result[row] = r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + pose.translation[row];
+  }
+  return result;
+}
+
+}  // namespace
+
+double value_of(const Field& field, std::uint64_t bits) {
+  switch (field.kind) {
+    case Field::Kind::float32:
+      return std::bit_cast<float>(static_cast<std::uint32_t>(bits));
+    case Field::Kind::float64:
+      return std::bit_cast<double>(bits);
+    default:
+      return static_cast<double>(static_cast<std::int64_t>(bits + static_cast<std::uint64_t>(field.minimum))) *
+                 field.scale +
+             field.offset;
+  }
+}
+
+void read_values(std::string_view file, const ScanPoints& scan, std::size_t index, std::uint64_t first,
+                 std::span<double> out) {
+  const Field& field = scan.fields[index];
+  const std::uint64_t bits = field.bits, begin = first * bits / 8;
+  thread_local std::string bytes;
+  if (bits != 0) read_stream(file, scan.streams[index], begin, ((first + out.size()) * bits + 7) / 8, bytes);
+  std::uint64_t at = first * bits - begin * 8;
+  for (double& value : out) {
+    value = value_of(field, get_bits(bytes.data(), at, field.bits));
+    at += bits;
+  }
+}
+
+Position from_spherical(const Position& s) {
+  const double flat = s[0] * std::cos(s[2]);
+  return {flat * std::cos(s[1]), flat * std::sin(s[1]), s[0] * std::sin(s[2])};
+}
+
+Position to_spherical(const Position& p, double near) {
+  const double flat = std::hypot(p[0], p[1]), range = std::hypot(flat, p[2]);
+  const double azimuth = std::atan2(p[1], p[0]);
+  const double turns = std::nearbyint((near - azimuth) / (2 * std::numbers::pi));
+  return {range, azimuth + turns * 2 * std::numbers::pi, std::atan2(p[2], flat)};
+}
+
+E57Source::E57Source(FileBytes file, std::string file_name, FileHeader header, Document document)
+    : Source(std::move(file), std::move(file_name), Format::e57, Encoding::binary), header_(header) {
+  library_ = std::move(document.library);
+  coordinate_metadata_ = std::move(document.coordinate_metadata);
+  std::uint64_t left = to_logical(bytes().size());  // for the sections of scans
+  for (Scan& scan : document.scans) {
+    ScanPoints points;
+    static_cast<Scan&>(points) = std::move(scan);
+    points.first_point = size_;
+    check_plausible(points.records, size_, sizeof(Point), bytes().size(), name());
+    points.streams = find_streams(bytes(), points, scans_.size(), left, name());
+    for (std::uint64_t first = 0; first < points.records; first += kBlock) {
+      blocks_.push_back({scans_.size(), first, std::min(kBlock, points.records - first)});
+    }
+    size_ += points.records;
+    scans_.push_back(std::move(points));
+  }
+  if (size_ == 0) fail(name(), "has no points; choose another file");
+  find_columns();
+}
+
+// Those of all scans together, and which scan a point is of, where there are several.
+void E57Source::find_columns() {
+  for (const ScanPoints& scan : scans_) {
+    for (std::size_t f = 0; f < scan.fields.size(); ++f) {
+      const Field& field = scan.fields[f];
+      const bool coordinate = field.name.starts_with("cartesian") || field.name.starts_with("spherical");
+      if (field.kind == Field::Kind::other || (coordinate && !field.name.ends_with("InvalidState"))) continue;
+      const auto same =
+          std::find_if(columns_.begin(), columns_.end(), [&](const Column& c) { return c.name == field.name; });
+      if (same == columns_.end()) {
+        columns_.push_back({field.name, type_of(field), 1});
+      } else if (same->type != type_of(field)) {
+        same->type = NativeType::float64;
+      }
+    }
+  }
+  if (scans_.size() > 1) columns_.push_back({kScanColumn, NativeType::uint32, 1});
+}
+
+void E57Source::read_positions(const ScanPoints& scan, std::uint64_t first, std::span<Position> out) const {
+  thread_local std::vector<double> values;
+  values.resize(out.size());
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    read_values(bytes(), scan, scan.coordinates()[axis], first, values);
+    for (std::size_t i = 0; i < out.size(); ++i) out[i][axis] = values[i];
+  }
+  for (Position& position : out) {
+    if (!scan.cartesian) position = from_spherical(position);
+    if (!scan.pose.is_identity) position = turned(scan.pose, position);
+  }
+  if (!scan.invalid_state) return;
+  read_values(bytes(), scan, *scan.invalid_state, first, values);
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    if (values[i] != 0) out[i].fill(std::numeric_limits<double>::quiet_NaN());
+  }
+}
+
+void E57Source::positions(std::size_t block, std::span<Position> out) const {
+  read_positions(scans_[blocks_[block].scan], blocks_[block].first, out);
+}
+
+void E57Source::extract(std::size_t index, std::span<char> out) const {
+  const Column& column = columns_[index];
+  const std::size_t size = size_of(column.type);
+  for_each_block(block_count(), [&](std::size_t b) {
+    const Block& block = blocks_[b];
+    const ScanPoints& scan = scans_[block.scan];
+    char* const to = out.data() + static_cast<std::size_t>(begin_of(b)) * size;
+    // What a scan does not have is not a number, or 0.
+    std::vector<double> values(static_cast<std::size_t>(block.count), std::numeric_limits<double>::quiet_NaN());
+    const auto field =
+        std::find_if(scan.fields.begin(), scan.fields.end(), [&](const Field& f) { return f.name == column.name; });
+    if (field != scan.fields.end()) {
+      read_values(bytes(), scan, static_cast<std::size_t>(field - scan.fields.begin()), block.first, values);
+    } else if (column.name == kScanColumn) {
+      std::fill(values.begin(), values.end(), static_cast<double>(block.scan));
+    }
+    for (std::size_t i = 0; i < values.size(); ++i) store_double(to + i * size, column.type, false, values[i]);
+  });
+}
+
+std::optional<Position> E57Source::sensor(std::size_t block) const {
+  const ScanPoints& scan = scans_[blocks_[block].scan];
+  return scan.has_pose ? std::optional(scan.pose.translation) : std::nullopt;
+}
+
+FileInfo E57Source::info() const {
+  FileInfo result;
+  result.metres_per_unit = 1;  // as the standard says
+  result.rows.push_back({"software", library_});
+  result.rows.push_back({"scans", std::to_string(scans_.size())});
+  const auto poses = std::count_if(scans_.begin(), scans_.end(), [](const ScanPoints& scan) { return scan.has_pose; });
+  result.rows.push_back({"poses", std::to_string(poses)});
+  if (!coordinate_metadata_.empty()) result.rows.push_back({"coordinate_system", coordinate_metadata_});
+  for (const ScanPoints& scan : scans_) {
+    for (const std::size_t f : scan.coordinates()) {
+      const Field& field = scan.fields[f];
+      // an angle's step in metres depends on the range
+      if (scan.cartesian && field.kind == Field::Kind::integer)
+        result.step = std::max(result.step, std::abs(field.scale));
+    }
+  }
+  return result;
+}
+
+std::vector<std::string> E57Source::losses(Format to) const {
+  if (to == Format::e57) return {};
+  return {
+      "the format written has no place for what an E57 file holds beside points: poses, images and descriptions of "
+      "scans"};
+}
+
+}  // namespace e57
+
+std::shared_ptr<Source> read_e57(FileBytes bytes, const std::string& name) {
+  const std::string_view view = bytes.view();
+  const e57::FileHeader header = e57::parse_file_header(view, name);
+  e57::check_pages(view, name);
+  e57::Document document = e57::parse_document(e57::read_xml(view, header), name);
+  return std::make_shared<e57::E57Source>(std::move(bytes), name, header, std::move(document));
+}
+
+}  // namespace pointfair::io

@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: Apache-2.0
+// In place of the folder e57 in a build without pugixml.
+#include "io/file_bytes.hpp"
+#include "io/formats.hpp"
+
+namespace pointfair::io {
+
+std::shared_ptr<Source> read_e57(FileBytes, const std::string& name) {
+  fail(name, "is an E57 file, and this build has no pugixml to read it with; install libpugixml-dev and build again");
+}
+
+}  // namespace pointfair::io

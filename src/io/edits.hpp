@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a cloud's file is written with beside its own bytes.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "io/scalar.hpp"
+#include "pointfair/cloud.hpp"
+
+namespace pointfair::io {
+
+using AddedAttributes = std::vector<const Attribute*>;
+
+/// New values for a column of the file.
+struct Replacement {
+  std::size_t column = 0;  ///< in the source's columns()
+  const Attribute* values = nullptr;
+
+  double value(std::uint64_t point, std::uint32_t component) const {
+    const std::size_t size = pointfair::size_of(values->type);
+    const char* const from = reinterpret_cast<const char*>(values->data.data());
+    return load_double(from + (point * values->components + component) * size, native(values->type), false);
+  }
+};
+
+struct Edits {
+  const Cloud& cloud;                 ///< where its points are now
+  AddedAttributes added;              ///< attributes that the file does not have
+  std::vector<Replacement> replaced;  ///< and such that it has
+  std::optional<double> las_scale;    ///< of the coordinates of a LAS file
+
+  bool changes_attributes() const { return !added.empty() || !replaced.empty(); }
+};
+
+/// The attributes of `cloud.added` as edits of its source. Throws ErrorKind::usage if one has not the shape of the
+/// file's own of its name, or two have one name.
+Edits make_edits(const Cloud& cloud, std::optional<double> las_scale);
+
+}  // namespace pointfair::io

@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/las/coordinate_system.hpp"
+
+#include <algorithm>
+#include <map>
+#include <utility>
+#include <vector>
+
+#include "io/text.hpp"
+
+namespace pointfair::io::las {
+namespace {
+
+constexpr const char* kUser = "LASF_Projection";
+constexpr unsigned kWkt = 2112, kGeoKeys = 34735, kGeoText = 34737;
+
+// Well-known text is KEYWORD[value, KEYWORD[...], ...]. This walks through its nodes and picks out what is wanted.
+class WktReader {
+ public:
+  explicit WktReader(std::string_view text) : rest_(text) {}
+
+  CoordinateSystem read() {
+    for (std::vector<std::string> path; !rest_.empty();) {
+      const char c = rest_.front();
+      if (c == '"') {
+        const std::size_t end = std::min(rest_.find('"', 1), rest_.size() - 1);
+        take_value(path, rest_.substr(1, end - 1));
+        rest_.remove_prefix(end + 1);
+      } else if (c == '[' || c == '(') {
+        path.push_back(std::exchange(word_, {}));
+        values_.emplace_back();
+        rest_.remove_prefix(1);
+      } else if (c == ']' || c == ')' || c == ',') {
+        if (!word_.empty()) take_value(path, std::exchange(word_, {}));
+        if (c != ',' && !path.empty()) {
+          end_node(path);
+          path.pop_back();
+          values_.pop_back();
+        }
+        rest_.remove_prefix(1);
+      } else {
+        if (!is_blank(c) && c != '\n' && c != '\0') word_ += c;
+        rest_.remove_prefix(1);
+      }
+    }
+    if (!code_.empty()) result_.name += (result_.name.empty() ? "" : ", ") + code_;
+    return result_;
+  }
+
+ private:
+  static bool is_one_of(const std::string& word, std::initializer_list<std::string_view> names) {
+    return std::find(names.begin(), names.end(), word) != names.end();
+  }
+
+  void take_value(const std::vector<std::string>& path, std::string_view value) {
+    if (values_.empty()) return;
+    if (path.size() == 1 && values_.back().empty()) result_.name = value;
+    values_.back().emplace_back(value);
+  }
+
+  // A unit counts if it is not of angles: those stand in the geographic part; and not of heights alone.
+  void end_node(const std::vector<std::string>& path) {
+    const std::string& node = path.back();
+    const std::vector<std::string>& values = values_.back();
+    const bool elsewhere = std::any_of(path.begin(), path.end(), [](const std::string& word) {
+      return is_one_of(word, {"GEOGCS", "BASEGEOGCRS", "GEOGCRS", "BASEGEODCRS", "GEODCRS", "GEODETICCRS", "VERT_CS",
+                              "VERTCRS", "CONVERSION", "ELLIPSOID", "PRIMEM"});
+    });
+    if (is_one_of(node, {"UNIT", "LENGTHUNIT"}) && !elsewhere && !result_.metres_per_unit && values.size() >= 2) {
+      const std::optional<double> metres = to_number(values[1]);
+      if (metres && *metres > 0) result_.metres_per_unit = metres;
+    }
+    if (is_one_of(node, {"AUTHORITY", "ID"}) && path.size() == 2 && values.size() >= 2)
+      code_ = values[0] + ":" + values[1];
+  }
+
+  std::string_view rest_;
+  std::string word_, code_;
+  std::vector<std::vector<std::string>> values_;  // of the nodes that are open
+  CoordinateSystem result_;
+};
+
+// GeoTIFF's keys: numbers of four 16-bit values each, the first of which counts them.
+std::map<unsigned, unsigned> short_keys(std::string_view data) {
+  std::map<unsigned, unsigned> keys;
+  if (data.size() < 8) return keys;
+  const std::size_t count = std::min<std::size_t>(get<std::uint16_t>(data, 6), (data.size() - 8) / 8);
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::size_t at = 8 + 8 * i;
+    const bool here = get<std::uint16_t>(data, at + 2) == 0;  // else in another record
+    if (here) keys[get<std::uint16_t>(data, at)] = get<std::uint16_t>(data, at + 6);
+  }
+  return keys;
+}
+
+// The UTM zones of WGS 84, ETRS89 and NAD83, whose codes alone say that they are in metres.
+bool is_utm(unsigned code) {
+  return (code >= 32601 && code <= 32660) || (code >= 32701 && code <= 32760) || (code >= 25828 && code <= 25838) ||
+         (code >= 26901 && code <= 26923);
+}
+
+CoordinateSystem from_keys(std::string_view data, std::string_view text) {
+  constexpr unsigned kGeographic = 2048, kProjected = 3072, kLinearUnits = 3076;
+  constexpr unsigned kMetre = 9001, kFoot = 9002, kSurveyFoot = 9003, kUserDefined = 32767;
+  const std::map<unsigned, unsigned> keys = short_keys(data);
+  const auto value = [&](unsigned key) { return keys.count(key) != 0 ? keys.at(key) : 0; };
+  CoordinateSystem result;
+  result.name = text.substr(0, text.find_first_of(std::string_view("|\0", 2)));
+  for (const unsigned code : {value(kProjected), value(kGeographic)}) {
+    if (code == 0 || code == kUserDefined) continue;
+    result.name += (result.name.empty() ? "" : ", ") + ("EPSG:" + std::to_string(code));
+    break;
+  }
+  const unsigned unit = value(kLinearUnits);
+  if (unit == kMetre || (unit == 0 && is_utm(value(kProjected)))) result.metres_per_unit = 1;
+  if (unit == kFoot) result.metres_per_unit = 0.3048;
+  if (unit == kSurveyFoot) result.metres_per_unit = 1200.0 / 3937;
+  return result;
+}
+
+}  // namespace
+
+CoordinateSystem coordinate_system(const Header& header) {
+  if (const Record* const wkt = header.find(kUser, kWkt)) return WktReader(wkt->data).read();
+  const Record* const keys = header.find(kUser, kGeoKeys);
+  const Record* const text = header.find(kUser, kGeoText);
+  return keys ? from_keys(keys->data, text ? text->data : std::string_view()) : CoordinateSystem{};
+}
+
+}  // namespace pointfair::io::las

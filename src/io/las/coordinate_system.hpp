@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the records of a LAS file say of its coordinates: a name for people, and the length of a unit.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "io/las/header.hpp"
+
+namespace pointfair::io::las {
+
+struct CoordinateSystem {
+  std::string name;                       ///< empty: the file does not say
+  std::optional<double> metres_per_unit;  ///< none: the file does not say, or the unit is an angle
+};
+
+CoordinateSystem coordinate_system(const Header& header);
+
+}  // namespace pointfair::io::las

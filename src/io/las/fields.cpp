@@ -1,0 +1,218 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/las/fields.hpp"
+
+#include <algorithm>
+#include <cstring>
+
+#include "io/column_names.hpp"
+
+namespace pointfair::io::las {
+namespace {
+
+constexpr std::size_t kDescription = 192;
+constexpr unsigned kHasScale = 8, kHasOffset = 16;
+
+// Types 1 to 10 of extra bytes; 11 to 20 are two of them, 21 to 30 three.
+constexpr NativeType kExtraTypes[] = {NativeType::uint8,   NativeType::int8,   NativeType::uint16, NativeType::int16,
+                                      NativeType::uint32,  NativeType::int32,  NativeType::uint64, NativeType::int64,
+                                      NativeType::float32, NativeType::float64};
+
+class FieldList {
+ public:
+  void add(const char* name, NativeType type, std::size_t offset, std::uint32_t layer) {
+    Field field;
+    static_cast<Column&>(field) = {name, type, 1};
+    field.offset = offset;
+    field.stored = type;
+    field.layer = layer;
+    add_unique(std::move(field));
+  }
+  void add_bits(const char* name, std::size_t offset, unsigned shift, unsigned bits, std::uint32_t layer) {
+    add(name, NativeType::uint8, offset, layer);
+    fields_.back().shift = shift;
+    fields_.back().bits = bits;
+  }
+  /// Under another name if there is one like it.
+  void add_unique(Field field) {
+    const std::string name = field.name;
+    const auto taken = [&](const Field& other) { return other.name == field.name; };
+    for (int n = 2; std::any_of(fields_.begin(), fields_.end(), taken); ++n)
+      field.name = name + "_" + std::to_string(n);
+    fields_.push_back(std::move(field));
+  }
+  Field& last() { return fields_.back(); }
+  std::vector<Field> take() { return std::move(fields_); }
+
+ private:
+  std::vector<Field> fields_;
+};
+
+void add_old_base(FieldList& list) {
+  list.add("intensity", NativeType::uint16, 12, 0);
+  list.add_bits("return_number", 14, 0, 3, 0);
+  list.add_bits("number_of_returns", 14, 3, 3, 0);
+  list.add_bits("scan_direction_flag", 14, 6, 1, 0);
+  list.add_bits("edge_of_flight_line", 14, 7, 1, 0);
+  list.add_bits("classification", 15, 0, 5, 0);
+  list.add_bits("synthetic", 15, 5, 1, 0);
+  list.add_bits("key_point", 15, 6, 1, 0);
+  list.add_bits("withheld", 15, 7, 1, 0);
+  list.add("scan_angle_rank", NativeType::int8, 16, 0);
+  list.add("user_data", NativeType::uint8, 17, 0);
+  list.add("point_source_id", NativeType::uint16, 18, 0);
+}
+
+void add_new_base(FieldList& list) {
+  list.add("intensity", NativeType::uint16, 12, kLayerIntensity);
+  list.add_bits("return_number", 14, 0, 4, 0);
+  list.add_bits("number_of_returns", 14, 4, 4, 0);
+  list.add_bits("synthetic", 15, 0, 1, kLayerFlags);
+  list.add_bits("key_point", 15, 1, 1, kLayerFlags);
+  list.add_bits("withheld", 15, 2, 1, kLayerFlags);
+  list.add_bits("overlap", 15, 3, 1, kLayerFlags);
+  list.add_bits("scanner_channel", 15, 4, 2, 0);
+  list.add_bits("scan_direction_flag", 15, 6, 1, kLayerFlags);
+  list.add_bits("edge_of_flight_line", 15, 7, 1, kLayerFlags);
+  list.add("classification", NativeType::uint8, 16, kLayerClassification);
+  list.add("user_data", NativeType::uint8, 17, kLayerUserData);
+  list.add("scan_angle", NativeType::int16, 18, kLayerScanAngle);
+  list.add("point_source_id", NativeType::uint16, 20, kLayerPointSource);
+  list.add("gps_time", NativeType::float64, 22, kLayerTime);
+}
+
+void add_color(FieldList& list, std::size_t offset) {
+  list.add("red", NativeType::uint16, offset, kLayerColor);
+  list.add("green", NativeType::uint16, offset + 2, kLayerColor);
+  list.add("blue", NativeType::uint16, offset + 4, kLayerColor);
+}
+
+void add_wave_packet(FieldList& list, std::size_t offset) {
+  list.add("wavepacket_index", NativeType::uint8, offset, kLayerWavePacket);
+  list.add("wavepacket_offset", NativeType::uint64, offset + 1, kLayerWavePacket);
+  list.add("wavepacket_size", NativeType::uint32, offset + 9, kLayerWavePacket);
+  list.add("return_point_wave_location", NativeType::float32, offset + 13, kLayerWavePacket);
+  list.add("x_t", NativeType::float32, offset + 17, kLayerWavePacket);
+  list.add("y_t", NativeType::float32, offset + 21, kLayerWavePacket);
+  list.add("z_t", NativeType::float32, offset + 25, kLayerWavePacket);
+}
+
+void add_standard(FieldList& list, unsigned format) {
+  if (format < 6) {
+    add_old_base(list);
+    const bool time = format == 1 || format >= 3;
+    if (time) list.add("gps_time", NativeType::float64, 20, 0);
+    if (format == 2 || format == 3 || format == 5) add_color(list, time ? 28 : 20);
+    if (format >= 4) add_wave_packet(list, format == 4 ? 28 : 34);
+    return;
+  }
+  add_new_base(list);
+  if (format == 7 || format == 8 || format == 10) add_color(list, 30);
+  if (format == 8 || format == 10) list.add("nir", NativeType::uint16, 36, kLayerNearInfrared);
+  if (format >= 9) add_wave_packet(list, format == 9 ? 30 : 38);
+}
+
+// One description, of which `room` bytes a record are left; components 0: it does not fit, or is none.
+Field extra_field(std::string_view text, std::size_t offset, std::size_t room) {
+  const auto type = get<std::uint8_t>(text, 2), options = get<std::uint8_t>(text, 3);
+  Field field;
+  field.name = get_text(text, 4, 32);
+  if (field.name.empty()) field.name = "extra_bytes";
+  field.components = type == 0 ? options : type <= 30 ? 1U + (type - 1U) / 10 : 0;
+  field.type = field.stored = type == 0 ? NativeType::uint8 : kExtraTypes[(type - 1U) % 10];
+  field.offset = offset;
+  field.layer = kLayerExtraBytes;
+  if (column_bytes(field) > room) field.components = 0;
+  if (type == 0) return field;
+  for (std::size_t c = 0; c < std::min<std::size_t>(field.components, 3); ++c) {
+    if ((options & kHasScale) != 0) field.scale[c] = get<double>(text, 112 + 8 * c);
+    if ((options & kHasOffset) != 0) field.add[c] = get<double>(text, 136 + 8 * c);
+  }
+  field.scaled = (options & (kHasScale | kHasOffset)) != 0;
+  if (field.scaled) field.type = NativeType::float64;
+  return field;
+}
+
+// The extra bytes that have a description, in their order.
+std::vector<Field> described_fields(const Header& header) {
+  std::vector<Field> fields;
+  std::size_t at = least_record_length(header.point_format);
+  const Record* const record = header.find("LASF_Spec", 4);
+  std::string_view descriptions = record ? record->data : std::string_view();
+  while (descriptions.size() >= kDescription && at < header.record_length) {
+    fields.push_back(extra_field(descriptions.substr(0, kDescription), at, header.record_length - at));
+    if (fields.back().components == 0) {
+      fields.pop_back();
+      break;
+    }
+    at += fields.back().components * size_of(fields.back().stored);
+    descriptions.remove_prefix(kDescription);
+  }
+  return fields;
+}
+
+std::size_t end_of(const std::vector<Field>& described, const Header& header) {
+  if (described.empty()) return least_record_length(header.point_format);
+  return described.back().offset + described.back().components * size_of(described.back().stored);
+}
+
+std::string description(unsigned type, unsigned options, std::string_view name) {
+  std::string bytes(kDescription, '\0');
+  bytes[2] = static_cast<char>(type);
+  bytes[3] = static_cast<char>(options);
+  name.copy(bytes.data() + 4, 32);
+  return bytes;
+}
+
+}  // namespace
+
+std::vector<Field> record_fields(const Header& header) {
+  FieldList list;
+  add_standard(list, header.point_format);
+  std::vector<Field> described = described_fields(header);
+  const std::size_t end = end_of(described, header);
+  for (Field& field : described) list.add_unique(std::move(field));
+  if (end < header.record_length) {
+    list.add("extra_bytes", NativeType::uint8, end, kLayerExtraBytes);
+    list.last().components = static_cast<std::uint32_t>(header.record_length - end);
+  }
+  return list.take();
+}
+
+void extract_field(const Field& field, const char* records, std::size_t record_length, std::size_t count, char* to) {
+  const std::size_t size = size_of(field.stored), shown_size = size_of(field.type);
+  const auto mask = static_cast<unsigned char>((1U << field.bits) - 1);
+  for (std::size_t i = 0; i < count; ++i) {
+    const char* from = records + i * record_length + field.offset;
+    if (field.bits != 0) {
+      *to++ = static_cast<char>(static_cast<unsigned char>(*from) >> field.shift & mask);
+      continue;
+    }
+    for (std::uint32_t c = 0; c < field.components; ++c, from += size, to += shown_size) {
+      if (field.scaled) {
+        const double value = load_double(from, field.stored, kSwap) * field.scale[c] + field.add[c];
+        std::memcpy(to, &value, sizeof value);
+      } else {
+        copy_scalar(to, from, size, kSwap);
+      }
+    }
+  }
+}
+
+std::string describe_extra_bytes(const Header& header, const std::vector<Column>& added) {
+  const std::vector<Field> described = described_fields(header);
+  const Record* const record = header.find("LASF_Spec", 4);
+  std::string result(record ? record->data.substr(0, described.size() * kDescription) : std::string_view());
+  std::size_t plain = header.record_length - end_of(described, header);
+  for (; plain > 0; plain -= std::min<std::size_t>(plain, 255)) {
+    result += description(0, static_cast<unsigned>(std::min<std::size_t>(plain, 255)), "extra_bytes");
+  }
+  for (const Column& column : added) {
+    const auto* const type = std::find(std::begin(kExtraTypes), std::end(kExtraTypes), column.type);
+    for (const std::string& name : component_names(column.name, column.components)) {
+      result += description(static_cast<unsigned>(1 + (type - std::begin(kExtraTypes))), 0, name);
+    }
+  }
+  return result;
+}
+
+}  // namespace pointfair::io::las

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// The attributes in a point record: which bits of which bytes they are, and what they are called.
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "io/las/header.hpp"
+#include "io/source.hpp"
+
+namespace pointfair::io::las {
+
+/// The parts of a record that LAZ files of point formats 6 to 10 keep apart, as bits of a set. X, Y and the numbers of
+/// returns are always there.
+enum Layer : std::uint32_t {
+  kLayerZ = 1,
+  kLayerClassification = 2,
+  kLayerFlags = 4,
+  kLayerIntensity = 8,
+  kLayerScanAngle = 16,
+  kLayerUserData = 32,
+  kLayerPointSource = 64,
+  kLayerTime = 128,
+  kLayerColor = 256,
+  kLayerNearInfrared = 512,
+  kLayerWavePacket = 1024,
+  kLayerExtraBytes = 0xFFFF0000,
+  kAllLayers = 0xFFFFFFFF
+};
+
+struct Field : Column {
+  std::size_t offset = 0;                       ///< of the field in the record
+  NativeType stored{};                          ///< its type there; `type` is what is shown
+  unsigned shift = 0, bits = 0;                 ///< of a part of a byte; bits 0: the whole
+  std::array<double, 3> scale{1, 1, 1}, add{};  ///< of a component, where `scaled`
+  bool scaled = false;
+  std::uint32_t layer = 0;  ///< what must be decoded for it
+};
+
+/// The fields of the file's records in their order, coordinates excluded, extra bytes included.
+std::vector<Field> record_fields(const Header& header);
+
+/// The values of `field` in `count` records that follow each other.
+void extract_field(const Field& field, const char* records, std::size_t record_length, std::size_t count, char* to);
+
+/// The descriptions of extra bytes as a file with these attributes added has them: those of the file, where bytes have
+/// none a plain one, then one for each component added.
+std::string describe_extra_bytes(const Header& header, const std::vector<Column>& added);
+
+}  // namespace pointfair::io::las

@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/las/frame.hpp"
+
+#include <algorithm>
+#include <limits>
+
+#include "io/file_bytes.hpp"
+
+namespace pointfair::io::las {
+
+std::string make_record(std::string_view user, unsigned id, std::string_view description, std::string_view data) {
+  std::string record;
+  append<std::uint16_t>(record, 0);
+  record.append(user.substr(0, 16)).resize(2 + 16);
+  append(record, static_cast<std::uint16_t>(id));
+  append(record, static_cast<std::uint16_t>(data.size()));
+  record.append(description.substr(0, 32)).resize(22 + 32);
+  return record.append(data);
+}
+
+Frame::Frame(std::string_view bytes, const Header& header, std::size_t points_end, std::string name)
+    : bytes_(bytes), header_(header), name_(std::move(name)), tail_{bytes.substr(points_end)} {
+  for (const Record& record : header.records) {
+    if (record.extended) {
+      ++extended_left_;
+    } else {
+      records_.push_back(
+          {record.user, record.id, std::string(bytes.substr(record.begin, record.end() - record.begin))});
+    }
+  }
+}
+
+void Frame::check_complete() const {
+  if (header_.records_complete) return;
+  fail(name_,
+       "its header promises more records before the points than there are, so none can be put in or taken out; "
+       "write the format that the file has, or correct the header");
+}
+
+void Frame::drop(const Record& record) {
+  if (!record.extended) {
+    check_complete();
+    std::erase_if(records_, [&](const Piece& piece) { return record.is(piece.user, piece.id); });
+    return;
+  }
+  const char* const begin = bytes_.data() + record.begin;
+  const char* const end = bytes_.data() + record.end();
+  for (std::size_t i = 0; i < tail_.size(); ++i) {
+    const std::string_view piece = tail_[i];
+    if (begin < piece.data() || end > piece.data() + piece.size()) continue;
+    tail_[i] = {piece.data(), static_cast<std::size_t>(begin - piece.data())};
+    tail_.insert(tail_.begin() + static_cast<std::ptrdiff_t>(i) + 1,
+                 {end, static_cast<std::size_t>(piece.data() + piece.size() - end)});
+    --extended_left_;
+    return;
+  }
+}
+
+void Frame::put_record(std::string_view user, unsigned id, std::string_view description, std::string_view data) {
+  check_complete();
+  if (data.size() > std::numeric_limits<std::uint16_t>::max()) {
+    fail(name_, "the descriptions of its attributes no longer fit in one record; write another format");
+  }
+  Piece made{std::string(user), id, make_record(user, id, description, data)};
+  const auto same = std::find_if(records_.begin(), records_.end(),
+                                 [&](const Piece& piece) { return piece.user == user && piece.id == id; });
+  if (same == records_.end()) {
+    records_.push_back(std::move(made));
+  } else {
+    *same = std::move(made);
+  }
+}
+
+std::string Frame::front(bool compressed, std::size_t record_length) const {
+  std::string front(bytes_.substr(0, header_.size));
+  for (const Piece& piece : records_) front += piece.bytes;
+  front += bytes_.substr(header_.records_end, header_.points_begin - header_.records_end);
+  if (front.size() > std::numeric_limits<std::uint32_t>::max()) {
+    fail(name_, "what comes before the points no longer fits in 4 GiB");
+  }
+  put(front, place::points_begin, static_cast<std::uint32_t>(front.size()));
+  if (header_.records_complete) put(front, place::record_count, static_cast<std::uint32_t>(records_.size()));
+  const auto format = get<std::uint8_t>(bytes_, place::point_format);
+  put(front, place::point_format, static_cast<std::uint8_t>(compressed ? format | 0x80 : format & ~0x80));
+  put(front, place::record_length, static_cast<std::uint16_t>(record_length));
+  return front;
+}
+
+std::uint64_t Frame::moved(std::size_t old_place, std::uint64_t tail_begin) const {
+  const char* const at = bytes_.data() + old_place;
+  std::uint64_t before = 0;
+  for (const std::string_view piece : tail_) {
+    if (at <= piece.data()) break;
+    before += std::min<std::uint64_t>(piece.size(), static_cast<std::uint64_t>(at - piece.data()));
+  }
+  return tail_begin + before;
+}
+
+void Frame::place_tail(std::string& front, std::uint64_t tail_begin) const {
+  if (header_.waveform_begin != 0) put(front, place::waveform_begin, moved(header_.waveform_begin, tail_begin));
+  if (header_.extended_begin == 0) return;
+  put(front, place::extended_begin, extended_left_ == 0 ? 0 : moved(header_.extended_begin, tail_begin));
+  put(front, place::extended_count, static_cast<std::uint32_t>(extended_left_));
+}
+
+}  // namespace pointfair::io::las

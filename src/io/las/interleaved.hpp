@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+// The points of a LAZ chunk of point format 0 to 3, whose fields are all in one code, as version 2 of LASzip's items has
+// them. What is coded is written once for both directions.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "io/las/laz.hpp"
+
+namespace pointfair::io::las {
+
+/// Whether all items of such points are known here: not waveforms, and not version 1.
+bool is_interleaved(const Compression& compression);
+
+/// Decodes the records of a chunk, as many as fit in `records`. False: the bytes are damaged.
+bool decode_interleaved(const Compression& compression, std::string_view chunk, std::span<char> records);
+
+/// Appends the records as a chunk: the bytes that LASzip writes.
+void encode_interleaved(const Compression& compression, std::span<const char> records, std::string& to);
+
+}  // namespace pointfair::io::las

@@ -1,0 +1,254 @@
+// SPDX-License-Identifier: Apache-2.0
+// A new LAS or LAZ file from a table: LAS 1.4, point format 6, 7 with colours, 8 with near infrared, and what these
+// have no place for as extra bytes.
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "io/formats.hpp"
+#include "io/las/codec.hpp"
+#include "io/las/fields.hpp"
+#include "io/las/frame.hpp"
+#include "io/parallel.hpp"
+#include "pointfair/version.hpp"
+
+namespace pointfair::io {
+namespace las {
+namespace {
+
+constexpr std::size_t kHeaderSize = 375;
+
+[[noreturn]] void refuse(const std::string& message) { throw Error(ErrorKind::usage, message); }
+
+struct Range {
+  Position min, max;
+};
+
+Range range_of(const std::vector<Position>& positions) {
+  Range range{positions.front(), positions.front()};
+  for (const Position& position : positions) {
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      if (!std::isfinite(position[axis])) {
+        refuse("a LAS file holds finite coordinates only, and the cloud has others; write PLY or PCD, or remove them");
+      }
+      range.min[axis] = std::min(range.min[axis], position[axis]);
+      range.max[axis] = std::max(range.max[axis], position[axis]);
+    }
+  }
+  return range;
+}
+
+// A power of ten that divides the extent into 1e8 to 1e9 steps: finer than floats are, and 32 bits hold it.
+Scaling choose_scaling(const Range& range, std::optional<double> wanted) {
+  double extent = 0;
+  for (std::size_t axis = 0; axis < 3; ++axis) extent = std::max(extent, range.max[axis] - range.min[axis]);
+  const double scale = wanted ? *wanted : extent > 0 ? std::pow(10, std::floor(std::log10(extent)) - 8) : 0.001;
+  if (!std::isfinite(extent) || !(scale > 0) || extent / scale > 2e9) {
+    refuse("the coordinates are too far apart for the scale of a LAS file; give a coarser one, or write PLY or PCD");
+  }
+  Scaling scaling;
+  scaling.scale.fill(scale);
+  for (std::size_t axis = 0; axis < 3; ++axis) scaling.offset[axis] = std::floor(range.min[axis]);
+  return scaling;
+}
+
+// How a column gets into the records.
+struct Mapping {
+  const TableColumn* column = nullptr;
+  std::size_t offset = 0;  // in the record
+  NativeType type{};       // there
+  unsigned shift = 0, bits = 0;
+  double factor = 1;
+};
+
+// Whether all values of the column are integers that the field holds.
+bool fits(const TableColumn& column, const Field& field) {
+  const double most = field.bits != 0 ? double((1U << field.bits) - 1) : with_type(field.type, [](auto tag) {
+    return static_cast<double>(std::numeric_limits<decltype(tag)>::max());
+  });
+  const double least =
+      with_type(field.type, [](auto tag) { return static_cast<double>(std::numeric_limits<decltype(tag)>::lowest()); });
+  if (column.components != 1) return false;
+  if (!is_integer(field.type)) return column.type == field.type;
+  const std::size_t size = size_of(column.type);
+  for (std::size_t at = 0; at < column.data.size(); at += size) {
+    const double value = load_double(column.data.data() + at, column.type, false);
+    if (!(value >= least && value <= most && value == std::nearbyint(value))) return false;
+  }
+  return true;
+}
+
+bool is_color(const std::string& name) { return name == "red" || name == "green" || name == "blue"; }
+
+class NewFile {
+ public:
+  NewFile(Table& table, bool compress, std::optional<double> scale, Output& out)
+      : table_(table), out_(out), range_(range_of(table.positions)), scaling_(choose_scaling(range_, scale)) {
+    use_ply_names(table);
+    const bool color = table.find("red") && table.find("green") && table.find("blue");
+    format_ = !color ? 6 : table.find("nir") ? 8 : 7;
+    record_length_ = least_record_length(format_);
+    map_columns();
+    if (compress) compression_ = usual_compression(format_, record_length_);
+  }
+
+  void write() {
+    const std::string front = make_front();
+    out_.write(front);
+    if (compression_) out_.write(std::string(8, '\0'));
+    const std::size_t blocks = (table_.size() + kUsualChunk - 1) / kUsualChunk;
+    std::vector<std::size_t> sizes(blocks);
+    write_blocks(out_, blocks, [&](std::size_t block, std::string& buffer) {
+      const std::string records = make_records(block);
+      if (compression_) {
+        encode_chunk(*compression_, records, buffer);
+      } else {
+        buffer = records;
+      }
+      sizes[block] = buffer.size();
+    });
+    if (compression_) write_table(front.size(), sizes);
+  }
+
+ private:
+  void map_columns() {
+    Header header;
+    header.point_format = format_;
+    header.record_length = record_length_;
+    const std::vector<Field> fields = record_fields(header);
+    std::vector<Column> extra;
+    for (const TableColumn& column : table_.columns) {
+      const auto field =
+          std::find_if(fields.begin(), fields.end(), [&](const Field& f) { return f.name == column.name; });
+      const bool known = field != fields.end();
+      if (known && fits(column, *field)) {
+        const double factor = is_color(column.name) && column.type == NativeType::uint8 ? 257 : 1;
+        mappings_.push_back({&column, field->offset, field->type, field->shift, field->bits, factor});
+        continue;
+      }
+      mappings_.push_back({&column, record_length_, column.type, 0, 0, 1});
+      extra.push_back({column.name + (known ? "_2" : ""), column.type, column.components});
+      record_length_ += column_bytes(column);
+    }
+    if (record_length_ > std::numeric_limits<std::uint16_t>::max()) {
+      refuse("a point of a LAS file holds at most 65535 bytes; write PLY or PCD");
+    }
+    if (!extra.empty()) descriptions_ = describe_extra_bytes(header, extra);
+  }
+
+  Grid grid_of(const Position& position) const {
+    Grid grid{};
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      grid[axis] = narrow<std::int32_t>((position[axis] - scaling_.offset[axis]) / scaling_.scale[axis]);
+    }
+    return grid;
+  }
+
+  std::string make_front() const {
+    std::string front("LASF");
+    front.resize(kHeaderSize);
+    put<std::uint16_t>(front, 6, 16);  // coordinate systems are given as WKT, as formats from 6 on must
+    put<std::uint8_t>(front, place::major, 1);
+    put<std::uint8_t>(front, place::minor, 4);
+    std::string_view("pointfair").copy(front.data() + place::system, 32);
+    ("pointfair " + std::string(version())).copy(front.data() + place::software, 32);
+    put<std::uint16_t>(front, place::header_size, kHeaderSize);
+    put<std::uint8_t>(front, place::point_format, static_cast<std::uint8_t>(format_ | (compression_ ? 0x80 : 0)));
+    put<std::uint16_t>(front, place::record_length, static_cast<std::uint16_t>(record_length_));
+    const Grid min = grid_of(range_.min), max = grid_of(range_.max);
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      put(front, place::scale + 8 * axis, scaling_.scale[axis]);
+      put(front, place::offset + 8 * axis, scaling_.offset[axis]);
+      put(front, place::bounds + 16 * axis, scaling_.value(axis, max[axis]));
+      put(front, place::bounds + 16 * axis + 8, scaling_.value(axis, min[axis]));
+    }
+    put<std::uint64_t>(front, place::count, table_.size());
+    put_return_counts(front);
+    std::uint32_t records = 0;
+    const auto add = [&](std::string_view user, unsigned id, std::string_view title, const std::string& data) {
+      front += make_record(user, id, title, data);
+      ++records;
+    };
+    if (!descriptions_.empty()) add("LASF_Spec", 4, "extra bytes", descriptions_);
+    if (compression_) add(kLaszipUser, kLaszipId, "by LASzip of pointfair", compression_record(*compression_));
+    put(front, place::record_count, records);
+    put(front, place::points_begin, static_cast<std::uint32_t>(front.size()));
+    return front;
+  }
+
+  const Mapping* find(std::string_view name) const {
+    const auto found = std::find_if(mappings_.begin(), mappings_.end(), [&](const Mapping& mapping) {
+      return mapping.column->name == name && mapping.offset < least_record_length(format_);
+    });
+    return found == mappings_.end() ? nullptr : &*found;
+  }
+
+  void put_return_counts(std::string& front) const {
+    std::array<std::uint64_t, 16> counts{};
+    const Mapping* const number = find("return_number");
+    if (!number) counts[1] = table_.size();
+    for (std::size_t i = 0; number && i < table_.size(); ++i) {
+      const std::size_t size = size_of(number->column->type);
+      ++counts[static_cast<std::size_t>(
+          load_double(number->column->data.data() + i * size, number->column->type, false))];
+    }
+    for (std::size_t r = 1; r < counts.size(); ++r) put(front, place::returns + 8 * (r - 1), counts[r]);
+  }
+
+  std::string make_records(std::size_t block) const {
+    const std::size_t first = block * kUsualChunk, last = std::min<std::size_t>(first + kUsualChunk, table_.size());
+    std::string records((last - first) * record_length_, '\0');
+    char numbers = 0;  // of returns, where the cloud does not say: the only one
+    if (!find("return_number")) numbers |= 1;
+    if (!find("number_of_returns")) numbers |= 1 << 4;
+    for (std::size_t i = first; i < last; ++i) {
+      const std::size_t at = (i - first) * record_length_;
+      const Grid grid = grid_of(table_.positions[i]);
+      for (std::size_t axis = 0; axis < 3; ++axis) put(records, at + 4 * axis, grid[axis]);
+      records[at + 14] = numbers;
+      for (const Mapping& mapping : mappings_) put_value(mapping, i, records.data() + at + mapping.offset);
+    }
+    return records;
+  }
+
+  static void put_value(const Mapping& mapping, std::size_t point, char* to) {
+    const std::size_t size = size_of(mapping.column->type), bytes = column_bytes(*mapping.column);
+    const char* from = mapping.column->data.data() + point * bytes;
+    if (mapping.bits != 0) {
+      const auto value = static_cast<unsigned>(load_double(from, mapping.column->type, false));
+      *to = static_cast<char>(*to | static_cast<char>(value << mapping.shift));
+    } else if (mapping.type == mapping.column->type) {
+      for (std::size_t c = 0; c < bytes; c += size) copy_scalar(to + c, from + c, size, kSwap);
+    } else {
+      store_double(to, mapping.type, kSwap, mapping.factor * load_double(from, mapping.column->type, false));
+    }
+  }
+
+  void write_table(std::size_t chunks_place, const std::vector<std::size_t>& sizes) {
+    std::uint64_t at = chunks_place + 8;
+    for (const std::size_t size : sizes) at += size;
+    std::string place;
+    append(place, at);
+    out_.write(chunk_table(*compression_, sizes, {}));
+    out_.patch(chunks_place, place);
+  }
+
+  Table& table_;
+  Output& out_;
+  Range range_;
+  Scaling scaling_;
+  unsigned format_ = 6;
+  std::size_t record_length_ = 0;
+  std::vector<Mapping> mappings_;
+  std::string descriptions_;  // of extra bytes
+  std::optional<Compression> compression_;
+};
+
+}  // namespace
+}  // namespace las
+
+void write_las(Table table, bool compress, std::optional<double> scale, Output& out) {
+  write_patched(out, [&](Output& to) { las::NewFile(table, compress, scale, to).write(); });
+}
+
+}  // namespace pointfair::io

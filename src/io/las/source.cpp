@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/las/source.hpp"
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+
+#include "io/file_bytes.hpp"
+#include "io/formats.hpp"
+#include "io/las/codec.hpp"
+#include "io/las/coordinate_system.hpp"
+#include "io/parallel.hpp"
+
+namespace pointfair::io {
+namespace las {
+
+LasSource::LasSource(FileBytes bytes, std::string name, Layout layout, std::unique_ptr<PointStore> store)
+    : Source(std::move(bytes), std::move(name), layout.compression ? Format::laz : Format::las,
+             layout.compression ? Encoding::binary_compressed : Encoding::binary),
+      layout_(std::move(layout)),
+      store_(std::move(store)),
+      fields_(record_fields(layout_.header)) {}
+
+void LasSource::positions(std::size_t block, std::span<Position> out) const {
+  thread_local std::vector<Grid> grid;
+  grid.resize(out.size());
+  store_->grid(block, grid);
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    for (std::size_t axis = 0; axis < 3; ++axis) out[i][axis] = layout_.header.scaling.value(axis, grid[i][axis]);
+  }
+}
+
+void LasSource::extract(std::size_t index, std::span<char> out) const {
+  const Field& field = fields_[index];
+  const std::size_t size = column_bytes(field);
+  for_each_block(block_count(), [&](std::size_t block) {
+    std::string buffer;
+    const std::string_view records = store_->records(block, field.layer, buffer);
+    extract_field(field, records.data(), layout_.header.record_length, block_size(block),
+                  out.data() + static_cast<std::size_t>(block_begin(block)) * size);
+  });
+}
+
+std::vector<std::string> LasSource::losses(Format to) const {
+  std::vector<std::string> result;
+  const Header& header = layout_.header;
+  if (to != Format::las && to != Format::laz) {
+    if (!header.records.empty()) {
+      result.push_back(
+          "the format written has no place for the records of a LAS file, its coordinate system among them");
+    }
+    return result;
+  }
+  if (header.find("copc", 1)) {
+    result.push_back("the COPC index of the input no longer fits points that moved, so the output is plain LAZ or LAS");
+  }
+  std::error_code ignored;
+  std::filesystem::path index(name());
+  if (std::filesystem::exists(index.replace_extension(".lax"), ignored)) {
+    result.push_back(index.string() +
+                     " does not fit points that moved, so it was not copied; lasindex makes a new one");
+  }
+  return result;
+}
+
+FileInfo LasSource::info() const {
+  const Header& header = layout_.header;
+  const CoordinateSystem system = coordinate_system(header);
+  const auto numbers = [](const std::array<double, 3>& values) {
+    std::string text;
+    for (const double value : values) {
+      if (!text.empty()) text += ", ";
+      char digits[32];
+      const int length = std::snprintf(digits, sizeof digits, "%.15g", value);
+      text.append(digits, static_cast<std::size_t>(length));
+    }
+    return text;
+  };
+  FileInfo result;
+  result.metres_per_unit = system.metres_per_unit;
+  result.step = *std::max_element(header.scaling.scale.begin(), header.scaling.scale.end());
+  result.rows = {{"version", "LAS 1." + std::to_string(header.minor) + (header.compressed ? ", compressed" : "")},
+                 {"point_format", std::to_string(header.point_format)},
+                 {"coordinate_system", system.name},
+                 {"scale", numbers(header.scaling.scale)},
+                 {"offset", numbers(header.scaling.offset)},
+                 {"software", std::string(get_text(bytes(), place::software, 32))},
+                 {"system", std::string(get_text(bytes(), place::system, 32))}};
+  if (header.find("copc", 1)) result.rows.front().value += ", COPC";
+  return result;
+}
+
+// Waveforms: a bit of the header says that they are in a file of their own.
+std::vector<std::string> LasSource::companions() const {
+  constexpr unsigned kExternalWaveforms = 4;
+  const bool external = (get<std::uint16_t>(bytes(), place::global_encoding) & kExternalWaveforms) != 0;
+  return external ? std::vector<std::string>{".wdp"} : std::vector<std::string>{};
+}
+
+namespace {
+
+// The last 8 bytes of a file that could not be written backwards say where the table is; they are no part of the tail.
+std::size_t tail_begin(std::string_view bytes, const Header& header, const ChunkTable& table, const std::string& name) {
+  if (header.extended_begin != 0 && header.extended_begin <= table.begin) {
+    fail(name, "its header places records among the points; repair the header");
+  }
+  if (header.extended_begin != 0) return std::min(table.end, header.extended_begin);
+  const bool streamed = get<std::uint64_t>(bytes, header.points_begin) == ~std::uint64_t{0};
+  return streamed ? std::min(bytes.size(), table.end + 8) : table.end;
+}
+
+}  // namespace
+}  // namespace las
+
+std::shared_ptr<Source> read_las(FileBytes bytes, const std::string& name) {
+  using namespace las;
+  const std::string_view view = bytes.view();
+  if (!view.starts_with("LASF")) fail(name, "is no LAS file: it does not begin with LASF; choose another file");
+  Layout layout;
+  layout.header = parse_header(view, name);
+  if (!layout.header.compressed) {
+    auto store = open_records(view, layout.header, name);
+    layout.points_end = layout.chunks_end = layout.table_begin =
+        layout.header.points_begin + static_cast<std::size_t>(layout.header.count) * layout.header.record_length;
+    return std::make_shared<LasSource>(std::move(bytes), name, std::move(layout), std::move(store));
+  }
+  if (!has_laszip()) {
+    fail(name, "is a LAZ file, and this build has no LASzip to read it with; build with POINTFAIR_LAS=ON, or use LAS");
+  }
+  layout.compression = read_compression(layout.header, name);
+  ChunkTable table = read_chunk_table(view, layout.header, *layout.compression, name);
+  const std::string_view last = table.chunks.back().bytes;
+  layout.chunks_end = static_cast<std::size_t>(last.data() + last.size() - view.data());
+  layout.table_begin = table.begin;
+  layout.points_end = tail_begin(view, layout.header, table, name);
+  auto store = decode_chunks(std::move(table.chunks), layout.header, *layout.compression, view.size(), name);
+  return std::make_shared<LasSource>(std::move(bytes), name, std::move(layout), std::move(store));
+}
+
+}  // namespace pointfair::io

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+// A LAS or LAZ file behind a cloud.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "io/las/fields.hpp"
+#include "io/las/laz.hpp"
+#include "io/las/store.hpp"
+#include "io/source.hpp"
+
+namespace pointfair::io::las {
+
+/// What a file has beside its points' records.
+struct Layout {
+  Header header;
+  std::optional<Compression> compression;
+  std::size_t chunks_end = 0;  ///< of the last chunk, or of the points
+  std::size_t table_begin = 0;
+  std::size_t points_end = 0;  ///< where what follows the points and their table begins
+};
+
+class LasSource : public Source {
+ public:
+  LasSource(FileBytes bytes, std::string name, Layout layout, std::unique_ptr<PointStore> store);
+
+  std::size_t block_count() const override { return store_->block_count(); }
+  std::uint64_t block_begin(std::size_t block) const override { return store_->block_begin(block); }
+  void positions(std::size_t block, std::span<Position> out) const override;
+  ScalarType coordinate_type() const override { return ScalarType::float64; }
+  std::vector<Column> columns() const override { return {fields_.begin(), fields_.end()}; }
+  void extract(std::size_t index, std::span<char> out) const override;
+  void write(const Edits& edits, Encoding encoding, Output& out) const override;
+  std::vector<std::string> losses(Format to) const override;
+  std::vector<std::string> companions() const override;
+  FileInfo info() const override;
+
+ private:
+  friend class LasWriter;
+
+  Layout layout_;
+  std::unique_ptr<PointStore> store_;
+  std::vector<Field> fields_;
+};
+
+}  // namespace pointfair::io::las

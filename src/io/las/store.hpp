@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+// Where the points of a LAS or LAZ file are: in the file, in memory, or still compressed. They come in blocks, which in
+// a LAZ file are its chunks.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "io/las/grid.hpp"
+#include "io/las/header.hpp"
+#include "io/las/laz.hpp"
+
+namespace pointfair::io::las {
+
+class PointStore {
+ public:
+  virtual ~PointStore() = default;
+
+  virtual std::size_t block_count() const = 0;
+  /// Index of the first point of the block; that of the block past the last is the number of points.
+  virtual std::uint64_t block_begin(std::size_t block) const = 0;
+  std::size_t block_size(std::size_t block) const {
+    return static_cast<std::size_t>(block_begin(block + 1) - block_begin(block));
+  }
+
+  virtual void grid(std::size_t block, std::span<Grid> out) const = 0;
+  /// The records of the block; `buffer` may be used to hold them. Where layers are apart, only `layers` are right.
+  virtual std::string_view records(std::size_t block, std::uint32_t layers, std::string& buffer) const = 0;
+  /// The block compressed, as it is in the file; empty if it is not.
+  virtual std::string_view chunk(std::size_t) const { return {}; }
+  /// Appends the block compressed with these coordinates and all else as it is. False: it must be compressed anew.
+  virtual bool append_moved_chunk(std::size_t, std::span<const Grid>, std::string&) const { return false; }
+};
+
+/// The points of an uncompressed file, in the file. Throws Error(file) if they are not all there.
+std::unique_ptr<PointStore> open_records(std::string_view bytes, const Header& header, const std::string& name);
+
+/// The points of a compressed file: of point formats 0 to 5 all decoded, of 6 to 10 the coordinates. In parallel.
+/// Throws Error(file) if a chunk is damaged. Memory: a record, or 14 bytes, a point.
+std::unique_ptr<PointStore> decode_chunks(std::vector<Chunk> chunks, const Header& header,
+                                          const Compression& compression, std::size_t file_size,
+                                          const std::string& name);
+
+}  // namespace pointfair::io::las

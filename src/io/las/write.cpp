@@ -1,0 +1,285 @@
+// SPDX-License-Identifier: Apache-2.0
+// Writing a LAS or LAZ file back with moved points.
+#include <algorithm>
+#include <cmath>
+
+#include "io/file_bytes.hpp"
+#include "io/las/codec.hpp"
+#include "io/las/frame.hpp"
+#include "io/las/source.hpp"
+#include "io/parallel.hpp"
+#include "io/record_source.hpp"
+#include "io/text.hpp"
+
+namespace pointfair::io::las {
+namespace {
+
+// The integer that is nearest to where a coordinate went; its own if no integer holds that.
+std::int32_t moved_integer(std::int32_t own, double shift, double scale) {
+  const double now = own + std::nearbyint(shift / scale);
+  const bool fits = now >= std::numeric_limits<std::int32_t>::min() && now <= std::numeric_limits<std::int32_t>::max();
+  return fits ? static_cast<std::int32_t>(now) : own;
+}
+
+void put_grid(const Grid& grid, char* record) {
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    copy_scalar(record + 4 * axis, reinterpret_cast<const char*>(&grid[axis]), 4, kSwap);
+  }
+}
+
+// How many steps of the scale that is asked for make one of the file's own, on each axis.
+Grid steps_of(const Scaling& own, std::optional<double> wanted) {
+  Grid steps{1, 1, 1};
+  for (std::size_t axis = 0; wanted && axis < 3; ++axis) {
+    const double ratio = own.scale[axis] / *wanted, whole = std::nearbyint(ratio);
+    if (!(whole >= 1 && whole < 1e6) || std::abs(ratio - whole) > 1e-6 * whole) {
+      std::string scale;
+      append_number(scale, own.scale[axis]);
+      throw Error(ErrorKind::usage, "the scale of the file is " + scale + "; give a whole part of it, such as a tenth");
+    }
+    steps[axis] = static_cast<std::int32_t>(whole);
+  }
+  return steps;
+}
+
+// A bound that is the same as before keeps its bytes.
+void put_bounds(const Scaling& scaling, const GridBounds& before, const GridBounds& now, std::string& front) {
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const std::size_t at = place::bounds + 16 * axis;
+    if (now.max[axis] != before.max[axis]) put(front, at, scaling.value(axis, now.max[axis]));
+    if (now.min[axis] != before.min[axis]) put(front, at + 8, scaling.value(axis, now.min[axis]));
+  }
+}
+
+// Puts other values into a field of the records of points from `first` on.
+void replace_field(const Field& field, const Replacement& replacement, std::uint64_t first, std::size_t record_length,
+                   std::string& records) {
+  const std::size_t size = size_of(field.stored);
+  const auto mask = static_cast<unsigned char>(((1U << field.bits) - 1) << field.shift);
+  for (std::size_t i = 0; i * record_length < records.size(); ++i) {
+    char* to = records.data() + i * record_length + field.offset;
+    for (std::uint32_t c = 0; c < field.components; ++c, to += size) {
+      const double value = replacement.value(first + i, c);
+      if (field.bits != 0) {
+        const auto bits = static_cast<unsigned>(narrow<std::uint8_t>(value)) << field.shift;
+        *to = static_cast<char>((static_cast<unsigned char>(*to) & ~mask) | (bits & mask));
+      } else {
+        store_double(to, field.stored, kSwap, field.scaled ? (value - field.add[c]) / field.scale[c] : value);
+      }
+    }
+  }
+}
+
+}  // namespace
+
+class LasWriter {
+ public:
+  LasWriter(const LasSource& source, const Edits& edits, bool compress, Output& out)
+      : source_(source),
+        layout_(source.layout_),
+        edits_(edits),
+        out_(out),
+        frame_(source.bytes(), layout_.header, layout_.points_end, source.name()),
+        record_length_(layout_.header.record_length),
+        steps_(steps_of(layout_.header.scaling, edits.las_scale)),
+        scaling_(layout_.header.scaling) {
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      if (steps_[axis] > 1) scaling_.scale[axis] = *edits.las_scale;
+    }
+    add_attributes();
+    if (compress) choose_compression();
+    if (!compress) drop("laszip encoded", kLaszipId);
+    if (compress && (!layout_.compression || !edits.added.empty())) {
+      frame_.put_record(kLaszipUser, kLaszipId, "by LASzip of pointfair", compression_record(*compression_));
+    }
+    drop("copc", 1);  // an octree of the points, which no longer are where it has them
+    drop("copc", 1000);
+  }
+
+  void write() {
+    std::string front = frame_.front(compression_.has_value(), record_length_);
+    for (std::size_t axis = 0; axis < 3; ++axis) put(front, place::scale + 8 * axis, scaling_.scale[axis]);
+    out_.write(front);
+    const std::string_view own_place = file().substr(layout_.header.points_begin, kPlaceBytes);
+    if (compression_) out_.write(layout_.compression ? own_place : std::string_view("\0\0\0\0\0\0\0\0", kPlaceBytes));
+    write_points();
+    std::uint64_t end = front.size() + (compression_ ? kPlaceBytes : 0);
+    for (const std::size_t size : sizes_) end += size;
+    if (is_copy()) return out_.write(file().substr(layout_.chunks_end));
+    if (compression_) end = write_table(front.size(), end);
+    for (const std::string_view piece : frame_.tail()) out_.write(piece);
+    put_all_bounds(front);
+    frame_.place_tail(front, end);
+    out_.patch(0, std::string_view(front).substr(0, layout_.header.size));
+  }
+
+ private:
+  static constexpr std::size_t kPlaceBytes = 8;  // before the chunks: where their table is
+
+  std::string_view file() const { return source_.bytes(); }
+
+  void drop(std::string_view user, unsigned id) {
+    if (const Record* const record = layout_.header.find(user, id)) frame_.drop(*record);
+  }
+
+  void add_attributes() {
+    if (edits_.added.empty()) return;
+    std::vector<Column> columns;
+    for (const Attribute* attribute : edits_.added) {
+      columns.push_back({attribute->name, native(attribute->type), attribute->components});
+      record_length_ += column_bytes(columns.back());
+    }
+    if (record_length_ > std::numeric_limits<std::uint16_t>::max()) {
+      fail(source_.name(), "a point of a LAS file holds at most 65535 bytes; add fewer attributes");
+    }
+    const Record* const described = layout_.header.find("LASF_Spec", 4);
+    if (described && described->extended) frame_.drop(*described);
+    frame_.put_record("LASF_Spec", 4, "extra bytes", describe_extra_bytes(layout_.header, columns));
+  }
+
+  void choose_compression() {
+    compression_ = usual_compression(layout_.header.point_format, record_length_);
+    if (!layout_.compression) return;
+    compression_->chunk_points = layout_.compression->chunk_points;
+    for (std::size_t i = 0; i < layout_.compression->items.size(); ++i) {
+      compression_->items[i].version = layout_.compression->items[i].version;
+    }
+    // added bytes go by the version of the others
+    if (compression_->layered()) compression_->items.back().version = compression_->items.front().version;
+  }
+
+  void write_points() {
+    const std::size_t blocks = source_.block_count();
+    sizes_.resize(blocks);
+    before_.resize(blocks);
+    now_.resize(blocks);
+    kept_.assign(blocks, 0);
+    write_blocks(out_, blocks, [&](std::size_t block, std::string& buffer) {
+      append_block(block, buffer);
+      sizes_[block] = buffer.size();
+    });
+  }
+
+  void append_block(std::size_t block, std::string& buffer) {
+    std::vector<Grid> grid(source_.block_size(block));
+    source_.store_->grid(block, grid);
+    for (Grid& point : grid) {
+      refine(point);
+      before_[block].add(point, point);
+    }
+    const bool moved = move(block, grid) || is_refined();
+    for (const Grid& point : grid) now_[block].add(point, point);
+    if (compression_ && !edits_.changes_attributes()) {
+      const std::string_view own = source_.store_->chunk(block);
+      kept_[block] = !moved && !own.empty();
+      if (kept_[block]) {
+        buffer.append(own);
+        return;
+      }
+      if (source_.store_->append_moved_chunk(block, grid, buffer)) return;
+    }
+    append_records(block, grid, moved, buffer);
+  }
+
+  bool is_refined() const { return steps_ != Grid{1, 1, 1}; }
+
+  // The same place in steps of the new scale.
+  void refine(Grid& point) const {
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const std::int64_t fine = std::int64_t{point[axis]} * steps_[axis];
+      if (fine != static_cast<std::int32_t>(fine)) {
+        throw Error(ErrorKind::usage, "the coordinates do not fit in 32 bits with so fine a scale; give a coarser one");
+      }
+      point[axis] = static_cast<std::int32_t>(fine);
+    }
+  }
+
+  // Moves the points of the block; false if none did.
+  bool move(std::size_t block, std::vector<Grid>& grid) const {
+    const Moves moves = source_.moves(block, edits_.cloud);
+    bool moved = false;
+    for (std::size_t i = 0; i < grid.size(); ++i) {
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        if ((moves.changed[i] >> axis & 1) == 0) continue;
+        const double own = layout_.header.scaling.value(axis, grid[i][axis] / steps_[axis]);
+        const std::int32_t now = moved_integer(grid[i][axis], moves.values[i][axis] - own, scaling_.scale[axis]);
+        moved = moved || now != grid[i][axis];
+        grid[i][axis] = now;
+      }
+    }
+    return moved;
+  }
+
+  void append_records(std::size_t block, const std::vector<Grid>& grid, bool moved, std::string& buffer) const {
+    std::string own_buffer, points;
+    const std::string_view own = source_.store_->records(block, kAllLayers, own_buffer);
+    if (edits_.added.empty()) {
+      points = own;
+    } else {
+      const std::size_t length = layout_.header.record_length;
+      points.reserve(grid.size() * record_length_);
+      for (std::size_t i = 0; i < grid.size(); ++i) {
+        points.append(own.substr(i * length, length));
+        append_added(edits_.added, source_.block_begin(block) + i, kSwap, points);
+      }
+    }
+    for (std::size_t i = 0; moved && i < grid.size(); ++i) put_grid(grid[i], points.data() + i * record_length_);
+    for (const Replacement& replacement : edits_.replaced) {
+      replace_field(source_.fields_[replacement.column], replacement, source_.block_begin(block), record_length_,
+                    points);
+    }
+    if (compression_) {
+      encode_chunk(*compression_, points, buffer);
+    } else {
+      buffer = std::move(points);
+    }
+  }
+
+  // All chunks are as they were, and nothing else changes.
+  bool is_copy() const {
+    return compression_ && !edits_.changes_attributes() && !is_refined() && !layout_.header.find("copc", 1) &&
+           std::all_of(kept_.begin(), kept_.end(), [](char kept) { return kept != 0; });
+  }
+
+  // Returns where the table ends in the output.
+  std::uint64_t write_table(std::uint64_t chunks_place, std::uint64_t chunks_end) {
+    const std::string_view gap = file().substr(layout_.chunks_end, layout_.table_begin - layout_.chunks_end);
+    out_.write(gap);
+    std::vector<std::uint32_t> points(sizes_.size());
+    for (std::size_t block = 0; block < points.size(); ++block) {
+      points[block] = static_cast<std::uint32_t>(source_.block_size(block));
+    }
+    const std::string table = chunk_table(*compression_, sizes_, points);
+    out_.write(table);
+    std::string place;
+    append<std::uint64_t>(place, chunks_end + gap.size());
+    out_.patch(chunks_place, place);
+    return chunks_end + gap.size() + table.size();
+  }
+
+  void put_all_bounds(std::string& front) const {
+    GridBounds before, now;
+    for (const GridBounds& bounds : before_) before.add(bounds);
+    for (const GridBounds& bounds : now_) now.add(bounds);
+    put_bounds(scaling_, before, now, front);
+  }
+
+  const LasSource& source_;
+  const Layout& layout_;
+  const Edits& edits_;
+  Output& out_;
+  Frame frame_;
+  std::size_t record_length_;               // as written
+  Grid steps_;                              // as written, of a step of the file's own scale
+  Scaling scaling_;                         // as written
+  std::optional<Compression> compression_;  // as written; none: uncompressed
+  std::vector<std::size_t> sizes_;          // of the blocks, and below what becomes of each
+  std::vector<GridBounds> before_, now_;
+  std::vector<char> kept_;  // its chunk is copied
+};
+
+void LasSource::write(const Edits& edits, Encoding encoding, Output& out) const {
+  write_patched(out, [&](Output& to) { LasWriter(*this, edits, encoding == Encoding::binary_compressed, to).write(); });
+}
+
+}  // namespace pointfair::io::las

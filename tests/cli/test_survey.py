@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What surveyors ask for: classes, units, integer grids, normals that go stale, files that are cut off."""
+import unittest
+
+from program import Case, positions, read_ply, sphere_points, write_ply
+from survey_files import FEET, ground, las_grid, write_e57, write_las
+
+
+class Survey(Case):
+    def setUp(self):
+        super().setUp()
+        points = list(ground(2500))
+        self.classes = [(2, 6, 7, 5)[i % 4] for i in range(len(points))]
+        self.las = write_las(self.path("tile.las"), points, self.classes)
+
+    def moved(self, *words):
+        """Whether each point moved."""
+        self.ok("run", self.las, self.path("out.las"), "--force", "-q", *words)
+        return [a != b for a, b in zip(las_grid(self.las), las_grid(self.path("out.las")))]
+
+    def test_info_says_what_the_file_says(self):
+        text = self.ok("info", self.las).stdout.decode()
+        for part in ("LAS 1.4", "Somewhere, EPSG:25832", "made by a test", "a scanner", "0.001", "ground", "low noise", "625"):
+            self.assertIn(part, text)
+        file = self.report("info", self.las)["file"]
+        self.assertEqual(file["classes"], {"2": 625, "5": 625, "6": 625, "7": 625})
+        self.assertEqual(file["returns"], {"1": 2500})
+        self.assertEqual(file["metres_per_unit"], 1)
+        self.assertEqual(file["point_format"], "6")
+
+    def test_where_moves_only_such_points(self):
+        for words, kinds in ((["--where", "classification=2"], {2}), (["--where", "classification=2,6"], {2, 6}),
+                             (["--where", "classification=2-6", "--where", "classification=5-9"], {5, 6})):
+            moved = self.moved(*words)
+            self.assertEqual({kind for kind, m in zip(self.classes, moved) if m}, kinds)
+
+    def test_others_are_still_neighbours(self):
+        alone = self.moved("--where", "classification=2")
+        grid = las_grid(self.path("out.las"))
+        self.ok("run", self.las, self.path("all.las"), "-q")
+        all_points = las_grid(self.path("all.las"))
+        self.assertEqual([g for g, k in zip(grid, self.classes) if k == 2], [g for g, k in zip(all_points, self.classes) if k == 2])
+        self.assertTrue(any(alone))
+
+    def test_ignored_points_are_nobodys_neighbours(self):
+        """Oracle: a file without them."""
+        moved = self.moved("--ignore", "classification=7")
+        self.assertFalse(any(m for m, kind in zip(moved, self.classes) if kind == 7))
+        kept = [(p, k) for p, k in zip(ground(2500), self.classes) if k != 7]
+        write_las(self.path("without.las"), [p for p, _ in kept], [k for _, k in kept])
+        self.ok("run", self.path("without.las"), self.path("expected.las"), "-q")
+        got = [g for g, kind in zip(las_grid(self.path("out.las")), self.classes) if kind != 7]
+        expected = las_grid(self.path("expected.las"))
+        # offsets from another origin round differently: one step
+        self.assertLessEqual(max(abs(a - b) for g, e in zip(got, expected) for a, b in zip(g, e)), 1)
+        report = self.report("run", self.las, self.path("r.las"), "--ignore", "classification=7", "--where", "classification=2")
+        self.assertEqual(report["unmoved"]["ignored"], 625)
+        self.assertEqual(report["unmoved"]["held"], 1250)
+        self.assertEqual(report["unmoved"]["non_finite"], 0)
+
+    def test_wrong_selections_are_one_line(self):
+        out = self.path("out.las")
+        self.fails(2, "run", self.las, out, "--where", "classification", says="--where")
+        self.fails(2, "run", self.las, out, "--ignore", "classification=ground", says="--ignore")
+        self.fails(2, "run", self.las, out, "--where", "class=2", says="no attribute 'class'")
+        self.fails(2, "run", self.las, out, "--where", "gps_time=2", says="gps_time")
+
+    def test_lengths_carry_units_where_the_file_has_one(self):
+        write_las(self.path("feet.las"), ground(2500), self.classes, crs=FEET)
+        write_e57(self.path("scan.e57"), ground(900))
+        for name, words, expected in (("tile.las", "5mm", 0.005), ("tile.las", "2cm", 0.02), ("feet.las", "1ft", 1),
+                                      ("feet.las", "0.3048m", 1), ("scan.e57", "5mm", 0.005)):
+            used = self.report("run", self.path(name), self.path("out" + name[-4:]), "--force", "--noise", words)["params"]
+            self.assertAlmostEqual(used["noise"], expected)
+        cloud = write_ply(self.path("in.ply"), sphere_points(300, 0.01))
+        self.fails(2, "run", cloud, self.path("out.ply"), "--noise", "5mm", says=["--noise", "unit"])
+        write_las(self.path("plain.las"), ground(900), self.classes, crs=b"")
+        self.fails(2, "run", self.path("plain.las"), self.path("out2.las"), "--radius", "5cm", says=["--radius", "unit"])
+        self.fails(2, "run", self.las, self.path("out2.las"), "--noise", "5km", says="--noise")
+
+    def test_a_coarse_grid_is_said_and_refined(self):
+        coarse = write_las(self.path("coarse.las"), ground(2500, noise=0.004), self.classes, scale=0.01)
+        result = self.ok("run", coarse, self.path("out.las"))
+        self.assertIn("--las-scale", result.stderr.decode())
+        self.ok("run", coarse, self.path("fine.las"), "--las-scale", "0.001")
+        self.assertEqual(self.report("info", self.path("fine.las"))["file"]["step"], 0.001)
+        report = self.report("run", self.las, self.path("r.las"))
+        self.assertAlmostEqual(report["rounding"]["rms"], 0.000288675, places=8)
+        self.assertNotIn("--las-scale", self.ok("run", self.las, self.path("quiet.las")).stderr.decode())
+        self.fails(2, "run", coarse, self.path("out3.las"), "--las-scale", "0.003", says="whole part")
+        self.fails(2, "run", coarse, self.path("out3.las"), "--las-scale", "0", says="whole part")
+
+    def test_copc_is_read_only(self):
+        self.fails(3, "run", self.las, self.path("out.copc.laz"), says="COPC")
+
+    def test_cut_off_anywhere(self):
+        self.ok("run", self.las, self.path("tile.laz"), "--strength", "0", "-q")
+        write_e57(self.path("scan.e57"), ground(400))
+        for name in ("tile.las", "tile.laz", "scan.e57"):
+            data = self.path(name).read_bytes()
+            cut = self.path("cut" + name[-4:])
+            for size in list(range(0, len(data), 1000)) + [len(data) - 1]:
+                cut.write_bytes(data[:size])
+                self.fails(3, "run", cut, self.path("out" + name[-4:]), says=cut.name)
+            cut.unlink()
+
+
+class Normals(Case):
+    def setUp(self):
+        super().setUp()
+        points = sphere_points(800, 0.01)
+        inward = [("float", "n" + axis, [-p[i] for p in points]) for i, axis in enumerate("xyz")]
+        self.cloud = write_ply(self.path("in.ply"), points, extra=inward + [("int", "id", list(range(800)))])
+
+    def normals(self, path):
+        return [(p["nx"], p["ny"], p["nz"]) for p in read_ply(path)]
+
+    def sides(self, path):
+        """The cosines between normals and the way out."""
+        return [sum(a * b for a, b in zip(p, n)) for p, n in zip(positions(path), self.normals(path))]
+
+    def test_stale_normals_are_said_and_kept(self):
+        result = self.ok("run", self.cloud, self.path("out.ply"))
+        self.assertIn("--normals update", result.stderr.decode())
+        self.assertEqual(self.normals(self.cloud), self.normals(self.path("out.ply")))
+        self.assertNotIn("--normals", self.ok("run", self.cloud, self.path("out2.ply"), "--strength", "0").stderr.decode())
+
+    def test_updated_normals_follow_and_keep_their_side(self):
+        self.ok("run", self.cloud, self.path("out.ply"), "--normals", "update", "-q")
+        self.assertTrue(all(abs(sum(v * v for v in n) - 1) < 1e-4 for n in self.normals(self.path("out.ply"))))
+        self.assertLess(max(self.sides(self.path("out.ply"))), -0.8)  # inward, as before
+
+    def test_a_file_without_normals(self):
+        cloud = write_ply(self.path("plain.ply"), sphere_points(800, 0.01))
+        self.fails(2, "run", cloud, self.path("out.ply"), "--normals", "update", says="--normals write")
+        self.ok("run", cloud, self.path("out.ply"), "--normals", "write", "-q")
+        self.assertGreater(min(self.sides(self.path("out.ply"))), 0.8)  # outward
+
+    def test_points_outside_the_limits_keep_theirs(self):
+        self.ok("run", self.cloud, self.path("out.ply"), "--normals", "update", "--where", "id=0-99", "-q")
+        before, after = self.normals(self.cloud), self.normals(self.path("out.ply"))
+        self.assertEqual(before[100:], after[100:])
+        self.assertNotEqual(before[:100], after[:100])
+
+
+if __name__ == "__main__":
+    unittest.main()

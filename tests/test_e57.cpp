@@ -1,0 +1,268 @@
+// SPDX-License-Identifier: Apache-2.0
+// E57 files: coordinates are changed where they stand, bit for bit, and nothing else is.
+#include <numbers>
+#include <random>
+
+#include "e57_files.h"
+#include "io_files.h"
+
+namespace pointfair::test {
+namespace {
+
+constexpr std::size_t kPoints = 700;
+
+std::vector<double> numbers(double begin, double step, std::size_t count = kPoints) {
+  std::vector<double> values(count);
+  for (std::size_t i = 0; i < count; ++i) values[i] = begin + step * static_cast<double>((i * 7919) % 1000);
+  return values;
+}
+
+// In each of them coordinates are stored in another way.
+E57Scan floats(const std::string& type) {
+  E57Scan scan;
+  for (const char* name : {"cartesianX", "cartesianY", "cartesianZ"})
+    scan.fields.push_back({name, type, numbers(1, 0.25), 0, 0, 1, 0, ""});
+  scan.fields.push_back({"intensity", "integer", numbers(-3, 1), -3, 1020, 1, 0, ""});
+  scan.fields.push_back({"nor:normalX", "single", numbers(0, 0.001), 0, 0, 1, 0, ""});
+  return scan;
+}
+
+E57Scan integers() {
+  E57Scan scan;
+  scan.fields.push_back({"rowIndex", "integer", numbers(0, 1), 0, 1023, 1, 0, ""});
+  scan.fields.push_back({"cartesianX", "scaled", numbers(-500, 1), -70000, 60000, 0.001, 100, ""});          // 17 bits
+  scan.fields.push_back({"cartesianY", "scaled", numbers(-400, 1), -1000000000, 1000000000, 0.002, 0, ""});  // 31 bits
+  scan.fields.push_back({"columnIndex", "integer", std::vector<double>(kPoints, 5), 5, 5, 1, 0, ""});        // none
+  scan.fields.push_back({"cartesianZ", "integer", numbers(-300, 1), -1000, 1000, 1, 0, ""});                 // 11 bits
+  std::vector<double> state(kPoints);
+  for (std::size_t i = 0; i < kPoints; i += 10) state[i] = 1 + static_cast<double>(i / 10 % 2);
+  scan.fields.push_back({"cartesianInvalidState", "integer", state, 0, 2, 1, 0, ""});
+  return scan;
+}
+
+E57Scan polar() {
+  E57Scan scan;
+  scan.fields.push_back({"sphericalRange", "double", numbers(3, 0.01), 0, 0, 1, 0, ""});
+  scan.fields.push_back({"sphericalAzimuth", "double", numbers(-3.1, 0.0062), 0, 0, 1, 0, ""});
+  scan.fields.push_back({"sphericalElevation", "scaled", numbers(-700, 1), -2000, 2000, 0.0005, 0, ""});
+  return scan;
+}
+
+const std::string kTurned =
+    "<pose type=\"Structure\"><rotation type=\"Structure\"><w type=\"Float\">0.70710678118654757</w>"
+    "<z type=\"Float\">0.70710678118654757</z></rotation><translation type=\"Structure\"><x type=\"Float\">1000</x>"
+    "<y type=\"Float\">2000</y><z type=\"Float\">-7</z></translation></pose>";  // a quarter turn about z
+
+std::array<double, 3> position(const Cloud& cloud, std::size_t i) {
+  const Point& p = cloud.points[i];
+  return {cloud.origin[0] + p.x, cloud.origin[1] + p.y, cloud.origin[2] + p.z};
+}
+
+Cloud parse_e57(const std::string& bytes) { return parse(bytes, "a.e57"); }
+
+}  // namespace
+
+TEST(E57Files, AnUntouchedCloudIsTheSameFile) {
+  E57Scan turned = integers();
+  turned.pose = kTurned;
+  for (const auto& scans : {std::vector{floats("single")},
+                            {floats("double")},
+                            {integers()},
+                            {polar()},
+                            {floats("single"), turned, polar(), floats("double")}}) {
+    for (const std::size_t piece : {5U, 97U, 4000U}) {
+      const std::string file = make_e57(scans, piece);
+      const Cloud cloud = parse_e57(file);
+      EXPECT_EQ(cloud.points.size(), kPoints * scans.size());
+      EXPECT_TRUE(image(cloud, Format::e57) == file);
+    }
+  }
+}
+
+TEST(E57Files, CoordinatesOfAllScansAreInOneSystem) {
+  E57Scan turned = floats("double");
+  turned.pose = kTurned;
+  const Cloud cloud = parse_e57(make_e57({floats("double"), turned, polar(), integers()}));
+  for (std::size_t i = 0; i < kPoints; ++i) {
+    const double own = numbers(1, 0.25)[i];
+    EXPECT_NEAR(position(cloud, i)[0], own, 1e-3);
+    const auto p = position(cloud, kPoints + i);  // x to y, y to -x
+    EXPECT_NEAR(p[0], 1000 - own, 1e-3);
+    EXPECT_NEAR(p[1], 2000 + own, 1e-3);
+    EXPECT_NEAR(p[2], own - 7, 1e-3);
+    const double range = numbers(3, 0.01)[i], azimuth = numbers(-3.1, 0.0062)[i],
+                 elevation = numbers(-700, 1)[i] * 0.0005;
+    const auto q = position(cloud, 2 * kPoints + i);
+    EXPECT_NEAR(q[0], range * std::cos(elevation) * std::cos(azimuth), 1e-3);
+    EXPECT_NEAR(q[1], range * std::cos(elevation) * std::sin(azimuth), 1e-3);
+    EXPECT_NEAR(q[2], range * std::sin(elevation), 1e-3);
+    const auto r = position(cloud, 3 * kPoints + i);
+    if (i % 10 == 0) {
+      EXPECT_TRUE(std::isnan(r[0]) && std::isnan(r[1]) && std::isnan(r[2])) << "the file says that it means nothing";
+    } else {
+      EXPECT_NEAR(r[0], numbers(-500, 1)[i] * 0.001 + 100, 1e-3);
+      EXPECT_NEAR(r[1], numbers(-400, 1)[i] * 0.002, 1e-3);
+      EXPECT_NEAR(r[2], numbers(-300, 1)[i], 1e-3);
+    }
+  }
+}
+
+TEST(E57Files, AttributesOfSeveralScansAreOneColumn) {
+  const Cloud cloud = parse_e57(make_e57({floats("single"), integers()}));
+  const auto intensity = values<std::int16_t>(cloud, "intensity");
+  const auto row = values<std::uint16_t>(cloud, "rowIndex");
+  const auto normal = values<float>(cloud, "nor:normalX");
+  const auto column = values<std::uint8_t>(cloud, "columnIndex");
+  const auto scan = values<std::uint32_t>(cloud, "scan");
+  for (std::size_t i = 0; i < kPoints; ++i) {
+    EXPECT_EQ(intensity[i], numbers(-3, 1)[i]);
+    EXPECT_EQ(intensity[kPoints + i], 0);  // which that scan does not have
+    EXPECT_EQ(row[kPoints + i], numbers(0, 1)[i]);
+    EXPECT_EQ(column[kPoints + i], 5);
+    EXPECT_FLOAT_EQ(normal[i], static_cast<float>(numbers(0, 0.001)[i]));
+    EXPECT_TRUE(std::isnan(normal[kPoints + i]));
+    EXPECT_EQ(scan[i], 0U);
+    EXPECT_EQ(scan[kPoints + i], 1U);
+  }
+}
+
+// The whole file is what the generator makes of the moved coordinates.
+TEST(E57Files, OnlyTheBitsOfMovedCoordinatesChange) {
+  for (const std::size_t piece : {5U, 97U, 4000U}) {
+    for (const char* type : {"single", "double"}) {
+      std::vector<E57Scan> scans = {floats(type), integers(), floats(type)};
+      Cloud cloud = parse_e57(make_e57(scans, piece));
+      for (std::size_t s = 0; s < scans.size(); ++s) {
+        for (std::size_t i = 0; i < kPoints; ++i) {
+          if (i % 3 == 0 || (s == 1 && i % 10 == 0)) continue;
+          Point& p = cloud.points[s * kPoints + i];
+          p.x += 0.5F;
+          p.z -= 2;
+          const std::size_t x = s == 1 ? 1 : 0, z = s == 1 ? 4 : 2;
+          scans[s].fields[x].values[i] += s == 1 ? 500 : 0.5;  // in units of its scale
+          scans[s].fields[z].values[i] -= 2;
+        }
+      }
+      EXPECT_TRUE(image(cloud, Format::e57) == make_e57(scans, piece)) << type << " " << piece;
+    }
+  }
+}
+
+TEST(E57Files, APoseIsUndoneForMovedPoints) {
+  E57Scan scan = floats("double");
+  scan.pose = kTurned;
+  Cloud cloud = parse_e57(make_e57({scan}));
+  for (std::size_t i = 0; i < kPoints; i += 2) cloud.points[i].y += 0.125F;  // along the scan's own x
+  const Cloud again = parse_e57(image(cloud, Format::e57));
+  for (std::size_t i = 0; i < kPoints; ++i) {
+    scan.fields[0].values[i] += i % 2 == 0 ? 0.125 : 0;
+    EXPECT_NEAR(position(again, i)[0], 1000 - scan.fields[1].values[i], 1e-3);
+    EXPECT_NEAR(position(again, i)[1], 2000 + scan.fields[0].values[i], 1e-3);
+  }
+}
+
+TEST(E57Files, SphericalCoordinatesMoveAsTheyAreStored) {
+  Cloud cloud = parse_e57(make_e57({polar()}));
+  const Cloud before = cloud;
+  for (std::size_t i = 0; i < kPoints; i += 2) {
+    cloud.points[i].x += 0.05F;
+    cloud.points[i].y -= 0.02F;
+    cloud.points[i].z += 0.03F;
+  }
+  const std::string file = image(cloud, Format::e57);
+  EXPECT_EQ(file.size(), make_e57({polar()}).size());
+  const Cloud again = parse_e57(file);
+  for (std::size_t i = 0; i < kPoints; ++i) {
+    if (i % 2 == 1) {
+      EXPECT_EQ(position(again, i), position(before, i));
+      continue;
+    }
+    for (std::size_t axis = 0; axis < 3; ++axis) {  // half a step of the elevation, 0.00025, at a range of up to 13
+      EXPECT_NEAR(position(again, i)[axis], position(cloud, i)[axis], 0.004);
+    }
+  }
+}
+
+TEST(E57Files, BoundsThatPointsLeaveAreWidened) {
+  E57Scan scan = floats("single");
+  scan.fields[0].bounds = " minimum=\"1\" maximum=\"250.75\"";
+  scan.fields[1].bounds = " minimum=\"-9999\" maximum=\"9999\"";
+  scan.bounds =
+      "<cartesianBounds type=\"Structure\"><xMinimum type=\"Float\">1</xMinimum><xMaximum "
+      "type=\"Float\">250.75</xMaximum>"
+      "<zMinimum type=\"Float\"/></cartesianBounds>";
+  const std::string before = make_e57({scan});
+  Cloud cloud = parse_e57(before);
+  cloud.points[0].x = -12345.125F;
+  cloud.points[5].z = -3.5F;
+  const std::string after = image(cloud, Format::e57);
+  const auto has = [&](const std::string& file, const std::string& text) {
+    std::string logical;
+    for (std::size_t at = 0; at < file.size(); at += 1024) logical += file.substr(at, 1020);
+    return logical.find(text) != std::string::npos;
+  };
+  EXPECT_TRUE(has(after, "minimum=\"-12345.125\" maximum=\"250.75\""));
+  EXPECT_TRUE(has(after, "<xMinimum type=\"Float\">-12345.125</xMinimum><xMaximum type=\"Float\">250.75</xMaximum>"));
+  EXPECT_TRUE(has(after, "<zMinimum type=\"Float\">-3.5</zMinimum>"));
+  EXPECT_TRUE(has(after, "minimum=\"-9999\" maximum=\"9999\""));
+  const Cloud again = parse_e57(after);
+  EXPECT_EQ(again.points[0].x, -12345.125F);
+  EXPECT_EQ(again.points[5].z, -3.5F);
+  EXPECT_EQ(position(again, 600), position(cloud, 600));
+}
+
+TEST(E57Files, AnIntegerStaysWithinItsRange) {
+  Cloud cloud = parse_e57(make_e57({integers()}));
+  cloud.points[1].z = 1e6F;
+  cloud.points[2].z = -1e6F;
+  const Cloud again = parse_e57(image(cloud, Format::e57));
+  EXPECT_EQ(position(again, 1)[2], 1000);
+  EXPECT_EQ(position(again, 2)[2], -1000);
+}
+
+TEST(E57Files, WhatCannotBeWrittenIsRefused) {
+  Cloud cloud = parse_e57(make_e57({polar()}));
+  cloud.added = {make_attribute("mark", ScalarType::uint8, std::vector<std::uint8_t>(kPoints))};
+  EXPECT_NE(thrown_by([&] { image(cloud, Format::e57); }).message.find("takes no further attributes"),
+            std::string::npos);
+  const Thrown thrown = thrown_by([] { image(parse("1 2 3\n", "a.xyz"), Format::e57); });
+  EXPECT_EQ(thrown.kind, ErrorKind::usage);
+}
+
+TEST(E57Errors, EveryTruncatedPrefixIsRefused) {
+  const std::string file = make_e57({floats("single")});
+  for (std::size_t size = 0; size < file.size(); size += 1 + size / 50) {
+    EXPECT_EQ(thrown_by([&] { parse_e57(file.substr(0, size)); }).kind, ErrorKind::file) << size;
+  }
+}
+
+TEST(E57Errors, ADamagedPageIsNamed) {
+  const std::string file = make_e57({floats("single")});
+  for (std::size_t at = 48; at < file.size(); at += 700) {
+    std::string bad = file;
+    bad[at] = static_cast<char>(bad[at] ^ 4);
+    const std::string page = std::to_string(at / 1024 * 1024);
+    EXPECT_NE(thrown_by([&] { parse_e57(bad); }).message.find("bytes " + page), std::string::npos) << at;
+  }
+}
+
+TEST(E57Errors, DamagedContentsDoNoHarm) {
+  std::mt19937 random(3);
+  const std::string file = make_e57({integers(), polar()});
+  std::string logical;
+  for (std::size_t at = 0; at < file.size(); at += 1024) logical += file.substr(at, 1020);
+  for (int round = 0; round < 2000; ++round) {
+    std::string bad = logical;
+    for (int n = 0; n < 4; ++n) bad[random() % bad.size()] = static_cast<char>(random());
+    try {
+      Cloud cloud = parse_e57(e57_pages(bad));
+      for (const AttributeInfo& info : attributes(cloud)) attribute(cloud, info.name);
+      for (Point& p : cloud.points) p.x += 1;
+      image(cloud, Format::e57);
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::file) << error.what();
+    }
+  }
+}
+
+}  // namespace pointfair::test

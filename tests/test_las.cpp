@@ -1,0 +1,290 @@
+// SPDX-License-Identifier: Apache-2.0
+// LAS files: all that is not a moved coordinate or a bound stays byte for byte.
+#include <cmath>
+
+#include "io_files.h"
+#include "las_files.h"
+
+namespace pointfair::test {
+namespace {
+
+std::string shown(const LasSpec& spec) {
+  return "LAS 1." + std::to_string(spec.minor) + ", point format " + std::to_string(spec.format) +
+         (spec.described ? ", extra bytes" : "");
+}
+
+// What a coordinate must become, from the plainest reading of the rule: its integer plus the rounded displacement.
+std::int32_t expected(std::int32_t own, double displacement, double scale) {
+  return static_cast<std::int32_t>(own + std::nearbyint(displacement / scale));
+}
+
+// Moves two of three points, and returns by how much.
+std::vector<std::array<double, 3>> move_points(Cloud& cloud) {
+  std::vector<std::array<double, 3>> moves(cloud.points.size());
+  for (std::size_t i = 0; i < moves.size(); ++i) {
+    if (i % 3 == 0) continue;
+    Point& p = cloud.points[i];
+    const Point before = p;
+    p.x += 0.1F * static_cast<float>(i % 7);
+    p.y -= 0.3F * static_cast<float>(i % 5);
+    p.z += 0.0004F * static_cast<float>(i % 4);  // of which some are less than half a step
+    moves[i] = {double{p.x} - before.x, double{p.y} - before.y, double{p.z} - before.z};
+  }
+  return moves;
+}
+
+}  // namespace
+
+TEST(LasFiles, StrengthZeroIsTheSameFile) {
+  for (const LasSpec& spec : all_las_specs()) {
+    SCOPED_TRACE(shown(spec));
+    const std::string las = make_las(spec);
+    const Cloud cloud = parse(las, "a.las");
+    EXPECT_EQ(cloud.points.size(), spec.count);
+    EXPECT_EQ(image(cloud, Format::las), las);
+  }
+}
+
+TEST(LasFiles, OnlyCoordinatesOfMovedPointsAndBoundsChange) {
+  for (const LasSpec& spec : all_las_specs()) {
+    SCOPED_TRACE(shown(spec));
+    const std::string before = make_las(spec);
+    Cloud cloud = parse(before, "a.las");
+    const auto moves = move_points(cloud);
+    std::string after = image(cloud, Format::las);
+    ASSERT_EQ(after.size(), before.size());
+    std::string wanted = before;
+    const std::size_t begin = las_points_begin(before), length = las_record_length(before);
+    for (std::size_t i = 0; i < moves.size(); ++i) {
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        const std::size_t at = begin + i * length + 4 * axis;
+        las_put(wanted, at, expected(las_get<std::int32_t>(before, at), moves[i][axis], axis == 2 ? 0.001 : 0.01));
+      }
+    }
+    las_summarize(wanted, begin, spec, length);
+    EXPECT_TRUE(after == wanted);
+    EXPECT_FALSE(after == before);
+  }
+}
+
+TEST(LasFiles, CoordinatesAreIntegersTimesScalePlusOffset) {
+  LasSpec spec;
+  const std::string las = make_las(spec);
+  const Cloud cloud = parse(las, "a.las");
+  for (std::size_t i = 0; i < spec.count; ++i) {
+    const std::size_t at = las_points_begin(las) + i * las_record_length(las);
+    EXPECT_NEAR(cloud.origin[0] + cloud.points[i].x, las_get<std::int32_t>(las, at) * 0.01 + 500000, 1e-4);
+    EXPECT_NEAR(cloud.origin[1] + cloud.points[i].y, las_get<std::int32_t>(las, at + 4) * 0.01 + 5400000, 1e-4);
+    EXPECT_NEAR(cloud.origin[2] + cloud.points[i].z, las_get<std::int32_t>(las, at + 8) * 0.001 - 12.5, 1e-4);
+  }
+}
+
+TEST(LasFiles, AttributesHaveTheBitsOfTheSpecification) {
+  for (const unsigned format : {3U, 5U, 8U, 10U}) {
+    LasSpec spec;
+    spec.minor = 4;
+    spec.format = format;
+    const std::string las = make_las(spec);
+    const Cloud cloud = parse(las, "a.las");
+    const bool wide = format >= 6;
+    const auto byte = [&](std::size_t i, std::size_t at) {
+      return static_cast<unsigned char>(las[las_points_begin(las) + i * las_record_length(las) + at]);
+    };
+    const auto numbers = values<std::uint8_t>(cloud, "return_number"),
+               counts = values<std::uint8_t>(cloud, "number_of_returns");
+    const auto classes = values<std::uint8_t>(cloud, "classification"),
+               withheld = values<std::uint8_t>(cloud, "withheld");
+    const auto edges = values<std::uint8_t>(cloud, "edge_of_flight_line");
+    const auto sources = values<std::uint16_t>(cloud, "point_source_id"),
+               blue = values<std::uint16_t>(
+                   cloud, format == 8 || format == 10 || format == 3 || format == 5 ? "blue" : "intensity");
+    const auto times = values<double>(cloud, "gps_time");
+    for (std::size_t i = 0; i < spec.count; ++i) {
+      EXPECT_EQ(numbers[i], byte(i, 14) & (wide ? 15 : 7));
+      EXPECT_EQ(counts[i], wide ? byte(i, 14) >> 4 : byte(i, 14) >> 3 & 7);
+      EXPECT_EQ(classes[i], wide ? byte(i, 16) : byte(i, 15) & 31);
+      EXPECT_EQ(withheld[i], wide ? byte(i, 15) >> 2 & 1 : byte(i, 15) >> 7);
+      EXPECT_EQ(edges[i], byte(i, wide ? 15 : 14) >> 7);
+      EXPECT_EQ(sources[i], byte(i, wide ? 20 : 18) | byte(i, wide ? 21 : 19) << 8);
+      const std::size_t at = las_points_begin(las) + i * las_record_length(las);
+      EXPECT_EQ(times[i], las_get<double>(las, at + (wide ? 22 : 20)));
+      EXPECT_EQ(blue[i], las_get<std::uint16_t>(las, at + (wide ? 34 : 32)));
+    }
+  }
+}
+
+TEST(LasFiles, ExtraBytesAreAttributesByTheirDescriptions) {
+  LasSpec spec;
+  spec.described = true;
+  spec.plain_extra = 3;
+  const std::string las = make_las(spec);
+  const Cloud cloud = parse(las, "a.las");
+  const auto at = [&](std::size_t i, std::size_t offset) {
+    return las_points_begin(las) + i * las_record_length(las) + 20 + offset;
+  };
+  const auto first = values<std::uint8_t>(cloud, "extra 1");
+  const auto scaled = values<double>(cloud, "extra 4");
+  const auto rest = attribute(cloud, "extra_bytes");
+  const auto triple = attribute(cloud, "extra 29");
+  EXPECT_EQ(rest.components, 3U);
+  EXPECT_EQ(triple.components, 3U);
+  EXPECT_EQ(triple.type, ScalarType::float32);
+  for (std::size_t i = 0; i < spec.count; ++i) {
+    EXPECT_EQ(first[i], static_cast<unsigned char>(las[at(i, 0)]));
+    EXPECT_EQ(scaled[i], 0.25 * las_get<std::int16_t>(las, at(i, 4)) + 100);
+    EXPECT_EQ(std::memcmp(rest.data.data() + 3 * i, las.data() + at(i, las_described_bytes()), 3), 0);
+  }
+}
+
+TEST(LasFiles, AddedAttributesBecomeExtraBytes) {
+  for (const bool described : {false, true}) {
+    LasSpec spec;
+    spec.minor = 4;
+    spec.format = 7;
+    spec.described = described;
+    spec.plain_extra = 5;
+    const std::string las = make_las(spec);
+    Cloud cloud = parse(las, "a.las");
+    std::vector<float> normals(3 * spec.count);
+    for (std::size_t i = 0; i < normals.size(); ++i) normals[i] = static_cast<float>(i);
+    cloud.added = {make_attribute("normal", ScalarType::float32, normals, 3)};
+    const std::string after = image(cloud, Format::las);
+    EXPECT_EQ(las_record_length(after), las_record_length(las) + 12);
+    const Cloud again = parse(after, "a.las");
+    const auto ny = values<float>(again, "ny");
+    for (std::size_t i = 0; i < spec.count; ++i) EXPECT_EQ(ny[i], normals[3 * i + 1]);
+    for (const AttributeInfo& info : attributes(parse(las, "a.las"))) {
+      EXPECT_EQ(attribute(again, info.name).data, attribute(cloud, info.name).data) << info.name;
+    }
+    EXPECT_NE(after.find(std::string(70000, 'x')), std::string::npos);  // the record behind the points
+    EXPECT_EQ(after.substr(las_get<std::uint64_t>(after, 235) + 2, 7), "someone");
+  }
+}
+
+TEST(LasFiles, WaveformsBesideTheFileAreCopiedAndItsIndexIsNot) {
+  const Folder folder;
+  LasSpec spec;
+  spec.minor = 3;
+  spec.format = 4;
+  std::string las = make_las(spec);
+  put_file(folder / "plain.las", las);
+  las[6] = 4;  // the waveforms are in a file of their own
+  put_file(folder / "in.las", las);
+  for (const char* name : {"in.wdp", "in.lax", "plain.wdp"}) put_file(folder / name, "anything");
+  write(folder / "copy.las", read(folder / "in.las"));
+  EXPECT_EQ(file_bytes(folder / "copy.wdp"), "anything");
+  write(folder / "other.las", read(folder / "plain.las"));
+  EXPECT_EQ(folder.names(), (std::vector<std::string>{"copy.las", "copy.wdp", "in.las", "in.lax", "in.wdp", "other.las",
+                                                      "plain.las", "plain.wdp"}));
+  const auto notes = losses(read(folder / "in.las"));
+  ASSERT_EQ(notes.size(), 1U);
+  EXPECT_NE(notes[0].find("in.lax"), std::string::npos);
+  EXPECT_EQ(losses(read(folder / "plain.las")), std::vector<std::string>{});
+  put_file(folder / "third.wdp", "of another file");
+  EXPECT_NE(thrown_by([&] { write(folder / "third.las", read(folder / "in.las")); }).message.find("exists already"),
+            std::string::npos);
+  EXPECT_FALSE(std::filesystem::exists(folder / "third.las"));
+}
+
+TEST(LasFiles, AFileOfOnePointIsRead) {
+  LasSpec spec;
+  spec.count = 1;
+  const std::string las = make_las(spec);
+  EXPECT_EQ(image(parse(las, "a.las"), Format::las), las);
+}
+
+TEST(LasFiles, APlyFileBecomesLasWithinHalfAStep) {
+  std::string ply =
+      "ply\nformat ascii 1.0\nelement vertex 3\nproperty double x\nproperty double y\nproperty double z\n"
+      "property uchar red\nproperty uchar green\nproperty uchar blue\nproperty ushort intensity\n"
+      "property float quality\nend_header\n"
+      "500000.125 10 -3.5 255 0 1 65535 0.5\n500100.25 20 7 0 128 2 7 -1e9\n500000.5 10.0625 0 1 2 3 0 nan\n";
+  const Cloud cloud = parse(ply);
+  const Cloud again = parse(image(cloud, Format::las), "a.las");
+  ASSERT_EQ(again.points.size(), 3U);
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_NEAR(again.origin[0] + again.points[i].x, cloud.origin[0] + cloud.points[i].x, 1e-5);
+    EXPECT_NEAR(again.origin[2] + again.points[i].z, cloud.origin[2] + cloud.points[i].z, 1e-5);
+  }
+  EXPECT_EQ(values<std::uint16_t>(again, "red"), (std::vector<std::uint16_t>{65535, 0, 257}));
+  EXPECT_EQ(values<std::uint16_t>(again, "intensity"), (std::vector<std::uint16_t>{65535, 7, 0}));
+  EXPECT_EQ(values<std::uint8_t>(again, "return_number"), (std::vector<std::uint8_t>{1, 1, 1}));
+  EXPECT_EQ(values<float>(again, "quality")[1], -1e9F);
+}
+
+TEST(LasFiles, CoordinatesThatAreNotFiniteAreRefused) {
+  const Cloud cloud = parse("1 2 3\nnan 1 1\n", "a.xyz");
+  const Thrown thrown = thrown_by([&] { image(cloud, Format::las); });
+  EXPECT_EQ(thrown.kind, ErrorKind::usage);
+  EXPECT_NE(thrown.message.find("finite"), std::string::npos);
+}
+
+TEST(LasFiles, SixteenBitColoursBecomeBytesOfTheirUpperHalf) {
+  LasSpec spec;
+  spec.format = 2;
+  const std::string las = make_las(spec);
+  const Cloud cloud = parse(las, "a.las");
+  const auto red = values<std::uint16_t>(cloud, "red");
+  const Cloud again = parse(image(cloud, Format::obj), "a.obj");
+  const auto shown = values<float>(again, "red");
+  for (std::size_t i = 0; i < red.size(); ++i) EXPECT_NEAR(shown[i], red[i] / 65535.0, 0.01);
+}
+
+TEST(LasErrors, ABadFileIsRefusedWithOneClearLine) {
+  LasSpec spec;
+  spec.minor = 4;
+  spec.format = 6;
+  const std::string good = make_las(spec);
+  struct Case {
+    std::size_t at;
+    std::string bytes, message;
+  };
+  const auto number = [](auto value) { return packed({value}); };
+  const Case cases[] = {
+      {25, "\5", "is LAS 1.5"},
+      {94, number(std::uint16_t{227}), "its header names 227 bytes"},
+      {96, number(std::uint32_t{100}), "its points begin within its header"},
+      {96, number(std::uint32_t{900000000}), "the file ends before its points"},
+      {104, "\x0b", "has point format 11"},
+      {105, number(std::uint16_t{29}), "its header gives a point 29 bytes, point format 6 takes 30"},
+      {247, number(std::uint64_t{0}), "has no points"},
+      {247, number(std::uint64_t{7000000000}), "header promises 7000000000 points, file ends after"},
+      {139, number(0.0), "the scale or offset of y"},
+      {171, number(double{NAN}), "the scale or offset of z"},
+      {235, number(std::uint64_t{1} << 40), "promises records behind the points, from byte 1099511627776 on"},
+      {243, number(std::uint32_t{3}), "promises 3 records behind the points, file ends after 2"},
+  };
+  for (const Case& bad : cases) {
+    SCOPED_TRACE(bad.message);
+    std::string file = good;
+    file.replace(bad.at, bad.bytes.size(), bad.bytes);
+    const Thrown thrown = thrown_by([&] { parse(file, "a.las"); });
+    EXPECT_EQ(thrown.kind, ErrorKind::file);
+    EXPECT_EQ(thrown.message.find("a.las: "), 0U) << thrown.message;
+    EXPECT_NE(thrown.message.find(bad.message), std::string::npos) << thrown.message;
+  }
+}
+
+TEST(LasErrors, EveryTruncatedPrefixIsRefused) {
+  LasSpec spec;
+  spec.minor = 4;
+  spec.format = 7;
+  spec.count = 5;
+  const std::string las = make_las(spec);
+  for (std::size_t size = 0; size < las.size(); size += size < 2000 ? 1 : 1000) {
+    const Thrown thrown = thrown_by([&] { parse(las.substr(0, size), "a.las"); });
+    EXPECT_EQ(thrown.kind, ErrorKind::file) << size;
+  }
+}
+
+TEST(LasFiles, AWrongNumberOfRecordsDoesNotHideThePoints) {
+  std::string las = make_las(LasSpec{});
+  las_put(las, 100, 1069128089U);
+  const Cloud cloud = parse(las, "a.las");
+  EXPECT_EQ(image(cloud, Format::las), las);
+  Cloud more = cloud;
+  more.added = {make_attribute<std::uint8_t>("mark", ScalarType::uint8, std::vector<std::uint8_t>(100))};
+  EXPECT_NE(thrown_by([&] { image(more, Format::las); }).message.find("more records"), std::string::npos);
+}
+
+}  // namespace pointfair::test

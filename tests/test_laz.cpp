@@ -1,0 +1,294 @@
+// SPDX-License-Identifier: Apache-2.0
+// LAZ files against LASzip: what it reads from our files, and what we read from its.
+#include <cmath>
+
+#include "io/las/layers.hpp"
+#include "io/las/laz.hpp"
+#include "io_files.h"
+#include "laz_oracle.h"
+
+namespace pointfair::test {
+namespace {
+
+namespace las = io::las;
+
+struct Case {
+  std::string name;
+  LasSpec las;
+  LazSpec laz;
+};
+
+std::vector<Case> cases() {
+  std::vector<Case> all;
+  for (LasSpec spec : all_las_specs()) {
+    for (const bool wild : {false, true}) {
+      spec.wild = wild;
+      for (LazSpec laz : {LazSpec{0, 40, false}, LazSpec{0, 0, false}, LazSpec{0, 100, true},
+                          LazSpec{spec.format < 6 ? 1U : 4U, 33, false}}) {
+        LasSpec las_spec = spec;
+        if (laz.streamed) las_spec.extended = false;  // LASzip looks for the table's place at the end of the file
+        all.push_back({"LAS 1." + std::to_string(spec.minor) + ", format " + std::to_string(spec.format) +
+                           (spec.described ? ", extra bytes" : "") + (wild ? ", wild" : "") + ", chunks of " +
+                           std::to_string(laz.chunk_points) + ", version " + std::to_string(laz.version) +
+                           (laz.streamed ? ", streamed" : ""),
+                       las_spec, laz});
+      }
+    }
+  }
+  return all;
+}
+
+std::string records_of(const std::string& las) {
+  return las.substr(las_points_begin(las), static_cast<std::size_t>(las_count(las)) * las_record_length(las));
+}
+
+void move_some(Cloud& cloud) {
+  for (std::size_t i = 0; i < cloud.points.size(); ++i) {
+    if (i % 3 == 0 || i >= 90) continue;  // the last chunk stays as it is
+    cloud.points[i].x += 0.5F * static_cast<float>(i % 5);
+    cloud.points[i].z -= 0.25F * static_cast<float>(i % 3);
+  }
+}
+
+// The chunks of a file, each as its parts.
+std::vector<las::LayeredChunk> layered_chunks(const std::string& laz) {
+  const las::Header header = las::parse_header(laz, "test");
+  const las::Compression compression = las::read_compression(header, "test");
+  std::vector<las::LayeredChunk> result;
+  for (const las::Chunk& chunk : las::read_chunk_table(laz, header, compression, "test").chunks) {
+    result.push_back(las::split_layers(chunk.bytes, header.record_length, compression.layers(), chunk.points).value());
+  }
+  return result;
+}
+
+}  // namespace
+
+TEST(LazFiles, StrengthZeroIsTheSameFile) {
+  for (const Case& c : cases()) {
+    SCOPED_TRACE(c.name);
+    const std::string laz = make_laz(make_las(c.las), c.laz);
+    const Cloud cloud = parse(laz, "a.laz");
+    EXPECT_EQ(cloud.points.size(), c.las.count);
+    EXPECT_TRUE(image(cloud, Format::laz) == laz);
+  }
+}
+
+TEST(LazFiles, CoordinatesAndAttributesAreThoseOfTheUncompressedFile) {
+  for (const Case& c : cases()) {
+    SCOPED_TRACE(c.name);
+    const std::string las = make_las(c.las);
+    const Cloud plain = parse(las, "a.las"), packed = parse(make_laz(las, c.laz), "a.laz");
+    ASSERT_EQ(plain.points.size(), packed.points.size());
+    EXPECT_EQ(std::memcmp(plain.points.data(), packed.points.data(), plain.points.size() * sizeof(Point)), 0);
+    for (const AttributeInfo& info : attributes(plain)) {
+      EXPECT_EQ(attribute(plain, info.name).data, attribute(packed, info.name).data) << info.name;
+    }
+  }
+}
+
+TEST(LazFiles, AfterAMoveLaszipReadsTheRecordsOfTheUncompressedFile) {
+  for (const Case& c : cases()) {
+    SCOPED_TRACE(c.name);
+    const std::string las = make_las(c.las), laz = make_laz(las, c.laz);
+    Cloud plain = parse(las, "a.las"), packed = parse(laz, "a.laz");
+    move_some(plain);
+    move_some(packed);
+    const std::string plain_after = image(plain, Format::las), after = image(packed, Format::laz);
+    EXPECT_TRUE(laz_records(after) == records_of(plain_after));
+    EXPECT_FALSE(laz_records(after) == records_of(las));
+    // the header: what changes are the bounds, and the places of what stands behind the points
+    std::string wanted = laz.substr(0, las_points_begin(laz));
+    wanted.replace(179, 48, plain_after, 179, 48);
+    for (const std::size_t at : {227U, 235U}) {
+      if (c.las.minor >= 4) wanted.replace(at, 8, after, at, 8);
+    }
+    EXPECT_TRUE(after.substr(0, wanted.size()) == wanted);
+    if (c.las.minor >= 4 && c.las.extended) {
+      const auto begin = las_get<std::uint64_t>(after, 235);
+      EXPECT_TRUE(after.substr(begin) == laz.substr(las_get<std::uint64_t>(laz, 235)));
+      EXPECT_EQ(las_get<std::uint64_t>(after, 227) - begin,
+                las_get<std::uint64_t>(laz, 227) - las_get<std::uint64_t>(laz, 235));
+    }
+  }
+}
+
+TEST(LazFiles, LayersOtherThanXyAndZStayByteForByte) {
+  for (const Case& c : cases()) {
+    if (c.las.format < 6) continue;
+    SCOPED_TRACE(c.name);
+    const std::string laz = make_laz(make_las(c.las), c.laz);
+    Cloud cloud = parse(laz, "a.laz");
+    move_some(cloud);
+    const std::string after = image(cloud, Format::laz);
+    const auto chunks_before = layered_chunks(laz), chunks_after = layered_chunks(after);
+    ASSERT_EQ(chunks_before.size(), chunks_after.size());
+    for (std::size_t i = 0; i < chunks_before.size(); ++i) {
+      EXPECT_EQ(chunks_before[i].others, chunks_after[i].others);
+      EXPECT_EQ(chunks_before[i].sizes.substr(8), chunks_after[i].sizes.substr(8));
+      EXPECT_EQ(chunks_before[i].first_point.substr(12), chunks_after[i].first_point.substr(12));
+    }
+  }
+}
+
+TEST(LazFiles, LayersAreCodedAsLaszipCodesThem) {
+  for (const Case& c : cases()) {
+    if (c.las.format < 6) continue;
+    SCOPED_TRACE(c.name);
+    const std::string laz = make_laz(make_las(c.las), c.laz);
+    const las::Header header = las::parse_header(laz, "test");
+    const las::Compression compression = las::read_compression(header, "test");
+    for (const las::Chunk& chunk : las::read_chunk_table(laz, header, compression, "test").chunks) {
+      const auto layers = las::split_layers(chunk.bytes, header.record_length, compression.layers(), chunk.points);
+      ASSERT_TRUE(layers);
+      std::vector<las::Grid> grid(chunk.points);
+      std::vector<las::Returns> returns(chunk.points);
+      ASSERT_TRUE(las::decode_layers(*layers, grid, returns));
+      std::string again;
+      las::encode_layers(*layers, grid, returns, again);
+      EXPECT_TRUE(again == chunk.bytes);
+    }
+  }
+}
+
+TEST(LazFiles, TheTableOfChunksIsAsLaszipWritesIt) {
+  for (const std::uint32_t points : {40U, 0U}) {
+    LasSpec spec;
+    spec.count = 5000;
+    const std::string laz = make_laz(make_las(spec), {0, points, false});
+    const las::Header header = las::parse_header(laz, "test");
+    const las::Compression compression = las::read_compression(header, "test");
+    const las::ChunkTable table = las::read_chunk_table(laz, header, compression, "test");
+    std::vector<std::size_t> sizes;
+    std::vector<std::uint32_t> counts;
+    for (const las::Chunk& chunk : table.chunks) {
+      sizes.push_back(chunk.bytes.size());
+      counts.push_back(chunk.points);
+    }
+    EXPECT_TRUE(las::chunk_table(compression, sizes, counts) == laz.substr(table.begin));
+    EXPECT_EQ(table.end, laz.size());
+  }
+}
+
+TEST(LazFiles, LasBecomesLazAndBack) {
+  for (LasSpec spec : all_las_specs()) {
+    SCOPED_TRACE(std::to_string(spec.minor) + " " + std::to_string(spec.format));
+    const std::string las = make_las(spec);
+    const std::string laz = image(parse(las, "a.las"), Format::laz);
+    EXPECT_TRUE(laz_records(laz) == records_of(las));
+    EXPECT_TRUE(image(parse(laz, "a.laz"), Format::las) == las);
+  }
+}
+
+TEST(LazFiles, AddedAttributesAreKeptWithAllOthers) {
+  for (const Case& c : cases()) {
+    if (c.las.wild || c.laz.streamed) continue;
+    SCOPED_TRACE(c.name);
+    const std::string las = make_las(c.las);
+    Cloud cloud = parse(make_laz(las, c.laz), "a.laz"), plain = parse(las, "a.las");
+    move_some(cloud);
+    move_some(plain);
+    std::vector<float> marks(c.las.count);
+    for (std::size_t i = 0; i < marks.size(); ++i) marks[i] = 0.5F * static_cast<float>(i);
+    cloud.added = plain.added = {make_attribute("mark", ScalarType::float32, marks)};
+    const std::string after = image(cloud, Format::laz);
+    EXPECT_TRUE(laz_records(after) == records_of(image(plain, Format::las)));
+    EXPECT_EQ(values<float>(parse(after, "a.laz"), "mark"), marks);
+  }
+}
+
+TEST(LazFiles, APlyFileBecomesLaz) {
+  std::string ply =
+      "ply\nformat ascii 1.0\nelement vertex 120000\nproperty float x\nproperty float y\nproperty float z\n"
+      "property uchar red\nproperty uchar green\nproperty uchar blue\nproperty double gps_time\nend_header\n";
+  for (int i = 0; i < 120000; ++i) {
+    ply += std::to_string(i % 300) + " " + std::to_string(i / 300) + " " + std::to_string(i % 7) + ".5 1 2 3 " +
+           std::to_string(i) + "\n";
+  }
+  const Cloud cloud = parse(ply);
+  const std::string laz = image(cloud, Format::laz), las = image(cloud, Format::las);
+  EXPECT_TRUE(laz_records(laz) == records_of(las));
+  EXPECT_EQ(values<double>(parse(laz, "a.laz"), "gps_time")[119999], 119999);
+}
+
+TEST(LazFiles, ManyThreadsWriteWhatOneWrites) {
+  LasSpec spec;
+  spec.count = 20000;
+  for (const unsigned format : {1U, 6U}) {
+    spec.format = format;
+    spec.minor = 4;
+    const std::string laz = make_laz(make_las(spec), {0, 1000, false});
+    Cloud cloud = parse(laz, "a.laz");
+    move_some(cloud);
+    for (Point& p : cloud.points) p.y += 0.75F;
+    const Folder folder;
+    std::vector<std::string> written;
+    for (const unsigned threads : {1U, 7U}) {
+      WriteOptions options;
+      options.threads = threads;
+      options.overwrite = true;
+      write(folder / "a.laz", cloud, options);
+      written.push_back(file_bytes(folder / "a.laz"));
+    }
+    EXPECT_TRUE(written[0] == written[1]);
+    EXPECT_TRUE(written[0] == image(cloud, Format::laz));
+  }
+}
+
+TEST(LazErrors, EveryTruncatedPrefixIsRefused) {
+  for (const unsigned format : {1U, 7U}) {
+    LasSpec spec;
+    spec.minor = 4;
+    spec.format = format;
+    spec.extended = false;
+    const std::string laz = make_laz(make_las(spec), {0, 40, false});
+    for (std::size_t size = 0; size + 1 < laz.size(); size += 1 + size / 1000) {
+      const Thrown thrown = thrown_by([&] { parse(laz.substr(0, size), "a.laz"); });
+      EXPECT_EQ(thrown.kind, ErrorKind::file) << size << " of " << laz.size();
+    }
+  }
+}
+
+TEST(LazErrors, DamagedBytesDoNoHarm) {
+  std::mt19937 random(7);
+  for (const unsigned format : {3U, 5U, 7U, 10U}) {
+    LasSpec spec;
+    spec.minor = 4;
+    spec.format = format;
+    const std::string good = make_laz(make_las(spec), {0, format == 7 ? 0U : 40U, false});
+    for (int round = 0; round < 100; ++round) {
+      std::string bad = good;
+      for (int n = 0; n < 3; ++n)
+        bad[las_points_begin(bad) + random() % (bad.size() - las_points_begin(bad))] = static_cast<char>(random());
+      try {
+        Cloud cloud = parse(bad, "a.laz");
+        for (const AttributeInfo& info : attributes(cloud)) attribute(cloud, info.name);
+        move_some(cloud);
+        image(cloud, Format::laz);
+      } catch (const Error& error) {
+        EXPECT_EQ(error.kind(), ErrorKind::file) << error.what();
+      }
+    }
+  }
+}
+
+TEST(LazErrors, WhatIsNotKnownIsNamed) {
+  LasSpec spec;
+  const std::string good = make_laz(make_las(spec), {});
+  const std::size_t record = good.find("laszip encoded") - 2 + 54;
+  const auto with = [&](std::size_t at, std::uint16_t value) {
+    std::string bad = good;
+    las_put(bad, record + at, value);
+    return thrown_by([&] { parse(bad, "a.laz"); }).message;
+  };
+  EXPECT_NE(with(0, 1).find("compressed in one piece"), std::string::npos);
+  EXPECT_NE(with(0, 4).find("compressor 4"), std::string::npos);
+  EXPECT_NE(with(2, 1).find("coder 1"), std::string::npos);
+  EXPECT_NE(with(38, 9).find("version 9"), std::string::npos);
+  EXPECT_NE(with(36, 21).find("do not agree"), std::string::npos);
+  EXPECT_NE(with(32, 900).find("cut off"), std::string::npos);
+  std::string interrupted = good;
+  las_put<std::uint64_t>(interrupted, las_points_begin(good), las_points_begin(good));
+  EXPECT_NE(thrown_by([&] { parse(interrupted, "a.laz"); }).message.find("interrupted"), std::string::npos);
+}
+
+}  // namespace pointfair::test
