@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
 import numpy as np
 
 from . import _native
-from ._arrays import Layout, Result, as_box, as_mask, as_numpy, as_strength, check_positions, rows
+from ._arrays import Layout, Result, as_box, as_mask, as_numpy, as_selections, as_strength, check_positions, rows
 from ._cloud import Cloud
 from ._errors import UsageError
 from ._params import Params
@@ -45,15 +45,18 @@ def _give_back(pipeline: _native.Pipeline, device: str, threads: int) -> None:
 
 
 @overload
-def denoise(points: Points, params: Params | None = None, *, mask: Any = None, strength: float = 1.0, box: Any = None,
-            normals: bool = False, device: str = "auto", threads: int = 0, out: Any = None, progress: Progress = False,
+def denoise(points: Points, params: Params | None = None, *, mask: Any = None, where: str | None = None,
+            ignore: str | None = None, strength: float = 1.0, box: Any = None, normals: bool = False,
+            device: str = "auto", threads: int = 0, out: Any = None, progress: Progress = False,
             return_report: Literal[False] = False, **parameters: Unpack[ParamArguments]) -> Points: ...
 @overload
-def denoise(points: Points, params: Params | None = None, *, mask: Any = None, strength: float = 1.0, box: Any = None,
-            normals: bool = False, device: str = "auto", threads: int = 0, out: Any = None, progress: Progress = False,
+def denoise(points: Points, params: Params | None = None, *, mask: Any = None, where: str | None = None,
+            ignore: str | None = None, strength: float = 1.0, box: Any = None, normals: bool = False,
+            device: str = "auto", threads: int = 0, out: Any = None, progress: Progress = False,
             return_report: Literal[True], **parameters: Unpack[ParamArguments]) -> tuple[Points, Report]: ...
-def denoise(points: Any, params: Params | None = None, *, mask: Any = None, strength: float = 1.0, box: Any = None,
-            normals: bool = False, device: str = "auto", threads: int = 0, out: Any = None, progress: Progress = False,
+def denoise(points: Any, params: Params | None = None, *, mask: Any = None, where: str | None = None,
+            ignore: str | None = None, strength: float = 1.0, box: Any = None, normals: bool = False,
+            device: str = "auto", threads: int = 0, out: Any = None, progress: Progress = False,
             return_report: bool = False, **parameters: Unpack[ParamArguments]) -> Any:
     """Removes the noise of a cloud and keeps its shape.
 
@@ -62,6 +65,8 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, stre
             Strides, byte order and memory order may be any. Of an (N, 4) array the last column stays as it is.
         params: what to do; by default everything is chosen from the data.
         mask: (N,) booleans, True for each point that may move. The others still count as neighbours.
+        where: only points of a Cloud whose attribute has one of some whole numbers move, "classification=2,6-9".
+        ignore: such points of a Cloud do not move, and are nobody's neighbours.
         strength: blends the result with the input: 0 is the input, 1 the result.
         box: only points inside move: the lower and the upper corner, ((x, y, z), (x, y, z)).
         normals: whether the report has the normals; needs return_report.
@@ -98,8 +103,12 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, stre
     try:
         with progress_function(progress) as show:
             if isinstance(points, Cloud):
-                result = _denoise_cloud(pipeline, points, chosen, (strength, box, as_mask(mask, len(points))), out, show)
+                pipeline.load_cloud(points._native, as_selections(ignore, "ignore"))
+                limits = (strength, box, as_mask(mask, len(points)), as_selections(where, "where"))
+                result = _denoise_cloud(pipeline, chosen, limits, out, show)
             else:
+                if where is not None or ignore is not None:
+                    raise UsageError("where and ignore need a Cloud, whose attributes they name; mask takes booleans")
                 result = _denoise_array(pipeline, points, chosen, strength, box, mask, out, show)
         if not return_report:
             return result
@@ -108,11 +117,10 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, stre
         _give_back(pipeline, device, threads)
 
 
-def _denoise_cloud(pipeline: _native.Pipeline, cloud: Cloud, params: Params,
-                   limits: tuple[float, Any, Any], out: Any, show: Any) -> Cloud:
+def _denoise_cloud(pipeline: _native.Pipeline, params: Params, limits: tuple[float, Any, Any, str], out: Any,
+                   show: Any) -> Cloud:
     if out is not None:
         raise UsageError("out= takes arrays, and a Cloud was given: leave it out")
-    pipeline.load_cloud(cloud._native)
     return Cloud._of(pipeline.run_cloud(params._native, *limits, show))
 
 
@@ -123,7 +131,7 @@ def _denoise_array(pipeline: _native.Pipeline, points: Any, params: Params, stre
     bytes_ = as_mask(mask, len(array))
     result = Result(Layout(array, points), out)
     pipeline.load(rows(array), strength != 1 or box is not None or bytes_ is not None)
-    pipeline.run(params._native, result.rows, strength, box, bytes_, show)
+    pipeline.run(params._native, result.rows, strength, box, bytes_, "", show)
     return result.finish()
 
 
@@ -150,7 +158,7 @@ def estimate(points: Any, *, device: str = "auto", threads: int = 0) -> Estimate
     pipeline = _take(device, threads)
     try:
         if isinstance(points, Cloud):
-            pipeline.load_cloud(points._native)
+            pipeline.load_cloud(points._native, "")
         else:
             array = as_numpy(points)
             check_positions(array)
