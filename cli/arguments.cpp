@@ -75,7 +75,8 @@ void add_params(CLI::App& command, ParamArguments& arguments) {
   for (const ParamInfo& info : kParams) add_param(command, info, arguments);
   command.set_help_all_flag("--help-all", "print this help with the expert parameters");
   command.footer(
-      "A LENGTH is a number in the file's unit, 5mm (or cm, m, ft) where the file says its unit, 0.5% of the diagonal of\n"
+      "A LENGTH is a number in the file's unit, 5mm (or cm, m, ft) where the file says its unit, 0.5% of the diagonal "
+      "of\n"
       "the bounding box, 2s mean spacings, or auto.\n"
       "--closeness-sigma and --normal-sigma also take 0.6r, radii of the neighbourhood. auto, the default, chooses a\n"
       "value from the data; pointfair info prints it.");
@@ -93,8 +94,11 @@ void add_limits(CLI::App& command, LimitArguments& arguments) {
       {"0..1", "how much to denoise: 0 keeps the input, 1 gives the full result, 0.5 the mean of both"},
       {"X,Y,Z,X,Y,Z", "move only the points in this box: lower corner, upper corner"},
       {"MATRIX:POLYGON", "move only the points that a view shows inside a polygon; the viewer writes it"},
-      {"ATTRIBUTE=VALUES", "move only the points whose attribute has one of these integers, as in classification=2,6,64-255"},
-      {"ATTRIBUTE=VALUES", "leave out the points whose attribute has one of these integers: they keep their place and are nobody's neighbours"},
+      {"ATTRIBUTE=VALUES",
+       "move only the points whose attribute has one of these integers, as in classification=2,6,64-255"},
+      {"ATTRIBUTE=VALUES",
+       "leave out the points whose attribute has one of these integers: they keep their place and are nobody's "
+       "neighbours"},
   }};
   for (std::size_t i = 0; i < kLimitNames.size(); ++i) {
     const auto store = [&arguments, i](const std::string& text) { arguments.given.emplace_back(kLimitNames[i], text); };

@@ -12,11 +12,29 @@ namespace pointfair::cli {
 namespace {
 
 // LAS specification 1.4 R15, table 17; 8 and 12 had meanings in the point formats 0 to 5.
-constexpr const char* kClasses[] = {"never classified", "unassigned", "ground", "low vegetation", "medium vegetation",
-                                    "high vegetation", "building", "low noise", "model key point", "water", "rail",
-                                    "road surface", "overlap", "wire guard", "wire conductor", "transmission tower",
-                                    "wire connector", "bridge deck", "high noise", "overhead structure",
-                                    "ignored ground", "snow", "temporal exclusion"};
+constexpr const char* kClasses[] = {"never classified",
+                                    "unassigned",
+                                    "ground",
+                                    "low vegetation",
+                                    "medium vegetation",
+                                    "high vegetation",
+                                    "building",
+                                    "low noise",
+                                    "model key point",
+                                    "water",
+                                    "rail",
+                                    "road surface",
+                                    "overlap",
+                                    "wire guard",
+                                    "wire conductor",
+                                    "transmission tower",
+                                    "wire connector",
+                                    "bridge deck",
+                                    "high noise",
+                                    "overhead structure",
+                                    "ignored ground",
+                                    "snow",
+                                    "temporal exclusion"};
 
 using Counts = std::map<unsigned, std::uint64_t>;
 

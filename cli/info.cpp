@@ -42,7 +42,8 @@ std::string info_text(const Cloud& cloud, const Estimates& estimates, const Para
     fmt::format_to(out, "            {:.3g} of the spacing\n", estimates.noise / estimates.spacing);
   }
   if (const double step = file_info(cloud).step; estimates.noise > 0 && step > estimates.noise)
-    fmt::format_to(out, "            less than the step of {:.4g} between coordinates: --las-scale makes that finer\n", step);
+    fmt::format_to(out, "            less than the step of {:.4g} between coordinates: --las-scale makes that finer\n",
+                   step);
   fmt::format_to(out, "attributes\n");
   for (const AttributeInfo& attribute : attributes(cloud)) {
     const std::string shape = attribute.components > 1 ? fmt::format(" x {}", attribute.components) : "";
@@ -56,14 +57,10 @@ std::string info_text(const Cloud& cloud, const Estimates& estimates, const Para
 }
 
 Json info_json(const Cloud& cloud, const Estimates& estimates, const Params& suggested) {
-  return {{"file", file_json(cloud)},
-          {"points", estimates.points},
-          {"finite", estimates.finite},
-          {"bounds", bounds_json(cloud, estimates)},
-          {"diagonal", estimates.diagonal},
-          {"attributes", attributes_json(attributes(cloud))},
-          {"spacing", estimates.spacing},
-          {"noise", estimates.noise},
+  return {{"file", file_json(cloud)},           {"points", estimates.points},
+          {"finite", estimates.finite},         {"bounds", bounds_json(cloud, estimates)},
+          {"diagonal", estimates.diagonal},     {"attributes", attributes_json(attributes(cloud))},
+          {"spacing", estimates.spacing},       {"noise", estimates.noise},
           {"suggested", params_json(suggested)}};
 }
 

@@ -85,12 +85,9 @@ UnmovedCounts without(UnmovedCounts unmoved, std::uint64_t ignored) {
 }
 
 Json unmoved_json(const UnmovedCounts& unmoved, const Findings& findings) {
-  return {{"non_finite", unmoved.non_finite},
-          {"too_few_neighbors", unmoved.too_few_neighbors},
-          {"no_normal", unmoved.no_normal},
-          {"outliers", unmoved.outliers},
-          {"ignored", findings.ignored},
-          {"held", findings.held}};
+  return {{"non_finite", unmoved.non_finite}, {"too_few_neighbors", unmoved.too_few_neighbors},
+          {"no_normal", unmoved.no_normal},   {"outliers", unmoved.outliers},
+          {"ignored", findings.ignored},      {"held", findings.held}};
 }
 
 Json run_json(const Report& report, const Findings& findings) {
@@ -140,8 +137,7 @@ void print_summary(const RunArguments& arguments, const Report& report, const Fi
   const std::uint64_t kept =
       unmoved.non_finite + unmoved.too_few_neighbors + unmoved.no_normal + unmoved.outliers + findings.ignored;
   fmt::print(stderr, "{} points denoised on {} in {:.1f} ms, {} kept as they were{}\n", report.points - kept,
-             device_name(report.device.kind), report.total_milliseconds, kept,
-             reasons_kept(unmoved, findings.ignored));
+             device_name(report.device.kind), report.total_milliseconds, kept, reasons_kept(unmoved, findings.ignored));
   if (findings.held > 0) fmt::print(stderr, "the limits kept {} points as they were\n", findings.held);
   if (report.tiles > 1)
     fmt::print(stderr, "computed in {} tiles, since the cloud does not fit into the device's memory\n", report.tiles);
@@ -182,8 +178,8 @@ double written_step(const Cloud& cloud, const WriteOptions& options) {
   if (options.las_scale) return *options.las_scale;
   const auto is_las = [](Format format) { return format == Format::las || format == Format::laz; };
   const FileInfo info = file_info(cloud);
-  const bool keeps =
-      info.format && (!options.format || options.format == info.format || (is_las(*options.format) && is_las(*info.format)));
+  const bool keeps = info.format && (!options.format || options.format == info.format ||
+                                     (is_las(*options.format) && is_las(*info.format)));
   return keeps ? info.step : 0;
 }
 
@@ -193,9 +189,10 @@ std::vector<std::string> notes(const RunArguments& arguments, const WriteOptions
   if (arguments.normals == "keep" && findings.displacement.max > 0 && !normal_attributes(cloud).empty())
     result.push_back("the normals in the file are those from before; --normals update replaces them");
   if (findings.noise > 0 && findings.step > findings.noise)
-    result.push_back(fmt::format("the steps of {:.4g} between stored coordinates are coarse against the noise of {:.4g}; "
-                                 "for LAS and LAZ, --las-scale makes them finer",
-                                 findings.step, findings.noise));
+    result.push_back(
+        fmt::format("the steps of {:.4g} between stored coordinates are coarse against the noise of {:.4g}; "
+                    "for LAS and LAZ, --las-scale makes them finer",
+                    findings.step, findings.noise));
   return result;
 }
 
@@ -264,8 +261,9 @@ Verb add_run(CLI::App& app) {
   add_limits(command, arguments->limits);
   add_device(command, arguments->device);
   add_format(command, arguments->format);
-  command.add_option("--las-scale", arguments->las_scale,
-                     "step of the coordinates of LAS and LAZ, a whole part of the input's: 0.001 for 0.01")
+  command
+      .add_option("--las-scale", arguments->las_scale,
+                  "step of the coordinates of LAS and LAZ, a whole part of the input's: 0.001 for 0.01")
       ->type_name("STEP");
   add_choice(command, "--normals", arguments->normals, {"keep", "update", "write"},
              "keep: those in the file stay; update: they follow the points; write: also where the file has none");

@@ -288,7 +288,8 @@ TEST(FilesErrors, TheInputMayBeOverwrittenWhileItIsRead) {
   ::chmod((folder / "a.xyz").c_str(), 0640);
   Cloud cloud = read(folder / "a.xyz");
   cloud.points[0].x = 7;
-  const WriteOptions over = {.format = {}, .encoding = {}, .las_scale = {}, .overwrite = true, .sync = true, .threads = 1};
+  const WriteOptions over = {
+      .format = {}, .encoding = {}, .las_scale = {}, .overwrite = true, .sync = true, .threads = 1};
   write(folder / "a.xyz", cloud, over);
   EXPECT_EQ(file_bytes(folder / "a.xyz"), "7 2 3\n4 5 6\n");
   EXPECT_EQ(fs::status(folder / "a.xyz").permissions(), fs::perms(0640));

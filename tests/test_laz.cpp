@@ -150,6 +150,26 @@ TEST(LazFiles, LayersAreCodedAsLaszipCodesThem) {
   }
 }
 
+TEST(LazFiles, InterleavedPointsAreCodedAsLaszipCodesThem) {
+  for (const unsigned format : {0U, 1U, 2U, 3U}) {
+    for (const bool wild : {false, true}) {
+      for (unsigned seed = 1; seed <= 4; ++seed) {
+        LasSpec spec;
+        spec.format = format;
+        spec.minor = 2;
+        spec.count = seed == 4 ? 1 : 4000;
+        spec.wild = wild;
+        spec.plain_extra = seed == 3 ? 5 : 0;
+        spec.seed = seed;
+        const std::string las = make_las(spec), laz = make_laz(las, {0, io::las::kUsualChunk, false});
+        const std::string ours = image(parse(las, "a.las"), Format::laz);
+        EXPECT_TRUE(ours.substr(las_points_begin(ours)) == laz.substr(las_points_begin(laz))) << format << wild << seed;
+        EXPECT_TRUE(laz_records(ours) == records_of(las)) << format << wild << seed;
+      }
+    }
+  }
+}
+
 TEST(LazFiles, TheTableOfChunksIsAsLaszipWritesIt) {
   for (const std::uint32_t points : {40U, 0U}) {
     LasSpec spec;

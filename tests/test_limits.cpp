@@ -106,9 +106,8 @@ Cloud classified() {
   Attribute& classes = cloud.added.emplace_back();
   classes.name = "classification";
   classes.type = ScalarType::uint8;
-  for (std::size_t i = 0; i < cloud.points.size(); ++i) classes.data.push_back(std::byte{i % 3 == 0   ? std::uint8_t{2}
-                                                                                         : i % 3 == 1 ? std::uint8_t{6}
-                                                                                                      : std::uint8_t{7}});
+  for (std::size_t i = 0; i < cloud.points.size(); ++i)
+    classes.data.push_back(std::byte{i % 3 == 0 ? std::uint8_t{2} : i % 3 == 1 ? std::uint8_t{6} : std::uint8_t{7}});
   return cloud;
 }
 

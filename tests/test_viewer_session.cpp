@@ -457,10 +457,12 @@ TEST(ViewerSession, IgnoredPointsComeAndGoWithTheirLimit) {
     for (std::size_t i = 0; i < cloud.points.size(); ++i)
       sum += std::hypot(expected.points[i].x - cloud.points[i].x, expected.points[i].y - cloud.points[i].y,
                         expected.points[i].z - cloud.points[i].z);
-    EXPECT_NEAR(result.head["moved"]["mean"].get<double>(), sum / static_cast<double>(cloud.points.size()), 1e-5) << ignore;
+    EXPECT_NEAR(result.head["moved"]["mean"].get<double>(), sum / static_cast<double>(cloud.points.size()), 1e-5)
+        << ignore;
   }
   EXPECT_TRUE(session.receive(run_text(++id, params, {{"where", "height=1"}})));
-  EXPECT_NE(page.wait_for("error", id).head["message"].get<std::string>().find("no attribute 'height'"), std::string::npos);
+  EXPECT_NE(page.wait_for("error", id).head["message"].get<std::string>().find("no attribute 'height'"),
+            std::string::npos);
 }
 
 TEST(ViewerSession, ALargeCloudIsShownInPart) {

@@ -186,7 +186,8 @@ std::string as_cpp(const Recipe& recipe, const Errand& errand) {
       if (!value.empty()) fmt::format_to(out, "  set_limit(limits, {}, {});\n", literal(name), literal(value));
     }
   }
-  text += recipe.limits.ignore.empty() ? "  pipeline.load(cloud);\n" : "  pipeline.load(without_ignored(limits, cloud));\n";
+  text +=
+      recipe.limits.ignore.empty() ? "  pipeline.load(cloud);\n" : "  pipeline.load(without_ignored(limits, cloud));\n";
   text += "\n  pointfair::Params params;\n";
   for_each_set(recipe.params, [&](const ParamInfo& info, const std::string& value) {
     text += assignment(recipe.params, info, value);

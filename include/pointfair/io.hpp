@@ -32,11 +32,11 @@ struct ReadOptions {
 struct WriteOptions {
   std::optional<Format> format;      ///< unset: by extension
   std::optional<Encoding> encoding;  ///< unset: the source's if the format is the same, else binary if there is one
-  std::optional<double> las_scale;   ///< step of the coordinates of LAS and LAZ, in the file's unit: a whole part of the
-                                     ///< source's own; unset: the source's, else fine enough for floats
-  bool overwrite = false;            ///< false: an existing file is an error
-  bool sync = false;                 ///< true: fsync before the file gets its name
-  unsigned threads = 0;              ///< 0: all cores
+  std::optional<double> las_scale;  ///< step of the coordinates of LAS and LAZ, in the file's unit: a whole part of the
+                                    ///< source's own; unset: the source's, else fine enough for floats
+  bool overwrite = false;           ///< false: an existing file is an error
+  bool sync = false;                ///< true: fsync before the file gets its name
+  unsigned threads = 0;             ///< 0: all cores
 };
 
 /// Reads a whole file; the path "-" is standard input. Returns the points in file order, invalid ones included.

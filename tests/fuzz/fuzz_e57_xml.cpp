@@ -10,7 +10,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     return logical.substr(0, logical.find("<?xml"));
   }();
   std::string logical = before + std::string(reinterpret_cast<const char*>(data), size);
-  const std::uint64_t numbers[] = {(logical.size() + 1019) / 1020 * 1024, test::e57_physical(before.size()), size, 1024};
+  const std::uint64_t numbers[] = {(logical.size() + 1019) / 1020 * 1024, test::e57_physical(before.size()), size,
+                                   1024};
   std::memcpy(logical.data() + 16, numbers, sizeof numbers);
   return fuzz::run(fuzz::as_bytes(test::e57_pages(std::move(logical))), Format::e57);
 }

@@ -15,7 +15,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::string chunk(reinterpret_cast<const char*>(data) + 2, size - 2);
   const std::size_t sizes[] = {chunk.size()};
   const std::uint32_t counts[] = {points};
-  const io::las::Compression compression =
-      io::las::usual_compression(format, test::las_record_length(front));
+  const io::las::Compression compression = io::las::usual_compression(format, test::las_record_length(front));
   return fuzz::run(fuzz::join(front, chunk, io::las::chunk_table(compression, sizes, counts)), Format::las, false);
 }

@@ -20,7 +20,8 @@ void put_las(const fs::path& folder) {
   for (test::LasSpec spec : test::all_las_specs()) {
     spec.count = 12;
     spec.extended = false;
-    const std::string name = std::to_string(spec.minor) + "_" + std::to_string(spec.format) + (spec.described ? "x" : "");
+    const std::string name =
+        std::to_string(spec.minor) + "_" + std::to_string(spec.format) + (spec.described ? "x" : "");
     const std::string las = test::make_las(spec);
     put(folder / "fuzz_las", name + ".las", las);
     const auto laz = write_bytes(fuzz::read_as(fuzz::as_bytes(las), Format::las), Format::laz);
@@ -38,7 +39,8 @@ void put_e57(const fs::path& folder) {
   const std::string file = fuzz::e57_sample(), logical = fuzz::logical_bytes(file);
   put(folder / "fuzz_e57", "sample", logical);
   put(folder / "fuzz_e57_pages", "sample", file);
-  put(folder / "fuzz_e57_xml", "sample", logical.substr(logical.find("<?xml"), logical.rfind('>') + 1 - logical.find("<?xml")));
+  put(folder / "fuzz_e57_xml", "sample",
+      logical.substr(logical.find("<?xml"), logical.rfind('>') + 1 - logical.find("<?xml")));
 }
 
 }  // namespace

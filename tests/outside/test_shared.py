@@ -13,9 +13,12 @@ def run(*command):
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout
 
 
-PUBLIC = re.compile(r"^(typeinfo (name )?for |vtable for )?pointfair::(Error|Pipeline|size_of|attributes?|triangles|read|write|"
-                    r"write_bytes|remove_unfinished_files|format_of|set_limit|limit_text|movable_points|apply_limits|paper_preset|"
-                    r"find_param|choose_origin|make_cloud|positions|position_type|move_positions|set_param|param_text|check_params|list_devices|version)\b")
+PUBLIC_NAMES = """
+Error Pipeline size_of attribute attributes triangles read write write_bytes remove_unfinished_files format_of format_to_write losses file_info in_file_units
+normal_attributes set_normals parse_selections selected_points selections_text without_ignored set_limit limit_text movable_points apply_limits paper_preset
+find_param choose_origin make_cloud positions position_type move_positions set_param param_text check_params list_devices version
+""".split()
+PUBLIC = re.compile(rf"^(typeinfo (name )?for |vtable for )?pointfair::({'|'.join(PUBLIC_NAMES)})\b")
 
 symbols = [line.split(maxsplit=2) for line in run("nm", "-D", "-C", "--defined-only", library).splitlines()]
 ours = {re.sub(r"\[abi:\w+\]", "", symbol[2]) for symbol in symbols if "pointfair::" in symbol[2] and not symbol[2].startswith("std::")}

@@ -60,7 +60,8 @@ class alignas(64) BasicSymbolModel {
   }
 
  private:
-  static constexpr std::uint32_t kGroup = 16, kGroups = (kMost + kGroup - 1) / kGroup, kMostCounts = std::uint32_t{1} << 15;
+  static constexpr std::uint32_t kGroup = 16, kGroups = (kMost + kGroup - 1) / kGroup,
+                                 kMostCounts = std::uint32_t{1} << 15;
   static constexpr std::uint16_t kBeyond = 1U << kShift;
 
   // Of 16 places in ascending order.

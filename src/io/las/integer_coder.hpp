@@ -17,7 +17,8 @@ class IntegerCoder {
  public:
   explicit IntegerCoder(std::size_t contexts, std::uint32_t bits = kMostBits)
       : sizes_(contexts, SizeModel(bits + 1)), unused_(kMostBits - bits) {
-    for (std::uint32_t k = 1; k <= std::min(bits, kMostBits - 1); ++k) corrections_.emplace_back(1U << std::min(k, kUpperBits));
+    for (std::uint32_t k = 1; k <= std::min(bits, kMostBits - 1); ++k)
+      corrections_.emplace_back(1U << std::min(k, kUpperBits));
   }
 
   void reset() {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The points of a LAZ chunk of point format 0 to 3, whose fields are all in one code, as version 2 of LASzip's items has
-// them. What is coded is written once for both directions.
+// The points of a LAZ chunk of point format 0 to 3, whose fields are all in one code, as version 2 of LASzip's items
+// has them. What is coded is written once for both directions.
 #pragma once
 
 #include <cstdint>

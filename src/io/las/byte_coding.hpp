@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+// Bytes in an arithmetic code: as they are, or as their difference from a prediction.
+#pragma once
+
+#include <cstdint>
+
+#include "io/las/arithmetic.hpp"
+
+namespace pointfair::io::las {
+
+template <class Coder>
+std::uint8_t code_byte(Coder& coder, SymbolModel& model, std::uint32_t value) {
+  return static_cast<std::uint8_t>(coder.code(model, value & 255));
+}
+
+// The byte as its difference from a prediction.
+template <class Coder>
+std::uint8_t code_difference(Coder& coder, SymbolModel& model, std::uint32_t prediction, std::uint32_t value) {
+  return static_cast<std::uint8_t>(prediction + coder.code(model, (value - prediction) & 255));
+}
+
+}  // namespace pointfair::io::las

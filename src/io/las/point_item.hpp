@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: Apache-2.0
+// Item POINT10 of LAZ, version 2: the 20 bytes that all points of formats 0 to 5 have. `code` reads a record with an
+// Encoder and fills it with a Decoder.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <cstdlib>
+#include <memory>
+#include <string_view>
+#include <vector>
+
+#include "io/las/byte_coding.hpp"
+#include "io/las/grid.hpp"
+#include "io/las/integer_coder.hpp"
+#include "io/las/record_bytes.hpp"
+
+namespace pointfair::io::las {
+
+// A model for each value that a byte had before; most are never needed.
+class ByteModels {
+ public:
+  SymbolModel& after(std::uint8_t last) {
+    std::unique_ptr<SymbolModel>& model = models_[last];
+    if (!model) model = std::make_unique<SymbolModel>(256);
+    return *model;
+  }
+
+ private:
+  std::array<std::unique_ptr<SymbolModel>, 256> models_;
+};
+
+class PointItem {
+ public:
+  explicit PointItem(const char* first) : last_(read(first)) { last_.intensity = 0; }
+
+  template <class Coder>
+  void code(Coder& coder, char* record) {
+    Fields now = Coder::kWrites ? read(record) : last_;
+    code_fields(coder, now);
+    code_place(coder, now);
+    last_ = now;
+    if constexpr (!Coder::kWrites) write(now, record);
+  }
+
+ private:
+  struct Fields {
+    Grid grid{};
+    std::uint16_t intensity = 0, source = 0;
+    std::uint8_t returns = 0, classification = 0, angle = 0, user = 0;
+
+    std::uint32_t number() const { return returns & 7U; }
+    std::uint32_t count() const { return (returns >> 3) & 7U; }
+    std::uint32_t direction() const { return (returns >> 6) & 1U; }
+  };
+  static constexpr std::uint32_t kSource = 1, kUser = 2, kAngle = 4, kClass = 8, kIntensity = 16, kReturns = 32;
+
+  static Fields read(const char* record) {
+    Fields fields;
+    for (std::size_t axis = 0; axis < 3; ++axis) fields.grid[axis] = load_little<std::int32_t>(record + 4 * axis);
+    fields.intensity = load_little<std::uint16_t>(record + 12);
+    fields.returns = load_little<std::uint8_t>(record + 14);
+    fields.classification = load_little<std::uint8_t>(record + 15);
+    fields.angle = load_little<std::uint8_t>(record + 16);
+    fields.user = load_little<std::uint8_t>(record + 17);
+    fields.source = load_little<std::uint16_t>(record + 18);
+    return fields;
+  }
+  static void write(const Fields& fields, char* record) {
+    for (std::size_t axis = 0; axis < 3; ++axis) store_little(record + 4 * axis, fields.grid[axis]);
+    store_little(record + 12, fields.intensity);
+    store_little(record + 14, fields.returns);
+    store_little(record + 15, fields.classification);
+    store_little(record + 16, fields.angle);
+    store_little(record + 17, fields.user);
+    store_little(record + 18, fields.source);
+  }
+
+  // One of 16 kinds of returns: row = number of returns, column = number of this one.
+  static std::uint32_t kind_of(const Fields& fields) {
+    constexpr std::array<std::string_view, 8> kKinds = {"PONMLKJI", "OABDGKKJ", "NBCEHLLK", "MDEFIMML",
+                                                        "LGHIJNNM", "KKLMNOON", "JKLMNOPO", "IJKLMNOP"};
+    return static_cast<std::uint32_t>(kKinds[fields.count()][fields.number()] - 'A');
+  }
+
+  std::uint32_t changes_of(const Fields& now) const {
+    return (now.source != last_.source ? kSource : 0) | (now.user != last_.user ? kUser : 0) |
+           (now.angle != last_.angle ? kAngle : 0) | (now.classification != last_.classification ? kClass : 0) |
+           (now.intensity != intensities_[kind_of(now)] ? kIntensity : 0) |
+           (now.returns != last_.returns ? kReturns : 0);
+  }
+
+  template <class Coder>
+  void code_fields(Coder& coder, Fields& now) {
+    const std::uint32_t changes = coder.code(changes_, Coder::kWrites ? changes_of(now) : 0);
+    if ((changes & kReturns) != 0) now.returns = code_byte(coder, returns_.after(last_.returns), now.returns);
+    const std::uint32_t kind = kind_of(now);
+    std::uint16_t& intensity = intensities_[kind];
+    if ((changes & kIntensity) != 0) {
+      intensity = static_cast<std::uint16_t>(
+          intensity_.code(coder, intensity, now.intensity, std::min<std::uint32_t>(kind, 3)));
+    }
+    now.intensity = intensity;
+    if ((changes & kClass) != 0)
+      now.classification = code_byte(coder, classes_.after(last_.classification), now.classification);
+    if ((changes & kAngle) != 0) now.angle = code_difference(coder, angles_[now.direction()], last_.angle, now.angle);
+    if ((changes & kUser) != 0) now.user = code_byte(coder, users_.after(last_.user), now.user);
+    if ((changes & kSource) != 0)
+      now.source = static_cast<std::uint16_t>(source_.code(coder, last_.source, now.source, 0));
+  }
+
+  template <class Coder>
+  void code_place(Coder& coder, Fields& now) {
+    const std::uint32_t kind = kind_of(now), single = now.count() == 1;
+    const auto even = [](std::uint32_t size, std::uint32_t most) { return size < most ? size & ~1U : most; };
+    code_step(coder, x_, x_steps_[kind], last_.grid[0], now.grid[0], single);
+    code_step(coder, y_, y_steps_[kind], last_.grid[1], now.grid[1], single + even(x_.last_size(), 20));
+    const int level = std::abs(static_cast<int>(now.count()) - static_cast<int>(now.number()));
+    std::int32_t& height = heights_[static_cast<std::size_t>(level)];
+    const std::uint32_t size = (x_.last_size() + y_.last_size()) / 2;
+    height = z_.code(coder, height, now.grid[2], single + even(size, 18));
+    now.grid[2] = height;
+  }
+
+  template <class Coder>
+  static void code_step(Coder& coder, IntegerCoder& integers, RunningMedian& steps, std::int32_t last,
+                        std::int32_t& now, std::uint32_t context) {
+    const auto wanted = static_cast<std::int32_t>(static_cast<std::uint32_t>(now) - static_cast<std::uint32_t>(last));
+    const std::int32_t step = integers.code(coder, steps.value(), wanted, context);
+    steps.add(step);
+    now = static_cast<std::int32_t>(static_cast<std::uint32_t>(last) + static_cast<std::uint32_t>(step));
+  }
+
+  Fields last_;
+  std::array<std::uint16_t, 16> intensities_{};
+  std::array<RunningMedian, 16> x_steps_, y_steps_;
+  std::array<std::int32_t, 8> heights_{};
+  SymbolModel changes_{64};
+  std::vector<SymbolModel> angles_ = std::vector(2, SymbolModel(256));
+  ByteModels returns_, classes_, users_;
+  IntegerCoder intensity_{4, 16}, source_{1, 16}, x_{2}, y_{22}, z_{20};
+};
+
+}  // namespace pointfair::io::las
