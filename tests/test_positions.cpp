@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Positions in memory: the origin and the points of a file of them, and back without loss.
-#include "pointfair/positions.hpp"
-
 #include <bit>
 #include <cmath>
 #include <limits>
 #include <random>
 
 #include "io_files.h"
+#include "pointfair/positions.hpp"
 
 namespace pointfair::test {
 namespace {

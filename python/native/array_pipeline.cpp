@@ -31,6 +31,7 @@ void ArrayPipeline::start(std::size_t points) {
   kind_ = Kind::nothing;
   own_.clear();
   before_ = {};
+  ignored_.clear();
   points_ = points;
 }
 
@@ -58,10 +59,11 @@ void ArrayPipeline::load(std::span<const double> coordinates, bool) {
   kind_ = Kind::doubles;
 }
 
-void ArrayPipeline::load(const Cloud& cloud) {
+void ArrayPipeline::load(const Cloud& cloud, const Limits& limits) {
   start(cloud.points.size());
+  pipeline_.load(limits.ignore.empty() ? cloud : without_ignored(limits, cloud));
   before_ = cloud;
-  pipeline_.load(cloud);
+  ignored_ = limits.ignore;
   kind_ = Kind::cloud;
 }
 
@@ -74,55 +76,49 @@ void ArrayPipeline::check(Kind kind, std::size_t coordinates) const {
   }
 }
 
-void ArrayPipeline::limit(const Movable& movable, std::span<Point> after) const {
-  std::vector<std::uint8_t> may_move = movable_points(movable.limits, before_);
-  if (!movable.mask.empty()) {
-    if (movable.mask.size() != points_) {
-      throw Error(ErrorKind::usage, "mask has " + std::to_string(movable.mask.size()) + " values, the cloud " +
-                                        std::to_string(points_) + " points");
-    }
-    if (may_move.empty()) may_move.assign(points_, 1);
-    for (std::size_t i = 0; i < points_; ++i) may_move[i] = may_move[i] != 0 && movable.mask[i] != 0;
-  }
-  apply_limits(movable.limits, may_move, before_.points, after);
+void ArrayPipeline::apply(const Limits& limits, std::span<Point> after) const {
+  if (limits == Limits{}) return;
+  if (before_.points.size() != points_) throw Error(ErrorKind::failed, "the array was loaded without what limits need");
+  apply_limits(limits, movable_points(limits, before_), before_.points, after);
 }
 
-std::vector<Point> ArrayPipeline::moved(const Params& params, const Movable& movable, const Watch& watch) {
+std::vector<Point> ArrayPipeline::moved(const Params& params, const Limits& limits, const Watch& watch) {
   std::vector<Point> after(points_);
   pipeline_.run(params, after, watch.stop, watch.progress);
-  if (!movable.all()) limit(movable, after);
+  apply(limits, after);
   return after;
 }
 
-void ArrayPipeline::run(const Params& params, const Movable& movable, std::span<float> out, const Watch& watch) {
+void ArrayPipeline::run(const Params& params, const Limits& limits, std::span<float> out, const Watch& watch) {
   check(Kind::floats, out.size());
   const std::span<Point> result = as_points(out);
   if (own_.empty()) {
-    if (!movable.all() && before_.points.size() != points_)
-      throw Error(ErrorKind::failed, "the array was loaded without what limits need");
     pipeline_.run(params, result, watch.stop, watch.progress);
-    if (!movable.all()) limit(movable, result);
+    apply(limits, result);
     return;
   }
-  const std::vector<Point> after = moved(params, movable, watch);
+  const std::vector<Point> after = moved(params, limits, watch);
   std::vector<Position> positions = own_;
   move_positions(before_, after, positions);
-  std::transform(positions.begin(), positions.end(), result.begin(),
-                 [](const Position& p) { return Point{float(p[0]), float(p[1]), float(p[2])}; });
+  std::transform(positions.begin(), positions.end(), result.begin(), [](const Position& p) {
+    return Point{float(p[0]), float(p[1]), float(p[2])};
+  });
 }
 
-void ArrayPipeline::run(const Params& params, const Movable& movable, std::span<double> out, const Watch& watch) {
+void ArrayPipeline::run(const Params& params, const Limits& limits, std::span<double> out, const Watch& watch) {
   check(Kind::doubles, out.size());
-  const std::vector<Point> after = moved(params, movable, watch);
+  const std::vector<Point> after = moved(params, limits, watch);
   const std::span<Position> result = as_positions(out);
   std::copy(own_.begin(), own_.end(), result.begin());
   move_positions(before_, after, result);
 }
 
-Cloud ArrayPipeline::run_cloud(const Params& params, const Movable& movable, const Watch& watch) {
+Cloud ArrayPipeline::run_cloud(const Params& params, const Limits& limits, const Watch& watch) {
   check(Kind::cloud, 3 * points_);
   Cloud after = pipeline_.run(params, watch.stop, watch.progress);
-  if (!movable.all()) limit(movable, after.points);
+  Limits with_ignored = limits;
+  with_ignored.ignore = ignored_;
+  apply(with_ignored, after.points);
   return after;
 }
 

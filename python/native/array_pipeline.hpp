@@ -11,14 +11,6 @@
 
 namespace pointfair::python {
 
-/// Which points of a run move, and by how much.
-struct Movable {
-  Limits limits;                    ///< strength and box
-  std::span<const std::uint8_t> mask;  ///< 1 for each point that may move; empty: all may
-
-  bool all() const { return limits == Limits{} && mask.empty(); }
-};
-
 /// Where a run hears of a stop and tells how far it is.
 struct Watch {
   std::stop_token stop;
@@ -31,17 +23,18 @@ class ArrayPipeline {
  public:
   explicit ArrayPipeline(Device device) : pipeline_(device) {}
 
-  /// `for_limits`: keeps a copy of float positions, which runs with a Movable need. Doubles are always kept.
+  /// `for_limits`: keeps a copy of float positions, which runs with limits need. Doubles are always kept.
   void load(std::span<const float> coordinates, bool for_limits);
   void load(std::span<const double> coordinates, bool for_limits);
-  void load(const Cloud& cloud);
+  /// Points that `limits.ignore` holds are nobody's neighbours.
+  void load(const Cloud& cloud, const Limits& limits);
 
   /// Throws ErrorKind::usage unless floats, or doubles, of this number were loaded. `out` may be the array that was
   /// loaded.
-  void run(const Params& params, const Movable& movable, std::span<float> out, const Watch& watch);
-  void run(const Params& params, const Movable& movable, std::span<double> out, const Watch& watch);
+  void run(const Params& params, const Limits& limits, std::span<float> out, const Watch& watch);
+  void run(const Params& params, const Limits& limits, std::span<double> out, const Watch& watch);
   /// Of a loaded Cloud.
-  Cloud run_cloud(const Params& params, const Movable& movable, const Watch& watch);
+  Cloud run_cloud(const Params& params, const Limits& limits, const Watch& watch);
 
   enum class Kind : std::uint8_t { nothing, floats, doubles, cloud };
   Kind kind() const { return kind_; }
@@ -52,14 +45,15 @@ class ArrayPipeline {
  private:
   void start(std::size_t points);
   void check(Kind kind, std::size_t coordinates) const;
-  std::vector<Point> moved(const Params& params, const Movable& movable, const Watch& watch);
-  void limit(const Movable& movable, std::span<Point> after) const;
+  std::vector<Point> moved(const Params& params, const Limits& limits, const Watch& watch);
+  void apply(const Limits& limits, std::span<Point> after) const;
 
   Pipeline pipeline_;
   Kind kind_ = Kind::nothing;
   std::size_t points_ = 0;
-  Cloud before_;                 // origin; and the points where something needs them
-  std::vector<Position> own_;    // the positions in double, unless floats without an origin were loaded
+  Cloud before_;  // origin; and the points where something needs them
+  std::vector<Selection> ignored_;
+  std::vector<Position> own_;  // the positions in double, unless floats without an origin were loaded
 };
 
 }  // namespace pointfair::python

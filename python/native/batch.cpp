@@ -14,8 +14,8 @@ namespace {
 
 void check_offsets(std::span<const std::int64_t> offsets, std::size_t points) {
   if (offsets.empty() || offsets.front() != 0 || offsets.back() != static_cast<std::int64_t>(points))
-    throw Error(ErrorKind::usage, "offsets must begin with 0 and end with the number of points, " +
-                                      std::to_string(points));
+    throw Error(ErrorKind::usage,
+                "offsets must begin with 0 and end with the number of points, " + std::to_string(points));
   if (!std::is_sorted(offsets.begin(), offsets.end()))
     throw Error(ErrorKind::usage, "offsets must not decrease: cloud i has the points offsets[i] to offsets[i + 1]");
 }

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // The module pointfair._native: the library's calls for Python. The package's Python files are the interface.
-#include "bindings.hpp"
-
 #include <nanobind/stl/string.h>
 
 #include <charconv>
 #include <new>
+
+#include "bindings.hpp"
 
 namespace nb = nanobind;
 
@@ -27,18 +27,21 @@ const char* class_name(ErrorKind kind) {
   }
 }
 
-// Messages name parameters as the command line does, "--similarity-sigma"; in Python it is "similarity_sigma".
-std::string in_python(std::string message) {
-  for (const ParamInfo& info : kParams) {
-    std::string flag = "--" + std::string(info.name);
-    for (char& c : flag) c = c == '_' ? '-' : c;
-    for (std::size_t at = 0; (at = message.find(flag, at)) != std::string::npos;) {
-      const std::size_t end = at + flag.size();
-      const bool whole = end == message.size() || (message[end] != '-' && (message[end] < 'a' || message[end] > 'z'));
-      if (whole) message.replace(at, flag.size(), info.name);
-      at += whole ? info.name.size() : flag.size();
-    }
+// Messages name flags as the command line does, "--similarity-sigma"; in Python it is "similarity_sigma".
+void rename_flag(std::string& message, std::string_view name) {
+  std::string flag = "--" + std::string(name);
+  for (char& c : flag) c = c == '_' ? '-' : c;
+  for (std::size_t at = 0; (at = message.find(flag, at)) != std::string::npos;) {
+    const std::size_t end = at + flag.size();
+    const bool whole = end == message.size() || (message[end] != '-' && (message[end] < 'a' || message[end] > 'z'));
+    if (whole) message.replace(at, flag.size(), name);
+    at += whole ? name.size() : flag.size();
   }
+}
+
+std::string in_python(std::string message) {
+  for (const ParamInfo& info : kParams) rename_flag(message, info.name);
+  for (const std::string_view name : kLimitNames) rename_flag(message, name);
   return message;
 }
 

@@ -45,10 +45,12 @@ const ParamInfo& row(std::string_view name) {
 void bind_params(nb::module_& module) {
   nb::class_<Params>(module, "Params")
       .def(nb::init<>())
-      .def("set", [](Params& self, std::string_view name, std::string_view text) { set_param(self, row(name), text); },
-           nb::arg("name"), nb::arg("text"))
-      .def("text", [](const Params& self, std::string_view name) { return param_text(self, row(name)); },
-           nb::arg("name"))
+      .def(
+          "set", [](Params& self, std::string_view name, std::string_view text) { set_param(self, row(name), text); },
+          nb::arg("name"), nb::arg("text"))
+      .def(
+          "text", [](const Params& self, std::string_view name) { return param_text(self, row(name)); },
+          nb::arg("name"))
       .def("check", [](const Params& self) { check_params(self); });
   module.def("paper_preset", &paper_preset);
   module.def("parameter_table", &parameter_table);

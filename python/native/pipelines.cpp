@@ -21,18 +21,17 @@ const char* name_of(Device::Kind kind) {
   return kNames[static_cast<std::size_t>(kind)];
 }
 
-// strength, box as (min, max), and a mask.
-struct MovableArguments {
-  Limits limits;
-  std::optional<Mask> mask;
+using OptionalBox = std::optional<std::array<double, 6>>;
 
-  MovableArguments(double strength, const std::optional<std::array<double, 6>>& box, std::optional<Mask> its_mask)
-      : mask(std::move(its_mask)) {
-    limits.strength = strength;
-    if (box) limits.box = Box{{(*box)[0], (*box)[1], (*box)[2]}, {(*box)[3], (*box)[4], (*box)[5]}};
-  }
-  Movable movable() const { return {limits, mask ? span_of(*mask) : std::span<const std::uint8_t>()}; }
-};
+// `box` is the lower and the upper corner; `where` as parse_selections reads it.
+Limits limits_of(double strength, const OptionalBox& box, const std::optional<Mask>& mask, const std::string& where) {
+  Limits limits;
+  limits.strength = strength;
+  if (box) limits.box = Box{{(*box)[0], (*box)[1], (*box)[2]}, {(*box)[3], (*box)[4], (*box)[5]}};
+  if (mask) limits.mask.assign(mask->data(), mask->data() + mask->size());
+  if (!where.empty()) limits.where = parse_selections("where", where);
+  return limits;
+}
 
 /// A pipeline that one thread at a time may use: a second one is refused instead of let in.
 class SharedPipeline {
@@ -56,34 +55,32 @@ class SharedPipeline {
   std::mutex mutex_;
 };
 
-using OptionalBox = std::optional<std::array<double, 6>>;
-
 template <class Scalar>
 void load(SharedPipeline& self, const Input<Scalar>& coordinates, bool for_limits) {
   self.use(nb::none(), coordinates.shape(0),
            [&](ArrayPipeline& arrays, const Watch&) { arrays.load(span_of(coordinates), for_limits); });
 }
 
-void load_cloud(SharedPipeline& self, const Cloud& cloud) {
-  self.use(nb::none(), cloud.points.size(), [&](ArrayPipeline& arrays, const Watch&) { arrays.load(cloud); });
+void load_cloud(SharedPipeline& self, const Cloud& cloud, const std::string& ignore) {
+  Limits limits;
+  if (!ignore.empty()) limits.ignore = parse_selections("ignore", ignore);
+  self.use(nb::none(), cloud.points.size(), [&](ArrayPipeline& arrays, const Watch&) { arrays.load(cloud, limits); });
 }
 
 template <class Scalar>
 void run(SharedPipeline& self, const Params& params, const Output<Scalar>& out, double strength, const OptionalBox& box,
-         std::optional<Mask> mask, nb::object progress) {
-  const MovableArguments arguments(strength, box, std::move(mask));
-  self.use(progress, out.shape(0), [&](ArrayPipeline& arrays, const Watch& watch) {
-    arrays.run(params, arguments.movable(), span_of(out), watch);
-  });
+         std::optional<Mask> mask, const std::string& where, nb::object progress) {
+  const Limits limits = limits_of(strength, box, mask, where);
+  self.use(progress, out.shape(0),
+           [&](ArrayPipeline& arrays, const Watch& watch) { arrays.run(params, limits, span_of(out), watch); });
 }
 
 Cloud run_cloud(SharedPipeline& self, const Params& params, double strength, const OptionalBox& box,
-                std::optional<Mask> mask, nb::object progress) {
-  const MovableArguments arguments(strength, box, std::move(mask));
+                std::optional<Mask> mask, const std::string& where, nb::object progress) {
+  const Limits limits = limits_of(strength, box, mask, where);
   Cloud result;
-  self.use(progress, self.arrays().points(), [&](ArrayPipeline& arrays, const Watch& watch) {
-    result = arrays.run_cloud(params, arguments.movable(), watch);
-  });
+  self.use(progress, self.arrays().points(),
+           [&](ArrayPipeline& arrays, const Watch& watch) { result = arrays.run_cloud(params, limits, watch); });
   return result;
 }
 
@@ -103,9 +100,7 @@ Row estimates(SharedPipeline& self) {
 
 Params resolve(SharedPipeline& self, const Params& params) {
   Params result;
-  self.use([&](ArrayPipeline& arrays, const Watch& watch) {
-    result = arrays.pipeline().resolve(params, watch.stop);
-  });
+  self.use([&](ArrayPipeline& arrays, const Watch& watch) { result = arrays.pipeline().resolve(params, watch.stop); });
   return result;
 }
 
@@ -123,8 +118,7 @@ nb::ndarray<nb::numpy, bool, nb::ndim<1>> outliers(SharedPipeline& self) {
 
 template <class Scalar>
 Rows batch(const Input<Scalar>& coordinates, const nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig>& offsets,
-               const Params& params, unsigned threads, const Output<Scalar>& out, bool with_reports,
-               nb::object progress) {
+           const Params& params, unsigned threads, const Output<Scalar>& out, bool with_reports, nb::object progress) {
   std::vector<Report> reports(with_reports && offsets.size() > 0 ? offsets.size() - 1 : 0);
   const std::size_t always_stoppable = std::size_t(1) << 20;
   run_interruptible(always_stoppable, progress, [&](const Watch& watch) {
@@ -152,7 +146,7 @@ template <class Scalar>
 void bind_scalar(nb::class_<SharedPipeline>& pipeline, nb::module_& module) {
   pipeline.def("load", &load<Scalar>, nb::arg("coordinates").noconvert(), nb::arg("for_limits"))
       .def("run", &run<Scalar>, nb::arg("params"), nb::arg("out").noconvert(), nb::arg("strength"),
-           nb::arg("box").none(), nb::arg("mask").noconvert().none(), nb::arg("progress").none());
+           nb::arg("box").none(), nb::arg("mask").noconvert().none(), nb::arg("where"), nb::arg("progress").none());
   module.def("denoise_batch", &batch<Scalar>, nb::arg("coordinates").noconvert(), nb::arg("offsets").noconvert(),
              nb::arg("params"), nb::arg("threads"), nb::arg("out").noconvert(), nb::arg("with_reports"),
              nb::arg("progress").none());
@@ -160,9 +154,7 @@ void bind_scalar(nb::class_<SharedPipeline>& pipeline, nb::module_& module) {
 
 }  // namespace
 
-Row as_tuple(const DeviceInfo& device) {
-  return nb::make_tuple(name_of(device.kind), device.name, device.reason);
-}
+Row as_tuple(const DeviceInfo& device) { return nb::make_tuple(name_of(device.kind), device.name, device.reason); }
 
 Row as_tuple(const Report& report) {
   nb::list stages;
@@ -180,16 +172,14 @@ void bind_pipelines(nb::module_& module) {
   pipeline.def(nb::init<const std::string&, unsigned>(), nb::arg("device"), nb::arg("threads"));
   bind_scalar<float>(pipeline, module);
   bind_scalar<double>(pipeline, module);
-  pipeline.def("load_cloud", &load_cloud, nb::arg("cloud"))
+  pipeline.def("load_cloud", &load_cloud, nb::arg("cloud"), nb::arg("ignore"))
       .def("run_cloud", &run_cloud, nb::arg("params"), nb::arg("strength"), nb::arg("box").none(),
-           nb::arg("mask").noconvert().none(), nb::arg("progress").none())
+           nb::arg("mask").noconvert().none(), nb::arg("where"), nb::arg("progress").none())
       .def("estimates", &estimates)
       .def("resolve", &resolve, nb::arg("params"))
       .def("normals", &normals, nb::arg("out").noconvert())
       .def("outliers", &outliers)
-      .def("report", [](SharedPipeline& self) {
-        return as_tuple(self.arrays().pipeline().report());
-      })
+      .def("report", [](SharedPipeline& self) { return as_tuple(self.arrays().pipeline().report()); })
       .def("device", [](SharedPipeline& self) { return as_tuple(self.arrays().pipeline().device()); })
       .def_prop_ro("points", [](SharedPipeline& self) { return self.arrays().points(); });
   module.def("devices", &devices);

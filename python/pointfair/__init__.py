@@ -6,9 +6,10 @@
     smooth = pf.denoise(xyz)                     # (N, 3) float32 or float64
     pf.read("tile.ply").denoise(k=24).write("smooth.ply")
 """
+from ._batch import denoise_batch
 from ._cloud import Cloud, read, write
 from ._compare import Comparison, compare
-from ._denoise import denoise, denoise_batch, devices, estimate
+from ._denoise import denoise, devices, estimate
 from ._errors import DeviceError, Error, FileError, OutOfMemory, UsageError
 from ._native import version as _version
 from ._params import PARAMETERS, ParamArguments, Params

@@ -8,6 +8,7 @@ from typing import Any, Callable, Literal
 import numpy as np
 
 from ._errors import DeviceError, UsageError
+from ._values import encodable
 
 _HOST = (1, 3, 11)  # DLPack's devices whose memory the host reads: CPU, CUDA's and ROCm's page-locked
 
@@ -150,3 +151,12 @@ def as_strength(strength: Any) -> float:
     if not 0 <= value <= 1:
         raise UsageError(f"strength cannot be {strength!r}: give a number from 0, the input, to 1, the result")
     return value
+
+
+def as_selections(text: Any, name: str) -> str:
+    """A choice of points by an attribute, "classification=2,6"; nothing for None."""
+    if text is None:
+        return ""
+    if not isinstance(text, str) or not text:
+        raise UsageError(f"{name} cannot be {text!r}: give an attribute and whole numbers, 'classification=2,6-9' for instance")
+    return encodable(text)

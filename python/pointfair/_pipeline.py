@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import _native
-from ._arrays import Layout, Result, as_box, as_mask, as_numpy, as_strength, check_positions, rows
+from ._arrays import Layout, Result, as_box, as_mask, as_numpy, as_selections, as_strength, check_positions, rows
 from ._cloud import Cloud
 from ._errors import UsageError
 from ._params import Params
 from ._progress import Progress, progress_function
-from ._values import as_text, as_threads
 from ._report import DeviceInfo, Estimates, Report, device_of, report_of
+from ._values import as_text, as_threads
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -69,13 +69,16 @@ class Pipeline:
         self._holds_cloud = False
         self._last_params: Params | None = None
 
-    def load(self, points: Any) -> None:
-        """Copies an array of positions, (N, 3) or (N, 4), or a Cloud to the device. The next run starts anew. O(N)."""
+    def load(self, points: Any, *, ignore: str | None = None) -> None:
+        """Copies an array of positions, (N, 3) or (N, 4), or a Cloud to the device. The next run starts anew. O(N).
+        Of a Cloud, `ignore` names points that are nobody's neighbours, as in pointfair.denoise."""
         self._layout, self._holds_cloud = None, False
         if isinstance(points, Cloud):
-            self._native.load_cloud(points._native)
+            self._native.load_cloud(points._native, as_selections(ignore, "ignore"))
             self._holds_cloud = True
             return
+        if ignore is not None:
+            raise UsageError("ignore needs a Cloud, whose attributes it names")
         array = as_numpy(points)
         check_positions(array)
         layout = Layout(array, points).keep()
@@ -87,6 +90,7 @@ class Pipeline:
         params: Params | None = None,
         *,
         mask: Any = None,
+        where: str | None = None,
         strength: float = 1.0,
         box: Any = None,
         out: Any = None,
@@ -96,7 +100,7 @@ class Pipeline:
         """Denoises the loaded cloud. Arguments are those of pointfair.denoise. Returns what was loaded, an array of the
         same type, shape and order or a Cloud, with the moved positions."""
         chosen = make_params(params, parameters)
-        limits = (as_strength(strength), as_box(box), as_mask(mask, len(self)))
+        limits = (as_strength(strength), as_box(box), as_mask(mask, len(self)), as_selections(where, "where"))
         with progress_function(progress) as show:
             if self._holds_cloud:
                 if out is not None:

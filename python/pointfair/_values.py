@@ -39,7 +39,7 @@ def canonical(text: str, parameter: Parameter) -> Any:
         return text
     if parameter.kind == "int":
         return int(text)
-    return text if text[-1] in "%sr" else float(text)
+    return text if text[-1] in "%srm" else float(text)
 
 
 def encodable(text: str) -> str:

@@ -32,6 +32,10 @@ def test_a_laspy_tile(tmp_path):
     whole = pf.denoise(before.xyz)
     assert np.abs(after.xyz[ground] - whole[ground]).max() <= 0.51e-4
     assert (after.intensity == before.intensity).all() and report.points == 5000
+    cloud = pf.read(tmp_path / "in.las")
+    assert (cloud["classification"] == before.classification).all() and np.abs(cloud.xyz - before.xyz).max() < 1e-9
+    cloud.denoise(where="classification=2").write(tmp_path / "own.las")
+    assert np.abs(pf.read(tmp_path / "own.las").xyz - after.xyz)[~ground].max() < 1e-9
 
 
 class Field:

@@ -59,6 +59,46 @@ def test_outliers_are_marked():
     assert same_bits(pf.denoise(xyz, outliers="mark"), cloud.xyz)
 
 
+def test_points_are_chosen_by_attributes(tmp_path):
+    xyz = waves(2000)
+    kinds = np.arange(2000, dtype=np.uint8) % 3
+    cloud = pf.Cloud(xyz, {"kind": kinds})
+    whole = pf.denoise(xyz, k=10)
+    chosen = cloud.denoise(k=10, where="kind=1-2").xyz
+    assert same_bits(chosen[kinds > 0], whole[kinds > 0]) and same_bits(chosen[kinds == 0], xyz[kinds == 0])
+    without = cloud.denoise(k=10, ignore="kind=0").xyz
+    assert same_bits(without[kinds > 0], pf.denoise(xyz[kinds > 0], k=10)) and same_bits(without[kinds == 0], xyz[kinds == 0])
+    pipeline = pf.Pipeline("cpu")
+    pipeline.load(cloud, ignore="kind=0")
+    assert same_bits(pipeline.run(k=10).xyz, without)
+    assert same_bits(pipeline.run(k=10, strength=0).xyz, xyz)
+    for wrong in ("kind", "colour=1", 3, "", "kind=x"):
+        with pytest.raises(pf.UsageError):
+            cloud.denoise(where=wrong)
+        with pytest.raises(pf.UsageError):
+            cloud.denoise(ignore=wrong)
+    with pytest.raises(pf.UsageError, match="need a Cloud"):
+        pf.denoise(xyz, where="kind=1")
+    with pytest.raises(pf.UsageError, match="needs a Cloud"):
+        pipeline.load(xyz, ignore="kind=1")
+
+
+def test_lengths_in_metres_need_a_file_that_has_them():
+    assert pf.Params(noise="5mm").noise == pf.Params(noise="0.005m").noise
+    assert pf.Params(**pf.Params(noise="5mm").changed()) == pf.Params(noise="5mm")
+    with pytest.raises(pf.UsageError, match="noise"):
+        pf.denoise(waves(50), noise="5mm")
+
+
+def test_attributes_of_a_file_get_new_values(tmp_path):
+    pf.Cloud(waves(20), {"kind": np.zeros(20, np.uint8)}).write(tmp_path / "a.ply")
+    cloud = pf.read(tmp_path / "a.ply")
+    cloud["kind"] = np.arange(20, dtype=np.uint8)
+    assert (cloud["kind"] == np.arange(20)).all() and list(cloud.attributes) == ["kind"]
+    cloud.write(tmp_path / "b.ply")
+    assert (pf.read(tmp_path / "b.ply")["kind"] == np.arange(20)).all()
+
+
 def test_positions_can_be_set():
     cloud = pf.Cloud(waves(100, centre=(1e6, 0, 0)))
     moved = cloud.xyz

@@ -1,0 +1,105 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Times what Python adds: the import, calls, batches, frames, Ctrl-C. Run it with a Python that has the package:
+
+    build/python/tests/whole/bin/python bench/python_calls.py"""
+import os
+import resource
+import signal
+import statistics
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+
+import pointfair as pf
+
+IMPORT = ("import time; a = time.perf_counter(); import numpy; b = time.perf_counter(); import pointfair; c = time.perf_counter(); "
+          "print((b - a) * 1e3, (c - b) * 1e3)")
+FAST = {"k": 8, "iterations": 1, "noise": 0.01, "similarity_sigma": 0.03, "normal_filter": "off", "outliers": "off"}
+
+
+def waves(count, dtype=np.float32, seed=1):
+    rng = np.random.default_rng(seed)
+    xy = rng.random((count, 2))
+    return np.c_[xy, 0.1 * np.sin(6 * xy[:, 0]) + rng.normal(0, 0.01, count)].astype(dtype)
+
+
+def seconds(call, repeats=5):
+    """The median."""
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        call()
+        times.append(time.perf_counter() - start)
+    return statistics.median(times)
+
+
+def time_import():
+    rows = [tuple(map(float, subprocess.run([sys.executable, "-c", IMPORT], capture_output=True, text=True).stdout.split()))
+            for _ in range(7)]
+    numpy, own = (statistics.median(column) for column in zip(*rows))
+    print(f"import           {own:.0f} ms beyond NumPy's {numpy:.0f} ms")
+
+
+def time_calls():
+    empty = np.empty((0, 3), np.float32)
+    print(f"0 points         {seconds(lambda: [pf.denoise(empty) for _ in range(1000)]) * 1e3:.1f} us a call")
+    for dtype in (np.float32, np.float64):
+        points = waves(100_000, dtype)
+        for name, parameters in (("nothing set", {}), ("k = 8", FAST)):
+            reports = []
+            whole = seconds(lambda: reports.append(pf.denoise(points, return_report=True, **parameters)[1]), 7)
+            inside = statistics.median(report.milliseconds for report in reports)
+            alone = seconds(lambda: pf.denoise(points, **parameters), 7)
+            print(f"100,000 {np.dtype(dtype)}  {name}: {alone * 1e3:.1f} ms a call, {inside:.1f} ms in the pipeline, "
+                  f"{whole * 1e3:.1f} ms with the report")
+
+
+def time_batches():
+    clouds = np.stack([waves(1024, seed=i) for i in range(200)])
+    for name, parameters in (("nothing set", {}), ("k = 8", FAST)):
+        loop = seconds(lambda: [pf.denoise(cloud, **parameters) for cloud in clouds], 3)
+        batch = seconds(lambda: pf.denoise_batch(clouds, **parameters), 3)
+        print(f"200 x 1,024      {name}: {loop:.3f} s in a loop, {batch:.3f} s in a batch")
+
+
+def time_frames(frames=200):
+    pipeline, frame = pf.Pipeline("cpu"), waves(100_000)
+    pipeline.load(frame)
+    for name, params in (("resolved", pipeline.resolve()), ("k = 8", pf.Params(**FAST))):
+        def run():
+            pipeline.load(frame)
+            pipeline.run(params)
+        run()
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        took = seconds(run, frames if name != "resolved" else 15)
+        grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
+        print(f"100,000 a frame  {name}: {took * 1e3:.1f} ms a frame, memory grew by {grown / 1024:.1f} MiB")
+
+
+def time_interrupts():
+    points, delays = waves(1_000_000), []
+    for i in range(8):
+        sent = []
+
+        def interrupt():
+            sent.append(time.monotonic())
+            os.kill(os.getpid(), signal.SIGINT)
+
+        timer = threading.Timer(0.3 + 0.25 * i, interrupt)
+        timer.start()
+        try:
+            pf.denoise(points, k=64, iterations=20)
+        except KeyboardInterrupt:
+            delays.append((time.monotonic() - sent[0]) * 1e3)
+        timer.join()
+    print(f"Ctrl-C           {', '.join(f'{delay:.0f}' for delay in delays)} ms until KeyboardInterrupt")
+
+
+if __name__ == "__main__":
+    print(pf.devices()[0].info.name)
+    for measure in (time_import, time_calls, time_batches, time_frames, time_interrupts):
+        measure()
