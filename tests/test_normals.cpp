@@ -73,7 +73,7 @@ TEST(Normals, ReplaceThoseOfTheFileAndKeepTheirSign) {
   set_normals(changed, normals);
   EXPECT_EQ(image(changed, Format::ply),
             kPly + "property float nx\nproperty double ny\nproperty float nz\nproperty int id\nend_header\n" +
-                "0 0 0 0 0 1 7\n1 0 0 -0 -0 -1 8\n0 1 9 0 0 0.5 9\n");
+                "0 0 0 0 0 1 7\n1 0 0 0 0 -1 8\n0 1 9 0 0 0.5 9\n");
 }
 
 TEST(Normals, AreReplacedInBinaryPcdAndLasAndE57) {
