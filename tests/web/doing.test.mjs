@@ -106,7 +106,7 @@ test("only what the box and the lasso hold moves, and by the strength's share", 
 
 test("a long run says how far it is, is stopped, and the next is sound", models, async (t) => {
   const { url } = await view(t, [noisyArmadillo(temporaryFolder(t), 100000, kModels), "--port", 0]);
-  const { page, faults } = await openPage(t, await openBrowser(t), `${url}#k=16&iterations=1`);
+  const { page, faults } = await openPage(t, await openBrowser(t), `${url}#k=100&iterations=1`);
   await settled(page);
   await entry(page, "iterations").fill("100");
   await page.keyboard.press("Enter");
