@@ -125,7 +125,7 @@ run-fuzz: $(FUZZ_TARGETS)
 $(FUZZ_TARGETS):
 	@echo "$@: $(FUZZ_SECONDS) s"
 	@mkdir -p build/fuzz/corpus/$@ build/fuzz/seeds/$@
-	@build/fuzz/bin/$@ -max_total_time=$(FUZZ_SECONDS) -timeout=10 -rss_limit_mb=2048 -print_final_stats=1 \
+	@build/fuzz/bin/$@ -max_total_time=$(FUZZ_SECONDS) -timeout=30 -rss_limit_mb=2048 -print_final_stats=1 \
 	  -artifact_prefix=build/fuzz/ build/fuzz/corpus/$@ build/fuzz/seeds/$@ >build/fuzz/$@.log 2>&1 || { tail -40 build/fuzz/$@.log; exit 1; }
 	@grep -E 'stat::(number_of_executed_units|new_units_added|peak_rss_mb)' build/fuzz/$@.log
 

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <cstddef>
-#include <memory>
 #include <stop_token>
 
 #include "seam/sampling.hpp"
@@ -57,7 +56,6 @@ struct WantedEstimates {
 struct Estimate {
   Spacing spacing;
   Noise noise;
-  std::shared_ptr<const NoiseLevels> levels{};  // of the noise; null: 1 everywhere
 };
 // What is wanted, the rest zero, at points of the cloud's sample. Needs the index of the first iteration. Throws
 // Error(interrupted) once `stop` is triggered.

@@ -162,7 +162,7 @@ void set_normals(Cloud& cloud, std::span<const Point> normals) {
                                                         (*sensor)[2] - cloud.origin[2] - p.z}
                                 : outward.from(p));
     }
-    if (side < 0) normal = {0.0F - normal.x, 0.0F - normal.y, 0.0F - normal.z};  // zeros stay positive
+    if (side < 0) normal = {0 - normal.x, 0 - normal.y, 0 - normal.z};  // no -0
     holder.set(i, {normal.x, normal.y, normal.z});
   }
   holder.give_to(cloud);

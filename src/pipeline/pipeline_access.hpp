@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// For tests: a pipeline on a backend of one's own, and what it followed.
+// For tests: a pipeline on a backend of one's own.
 #pragma once
 
-#include "estimate/automatic.hpp"
 #include "pipeline/loaded_cloud.hpp"
 #include "pointfair/pipeline.hpp"
 
@@ -11,8 +10,6 @@ namespace pointfair {
 struct PipelineAccess {
   // With `make_worker`, clouds that are too large for the backend's memory are computed in tiles by two such workers.
   static Pipeline make(std::unique_ptr<Backend> backend, DeviceInfo device, MakeBackend make_worker = {});
-  // What followed the noise in the last run.
-  static const FollowedNoise& followed_noise(const Pipeline& pipeline);
 };
 
 }  // namespace pointfair

@@ -3,8 +3,6 @@
 #pragma once
 
 #include "cuda/runtime/memory.cuh"
-#include "point/noise_field.h"
-#include "point/outliers.h"
 #include "pointfair/cloud.hpp"
 
 namespace pointfair::cuda {
@@ -12,8 +10,7 @@ namespace pointfair::cuda {
 struct HeldBack {
   const Point *before, *after;  // in upload order
   std::size_t count;
-  point::LimitRule limits;
-  point::NoiseField field;  // nodes on the card
+  float farthest, outlier_distance;
 };
 
 // Settled positions into `out`, which may be `after`; 1 or 0 for each point into `outliers` unless it is null; adds the
