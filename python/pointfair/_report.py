@@ -41,8 +41,6 @@ class Estimates:
     noise: float  #: standard deviation of the noise along the normal
     points: int  #: number of all points
     finite: int  #: number of points without NaN or infinity
-    #: that noise at the quietest, the typical and the loudest places: at 5, 50 and 95 % of the samples
-    noise_quantiles: tuple[float, float, float]
 
 
 @dataclasses.dataclass(frozen=True)
