@@ -23,8 +23,8 @@ from ._values import Parameter, canonical, native_params
 if TYPE_CHECKING:
     from typing_extensions import Self, Unpack
 
-#: Every parameter, in the order of the stages that read them.
 PARAMETERS: tuple[Parameter, ...] = tuple(Parameter(*row) for row in parameter_table())
+"""Every parameter, in the order of the stages that read them."""
 
 '''
 

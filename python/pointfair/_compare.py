@@ -15,16 +15,26 @@ from ._program import program_path
 class Comparison:
     """Distances of cloud A to cloud or mesh B, in the unit of the coordinates."""
 
-    points: int  #: of A
-    diagonal: float  #: of B's bounding box
+    points: int
+    """Of A."""
+    diagonal: float
+    """Of B's bounding box."""
     mean: float
+    """Mean distance."""
     rms: float
-    p95: float  #: 95 % of the distances are smaller
+    """Root mean square of the distances."""
+    p95: float
+    """95 % of the distances are smaller."""
     max: float
-    chamfer: float  #: mean squared distance from A to B plus that from B to A, where B's bounding sphere has radius 1
-    edge_rms: float | None  #: of the points near edges, with edges
+    """The largest distance."""
+    chamfer: float
+    """Mean squared distance from A to B plus that from B to A, where B's bounding sphere has radius 1."""
+    edge_rms: float | None
+    """Of the points near edges, with edges."""
     edge_points: int
-    normal_error: float | None  #: mean angle to the normal of the nearest face in degrees, with normals
+    """Number of those points."""
+    normal_error: float | None
+    """Mean angle to the normal of the nearest face in degrees, with normals."""
 
 
 def compare(a: Any, b: Any, *, as_cloud: bool = False, edges: float | None = None, normals: int | None = None,

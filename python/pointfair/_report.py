@@ -16,9 +16,12 @@ if TYPE_CHECKING:
 class DeviceInfo:
     """The device of a run."""
 
-    kind: str  #: "cpu" or "cuda"
-    name: str  #: "AMD EPYC, 2 threads, AVX-512"; "NVIDIA H200"
-    reason: str  #: why it is this one
+    kind: str
+    """Either "cpu" or "cuda"."""
+    name: str
+    """Such as "AMD EPYC, 2 threads, AVX-512" or "NVIDIA H200"."""
+    reason: str
+    """Why it is this one."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -26,31 +29,45 @@ class DeviceStatus:
     """A device of this machine."""
 
     info: DeviceInfo
+    """Which it is."""
     usable: bool
-    details: tuple[str, ...]  #: driver, runtime, memory, and why it cannot be used
+    """Whether a run can use it."""
+    details: tuple[str, ...]
+    """Driver, runtime, memory, and why it cannot be used."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Estimates:
     """What was measured on a cloud. Lengths are in the unit of the coordinates."""
 
-    min: tuple[float, float, float]  #: lower corner of the bounds of the finite points
-    max: tuple[float, float, float]  #: upper corner
-    diagonal: float  #: of those bounds
-    spacing: float  #: mean distance to the 6 nearest other points
-    noise: float  #: standard deviation of the noise along the normal
-    points: int  #: number of all points
-    finite: int  #: number of points without NaN or infinity
+    min: tuple[float, float, float]
+    """Lower corner of the bounds of the finite points."""
+    max: tuple[float, float, float]
+    """Upper corner."""
+    diagonal: float
+    """Of those bounds."""
+    spacing: float
+    """Mean distance to the 6 nearest other points."""
+    noise: float
+    """Standard deviation of the noise along the normal."""
+    points: int
+    """Number of all points."""
+    finite: int
+    """Number of points without NaN or infinity."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Unmoved:
     """How many points kept their place, by reason."""
 
-    non_finite: int  #: a coordinate is NaN or infinite, or its square would overflow
-    too_few_neighbors: int  #: fewer than 3 neighbours
-    no_normal: int  #: neighbours identical or on a line
-    outliers: int  #: off the surface
+    non_finite: int
+    """A coordinate is NaN or infinite, or its square would overflow."""
+    too_few_neighbors: int
+    """Fewer than 3 neighbours."""
+    no_normal: int
+    """Neighbours identical or on a line."""
+    outliers: int
+    """Off the surface."""
 
     @property
     def total(self) -> int:
@@ -63,7 +80,9 @@ class Stage:
     """How long a stage took."""
 
     name: str
+    """Such as "neighbors"."""
     milliseconds: float
+    """On the device; further iterations are added."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,21 +90,33 @@ class Report:
     """What a run did."""
 
     device: DeviceInfo
+    """Where it ran."""
     points: int
-    params: Params  #: as used: lengths in file units, and "auto" only for what nothing reads
+    """Number of all points."""
+    params: Params
+    """As used: lengths in file units, and "auto" only for what nothing reads."""
     unmoved: Unmoved
-    short_neighborhoods: int  #: points whose constrained neighbourhood has fewer than k neighbours
-    stages: tuple[Stage, ...]  #: the stages that ran, in order
-    tiles: int  #: number of tiles that the cloud was cut into; 1: not cut
-    milliseconds: float  #: from array to array
+    """Points that kept their place."""
+    short_neighborhoods: int
+    """Points whose constrained neighbourhood has fewer than k neighbours."""
+    stages: tuple[Stage, ...]
+    """The stages that ran, in order."""
+    tiles: int
+    """Number of tiles that the cloud was cut into; 1: not cut."""
+    milliseconds: float
+    """From array to array."""
     peak_host_bytes: int
+    """Of the pipeline, without the caller's arrays."""
     peak_device_bytes: int
-    noise: float = dataclasses.field(default=float("nan"))  #: estimated on the input; nan: not asked for
-    spacing: float = dataclasses.field(default=float("nan"))  #: estimated on the input; nan: not asked for
-    #: the unit normals of the result, (N, 3), with normals=True; zero where there is none
+    """Of the card."""
+    noise: float = dataclasses.field(default=float("nan"))
+    """Estimated on the input; nan: not asked for."""
+    spacing: float = dataclasses.field(default=float("nan"))
+    """Estimated on the input; nan: not asked for."""
     normals: NDArray[np.float32] | None = dataclasses.field(default=None, repr=False, compare=False)
-    #: True for each outlier, with outliers="mark"
+    """The unit normals of the result, (N, 3), with normals=True; zero where there is none."""
     outliers: NDArray[np.bool_] | None = dataclasses.field(default=None, repr=False, compare=False)
+    """True for each outlier, with outliers="mark"."""
 
 
 def device_of(row: tuple[Any, ...]) -> DeviceInfo:

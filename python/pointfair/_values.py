@@ -15,15 +15,25 @@ class Parameter:
     """One row of the table of parameters."""
 
     name: str
-    kind: str  #: int, float, length, switch or word
-    stage: str  #: the first stage that reads it
+    """As in Params."""
+    kind: str
+    """int, float, length, switch or word."""
+    stage: str
+    """The first stage that reads it."""
     min: float
+    """Of a number, in the unit given."""
     max: float
-    automatic: bool  #: whether "auto" is allowed
-    values: tuple[str, ...]  #: the words allowed; empty for numbers
+    """Likewise."""
+    automatic: bool
+    """Whether "auto" is allowed."""
+    values: tuple[str, ...]
+    """The words allowed; empty for numbers."""
     help: str
-    expert: bool  #: seldom needed
+    """One line."""
+    expert: bool
+    """Seldom needed."""
     default: Any
+    """As in Params()."""
 
     def __post_init__(self) -> None:
         words: Any = self.values
