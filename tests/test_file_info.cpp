@@ -116,6 +116,16 @@ TEST(FileInfos, AnE57FileIsInMetres) {
   EXPECT_EQ(row(info, "software"), "made by the tests");
 }
 
+TEST(FileInfos, AnE57ScanWithoutPointsNeedsNoCoordinates) {
+  E57Scan empty, scan;
+  empty.fields = {{"intensity", "integer", {}, 0, 255, 1, 0, ""}};
+  for (const char* name : {"cartesianX", "cartesianY", "cartesianZ"})
+    scan.fields.push_back({name, "scaled", {1, 2}, 0, 10, 0.005, 0, ""});
+  const FileInfo info = file_info(parse(make_e57({empty, scan}), "a.e57"));
+  EXPECT_EQ(row(info, "scans"), "2");
+  EXPECT_EQ(info.step, 0.005);
+}
+
 TEST(FileInfos, OtherFormatsSayNothing) {
   const FileInfo info = file_info(parse("1 2 3\n", "a.xyz"));
   EXPECT_TRUE(info.rows.empty());

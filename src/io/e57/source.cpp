@@ -183,11 +183,10 @@ FileInfo E57Source::info() const {
   result.rows.push_back({"poses", std::to_string(poses)});
   if (!coordinate_metadata_.empty()) result.rows.push_back({"coordinate_system", coordinate_metadata_});
   for (const ScanPoints& scan : scans_) {
-    for (const std::size_t f : scan.coordinates()) {
+    if (!scan.cartesian) continue;  // an angle's step in metres depends on the range; an empty scan may have neither
+    for (const std::size_t f : *scan.cartesian) {
       const Field& field = scan.fields[f];
-      // an angle's step in metres depends on the range
-      if (scan.cartesian && field.kind == Field::Kind::integer)
-        result.step = std::max(result.step, std::abs(field.scale));
+      if (field.kind == Field::Kind::integer) result.step = std::max(result.step, std::abs(field.scale));
     }
   }
   return result;
