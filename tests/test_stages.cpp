@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "pipeline/pipeline_access.hpp"
 #include "pointfair/pipeline.hpp"
 #include "reference.h"
 #include "shapes.h"
@@ -46,7 +47,8 @@ void expect_like_reference(const Points& points, const Params& params, const std
   Points out(points.size()), normals(points.size());
   pipeline.run(params, out);
   pipeline.normals(normals);
-  const reference::Settings settings = reference::settings_of(pipeline.report().params);
+  const reference::Settings settings =
+      reference::settings_of(pipeline.report().params, PipelineAccess::followed_noise(pipeline));
   const std::vector<reference::Faired> expected = reference::fair(points, settings);
   double size = std::max(settings.closeness_sigma, reference::spacing(points));
   if (settings.closeness_of_radius) size = settings.closeness_sigma * mean_radius(points, settings);
