@@ -12,6 +12,7 @@
 #include "estimate/node_grid.hpp"
 #include "estimate/noise_levels.hpp"
 #include "pipeline/pipeline_access.hpp"
+#include "point/noise_field.h"
 #include "pointfair/pointfair.hpp"
 #include "reference.h"
 #include "shapes.h"
