@@ -291,6 +291,41 @@ TEST(LazErrors, DamagedBytesDoNoHarm) {
   }
 }
 
+// LASzip's decoder would read outside its tables.
+TEST(LazErrors, ACodeThatNoEncoderBeginsWithIsRefused) {
+  const auto refused = [](const std::string& bad) {
+    return thrown_by([&] {
+      const Cloud cloud = parse(bad, "a.laz");
+      for (const AttributeInfo& info : attributes(cloud)) attribute(cloud, info.name);
+    });
+  };
+  for (const unsigned format : {4U, 6U, 7U}) {  // whole points by LASzip, layers
+    LasSpec spec;
+    spec.minor = 4;
+    spec.format = format;
+    spec.plain_extra = 2;
+    const std::string good = make_laz(make_las(spec), {0, 1000, false});
+    const std::size_t chunk = las_points_begin(good) + 8, length = las_record_length(good);
+    std::vector<std::size_t> codes = {chunk + length};
+    if (format >= 6) {
+      const std::size_t layers = format == 6 ? 11 : 12;
+      std::size_t at = chunk + length + 4 + 4 * layers;
+      codes.clear();
+      for (std::size_t layer = 0; layer < layers; ++layer) {
+        const auto size = las_get<std::uint32_t>(good, chunk + length + 4 + 4 * layer);
+        if (size >= 4) codes.push_back(at);
+        at += size;
+      }
+      EXPECT_GT(codes.size(), 9U);
+    }
+    for (const std::size_t code : codes) {
+      std::string bad = good;
+      bad.replace(code, 4, 4, '\xFF');
+      EXPECT_EQ(refused(bad).kind, ErrorKind::file) << format << ' ' << code;
+    }
+  }
+}
+
 TEST(LazErrors, WhatIsNotKnownIsNamed) {
   LasSpec spec;
   const std::string good = make_laz(make_las(spec), {});

@@ -56,7 +56,7 @@ void fail(const std::string& name, const std::string& message) { throw Error(Err
 
 void check_plausible(std::uint64_t points, std::uint64_t others, std::size_t bytes, std::size_t file_size,
                      const std::string& name) {
-  constexpr std::uint64_t kAlways = std::uint64_t{1} << 26, kPerByte = 256;
+  constexpr std::uint64_t kAlways = std::uint64_t{1} << 24, kPerByte = 256;
   const std::uint64_t most = std::max(kAlways, kPerByte * file_size) / bytes;
   if (points <= most && others <= most - points) return;
   fail(name, "promises " + std::to_string(points) + " points, which a file of " + std::to_string(file_size) +

@@ -16,7 +16,7 @@ namespace pointfair::io {
 [[noreturn]] void fail(const std::string& name, const std::string& message);
 
 /// Refuses a file that promises `points` beside `others`, of `bytes` bytes each in memory, where these need not be in
-/// the file: more than 64 MiB, and more than 256 times the file, is what only a file made to do harm promises.
+/// the file: more than 16 MiB, and more than 256 times the file, is what only a file made to do harm promises.
 void check_plausible(std::uint64_t points, std::uint64_t others, std::size_t bytes, std::size_t file_size,
                      const std::string& name);
 

@@ -23,6 +23,10 @@ namespace pointfair::io::las {
 
 inline constexpr std::uint32_t kLeastLength = std::uint32_t{1} << 24;  // a shorter interval takes in or gives off bytes
 
+/// Whether no encoder writes such bytes: they name the end of the first interval, which does not belong to it. LASzip's
+/// decoder reads outside its tables after them.
+inline bool is_impossible_code(std::string_view code) { return code.starts_with("\xFF\xFF\xFF\xFF"); }
+
 /// Symbols 0 to n - 1 with probabilities learnt from those seen, 2 <= n <= kMost.
 template <std::uint32_t kMost>
 class alignas(64) BasicSymbolModel {

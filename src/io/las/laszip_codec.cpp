@@ -6,6 +6,7 @@
 #include <laswritepoint.hpp>
 #include <laszip.hpp>
 
+#include "io/las/arithmetic.hpp"
 #include "io/las/codec.hpp"
 #include "io/las/fields.hpp"
 #include "io/las/interleaved.hpp"
@@ -181,6 +182,8 @@ bool decode_chunk(const Compression& compression, std::string_view chunk, std::u
     if (!split_layers(chunk, items.record_length(), compression.layers(), points)) return false;
     whole.assign(8, '\0').append(chunk);
     chunk = whole;
+  } else if (chunk.size() < items.record_length() || is_impossible_code(chunk.substr(items.record_length()))) {
+    return false;
   }
   ChunkReader stream(chunk);
   const Description description(compression, points);

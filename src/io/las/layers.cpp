@@ -183,7 +183,7 @@ std::optional<LayeredChunk> split_layers(std::string_view chunk, std::size_t rec
   std::string_view rest = chunk.substr(head);
   for (std::size_t layer = 0; layer < layers; ++layer) {
     const std::size_t size = load<std::uint32_t>(result.sizes.data() + 4 * layer, kSwap);
-    if (size > rest.size()) return std::nullopt;
+    if (size > rest.size() || is_impossible_code(rest.substr(0, size))) return std::nullopt;
     if (layer == 0) result.returns_xy = rest.substr(0, size);
     if (layer == 1) result.z = rest.substr(0, size);
     if (layer == 2) result.others = rest;
