@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "estimate/node_grid.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "point/noise_field.h"
+
+namespace pointfair {
+namespace {
+
+constexpr double kWidening = 2;  // samples; where fewer are near, wider surroundings count
+constexpr double kAside = 0.01;  // of the places, at either end of each axis
+
+// Sums over the cells of a cube of n cells an axis, and the mean once it is known.
+struct Level {
+  explicit Level(int cells) : n(cells), weight(std::size_t(n) * n * n), sum(weight.size()) {}
+  std::size_t at(int x, int y, int z) const { return (std::size_t(z) * n + y) * n + x; }
+  int n;
+  std::vector<double> weight, sum;
+};
+
+// Gortler and others 1996: sums are pushed to ever wider cells, and means are pulled back.
+std::vector<Level> push(Level finest) {
+  std::vector<Level> levels;
+  levels.push_back(std::move(finest));
+  while (levels.back().n > 1) {
+    const Level& from = levels.back();
+    Level to(from.n / 2);
+    for (int z = 0; z < from.n; ++z)
+      for (int y = 0; y < from.n; ++y)
+        for (int x = 0; x < from.n; ++x) {
+          const std::size_t cell = to.at(x / 2, y / 2, z / 2);
+          to.weight[cell] += from.weight[from.at(x, y, z)];
+          to.sum[cell] += from.sum[from.at(x, y, z)];
+        }
+    levels.push_back(std::move(to));
+  }
+  return levels;
+}
+
+struct Between {
+  int low, high;
+  double share;
+};
+// Of a fine cell's centre, between those of coarse cells.
+Between between_cells(int fine, int coarse_count) {
+  const double place = (fine - 0.5) / 2;
+  const int low = int(std::floor(place));
+  return {std::clamp(low, 0, coarse_count - 1), std::clamp(low + 1, 0, coarse_count - 1), place - low};
+}
+
+// `mean` of the coarse cells becomes that of the fine ones.
+std::vector<double> pull(const Level& fine, const Level& coarse, const std::vector<double>& mean) {
+  std::vector<double> result(fine.sum.size());
+  for (int z = 0; z < fine.n; ++z)
+    for (int y = 0; y < fine.n; ++y)
+      for (int x = 0; x < fine.n; ++x) {
+        const Between along[] = {between_cells(x, coarse.n), between_cells(y, coarse.n), between_cells(z, coarse.n)};
+        double wide = 0;
+        for (int corner = 0; corner < 8; ++corner) {
+          double share = 1;
+          int at[3];
+          for (int axis = 0; axis < 3; ++axis) {
+            const bool high = corner >> axis & 1;
+            at[axis] = high ? along[axis].high : along[axis].low;
+            share *= high ? along[axis].share : 1 - along[axis].share;
+          }
+          wide += share * mean[coarse.at(at[0], at[1], at[2])];
+        }
+        const std::size_t cell = fine.at(x, y, z);
+        result[cell] = (fine.sum[cell] + kWidening * wide) / (fine.weight[cell] + kWidening);
+      }
+  return result;
+}
+
+// Trilinear shares of a value at its eight nodes.
+void add(Level& nodes, const point::NoiseField& field, const Point& p, double value) {
+  const point::NodePlace along[] = {point::node_place(p.x, field.first.x, field.nodes_per_unit),
+                                    point::node_place(p.y, field.first.y, field.nodes_per_unit),
+                                    point::node_place(p.z, field.first.z, field.nodes_per_unit)};
+  for (int corner = 0; corner < 8; ++corner) {
+    double share = 1;
+    int at[3];
+    for (int axis = 0; axis < 3; ++axis) {
+      const bool high = corner >> axis & 1;
+      at[axis] = along[axis].below + high;
+      share *= high ? double(along[axis].above) : 1 - double(along[axis].above);
+    }
+    nodes.weight[nodes.at(at[0], at[1], at[2])] += share;
+    nodes.sum[nodes.at(at[0], at[1], at[2])] += share * value;
+  }
+}
+
+NoiseLevels grid_around(const std::vector<Point>& places) {
+  float low[3], widest = 0;
+  for (int axis = 0; axis < 3; ++axis) {
+    std::vector<float> values;
+    for (const Point& p : places) values.push_back(axis == 0 ? p.x : axis == 1 ? p.y : p.z);
+    std::sort(values.begin(), values.end());
+    const std::size_t aside = std::size_t(kAside * double(values.size()));
+    low[axis] = values[aside];
+    widest = std::max(widest, values[values.size() - 1 - aside] - values[aside]);
+  }
+  return {{}, {low[0], low[1], low[2]}, widest > 0 ? float(point::kFieldNodes - 1) / widest : 0};
+}
+
+}  // namespace
+
+NoiseLevels levels_between(const std::vector<Point>& places, const std::vector<double>& log_levels) {
+  NoiseLevels result = grid_around(places);
+  const point::NoiseField field{nullptr, {result.first.x, result.first.y, result.first.z}, result.nodes_per_unit};
+  Level nodes(point::kFieldNodes);
+  for (std::size_t i = 0; i < places.size(); ++i) add(nodes, field, places[i], log_levels[i]);
+  const std::vector<Level> levels = push(std::move(nodes));
+  std::vector<double> mean{levels.back().sum[0] / levels.back().weight[0]};
+  for (std::size_t level = levels.size() - 1; level > 0; --level) mean = pull(levels[level - 1], levels[level], mean);
+  result.levels.reserve(mean.size());
+  for (const double log_level : mean) result.levels.push_back(float(std::exp(log_level)));
+  return result;
+}
+
+}  // namespace pointfair
