@@ -43,7 +43,9 @@ struct StageTime {
 struct Report {
   DeviceInfo device;
   std::uint64_t points = 0;
-  Params params;  ///< as used: lengths in file units, and `auto` only for what nothing reads
+  /// As used in a typical place: lengths in file units, and `auto` only for what nothing reads. What was `auto` followed
+  /// the noise from place to place, so the run is repeated by the parameters that it was given, not by these.
+  Params params;
   UnmovedCounts unmoved;
   std::uint64_t short_neighborhoods = 0;  ///< points whose constrained neighbourhood has fewer than k neighbours
   /// The stages that ran, in order; further iterations add to the same names. Stages on a card are timed by the card.

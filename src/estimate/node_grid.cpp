@@ -40,39 +40,33 @@ std::vector<Level> push(Level finest) {
   return levels;
 }
 
-struct Between {
-  int low, high;
-  double share;
-};
-// Of a fine cell's centre, between those of coarse cells.
-Between between_cells(int fine, int coarse_count) {
-  const double place = (fine - 0.5) / 2;
-  const int low = int(std::floor(place));
-  return {std::clamp(low, 0, coarse_count - 1), std::clamp(low + 1, 0, coarse_count - 1), place - low};
+// Along an axis of n cells: the middle of each of 2 n finer cells lies three quarters towards one cell from the next.
+void refine(int n, const double* coarse, double* fine, std::size_t stride) {
+  for (int i = 0; i < n; ++i) {
+    const double here = coarse[i * stride], before = coarse[std::max(i - 1, 0) * stride],
+                 after = coarse[std::min(i + 1, n - 1) * stride];
+    fine[2 * i * stride] = here + (before - here) / 4;
+    fine[(2 * i + 1) * stride] = here + (after - here) / 4;
+  }
 }
 
-// `mean` of the coarse cells becomes that of the fine ones.
-std::vector<double> pull(const Level& fine, const Level& coarse, const std::vector<double>& mean) {
-  std::vector<double> result(fine.sum.size());
-  for (int z = 0; z < fine.n; ++z)
-    for (int y = 0; y < fine.n; ++y)
-      for (int x = 0; x < fine.n; ++x) {
-        const Between along[] = {between_cells(x, coarse.n), between_cells(y, coarse.n), between_cells(z, coarse.n)};
-        double wide = 0;
-        for (int corner = 0; corner < 8; ++corner) {
-          double share = 1;
-          int at[3];
-          for (int axis = 0; axis < 3; ++axis) {
-            const bool high = corner >> axis & 1;
-            at[axis] = high ? along[axis].high : along[axis].low;
-            share *= high ? along[axis].share : 1 - along[axis].share;
-          }
-          wide += share * mean[coarse.at(at[0], at[1], at[2])];
-        }
-        const std::size_t cell = fine.at(x, y, z);
-        result[cell] = (fine.sum[cell] + kWidening * wide) / (fine.weight[cell] + kWidening);
-      }
-  return result;
+// Of n^3 cells, to (2 n)^3: trilinear, one axis after the other.
+std::vector<double> refined(int n, const std::vector<double>& coarse) {
+  const std::size_t m = 2 * std::size_t(n);
+  std::vector<double> along_x(m * n * n), along_y(m * m * n), along_z(m * m * m);
+  for (std::size_t row = 0; row < std::size_t(n) * n; ++row) refine(n, &coarse[row * n], &along_x[row * m], 1);
+  for (std::size_t z = 0; z < std::size_t(n); ++z)
+    for (std::size_t x = 0; x < m; ++x) refine(n, &along_x[z * n * m + x], &along_y[z * m * m + x], m);
+  for (std::size_t column = 0; column < m * m; ++column) refine(n, &along_y[column], &along_z[column], m * m);
+  return along_z;
+}
+
+// The means of `fine` from its own sums and from the means of cells twice as wide.
+std::vector<double> pull(const Level& fine, const std::vector<double>& coarse_mean) {
+  std::vector<double> mean = refined(fine.n / 2, coarse_mean);
+  for (std::size_t cell = 0; cell < mean.size(); ++cell)
+    mean[cell] = (fine.sum[cell] + kWidening * mean[cell]) / (fine.weight[cell] + kWidening);
+  return mean;
 }
 
 // Trilinear shares of a value at its eight nodes.
@@ -115,9 +109,9 @@ NoiseLevels levels_between(const std::vector<Point>& places, const std::vector<d
   for (std::size_t i = 0; i < places.size(); ++i) add(nodes, field, places[i], log_levels[i]);
   const std::vector<Level> levels = push(std::move(nodes));
   std::vector<double> mean{levels.back().sum[0] / levels.back().weight[0]};
-  for (std::size_t level = levels.size() - 1; level > 0; --level) mean = pull(levels[level - 1], levels[level], mean);
+  for (std::size_t level = levels.size() - 1; level > 0; --level) mean = pull(levels[level - 1], mean);
   result.levels.reserve(mean.size());
-  for (const double log_level : mean) result.levels.push_back(float(std::exp(log_level)));
+  for (const double log_level : mean) result.levels.push_back(std::exp(float(log_level)));
   return result;
 }
 

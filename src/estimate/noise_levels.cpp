@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <numeric>
 #include <utility>
 #include <vector>
 
@@ -25,6 +26,7 @@ constexpr double kChance = 0.15;                   // of log levels, by the samp
 constexpr double kSpread = 0.35;                   // of log levels, before anything is known
 constexpr double kLargestLevel = 8;
 constexpr std::array kQuantiles{0.05, 0.5, 0.95};  // that are told
+constexpr double kUnlikely = 40;                   // minus twice the log likelihood, over the best model's
 constexpr double kWideRadius = 2.6;  // standard deviations; in narrower balls the slab's bias is not undone
 
 constexpr std::array kCounts{point::kLeastFit, point::kFirstFit, 2 * point::kFirstFit, point::kFirstRow};
@@ -54,28 +56,48 @@ Curve curve_of(const point::NoiseSample& noise, const point::ResidualSample* res
   return curve;
 }
 
-double squared_distance(const Point& a, const Point& b) {
-  const double x = double(a.x) - b.x, y = double(a.y) - b.y, z = double(a.z) - b.z;
-  return x * x + y * y + z * z;
-}
-
-// The nearest of `places` to one of them, itself first, into a row of kPool. Equal distances in the order of the
-// places, which is one of positions.
-void find_pool(const std::vector<Point>& places, std::size_t of, std::uint32_t* row) {
-  std::array<double, kPool> nearest;
-  nearest.fill(std::numeric_limits<double>::infinity());
-  for (std::size_t j = 0; j < places.size(); ++j) {
-    const double squared = squared_distance(places[of], places[j]);
-    if (!(squared < nearest.back())) continue;
-    std::size_t place = kPool - 1;
-    for (; place > 0 && squared < nearest[place - 1]; --place) {
-      nearest[place] = nearest[place - 1];
-      row[place] = row[place - 1];
-    }
-    nearest[place] = squared;
-    row[place] = std::uint32_t(j);
+// The nearest of some places to each of them, found along x.
+class Pools {
+ public:
+  explicit Pools(const std::vector<Point>& places) : places_(places), along_x_(places.size()) {
+    std::iota(along_x_.begin(), along_x_.end(), std::uint32_t(0));
+    std::sort(along_x_.begin(), along_x_.end(), [&](std::uint32_t a, std::uint32_t b) {
+      return places[a].x != places[b].x ? places[a].x < places[b].x : a < b;
+    });
   }
-}
+
+  // Of the n-th place along x: that place first, into a row of kPool. Equal distances in the order of the places, which
+  // is one of positions.
+  void find(std::size_t n, std::uint32_t* row) const {
+    std::array<std::pair<double, std::uint32_t>, kPool> nearest;
+    nearest.fill({std::numeric_limits<double>::infinity(), 0});
+    const Point& from = places_[along_x_[n]];
+    // false: from here on all are too far
+    const auto takes = [&](std::uint32_t j) {
+      const Point& to = places_[j];
+      const double x = double(from.x) - to.x, y = double(from.y) - to.y, z = double(from.z) - to.z;
+      if (x * x > nearest.back().first) return false;
+      const std::pair<double, std::uint32_t> found{x * x + y * y + z * z, j};
+      if (!(found < nearest.back())) return true;
+      std::size_t place = kPool - 1;
+      for (; place > 0 && found < nearest[place - 1]; --place) nearest[place] = nearest[place - 1];
+      nearest[place] = found;
+      return true;
+    };
+    bool goes_up = true, goes_down = true;
+    takes(along_x_[n]);
+    for (std::size_t step = 1; goes_up || goes_down; ++step) {
+      goes_up = goes_up && n + step < along_x_.size() && takes(along_x_[n + step]);
+      goes_down = goes_down && step <= n && takes(along_x_[n - step]);
+    }
+    for (std::size_t i = 0; i < kPool; ++i) row[i] = nearest[i].second;
+  }
+  std::size_t place(std::size_t n) const { return along_x_[n]; }
+
+ private:
+  const std::vector<Point>& places_;
+  std::vector<std::uint32_t> along_x_;
+};
 
 // At the place of the pool's first sample.
 Curve pooled(std::span<const std::uint32_t> pool, const std::vector<Curve>& curves) {
@@ -125,6 +147,7 @@ double noise_of(const Curve& curve, const std::vector<Curve>& rows, double typic
   all += prior;
   if (known < 2) return kUnknown;               // nothing tells shape from noise
   std::vector<std::pair<double, double>> fits;  // minus twice the log likelihood, and log noise
+  fits.reserve(rows.size());
   double best = std::numeric_limits<double>::infinity();
   for (const Curve& row : rows) {
     double first = prior * log_typical, second = prior * log_typical * log_typical;
@@ -137,6 +160,7 @@ double noise_of(const Curve& curve, const std::vector<Curve>& rows, double typic
   }
   double sum = 0, likelihood = 0;
   for (const auto& [misfit, log_noise] : fits) {
+    if (misfit - best > kUnlikely) continue;
     const double its = std::exp(-0.5 * (misfit - best));
     sum += its * std::exp(0.5 * log_noise);
     likelihood += its;
@@ -178,8 +202,10 @@ std::shared_ptr<const NoiseLevels> noise_levels(const LocalSamples& samples, dou
   const std::vector<Curve> rows = models();
   std::vector<std::uint32_t> pools(places.size() * kPool);
   std::vector<double> noise(places.size()), log_levels(places.size());
-  for_each(places.size(), [&](std::size_t i) {
-    find_pool(places, i, &pools[i * kPool]);
+  const Pools nearest(places);
+  for_each(places.size(), [&](std::size_t n) {
+    const std::size_t i = nearest.place(n);
+    nearest.find(n, &pools[i * kPool]);
     noise[i] = noise_of(pooled(std::span(pools).subspan(i * kPool, kPool), curves), rows, typical);
   });
   for_each(places.size(), [&](std::size_t i) {
