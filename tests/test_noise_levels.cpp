@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <functional>
 #include <limits>
 #include <numeric>
 #include <random>
@@ -25,6 +26,10 @@ using shapes::Points;
 constexpr int kPoints = 20000;  // over the unit square: the spacing is 0.007
 constexpr double kSpacing = 0.0071;
 constexpr double kQuiet = 0.1 * kSpacing, kLoud = 0.6 * kSpacing;
+
+void one_after_the_other(std::size_t count, const std::function<void(std::size_t)>& body) {
+  for (std::size_t i = 0; i < count; ++i) body(i);
+}
 
 double sigma_at(double x) { return x < 0.5 ? kQuiet : kLoud; }
 
@@ -179,7 +184,8 @@ TEST(NoiseField, is_trilinear_and_beyond_its_border_as_on_it) {
 
 TEST(NoiseField, of_one_value_has_it_everywhere) {
   const Points places = shapes::sphere(300);
-  const NoiseLevels levels = levels_between(places, std::vector<double>(places.size(), std::log(2.5)));
+  const NoiseLevels levels =
+      levels_between(places, std::vector<double>(places.size(), std::log(2.5)), one_after_the_other);
   for (const float level : levels.levels) ASSERT_NEAR(level, 2.5, 1e-5);
 }
 
@@ -188,7 +194,7 @@ TEST(NoiseField, passes_near_the_values_that_it_lies_between) {
   std::vector<double> logs;
   for (const Point& p : places) logs.push_back(std::sin(3 * double(p.x)) * double(p.y));
   reference::Settings settings;
-  settings.levels = std::make_shared<const NoiseLevels>(levels_between(places, logs));
+  settings.levels = std::make_shared<const NoiseLevels>(levels_between(places, logs, one_after_the_other));
   for (std::size_t i = 0; i < places.size(); ++i)
     ASSERT_NEAR(std::log(reference::noise_level(settings, places[i])), logs[i], 0.12) << i;
 }

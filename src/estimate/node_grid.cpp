@@ -50,22 +50,21 @@ void refine(int n, const double* coarse, double* fine, std::size_t stride) {
   }
 }
 
-// Of n^3 cells, to (2 n)^3: trilinear, one axis after the other.
-std::vector<double> refined(int n, const std::vector<double>& coarse) {
-  const std::size_t m = 2 * std::size_t(n);
-  std::vector<double> along_x(m * n * n), along_y(m * m * n), along_z(m * m * m);
-  for (std::size_t row = 0; row < std::size_t(n) * n; ++row) refine(n, &coarse[row * n], &along_x[row * m], 1);
-  for (std::size_t z = 0; z < std::size_t(n); ++z)
-    for (std::size_t x = 0; x < m; ++x) refine(n, &along_x[z * n * m + x], &along_y[z * m * m + x], m);
-  for (std::size_t column = 0; column < m * m; ++column) refine(n, &along_y[column], &along_z[column], m * m);
-  return along_z;
-}
-
-// The means of `fine` from its own sums and from the means of cells twice as wide.
-std::vector<double> pull(const Level& fine, const std::vector<double>& coarse_mean) {
-  std::vector<double> mean = refined(fine.n / 2, coarse_mean);
-  for (std::size_t cell = 0; cell < mean.size(); ++cell)
-    mean[cell] = (fine.sum[cell] + kWidening * mean[cell]) / (fine.weight[cell] + kWidening);
+// The means of `fine` from its own sums and from the means of cells twice as wide, trilinear between their middles.
+std::vector<double> pull(const Level& fine, const std::vector<double>& coarse, const ForEach& for_each) {
+  const std::size_t n = fine.n / 2, m = fine.n;
+  std::vector<double> along_z(m * n * n), mean(m * m * m);
+  for (std::size_t column = 0; column < n * n; ++column) refine(int(n), &coarse[column], &along_z[column], n * n);
+  for_each(m, [&](std::size_t z) {
+    std::vector<double> along_y(m * n);
+    for (std::size_t x = 0; x < n; ++x) refine(int(n), &along_z[z * n * n + x], &along_y[x], n);
+    for (std::size_t y = 0; y < m; ++y) {
+      const std::size_t row = (z * m + y) * m;
+      refine(int(n), &along_y[y * n], &mean[row], 1);
+      for (std::size_t cell = row; cell < row + m; ++cell)
+        mean[cell] = (fine.sum[cell] + kWidening * mean[cell]) / (fine.weight[cell] + kWidening);
+    }
+  });
   return mean;
 }
 
@@ -102,16 +101,20 @@ NoiseLevels grid_around(const std::vector<Point>& places) {
 
 }  // namespace
 
-NoiseLevels levels_between(const std::vector<Point>& places, const std::vector<double>& log_levels) {
+NoiseLevels levels_between(const std::vector<Point>& places, const std::vector<double>& log_levels,
+                           const ForEach& for_each) {
   NoiseLevels result = grid_around(places);
   const point::NoiseField field{nullptr, {result.first.x, result.first.y, result.first.z}, result.nodes_per_unit};
   Level nodes(point::kFieldNodes);
   for (std::size_t i = 0; i < places.size(); ++i) add(nodes, field, places[i], log_levels[i]);
   const std::vector<Level> levels = push(std::move(nodes));
   std::vector<double> mean{levels.back().sum[0] / levels.back().weight[0]};
-  for (std::size_t level = levels.size() - 1; level > 0; --level) mean = pull(levels[level - 1], mean);
-  result.levels.reserve(mean.size());
-  for (const double log_level : mean) result.levels.push_back(std::exp(float(log_level)));
+  for (std::size_t level = levels.size() - 1; level > 0; --level) mean = pull(levels[level - 1], mean, for_each);
+  result.levels.resize(mean.size());
+  for_each(point::kFieldNodes, [&](std::size_t z) {
+    const std::size_t slab = mean.size() / point::kFieldNodes;
+    for (std::size_t i = z * slab; i < (z + 1) * slab; ++i) result.levels[i] = std::exp(float(mean[i]));
+  });
   return result;
 }
 

@@ -26,7 +26,7 @@ constexpr double kChance = 0.15;                   // of log levels, by the samp
 constexpr double kSpread = 0.35;                   // of log levels, before anything is known
 constexpr double kLargestLevel = 8;
 constexpr std::array kQuantiles{0.05, 0.5, 0.95};  // that are told
-constexpr double kUnlikely = 40;                   // minus twice the log likelihood, over the best model's
+constexpr double kUnlikely = 20;                   // minus twice the log likelihood, over the best model's
 constexpr double kWideRadius = 2.6;  // standard deviations; in narrower balls the slab's bias is not undone
 
 constexpr std::array kCounts{point::kLeastFit, point::kFirstFit, 2 * point::kFirstFit, point::kFirstRow};
@@ -213,7 +213,7 @@ std::shared_ptr<const NoiseLevels> noise_levels(const LocalSamples& samples, dou
     log_levels[i] = std::log(std::clamp(median / typical, 1 / kLargestLevel, kLargestLevel));
   });
   shrink(log_levels);
-  auto levels = std::make_shared<NoiseLevels>(levels_between(places, log_levels));
+  auto levels = std::make_shared<NoiseLevels>(levels_between(places, log_levels, for_each));
   std::sort(log_levels.begin(), log_levels.end());
   for (std::size_t q = 0; q < kQuantiles.size(); ++q)
     levels->quantiles[q] = std::exp(log_levels[std::size_t(kQuantiles[q] * double(log_levels.size() - 1))]);
