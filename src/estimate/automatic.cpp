@@ -156,7 +156,7 @@ double automatic_relaxation(int whole_percent, int iterations, const Noise& nois
 // shape less than those that hold just 16 points, and noise that is alike in neighbouring points looks like shape.
 double share_damage(const Noise& noise, int iterations) {
   const double level = level_of(noise, noise.surface_spacing);
-  return kDamage * iterations * (1 - share_between(kHarmlessNoise, level)) * (1 - noise.alikeness);
+  return kDamage * iterations * (1 - share_between(kHarmlessNoise, level)) * (noise.depth_has_steps ? 0 : 1);
 }
 
 // Whether what is automatic follows the noise from place to place. Between sheets the gap sets lengths, and heights are
