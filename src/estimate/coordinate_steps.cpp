@@ -5,6 +5,8 @@
 #include <array>
 #include <cmath>
 #include <optional>
+#include <span>
+#include <utility>
 
 #include "point/sample.h"
 
@@ -13,23 +15,23 @@ namespace {
 
 using point::Offset;
 
-constexpr std::size_t kRow = kStepNeighbors + 1;
-constexpr double kRounding = 2.4e-7;  // of the extent: 4 units in the last place of single precision
-constexpr std::size_t kRepeats = 20;  // so often, on average, values recur that have steps
-constexpr std::size_t kGlance = 256;  // values; fewer than half of them are distinct
-constexpr double kSameStep = 0.05;    // relative
-constexpr std::size_t kFewestLevels = 3;
-constexpr double kExactPlane = 1e-4;  // of its neighbourhood's size
-constexpr double kRoundness = 0.05;   // of eigenvalues in the plane; less is a line
+constexpr std::size_t kLookedAt = 500;  // samples
+constexpr int kNeighbors = 8, kManyNeighbors = 60;
+constexpr std::size_t kRow = kNeighbors + 1;
+constexpr double kRounding = 2.4e-7;                 // of the extent: 4 units in the last place of single precision
+constexpr std::size_t kRepeats = 20;                 // so often, on average, values recur that have steps
+constexpr std::size_t kGlance = 256;                 // values; fewer than half of them are distinct
+constexpr double kSameStep = 0.05;                   // relative
+constexpr std::size_t kSpans = 8, kFewestAlike = 6;  // of levels
+constexpr double kSameGap = 0.15, kWideningOfGaps = 1.3;  // relative; from the nearest level to the farthest
+constexpr double kExactPlane = 1e-4;                      // of its neighbourhood's size
+constexpr double kRoundness = 0.05;                       // of eigenvalues in the plane; less is a line
 constexpr std::size_t kFewestPlanes = 10, kMostPlanes = 400;
 constexpr double kSameDirection = 0.99985;  // cosine of 1 degree
 constexpr double kLevelGap = 2e-6;          // of the extent; heights are not nearer
 constexpr std::size_t kHeightsOfLevel = 8;  // so many, on average
 
 double coordinate(const Point& p, int axis) { return axis == 0 ? p.x : axis == 1 ? p.y : p.z; }
-bool is_known(std::span<const Point> row) {
-  return std::none_of(row.begin(), row.end(), [](const Point& p) { return std::isnan(p.x); });
-}
 
 // Values that lie `apart`, of many sorted ones.
 std::vector<double> distinct(std::vector<double> values, double apart) {
@@ -132,53 +134,90 @@ std::optional<Offset> common_direction(std::span<const Point> rows, double round
   return point::least_eigenvector(moments).unit;
 }
 
-// At each row's first point, along a direction; empty where heights have no levels.
-std::vector<double> steps_along(Offset direction, std::span<const Point> rows, double extent) {
-  std::vector<double> heights;
-  for (const Point& p : rows) heights.push_back(point::dot(point::offset_between(rows[0], p), direction));
-  const double apart = kLevelGap * extent;
-  const std::vector<double> levels = distinct(heights, apart);
-  if (levels.size() < kFewestLevels || levels.size() * kHeightsOfLevel > heights.size()) return {};
-  std::vector<double> steps;
-  for (std::size_t first = 0; first < rows.size(); first += kRow) {
-    const auto next = std::upper_bound(levels.begin(), levels.end(), heights[first] + apart / 2);
-    const std::size_t level = std::size_t(std::max<std::ptrdiff_t>(next - levels.begin() - 1, 0));
-    // levels may be missing on one side
-    double step = level > 0 ? levels[level] - levels[level - 1] : levels[1] - levels[0];
-    if (level + 1 < levels.size()) step = std::min(step, levels[level + 1] - levels[level]);
-    steps.push_back(step);
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// Of depths that tell whole disparities: they lie ever wider apart, by the square of the distance.
+struct DisparityLaw {
+  double place, root, slope;  // the root of the gap at a place, and by how much it grows
+  double gap_at(double at) const {
+    const double there = root + slope * (at - place);
+    return there * there;
   }
+};
+
+// Of sorted levels, if they follow it. The profiles of a scanner that is driven past do not. Means over many levels, of
+// which some are rounded or missing, and a line through them by medians (Theil and Sen).
+std::optional<DisparityLaw> disparity_law(const std::vector<double>& levels) {
+  std::array<double, kSpans> place, root;
+  for (std::size_t i = 0; i < kSpans; ++i) {
+    const std::size_t from = i * (levels.size() - 1) / kSpans, to = (i + 1) * (levels.size() - 1) / kSpans;
+    place[i] = (levels[from] + levels[to]) / 2;
+    root[i] = std::sqrt((levels[to] - levels[from]) / double(to - from));
+  }
+  std::vector<double> slopes;
+  for (std::size_t i = 0; i < kSpans; ++i)
+    for (std::size_t j = 0; j < i; ++j) slopes.push_back((root[i] - root[j]) / (place[i] - place[j]));
+  const double slope = median(std::move(slopes));
+  std::vector<double> at_start;
+  for (std::size_t i = 0; i < kSpans; ++i) at_start.push_back(root[i] - slope * (place[i] - place[0]));
+  const DisparityLaw law{place[0], median(std::move(at_start)), slope};
+  const auto [least, most] = std::minmax({law.gap_at(levels.front()), law.gap_at(levels.back())});
+  std::size_t alike = 0;
+  for (std::size_t i = 0; i < kSpans; ++i) alike += std::abs(root[i] * root[i] / law.gap_at(place[i]) - 1) < kSameGap;
+  if (most < kWideningOfGaps * least || alike < kFewestAlike) return std::nullopt;
+  return law;
+}
+
+double extent_of(std::span<const Point> points) {
+  double extent = 0;
+  for (const Point& p : points)
+    for (int axis = 0; axis < 3 && !std::isnan(p.x); ++axis)
+      extent = std::max(extent, std::abs(coordinate(p, axis) - coordinate(points[0], axis)));
+  return extent;
+}
+
+// At each row's first point, along a direction; empty where heights have no levels.
+std::vector<double> steps_along(Offset direction, std::span<const Point> rows, std::size_t row_size) {
+  const auto height = [&](const Point& p) { return point::dot(point::offset_between(rows[0], p), direction); };
+  std::vector<double> heights;
+  for (const Point& p : rows)
+    if (!std::isnan(p.x)) heights.push_back(height(p));
+  const std::size_t all = heights.size();
+  const std::vector<double> levels = distinct(std::move(heights), kLevelGap * extent_of(rows));
+  if (levels.size() <= 2 * kSpans || levels.size() * kHeightsOfLevel > all) return {};
+  const std::optional<DisparityLaw> law = disparity_law(levels);
+  std::vector<double> steps;
+  for (std::size_t first = 0; law && first < rows.size(); first += row_size)
+    steps.push_back(law->gap_at(height(rows[first])));
   return steps;
+}
+
+// Those that are full.
+std::vector<Point> known_rows(std::span<const Point> rows, std::size_t row_size) {
+  std::vector<Point> known;
+  for (std::size_t first = 0; first < rows.size(); first += row_size) {
+    const auto row = rows.subspan(first, row_size);
+    if (std::none_of(row.begin(), row.end(), [](const Point& p) { return std::isnan(p.x); }))
+      known.insert(known.end(), row.begin(), row.end());
+  }
+  return known;
 }
 
 }  // namespace
 
-CoordinateSteps coordinate_steps(std::span<const Point> all) {
-  std::vector<Point> rows;
-  std::vector<std::size_t> row_of(all.size() / kRow, all.size());
-  double extent = 0;
-  for (std::size_t first = 0; first < all.size(); first += kRow) {
-    const auto row = all.subspan(first, kRow);
-    if (!is_known(row)) continue;
-    row_of[first / kRow] = rows.size() / kRow;
-    rows.insert(rows.end(), row.begin(), row.end());
-    for (const Point& p : row)
-      for (int axis = 0; axis < 3; ++axis)
-        extent = std::max(extent, std::abs(coordinate(p, axis) - coordinate(rows[0], axis)));
-  }
-  CoordinateSteps result;
-  std::vector<double> steps;
-  const double rounding = kRounding * extent;
-  if (const double step = step_of_grid(rows, rounding); step > 0) {
-    result.kind = CoordinateSteps::Kind::grid;
-    steps.assign(rows.size() / kRow, step);
-  } else if (const auto direction = common_direction(rows, rounding)) {
-    steps = steps_along(*direction, rows, extent);
-    if (!steps.empty()) result.kind = CoordinateSteps::Kind::depth;
-  }
-  if (result.kind == CoordinateSteps::Kind::none) return result;
-  for (const std::size_t row : row_of) result.at.push_back(row < steps.size() ? steps[row] : 0);
-  return result;
+CoordinateSteps coordinate_steps(std::size_t samples, const NearestRows& nearest) {
+  const std::vector<Point> rows = known_rows(nearest(std::min(samples, kLookedAt), kNeighbors), kRow);
+  const double rounding = kRounding * extent_of(rows);
+  if (const double step = step_of_grid(rows, rounding); step > 0)
+    return {CoordinateSteps::Kind::grid, std::vector<double>(samples, step)};
+  const auto direction = common_direction(rows, rounding);
+  if (!direction) return {};
+  std::vector<double> steps = steps_along(*direction, nearest(samples, kManyNeighbors), kManyNeighbors + 1);
+  return {steps.empty() ? CoordinateSteps::Kind::none : CoordinateSteps::Kind::depth, std::move(steps)};
 }
 
 }  // namespace pointfair

@@ -3,7 +3,7 @@
 #pragma once
 
 #include <cstddef>
-#include <span>
+#include <functional>
 #include <vector>
 
 #include "pointfair/cloud.hpp"
@@ -21,8 +21,10 @@ struct CoordinateSteps {
   std::vector<double> at;  // each sample: the distance between the values there; empty without steps
 };
 
-inline constexpr int kStepNeighbors = 8;
-// Of rows of samples and their kStepNeighbors nearest others (Sampling::sample_neighborhoods). O(samples log samples).
-CoordinateSteps coordinate_steps(std::span<const Point> rows);
+// Of the first so many samples, rows of each and its nearest others (Sampling::sample_neighborhoods).
+using NearestRows = std::function<std::vector<Point>(std::size_t count, int neighbors)>;
+// Asks for a few rows of 500 samples, and for all where they show planes of one depth. A sensor's direction is found by
+// them; depths have steps if these widen with the square of the distance, as whole disparities make them.
+CoordinateSteps coordinate_steps(std::size_t samples, const NearestRows& nearest);
 
 }  // namespace pointfair

@@ -21,7 +21,6 @@ namespace {
 // many points of the cloud, all of the sample at most.
 constexpr std::size_t kNoiseSamples = 500;
 constexpr std::uint64_t kPointsOfPlace = 200;
-constexpr std::size_t kStepSamples = 500;
 constexpr double kSheetShare = 0.1;     // of the samples; fewer that see two sheets are corners and outliers
 constexpr double kPlaneQuartile = 1.2;  // of a plane's own variances, by chance
 constexpr double kDoubtfulNoise = 0.6;  // spacings; below it residuals may be shape
@@ -176,16 +175,12 @@ Noise noise_of(std::span<const point::NoiseSample> samples, bool depth_has_steps
   return noise;
 }
 
-// At each of `queries`. Most clouds have none, which a few samples tell.
 CoordinateSteps steps_at(Sampling& from, std::span<const std::uint32_t> queries) {
-  const auto of_first = [&](std::size_t count) {
-    std::vector<Point> rows(count * (kStepNeighbors + 1));
-    from.sample_neighborhoods(queries.first(count), kStepNeighbors, rows);
-    return coordinate_steps(rows);
-  };
-  const std::size_t few = std::min(queries.size(), kStepSamples);
-  const CoordinateSteps there = of_first(few);
-  return there.kind == CoordinateSteps::Kind::none || few == queries.size() ? there : of_first(queries.size());
+  return coordinate_steps(queries.size(), [&](std::size_t count, int neighbors) {
+    std::vector<Point> rows(count * std::size_t(neighbors + 1));
+    from.sample_neighborhoods(queries.first(count), neighbors, rows);
+    return rows;
+  });
 }
 
 // What steps add to the noise, in steps. Rounding adds an even spread of one. The depth of a camera that matches
