@@ -20,7 +20,7 @@ namespace {
 // Of the cloud's sample, all of which serves the spacing: for the noise as a whole, and from place to place one for so
 // many points of the cloud, all of the sample at most.
 constexpr std::size_t kNoiseSamples = 500;
-constexpr std::uint64_t kPointsOfPlace = 200;
+constexpr std::uint64_t kPointsOfPlace = 1000;
 constexpr double kSheetShare = 0.1;     // of the samples; fewer that see two sheets are corners and outliers
 constexpr double kPlaneQuartile = 1.2;  // of a plane's own variances, by chance
 constexpr double kDoubtfulNoise = 0.6;  // spacings; below it residuals may be shape
