@@ -28,6 +28,7 @@ constexpr int kMinNeighbors = 16, kMinNeighborsIfAlike = 48;  // and the neighbo
 // Factors of a ball's radius, and the noise in spacings where they set in, and beyond which samples do not see far
 // enough.
 constexpr double kRoominess = 1.15, kConfinement = 0.67, kBendPower = 0.06, kLeastFactor = 0.75;
+constexpr double kDepthWidening = 2.5;  // of depths that are alike over windows of a matcher, some nine pixels wide
 constexpr double kRoomyNoise[] = {0.5, 0.85}, kBendingNoise[] = {0.25, 0.45}, kUnseenNoise[] = {3.6, 4.4};
 constexpr double kSeparableGap = 1.9;                 // spacings between two sheets
 constexpr double kOneSheet = 0.65, kBothSheets = 14;  // of the points of one sheet within the gap
@@ -104,6 +105,7 @@ double level_of(const Noise& noise, double spacing) { return spacing > 0 ? noise
 double ball_factor(const Noise& noise, double spacing) {
   const double level = level_of(noise, spacing);
   if (!(level > 0) || noise.gap > 0) return 1;
+  if (noise.depth_has_steps) return kDepthWidening;
   const double room = std::pow(kRoominess, share_between(kRoomyNoise, level));
   const double shape = std::pow(kConfinement, noise.confined) *
                        std::pow(std::max(1.0, noise.bend), -kBendPower * share_between(kBendingNoise, level));
@@ -154,7 +156,7 @@ double automatic_relaxation(int whole_percent, int iterations, const Noise& nois
 // shape less than those that hold just 16 points, and noise that is alike in neighbouring points looks like shape.
 double share_damage(const Noise& noise, int iterations) {
   const double level = level_of(noise, noise.surface_spacing);
-  return kDamage * iterations * (1 - share_between(kHarmlessNoise, level)) * (1 - noise.alikeness);
+  return kDamage * iterations * (1 - share_between(kHarmlessNoise, level)) * (noise.depth_has_steps ? 0 : 1);
 }
 
 // Whether what is automatic follows the noise from place to place. Between sheets the gap sets lengths, and heights are
