@@ -89,6 +89,23 @@ TEST(Neighbors, are_exact_where_every_distance_ties) {
   for (const int k : kEveryK) expect_exact_lists(shapes::grid(9), k);
 }
 
+// Ties are ordered by the steps of a coarse grid, and within a step by the coordinates.
+TEST(Neighbors, are_exact_where_ties_share_a_step_or_lie_on_both_sides_of_zero) {
+  Points points = shapes::shifted(shapes::grid(9), {-4, -4, -4});
+  for (const int k : {8, 16, 27, 32, 64}) expect_exact_lists(points, k);
+  for (int i = 0; i < 200; ++i) {  // eighths of a step around one of the lattice's points
+    const double x = 2 + i % 5 / 1024.0, y = 2 + i / 5 % 5 / 1024.0, z = 2 + i / 25 / 1024.0;
+    points.push_back(shapes::make_point(x, y, z));
+  }
+  for (const int k : {8, 16, 32, 64}) expect_exact_lists(points, k);
+}
+
+TEST(Neighbors, are_exact_where_ties_and_distances_that_shortening_changes_meet) {
+  Points points = shapes::grid(8);
+  for (int i = 0; i < 300; ++i) points.push_back(shapes::make_point(i % 7 + 1e-6 * i, i / 7 % 7, 3 + 1e-5 * i));
+  for (const int k : {8, 16, 32, 64}) expect_exact_lists(points, k);
+}
+
 TEST(Neighbors, are_exact_where_distances_differ_in_their_last_bits) {
   Points points = shapes::sphere(600);  // unit radius as far as rounding allows
   for (int i = 0; i < 20; ++i) points.push_back(shapes::make_point(1e-7 * i, -1e-7 * i, 0));
