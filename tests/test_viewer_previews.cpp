@@ -30,8 +30,8 @@ void expect_a_true_preview(Seat& seat, const Json& params) {
   seat.result(1);
 }
 
-// The page cuts the ball out of the cloud and puts these points in its place.
-TEST(ViewerSession, APreviewHoldsEveryPointOfItsBall) {
+// The page cuts the sphere out of the cloud and puts these points in its place.
+TEST(ViewerSession, APreviewHoldsEveryPointWithinItsRadius) {
   Seat seat(noisy(150000));
   Json request = Json::parse(run_text(1, {{"k", "16"}, {"iterations", "2"}}));
   request["focus"] = {seat.points[777].x, seat.points[777].y, seat.points[777].z};
