@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "pipeline/settings.hpp"
+#include "pipeline/stage_settings.hpp"
 
 #include <algorithm>
 
