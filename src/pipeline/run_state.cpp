@@ -18,7 +18,7 @@ constexpr std::uint64_t kWorthChunks = 1 << 18;  // points; whose copy takes lon
 std::string_view name_of(Stage stage) { return kStageNames[std::size_t(stage)]; }
 
 IndexOrder order_for(const Params& params) {
-  return sums_balls(params) ? IndexOrder::along_curve : IndexOrder::fastest;
+  return sums_within_radius(params) ? IndexOrder::along_curve : IndexOrder::fastest;
 }
 
 FairingSettings of_iteration(FairingSettings settings, int iteration) {
