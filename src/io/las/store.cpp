@@ -66,6 +66,7 @@ class Chunks : public PointStore {
     if (!decoded) fail(name_, "chunk " + std::to_string(block) + " of its points is damaged; copy the file again");
   }
   bool decode(std::size_t block, std::uint32_t layers, std::span<char> records) const {
+    require_codec(compression_, name_ + ": attributes of such points need");
     return decode_chunk(compression_, chunk(block), static_cast<std::uint32_t>(block_size(block)), layers, records);
   }
   const Compression& compression() const { return compression_; }

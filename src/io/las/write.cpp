@@ -139,7 +139,7 @@ class LasWriter {
 
   void choose_compression() {
     compression_ = usual_compression(layout_.header.point_format, record_length_);
-    if (!layout_.compression) return;
+    if (!layout_.compression) return require_codec(*compression_, "writing such points as LAZ needs");
     compression_->chunk_points = layout_.compression->chunk_points;
     for (std::size_t i = 0; i < layout_.compression->items.size(); ++i) {
       compression_->items[i].version = layout_.compression->items[i].version;
