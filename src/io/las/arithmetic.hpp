@@ -285,7 +285,7 @@ class Encoder {
 
   [[gnu::noinline]] void grow() {
     const auto at = static_cast<std::size_t>(at_ - to_.data());
-    to_.resize(to_.size() + to_.size() / 2 + 64);
+    to_.resize(std::max(to_.capacity(), to_.size() + to_.size() / 2 + 64));
     at_ = to_.data() + at;
     end_ = to_.data() + to_.size();
   }

@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "io/file_bytes.hpp"
+#include "io/large_pages.hpp"
 #include "io/las/codec.hpp"
 #include "io/las/fields.hpp"
 #include "io/las/layers.hpp"
@@ -18,6 +19,14 @@ void read_grid(const char* record, std::size_t record_length, std::span<Grid> ou
     for (std::size_t axis = 0; axis < 3; ++axis) grid[axis] = load<std::int32_t>(record + 4 * axis, kSwap);
     record += record_length;
   }
+}
+
+// Not initialized.
+template <class T>
+std::unique_ptr<T[]> make_large(std::uint64_t count) {
+  auto made = std::make_unique_for_overwrite<T[]>(static_cast<std::size_t>(count));
+  prefer_large_pages(made.get(), static_cast<std::size_t>(count) * sizeof(T));
+  return made;
 }
 
 class FileRecords : public PointStore {
@@ -89,9 +98,9 @@ class DecodedRecords : public Chunks {
     const std::uint64_t count = block_begin(block_count());
     check_plausible(count, 0, record_length, file_size, name);
     if (keeps) {
-      records_ = std::make_unique_for_overwrite<char[]>(static_cast<std::size_t>(count) * record_length);
+      records_ = make_large<char>(count * record_length);
     } else {
-      grid_ = std::make_unique_for_overwrite<Grid[]>(static_cast<std::size_t>(count));
+      grid_ = make_large<Grid>(count);
     }
     for_each_block(block_count(), [&](std::size_t block) {
       if (keeps) {
@@ -136,8 +145,8 @@ class DecodedLayers : public Chunks {
       : Chunks(std::move(chunks), compression, record_length, name) {
     const std::uint64_t count = block_begin(block_count());
     check_plausible(count, 0, sizeof(Grid) + sizeof(Returns), file_size, name);
-    grid_ = std::make_unique_for_overwrite<Grid[]>(static_cast<std::size_t>(count));
-    if (keeps) returns_ = std::make_unique_for_overwrite<Returns[]>(static_cast<std::size_t>(count));
+    grid_ = make_large<Grid>(count);
+    if (keeps) returns_ = make_large<Returns>(count);
     for_each_block(block_count(), [&](std::size_t block) {
       std::vector<Returns> unkept(keeps ? 0 : block_size(block));
       decode_into(block, {grid_.get() + block_begin(block), block_size(block)},
