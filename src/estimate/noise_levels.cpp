@@ -24,7 +24,6 @@ constexpr double kQuantileNormal = -0.3853204664;  // of the normal distribution
 constexpr double kFitError = 0.1;                  // of log variances, beside chance: no model is exact
 constexpr double kChance = 0.15;                   // of log levels, by the samples alone
 constexpr double kSpread = 0.35;                   // of log levels, before anything is known
-constexpr double kLargestLevel = 8;
 constexpr std::array kQuantiles{0.05, 0.5, 0.95};  // that are told
 constexpr double kUnlikely = 20;                   // minus twice the log likelihood, over the best model's
 constexpr double kWideRadius = 2.6;  // standard deviations; in narrower balls the slab's bias is not undone
@@ -214,10 +213,16 @@ std::shared_ptr<const NoiseLevels> noise_levels(const LocalSamples& samples, dou
   });
   shrink(log_levels);
   auto levels = std::make_shared<NoiseLevels>(levels_between(places, log_levels, for_each));
-  std::sort(log_levels.begin(), log_levels.end());
-  for (std::size_t q = 0; q < kQuantiles.size(); ++q)
-    levels->quantiles[q] = std::exp(log_levels[std::size_t(kQuantiles[q] * double(log_levels.size() - 1))]);
+  levels->quantiles = quantiles_of(std::move(log_levels));
   return levels;
+}
+
+std::array<double, 3> quantiles_of(std::vector<double> log_levels) {
+  std::array<double, 3> result{};
+  std::sort(log_levels.begin(), log_levels.end());
+  for (std::size_t q = 0; q < result.size(); ++q)
+    result[q] = std::exp(log_levels[std::size_t(kQuantiles[q] * double(log_levels.size() - 1))]);
+  return result;
 }
 
 }  // namespace pointfair
