@@ -7,13 +7,15 @@
 #include <utility>
 #include <vector>
 
+#include "estimate/constants.hpp"
 #include "estimate/node_grid.hpp"
 #include "estimate/noise_levels.hpp"
 
 namespace pointfair {
 namespace {
 
-constexpr std::size_t kMostPlaces = 32768;  // as many as the grid has nodes
+using namespace constants;
+
 constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
 constexpr Point kNowhere{kNaN, kNaN, kNaN};
 
@@ -33,7 +35,7 @@ std::optional<GivenNoise> given_noise(std::span<const float> values, std::span<c
   const auto point_at = [&](std::size_t i) {
     return std::pair(says(values[i]) ? points[i] : kNowhere, static_cast<std::uint32_t>(i));
   };
-  const CloudSample sample = sample_points(points.size(), point_at, kMostPlaces, for_each);
+  const CloudSample sample = sample_points(points.size(), point_at, kMostGivenPlaces, for_each);
   std::vector<double> log_levels;
   for (const std::uint32_t i : sample.indices)
     log_levels.push_back(std::log(std::clamp(values[i] / sigma, 1 / kLargestLevel, kLargestLevel)));

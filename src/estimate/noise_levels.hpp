@@ -26,9 +26,6 @@ struct LocalSamples {
 // that `for_each` calls at once.
 std::shared_ptr<const NoiseLevels> noise_levels(const LocalSamples& samples, double typical, const ForEach& for_each);
 
-// Levels differ by this factor at most from that of a typical place.
-inline constexpr double kLargestLevel = 8;
-
 // The levels at 5, 50 and 95 % of some places, at least one.
 std::array<double, 3> quantiles_of(std::vector<double> log_levels);
 

@@ -25,7 +25,7 @@ constexpr float kNoNoise = std::numeric_limits<float>::quiet_NaN();  // of inval
 std::string_view name_of(Stage stage) { return kStageNames[std::size_t(stage)]; }
 
 IndexOrder order_for(const Params& params) {
-  return sums_balls(params) ? IndexOrder::along_curve : IndexOrder::fastest;
+  return sums_within_radius(params) ? IndexOrder::along_curve : IndexOrder::fastest;
 }
 
 FairingSettings of_iteration(FairingSettings settings, int iteration) {
