@@ -204,10 +204,16 @@ std::shared_ptr<const NoiseLevels> noise_levels(const LocalSamples& samples, dou
   });
   shrink(log_levels);
   auto levels = std::make_shared<NoiseLevels>(levels_between(places, log_levels, for_each));
-  std::sort(log_levels.begin(), log_levels.end());
-  for (std::size_t q = 0; q < kToldQuantiles.size(); ++q)
-    levels->quantiles[q] = std::exp(log_levels[std::size_t(kToldQuantiles[q] * double(log_levels.size() - 1))]);
+  levels->quantiles = quantiles_of(std::move(log_levels));
   return levels;
+}
+
+std::array<double, 3> quantiles_of(std::vector<double> log_levels) {
+  std::array<double, 3> result{};
+  std::sort(log_levels.begin(), log_levels.end());
+  for (std::size_t q = 0; q < result.size(); ++q)
+    result[q] = std::exp(log_levels[std::size_t(kToldQuantiles[q] * double(log_levels.size() - 1))]);
+  return result;
 }
 
 }  // namespace pointfair
