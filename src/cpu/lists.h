@@ -68,13 +68,15 @@ class FastLists {
   bool finish(const IndexView& index, const Queries& queries, int k, Mask active) {
     const Ints beyond = shortened(entry_[kSlots - 1]);
     const bool is_certain = !any((beyond == shortened(entry_[k - 1])) & (beyond < broadcast(kEmpty)) & active);
-    if ((!is_certain || ties(active) > kFewTies) && offer_in_order(index, queries, k)) return true;
-    if (!is_certain) return false;
+    if (!is_certain) return offer_in_order(index, queries, k);
+    int ties = 0;
     for (int s = 1; s < kSlots; ++s) {
       const Ints here = shortened(entry_[s]);
       const Mask equal = (here == shortened(entry_[s - 1])) & (here < broadcast(kEmpty)) & active;
-      for (unsigned lanes = bits(equal); lanes != 0; lanes &= lanes - 1)
+      for (unsigned lanes = bits(equal); lanes != 0; lanes &= lanes - 1) {
+        if (++ties == kManyTies && offer_in_order(index, queries, k)) return true;
         put_in_order(index, queries, __builtin_ctz(lanes), s);
+      }
     }
     return true;
   }
@@ -91,20 +93,9 @@ class FastLists {
   static constexpr int kNumber = (1 << (K <= 8 ? 8 : K <= 16 ? 9 : K <= 32 ? 10 : 11)) - 1;  // the number's bits
   static constexpr int kEmpty = 0x7f7fffff & ~kNumber;                                       // above every distance
 
-  static constexpr int kFewTies = kLanes;  // put in order one by one
+  static constexpr int kManyTies = kLanes;  // fewer are put in order one by one
 
   static POINTFAIR_INLINE Ints shortened(Ints entry) { return entry & ~kNumber; }
-
-  // Entries with the shortened distance of the one before them.
-  POINTFAIR_INLINE int ties(Mask active) const {
-    int count = 0;
-    for (int s = 1; s < kSlots; ++s) {
-      const Ints here = shortened(entry_[s]);
-      const Mask tied = (here == shortened(entry_[s - 1])) & (here < broadcast(kEmpty)) & active;
-      count += __builtin_popcount(bits(tied));
-    }
-    return count;
-  }
 
   // Where many are equally far, as in a lattice: offers the candidates again in the order of their positions, so that
   // minima and maxima alone order ties. False if a distance differs from the shortened one, or if there are too many.
