@@ -2,6 +2,7 @@
 // The pipeline: load, index, neighbours, normals, fairing, out.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -11,6 +12,7 @@
 
 #include "pointfair/cloud.hpp"
 #include "pointfair/device.hpp"
+#include "pointfair/device_points.hpp"
 #include "pointfair/export.hpp"
 #include "pointfair/params.hpp"
 #include "pointfair/report.hpp"
@@ -66,6 +68,24 @@ class POINTFAIR_EXPORT Pipeline {
   /// and `out` must not overlap.
   void run(std::span<const Point> points, const Params& params, std::span<Point> out, std::stop_token stop = {},
            const ProgressFunction& progress = {});
+
+  /// The same calls for points that lie on the pipeline's card: nothing is copied through host memory. Work starts
+  /// after what `stream` was given before. Positions are treated as those of arrays in host memory, with the same bits:
+  /// coordinates that are large against the extent become offsets from an origin (choose_origin), and the displacements
+  /// are added to them.
+  ///
+  /// load() returns the origin, and does so early: what the stream is given afterwards may change the points. The other
+  /// calls return when their results are there; `out` may be the array that was loaded. It has the type of what was
+  /// loaded, or float32 after a load from host memory. A run into host memory gives points relative to the origin, and
+  /// a Cloud that names it. Memory on the card beside that of a run: 24 bytes a point of doubles, 12 of floats with an
+  /// origin.
+  ///
+  /// They throw ErrorKind::usage if the pipeline computes elsewhere than where the points lie, or if the types differ;
+  /// and ErrorKind::memory for a cloud that does not fit into the card beside its results.
+  std::array<double, 3> load(const DevicePoints& points, DeviceStream stream);
+  void run(const Params& params, const DeviceOutput& out, DeviceStream stream, std::stop_token stop = {},
+           const ProgressFunction& progress = {});
+  void normals(const DeviceOutput& out, DeviceStream stream);
 
   /// Bounds, spacing and noise of the loaded cloud. The first call after `load` measures them, and builds the index if
   /// there is none. Valid until the next load.

@@ -9,6 +9,7 @@
 
 #include "batch.hpp"
 #include "bindings.hpp"
+#include "card_array.hpp"
 #include "interruptible.hpp"
 
 namespace nb = nanobind;
@@ -82,6 +83,27 @@ Cloud run_cloud(SharedPipeline& self, const Params& params, double strength, con
   self.use(progress, self.arrays().points(),
            [&](ArrayPipeline& arrays, const Watch& watch) { result = arrays.run_cloud(params, limits, watch); });
   return result;
+}
+
+// A stream as Python's packages give it, a number.
+DeviceStream stream_of(std::uintptr_t number) { return {reinterpret_cast<void*>(number)}; }
+
+void load_on_card(SharedPipeline& self, const CardArray& array, std::uintptr_t stream) {
+  self.use(nb::none(), array.rows().count, [&](ArrayPipeline& arrays, const Watch&) {
+    const DeviceOutput& rows = array.rows();
+    arrays.load({rows.data, rows.count, rows.row_stride, rows.column_stride, rows.type, rows.card}, stream_of(stream));
+  });
+}
+
+void run_on_card(SharedPipeline& self, const Params& params, const CardArray& out, std::uintptr_t stream,
+                 nb::object progress) {
+  self.use(progress, out.rows().count, [&](ArrayPipeline& arrays, const Watch& watch) {
+    arrays.run(params, out.rows(), stream_of(stream), watch);
+  });
+}
+
+void normals_on_card(SharedPipeline& self, const CardArray& out, std::uintptr_t stream) {
+  self.use([&](ArrayPipeline& arrays, const Watch&) { arrays.pipeline().normals(out.rows(), stream_of(stream)); });
 }
 
 // (min, max, diagonal, spacing, noise, points, finite), with bounds in file coordinates.
@@ -168,10 +190,18 @@ Row as_tuple(const Report& report) {
 }
 
 void bind_pipelines(nb::module_& module) {
+  nb::class_<CardArray>(module, "CardArray")
+      .def(nb::init<nb::ndarray<nb::ro>>(), nb::arg("array"))
+      .def(nb::init<std::uintptr_t, std::size_t, std::ptrdiff_t, std::ptrdiff_t, bool, int>(), nb::arg("pointer"),
+           nb::arg("count"), nb::arg("row_stride"), nb::arg("column_stride"), nb::arg("is_double"), nb::arg("card"));
   nb::class_<SharedPipeline> pipeline(module, "Pipeline");
   pipeline.def(nb::init<const std::string&, unsigned>(), nb::arg("device"), nb::arg("threads"));
   bind_scalar<float>(pipeline, module);
   bind_scalar<double>(pipeline, module);
+  pipeline.def("load_on_card", &load_on_card, nb::arg("array"), nb::arg("stream"))
+      .def("run_on_card", &run_on_card, nb::arg("params"), nb::arg("out"), nb::arg("stream"),
+           nb::arg("progress").none())
+      .def("normals_on_card", &normals_on_card, nb::arg("out"), nb::arg("stream"));
   pipeline.def("load_cloud", &load_cloud, nb::arg("cloud"), nb::arg("ignore"))
       .def("run_cloud", &run_cloud, nb::arg("params"), nb::arg("strength"), nb::arg("box").none(),
            nb::arg("mask").noconvert().none(), nb::arg("where"), nb::arg("progress").none())

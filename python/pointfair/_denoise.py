@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
 
 import numpy as np
 
-from . import _native
+from . import _card, _native
 from ._arrays import Layout, Result, as_box, as_mask, as_numpy, as_selections, as_strength, check_positions, rows
 from ._cloud import Cloud
 from ._errors import UsageError
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 Points = TypeVar("Points")
 
 # Pipelines of small clouds wait here for the next call, one for each device and number of threads: making one takes
-# longer than denoising a few points.
-_KEPT_POINTS = 100_000
+# longer than denoising a few points, on a card a million.
+_KEPT_POINTS, _KEPT_ON_CARD = 100_000, 2_000_000
 _idle: dict[tuple[str, int], list[_native.Pipeline]] = {}
 os.register_at_fork(after_in_child=_idle.clear)
 
@@ -38,7 +38,7 @@ def _take(device: str, threads: int) -> _native.Pipeline:
 
 
 def _give_back(pipeline: _native.Pipeline, device: str, threads: int) -> None:
-    if pipeline.points <= _KEPT_POINTS:
+    if pipeline.points <= (_KEPT_ON_CARD if device.startswith("cuda") else _KEPT_POINTS):
         waiting = _idle.setdefault((device, threads), [])
         if not waiting:
             waiting.append(pipeline)
@@ -61,8 +61,10 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
     """Removes the noise of a cloud and keeps its shape.
 
     Args:
-        points: positions, (N, 3) float32 or float64: a NumPy array, a CPU tensor of torch, jax or Open3D, or a Cloud.
-            Strides, byte order and memory order may be any. Of an (N, 4) array the last column stays as it is.
+        points: positions, (N, 3) float32 or float64: a NumPy array, a tensor of torch, jax or Open3D, or a Cloud.
+            Strides, byte order and memory order may be any. Of an (N, 4) array the last column stays as it is. A tensor
+            of torch or CuPy on a CUDA card is computed there, after the work of the current stream, without a copy
+            through the host.
         params: what to do; by default everything is chosen from the data.
         mask: (N,) booleans, True for each point that may move. The others still count as neighbours.
         where: only points of a Cloud whose attribute has one of some whole numbers move, "classification=2,6-9".
@@ -70,7 +72,7 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
         strength: blends the result with the input: 0 is the input, 1 the result.
         box: only points inside move: the lower and the upper corner, ((x, y, z), (x, y, z)).
         normals: whether the report has the normals; needs return_report.
-        device: "auto" is a CUDA card if there is one, else the CPU; or "cpu", "cuda", "cuda:N".
+        device: "auto" is where a tensor lies, else a CUDA card if there is one, else the CPU; or "cpu", "cuda", "cuda:N".
         threads: CPU threads; 0: all cores.
         out: an array for the result, of the same shape and type; it may be `points` itself.
         progress: True shows tqdm's bar where tqdm is installed; a function is called with the share done and the stage.
@@ -99,10 +101,21 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
     if normals and not return_report:
         raise UsageError("normals=True needs return_report=True, since report.normals has them")
     strength, box = as_strength(strength), as_box(box)
+    on_card = not isinstance(points, (np.ndarray, Cloud)) and _card.is_on_card(points)
+    layout = _card.CardLayout(points) if on_card else None
+    if layout is not None:
+        device = layout.check_device(device)
+        if where is not None or ignore is not None:
+            raise UsageError("where and ignore need a Cloud, whose attributes they name")
+        if mask is not None or box is not None or strength != 1:
+            raise UsageError("mask, box and strength take arrays in host memory: blend the tensors instead, "
+                             "torch.where(mask[:, None], result, points) for instance")
     pipeline = _take(device, threads)
     try:
         with progress_function(progress) as show:
-            if isinstance(points, Cloud):
+            if layout is not None:
+                result = _denoise_on_card(pipeline, points, layout, chosen, out, show)
+            elif isinstance(points, Cloud):
                 pipeline.load_cloud(points._native, as_selections(ignore, "ignore"))
                 limits = (strength, box, as_mask(mask, len(points)), as_selections(where, "where"))
                 result = _denoise_cloud(pipeline, chosen, limits, out, show)
@@ -122,6 +135,15 @@ def _denoise_cloud(pipeline: _native.Pipeline, params: Params, limits: tuple[flo
     if out is not None:
         raise UsageError("out= takes arrays, and a Cloud was given: leave it out")
     return Cloud._of(pipeline.run_cloud(params._native, *limits, show))
+
+
+def _denoise_on_card(pipeline: _native.Pipeline, points: Any, layout: _card.CardLayout, params: Params, out: Any,
+                     show: Any) -> Any:
+    stream = _card.current_stream(layout)
+    result = _card.CardResult(layout, points, out, stream)
+    pipeline.load_on_card(_card.card_array(points, stream), stream)
+    pipeline.run_on_card(params._native, result.native, stream, show)
+    return result.array
 
 
 def _denoise_array(pipeline: _native.Pipeline, points: Any, params: Params, strength: float, box: Any, mask: Any,
@@ -155,10 +177,17 @@ def estimate(points: Any, *, device: str = "auto", threads: int = 0) -> Estimate
         >>> estimate(grid).points
         2500
     """
+    on_card = not isinstance(points, (np.ndarray, Cloud)) and _card.is_on_card(points)
+    layout = _card.CardLayout(points) if on_card else None
+    if layout is not None:
+        device = layout.check_device(device)
     pipeline = _take(device, threads)
     try:
         if isinstance(points, Cloud):
             pipeline.load_cloud(points._native, "")
+        elif layout is not None:
+            stream = _card.current_stream(layout)
+            pipeline.load_on_card(_card.card_array(points, stream), stream)
         else:
             array = as_numpy(points)
             check_positions(array)

@@ -4,6 +4,7 @@
 // in spatial order, stages and download of its parts overlap (part_flow.cuh). Memory beside the chains, bytes a point:
 // the uploaded points 12, and 12 from the third iteration on.
 #include "cuda/chain.cuh"
+#include "cuda/runtime/callers_points.cuh"
 #include "cuda/runtime/devices.cuh"
 #include "cuda/runtime/memory.cuh"
 #include "cuda/runtime/stage_clock.cuh"
@@ -12,6 +13,7 @@
 #include "cuda/sampling/cloud_sampler.cuh"
 #include "cuda/stages/outliers.cuh"
 #include "seam/backend.hpp"
+#include "seam/device_memory.hpp"
 #include "seam/exactness.hpp"
 #include "seam/overlap.hpp"
 #include "seam/sampling.hpp"
@@ -22,10 +24,10 @@ namespace {
 
 constexpr float kInfinity = __builtin_inff();
 
-class CudaBackend final : public Backend, public Sampling, public Exactness, public Overlap {
+class CudaBackend final : public Backend, public Sampling, public Exactness, public Overlap, public DeviceMemory {
  public:
   CudaBackend(int card, const CudaOptions& options)
-      : context_(card, options.memory), points_of_chunk_(options.upload_chunk) {}
+      : card_(card), context_(card, options.memory), points_of_chunk_(options.upload_chunk) {}
 
   DeviceInfo device() const override { return {Device::cuda, context_.name(), "requested"}; }
 
@@ -53,6 +55,24 @@ class CudaBackend final : public Backend, public Sampling, public Exactness, pub
     context_.enter();
     is_arriving_ = false;
     upload_.finish();
+  }
+
+  // The first guess of the origin is nearly always right, so that the index begins while the host chooses it.
+  Origin upload(const DevicePoints& points, DeviceStream stream, const ChooseOrigin& choose,
+                IndexOrder expected) override {
+    context_.enter();
+    require_on_card(points.data, points.count, points.type, points.card, card_);
+    forget_cloud(points.count);
+    let_wait(stream);
+    callers_.start_sample(points);
+    Origin origin{};
+    take(points, origin, expected);
+    if (const Origin chosen = choose(callers_.sample(points)); chosen != origin) {
+      origin = chosen;
+      take(points, origin, expected);
+    }
+    check(cudaStreamWaitEvent(static_cast<cudaStream_t>(stream.handle), callers_turn_.get()), "ordering work");
+    return origin;
   }
 
   void build_index(int iteration, const std::optional<Frame>& frame, std::stop_token stop) override {
@@ -91,25 +111,48 @@ class CudaBackend final : public Backend, public Sampling, public Exactness, pub
                          std::span<std::uint8_t> outliers) override {
     Chain& from = chain(iteration);
     const cudaEvent_t start = start_stage();
-    const bool may_miss_some = iteration > 0;  // those that an iteration before turned into NaN
-    unsigned long long held_back = 0;
-    if (limits.farthest > 0) {
+    Pinned<unsigned long long>& held_back = count_held_back();
+    if (is_held_back(iteration, limits)) {
       from.join();
-      copy_held_back(from, limits, points, outliers, held_back);
+      DeviceArray<Point> settled(context_);
+      hold_back_points(from, limits, outliers, settled);
+      copy_out(settled.data(), points);
     } else {
       std::fill(outliers.begin(), outliers.end(), std::uint8_t(0));
-      if (may_miss_some) {
-        copy_held_back(from, {kInfinity, kInfinity}, points, {}, held_back);
-      } else {
-        copy_faired(from, points);
-      }
+      copy_faired(from, points);
     }
-    from.fetch_state(fetched_.get());  // counts() then need not ask the card again
-    clock_.note("download", start);
-    clock_.read();  // while the points are on their way
+    finish_download(from, start, iteration);
+    return *held_back.get();
+  }
+  std::uint64_t download(int iteration, const DeviceOutput& points, DeviceStream stream,
+                         const DisplacementLimits& limits, std::span<std::uint8_t> outliers) override {
+    Chain& from = chain(iteration);
+    const cudaEvent_t start = start_stage();
+    require_on_card(points.data, points.count, points.type, points.card, card_);
+    Pinned<unsigned long long>& held_back = count_held_back();
+    from.join();
+    let_wait(stream);
+    if (is_held_back(iteration, limits)) {
+      DeviceArray<Point> settled(context_);
+      hold_back_points(from, limits, outliers, settled);
+      callers_.give(uploaded_.data(), settled.data(), points);
+    } else {
+      std::fill(outliers.begin(), outliers.end(), std::uint8_t(0));
+      callers_.give(uploaded_.data(), from.faired().data(), points);
+    }
+    finish_download(from, start, iteration);
+    return *held_back.get();
+  }
+  void download_normals(int iteration, const DeviceOutput& normals, DeviceStream stream) override {
+    Chain& from = chain(iteration);
+    context_.enter();
+    require_on_card(normals.data, normals.count, normals.type, normals.card, card_);
+    DeviceArray<Point> restored(context_);
+    restored.resize(normals.count);
+    from.restore_normals(restored.data());
+    let_wait(stream);
+    callers_.give_plain(restored.data(), normals);
     deliver();
-    fetched_iteration_ = iteration;
-    return held_back;
   }
   void download_normals(int iteration, std::span<Point> normals, std::stop_token) override {
     Chain& from = chain(iteration);
@@ -161,6 +204,7 @@ class CudaBackend final : public Backend, public Sampling, public Exactness, pub
   Sampling& sampling() override { return *this; }
   Exactness* exactness() override { return this; }
   Overlap* overlap() override { return this; }
+  DeviceMemory* device_memory() override { return this; }
 
   CloudSample sample_cloud(std::size_t count) override {
     context_.enter();
@@ -247,15 +291,34 @@ class CudaBackend final : public Backend, public Sampling, public Exactness, pub
     constexpr std::size_t kWorth = 1 << 22;
     return uploaded_.size() >= kWorth || points_of_chunk_ > 0;
   }
-  void begin_upload(std::span<const Point> points, IndexOrder expected, bool timed) {
-    context_.enter();
+  void forget_cloud(std::size_t points) {
     context_.reset_peak();
     first_.join();
     clock_.forget();
     stop_line_.clear();
-    uploaded_.resize(points.size());
+    callers_.forget();
+    uploaded_.resize(points);
     further_iteration_ = 0;
+    is_index_begun_ = is_arriving_ = false;
+    arrived_ = nullptr;
+  }
+  // What the context's stream is given from now on waits for what the caller's was given before.
+  void let_wait(DeviceStream stream) {
+    callers_turn_.record(static_cast<cudaStream_t>(stream.handle));
+    context_.wait_for(callers_turn_.get());
+  }
+  // Starts to; `callers_turn_` is then after the last look at the points.
+  void take(const DevicePoints& points, const Origin& origin, IndexOrder expected) {
     is_index_begun_ = false;
+    callers_.take(points, origin, uploaded_.data());
+    callers_turn_.record(context_.stream());
+    if (expected != IndexOrder::fastest) return;
+    begin_first_index(std::nullopt, nullptr, {});
+    is_index_begun_ = true;
+  }
+  void begin_upload(std::span<const Point> points, IndexOrder expected, bool timed) {
+    context_.enter();
+    forget_cloud(points.size());
     const bool may_lie_apart = expected == IndexOrder::fastest && points_of_chunk_ == 0;
     Parts parts = points_of_chunk_ > 0 ? Parts::of(points.size(), points_of_chunk_) : plan_parts(points, may_lie_apart);
     const Arrival arrival = upload_.start(points, std::move(parts), uploaded_.data());
@@ -290,25 +353,43 @@ class CudaBackend final : public Backend, public Sampling, public Exactness, pub
     wait();
     if (stop_line_.given_up() != 0) throw Error(ErrorKind::interrupted, "interrupted");
   }
-  // Starts the copies; `held_back` and what the spans hold are there after wait().
-  void copy_held_back(Chain& from, const DisplacementLimits& limits, std::span<Point> points,
-                      std::span<std::uint8_t> outliers, unsigned long long& held_back) {
-    DeviceArray<Point> settled(context_);
+  // Nothing may leave as it was faired: points that move too far, or that an iteration before turned into NaN.
+  static bool is_held_back(int iteration, const DisplacementLimits& limits) {
+    return limits.farthest > 0 || iteration > 0;
+  }
+  Pinned<unsigned long long>& count_held_back() {
+    *held_back_.get() = 0;
+    return held_back_;
+  }
+  // Starts the work; the counter and what `outliers` holds are there after wait().
+  void hold_back_points(Chain& from, const DisplacementLimits& limits, std::span<std::uint8_t> outliers,
+                        DeviceArray<Point>& settled) {
+    const bool limited = limits.farthest > 0;
+    if (!limited) std::fill(outliers.begin(), outliers.end(), std::uint8_t(0));
+    const std::span<std::uint8_t> marked = limited ? outliers : std::span<std::uint8_t>{};
     DeviceArray<std::uint8_t> marks(context_);
     DeviceArray<unsigned long long> total(context_);
-    settled.resize(points.size());
-    marks.resize(outliers.size());
+    settled.resize(uploaded_.size());
+    marks.resize(marked.size());
     total.resize(1);
     check(cudaMemsetAsync(total.data(), 0, sizeof(unsigned long long), context_.stream()), "clearing a count");
     hold_back(context_,
-              {uploaded_.data(), from.faired().data(), points.size(), limits.farthest, limits.outlier_distance},
-              settled.data(), outliers.empty() ? nullptr : marks.data(), total.data());
-    check(cudaMemcpyAsync(&held_back, total.data(), sizeof held_back, cudaMemcpyDeviceToHost, context_.stream()),
+              {uploaded_.data(), from.faired().data(), uploaded_.size(), limited ? limits.farthest : kInfinity,
+               limited ? limits.outlier_distance : kInfinity},
+              settled.data(), marked.empty() ? nullptr : marks.data(), total.data());
+    check(cudaMemcpyAsync(held_back_.get(), total.data(), sizeof(unsigned long long), cudaMemcpyDeviceToHost,
+                          context_.stream()),
           "reading a count");
-    if (!outliers.empty())
-      check(cudaMemcpyAsync(outliers.data(), marks.data(), outliers.size(), cudaMemcpyDeviceToHost, context_.stream()),
+    if (!marked.empty())
+      check(cudaMemcpyAsync(marked.data(), marks.data(), marked.size(), cudaMemcpyDeviceToHost, context_.stream()),
             "downloading outliers");
-    copy_out(settled.data(), points);
+  }
+  void finish_download(Chain& from, cudaEvent_t start, int iteration) {
+    from.fetch_state(fetched_.get());  // counts() then need not ask the card again
+    clock_.note("download", start);
+    clock_.read();  // while the points are on their way
+    deliver();
+    fetched_iteration_ = iteration;
   }
 
   // Parts that are done before all leave at once.
@@ -330,9 +411,11 @@ class CudaBackend final : public Backend, public Sampling, public Exactness, pub
           "downloading points");
   }
 
+  const int card_;
   Context context_;
   StageClock clock_{context_};
   const std::size_t points_of_chunk_;  // 0: as plan_parts()
+  Pinned<unsigned long long> held_back_;
   Pinned<CloudState> fetched_;
   int fetched_iteration_ = kNone;  // whose state that is
   CloudSampler sampler_{context_};
@@ -346,6 +429,8 @@ class CudaBackend final : public Backend, public Sampling, public Exactness, pub
   DeviceArray<Point> uploaded_{context_};
   DeviceArray<Point> input_{context_};  // of iterations from the third on
   SideStream leaving_{context_};
+  CallersPoints callers_{context_};
+  Event callers_turn_;  // between the caller's stream and the context's
   StopLine stop_line_{context_};
   Chain first_{context_, stop_line_, 0}, further_{context_, stop_line_, kFurtherCalls};
   int further_iteration_ = 0;  // whose results further_ holds; 0: none

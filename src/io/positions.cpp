@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "io/offset.hpp"
 #include "io/parallel.hpp"
@@ -47,6 +49,7 @@ void check_size(std::size_t is, std::size_t wanted) {
 
 Position choose_origin(std::span<const Position> positions) { return View<Position>(positions).sampled_origin(); }
 Position choose_origin(std::span<const Point> positions) { return View<Point>(positions).sampled_origin(); }
+Position choose_origin_by_sample(std::vector<Position> sample) { return io::choose_origin(std::move(sample)); }
 
 Cloud make_cloud(std::span<const Position> positions) {
   View<Position> view(positions);

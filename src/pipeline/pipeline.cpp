@@ -77,6 +77,14 @@ void Pipeline::load(std::span<const Point> points) {
   });
 }
 
+std::array<double, 3> Pipeline::load(const DevicePoints& points, DeviceStream stream) {
+  return with_one_kind_of_error([&] {
+    state_->shell = {};
+    state_->load(points, stream);
+    return state_->shell.origin;
+  });
+}
+
 Cloud Pipeline::run(const Params& params, std::stop_token stop, const ProgressFunction& progress) {
   return with_one_kind_of_error([&] {
     Cloud result = state_->shell;
@@ -102,6 +110,11 @@ void Pipeline::run(std::span<const Point> points, const Params& params, std::spa
   });
 }
 
+void Pipeline::run(const Params& params, const DeviceOutput& out, DeviceStream stream, std::stop_token stop,
+                   const ProgressFunction& progress) {
+  with_one_kind_of_error([&] { state_->run(in_units_of(state_->shell, params), out, stream, stop, progress); });
+}
+
 const Estimates& Pipeline::estimates(std::stop_token stop) {
   with_one_kind_of_error([&] { state_->measure_all(stop); });
   return *state_->estimates;
@@ -123,6 +136,10 @@ std::span<const std::uint8_t> Pipeline::outliers() const { return state_->outlie
 
 void Pipeline::normals(std::span<Point> out, std::stop_token stop) {
   with_one_kind_of_error([&] { state_->normals(out, stop); });
+}
+
+void Pipeline::normals(const DeviceOutput& out, DeviceStream stream) {
+  with_one_kind_of_error([&] { state_->normals(out, stream); });
 }
 
 }  // namespace pointfair

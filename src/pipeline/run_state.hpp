@@ -20,12 +20,16 @@ struct Pipeline::State {
       : cloud(std::move(backend), std::move(make_worker)), device(std::move(its_device)) {}
 
   void load(std::span<const Point> points);
+  void load(const DevicePoints& points, DeviceStream stream);
   void run(const Params& params, std::span<Point> out, const std::stop_token& stop, const ProgressFunction& progress);
+  void run(const Params& params, const DeviceOutput& out, DeviceStream stream, const std::stop_token& stop,
+           const ProgressFunction& progress);
   void load_and_run(std::span<const Point> points, const Params& params, std::span<Point> out,
                     const std::stop_token& stop, const ProgressFunction& progress);
   Params resolve(const Params& params, const std::stop_token& stop);
   void measure_all(const std::stop_token& stop);
   void normals(std::span<Point> out, const std::stop_token& stop);
+  void normals(const DeviceOutput& out, DeviceStream stream);
 
   LoadedCloud cloud;
   DeviceInfo device;
@@ -35,10 +39,20 @@ struct Pipeline::State {
   std::optional<Estimates> estimates;  // as they were told
 
  private:
-  void start_load(std::span<const Point> points, IndexOrder expected, bool overlapped);
+  // Where the result of an iteration goes; as Backend::download.
+  struct Delivery {
+    std::size_t room;  // points
+    bool by_parts;     // some may leave before all are done
+    std::function<std::uint64_t(int iteration, const DisplacementLimits&, std::span<std::uint8_t> outliers)> deliver;
+  };
+
+  void start_load(const std::function<void()>& load);
   Params resolve_once(const Params& params, const std::stop_token& stop);
-  void run_to_end(const Params& params, std::span<Point> out, const std::stop_token& stop,
+  void run(const Params& params, const Delivery& to, const std::stop_token& stop, const ProgressFunction& progress);
+  void run_to_end(const Params& params, const Delivery& to, const std::stop_token& stop,
                   const ProgressFunction& progress);
+  int shown(std::size_t room) const;
+  DeviceMemory& device_memory();
   void attempt(const std::function<void()>& work);
   const CloudSample& sample();
   const Frame& frame();

@@ -18,6 +18,7 @@
 
 namespace pointfair {
 
+class DeviceMemory;
 class Exactness;
 class Overlap;
 class Sampling;
@@ -90,8 +91,9 @@ class Backend {
   virtual std::optional<StageOf> take_stopped() { return std::nullopt; }
 
   virtual Sampling& sampling() = 0;
-  virtual Exactness* exactness() { return nullptr; }  // null: cannot compute tiles
-  virtual Overlap* overlap() { return nullptr; }      // null: copies nothing while it computes
+  virtual Exactness* exactness() { return nullptr; }         // null: cannot compute tiles
+  virtual Overlap* overlap() { return nullptr; }             // null: copies nothing while it computes
+  virtual DeviceMemory* device_memory() { return nullptr; }  // null: clouds cross from host memory
 };
 
 std::unique_ptr<Backend> make_cpu_backend(unsigned threads);
