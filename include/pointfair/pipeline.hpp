@@ -69,10 +69,21 @@ class POINTFAIR_EXPORT Pipeline {
   void run(std::span<const Point> points, const Params& params, std::span<Point> out, std::stop_token stop = {},
            const ProgressFunction& progress = {});
 
-  /// The same calls for points that lie on the pipeline's card: nothing is copied through host memory. Work starts
-  /// after what `stream` was given before. Positions are treated as those of arrays in host memory, with the same bits:
-  /// coordinates that are large against the extent become offsets from an origin (choose_origin), and the displacements
-  /// are added to them.
+  /// Denoises many small clouds, each by itself, with the bits of a load and a run of its own: cloud i has the points
+  /// offsets[i] to offsets[i + 1]. Where runs_together() says so, one set of kernels computes up to 2,048 clouds of up
+  /// to 32,768 points; else this is a loop. Afterwards the pipeline is empty. `out` may be `points`. Throws
+  /// ErrorKind::usage for offsets that do not begin with 0, decrease, or do not end with the number of points.
+  void run_many(std::span<const Point> points, std::span<const std::uint64_t> offsets, const Params& params,
+                std::span<Point> out, std::stop_token stop = {});
+
+  /// Whether run_many() computes clouds with these parameters at once: on a card, with k and every length that `method`
+  /// bilateral reads given, without the constraint.
+  bool runs_together(const Params& params) const;
+
+  /// load(), run() and normals() for points that lie on the pipeline's card: nothing is copied through host memory.
+  /// Work starts after what `stream` was given before. Positions are treated as those of arrays in host memory, with
+  /// the same bits: coordinates that are large against the extent become offsets from an origin (choose_origin), and
+  /// the displacements are added to them.
   ///
   /// load() returns the origin, and does so early: what the stream is given afterwards may change the points. The other
   /// calls return when their results are there; `out` may be the array that was loaded. It has the type of what was

@@ -40,6 +40,9 @@ class ArrayPipeline {
   /// Of a loaded Cloud.
   Cloud run_cloud(const Params& params, const Limits& limits, const Watch& watch);
 
+  /// Afterwards nothing is loaded.
+  void forget() { start(0); }
+
   enum class Kind : std::uint8_t { nothing, floats, doubles, cloud, on_card };
   Kind kind() const { return kind_; }
   std::size_t points() const { return points_; }

@@ -139,12 +139,15 @@ nb::ndarray<nb::numpy, bool, nb::ndim<1>> outliers(SharedPipeline& self) {
 }
 
 template <class Scalar>
-Rows batch(const Input<Scalar>& coordinates, const nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig>& offsets,
-           const Params& params, unsigned threads, const Output<Scalar>& out, bool with_reports, nb::object progress) {
+Rows batch(SharedPipeline& self, const std::string& device, const Input<Scalar>& coordinates,
+           const nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig>& offsets, const Params& params,
+           unsigned threads, const Output<Scalar>& out, bool with_reports, nb::object progress) {
   std::vector<Report> reports(with_reports && offsets.size() > 0 ? offsets.size() - 1 : 0);
   const std::size_t always_stoppable = std::size_t(1) << 20;
-  run_interruptible(always_stoppable, progress, [&](const Watch& watch) {
-    denoise_batch<Scalar>(span_of(coordinates), span_of(offsets), params, threads, span_of(out), reports, watch);
+  self.use(progress, always_stoppable, [&](ArrayPipeline& arrays, const Watch& watch) {
+    arrays.forget();
+    denoise_batch<Scalar>(arrays.pipeline(), device_of(device, threads), span_of(coordinates), span_of(offsets), params,
+                          threads, span_of(out), reports, watch);
   });
   Rows result;
   for (const Report& report : reports) result.append(as_tuple(report));
@@ -169,9 +172,9 @@ void bind_scalar(nb::class_<SharedPipeline>& pipeline, nb::module_& module) {
   pipeline.def("load", &load<Scalar>, nb::arg("coordinates").noconvert(), nb::arg("for_limits"))
       .def("run", &run<Scalar>, nb::arg("params"), nb::arg("out").noconvert(), nb::arg("strength"),
            nb::arg("box").none(), nb::arg("mask").noconvert().none(), nb::arg("where"), nb::arg("progress").none());
-  module.def("denoise_batch", &batch<Scalar>, nb::arg("coordinates").noconvert(), nb::arg("offsets").noconvert(),
-             nb::arg("params"), nb::arg("threads"), nb::arg("out").noconvert(), nb::arg("with_reports"),
-             nb::arg("progress").none());
+  module.def("denoise_batch", &batch<Scalar>, nb::arg("pipeline"), nb::arg("device"),
+             nb::arg("coordinates").noconvert(), nb::arg("offsets").noconvert(), nb::arg("params"), nb::arg("threads"),
+             nb::arg("out").noconvert(), nb::arg("with_reports"), nb::arg("progress").none());
 }
 
 }  // namespace

@@ -8,7 +8,8 @@ import numpy as np
 
 from . import _native
 from ._arrays import Layout, Result, as_numpy, check_positions, rows
-from ._errors import DeviceError, UsageError
+from ._denoise import give_back, take
+from ._errors import UsageError
 from ._params import Params
 from ._pipeline import make_params
 from ._progress import Progress, progress_function
@@ -42,8 +43,9 @@ def denoise_batch(clouds: Any, params: Params | None = None, *, offsets: Any = N
             which cloud i has the rows offsets[i] to offsets[i + 1].
         offsets: whole numbers from 0 to N that do not decrease.
         params: as that of denoise.
-        device: "auto" or "cpu": batches are computed on the CPU.
-        threads: the clouds are spread over so many CPU threads; 0: all cores.
+        device: "auto" is a CUDA card if there is one, else the CPU; or "cpu", "cuda", "cuda:N". A card computes all clouds
+            at once if k, normal_sigma, closeness_sigma and similarity_sigma are given as lengths, and no report is asked for.
+        threads: otherwise the clouds are spread over so many CPU threads; 0: all cores.
         progress: as that of denoise.
         return_report: whether to return (result, list of reports) instead of the result.
         **parameters: fields of Params that differ from `params`.
@@ -61,18 +63,22 @@ def denoise_batch(clouds: Any, params: Params | None = None, *, offsets: Any = N
         [300, 200]
     """
     chosen = make_params(params, parameters)
-    if not isinstance(device, str) or device not in ("auto", "cpu"):
-        raise DeviceError(f"device cannot be {device!r} here: denoise_batch computes on the CPU, 'auto' or 'cpu'")
-    batch = _Batch(chosen, as_threads(threads), return_report)
-    with progress_function(progress) as show:
-        result = batch.run(clouds, offsets, show)
+    as_threads(threads)
+    pipeline = take(device, threads)
+    try:
+        batch = _Batch(pipeline, device, chosen, threads, return_report)
+        with progress_function(progress) as show:
+            result = batch.run(clouds, offsets, show)
+    finally:
+        give_back(pipeline, device, threads)
     return (result, batch.reports) if return_report else result
 
 
 class _Batch:
     """The ways to give many clouds, each as rows and offsets."""
 
-    def __init__(self, params: Params, threads: int, with_reports: bool) -> None:
+    def __init__(self, pipeline: _native.Pipeline, device: str, params: Params, threads: int, with_reports: bool) -> None:
+        self.pipeline, self.device = pipeline, device
         self.params, self.threads, self.with_reports = params, threads, with_reports
         self.reports: list[Report] = []
 
@@ -97,8 +103,8 @@ class _Batch:
 
     def _packed(self, array: NDArray[Any], layout: Layout, offsets: NDArray[np.int64], show: Any) -> Any:
         result = Result(layout)
-        reports = _native.denoise_batch(rows(array), offsets, self.params._native, self.threads, result.rows,
-                                        self.with_reports, show)
+        reports = _native.denoise_batch(self.pipeline, self.device, rows(array), offsets, self.params._native, self.threads,
+                                        result.rows, self.with_reports, show)
         self.reports = [report_of(row) for row in reports]
         return result.finish()
 

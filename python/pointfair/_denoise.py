@@ -30,14 +30,16 @@ _idle: dict[tuple[str, int], list[_native.Pipeline]] = {}
 os.register_at_fork(after_in_child=_idle.clear)
 
 
-def _take(device: str, threads: int) -> _native.Pipeline:
+def take(device: str, threads: int) -> _native.Pipeline:
+    """A pipeline that waits for work, or a new one."""
     try:
         return _idle[device, threads].pop()
     except (KeyError, IndexError, TypeError):
         return native_pipeline(device, threads)
 
 
-def _give_back(pipeline: _native.Pipeline, device: str, threads: int) -> None:
+def give_back(pipeline: _native.Pipeline, device: str, threads: int) -> None:
+    """Keeps a pipeline that take() gave for the next call, if it holds little."""
     if pipeline.points <= (_KEPT_ON_CARD if device.startswith("cuda") else _KEPT_POINTS):
         waiting = _idle.setdefault((device, threads), [])
         if not waiting:
@@ -110,7 +112,7 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
         if mask is not None or box is not None or strength != 1:
             raise UsageError("mask, box and strength take arrays in host memory: blend the tensors instead, "
                              "torch.where(mask[:, None], result, points) for instance")
-    pipeline = _take(device, threads)
+    pipeline = take(device, threads)
     try:
         with progress_function(progress) as show:
             if layout is not None:
@@ -127,7 +129,7 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
             return result
         return result, _full_report(pipeline, normals)
     finally:
-        _give_back(pipeline, device, threads)
+        give_back(pipeline, device, threads)
 
 
 def _denoise_cloud(pipeline: _native.Pipeline, params: Params, limits: tuple[float, Any, Any, str], out: Any,
@@ -181,7 +183,7 @@ def estimate(points: Any, *, device: str = "auto", threads: int = 0) -> Estimate
     layout = _card.CardLayout(points) if on_card else None
     if layout is not None:
         device = layout.check_device(device)
-    pipeline = _take(device, threads)
+    pipeline = take(device, threads)
     try:
         if isinstance(points, Cloud):
             pipeline.load_cloud(points._native, "")
@@ -194,7 +196,7 @@ def estimate(points: Any, *, device: str = "auto", threads: int = 0) -> Estimate
             pipeline.load(rows(array), False)
         return Estimates(*pipeline.estimates())
     finally:
-        _give_back(pipeline, device, threads)
+        give_back(pipeline, device, threads)
 
 
 def devices() -> list[DeviceStatus]:

@@ -4,6 +4,7 @@
 // in spatial order, stages and download of its parts overlap (part_flow.cuh). Memory beside the chains, bytes a point:
 // the uploaded points 12, and 12 from the third iteration on.
 #include "cuda/chain.cuh"
+#include "cuda/leaving.cuh"
 #include "cuda/runtime/callers_points.cuh"
 #include "cuda/runtime/devices.cuh"
 #include "cuda/runtime/memory.cuh"
@@ -11,10 +12,10 @@
 #include "cuda/runtime/stop.cuh"
 #include "cuda/runtime/transfer.cuh"
 #include "cuda/sampling/cloud_sampler.cuh"
-#include "cuda/stages/outliers.cuh"
 #include "seam/backend.hpp"
 #include "seam/device_memory.hpp"
 #include "seam/exactness.hpp"
+#include "seam/many_clouds.hpp"
 #include "seam/overlap.hpp"
 #include "seam/sampling.hpp"
 
@@ -22,9 +23,12 @@ namespace pointfair {
 namespace cuda {
 namespace {
 
-constexpr float kInfinity = __builtin_inff();
-
-class CudaBackend final : public Backend, public Sampling, public Exactness, public Overlap, public DeviceMemory {
+class CudaBackend final : public Backend,
+                          public Sampling,
+                          public Exactness,
+                          public Overlap,
+                          public DeviceMemory,
+                          public ManyClouds {
  public:
   CudaBackend(int card, const CudaOptions& options)
       : card_(card), context_(card, options.memory), points_of_chunk_(options.upload_chunk) {}
@@ -75,6 +79,28 @@ class CudaBackend final : public Backend, public Sampling, public Exactness, pub
     return origin;
   }
 
+  Room room() const override { return {kMostClouds, kLargestCloud, std::size_t(1) << 24}; }
+  void upload(std::span<const Point> points, std::span<const Index> ends) override {
+    context_.enter();
+    forget_cloud(points.size());
+    ends_.resize(ends.size());
+    const auto copy = [this](auto from, auto* to) {
+      check(cudaMemcpyAsync(to, from.data(), from.size_bytes(), cudaMemcpyHostToDevice, context_.stream()),
+            "uploading clouds");
+    };
+    if (!ends.empty()) copy(ends, ends_.data());
+    if (!points.empty()) copy(points, uploaded_.data());
+    std::size_t largest = 0;
+    for (std::size_t cloud = 0, first = 0; cloud < ends.size(); first = ends[cloud++])
+      largest = std::max(largest, ends[cloud] - first);
+    forest_ = Forest{ends_.data(), static_cast<Index>(ends.size()), largest, points.size()};
+    const cudaEvent_t start = clock_.start();
+    first_.build_index(uploaded_.data(), *forest_, {});
+    clock_.note("index", start, first_.stream());
+    is_index_begun_ = true;
+    context_.finish();  // the clouds may be changed
+  }
+
   void build_index(int iteration, const std::optional<Frame>& frame, std::stop_token stop) override {
     context_.enter();
     if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
@@ -83,7 +109,11 @@ class CudaBackend final : public Backend, public Sampling, public Exactness, pub
     } else {
       const cudaEvent_t start = start_stage();
       const Point* const input = take_input_of(iteration);
-      further_.build_index(input, uploaded_.size(), frame, nullptr, stop);
+      if (forest_) {
+        further_.build_index(input, *forest_, stop);
+      } else {
+        further_.build_index(input, uploaded_.size(), frame, nullptr, stop);
+      }
       clock_.note("index", start, further_.stream());
     }
   }
@@ -111,37 +141,37 @@ class CudaBackend final : public Backend, public Sampling, public Exactness, pub
                          std::span<std::uint8_t> outliers) override {
     Chain& from = chain(iteration);
     const cudaEvent_t start = start_stage();
-    Pinned<unsigned long long>& held_back = count_held_back();
-    if (is_held_back(iteration, limits)) {
+    leaving_.begin();
+    if (Leaving::holds_back(iteration, limits)) {
       from.join();
       DeviceArray<Point> settled(context_);
-      hold_back_points(from, limits, outliers, settled);
-      copy_out(settled.data(), points);
+      leaving_.hold_back(uploaded_, from, limits, outliers, settled);
+      leaving_.copy(settled.data(), points);
     } else {
       std::fill(outliers.begin(), outliers.end(), std::uint8_t(0));
-      copy_faired(from, points);
+      leaving_.copy_faired(from, points);
     }
     finish_download(from, start, iteration);
-    return *held_back.get();
+    return leaving_.held_back();
   }
   std::uint64_t download(int iteration, const DeviceOutput& points, DeviceStream stream,
                          const DisplacementLimits& limits, std::span<std::uint8_t> outliers) override {
     Chain& from = chain(iteration);
     const cudaEvent_t start = start_stage();
     require_on_card(points.data, points.count, points.type, points.card, card_);
-    Pinned<unsigned long long>& held_back = count_held_back();
+    leaving_.begin();
     from.join();
     let_wait(stream);
-    if (is_held_back(iteration, limits)) {
+    if (Leaving::holds_back(iteration, limits)) {
       DeviceArray<Point> settled(context_);
-      hold_back_points(from, limits, outliers, settled);
+      leaving_.hold_back(uploaded_, from, limits, outliers, settled);
       callers_.give(uploaded_.data(), settled.data(), points);
     } else {
       std::fill(outliers.begin(), outliers.end(), std::uint8_t(0));
       callers_.give(uploaded_.data(), from.faired().data(), points);
     }
     finish_download(from, start, iteration);
-    return *held_back.get();
+    return leaving_.held_back();
   }
   void download_normals(int iteration, const DeviceOutput& normals, DeviceStream stream) override {
     Chain& from = chain(iteration);
@@ -160,14 +190,14 @@ class CudaBackend final : public Backend, public Sampling, public Exactness, pub
     DeviceArray<Point> restored(context_);
     restored.resize(normals.size());
     from.restore_normals(restored.data());
-    copy_out(restored.data(), normals);
+    leaving_.copy(restored.data(), normals);
     deliver();
   }
   void download_input(std::span<Point> points) override {
     context_.enter();
     first_.join();
     upload_.finish();
-    copy_out(uploaded_.data(), points);
+    leaving_.copy(uploaded_.data(), points);
     wait();
   }
 
@@ -205,6 +235,7 @@ class CudaBackend final : public Backend, public Sampling, public Exactness, pub
   Exactness* exactness() override { return this; }
   Overlap* overlap() override { return this; }
   DeviceMemory* device_memory() override { return this; }
+  ManyClouds* many_clouds() override { return this; }
 
   CloudSample sample_cloud(std::size_t count) override {
     context_.enter();
@@ -223,7 +254,7 @@ class CudaBackend final : public Backend, public Sampling, public Exactness, pub
         cudaMemcpyAsync(asked.data(), queries.data(), queries.size_bytes(), cudaMemcpyHostToDevice, context_.stream()),
         "uploading queries");
     first_.sample_neighborhoods({asked.data(), queries.size(), k, rows.data()});
-    copy_out(rows.data(), out);
+    leaving_.copy(rows.data(), out);
     wait();
   }
   Samples take_samples(std::span<const Index> for_spacing, std::span<const Index> for_noise,
@@ -301,6 +332,7 @@ class CudaBackend final : public Backend, public Sampling, public Exactness, pub
     further_iteration_ = 0;
     is_index_begun_ = is_arriving_ = false;
     arrived_ = nullptr;
+    forest_.reset();
   }
   // What the context's stream is given from now on waits for what the caller's was given before.
   void let_wait(DeviceStream stream) {
@@ -353,37 +385,6 @@ class CudaBackend final : public Backend, public Sampling, public Exactness, pub
     wait();
     if (stop_line_.given_up() != 0) throw Error(ErrorKind::interrupted, "interrupted");
   }
-  // Nothing may leave as it was faired: points that move too far, or that an iteration before turned into NaN.
-  static bool is_held_back(int iteration, const DisplacementLimits& limits) {
-    return limits.farthest > 0 || iteration > 0;
-  }
-  Pinned<unsigned long long>& count_held_back() {
-    *held_back_.get() = 0;
-    return held_back_;
-  }
-  // Starts the work; the counter and what `outliers` holds are there after wait().
-  void hold_back_points(Chain& from, const DisplacementLimits& limits, std::span<std::uint8_t> outliers,
-                        DeviceArray<Point>& settled) {
-    const bool limited = limits.farthest > 0;
-    if (!limited) std::fill(outliers.begin(), outliers.end(), std::uint8_t(0));
-    const std::span<std::uint8_t> marked = limited ? outliers : std::span<std::uint8_t>{};
-    DeviceArray<std::uint8_t> marks(context_);
-    DeviceArray<unsigned long long> total(context_);
-    settled.resize(uploaded_.size());
-    marks.resize(marked.size());
-    total.resize(1);
-    check(cudaMemsetAsync(total.data(), 0, sizeof(unsigned long long), context_.stream()), "clearing a count");
-    hold_back(context_,
-              {uploaded_.data(), from.faired().data(), uploaded_.size(), limited ? limits.farthest : kInfinity,
-               limited ? limits.outlier_distance : kInfinity},
-              settled.data(), marked.empty() ? nullptr : marks.data(), total.data());
-    check(cudaMemcpyAsync(held_back_.get(), total.data(), sizeof(unsigned long long), cudaMemcpyDeviceToHost,
-                          context_.stream()),
-          "reading a count");
-    if (!marked.empty())
-      check(cudaMemcpyAsync(marked.data(), marks.data(), marked.size(), cudaMemcpyDeviceToHost, context_.stream()),
-            "downloading outliers");
-  }
   void finish_download(Chain& from, cudaEvent_t start, int iteration) {
     from.fetch_state(fetched_.get());  // counts() then need not ask the card again
     clock_.note("download", start);
@@ -392,30 +393,10 @@ class CudaBackend final : public Backend, public Sampling, public Exactness, pub
     fetched_iteration_ = iteration;
   }
 
-  // Parts that are done before all leave at once.
-  void copy_faired(Chain& chain, std::span<Point> to) {
-    const Point* const from = chain.faired().data();
-    std::size_t left = 0;
-    for (const FairedPart& part : chain.faired_parts()) {
-      leaving_.wait_for(part.done);
-      const OnStream stream(context_, leaving_);
-      copy_out(from + left, to.subspan(left, part.end - left));
-      left = part.end;
-    }
-    chain.join();
-    if (left < to.size()) copy_out(from + left, to.subspan(left));
-    if (left > 0) leaving_.join();
-  }
-  void copy_out(const Point* from, std::span<Point> to) {
-    check(cudaMemcpyAsync(to.data(), from, to.size_bytes(), cudaMemcpyDeviceToHost, context_.stream()),
-          "downloading points");
-  }
-
   const int card_;
   Context context_;
   StageClock clock_{context_};
   const std::size_t points_of_chunk_;  // 0: as plan_parts()
-  Pinned<unsigned long long> held_back_;
   Pinned<CloudState> fetched_;
   int fetched_iteration_ = kNone;  // whose state that is
   CloudSampler sampler_{context_};
@@ -427,8 +408,10 @@ class CudaBackend final : public Backend, public Sampling, public Exactness, pub
   bool is_arriving_ = false;       // the uploaded cloud
   cudaEvent_t arrived_ = nullptr;  // after which all of it is there
   DeviceArray<Point> uploaded_{context_};
+  DeviceArray<Index> ends_{context_};
+  std::optional<Forest> forest_;        // of many clouds
   DeviceArray<Point> input_{context_};  // of iterations from the third on
-  SideStream leaving_{context_};
+  Leaving leaving_{context_};
   CallersPoints callers_{context_};
   Event callers_turn_;  // between the caller's stream and the context's
   StopLine stop_line_{context_};

@@ -115,6 +115,18 @@ void Pipeline::run(const Params& params, const DeviceOutput& out, DeviceStream s
   with_one_kind_of_error([&] { state_->run(in_units_of(state_->shell, params), out, stream, stop, progress); });
 }
 
+void Pipeline::run_many(std::span<const Point> points, std::span<const std::uint64_t> offsets, const Params& params,
+                        std::span<Point> out, std::stop_token stop) {
+  with_one_kind_of_error([&] {
+    state_->shell = {};
+    state_->run_many(points, offsets, in_units_of({}, params), out, stop);
+  });
+}
+
+bool Pipeline::runs_together(const Params& params) const {
+  return with_one_kind_of_error([&] { return state_->runs_together(params); });
+}
+
 const Estimates& Pipeline::estimates(std::stop_token stop) {
   with_one_kind_of_error([&] { state_->measure_all(stop); });
   return *state_->estimates;

@@ -26,6 +26,9 @@ struct Pipeline::State {
            const ProgressFunction& progress);
   void load_and_run(std::span<const Point> points, const Params& params, std::span<Point> out,
                     const std::stop_token& stop, const ProgressFunction& progress);
+  void run_many(std::span<const Point> points, std::span<const std::uint64_t> offsets, const Params& params,
+                std::span<Point> out, const std::stop_token& stop);
+  bool runs_together(const Params& params);
   Params resolve(const Params& params, const std::stop_token& stop);
   void measure_all(const std::stop_token& stop);
   void normals(std::span<Point> out, const std::stop_token& stop);
@@ -51,6 +54,8 @@ struct Pipeline::State {
   void run(const Params& params, const Delivery& to, const std::stop_token& stop, const ProgressFunction& progress);
   void run_to_end(const Params& params, const Delivery& to, const std::stop_token& stop,
                   const ProgressFunction& progress);
+  void run_together(std::span<const Point> points, std::span<const std::uint64_t> offsets, const Params& used,
+                    std::span<Point> out, const std::stop_token& stop);
   int shown(std::size_t room) const;
   DeviceMemory& device_memory();
   void attempt(const std::function<void()>& work);

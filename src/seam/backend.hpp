@@ -20,6 +20,7 @@ namespace pointfair {
 
 class DeviceMemory;
 class Exactness;
+class ManyClouds;
 class Overlap;
 class Sampling;
 
@@ -93,6 +94,7 @@ class Backend {
   virtual Sampling& sampling() = 0;
   virtual Exactness* exactness() { return nullptr; }         // null: cannot compute tiles
   virtual Overlap* overlap() { return nullptr; }             // null: copies nothing while it computes
+  virtual ManyClouds* many_clouds() { return nullptr; }      // null: one cloud at a time
   virtual DeviceMemory* device_memory() { return nullptr; }  // null: clouds cross from host memory
 };
 

@@ -172,3 +172,17 @@ def test_the_current_stream_orders_the_call():
         pf.denoise(base.clone().requires_grad_())
     with pytest.raises(pf.UsageError, match="type float16"):
         pf.denoise(base.half())
+
+
+@needs_card
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("offset", [0, 4.5e5])
+@pytest.mark.parametrize("params", [{}, {"k": 8}, {"k": 8, "normal_sigma": 0.2, "closeness_sigma": 0.1, "similarity_sigma": 0.03}])
+def test_batches_on_the_card_have_the_bits_of_single_calls(dtype, offset, params):
+    clouds = [waves(size, seed=size, dtype=dtype, centre=(offset if size % 2 else 0, 0, 0)) for size in (0, 3, 300, 1024, 1025, 5001)]
+    results = pf.denoise_batch(clouds, device="cuda", **params)
+    for cloud, result in zip(clouds, results):
+        assert same_bits(result, pf.denoise(cloud, device="cuda", **params))
+    with_reports, reports = pf.denoise_batch(clouds, device="cuda", return_report=True, **params)
+    assert [report.points for report in reports] == [len(cloud) for cloud in clouds]
+    assert all(same_bits(a, b) for a, b in zip(with_reports, results))
