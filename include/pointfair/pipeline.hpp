@@ -76,6 +76,11 @@ class POINTFAIR_EXPORT Pipeline {
   void run_many(std::span<const Point> points, std::span<const std::uint64_t> offsets, const Params& params,
                 std::span<Point> out, std::stop_token stop = {});
 
+  /// The same of points that lie on the pipeline's card, as load() of such. Clouds with an origin are computed one by
+  /// one.
+  void run_many(const DevicePoints& points, DeviceStream stream, std::span<const std::uint64_t> offsets,
+                const Params& params, const DeviceOutput& out, std::stop_token stop = {});
+
   /// Whether run_many() computes clouds with these parameters at once: on a card, with k and every length that `method`
   /// bilateral reads given, without the constraint.
   bool runs_together(const Params& params) const;

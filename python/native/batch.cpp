@@ -136,30 +136,16 @@ class ManyArrays {
   std::vector<Point> points_;
 };
 
-// Whether floats are computed as they are.
-bool have_no_origin(std::span<const float> coordinates, std::span<const std::int64_t> offsets, std::size_t workers) {
-  const std::span<const Point> points(reinterpret_cast<const Point*>(coordinates.data()), coordinates.size() / 3);
-  std::atomic<bool> none{true};
-  for_each_cloud(offsets.size() - 1, workers, [&](bool) {
-    return [&](std::size_t cloud) {
-      const auto begin = static_cast<std::size_t>(offsets[cloud]), end = static_cast<std::size_t>(offsets[cloud + 1]);
-      if (none && choose_origin(points.subspan(begin, end - begin)) != Position{}) none = false;
-    };
-  });
-  return none;
-}
-
 template <class Scalar>
 void run_together(Pipeline& pipeline, std::span<const Scalar> coordinates, std::span<const std::int64_t> offsets,
                   const Params& params, std::size_t workers, std::span<Scalar> out, const Watch& watch) {
   if constexpr (sizeof(Scalar) == sizeof(float)) {
-    if (have_no_origin(coordinates, offsets, workers)) {
-      const std::vector<std::uint64_t> ends(offsets.begin(), offsets.end());
-      const std::size_t points = coordinates.size() / 3;
-      pipeline.run_many({reinterpret_cast<const Point*>(coordinates.data()), points}, ends, params,
-                        {reinterpret_cast<Point*>(out.data()), points}, watch.stop);
-      return;
-    }
+    const std::vector<std::uint64_t> ends(offsets.begin(), offsets.end());
+    const std::size_t count = coordinates.size() / 3;
+    const std::span<const Point> points(reinterpret_cast<const Point*>(coordinates.data()), count);
+    const std::vector<Position> origins = choose_origins(points, ends);
+    if (std::all_of(origins.begin(), origins.end(), [](const Position& origin) { return origin == Position{}; }))
+      return pipeline.run_many(points, ends, params, {reinterpret_cast<Point*>(out.data()), count}, watch.stop);
   }
   const ManyArrays<Scalar> arrays(coordinates, offsets, workers);
   std::vector<Point> after(arrays.points().size());

@@ -154,6 +154,19 @@ Rows batch(SharedPipeline& self, const std::string& device, const Input<Scalar>&
   return result;
 }
 
+void batch_on_card(SharedPipeline& self, const CardArray& array, std::uintptr_t stream,
+                   const nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig>& offsets, const Params& params,
+                   const CardArray& out, nb::object progress) {
+  const std::vector<std::uint64_t> ends(offsets.data(), offsets.data() + offsets.size());
+  const std::size_t always_stoppable = std::size_t(1) << 20;
+  self.use(progress, always_stoppable, [&](ArrayPipeline& arrays, const Watch& watch) {
+    arrays.forget();
+    const DeviceOutput& rows = array.rows();
+    arrays.pipeline().run_many({rows.data, rows.count, rows.row_stride, rows.column_stride, rows.type, rows.card},
+                               stream_of(stream), ends, params, out.rows(), watch.stop);
+  });
+}
+
 // (info, usable, details) of each device.
 Rows devices() {
   std::vector<DeviceStatus> found;
@@ -215,6 +228,8 @@ void bind_pipelines(nb::module_& module) {
       .def("report", [](SharedPipeline& self) { return as_tuple(self.arrays().pipeline().report()); })
       .def("device", [](SharedPipeline& self) { return as_tuple(self.arrays().pipeline().device()); })
       .def_prop_ro("points", [](SharedPipeline& self) { return self.arrays().points(); });
+  module.def("denoise_batch_on_card", &batch_on_card, nb::arg("pipeline"), nb::arg("array"), nb::arg("stream"),
+             nb::arg("offsets").noconvert(), nb::arg("params"), nb::arg("out"), nb::arg("progress").none());
   module.def("devices", &devices);
 }
 

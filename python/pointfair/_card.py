@@ -29,13 +29,13 @@ class CardLayout:
     """Shape, type, card and kind of an array on a card, to give results in. Raises UsageError for what holds no
     positions."""
 
-    def __init__(self, points: Any, name: str = "points") -> None:
+    def __init__(self, points: Any, name: str = "points", any_shape: bool = False) -> None:
         if getattr(points, "requires_grad", False):
             raise UsageError("the tensor requires a gradient, which denoise does not give: pass tensor.detach()")
         self.shape, self.dtype = tuple(points.shape), str(points.dtype).rpartition(".")[2]
         if self.dtype not in ("float32", "float64"):
             raise UsageError(f"{name} has the type {self.dtype}: give float32 or float64")
-        if len(self.shape) != 2 or self.shape[1] not in (3, 4):
+        if not any_shape and (len(self.shape) != 2 or self.shape[1] not in (3, 4)):
             raise UsageError(f"{name} has the shape {self.shape}: give (N, 3), or (N, 4) whose last column stays")
         self.package, self.card = _package(points), _card_of(points)
 
@@ -105,6 +105,18 @@ def empty_like(points: Any) -> Any:
         return sys.modules["numba"].cuda.device_array_like(points)
     raise DeviceError(f"{type(points).__name__} on a card cannot be made here: give out=, or take a tensor of torch or CuPy, "
                       "torch.from_dlpack(array) for instance")
+
+
+def concatenate(arrays: Any) -> Any:
+    """The rows of all arrays in one, on their card."""
+    package = _package(arrays[0])
+    if not all(_package(array) == package and is_on_card(array) for array in arrays):
+        raise UsageError("clouds must all be of one kind: some lie on a card and some do not")
+    if package == "torch":
+        return sys.modules["torch"].cat(list(arrays))
+    if package == "cupy":
+        return sys.modules["cupy"].concatenate(list(arrays))
+    raise UsageError(f"a list of {type(arrays[0]).__name__} cannot be put together here: give one array and offsets")
 
 
 class CardResult:

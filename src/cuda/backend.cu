@@ -8,6 +8,7 @@
 #include "cuda/runtime/callers_points.cuh"
 #include "cuda/runtime/devices.cuh"
 #include "cuda/runtime/memory.cuh"
+#include "cuda/runtime/origins.cuh"
 #include "cuda/runtime/stage_clock.cuh"
 #include "cuda/runtime/stop.cuh"
 #include "cuda/runtime/transfer.cuh"
@@ -83,22 +84,27 @@ class CudaBackend final : public Backend,
   void upload(std::span<const Point> points, std::span<const Index> ends) override {
     context_.enter();
     forget_cloud(points.size());
-    ends_.resize(ends.size());
-    const auto copy = [this](auto from, auto* to) {
-      check(cudaMemcpyAsync(to, from.data(), from.size_bytes(), cudaMemcpyHostToDevice, context_.stream()),
+    if (!points.empty())
+      check(cudaMemcpyAsync(uploaded_.data(), points.data(), points.size_bytes(), cudaMemcpyHostToDevice,
+                            context_.stream()),
             "uploading clouds");
-    };
-    if (!ends.empty()) copy(ends, ends_.data());
-    if (!points.empty()) copy(points, uploaded_.data());
-    std::size_t largest = 0;
-    for (std::size_t cloud = 0, first = 0; cloud < ends.size(); first = ends[cloud++])
-      largest = std::max(largest, ends[cloud] - first);
-    forest_ = Forest{ends_.data(), static_cast<Index>(ends.size()), largest, points.size()};
-    const cudaEvent_t start = clock_.start();
-    first_.build_index(uploaded_.data(), *forest_, {});
-    clock_.note("index", start, first_.stream());
-    is_index_begun_ = true;
-    context_.finish();  // the clouds may be changed
+    plant(ends);
+  }
+  void upload(const DevicePoints& points, DeviceStream stream, std::span<const Index> ends) override {
+    context_.enter();
+    require_on_card(points.data, points.count, points.type, points.card, card_);
+    forget_cloud(points.count);
+    let_wait(stream);
+    callers_.take(points, {}, uploaded_.data());
+    plant(ends);
+  }
+  std::vector<std::uint8_t> surely_have_no_origin(const DevicePoints& points, DeviceStream stream,
+                                                  std::span<const Index> ends) override {
+    context_.enter();
+    require_on_card(points.data, points.count, points.type, points.card, card_);
+    let_wait(stream);
+    upload_ends(ends);
+    return cuda::surely_have_no_origin(context_, points, ends_.data(), ends.size());
   }
 
   void build_index(int iteration, const std::optional<Frame>& frame, std::stop_token stop) override {
@@ -346,6 +352,24 @@ class CudaBackend final : public Backend,
     callers_turn_.record(context_.stream());
     if (expected != IndexOrder::fastest) return;
     begin_first_index(std::nullopt, nullptr, {});
+    is_index_begun_ = true;
+  }
+  void upload_ends(std::span<const Index> ends) {
+    ends_.resize(ends.size());
+    if (ends.empty()) return;
+    check(cudaMemcpyAsync(ends_.data(), ends.data(), ends.size_bytes(), cudaMemcpyHostToDevice, context_.stream()),
+          "uploading clouds");
+  }
+  // The first index of many clouds.
+  void plant(std::span<const Index> ends) {
+    upload_ends(ends);
+    std::size_t largest = 0;
+    for (std::size_t cloud = 0, first = 0; cloud < ends.size(); first = ends[cloud++])
+      largest = std::max(largest, ends[cloud] - first);
+    forest_ = Forest{ends_.data(), static_cast<Index>(ends.size()), largest, uploaded_.size()};
+    const cudaEvent_t start = clock_.start();
+    first_.build_index(uploaded_.data(), *forest_, {});
+    clock_.note("index", start, first_.stream());
     is_index_begun_ = true;
   }
   void begin_upload(std::span<const Point> points, IndexOrder expected, bool timed) {

@@ -123,6 +123,14 @@ void Pipeline::run_many(std::span<const Point> points, std::span<const std::uint
   });
 }
 
+void Pipeline::run_many(const DevicePoints& points, DeviceStream stream, std::span<const std::uint64_t> offsets,
+                        const Params& params, const DeviceOutput& out, std::stop_token stop) {
+  with_one_kind_of_error([&] {
+    state_->shell = {};
+    state_->run_many(points, stream, offsets, in_units_of({}, params), out, stop);
+  });
+}
+
 bool Pipeline::runs_together(const Params& params) const {
   return with_one_kind_of_error([&] { return state_->runs_together(params); });
 }

@@ -28,6 +28,8 @@ struct Pipeline::State {
                     const std::stop_token& stop, const ProgressFunction& progress);
   void run_many(std::span<const Point> points, std::span<const std::uint64_t> offsets, const Params& params,
                 std::span<Point> out, const std::stop_token& stop);
+  void run_many(const DevicePoints& points, DeviceStream stream, std::span<const std::uint64_t> offsets,
+                const Params& params, const DeviceOutput& out, const std::stop_token& stop);
   bool runs_together(const Params& params);
   Params resolve(const Params& params, const std::stop_token& stop);
   void measure_all(const std::stop_token& stop);
@@ -54,8 +56,14 @@ struct Pipeline::State {
   void run(const Params& params, const Delivery& to, const std::stop_token& stop, const ProgressFunction& progress);
   void run_to_end(const Params& params, const Delivery& to, const std::stop_token& stop,
                   const ProgressFunction& progress);
-  void run_together(std::span<const Point> points, std::span<const std::uint64_t> offsets, const Params& used,
-                    std::span<Point> out, const std::stop_token& stop);
+  // Clouds from `first` on that are computed together, and one that is computed alone.
+  struct Groups {
+    std::function<bool(std::size_t cloud)> may_join;
+    std::function<void(std::size_t first, std::size_t clouds)> run_together;
+    std::function<void(std::size_t cloud)> run_alone;
+  };
+  void run_groups(std::span<const std::uint64_t> offsets, const Groups& groups);
+  void run_stages_of_all(const Params& used, const std::stop_token& stop);
   int shown(std::size_t room) const;
   DeviceMemory& device_memory();
   void attempt(const std::function<void()>& work);
@@ -67,6 +75,7 @@ struct Pipeline::State {
   void drop_times_of_failed_run();
   void run_stage(const Step& step, bool leaves, const std::stop_token& stop);
 
+  HostBuffer staged_;                            // many clouds on their way
   std::optional<Frame> frame_;                   // of the loaded cloud, once it is needed
   std::optional<int> shown_;                     // the iteration whose results were delivered last, while they are held
   IndexOrder last_order_ = IndexOrder::fastest;  // of the run before, which the next is likely to be like

@@ -186,3 +186,24 @@ def test_batches_on_the_card_have_the_bits_of_single_calls(dtype, offset, params
     with_reports, reports = pf.denoise_batch(clouds, device="cuda", return_report=True, **params)
     assert [report.points for report in reports] == [len(cloud) for cloud in clouds]
     assert all(same_bits(a, b) for a, b in zip(with_reports, results))
+
+
+@needs_card
+@pytest.mark.parametrize("name", PACKAGES)
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("params", [{"k": 8}, {"k": 8, "normal_sigma": 0.2, "closeness_sigma": 0.1, "similarity_sigma": 0.03}])
+def test_batches_of_tensors_stay_on_the_card(name, dtype, params):
+    to_card, to_numpy = PACKAGES[name]
+    sizes = (0, 3, 300, 1024, 1025, 5001, 700)
+    clouds = [waves(size, seed=size, dtype=dtype, centre=(4.5e5 if size == 300 else 0, 0, 0)) for size in sizes]
+    expected = [pf.denoise(cloud, device="cuda", **params) for cloud in clouds]
+    results = pf.denoise_batch([to_card(cloud) for cloud in clouds], **params)
+    assert all(type(result) is type(to_card(clouds[1])) for result in results)
+    assert all(same_bits(to_numpy(result), its) for result, its in zip(results, expected))
+    packed = pf.denoise_batch(to_card(np.concatenate(clouds)), offsets=np.cumsum([0, *sizes]), **params)
+    assert same_bits(to_numpy(packed), np.concatenate(expected))
+    stack = np.stack([waves(900, seed=seed, dtype=dtype) for seed in range(4)])
+    moved = pf.denoise_batch(to_card(stack), **params)
+    assert same_bits(to_numpy(moved), np.stack([pf.denoise(cloud, device="cuda", **params) for cloud in stack]))
+    with pytest.raises(pf.UsageError, match="leave return_report out"):
+        pf.denoise_batch(to_card(stack), return_report=True)

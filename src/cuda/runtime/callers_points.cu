@@ -4,28 +4,15 @@
 #include <limits>
 
 #include "cuda/runtime/callers_points.cuh"
+#include "cuda/runtime/callers_rows.cuh"
 #include "cuda/runtime/warp.cuh"
 
 namespace pointfair::cuda {
 namespace {
 
 constexpr int kBlock = 256;
-constexpr int kBlocks = 8;               // of a processor
-constexpr std::uint64_t kWanted = 4096;  // positions of a sample
-constexpr std::size_t kFew = 64;         // many points at few places may all have a hash beyond the limit
-constexpr std::size_t kRoom = 2 * kWanted;
-
-// Rows of the caller. Strides in scalars.
-template <class T>
-struct Rows {
-  T* data;
-  std::ptrdiff_t row, column;
-  __device__ T& at(std::size_t i, int axis) const { return data[static_cast<std::ptrdiff_t>(i) * row + axis * column]; }
-};
-template <class T, class Memory>
-Rows<T> rows_of(const PointsOnCard<Memory>& points) {
-  return {static_cast<T*>(points.data), points.row_stride, points.column_stride};
-}
+constexpr int kBlocks = 8;  // of a processor
+constexpr std::size_t kRoom = 2 * kSampledPositions;
 
 // to_offset of src/io/offset.hpp.
 template <class T>
@@ -101,13 +88,7 @@ __global__ void __launch_bounds__(kBlock)
   for (std::size_t i = std::size_t(blockIdx.x) * kBlock + threadIdx.x; i < count;
        i += std::size_t(gridDim.x) * kBlock) {
     const double p[3] = {from.at(i, 0), from.at(i, 1), from.at(i, 2)};
-    unsigned long long hash = 0x9e3779b97f4a7c15ull;
-#pragma unroll
-    for (int axis = 0; axis < 3; ++axis) {
-      hash = (hash ^ static_cast<unsigned long long>(__double_as_longlong(p[axis] + 0.0))) * 0xff51afd7ed558ccdull;
-      hash ^= hash >> 33;
-    }
-    if (hash * 0xc4ceb9fe1a85ec53ull <= limit) {
+    if (is_sampled(p, limit)) {
       const unsigned place = atomicAdd(&state->chosen, 1u);
 #pragma unroll
       for (int axis = 0; axis < 3 && place < room; ++axis) chosen[3 * std::size_t(place) + axis] = p[axis];
@@ -130,16 +111,6 @@ __global__ void __launch_bounds__(kBlock)
     }
     if (lane_number() == 0 && low < state->least[axis]) atomicMin(&state->least[axis], low);
     if (lane_number() == 0 && high > state->most[axis]) atomicMax(&state->most[axis], high);
-  }
-}
-
-// Calls with a null pointer of the type that the scalars have.
-template <class Call>
-void with_type(ScalarType type, const Call& call) {
-  if (type == ScalarType::float64) {
-    call(static_cast<double*>(nullptr));
-  } else {
-    call(static_cast<float*>(nullptr));
   }
 }
 
@@ -227,14 +198,13 @@ void CallersPoints::start_sample(const DevicePoints& from) {
 
 void CallersPoints::fetch_sample(const DevicePoints& from) {
   const cudaStream_t stream = context_.stream();
-  const std::uint64_t all = ~std::uint64_t{0}, limit = from.count > kWanted ? all / from.count * kWanted : all;
   const std::size_t room = chosen_.size(), brought = std::min(room, from.count);
   const unsigned blocks =
       std::min(blocks_for(from.count, kBlock), static_cast<unsigned>(context_.processors() * kBlocks));
   clear_sample<<<1, 1, 0, stream>>>(state_.data());
   with_type(from.type, [&]<class T>(T*) {
-    sample_positions<T><<<blocks, kBlock, 0, stream>>>(rows_of<const T>(from), from.count, limit, state_.data(),
-                                                       reinterpret_cast<double*>(chosen_.data()), room);
+    sample_positions<T><<<blocks, kBlock, 0, stream>>>(rows_of<const T>(from), from.count, sample_limit(from.count),
+                                                       state_.data(), reinterpret_cast<double*>(chosen_.data()), room);
   });
   check(cudaGetLastError(), "sampling positions");
   fetched_.resize(brought);
@@ -255,7 +225,8 @@ std::vector<Position> CallersPoints::sample(const DevicePoints& from) {
     check(cudaEventSynchronize(sampled_.get()), "sampling positions");
   }
   const PositionSampleState& state = *fetched_state_.get();
-  if (state.chosen >= kFew || from.count <= kWanted) return {fetched_.get(), fetched_.get() + state.chosen};
+  if (state.chosen >= kFewSampled || from.count <= kSampledPositions)
+    return {fetched_.get(), fetched_.get() + state.chosen};
   Position least, most;
   for (int axis = 0; axis < 3; ++axis) {
     least[axis] = from_ordered(state.least[axis]);
