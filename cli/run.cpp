@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <memory>
 #include <optional>
@@ -31,6 +32,7 @@ struct RunArguments {
 // What is said about a run beside the library's own report.
 struct Findings {
   double spacing = 0, noise = 0;  // of the input
+  std::array<double, 3> noise_quantiles{};
   double step = 0;                // between the coordinates written, where these are integers
   std::uint64_t ignored = 0;      // finite points left out by --ignore
   std::uint64_t held = 0;         // others that the limits did not let move
@@ -96,7 +98,7 @@ Json run_json(const Report& report, const Findings& findings) {
           {"points", report.points},
           {"params", params_json(report.params)},
           {"spacing", findings.spacing},
-          {"noise", {{"before", findings.noise}}},
+          {"noise", {{"before", findings.noise}, {"quantiles", findings.noise_quantiles}}},
           {"rounding", {{"step", findings.step}, {"rms", kRoundingRms * findings.step}}},
           {"unmoved", unmoved_json(without(report.unmoved, findings.ignored), findings)},
           {"short_neighborhoods", report.short_neighborhoods},
@@ -202,6 +204,7 @@ void find_out(const RunArguments& arguments, const WriteOptions& options, const 
   const Estimates& estimates = pipeline.estimates(stop);
   findings.spacing = estimates.spacing;
   findings.noise = estimates.noise;
+  findings.noise_quantiles = estimates.noise_quantiles;
   findings.step = written_step(before, options);
   findings.displacement = displacement(before, after);
   findings.notes = notes(arguments, options, before, findings);

@@ -9,12 +9,11 @@ import numpy as np
 from . import _native
 from ._arrays import Layout, Result, as_numpy, check_positions, rows
 from ._card import CardLayout, CardResult, card_array, concatenate, current_stream, is_on_card
-from ._denoise import give_back, take
 from ._errors import UsageError
 from ._params import Params
-from ._pipeline import make_params
 from ._progress import Progress, progress_function
 from ._report import Report, report_of
+from ._runs import borrowed, make_params
 from ._values import as_threads
 
 if TYPE_CHECKING:
@@ -70,13 +69,9 @@ def denoise_batch(clouds: Any, params: Params | None = None, *, offsets: Any = N
         device = CardLayout(on_card, "clouds", any_shape=True).check_device(device)
         if return_report:
             raise UsageError("reports of batches take clouds in host memory: leave return_report out")
-    pipeline = take(device, threads)
-    try:
+    with borrowed(device, threads) as pipeline, progress_function(progress) as show:
         batch = _Batch(pipeline, device, chosen, threads, return_report)
-        with progress_function(progress) as show:
-            result = batch.run(clouds, offsets, show)
-    finally:
-        give_back(pipeline, device, threads)
+        result = batch.run(clouds, offsets, show)
     return (result, batch.reports) if return_report else result
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 from typing import Any
 
+import numpy as np
+
 from . import _native
 from ._errors import DeviceError, UsageError
 
@@ -58,6 +60,11 @@ class CardLayout:
         if (its.shape, its.dtype, its.card) != (self.shape, self.dtype, self.card):
             raise UsageError(f"out is {its.shape} of {its.dtype} on {its.device}, points {self.shape} of {self.dtype} on "
                              f"{self.device}: they must agree")
+
+
+def layout_of(points: Any) -> CardLayout | None:
+    """The layout of an array on a card, None for anything else."""
+    return CardLayout(points) if type(points) is not np.ndarray and is_on_card(points) else None
 
 
 def _card_of(points: Any) -> int:

@@ -2,19 +2,18 @@
 """One call: arrays and clouds in, the same without noise out."""
 from __future__ import annotations
 
-import os
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
 
 import numpy as np
 
 from . import _card, _native
-from ._arrays import Layout, Result, as_box, as_mask, as_numpy, as_selections, as_strength, check_positions, rows
+from ._arrays import Layout, Result, as_box, as_mask, as_numpy, as_strength, check_positions, rows
 from ._cloud import Cloud
 from ._errors import UsageError
 from ._params import Params
-from ._pipeline import make_params, native_pipeline
 from ._progress import Progress, progress_function
 from ._report import DeviceStatus, Estimates, Report, device_of, report_of
+from ._runs import borrowed, make_params, run_cloud
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -22,28 +21,6 @@ if TYPE_CHECKING:
     from ._params import ParamArguments
 
 Points = TypeVar("Points")
-
-# Pipelines of small clouds wait here for the next call, one for each device and number of threads: making one takes
-# longer than denoising a few points, on a card a million.
-_KEPT_POINTS, _KEPT_ON_CARD = 100_000, 2_000_000
-_idle: dict[tuple[str, int], list[_native.Pipeline]] = {}
-os.register_at_fork(after_in_child=_idle.clear)
-
-
-def take(device: str, threads: int) -> _native.Pipeline:
-    """A pipeline that waits for work, or a new one."""
-    try:
-        return _idle[device, threads].pop()
-    except (KeyError, IndexError, TypeError):
-        return native_pipeline(device, threads)
-
-
-def give_back(pipeline: _native.Pipeline, device: str, threads: int) -> None:
-    """Keeps a pipeline that take() gave for the next call, if it holds little."""
-    if pipeline.points <= (_KEPT_ON_CARD if device.startswith("cuda") else _KEPT_POINTS):
-        waiting = _idle.setdefault((device, threads), [])
-        if not waiting:
-            waiting.append(pipeline)
 
 
 @overload
@@ -103,8 +80,7 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
     if normals and not return_report:
         raise UsageError("normals=True needs return_report=True, since report.normals has them")
     strength, box = as_strength(strength), as_box(box)
-    on_card = not isinstance(points, (np.ndarray, Cloud)) and _card.is_on_card(points)
-    layout = _card.CardLayout(points) if on_card else None
+    layout = _card.layout_of(points)
     if layout is not None:
         device = layout.check_device(device)
         if where is not None or ignore is not None:
@@ -112,31 +88,19 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
         if mask is not None or box is not None or strength != 1:
             raise UsageError("mask, box and strength take arrays in host memory: blend the tensors instead, "
                              "torch.where(mask[:, None], result, points) for instance")
-    pipeline = take(device, threads)
-    try:
-        with progress_function(progress) as show:
-            if layout is not None:
-                result = _denoise_on_card(pipeline, points, layout, chosen, out, show)
-            elif isinstance(points, Cloud):
-                pipeline.load_cloud(points._native, as_selections(ignore, "ignore"))
-                limits = (strength, box, as_mask(mask, len(points)), as_selections(where, "where"))
-                result = _denoise_cloud(pipeline, chosen, limits, out, show)
-            else:
-                if where is not None or ignore is not None:
-                    raise UsageError("where and ignore need a Cloud, whose attributes they name; mask takes booleans")
-                result = _denoise_array(pipeline, points, chosen, strength, box, mask, out, show)
-        if not return_report:
-            return result
-        return result, _full_report(pipeline, normals)
-    finally:
-        give_back(pipeline, device, threads)
-
-
-def _denoise_cloud(pipeline: _native.Pipeline, params: Params, limits: tuple[float, Any, Any, str], out: Any,
-                   show: Any) -> Cloud:
-    if out is not None:
-        raise UsageError("out= takes arrays, and a Cloud was given: leave it out")
-    return Cloud._of(pipeline.run_cloud(params._native, *limits, show))
+    with borrowed(device, threads) as pipeline, progress_function(progress) as show:
+        if layout is not None:
+            result: Any = _denoise_on_card(pipeline, points, layout, chosen, out, show)
+        elif isinstance(points, Cloud):
+            if out is not None:
+                raise UsageError("out= takes arrays, and a Cloud was given: leave it out")
+            result = Cloud._of(run_cloud(pipeline, points._native, chosen, mask=mask, where=where, ignore=ignore,
+                                         strength=strength, box=box, show=show))
+        else:
+            if where is not None or ignore is not None:
+                raise UsageError("where and ignore need a Cloud, whose attributes they name; mask takes booleans")
+            result = _denoise_array(pipeline, points, chosen, strength, box, mask, out, show)
+        return (result, _full_report(pipeline, normals)) if return_report else result
 
 
 def _denoise_on_card(pipeline: _native.Pipeline, points: Any, layout: _card.CardLayout, params: Params, out: Any,
@@ -179,12 +143,10 @@ def estimate(points: Any, *, device: str = "auto", threads: int = 0) -> Estimate
         >>> estimate(grid).points
         2500
     """
-    on_card = not isinstance(points, (np.ndarray, Cloud)) and _card.is_on_card(points)
-    layout = _card.CardLayout(points) if on_card else None
+    layout = _card.layout_of(points)
     if layout is not None:
         device = layout.check_device(device)
-    pipeline = take(device, threads)
-    try:
+    with borrowed(device, threads) as pipeline:
         if isinstance(points, Cloud):
             pipeline.load_cloud(points._native, "")
         elif layout is not None:
@@ -195,8 +157,6 @@ def estimate(points: Any, *, device: str = "auto", threads: int = 0) -> Estimate
             check_positions(array)
             pipeline.load(rows(array), False)
         return Estimates(*pipeline.estimates())
-    finally:
-        give_back(pipeline, device, threads)
 
 
 def devices() -> list[DeviceStatus]:

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 import numpy as np
 
-from . import _card, _native
+from . import _card
 from ._arrays import Layout, Result, as_box, as_mask, as_numpy, as_selections, as_strength, check_positions, rows
 from ._cloud import Cloud
 from ._errors import UsageError
 from ._params import Params
 from ._progress import Progress, progress_function
 from ._report import DeviceInfo, Estimates, Report, device_of, report_of
-from ._values import as_text, as_threads
+from ._runs import make_params, native_pipeline
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -22,28 +22,6 @@ if TYPE_CHECKING:
     from ._params import ParamArguments
 
 T = TypeVar("T")
-_DEFAULT = Params()
-
-
-def make_params(params: Params | None, changes: Any) -> Params:
-    """`params`, or the defaults, with the changes."""
-    if params is None:
-        return Params(**_known(changes)) if changes else _DEFAULT
-    if not isinstance(params, Params):
-        raise UsageError(f"params is a {type(params).__name__}: give a pointfair.Params")
-    return params.replace(**_known(changes)) if changes else params
-
-
-def _known(changes: dict[str, Any]) -> dict[str, Any]:
-    for name in changes:
-        if name not in Params.__dataclass_fields__:
-            raise UsageError(f"there is no parameter '{name}': help(pointfair.Params) lists them")
-    return changes
-
-
-def native_pipeline(device: str, threads: int) -> _native.Pipeline:
-    """Raises UsageError for a device or a number of threads that cannot be."""
-    return _native.Pipeline(as_text(device, "device"), as_threads(threads))
 
 
 class Pipeline:

@@ -18,10 +18,10 @@ void Leaving::hold_back(const DeviceArray<Point>& uploaded, Chain& from, const D
   marks.resize(marked.size());
   total.resize(1);
   check(cudaMemsetAsync(total.data(), 0, sizeof(unsigned long long), context_.stream()), "clearing a count");
-  cuda::hold_back(context_,
-                  {uploaded.data(), from.faired().data(), uploaded.size(), limited ? limits.farthest : kInfinity,
-                   limited ? limits.outlier_distance : kInfinity},
-                  settled.data(), marked.empty() ? nullptr : marks.data(), total.data());
+  const DisplacementLimits its = limited ? limits : DisplacementLimits{kInfinity, kInfinity};
+  cuda::hold_back(
+      context_, {uploaded.data(), from.faired().data(), uploaded.size(), limit_rule(its), from.noise_field(its.levels)},
+      settled.data(), marked.empty() ? nullptr : marks.data(), total.data());
   check(cudaMemcpyAsync(held_back_.get(), total.data(), sizeof(unsigned long long), cudaMemcpyDeviceToHost,
                         context_.stream()),
         "reading a count");

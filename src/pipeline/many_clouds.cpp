@@ -83,11 +83,12 @@ void Pipeline::State::run_groups(std::span<const std::uint64_t> offsets, const G
 
 void Pipeline::State::run_stages_of_all(const Params& used, const std::stop_token& stop) {
   Backend& backend = cloud.backend();
-  const Settings settings = settings_of(used);
+  Settings settings = settings_of(used, {});
   for (int iteration = 0; iteration < used.iterations; ++iteration) {
     backend.build_index(iteration, std::nullopt, stop);
     backend.find_neighbors(iteration, settings.neighbors, stop);
     backend.estimate_normals(iteration, settings.normals, stop);
+    settings.fairing.is_further = iteration > 0;
     backend.fair(iteration, settings.fairing, false, stop);
   }
 }
@@ -115,7 +116,7 @@ void Pipeline::State::run_many(std::span<const Point> points, std::span<const st
     copy(backend.sampling(), points.subspan(begin, size), staged);
     backend.many_clouds()->upload(staged, ends_of(its));
     run_stages_of_all(used, stop);
-    backend.download(used.iterations - 1, staged, settings_of(used).limits, {});
+    backend.download(used.iterations - 1, staged, settings_of(used, {}).limits, {});
     backend.take_costs();
     copy(backend.sampling(), staged, out.subspan(begin, size));
   };
@@ -144,7 +145,7 @@ void Pipeline::State::run_many(const DevicePoints& points, DeviceStream stream, 
     const std::size_t begin = its.front(), size = its.back() - begin;
     cloud.backend().many_clouds()->upload(part_of(points, begin, size), stream, ends_of(its));
     run_stages_of_all(used, stop);
-    device_memory().download(used.iterations - 1, part_of(out, begin, size), stream, settings_of(used).limits, {});
+    device_memory().download(used.iterations - 1, part_of(out, begin, size), stream, settings_of(used, {}).limits, {});
     cloud.backend().take_costs();
   };
   run_groups(offsets, groups);

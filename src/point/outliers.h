@@ -9,10 +9,10 @@
 namespace pointfair::point {
 
 // A point is an outlier if fewer than a tenth of its neighbours lie within the outlier distance of its plane (two close
-// sheets give each other half), or, in a ball of radius R, fewer than a twentieth within 0.7 R of it, where a surface
-// through the point has half of them, or within the outlier distance if that is more: the tails of the noise are no
-// outliers. Where R is larger than the outlier radius, points are so sparse that strays may be each other's neighbours:
-// they fill the ball, so seven tenths of them must lie near the plane.
+// sheets give each other half), or, in a neighbourhood of radius R, fewer than a twentieth within 0.7 R of it, where a
+// surface through the point has half of them, or within the outlier distance if that is more: the tails of the noise
+// are no outliers. Where R is larger than the outlier radius, points are so sparse that strays may be each other's
+// neighbours: they fill the sphere, so seven tenths of them must lie near the plane.
 inline constexpr float kLeastNearPlane = 0.1f, kLeastOfSparse = 0.7f, kLeastNear = 0.05f, kNearSquaredRadius = 0.49f;
 
 // Of 0.7 R.
@@ -25,12 +25,13 @@ template <class F>
 struct Agreement {
   F near_plane{}, near{}, all{};
 
-  // `squared_core`: of 0.7 R or the outlier distance, infinite where there is no radius
+  // `height`: over the point's plane; `squared_core`: of 0.7 R or the outlier distance, infinite where there is no
+  // radius
   template <class Mask>
-  POINTFAIR_INLINE void add(Vec3<F> offset, Vec3<F> normal, Mask inside, float squared_distance, F squared_core) {
-    const F height = dot(normal, offset), one = select(inside, F(1.0f), F{});
+  POINTFAIR_INLINE void add(Vec3<F> offset, F height, Mask inside, F squared_distance, F squared_core) {
+    const F one = select(inside, F(1.0f), F{});
     all = all + one;
-    near_plane = near_plane + select(height * height <= F(squared_distance), one, F{});
+    near_plane = near_plane + select(height * height <= squared_distance, one, F{});
     near = near + select(squared_length(offset) <= squared_core, one, F{});
   }
   template <class Mask>
@@ -40,8 +41,8 @@ struct Agreement {
   }
 };
 
-// Where an outlier is pulled to: a mean of its neighbours. In a list by closeness; in a ball by density, which the
-// neighbours' own balls tell: strays are as near to each other as to the surface, but their balls are far wider.
+// Where an outlier is pulled to: a mean of its neighbours. In a list by closeness; within a radius by density, which
+// the neighbours' own radii tell: strays are as near to each other as to the surface, but their radii are far wider.
 template <class F>
 struct PullSum {
   F weight{};
@@ -51,7 +52,7 @@ struct PullSum {
   POINTFAIR_INLINE void add_by_closeness(Vec3<F> offset, Mask inside, F inverse_two_sigma2) {
     add_weighted(gaussian(squared_length(offset) * inverse_two_sigma2), offset, inside);
   }
-  // squared radii of the outlier's ball and of the neighbour's
+  // squared radii of the outlier's neighbourhood and of the neighbour's
   template <class Mask>
   POINTFAIR_INLINE void add_by_density(Vec3<F> offset, Mask inside, F here, F there) {
     const F ratio = here / larger(there, F(1e-6f) * here);
@@ -72,13 +73,27 @@ struct PullSum {
   }
 };
 
+// The limits of `settled` at a place, by the level of the noise there.
+struct LimitRule {
+  float farthest, outlier_distance;
+  float level_outlier_distance;  // where this times the level is more, that counts
+  bool farthest_follows;
+};
+struct Limits {
+  float farthest, outlier_distance;
+};
+POINTFAIR_INLINE Limits limits_at(const LimitRule& rule, float level) {
+  const float farthest = rule.farthest_follows ? rule.farthest * level : rule.farthest;
+  return {farthest, larger(larger(rule.outlier_distance, rule.level_outlier_distance * level), farthest)};
+}
+
 struct Settled {
   Vec3<float> place;
   bool is_outlier;
 };
 
 // A point moves no farther than `limit`, and what would move by more by the less the more it would be, limit^2 over
-// that way: so far goes no noise, but edges that balls reach across. One that would move farther than
+// that way: so far goes no noise, but edges that neighbourhoods reach across. One that would move farther than
 // `outlier_distance`, or whose neighbours did not agree with it (`after` is NaN then), is an outlier and stays at
 // `before`. 0 < limit <= outlier_distance.
 POINTFAIR_INLINE Settled settled(Vec3<float> before, Vec3<float> after, float limit, float outlier_distance) {

@@ -47,6 +47,11 @@ class Listed {
   Vec here_;
 };
 
+// Of the noise at a sorted point; null: 1.
+__device__ __forceinline__ float squared_level_at(const float* squared_level, std::size_t at) {
+  return squared_level == nullptr ? 1.0f : squared_level[at];
+}
+
 // The warp walks the tree for its leaf.
 class WalkedRadius {
  public:
@@ -69,12 +74,14 @@ class WalkedRadius {
     const float own = active ? radii.squared_radius[at] : -1.0f;
     squared_radius_ = active && radii.squared_growth != nullptr ? own * radii.squared_growth[at] : own;
     farthest_ = unordered(warp_max(ordered(squared_radius_)));
-    if (radii.min_neighbors > 0) share_ = active ? point::kept_share(radii, own, squared_radius_) : 0.0f;
+    if (radii.min_neighbors > 0)
+      share_ =
+          active ? point::kept_share(radii, squared_level_at(radii.squared_level, at), own, squared_radius_) : 0.0f;
     is_thinned_ = __any_sync(kAllLanes, active && share_ < 1);
   }
 
-  // visit(leaf, inside) for each leaf with a point in a ball, in sorted order: bit i of `inside` says that the leaf's
-  // i-th point lies in that of this lane. The points are in `place` meanwhile.
+  // visit(leaf, inside) for each leaf with a point within a radius, in sorted order: bit i of `inside` says that the
+  // leaf's i-th point lies in that of this lane. The points are in `place` meanwhile.
   template <class Visit>
   __device__ __forceinline__ void for_leaves(Visit visit) const {
     const auto is_near = [&](const BoxGroup& group) { return this->is_near(box_of_lane(group)); };
@@ -107,8 +114,8 @@ class WalkedRadius {
   __device__ __forceinline__ static bool any(bool mask) { return __any_sync(kAllLanes, mask); }
 
  private:
-  // Whether a ball of the warp reaches this lane's box. Most boxes are near that of the whole warp or they are not; a
-  // leaf that the curve has torn apart is wide, and its balls are asked one by one.
+  // Whether a radius of the warp reaches this lane's box. Most boxes are near that of the whole warp or they are not; a
+  // leaf that the curve has torn apart is wide, and its points are asked one by one.
   __device__ __forceinline__ bool is_near(const Box& box) const {
     bool result = false;
     for (unsigned near = __ballot_sync(kAllLanes, squared_gap(box, box_) <= farthest_); near != 0; near &= near - 1) {
