@@ -209,6 +209,29 @@ TEST(ViewerSession, WhatIsWrongWithAMessageIsSaidInWords) {
   seat.result(1);
 }
 
+// Oracle: a fresh pipeline.
+TEST(ViewerSession, TheNoiseAtEachPointComesInTheOrderOfThePage) {
+  Points points = noisy(3000);
+  points[10].x = std::numeric_limits<float>::quiet_NaN();
+  Pipeline pipeline(Device::cpu);
+  pipeline.load(points);
+  std::vector<float> expected(points.size());
+  pipeline.noise(expected);
+  Seat seat(points);
+  seat.ask(run_text(1, {{"iterations", "2"}}));
+  seat.result(1);
+  seat.ask(R"({"type":"noise","id":2})");
+  const Decoded answer = seat.page.wait_for("colours", 2);
+  EXPECT_EQ(answer.head["name"], "noise");
+  const auto noise = answer.array<float>("noise");
+  const Order order(points.size());
+  ASSERT_EQ(noise.size(), points.size());
+  for (std::size_t place = 0; place < noise.size(); ++place) {
+    const float its = expected[order.index(place)];
+    ASSERT_TRUE(noise[place] == its || (std::isnan(noise[place]) && std::isnan(its))) << place;
+  }
+}
+
 TEST(ViewerSession, ALargeCloudIsShownInPart) {
   Session::Options options = cpu_options();
   options.point_budget = 1000;

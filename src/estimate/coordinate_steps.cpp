@@ -8,6 +8,7 @@
 #include <span>
 #include <utility>
 
+#include "estimate/constants.hpp"
 #include "point/sample.h"
 
 namespace pointfair {
@@ -15,21 +16,9 @@ namespace {
 
 using point::Offset;
 
-constexpr std::size_t kLookedAt = 500;  // samples
-constexpr int kNeighbors = 8, kManyNeighbors = 60;
-constexpr std::size_t kRow = kNeighbors + 1;
-constexpr double kRounding = 2.4e-7;                 // of the extent: 4 units in the last place of single precision
-constexpr std::size_t kRepeats = 20;                 // so often, on average, values recur that have steps
-constexpr std::size_t kGlance = 256;                 // values; fewer than half of them are distinct
-constexpr double kSameStep = 0.05;                   // relative
-constexpr std::size_t kSpans = 8, kFewestAlike = 6;  // of levels
-constexpr double kSameGap = 0.15, kWideningOfGaps = 1.3;  // relative; from the nearest level to the farthest
-constexpr double kExactPlane = 1e-4;                      // of its neighbourhood's size
-constexpr double kRoundness = 0.05;                       // of eigenvalues in the plane; less is a line
-constexpr std::size_t kFewestPlanes = 10, kMostPlanes = 400;
-constexpr double kSameDirection = 0.99985;  // cosine of 1 degree
-constexpr double kLevelGap = 2e-6;          // of the extent; heights are not nearer
-constexpr std::size_t kHeightsOfLevel = 8;  // so many, on average
+using namespace constants;
+
+constexpr std::size_t kRow = kStepNeighbors + 1;
 
 double coordinate(const Point& p, int axis) { return axis == 0 ? p.x : axis == 1 ? p.y : p.z; }
 
@@ -210,13 +199,13 @@ std::vector<Point> known_rows(std::span<const Point> rows, std::size_t row_size)
 }  // namespace
 
 CoordinateSteps coordinate_steps(std::size_t samples, const NearestRows& nearest) {
-  const std::vector<Point> rows = known_rows(nearest(std::min(samples, kLookedAt), kNeighbors), kRow);
+  const std::vector<Point> rows = known_rows(nearest(std::min(samples, kLookedAt), kStepNeighbors), kRow);
   const double rounding = kRounding * extent_of(rows);
   if (const double step = step_of_grid(rows, rounding); step > 0)
     return {CoordinateSteps::Kind::grid, std::vector<double>(samples, step)};
   const auto direction = common_direction(rows, rounding);
   if (!direction) return {};
-  std::vector<double> steps = steps_along(*direction, nearest(samples, kManyNeighbors), kManyNeighbors + 1);
+  std::vector<double> steps = steps_along(*direction, nearest(samples, kLevelNeighbors), kLevelNeighbors + 1);
   return {steps.empty() ? CoordinateSteps::Kind::none : CoordinateSteps::Kind::depth, std::move(steps)};
 }
 

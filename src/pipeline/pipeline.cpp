@@ -87,6 +87,10 @@ std::array<double, 3> Pipeline::load(const DevicePoints& points, DeviceStream st
   });
 }
 
+void Pipeline::set_noise(std::span<const float> sigmas) {
+  with_one_kind_of_error([&] { state_->set_noise(sigmas); });
+}
+
 Cloud Pipeline::run(const Params& params, std::stop_token stop, const ProgressFunction& progress) {
   return with_one_kind_of_error([&] {
     Cloud result = state_->shell;
@@ -162,6 +166,10 @@ void Pipeline::normals(std::span<Point> out, std::stop_token stop) {
 
 void Pipeline::normals(const DeviceOutput& out, DeviceStream stream) {
   with_one_kind_of_error([&] { state_->normals(out, stream); });
+}
+
+void Pipeline::noise(std::span<float> out, const Params& params, std::stop_token stop) {
+  with_one_kind_of_error([&] { state_->noise(out, in_units_of(state_->shell, params).noise, stop); });
 }
 
 }  // namespace pointfair
