@@ -21,6 +21,14 @@ IMPORT = ("import time; a = time.perf_counter(); import numpy; b = time.perf_cou
 FAST = {"k": 8, "iterations": 1, "noise": 0.01, "similarity_sigma": 0.03, "normal_filter": "off", "outliers": "off"}
 
 
+# Nothing is left to estimates.
+GIVEN = {"k": 8, "iterations": 1, "normal_sigma": 0.1, "closeness_sigma": 0.1, "similarity_sigma": 0.03}
+
+
+def has_card():
+    return any(device.usable and device.info.kind == "cuda" for device in pf.devices())
+
+
 def waves(count, dtype=np.float32, seed=1):
     rng = np.random.default_rng(seed)
     xy = rng.random((count, 2))
@@ -59,11 +67,40 @@ def time_calls():
 
 
 def time_batches():
-    clouds = np.stack([waves(1024, seed=i) for i in range(200)])
-    for name, parameters in (("nothing set", {}), ("k = 8", FAST)):
-        loop = seconds(lambda: [pf.denoise(cloud, **parameters) for cloud in clouds], 3)
-        batch = seconds(lambda: pf.denoise_batch(clouds, **parameters), 3)
-        print(f"200 x 1,024      {name}: {loop:.3f} s in a loop, {batch:.3f} s in a batch")
+    for device, count in (("cpu", 200), ("cuda", 1000)):
+        if device == "cuda" and not has_card():
+            continue
+        clouds = np.stack([waves(1024, seed=i) for i in range(count)])
+        for name, parameters in (("nothing set", {}), ("k = 8", FAST), ("all given", GIVEN)):
+            few = clouds[:200]
+            loop = seconds(lambda: [pf.denoise(cloud, device=device, **parameters) for cloud in few], 3) * count / len(few)
+            batch = seconds(lambda: pf.denoise_batch(clouds, device=device, **parameters), 3)
+            print(f"{count} x 1,024 on {device}  {name}: {loop:.3f} s in a loop, {batch:.4f} s in a batch, {loop / batch:.1f} times")
+
+
+def time_tensors():
+    """A tensor on the card against what the pipeline's stages take there."""
+    try:
+        import torch
+    except ImportError:
+        return
+    if not has_card():
+        return
+    for count in (1024, 100_000, 1_000_000):
+        for dtype in (np.float32, np.float64):
+            points = torch.from_numpy(waves(count, dtype)).cuda()
+            out, pipeline = torch.empty_like(points), pf.Pipeline("cuda:0")
+
+            def call():
+                pf.denoise(points, out=out, **GIVEN)
+                torch.cuda.synchronize()
+
+            call()
+            took = seconds(call, 30)
+            pipeline.load(points)
+            pipeline.run(out=out, **GIVEN)
+            stages = sum(stage.milliseconds for stage in pipeline.report.stages if stage.name != "upload")
+            print(f"{count:,} {np.dtype(dtype)} on the card: {took * 1e3:.3f} ms a call, {stages:.3f} ms in its stages")
 
 
 def time_frames(frames=200):
@@ -101,5 +138,5 @@ def time_interrupts():
 
 if __name__ == "__main__":
     print(pf.devices()[0].info.name)
-    for measure in (time_import, time_calls, time_batches, time_frames, time_interrupts):
+    for measure in (time_import, time_calls, time_batches, time_tensors, time_frames, time_interrupts):
         measure()

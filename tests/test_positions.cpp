@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Positions in memory: the origin and the points of a file of them, and back without loss.
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <limits>
@@ -29,7 +30,60 @@ std::string ply_of(const std::vector<Position>& positions) {
 
 bool same(double a, double b) { return std::bit_cast<std::uint64_t>(a) == std::bit_cast<std::uint64_t>(b); }
 
+// Whether the bulk, from the 5 % to the 95 % quantile, lies farther from 0 on an axis than 16 times its widest side.
+bool lies_far_from_zero(const std::vector<Point>& points) {
+  double extent = 0, size = 0;
+  for (const auto axis : {&Point::x, &Point::y, &Point::z}) {
+    std::vector<double> values;
+    for (const Point& p : points)
+      if (std::isfinite(p.x + p.y + p.z)) values.push_back(p.*axis);
+    if (values.empty()) return false;
+    std::sort(values.begin(), values.end());
+    const double low = values[values.size() / 20], high = values[values.size() - 1 - values.size() / 20];
+    extent = std::max(extent, high - low);
+    size = std::max({size, std::abs(low), std::abs(high)});
+  }
+  return extent > 0 && size > 16 * extent;
+}
+
+// About where an origin is needed; every third cloud with strays, every fourth in lumps, every fifth with a NaN.
+std::vector<Point> cloud_of_kind(int kind) {
+  std::mt19937 generator{static_cast<unsigned>(kind)};
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  const double offset = (kind % 10) * 3.1, power = kind % 3 == 0 ? 9 : 1, lumps = kind % 4 == 0 ? 3 : 1e6;
+  const auto value = [&] {
+    const double u = uniform(generator);
+    return std::round(std::copysign(std::pow(std::abs(u), power), u) * lumps) / lumps;
+  };
+  std::vector<Point> points;
+  for (int i = 0; i < 2 + kind * 7; ++i) {
+    const double x = offset + value(), y = value(), z = offset / 2 + value();
+    points.push_back({float(x), float(y), float(z)});
+  }
+  if (kind % 5 == 0) points[0].z = std::numeric_limits<float>::quiet_NaN();
+  return points;
+}
+
 }  // namespace
+
+TEST(Positions, HaveAnOriginIfTheirBulkLiesFarFromZero) {
+  std::vector<Point> all;
+  std::vector<std::uint64_t> offsets{0};
+  int with = 0;
+  for (int kind = 0; kind < 400; ++kind) {
+    const std::vector<Point> points = cloud_of_kind(kind);
+    const bool has_origin = choose_origin(points) != Position{};
+    EXPECT_EQ(has_origin, lies_far_from_zero(points)) << kind;
+    with += has_origin;
+    all.insert(all.end(), points.begin(), points.end());
+    offsets.push_back(all.size());
+  }
+  EXPECT_GT(with, 20);
+  EXPECT_LT(with, 380);
+  const std::vector<Position> origins = choose_origins(all, offsets);
+  ASSERT_EQ(origins.size(), 400u);
+  for (int kind = 0; kind < 400; ++kind) EXPECT_EQ(origins[std::size_t(kind)], choose_origin(cloud_of_kind(kind)));
+}
 
 TEST(Positions, MakeTheCloudThatAFileOfThemMakes) {
   for (const Position centre : {Position{}, Position{500000.123, 5.8e6, 120}, Position{1, 2, 3}}) {

@@ -2,6 +2,7 @@
 // The pipeline: load, index, neighbours, normals, fairing, out.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -11,6 +12,7 @@
 
 #include "pointfair/cloud.hpp"
 #include "pointfair/device.hpp"
+#include "pointfair/device_points.hpp"
 #include "pointfair/export.hpp"
 #include "pointfair/params.hpp"
 #include "pointfair/report.hpp"
@@ -74,6 +76,40 @@ class POINTFAIR_EXPORT Pipeline {
   /// and `out` must not overlap.
   void run(std::span<const Point> points, const Params& params, std::span<Point> out, std::stop_token stop = {},
            const ProgressFunction& progress = {});
+
+  /// Denoises many small clouds, each by itself, with the bits of a load and a run of its own: cloud i has the points
+  /// offsets[i] to offsets[i + 1]. Where runs_together() says so, one set of kernels computes up to 2,048 clouds of up
+  /// to 32,768 points; else this is a loop. Afterwards the pipeline is empty. `out` may be `points`. Throws
+  /// ErrorKind::usage for offsets that do not begin with 0, decrease, or do not end with the number of points.
+  void run_many(std::span<const Point> points, std::span<const std::uint64_t> offsets, const Params& params,
+                std::span<Point> out, std::stop_token stop = {});
+
+  /// The same of points that lie on the pipeline's card, as load() of such. Clouds with an origin are computed one by
+  /// one.
+  void run_many(const DevicePoints& points, DeviceStream stream, std::span<const std::uint64_t> offsets,
+                const Params& params, const DeviceOutput& out, std::stop_token stop = {});
+
+  /// Whether run_many() computes clouds with these parameters at once: on a card, with k and every length that `method`
+  /// bilateral reads given, without the constraint.
+  bool runs_together(const Params& params) const;
+
+  /// load(), run() and normals() for points that lie on the pipeline's card: nothing is copied through host memory.
+  /// Work starts after what `stream` was given before. Positions are treated as those of arrays in host memory, with
+  /// the same bits: coordinates that are large against the extent become offsets from an origin (choose_origin), and
+  /// the displacements are added to them.
+  ///
+  /// load() returns the origin, and does so early: what the stream is given afterwards may change the points. The other
+  /// calls return when their results are there; `out` may be the array that was loaded. It has the type of what was
+  /// loaded, or float32 after a load from host memory. A run into host memory gives points relative to the origin, and
+  /// a Cloud that names it. Memory on the card beside that of a run: 24 bytes a point of doubles, 12 of floats with an
+  /// origin.
+  ///
+  /// They throw ErrorKind::usage if the pipeline computes elsewhere than where the points lie, or if the types differ;
+  /// and ErrorKind::memory for a cloud that does not fit into the card beside its results.
+  std::array<double, 3> load(const DevicePoints& points, DeviceStream stream);
+  void run(const Params& params, const DeviceOutput& out, DeviceStream stream, std::stop_token stop = {},
+           const ProgressFunction& progress = {});
+  void normals(const DeviceOutput& out, DeviceStream stream);
 
   /// Bounds, spacing and noise of the loaded cloud; the noise is that of set_noise() where there is one. The first call
   /// after `load` measures them, and builds the index if there is none. Valid until the next load or set_noise.

@@ -4,6 +4,7 @@
 
 #include "pointfair/cloud.hpp"
 #include "pointfair/device.hpp"
+#include "pointfair/device_points.hpp"
 #include "pointfair/export.hpp"
 #include "pointfair/file_info.hpp"
 #include "pointfair/io.hpp"

@@ -3,7 +3,9 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <span>
+#include <vector>
 
 #include "pointfair/cloud.hpp"
 #include "pointfair/export.hpp"
@@ -17,6 +19,14 @@ using Position = std::array<double, 3>;
 /// against the extent. It does not depend on the order of the positions. O(N).
 POINTFAIR_EXPORT Position choose_origin(std::span<const Position> positions);
 POINTFAIR_EXPORT Position choose_origin(std::span<const Point> positions);
+
+/// The same of many clouds, of which cloud i has the positions offsets[i] to offsets[i + 1].
+POINTFAIR_EXPORT std::vector<Position> choose_origins(std::span<const Point> positions,
+                                                      std::span<const std::uint64_t> offsets);
+
+/// The same from a sample that depends on the positions and not on their order, where these are not in host memory.
+/// O(sample).
+POINTFAIR_EXPORT Position choose_origin_by_sample(std::vector<Position> sample);
 
 /// A cloud of these positions, as `read` makes it of a binary file of them. O(N).
 POINTFAIR_EXPORT Cloud make_cloud(std::span<const Position> positions);

@@ -59,6 +59,12 @@ void ArrayPipeline::load(std::span<const double> coordinates, bool) {
   kind_ = Kind::doubles;
 }
 
+void ArrayPipeline::load(const DevicePoints& points, DeviceStream stream) {
+  start(points.count);
+  before_.origin = pipeline_.load(points, stream);
+  kind_ = Kind::on_card;
+}
+
 void ArrayPipeline::load(const Cloud& cloud, const Limits& limits) {
   start(cloud.points.size());
   pipeline_.load(limits.ignore.empty() ? cloud : without_ignored(limits, cloud));
@@ -111,6 +117,11 @@ void ArrayPipeline::run(const Params& params, const Limits& limits, std::span<do
   const std::span<Position> result = as_positions(out);
   std::copy(own_.begin(), own_.end(), result.begin());
   move_positions(before_, after, result);
+}
+
+void ArrayPipeline::run(const Params& params, const DeviceOutput& out, DeviceStream stream, const Watch& watch) {
+  check(Kind::on_card, 3 * out.count);
+  pipeline_.run(params, out, stream, watch.stop, watch.progress);
 }
 
 Cloud ArrayPipeline::run_cloud(const Params& params, const Limits& limits, const Watch& watch) {

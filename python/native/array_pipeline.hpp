@@ -26,6 +26,8 @@ class ArrayPipeline {
   /// `for_limits`: keeps a copy of float positions, which runs with limits need. Doubles are always kept.
   void load(std::span<const float> coordinates, bool for_limits);
   void load(std::span<const double> coordinates, bool for_limits);
+  /// Positions on the pipeline's card, after what `stream` was given before.
+  void load(const DevicePoints& points, DeviceStream stream);
   /// Points that `limits.ignore` holds are nobody's neighbours.
   void load(const Cloud& cloud, const Limits& limits);
 
@@ -33,10 +35,15 @@ class ArrayPipeline {
   /// loaded.
   void run(const Params& params, const Limits& limits, std::span<float> out, const Watch& watch);
   void run(const Params& params, const Limits& limits, std::span<double> out, const Watch& watch);
+  /// The same on the card, where limits do not reach.
+  void run(const Params& params, const DeviceOutput& out, DeviceStream stream, const Watch& watch);
   /// Of a loaded Cloud.
   Cloud run_cloud(const Params& params, const Limits& limits, const Watch& watch);
 
-  enum class Kind : std::uint8_t { nothing, floats, doubles, cloud };
+  /// Afterwards nothing is loaded.
+  void forget() { start(0); }
+
+  enum class Kind : std::uint8_t { nothing, floats, doubles, cloud, on_card };
   Kind kind() const { return kind_; }
   std::size_t points() const { return points_; }
   const Position& origin() const { return before_.origin; }

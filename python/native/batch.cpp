@@ -2,6 +2,7 @@
 #include "batch.hpp"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <exception>
 #include <mutex>
@@ -49,44 +50,136 @@ class FirstError {
   std::exception_ptr error_;
 };
 
-}  // namespace
-
-template <class Scalar>
-void denoise_batch(std::span<const Scalar> coordinates, std::span<const std::int64_t> offsets, const Params& params,
-                   unsigned threads, std::span<Scalar> out, std::span<Report> reports, const Watch& watch) {
-  check_offsets(offsets, coordinates.size() / 3);
-  const std::size_t clouds = offsets.size() - 1;
+// Calls make_body() on each of `workers` threads, this one included, and what it returns for each cloud in turn.
+template <class MakeBody>
+void for_each_cloud(std::size_t clouds, std::size_t workers, const MakeBody& make_body) {
   std::atomic<std::size_t> next{0};
   FirstError first_error;
-  const auto work = [&](bool tells) {
+  const auto work = [&](bool is_first) {
     std::size_t cloud = 0;
     try {
-      ArrayPipeline pipeline(Device(Device::cpu, 0, 1));
-      while (!first_error.any() && (cloud = next.fetch_add(1)) < clouds) {
-        const auto begin = static_cast<std::size_t>(3 * offsets[cloud]);
-        const auto count = static_cast<std::size_t>(3 * offsets[cloud + 1]) - begin;
-        pipeline.load(coordinates.subspan(begin, count), false);
-        pipeline.run(params, {}, out.subspan(begin, count), {watch.stop, {}});
-        if (!reports.empty()) reports[cloud] = pipeline.pipeline().report();
-        if (tells) watch.progress(double(cloud) / double(clouds), "batch");
-      }
+      auto body = make_body(is_first);
+      while (!first_error.any() && (cloud = next.fetch_add(1)) < clouds) body(cloud);
     } catch (...) {
       first_error.note(cloud, std::current_exception());
     }
   };
-  const unsigned cores = std::max(1U, std::thread::hardware_concurrency());
-  const std::size_t workers = std::min<std::size_t>(threads == 0 ? cores : std::min(threads, cores), clouds);
   {
     std::vector<std::jthread> helpers;
-    for (std::size_t i = 1; i < workers; ++i) helpers.emplace_back(work, false);
-    if (workers > 0) work(watch.progress != nullptr);
+    for (std::size_t i = 1; i < std::min(workers, clouds); ++i) helpers.emplace_back(work, false);
+    if (clouds > 0) work(true);
   }
   first_error.rethrow();
 }
 
-template void denoise_batch<float>(std::span<const float>, std::span<const std::int64_t>, const Params&, unsigned,
-                                   std::span<float>, std::span<Report>, const Watch&);
-template void denoise_batch<double>(std::span<const double>, std::span<const std::int64_t>, const Params&, unsigned,
-                                    std::span<double>, std::span<Report>, const Watch&);
+std::size_t workers_of(unsigned threads) {
+  const unsigned cores = std::max(1U, std::thread::hardware_concurrency());
+  return threads == 0 ? cores : std::min(threads, cores);
+}
+
+template <class Scalar>
+std::span<const std::array<Scalar, 3>> rows_of(std::span<const Scalar> coordinates) {
+  return {reinterpret_cast<const std::array<Scalar, 3>*>(coordinates.data()), coordinates.size() / 3};
+}
+
+// Positions of many clouds, and the points that are computed: relative to the origin that each cloud has of its own.
+template <class Scalar>
+class ManyArrays {
+ public:
+  using RowType = std::array<Scalar, 3>;
+
+  ManyArrays(std::span<const Scalar> coordinates, std::span<const std::int64_t> offsets, std::size_t workers)
+      : rows_(rows_of(coordinates)),
+        offsets_(offsets.begin(), offsets.end()),
+        workers_(workers),
+        clouds_(offsets.size() - 1) {
+    points_.resize(rows_.size());
+    for_each_cloud(clouds_.size(), workers_, [this](bool) {
+      return [this](std::size_t cloud) {
+        std::vector<Position> positions;
+        for (const RowType& row : rows(cloud)) positions.push_back({double(row[0]), double(row[1]), double(row[2])});
+        clouds_[cloud] = make_cloud(positions);
+        const Cloud& its = clouds_[cloud];
+        std::copy(its.points.begin(), its.points.end(), points_.begin() + static_cast<std::ptrdiff_t>(offsets_[cloud]));
+      };
+    });
+  }
+
+  const std::vector<std::uint64_t>& offsets() const { return offsets_; }
+  std::span<const Point> points() const { return points_; }
+
+  void move(std::span<const Point> after, std::span<Scalar> out) const {
+    for_each_cloud(clouds_.size(), workers_, [&](bool) {
+      return [&](std::size_t cloud) {
+        const auto its = rows(cloud);
+        std::vector<Position> positions;
+        for (const RowType& row : its) positions.push_back({double(row[0]), double(row[1]), double(row[2])});
+        const auto begin = static_cast<std::size_t>(offsets_[cloud]);
+        move_positions(clouds_[cloud], after.subspan(begin, its.size()), positions);
+        Scalar* to = out.data() + 3 * begin;
+        for (const Position& position : positions)
+          for (const double value : position) *to++ = static_cast<Scalar>(value);
+      };
+    });
+  }
+
+ private:
+  std::span<const RowType> rows(std::size_t cloud) const {
+    const auto begin = static_cast<std::size_t>(offsets_[cloud]);
+    return rows_.subspan(begin, static_cast<std::size_t>(offsets_[cloud + 1]) - begin);
+  }
+
+  std::span<const RowType> rows_;
+  std::vector<std::uint64_t> offsets_;
+  std::size_t workers_;
+  std::vector<Cloud> clouds_;
+  std::vector<Point> points_;
+};
+
+template <class Scalar>
+void run_together(Pipeline& pipeline, std::span<const Scalar> coordinates, std::span<const std::int64_t> offsets,
+                  const Params& params, std::size_t workers, std::span<Scalar> out, const Watch& watch) {
+  if constexpr (sizeof(Scalar) == sizeof(float)) {
+    const std::vector<std::uint64_t> ends(offsets.begin(), offsets.end());
+    const std::size_t count = coordinates.size() / 3;
+    const std::span<const Point> points(reinterpret_cast<const Point*>(coordinates.data()), count);
+    const std::vector<Position> origins = choose_origins(points, ends);
+    if (std::all_of(origins.begin(), origins.end(), [](const Position& origin) { return origin == Position{}; }))
+      return pipeline.run_many(points, ends, params, {reinterpret_cast<Point*>(out.data()), count}, watch.stop);
+  }
+  const ManyArrays<Scalar> arrays(coordinates, offsets, workers);
+  std::vector<Point> after(arrays.points().size());
+  pipeline.run_many(arrays.points(), arrays.offsets(), params, after, watch.stop);
+  arrays.move(after, out);
+}
+
+}  // namespace
+
+template <class Scalar>
+void denoise_batch(Pipeline& pipeline, Device device, std::span<const Scalar> coordinates,
+                   std::span<const std::int64_t> offsets, const Params& params, unsigned threads, std::span<Scalar> out,
+                   std::span<Report> reports, const Watch& watch) {
+  check_offsets(offsets, coordinates.size() / 3);
+  const std::size_t clouds = offsets.size() - 1;
+  if (reports.empty() && pipeline.runs_together(params))
+    return run_together(pipeline, coordinates, offsets, params, workers_of(threads), out, watch);
+  const bool on_card = pipeline.device().kind == Device::cuda;
+  for_each_cloud(clouds, workers_of(threads), [&](bool is_first) {
+    return
+        [&, is_first, arrays = ArrayPipeline(on_card ? device : Device(Device::cpu, 0, 1))](std::size_t cloud) mutable {
+          const auto begin = static_cast<std::size_t>(3 * offsets[cloud]);
+          const auto count = static_cast<std::size_t>(3 * offsets[cloud + 1]) - begin;
+          arrays.load(coordinates.subspan(begin, count), false);
+          arrays.run(params, {}, out.subspan(begin, count), {watch.stop, {}});
+          if (!reports.empty()) reports[cloud] = arrays.pipeline().report();
+          if (is_first && watch.progress) watch.progress(double(cloud) / double(clouds), "batch");
+        };
+  });
+}
+
+template void denoise_batch<float>(Pipeline&, Device, std::span<const float>, std::span<const std::int64_t>,
+                                   const Params&, unsigned, std::span<float>, std::span<Report>, const Watch&);
+template void denoise_batch<double>(Pipeline&, Device, std::span<const double>, std::span<const std::int64_t>,
+                                    const Params&, unsigned, std::span<double>, std::span<Report>, const Watch&);
 
 }  // namespace pointfair::python

@@ -9,6 +9,7 @@
 
 #include "batch.hpp"
 #include "bindings.hpp"
+#include "card_array.hpp"
 #include "interruptible.hpp"
 
 namespace nb = nanobind;
@@ -84,6 +85,27 @@ Cloud run_cloud(SharedPipeline& self, const Params& params, double strength, con
   return result;
 }
 
+// A stream as Python's packages give it, a number.
+DeviceStream stream_of(std::uintptr_t number) { return {reinterpret_cast<void*>(number)}; }
+
+void load_on_card(SharedPipeline& self, const CardArray& array, std::uintptr_t stream) {
+  self.use(nb::none(), array.rows().count, [&](ArrayPipeline& arrays, const Watch&) {
+    const DeviceOutput& rows = array.rows();
+    arrays.load({rows.data, rows.count, rows.row_stride, rows.column_stride, rows.type, rows.card}, stream_of(stream));
+  });
+}
+
+void run_on_card(SharedPipeline& self, const Params& params, const CardArray& out, std::uintptr_t stream,
+                 nb::object progress) {
+  self.use(progress, out.rows().count, [&](ArrayPipeline& arrays, const Watch& watch) {
+    arrays.run(params, out.rows(), stream_of(stream), watch);
+  });
+}
+
+void normals_on_card(SharedPipeline& self, const CardArray& out, std::uintptr_t stream) {
+  self.use([&](ArrayPipeline& arrays, const Watch&) { arrays.pipeline().normals(out.rows(), stream_of(stream)); });
+}
+
 // (min, max, diagonal, spacing, noise, points, finite, noise_quantiles), with bounds in file coordinates.
 Row estimates(SharedPipeline& self) {
   Estimates found;
@@ -127,16 +149,32 @@ nb::ndarray<nb::numpy, bool, nb::ndim<1>> outliers(SharedPipeline& self) {
 }
 
 template <class Scalar>
-Rows batch(const Input<Scalar>& coordinates, const nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig>& offsets,
-           const Params& params, unsigned threads, const Output<Scalar>& out, bool with_reports, nb::object progress) {
+Rows batch(SharedPipeline& self, const std::string& device, const Input<Scalar>& coordinates,
+           const nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig>& offsets, const Params& params,
+           unsigned threads, const Output<Scalar>& out, bool with_reports, nb::object progress) {
   std::vector<Report> reports(with_reports && offsets.size() > 0 ? offsets.size() - 1 : 0);
   const std::size_t always_stoppable = std::size_t(1) << 20;
-  run_interruptible(always_stoppable, progress, [&](const Watch& watch) {
-    denoise_batch<Scalar>(span_of(coordinates), span_of(offsets), params, threads, span_of(out), reports, watch);
+  self.use(progress, always_stoppable, [&](ArrayPipeline& arrays, const Watch& watch) {
+    arrays.forget();
+    denoise_batch<Scalar>(arrays.pipeline(), device_of(device, threads), span_of(coordinates), span_of(offsets), params,
+                          threads, span_of(out), reports, watch);
   });
   Rows result;
   for (const Report& report : reports) result.append(as_tuple(report));
   return result;
+}
+
+void batch_on_card(SharedPipeline& self, const CardArray& array, std::uintptr_t stream,
+                   const nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig>& offsets, const Params& params,
+                   const CardArray& out, nb::object progress) {
+  const std::vector<std::uint64_t> ends(offsets.data(), offsets.data() + offsets.size());
+  const std::size_t always_stoppable = std::size_t(1) << 20;
+  self.use(progress, always_stoppable, [&](ArrayPipeline& arrays, const Watch& watch) {
+    arrays.forget();
+    const DeviceOutput& rows = array.rows();
+    arrays.pipeline().run_many({rows.data, rows.count, rows.row_stride, rows.column_stride, rows.type, rows.card},
+                               stream_of(stream), ends, params, out.rows(), watch.stop);
+  });
 }
 
 // (info, usable, details) of each device.
@@ -157,9 +195,9 @@ void bind_scalar(nb::class_<SharedPipeline>& pipeline, nb::module_& module) {
   pipeline.def("load", &load<Scalar>, nb::arg("coordinates").noconvert(), nb::arg("for_limits"))
       .def("run", &run<Scalar>, nb::arg("params"), nb::arg("out").noconvert(), nb::arg("strength"),
            nb::arg("box").none(), nb::arg("mask").noconvert().none(), nb::arg("where"), nb::arg("progress").none());
-  module.def("denoise_batch", &batch<Scalar>, nb::arg("coordinates").noconvert(), nb::arg("offsets").noconvert(),
-             nb::arg("params"), nb::arg("threads"), nb::arg("out").noconvert(), nb::arg("with_reports"),
-             nb::arg("progress").none());
+  module.def("denoise_batch", &batch<Scalar>, nb::arg("pipeline"), nb::arg("device"),
+             nb::arg("coordinates").noconvert(), nb::arg("offsets").noconvert(), nb::arg("params"), nb::arg("threads"),
+             nb::arg("out").noconvert(), nb::arg("with_reports"), nb::arg("progress").none());
 }
 
 }  // namespace
@@ -178,10 +216,18 @@ Row as_tuple(const Report& report) {
 }
 
 void bind_pipelines(nb::module_& module) {
+  nb::class_<CardArray>(module, "CardArray")
+      .def(nb::init<nb::ndarray<nb::ro>>(), nb::arg("array"))
+      .def(nb::init<std::uintptr_t, std::size_t, std::ptrdiff_t, std::ptrdiff_t, bool, int>(), nb::arg("pointer"),
+           nb::arg("count"), nb::arg("row_stride"), nb::arg("column_stride"), nb::arg("is_double"), nb::arg("card"));
   nb::class_<SharedPipeline> pipeline(module, "Pipeline");
   pipeline.def(nb::init<const std::string&, unsigned>(), nb::arg("device"), nb::arg("threads"));
   bind_scalar<float>(pipeline, module);
   bind_scalar<double>(pipeline, module);
+  pipeline.def("load_on_card", &load_on_card, nb::arg("array"), nb::arg("stream"))
+      .def("run_on_card", &run_on_card, nb::arg("params"), nb::arg("out"), nb::arg("stream"),
+           nb::arg("progress").none())
+      .def("normals_on_card", &normals_on_card, nb::arg("out"), nb::arg("stream"));
   pipeline.def("load_cloud", &load_cloud, nb::arg("cloud"), nb::arg("ignore"))
       .def("run_cloud", &run_cloud, nb::arg("params"), nb::arg("strength"), nb::arg("box").none(),
            nb::arg("mask").noconvert().none(), nb::arg("where"), nb::arg("progress").none())
@@ -194,6 +240,8 @@ void bind_pipelines(nb::module_& module) {
       .def("report", [](SharedPipeline& self) { return as_tuple(self.arrays().pipeline().report()); })
       .def("device", [](SharedPipeline& self) { return as_tuple(self.arrays().pipeline().device()); })
       .def_prop_ro("points", [](SharedPipeline& self) { return self.arrays().points(); });
+  module.def("denoise_batch_on_card", &batch_on_card, nb::arg("pipeline"), nb::arg("array"), nb::arg("stream"),
+             nb::arg("offsets").noconvert(), nb::arg("params"), nb::arg("out"), nb::arg("progress").none());
   module.def("devices", &devices);
 }
 

@@ -19,7 +19,7 @@ def _refuse_devices(points: Any) -> None:
     device = getattr(points, "__dlpack_device__", None)
     kind = device()[0] if device is not None else 1
     if getattr(kind, "value", kind) not in _HOST or hasattr(points, "__cuda_array_interface__"):
-        raise DeviceError("the array lies on a card, and this version takes arrays in host memory: copy it to the host, "
+        raise DeviceError("the array lies on a card, and this call takes arrays in host memory: copy it to the host, "
                           "tensor.cpu() in torch, array.get() in cupy")
 
 

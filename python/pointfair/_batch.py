@@ -8,11 +8,12 @@ import numpy as np
 
 from . import _native
 from ._arrays import Layout, Result, as_numpy, check_positions, rows
-from ._errors import DeviceError, UsageError
+from ._card import CardLayout, CardResult, card_array, concatenate, current_stream, is_on_card
+from ._errors import UsageError
 from ._params import Params
 from ._progress import Progress, progress_function
 from ._report import Report, report_of
-from ._runs import make_params
+from ._runs import borrowed, make_params
 from ._values import as_threads
 
 if TYPE_CHECKING:
@@ -38,12 +39,13 @@ def denoise_batch(clouds: Any, params: Params | None = None, *, offsets: Any = N
     """Denoises many small clouds in one call, each by itself: the bits are those of a call for each.
 
     Args:
-        clouds: a list of (N, 3) arrays; or a (B, N, 3) array of clouds of one size; or with `offsets` one (N, 3) array in
+        clouds: in host memory or on a card, a list of (N, 3) arrays; or a (B, N, 3) array of clouds of one size; or with `offsets` one (N, 3) array in
             which cloud i has the rows offsets[i] to offsets[i + 1].
         offsets: whole numbers from 0 to N that do not decrease.
         params: as that of denoise.
-        device: "auto" or "cpu": batches are computed on the CPU.
-        threads: the clouds are spread over so many CPU threads; 0: all cores.
+        device: "auto" is a CUDA card if there is one, else the CPU; or "cpu", "cuda", "cuda:N". A card computes all clouds
+            at once if k, normal_sigma, closeness_sigma and similarity_sigma are given as lengths, and no report is asked for.
+        threads: otherwise the clouds are spread over so many CPU threads; 0: all cores.
         progress: as that of denoise.
         return_report: whether to return (result, list of reports) instead of the result.
         **parameters: fields of Params that differ from `params`.
@@ -61,10 +63,14 @@ def denoise_batch(clouds: Any, params: Params | None = None, *, offsets: Any = N
         [300, 200]
     """
     chosen = make_params(params, parameters)
-    if not isinstance(device, str) or device not in ("auto", "cpu"):
-        raise DeviceError(f"device cannot be {device!r} here: denoise_batch computes on the CPU, 'auto' or 'cpu'")
-    batch = _Batch(chosen, as_threads(threads), return_report)
-    with progress_function(progress) as show:
+    as_threads(threads)
+    on_card = _tensors_of(clouds)
+    if on_card is not None:
+        device = CardLayout(on_card, "clouds", any_shape=True).check_device(device)
+        if return_report:
+            raise UsageError("reports of batches take clouds in host memory: leave return_report out")
+    with borrowed(device, threads) as pipeline, progress_function(progress) as show:
+        batch = _Batch(pipeline, device, chosen, threads, return_report)
         result = batch.run(clouds, offsets, show)
     return (result, batch.reports) if return_report else result
 
@@ -72,15 +78,21 @@ def denoise_batch(clouds: Any, params: Params | None = None, *, offsets: Any = N
 class _Batch:
     """The ways to give many clouds, each as rows and offsets."""
 
-    def __init__(self, params: Params, threads: int, with_reports: bool) -> None:
+    def __init__(self, pipeline: _native.Pipeline, device: str, params: Params, threads: int, with_reports: bool) -> None:
+        self.pipeline, self.device = pipeline, device
         self.params, self.threads, self.with_reports = params, threads, with_reports
         self.reports: list[Report] = []
 
     def run(self, clouds: Any, offsets: Any, show: Any) -> Any:
+        on_card = _tensors_of(clouds)
         if isinstance(clouds, (list, tuple)):
             if offsets is not None:
                 raise UsageError("offsets belong to one array of all points, and a list was given: leave them out")
+            if on_card is not None:
+                return self._list_on_card(clouds, show)
             return self._list(clouds, show)
+        if on_card is not None:
+            return self._one_on_card(clouds, offsets, show)
         array = as_numpy(clouds, "clouds")
         if offsets is not None:
             check_positions(array, "clouds")
@@ -95,10 +107,32 @@ class _Batch:
         wrap = Layout(flat, clouds).wrap
         return moved if wrap is None else wrap(moved)
 
+    def _one_on_card(self, clouds: Any, offsets: Any, show: Any) -> Any:
+        if offsets is not None:
+            return self._packed_on_card(clouds, _as_offsets(offsets), show)
+        shape = tuple(clouds.shape)
+        if len(shape) != 3:
+            raise UsageError(f"clouds has the shape {shape}: give a list of (N, 3), one (B, N, 3), or offsets too")
+        ends = np.arange(shape[0] + 1, dtype=np.int64) * shape[1]
+        return self._packed_on_card(clouds.reshape(-1, shape[2]), ends, show).reshape(shape)
+
+    def _list_on_card(self, clouds: Sequence[Any], show: Any) -> list[Any]:
+        ends = np.cumsum([0, *(len(cloud) for cloud in clouds)], dtype=np.int64)
+        moved = self._packed_on_card(concatenate(clouds), ends, show)
+        return [moved[first:last] for first, last in zip(ends[:-1].tolist(), ends[1:].tolist())]
+
+    def _packed_on_card(self, points: Any, offsets: NDArray[np.int64], show: Any) -> Any:
+        layout = CardLayout(points, "clouds")
+        stream = current_stream(layout)
+        result = CardResult(layout, points, None, stream)
+        _native.denoise_batch_on_card(self.pipeline, card_array(points, stream), stream, offsets, self.params._native,
+                                      result.native, show)
+        return result.array
+
     def _packed(self, array: NDArray[Any], layout: Layout, offsets: NDArray[np.int64], show: Any) -> Any:
         result = Result(layout)
-        reports = _native.denoise_batch(rows(array), offsets, self.params._native, self.threads, result.rows,
-                                        self.with_reports, show)
+        reports = _native.denoise_batch(self.pipeline, self.device, rows(array), offsets, self.params._native, self.threads,
+                                        result.rows, self.with_reports, show)
         self.reports = [report_of(row) for row in reports]
         return result.finish()
 
@@ -126,6 +160,12 @@ class _Batch:
             result = Result(Layout(arrays[i], clouds[i]))
             result.rows[...] = moved[first:last]
             results[i] = result.finish()
+
+
+def _tensors_of(clouds: Any) -> Any:
+    """An array on a card if the clouds are one or begin with one, else None."""
+    first = clouds[0] if isinstance(clouds, (list, tuple)) and clouds else clouds
+    return first if not isinstance(first, (np.ndarray, list, tuple)) and is_on_card(first) else None
 
 
 def _as_offsets(offsets: Any) -> NDArray[np.int64]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
 
 import numpy as np
 
-from . import _native
+from . import _card, _native
 from ._arrays import Layout, Result, as_box, as_mask, as_numpy, as_strength, check_positions, rows
 from ._cloud import Cloud
 from ._errors import UsageError
@@ -40,8 +40,10 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
     """Removes the noise of a cloud and keeps its shape.
 
     Args:
-        points: positions, (N, 3) float32 or float64: a NumPy array, a CPU tensor of torch, jax or Open3D, or a Cloud.
-            Strides, byte order and memory order may be any. Of an (N, 4) array the last column stays as it is.
+        points: positions, (N, 3) float32 or float64: a NumPy array, a tensor of torch, jax or Open3D, or a Cloud.
+            Strides, byte order and memory order may be any. Of an (N, 4) array the last column stays as it is. A tensor
+            of torch or CuPy on a CUDA card is computed there, after the work of the current stream, without a copy
+            through the host.
         params: what to do; by default everything is chosen from the data.
         mask: (N,) booleans, True for each point that may move. The others still count as neighbours.
         where: only points of a Cloud whose attribute has one of some whole numbers move, "classification=2,6-9".
@@ -49,7 +51,7 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
         strength: blends the result with the input: 0 is the input, 1 the result.
         box: only points inside move: the lower and the upper corner, ((x, y, z), (x, y, z)).
         normals: whether the report has the normals; needs return_report.
-        device: "auto" is a CUDA card if there is one, else the CPU; or "cpu", "cuda", "cuda:N".
+        device: "auto" is where a tensor lies, else a CUDA card if there is one, else the CPU; or "cpu", "cuda", "cuda:N".
         threads: CPU threads; 0: all cores.
         out: an array for the result, of the same shape and type; it may be `points` itself.
         progress: True shows tqdm's bar where tqdm is installed; a function is called with the share done and the stage.
@@ -78,17 +80,36 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
     if normals and not return_report:
         raise UsageError("normals=True needs return_report=True, since report.normals has them")
     strength, box = as_strength(strength), as_box(box)
+    layout = _card.layout_of(points)
+    if layout is not None:
+        device = layout.check_device(device)
+        if where is not None or ignore is not None:
+            raise UsageError("where and ignore need a Cloud, whose attributes they name")
+        if mask is not None or box is not None or strength != 1:
+            raise UsageError("mask, box and strength take arrays in host memory: blend the tensors instead, "
+                             "torch.where(mask[:, None], result, points) for instance")
     with borrowed(device, threads) as pipeline, progress_function(progress) as show:
-        if isinstance(points, Cloud):
+        if layout is not None:
+            result: Any = _denoise_on_card(pipeline, points, layout, chosen, out, show)
+        elif isinstance(points, Cloud):
             if out is not None:
                 raise UsageError("out= takes arrays, and a Cloud was given: leave it out")
-            result: Any = Cloud._of(run_cloud(pipeline, points._native, chosen, mask=mask, where=where, ignore=ignore,
-                                              strength=strength, box=box, show=show))
+            result = Cloud._of(run_cloud(pipeline, points._native, chosen, mask=mask, where=where, ignore=ignore,
+                                         strength=strength, box=box, show=show))
         else:
             if where is not None or ignore is not None:
                 raise UsageError("where and ignore need a Cloud, whose attributes they name; mask takes booleans")
             result = _denoise_array(pipeline, points, chosen, strength, box, mask, out, show)
         return (result, _full_report(pipeline, normals)) if return_report else result
+
+
+def _denoise_on_card(pipeline: _native.Pipeline, points: Any, layout: _card.CardLayout, params: Params, out: Any,
+                     show: Any) -> Any:
+    stream = _card.current_stream(layout)
+    result = _card.CardResult(layout, points, out, stream)
+    pipeline.load_on_card(_card.card_array(points, stream), stream)
+    pipeline.run_on_card(params._native, result.native, stream, show)
+    return result.array
 
 
 def _denoise_array(pipeline: _native.Pipeline, points: Any, params: Params, strength: float, box: Any, mask: Any,
@@ -122,9 +143,15 @@ def estimate(points: Any, *, device: str = "auto", threads: int = 0) -> Estimate
         >>> estimate(grid).points
         2500
     """
+    layout = _card.layout_of(points)
+    if layout is not None:
+        device = layout.check_device(device)
     with borrowed(device, threads) as pipeline:
         if isinstance(points, Cloud):
             pipeline.load_cloud(points._native, "")
+        elif layout is not None:
+            stream = _card.current_stream(layout)
+            pipeline.load_on_card(_card.card_array(points, stream), stream)
         else:
             array = as_numpy(points)
             check_positions(array)

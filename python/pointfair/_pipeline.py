@@ -2,10 +2,11 @@
 """A cloud on a device, with the results of all stages."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 import numpy as np
 
+from . import _card
 from ._arrays import Layout, Result, as_box, as_mask, as_numpy, as_selections, as_sigmas, as_strength, check_positions, rows
 from ._cloud import Cloud
 from ._errors import UsageError
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from typing_extensions import Unpack
 
     from ._params import ParamArguments
+
+T = TypeVar("T")
 
 
 class Pipeline:
@@ -42,19 +45,26 @@ class Pipeline:
     def __init__(self, device: str = "auto", *, threads: int = 0) -> None:
         self._native = native_pipeline(device, threads)
         self._layout: Layout | None = None
+        self._on_card: Any = None  # the array that lies on the card
         self._holds_cloud = False
         self._last_params: Params | None = None
 
     def load(self, points: Any, *, ignore: str | None = None) -> None:
         """Copies an array of positions, (N, 3) or (N, 4), or a Cloud to the device. The next run starts anew. O(N).
-        Of a Cloud, `ignore` names points that are nobody's neighbours, as in pointfair.denoise."""
-        self._layout, self._holds_cloud = None, False
+        A tensor must be on the pipeline's card, which then copies it there. Of a Cloud, `ignore` names points that are nobody's neighbours, as in pointfair.denoise."""
+        self._layout, self._holds_cloud, self._on_card = None, False, None
         if isinstance(points, Cloud):
             self._native.load_cloud(points._native, as_selections(ignore, "ignore"))
             self._holds_cloud = True
             return
         if ignore is not None:
             raise UsageError("ignore needs a Cloud, whose attributes it names")
+        if type(points) is not np.ndarray and _card.is_on_card(points):
+            card_layout = _card.CardLayout(points)
+            stream = _card.current_stream(card_layout)
+            self._native.load_on_card(_card.card_array(points, stream), stream)
+            self._on_card = points
+            return
         array = as_numpy(points)
         check_positions(array)
         layout = Layout(array, points).keep()
@@ -82,11 +92,22 @@ class Pipeline:
                 if out is not None:
                     raise UsageError("out= takes arrays, and a Cloud was loaded: leave it out")
                 return Cloud._of(self._native.run_cloud(chosen._native, *limits, show))
+            if self._on_card is not None:
+                if limits != (1.0, None, None, ""):
+                    raise UsageError("mask, where, box and strength take arrays in host memory: blend the tensors instead")
+                return self._run_on_card(chosen, out, show)
             if self._layout is None:
                 raise UsageError("the pipeline holds no cloud: call load first")
             result = Result(self._layout, out)
             self._native.run(chosen._native, result.rows, *limits, show)
             return result.finish()
+
+    def _run_on_card(self, params: Params, out: Any, show: Any) -> Any:
+        layout = _card.CardLayout(self._on_card)
+        stream = _card.current_stream(layout)
+        result = _card.CardResult(layout, self._on_card, out, stream)
+        self._native.run_on_card(params._native, result.native, stream, show)
+        return result.array
 
     def resolve(self, params: Params | None = None, **parameters: Unpack[ParamArguments]) -> Params:
         """The parameters with every "auto" replaced by the value that a run would use, and lengths in file units."""
@@ -96,9 +117,20 @@ class Pipeline:
         """Bounds, spacing and noise of the loaded cloud. Measured once after each load."""
         return Estimates(*self._native.estimates())
 
-    def normals(self) -> NDArray[np.float32]:
-        """The unit normals of the last run's last iteration, (N, 3), with arbitrary signs; zero where there is none.
-        Raises UsageError if the last run failed or if a cloud was loaded since."""
+    @overload
+    def normals(self) -> NDArray[np.float32]: ...
+    @overload
+    def normals(self, out: T) -> T: ...
+    def normals(self, out: Any = None) -> Any:
+        """The unit normals of the last run's last iteration, (N, 3), with arbitrary signs; zero where there is none. An
+        array on the pipeline's card, `out`, takes them without a copy through the host. Raises UsageError if the last
+        run failed or if a cloud was loaded since."""
+        if out is not None:
+            if type(out) is np.ndarray or not _card.is_on_card(out):
+                raise UsageError("out takes an array on the pipeline's card: leave it out for one in host memory")
+            stream = _card.current_stream(_card.CardLayout(out, "out"))
+            self._native.normals_on_card(_card.card_array(out, stream), stream)
+            return out
         out = np.empty((len(self), 3), np.float32)
         self._native.normals(out)
         return out

@@ -37,8 +37,8 @@ def native_pipeline(device: str, threads: int) -> _native.Pipeline:
 
 
 # Pipelines of small clouds wait here for the next call, one for each device and number of threads: making one takes
-# longer than denoising a few points.
-_KEPT_POINTS = 100_000
+# longer than denoising a few points, on a card a million.
+_KEPT_POINTS, _KEPT_ON_CARD = 100_000, 2_000_000
 _idle: dict[tuple[str, int], list[_native.Pipeline]] = {}
 os.register_at_fork(after_in_child=_idle.clear)
 
@@ -61,7 +61,7 @@ def borrowed(device: str, threads: int) -> Iterator[_native.Pipeline]:
 
 
 def _give_back(pipeline: _native.Pipeline, device: str, threads: int) -> None:
-    if pipeline.points <= _KEPT_POINTS:
+    if pipeline.points <= (_KEPT_ON_CARD if device.startswith("cuda") else _KEPT_POINTS):
         waiting = _idle.setdefault((device, threads), [])
         if not waiting:
             waiting.append(pipeline)

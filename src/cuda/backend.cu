@@ -4,15 +4,19 @@
 // in spatial order, stages and download of its parts overlap (part_flow.cuh). Memory beside the chains, bytes a point:
 // the uploaded points 12, and 12 from the third iteration on.
 #include "cuda/chain.cuh"
+#include "cuda/leaving.cuh"
+#include "cuda/runtime/callers_points.cuh"
 #include "cuda/runtime/devices.cuh"
 #include "cuda/runtime/memory.cuh"
+#include "cuda/runtime/origins.cuh"
 #include "cuda/runtime/stage_clock.cuh"
 #include "cuda/runtime/stop.cuh"
 #include "cuda/runtime/transfer.cuh"
 #include "cuda/sampling/cloud_sampler.cuh"
-#include "cuda/stages/outliers.cuh"
 #include "seam/backend.hpp"
+#include "seam/device_memory.hpp"
 #include "seam/exactness.hpp"
+#include "seam/many_clouds.hpp"
 #include "seam/overlap.hpp"
 #include "seam/sampling.hpp"
 
@@ -20,12 +24,15 @@ namespace pointfair {
 namespace cuda {
 namespace {
 
-constexpr float kInfinity = __builtin_inff();
-
-class CudaBackend final : public Backend, public Sampling, public Exactness, public Overlap {
+class CudaBackend final : public Backend,
+                          public Sampling,
+                          public Exactness,
+                          public Overlap,
+                          public DeviceMemory,
+                          public ManyClouds {
  public:
   CudaBackend(int card, const CudaOptions& options)
-      : context_(card, options.memory), points_of_chunk_(options.upload_chunk) {}
+      : card_(card), context_(card, options.memory), points_of_chunk_(options.upload_chunk) {}
 
   DeviceInfo device() const override { return {Device::cuda, context_.name(), "requested"}; }
 
@@ -55,6 +62,51 @@ class CudaBackend final : public Backend, public Sampling, public Exactness, pub
     upload_.finish();
   }
 
+  // The first guess of the origin is nearly always right, so that the index begins while the host chooses it.
+  Origin upload(const DevicePoints& points, DeviceStream stream, const ChooseOrigin& choose,
+                IndexOrder expected) override {
+    context_.enter();
+    require_on_card(points.data, points.count, points.type, points.card, card_);
+    forget_cloud(points.count);
+    let_wait(stream);
+    callers_.start_sample(points);
+    Origin origin{};
+    take(points, origin, expected);
+    if (const Origin chosen = choose(callers_.sample(points)); chosen != origin) {
+      origin = chosen;
+      take(points, origin, expected);
+    }
+    check(cudaStreamWaitEvent(static_cast<cudaStream_t>(stream.handle), callers_turn_.get()), "ordering work");
+    return origin;
+  }
+
+  Room room() const override { return {kMostClouds, kLargestCloud, std::size_t(1) << 24}; }
+  void upload(std::span<const Point> points, std::span<const Index> ends) override {
+    context_.enter();
+    forget_cloud(points.size());
+    if (!points.empty())
+      check(cudaMemcpyAsync(uploaded_.data(), points.data(), points.size_bytes(), cudaMemcpyHostToDevice,
+                            context_.stream()),
+            "uploading clouds");
+    plant(ends);
+  }
+  void upload(const DevicePoints& points, DeviceStream stream, std::span<const Index> ends) override {
+    context_.enter();
+    require_on_card(points.data, points.count, points.type, points.card, card_);
+    forget_cloud(points.count);
+    let_wait(stream);
+    callers_.take(points, {}, uploaded_.data());
+    plant(ends);
+  }
+  std::vector<std::uint8_t> surely_have_no_origin(const DevicePoints& points, DeviceStream stream,
+                                                  std::span<const Index> ends) override {
+    context_.enter();
+    require_on_card(points.data, points.count, points.type, points.card, card_);
+    let_wait(stream);
+    upload_ends(ends);
+    return cuda::surely_have_no_origin(context_, points, ends_.data(), ends.size());
+  }
+
   void build_index(int iteration, const std::optional<Frame>& frame, std::stop_token stop) override {
     context_.enter();
     if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
@@ -63,7 +115,11 @@ class CudaBackend final : public Backend, public Sampling, public Exactness, pub
     } else {
       const cudaEvent_t start = start_stage();
       const Point* const input = take_input_of(iteration);
-      further_.build_index(input, uploaded_.size(), frame, nullptr, stop);
+      if (forest_) {
+        further_.build_index(input, *forest_, stop);
+      } else {
+        further_.build_index(input, uploaded_.size(), frame, nullptr, stop);
+      }
       clock_.note("index", start, further_.stream());
     }
   }
@@ -91,25 +147,48 @@ class CudaBackend final : public Backend, public Sampling, public Exactness, pub
                          std::span<std::uint8_t> outliers) override {
     Chain& from = chain(iteration);
     const cudaEvent_t start = start_stage();
-    const bool may_miss_some = iteration > 0;  // those that an iteration before turned into NaN
-    unsigned long long held_back = 0;
-    if (limits.farthest > 0) {
+    leaving_.begin();
+    if (Leaving::holds_back(iteration, limits)) {
       from.join();
-      copy_held_back(from, limits, points, outliers, held_back);
+      DeviceArray<Point> settled(context_);
+      leaving_.hold_back(uploaded_, from, limits, outliers, settled);
+      leaving_.copy(settled.data(), points);
     } else {
       std::fill(outliers.begin(), outliers.end(), std::uint8_t(0));
-      if (may_miss_some) {
-        copy_held_back(from, {kInfinity, kInfinity}, points, {}, held_back);
-      } else {
-        copy_faired(from, points);
-      }
+      leaving_.copy_faired(from, points);
     }
-    from.fetch_state(fetched_.get());  // counts() then need not ask the card again
-    clock_.note("download", start);
-    clock_.read();  // while the points are on their way
+    finish_download(from, start, iteration);
+    return leaving_.held_back();
+  }
+  std::uint64_t download(int iteration, const DeviceOutput& points, DeviceStream stream,
+                         const DisplacementLimits& limits, std::span<std::uint8_t> outliers) override {
+    Chain& from = chain(iteration);
+    const cudaEvent_t start = start_stage();
+    require_on_card(points.data, points.count, points.type, points.card, card_);
+    leaving_.begin();
+    from.join();
+    let_wait(stream);
+    if (Leaving::holds_back(iteration, limits)) {
+      DeviceArray<Point> settled(context_);
+      leaving_.hold_back(uploaded_, from, limits, outliers, settled);
+      callers_.give(uploaded_.data(), settled.data(), points);
+    } else {
+      std::fill(outliers.begin(), outliers.end(), std::uint8_t(0));
+      callers_.give(uploaded_.data(), from.faired().data(), points);
+    }
+    finish_download(from, start, iteration);
+    return leaving_.held_back();
+  }
+  void download_normals(int iteration, const DeviceOutput& normals, DeviceStream stream) override {
+    Chain& from = chain(iteration);
+    context_.enter();
+    require_on_card(normals.data, normals.count, normals.type, normals.card, card_);
+    DeviceArray<Point> restored(context_);
+    restored.resize(normals.count);
+    from.restore_normals(restored.data());
+    let_wait(stream);
+    callers_.give_plain(restored.data(), normals);
     deliver();
-    fetched_iteration_ = iteration;
-    return held_back;
   }
   void download_normals(int iteration, std::span<Point> normals, std::stop_token) override {
     Chain& from = chain(iteration);
@@ -117,14 +196,14 @@ class CudaBackend final : public Backend, public Sampling, public Exactness, pub
     DeviceArray<Point> restored(context_);
     restored.resize(normals.size());
     from.restore_normals(restored.data());
-    copy_out(restored.data(), normals);
+    leaving_.copy(restored.data(), normals);
     deliver();
   }
   void download_input(std::span<Point> points) override {
     context_.enter();
     first_.join();
     upload_.finish();
-    copy_out(uploaded_.data(), points);
+    leaving_.copy(uploaded_.data(), points);
     wait();
   }
 
@@ -161,6 +240,8 @@ class CudaBackend final : public Backend, public Sampling, public Exactness, pub
   Sampling& sampling() override { return *this; }
   Exactness* exactness() override { return this; }
   Overlap* overlap() override { return this; }
+  DeviceMemory* device_memory() override { return this; }
+  ManyClouds* many_clouds() override { return this; }
 
   CloudSample sample_cloud(std::size_t count) override {
     context_.enter();
@@ -179,7 +260,7 @@ class CudaBackend final : public Backend, public Sampling, public Exactness, pub
         cudaMemcpyAsync(asked.data(), queries.data(), queries.size_bytes(), cudaMemcpyHostToDevice, context_.stream()),
         "uploading queries");
     first_.sample_neighborhoods({asked.data(), queries.size(), k, rows.data()});
-    copy_out(rows.data(), out);
+    leaving_.copy(rows.data(), out);
     wait();
   }
   Samples take_samples(std::span<const Index> for_spacing, std::span<const Index> for_noise,
@@ -247,15 +328,53 @@ class CudaBackend final : public Backend, public Sampling, public Exactness, pub
     constexpr std::size_t kWorth = 1 << 22;
     return uploaded_.size() >= kWorth || points_of_chunk_ > 0;
   }
-  void begin_upload(std::span<const Point> points, IndexOrder expected, bool timed) {
-    context_.enter();
+  void forget_cloud(std::size_t points) {
     context_.reset_peak();
     first_.join();
     clock_.forget();
     stop_line_.clear();
-    uploaded_.resize(points.size());
+    callers_.forget();
+    uploaded_.resize(points);
     further_iteration_ = 0;
+    is_index_begun_ = is_arriving_ = false;
+    arrived_ = nullptr;
+    forest_.reset();
+  }
+  // What the context's stream is given from now on waits for what the caller's was given before.
+  void let_wait(DeviceStream stream) {
+    callers_turn_.record(static_cast<cudaStream_t>(stream.handle));
+    context_.wait_for(callers_turn_.get());
+  }
+  // Starts to; `callers_turn_` is then after the last look at the points.
+  void take(const DevicePoints& points, const Origin& origin, IndexOrder expected) {
     is_index_begun_ = false;
+    callers_.take(points, origin, uploaded_.data());
+    callers_turn_.record(context_.stream());
+    if (expected != IndexOrder::fastest) return;
+    begin_first_index(std::nullopt, nullptr, {});
+    is_index_begun_ = true;
+  }
+  void upload_ends(std::span<const Index> ends) {
+    ends_.resize(ends.size());
+    if (ends.empty()) return;
+    check(cudaMemcpyAsync(ends_.data(), ends.data(), ends.size_bytes(), cudaMemcpyHostToDevice, context_.stream()),
+          "uploading clouds");
+  }
+  // The first index of many clouds.
+  void plant(std::span<const Index> ends) {
+    upload_ends(ends);
+    std::size_t largest = 0;
+    for (std::size_t cloud = 0, first = 0; cloud < ends.size(); first = ends[cloud++])
+      largest = std::max(largest, ends[cloud] - first);
+    forest_ = Forest{ends_.data(), static_cast<Index>(ends.size()), largest, uploaded_.size()};
+    const cudaEvent_t start = clock_.start();
+    first_.build_index(uploaded_.data(), *forest_, {});
+    clock_.note("index", start, first_.stream());
+    is_index_begun_ = true;
+  }
+  void begin_upload(std::span<const Point> points, IndexOrder expected, bool timed) {
+    context_.enter();
+    forget_cloud(points.size());
     const bool may_lie_apart = expected == IndexOrder::fastest && points_of_chunk_ == 0;
     Parts parts = points_of_chunk_ > 0 ? Parts::of(points.size(), points_of_chunk_) : plan_parts(points, may_lie_apart);
     const Arrival arrival = upload_.start(points, std::move(parts), uploaded_.data());
@@ -290,47 +409,15 @@ class CudaBackend final : public Backend, public Sampling, public Exactness, pub
     wait();
     if (stop_line_.given_up() != 0) throw Error(ErrorKind::interrupted, "interrupted");
   }
-  // Starts the copies; `held_back` and what the spans hold are there after wait().
-  void copy_held_back(Chain& from, const DisplacementLimits& limits, std::span<Point> points,
-                      std::span<std::uint8_t> outliers, unsigned long long& held_back) {
-    DeviceArray<Point> settled(context_);
-    DeviceArray<std::uint8_t> marks(context_);
-    DeviceArray<unsigned long long> total(context_);
-    settled.resize(points.size());
-    marks.resize(outliers.size());
-    total.resize(1);
-    check(cudaMemsetAsync(total.data(), 0, sizeof(unsigned long long), context_.stream()), "clearing a count");
-    hold_back(
-        context_,
-        {uploaded_.data(), from.faired().data(), points.size(), limit_rule(limits), from.noise_field(limits.levels)},
-        settled.data(), outliers.empty() ? nullptr : marks.data(), total.data());
-    check(cudaMemcpyAsync(&held_back, total.data(), sizeof held_back, cudaMemcpyDeviceToHost, context_.stream()),
-          "reading a count");
-    if (!outliers.empty())
-      check(cudaMemcpyAsync(outliers.data(), marks.data(), outliers.size(), cudaMemcpyDeviceToHost, context_.stream()),
-            "downloading outliers");
-    copy_out(settled.data(), points);
+  void finish_download(Chain& from, cudaEvent_t start, int iteration) {
+    from.fetch_state(fetched_.get());  // counts() then need not ask the card again
+    clock_.note("download", start);
+    clock_.read();  // while the points are on their way
+    deliver();
+    fetched_iteration_ = iteration;
   }
 
-  // Parts that are done before all leave at once.
-  void copy_faired(Chain& chain, std::span<Point> to) {
-    const Point* const from = chain.faired().data();
-    std::size_t left = 0;
-    for (const FairedPart& part : chain.faired_parts()) {
-      leaving_.wait_for(part.done);
-      const OnStream stream(context_, leaving_);
-      copy_out(from + left, to.subspan(left, part.end - left));
-      left = part.end;
-    }
-    chain.join();
-    if (left < to.size()) copy_out(from + left, to.subspan(left));
-    if (left > 0) leaving_.join();
-  }
-  void copy_out(const Point* from, std::span<Point> to) {
-    check(cudaMemcpyAsync(to.data(), from, to.size_bytes(), cudaMemcpyDeviceToHost, context_.stream()),
-          "downloading points");
-  }
-
+  const int card_;
   Context context_;
   StageClock clock_{context_};
   const std::size_t points_of_chunk_;  // 0: as plan_parts()
@@ -345,8 +432,12 @@ class CudaBackend final : public Backend, public Sampling, public Exactness, pub
   bool is_arriving_ = false;       // the uploaded cloud
   cudaEvent_t arrived_ = nullptr;  // after which all of it is there
   DeviceArray<Point> uploaded_{context_};
+  DeviceArray<Index> ends_{context_};
+  std::optional<Forest> forest_;        // of many clouds
   DeviceArray<Point> input_{context_};  // of iterations from the third on
-  SideStream leaving_{context_};
+  Leaving leaving_{context_};
+  CallersPoints callers_{context_};
+  Event callers_turn_;  // between the caller's stream and the context's
   StopLine stop_line_{context_};
   Chain first_{context_, stop_line_, 0}, further_{context_, stop_line_, kFurtherCalls};
   int further_iteration_ = 0;  // whose results further_ holds; 0: none

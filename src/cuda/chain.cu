@@ -50,17 +50,27 @@ void Chain::begin_stage(Stage stage, const std::stop_token& stop) {
 
 void Chain::build_index(const Point* points, std::size_t count, const std::optional<Frame>& frame,
                         const Arrival* arrival, std::stop_token stop) {
-  if (is_further()) pace(stop);  // iterations of short kernels that hear no stop
-  stop_if_asked(stop);
-  join();
-  input_ = points;
-  areas_measured_ = normals_wait_ = false;
+  begin_index(points, stop);
   if (Overlapped::suits(arrival, frame)) {
     overlap_.build(points, count, *arrival);
   } else {
     index_.build(points, count, frame, arrival);
   }
   counts_clear_ = true;
+}
+
+void Chain::build_index(const Point* points, const Forest& forest, std::stop_token stop) {
+  begin_index(points, stop);
+  index_.build(points, forest);
+  counts_clear_ = true;
+}
+
+void Chain::begin_index(const Point* points, const std::stop_token& stop) {
+  if (is_further()) pace(stop);  // iterations of short kernels that hear no stop
+  stop_if_asked(stop);
+  join();
+  input_ = points;
+  areas_measured_ = normals_wait_ = false;
 }
 
 void Chain::find_neighbors(const NeighborSettings& settings, bool arriving, std::stop_token stop) {
@@ -250,7 +260,8 @@ void Chain::fair(const FairingSettings& settings, bool leaving, std::stop_token 
   join();
   DeviceArray<Point> staged(context_);
   DeviceArray<Index> originals(context_);
-  if (index_.points() >= kLargeCloud) {
+  const bool is_forest = index_.tree().leaves_of_cloud > 0;  // whose clouds' points go to places near each other
+  if (index_.points() >= kLargeCloud && !is_forest) {
     staged.resize(index_.points());
     originals.resize(2 * index_.points());
   }

@@ -10,6 +10,7 @@
 #include <limits>
 #include <memory>
 
+#include "cuda/index/forest.cuh"
 #include "cuda/overlap/overlap.cuh"
 #include "cuda/runtime/stop.cuh"
 #include "cuda/sampling/samples.cuh"
@@ -33,6 +34,8 @@ class Chain {
   // `points` on the card, in upload order; they stay there as long as the chain is used.
   void build_index(const Point* points, std::size_t count, const std::optional<Frame>& frame, const Arrival* arrival,
                    std::stop_token stop);
+  // Of many clouds at once; stages over lists without the constraint then serve them all.
+  void build_index(const Point* points, const Forest& forest, std::stop_token stop);
   // `arriving`: parts of the cloud may not be on the card yet.
   void find_neighbors(const NeighborSettings& settings, bool arriving, std::stop_token stop);
   void estimate_normals(const NormalSettings& settings, std::stop_token stop);
@@ -63,6 +66,7 @@ class Chain {
   std::size_t points() const { return index_.points(); }
 
  private:
+  void begin_index(const Point* points, const std::stop_token& stop);
   void begin_stage(Stage stage, const std::stop_token& stop);
   void pace(const std::stop_token& stop);
   void grow_constrained(const std::stop_token& stop);

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "io/offset.hpp"
 #include "io/parallel.hpp"
@@ -46,7 +48,23 @@ void check_size(std::size_t is, std::size_t wanted) {
 }  // namespace
 
 Position choose_origin(std::span<const Position> positions) { return View<Position>(positions).sampled_origin(); }
-Position choose_origin(std::span<const Point> positions) { return View<Point>(positions).sampled_origin(); }
+Position choose_origin(std::span<const Point> positions) {
+  if (positions.size() > io::kSampledPositions) return View<Point>(positions).sampled_origin();
+  std::vector<Position> all(positions.size());  // the sample of few
+  std::transform(positions.begin(), positions.end(), all.begin(), [](const Point& p) { return in_double(p); });
+  return io::choose_origin(std::move(all));
+}
+std::vector<Position> choose_origins(std::span<const Point> positions, std::span<const std::uint64_t> offsets) {
+  if (offsets.empty()) return {};
+  std::vector<Position> origins(offsets.size() - 1);
+  io::for_each_block(origins.size(), [&](std::size_t cloud) {
+    const auto begin = static_cast<std::size_t>(offsets[cloud]), end = static_cast<std::size_t>(offsets[cloud + 1]);
+    origins[cloud] = choose_origin(positions.subspan(begin, end - begin));
+  });
+  return origins;
+}
+
+Position choose_origin_by_sample(std::vector<Position> sample) { return io::choose_origin(std::move(sample)); }
 
 Cloud make_cloud(std::span<const Position> positions) {
   View<Position> view(positions);

@@ -81,7 +81,7 @@ class PositionSample {
   }
 
  private:
-  static constexpr std::uint64_t kWanted = 4096;
+  static constexpr std::uint64_t kWanted = io::kSampledPositions;
   static constexpr double kInfinite = std::numeric_limits<double>::infinity();
   std::uint64_t limit_;
   std::vector<Position> chosen_;
@@ -101,11 +101,39 @@ std::vector<Position> sample_of(const Source& source, const Look& look) {
 }  // namespace
 
 namespace io {
+namespace {
+
+// Float offsets from 0 lose log2(size / extent) of their 24 bits; up to 4 are given away.
+constexpr double kLarge = 16;
+
+// Whether no axis has coordinates that are large against the extent, told without quantiles; false: perhaps one has.
+// Where more than a twentieth of the values lie in the lowest quarter of their range and in the highest, the bulk
+// reaches from one to the other.
+bool is_surely_small(const std::vector<Position>& sample) {
+  double size = 0, least_extent = 0;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    double least = std::numeric_limits<double>::infinity(), most = -least;
+    for (const Position& p : sample) {
+      least = std::min(least, p[axis]);
+      most = std::max(most, p[axis]);
+    }
+    const double quarter = (most - least) / 4, low = least + quarter, high = most - quarter;
+    std::size_t lows = 0, highs = 0;
+    for (const Position& p : sample) {
+      lows += p[axis] <= low;
+      highs += p[axis] >= high;
+    }
+    if (std::min(lows, highs) > sample.size() / 20) least_extent = std::max(least_extent, high - low);
+    size = std::max({size, std::abs(least), std::abs(most)});
+  }
+  return least_extent > 0 && size <= kLarge * least_extent;
+}
+
+}  // namespace
 
 Position choose_origin(std::vector<Position> sample) {
-  // Float offsets from 0 lose log2(size / extent) of their 24 bits; up to 4 are given away.
-  constexpr double kLarge = 16;
   std::erase_if(sample, [](const Position& p) { return !std::isfinite(p[0] + p[1] + p[2]); });
+  if (is_surely_small(sample)) return {};
   std::array<std::optional<Range>, 3> ranges;
   double extent = 0;
   for (std::size_t axis = 0; axis < 3; ++axis) {

@@ -129,6 +129,9 @@ class Source {
 
 namespace io {
 
+/// Of at most so many positions, all are the sample.
+inline constexpr std::uint64_t kSampledPositions = 4096;
+
 /// An origin for coordinates of which these are a sample: 0 on an axis unless the coordinates there are large against
 /// the extent of the bulk of the points, else a round number near its centre.
 Position choose_origin(std::vector<Position> sample);

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "pointfair/pipeline.hpp"
+#include "pointfair/positions.hpp"
 #include "seam/overlap.hpp"
 #include "tiles/tiled_backend.hpp"
 
@@ -45,21 +46,37 @@ void LoadedCloud::drop() noexcept {
   }
 }
 
-void LoadedCloud::load(std::span<const Point> points, IndexOrder expected, bool overlapped) {
+void LoadedCloud::replace(std::uint64_t points, const std::function<void()>& upload) {
   forget();
   try {
-    if (points.size() > kMaxPoints)
-      throw Error(ErrorKind::usage, "the cloud has " + std::to_string(points.size()) +
-                                        " points, and a pipeline holds " + std::to_string(kMaxPoints) +
-                                        " at most; cut it into tiles");
+    if (points > kMaxPoints)
+      throw Error(ErrorKind::usage, "the cloud has " + std::to_string(points) + " points, and a pipeline holds " +
+                                        std::to_string(kMaxPoints) + " at most; cut it into tiles");
     if (std::exchange(tiles_, 1) > 1) backend_.reset();
     backend();
-    points_ = points.size();
-    upload(points, expected, overlapped);
+    points_ = points;
+    upload();
   } catch (...) {
     drop();
     throw;
   }
+}
+
+void LoadedCloud::load(std::span<const Point> points, IndexOrder expected, bool overlapped) {
+  replace(points.size(), [&] { upload(points, expected, overlapped); });
+}
+
+Origin LoadedCloud::load(const DevicePoints& points, DeviceStream stream, IndexOrder expected) {
+  Origin origin{};
+  replace(points.count, [&] {
+    DeviceMemory* const memory = backend_->device_memory();
+    if (memory == nullptr)
+      throw Error(ErrorKind::usage,
+                  "the points lie on a card, and this pipeline computes on the CPU: make it with Device::cuda, or copy "
+                  "the points to host memory");
+    origin = memory->upload(points, stream, choose_origin_by_sample, expected);
+  });
+  return origin;
 }
 
 void LoadedCloud::upload(std::span<const Point> points, IndexOrder expected, bool overlapped) {

@@ -11,7 +11,7 @@
 
 #include "estimate/estimate.hpp"
 #include "pipeline/plan.hpp"
-#include "seam/backend.hpp"
+#include "seam/device_memory.hpp"
 
 namespace pointfair {
 
@@ -27,6 +27,9 @@ class LoadedCloud {
   // held. `overlapped`: the upload may go on, and `points` must stay, until finish_load().
   void load(std::span<const Point> points, IndexOrder expected, bool overlapped = false);
   void finish_load() noexcept;
+  // The same of points in the memory of the device; returns their origin. Throws Error(usage) where the backend
+  // computes elsewhere.
+  Origin load(const DevicePoints& points, DeviceStream stream, IndexOrder expected);
 
   // Does `work`; where the device's memory does not suffice, again with the cloud in tiles, nothing cached.
   void within_memory(const std::function<void()>& work);
@@ -43,6 +46,7 @@ class LoadedCloud {
 
  private:
   void forget();
+  void replace(std::uint64_t points, const std::function<void()>& upload);
   void drop() noexcept;
   void upload(std::span<const Point> points, IndexOrder expected, bool overlapped);
   bool may_tile(const Error& error) const;

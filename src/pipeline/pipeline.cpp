@@ -79,6 +79,14 @@ void Pipeline::load(std::span<const Point> points) {
   });
 }
 
+std::array<double, 3> Pipeline::load(const DevicePoints& points, DeviceStream stream) {
+  return with_one_kind_of_error([&] {
+    state_->shell = {};
+    state_->load(points, stream);
+    return state_->shell.origin;
+  });
+}
+
 void Pipeline::set_noise(std::span<const float> sigmas) {
   with_one_kind_of_error([&] { state_->set_noise(sigmas); });
 }
@@ -108,6 +116,31 @@ void Pipeline::run(std::span<const Point> points, const Params& params, std::spa
   });
 }
 
+void Pipeline::run(const Params& params, const DeviceOutput& out, DeviceStream stream, std::stop_token stop,
+                   const ProgressFunction& progress) {
+  with_one_kind_of_error([&] { state_->run(in_units_of(state_->shell, params), out, stream, stop, progress); });
+}
+
+void Pipeline::run_many(std::span<const Point> points, std::span<const std::uint64_t> offsets, const Params& params,
+                        std::span<Point> out, std::stop_token stop) {
+  with_one_kind_of_error([&] {
+    state_->shell = {};
+    state_->run_many(points, offsets, in_units_of({}, params), out, stop);
+  });
+}
+
+void Pipeline::run_many(const DevicePoints& points, DeviceStream stream, std::span<const std::uint64_t> offsets,
+                        const Params& params, const DeviceOutput& out, std::stop_token stop) {
+  with_one_kind_of_error([&] {
+    state_->shell = {};
+    state_->run_many(points, stream, offsets, in_units_of({}, params), out, stop);
+  });
+}
+
+bool Pipeline::runs_together(const Params& params) const {
+  return with_one_kind_of_error([&] { return state_->runs_together(params); });
+}
+
 const Estimates& Pipeline::estimates(std::stop_token stop) {
   with_one_kind_of_error([&] { state_->measure_all(stop); });
   return *state_->estimates;
@@ -129,6 +162,10 @@ std::span<const std::uint8_t> Pipeline::outliers() const { return state_->outlie
 
 void Pipeline::normals(std::span<Point> out, std::stop_token stop) {
   with_one_kind_of_error([&] { state_->normals(out, stop); });
+}
+
+void Pipeline::normals(const DeviceOutput& out, DeviceStream stream) {
+  with_one_kind_of_error([&] { state_->normals(out, stream); });
 }
 
 void Pipeline::noise(std::span<float> out, const Params& params, std::stop_token stop) {

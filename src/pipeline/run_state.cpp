@@ -9,6 +9,7 @@
 
 #include "estimate/automatic.hpp"
 #include "seam/cloud_sample.hpp"
+#include "seam/device_memory.hpp"
 #include "seam/noise_levels.hpp"
 #include "seam/overlap.hpp"
 #include "seam/sampling.hpp"
@@ -46,18 +47,24 @@ double diagonal_of(const Bounds& b) {
 
 }  // namespace
 
-void Pipeline::State::load(std::span<const Point> points) { start_load(points, last_order_, false); }
+void Pipeline::State::load(std::span<const Point> points) {
+  start_load([&] { cloud.load(points, last_order_, false); });
+}
 
-void Pipeline::State::start_load(std::span<const Point> points, IndexOrder expected, bool overlapped) {
+void Pipeline::State::load(const DevicePoints& points, DeviceStream stream) {
+  start_load([&] { shell.origin = cloud.load(points, stream, last_order_); });
+}
+
+void Pipeline::State::start_load(const std::function<void()>& load) {
   frame_.reset();
   given_noise_.reset();
   shown_.reset();
   estimates.reset();
   upload_milliseconds_ = 0;
+  upload_times_itself_ = false;
   drop_times_of_failed_run();
   const auto start = Clock::now();
-  cloud.load(points, expected, overlapped);
-  upload_times_itself_ = overlapped && cloud.backend().overlap() != nullptr;
+  load();
   upload_milliseconds_ = milliseconds_since(start);
 }
 
@@ -68,7 +75,8 @@ void Pipeline::State::load_and_run(std::span<const Point> points, const Params& 
     LoadedCloud& cloud;
     ~Finish() { cloud.finish_load(); }
   } finish{cloud};
-  start_load(points, order_for(params), true);
+  start_load([&] { cloud.load(points, order_for(params), true); });
+  upload_times_itself_ = cloud.backend().overlap() != nullptr;
   run(params, out, stop, progress);
 }
 
@@ -146,14 +154,40 @@ Params Pipeline::State::resolve_once(const Params& params, const std::stop_token
 
 void Pipeline::State::run(const Params& params, std::span<Point> out, const std::stop_token& stop,
                           const ProgressFunction& progress) {
-  shown_.reset();
-  attempt([&] { run_to_end(params, out, stop, progress); });
+  const auto deliver = [&](int iteration, const DisplacementLimits& limits, std::span<std::uint8_t> marks) {
+    return cloud.backend().download(iteration, out, limits, marks);
+  };
+  run(params, {out.size(), true, deliver}, stop, progress);
 }
 
-void Pipeline::State::run_to_end(const Params& params, std::span<Point> out, const std::stop_token& stop,
+void Pipeline::State::run(const Params& params, const DeviceOutput& out, DeviceStream stream,
+                          const std::stop_token& stop, const ProgressFunction& progress) {
+  const auto deliver = [&](int iteration, const DisplacementLimits& limits, std::span<std::uint8_t> marks) {
+    return device_memory().download(iteration, out, stream, limits, marks);
+  };
+  run(params, {out.count, false, deliver}, stop, progress);
+}
+
+void Pipeline::State::run(const Params& params, const Delivery& to, const std::stop_token& stop,
+                          const ProgressFunction& progress) {
+  shown_.reset();
+  attempt([&] { run_to_end(params, to, stop, progress); });
+}
+
+DeviceMemory& Pipeline::State::device_memory() {
+  if (DeviceMemory* const memory = cloud.backend().device_memory()) return *memory;
+  if (device.kind == Device::cuda)
+    throw Error(ErrorKind::memory,
+                "the cloud does not fit into the card's memory beside its results: copy it to host memory and load it "
+                "from there, and it is computed in tiles");
+  throw Error(ErrorKind::usage, "the output lies on a card, and this pipeline computes on the CPU (" + device.reason +
+                                    "): make it with Device::cuda, or give an output in host memory");
+}
+
+void Pipeline::State::run_to_end(const Params& params, const Delivery& to, const std::stop_token& stop,
                                  const ProgressFunction& progress) {
-  if (out.size() != cloud.points())
-    throw Error(ErrorKind::usage, "the output holds " + std::to_string(out.size()) + " points, the loaded cloud " +
+  if (to.room != cloud.points())
+    throw Error(ErrorKind::usage, "the output holds " + std::to_string(to.room) + " points, the loaded cloud " +
                                       std::to_string(cloud.points()));
   const auto start = Clock::now();
   const double upload = std::exchange(upload_milliseconds_, 0);
@@ -169,11 +203,11 @@ void Pipeline::State::run_to_end(const Params& params, std::span<Point> out, con
   const Settings settings = settings_of(used, followed);
   const int last = used.iterations - 1;
   execute(plan(cloud.cached, {settings, last_order_, used.iterations}), std::size_t(4) * std::size_t(used.iterations),
-          last == 0 && cloud.points() >= kWorthChunks, stop, progress);
+          to.by_parts && last == 0 && cloud.points() >= kWorthChunks, stop, progress);
 
   std::vector<std::uint8_t> marks(used.outliers == Outliers::mark ? cloud.points() : 0);
   const auto computed = Clock::now();
-  const std::uint64_t outlier_count = backend.download(last, out, settings.limits, marks);
+  const std::uint64_t outlier_count = to.deliver(last, settings.limits, marks);
   log_.note_call("download", milliseconds_since(computed));
   const Counts counts = backend.counts(last);
   const Costs costs = log_.settle(backend);
@@ -238,10 +272,19 @@ void Pipeline::State::drop_times_of_failed_run() {
   if (std::exchange(unfinished_, false)) log_.settle(cloud.backend());
 }
 
-void Pipeline::State::normals(std::span<Point> out, const std::stop_token& stop) {
-  if (!shown_ || out.size() != cloud.points())
+// The iteration whose normals can be told.
+int Pipeline::State::shown(std::size_t room) const {
+  if (!shown_ || room != cloud.points())
     throw Error(ErrorKind::usage, "normals: run first, and give an array of as many points as were loaded");
-  cloud.backend().download_normals(*shown_, out, stop);
+  return *shown_;
+}
+
+void Pipeline::State::normals(std::span<Point> out, const std::stop_token& stop) {
+  cloud.backend().download_normals(shown(out.size()), out, stop);
+}
+
+void Pipeline::State::normals(const DeviceOutput& out, DeviceStream stream) {
+  device_memory().download_normals(shown(out.count), out, stream);
 }
 
 void Pipeline::State::set_noise(std::span<const float> sigmas) {

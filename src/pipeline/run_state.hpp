@@ -22,12 +22,21 @@ struct Pipeline::State {
       : cloud(std::move(backend), std::move(make_worker)), device(std::move(its_device)) {}
 
   void load(std::span<const Point> points);
+  void load(const DevicePoints& points, DeviceStream stream);
   void run(const Params& params, std::span<Point> out, const std::stop_token& stop, const ProgressFunction& progress);
+  void run(const Params& params, const DeviceOutput& out, DeviceStream stream, const std::stop_token& stop,
+           const ProgressFunction& progress);
   void load_and_run(std::span<const Point> points, const Params& params, std::span<Point> out,
                     const std::stop_token& stop, const ProgressFunction& progress);
+  void run_many(std::span<const Point> points, std::span<const std::uint64_t> offsets, const Params& params,
+                std::span<Point> out, const std::stop_token& stop);
+  void run_many(const DevicePoints& points, DeviceStream stream, std::span<const std::uint64_t> offsets,
+                const Params& params, const DeviceOutput& out, const std::stop_token& stop);
+  bool runs_together(const Params& params);
   Params resolve(const Params& params, const std::stop_token& stop);
   void measure_all(const std::stop_token& stop);
   void normals(std::span<Point> out, const std::stop_token& stop);
+  void normals(const DeviceOutput& out, DeviceStream stream);
   void set_noise(std::span<const float> sigmas);
   void noise(std::span<float> out, const Length& typical, const std::stop_token& stop);
 
@@ -40,10 +49,28 @@ struct Pipeline::State {
   FollowedNoise followed;              // in the last run
 
  private:
-  void start_load(std::span<const Point> points, IndexOrder expected, bool overlapped);
+  // Where the result of an iteration goes; as Backend::download.
+  struct Delivery {
+    std::size_t room;  // points
+    bool by_parts;     // some may leave before all are done
+    std::function<std::uint64_t(int iteration, const DisplacementLimits&, std::span<std::uint8_t> outliers)> deliver;
+  };
+
+  void start_load(const std::function<void()>& load);
   Params resolve_once(const Params& params, const std::stop_token& stop);
-  void run_to_end(const Params& params, std::span<Point> out, const std::stop_token& stop,
+  void run(const Params& params, const Delivery& to, const std::stop_token& stop, const ProgressFunction& progress);
+  void run_to_end(const Params& params, const Delivery& to, const std::stop_token& stop,
                   const ProgressFunction& progress);
+  // Clouds from `first` on that are computed together, and one that is computed alone.
+  struct Groups {
+    std::function<bool(std::size_t cloud)> may_join;
+    std::function<void(std::size_t first, std::size_t clouds)> run_together;
+    std::function<void(std::size_t cloud)> run_alone;
+  };
+  void run_groups(std::span<const std::uint64_t> offsets, const Groups& groups);
+  void run_stages_of_all(const Params& used, const std::stop_token& stop);
+  int shown(std::size_t room) const;
+  DeviceMemory& device_memory();
   void attempt(const std::function<void()>& work);
   const CloudSample& sample();
   const Frame& frame();
@@ -55,6 +82,7 @@ struct Pipeline::State {
   void drop_times_of_failed_run();
   void run_stage(const Step& step, bool leaves, const std::stop_token& stop);
 
+  HostBuffer staged_;                            // many clouds on their way
   std::optional<Frame> frame_;                   // of the loaded cloud, once it is needed
   std::optional<GivenNoise> given_noise_;        // of the loaded cloud, in place of what is measured
   std::optional<int> shown_;                     // the iteration whose results were delivered last, while they are held

@@ -18,7 +18,9 @@
 
 namespace pointfair {
 
+class DeviceMemory;
 class Exactness;
+class ManyClouds;
 class Overlap;
 class Sampling;
 
@@ -90,8 +92,10 @@ class Backend {
   virtual std::optional<StageOf> take_stopped() { return std::nullopt; }
 
   virtual Sampling& sampling() = 0;
-  virtual Exactness* exactness() { return nullptr; }  // null: cannot compute tiles
-  virtual Overlap* overlap() { return nullptr; }      // null: copies nothing while it computes
+  virtual Exactness* exactness() { return nullptr; }         // null: cannot compute tiles
+  virtual Overlap* overlap() { return nullptr; }             // null: copies nothing while it computes
+  virtual ManyClouds* many_clouds() { return nullptr; }      // null: one cloud at a time
+  virtual DeviceMemory* device_memory() { return nullptr; }  // null: clouds cross from host memory
 };
 
 std::unique_ptr<Backend> make_cpu_backend(unsigned threads);

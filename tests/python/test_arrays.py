@@ -156,9 +156,9 @@ class DlpackOnly:
         return self.array.__dlpack_device__()
 
 
-def test_tensors_of_a_card_and_of_a_graph_are_refused_with_what_to_do():
+def test_masks_on_a_card_and_tensors_of_a_graph_are_refused_with_what_to_do():
     with pytest.raises(pf.DeviceError, match=r"tensor.cpu\(\)"):
-        pf.denoise(OnCard())
+        pf.denoise(POINTS, mask=OnCard())
     with pytest.raises(pf.UsageError, match=r"tensor.detach\(\)"):
         pf.denoise(Gradient())
 

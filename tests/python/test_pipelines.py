@@ -210,7 +210,7 @@ def test_batches_of_one_array():
     (np.zeros((5, 3)), {"offsets": []}, pf.UsageError, "whole numbers"),
     ([np.zeros((5, 3)), np.zeros((5, 2))], {}, pf.UsageError, "cloud 1"), ([np.zeros((5, 3)), 7], {}, pf.UsageError, "cloud 1"),
     ([np.zeros((5, 3))], {"offsets": [0, 5]}, pf.UsageError, "leave them out"),
-    ([np.zeros((5, 3))], {"device": "cuda"}, pf.DeviceError, "CPU"),
+    ([np.zeros((5, 3))], {"device": "cuda:99"}, pf.DeviceError, "CUDA"),
 ])
 def test_batches_that_cannot_be_are_refused(clouds, arguments, error, advice):
     with pytest.raises(error, match=advice):

@@ -2,6 +2,7 @@
 #include <algorithm>
 
 #include "cuda/index/boxes.cuh"
+#include "cuda/index/forest.cuh"
 #include "cuda/index/index.cuh"
 #include "cuda/index/sort_keys.cuh"
 #include "point/curve.h"
@@ -25,8 +26,16 @@ DeviceIndex::DeviceIndex(Context& context)
 
 Tree DeviceIndex::without_top() const {
   const Index leaves = static_cast<Index>(leaves_);
-  Tree tree{points_.data(), state_.data(), leaves, leaves, std::min(levels_.count, levels_.own), groups_.data(), {},
-            share_.data()};
+  Tree tree{points_.data(),
+            state_.data(),
+            leaves,
+            leaves,
+            std::min(levels_.count, levels_.own),
+            groups_.data(),
+            {},
+            share_.data(),
+            leaves_of_cloud_,
+            groups_of_cloud_};
   std::copy_n(levels_.first_group, kMaxLevels, tree.first_group);
   return tree;
 }
@@ -44,6 +53,7 @@ void DeviceIndex::make_room(std::size_t count) {
   state_.resize(1);
   points_.resize(leaves_ * kLeafSize);
   share_.release();
+  leaves_of_cloud_ = groups_of_cloud_ = 0;
 }
 
 void DeviceIndex::lay_out_levels(int own_levels, std::size_t tops, std::size_t whole_top) {
@@ -78,6 +88,20 @@ void DeviceIndex::build(const Point* points, std::size_t count, const std::optio
   }
   build_boxes(points, sorted);
   if (frame) hash_positions(*frame);
+}
+
+void DeviceIndex::build(const Point* points, const Forest& forest) {
+  const std::size_t groups = std::size_t(forest.clouds) * forest.groups_of_cloud();
+  make_room(groups * kGroupPoints);
+  count_ = forest.points;
+  leaves_of_cloud_ = static_cast<Index>(forest.groups_of_cloud() * kLeafSize);
+  groups_of_cloud_ = static_cast<Index>(forest.groups_of_cloud());
+  levels_ = {};
+  levels_.count = groups_of_cloud_ > 1 ? 2 : 1;
+  levels_.first_group[1] = levels_.groups[0] = static_cast<Index>(groups);
+  levels_.groups[1] = forest.clouds;
+  groups_.resize(groups + (groups_of_cloud_ > 1 ? forest.clouds : 0));
+  plant(context_, points, forest, tree(), points_.data(), state_.data());
 }
 
 void DeviceIndex::hash_positions(const Frame& frame) {

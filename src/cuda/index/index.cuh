@@ -13,6 +13,7 @@
 
 namespace pointfair::cuda {
 
+struct Forest;
 struct Sorted;
 
 // The levels of boxes of a tree. From `own_levels` on several tops may stand over the same lower levels.
@@ -30,6 +31,8 @@ class DeviceIndex {
   // `points` on the card, in upload order; `frame` as Backend::build_index. Only starts the work, so far as `arrival`,
   // if not null, allows.
   void build(const Point* points, std::size_t count, const std::optional<Frame>& frame, const Arrival* arrival);
+  // Of many clouds at once, without frames (src/cuda/index/forest.cuh).
+  void build(const Point* points, const Forest& forest);
   Tree tree() const { return tree_with_top(whole_top_); }
 
   // For an index that is built otherwise (src/cuda/overlap): room for so many points, then for the boxes of all levels
@@ -54,6 +57,7 @@ class DeviceIndex {
 
   Context& context_;
   std::size_t count_ = 0, leaves_ = 0, whole_top_ = 0;
+  Index leaves_of_cloud_ = 0, groups_of_cloud_ = 0;  // of a forest
   DeviceArray<CloudState> state_;
   DeviceArray<float4> points_;
   DeviceArray<float> share_;  // with a frame

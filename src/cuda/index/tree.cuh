@@ -48,6 +48,12 @@ __device__ inline Vec position_of(float4 p) { return {p.x, p.y, p.z}; }
 __device__ inline Index original_of(float4 p) { return __float_as_uint(p.w); }
 __device__ inline bool is_present(float4 p) { return p.x < __int_as_float(0x7f800000); }
 
+// Consecutive leaves, `end` behind the last.
+struct LeafRange {
+  Index begin, end;
+  Index count() const { return end - begin; }
+};
+
 struct Tree {
   // Sorted, padded to whole leaves: x, y, z, original index as bits; infinite where invalid. The valid ones of a leaf
   // come first.
@@ -60,15 +66,23 @@ struct Tree {
   Index
       first_group[kMaxLevels];  // level 0 has the boxes of leaves; group g has those of its children 32 g to 32 g + 31
   const float* share;           // of each sorted point, a hash of its position over [0, 1); null without a frame
+  // Of a forest (src/cuda/index/forest.cuh): every cloud has so many leaves, in so many groups, and a root of its own;
+  // 0 of one cloud.
+  Index leaves_of_cloud, groups_of_cloud;
 
   __device__ bool holds(std::size_t at) const { return is_present(points[at]); }  // a valid point
   __device__ BoxGroup& group(int level, Index number) const { return groups[first_group[level] + number]; }
-};
-
-// Consecutive leaves, `end` behind the last.
-struct LeafRange {
-  Index begin, end;
-  Index count() const { return end - begin; }
+  // The group of the highest level over a leaf.
+  __device__ Index root_over(Index leaf) const { return leaves_of_cloud == 0 ? 0 : leaf / leaves_of_cloud; }
+  __device__ Index first_child(int level, Index group) const {
+    return group * (level == 0 || groups_of_cloud == 0 ? kLeafSize : groups_of_cloud);
+  }
+  // Those that are there of the leaf's cloud.
+  __device__ LeafRange leaves_beside(Index leaf) const {
+    if (leaves_of_cloud == 0) return {0, leaves_there};
+    const Index first = root_over(leaf) * leaves_of_cloud;
+    return {first, first + leaves_of_cloud};
+  }
 };
 
 __device__ inline Box box_of_lane(const BoxGroup& group) {
@@ -120,16 +134,17 @@ __device__ inline Box warp_box(Vec p, bool inside) {
 }
 
 // The whole warp walks the groups of leaves under boxes that are `near`, in sorted order; `near(group)` says so of the
-// lane's box in a group, and may narrow on the way. Lane l remembers what is left to visit on level l.
+// lane's box in a group, and may narrow on the way. Lane l remembers what is left to visit on level l. `root` is that
+// of the cloud, 0 where there is one.
 class GroupWalk {
  public:
-  __device__ __forceinline__ explicit GroupWalk(const Tree& tree) : tree_(tree), level_(tree.levels) {}
+  __device__ __forceinline__ GroupWalk(const Tree& tree, Index root) : tree_(tree), level_(tree.levels), group_(root) {}
 
   // Goes to the next group that has near leaves; false after the last, and not to be called again then.
   template <class Near>
   __device__ __forceinline__ bool next(Near near) {
     if (level_ == tree_.levels) {
-      descend(tree_.levels - 1, 0, near);
+      descend(tree_.levels - 1, group_, near);
     } else {
       pending_ = 0;
     }
@@ -140,7 +155,7 @@ class GroupWalk {
         group_ = __shfl_sync(kAllLanes, left_group_, level_);
         continue;
       }
-      const Index child = group_ * kLeafSize + static_cast<Index>(__ffs(static_cast<int>(pending_)) - 1);
+      const Index child = tree_.first_child(level_, group_) + static_cast<Index>(__ffs(static_cast<int>(pending_)) - 1);
       pending_ &= pending_ - 1;
       if (static_cast<int>(lane_number()) == level_) {
         left_ = pending_;
@@ -163,7 +178,7 @@ class GroupWalk {
 
   const Tree& tree_;
   int level_;
-  Index group_ = 0;
+  Index group_;
   unsigned pending_ = 0, left_ = 0;
   Index left_group_ = 0;
 };
@@ -171,7 +186,7 @@ class GroupWalk {
 // The same, leaf by leaf.
 class Walk {
  public:
-  __device__ __forceinline__ explicit Walk(const Tree& tree) : groups_(tree) {}
+  __device__ __forceinline__ Walk(const Tree& tree, Index root) : groups_(tree, root) {}
 
   // The next leaf, or kNoNeighbor after the last; not to be called again then.
   template <class Near>

@@ -99,7 +99,7 @@ class GroupSearch {
     Index first = leaf_ - kBeside;
     unsigned pending = leaves_beside(kBeside);
     const auto near = [&](const BoxGroup& group) { return is_near(box_of_lane(group)); };
-    GroupWalk walk(tree_);
+    GroupWalk walk(tree_, tree_.root_over(leaf_));
     bool beside = true, more = true;
     Vec points = points_of(first, pending);
     while (more) {
@@ -245,7 +245,9 @@ class GroupSearch {
   }
   // The leaves up to `beside` away that exist, as bits from leaf_ - beside on.
   __device__ __forceinline__ unsigned leaves_beside(Index beside) const {
-    const unsigned before = leaf_ < beside ? beside - leaf_ : 0u, after = min(tree_.leaves_there - 1 - leaf_, beside);
+    const LeafRange cloud = tree_.leaves_beside(leaf_);
+    const Index behind = leaf_ - cloud.begin;
+    const unsigned before = behind < beside ? beside - behind : 0u, after = min(cloud.end - 1 - leaf_, beside);
     return ((2u << (beside + after)) - 1u) & ~((1u << before) - 1u) & ~(1u << beside);
   }
   // Its own leaf and those beside it, as bits of a group of leaves.

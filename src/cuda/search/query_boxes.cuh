@@ -51,11 +51,11 @@ struct QueryBoxes {
 class LeafOrder {
  public:
   __device__ __forceinline__ LeafOrder(const Tree& tree, Index own, Index beside)
-      : walk_(tree),
-        own_(own),
-        first_(own > beside ? own - beside : 0),
-        last_(min(own + beside, tree.leaves_there - 1)),
-        next_(first_) {}
+      : walk_(tree, tree.root_over(own)), own_(own) {
+    const LeafRange cloud = tree.leaves_beside(own);
+    first_ = next_ = own > cloud.begin + beside ? own - beside : cloud.begin;
+    last_ = min(own + beside, cloud.end - 1);
+  }
 
   // kNoNeighbor at the end.
   template <class Near>

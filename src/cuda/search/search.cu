@@ -31,7 +31,7 @@ __device__ bool may_have_nearer(const Tree& tree, const Tree& later, Index leaf,
   if (last != point::kNoNeighbor) reach = point::squared_length(position_of(tree.points[last]) - position_of(p));
   boxes.set_reach(
       is_present(p) ? __float_as_uint(reach) : 0u, [](unsigned bits, float) { return __uint_as_float(bits); }, 0.0f);
-  Walk walk(later);
+  Walk walk(later, 0);
   const auto near = [&](const BoxGroup& group) {
     const Box box = box_of_lane(group);
     const float gap = squared_gap(box, boxes.box[0]);
@@ -103,7 +103,7 @@ __device__ void search_single(const Tree& tree, SingleWalk& walk, List& list, Ne
   const float4 p = tree.points[at];
   SingleSearch<List> search(tree, walk, list, position_of(p), original_of(p), query.k, query.squared_limit);
   search.bound(bound);
-  search.run();
+  search.run(tree.root_over(at / kLeafSize));
   list.for_each(query.k, [&](int slot, Key key) { out[slot * kWarp] = point::key_index(key); });
   __syncwarp();
 }

@@ -32,10 +32,10 @@ class SingleSearch {
   __device__ void bound(float squared) {
     if (squared < __int_as_float(0x7f800000)) last_ = point::neighbor_key(squared, point::kNoNeighbor);
   }
-  // Afterwards the list holds the nearest, sorted, kNoKey at the end.
-  __device__ void run() {
+  // Afterwards the list holds the nearest, sorted, kNoKey at the end. `root`: of the cloud, 0 where there is one.
+  __device__ void run(Index root = 0) {
     int level = tree_.levels - 1;
-    enter(level, 0);
+    enter(level, root);
     while (level < tree_.levels) {
       const unsigned gap = walk_.gaps[level][lane_number()];
       const unsigned nearest = warp_min(gap);
@@ -56,7 +56,7 @@ class SingleSearch {
       const int lane = static_cast<int>(lane_number());
       if (lane == child || (both && lane == follower)) walk_.gaps[level][lane] = kVisited;
       __syncwarp();
-      const Index first = group * kLeafSize, node = first + static_cast<Index>(child);
+      const Index first = tree_.first_child(level, group), node = first + static_cast<Index>(child);
       if (level == 0) {
         const Index next = both ? first + static_cast<Index>(follower) : node;
         const float4 p = tree_.points[node * kLeafSize + lane_number()];

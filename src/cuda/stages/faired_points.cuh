@@ -36,8 +36,8 @@ __device__ __forceinline__ void scatter(Point* out, Index to, Vec p) {
 // All lanes of the warp take part.
 __device__ __forceinline__ void store_faired(const FairedPoints& faired, std::size_t at, float4 p, bool valid,
                                              Vec moved) {
-  const bool exists = at < faired.count, staged = faired.staged != nullptr;
-  const Index original = exists ? original_of(p) : point::kNoNeighbor;
+  const Index original = original_of(p);
+  const bool exists = original != point::kNoNeighbor, staged = faired.staged != nullptr;
   if (exists && !valid) {
     const Point same = faired.input[original];
     moved = {same.x, same.y, same.z};

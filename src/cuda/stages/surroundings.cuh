@@ -85,7 +85,7 @@ class WalkedRadius {
   template <class Visit>
   __device__ __forceinline__ void for_leaves(Visit visit) const {
     const auto is_near = [&](const BoxGroup& group) { return this->is_near(box_of_lane(group)); };
-    Walk walk(tree_);
+    Walk walk(tree_, tree_.root_over(at_ / kLeafSize));
     unsigned visited = 0;
     for (Index leaf = walk.next(is_near); leaf != point::kNoNeighbor; leaf = walk.next(is_near)) {
       if (visited++ % kBetweenLooks == 0 && stop_.is_heard(at_ / kLeafSize + visited / kBetweenLooks)) return;

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+
+#include "cuda/leaving.cuh"
+#include "cuda/stages/outliers.cuh"
+
+namespace pointfair::cuda {
+
+void Leaving::hold_back(const DeviceArray<Point>& uploaded, Chain& from, const DisplacementLimits& limits,
+                        std::span<std::uint8_t> outliers, DeviceArray<Point>& settled) {
+  constexpr float kInfinity = __builtin_inff();
+  const bool limited = limits.farthest > 0;
+  if (!limited) std::fill(outliers.begin(), outliers.end(), std::uint8_t(0));
+  const std::span<std::uint8_t> marked = limited ? outliers : std::span<std::uint8_t>{};
+  DeviceArray<std::uint8_t> marks(context_);
+  DeviceArray<unsigned long long> total(context_);
+  settled.resize(uploaded.size());
+  marks.resize(marked.size());
+  total.resize(1);
+  check(cudaMemsetAsync(total.data(), 0, sizeof(unsigned long long), context_.stream()), "clearing a count");
+  const DisplacementLimits its = limited ? limits : DisplacementLimits{kInfinity, kInfinity};
+  cuda::hold_back(
+      context_, {uploaded.data(), from.faired().data(), uploaded.size(), limit_rule(its), from.noise_field(its.levels)},
+      settled.data(), marked.empty() ? nullptr : marks.data(), total.data());
+  check(cudaMemcpyAsync(held_back_.get(), total.data(), sizeof(unsigned long long), cudaMemcpyDeviceToHost,
+                        context_.stream()),
+        "reading a count");
+  if (!marked.empty())
+    check(cudaMemcpyAsync(marked.data(), marks.data(), marked.size(), cudaMemcpyDeviceToHost, context_.stream()),
+          "downloading outliers");
+}
+
+void Leaving::copy_faired(Chain& chain, std::span<Point> to) {
+  const Point* const from = chain.faired().data();
+  std::size_t left = 0;
+  for (const FairedPart& part : chain.faired_parts()) {
+    side_.wait_for(part.done);
+    const OnStream stream(context_, side_);
+    copy(from + left, to.subspan(left, part.end - left));
+    left = part.end;
+  }
+  chain.join();
+  if (left < to.size()) copy(from + left, to.subspan(left));
+  if (left > 0) side_.join();
+}
+
+void Leaving::copy(const Point* from, std::span<Point> to) const {
+  check(cudaMemcpyAsync(to.data(), from, to.size_bytes(), cudaMemcpyDeviceToHost, context_.stream()),
+        "downloading points");
+}
+
+}  // namespace pointfair::cuda

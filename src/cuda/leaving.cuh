@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+// Points on their way out of a chain: held back where they moved too far, and copied to the host.
+#pragma once
+
+#include <span>
+
+#include "cuda/chain.cuh"
+#include "cuda/runtime/transfer.cuh"
+
+namespace pointfair::cuda {
+
+class Leaving {
+ public:
+  explicit Leaving(Context& context) : context_(context), side_(context) {}
+
+  // Before a result leaves.
+  void begin() { *held_back_.get() = 0; }
+  // Whether points may not leave as they were faired: some move too far, or an iteration before turned them into NaN.
+  static bool holds_back(int iteration, const DisplacementLimits& limits) {
+    return limits.farthest > 0 || iteration > 0;
+  }
+  // Starts to write all points, settled. What held_back() and `outliers` tell is there once the context's stream is
+  // done.
+  void hold_back(const DeviceArray<Point>& uploaded, Chain& from, const DisplacementLimits& limits,
+                 std::span<std::uint8_t> outliers, DeviceArray<Point>& settled);
+  std::uint64_t held_back() const { return *held_back_.get(); }
+
+  // Start to copy. Parts that are faired before all leave at once.
+  void copy_faired(Chain& from, std::span<Point> to);
+  void copy(const Point* from, std::span<Point> to) const;
+
+ private:
+  Context& context_;
+  SideStream side_;
+  Pinned<unsigned long long> held_back_;
+};
+
+}  // namespace pointfair::cuda
