@@ -64,8 +64,9 @@ void positions(const Cloud& cloud, std::span<Position> out) {
     });
     return;
   }
+  const io::Edits edits{cloud, {}, {}, {}};
   io::for_each_block(cloud.source->block_count(), [&](std::size_t block) {
-    const Moves moves = cloud.source->moves(block, cloud);
+    const Moves moves = cloud.source->moves(block, edits);
     std::copy(moves.values.begin(), moves.values.end(), out.begin() + cloud.source->block_begin(block));
   });
 }

@@ -2,6 +2,7 @@
 #include "io/las/store.hpp"
 
 #include <algorithm>
+#include <atomic>
 #include <cstring>
 
 #include "io/file_bytes.hpp"
@@ -104,31 +105,34 @@ class DecodedRecords : public Chunks {
   std::unique_ptr<char[]> records_;
 };
 
-class DecodedLayers : public Chunks {
+// Decoded again each time they are asked for.
+class KeptRecords : public Chunks {
  public:
-  DecodedLayers(std::vector<Chunk> chunks, const Compression& compression, std::size_t record_length,
-                std::size_t file_size, const std::string& name)
-      : Chunks(std::move(chunks), compression, record_length, name) {
-    const std::uint64_t count = block_begin(block_count());
-    check_plausible(count, 0, sizeof(Grid) + sizeof(Returns), file_size, name);
-    grid_ = std::make_unique_for_overwrite<Grid[]>(static_cast<std::size_t>(count));
-    returns_ = std::make_unique_for_overwrite<Returns[]>(static_cast<std::size_t>(count));
-    for_each_block(block_count(), [&](std::size_t block) {
-      const auto layers = split(block);
-      require(layers && decode_layers(*layers, {grid_.get() + block_begin(block), block_size(block)},
-                                      {returns_.get() + block_begin(block), block_size(block)}),
-              block);
-    });
-  }
+  using Chunks::Chunks;
 
   void grid(std::size_t block, std::span<Grid> out) const override {
-    std::copy_n(grid_.get() + block_begin(block), out.size(), out.begin());
+    std::string buffer;
+    read_grid(records(block, kAllLayers, buffer).data(), record_length(), out);
+  }
+  std::string_view records(std::size_t block, std::uint32_t, std::string& buffer) const override {
+    buffer.resize(block_size(block) * record_length());
+    require(decode(block, kAllLayers, buffer), block);
+    return buffer;
+  }
+};
+
+class LayeredChunks : public Chunks {
+ public:
+  using Chunks::Chunks;
+
+  void grid(std::size_t block, std::span<Grid> out) const override {
+    std::copy_n(coordinates(block).grid.begin(), out.size(), out.begin());
   }
 
   std::string_view records(std::size_t block, std::uint32_t layers, std::string& buffer) const override {
     buffer.assign(block_size(block) * record_length(), '\0');
     if (layers == 0) {
-      fill_returns(block, buffer);
+      fill_returns(coordinates(block).returns, buffer);
     } else {
       require(decode(block, layers, buffer), block);
     }
@@ -136,8 +140,20 @@ class DecodedLayers : public Chunks {
   }
 
   bool append_moved_chunk(std::size_t block, std::span<const Grid> now, std::string& to) const override {
-    encode_layers(*split(block), now, {returns_.get() + block_begin(block), block_size(block)}, to);
+    encode_layers(*split(block), now, coordinates(block).returns, to);
     return true;
+  }
+
+ protected:
+  struct Coordinates {
+    std::span<const Grid> grid;
+    std::span<const Returns> returns;
+  };
+  virtual Coordinates coordinates(std::size_t block) const = 0;
+
+  void decode_coordinates(std::size_t block, std::span<Grid> grid, std::span<Returns> returns) const {
+    const auto layers = split(block);
+    require(layers && decode_layers(*layers, grid, returns), block);
   }
 
  private:
@@ -146,16 +162,72 @@ class DecodedLayers : public Chunks {
                         static_cast<std::uint32_t>(block_size(block)));
   }
 
-  void fill_returns(std::size_t block, std::string& records) const {
-    const Returns* from = returns_.get() + block_begin(block);
+  void fill_returns(std::span<const Returns> returns, std::string& records) const {
+    const Returns* from = returns.data();
     for (char* to = records.data(); to != records.data() + records.size(); to += record_length(), ++from) {
       to[14] = static_cast<char>(from->number | from->count << 4);
       to[15] = static_cast<char>(from->channel << 4);
     }
   }
+};
 
+class DecodedLayers : public LayeredChunks {
+ public:
+  DecodedLayers(std::vector<Chunk> chunks, const Compression& compression, std::size_t record_length,
+                std::size_t file_size, const std::string& name)
+      : LayeredChunks(std::move(chunks), compression, record_length, name) {
+    const std::uint64_t count = block_begin(block_count());
+    check_plausible(count, 0, sizeof(Grid) + sizeof(Returns), file_size, name);
+    grid_ = std::make_unique_for_overwrite<Grid[]>(static_cast<std::size_t>(count));
+    returns_ = std::make_unique_for_overwrite<Returns[]>(static_cast<std::size_t>(count));
+    for_each_block(block_count(), [&](std::size_t block) {
+      decode_coordinates(block, {grid_.get() + block_begin(block), block_size(block)},
+                         {returns_.get() + block_begin(block), block_size(block)});
+    });
+  }
+
+ protected:
+  Coordinates coordinates(std::size_t block) const override {
+    return {{grid_.get() + block_begin(block), block_size(block)},
+            {returns_.get() + block_begin(block), block_size(block)}};
+  }
+
+ private:
   std::unique_ptr<Grid[]> grid_;
   std::unique_ptr<Returns[]> returns_;
+};
+
+// Decoded again each time they are asked for, but for the thread's last block.
+class KeptLayers : public LayeredChunks {
+ public:
+  using LayeredChunks::LayeredChunks;
+
+ protected:
+  Coordinates coordinates(std::size_t block) const override {
+    struct Last {
+      std::uint64_t store = 0;
+      std::size_t block = 0;
+      std::vector<Grid> grid;
+      std::vector<Returns> returns;
+    };
+    thread_local Last last;
+    if (last.store != number_ || last.block != block) {
+      last.store = 0;
+      last.grid.resize(block_size(block));
+      last.returns.resize(block_size(block));
+      decode_coordinates(block, last.grid, last.returns);
+      last.store = number_;
+      last.block = block;
+    }
+    return {last.grid, last.returns};
+  }
+
+ private:
+  static std::uint64_t next_number() {
+    static std::atomic<std::uint64_t> last{0};
+    return ++last;
+  }
+  const std::uint64_t number_ = next_number();  // an address would serve a later store, too
 };
 
 }  // namespace
@@ -173,7 +245,12 @@ std::unique_ptr<PointStore> open_records(std::string_view bytes, const Header& h
 
 std::unique_ptr<PointStore> decode_chunks(std::vector<Chunk> chunks, const Header& header,
                                           const Compression& compression, std::size_t file_size,
-                                          const std::string& name) {
+                                          const std::string& name, Residence residence) {
+  if (residence == Residence::file) {
+    if (compression.layered())
+      return std::make_unique<KeptLayers>(std::move(chunks), compression, header.record_length, name);
+    return std::make_unique<KeptRecords>(std::move(chunks), compression, header.record_length, name);
+  }
   if (!compression.layered()) {
     return std::make_unique<DecodedRecords>(std::move(chunks), compression, header.record_length, file_size, name);
   }

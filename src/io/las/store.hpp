@@ -11,6 +11,7 @@
 #include "io/las/grid.hpp"
 #include "io/las/header.hpp"
 #include "io/las/laz.hpp"
+#include "io/source.hpp"
 
 namespace pointfair::io::las {
 
@@ -38,9 +39,10 @@ class PointStore {
 std::unique_ptr<PointStore> open_records(std::string_view bytes, const Header& header, const std::string& name);
 
 /// The points of a compressed file: of point formats 0 to 5 all decoded, of 6 to 10 the coordinates. In parallel.
-/// Throws Error(file) if a chunk is damaged. Memory: a record, or 14 bytes, a point.
+/// Throws Error(file) if a chunk is damaged. Memory: a record, or 14 bytes, a point. With Residence::file no point is
+/// kept; a chunk is decoded when it is asked for, and may throw then.
 std::unique_ptr<PointStore> decode_chunks(std::vector<Chunk> chunks, const Header& header,
                                           const Compression& compression, std::size_t file_size,
-                                          const std::string& name);
+                                          const std::string& name, Residence residence);
 
 }  // namespace pointfair::io::las

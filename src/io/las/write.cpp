@@ -196,7 +196,7 @@ class LasWriter {
 
   // Moves the points of the block; false if none did.
   bool move(std::size_t block, std::vector<Grid>& grid) const {
-    const Moves moves = source_.moves(block, edits_.cloud);
+    const Moves moves = source_.moves(block, edits_);
     bool moved = false;
     for (std::size_t i = 0; i < grid.size(); ++i) {
       for (std::size_t axis = 0; axis < 3; ++axis) {

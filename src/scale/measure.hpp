@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// The second step: what the whole cloud shows, measured once and frozen, from which every task makes the same settings.
+#pragma once
+
+#include <filesystem>
+#include <stop_token>
+
+#include "estimate/estimate.hpp"
+#include "pipeline/settings.hpp"
+#include "scale/plan.hpp"
+#include "scale/stored_cloud.hpp"
+#include "seam/backend.hpp"
+
+namespace pointfair::scale {
+
+struct Measured {
+  Position origin{};
+  Bounds bounds;
+  Frame frame;  ///< zero where sums run over lists
+  Spacing spacing;
+  Noise noise;  ///< this and the spacing are zero where no parameter follows from them
+};
+
+/// Measures what the parameters of the plan follow from, as a pipeline does with the whole cloud.
+Measured measure(const StoredCloud& cloud, const Position& origin, const Plan& plan, Backend& backend,
+                 const std::stop_token& stop);
+
+void save(const Measured& measured, const std::filesystem::path& path);
+Measured load_measured(const std::filesystem::path& path);
+
+/// The parameters with what was measured.
+Params resolve(const Plan& plan, const Measured& measured);
+
+}  // namespace pointfair::scale
