@@ -40,6 +40,8 @@ std::string info_text(const Cloud& cloud, const Estimates& estimates, const Para
   fmt::format_to(out, "spacing     {:.4g}\nnoise       {:.4g}\n", estimates.spacing, estimates.noise);
   if (estimates.spacing > 0) {
     fmt::format_to(out, "            {:.3g} of the spacing\n", estimates.noise / estimates.spacing);
+    const auto& [quiet, typical, loud] = estimates.noise_quantiles;
+    fmt::format_to(out, "            {:.4g} .. {:.4g} .. {:.4g} at 5, 50, 95 % of the places\n", quiet, typical, loud);
   }
   if (const double step = file_info(cloud).step; estimates.noise > 0 && step > estimates.noise)
     fmt::format_to(out, "            less than the step of {:.4g} between coordinates: --las-scale makes that finer\n",
@@ -57,10 +59,15 @@ std::string info_text(const Cloud& cloud, const Estimates& estimates, const Para
 }
 
 Json info_json(const Cloud& cloud, const Estimates& estimates, const Params& suggested) {
-  return {{"file", file_json(cloud)},           {"points", estimates.points},
-          {"finite", estimates.finite},         {"bounds", bounds_json(cloud, estimates)},
-          {"diagonal", estimates.diagonal},     {"attributes", attributes_json(attributes(cloud))},
-          {"spacing", estimates.spacing},       {"noise", estimates.noise},
+  return {{"file", file_json(cloud)},
+          {"points", estimates.points},
+          {"finite", estimates.finite},
+          {"bounds", bounds_json(cloud, estimates)},
+          {"diagonal", estimates.diagonal},
+          {"attributes", attributes_json(attributes(cloud))},
+          {"spacing", estimates.spacing},
+          {"noise", estimates.noise},
+          {"noise_quantiles", estimates.noise_quantiles},
           {"suggested", params_json(suggested)}};
 }
 

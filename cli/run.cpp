@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <filesystem>
 #include <memory>
@@ -35,9 +36,10 @@ struct RunArguments {
 // What is said about a run beside the library's own report.
 struct Findings {
   double spacing = 0, noise = 0;  // of the input
-  double step = 0;                // between the coordinates written, where these are integers
-  std::uint64_t ignored = 0;      // finite points left out by --ignore
-  std::uint64_t held = 0;         // others that the limits did not let move
+  std::array<double, 3> noise_quantiles{};
+  double step = 0;            // between the coordinates written, where these are integers
+  std::uint64_t ignored = 0;  // finite points left out by --ignore
+  std::uint64_t held = 0;     // others that the limits did not let move
   Statistics displacement;
   std::vector<std::string> notes;
 };
@@ -100,7 +102,7 @@ Json run_json(const Report& report, const Findings& findings) {
           {"points", report.points},
           {"params", params_json(report.params)},
           {"spacing", findings.spacing},
-          {"noise", {{"before", findings.noise}}},
+          {"noise", {{"before", findings.noise}, {"quantiles", findings.noise_quantiles}}},
           {"rounding", {{"step", findings.step}, {"rms", kRoundingRms * findings.step}}},
           {"unmoved", unmoved_json(without(report.unmoved, findings.ignored), findings)},
           {"short_neighborhoods", report.short_neighborhoods},
@@ -206,6 +208,7 @@ void find_out(const RunArguments& arguments, const WriteOptions& options, const 
   const Estimates& estimates = pipeline.estimates(stop);
   findings.spacing = estimates.spacing;
   findings.noise = estimates.noise;
+  findings.noise_quantiles = estimates.noise_quantiles;
   findings.step = written_step(before, options);
   findings.displacement = displacement(before, after);
   findings.notes = notes(arguments, options, before, findings);
@@ -224,6 +227,8 @@ bool needs_tiles(const RunArguments& arguments, const Params& params) {
   const TiledArguments& tiled = arguments.tiled;
   if (!tiled.out_dir.empty() || !tiled.work.empty() || tiled.tiles > 1) return true;
   if (tiled.memory.empty()) return false;
+  if (arguments.input == "-")
+    throw Error(ErrorKind::usage, "standard input is read into memory as a whole; leave out --memory, or name a file");
   return TiledRun::bytes_in_memory(TiledRun::count_points(arguments.input), params) > memory_to_use(tiled);
 }
 
@@ -233,7 +238,8 @@ void check_tiled(const RunArguments& arguments, const Limits& limits) {
     throw Error(ErrorKind::usage, what + " cannot be used with a run in tiles on disk (--memory, --work, --out-dir)");
   };
   for (const std::string_view name : kLimitNames)
-    if (!limit_text(limits, name).empty() && !(name == "strength" && limits.strength == 1)) refuse(fmt::format("--{}", name));
+    if (!limit_text(limits, name).empty() && !(name == "strength" && limits.strength == 1))
+      refuse(fmt::format("--{}", name));
   if (arguments.normals != "keep") refuse("--normals " + arguments.normals);
 }
 

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // pointfair tile plan|run|status|merge: a run over a folder, in tasks that any number of processes may do.
 #include <fmt/format.h>
+#include <signal.h>
+#include <sys/prctl.h>
+#include <unistd.h>
 
 #include <charconv>
 #include <memory>
@@ -26,7 +29,7 @@ struct TileArguments {
   ParamArguments params;
   DeviceArguments device;
   FormatArguments format;
-  bool all = false, force = false, quiet = false;
+  bool all = false, force = false, quiet = false, with_parent = false;
 };
 using Shared = std::shared_ptr<TileArguments>;
 
@@ -66,9 +69,15 @@ void run_task(TiledRun& run, const std::string& name, std::stop_token stop) {
   run.run(step, task, stop);
 }
 
+// A worker of an engine that is killed must not leave its task running.
+void end_with_parent() {
+  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+  if (::getppid() == 1) throw Error(ErrorKind::interrupted, "interrupted");  // it is gone already
+}
+
 void run_tasks(const TileArguments& arguments, std::stop_token stop) {
-  if (arguments.all == !arguments.task.empty())
-    throw Error(ErrorKind::usage, "give either --task or --all");
+  if (arguments.with_parent) end_with_parent();
+  if (arguments.all == !arguments.task.empty()) throw Error(ErrorKind::usage, "give either --task or --all");
   TiledRun run(arguments.folder, make_device(arguments.device));
   if (!arguments.all) return run_task(run, arguments.task, stop);
   Progress progress(arguments.quiet ? "none" : arguments.progress);
@@ -125,6 +134,7 @@ Verb add_tile(CLI::App& app) {
   CLI::App& run = add_part(tile, arguments, "run", "Do one task, one step's tasks, or all that is left.");
   run.add_option("--task", arguments->task, "denoise-1:3, or denoise-1 for all tasks of that step")->type_name("TASK");
   run.add_flag("--all", arguments->all, "all tasks, in order");
+  run.add_flag("--end-with-parent", arguments->with_parent, "be killed when the process that started this one ends");
   add_device(run, arguments->device);
   add_choice(run, "--progress", arguments->progress, {std::begin(kProgressModes), std::end(kProgressModes)},
              "progress on standard error; auto: a bar on a terminal");

@@ -10,6 +10,7 @@
 #include <cstring>
 #include <optional>
 
+#include "interrupts.hpp"
 #include "pointfair/pointfair.hpp"
 #include "progress.hpp"
 #include "report.hpp"
@@ -29,10 +30,12 @@ class ScratchFolder {
       throw Error(ErrorKind::file, fmt::format("{}: cannot create a work folder: {}; name one with --work",
                                                beside.string(), std::strerror(errno)));
     path_ = name;
+    remove_if_ended(path_);
   }
   ~ScratchFolder() {
     std::error_code ignored;
     fs::remove_all(path_, ignored);
+    remove_if_ended({});
   }
   ScratchFolder(const ScratchFolder&) = delete;
   ScratchFolder& operator=(const ScratchFolder&) = delete;
@@ -48,7 +51,9 @@ Json report_json(const TiledReport& report, const DeviceInfo& device) {
           {"points", report.points},
           {"params", params_json(report.params)},
           {"spacing", report.spacing ? Json(*report.spacing) : Json()},
-          {"noise", {{"before", report.noise ? Json(*report.noise) : Json()}}},
+          {"noise",
+           {{"before", report.noise ? Json(*report.noise) : Json()},
+            {"quantiles", report.noise ? Json(report.noise_quantiles) : Json()}}},
           {"unmoved",
            {{"non_finite", report.unmoved.non_finite},
             {"too_few_neighbors", report.unmoved.too_few_neighbors},
@@ -61,7 +66,8 @@ Json report_json(const TiledReport& report, const DeviceInfo& device) {
 void print_summary(const TiledReport& report) {
   const UnmovedCounts& u = report.unmoved;
   const std::uint64_t kept = u.non_finite + u.too_few_neighbors + u.no_normal + u.outliers;
-  fmt::print(stderr, "{} points denoised in {} tiles, {} kept as they were\n", report.points - kept, report.tiles, kept);
+  fmt::print(stderr, "{} points denoised in {} tiles, {} kept as they were\n", report.points - kept, report.tiles,
+             kept);
   if (report.noise) fmt::print(stderr, "noise of the input {:.4g} (estimated)\n", *report.noise);
 }
 
@@ -81,8 +87,7 @@ std::uint64_t parse_bytes(const std::string& flag, const std::string& text) {
   if (error != std::errc() || shift < 0 || !(value > 0) || !(std::ldexp(value, shift) < 1e18))
     throw Error(ErrorKind::usage, fmt::format("{} {}: give a size such as 8G or 512M", flag, text));
   const auto bytes = static_cast<std::uint64_t>(std::ldexp(value, shift));
-  if (bytes < kLeastMemory)
-    throw Error(ErrorKind::usage, fmt::format("{} {}: at least 64M is needed", flag, text));
+  if (bytes < kLeastMemory) throw Error(ErrorKind::usage, fmt::format("{} {}: at least 64M is needed", flag, text));
   return bytes;
 }
 

@@ -4,11 +4,14 @@
 
 #include <cstdio>
 #include <cstring>
+#include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "point/curve.h"
+#include "point/noise_field.h"
 #include "seam/backend.hpp"
 #include "seam/overlap.hpp"
 
@@ -44,7 +47,9 @@ inline StageResults run(Backend& backend, const std::vector<Point>& points, cons
     backend.build_index(iteration, settings.frame, {});
     backend.find_neighbors(iteration, settings.neighbors, {});
     backend.estimate_normals(iteration, settings.normals, {});
-    backend.fair(iteration, settings.fairing, settings.leaving, {});
+    FairingSettings fairing = settings.fairing;
+    fairing.is_further = iteration > 0;
+    backend.fair(iteration, fairing, settings.leaving, {});
   }
   const int last = settings.iterations - 1;
   StageResults result{std::vector<Point>(points.size()), std::vector<Point>(points.size()), {}, 0};
@@ -59,6 +64,23 @@ inline StageResults run(Backend& backend, const std::vector<Point>& points, cons
 inline Frame frame_over(Point lower, float side) {
   const float shift = point::kBelowReference * side;
   return {lower, {lower.x + shift, lower.y + shift, lower.z + shift}, side};
+}
+
+// With levels of noise from a half to three over the cube with this lower corner, which all that can follows, and
+// shares of noise so large.
+inline void follow_noise(StageSettings& settings, Point lower, float side, float noise) {
+  NoiseLevels levels;
+  const int nodes = point::kFieldNodes;
+  for (int z = 0; z < nodes; ++z)
+    for (int y = 0; y < nodes; ++y)
+      for (int x = 0; x < nodes; ++x) levels.levels.push_back(0.5f + 0.1f * float((7 * x + 11 * y + 5 * z) % 26));
+  levels.first = lower;
+  levels.nodes_per_unit = float(nodes - 1) / side;
+  settings.neighbors.levels = settings.limits.levels = std::make_shared<const NoiseLevels>(std::move(levels));
+  settings.neighbors.radius_follows = settings.fairing.similarity_follows = settings.limits.farthest_follows = true;
+  settings.fairing.level_outlier_distance = settings.limits.level_outlier_distance = 5 * noise;
+  settings.fairing.noise = noise;
+  settings.fairing.damage = 1.2f;
 }
 
 // Places where two clouds differ in a bit, the first of them in words.

@@ -144,11 +144,25 @@ inline std::vector<float> squared_growth(const std::vector<Normal>& normals, con
   return result;
 }
 
+// What Wiener's filter leaves of a displacement, by the two-pass variance of the neighbours' heights over the plane.
+inline double noise_share(const Points& points, std::size_t i, const List& list, Vec normal, const Settings& s) {
+  if (list.empty()) return 1;
+  std::vector<double> heights;
+  for (const std::uint32_t j : list) heights.push_back(dot(normal, to_vec(points[j]) - to_vec(points[i])));
+  double mean = 0, variance = 0;
+  for (const double height : heights) mean += height / double(heights.size());
+  for (const double height : heights) variance += (height - mean) * (height - mean) / double(heights.size());
+  const double noise = std::pow(s.noise * noise_level(s, points[i]), 2);
+  const double shape = std::max(0.0, variance - ((s.is_further ? 0.1 : 1.0) + 0.3) * noise);
+  return noise / (noise + s.damage * shape);
+}
+
 // Paper eq. 6 (eq. 2 where all area weights are 1), or Eq. 10 with both planes; 0 if no neighbour has weight.
 inline double displacement(const Points& points, std::size_t i, const List& list, const std::vector<Normal>& normals,
                            const Settings& s, const std::vector<double>& area) {
   const double closeness = closeness_sigma(points, i, s);
   const Vec n = normals[i].unit;
+  const double similarity = s.similarity_sigma * (s.similarity_follows ? noise_level(s, points[i]) : 1);
   double moment = 0, sum = 0;
   for (const std::uint32_t j : list) {
     const Vec offset = to_vec(points[i]) - to_vec(points[j]);
@@ -161,21 +175,26 @@ inline double displacement(const Points& points, std::size_t i, const List& list
     }
     const double distance = length(offset);
     const double w = std::exp(-distance * distance / (2 * closeness * closeness)) *
-                     std::exp(-compared * compared / (2 * s.similarity_sigma * s.similarity_sigma)) * area[j] * facing;
+                     std::exp(-compared * compared / (2 * similarity * similarity)) * area[j] * facing;
     moment += w * height;
     sum += w;
   }
-  return s.strength * (sum > 0 ? moment / sum : 0);
+  const double share = s.noise > 0 ? noise_share(points, i, list, n, s) : 1;
+  return s.strength * share * (sum > 0 ? moment / sum : 0);
+}
+
+inline double outlier_distance(Point p, const Settings& s) {
+  return std::max(s.outlier_distance, s.level_outlier_distance * noise_level(s, p));
 }
 
 // Off the surface: hardly a neighbour is near the point's plane, or, in a ball that is far wider than others, many are
 // not; or all of a ball's are near its rim.
 inline bool is_outlier(const Points& points, std::size_t i, const List& list, Vec normal, const Settings& s) {
-  const double core = s.outlier_distance * s.outlier_distance;
+  const double most = outlier_distance(points[i], s), core = most * most;
   double near_plane = 0, near = 0;
   for (const std::uint32_t j : list) {
     const Vec offset = to_vec(points[j]) - to_vec(points[i]);
-    near_plane += std::abs(dot(normal, offset)) <= s.outlier_distance;
+    near_plane += std::abs(dot(normal, offset)) <= most;
     near += s.k > 0 || dot(offset, offset) <= std::max(0.49 * squared_radius(points, i, s), core);
   }
   const bool is_sparse = s.k == 0 && squared_radius(points, i, s) > s.outlier_radius * s.outlier_radius;
@@ -255,10 +274,11 @@ inline std::vector<Faired> fair_once(const Points& points, const Settings& s) {
 }
 
 // All iterations; positions are rounded to float between them, as the library stores them.
-inline std::vector<Faired> fair(Points points, const Settings& s) {
+inline std::vector<Faired> fair(Points points, Settings s) {
   const Points start = points;
   std::vector<Faired> result;
   for (int iteration = 0; iteration < s.iterations; ++iteration) {
+    s.is_further = iteration > 0;
     const std::vector<Faired> before = std::exchange(result, fair_once(points, s));
     for (std::size_t i = 0; i < before.size(); ++i) {
       result[i].grows_in_part |= before[i].grows_in_part;
@@ -270,11 +290,13 @@ inline std::vector<Faired> fair(Points points, const Settings& s) {
     if (!is_valid(start[i]) || !(s.hold_back || s.iterations > 1)) continue;
     const Vec from = to_vec(start[i]), step = result[i].position - from;
     const double moved = length(step);
-    result[i].is_outlier = !is_valid(points[i]) || (s.hold_back && moved > s.outlier_distance);
+    const double farthest = s.farthest * (s.farthest_follows ? noise_level(s, start[i]) : 1);
+    result[i].is_outlier =
+        !is_valid(points[i]) || (s.hold_back && moved > std::max(farthest, outlier_distance(start[i], s)));
     if (result[i].is_outlier) {
       result[i].position = from;
-    } else if (s.hold_back && moved > s.farthest) {
-      const double share = s.farthest / moved;
+    } else if (s.hold_back && moved > farthest) {
+      const double share = farthest / moved;
       result[i].position = from + share * share * step;
     }
   }

@@ -7,9 +7,11 @@
 #include <bit>
 #include <cmath>
 #include <cstdint>
+#include <memory>
 #include <tuple>
 #include <vector>
 
+#include "estimate/automatic.hpp"
 #include "pointfair/params.hpp"
 #include "pointfair/pipeline.hpp"
 
@@ -37,8 +39,8 @@ struct Settings {
   bool normal_of_radius = false, closeness_of_radius = false;  // those sigmas are multiples of the ball's radius
   int filter_rounds = 0;
   double crease_angle = 0, turn_angle = 0;  // degrees; a filter without one is a plain mean
-  double flat_scale = 1;                     // of balls in flat places, over their own
-  std::vector<float> squared_growth;          // of each point's squared radius; empty: none
+  double flat_scale = 1;                    // of balls in flat places, over their own
+  std::vector<float> squared_growth;        // of each point's squared radius; empty: none
   Method method = Method::bilateral;
   bool symmetric = false;
   double strength = 1;
@@ -48,6 +50,11 @@ struct Settings {
   double outlier_radius = 0;    // of balls
   bool pull_outliers = false, hold_back = false;
   double farthest = 0;
+  // What follows the noise: levels at nodes, and the share of a step that it justifies.
+  std::shared_ptr<const NoiseLevels> levels;
+  bool similarity_follows = false, farthest_follows = false;
+  double level_outlier_distance = 0, noise = 0, damage = 0;
+  bool is_further = false;  // not the first iteration
 };
 
 inline Settings settings_of(const Params& resolved) {
@@ -79,6 +86,40 @@ inline Settings settings_of(const Params& resolved) {
   s.hold_back = resolved.outliers == Outliers::keep || resolved.outliers == Outliers::mark;
   s.farthest = resolved.displacement_limit.value;
   return s;
+}
+
+// The same with what followed the noise in the run.
+inline Settings settings_of(const Params& resolved, const FollowedNoise& followed) {
+  Settings s = settings_of(resolved);
+  s.levels = followed.levels;
+  s.similarity_follows = followed.similarity;
+  s.farthest_follows = followed.limit;
+  s.level_outlier_distance = followed.outlier_distance;
+  s.noise = followed.damage > 0 ? resolved.noise.value : 0;
+  s.damage = followed.damage;
+  return s;
+}
+
+// The mean of the eight nodes around the place, each by the volume of the box to the opposite one; outside the grid
+// that of the nearest place on it.
+inline double noise_level(const Settings& s, Point p) {
+  if (!s.levels) return 1;
+  const int nodes = int(std::lround(std::cbrt(double(s.levels->levels.size()))));
+  const Point& first = s.levels->first;
+  const double from[] = {double(p.x) - first.x, double(p.y) - first.y, double(p.z) - first.z};
+  double level = 0;
+  for (int corner = 0; corner < 8; ++corner) {
+    double share = 1;
+    int node = 0;
+    for (int axis = 2; axis >= 0; --axis) {
+      const double place = std::clamp(from[axis] * double(s.levels->nodes_per_unit), 0.0, nodes - 1.0);
+      const int low = std::min(int(place), nodes - 2), at = low + (corner >> axis & 1);
+      share *= 1 - std::abs(place - at);
+      node = node * nodes + at;
+    }
+    level += share * double(s.levels->levels[std::size_t(node)]);
+  }
+  return level;
 }
 
 using Points = std::vector<Point>;
@@ -139,9 +180,15 @@ inline List constrained(const Points& points, std::size_t i, const List& candida
   return members;
 }
 
+// Of the radius that follows the noise.
+inline float squared_base_at(Point p, const Settings& s) {
+  const float level = float(noise_level(s, p));
+  return float(s.radius) * float(s.radius) * (level * level);
+}
+
 // The squared radius of a ball that does not grow: rounded as the library does, since it decides who is inside.
 inline float own_squared_radius(const Points& points, std::size_t i, const Settings& s) {
-  const float squared_base = float(s.radius) * float(s.radius);
+  const float squared_base = squared_base_at(points[i], s);
   if (s.min_neighbors == 0) return squared_base;
   const List list = nearest(points, i, std::size_t(s.min_neighbors));
   return list.empty() ? squared_base : squared_distance(points[i], points[list.back()]) + squared_base;
@@ -181,7 +228,7 @@ inline List ball(const Points& points, std::size_t i, const Settings& s) {
   List list = nearest(points, i, points.size());
   std::erase_if(list, [&](std::uint32_t j) {
     return squared_distance(points[i], points[j]) > squared ||
-           !counts_in_ball(points, j, squared, own, float(s.radius) * float(s.radius), s.min_neighbors);
+           !counts_in_ball(points, j, squared, own, squared_base_at(points[i], s), s.min_neighbors);
   });
   return list;
 }

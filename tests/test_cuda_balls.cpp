@@ -66,6 +66,24 @@ TEST_F(CudaBalls, of_strays_equal_the_cpu) {
   expect_same(points, settings, "pulled in");
 }
 
+TEST_F(CudaBalls, that_follow_the_noise_equal_the_cpu) {
+  const std::vector<Point> points = noisy_sphere(50000, 29, 0.004);
+  StageSettings settings = with_balls(0.008f, 16);
+  settings.fairing.outlier_distance = 0.01f;
+  settings.fairing.outlier_radius = 0.1f;
+  settings.limits = {0.006f, 0.01f};
+  for (const int iterations : {1, 3}) {
+    settings.iterations = iterations;
+    follow_noise(settings, {-0.9f, -0.8f, -0.7f}, 1.5f, 0.003f);
+    expect_same(points, settings, "levels and shares");
+    settings.neighbors.radius_follows = settings.fairing.similarity_follows = false;
+    expect_same(points, settings, "levels of limits alone");
+    settings.fairing.outlier_distance = 0;
+    expect_same(points, settings, "shares without outliers");
+    settings.fairing.outlier_distance = 0.01f;
+  }
+}
+
 TEST_F(CudaBalls, that_are_thinned_equal_the_cpu) {
   expect_same(noisy_sphere(50000, 18, 0.002), with_balls(0.2f, 8), "thinned");
 }

@@ -180,7 +180,9 @@ TEST(Scale, the_origin_is_that_of_the_whole_file_where_the_guess_is_another) {
   job.least_tiles = 3;
   TiledRun::plan(job, folder / "work");
   // as if another had been guessed
-  const std::string plan = read_text(folder / "work" "/plan.txt");
+  const std::string plan = read_text(folder /
+                                     "work"
+                                     "/plan.txt");
   std::string other = plan;
   const auto at = other.find("\norigin ") + 8;
   other.replace(at, other.find('\n', at) - at, "0x1.f4p+9 0x1.388p+12 0x0p+0");

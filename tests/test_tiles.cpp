@@ -148,6 +148,20 @@ TEST(Tiles, has_the_bits_of_the_whole_over_balls) {
   expect_the_same_in_tiles(shapes::with_noise(shapes::cube(20000), 0.002), settings, "balls that grow on flat faces");
 }
 
+TEST(Tiles, has_the_bits_of_the_whole_where_lengths_follow_the_noise) {
+  StageSettings settings = usual();
+  settings.neighbors = {0, 0.012f, false, 0, 16};
+  settings.normals = {1.4f, true, 2, 20, 1.6f};
+  settings.fairing.closeness_sigma = 0.6f;
+  settings.fairing.closeness_of_radius = settings.fairing.symmetric = true;
+  settings.fairing.turn_angle = 40;
+  settings.fairing.outlier_distance = 0.01f;
+  settings.limits = {0.006f, 0.01f};
+  settings.iterations = 2;
+  follow_noise(settings, {-0.9f, -0.8f, -0.7f}, 1.5f, 0.003f);
+  expect_the_same_in_tiles(shapes::with_noise(shapes::sphere(10000), 0.006), settings, "levels");
+}
+
 TEST(Tiles, has_the_bits_of_the_whole_over_thinned_balls) {
   StageSettings settings = usual();
   settings.neighbors = {0, 0.2f, false, 0, 8};

@@ -71,8 +71,9 @@ class POINTFAIR_EXPORT Pipeline {
   /// there is none. Valid until the next load.
   const Estimates& estimates(std::stop_token stop = {});
 
-  /// `params` with every `auto` replaced by the value that a run would use, and every length in file units. Measures
-  /// what it needs, as estimates() does.
+  /// `params` with every `auto` replaced by the value that a run would use in a typical place, and every length in file
+  /// units. A run with `auto` follows the noise from place to place, which these values do not: given as they are, they
+  /// make another result. Measures what it needs, as estimates() does.
   Params resolve(const Params& params, std::stop_token stop = {});
 
   /// What the last successful run did, and with which parameters.

@@ -20,6 +20,8 @@ struct Estimates {
   double noise = 0;                    ///< estimated standard deviation of the noise along the normal
   std::uint64_t points = 0;            ///< number of all points
   std::uint64_t finite = 0;            ///< number of points without NaN or infinity
+  /// That noise at the quietest, the typical and the loudest places: at 5, 50 and 95 % of the samples.
+  std::array<double, 3> noise_quantiles{};
 };
 
 /// How many points kept their place, by reason.
@@ -41,7 +43,9 @@ struct StageTime {
 struct Report {
   DeviceInfo device;
   std::uint64_t points = 0;
-  Params params;  ///< as used: lengths in file units, and `auto` only for what nothing reads
+  /// As used in a typical place: lengths in file units, and `auto` only for what nothing reads. What was `auto` followed
+  /// the noise from place to place, so the run is repeated by the parameters that it was given, not by these.
+  Params params;
   UnmovedCounts unmoved;
   std::uint64_t short_neighborhoods = 0;  ///< points whose constrained neighbourhood has fewer than k neighbours
   /// The stages that ran, in order; further iterations add to the same names. Stages on a card are timed by the card.

@@ -2,6 +2,7 @@
 // Clouds that are larger than memory: the run as tasks over a folder, by one process or by many.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
@@ -36,7 +37,8 @@ struct TiledReport {
   Params params;  ///< as used
   UnmovedCounts unmoved;
   std::uint64_t short_neighborhoods = 0;
-  std::optional<double> spacing, noise;  ///< of the input, where parameters followed from them
+  std::optional<double> spacing, noise;     ///< of the input, where parameters followed from them
+  std::array<double, 3> noise_quantiles{};  ///< as in Estimates, where there is a noise
 };
 
 /// A run over a work folder, which holds the plan and what finished tasks left. Tasks are idempotent: a task that is

@@ -84,7 +84,7 @@ Cloud run_cloud(SharedPipeline& self, const Params& params, double strength, con
   return result;
 }
 
-// (min, max, diagonal, spacing, noise, points, finite), with bounds in file coordinates.
+// (min, max, diagonal, spacing, noise, points, finite, noise_quantiles), with bounds in file coordinates.
 Row estimates(SharedPipeline& self) {
   Estimates found;
   self.use([&](ArrayPipeline& arrays, const Watch& watch) { found = arrays.pipeline().estimates(watch.stop); });
@@ -95,7 +95,8 @@ Row estimates(SharedPipeline& self) {
   }
   return nb::make_tuple(nb::make_tuple(found.min[0], found.min[1], found.min[2]),
                         nb::make_tuple(found.max[0], found.max[1], found.max[2]), found.diagonal, found.spacing,
-                        found.noise, found.points, found.finite);
+                        found.noise, found.points, found.finite,
+                        nb::make_tuple(found.noise_quantiles[0], found.noise_quantiles[1], found.noise_quantiles[2]));
 }
 
 Params resolve(SharedPipeline& self, const Params& params) {

@@ -54,6 +54,8 @@ class Estimates:
     """Number of all points."""
     finite: int
     """Number of points without NaN or infinity."""
+    noise_quantiles: tuple[float, float, float]
+    """That noise at the quietest, the typical and the loudest places: at 5, 50 and 95 % of the samples."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -94,7 +96,8 @@ class Report:
     points: int
     """Number of all points."""
     params: Params
-    """As used: lengths in file units, and "auto" only for what nothing reads."""
+    """As used: lengths in file units, and "auto" only for what nothing reads. What was automatic also follows the noise
+    from place to place, which these numbers do not hold: to repeat a result, give what was given."""
     unmoved: Unmoved
     """Points that kept their place."""
     short_neighborhoods: int

@@ -7,6 +7,7 @@
 
 #include "cpu/constrained.h"
 #include "cpu/parallel.h"
+#include "seam/noise_levels.hpp"
 #include "seam/rules.hpp"
 
 namespace pointfair::cpu {
@@ -25,6 +26,7 @@ Chain::Chain(MemoryMeter& meter)
       normal_x_(meter),
       normal_y_(meter),
       normal_z_(meter),
+      squared_level_(meter),
       squared_radius_(meter),
       squared_growth_(meter),
       spare_x_(meter),
@@ -49,7 +51,8 @@ void Chain::release_small_results() {
 
 Neighborhoods Chain::neighborhoods() const {
   return {{neighbors_.k, stored_k_, lists_.data()},
-          {squared_radius_.data(), neighbors_.radius * neighbors_.radius, neighbors_.min_neighbors}};
+          {squared_radius_.data(), neighbors_.radius * neighbors_.radius, neighbors_.min_neighbors,
+           neighbors_.radius_follows ? squared_levels() : nullptr}};
 }
 
 Neighborhoods Chain::grown_neighborhoods() const {
@@ -96,6 +99,7 @@ void Chain::find_neighbors(const NeighborSettings& settings, const Kernels& kern
   lists_.resize(index.leaves * row);
   mean_distance_.resize(std::size_t(index.leaves) * kLeafSize);
   const float limit = settings.radius > 0 ? settings.radius * settings.radius : std::numeric_limits<float>::infinity();
+  measure_levels(stop);
   if (!by_list()) measure_radii(kernels, stop);
   const std::size_t block_size = settings.constraint ? kConstrainedLeavesABlock : kLeavesABlock;
   for_blocks(index.leaves, block_size, stop, [&](std::size_t first, std::size_t last, std::size_t) {
@@ -123,17 +127,29 @@ void Chain::find_neighbors(const NeighborSettings& settings, const Kernels& kern
   has_lists_ = true;
 }
 
+void Chain::measure_levels(const std::stop_token& stop) {
+  if (!neighbors_.levels) return squared_level_.release();
+  const IndexView index = index_.view();
+  const point::NoiseField field = field_of(neighbors_.levels.get());
+  squared_level_.resize(std::size_t(index.leaves) * kLeafSize);
+  for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
+    for (std::size_t i = first * kLeafSize; i < last * kLeafSize; ++i) {
+      const float level = point::noise_level(field, {index.x[i], index.y[i], index.z[i]});
+      squared_level_[i] = level * level;
+    }
+  });
+}
+
 void Chain::measure_radii(const Kernels& kernels, const std::stop_token& stop) {
   const IndexView index = index_.view();
   squared_radius_.resize(std::size_t(index.leaves) * kLeafSize);
-  const float squared_base = neighbors_.radius * neighbors_.radius;
   const int min_neighbors = neighbors_.min_neighbors;
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     std::vector<Index> nearest(std::size_t(min_neighbors) * kLeafSize);
     for (std::size_t leaf = first; leaf < last; ++leaf) {
       if (min_neighbors > 0)
         kernels.nearest(index, Index(leaf), min_neighbors, std::numeric_limits<float>::infinity(), nearest.data());
-      kernels.squared_radii(index, Index(leaf), nearest.data(), min_neighbors, squared_base,
+      kernels.squared_radii(index, Index(leaf), nearest.data(), neighborhoods().radii,
                             squared_radius_.data() + leaf * kLeafSize);
     }
   });
@@ -209,7 +225,8 @@ void Chain::fair_bilaterally(const FairingSettings& settings, AreaView area, con
   const point::FairingRule rule = fairing_rule(settings, by_list());
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     for (std::size_t leaf = first; leaf < last; ++leaf)
-      kernels.fair(index, Index(leaf), grown_neighborhoods(), normals(), area, rule, &faired_[leaf * kLeafSize].x);
+      kernels.fair(index, Index(leaf), grown_neighborhoods(), normals(), area, rule, squared_levels(),
+                   &faired_[leaf * kLeafSize].x);
   });
 }
 

@@ -95,9 +95,8 @@ struct Kernels {
   // Constrained neighbourhoods of the leaf's points among the `count` nearest of each, as `nearest` gives them; bit l
   // of the result is set if no candidate beyond those could join that of lane l. count <= 1024.
   unsigned (*grow)(const IndexView&, Index leaf, const Index* candidates, int count, int k, float reach, Index* list);
-  // R_i^2, from lists of the `min_neighbors` nearest (or as many as there are).
-  void (*squared_radii)(const IndexView&, Index leaf, const Index* list, int min_neighbors, float squared_base,
-                        float* out);
+  // R_i^2, from lists of the `min_neighbors` nearest (or as many as there are); what it is made of is in `radii`.
+  void (*squared_radii)(const IndexView&, Index leaf, const Index* list, const point::Radii& radii, float* out);
   // Mean distance to the first `count` entries of a list of k, or as many as it holds.
   void (*mean_distances)(const IndexView&, Index leaf, const Index* list, int count, float* out);
   // neighbor_counts receives how many neighbours each point has.
@@ -106,8 +105,10 @@ struct Kernels {
   // One round of Eq. 9; `growth` receives what Eq. 20 multiplies R_i^2 by, unless its array is null.
   void (*filter_normals)(const IndexView&, Index leaf, Neighborhoods, point::NormalRule, float inverse_turn,
                          VectorsView, VectorsOut, GrowthOut growth);
-  // The bilateral method: moved positions, point after point.
-  void (*fair)(const IndexView&, Index leaf, Neighborhoods, VectorsView, AreaView, point::FairingRule, float* xyz);
+  // The bilateral method: moved positions, point after point. `squared_level`: of the noise at each sorted point;
+  // null: 1.
+  void (*fair)(const IndexView&, Index leaf, Neighborhoods, VectorsView, AreaView, point::FairingRule,
+               const float* squared_level, float* xyz);
   // The other methods: the displacements of all points, then from them the moved positions.
   void (*displacements)(const IndexView&, Index leaf, Neighborhoods, VectorsView, AreaView, point::MethodRule,
                         VectorsOut);

@@ -83,6 +83,10 @@ class ListWalk {
   int k_;
 };
 
+POINTFAIR_INLINE Floats squared_level_at(const float* squared_level, Index start) {
+  return squared_level == nullptr ? broadcast(1.0f) : load(squared_level + start);
+}
+
 // Walks the tree from the root in sorted order, so that sums have one order whatever the instruction set.
 class RadiusWalk {
  public:
@@ -97,7 +101,9 @@ class RadiusWalk {
     farthest_ = largest(queries_.limit);
     share_ = broadcast(1.0f);
     if (radii.min_neighbors > 0)
-      share_ = select(active, point::kept_share(radii, own, queries_.limit), broadcast(0.0f));
+      share_ =
+          select(active, point::kept_share(radii, squared_level_at(radii.squared_level, start), own, queries_.limit),
+                 broadcast(0.0f));
     largest_share_ = largest(share_);
     is_thinned_ = smallest(select(active, share_, broadcast(1.0f))) < 1.0f;
   }
@@ -187,15 +193,16 @@ inline void mean_distances(const IndexView& index, Index leaf, const Index* list
   }
 }
 
-inline void squared_radii(const IndexView& index, Index leaf, const Index* list, int min_neighbors, float squared_base,
+inline void squared_radii(const IndexView& index, Index leaf, const Index* list, const point::Radii& radii,
                           float* out) {
   for (int part = 0; part < kLeafSize; part += kLanes) {
     Floats farthest = broadcast(0.0f);
-    const ListWalk listed(index, leaf * kLeafSize + Index(part), list + part, min_neighbors);
+    const ListWalk listed(index, leaf * kLeafSize + Index(part), list + part, radii.min_neighbors);
     listed(point::LoadNothing{}, [&](point::Vec3<Floats> offset, point::Nothing, Mask inside) {
       farthest = select(inside, point::squared_length(offset), farthest);
     });
-    store(out + part, farthest + squared_base);
+    const Floats level = squared_level_at(radii.squared_level, leaf * kLeafSize + Index(part));
+    store(out + part, farthest + level * radii.squared_base);
   }
 }
 
@@ -254,25 +261,28 @@ inline void survey(const IndexView& index, Index leaf, Neighborhoods neighborhoo
   });
 }
 
-template <bool kSeeksOutliers>
+template <bool kSeeksOutliers, bool kShares>
 __attribute__((noinline)) void fair_leaf(const IndexView& index, Index leaf, const Neighborhoods& neighborhoods,
                                          VectorsView normals, AreaView area, const point::FairingRule& rule,
-                                         float* xyz) {
+                                         const float* squared_level, float* xyz) {
   for_packs(index, leaf, neighborhoods, [&](Index start, const auto& neighbors) {
     const point::Vec3<Floats> here = load_vector(index.x, index.y, index.z, start);
     const Vectors of_points{normals};
-    const point::Vec3<Floats> there =
-        point::faired_point<kSeeksOutliers>(neighbors, rule, here, of_points.at(Own{start}), of_points, Areas{area},
-                                            Scalars{neighborhoods.radii.squared_radius});
+    const point::Vec3<Floats> there = point::faired_point<kSeeksOutliers, kShares>(
+        neighbors, rule, squared_level_at(squared_level, start), here, of_points.at(Own{start}), of_points, Areas{area},
+        Scalars{neighborhoods.radii.squared_radius});
     store_points(there, xyz + 3 * (start % kLeafSize));
   });
 }
 
 // Moved positions, point after point into `xyz`; a zero normal leaves a point where it is.
 inline void fair(const IndexView& index, Index leaf, Neighborhoods neighborhoods, VectorsView normals, AreaView area,
-                 point::FairingRule rule, float* xyz) {
-  const auto fair_points = rule.squared_outlier_distance > 0 ? fair_leaf<true> : fair_leaf<false>;
-  fair_points(index, leaf, neighborhoods, normals, area, rule, xyz);
+                 point::FairingRule rule, const float* squared_level, float* xyz) {
+  const bool shares = rule.noise_variance > 0;
+  const auto fair_points = rule.squared_outlier_distance > 0
+                               ? (shares ? fair_leaf<true, true> : fair_leaf<true, false>)
+                               : (shares ? fair_leaf<false, true> : fair_leaf<false, false>);
+  fair_points(index, leaf, neighborhoods, normals, area, rule, squared_level, xyz);
 }
 
 }  // namespace pointfair::cpu::POINTFAIR_ISA

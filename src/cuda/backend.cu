@@ -300,9 +300,10 @@ class CudaBackend final : public Backend, public Sampling, public Exactness, pub
     marks.resize(outliers.size());
     total.resize(1);
     check(cudaMemsetAsync(total.data(), 0, sizeof(unsigned long long), context_.stream()), "clearing a count");
-    hold_back(context_,
-              {uploaded_.data(), from.faired().data(), points.size(), limits.farthest, limits.outlier_distance},
-              settled.data(), outliers.empty() ? nullptr : marks.data(), total.data());
+    hold_back(
+        context_,
+        {uploaded_.data(), from.faired().data(), points.size(), limit_rule(limits), from.noise_field(limits.levels)},
+        settled.data(), outliers.empty() ? nullptr : marks.data(), total.data());
     check(cudaMemcpyAsync(&held_back, total.data(), sizeof held_back, cudaMemcpyDeviceToHost, context_.stream()),
           "reading a count");
     if (!outliers.empty())

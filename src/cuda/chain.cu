@@ -24,6 +24,8 @@ Chain::Chain(Context& context, StopLine& stop_line, unsigned first_call)
       lists_(context),
       normals_(context),
       mean_distance_(context),
+      nodes_(context),
+      squared_level_(context),
       squared_radius_(context),
       squared_growth_(context),
       collector_(context),
@@ -71,6 +73,7 @@ void Chain::find_neighbors(const NeighborSettings& settings, bool arriving, std:
   if (!std::exchange(counts_clear_, false)) clear(offsetof(CloudState, leaf_retries), sizeof(CloudState));
   unmoved_clear_ = true;
   normals_wait_ = false;
+  measure_levels();
   if (settings.k == 0) {
     measure_radii(stop);
     collector_.collect(index_.tree(), radii(), index_.points() * kLargestCollection, stop_);
@@ -96,7 +99,28 @@ void Chain::measure_radii(const std::stop_token& stop) {
                  stop_);
     pace(stop);
   }
-  cuda::measure_radii(context_, index_.tree(), {min_neighbors, nearest.data()}, squared_base(), squared_radius_.data());
+  cuda::measure_radii(context_, index_.tree(), {min_neighbors, nearest.data()}, radii(), squared_radius_.data());
+}
+
+point::NoiseField Chain::noise_field(const std::shared_ptr<const NoiseLevels>& levels) {
+  if (!levels) return {};
+  if (levels != levels_) {
+    levels_.reset();  // if memory is short
+    nodes_.resize(levels->levels.size());
+    check(cudaMemcpyAsync(nodes_.data(), levels->levels.data(), levels->levels.size() * sizeof(float),
+                          cudaMemcpyHostToDevice, context_.stream()),
+          "uploading levels of noise");
+    levels_ = levels;
+  }
+  point::NoiseField field = field_of(levels.get());
+  field.levels = nodes_.data();
+  return field;
+}
+
+void Chain::measure_levels() {
+  if (!neighbors_.levels) return squared_level_.release();
+  squared_level_.resize(index_.leaves() * kLeafSize);
+  cuda::measure_levels(context_, index_.tree(), noise_field(neighbors_.levels), squared_level_.data());
 }
 
 void Chain::grow_constrained(const std::stop_token& stop) {
@@ -220,7 +244,7 @@ void Chain::fair(const FairingSettings& settings, bool leaving, std::stop_token 
   faired_.resize(index_.points());
   const auto weights = point::bilateral_weights(settings.closeness_sigma, settings.similarity_sigma);
   const bool plain = settings.method == Method::bilateral && neighbors_.k > 0 && !settings.symmetric &&
-                     settings.strength == 1 && settings.outlier_distance == 0;
+                     settings.strength == 1 && settings.noise == 0 && settings.outlier_distance == 0;
   const bool by_parts = overlap_.can_fair();
   if (by_parts && plain && normals_wait_ && power == 0) return fair_by_parts(weights);
   join();
@@ -236,7 +260,7 @@ void Chain::fair(const FairingSettings& settings, bool leaving, std::stop_token 
   if (!plain) {
     settle(stop);
     fair_widely(context_, index_.tree(), grown_surroundings(stop_), normals(), areas,
-                fairing_rule(settings, neighbors_.k > 0), faired);
+                fairing_rule(settings, neighbors_.k > 0), squared_levels(), faired);
   } else if (normals_wait_) {
     clear_unmoved();
     normals_wait_ = false;

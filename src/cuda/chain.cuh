@@ -8,6 +8,7 @@
 #pragma once
 
 #include <limits>
+#include <memory>
 
 #include "cuda/overlap/overlap.cuh"
 #include "cuda/runtime/stop.cuh"
@@ -17,6 +18,7 @@
 #include "cuda/stages/outcomes.cuh"
 #include "cuda/stages/wide_stages.cuh"
 #include "seam/backend.hpp"
+#include "seam/noise_levels.hpp"
 #include "seam/rules.hpp"
 
 namespace pointfair::cuda {
@@ -54,8 +56,10 @@ class Chain {
   void take_samples(const SampleArrays& samples);
 
   DeviceArray<Point>& faired() { return faired_; }  // in upload order; by parts, or after join()
-  CloudState state();                               // settles and waits for all work
-  void fetch_state(CloudState* pinned);             // settles, and only starts the copy
+  // With nodes on the card, null without levels.
+  point::NoiseField noise_field(const std::shared_ptr<const NoiseLevels>& levels);
+  CloudState state();                    // settles and waits for all work
+  void fetch_state(CloudState* pinned);  // settles, and only starts the copy
   std::size_t points() const { return index_.points(); }
 
  private:
@@ -68,6 +72,8 @@ class Chain {
   void clear(std::size_t first, std::size_t end);  // bytes of the state
   void clear_unmoved();
   Lists lists() const { return {neighbors_.k, lists_.data()}; }
+  void measure_levels();
+  const float* squared_levels() const { return neighbors_.levels ? squared_level_.data() : nullptr; }
   void measure_radii(const std::stop_token& stop);
   void filter_normals(const std::stop_token& stop);
   void fair_first_part_first(point::BilateralWeights weights, const FairedPoints& faired);
@@ -76,7 +82,10 @@ class Chain {
                       const std::stop_token& stop);
   // A squared radius stays finite: infinite are only places that hold no point.
   float squared_base() const { return std::min(neighbors_.radius * neighbors_.radius, 1e37f); }
-  point::Radii radii() const { return {squared_radius_.data(), squared_base(), neighbors_.min_neighbors}; }
+  point::Radii radii() const {
+    return {squared_radius_.data(), squared_base(), neighbors_.min_neighbors,
+            neighbors_.radius_follows ? squared_levels() : nullptr};
+  }
   Surroundings surroundings(const Stop& stop = {}) const { return {lists(), radii(), collector_.collected(), stop}; }
   bool radii_grow() const { return pointfair::radii_grow(neighbors_, normal_settings_); }
   Surroundings grown_surroundings(const Stop& stop = {}) const;  // of the bilateral step
@@ -100,6 +109,9 @@ class Chain {
   bool unmoved_clear_ = false;  // those of normals
   DeviceArray<Index> lists_;
   DeviceArray<float> normals_, mean_distance_;
+  std::shared_ptr<const NoiseLevels> levels_;  // whose nodes are in
+  DeviceArray<float> nodes_;
+  DeviceArray<float> squared_level_;   // of the noise, where something follows it
   DeviceArray<float> squared_radius_;  // without lists, as is
   DeviceArray<float> squared_growth_;  // of those, where those of flat places grow
   NeighborCollector collector_;

@@ -46,8 +46,10 @@ constexpr int kIterations = 2;
 constexpr double kFarthestMove = 4, kFarthestOfLittleNoise = 1.5, kOutlierDistance = 6;  // sigmas
 constexpr double kLittleNoise = 0.03, kMuchNoise = 0.5;         // spacings; between them the farthest move grows
 constexpr double kSmoothingNoise = 0.1, kShapelessNoise = 0.6;  // spacings; between them shape matters less and less
-constexpr double kOutlierRadius = 6;                            // of what holds a typical point's neighbours
-constexpr double kOutlierSpacings = 0.5;  // and at least so many spacings, twice if residuals are shape
+constexpr double kDamage = 0.6;                  // of the variance that noise does not explain, by each iteration
+constexpr double kHarmlessNoise[] = {0.2, 0.6};  // spacings; between them neighbourhoods begin to be wide for its sake
+constexpr double kOutlierRadius = 6;             // of what holds a typical point's neighbours
+constexpr double kOutlierSpacings = 0.5;         // and at least so many spacings, twice if residuals are shape
 
 // What `auto` means for one method; the constants above are the bilateral one's.
 struct MethodDefaults {
@@ -136,19 +138,34 @@ int automatic_min_neighbors(const Noise& noise, double spacing) {
 // neighbourhoods; the share of the displacement that leaves least of both, Wiener's, is that of the noise. Where balls
 // are wide for the noise's sake and not for the 16 points', they damage less than that: the share has a least value
 // that grows with the noise, up to all. `iterations` together make that share, each of which would make the whole.
-double automatic_relaxation(int whole_percent, int iterations, const Noise& noise, double spacing) {
+double automatic_relaxation(int whole_percent, int iterations, const Noise& noise, double spacing, bool by_share) {
   if (!(noise.sigma > 0)) return 0.01;
   const double trusted = kTrustedNoise + noise.likeness_to_shape * (kTrustedShape - kTrustedNoise);
   const double ratio = trusted * spacing / noise.sigma;
   const double smallness = 1 - share_between(kSmoothingNoise, kShapelessNoise, noise.sigma / spacing);
   const double of_noise =
-      std::max(1 / (1 + kShapeDamage * (kUnseenShape + noise.shape_to_noise)), 1 - std::pow(smallness, 4));
+      by_share ? 1
+               : std::max(1 / (1 + kShapeDamage * (kUnseenShape + noise.shape_to_noise)), 1 - std::pow(smallness, 4));
   const double share = 1 - std::pow(1 - of_noise, 1.0 / iterations);
   return double(std::max(1l, std::lround(whole_percent * share / (1 + ratio * ratio * ratio * ratio)))) / 100;
 }
 
+// Of the share of a displacement (point/noise_field.h). Neighbourhoods that are wide for the noise's sake damage the
+// shape less than those that hold just 16 points, and noise that is alike in neighbouring points looks like shape.
+double share_damage(const Noise& noise, int iterations) {
+  const double level = level_of(noise, noise.surface_spacing);
+  return kDamage * iterations * (1 - share_between(kHarmlessNoise, level)) * (1 - noise.alikeness);
+}
+
+// Whether what is automatic follows the noise from place to place. Between sheets the gap sets lengths, and heights are
+// of both.
+bool follows_noise(const Params& p, const Noise& noise) {
+  return chooses_balls(p) && p.method == Method::bilateral && !(noise.gap > 0);
+}
+
 // Sigmas. Where noise is little against the spacing, what moves by more is edges, which balls reach across.
-double farthest_move(const Noise& noise, double spacing) {
+double farthest_move(const Noise& noise, double spacing, bool by_share) {
+  if (by_share) return kFarthestMove;  // what moves far for its edge is held back by that
   const double level = spacing > 0 ? noise.sigma / spacing : kMuchNoise;
   return std::lerp(kFarthestOfLittleNoise, kFarthestMove, share_between(kLittleNoise, kMuchNoise, level));
 }
@@ -156,6 +173,19 @@ double farthest_move(const Noise& noise, double spacing) {
 }  // namespace
 
 bool sums_balls(const Params& p) { return p.k == kAutomatic && !p.constraint; }
+
+FollowedNoise followed_noise(const Params& asked, const Params& used, const Noise& noise,
+                             std::shared_ptr<const NoiseLevels> levels) {
+  if (!follows_noise(asked, noise)) return {};
+  FollowedNoise followed;
+  if (!asked.relaxation) followed.damage = share_damage(of_sigma(noise, used.noise.value), used.iterations);
+  if (!levels) return followed;
+  followed.levels = std::move(levels);
+  followed.similarity = asked.similarity_sigma.is_automatic();
+  followed.limit = asked.displacement_limit.is_automatic();
+  if (asked.outlier_distance.is_automatic()) followed.outlier_distance = kOutlierDistance * used.noise.value;
+  return followed;
+}
 
 bool needs_noise(const Params& p) {
   const bool k_follows = p.k == kAutomatic && p.radius.is_automatic();
@@ -259,11 +289,13 @@ Params resolve_params(const Params& params, const Spacing& spacing, const Noise&
   if (!params.relaxation) {
     // many small iterations make the whole together
     const int whole_iterations = its.iterations > kIterations ? 1 : used.iterations;
-    used.relaxation = chooses_balls(params) ? automatic_relaxation(its.relaxation_percent, whole_iterations, noise, s)
+    used.relaxation = chooses_balls(params) ? automatic_relaxation(its.relaxation_percent, whole_iterations, noise, s,
+                                                                   follows_noise(params, noise))
                                             : its.relaxation_percent / 100.0;
   }
   if (params.outliers == Outliers::automatic) used.outliers = seeks_outliers(params) ? Outliers::keep : Outliers::off;
-  used.displacement_limit = in_file_units(params.displacement_limit, farthest_move(noise, s) * noise.sigma);
+  used.displacement_limit =
+      in_file_units(params.displacement_limit, farthest_move(noise, s, follows_noise(params, noise)) * noise.sigma);
   const double least_outlier = kOutlierSpacings * (1 + noise.likeness_to_shape) * s;
   used.outlier_distance =
       in_file_units(params.outlier_distance, std::max(kOutlierDistance * noise.sigma, least_outlier));

@@ -4,24 +4,31 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <numeric>
+#include <optional>
 #include <span>
 #include <vector>
 
+#include "estimate/noise_levels.hpp"
 #include "estimate/share_between.hpp"
 
 namespace pointfair {
 namespace {
 
-constexpr std::size_t kNoiseSamples = 500;  // of the cloud's sample; all of it serves the spacing
-constexpr double kSheetShare = 0.1;         // of the samples; fewer that see two sheets are corners and outliers
-constexpr double kPlaneQuartile = 1.2;      // of a plane's own variances, by chance
-constexpr double kDoubtfulNoise = 0.6;      // spacings; below it residuals may be shape
+// Of the cloud's sample, all of which serves the spacing: for the noise as a whole, and from place to place one for so
+// many points of the cloud, all of the sample at most.
+constexpr std::size_t kNoiseSamples = 500;
+constexpr std::uint64_t kPointsOfPlace = 200;
+constexpr double kSheetShare = 0.1;     // of the samples; fewer that see two sheets are corners and outliers
+constexpr double kPlaneQuartile = 1.2;  // of a plane's own variances, by chance
+constexpr double kDoubtfulNoise = 0.6;  // spacings; below it residuals may be shape
 // How residuals grow from one neighbourhood to one of twice the points where they are noise, where they are shape.
 constexpr double kNoiseGrowth = 1.35, kShapeGrowth = 1.5;
 // The same of the medians: of noise alone (fewer points scatter more), and of the variances of shape.
 constexpr double kOwnGrowth = 1.05, kShapeVarianceGrowth = 4;
 constexpr double kNearFlat = 2;  // of the flattest places' residual; larger ones are beyond the similarity sigma
+constexpr double kBeyondResiduals = 1.7;  // spacings; of much noise neighbourhoods of 115 points show nothing
 constexpr double kEndless = 1e9;
 // Noise that is alike in neighbouring points: how much residuals grow even in the flattest places (1.09 is chance), the
 // variance at most (more is shape), what it grows then over that (more is shape), and the noise in spacings.
@@ -131,10 +138,12 @@ double shape_to_noise(double typical_growth) {
   return std::max(0.0, (squared - 1) / (kShapeVarianceGrowth - squared));
 }
 
-Noise noise_of(const Samples& samples) {
+// `residuals` are asked for where they are read.
+Noise noise_of(std::span<const point::NoiseSample> samples,
+               const std::function<std::vector<point::ResidualSample>()>& residuals) {
   std::vector<double> sigmas, spacings, gaps, plane_variances;
   std::size_t confined = 0;
-  for (const point::NoiseSample& sample : samples.noise) {
+  for (const point::NoiseSample& sample : samples) {
     if (!sample.shows_noise) continue;
     sigmas.push_back(sample.sigma);
     spacings.push_back(sample.spacing);
@@ -150,7 +159,7 @@ Noise noise_of(const Samples& samples) {
   noise.confined = double(confined) / double(sigmas.size());
   if (double(gaps.size()) > kSheetShare * double(sigmas.size())) noise.gap = quantile(gaps, 0.25);
   if (sigma < kDoubtfulNoise * noise.surface_spacing) {
-    const Growth growth = residual_growth(samples.residuals());
+    const Growth growth = residual_growth(residuals());
     noise.likeness_to_shape = likeness_to_shape(growth.flat);
     noise.alikeness = alikeness(growth, sigma / noise.surface_spacing);
     // between two sheets, wide neighbourhoods see the other one and not shape
@@ -169,10 +178,30 @@ Noise of_sigma(Noise noise, double sigma) {
 
 Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wanted, const std::stop_token& stop) {
   const std::span<const std::uint32_t> queries = sample.indices;
-  const Samples samples =
-      from.take_samples(wanted.spacing ? queries : queries.first(0),
-                        queries.first(wanted.noise ? std::min(queries.size(), kNoiseSamples) : 0), stop);
-  return {spacing_of(samples.spacing), noise_of(samples)};
+  const std::size_t of_places =
+      std::size_t(std::max<std::uint64_t>(kNoiseSamples, sample.bounds.valid / kPointsOfPlace));
+  const std::size_t noises = wanted.noise ? std::min(queries.size(), of_places) : 0;
+  const Samples samples = from.take_samples(wanted.spacing ? queries : queries.first(0), queries.first(noises), stop);
+  Estimate result{spacing_of(samples.spacing), {}};
+  if (!wanted.noise) return result;
+  std::optional<std::vector<point::ResidualSample>> residuals;  // of all places
+  const auto all_residuals = [&] {
+    if (!residuals) residuals = samples.residuals();
+    return *residuals;
+  };
+  const std::size_t first = std::min(noises, kNoiseSamples);
+  result.noise = noise_of(std::span(samples.noise).first(first), [&] {
+    std::vector<point::ResidualSample> of_first = all_residuals();
+    of_first.resize(first);
+    return of_first;
+  });
+  if (result.noise.sigma < kBeyondResiduals * result.noise.surface_spacing) all_residuals();
+  result.levels = noise_levels(
+      {std::span(sample.points).first(noises), samples.noise,
+       residuals ? std::span<const point::ResidualSample>(*residuals) : std::span<const point::ResidualSample>()},
+      result.noise.sigma,
+      [&from](std::size_t count, const std::function<void(std::size_t)>& body) { from.for_each_on_host(count, body); });
+  return result;
 }
 
 }  // namespace pointfair

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <memory>
 #include <stop_token>
 
 #include "seam/sampling.hpp"
@@ -56,6 +57,7 @@ struct WantedEstimates {
 struct Estimate {
   Spacing spacing;
   Noise noise;
+  std::shared_ptr<const NoiseLevels> levels{};  // of the noise; null: 1 everywhere
 };
 // What is wanted, the rest zero, at points of the cloud's sample. Needs the index of the first iteration. Throws
 // Error(interrupted) once `stop` is triggered.

@@ -191,8 +191,9 @@ std::shared_ptr<Source> open_source(const std::filesystem::path& path, unsigned 
   if (bytes.view().empty()) fail(name, "is empty; copy the file again or choose another");
   const Format format = choose_format(bytes.view(), name, {});
   if (format == Format::pcd && parse_pcd_header(bytes.view(), name).encoding == Encoding::binary_compressed)
-    fail(name, "a compressed PCD file is one whole that cannot be read in parts; convert it to PCD binary, or run it "
-               "in memory");
+    fail(name,
+         "a compressed PCD file is one whole that cannot be read in parts; convert it to PCD binary, or run it "
+         "in memory");
   return with_threads(threads, [&] { return parse(std::move(bytes), name, format, Residence::file); });
 }
 
@@ -210,9 +211,11 @@ Plan streamed_plan(const Cloud& shell, const std::filesystem::path& path, const 
   const Source& source = *shell.source;
   const Format format = options.format ? *options.format : format_to_write(path, source.format());
   const Plan chosen = plan(shell, format, options.encoding, options.las_scale);
-  const bool transcodes = chosen.encoding != source.encoding() && family(format) != Format::las && format != Format::ply;
+  const bool transcodes =
+      chosen.encoding != source.encoding() && family(format) != Format::las && format != Format::ply;
   if (!chosen.copy || transcodes)
-    refuse(path.string() + ": a cloud that is computed in tiles on disk is written in the format of its file; name the "
+    refuse(path.string() +
+           ": a cloud that is computed in tiles on disk is written in the format of its file; name the "
            "output so, and convert it afterwards");
   return chosen;
 }

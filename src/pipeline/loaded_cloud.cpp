@@ -32,6 +32,7 @@ void LoadedCloud::forget() {
   sample.reset();
   spacing.reset();
   noise.reset();
+  levels.reset();
 }
 
 // After a failed load, so that nothing runs on half of a cloud.

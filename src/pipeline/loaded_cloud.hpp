@@ -39,6 +39,7 @@ class LoadedCloud {
   std::optional<CloudSample> sample;
   std::optional<Spacing> spacing;
   std::optional<Noise> noise;
+  std::shared_ptr<const NoiseLevels> levels;  // with the noise; null: 1 everywhere
 
  private:
   void forget();

@@ -62,6 +62,8 @@ Pipeline PipelineAccess::make(std::unique_ptr<Backend> backend, DeviceInfo devic
   return Pipeline(std::make_unique<Pipeline::State>(std::move(backend), std::move(device), std::move(make_worker)));
 }
 
+const FollowedNoise& PipelineAccess::followed_noise(const Pipeline& pipeline) { return pipeline.state_->followed; }
+
 void Pipeline::load(const Cloud& cloud) {
   with_one_kind_of_error([&] {
     state_->shell = {};

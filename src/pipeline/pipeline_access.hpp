@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// For tests: a pipeline on a backend of one's own.
+// For tests: a pipeline on a backend of one's own, and what it followed.
 #pragma once
 
+#include "estimate/automatic.hpp"
 #include "pipeline/loaded_cloud.hpp"
 #include "pointfair/pipeline.hpp"
 
@@ -10,6 +11,8 @@ namespace pointfair {
 struct PipelineAccess {
   // With `make_worker`, clouds that are too large for the backend's memory are computed in tiles by two such workers.
   static Pipeline make(std::unique_ptr<Backend> backend, DeviceInfo device, MakeBackend make_worker = {});
+  // What followed the noise in the last run.
+  static const FollowedNoise& followed_noise(const Pipeline& pipeline);
 };
 
 }  // namespace pointfair

@@ -21,6 +21,18 @@ IndexOrder order_for(const Params& params) {
   return sums_balls(params) ? IndexOrder::along_curve : IndexOrder::fastest;
 }
 
+FairingSettings of_iteration(FairingSettings settings, int iteration) {
+  settings.is_further = iteration > 0;
+  return settings;
+}
+
+std::array<double, 3> noise_quantiles(const Noise& noise, const NoiseLevels* levels) {
+  std::array<double, 3> result{noise.sigma, noise.sigma, noise.sigma};
+  if (levels != nullptr)
+    for (std::size_t q = 0; q < result.size(); ++q) result[q] *= levels->quantiles[q];
+  return result;
+}
+
 double diagonal_of(const Bounds& b) {
   return std::hypot(double(b.max.x) - b.min.x, double(b.max.y) - b.min.y, double(b.max.z) - b.min.z);
 }
@@ -83,7 +95,7 @@ void Pipeline::State::measure(bool with_spacing, bool with_noise, IndexOrder ord
   const auto start = Clock::now();
   const Estimate found = estimate(cloud.backend().sampling(), *cloud.sample, wanted, stop);
   if (wanted.spacing) cloud.spacing = found.spacing;
-  if (wanted.noise) cloud.noise = found.noise;
+  if (wanted.noise) cloud.noise = found.noise, cloud.levels = found.levels;
   log_.note("estimate", milliseconds_since(start));
 }
 
@@ -96,7 +108,8 @@ void Pipeline::State::measure_all(const std::stop_token& stop) {
                         cloud.spacing->mean,
                         cloud.noise->sigma,
                         cloud.points(),
-                        b.valid};
+                        b.valid,
+                        noise_quantiles(*cloud.noise, cloud.levels.get())};
 }
 
 Params Pipeline::State::resolve(const Params& params, const std::stop_token& stop) {
@@ -135,7 +148,8 @@ void Pipeline::State::run_to_end(const Params& params, std::span<Point> out, con
 
   const Params used = resolve_once(params, stop);
   last_order_ = order_for(params);
-  const Settings settings = settings_of(used);
+  followed = needs_noise(params) ? followed_noise(params, used, *cloud.noise, cloud.levels) : FollowedNoise{};
+  const Settings settings = settings_of(used, followed);
   const int last = used.iterations - 1;
   execute(plan(cloud.cached, {settings, last_order_, used.iterations}), std::size_t(4) * std::size_t(used.iterations),
           last == 0 && cloud.points() >= kWorthChunks, stop, progress);
@@ -195,7 +209,7 @@ void Pipeline::State::run_stage(const Step& step, bool leaves, const std::stop_t
       backend.estimate_normals(iteration, settings.normals, stop);
       break;
     case Stage::fairing:
-      backend.fair(iteration, settings.fairing, leaves, stop);
+      backend.fair(iteration, of_iteration(settings.fairing, iteration), leaves, stop);
       break;
     case Stage::iterations:
       break;

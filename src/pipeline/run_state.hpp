@@ -9,6 +9,7 @@
 #include <stop_token>
 #include <vector>
 
+#include "estimate/automatic.hpp"
 #include "pipeline/loaded_cloud.hpp"
 #include "pipeline/stage_log.hpp"
 #include "pointfair/pipeline.hpp"
@@ -33,6 +34,7 @@ struct Pipeline::State {
   Report report;
   std::vector<std::uint8_t> outliers;  // of the last run, if they are to be marked
   std::optional<Estimates> estimates;  // as they were told
+  FollowedNoise followed;              // in the last run
 
  private:
   void start_load(std::span<const Point> points, IndexOrder expected, bool overlapped);

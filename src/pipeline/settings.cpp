@@ -19,7 +19,7 @@ int filter_rounds(NormalFilter filter) {
 
 }  // namespace
 
-Settings settings_of(const Params& p) {
+Settings settings_of(const Params& p, const FollowedNoise& followed) {
   Settings s;
   s.neighbors.k = p.k;
   s.neighbors.radius = p.radius.is_automatic() ? 0.0f : float(p.radius.value);
@@ -48,6 +48,14 @@ Settings settings_of(const Params& p) {
     s.limits.farthest = float(p.displacement_limit.value);
     s.limits.outlier_distance = std::max(s.limits.farthest, float(p.outlier_distance.value));
   }
+  s.fairing.noise = followed.damage > 0 ? float(p.noise.value) : 0;
+  s.fairing.damage = float(followed.damage);
+  if (!followed.levels) return s;
+  s.neighbors.levels = s.limits.levels = followed.levels;
+  s.neighbors.radius_follows = true;
+  s.fairing.similarity_follows = followed.similarity;
+  s.fairing.level_outlier_distance = s.limits.level_outlier_distance = float(followed.outlier_distance);
+  s.limits.farthest_follows = followed.limit;
   return s;
 }
 

@@ -21,13 +21,12 @@ POINTFAIR_INLINE BilateralWeights bilateral_weights(float closeness_sigma, float
 // BilateralWeights whose sigma_c is a multiple of the radius of the point's neighbourhood.
 template <class F>
 struct LocalBilateralWeights {
-  F inverse_two_closeness2;
-  float inverse_two_similarity2;
+  F inverse_two_closeness2, inverse_two_similarity2;
 };
 
 template <class F>
 POINTFAIR_INLINE LocalBilateralWeights<F> local_weights(BilateralWeights multiple, F squared_radius) {
-  return {F(multiple.inverse_two_closeness2) / squared_radius, multiple.inverse_two_similarity2};
+  return {F(multiple.inverse_two_closeness2) / squared_radius, F(multiple.inverse_two_similarity2)};
 }
 
 // d_i of eq. 6. W_c W_s is one Gaussian of the summed exponents.

@@ -34,7 +34,7 @@ struct MethodRule {
 template <class F>
 POINTFAIR_INLINE LocalBilateralWeights<F> weights_of(const MethodRule& rule, F squared_radius) {
   if (rule.of_radius) return local_weights(rule.weights, squared_radius);
-  return {F(rule.weights.inverse_two_closeness2), rule.weights.inverse_two_similarity2};
+  return {F(rule.weights.inverse_two_closeness2), F(rule.weights.inverse_two_similarity2)};
 }
 
 }  // namespace pointfair::point

@@ -19,12 +19,13 @@
 
 namespace pointfair::point {
 
-// R_i^2 = radius^2 + r_i^2, where r_i is the distance of point i to its `min_neighbors`-th nearest; the same radius for
-// all if that is 0.
+// R_i^2 = (L_i radius)^2 + r_i^2, where L_i is the level of the noise at point i (noise_field.h), and r_i is the
+// distance of point i to its `min_neighbors`-th nearest; the same radius for all if that is 0.
 struct Radii {
   const float* squared_radius;  // of each sorted point
   float squared_base;
   int min_neighbors;
+  const float* squared_level = nullptr;   // L_i^2 of each sorted point; null: 1
   const float* squared_growth = nullptr;  // what multiplies R_i^2, of each sorted point; null: nothing
 };
 
@@ -34,8 +35,8 @@ inline constexpr float kNeighborhoodPoints = 400;
 // The share of its points that a neighbourhood of `squared_radius` keeps, where that of the point without growth is
 // `own`: a surface holds min_neighbors R^2 / r^2 points. Above 1: all.
 template <class F>
-POINTFAIR_INLINE F kept_share(const Radii& radii, F own, F squared_radius) {
-  const F squared_reach = own - F(radii.squared_base);  // r_i^2
+POINTFAIR_INLINE F kept_share(const Radii& radii, F squared_level, F own, F squared_radius) {
+  const F squared_reach = own - squared_level * radii.squared_base;  // r_i^2
   const F holds = select(squared_reach > F{}, squared_radius / squared_reach, F(1.0f));
   return F(kNeighborhoodPoints / static_cast<float>(radii.min_neighbors)) / holds;
 }

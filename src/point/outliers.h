@@ -25,12 +25,13 @@ template <class F>
 struct Agreement {
   F near_plane{}, near{}, all{};
 
-  // `squared_core`: of 0.7 R or the outlier distance, infinite where there is no radius
+  // `height`: over the point's plane; `squared_core`: of 0.7 R or the outlier distance, infinite where there is no
+  // radius
   template <class Mask>
-  POINTFAIR_INLINE void add(Vec3<F> offset, Vec3<F> normal, Mask inside, float squared_distance, F squared_core) {
-    const F height = dot(normal, offset), one = select(inside, F(1.0f), F{});
+  POINTFAIR_INLINE void add(Vec3<F> offset, F height, Mask inside, F squared_distance, F squared_core) {
+    const F one = select(inside, F(1.0f), F{});
     all = all + one;
-    near_plane = near_plane + select(height * height <= F(squared_distance), one, F{});
+    near_plane = near_plane + select(height * height <= squared_distance, one, F{});
     near = near + select(squared_length(offset) <= squared_core, one, F{});
   }
   template <class Mask>
@@ -71,6 +72,20 @@ struct PullSum {
     moment = moment + w * offset;
   }
 };
+
+// The limits of `settled` at a place, by the level of the noise there.
+struct LimitRule {
+  float farthest, outlier_distance;
+  float level_outlier_distance;  // where this times the level is more, that counts
+  bool farthest_follows;
+};
+struct Limits {
+  float farthest, outlier_distance;
+};
+POINTFAIR_INLINE Limits limits_at(const LimitRule& rule, float level) {
+  const float farthest = rule.farthest_follows ? rule.farthest * level : rule.farthest;
+  return {farthest, larger(larger(rule.outlier_distance, rule.level_outlier_distance * level), farthest)};
+}
 
 struct Settled {
   Vec3<float> place;

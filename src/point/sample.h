@@ -20,16 +20,16 @@ struct NoiseSample {
   double sigma = 0, spacing = 0, gap = 0, plane_variance = 0;
 };
 
-// The noise by the first 30, 60 and 115 points; negative where they show none.
+// The noise by the first 20, 30, 60 and 115 points; negative where they show none.
 struct ResidualSample {
-  double narrow = -1, wide = -1, widest = -1;
+  double least = -1, narrow = -1, wide = -1, widest = -1;
 };
 
 inline constexpr int kSpacingNeighbors = 6;
 // A neighbourhood grows until it is wide against the noise, in rounds of 30, 42, 58, .. 600 points, each 1.4 times the
 // one before. Rows are asked for in two lengths: a row of the nearest begins with every shorter one, so each serves
 // half of the rounds.
-inline constexpr int kFirstFit = 30, kFirstRow = 115, kLastRow = 600;
+inline constexpr int kLeastFit = 20, kFirstFit = 30, kFirstRow = 115, kLastRow = 600;
 inline constexpr int kFirstRounds = 5, kRounds = 10;
 POINTFAIR_INLINE constexpr int points_of(int round) {
   double points = kFirstFit;
@@ -102,10 +102,11 @@ POINTFAIR_INLINE NoiseSample noise_sample(int first, int end, const LookIn& look
   return {true};
 }
 
-// From looks at 30, 60 and 115 points.
-POINTFAIR_INLINE ResidualSample residual_sample(const Look& narrow, const Look& wide, const Look& widest) {
+// From looks at 20, 30, 60 and 115 points.
+POINTFAIR_INLINE ResidualSample residual_sample(const Look& least, const Look& narrow, const Look& wide,
+                                                const Look& widest) {
   if (wide.is_last) return {};
-  return {narrow.noise, wide.noise, widest.is_last ? -1 : widest.noise};
+  return {least.noise, narrow.noise, wide.noise, widest.is_last ? -1 : widest.noise};
 }
 
 }  // namespace pointfair::point

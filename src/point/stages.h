@@ -5,6 +5,7 @@
 
 #include "point/fairing.h"
 #include "point/neighborhoods.h"
+#include "point/noise_field.h"
 #include "point/normal.h"
 #include "point/outliers.h"
 
@@ -26,20 +27,25 @@ POINTFAIR_INLINE LocalNormalWeights<F> weights_of(const NormalRule& rule, F squa
 
 struct FairingRule {
   BilateralWeights weights;
-  bool of_radius;                  // the closeness sigma is a multiple of the neighbourhood's radius
-  bool symmetric;                  // Eq. 10 of docs/how-it-works.md instead of the paper's step
-  float inverse_turn;              // of Eq. 10
-  float strength;                  // share of the displacement that is made
-  float squared_outlier_distance;  // 0: outliers are not looked for
-  float squared_sparse_core;       // of a neighbourhood of the outlier radius
-  bool pull_outliers;              // else they become NaN
-  bool pull_by_density;            // else by closeness
+  bool of_radius;                        // the closeness sigma is a multiple of the neighbourhood's radius
+  bool symmetric;                        // Eq. 10 of docs/how-it-works.md instead of the paper's step
+  float inverse_turn;                    // of Eq. 10
+  bool similarity_follows;               // the level of the noise at the point
+  float strength;                        // share of the displacement that is made
+  float noise_variance;                  // at level 1, where the share of noise_share() is made of that; 0: all of it
+  float noise_left, damage;              // of noise_share()
+  float squared_outlier_distance;        // 0: outliers are not looked for
+  float squared_level_outlier_distance;  // what the squared level multiplies; counts where it is more
+  float squared_sparse_core;             // of a neighbourhood of the outlier radius
+  bool pull_outliers;                    // else they become NaN
+  bool pull_by_density;                  // else by closeness
 };
 
 template <class F>
-POINTFAIR_INLINE LocalBilateralWeights<F> weights_of(const FairingRule& rule, F squared_radius) {
-  if (rule.of_radius) return local_weights(rule.weights, squared_radius);
-  return {F(rule.weights.inverse_two_closeness2), rule.weights.inverse_two_similarity2};
+POINTFAIR_INLINE LocalBilateralWeights<F> weights_of(const FairingRule& rule, F squared_radius, F squared_level) {
+  const F closeness = F(rule.weights.inverse_two_closeness2), similarity = F(rule.weights.inverse_two_similarity2);
+  return {rule.of_radius ? closeness / squared_radius : closeness,
+          rule.similarity_follows ? similarity / squared_level : similarity};
 }
 
 // Eq. 3 to 5.
@@ -152,29 +158,40 @@ POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> pull_of(const Neighbors& neigh
   return sum.mean();
 }
 
-// Where a point goes by the bilateral method: along its normal; an outlier becomes NaN or goes to a mean of its
-// neighbours. Two instances and not one: what outliers need would take registers from the loop that does not look for
-// them.
-template <bool kSeeksOutliers, class Neighbors, class Vectors, class Areas, class Scalars>
+// Where a point goes by the bilateral method: along its normal, by the share that noise justifies; an outlier becomes
+// NaN or goes to a mean of its neighbours. `squared_level` is that of the noise here. More than one instance: what
+// outliers and shares need would take registers from the loop that does without.
+template <bool kSeeksOutliers, bool kShares, class Neighbors, class Vectors, class Areas, class Scalars>
 POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> faired_point(const Neighbors& neighbors, const FairingRule& rule,
+                                                               NumberOf<Neighbors> squared_level,
                                                                Vec3<NumberOf<Neighbors>> here,
                                                                Vec3<NumberOf<Neighbors>> normal, const Vectors& normals,
                                                                const Areas& areas, const Scalars& squared_radii) {
   using F = NumberOf<Neighbors>;
-  const LocalBilateralWeights<F> weights = weights_of(rule, neighbors.squared_radius());
+  const LocalBilateralWeights<F> weights = weights_of(rule, neighbors.squared_radius(), squared_level);
   const auto distance_of = [&](auto visited) {
     return rule.symmetric ? symmetric_distance(neighbors, weights, rule.inverse_turn, normal, normals, areas, visited)
                           : paper_distance(neighbors, weights, normal, areas, visited);
   };
+  Agreement<F> agreement;
+  HeightSpread<F> spread;
+  const F squared_outlier_distance =
+      larger(F(rule.squared_outlier_distance), squared_level * rule.squared_level_outlier_distance);
+  const F squared_core = larger(neighbors.squared_core(), squared_outlier_distance);
+  F distance = distance_of([&](Vec3<F> offset, auto inside) {
+    if constexpr (kSeeksOutliers || kShares) {
+      const F height = dot(normal, offset);
+      if constexpr (kShares) spread.add(height, inside);
+      if constexpr (kSeeksOutliers) agreement.add(offset, height, inside, squared_outlier_distance, squared_core);
+    }
+  });
+  if constexpr (kShares)
+    distance =
+        distance * noise_share(spread.variance(), squared_level * rule.noise_variance, rule.noise_left, rule.damage);
+  const Vec3<F> there = moved(here, normal, distance * rule.strength);
   if constexpr (!kSeeksOutliers) {
-    return moved(here, normal, distance_of([](Vec3<F>, auto) {}) * rule.strength);
+    return there;
   } else {
-    Agreement<F> agreement;
-    const F squared_core = larger(neighbors.squared_core(), F(rule.squared_outlier_distance));
-    const F distance = distance_of([&](Vec3<F> offset, auto inside) {
-      agreement.add(offset, normal, inside, rule.squared_outlier_distance, squared_core);
-    });
-    const Vec3<F> there = moved(here, normal, distance * rule.strength);
     const auto is_sparse = neighbors.squared_core() > F(rule.squared_sparse_core);
     // a point without a normal keeps its place
     const auto is_outlier = agreement.is_missing(is_sparse) & (squared_length(normal) > F{});

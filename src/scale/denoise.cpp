@@ -77,8 +77,7 @@ class Tile {
       loaded_.push_back(own_[i]);
       places_.push_back(std::uint32_t(i));
     }
-    return loaded_.size() <= work_.most_points &&
-           work_.input.append(region, work_.leaves, work_.most_points, loaded_);
+    return loaded_.size() <= work_.most_points && work_.input.append(region, work_.leaves, work_.most_points, loaded_);
   }
 
   void compute() {
@@ -121,9 +120,10 @@ class Tile {
       places.resize(own_.size());
       std::iota(places.begin(), places.end(), 0u);
     }
-    if (places.size() < 2) fail_at(places.front());
     const Bounds& b = wanted.bounds;
     const float x = b.max.x - b.min.x, y = b.max.y - b.min.y, z = b.max.z - b.min.z;
+    // where nearly all of the region is halo, halves would have hardly smaller ones
+    if (places.size() < 2 || std::max({x, y, z}) < halo / 8) fail_at(places.front());
     const auto axis = x >= y && x >= z ? &Point::x : y >= z ? &Point::y : &Point::z;
     const auto middle = places.begin() + std::ptrdiff_t(places.size() / 2);
     std::nth_element(places.begin(), middle, places.end(),

@@ -21,7 +21,7 @@ struct TileWork {
   const StoredCloud& input;
   LeafRange leaves;
   TileStages stages;
-  std::uint64_t most_points = 0;                   ///< that are loaded at once
+  std::uint64_t most_points = 0;                    ///< that are loaded at once
   const std::vector<InputChunk>* chunks = nullptr;  ///< if given, results are written by chunk, for the last step
 };
 

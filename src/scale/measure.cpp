@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <type_traits>
+#include <utility>
 
 #include "estimate/automatic.hpp"
 #include "tiles/halo.hpp"
@@ -91,14 +93,15 @@ class StoredSampling final : public Sampling {
     const point::Region region = region_around(cloud_.bounds(), rows.bounds, rows.halo);
     std::vector<Point> loaded;
     if (!cloud_.append(region, {}, most_, loaded))
-      throw Error(ErrorKind::memory, "what lies around the points that the noise is measured at does not fit; give more memory");
+      throw Error(ErrorKind::memory,
+                  "what lies around the points that the noise is measured at does not fit; give more memory");
     backend_.upload(loaded, IndexOrder::fastest);
     backend_.build_index(0, std::nullopt, {});
     std::vector<std::uint32_t> places;
     for (const std::size_t q : rows.asked)
-      places.push_back(std::uint32_t(std::find_if(loaded.begin(), loaded.end(), [&](const Point& p) {
-                                       return same_place(p, queries_[queries[q]]);
-                                     }) - loaded.begin()));
+      places.push_back(std::uint32_t(std::find_if(loaded.begin(), loaded.end(),
+                                                  [&](const Point& p) { return same_place(p, queries_[queries[q]]); }) -
+                                     loaded.begin()));
     const std::size_t row_size = std::size_t(k) + 1;
     std::vector<Point> found(places.size() * row_size);
     backend_.sampling().sample_neighborhoods(places, k, found);
@@ -138,26 +141,67 @@ Measured measure(const StoredCloud& cloud, const Position& origin, const Plan& p
   if (sums_balls(plan.params)) measured.frame = frame_of(sample);
   const Estimate found = estimate(sampling, sample, wanted, stop);
   if (wanted.spacing) measured.spacing = found.spacing;
-  if (wanted.noise) measured.noise = found.noise;
+  if (wanted.noise) {
+    measured.noise = found.noise;
+    measured.levels = found.levels;
+  }
   return measured;
 }
 
-void save(const Measured& measured, const std::filesystem::path& path) {
-  static_assert(std::is_trivially_copyable_v<Measured>);
-  NewFile file(path, sizeof measured);
-  file.write(&measured, sizeof measured);
+namespace {
+
+// What a file begins with; the levels of the noise follow.
+struct Fixed {
+  Position origin{};
+  Bounds bounds;
+  Frame frame;
+  Spacing spacing;
+  Noise noise;
+  Point first{};  // of the levels, as the next two
+  float nodes_per_unit = 0;
+  std::array<double, 3> quantiles{};
+  std::uint64_t levels = 0;
+};
+static_assert(std::is_trivially_copyable_v<Fixed>);
+
+}  // namespace
+
+void save(const Measured& m, const std::filesystem::path& path) {
+  Fixed fixed{m.origin, m.bounds, m.frame, m.spacing, m.noise, {}, 0, {}, 0};
+  if (m.levels) {
+    fixed.first = m.levels->first;
+    fixed.nodes_per_unit = m.levels->nodes_per_unit;
+    fixed.quantiles = m.levels->quantiles;
+    fixed.levels = m.levels->levels.size();
+  }
+  NewFile file(path, sizeof fixed + fixed.levels * sizeof(float));
+  file.write(&fixed, sizeof fixed);
+  if (m.levels) file.write(std::span(m.levels->levels));
   file.finish();
 }
 
 Measured load_measured(const std::filesystem::path& path) {
-  Measured measured;
-  StoredFile(path).read(0, &measured, sizeof measured);
-  return measured;
+  const StoredFile file(path);
+  Fixed fixed;
+  file.read(0, &fixed, sizeof fixed);
+  Measured m{fixed.origin, fixed.bounds, fixed.frame, fixed.spacing, fixed.noise};
+  if (fixed.levels == 0) return m;
+  auto levels = std::make_shared<NoiseLevels>();
+  levels->levels.resize(fixed.levels);
+  file.read(sizeof fixed, std::span(levels->levels));
+  levels->first = fixed.first;
+  levels->nodes_per_unit = fixed.nodes_per_unit;
+  levels->quantiles = fixed.quantiles;
+  m.levels = std::move(levels);
+  return m;
 }
 
-Params resolve(const Plan& plan, const Measured& measured) {
-  return resolve_params(plan.params, measured.spacing, measured.noise,
-                        needs_diagonal(plan.params) ? diagonal_of(measured.bounds) : 0.0);
+Resolved resolve(const Params& params, const Measured& measured) {
+  const Params used = resolve_params(params, measured.spacing, measured.noise,
+                                     needs_diagonal(params) ? diagonal_of(measured.bounds) : 0.0);
+  const FollowedNoise followed =
+      needs_noise(params) ? followed_noise(params, used, measured.noise, measured.levels) : FollowedNoise{};
+  return {used, settings_of(used, followed)};
 }
 
 }  // namespace pointfair::scale

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <stop_token>
 
 #include "estimate/estimate.hpp"
@@ -18,7 +19,8 @@ struct Measured {
   Bounds bounds;
   Frame frame;  ///< zero where sums run over lists
   Spacing spacing;
-  Noise noise;  ///< this and the spacing are zero where no parameter follows from them
+  Noise noise;                                  ///< this and the spacing are zero where no parameter follows from them
+  std::shared_ptr<const NoiseLevels> levels{};  ///< null: 1 everywhere
 };
 
 /// Measures what the parameters of the plan follow from, as a pipeline does with the whole cloud.
@@ -28,7 +30,11 @@ Measured measure(const StoredCloud& cloud, const Position& origin, const Plan& p
 void save(const Measured& measured, const std::filesystem::path& path);
 Measured load_measured(const std::filesystem::path& path);
 
-/// The parameters with what was measured.
-Params resolve(const Plan& plan, const Measured& measured);
+/// The parameters with what was measured, and what every iteration reads.
+struct Resolved {
+  Params params;
+  Settings settings;
+};
+Resolved resolve(const Params& params, const Measured& measured);
 
 }  // namespace pointfair::scale

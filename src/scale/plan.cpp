@@ -30,7 +30,7 @@ namespace {
 
 constexpr std::uint64_t kProcess = std::uint64_t{40} << 20;  // bytes of the program itself, its threads and tables
 constexpr std::uint64_t kLeastMemory = std::uint64_t{64} << 20;
-constexpr std::uint64_t kBytesOfChunkPoint = 26;             // position, leaf, place in the order, and what is copied
+constexpr std::uint64_t kBytesOfChunkPoint = 26;  // position, leaf, place in the order, and what is copied
 constexpr std::uint64_t kMostOfChunk = std::uint64_t{1} << 25;
 constexpr double kCoreShare = 0.6;  // of a tile's points; the rest is halo
 constexpr std::uint64_t kPointsOfLeaf = 1 << 15, kLeastLeaves = 16, kMostLeaves = 1 << 16;
@@ -93,8 +93,8 @@ void cut_into_chunks(const Source& source, std::size_t number, const InputFile& 
   for (std::size_t block = 0; block < source.block_count(); ++block) {
     const std::uint64_t size = source.block_size(block);
     if (size > 4 * most)
-      io::fail(file.path.string(), "holds " + std::to_string(size) +
-                                       " points in one piece that cannot be read in parts; give more memory");
+      io::fail(file.path.string(),
+               "holds " + std::to_string(size) + " points in one piece that cannot be read in parts; give more memory");
     if (chunk.points > 0 && chunk.points + size > most) {
       chunks.push_back(chunk);
       chunk = {number, block, block, chunk.first_point + chunk.points, 0};
@@ -123,7 +123,8 @@ Survey survey(const std::vector<std::shared_ptr<Source>>& sources, std::uint64_t
   const auto count = std::max<std::size_t>(1, static_cast<std::size_t>(double(blocks.size()) * share));
   const std::size_t kept_of_block = std::max<std::size_t>(16, kKeptSamples / count);
   std::vector<std::vector<Position>> kept(count);
-  std::vector<io::OriginSample> offered(count, io::OriginSample(count == blocks.size() ? points : points * count / blocks.size()));
+  std::vector<io::OriginSample> offered(
+      count, io::OriginSample(count == blocks.size() ? points : points * count / blocks.size()));
   io::for_each_block(count, [&](std::size_t i) {
     const auto [source, block] = blocks[i * blocks.size() / count];
     std::vector<Position> values(source->block_size(block));
@@ -157,9 +158,8 @@ std::string text_of(const Plan& plan) {
   out << "origin";
   for (const double c : plan.origin) out << " " << text_of(c);
   out << "\nwrite " << (plan.write.format ? int(*plan.write.format) : -1) << " "
-      << (plan.write.encoding ? int(*plan.write.encoding) : -1) << " "
-      << text_of(plan.write.las_scale.value_or(0)) << " " << int(plan.write.overwrite) << " " << int(plan.write.sync)
-      << "\n";
+      << (plan.write.encoding ? int(*plan.write.encoding) : -1) << " " << text_of(plan.write.las_scale.value_or(0))
+      << " " << int(plan.write.overwrite) << " " << int(plan.write.sync) << "\n";
   for (const ParamInfo& info : kParams) out << "param " << info.name << " " << param_text(plan.params, info) << "\n";
   for (const InputFile& file : plan.files)
     out << "file " << file.points << " " << file.fingerprint << " " << file.path.string() << "\noutput "
@@ -251,8 +251,8 @@ std::string fingerprint_of(const fs::path& path) {
   }
   char text[80];
   std::snprintf(text, sizeof text, "%llx-%llx.%lx-%016llx", static_cast<unsigned long long>(size),
-                static_cast<unsigned long long>(status.st_mtim.tv_sec), static_cast<unsigned long>(status.st_mtim.tv_nsec),
-                static_cast<unsigned long long>(hash));
+                static_cast<unsigned long long>(status.st_mtim.tv_sec),
+                static_cast<unsigned long>(status.st_mtim.tv_nsec), static_cast<unsigned long long>(hash));
   return text;
 }
 
@@ -326,11 +326,11 @@ std::string difference(const TiledJob& job, const Plan& plan) {
   const auto same = [](const InputFile& a, const InputFile& b) { return a.path == b.path; };
   const auto same_output = [](const InputFile& a, const InputFile& b) { return a.output == b.output; };
   if (!std::equal(files.begin(), files.end(), plan.files.begin(), plan.files.end(), same)) return "other inputs";
-  if (!std::equal(files.begin(), files.end(), plan.files.begin(), plan.files.end(), same_output)) return "other outputs";
+  if (!std::equal(files.begin(), files.end(), plan.files.begin(), plan.files.end(), same_output))
+    return "other outputs";
   if (job.memory != 0 && job.memory != plan.memory) return "another --memory";
   const bool has_metres = in_file_units(job.params, 1.0) != job.params;
-  const Params params =
-      has_metres ? in_units_of_file(job.params, *io::open_source(files.front().path, 0)) : job.params;
+  const Params params = has_metres ? in_units_of_file(job.params, *io::open_source(files.front().path, 0)) : job.params;
   if (params != plan.params) return "other parameters";
   if (job.write.format != plan.write.format || job.write.encoding != plan.write.encoding ||
       job.write.las_scale != plan.write.las_scale)

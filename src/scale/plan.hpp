@@ -17,7 +17,7 @@ namespace pointfair::scale {
 
 struct InputFile {
   std::filesystem::path path, output;
-  std::string fingerprint;  ///< of its size, its time and some of its bytes
+  std::string fingerprint;                    ///< of its size, its time and some of its bytes
   std::uint64_t points = 0, first_point = 0;  ///< in the whole input
 };
 
@@ -47,7 +47,8 @@ std::uint64_t bytes_of_tile_point(const Params& params);
 /// The files of a plan, opened when they are first needed.
 class Inputs {
  public:
-  Inputs(const std::vector<InputFile>& files, unsigned threads) : files_(files), threads_(threads), open_(files.size()) {}
+  Inputs(const std::vector<InputFile>& files, unsigned threads)
+      : files_(files), threads_(threads), open_(files.size()) {}
   /// Throws Error(file) if the file is not the one that was planned with.
   std::shared_ptr<Source> open(std::size_t file);
 

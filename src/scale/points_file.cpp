@@ -5,8 +5,8 @@
 
 namespace pointfair::scale {
 
-PointsWriter::PointsWriter(const std::filesystem::path& path, PointsHeader header,
-                           const std::vector<Section>& sections, const std::vector<double>& numbers)
+PointsWriter::PointsWriter(const std::filesystem::path& path, PointsHeader header, const std::vector<Section>& sections,
+                           const std::vector<double>& numbers)
     : file_(path, [&] {
         header.sections = sections.size();
         header.numbers = numbers.size();

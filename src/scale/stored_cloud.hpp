@@ -37,8 +37,7 @@ class StoredCloud {
   void read(const LeafRange& range, std::vector<Point>* points, std::vector<std::uint64_t>* indices) const;
   /// Appends the points of the region, those of the leaves in `except` left out. At most `most` of them are wanted:
   /// false as soon as there are more.
-  bool append(const point::Region& region, const LeafRange& except, std::size_t most,
-              std::vector<Point>& points) const;
+  bool append(const point::Region& region, const LeafRange& except, std::size_t most, std::vector<Point>& points) const;
   /// Calls visit(points) for all points, a few at a time.
   void for_all(const std::function<void(std::span<const Point>)>& visit) const;
 

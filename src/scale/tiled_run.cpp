@@ -48,7 +48,11 @@ auto with_one_kind_of_error(const Work& work) {
 // files are not needed any more.
 struct TiledRun::State {
   State(const fs::path& folder, Device its_device)
-      : work(folder), wanted(its_device), plan(read_plan(folder)), tree(work / "leaves"), inputs(plan.files, its_device.threads) {
+      : work(folder),
+        wanted(its_device),
+        plan(read_plan(folder)),
+        tree(work / "leaves"),
+        inputs(plan.files, its_device.threads) {
     if (fs::exists(work / "origin")) use_origin(load_origin());
   }
 
@@ -120,6 +124,19 @@ struct TiledRun::State {
     return done;
   }
 
+  // Before hours are spent on what will not fit.
+  void check_room(const StepKind& step) const {
+    if (step.kind != Kind::ingest && step.kind != Kind::denoise) return;
+    const double left = 1 - double(count_done(step)) / double(tasks_of(step));
+    const std::uint64_t bytes_of_point = step.kind == Kind::ingest || step.iteration + 1 == plan.iterations ? 16 : 20;
+    const auto needed = static_cast<std::uint64_t>(left * double(plan.points * bytes_of_point));
+    const std::uint64_t free = fs::space(work).available;
+    if (free < needed)
+      io::fail(work.string(), "step " + step.name() + " needs " + std::to_string(needed) + " bytes, which is " +
+                                  std::to_string(needed - free) +
+                                  " bytes more than are free: free some space and run again, what is finished is kept");
+  }
+
   void run(const StepKind& step, std::size_t task, const std::stop_token& stop) {
     if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
     if (!corrected && fs::exists(work / "origin")) use_origin(load_origin());
@@ -170,17 +187,20 @@ struct TiledRun::State {
   void run_denoise(const StepKind& step, std::size_t task, const std::stop_token& stop) {
     const Settings& settings = settled_settings();
     if (!input || input_iteration != step.iteration) {
-      const StepKind before = step.iteration == 0 ? StepKind{Kind::ingest} : StepKind{Kind::denoise, step.iteration - 1};
+      const StepKind before =
+          step.iteration == 0 ? StepKind{Kind::ingest} : StepKind{Kind::denoise, step.iteration - 1};
       input.reset();
       input.emplace(files_of(before), tree.leaves());
       input_iteration = step.iteration;
     }
     std::optional<Frame> frame;
     if (sums_balls(plan.params)) frame = measured->frame;
+    FairingSettings fairing = settings.fairing;
+    fairing.is_further = step.iteration > 0;
     const bool is_last = step.iteration + 1 == plan.iterations;
     const TileWork its{*input,
                        {tree.tile_begin(task), tree.tile_begin(task + 1)},
-                       {frame, settings.neighbors, settings.normals, settings.fairing},
+                       {frame, settings.neighbors, settings.normals, fairing},
                        points_in_memory(plan.memory, bytes_of_tile_point(plan.params)),
                        is_last ? &plan.chunks : nullptr};
     denoise(its, backend(), file_of(step, task), stop);
@@ -230,12 +250,11 @@ struct TiledRun::State {
   }
 
   const Settings& settled_settings() {
-    if (!settings_) {
+    if (!resolved) {
       measured = load_measured(work / "measured");
-      used = resolve(plan, *measured);
-      settings_ = settings_of(used);
+      resolved = resolve(plan.params, *measured);
     }
-    return *settings_;
+    return resolved->settings;
   }
 
   fs::path work;
@@ -246,8 +265,7 @@ struct TiledRun::State {
   bool corrected = false;  // the origin is not the plan's own
   std::unique_ptr<Backend> device_backend;
   std::optional<Measured> measured;
-  Params used;
-  std::optional<Settings> settings_;
+  std::optional<Resolved> resolved;
   std::optional<StoredCloud> input;
   int input_iteration = -1;
 };
@@ -289,7 +307,8 @@ void TiledRun::run(const std::string& name, std::size_t task, std::stop_token st
       if (task >= state_->tasks_of(steps[s]))
         throw Error(ErrorKind::usage, "step " + name + " has " + std::to_string(state_->tasks_of(steps[s])) +
                                           " tasks, counted from 0; there is no task " + std::to_string(task));
-      if (s > 0 && !state_->is_done(steps[s], task) && state_->count_done(steps[s - 1]) < state_->tasks_of(steps[s - 1]))
+      if (s > 0 && !state_->is_done(steps[s], task) &&
+          state_->count_done(steps[s - 1]) < state_->tasks_of(steps[s - 1]))
         throw Error(ErrorKind::usage, "step " + steps[s - 1].name() + " is not finished; run its tasks before " + name);
       return state_->run(steps[s], task, stop);
     }
@@ -303,6 +322,7 @@ void TiledRun::run_all(std::stop_token stop, const ProgressFunction& progress) {
     const std::vector<State::StepKind> steps = state_->all_steps();
     for (std::size_t s = 0; s < steps.size(); ++s) {
       const std::size_t tasks = state_->tasks_of(steps[s]);
+      state_->check_room(steps[s]);
       for (std::size_t task = 0; task < tasks; ++task) {
         if (progress) progress((double(s) + double(task) / double(tasks)) / double(steps.size()), steps[s].name());
         state_->run(steps[s], task, stop);
@@ -328,9 +348,14 @@ TiledReport TiledRun::report() const {
     state_->settled_settings();
     report.points = state_->plan.points;
     report.tiles = state_->plan.tiles;
-    report.params = state_->used;
+    report.params = state_->resolved->params;
     if (needs_spacing(state_->plan.params)) report.spacing = state_->measured->spacing.mean;
-    if (needs_noise(state_->plan.params)) report.noise = state_->measured->noise.sigma;
+    if (needs_noise(state_->plan.params)) {
+      report.noise = state_->measured->noise.sigma;
+      for (std::size_t q = 0; q < report.noise_quantiles.size(); ++q)
+        report.noise_quantiles[q] =
+            *report.noise * (state_->measured->levels ? state_->measured->levels->quantiles[q] : 1.0);
+    }
     report.unmoved.non_finite = state_->plan.points - state_->measured->bounds.valid;
     for (const fs::path& path : state_->files_of(steps[steps.size() - 2])) {
       const TaskCounts counts = PointsFile(path).header().counts;
@@ -338,7 +363,8 @@ TiledReport TiledRun::report() const {
       report.unmoved.no_normal += counts[kNoNormalCount];
       report.short_neighborhoods += counts[kShortCount];
     }
-    for (const fs::path& path : state_->files_of(steps.back())) report.unmoved.outliers += PointsFile(path).header().counts[0];
+    for (const fs::path& path : state_->files_of(steps.back()))
+      report.unmoved.outliers += PointsFile(path).header().counts[0];
     if (!moves_along_normal(report.params.method)) report.unmoved.no_normal = 0;
     return report;
   });

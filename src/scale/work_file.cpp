@@ -46,8 +46,8 @@ void sync_folder(const fs::path& folder) {
 
 NewFile::NewFile(const fs::path& path, std::uint64_t size) : path_(path), size_(size) {
   static std::atomic<unsigned> counter{0};
-  const std::string name = std::string(kUnfinished) + host_name() + "-" + std::to_string(::getpid()) + "-" +
-                           std::to_string(counter++);
+  const std::string name =
+      std::string(kUnfinished) + host_name() + "-" + std::to_string(::getpid()) + "-" + std::to_string(counter++);
   temporary_ = path.parent_path() / name;
   fd_ = ::open(temporary_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
   if (fd_ < 0) fail(errno);

@@ -18,8 +18,13 @@ inline point::FairingRule fairing_rule(const FairingSettings& settings, bool by_
           settings.closeness_of_radius,
           settings.symmetric,
           point::inverse_turn(settings.turn_angle),
+          settings.similarity_follows,
           settings.strength,
+          settings.noise * settings.noise,
+          settings.is_further ? point::kNoiseLeft : 1.0f,
+          settings.damage,
           settings.outlier_distance * settings.outlier_distance,
+          settings.level_outlier_distance * settings.level_outlier_distance,
           point::squared_core(settings.outlier_radius * settings.outlier_radius),
           settings.pull_outliers,
           !by_list};

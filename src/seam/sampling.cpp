@@ -79,8 +79,8 @@ point::ResidualSample residuals_of(const Point* row) {
   const int there = take_row(OneThread{}, space, row, point::kFirstRow);
   point::GrowingNeighborhood neighborhood(OneThread{}, space);
   const auto look = [&](int points) { return look_at(neighborhood, there, points, true); };
-  const point::Look narrow = look(point::kFirstFit), wide = look(2 * point::kFirstFit);
-  return residual_sample(narrow, wide, look(point::kFirstRow));
+  const point::Look least = look(point::kLeastFit), narrow = look(point::kFirstFit), wide = look(2 * point::kFirstFit);
+  return residual_sample(least, narrow, wide, look(point::kFirstRow));
 }
 
 }  // namespace

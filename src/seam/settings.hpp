@@ -2,21 +2,36 @@
 // What each stage reads: parameters with every `auto` resolved and every length in file units.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <limits>
+#include <memory>
+#include <vector>
 
 #include "pointfair/cloud.hpp"
 #include "pointfair/params.hpp"
 
 namespace pointfair {
 
+// The noise from place to place, over that of a typical one; fixed by a cloud as it was loaded. The nodes of a
+// point::NoiseField.
+struct NoiseLevels {
+  std::vector<float> levels;
+  Point first{};
+  float nodes_per_unit = 0;
+  std::array<double, 3> quantiles{1, 1, 1};  // of the samples' levels: 5, 50, 95 %
+};
+
 struct NeighborSettings {
   int k = 0;         // 0: no list; everything within `radius` is summed directly
   float radius = 0;  // 0: no limit
   bool constraint = false;
   float reach = 0;  // rho + delta
-  int min_neighbors =
-      0;  // without a list: squared radii grow by the squared distance to this many nearest; 0: not at all
+  // without a list: squared radii grow by the squared distance to this many nearest; 0: not at all
+  int min_neighbors = 0;
+  // Of the noise, which this and later stages may follow, without a list; null: 1 everywhere.
+  std::shared_ptr<const NoiseLevels> levels{};
+  bool radius_follows = false;
   friend bool operator==(const NeighborSettings&, const NeighborSettings&) = default;
 };
 
@@ -34,11 +49,16 @@ struct FairingSettings {
   AreaWeight area_weight = AreaWeight::none;
   float closeness_sigma = 0;
   float similarity_sigma = 0;
+  bool similarity_follows = false;   // the level of the noise at the point
   bool closeness_of_radius = false;  // as in NormalSettings
   bool symmetric = false;            // Eq. 10 instead of the paper's step
   int turn_angle = 0;                // degrees, of Eq. 10; 0: normals do not weigh
   float strength = 1;                // share of the displacement that is made
+  float noise = 0;                   // at level 1, of which a further share follows (noise_share); 0: none does
+  float damage = 0;                  // of that share
+  bool is_further = false;           // the points come from an iteration before
   float outlier_distance = 0;        // from its neighbours, to be an outlier (src/point/outliers.h); 0: not looked for
+  float level_outlier_distance = 0;  // where this times the level of the noise is more, that counts
   float outlier_radius = std::numeric_limits<float>::infinity();  // in larger neighbourhoods outliers may be alone
   bool pull_outliers = false;  // in to the mean of their neighbours; else they become NaN
   friend bool operator==(const FairingSettings&, const FairingSettings&) = default;
@@ -48,6 +68,10 @@ struct FairingSettings {
 struct DisplacementLimits {
   float farthest = 0;          // a point moves no farther,
   float outlier_distance = 0;  // and one that would move farther than this, or became NaN, keeps its place
+  // Of the noise where the point was uploaded; null: 1 everywhere.
+  std::shared_ptr<const NoiseLevels> levels{};
+  bool farthest_follows = false;
+  float level_outlier_distance = 0;  // as in FairingSettings
   friend bool operator==(const DisplacementLimits&, const DisplacementLimits&) = default;
 };
 

@@ -89,7 +89,9 @@ class Run(Case):
         self.assertEqual([key for key in report if key in keys], keys)
         self.assertEqual(list(report["device"]), ["kind", "name", "reason"])
         self.assertEqual(list(report["params"]), PARAMS)
-        self.assertEqual(list(report["noise"]), ["before"])  # what is left cannot be measured on the result
+        self.assertEqual(list(report["noise"]), ["before", "quantiles"])  # what is left cannot be measured on the result
+        low, middle, high = report["noise"]["quantiles"]
+        self.assertTrue(0 < low <= middle <= high)
         self.assertEqual(list(report["displacement"]), ["mean", "rms", "p95", "max"])
         self.assertEqual(list(report["peak_bytes"]), ["host", "device"])
         self.assertEqual([list(stage) for stage in report["stages"]], [["name", "ms"]] * len(report["stages"]))

@@ -129,7 +129,9 @@ def test_reports_survive_pickling_and_have_nothing_left_to_choose():
     assert abs(report.noise - 0.01) < 0.003 and report.points == 3000 and report.tiles == 1
     assert report.params.noise == report.noise and report.params.iterations >= 1
     assert report.device.kind == "cpu" and report.milliseconds > 0 and report.peak_host_bytes > 0
-    assert same_bits(pf.denoise(POINTS, report.params), smooth)
+    chosen = report.params.changed()
+    assert {"noise", "radius", "similarity_sigma", "iterations", "displacement_limit"} <= set(chosen) and "auto" not in chosen.values()
+    assert same_bits(pf.denoise(POINTS, outliers="mark"), smooth)
 
 
 def test_estimates_are_in_the_coordinates_of_the_array():
@@ -137,6 +139,7 @@ def test_estimates_are_in_the_coordinates_of_the_array():
     found = pf.estimate(POINTS + centre)
     assert np.abs(np.array(found.min) - (POINTS.min(0) + centre)).max() < 1e-5
     assert np.abs(np.array(found.max) - (POINTS.max(0) + centre)).max() < 1e-5
+    assert found.noise_quantiles == tuple(sorted(found.noise_quantiles)) and found.noise_quantiles[0] > 0
     assert found.points == found.finite == 3000 and abs(found.noise - 0.01) < 0.003
     assert pf.estimate(pf.Cloud(POINTS)) == pf.estimate(POINTS)
 

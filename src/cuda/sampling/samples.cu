@@ -47,8 +47,8 @@ struct WarpTeam {
 
 constexpr std::size_t kSpacingRow = point::kSpacingNeighbors + 1, kFirstRow = point::kFirstRow + 1,
                       kLastRow = point::kLastRow + 1;  // points
-// Of each row: one a round, and after those of a first row one more, for its residuals.
-constexpr int kFirstLooks = point::kFirstRounds + 1, kLastLooks = point::kRounds - point::kFirstRounds;
+// Of each row: one a round, and after those of a first row two more, for its residuals.
+constexpr int kFirstLooks = point::kFirstRounds + 2, kLastLooks = point::kRounds - point::kFirstRounds;
 
 template <int kMost>
 __device__ point::Look look(point::FitSpace<kMost>& space, const Point* row, int points, bool always) {
@@ -69,7 +69,9 @@ __global__ void __launch_bounds__(kWarp)
     return;
   }
   const int round = static_cast<int>(blockIdx.x % kFirstLooks);
-  const int points = round < point::kFirstRounds ? point::points_of(round) : 2 * point::kFirstFit;
+  const int points = round < point::kFirstRounds    ? point::points_of(round)
+                     : round == point::kFirstRounds ? 2 * point::kFirstFit
+                                                    : point::kLeastFit;
   const bool for_residuals = round == 0 || round >= point::kFirstRounds - 1;
   const point::Look found = look(space, rows + blockIdx.x / kFirstLooks * kFirstRow, points, for_residuals);
   if (lane_number() == 0) looks[blockIdx.x] = found;
@@ -93,7 +95,8 @@ __global__ void __launch_bounds__(kBlock) conclude_first(SampleArrays samples, c
   const point::Look* const its = looks + n * kFirstLooks;
   const point::NoiseSample noise = point::noise_sample(0, point::kFirstRounds, [its](int round) { return its[round]; });
   samples.noise[n] = noise;
-  samples.residuals[n] = point::residual_sample(its[0], its[point::kFirstRounds], its[point::kFirstRounds - 1]);
+  samples.residuals[n] = point::residual_sample(its[point::kFirstRounds + 1], its[0], its[point::kFirstRounds],
+                                                its[point::kFirstRounds - 1]);
   again[n] = noise.is_short ? samples.queries[samples.for_spacing + n] : point::kNoNeighbor;
 }
 

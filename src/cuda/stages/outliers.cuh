@@ -3,6 +3,8 @@
 #pragma once
 
 #include "cuda/runtime/memory.cuh"
+#include "point/noise_field.h"
+#include "point/outliers.h"
 #include "pointfair/cloud.hpp"
 
 namespace pointfair::cuda {
@@ -10,7 +12,8 @@ namespace pointfair::cuda {
 struct HeldBack {
   const Point *before, *after;  // in upload order
   std::size_t count;
-  float farthest, outlier_distance;
+  point::LimitRule limits;
+  point::NoiseField field;  // nodes on the card
 };
 
 // Settled positions into `out`, which may be `after`; 1 or 0 for each point into `outliers` unless it is null; adds the

@@ -47,6 +47,11 @@ class Listed {
   Vec here_;
 };
 
+// Of the noise at a sorted point; null: 1.
+__device__ __forceinline__ float squared_level_at(const float* squared_level, std::size_t at) {
+  return squared_level == nullptr ? 1.0f : squared_level[at];
+}
+
 // The warp walks the tree for its leaf.
 class WalkedRadius {
  public:
@@ -69,7 +74,9 @@ class WalkedRadius {
     const float own = active ? radii.squared_radius[at] : -1.0f;
     squared_radius_ = active && radii.squared_growth != nullptr ? own * radii.squared_growth[at] : own;
     farthest_ = unordered(warp_max(ordered(squared_radius_)));
-    if (radii.min_neighbors > 0) share_ = active ? point::kept_share(radii, own, squared_radius_) : 0.0f;
+    if (radii.min_neighbors > 0)
+      share_ =
+          active ? point::kept_share(radii, squared_level_at(radii.squared_level, at), own, squared_radius_) : 0.0f;
     is_thinned_ = __any_sync(kAllLanes, active && share_ < 1);
   }
 

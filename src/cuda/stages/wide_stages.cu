@@ -10,7 +10,7 @@ constexpr int kBlock = 128;
 constexpr int kWarps = kBlock / kWarp;
 
 __global__ void __launch_bounds__(kBlock)
-    radii(const __grid_constant__ Tree tree, Lists nearest, float squared_base, float* squared_radius) {
+    radii(const __grid_constant__ Tree tree, Lists nearest, point::Radii radii, float* squared_radius) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   const Vec here = position_of(tree.points[at]);
@@ -21,7 +21,15 @@ __global__ void __launch_bounds__(kBlock)
     farthest = point::squared_length(position_of(tree.points[neighbor]) - here);
     break;
   }
-  squared_radius[at] = farthest + squared_base;
+  squared_radius[at] = farthest + squared_level_at(radii.squared_level, at) * radii.squared_base;
+}
+
+__global__ void __launch_bounds__(kBlock)
+    levels(const __grid_constant__ Tree tree, point::NoiseField field, float* squared_level) {
+  const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
+  if (at >= std::size_t(tree.leaves) * kLeafSize) return;
+  const float level = point::noise_level(field, position_of(tree.points[at]));
+  squared_level[at] = level * level;
 }
 
 template <class Neighbors>
@@ -54,10 +62,11 @@ __global__ void __launch_bounds__(kBlock)
 
 enum class Leaves { all, grown, others };  // where the ball of a point grows, and where none does
 
-template <class Neighbors, bool kSeeksOutliers>
+template <class Neighbors, bool kSeeksOutliers, bool kShares>
 __global__ void __launch_bounds__(kBlock)
     wide_fairing(const __grid_constant__ Tree tree, const __grid_constant__ Surroundings surroundings, Leaves leaves,
-                 Normals normals, AreaWeights areas, point::FairingRule rule, FairedPoints faired) {
+                 Normals normals, AreaWeights areas, point::FairingRule rule, const float* squared_level,
+                 FairedPoints faired) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   __shared__ typename Neighbors::Shared shared[kWarps];
@@ -68,8 +77,9 @@ __global__ void __launch_bounds__(kBlock)
   }
   const Neighbors neighbors(tree, surroundings, Index(at), valid, shared[threadIdx.x / kWarp]);
   const float4 p = tree.points[at];
-  const Vec moved = point::faired_point<kSeeksOutliers>(neighbors, rule, position_of(p), normals.at(at), normals, areas,
-                                                        Scalars{surroundings.radii.squared_radius});
+  const Vec moved = point::faired_point<kSeeksOutliers, kShares>(neighbors, rule, squared_level_at(squared_level, at),
+                                                                 position_of(p), normals.at(at), normals, areas,
+                                                                 Scalars{surroundings.radii.squared_radius});
   store_faired(faired, at, p, valid, moved);
 }
 
@@ -97,8 +107,13 @@ void survey(Context& context, const Tree& tree, Surroundings surroundings, const
   check(cudaGetLastError(), "looking at neighbourhoods");
 }
 
-void measure_radii(Context& context, const Tree& tree, Lists nearest, float squared_base, float* squared_radius) {
-  radii<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, nearest, squared_base, squared_radius);
+void measure_levels(Context& context, const Tree& tree, point::NoiseField field, float* squared_level) {
+  levels<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, field, squared_level);
+  check(cudaGetLastError(), "measuring levels of noise");
+}
+
+void measure_radii(Context& context, const Tree& tree, Lists nearest, const point::Radii& of, float* squared_radius) {
+  radii<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, nearest, of, squared_radius);
   check(cudaGetLastError(), "measuring radii");
 }
 
@@ -123,12 +138,15 @@ void filter_normals(Context& context, const Tree& tree, Surroundings surrounding
 }
 
 void fair_widely(Context& context, const Tree& tree, Surroundings surroundings, Normals normals, AreaWeights areas,
-                 const point::FairingRule& rule, FairedPoints faired) {
+                 const point::FairingRule& rule, const float* squared_level, FairedPoints faired) {
   const auto launch = [&]<class Neighbors>(By<Neighbors>, Leaves leaves) {
+    const bool shares = rule.noise_variance > 0;
     const auto fair_points =
-        rule.squared_outlier_distance > 0 ? wide_fairing<Neighbors, true> : wide_fairing<Neighbors, false>;
+        rule.squared_outlier_distance > 0
+            ? (shares ? wide_fairing<Neighbors, true, true> : wide_fairing<Neighbors, true, false>)
+            : (shares ? wide_fairing<Neighbors, false, true> : wide_fairing<Neighbors, false, false>);
     fair_points<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, surroundings, leaves, normals,
-                                                                                  areas, rule, faired);
+                                                                                  areas, rule, squared_level, faired);
   };
   if (surroundings.collected.parts != nullptr && surroundings.radii.squared_growth != nullptr) {
     launch(By<CollectedRadius>{}, Leaves::others);

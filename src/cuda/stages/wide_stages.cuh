@@ -7,8 +7,12 @@
 
 namespace pointfair::cuda {
 
-// R_i^2 from lists of the `min_neighbors` nearest, or as many as there are; lists.k is 0 for none.
-void measure_radii(Context& context, const Tree& tree, Lists nearest, float squared_base, float* squared_radius);
+// Squares of the field's levels, of each sorted point.
+void measure_levels(Context& context, const Tree& tree, point::NoiseField field, float* squared_level);
+
+// R_i^2 from lists of the `min_neighbors` nearest, or as many as there are; lists.k is 0 for none. What else it is made
+// of is in `of`.
+void measure_radii(Context& context, const Tree& tree, Lists nearest, const point::Radii& of, float* squared_radius);
 
 // Adds to state->too_few_neighbors and state->no_normal.
 void estimate_wide_normals(Context& context, const Tree& tree, CloudState* state, Surroundings surroundings,
@@ -28,8 +32,9 @@ void filter_normals(Context& context, const Tree& tree, Surroundings surrounding
 void survey(Context& context, const Tree& tree, Surroundings surroundings, const float* values, float* counts,
             float* least);
 
-// Collected neighbourhoods must be without growth; those of leaves where any grows are walked.
+// `squared_level`: of the noise at each sorted point; null: 1. Collected neighbourhoods must be without growth; those
+// of leaves where any grows are walked.
 void fair_widely(Context& context, const Tree& tree, Surroundings surroundings, Normals normals, AreaWeights areas,
-                 const point::FairingRule& rule, FairedPoints faired);
+                 const point::FairingRule& rule, const float* squared_level, FairedPoints faired);
 
 }  // namespace pointfair::cuda

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+// How backends read the levels of noise that settings carry.
+#pragma once
+
+#include <algorithm>
+
+#include "point/noise_field.h"
+#include "point/outliers.h"
+#include "seam/settings.hpp"
+
+namespace pointfair {
+
+// Of levels that outlive it; null: 1 everywhere.
+inline point::NoiseField field_of(const NoiseLevels* levels) {
+  if (levels == nullptr) return {};
+  return {levels->levels.data(), {levels->first.x, levels->first.y, levels->first.z}, levels->nodes_per_unit};
+}
+
+inline point::LimitRule limit_rule(const DisplacementLimits& limits) {
+  return {limits.farthest, limits.outlier_distance, limits.level_outlier_distance, limits.farthest_follows};
+}
+
+}  // namespace pointfair

@@ -1,0 +1,212 @@
+// SPDX-License-Identifier: Apache-2.0
+// The noise from place to place, and what follows it.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <functional>
+#include <limits>
+#include <numeric>
+#include <random>
+
+#include "estimate/node_grid.hpp"
+#include "estimate/noise_levels.hpp"
+#include "pipeline/pipeline_access.hpp"
+#include "point/noise_field.h"
+#include "pointfair/pointfair.hpp"
+#include "reference.h"
+#include "shapes.h"
+
+namespace pointfair {
+namespace {
+
+using shapes::Points;
+
+constexpr int kPoints = 20000;  // over the unit square: the spacing is 0.007
+constexpr double kSpacing = 0.0071;
+constexpr double kQuiet = 0.1 * kSpacing, kLoud = 0.6 * kSpacing;
+
+void one_after_the_other(std::size_t count, const std::function<void(std::size_t)>& body) {
+  for (std::size_t i = 0; i < count; ++i) body(i);
+}
+
+double sigma_at(double x) { return x < 0.5 ? kQuiet : kLoud; }
+
+// A plane whose right half is six times as noisy as the left.
+Points two_halves() {
+  Points points = shapes::plane(kPoints);
+  const Points unit = shapes::with_noise(Points(points.size()), 1);
+  for (std::size_t i = 0; i < points.size(); ++i) points[i].z += float(sigma_at(points[i].x) * unit[i].z);
+  return points;
+}
+
+struct Outcome {
+  Points points;
+  Report report;
+  reference::Settings settings;
+};
+Outcome run(const Points& points, const Params& params = {}) {
+  Pipeline pipeline(Device::cpu);
+  pipeline.load(points);
+  Outcome outcome{Points(points.size()), {}, {}};
+  pipeline.run(params, outcome.points);
+  outcome.report = pipeline.report();
+  outcome.settings = reference::settings_of(pipeline.report().params, PipelineAccess::followed_noise(pipeline));
+  return outcome;
+}
+double sigma_said(const Outcome& outcome, const Point& p) {
+  return outcome.report.params.noise.value * reference::noise_level(outcome.settings, p);
+}
+
+TEST(NoiseLevels, tell_the_noise_of_each_half_within_a_quarter) {
+  const Points points = two_halves();
+  const Outcome outcome = run(points);
+  std::size_t good = 0, looked_at = 0;
+  for (const Point& p : points) {
+    if (std::abs(p.x - 0.5) < 0.1) continue;  // the field is smooth
+    ++looked_at;
+    good += std::abs(std::log(sigma_said(outcome, p) / sigma_at(p.x))) < std::log(1.25);
+  }
+  EXPECT_GT(double(good), 0.9 * double(looked_at));
+}
+
+// The loud one would do where there is no shape that it flattens.
+TEST(NoiseLevels, let_a_run_leave_less_than_the_noise_of_one_half_or_one_between) {
+  const Points points = two_halves();
+  const auto left = [](const Points& of) {
+    double sum = 0;
+    for (const Point& p : of) sum += std::abs(p.z);
+    return sum / double(of.size());
+  };
+  const double followed = left(run(points).points);
+  for (const double sigma : {kQuiet, std::sqrt(kQuiet * kLoud)}) {
+    Params params;
+    params.radius = 2.5 * sigma;  // given lengths follow nothing
+    params.min_neighbors = 16;
+    params.similarity_sigma = 3 * sigma;
+    params.displacement_limit = 4 * sigma;
+    params.outlier_distance = 6 * kLoud;
+    params.relaxation = 1;
+    EXPECT_LT(followed, left(run(points, params).points)) << sigma;
+  }
+}
+
+TEST(NoiseLevels, of_the_same_noise_everywhere_are_next_to_one) {
+  const Points flat = shapes::with_noise(shapes::plane(kPoints), kQuiet);
+  const Points round = shapes::with_noise(shapes::sphere(kPoints), 0.3 * 0.025);
+  for (const Points& points : {flat, round}) {
+    const Outcome outcome = run(points);
+    for (const Point& p : points) ASSERT_NEAR(reference::noise_level(outcome.settings, p), 1, 0.15);
+  }
+}
+
+TEST(NoiseLevels, do_not_depend_on_the_order_of_the_points) {
+  const Points points = two_halves();
+  std::vector<std::size_t> order(points.size());
+  std::iota(order.begin(), order.end(), std::size_t(0));
+  std::shuffle(order.begin(), order.end(), std::mt19937(5));
+  Points shuffled;
+  for (const std::size_t i : order) shuffled.push_back(points[i]);
+  const Outcome a = run(points), b = run(shuffled);
+  ASSERT_TRUE(a.settings.levels && b.settings.levels);
+  EXPECT_EQ(a.settings.levels->levels, b.settings.levels->levels);
+  for (std::size_t i = 0; i < order.size(); ++i)
+    ASSERT_EQ(std::memcmp(&a.points[order[i]], &b.points[i], sizeof(Point)), 0) << i;
+}
+
+TEST(NoiseLevels, are_followed_by_what_is_automatic_only) {
+  const Points points = two_halves();
+  Params params;
+  params.similarity_sigma = 0.01;
+  params.displacement_limit = 0.02;
+  params.outlier_distance = 0.1;
+  const Outcome outcome = run(points, params);
+  EXPECT_TRUE(outcome.settings.levels);
+  EXPECT_FALSE(outcome.settings.similarity_follows);
+  EXPECT_FALSE(outcome.settings.farthest_follows);
+  EXPECT_EQ(outcome.settings.level_outlier_distance, 0);
+  params.radius = 0.03;
+  EXPECT_FALSE(run(points, params).settings.levels);
+}
+
+TEST(NoiseLevels, keep_to_a_noise_that_is_given) {
+  const Points points = two_halves();
+  Params params;
+  params.noise = 2 * run(points).report.params.noise.value;
+  const Outcome outcome = run(points, params);
+  EXPECT_NEAR(sigma_said(outcome, {0.8f, 0.5f, 0}) / sigma_said(run(points), {0.8f, 0.5f, 0}), 2, 1e-6);
+}
+
+TEST(NoiseLevels, are_told_as_quantiles) {
+  Pipeline pipeline(Device::cpu);
+  pipeline.load(two_halves());
+  const auto [quiet, typical, loud] = pipeline.estimates().noise_quantiles;
+  EXPECT_NEAR(quiet, kQuiet, 0.25 * kQuiet);
+  EXPECT_NEAR(loud, kLoud, 0.25 * kLoud);
+  EXPECT_GE(typical, quiet);
+  EXPECT_LE(typical, loud);
+}
+
+// Heights of a fifth of the spacing, in waves of six spacings, which hardly a neighbourhood can follow.
+TEST(NoiseLevels, without_noise_hardly_a_point_moves) {
+  Points points = shapes::plane(kPoints);
+  for (Point& p : points) p.z = float(0.2 * kSpacing * std::sin(p.x / kSpacing) * std::sin(p.y / kSpacing));
+  const Outcome outcome = run(points);
+  double moved = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) moved += std::abs(double(outcome.points[i].z) - points[i].z);
+  EXPECT_LT(moved / double(points.size()), 0.0002 * kSpacing);
+}
+
+// Against the reference's own interpolation, at nodes, between them, outside and nowhere.
+TEST(NoiseField, is_trilinear_and_beyond_its_border_as_on_it) {
+  NoiseLevels levels;
+  shapes::Random random(3);
+  const std::size_t nodes = point::kFieldNodes;
+  for (std::size_t i = 0; i < nodes * nodes * nodes; ++i) levels.levels.push_back(float(random.uniform(0.2, 4)));
+  levels.first = {-1, 2, 3};
+  levels.nodes_per_unit = 4;
+  reference::Settings settings;
+  settings.levels = std::make_shared<const NoiseLevels>(levels);
+  const point::NoiseField field{levels.levels.data(), {-1, 2, 3}, 4};
+  for (int i = 0; i < 2000; ++i) {
+    const Point p{float(random.uniform(-3, 9)), float(random.uniform(0, 12)), float(random.uniform(1, 13))};
+    ASSERT_NEAR(point::noise_level(field, {p.x, p.y, p.z}), reference::noise_level(settings, p), 1e-4);
+  }
+  EXPECT_EQ(point::noise_level(field, {-1, 2, 3}), levels.levels[0]);
+  EXPECT_EQ(point::noise_level(field, {-0.75f, 2, 3}), levels.levels[1]);
+  EXPECT_EQ(point::noise_level(field, {-1, 2.25f, 3}), levels.levels[nodes]);
+  const float nan = std::numeric_limits<float>::quiet_NaN(), far = std::numeric_limits<float>::infinity();
+  EXPECT_EQ(point::noise_level(field, {nan, nan, nan}), levels.levels[0]);
+  EXPECT_EQ(point::noise_level(field, {far, far, far}), levels.levels.back());
+  EXPECT_EQ(point::noise_level({}, {1, 2, 3}), 1);
+}
+
+TEST(NoiseField, of_one_value_has_it_everywhere) {
+  const Points places = shapes::sphere(300);
+  const NoiseLevels levels =
+      levels_between(places, std::vector<double>(places.size(), std::log(2.5)), one_after_the_other);
+  for (const float level : levels.levels) ASSERT_NEAR(level, 2.5, 1e-5);
+}
+
+TEST(NoiseField, passes_near_the_values_that_it_lies_between) {
+  const Points places = shapes::plane(2000);
+  std::vector<double> logs;
+  for (const Point& p : places) logs.push_back(std::sin(3 * double(p.x)) * double(p.y));
+  reference::Settings settings;
+  settings.levels = std::make_shared<const NoiseLevels>(levels_between(places, logs, one_after_the_other));
+  for (std::size_t i = 0; i < places.size(); ++i)
+    ASSERT_NEAR(std::log(reference::noise_level(settings, places[i])), logs[i], 0.12) << i;
+}
+
+TEST(NoiseShare, is_all_of_noise_and_little_of_shape) {
+  EXPECT_EQ(point::noise_share(1.0f, 1.0f, 1.0f, 1.2f), 1);
+  EXPECT_EQ(point::noise_share(1.3f, 1.0f, 1.0f, 1.2f), 1);
+  EXPECT_NEAR(point::noise_share(11.3f, 1.0f, 1.0f, 0.4f), 0.2, 1e-6);
+  EXPECT_NEAR(point::noise_share(10.4f, 1.0f, point::kNoiseLeft, 0.4f), 0.2, 1e-6);
+  EXPECT_EQ(point::noise_share(1.0f, 0.0f, 1.0f, 0.4f), 0);
+  EXPECT_EQ(point::noise_share(0.0f, 0.0f, 1.0f, 0.4f), 0);
+}
+
+}  // namespace
+}  // namespace pointfair
