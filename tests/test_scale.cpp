@@ -193,5 +193,29 @@ TEST(Scale, the_origin_is_that_of_the_whole_file_where_the_guess_is_another) {
   EXPECT_TRUE(fs::exists(folder / "work/origin"));
 }
 
+// As it would otherwise be tried again with ever smaller parts of the tile.
+TEST(Scale, a_place_with_more_points_than_fit_is_an_error_that_names_one_of_them) {
+  const Folder folder;
+  Cloud cloud;
+  cloud.points = random_points(1000, 8);
+  cloud.points.resize(400000, Point{0.25f, 0.5f, 0});
+  write(folder / "in.ply", cloud);
+  TiledJob job;
+  job.inputs = {folder / "in.ply"};
+  job.output = folder / "out.ply";
+  job.memory = std::uint64_t{64} << 20;
+  job.params.k = 8;
+  TiledRun::plan(job, folder / "work");
+  TiledRun run(folder / "work", Device::cpu);
+  try {
+    run.run_all();
+    FAIL() << "fitted";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::memory);
+    EXPECT_NE(std::string(error.what()).find("point "), std::string::npos) << error.what();
+  }
+  EXPECT_FALSE(fs::exists(folder / "out.ply"));
+}
+
 }  // namespace
 }  // namespace pointfair::scale

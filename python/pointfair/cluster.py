@@ -21,13 +21,11 @@ import os
 import shutil
 import subprocess
 import sys
-from typing import TYPE_CHECKING, Any, Mapping, Sequence
+from importlib import import_module
+from typing import Any, Mapping, Sequence
 
 from ._errors import Error
 from ._program import program_path
-
-if TYPE_CHECKING:
-    from distributed import Client
 
 
 
@@ -46,11 +44,11 @@ def _run(task: str, program: str, work: str, *words: str) -> str:
 
 def _copy(source: str, target: str) -> str:
     """A whole file from one store to another, under its name only when it is complete."""
-    import fsspec
-
-    with fsspec.open(source, "rb") as reader, fsspec.open(target + ".part" if "://" not in target else target, "wb") as writer:
+    fsspec: Any = import_module("fsspec")
+    remote = "://" in target
+    with fsspec.open(source, "rb") as reader, fsspec.open(target if remote else target + ".part", "wb") as writer:
         shutil.copyfileobj(reader, writer, 1 << 24)
-    if "://" not in target:
+    if not remote:
         os.replace(target + ".part", target)
     return target
 
@@ -63,12 +61,12 @@ def _allow_failures(dask_scheduler: Any = None) -> None:
 def _flags(parameters: Mapping[str, Any]) -> list[str]:
     words = []
     for name, value in parameters.items():
-        text = {True: "on", False: "off"}.get(value, value) if isinstance(value, bool) else value
-        words += ["--" + name.replace("_", "-"), str(text)]
+        text = ("on" if value else "off") if isinstance(value, bool) else str(value)
+        words += ["--" + name.replace("_", "-"), text]
     return words
 
 
-def denoise(client: Client, inputs: Sequence[str] | str, output: str | None = None, *, work: str,
+def denoise(client: Any, inputs: Sequence[str] | str, output: str | None = None, *, work: str,
             output_folder: str | None = None, memory: str = "4G", tiles: int = 1, threads: int = 0,
             device: str = "auto", resources: Mapping[str, float] | None = None, retries: int = 3,
             program: str | None = None, **parameters: Any) -> dict[str, Any]:
@@ -76,7 +74,7 @@ def denoise(client: Client, inputs: Sequence[str] | str, output: str | None = No
     the same job, they are not done again.
 
     Args:
-        client: a client of the cluster.
+        client: a distributed.Client of the cluster.
         inputs: files, which together are one cloud: paths that every worker sees, or addresses that fsspec knows.
         output: of one input, the file to write.
         work: a folder that every worker sees; it stays.
@@ -97,8 +95,7 @@ def denoise(client: Client, inputs: Sequence[str] | str, output: str | None = No
     Raises:
         Error: with the line that the program said.
     """
-    from distributed import wait
-
+    wait: Any = import_module("distributed").wait
     def absolute(name: str) -> str:
         return name if "://" in name else os.path.abspath(name)
 
@@ -145,8 +142,6 @@ def main(words: Sequence[str]) -> int:
     """`python -m pointfair.cluster SCHEDULER IN... --out OUT --work DIR [flags of pointfair tile plan]`"""
     import argparse
 
-    from distributed import Client
-
     parser = argparse.ArgumentParser(prog="python -m pointfair.cluster", description="Denoise on a Dask cluster.")
     parser.add_argument("scheduler", help="its address, tcp://host:8786")
     parser.add_argument("inputs", nargs="+")
@@ -160,7 +155,7 @@ def main(words: Sequence[str]) -> int:
     parser.add_argument("--retries", type=int, default=3)
     given, rest = parser.parse_known_args(words)
     parameters = dict(zip((flag.removeprefix("--").replace("-", "_") for flag in rest[::2]), rest[1::2]))
-    with Client(given.scheduler) as client:
+    with import_module("distributed").Client(given.scheduler) as client:
         try:
             report = denoise(client, given.inputs, given.out, work=given.work, output_folder=given.out_dir,
                              memory=given.memory, tiles=given.tiles, threads=given.threads, device=given.device,
