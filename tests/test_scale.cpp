@@ -205,6 +205,8 @@ TEST(Scale, a_place_with_more_points_than_fit_is_an_error_that_names_one_of_them
   job.output = folder / "out.ply";
   job.memory = std::uint64_t{64} << 20;
   job.params.k = 8;
+  job.params.normal_sigma = job.params.closeness_sigma = job.params.similarity_sigma = 0.1;
+  job.params.outliers = Outliers::off;
   TiledRun::plan(job, folder / "work");
   TiledRun run(folder / "work", Device::cpu);
   try {

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <limits>
 #include <map>
 #include <type_traits>
@@ -43,9 +44,9 @@ class StoredSampling final : public Sampling {
     std::map<std::size_t, std::vector<std::size_t>> of_leaf;
     for (std::size_t q = 0; q < queries.size(); ++q) of_leaf[leaf_near(queries_[queries[q]])].push_back(q);
     for (auto& [leaf, asked] : of_leaf) {
-      Rows rows{std::move(asked), kNoBounds, reach_of_nearest(cloud_.bounds(), k, cloud_.leaves()[leaf])};
-      for (const std::size_t q : rows.asked) include(rows.bounds, queries_[queries[q]]);
-      while (!rows.asked.empty()) rows = sample(queries, k, rows, out);
+      std::deque<Rows> left{{std::move(asked), reach_of_nearest(cloud_.bounds(), k, cloud_.leaves()[leaf])}};
+      for (; !left.empty(); left.pop_front())
+        for (Rows& rows : sample(queries, k, left.front(), out)) left.push_back(std::move(rows));
     }
   }
   void for_each_on_host(std::size_t count, const std::function<void(std::size_t)>& body) override {
@@ -56,7 +57,6 @@ class StoredSampling final : public Sampling {
   // Rows of neighbourhoods that are not known yet.
   struct Rows {
     std::vector<std::size_t> asked;
-    Bounds bounds;  // of their queries
     double halo;
   };
 
@@ -88,13 +88,21 @@ class StoredSampling final : public Sampling {
     return leaf;
   }
 
-  // Fills the rows that are exact, and returns the others, to be sampled farther out.
-  Rows sample(std::span<const std::uint32_t> queries, int k, const Rows& rows, std::span<Point> out) {
-    const point::Region region = region_around(cloud_.bounds(), rows.bounds, rows.halo);
+  // Fills the rows that are exact, and returns the others, to be sampled farther out, or in halves where all together
+  // do not fit.
+  std::vector<Rows> sample(std::span<const std::uint32_t> queries, int k, const Rows& rows, std::span<Point> out) {
+    Bounds bounds = kNoBounds;
+    for (const std::size_t q : rows.asked) include(bounds, queries_[queries[q]]);
+    const point::Region region = region_around(cloud_.bounds(), bounds, rows.halo);
     std::vector<Point> loaded;
-    if (!cloud_.append(region, {}, most_, loaded))
-      throw Error(ErrorKind::memory,
-                  "what lies around the points that the noise is measured at does not fit; give more memory");
+    if (!cloud_.append(region, {}, most_, loaded)) {
+      if (rows.asked.size() == 1)
+        throw Error(ErrorKind::memory,
+                    "what lies around a point that the noise is measured at does not fit into "
+                    "--memory; give more");
+      const auto middle = rows.asked.begin() + std::ptrdiff_t(rows.asked.size() / 2);
+      return {{{rows.asked.begin(), middle}, rows.halo}, {{middle, rows.asked.end()}, rows.halo}};
+    }
     backend_.upload(loaded, IndexOrder::fastest);
     backend_.build_index(0, std::nullopt, {});
     std::vector<std::uint32_t> places;
@@ -105,7 +113,7 @@ class StoredSampling final : public Sampling {
     const std::size_t row_size = std::size_t(k) + 1;
     std::vector<Point> found(places.size() * row_size);
     backend_.sampling().sample_neighborhoods(places, k, found);
-    Rows left{{}, kNoBounds, 2 * rows.halo};
+    Rows left{{}, 2 * rows.halo};
     for (std::size_t r = 0; r < places.size(); ++r) {
       const Point* row = &found[r * row_size];
       const auto here = to_vec3(row[0]), last = to_vec3(row[k]);
@@ -116,10 +124,10 @@ class StoredSampling final : public Sampling {
         std::copy_n(row, row_size, &out[rows.asked[r] * row_size]);
       } else {
         left.asked.push_back(rows.asked[r]);
-        include(left.bounds, row[0]);
       }
     }
-    return left;
+    if (left.asked.empty()) return {};
+    return {std::move(left)};
   }
 
   static constexpr std::size_t kMostCandidates = 1 << 18;
