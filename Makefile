@@ -7,6 +7,11 @@ preset := $(if $(has_cuda),cuda,cpu)
 install := scripts/install_packages.sh
 jobs := $(shell nproc)
 PREFIX ?= /usr/local
+# every build of the targets below is faster the second time where there is ccache
+ifneq ($(shell command -v ccache),)
+export CMAKE_CXX_COMPILER_LAUNCHER ?= ccache
+export CMAKE_CUDA_COMPILER_LAUNCHER ?= ccache
+endif
 FUZZ_SECONDS ?= 60
 FUZZ_TARGETS = $(notdir $(wildcard build/fuzz/bin/fuzz_*))
 

@@ -18,7 +18,9 @@ import struct
 import sys
 from pathlib import Path
 
-from quality import bounding_radius, cgal_meshes, put, run, table
+from quality import run
+from quality_clouds import bounding_radius, cgal_meshes
+from quality_tables import put, table
 
 MESH_LEVELS = (0.1, 0.3, 0.5)  # % of the diagonal
 DENSITIES = (("even", ()), ("50:1", ("--uneven", 50)))

@@ -20,30 +20,24 @@ A quick look: bench/quality.py --seeds 1 --peers none --shapes cad dino
 Another setting: bench/quality.py --peers none --contender "sharper=--crease-angle 15"
 """
 import argparse
-import array
 import functools
 import hashlib
 import json
 import math
 import os
-import re
 import statistics
 import subprocess
 import sys
-import tarfile
 import time
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 
-SHAPE_LEVELS = (1, 2, 3)  # % of the bounding radius
-MESH_LEVELS = (0.1, 0.3, 0.5)  # % of the diagonal
-MESH_POINTS = 100_000
+from quality_clouds import cgal_meshes, mesh_cases, shape_cases
+from quality_tables import Row, put, tables
+
 EDGE_DEGREES = 40
 NORMAL_NEIGHBORS = 16
-TITLES = {"chamfer": "Chamfer distance x 1e-4", "squared": "Mean squared distance to the mesh x 1e-4",
-          "mean": "Mean distance, % of the diagonal", "edge": "Edge rms, % of the diagonal",
-          "normals": "Mean error of normals, degrees", "seconds": "Processor seconds on one thread, files included"}
 
 
 @dataclass(frozen=True)
@@ -87,58 +81,6 @@ def processor_seconds(command):
     if child.returncode != 0:
         sys.exit(f"stopped: exit code {child.returncode} of {' '.join(map(str, command))}")
     return usage.ru_utime + usage.ru_stime
-
-
-def bounding_radius(path):
-    """Largest distance to the centre of the bounding box; of a binary PLY whose vertices are three floats."""
-    data = path.read_bytes()
-    header, _, body = data.partition(b"end_header\n")
-    words = header.decode().split("\n")
-    count = next(int(line.split()[2]) for line in words if line.startswith("element vertex"))
-    if "format binary_little_endian 1.0" not in words:
-        sys.exit(f"{path}: not a binary little-endian PLY")
-    values = array.array("f", body[:12 * count])
-    axes = [values[axis::3] for axis in range(3)]
-    centre = [(min(axis) + max(axis)) / 2 for axis in axes]
-    return math.sqrt(max(sum((v - c) ** 2 for v, c in zip(point, centre)) for point in zip(*axes)))
-
-
-@dataclass(frozen=True)
-class Case:
-    """A noisy cloud and its truth."""
-
-    column: str  # that its results are averaged in
-    name: str
-    source: Path  # to sample or to add noise to
-    seed: int
-    flags: tuple  # of `pointfair noise`
-    mesh: Path
-    clean: Path | None  # a cloud, for the Chamfer distance
-    radius: float = 1.0
-
-
-def shape_cases(data, names, counts, seeds):
-    meshes = sorted((data / "punet_train").glob("*_mesh.ply"))
-    for mesh in meshes:
-        name = mesh.name.removesuffix("_mesh.ply")
-        if names and name not in names:
-            continue
-        for count in counts:
-            clean = mesh.with_name(f"{name}_{count}.ply")
-            radius = bounding_radius(clean)
-            for level in SHAPE_LEVELS:
-                for seed in range(1, seeds + 1):
-                    yield Case(f"{count // 1000}K {level} %", f"{name}_{count}_{level}_{seed}", clean, seed,
-                               ("--sigma", repr(level / 100 * radius), "--seed", seed), mesh, clean, radius)
-
-
-def mesh_cases(meshes, seeds):
-    for mesh in meshes:
-        for density, flags in (("even", ()), ("50:1", ("--uneven", 50))):
-            for level in MESH_LEVELS:
-                for seed in range(1, seeds + 1):
-                    yield Case(f"{mesh.stem} {density} {level} %", f"{mesh.stem}_{density.replace(':', '_')}_{level}_{seed}",
-                               mesh, seed, ("--points", MESH_POINTS, "--sigma", f"{level}%", "--seed", seed, *flags), mesh, None)
 
 
 def digest(*parts):
@@ -259,86 +201,6 @@ class Bench:
         return averages
 
 
-class Row:
-    """A line of each table."""
-
-    def __init__(self, contender):
-        self.contender, self.cells, self.seeds = contender, {}, []
-
-    def seeds_text(self):
-        return "-".join(map(str, sorted({min(self.seeds), max(self.seeds)})))
-
-
-def table(header, rows):
-    return "\n".join("| " + " | ".join(row) + " |" for row in [header, ["---"] * len(header), *rows]) + "\n"
-
-
-def cell_text(figure, value):
-    return "" if value is None else f"{value:.2g}" if figure == "seconds" else f"{value:.3g}"
-
-
-def best_peers(rows):
-    """{(figure, column): the best of all peers}, times left out."""
-    best = {}
-    for row in rows:
-        if row.contender.is_peer:
-            for cell, value in row.cells.items():
-                if cell[0] != "seconds":
-                    best[cell] = min(value, best.get(cell, math.inf))
-    return best
-
-
-def figure_table(rows, figure, columns):
-    """Markdown; what the default run of pointfair loses to the best of the peers is bold."""
-    best, lines = best_peers(rows), []
-    for row in rows:
-        if not any((figure, column) in row.cells for column in columns):
-            continue
-        line = []
-        for column in columns:
-            value = row.cells.get((figure, column))
-            text = cell_text(figure, value)
-            is_lost = row.contender.name == "pointfair" and value is not None and value > best.get((figure, column), math.inf)
-            line.append(f"**{text}**" if is_lost else text)
-        lines.append([row.contender.name, row.seeds_text(), *line])
-    return table(["", "seeds", *columns], lines)
-
-
-def verdict(rows, figures):
-    """Which cells the default run of pointfair loses to CGAL's bilateral filter, and to the best of all peers; only cells
-    for which the whole sweep is known count."""
-    ours = next(row for row in rows if row.contender.name == "pointfair")
-    swept = [row for row in rows if row.contender.is_peer and len(row.contender.settings) > 1]
-    bilateral = [row for row in swept if row.contender.program == "cgal_bilateral"]
-    text = []
-    for name, peers in (("CGAL's bilateral filter at its best", bilateral),
-                        ("the best of " + ", ".join(row.contender.name.split(",")[0] for row in swept), swept)):
-        best = best_peers(peers)
-        compared = [cell for cell in ours.cells if cell[0] in figures and best and all(cell in row.cells for row in peers)]
-        if compared:
-            lost = [f"{TITLES[figure].split(',')[0].lower()} {column} ({100 * (ours.cells[figure, column] / best[figure, column] - 1):+.1f} %)"
-                    for figure, column in compared if ours.cells[figure, column] > best[figure, column]]
-            text.append(f"Against {name}, of {len(compared)} cells pointfair loses "
-                        + (f"{len(lost)}: {'; '.join(lost)}." if lost else "none."))
-    return "\n".join(text) + "\n"
-
-
-def cgal_meshes(folder):
-    """Unpacks the Armadillo and the fandisk from where dpkg put CGAL's demo data."""
-    names = ("armadillo.off", "fandisk.off")
-    if not all((folder / name).exists() for name in names):
-        try:
-            listed = subprocess.run(["dpkg", "-L", "libcgal-demo"], capture_output=True, text=True, check=True).stdout
-            archive = next(path for path in listed.split() if path.endswith("data.tar.gz"))
-        except (OSError, subprocess.CalledProcessError, StopIteration):
-            sys.exit("no meshes: apt-get install libcgal-demo, or give --meshes FILE...")
-        with tarfile.open(archive) as files:
-            for member in files:
-                if (name := member.name.rsplit("/", 1)[-1]) in names:
-                    (folder / name).write_bytes(files.extractfile(member).read())
-    return [folder / name for name in names]
-
-
 def parse_options():
     root = Path(__file__).resolve().parent.parent
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -383,26 +245,6 @@ def processor():
         if line.startswith("model name"):
             return line.split(":", 1)[1].strip()
     return "unknown processor"
-
-
-def tables(rows, figures, columns):
-    """Markdown of one set of cases."""
-    primary = [figure for figure in figures if figure not in ("normals", "seconds")]
-    parts = [f"{TITLES[figure]}:\n\n{figure_table(rows, figure, columns)}" for figure in figures]
-    return "\n".join([verdict(rows, primary), *parts])
-
-
-def put(page, name, text):
-    """Between the marks of the page, if one is given and has them, else on standard output."""
-    block = f"<!-- quality {name} -->\n{text}<!-- end -->"
-    if page is None:
-        print(text, flush=True)
-        return
-    old = page.read_text()
-    new, count = re.subn(rf"<!-- quality {re.escape(name)} -->\n.*?<!-- end -->", lambda _: block, old, flags=re.S)
-    if count == 0:
-        sys.exit(f"{page}: no mark <!-- quality {name} -->")
-    page.write_text(new)
 
 
 def main():

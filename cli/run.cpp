@@ -11,6 +11,7 @@
 
 #include "arguments.hpp"
 #include "output.hpp"
+#include "point_noise.hpp"
 #include "pointfair/pointfair.hpp"
 #include "progress.hpp"
 #include "report.hpp"
@@ -22,7 +23,7 @@ namespace pointfair::cli {
 namespace {
 
 struct RunArguments {
-  std::string input, output, report, progress = "auto", normals = "keep";
+  std::string input, output, report, progress = "auto", normals = "keep", write_noise;
   std::vector<std::string> more;  // inputs, with an output folder
   TiledArguments tiled;
   std::optional<double> las_scale;
@@ -36,6 +37,7 @@ struct RunArguments {
 // What is said about a run beside the library's own report.
 struct Findings {
   double spacing = 0, noise = 0;  // of the input
+  std::string noise_attribute;    // that the noise comes from; empty: it is estimated
   std::array<double, 3> noise_quantiles{};
   double step = 0;            // between the coordinates written, where these are integers
   std::uint64_t ignored = 0;  // finite points left out by --ignore
@@ -96,13 +98,19 @@ Json unmoved_json(const UnmovedCounts& unmoved, const Findings& findings) {
           {"ignored", findings.ignored},      {"held", findings.held}};
 }
 
+Json noise_json(const Findings& findings) {
+  Json json{{"before", findings.noise}, {"quantiles", findings.noise_quantiles}};
+  if (!findings.noise_attribute.empty()) json["attribute"] = findings.noise_attribute;
+  return json;
+}
+
 Json run_json(const Report& report, const Findings& findings) {
   return {{"version", version()},
           {"device", device_json(report.device)},
           {"points", report.points},
           {"params", params_json(report.params)},
           {"spacing", findings.spacing},
-          {"noise", {{"before", findings.noise}, {"quantiles", findings.noise_quantiles}}},
+          {"noise", noise_json(findings)},
           {"rounding", {{"step", findings.step}, {"rms", kRoundingRms * findings.step}}},
           {"unmoved", unmoved_json(without(report.unmoved, findings.ignored), findings)},
           {"short_neighborhoods", report.short_neighborhoods},
@@ -147,8 +155,10 @@ void print_summary(const RunArguments& arguments, const Report& report, const Fi
   if (findings.held > 0) fmt::print(stderr, "the limits kept {} points as they were\n", findings.held);
   if (report.tiles > 1)
     fmt::print(stderr, "computed in {} tiles, since the cloud does not fit into the device's memory\n", report.tiles);
-  fmt::print(stderr, "noise of the input {:.4g} (estimated), points moved {:.4g} on average, {:.4g} at most\n",
-             findings.noise, findings.displacement.mean, findings.displacement.max);
+  const std::string& attribute = findings.noise_attribute;
+  fmt::print(stderr, "noise of the input {:.4g} ({}), points moved {:.4g} on average, {:.4g} at most\n", findings.noise,
+             attribute.empty() ? "estimated" : fmt::format("median of '{}'", attribute), findings.displacement.mean,
+             findings.displacement.max);
   if (findings.step > 0)
     fmt::print(stderr, "coordinates are stored in steps of {:.4g}: rounding adds {:.2g} on each axis\n", findings.step,
                kRoundingRms * findings.step);
@@ -241,6 +251,7 @@ void check_tiled(const RunArguments& arguments, const Limits& limits) {
     if (!limit_text(limits, name).empty() && !(name == "strength" && limits.strength == 1))
       refuse(fmt::format("--{}", name));
   if (arguments.normals != "keep") refuse("--normals " + arguments.normals);
+  if (!arguments.write_noise.empty()) refuse("--write-noise");
 }
 
 void run_tiled(const RunArguments& arguments, const Params& params, const Limits& limits, std::stop_token stop) {
@@ -271,33 +282,44 @@ void run_tiled(const RunArguments& arguments, const Params& params, const Limits
                {arguments.report, arguments.progress, arguments.quiet}, stop);
 }
 
-void run(const RunArguments& arguments, std::stop_token stop) {
+void run(RunArguments arguments, std::stop_token stop) {
+  Findings findings;
+  findings.noise_attribute = take_noise_attribute(arguments.params);
   const Params params = make_params(arguments.params, {});
   const Limits limits = make_limits(arguments.limits);
   const Device device = make_device(arguments.device);
   if (arguments.tiled.out_dir.empty() && !arguments.more.empty())
     throw Error(ErrorKind::usage, "several inputs need a folder for their results; give --out-dir");
   if (arguments.tiled.out_dir.empty() && arguments.output.empty()) throw Error(ErrorKind::usage, "OUT is required");
-  if (needs_tiles(arguments, params)) return run_tiled(arguments, params, limits, stop);
+  if (needs_tiles(arguments, params)) {
+    if (!findings.noise_attribute.empty())
+      throw Error(ErrorKind::usage,
+                  "--noise " + findings.noise_attribute +
+                      ": the noise of each point cannot be read by a run in tiles on disk; give a length");
+    return run_tiled(arguments, params, limits, stop);
+  }
   check_paths(arguments);
   const WriteOptions write_options = write_options_of(arguments);
   Pipeline pipeline(device);
-  Findings findings;
   {
     Progress progress(arguments.quiet ? "none" : arguments.progress);
     progress.show(0, "reading");
     const Cloud cloud = read_input(arguments);
     check_normals(arguments, cloud);
+    if (!arguments.write_noise.empty()) check_noise_attribute(cloud, arguments.write_noise, write_options);
     const std::vector<std::uint8_t> movable = movable_points(limits, cloud);
     if (limits.ignore.empty()) {
       pipeline.load(cloud);
     } else {
       pipeline.load(without_ignored(limits, cloud));
     }
+    if (!findings.noise_attribute.empty())
+      use_noise_attribute(cloud, findings.noise_attribute, arguments.input, pipeline);
     Cloud denoised =
         pipeline.run(params, stop, [&](double share, std::string_view stage) { progress.show(share, stage); });
     apply_limits(limits, movable, cloud.points, denoised.points);
     if (arguments.normals != "keep") give_normals(pipeline, movable, stop, denoised);
+    if (!arguments.write_noise.empty()) write_noise_attribute(pipeline, params, arguments.write_noise, stop, denoised);
     progress.show(1, "writing");
     write(arguments.output, denoised, write_options);
     if (!arguments.quiet || !arguments.report.empty()) {
@@ -328,6 +350,11 @@ Verb add_run(CLI::App& app) {
       ->type_name("STEP");
   add_choice(command, "--normals", arguments->normals, {"keep", "update", "write"},
              "keep: those in the file stay; update: they follow the points; write: also where the file has none");
+  command
+      .add_flag("--write-noise{noise}", arguments->write_noise,
+                "add the standard deviation of the noise at each point, as an attribute of this name; default: noise")
+      ->type_name("[=NAME]")
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
   command
       .add_option("--memory", arguments->tiled.memory,
                   "use no more than this; a cloud that does not fit is computed in tiles on disk, with the same bits")

@@ -101,7 +101,7 @@ inline std::vector<Point> uneven_sphere(int count, double ratio) {
   return points;
 }
 
-// What the default run does to balls, over lists too.
+// What the default run does to radii, over lists too.
 inline StageSettings with_filter_and_both_planes(StageSettings settings) {
   settings.normals.filter_rounds = 2;
   settings.normals.crease_angle = 25;

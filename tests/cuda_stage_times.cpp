@@ -11,7 +11,7 @@
 // With `host`: from a page-locked array of the host to another, through the public Pipeline, in random and in spatial
 // order, by load and run and by both at once, and cut into 4 pieces; `whole` is the median of load and run together,
 // the rest its report's medians.
-// With `cancel`: how long runs over balls of 19 spacings go on when they are stopped at a random moment, median and
+// With `cancel`: how long runs over radii of 19 spacings go on when they are stopped at a random moment, median and
 // worst of REPEAT.
 #include <algorithm>
 #include <chrono>
@@ -44,7 +44,7 @@ void in_parallel(std::size_t count, Body body) {
   for (std::thread& thread : threads) thread.join();
 }
 
-// A bumpy ball of diameter about 1 in random order, noise along the normal. `ratio`: density at one end of the z axis
+// A bumpy sphere of diameter about 1 in random order, noise along the normal. `ratio`: density at one end of the z axis
 // over that at the other.
 Points bumpy_ball(std::size_t count, double noise, double ratio) {
   Points points(count);

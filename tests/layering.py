@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Checks who includes whom (CONTRIBUTING.md) by reading the #include lines of the tree given as argument."""
+"""Checks who includes whom (CONTRIBUTING.md) by reading the #include and import lines of the tree given as argument."""
 import pathlib
 import re
 import sys
 
 root = pathlib.Path(sys.argv[1])
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]', re.M)
+MODULE = re.compile(r"^\s*from \.(\w+) import", re.M)
 CUDA = re.compile(r"__CUDA|__global__|__device__|__host__|__launch_bounds__|\bcuda[A-Z]\w*|cuda_runtime|cub/")
 SOURCE = {".cpp", ".hpp", ".h", ".cu", ".cuh"}
 
@@ -86,8 +87,27 @@ def violations(path):
         yield f"{relative} mentions CUDA's own names: {CUDA.search(text).group()}"
 
 
+def circle(imports):
+    """Names that import each other in a circle, of {name: those that it imports}; empty if there is none."""
+    left = dict(imports)
+    while free := [name for name, needed in left.items() if not needed & left.keys()]:
+        for name in free:
+            del left[name]
+    return sorted(left)
+
+
+def package_circle():
+    """Of the modules of python/pointfair; an import inside a function counts."""
+    modules = {path.stem: path for path in (root / "python/pointfair").glob("_*.py") if path.stem != "__init__"}
+    return circle({name: {other for other in MODULE.findall(path.read_text()) if other in modules}
+                   for name, path in modules.items()})
+
+
+assert circle({"a": {"b"}, "b": {"a"}, "c": {"a"}}) == ["a", "b", "c"] and circle({"a": {"b"}, "b": set()}) == []
 files = [f for folder in {r.split("/")[0] for r in RULES} for f in sorted((root / folder).rglob("*"))
          if f.suffix in SOURCE and "node_modules" not in f.parts]
 found = [line for f in files for line in violations(f)]
+if modules := package_circle():
+    found.append(f"python/pointfair: imports run in a circle through {', '.join(modules)}")
 print("\n".join(found) if found else f"{len(files)} files keep the include rules")
 sys.exit(1 if found else 0)

@@ -187,8 +187,8 @@ inline double outlier_distance(Point p, const Settings& s) {
   return std::max(s.outlier_distance, s.level_outlier_distance * noise_level(s, p));
 }
 
-// Off the surface: hardly a neighbour is near the point's plane, or, in a ball that is far wider than others, many are
-// not; or all of a ball's are near its rim.
+// Off the surface: hardly a neighbour is near the point's plane, or, in a neighbourhood that is far wider than others,
+// many are not; or all of a radius neighbourhood's are near its rim.
 inline bool is_outlier(const Points& points, std::size_t i, const List& list, Vec normal, const Settings& s) {
   const double most = outlier_distance(points[i], s), core = most * most;
   double near_plane = 0, near = 0;
@@ -203,7 +203,7 @@ inline bool is_outlier(const Points& points, std::size_t i, const List& list, Ve
 }
 
 // From the point to the mean of its neighbours, weighted by closeness in a list, by the sixth power of the inverse
-// radius of their own balls in a ball.
+// radius of their own neighbourhoods within a radius.
 inline Vec to_mean(const Points& points, std::size_t i, const List& list, const Settings& s) {
   const double closeness = closeness_sigma(points, i, s), here = s.k > 0 ? 0 : squared_radius(points, i, s);
   Vec moment;
@@ -224,7 +224,7 @@ struct Faired {
   Normal normal;  // zero gap: no normal
   std::size_t neighbors = 0;
   bool is_outlier = false;
-  bool grows_in_part = false;  // its ball, in some iteration, so that rounding decides on points at the rim
+  bool grows_in_part = false;  // its radius, in some iteration, so that rounding decides on points at the rim
   bool reads_part = false;     // of a neighbour in an iteration before
 };
 

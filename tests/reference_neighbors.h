@@ -36,10 +36,11 @@ struct Settings {
   bool constraint = false;
   double reach = 0;  // rho + delta
   double normal_sigma = 1, closeness_sigma = 1, similarity_sigma = 1;
-  bool normal_of_radius = false, closeness_of_radius = false;  // those sigmas are multiples of the ball's radius
+  bool normal_of_radius = false,
+       closeness_of_radius = false;  // those sigmas are multiples of the neighbourhood's radius
   int filter_rounds = 0;
   double crease_angle = 0, turn_angle = 0;  // degrees; a filter without one is a plain mean
-  double flat_scale = 1;                    // of balls in flat places, over their own
+  double flat_scale = 1;                    // of radii in flat places, over their own
   std::vector<float> squared_growth;        // of each point's squared radius; empty: none
   Method method = Method::bilateral;
   bool symmetric = false;
@@ -47,7 +48,7 @@ struct Settings {
   AreaWeight area_weight = AreaWeight::none;
   int iterations = 1;
   double outlier_distance = 0;  // 0: outliers are not looked for
-  double outlier_radius = 0;    // of balls
+  double outlier_radius = 0;    // of radius neighbourhoods
   bool pull_outliers = false, hold_back = false;
   double farthest = 0;
   // What follows the noise: levels at nodes, and the share of a step that it justifies.
@@ -186,7 +187,8 @@ inline float squared_base_at(Point p, const Settings& s) {
   return float(s.radius) * float(s.radius) * (level * level);
 }
 
-// The squared radius of a ball that does not grow: rounded as the library does, since it decides who is inside.
+// The squared radius of a neighbourhood that does not grow: rounded as the library does, since it decides who is
+// inside.
 inline float own_squared_radius(const Points& points, std::size_t i, const Settings& s) {
   const float squared_base = squared_base_at(points[i], s);
   if (s.min_neighbors == 0) return squared_base;
@@ -214,7 +216,8 @@ inline double share_of_position(const Points& points, std::uint32_t j) {
   return double(hash >> 40) / 16777216.0;
 }
 
-// Which points count in a ball too full (over 400 by the density at its centre): a share, by a hash of their position.
+// Which points count in a neighbourhood too full (over 400 by the density at its centre): a share, by a hash of their
+// position.
 inline bool counts_in_ball(const Points& points, std::uint32_t j, float squared_radius, float own, float squared_base,
                            int min_neighbors) {
   if (min_neighbors == 0 || own <= squared_base) return true;
@@ -222,8 +225,8 @@ inline bool counts_in_ball(const Points& points, std::uint32_t j, float squared_
   return holds <= 400 || share_of_position(points, j) < 400 / holds;
 }
 
-// All others within the ball, nearest first.
-inline List ball(const Points& points, std::size_t i, const Settings& s) {
+// All others within the radius, nearest first.
+inline List within_radius(const Points& points, std::size_t i, const Settings& s) {
   const float squared = squared_radius(points, i, s), own = own_squared_radius(points, i, s);
   List list = nearest(points, i, points.size());
   std::erase_if(list, [&](std::uint32_t j) {
@@ -236,7 +239,7 @@ inline List ball(const Points& points, std::size_t i, const Settings& s) {
 // N(v_i) without v_i itself.
 inline List neighborhood(const Points& points, std::size_t i, const Settings& s) {
   if (!is_valid(points[i])) return {};
-  if (s.k == 0) return ball(points, i, s);
+  if (s.k == 0) return within_radius(points, i, s);
   const std::size_t limit = s.k == 0 || s.constraint ? points.size() : std::size_t(s.k);
   List list = s.radius > 0 ? within(points, i, s.radius) : nearest(points, i, limit);
   if (s.constraint) return constrained(points, i, list, s.k, s.reach);

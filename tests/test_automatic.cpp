@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Balls that follow noise and shape (Eq. 18 of docs/how-it-works.md): the formula, and that it leaves less noise than
+// Radii that follow noise and shape (Eq. 18 of docs/how-it-works.md): the formula, and that it leaves less noise than
 // one width for all shapes.
 #include <gtest/gtest.h>
 
@@ -82,7 +82,7 @@ double off_plane(const Points& points) {
   return std::sqrt(sum / double(points.size()));
 }
 
-// With nothing set, and with balls of 2.5 sigma and the 16th neighbour whatever the shape.
+// With nothing set, and with radii of 2.5 sigma and the 16th neighbour whatever the shape.
 struct Left {
   double automatic, of_one_width;
 };
@@ -102,8 +102,8 @@ Left left(const Points& noisy, double (*off)(const Points&)) {
 TEST(Automatic, less_noise_is_left_than_by_balls_of_one_width_for_all_shapes) {
   const Left plane = left(shapes::with_noise(shapes::plane(10000), 0.02), off_plane);  // two spacings
   EXPECT_LT(plane.automatic, 0.85 * plane.of_one_width);
-  const Left ball = left(shapes::with_noise(shapes::sphere(4000), 0.18), off_sphere);  // a sixth of the radius
-  EXPECT_LT(ball.automatic, ball.of_one_width);
+  const Left round = left(shapes::with_noise(shapes::sphere(4000), 0.18), off_sphere);  // a sixth of the radius
+  EXPECT_LT(round.automatic, round.of_one_width);
 }
 
 }  // namespace

@@ -42,12 +42,12 @@ TEST_F(CudaBackendTest, a_stop_ends_kernels_that_run) {
 // Stopped after one of its stage calls and then asked for all: what kernels gave up is never used.
 TEST_F(CudaBackendTest, a_stopped_run_can_be_repeated) {
   const std::vector<Point> points = cut(noisy_sphere(30000, 18, 0.002));
-  Params balls, lists, constrained;
-  balls.radius = 0.3;
+  Params wide, lists, constrained;
+  wide.radius = 0.3;
   lists.k = 100;
   constrained.k = 20;
   constrained.constraint = true;
-  for (Params params : {balls, lists, constrained, Params{}}) {
+  for (Params params : {wide, lists, constrained, Params{}}) {
     params.iterations = 2;
     std::vector<Point> expected(points.size()), out(points.size());
     Pipeline fresh(Device::cuda), pipeline(Device::cuda);

@@ -167,7 +167,7 @@ TEST(Noise, tells_room_for_wide_neighbourhoods_from_none) {
   EXPECT_LT(measured_noise(strewn).bend, 1.15) << "outliers are no shape";
   EXPECT_LT(measured_noise(strewn).confined, 0.02) << "outliers are no shape";
   EXPECT_GT(measured_noise(shapes::with_noise(shapes::cube(2000), 0.02)).bend, 1.3);
-  // a ball of 4 noise sigmas: no neighbourhood of one side is wide
+  // a neighbourhood of 4 noise sigmas: no neighbourhood of one side is wide
   const Noise small = measured_noise(shapes::with_noise(shapes::sphere(4000), 0.25));
   EXPECT_GT(small.confined, 0.2);
 }

@@ -44,7 +44,7 @@ void expect_the_same_in_little_memory(Device::Kind kind, const std::function<std
   Pipeline tight = PipelineAccess::make(small(), {kind, "small", "test"}, small), ample(kind);
   Params params;
   for (int run = 0; run < 3; ++run) {
-    if (run == 0) {  // nothing set: balls
+    if (run == 0) {  // nothing set: radius neighbourhoods
       tight.load(points);
       ample.load(points);
     } else if (run == 1) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// With nothing set a run leaves no more than it found where noise is small against the shape that a ball cannot follow.
+// With nothing set a run leaves no more than it found where noise is small against the shape that a neighbourhood
+// cannot follow.
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -2,9 +2,12 @@
 // Neighbour lists of the CPU backend: exact set and order, against brute force and nanoflann, on every instruction set
 // that this processor has.
 #include <gtest/gtest.h>
+#include <pthread.h>
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <limits>
 #include <memory>
 #include <nanoflann.hpp>
 #include <string>
@@ -84,6 +87,23 @@ TEST(Neighbors, are_exact_for_every_k_on_a_noisy_surface) {
 
 TEST(Neighbors, are_exact_where_every_distance_ties) {
   for (const int k : kEveryK) expect_exact_lists(shapes::grid(9), k);
+}
+
+// Ties are ordered by the steps of a coarse grid, and within a step by the coordinates.
+TEST(Neighbors, are_exact_where_ties_share_a_step_or_lie_on_both_sides_of_zero) {
+  Points points = shapes::shifted(shapes::grid(9), {-4, -4, -4});
+  for (const int k : {8, 16, 27, 32, 64}) expect_exact_lists(points, k);
+  for (int i = 0; i < 200; ++i) {  // eighths of a step around one of the lattice's points
+    const double x = 2 + i % 5 / 1024.0, y = 2 + i / 5 % 5 / 1024.0, z = 2 + i / 25 / 1024.0;
+    points.push_back(shapes::make_point(x, y, z));
+  }
+  for (const int k : {8, 16, 32, 64}) expect_exact_lists(points, k);
+}
+
+TEST(Neighbors, are_exact_where_ties_and_distances_that_shortening_changes_meet) {
+  Points points = shapes::grid(8);
+  for (int i = 0; i < 300; ++i) points.push_back(shapes::make_point(i % 7 + 1e-6 * i, i / 7 % 7, 3 + 1e-5 * i));
+  for (const int k : {8, 16, 32, 64}) expect_exact_lists(points, k);
 }
 
 TEST(Neighbors, are_exact_where_distances_differ_in_their_last_bits) {
@@ -201,6 +221,42 @@ TEST(Neighbors, on_a_line_or_far_from_zero_or_at_tiny_scale_are_exact) {
   expect_exact_lists(shapes::scaled(shapes::waves(900), 1e-15f), 16);
   expect_exact_lists(shapes::scaled(shapes::waves(900), 1e15f), 16);
 }
+
+#if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+// Runs `body` on a thread with this much stack; beyond it the program ends.
+void run_on_stack_of(std::size_t bytes, std::function<void()> body) {
+  pthread_attr_t attributes;
+  ASSERT_EQ(pthread_attr_init(&attributes), 0);
+  ASSERT_EQ(pthread_attr_setstacksize(&attributes, bytes), 0);
+  const auto start = [](void* work) -> void* {
+    (*static_cast<std::function<void()>*>(work))();
+    return nullptr;
+  };
+  pthread_t thread;
+  ASSERT_EQ(pthread_create(&thread, &attributes, start, &body), 0);
+  pthread_join(thread, nullptr);
+  pthread_attr_destroy(&attributes);
+}
+
+// Packs of points from far apart are split again and again, each part with lists of its own.
+TEST(Neighbors, of_the_largest_k_take_less_than_256_KiB_of_stack) {
+  Points points = shapes::cube(40000);
+  for (int i = 0; i < 64; ++i) points.push_back(shapes::make_point(1e6 * (i % 4), 1e6 * (i / 4 % 4), 1e6 * (i / 16)));
+  for (const cpu::Kernels* kernels : available_kernels()) {
+    cpu::MemoryMeter meter;
+    cpu::SortSpace space(meter);
+    cpu::SpatialIndex index(meter);
+    index.build(points, {}, std::nullopt, space, *kernels, {});
+    const cpu::IndexView view = index.view();
+    constexpr int kMost = 512;
+    std::vector<Index> block(std::size_t(kMost) * cpu::kLeafSize);
+    run_on_stack_of(256 << 10, [&] {
+      for (Index leaf = view.leaves - 5; leaf < view.leaves; ++leaf)
+        kernels->nearest(view, leaf, kMost, std::numeric_limits<float>::max(), block.data());
+    });
+  }
+}
+#endif
 
 struct NanoflannPoints {
   const Points& points;

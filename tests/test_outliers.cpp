@@ -235,7 +235,7 @@ TEST(Outliers, are_not_the_points_of_a_rough_terrain) {
   EXPECT_LT(run(points, {}).report.unmoved.outliers, std::uint64_t(kCount / 100));
 }
 
-// Each has others nearer than the plane, so their balls hold hardly anything else and are wide.
+// Each has others nearer than the plane, so their neighbourhoods hold hardly anything else and are wide.
 TEST(Outliers, are_recognised_where_they_are_each_others_neighbours) {
   constexpr double kNoise = 0.007;
   Points points = shapes::with_noise(shapes::plane(20000), kNoise);

@@ -141,11 +141,11 @@ TEST(Tiles, has_the_bits_of_the_whole_over_balls) {
   settings.fairing.closeness_of_radius = settings.fairing.symmetric = true;
   settings.fairing.turn_angle = 40;
   settings.neighbors = {0, 0.02f, false, 0, 16};
-  expect_the_same_in_tiles(points, settings, "balls that follow the density");
+  expect_the_same_in_tiles(points, settings, "radii that follow the density");
   expect_the_same_in_tiles(shapes::with_invalid(shapes::uneven(20000, 50), 11), settings, "uneven, invalid points");
   settings.normals.flat_scale = 1.8f;
-  expect_the_same_in_tiles(points, settings, "balls that grow");
-  expect_the_same_in_tiles(shapes::with_noise(shapes::cube(20000), 0.002), settings, "balls that grow on flat faces");
+  expect_the_same_in_tiles(points, settings, "radii that grow");
+  expect_the_same_in_tiles(shapes::with_noise(shapes::cube(20000), 0.002), settings, "radii that grow on flat faces");
 }
 
 TEST(Tiles, has_the_bits_of_the_whole_where_lengths_follow_the_noise) {
@@ -169,7 +169,7 @@ TEST(Tiles, has_the_bits_of_the_whole_over_thinned_balls) {
   settings.fairing.closeness_sigma = 0.6f;
   settings.fairing.closeness_of_radius = settings.fairing.symmetric = true;
   settings.fairing.turn_angle = 40;
-  expect_the_same_in_tiles(cloud(60000), settings, "thinned balls", {{5, ~0ull, 0.3}});
+  expect_the_same_in_tiles(cloud(60000), settings, "thinned neighbourhoods", {{5, ~0ull, 0.3}});
 }
 
 TEST(Tiles, has_the_bits_of_the_whole_on_hard_clouds) {

@@ -3,96 +3,18 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
-#include <filesystem>
-#include <fstream>
 #include <future>
 #include <memory>
 #include <random>
-#include <set>
 #include <thread>
 
 #include "forwarding_backend.h"
 #include "pipeline/pipeline_access.hpp"
 #include "seam/backend.hpp"
-#include "shapes.h"
-#include "viewer_page.h"
+#include "viewer_seat.h"
 
 namespace pointfair::viewer {
 namespace {
-
-namespace fs = std::filesystem;
-using Points = std::vector<Point>;
-
-Points noisy(int count) { return shapes::with_noise(shapes::waves(count), 0.004); }
-
-Cloud cloud_of(Points points) {
-  Cloud cloud;
-  cloud.points = std::move(points);
-  return cloud;
-}
-
-Session::Options cpu_options() {
-  Session::Options options;
-  options.make_pipeline = [] { return Pipeline(Device::cpu); };
-  return options;
-}
-
-std::string run_text(int id, const Json& params, const Json& limits = Json::object()) {
-  return Json{{"type", "run"}, {"id", id}, {"params", params}, {"limits", limits}}.dump();
-}
-
-// A session with a page, and the normals that the page has.
-struct Seat {
-  Points points;
-  FakePage page;
-  Session session;
-
-  explicit Seat(Points its_points, Session::Options options = cpu_options())
-      : points(std::move(its_points)), session(std::move(options), page.send()) {
-    session.open(cloud_of(points), "scan.ply");
-    EXPECT_TRUE(session.greet());
-    page.wait_for("cloud");
-  }
-
-  void ask(std::string_view text) { EXPECT_TRUE(session.receive(text)); }
-  Decoded result(int id) { return page.wait_for("result", id); }
-
-  std::vector<std::int16_t> normals_until(int id) {
-    std::vector<std::int16_t> normals;
-    for (const Decoded& message : page.all()) {
-      if (!message.is("result")) continue;
-      for (const Json& row : message.head["arrays"])
-        if (row[0] == "motion_normals") normals = message.array<std::int16_t>("motion_normals");
-      if (message.head["id"] == id) break;
-    }
-    return normals;
-  }
-
-  // The largest error of what the page shows against the points expected, in spacings.
-  double error_of(int id, const Points& expected) {
-    const Decoded message = result(id);
-    const double spacing = double(page.wait_for("cloud").head["spacing"]);
-    const Points moved = displacements(message, normals_until(id), points.size());
-    double worst = 0;
-    for (std::size_t i = 0; i < points.size(); ++i) {
-      const double x = double{points[i].x} + moved[i].x - expected[i].x,
-                   y = double{points[i].y} + moved[i].y - expected[i].y,
-                   z = double{points[i].z} + moved[i].z - expected[i].z;
-      worst = std::max(worst, std::sqrt(x * x + y * y + z * z));
-    }
-    return worst / spacing;
-  }
-};
-
-Points fresh_run(const Points& points, const Json& params) {
-  Pipeline pipeline(Device::cpu);
-  pipeline.load(points);
-  Params wanted;
-  for (const auto& [name, text] : params.items()) set_param(wanted, *find_param(name), text.get<std::string>());
-  Points out(points.size());
-  pipeline.run(wanted, out);
-  return out;
-}
 
 TEST(ViewerSession, TheCloudArrivesInTheOrderOfThePage) {
   Seat seat(noisy(1000));
@@ -233,72 +155,6 @@ TEST(ViewerSession, EveryTaskThatIsTakenIsAnsweredAndTheOthersAreRefused) {
   EXPECT_EQ(answers, taken.size() + 1);
 }
 
-void expect_a_true_preview(Seat& seat, const Json& params) {
-  seat.ask(run_text(1, params));
-  const Decoded preview = seat.page.wait_for("preview", 1);
-  const Points expected = fresh_run(seat.points, params);
-  const Order order(seat.points.size());
-  const double spacing = seat.page.wait_for("cloud").head["spacing"];
-  const auto places = preview.array<std::uint32_t>("places");
-  const auto moved = preview.array<float>("displacements");
-  ASSERT_GT(places.size(), 500u);
-  std::size_t close = 0;
-  for (std::size_t p = 0; p < places.size(); ++p) {
-    const std::uint32_t i = order.index(places[p]);
-    const Point d{expected[i].x - seat.points[i].x, expected[i].y - seat.points[i].y, expected[i].z - seat.points[i].z};
-    close += std::hypot(d.x - moved[3 * p], d.y - moved[3 * p + 1], d.z - moved[3 * p + 2]) < 0.02 * spacing;
-  }
-  EXPECT_GT(double(close), 0.98 * double(places.size()));
-  seat.result(1);
-}
-
-// The page cuts the ball out of the cloud and puts these points in its place.
-TEST(ViewerSession, APreviewHoldsEveryPointOfItsBall) {
-  Seat seat(noisy(150000));
-  Json request = Json::parse(run_text(1, {{"k", "16"}, {"iterations", "2"}}));
-  request["focus"] = {seat.points[777].x, seat.points[777].y, seat.points[777].z};
-  seat.ask(request.dump());
-  seat.result(1);
-  const Order order(seat.points.size());
-  int previews = 0;
-  for (const Decoded& message : seat.page.all()) {
-    if (!message.is("preview")) continue;
-    ++previews;
-    const auto places = message.array<std::uint32_t>("places");
-    const std::set<std::uint32_t> held(places.begin(), places.end());
-    const double radius = message.head["radius"];
-    const Json& center = message.head["center"];
-    for (std::size_t i = 0; i < seat.points.size(); ++i) {
-      const double d = std::hypot(seat.points[i].x - double(center[0]), seat.points[i].y - double(center[1]),
-                                  seat.points[i].z - double(center[2]));
-      if (std::abs(d / radius - 1) > 1e-4) {
-        ASSERT_EQ(held.contains(order.place(i)), d < radius) << i;
-      }
-    }
-  }
-  EXPECT_GE(previews, 1);
-}
-
-TEST(ViewerSession, AHeldSliderEndsInTheStateOfItsLastPlace) {
-  Seat seat(noisy(150000));
-  Json params{{"k", "16"}, {"iterations", "2"}};
-  for (int id = 1; id <= 6; ++id) {
-    params["similarity_sigma"] = std::to_string(0.1 * id) + "s";
-    Json request = Json::parse(run_text(id, params));
-    request["held"] = true;
-    seat.ask(request.dump());
-    seat.page.wait([id](const Decoded& m) { return (m.is("preview") || m.is("result")) && m.head["id"] == id; });
-  }
-  EXPECT_LT(seat.error_of(6, fresh_run(seat.points, params)), 0.01);
-}
-
-TEST(ViewerSession, ASlowRunIsPreviewedByPointsThatGoWhereTheWholeRunSendsThem) {
-  for (const char* method : {"bilateral", "taubin"}) {
-    Seat seat(noisy(150000));
-    expect_a_true_preview(seat, {{"method", method}, {"k", "16"}, {"iterations", "2"}});
-  }
-}
-
 // Fails the fairing stage while told to.
 class FailingBackend : public ForwardingBackend {
  public:
@@ -353,116 +209,27 @@ TEST(ViewerSession, WhatIsWrongWithAMessageIsSaidInWords) {
   seat.result(1);
 }
 
-struct Folder {
-  fs::path path = fs::temp_directory_path() / ("pointfair-viewer-" + std::to_string(::getpid()));
-  Folder() { fs::create_directories(path); }
-  ~Folder() { fs::remove_all(path); }
-};
-
-std::string content(const fs::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
-
-TEST(ViewerSession, SavesWhatTheLibraryWrites) {
-  const Folder folder;
-  const Cloud cloud = cloud_of(noisy(2000));
-  Session::Options options = cpu_options();
-  options.save_folder = folder.path;
-  FakePage page;
-  Session session(options, page.send());
-  session.open(cloud, "scan.ply");
-  EXPECT_TRUE(session.receive(
-      R"({"type":"save","id":1,"output":"denoised.ply","params":{"k":"12"},"limits":{"strength":"0.5"}})"));
-  page.wait_for("saved", 1);
+// Oracle: a fresh pipeline.
+TEST(ViewerSession, TheNoiseAtEachPointComesInTheOrderOfThePage) {
+  Points points = noisy(3000);
+  points[10].x = std::numeric_limits<float>::quiet_NaN();
   Pipeline pipeline(Device::cpu);
-  pipeline.load(cloud);
-  Params params;
-  params.k = 12;
-  Cloud fair = pipeline.run(params);
-  Limits limits;
-  limits.strength = 0.5;
-  apply_limits(limits, cloud, fair);
-  write(folder.path / "expected.ply", fair);
-  EXPECT_EQ(content(folder.path / "denoised.ply"), content(folder.path / "expected.ply"));
-
-  EXPECT_TRUE(session.receive(R"({"type":"save","id":2,"output":"denoised.ply"})"));
-  EXPECT_NE(std::string(page.wait_for("error", 2).head["message"]).find("exists already"), std::string::npos);
-  EXPECT_TRUE(session.receive(R"({"type":"save","id":3,"output":"denoised.ply","overwrite":true})"));
-  page.wait_for("saved", 3);
-}
-
-TEST(ViewerSession, SavesNowhereElse) {
-  const Folder folder;
-  Session::Options options = cpu_options();
-  options.save_folder = folder.path / "inner";
-  fs::create_directories(options.save_folder);
-  fs::create_symlink(folder.path / "outside.ply", options.save_folder / "link.ply");
-  FakePage page;
-  Session session(options, page.send());
-  session.open(cloud_of(noisy(200)), "scan.ply");
-  int id = 0;
-  for (const char* name : {"../a.ply", "/tmp/pointfair-a.ply", "b/a.ply", ".a.ply", "-a.ply", "", "a", "a.exe", "..",
-                           "link.ply", "a\nb.ply", "a\\b.ply"}) {
-    EXPECT_TRUE(session.receive(Json{{"type", "save"}, {"id", ++id}, {"output", name}, {"overwrite", true}}.dump()));
-    page.wait_for("error", id);
+  pipeline.load(points);
+  std::vector<float> expected(points.size());
+  pipeline.noise(expected);
+  Seat seat(points);
+  seat.ask(run_text(1, {{"iterations", "2"}}));
+  seat.result(1);
+  seat.ask(R"({"type":"noise","id":2})");
+  const Decoded answer = seat.page.wait_for("colours", 2);
+  EXPECT_EQ(answer.head["name"], "noise");
+  const auto noise = answer.array<float>("noise");
+  const Order order(points.size());
+  ASSERT_EQ(noise.size(), points.size());
+  for (std::size_t place = 0; place < noise.size(); ++place) {
+    const float its = expected[order.index(place)];
+    ASSERT_TRUE(noise[place] == its || (std::isnan(noise[place]) && std::isnan(its))) << place;
   }
-  EXPECT_FALSE(fs::exists(folder.path / "a.ply"));
-  EXPECT_FALSE(fs::exists(folder.path / "outside.ply"));
-  EXPECT_EQ(std::distance(fs::directory_iterator(options.save_folder), {}), 1);
-}
-
-TEST(ViewerSession, LimitsHoldPointsStill) {
-  Seat seat(noisy(3000));
-  seat.ask(run_text(1, {{"k", "16"}, {"iterations", "1"}}, {{"box", "0,-10,-10,10,10,10"}}));
-  const Decoded result = seat.result(1);
-  const Points moved = displacements(result, seat.normals_until(1), seat.points.size());
-  int inside = 0;
-  for (std::size_t i = 0; i < moved.size(); ++i) {
-    const bool still = moved[i].x == 0 && moved[i].y == 0 && moved[i].z == 0;
-    EXPECT_TRUE(still || seat.points[i].x >= 0) << i;
-    inside += !still;
-  }
-  EXPECT_GT(inside, 100);
-}
-
-// Oracle: the library's own limits on a fresh pipeline, and the file that is saved.
-TEST(ViewerSession, IgnoredPointsComeAndGoWithTheirLimit) {
-  Cloud cloud = cloud_of(noisy(3000));
-  Attribute& classes = cloud.added.emplace_back();
-  classes.name = "classification";
-  classes.type = ScalarType::uint8;
-  for (std::size_t i = 0; i < cloud.points.size(); ++i) classes.data.push_back(std::byte{i % 4 == 0});
-  FakePage page;
-  Session session(cpu_options(), page.send());
-  session.open(cloud, "scan.ply");
-  EXPECT_TRUE(session.greet());
-  page.wait_for("cloud");
-  const Json params{{"k", "16"}, {"iterations", "2"}};  // two, so that whole displacements are sent
-  int id = 0;
-  for (const char* ignore : {"", "classification=1", "", "classification=0"}) {
-    const Json limits{{"ignore", ignore}};
-    EXPECT_TRUE(session.receive(run_text(++id, params, limits)));
-    const Decoded result = page.wait_for("result", id);
-    Limits same;
-    set_limit(same, "ignore", ignore);
-    Pipeline pipeline(Device::cpu);
-    pipeline.load(without_ignored(same, cloud));
-    Params as_set;
-    as_set.k = 16;
-    as_set.iterations = 2;
-    Cloud expected = pipeline.run(as_set);
-    apply_limits(same, cloud, expected);
-    double sum = 0;
-    for (std::size_t i = 0; i < cloud.points.size(); ++i)
-      sum += std::hypot(expected.points[i].x - cloud.points[i].x, expected.points[i].y - cloud.points[i].y,
-                        expected.points[i].z - cloud.points[i].z);
-    EXPECT_NEAR(result.head["moved"]["mean"].get<double>(), sum / static_cast<double>(cloud.points.size()), 1e-5)
-        << ignore;
-  }
-  EXPECT_TRUE(session.receive(run_text(++id, params, {{"where", "height=1"}})));
-  EXPECT_NE(page.wait_for("error", id).head["message"].get<std::string>().find("no attribute 'height'"),
-            std::string::npos);
 }
 
 TEST(ViewerSession, ALargeCloudIsShownInPart) {

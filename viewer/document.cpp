@@ -228,6 +228,14 @@ void Document::send_colours(const Json& id, const std::string& name) {
   }
 }
 
+void Document::send_noise(const Json& id, std::stop_token stop) {
+  if (!has_cloud_) return;
+  std::vector<float> of_points(cloud_.points.size()), of_places(facts_.shown);
+  pipeline_->noise(of_points, {}, stop);
+  for (std::size_t place = 0; place < of_places.size(); ++place) of_places[place] = of_points[order_.index(place)];
+  send_(pack({{"type", "colours"}, {"id", id}, {"name", "noise"}}, {make_array("noise", of_places)}));
+}
+
 void Document::send_cancelled(const Json& id, double milliseconds) {
   send_(pack({{"type", "cancelled"}, {"id", id}, {"ms", milliseconds}}));
 }

@@ -41,6 +41,10 @@ class Document {
   void save(const Request& request, bool overwrite, std::stop_token stop);
 
   void send_colours(const Json& id, const std::string& name);
+
+  /// Sends the noise at each point, as it was estimated of the cloud as loaded.
+  void send_noise(const Json& id, std::stop_token stop);
+
   void send_error(const Json& id, std::string_view words) { send_(pack(error_answer(id, words))); }
   void send_cancelled(const Json& id, double milliseconds);
 

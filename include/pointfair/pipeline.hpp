@@ -50,6 +50,14 @@ class POINTFAIR_EXPORT Pipeline {
   void load(const Cloud& cloud);
   void load(std::span<const Point> points);
 
+  /// Gives the standard deviation of the noise at each point of the loaded cloud, in file units and in upload order, in
+  /// place of the estimate; no values at all: the estimate again. Holds until the next load. The median is the noise of
+  /// a typical place. From place to place it is smooth: a grid of 32^3 nodes lies between the values at up to 32,768
+  /// points, from an eighth of the median to 8 times that. A value that is not positive and finite says nothing, and
+  /// its place takes the noise around it. Points at one place must have one value. Throws ErrorKind::usage unless there
+  /// is a value for each point, one of them positive. O(N) and 16 bytes a point.
+  void set_noise(std::span<const float> sigmas);
+
   /// Denoises the loaded cloud. Returns the moved points with the source's attributes, and with Outliers::mark also the
   /// attribute "outlier", 1 or 0 for each point. Throws ErrorKind::usage for contradicting parameters. The run after an
   /// interrupted one resumes where that one stopped. The same set of points and the same parameters give the same bits,
@@ -67,8 +75,8 @@ class POINTFAIR_EXPORT Pipeline {
   void run(std::span<const Point> points, const Params& params, std::span<Point> out, std::stop_token stop = {},
            const ProgressFunction& progress = {});
 
-  /// Bounds, spacing and noise of the loaded cloud. The first call after `load` measures them, and builds the index if
-  /// there is none. Valid until the next load.
+  /// Bounds, spacing and noise of the loaded cloud; the noise is that of set_noise() where there is one. The first call
+  /// after `load` measures them, and builds the index if there is none. Valid until the next load or set_noise.
   const Estimates& estimates(std::stop_token stop = {});
 
   /// `params` with every `auto` replaced by the value that a run would use in a typical place, and every length in file
@@ -90,6 +98,13 @@ class POINTFAIR_EXPORT Pipeline {
   /// `out` has as many elements as points were loaded. Throws ErrorKind::usage if the last run failed or if a cloud was
   /// loaded since. O(N); of a cloud in tiles as long as an iteration.
   void normals(std::span<Point> out, std::stop_token stop = {});
+
+  /// The standard deviation of the noise at each point of the loaded cloud, in file units and in upload order: its
+  /// level at that place, times params.noise or, where that is `auto`, times estimates().noise. NaN for an invalid
+  /// point. No other parameter is read. `out` has as many elements as points were loaded, else throws ErrorKind::usage.
+  /// O(N) and 12 bytes a point, besides what estimates() measures on its first call; the same bits on any device and in
+  /// tiles.
+  void noise(std::span<float> out, const Params& params = {}, std::stop_token stop = {});
 
  private:
   friend struct PipelineAccess;

@@ -30,6 +30,9 @@ template <class Scalar>
 using Input = nanobind::ndarray<const Scalar, nanobind::shape<-1, 3>, nanobind::c_contig, nanobind::device::cpu>;
 template <class Scalar>
 using Output = nanobind::ndarray<Scalar, nanobind::shape<-1, 3>, nanobind::c_contig, nanobind::device::cpu>;
+/// One number for each point.
+template <class Scalar>
+using Column = nanobind::ndarray<Scalar, nanobind::ndim<1>, nanobind::c_contig, nanobind::device::cpu>;
 using Mask = nanobind::ndarray<const std::uint8_t, nanobind::ndim<1>, nanobind::c_contig, nanobind::device::cpu>;
 
 template <class Array>

@@ -110,6 +110,15 @@ void normals(SharedPipeline& self, const Output<float>& out) {
   self.use([&](ArrayPipeline& arrays, const Watch& watch) { arrays.pipeline().normals(span, watch.stop); });
 }
 
+void noise(SharedPipeline& self, const Column<float>& out, const Params& params) {
+  self.use(
+      [&](ArrayPipeline& arrays, const Watch& watch) { arrays.pipeline().noise(span_of(out), params, watch.stop); });
+}
+
+void set_noise(SharedPipeline& self, const Column<const float>& sigmas) {
+  self.use([&](ArrayPipeline& arrays, const Watch&) { arrays.pipeline().set_noise(span_of(sigmas)); });
+}
+
 nb::ndarray<nb::numpy, bool, nb::ndim<1>> outliers(SharedPipeline& self) {
   const std::span<const std::uint8_t> found = self.arrays().pipeline().outliers();
   auto* const copy = new std::vector<std::uint8_t>(found.begin(), found.end());
@@ -179,6 +188,8 @@ void bind_pipelines(nb::module_& module) {
       .def("estimates", &estimates)
       .def("resolve", &resolve, nb::arg("params"))
       .def("normals", &normals, nb::arg("out").noconvert())
+      .def("noise", &noise, nb::arg("out").noconvert(), nb::arg("params"))
+      .def("set_noise", &set_noise, nb::arg("sigmas").noconvert())
       .def("outliers", &outliers)
       .def("report", [](SharedPipeline& self) { return as_tuple(self.arrays().pipeline().report()); })
       .def("device", [](SharedPipeline& self) { return as_tuple(self.arrays().pipeline().device()); })

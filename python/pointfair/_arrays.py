@@ -128,6 +128,19 @@ def as_mask(mask: Any, points: int) -> np.ndarray[Any, np.dtype[np.uint8]] | Non
     return np.ascontiguousarray(array).view(np.uint8)
 
 
+def as_sigmas(sigmas: Any, points: int) -> np.ndarray[Any, np.dtype[np.float32]]:
+    """One number for each point, as float32; no numbers for None."""
+    if sigmas is None:
+        return np.empty(0, np.float32)
+    array = as_numpy(sigmas, "sigmas")
+    if array.dtype.kind not in "fiu":
+        raise UsageError(f"sigmas has the type {array.dtype}: give numbers, a standard deviation for each point")
+    if array.shape != (points,):
+        raise UsageError(f"sigmas has the shape {array.shape}: give one number for each of the {points} points")
+    with np.errstate(over="ignore"):
+        return np.ascontiguousarray(array, np.float32)
+
+
 def as_box(box: Any) -> list[float] | None:
     """A box ((x, y, z), (x, y, z)), lower and upper corner, as six numbers."""
     if box is None:

@@ -10,9 +10,9 @@ from . import _native
 from ._arrays import Layout, Result, as_numpy, check_positions, rows
 from ._errors import DeviceError, UsageError
 from ._params import Params
-from ._pipeline import make_params
 from ._progress import Progress, progress_function
 from ._report import Report, report_of
+from ._runs import make_params
 from ._values import as_threads
 
 if TYPE_CHECKING:

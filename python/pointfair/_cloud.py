@@ -11,6 +11,8 @@ from . import _native
 from ._arrays import as_numpy, check_positions, rows
 from ._errors import UsageError
 from ._native import Cloud as NativeCloud
+from ._progress import Progress, progress_function
+from ._runs import borrowed, make_params, run_cloud
 from ._values import as_text, as_threads
 
 if TYPE_CHECKING:
@@ -106,16 +108,15 @@ class Cloud:
         found: NDArray[np.uint32] = self._native.triangles()
         return found
 
-    def denoise(self, params: Params | None = None, **arguments: Any) -> Cloud:
+    def denoise(self, params: Params | None = None, *, mask: Any = None, where: str | None = None,
+                ignore: str | None = None, strength: float = 1.0, box: Any = None, device: str = "auto",
+                threads: int = 0, progress: Progress = False, **parameters: Unpack[ParamArguments]) -> Cloud:
         """A copy with moved points, and with outliers="mark" the attribute "outlier". Arguments are those of
-        pointfair.denoise but return_report and out."""
-        from ._denoise import denoise
-
-        for name in ("return_report", "out"):
-            if name in arguments:
-                raise UsageError(f"{name} is no argument of Cloud.denoise: pass the cloud to pointfair.denoise")
-        result: Cloud = denoise(self, params, **arguments)
-        return result
+        pointfair.denoise, which has a report as well."""
+        chosen = make_params(params, parameters)
+        with borrowed(device, threads) as pipeline, progress_function(progress) as show:
+            return Cloud._of(run_cloud(pipeline, self._native, chosen, mask=mask, where=where, ignore=ignore,
+                                       strength=strength, box=box, show=show))
 
     def write(self, path: str | os.PathLike[str], *, format: str | None = None, encoding: str | None = None,
               overwrite: bool = False, threads: int = 0) -> None:

@@ -2,19 +2,18 @@
 """One call: arrays and clouds in, the same without noise out."""
 from __future__ import annotations
 
-import os
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
 
 import numpy as np
 
 from . import _native
-from ._arrays import Layout, Result, as_box, as_mask, as_numpy, as_selections, as_strength, check_positions, rows
+from ._arrays import Layout, Result, as_box, as_mask, as_numpy, as_strength, check_positions, rows
 from ._cloud import Cloud
 from ._errors import UsageError
 from ._params import Params
-from ._pipeline import make_params, native_pipeline
 from ._progress import Progress, progress_function
 from ._report import DeviceStatus, Estimates, Report, device_of, report_of
+from ._runs import borrowed, make_params, run_cloud
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -22,26 +21,6 @@ if TYPE_CHECKING:
     from ._params import ParamArguments
 
 Points = TypeVar("Points")
-
-# Pipelines of small clouds wait here for the next call, one for each device and number of threads: making one takes
-# longer than denoising a few points.
-_KEPT_POINTS = 100_000
-_idle: dict[tuple[str, int], list[_native.Pipeline]] = {}
-os.register_at_fork(after_in_child=_idle.clear)
-
-
-def _take(device: str, threads: int) -> _native.Pipeline:
-    try:
-        return _idle[device, threads].pop()
-    except (KeyError, IndexError, TypeError):
-        return native_pipeline(device, threads)
-
-
-def _give_back(pipeline: _native.Pipeline, device: str, threads: int) -> None:
-    if pipeline.points <= _KEPT_POINTS:
-        waiting = _idle.setdefault((device, threads), [])
-        if not waiting:
-            waiting.append(pipeline)
 
 
 @overload
@@ -99,29 +78,17 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
     if normals and not return_report:
         raise UsageError("normals=True needs return_report=True, since report.normals has them")
     strength, box = as_strength(strength), as_box(box)
-    pipeline = _take(device, threads)
-    try:
-        with progress_function(progress) as show:
-            if isinstance(points, Cloud):
-                pipeline.load_cloud(points._native, as_selections(ignore, "ignore"))
-                limits = (strength, box, as_mask(mask, len(points)), as_selections(where, "where"))
-                result = _denoise_cloud(pipeline, chosen, limits, out, show)
-            else:
-                if where is not None or ignore is not None:
-                    raise UsageError("where and ignore need a Cloud, whose attributes they name; mask takes booleans")
-                result = _denoise_array(pipeline, points, chosen, strength, box, mask, out, show)
-        if not return_report:
-            return result
-        return result, _full_report(pipeline, normals)
-    finally:
-        _give_back(pipeline, device, threads)
-
-
-def _denoise_cloud(pipeline: _native.Pipeline, params: Params, limits: tuple[float, Any, Any, str], out: Any,
-                   show: Any) -> Cloud:
-    if out is not None:
-        raise UsageError("out= takes arrays, and a Cloud was given: leave it out")
-    return Cloud._of(pipeline.run_cloud(params._native, *limits, show))
+    with borrowed(device, threads) as pipeline, progress_function(progress) as show:
+        if isinstance(points, Cloud):
+            if out is not None:
+                raise UsageError("out= takes arrays, and a Cloud was given: leave it out")
+            result: Any = Cloud._of(run_cloud(pipeline, points._native, chosen, mask=mask, where=where, ignore=ignore,
+                                              strength=strength, box=box, show=show))
+        else:
+            if where is not None or ignore is not None:
+                raise UsageError("where and ignore need a Cloud, whose attributes they name; mask takes booleans")
+            result = _denoise_array(pipeline, points, chosen, strength, box, mask, out, show)
+        return (result, _full_report(pipeline, normals)) if return_report else result
 
 
 def _denoise_array(pipeline: _native.Pipeline, points: Any, params: Params, strength: float, box: Any, mask: Any,
@@ -155,8 +122,7 @@ def estimate(points: Any, *, device: str = "auto", threads: int = 0) -> Estimate
         >>> estimate(grid).points
         2500
     """
-    pipeline = _take(device, threads)
-    try:
+    with borrowed(device, threads) as pipeline:
         if isinstance(points, Cloud):
             pipeline.load_cloud(points._native, "")
         else:
@@ -164,8 +130,6 @@ def estimate(points: Any, *, device: str = "auto", threads: int = 0) -> Estimate
             check_positions(array)
             pipeline.load(rows(array), False)
         return Estimates(*pipeline.estimates())
-    finally:
-        _give_back(pipeline, device, threads)
 
 
 def devices() -> list[DeviceStatus]:

@@ -6,43 +6,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import _native
-from ._arrays import Layout, Result, as_box, as_mask, as_numpy, as_selections, as_strength, check_positions, rows
+from ._arrays import Layout, Result, as_box, as_mask, as_numpy, as_selections, as_sigmas, as_strength, check_positions, rows
 from ._cloud import Cloud
 from ._errors import UsageError
 from ._params import Params
 from ._progress import Progress, progress_function
 from ._report import DeviceInfo, Estimates, Report, device_of, report_of
-from ._values import as_text, as_threads
+from ._runs import make_params, native_pipeline
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
     from typing_extensions import Unpack
 
     from ._params import ParamArguments
-
-_DEFAULT = Params()
-
-
-def make_params(params: Params | None, changes: Any) -> Params:
-    """`params`, or the defaults, with the changes."""
-    if params is None:
-        return Params(**_known(changes)) if changes else _DEFAULT
-    if not isinstance(params, Params):
-        raise UsageError(f"params is a {type(params).__name__}: give a pointfair.Params")
-    return params.replace(**_known(changes)) if changes else params
-
-
-def _known(changes: dict[str, Any]) -> dict[str, Any]:
-    for name in changes:
-        if name not in Params.__dataclass_fields__:
-            raise UsageError(f"there is no parameter '{name}': help(pointfair.Params) lists them")
-    return changes
-
-
-def native_pipeline(device: str, threads: int) -> _native.Pipeline:
-    """Raises UsageError for a device or a number of threads that cannot be."""
-    return _native.Pipeline(as_text(device, "device"), as_threads(threads))
 
 
 class Pipeline:
@@ -126,6 +102,31 @@ class Pipeline:
         out = np.empty((len(self), 3), np.float32)
         self._native.normals(out)
         return out
+
+    def noise(self, params: Params | None = None, **parameters: Unpack[ParamArguments]) -> NDArray[np.float32]:
+        """The standard deviation of the noise at each point of the loaded cloud, (N,), in its unit; NaN for an invalid
+        point. Of the parameters only `noise` is read: where it is given, it is the noise of a typical place. O(N)."""
+        out = np.empty(len(self), np.float32)
+        self._native.noise(out, make_params(params, parameters)._native)
+        return out
+
+    def set_noise(self, sigmas: Any) -> None:
+        """Gives the standard deviation of the noise at each point of the loaded cloud, (N,), in its unit, in place of
+        the estimate; None: the estimate again. Holds until the next load. The median is the noise of a typical place,
+        and from place to place it is smooth: a grid of 32 nodes along each axis lies between the values, from an eighth
+        of the median to 8 times that. A value that is not positive and finite says nothing, and its place takes the
+        noise around it.
+
+        Examples:
+            >>> rng = np.random.default_rng(1)
+            >>> plane = np.c_[rng.random((5000, 2)), rng.normal(0, 0.01, 5000)]
+            >>> pipeline = Pipeline("cpu")
+            >>> pipeline.load(plane)
+            >>> pipeline.set_noise(0.008 + 0.004 * plane[:, 0])
+            >>> round(pipeline.estimates().noise, 3)
+            0.01
+        """
+        self._native.set_noise(as_sigmas(sigmas, len(self)))
 
     def outliers(self) -> NDArray[np.bool_] | None:
         """True for each outlier of the last run; None unless it had outliers="mark"."""

@@ -13,8 +13,8 @@
 namespace pointfair::cpu {
 namespace {
 
-// Between two looks at the stop token: at most about 10 ms of work where balls are as wide as they can be, and where
-// lists are as long as they can be under the constraint, which then takes up to 10 ms a leaf.
+// Between two looks at the stop token: at most about 10 ms of work where neighbourhoods are as wide as they can be, and
+// where lists are as long as they can be under the constraint, which then takes up to 10 ms a leaf.
 constexpr std::size_t kLeavesABlock = 32, kConstrainedLeavesABlock = 2;
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include "cpu/kernels.h"
 #include "cpu/network.h"
 #include "cpu/pack.h"
+#include "cpu/position_order.h"
 
 namespace pointfair::cpu::POINTFAIR_ISA {
 
@@ -66,7 +67,9 @@ class FastLists {
   // Orders the first k of the active lanes exactly. False if it is not certain which they are.
   bool finish(const IndexView& index, const Queries& queries, int k, Mask active) {
     const Ints beyond = shortened(entry_[kSlots - 1]);
-    if (any((beyond == shortened(entry_[k - 1])) & (beyond < broadcast(kEmpty)) & active)) return false;
+    const bool is_certain = !any((beyond == shortened(entry_[k - 1])) & (beyond < broadcast(kEmpty)) & active);
+    if ((!is_certain || ties(active) > kFewTies) && offer_in_order(index, queries, k)) return true;
+    if (!is_certain) return false;
     for (int s = 1; s < kSlots; ++s) {
       const Ints here = shortened(entry_[s]);
       const Mask equal = (here == shortened(entry_[s - 1])) & (here < broadcast(kEmpty)) & active;
@@ -88,7 +91,41 @@ class FastLists {
   static constexpr int kNumber = (1 << (K <= 8 ? 8 : K <= 16 ? 9 : K <= 32 ? 10 : 11)) - 1;  // the number's bits
   static constexpr int kEmpty = 0x7f7fffff & ~kNumber;                                       // above every distance
 
+  static constexpr int kFewTies = kLanes;  // put in order one by one
+
   static POINTFAIR_INLINE Ints shortened(Ints entry) { return entry & ~kNumber; }
+
+  // Entries with the shortened distance of the one before them.
+  POINTFAIR_INLINE int ties(Mask active) const {
+    int count = 0;
+    for (int s = 1; s < kSlots; ++s) {
+      const Ints here = shortened(entry_[s]);
+      const Mask tied = (here == shortened(entry_[s - 1])) & (here < broadcast(kEmpty)) & active;
+      count += __builtin_popcount(bits(tied));
+    }
+    return count;
+  }
+
+  // Where many are equally far, as in a lattice: offers the candidates again in the order of their positions, so that
+  // minima and maxima alone order ties. False if a distance differs from the shortened one, or if there are too many.
+  bool offer_in_order(const IndexView& index, const Queries& queries, int k) {
+    const Floats bound = smaller(as_floats(entry_[k - 1] | kNumber), queries.limit);
+    PositionOrder order;
+    for (int i = 0; i < candidates_; ++i) {
+      const point::Vec3<float> there = position_of(index, Index(position_[i]));
+      const Floats distance = point::squared_length(spread(there.x, there.y, there.z) - queries.position);
+      const Mask hit = (distance <= bound) & (queries.at != broadcast(position_[i]));
+      if (!any(hit)) continue;
+      if (any(hit & ((as_ints(distance) & kNumber) != broadcast(0))) || order.is_full()) return false;
+      order.append(there, position_[i]);
+    }
+    int positions[kNumber + 1];
+    const int count = order.sort(positions);
+    clear();
+    for (int i = 0; i < count; i += kBatch)
+      offer<true>(index, queries, bound, positions + i, count - i < kBatch ? count - i : kBatch);
+    return true;
+  }
 
   POINTFAIR_INLINE void insert(Ints entry) {
     for (int s = kSlots - 1; s > 0; --s) entry_[s] = larger(entry_[s - 1], smaller(entry_[s], entry));

@@ -161,20 +161,27 @@ POINTFAIR_INLINE void search_alone(const IndexView& index, Index start, int lane
   find_alone(index, start + Index(lane), k, limit.v[lane], out + lane);
 }
 
+// One walk with exact lists, which take up to 128 KiB of stack: only while this runs, not while halves are searched.
+// Returns false if it gave up; then k candidates lie within `known`.
+[[gnu::noinline]] static bool walk_exact(const IndexView& index, Index start, Mask active, int k, Floats limit,
+                                         Index* out, Floats* known) {
+  ExactLists lists(k);
+  const Queries queries = make_queries(index, start, active, limit);
+  GroupSearch<ExactLists> search(index, queries, lists, leaf_budget(k));
+  const bool is_whole = search.run(start / kLeafSize, leaves_beside(k));
+  if (is_whole) copy_lists(lists, k, active, out);
+  *known = smaller(lists.last(), limit);
+  return is_whole;
+}
+
 // Lanes [first_lane, last_lane) of the pack that starts at sorted position `start`.
 inline void search_exact(const IndexView& index, Index start, int first_lane, int last_lane, int k, Floats limit,
                          Index* out) {
   const Mask active = lanes_between(first_lane, last_lane) & (lane_numbers() < broadcast(int(index.points - start)));
   if (!any(active)) return;
   if (last_lane - first_lane == 1) return search_alone(index, start, first_lane, k, limit, out);
-  ExactLists lists(k);
-  const Queries queries = make_queries(index, start, active, limit);
-  GroupSearch<ExactLists> search(index, queries, lists, leaf_budget(k));
-  if (search.run(start / kLeafSize, leaves_beside(k))) {
-    copy_lists(lists, k, active, out);
-    return;
-  }
-  const Floats known = smaller(lists.last(), limit);  // k candidates lie within it
+  Floats known;
+  if (walk_exact(index, start, active, k, limit, out, &known)) return;
   const int middle = (first_lane + last_lane) / 2;
   search_exact(index, start, first_lane, middle, k, known, out);
   search_exact(index, start, middle, last_lane, k, known, out);

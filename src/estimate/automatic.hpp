@@ -22,8 +22,8 @@ struct FollowedNoise {
 FollowedNoise followed_noise(const Params& asked, const Params& used, const Noise& noise,
                              std::shared_ptr<const NoiseLevels> levels);
 
-// Whether sums run over balls and not over lists.
-bool sums_balls(const Params& params);
+// Whether sums run over all points within a radius, and not over lists.
+bool sums_within_radius(const Params& params);
 
 // Whether `resolve_params` would look at the spacing, at the noise, at the diagonal.
 bool needs_spacing(const Params& params);

@@ -10,30 +10,17 @@
 #include <span>
 #include <vector>
 
+#include "estimate/constants.hpp"
+#include "estimate/coordinate_steps.hpp"
 #include "estimate/noise_levels.hpp"
 #include "estimate/share_between.hpp"
 
 namespace pointfair {
 namespace {
 
-// Of the cloud's sample, all of which serves the spacing: for the noise as a whole, and from place to place one for so
-// many points of the cloud, all of the sample at most.
-constexpr std::size_t kNoiseSamples = 500;
-constexpr std::uint64_t kPointsOfPlace = 200;
-constexpr double kSheetShare = 0.1;     // of the samples; fewer that see two sheets are corners and outliers
-constexpr double kPlaneQuartile = 1.2;  // of a plane's own variances, by chance
-constexpr double kDoubtfulNoise = 0.6;  // spacings; below it residuals may be shape
-// How residuals grow from one neighbourhood to one of twice the points where they are noise, where they are shape.
-constexpr double kNoiseGrowth = 1.35, kShapeGrowth = 1.5;
-// The same of the medians: of noise alone (fewer points scatter more), and of the variances of shape.
-constexpr double kOwnGrowth = 1.05, kShapeVarianceGrowth = 4;
-constexpr double kNearFlat = 2;  // of the flattest places' residual; larger ones are beyond the similarity sigma
-constexpr double kBeyondResiduals = 1.7;  // spacings; of much noise neighbourhoods of 115 points show nothing
+using namespace constants;
+
 constexpr double kEndless = 1e9;
-// Noise that is alike in neighbouring points: how much residuals grow even in the flattest places (1.09 is chance), the
-// variance at most (more is shape), what it grows then over that (more is shape), and the noise in spacings.
-constexpr double kAlikeGrowth[] = {1.14, 1.18}, kUnlikeGrowth[] = {1.5, 1.0};
-constexpr double kAlikeSlowing[] = {1.2, 0.9}, kAlikeNoise[] = {0.05, 0.1};
 
 double quantile(std::vector<double> values, double share) {
   const auto place = values.begin() + std::ptrdiff_t(share * double(values.size() - 1));
@@ -104,8 +91,8 @@ Growth residual_growth(const std::vector<point::ResidualSample>& samples) {
   for (const point::ResidualSample& s : samples)
     if (s.narrow >= 0) known.push_back(s.narrow);
   if (known.empty()) return {};
-  const double near_flat = kNearFlat * quantile(known, 0.15);
-  Growth growth{growth_at(0.15, kEndless), growth_at(0.5, near_flat)};
+  const double near_flat = kNearFlat * quantile(known, kLeastQuantile);
+  Growth growth{growth_at(kLeastQuantile, kEndless), growth_at(0.5, near_flat)};
   double variance[3] = {};
   for (const point::ResidualSample& s : samples) {
     if (s.narrow < 0 || s.wide < 0 || s.widest < 0) continue;
@@ -129,7 +116,7 @@ double alikeness(const Growth& growth, double sigma_in_spacings) {
          share_between(kAlikeSlowing, growth.second / growth.first) * share_between(kAlikeNoise, sigma_in_spacings);
 }
 
-double likeness_to_shape(double flat_growth) { return share_between(kNoiseGrowth, kShapeGrowth, flat_growth); }
+double likeness_to_shape(double flat_growth) { return share_between(kShapelikeGrowth, flat_growth); }
 
 // Variances of noise stay, those of shape grow fourfold: g^2 = (1 + 4 x) / (1 + x).
 double shape_to_noise(double typical_growth) {
@@ -138,8 +125,8 @@ double shape_to_noise(double typical_growth) {
   return std::max(0.0, (squared - 1) / (kShapeVarianceGrowth - squared));
 }
 
-// `residuals` are asked for where they are read.
-Noise noise_of(std::span<const point::NoiseSample> samples,
+// `residuals` are asked for where they are read, which is not where depths have steps.
+Noise noise_of(std::span<const point::NoiseSample> samples, bool depth_has_steps,
                const std::function<std::vector<point::ResidualSample>()>& residuals) {
   std::vector<double> sigmas, spacings, gaps, plane_variances;
   std::size_t confined = 0;
@@ -153,12 +140,20 @@ Noise noise_of(std::span<const point::NoiseSample> samples,
   }
   if (sigmas.empty()) return {};
   // Where noise is all there is, residuals spread little; where curvature adds to them, the least ones know more.
-  const double sigma = std::min(quantile(sigmas, 0.35), 1.2 * quantile(sigmas, 0.15));
+  // The noise of depths runs from place to place anyway, and the typical one is wanted.
+  const double sigma =
+      depth_has_steps ? quantile(sigmas, 0.5)
+                      : std::min(quantile(sigmas, kNoiseQuantile), kMostOverLeast * quantile(sigmas, kLeastQuantile));
   Noise noise{sigma, quantile(spacings, 0.5)};
   if (sigma > 0) noise.bend = quantile(plane_variances, 0.75) / (kPlaneQuartile * sigma * sigma);
   noise.confined = double(confined) / double(sigmas.size());
-  if (double(gaps.size()) > kSheetShare * double(sigmas.size())) noise.gap = quantile(gaps, 0.25);
-  if (sigma < kDoubtfulNoise * noise.surface_spacing) {
+  // levels of depth are no sheets
+  if (!depth_has_steps && double(gaps.size()) > kSheetShare * double(sigmas.size()))
+    noise.gap = quantile(gaps, kGapQuantile);
+  if (depth_has_steps) {
+    noise.alikeness = 1;
+    noise.depth_has_steps = true;
+  } else if (sigma < kDoubtfulNoise * noise.surface_spacing) {
     const Growth growth = residual_growth(residuals());
     noise.likeness_to_shape = likeness_to_shape(growth.flat);
     noise.alikeness = alikeness(growth, sigma / noise.surface_spacing);
@@ -166,6 +161,37 @@ Noise noise_of(std::span<const point::NoiseSample> samples,
     if (noise.gap == 0) noise.shape_to_noise = (1 - noise.alikeness) * shape_to_noise(growth.typical);
   }
   return noise;
+}
+
+CoordinateSteps steps_at(Sampling& from, std::span<const std::uint32_t> queries) {
+  return coordinate_steps(queries.size(), [&](std::size_t count, int neighbors) {
+    std::vector<Point> rows(count * std::size_t(neighbors + 1));
+    from.sample_neighborhoods(queries.first(count), neighbors, rows);
+    return rows;
+  });
+}
+
+// What steps add to the noise, in steps. Rounding adds an even spread of one. The depth of a camera that matches
+// patterns errs by half a step (Khoshelham and Elberink 2012, where half a step is half a disparity), alike in
+// neighbours.
+double noise_of_steps(CoordinateSteps::Kind kind) {
+  return kind == CoordinateSteps::Kind::depth ? kNoiseOfDepthSteps : 1 / std::sqrt(12.0);
+}
+
+// Points on one value lie as exactly as if there were no noise: samples show at least what steps add.
+void cover_rounding(const CoordinateSteps& steps, std::vector<point::NoiseSample>& samples) {
+  for (std::size_t i = 0; i < steps.at.size(); ++i) {
+    if (!samples[i].shows_noise) continue;
+    const double added = noise_of_steps(steps.kind) * steps.at[i];
+    samples[i].sigma = std::max(samples[i].sigma, added);
+    samples[i].plane_variance = std::max(samples[i].plane_variance, added * added);
+  }
+}
+
+void cover_rounding(const CoordinateSteps& steps, std::vector<point::ResidualSample>& samples) {
+  for (std::size_t i = 0; i < steps.at.size(); ++i)
+    for (double* residual : {&samples[i].least, &samples[i].narrow, &samples[i].wide, &samples[i].widest})
+      if (*residual >= 0) *residual = std::max(*residual, noise_of_steps(steps.kind) * steps.at[i]);
 }
 
 }  // namespace
@@ -181,16 +207,18 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
   const std::size_t of_places =
       std::size_t(std::max<std::uint64_t>(kNoiseSamples, sample.bounds.valid / kPointsOfPlace));
   const std::size_t noises = wanted.noise ? std::min(queries.size(), of_places) : 0;
-  const Samples samples = from.take_samples(wanted.spacing ? queries : queries.first(0), queries.first(noises), stop);
+  Samples samples = from.take_samples(wanted.spacing ? queries : queries.first(0), queries.first(noises), stop);
   Estimate result{spacing_of(samples.spacing), {}};
   if (!wanted.noise) return result;
+  const CoordinateSteps steps = steps_at(from, queries.first(noises));
+  cover_rounding(steps, samples.noise);
   std::optional<std::vector<point::ResidualSample>> residuals;  // of all places
   const auto all_residuals = [&] {
-    if (!residuals) residuals = samples.residuals();
+    if (!residuals) cover_rounding(steps, residuals.emplace(samples.residuals()));
     return *residuals;
   };
   const std::size_t first = std::min(noises, kNoiseSamples);
-  result.noise = noise_of(std::span(samples.noise).first(first), [&] {
+  result.noise = noise_of(std::span(samples.noise).first(first), steps.kind == CoordinateSteps::Kind::depth, [&] {
     std::vector<point::ResidualSample> of_first = all_residuals();
     of_first.resize(first);
     return of_first;

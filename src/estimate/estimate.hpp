@@ -40,6 +40,8 @@ struct Noise {
   // 0 to 1: whether the noise is alike in neighbouring points, as that of depth cameras; 0 where noise is large or
   // tiny.
   double alikeness = 0;
+  // Depths take few values, as those of a camera that tells whole disparities: noise is alike over some ten points.
+  bool depth_has_steps = false;
   // Share of the samples around which no neighbourhood gets wide against the noise, however large: the shape is too
   // thin or bends too much there.
   double confined = 0;

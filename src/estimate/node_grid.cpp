@@ -5,13 +5,13 @@
 #include <array>
 #include <cmath>
 
+#include "estimate/constants.hpp"
 #include "point/noise_field.h"
 
 namespace pointfair {
 namespace {
 
-constexpr double kWidening = 2;  // samples; where fewer are near, wider surroundings count
-constexpr double kAside = 0.01;  // of the places, at either end of each axis
+using constants::kAside, constants::kSurroundings;
 
 // Sums over the cells of a cube of n cells an axis, and the mean once it is known.
 struct Level {
@@ -62,7 +62,7 @@ std::vector<double> pull(const Level& fine, const std::vector<double>& coarse, c
       const std::size_t row = (z * m + y) * m;
       refine(int(n), &along_y[y * n], &mean[row], 1);
       for (std::size_t cell = row; cell < row + m; ++cell)
-        mean[cell] = (fine.sum[cell] + kWidening * mean[cell]) / (fine.weight[cell] + kWidening);
+        mean[cell] = (fine.sum[cell] + kSurroundings * mean[cell]) / (fine.weight[cell] + kSurroundings);
     }
   });
   return mean;

@@ -10,34 +10,24 @@
 #include <utility>
 #include <vector>
 
+#include "estimate/constants.hpp"
 #include "estimate/node_grid.hpp"
 #include "point/noise_field.h"
 
 namespace pointfair {
 namespace {
 
-constexpr std::size_t kFewestSamples = 64;         // that show noise
-constexpr std::size_t kPool = 16;                  // samples whose residuals stand for one place
-constexpr std::size_t kSmoothed = 8;               // whose median is the noise of one place
-constexpr double kQuantile = 0.35;                 // of a pool: edges and outliers only raise a residual
-constexpr double kQuantileNormal = -0.3853204664;  // of the normal distribution, at kQuantile
-constexpr double kFitError = 0.1;                  // of log variances, beside chance: no model is exact
-constexpr double kChance = 0.15;                   // of log levels, by the samples alone
-constexpr double kSpread = 0.35;                   // of log levels, before anything is known
-constexpr double kLargestLevel = 8;
-constexpr std::array kQuantiles{0.05, 0.5, 0.95};  // that are told
-constexpr double kUnlikely = 20;                   // minus twice the log likelihood, over the best model's
-constexpr double kWideRadius = 2.6;  // standard deviations; in narrower balls the slab's bias is not undone
+using namespace constants;
 
 constexpr std::array kCounts{point::kLeastFit, point::kFirstFit, 2 * point::kFirstFit, point::kFirstRow};
 constexpr std::size_t kSizes = kCounts.size();
 using Curve = std::array<double, kSizes>;  // of variances over the sizes of neighbourhoods; NaN: not known
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
-// Of a chi-squared variable of `freedom` over that, at kQuantile (Wilson and Hilferty 1931).
+// Of a chi-squared variable of `freedom` over that, at kPoolQuantile (Wilson and Hilferty 1931).
 double chance_quantile(double freedom) {
   const double part = 2 / (9 * freedom);
-  return std::pow(1 - part + kQuantileNormal * std::sqrt(part), 3);
+  return std::pow(1 - part + kPoolQuantileNormal * std::sqrt(part), 3);
 }
 double freedom_of(std::size_t size) { return kCounts[size] - point::kCubicTerms; }
 
@@ -109,7 +99,7 @@ Curve pooled(std::span<const std::uint32_t> pool, const std::vector<Curve>& curv
       if (!std::isnan(curves[i][size])) known.push_back(curves[i][size]);
     result[size] = kUnknown;
     if (2 * known.size() < pool.size()) continue;
-    const auto place = known.begin() + std::ptrdiff_t(std::lround(kQuantile * double(known.size() - 1)));
+    const auto place = known.begin() + std::ptrdiff_t(std::lround(kPoolQuantile * double(known.size() - 1)));
     std::nth_element(known.begin(), place, known.end());
     result[size] = *place / chance_quantile(freedom_of(size));
   }
@@ -119,8 +109,8 @@ Curve pooled(std::span<const std::uint32_t> pool, const std::vector<Curve>& curv
 // Of log(noise + shape) over the sizes, less log(noise): shape grows as a power of the size.
 std::vector<Curve> models() {
   std::vector<Curve> rows;
-  for (const double power : {1.3, 2.0, 3.0, 4.0})
-    for (int step = -10; step <= 8; ++step) {
+  for (const double power : kShapePowers)
+    for (int step = kLeastShape; step <= kMostShape; ++step) {
       Curve row;
       for (std::size_t size = 0; size < kSizes; ++size)
         row[size] = std::log1p(std::pow(10.0, step / 2.0) * std::pow(kCounts[size] / 16.0, power));
@@ -184,7 +174,7 @@ void shrink(std::vector<double>& log_levels) {
   double squares = 0;
   for (const double log_level : log_levels) squares += log_level * log_level;
   const double spread = squares / double(log_levels.size());
-  const double share = spread > 0 ? std::max(0.0, 1 - kChance * kChance / spread) : 0;
+  const double share = spread > 0 ? std::max(0.0, 1 - kChanceOfLevels * kChanceOfLevels / spread) : 0;
   for (double& log_level : log_levels) log_level *= share;
 }
 
@@ -214,10 +204,16 @@ std::shared_ptr<const NoiseLevels> noise_levels(const LocalSamples& samples, dou
   });
   shrink(log_levels);
   auto levels = std::make_shared<NoiseLevels>(levels_between(places, log_levels, for_each));
-  std::sort(log_levels.begin(), log_levels.end());
-  for (std::size_t q = 0; q < kQuantiles.size(); ++q)
-    levels->quantiles[q] = std::exp(log_levels[std::size_t(kQuantiles[q] * double(log_levels.size() - 1))]);
+  levels->quantiles = quantiles_of(std::move(log_levels));
   return levels;
+}
+
+std::array<double, 3> quantiles_of(std::vector<double> log_levels) {
+  std::array<double, 3> result{};
+  std::sort(log_levels.begin(), log_levels.end());
+  for (std::size_t q = 0; q < result.size(); ++q)
+    result[q] = std::exp(log_levels[std::size_t(kToldQuantiles[q] * double(log_levels.size() - 1))]);
+  return result;
 }
 
 }  // namespace pointfair

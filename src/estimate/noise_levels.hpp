@@ -2,8 +2,10 @@
 // The noise from place to place (docs/how-it-works.md, "Noise from place to place").
 #pragma once
 
+#include <array>
 #include <memory>
 #include <span>
+#include <vector>
 
 #include "point/sample.h"
 #include "pointfair/cloud.hpp"
@@ -23,5 +25,8 @@ struct LocalSamples {
 // tell, or where it is 0. Depends on the samples' places but not on their order, but for rounding. O(samples^2), by all
 // that `for_each` calls at once.
 std::shared_ptr<const NoiseLevels> noise_levels(const LocalSamples& samples, double typical, const ForEach& for_each);
+
+// The levels at 5, 50 and 95 % of some places, at least one.
+std::array<double, 3> quantiles_of(std::vector<double> log_levels);
 
 }  // namespace pointfair

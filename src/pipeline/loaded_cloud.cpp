@@ -49,8 +49,9 @@ void LoadedCloud::load(std::span<const Point> points, IndexOrder expected, bool 
   forget();
   try {
     if (points.size() > kMaxPoints)
-      throw Error(ErrorKind::usage, "the cloud has " + std::to_string(points.size()) + " points, and a pipeline holds " +
-                                        std::to_string(kMaxPoints) + " at most; cut it into tiles");
+      throw Error(ErrorKind::usage, "the cloud has " + std::to_string(points.size()) +
+                                        " points, and a pipeline holds " + std::to_string(kMaxPoints) +
+                                        " at most; cut it into tiles");
     if (std::exchange(tiles_, 1) > 1) backend_.reset();
     backend();
     points_ = points.size();

@@ -79,6 +79,10 @@ void Pipeline::load(std::span<const Point> points) {
   });
 }
 
+void Pipeline::set_noise(std::span<const float> sigmas) {
+  with_one_kind_of_error([&] { state_->set_noise(sigmas); });
+}
+
 Cloud Pipeline::run(const Params& params, std::stop_token stop, const ProgressFunction& progress) {
   return with_one_kind_of_error([&] {
     Cloud result = state_->shell;
@@ -125,6 +129,10 @@ std::span<const std::uint8_t> Pipeline::outliers() const { return state_->outlie
 
 void Pipeline::normals(std::span<Point> out, std::stop_token stop) {
   with_one_kind_of_error([&] { state_->normals(out, stop); });
+}
+
+void Pipeline::noise(std::span<float> out, const Params& params, std::stop_token stop) {
+  with_one_kind_of_error([&] { state_->noise(out, in_units_of(state_->shell, params).noise, stop); });
 }
 
 }  // namespace pointfair

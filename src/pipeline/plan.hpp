@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "pipeline/settings.hpp"
+#include "pipeline/stage_settings.hpp"
 #include "seam/backend.hpp"
 
 namespace pointfair {

@@ -3,9 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <string>
 #include <utility>
 
 #include "estimate/automatic.hpp"
+#include "seam/cloud_sample.hpp"
+#include "seam/noise_levels.hpp"
 #include "seam/overlap.hpp"
 #include "seam/sampling.hpp"
 
@@ -15,10 +19,13 @@ namespace {
 constexpr std::array<std::string_view, 4> kStageNames{"index", "neighbors", "normals", "fairing"};
 constexpr std::uint64_t kWorthChunks = 1 << 18;  // points; whose copy takes longer than what it costs to start early
 
+constexpr std::size_t kBlock = 1 << 14;                              // points that one core takes at once
+constexpr float kNoNoise = std::numeric_limits<float>::quiet_NaN();  // of invalid points
+
 std::string_view name_of(Stage stage) { return kStageNames[std::size_t(stage)]; }
 
 IndexOrder order_for(const Params& params) {
-  return sums_balls(params) ? IndexOrder::along_curve : IndexOrder::fastest;
+  return sums_within_radius(params) ? IndexOrder::along_curve : IndexOrder::fastest;
 }
 
 FairingSettings of_iteration(FairingSettings settings, int iteration) {
@@ -26,8 +33,8 @@ FairingSettings of_iteration(FairingSettings settings, int iteration) {
   return settings;
 }
 
-std::array<double, 3> noise_quantiles(const Noise& noise, const NoiseLevels* levels) {
-  std::array<double, 3> result{noise.sigma, noise.sigma, noise.sigma};
+std::array<double, 3> noise_quantiles(double sigma, const NoiseLevels* levels) {
+  std::array<double, 3> result{sigma, sigma, sigma};
   if (levels != nullptr)
     for (std::size_t q = 0; q < result.size(); ++q) result[q] *= levels->quantiles[q];
   return result;
@@ -43,6 +50,7 @@ void Pipeline::State::load(std::span<const Point> points) { start_load(points, l
 
 void Pipeline::State::start_load(std::span<const Point> points, IndexOrder expected, bool overlapped) {
   frame_.reset();
+  given_noise_.reset();
   shown_.reset();
   estimates.reset();
   upload_milliseconds_ = 0;
@@ -106,10 +114,19 @@ void Pipeline::State::measure_all(const std::stop_token& stop) {
                         {b.max.x, b.max.y, b.max.z},
                         diagonal_of(b),
                         cloud.spacing->mean,
-                        cloud.noise->sigma,
+                        noise().sigma,
                         cloud.points(),
                         b.valid,
-                        noise_quantiles(*cloud.noise, cloud.levels.get())};
+                        noise_quantiles(noise().sigma, levels().get())};
+}
+
+// What is believed of the noise, once it was measured.
+Noise Pipeline::State::noise() const {
+  return given_noise_ ? of_sigma(*cloud.noise, given_noise_->sigma) : *cloud.noise;
+}
+
+const std::shared_ptr<const NoiseLevels>& Pipeline::State::levels() const {
+  return given_noise_ ? given_noise_->levels : cloud.levels;
 }
 
 Params Pipeline::State::resolve(const Params& params, const std::stop_token& stop) {
@@ -120,10 +137,10 @@ Params Pipeline::State::resolve(const Params& params, const std::stop_token& sto
 
 Params Pipeline::State::resolve_once(const Params& params, const std::stop_token& stop) {
   check_params(params);
-  const bool spacing = needs_spacing(params), noise = needs_noise(params);
-  measure(spacing, noise, order_for(params), stop);
+  const bool with_spacing = needs_spacing(params), with_noise = needs_noise(params);
+  measure(with_spacing, with_noise, order_for(params), stop);
   // what a run sees must not depend on what was measured before it
-  return resolve_params(params, spacing ? *cloud.spacing : Spacing{}, noise ? *cloud.noise : Noise{},
+  return resolve_params(params, with_spacing ? *cloud.spacing : Spacing{}, with_noise ? noise() : Noise{},
                         needs_diagonal(params) ? diagonal_of(sample().bounds) : 0.0);
 }
 
@@ -148,7 +165,7 @@ void Pipeline::State::run_to_end(const Params& params, std::span<Point> out, con
 
   const Params used = resolve_once(params, stop);
   last_order_ = order_for(params);
-  followed = needs_noise(params) ? followed_noise(params, used, *cloud.noise, cloud.levels) : FollowedNoise{};
+  followed = needs_noise(params) ? followed_noise(params, used, noise(), levels()) : FollowedNoise{};
   const Settings settings = settings_of(used, followed);
   const int last = used.iterations - 1;
   execute(plan(cloud.cached, {settings, last_order_, used.iterations}), std::size_t(4) * std::size_t(used.iterations),
@@ -225,6 +242,46 @@ void Pipeline::State::normals(std::span<Point> out, const std::stop_token& stop)
   if (!shown_ || out.size() != cloud.points())
     throw Error(ErrorKind::usage, "normals: run first, and give an array of as many points as were loaded");
   cloud.backend().download_normals(*shown_, out, stop);
+}
+
+void Pipeline::State::set_noise(std::span<const float> sigmas) {
+  if (!sigmas.empty() && sigmas.size() != cloud.points())
+    throw Error(ErrorKind::usage, "set_noise: there are " + std::to_string(sigmas.size()) +
+                                      " values, and the loaded cloud has " + std::to_string(cloud.points()) +
+                                      " points; give one for each");
+  std::optional<GivenNoise> given;
+  if (!sigmas.empty()) {
+    attempt([&] {
+      std::vector<Point> points(sigmas.size());
+      cloud.backend().download_input(points);
+      Sampling& sampling = cloud.backend().sampling();
+      given = given_noise(sigmas, points,
+                          [&](std::size_t count, const auto& body) { sampling.for_each_on_host(count, body); });
+    });
+    if (!given) throw Error(ErrorKind::usage, "set_noise: no value is positive, so none is a standard deviation");
+  }
+  given_noise_ = std::move(given);
+  estimates.reset();
+}
+
+void Pipeline::State::noise(std::span<float> out, const Length& typical, const std::stop_token& stop) {
+  if (out.size() != cloud.points())
+    throw Error(ErrorKind::usage, "noise: the output holds " + std::to_string(out.size()) +
+                                      " values, the loaded cloud " + std::to_string(cloud.points()) + " points");
+  Params params;
+  params.noise = typical;
+  check_params(params);
+  attempt([&] {
+    measure(false, true, IndexOrder::along_curve, stop);
+    const double sigma = typical.is_automatic() ? noise().sigma : resolve_once(params, stop).noise.value;
+    std::vector<Point> points(out.size());
+    cloud.backend().download_input(points);
+    const std::size_t blocks = (out.size() + kBlock - 1) / kBlock;
+    cloud.backend().sampling().for_each_on_host(blocks, [&](std::size_t block) {
+      for (std::size_t i = block * kBlock; i < std::min(out.size(), (block + 1) * kBlock); ++i)
+        out[i] = is_indexed(points[i]) ? float(sigma) * noise_level_at(levels().get(), points[i]) : kNoNoise;
+    });
+  });
 }
 
 }  // namespace pointfair

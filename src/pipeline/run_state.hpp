@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "estimate/automatic.hpp"
+#include "estimate/given_noise.hpp"
 #include "pipeline/loaded_cloud.hpp"
 #include "pipeline/stage_log.hpp"
 #include "pointfair/pipeline.hpp"
@@ -27,6 +28,8 @@ struct Pipeline::State {
   Params resolve(const Params& params, const std::stop_token& stop);
   void measure_all(const std::stop_token& stop);
   void normals(std::span<Point> out, const std::stop_token& stop);
+  void set_noise(std::span<const float> sigmas);
+  void noise(std::span<float> out, const Length& typical, const std::stop_token& stop);
 
   LoadedCloud cloud;
   DeviceInfo device;
@@ -44,6 +47,8 @@ struct Pipeline::State {
   void attempt(const std::function<void()>& work);
   const CloudSample& sample();
   const Frame& frame();
+  Noise noise() const;
+  const std::shared_ptr<const NoiseLevels>& levels() const;
   void measure(bool with_spacing, bool with_noise, IndexOrder order, const std::stop_token& stop);
   void execute(const std::vector<Step>& steps, std::size_t all, bool leaves, const std::stop_token& stop,
                const ProgressFunction& progress);
@@ -51,6 +56,7 @@ struct Pipeline::State {
   void run_stage(const Step& step, bool leaves, const std::stop_token& stop);
 
   std::optional<Frame> frame_;                   // of the loaded cloud, once it is needed
+  std::optional<GivenNoise> given_noise_;        // of the loaded cloud, in place of what is measured
   std::optional<int> shown_;                     // the iteration whose results were delivered last, while they are held
   IndexOrder last_order_ = IndexOrder::fastest;  // of the run before, which the next is likely to be like
   double upload_milliseconds_ = 0;               // not yet reported

@@ -107,8 +107,8 @@ struct FilteredNormal {
   }
 };
 
-// How far the normals of a neighbourhood turn from that of its point, and what its ball grows by where that is next to
-// nothing: Eq. 20 of docs/how-it-works.md.
+// How far the normals of a neighbourhood turn from that of its point, and what its radius grows by where that is next
+// to nothing: Eq. 20 of docs/how-it-works.md.
 template <class F>
 struct MeanTurn {
   F sum{}, count{};

@@ -9,10 +9,10 @@
 namespace pointfair::point {
 
 // A point is an outlier if fewer than a tenth of its neighbours lie within the outlier distance of its plane (two close
-// sheets give each other half), or, in a ball of radius R, fewer than a twentieth within 0.7 R of it, where a surface
-// through the point has half of them, or within the outlier distance if that is more: the tails of the noise are no
-// outliers. Where R is larger than the outlier radius, points are so sparse that strays may be each other's neighbours:
-// they fill the ball, so seven tenths of them must lie near the plane.
+// sheets give each other half), or, in a neighbourhood of radius R, fewer than a twentieth within 0.7 R of it, where a
+// surface through the point has half of them, or within the outlier distance if that is more: the tails of the noise
+// are no outliers. Where R is larger than the outlier radius, points are so sparse that strays may be each other's
+// neighbours: they fill the sphere, so seven tenths of them must lie near the plane.
 inline constexpr float kLeastNearPlane = 0.1f, kLeastOfSparse = 0.7f, kLeastNear = 0.05f, kNearSquaredRadius = 0.49f;
 
 // Of 0.7 R.
@@ -41,8 +41,8 @@ struct Agreement {
   }
 };
 
-// Where an outlier is pulled to: a mean of its neighbours. In a list by closeness; in a ball by density, which the
-// neighbours' own balls tell: strays are as near to each other as to the surface, but their balls are far wider.
+// Where an outlier is pulled to: a mean of its neighbours. In a list by closeness; within a radius by density, which
+// the neighbours' own radii tell: strays are as near to each other as to the surface, but their radii are far wider.
 template <class F>
 struct PullSum {
   F weight{};
@@ -52,7 +52,7 @@ struct PullSum {
   POINTFAIR_INLINE void add_by_closeness(Vec3<F> offset, Mask inside, F inverse_two_sigma2) {
     add_weighted(gaussian(squared_length(offset) * inverse_two_sigma2), offset, inside);
   }
-  // squared radii of the outlier's ball and of the neighbour's
+  // squared radii of the outlier's neighbourhood and of the neighbour's
   template <class Mask>
   POINTFAIR_INLINE void add_by_density(Vec3<F> offset, Mask inside, F here, F there) {
     const F ratio = here / larger(there, F(1e-6f) * here);
@@ -93,7 +93,7 @@ struct Settled {
 };
 
 // A point moves no farther than `limit`, and what would move by more by the less the more it would be, limit^2 over
-// that way: so far goes no noise, but edges that balls reach across. One that would move farther than
+// that way: so far goes no noise, but edges that neighbourhoods reach across. One that would move farther than
 // `outlier_distance`, or whose neighbours did not agree with it (`after` is NaN then), is an outlier and stays at
 // `before`. 0 < limit <= outlier_distance.
 POINTFAIR_INLINE Settled settled(Vec3<float> before, Vec3<float> after, float limit, float outlier_distance) {

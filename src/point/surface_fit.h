@@ -60,7 +60,7 @@ struct FitSpace {
   POINTFAIR_INLINE Offset offset(int i) const { return {x[i], y[i], z[i]}; }
 };
 
-// A ball of radius r cuts the slab of noise: near its rim only small offsets are inside. Undoes that to second order.
+// A sphere of radius r cuts the slab of noise: near its rim only small offsets are inside. Undoes that to second order.
 POINTFAIR_INLINE double without_slab_bias(double variance, double radius) {
   const double scale = 1 / (radius * radius);
   double s2 = variance;

@@ -6,7 +6,7 @@
 #include <optional>
 #include <stop_token>
 
-#include "pipeline/settings.hpp"
+#include "pipeline/stage_settings.hpp"
 #include "scale/plan.hpp"
 #include "scale/stored_cloud.hpp"
 #include "seam/backend.hpp"

@@ -143,10 +143,10 @@ Measured measure(const StoredCloud& cloud, const Position& origin, const Plan& p
                  const std::stop_token& stop) {
   Measured measured{origin, cloud.bounds(), {}, {}, {}};
   const WantedEstimates wanted{needs_spacing(plan.params), needs_noise(plan.params)};
-  if (!wanted.spacing && !wanted.noise && !sums_balls(plan.params)) return measured;
+  if (!wanted.spacing && !wanted.noise && !sums_within_radius(plan.params)) return measured;
   StoredSampling sampling(cloud, backend, points_in_memory(plan.memory, bytes_of_tile_point(plan.params)));
   const CloudSample sample = sampling.sample_cloud(kSampledPoints);
-  if (sums_balls(plan.params)) measured.frame = frame_of(sample);
+  if (sums_within_radius(plan.params)) measured.frame = frame_of(sample);
   const Estimate found = estimate(sampling, sample, wanted, stop);
   if (wanted.spacing) measured.spacing = found.spacing;
   if (wanted.noise) {

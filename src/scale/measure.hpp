@@ -7,7 +7,7 @@
 #include <stop_token>
 
 #include "estimate/estimate.hpp"
-#include "pipeline/settings.hpp"
+#include "pipeline/stage_settings.hpp"
 #include "scale/plan.hpp"
 #include "scale/stored_cloud.hpp"
 #include "seam/backend.hpp"

@@ -12,7 +12,7 @@
 #include "io/file_bytes.hpp"
 #include "io/streamed.hpp"
 #include "pipeline/devices.hpp"
-#include "pipeline/settings.hpp"
+#include "pipeline/stage_settings.hpp"
 #include "scale/denoise.hpp"
 #include "scale/emit.hpp"
 #include "scale/ingest.hpp"
@@ -194,7 +194,7 @@ struct TiledRun::State {
       input_iteration = step.iteration;
     }
     std::optional<Frame> frame;
-    if (sums_balls(plan.params)) frame = measured->frame;
+    if (sums_within_radius(plan.params)) frame = measured->frame;
     FairingSettings fairing = settings.fairing;
     fairing.is_further = step.iteration > 0;
     const bool is_last = step.iteration + 1 == plan.iterations;

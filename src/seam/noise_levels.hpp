@@ -16,6 +16,11 @@ inline point::NoiseField field_of(const NoiseLevels* levels) {
   return {levels->levels.data(), {levels->first.x, levels->first.y, levels->first.z}, levels->nodes_per_unit};
 }
 
+// At a place; the same bits wherever it is computed.
+inline float noise_level_at(const NoiseLevels* levels, const Point& p) {
+  return point::noise_level(field_of(levels), {p.x, p.y, p.z});
+}
+
 inline point::LimitRule limit_rule(const DisplacementLimits& limits) {
   return {limits.farthest, limits.outlier_distance, limits.level_outlier_distance, limits.farthest_follows};
 }

@@ -71,6 +71,42 @@ def test_normals_are_of_unit_length_and_of_the_surface():
         pf.denoise(POINTS, normals=True)
 
 
+def test_the_noise_at_each_point_is_told_and_given():
+    rng = np.random.default_rng(3)
+    right = rng.random(20000) < 0.5
+    truth = np.where(right, 0.004, 0.001)
+    points = np.c_[right * 0.5 + rng.random(20000) * 0.5, rng.random(20000), rng.normal(0, 1, 20000) * truth]
+    points[7, 1] = np.nan
+    apart = np.abs(points[:, 0] - 0.5) > 0.1
+    pipeline = pf.Pipeline("cpu")
+    pipeline.load(points)
+    noise = pipeline.noise()
+    assert noise.dtype == np.float32 and noise.shape == (20000,) and np.flatnonzero(np.isnan(noise)).tolist() == [7]
+    ratio = noise[apart] / truth[apart]
+    assert np.nanmean((ratio > 0.8) & (ratio < 1.25)) > 0.9
+    estimated = pipeline.estimates().noise
+    assert np.allclose(pipeline.noise(noise=3 * estimated), 3 * noise, rtol=1e-5, equal_nan=True)
+    automatic = pipeline.run()
+    for sigmas in (truth, truth.astype(np.float32), truth.astype(">f8")):
+        pipeline.set_noise(sigmas)
+        assert np.nanmax(np.abs(pipeline.noise()[apart] / truth[apart] - 1)) < 0.02
+        assert pipeline.estimates().noise == pytest.approx(np.median(truth), rel=1e-6)
+    assert not same_bits(pipeline.run(), automatic)
+    pipeline.set_noise(None)
+    assert pipeline.estimates().noise == estimated and same_bits(pipeline.run(), automatic)
+
+
+@pytest.mark.parametrize("sigmas, advice", [
+    (np.ones(5), "shape"), (np.zeros(3000), "positive"), (np.full(3000, np.nan), "positive"), ([0.01], "array"),
+    (np.ones((3000, 1)), "shape"), (np.ones(3000, bool), "type"), (np.ones(3000, complex), "type"),
+])
+def test_a_noise_that_is_none_is_refused(sigmas, advice):
+    pipeline = pf.Pipeline("cpu")
+    pipeline.load(POINTS)
+    with pytest.raises(pf.UsageError, match=advice):
+        pipeline.set_noise(sigmas)
+
+
 def test_a_cloud_goes_through_a_pipeline():
     pipeline = pf.Pipeline("cpu")
     pipeline.load(pf.Cloud(POINTS))

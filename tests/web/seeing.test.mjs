@@ -159,6 +159,33 @@ test("the original and the result turn together, side by side, and the wipe is p
   assert.deepEqual(faults, []);
 });
 
+test("points are coloured by their noise, whose two levels the legend tells", async (t) => {
+  const folder = temporaryFolder(t);
+  const file = path.join(folder, "halves.ply");
+  const noise = (i) => Math.sqrt(-2 * Math.log(((i * 7919 + 1) % 10007) / 10007)) * Math.cos((2 * Math.PI * ((i * 104729) % 9973)) / 9973);
+  const lines = Array.from({ length: 10000 }, (_, i) =>
+    `${i % 100} ${Math.floor(i / 100)} ${(i % 100 < 50 ? 0.1 : 0.6) * noise(i)}`);
+  writeFileSync(file, ["ply", "format ascii 1.0", "element vertex 10000", "property float x", "property float y", "property float z",
+    "end_header", ...lines, ""].join("\n"));
+  const told = JSON.parse(run(["info", file, "--report", "-"])).noise_quantiles;
+  const { url } = await view(t, [file, "--port", 0]);
+  const { page, faults } = await openPage(t, await openBrowser(t), `${url}#view.up=z`);
+  await settled(page);
+  const before = await blocks(page, await picture(page));
+  await page.locator("#colour").selectOption("noise");
+  await page.locator(".legend", { hasText: "noise" }).waitFor();
+  assert.ok(difference(before, await blocks(page, await picture(page))) > 0.2, "the picture shows the noise");
+  const [low, , high] = (await page.locator(".legend .ends span").allTextContents()).map(Number);
+  assert.ok(low > 0.5 * told[0] && low <= 1.1 * told[0], `${low} is near the quietest places, ${told}`);
+  assert.ok(high >= 0.9 * told[2] && high < 2 * told[2], `${high} is near the loudest places, ${told}`);
+  assert.ok(high > 3 * low, "both halves are told apart");
+  await page.locator("#colour").selectOption("height");
+  await page.locator(".legend", { hasText: "height" }).waitFor();
+  await page.locator("#colour").selectOption("noise");
+  await page.locator(".legend", { hasText: "noise" }).waitFor();
+  assert.deepEqual(faults, []);
+});
+
 test("an organised cloud with points that are not there", async (t) => {
   const folder = temporaryFolder(t);
   const file = path.join(folder, "organised.pcd");

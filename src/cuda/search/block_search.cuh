@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The k <= 1024 nearest points of one place, exact, in the order of point::precedes: a block to a query, where few
-// queries would leave the card idle with a warp to each. All points in a ball are collected, level by level of the
-// tree, and sorted; the ball is guessed, and grows or shrinks until it holds k and no more than fit.
+// queries would leave the card idle with a warp to each. All points within a radius are collected, level by level of
+// the tree, and sorted; the radius is guessed, and grows or shrinks until it holds k and no more than fit.
 #pragma once
 
 #include <cub/block/block_merge_sort.cuh>
@@ -72,7 +72,8 @@ class BlockSearch {
  private:
   static constexpr int kWarps = kThreads / kWarp;
   static constexpr float kFarthest = 1e38f;
-  // Points, of k. If they fill a volume there are more, but a ball that grew by the ratio of a surface still fits them.
+  // Points, of k. If they fill a volume there are more, but a radius that grew by the ratio of a surface still fits
+  // them.
   static constexpr float kWanted = 1.25f;
 
   __device__ static Index warp_number() { return threadIdx.x / kWarp; }

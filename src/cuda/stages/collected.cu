@@ -61,9 +61,9 @@ __global__ void __launch_bounds__(kBlock)
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;  // whole leaves, so whole warps
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   __shared__ WalkedRadius::Shared shared[kWarps];
-  const WalkedRadius ball(tree, radii, stop, Index(at), tree.holds(at), shared[threadIdx.x / kWarp]);
+  const WalkedRadius around(tree, radii, stop, Index(at), tree.holds(at), shared[threadIdx.x / kWarp]);
   Collection collection(room, Index(at / kLeafSize));
-  ball.for_leaves([&](Index leaf, unsigned inside) {
+  around.for_leaves([&](Index leaf, unsigned inside) {
     for (unsigned all = warp_or(inside); all != 0; all &= all - 1) {
       const int i = __ffs(static_cast<int>(all)) - 1;
       collection.add(leaf * kLeafSize + Index(i), (inside >> i & 1u) != 0);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the balls of a leaf's 32 points hold, found once and read by every sum over balls that follows.
+// The radius neighbourhoods of a leaf's 32 points, found once and read by every sum over them that follows.
 #pragma once
 
 #include "cuda/index/tree.cuh"
@@ -9,20 +9,21 @@
 
 namespace pointfair::cuda {
 
-// Up to 32 points that lie in a ball of the leaf, in sorted order, and in whose.
+// Up to 32 points that lie in a neighbourhood of the leaf, in sorted order, and in whose.
 struct NeighborPart {
   Index position[kWarp];   // kNoNeighbor behind the last
-  unsigned inside[kWarp];  // by lane: bit i says that position[i] lies in its ball
+  unsigned inside[kWarp];  // by lane: bit i says that position[i] lies in its neighbourhood
 };
 
-// The parts of each leaf, chained in sorted order; `parts` is null where there are none and balls are walked instead.
+// The parts of each leaf, chained in sorted order; `parts` is null where there are none and the tree is walked instead.
 struct CollectedNeighbors {
   const NeighborPart* parts;
   const Index* next;   // of each part, kNoNeighbor behind the last
-  const Index* first;  // of each leaf, kNoNeighbor if its balls are empty
+  const Index* first;  // of each leaf, kNoNeighbor if its neighbourhoods are empty
 };
 
-// Collects the parts of a cloud. Memory: 260 bytes a part; a leaf has a part for each 32 points that its balls hold.
+// Collects the parts of a cloud. Memory: 260 bytes a part; a leaf has a part for each 32 points that its neighbourhoods
+// hold.
 class NeighborCollector {
  public:
   explicit NeighborCollector(Context& context);

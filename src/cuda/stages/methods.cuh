@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The methods other than the bilateral one (docs/methods.md), over lists or balls.
+// The methods other than the bilateral one (docs/methods.md), over lists or radius neighbourhoods.
 #pragma once
 
 #include "cuda/stages/wide_stages.cuh"

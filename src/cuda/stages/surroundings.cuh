@@ -80,8 +80,8 @@ class WalkedRadius {
     is_thinned_ = __any_sync(kAllLanes, active && share_ < 1);
   }
 
-  // visit(leaf, inside) for each leaf with a point in a ball, in sorted order: bit i of `inside` says that the leaf's
-  // i-th point lies in that of this lane. The points are in `place` meanwhile.
+  // visit(leaf, inside) for each leaf with a point within a radius, in sorted order: bit i of `inside` says that the
+  // leaf's i-th point lies in that of this lane. The points are in `place` meanwhile.
   template <class Visit>
   __device__ __forceinline__ void for_leaves(Visit visit) const {
     const auto is_near = [&](const BoxGroup& group) { return this->is_near(box_of_lane(group)); };
@@ -114,8 +114,8 @@ class WalkedRadius {
   __device__ __forceinline__ static bool any(bool mask) { return __any_sync(kAllLanes, mask); }
 
  private:
-  // Whether a ball of the warp reaches this lane's box. Most boxes are near that of the whole warp or they are not; a
-  // leaf that the curve has torn apart is wide, and its balls are asked one by one.
+  // Whether a radius of the warp reaches this lane's box. Most boxes are near that of the whole warp or they are not; a
+  // leaf that the curve has torn apart is wide, and its points are asked one by one.
   __device__ __forceinline__ bool is_near(const Box& box) const {
     bool result = false;
     for (unsigned near = __ballot_sync(kAllLanes, squared_gap(box, box_) <= farthest_); near != 0; near &= near - 1) {

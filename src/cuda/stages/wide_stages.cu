@@ -60,7 +60,7 @@ __global__ void __launch_bounds__(kBlock)
   to.set(at, filtered.unit);
 }
 
-enum class Leaves { all, grown, others };  // where the ball of a point grows, and where none does
+enum class Leaves { all, grown, others };  // where the radius of a point grows, and where none does
 
 template <class Neighbors, bool kSeeksOutliers, bool kShares>
 __global__ void __launch_bounds__(kBlock)

@@ -10,17 +10,23 @@ const kRmsCell = 6; // spacings
 const kQuickRms = 200000; // up to so many points it is computed while a slider moves; of more once it rests
 const kRmsDelay = 400; // ms
 const kPrefix = "attribute:"; // of the choices that are the file's own
+const kNoiseTitle = "noise (standard deviation)";
 
 export class Colouring {
   private cloud: CloudHead | null = null;
   private rms = 0; // of the displacements
   private choice = "plain";
-  private has: Record<string, "asked" | "here"> = {}; // colours of the file
-  private scalar: Float32Array = new Float32Array(); // of the attribute that is here
+  private has: Record<string, "asked" | "here"> = {}; // what the server sends: colours of the file, and the noise
+  private scalar: Float32Array = new Float32Array(); // of the attribute that is here, or the noise
   private timer = 0;
 
-  /** `ask` sends for colours of the file. */
-  constructor(private readonly scene: Scene, private readonly legend: Legend, private readonly ask: (name: string) => void) {}
+  /** `askColours` sends for colours of the file, `askNoise` for the noise at each point. */
+  constructor(
+    private readonly scene: Scene,
+    private readonly legend: Legend,
+    private readonly askColours: (name: string) => void,
+    private readonly askNoise: () => void,
+  ) {}
 
   setCloud(cloud: CloudHead): void {
     this.cloud = cloud;
@@ -34,13 +40,13 @@ export class Colouring {
     if (["displacement", "rms", "height"].includes(this.choice)) this.apply(this.choice);
   }
 
-  /** Colours of the file have come. */
+  /** Colours of the file have come, or the noise. */
   setColours(name: string, arrays: Record<string, Numbers>): void {
-    const choice = arrays.rgb ? "rgb" : kPrefix + name;
+    const choice = arrays.rgb ? "rgb" : arrays.noise ? "noise" : kPrefix + name;
     if (arrays.rgb) this.scene.setColours(arrays.rgb as Uint8Array);
     else {
       this.forgetScalar();
-      this.scalar = arrays.scalar as Float32Array;
+      this.scalar = (arrays.noise ?? arrays.scalar) as Float32Array;
       this.scene.setScalar(this.scalar);
     }
     this.has[choice] = "here";
@@ -54,7 +60,7 @@ export class Colouring {
     if (choice === "displacement") return this.showDisplacement(this.cloud);
     if (choice === "height") return this.show("height", "sequential", this.spread((place) => this.scene.height(place)), "height");
     if (choice === "rms") return this.showRmsSoon(this.cloud);
-    if (choice === "rgb" || choice.startsWith(kPrefix)) return this.showOwn(choice);
+    if (choice === "rgb" || choice === "noise" || choice.startsWith(kPrefix)) return this.showSent(choice);
     this.legend.hide();
     this.scene.setColourMode(choice === "normal" ? "normal" : "plain", [0, 1], "sequential");
   }
@@ -81,17 +87,18 @@ export class Colouring {
     this.show("scalar", "sequential", this.spread((place) => rms[place]), "rms displacement nearby");
   }
 
-  private showOwn(choice: string): void {
+  private showSent(choice: string): void {
+    const name = choice === "noise" ? kNoiseTitle : choice.slice(kPrefix.length);
     if (this.has[choice] === "here") {
-      if (choice !== "rgb")
-        return this.show("scalar", "sequential", this.spread((place) => this.scalar[place]), choice.slice(kPrefix.length));
+      if (choice !== "rgb") return this.show("scalar", "sequential", this.spread((place) => this.scalar[place]), name);
       this.legend.hide();
       return this.scene.setColourMode("rgb", [0, 1], "sequential");
     }
     this.legend.hide();
     if (this.has[choice]) return;
     this.has[choice] = "asked";
-    this.ask(choice === "rgb" ? "rgb" : choice.slice(kPrefix.length));
+    if (choice === "noise") this.askNoise();
+    else this.askColours(choice === "rgb" ? "rgb" : name);
   }
 
   // The scene has room for one.

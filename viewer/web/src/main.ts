@@ -40,8 +40,12 @@ class Page {
   };
   private readonly header = new Header(this.actions);
   private readonly scene = new Scene(this.stage.element, this.view);
-  private readonly colouring = new Colouring(this.scene, this.legend, (name) =>
-    this.connection.send({ type: "colours", id: this.connection.nextId(), name }));
+  private readonly colouring = new Colouring(
+    this.scene,
+    this.legend,
+    (name) => this.connection.send({ type: "colours", id: this.connection.nextId(), name }),
+    () => this.connection.send({ type: "noise", id: this.connection.nextId() }),
+  );
   private readonly connection: Connection;
   private panel: Panel | null = null;
   private hello: Hello | null = null;

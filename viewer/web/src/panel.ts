@@ -81,7 +81,7 @@ export class Panel {
     this.cloud = cloud;
     this.used = {};
     const computed: [string, string][] = [["plain", "plain"], ["displacement", "displacement"], ["rms", "rms displacement nearby"],
-      ["height", "height"], ["normal", "normal"]];
+      ["height", "height"], ["normal", "normal"], ["noise", "noise"]];
     const own = cloud.colours.map(({ name, kind }): [string, string] => [kind === "rgb" ? "rgb" : `attribute:${name}`, name]);
     this.colour.replaceChildren(...[...computed, ...own].map(([value, text]) => h("option", { value }, text)));
     const known = [...this.colour.options].some((option) => option.value === this.view.colour);

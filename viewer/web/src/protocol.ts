@@ -140,4 +140,5 @@ export type Request =
   | ({ type: "run"; id: number; focus?: number[]; held: boolean; output: string; encoding: string } & Recipe)
   | ({ type: "save"; id: number; output: string; encoding: string; overwrite: boolean } & Recipe)
   | { type: "colours"; id: number; name: string }
+  | { type: "noise"; id: number } // answered by colours whose array is "noise"
   | { type: "cancel"; id: number };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sums over balls on a card, and the default run, which is made of them.
+// Sums over radius neighbourhoods on a card, and the default run, which is made of them.
 #include <memory>
 #include <utility>
 
@@ -23,8 +23,8 @@ StageSettings with_balls(float radius, int min_neighbors = 0) {
   return settings;
 }
 
-// Sums over balls run along one curve, of whose cube a part of the unit sphere lies outside.
-class CudaBalls : public CudaBackendTest {
+// Sums within radii run along one curve, of whose cube a part of the unit sphere lies outside.
+class CudaRadii : public CudaBackendTest {
  protected:
   void expect_same(const std::vector<Point>& whole, StageSettings settings, const char* what) {
     settings.frame = frame_over({-1.2f, -1.1f, -1.0f}, 2.1f);
@@ -32,7 +32,7 @@ class CudaBalls : public CudaBackendTest {
   }
 };
 
-TEST_F(CudaBalls, equal_the_cpu) {
+TEST_F(CudaRadii, equal_the_cpu) {
   const std::vector<Point> points = noisy_sphere(50000, 10, 0.002);
   expect_same(points, with_neighbors(0, 0.03f), "one radius");
   expect_same(points, with_balls(0.03f), "one radius, filtered, both planes");
@@ -41,7 +41,7 @@ TEST_F(CudaBalls, equal_the_cpu) {
   expect_same(points, settings, "area weight");
 }
 
-TEST_F(CudaBalls, that_follow_the_density_equal_the_cpu) {
+TEST_F(CudaRadii, that_follow_the_density_equal_the_cpu) {
   for (const int min_neighbors : {4, 16, 40}) {
     StageSettings settings = with_balls(0.02f, min_neighbors);
     expect_same(noisy_sphere(50000, 10, 0.002), settings, "sphere");
@@ -51,7 +51,7 @@ TEST_F(CudaBalls, that_follow_the_density_equal_the_cpu) {
   }
 }
 
-TEST_F(CudaBalls, of_strays_equal_the_cpu) {
+TEST_F(CudaRadii, of_strays_equal_the_cpu) {
   std::vector<Point> points = noisy_sphere(50000, 23, 0.002);
   shapes::Random random(24);
   const auto anywhere = [&] { return float(random.uniform(-1.2, 1.2)); };
@@ -66,7 +66,7 @@ TEST_F(CudaBalls, of_strays_equal_the_cpu) {
   expect_same(points, settings, "pulled in");
 }
 
-TEST_F(CudaBalls, that_follow_the_noise_equal_the_cpu) {
+TEST_F(CudaRadii, that_follow_the_noise_equal_the_cpu) {
   const std::vector<Point> points = noisy_sphere(50000, 29, 0.004);
   StageSettings settings = with_balls(0.008f, 16);
   settings.fairing.outlier_distance = 0.01f;
@@ -84,11 +84,11 @@ TEST_F(CudaBalls, that_follow_the_noise_equal_the_cpu) {
   }
 }
 
-TEST_F(CudaBalls, that_are_thinned_equal_the_cpu) {
+TEST_F(CudaRadii, that_are_thinned_equal_the_cpu) {
   expect_same(noisy_sphere(50000, 18, 0.002), with_balls(0.2f, 8), "thinned");
 }
 
-TEST_F(CudaBalls, that_grow_where_the_surface_is_flat_equal_the_cpu) {
+TEST_F(CudaRadii, that_grow_where_the_surface_is_flat_equal_the_cpu) {
   const std::vector<Point> cube = shapes::with_noise(shapes::cube(50000), 0.002);
   expect_same(cube, with_balls(0.03f), "one radius");
   expect_same(cube, with_balls(0.015f, 16), "that follow the density");
@@ -96,11 +96,11 @@ TEST_F(CudaBalls, that_grow_where_the_surface_is_flat_equal_the_cpu) {
   expect_same(shapes::cube(30000), with_balls(1.5f), "too large to be collected");
 }
 
-TEST_F(CudaBalls, that_are_too_large_to_be_collected_equal_the_cpu) {
+TEST_F(CudaRadii, that_are_too_large_to_be_collected_equal_the_cpu) {
   expect_same(noisy_sphere(5000, 19, 0.002), with_balls(1.5f), "most of the sphere");
 }
 
-TEST_F(CudaBalls, of_hard_clouds_equal_the_cpu) {
+TEST_F(CudaRadii, of_hard_clouds_equal_the_cpu) {
   const std::vector<Point> even = noisy_sphere(30000, 20, 0.002);
   std::vector<Point> cloud = even;
   cloud[777] = {1e6f, -1e6f, 1e6f};
@@ -115,11 +115,11 @@ TEST_F(CudaBalls, of_hard_clouds_equal_the_cpu) {
   expect_same(std::vector<Point>(100, Point{kNan, 0, 0}), with_balls(0.7f), "nothing valid");
 }
 
-TEST_F(CudaBalls, equal_the_cpu_on_a_million_points) {
+TEST_F(CudaRadii, equal_the_cpu_on_a_million_points) {
   expect_same(noisy_sphere(1000000, 21, 0.003), with_balls(0.008f, 16), "a million");
 }
 
-TEST_F(CudaBalls, of_the_default_run_equal_the_cpu) {
+TEST_F(CudaRadii, of_the_default_run_equal_the_cpu) {
   const std::vector<Point> points = cut(noisy_sphere(60000, 22, 0.01));
   Pipeline cuda(Device::cuda), cpu(Device::cpu);
   std::vector<Point> on_card(points.size()), on_cpu(points.size());
@@ -132,7 +132,7 @@ TEST_F(CudaBalls, of_the_default_run_equal_the_cpu) {
 }
 
 // Two workers and five tiles, whose halos are found on the card.
-TEST_F(CudaBalls, of_a_cloud_in_tiles_equal_those_of_the_whole_on_the_cpu) {
+TEST_F(CudaRadii, of_a_cloud_in_tiles_equal_those_of_the_whole_on_the_cpu) {
   for (const std::vector<Point>& whole :
        {noisy_sphere(60000, 25, 0.01), shapes::with_noise(shapes::cube(60000), 0.003), uneven_sphere(60000, 20)}) {
     const std::vector<Point> points = cut(whole);
@@ -153,7 +153,7 @@ TEST_F(CudaBalls, of_a_cloud_in_tiles_equal_those_of_the_whole_on_the_cpu) {
   }
 }
 
-TEST_F(CudaBalls, equal_the_cpu_with_every_method) {
+TEST_F(CudaRadii, equal_the_cpu_with_every_method) {
   for (const Method method : kOtherMethods) {
     const std::string name = "method " + std::to_string(int(method));
     StageSettings settings = with_method(with_neighbors(0, 0.02f), method);

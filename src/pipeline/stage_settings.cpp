@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "pipeline/settings.hpp"
+#include "pipeline/stage_settings.hpp"
 
 #include <algorithm>
 
@@ -30,7 +30,7 @@ Settings settings_of(const Params& p, const FollowedNoise& followed) {
   s.normals.sigma = float(p.normal_sigma.value);
   s.normals.of_radius = p.normal_sigma.unit == Length::Unit::radius;
   s.normals.crease_angle = p.normal_filter == NormalFilter::on ? p.crease_angle : 0;
-  if (sums_balls(p) && p.method == Method::bilateral) s.normals.flat_scale = float(p.flat_scale.value_or(1));
+  if (sums_within_radius(p) && p.method == Method::bilateral) s.normals.flat_scale = float(p.flat_scale.value_or(1));
   s.fairing.method = p.method;
   s.fairing.area_weight = p.area_weight;
   s.fairing.closeness_sigma = float(p.closeness_sigma.value);
@@ -41,7 +41,7 @@ Settings settings_of(const Params& p, const FollowedNoise& followed) {
   s.fairing.strength = float(p.relaxation.value_or(1));
   if (p.outliers != Outliers::off) {
     s.fairing.outlier_distance = float(p.outlier_distance.value);
-    if (sums_balls(p)) s.fairing.outlier_radius = float(p.outlier_radius.value);
+    if (sums_within_radius(p)) s.fairing.outlier_radius = float(p.outlier_radius.value);
   }
   s.fairing.pull_outliers = p.outliers == Outliers::move;
   if (p.outliers == Outliers::keep || p.outliers == Outliers::mark) {

@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "point_noise.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cstring>
+#include <optional>
+#include <vector>
+
+namespace pointfair::cli {
+namespace {
+
+constexpr std::size_t kLongestName = 32;  // of extra bytes in LAS
+
+// Lengths begin with a digit or a sign.
+bool is_name(const std::string& text) {
+  return text != "auto" && (std::isalpha(static_cast<unsigned char>(text[0])) || text[0] == '_');
+}
+
+template <class T>
+std::vector<float> as_floats(const Attribute& attribute) {
+  std::vector<float> values(attribute.data.size() / sizeof(T));
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    T value;
+    std::memcpy(&value, attribute.data.data() + i * sizeof value, sizeof value);
+    values[i] = static_cast<float>(value);
+  }
+  return values;
+}
+
+std::vector<float> floats_of(const Attribute& attribute) {
+  switch (attribute.type) {
+    case ScalarType::int8:
+      return as_floats<std::int8_t>(attribute);
+    case ScalarType::uint8:
+      return as_floats<std::uint8_t>(attribute);
+    case ScalarType::int16:
+      return as_floats<std::int16_t>(attribute);
+    case ScalarType::uint16:
+      return as_floats<std::uint16_t>(attribute);
+    case ScalarType::int32:
+      return as_floats<std::int32_t>(attribute);
+    case ScalarType::uint32:
+      return as_floats<std::uint32_t>(attribute);
+    case ScalarType::float32:
+      return as_floats<float>(attribute);
+    case ScalarType::float64:
+      return as_floats<double>(attribute);
+  }
+  return {};
+}
+
+std::optional<AttributeInfo> find_info(const Cloud& cloud, const std::string& name) {
+  for (const AttributeInfo& info : attributes(cloud))
+    if (info.name == name) return info;
+  return std::nullopt;
+}
+
+// Those that a noise can be read from.
+std::string scalar_names(const Cloud& cloud) {
+  std::string names;
+  for (const AttributeInfo& info : attributes(cloud))
+    if (info.components == 1) names += (names.empty() ? "" : ", ") + info.name;
+  return names.empty() ? "none" : names;
+}
+
+[[noreturn]] void refuse(const std::string& message) { throw Error(ErrorKind::usage, message); }
+
+}  // namespace
+
+std::string take_noise_attribute(ParamArguments& params) {
+  const auto its = std::find_if(params.given.begin(), params.given.end(),
+                                [](const auto& given) { return given.first->name == "noise"; });
+  if (its == params.given.end() || its->second.empty() || !is_name(its->second)) return {};
+  const std::string name = its->second;
+  params.given.erase(its);
+  return name;
+}
+
+void use_noise_attribute(const Cloud& cloud, const std::string& name, const std::string& input, Pipeline& pipeline) {
+  const std::optional<AttributeInfo> info = find_info(cloud, name);
+  if (!info || info->components != 1)
+    refuse(
+        fmt::format("--noise {}: {} has no attribute '{}' of one number a point; it has {}. Name one of them, or give "
+                    "a length",
+                    name, input, name, scalar_names(cloud)));
+  const std::vector<float> values = floats_of(attribute(cloud, name));
+  if (std::none_of(values.begin(), values.end(), [](float value) { return value > 0; }))
+    refuse(
+        fmt::format("--noise {}: no value of this attribute in {} is positive, so none is a standard deviation; name "
+                    "another, or give a length",
+                    name, input));
+  pipeline.set_noise(values);
+}
+
+void check_noise_attribute(const Cloud& cloud, const std::string& name, const WriteOptions& options) {
+  const auto is_part_of_name = [](unsigned char c) { return std::isalnum(c) || c == '_' || c == '-' || c == '.'; };
+  const bool is_coordinate = name == "x" || name == "y" || name == "z" || name == "X" || name == "Y" || name == "Z";
+  if (name.empty() || name.size() > kLongestName || is_coordinate ||
+      !std::all_of(name.begin(), name.end(), is_part_of_name))
+    refuse(
+        fmt::format("--write-noise={}: a name has up to {} letters, digits, '_', '-' and '.', and is no coordinate; "
+                    "choose another",
+                    name.substr(0, 60), kLongestName));
+  const std::optional<Format> format = options.format ? options.format : file_info(cloud).format;
+  if (format == Format::off || format == Format::obj || format == Format::e57)
+    refuse("--write-noise: files of this format take no further attributes; write PLY, PCD, LAS, LAZ or text");
+  const std::optional<AttributeInfo> info = find_info(cloud, name);
+  const bool is_float = info && (info->type == ScalarType::float32 || info->type == ScalarType::float64);
+  if (info && (info->components != 1 || !is_float))
+    refuse(
+        fmt::format("--write-noise: the cloud has an attribute '{}' of its own that is no float; name another, as in "
+                    "--write-noise={}_2",
+                    name, name.substr(0, kLongestName - 2)));
+}
+
+void write_noise_attribute(Pipeline& pipeline, const Params& params, const std::string& name, std::stop_token stop,
+                           Cloud& cloud) {
+  std::vector<float> values(cloud.points.size());
+  pipeline.noise(values, params, stop);
+  std::erase_if(cloud.added, [&](const Attribute& other) { return other.name == name; });
+  Attribute& attribute = cloud.added.emplace_back();
+  attribute.name = name;
+  const auto bytes = std::as_bytes(std::span(values));
+  attribute.data.assign(bytes.begin(), bytes.end());
+}
+
+}  // namespace pointfair::cli

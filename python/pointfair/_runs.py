@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What every way to denoise begins with: parameters, a pipeline of the library, the run of a cloud with attributes."""
+from __future__ import annotations
+
+import contextlib
+import os
+from typing import Any, Iterator
+
+from . import _native
+from ._arrays import as_box, as_mask, as_selections, as_strength
+from ._errors import UsageError
+from ._params import Params
+from ._values import as_text, as_threads
+
+_DEFAULT = Params()
+
+
+def make_params(params: Params | None, changes: Any) -> Params:
+    """`params`, or the defaults, with the changes."""
+    if params is None:
+        return Params(**_known(changes)) if changes else _DEFAULT
+    if not isinstance(params, Params):
+        raise UsageError(f"params is a {type(params).__name__}: give a pointfair.Params")
+    return params.replace(**_known(changes)) if changes else params
+
+
+def _known(changes: dict[str, Any]) -> dict[str, Any]:
+    for name in changes:
+        if name not in Params.__dataclass_fields__:
+            raise UsageError(f"there is no parameter '{name}': help(pointfair.Params) lists them")
+    return changes
+
+
+def native_pipeline(device: str, threads: int) -> _native.Pipeline:
+    """Raises UsageError for a device or a number of threads that cannot be."""
+    return _native.Pipeline(as_text(device, "device"), as_threads(threads))
+
+
+# Pipelines of small clouds wait here for the next call, one for each device and number of threads: making one takes
+# longer than denoising a few points.
+_KEPT_POINTS = 100_000
+_idle: dict[tuple[str, int], list[_native.Pipeline]] = {}
+os.register_at_fork(after_in_child=_idle.clear)
+
+
+def _take(device: str, threads: int) -> _native.Pipeline:
+    try:
+        return _idle[device, threads].pop()
+    except (KeyError, IndexError, TypeError):
+        return native_pipeline(device, threads)
+
+
+@contextlib.contextmanager
+def borrowed(device: str, threads: int) -> Iterator[_native.Pipeline]:
+    """A pipeline for one call."""
+    pipeline = _take(device, threads)
+    try:
+        yield pipeline
+    finally:
+        _give_back(pipeline, device, threads)
+
+
+def _give_back(pipeline: _native.Pipeline, device: str, threads: int) -> None:
+    if pipeline.points <= _KEPT_POINTS:
+        waiting = _idle.setdefault((device, threads), [])
+        if not waiting:
+            waiting.append(pipeline)
+
+
+def run_cloud(pipeline: _native.Pipeline, cloud: _native.Cloud, params: Params, *, mask: Any, where: str | None,
+              ignore: str | None, strength: float, box: Any, show: Any) -> _native.Cloud:
+    """Loads and denoises a cloud; returns a copy with moved points. `show` is as progress_function gives it."""
+    limits = (as_strength(strength), as_box(box), as_mask(mask, len(cloud)), as_selections(where, "where"))
+    pipeline.load_cloud(cloud, as_selections(ignore, "ignore"))
+    return pipeline.run_cloud(params._native, *limits, show)

@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+// Every constant of the estimates and of what follows from them: its unit, the equation of docs/how-it-works.md that it
+// stands in, and what measured it, a record of docs/decisions by its number or a command:
+//   estimates, steady, low, sheets, outliers, scans    a part of bench/automatic.py
+//   quality                                            bench/quality.py
+// Pairs are where a rule sets in and where it is whole, in the order of its argument.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+namespace pointfair::constants {
+
+// Samples.                                               unit; equation; measured by
+inline constexpr std::size_t kNoiseSamples = 500;      // samples of the cloud; (8); estimates
+inline constexpr std::uint64_t kPointsOfPlace = 1000;  // points of the cloud for one more place; (21); 082
+
+// Noise of a typical place.
+inline constexpr double kNoiseQuantile =
+    0.35;  // of the samples: edges and outliers only raise a residual; (8); estimates
+inline constexpr double kLeastQuantile = 0.15;   // of the samples, where they spread; (8); estimates
+inline constexpr double kMostOverLeast = 1.2;    // of the residual at that quantile; (8); estimates
+inline constexpr double kPlaneQuartile = 1.2;    // of a plane's own variances, by chance; (18); 052
+inline constexpr double kSheetShare = 0.1;       // of the samples; fewer that see two sheets are corners; sheets
+inline constexpr double kGapQuantile = 0.25;     // of the gaps between sheets; sheets
+inline constexpr double kDoubtfulNoise = 0.6;    // spacings; below it residuals may be shape; low
+inline constexpr double kBeyondResiduals = 1.7;  // spacings; of more noise 115 points show nothing; 082
+inline constexpr double kNearFlat = 2;           // flattest residuals; larger ones are beyond the similarity sigma; low
+
+// How residuals grow from one neighbourhood to one of twice the points.
+inline constexpr double kShapelikeGrowth[] = {1.35, 1.5};  // ratio of residuals, noise and shape; scans
+inline constexpr double kOwnGrowth = 1.05;                 // ratio of median residuals of noise alone; 027
+inline constexpr double kShapeVarianceGrowth = 4;          // ratio of variances of shape: a quadric's; 027
+inline constexpr double kAlikeGrowth[] = {1.14, 1.18};     // ratio in flat places (1.09 is chance); 051
+inline constexpr double kUnlikeGrowth[] = {1.5, 1.0};      // of variances, less one; more is shape; 051
+inline constexpr double kAlikeSlowing[] = {1.2, 0.9};      // the next growth over this one; more is shape; 051
+inline constexpr double kAlikeNoise[] = {0.05, 0.1};       // spacings; 051
+
+// Noise from place to place.
+inline constexpr std::size_t kFewestSamples = 64;             // that show noise; 082
+inline constexpr std::size_t kPool = 16;                      // samples whose residuals stand for one place; (21); 082
+inline constexpr std::size_t kSmoothed = 8;                   // samples whose median is the noise of a place; (21); 082
+inline constexpr double kPoolQuantile = 0.35;                 // of a pool; (21); 082
+inline constexpr double kPoolQuantileNormal = -0.3853204664;  // standard deviations: the normal's, at kPoolQuantile
+inline constexpr double kWideRadius = 2.6;       // standard deviations; narrower ones do not show noise; 082
+inline constexpr double kFitError = 0.1;         // of log variances, beside chance; (21); 082
+inline constexpr double kSpread = 0.35;          // of log levels, before anything is known; (21); 082
+inline constexpr double kChanceOfLevels = 0.15;  // of log levels, by the samples alone; (21); 082
+inline constexpr double kLargestLevel = 8;       // sigmas; 082
+inline constexpr std::array kShapePowers{1.3, 2.0, 3.0, 4.0};  // of the size, by which shape grows; (21); 082
+inline constexpr int kLeastShape = -10, kMostShape = 8;        // half decades of shape over noise; (21); 082
+inline constexpr double kUnlikely = 20;                 // minus twice the log likelihood, over the best; 1 of 20,000
+inline constexpr double kSurroundings = 2;              // samples that wider surroundings count for; 082
+inline constexpr double kAside = 0.01;                  // of the places, at either end of each axis; 082
+inline constexpr std::size_t kMostGivenPlaces = 32768;  // points whose noise is given: as many as nodes; 076
+inline constexpr std::array kToldQuantiles{0.05, 0.5, 0.95};
+
+// Steps of coordinates and of depth.
+inline constexpr std::size_t kLookedAt = 500;                   // samples; 075
+inline constexpr int kStepNeighbors = 8, kLevelNeighbors = 60;  // points; 075
+inline constexpr double kRounding = 2.4e-7;                     // extents: 4 units in the last place of a float
+inline constexpr std::size_t kRepeats = 20;                     // of each value, on average, if there are steps; 075
+inline constexpr std::size_t kGlance = 256;                     // values; fewer than half of them are distinct
+inline constexpr double kSameStep = 0.05;                       // of the step; 075
+inline constexpr double kExactPlane = 1e-4;                     // of a neighbourhood's size; 075
+inline constexpr double kRoundness = 0.05;                      // ratio of eigenvalues; less is a line; 075
+inline constexpr std::size_t kFewestPlanes = 10, kMostPlanes = 400;  // of 500 samples; 075
+inline constexpr double kSameDirection = 0.99985;                    // the cosine of 1 degree; 075
+inline constexpr double kLevelGap = 2e-6;                            // extents; heights are not nearer; 075
+inline constexpr std::size_t kHeightsOfLevel = 8;                    // points, on average; 075
+inline constexpr std::size_t kSpans = 8, kFewestAlike = 6;           // spans of levels; 075
+inline constexpr double kSameGap = 0.15;                             // of the gap; 075
+inline constexpr double kWideningOfGaps = 1.3;     // ratio, from the nearest level to the farthest; 075
+inline constexpr double kNoiseOfDepthSteps = 0.5;  // steps; Khoshelham and Elberink 2012
+
+// Neighbourhoods.
+inline constexpr double kNoiseRadius = 2.5;                      // sigmas; R of (18); quality
+inline constexpr int kMinNeighbors = 16;                         // points; quality
+inline constexpr int kMinNeighborsIfAlike = 48;                  // points; 051
+inline constexpr double kRoominess = 1.15, kConfinement = 0.67;  // of R; (18); 052
+inline constexpr double kBendPower = 0.06, kLeastFactor = 0.75;  // exponent; of R; (18); 052
+inline constexpr double kRoomyNoise[] = {0.5, 0.85};             // spacings; (18); 052
+inline constexpr double kBendingNoise[] = {0.25, 0.45};          // spacings; (18); 052
+inline constexpr double kUnseenNoise[] = {3.6, 4.4};             // spacings; (18); 052
+inline constexpr double kDepthWidening = 2.5;                    // of R: a matcher's windows are nine pixels wide; 075
+inline constexpr int kFlatPercent = 160;                         // of R; (20); 053
+inline constexpr double kFlatNoise[] = {0.1, 0.25};              // spacings; (20); 053
+inline constexpr double kSeparableGap = 1.9;                     // spacings between two sheets; sheets
+inline constexpr double kOneSheet = 0.65, kBothSheets = 14;      // of one sheet's points within the gap; sheets
+inline constexpr double kListRadius = 3;                         // sigmas, of lists; quality
+inline constexpr double kListPoints = 11;                        // points, of lists without noise; quality
+
+// Weights and normals.
+inline constexpr double kNormalWidth = 1.4, kClosenessWidth = 0.6;  // of R; (3), (4); quality
+inline constexpr double kListCloseness = 0.5;                       // of a list's radius; Fleishman 2003
+inline constexpr double kSimilarityWidth = 3;                       // sigmas; (4); quality
+inline constexpr double kLeastSimilarity = 0.05;                    // spacings; low
+inline constexpr double kSheetSimilarity = 1.0 / 6;                 // of the gap; sheets
+inline constexpr int kCreaseAngle = 15, kCreaseAngleOfNoise = 20;   // degrees; quality
+inline constexpr double kTurningNoise[] = {0.45, 1};                // spacings; quality
+
+// The step.
+inline constexpr int kIterations = 2;                           // quality
+inline constexpr double kTrustedNoise = 0.02;                   // spacings; half of a step is made there; low
+inline constexpr double kTrustedShape = 0.16;                   // the same where residuals grow like shape; low
+inline constexpr double kDamage = 0.6;                          // c of (22); 082
+inline constexpr double kHarmlessNoise[] = {0.2, 0.6};          // spacings; c of (22); 082
+inline constexpr double kShapeDamage = 3, kUnseenShape = 0.01;  // noise variances; other methods; 027
+inline constexpr double kSmoothingNoise[] = {0.1, 0.6};         // spacings; other methods; 027
+
+// Limits.
+inline constexpr double kFarthestMove = 4;             // sigmas; outliers
+inline constexpr double kFarthestOfLittleNoise = 1.5;  // sigmas; other methods; low
+inline constexpr double kFarNoise[] = {0.03, 0.5};     // spacings; other methods; low
+inline constexpr double kOutlierDistance = 6;          // sigmas; outliers
+inline constexpr double kOutlierSpacings = 0.5;        // spacings, twice if residuals are shape; outliers
+inline constexpr double kOutlierRadius = 6;            // of what holds a typical point's neighbours; outliers
+inline constexpr double kNoiseOfDelta = 2.5;           // sigmas; delta of the paper's constraint
+
+}  // namespace pointfair::constants

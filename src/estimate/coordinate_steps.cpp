@@ -1,0 +1,212 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "estimate/coordinate_steps.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+#include <span>
+#include <utility>
+
+#include "estimate/constants.hpp"
+#include "point/sample.h"
+
+namespace pointfair {
+namespace {
+
+using point::Offset;
+
+using namespace constants;
+
+constexpr std::size_t kRow = kStepNeighbors + 1;
+
+double coordinate(const Point& p, int axis) { return axis == 0 ? p.x : axis == 1 ? p.y : p.z; }
+
+// Values that lie `apart`, of many sorted ones.
+std::vector<double> distinct(std::vector<double> values, double apart) {
+  std::sort(values.begin(), values.end());
+  std::vector<double> result;
+  double last = 0;
+  for (const double value : values) {
+    if (result.empty() || value - last > apart) result.push_back(value);
+    last = value;
+  }
+  return result;
+}
+
+// Along one axis, from differences between neighbours; 0 where there is none.
+double grid_step(std::span<const Point> rows, int axis, double rounding) {
+  std::vector<double> differences;
+  for (std::size_t first = 0; first < rows.size(); first += kRow)
+    for (std::size_t i = 1; i < kRow; ++i) {
+      const double difference = std::abs(coordinate(rows[first + i], axis) - coordinate(rows[first], axis));
+      if (difference > rounding) differences.push_back(difference);
+    }
+  if (differences.empty()) return 0;
+  const std::size_t all = differences.size();
+  if (all >= kGlance && 2 * distinct({differences.begin(), differences.begin() + kGlance}, rounding).size() > kGlance)
+    return 0;
+  const std::vector<double> values = distinct(std::move(differences), rounding);
+  if (values.size() * kRepeats > all) return 0;
+  std::vector<double> gaps;
+  for (std::size_t i = 0; i < values.size(); ++i) gaps.push_back(values[i] - (i > 0 ? values[i - 1] : 0));
+  const auto middle = gaps.begin() + std::ptrdiff_t(gaps.size() / 2);
+  std::nth_element(gaps.begin(), middle, gaps.end());
+  const double step = *middle;
+  const auto alike =
+      std::count_if(gaps.begin(), gaps.end(), [step](double gap) { return std::abs(gap - step) < kSameStep * step; });
+  return 2 * std::size_t(alike) > gaps.size() && rounding < kSameStep * step ? step : 0;
+}
+
+// A flat cloud of rows and columns has steps along two axes, and no noise for it.
+double step_of_grid(std::span<const Point> rows, double rounding) {
+  const double step = grid_step(rows, 0, rounding);
+  for (int axis = 1; axis < 3 && step > 0; ++axis)
+    if (std::abs(grid_step(rows, axis, rounding) - step) > kSameStep * step) return 0;
+  return step;
+}
+
+using Matrix = point::Sym3<double>;
+Matrix sum(const Matrix& a, const Matrix& b) {
+  return {a.xx + b.xx, a.xy + b.xy, a.xz + b.xz, a.yy + b.yy, a.yz + b.yz, a.zz + b.zz};
+}
+
+struct ExactPlane {
+  Offset normal;
+  Matrix moments;  // second ones, about the centroid
+};
+
+// Of a row that lies on one, and not along a line.
+std::optional<ExactPlane> exact_plane(std::span<const Point> row, double rounding) {
+  std::array<Offset, kRow> offsets;
+  Offset centroid{};
+  for (std::size_t i = 0; i < kRow; ++i) {
+    offsets[i] = point::offset_between(row[0], row[i]);
+    centroid = centroid + (1.0 / double(kRow)) * offsets[i];
+  }
+  Matrix m{};
+  double farthest = 0;
+  for (Offset& o : offsets) {
+    o = o - centroid;
+    m = sum(m, {o.x * o.x, o.x * o.y, o.x * o.z, o.y * o.y, o.y * o.z, o.z * o.z});
+    farthest = std::max(farthest, point::length(o));
+  }
+  const auto normal = point::least_eigenvector(m);
+  if (!normal.exists) return std::nullopt;
+  for (const Offset& o : offsets)
+    if (std::abs(point::dot(o, normal.unit)) > std::max(kExactPlane * farthest, rounding)) return std::nullopt;
+  // of the two eigenvalues in the plane: their sum and, by the principal minors, their product
+  const double trace = m.xx + m.yy + m.zz;
+  const double minors = m.xx * m.yy - m.xy * m.xy + m.xx * m.zz - m.xz * m.xz + m.yy * m.zz - m.yz * m.yz;
+  if (minors < kRoundness * (trace * trace - 2 * minors)) return std::nullopt;
+  return ExactPlane{normal.unit, m};
+}
+
+// Along which most exact planes face, or nothing where there are few.
+std::optional<Offset> common_direction(std::span<const Point> rows, double rounding) {
+  std::vector<ExactPlane> planes;
+  for (std::size_t first = 0; first < rows.size() && planes.size() < kMostPlanes; first += kRow)
+    if (const auto plane = exact_plane(rows.subspan(first, kRow), rounding)) planes.push_back(*plane);
+  const auto is_alike = [&planes](std::size_t i, std::size_t j) {
+    return std::abs(point::dot(planes[i].normal, planes[j].normal)) > kSameDirection;
+  };
+  std::size_t most = 0, commonest = 0;
+  for (std::size_t i = 0; i < planes.size(); ++i) {
+    std::size_t count = 0;
+    for (std::size_t j = 0; j < planes.size(); ++j) count += is_alike(i, j);
+    if (count > most) most = count, commonest = i;
+  }
+  if (most < kFewestPlanes) return std::nullopt;
+  Matrix moments{};
+  for (std::size_t j = 0; j < planes.size(); ++j)
+    if (is_alike(commonest, j)) moments = sum(moments, planes[j].moments);
+  return point::least_eigenvector(moments).unit;
+}
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// Of depths that tell whole disparities: they lie ever wider apart, by the square of the distance.
+struct DisparityLaw {
+  double place, root, slope;  // the root of the gap at a place, and by how much it grows
+  double gap_at(double at) const {
+    const double there = root + slope * (at - place);
+    return there * there;
+  }
+};
+
+// Of sorted levels, if they follow it. The profiles of a scanner that is driven past do not. Means over many levels, of
+// which some are rounded or missing, and a line through them by medians (Theil and Sen).
+std::optional<DisparityLaw> disparity_law(const std::vector<double>& levels) {
+  std::array<double, kSpans> place, root;
+  for (std::size_t i = 0; i < kSpans; ++i) {
+    const std::size_t from = i * (levels.size() - 1) / kSpans, to = (i + 1) * (levels.size() - 1) / kSpans;
+    place[i] = (levels[from] + levels[to]) / 2;
+    root[i] = std::sqrt((levels[to] - levels[from]) / double(to - from));
+  }
+  std::vector<double> slopes;
+  for (std::size_t i = 0; i < kSpans; ++i)
+    for (std::size_t j = 0; j < i; ++j) slopes.push_back((root[i] - root[j]) / (place[i] - place[j]));
+  const double slope = median(std::move(slopes));
+  std::vector<double> at_start;
+  for (std::size_t i = 0; i < kSpans; ++i) at_start.push_back(root[i] - slope * (place[i] - place[0]));
+  const DisparityLaw law{place[0], median(std::move(at_start)), slope};
+  const auto [least, most] = std::minmax({law.gap_at(levels.front()), law.gap_at(levels.back())});
+  std::size_t alike = 0;
+  for (std::size_t i = 0; i < kSpans; ++i) alike += std::abs(root[i] * root[i] / law.gap_at(place[i]) - 1) < kSameGap;
+  if (most < kWideningOfGaps * least || alike < kFewestAlike) return std::nullopt;
+  return law;
+}
+
+double extent_of(std::span<const Point> points) {
+  double extent = 0;
+  for (const Point& p : points)
+    for (int axis = 0; axis < 3 && !std::isnan(p.x); ++axis)
+      extent = std::max(extent, std::abs(coordinate(p, axis) - coordinate(points[0], axis)));
+  return extent;
+}
+
+// At each row's first point, along a direction; empty where heights have no levels.
+std::vector<double> steps_along(Offset direction, std::span<const Point> rows, std::size_t row_size) {
+  const auto height = [&](const Point& p) { return point::dot(point::offset_between(rows[0], p), direction); };
+  std::vector<double> heights;
+  for (const Point& p : rows)
+    if (!std::isnan(p.x)) heights.push_back(height(p));
+  const std::size_t all = heights.size();
+  const std::vector<double> levels = distinct(std::move(heights), kLevelGap * extent_of(rows));
+  if (levels.size() <= 2 * kSpans || levels.size() * kHeightsOfLevel > all) return {};
+  const std::optional<DisparityLaw> law = disparity_law(levels);
+  std::vector<double> steps;
+  for (std::size_t first = 0; law && first < rows.size(); first += row_size)
+    steps.push_back(law->gap_at(height(rows[first])));
+  return steps;
+}
+
+// Those that are full.
+std::vector<Point> known_rows(std::span<const Point> rows, std::size_t row_size) {
+  std::vector<Point> known;
+  for (std::size_t first = 0; first < rows.size(); first += row_size) {
+    const auto row = rows.subspan(first, row_size);
+    if (std::none_of(row.begin(), row.end(), [](const Point& p) { return std::isnan(p.x); }))
+      known.insert(known.end(), row.begin(), row.end());
+  }
+  return known;
+}
+
+}  // namespace
+
+CoordinateSteps coordinate_steps(std::size_t samples, const NearestRows& nearest) {
+  const std::vector<Point> rows = known_rows(nearest(std::min(samples, kLookedAt), kStepNeighbors), kRow);
+  const double rounding = kRounding * extent_of(rows);
+  if (const double step = step_of_grid(rows, rounding); step > 0)
+    return {CoordinateSteps::Kind::grid, std::vector<double>(samples, step)};
+  const auto direction = common_direction(rows, rounding);
+  if (!direction) return {};
+  std::vector<double> steps = steps_along(*direction, nearest(samples, kLevelNeighbors), kLevelNeighbors + 1);
+  return {steps.empty() ? CoordinateSteps::Kind::none : CoordinateSteps::Kind::depth, std::move(steps)};
+}
+
+}  // namespace pointfair

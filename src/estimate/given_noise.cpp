@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "estimate/given_noise.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+#include <vector>
+
+#include "estimate/constants.hpp"
+#include "estimate/node_grid.hpp"
+#include "estimate/noise_levels.hpp"
+
+namespace pointfair {
+namespace {
+
+using namespace constants;
+
+constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
+constexpr Point kNowhere{kNaN, kNaN, kNaN};
+
+bool says(float value) { return value > 0 && std::isfinite(value); }
+
+}  // namespace
+
+std::optional<GivenNoise> given_noise(std::span<const float> values, std::span<const Point> points,
+                                      const ForEach& for_each) {
+  std::vector<float> known;
+  for (std::size_t i = 0; i < values.size(); ++i)
+    if (says(values[i]) && is_indexed(points[i])) known.push_back(values[i]);
+  if (known.empty()) return std::nullopt;
+  const auto middle = known.begin() + std::ptrdiff_t(known.size() / 2);
+  std::nth_element(known.begin(), middle, known.end());
+  const double sigma = *middle;
+  const auto point_at = [&](std::size_t i) {
+    return std::pair(says(values[i]) ? points[i] : kNowhere, static_cast<std::uint32_t>(i));
+  };
+  const CloudSample sample = sample_points(points.size(), point_at, kMostGivenPlaces, for_each);
+  std::vector<double> log_levels;
+  for (const std::uint32_t i : sample.indices)
+    log_levels.push_back(std::log(std::clamp(values[i] / sigma, 1 / kLargestLevel, kLargestLevel)));
+  auto levels = std::make_shared<NoiseLevels>(levels_between(sample.points, log_levels, for_each));
+  levels->quantiles = quantiles_of(std::move(log_levels));
+  return GivenNoise{sigma, std::move(levels)};
+}
+
+}  // namespace pointfair

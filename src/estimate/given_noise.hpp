@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+// The noise from place to place as someone knows it, in place of what is measured.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <span>
+
+#include "seam/cloud_sample.hpp"
+#include "seam/settings.hpp"
+
+namespace pointfair {
+
+struct GivenNoise {
+  double sigma = 0;  // at a typical place: the median
+  std::shared_ptr<const NoiseLevels> levels{};
+};
+
+// Standard deviations at `points`, one each; values that are not positive and finite, and those of invalid points, say
+// nothing. Levels lie between the values at a sample of the others. None if no value says anything. O(N), on the host:
+// the same bits for points in any order, if those at one place have one value.
+std::optional<GivenNoise> given_noise(std::span<const float> values, std::span<const Point> points,
+                                      const ForEach& for_each);
+
+}  // namespace pointfair

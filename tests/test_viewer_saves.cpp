@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+// Files that a page saves. Oracle: what the library writes.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+
+#include "viewer_seat.h"
+
+namespace pointfair::viewer {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Folder {
+  fs::path path = fs::temp_directory_path() / ("pointfair-viewer-" + std::to_string(::getpid()));
+  Folder() { fs::create_directories(path); }
+  ~Folder() { fs::remove_all(path); }
+};
+
+std::string content(const fs::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+TEST(ViewerSession, SavesWhatTheLibraryWrites) {
+  const Folder folder;
+  const Cloud cloud = cloud_of(noisy(2000));
+  Session::Options options = cpu_options();
+  options.save_folder = folder.path;
+  FakePage page;
+  Session session(options, page.send());
+  session.open(cloud, "scan.ply");
+  EXPECT_TRUE(session.receive(
+      R"({"type":"save","id":1,"output":"denoised.ply","params":{"k":"12"},"limits":{"strength":"0.5"}})"));
+  page.wait_for("saved", 1);
+  Pipeline pipeline(Device::cpu);
+  pipeline.load(cloud);
+  Params params;
+  params.k = 12;
+  Cloud fair = pipeline.run(params);
+  Limits limits;
+  limits.strength = 0.5;
+  apply_limits(limits, cloud, fair);
+  write(folder.path / "expected.ply", fair);
+  EXPECT_EQ(content(folder.path / "denoised.ply"), content(folder.path / "expected.ply"));
+
+  EXPECT_TRUE(session.receive(R"({"type":"save","id":2,"output":"denoised.ply"})"));
+  EXPECT_NE(std::string(page.wait_for("error", 2).head["message"]).find("exists already"), std::string::npos);
+  EXPECT_TRUE(session.receive(R"({"type":"save","id":3,"output":"denoised.ply","overwrite":true})"));
+  page.wait_for("saved", 3);
+}
+
+TEST(ViewerSession, SavesNowhereElse) {
+  const Folder folder;
+  Session::Options options = cpu_options();
+  options.save_folder = folder.path / "inner";
+  fs::create_directories(options.save_folder);
+  fs::create_symlink(folder.path / "outside.ply", options.save_folder / "link.ply");
+  FakePage page;
+  Session session(options, page.send());
+  session.open(cloud_of(noisy(200)), "scan.ply");
+  int id = 0;
+  for (const char* name : {"../a.ply", "/tmp/pointfair-a.ply", "b/a.ply", ".a.ply", "-a.ply", "", "a", "a.exe", "..",
+                           "link.ply", "a\nb.ply", "a\\b.ply"}) {
+    EXPECT_TRUE(session.receive(Json{{"type", "save"}, {"id", ++id}, {"output", name}, {"overwrite", true}}.dump()));
+    page.wait_for("error", id);
+  }
+  EXPECT_FALSE(fs::exists(folder.path / "a.ply"));
+  EXPECT_FALSE(fs::exists(folder.path / "outside.ply"));
+  EXPECT_EQ(std::distance(fs::directory_iterator(options.save_folder), {}), 1);
+}
+
+}  // namespace
+}  // namespace pointfair::viewer
