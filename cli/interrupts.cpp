@@ -25,7 +25,23 @@ bool is_ignored(int signal) {
   return sigaction(signal, nullptr, &action) == 0 && action.sa_handler == SIG_IGN;
 }
 
+std::mutex scratch_mutex;
+std::filesystem::path scratch;
+
+// Others may still write there: what they add is removed again, until the folder itself is gone.
+void remove_scratch() {
+  const std::lock_guard lock(scratch_mutex);
+  std::error_code error;
+  for (int tries = 0; !scratch.empty() && std::filesystem::exists(scratch, error) && tries < 100; ++tries)
+    std::filesystem::remove_all(scratch, error);
+}
+
 }  // namespace
+
+void remove_if_ended(const std::filesystem::path& folder) {
+  const std::lock_guard lock(scratch_mutex);
+  scratch = folder;
+}
 
 Interrupts::Interrupts() {
   struct sigaction pipe {};
@@ -59,6 +75,7 @@ void Interrupts::watch() {
   changed_.wait_for(lock, kGrace, [this] { return finished_; });
   if (finished_) return;
   remove_unfinished_files();
+  remove_scratch();
   print_error("interrupted");
   _exit(kExitInterrupted);
 }

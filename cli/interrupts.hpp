@@ -4,6 +4,7 @@
 
 #include <condition_variable>
 #include <csignal>
+#include <filesystem>
 #include <mutex>
 #include <stop_token>
 #include <thread>
@@ -34,6 +35,10 @@ class Interrupts {
   bool finished_ = false;
   std::thread watcher_;
 };
+
+/// A folder that is removed, with all that is in it, where the program is ended because nothing answered in time. One
+/// at a time; empty: none.
+void remove_if_ended(const std::filesystem::path& folder);
 
 /// Whether a write met a pipe that nobody reads any more.
 bool pipe_is_broken();

@@ -52,6 +52,13 @@ std::string help_of(CLI::App& command, bool with_expert) {
   return command.help("pointfair");
 }
 
+// The innermost command that was named.
+CLI::App& asked_command(CLI::App& app) {
+  CLI::App* command = &app;
+  while (!command->get_subcommands().empty()) command = command->get_subcommands().front();
+  return *command;
+}
+
 // Levenshtein's distance.
 std::size_t edits_between(std::string_view a, std::string_view b) {
   std::vector<std::size_t> row(b.size() + 1);
@@ -94,11 +101,10 @@ const Verb* parse(CLI::App& app, const std::vector<Verb>& verbs, std::vector<std
   try {
     app.parse(std::move(words));
   } catch (const CLI::CallForHelp&) {
-    const auto asked = app.get_subcommands();
-    print_output(asked.empty() ? help(verbs) : help_of(*asked.front(), false));
+    print_output(app.get_subcommands().empty() ? help(verbs) : help_of(asked_command(app), false));
     return nullptr;
   } catch (const CLI::CallForAllHelp&) {
-    print_output(help_of(*app.get_subcommands().front(), true));
+    print_output(help_of(asked_command(app), true));
     return nullptr;
   } catch (const CLI::CallForVersion&) {
     print_output(fmt::format("pointfair {}\n", version()));
@@ -113,8 +119,8 @@ void run_verb(std::vector<std::string> words, std::stop_token stop) {
   CLI::App app("", "pointfair");
   app.set_version_flag("--version", "");
   app.require_subcommand(1);
-  const std::vector<Verb> verbs = {add_run(app),   add_view(app),  add_info(app),  add_compare(app),
-                                   add_noise(app), add_bench(app), add_doctor(app)};
+  const std::vector<Verb> verbs = {add_run(app),   add_tile(app),  add_view(app),  add_info(app),
+                                   add_compare(app), add_noise(app), add_bench(app), add_doctor(app)};
   if (const Verb* verb = parse(app, verbs, std::move(words))) verb->action(stop);
 }
 

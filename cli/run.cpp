@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <filesystem>
 #include <memory>
 #include <optional>
 
@@ -15,6 +16,7 @@
 #include "progress.hpp"
 #include "report.hpp"
 #include "statistics.hpp"
+#include "tiled.hpp"
 #include "verbs.hpp"
 
 namespace pointfair::cli {
@@ -22,6 +24,8 @@ namespace {
 
 struct RunArguments {
   std::string input, output, report, progress = "auto", normals = "keep", write_noise;
+  std::vector<std::string> more;  // inputs, with an output folder
+  TiledArguments tiled;
   std::optional<double> las_scale;
   ParamArguments params;
   LimitArguments limits;
@@ -228,12 +232,72 @@ WriteOptions write_options_of(const RunArguments& arguments) {
   return options;
 }
 
+// Whether the cloud is to be computed in tiles on disk.
+bool needs_tiles(const RunArguments& arguments, const Params& params) {
+  const TiledArguments& tiled = arguments.tiled;
+  if (!tiled.out_dir.empty() || !tiled.work.empty() || tiled.tiles > 1) return true;
+  if (tiled.memory.empty()) return false;
+  if (arguments.input == "-")
+    throw Error(ErrorKind::usage, "standard input is read into memory as a whole; leave out --memory, or name a file");
+  return TiledRun::bytes_in_memory(TiledRun::count_points(arguments.input), params) > memory_to_use(tiled);
+}
+
+// What runs in tiles cannot do yet.
+void check_tiled(const RunArguments& arguments, const Limits& limits) {
+  const auto refuse = [](const std::string& what) {
+    throw Error(ErrorKind::usage, what + " cannot be used with a run in tiles on disk (--memory, --work, --out-dir)");
+  };
+  for (const std::string_view name : kLimitNames)
+    if (!limit_text(limits, name).empty() && !(name == "strength" && limits.strength == 1))
+      refuse(fmt::format("--{}", name));
+  if (arguments.normals != "keep") refuse("--normals " + arguments.normals);
+  if (!arguments.write_noise.empty()) refuse("--write-noise");
+}
+
+void run_tiled(const RunArguments& arguments, const Params& params, const Limits& limits, std::stop_token stop) {
+  check_tiled(arguments, limits);
+  TiledJob job;
+  job.inputs = {arguments.input};
+  if (arguments.tiled.out_dir.empty()) {
+    // where a run goes on, the output may be there: the plan knows
+    if (!std::filesystem::exists(arguments.tiled.work)) check_paths(arguments);
+    job.output = arguments.output;
+    job.write = make_write_options(arguments.format, arguments.output);
+  } else {
+    if (!arguments.output.empty()) job.inputs.push_back(arguments.output);
+    job.inputs.insert(job.inputs.end(), arguments.more.begin(), arguments.more.end());
+    job.output_folder = arguments.tiled.out_dir;
+    std::filesystem::create_directories(job.output_folder);
+    for (const std::filesystem::path& input : job.inputs) {
+      check_writable(job.output_folder / input.filename(), arguments.force || !arguments.tiled.work.empty());
+    }
+    check_report(arguments.report, {});
+  }
+  job.write.las_scale = arguments.las_scale;
+  job.write.overwrite = arguments.force;
+  job.params = params;
+  job.memory = memory_to_use(arguments.tiled);
+  job.least_tiles = arguments.tiled.tiles;
+  run_in_tiles(job, arguments.tiled.work, make_device(arguments.device),
+               {arguments.report, arguments.progress, arguments.quiet}, stop);
+}
+
 void run(RunArguments arguments, std::stop_token stop) {
   Findings findings;
   findings.noise_attribute = take_noise_attribute(arguments.params);
   const Params params = make_params(arguments.params, {});
   const Limits limits = make_limits(arguments.limits);
   const Device device = make_device(arguments.device);
+  if (arguments.tiled.out_dir.empty() && !arguments.more.empty())
+    throw Error(ErrorKind::usage, "several inputs need a folder for their results; give --out-dir");
+  if (arguments.tiled.out_dir.empty() && arguments.output.empty()) throw Error(ErrorKind::usage, "OUT is required");
+  if (needs_tiles(arguments, params)) {
+    if (!findings.noise_attribute.empty())
+      throw Error(ErrorKind::usage,
+                  "--noise " + findings.noise_attribute +
+                      ": the noise of each point cannot be read by a run in tiles on disk; give a length");
+    return run_tiled(arguments, params, limits, stop);
+  }
   check_paths(arguments);
   const WriteOptions write_options = write_options_of(arguments);
   Pipeline pipeline(device);
@@ -274,7 +338,8 @@ Verb add_run(CLI::App& app) {
   const auto arguments = std::make_shared<RunArguments>();
   CLI::App& command = *app.add_subcommand("run", "Denoise a cloud and keep its shape.");
   command.add_option("IN", arguments->input, "cloud to read; - is standard input")->required();
-  command.add_option("OUT", arguments->output, "cloud to write; - is standard output")->required();
+  command.add_option("OUT", arguments->output, "cloud to write; - is standard output");
+  command.add_option("MORE", arguments->more, "with --out-dir: OUT and these are inputs too, all of one cloud");
   add_params(command, arguments->params);
   add_limits(command, arguments->limits);
   add_device(command, arguments->device);
@@ -290,6 +355,18 @@ Verb add_run(CLI::App& app) {
                 "add the standard deviation of the noise at each point, as an attribute of this name; default: noise")
       ->type_name("[=NAME]")
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
+  command
+      .add_option("--memory", arguments->tiled.memory,
+                  "use no more than this; a cloud that does not fit is computed in tiles on disk, with the same bits")
+      ->type_name("SIZE");
+  command.add_option("--out-dir", arguments->tiled.out_dir, "write each input there under its name")->type_name("DIR");
+  command
+      .add_option("--work", arguments->tiled.work,
+                  "keep the files of a run in tiles there: a run that was stopped goes on from them")
+      ->type_name("DIR");
+  command.add_option("--tiles", arguments->tiled.tiles, "compute in at least so many tiles on disk")
+      ->type_name("N")
+      ->group(kExpertGroup);
   add_report(command, arguments->report);
   add_choice(command, "--progress", arguments->progress, {std::begin(kProgressModes), std::end(kProgressModes)},
              "progress on standard error; auto: a bar on a terminal");

@@ -37,6 +37,8 @@ RULES = {
     "src/estimate/": (["src/estimate/", "src/point/", "src/seam/", *DATA], ()),
     "src/tiles/": (["src/tiles/", "src/point/", "src/seam/", *DATA], ()),
     "src/pipeline/": (["src/pipeline/", "src/estimate/", "src/tiles/", "src/seam/", PUBLIC], ()),
+    "src/scale/": (["src/scale/", "src/pipeline/", "src/estimate/", "src/tiles/", "src/seam/", "src/point/", "src/io/", PUBLIC],
+                   ("sys/", "fcntl.h", "unistd.h", "signal.h")),
     "src/io/": (["src/io/", *FILES], ("tbb/", "sys/", "fcntl.h", "unistd.h", "fast_float/", "las", "pugixml", "emmintrin.h")),
     "src/": (["src/point/", PUBLIC], ()),
     "cli/": (["cli/", "viewer/server.hpp", PUBLIC], None),

@@ -115,31 +115,36 @@ TEST(LazFiles, AfterAMoveLaszipReadsTheRecordsOfTheUncompressedFile) {
 }
 
 // Of large clouds only coordinates are held; chunks are decoded again for all else.
+void expect_the_same_blocks(const las::PointStore& kept, const las::PointStore& unkept) {
+  for (std::size_t block = 0; block < kept.block_count(); ++block) {
+    std::vector<las::Grid> a(kept.block_size(block)), b(kept.block_size(block));
+    kept.grid(block, a);
+    unkept.grid(block, b);
+    EXPECT_TRUE(a == b);
+    for (const std::uint32_t layers : {std::uint32_t{0}, std::uint32_t{las::kAllLayers}}) {
+      std::string buffer_a, buffer_b;
+      EXPECT_TRUE(kept.records(block, layers, buffer_a) == unkept.records(block, layers, buffer_b));
+    }
+    std::string moved_a, moved_b;
+    a[0][2] = b[0][2] += 5;
+    EXPECT_EQ(kept.append_moved_chunk(block, a, moved_a), unkept.append_moved_chunk(block, a, moved_b));
+    EXPECT_TRUE(moved_a == moved_b);
+  }
+}
+
 TEST(LazFiles, PointsThatAreNotHeldAreThoseThatAre) {
   for (const Case& c : cases()) {
     SCOPED_TRACE(c.name);
     const std::string laz = make_laz(make_las(c.las), c.laz);
     const las::Header header = las::parse_header(laz, "test");
     const las::Compression compression = las::read_compression(header, "test");
-    const auto store = [&](std::uint64_t most_kept) {
+    const auto store = [&](std::uint64_t most_kept, io::Residence residence = io::Residence::memory) {
       return las::decode_chunks(las::read_chunk_table(laz, header, compression, "test").chunks, header, compression,
-                                laz.size(), "test", most_kept);
+                                laz.size(), "test", residence, most_kept);
     };
-    const auto kept = store(std::uint64_t{1} << 30), unkept = store(0);
-    for (std::size_t block = 0; block < kept->block_count(); ++block) {
-      std::vector<las::Grid> a(kept->block_size(block)), b(kept->block_size(block));
-      kept->grid(block, a);
-      unkept->grid(block, b);
-      EXPECT_TRUE(a == b);
-      for (const std::uint32_t layers : {std::uint32_t{0}, std::uint32_t{las::kAllLayers}}) {
-        std::string buffer_a, buffer_b;
-        EXPECT_TRUE(kept->records(block, layers, buffer_a) == unkept->records(block, layers, buffer_b));
-      }
-      std::string moved_a, moved_b;
-      a[0][2] = b[0][2] += 5;
-      EXPECT_EQ(kept->append_moved_chunk(block, a, moved_a), unkept->append_moved_chunk(block, a, moved_b));
-      EXPECT_TRUE(moved_a == moved_b);
-    }
+    const auto kept = store(std::uint64_t{1} << 30);
+    for (const io::Residence residence : {io::Residence::memory, io::Residence::file})
+      expect_the_same_blocks(*kept, *store(0, residence));
   }
 }
 

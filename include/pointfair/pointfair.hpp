@@ -15,4 +15,5 @@
 #include "pointfair/positions.hpp"
 #include "pointfair/report.hpp"
 #include "pointfair/selection.hpp"
+#include "pointfair/tiled_run.hpp"
 #include "pointfair/version.hpp"

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "io/scalar.hpp"
@@ -25,11 +26,20 @@ struct Replacement {
   }
 };
 
+/// Where the points of a cloud are now that is not in memory.
+class MovedPoints {
+ public:
+  virtual ~MovedPoints() = default;
+  /// Of the points from `first` on, which were read as `before`. Many threads may ask at once.
+  virtual void take(std::uint64_t first, std::span<const Point> before, std::span<Point> now) const = 0;
+};
+
 struct Edits {
-  const Cloud& cloud;                 ///< where its points are now
-  AddedAttributes added;              ///< attributes that the file does not have
-  std::vector<Replacement> replaced;  ///< and such that it has
-  std::optional<double> las_scale;    ///< of the coordinates of a LAS file
+  const Cloud& cloud;                  ///< where its points are now
+  AddedAttributes added;               ///< attributes that the file does not have
+  std::vector<Replacement> replaced;   ///< and such that it has
+  std::optional<double> las_scale;     ///< of the coordinates of a LAS file
+  const MovedPoints* moved = nullptr;  ///< if given, it tells where the points are, and the cloud only its origin
 
   bool changes_attributes() const { return !added.empty() || !replaced.empty(); }
 };

@@ -6,6 +6,8 @@
 #include "io/detect.hpp"
 #include "io/formats.hpp"
 #include "io/parallel.hpp"
+#include "io/pcd_header.hpp"
+#include "io/streamed.hpp"
 #include "io/text.hpp"
 #include "pointfair/io.hpp"
 
@@ -23,7 +25,8 @@ Format choose_format(std::string_view bytes, const std::string& name, const Read
   io::fail(name, std::string("unknown format; say which it is, or name the file ") + kKnownExtensions);
 }
 
-std::shared_ptr<Source> parse(io::FileBytes bytes, const std::string& name, Format format) {
+std::shared_ptr<Source> parse(io::FileBytes bytes, const std::string& name, Format format,
+                              io::Residence residence = io::Residence::memory) {
   switch (format) {
     case Format::ply:
       return io::read_ply(std::move(bytes), name);
@@ -35,7 +38,7 @@ std::shared_ptr<Source> parse(io::FileBytes bytes, const std::string& name, Form
       return io::read_obj(std::move(bytes), name);
     case Format::las:
     case Format::laz:
-      return io::read_las(std::move(bytes), name);
+      return io::read_las(std::move(bytes), name, residence);
     case Format::e57:
       return io::read_e57(std::move(bytes), name);
     default:
@@ -128,7 +131,6 @@ void write_new(const Plan& plan, const Cloud& cloud, io::Output& out) {
 }
 
 Plan plan(const Cloud& cloud, Format format, std::optional<Encoding> encoding, std::optional<double> las_scale) {
-  check(cloud);
   const bool copy = cloud.source && family(cloud.source->format()) == family(format);
   const bool keeps = copy && has_encoding(format, cloud.source->encoding());
   if (format == Format::e57 && !copy) {
@@ -173,12 +175,70 @@ Cloud read(std::span<const std::byte> bytes, const std::string& name, const Read
 void write(const std::filesystem::path& path, const Cloud& cloud, const WriteOptions& options) {
   const std::optional<Format> own = cloud.source ? std::optional(cloud.source->format()) : std::nullopt;
   const Format format = options.format ? *options.format : format_to_write(path, own);
+  check(cloud);
   const Plan chosen = plan(cloud, format, options.encoding, options.las_scale);
   const std::unique_ptr<io::Output> out = io::open_output(path, options.overwrite, options.sync);
   carry_out(chosen, cloud, options.threads, *out);
   if (chosen.copy && path != "-") copy_companions(*cloud.source, path, options);
   out->finish();
 }
+
+namespace io {
+
+std::shared_ptr<Source> open_source(const std::filesystem::path& path, unsigned threads) {
+  const std::string name = shown_name(path, true);
+  FileBytes bytes = FileBytes::open(path);
+  if (bytes.view().empty()) fail(name, "is empty; copy the file again or choose another");
+  const Format format = choose_format(bytes.view(), name, {});
+  if (format == Format::pcd && parse_pcd_header(bytes.view(), name).encoding == Encoding::binary_compressed)
+    fail(name,
+         "a compressed PCD file is one whole that cannot be read in parts; convert it to PCD binary, or run it "
+         "in memory");
+  return with_threads(threads, [&] { return parse(std::move(bytes), name, format, Residence::file); });
+}
+
+namespace {
+
+// A cloud of the source without its points.
+Cloud shell_of(const std::shared_ptr<const Source>& source) {
+  Cloud shell;
+  shell.origin = source->origin();
+  shell.source = source;
+  return shell;
+}
+
+Plan streamed_plan(const Cloud& shell, const std::filesystem::path& path, const WriteOptions& options) {
+  const Source& source = *shell.source;
+  const Format format = options.format ? *options.format : format_to_write(path, source.format());
+  const Plan chosen = plan(shell, format, options.encoding, options.las_scale);
+  const bool transcodes =
+      chosen.encoding != source.encoding() && family(format) != Format::las && format != Format::ply;
+  if (!chosen.copy || transcodes)
+    refuse(path.string() +
+           ": a cloud that is computed in tiles on disk is written in the format of its file; name the "
+           "output so, and convert it afterwards");
+  return chosen;
+}
+
+}  // namespace
+
+void check_streamed_options(const Source& source, const std::filesystem::path& path, const WriteOptions& options) {
+  const std::shared_ptr<const Source> unowned(std::shared_ptr<const Source>(), &source);
+  streamed_plan(shell_of(unowned), path, options);
+}
+
+void write_moved(const std::filesystem::path& path, const std::shared_ptr<Source>& source, const MovedPoints& moved,
+                 const WriteOptions& options) {
+  const Cloud shell = shell_of(source);
+  Plan chosen = streamed_plan(shell, path, options);
+  chosen.edits.moved = &moved;
+  const std::unique_ptr<Output> out = open_output(path, options.overwrite, options.sync);
+  carry_out(chosen, shell, options.threads, *out);
+  copy_companions(*source, path, options);
+  out->finish();
+}
+
+}  // namespace io
 
 Format format_to_write(const std::filesystem::path& path, std::optional<Format> source) {
   const std::string name = io::shown_name(path, false);
@@ -198,6 +258,7 @@ std::vector<std::string> losses(const Cloud& cloud, std::optional<Format> format
 }
 
 std::vector<std::byte> write_bytes(const Cloud& cloud, Format format, std::optional<Encoding> encoding) {
+  check(cloud);
   io::MemoryOutput out;
   carry_out(plan(cloud, format, encoding, {}), cloud, 0, out);
   const auto* const begin = reinterpret_cast<const std::byte*>(out.bytes.data());

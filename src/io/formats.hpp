@@ -20,7 +20,7 @@ std::shared_ptr<Source> read_pcd(FileBytes bytes, const std::string& name);
 std::shared_ptr<Source> read_xyz(FileBytes bytes, const std::string& name, Format format);
 std::shared_ptr<Source> read_off(FileBytes bytes, const std::string& name);
 std::shared_ptr<Source> read_obj(FileBytes bytes, const std::string& name);
-std::shared_ptr<Source> read_las(FileBytes bytes, const std::string& name);  ///< LAZ, too
+std::shared_ptr<Source> read_las(FileBytes bytes, const std::string& name, Residence residence);  ///< LAZ, too
 std::shared_ptr<Source> read_e57(FileBytes bytes, const std::string& name);
 
 // Writers of a new file, for a cloud from memory or from another format.

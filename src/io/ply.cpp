@@ -163,7 +163,7 @@ class PlySource : public Base {
 
   void transcode_points(const Edits& edits, Encoding encoding, Output& out) const {
     write_blocks(out, this->block_count(), [&](std::size_t block, std::string& buffer) {
-      const Moves moves = this->moves(block, edits.cloud);
+      const Moves moves = this->moves(block, edits);
       const std::uint64_t first = this->block_begin(block);
       if (moves.values.empty()) return;
       PlyCursor cursor(this->bytes(), point_begin(first), this->encoding(), this->name());

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "io/offset.hpp"
+#include "io/origin_sample.hpp"
 #include "io/parallel.hpp"
 #include "io/source.hpp"
 
@@ -82,8 +83,9 @@ void positions(const Cloud& cloud, std::span<Position> out) {
     });
     return;
   }
+  const io::Edits edits{cloud, {}, {}, {}};
   io::for_each_block(cloud.source->block_count(), [&](std::size_t block) {
-    const Moves moves = cloud.source->moves(block, cloud);
+    const Moves moves = cloud.source->moves(block, edits);
     std::copy(moves.values.begin(), moves.values.end(), out.begin() + cloud.source->block_begin(block));
   });
 }

@@ -13,6 +13,7 @@
 
 #include "io/edits.hpp"
 #include "io/file_bytes.hpp"
+#include "io/origin_sample.hpp"
 #include "io/output.hpp"
 #include "io/scalar.hpp"
 #include "pointfair/cloud.hpp"
@@ -31,6 +32,9 @@ struct Column {
   std::uint32_t components = 1;
   bool guessed = false;  ///< the type is not the file's: any number may stand there
 };
+/// Where a file's points are kept that must be decoded: in memory, or in the file, to be decoded when asked for.
+enum class Residence : std::uint8_t { memory, file };
+
 inline std::size_t column_bytes(const Column& column) { return column.components * size_of(column.type); }
 
 }  // namespace io
@@ -99,10 +103,16 @@ class Source {
   /// Chooses that origin, and returns the points relative to it.
   std::vector<Point> place();
   const Position& origin() const { return origin_; }
+  /// An origin that is chosen elsewhere, for files that are read in parts.
+  void place_at(const Position& origin) { origin_ = origin; }
+  /// The points of `block` relative to origin(), as place() returns them; their positions are offered to `sample`.
+  void place_block(std::size_t block, std::span<Point> points, io::OriginSample& sample) const;
+  /// Some positions from all over the file, which mostly show the origin.
+  std::vector<Position> some_positions() const;
 
-  Moves moves(std::size_t block, const Cloud& cloud) const;
+  Moves moves(std::size_t block, const io::Edits& edits) const;
   /// The same for points from `first` on, whose own coordinates these are.
-  Moves moves(std::uint64_t first, std::vector<Position> own, const Cloud& cloud) const;
+  Moves moves(std::uint64_t first, std::vector<Position> own, const io::Edits& edits) const;
 
  protected:
   // What the usual `write` asks for.
@@ -116,7 +126,7 @@ class Source {
   std::string_view bytes() const { return bytes_.view(); }
 
  private:
-  Position guessed_origin() const;  // from some rows
+  Point offset_of(const Position& value) const;
   /// The points relative to origin(); returns a sample of their positions.
   std::vector<Position> place_at_origin(std::span<Point> points) const;
 
@@ -127,14 +137,4 @@ class Source {
   Position origin_{};
 };
 
-namespace io {
-
-/// Of at most so many positions, all are the sample.
-inline constexpr std::uint64_t kSampledPositions = 4096;
-
-/// An origin for coordinates of which these are a sample: 0 on an axis unless the coordinates there are large against
-/// the extent of the bulk of the points, else a round number near its centre.
-Position choose_origin(std::vector<Position> sample);
-
-}  // namespace io
 }  // namespace pointfair

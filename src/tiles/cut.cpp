@@ -3,9 +3,7 @@
 
 #include <algorithm>
 #include <bit>
-#include <cmath>
 #include <memory>
-#include <numbers>
 #include <numeric>
 
 namespace pointfair {
@@ -118,23 +116,6 @@ void Cut::split(std::span<Point> sample, std::size_t tiles, const Cell& cell) {
   left.max.*kCellAxes[axis] = right.min.*kCellAxes[axis] = plane;
   split(sample.first(std::size_t(bound - sample.begin())), left_tiles, left);
   split(sample.subspan(std::size_t(bound - sample.begin())), tiles - left_tiles, right);
-}
-
-point::Region Cut::region_around(const Bounds& wanted, double halo) const {
-  const auto below = [&](float v, float end) { return v - halo <= end ? -kUnbounded : float(v - halo); };
-  const auto above = [&](float v, float end) { return v + halo >= end ? kUnbounded : float(v + halo); };
-  return {{below(wanted.min.x, bounds_.min.x), below(wanted.min.y, bounds_.min.y), below(wanted.min.z, bounds_.min.z)},
-          {above(wanted.max.x, bounds_.max.x), above(wanted.max.y, bounds_.max.y), above(wanted.max.z, bounds_.max.z)}};
-}
-
-double Cut::reach_of_nearest(double k, const Bounds& b) const {
-  double sides[] = {double(b.max.x) - b.min.x, double(b.max.y) - b.min.y, double(b.max.z) - b.min.z};
-  std::sort(std::begin(sides), std::end(sides));
-  const double count = double(std::max<std::uint64_t>(b.valid, 1));
-  const double spacing = std::max(std::sqrt(sides[2] * sides[1] / count), sides[2] / count);
-  const double diagonal = std::hypot(double(bounds_.max.x) - bounds_.min.x, double(bounds_.max.y) - bounds_.min.y,
-                                     double(bounds_.max.z) - bounds_.min.z);
-  return std::max(2.5 * std::sqrt((k + 1) / std::numbers::pi) * spacing, 1e-6 * diagonal);
 }
 
 // One look at each point of blocks that lie partly inside, without a branch: half of them may be in. A bit each is

@@ -36,11 +36,6 @@ class Cut {
   // read, so of a cloud in spatial order little is.
   void find(const point::Region& region, const ForEach& for_each, std::vector<std::uint32_t>& indices) const;
 
-  // `wanted` grown by the halo, without an end where the cloud ends.
-  point::Region region_around(const Bounds& wanted, double halo) const;
-  // How far the k nearest of a surface with the points of `b` should reach, and then some.
-  double reach_of_nearest(double k, const Bounds& b) const;
-
  private:
   void split(std::span<Point> sample, std::size_t tiles, const Cell& cell);
 

@@ -2,7 +2,6 @@
 #include "tiles/tile_run.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 #include "seam/exactness.hpp"
@@ -22,19 +21,6 @@ void add(Counts& counts, unsigned char outcome) {
   counts.unmoved.too_few_neighbors += (outcome & point::kTooFew) != 0;
   counts.unmoved.no_normal += (outcome & point::kNoNormal) != 0;
   counts.short_neighborhoods += (outcome & point::kShort) != 0;
-}
-
-// How wide a halo should be for most points of the tile.
-double first_halo(const Cut& cut, const TileStages& stages, const Bounds& bounds) {
-  const NeighborSettings& n = stages.neighbors;
-  const double nearest = cut.reach_of_nearest(n.k > 0 ? n.k : n.min_neighbors, bounds);
-  double reach = n.k > 0 ? nearest : std::hypot(nearest, double(n.radius));
-  if (n.k > 0 && n.radius > 0) reach = std::min(reach, 1.01 * double(n.radius));
-  if (n.constraint) reach += double(n.reach);
-  const FairingSettings& f = stages.fairing;
-  const bool reads_others = f.symmetric || f.area_weight != AreaWeight::none || f.pull_outliers;
-  const int steps = f.method != Method::bilateral ? 2 : int(reads_others);
-  return reach * (stages.normals.filter_rounds + double(stages.normals.flat_scale) * (1 + steps));
 }
 
 }  // namespace
@@ -117,8 +103,8 @@ void TileRun::run(const Cut& cut, std::span<const Point> input, const TileStages
 }
 
 void TileRun::start(Job& job, TileWorker& worker, TileTask task, const std::stop_token& stop) {
-  if (task.halo == 0) task.halo = first_halo(job.cut, job.stages, task.bounds) * job.halo_factor;
-  worker.find(job.cut, job.cut.region_around(task.bounds, task.halo), for_each_);
+  if (task.halo == 0) task.halo = first_halo(job.cut.bounds(), job.stages, task.bounds) * job.halo_factor;
+  worker.find(job.cut, region_around(job.cut.bounds(), task.bounds, task.halo), for_each_);
   if (worker.indices.size() > tiling_.most_points) return split(job, worker, std::move(task));
   worker.upload(job.input, for_each_);
   Backend& backend = *worker.backend;

@@ -16,6 +16,7 @@
 
 #include "seam/backend.hpp"
 #include "tiles/cut.hpp"
+#include "tiles/halo.hpp"
 #include "tiles/tiled_backend.hpp"
 
 namespace pointfair {
@@ -49,14 +50,6 @@ struct TileWorker {
   // What was found. Goes on until the backend is asked for a result, or finish_upload().
   void upload(std::span<const Point> input, const ForEach& for_each);
   void finish_upload();
-};
-
-// What the stages of an iteration read.
-struct TileStages {
-  std::optional<Frame> frame;
-  NeighborSettings neighbors;
-  NormalSettings normals;
-  FairingSettings fairing;
 };
 
 class TileRun {

@@ -135,7 +135,7 @@ class TiledBackend final : public Backend, public Sampling {
   void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override {
     std::fill(out.begin(), out.end(), Point{kNan, kNan, kNan});
     for (const Cut::Tile& tile : first_.cut->tiles()) {
-      Rows rows{{}, kNoBounds, tiling_.first_halo * first_.cut->reach_of_nearest(k, tile.core)};
+      Rows rows{{}, kNoBounds, tiling_.first_halo * reach_of_nearest(first_.cut->bounds(), k, tile.core)};
       for (std::size_t q = 0; q < queries.size(); ++q) {
         const Point& p = cloud_[queries[q]];
         if (!is_indexed(p) || !tile.cell.contains(p)) continue;
@@ -192,7 +192,7 @@ class TiledBackend final : public Backend, public Sampling {
   // Fills the rows that are exact, and returns the others, to be sampled farther out.
   Rows sample(std::span<const std::uint32_t> queries, int k, const Rows& rows, std::span<Point> out) {
     TileWorker& worker = workers_[0];
-    worker.find(*first_.cut, first_.cut->region_around(rows.bounds, rows.halo), for_each());
+    worker.find(*first_.cut, region_around(first_.cut->bounds(), rows.bounds, rows.halo), for_each());
     worker.upload(cloud_, for_each());
     worker.backend->build_index(0, std::nullopt, {});
     std::vector<std::uint32_t> places;

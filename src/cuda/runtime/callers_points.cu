@@ -78,7 +78,7 @@ __global__ void clear_sample(PositionSampleState* state) {
   state->chosen = 0;
 }
 
-// PositionSample::offer of src/io/source.cpp.
+// OriginSample::offer of src/io/origin_sample.cpp.
 template <class T>
 __global__ void __launch_bounds__(kBlock)
     sample_positions(Rows<const T> from, std::size_t count, unsigned long long limit, PositionSampleState* state,

@@ -31,7 +31,7 @@ void with_type(ScalarType type, const Call& call) {
   }
 }
 
-// As PositionSample of src/io/source.cpp: positions of a sample, and how few may be chosen by chance.
+// As OriginSample of src/io/origin_sample.hpp: positions of a sample, and how few may be chosen by chance.
 inline constexpr std::uint64_t kSampledPositions = 4096;
 inline constexpr unsigned kFewSampled = 64;
 __host__ __device__ constexpr unsigned long long sample_limit(std::size_t count) {

@@ -203,7 +203,7 @@ class E57Writer {
     const auto count = static_cast<std::size_t>(last - first);
     std::vector<Position> own(count);
     source_.read_positions(scan, first, own);
-    const Moves moves = source_.moves(scan.first_point + first, own, edits_.cloud);
+    const Moves moves = source_.moves(scan.first_point + first, own, edits_);
     Moved moved;
     moved.changed = moves.changed;
     std::vector<Position> local = local_coordinates(scan, first, count);

@@ -114,7 +114,7 @@ std::size_t tail_begin(std::string_view bytes, const Header& header, const Chunk
 }  // namespace
 }  // namespace las
 
-std::shared_ptr<Source> read_las(FileBytes bytes, const std::string& name) {
+std::shared_ptr<Source> read_las(FileBytes bytes, const std::string& name, Residence residence) {
   using namespace las;
   const std::string_view view = bytes.view();
   if (!view.starts_with("LASF")) fail(name, "is no LAS file: it does not begin with LASF; choose another file");
@@ -133,7 +133,7 @@ std::shared_ptr<Source> read_las(FileBytes bytes, const std::string& name) {
   layout.chunks_end = static_cast<std::size_t>(last.data() + last.size() - view.data());
   layout.table_begin = table.begin;
   layout.points_end = tail_begin(view, layout.header, table, name);
-  auto store = decode_chunks(std::move(table.chunks), layout.header, *layout.compression, view.size(), name);
+  auto store = decode_chunks(std::move(table.chunks), layout.header, *layout.compression, view.size(), name, residence);
   return std::make_shared<LasSource>(std::move(bytes), name, std::move(layout), std::move(store));
 }
 

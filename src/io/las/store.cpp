@@ -88,15 +88,19 @@ class Chunks : public PointStore {
   std::string name_;
 };
 
-// Points whose chunks hold whole records. The coordinates of all points are held, and the records, too, where `keeps`;
-// else these are decoded again whenever they are asked for.
+// What of compressed points is held in memory; the rest is decoded again whenever it is asked for.
+enum class Held : std::uint8_t { nothing, coordinates, all };
+
+// Points whose chunks hold whole records.
 class DecodedRecords : public Chunks {
  public:
   DecodedRecords(std::vector<Chunk> chunks, const Compression& compression, std::size_t record_length,
-                 std::size_t file_size, const std::string& name, bool keeps)
+                 std::size_t file_size, const std::string& name, Held held)
       : Chunks(std::move(chunks), compression, record_length, name) {
+    if (held == Held::nothing) return;
     const std::uint64_t count = block_begin(block_count());
     check_plausible(count, 0, record_length, file_size, name);
+    const bool keeps = held == Held::all;
     if (keeps) {
       records_ = make_large<char>(count * record_length);
     } else {
@@ -117,7 +121,8 @@ class DecodedRecords : public Chunks {
     if (grid_) {
       std::copy_n(grid_.get() + block_begin(block), out.size(), out.begin());
     } else {
-      read_grid(records_.get() + begin(block), record_length(), out);
+      std::string buffer;
+      read_grid(records(block, 0, buffer).data(), record_length(), out);
     }
   }
   std::string_view records(std::size_t block, std::uint32_t, std::string& buffer) const override {
@@ -133,18 +138,20 @@ class DecodedRecords : public Chunks {
     require(decode(block, kAllLayers, records), block);
   }
 
-  std::unique_ptr<char[]> records_;  // one of the two
+  std::unique_ptr<char[]> records_;  // one of the two, or none
   std::unique_ptr<Grid[]> grid_;
 };
 
-// Points in layers, of which the coordinates of all are held, and where `keeps` what else coding them again needs.
+// Points in layers. All that may be held is their coordinates and what else coding them again needs.
 class DecodedLayers : public Chunks {
  public:
   DecodedLayers(std::vector<Chunk> chunks, const Compression& compression, std::size_t record_length,
-                std::size_t file_size, const std::string& name, bool keeps)
+                std::size_t file_size, const std::string& name, Held held)
       : Chunks(std::move(chunks), compression, record_length, name) {
+    if (held == Held::nothing) return;
     const std::uint64_t count = block_begin(block_count());
     check_plausible(count, 0, sizeof(Grid) + sizeof(Returns), file_size, name);
+    const bool keeps = held == Held::all;
     grid_ = make_large<Grid>(count);
     if (keeps) returns_ = make_large<Returns>(count);
     for_each_block(block_count(), [&](std::size_t block) {
@@ -155,7 +162,12 @@ class DecodedLayers : public Chunks {
   }
 
   void grid(std::size_t block, std::span<Grid> out) const override {
-    std::copy_n(grid_.get() + block_begin(block), out.size(), out.begin());
+    if (grid_) {
+      std::copy_n(grid_.get() + block_begin(block), out.size(), out.begin());
+    } else {
+      std::vector<Returns> unkept(out.size());
+      decode_into(block, out, unkept);
+    }
   }
 
   std::string_view records(std::size_t block, std::uint32_t layers, std::string& buffer) const override {
@@ -223,14 +235,14 @@ std::unique_ptr<PointStore> open_records(std::string_view bytes, const Header& h
 
 std::unique_ptr<PointStore> decode_chunks(std::vector<Chunk> chunks, const Header& header,
                                           const Compression& compression, std::size_t file_size,
-                                          const std::string& name, std::uint64_t most_kept) {
+                                          const std::string& name, Residence residence, std::uint64_t most_kept) {
   const bool layered = compression.layered();
-  const bool keeps = header.count <= most_kept / (layered ? sizeof(Grid) + sizeof(Returns) : header.record_length);
+  const bool fits = header.count <= most_kept / (layered ? sizeof(Grid) + sizeof(Returns) : header.record_length);
+  const Held held = residence == Residence::file ? Held::nothing : fits ? Held::all : Held::coordinates;
   if (layered) {
-    return std::make_unique<DecodedLayers>(std::move(chunks), compression, header.record_length, file_size, name,
-                                           keeps);
+    return std::make_unique<DecodedLayers>(std::move(chunks), compression, header.record_length, file_size, name, held);
   }
-  return std::make_unique<DecodedRecords>(std::move(chunks), compression, header.record_length, file_size, name, keeps);
+  return std::make_unique<DecodedRecords>(std::move(chunks), compression, header.record_length, file_size, name, held);
 }
 
 }  // namespace pointfair::io::las

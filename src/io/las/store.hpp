@@ -11,6 +11,7 @@
 #include "io/las/grid.hpp"
 #include "io/las/header.hpp"
 #include "io/las/laz.hpp"
+#include "io/source.hpp"
 
 namespace pointfair::io::las {
 
@@ -39,9 +40,11 @@ std::unique_ptr<PointStore> open_records(std::string_view bytes, const Header& h
 
 /// The points of a compressed file: of point formats 0 to 5 all decoded, of 6 to 10 the coordinates. In parallel.
 /// Throws Error(file) if a chunk is damaged. Memory: a record, or 14 bytes, a point. Where that is more than
-/// `most_kept` bytes, 12 bytes a point, and writing decodes each chunk again.
+/// `most_kept` bytes, 12 bytes a point, and writing decodes each chunk again. With Residence::file no point is held; a
+/// chunk is decoded when it is asked for, and may throw then.
 std::unique_ptr<PointStore> decode_chunks(std::vector<Chunk> chunks, const Header& header,
                                           const Compression& compression, std::size_t file_size,
-                                          const std::string& name, std::uint64_t most_kept = std::uint64_t{1} << 30);
+                                          const std::string& name, Residence residence,
+                                          std::uint64_t most_kept = std::uint64_t{1} << 30);
 
 }  // namespace pointfair::io::las

@@ -214,7 +214,7 @@ class LasWriter {
     };
     std::vector<Position> positions(grid.size());
     for (std::size_t i = 0; i < grid.size(); ++i) positions[i] = {own(i, 0), own(i, 1), own(i, 2)};
-    const Moves moves = source_.moves(first, std::move(positions), edits_.cloud);
+    const Moves moves = source_.moves(first, std::move(positions), edits_);
     bool moved = false;
     for (std::size_t i = 0; i < grid.size(); ++i) {
       for (std::size_t axis = 0; axis < 3; ++axis) {

@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tiled.hpp"
+
+#include <fmt/format.h>
+#include <stdlib.h>
+
+#include <cerrno>
+#include <charconv>
+#include <cmath>
+#include <cstring>
+#include <optional>
+
+#include "interrupts.hpp"
+#include "pointfair/pointfair.hpp"
+#include "progress.hpp"
+#include "report.hpp"
+
+namespace pointfair::cli {
+namespace fs = std::filesystem;
+namespace {
+
+constexpr std::uint64_t kLeastMemory = std::uint64_t{64} << 20;
+
+// A folder that goes when this does.
+class ScratchFolder {
+ public:
+  explicit ScratchFolder(const fs::path& beside) {
+    std::string name = (beside / ".pointfair-work-XXXXXX").string();
+    if (!::mkdtemp(name.data()))
+      throw Error(ErrorKind::file, fmt::format("{}: cannot create a work folder: {}; name one with --work",
+                                               beside.string(), std::strerror(errno)));
+    path_ = name;
+    remove_if_ended(path_);
+  }
+  ~ScratchFolder() {
+    std::error_code ignored;
+    fs::remove_all(path_, ignored);
+    remove_if_ended({});
+  }
+  ScratchFolder(const ScratchFolder&) = delete;
+  ScratchFolder& operator=(const ScratchFolder&) = delete;
+  const fs::path& path() const { return path_; }
+
+ private:
+  fs::path path_;
+};
+
+Json report_json(const TiledReport& report, const DeviceInfo& device) {
+  return {{"version", version()},
+          {"device", device_json(device)},
+          {"points", report.points},
+          {"params", params_json(report.params)},
+          {"spacing", report.spacing ? Json(*report.spacing) : Json()},
+          {"noise",
+           {{"before", report.noise ? Json(*report.noise) : Json()},
+            {"quantiles", report.noise ? Json(report.noise_quantiles) : Json()}}},
+          {"unmoved",
+           {{"non_finite", report.unmoved.non_finite},
+            {"too_few_neighbors", report.unmoved.too_few_neighbors},
+            {"no_normal", report.unmoved.no_normal},
+            {"outliers", report.unmoved.outliers}}},
+          {"short_neighborhoods", report.short_neighborhoods},
+          {"tiles", report.tiles}};
+}
+
+void print_summary(const TiledReport& report) {
+  const UnmovedCounts& u = report.unmoved;
+  const std::uint64_t kept = u.non_finite + u.too_few_neighbors + u.no_normal + u.outliers;
+  fmt::print(stderr, "{} points denoised in {} tiles, {} kept as they were\n", report.points - kept, report.tiles,
+             kept);
+  if (report.noise) fmt::print(stderr, "noise of the input {:.4g} (estimated)\n", *report.noise);
+}
+
+void tell(const TiledReport& report, const Device& device, const TiledOutput& output) {
+  if (!output.report.empty()) write_report(output.report, report_json(report, Pipeline(device).device()));
+  if (!output.quiet) print_summary(report);
+}
+
+}  // namespace
+
+std::uint64_t parse_bytes(const std::string& flag, const std::string& text) {
+  double value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  std::string unit(end, text.data() + text.size());
+  if (!unit.empty() && unit.back() == 'B') unit.pop_back();
+  const int shift = unit.empty() ? 0 : unit == "K" ? 10 : unit == "M" ? 20 : unit == "G" ? 30 : unit == "T" ? 40 : -1;
+  if (error != std::errc() || shift < 0 || !(value > 0) || !(std::ldexp(value, shift) < 1e18))
+    throw Error(ErrorKind::usage, fmt::format("{} {}: give a size such as 8G or 512M", flag, text));
+  const auto bytes = static_cast<std::uint64_t>(std::ldexp(value, shift));
+  if (bytes < kLeastMemory) throw Error(ErrorKind::usage, fmt::format("{} {}: at least 64M is needed", flag, text));
+  return bytes;
+}
+
+std::uint64_t memory_to_use(const TiledArguments& arguments) {
+  return arguments.memory.empty() ? 0 : parse_bytes("--memory", arguments.memory);
+}
+
+void run_in_tiles(const TiledJob& job, const fs::path& work, const Device& device, const TiledOutput& output,
+                  std::stop_token stop) {
+  std::optional<ScratchFolder> scratch;
+  if (work.empty()) {
+    fs::path beside = job.output_folder.empty() ? job.output.parent_path() : job.output_folder;
+    if (beside.empty()) beside = ".";
+    scratch.emplace(beside);
+  }
+  const fs::path folder = scratch ? scratch->path() : work;
+  TiledReport report;
+  {
+    Progress progress(output.quiet ? "none" : output.progress);
+    progress.show(0, "planning");
+    TiledRun::plan(job, folder, device.threads);
+    TiledRun run(folder, device);
+    run.run_all(stop, [&](double share, std::string_view stage) { progress.show(share, stage); });
+    report = run.report();
+  }
+  tell(report, device, output);
+}
+
+void finish_tiles(const TiledRun& run, const Device& device, const TiledOutput& output) {
+  tell(run.report(), device, output);
+}
+
+}  // namespace pointfair::cli

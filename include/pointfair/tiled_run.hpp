@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+// Clouds that are larger than memory: the run as tasks over a folder, by one process or by many.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "pointfair/export.hpp"
+#include "pointfair/io.hpp"
+#include "pointfair/params.hpp"
+#include "pointfair/pipeline.hpp"
+#include "pointfair/report.hpp"
+
+namespace pointfair {
+
+/// What is to be denoised in tiles, and where the result goes.
+struct TiledJob {
+  std::vector<std::filesystem::path> inputs;  ///< files that make one cloud, each point once
+  std::filesystem::path output;               ///< of one input: the file
+  std::filesystem::path output_folder;        ///< in place of `output`: each file appears there under its name
+  Params params;
+  WriteOptions write;        ///< formats other than the input's own are refused
+  std::uint64_t memory = 0;  ///< bytes that a task may take, without the mapped input; 0: half of what is free
+  std::uint64_t least_tiles = 1;
+};
+
+/// What a finished run did.
+struct TiledReport {
+  std::uint64_t points = 0;
+  std::uint64_t tiles = 0;
+  Params params;  ///< as used
+  UnmovedCounts unmoved;
+  std::uint64_t short_neighborhoods = 0;
+  std::optional<double> spacing, noise;     ///< of the input, where parameters followed from them
+  std::array<double, 3> noise_quantiles{};  ///< as in Estimates, where there is a noise
+};
+
+/// A run over a work folder, which holds the plan and what finished tasks left. Tasks are idempotent: a task that is
+/// done is not done again, one that was killed leaves nothing, and two processes that do the same one leave the same
+/// file. The result has the bits of Pipeline::run on the whole cloud.
+///
+/// Calls throw Error: ErrorKind::file if a file cannot be read or written, if the disk is full, or if an input is not
+/// the one that was planned with; ErrorKind::memory if what a point needs does not fit; ErrorKind::interrupted after
+/// the stop token was triggered. What is finished stays, and a later call goes on from there.
+class POINTFAIR_EXPORT TiledRun {
+ public:
+  /// The memory that a Pipeline would need for so many points, with the cloud and the result: what a run in tiles is
+  /// for begins above it. An upper bound.
+  static std::uint64_t bytes_in_memory(std::uint64_t points, const Params& params);
+  /// The number of points of a file. O(1), but for text formats, which are scanned.
+  static std::uint64_t count_points(const std::filesystem::path& path);
+
+  /// Writes the plan of the job into the folder, which is made if it is not there. Where the same job was planned
+  /// before, nothing changes. Throws ErrorKind::usage for parameters that cannot be followed tile by tile, and if the
+  /// folder holds the plan of another job.
+  static void plan(const TiledJob& job, const std::filesystem::path& work, unsigned threads = 0);
+
+  /// Of the plan in the folder.
+  explicit TiledRun(const std::filesystem::path& work, Device device = {});
+  ~TiledRun();
+  TiledRun(TiledRun&&) noexcept;
+  TiledRun& operator=(TiledRun&&) noexcept;
+
+  /// Tasks of one step need nothing of each other; a step needs all of the step before.
+  struct Step {
+    std::string name;  ///< "ingest", "measure", "denoise-1", .., "emit"
+    std::size_t tasks = 0, done = 0;
+  };
+  std::vector<Step> steps() const;
+
+  /// Does task `task` of the step called `step`; returns at once if it is done. Throws ErrorKind::usage if there is no
+  /// such task, or if the step before is not finished.
+  void run(const std::string& step, std::size_t task, std::stop_token stop = {});
+  /// All that is not done, in order. Files that no task needs any more are removed.
+  void run_all(std::stop_token stop = {}, const ProgressFunction& progress = {});
+
+  /// Of a run that is finished.
+  TiledReport report() const;
+
+ private:
+  struct POINTFAIR_INTERNAL State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace pointfair

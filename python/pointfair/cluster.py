@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Clouds larger than memory on a Dask cluster: the tasks of `pointfair tile` as tasks of Dask.
+
+    from dask.distributed import Client
+    import pointfair.cluster
+
+    client = Client("tcp://scheduler:8786")
+    pointfair.cluster.denoise(client, ["a.laz", "b.laz"], output_folder="denoised", work="/shared/work", memory="14G")
+
+    python -m pointfair.cluster tcp://scheduler:8786 a.laz b.laz --out-dir denoised --work /shared/work --memory 14G
+
+Only names travel over the network: each task is a process of the program, which reads and writes files in the work
+folder. The workers and this process must see that folder, and inputs and outputs that are paths, under the same names.
+Relative paths are taken from the folder of this process. Inputs and outputs may also be addresses of a store that fsspec
+knows, "s3://bucket/a.laz": whole files are then copied into the work folder and out of it, by workers.
+"""
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from importlib import import_module
+from typing import Any, Mapping, Sequence
+
+from ._errors import Error
+from ._program import program_path
+
+
+
+def _call(program: str, *words: str) -> str:
+    """Runs the program and returns what it prints. Raises Error with its own line."""
+    done = subprocess.run([program, *words], capture_output=True, text=True)
+    if done.returncode != 0:
+        raise Error(done.stderr.strip().removeprefix("pointfair: ") or f"pointfair ended with {done.returncode}")
+    return done.stdout
+
+
+def _run(task: str, program: str, work: str, *words: str) -> str:
+    _call(program, "tile", "run", work, "--task", task, "--end-with-parent", *words)
+    return task
+
+
+def _copy(source: str, target: str) -> str:
+    """A whole file from one store to another, under its name only when it is complete."""
+    fsspec: Any = import_module("fsspec")
+    remote = "://" in target
+    with fsspec.open(source, "rb") as reader, fsspec.open(target if remote else target + ".part", "wb") as writer:
+        shutil.copyfileobj(reader, writer, 1 << 24)
+    if not remote:
+        os.replace(target + ".part", target)
+    return target
+
+
+def _allow_failures(dask_scheduler: Any = None) -> None:
+    """A worker that dies is held against each task that it had, also those that never began."""
+    dask_scheduler.allowed_failures = max(dask_scheduler.allowed_failures, 20)
+
+
+def _flags(parameters: Mapping[str, Any]) -> list[str]:
+    words = []
+    for name, value in parameters.items():
+        text = ("on" if value else "off") if isinstance(value, bool) else str(value)
+        words += ["--" + name.replace("_", "-"), text]
+    return words
+
+
+def denoise(client: Any, inputs: Sequence[str] | str, output: str | None = None, *, work: str,
+            output_folder: str | None = None, memory: str = "4G", tiles: int = 1, threads: int = 0,
+            device: str = "auto", resources: Mapping[str, float] | None = None, retries: int = 3,
+            program: str | None = None, **parameters: Any) -> dict[str, Any]:
+    """Denoises clouds on a Dask cluster; the bits are those of one run in memory. Where `work` holds finished tasks of
+    the same job, they are not done again.
+
+    Args:
+        client: a distributed.Client of the cluster.
+        inputs: files, which together are one cloud: paths that every worker sees, or addresses that fsspec knows.
+        output: of one input, the file to write.
+        work: a folder that every worker sees; it stays.
+        output_folder: in place of `output`: each input appears there under its name.
+        memory: what a task may take, as `--memory`. A worker of several threads runs as many tasks at once.
+        tiles: at least so many.
+        threads: of each task; 0: all cores of its machine.
+        device: of each task, as `--device`.
+        resources: what of a worker's resources each task takes, {"GPU": 1} for instance: only workers that declare so
+            much get one.
+        retries: how often a task that failed is tried again.
+        program: where the workers have the program; None: where this package has it.
+        **parameters: as the flags of `pointfair tile plan`: k=8, noise="3mm".
+
+    Returns:
+        The report, as `pointfair tile merge --report`.
+
+    Raises:
+        Error: with the line that the program said.
+    """
+    wait: Any = import_module("distributed").wait
+    def absolute(name: str) -> str:
+        return name if "://" in name else os.path.abspath(name)
+
+    names = [absolute(name) for name in ([inputs] if isinstance(inputs, str) else inputs)]
+    work = os.path.abspath(work)
+    tool = program or program_path()
+    run_words = ["--threads", str(threads), "--device", device, "-q"]
+    options: dict[str, Any] = {"pure": False, "retries": retries, "resources": dict(resources or {})}
+
+    def each(function: Any, tasks: Sequence[Any], *more: Any) -> None:
+        futures = client.map(function, tasks, *[[value] * len(tasks) for value in more], **options)
+        wait(futures)
+        client.gather(futures)  # raises what a task raised
+
+    client.run_on_scheduler(_allow_failures)
+    os.makedirs(work, exist_ok=True)
+    local = [name if "://" not in name else os.path.join(work, "inputs", os.path.basename(name)) for name in names]
+    fetched = [(name, path) for name, path in zip(names, local) if name != path and not os.path.exists(path)]
+    if any(name != path for name, path in zip(names, local)):
+        os.makedirs(os.path.join(work, "inputs"), exist_ok=True)
+    each(lambda pair: _copy(*pair), fetched)
+    if output is None and output_folder is None:
+        raise Error("denoise needs an output, or an output_folder")
+    remote = absolute(output_folder or output or "")
+    target = os.path.join(work, "outputs") if "://" in remote else remote
+    where = ["--out-dir", target] if output_folder is not None else ["--out", target]
+    if "://" in remote and output_folder is None:
+        os.makedirs(target, exist_ok=True)
+        where[1] = target = os.path.join(target, os.path.basename(remote))
+    client.submit(_call, tool, "tile", "plan", *local, *where, "--work", work, "--memory", memory, "--tiles", str(tiles),
+                  *_flags(parameters), **options).result()
+    for step in json.loads(_call(tool, "tile", "status", work, "--report", "-"))["steps"]:
+        if step["done"] < step["tasks"]:
+            each(_run, [f"{step['step']}:{number}" for number in range(step["tasks"])], tool, work, *run_words)
+    if "://" in remote:
+        results = [target] if output_folder is None else [os.path.join(target, os.path.basename(name)) for name in names]
+        goals = [remote] if output_folder is None else [remote.rstrip("/") + "/" + os.path.basename(r) for r in results]
+        each(lambda pair: _copy(*pair), list(zip(results, goals)))
+    report: dict[str, Any] = json.loads(_call(tool, "tile", "merge", work, "-q", "--report", "-"))
+    return report
+
+
+def main(words: Sequence[str]) -> int:
+    """`python -m pointfair.cluster SCHEDULER IN... --out OUT --work DIR [flags of pointfair tile plan]`"""
+    import argparse
+
+    parser = argparse.ArgumentParser(prog="python -m pointfair.cluster", description="Denoise on a Dask cluster.")
+    parser.add_argument("scheduler", help="its address, tcp://host:8786")
+    parser.add_argument("inputs", nargs="+")
+    parser.add_argument("--out")
+    parser.add_argument("--out-dir")
+    parser.add_argument("--work", required=True)
+    parser.add_argument("--memory", default="4G")
+    parser.add_argument("--tiles", type=int, default=1)
+    parser.add_argument("--threads", type=int, default=0)
+    parser.add_argument("--device", default="auto")
+    parser.add_argument("--retries", type=int, default=3)
+    given, rest = parser.parse_known_args(words)
+    parameters = dict(zip((flag.removeprefix("--").replace("-", "_") for flag in rest[::2]), rest[1::2]))
+    with import_module("distributed").Client(given.scheduler) as client:
+        try:
+            report = denoise(client, given.inputs, given.out, work=given.work, output_folder=given.out_dir,
+                             memory=given.memory, tiles=given.tiles, threads=given.threads, device=given.device,
+                             retries=given.retries, **parameters)
+        except Error as error:
+            print(f"pointfair: {error}", file=sys.stderr)
+            return 1
+    print(json.dumps(report, indent=1))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+// Files whose points are not held in memory: read block by block, and written block by block.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+
+#include "io/source.hpp"
+
+namespace pointfair::io {
+
+/// Opens a file to be read block by block (Source::place_block). The origin is yet to be set. Throws Error(file), also
+/// for a file that can only be decoded as a whole.
+std::shared_ptr<Source> open_source(const std::filesystem::path& path, unsigned threads);
+
+/// Throws Error(usage) if write_moved() would refuse these options.
+void check_streamed_options(const Source& source, const std::filesystem::path& path, const WriteOptions& options);
+
+/// As write() of a cloud of this source whose points are where `moved` says, relative to the source's origin.
+void write_moved(const std::filesystem::path& path, const std::shared_ptr<Source>& source, const MovedPoints& moved,
+                 const WriteOptions& options);
+
+}  // namespace pointfair::io

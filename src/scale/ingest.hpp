@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+// The first step: a chunk of the input, sorted by leaf.
+#pragma once
+
+#include <filesystem>
+#include <stop_token>
+
+#include "scale/leaf_tree.hpp"
+#include "scale/plan.hpp"
+
+namespace pointfair::scale {
+
+/// Which of the counts of an ingested chunk is that of points that are not finite.
+inline constexpr std::size_t kNonFinite = 0;
+
+/// Writes the valid points of the chunk as offsets from `origin`, and what they show of the cloud's origin. Memory:
+/// kBytesOfChunkPoint a point.
+void ingest(Source& source, const InputChunk& chunk, const Position& origin, const LeafTree& tree,
+            std::uint64_t points_of_cloud, unsigned threads, const std::filesystem::path& path,
+            const std::stop_token& stop);
+
+/// The origin that all points together show, which is the one that a whole file is read with.
+Position origin_of(const std::vector<std::filesystem::path>& ingested, std::uint64_t points_of_cloud);
+
+}  // namespace pointfair::scale

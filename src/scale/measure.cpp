@@ -1,0 +1,215 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "scale/measure.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <deque>
+#include <limits>
+#include <map>
+#include <type_traits>
+#include <utility>
+
+#include "estimate/automatic.hpp"
+#include "tiles/halo.hpp"
+
+namespace pointfair::scale {
+namespace {
+
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+
+double diagonal_of(const Bounds& b) {
+  return std::hypot(double(b.max.x) - b.min.x, double(b.max.y) - b.min.y, double(b.max.z) - b.min.z);
+}
+
+bool same_place(const Point& a, const Point& b) { return a.x == b.x && a.y == b.y && a.z == b.z; }
+
+// The calls of Sampling over stored points: the sample by passing over all of them, and what lies around its points by
+// loading the regions around them.
+class StoredSampling final : public Sampling {
+ public:
+  StoredSampling(const StoredCloud& cloud, Backend& backend, std::uint64_t most)
+      : cloud_(cloud), backend_(backend), most_(most) {}
+
+  CloudSample sample_cloud(std::size_t count) override {
+    const Bounds& bounds = cloud_.bounds();
+    CloudSample sample = draw_sample(bounds, count, [&](Candidates wanted) { return collect(bounds, wanted); });
+    for (std::size_t i = 0; i < sample.indices.size(); ++i) sample.indices[i] = std::uint32_t(i);
+    queries_ = sample.points;
+    return sample;
+  }
+
+  // Queries are indices in the sample.
+  void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override {
+    std::fill(out.begin(), out.end(), Point{kNan, kNan, kNan});
+    std::map<std::size_t, std::vector<std::size_t>> of_leaf;
+    for (std::size_t q = 0; q < queries.size(); ++q) of_leaf[leaf_near(queries_[queries[q]])].push_back(q);
+    for (auto& [leaf, asked] : of_leaf) {
+      std::deque<Rows> left{{std::move(asked), reach_of_nearest(cloud_.bounds(), k, cloud_.leaves()[leaf])}};
+      for (; !left.empty(); left.pop_front())
+        for (Rows& rows : sample(queries, k, left.front(), out)) left.push_back(std::move(rows));
+    }
+  }
+  void for_each_on_host(std::size_t count, const std::function<void(std::size_t)>& body) override {
+    backend_.sampling().for_each_on_host(count, body);
+  }
+
+ private:
+  // Rows of neighbourhoods that are not known yet.
+  struct Rows {
+    std::vector<std::size_t> asked;
+    double halo;
+  };
+
+  std::vector<SampleCandidate> collect(const Bounds& bounds, Candidates wanted) {
+    const double cells = point::cells_per_unit(to_vec3(bounds.min), to_vec3(bounds.max), wanted.refinement);
+    std::vector<SampleCandidate> all;
+    cloud_.for_all([&](std::span<const Point> points) {
+      constexpr std::size_t kBlock = 1 << 14;
+      std::vector<std::vector<SampleCandidate>> found((points.size() + kBlock - 1) / kBlock);
+      for_each_on_host(found.size(), [&](std::size_t block) {
+        const std::size_t begin = block * kBlock;
+        for (const Point& p : points.subspan(begin, std::min(kBlock, points.size() - begin))) {
+          const std::uint32_t hash = point::cell_hash(to_vec3(p), to_vec3(bounds.min), cells);
+          if (hash <= wanted.limit) found[block].push_back({hash, 0, p});
+        }
+        order_candidates(found[block]);
+      });
+      for (const auto& some : found) all.insert(all.end(), some.begin(), some.end());
+      if (all.size() > kMostCandidates) order_candidates(all);
+    });
+    return all;
+  }
+
+  // One whose box holds the point.
+  std::size_t leaf_near(const Point& p) const {
+    const point::Region here{to_vec3(p), to_vec3(p)};
+    std::size_t leaf = 0;
+    while (!may_overlap(here, cloud_.leaves()[leaf])) ++leaf;
+    return leaf;
+  }
+
+  // Fills the rows that are exact, and returns the others, to be sampled farther out, or in halves where all together
+  // do not fit.
+  std::vector<Rows> sample(std::span<const std::uint32_t> queries, int k, const Rows& rows, std::span<Point> out) {
+    Bounds bounds = kNoBounds;
+    for (const std::size_t q : rows.asked) include(bounds, queries_[queries[q]]);
+    const point::Region region = region_around(cloud_.bounds(), bounds, rows.halo);
+    std::vector<Point> loaded;
+    if (!cloud_.append(region, {}, most_, loaded)) {
+      if (rows.asked.size() == 1)
+        throw Error(ErrorKind::memory,
+                    "what lies around a point that the noise is measured at does not fit into "
+                    "--memory; give more");
+      const auto middle = rows.asked.begin() + std::ptrdiff_t(rows.asked.size() / 2);
+      return {{{rows.asked.begin(), middle}, rows.halo}, {{middle, rows.asked.end()}, rows.halo}};
+    }
+    backend_.upload(loaded, IndexOrder::fastest);
+    backend_.build_index(0, std::nullopt, {});
+    std::vector<std::uint32_t> places;
+    for (const std::size_t q : rows.asked)
+      places.push_back(std::uint32_t(std::find_if(loaded.begin(), loaded.end(),
+                                                  [&](const Point& p) { return same_place(p, queries_[queries[q]]); }) -
+                                     loaded.begin()));
+    const std::size_t row_size = std::size_t(k) + 1;
+    std::vector<Point> found(places.size() * row_size);
+    backend_.sampling().sample_neighborhoods(places, k, found);
+    Rows left{{}, 2 * rows.halo};
+    for (std::size_t r = 0; r < places.size(); ++r) {
+      const Point* row = &found[r * row_size];
+      const auto here = to_vec3(row[0]), last = to_vec3(row[k]);
+      const bool full = is_indexed(row[k]);
+      if (point::is_exact_list({k, kUnbounded, false, 0}, full ? k : 0,
+                               full ? point::squared_length(last - here) : 0.0f,
+                               point::squared_gap_to_outside(region, here))) {
+        std::copy_n(row, row_size, &out[rows.asked[r] * row_size]);
+      } else {
+        left.asked.push_back(rows.asked[r]);
+      }
+    }
+    if (left.asked.empty()) return {};
+    return {std::move(left)};
+  }
+
+  static constexpr std::size_t kMostCandidates = 1 << 18;
+  const StoredCloud& cloud_;
+  Backend& backend_;
+  std::uint64_t most_;  // points that are loaded at once
+  std::vector<Point> queries_;
+};
+
+}  // namespace
+
+Measured measure(const StoredCloud& cloud, const Position& origin, const Plan& plan, Backend& backend,
+                 const std::stop_token& stop) {
+  Measured measured{origin, cloud.bounds(), {}, {}, {}};
+  const WantedEstimates wanted{needs_spacing(plan.params), needs_noise(plan.params)};
+  if (!wanted.spacing && !wanted.noise && !sums_within_radius(plan.params)) return measured;
+  StoredSampling sampling(cloud, backend, points_in_memory(plan.memory, bytes_of_tile_point(plan.params)));
+  const CloudSample sample = sampling.sample_cloud(kSampledPoints);
+  if (sums_within_radius(plan.params)) measured.frame = frame_of(sample);
+  const Estimate found = estimate(sampling, sample, wanted, stop);
+  if (wanted.spacing) measured.spacing = found.spacing;
+  if (wanted.noise) {
+    measured.noise = found.noise;
+    measured.levels = found.levels;
+  }
+  return measured;
+}
+
+namespace {
+
+// What a file begins with; the levels of the noise follow.
+struct Fixed {
+  Position origin{};
+  Bounds bounds;
+  Frame frame;
+  Spacing spacing;
+  Noise noise;
+  Point first{};  // of the levels, as the next two
+  float nodes_per_unit = 0;
+  std::array<double, 3> quantiles{};
+  std::uint64_t levels = 0;
+};
+static_assert(std::is_trivially_copyable_v<Fixed>);
+
+}  // namespace
+
+void save(const Measured& m, const std::filesystem::path& path) {
+  Fixed fixed{m.origin, m.bounds, m.frame, m.spacing, m.noise, {}, 0, {}, 0};
+  if (m.levels) {
+    fixed.first = m.levels->first;
+    fixed.nodes_per_unit = m.levels->nodes_per_unit;
+    fixed.quantiles = m.levels->quantiles;
+    fixed.levels = m.levels->levels.size();
+  }
+  NewFile file(path, sizeof fixed + fixed.levels * sizeof(float));
+  file.write(&fixed, sizeof fixed);
+  if (m.levels) file.write(std::span(m.levels->levels));
+  file.finish();
+}
+
+Measured load_measured(const std::filesystem::path& path) {
+  const StoredFile file(path);
+  Fixed fixed;
+  file.read(0, &fixed, sizeof fixed);
+  Measured m{fixed.origin, fixed.bounds, fixed.frame, fixed.spacing, fixed.noise};
+  if (fixed.levels == 0) return m;
+  auto levels = std::make_shared<NoiseLevels>();
+  levels->levels.resize(fixed.levels);
+  file.read(sizeof fixed, std::span(levels->levels));
+  levels->first = fixed.first;
+  levels->nodes_per_unit = fixed.nodes_per_unit;
+  levels->quantiles = fixed.quantiles;
+  m.levels = std::move(levels);
+  return m;
+}
+
+Resolved resolve(const Params& params, const Measured& measured) {
+  const Params used = resolve_params(params, measured.spacing, measured.noise,
+                                     needs_diagonal(params) ? diagonal_of(measured.bounds) : 0.0);
+  const FollowedNoise followed =
+      needs_noise(params) ? followed_noise(params, used, measured.noise, measured.levels) : FollowedNoise{};
+  return {used, settings_of(used, followed)};
+}
+
+}  // namespace pointfair::scale

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+// The second step: what the whole cloud shows, measured once and frozen, from which every task makes the same settings.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <stop_token>
+
+#include "estimate/estimate.hpp"
+#include "pipeline/stage_settings.hpp"
+#include "scale/plan.hpp"
+#include "scale/stored_cloud.hpp"
+#include "seam/backend.hpp"
+
+namespace pointfair::scale {
+
+struct Measured {
+  Position origin{};
+  Bounds bounds;
+  Frame frame;  ///< zero where sums run over lists
+  Spacing spacing;
+  Noise noise;                                  ///< this and the spacing are zero where no parameter follows from them
+  std::shared_ptr<const NoiseLevels> levels{};  ///< null: 1 everywhere
+};
+
+/// Measures what the parameters of the plan follow from, as a pipeline does with the whole cloud.
+Measured measure(const StoredCloud& cloud, const Position& origin, const Plan& plan, Backend& backend,
+                 const std::stop_token& stop);
+
+void save(const Measured& measured, const std::filesystem::path& path);
+Measured load_measured(const std::filesystem::path& path);
+
+/// The parameters with what was measured, and what every iteration reads.
+struct Resolved {
+  Params params;
+  Settings settings;
+};
+Resolved resolve(const Params& params, const Measured& measured);
+
+}  // namespace pointfair::scale

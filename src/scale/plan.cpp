@@ -1,0 +1,341 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "scale/plan.hpp"
+
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <fstream>
+#include <set>
+#include <sstream>
+
+#include "estimate/automatic.hpp"
+#include "io/file_bytes.hpp"
+#include "io/offset.hpp"
+#include "io/parallel.hpp"
+#include "io/streamed.hpp"
+#include "pointfair/file_info.hpp"
+#include "pointfair/version.hpp"
+#include "scale/leaf_tree.hpp"
+#include "scale/work_file.hpp"
+#include "seam/cloud_sample.hpp"
+
+namespace pointfair::scale {
+namespace fs = std::filesystem;
+namespace {
+
+constexpr std::uint64_t kProcess = std::uint64_t{40} << 20;  // bytes of the program itself, its threads and tables
+constexpr std::uint64_t kLeastMemory = std::uint64_t{64} << 20;
+constexpr std::uint64_t kBytesOfChunkPoint = 26;  // position, leaf, place in the order, and what is copied
+constexpr std::uint64_t kMostOfChunk = std::uint64_t{1} << 25;
+constexpr double kCoreShare = 0.6;  // of a tile's points; the rest is halo
+constexpr std::uint64_t kPointsOfLeaf = 1 << 15, kLeastLeaves = 16, kMostLeaves = 1 << 16;
+constexpr std::uint64_t kSampledPoints = 1 << 24, kKeptSamples = 1 << 18;
+
+const fs::path kPlanName = "plan.txt", kTreeName = "leaves";
+
+[[noreturn]] void refuse(const std::string& message) { throw Error(ErrorKind::usage, message); }
+
+std::uint64_t free_memory() {
+  std::ifstream lines("/proc/meminfo");
+  for (std::string line; std::getline(lines, line);)
+    if (line.starts_with("MemAvailable:")) return std::strtoull(line.c_str() + 13, nullptr, 10) << 10;
+  return std::uint64_t{8} << 30;
+}
+
+fs::path whole_path(const fs::path& path) { return fs::absolute(path).lexically_normal(); }
+
+// What has no meaning tile by tile, or is not written that way.
+void check_job(const TiledJob& job) {
+  check_params(job.params);
+  if (job.inputs.empty()) refuse("there is no input; name at least one file");
+  if (job.params.outliers == Outliers::mark)
+    refuse("outliers cannot be marked by a run in tiles on disk; use --outliers keep, or leave out --memory");
+  if (job.output == "-")
+    refuse("a cloud that is computed in tiles on disk is written to a file, not to standard output; name one");
+  if (job.inputs.size() > 1 && job.output_folder.empty())
+    refuse("several inputs need a folder for their results; give --out-dir");
+  if (job.output_folder.empty() == job.output.empty()) refuse("give one output: a file, or a folder");
+}
+
+std::vector<InputFile> files_of(const TiledJob& job) {
+  std::vector<InputFile> files;
+  std::set<fs::path> outputs;
+  for (const fs::path& input : job.inputs) {
+    if (input == "-") refuse("a cloud that is computed in tiles on disk is read twice, so it cannot be standard input");
+    InputFile file;
+    file.path = whole_path(input);
+    file.output = whole_path(job.output_folder.empty() ? job.output : job.output_folder / input.filename());
+    if (file.path.string().find('\n') != std::string::npos || file.output.string().find('\n') != std::string::npos)
+      refuse(input.string() + ": its name has more than one line; rename it");
+    if (!outputs.insert(file.output).second)
+      refuse(input.string() + ": two inputs have this name, so their results would be one file; rename one");
+    std::error_code ignored;
+    if (fs::equivalent(file.path, file.output, ignored))
+      refuse(file.output.string() + ": is input and output at once; name another output");
+    files.push_back(std::move(file));
+  }
+  return files;
+}
+
+Params in_units_of_file(const Params& params, const Source& source) {
+  return in_file_units(params, source.info().metres_per_unit);
+}
+
+// Blocks of the file that follow each other, up to `most` points of them together.
+void cut_into_chunks(const Source& source, std::size_t number, const InputFile& file, std::uint64_t most,
+                     std::vector<InputChunk>& chunks) {
+  InputChunk chunk{number, 0, 0, file.first_point, 0};
+  for (std::size_t block = 0; block < source.block_count(); ++block) {
+    const std::uint64_t size = source.block_size(block);
+    if (size > 4 * most)
+      io::fail(file.path.string(),
+               "holds " + std::to_string(size) + " points in one piece that cannot be read in parts; give more memory");
+    if (chunk.points > 0 && chunk.points + size > most) {
+      chunks.push_back(chunk);
+      chunk = {number, block, block, chunk.first_point + chunk.points, 0};
+    }
+    chunk.end_block = block + 1;
+    chunk.points += size;
+  }
+  if (chunk.points > 0) chunks.push_back(chunk);
+}
+
+// Positions from all over the inputs, and the origin that they show.
+struct Survey {
+  Position origin{};
+  std::vector<Point> sample;
+};
+
+Survey survey(const std::vector<std::shared_ptr<Source>>& sources, std::uint64_t points) {
+  struct Block {
+    const Source* source;
+    std::size_t block;
+  };
+  std::vector<Block> blocks;
+  for (const auto& source : sources)
+    for (std::size_t block = 0; block < source->block_count(); ++block) blocks.push_back({source.get(), block});
+  const double share = std::min(1.0, double(kSampledPoints) / double(points));
+  const auto count = std::max<std::size_t>(1, static_cast<std::size_t>(double(blocks.size()) * share));
+  const std::size_t kept_of_block = std::max<std::size_t>(16, kKeptSamples / count);
+  std::vector<std::vector<Position>> kept(count);
+  std::vector<io::OriginSample> offered(
+      count, io::OriginSample(count == blocks.size() ? points : points * count / blocks.size()));
+  io::for_each_block(count, [&](std::size_t i) {
+    const auto [source, block] = blocks[i * blocks.size() / count];
+    std::vector<Position> values(source->block_size(block));
+    source->positions(block, values);
+    for (const Position& value : values) offered[i].offer(value);
+    const std::size_t step = std::max<std::size_t>(1, values.size() / kept_of_block);
+    for (std::size_t at = 0; at < values.size(); at += step) kept[i].push_back(values[at]);
+  });
+  for (std::size_t i = 1; i < count; ++i) offered[0].offer_all(offered[i]);
+  Survey result{io::choose_origin(std::move(offered[0]).take()), {}};
+  for (const auto& some : kept)
+    for (const Position& value : some) {
+      const Point p{io::to_offset(value[0], result.origin[0]), io::to_offset(value[1], result.origin[1]),
+                    io::to_offset(value[2], result.origin[2])};
+      if (is_indexed(p)) result.sample.push_back(p);
+    }
+  return result;
+}
+
+std::string text_of(double value) {
+  char digits[64];
+  std::snprintf(digits, sizeof digits, "%a", value);
+  return digits;
+}
+
+std::string text_of(const Plan& plan) {
+  std::ostringstream out;
+  out << "pointfair-plan " << version() << "\n";
+  out << "memory " << plan.memory << "\npoints " << plan.points << "\niterations " << plan.iterations << "\ntiles "
+      << plan.tiles << "\n";
+  out << "origin";
+  for (const double c : plan.origin) out << " " << text_of(c);
+  out << "\nwrite " << (plan.write.format ? int(*plan.write.format) : -1) << " "
+      << (plan.write.encoding ? int(*plan.write.encoding) : -1) << " " << text_of(plan.write.las_scale.value_or(0))
+      << " " << int(plan.write.overwrite) << " " << int(plan.write.sync) << "\n";
+  for (const ParamInfo& info : kParams) out << "param " << info.name << " " << param_text(plan.params, info) << "\n";
+  for (const InputFile& file : plan.files)
+    out << "file " << file.points << " " << file.fingerprint << " " << file.path.string() << "\noutput "
+        << file.output.string() << "\n";
+  for (const InputChunk& c : plan.chunks)
+    out << "chunk " << c.file << " " << c.first_block << " " << c.end_block << " " << c.first_point << " " << c.points
+        << "\n";
+  out << "end\n";
+  return out.str();
+}
+
+double parse_number(std::istream& in) {
+  std::string word;
+  in >> word;
+  return std::strtod(word.c_str(), nullptr);
+}
+
+void read_line(const std::string& line, Plan& plan) {
+  std::istringstream in(line);
+  std::string key, word;
+  in >> key;
+  const auto rest = [&] {
+    in.get();
+    std::string text;
+    std::getline(in, text);
+    return text;
+  };
+  if (key == "memory") in >> plan.memory;
+  if (key == "points") in >> plan.points;
+  if (key == "iterations") in >> plan.iterations;
+  if (key == "tiles") in >> plan.tiles;
+  if (key == "origin")
+    for (double& c : plan.origin) c = parse_number(in);
+  if (key == "write") {
+    int format = -1, encoding = -1, overwrite = 0, sync = 0;
+    in >> format >> encoding;
+    const double scale = parse_number(in);
+    in >> overwrite >> sync;
+    if (format >= 0) plan.write.format = Format(format);
+    if (encoding >= 0) plan.write.encoding = Encoding(encoding);
+    if (scale > 0) plan.write.las_scale = scale;
+    plan.write.overwrite = overwrite != 0;
+    plan.write.sync = sync != 0;
+  }
+  if (key == "param") {
+    in >> word;
+    if (const ParamInfo* info = find_param(word)) set_param(plan.params, *info, rest());
+  }
+  if (key == "file") {
+    InputFile file;
+    in >> file.points >> file.fingerprint;
+    file.path = rest();
+    if (!plan.files.empty()) file.first_point = plan.files.back().first_point + plan.files.back().points;
+    plan.files.push_back(std::move(file));
+  }
+  if (key == "output") plan.files.back().output = rest();
+  if (key == "chunk") {
+    InputChunk c;
+    in >> c.file >> c.first_block >> c.end_block >> c.first_point >> c.points;
+    plan.chunks.push_back(c);
+  }
+}
+
+}  // namespace
+
+std::uint64_t points_in_memory(std::uint64_t memory, std::uint64_t bytes_per_point) {
+  const std::uint64_t free = memory > 2 * kProcess ? memory - kProcess : memory / 2;
+  return std::max<std::uint64_t>(1000, free / bytes_per_point);
+}
+
+// What a pipeline holds (pipeline.hpp), and beside it the input, the result and what became of each point.
+std::uint64_t bytes_of_tile_point(const Params& params) {
+  const int k = params.k == kAutomatic ? 0 : params.k;
+  return 150 + 8 * static_cast<std::uint64_t>(k);
+}
+
+std::string fingerprint_of(const fs::path& path) {
+  struct stat status {};
+  if (::stat(path.c_str(), &status) != 0) io::fail(path.string(), "cannot open: " + std::string(std::strerror(errno)));
+  const StoredFile file(path);
+  const std::uint64_t size = file.size();
+  constexpr std::uint64_t kPieces = 64, kBytes = 4096;
+  std::uint64_t hash = 0xcbf29ce484222325u;  // FNV-1a (G. Fowler, L. C. Noll, K.-P. Vo)
+  std::vector<unsigned char> bytes;
+  for (std::uint64_t piece = 0; piece < kPieces; ++piece) {
+    bytes.resize(static_cast<std::size_t>(std::min(kBytes, size)));
+    file.read((size - bytes.size()) / (kPieces - 1) * piece, std::span(bytes));
+    for (const unsigned char byte : bytes) hash = (hash ^ byte) * 0x100000001b3u;
+  }
+  char text[80];
+  std::snprintf(text, sizeof text, "%llx-%llx.%lx-%016llx", static_cast<unsigned long long>(size),
+                static_cast<unsigned long long>(status.st_mtim.tv_sec),
+                static_cast<unsigned long>(status.st_mtim.tv_nsec), static_cast<unsigned long long>(hash));
+  return text;
+}
+
+std::shared_ptr<Source> Inputs::open(std::size_t number) {
+  std::shared_ptr<Source>& source = open_[number];
+  const InputFile& file = files_[number];
+  if (fingerprint_of(file.path) != file.fingerprint)
+    io::fail(file.path.string(), "has changed since this run was planned; plan it again in another work folder");
+  if (!source) source = io::open_source(file.path, threads_);
+  return source;
+}
+
+void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
+  check_job(job);
+  Plan plan;
+  plan.files = files_of(job);
+  plan.write = job.write;
+  plan.memory = job.memory != 0 ? job.memory : std::max(kLeastMemory, free_memory() / 2);
+  const std::uint64_t most_of_chunk = std::min(kMostOfChunk, points_in_memory(plan.memory, kBytesOfChunkPoint));
+  std::vector<std::shared_ptr<Source>> sources;
+  for (InputFile& file : plan.files) {
+    file.fingerprint = fingerprint_of(file.path);
+    const auto& source = sources.emplace_back(io::open_source(file.path, threads));
+    io::check_streamed_options(*source, file.output, job.write);
+    const Params params = in_units_of_file(job.params, *source);
+    if (sources.size() > 1 && params != plan.params)
+      refuse(file.path.string() + ": its unit is not that of the other inputs; give lengths without m, mm or cm");
+    plan.params = params;
+    file.first_point = plan.points;
+    file.points = source->size();
+    plan.points += file.points;
+    cut_into_chunks(*source, static_cast<std::size_t>(&file - plan.files.data()), file, most_of_chunk, plan.chunks);
+  }
+  plan.iterations = plan.params.iterations;
+  if (plan.iterations == kAutomatic) plan.iterations = resolve_params(plan.params, {}, {}, 1).iterations;
+  Survey seen = io::with_threads(threads, [&] { return survey(sources, plan.points); });
+  plan.origin = seen.origin;
+  const double of_tile = kCoreShare * double(points_in_memory(plan.memory, bytes_of_tile_point(plan.params)));
+  const auto tiles = std::max<std::uint64_t>(job.least_tiles, std::uint64_t(std::ceil(double(plan.points) / of_tile)));
+  const std::uint64_t leaves =
+      std::clamp(plan.points / kPointsOfLeaf, kLeastLeaves * tiles, std::max(kMostLeaves, kLeastLeaves * tiles));
+  const LeafTree tree(seen.sample, tiles, leaves / tiles);
+  plan.tiles = tree.tiles();
+  fs::create_directories(work);
+  tree.save(work / kTreeName);
+  const std::string text = text_of(plan);
+  NewFile file(work / kPlanName, text.size());
+  file.write(text.data(), text.size());
+  file.finish();
+}
+
+bool has_plan(const fs::path& work) { return fs::exists(work / kPlanName); }
+
+Plan read_plan(const fs::path& work) {
+  const std::string name = (work / kPlanName).string();
+  if (!has_plan(work)) io::fail(name, "there is no plan here; make one with: pointfair tile plan");
+  std::istringstream text(read_text(name));
+  std::string line, last;
+  std::getline(text, line);
+  if (line != std::string("pointfair-plan ") + version())
+    io::fail(name, "was made by another version of pointfair; go on with that one, or plan again in another folder");
+  Plan plan;
+  for (; std::getline(text, line); last = line) read_line(line, plan);
+  if (last != "end") io::fail(name, "is damaged; plan again in another work folder");
+  return plan;
+}
+
+std::string difference(const TiledJob& job, const Plan& plan) {
+  check_job(job);
+  const std::vector<InputFile> files = files_of(job);
+  const auto same = [](const InputFile& a, const InputFile& b) { return a.path == b.path; };
+  const auto same_output = [](const InputFile& a, const InputFile& b) { return a.output == b.output; };
+  if (!std::equal(files.begin(), files.end(), plan.files.begin(), plan.files.end(), same)) return "other inputs";
+  if (!std::equal(files.begin(), files.end(), plan.files.begin(), plan.files.end(), same_output))
+    return "other outputs";
+  if (job.memory != 0 && job.memory != plan.memory) return "another --memory";
+  const bool has_metres = in_file_units(job.params, 1.0) != job.params;
+  const Params params = has_metres ? in_units_of_file(job.params, *io::open_source(files.front().path, 0)) : job.params;
+  if (params != plan.params) return "other parameters";
+  if (job.write.format != plan.write.format || job.write.encoding != plan.write.encoding ||
+      job.write.las_scale != plan.write.las_scale)
+    return "another format";
+  return {};
+}
+
+}  // namespace pointfair::scale

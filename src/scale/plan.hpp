@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+// What is fixed before the first task of a run runs: the inputs as they are, what is asked for, and how the work is
+// cut. It is frozen in the work folder, and every process that works there reads it.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "io/source.hpp"
+#include "pointfair/tiled_run.hpp"
+
+namespace pointfair::scale {
+
+struct InputFile {
+  std::filesystem::path path, output;
+  std::string fingerprint;                    ///< of its size, its time and some of its bytes
+  std::uint64_t points = 0, first_point = 0;  ///< in the whole input
+};
+
+/// Blocks of one file that follow each other, which one task takes in.
+struct InputChunk {
+  std::size_t file = 0, first_block = 0, end_block = 0;
+  std::uint64_t first_point = 0, points = 0;  ///< in the whole input
+};
+
+struct Plan {
+  Params params;  ///< as asked for, lengths in file units or relative
+  WriteOptions write;
+  std::uint64_t memory = 0;
+  std::uint64_t points = 0;
+  int iterations = 1;
+  std::size_t tiles = 1;
+  Position origin{};  ///< as guessed; the first measurement corrects it
+  std::vector<InputFile> files;
+  std::vector<InputChunk> chunks;
+};
+
+/// How many points may be in memory at once, each with everything that a task needs for it.
+std::uint64_t points_in_memory(std::uint64_t memory, std::uint64_t bytes_per_point);
+/// Of a tile, on the host.
+std::uint64_t bytes_of_tile_point(const Params& params);
+
+/// The files of a plan, opened when they are first needed.
+class Inputs {
+ public:
+  Inputs(const std::vector<InputFile>& files, unsigned threads)
+      : files_(files), threads_(threads), open_(files.size()) {}
+  /// Throws Error(file) if the file is not the one that was planned with.
+  std::shared_ptr<Source> open(std::size_t file);
+
+ private:
+  const std::vector<InputFile>& files_;
+  unsigned threads_;
+  std::vector<std::shared_ptr<Source>> open_;
+};
+
+/// Reads the inputs' headers and some of their points. Throws as TiledRun::plan. Writes the tree of leaves and, last,
+/// the plan.
+void make_plan(const TiledJob& job, const std::filesystem::path& work, unsigned threads);
+bool has_plan(const std::filesystem::path& work);
+/// Throws Error(file) if there is none, or one of another version.
+Plan read_plan(const std::filesystem::path& work);
+/// What of the job differs from the plan, or nothing.
+std::string difference(const TiledJob& job, const Plan& plan);
+
+std::string fingerprint_of(const std::filesystem::path& path);
+
+}  // namespace pointfair::scale

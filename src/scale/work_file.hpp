@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+// Files of a work folder: written once, and there only when they are complete.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <span>
+#include <string>
+#include <type_traits>
+
+namespace pointfair::scale {
+
+/// A file that gets its name, and is on the disk, once it is finished. Any number of processes may write the same one:
+/// the last to finish it wins, and what they write is the same.
+class NewFile {
+ public:
+  /// `size`: bytes that will be written, as far as known.
+  explicit NewFile(const std::filesystem::path& path, std::uint64_t size = 0);
+  ~NewFile();
+  NewFile(const NewFile&) = delete;
+  NewFile& operator=(const NewFile&) = delete;
+
+  /// Throws Error(file); if the disk is full, with the number of bytes that are missing.
+  void write(const void* data, std::size_t bytes);
+  template <class T>
+  void write(std::span<T> values) {
+    static_assert(std::is_trivially_copyable_v<T>);
+    write(values.data(), values.size_bytes());
+  }
+  void finish();
+
+ private:
+  [[noreturn]] void fail(int error) const;
+
+  std::filesystem::path path_, temporary_;
+  std::uint64_t size_, written_ = 0;
+  int fd_ = -1;
+};
+
+/// A finished file. Throws Error(file) if it cannot be read, or ends early.
+class StoredFile {
+ public:
+  explicit StoredFile(const std::filesystem::path& path);
+  ~StoredFile();
+  StoredFile(const StoredFile&) = delete;
+  StoredFile& operator=(const StoredFile&) = delete;
+
+  void read(std::uint64_t at, void* data, std::size_t bytes) const;
+  template <class T>
+  void read(std::uint64_t at, std::span<T> values) const {
+    static_assert(std::is_trivially_copyable_v<T>);
+    read(at, values.data(), values.size_bytes());
+  }
+  std::uint64_t size() const;
+
+ private:
+  std::filesystem::path path_;
+  int fd_ = -1;
+};
+
+/// Removes what processes of this machine that are no more left half-written in the folder.
+void remove_abandoned_files(const std::filesystem::path& folder);
+
+/// A file without content, which says by being there that something is done.
+void mark(const std::filesystem::path& path);
+
+std::string read_text(const std::filesystem::path& path);
+
+}  // namespace pointfair::scale

@@ -1,0 +1,249 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Runs in tiles on disk have the bits of the run in memory, whatever is killed on the way."""
+import math
+import os
+import random
+import shutil
+import signal
+import struct
+import subprocess
+import time
+import unittest
+
+from program import BIN, Case, default_signals, run, sphere_points
+from survey_files import ground, las_grid, write_e57, write_las
+
+NAN = float("nan")
+
+
+def write_binary(path, points, scalar="float"):
+    """A little-endian PLY with an attribute that tells the points apart."""
+    head = "\n".join(["ply", "format binary_little_endian 1.0", f"element vertex {len(points)}"] +
+                     [f"property {scalar} {axis}" for axis in "xyz"] + ["property int number", "end_header", ""])
+    code = "<3fi" if scalar == "float" else "<3di"
+    path.write_bytes(head.encode() + b"".join(struct.pack(code, *p, i) for i, p in enumerate(points)))
+    return path
+
+
+def lattice(side):
+    """Points on planes of the axes, full of ties: a box's faces."""
+    return [(x * 0.125, y * 0.125, z * 0.125) for x in range(side) for y in range(side) for z in range(side)
+            if 0 in (x, y, z) or side - 1 in (x, y, z)]
+
+
+def clouds():
+    noisy = sphere_points(12000, 0.01)
+    generator = random.Random(3)
+    yield "random order", noisy, "float"
+    yield "spatial order", sorted(noisy), "float"
+    doubled = list(noisy)
+    for i in range(0, len(doubled), 9):
+        doubled[i] = doubled[generator.randrange(50)]
+    for i in range(0, len(doubled), 101):
+        doubled[i] = (NAN, doubled[i][1], 2.0)
+    doubled[7] = (1e25, 0.0, 0.0)
+    yield "duplicates and NaN", doubled, "float"
+    yield "planes", lattice(40), "float"
+    yield "a stray point", noisy + [(40.0, -3.0, 8.0)], "float"
+    uneven = noisy[:6000] + [(p[0] * 0.02 + 1, p[1] * 0.02, p[2] * 0.02) for p in noisy[6000:]]
+    yield "density 2500 to 1", uneven, "float"
+    yield "far from zero", [(p[0] * 30 + 512345.678, p[1] * 30 + 5412345.678, p[2] * 30 + 87) for p in noisy], "double"
+
+
+class Bits(Case):
+    def same(self, source, *flags, tiles=(1, 7, 60), suffix=".ply"):
+        whole = self.path("whole" + suffix)
+        self.ok("run", source, whole, "-q", "--force", *flags)
+        for count in tiles:
+            with self.subTest(source=source.name, flags=flags, tiles=count):
+                cut = self.path("cut" + suffix)
+                self.ok("run", source, cut, "-q", "--work", self.path("work"), "--tiles", count, *flags)
+                self.assertEqual(whole.read_bytes(), cut.read_bytes())
+                cut.unlink()
+                shutil.rmtree(self.path("work"))
+
+    def test_clouds_have_the_bits_of_the_run_in_memory(self):
+        for name, points, scalar in clouds():
+            source = write_binary(self.path(name.replace(" ", "_") + ".ply"), points, scalar)
+            self.same(source)
+            self.same(source, "--k", 8)
+
+    def test_methods_have_the_bits_of_the_run_in_memory(self):
+        source = write_binary(self.path("in.ply"), sphere_points(6000, 0.01))
+        for method in ("laplacian", "taubin", "hc-laplacian", "mls", "wiener", "mollified"):
+            self.same(source, "--method", method, tiles=(5,))
+        self.same(source, "--k", 12, "--constraint", "on", "--area-weight", "squared", "--iterations", 3, tiles=(5,))
+        self.same(source, "--radius", 0.05, "--outliers", "move", tiles=(5,))
+        self.same(source, "--outliers", "off", "--iterations", 1, tiles=(5,))
+
+    def test_formats_have_the_bits_of_the_run_in_memory(self):
+        points = sphere_points(4000, 0.01)
+        text = self.path("in.xyz")
+        text.write_text("# a comment\n" + "".join(f"{x:.6f} {y:.6f} {z:.6f} {i}\n" for i, (x, y, z) in enumerate(points)))
+        self.same(text, tiles=(5,), suffix=".xyz")
+        las = write_las(self.path("in.las"), ground(4000), [2] * 4000)
+        self.same(las, tiles=(5,), suffix=".las")
+        self.same(las, "--las-scale", 0.0001, tiles=(5,), suffix=".las")
+        if run("run", las, self.path("in.laz"), "-q", "--strength", 0).returncode == 0:
+            self.same(self.path("in.laz"), tiles=(5,), suffix=".laz")
+            self.same(self.path("in.laz"), tiles=(5,), suffix=".las")
+        e57 = write_e57(self.path("in.e57"), points[:2000])
+        if e57 is not None and run("info", self.path("in.e57")).returncode == 0:
+            self.same(self.path("in.e57"), tiles=(5,), suffix=".e57")
+
+    def test_several_files_are_one_cloud(self):
+        rows = list(ground(9000))
+        whole = write_las(self.path("whole.las"), rows, [2] * len(rows))
+        self.ok("run", whole, self.path("expected.las"), "-q")
+        third = len(rows) // 3
+        parts = [write_las(self.path(f"part{i}.las"), rows[i * third:(i + 1) * third], [2] * third) for i in range(3)]
+        if len(rows) > 3 * third:
+            write_las(self.path("whole.las"), rows[:3 * third], [2] * 3 * third)
+            self.ok("run", whole, self.path("expected.las"), "-q", "--force")
+        self.ok("run", *parts, "--out-dir", self.path("fair"), "-q", "--tiles", 5)
+        found = [p for part in parts for p in las_grid(self.path("fair") / part.name)]
+        self.assertEqual(found, las_grid(self.path("expected.las")))
+        self.assertEqual(sorted(entry.name for entry in self.path("fair").iterdir()), [p.name for p in parts])
+
+    def test_the_report_counts_as_the_run_in_memory(self):
+        points = sphere_points(5000, 0.01) + [(NAN, 0.0, 0.0), (60.0, 0.0, 0.0)]
+        source = write_binary(self.path("in.ply"), points)
+        whole = self.report("run", source, self.path("a.ply"), "-q")
+        cut = self.report("run", source, self.path("b.ply"), "-q", "--tiles", 5)
+        for key in ("non_finite", "too_few_neighbors", "no_normal", "outliers"):
+            self.assertEqual(whole["unmoved"][key], cut["unmoved"][key], key)
+        self.assertEqual(whole["params"], cut["params"])
+        self.assertEqual(whole["noise"]["before"], cut["noise"]["before"])
+
+
+class Tasks(Case):
+    def plan(self, points=8000, *flags):
+        source = write_binary(self.path("in.ply"), sphere_points(points, 0.01))
+        self.ok("run", source, self.path("whole.ply"), "-q", "--force")
+        self.ok("tile", "plan", source, "--out", self.path("out.ply"), "--work", self.path("work"), "--tiles", 6, *flags)
+        return source
+
+    def expect_the_bits(self):
+        self.assertEqual(self.path("out.ply").read_bytes(), self.path("whole.ply").read_bytes())
+
+    def steps(self):
+        return self.report("tile", "status", self.path("work"))["steps"]
+
+    def test_tasks_in_any_order_within_a_step(self):
+        self.plan()
+        for step in self.steps():
+            tasks = list(range(step["tasks"]))
+            random.Random(1).shuffle(tasks)
+            for task in tasks + tasks[:1]:
+                self.ok("tile", "run", self.path("work"), "--task", f"{step['step']}:{task}")
+        self.ok("tile", "merge", self.path("work"), "-q")
+        self.expect_the_bits()
+        self.assertTrue(all(step["tasks"] == step["done"] for step in self.steps()))
+
+    def test_a_step_waits_for_the_one_before(self):
+        self.plan()
+        self.fails(2, "tile", "run", self.path("work"), "--task", "measure", says="ingest")
+        self.fails(2, "tile", "run", self.path("work"), "--task", "nothing:1", says="no step")
+        self.fails(2, "tile", "run", self.path("work"), "--task", "ingest:9", says="no task")
+        self.fails(2, "tile", "merge", self.path("work"), says="not finished")
+
+    def test_workers_at_the_same_folder_do_no_harm(self):
+        self.plan()
+        for step in self.steps():
+            workers = [subprocess.Popen([BIN, "tile", "run", self.path("work"), "--task", step["step"]]) for _ in range(3)]
+            self.assertEqual([worker.wait() for worker in workers], [0, 0, 0])
+        self.expect_the_bits()
+
+    def test_a_run_that_was_killed_goes_on(self):
+        self.plan(30000)
+        generator = random.Random(5)
+        begin = time.monotonic()
+        self.ok("tile", "run", self.path("work"), "--all", "-q")
+        whole = time.monotonic() - begin
+        for _ in range(3):
+            self.path("out.ply").unlink()
+            shutil.rmtree(self.path("work"))
+            self.ok("tile", "plan", self.path("in.ply"), "--out", self.path("out.ply"), "--work", self.path("work"), "--tiles", 6)
+            for _ in range(60):
+                worker = subprocess.Popen([BIN, "tile", "run", self.path("work"), "--all", "-q"])
+                try:
+                    if worker.wait(generator.uniform(0, whole)) == 0:
+                        break
+                except subprocess.TimeoutExpired:
+                    worker.send_signal(signal.SIGKILL)
+                    worker.wait()
+            self.assertEqual(worker.returncode, 0)
+            self.expect_the_bits()
+
+    def test_a_run_that_was_interrupted_leaves_nothing_or_goes_on(self):
+        source = write_binary(self.path("in.ply"), sphere_points(60000, 0.01))
+        before = self.files()
+        words = [BIN, "run", source, self.path("out.ply"), "--tiles", "9", "-q"]
+        worker = subprocess.Popen(words, stderr=subprocess.PIPE, preexec_fn=default_signals)
+        time.sleep(0.5)
+        worker.send_signal(signal.SIGINT)
+        text = worker.communicate()[1].decode()
+        if worker.returncode != 0:
+            self.assertEqual((worker.returncode, text), (130, "pointfair: interrupted\n"))
+            self.assertEqual(self.files(), before)
+
+    def test_a_changed_input_is_refused(self):
+        source = self.plan()
+        data = bytearray(source.read_bytes())
+        data[-8] ^= 1
+        source.write_bytes(bytes(data))
+        self.fails(3, "tile", "run", self.path("work"), "--all", says=("in.ply", "changed"))
+        self.assertFalse(self.path("out.ply").exists())
+
+    def test_a_folder_keeps_to_its_plan(self):
+        source = self.plan()
+        words = ["tile", "plan", source, "--out", self.path("out.ply"), "--work", self.path("work")]
+        self.ok(*words)
+        self.fails(2, *words, "--k", 8, says="other parameters")
+        plan = self.path("work") / "plan.txt"
+        plan.write_text(plan.read_text().replace("pointfair-plan ", "pointfair-plan 9"))
+        self.fails(3, "tile", "run", self.path("work"), "--all", says="another version")
+
+    def test_an_output_that_appears_meanwhile_is_kept(self):
+        self.plan()
+        self.path("out.ply").write_text("mine")
+        self.fails(3, "tile", "run", self.path("work"), "--all", "-q", says="exists already")
+        self.assertEqual(self.path("out.ply").read_text(), "mine")
+
+    def test_a_full_disk_is_one_line_and_the_run_goes_on(self):
+        self.plan()
+        small = self.path("small")
+        small.mkdir()
+        script = (f"mount -t tmpfs -o size=$1 none {small} && cp -r {self.path('work')}/. {small} && "
+                  f"{BIN} tile run {small} --all -q; code=$?; "
+                  f"if [ $code = 3 ]; then mount -o remount,size=64m {small} && {BIN} tile run {small} --all -q; "
+                  f"echo again $?; fi; exit $code")
+        result = subprocess.run(["unshare", "-rm", "sh", "-c", script, "sh", "100k"], capture_output=True)
+        text = result.stderr.decode()
+        if "unshare" in text or "mount" in text:
+            self.skipTest("no file system can be mounted here")
+        self.assertEqual(result.returncode, 3, text)
+        self.assert_one_line(text)
+        self.assertIn("bytes more", text)
+        self.assertIn(b"again 0", result.stdout)
+        self.expect_the_bits()
+
+
+class Refusals(Case):
+    def test_what_cannot_be_done_in_tiles_is_refused(self):
+        source = write_binary(self.path("in.ply"), sphere_points(500, 0.01))
+        out = self.path("out.ply")
+        self.fails(2, "run", source, out, "--tiles", 3, "--outliers", "mark", says="--outliers")
+        self.fails(2, "run", source, out, "--tiles", 3, "--normals", "write", says="--normals write")
+        self.fails(2, "run", source, out, "--tiles", 3, "--box", "0,0,0,1,1,1", says="--box")
+        self.fails(2, "run", source, self.path("out.xyz"), "--tiles", 3, says="format")
+        self.fails(2, "run", source, "-", "--tiles", 3, says="standard output")
+        self.fails(2, "run", source, out, "--memory", "much", says="--memory")
+        self.fails(2, "run", source, out, "--memory", "1M", says="64M")
+        self.fails(2, "run", source, out, source, says="--out-dir")
+        self.fails(3, "tile", "run", self.folder, "--all", says="no plan")
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,223 @@
+// SPDX-License-Identifier: Apache-2.0
+// Runs in tiles on disk: what is stored is found again, all of it, and nothing half-written is.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <random>
+
+#include "pointfair/positions.hpp"
+#include "pointfair/tiled_run.hpp"
+#include "scale/leaf_tree.hpp"
+#include "scale/points_file.hpp"
+#include "scale/stored_cloud.hpp"
+#include "shapes.h"
+
+namespace pointfair::scale {
+namespace {
+
+namespace fs = std::filesystem;
+
+class Folder {
+ public:
+  Folder() : path_(fs::temp_directory_path() / ("pointfair-test-" + std::to_string(::getpid()))) {
+    fs::create_directories(path_);
+  }
+  ~Folder() { fs::remove_all(path_); }
+  fs::path operator/(const char* name) const { return path_ / name; }
+  std::size_t files() const {
+    return static_cast<std::size_t>(std::distance(fs::directory_iterator(path_), fs::directory_iterator()));
+  }
+
+ private:
+  fs::path path_;
+};
+
+std::vector<Point> random_points(std::size_t count, unsigned seed) {
+  std::mt19937 generator(seed);
+  std::uniform_real_distribution<float> coordinate(-1, 1);
+  std::vector<Point> points(count);
+  for (Point& p : points) p = {coordinate(generator), coordinate(generator), 0.1f * coordinate(generator)};
+  return points;
+}
+
+// The points of one file, by leaf; indices count from `first`.
+void store(const fs::path& path, const LeafTree& tree, const std::vector<Point>& points, std::uint64_t first) {
+  std::vector<std::uint32_t> order(points.size());
+  for (std::size_t i = 0; i < order.size(); ++i) order[i] = std::uint32_t(i);
+  const auto leaf = [&](std::uint32_t i) { return tree.leaf_of(points[i]); };
+  std::stable_sort(order.begin(), order.end(), [&](auto a, auto b) { return leaf(a) < leaf(b); });
+  std::vector<Bounds> bounds(tree.leaves(), kNoBounds);
+  for (const std::uint32_t i : order) include(bounds[leaf(i)], points[i]);
+  std::vector<Section> sections;
+  for (std::uint32_t l = 0; l < bounds.size(); ++l)
+    if (bounds[l].valid > 0) sections.push_back({l, 0, bounds[l].valid, bounds[l].min, bounds[l].max});
+  PointsHeader header;
+  header.first_index = first;
+  PointsWriter writer(path, header, sections, {});
+  std::vector<Point> sorted;
+  for (const std::uint32_t i : order) sorted.push_back(points[i]);
+  writer.write(std::span(sorted));
+  writer.write(std::span(order));
+  writer.finish();
+}
+
+bool before(const Point& a, const Point& b) { return std::tie(a.x, a.y, a.z) < std::tie(b.x, b.y, b.z); }
+bool same(const Point& a, const Point& b) { return a.x == b.x && a.y == b.y && a.z == b.z; }
+
+TEST(Scale, leaves_of_a_tree_share_the_points_and_those_of_a_tile_follow_each_other) {
+  for (const std::size_t tiles : {1, 2, 7, 60}) {
+    std::vector<Point> points = random_points(20000, 1);
+    LeafTree tree(points, tiles, 16);
+    ASSERT_EQ(tree.tiles(), tiles);
+    ASSERT_EQ(tree.leaves(), tiles * 16);
+    std::vector<std::size_t> counts(tree.leaves());
+    for (const Point& p : points) ++counts.at(tree.leaf_of(p));
+    EXPECT_LE(*std::max_element(counts.begin(), counts.end()), 20000 / tree.leaves() * 2 + 2);
+    for (std::size_t t = 0; t < tiles; ++t) EXPECT_LT(tree.tile_begin(t), tree.tile_begin(t + 1));
+  }
+}
+
+TEST(Scale, a_tree_of_identical_points_is_one_leaf_and_a_saved_tree_is_the_same) {
+  std::vector<Point> identical(100, Point{1, 2, 3});
+  EXPECT_EQ(LeafTree(identical, 5, 16).leaves(), 1u);
+  EXPECT_EQ(LeafTree(std::span<Point>(), 5, 16).leaves(), 1u);
+  const Folder folder;
+  std::vector<Point> points = random_points(5000, 2);
+  const LeafTree tree(points, 3, 8);
+  tree.save(folder / "tree");
+  const LeafTree loaded(folder / "tree");
+  ASSERT_EQ(loaded.tiles(), tree.tiles());
+  for (const Point& p : points) ASSERT_EQ(loaded.leaf_of(p), tree.leaf_of(p));
+}
+
+TEST(Scale, a_stored_cloud_gives_all_points_of_a_region_and_the_indices_of_a_tile) {
+  const Folder folder;
+  std::vector<Point> sample = random_points(3000, 3);
+  const LeafTree tree(sample, 4, 8);
+  const std::vector<Point> first = random_points(4000, 4), second = random_points(2500, 5);
+  store(folder / "a", tree, first, 0);
+  store(folder / "b", tree, second, first.size());
+  const StoredCloud cloud({folder / "a", folder / "b"}, tree.leaves());
+  std::vector<Point> all = first;
+  all.insert(all.end(), second.begin(), second.end());
+  EXPECT_EQ(cloud.bounds().valid, all.size());
+
+  std::vector<bool> met(all.size());
+  for (std::size_t t = 0; t < tree.tiles(); ++t) {
+    const LeafRange tile{tree.tile_begin(t), tree.tile_begin(t + 1)};
+    std::vector<Point> points;
+    std::vector<std::uint64_t> indices;
+    cloud.read(tile, &points, &indices);
+    ASSERT_EQ(points.size(), cloud.count_of(tile));
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      ASSERT_TRUE(same(points[i], all.at(indices[i])));
+      ASSERT_TRUE(tile.holds(tree.leaf_of(points[i])));
+      ASSERT_FALSE(met[indices[i]]);
+      met[indices[i]] = true;
+    }
+    const point::Region region = {{-0.3f, -0.2f, -kUnbounded}, {0.7f, 0.25f, 0.05f}};
+    std::vector<Point> found, expected;
+    ASSERT_TRUE(cloud.append(region, tile, all.size(), found));
+    for (const Point& p : all)
+      if (point::is_inside(region, to_vec3(p)) && !tile.holds(tree.leaf_of(p))) expected.push_back(p);
+    std::sort(found.begin(), found.end(), before);
+    std::sort(expected.begin(), expected.end(), before);
+    EXPECT_TRUE(std::equal(found.begin(), found.end(), expected.begin(), expected.end(), same));
+    found.clear();
+    EXPECT_FALSE(cloud.append(region, tile, expected.size() - 1, found));
+  }
+  EXPECT_TRUE(std::all_of(met.begin(), met.end(), [](bool m) { return m; }));
+}
+
+TEST(Scale, a_file_that_is_not_finished_never_appears) {
+  const Folder folder;
+  {
+    NewFile file(folder / "a");
+    file.write("text", 4);
+    EXPECT_FALSE(fs::exists(folder / "a"));
+  }
+  EXPECT_EQ(folder.files(), 0u);
+  NewFile file(folder / "a");
+  file.write("text", 4);
+  file.finish();
+  EXPECT_EQ(read_text(folder / "a"), "text");
+}
+
+TEST(Scale, a_damaged_file_of_points_is_refused) {
+  const Folder folder;
+  std::vector<Point> points = random_points(100, 6);
+  const LeafTree tree(points, 1, 4);
+  store(folder / "a", tree, points, 0);
+  const auto size = fs::file_size(folder / "a");
+  for (const auto cut : {size - 1, size / 2, std::uintmax_t{3}}) {
+    fs::resize_file(folder / "a", cut);
+    EXPECT_THROW(PointsFile{folder / "a"}, Error) << cut;
+  }
+}
+
+// Spatial order, of which a guess sees only some places, and coordinates far from zero in all of them.
+TEST(Scale, the_origin_is_that_of_the_whole_file_where_the_guess_is_another) {
+  const Folder folder;
+  std::mt19937 generator(7);
+  std::normal_distribution<double> noise(0, 0.01);
+  std::ofstream text(folder / "in.xyz");
+  text.precision(12);
+  for (int i = 0; i < 60000; ++i) {
+    const double x = 1000 + (i % 300) * 0.1, y = 5000 + (i / 300) * 0.1;
+    text << x << " " << y << " " << noise(generator) << "\n";
+  }
+  text.close();
+  const Cloud whole = read(folder / "in.xyz");
+  Pipeline pipeline(Device::cpu);
+  pipeline.load(whole);
+  write(folder / "whole.xyz", pipeline.run());
+  TiledJob job;
+  job.inputs = {folder / "in.xyz"};
+  job.output = folder / "out.xyz";
+  job.least_tiles = 3;
+  TiledRun::plan(job, folder / "work");
+  // as if another had been guessed
+  const std::string plan = read_text(folder /
+                                     "work"
+                                     "/plan.txt");
+  std::string other = plan;
+  const auto at = other.find("\norigin ") + 8;
+  other.replace(at, other.find('\n', at) - at, "0x1.f4p+9 0x1.388p+12 0x0p+0");
+  std::ofstream(folder / "work/plan.txt") << other;
+  TiledRun run(folder / "work", Device::cpu);
+  run.run_all();
+  EXPECT_EQ(read_text(folder / "out.xyz"), read_text(folder / "whole.xyz"));
+  EXPECT_TRUE(fs::exists(folder / "work/origin"));
+}
+
+// As it would otherwise be tried again with ever smaller parts of the tile.
+TEST(Scale, a_place_with_more_points_than_fit_is_an_error_that_names_one_of_them) {
+  const Folder folder;
+  Cloud cloud;
+  cloud.points = random_points(1000, 8);
+  cloud.points.resize(400000, Point{0.25f, 0.5f, 0});
+  write(folder / "in.ply", cloud);
+  TiledJob job;
+  job.inputs = {folder / "in.ply"};
+  job.output = folder / "out.ply";
+  job.memory = std::uint64_t{64} << 20;
+  job.params.k = 8;
+  job.params.normal_sigma = job.params.closeness_sigma = job.params.similarity_sigma = 0.1;
+  job.params.outliers = Outliers::off;
+  TiledRun::plan(job, folder / "work");
+  TiledRun run(folder / "work", Device::cpu);
+  try {
+    run.run_all();
+    FAIL() << "fitted";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::memory);
+    EXPECT_NE(std::string(error.what()).find("point "), std::string::npos) << error.what();
+  }
+  EXPECT_FALSE(fs::exists(folder / "out.ply"));
+}
+
+}  // namespace
+}  // namespace pointfair::scale
