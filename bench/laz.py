@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Times reading and writing LAZ against lazrs' parallel codec (PyPI), in turns in one run: medians in millions of points
-a second, and how many times less processor time they took, which other programs on the machine disturb less. pointfair reads a file into points, and writes it with every point moved; lazrs decodes the same file into
-records in memory, and encodes these into memory.
+a second, and the processor time (user and system) of a million points, which other programs on the machine disturb
+less. pointfair reads a file into points, and writes it with every point moved; lazrs decodes the same file into records
+in memory, and encodes these into memory. It has no waveforms (point formats 4 and 5).
 
 make bench-laz runs it; bench/laz.py --points 1000000 --rounds 1 is a quick look."""
 import argparse
@@ -19,6 +20,9 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "tests" / "outside"))
 
 
+WAVEFORMS = (4, 5)
+
+
 def packages(folder):
     import packages
     return packages.use(folder, ["laspy==2.7.0", "lazrs==0.8.2", "laszip==0.3.0", "numpy"], ["numpy", "laspy", "lazrs"])
@@ -27,7 +31,7 @@ def packages(folder):
 def make(np, laspy, path, count, point_format):
     """A survey from the air: scan lines over a terrain, a third of the points in vegetation."""
     rng = np.random.default_rng(1)
-    header = laspy.LasHeader(point_format=point_format, version="1.4" if point_format >= 6 else "1.2")
+    header = laspy.LasHeader(point_format=point_format, version="1.4" if point_format >= 6 else "1.3")
     header.scales, header.offsets = [0.001] * 3, [500000, 5400000, 0]
     las, i, per_line = laspy.LasData(header), np.arange(count), 2000
     line, k = i // per_line, i % per_line
@@ -55,7 +59,8 @@ def make(np, laspy, path, count, point_format):
         shade = (z * 100) % 30000
         for name, factor in (("red", 1), ("green", .8), ("blue", .5)):
             las[name] = (shade * factor + rng.integers(0, 2000, count)).astype(np.uint16) // 256 * 256
-    las.write(str(path), laz_backend=laspy.LazBackend.LazrsParallel)
+    backends = laspy.LazBackend
+    las.write(str(path), laz_backend=backends.Laszip if point_format in WAVEFORMS else backends.LazrsParallel)
 
 
 def lazrs_times(np, laspy, lazrs, path):
@@ -80,18 +85,28 @@ def lazrs_times(np, laspy, lazrs, path):
     return read, clocks() - start
 
 
+def cells(ours, theirs, millions):
+    """Of seconds by clock and of processor: both rates and how many times faster ours is, then the same of the other."""
+    row = []
+    for clock, figure in ((0, lambda seconds: millions / seconds), (1, lambda seconds: seconds / millions)):
+        mine = statistics.median(pair[clock] for pair in ours)
+        other = statistics.median(float(pair[clock]) for pair in theirs) if theirs else None
+        row += [f"{figure(mine):.2f}", f"{figure(other):.2f}" if other else "-", f"{other / mine:.2f}" if other else "-"]
+    return row
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--points", type=int, default=10_000_000)
     parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--formats", default="1,3,6,7")
+    parser.add_argument("--formats", default="0,1,2,3,4,5,6,7")
     parser.add_argument("--build", default="build", help="where bin/bench_laz is; files of 150 MB go beside it")
     options = parser.parse_args()
     folder = pathlib.Path(options.build).resolve()
     np, laspy, lazrs = packages(folder / "tests" / "packages")
     print(f"{options.points} points, {options.rounds} rounds; millions of points a second")
-    print("| point format | read | lazrs | times | processor | write | lazrs | times | processor | peak bytes a point |")
-    print("|" + "---|" * 10)
+    print("| point format | read | lazrs | times | s/M | lazrs | times | write | lazrs | times | s/M | lazrs | times | peak bytes a point |")
+    print("|" + "---|" * 14)
     for point_format in map(int, options.formats.split(",")):
         path, out = folder / f"bench_{point_format}.laz", folder / "bench_out.laz"
         make(np, laspy, path, options.points, point_format)
@@ -99,15 +114,13 @@ def main():
         for _ in range(options.rounds):
             done = subprocess.run([folder / "bin" / "bench_laz", path, out], capture_output=True, text=True, check=True)
             ours.append(json.loads(done.stdout))
-            theirs.append(lazrs_times(np, laspy, lazrs, path))
+            if point_format not in WAVEFORMS:
+                theirs.append(lazrs_times(np, laspy, lazrs, path))
         row = []
         for i, what in enumerate(("read", "write")):
-            ours_of = [statistics.median(o[what][clock] for o in ours) for clock in (0, 1)]
-            theirs_of = [statistics.median(float(t[i][clock]) for t in theirs) for clock in (0, 1)]
-            row += [options.points / ours_of[0] / 1e6, options.points / theirs_of[0] / 1e6,
-                    theirs_of[0] / ours_of[0], theirs_of[1] / ours_of[1]]
+            row += cells([o[what] for o in ours], [t[i] for t in theirs], options.points / 1e6)
         peak = max(o["peak"] for o in ours) / options.points
-        print(f"| {point_format} | " + " | ".join(f"{value:.2f}" for value in row) + f" | {peak:.0f} |", flush=True)
+        print(f"| {point_format} | " + " | ".join(row) + f" | {peak:.0f} |", flush=True)
         path.unlink()
         out.unlink()
 

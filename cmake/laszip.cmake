@@ -38,8 +38,9 @@ endfunction()
 
 pointfair_fetch_laszip(laszip_problem)
 if(laszip_problem)
-  message(WARNING "LAZ files will not be read, since LASzip is not here: ${laszip_problem}\n"
-    "All else works. To build with it, connect this machine or name its archive, ${laszip_archive_name}, in "
+  message(WARNING "LASzip is not here: ${laszip_problem}\n"
+    "LAZ files of point formats 4 and 5 will not be read, attributes of formats 6 to 10 neither, and no new LAZ files\n"
+    "written. All else works. To build with it, connect this machine or name its archive, ${laszip_archive_name}, in "
     "-DPOINTFAIR_LASZIP_ARCHIVE=FILE; to build without it and this message, set -DPOINTFAIR_LAS=OFF.")
   set(POINTFAIR_LAS OFF)
   return()

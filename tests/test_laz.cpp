@@ -2,8 +2,10 @@
 // LAZ files against LASzip: what it reads from our files, and what we read from its.
 #include <cmath>
 
+#include "io/las/fields.hpp"
 #include "io/las/layers.hpp"
 #include "io/las/laz.hpp"
+#include "io/las/store.hpp"
 #include "io_files.h"
 #include "laz_oracle.h"
 
@@ -108,6 +110,35 @@ TEST(LazFiles, AfterAMoveLaszipReadsTheRecordsOfTheUncompressedFile) {
       EXPECT_TRUE(after.substr(begin) == laz.substr(las_get<std::uint64_t>(laz, 235)));
       EXPECT_EQ(las_get<std::uint64_t>(after, 227) - begin,
                 las_get<std::uint64_t>(laz, 227) - las_get<std::uint64_t>(laz, 235));
+    }
+  }
+}
+
+// Of large clouds only coordinates are held; chunks are decoded again for all else.
+TEST(LazFiles, PointsThatAreNotHeldAreThoseThatAre) {
+  for (const Case& c : cases()) {
+    SCOPED_TRACE(c.name);
+    const std::string laz = make_laz(make_las(c.las), c.laz);
+    const las::Header header = las::parse_header(laz, "test");
+    const las::Compression compression = las::read_compression(header, "test");
+    const auto store = [&](std::uint64_t most_kept) {
+      return las::decode_chunks(las::read_chunk_table(laz, header, compression, "test").chunks, header, compression,
+                                laz.size(), "test", most_kept);
+    };
+    const auto kept = store(std::uint64_t{1} << 30), unkept = store(0);
+    for (std::size_t block = 0; block < kept->block_count(); ++block) {
+      std::vector<las::Grid> a(kept->block_size(block)), b(kept->block_size(block));
+      kept->grid(block, a);
+      unkept->grid(block, b);
+      EXPECT_TRUE(a == b);
+      for (const std::uint32_t layers : {std::uint32_t{0}, std::uint32_t{las::kAllLayers}}) {
+        std::string buffer_a, buffer_b;
+        EXPECT_TRUE(kept->records(block, layers, buffer_a) == unkept->records(block, layers, buffer_b));
+      }
+      std::string moved_a, moved_b;
+      a[0][2] = b[0][2] += 5;
+      EXPECT_EQ(kept->append_moved_chunk(block, a, moved_a), unkept->append_moved_chunk(block, a, moved_b));
+      EXPECT_TRUE(moved_a == moved_b);
     }
   }
 }

@@ -20,6 +20,7 @@ struct FileInfo {
   std::optional<double> metres_per_unit;  ///< of the coordinates, where the file says so
   double step = 0;  ///< between coordinates where these are stored as integers, the coarsest axis's; else 0
   std::optional<Format> format;  ///< of the file; unset for a cloud made in memory
+  bool has_attributes = true;    ///< false: this build cannot read their values (LAZ without LASzip)
 };
 
 /// O(1) in the points.

@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/source.hpp"
 
-#include <sys/mman.h>
-
 #include <algorithm>
 #include <bit>
 #include <cmath>
 #include <limits>
 #include <optional>
 
+#include "io/large_pages.hpp"
 #include "io/offset.hpp"
 #include "io/parallel.hpp"
 
@@ -34,16 +33,11 @@ std::optional<Range> bulk_range(std::vector<double> values) {
   return Range{smallest, values[high]};
 }
 
-// Zeroed points. In large pages where the system has them: mapping small ones takes longer than reading the file.
+// Zeroed points.
 std::vector<Point> new_points(std::size_t count) {
   std::vector<Point> points;
   points.reserve(count);
-#ifdef MADV_HUGEPAGE
-  constexpr std::uintptr_t kPage = std::uintptr_t{1} << 21;
-  const auto begin = (reinterpret_cast<std::uintptr_t>(points.data()) + kPage - 1) & ~(kPage - 1);
-  const auto end = reinterpret_cast<std::uintptr_t>(points.data() + count) & ~(kPage - 1);
-  if (begin < end) ::madvise(reinterpret_cast<void*>(begin), end - begin, MADV_HUGEPAGE);
-#endif
+  io::prefer_large_pages(points.data(), count * sizeof(Point));
   points.resize(count);
   return points;
 }

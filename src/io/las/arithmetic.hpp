@@ -220,7 +220,10 @@ class Encoder {
  public:
   static constexpr bool kWrites = true;
 
-  explicit Encoder(std::string& to) : to_(to), begin_(to.size()), at_(begin_) {}
+  explicit Encoder(std::string& to) : to_(to), begin_(to.size()) {
+    at_ = end_ = to_.data() + begin_;
+    grow();
+  }
 
   template <std::uint32_t kMost>
   std::uint32_t code(BasicSymbolModel<kMost>& model, std::uint32_t symbol) {
@@ -253,7 +256,7 @@ class Encoder {
   void finish() {
     const bool short_tail = length_ <= 2 * kLeastLength;
     give(short_tail ? kLeastLength >> 1 : kLeastLength, short_tail ? kLeastLength >> 9 : kLeastLength >> 1);
-    to_.resize(at_);
+    to_.resize(static_cast<std::size_t>(at_ - to_.data()));
     to_.append(short_tail ? 2 : 3, '\0');
   }
 
@@ -265,26 +268,38 @@ class Encoder {
     give(value * unit, unit);
   }
 
-  void give(std::uint32_t begin, std::uint32_t length) {
-    base_ += begin;
-    if (base_ < begin) carry();
+  [[gnu::always_inline]] void give(std::uint32_t begin, std::uint32_t length) {
+    const std::uint32_t base = base_ + begin;
+    if (base < begin) [[unlikely]]
+      carry();
     const auto shift = static_cast<std::uint32_t>(std::countl_zero(length | 1)) & ~7U;
-    const std::uint32_t bytes = std::endian::native == std::endian::little ? __builtin_bswap32(base_) : base_;
-    if (to_.size() - at_ < sizeof bytes) to_.resize(to_.size() + to_.size() / 2 + 64);
-    std::memcpy(to_.data() + at_, &bytes, sizeof bytes);  // of which the first stay
-    at_ += shift / 8;
-    base_ <<= shift;
+    const std::uint32_t bytes = std::endian::native == std::endian::little ? __builtin_bswap32(base) : base;
+    char* const at = at_;
+    at_ = at + shift / 8;
+    base_ = base << shift;
     length_ = length << shift;
+    std::memcpy(at, &bytes, sizeof bytes);  // of which the first stay
+    if (static_cast<std::size_t>(end_ - at) < 2 * sizeof bytes) [[unlikely]]
+      grow();
   }
 
-  void carry() {
-    std::size_t at = at_;
-    while (at > begin_ && to_[at - 1] == '\xFF') to_[--at] = '\0';
-    if (at > begin_) ++to_[at - 1];
+  [[gnu::noinline]] void grow() {
+    const auto at = static_cast<std::size_t>(at_ - to_.data());
+    to_.resize(std::max(to_.capacity(), to_.size() + to_.size() / 2 + 64));
+    at_ = to_.data() + at;
+    end_ = to_.data() + to_.size();
+  }
+
+  [[gnu::noinline]] void carry() {
+    char* at = at_;
+    char* const begin = to_.data() + begin_;
+    while (at > begin && at[-1] == '\xFF') *--at = '\0';
+    if (at > begin) ++at[-1];
   }
 
   std::string& to_;
-  std::size_t begin_, at_;
+  std::size_t begin_;
+  char *at_, *end_;
   std::uint32_t base_ = 0, length_ = 0xFFFFFFFFU;
 };
 

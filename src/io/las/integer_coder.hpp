@@ -2,6 +2,7 @@
 // Integers in an arithmetic code, and their prediction: as the LASzip specification has them.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cstdint>
@@ -77,16 +78,12 @@ class RunningMedian {
   void add(std::int32_t value) {
     const bool from_top = drop_largest_;
     // A value on the side that is not dropped from makes the other end the next to go.
-    if (from_top ? value >= sorted_[2] : value <= sorted_[2]) drop_largest_ = !from_top;
-    if (from_top) {
-      int at = 4;
-      for (; at > 0 && value < sorted_[at - 1]; --at) sorted_[at] = sorted_[at - 1];
-      sorted_[at] = value;
-    } else {
-      int at = 0;
-      for (; at < 4 && sorted_[at + 1] < value; ++at) sorted_[at] = sorted_[at + 1];
-      sorted_[at] = value;
-    }
+    drop_largest_ ^= from_top ? value >= sorted_[2] : value <= sorted_[2];
+    // without a branch, since none could be predicted
+    const std::int32_t* const kept = sorted_.data() + !from_top;
+    const std::int32_t a = kept[0], b = kept[1], c = kept[2], d = kept[3];
+    sorted_ = {std::min(a, value), std::max(a, std::min(b, value)), std::max(b, std::min(c, value)),
+               std::max(c, std::min(d, value)), std::max(d, value)};
   }
 
  private:

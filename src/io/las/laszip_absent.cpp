@@ -1,25 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // In place of laszip_codec.cpp in a build without LASzip.
-#include "io/las/codec.hpp"
-#include "pointfair/cloud.hpp"
+#include <cstdlib>
+
+#include "io/las/laszip_codec.hpp"
 
 namespace pointfair::io::las {
-namespace {
-
-[[noreturn]] void fail_absent() {
-  throw Error(
-      ErrorKind::file,
-      "this build has no LASzip, so LAZ files cannot be read or written; use LAS, or build with POINTFAIR_LAS=ON");
-}
-
-}  // namespace
 
 bool has_laszip() { return false; }
 
-bool decode_chunk(const Compression&, std::string_view, std::uint32_t, std::uint32_t, std::span<char>) {
-  fail_absent();
+bool laszip_decode(const Compression&, std::string_view, std::uint32_t, std::uint32_t, std::span<char>) {
+  std::abort();
 }
 
-void encode_chunk(const Compression&, std::span<const char>, std::string&) { fail_absent(); }
+void laszip_encode(const Compression&, std::span<const char>, std::string&) { std::abort(); }
 
 }  // namespace pointfair::io::las

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The only file that sees LASzip. Its reader and writer of points are given one chunk as if it were a whole file.
+#include "io/las/laszip_codec.hpp"
+
 #include <cstdio>
 #include <cstring>
 #include <lasreadpoint.hpp>
@@ -7,9 +9,7 @@
 #include <laszip.hpp>
 
 #include "io/las/arithmetic.hpp"
-#include "io/las/codec.hpp"
 #include "io/las/fields.hpp"
-#include "io/las/interleaved.hpp"
 #include "io/las/layers.hpp"
 
 namespace pointfair::io::las {
@@ -172,9 +172,8 @@ class ItemPointers {
 
 bool has_laszip() { return true; }
 
-bool decode_chunk(const Compression& compression, std::string_view chunk, std::uint32_t points, std::uint32_t layers,
-                  std::span<char> records) {
-  if (is_interleaved(compression)) return decode_interleaved(compression, chunk, records);
+bool laszip_decode(const Compression& compression, std::string_view chunk, std::uint32_t points, std::uint32_t layers,
+                   std::span<char> records) {
   ItemPointers items(compression);
   // Before a layered chunk LASzip reads where the table of chunks is; 0 makes it do without.
   std::string whole;
@@ -198,8 +197,7 @@ bool decode_chunk(const Compression& compression, std::string_view chunk, std::u
   return true;
 }
 
-void encode_chunk(const Compression& compression, std::span<const char> records, std::string& to) {
-  if (is_interleaved(compression)) return encode_interleaved(compression, records, to);
+void laszip_encode(const Compression& compression, std::span<const char> records, std::string& to) {
   ItemPointers items(compression);
   const std::size_t begin = to.size();
   ChunkWriter stream(to);

@@ -87,6 +87,8 @@ FileInfo LasSource::info() const {
                  {"software", std::string(get_text(bytes(), place::software, 32))},
                  {"system", std::string(get_text(bytes(), place::system, 32))}};
   if (header.find("copc", 1)) result.rows.front().value += ", COPC";
+  result.has_attributes = !layout_.compression || can_code(*layout_.compression);
+  if (!result.has_attributes) result.rows.push_back({"attributes", "not read, since this build lacks LASzip"});
   return result;
 }
 
@@ -124,10 +126,8 @@ std::shared_ptr<Source> read_las(FileBytes bytes, const std::string& name) {
         layout.header.points_begin + static_cast<std::size_t>(layout.header.count) * layout.header.record_length;
     return std::make_shared<LasSource>(std::move(bytes), name, std::move(layout), std::move(store));
   }
-  if (!has_laszip()) {
-    fail(name, "is a LAZ file, and this build has no LASzip to read it with; build with POINTFAIR_LAS=ON, or use LAS");
-  }
   layout.compression = read_compression(layout.header, name);
+  if (!layout.compression->layered()) require_codec(*layout.compression, name + ": such points need");
   ChunkTable table = read_chunk_table(view, layout.header, *layout.compression, name);
   const std::string_view last = table.chunks.back().bytes;
   layout.chunks_end = static_cast<std::size_t>(last.data() + last.size() - view.data());

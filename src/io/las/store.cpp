@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "io/file_bytes.hpp"
+#include "io/large_pages.hpp"
 #include "io/las/codec.hpp"
 #include "io/las/fields.hpp"
 #include "io/las/layers.hpp"
@@ -18,6 +19,14 @@ void read_grid(const char* record, std::size_t record_length, std::span<Grid> ou
     for (std::size_t axis = 0; axis < 3; ++axis) grid[axis] = load<std::int32_t>(record + 4 * axis, kSwap);
     record += record_length;
   }
+}
+
+// Not initialized.
+template <class T>
+std::unique_ptr<T[]> make_large(std::uint64_t count) {
+  auto made = std::make_unique_for_overwrite<T[]>(static_cast<std::size_t>(count));
+  prefer_large_pages(made.get(), static_cast<std::size_t>(count) * sizeof(T));
+  return made;
 }
 
 class FileRecords : public PointStore {
@@ -66,6 +75,7 @@ class Chunks : public PointStore {
     if (!decoded) fail(name_, "chunk " + std::to_string(block) + " of its points is damaged; copy the file again");
   }
   bool decode(std::size_t block, std::uint32_t layers, std::span<char> records) const {
+    require_codec(compression_, name_ + ": attributes of such points need");
     return decode_chunk(compression_, chunk(block), static_cast<std::uint32_t>(block_size(block)), layers, records);
   }
   const Compression& compression() const { return compression_; }
@@ -78,46 +88,69 @@ class Chunks : public PointStore {
   std::string name_;
 };
 
+// Points whose chunks hold whole records. The coordinates of all points are held, and the records, too, where `keeps`;
+// else these are decoded again whenever they are asked for.
 class DecodedRecords : public Chunks {
  public:
   DecodedRecords(std::vector<Chunk> chunks, const Compression& compression, std::size_t record_length,
-                 std::size_t file_size, const std::string& name)
+                 std::size_t file_size, const std::string& name, bool keeps)
       : Chunks(std::move(chunks), compression, record_length, name) {
-    check_plausible(block_begin(block_count()), 0, record_length, file_size, name);
-    const std::uint64_t size = block_begin(block_count()) * record_length;
-    records_ = std::make_unique_for_overwrite<char[]>(static_cast<std::size_t>(size));
+    const std::uint64_t count = block_begin(block_count());
+    check_plausible(count, 0, record_length, file_size, name);
+    if (keeps) {
+      records_ = make_large<char>(count * record_length);
+    } else {
+      grid_ = make_large<Grid>(count);
+    }
     for_each_block(block_count(), [&](std::size_t block) {
-      require(decode(block, kAllLayers, {records_.get() + begin(block), block_size(block) * record_length}), block);
+      if (keeps) {
+        decode_into(block, {records_.get() + begin(block), block_size(block) * record_length});
+      } else {
+        std::string buffer;
+        read_grid(records(block, 0, buffer).data(), record_length,
+                  {grid_.get() + block_begin(block), block_size(block)});
+      }
     });
   }
 
   void grid(std::size_t block, std::span<Grid> out) const override {
-    read_grid(records_.get() + begin(block), record_length(), out);
+    if (grid_) {
+      std::copy_n(grid_.get() + block_begin(block), out.size(), out.begin());
+    } else {
+      read_grid(records_.get() + begin(block), record_length(), out);
+    }
   }
-  std::string_view records(std::size_t block, std::uint32_t, std::string&) const override {
-    return {records_.get() + begin(block), block_size(block) * record_length()};
+  std::string_view records(std::size_t block, std::uint32_t, std::string& buffer) const override {
+    if (records_) return {records_.get() + begin(block), block_size(block) * record_length()};
+    buffer.resize(block_size(block) * record_length());
+    decode_into(block, buffer);
+    return buffer;
   }
 
  private:
   std::size_t begin(std::size_t block) const { return static_cast<std::size_t>(block_begin(block)) * record_length(); }
+  void decode_into(std::size_t block, std::span<char> records) const {
+    require(decode(block, kAllLayers, records), block);
+  }
 
-  std::unique_ptr<char[]> records_;
+  std::unique_ptr<char[]> records_;  // one of the two
+  std::unique_ptr<Grid[]> grid_;
 };
 
+// Points in layers, of which the coordinates of all are held, and where `keeps` what else coding them again needs.
 class DecodedLayers : public Chunks {
  public:
   DecodedLayers(std::vector<Chunk> chunks, const Compression& compression, std::size_t record_length,
-                std::size_t file_size, const std::string& name)
+                std::size_t file_size, const std::string& name, bool keeps)
       : Chunks(std::move(chunks), compression, record_length, name) {
     const std::uint64_t count = block_begin(block_count());
     check_plausible(count, 0, sizeof(Grid) + sizeof(Returns), file_size, name);
-    grid_ = std::make_unique_for_overwrite<Grid[]>(static_cast<std::size_t>(count));
-    returns_ = std::make_unique_for_overwrite<Returns[]>(static_cast<std::size_t>(count));
+    grid_ = make_large<Grid>(count);
+    if (keeps) returns_ = make_large<Returns>(count);
     for_each_block(block_count(), [&](std::size_t block) {
-      const auto layers = split(block);
-      require(layers && decode_layers(*layers, {grid_.get() + block_begin(block), block_size(block)},
-                                      {returns_.get() + block_begin(block), block_size(block)}),
-              block);
+      std::vector<Returns> unkept(keeps ? 0 : block_size(block));
+      decode_into(block, {grid_.get() + block_begin(block), block_size(block)},
+                  keeps ? std::span(returns_.get() + block_begin(block), block_size(block)) : std::span(unkept));
     });
   }
 
@@ -128,7 +161,8 @@ class DecodedLayers : public Chunks {
   std::string_view records(std::size_t block, std::uint32_t layers, std::string& buffer) const override {
     buffer.assign(block_size(block) * record_length(), '\0');
     if (layers == 0) {
-      fill_returns(block, buffer);
+      std::vector<Returns> unkept;
+      fill_returns(returns(block, unkept), buffer);
     } else {
       require(decode(block, layers, buffer), block);
     }
@@ -136,7 +170,8 @@ class DecodedLayers : public Chunks {
   }
 
   bool append_moved_chunk(std::size_t block, std::span<const Grid> now, std::string& to) const override {
-    encode_layers(*split(block), now, {returns_.get() + block_begin(block), block_size(block)}, to);
+    std::vector<Returns> unkept;
+    encode_layers(*split(block), now, returns(block, unkept), to);
     return true;
   }
 
@@ -146,11 +181,26 @@ class DecodedLayers : public Chunks {
                         static_cast<std::uint32_t>(block_size(block)));
   }
 
-  void fill_returns(std::size_t block, std::string& records) const {
-    const Returns* from = returns_.get() + block_begin(block);
-    for (char* to = records.data(); to != records.data() + records.size(); to += record_length(), ++from) {
-      to[14] = static_cast<char>(from->number | from->count << 4);
-      to[15] = static_cast<char>(from->channel << 4);
+  void decode_into(std::size_t block, std::span<Grid> grid, std::span<Returns> returns) const {
+    const auto layers = split(block);
+    require(layers && decode_layers(*layers, grid, returns), block);
+  }
+
+  // `buffer` holds them where they are not kept.
+  std::span<const Returns> returns(std::size_t block, std::vector<Returns>& buffer) const {
+    if (returns_) return {returns_.get() + block_begin(block), block_size(block)};
+    std::vector<Grid> grid(block_size(block));
+    buffer.resize(block_size(block));
+    decode_into(block, grid, buffer);
+    return buffer;
+  }
+
+  void fill_returns(std::span<const Returns> from, std::string& records) const {
+    char* to = records.data();
+    for (const Returns& returns : from) {
+      to[14] = static_cast<char>(returns.number | returns.count << 4);
+      to[15] = static_cast<char>(returns.channel << 4);
+      to += record_length();
     }
   }
 
@@ -173,11 +223,14 @@ std::unique_ptr<PointStore> open_records(std::string_view bytes, const Header& h
 
 std::unique_ptr<PointStore> decode_chunks(std::vector<Chunk> chunks, const Header& header,
                                           const Compression& compression, std::size_t file_size,
-                                          const std::string& name) {
-  if (!compression.layered()) {
-    return std::make_unique<DecodedRecords>(std::move(chunks), compression, header.record_length, file_size, name);
+                                          const std::string& name, std::uint64_t most_kept) {
+  const bool layered = compression.layered();
+  const bool keeps = header.count <= most_kept / (layered ? sizeof(Grid) + sizeof(Returns) : header.record_length);
+  if (layered) {
+    return std::make_unique<DecodedLayers>(std::move(chunks), compression, header.record_length, file_size, name,
+                                           keeps);
   }
-  return std::make_unique<DecodedLayers>(std::move(chunks), compression, header.record_length, file_size, name);
+  return std::make_unique<DecodedRecords>(std::move(chunks), compression, header.record_length, file_size, name, keeps);
 }
 
 }  // namespace pointfair::io::las

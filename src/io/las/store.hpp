@@ -38,9 +38,10 @@ class PointStore {
 std::unique_ptr<PointStore> open_records(std::string_view bytes, const Header& header, const std::string& name);
 
 /// The points of a compressed file: of point formats 0 to 5 all decoded, of 6 to 10 the coordinates. In parallel.
-/// Throws Error(file) if a chunk is damaged. Memory: a record, or 14 bytes, a point.
+/// Throws Error(file) if a chunk is damaged. Memory: a record, or 14 bytes, a point. Where that is more than
+/// `most_kept` bytes, 12 bytes a point, and writing decodes each chunk again.
 std::unique_ptr<PointStore> decode_chunks(std::vector<Chunk> chunks, const Header& header,
                                           const Compression& compression, std::size_t file_size,
-                                          const std::string& name);
+                                          const std::string& name, std::uint64_t most_kept = std::uint64_t{1} << 30);
 
 }  // namespace pointfair::io::las

@@ -139,7 +139,7 @@ class LasWriter {
 
   void choose_compression() {
     compression_ = usual_compression(layout_.header.point_format, record_length_);
-    if (!layout_.compression) return;
+    if (!layout_.compression) return require_codec(*compression_, "writing such points as LAZ needs");
     compression_->chunk_points = layout_.compression->chunk_points;
     for (std::size_t i = 0; i < layout_.compression->items.size(); ++i) {
       compression_->items[i].version = layout_.compression->items[i].version;
@@ -161,7 +161,8 @@ class LasWriter {
   }
 
   void append_block(std::size_t block, std::string& buffer) {
-    std::vector<Grid> grid(source_.block_size(block));
+    thread_local std::vector<Grid> grid;  // its memory serves the thread's next block
+    grid.resize(source_.block_size(block));
     source_.store_->grid(block, grid);
     for (Grid& point : grid) {
       refine(point);
@@ -176,6 +177,7 @@ class LasWriter {
         buffer.append(own);
         return;
       }
+      buffer.reserve(own.size() + own.size() / 8);
       if (source_.store_->append_moved_chunk(block, grid, buffer)) return;
     }
     append_records(block, grid, moved, buffer);
@@ -195,14 +197,30 @@ class LasWriter {
   }
 
   // Moves the points of the block; false if none did.
-  bool move(std::size_t block, std::vector<Grid>& grid) const {
-    const Moves moves = source_.moves(block, edits_.cloud);
+  bool move(std::size_t block, std::span<Grid> grid) const {
+    constexpr std::size_t kPiece = 2048;  // points; what is made for them stays in the cache
+    bool moved = false;
+    for (std::size_t first = 0; first < grid.size(); first += kPiece) {
+      const std::span<Grid> piece = grid.subspan(first, std::min(kPiece, grid.size() - first));
+      moved = move_piece(source_.block_begin(block) + first, piece) || moved;
+    }
+    return moved;
+  }
+
+  // The same for points from `first` on.
+  bool move_piece(std::uint64_t first, std::span<Grid> grid) const {
+    const auto own = [&](std::size_t i, std::size_t axis) {
+      return layout_.header.scaling.value(axis, grid[i][axis] / steps_[axis]);
+    };
+    std::vector<Position> positions(grid.size());
+    for (std::size_t i = 0; i < grid.size(); ++i) positions[i] = {own(i, 0), own(i, 1), own(i, 2)};
+    const Moves moves = source_.moves(first, std::move(positions), edits_.cloud);
     bool moved = false;
     for (std::size_t i = 0; i < grid.size(); ++i) {
       for (std::size_t axis = 0; axis < 3; ++axis) {
         if ((moves.changed[i] >> axis & 1) == 0) continue;
-        const double own = layout_.header.scaling.value(axis, grid[i][axis] / steps_[axis]);
-        const std::int32_t now = moved_integer(grid[i][axis], moves.values[i][axis] - own, scaling_.scale[axis]);
+        const std::int32_t now =
+            moved_integer(grid[i][axis], moves.values[i][axis] - own(i, axis), scaling_.scale[axis]);
         moved = moved || now != grid[i][axis];
         grid[i][axis] = now;
       }
@@ -211,7 +229,8 @@ class LasWriter {
   }
 
   void append_records(std::size_t block, const std::vector<Grid>& grid, bool moved, std::string& buffer) const {
-    std::string own_buffer, points;
+    thread_local std::string own_buffer, points;  // as above
+    points.clear();
     const std::string_view own = source_.store_->records(block, kAllLayers, own_buffer);
     if (edits_.added.empty()) {
       points = own;
