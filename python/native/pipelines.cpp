@@ -217,7 +217,8 @@ Row as_tuple(const Report& report) {
 
 void bind_pipelines(nb::module_& module) {
   nb::class_<CardArray>(module, "CardArray")
-      .def(nb::init<nb::ndarray<nb::ro>>(), nb::arg("array"))
+      .def(nb::init<nb::ndarray<nb::ro>>(), nb::arg("array"),
+           nb::sig("def __init__(self, array: object) -> None"))
       .def(nb::init<std::uintptr_t, std::size_t, std::ptrdiff_t, std::ptrdiff_t, bool, int>(), nb::arg("pointer"),
            nb::arg("count"), nb::arg("row_stride"), nb::arg("column_stride"), nb::arg("is_double"), nb::arg("card"));
   nb::class_<SharedPipeline> pipeline(module, "Pipeline");
