@@ -36,7 +36,8 @@ std::string help(const std::vector<Verb>& verbs) {
   for (const Verb& verb : verbs) {
     std::string usage = verb.command->get_name();
     for (const CLI::Option* option : verb.command->get_options())
-      if (option->get_positional()) fmt::format_to(std::back_inserter(usage), " {}", option->get_name());
+      if (option->get_positional() && option->get_items_expected_max() == 1)
+        fmt::format_to(std::back_inserter(usage), " {}", option->get_name());
     std::string does = verb.command->get_description();
     does.pop_back();  // the full stop
     does[0] = static_cast<char>(std::tolower(static_cast<unsigned char>(does[0])));
@@ -119,7 +120,7 @@ void run_verb(std::vector<std::string> words, std::stop_token stop) {
   CLI::App app("", "pointfair");
   app.set_version_flag("--version", "");
   app.require_subcommand(1);
-  const std::vector<Verb> verbs = {add_run(app),   add_tile(app),  add_view(app),  add_info(app),
+  const std::vector<Verb> verbs = {add_run(app),     add_tile(app),  add_view(app),  add_info(app),
                                    add_compare(app), add_noise(app), add_bench(app), add_doctor(app)};
   if (const Verb* verb = parse(app, verbs, std::move(words))) verb->action(stop);
 }

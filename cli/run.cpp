@@ -364,9 +364,7 @@ Verb add_run(CLI::App& app) {
       .add_option("--work", arguments->tiled.work,
                   "keep the files of a run in tiles there: a run that was stopped goes on from them")
       ->type_name("DIR");
-  command.add_option("--tiles", arguments->tiled.tiles, "compute in at least so many tiles on disk")
-      ->type_name("N")
-      ->group(kExpertGroup);
+  command.add_option("--tiles", arguments->tiled.tiles, "compute in at least so many tiles on disk")->type_name("N");
   add_report(command, arguments->report);
   add_choice(command, "--progress", arguments->progress, {std::begin(kProgressModes), std::end(kProgressModes)},
              "progress on standard error; auto: a bar on a terminal");

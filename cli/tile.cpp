@@ -128,7 +128,7 @@ void add_plan(CLI::App& tile, const Shared& arguments) {
 
 Verb add_tile(CLI::App& app) {
   const auto arguments = std::make_shared<TileArguments>();
-  CLI::App& tile = *app.add_subcommand("tile", "Denoise clouds larger than memory, by tasks over a folder.");
+  CLI::App& tile = *app.add_subcommand("tile", "Denoise clouds larger than memory, task by task.");
   tile.require_subcommand(1);
   add_plan(tile, arguments);
   CLI::App& run = add_part(tile, arguments, "run", "Do one task, one step's tasks, or all that is left.");

@@ -28,7 +28,6 @@ from ._errors import Error
 from ._program import program_path
 
 
-
 def _call(program: str, *words: str) -> str:
     """Runs the program and returns what it prints. Raises Error with its own line."""
     done = subprocess.run([program, *words], capture_output=True, text=True)
@@ -96,6 +95,7 @@ def denoise(client: Any, inputs: Sequence[str] | str, output: str | None = None,
         Error: with the line that the program said.
     """
     wait: Any = import_module("distributed").wait
+
     def absolute(name: str) -> str:
         return name if "://" in name else os.path.abspath(name)
 
@@ -154,7 +154,7 @@ def main(words: Sequence[str]) -> int:
     parser.add_argument("--device", default="auto")
     parser.add_argument("--retries", type=int, default=3)
     given, rest = parser.parse_known_args(words)
-    parameters = dict(zip((flag.removeprefix("--").replace("-", "_") for flag in rest[::2]), rest[1::2]))
+    parameters: dict[str, Any] = dict(zip((flag.removeprefix("--").replace("-", "_") for flag in rest[::2]), rest[1::2]))
     with import_module("distributed").Client(given.scheduler) as client:
         try:
             report = denoise(client, given.inputs, given.out, work=given.work, output_folder=given.out_dir,
