@@ -202,6 +202,8 @@ void CallersPoints::fetch_sample(const DevicePoints& from) {
   const unsigned blocks =
       std::min(blocks_for(from.count, kBlock), static_cast<unsigned>(context_.processors() * kBlocks));
   clear_sample<<<1, 1, 0, stream>>>(state_.data());
+  if (brought > 0)  // all of it is fetched, before it is known how much was chosen
+    check(cudaMemsetAsync(chosen_.data(), 0, brought * sizeof(Position), stream), "clearing a sample");
   with_type(from.type, [&]<class T>(T*) {
     sample_positions<T><<<blocks, kBlock, 0, stream>>>(rows_of<const T>(from), from.count, sample_limit(from.count),
                                                        state_.data(), reinterpret_cast<double*>(chosen_.data()), room);
