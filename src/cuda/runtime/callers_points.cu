@@ -89,9 +89,9 @@ __global__ void __launch_bounds__(kBlock)
        i += std::size_t(gridDim.x) * kBlock) {
     const double p[3] = {from.at(i, 0), from.at(i, 1), from.at(i, 2)};
     if (is_sampled(p, limit)) {
-      const unsigned place = atomicAdd(&state->chosen, 1u);
+      const unsigned long long place = atomicAdd(&state->chosen, 1ull);
 #pragma unroll
-      for (int axis = 0; axis < 3 && place < room; ++axis) chosen[3 * std::size_t(place) + axis] = p[axis];
+      for (int axis = 0; axis < 3 && place < room; ++axis) chosen[3 * place + axis] = p[axis];
     }
     if (!isfinite(p[0] + p[1] + p[2])) continue;
 #pragma unroll

@@ -17,7 +17,7 @@ using Position = std::array<double, 3>;
 // What the sample of positions is made of; offers are counted beyond the room too.
 struct PositionSampleState {
   unsigned long long least[3], most[3];  // of finite positions, ordered as numbers
-  unsigned chosen;
+  unsigned long long chosen;
 };
 
 // Throws Error(usage) unless the points lie on this card, and have a type that holds coordinates.
