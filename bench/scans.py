@@ -157,15 +157,18 @@ def report(paths, known):
         its = {by: left for (cloud, by), left in known.items() if cloud == path.stem}
         noisy, ours = its.pop("the scan"), its.pop("pointfair")
         name, best = min(its.items(), key=lambda item: item[1][0]) if its else ("", (math.nan, math.nan))
-        rows.append([path.stem, *(f"{1000 * value:.3g}" for value in (noisy[0], ours[0], best[0])), name,
-                     *(f"{1000 * value:.3g}" for value in (noisy[1], ours[1], best[1]))])
+        texts = [["" if math.isnan(value[i]) else f"{1000 * value[i]:.3g}" for value in (noisy, ours, best)] for i in range(2)]
+        rows.append([path.stem, *texts[0], name, *texts[1]] if its else [path.stem, *texts[0][:2], *texts[1][:2]])
         least += not ours[0] > best[0]
         logs.append(math.log(ours[0] / noisy[0]) if noisy[0] > 1e-5 and ours[0] > 0 else None)
     noisy_ones = [log for log in logs if log is not None]
     mean = math.exp(sum(noisy_ones) / len(noisy_ones)) if noisy_ones else math.nan
-    return (f"Mean distance to the true surface, mm; nothing set, and the best of the peers' settings. pointfair leaves least on {least} of {len(rows)}; "
-            f"geometric mean of what it leaves over the scan's: {mean:.3f}\n\n"
-            + table(["scan", "noisy", "pointfair", "best peer", "which", "near edges: noisy", "pointfair", "that peer"], rows))
+    of_peers = "; nothing set, and the best of the peers' settings" if its else "; nothing set"
+    wins = f" pointfair leaves least on {least} of {len(rows)}." if its else ""
+    header = (["scan", "noisy", "pointfair", "best peer", "which", "near edges: noisy", "pointfair", "that peer"] if its
+              else ["scan", "noisy", "pointfair", "near edges: noisy", "pointfair"])
+    return (f"Mean distance to the true surface, mm{of_peers}.{wins} Geometric mean of what pointfair leaves over the scan's: {mean:.3f}\n\n"
+            + table(header, rows))
 
 
 def main():

@@ -5,9 +5,9 @@
     import pointfair.cluster
 
     client = Client("tcp://scheduler:8786")
-    pointfair.cluster.denoise(client, ["a.laz", "b.laz"], output_folder="denoised", work="/shared/work", memory="14G")
+    pointfair.cluster.denoise(client, ["a.laz", "b.laz"], output_folder="denoised", work="/scratch/work", memory="14G")
 
-    python -m pointfair.cluster tcp://scheduler:8786 a.laz b.laz --out-dir denoised --work /shared/work --memory 14G
+    python -m pointfair.cluster tcp://scheduler:8786 a.laz b.laz --out-dir denoised --work /scratch/work --memory 14G
 
 Only names travel over the network: each task is a process of the program, which reads and writes files in the work
 folder. The workers and this process must see that folder, and inputs and outputs that are paths, under the same names.
