@@ -1,26 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "scale/leaf_tree.hpp"
 
-#include <algorithm>
 #include <limits>
+#include <optional>
 
 #include "scale/work_file.hpp"
-#include "seam/cloud_sample.hpp"
+#include "tiles/halves.hpp"
 
 namespace pointfair::scale {
-namespace {
-
-constexpr float Point::*kAxes[] = {&Point::x, &Point::y, &Point::z};
-
-int longest_axis(const Bounds& b) {
-  int axis = 0;
-  for (int a = 1; a < 3; ++a)
-    if (b.max.*kAxes[a] - b.min.*kAxes[a] > b.max.*kAxes[axis] - b.min.*kAxes[axis]) axis = a;
-  return axis;
-}
-
-}  // namespace
-
 LeafTree::LeafTree(std::span<Point> sample, std::size_t tiles, std::size_t leaves_of_tile) {
   tile_begins_.push_back(0);
   nodes_.push_back({0, std::numeric_limits<float>::infinity(), {0, 0}});  // all lies below it
@@ -32,11 +19,8 @@ LeafTree::LeafTree(std::span<Point> sample, std::size_t tiles, std::size_t leave
 // Into parts at the rank of the sample that shares it as the parts are to be shared; a part is a tile, and is then
 // split into its leaves (leaves_of_part > 0).
 std::int32_t LeafTree::split(std::span<Point> sample, std::size_t parts, std::size_t leaves_of_part) {
-  Bounds extent = kNoBounds;
-  for (const Point& p : sample) include(extent, p);
-  const int axis = longest_axis(extent);
-  const auto coordinate = kAxes[axis];
-  if (parts == 1 || sample.size() < 2 || !(extent.max.*coordinate > extent.min.*coordinate)) {
+  const std::optional<Halves> halves = halve(sample, parts);
+  if (!halves) {
     if (leaves_of_part > 0) {
       const std::int32_t tile = split(sample, leaves_of_part, 0);
       tile_begins_.push_back(made_);
@@ -44,23 +28,10 @@ std::int32_t LeafTree::split(std::span<Point> sample, std::size_t parts, std::si
     }
     return ~static_cast<std::int32_t>(made_++);
   }
-  const std::size_t left_parts = parts / 2;
-  const auto middle = sample.begin() + std::ptrdiff_t(sample.size() * left_parts / parts);
-  std::nth_element(sample.begin(), middle, sample.end(),
-                   [&](const Point& a, const Point& b) { return a.*coordinate < b.*coordinate; });
-  float plane = (*middle).*coordinate;
-  if (!(plane > extent.min.*coordinate)) {  // many share the least coordinate: they make the left part
-    plane = extent.max.*coordinate;
-    for (const Point& p : sample)
-      if (p.*coordinate > extent.min.*coordinate) plane = std::min(plane, p.*coordinate);
-  }
-  const auto bound =
-      std::partition(sample.begin(), sample.end(), [&](const Point& p) { return p.*coordinate < plane; });
-  const auto left = static_cast<std::size_t>(bound - sample.begin());
   const auto at = static_cast<std::int32_t>(nodes_.size());
-  nodes_.push_back({axis, plane, {0, 0}});
-  const std::int32_t below = split(sample.first(left), left_parts, leaves_of_part);
-  const std::int32_t above = split(sample.subspan(left), parts - left_parts, leaves_of_part);
+  nodes_.push_back({halves->axis, halves->plane, {0, 0}});
+  const std::int32_t below = split(halves->left, halves->left_parts, leaves_of_part);
+  const std::int32_t above = split(halves->right, parts - halves->left_parts, leaves_of_part);
   nodes_[static_cast<std::size_t>(at)].next[0] = below;
   nodes_[static_cast<std::size_t>(at)].next[1] = above;
   return at;

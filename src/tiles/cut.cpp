@@ -5,6 +5,9 @@
 #include <bit>
 #include <memory>
 #include <numeric>
+#include <optional>
+
+#include "tiles/halves.hpp"
 
 namespace pointfair {
 namespace {
@@ -14,7 +17,6 @@ constexpr std::size_t kSamples = 1 << 16;  // of which the cells are made
 
 std::size_t blocks_of(std::size_t points) { return (points + kBlock - 1) / kBlock; }
 
-constexpr float Point::*kAxes[] = {&Point::x, &Point::y, &Point::z};
 constexpr float point::Vec3<float>::*kCellAxes[] = {&point::Vec3<float>::x, &point::Vec3<float>::y,
                                                     &point::Vec3<float>::z};
 
@@ -88,34 +90,16 @@ Cut::Cut(std::span<const Point> points, std::size_t tiles, const ForEach& for_ea
     for (std::size_t tile = 0; tile < cores.size(); ++tile) unite(tiles_[tile].core, cores[tile]);
 }
 
-// At the rank of the sample that shares it as the tiles are to be shared.
 void Cut::split(std::span<Point> sample, std::size_t tiles, const Cell& cell) {
-  Bounds extent = kNoBounds;
-  for (const Point& p : sample) include(extent, p);
-  int axis = 0;
-  for (int a = 1; a < 3; ++a)
-    if (extent.max.*kAxes[a] - extent.min.*kAxes[a] > extent.max.*kAxes[axis] - extent.min.*kAxes[axis]) axis = a;
-  const auto coordinate = kAxes[axis];
-  if (tiles == 1 || sample.size() < 2 || !(extent.max.*coordinate > extent.min.*coordinate)) {
+  const std::optional<Halves> halves = halve(sample, tiles);
+  if (!halves) {
     tiles_.push_back({cell, kNoBounds});
     return;
   }
-  const std::size_t left_tiles = tiles / 2;
-  const auto middle = sample.begin() + std::ptrdiff_t(sample.size() * left_tiles / tiles);
-  std::nth_element(sample.begin(), middle, sample.end(),
-                   [&](const Point& a, const Point& b) { return a.*coordinate < b.*coordinate; });
-  float plane = (*middle).*coordinate;
-  if (!(plane > extent.min.*coordinate)) {  // many share the least coordinate: they make the left part
-    plane = extent.max.*coordinate;
-    for (const Point& p : sample)
-      if (p.*coordinate > extent.min.*coordinate) plane = std::min(plane, p.*coordinate);
-  }
-  const auto bound =
-      std::partition(sample.begin(), sample.end(), [&](const Point& p) { return p.*coordinate < plane; });
   Cell left = cell, right = cell;
-  left.max.*kCellAxes[axis] = right.min.*kCellAxes[axis] = plane;
-  split(sample.first(std::size_t(bound - sample.begin())), left_tiles, left);
-  split(sample.subspan(std::size_t(bound - sample.begin())), tiles - left_tiles, right);
+  left.max.*kCellAxes[halves->axis] = right.min.*kCellAxes[halves->axis] = halves->plane;
+  split(halves->left, halves->left_parts, left);
+  split(halves->right, tiles - halves->left_parts, right);
 }
 
 // One look at each point of blocks that lie partly inside, without a branch: half of them may be in. A bit each is
