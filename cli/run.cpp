@@ -267,7 +267,10 @@ void run_tiled(const RunArguments& arguments, const Params& params, const Limits
     if (!arguments.output.empty()) job.inputs.push_back(arguments.output);
     job.inputs.insert(job.inputs.end(), arguments.more.begin(), arguments.more.end());
     job.output_folder = arguments.tiled.out_dir;
-    std::filesystem::create_directories(job.output_folder);
+    std::error_code failed;
+    std::filesystem::create_directories(job.output_folder, failed);
+    if (failed)
+      throw Error(ErrorKind::file, job.output_folder.string() + ": this folder cannot be made: " + failed.message());
     for (const std::filesystem::path& input : job.inputs) {
       check_writable(job.output_folder / input.filename(), arguments.force || !arguments.tiled.work.empty());
     }
