@@ -12,7 +12,7 @@ meshes/SCENE.ply. Mixed points and leaves are not measured.
 A row a cloud: mean distance of the points to the true surface, in thousandths of the unit (mm), of the scan, of what pointfair leaves, of
 what the best peer leaves; and the same of points near an edge, where two true normals within two spacings differ by 40 degrees or more.
 Peers that know no noise get neighbourhoods of 8 to 480 points. Needs NumPy, SciPy, Open3D and PyMeshLab from PyPI; minutes a cloud with all
-peers. Each result is kept in FOLDER/scans.jsonl as it comes. --write puts the table between the marks <!-- scans --> and <!-- end -->.
+peers. Each result is kept in FOLDER/scans.jsonl as it comes. --write puts the table between the marks <!-- quality scans of simulated sensors --> and <!-- end -->.
 """
 import argparse
 import json
