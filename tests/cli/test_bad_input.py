@@ -214,7 +214,8 @@ class Shapes(Case):
         self.fair(near, scalar="double")
         for p, q in zip(positions(self.path("out.ply")), after):
             for axis in range(3):
-                self.assertAlmostEqual(p[axis], q[axis] - centre[axis], delta=2e-4)
+                # the rounded offsets have other bits, and so the estimates have other samples: a twentieth of the noise
+                self.assertAlmostEqual(p[axis], q[axis] - centre[axis], delta=5e-4)
 
     def test_one_stray_point(self):
         points = sphere_points(500, 0.01) + [(1e7, 1e7, 1e7)]
