@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "estimate/automatic.hpp"
+#include "scale/ingest.hpp"
 #include "tiles/halo.hpp"
 
 namespace pointfair::scale {
@@ -139,9 +140,10 @@ class StoredSampling final : public Sampling {
 
 }  // namespace
 
-Measured measure(const StoredCloud& cloud, const Position& origin, const Plan& plan, Backend& backend,
+Measured measure(const StoredCloud& cloud, const Plan& plan, const std::optional<GivenNoise>& given, Backend& backend,
                  const std::stop_token& stop) {
-  Measured measured{origin, cloud.bounds(), {}, {}, {}};
+  Measured measured{plan.origin, cloud.bounds(), {}, {}, {}};
+  measured.ignored = cloud.counts()[kIgnored];
   const WantedEstimates wanted{needs_spacing(plan.params), needs_noise(plan.params)};
   if (!wanted.spacing && !wanted.noise && !sums_within_radius(plan.params)) return measured;
   StoredSampling sampling(cloud, backend, points_in_memory(plan.memory, bytes_of_tile_point(plan.params)));
@@ -150,8 +152,8 @@ Measured measure(const StoredCloud& cloud, const Position& origin, const Plan& p
   const Estimate found = estimate(sampling, sample, wanted, stop);
   if (wanted.spacing) measured.spacing = found.spacing;
   if (wanted.noise) {
-    measured.noise = found.noise;
-    measured.levels = found.levels;
+    measured.noise = given ? of_sigma(found.noise, given->sigma) : found.noise;
+    measured.levels = given ? given->levels : found.levels;
   }
   return measured;
 }
@@ -169,13 +171,14 @@ struct Fixed {
   float nodes_per_unit = 0;
   std::array<double, 3> quantiles{};
   std::uint64_t levels = 0;
+  std::uint64_t ignored = 0;
 };
 static_assert(std::is_trivially_copyable_v<Fixed>);
 
 }  // namespace
 
 void save(const Measured& m, const std::filesystem::path& path) {
-  Fixed fixed{m.origin, m.bounds, m.frame, m.spacing, m.noise, {}, 0, {}, 0};
+  Fixed fixed{m.origin, m.bounds, m.frame, m.spacing, m.noise, {}, 0, {}, 0, m.ignored};
   if (m.levels) {
     fixed.first = m.levels->first;
     fixed.nodes_per_unit = m.levels->nodes_per_unit;
@@ -192,7 +195,7 @@ Measured load_measured(const std::filesystem::path& path) {
   const StoredFile file(path);
   Fixed fixed;
   file.read(0, &fixed, sizeof fixed);
-  Measured m{fixed.origin, fixed.bounds, fixed.frame, fixed.spacing, fixed.noise};
+  Measured m{fixed.origin, fixed.bounds, fixed.frame, fixed.spacing, fixed.noise, {}, fixed.ignored};
   if (fixed.levels == 0) return m;
   auto levels = std::make_shared<NoiseLevels>();
   levels->levels.resize(fixed.levels);
