@@ -128,7 +128,7 @@ std::optional<tbb::global_control> limit_threads(unsigned threads) {
 }
 
 void add_device(CLI::App& command, DeviceArguments& arguments) {
-  command.add_option("--device", arguments.device, "auto: CUDA if there is a card, else the CPU; cuda:all, cuda:0,2: several cards")
+  command.add_option("--device", arguments.device, "auto: CUDA if there is a card, else the CPU; several cards, cuda:0,2 or cuda:all, share large clouds")
       ->type_name("auto|cpu|cuda[:N]");
   add_threads(command, arguments.threads);
 }

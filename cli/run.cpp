@@ -153,7 +153,7 @@ void print_summary(const RunArguments& arguments, const Report& report, const Fi
   fmt::print(stderr, "{} points denoised on {} in {:.1f} ms, {} kept as they were{}\n", report.points - kept,
              device_name(report.device.kind), report.total_milliseconds, kept, reasons_kept(unmoved, findings.ignored));
   if (findings.held > 0) fmt::print(stderr, "the limits kept {} points as they were\n", findings.held);
-  if (report.tiles > 1 && make_device(arguments.device).cards.empty())
+  if (report.tiles > 1)
     fmt::print(stderr, "computed in {} tiles, since the cloud does not fit into the device's memory\n", report.tiles);
   const std::string& attribute = findings.noise_attribute;
   fmt::print(stderr, "noise of the input {:.4g} ({}), points moved {:.4g} on average, {:.4g} at most\n", findings.noise,

@@ -89,8 +89,11 @@ TEST(Cards, share_a_cloud_with_the_bits_of_one_device) {
 }
 
 TEST(Cards, of_different_sizes_share_tiles_that_fit_into_the_smallest) {
-  Pipeline shared = over({[] { return make_cpu_backend(0); }, [] { return std::make_unique<SmallBackend>(12000); }}, 10000);
-  expect_the_bits_of_one(shared, cloud(60000), {}, 8);
+  const auto of_room = [](std::size_t room) { return [room] { return std::make_unique<SmallBackend>(room); }; };
+  Pipeline shared = over({of_room(150000), of_room(60000)}, ~std::uint64_t{0});
+  expect_the_bits_of_one(shared, cloud(200000), {}, 16);
+  Pipeline coarse = over({of_room(1000000), of_room(60000)}, 200000);
+  expect_the_bits_of_one(coarse, cloud(200000), {}, 8);
 }
 
 TEST(Cards, have_names) {
@@ -116,13 +119,16 @@ TEST(Cards, of_this_machine_share_a_cloud) {
   const auto usable = std::count_if(all.begin(), all.end(), [](const DeviceStatus& card) { return card.usable; });
   if (usable == 0) GTEST_SKIP() << "no card";
   const Points points = cloud(1 << 21);
-  for (const char* name : {"cuda:0,0", "cuda:all"}) {
-    Pipeline shared(parse_device(name));
-    expect_the_bits_of_one(shared, points, {}, usable > 1 || std::string_view(name) == "cuda:0,0" ? 4 : 1);
-    Params params;
-    params.k = 8;
-    expect_the_bits_of_one(shared, points, params, 1);
+  Params params;
+  params.k = 8;
+  for (const int second : {0, int(usable) - 1}) {
+    Pipeline shared = over({[] { return make_cuda_backend(0); }, [=] { return make_cuda_backend(second); }}, 1 << 20);
+    expect_the_bits_of_one(shared, points, {}, 4);
+    expect_the_bits_of_one(shared, points, params, 4);
   }
+  Pipeline whole(parse_device("cuda:all"));
+  expect_the_bits_of_one(whole, points, params, 1);
+  EXPECT_EQ(whole.report().tiles, 1u) << "it fits into one";
 }
 
 TEST(TaskQueue, ends_when_tasks_that_tasks_led_to_are_done) {

@@ -21,9 +21,8 @@ struct Device {
   Kind kind = Kind::automatic;
   int index = 0;         ///< which CUDA card
   unsigned threads = 0;  ///< CPU threads; 0: all cores
-  /// Two or more CUDA cards, among which a cloud in host memory is divided in tiles; empty: the card `index` alone, which
-  /// else is the first of them. A card that is named twice has two tiles at once. Clouds of less than a million points,
-  /// clouds that lie on a card, and many small clouds are computed by the first card.
+  /// Two or more CUDA cards, which share clouds in host memory that do not fit into the first of them; empty: the card
+  /// `index` alone, which else is that first one. Cards also share the tiles of a run over files (TiledRun).
   std::vector<int> cards{};
 
   static constexpr Kind automatic = Kind::automatic, cpu = Kind::cpu, cuda = Kind::cuda;

@@ -52,8 +52,8 @@ struct Report {
   /// Where normals and fairing are one kernel there, its time is divided three to two, as they take apart. `upload` to
   /// a card lasts until the caller may change the array again; the index is started meanwhile.
   std::vector<StageTime> stages;
-  /// Number of tiles that the cloud was cut into, because it does not fit into the card's memory or for several cards; 1:
-  /// not cut. A cloud in tiles stays in host memory, and its stages are `cut`, `tiles` and `download`.
+  /// Number of tiles that the cloud was cut into because it does not fit into the card's memory; 1: not cut. A cloud in
+  /// tiles stays in host memory, and its stages are `cut`, `tiles` and `download`.
   std::uint64_t tiles = 1;
   double total_milliseconds = 0;                             ///< from array to array
   std::uint64_t peak_host_bytes = 0, peak_device_bytes = 0;  ///< of the pipeline, without the caller's arrays

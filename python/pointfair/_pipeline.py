@@ -30,7 +30,7 @@ class Pipeline:
 
     Args:
         device: "auto" is a CUDA card if there is one, else the CPU; or "cpu", "cuda", "cuda:N"; or several
-            cards, "cuda:0,2" or "cuda:all", which share a large array in host memory.
+            cards, "cuda:0,2" or "cuda:all", which share arrays in host memory that do not fit into the first.
         threads: CPU threads; 0: all cores.
 
     Raises:

@@ -50,7 +50,7 @@ void LoadedCloud::drop() noexcept {
 std::uint64_t LoadedCloud::tiles_to_divide(std::uint64_t points) const {
   const std::uint64_t cards = workers_.of_cards.size();
   if (cards < 2 || points < workers_.worth_dividing) return 1;
-  return std::clamp(4 * points / std::max<std::uint64_t>(1, workers_.worth_dividing), 2 * cards, kTilesOfCard * cards);
+  return std::clamp(4 * points / workers_.worth_dividing, 2 * cards, kTilesOfCard * cards);
 }
 
 // A backend that will cut what it is given into so many tiles, the present one if it can.
@@ -134,7 +134,8 @@ bool LoadedCloud::may_tile(const Error& error) const {
 void LoadedCloud::make_tiled() {
   backend_.reset();  // its memory is needed
   tiled_ = nullptr;
-  cut_into(std::max(kFirstTiles, 2 * tiles_));
+  const std::uint64_t cards = workers_.of_cards.size();
+  cut_into(std::max({kFirstTiles, 2 * tiles_, cards > 1 ? kTilesOfCard * cards : 1}));
 }
 
 void LoadedCloud::within_memory(const std::function<void()>& work) {

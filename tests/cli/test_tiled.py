@@ -146,6 +146,7 @@ class Bits(Case):
     def test_a_file_far_from_the_others_is_refused_when_planning(self):
         near = [write_binary(self.path(f"{i}.ply"), [(x + i, y, z) for x, y, z in sphere_points(500, 0.01)]) for i in (0, 1)]
         far = write_binary(self.path("far.ply"), [(x, y + 900, z) for x, y, z in sphere_points(500, 0.01)])
+        self.path("fair").mkdir()
         self.fails(2, "run", near[0], far, near[1], "--out-dir", self.path("fair"), says="far.ply: lies")
         self.ok("run", *near, "--out-dir", self.path("fair"), "-q")
 

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Times runs of a cloud in host memory on one card against several, from array to array.
-//   cards POINTS K|auto REPEAT DEVICE...
-// For each order of the points, scan lines and random, and each device, cuda:0 or cuda:all for instance: the median and
+//   cuda_card_times POINTS K|auto REPEAT MEGABYTES DEVICE...
+// For each order of the points, scan lines and random, and each device, cuda:0 or cuda:0,1 for instance: the median and
 // the least of REPEAT runs in milliseconds after one that is not counted, the tiles, each stage of the last run, and a
-// hash of the result, which is the same for all devices. Arrays are page-locked.
+// hash of the result, which is the same for all devices. Arrays are page-locked. Each of the two workers of a card uses
+// MEGABYTES of its memory at most, 0: all, so that a cloud of any size can be one that does not fit.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -15,7 +16,9 @@
 #include <thread>
 #include <vector>
 
+#include "pipeline/pipeline_access.hpp"
 #include "pointfair/pointfair.hpp"
+#include "seam/backend.hpp"
 
 namespace {
 
@@ -64,8 +67,20 @@ std::uint64_t hash_of(std::span<const Point> points) {
   return hash;
 }
 
-void measure(const std::string& device, std::uint64_t count, std::uint64_t stride, const Params& params, int repeat) {
-  Pipeline pipeline(parse_device(device));
+Pipeline over(const std::string& name, std::uint64_t megabytes) {
+  const Device device = parse_device(name);
+  CudaOptions options;
+  if (megabytes > 0) options.memory = megabytes * 1'000'000;
+  MakeWorkers workers;
+  for (const int card : device.cards.empty() ? std::vector<int>{device.index} : device.cards)
+    workers.of_cards.push_back([=] { return make_cuda_backend(card, options); });
+  auto first = workers.of_cards[0]();
+  return PipelineAccess::make(std::move(first), {Device::cuda, name, "requested"}, std::move(workers));
+}
+
+void measure(const std::string& device, std::uint64_t megabytes, std::uint64_t count, std::uint64_t stride,
+             const Params& params, int repeat) {
+  Pipeline pipeline = over(device, megabytes);
   const HostBuffer in = pipeline.host_buffer(count), out = pipeline.host_buffer(count);
   fill(in.points(), stride);
   std::vector<double> times;
@@ -87,8 +102,8 @@ void measure(const std::string& device, std::uint64_t count, std::uint64_t strid
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (argc < 5) {
-    std::fprintf(stderr, "cards POINTS K|auto REPEAT DEVICE...\n");
+  if (argc < 6) {
+    std::fprintf(stderr, "cuda_card_times POINTS K|auto REPEAT MEGABYTES DEVICE...\n");
     return 2;
   }
   const std::uint64_t count = std::strtoull(argv[1], nullptr, 10);
@@ -99,5 +114,6 @@ int main(int argc, char** argv) {
   }
   constexpr std::uint64_t kPrime = 2'654'435'761;
   for (const std::uint64_t stride : {std::uint64_t{1}, kPrime})
-    for (int d = 4; d < argc; ++d) measure(argv[d], count, stride, params, std::max(1, std::atoi(argv[3])));
+    for (int d = 5; d < argc; ++d)
+      measure(argv[d], std::strtoull(argv[4], nullptr, 10), count, stride, params, std::max(1, std::atoi(argv[3])));
 }
