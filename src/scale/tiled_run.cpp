@@ -431,7 +431,7 @@ void TiledRun::run_all(std::stop_token stop, const ProgressFunction& progress) {
       if (steps[s].kind != State::Kind::denoise) continue;
       // what this step read is not needed any more
       const State::StepKind before = steps[s].iteration == 0 ? steps[0] : steps[s - 1];
-      mark(state_->end_mark(before));
+      mark(state_->end_mark(before));  // after it, all names of this step are on the disk
       state_->input.reset();
       state_->input_iteration = -1;
       for (const fs::path& path : state_->files_of(before)) fs::remove(path);
