@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "estimate/constants.hpp"
-#include "point/noise_field.h"
+#include "point/node_field.h"
 
 namespace pointfair {
 namespace {
@@ -69,7 +69,7 @@ std::vector<double> pull(const Level& fine, const std::vector<double>& coarse, c
 }
 
 // Trilinear shares of a value at its eight nodes.
-void add(Level& nodes, const point::NoiseField& field, const Point& p, double value) {
+void add(Level& nodes, const point::NodeField& field, const Point& p, double value) {
   const point::NodePlace along[] = {point::node_place(p.x, field.first.x, field.nodes_per_unit),
                                     point::node_place(p.y, field.first.y, field.nodes_per_unit),
                                     point::node_place(p.z, field.first.z, field.nodes_per_unit)};
@@ -86,7 +86,7 @@ void add(Level& nodes, const point::NoiseField& field, const Point& p, double va
   }
 }
 
-NoiseLevels grid_around(const std::vector<Point>& places) {
+NodeLevels grid_around(const std::vector<Point>& places) {
   float low[3], widest = 0;
   for (int axis = 0; axis < 3; ++axis) {
     std::vector<float> values;
@@ -101,10 +101,10 @@ NoiseLevels grid_around(const std::vector<Point>& places) {
 
 }  // namespace
 
-NoiseLevels levels_between(const std::vector<Point>& places, const std::vector<double>& log_levels,
-                           const ForEach& for_each) {
-  NoiseLevels result = grid_around(places);
-  const point::NoiseField field{nullptr, {result.first.x, result.first.y, result.first.z}, result.nodes_per_unit};
+NodeLevels levels_between(const std::vector<Point>& places, const std::vector<double>& log_levels,
+                          const ForEach& for_each) {
+  NodeLevels result = grid_around(places);
+  const point::NodeField field{nullptr, {result.first.x, result.first.y, result.first.z}, result.nodes_per_unit};
   Level nodes(point::kFieldNodes);
   for (std::size_t i = 0; i < places.size(); ++i) add(nodes, field, places[i], log_levels[i]);
   const std::vector<Level> levels = push(std::move(nodes));

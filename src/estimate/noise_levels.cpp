@@ -6,13 +6,11 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
-#include <numeric>
 #include <utility>
 #include <vector>
 
 #include "estimate/constants.hpp"
 #include "estimate/node_grid.hpp"
-#include "point/noise_field.h"
 
 namespace pointfair {
 namespace {
@@ -45,49 +43,6 @@ Curve curve_of(const point::NoiseSample& noise, const point::ResidualSample* res
   }
   return curve;
 }
-
-// The nearest of some places to each of them, found along x.
-class Pools {
- public:
-  explicit Pools(const std::vector<Point>& places) : places_(places), along_x_(places.size()) {
-    std::iota(along_x_.begin(), along_x_.end(), std::uint32_t(0));
-    std::sort(along_x_.begin(), along_x_.end(), [&](std::uint32_t a, std::uint32_t b) {
-      return places[a].x != places[b].x ? places[a].x < places[b].x : a < b;
-    });
-  }
-
-  // Of the n-th place along x: that place first, into a row of kPool. Equal distances in the order of the places, which
-  // is one of positions.
-  void find(std::size_t n, std::uint32_t* row) const {
-    std::array<std::pair<double, std::uint32_t>, kPool> nearest;
-    nearest.fill({std::numeric_limits<double>::infinity(), 0});
-    const Point& from = places_[along_x_[n]];
-    // false: from here on all are too far
-    const auto takes = [&](std::uint32_t j) {
-      const Point& to = places_[j];
-      const double x = double(from.x) - to.x, y = double(from.y) - to.y, z = double(from.z) - to.z;
-      if (x * x > nearest.back().first) return false;
-      const std::pair<double, std::uint32_t> found{x * x + y * y + z * z, j};
-      if (!(found < nearest.back())) return true;
-      std::size_t place = kPool - 1;
-      for (; place > 0 && found < nearest[place - 1]; --place) nearest[place] = nearest[place - 1];
-      nearest[place] = found;
-      return true;
-    };
-    bool goes_up = true, goes_down = true;
-    takes(along_x_[n]);
-    for (std::size_t step = 1; goes_up || goes_down; ++step) {
-      goes_up = goes_up && n + step < along_x_.size() && takes(along_x_[n + step]);
-      goes_down = goes_down && step <= n && takes(along_x_[n - step]);
-    }
-    for (std::size_t i = 0; i < kPool; ++i) row[i] = nearest[i].second;
-  }
-  std::size_t place(std::size_t n) const { return along_x_[n]; }
-
- private:
-  const std::vector<Point>& places_;
-  std::vector<std::uint32_t> along_x_;
-};
 
 // At the place of the pool's first sample.
 Curve pooled(std::span<const std::uint32_t> pool, const std::vector<Curve>& curves) {
@@ -158,17 +113,6 @@ double noise_of(const Curve& curve, const std::vector<Curve>& rows, double typic
   return sum / likelihood;
 }
 
-// Of the noise at those places of a pool where it is known, or `otherwise`.
-double median_known(std::span<const std::uint32_t> pool, const std::vector<double>& noise, double otherwise) {
-  std::vector<double> known;
-  for (const std::uint32_t i : pool)
-    if (!std::isnan(noise[i])) known.push_back(noise[i]);
-  if (known.empty()) return otherwise;
-  const auto middle = known.begin() + std::ptrdiff_t(known.size() / 2);
-  std::nth_element(known.begin(), middle, known.end());
-  return *middle;
-}
-
 // Logarithms of levels, as far as they differ from 0 by more than chance makes them.
 void shrink(std::vector<double>& log_levels) {
   double squares = 0;
@@ -180,32 +124,22 @@ void shrink(std::vector<double>& log_levels) {
 
 }  // namespace
 
-std::shared_ptr<const NoiseLevels> noise_levels(const LocalSamples& samples, double typical, const ForEach& for_each) {
-  std::vector<Point> places;
+LocalNoise local_noise(const LocalSamples& samples, double typical, const Pools& pools, const ForEach& for_each) {
   std::vector<Curve> curves;
-  for (std::size_t i = 0; i < samples.noise.size(); ++i) {
-    if (!samples.noise[i].shows_noise) continue;
-    places.push_back(samples.places[i]);
+  for (std::size_t i = 0; i < samples.places.size(); ++i)
     curves.push_back(curve_of(samples.noise[i], samples.residuals.empty() ? nullptr : &samples.residuals[i]));
-  }
-  if (!(typical > 0) || places.size() < kFewestSamples) return nullptr;
   const std::vector<Curve> rows = models();
-  std::vector<std::uint32_t> pools(places.size() * kPool);
-  std::vector<double> noise(places.size()), log_levels(places.size());
-  const Pools nearest(places);
-  for_each(places.size(), [&](std::size_t n) {
-    const std::size_t i = nearest.place(n);
-    nearest.find(n, &pools[i * kPool]);
-    noise[i] = noise_of(pooled(std::span(pools).subspan(i * kPool, kPool), curves), rows, typical);
-  });
-  for_each(places.size(), [&](std::size_t i) {
-    const double median = median_known(std::span(pools).subspan(i * kPool, kSmoothed), noise, typical);
+  std::vector<double> noise(samples.places.size()), log_levels(noise.size());
+  for_each(noise.size(), [&](std::size_t i) { noise[i] = noise_of(pooled(pools.of(i), curves), rows, typical); });
+  for_each(noise.size(), [&](std::size_t i) {
+    const double median = median_known(pools.of(i).first(kSmoothed), noise).value_or(typical);
     log_levels[i] = std::log(std::clamp(median / typical, 1 / kLargestLevel, kLargestLevel));
   });
   shrink(log_levels);
-  auto levels = std::make_shared<NoiseLevels>(levels_between(places, log_levels, for_each));
+  auto levels = std::make_shared<NoiseLevels>(NoiseLevels{levels_between(samples.places, log_levels, for_each)});
+  for (std::size_t i = 0; i < noise.size(); ++i) noise[i] = typical * std::exp(log_levels[i]);
   levels->quantiles = quantiles_of(std::move(log_levels));
-  return levels;
+  return {std::move(noise), std::move(levels)};
 }
 
 std::array<double, 3> quantiles_of(std::vector<double> log_levels) {

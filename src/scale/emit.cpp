@@ -65,13 +65,13 @@ std::shared_ptr<const TileResults::Held> TileResults::hold(std::size_t chunk) co
 // Returns the number of outliers; those are marked unless `outliers` is null.
 std::uint64_t TileResults::settle_some(std::span<const Point> before, const Point* faired, Point* now,
                                        std::uint8_t* outliers) const {
-  const point::NoiseField field = field_of(settling_.limits.levels.get());
+  const point::NodeField field = field_of(settling_.limits.levels.get());
   std::uint64_t count = 0;
   for (std::size_t i = 0; i < before.size(); ++i) {
     now[i] = is_indexed(before[i]) ? faired[i] : before[i];
     if (!settling_.may_hold_back || !is_indexed(before[i])) continue;
     const auto [farthest, outlier_distance] =
-        point::limits_at(limit_rule(settling_.limits), point::noise_level(field, to_vec3(before[i])));
+        point::limits_at(limit_rule(settling_.limits), point::node_value(field, to_vec3(before[i])));
     const auto settled = point::settled(to_vec3(before[i]), to_vec3(faired[i]), farthest, outlier_distance);
     now[i] = {settled.place.x, settled.place.y, settled.place.z};
     count += settled.is_outlier;

@@ -23,7 +23,8 @@ struct Measured {
   Spacing spacing;
   Noise noise;                                  ///< this and the spacing are zero where no parameter follows from them
   std::shared_ptr<const NoiseLevels> levels{};  ///< null: 1 everywhere
-  std::uint64_t ignored = 0;                    ///< finite points that were left out
+  std::shared_ptr<const NodeLevels> reach_levels{};  ///< the same
+  std::uint64_t ignored = 0;                         ///< finite points that were left out
 };
 
 /// Measures what the parameters of the plan follow from, as a pipeline does with the whole cloud. `given`: the noise, in
