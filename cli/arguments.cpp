@@ -128,7 +128,10 @@ std::optional<tbb::global_control> limit_threads(unsigned threads) {
 }
 
 void add_device(CLI::App& command, DeviceArguments& arguments) {
-  command.add_option("--device", arguments.device, "auto: CUDA if there is a card, else the CPU; several cards, cuda:0,2 or cuda:all, share large clouds")
+  command
+      .add_option(
+          "--device", arguments.device,
+          "auto: CUDA if there is a card, else the CPU; several cards, cuda:0,2 or cuda:all, share large clouds")
       ->type_name("auto|cpu|cuda[:N]");
   add_threads(command, arguments.threads);
 }

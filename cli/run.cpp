@@ -242,8 +242,8 @@ bool needs_tiles(const RunArguments& arguments, const Params& params) {
   return TiledRun::bytes_in_memory(TiledRun::count_points(arguments.input), params) > memory_to_use(tiled);
 }
 
-// Why a cloud is computed in tiles on disk though nobody asked for it: in memory it would take more than half of what is
-// free. Empty if it would not.
+// Why a cloud is computed in tiles on disk though nobody asked for it: in memory it would take more than half of what
+// is free. Empty if it would not.
 std::string why_tiles(const RunArguments& arguments, const Params& params, const Device& device) {
   if (!arguments.tiled.memory.empty() || arguments.input == "-" || arguments.output == "-") return {};
   if (arguments.normals != "keep" || !arguments.write_noise.empty()) return {};  // what tiles cannot do yet
@@ -315,8 +315,7 @@ void run(RunArguments arguments, std::stop_token stop) {
   if (arguments.tiled.out_dir.empty() && !arguments.more.empty())
     throw Error(ErrorKind::usage, "several inputs need a folder for their results; give --out-dir");
   if (arguments.tiled.out_dir.empty() && arguments.output.empty()) throw Error(ErrorKind::usage, "OUT is required");
-  if (needs_tiles(arguments, params))
-    return run_tiled(arguments, params, limits, findings.noise_attribute, {}, stop);
+  if (needs_tiles(arguments, params)) return run_tiled(arguments, params, limits, findings.noise_attribute, {}, stop);
   if (const std::string why = why_tiles(arguments, params, device); !why.empty()) {
     try {
       return run_tiled(arguments, params, limits, findings.noise_attribute, why, stop);

@@ -90,11 +90,12 @@ void measure(const std::string& device, std::uint64_t megabytes, std::uint64_t c
     if (run > 0) times.push_back(std::chrono::duration<double, std::milli>(Clock::now() - start).count());
   }
   std::sort(times.begin(), times.end());
-  std::printf("%-12s %-10s median %9.1f ms, least %9.1f ms, %3llu tiles, %016llx ", stride == 1 ? "scan lines" : "random",
-              device.c_str(), times[times.size() / 2], times[0],
+  std::printf("%-12s %-10s median %9.1f ms, least %9.1f ms, %3llu tiles, %016llx ",
+              stride == 1 ? "scan lines" : "random", device.c_str(), times[times.size() / 2], times[0],
               static_cast<unsigned long long>(pipeline.report().tiles),
               static_cast<unsigned long long>(hash_of(out.points())));
-  for (const StageTime& stage : pipeline.report().stages) std::printf(" %s %.1f", stage.name.c_str(), stage.milliseconds);
+  for (const StageTime& stage : pipeline.report().stages)
+    std::printf(" %s %.1f", stage.name.c_str(), stage.milliseconds);
   std::printf("\n");
   std::fflush(stdout);
 }

@@ -166,7 +166,8 @@ GivenNoise noise_of_attribute(Inputs& inputs, const Plan& plan, unsigned threads
   });
   std::vector<float> values;
   for (const std::uint32_t bits : sample.indices) values.push_back(std::bit_cast<float>(bits));
-  return given_noise(sigma, sample, values, [](std::size_t count, const auto& body) { io::for_each_block(count, body); });
+  return given_noise(sigma, sample, values,
+                     [](std::size_t count, const auto& body) { io::for_each_block(count, body); });
 }
 
 }  // namespace pointfair::scale

@@ -21,8 +21,8 @@ Cloud part_of(const std::shared_ptr<const Source>& source, std::uint64_t first, 
 /// 1 for each point that one of the selections holds. Empty without selections.
 std::vector<std::uint8_t> held_by_any(const std::vector<Selection>& selections, const Cloud& cloud);
 
-/// The points of a block relative to the source's origin, ignored ones as NaN; returns how many finite points these are.
-/// The positions of all are offered to `sample`.
+/// The points of a block relative to the source's origin, ignored ones as NaN; returns how many finite points these
+/// are. The positions of all are offered to `sample`.
 std::uint64_t place_seen(const std::shared_ptr<const Source>& source, std::size_t block, const Limits& limits,
                          std::span<Point> points, io::OriginSample& sample);
 

@@ -2,9 +2,8 @@
 #include "scale/ingest.hpp"
 
 #include <algorithm>
-#include <limits>
-
 #include <atomic>
+#include <limits>
 
 #include "io/parallel.hpp"
 #include "scale/given.hpp"

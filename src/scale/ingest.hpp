@@ -14,8 +14,8 @@ namespace pointfair::scale {
 /// that are ignored.
 inline constexpr std::size_t kNonFinite = 0, kIgnored = 1;
 
-/// Writes the valid points of the chunk as offsets from the plan's origin, without those that are ignored, and what they show of the cloud's origin. Memory:
-/// kBytesOfChunkPoint a point.
+/// Writes the valid points of the chunk as offsets from the plan's origin, without those that are ignored, and what
+/// they show of the cloud's origin. Memory: kBytesOfChunkPoint a point.
 void ingest(const std::shared_ptr<Source>& source, const InputChunk& chunk, const Plan& plan, const LeafTree& tree,
             unsigned threads, const std::filesystem::path& path, const std::stop_token& stop);
 

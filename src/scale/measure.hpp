@@ -27,8 +27,8 @@ struct Measured {
   std::uint64_t ignored = 0;                         ///< finite points that were left out
 };
 
-/// Measures what the parameters of the plan follow from, as a pipeline does with the whole cloud. `given`: the noise, in
-/// place of what is measured.
+/// Measures what the parameters of the plan follow from, as a pipeline does with the whole cloud. `given`: the noise,
+/// in place of what is measured.
 Measured measure(const StoredCloud& cloud, const Plan& plan, const std::optional<GivenNoise>& given, Backend& backend,
                  const std::stop_token& stop);
 

@@ -383,9 +383,8 @@ void TiledRun::plan(const TiledJob& job, const fs::path& work, unsigned threads)
   });
 }
 
-TiledRun::TiledRun(const fs::path& work, Device device) : TiledRun(with_one_kind_of_error([&] {
-  return std::make_unique<State>(work, single_devices(device));
-})) {}
+TiledRun::TiledRun(const fs::path& work, Device device)
+    : TiledRun(with_one_kind_of_error([&] { return std::make_unique<State>(work, single_devices(device)); })) {}
 TiledRun::TiledRun(std::unique_ptr<State> state) : state_(std::move(state)) {}
 TiledRun TiledRunAccess::make(const fs::path& work, const std::vector<Device>& workers) {
   return TiledRun(std::make_unique<TiledRun::State>(work, workers));

@@ -204,9 +204,8 @@ class CloudInTiles final : public TiledBackend, public Sampling {
 
   // By all threads.
   void copy(std::span<const Point> from, std::span<Point> to) {
-    for_tile_blocks(from.size(), for_each(), [&](std::size_t first, std::size_t last) {
-      std::copy_n(&from[first], last - first, &to[first]);
-    });
+    for_tile_blocks(from.size(), for_each(),
+                    [&](std::size_t first, std::size_t last) { std::copy_n(&from[first], last - first, &to[first]); });
   }
   // Points that no tile has.
   void copy_invalid(std::span<const Point> from, std::span<Point> to) {
