@@ -37,7 +37,7 @@ Limits limits_of(double strength, const OptionalBox& box, const std::optional<Ma
 /// A pipeline that one thread at a time may use: a second one is refused instead of let in.
 class SharedPipeline {
  public:
-  SharedPipeline(const std::string& device, unsigned threads) : arrays_(device_of(device, threads)) {}
+  SharedPipeline(const std::string& device, unsigned threads) : arrays_(parse_device(device, threads)) {}
 
   template <class Work>
   void use(nb::handle progress, std::size_t points, const Work& work) {
@@ -156,8 +156,8 @@ Rows batch(SharedPipeline& self, const std::string& device, const Input<Scalar>&
   const std::size_t always_stoppable = std::size_t(1) << 20;
   self.use(progress, always_stoppable, [&](ArrayPipeline& arrays, const Watch& watch) {
     arrays.forget();
-    denoise_batch<Scalar>(arrays.pipeline(), device_of(device, threads), span_of(coordinates), span_of(offsets), params,
-                          threads, span_of(out), reports, watch);
+    denoise_batch<Scalar>(arrays.pipeline(), parse_device(device, threads), span_of(coordinates), span_of(offsets),
+                          params, threads, span_of(out), reports, watch);
   });
   Rows result;
   for (const Report& report : reports) result.append(as_tuple(report));
@@ -217,8 +217,7 @@ Row as_tuple(const Report& report) {
 
 void bind_pipelines(nb::module_& module) {
   nb::class_<CardArray>(module, "CardArray")
-      .def(nb::init<nb::ndarray<nb::ro>>(), nb::arg("array"),
-           nb::sig("def __init__(self, array: object) -> None"))
+      .def(nb::init<nb::ndarray<nb::ro>>(), nb::arg("array"), nb::sig("def __init__(self, array: object) -> None"))
       .def(nb::init<std::uintptr_t, std::size_t, std::ptrdiff_t, std::ptrdiff_t, bool, int>(), nb::arg("pointer"),
            nb::arg("count"), nb::arg("row_stride"), nb::arg("column_stride"), nb::arg("is_double"), nb::arg("card"));
   nb::class_<SharedPipeline> pipeline(module, "Pipeline");

@@ -18,8 +18,8 @@
 namespace pointfair {
 
 struct Pipeline::State {
-  State(std::unique_ptr<Backend> backend, DeviceInfo its_device, MakeBackend make_worker)
-      : cloud(std::move(backend), std::move(make_worker)), device(std::move(its_device)) {}
+  State(std::unique_ptr<Backend> backend, DeviceInfo its_device, MakeWorkers workers)
+      : cloud(std::move(backend), std::move(workers)), device(std::move(its_device)) {}
 
   void load(std::span<const Point> points);
   void load(const DevicePoints& points, DeviceStream stream);

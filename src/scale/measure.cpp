@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "estimate/automatic.hpp"
+#include "scale/ingest.hpp"
 #include "tiles/halo.hpp"
 
 namespace pointfair::scale {
@@ -139,9 +140,10 @@ class StoredSampling final : public Sampling {
 
 }  // namespace
 
-Measured measure(const StoredCloud& cloud, const Position& origin, const Plan& plan, Backend& backend,
+Measured measure(const StoredCloud& cloud, const Plan& plan, const std::optional<GivenNoise>& given, Backend& backend,
                  const std::stop_token& stop) {
-  Measured measured{origin, cloud.bounds(), {}, {}, {}};
+  Measured measured{plan.origin, cloud.bounds(), {}, {}, {}};
+  measured.ignored = cloud.counts()[kIgnored];
   const WantedEstimates wanted{needs_spacing(plan.params), needs_noise(plan.params)};
   if (!wanted.spacing && !wanted.noise && !sums_within_radius(plan.params)) return measured;
   StoredSampling sampling(cloud, backend, points_in_memory(plan.memory, bytes_of_tile_point(plan.params)));
@@ -150,8 +152,8 @@ Measured measure(const StoredCloud& cloud, const Position& origin, const Plan& p
   const Estimate found = estimate(sampling, sample, wanted, stop);
   if (wanted.spacing) measured.spacing = found.spacing;
   if (wanted.noise) {
-    measured.noise = found.noise;
-    measured.levels = found.levels;
+    measured.noise = given ? of_sigma(found.noise, given->sigma) : found.noise;
+    measured.levels = given ? given->levels : found.levels;
     measured.reach_levels = found.reach_levels;
   }
   return measured;
@@ -175,6 +177,7 @@ struct Fixed {
   Noise noise;
   FixedLevels of_noise, of_reach;
   std::array<double, 3> quantiles{};  // of the levels of the noise
+  std::uint64_t ignored = 0;
 };
 static_assert(std::is_trivially_copyable_v<Fixed>);
 
@@ -194,6 +197,7 @@ NodeLevels read_levels(const StoredFile& file, std::uint64_t at, const FixedLeve
 void save(const Measured& m, const std::filesystem::path& path) {
   Fixed fixed{
       m.origin, m.bounds, m.frame, m.spacing, m.noise, fixed_of(m.levels.get()), fixed_of(m.reach_levels.get())};
+  fixed.ignored = m.ignored;
   if (m.levels) fixed.quantiles = m.levels->quantiles;
   NewFile file(path, sizeof fixed + (fixed.of_noise.count + fixed.of_reach.count) * sizeof(float));
   file.write(&fixed, sizeof fixed);
@@ -207,6 +211,7 @@ Measured load_measured(const std::filesystem::path& path) {
   Fixed fixed;
   file.read(0, &fixed, sizeof fixed);
   Measured m{fixed.origin, fixed.bounds, fixed.frame, fixed.spacing, fixed.noise};
+  m.ignored = fixed.ignored;
   const std::uint64_t at = sizeof fixed;
   if (fixed.of_noise.count > 0)
     m.levels = std::make_shared<NoiseLevels>(NoiseLevels{read_levels(file, at, fixed.of_noise), fixed.quantiles});
