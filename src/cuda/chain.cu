@@ -128,7 +128,7 @@ point::NoiseField Chain::noise_field(const std::shared_ptr<const NoiseLevels>& l
 }
 
 void Chain::measure_levels() {
-  if (!neighbors_.levels) return squared_level_.release();
+  if (!neighbors_.levels && index_.tree().rules == nullptr) return squared_level_.release();
   squared_level_.resize(index_.leaves() * kLeafSize);
   cuda::measure_levels(context_, index_.tree(), noise_field(neighbors_.levels), squared_level_.data());
 }

@@ -202,11 +202,14 @@ Noise of_sigma(Noise noise, double sigma) {
   return noise;
 }
 
+std::size_t noise_queries(const CloudSample& sample) {
+  const auto of_places = std::size_t(std::max<std::uint64_t>(kNoiseSamples, sample.bounds.valid / kPointsOfPlace));
+  return std::min(sample.indices.size(), of_places);
+}
+
 Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wanted, const std::stop_token& stop) {
   const std::span<const std::uint32_t> queries = sample.indices;
-  const std::size_t of_places =
-      std::size_t(std::max<std::uint64_t>(kNoiseSamples, sample.bounds.valid / kPointsOfPlace));
-  const std::size_t noises = wanted.noise ? std::min(queries.size(), of_places) : 0;
+  const std::size_t noises = wanted.noise ? noise_queries(sample) : 0;
   Samples samples = from.take_samples(wanted.spacing ? queries : queries.first(0), queries.first(noises), stop);
   Estimate result{spacing_of(samples.spacing), {}};
   if (!wanted.noise) return result;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -22,6 +23,7 @@ using namespace constants;
 constexpr std::array kCounts{point::kLeastFit, point::kFirstFit, 2 * point::kFirstFit, point::kFirstRow};
 constexpr std::size_t kSizes = kCounts.size();
 using Curve = std::array<double, kSizes>;  // of variances over the sizes of neighbourhoods; NaN: not known
+constexpr std::size_t kAtOnce = 32;               // places that one core takes
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
 // Of a chi-squared variable of `freedom` over that, at kPoolQuantile (Wilson and Hilferty 1931).
@@ -30,6 +32,14 @@ double chance_quantile(double freedom) {
   return std::pow(1 - part + kPoolQuantileNormal * std::sqrt(part), 3);
 }
 double freedom_of(std::size_t size) { return kCounts[size] - point::kCubicTerms; }
+const Curve& chance_quantiles() {
+  static const Curve all = [] {
+    Curve quantiles;
+    for (std::size_t size = 0; size < kSizes; ++size) quantiles[size] = chance_quantile(freedom_of(size));
+    return quantiles;
+  }();
+  return all;
+}
 
 // Neighbourhoods that are not wide against the noise do not show it.
 Curve curve_of(const point::NoiseSample& noise, const point::ResidualSample* residuals) {
@@ -54,119 +64,190 @@ class Pools {
     std::sort(along_x_.begin(), along_x_.end(), [&](std::uint32_t a, std::uint32_t b) {
       return places[a].x != places[b].x ? places[a].x < places[b].x : a < b;
     });
+    for (const std::uint32_t i : along_x_) {
+      x_.push_back(places[i].x);
+      y_.push_back(places[i].y);
+      z_.push_back(places[i].z);
+    }
   }
 
-  // Of the n-th place along x: that place first, into a row of kPool. Equal distances in the order of the places, which
-  // is one of positions.
-  void find(std::size_t n, std::uint32_t* row) const {
-    std::array<std::pair<double, std::uint32_t>, kPool> nearest;
-    nearest.fill({std::numeric_limits<double>::infinity(), 0});
-    const Point& from = places_[along_x_[n]];
-    // false: from here on all are too far
-    const auto takes = [&](std::uint32_t j) {
-      const Point& to = places_[j];
-      const double x = double(from.x) - to.x, y = double(from.y) - to.y, z = double(from.z) - to.z;
-      if (x * x > nearest.back().first) return false;
-      const std::pair<double, std::uint32_t> found{x * x + y * y + z * z, j};
-      if (!(found < nearest.back())) return true;
-      std::size_t place = kPool - 1;
-      for (; place > 0 && found < nearest[place - 1]; --place) nearest[place] = nearest[place - 1];
-      nearest[place] = found;
-      return true;
-    };
-    bool goes_up = true, goes_down = true;
-    takes(along_x_[n]);
-    for (std::size_t step = 1; goes_up || goes_down; ++step) {
-      goes_up = goes_up && n + step < along_x_.size() && takes(along_x_[n + step]);
-      goes_down = goes_down && step <= n && takes(along_x_[n - step]);
+  // Of the n-th places along x from `begin` to before `end`: rows of kPool, each at that place in `rows`, the kSmoothed
+  // nearest first. Equal distances in the order of the places, which is one of positions.
+  void find(std::size_t begin, std::size_t end, std::uint32_t* rows) const {
+    std::vector<Found> found(places_.size());
+    double guess = std::numeric_limits<double>::infinity();  // most rows reach about as far as the one before
+    for (std::size_t n = begin; n < end; ++n) {
+      std::size_t count = collect(n, guess, found);
+      while (count < kPool) count = collect(n, guess *= 4, found);
+      const auto first = found.begin();
+      std::nth_element(first, first + kPool - 1, first + std::ptrdiff_t(count));
+      guess = 1.5 * first[kPool - 1].first;
+      if (!(guess > 0)) guess = std::numeric_limits<double>::infinity();
+      std::nth_element(first, first + kSmoothed, first + kPool);
+      for (std::size_t i = 0; i < kPool; ++i) rows[along_x_[n] * kPool + i] = first[i].second;
     }
-    for (std::size_t i = 0; i < kPool; ++i) row[i] = nearest[i].second;
   }
   std::size_t place(std::size_t n) const { return along_x_[n]; }
 
  private:
+  using Found = std::pair<double, std::uint32_t>;  // squared distance, and whose
+
+  // All within a squared radius; how many.
+  std::size_t collect(std::size_t n, double within, std::vector<Found>& found) const {
+    const double x = x_[n], y = y_[n], z = z_[n];
+    std::size_t count = 0;
+    // false: from here on all are too far
+    const auto offer = [&](std::size_t i) {
+      const double to_x = x - x_[i], to_y = y - y_[i], to_z = z - z_[i], squared_x = to_x * to_x;
+      const double squared = squared_x + to_y * to_y + to_z * to_z;
+      found[count] = {squared, along_x_[i]};
+      count += squared <= within;
+      return squared_x <= within;
+    };
+    std::size_t i = n;
+    while (i < x_.size() && offer(i)) ++i;
+    for (i = n; i > 0 && offer(i - 1);) --i;
+    return count;
+  }
+
   const std::vector<Point>& places_;
   std::vector<std::uint32_t> along_x_;
+  std::vector<double> x_, y_, z_;  // of places along x
 };
 
-// At the place of the pool's first sample.
-Curve pooled(std::span<const std::uint32_t> pool, const std::vector<Curve>& curves) {
-  Curve result;
-  std::vector<double> known;
+// Values by their ranks, where some of few are asked for over and over: the n-th of some is found by a bit for each.
+class Ranked {
+ public:
+  // NaN: not known.
+  explicit Ranked(std::vector<double> values) : values_(std::move(values)), rank_(values_.size(), kNone) {
+    std::vector<std::uint32_t> order;
+    for (std::size_t i = 0; i < values_.size(); ++i)
+      if (!std::isnan(values_[i])) order.push_back(static_cast<std::uint32_t>(i));
+    std::sort(order.begin(), order.end(), [&](auto a, auto b) { return values_[a] < values_[b]; });
+    for (const std::uint32_t i : order) {
+      rank_[i] = static_cast<std::uint32_t>(sorted_.size());
+      sorted_.push_back(values_[i]);
+    }
+  }
+
+  // Of those of `some` that are known, the one with place(how many) before it; NaN if that is kNoPlace.
+  template <class PlaceOf>
+  double among(std::span<const std::uint32_t> some, const PlaceOf& place) const {
+    std::vector<std::uint64_t> bits(sorted_.size() / 64 + 1);
+    std::size_t known = 0;
+    for (const std::uint32_t i : some) {
+      const std::uint32_t rank = rank_[i];
+      if (rank == kNone) continue;
+      bits[rank / 64] |= std::uint64_t(1) << rank % 64;
+      ++known;
+    }
+    std::size_t left = place(known);
+    if (left >= known) return kUnknown;
+    std::size_t word = 0;
+    for (; left >= std::size_t(std::popcount(bits[word])); ++word) left -= std::size_t(std::popcount(bits[word]));
+    std::uint64_t rest = bits[word];
+    for (; left > 0; --left) rest &= rest - 1;
+    return sorted_[word * 64 + std::size_t(std::countr_zero(rest))];
+  }
+  static constexpr std::size_t kNoPlace = ~std::size_t(0);
+
+ private:
+  static constexpr std::uint32_t kNone = ~0u;
+  std::vector<double> values_, sorted_;
+  std::vector<std::uint32_t> rank_;
+};
+
+// Variances of each size of neighbourhood, at all places.
+std::vector<Ranked> ranked(const std::vector<Curve>& curves) {
+  std::vector<Ranked> result;
   for (std::size_t size = 0; size < kSizes; ++size) {
-    known.clear();
-    for (const std::uint32_t i : pool)
-      if (!std::isnan(curves[i][size])) known.push_back(curves[i][size]);
-    result[size] = kUnknown;
-    if (2 * known.size() < pool.size()) continue;
-    const auto place = known.begin() + std::ptrdiff_t(std::lround(kPoolQuantile * double(known.size() - 1)));
-    std::nth_element(known.begin(), place, known.end());
-    result[size] = *place / chance_quantile(freedom_of(size));
+    std::vector<double> values;
+    for (const Curve& curve : curves) values.push_back(curve[size]);
+    result.emplace_back(std::move(values));
   }
   return result;
 }
 
-// Of log(noise + shape) over the sizes, less log(noise): shape grows as a power of the size.
-std::vector<Curve> models() {
-  std::vector<Curve> rows;
-  for (const double power : kShapePowers)
-    for (int step = kLeastShape; step <= kMostShape; ++step) {
-      Curve row;
-      for (std::size_t size = 0; size < kSizes; ++size)
-        row[size] = std::log1p(std::pow(10.0, step / 2.0) * std::pow(kCounts[size] / 16.0, power));
-      rows.push_back(row);
+// At the place of the pool's first sample.
+Curve pooled(std::span<const std::uint32_t> pool, const std::vector<Ranked>& of_sizes) {
+  Curve result;
+  for (std::size_t size = 0; size < kSizes; ++size) {
+    const double value = of_sizes[size].among(pool, [&](std::size_t known) {
+      return 2 * known < pool.size() ? Ranked::kNoPlace : std::size_t(std::lround(kPoolQuantile * double(known - 1)));
+    });
+    result[size] = value / chance_quantiles()[size];
+  }
+  return result;
+}
+
+// Of log(noise + shape) over the sizes, less log(noise): shape grows as a power of the size. An array a size.
+constexpr std::size_t kSteps = kMostShape - kLeastShape + 1, kModels = kShapePowers.size() * kSteps;
+using Models = std::array<std::array<double, kModels>, kSizes>;
+
+const Models& models() {
+  static const Models all = [] {
+    Models rows;
+    for (std::size_t n = 0; n < kModels; ++n)
+      for (std::size_t size = 0; size < kSizes; ++size) {
+        const int step = kLeastShape + int(n % kSteps);
+        rows[size][n] =
+            std::log1p(std::pow(10.0, step / 2.0) * std::pow(kCounts[size] / 16.0, kShapePowers[n / kSteps]));
+      }
+    return rows;
+  }();
+  return all;
+}
+
+// Of a variance over so many points among those of all sizes.
+const Curve& size_weights() {
+  static const Curve all = [] {
+    Curve weights;
+    for (std::size_t size = 0; size < kSizes; ++size) {
+      const double chance = 2 / (freedom_of(size) * double(kPool) / 2);
+      weights[size] = std::sqrt(16.0 / kCounts[size]) / (chance + kFitError * kFitError);
     }
-  return rows;
+    return weights;
+  }();
+  return all;
 }
 
 // The posterior mean of the standard deviation of the noise, over all models alike; the best noise of each is that of
 // weighted least squares of logarithms.
-double noise_of(const Curve& curve, const std::vector<Curve>& rows, double typical) {
+double noise_of(const Curve& curve, double typical) {
   Curve weight{}, logs{};
   double all = 0;
   int known = 0;
   for (std::size_t size = 0; size < kSizes; ++size) {
     if (!(curve[size] > 0)) continue;
-    const double chance = 2 / (freedom_of(size) * double(kPool) / 2);
-    weight[size] = std::sqrt(16.0 / kCounts[size]) / (chance + kFitError * kFitError);
+    weight[size] = size_weights()[size];
     logs[size] = std::log(curve[size]);
     all += weight[size];
     ++known;
   }
+  if (known < 2) return kUnknown;  // nothing tells shape from noise
   const double prior = 1 / (4 * kSpread * kSpread), log_typical = 2 * std::log(typical);
   all += prior;
-  if (known < 2) return kUnknown;               // nothing tells shape from noise
-  std::vector<std::pair<double, double>> fits;  // minus twice the log likelihood, and log noise
-  fits.reserve(rows.size());
-  double best = std::numeric_limits<double>::infinity();
-  for (const Curve& row : rows) {
+  const Models& rows = models();
+  std::array<double, kModels> misfit, log_noise;  // minus twice the log likelihood
+  for (std::size_t n = 0; n < kModels; ++n) {
     double first = prior * log_typical, second = prior * log_typical * log_typical;
     for (std::size_t size = 0; size < kSizes; ++size) {
-      first += weight[size] * (logs[size] - row[size]);
-      second += weight[size] * (logs[size] - row[size]) * (logs[size] - row[size]);
+      const double part = logs[size] - rows[size][n];
+      first += weight[size] * part;
+      second += weight[size] * part * part;
     }
-    fits.emplace_back(second - first * first / all, first / all);
-    best = std::min(best, fits.back().first);
+    misfit[n] = second - first * first / all;
+    log_noise[n] = first / all;
   }
+  const double best = *std::min_element(misfit.begin(), misfit.end());
   double sum = 0, likelihood = 0;
-  for (const auto& [misfit, log_noise] : fits) {
-    if (misfit - best > kUnlikely) continue;
-    const double its = std::exp(-0.5 * (misfit - best));
-    sum += its * std::exp(0.5 * log_noise);
+  for (std::size_t n = 0; n < kModels; ++n) {
+    if (misfit[n] - best > kUnlikely) continue;
+    const double its = std::exp(-0.5 * (misfit[n] - best));
+    sum += its * std::exp(0.5 * log_noise[n]);
     likelihood += its;
   }
   return sum / likelihood;
-}
-
-// Of the noise at those places of a pool where it is known, or `otherwise`.
-double median_known(std::span<const std::uint32_t> pool, const std::vector<double>& noise, double otherwise) {
-  std::vector<double> known;
-  for (const std::uint32_t i : pool)
-    if (!std::isnan(noise[i])) known.push_back(noise[i]);
-  if (known.empty()) return otherwise;
-  const auto middle = known.begin() + std::ptrdiff_t(known.size() / 2);
-  std::nth_element(known.begin(), middle, known.end());
-  return *middle;
 }
 
 // Logarithms of levels, as far as they differ from 0 by more than chance makes them.
@@ -189,17 +270,23 @@ std::shared_ptr<const NoiseLevels> noise_levels(const LocalSamples& samples, dou
     curves.push_back(curve_of(samples.noise[i], samples.residuals.empty() ? nullptr : &samples.residuals[i]));
   }
   if (!(typical > 0) || places.size() < kFewestSamples) return nullptr;
-  const std::vector<Curve> rows = models();
   std::vector<std::uint32_t> pools(places.size() * kPool);
   std::vector<double> noise(places.size()), log_levels(places.size());
   const Pools nearest(places);
-  for_each(places.size(), [&](std::size_t n) {
-    const std::size_t i = nearest.place(n);
-    nearest.find(n, &pools[i * kPool]);
-    noise[i] = noise_of(pooled(std::span(pools).subspan(i * kPool, kPool), curves), rows, typical);
+  const std::vector<Ranked> of_sizes = ranked(curves);
+  for_each((places.size() + kAtOnce - 1) / kAtOnce, [&](std::size_t block) {
+    const std::size_t begin = block * kAtOnce, end = std::min(places.size(), begin + kAtOnce);
+    nearest.find(begin, end, pools.data());
+    for (std::size_t n = begin; n < end; ++n) {
+      const std::size_t i = nearest.place(n);
+      noise[i] = noise_of(pooled(std::span(pools).subspan(i * kPool, kPool), of_sizes), typical);
+    }
   });
+  const Ranked noises(std::move(noise));
   for_each(places.size(), [&](std::size_t i) {
-    const double median = median_known(std::span(pools).subspan(i * kPool, kSmoothed), noise, typical);
+    const double middle = noises.among(std::span(pools).subspan(i * kPool, kSmoothed),
+                                       [](std::size_t known) { return known / 2; });
+    const double median = std::isnan(middle) ? typical : middle;
     log_levels[i] = std::log(std::clamp(median / typical, 1 / kLargestLevel, kLargestLevel));
   });
   shrink(log_levels);

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "estimate/automatic.hpp"
+#include "pipeline/many_estimates.hpp"
 #include "pipeline/run_state.hpp"
 #include "seam/device_memory.hpp"
 
@@ -22,6 +23,8 @@ void check_clouds(std::span<const std::uint64_t> offsets, std::size_t points, st
     throw Error(ErrorKind::usage,
                 "the output holds " + std::to_string(room) + " points, the clouds " + std::to_string(points));
 }
+
+constexpr std::size_t kMeasuredAtOnce = 256;  // clouds; samples and levels of noise take 3 MB of each
 
 // Where clouds end, from the first of `offsets` on.
 std::vector<std::uint32_t> ends_of(std::span<const std::uint64_t> offsets) {
@@ -41,6 +44,12 @@ void copy(Sampling& by, std::span<const Point> from, std::span<Point> to) {
   });
 }
 
+// Whether lists are found and all lengths are given.
+bool is_alike(const Params& params) {
+  return !sums_within_radius(params) && !params.constraint && !needs_spacing(params) && !needs_noise(params) &&
+         !needs_diagonal(params);
+}
+
 template <class Memory>
 PointsOnCard<Memory> part_of(const PointsOnCard<Memory>& points, std::size_t begin, std::size_t count) {
   using Byte = std::conditional_t<std::is_const_v<Memory>, const std::byte, std::byte>;
@@ -53,17 +62,18 @@ PointsOnCard<Memory> part_of(const PointsOnCard<Memory>& points, std::size_t beg
 
 }  // namespace
 
-// Lists of every point serve clouds of any scale; what is estimated differs from cloud to cloud.
+// With lists kernels take one rule for all clouds, so nothing may be estimated of each; within a radius every cloud has
+// its own.
 bool Pipeline::State::runs_together(const Params& params) {
   return cloud.backend().many_clouds() != nullptr && params.method == Method::bilateral &&
-         !sums_within_radius(params) && !params.constraint && !needs_spacing(params) && !needs_noise(params) &&
-         !needs_diagonal(params);
+         (may_differ(params) || is_alike(params));
 }
 
 // As many at once as one upload takes. Afterwards the pipeline is empty.
 void Pipeline::State::run_groups(std::span<const std::uint64_t> offsets, const Groups& groups) {
   const ManyClouds* const many = cloud.backend().many_clouds();
-  const ManyClouds::Room room = many != nullptr ? many->room() : ManyClouds::Room{};
+  ManyClouds::Room room = many != nullptr ? many->room() : ManyClouds::Room{};
+  room.clouds = std::min(room.clouds, groups.at_once);
   const std::size_t all = offsets.size() - 1;
   for (std::size_t first = 0; first < all;) {
     std::size_t largest = 0, end = first;
@@ -80,6 +90,11 @@ void Pipeline::State::run_groups(std::span<const std::uint64_t> offsets, const G
     first = end;
   }
   load({});
+}
+
+std::span<Point> Pipeline::State::stage(std::size_t points) {
+  if (staged_.points().size() < points) staged_ = cloud.backend().host_buffer(points);
+  return staged_.points().first(points);
 }
 
 void Pipeline::State::run_stages_of_all(const Params& used, const std::stop_token& stop) {
@@ -99,9 +114,10 @@ void Pipeline::State::run_many(std::span<const Point> points, std::span<const st
   check_params(params);
   check_clouds(offsets, points.size(), out.size());
   load({});
-  const bool at_once = runs_together(params);
-  const Params used = at_once ? resolve_params(params, {}, {}, 0) : params;
+  const bool at_once = runs_together(params), alike = is_alike(params);
+  const Params used = at_once && alike ? resolve_params(params, {}, {}, 0) : params;
   Groups groups;
+  if (!alike) groups.at_once = kMeasuredAtOnce;
   groups.may_join = [&](std::size_t) { return at_once; };
   groups.run_alone = [&](std::size_t one) {
     const std::size_t begin = offsets[one], size = offsets[one + 1] - begin;
@@ -110,16 +126,28 @@ void Pipeline::State::run_many(std::span<const Point> points, std::span<const st
   };
   groups.run_together = [&](std::size_t first, std::size_t clouds) {
     Backend& backend = cloud.backend();
+    ManyClouds& many = *backend.many_clouds();
     const auto its = offsets.subspan(first, clouds + 1);
     const std::size_t begin = its.front(), size = its.back() - begin;
-    if (staged_.points().size() < size) staged_ = backend.host_buffer(size);
-    const std::span<Point> staged = staged_.points().first(size);
+    const std::vector<std::uint32_t> ends = ends_of(its);
+    const std::span<Point> staged = stage(size);
     copy(backend.sampling(), points.subspan(begin, size), staged);
-    backend.many_clouds()->upload(staged, ends_of(its));
-    run_stages_of_all(used, stop);
-    backend.download(used.iterations - 1, staged, settings_of(used, {}).limits, {});
+    many.upload(staged, ends);
+    std::vector<std::uint32_t> alone;
+    if (alike) {
+      run_stages_of_all(used, stop);
+      backend.download(used.iterations - 1, staged, settings_of(used, {}).limits, {});
+    } else {
+      alone = run_by_estimates(backend, staged, ends, params, stop);
+      many.download(staged);
+    }
     backend.take_costs();
     copy(backend.sampling(), staged, out.subspan(begin, size));
+    for (const std::uint32_t one : alone) {
+      const std::span<Point> place = out.subspan(its[one], its[one + 1] - its[one]);
+      load(place);
+      run(params, place, stop, {});
+    }
   };
   run_groups(offsets, groups);
 }
@@ -130,11 +158,12 @@ void Pipeline::State::run_many(const DevicePoints& points, DeviceStream stream, 
   check_clouds(offsets, points.count, out.count);
   device_memory();  // throws where there is none
   load({});
-  const bool at_once = runs_together(params);
-  const Params used = at_once ? resolve_params(params, {}, {}, 0) : params;
+  const bool at_once = runs_together(params), alike = is_alike(params);
+  const Params used = at_once && alike ? resolve_params(params, {}, {}, 0) : params;
   std::vector<std::uint8_t> joins(offsets.size() - 1);
   if (at_once) joins = cloud.backend().many_clouds()->surely_have_no_origin(points, stream, ends_of(offsets));
   Groups groups;
+  if (!alike) groups.at_once = kMeasuredAtOnce;
   groups.may_join = [&](std::size_t one) { return joins[one] != 0; };
   groups.run_alone = [&](std::size_t one) {
     const std::size_t begin = offsets[one], size = offsets[one + 1] - begin;
@@ -142,12 +171,30 @@ void Pipeline::State::run_many(const DevicePoints& points, DeviceStream stream, 
     run(params, part_of(out, begin, size), stream, stop, {});
   };
   groups.run_together = [&](std::size_t first, std::size_t clouds) {
+    Backend& backend = cloud.backend();
+    ManyClouds& many = *backend.many_clouds();
     const auto its = offsets.subspan(first, clouds + 1);
     const std::size_t begin = its.front(), size = its.back() - begin;
-    cloud.backend().many_clouds()->upload(part_of(points, begin, size), stream, ends_of(its));
-    run_stages_of_all(used, stop);
-    device_memory().download(used.iterations - 1, part_of(out, begin, size), stream, settings_of(used, {}).limits, {});
-    cloud.backend().take_costs();
+    const std::vector<std::uint32_t> ends = ends_of(its);
+    const DevicePoints from = part_of(points, begin, size);
+    const DeviceOutput to = part_of(out, begin, size);
+    many.upload(from, stream, ends);
+    if (alike) {
+      run_stages_of_all(used, stop);
+      device_memory().download(used.iterations - 1, to, stream, settings_of(used, {}).limits, {});
+      backend.take_costs();
+      return;
+    }
+    const std::span<Point> staged = stage(size);
+    backend.download_input(staged);
+    const std::vector<std::uint32_t> alone = run_by_estimates(backend, staged, ends, params, stop);
+    many.download(to, stream);
+    backend.take_costs();
+    for (const std::uint32_t one : alone) {
+      const DeviceOutput place = part_of(out, its[one], its[one + 1] - its[one]);
+      load({place.data, place.count, place.row_stride, place.column_stride, place.type, place.card}, stream);
+      run(params, place, stream, stop, {});
+    }
   };
   run_groups(offsets, groups);
 }

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <optional>
 #include <span>
 #include <stop_token>
@@ -63,12 +64,14 @@ struct Pipeline::State {
                   const ProgressFunction& progress);
   // Clouds from `first` on that are computed together, and one that is computed alone.
   struct Groups {
+    std::size_t at_once = std::numeric_limits<std::size_t>::max();  // clouds
     std::function<bool(std::size_t cloud)> may_join;
     std::function<void(std::size_t first, std::size_t clouds)> run_together;
     std::function<void(std::size_t cloud)> run_alone;
   };
   void run_groups(std::span<const std::uint64_t> offsets, const Groups& groups);
   void run_stages_of_all(const Params& used, const std::stop_token& stop);
+  std::span<Point> stage(std::size_t points);  // room in memory that the device copies fast
   int shown(std::size_t room) const;
   DeviceMemory& device_memory();
   void attempt(const std::function<void()>& work);

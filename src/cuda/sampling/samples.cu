@@ -45,6 +45,7 @@ struct WarpTeam {
   };
 };
 
+constexpr std::size_t kHead = point::kHeadRow;  // points
 constexpr std::size_t kSpacingRow = point::kSpacingNeighbors + 1, kFirstRow = point::kFirstRow + 1,
                       kLastRow = point::kLastRow + 1;  // points
 // Of each row: one a round, and after those of a first row two more, for its residuals.
@@ -110,7 +111,93 @@ __global__ void __launch_bounds__(kBlock)
                                          [its](int round) { return its[round - point::kFirstRounds]; });
 }
 
+// A warp to each sample, which looks at no more than it needs: where there are many samples.
+__global__ void __launch_bounds__(kWarp)
+    look_at_samples(const Point* rows, point::NoiseSample* noise, point::ResidualSample* residuals, Point* heads) {
+  __shared__ point::FitSpace<point::kFirstRow> space;
+  begin_kernel();
+  const std::size_t n = blockIdx.x;
+  const Point* const row = rows + n * kFirstRow;
+  if (lane_number() < kHead) heads[n * kHead + lane_number()] = row[lane_number()];
+  const int there = point::take_row(WarpTeam{}, space, row, point::kFirstRow);
+  point::GrowingNeighborhood<WarpTeam, point::kFirstRow> neighborhood(WarpTeam{}, space);
+  const auto look = [&](int points, bool always) { return point::look_at(neighborhood, there, points, always); };
+  constexpr int kLast = point::kFirstRounds - 1;
+  point::Look rounds[point::kFirstRounds], wide;
+  bool looked_wide = false, suffices = false;
+  const point::Look least = look(point::kLeastFit, true);
+#pragma unroll 1
+  for (int round = 0; round < kLast; ++round) {
+    const int points = point::points_of(round);
+    if (!looked_wide && points > 2 * point::kFirstFit) {
+      wide = look(2 * point::kFirstFit, true);
+      looked_wide = true;
+    }
+    if (suffices) continue;
+    rounds[round] = look(points, round == 0);
+    suffices = rounds[round].is_wide || rounds[round].is_last;
+  }
+  rounds[kLast] = look(point::points_of(kLast), true);
+  if (lane_number() != 0) return;
+  noise[n] = point::noise_sample(0, point::kFirstRounds, [&rounds](int round) { return rounds[round]; });
+  residuals[n] = point::residual_sample(least, rounds[0], wide, rounds[kLast]);
+}
+
+__global__ void __launch_bounds__(kBlock)
+    find_spacings(const Point* rows, std::size_t count, point::SpacingSample* samples) {
+  begin_kernel();
+  const std::size_t n = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
+  if (n < count) samples[n] = point::spacing_sample(rows + n * kSpacingRow);
+}
+
+__global__ void __launch_bounds__(kBlock)
+    conclude_longer(std::size_t count, const point::Look* looks, point::NoiseSample* noise) {
+  begin_kernel();
+  const std::size_t n = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
+  if (n >= count) return;
+  const point::Look* const its = looks + n * kLastLooks;
+  noise[n] = point::noise_sample(point::kFirstRounds, point::kRounds,
+                                 [its](int round) { return its[round - point::kFirstRounds]; });
+}
+
+template <class Kernel, class... Arguments>
+void start(Context& context, Kernel kernel, std::size_t blocks, int threads, Arguments... arguments) {
+  if (blocks > 0) launch_early(context, "taking samples", kernel, unsigned(blocks), unsigned(threads), arguments...);
+}
+
 }  // namespace
+
+void take_samples(Context& context, const Tree& tree, const Point* points, const ManyQueries& queries,
+                  const ManySamples& samples) {
+  DeviceArray<Point> spacing_rows(context), rows(context);
+  spacing_rows.resize(queries.for_spacing * kSpacingRow);
+  rows.resize(queries.for_noise * kFirstRow);
+  RowRequest few{queries.spacing, queries.for_spacing, point::kSpacingNeighbors, spacing_rows.data()},
+      many{queries.noise, queries.for_noise, point::kFirstRow, rows.data()};
+  few.clouds = queries.clouds_of_spacing;
+  many.clouds = queries.clouds_of_noise;
+  find_rows(context, tree, points, few, many);
+  start(context, find_spacings, queries.for_spacing > 0 ? blocks_for(queries.for_spacing, kBlock) : 0, kBlock,
+        static_cast<const Point*>(spacing_rows.data()), queries.for_spacing, samples.spacing);
+  start(context, look_at_samples, queries.for_noise, kWarp, static_cast<const Point*>(rows.data()), samples.noise,
+        samples.residuals, samples.heads);
+}
+
+void look_farther(Context& context, const Tree& tree, const Point* points, const Index* queries, const Index* clouds,
+                  std::size_t count, point::NoiseSample* noise) {
+  if (count == 0) return;
+  DeviceArray<Point> rows(context);
+  DeviceArray<point::Look> looks(context);
+  rows.resize(count * kLastRow);
+  looks.resize(count * kLastLooks);
+  RowRequest request{queries, count, point::kLastRow, rows.data()};
+  request.clouds = clouds;
+  find_rows(context, tree, points, {}, request);
+  start(context, look_at_last_rows, count * kLastLooks, kWarp, static_cast<const Point*>(rows.data()), queries,
+        looks.data());
+  start(context, conclude_longer, blocks_for(count, kBlock), kBlock, count,
+        static_cast<const point::Look*>(looks.data()), noise);
+}
 
 void take_samples(Context& context, const Tree& tree, const Point* points, const SampleArrays& samples) {
   const std::size_t spacings = samples.for_spacing, noises = samples.for_noise;
@@ -123,19 +210,16 @@ void take_samples(Context& context, const Tree& tree, const Point* points, const
   first_looks.resize(noises * kFirstLooks);
   last_looks.resize(noises * kLastLooks);
   again.resize(noises);
-  const auto start = [&context](auto kernel, std::size_t blocks, int threads, auto... arguments) {
-    if (blocks > 0) launch_early(context, "taking samples", kernel, unsigned(blocks), unsigned(threads), arguments...);
-  };
   find_rows(context, tree, points, {samples.queries, spacings, point::kSpacingNeighbors, spacing_rows.data()},
             {samples.queries + spacings, noises, point::kFirstRow, first_rows.data()});
-  start(look_at_first_rows, noises * kFirstLooks + (spacings + kWarp - 1) / kWarp, kWarp, samples, spacing_rows.data(),
+  start(context, look_at_first_rows, noises * kFirstLooks + (spacings + kWarp - 1) / kWarp, kWarp, samples, spacing_rows.data(),
         first_rows.data(), first_looks.data());
   if (noises == 0) return;
-  start(conclude_first, blocks_for(noises, kBlock), kBlock, samples, first_looks.data(), again.data());
+  start(context, conclude_first, blocks_for(noises, kBlock), kBlock, samples, first_looks.data(), again.data());
   find_rows(context, tree, points, {},
             {again.data(), noises, point::kLastRow, last_rows.data(), first_rows.data(), point::kFirstRow});
-  start(look_at_last_rows, noises * kLastLooks, kWarp, last_rows.data(), again.data(), last_looks.data());
-  start(conclude_last, blocks_for(noises, kBlock), kBlock, samples, again.data(), last_looks.data());
+  start(context, look_at_last_rows, noises * kLastLooks, kWarp, last_rows.data(), again.data(), last_looks.data());
+  start(context, conclude_last, blocks_for(noises, kBlock), kBlock, samples, again.data(), last_looks.data());
 }
 
 }  // namespace pointfair::cuda

@@ -14,21 +14,23 @@ __global__ void __launch_bounds__(kBlock)
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   const Vec here = position_of(tree.points[at]);
+  const point::Radii its = radii_of(tree.rules_over(static_cast<Index>(at / kLeafSize)), radii);
   float farthest = 0;
-  for (int i = nearest.k - 1; i >= 0; --i) {
+  for (int i = its.min_neighbors - 1; i >= 0; --i) {
     const Index neighbor = nearest.of(at)[i * kWarp];
     if (neighbor == point::kNoNeighbor) continue;
     farthest = point::squared_length(position_of(tree.points[neighbor]) - here);
     break;
   }
-  squared_radius[at] = farthest + squared_level_at(radii.squared_level, at) * radii.squared_base;
+  squared_radius[at] = farthest + squared_level_at(its.squared_level, at) * its.squared_base;
 }
 
 __global__ void __launch_bounds__(kBlock)
     levels(const __grid_constant__ Tree tree, point::NoiseField field, float* squared_level) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
-  const float level = point::noise_level(field, position_of(tree.points[at]));
+  const CloudRules* const rules = tree.rules_over(static_cast<Index>(at / kLeafSize));
+  const float level = point::noise_level(rules == nullptr ? field : rules->field, position_of(tree.points[at]));
   squared_level[at] = level * level;
 }
 
@@ -41,6 +43,7 @@ __global__ void __launch_bounds__(kBlock)
   __shared__ typename Neighbors::Shared shared[kWarps];
   const bool valid = tree.holds(at);
   const Neighbors neighbors(tree, surroundings, Index(at), valid, shared[threadIdx.x / kWarp]);
+  if (const CloudRules* const its = tree.rules_over(Index(at / kLeafSize)); its != nullptr) rule = its->normal;
   const auto normal = point::normal_of(neighbors, point::weights_of(rule, neighbors.squared_radius()));
   normals.set(at, valid ? normal.unit : Vec{});
   count_unmoved(state, valid, normal);
@@ -54,6 +57,11 @@ __global__ void __launch_bounds__(kBlock)
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   __shared__ typename Neighbors::Shared shared[kWarps];
   const Neighbors neighbors(tree, surroundings, Index(at), tree.holds(at), shared[threadIdx.x / kWarp]);
+  if (const CloudRules* const its = tree.rules_over(Index(at / kLeafSize)); its != nullptr) {
+    rule = its->normal;
+    inverse_turn = its->inverse_turn;
+    growth.most = its->most_growth;
+  }
   const auto filtered =
       point::filtered_normal_of<kGrows>(neighbors, rule, inverse_turn, from.at(at), from, growth.most);
   if constexpr (kGrows) growth.squared_growth[at] = filtered.squared_growth;
@@ -62,10 +70,24 @@ __global__ void __launch_bounds__(kBlock)
 
 enum class Leaves { all, grown, others };  // where the radius of a point grows, and where none does
 
-template <class Neighbors, bool kSeeksOutliers, bool kShares>
+// What fairing reads of a point's cloud.
+struct OfAll {
+  point::FairingRule rule;
+  __device__ __forceinline__ const point::FairingRule& of(const Tree&, Index) const { return rule; }
+};
+struct OfItsCloud {
+  float noise_left;  // of this iteration
+  __device__ __forceinline__ point::FairingRule of(const Tree& tree, Index leaf) const {
+    point::FairingRule rule = tree.rules_over(leaf)->fairing;
+    rule.noise_left = noise_left;
+    return rule;
+  }
+};
+
+template <class Neighbors, bool kSeeksOutliers, bool kShares, class Rules>
 __global__ void __launch_bounds__(kBlock)
     wide_fairing(const __grid_constant__ Tree tree, const __grid_constant__ Surroundings surroundings, Leaves leaves,
-                 Normals normals, AreaWeights areas, point::FairingRule rule, const float* squared_level,
+                 Normals normals, AreaWeights areas, const Rules rules, const float* squared_level,
                  FairedPoints faired) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
@@ -77,6 +99,7 @@ __global__ void __launch_bounds__(kBlock)
   }
   const Neighbors neighbors(tree, surroundings, Index(at), valid, shared[threadIdx.x / kWarp]);
   const float4 p = tree.points[at];
+  const auto& rule = rules.of(tree, Index(at / kLeafSize));
   const Vec moved = point::faired_point<kSeeksOutliers, kShares>(neighbors, rule, squared_level_at(squared_level, at),
                                                                  position_of(p), normals.at(at), normals, areas,
                                                                  Scalars{surroundings.radii.squared_radius});
@@ -94,6 +117,30 @@ __global__ void __launch_bounds__(kBlock)
   const auto survey = point::survey_of(neighbors, values[at], Scalars{values});
   counts[at] = survey.count;
   least[at] = survey.least;
+}
+
+template <class Rules>
+void launch_fairing(Context& context, const Tree& tree, const Surroundings& surroundings, Normals normals,
+                    AreaWeights areas, const point::FairingRule& rule, const Rules& rules, const float* squared_level,
+                    const FairedPoints& faired) {
+  const auto launch = [&]<class Neighbors>(By<Neighbors>, Leaves leaves) {
+    const bool shares = rule.noise_variance > 0;
+    const auto fair_points =
+        rule.squared_outlier_distance > 0
+            ? (shares ? wide_fairing<Neighbors, true, true, Rules> : wide_fairing<Neighbors, true, false, Rules>)
+            : (shares ? wide_fairing<Neighbors, false, true, Rules> : wide_fairing<Neighbors, false, false, Rules>);
+    fair_points<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, surroundings, leaves, normals,
+                                                                                  areas, rules, squared_level, faired);
+  };
+  if (surroundings.collected.parts != nullptr && surroundings.radii.squared_growth != nullptr) {
+    launch(By<CollectedRadius>{}, Leaves::others);
+    launch(By<WalkedRadius>{}, Leaves::grown);
+  } else if constexpr (std::is_same_v<Rules, OfItsCloud>) {
+    for_radius(surroundings, [&](auto way) { launch(way, Leaves::all); });
+  } else {
+    for_way(surroundings, [&](auto way) { launch(way, Leaves::all); });
+  }
+  check(cudaGetLastError(), "fairing");
 }
 
 }  // namespace
@@ -139,22 +186,12 @@ void filter_normals(Context& context, const Tree& tree, Surroundings surrounding
 
 void fair_widely(Context& context, const Tree& tree, Surroundings surroundings, Normals normals, AreaWeights areas,
                  const point::FairingRule& rule, const float* squared_level, FairedPoints faired) {
-  const auto launch = [&]<class Neighbors>(By<Neighbors>, Leaves leaves) {
-    const bool shares = rule.noise_variance > 0;
-    const auto fair_points =
-        rule.squared_outlier_distance > 0
-            ? (shares ? wide_fairing<Neighbors, true, true> : wide_fairing<Neighbors, true, false>)
-            : (shares ? wide_fairing<Neighbors, false, true> : wide_fairing<Neighbors, false, false>);
-    fair_points<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, surroundings, leaves, normals,
-                                                                                  areas, rule, squared_level, faired);
-  };
-  if (surroundings.collected.parts != nullptr && surroundings.radii.squared_growth != nullptr) {
-    launch(By<CollectedRadius>{}, Leaves::others);
-    launch(By<WalkedRadius>{}, Leaves::grown);
+  if (tree.rules != nullptr) {
+    launch_fairing(context, tree, surroundings, normals, areas, rule, OfItsCloud{rule.noise_left}, squared_level,
+                   faired);
   } else {
-    for_way(surroundings, [&](auto way) { launch(way, Leaves::all); });
+    launch_fairing(context, tree, surroundings, normals, areas, rule, OfAll{rule}, squared_level, faired);
   }
-  check(cudaGetLastError(), "fairing");
   bring_into_order(context, faired);
 }
 
