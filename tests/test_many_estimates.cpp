@@ -2,6 +2,7 @@
 // Many clouds with estimates of each, over a device that computes them one by one, against a run of each.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstring>
 
 #include "forwarding_backend.h"
@@ -49,7 +50,9 @@ class OneByOne final : public ForwardingBackend, public ManyClouds {
       residuals_.insert(residuals_.end(), residuals.begin(), residuals.end());
       heads_.insert(heads_.end(), heads.begin(), heads.end());
     }
-    return {spacing_, noise_, residuals_, heads_};
+    pools_.clear();
+    if (++times_sampled_ % 2 == 0) pool(for_noise);
+    return {spacing_, noise_, residuals_, heads_, pools_};
   }
   void run(std::span<const std::uint32_t> clouds, std::span<const OfCloud> settings, int iterations,
            std::stop_token stop) override {
@@ -91,6 +94,30 @@ class OneByOne final : public ForwardingBackend, public ManyClouds {
     return its;
   }
 
+  // By looking at all of a cloud's samples.
+  void pool(const Queries& queries) {
+    pools_.resize(queries.points.size() * point::kPool);
+    for (std::size_t first = 0, end = 0; first < queries.points.size(); first = end) {
+      for (end = first; end < queries.points.size() && queries.clouds[end] == queries.clouds[first];) ++end;
+      for (std::size_t i = first; i < end; ++i) {
+        std::vector<std::pair<double, std::uint32_t>> others;
+        for (std::size_t j = first; j < end && noise_[i].shows_noise; ++j)
+          if (noise_[j].shows_noise)
+            others.emplace_back(squared_distance(points_[queries.points[i]], points_[queries.points[j]]),
+                                static_cast<std::uint32_t>(j - first));
+        std::sort(others.begin(), others.end());
+        for (std::size_t n = 0; n < std::min<std::size_t>(others.size(), point::kPool); ++n)
+          pools_[i * point::kPool + n] = others[n].second;
+      }
+    }
+  }
+  static double squared_distance(const Point& a, const Point& b) {
+    const double x = double(a.x) - b.x, y = double(a.y) - b.y, z = double(a.z) - b.z;
+    return x * x + y * y + z * z;
+  }
+
+  int times_sampled_ = 0;
+  std::vector<std::uint32_t> pools_;
   std::vector<Point> points_, moved_, heads_;
   std::vector<std::uint32_t> ends_;
   std::vector<point::SpacingSample> spacing_;

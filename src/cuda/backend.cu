@@ -112,18 +112,9 @@ class CudaBackend final : public Backend,
   Taken take_samples(const Queries& for_spacing, const Queries& for_noise, std::stop_token stop) override {
     if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
     context_.enter();
-    const std::size_t spacings = for_spacing.points.size(), noises = for_noise.points.size();
-    spacing_samples_.resize(spacings);
-    noise_samples_.resize(noises);
-    residual_samples_.resize(noises);
-    heads_.resize(noises * point::kHeadRow);
-    many_samples_.take(first_.sampled_tree(), first_.input(), for_spacing, for_noise,
-                       {spacing_samples_.get(), noise_samples_.get(), residual_samples_.get(), heads_.get()}, stop);
+    const Taken taken = many_samples_.take(first_.sampled_tree(), first_.input(), clouds_.size(), for_spacing, for_noise, stop);
     clock_.pause();
-    return {{spacing_samples_.get(), spacings},
-            {noise_samples_.get(), noises},
-            {residual_samples_.get(), noises},
-            {heads_.get(), noises * point::kHeadRow}};
+    return taken;
   }
   void run(std::span<const Index> clouds, std::span<const OfCloud> settings, int iterations,
            std::stop_token stop) override {
@@ -500,7 +491,6 @@ class CudaBackend final : public Backend,
   std::optional<Forest> forest_;        // of all of them, or of some
   Grove grove_{context_};
   ManySampler many_samples_{context_};
-  Pinned<Point> heads_;
   DeviceArray<Point> settled_{context_};  // of many clouds
   DeviceArray<Point> input_{context_};  // of iterations from the third on
   Leaving leaving_{context_};

@@ -229,7 +229,8 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
   if (result.noise.sigma < kBeyondResiduals * result.noise.surface_spacing) all_residuals();
   result.levels = noise_levels(
       {std::span(sample.points).first(noises), samples.noise,
-       residuals ? std::span<const point::ResidualSample>(*residuals) : std::span<const point::ResidualSample>()},
+       residuals ? std::span<const point::ResidualSample>(*residuals) : std::span<const point::ResidualSample>(),
+       samples.pools},
       result.noise.sigma,
       [&from](std::size_t count, const std::function<void(std::size_t)>& body) { from.for_each_on_host(count, body); });
   return result;

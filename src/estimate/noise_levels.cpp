@@ -87,8 +87,6 @@ class Pools {
       for (std::size_t i = 0; i < kPool; ++i) rows[along_x_[n] * kPool + i] = first[i].second;
     }
   }
-  std::size_t place(std::size_t n) const { return along_x_[n]; }
-
  private:
   using Found = std::pair<double, std::uint32_t>;  // squared distance, and whose
 
@@ -114,6 +112,25 @@ class Pools {
   std::vector<std::uint32_t> along_x_;
   std::vector<double> x_, y_, z_;  // of places along x
 };
+
+void find_pools(const std::vector<Point>& places, std::vector<std::uint32_t>& pools, const ForEach& for_each) {
+  const Pools nearest(places);
+  for_each((places.size() + kAtOnce - 1) / kAtOnce, [&](std::size_t block) {
+    const std::size_t begin = block * kAtOnce;
+    nearest.find(begin, std::min(places.size(), begin + kAtOnce), pools.data());
+  });
+}
+
+// From rows of all samples to those of samples that show noise.
+void copy_pools(const LocalSamples& samples, std::vector<std::uint32_t>& pools) {
+  std::vector<std::uint32_t> number;
+  std::uint32_t shown = 0;
+  for (const point::NoiseSample& sample : samples.noise) number.push_back(sample.shows_noise ? shown++ : 0);
+  auto to = pools.begin();
+  for (std::size_t i = 0; i < samples.noise.size(); ++i)
+    if (samples.noise[i].shows_noise)
+      for (std::size_t n = 0; n < kPool; ++n) *to++ = number[samples.pools[i * kPool + n]];
+}
 
 // Values by their ranks, where some of few are asked for over and over: the n-th of some is found by a bit for each.
 class Ranked {
@@ -272,15 +289,14 @@ std::shared_ptr<const NoiseLevels> noise_levels(const LocalSamples& samples, dou
   if (!(typical > 0) || places.size() < kFewestSamples) return nullptr;
   std::vector<std::uint32_t> pools(places.size() * kPool);
   std::vector<double> noise(places.size()), log_levels(places.size());
-  const Pools nearest(places);
+  if (samples.pools.empty()) {
+    find_pools(places, pools, for_each);
+  } else {
+    copy_pools(samples, pools);
+  }
   const std::vector<Ranked> of_sizes = ranked(curves);
-  for_each((places.size() + kAtOnce - 1) / kAtOnce, [&](std::size_t block) {
-    const std::size_t begin = block * kAtOnce, end = std::min(places.size(), begin + kAtOnce);
-    nearest.find(begin, end, pools.data());
-    for (std::size_t n = begin; n < end; ++n) {
-      const std::size_t i = nearest.place(n);
-      noise[i] = noise_of(pooled(std::span(pools).subspan(i * kPool, kPool), of_sizes), typical);
-    }
+  for_each(places.size(), [&](std::size_t i) {
+    noise[i] = noise_of(pooled(std::span(pools).subspan(i * kPool, kPool), of_sizes), typical);
   });
   const Ranked noises(std::move(noise));
   for_each(places.size(), [&](std::size_t i) {

@@ -19,6 +19,7 @@ struct LocalSamples {
   std::span<const Point> places;
   std::span<const point::NoiseSample> noise;
   std::span<const point::ResidualSample> residuals;
+  std::span<const std::uint32_t> pools{};  // as of Samples
 };
 
 // Levels over `typical`, the noise that is held to be that of a typical place; null where too few samples show noise to

@@ -40,7 +40,9 @@ class SamplesTaken final : public Sampling {
       : spacing_(all.spacing.subspan(cloud.spacing_at, cloud.spacings)),
         noise_(all.noise.subspan(cloud.noise_at, cloud.noises)),
         residuals_(all.residuals.subspan(cloud.noise_at, cloud.noises)),
-        heads_(all.heads.subspan(cloud.noise_at * point::kHeadRow, cloud.noises * point::kHeadRow)) {}
+        heads_(all.heads.subspan(cloud.noise_at * point::kHeadRow, cloud.noises * point::kHeadRow)) {
+    if (!all.pools.empty()) pools_ = all.pools.subspan(cloud.noise_at * point::kPool, cloud.noises * point::kPool);
+  }
 
   // Whether more was asked for than was taken: what was made of it is of no use.
   bool lacks_something() const { return lacks_something_; }
@@ -49,7 +51,8 @@ class SamplesTaken final : public Sampling {
   Samples take_samples(std::span<const std::uint32_t>, std::span<const std::uint32_t>, std::stop_token) override {
     return {{spacing_.begin(), spacing_.end()},
             {noise_.begin(), noise_.end()},
-            [this] { return std::vector<point::ResidualSample>(residuals_.begin(), residuals_.end()); }};
+            [this] { return std::vector<point::ResidualSample>(residuals_.begin(), residuals_.end()); },
+            {pools_.begin(), pools_.end()}};
   }
   void sample_neighborhoods(std::span<const std::uint32_t>, int k, std::span<Point> out) override {
     if (k + 1 == point::kHeadRow) {
@@ -69,6 +72,7 @@ class SamplesTaken final : public Sampling {
   std::span<const point::NoiseSample> noise_;
   std::span<const point::ResidualSample> residuals_;
   std::span<const Point> heads_;
+  std::span<const std::uint32_t> pools_;
   bool lacks_something_ = false;
 };
 

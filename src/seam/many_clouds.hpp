@@ -47,6 +47,7 @@ class ManyClouds {
     std::span<const point::NoiseSample> noise;
     std::span<const point::ResidualSample> residuals;  // of the queries for noise
     std::span<const Point> heads;                      // the first point::kHeadRow of each row for noise
+    std::span<const std::uint32_t> pools;              // as of Samples, numbers within each cloud; may be empty
   };
   // As Sampling::take_samples, of uploaded clouds.
   virtual Taken take_samples(const Queries& for_spacing, const Queries& for_noise, std::stop_token stop) = 0;
