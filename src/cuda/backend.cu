@@ -78,7 +78,8 @@ class CudaBackend final : public Backend,
       origin = chosen;
       take(points, origin, expected);
     }
-    check(cudaStreamWaitEvent(static_cast<cudaStream_t>(stream.handle), callers_turn_.get()), "ordering work");
+    for (const cudaEvent_t seen : {callers_turn_.get(), callers_.sampled()})
+      check(cudaStreamWaitEvent(static_cast<cudaStream_t>(stream.handle), seen), "ordering work");
     return origin;
   }
 

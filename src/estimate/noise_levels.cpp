@@ -136,21 +136,31 @@ void copy_pools(const LocalSamples& samples, std::vector<std::uint32_t>& pools) 
 class Ranked {
  public:
   // NaN: not known.
-  explicit Ranked(std::vector<double> values) : values_(std::move(values)), rank_(values_.size(), kNone) {
-    std::vector<std::uint32_t> order;
-    for (std::size_t i = 0; i < values_.size(); ++i)
-      if (!std::isnan(values_[i])) order.push_back(static_cast<std::uint32_t>(i));
-    std::sort(order.begin(), order.end(), [&](auto a, auto b) { return values_[a] < values_[b]; });
-    for (const std::uint32_t i : order) {
+  explicit Ranked(const std::vector<double>& values) : rank_(values.size(), kNone) {
+    std::vector<std::pair<double, std::uint32_t>> order;
+    order.reserve(values.size());
+    for (std::size_t i = 0; i < values.size(); ++i)
+      if (!std::isnan(values[i])) order.emplace_back(values[i], static_cast<std::uint32_t>(i));
+    std::sort(order.begin(), order.end());
+    sorted_.reserve(order.size());
+    for (const auto& [value, i] : order) {
       rank_[i] = static_cast<std::uint32_t>(sorted_.size());
-      sorted_.push_back(values_[i]);
+      sorted_.push_back(value);
     }
   }
 
   // Of those of `some` that are known, the one with place(how many) before it; NaN if that is kNoPlace.
   template <class PlaceOf>
   double among(std::span<const std::uint32_t> some, const PlaceOf& place) const {
-    std::vector<std::uint64_t> bits(sorted_.size() / 64 + 1);
+    std::array<std::uint64_t, 64> few;  // mostly enough
+    std::vector<std::uint64_t> many;
+    std::uint64_t* bits = few.data();
+    const std::size_t words = sorted_.size() / 64 + 1;
+    if (words > few.size()) {
+      many.resize(words);
+      bits = many.data();
+    }
+    std::fill_n(bits, words, std::uint64_t(0));
     std::size_t known = 0;
     for (const std::uint32_t i : some) {
       const std::uint32_t rank = rank_[i];
@@ -170,7 +180,7 @@ class Ranked {
 
  private:
   static constexpr std::uint32_t kNone = ~0u;
-  std::vector<double> values_, sorted_;
+  std::vector<double> sorted_;
   std::vector<std::uint32_t> rank_;
 };
 
@@ -180,7 +190,7 @@ std::vector<Ranked> ranked(const std::vector<Curve>& curves) {
   for (std::size_t size = 0; size < kSizes; ++size) {
     std::vector<double> values;
     for (const Curve& curve : curves) values.push_back(curve[size]);
-    result.emplace_back(std::move(values));
+    result.emplace_back(values);
   }
   return result;
 }
@@ -298,7 +308,7 @@ std::shared_ptr<const NoiseLevels> noise_levels(const LocalSamples& samples, dou
   for_each(places.size(), [&](std::size_t i) {
     noise[i] = noise_of(pooled(std::span(pools).subspan(i * kPool, kPool), of_sizes), typical);
   });
-  const Ranked noises(std::move(noise));
+  const Ranked noises(noise);
   for_each(places.size(), [&](std::size_t i) {
     const double middle = noises.among(std::span(pools).subspan(i * kPool, kSmoothed),
                                        [](std::size_t known) { return known / 2; });

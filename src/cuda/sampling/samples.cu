@@ -111,36 +111,40 @@ __global__ void __launch_bounds__(kBlock)
                                          [its](int round) { return its[round - point::kFirstRounds]; });
 }
 
-// A warp to each sample, which looks at no more than it needs: where there are many samples.
+// The looks of a sample in the order in which its neighbourhood grows, and what they are for.
+constexpr int kSteps = point::kFirstRounds + 2, kLeast = 0, kNarrow = 1, kWide = 4, kWidest = kSteps - 1;
+__device__ __forceinline__ int step_of_round(int round) { return round < 3 ? round + 1 : round + 2; }
+__device__ __forceinline__ int points_of_step(int step) {
+  if (step == kLeast) return point::kLeastFit;
+  if (step == kWide) return 2 * point::kFirstFit;
+  return point::points_of(step < kWide ? step - 1 : step - 2);
+}
+static_assert(point::points_of(2) < 2 * point::kFirstFit && 2 * point::kFirstFit < point::points_of(3));
+
+// A warp to each sample, which looks at no more than it needs: where there are many samples. One loop, since the code
+// of a look is long.
 __global__ void __launch_bounds__(kWarp)
     look_at_samples(const Point* rows, point::NoiseSample* noise, point::ResidualSample* residuals, Point* heads) {
   __shared__ point::FitSpace<point::kFirstRow> space;
+  __shared__ point::Look looks[kSteps];
   begin_kernel();
   const std::size_t n = blockIdx.x;
   const Point* const row = rows + n * kFirstRow;
   if (lane_number() < kHead) heads[n * kHead + lane_number()] = row[lane_number()];
   const int there = point::take_row(WarpTeam{}, space, row, point::kFirstRow);
   point::GrowingNeighborhood<WarpTeam, point::kFirstRow> neighborhood(WarpTeam{}, space);
-  const auto look = [&](int points, bool always) { return point::look_at(neighborhood, there, points, always); };
-  constexpr int kLast = point::kFirstRounds - 1;
-  point::Look rounds[point::kFirstRounds], wide;
-  bool looked_wide = false, suffices = false;
-  const point::Look least = look(point::kLeastFit, true);
+  bool suffices = false;
 #pragma unroll 1
-  for (int round = 0; round < kLast; ++round) {
-    const int points = point::points_of(round);
-    if (!looked_wide && points > 2 * point::kFirstFit) {
-      wide = look(2 * point::kFirstFit, true);
-      looked_wide = true;
-    }
-    if (suffices) continue;
-    rounds[round] = look(points, round == 0);
-    suffices = rounds[round].is_wide || rounds[round].is_last;
+  for (int step = 0; step < kSteps; ++step) {
+    const bool for_residuals = step == kLeast || step == kNarrow || step == kWide || step == kWidest;
+    if (suffices && !for_residuals) continue;
+    const point::Look found = point::look_at(neighborhood, there, points_of_step(step), for_residuals);
+    suffices = suffices || (step != kLeast && step != kWide && (found.is_wide || found.is_last));
+    if (lane_number() == 0) looks[step] = found;
   }
-  rounds[kLast] = look(point::points_of(kLast), true);
   if (lane_number() != 0) return;
-  noise[n] = point::noise_sample(0, point::kFirstRounds, [&rounds](int round) { return rounds[round]; });
-  residuals[n] = point::residual_sample(least, rounds[0], wide, rounds[kLast]);
+  noise[n] = point::noise_sample(0, point::kFirstRounds, [](int round) { return looks[step_of_round(round)]; });
+  residuals[n] = point::residual_sample(looks[kLeast], looks[kNarrow], looks[kWide], looks[kWidest]);
 }
 
 __global__ void __launch_bounds__(kBlock)
