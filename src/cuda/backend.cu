@@ -113,7 +113,8 @@ class CudaBackend final : public Backend,
   Taken take_samples(const Queries& for_spacing, const Queries& for_noise, std::stop_token stop) override {
     if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
     context_.enter();
-    const Taken taken = many_samples_.take(first_.sampled_tree(), first_.input(), clouds_.size(), for_spacing, for_noise, stop);
+    const Taken taken =
+        many_samples_.take(first_.sampled_tree(), first_.input(), clouds_.size(), for_spacing, for_noise, stop);
     clock_.pause();
     return taken;
   }
@@ -488,12 +489,12 @@ class CudaBackend final : public Backend,
   cudaEvent_t arrived_ = nullptr;  // after which all of it is there
   DeviceArray<Point> uploaded_{context_};
   DeviceArray<Index> ends_{context_};
-  std::vector<CloudSpan> clouds_;       // of many
-  std::optional<Forest> forest_;        // of all of them, or of some
+  std::vector<CloudSpan> clouds_;  // of many
+  std::optional<Forest> forest_;   // of all of them, or of some
   Grove grove_{context_};
   ManySampler many_samples_{context_};
   DeviceArray<Point> settled_{context_};  // of many clouds
-  DeviceArray<Point> input_{context_};  // of iterations from the third on
+  DeviceArray<Point> input_{context_};    // of iterations from the third on
   Leaving leaving_{context_};
   CallersPoints callers_{context_};
   Event callers_turn_;  // between the caller's stream and the context's

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cuda/grove.cuh"
-
 #include <algorithm>
 #include <limits>
 
+#include "cuda/grove.cuh"
 #include "seam/noise_levels.hpp"
 #include "seam/rules.hpp"
 

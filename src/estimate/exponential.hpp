@@ -7,7 +7,7 @@
 
 namespace pointfair {
 
-// Relative error below 3e-16 for -700 < x < 700 (tests/test_estimate.cpp); else any number. exp(x) = 2^n exp(r)
+// Relative error below 3e-16 for -700 < x < 700 (tests/test_noise_levels.cpp); else any number. exp(x) = 2^n exp(r)
 // with |r| <= log(2) / 2, by its Taylor series, whose first term left out is 2e-17 of the whole.
 inline double exponential(double x) {
   constexpr double kShift = 0x1.8p52;  // a number added to it is rounded to an integer

@@ -28,37 +28,50 @@ struct Level {
   std::vector<double> weight, sum, mean;
 };
 
-// A megabyte of cells of all widths, the narrowest first. Fresh memory costs more than what is computed in it, so it is
-// kept for the next cloud.
+// Memory that is kept for the next cloud: fresh memory costs more than what is computed in it.
+template <class T>
+class Kept {
+ public:
+  // Empty if none is kept.
+  static std::vector<T> take() {
+    const std::lock_guard lock(mutex());
+    if (all().empty()) return {};
+    std::vector<T> last = std::move(all().back());
+    all().pop_back();
+    return last;
+  }
+  static void give(std::vector<T> memory) {
+    const std::lock_guard lock(mutex());
+    if (all().size() < kMost) all().push_back(std::move(memory));
+  }
+
+ private:
+  static constexpr std::size_t kMost = 512;
+  // never destroyed, since clouds may outlive what is
+  static std::mutex& mutex() {
+    static auto& only = *new std::mutex;
+    return only;
+  }
+  static std::vector<std::vector<T>>& all() {
+    static auto& only = *new std::vector<std::vector<T>>;
+    return only;
+  }
+};
+
+// A megabyte of cells of all widths, the narrowest first.
 class Levels {
  public:
-  Levels() {
-    const std::lock_guard lock(mutex());
-    if (!kept().empty()) {
-      levels_ = std::move(kept().back());
-      kept().pop_back();
-    }
+  Levels() : levels_(Kept<Level>::take()) {
     if (levels_.empty())
       for (int n = point::kFieldNodes; n > 0; n /= 2) levels_.emplace_back(n);
   }
-  ~Levels() {
-    const std::lock_guard lock(mutex());
-    kept().push_back(std::move(levels_));
-  }
+  ~Levels() { Kept<Level>::give(std::move(levels_)); }
   Levels(const Levels&) = delete;
   Levels& operator=(const Levels&) = delete;
   Level& operator[](std::size_t level) { return levels_[level]; }
   std::size_t size() const { return levels_.size(); }
 
  private:
-  static std::mutex& mutex() {
-    static std::mutex only;
-    return only;
-  }
-  static std::vector<std::vector<Level>>& kept() {
-    static std::vector<std::vector<Level>> all;
-    return all;
-  }
   std::vector<Level> levels_;
 };
 
@@ -149,9 +162,15 @@ NoiseLevels grid_around(const std::vector<Point>& places) {
 
 }  // namespace
 
-NoiseLevels levels_between(const std::vector<Point>& places, const std::vector<double>& log_levels,
-                           const ForEach& for_each) {
-  NoiseLevels result = grid_around(places);
+std::shared_ptr<NoiseLevels> levels_between(const std::vector<Point>& places, const std::vector<double>& log_levels,
+                                            const ForEach& for_each) {
+  const auto keep = [](NoiseLevels* levels) {
+    Kept<float>::give(std::move(levels->levels));
+    delete levels;
+  };
+  const std::shared_ptr<NoiseLevels> made(new NoiseLevels(grid_around(places)), keep);
+  NoiseLevels& result = *made;
+  result.levels = Kept<float>::take();
   const point::NoiseField field{nullptr, {result.first.x, result.first.y, result.first.z}, result.nodes_per_unit};
   Levels levels;
   levels[0].clear();
@@ -166,7 +185,7 @@ NoiseLevels levels_between(const std::vector<Point>& places, const std::vector<d
     const std::size_t slab = mean.size() / point::kFieldNodes;
     for (std::size_t i = z * slab; i < (z + 1) * slab; ++i) result.levels[i] = float(exponential(mean[i]));
   });
-  return result;
+  return made;
 }
 
 }  // namespace pointfair

@@ -2,6 +2,7 @@
 // A smooth function of place through scattered values.
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include "pointfair/cloud.hpp"
@@ -12,7 +13,7 @@ namespace pointfair {
 
 // At the nodes of a grid around most of `places`: each node takes the mean of the logarithms near it, and the fewer
 // there are the more that of a wider surrounding. By all that `for_each` calls at once.
-NoiseLevels levels_between(const std::vector<Point>& places, const std::vector<double>& log_levels,
-                           const ForEach& for_each);
+std::shared_ptr<NoiseLevels> levels_between(const std::vector<Point>& places, const std::vector<double>& log_levels,
+                                            const ForEach& for_each);
 
 }  // namespace pointfair

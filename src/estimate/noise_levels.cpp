@@ -23,7 +23,7 @@ using namespace constants;
 constexpr std::array kCounts{point::kLeastFit, point::kFirstFit, 2 * point::kFirstFit, point::kFirstRow};
 constexpr std::size_t kSizes = kCounts.size();
 using Curve = std::array<double, kSizes>;  // of variances over the sizes of neighbourhoods; NaN: not known
-constexpr std::size_t kAtOnce = 32;               // places that one core takes
+constexpr std::size_t kAtOnce = 32;        // places that one core takes
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
 // Of a chi-squared variable of `freedom` over that, at kPoolQuantile (Wilson and Hilferty 1931).
@@ -87,6 +87,7 @@ class Pools {
       for (std::size_t i = 0; i < kPool; ++i) rows[along_x_[n] * kPool + i] = first[i].second;
     }
   }
+
  private:
   using Found = std::pair<double, std::uint32_t>;  // squared distance, and whose
 
@@ -310,13 +311,13 @@ std::shared_ptr<const NoiseLevels> noise_levels(const LocalSamples& samples, dou
   });
   const Ranked noises(noise);
   for_each(places.size(), [&](std::size_t i) {
-    const double middle = noises.among(std::span(pools).subspan(i * kPool, kSmoothed),
-                                       [](std::size_t known) { return known / 2; });
+    const double middle =
+        noises.among(std::span(pools).subspan(i * kPool, kSmoothed), [](std::size_t known) { return known / 2; });
     const double median = std::isnan(middle) ? typical : middle;
     log_levels[i] = std::log(std::clamp(median / typical, 1 / kLargestLevel, kLargestLevel));
   });
   shrink(log_levels);
-  auto levels = std::make_shared<NoiseLevels>(levels_between(places, log_levels, for_each));
+  const std::shared_ptr<NoiseLevels> levels = levels_between(places, log_levels, for_each);
   levels->quantiles = quantiles_of(std::move(log_levels));
   return levels;
 }

@@ -227,14 +227,12 @@ void Pipeline::State::run_many(const DevicePoints& points, DeviceStream stream, 
     backend.take_costs();
     return alone;
   };
-  const auto groups =
-      group(offsets, alike ? kAny : kMeasuredAtOnce, [&](std::size_t one) { return joins[one] != 0; });
+  const auto groups = group(offsets, alike ? kAny : kMeasuredAtOnce, [&](std::size_t one) { return joins[one] != 0; });
   run_groups(groups, alike ? 1 : kWorkers, run_together, [&](std::size_t one, bool is_there) {
     const std::size_t begin = offsets[one], size = offsets[one + 1] - begin;
     const DeviceOutput to = part_of(out, begin, size);
-    load(is_there
-             ? DevicePoints{to.data, to.count, to.row_stride, to.column_stride, to.type, to.card}
-             : part_of(points, begin, size),
+    load(is_there ? DevicePoints{to.data, to.count, to.row_stride, to.column_stride, to.type, to.card}
+                  : part_of(points, begin, size),
          stream);
     run(params, to, stream, stop, {});
   });

@@ -191,8 +191,7 @@ __global__ void __launch_bounds__(kBlock)
       const CloudRules& its = rules[place.cloud];
       const Vec from = {before.x, before.y, before.z};
       const point::Limits limits = point::limits_at(its.limits, point::noise_level(its.field, from));
-      const Vec to =
-          point::settled(from, {after.x, after.y, after.z}, limits.farthest, limits.outlier_distance).place;
+      const Vec to = point::settled(from, {after.x, after.y, after.z}, limits.farthest, limits.outlier_distance).place;
       result = {to.x, to.y, to.z};
     }
   }
@@ -257,9 +256,8 @@ void order_along_curves(Context& context, const Point* points, const Forest& for
   Pairs<CurveKey> by_curve(context, count);
   Pairs<Index> by_cloud(context, count);
   order.resize(count);
-  make_curve_keys<<<forest.clouds * groups, kBlock, 0, stream>>>(points, forest.spans, groups, forest.rules,
-                                                                 by_curve.keys[0].data(), by_curve.values[0].data(),
-                                                                 order.data());
+  make_curve_keys<<<forest.clouds * groups, kBlock, 0, stream>>>(
+      points, forest.spans, groups, forest.rules, by_curve.keys[0].data(), by_curve.values[0].data(), order.data());
   check(cudaGetLastError(), "planting");
   by_curve.sort(context, kCloudBit);
   look_up_clouds<<<blocks, kBlock, 0, stream>>>(count, by_curve.values[0].data(), order.data(), by_cloud.keys[0].data(),

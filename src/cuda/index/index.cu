@@ -22,7 +22,12 @@ __global__ void __launch_bounds__(kHashBlock)
 }  // namespace
 
 DeviceIndex::DeviceIndex(Context& context)
-    : context_(context), state_(context), points_(context), share_(context), valid_of_clouds_(context), groups_(context) {}
+    : context_(context),
+      state_(context),
+      points_(context),
+      share_(context),
+      valid_of_clouds_(context),
+      groups_(context) {}
 
 Tree DeviceIndex::without_top() const {
   const Index leaves = static_cast<Index>(leaves_);

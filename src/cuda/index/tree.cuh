@@ -78,9 +78,7 @@ struct Tree {
     return rules == nullptr ? nullptr : rules + root_over(leaf);
   }
   // Valid points of the cloud with that root.
-  __device__ Index valid_under(Index root) const {
-    return leaves_of_cloud == 0 ? state->valid : valid_of_clouds[root];
-  }
+  __device__ Index valid_under(Index root) const { return leaves_of_cloud == 0 ? state->valid : valid_of_clouds[root]; }
   __device__ Index first_child(int level, Index group) const {
     return group * (level == 0 || groups_of_cloud == 0 ? kLeafSize : groups_of_cloud);
   }

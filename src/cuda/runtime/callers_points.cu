@@ -147,7 +147,8 @@ void require_on_card(const void* data, std::size_t count, ScalarType type, int c
   if (card != of_context) refuse("on card " + std::to_string(card));
 }
 
-CallersPoints::CallersPoints(Context& context) : context_(context), side_(context), own_(context), state_(context), chosen_(context) {}
+CallersPoints::CallersPoints(Context& context)
+    : context_(context), side_(context), own_(context), state_(context), chosen_(context) {}
 
 void CallersPoints::forget() {
   origin_ = {};

@@ -14,8 +14,7 @@ __global__ void __launch_bounds__(kBlock) fill_pools(const Poolable samples, Ind
   const Index first = blockIdx.x == 0 ? 0 : samples.ends[blockIdx.x - 1], count = samples.ends[blockIdx.x] - first;
   constexpr float kInfinity = __builtin_inff();
   for (Index i = threadIdx.x; i < count; i += kBlock)  // one that shows no noise is nowhere near
-    places[i] =
-        samples.shows[first + i] != 0 ? samples.places[(first + i) * point::kHeadRow] : Point{kInfinity, 0, 0};
+    places[i] = samples.shows[first + i] != 0 ? samples.places[(first + i) * point::kHeadRow] : Point{kInfinity, 0, 0};
   __syncthreads();
   for (Index i = threadIdx.x; i < count; i += kBlock) {
     const Point from = places[i];

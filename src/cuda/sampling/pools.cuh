@@ -17,7 +17,8 @@ struct Poolable {
   const Point* places;        // of a sample, each point::kHeadRow
 };
 // Starts to write point::kPool samples of its cloud for each that shows noise, by their numbers within the cloud: those
-// nearest to it that show noise, itself among them, nearest first, and equally far ones in their order. All on the card.
+// nearest to it that show noise, itself among them, nearest first, and equally far ones in their order. All on the
+// card.
 void find_pools(Context& context, const Poolable& samples, Index* pools);
 
 }  // namespace pointfair::cuda

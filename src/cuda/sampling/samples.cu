@@ -216,8 +216,8 @@ void take_samples(Context& context, const Tree& tree, const Point* points, const
   again.resize(noises);
   find_rows(context, tree, points, {samples.queries, spacings, point::kSpacingNeighbors, spacing_rows.data()},
             {samples.queries + spacings, noises, point::kFirstRow, first_rows.data()});
-  start(context, look_at_first_rows, noises * kFirstLooks + (spacings + kWarp - 1) / kWarp, kWarp, samples, spacing_rows.data(),
-        first_rows.data(), first_looks.data());
+  start(context, look_at_first_rows, noises * kFirstLooks + (spacings + kWarp - 1) / kWarp, kWarp, samples,
+        spacing_rows.data(), first_rows.data(), first_looks.data());
   if (noises == 0) return;
   start(context, conclude_first, blocks_for(noises, kBlock), kBlock, samples, first_looks.data(), again.data());
   find_rows(context, tree, points, {},

@@ -114,7 +114,8 @@ class BlockSearch {
       for (Index n = warp_number(); n < nodes; n += kWarps) {
         const Index node = memory_.nodes[turn][n];
         const bool near = gap_of_lane(tree_.group(level, node)) <= squared;
-        append<kNodes>(near, tree_.first_child(level, node) + lane_number(), memory_.nodes[turn ^ 1], memory_.counts[level + 1]);
+        append<kNodes>(near, tree_.first_child(level, node) + lane_number(), memory_.nodes[turn ^ 1],
+                       memory_.counts[level + 1]);
       }
       __syncthreads();
       nodes = memory_.counts[level + 1];
@@ -219,7 +220,8 @@ class BlockSearch {
     __syncthreads();
     if (warp_number() == 0) {
       SharedList list(tree_.points, memory_.list, SharedList::size_for(k_));
-      SingleSearch<SharedList>(tree_, memory_.walk, list, position_, original_, k_, __int_as_float(0x7f800000)).run(root_);
+      SingleSearch<SharedList>(tree_, memory_.walk, list, position_, original_, k_, __int_as_float(0x7f800000))
+          .run(root_);
     }
     __syncthreads();
   }
