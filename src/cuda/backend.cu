@@ -124,6 +124,7 @@ class CudaBackend final : public Backend,
     context_.finish();  // with the nodes of clouds before
     OfCloud common = settings[0];
     common.neighbors.levels.reset();
+    common.neighbors.reach_levels.reset();
     for (const OfCloud& its : settings)
       common.neighbors.min_neighbors = std::max(common.neighbors.min_neighbors, its.neighbors.min_neighbors);
     forest_ = grove_.plan(clouds_, clouds, settings, uploaded_.size(),

@@ -11,6 +11,7 @@
 #include <memory>
 
 #include "cuda/index/forest.cuh"
+#include "cuda/node_levels.cuh"
 #include "cuda/overlap/overlap.cuh"
 #include "cuda/runtime/stop.cuh"
 #include "cuda/sampling/samples.cuh"
@@ -19,7 +20,6 @@
 #include "cuda/stages/outcomes.cuh"
 #include "cuda/stages/wide_stages.cuh"
 #include "seam/backend.hpp"
-#include "seam/noise_levels.hpp"
 #include "seam/rules.hpp"
 
 namespace pointfair::cuda {
@@ -66,7 +66,7 @@ class Chain {
 
   DeviceArray<Point>& faired() { return faired_; }  // in upload order; by parts, or after join()
   // With nodes on the card, null without levels.
-  point::NoiseField noise_field(const std::shared_ptr<const NoiseLevels>& levels);
+  point::NodeField noise_field(const std::shared_ptr<const NoiseLevels>& levels) { return noise_levels_.of(levels); }
   CloudState state();                    // settles and waits for all work
   void fetch_state(CloudState* pinned);  // settles, and only starts the copy
   std::size_t points() const { return index_.points(); }
@@ -120,8 +120,7 @@ class Chain {
   bool unmoved_clear_ = false;  // those of normals
   DeviceArray<Index> lists_;
   DeviceArray<float> normals_, mean_distance_;
-  std::shared_ptr<const NoiseLevels> levels_;  // whose nodes are in
-  DeviceArray<float> nodes_;
+  NodeLevelsOnCard noise_levels_, reach_levels_;
   DeviceArray<float> squared_level_;   // of the noise, where something follows it
   DeviceArray<float> squared_radius_;  // without lists, as is
   DeviceArray<float> squared_growth_;  // of those, where those of flat places grow

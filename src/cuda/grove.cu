@@ -10,10 +10,11 @@ namespace pointfair::cuda {
 namespace {
 
 constexpr std::size_t kNodes = std::size_t(point::kFieldNodes) * point::kFieldNodes * point::kFieldNodes;
+constexpr std::size_t kNodesOfCloud = 2 * kNodes;
 
 Vec vec(const Point& p) { return {p.x, p.y, p.z}; }
 
-// As a chain has them for one cloud (chain.cu).
+// As a chain has them for one cloud (chain.cu). `nodes`: of the noise, then of the reach.
 CloudRules rules_of(const ManyClouds::OfCloud& its, const float* nodes) {
   constexpr float kInfinity = std::numeric_limits<float>::infinity();
   CloudRules rules{};
@@ -21,8 +22,10 @@ CloudRules rules_of(const ManyClouds::OfCloud& its, const float* nodes) {
   rules.corner = vec(its.frame.corner);
   rules.squared_base = squared_base(its.neighbors.radius);
   rules.min_neighbors = its.neighbors.min_neighbors;
-  rules.field = field_of(its.neighbors.levels.get());
-  if (its.neighbors.levels) rules.field.levels = nodes;
+  rules.noise_levels = field_of(its.neighbors.levels.get());
+  if (its.neighbors.levels) rules.noise_levels.values = nodes;
+  rules.reach_levels = field_of(its.neighbors.reach_levels.get());
+  if (its.neighbors.reach_levels) rules.reach_levels.values = nodes + kNodes;
   rules.normal = normal_rule(its.normals);
   rules.inverse_turn = point::inverse_turn(its.normals.crease_angle);
   rules.most_growth = its.normals.flat_scale * its.normals.flat_scale;
@@ -68,20 +71,25 @@ Forest Grove::plan(std::span<const CloudSpan> clouds, std::span<const Index> whi
     place += clouds[cloud].end - clouds[cloud].first;
   }
   upload(spans);
-  nodes_.resize(which.size() * kNodes);
-  pinned_nodes_.resize(which.size() * kNodes);
-  for (std::size_t n = 0; n < which.size(); ++n) rules.push_back(rules_of(settings[n], nodes_.data() + n * kNodes));
+  nodes_.resize(which.size() * kNodesOfCloud);
+  pinned_nodes_.resize(which.size() * kNodesOfCloud);
+  for (std::size_t n = 0; n < which.size(); ++n)
+    rules.push_back(rules_of(settings[n], nodes_.data() + n * kNodesOfCloud));
   for_each(which.size(), [&](std::size_t n) {
-    if (const NoiseLevels* const levels = settings[n].neighbors.levels.get(); levels != nullptr)
-      std::copy(levels->levels.begin(), levels->levels.end(), pinned_nodes_.get() + n * kNodes);
+    float* const to = pinned_nodes_.get() + n * kNodesOfCloud;
+    const auto copy = [](const NodeLevels* levels, float* to) {
+      if (levels != nullptr) std::copy(levels->levels.begin(), levels->levels.end(), to);
+    };
+    copy(settings[n].neighbors.levels.get(), to);
+    copy(settings[n].neighbors.reach_levels.get(), to + kNodes);
   });
   rules_.resize(rules.size());
   check(cudaMemcpyAsync(rules_.data(), rules.data(), rules.size() * sizeof(CloudRules), cudaMemcpyHostToDevice,
                         context_.stream()),
         "uploading rules");
-  check(cudaMemcpyAsync(nodes_.data(), pinned_nodes_.get(), which.size() * kNodes * sizeof(float),
+  check(cudaMemcpyAsync(nodes_.data(), pinned_nodes_.get(), which.size() * kNodesOfCloud * sizeof(float),
                         cudaMemcpyHostToDevice, context_.stream()),
-        "uploading levels of noise");
+        "uploading levels");
   Forest forest = forest_of(spans, uploaded);
   forest.spans = spans_.data();
   forest.rules = rules_.data();

@@ -62,7 +62,8 @@ struct WantedEstimates {
 struct Estimate {
   Spacing spacing;
   Noise noise;
-  std::shared_ptr<const NoiseLevels> levels{};  // of the noise; null: 1 everywhere
+  std::shared_ptr<const NoiseLevels> levels{};       // of the noise; null: 1 everywhere
+  std::shared_ptr<const NodeLevels> reach_levels{};  // of NeighborSettings; null: 1 everywhere
 };
 // What is wanted, the rest zero, at points of the cloud's sample. Needs the index of the first iteration. Throws
 // Error(interrupted) once `stop` is triggered.

@@ -39,9 +39,9 @@ std::optional<GivenNoise> given_noise(std::span<const float> values, std::span<c
   std::vector<double> log_levels;
   for (const std::uint32_t i : sample.indices)
     log_levels.push_back(std::log(std::clamp(values[i] / sigma, 1 / kLargestLevel, kLargestLevel)));
-  const std::shared_ptr<NoiseLevels> levels = levels_between(sample.points, log_levels, for_each);
+  const auto levels = shared(NoiseLevels{levels_between(sample.points, log_levels, for_each)});
   levels->quantiles = quantiles_of(std::move(log_levels));
-  return GivenNoise{sigma, std::move(levels)};
+  return GivenNoise{sigma, levels};
 }
 
 }  // namespace pointfair

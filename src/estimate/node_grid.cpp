@@ -9,7 +9,7 @@
 
 #include "estimate/constants.hpp"
 #include "estimate/exponential.hpp"
-#include "point/noise_field.h"
+#include "point/node_field.h"
 
 namespace pointfair {
 namespace {
@@ -130,7 +130,7 @@ void pull(const Level& coarse, Level& fine, const ForEach& for_each) {
 }
 
 // Trilinear shares of a value at its eight nodes.
-void add(Level& nodes, const point::NoiseField& field, const Point& p, double value) {
+void add(Level& nodes, const point::NodeField& field, const Point& p, double value) {
   const point::NodePlace along[] = {point::node_place(p.x, field.first.x, field.nodes_per_unit),
                                     point::node_place(p.y, field.first.y, field.nodes_per_unit),
                                     point::node_place(p.z, field.first.z, field.nodes_per_unit)};
@@ -147,7 +147,7 @@ void add(Level& nodes, const point::NoiseField& field, const Point& p, double va
   }
 }
 
-NoiseLevels grid_around(const std::vector<Point>& places) {
+NodeLevels grid_around(const std::vector<Point>& places) {
   float low[3], widest = 0;
   for (int axis = 0; axis < 3; ++axis) {
     std::vector<float> values;
@@ -162,16 +162,11 @@ NoiseLevels grid_around(const std::vector<Point>& places) {
 
 }  // namespace
 
-std::shared_ptr<NoiseLevels> levels_between(const std::vector<Point>& places, const std::vector<double>& log_levels,
-                                            const ForEach& for_each) {
-  const auto keep = [](NoiseLevels* levels) {
-    Kept<float>::give(std::move(levels->levels));
-    delete levels;
-  };
-  const std::shared_ptr<NoiseLevels> made(new NoiseLevels(grid_around(places)), keep);
-  NoiseLevels& result = *made;
+NodeLevels levels_between(const std::vector<Point>& places, const std::vector<double>& log_levels,
+                          const ForEach& for_each) {
+  NodeLevels result = grid_around(places);
   result.levels = Kept<float>::take();
-  const point::NoiseField field{nullptr, {result.first.x, result.first.y, result.first.z}, result.nodes_per_unit};
+  const point::NodeField field{nullptr, {result.first.x, result.first.y, result.first.z}, result.nodes_per_unit};
   Levels levels;
   levels[0].clear();
   for (std::size_t i = 0; i < places.size(); ++i) add(levels[0], field, places[i], log_levels[i]);
@@ -185,7 +180,9 @@ std::shared_ptr<NoiseLevels> levels_between(const std::vector<Point>& places, co
     const std::size_t slab = mean.size() / point::kFieldNodes;
     for (std::size_t i = z * slab; i < (z + 1) * slab; ++i) result.levels[i] = float(exponential(mean[i]));
   });
-  return made;
+  return result;
 }
+
+void keep_memory(std::vector<float> levels) { Kept<float>::give(std::move(levels)); }
 
 }  // namespace pointfair

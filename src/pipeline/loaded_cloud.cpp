@@ -34,6 +34,7 @@ void LoadedCloud::forget() {
   spacing.reset();
   noise.reset();
   levels.reset();
+  reach_levels.reset();
 }
 
 // After a failed load, so that nothing runs on half of a cloud.

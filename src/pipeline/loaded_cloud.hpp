@@ -44,7 +44,8 @@ class LoadedCloud {
   std::optional<CloudSample> sample;
   std::optional<Spacing> spacing;
   std::optional<Noise> noise;
-  std::shared_ptr<const NoiseLevels> levels;  // with the noise; null: 1 everywhere
+  std::shared_ptr<const NoiseLevels> levels;       // with the noise, as the next; null: 1 everywhere
+  std::shared_ptr<const NodeLevels> reach_levels;  // of NeighborSettings
 
  private:
   void forget();

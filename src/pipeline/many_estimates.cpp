@@ -147,8 +147,9 @@ class Measuring {
     }
     const Params used = resolve_params(params_, found.spacing, found.noise,
                                        needs_diagonal(params_) ? diagonal_of(cloud.sample.bounds) : 0.0);
-    const FollowedNoise followed =
-        wanted_.noise ? followed_noise(params_, used, found.noise, std::move(found.levels)) : FollowedNoise{};
+    const FollowedNoise followed = wanted_.noise ? followed_noise(params_, used, found.noise, std::move(found.levels),
+                                                                  std::move(found.reach_levels))
+                                                 : FollowedNoise{};
     Settings settings = settings_of(used, followed);
     cloud.settings.neighbors = std::move(settings.neighbors);
     cloud.settings.normals = settings.normals;

@@ -57,9 +57,9 @@ std::shared_ptr<const TileResults::Held> TileResults::hold(std::size_t chunk) co
 Point TileResults::settle(const Point& before, const Point& faired) const {
   if (!is_indexed(before)) return before;
   if (!settling_.may_hold_back) return faired;
-  const point::NoiseField field = field_of(settling_.limits.levels.get());
+  const point::NodeField field = field_of(settling_.limits.levels.get());
   const auto [farthest, outlier_distance] =
-      point::limits_at(limit_rule(settling_.limits), point::noise_level(field, to_vec3(before)));
+      point::limits_at(limit_rule(settling_.limits), point::node_value(field, to_vec3(before)));
   const auto settled = point::settled(to_vec3(before), to_vec3(faired), farthest, outlier_distance);
   if (settled.is_outlier) held_back_.fetch_add(1, std::memory_order_relaxed);
   return {settled.place.x, settled.place.y, settled.place.z};

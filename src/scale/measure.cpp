@@ -149,39 +149,53 @@ Measured measure(const StoredCloud& cloud, const Position& origin, const Plan& p
   if (wanted.noise) {
     measured.noise = found.noise;
     measured.levels = found.levels;
+    measured.reach_levels = found.reach_levels;
   }
   return measured;
 }
 
 namespace {
 
-// What a file begins with; the levels of the noise follow.
+// The levels themselves follow.
+struct FixedLevels {
+  Point first{};
+  float nodes_per_unit = 0;
+  std::uint64_t count = 0;
+};
+
+// What a file begins with; the levels of the noise follow, and those of the reach.
 struct Fixed {
   Position origin{};
   Bounds bounds;
   Frame frame;
   Spacing spacing;
   Noise noise;
-  Point first{};  // of the levels, as the next two
-  float nodes_per_unit = 0;
-  std::array<double, 3> quantiles{};
-  std::uint64_t levels = 0;
+  FixedLevels of_noise, of_reach;
+  std::array<double, 3> quantiles{};  // of the levels of the noise
 };
 static_assert(std::is_trivially_copyable_v<Fixed>);
+
+FixedLevels fixed_of(const NodeLevels* levels) {
+  if (levels == nullptr) return {};
+  return {levels->first, levels->nodes_per_unit, levels->levels.size()};
+}
+
+NodeLevels read_levels(const StoredFile& file, std::uint64_t at, const FixedLevels& fixed) {
+  NodeLevels levels{std::vector<float>(fixed.count), fixed.first, fixed.nodes_per_unit};
+  file.read(at, std::span(levels.levels));
+  return levels;
+}
 
 }  // namespace
 
 void save(const Measured& m, const std::filesystem::path& path) {
-  Fixed fixed{m.origin, m.bounds, m.frame, m.spacing, m.noise, {}, 0, {}, 0};
-  if (m.levels) {
-    fixed.first = m.levels->first;
-    fixed.nodes_per_unit = m.levels->nodes_per_unit;
-    fixed.quantiles = m.levels->quantiles;
-    fixed.levels = m.levels->levels.size();
-  }
-  NewFile file(path, sizeof fixed + fixed.levels * sizeof(float));
+  Fixed fixed{
+      m.origin, m.bounds, m.frame, m.spacing, m.noise, fixed_of(m.levels.get()), fixed_of(m.reach_levels.get())};
+  if (m.levels) fixed.quantiles = m.levels->quantiles;
+  NewFile file(path, sizeof fixed + (fixed.of_noise.count + fixed.of_reach.count) * sizeof(float));
   file.write(&fixed, sizeof fixed);
   if (m.levels) file.write(std::span(m.levels->levels));
+  if (m.reach_levels) file.write(std::span(m.reach_levels->levels));
   file.finish();
 }
 
@@ -190,14 +204,12 @@ Measured load_measured(const std::filesystem::path& path) {
   Fixed fixed;
   file.read(0, &fixed, sizeof fixed);
   Measured m{fixed.origin, fixed.bounds, fixed.frame, fixed.spacing, fixed.noise};
-  if (fixed.levels == 0) return m;
-  auto levels = std::make_shared<NoiseLevels>();
-  levels->levels.resize(fixed.levels);
-  file.read(sizeof fixed, std::span(levels->levels));
-  levels->first = fixed.first;
-  levels->nodes_per_unit = fixed.nodes_per_unit;
-  levels->quantiles = fixed.quantiles;
-  m.levels = std::move(levels);
+  const std::uint64_t at = sizeof fixed;
+  if (fixed.of_noise.count > 0)
+    m.levels = std::make_shared<NoiseLevels>(NoiseLevels{read_levels(file, at, fixed.of_noise), fixed.quantiles});
+  if (fixed.of_reach.count > 0)
+    m.reach_levels =
+        std::make_shared<NodeLevels>(read_levels(file, at + fixed.of_noise.count * sizeof(float), fixed.of_reach));
   return m;
 }
 
@@ -205,7 +217,8 @@ Resolved resolve(const Params& params, const Measured& measured) {
   const Params used = resolve_params(params, measured.spacing, measured.noise,
                                      needs_diagonal(params) ? diagonal_of(measured.bounds) : 0.0);
   const FollowedNoise followed =
-      needs_noise(params) ? followed_noise(params, used, measured.noise, measured.levels) : FollowedNoise{};
+      needs_noise(params) ? followed_noise(params, used, measured.noise, measured.levels, measured.reach_levels)
+                          : FollowedNoise{};
   return {used, settings_of(used, followed)};
 }
 

@@ -21,6 +21,7 @@ struct Measured {
   Spacing spacing;
   Noise noise;                                  ///< this and the spacing are zero where no parameter follows from them
   std::shared_ptr<const NoiseLevels> levels{};  ///< null: 1 everywhere
+  std::shared_ptr<const NodeLevels> reach_levels{};  ///< the same
 };
 
 /// Measures what the parameters of the plan follow from, as a pipeline does with the whole cloud.

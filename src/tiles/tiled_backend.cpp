@@ -82,7 +82,7 @@ class TiledBackend final : public Backend, public Sampling {
     std::fill(outliers.begin(), outliers.end(), std::uint8_t(0));
     const bool is_limited = limits.farthest > 0, may_hold_back = is_limited || iteration > 0;
     const DisplacementLimits used = is_limited ? limits : DisplacementLimits{kUnbounded, kUnbounded};
-    const point::NoiseField field = field_of(used.levels.get());
+    const point::NodeField field = field_of(used.levels.get());
     std::atomic<std::uint64_t> held_back = 0;
     for_tile_blocks(points.size(), for_each(), [&](std::size_t first, std::size_t last) {
       if (!may_hold_back) {
@@ -94,7 +94,7 @@ class TiledBackend final : public Backend, public Sampling {
         points[i] = faired[i];
         if (!is_indexed(cloud_[i])) continue;
         const auto [farthest, outlier_distance] =
-            point::limits_at(limit_rule(used), point::noise_level(field, to_vec3(cloud_[i])));
+            point::limits_at(limit_rule(used), point::node_value(field, to_vec3(cloud_[i])));
         const auto settled = point::settled(to_vec3(cloud_[i]), to_vec3(faired[i]), farthest, outlier_distance);
         points[i] = {settled.place.x, settled.place.y, settled.place.z};
         here += settled.is_outlier;

@@ -5,6 +5,8 @@
 
 #include "point/curve.h"
 #include "point/neighborhoods.h"
+#include "point/node_field.h"
+#include "point/outliers.h"
 #include "point/stages.h"
 
 namespace pointfair::cuda {
@@ -17,7 +19,7 @@ struct CloudRules {
   Vec corner;  // positions are hashed relative to it
   float squared_base;
   int min_neighbors;
-  point::NoiseField field;  // nodes on the card
+  point::NodeField noise_levels, reach_levels;  // nodes on the card
   point::NormalRule normal;
   float inverse_turn, most_growth;  // of filtered normals
   point::FairingRule fairing;       // of the first iteration

@@ -190,7 +190,7 @@ __global__ void __launch_bounds__(kBlock)
     if (is_valid(before)) {
       const CloudRules& its = rules[place.cloud];
       const Vec from = {before.x, before.y, before.z};
-      const point::Limits limits = point::limits_at(its.limits, point::noise_level(its.field, from));
+      const point::Limits limits = point::limits_at(its.limits, point::node_value(its.noise_levels, from));
       const Vec to = point::settled(from, {after.x, after.y, after.z}, limits.farthest, limits.outlier_distance).place;
       result = {to.x, to.y, to.z};
     }

@@ -48,8 +48,9 @@ struct WarpTeam {
 constexpr std::size_t kHead = point::kHeadRow;  // points
 constexpr std::size_t kSpacingRow = point::kSpacingNeighbors + 1, kFirstRow = point::kFirstRow + 1,
                       kLastRow = point::kLastRow + 1;  // points
-// Of each row: one a round, and after those of a first row two more, for its residuals.
+// Of each row: one a round, and after those of a first row two more, for its residuals, and one at its planes.
 constexpr int kFirstLooks = point::kFirstRounds + 2, kLastLooks = point::kRounds - point::kFirstRounds;
+constexpr int kFirstBlocks = kFirstLooks + 1;
 
 template <int kMost>
 __device__ point::Look look(point::FitSpace<kMost>& space, const Point* row, int points, bool always) {
@@ -58,24 +59,38 @@ __device__ point::Look look(point::FitSpace<kMost>& space, const Point* row, int
   return point::look_at(neighborhood, there, points, always);
 }
 
+// What is seen at first rows, before it is put together.
+struct FirstLooks {
+  point::Look* looks;  // kFirstLooks of each row
+  point::PlaneSample* planes;
+};
+
 // A block to each look, so that no round waits for the one before, then one to kWarp samples of the spacing.
 __global__ void __launch_bounds__(kWarp)
-    look_at_first_rows(SampleArrays samples, const Point* spacing_rows, const Point* rows, point::Look* looks) {
+    look_at_first_rows(SampleArrays samples, const Point* spacing_rows, const Point* rows, FirstLooks to) {
   __shared__ point::FitSpace<point::kFirstRow> space;
   begin_kernel();
-  const std::size_t all_looks = samples.for_noise * kFirstLooks;
+  const std::size_t all_looks = samples.for_noise * kFirstBlocks;
   if (blockIdx.x >= all_looks) {
     const std::size_t n = (blockIdx.x - all_looks) * kWarp + lane_number();
     if (n < samples.for_spacing) samples.spacing[n] = point::spacing_sample(spacing_rows + n * kSpacingRow);
     return;
   }
-  const int round = static_cast<int>(blockIdx.x % kFirstLooks);
+  const std::size_t sample = blockIdx.x / kFirstBlocks;
+  const int round = static_cast<int>(blockIdx.x % kFirstBlocks);
+  const Point* const row = rows + sample * kFirstRow;
+  if (round == kFirstLooks) {
+    const int there = point::take_row(WarpTeam{}, space, row, point::kFirstRow);
+    const point::PlaneSample planes = point::plane_sample(WarpTeam{}, space, there);
+    if (lane_number() == 0) to.planes[sample] = planes;
+    return;
+  }
   const int points = round < point::kFirstRounds    ? point::points_of(round)
                      : round == point::kFirstRounds ? 2 * point::kFirstFit
                                                     : point::kLeastFit;
   const bool for_residuals = round == 0 || round >= point::kFirstRounds - 1;
-  const point::Look found = look(space, rows + blockIdx.x / kFirstLooks * kFirstRow, points, for_residuals);
-  if (lane_number() == 0) looks[blockIdx.x] = found;
+  const point::Look found = look(space, row, points, for_residuals);
+  if (lane_number() == 0) to.looks[sample * kFirstLooks + round] = found;
 }
 
 __global__ void __launch_bounds__(kWarp) look_at_last_rows(const Point* rows, const Index* again, point::Look* looks) {
@@ -89,15 +104,15 @@ __global__ void __launch_bounds__(kWarp) look_at_last_rows(const Point* rows, co
 }
 
 // `again`: the queries whose first row is too short, or none.
-__global__ void __launch_bounds__(kBlock) conclude_first(SampleArrays samples, const point::Look* looks, Index* again) {
+__global__ void __launch_bounds__(kBlock) conclude_first(SampleArrays samples, FirstLooks from, Index* again) {
   begin_kernel();
   const std::size_t n = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (n >= samples.for_noise) return;
-  const point::Look* const its = looks + n * kFirstLooks;
+  const point::Look* const its = from.looks + n * kFirstLooks;
   const point::NoiseSample noise = point::noise_sample(0, point::kFirstRounds, [its](int round) { return its[round]; });
   samples.noise[n] = noise;
   samples.residuals[n] = point::residual_sample(its[point::kFirstRounds + 1], its[0], its[point::kFirstRounds],
-                                                its[point::kFirstRounds - 1]);
+                                                its[point::kFirstRounds - 1], from.planes[n]);
   again[n] = noise.is_short ? samples.queries[samples.for_spacing + n] : point::kNoNeighbor;
 }
 
@@ -142,9 +157,10 @@ __global__ void __launch_bounds__(kWarp)
     suffices = suffices || (step != kLeast && step != kWide && (found.is_wide || found.is_last));
     if (lane_number() == 0) looks[step] = found;
   }
+  const point::PlaneSample planes = point::plane_sample(WarpTeam{}, space, there);
   if (lane_number() != 0) return;
   noise[n] = point::noise_sample(0, point::kFirstRounds, [](int round) { return looks[step_of_round(round)]; });
-  residuals[n] = point::residual_sample(looks[kLeast], looks[kNarrow], looks[kWide], looks[kWidest]);
+  residuals[n] = point::residual_sample(looks[kLeast], looks[kNarrow], looks[kWide], looks[kWidest], planes);
 }
 
 __global__ void __launch_bounds__(kBlock)
@@ -207,19 +223,22 @@ void take_samples(Context& context, const Tree& tree, const Point* points, const
   const std::size_t spacings = samples.for_spacing, noises = samples.for_noise;
   DeviceArray<Point> spacing_rows(context), first_rows(context), last_rows(context);
   DeviceArray<point::Look> first_looks(context), last_looks(context);
+  DeviceArray<point::PlaneSample> planes(context);
   DeviceArray<Index> again(context);
   spacing_rows.resize(spacings * kSpacingRow);
   first_rows.resize(noises * kFirstRow);
   last_rows.resize(noises * kLastRow);
   first_looks.resize(noises * kFirstLooks);
   last_looks.resize(noises * kLastLooks);
+  planes.resize(noises);
   again.resize(noises);
   find_rows(context, tree, points, {samples.queries, spacings, point::kSpacingNeighbors, spacing_rows.data()},
             {samples.queries + spacings, noises, point::kFirstRow, first_rows.data()});
-  start(context, look_at_first_rows, noises * kFirstLooks + (spacings + kWarp - 1) / kWarp, kWarp, samples,
-        spacing_rows.data(), first_rows.data(), first_looks.data());
+  const FirstLooks seen{first_looks.data(), planes.data()};
+  start(context, look_at_first_rows, noises * kFirstBlocks + (spacings + kWarp - 1) / kWarp, kWarp, samples,
+        spacing_rows.data(), first_rows.data(), seen);
   if (noises == 0) return;
-  start(context, conclude_first, blocks_for(noises, kBlock), kBlock, samples, first_looks.data(), again.data());
+  start(context, conclude_first, blocks_for(noises, kBlock), kBlock, samples, seen, again.data());
   find_rows(context, tree, points, {},
             {again.data(), noises, point::kLastRow, last_rows.data(), first_rows.data(), point::kFirstRow});
   start(context, look_at_last_rows, noises * kLastLooks, kWarp, last_rows.data(), again.data(), last_looks.data());

@@ -9,28 +9,32 @@ namespace {
 constexpr int kBlock = 128;
 constexpr int kWarps = kBlock / kWarp;
 
-__global__ void __launch_bounds__(kBlock)
-    radii(const __grid_constant__ Tree tree, Lists nearest, point::Radii radii, float* squared_radius) {
+__global__ void __launch_bounds__(kBlock) radii(const __grid_constant__ Tree tree, Lists nearest, point::Radii radii,
+                                                point::NodeField reach_levels, float* squared_radius) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   const Vec here = position_of(tree.points[at]);
-  const point::Radii its = radii_of(tree.rules_over(static_cast<Index>(at / kLeafSize)), radii);
-  float farthest = 0;
-  for (int i = its.min_neighbors - 1; i >= 0; --i) {
-    const Index neighbor = nearest.of(at)[i * kWarp];
-    if (neighbor == point::kNoNeighbor) continue;
-    farthest = point::squared_length(position_of(tree.points[neighbor]) - here);
-    break;
-  }
-  squared_radius[at] = farthest + squared_level_at(its.squared_level, at) * its.squared_base;
+  const auto farthest_of = [&](int count) {
+    for (int i = count - 1; i >= 0; --i) {
+      const Index neighbor = nearest.of(at)[i * kWarp];
+      if (neighbor != point::kNoNeighbor) return point::squared_length(position_of(tree.points[neighbor]) - here);
+    }
+    return 0.0f;
+  };
+  const CloudRules* const rules = tree.rules_over(static_cast<Index>(at / kLeafSize));
+  const point::Radii its = radii_of(rules, radii);
+  const float reach_level = point::node_value(rules == nullptr ? reach_levels : rules->reach_levels, here);
+  const int all = its.min_neighbors, least = all < point::kLeastReached ? all : point::kLeastReached;
+  squared_radius[at] = point::squared_radius(farthest_of(all), farthest_of(least), reach_level * reach_level,
+                                             squared_level_at(its.squared_level, at) * its.squared_base);
 }
 
 __global__ void __launch_bounds__(kBlock)
-    levels(const __grid_constant__ Tree tree, point::NoiseField field, float* squared_level) {
+    levels(const __grid_constant__ Tree tree, point::NodeField field, float* squared_level) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   const CloudRules* const rules = tree.rules_over(static_cast<Index>(at / kLeafSize));
-  const float level = point::noise_level(rules == nullptr ? field : rules->field, position_of(tree.points[at]));
+  const float level = point::node_value(rules == nullptr ? field : rules->noise_levels, position_of(tree.points[at]));
   squared_level[at] = level * level;
 }
 
@@ -154,13 +158,15 @@ void survey(Context& context, const Tree& tree, Surroundings surroundings, const
   check(cudaGetLastError(), "looking at neighbourhoods");
 }
 
-void measure_levels(Context& context, const Tree& tree, point::NoiseField field, float* squared_level) {
+void measure_levels(Context& context, const Tree& tree, point::NodeField field, float* squared_level) {
   levels<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, field, squared_level);
   check(cudaGetLastError(), "measuring levels of noise");
 }
 
-void measure_radii(Context& context, const Tree& tree, Lists nearest, const point::Radii& of, float* squared_radius) {
-  radii<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, nearest, of, squared_radius);
+void measure_radii(Context& context, const Tree& tree, Lists nearest, const point::Radii& of,
+                   point::NodeField reach_levels, float* squared_radius) {
+  radii<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, nearest, of, reach_levels,
+                                                                          squared_radius);
   check(cudaGetLastError(), "measuring radii");
 }
 
