@@ -10,6 +10,7 @@
 #include <numeric>
 #include <random>
 
+#include "estimate/exponential.hpp"
 #include "estimate/node_grid.hpp"
 #include "estimate/noise_levels.hpp"
 #include "pipeline/pipeline_access.hpp"
@@ -185,9 +186,23 @@ TEST(NodeField, is_trilinear_and_beyond_its_border_as_on_it) {
 
 TEST(NodeField, of_one_value_has_it_everywhere) {
   const Points places = shapes::sphere(300);
-  const NodeLevels levels =
-      levels_between(places, std::vector<double>(places.size(), std::log(2.5)), one_after_the_other);
-  for (const float level : levels.levels) ASSERT_NEAR(level, 2.5, 1e-5);
+  for (int again = 0; again < 2; ++again) {  // in memory that another cloud has left
+    const std::vector<double> logs(places.size(), std::log(2.5 + again));
+    const std::shared_ptr<const NodeLevels> levels = shared(levels_between(places, logs, one_after_the_other));
+    ASSERT_EQ(levels->levels.size(), std::size_t(32 * 32 * 32));
+    for (const float level : levels->levels) ASSERT_NEAR(level, 2.5 + again, 1e-5);
+  }
+}
+
+TEST(Exponential, has_a_relative_error_below_3e_16) {
+  std::mt19937_64 random(1);
+  std::uniform_real_distribution<double> far(-699, 699), near(-3, 3);
+  for (int i = 0; i < 200'000; ++i) {
+    const double x = i % 2 == 0 ? far(random) : near(random);
+    const long double exact = std::exp(static_cast<long double>(x));
+    ASSERT_LT(std::abs((exponential(x) - exact) / exact), 3e-16L) << x;
+  }
+  EXPECT_EQ(exponential(0), 1);
 }
 
 TEST(NodeField, passes_near_the_values_that_it_lies_between) {

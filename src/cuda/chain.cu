@@ -115,7 +115,7 @@ void Chain::measure_radii(const std::stop_token& stop) {
 }
 
 void Chain::measure_levels() {
-  if (!neighbors_.levels) return squared_level_.release();
+  if (!neighbors_.levels && index_.tree().rules == nullptr) return squared_level_.release();
   squared_level_.resize(index_.leaves() * kLeafSize);
   cuda::measure_levels(context_, index_.tree(), noise_levels_.of(neighbors_.levels), squared_level_.data());
 }

@@ -57,6 +57,12 @@ class Chain {
   void find_outcomes(const point::Region& loaded, unsigned char* out);  // on the card
   void sample_neighborhoods(const RowRequest& request);
   void take_samples(const SampleArrays& samples);
+  // What samples of many clouds are taken by.
+  Tree sampled_tree() {
+    join();
+    return index_.tree();
+  }
+  const Point* input() const { return input_; }
 
   DeviceArray<Point>& faired() { return faired_; }  // in upload order; by parts, or after join()
   // With nodes on the card, null without levels.
@@ -77,18 +83,19 @@ class Chain {
   void clear_unmoved();
   Lists lists() const { return {neighbors_.k, lists_.data()}; }
   void measure_levels();
-  const float* squared_levels() const { return neighbors_.levels ? squared_level_.data() : nullptr; }
+  const float* squared_levels() const {
+    return neighbors_.levels || index_.tree().rules != nullptr ? squared_level_.data() : nullptr;
+  }
   void measure_radii(const std::stop_token& stop);
   void filter_normals(const std::stop_token& stop);
   void fair_first_part_first(point::BilateralWeights weights, const FairedPoints& faired);
   void fair_by_parts(point::BilateralWeights weights);
   void fair_by_method(const FairingSettings& settings, AreaWeights areas, const FairedPoints& faired,
                       const std::stop_token& stop);
-  // A squared radius stays finite: infinite are only places that hold no point.
-  float squared_base() const { return std::min(neighbors_.radius * neighbors_.radius, 1e37f); }
+  float squared_base() const { return pointfair::squared_base(neighbors_.radius); }
   point::Radii radii() const {
     return {squared_radius_.data(), squared_base(), neighbors_.min_neighbors,
-            neighbors_.radius_follows ? squared_levels() : nullptr};
+            neighbors_.radius_follows || index_.tree().rules != nullptr ? squared_levels() : nullptr};
   }
   Surroundings surroundings(const Stop& stop = {}) const { return {lists(), radii(), collector_.collected(), stop}; }
   bool radii_grow() const { return pointfair::radii_grow(neighbors_, normal_settings_); }

@@ -10,6 +10,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "point/sample.h"
+
 namespace pointfair::constants {
 
 // Samples.                                               unit; equation; measured by
@@ -39,7 +41,7 @@ inline constexpr double kAlikeNoise[] = {0.05, 0.1};       // spacings; 051
 
 // Noise from place to place.
 inline constexpr std::size_t kFewestSamples = 64;             // that show noise; 082
-inline constexpr std::size_t kPool = 16;                      // samples whose residuals stand for one place; (21); 082
+inline constexpr std::size_t kPool = point::kPool;            // samples whose residuals stand for one place; (21); 082
 inline constexpr std::size_t kSmoothed = 8;                   // samples whose median is the noise of a place; (21); 082
 inline constexpr double kPoolQuantile = 0.35;                 // of a pool; (21); 082
 inline constexpr double kPoolQuantileNormal = -0.3853204664;  // standard deviations: the normal's, at kPoolQuantile

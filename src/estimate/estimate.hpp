@@ -53,6 +53,9 @@ struct Noise {
 // The same cloud where `sigma` is known to be another than was measured, or the same. The rest stays as measured.
 Noise of_sigma(Noise noise, double sigma);
 
+// How many points of the cloud's sample, from the first on, the noise is estimated at.
+std::size_t noise_queries(const CloudSample& sample);
+
 struct WantedEstimates {
   bool spacing = false, noise = false;
 };

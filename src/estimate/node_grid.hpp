@@ -2,6 +2,8 @@
 // A smooth function of place through scattered values.
 #pragma once
 
+#include <memory>
+#include <utility>
 #include <vector>
 
 #include "pointfair/cloud.hpp"
@@ -14,5 +16,17 @@ namespace pointfair {
 // there are the more that of a wider surrounding. By all that `for_each` calls at once.
 NodeLevels levels_between(const std::vector<Point>& places, const std::vector<double>& log_levels,
                           const ForEach& for_each);
+
+// For the next levels: fresh memory costs more than what is computed in it.
+void keep_memory(std::vector<float> levels);
+// Levels whose memory is kept in the end.
+template <class SomeLevels>
+std::shared_ptr<SomeLevels> shared(SomeLevels levels) {
+  auto owned = std::make_unique<SomeLevels>(std::move(levels));
+  return {owned.release(), [](SomeLevels* used) {
+            const std::unique_ptr<SomeLevels> last(used);
+            keep_memory(std::move(last->levels));
+          }};
+}
 
 }  // namespace pointfair

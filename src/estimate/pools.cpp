@@ -13,6 +13,9 @@ namespace {
 
 using constants::kPool;
 
+constexpr std::size_t kAtOnce = 32;  // places that one core takes
+
+// The nearest of some places to each of them, found along x.
 class NearestAlongX {
  public:
   explicit NearestAlongX(const std::vector<Point>& places) : places_(places), along_x_(places.size()) {
@@ -20,55 +23,70 @@ class NearestAlongX {
     std::sort(along_x_.begin(), along_x_.end(), [&](std::uint32_t a, std::uint32_t b) {
       return places[a].x != places[b].x ? places[a].x < places[b].x : a < b;
     });
+    for (const std::uint32_t i : along_x_) {
+      x_.push_back(places[i].x);
+      y_.push_back(places[i].y);
+      z_.push_back(places[i].z);
+    }
   }
 
-  // Of the n-th place along x, into a row of kPool.
-  void find(std::size_t n, std::uint32_t* row) const {
-    std::array<std::pair<double, std::uint32_t>, kPool> nearest;
-    nearest.fill({std::numeric_limits<double>::infinity(), 0});
-    const Point& from = places_[along_x_[n]];
-    // false: from here on all are too far
-    const auto takes = [&](std::uint32_t j) {
-      const Point& to = places_[j];
-      const double x = double(from.x) - to.x, y = double(from.y) - to.y, z = double(from.z) - to.z;
-      if (x * x > nearest.back().first) return false;
-      const std::pair<double, std::uint32_t> found{x * x + y * y + z * z, j};
-      if (!(found < nearest.back())) return true;
-      std::size_t place = kPool - 1;
-      for (; place > 0 && found < nearest[place - 1]; --place) nearest[place] = nearest[place - 1];
-      nearest[place] = found;
-      return true;
-    };
-    bool goes_up = true, goes_down = true;
-    takes(along_x_[n]);
-    for (std::size_t step = 1; goes_up || goes_down; ++step) {
-      goes_up = goes_up && n + step < along_x_.size() && takes(along_x_[n + step]);
-      goes_down = goes_down && step <= n && takes(along_x_[n - step]);
+  // Of the n-th places along x from `begin` to before `end`: rows of kPool, each at that place in `rows`, nearest
+  // first. Equal distances in the order of the places, which is one of positions.
+  void find(std::size_t begin, std::size_t end, std::uint32_t* rows) const {
+    std::vector<Found> found(places_.size());
+    double guess = std::numeric_limits<double>::infinity();  // most rows reach about as far as the one before
+    for (std::size_t n = begin; n < end; ++n) {
+      std::size_t count = collect(n, guess, found);
+      while (count < kPool) count = collect(n, guess *= 4, found);
+      const auto first = found.begin();
+      std::nth_element(first, first + kPool - 1, first + std::ptrdiff_t(count));
+      guess = 1.5 * first[kPool - 1].first;
+      if (!(guess > 0)) guess = std::numeric_limits<double>::infinity();
+      std::sort(first, first + kPool);
+      for (std::size_t i = 0; i < kPool; ++i) rows[along_x_[n] * kPool + i] = first[i].second;
     }
-    for (std::size_t i = 0; i < kPool; ++i) row[i] = nearest[i].second;
   }
-  std::size_t place(std::size_t n) const { return along_x_[n]; }
 
  private:
+  using Found = std::pair<double, std::uint32_t>;  // squared distance, and whose
+
+  // All within a squared radius; how many.
+  std::size_t collect(std::size_t n, double within, std::vector<Found>& found) const {
+    const double x = x_[n], y = y_[n], z = z_[n];
+    std::size_t count = 0;
+    // false: from here on all are too far
+    const auto offer = [&](std::size_t i) {
+      const double to_x = x - x_[i], to_y = y - y_[i], to_z = z - z_[i], squared_x = to_x * to_x;
+      const double squared = squared_x + to_y * to_y + to_z * to_z;
+      found[count] = {squared, along_x_[i]};
+      count += squared <= within;
+      return squared_x <= within;
+    };
+    std::size_t i = n;
+    while (i < x_.size() && offer(i)) ++i;
+    for (i = n; i > 0 && offer(i - 1);) --i;
+    return count;
+  }
+
   const std::vector<Point>& places_;
   std::vector<std::uint32_t> along_x_;
+  std::vector<double> x_, y_, z_;  // of places along x
 };
 
 }  // namespace
 
 Pools::Pools(const std::vector<Point>& places, const ForEach& for_each) : rows_(places.size() * kPool) {
   const NearestAlongX nearest(places);
-  for_each(places.size(), [&](std::size_t n) { nearest.find(n, &rows_[nearest.place(n) * kPool]); });
+  for_each((places.size() + kAtOnce - 1) / kAtOnce, [&](std::size_t block) {
+    const std::size_t begin = block * kAtOnce;
+    nearest.find(begin, std::min(places.size(), begin + kAtOnce), rows_.data());
+  });
 }
 
-std::optional<double> median_known(std::span<const std::uint32_t> pool, const std::vector<double>& values) {
-  std::vector<double> known;
-  for (const std::uint32_t i : pool)
-    if (!std::isnan(values[i])) known.push_back(values[i]);
-  if (known.empty()) return std::nullopt;
-  const auto middle = known.begin() + std::ptrdiff_t(known.size() / 2);
-  std::nth_element(known.begin(), middle, known.end());
-  return *middle;
+std::optional<double> median_known(std::span<const std::uint32_t> pool, const Ranked& values) {
+  const double median = values.among(pool, [](std::size_t known) { return known / 2; });
+  if (std::isnan(median)) return std::nullopt;
+  return median;
 }
 
 }  // namespace pointfair

@@ -5,9 +5,11 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "estimate/constants.hpp"
+#include "estimate/ranked.hpp"
 #include "point/sample.h"
 #include "pointfair/cloud.hpp"
 #include "seam/cloud_sample.hpp"
@@ -26,6 +28,8 @@ struct LocalSamples {
 class Pools {
  public:
   Pools(const std::vector<Point>& places, const ForEach& for_each);
+  // As they were found otherwise, row after row.
+  explicit Pools(std::vector<std::uint32_t> rows) : rows_(std::move(rows)) {}
   std::span<const std::uint32_t> of(std::size_t place) const {
     return std::span(rows_).subspan(place * constants::kPool, constants::kPool);
   }
@@ -35,6 +39,6 @@ class Pools {
 };
 
 // Of the values at those places of a pool where one is known; NaN is none.
-std::optional<double> median_known(std::span<const std::uint32_t> pool, const std::vector<double>& values);
+std::optional<double> median_known(std::span<const std::uint32_t> pool, const Ranked& values);
 
 }  // namespace pointfair

@@ -62,8 +62,9 @@ std::shared_ptr<const NodeLevels> reach_levels(const LocalSamples& samples, cons
     const double followed = 1 - share_between(kHarmlessNoise, noise[i] / samples.noise[i].spacing);
     log_levels[i] = (1 - alikeness) * followed * std::clamp(log_level, -farthest, farthest);
   });
-  for_each(count, [&](std::size_t i) { smooth[i] = *median_known(pools.of(i).first(kSmoothed), log_levels); });
-  return std::make_shared<const NodeLevels>(levels_between(samples.places, smooth, for_each));
+  const Ranked ranked(log_levels);
+  for_each(count, [&](std::size_t i) { smooth[i] = *median_known(pools.of(i).first(kSmoothed), ranked); });
+  return shared(levels_between(samples.places, smooth, for_each));
 }
 
 }  // namespace pointfair

@@ -43,6 +43,8 @@ class LoadedCloud {
   // Does `work`; where the device's memory does not suffice, again with the cloud in tiles, nothing cached.
   void within_memory(const std::function<void()>& work);
 
+  // Another backend of the same kind; null where none can be made.
+  std::unique_ptr<Backend> make_worker() const { return make_worker_ ? make_worker_() : nullptr; }
   Backend& backend();  // throws Error(device) if the device was lost for good
   std::uint64_t points() const { return points_; }
 

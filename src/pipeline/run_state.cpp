@@ -41,10 +41,6 @@ std::array<double, 3> noise_quantiles(double sigma, const NoiseLevels* levels) {
   return result;
 }
 
-double diagonal_of(const Bounds& b) {
-  return std::hypot(double(b.max.x) - b.min.x, double(b.max.y) - b.min.y, double(b.max.z) - b.min.z);
-}
-
 }  // namespace
 
 void Pipeline::State::load(std::span<const Point> points) {

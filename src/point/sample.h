@@ -44,6 +44,10 @@ inline constexpr int kSpacingNeighbors = 6;
 // one before. Rows are asked for in two lengths: a row of the nearest begins with every shorter one, so each serves
 // half of the rounds.
 inline constexpr int kLeastFit = 20, kFirstFit = 30, kFirstRow = 115, kLastRow = 600;
+// Of a row: the sample and those that show steps of coordinates (src/estimate/coordinate_steps.cpp).
+inline constexpr int kHeadRow = 9;
+// Samples whose residuals stand for one place (src/estimate/noise_levels.cpp).
+inline constexpr int kPool = 16;
 inline constexpr int kFirstRounds = 5, kRounds = 10;
 POINTFAIR_INLINE constexpr int points_of(int round) {
   double points = kFirstFit;

@@ -11,16 +11,13 @@
 
 #include "estimate/automatic.hpp"
 #include "scale/ingest.hpp"
+#include "seam/cloud_sample.hpp"
 #include "tiles/halo.hpp"
 
 namespace pointfair::scale {
 namespace {
 
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-
-double diagonal_of(const Bounds& b) {
-  return std::hypot(double(b.max.x) - b.min.x, double(b.max.y) - b.min.y, double(b.max.z) - b.min.z);
-}
 
 bool same_place(const Point& a, const Point& b) { return a.x == b.x && a.y == b.y && a.z == b.z; }
 

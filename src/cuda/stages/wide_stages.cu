@@ -21,17 +21,20 @@ __global__ void __launch_bounds__(kBlock) radii(const __grid_constant__ Tree tre
     }
     return 0.0f;
   };
-  const float reach_level = point::node_value(reach_levels, here);
-  const int least = nearest.k < point::kLeastReached ? nearest.k : point::kLeastReached;
-  squared_radius[at] = point::squared_radius(farthest_of(nearest.k), farthest_of(least), reach_level * reach_level,
-                                             squared_level_at(radii.squared_level, at) * radii.squared_base);
+  const CloudRules* const rules = tree.rules_over(static_cast<Index>(at / kLeafSize));
+  const point::Radii its = radii_of(rules, radii);
+  const float reach_level = point::node_value(rules == nullptr ? reach_levels : rules->reach_levels, here);
+  const int all = its.min_neighbors, least = all < point::kLeastReached ? all : point::kLeastReached;
+  squared_radius[at] = point::squared_radius(farthest_of(all), farthest_of(least), reach_level * reach_level,
+                                             squared_level_at(its.squared_level, at) * its.squared_base);
 }
 
 __global__ void __launch_bounds__(kBlock)
     levels(const __grid_constant__ Tree tree, point::NodeField field, float* squared_level) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
-  const float level = point::node_value(field, position_of(tree.points[at]));
+  const CloudRules* const rules = tree.rules_over(static_cast<Index>(at / kLeafSize));
+  const float level = point::node_value(rules == nullptr ? field : rules->noise_levels, position_of(tree.points[at]));
   squared_level[at] = level * level;
 }
 
@@ -44,6 +47,7 @@ __global__ void __launch_bounds__(kBlock)
   __shared__ typename Neighbors::Shared shared[kWarps];
   const bool valid = tree.holds(at);
   const Neighbors neighbors(tree, surroundings, Index(at), valid, shared[threadIdx.x / kWarp]);
+  if (const CloudRules* const its = tree.rules_over(Index(at / kLeafSize)); its != nullptr) rule = its->normal;
   const auto normal = point::normal_of(neighbors, point::weights_of(rule, neighbors.squared_radius()));
   normals.set(at, valid ? normal.unit : Vec{});
   count_unmoved(state, valid, normal);
@@ -57,6 +61,11 @@ __global__ void __launch_bounds__(kBlock)
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   __shared__ typename Neighbors::Shared shared[kWarps];
   const Neighbors neighbors(tree, surroundings, Index(at), tree.holds(at), shared[threadIdx.x / kWarp]);
+  if (const CloudRules* const its = tree.rules_over(Index(at / kLeafSize)); its != nullptr) {
+    rule = its->normal;
+    inverse_turn = its->inverse_turn;
+    growth.most = its->most_growth;
+  }
   const auto filtered =
       point::filtered_normal_of<kGrows>(neighbors, rule, inverse_turn, from.at(at), from, growth.most);
   if constexpr (kGrows) growth.squared_growth[at] = filtered.squared_growth;
@@ -65,10 +74,24 @@ __global__ void __launch_bounds__(kBlock)
 
 enum class Leaves { all, grown, others };  // where the radius of a point grows, and where none does
 
-template <class Neighbors, bool kSeeksOutliers, bool kShares>
+// What fairing reads of a point's cloud.
+struct OfAll {
+  point::FairingRule rule;
+  __device__ __forceinline__ const point::FairingRule& of(const Tree&, Index) const { return rule; }
+};
+struct OfItsCloud {
+  float noise_left;  // of this iteration
+  __device__ __forceinline__ point::FairingRule of(const Tree& tree, Index leaf) const {
+    point::FairingRule rule = tree.rules_over(leaf)->fairing;
+    rule.noise_left = noise_left;
+    return rule;
+  }
+};
+
+template <class Neighbors, bool kSeeksOutliers, bool kShares, class Rules>
 __global__ void __launch_bounds__(kBlock)
     wide_fairing(const __grid_constant__ Tree tree, const __grid_constant__ Surroundings surroundings, Leaves leaves,
-                 Normals normals, AreaWeights areas, point::FairingRule rule, const float* squared_level,
+                 Normals normals, AreaWeights areas, const Rules rules, const float* squared_level,
                  FairedPoints faired) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
@@ -80,6 +103,7 @@ __global__ void __launch_bounds__(kBlock)
   }
   const Neighbors neighbors(tree, surroundings, Index(at), valid, shared[threadIdx.x / kWarp]);
   const float4 p = tree.points[at];
+  const auto& rule = rules.of(tree, Index(at / kLeafSize));
   const Vec moved = point::faired_point<kSeeksOutliers, kShares>(neighbors, rule, squared_level_at(squared_level, at),
                                                                  position_of(p), normals.at(at), normals, areas,
                                                                  Scalars{surroundings.radii.squared_radius});
@@ -97,6 +121,30 @@ __global__ void __launch_bounds__(kBlock)
   const auto survey = point::survey_of(neighbors, values[at], Scalars{values});
   counts[at] = survey.count;
   least[at] = survey.least;
+}
+
+template <class Rules>
+void launch_fairing(Context& context, const Tree& tree, const Surroundings& surroundings, Normals normals,
+                    AreaWeights areas, const point::FairingRule& rule, const Rules& rules, const float* squared_level,
+                    const FairedPoints& faired) {
+  const auto launch = [&]<class Neighbors>(By<Neighbors>, Leaves leaves) {
+    const bool shares = rule.noise_variance > 0;
+    const auto fair_points =
+        rule.squared_outlier_distance > 0
+            ? (shares ? wide_fairing<Neighbors, true, true, Rules> : wide_fairing<Neighbors, true, false, Rules>)
+            : (shares ? wide_fairing<Neighbors, false, true, Rules> : wide_fairing<Neighbors, false, false, Rules>);
+    fair_points<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, surroundings, leaves, normals,
+                                                                                  areas, rules, squared_level, faired);
+  };
+  if (surroundings.collected.parts != nullptr && surroundings.radii.squared_growth != nullptr) {
+    launch(By<CollectedRadius>{}, Leaves::others);
+    launch(By<WalkedRadius>{}, Leaves::grown);
+  } else if constexpr (std::is_same_v<Rules, OfItsCloud>) {
+    for_radius(surroundings, [&](auto way) { launch(way, Leaves::all); });
+  } else {
+    for_way(surroundings, [&](auto way) { launch(way, Leaves::all); });
+  }
+  check(cudaGetLastError(), "fairing");
 }
 
 }  // namespace
@@ -144,22 +192,12 @@ void filter_normals(Context& context, const Tree& tree, Surroundings surrounding
 
 void fair_widely(Context& context, const Tree& tree, Surroundings surroundings, Normals normals, AreaWeights areas,
                  const point::FairingRule& rule, const float* squared_level, FairedPoints faired) {
-  const auto launch = [&]<class Neighbors>(By<Neighbors>, Leaves leaves) {
-    const bool shares = rule.noise_variance > 0;
-    const auto fair_points =
-        rule.squared_outlier_distance > 0
-            ? (shares ? wide_fairing<Neighbors, true, true> : wide_fairing<Neighbors, true, false>)
-            : (shares ? wide_fairing<Neighbors, false, true> : wide_fairing<Neighbors, false, false>);
-    fair_points<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, surroundings, leaves, normals,
-                                                                                  areas, rule, squared_level, faired);
-  };
-  if (surroundings.collected.parts != nullptr && surroundings.radii.squared_growth != nullptr) {
-    launch(By<CollectedRadius>{}, Leaves::others);
-    launch(By<WalkedRadius>{}, Leaves::grown);
+  if (tree.rules != nullptr) {
+    launch_fairing(context, tree, surroundings, normals, areas, rule, OfItsCloud{rule.noise_left}, squared_level,
+                   faired);
   } else {
-    for_way(surroundings, [&](auto way) { launch(way, Leaves::all); });
+    launch_fairing(context, tree, surroundings, normals, areas, rule, OfAll{rule}, squared_level, faired);
   }
-  check(cudaGetLastError(), "fairing");
   bring_into_order(context, faired);
 }
 

@@ -8,10 +8,12 @@
 
 namespace pointfair::cuda {
 
+// Here and below, where the tree has rules of its clouds, they go before the arguments.
+
 // Squares of the field's levels, of each sorted point.
 void measure_levels(Context& context, const Tree& tree, point::NodeField field, float* squared_level);
 
-// R_i^2 from lists of the `min_neighbors` nearest, or as many as there are; lists.k is 0 for none. What else it is made
+// R_i^2 from lists of the `min_neighbors` nearest, or more, or as many as there are; lists.k is 0 for none. What else it is made
 // of is in `of`.
 void measure_radii(Context& context, const Tree& tree, Lists nearest, const point::Radii& of,
                    point::NodeField reach_levels, float* squared_radius);
