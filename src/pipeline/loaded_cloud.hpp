@@ -44,7 +44,9 @@ class LoadedCloud {
   void within_memory(const std::function<void()>& work);
 
   // Another backend of the same kind; null where none can be made.
-  std::unique_ptr<Backend> make_worker() const { return make_worker_ ? make_worker_() : nullptr; }
+  std::unique_ptr<Backend> make_worker() const {
+    return workers_.of_cards.empty() ? nullptr : workers_.of_cards.front()();
+  }
   Backend& backend();  // throws Error(device) if the device was lost for good
   std::uint64_t points() const { return points_; }
 
