@@ -47,7 +47,7 @@ std::vector<std::string> LasSource::losses(Format to) const {
     }
     return result;
   }
-  if (header.find("copc", 1)) {
+  if (layout_.is_copc()) {
     result.push_back("the COPC index of the input no longer fits points that moved, so the output is plain LAZ or LAS");
   }
   std::error_code ignored;
@@ -82,7 +82,7 @@ FileInfo LasSource::info() const {
                  {"offset", numbers(header.scaling.offset)},
                  {"software", std::string(get_text(bytes(), place::software, 32))},
                  {"system", std::string(get_text(bytes(), place::system, 32))}};
-  if (header.find("copc", 1)) result.rows.front().value += ", COPC";
+  if (layout_.is_copc()) result.rows.front().value += ", COPC";
   result.has_attributes = !layout_.compression || can_code(*layout_.compression);
   if (!result.has_attributes) result.rows.push_back({"attributes", "not read, since this build lacks LASzip"});
   return result;

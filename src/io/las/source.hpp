@@ -21,6 +21,9 @@ struct Layout {
   std::size_t chunks_end = 0;  ///< of the last chunk, or of the points
   std::size_t table_begin = 0;
   std::size_t points_end = 0;  ///< where what follows the points and their table begins
+
+  /// An octree goes with the chunks. Its record in an uncompressed file means nothing.
+  bool is_copc() const { return compression && header.find("copc", 1); }
 };
 
 class LasSource : public Source {

@@ -88,12 +88,14 @@ class LasWriter {
     }
     add_attributes();
     if (compress) choose_compression();
-    if (!compress) drop("laszip encoded", kLaszipId);
+    if (!compress && layout_.compression) drop(kLaszipUser, kLaszipId);
     if (compress && (!layout_.compression || !edits.added.empty())) {
       frame_.put_record(kLaszipUser, kLaszipId, "by LASzip of pointfair", compression_record(*compression_));
     }
-    drop("copc", 1);  // an octree of the points, which no longer are where it has them
-    drop("copc", 1000);
+    if (compress || layout_.compression) {
+      drop("copc", 1);  // an octree of compressed points, which no longer are where it has them
+      drop("copc", 1000);
+    }
   }
 
   void write() {
@@ -256,7 +258,7 @@ class LasWriter {
 
   // All chunks are as they were, and nothing else changes.
   bool is_copy() const {
-    return compression_ && !edits_.changes_attributes() && !is_refined() && !layout_.header.find("copc", 1) &&
+    return compression_ && !edits_.changes_attributes() && !is_refined() && !layout_.is_copc() &&
            std::all_of(kept_.begin(), kept_.end(), [](char kept) { return kept != 0; });
   }
 
