@@ -186,6 +186,27 @@ TEST(LasFiles, WaveformsBesideTheFileAreCopiedAndItsIndexIsNot) {
   EXPECT_FALSE(std::filesystem::exists(folder / "third.las"));
 }
 
+TEST(LasErrors, AFullDiskLeavesNeitherTheFileNorItsWaveforms) {
+  const Folder folder;
+  LasSpec spec;
+  spec.minor = 3;
+  spec.format = 4;
+  spec.count = 2000;
+  std::string las = make_las(spec);
+  las[6] = 4;  // the waveforms are in a file of their own
+  put_file(folder / "in.las", las);
+  Cloud cloud = read(folder / "in.las");
+  move_points(cloud);
+  for (const auto& [waveforms, needed] : {std::pair(std::size_t{100}, las.size()), {3 * las.size(), 3 * las.size()}}) {
+    put_file(folder / "in.wdp", std::string(waveforms, 'w'));
+    const std::size_t room = needed == las.size() ? 50000 : las.size() + 1;
+    const Thrown thrown = thrown_with_room_for(room, [&] { write(folder / "out.las", cloud); });
+    EXPECT_EQ(thrown.kind, ErrorKind::file);
+    EXPECT_NE(thrown.message.find("needs " + std::to_string(needed) + " bytes"), std::string::npos) << thrown.message;
+    EXPECT_EQ(folder.names(), (std::vector<std::string>{"in.las", "in.wdp"}));
+  }
+}
+
 TEST(LasFiles, AFileOfOnePointIsRead) {
   LasSpec spec;
   spec.count = 1;
