@@ -331,6 +331,7 @@ void run(RunArguments arguments, std::stop_token stop) {
     progress.show(0, "reading");
     const Cloud cloud = read_input(arguments);
     check_normals(arguments, cloud);
+    check_write(arguments.output, cloud, write_options);
     if (!arguments.write_noise.empty()) check_noise_attribute(cloud, arguments.write_noise, write_options);
     const std::vector<std::uint8_t> movable = movable_points(limits, cloud);
     if (limits.ignore.empty()) {
