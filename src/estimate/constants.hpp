@@ -15,8 +15,8 @@
 namespace pointfair::constants {
 
 // Samples.                                               unit; equation; measured by
-inline constexpr std::size_t kNoiseSamples = 500;      // samples of the cloud; (8); estimates
-inline constexpr std::uint64_t kPointsOfPlace = 1000;  // points of the cloud for one more place; (21); 082
+inline constexpr std::size_t kNoiseSamples = 500;     // samples of the cloud; (8); estimates
+inline constexpr std::uint64_t kPointsOfPlace = 150;  // points of the cloud for one more place; (21); 109
 
 // Noise of a typical place.
 inline constexpr double kNoiseQuantile =
@@ -40,16 +40,14 @@ inline constexpr double kAlikeSlowing[] = {1.2, 0.9};      // the next growth ov
 inline constexpr double kAlikeNoise[] = {0.05, 0.1};       // spacings; 051
 
 // Noise from place to place.
-inline constexpr std::size_t kFewestSamples = 64;             // that show noise; 082
-inline constexpr std::size_t kPool = point::kPool;            // samples whose residuals stand for one place; (21); 082
-inline constexpr std::size_t kSmoothed = 8;                   // samples whose median is the noise of a place; (21); 082
-inline constexpr double kPoolQuantile = 0.35;                 // of a pool; (21); 082
-inline constexpr double kPoolQuantileNormal = -0.3853204664;  // standard deviations: the normal's, at kPoolQuantile
-inline constexpr double kWideRadius = 2.6;       // standard deviations; narrower ones do not show noise; 082
-inline constexpr double kFitError = 0.1;         // of log variances, beside chance; (21); 082
-inline constexpr double kSpread = 0.35;          // of log levels, before anything is known; (21); 082
-inline constexpr double kChanceOfLevels = 0.15;  // of log levels, by the samples alone; (21); 082
-inline constexpr double kLargestLevel = 8;       // sigmas; 082
+inline constexpr std::size_t kFewestSamples = 64;   // that show noise; 082
+inline constexpr std::size_t kPool = point::kPool;  // samples whose residuals stand for one place; (21); 082
+inline constexpr std::size_t kSmoothed = 8;         // samples whose median is the noise of a place; (21); 082
+inline constexpr double kWideRadius = 2.6;          // standard deviations; narrower ones do not show noise; 082
+inline constexpr double kFitError = 0.1;            // of log variances, beside chance; (21); 082
+inline constexpr double kSpread = 0.35;             // of log levels, before anything is known; (21); 082
+inline constexpr double kChanceOfLevels = 0.12;      // of log levels, by the samples alone; (21); 109
+inline constexpr double kLargestLevel = 8;          // sigmas; 082
 inline constexpr std::array kShapePowers{1.3, 2.0, 3.0, 4.0};  // of the size, by which shape grows; (21); 082
 inline constexpr int kLeastShape = -10, kMostShape = 8;        // half decades of shape over noise; (21); 082
 inline constexpr double kUnlikely = 20;                 // minus twice the log likelihood, over the best; 1 of 20,000
