@@ -5,7 +5,6 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <utility>
 #include <vector>
 
@@ -43,9 +42,7 @@ Curve curve_of(const point::NoiseSample& noise, const point::ResidualSample* res
   const double found[] = {residuals ? residuals->least : -1, residuals ? residuals->narrow : -1,
                           residuals ? residuals->wide : -1, residuals ? residuals->widest : -1};
   for (std::size_t size = 0; size < kSizes; ++size) {
-    const double radius = noise.spacing * std::sqrt(kCounts[size] / std::numbers::pi);
-    if (found[size] < 0 || radius < kWideRadius * noise.sigma) continue;
-    curve[size] = found[size] * found[size];
+    if (found[size] >= 0) curve[size] = found[size] * found[size];
   }
   return curve;
 }
