@@ -59,6 +59,7 @@ Json report_json(const TiledReport& report, const DeviceInfo& device) {
             {"too_few_neighbors", report.unmoved.too_few_neighbors},
             {"no_normal", report.unmoved.no_normal},
             {"outliers", report.unmoved.outliers}}},
+          {"outliers", outliers_json(report.unmoved.outliers_by_reason)},
           {"short_neighborhoods", report.short_neighborhoods},
           {"tiles", report.tiles}};
 }

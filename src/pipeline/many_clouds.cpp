@@ -56,8 +56,8 @@ PointsOnCard<Memory> part_of(const PointsOnCard<Memory>& points, std::size_t beg
 // Lists of every point serve clouds of any scale; what is estimated differs from cloud to cloud.
 bool Pipeline::State::runs_together(const Params& params) {
   return cloud.backend().many_clouds() != nullptr && params.method == Method::bilateral &&
-         !sums_within_radius(params) && !params.constraint && !needs_spacing(params) && !needs_noise(params) &&
-         !needs_diagonal(params);
+         params.along == Along::normal && !sums_within_radius(params) && !params.constraint && !needs_spacing(params) &&
+         !needs_noise(params) && !needs_diagonal(params);
 }
 
 // As many at once as one upload takes. Afterwards the pipeline is empty.

@@ -61,7 +61,11 @@ Point TileResults::settle(const Point& before, const Point& faired) const {
   const auto [farthest, outlier_distance] =
       point::limits_at(limit_rule(settling_.limits), point::noise_level(field, to_vec3(before)));
   const auto settled = point::settled(to_vec3(before), to_vec3(faired), farthest, outlier_distance);
-  if (settled.is_outlier) held_back_.fetch_add(1, std::memory_order_relaxed);
+  if (settled.outlier != point::Outlier::none) {
+    OutlierCounts one;
+    count(settled.outlier, one);
+    held_back_.add(one);
+  }
   return {settled.place.x, settled.place.y, settled.place.z};
 }
 

@@ -2,7 +2,6 @@
 // The last step: an input file again, its points where the tiles have them now.
 #pragma once
 
-#include <atomic>
 #include <filesystem>
 #include <memory>
 #include <mutex>
@@ -11,6 +10,7 @@
 
 #include "io/edits.hpp"
 #include "scale/plan.hpp"
+#include "seam/outlier_tally.hpp"
 #include "seam/settings.hpp"
 
 namespace pointfair::scale {
@@ -28,7 +28,7 @@ class TileResults final : public io::MovedPoints {
               const Settling& settling, std::stop_token stop);
   void take(std::uint64_t first, std::span<const Point> before, std::span<Point> now) const override;
   /// Points that were held back so far.
-  std::uint64_t held_back() const { return held_back_; }
+  OutlierCounts held_back() const { return held_back_.counts(); }
 
  private:
   struct Held {
@@ -49,7 +49,7 @@ class TileResults final : public io::MovedPoints {
   std::stop_token stop_;
   mutable std::mutex mutex_;
   mutable std::vector<std::shared_ptr<const Held>> held_;  ///< the last two
-  mutable std::atomic<std::uint64_t> held_back_{0};
+  mutable OutlierTally held_back_;
 };
 
 }  // namespace pointfair::scale

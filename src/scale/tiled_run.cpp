@@ -224,7 +224,8 @@ struct TiledRun::State {
     fs::create_directories(file.output.parent_path());
     io::write_moved(file.output, source, results, options);
     PointsHeader header;
-    header.counts[0] = results.held_back();
+    const OutlierCounts held_back = results.held_back();
+    header.counts = {held_back.isolated, held_back.off_surface, held_back.mixed_pixels};
     PointsWriter(file_of(step, task), header, {}, {}).finish();
   }
 
@@ -363,8 +364,14 @@ TiledReport TiledRun::report() const {
       report.unmoved.no_normal += counts[kNoNormalCount];
       report.short_neighborhoods += counts[kShortCount];
     }
-    for (const fs::path& path : state_->files_of(steps.back()))
-      report.unmoved.outliers += PointsFile(path).header().counts[0];
+    OutlierCounts& outliers = report.unmoved.outliers_by_reason;
+    for (const fs::path& path : state_->files_of(steps.back())) {
+      const TaskCounts counts = PointsFile(path).header().counts;
+      outliers.isolated += counts[0];
+      outliers.off_surface += counts[1];
+      outliers.mixed_pixels += counts[2];
+    }
+    report.unmoved.outliers = outliers.total();
     if (!moves_along_normal(report.params.method)) report.unmoved.no_normal = 0;
     return report;
   });

@@ -62,11 +62,11 @@ __global__ void __launch_bounds__(kBlock)
 
 enum class Leaves { all, grown, others };  // where the radius of a point grows, and where none does
 
-template <class Neighbors, bool kSeeksOutliers, bool kShares>
+template <class Neighbors, bool kSeeksOutliers, bool kShares, bool kSees>
 __global__ void __launch_bounds__(kBlock)
     wide_fairing(const __grid_constant__ Tree tree, const __grid_constant__ Surroundings surroundings, Leaves leaves,
-                 Normals normals, AreaWeights areas, point::FairingRule rule, const float* squared_level,
-                 FairedPoints faired) {
+                 Normals normals, AreaWeights areas, point::FairingRule rule, point::Sensors sensors,
+                 const float* squared_level, FairedPoints faired) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   __shared__ typename Neighbors::Shared shared[kWarps];
@@ -77,9 +77,10 @@ __global__ void __launch_bounds__(kBlock)
   }
   const Neighbors neighbors(tree, surroundings, Index(at), valid, shared[threadIdx.x / kWarp]);
   const float4 p = tree.points[at];
-  const Vec moved = point::faired_point<kSeeksOutliers, kShares>(neighbors, rule, squared_level_at(squared_level, at),
-                                                                 position_of(p), normals.at(at), normals, areas,
-                                                                 Scalars{surroundings.radii.squared_radius});
+  point::OwnPlace<float> own{squared_level_at(squared_level, at), position_of(p), normals.at(at), {}};
+  if constexpr (kSees) own.to_sensor = to_sensor(sensors, p, valid);
+  const Vec moved = point::faired_point<kSeeksOutliers, kShares, kSees>(neighbors, rule, own, normals, areas,
+                                                                        Scalars{surroundings.radii.squared_radius});
   store_faired(faired, at, p, valid, moved);
 }
 
@@ -137,16 +138,25 @@ void filter_normals(Context& context, const Tree& tree, Surroundings surrounding
   check(cudaGetLastError(), "filtering normals");
 }
 
+namespace {
+
+template <class Neighbors, bool kSees>
+auto fairing_of(const point::FairingRule& rule) {
+  const bool shares = rule.noise_variance > 0;
+  return rule.squared_outlier_distance > 0
+             ? (shares ? wide_fairing<Neighbors, true, true, kSees> : wide_fairing<Neighbors, true, false, kSees>)
+             : (shares ? wide_fairing<Neighbors, false, true, kSees> : wide_fairing<Neighbors, false, false, kSees>);
+}
+
+}  // namespace
+
 void fair_widely(Context& context, const Tree& tree, Surroundings surroundings, Normals normals, AreaWeights areas,
-                 const point::FairingRule& rule, const float* squared_level, FairedPoints faired) {
+                 const point::FairingRule& rule, const point::Sensors& sensors, const float* squared_level,
+                 FairedPoints faired) {
   const auto launch = [&]<class Neighbors>(By<Neighbors>, Leaves leaves) {
-    const bool shares = rule.noise_variance > 0;
-    const auto fair_points =
-        rule.squared_outlier_distance > 0
-            ? (shares ? wide_fairing<Neighbors, true, true> : wide_fairing<Neighbors, true, false>)
-            : (shares ? wide_fairing<Neighbors, false, true> : wide_fairing<Neighbors, false, false>);
-    fair_points<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, surroundings, leaves, normals,
-                                                                                  areas, rule, squared_level, faired);
+    const auto fair_points = rule.sees() ? fairing_of<Neighbors, true>(rule) : fairing_of<Neighbors, false>(rule);
+    fair_points<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(
+        tree, surroundings, leaves, normals, areas, rule, sensors, squared_level, faired);
   };
   if (surroundings.collected.parts != nullptr && surroundings.radii.squared_growth != nullptr) {
     launch(By<CollectedRadius>{}, Leaves::others);
