@@ -32,7 +32,7 @@ struct StageSettings {
 struct StageResults {
   std::vector<Point> points, normals;
   Counts counts;
-  OutlierCounts held_back;
+  OutlierCounts held_back{};
 };
 
 // `while_arriving`: stages are started before the upload has ended.

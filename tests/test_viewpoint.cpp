@@ -214,6 +214,7 @@ TEST(AlongRay, ends_on_the_same_plane) {
   params.similarity_sigma = 0.05;
   params.normal_sigma = 0.1;
   params.outliers = Outliers::off;
+  params.iterations = 1;
   Pipeline pipeline(Device::cpu);
   pipeline.load(points);
   pipeline.set_viewpoint({&sensor, 1});
