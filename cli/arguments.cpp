@@ -138,25 +138,15 @@ std::optional<tbb::global_control> limit_threads(unsigned threads) {
 }
 
 void add_device(CLI::App& command, DeviceArguments& arguments) {
-  command.add_option("--device", arguments.device, "auto: CUDA if there is a card, else the CPU")
+  command
+      .add_option(
+          "--device", arguments.device,
+          "auto: CUDA if there is a card, else the CPU; several cards, cuda:0,2 or cuda:all, share large clouds")
       ->type_name("auto|cpu|cuda[:N]");
   add_threads(command, arguments.threads);
 }
 
-Device make_device(const DeviceArguments& arguments) {
-  const std::string_view text = arguments.device;
-  if (text == "auto") return {Device::automatic, 0, arguments.threads};
-  if (text == "cpu") return {Device::cpu, 0, arguments.threads};
-  if (text == "cuda") return {Device::cuda, 0, arguments.threads};
-  int card = 0;
-  if (text.starts_with("cuda:")) {
-    const auto [end, error] = std::from_chars(text.data() + 5, text.data() + text.size(), card);
-    if (error == std::errc() && end == text.data() + text.size() && card >= 0) {
-      return {Device::cuda, card, arguments.threads};
-    }
-  }
-  throw Error(ErrorKind::usage, fmt::format("--device {}: use auto, cpu, cuda or cuda:N", text));
-}
+Device make_device(const DeviceArguments& arguments) { return parse_device(arguments.device, arguments.threads); }
 
 void add_format(CLI::App& command, FormatArguments& arguments) {
   add_choice(command, "--format", arguments.format, names(kFormats),

@@ -247,23 +247,48 @@ bool needs_tiles(const RunArguments& arguments, const Params& params) {
   return TiledRun::bytes_in_memory(TiledRun::count_points(arguments.input), params) > memory_to_use(tiled);
 }
 
+// Why a cloud is computed in tiles on disk though nobody asked for it: in memory it would take more than half of what
+// is free. Empty if it would not.
+std::string why_tiles(const RunArguments& arguments, const Params& params, const Device& device) {
+  if (!arguments.tiled.memory.empty() || arguments.input == "-" || arguments.output == "-") return {};
+  if (arguments.normals != "keep" || !arguments.write_noise.empty()) return {};  // what tiles cannot do yet
+  constexpr std::uint64_t kLeastBytesOfRecord = 2, kBytesOnCard = 64;  // of a point, in a file and beside a card
+  std::error_code failed;
+  const std::uint64_t size = std::filesystem::file_size(arguments.input, failed), free = TiledRun::free_memory();
+  if (failed || TiledRun::bytes_in_memory(size / kLeastBytesOfRecord, params) <= free / 2) return {};
+  const std::uint64_t points = TiledRun::count_points(arguments.input);
+  std::uint64_t needed = TiledRun::bytes_in_memory(points, params);
+  if (needed > free / 2 && Pipeline(device).device().kind == Device::cuda) needed = points * kBytesOnCard;
+  if (needed <= free / 2) return {};
+  const std::optional<Format> format = format_of(arguments.input);
+  const bool may_know_sensor = (format == Format::pcd || format == Format::e57) && arguments.viewpoint.empty();
+  return fmt::format(
+      "{} points would take {:.1f} GB of memory, and {:.1f} GB are free: they are computed in tiles on disk, with the "
+      "same result{}; --memory says how much memory to use",
+      points, double(needed) * 1e-9, double(free) * 1e-9,
+      may_know_sensor ? ", but mixed pixels are not looked for" : "");
+}
+
 // What runs in tiles cannot do yet.
-void check_tiled(const RunArguments& arguments, const Params& params, const Limits& limits) {
+void check_tiled(const RunArguments& arguments, const Params& params) {
   const auto refuse = [](const std::string& what) {
     throw Error(ErrorKind::usage, what + " cannot be used with a run in tiles on disk (--memory, --work, --out-dir)");
   };
-  for (const std::string_view name : kLimitNames)
-    if (!limit_text(limits, name).empty() && !(name == "strength" && limits.strength == 1))
-      refuse(fmt::format("--{}", name));
   if (arguments.normals != "keep") refuse("--normals " + arguments.normals);
   if (!arguments.write_noise.empty()) refuse("--write-noise");
   if (!arguments.viewpoint.empty() && arguments.viewpoint != "none") refuse("--viewpoint " + arguments.viewpoint);
   if (params.along == Along::ray) refuse("--along ray");
 }
 
-void run_tiled(const RunArguments& arguments, const Params& params, const Limits& limits, std::stop_token stop) {
-  check_tiled(arguments, params, limits);
+// `note`: why, where nobody asked for tiles.
+void run_tiled(const RunArguments& arguments, const Params& params, const Limits& limits,
+               const std::string& noise_attribute, const std::string& note, std::stop_token stop) {
+  check_tiled(arguments, params);
+  const Device device = make_device(arguments.device);
   TiledJob job;
+  job.limits = limits;
+  job.noise_attribute = noise_attribute;
+  job.workers = static_cast<unsigned>(std::max<std::size_t>(1, device.cards.size()));
   job.inputs = {arguments.input};
   if (arguments.tiled.out_dir.empty()) {
     // where a run goes on, the output may be there: the plan knows
@@ -288,8 +313,7 @@ void run_tiled(const RunArguments& arguments, const Params& params, const Limits
   job.params = params;
   job.memory = memory_to_use(arguments.tiled);
   job.least_tiles = arguments.tiled.tiles;
-  run_in_tiles(job, arguments.tiled.work, make_device(arguments.device),
-               {arguments.report, arguments.progress, arguments.quiet}, stop);
+  run_in_tiles(job, arguments.tiled.work, device, {arguments.report, arguments.progress, arguments.quiet, note}, stop);
 }
 
 void run(RunArguments arguments, std::stop_token stop) {
@@ -302,12 +326,13 @@ void run(RunArguments arguments, std::stop_token stop) {
   if (arguments.tiled.out_dir.empty() && !arguments.more.empty())
     throw Error(ErrorKind::usage, "several inputs need a folder for their results; give --out-dir");
   if (arguments.tiled.out_dir.empty() && arguments.output.empty()) throw Error(ErrorKind::usage, "OUT is required");
-  if (needs_tiles(arguments, params)) {
-    if (!findings.noise_attribute.empty())
-      throw Error(ErrorKind::usage,
-                  "--noise " + findings.noise_attribute +
-                      ": the noise of each point cannot be read by a run in tiles on disk; give a length");
-    return run_tiled(arguments, params, limits, stop);
+  if (needs_tiles(arguments, params)) return run_tiled(arguments, params, limits, findings.noise_attribute, {}, stop);
+  if (const std::string why = why_tiles(arguments, params, device); !why.empty()) {
+    try {
+      return run_tiled(arguments, params, limits, findings.noise_attribute, why, stop);
+    } catch (const Error& error) {
+      if (error.kind() != ErrorKind::usage) throw;  // tiles cannot do this: memory may suffice
+    }
   }
   check_paths(arguments);
   const WriteOptions write_options = write_options_of(arguments);

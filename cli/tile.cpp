@@ -12,6 +12,7 @@
 
 #include "arguments.hpp"
 #include "output.hpp"
+#include "point_noise.hpp"
 #include "pointfair/pointfair.hpp"
 #include "progress.hpp"
 #include "report.hpp"
@@ -27,14 +28,17 @@ struct TileArguments {
   std::optional<double> las_scale;
   TiledArguments tiled;
   ParamArguments params;
+  LimitArguments limits;
   DeviceArguments device;
   FormatArguments format;
   bool all = false, force = false, quiet = false, with_parent = false;
 };
 using Shared = std::shared_ptr<TileArguments>;
 
-void plan(const TileArguments& arguments) {
+void plan(TileArguments arguments) {
   TiledJob job;
+  job.noise_attribute = take_noise_attribute(arguments.params);
+  job.limits = make_limits(arguments.limits);
   job.inputs.assign(arguments.inputs.begin(), arguments.inputs.end());
   if (!arguments.output.empty()) {
     job.output = arguments.output;
@@ -77,6 +81,7 @@ void end_with_parent() {
 
 void run_tasks(const TileArguments& arguments, std::stop_token stop) {
   if (arguments.with_parent) end_with_parent();
+  keep_no_freed_memory();
   if (arguments.all == !arguments.task.empty()) throw Error(ErrorKind::usage, "give either --task or --all");
   TiledRun run(arguments.folder, make_device(arguments.device));
   if (!arguments.all) return run_task(run, arguments.task, stop);
@@ -96,6 +101,7 @@ void status(const TileArguments& arguments) {
 }
 
 void merge(const TileArguments& arguments, std::stop_token stop) {
+  keep_no_freed_memory();
   TiledRun run(arguments.folder, make_device(arguments.device));
   run_task(run, "emit", stop);
   finish_tiles(run, make_device(arguments.device), {arguments.report, "none", arguments.quiet});
@@ -118,6 +124,7 @@ void add_plan(CLI::App& tile, const Shared& arguments) {
       ->type_name("SIZE");
   part.add_option("--tiles", arguments->tiled.tiles, "at least so many tiles")->type_name("N");
   add_params(part, arguments->params);
+  add_limits(part, arguments->limits);
   add_threads(part, arguments->device.threads);
   add_format(part, arguments->format);
   part.add_option("--las-scale", arguments->las_scale, "step of the coordinates of LAS and LAZ")->type_name("STEP");

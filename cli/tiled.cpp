@@ -2,6 +2,7 @@
 #include "tiled.hpp"
 
 #include <fmt/format.h>
+#include <malloc.h>
 #include <stdlib.h>
 
 #include <cerrno>
@@ -53,12 +54,15 @@ Json report_json(const TiledReport& report, const DeviceInfo& device) {
           {"spacing", report.spacing ? Json(*report.spacing) : Json()},
           {"noise",
            {{"before", report.noise ? Json(*report.noise) : Json()},
-            {"quantiles", report.noise ? Json(report.noise_quantiles) : Json()}}},
+            {"quantiles", report.noise ? Json(report.noise_quantiles) : Json()},
+            {"attribute", report.noise_attribute.empty() ? Json() : Json(report.noise_attribute)}}},
           {"unmoved",
            {{"non_finite", report.unmoved.non_finite},
             {"too_few_neighbors", report.unmoved.too_few_neighbors},
             {"no_normal", report.unmoved.no_normal},
-            {"outliers", report.unmoved.outliers}}},
+            {"outliers", report.unmoved.outliers},
+            {"ignored", report.ignored},
+            {"held", report.held}}},
           {"outliers", outliers_json(report.unmoved.outliers_by_reason)},
           {"short_neighborhoods", report.short_neighborhoods},
           {"tiles", report.tiles}};
@@ -66,10 +70,13 @@ Json report_json(const TiledReport& report, const DeviceInfo& device) {
 
 void print_summary(const TiledReport& report) {
   const UnmovedCounts& u = report.unmoved;
-  const std::uint64_t kept = u.non_finite + u.too_few_neighbors + u.no_normal + u.outliers;
+  const std::uint64_t kept = u.non_finite + u.too_few_neighbors + u.no_normal + u.outliers + report.ignored;
   fmt::print(stderr, "{} points denoised in {} tiles, {} kept as they were\n", report.points - kept, report.tiles,
              kept);
-  if (report.noise) fmt::print(stderr, "noise of the input {:.4g} (estimated)\n", *report.noise);
+  if (report.held > 0) fmt::print(stderr, "the limits kept {} points as they were\n", report.held);
+  if (report.noise)
+    fmt::print(stderr, "noise of the input {:.4g} ({})\n", *report.noise,
+               report.noise_attribute.empty() ? "estimated" : fmt::format("median of '{}'", report.noise_attribute));
 }
 
 void tell(const TiledReport& report, const Device& device, const TiledOutput& output) {
@@ -96,8 +103,16 @@ std::uint64_t memory_to_use(const TiledArguments& arguments) {
   return arguments.memory.empty() ? 0 : parse_bytes("--memory", arguments.memory);
 }
 
+// Otherwise glibc keeps freed arrays of up to 32 MB, which those of a tile mostly are: twice the memory.
+void keep_no_freed_memory() {
+#ifdef __GLIBC__
+  ::mallopt(M_MMAP_THRESHOLD, 1 << 20);
+#endif
+}
+
 void run_in_tiles(const TiledJob& job, const fs::path& work, const Device& device, const TiledOutput& output,
                   std::stop_token stop) {
+  keep_no_freed_memory();
   std::optional<ScratchFolder> scratch;
   if (work.empty()) {
     fs::path beside = job.output_folder.empty() ? job.output.parent_path() : job.output_folder;
@@ -110,6 +125,7 @@ void run_in_tiles(const TiledJob& job, const fs::path& work, const Device& devic
     Progress progress(output.quiet ? "none" : output.progress);
     progress.show(0, "planning");
     TiledRun::plan(job, folder, device.threads);
+    if (!output.quiet && !output.note.empty()) fmt::print(stderr, "note: {}\n", output.note);
     TiledRun run(folder, device);
     run.run_all(stop, [&](double share, std::string_view stage) { progress.show(share, stage); });
     report = run.report();

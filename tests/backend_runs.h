@@ -2,6 +2,7 @@
 // The stages of a backend one after the other, all that comes of them, and where two clouds differ.
 #pragma once
 
+#include <algorithm>
 #include <cstdio>
 #include <cstring>
 #include <memory>
@@ -11,7 +12,7 @@
 #include <vector>
 
 #include "point/curve.h"
-#include "point/noise_field.h"
+#include "point/node_field.h"
 #include "seam/backend.hpp"
 #include "seam/overlap.hpp"
 
@@ -66,8 +67,8 @@ inline Frame frame_over(Point lower, float side) {
   return {lower, {lower.x + shift, lower.y + shift, lower.z + shift}, side};
 }
 
-// With levels of noise from a half to three over the cube with this lower corner, which all that can follows, and
-// shares of noise so large.
+// With levels of noise and of reach from a half to three over the cube with this lower corner, which all that can
+// follows, and shares of noise so large.
 inline void follow_noise(StageSettings& settings, Point lower, float side, float noise) {
   NoiseLevels levels;
   const int nodes = point::kFieldNodes;
@@ -76,6 +77,9 @@ inline void follow_noise(StageSettings& settings, Point lower, float side, float
       for (int x = 0; x < nodes; ++x) levels.levels.push_back(0.5f + 0.1f * float((7 * x + 11 * y + 5 * z) % 26));
   levels.first = lower;
   levels.nodes_per_unit = float(nodes - 1) / side;
+  NodeLevels reach{levels.levels, lower, levels.nodes_per_unit};
+  std::reverse(reach.levels.begin(), reach.levels.end());
+  settings.neighbors.reach_levels = std::make_shared<const NodeLevels>(std::move(reach));
   settings.neighbors.levels = settings.limits.levels = std::make_shared<const NoiseLevels>(std::move(levels));
   settings.neighbors.radius_follows = settings.fairing.similarity_follows = settings.limits.farthest_follows = true;
   settings.fairing.level_outlier_distance = settings.limits.level_outlier_distance = 5 * noise;

@@ -4,6 +4,7 @@
 
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <new>
 #include <stop_token>
 #include <utility>
@@ -20,6 +21,8 @@ struct Meddling {
   std::stop_source* stop = nullptr;
 
   void at_call() {
+    static std::mutex mutex;  // calls may come from several threads
+    const std::lock_guard lock(mutex);
     if (kind == Kind::none || calls_left-- > 0) return;
     switch (std::exchange(kind, Kind::none)) {
       case Kind::error:

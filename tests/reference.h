@@ -195,7 +195,7 @@ inline bool is_outlier(const Points& points, std::size_t i, const List& list, Ve
   for (const std::uint32_t j : list) {
     const Vec offset = to_vec(points[j]) - to_vec(points[i]);
     near_plane += std::abs(dot(normal, offset)) <= most;
-    near += s.k > 0 || dot(offset, offset) <= std::max(0.49 * squared_radius(points, i, s), core);
+    near += s.k > 0 || dot(offset, offset) <= std::max(0.75 * squared_radius(points, i, s), core);
   }
   const bool is_sparse = s.k == 0 && squared_radius(points, i, s) > s.outlier_radius * s.outlier_radius;
   const double all = double(list.size()), least = is_sparse ? 0.7 : 0.1;

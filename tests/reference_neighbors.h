@@ -53,6 +53,7 @@ struct Settings {
   double farthest = 0;
   // What follows the noise: levels at nodes, and the share of a step that it justifies.
   std::shared_ptr<const NoiseLevels> levels;
+  std::shared_ptr<const NodeLevels> reach_levels;
   bool similarity_follows = false, farthest_follows = false;
   double level_outlier_distance = 0, noise = 0, damage = 0;
   bool is_further = false;  // not the first iteration
@@ -93,6 +94,7 @@ inline Settings settings_of(const Params& resolved) {
 inline Settings settings_of(const Params& resolved, const FollowedNoise& followed) {
   Settings s = settings_of(resolved);
   s.levels = followed.levels;
+  s.reach_levels = followed.reach_levels;
   s.similarity_follows = followed.similarity;
   s.farthest_follows = followed.limit;
   s.level_outlier_distance = followed.outlier_distance;
@@ -103,25 +105,26 @@ inline Settings settings_of(const Params& resolved, const FollowedNoise& followe
 
 // The mean of the eight nodes around the place, each by the volume of the box to the opposite one; outside the grid
 // that of the nearest place on it.
-inline double noise_level(const Settings& s, Point p) {
-  if (!s.levels) return 1;
-  const int nodes = int(std::lround(std::cbrt(double(s.levels->levels.size()))));
-  const Point& first = s.levels->first;
+inline double level_at(const NodeLevels* levels, Point p) {
+  if (levels == nullptr) return 1;
+  const int nodes = int(std::lround(std::cbrt(double(levels->levels.size()))));
+  const Point& first = levels->first;
   const double from[] = {double(p.x) - first.x, double(p.y) - first.y, double(p.z) - first.z};
   double level = 0;
   for (int corner = 0; corner < 8; ++corner) {
     double share = 1;
     int node = 0;
     for (int axis = 2; axis >= 0; --axis) {
-      const double place = std::clamp(from[axis] * double(s.levels->nodes_per_unit), 0.0, nodes - 1.0);
+      const double place = std::clamp(from[axis] * double(levels->nodes_per_unit), 0.0, nodes - 1.0);
       const int low = std::min(int(place), nodes - 2), at = low + (corner >> axis & 1);
       share *= 1 - std::abs(place - at);
       node = node * nodes + at;
     }
-    level += share * double(s.levels->levels[std::size_t(node)]);
+    level += share * double(levels->levels[std::size_t(node)]);
   }
   return level;
 }
+inline double noise_level(const Settings& s, Point p) { return level_at(s.levels.get(), p); }
 
 using Points = std::vector<Point>;
 using List = std::vector<std::uint32_t>;
@@ -193,7 +196,11 @@ inline float own_squared_radius(const Points& points, std::size_t i, const Setti
   const float squared_base = squared_base_at(points[i], s);
   if (s.min_neighbors == 0) return squared_base;
   const List list = nearest(points, i, std::size_t(s.min_neighbors));
-  return list.empty() ? squared_base : squared_distance(points[i], points[list.back()]) + squared_base;
+  if (list.empty()) return squared_base;
+  const float reach_level = float(level_at(s.reach_levels.get(), points[i]));
+  const float reach = reach_level * reach_level * squared_distance(points[i], points[list.back()]);
+  const float least = squared_distance(points[i], points[list[std::min<std::size_t>(list.size(), 8) - 1]]);
+  return std::max(reach, least) + squared_base;
 }
 
 inline float squared_radius(const Points& points, std::size_t i, const Settings& s) {

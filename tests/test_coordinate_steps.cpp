@@ -145,6 +145,23 @@ Points denoised(const Points& points) {
 }
 
 // Where steps were not known, rounding to three sigmas and more left the input as it was.
+// Points of a wall then lie on two or three values, like on the sides of a thin part.
+TEST(CoordinateSteps, of_a_wall_along_the_axes_make_no_sheets) {
+  Points points = shapes::plane(20000);
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    points[i].z = 0.3f;
+    if (i % 2 == 1) points[i] = {0.4f, points[i].y, points[i].x};
+  }
+  points = rounded(shapes::with_noise(points, kStep / 3), kStep);
+  const auto distance = [](const Points& of) {
+    double sum = 0;
+    for (std::size_t i = 0; i < of.size(); ++i)
+      sum += std::abs(i % 2 == 1 ? double(of[i].x) - 0.4f : double(of[i].z) - 0.3f);
+    return sum;
+  };
+  EXPECT_LT(distance(denoised(points)), 0.5 * distance(points));
+}
+
 TEST(CoordinateSteps, of_any_width_leave_a_run_no_cliff) {
   constexpr int kPoints = 30000;
   const double spacing = std::sqrt(4 * 3.14159265 / kPoints), sigma = 0.15 * spacing;

@@ -10,9 +10,11 @@
 #include <numeric>
 #include <random>
 
+#include "estimate/exponential.hpp"
 #include "estimate/node_grid.hpp"
 #include "estimate/noise_levels.hpp"
 #include "pipeline/pipeline_access.hpp"
+#include "point/node_field.h"
 #include "point/noise_field.h"
 #include "pointfair/pointfair.hpp"
 #include "reference.h"
@@ -159,7 +161,7 @@ TEST(NoiseLevels, without_noise_hardly_a_point_moves) {
 }
 
 // Against the reference's own interpolation, at nodes, between them, outside and nowhere.
-TEST(NoiseField, is_trilinear_and_beyond_its_border_as_on_it) {
+TEST(NodeField, is_trilinear_and_beyond_its_border_as_on_it) {
   NoiseLevels levels;
   shapes::Random random(3);
   const std::size_t nodes = point::kFieldNodes;
@@ -168,33 +170,47 @@ TEST(NoiseField, is_trilinear_and_beyond_its_border_as_on_it) {
   levels.nodes_per_unit = 4;
   reference::Settings settings;
   settings.levels = std::make_shared<const NoiseLevels>(levels);
-  const point::NoiseField field{levels.levels.data(), {-1, 2, 3}, 4};
+  const point::NodeField field{levels.levels.data(), {-1, 2, 3}, 4};
   for (int i = 0; i < 2000; ++i) {
     const Point p{float(random.uniform(-3, 9)), float(random.uniform(0, 12)), float(random.uniform(1, 13))};
-    ASSERT_NEAR(point::noise_level(field, {p.x, p.y, p.z}), reference::noise_level(settings, p), 1e-4);
+    ASSERT_NEAR(point::node_value(field, {p.x, p.y, p.z}), reference::noise_level(settings, p), 1e-4);
   }
-  EXPECT_EQ(point::noise_level(field, {-1, 2, 3}), levels.levels[0]);
-  EXPECT_EQ(point::noise_level(field, {-0.75f, 2, 3}), levels.levels[1]);
-  EXPECT_EQ(point::noise_level(field, {-1, 2.25f, 3}), levels.levels[nodes]);
+  EXPECT_EQ(point::node_value(field, {-1, 2, 3}), levels.levels[0]);
+  EXPECT_EQ(point::node_value(field, {-0.75f, 2, 3}), levels.levels[1]);
+  EXPECT_EQ(point::node_value(field, {-1, 2.25f, 3}), levels.levels[nodes]);
   const float nan = std::numeric_limits<float>::quiet_NaN(), far = std::numeric_limits<float>::infinity();
-  EXPECT_EQ(point::noise_level(field, {nan, nan, nan}), levels.levels[0]);
-  EXPECT_EQ(point::noise_level(field, {far, far, far}), levels.levels.back());
-  EXPECT_EQ(point::noise_level({}, {1, 2, 3}), 1);
+  EXPECT_EQ(point::node_value(field, {nan, nan, nan}), levels.levels[0]);
+  EXPECT_EQ(point::node_value(field, {far, far, far}), levels.levels.back());
+  EXPECT_EQ(point::node_value({}, {1, 2, 3}), 1);
 }
 
-TEST(NoiseField, of_one_value_has_it_everywhere) {
+TEST(NodeField, of_one_value_has_it_everywhere) {
   const Points places = shapes::sphere(300);
-  const NoiseLevels levels =
-      levels_between(places, std::vector<double>(places.size(), std::log(2.5)), one_after_the_other);
-  for (const float level : levels.levels) ASSERT_NEAR(level, 2.5, 1e-5);
+  for (int again = 0; again < 2; ++again) {  // in memory that another cloud has left
+    const std::vector<double> logs(places.size(), std::log(2.5 + again));
+    const std::shared_ptr<const NodeLevels> levels = shared(levels_between(places, logs, one_after_the_other));
+    ASSERT_EQ(levels->levels.size(), std::size_t(32 * 32 * 32));
+    for (const float level : levels->levels) ASSERT_NEAR(level, 2.5 + again, 1e-5);
+  }
 }
 
-TEST(NoiseField, passes_near_the_values_that_it_lies_between) {
+TEST(Exponential, has_a_relative_error_below_3e_16) {
+  std::mt19937_64 random(1);
+  std::uniform_real_distribution<double> far(-699, 699), near(-3, 3);
+  for (int i = 0; i < 200'000; ++i) {
+    const double x = i % 2 == 0 ? far(random) : near(random);
+    const long double exact = std::exp(static_cast<long double>(x));
+    ASSERT_LT(std::abs((exponential(x) - exact) / exact), 3e-16L) << x;
+  }
+  EXPECT_EQ(exponential(0), 1);
+}
+
+TEST(NodeField, passes_near_the_values_that_it_lies_between) {
   const Points places = shapes::plane(2000);
   std::vector<double> logs;
   for (const Point& p : places) logs.push_back(std::sin(3 * double(p.x)) * double(p.y));
   reference::Settings settings;
-  settings.levels = std::make_shared<const NoiseLevels>(levels_between(places, logs, one_after_the_other));
+  settings.levels = std::make_shared<const NoiseLevels>(NoiseLevels{levels_between(places, logs, one_after_the_other)});
   for (std::size_t i = 0; i < places.size(); ++i)
     ASSERT_NEAR(std::log(reference::noise_level(settings, places[i])), logs[i], 0.12) << i;
 }

@@ -13,6 +13,7 @@
 #include "scale/leaf_tree.hpp"
 #include "scale/points_file.hpp"
 #include "scale/stored_cloud.hpp"
+#include "scale/tiled_run_access.hpp"
 #include "shapes.h"
 
 namespace pointfair::scale {
@@ -191,6 +192,29 @@ TEST(Scale, the_origin_is_that_of_the_whole_file_where_the_guess_is_another) {
   run.run_all();
   EXPECT_EQ(read_text(folder / "out.xyz"), read_text(folder / "whole.xyz"));
   EXPECT_TRUE(fs::exists(folder / "work/origin"));
+}
+
+// Two CPUs stand for the cards of a machine.
+TEST(Scale, several_workers_share_the_tiles_and_leave_the_bits_of_one) {
+  const Folder folder;
+  Cloud cloud;
+  cloud.points = shapes::with_noise(shapes::sphere(30000), 0.004);
+  write(folder / "in.ply", cloud);
+  Pipeline pipeline(Device::cpu);
+  pipeline.load(read(folder / "in.ply"));
+  write(folder / "whole.ply", pipeline.run());
+  TiledJob job;
+  job.inputs = {folder / "in.ply"};
+  job.output = folder / "out.ply";
+  job.least_tiles = 9;
+  job.memory = std::uint64_t{1} << 30;
+  job.workers = 2;
+  TiledRun::plan(job, folder / "work");
+  EXPECT_NE(read_text(folder / "work/plan.txt").find("\nmemory 536870912\n"), std::string::npos) << "they share it";
+  TiledRun run = TiledRunAccess::make(folder / "work", {Device::cpu, Device::cpu});
+  run.run_all();
+  EXPECT_EQ(read_text(folder / "out.ply"), read_text(folder / "whole.ply"));
+  EXPECT_EQ(run.report().tiles, 9u);
 }
 
 // As it would otherwise be tried again with ever smaller parts of the tile.

@@ -60,7 +60,7 @@ void expect_like_reference(const Points& points, const Params& params, const std
     counts.non_finite += !reference::is_valid(points[i]);
     if (!reference::is_valid(points[i])) continue;
     short_lists += settings.constraint && e.neighbors < std::size_t(settings.k);
-    counts.too_few_neighbors += e.neighbors < 3;
+    counts.too_few_neighbors += e.neighbors < 3 && !e.is_outlier;  // in the last iteration, which outliers do not see
     if (e.neighbors >= 3) {
       ill_determined += e.normal.gap < kLeastComparedGap;
     }
@@ -265,7 +265,8 @@ TEST(Stages, agree_with_the_reference_for_the_papers_preset_on_each_shape) {
 }
 
 TEST(Stages, agree_with_the_reference_for_automatic_parameters) {
-  for (const Points& points : {hills(), shapes::with_noise(shapes::sphere(1200), 0.01)})
+  for (const Points& points :
+       {shapes::with_noise(shapes::waves(900), 0.004), shapes::with_noise(shapes::sphere(1200), 0.01)})
     expect_like_reference(points, Params{}, "automatic");
 }
 

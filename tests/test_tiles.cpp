@@ -17,21 +17,35 @@ namespace {
 
 using shapes::Points;
 
-// Every device of this machine; `workers` of them at once cut a cloud.
+int usable_cards() {
+  int count = 0;
+  for (const DeviceStatus& device : list_cuda_devices()) count += device.usable;
+  return count;
+}
+
+// Every device of this machine; `workers` of them at once cut a cloud, fed by so many threads: one for each card.
 struct Place {
   Device::Kind kind;
   int workers;
-  std::unique_ptr<Backend> make() const { return kind == Device::cpu ? make_cpu_backend(0) : make_cuda_backend(0); }
+  std::size_t feeders = 1;
+  std::unique_ptr<Backend> make(int card = 0) const {
+    return kind == Device::cpu ? make_cpu_backend(0) : make_cuda_backend(card);
+  }
   std::unique_ptr<Backend> make_tiled(Tiling tiling) const {
     std::vector<std::unique_ptr<Backend>> backends;
-    for (int i = 0; i < workers; ++i) backends.push_back(make());
+    for (int i = 0; i < workers; ++i)
+      backends.push_back(make(kind == Device::cpu ? 0 : i * int(feeders) / workers % usable_cards()));
+    tiling.feeders = feeders;
     return make_tiled_backend(std::move(backends), tiling);
   }
 };
+// A machine with one card has it twice.
 std::vector<Place> places() {
-  std::vector<Place> all{{Device::cpu, 1}, {Device::cpu, 2}};
-  for (const DeviceStatus& device : list_cuda_devices())
-    if (device.usable && all.size() == 2) all.push_back({Device::cuda, 2});
+  std::vector<Place> all{{Device::cpu, 1}, {Device::cpu, 4, 2}};
+  if (usable_cards() > 0) {
+    all.push_back({Device::cuda, 2});
+    all.push_back({Device::cuda, 4, 2});
+  }
   return all;
 }
 

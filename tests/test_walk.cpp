@@ -357,6 +357,13 @@ TEST(Walk, in_tiles_gives_the_results_of_fresh_pipelines) {
   });
 }
 
+TEST(Walk, over_two_cards_gives_the_results_of_fresh_pipelines) {
+  walk([](Meddling& meddling) {
+    const auto card = [&meddling] { return std::make_unique<MeddlingBackend>(make_cpu_backend(2), meddling); };
+    return PipelineAccess::make(card(), {Device::cpu, "test", "requested"}, MakeWorkers{{card, card}, 320});
+  });
+}
+
 TEST(Walk, on_a_card_gives_the_results_of_fresh_pipelines) {
   std::string reason;
   for (const DeviceStatus& card : list_cuda_devices()) reason = card.usable ? "" : card.info.reason;

@@ -7,6 +7,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "pointfair/cloud.hpp"
@@ -20,17 +21,23 @@ struct Device {
   Kind kind = Kind::automatic;
   int index = 0;         ///< which CUDA card
   unsigned threads = 0;  ///< CPU threads; 0: all cores
+  /// Two or more CUDA cards, which share clouds in host memory that do not fit into the first of them; empty: the card
+  /// `index` alone, which else is that first one. Cards also share the tiles of a run over files (TiledRun).
+  std::vector<int> cards{};
 
   static constexpr Kind automatic = Kind::automatic, cpu = Kind::cpu, cuda = Kind::cuda;
-  constexpr Device() = default;
-  constexpr Device(Kind its_kind, int card = 0, unsigned cpu_threads = 0)
-      : kind(its_kind), index(card), threads(cpu_threads) {}
+  Device() = default;
+  Device(Kind its_kind, int card = 0, unsigned cpu_threads = 0) : kind(its_kind), index(card), threads(cpu_threads) {}
 };
+
+/// The device of this name: "auto", "cpu", "cuda", a card such as "cuda:1", cards such as "cuda:0,2", or "cuda:all",
+/// which are all cards of this machine that can be used. Throws ErrorKind::usage for other names.
+POINTFAIR_EXPORT Device parse_device(std::string_view name, unsigned threads = 0);
 
 /// The device that a pipeline runs on, and why it is that one.
 struct DeviceInfo {
   Device::Kind kind = Device::cpu;
-  std::string name;    ///< "AMD EPYC, 2 threads, AVX-512"; "NVIDIA H200"
+  std::string name;    ///< "AMD EPYC, 2 threads, AVX-512"; "NVIDIA H200"; "2 x NVIDIA H200"
   std::string reason;  ///< "requested"; "no CUDA device: driver not found"
 };
 

@@ -86,7 +86,8 @@ class POINTFAIR_EXPORT Pipeline {
 
   /// Denoises many small clouds, each by itself, with the bits of a load and a run of its own: cloud i has the points
   /// offsets[i] to offsets[i + 1]. Where runs_together() says so, one set of kernels computes up to 2,048 clouds of up
-  /// to 32,768 points; else this is a loop. Afterwards the pipeline is empty. `out` may be `points`. Throws
+  /// to 32,768 points, or where something is estimated of each cloud 128, while the next ones are measured by all cores
+  /// of the host; else this is a loop. Afterwards the pipeline is empty. `out` may be `points`. Throws
   /// ErrorKind::usage for offsets that do not begin with 0, decrease, or do not end with the number of points.
   void run_many(std::span<const Point> points, std::span<const std::uint64_t> offsets, const Params& params,
                 std::span<Point> out, std::stop_token stop = {});
@@ -96,8 +97,8 @@ class POINTFAIR_EXPORT Pipeline {
   void run_many(const DevicePoints& points, DeviceStream stream, std::span<const std::uint64_t> offsets,
                 const Params& params, const DeviceOutput& out, std::stop_token stop = {});
 
-  /// Whether run_many() computes clouds with these parameters at once: on a card, with k and every length that `method`
-  /// bilateral reads given, without the constraint.
+  /// Whether run_many() computes clouds with these parameters at once: on a card, by the method bilateral without the
+  /// constraint; with k only if every length that it reads is given.
   bool runs_together(const Params& params) const;
 
   /// load(), run() and normals() for points that lie on the pipeline's card: nothing is copied through host memory.

@@ -13,6 +13,7 @@
 
 #include "pointfair/export.hpp"
 #include "pointfair/io.hpp"
+#include "pointfair/limits.hpp"
 #include "pointfair/params.hpp"
 #include "pointfair/pipeline.hpp"
 #include "pointfair/report.hpp"
@@ -25,9 +26,12 @@ struct TiledJob {
   std::filesystem::path output;               ///< of one input: the file
   std::filesystem::path output_folder;        ///< in place of `output`: each file appears there under its name
   Params params;
-  WriteOptions write;        ///< formats other than the input's own are refused
-  std::uint64_t memory = 0;  ///< bytes that a task may take, without the mapped input; 0: half of what is free
+  Limits limits;                ///< without a mask
+  std::string noise_attribute;  ///< the attribute that has the noise of each point; empty: the noise is estimated
+  WriteOptions write;           ///< formats other than the input's own are refused
+  std::uint64_t memory = 0;     ///< bytes that a task may take, without the mapped input; 0: half of what is free
   std::uint64_t least_tiles = 1;
+  unsigned workers = 1;  ///< tasks that run at once, as several cards do, and share the memory
 };
 
 /// What a finished run did.
@@ -36,9 +40,12 @@ struct TiledReport {
   std::uint64_t tiles = 0;
   Params params;  ///< as used
   UnmovedCounts unmoved;
+  std::uint64_t ignored = 0;  ///< finite points that Limits::ignore left out
+  std::uint64_t held = 0;     ///< others that the limits did not let move
   std::uint64_t short_neighborhoods = 0;
   std::optional<double> spacing, noise;     ///< of the input, where parameters followed from them
   std::array<double, 3> noise_quantiles{};  ///< as in Estimates, where there is a noise
+  std::string noise_attribute;              ///< that it was read from
 };
 
 /// A run over a work folder, which holds the plan and what finished tasks left. Tasks are idempotent: a task that is
@@ -53,6 +60,8 @@ class POINTFAIR_EXPORT TiledRun {
   /// The memory that a Pipeline would need for so many points, with the cloud and the result: what a run in tiles is
   /// for begins above it. An upper bound.
   static std::uint64_t bytes_in_memory(std::uint64_t points, const Params& params);
+  /// Memory that this process can have now without others going without.
+  static std::uint64_t free_memory();
   /// The number of points of a file. O(1), but for text formats, which are scanned.
   static std::uint64_t count_points(const std::filesystem::path& path);
 
@@ -61,7 +70,7 @@ class POINTFAIR_EXPORT TiledRun {
   /// folder holds the plan of another job.
   static void plan(const TiledJob& job, const std::filesystem::path& work, unsigned threads = 0);
 
-  /// Of the plan in the folder.
+  /// Of the plan in the folder. Several cards do a tile each at a time, and each takes the plan's memory.
   explicit TiledRun(const std::filesystem::path& work, Device device = {});
   ~TiledRun();
   TiledRun(TiledRun&&) noexcept;
@@ -84,7 +93,9 @@ class POINTFAIR_EXPORT TiledRun {
   TiledReport report() const;
 
  private:
+  friend struct TiledRunAccess;
   struct POINTFAIR_INTERNAL State;
+  POINTFAIR_INTERNAL explicit TiledRun(std::unique_ptr<State> state);
   std::unique_ptr<State> state_;
 };
 

@@ -18,9 +18,6 @@ void bind_pipelines(nanobind::module_& module);
 using Row = nanobind::typed<nanobind::tuple, nanobind::any, nanobind::ellipsis>;
 using Rows = nanobind::typed<nanobind::list, Row>;
 
-/// "auto", "cpu", "cuda" or "cuda:N". Throws ErrorKind::usage.
-Device device_of(const std::string& name, unsigned threads);
-
 /// The fields in the order of the dataclasses of pointfair/_report.py.
 Row as_tuple(const DeviceInfo& device);
 Row as_tuple(const Report& report);

@@ -2,7 +2,6 @@
 // The module pointfair._native: the library's calls for Python. The package's Python files are the interface.
 #include <nanobind/stl/string.h>
 
-#include <charconv>
 #include <new>
 
 #include "bindings.hpp"
@@ -64,18 +63,6 @@ void translate(const std::exception_ptr& exception, void*) {
 }
 
 }  // namespace
-
-Device device_of(const std::string& name, unsigned threads) {
-  if (name == "auto") return {Device::automatic, 0, threads};
-  if (name == "cpu") return {Device::cpu, 0, threads};
-  if (name == "cuda") return {Device::cuda, 0, threads};
-  int card = 0;
-  if (name.starts_with("cuda:")) {
-    const auto [end, error] = std::from_chars(name.data() + 5, name.data() + name.size(), card);
-    if (error == std::errc() && end == name.data() + name.size() && card >= 0) return {Device::cuda, card, threads};
-  }
-  throw Error(ErrorKind::usage, "device cannot be '" + name + "': give auto, cpu, cuda or cuda:N");
-}
 
 }  // namespace pointfair::python
 

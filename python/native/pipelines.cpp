@@ -37,7 +37,7 @@ Limits limits_of(double strength, const OptionalBox& box, const std::optional<Ma
 /// A pipeline that one thread at a time may use: a second one is refused instead of let in.
 class SharedPipeline {
  public:
-  SharedPipeline(const std::string& device, unsigned threads) : arrays_(device_of(device, threads)) {}
+  SharedPipeline(const std::string& device, unsigned threads) : arrays_(parse_device(device, threads)) {}
 
   template <class Work>
   void use(nb::handle progress, std::size_t points, const Work& work) {
@@ -165,8 +165,8 @@ Rows batch(SharedPipeline& self, const std::string& device, const Input<Scalar>&
   const std::size_t always_stoppable = std::size_t(1) << 20;
   self.use(progress, always_stoppable, [&](ArrayPipeline& arrays, const Watch& watch) {
     arrays.forget();
-    denoise_batch<Scalar>(arrays.pipeline(), device_of(device, threads), span_of(coordinates), span_of(offsets), params,
-                          threads, span_of(out), reports, watch);
+    denoise_batch<Scalar>(arrays.pipeline(), parse_device(device, threads), span_of(coordinates), span_of(offsets),
+                          params, threads, span_of(out), reports, watch);
   });
   Rows result;
   for (const Report& report : reports) result.append(as_tuple(report));

@@ -44,7 +44,8 @@ def denoise_batch(clouds: Any, params: Params | None = None, *, offsets: Any = N
         offsets: whole numbers from 0 to N that do not decrease.
         params: as that of denoise.
         device: "auto" is a CUDA card if there is one, else the CPU; or "cpu", "cuda", "cuda:N". A card computes all clouds
-            at once if k, normal_sigma, closeness_sigma and similarity_sigma are given as lengths, and no report is asked for.
+            at once with the method bilateral, unless a report is asked for or the constraint; with k only if normal_sigma,
+            closeness_sigma and similarity_sigma are given as lengths.
         threads: otherwise the clouds are spread over so many CPU threads; 0: all cores.
         progress: as that of denoise.
         return_report: whether to return (result, list of reports) instead of the result.

@@ -55,7 +55,8 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
             along="ray" can be asked for. Of a Cloud also the names of three attributes, "vx,vy,vz", or "none"; by
             default what its file says.
         normals: whether the report has the normals; needs return_report.
-        device: "auto" is where a tensor lies, else a CUDA card if there is one, else the CPU; or "cpu", "cuda", "cuda:N".
+        device: "auto" is where a tensor lies, else a CUDA card if there is one, else the CPU; or "cpu", "cuda",
+            "cuda:N"; or several cards, "cuda:0,2" or "cuda:all", which share arrays that do not fit into the first.
         threads: CPU threads; 0: all cores.
         out: an array for the result, of the same shape and type; it may be `points` itself.
         progress: True shows tqdm's bar where tqdm is installed; a function is called with the share done and the stage.

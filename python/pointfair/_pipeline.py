@@ -29,7 +29,8 @@ class Pipeline:
     parameters changed. One thread at a time may use it; runs of different pipelines go on side by side.
 
     Args:
-        device: "auto" is a CUDA card if there is one, else the CPU; or "cpu", "cuda", "cuda:N".
+        device: "auto" is a CUDA card if there is one, else the CPU; or "cpu", "cuda", "cuda:N"; or several
+            cards, "cuda:0,2" or "cuda:all", which share arrays in host memory that do not fit into the first.
         threads: CPU threads; 0: all cores.
 
     Raises:

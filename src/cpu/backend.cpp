@@ -247,14 +247,14 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
 
   OutlierCounts hold_back(std::span<Point> points, const DisplacementLimits& limits, std::span<std::uint8_t> outliers) {
     const IndexView index = first_.index().view();
-    const point::NoiseField field = field_of(limits.levels.get());
+    const point::NodeField field = field_of(limits.levels.get());
     OutlierTally tally;
     for_copies(index.points, [&](std::size_t first, std::size_t last) {
       OutlierCounts here;
       for (std::size_t i = first; i < last; ++i) {
         Point& p = points[index.original[i]];
         const point::Vec3<float> from{index.x[i], index.y[i], index.z[i]};
-        const auto [farthest, outlier_distance] = point::limits_at(limit_rule(limits), point::noise_level(field, from));
+        const auto [farthest, outlier_distance] = point::limits_at(limit_rule(limits), point::node_value(field, from));
         const auto settled = point::settled(from, {p.x, p.y, p.z}, farthest, outlier_distance);
         p = {settled.place.x, settled.place.y, settled.place.z};
         count(settled.outlier, here);

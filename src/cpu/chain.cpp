@@ -127,16 +127,27 @@ void Chain::find_neighbors(const NeighborSettings& settings, const Kernels& kern
   has_lists_ = true;
 }
 
+namespace {
+
+// Of the points of a leaf.
+void squared_levels_of(const IndexView& index, std::size_t leaf, const point::NodeField& field, float* out) {
+  for (std::size_t lane = 0; lane < kLeafSize; ++lane) {
+    const std::size_t i = leaf * kLeafSize + lane;
+    const float level = point::node_value(field, {index.x[i], index.y[i], index.z[i]});
+    out[lane] = level * level;
+  }
+}
+
+}  // namespace
+
 void Chain::measure_levels(const std::stop_token& stop) {
   if (!neighbors_.levels) return squared_level_.release();
   const IndexView index = index_.view();
-  const point::NoiseField field = field_of(neighbors_.levels.get());
+  const point::NodeField field = field_of(neighbors_.levels.get());
   squared_level_.resize(std::size_t(index.leaves) * kLeafSize);
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
-    for (std::size_t i = first * kLeafSize; i < last * kLeafSize; ++i) {
-      const float level = point::noise_level(field, {index.x[i], index.y[i], index.z[i]});
-      squared_level_[i] = level * level;
-    }
+    for (std::size_t leaf = first; leaf < last; ++leaf)
+      squared_levels_of(index, leaf, field, squared_level_.data() + leaf * kLeafSize);
   });
 }
 
@@ -144,13 +155,16 @@ void Chain::measure_radii(const Kernels& kernels, const std::stop_token& stop) {
   const IndexView index = index_.view();
   squared_radius_.resize(std::size_t(index.leaves) * kLeafSize);
   const int min_neighbors = neighbors_.min_neighbors;
+  const point::NodeField reach = field_of(neighbors_.reach_levels.get());
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     std::vector<Index> nearest(std::size_t(min_neighbors) * kLeafSize);
+    float reach_level[kLeafSize];
     for (std::size_t leaf = first; leaf < last; ++leaf) {
       if (min_neighbors > 0)
         kernels.nearest(index, Index(leaf), min_neighbors, std::numeric_limits<float>::infinity(), nearest.data());
+      if (reach.values != nullptr) squared_levels_of(index, leaf, reach, reach_level);
       kernels.squared_radii(index, Index(leaf), nearest.data(), neighborhoods().radii,
-                            squared_radius_.data() + leaf * kLeafSize);
+                            reach.values != nullptr ? reach_level : nullptr, squared_radius_.data() + leaf * kLeafSize);
     }
   });
 }

@@ -97,7 +97,9 @@ struct Kernels {
   // of the result is set if no candidate beyond those could join that of lane l. count <= 1024.
   unsigned (*grow)(const IndexView&, Index leaf, const Index* candidates, int count, int k, float reach, Index* list);
   // R_i^2, from lists of the `min_neighbors` nearest (or as many as there are); what it is made of is in `radii`.
-  void (*squared_radii)(const IndexView&, Index leaf, const Index* list, const point::Radii& radii, float* out);
+  // `squared_reach_level`: K_i^2 of the leaf's points; null: 1.
+  void (*squared_radii)(const IndexView&, Index leaf, const Index* list, const point::Radii& radii,
+                        const float* squared_reach_level, float* out);
   // Mean distance to the first `count` entries of a list of k, or as many as it holds.
   void (*mean_distances)(const IndexView&, Index leaf, const Index* list, int count, float* out);
   // neighbor_counts receives how many neighbours each point has.

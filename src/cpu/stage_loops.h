@@ -194,15 +194,21 @@ inline void mean_distances(const IndexView& index, Index leaf, const Index* list
 }
 
 inline void squared_radii(const IndexView& index, Index leaf, const Index* list, const point::Radii& radii,
-                          float* out) {
-  for (int part = 0; part < kLeafSize; part += kLanes) {
+                          const float* squared_reach_level, float* out) {
+  const auto farthest_of = [&](int part, int count) {
     Floats farthest = broadcast(0.0f);
-    const ListWalk listed(index, leaf * kLeafSize + Index(part), list + part, radii.min_neighbors);
+    const ListWalk listed(index, leaf * kLeafSize + Index(part), list + part, count);
     listed(point::LoadNothing{}, [&](point::Vec3<Floats> offset, point::Nothing, Mask inside) {
       farthest = select(inside, point::squared_length(offset), farthest);
     });
+    return farthest;
+  };
+  const int least = radii.min_neighbors < point::kLeastReached ? radii.min_neighbors : point::kLeastReached;
+  for (int part = 0; part < kLeafSize; part += kLanes) {
     const Floats level = squared_level_at(radii.squared_level, leaf * kLeafSize + Index(part));
-    store(out + part, farthest + level * radii.squared_base);
+    store(out + part,
+          point::squared_radius(farthest_of(part, radii.min_neighbors), farthest_of(part, least),
+                                squared_level_at(squared_reach_level, Index(part)), level * radii.squared_base));
   }
 }
 

@@ -4,6 +4,7 @@
 // in spatial order, stages and download of its parts overlap (part_flow.cuh). Memory beside the chains, bytes a point:
 // the uploaded points 12, and 12 from the third iteration on.
 #include "cuda/chain.cuh"
+#include "cuda/grove.cuh"
 #include "cuda/leaving.cuh"
 #include "cuda/runtime/callers_points.cuh"
 #include "cuda/runtime/devices.cuh"
@@ -13,6 +14,7 @@
 #include "cuda/runtime/stop.cuh"
 #include "cuda/runtime/transfer.cuh"
 #include "cuda/sampling/cloud_sampler.cuh"
+#include "cuda/sampling/many_sampler.cuh"
 #include "seam/backend.hpp"
 #include "seam/device_memory.hpp"
 #include "seam/exactness.hpp"
@@ -76,7 +78,8 @@ class CudaBackend final : public Backend,
       origin = chosen;
       take(points, origin, expected);
     }
-    check(cudaStreamWaitEvent(static_cast<cudaStream_t>(stream.handle), callers_turn_.get()), "ordering work");
+    for (const cudaEvent_t seen : {callers_turn_.get(), callers_.sampled()})
+      check(cudaStreamWaitEvent(static_cast<cudaStream_t>(stream.handle), seen), "ordering work");
     return origin;
   }
 
@@ -105,6 +108,59 @@ class CudaBackend final : public Backend,
     let_wait(stream);
     upload_ends(ends);
     return cuda::surely_have_no_origin(context_, points, ends_.data(), ends.size());
+  }
+
+  Taken take_samples(const Queries& for_spacing, const Queries& for_noise, std::stop_token stop) override {
+    if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+    context_.enter();
+    const Taken taken =
+        many_samples_.take(first_.sampled_tree(), first_.input(), clouds_.size(), for_spacing, for_noise, stop);
+    clock_.pause();
+    return taken;
+  }
+  void run(std::span<const Index> clouds, std::span<const OfCloud> settings, int iterations,
+           std::stop_token stop) override {
+    context_.enter();
+    context_.finish();  // with the nodes of clouds before
+    OfCloud common = settings[0];
+    common.neighbors.levels.reset();
+    common.neighbors.reach_levels.reset();
+    for (const OfCloud& its : settings)
+      common.neighbors.min_neighbors = std::max(common.neighbors.min_neighbors, its.neighbors.min_neighbors);
+    forest_ = grove_.plan(clouds_, clouds, settings, uploaded_.size(),
+                          [this](std::size_t count, const auto& body) { for_each_on_host(count, body); });
+    for (int iteration = 0; iteration < iterations; ++iteration) {
+      if (iteration == 0) {
+        first_.build_index(uploaded_.data(), *forest_, stop);
+      } else {
+        build_index(iteration, std::nullopt, stop);
+      }
+      find_neighbors(iteration, common.neighbors, stop);
+      estimate_normals(iteration, common.normals, stop);
+      common.fairing.is_further = iteration > 0;
+      fair(iteration, common.fairing, false, stop);
+    }
+    if (settled_.size() == 0) {
+      settled_.resize(uploaded_.size());
+      check(cudaMemcpyAsync(settled_.data(), uploaded_.data(), uploaded_.size() * sizeof(Point),
+                            cudaMemcpyDeviceToDevice, context_.stream()),
+            "settling clouds");
+    }
+    settle(context_, *forest_,
+           {uploaded_.data(), chain(iterations - 1).faired().data(), settled_.data(),
+            Leaving::holds_back(iterations - 1, common.limits)});
+  }
+  void download(std::span<Point> points) override {
+    context_.enter();
+    leaving_.copy(settled_.size() > 0 ? settled_.data() : uploaded_.data(), points);
+    deliver();
+  }
+  void download(const DeviceOutput& points, DeviceStream stream) override {
+    context_.enter();
+    require_on_card(points.data, points.count, points.type, points.card, card_);
+    let_wait(stream);
+    callers_.give(uploaded_.data(), settled_.size() > 0 ? settled_.data() : uploaded_.data(), points);
+    deliver();
   }
 
   void build_index(int iteration, const std::optional<Frame>& frame, std::stop_token stop) override {
@@ -339,6 +395,8 @@ class CudaBackend final : public Backend,
     is_index_begun_ = is_arriving_ = false;
     arrived_ = nullptr;
     forest_.reset();
+    clouds_.clear();
+    settled_.resize(0);
   }
   // What the context's stream is given from now on waits for what the caller's was given before.
   void let_wait(DeviceStream stream) {
@@ -362,11 +420,10 @@ class CudaBackend final : public Backend,
   }
   // The first index of many clouds.
   void plant(std::span<const Index> ends) {
-    upload_ends(ends);
-    std::size_t largest = 0;
+    clouds_.clear();
     for (std::size_t cloud = 0, first = 0; cloud < ends.size(); first = ends[cloud++])
-      largest = std::max(largest, ends[cloud] - first);
-    forest_ = Forest{ends_.data(), static_cast<Index>(ends.size()), largest, uploaded_.size()};
+      clouds_.push_back({static_cast<Index>(first), ends[cloud], static_cast<Index>(first)});
+    forest_ = grove_.plan(clouds_, uploaded_.size());
     const cudaEvent_t start = clock_.start();
     first_.build_index(uploaded_.data(), *forest_, {});
     clock_.note("index", start, first_.stream());
@@ -433,8 +490,12 @@ class CudaBackend final : public Backend,
   cudaEvent_t arrived_ = nullptr;  // after which all of it is there
   DeviceArray<Point> uploaded_{context_};
   DeviceArray<Index> ends_{context_};
-  std::optional<Forest> forest_;        // of many clouds
-  DeviceArray<Point> input_{context_};  // of iterations from the third on
+  std::vector<CloudSpan> clouds_;  // of many
+  std::optional<Forest> forest_;   // of all of them, or of some
+  Grove grove_{context_};
+  ManySampler many_samples_{context_};
+  DeviceArray<Point> settled_{context_};  // of many clouds
+  DeviceArray<Point> input_{context_};    // of iterations from the third on
   Leaving leaving_{context_};
   CallersPoints callers_{context_};
   Event callers_turn_;  // between the caller's stream and the context's

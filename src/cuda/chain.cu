@@ -24,8 +24,9 @@ Chain::Chain(Context& context, StopLine& stop_line, unsigned first_call)
       lists_(context),
       normals_(context),
       mean_distance_(context),
-      nodes_(context),
       places_(context),
+      noise_levels_(context),
+      reach_levels_(context),
       squared_level_(context),
       squared_radius_(context),
       squared_growth_(context),
@@ -110,22 +111,8 @@ void Chain::measure_radii(const std::stop_token& stop) {
                  stop_);
     pace(stop);
   }
-  cuda::measure_radii(context_, index_.tree(), {min_neighbors, nearest.data()}, radii(), squared_radius_.data());
-}
-
-point::NoiseField Chain::noise_field(const std::shared_ptr<const NoiseLevels>& levels) {
-  if (!levels) return {};
-  if (levels != levels_) {
-    levels_.reset();  // if memory is short
-    nodes_.resize(levels->levels.size());
-    check(cudaMemcpyAsync(nodes_.data(), levels->levels.data(), levels->levels.size() * sizeof(float),
-                          cudaMemcpyHostToDevice, context_.stream()),
-          "uploading levels of noise");
-    levels_ = levels;
-  }
-  point::NoiseField field = field_of(levels.get());
-  field.levels = nodes_.data();
-  return field;
+  cuda::measure_radii(context_, index_.tree(), {min_neighbors, nearest.data()}, radii(),
+                      reach_levels_.of(neighbors_.reach_levels), squared_radius_.data());
 }
 
 point::Sensors Chain::sensors(const std::shared_ptr<const SensorPlaces>& places) {
@@ -144,9 +131,9 @@ point::Sensors Chain::sensors(const std::shared_ptr<const SensorPlaces>& places)
 }
 
 void Chain::measure_levels() {
-  if (!neighbors_.levels) return squared_level_.release();
+  if (!neighbors_.levels && index_.tree().rules == nullptr) return squared_level_.release();
   squared_level_.resize(index_.leaves() * kLeafSize);
-  cuda::measure_levels(context_, index_.tree(), noise_field(neighbors_.levels), squared_level_.data());
+  cuda::measure_levels(context_, index_.tree(), noise_levels_.of(neighbors_.levels), squared_level_.data());
 }
 
 void Chain::grow_constrained(const std::stop_token& stop) {

@@ -11,6 +11,7 @@
 #include <memory>
 
 #include "cuda/index/forest.cuh"
+#include "cuda/node_levels.cuh"
 #include "cuda/overlap/overlap.cuh"
 #include "cuda/runtime/stop.cuh"
 #include "cuda/sampling/samples.cuh"
@@ -19,7 +20,6 @@
 #include "cuda/stages/outcomes.cuh"
 #include "cuda/stages/wide_stages.cuh"
 #include "seam/backend.hpp"
-#include "seam/noise_levels.hpp"
 #include "seam/rules.hpp"
 
 namespace pointfair::cuda {
@@ -57,10 +57,16 @@ class Chain {
   void find_outcomes(const point::Region& loaded, unsigned char* out);  // on the card
   void sample_neighborhoods(const RowRequest& request);
   void take_samples(const SampleArrays& samples);
+  // What samples of many clouds are taken by.
+  Tree sampled_tree() {
+    join();
+    return index_.tree();
+  }
+  const Point* input() const { return input_; }
 
   DeviceArray<Point>& faired() { return faired_; }  // in upload order; by parts, or after join()
   // With nodes on the card, null without levels.
-  point::NoiseField noise_field(const std::shared_ptr<const NoiseLevels>& levels);
+  point::NodeField noise_field(const std::shared_ptr<const NoiseLevels>& levels) { return noise_levels_.of(levels); }
   // The same of where the sensor stood.
   point::Sensors sensors(const std::shared_ptr<const SensorPlaces>& places);
   CloudState state();                    // settles and waits for all work
@@ -79,18 +85,19 @@ class Chain {
   void clear_unmoved();
   Lists lists() const { return {neighbors_.k, lists_.data()}; }
   void measure_levels();
-  const float* squared_levels() const { return neighbors_.levels ? squared_level_.data() : nullptr; }
+  const float* squared_levels() const {
+    return neighbors_.levels || index_.tree().rules != nullptr ? squared_level_.data() : nullptr;
+  }
   void measure_radii(const std::stop_token& stop);
   void filter_normals(const std::stop_token& stop);
   void fair_first_part_first(point::BilateralWeights weights, const FairedPoints& faired);
   void fair_by_parts(point::BilateralWeights weights);
   void fair_by_method(const FairingSettings& settings, AreaWeights areas, const FairedPoints& faired,
                       const std::stop_token& stop);
-  // A squared radius stays finite: infinite are only places that hold no point.
-  float squared_base() const { return std::min(neighbors_.radius * neighbors_.radius, 1e37f); }
+  float squared_base() const { return pointfair::squared_base(neighbors_.radius); }
   point::Radii radii() const {
     return {squared_radius_.data(), squared_base(), neighbors_.min_neighbors,
-            neighbors_.radius_follows ? squared_levels() : nullptr};
+            neighbors_.radius_follows || index_.tree().rules != nullptr ? squared_levels() : nullptr};
   }
   Surroundings surroundings(const Stop& stop = {}) const { return {lists(), radii(), collector_.collected(), stop}; }
   bool radii_grow() const { return pointfair::radii_grow(neighbors_, normal_settings_); }
@@ -115,8 +122,7 @@ class Chain {
   bool unmoved_clear_ = false;  // those of normals
   DeviceArray<Index> lists_;
   DeviceArray<float> normals_, mean_distance_;
-  std::shared_ptr<const NoiseLevels> levels_;  // whose nodes are in
-  DeviceArray<float> nodes_;
+  NodeLevelsOnCard noise_levels_, reach_levels_;
   std::shared_ptr<const SensorPlaces> sensors_;  // whose places are in, if there is one for each point
   DeviceArray<Point> places_;
   DeviceArray<float> squared_level_;   // of the noise, where something follows it

@@ -36,9 +36,11 @@ bool follows_noise(const Params& p, const Noise& noise) {
 bool sums_within_radius(const Params& p) { return p.k == kAutomatic && !p.constraint; }
 
 FollowedNoise followed_noise(const Params& asked, const Params& used, const Noise& noise,
-                             std::shared_ptr<const NoiseLevels> levels) {
+                             std::shared_ptr<const NoiseLevels> levels,
+                             std::shared_ptr<const NodeLevels> reach_levels) {
   if (!follows_noise(asked, noise)) return {};
   FollowedNoise followed;
+  if (asked.min_neighbors == kAutomatic) followed.reach_levels = std::move(reach_levels);
   if (!asked.relaxation) followed.damage = share_damage(of_sigma(noise, used.noise.value), used.iterations);
   if (!levels) return followed;
   followed.levels = std::move(levels);

@@ -12,15 +12,17 @@ namespace pointfair {
 // Replaces each `auto` by what follows from the spacing and noise, and every length by file units.
 Params resolve_params(const Params& params, const Spacing& spacing, const Noise& noise, double diagonal);
 
-// What follows the noise from place to place: what was automatic, in the bilateral method over radius neighbourhoods.
+// What follows the noise and the shape from place to place: what was automatic, in the bilateral method over radius
+// neighbourhoods.
 struct FollowedNoise {
-  std::shared_ptr<const NoiseLevels> levels{};  // null: the noise is held to be the same everywhere
-  bool similarity = false, limit = false;       // the similarity sigma, the displacement limit
-  double outlier_distance = 0;                  // of level 1
+  std::shared_ptr<const NoiseLevels> levels{};       // null: the noise is held to be the same everywhere
+  std::shared_ptr<const NodeLevels> reach_levels{};  // of NeighborSettings
+  bool similarity = false, limit = false;            // the similarity sigma, the displacement limit
+  double outlier_distance = 0;                       // of level 1
   double damage = 0;  // of the share of each displacement (point/noise_field.h); 0: all is made
 };
 FollowedNoise followed_noise(const Params& asked, const Params& used, const Noise& noise,
-                             std::shared_ptr<const NoiseLevels> levels);
+                             std::shared_ptr<const NoiseLevels> levels, std::shared_ptr<const NodeLevels> reach_levels);
 
 // Whether sums run over all points within a radius, and not over lists.
 bool sums_within_radius(const Params& params);

@@ -10,6 +10,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "point/sample.h"
+
 namespace pointfair::constants {
 
 // Samples.                                               unit; equation; measured by
@@ -39,7 +41,7 @@ inline constexpr double kAlikeNoise[] = {0.05, 0.1};       // spacings; 051
 
 // Noise from place to place.
 inline constexpr std::size_t kFewestSamples = 64;             // that show noise; 082
-inline constexpr std::size_t kPool = 16;                      // samples whose residuals stand for one place; (21); 082
+inline constexpr std::size_t kPool = point::kPool;            // samples whose residuals stand for one place; (21); 082
 inline constexpr std::size_t kSmoothed = 8;                   // samples whose median is the noise of a place; (21); 082
 inline constexpr double kPoolQuantile = 0.35;                 // of a pool; (21); 082
 inline constexpr double kPoolQuantileNormal = -0.3853204664;  // standard deviations: the normal's, at kPoolQuantile
@@ -72,6 +74,7 @@ inline constexpr std::size_t kHeightsOfLevel = 8;                    // points, 
 inline constexpr std::size_t kSpans = 8, kFewestAlike = 6;           // spans of levels; 075
 inline constexpr double kSameGap = 0.15;                             // of the gap; 075
 inline constexpr double kWideningOfGaps = 1.3;     // ratio, from the nearest level to the farthest; 075
+inline constexpr double kStepsOfGap = 3;           // steps; points on two or three values are no sheets; 102
 inline constexpr double kNoiseOfDepthSteps = 0.5;  // steps; Khoshelham and Elberink 2012
 
 // Neighbourhoods.
@@ -83,13 +86,17 @@ inline constexpr double kBendPower = 0.06, kLeastFactor = 0.75;  // exponent; of
 inline constexpr double kRoomyNoise[] = {0.5, 0.85};             // spacings; (18); 052
 inline constexpr double kBendingNoise[] = {0.25, 0.45};          // spacings; (18); 052
 inline constexpr double kUnseenNoise[] = {3.6, 4.4};             // spacings; (18); 052
-inline constexpr double kDepthWidening = 2.5;                    // of R: a matcher's windows are nine pixels wide; 075
+inline constexpr double kDepthWidening = 3;                      // of R: a matcher's windows are nine pixels wide; 102
 inline constexpr int kFlatPercent = 160;                         // of R; (20); 053
 inline constexpr double kFlatNoise[] = {0.1, 0.25};              // spacings; (20); 053
 inline constexpr double kSeparableGap = 1.9;                     // spacings between two sheets; sheets
 inline constexpr double kOneSheet = 0.65, kBothSheets = 14;      // of one sheet's points within the gap; sheets
 inline constexpr double kListRadius = 3;                         // sigmas, of lists; quality
 inline constexpr double kListPoints = 11;                        // points, of lists without noise; quality
+
+// Width from place to place.
+inline constexpr double kReachPoints = 20;   // points; with so many of least risk the reach stays as it is; (23); 102
+inline constexpr double kWidestReach = 1.6;  // of the reach, and its inverse the narrowest; (23); 102
 
 // Weights and normals.
 inline constexpr double kNormalWidth = 1.4, kClosenessWidth = 0.6;  // of R; (3), (4); quality
@@ -103,9 +110,9 @@ inline constexpr double kTurningNoise[] = {0.45, 1};                // spacings;
 // The step.
 inline constexpr int kIterations = 2;                           // quality
 inline constexpr double kTrustedNoise = 0.02;                   // spacings; half of a step is made there; low
-inline constexpr double kTrustedShape = 0.16;                   // the same where residuals grow like shape; low
-inline constexpr double kDamage = 0.6;                          // c of (22); 082
-inline constexpr double kHarmlessNoise[] = {0.2, 0.6};          // spacings; c of (22); 082
+inline constexpr double kTrustedShape = 0.3;                    // the same where residuals grow like shape; 102
+inline constexpr double kDamage = 0.6;                          // c of (22), (23); 082
+inline constexpr double kHarmlessNoise[] = {0.2, 0.6};          // spacings; c of (22), (23); 082
 inline constexpr double kShapeDamage = 3, kUnseenShape = 0.01;  // noise variances; other methods; 027
 inline constexpr double kSmoothingNoise[] = {0.1, 0.6};         // spacings; other methods; 027
 

@@ -13,6 +13,7 @@
 #include "estimate/constants.hpp"
 #include "estimate/coordinate_steps.hpp"
 #include "estimate/noise_levels.hpp"
+#include "estimate/reach_levels.hpp"
 #include "estimate/share_between.hpp"
 
 namespace pointfair {
@@ -185,13 +186,42 @@ void cover_rounding(const CoordinateSteps& steps, std::vector<point::NoiseSample
     const double added = noise_of_steps(steps.kind) * steps.at[i];
     samples[i].sigma = std::max(samples[i].sigma, added);
     samples[i].plane_variance = std::max(samples[i].plane_variance, added * added);
+    if (samples[i].gap < kStepsOfGap * steps.at[i]) samples[i].gap = 0;
   }
 }
 
 void cover_rounding(const CoordinateSteps& steps, std::vector<point::ResidualSample>& samples) {
-  for (std::size_t i = 0; i < steps.at.size(); ++i)
+  for (std::size_t i = 0; i < steps.at.size(); ++i) {
+    const double added = noise_of_steps(steps.kind) * steps.at[i];
     for (double* residual : {&samples[i].least, &samples[i].narrow, &samples[i].wide, &samples[i].widest})
-      if (*residual >= 0) *residual = std::max(*residual, noise_of_steps(steps.kind) * steps.at[i]);
+      if (*residual >= 0) *residual = std::max(*residual, added);
+    for (double& variance : samples[i].planes.variance)
+      if (variance >= 0) variance = std::max(variance, added * added);
+  }
+}
+
+// What differs from place to place, where enough samples show it.
+void add_local(Estimate& result, const LocalSamples& samples, std::vector<std::uint32_t> rows,
+               const ForEach& for_each) {
+  if (!(result.noise.sigma > 0) || samples.places.size() < kFewestSamples) return;
+  const Pools pools = rows.empty() ? Pools(samples.places, for_each) : Pools(std::move(rows));
+  const LocalNoise noise = local_noise(samples, result.noise.sigma, pools, for_each);
+  result.levels = noise.levels;
+  if (!samples.residuals.empty())
+    result.reach_levels = reach_levels(samples, noise.at_samples, result.noise.alikeness, pools, for_each);
+}
+
+// Rows of pools by the numbers of samples that show noise among all of these, if there are any.
+std::vector<std::uint32_t> pools_of_shown(const Samples& samples) {
+  if (samples.pools.empty()) return {};
+  std::vector<std::uint32_t> number, rows;
+  std::uint32_t shown = 0;
+  for (const point::NoiseSample& sample : samples.noise) number.push_back(sample.shows_noise ? shown++ : 0);
+  rows.reserve(shown * kPool);
+  for (std::size_t i = 0; i < samples.noise.size(); ++i)
+    for (std::size_t n = 0; n < kPool && samples.noise[i].shows_noise; ++n)
+      rows.push_back(number[samples.pools[i * kPool + n]]);
+  return rows;
 }
 
 }  // namespace
@@ -202,11 +232,14 @@ Noise of_sigma(Noise noise, double sigma) {
   return noise;
 }
 
+std::size_t noise_queries(const CloudSample& sample) {
+  const auto of_places = std::size_t(std::max<std::uint64_t>(kNoiseSamples, sample.bounds.valid / kPointsOfPlace));
+  return std::min(sample.indices.size(), of_places);
+}
+
 Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wanted, const std::stop_token& stop) {
   const std::span<const std::uint32_t> queries = sample.indices;
-  const std::size_t of_places =
-      std::size_t(std::max<std::uint64_t>(kNoiseSamples, sample.bounds.valid / kPointsOfPlace));
-  const std::size_t noises = wanted.noise ? std::min(queries.size(), of_places) : 0;
+  const std::size_t noises = wanted.noise ? noise_queries(sample) : 0;
   Samples samples = from.take_samples(wanted.spacing ? queries : queries.first(0), queries.first(noises), stop);
   Estimate result{spacing_of(samples.spacing), {}};
   if (!wanted.noise) return result;
@@ -224,10 +257,15 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
     return of_first;
   });
   if (result.noise.sigma < kBeyondResiduals * result.noise.surface_spacing) all_residuals();
-  result.levels = noise_levels(
-      {std::span(sample.points).first(noises), samples.noise,
-       residuals ? std::span<const point::ResidualSample>(*residuals) : std::span<const point::ResidualSample>()},
-      result.noise.sigma,
+  LocalSamples local;
+  for (std::size_t i = 0; i < noises; ++i) {
+    if (!samples.noise[i].shows_noise) continue;
+    local.places.push_back(sample.points[i]);
+    local.noise.push_back(samples.noise[i]);
+    if (residuals) local.residuals.push_back((*residuals)[i]);
+  }
+  add_local(
+      result, local, pools_of_shown(samples),
       [&from](std::size_t count, const std::function<void(std::size_t)>& body) { from.for_each_on_host(count, body); });
   return result;
 }

@@ -53,13 +53,17 @@ struct Noise {
 // The same cloud where `sigma` is known to be another than was measured, or the same. The rest stays as measured.
 Noise of_sigma(Noise noise, double sigma);
 
+// How many points of the cloud's sample, from the first on, the noise is estimated at.
+std::size_t noise_queries(const CloudSample& sample);
+
 struct WantedEstimates {
   bool spacing = false, noise = false;
 };
 struct Estimate {
   Spacing spacing;
   Noise noise;
-  std::shared_ptr<const NoiseLevels> levels{};  // of the noise; null: 1 everywhere
+  std::shared_ptr<const NoiseLevels> levels{};       // of the noise; null: 1 everywhere
+  std::shared_ptr<const NodeLevels> reach_levels{};  // of NeighborSettings; null: 1 everywhere
 };
 // What is wanted, the rest zero, at points of the cloud's sample. Needs the index of the first iteration. Throws
 // Error(interrupted) once `stop` is triggered.

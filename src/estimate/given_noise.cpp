@@ -23,6 +23,16 @@ bool says(float value) { return value > 0 && std::isfinite(value); }
 
 }  // namespace
 
+GivenNoise given_noise(double sigma, const CloudSample& sample, std::span<const float> values,
+                       const ForEach& for_each) {
+  std::vector<double> log_levels;
+  for (const float value : values)
+    log_levels.push_back(std::log(std::clamp(value / sigma, 1 / kLargestLevel, kLargestLevel)));
+  const auto levels = shared(NoiseLevels{levels_between(sample.points, log_levels, for_each)});
+  levels->quantiles = quantiles_of(std::move(log_levels));
+  return GivenNoise{sigma, levels};
+}
+
 std::optional<GivenNoise> given_noise(std::span<const float> values, std::span<const Point> points,
                                       const ForEach& for_each) {
   std::vector<float> known;
@@ -36,12 +46,9 @@ std::optional<GivenNoise> given_noise(std::span<const float> values, std::span<c
     return std::pair(says(values[i]) ? points[i] : kNowhere, static_cast<std::uint32_t>(i));
   };
   const CloudSample sample = sample_points(points.size(), point_at, kMostGivenPlaces, for_each);
-  std::vector<double> log_levels;
-  for (const std::uint32_t i : sample.indices)
-    log_levels.push_back(std::log(std::clamp(values[i] / sigma, 1 / kLargestLevel, kLargestLevel)));
-  auto levels = std::make_shared<NoiseLevels>(levels_between(sample.points, log_levels, for_each));
-  levels->quantiles = quantiles_of(std::move(log_levels));
-  return GivenNoise{sigma, std::move(levels)};
+  std::vector<float> of_sample;
+  for (const std::uint32_t i : sample.indices) of_sample.push_back(values[i]);
+  return given_noise(sigma, sample, of_sample, for_each);
 }
 
 }  // namespace pointfair

@@ -4,40 +4,93 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <mutex>
+#include <utility>
 
 #include "estimate/constants.hpp"
-#include "point/noise_field.h"
+#include "estimate/exponential.hpp"
+#include "point/node_field.h"
 
 namespace pointfair {
 namespace {
 
 using constants::kAside, constants::kSurroundings;
 
-// Sums over the cells of a cube of n cells an axis, and the mean once it is known.
+// Sums over the cells of a cube of n cells an axis, and their means once they are known.
 struct Level {
-  explicit Level(int cells) : n(cells), weight(std::size_t(n) * n * n), sum(weight.size()) {}
+  explicit Level(int cells) : n(cells), weight(std::size_t(n) * n * n), sum(weight.size()), mean(weight.size()) {}
   std::size_t at(int x, int y, int z) const { return (std::size_t(z) * n + y) * n + x; }
+  void clear() {
+    std::fill(weight.begin(), weight.end(), 0.0);
+    std::fill(sum.begin(), sum.end(), 0.0);
+  }
   int n;
-  std::vector<double> weight, sum;
+  std::vector<double> weight, sum, mean;
+};
+
+// Memory that is kept for the next cloud: fresh memory costs more than what is computed in it.
+template <class T>
+class Kept {
+ public:
+  // Empty if none is kept.
+  static std::vector<T> take() {
+    const std::lock_guard lock(mutex());
+    if (all().empty()) return {};
+    std::vector<T> last = std::move(all().back());
+    all().pop_back();
+    return last;
+  }
+  static void give(std::vector<T> memory) {
+    const std::lock_guard lock(mutex());
+    if (all().size() < kMost) all().push_back(std::move(memory));
+  }
+
+ private:
+  static constexpr std::size_t kMost = 512;
+  // never destroyed, since clouds may outlive what is
+  static std::mutex& mutex() {
+    static auto& only = *new std::mutex;
+    return only;
+  }
+  static std::vector<std::vector<T>>& all() {
+    static auto& only = *new std::vector<std::vector<T>>;
+    return only;
+  }
+};
+
+// A megabyte of cells of all widths, the narrowest first.
+class Levels {
+ public:
+  Levels() : levels_(Kept<Level>::take()) {
+    if (levels_.empty())
+      for (int n = point::kFieldNodes; n > 0; n /= 2) levels_.emplace_back(n);
+  }
+  ~Levels() { Kept<Level>::give(std::move(levels_)); }
+  Levels(const Levels&) = delete;
+  Levels& operator=(const Levels&) = delete;
+  Level& operator[](std::size_t level) { return levels_[level]; }
+  std::size_t size() const { return levels_.size(); }
+
+ private:
+  std::vector<Level> levels_;
 };
 
 // Gortler and others 1996: sums are pushed to ever wider cells, and means are pulled back.
-std::vector<Level> push(Level finest) {
-  std::vector<Level> levels;
-  levels.push_back(std::move(finest));
-  while (levels.back().n > 1) {
-    const Level& from = levels.back();
-    Level to(from.n / 2);
-    for (int z = 0; z < from.n; ++z)
-      for (int y = 0; y < from.n; ++y)
-        for (int x = 0; x < from.n; ++x) {
-          const std::size_t cell = to.at(x / 2, y / 2, z / 2);
-          to.weight[cell] += from.weight[from.at(x, y, z)];
-          to.sum[cell] += from.sum[from.at(x, y, z)];
+void push(const Level& from, Level& to) {
+  const std::size_t row = std::size_t(from.n), slab = row * row;
+  const std::size_t of_eight[] = {0, 1, row, row + 1, slab, slab + 1, slab + row, slab + row + 1};
+  for (int z = 0; z < to.n; ++z)
+    for (int y = 0; y < to.n; ++y)
+      for (int x = 0; x < to.n; ++x) {
+        const std::size_t first = from.at(2 * x, 2 * y, 2 * z), cell = to.at(x, y, z);
+        double weight = 0, sum = 0;
+        for (const std::size_t next : of_eight) {
+          weight += from.weight[first + next];
+          sum += from.sum[first + next];
         }
-    levels.push_back(std::move(to));
-  }
-  return levels;
+        to.weight[cell] = weight;
+        to.sum[cell] = sum;
+      }
 }
 
 // Along an axis of n cells: the middle of each of 2 n finer cells lies three quarters towards one cell from the next.
@@ -50,26 +103,34 @@ void refine(int n, const double* coarse, double* fine, std::size_t stride) {
   }
 }
 
+// Of n cells, the one that a finer cell lies towards from its own.
+std::size_t slab_beside(std::size_t fine, std::size_t n) {
+  const std::size_t coarse = fine / 2;
+  return fine % 2 == 0 ? (coarse == 0 ? 0 : coarse - 1) : std::min(coarse + 1, n - 1);
+}
+
 // The means of `fine` from its own sums and from the means of cells twice as wide, trilinear between their middles.
-std::vector<double> pull(const Level& fine, const std::vector<double>& coarse, const ForEach& for_each) {
-  const std::size_t n = fine.n / 2, m = fine.n;
-  std::vector<double> along_z(m * n * n), mean(m * m * m);
-  for (std::size_t column = 0; column < n * n; ++column) refine(int(n), &coarse[column], &along_z[column], n * n);
+void pull(const Level& coarse, Level& fine, const ForEach& for_each) {
+  const std::size_t n = std::size_t(coarse.n), m = 2 * n;
   for_each(m, [&](std::size_t z) {
-    std::vector<double> along_y(m * n);
-    for (std::size_t x = 0; x < n; ++x) refine(int(n), &along_z[z * n * n + x], &along_y[x], n);
+    std::array<double, point::kFieldNodes * point::kFieldNodes / 4> along_z;
+    std::array<double, point::kFieldNodes * point::kFieldNodes / 2> along_y;
+    const std::size_t here = z / 2 * n * n, beside = slab_beside(z, n) * n * n;
+    for (std::size_t i = 0; i < n * n; ++i)
+      along_z[i] = coarse.mean[here + i] + (coarse.mean[beside + i] - coarse.mean[here + i]) / 4;
+    for (std::size_t x = 0; x < n; ++x) refine(int(n), &along_z[x], &along_y[x], n);
     for (std::size_t y = 0; y < m; ++y) {
       const std::size_t row = (z * m + y) * m;
-      refine(int(n), &along_y[y * n], &mean[row], 1);
+      refine(int(n), &along_y[y * n], &fine.mean[row], 1);
       for (std::size_t cell = row; cell < row + m; ++cell)
-        mean[cell] = (fine.sum[cell] + kSurroundings * mean[cell]) / (fine.weight[cell] + kSurroundings);
+        if (fine.weight[cell] > 0)
+          fine.mean[cell] = (fine.sum[cell] + kSurroundings * fine.mean[cell]) / (fine.weight[cell] + kSurroundings);
     }
   });
-  return mean;
 }
 
 // Trilinear shares of a value at its eight nodes.
-void add(Level& nodes, const point::NoiseField& field, const Point& p, double value) {
+void add(Level& nodes, const point::NodeField& field, const Point& p, double value) {
   const point::NodePlace along[] = {point::node_place(p.x, field.first.x, field.nodes_per_unit),
                                     point::node_place(p.y, field.first.y, field.nodes_per_unit),
                                     point::node_place(p.z, field.first.z, field.nodes_per_unit)};
@@ -86,7 +147,7 @@ void add(Level& nodes, const point::NoiseField& field, const Point& p, double va
   }
 }
 
-NoiseLevels grid_around(const std::vector<Point>& places) {
+NodeLevels grid_around(const std::vector<Point>& places) {
   float low[3], widest = 0;
   for (int axis = 0; axis < 3; ++axis) {
     std::vector<float> values;
@@ -101,21 +162,27 @@ NoiseLevels grid_around(const std::vector<Point>& places) {
 
 }  // namespace
 
-NoiseLevels levels_between(const std::vector<Point>& places, const std::vector<double>& log_levels,
-                           const ForEach& for_each) {
-  NoiseLevels result = grid_around(places);
-  const point::NoiseField field{nullptr, {result.first.x, result.first.y, result.first.z}, result.nodes_per_unit};
-  Level nodes(point::kFieldNodes);
-  for (std::size_t i = 0; i < places.size(); ++i) add(nodes, field, places[i], log_levels[i]);
-  const std::vector<Level> levels = push(std::move(nodes));
-  std::vector<double> mean{levels.back().sum[0] / levels.back().weight[0]};
-  for (std::size_t level = levels.size() - 1; level > 0; --level) mean = pull(levels[level - 1], mean, for_each);
+NodeLevels levels_between(const std::vector<Point>& places, const std::vector<double>& log_levels,
+                          const ForEach& for_each) {
+  NodeLevels result = grid_around(places);
+  result.levels = Kept<float>::take();
+  const point::NodeField field{nullptr, {result.first.x, result.first.y, result.first.z}, result.nodes_per_unit};
+  Levels levels;
+  levels[0].clear();
+  for (std::size_t i = 0; i < places.size(); ++i) add(levels[0], field, places[i], log_levels[i]);
+  for (std::size_t level = 1; level < levels.size(); ++level) push(levels[level - 1], levels[level]);
+  Level& widest = levels[levels.size() - 1];
+  widest.mean[0] = widest.sum[0] / widest.weight[0];
+  for (std::size_t level = levels.size() - 1; level > 0; --level) pull(levels[level], levels[level - 1], for_each);
+  const std::vector<double>& mean = levels[0].mean;
   result.levels.resize(mean.size());
   for_each(point::kFieldNodes, [&](std::size_t z) {
     const std::size_t slab = mean.size() / point::kFieldNodes;
-    for (std::size_t i = z * slab; i < (z + 1) * slab; ++i) result.levels[i] = std::exp(float(mean[i]));
+    for (std::size_t i = z * slab; i < (z + 1) * slab; ++i) result.levels[i] = float(exponential(mean[i]));
   });
   return result;
 }
+
+void keep_memory(std::vector<float> levels) { Kept<float>::give(std::move(levels)); }
 
 }  // namespace pointfair

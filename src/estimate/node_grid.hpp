@@ -2,6 +2,8 @@
 // A smooth function of place through scattered values.
 #pragma once
 
+#include <memory>
+#include <utility>
 #include <vector>
 
 #include "pointfair/cloud.hpp"
@@ -12,7 +14,19 @@ namespace pointfair {
 
 // At the nodes of a grid around most of `places`: each node takes the mean of the logarithms near it, and the fewer
 // there are the more that of a wider surrounding. By all that `for_each` calls at once.
-NoiseLevels levels_between(const std::vector<Point>& places, const std::vector<double>& log_levels,
-                           const ForEach& for_each);
+NodeLevels levels_between(const std::vector<Point>& places, const std::vector<double>& log_levels,
+                          const ForEach& for_each);
+
+// For the next levels: fresh memory costs more than what is computed in it.
+void keep_memory(std::vector<float> levels);
+// Levels whose memory is kept in the end.
+template <class SomeLevels>
+std::shared_ptr<SomeLevels> shared(SomeLevels levels) {
+  auto owned = std::make_unique<SomeLevels>(std::move(levels));
+  return {owned.release(), [](SomeLevels* used) {
+            const std::unique_ptr<SomeLevels> last(used);
+            keep_memory(std::move(last->levels));
+          }};
+}
 
 }  // namespace pointfair

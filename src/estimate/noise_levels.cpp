@@ -6,13 +6,11 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
-#include <numeric>
 #include <utility>
 #include <vector>
 
 #include "estimate/constants.hpp"
 #include "estimate/node_grid.hpp"
-#include "point/noise_field.h"
 
 namespace pointfair {
 namespace {
@@ -31,6 +29,15 @@ double chance_quantile(double freedom) {
 }
 double freedom_of(std::size_t size) { return kCounts[size] - point::kCubicTerms; }
 
+const Curve& chance_quantiles() {
+  static const Curve all = [] {
+    Curve quantiles;
+    for (std::size_t size = 0; size < kSizes; ++size) quantiles[size] = chance_quantile(freedom_of(size));
+    return quantiles;
+  }();
+  return all;
+}
+
 // Neighbourhoods that are not wide against the noise do not show it.
 Curve curve_of(const point::NoiseSample& noise, const point::ResidualSample* residuals) {
   Curve curve;
@@ -46,127 +53,97 @@ Curve curve_of(const point::NoiseSample& noise, const point::ResidualSample* res
   return curve;
 }
 
-// The nearest of some places to each of them, found along x.
-class Pools {
- public:
-  explicit Pools(const std::vector<Point>& places) : places_(places), along_x_(places.size()) {
-    std::iota(along_x_.begin(), along_x_.end(), std::uint32_t(0));
-    std::sort(along_x_.begin(), along_x_.end(), [&](std::uint32_t a, std::uint32_t b) {
-      return places[a].x != places[b].x ? places[a].x < places[b].x : a < b;
-    });
-  }
-
-  // Of the n-th place along x: that place first, into a row of kPool. Equal distances in the order of the places, which
-  // is one of positions.
-  void find(std::size_t n, std::uint32_t* row) const {
-    std::array<std::pair<double, std::uint32_t>, kPool> nearest;
-    nearest.fill({std::numeric_limits<double>::infinity(), 0});
-    const Point& from = places_[along_x_[n]];
-    // false: from here on all are too far
-    const auto takes = [&](std::uint32_t j) {
-      const Point& to = places_[j];
-      const double x = double(from.x) - to.x, y = double(from.y) - to.y, z = double(from.z) - to.z;
-      if (x * x > nearest.back().first) return false;
-      const std::pair<double, std::uint32_t> found{x * x + y * y + z * z, j};
-      if (!(found < nearest.back())) return true;
-      std::size_t place = kPool - 1;
-      for (; place > 0 && found < nearest[place - 1]; --place) nearest[place] = nearest[place - 1];
-      nearest[place] = found;
-      return true;
-    };
-    bool goes_up = true, goes_down = true;
-    takes(along_x_[n]);
-    for (std::size_t step = 1; goes_up || goes_down; ++step) {
-      goes_up = goes_up && n + step < along_x_.size() && takes(along_x_[n + step]);
-      goes_down = goes_down && step <= n && takes(along_x_[n - step]);
-    }
-    for (std::size_t i = 0; i < kPool; ++i) row[i] = nearest[i].second;
-  }
-  std::size_t place(std::size_t n) const { return along_x_[n]; }
-
- private:
-  const std::vector<Point>& places_;
-  std::vector<std::uint32_t> along_x_;
-};
-
-// At the place of the pool's first sample.
-Curve pooled(std::span<const std::uint32_t> pool, const std::vector<Curve>& curves) {
-  Curve result;
-  std::vector<double> known;
+// Variances of each size of neighbourhood, at all places.
+std::vector<Ranked> ranked(const std::vector<Curve>& curves) {
+  std::vector<Ranked> result;
   for (std::size_t size = 0; size < kSizes; ++size) {
-    known.clear();
-    for (const std::uint32_t i : pool)
-      if (!std::isnan(curves[i][size])) known.push_back(curves[i][size]);
-    result[size] = kUnknown;
-    if (2 * known.size() < pool.size()) continue;
-    const auto place = known.begin() + std::ptrdiff_t(std::lround(kPoolQuantile * double(known.size() - 1)));
-    std::nth_element(known.begin(), place, known.end());
-    result[size] = *place / chance_quantile(freedom_of(size));
+    std::vector<double> values;
+    for (const Curve& curve : curves) values.push_back(curve[size]);
+    result.emplace_back(values);
   }
   return result;
 }
 
-// Of log(noise + shape) over the sizes, less log(noise): shape grows as a power of the size.
-std::vector<Curve> models() {
-  std::vector<Curve> rows;
-  for (const double power : kShapePowers)
-    for (int step = kLeastShape; step <= kMostShape; ++step) {
-      Curve row;
-      for (std::size_t size = 0; size < kSizes; ++size)
-        row[size] = std::log1p(std::pow(10.0, step / 2.0) * std::pow(kCounts[size] / 16.0, power));
-      rows.push_back(row);
+// At the place of the pool's first sample.
+Curve pooled(std::span<const std::uint32_t> pool, const std::vector<Ranked>& of_sizes) {
+  Curve result;
+  for (std::size_t size = 0; size < kSizes; ++size) {
+    const double value = of_sizes[size].among(pool, [&](std::size_t known) {
+      return 2 * known < pool.size() ? Ranked::kNoPlace : std::size_t(std::lround(kPoolQuantile * double(known - 1)));
+    });
+    result[size] = value / chance_quantiles()[size];
+  }
+  return result;
+}
+
+// Of log(noise + shape) over the sizes, less log(noise): shape grows as a power of the size. An array a size.
+constexpr std::size_t kSteps = kMostShape - kLeastShape + 1, kModels = kShapePowers.size() * kSteps;
+using Models = std::array<std::array<double, kModels>, kSizes>;
+
+const Models& models() {
+  static const Models all = [] {
+    Models rows;
+    for (std::size_t n = 0; n < kModels; ++n)
+      for (std::size_t size = 0; size < kSizes; ++size) {
+        const int step = kLeastShape + int(n % kSteps);
+        rows[size][n] =
+            std::log1p(std::pow(10.0, step / 2.0) * std::pow(kCounts[size] / 16.0, kShapePowers[n / kSteps]));
+      }
+    return rows;
+  }();
+  return all;
+}
+
+// Of a variance over so many points among those of all sizes.
+const Curve& size_weights() {
+  static const Curve all = [] {
+    Curve weights;
+    for (std::size_t size = 0; size < kSizes; ++size) {
+      const double chance = 2 / (freedom_of(size) * double(kPool) / 2);
+      weights[size] = std::sqrt(16.0 / kCounts[size]) / (chance + kFitError * kFitError);
     }
-  return rows;
+    return weights;
+  }();
+  return all;
 }
 
 // The posterior mean of the standard deviation of the noise, over all models alike; the best noise of each is that of
 // weighted least squares of logarithms.
-double noise_of(const Curve& curve, const std::vector<Curve>& rows, double typical) {
+double noise_of(const Curve& curve, double typical) {
   Curve weight{}, logs{};
   double all = 0;
   int known = 0;
   for (std::size_t size = 0; size < kSizes; ++size) {
     if (!(curve[size] > 0)) continue;
-    const double chance = 2 / (freedom_of(size) * double(kPool) / 2);
-    weight[size] = std::sqrt(16.0 / kCounts[size]) / (chance + kFitError * kFitError);
+    weight[size] = size_weights()[size];
     logs[size] = std::log(curve[size]);
     all += weight[size];
     ++known;
   }
+  if (known < 2) return kUnknown;  // nothing tells shape from noise
   const double prior = 1 / (4 * kSpread * kSpread), log_typical = 2 * std::log(typical);
   all += prior;
-  if (known < 2) return kUnknown;               // nothing tells shape from noise
-  std::vector<std::pair<double, double>> fits;  // minus twice the log likelihood, and log noise
-  fits.reserve(rows.size());
-  double best = std::numeric_limits<double>::infinity();
-  for (const Curve& row : rows) {
+  const Models& rows = models();
+  std::array<double, kModels> misfit, log_noise;  // minus twice the log likelihood
+  for (std::size_t n = 0; n < kModels; ++n) {
     double first = prior * log_typical, second = prior * log_typical * log_typical;
     for (std::size_t size = 0; size < kSizes; ++size) {
-      first += weight[size] * (logs[size] - row[size]);
-      second += weight[size] * (logs[size] - row[size]) * (logs[size] - row[size]);
+      const double part = logs[size] - rows[size][n];
+      first += weight[size] * part;
+      second += weight[size] * part * part;
     }
-    fits.emplace_back(second - first * first / all, first / all);
-    best = std::min(best, fits.back().first);
+    misfit[n] = second - first * first / all;
+    log_noise[n] = first / all;
   }
+  const double best = *std::min_element(misfit.begin(), misfit.end());
   double sum = 0, likelihood = 0;
-  for (const auto& [misfit, log_noise] : fits) {
-    if (misfit - best > kUnlikely) continue;
-    const double its = std::exp(-0.5 * (misfit - best));
-    sum += its * std::exp(0.5 * log_noise);
+  for (std::size_t n = 0; n < kModels; ++n) {
+    if (misfit[n] - best > kUnlikely) continue;
+    const double its = std::exp(-0.5 * (misfit[n] - best));
+    sum += its * std::exp(0.5 * log_noise[n]);
     likelihood += its;
   }
   return sum / likelihood;
-}
-
-// Of the noise at those places of a pool where it is known, or `otherwise`.
-double median_known(std::span<const std::uint32_t> pool, const std::vector<double>& noise, double otherwise) {
-  std::vector<double> known;
-  for (const std::uint32_t i : pool)
-    if (!std::isnan(noise[i])) known.push_back(noise[i]);
-  if (known.empty()) return otherwise;
-  const auto middle = known.begin() + std::ptrdiff_t(known.size() / 2);
-  std::nth_element(known.begin(), middle, known.end());
-  return *middle;
 }
 
 // Logarithms of levels, as far as they differ from 0 by more than chance makes them.
@@ -180,32 +157,23 @@ void shrink(std::vector<double>& log_levels) {
 
 }  // namespace
 
-std::shared_ptr<const NoiseLevels> noise_levels(const LocalSamples& samples, double typical, const ForEach& for_each) {
-  std::vector<Point> places;
+LocalNoise local_noise(const LocalSamples& samples, double typical, const Pools& pools, const ForEach& for_each) {
   std::vector<Curve> curves;
-  for (std::size_t i = 0; i < samples.noise.size(); ++i) {
-    if (!samples.noise[i].shows_noise) continue;
-    places.push_back(samples.places[i]);
+  for (std::size_t i = 0; i < samples.places.size(); ++i)
     curves.push_back(curve_of(samples.noise[i], samples.residuals.empty() ? nullptr : &samples.residuals[i]));
-  }
-  if (!(typical > 0) || places.size() < kFewestSamples) return nullptr;
-  const std::vector<Curve> rows = models();
-  std::vector<std::uint32_t> pools(places.size() * kPool);
-  std::vector<double> noise(places.size()), log_levels(places.size());
-  const Pools nearest(places);
-  for_each(places.size(), [&](std::size_t n) {
-    const std::size_t i = nearest.place(n);
-    nearest.find(n, &pools[i * kPool]);
-    noise[i] = noise_of(pooled(std::span(pools).subspan(i * kPool, kPool), curves), rows, typical);
-  });
-  for_each(places.size(), [&](std::size_t i) {
-    const double median = median_known(std::span(pools).subspan(i * kPool, kSmoothed), noise, typical);
+  const std::vector<Ranked> of_sizes = ranked(curves);
+  std::vector<double> noise(samples.places.size()), log_levels(noise.size());
+  for_each(noise.size(), [&](std::size_t i) { noise[i] = noise_of(pooled(pools.of(i), of_sizes), typical); });
+  const Ranked noises(noise);
+  for_each(noise.size(), [&](std::size_t i) {
+    const double median = median_known(pools.of(i).first(kSmoothed), noises).value_or(typical);
     log_levels[i] = std::log(std::clamp(median / typical, 1 / kLargestLevel, kLargestLevel));
   });
   shrink(log_levels);
-  auto levels = std::make_shared<NoiseLevels>(levels_between(places, log_levels, for_each));
+  const auto levels = shared(NoiseLevels{levels_between(samples.places, log_levels, for_each)});
+  for (std::size_t i = 0; i < noise.size(); ++i) noise[i] = typical * std::exp(log_levels[i]);
   levels->quantiles = quantiles_of(std::move(log_levels));
-  return levels;
+  return {std::move(noise), levels};
 }
 
 std::array<double, 3> quantiles_of(std::vector<double> log_levels) {

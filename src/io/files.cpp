@@ -222,14 +222,18 @@ Plan streamed_plan(const Cloud& shell, const std::filesystem::path& path, const 
 
 }  // namespace
 
-void check_streamed_options(const Source& source, const std::filesystem::path& path, const WriteOptions& options) {
+void check_streamed_options(const Source& source, const std::filesystem::path& path, const WriteOptions& options,
+                            bool adds_attribute) {
   const std::shared_ptr<const Source> unowned(std::shared_ptr<const Source>(), &source);
-  streamed_plan(shell_of(unowned), path, options);
+  const Format format = streamed_plan(shell_of(unowned), path, options).format;
+  if (adds_attribute && (format == Format::off || format == Format::obj || format == Format::e57))
+    refuse("files of this format take no further attributes, so outliers cannot be marked; use --outliers keep");
 }
 
 void write_moved(const std::filesystem::path& path, const std::shared_ptr<Source>& source, const MovedPoints& moved,
-                 const WriteOptions& options) {
-  const Cloud shell = shell_of(source);
+                 const WriteOptions& options, std::vector<Attribute> added) {
+  Cloud shell = shell_of(source);
+  shell.added = std::move(added);
   Plan chosen = streamed_plan(shell, path, options);
   chosen.edits.moved = &moved;
   const std::unique_ptr<Output> out = open_output(path, options.overwrite, options.sync);

@@ -36,21 +36,29 @@ constexpr double kLarge = 16;
 // Where more than a twentieth of the values lie in the lowest quarter of their range and in the highest, the bulk
 // reaches from one to the other.
 bool is_surely_small(const std::vector<Position>& sample) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  Position least{kInfinity, kInfinity, kInfinity}, most{-kInfinity, -kInfinity, -kInfinity}, low, high;
+  for (const Position& p : sample)
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      least[axis] = std::min(least[axis], p[axis]);
+      most[axis] = std::max(most[axis], p[axis]);
+    }
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const double quarter = (most[axis] - least[axis]) / 4;
+    low[axis] = least[axis] + quarter;
+    high[axis] = most[axis] - quarter;
+  }
+  std::array<std::size_t, 3> lows{}, highs{};
+  for (const Position& p : sample)
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      lows[axis] += p[axis] <= low[axis];
+      highs[axis] += p[axis] >= high[axis];
+    }
   double size = 0, least_extent = 0;
   for (std::size_t axis = 0; axis < 3; ++axis) {
-    double least = std::numeric_limits<double>::infinity(), most = -least;
-    for (const Position& p : sample) {
-      least = std::min(least, p[axis]);
-      most = std::max(most, p[axis]);
-    }
-    const double quarter = (most - least) / 4, low = least + quarter, high = most - quarter;
-    std::size_t lows = 0, highs = 0;
-    for (const Position& p : sample) {
-      lows += p[axis] <= low;
-      highs += p[axis] >= high;
-    }
-    if (std::min(lows, highs) > sample.size() / 20) least_extent = std::max(least_extent, high - low);
-    size = std::max({size, std::abs(least), std::abs(most)});
+    if (std::min(lows[axis], highs[axis]) > sample.size() / 20)
+      least_extent = std::max(least_extent, high[axis] - low[axis]);
+    size = std::max({size, std::abs(least[axis]), std::abs(most[axis])});
   }
   return least_extent > 0 && size <= kLarge * least_extent;
 }

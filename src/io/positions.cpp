@@ -34,7 +34,7 @@ class View final : public Source {
   }
   ScalarType coordinate_type() const override { return ScalarType::float64; }
   std::vector<io::Column> columns() const override { return {}; }
-  void extract(std::size_t, std::span<char>) const override {}
+  void extract_block(std::size_t, std::size_t, std::span<char>) const override {}
 
  private:
   std::span<const Element> elements_;

@@ -119,19 +119,17 @@ std::vector<Column> RecordSource::columns() const {
   return result;
 }
 
-void RecordSource::extract(std::size_t index, std::span<char> out) const {
+void RecordSource::extract_block(std::size_t index, std::size_t block, std::span<char> out) const {
   const std::size_t f = shown_[index];
   const RecordField& field = layout_.fields[f];
   const std::size_t size = size_of(field.type);
-  for_each_block(block_count(), [&](std::size_t block) {
-    for (std::uint64_t point = block_begin(block); point < block_begin(block + 1); ++point) {
-      const char* from = points_.data() + locate(point, f);
-      char* to = out.data() + point * column_bytes(field);
-      for (std::uint32_t c = 0; c < field.components; ++c) {
-        copy_scalar(to + c * size, from + c * size, size, layout_.swap);
-      }
+  char* to = out.data();
+  for (std::uint64_t point = block_begin(block); point < block_begin(block + 1); ++point) {
+    const char* from = points_.data() + locate(point, f);
+    for (std::uint32_t c = 0; c < field.components; ++c, to += size) {
+      copy_scalar(to, from + c * size, size, layout_.swap);
     }
-  });
+  }
 }
 
 void RecordSource::patch(std::size_t block, const Moves& moves, const std::vector<Replacement>& replaced, char* to,

@@ -42,7 +42,7 @@ class RecordSource : public Source {
   bool copy_points(std::size_t block, std::span<Point> out) const override;
   ScalarType coordinate_type() const override;
   std::vector<Column> columns() const override;
-  void extract(std::size_t index, std::span<char> out) const override;
+  void extract_block(std::size_t index, std::size_t block, std::span<char> out) const override;
 
  protected:
   void append_block(std::size_t block, const Moves& moves, const Edits& edits, std::string& to) const override;

@@ -93,6 +93,14 @@ Point Source::offset_of(const Position& value) const {
   return {to_offset(value[0], origin_[0]), to_offset(value[1], origin_[1]), to_offset(value[2], origin_[2])};
 }
 
+void Source::extract(std::size_t index, std::span<char> out) const {
+  const std::size_t size = io::column_bytes(columns()[index]);
+  io::for_each_block(block_count(), [&](std::size_t block) {
+    extract_block(index, block,
+                  out.subspan(static_cast<std::size_t>(block_begin(block)) * size, block_size(block) * size));
+  });
+}
+
 Moves Source::moves(std::size_t block, const io::Edits& edits) const {
   std::vector<Position> own(block_size(block));
   positions(block, own);

@@ -82,7 +82,9 @@ class Source {
   /// Per-point attributes, coordinates excluded, in the order of the file.
   virtual std::vector<io::Column> columns() const = 0;
   /// The values of the attribute at `index` of `columns()`: size() * column_bytes of them.
-  virtual void extract(std::size_t index, std::span<char> out) const = 0;
+  void extract(std::size_t index, std::span<char> out) const;
+  /// Those of the points of `block`; after columns() was called.
+  virtual void extract_block(std::size_t index, std::size_t block, std::span<char> out) const = 0;
   virtual Faces faces() const { return {}; }
 
   /// Writes the file in its own format with the edits.

@@ -13,11 +13,13 @@ namespace pointfair::io {
 /// for a file that can only be decoded as a whole.
 std::shared_ptr<Source> open_source(const std::filesystem::path& path, unsigned threads);
 
-/// Throws Error(usage) if write_moved() would refuse these options.
-void check_streamed_options(const Source& source, const std::filesystem::path& path, const WriteOptions& options);
+/// Throws Error(usage) if write_moved() would refuse these options, or an attribute that is added.
+void check_streamed_options(const Source& source, const std::filesystem::path& path, const WriteOptions& options,
+                            bool adds_attribute);
 
-/// As write() of a cloud of this source whose points are where `moved` says, relative to the source's origin.
+/// As write() of a cloud of this source whose points are where `moved` says, relative to the source's origin, with the
+/// attributes that are added.
 void write_moved(const std::filesystem::path& path, const std::shared_ptr<Source>& source, const MovedPoints& moved,
-                 const WriteOptions& options);
+                 const WriteOptions& options, std::vector<Attribute> added);
 
 }  // namespace pointfair::io

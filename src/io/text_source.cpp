@@ -292,23 +292,20 @@ std::vector<Column> TextSource::columns() const {
   return {attributes_.begin(), attributes_.end()};
 }
 
-void TextSource::extract(std::size_t index, std::span<char> out) const {
-  columns();  // finds the types
+void TextSource::extract_block(std::size_t index, std::size_t block, std::span<char> out) const {
   const TextColumn& column = attributes_[index];
   const std::size_t size = size_of(column.type);
-  for_each_block(block_count(), [&](std::size_t block) {
-    std::vector<std::string_view> words;
-    char* to = out.data() + block_begin(block) * column_bytes(column);
-    for_each_line(block, [&](std::string_view line, std::ptrdiff_t point) {
-      if (point < 0) return;
-      column_words(line, layout_, column, words);
-      for (const std::string_view word : words) {
-        if (!word_to_scalar(word, column.type, to)) {
-          fail_at(line.data(), quoted(word) + " in column " + column.name + " is not a number; repair the line");
-        }
-        to += size;
+  std::vector<std::string_view> words;
+  char* to = out.data();
+  for_each_line(block, [&](std::string_view line, std::ptrdiff_t point) {
+    if (point < 0) return;
+    column_words(line, layout_, column, words);
+    for (const std::string_view word : words) {
+      if (!word_to_scalar(word, column.type, to)) {
+        fail_at(line.data(), quoted(word) + " in column " + column.name + " is not a number; repair the line");
       }
-    });
+      to += size;
+    }
   });
 }
 

@@ -7,21 +7,20 @@
 #include "pointfair/pipeline.hpp"
 #include "pointfair/positions.hpp"
 #include "seam/overlap.hpp"
-#include "tiles/tiled_backend.hpp"
 
 namespace pointfair {
 namespace {
 
 constexpr std::uint64_t kFirstTiles = 4;    // of a cloud that does not fit
 constexpr std::uint64_t kLeastTile = 2000;  // points; if so few do not fit, tiles do not help
-constexpr std::size_t kWorkers = 2;         // one is copied to and from while the other computes
+constexpr std::size_t kWorkersOfCard = 2;   // one is copied to and from while the other computes
+constexpr std::uint64_t kTilesOfCard = 8;   // of several: while cards wait for the last tile, few points are left
 
 }  // namespace
 
 Backend& LoadedCloud::backend() {
   if (!backend_) {
-    if (!make_worker_) throw Error(ErrorKind::device, "the device was lost; make another Pipeline");
-    backend_ = make_worker_();
+    cut_into(1);
     backend_->upload({}, IndexOrder::fastest);
   }
   return *backend_;
@@ -34,6 +33,7 @@ void LoadedCloud::forget() {
   spacing.reset();
   noise.reset();
   levels.reset();
+  reach_levels.reset();
 }
 
 // After a failed load, so that nothing runs on half of a cloud.
@@ -43,17 +43,45 @@ void LoadedCloud::drop() noexcept {
     if (backend_) backend_->upload({}, IndexOrder::fastest);
   } catch (...) {
     backend_.reset();  // a lost card
+    tiled_ = nullptr;
   }
 }
 
-void LoadedCloud::replace(std::uint64_t points, const std::function<void()>& upload) {
+// How many tiles several cards share; 1 where one does it.
+std::uint64_t LoadedCloud::tiles_to_divide(std::uint64_t points) const {
+  const std::uint64_t cards = workers_.of_cards.size();
+  if (cards < 2 || points < workers_.worth_dividing) return 1;
+  return std::clamp(4 * points / workers_.worth_dividing, 2 * cards, kTilesOfCard * cards);
+}
+
+// A backend that will cut what it is given into so many tiles, the present one if it can.
+void LoadedCloud::cut_into(std::uint64_t tiles) {
+  tiles_ = tiles;
+  if (tiles > 1 && tiled_ != nullptr) return tiled_->cut_into(tiles);
+  if (tiles == 1 && backend_ && tiled_ == nullptr) return;
+  if (workers_.of_cards.empty()) throw Error(ErrorKind::device, "the device was lost; make another Pipeline");
+  tiled_ = nullptr;
+  backend_.reset();  // its memory is needed
+  if (tiles == 1) {
+    backend_ = workers_.of_cards[0]();
+    return;
+  }
+  std::vector<std::unique_ptr<Backend>> workers;
+  for (const MakeBackend& make_worker : workers_.of_cards)
+    for (std::size_t i = 0; i < kWorkersOfCard; ++i) workers.push_back(make_worker());
+  std::unique_ptr<TiledBackend> tiled =
+      make_tiled_backend(std::move(workers), {.tiles = tiles, .feeders = workers_.of_cards.size()});
+  tiled_ = tiled.get();
+  backend_ = std::move(tiled);
+}
+
+void LoadedCloud::replace(std::uint64_t points, std::uint64_t tiles, const std::function<void()>& upload) {
   forget();
   try {
     if (points > kMaxPoints)
       throw Error(ErrorKind::usage, "the cloud has " + std::to_string(points) + " points, and a pipeline holds " +
                                         std::to_string(kMaxPoints) + " at most; cut it into tiles");
-    if (std::exchange(tiles_, 1) > 1) backend_.reset();
-    backend();
+    cut_into(tiles);
     points_ = points;
     upload();
   } catch (...) {
@@ -63,12 +91,12 @@ void LoadedCloud::replace(std::uint64_t points, const std::function<void()>& upl
 }
 
 void LoadedCloud::load(std::span<const Point> points, IndexOrder expected, bool overlapped) {
-  replace(points.size(), [&] { upload(points, expected, overlapped); });
+  replace(points.size(), tiles_to_divide(points.size()), [&] { upload(points, expected, overlapped); });
 }
 
 Origin LoadedCloud::load(const DevicePoints& points, DeviceStream stream, IndexOrder expected) {
   Origin origin{};
-  replace(points.count, [&] {
+  replace(points.count, 1, [&] {
     DeviceMemory* const memory = backend_->device_memory();
     if (memory == nullptr)
       throw Error(ErrorKind::usage,
@@ -99,16 +127,16 @@ void LoadedCloud::finish_load() noexcept {
 }
 
 bool LoadedCloud::may_tile(const Error& error) const {
-  return error.kind() == ErrorKind::memory && make_worker_ && points_ / std::max(kFirstTiles, 2 * tiles_) >= kLeastTile;
+  return error.kind() == ErrorKind::memory && !workers_.of_cards.empty() &&
+         points_ / std::max(kFirstTiles, 2 * tiles_) >= kLeastTile;
 }
 
 // An empty backend, of twice as many tiles as before.
 void LoadedCloud::make_tiled() {
-  tiles_ = std::max(kFirstTiles, 2 * tiles_);
   backend_.reset();  // its memory is needed
-  std::vector<std::unique_ptr<Backend>> workers;
-  for (std::size_t i = 0; i < kWorkers; ++i) workers.push_back(make_worker_());
-  backend_ = make_tiled_backend(std::move(workers), {tiles_});
+  tiled_ = nullptr;
+  const std::uint64_t cards = workers_.of_cards.size();
+  cut_into(std::max({kFirstTiles, 2 * tiles_, cards > 1 ? kTilesOfCard * cards : 1}));
 }
 
 void LoadedCloud::within_memory(const std::function<void()>& work) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A cloud on a backend: on one device or, where its memory does not suffice, in tiles.
+// A cloud on a backend: on one device or, where its memory does not suffice, in tiles on all cards.
 #pragma once
 
 #include <cstdint>
@@ -12,16 +12,25 @@
 #include "estimate/estimate.hpp"
 #include "pipeline/plan.hpp"
 #include "seam/device_memory.hpp"
+#include "tiles/tiled_backend.hpp"
 
 namespace pointfair {
 
 using MakeBackend = std::function<std::unique_ptr<Backend>()>;
 
+// What computes tiles.
+struct MakeWorkers {
+  std::vector<MakeBackend> of_cards{};  // one each; none: a cloud that does not fit is an error
+  // Points, from which on several cards share a cloud that fits into one. For tests: one card is faster
+  // (docs/decisions/094).
+  std::uint64_t worth_dividing = ~std::uint64_t{0};
+};
+
 class LoadedCloud {
  public:
-  // `make_worker` makes the backends that compute tiles; null: a cloud that does not fit is an error.
-  LoadedCloud(std::unique_ptr<Backend> backend, MakeBackend make_worker)
-      : backend_(std::move(backend)), make_worker_(std::move(make_worker)) {}
+  // `backend` is that of the first card.
+  LoadedCloud(std::unique_ptr<Backend> backend, MakeWorkers workers)
+      : backend_(std::move(backend)), workers_(std::move(workers)) {}
 
   // Takes the place of the cloud before. Afterwards, also if it throws, nothing is cached; if it throws, no cloud is
   // held. `overlapped`: the upload may go on, and `points` must stay, until finish_load().
@@ -34,6 +43,10 @@ class LoadedCloud {
   // Does `work`; where the device's memory does not suffice, again with the cloud in tiles, nothing cached.
   void within_memory(const std::function<void()>& work);
 
+  // Another backend of the same kind; null where none can be made.
+  std::unique_ptr<Backend> make_worker() const {
+    return workers_.of_cards.empty() ? nullptr : workers_.of_cards.front()();
+  }
   Backend& backend();  // throws Error(device) if the device was lost for good
   std::uint64_t points() const { return points_; }
 
@@ -42,18 +55,22 @@ class LoadedCloud {
   std::optional<CloudSample> sample;
   std::optional<Spacing> spacing;
   std::optional<Noise> noise;
-  std::shared_ptr<const NoiseLevels> levels;  // with the noise; null: 1 everywhere
+  std::shared_ptr<const NoiseLevels> levels;       // with the noise, as the next; null: 1 everywhere
+  std::shared_ptr<const NodeLevels> reach_levels;  // of NeighborSettings
 
  private:
   void forget();
-  void replace(std::uint64_t points, const std::function<void()>& upload);
+  void replace(std::uint64_t points, std::uint64_t tiles, const std::function<void()>& upload);
   void drop() noexcept;
   void upload(std::span<const Point> points, IndexOrder expected, bool overlapped);
   bool may_tile(const Error& error) const;
+  std::uint64_t tiles_to_divide(std::uint64_t points) const;
+  void cut_into(std::uint64_t tiles);
   void make_tiled();
 
   std::unique_ptr<Backend> backend_;  // null: must be made again
-  MakeBackend make_worker_;
+  TiledBackend* tiled_ = nullptr;     // the same, if it computes tiles
+  MakeWorkers workers_;
   std::uint64_t points_ = 0;
   std::uint64_t tiles_ = 1;  // that the backend was asked to cut the cloud into
 };

@@ -3,9 +3,14 @@
 #include "seam/many_clouds.hpp"
 
 #include <algorithm>
+#include <exception>
+#include <limits>
+#include <mutex>
 #include <string>
+#include <thread>
 
 #include "estimate/automatic.hpp"
+#include "pipeline/many_estimates.hpp"
 #include "pipeline/run_state.hpp"
 #include "seam/device_memory.hpp"
 
@@ -23,12 +28,21 @@ void check_clouds(std::span<const std::uint64_t> offsets, std::size_t points, st
                 "the output holds " + std::to_string(room) + " points, the clouds " + std::to_string(points));
 }
 
+constexpr std::size_t kAny = std::numeric_limits<std::size_t>::max();
+constexpr std::size_t kMeasuredAtOnce = 128;  // clouds; samples and levels of noise take 1 MB of each
+constexpr std::size_t kWorkers = 3;
+
 // Where clouds end, from the first of `offsets` on.
 std::vector<std::uint32_t> ends_of(std::span<const std::uint64_t> offsets) {
   std::vector<std::uint32_t> ends;
   for (const std::uint64_t offset : offsets.subspan(1))
     ends.push_back(static_cast<std::uint32_t>(offset - offsets.front()));
   return ends;
+}
+
+std::span<Point> stage(Backend& backend, HostBuffer& buffer, std::size_t points) {
+  if (buffer.points().size() < points) buffer = backend.host_buffer(points);
+  return buffer.points().first(points);
 }
 
 // By all cores of the host: one of them is slower than the way to a card.
@@ -39,6 +53,12 @@ void copy(Sampling& by, std::span<const Point> from, std::span<Point> to) {
     std::copy_n(from.begin() + static_cast<std::ptrdiff_t>(begin), size,
                 to.begin() + static_cast<std::ptrdiff_t>(begin));
   });
+}
+
+// Whether lists are found and all lengths are given.
+bool is_alike(const Params& params) {
+  return !sums_within_radius(params) && !params.constraint && !needs_spacing(params) && !needs_noise(params) &&
+         !needs_diagonal(params);
 }
 
 template <class Memory>
@@ -53,37 +73,83 @@ PointsOnCard<Memory> part_of(const PointsOnCard<Memory>& points, std::size_t beg
 
 }  // namespace
 
-// Lists of every point serve clouds of any scale; what is estimated differs from cloud to cloud.
+// With lists kernels take one rule for all clouds, so nothing may be estimated of each; within a radius every cloud has
+// its own.
 bool Pipeline::State::runs_together(const Params& params) {
   return cloud.backend().many_clouds() != nullptr && params.method == Method::bilateral &&
-         params.along == Along::normal && !sums_within_radius(params) && !params.constraint && !needs_spacing(params) &&
-         !needs_noise(params) && !needs_diagonal(params);
+         params.along == Along::normal && (may_differ(params) || is_alike(params));
 }
 
-// As many at once as one upload takes. Afterwards the pipeline is empty.
-void Pipeline::State::run_groups(std::span<const std::uint64_t> offsets, const Groups& groups) {
+// As many at once as one upload takes, but `at_once` clouds at most.
+std::vector<Pipeline::State::Group> Pipeline::State::group(std::span<const std::uint64_t> offsets, std::size_t at_once,
+                                                           const std::function<bool(std::size_t)>& may_join) {
   const ManyClouds* const many = cloud.backend().many_clouds();
   const ManyClouds::Room room = many != nullptr ? many->room() : ManyClouds::Room{};
-  const std::size_t all = offsets.size() - 1;
-  for (std::size_t first = 0; first < all;) {
+  const std::size_t all = offsets.size() - 1, most = std::min(room.clouds, at_once);
+  std::vector<Group> groups;
+  for (std::size_t first = 0; first < all; first = groups.back().end) {
     std::size_t largest = 0, end = first;
-    for (; end < all && end - first < room.clouds && groups.may_join(end); ++end) {
+    for (; end < all && end - first < most && may_join(end); ++end) {
       const std::size_t points = offsets[end + 1] - offsets[end];
       largest = std::max(largest, points);
       if (points > room.points_of_cloud || (end + 1 - first) * largest > room.places) break;
     }
-    if (end > first) {
-      groups.run_together(first, end - first);
-    } else {
-      groups.run_alone(end++);
-    }
-    first = end;
+    groups.push_back({first, std::max(end, first + 1), end > first});
   }
+  return groups;
+}
+
+// Those that are computed together by several workers, of which one measures while another computes; then the others.
+// Afterwards the pipeline is empty.
+void Pipeline::State::run_groups(const std::vector<Group>& groups, std::size_t workers, const RunTogether& run_together,
+                                 const RunAlone& run_alone) {
+  std::vector<std::size_t> left_over;
+  std::vector<const Group*> together;
+  for (const Group& group : groups)
+    if (group.together) together.push_back(&group);
+  while (helpers_.size() + 1 < std::min(workers, together.size())) {
+    std::unique_ptr<Backend> backend = cloud.make_worker();
+    if (!backend) break;
+    helpers_.push_back({std::move(backend), {}});
+  }
+  const std::size_t helping = std::min({helpers_.size(), workers - 1, std::max<std::size_t>(together.size(), 1) - 1});
+  std::mutex mutex;
+  std::size_t next = 0;
+  std::exception_ptr error;
+  const auto work = [&](Backend& backend, HostBuffer& staged) {
+    std::unique_lock lock(mutex);
+    while (next < together.size() && !error) {
+      const Group& group = *together[next++];
+      lock.unlock();
+      std::vector<std::size_t> left;
+      std::exception_ptr its_error;
+      try {
+        left = run_together(backend, staged, group);
+      } catch (...) {
+        its_error = std::current_exception();
+      }
+      lock.lock();
+      left_over.insert(left_over.end(), left.begin(), left.end());
+      if (its_error && !error) error = its_error;
+    }
+  };
+  {
+    std::vector<std::jthread> threads;
+    for (std::size_t i = 0; i < helping; ++i)
+      threads.emplace_back([&work, &helper = helpers_[i]] { work(*helper.backend, helper.staged); });
+    work(cloud.backend(), staged_);
+  }
+  if (error) {
+    helpers_.clear();
+    std::rethrow_exception(error);
+  }
+  for (const std::size_t one : left_over) run_alone(one, true);
+  for (const Group& group : groups)
+    if (!group.together) run_alone(group.first, false);
   load({});
 }
 
-void Pipeline::State::run_stages_of_all(const Params& used, const std::stop_token& stop) {
-  Backend& backend = cloud.backend();
+void Pipeline::State::run_stages_of_all(Backend& backend, const Params& used, const std::stop_token& stop) {
   Settings settings = settings_of(used, {});
   for (int iteration = 0; iteration < used.iterations; ++iteration) {
     backend.build_index(iteration, std::nullopt, stop);
@@ -99,29 +165,35 @@ void Pipeline::State::run_many(std::span<const Point> points, std::span<const st
   check_params(params);
   check_clouds(offsets, points.size(), out.size());
   load({});
-  const bool at_once = runs_together(params);
-  const Params used = at_once ? resolve_params(params, {}, {}, 0) : params;
-  Groups groups;
-  groups.may_join = [&](std::size_t) { return at_once; };
-  groups.run_alone = [&](std::size_t one) {
-    const std::size_t begin = offsets[one], size = offsets[one + 1] - begin;
-    load(points.subspan(begin, size));
-    run(params, out.subspan(begin, size), stop, {});
-  };
-  groups.run_together = [&](std::size_t first, std::size_t clouds) {
-    Backend& backend = cloud.backend();
-    const auto its = offsets.subspan(first, clouds + 1);
+  const bool at_once = runs_together(params), alike = is_alike(params);
+  const Params used = at_once && alike ? resolve_params(params, {}, {}, 0) : params;
+  const auto run_together = [&](Backend& backend, HostBuffer& buffer, const Group& group) {
+    ManyClouds& many = *backend.many_clouds();
+    const auto its = offsets.subspan(group.first, group.end - group.first + 1);
     const std::size_t begin = its.front(), size = its.back() - begin;
-    if (staged_.points().size() < size) staged_ = backend.host_buffer(size);
-    const std::span<Point> staged = staged_.points().first(size);
+    const std::vector<std::uint32_t> ends = ends_of(its);
+    const std::span<Point> staged = stage(backend, buffer, size);
     copy(backend.sampling(), points.subspan(begin, size), staged);
-    backend.many_clouds()->upload(staged, ends_of(its));
-    run_stages_of_all(used, stop);
-    backend.download(used.iterations - 1, staged, settings_of(used, {}).limits, {});
+    many.upload(staged, ends);
+    std::vector<std::size_t> alone;
+    if (alike) {
+      run_stages_of_all(backend, used, stop);
+      backend.download(used.iterations - 1, staged, settings_of(used, {}).limits, {});
+    } else {
+      for (const std::uint32_t one : run_by_estimates(backend, staged, ends, params, stop))
+        alone.push_back(group.first + one);
+      many.download(staged);
+    }
     backend.take_costs();
     copy(backend.sampling(), staged, out.subspan(begin, size));
+    return alone;
   };
-  run_groups(offsets, groups);
+  const auto groups = group(offsets, alike ? kAny : kMeasuredAtOnce, [&](std::size_t) { return at_once; });
+  run_groups(groups, alike ? 1 : kWorkers, run_together, [&](std::size_t one, bool is_there) {
+    const std::size_t begin = offsets[one], size = offsets[one + 1] - begin;
+    load(is_there ? out.subspan(begin, size) : points.subspan(begin, size));
+    run(params, out.subspan(begin, size), stop, {});
+  });
 }
 
 void Pipeline::State::run_many(const DevicePoints& points, DeviceStream stream, std::span<const std::uint64_t> offsets,
@@ -130,26 +202,40 @@ void Pipeline::State::run_many(const DevicePoints& points, DeviceStream stream, 
   check_clouds(offsets, points.count, out.count);
   device_memory();  // throws where there is none
   load({});
-  const bool at_once = runs_together(params);
-  const Params used = at_once ? resolve_params(params, {}, {}, 0) : params;
+  const bool at_once = runs_together(params), alike = is_alike(params);
+  const Params used = at_once && alike ? resolve_params(params, {}, {}, 0) : params;
   std::vector<std::uint8_t> joins(offsets.size() - 1);
   if (at_once) joins = cloud.backend().many_clouds()->surely_have_no_origin(points, stream, ends_of(offsets));
-  Groups groups;
-  groups.may_join = [&](std::size_t one) { return joins[one] != 0; };
-  groups.run_alone = [&](std::size_t one) {
-    const std::size_t begin = offsets[one], size = offsets[one + 1] - begin;
-    load(part_of(points, begin, size), stream);
-    run(params, part_of(out, begin, size), stream, stop, {});
-  };
-  groups.run_together = [&](std::size_t first, std::size_t clouds) {
-    const auto its = offsets.subspan(first, clouds + 1);
+  const auto run_together = [&](Backend& backend, HostBuffer& buffer, const Group& group) {
+    ManyClouds& many = *backend.many_clouds();
+    const auto its = offsets.subspan(group.first, group.end - group.first + 1);
     const std::size_t begin = its.front(), size = its.back() - begin;
-    cloud.backend().many_clouds()->upload(part_of(points, begin, size), stream, ends_of(its));
-    run_stages_of_all(used, stop);
-    device_memory().download(used.iterations - 1, part_of(out, begin, size), stream, settings_of(used, {}).limits, {});
-    cloud.backend().take_costs();
+    const std::vector<std::uint32_t> ends = ends_of(its);
+    const DeviceOutput to = part_of(out, begin, size);
+    many.upload(part_of(points, begin, size), stream, ends);
+    std::vector<std::size_t> alone;
+    if (alike) {
+      run_stages_of_all(backend, used, stop);
+      backend.device_memory()->download(used.iterations - 1, to, stream, settings_of(used, {}).limits, {});
+    } else {
+      const std::span<Point> staged = stage(backend, buffer, size);
+      backend.download_input(staged);
+      for (const std::uint32_t one : run_by_estimates(backend, staged, ends, params, stop))
+        alone.push_back(group.first + one);
+      many.download(to, stream);
+    }
+    backend.take_costs();
+    return alone;
   };
-  run_groups(offsets, groups);
+  const auto groups = group(offsets, alike ? kAny : kMeasuredAtOnce, [&](std::size_t one) { return joins[one] != 0; });
+  run_groups(groups, alike ? 1 : kWorkers, run_together, [&](std::size_t one, bool is_there) {
+    const std::size_t begin = offsets[one], size = offsets[one + 1] - begin;
+    const DeviceOutput to = part_of(out, begin, size);
+    load(is_there ? DevicePoints{to.data, to.count, to.row_stride, to.column_stride, to.type, to.card}
+                  : part_of(points, begin, size),
+         stream);
+    run(params, to, stream, stop, {});
+  });
 }
 
 }  // namespace pointfair

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "pipeline/devices.hpp"
+#include "pipeline/outlier_marks.hpp"
 #include "pipeline/pipeline_access.hpp"
 #include "pipeline/run_state.hpp"
 #include "pointfair/file_info.hpp"
@@ -24,19 +25,6 @@ auto with_one_kind_of_error(const Work& work) {
   }
 }
 
-// As the attribute "outlier", or outlier_2 and so on where the file has one of that name.
-void mark_outliers(Cloud& cloud, std::span<const std::uint8_t> outliers) {
-  const std::vector<AttributeInfo> present = attributes(cloud);
-  std::string name = "outlier";
-  for (int number = 2; std::any_of(present.begin(), present.end(), [&](const auto& a) { return a.name == name; });)
-    name = "outlier_" + std::to_string(number++);
-  const auto bytes = std::as_bytes(outliers);
-  Attribute& attribute = cloud.added.emplace_back();
-  attribute.name = std::move(name);
-  attribute.type = ScalarType::uint8;
-  attribute.data.assign(bytes.begin(), bytes.end());
-}
-
 // Lengths in metres, of a cloud whose file says how long its unit is.
 Params in_units_of(const Cloud& cloud, const Params& params) {
   return in_file_units(params, file_info(cloud).metres_per_unit);
@@ -48,9 +36,8 @@ Pipeline::Pipeline(Device device) {
   with_one_kind_of_error([&] {
     DeviceInfo info;
     std::unique_ptr<Backend> backend = make_backend(device, info);
-    MakeBackend make_worker;
-    if (info.kind == Device::cuda) make_worker = [card = device.index] { return make_cuda_backend(card); };
-    state_ = std::make_unique<State>(std::move(backend), std::move(info), std::move(make_worker));
+    MakeWorkers workers = make_workers(device, info.kind);
+    state_ = std::make_unique<State>(std::move(backend), std::move(info), std::move(workers));
     state_->load({});
   });
 }
@@ -60,7 +47,13 @@ Pipeline::Pipeline(Pipeline&&) noexcept = default;
 Pipeline& Pipeline::operator=(Pipeline&&) noexcept = default;
 
 Pipeline PipelineAccess::make(std::unique_ptr<Backend> backend, DeviceInfo device, MakeBackend make_worker) {
-  return Pipeline(std::make_unique<Pipeline::State>(std::move(backend), std::move(device), std::move(make_worker)));
+  MakeWorkers workers;
+  if (make_worker) workers.of_cards.push_back(std::move(make_worker));
+  return make(std::move(backend), std::move(device), std::move(workers));
+}
+
+Pipeline PipelineAccess::make(std::unique_ptr<Backend> backend, DeviceInfo device, MakeWorkers workers) {
+  return Pipeline(std::make_unique<Pipeline::State>(std::move(backend), std::move(device), std::move(workers)));
 }
 
 const FollowedNoise& PipelineAccess::followed_noise(const Pipeline& pipeline) { return pipeline.state_->followed; }
@@ -103,7 +96,7 @@ Cloud Pipeline::run(const Params& params, std::stop_token stop, const ProgressFu
     Cloud result = state_->shell;
     result.points.resize(state_->cloud.points());
     state_->run(in_units_of(result, params), result.points, stop, progress);
-    if (!state_->outliers.empty()) mark_outliers(result, state_->outliers);
+    if (!state_->outliers.empty()) result.added.push_back(outlier_marks(result, state_->outliers));
     return result;
   });
 }

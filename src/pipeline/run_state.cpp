@@ -41,10 +41,6 @@ std::array<double, 3> noise_quantiles(double sigma, const NoiseLevels* levels) {
   return result;
 }
 
-double diagonal_of(const Bounds& b) {
-  return std::hypot(double(b.max.x) - b.min.x, double(b.max.y) - b.min.y, double(b.max.z) - b.min.z);
-}
-
 }  // namespace
 
 void Pipeline::State::load(std::span<const Point> points) {
@@ -113,7 +109,7 @@ void Pipeline::State::measure(bool with_spacing, bool with_noise, IndexOrder ord
   const auto start = Clock::now();
   const Estimate found = estimate(cloud.backend().sampling(), *cloud.sample, wanted, stop);
   if (wanted.spacing) cloud.spacing = found.spacing;
-  if (wanted.noise) cloud.noise = found.noise, cloud.levels = found.levels;
+  if (wanted.noise) cloud.noise = found.noise, cloud.levels = found.levels, cloud.reach_levels = found.reach_levels;
   log_.note("estimate", milliseconds_since(start));
 }
 
@@ -201,7 +197,8 @@ void Pipeline::State::run_to_end(const Params& params, const Delivery& to, const
 
   const Params used = resolve_once(params, stop);
   last_order_ = order_for(params);
-  followed = needs_noise(params) ? followed_noise(params, used, noise(), levels()) : FollowedNoise{};
+  followed =
+      needs_noise(params) ? followed_noise(params, used, noise(), levels(), cloud.reach_levels) : FollowedNoise{};
   const Settings settings = settings_of(used, followed, known_sensor(used, stop));
   const int last = used.iterations - 1;
   execute(plan(cloud.cached, {settings, last_order_, used.iterations}), std::size_t(4) * std::size_t(used.iterations),

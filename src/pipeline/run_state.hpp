@@ -19,8 +19,8 @@
 namespace pointfair {
 
 struct Pipeline::State {
-  State(std::unique_ptr<Backend> backend, DeviceInfo its_device, MakeBackend make_worker)
-      : cloud(std::move(backend), std::move(make_worker)), device(std::move(its_device)) {}
+  State(std::unique_ptr<Backend> backend, DeviceInfo its_device, MakeWorkers workers)
+      : cloud(std::move(backend), std::move(workers)), device(std::move(its_device)) {}
 
   void load(std::span<const Point> points);
   void load(const DevicePoints& points, DeviceStream stream);
@@ -63,14 +63,19 @@ struct Pipeline::State {
   void run(const Params& params, const Delivery& to, const std::stop_token& stop, const ProgressFunction& progress);
   void run_to_end(const Params& params, const Delivery& to, const std::stop_token& stop,
                   const ProgressFunction& progress);
-  // Clouds from `first` on that are computed together, and one that is computed alone.
-  struct Groups {
-    std::function<bool(std::size_t cloud)> may_join;
-    std::function<void(std::size_t first, std::size_t clouds)> run_together;
-    std::function<void(std::size_t cloud)> run_alone;
+  // Clouds from `first` to before `end` that are computed together, or one that is computed alone.
+  struct Group {
+    std::size_t first, end;
+    bool together;
   };
-  void run_groups(std::span<const std::uint64_t> offsets, const Groups& groups);
-  void run_stages_of_all(const Params& used, const std::stop_token& stop);
+  // Returns clouds that must be computed alone nevertheless, and that lie in the output as they were given.
+  using RunTogether = std::function<std::vector<std::size_t>(Backend&, HostBuffer&, const Group&)>;
+  using RunAlone = std::function<void(std::size_t cloud, bool is_in_output)>;
+  std::vector<Group> group(std::span<const std::uint64_t> offsets, std::size_t at_once,
+                           const std::function<bool(std::size_t)>& may_join);
+  void run_groups(const std::vector<Group>& groups, std::size_t workers, const RunTogether& run_together,
+                  const RunAlone& run_alone);
+  static void run_stages_of_all(Backend& backend, const Params& used, const std::stop_token& stop);
   int shown(std::size_t room) const;
   DeviceMemory& device_memory();
   void attempt(const std::function<void()>& work);
@@ -85,7 +90,12 @@ struct Pipeline::State {
   void drop_times_of_failed_run();
   void run_stage(const Step& step, bool leaves, const std::stop_token& stop);
 
+  struct Helper {
+    std::unique_ptr<Backend> backend;
+    HostBuffer staged;
+  };
   HostBuffer staged_;                                    // many clouds on their way
+  std::vector<Helper> helpers_;                          // beside the loaded cloud's backend, for many clouds
   std::optional<Frame> frame_;                           // of the loaded cloud, once it is needed
   std::optional<GivenNoise> given_noise_;                // of the loaded cloud, in place of what is measured
   std::shared_ptr<const SensorPlaces> sensors_;          // of the loaded cloud; null: unknown

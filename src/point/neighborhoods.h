@@ -10,7 +10,7 @@
 //                               is the neighbour's handle, which the arrays of the same backend understand; where
 //                               `inside` is false it is no neighbour of that lane, and its offset is some vector
 //   neighbors.squared_radius()  of the neighbourhood; 1 for lists, which have no width of their own
-//   neighbors.squared_core()    of 0.7 of that radius; infinite for lists
+//   neighbors.squared_core()    of 0.87 of that radius; infinite for lists
 //   neighbors.any(mask)         whether a mask holds in any lane that walks together with this one
 #pragma once
 
@@ -19,8 +19,9 @@
 
 namespace pointfair::point {
 
-// R_i^2 = (L_i radius)^2 + r_i^2, where L_i is the level of the noise at point i (noise_field.h), and r_i is the
-// distance of point i to its `min_neighbors`-th nearest; the same radius for all if that is 0.
+// R_i^2 = (L_i radius)^2 + (K_i r_i)^2, where L_i is the level of the noise at point i, r_i is the distance of point i
+// to its `min_neighbors`-th nearest and K_i the level of that (node_field.h), which leaves the eighth nearest inside;
+// the same radius for all if min_neighbors is 0.
 struct Radii {
   const float* squared_radius;  // of each sorted point
   float squared_base;
@@ -29,6 +30,14 @@ struct Radii {
   const float* squared_growth = nullptr;  // what multiplies R_i^2, of each sorted point; null: nothing
 };
 
+inline constexpr int kLeastReached = 8;  // or min_neighbors, if that is less
+
+// From the squared distances to the min_neighbors-th nearest and to the kLeastReached-th.
+template <class F>
+POINTFAIR_INLINE F squared_radius(F squared_reach, F squared_least, F squared_reach_level, F squared_base) {
+  return larger(squared_reach_level * squared_reach, squared_least) + squared_base;
+}
+
 // A neighbourhood that would hold many more points is thinned to about so many, by a hash of their positions.
 inline constexpr float kNeighborhoodPoints = 400;
 
@@ -36,7 +45,7 @@ inline constexpr float kNeighborhoodPoints = 400;
 // `own`: a surface holds min_neighbors R^2 / r^2 points. Above 1: all.
 template <class F>
 POINTFAIR_INLINE F kept_share(const Radii& radii, F squared_level, F own, F squared_radius) {
-  const F squared_reach = own - squared_level * radii.squared_base;  // r_i^2
+  const F squared_reach = own - squared_level * radii.squared_base;  // (K_i r_i)^2
   const F holds = select(squared_reach > F{}, squared_radius / squared_reach, F(1.0f));
   return F(kNeighborhoodPoints / static_cast<float>(radii.min_neighbors)) / holds;
 }

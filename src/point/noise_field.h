@@ -1,49 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// The noise of a cloud from place to place, and how much of a displacement it justifies.
+// How much of a displacement the noise of its place justifies.
 #pragma once
 
 #include "point/vec.h"
 
 namespace pointfair::point {
-
-// Levels of noise at the nodes of a cubic grid: the local standard deviation over that of a typical place.
-inline constexpr int kFieldNodes = 32;  // along each axis
-struct NoiseField {
-  const float* levels;   // [z][y][x], kFieldNodes of each; null: 1 everywhere
-  Vec3<float> first;     // the node of least coordinates
-  float nodes_per_unit;  // of length
-};
-
-struct NodePlace {
-  int below;
-  float above;  // the share of the node after it
-};
-// Places before the first node or behind the last are as these; so is NaN.
-POINTFAIR_INLINE NodePlace node_place(float coordinate, float first, float nodes_per_unit) {
-  float nodes = (coordinate - first) * nodes_per_unit;
-  nodes = select(nodes > 0.0f, nodes, 0.0f);
-  nodes = smaller(nodes, static_cast<float>(kFieldNodes - 1));
-  const int below = nodes < static_cast<float>(kFieldNodes - 2) ? static_cast<int>(nodes) : kFieldNodes - 2;
-  return {below, nodes - static_cast<float>(below)};
-}
-
-POINTFAIR_INLINE float between(float from, float to, float share) { return from + share * (to - from); }
-
-// Trilinear. A translation that leaves all differences of coordinates exact changes no bit.
-POINTFAIR_INLINE float noise_level(const NoiseField& field, Vec3<float> p) {
-  if (field.levels == nullptr) return 1.0f;
-  const NodePlace x = node_place(p.x, field.first.x, field.nodes_per_unit),
-                  y = node_place(p.y, field.first.y, field.nodes_per_unit),
-                  z = node_place(p.z, field.first.z, field.nodes_per_unit);
-  const float* const corner = field.levels + (z.below * kFieldNodes + y.below) * kFieldNodes + x.below;
-  float face[2];
-  for (int k = 0; k < 2; ++k) {
-    const float* const low = corner + k * kFieldNodes * kFieldNodes;
-    const float* const high = low + kFieldNodes;
-    face[k] = between(between(low[0], low[1], x.above), between(high[0], high[1], x.above), y.above);
-  }
-  return between(face[0], face[1], z.above);
-}
 
 // The variance of the heights of a point's neighbours over its plane.
 template <class F>

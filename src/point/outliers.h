@@ -36,13 +36,14 @@ POINTFAIR_INLINE Outlier outlier_at(float x) {
 }
 
 // A point is an outlier if fewer than a tenth of its neighbours lie within the outlier distance of its plane (two close
-// sheets give each other half), or, in a neighbourhood of radius R, fewer than a twentieth within 0.7 R of it, where a
-// surface through the point has half of them, or within the outlier distance if that is more: the tails of the noise
-// are no outliers. Where R is larger than the outlier radius, points are so sparse that strays may be each other's
-// neighbours: they fill the sphere, so seven tenths of them must lie near the plane.
-inline constexpr float kLeastNearPlane = 0.1f, kLeastOfSparse = 0.7f, kLeastNear = 0.05f, kNearSquaredRadius = 0.49f;
+// sheets give each other half), or, in a neighbourhood of radius R, fewer than a twentieth within 0.87 R of it, where a
+// surface through the point has three quarters of them (eight points lie all beyond by a chance of 1 to 65,000), or
+// within the outlier distance if that is more: the tails of the noise are no outliers. Where R is larger than the
+// outlier radius, points are so sparse that strays may be each other's neighbours: they fill the sphere, so seven
+// tenths of them must lie near the plane.
+inline constexpr float kLeastNearPlane = 0.1f, kLeastOfSparse = 0.7f, kLeastNear = 0.05f, kNearSquaredRadius = 0.75f;
 
-// Of 0.7 R.
+// Of 0.87 R.
 template <class F>
 POINTFAIR_INLINE F squared_core(F squared_radius) {
   return squared_radius * F(kNearSquaredRadius);
@@ -52,7 +53,7 @@ template <class F>
 struct Agreement {
   F near_plane{}, near{}, all{};
 
-  // `height`: over the point's plane; `squared_core`: of 0.7 R or the outlier distance, infinite where there is no
+  // `height`: over the point's plane; `squared_core`: of 0.87 R or the outlier distance, infinite where there is no
   // radius
   template <class Mask>
   POINTFAIR_INLINE void add(Vec3<F> offset, F height, Mask inside, F squared_distance, F squared_core) {

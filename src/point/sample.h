@@ -20,9 +20,23 @@ struct NoiseSample {
   double sigma = 0, spacing = 0, gap = 0, plane_variance = 0;
 };
 
+// Of which nearest points planes are looked at: each 1.8 times as many as before.
+inline constexpr int kPlaneSizes = 6;
+POINTFAIR_INLINE constexpr int plane_points(int size) {
+  constexpr int kPoints[kPlaneSizes] = {6, 11, 20, 36, 64, 115};
+  return kPoints[size];
+}
+
+// Variances of the sample and its first 6 to 115 points over their plane, unbiased: n - 3 for n; negative where there
+// are fewer points, or where they lie along a line.
+struct PlaneSample {
+  double variance[kPlaneSizes] = {-1, -1, -1, -1, -1, -1};
+};
+
 // The noise by the first 20, 30, 60 and 115 points; negative where they show none.
 struct ResidualSample {
   double least = -1, narrow = -1, wide = -1, widest = -1;
+  PlaneSample planes;
 };
 
 inline constexpr int kSpacingNeighbors = 6;
@@ -30,6 +44,10 @@ inline constexpr int kSpacingNeighbors = 6;
 // one before. Rows are asked for in two lengths: a row of the nearest begins with every shorter one, so each serves
 // half of the rounds.
 inline constexpr int kLeastFit = 20, kFirstFit = 30, kFirstRow = 115, kLastRow = 600;
+// Of a row: the sample and those that show steps of coordinates (src/estimate/coordinate_steps.cpp).
+inline constexpr int kHeadRow = 9;
+// Samples whose residuals stand for one place (src/estimate/noise_levels.cpp).
+inline constexpr int kPool = 16;
 inline constexpr int kFirstRounds = 5, kRounds = 10;
 POINTFAIR_INLINE constexpr int points_of(int round) {
   double points = kFirstFit;
@@ -102,11 +120,29 @@ POINTFAIR_INLINE NoiseSample noise_sample(int first, int end, const LookIn& look
   return {true};
 }
 
+// Of a row of which `there` points are there.
+template <class Team, int kMost>
+POINTFAIR_INLINE PlaneSample plane_sample(Team team, const FitSpace<kMost>& space, int there) {
+  constexpr double kRound = 0.2;  // less is a line
+  PlaneSample planes;
+  typename Team::template Sums<kMoments> sums(team);
+  for (int size = 0, first = 0; size < kPlaneSizes; ++size) {
+    const int points = plane_points(size);
+    if (points > there) break;
+    sums.add(first, points, [&space](int i) { return moments(space.offset(i), 1); });
+    first = points;
+    const double n = points + 1;  // the sample adds nothing to the sums
+    const Plane plane = plane_of(sums.total(), n);
+    if (plane.exists && plane.roundness >= kRound) planes.variance[size] = plane.variance * n / (n - 3);
+  }
+  return planes;
+}
+
 // From looks at 20, 30, 60 and 115 points.
 POINTFAIR_INLINE ResidualSample residual_sample(const Look& least, const Look& narrow, const Look& wide,
-                                                const Look& widest) {
-  if (wide.is_last) return {};
-  return {least.noise, narrow.noise, wide.noise, widest.is_last ? -1 : widest.noise};
+                                                const Look& widest, const PlaneSample& planes) {
+  if (wide.is_last) return {-1, -1, -1, -1, planes};
+  return {least.noise, narrow.noise, wide.noise, widest.is_last ? -1 : widest.noise, planes};
 }
 
 }  // namespace pointfair::point

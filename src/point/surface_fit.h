@@ -60,6 +60,41 @@ struct FitSpace {
   POINTFAIR_INLINE Offset offset(int i) const { return {x[i], y[i], z[i]}; }
 };
 
+// First and second moments of offsets from the sample. It lies among them, so little is lost when the mean is taken off
+// at the end, and a neighbourhood that grows adds its new points only.
+inline constexpr int kMoments = 9;
+POINTFAIR_INLINE Terms<kMoments> moments(Offset o, double weight) {
+  const Offset w = weight * o;
+  return {{w.x, w.y, w.z, w.x * o.x, w.x * o.y, w.x * o.z, w.y * o.y, w.y * o.z, w.z * o.z}};
+}
+
+struct Plane {
+  Offset centroid, normal;
+  double variance;   // along the normal
+  double roundness;  // of the spread along the plane, the lesser variance over the greater: 0 on a line
+  bool exists;
+  POINTFAIR_INLINE double height(Offset o) const { return dot(o - centroid, normal); }
+};
+
+// Of n offsets, from their moments.
+POINTFAIR_INLINE Plane plane_of(const Terms<kMoments>& sums, double n) {
+  const double(&s)[kMoments] = sums.of;
+  const Offset c = {s[0] / n, s[1] / n, s[2] / n};
+  const Sym3<double> m = {s[3] / n - c.x * c.x, s[4] / n - c.x * c.y, s[5] / n - c.x * c.z,
+                          s[6] / n - c.y * c.y, s[7] / n - c.y * c.z, s[8] / n - c.z * c.z};
+  const auto normal = least_eigenvector(m);
+  const Offset a = normal.unit;
+  const Offset along = {(m.xx * a.x + m.xy * a.y) + m.xz * a.z, (m.xy * a.x + m.yy * a.y) + m.yz * a.z,
+                        (m.xz * a.x + m.yz * a.y) + m.zz * a.z};
+  const double least = larger(0.0, dot(along, a));
+  // the other two variances, from their sum and their product
+  const double both = ((m.xx + m.yy) + m.zz) - least;
+  const double minors = ((m.xx * m.yy - m.xy * m.xy) + (m.xx * m.zz - m.xz * m.xz)) + (m.yy * m.zz - m.yz * m.yz);
+  const double product = minors - least * both;
+  const double greater = (both + square_root(larger(0.0, both * both - 4 * product))) / 2;
+  return {c, a, least, greater > 0 ? (both - greater) / greater : 0, normal.exists};
+}
+
 // A sphere of radius r cuts the slab of noise: near its rim only small offsets are inside. Undoes that to second order.
 POINTFAIR_INLINE double without_slab_bias(double variance, double radius) {
   const double scale = 1 / (radius * radius);
@@ -137,32 +172,6 @@ class GrowingNeighborhood {
   static constexpr int kGroupingRounds = 5;
   static constexpr double kSheetVariance = 0.12;  // of all variance, left within two groups of heights: two sheets
   static constexpr double kVanishing = 1e-9;      // pivots, of the number of points
-
-  struct Plane {
-    Offset centroid, normal;
-    double variance;  // along the normal
-    bool exists;
-    POINTFAIR_INLINE double height(Offset o) const { return dot(o - centroid, normal); }
-  };
-
-  // First and second moments of offsets from the sample. It lies among them, so little is lost when the mean is taken
-  // off at the end, and a neighbourhood that grows adds its new points only.
-  static constexpr int kMoments = 9;
-  POINTFAIR_INLINE static Terms<kMoments> moments(Offset o, double weight) {
-    const Offset w = weight * o;
-    return {{w.x, w.y, w.z, w.x * o.x, w.x * o.y, w.x * o.z, w.y * o.y, w.y * o.z, w.z * o.z}};
-  }
-  POINTFAIR_INLINE static Plane plane_of(const Terms<kMoments>& sums, double n) {
-    const double(&s)[kMoments] = sums.of;
-    const Offset c = {s[0] / n, s[1] / n, s[2] / n};
-    const Sym3<double> m = {s[3] / n - c.x * c.x, s[4] / n - c.x * c.y, s[5] / n - c.x * c.z,
-                            s[6] / n - c.y * c.y, s[7] / n - c.y * c.z, s[8] / n - c.z * c.z};
-    const auto normal = least_eigenvector(m);
-    const Offset a = normal.unit;
-    const Offset along = {(m.xx * a.x + m.xy * a.y) + m.xz * a.z, (m.xy * a.x + m.yy * a.y) + m.yz * a.z,
-                          (m.xz * a.x + m.yz * a.y) + m.zz * a.z};
-    return {c, a, larger(0.0, dot(along, a)), normal.exists};
-  }
 
   POINTFAIR_INLINE bool has_enough() const { return own_count_ >= kFewest; }
 

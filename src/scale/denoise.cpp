@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <deque>
+#include <future>
 #include <limits>
 #include <new>
 #include <numeric>
@@ -27,37 +28,83 @@ struct Wanted {
   double halo = 0;  // 0: as first thought
 };
 
-class Tile {
+PointsHeader header_of(const Counts& counts) {
+  PointsHeader header;
+  header.counts[kTooFewCount] = counts.unmoved.too_few_neighbors;
+  header.counts[kNoNormalCount] = counts.unmoved.no_normal;
+  header.counts[kShortCount] = counts.short_neighborhoods;
+  return header;
+}
+
+template <class T, class ValueAt>
+void write_in_order(PointsWriter& writer, const Places& order, const ValueAt& value_at) {
+  constexpr std::size_t kSome = 1 << 16;
+  std::vector<T> some;
+  for (std::size_t begin = 0; begin < order.size(); begin += kSome) {
+    some.clear();
+    for (std::size_t i = begin; i < std::min(order.size(), begin + kSome); ++i) some.push_back(value_at(order[i]));
+    writer.write(std::span(some));
+  }
+}
+
+}  // namespace
+
+class Denoising::Tile {
  public:
-  Tile(const TileWork& work, Backend& backend, const std::stop_token& stop)
-      : work_(work), backend_(backend), stop_(stop), bounds_(work.input.bounds_of(work.leaves)) {
+  Tile(const TileWork& work, std::stop_token stop)
+      : work_(work), stop_(std::move(stop)), bounds_(work.input.bounds_of(work.leaves)) {
     if (bounds_.valid > std::numeric_limits<std::uint32_t>::max())
       throw Error(ErrorKind::memory, "a tile has too many points; plan with less --memory, or more --tiles");
-    work.input.read(work.leaves, &own_, nullptr);
-    results_.assign(own_.size(), Point{kNan, kNan, kNan});
   }
 
-  void run() {
+  void read() {
+    work_.input.read(work_.leaves, &own_, nullptr);
+    if (own_.empty()) return;
+    const Wanted all = all_wanted();
+    fits_ = load(region_of(all, halo_of(all)));
+    is_loaded_ = true;
+  }
+
+  void compute(Backend& backend) {
+    backend_ = &backend;
+    results_.assign(own_.size(), Point{kNan, kNan, kNan});
     std::deque<Wanted> queue;
-    if (!own_.empty()) queue.push_back({true, {}, bounds_, 0});
+    if (!own_.empty()) queue.push_back(all_wanted());
     while (!queue.empty()) {
       const Wanted wanted = std::move(queue.front());
       queue.pop_front();
       for (Wanted& more : attempt(wanted)) queue.push_back(std::move(more));
     }
+    own_ = {};
+    loaded_ = {};
+    places_ = {};
+    outcomes_ = {};
   }
 
-  std::vector<Point> take_results() { return std::move(results_); }
-  const Counts& counts() const { return counts_; }
+  void write(const std::filesystem::path& path) {
+    std::vector<std::uint64_t> indices;
+    work_.input.read(work_.leaves, nullptr, &indices);
+    work_.chunks ? write_by_chunk(indices, path) : write_by_leaf(indices, path);
+    results_ = {};
+  }
 
  private:
+  Wanted all_wanted() const { return {true, {}, bounds_, 0}; }
+  double halo_of(const Wanted& wanted) const {
+    return wanted.halo > 0 ? wanted.halo : first_halo(work_.input.bounds(), work_.stages, wanted.bounds);
+  }
+  point::Region region_of(const Wanted& wanted, double halo) const {
+    return region_around(work_.input.bounds(), wanted.bounds, halo);
+  }
+
   // Returns what is to be done again.
   std::vector<Wanted> attempt(const Wanted& wanted) {
-    const double halo = wanted.halo > 0 ? wanted.halo : first_halo(work_.input.bounds(), work_.stages, wanted.bounds);
-    const point::Region region = region_around(work_.input.bounds(), wanted.bounds, halo);
-    if (!load(region)) return split(wanted, halo);
+    const double halo = halo_of(wanted);
+    const point::Region region = region_of(wanted, halo);
+    if (!std::exchange(is_loaded_, false)) fits_ = load(region);
+    if (!fits_) return split(wanted, halo);
     try {
-      compute();
+      run_stages();
       return take_results(wanted, region, halo);
     } catch (const Error& error) {
       if (error.kind() != ErrorKind::memory || loaded_.size() < kLeastSplit) throw;
@@ -72,6 +119,8 @@ class Tile {
   bool load(const point::Region& region) {
     loaded_.clear();
     places_.clear();
+    loaded_.reserve(own_.size() + own_.size() / 4);
+    places_.reserve(own_.size());
     for (std::size_t i = 0; i < own_.size(); ++i) {
       if (!point::is_inside(region, to_vec3(own_[i]))) continue;
       loaded_.push_back(own_[i]);
@@ -80,21 +129,21 @@ class Tile {
     return loaded_.size() <= work_.most_points && work_.input.append(region, work_.leaves, work_.most_points, loaded_);
   }
 
-  void compute() {
+  void run_stages() {
     const TileStages& stages = work_.stages;
-    backend_.upload(loaded_, stages.frame ? IndexOrder::along_curve : IndexOrder::fastest);
-    backend_.build_index(0, stages.frame, stop_);
-    backend_.find_neighbors(0, stages.neighbors, stop_);
-    backend_.estimate_normals(0, stages.normals, stop_);
-    backend_.fair(0, stages.fairing, false, stop_);
+    backend_->upload(loaded_, stages.frame ? IndexOrder::along_curve : IndexOrder::fastest);
+    backend_->build_index(0, stages.frame, stop_);
+    backend_->find_neighbors(0, stages.neighbors, stop_);
+    backend_->estimate_normals(0, stages.normals, stop_);
+    backend_->fair(0, stages.fairing, false, stop_);
     if (stop_.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
   }
 
   std::vector<Wanted> take_results(const Wanted& wanted, const point::Region& region, double halo) {
-    backend_.download(0, loaded_, {}, {});  // what was uploaded is not needed any more
+    backend_->download(0, loaded_, {}, {});  // what was uploaded is not needed any more
     outcomes_.resize(loaded_.size());
-    backend_.exactness()->outcomes(region, outcomes_);
-    backend_.take_costs();
+    backend_->exactness()->outcomes(region, outcomes_);
+    backend_->take_costs();
     Wanted left{false, {}, kNoBounds, 2 * halo};
     for (std::size_t i = 0; i < places_.size(); ++i) {
       const std::uint32_t place = places_[i];
@@ -146,11 +195,62 @@ class Tile {
                                        "far from others or many share its place; give more memory, or leave it out");
   }
 
+  // By leaf, for the next iteration.
+  void write_by_leaf(const std::vector<std::uint64_t>& indices, const std::filesystem::path& path) const {
+    std::vector<Section> sections;
+    Places order;
+    order.reserve(results_.size());
+    std::size_t at = 0;
+    for (std::uint32_t leaf = work_.leaves.begin; leaf < work_.leaves.end; ++leaf) {
+      Bounds b = kNoBounds;
+      for (const std::size_t end = at + work_.input.leaves()[leaf].valid; at < end; ++at) {
+        if (!is_indexed(results_[at])) continue;
+        include(b, results_[at]);
+        order.push_back(std::uint32_t(at));
+      }
+      if (b.valid > 0) sections.push_back({leaf, 0, b.valid, b.min, b.max});
+    }
+    PointsHeader header = header_of(counts_);
+    header.index_bytes = sizeof(std::uint64_t);
+    PointsWriter writer(path, header, sections, {});
+    write_in_order<Point>(writer, order, [&](std::uint32_t i) { return results_[i]; });
+    write_in_order<std::uint64_t>(writer, order, [&](std::uint32_t i) { return indices[i]; });
+    writer.finish();
+  }
+
+  // By chunk of the input, with indices in it, for the last step.
+  void write_by_chunk(const std::vector<std::uint64_t>& indices, const std::filesystem::path& path) const {
+    const std::vector<InputChunk>& chunks = *work_.chunks;
+    const auto chunk_of = [&](std::uint64_t index) {
+      const auto after = std::upper_bound(chunks.begin(), chunks.end(), index,
+                                          [](std::uint64_t i, const InputChunk& c) { return i < c.first_point; });
+      return std::size_t(after - chunks.begin()) - 1;
+    };
+    std::vector<std::uint64_t> next(chunks.size() + 1, 0);
+    for (std::size_t i = 0; i < results_.size(); ++i)
+      if (!std::isnan(results_[i].x)) ++next[chunk_of(indices[i]) + 1];
+    std::vector<Section> sections;
+    for (std::size_t c = 0; c < chunks.size(); ++c) {
+      if (next[c + 1] > 0) sections.push_back({std::uint32_t(c), 0, next[c + 1], {}, {}});
+      next[c + 1] += next[c];
+    }
+    Places order(next.back());
+    for (std::size_t i = 0; i < results_.size(); ++i)
+      if (!std::isnan(results_[i].x)) order[next[chunk_of(indices[i])]++] = std::uint32_t(i);
+    PointsWriter writer(path, header_of(counts_), sections, {});
+    write_in_order<Point>(writer, order, [&](std::uint32_t i) { return results_[i]; });
+    write_in_order<std::uint32_t>(writer, order, [&](std::uint32_t i) {
+      return std::uint32_t(indices[i] - chunks[chunk_of(indices[i])].first_point);
+    });
+    writer.finish();
+  }
+
   static constexpr std::size_t kLeastSplit = 2000;
-  const TileWork& work_;
-  Backend& backend_;
-  const std::stop_token& stop_;
+  TileWork work_;
+  Backend* backend_ = nullptr;
+  std::stop_token stop_;
   Bounds bounds_;
+  bool is_loaded_ = false, fits_ = false;  // what the first attempt needs
   std::vector<Point> own_, results_;
   std::vector<Point> loaded_;  // points that are computed, then their results
   Places places_;              // in own_, of the first points of loaded_
@@ -158,91 +258,28 @@ class Tile {
   Counts counts_;
 };
 
-PointsHeader header_of(const Counts& counts) {
-  PointsHeader header;
-  header.counts[kTooFewCount] = counts.unmoved.too_few_neighbors;
-  header.counts[kNoNormalCount] = counts.unmoved.no_normal;
-  header.counts[kShortCount] = counts.short_neighborhoods;
-  return header;
-}
+Denoising::Denoising(const TileWork& work, std::filesystem::path path, std::stop_token stop)
+    : tile_(std::make_unique<Tile>(work, std::move(stop))), path_(std::move(path)) {}
+Denoising::~Denoising() = default;
+void Denoising::read() { tile_->read(); }
+void Denoising::compute(Backend& backend) { tile_->compute(backend); }
+void Denoising::write() { tile_->write(path_); }
 
-template <class T, class ValueAt>
-void write_in_order(PointsWriter& writer, const Places& order, const ValueAt& value_at) {
-  constexpr std::size_t kSome = 1 << 16;
-  std::vector<T> some;
-  for (std::size_t begin = 0; begin < order.size(); begin += kSome) {
-    some.clear();
-    for (std::size_t i = begin; i < std::min(order.size(), begin + kSome); ++i) some.push_back(value_at(order[i]));
-    writer.write(std::span(some));
+void denoise_all(const std::function<std::unique_ptr<Denoising>()>& next, Backend& backend) {
+  std::shared_ptr<Denoising> present = next();
+  if (present) present->read();
+  std::future<void> writing;  // a future of std::async waits in its destructor, so a tile that is done is written
+  while (present) {
+    std::shared_ptr<Denoising> coming = next();
+    std::future<void> reading;
+    if (coming) reading = std::async(std::launch::async, [coming] { coming->read(); });
+    present->compute(backend);
+    if (writing.valid()) writing.get();
+    writing = std::async(std::launch::async, [present] { present->write(); });
+    if (reading.valid()) reading.get();
+    present = std::move(coming);
   }
-}
-
-// By leaf, for the next iteration.
-void write_by_leaf(const TileWork& work, const std::vector<Point>& results, const std::vector<std::uint64_t>& indices,
-                   const Counts& counts, const std::filesystem::path& path) {
-  std::vector<Section> sections;
-  Places order;
-  std::size_t at = 0;
-  for (std::uint32_t leaf = work.leaves.begin; leaf < work.leaves.end; ++leaf) {
-    Bounds b = kNoBounds;
-    for (const std::size_t end = at + work.input.leaves()[leaf].valid; at < end; ++at) {
-      if (!is_indexed(results[at])) continue;
-      include(b, results[at]);
-      order.push_back(std::uint32_t(at));
-    }
-    if (b.valid > 0) sections.push_back({leaf, 0, b.valid, b.min, b.max});
-  }
-  PointsHeader header = header_of(counts);
-  header.index_bytes = sizeof(std::uint64_t);
-  PointsWriter writer(path, header, sections, {});
-  write_in_order<Point>(writer, order, [&](std::uint32_t i) { return results[i]; });
-  write_in_order<std::uint64_t>(writer, order, [&](std::uint32_t i) { return indices[i]; });
-  writer.finish();
-}
-
-// By chunk of the input, with indices in it, for the last step.
-void write_by_chunk(const TileWork& work, const std::vector<Point>& results, const std::vector<std::uint64_t>& indices,
-                    const Counts& counts, const std::filesystem::path& path) {
-  const std::vector<InputChunk>& chunks = *work.chunks;
-  const auto chunk_of = [&](std::uint64_t index) {
-    const auto after = std::upper_bound(chunks.begin(), chunks.end(), index,
-                                        [](std::uint64_t i, const InputChunk& c) { return i < c.first_point; });
-    return std::size_t(after - chunks.begin()) - 1;
-  };
-  std::vector<std::uint64_t> next(chunks.size() + 1, 0);
-  for (std::size_t i = 0; i < results.size(); ++i)
-    if (!std::isnan(results[i].x)) ++next[chunk_of(indices[i]) + 1];
-  std::vector<Section> sections;
-  for (std::size_t c = 0; c < chunks.size(); ++c) {
-    if (next[c + 1] > 0) sections.push_back({std::uint32_t(c), 0, next[c + 1], {}, {}});
-    next[c + 1] += next[c];
-  }
-  Places order(next.back());
-  for (std::size_t i = 0; i < results.size(); ++i)
-    if (!std::isnan(results[i].x)) order[next[chunk_of(indices[i])]++] = std::uint32_t(i);
-  PointsWriter writer(path, header_of(counts), sections, {});
-  write_in_order<Point>(writer, order, [&](std::uint32_t i) { return results[i]; });
-  write_in_order<std::uint32_t>(writer, order, [&](std::uint32_t i) {
-    return std::uint32_t(indices[i] - chunks[chunk_of(indices[i])].first_point);
-  });
-  writer.finish();
-}
-
-}  // namespace
-
-void denoise(const TileWork& work, Backend& backend, const std::filesystem::path& path, const std::stop_token& stop) {
-  std::vector<Point> results;
-  Counts counts;
-  {
-    Tile tile(work, backend, stop);
-    tile.run();
-    results = tile.take_results();
-    counts = tile.counts();
-  }
-  std::vector<std::uint64_t> indices;
-  work.input.read(work.leaves, nullptr, &indices);
-  work.chunks ? write_by_chunk(work, results, indices, counts, path)
-              : write_by_leaf(work, results, indices, counts, path);
+  if (writing.valid()) writing.get();
 }
 
 }  // namespace pointfair::scale

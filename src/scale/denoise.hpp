@@ -3,6 +3,8 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
+#include <memory>
 #include <optional>
 #include <stop_token>
 
@@ -25,8 +27,27 @@ struct TileWork {
   const std::vector<InputChunk>* chunks = nullptr;  ///< if given, results are written by chunk, for the last step
 };
 
-/// Writes where the tile's points are after the iteration; those that have no place any more are left out. Throws
-/// Error(memory) if what a point needs does not fit.
-void denoise(const TileWork& work, Backend& backend, const std::filesystem::path& path, const std::stop_token& stop);
+/// A tile on its way to `path`. One call after the other, each on any thread.
+class Denoising {
+ public:
+  Denoising(const TileWork& work, std::filesystem::path path, std::stop_token stop);
+  ~Denoising();
+
+  /// The tile and what is likely to be needed around it.
+  void read();
+  /// Throws Error(memory) if what a point needs does not fit.
+  void compute(Backend& backend);
+  /// Where the tile's points are after the iteration; those that have no place any more are left out.
+  void write();
+
+ private:
+  class Tile;
+  std::unique_ptr<Tile> tile_;
+  std::filesystem::path path_;
+};
+
+/// Does the tiles that next() gives, until it gives none: one is computed while the next one is read and the one before
+/// is written.
+void denoise_all(const std::function<std::unique_ptr<Denoising>()>& next, Backend& backend);
 
 }  // namespace pointfair::scale

@@ -2,9 +2,13 @@
 #include "scale/emit.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
+#include <utility>
 
+#include "io/parallel.hpp"
 #include "point/outliers.h"
+#include "scale/given.hpp"
 #include "scale/points_file.hpp"
 #include "seam/cloud_sample.hpp"
 #include "seam/noise_levels.hpp"
@@ -17,8 +21,12 @@ constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 }  // namespace
 
 TileResults::TileResults(const std::vector<std::filesystem::path>& tiles, const Plan& plan, std::size_t file,
-                         const Settling& settling, std::stop_token stop)
-    : plan_(plan), first_point_(plan.files[file].first_point), settling_(settling), stop_(std::move(stop)) {
+                         std::shared_ptr<const Source> source, const Settling& settling, std::stop_token stop)
+    : plan_(plan),
+      first_point_(plan.files[file].first_point),
+      source_(std::move(source)),
+      settling_(settling),
+      stop_(std::move(stop)) {
   if (!(settling_.limits.farthest > 0)) settling_.limits = {kUnbounded, kUnbounded};
   for (const std::filesystem::path& path : tiles) {
     TileFile its{path, std::vector<std::uint64_t>(plan.chunks.size() + 1, 0)};
@@ -54,22 +62,59 @@ std::shared_ptr<const TileResults::Held> TileResults::hold(std::size_t chunk) co
   return held;
 }
 
-Point TileResults::settle(const Point& before, const Point& faired) const {
-  if (!is_indexed(before)) return before;
-  if (!settling_.may_hold_back) return faired;
-  const point::NoiseField field = field_of(settling_.limits.levels.get());
-  const auto [farthest, outlier_distance] =
-      point::limits_at(limit_rule(settling_.limits), point::noise_level(field, to_vec3(before)));
-  const auto settled = point::settled(to_vec3(before), to_vec3(faired), farthest, outlier_distance);
-  if (settled.outlier != point::Outlier::none) {
-    OutlierCounts one;
-    count(settled.outlier, one);
-    held_back_.add(one);
+// Returns how many outliers there are; those are marked unless `outliers` is null.
+OutlierCounts TileResults::settle_some(std::span<const Point> before, const Point* faired, Point* now,
+                                       std::uint8_t* outliers) const {
+  const point::NodeField field = field_of(settling_.limits.levels.get());
+  OutlierCounts counts;
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    now[i] = is_indexed(before[i]) ? faired[i] : before[i];
+    if (!settling_.may_hold_back || !is_indexed(before[i])) continue;
+    const auto [farthest, outlier_distance] =
+        point::limits_at(limit_rule(settling_.limits), point::node_value(field, to_vec3(before[i])));
+    const auto settled = point::settled(to_vec3(before[i]), to_vec3(faired[i]), farthest, outlier_distance);
+    now[i] = {settled.place.x, settled.place.y, settled.place.z};
+    count(settled.outlier, counts);
+    if (outliers) outliers[i] = settled.outlier != point::Outlier::none;
   }
-  return {settled.place.x, settled.place.y, settled.place.z};
+  return counts;
 }
 
+// Ignored points go as invalid ones, as they did into the tiles.
 void TileResults::take(std::uint64_t first, std::span<const Point> before, std::span<Point> now) const {
+  const Limits& limits = plan_.limits;
+  const bool are_some_ignored = !limits.ignore.empty();
+  if (limits == Limits{}) return settle(first, before, now, {});
+  const Cloud here = part_of(source_, first, before);
+  const std::vector<std::uint8_t> ignored = held_by_any(limits.ignore, here);
+  settle(first, are_some_ignored ? without_ignored(limits, here).points : here.points, now, {});
+  const std::vector<std::uint8_t> movable = movable_points(limits, here);
+  apply_limits(limits, movable, before, now);
+  std::uint64_t held = 0;
+  for (std::size_t i = 0; i < movable.size(); ++i) {
+    const bool is_finite = std::isfinite(before[i].x) && std::isfinite(before[i].y) && std::isfinite(before[i].z);
+    held += !movable[i] && is_finite && !(are_some_ignored && ignored[i]);
+  }
+  held_by_limits_ += held;
+}
+
+std::vector<std::uint8_t> TileResults::find_outliers(unsigned threads) {
+  std::vector<std::uint8_t> outliers(source_->size(), 0);
+  io::with_threads(threads, [&] {
+    io::for_each_block(source_->block_count(), [&](std::size_t block) {
+      std::vector<Point> points(source_->block_size(block)), now(points.size());
+      io::OriginSample unused(points.size());
+      place_seen(source_, block, plan_.limits, points, unused);
+      const std::uint64_t first = source_->block_begin(block);
+      settle(first, points, now, std::span(outliers).subspan(first, points.size()));
+    });
+  });
+  held_back_.clear();
+  return outliers;
+}
+
+void TileResults::settle(std::uint64_t first, std::span<const Point> before, std::span<Point> now,
+                         std::span<std::uint8_t> outliers) const {
   const std::vector<InputChunk>& chunks = plan_.chunks;
   if (stop_.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
   std::uint64_t index = first_point_ + first;
@@ -80,7 +125,8 @@ void TileResults::take(std::uint64_t first, std::span<const Point> before, std::
     const auto held = hold(chunk);
     const std::size_t from = index - chunks[chunk].first_point;
     const std::size_t count = std::min(before.size() - done, held->points.size() - from);
-    for (std::size_t i = 0; i < count; ++i) now[done + i] = settle(before[done + i], held->points[from + i]);
+    held_back_.add(settle_some(before.subspan(done, count), &held->points[from], &now[done],
+                               outliers.empty() ? nullptr : &outliers[done]));
     done += count;
     index += count;
   }

@@ -15,6 +15,9 @@
 
 namespace pointfair::scale {
 
+/// What the counts of a written file are.
+inline constexpr std::size_t kIsolatedCount = 0, kHeldCount = 1, kOffSurfaceCount = 2;
+
 /// What becomes of the results of the last iteration: as a backend's download() does.
 struct Settling {
   DisplacementLimits limits;
@@ -25,10 +28,13 @@ struct Settling {
 class TileResults final : public io::MovedPoints {
  public:
   TileResults(const std::vector<std::filesystem::path>& tiles, const Plan& plan, std::size_t file,
-              const Settling& settling, std::stop_token stop);
+              std::shared_ptr<const Source> source, const Settling& settling, std::stop_token stop);
   void take(std::uint64_t first, std::span<const Point> before, std::span<Point> now) const override;
-  /// Points that were held back so far.
+  /// 1 for each outlier of the file, else 0. Takes all points; what was counted before is forgotten.
+  std::vector<std::uint8_t> find_outliers(unsigned threads);
+  /// Outliers that were held back so far, and points that the limits held.
   OutlierCounts held_back() const { return held_back_.counts(); }
+  std::uint64_t held_by_limits() const { return held_by_limits_; }
 
  private:
   struct Held {
@@ -36,7 +42,10 @@ class TileResults final : public io::MovedPoints {
     std::vector<Point> points;
   };
   std::shared_ptr<const Held> hold(std::size_t chunk) const;
-  Point settle(const Point& before, const Point& faired) const;
+  void settle(std::uint64_t first, std::span<const Point> before, std::span<Point> now,
+              std::span<std::uint8_t> outliers) const;
+  OutlierCounts settle_some(std::span<const Point> before, const Point* faired, Point* now,
+                            std::uint8_t* outliers) const;
 
   struct TileFile {
     std::filesystem::path path;
@@ -45,11 +54,13 @@ class TileResults final : public io::MovedPoints {
   std::vector<TileFile> tiles_;
   const Plan& plan_;
   std::uint64_t first_point_;  ///< of the file
+  std::shared_ptr<const Source> source_;
   Settling settling_;
   std::stop_token stop_;
   mutable std::mutex mutex_;
   mutable std::vector<std::shared_ptr<const Held>> held_;  ///< the last two
   mutable OutlierTally held_back_;
+  mutable std::atomic<std::uint64_t> held_by_limits_{0};
 };
 
 }  // namespace pointfair::scale

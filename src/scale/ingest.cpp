@@ -2,9 +2,11 @@
 #include "scale/ingest.hpp"
 
 #include <algorithm>
+#include <atomic>
 #include <limits>
 
 #include "io/parallel.hpp"
+#include "scale/given.hpp"
 #include "scale/points_file.hpp"
 #include "seam/cloud_sample.hpp"
 
@@ -17,25 +19,28 @@ struct Taken {
   std::vector<Point> points;
   std::vector<std::uint32_t> leaves;  // kNoLeaf: not valid
   std::vector<double> shown;          // of the origin: io::OriginSample::state()
+  std::uint64_t ignored = 0;
 };
 
-Taken take(Source& source, const InputChunk& chunk, const LeafTree& tree, std::uint64_t points_of_cloud,
+Taken take(const std::shared_ptr<Source>& source, const InputChunk& chunk, const Plan& plan, const LeafTree& tree,
            const std::stop_token& stop) {
   Taken taken;
   taken.points.resize(chunk.points);
   taken.leaves.resize(chunk.points);
   const std::size_t blocks = chunk.end_block - chunk.first_block;
-  std::vector<io::OriginSample> offered(blocks, io::OriginSample(points_of_cloud));
-  const std::uint64_t first = source.block_begin(chunk.first_block);
+  std::vector<io::OriginSample> offered(blocks, io::OriginSample(plan.points));
+  const std::uint64_t first = source->block_begin(chunk.first_block);
+  std::atomic<std::uint64_t> ignored = 0;
   io::for_each_block(blocks, [&](std::size_t i) {
     if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
     const std::size_t block = chunk.first_block + i;
-    const std::size_t at = source.block_begin(block) - first, count = source.block_size(block);
-    source.place_block(block, std::span(taken.points).subspan(at, count), offered[i]);
+    const std::size_t at = source->block_begin(block) - first, count = source->block_size(block);
+    ignored += place_seen(source, block, plan.limits, std::span(taken.points).subspan(at, count), offered[i]);
     for (std::size_t p = at; p < at + count; ++p)
       taken.leaves[p] = is_indexed(taken.points[p]) ? tree.leaf_of(taken.points[p]) : kNoLeaf;
   });
-  io::OriginSample all(points_of_cloud);
+  taken.ignored = ignored;
+  io::OriginSample all(plan.points);
   for (const io::OriginSample& some : offered) all.offer_all(some);
   for (const Position& position : all.state()) taken.shown.insert(taken.shown.end(), position.begin(), position.end());
   return taken;
@@ -67,16 +72,16 @@ std::vector<std::uint32_t> order_by_leaf(const Taken& taken, const std::vector<S
 
 }  // namespace
 
-void ingest(Source& source, const InputChunk& chunk, const Position& origin, const LeafTree& tree,
-            std::uint64_t points_of_cloud, unsigned threads, const std::filesystem::path& path,
-            const std::stop_token& stop) {
-  source.place_at(origin);
-  const Taken taken = io::with_threads(threads, [&] { return take(source, chunk, tree, points_of_cloud, stop); });
+void ingest(const std::shared_ptr<Source>& source, const InputChunk& chunk, const Plan& plan, const LeafTree& tree,
+            unsigned threads, const std::filesystem::path& path, const std::stop_token& stop) {
+  source->place_at(plan.origin);
+  const Taken taken = io::with_threads(threads, [&] { return take(source, chunk, plan, tree, stop); });
   const std::vector<Section> sections = sections_of(taken, tree.leaves());
   const std::vector<std::uint32_t> order = order_by_leaf(taken, sections, tree.leaves());
   PointsHeader header;
   header.first_index = chunk.first_point;
   header.counts[kNonFinite] = chunk.points - order.size();
+  header.counts[kIgnored] = taken.ignored;
   PointsWriter writer(path, header, sections, taken.shown);
   std::vector<Point> some;
   constexpr std::size_t kSome = 1 << 16;

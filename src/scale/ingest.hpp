@@ -10,14 +10,14 @@
 
 namespace pointfair::scale {
 
-/// Which of the counts of an ingested chunk is that of points that are not finite.
-inline constexpr std::size_t kNonFinite = 0;
+/// Which of the counts of an ingested chunk is that of points that are not finite or ignored, and that of finite points
+/// that are ignored.
+inline constexpr std::size_t kNonFinite = 0, kIgnored = 1;
 
-/// Writes the valid points of the chunk as offsets from `origin`, and what they show of the cloud's origin. Memory:
-/// kBytesOfChunkPoint a point.
-void ingest(Source& source, const InputChunk& chunk, const Position& origin, const LeafTree& tree,
-            std::uint64_t points_of_cloud, unsigned threads, const std::filesystem::path& path,
-            const std::stop_token& stop);
+/// Writes the valid points of the chunk as offsets from the plan's origin, without those that are ignored, and what
+/// they show of the cloud's origin. Memory: kBytesOfChunkPoint a point.
+void ingest(const std::shared_ptr<Source>& source, const InputChunk& chunk, const Plan& plan, const LeafTree& tree,
+            unsigned threads, const std::filesystem::path& path, const std::stop_token& stop);
 
 /// The origin that all points together show, which is the one that a whole file is read with.
 Position origin_of(const std::vector<std::filesystem::path>& ingested, std::uint64_t points_of_cloud);

@@ -10,16 +10,14 @@
 #include <utility>
 
 #include "estimate/automatic.hpp"
+#include "scale/ingest.hpp"
+#include "seam/cloud_sample.hpp"
 #include "tiles/halo.hpp"
 
 namespace pointfair::scale {
 namespace {
 
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-
-double diagonal_of(const Bounds& b) {
-  return std::hypot(double(b.max.x) - b.min.x, double(b.max.y) - b.min.y, double(b.max.z) - b.min.z);
-}
 
 bool same_place(const Point& a, const Point& b) { return a.x == b.x && a.y == b.y && a.z == b.z; }
 
@@ -139,9 +137,10 @@ class StoredSampling final : public Sampling {
 
 }  // namespace
 
-Measured measure(const StoredCloud& cloud, const Position& origin, const Plan& plan, Backend& backend,
+Measured measure(const StoredCloud& cloud, const Plan& plan, const std::optional<GivenNoise>& given, Backend& backend,
                  const std::stop_token& stop) {
-  Measured measured{origin, cloud.bounds(), {}, {}, {}};
+  Measured measured{plan.origin, cloud.bounds(), {}, {}, {}};
+  measured.ignored = cloud.counts()[kIgnored];
   const WantedEstimates wanted{needs_spacing(plan.params), needs_noise(plan.params)};
   if (!wanted.spacing && !wanted.noise && !sums_within_radius(plan.params)) return measured;
   StoredSampling sampling(cloud, backend, points_in_memory(plan.memory, bytes_of_tile_point(plan.params)));
@@ -150,41 +149,57 @@ Measured measure(const StoredCloud& cloud, const Position& origin, const Plan& p
   const Estimate found = estimate(sampling, sample, wanted, stop);
   if (wanted.spacing) measured.spacing = found.spacing;
   if (wanted.noise) {
-    measured.noise = found.noise;
-    measured.levels = found.levels;
+    measured.noise = given ? of_sigma(found.noise, given->sigma) : found.noise;
+    measured.levels = given ? given->levels : found.levels;
+    measured.reach_levels = found.reach_levels;
   }
   return measured;
 }
 
 namespace {
 
-// What a file begins with; the levels of the noise follow.
+// The levels themselves follow.
+struct FixedLevels {
+  Point first{};
+  float nodes_per_unit = 0;
+  std::uint64_t count = 0;
+};
+
+// What a file begins with; the levels of the noise follow, and those of the reach.
 struct Fixed {
   Position origin{};
   Bounds bounds;
   Frame frame;
   Spacing spacing;
   Noise noise;
-  Point first{};  // of the levels, as the next two
-  float nodes_per_unit = 0;
-  std::array<double, 3> quantiles{};
-  std::uint64_t levels = 0;
+  FixedLevels of_noise, of_reach;
+  std::array<double, 3> quantiles{};  // of the levels of the noise
+  std::uint64_t ignored = 0;
 };
 static_assert(std::is_trivially_copyable_v<Fixed>);
+
+FixedLevels fixed_of(const NodeLevels* levels) {
+  if (levels == nullptr) return {};
+  return {levels->first, levels->nodes_per_unit, levels->levels.size()};
+}
+
+NodeLevels read_levels(const StoredFile& file, std::uint64_t at, const FixedLevels& fixed) {
+  NodeLevels levels{std::vector<float>(fixed.count), fixed.first, fixed.nodes_per_unit};
+  file.read(at, std::span(levels.levels));
+  return levels;
+}
 
 }  // namespace
 
 void save(const Measured& m, const std::filesystem::path& path) {
-  Fixed fixed{m.origin, m.bounds, m.frame, m.spacing, m.noise, {}, 0, {}, 0};
-  if (m.levels) {
-    fixed.first = m.levels->first;
-    fixed.nodes_per_unit = m.levels->nodes_per_unit;
-    fixed.quantiles = m.levels->quantiles;
-    fixed.levels = m.levels->levels.size();
-  }
-  NewFile file(path, sizeof fixed + fixed.levels * sizeof(float));
+  Fixed fixed{
+      m.origin, m.bounds, m.frame, m.spacing, m.noise, fixed_of(m.levels.get()), fixed_of(m.reach_levels.get())};
+  fixed.ignored = m.ignored;
+  if (m.levels) fixed.quantiles = m.levels->quantiles;
+  NewFile file(path, sizeof fixed + (fixed.of_noise.count + fixed.of_reach.count) * sizeof(float));
   file.write(&fixed, sizeof fixed);
   if (m.levels) file.write(std::span(m.levels->levels));
+  if (m.reach_levels) file.write(std::span(m.reach_levels->levels));
   file.finish();
 }
 
@@ -193,14 +208,13 @@ Measured load_measured(const std::filesystem::path& path) {
   Fixed fixed;
   file.read(0, &fixed, sizeof fixed);
   Measured m{fixed.origin, fixed.bounds, fixed.frame, fixed.spacing, fixed.noise};
-  if (fixed.levels == 0) return m;
-  auto levels = std::make_shared<NoiseLevels>();
-  levels->levels.resize(fixed.levels);
-  file.read(sizeof fixed, std::span(levels->levels));
-  levels->first = fixed.first;
-  levels->nodes_per_unit = fixed.nodes_per_unit;
-  levels->quantiles = fixed.quantiles;
-  m.levels = std::move(levels);
+  m.ignored = fixed.ignored;
+  const std::uint64_t at = sizeof fixed;
+  if (fixed.of_noise.count > 0)
+    m.levels = std::make_shared<NoiseLevels>(NoiseLevels{read_levels(file, at, fixed.of_noise), fixed.quantiles});
+  if (fixed.of_reach.count > 0)
+    m.reach_levels =
+        std::make_shared<NodeLevels>(read_levels(file, at + fixed.of_noise.count * sizeof(float), fixed.of_reach));
   return m;
 }
 
@@ -208,7 +222,8 @@ Resolved resolve(const Params& params, const Measured& measured) {
   const Params used = resolve_params(params, measured.spacing, measured.noise,
                                      needs_diagonal(params) ? diagonal_of(measured.bounds) : 0.0);
   const FollowedNoise followed =
-      needs_noise(params) ? followed_noise(params, used, measured.noise, measured.levels) : FollowedNoise{};
+      needs_noise(params) ? followed_noise(params, used, measured.noise, measured.levels, measured.reach_levels)
+                          : FollowedNoise{};
   return {used, settings_of(used, followed)};
 }
 

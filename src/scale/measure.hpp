@@ -4,9 +4,11 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <stop_token>
 
 #include "estimate/estimate.hpp"
+#include "estimate/given_noise.hpp"
 #include "pipeline/stage_settings.hpp"
 #include "scale/plan.hpp"
 #include "scale/stored_cloud.hpp"
@@ -21,10 +23,13 @@ struct Measured {
   Spacing spacing;
   Noise noise;                                  ///< this and the spacing are zero where no parameter follows from them
   std::shared_ptr<const NoiseLevels> levels{};  ///< null: 1 everywhere
+  std::shared_ptr<const NodeLevels> reach_levels{};  ///< the same
+  std::uint64_t ignored = 0;                         ///< finite points that were left out
 };
 
-/// Measures what the parameters of the plan follow from, as a pipeline does with the whole cloud.
-Measured measure(const StoredCloud& cloud, const Position& origin, const Plan& plan, Backend& backend,
+/// Measures what the parameters of the plan follow from, as a pipeline does with the whole cloud. `given`: the noise,
+/// in place of what is measured.
+Measured measure(const StoredCloud& cloud, const Plan& plan, const std::optional<GivenNoise>& given, Backend& backend,
                  const std::stop_token& stop);
 
 void save(const Measured& measured, const std::filesystem::path& path);

@@ -9,7 +9,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
-#include <fstream>
+#include <limits>
 #include <set>
 #include <sstream>
 
@@ -20,6 +20,7 @@
 #include "io/streamed.hpp"
 #include "pointfair/file_info.hpp"
 #include "pointfair/version.hpp"
+#include "scale/given.hpp"
 #include "scale/leaf_tree.hpp"
 #include "scale/work_file.hpp"
 #include "seam/cloud_sample.hpp"
@@ -32,7 +33,8 @@ constexpr std::uint64_t kProcess = std::uint64_t{40} << 20;  // bytes of the pro
 constexpr std::uint64_t kLeastMemory = std::uint64_t{64} << 20;
 constexpr std::uint64_t kBytesOfChunkPoint = 26;  // position, leaf, place in the order, and what is copied
 constexpr std::uint64_t kMostOfChunk = std::uint64_t{1} << 25;
-constexpr double kCoreShare = 0.6;  // of a tile's points; the rest is halo
+constexpr double kInfinite = std::numeric_limits<double>::infinity();
+constexpr double kCoreShare = 0.7;  // of a tile's points; the rest is halo
 constexpr std::uint64_t kPointsOfLeaf = 1 << 15, kLeastLeaves = 16, kMostLeaves = 1 << 16;
 constexpr std::uint64_t kSampledPoints = 1 << 24, kKeptSamples = 1 << 18;
 
@@ -40,11 +42,9 @@ const fs::path kPlanName = "plan.txt", kTreeName = "leaves";
 
 [[noreturn]] void refuse(const std::string& message) { throw Error(ErrorKind::usage, message); }
 
-std::uint64_t free_memory() {
-  std::ifstream lines("/proc/meminfo");
-  for (std::string line; std::getline(lines, line);)
-    if (line.starts_with("MemAvailable:")) return std::strtoull(line.c_str() + 13, nullptr, 10) << 10;
-  return std::uint64_t{8} << 30;
+std::uint64_t memory_of_task(const TiledJob& job) {
+  const std::uint64_t all = job.memory != 0 ? job.memory : TiledRun::free_memory() / 2;
+  return std::max(kLeastMemory, all / std::max(1u, job.workers));
 }
 
 fs::path whole_path(const fs::path& path) { return fs::absolute(path).lexically_normal(); }
@@ -53,8 +53,6 @@ fs::path whole_path(const fs::path& path) { return fs::absolute(path).lexically_
 void check_job(const TiledJob& job) {
   check_params(job.params);
   if (job.inputs.empty()) refuse("there is no input; name at least one file");
-  if (job.params.outliers == Outliers::mark)
-    refuse("outliers cannot be marked by a run in tiles on disk; use --outliers keep, or leave out --memory");
   if (job.output == "-")
     refuse("a cloud that is computed in tiles on disk is written to a file, not to standard output; name one");
   if (job.inputs.size() > 1 && job.output_folder.empty())
@@ -105,20 +103,61 @@ void cut_into_chunks(const Source& source, std::size_t number, const InputFile& 
   if (chunk.points > 0) chunks.push_back(chunk);
 }
 
+// A box of positions.
+struct Extent {
+  Position min{kInfinite, kInfinite, kInfinite}, max{-kInfinite, -kInfinite, -kInfinite};
+  bool is_empty() const { return !(min[0] <= max[0]); }
+  void unite(const Extent& with) {
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      min[axis] = std::min(min[axis], with.min[axis]);
+      max[axis] = std::max(max[axis], with.max[axis]);
+    }
+  }
+  double diagonal() const { return std::hypot(max[0] - min[0], max[1] - min[1], max[2] - min[2]); }
+  double distance_to(const Extent& other) const {
+    double gap[3];
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      gap[axis] = std::max({0.0, other.min[axis] - max[axis], min[axis] - other.max[axis]});
+    return std::hypot(gap[0], gap[1], gap[2]);
+  }
+};
+
+// Coordinates are floats relative to one origin: a file far away, mostly in another coordinate system, would cost all
+// files their digits.
+void refuse_stray_files(const std::vector<InputFile>& files, const std::vector<Extent>& extents) {
+  constexpr double kFar = 10;  // times the size of all others together
+  for (std::size_t i = 0; i < extents.size(); ++i) {
+    if (extents[i].is_empty()) continue;
+    Extent others;
+    double nearest = kInfinite;
+    for (std::size_t j = 0; j < extents.size(); ++j) {
+      if (j == i || extents[j].is_empty()) continue;
+      others.unite(extents[j]);
+      nearest = std::min(nearest, extents[i].distance_to(extents[j]));
+    }
+    if (others.is_empty() || nearest <= kFar * std::max(others.diagonal(), extents[i].diagonal())) continue;
+    char distance[32];
+    std::snprintf(distance, sizeof distance, "%.4g", nearest);
+    refuse(files[i].path.string() + ": lies " + distance +
+           " from the other inputs, far more than they are wide: it belongs to another place or has other coordinates; "
+           "run it by itself");
+  }
+}
+
 // Positions from all over the inputs, and the origin that they show.
 struct Survey {
   Position origin{};
   std::vector<Point> sample;
+  std::vector<Extent> extents;  // of what was seen of each file
 };
 
 Survey survey(const std::vector<std::shared_ptr<Source>>& sources, std::uint64_t points) {
   struct Block {
-    const Source* source;
-    std::size_t block;
+    std::size_t file, block;
   };
   std::vector<Block> blocks;
-  for (const auto& source : sources)
-    for (std::size_t block = 0; block < source->block_count(); ++block) blocks.push_back({source.get(), block});
+  for (std::size_t file = 0; file < sources.size(); ++file)
+    for (std::size_t block = 0; block < sources[file]->block_count(); ++block) blocks.push_back({file, block});
   const double share = std::min(1.0, double(kSampledPoints) / double(points));
   const auto count = std::max<std::size_t>(1, static_cast<std::size_t>(double(blocks.size()) * share));
   const std::size_t kept_of_block = std::max<std::size_t>(16, kKeptSamples / count);
@@ -126,20 +165,22 @@ Survey survey(const std::vector<std::shared_ptr<Source>>& sources, std::uint64_t
   std::vector<io::OriginSample> offered(
       count, io::OriginSample(count == blocks.size() ? points : points * count / blocks.size()));
   io::for_each_block(count, [&](std::size_t i) {
-    const auto [source, block] = blocks[i * blocks.size() / count];
-    std::vector<Position> values(source->block_size(block));
-    source->positions(block, values);
+    const auto [file, block] = blocks[i * blocks.size() / count];
+    std::vector<Position> values(sources[file]->block_size(block));
+    sources[file]->positions(block, values);
     for (const Position& value : values) offered[i].offer(value);
     const std::size_t step = std::max<std::size_t>(1, values.size() / kept_of_block);
     for (std::size_t at = 0; at < values.size(); at += step) kept[i].push_back(values[at]);
   });
   for (std::size_t i = 1; i < count; ++i) offered[0].offer_all(offered[i]);
-  Survey result{io::choose_origin(std::move(offered[0]).take()), {}};
-  for (const auto& some : kept)
-    for (const Position& value : some) {
+  Survey result{io::choose_origin(std::move(offered[0]).take()), {}, std::vector<Extent>(sources.size())};
+  for (std::size_t i = 0; i < count; ++i)
+    for (const Position& value : kept[i]) {
       const Point p{io::to_offset(value[0], result.origin[0]), io::to_offset(value[1], result.origin[1]),
                     io::to_offset(value[2], result.origin[2])};
-      if (is_indexed(p)) result.sample.push_back(p);
+      if (!is_indexed(p)) continue;
+      result.sample.push_back(p);
+      result.extents[blocks[i * blocks.size() / count].file].unite({value, value});
     }
   return result;
 }
@@ -161,6 +202,11 @@ std::string text_of(const Plan& plan) {
       << (plan.write.encoding ? int(*plan.write.encoding) : -1) << " " << text_of(plan.write.las_scale.value_or(0))
       << " " << int(plan.write.overwrite) << " " << int(plan.write.sync) << "\n";
   for (const ParamInfo& info : kParams) out << "param " << info.name << " " << param_text(plan.params, info) << "\n";
+  for (const std::string_view name : kLimitNames) {
+    const std::string text = limit_text(plan.limits, name);
+    if (!text.empty()) out << "limit " << name << " " << text << "\n";
+  }
+  if (!plan.noise_attribute.empty()) out << "noise " << plan.noise_attribute << "\n";
   for (const InputFile& file : plan.files)
     out << "file " << file.points << " " << file.fingerprint << " " << file.path.string() << "\noutput "
         << file.output.string() << "\n";
@@ -208,6 +254,11 @@ void read_line(const std::string& line, Plan& plan) {
     in >> word;
     if (const ParamInfo* info = find_param(word)) set_param(plan.params, *info, rest());
   }
+  if (key == "limit") {
+    in >> word;
+    set_limit(plan.limits, word, rest());
+  }
+  if (key == "noise") plan.noise_attribute = rest();
   if (key == "file") {
     InputFile file;
     in >> file.points >> file.fingerprint;
@@ -270,13 +321,16 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
   Plan plan;
   plan.files = files_of(job);
   plan.write = job.write;
-  plan.memory = job.memory != 0 ? job.memory : std::max(kLeastMemory, free_memory() / 2);
+  plan.limits = job.limits;
+  plan.noise_attribute = job.noise_attribute;
+  plan.memory = memory_of_task(job);
   const std::uint64_t most_of_chunk = std::min(kMostOfChunk, points_in_memory(plan.memory, kBytesOfChunkPoint));
   std::vector<std::shared_ptr<Source>> sources;
   for (InputFile& file : plan.files) {
     file.fingerprint = fingerprint_of(file.path);
     const auto& source = sources.emplace_back(io::open_source(file.path, threads));
-    io::check_streamed_options(*source, file.output, job.write);
+    io::check_streamed_options(*source, file.output, job.write, job.params.outliers == Outliers::mark);
+    check_attributes(source, job.limits, job.noise_attribute);
     const Params params = in_units_of_file(job.params, *source);
     if (sources.size() > 1 && params != plan.params)
       refuse(file.path.string() + ": its unit is not that of the other inputs; give lengths without m, mm or cm");
@@ -289,6 +343,7 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
   plan.iterations = plan.params.iterations;
   if (plan.iterations == kAutomatic) plan.iterations = resolve_params(plan.params, {}, {}, 1).iterations;
   Survey seen = io::with_threads(threads, [&] { return survey(sources, plan.points); });
+  refuse_stray_files(plan.files, seen.extents);
   plan.origin = seen.origin;
   const double of_tile = kCoreShare * double(points_in_memory(plan.memory, bytes_of_tile_point(plan.params)));
   const auto tiles = std::max<std::uint64_t>(job.least_tiles, std::uint64_t(std::ceil(double(plan.points) / of_tile)));
@@ -328,7 +383,9 @@ std::string difference(const TiledJob& job, const Plan& plan) {
   if (!std::equal(files.begin(), files.end(), plan.files.begin(), plan.files.end(), same)) return "other inputs";
   if (!std::equal(files.begin(), files.end(), plan.files.begin(), plan.files.end(), same_output))
     return "other outputs";
-  if (job.memory != 0 && job.memory != plan.memory) return "another --memory";
+  if (job.memory != 0 && memory_of_task(job) != plan.memory) return "another --memory, or for other cards";
+  if (job.limits != plan.limits) return "other limits";
+  if (job.noise_attribute != plan.noise_attribute) return "another --noise";
   const bool has_metres = in_file_units(job.params, 1.0) != job.params;
   const Params params = has_metres ? in_units_of_file(job.params, *io::open_source(files.front().path, 0)) : job.params;
   if (params != plan.params) return "other parameters";

@@ -29,6 +29,8 @@ struct InputChunk {
 
 struct Plan {
   Params params;  ///< as asked for, lengths in file units or relative
+  Limits limits;
+  std::string noise_attribute;
   WriteOptions write;
   std::uint64_t memory = 0;
   std::uint64_t points = 0;

@@ -48,7 +48,8 @@ class PointsWriter {
   void write(std::span<T> values) {
     file_.write(values);
   }
-  void finish() { file_.finish(); }
+  /// The step's end mark brings the names of its files to the disk.
+  void finish() { file_.finish(false); }
 
  private:
   NewFile file_;

@@ -3,8 +3,11 @@
 #include "pointfair/tiled_run.hpp"
 
 #include <fcntl.h>
+#include <sys/resource.h>
 
 #include <algorithm>
+#include <cstdlib>
+#include <fstream>
 #include <new>
 #include <utility>
 
@@ -12,12 +15,16 @@
 #include "io/file_bytes.hpp"
 #include "io/streamed.hpp"
 #include "pipeline/devices.hpp"
+#include "pipeline/outlier_marks.hpp"
 #include "pipeline/stage_settings.hpp"
 #include "scale/denoise.hpp"
 #include "scale/emit.hpp"
+#include "scale/given.hpp"
 #include "scale/ingest.hpp"
 #include "scale/measure.hpp"
 #include "scale/plan.hpp"
+#include "scale/tiled_run_access.hpp"
+#include "tiles/feeders.hpp"
 
 namespace pointfair {
 namespace fs = std::filesystem;
@@ -28,6 +35,32 @@ std::string numbered(const char* name, std::size_t number) {
   std::string digits = std::to_string(number);
   if (digits.size() < 5) digits.insert(0, 5 - digits.size(), '0');
   return name + ("-" + digits);
+}
+
+// What the memory limit of this process's control group leaves (cgroup v2).
+std::uint64_t free_in_group() {
+  constexpr std::uint64_t kNoLimit = ~std::uint64_t{0};
+  std::string group;
+  for (std::ifstream lines("/proc/self/cgroup"); std::getline(lines, group);)
+    if (group.starts_with("0::")) break;
+  if (!group.starts_with("0::")) return kNoLimit;
+  const fs::path folder = "/sys/fs/cgroup" + group.substr(3);
+  std::uint64_t limit = 0, used = 0;
+  if (!(std::ifstream(folder / "memory.max") >> limit)) return kNoLimit;  // "max", or none
+  std::ifstream(folder / "memory.current") >> used;
+  return limit > used ? limit - used : 0;
+}
+
+// What a limit of this process leaves; `used` is the name of what it limits in /proc/self/status.
+std::uint64_t free_below(int resource, const char* used) {
+  rlimit limit{};
+  if (::getrlimit(static_cast<__rlimit_resource_t>(resource), &limit) != 0 || limit.rlim_cur == RLIM_INFINITY)
+    return ~std::uint64_t{0};
+  std::uint64_t bytes = 0;
+  std::ifstream lines("/proc/self/status");
+  for (std::string line; std::getline(lines, line);)
+    if (line.starts_with(used)) bytes = std::strtoull(line.c_str() + std::string_view(used).size(), nullptr, 10) << 10;
+  return limit.rlim_cur > bytes ? limit.rlim_cur - bytes : 0;
 }
 
 template <class Work>
@@ -47,12 +80,9 @@ auto with_one_kind_of_error(const Work& work) {
 // each output begun-... and written-..., which are marks. What is called done-... says that a step was finished whose
 // files are not needed any more.
 struct TiledRun::State {
-  State(const fs::path& folder, Device its_device)
-      : work(folder),
-        wanted(its_device),
-        plan(read_plan(folder)),
-        tree(work / "leaves"),
-        inputs(plan.files, its_device.threads) {
+  State(const fs::path& folder, const std::vector<Device>& devices)
+      : work(folder), plan(read_plan(folder)), tree(work / "leaves"), inputs(plan.files, devices[0].threads) {
+    for (const Device& device : devices) workers.push_back({device, nullptr});
     if (fs::exists(work / "origin")) use_origin(load_origin());
   }
 
@@ -139,15 +169,76 @@ struct TiledRun::State {
 
   void run(const StepKind& step, std::size_t task, const std::stop_token& stop) {
     if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
-    if (!corrected && fs::exists(work / "origin")) use_origin(load_origin());
     if (is_done(step, task)) return;
     try {
+      get_ready(step);
       do_task(step, task, stop);
     } catch (const Error& error) {
       // another process may have done it meanwhile, and have removed what it is made of
       if (error.kind() != ErrorKind::file || !is_done(step, task)) throw;
     }
   }
+
+  // All that are left. Tiles are a queue for the workers; the calling thread is that of the first, and tells how many
+  // were begun.
+  void run_all(const StepKind& step, const std::stop_token& stop, const std::function<void(std::size_t)>& begin) {
+    const std::size_t tasks = tasks_of(step);
+    if (step.kind != Kind::denoise) {
+      for (std::size_t task = 0; task < tasks; ++task) {
+        begin(task);
+        run(step, task, stop);
+      }
+      return;
+    }
+    TaskQueue<std::size_t> queue;
+    for (std::size_t task = 0; task < tasks; ++task) queue.put(task);
+    const auto next = [&](bool tells) -> std::unique_ptr<Denoising> {
+      while (const auto task = queue.take(false)) {
+        if (tells) begin(*task);
+        if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+        if (!is_done(step, *task))
+          return std::make_unique<Denoising>(tile_work(step, *task), file_of(step, *task), stop);
+      }
+      return nullptr;
+    };
+    try {
+      if (count_done(step) < tasks) get_ready(step);
+      on_feeders(workers.size(), [&](std::size_t worker) {
+        try {
+          denoise_all([&] { return next(worker == 0); }, workers[worker].backend());
+        } catch (...) {
+          queue.close();
+          throw;
+        }
+      });
+    } catch (const Error& error) {
+      // another process may have done them meanwhile, and have removed what they are made of
+      if (error.kind() != ErrorKind::file || count_done(step) < tasks) throw;
+    }
+  }
+
+  // What the tasks of a step share, and only read.
+  void get_ready(const StepKind& step) {
+    if (!corrected && fs::exists(work / "origin")) use_origin(load_origin());
+    if (step.kind != Kind::denoise) return;
+    settled_settings();
+    if (input && input_iteration == step.iteration) return;
+    const StepKind before = step.iteration == 0 ? StepKind{Kind::ingest} : StepKind{Kind::denoise, step.iteration - 1};
+    input.reset();
+    input.emplace(files_of(before), tree.leaves());
+    input_iteration = step.iteration;
+  }
+
+  // What computes tiles, one at a time.
+  struct Worker {
+    Device device;
+    std::unique_ptr<Backend> made;
+    Backend& backend() {
+      DeviceInfo info;
+      if (!made) made = make_backend(device, info);
+      return *made;
+    }
+  };
 
   void do_task(const StepKind& step, std::size_t task, const std::stop_token& stop) {
     switch (step.kind) {
@@ -164,7 +255,7 @@ struct TiledRun::State {
 
   void run_ingest(const StepKind& step, std::size_t task, const std::stop_token& stop) {
     const InputChunk& chunk = plan.chunks[task];
-    ingest(*inputs.open(chunk.file), chunk, plan.origin, tree, plan.points, wanted.threads, file_of(step, task), stop);
+    ingest(inputs.open(chunk.file), chunk, plan, tree, threads(), file_of(step, task), stop);
   }
 
   // Where the points show another origin than the one that was guessed, they are taken in again.
@@ -181,29 +272,30 @@ struct TiledRun::State {
       for (std::size_t task = 0; task < plan.chunks.size(); ++task) run(before, task, stop);
     }
     const StoredCloud cloud(files_of(before), tree.leaves());
-    save(measure(cloud, plan.origin, plan, backend(), stop), file_of(step, 0));
+    std::optional<GivenNoise> given;
+    if (!plan.noise_attribute.empty()) given = noise_of_attribute(inputs, plan, threads(), stop);
+    save(measure(cloud, plan, given, workers[0].backend(), stop), file_of(step, 0));
   }
 
   void run_denoise(const StepKind& step, std::size_t task, const std::stop_token& stop) {
-    const Settings& settings = settled_settings();
-    if (!input || input_iteration != step.iteration) {
-      const StepKind before =
-          step.iteration == 0 ? StepKind{Kind::ingest} : StepKind{Kind::denoise, step.iteration - 1};
-      input.reset();
-      input.emplace(files_of(before), tree.leaves());
-      input_iteration = step.iteration;
-    }
+    Denoising denoising(tile_work(step, task), file_of(step, task), stop);
+    denoising.read();
+    denoising.compute(workers[0].backend());
+    denoising.write();
+  }
+
+  TileWork tile_work(const StepKind& step, std::size_t task) const {
+    const Settings& settings = resolved->settings;
     std::optional<Frame> frame;
     if (sums_within_radius(plan.params)) frame = measured->frame;
     FairingSettings fairing = settings.fairing;
     fairing.is_further = step.iteration > 0;
     const bool is_last = step.iteration + 1 == plan.iterations;
-    const TileWork its{*input,
-                       {tree.tile_begin(task), tree.tile_begin(task + 1)},
-                       {frame, settings.neighbors, settings.normals, fairing},
-                       points_in_memory(plan.memory, bytes_of_tile_point(plan.params)),
-                       is_last ? &plan.chunks : nullptr};
-    denoise(its, backend(), file_of(step, task), stop);
+    return {*input,
+            {tree.tile_begin(task), tree.tile_begin(task + 1)},
+            {frame, settings.neighbors, settings.normals, fairing},
+            points_in_memory(plan.memory, bytes_of_tile_point(plan.params)),
+            is_last ? &plan.chunks : nullptr};
   }
 
   void run_emit(const StepKind& step, std::size_t task, const std::stop_token& stop) {
@@ -216,16 +308,21 @@ struct TiledRun::State {
     source->place_at(plan.origin);
     const Settings& settings = settled_settings();
     const Settling settling{settings.limits, settings.limits.farthest > 0 || plan.iterations > 1};
-    const TileResults results(files_of({Kind::denoise, plan.iterations - 1}), plan, task, settling, stop);
+    TileResults results(files_of({Kind::denoise, plan.iterations - 1}), plan, task, source, settling, stop);
+    std::vector<Attribute> added;
+    if (plan.params.outliers == Outliers::mark)
+      added.push_back(outlier_marks(part_of(source, 0, {}), results.find_outliers(threads())));
     WriteOptions options = plan.write;
     options.overwrite = true;
     options.sync = true;
-    options.threads = wanted.threads;
+    options.threads = threads();
     fs::create_directories(file.output.parent_path());
-    io::write_moved(file.output, source, results, options);
+    io::write_moved(file.output, source, results, options, std::move(added));
     PointsHeader header;
     const OutlierCounts held_back = results.held_back();
-    header.counts = {held_back.isolated, held_back.off_surface, held_back.mixed_pixels};
+    header.counts[kIsolatedCount] = held_back.isolated;
+    header.counts[kOffSurfaceCount] = held_back.off_surface;
+    header.counts[kHeldCount] = results.held_by_limits();
     PointsWriter(file_of(step, task), header, {}, {}).finish();
   }
 
@@ -242,13 +339,7 @@ struct TiledRun::State {
     return origin;
   }
 
-  Backend& backend() {
-    if (!device_backend) {
-      DeviceInfo info;
-      device_backend = make_backend(wanted, info);
-    }
-    return *device_backend;
-  }
+  unsigned threads() const { return workers[0].device.threads; }
 
   const Settings& settled_settings() {
     if (!resolved) {
@@ -259,12 +350,11 @@ struct TiledRun::State {
   }
 
   fs::path work;
-  Device wanted;
+  std::vector<Worker> workers{};
   Plan plan;
   LeafTree tree;
   Inputs inputs;
   bool corrected = false;  // the origin is not the plan's own
-  std::unique_ptr<Backend> device_backend;
   std::optional<Measured> measured;
   std::optional<Resolved> resolved;
   std::optional<StoredCloud> input;
@@ -273,6 +363,14 @@ struct TiledRun::State {
 
 std::uint64_t TiledRun::bytes_in_memory(std::uint64_t points, const Params& params) {
   return points * (bytes_of_tile_point(params) + 2 * sizeof(Point));
+}
+
+std::uint64_t TiledRun::free_memory() {
+  std::uint64_t free = std::uint64_t{8} << 30;
+  std::ifstream lines("/proc/meminfo");
+  for (std::string line; std::getline(lines, line);)
+    if (line.starts_with("MemAvailable:")) free = std::strtoull(line.c_str() + 13, nullptr, 10) << 10;
+  return std::min({free, free_in_group(), free_below(RLIMIT_DATA, "VmData:"), free_below(RLIMIT_AS, "VmSize:")});
 }
 
 std::uint64_t TiledRun::count_points(const fs::path& path) { return io::open_source(path, 0)->size(); }
@@ -288,7 +386,11 @@ void TiledRun::plan(const TiledJob& job, const fs::path& work, unsigned threads)
 }
 
 TiledRun::TiledRun(const fs::path& work, Device device)
-    : state_(with_one_kind_of_error([&] { return std::make_unique<State>(work, device); })) {}
+    : TiledRun(with_one_kind_of_error([&] { return std::make_unique<State>(work, single_devices(device)); })) {}
+TiledRun::TiledRun(std::unique_ptr<State> state) : state_(std::move(state)) {}
+TiledRun TiledRunAccess::make(const fs::path& work, const std::vector<Device>& workers) {
+  return TiledRun(std::make_unique<TiledRun::State>(work, workers));
+}
 TiledRun::~TiledRun() = default;
 TiledRun::TiledRun(TiledRun&&) noexcept = default;
 TiledRun& TiledRun::operator=(TiledRun&&) noexcept = default;
@@ -324,14 +426,13 @@ void TiledRun::run_all(std::stop_token stop, const ProgressFunction& progress) {
     for (std::size_t s = 0; s < steps.size(); ++s) {
       const std::size_t tasks = state_->tasks_of(steps[s]);
       state_->check_room(steps[s]);
-      for (std::size_t task = 0; task < tasks; ++task) {
+      state_->run_all(steps[s], stop, [&](std::size_t task) {
         if (progress) progress((double(s) + double(task) / double(tasks)) / double(steps.size()), steps[s].name());
-        state_->run(steps[s], task, stop);
-      }
+      });
       if (steps[s].kind != State::Kind::denoise) continue;
       // what this step read is not needed any more
       const State::StepKind before = steps[s].iteration == 0 ? steps[0] : steps[s - 1];
-      mark(state_->end_mark(before));
+      mark(state_->end_mark(before));  // after it, all names of this step are on the disk
       state_->input.reset();
       state_->input_iteration = -1;
       for (const fs::path& path : state_->files_of(before)) fs::remove(path);
@@ -357,7 +458,9 @@ TiledReport TiledRun::report() const {
         report.noise_quantiles[q] =
             *report.noise * (state_->measured->levels ? state_->measured->levels->quantiles[q] : 1.0);
     }
-    report.unmoved.non_finite = state_->plan.points - state_->measured->bounds.valid;
+    report.noise_attribute = state_->plan.noise_attribute;
+    report.ignored = state_->measured->ignored;
+    report.unmoved.non_finite = state_->plan.points - state_->measured->bounds.valid - report.ignored;
     for (const fs::path& path : state_->files_of(steps[steps.size() - 2])) {
       const TaskCounts counts = PointsFile(path).header().counts;
       report.unmoved.too_few_neighbors += counts[kTooFewCount];
@@ -367,9 +470,9 @@ TiledReport TiledRun::report() const {
     OutlierCounts& outliers = report.unmoved.outliers_by_reason;
     for (const fs::path& path : state_->files_of(steps.back())) {
       const TaskCounts counts = PointsFile(path).header().counts;
-      outliers.isolated += counts[0];
-      outliers.off_surface += counts[1];
-      outliers.mixed_pixels += counts[2];
+      outliers.isolated += counts[kIsolatedCount];
+      outliers.off_surface += counts[kOffSurfaceCount];
+      report.held += counts[kHeldCount];
     }
     report.unmoved.outliers = outliers.total();
     if (!moves_along_normal(report.params.method)) report.unmoved.no_normal = 0;

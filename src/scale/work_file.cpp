@@ -81,11 +81,11 @@ void NewFile::write(const void* data, std::size_t bytes) {
   }
 }
 
-void NewFile::finish() {
+void NewFile::finish(bool name_too) {
   if (::fsync(fd_) != 0) fail(errno);
   if (::close(std::exchange(fd_, -1)) != 0) fail(errno);
   if (::rename(temporary_.c_str(), path_.c_str()) != 0) fail(errno);
-  sync_folder(path_.parent_path());
+  if (name_too) sync_folder(path_.parent_path());
 }
 
 StoredFile::StoredFile(const fs::path& path) : path_(path), fd_(::open(path.c_str(), O_RDONLY | O_CLOEXEC)) {

@@ -27,7 +27,9 @@ class NewFile {
     static_assert(std::is_trivially_copyable_v<T>);
     write(values.data(), values.size_bytes());
   }
-  void finish();
+  /// `name_too`: its name is on the disk, and the names of all files of the folder that were finished before. Of a file
+  /// without, the machine's end may leave nothing: it is to be made again.
+  void finish(bool name_too = true);
 
  private:
   [[noreturn]] void fail(int error) const;

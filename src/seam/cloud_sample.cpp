@@ -2,6 +2,7 @@
 #include "seam/cloud_sample.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <utility>
 
@@ -48,6 +49,10 @@ void unite(Bounds& bounds, const Bounds& with) {
   bounds.max = {std::max(bounds.max.x, with.max.x), std::max(bounds.max.y, with.max.y),
                 std::max(bounds.max.z, with.max.z)};
   bounds.valid += with.valid;
+}
+
+double diagonal_of(const Bounds& b) {
+  return std::hypot(double(b.max.x) - b.min.x, double(b.max.y) - b.min.y, double(b.max.z) - b.min.z);
 }
 
 Candidates first_candidates(std::uint64_t valid, std::size_t count) {

@@ -27,6 +27,7 @@ inline point::Vec3<float> to_vec3(const Point& p) { return {p.x, p.y, p.z}; }
 inline constexpr float kUnbounded = __builtin_inff();
 inline constexpr Bounds kNoBounds{{kUnbounded, kUnbounded, kUnbounded}, {-kUnbounded, -kUnbounded, -kUnbounded}, 0};
 void unite(Bounds& bounds, const Bounds& with);
+double diagonal_of(const Bounds& bounds);
 inline void include(Bounds& bounds, const Point& p) { unite(bounds, {p, p, 1}); }
 
 // Valid points to look for: those whose cells, refined so often, have hashes up to the limit.

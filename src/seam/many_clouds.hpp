@@ -4,11 +4,14 @@
 
 #include <cstdint>
 #include <span>
+#include <stop_token>
 #include <vector>
 
+#include "point/sample.h"
 #include "pointfair/cloud.hpp"
 #include "pointfair/device_points.hpp"
 #include "seam/backend.hpp"
+#include "seam/settings.hpp"
 
 namespace pointfair {
 
@@ -30,6 +33,40 @@ class ManyClouds {
   // 1 for each cloud whose origin is 0 without doubt, by the rule of positions in host memory.
   virtual std::vector<std::uint8_t> surely_have_no_origin(const DevicePoints& points, DeviceStream stream,
                                                           std::span<const std::uint32_t> ends) = 0;
+
+  // Where clouds differ in what stages read, sums are within a radius, and the method is the bilateral one.
+
+  // Points by their numbers in upload order, and the clouds that they are of.
+  struct Queries {
+    std::vector<std::uint32_t> points, clouds;
+    void resize(std::size_t count) { points.resize(count), clouds.resize(count); }
+  };
+  // What they say, in their order, until the next call of the backend.
+  struct Taken {
+    std::span<const point::SpacingSample> spacing;
+    std::span<const point::NoiseSample> noise;
+    std::span<const point::ResidualSample> residuals;  // of the queries for noise
+    std::span<const Point> heads;                      // the first point::kHeadRow of each row for noise
+    std::span<const std::uint32_t> pools;              // as of Samples, numbers within each cloud; may be empty
+  };
+  // As Sampling::take_samples, of uploaded clouds.
+  virtual Taken take_samples(const Queries& for_spacing, const Queries& for_noise, std::stop_token stop) = 0;
+
+  // What the stages of one cloud read.
+  struct OfCloud {
+    Frame frame;
+    NeighborSettings neighbors;
+    NormalSettings normals;
+    FairingSettings fairing;  // of the first iteration
+    DisplacementLimits limits;
+  };
+  // All stages of all iterations of some uploaded clouds, by their numbers, none of them empty. Of their settings alike
+  // are whether numbers are 0, whether the flat scale is more than 1, and what is no number.
+  virtual void run(std::span<const std::uint32_t> clouds, std::span<const OfCloud> settings, int iterations,
+                   std::stop_token stop) = 0;
+  // What run() has computed, of all uploaded points; clouds that did not run stay as they are.
+  virtual void download(std::span<Point> points) = 0;
+  virtual void download(const DeviceOutput& points, DeviceStream stream) = 0;
 };
 
 }  // namespace pointfair

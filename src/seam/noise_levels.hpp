@@ -1,24 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
-// How backends read the levels of noise that settings carry.
+// How backends read the levels that settings carry.
 #pragma once
 
 #include <algorithm>
 
-#include "point/noise_field.h"
+#include "point/node_field.h"
 #include "point/outliers.h"
 #include "seam/settings.hpp"
 
 namespace pointfair {
 
 // Of levels that outlive it; null: 1 everywhere.
-inline point::NoiseField field_of(const NoiseLevels* levels) {
+inline point::NodeField field_of(const NodeLevels* levels) {
   if (levels == nullptr) return {};
   return {levels->levels.data(), {levels->first.x, levels->first.y, levels->first.z}, levels->nodes_per_unit};
 }
 
 // At a place; the same bits wherever it is computed.
 inline float noise_level_at(const NoiseLevels* levels, const Point& p) {
-  return point::noise_level(field_of(levels), {p.x, p.y, p.z});
+  return point::node_value(field_of(levels), {p.x, p.y, p.z});
 }
 
 inline point::LimitRule limit_rule(const DisplacementLimits& limits) {

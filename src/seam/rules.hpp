@@ -2,11 +2,16 @@
 // What the bodies of the stages (src/point) read, from the settings of a run; the same for every backend.
 #pragma once
 
+#include <algorithm>
+
 #include "point/method.h"
 #include "point/stages.h"
 #include "seam/settings.hpp"
 
 namespace pointfair {
+
+// Of a radius. It stays finite: infinite are only places that hold no point.
+inline float squared_base(float radius) { return std::min(radius * radius, 1e37f); }
 
 inline point::NormalRule normal_rule(const NormalSettings& settings) {
   return {point::normal_weights(settings.sigma), settings.of_radius};

@@ -80,7 +80,8 @@ point::ResidualSample residuals_of(const Point* row) {
   point::GrowingNeighborhood neighborhood(OneThread{}, space);
   const auto look = [&](int points) { return look_at(neighborhood, there, points, true); };
   const point::Look least = look(point::kLeastFit), narrow = look(point::kFirstFit), wide = look(2 * point::kFirstFit);
-  return residual_sample(least, narrow, wide, look(point::kFirstRow));
+  const point::Look widest = look(point::kFirstRow);
+  return residual_sample(least, narrow, wide, widest, plane_sample(OneThread{}, space, there));
 }
 
 }  // namespace

@@ -32,6 +32,9 @@ struct Samples {
   std::vector<point::NoiseSample> noise;
   // Of the queries for noise, which not every estimate needs. To be called while the backend lives.
   std::function<std::vector<point::ResidualSample>()> residuals;
+  // Of the queries for noise that show it: rows of the point::kPool nearest of them, by their numbers, the query's own
+  // among them, nearest first, and equally far ones in their order. Empty: the estimate looks for them.
+  std::vector<std::uint32_t> pools{};
 };
 
 class Sampling {

@@ -13,12 +13,15 @@
 
 namespace pointfair {
 
-// The noise from place to place, over that of a typical one; fixed by a cloud as it was loaded. The nodes of a
-// point::NoiseField.
-struct NoiseLevels {
+// A length from place to place, over that of a typical one; fixed by a cloud as it was loaded. The nodes of a
+// point::NodeField.
+struct NodeLevels {
   std::vector<float> levels;
   Point first{};
   float nodes_per_unit = 0;
+};
+// Of the noise.
+struct NoiseLevels : NodeLevels {
   std::array<double, 3> quantiles{1, 1, 1};  // of the samples' levels: 5, 50, 95 %
 };
 
@@ -32,6 +35,8 @@ struct NeighborSettings {
   // Of the noise, which this and later stages may follow, without a list; null: 1 everywhere.
   std::shared_ptr<const NoiseLevels> levels{};
   bool radius_follows = false;
+  // Of the distance to the min_neighbors-th nearest, which it multiplies; null: 1 everywhere.
+  std::shared_ptr<const NodeLevels> reach_levels{};
   friend bool operator==(const NeighborSettings&, const NeighborSettings&) = default;
 };
 

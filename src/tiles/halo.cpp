@@ -27,7 +27,8 @@ double reach_of_nearest(const Bounds& whole, double k, const Bounds& b) {
 
 double first_halo(const Bounds& whole, const TileStages& stages, const Bounds& b) {
   const NeighborSettings& n = stages.neighbors;
-  const double nearest = reach_of_nearest(whole, n.k > 0 ? n.k : n.min_neighbors, b);
+  double nearest = reach_of_nearest(whole, n.k > 0 ? n.k : n.min_neighbors, b);
+  if (n.reach_levels) nearest *= *std::max_element(n.reach_levels->levels.begin(), n.reach_levels->levels.end());
   double reach = n.k > 0 ? nearest : std::hypot(nearest, double(n.radius));
   if (n.k > 0 && n.radius > 0) reach = std::min(reach, 1.01 * double(n.radius));
   if (n.constraint) reach += double(n.reach);

@@ -47,6 +47,11 @@ bool TileTask::wants(std::uint32_t index, const Point& p) const {
   return cell ? cell->contains(p) : std::binary_search(listed.begin(), listed.end(), index);
 }
 
+std::span<TileWorker> workers_of(std::vector<TileWorker>& workers, std::size_t feeder, std::size_t feeders) {
+  const std::size_t first = feeder * workers.size() / feeders;
+  return std::span(workers).subspan(first, (feeder + 1) * workers.size() / feeders - first);
+}
+
 std::span<Point> TileWorker::room(HostBuffer& buffer, std::size_t count) {
   if (buffer.points().size() < count) {
     buffer = {};
@@ -82,8 +87,9 @@ struct TileRun::Job {
   const Cut& cut;
   std::span<const Point> input;
   const TileStages& stages;
+  TaskQueue<TileTask> tasks{};
+  std::mutex mutex{};  // of what follows; results of points have one writer each
   Results& results;
-  std::deque<TileTask> tasks;
   double halo_factor;  // by which the tiles to come are wider than first_halo()
 
   TileTask listed(Indices indices, double halo) const {
@@ -96,26 +102,44 @@ struct TileRun::Job {
 
 void TileRun::run(const Cut& cut, std::span<const Point> input, const TileStages& stages, Results& results,
                   const std::stop_token& stop) {
-  Job job{cut, input, stages, results, {}, tiling_.first_halo};
+  Job job{.cut = cut, .input = input, .stages = stages, .results = results, .halo_factor = tiling_.first_halo};
   for (TileWorker& worker : workers_) worker.task.reset();  // of a run that failed
   for (const Cut::Tile& tile : cut.tiles())
-    if (tile.core.valid > 0) job.tasks.push_back({tile.cell, {}, tile.core, 0});
+    if (tile.core.valid > 0) job.tasks.put({tile.cell, {}, tile.core, 0});
+  on_feeders(tiling_.feeders, [&](std::size_t feeder) {
+    try {
+      feed(job, workers_of(workers_, feeder, tiling_.feeders), stop);
+    } catch (...) {
+      job.tasks.close();
+      throw;
+    }
+  });
+}
+
+// The workers in turn, so that one computes while another is copied to and from.
+void TileRun::feed(Job& job, std::span<TileWorker> workers, const std::stop_token& stop) {
   const auto any_at_work = [&] {
-    return std::any_of(workers_.begin(), workers_.end(), [](const TileWorker& w) { return w.task.has_value(); });
+    return std::any_of(workers.begin(), workers.end(), [](const TileWorker& w) { return w.task.has_value(); });
   };
-  for (std::size_t turn = 0; !job.tasks.empty() || any_at_work(); ++turn) {
+  for (std::size_t turn = 0;; ++turn) {
     if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
-    TileWorker& worker = workers_[turn % workers_.size()];
+    if (job.tasks.is_closed()) return;
+    TileWorker& worker = workers[turn % workers.size()];
     if (worker.task) collect(job, worker);
-    if (job.tasks.empty()) continue;
-    TileTask task = std::move(job.tasks.front());
-    job.tasks.pop_front();
-    start(job, worker, std::move(task), stop);
+    const bool none_at_work = !any_at_work();
+    if (std::optional<TileTask> task = job.tasks.take(none_at_work)) {
+      start(job, worker, std::move(*task), stop);
+    } else if (none_at_work) {
+      return;
+    }
   }
 }
 
 void TileRun::start(Job& job, TileWorker& worker, TileTask task, const std::stop_token& stop) {
-  if (task.halo == 0) task.halo = first_halo(job.cut.bounds(), job.stages, task.bounds) * job.halo_factor;
+  if (task.halo == 0) {
+    const std::lock_guard lock(job.mutex);
+    task.halo = first_halo(job.cut.bounds(), job.stages, task.bounds) * job.halo_factor;
+  }
   worker.find(job.cut, region_around(job.cut.bounds(), task.bounds, task.halo), for_each_);
   if (worker.indices.size() > tiling_.most_points) return split(job, worker, std::move(task));
   worker.upload(job.input, for_each_);
@@ -143,8 +167,9 @@ void TileRun::split(Job& job, const TileWorker& worker, TileTask task) {
   const auto middle = task.listed.begin() + std::ptrdiff_t(task.listed.size() / 2);
   std::nth_element(task.listed.begin(), middle, task.listed.end(),
                    [&](std::uint32_t a, std::uint32_t c) { return job.input[a].*axis < job.input[c].*axis; });
-  job.tasks.push_back(job.listed({task.listed.begin(), middle}, task.halo));
-  job.tasks.push_back(job.listed({middle, task.listed.end()}, task.halo));
+  job.tasks.put(job.listed({task.listed.begin(), middle}, task.halo));
+  job.tasks.put(job.listed({middle, task.listed.end()}, task.halo));
+  job.tasks.finish_one();
 }
 
 // Takes the results that are exact, and makes a task of the others.
@@ -162,12 +187,15 @@ void TileRun::collect(Job& job, TileWorker& worker) {
 
   Indices left = take_results(job, worker, task, out, normals);
   const Costs costs = backend.take_costs();
-  Results& results = job.results;
-  results.peak_host_bytes = std::max(results.peak_host_bytes, costs.peak_host_bytes * workers_.size());
-  results.peak_device_bytes = std::max(results.peak_device_bytes, costs.peak_device_bytes * workers_.size());
-  if (left.empty()) return;
-  if (task.cell && left.size() > task.bounds.valid / 50) job.halo_factor *= 1.5;
-  job.tasks.push_back(job.listed(std::move(left), 2 * task.halo));
+  {
+    const std::lock_guard lock(job.mutex);
+    Results& results = job.results;
+    results.peak_host_bytes = std::max(results.peak_host_bytes, costs.peak_host_bytes * workers_.size());
+    results.peak_device_bytes = std::max(results.peak_device_bytes, costs.peak_device_bytes * workers_.size());
+    if (task.cell && left.size() > task.bounds.valid / 50) job.halo_factor *= 1.5;
+  }
+  if (!left.empty()) job.tasks.put(job.listed(std::move(left), 2 * task.halo));
+  job.tasks.finish_one();
 }
 
 // Returns the points of the task whose results are not known to be exact.
@@ -191,6 +219,7 @@ Indices TileRun::take_results(Job& job, const TileWorker& worker, const TileTask
   });
   Indices all;
   for (const Indices& some : left) all.insert(all.end(), some.begin(), some.end());
+  const std::lock_guard lock(job.mutex);
   for (const Counts& some : counts) add(job.results.counts, some);
   return all;
 }

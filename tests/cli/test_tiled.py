@@ -4,6 +4,7 @@
 import math
 import os
 import random
+import resource
 import shutil
 import signal
 import struct
@@ -91,6 +92,75 @@ class Bits(Case):
         e57 = write_e57(self.path("in.e57"), points[:2000])
         if e57 is not None and run("info", self.path("in.e57")).returncode == 0:
             self.same(self.path("in.e57"), tiles=(5,), suffix=".e57")
+
+    def test_limits_have_the_bits_of_the_run_in_memory(self):
+        rows = list(ground(6000))
+        las = write_las(self.path("in.las"), rows, [(2, 2, 2, 7, 6)[i % 5] for i in range(len(rows))])
+        for flags in (["--where", "classification=2"], ["--ignore", "classification=7"], ["--strength", 0.4],
+                      ["--box", "500000,5400000,-1000,500008,5400011,1000"],
+                      ["--where", "classification=2,6", "--ignore", "classification=7;return_number=3", "--strength", 0.7]):
+            self.same(las, *flags, tiles=(5,), suffix=".las")
+        flags = ["--where", "classification=2", "--ignore", "classification=7"]
+        whole = self.report("run", las, self.path("a.las"), "-q", *flags)
+        cut = self.report("run", las, self.path("b.las"), "-q", "--tiles", 5, *flags)
+        self.assertGreater(cut["unmoved"]["ignored"], 0)
+        self.assertGreater(cut["unmoved"]["held"], 0)
+        self.assertEqual(whole["unmoved"], cut["unmoved"])
+        text = self.path("in.csv")
+        text.write_text("x,y,z,kind\n" + "".join(f"{x:.6f},{y:.6f},{z:.6f},{i % 3}\n"
+                                                for i, (x, y, z) in enumerate(sphere_points(4000, 0.01))))
+        self.same(text, "--where", "kind=1-2", tiles=(5,), suffix=".csv")
+        self.same(text, "--ignore", "kind=0", tiles=(5,), suffix=".csv")
+        self.fails(2, "run", las, self.path("no.las"), "--tiles", 5, "--where", "colour=2", says="no attribute")
+        self.assertFalse(self.path("no.las").exists())
+
+    def test_marked_outliers_have_the_bits_of_the_run_in_memory(self):
+        points = sphere_points(6000, 0.01)
+        for i in range(0, len(points), 300):
+            points[i] = tuple(1.2 * c for c in points[i])
+        source = write_binary(self.path("in.ply"), points)
+        self.same(source, "--outliers", "mark")
+        whole = self.report("run", source, self.path("a.ply"), "-q", "--outliers", "mark")
+        cut = self.report("run", source, self.path("b.ply"), "-q", "--outliers", "mark", "--tiles", 5)
+        self.assertGreater(cut["unmoved"]["outliers"], 0)
+        self.assertEqual(whole["unmoved"], cut["unmoved"])
+        rows = list(ground(4000))
+        las = write_las(self.path("in.las"), rows, [2] * len(rows))
+        self.same(las, "--outliers", "mark", "--ignore", "classification=7", tiles=(5,), suffix=".las")
+
+    def test_the_noise_of_each_point_has_the_bits_of_the_run_in_memory(self):
+        points = sphere_points(6000, 0.01) + [(NAN, 0.0, 1.0)]
+        source = self.path("in.ply")
+        head = "\n".join(["ply", "format binary_little_endian 1.0", f"element vertex {len(points)}"] +
+                         [f"property float {name}" for name in ("x", "y", "z", "sigma")] + ["end_header", ""])
+        values = [0.004 + 0.012 * abs(p[0]) if i % 50 else -1.0 for i, p in enumerate(points)]
+        source.write_bytes(head.encode() + b"".join(struct.pack("<4f", *p, v) for p, v in zip(points, values)))
+        self.same(source, "--noise", "sigma")
+        self.same(source, "--noise", "sigma", "--k", 12, tiles=(5,))
+        whole = self.report("run", source, self.path("a.ply"), "-q", "--noise", "sigma")
+        cut = self.report("run", source, self.path("b.ply"), "-q", "--noise", "sigma", "--tiles", 5)
+        self.assertEqual(whole["noise"], cut["noise"])
+        self.assertEqual(whole["params"], cut["params"])
+        self.fails(2, "run", source, self.path("no.ply"), "--noise", "sigmas", "--tiles", 5, says="no attribute")
+
+    def test_a_file_far_from_the_others_is_refused_when_planning(self):
+        near = [write_binary(self.path(f"{i}.ply"), [(x + i, y, z) for x, y, z in sphere_points(500, 0.01)]) for i in (0, 1)]
+        far = write_binary(self.path("far.ply"), [(x, y + 900, z) for x, y, z in sphere_points(500, 0.01)])
+        self.path("fair").mkdir()
+        self.fails(2, "run", near[0], far, near[1], "--out-dir", self.path("fair"), says="far.ply: lies")
+        self.ok("run", *near, "--out-dir", self.path("fair"), "-q")
+
+    def test_a_cloud_that_would_not_fit_is_computed_in_tiles_and_one_line_says_so(self):
+        points = sphere_points(3000, 0.01) * 400  # each place often, so that little is computed
+        source = write_binary(self.path("in.ply"), points[:1200000])
+        flags = ["--k", 4, "--iterations", 1, "--noise", 0.01, "--outliers", "off"]
+        whole, cut = self.path("whole.ply"), self.path("cut.ply")
+        said = self.ok("run", source, whole, *flags).stderr
+        self.assertNotIn(b"in tiles", said)
+        limited = run("run", source, cut, *flags, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_DATA, (400 << 20,) * 2))
+        self.assertEqual(limited.returncode, 0, limited.stderr)
+        self.assertIn(b"computed in tiles on disk", limited.stderr)
+        self.assertEqual(whole.read_bytes(), cut.read_bytes())
 
     def test_several_files_are_one_cloud(self):
         rows = list(ground(9000))
@@ -234,9 +304,11 @@ class Refusals(Case):
     def test_what_cannot_be_done_in_tiles_is_refused(self):
         source = write_binary(self.path("in.ply"), sphere_points(500, 0.01))
         out = self.path("out.ply")
-        self.fails(2, "run", source, out, "--tiles", 3, "--outliers", "mark", says="--outliers")
+        mesh = self.path("in.off")
+        mesh.write_text("OFF\n4 0 0\n" + "0 0 0\n1 0 0\n0 1 0\n0 0 1\n")
+        self.fails(2, "run", mesh, self.path("out.off"), "--tiles", 3, "--outliers", "mark", says="cannot be marked")
         self.fails(2, "run", source, out, "--tiles", 3, "--normals", "write", says="--normals write")
-        self.fails(2, "run", source, out, "--tiles", 3, "--box", "0,0,0,1,1,1", says="--box")
+        self.fails(2, "run", source, out, "--tiles", 3, "--write-noise", says="--write-noise")
         self.fails(2, "run", source, self.path("out.xyz"), "--tiles", 3, says="format")
         self.fails(2, "run", source, "-", "--tiles", 3, says="standard output")
         self.fails(2, "run", source, out, "--memory", "much", says="--memory")

@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <bit>
 #include <cub/device/device_radix_sort.cuh>
 
+#include "cuda/index/curve_cells.cuh"
 #include "cuda/index/forest.cuh"
 #include "cuda/index/hilbert.cuh"
+#include "cuda/index/sort_keys.cuh"
+#include "point/position.h"
 
 namespace pointfair::cuda {
 namespace {
@@ -17,15 +21,17 @@ static_assert(kMostClouds == 1u << (32 - 3 * kBits));
 
 // The block's group of its cloud, and the thread's place in it.
 struct Place {
-  Index cloud, first, end;  // of the cloud's points
-  std::size_t i;            // in upload order; `end` and beyond: no point
-  __device__ Place(const Index* ends, Index groups) {
+  Index cloud;
+  CloudSpan span;
+  std::size_t offset;  // of the thread's point in its cloud
+  __device__ Place(const CloudSpan* spans, Index groups) {
     cloud = blockIdx.x / groups;
-    first = cloud == 0 ? 0 : ends[cloud - 1];
-    end = ends[cloud];
-    i = first + std::size_t(blockIdx.x % groups) * kBlock + threadIdx.x;
+    span = spans[cloud];
+    offset = std::size_t(blockIdx.x % groups) * kBlock + threadIdx.x;
   }
-  __device__ bool exists() const { return i < end; }
+  __device__ bool exists() const { return offset < span.end - span.first; }
+  __device__ std::size_t uploaded() const { return span.first + offset; }
+  __device__ std::size_t compact() const { return span.place + offset; }  // among the points of the forest
 };
 
 __device__ void store_box(BoxGroup& group, unsigned child, const Box& box) {
@@ -35,11 +41,11 @@ __device__ void store_box(BoxGroup& group, unsigned child, const Box& box) {
 __device__ Box nothing() { return {{kInfinity, kInfinity, kInfinity}, {-kInfinity, -kInfinity, -kInfinity}}; }
 
 // A block to a cloud: the cube over its valid points.
-__global__ void __launch_bounds__(kBlock) lay_grids(const Point* points, const Index* ends, KeyGrid* grids) {
+__global__ void __launch_bounds__(kBlock) lay_grids(const Point* points, const CloudSpan* spans, KeyGrid* grids) {
   __shared__ Box boxes[kWarp];
-  const Index first = blockIdx.x == 0 ? 0 : ends[blockIdx.x - 1], end = ends[blockIdx.x];
+  const CloudSpan span = spans[blockIdx.x];
   Box box = nothing();
-  for (Index i = first + threadIdx.x; i < end; i += kBlock) {
+  for (Index i = span.first + threadIdx.x; i < span.end; i += kBlock) {
     const Point p = points[i];
     if (!is_valid(p)) continue;
     box.min = {fminf(box.min.x, p.x), fminf(box.min.y, p.y), fminf(box.min.z, p.z)};
@@ -61,17 +67,22 @@ __device__ unsigned step_of(float coordinate, float origin, float scale) {
   return static_cast<unsigned>(fminf(fmaxf((coordinate - origin) * scale, 0.0f), kSteps - 1));
 }
 
-// By cloud, then along the cloud's curve; invalid points behind all others of their cloud.
-__global__ void __launch_bounds__(kBlock) make_keys(const Point* points, const Index* ends, Index groups,
-                                                    const KeyGrid* grids, unsigned* keys, Index* order) {
-  __shared__ HilbertTable table;
+// By all threads of a block.
+__device__ void bring(HilbertTable& table) {
   constexpr int kParts = sizeof(HilbertTable) / sizeof(uint4);
   for (int i = threadIdx.x; i < kParts; i += kBlock)
     reinterpret_cast<uint4*>(&table)[i] = reinterpret_cast<const uint4*>(&kHilbertTable)[i];
   __syncthreads();
-  const Place place(ends, groups);
+}
+
+// By cloud, then along the cloud's curve; invalid points behind all others of their cloud.
+__global__ void __launch_bounds__(kBlock) make_keys(const Point* points, const CloudSpan* spans, Index groups,
+                                                    const KeyGrid* grids, unsigned* keys, Index* order) {
+  __shared__ HilbertTable table;
+  bring(table);
+  const Place place(spans, groups);
   if (!place.exists()) return;
-  const Point p = points[place.i];
+  const Point p = points[place.uploaded()];
   const KeyGrid grid = grids[place.cloud];
   unsigned key = kInvalidKey;
   if (is_valid(p)) {
@@ -80,24 +91,65 @@ __global__ void __launch_bounds__(kBlock) make_keys(const Point* points, const I
                                        step_of(p.z, grid.origin[2], grid.steps_per_unit));
     key = min(key, kInvalidKey - 1);
   }
-  keys[place.i] = place.cloud << (3 * kBits) | key;
-  order[place.i] = static_cast<Index>(place.i);
+  keys[place.compact()] = place.cloud << (3 * kBits) | key;
+  order[place.compact()] = static_cast<Index>(place.uploaded());
+}
+
+using CurveKey = std::uint64_t;
+constexpr int kCloudBit = kKeyBits<kCurveBits>;  // above the bits of a key
+
+// The key of each point along the curve of its cloud, its place, and its cloud.
+__global__ void __launch_bounds__(kBlock)
+    make_curve_keys(const Point* points, const CloudSpan* spans, Index groups, const CloudRules* rules, CurveKey* keys,
+                    Index* places, Index* clouds) {
+  __shared__ HilbertTable table;
+  bring(table);
+  const Place place(spans, groups);
+  if (!place.exists()) return;
+  const Point p = points[place.uploaded()];
+  CurveKey key = kInvalid<CurveKey, kCurveBits>;
+  if (is_valid(p)) key = curve_key<CurveKey>(table.entry, {p.x, p.y, p.z}, rules[place.cloud].cube);
+  keys[place.compact()] = key;
+  places[place.compact()] = static_cast<Index>(place.compact());
+  clouds[place.compact()] = place.cloud;
+}
+
+__global__ void __launch_bounds__(kBlock)
+    look_up_clouds(std::size_t count, const Index* places, const Index* clouds, Index* found, Index* order) {
+  const std::size_t n = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
+  if (n >= count) return;
+  found[n] = clouds[places[n]];
+  order[n] = static_cast<Index>(n);
+}
+
+// Keys and points by cloud. A cloud's keys get a bit that those of the clouds beside it have not, so that no cell of a
+// curve goes over into the next cloud.
+__global__ void __launch_bounds__(kBlock)
+    join_clouds(std::size_t count, const CloudSpan* spans, const Index* clouds, const Index* from, const CurveKey* keys,
+                const Index* places, CurveKey* keys_out, Index* order) {
+  const std::size_t n = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
+  if (n >= count) return;
+  const Index cloud = clouds[n];
+  const CurveKey key = keys[from[n]];
+  const bool valid = key != kInvalid<CurveKey, kCurveBits>;
+  keys_out[n] = valid ? key | CurveKey(1 + cloud % 2) << kCloudBit : key;
+  order[n] = spans[cloud].first + (places[from[n]] - spans[cloud].place);
 }
 
 __global__ void clear(CloudState* state) { *state = CloudState{}; }
 
 // Brings the points of a group into sorted order, and makes the boxes of its leaves and its own.
 __global__ void __launch_bounds__(kBlock)
-    gather(const Point* points, const Index* ends, Index groups, const Index* order, const __grid_constant__ Tree tree,
-           float4* sorted, CloudState* state) {
+    gather(const Point* points, const CloudSpan* spans, Index groups, const Index* order,
+           const __grid_constant__ Tree tree, const Planted to) {
   __shared__ Box boxes[kWarp];
   __shared__ unsigned valid_of[kWarp];
-  const Place place(ends, groups);
-  const Index original = place.exists() ? order[place.i] : point::kNoNeighbor;
+  const Place place(spans, groups);
+  const Index original = place.exists() ? order[place.compact()] : point::kNoNeighbor;
   Point p = place.exists() ? points[original] : Point{kInfinity, kInfinity, kInfinity};
   const bool valid = is_valid(p);
   if (!valid) p = {kInfinity, kInfinity, kInfinity};
-  sorted[std::size_t(blockIdx.x) * kBlock + threadIdx.x] = {p.x, p.y, p.z, __uint_as_float(original)};
+  to.sorted[std::size_t(blockIdx.x) * kBlock + threadIdx.x] = {p.x, p.y, p.z, __uint_as_float(original)};
   const Box box = warp_box({p.x, p.y, p.z}, valid);
   const unsigned warp = threadIdx.x / kWarp, found = __popc(__ballot_sync(kAllLanes, valid));
   if (lane_number() == 0) {
@@ -108,7 +160,10 @@ __global__ void __launch_bounds__(kBlock)
   __syncthreads();
   if (warp > 0) return;
   const unsigned all = warp_sum(valid_of[lane_number()]);
-  if (lane_number() == 0 && all > 0) atomicAdd(&state->valid, all);
+  if (lane_number() == 0 && all > 0) {
+    atomicAdd(&to.state->valid, all);
+    atomicAdd(&to.valid_of_clouds[place.cloud], all);
+  }
   if (tree.levels < 2) return;
   const Box mine = boxes[lane_number()];
   const Box above = {warp_box(mine.min, true).min, warp_box(mine.max, true).max};
@@ -117,40 +172,135 @@ __global__ void __launch_bounds__(kBlock)
   if (group == 0 && lane_number() >= groups) store_box(tree.group(1, place.cloud), lane_number(), nothing());
 }
 
+__global__ void __launch_bounds__(kBlock) find_shares(const __grid_constant__ Tree tree, float* share) {
+  const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;  // whole groups
+  const Vec corner = tree.rules_over(static_cast<Index>(at / kLeafSize))->corner;
+  share[at] = point::share_of_hash(point::position_hash(position_of(tree.points[at]), corner));
+}
+
+__global__ void __launch_bounds__(kBlock)
+    settle_points(const CloudSpan* spans, Index groups, const CloudRules* rules, const Moved moved) {
+  const Place place(spans, groups);
+  if (!place.exists()) return;
+  const std::size_t i = place.uploaded();
+  const Point before = moved.before[i], after = moved.faired[i];
+  Point result = after;
+  if (moved.holds_back) {
+    result = before;
+    if (is_valid(before)) {
+      const CloudRules& its = rules[place.cloud];
+      const Vec from = {before.x, before.y, before.z};
+      const point::Limits limits = point::limits_at(its.limits, point::node_value(its.noise_levels, from));
+      const Vec to = point::settled(from, {after.x, after.y, after.z}, limits.farthest, limits.outlier_distance).place;
+      result = {to.x, to.y, to.z};
+    }
+  }
+  moved.out[i] = result;
+}
+
+// Two places for keys and values, and sorting there.
+template <class Key>
+struct Pairs {
+  Pairs(Context& context, std::size_t count)
+      : keys{DeviceArray<Key>(context), DeviceArray<Key>(context)},
+        values{DeviceArray<Index>(context), DeviceArray<Index>(context)},
+        scratch(context) {
+    for (int i = 0; i < 2; ++i) {
+      keys[i].resize(count);
+      values[i].resize(count);
+    }
+  }
+  void sort(const Context& context, int bits) {
+    cub::DoubleBuffer<Key> key_buffer(keys[0].data(), keys[1].data());
+    cub::DoubleBuffer<Index> value_buffer(values[0].data(), values[1].data());
+    std::size_t bytes = 0;
+    for (const bool sizing : {true, false}) {
+      check(cub::DeviceRadixSort::SortPairs(sizing ? nullptr : scratch.data(), bytes, key_buffer, value_buffer,
+                                            static_cast<Index>(keys[0].size()), 0, bits, context.stream()),
+            "planting");
+      if (sizing) scratch.resize(bytes);
+    }
+    if (key_buffer.selector == 0) return;
+    keys[0].swap(keys[1]);
+    values[0].swap(values[1]);
+  }
+
+  DeviceArray<Key> keys[2];
+  DeviceArray<Index> values[2];  // [0] is sorted, [1] spare
+  DeviceArray<std::byte> scratch;
+};
+
+int cloud_bits(const Forest& forest) { return std::max(1, int(std::bit_width(forest.clouds - 1))); }
+
+// Indices in upload order, cloud after cloud.
+void order_fast(Context& context, const Point* points, const Forest& forest, DeviceArray<Index>& order) {
+  const cudaStream_t stream = context.stream();
+  const Index groups = static_cast<Index>(forest.groups_of_cloud());
+  DeviceArray<KeyGrid> grids(context);
+  grids.resize(forest.clouds);
+  Pairs<unsigned> pairs(context, forest.points);
+  lay_grids<<<forest.clouds, kBlock, 0, stream>>>(points, forest.spans, grids.data());
+  make_keys<<<forest.clouds * groups, kBlock, 0, stream>>>(points, forest.spans, groups, grids.data(),
+                                                           pairs.keys[0].data(), pairs.values[0].data());
+  check(cudaGetLastError(), "planting");
+  pairs.sort(context, 3 * kBits + (forest.clouds > 1 ? cloud_bits(forest) : 0));
+  order.swap(pairs.values[0]);
+}
+
+void order_along_curves(Context& context, const Point* points, const Forest& forest, CloudState* state,
+                        DeviceArray<Index>& order) {
+  const cudaStream_t stream = context.stream();
+  const std::size_t count = forest.points;
+  const Index groups = static_cast<Index>(forest.groups_of_cloud());
+  const unsigned blocks = blocks_for(count, kBlock);
+  Pairs<CurveKey> by_curve(context, count);
+  Pairs<Index> by_cloud(context, count);
+  order.resize(count);
+  make_curve_keys<<<forest.clouds * groups, kBlock, 0, stream>>>(
+      points, forest.spans, groups, forest.rules, by_curve.keys[0].data(), by_curve.values[0].data(), order.data());
+  check(cudaGetLastError(), "planting");
+  by_curve.sort(context, kCloudBit);
+  look_up_clouds<<<blocks, kBlock, 0, stream>>>(count, by_curve.values[0].data(), order.data(), by_cloud.keys[0].data(),
+                                                by_cloud.values[0].data());
+  check(cudaGetLastError(), "planting");
+  by_cloud.sort(context, cloud_bits(forest));
+  join_clouds<<<blocks, kBlock, 0, stream>>>(count, forest.spans, by_cloud.keys[0].data(), by_cloud.values[0].data(),
+                                             by_curve.keys[0].data(), by_curve.values[0].data(),
+                                             by_curve.keys[1].data(), order.data());
+  check(cudaGetLastError(), "planting");
+  order_cells(context, points, by_curve.keys[1].data(), count, order.data(), state, by_curve.values[1].data());
+}
+
 }  // namespace
 
-void plant(Context& context, const Point* points, const Forest& forest, const Tree& tree, float4* sorted,
-           CloudState* state) {
+void plant(Context& context, const Point* points, const Forest& forest, const Tree& tree, const Planted& to) {
   const cudaStream_t stream = context.stream();
-  clear<<<1, 1, 0, stream>>>(state);
+  clear<<<1, 1, 0, stream>>>(to.state);
   check(cudaGetLastError(), "planting");
   if (forest.clouds == 0) return;
+  check(cudaMemsetAsync(to.valid_of_clouds, 0, forest.clouds * sizeof(Index), stream), "planting");
   const Index groups = static_cast<Index>(forest.groups_of_cloud());
-  const unsigned blocks = static_cast<unsigned>(forest.clouds * groups);
-  DeviceArray<KeyGrid> grids(context);
-  DeviceArray<unsigned> keys[2] = {DeviceArray<unsigned>(context), DeviceArray<unsigned>(context)};
-  DeviceArray<Index> order[2] = {DeviceArray<Index>(context), DeviceArray<Index>(context)};
-  DeviceArray<std::byte> scratch(context);
-  grids.resize(forest.clouds);
-  for (int i = 0; i < 2; ++i) {
-    keys[i].resize(forest.points);
-    order[i].resize(forest.points);
+  DeviceArray<Index> order(context);
+  if (forest.rules == nullptr) {
+    order_fast(context, points, forest, order);
+  } else {
+    order_along_curves(context, points, forest, to.state, order);
   }
-  lay_grids<<<forest.clouds, kBlock, 0, stream>>>(points, forest.ends, grids.data());
-  make_keys<<<blocks, kBlock, 0, stream>>>(points, forest.ends, groups, grids.data(), keys[0].data(), order[0].data());
+  gather<<<forest.clouds * groups, kBlock, 0, stream>>>(points, forest.spans, groups, order.data(), tree, to);
   check(cudaGetLastError(), "planting");
-  cub::DoubleBuffer<unsigned> sorted_keys(keys[0].data(), keys[1].data());
-  cub::DoubleBuffer<Index> sorted_order(order[0].data(), order[1].data());
-  std::size_t bytes = 0;
-  for (const bool sizing : {true, false}) {
-    check(cub::DeviceRadixSort::SortPairs(sizing ? nullptr : scratch.data(), bytes, sorted_keys, sorted_order,
-                                          static_cast<Index>(forest.points), 0,
-                                          3 * kBits + std::bit_width(forest.clouds - 1), stream),
-          "planting");
-    if (sizing) scratch.resize(bytes);
-  }
-  gather<<<blocks, kBlock, 0, stream>>>(points, forest.ends, groups, sorted_order.Current(), tree, sorted, state);
-  check(cudaGetLastError(), "planting");
+}
+
+void hash_positions(Context& context, const Tree& tree, float* share) {
+  if (tree.leaves == 0) return;
+  find_shares<<<tree.leaves / kLeafSize, kBlock, 0, context.stream()>>>(tree, share);
+  check(cudaGetLastError(), "hashing positions");
+}
+
+void settle(Context& context, const Forest& forest, const Moved& moved) {
+  if (forest.clouds == 0) return;
+  const Index groups = static_cast<Index>(forest.groups_of_cloud());
+  settle_points<<<forest.clouds * groups, kBlock, 0, context.stream()>>>(forest.spans, groups, forest.rules, moved);
+  check(cudaGetLastError(), "holding back outliers");
 }
 
 }  // namespace pointfair::cuda

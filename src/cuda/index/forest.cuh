@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The index of many small clouds at once, none of which sees another: one tree (src/cuda/index/tree.cuh) in which every
 // cloud has as many leaves as the largest needs, and a root of its own. Leaves without points end at once.
-// Memory: as that of a cloud of `clouds` times the largest, rounded up to groups; 16 bytes a point while it is planted.
+// Memory: as that of a cloud of `clouds` times the largest, rounded up to groups; 16 bytes a point while it is planted,
+// 48 with rules.
 #pragma once
 
 #include "cuda/index/boxes.cuh"
@@ -11,19 +12,43 @@
 
 namespace pointfair::cuda {
 
+// A cloud of a forest: its points in upload order, and how many points the clouds before it have.
+struct CloudSpan {
+  Index first, end, place;
+};
+
 struct Forest {
-  const Index* ends;    // on the card: cloud i has the points ends[i - 1] to ends[i] in upload order
-  Index clouds;         // up to kMostClouds
-  std::size_t largest;  // points of a cloud, up to kLargestCloud
-  std::size_t points;   // of all
+  const CloudSpan* spans;   // on the card
+  const CloudRules* rules;  // on the card too; null: one rule for all, and the fastest order
+  Index clouds;             // up to kMostClouds
+  std::size_t largest;      // points of a cloud, up to kLargestCloud
+  std::size_t points;       // of its clouds,
+  std::size_t uploaded;     // and of all that were uploaded
 
   std::size_t groups_of_cloud() const { return blocks_for(largest, kGroupPoints); }
 };
 inline constexpr Index kMostClouds = 1 << 11;                           // that sort keys tell apart
 inline constexpr std::size_t kLargestCloud = kLeafSize * kGroupPoints;  // whose groups are the children of a root
 
-// Fills the tree and `state`, whose counts are those of all clouds together.
-void plant(Context& context, const Point* points, const Forest& forest, const Tree& tree, float4* sorted,
-           CloudState* state);
+// What plant() fills, beside the groups of the tree.
+struct Planted {
+  float4* sorted;
+  CloudState* state;       // whose counts are those of all clouds together
+  Index* valid_of_clouds;  // points
+};
+// With rules, clouds are along the curves of theirs.
+void plant(Context& context, const Point* points, const Forest& forest, const Tree& tree, const Planted& to);
+
+// The hash of each sorted position, relative to the corner of its cloud's rules.
+void hash_positions(Context& context, const Tree& tree, float* share);
+
+// What moved far goes back to where it was (src/point/outliers.h), by the rules of each cloud; without `holds_back`
+// points are as faired. All in upload order; `out` may be `faired`.
+struct Moved {
+  const Point *before, *faired;
+  Point* out;
+  bool holds_back;
+};
+void settle(Context& context, const Forest& forest, const Moved& moved);
 
 }  // namespace pointfair::cuda

@@ -7,6 +7,8 @@
 
 #include <cstdint>
 
+#include "point/curve.h"
+
 namespace pointfair::cuda {
 
 struct HilbertTable {
@@ -81,6 +83,18 @@ __device__ __forceinline__ Key hilbert_key(const std::uint16_t* entry, unsigned 
     state = found >> 6;
   }
   return key;
+}
+
+// Of the curve of src/point/curve.h.
+template <class Key>
+__device__ __forceinline__ Key curve_key(const std::uint16_t* entry, point::Vec3<float> p, point::CurveCube cube) {
+  const unsigned x = static_cast<unsigned>(point::curve_step(p.x, cube.x, cube.inverse_side)),
+                 y = static_cast<unsigned>(point::curve_step(p.y, cube.y, cube.inverse_side)),
+                 z = static_cast<unsigned>(point::curve_step(p.z, cube.z, cube.inverse_side));
+  constexpr int kDigit = point::kDigitBits;
+  constexpr unsigned kMask = (1u << kDigit) - 1;
+  const Key first = hilbert_key<Key, kDigit>(entry, x >> kDigit, y >> kDigit, z >> kDigit);
+  return first << (3 * kDigit) | hilbert_key<Key, kDigit>(entry, x & kMask, y & kMask, z & kMask);
 }
 
 }  // namespace pointfair::cuda

@@ -22,7 +22,12 @@ __global__ void __launch_bounds__(kHashBlock)
 }  // namespace
 
 DeviceIndex::DeviceIndex(Context& context)
-    : context_(context), state_(context), points_(context), share_(context), groups_(context) {}
+    : context_(context),
+      state_(context),
+      points_(context),
+      share_(context),
+      valid_of_clouds_(context),
+      groups_(context) {}
 
 Tree DeviceIndex::without_top() const {
   const Index leaves = static_cast<Index>(leaves_);
@@ -35,7 +40,9 @@ Tree DeviceIndex::without_top() const {
             {},
             share_.data(),
             leaves_of_cloud_,
-            groups_of_cloud_};
+            groups_of_cloud_,
+            valid_of_clouds_.data(),
+            rules_};
   std::copy_n(levels_.first_group, kMaxLevels, tree.first_group);
   return tree;
 }
@@ -54,6 +61,7 @@ void DeviceIndex::make_room(std::size_t count) {
   points_.resize(leaves_ * kLeafSize);
   share_.release();
   leaves_of_cloud_ = groups_of_cloud_ = 0;
+  rules_ = nullptr;
 }
 
 void DeviceIndex::lay_out_levels(int own_levels, std::size_t tops, std::size_t whole_top) {
@@ -93,7 +101,9 @@ void DeviceIndex::build(const Point* points, std::size_t count, const std::optio
 void DeviceIndex::build(const Point* points, const Forest& forest) {
   const std::size_t groups = std::size_t(forest.clouds) * forest.groups_of_cloud();
   make_room(groups * kGroupPoints);
-  count_ = forest.points;
+  count_ = forest.uploaded;
+  rules_ = forest.rules;
+  valid_of_clouds_.resize(std::max<std::size_t>(forest.clouds, 1));
   leaves_of_cloud_ = static_cast<Index>(forest.groups_of_cloud() * kLeafSize);
   groups_of_cloud_ = static_cast<Index>(forest.groups_of_cloud());
   levels_ = {};
@@ -101,7 +111,10 @@ void DeviceIndex::build(const Point* points, const Forest& forest) {
   levels_.first_group[1] = levels_.groups[0] = static_cast<Index>(groups);
   levels_.groups[1] = forest.clouds;
   groups_.resize(groups + (groups_of_cloud_ > 1 ? forest.clouds : 0));
-  plant(context_, points, forest, tree(), points_.data(), state_.data());
+  plant(context_, points, forest, tree(), {points_.data(), state_.data(), valid_of_clouds_.data()});
+  if (forest.rules == nullptr) return;
+  share_.resize(points_.size());
+  cuda::hash_positions(context_, tree(), share_.data());
 }
 
 void DeviceIndex::hash_positions(const Frame& frame) {

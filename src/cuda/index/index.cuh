@@ -31,7 +31,7 @@ class DeviceIndex {
   // `points` on the card, in upload order; `frame` as Backend::build_index. Only starts the work, so far as `arrival`,
   // if not null, allows.
   void build(const Point* points, std::size_t count, const std::optional<Frame>& frame, const Arrival* arrival);
-  // Of many clouds at once, without frames (src/cuda/index/forest.cuh).
+  // Of many clouds at once (src/cuda/index/forest.cuh).
   void build(const Point* points, const Forest& forest);
   Tree tree() const { return tree_with_top(whole_top_); }
 
@@ -60,7 +60,9 @@ class DeviceIndex {
   Index leaves_of_cloud_ = 0, groups_of_cloud_ = 0;  // of a forest
   DeviceArray<CloudState> state_;
   DeviceArray<float4> points_;
-  DeviceArray<float> share_;  // with a frame
+  DeviceArray<float> share_;            // with a frame, or rules
+  DeviceArray<Index> valid_of_clouds_;  // of a forest
+  const CloudRules* rules_ = nullptr;
   DeviceArray<BoxGroup> groups_;
   Levels levels_;
 };

@@ -156,13 +156,7 @@ constexpr Key kRefined = std::is_same_v<Key, CoarseKey> ? (Key(1) << kRefinedBit
 template <class Key, int kBits>
 __device__ __forceinline__ Key key_of(const std::uint16_t* table, Point p, const float (&origin)[3], float scale) {
   if constexpr (kBits == kCurveBits) {
-    const unsigned x = static_cast<unsigned>(point::curve_step(p.x, origin[0], scale)),
-                   y = static_cast<unsigned>(point::curve_step(p.y, origin[1], scale)),
-                   z = static_cast<unsigned>(point::curve_step(p.z, origin[2], scale));
-    constexpr int kDigit = point::kDigitBits;
-    constexpr unsigned kMask = (1u << kDigit) - 1;
-    const Key first = hilbert_key<Key, kDigit>(table, x >> kDigit, y >> kDigit, z >> kDigit);
-    return first << (3 * kDigit) | hilbert_key<Key, kDigit>(table, x & kMask, y & kMask, z & kMask);
+    return curve_key<Key>(table, {p.x, p.y, p.z}, {origin[0], origin[1], origin[2], scale});
   } else {
     constexpr Key kLast = (Key(1) << (3 * kBits)) - 1;
     constexpr float kLastStep = (1 << kBits) - 1;

@@ -6,13 +6,11 @@
 
 #include <cstddef>
 
+#include "cuda/index/cloud_rules.cuh"
 #include "cuda/runtime/warp.cuh"
 #include "point/neighbors.h"
 
 namespace pointfair::cuda {
-
-using point::Index;
-using Vec = point::Vec3<float>;
 
 inline constexpr int kLeafSize = kWarp;  // also the number of children of a node
 inline constexpr int kMaxLevels = 6;     // 32^6 leaves of 32 are more than an Index can count
@@ -69,11 +67,18 @@ struct Tree {
   // Of a forest (src/cuda/index/forest.cuh): every cloud has so many leaves, in so many groups, and a root of its own;
   // 0 of one cloud.
   Index leaves_of_cloud, groups_of_cloud;
+  const Index* valid_of_clouds;  // of a forest
+  const CloudRules* rules;       // of each cloud of a forest where stages differ from cloud to cloud, else null
 
   __device__ bool holds(std::size_t at) const { return is_present(points[at]); }  // a valid point
   __device__ BoxGroup& group(int level, Index number) const { return groups[first_group[level] + number]; }
   // The group of the highest level over a leaf.
   __device__ Index root_over(Index leaf) const { return leaves_of_cloud == 0 ? 0 : leaf / leaves_of_cloud; }
+  __device__ const CloudRules* rules_over(Index leaf) const {
+    return rules == nullptr ? nullptr : rules + root_over(leaf);
+  }
+  // Valid points of the cloud with that root.
+  __device__ Index valid_under(Index root) const { return leaves_of_cloud == 0 ? state->valid : valid_of_clouds[root]; }
   __device__ Index first_child(int level, Index group) const {
     return group * (level == 0 || groups_of_cloud == 0 ? kLeafSize : groups_of_cloud);
   }

@@ -147,7 +147,8 @@ void require_on_card(const void* data, std::size_t count, ScalarType type, int c
   if (card != of_context) refuse("on card " + std::to_string(card));
 }
 
-CallersPoints::CallersPoints(Context& context) : context_(context), own_(context), state_(context), chosen_(context) {}
+CallersPoints::CallersPoints(Context& context)
+    : context_(context), side_(context), own_(context), state_(context), chosen_(context) {}
 
 void CallersPoints::forget() {
   origin_ = {};
@@ -197,7 +198,8 @@ void CallersPoints::start_sample(const DevicePoints& from) {
 }
 
 void CallersPoints::fetch_sample(const DevicePoints& from) {
-  const cudaStream_t stream = context_.stream();
+  side_.fork();
+  const cudaStream_t stream = side_.stream();
   const std::size_t room = chosen_.size(), brought = std::min(room, from.count);
   const unsigned blocks =
       std::min(blocks_for(from.count, kBlock), static_cast<unsigned>(context_.processors() * kBlocks));

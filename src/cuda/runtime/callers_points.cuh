@@ -41,8 +41,9 @@ class CallersPoints {
   // ends[i - 1] to ends[i]. Waits.
   std::vector<std::uint8_t> surely_have_no_origin(const DevicePoints& from, const unsigned* ends, std::size_t clouds);
 
-  // Starts to draw a sample of positions, as files do (src/io/source.cpp).
+  // Starts to draw a sample of positions, as files do (src/io/source.cpp), beside what the context's stream gets next.
   void start_sample(const DevicePoints& from);
+  cudaEvent_t sampled() const { return sampled_.get(); }  // after the last look at the points
   // The sample; waits for nothing else.
   std::vector<Position> sample(const DevicePoints& from);
 
@@ -50,6 +51,7 @@ class CallersPoints {
   void fetch_sample(const DevicePoints& from);
 
   Context& context_;
+  SideStream side_;  // of the sample
   Position origin_{};
   ScalarType type_ = ScalarType::float32;
   DeviceArray<std::byte> own_;  // rows in their type; empty: the points themselves

@@ -27,6 +27,10 @@ __device__ Point point_of(const Tree& tree, Key key) {
   return {p.x, p.y, p.z};
 }
 
+__device__ Index root_of(const RowRequest& request, std::size_t n) {
+  return request.clouds == nullptr ? 0 : request.clouds[n];
+}
+
 __device__ void fill_row_by_block(const Tree& tree, const Point* points, const RowRequest& request, std::size_t n,
                                   Search::Memory& memory) {
   const Index query = request.queries[n];
@@ -36,7 +40,7 @@ __device__ void fill_row_by_block(const Tree& tree, const Point* points, const R
   const bool exists = is_valid(p);
   if (exists) {
     const Vec position = {p.x, p.y, p.z};
-    Search search(tree, memory, position, query, k);
+    Search search(tree, root_of(request, n), memory, position, query, k);
     if (request.known == nullptr) {
       search.run(search.guess());
     } else {
@@ -56,7 +60,8 @@ __device__ void fill_row_by_warp(const Tree& tree, const Point* points, const Ro
   const Point p = points[query];
   RegisterList list(tree.points);
   if (is_valid(p))
-    SingleSearch<RegisterList>(tree, walk, list, {p.x, p.y, p.z}, query, request.k, __int_as_float(0x7f800000)).run();
+    SingleSearch<RegisterList>(tree, walk, list, {p.x, p.y, p.z}, query, request.k, __int_as_float(0x7f800000))
+        .run(root_of(request, n));
   Point* const row = request.rows + n * (std::size_t(request.k) + 1);
   if (lane_number() == 0) row[0] = is_valid(p) ? p : no_point();
   list.for_each(request.k, [&](int place, Key key) { row[place + 1] = point_of(tree, key); });

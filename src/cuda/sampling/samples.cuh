@@ -16,6 +16,27 @@ struct SampleArrays {
   point::ResidualSample* residuals;  // of the queries for noise
 };
 
+// Of many clouds, all on the card: numbers of points in upload order, and the clouds of a forest that they are of.
+struct ManyQueries {
+  const Index *spacing, *clouds_of_spacing;
+  std::size_t for_spacing;
+  const Index *noise, *clouds_of_noise;
+  std::size_t for_noise;
+};
+// On the card, in the order of the queries.
+struct ManySamples {
+  point::SpacingSample* spacing;
+  point::NoiseSample* noise;
+  point::ResidualSample* residuals;
+  Point* heads;  // of each row for the noise, the first point::kHeadRow points
+};
+// Starts to fill the arrays, as fast as many samples can be taken. Noise samples of rows that are too short say so.
+void take_samples(Context& context, const Tree& tree, const Point* points, const ManyQueries& queries,
+                  const ManySamples& samples);
+// The noise at queries whose first rows were too short. Memory: 7 KB a query.
+void look_farther(Context& context, const Tree& tree, const Point* points, const Index* queries, const Index* clouds,
+                  std::size_t count, point::NoiseSample* noise);
+
 // Starts to fill the arrays. `points` in upload order.
 void take_samples(Context& context, const Tree& tree, const Point* points, const SampleArrays& samples);
 

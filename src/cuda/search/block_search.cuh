@@ -29,15 +29,16 @@ class BlockSearch {
     SingleWalk walk;
   };
 
-  // All threads of the block, as run(). `original` names the point that is not its own neighbour.
-  __device__ BlockSearch(const Tree& tree, Memory& memory, Vec position, Index original, int k)
-      : tree_(tree), memory_(memory), position_(position), original_(original), k_(k) {}
+  // All threads of the block, as run(). `original` names the point that is not its own neighbour; `root`: of its
+  // cloud.
+  __device__ BlockSearch(const Tree& tree, Index root, Memory& memory, Vec position, Index original, int k)
+      : tree_(tree), root_(root), memory_(memory), position_(position), original_(original), k_(k) {}
 
   // For run(), by a leaf near by.
   __device__ float guess() const {
-    Index node = 0;
+    Index node = root_;
     for (int level = tree_.levels - 1; level >= 0; --level)
-      node = node * kLeafSize + nearest_child(tree_.group(level, node));
+      node = tree_.first_child(level, node) + nearest_child(tree_.group(level, node));
     const Key key = key_of_lane(node);
     RegisterList list(tree_.points);
     list.offer(key != kNoKey, key);
@@ -53,7 +54,7 @@ class BlockSearch {
   // `squared`: of a radius that may hold a few more than k. Afterwards memory.keys holds k, sorted, kNoKey at the end.
   __device__ void run(float squared) {
     constexpr int kTries = 12;
-    const Index wanted = min(static_cast<Index>(k_), tree_.state->valid - 1);
+    const Index wanted = min(static_cast<Index>(k_), tree_.valid_under(root_) - 1);
     float low = 0, high = 0;
     for (int n = 0; n < kTries; ++n) {
       const Index count = collect(squared);
@@ -106,14 +107,15 @@ class BlockSearch {
   __device__ Index collect(float squared) {
     __syncthreads();
     if (threadIdx.x <= kMaxLevels) memory_.counts[threadIdx.x] = 0;
-    if (threadIdx.x == 0) memory_.nodes[0][0] = 0;
+    if (threadIdx.x == 0) memory_.nodes[0][0] = root_;
     __syncthreads();
     int nodes = 1, turn = 0;
     for (int level = tree_.levels - 1; level >= 0; --level, turn ^= 1) {
       for (Index n = warp_number(); n < nodes; n += kWarps) {
         const Index node = memory_.nodes[turn][n];
         const bool near = gap_of_lane(tree_.group(level, node)) <= squared;
-        append<kNodes>(near, node * kLeafSize + lane_number(), memory_.nodes[turn ^ 1], memory_.counts[level + 1]);
+        append<kNodes>(near, tree_.first_child(level, node) + lane_number(), memory_.nodes[turn ^ 1],
+                       memory_.counts[level + 1]);
       }
       __syncthreads();
       nodes = memory_.counts[level + 1];
@@ -218,12 +220,14 @@ class BlockSearch {
     __syncthreads();
     if (warp_number() == 0) {
       SharedList list(tree_.points, memory_.list, SharedList::size_for(k_));
-      SingleSearch<SharedList>(tree_, memory_.walk, list, position_, original_, k_, __int_as_float(0x7f800000)).run();
+      SingleSearch<SharedList>(tree_, memory_.walk, list, position_, original_, k_, __int_as_float(0x7f800000))
+          .run(root_);
     }
     __syncthreads();
   }
 
   const Tree& tree_;
+  Index root_;
   Memory& memory_;
   Vec position_;
   Index original_;

@@ -16,7 +16,7 @@ __global__ void __launch_bounds__(kBlock)
     const Point before = points.before[i], after = points.after[i];
     if (point::is_indexable(before.x, before.y, before.z)) {
       const point::Vec3<float> from = {before.x, before.y, before.z};
-      const point::Limits limits = point::limits_at(points.limits, point::noise_level(points.field, from));
+      const point::Limits limits = point::limits_at(points.limits, point::node_value(points.field, from));
       const point::Settled settled =
           point::settled(from, {after.x, after.y, after.z}, limits.farthest, limits.outlier_distance);
       out[i] = {settled.place.x, settled.place.y, settled.place.z};

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "cuda/runtime/memory.cuh"
-#include "point/noise_field.h"
+#include "point/node_field.h"
 #include "point/outliers.h"
 #include "pointfair/cloud.hpp"
 
@@ -13,7 +13,7 @@ struct HeldBack {
   const Point *before, *after;  // in upload order
   std::size_t count;
   point::LimitRule limits;
-  point::NoiseField field;  // nodes on the card
+  point::NodeField field;  // nodes on the card
 };
 
 struct OutlierTotals {

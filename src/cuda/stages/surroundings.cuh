@@ -74,9 +74,9 @@ class WalkedRadius {
     const float own = active ? radii.squared_radius[at] : -1.0f;
     squared_radius_ = active && radii.squared_growth != nullptr ? own * radii.squared_growth[at] : own;
     farthest_ = unordered(warp_max(ordered(squared_radius_)));
-    if (radii.min_neighbors > 0)
-      share_ =
-          active ? point::kept_share(radii, squared_level_at(radii.squared_level, at), own, squared_radius_) : 0.0f;
+    const point::Radii its = radii_of(tree.rules_over(at / kLeafSize), radii);
+    if (its.min_neighbors > 0)
+      share_ = active ? point::kept_share(its, squared_level_at(its.squared_level, at), own, squared_radius_) : 0.0f;
     is_thinned_ = __any_sync(kAllLanes, active && share_ < 1);
   }
 
@@ -227,19 +227,26 @@ class CollectedRadius {
   float squared_radius_;
 };
 
-// Calls launch(way) with the way to the neighbours that `surroundings` have, by its type.
+// Calls launch(way) with the way to the neighbours that `surroundings` have, by its type; for_radius() where they are
+// no lists.
 template <class Way>
 struct By {
   using Neighbors = Way;
 };
 template <class Launch>
-void for_way(const Surroundings& surroundings, Launch launch) {
-  if (surroundings.lists.k > 0) {
-    launch(By<Listed>{});
-  } else if (surroundings.collected.parts != nullptr) {
+void for_radius(const Surroundings& surroundings, Launch launch) {
+  if (surroundings.collected.parts != nullptr) {
     launch(By<CollectedRadius>{});
   } else {
     launch(By<WalkedRadius>{});
+  }
+}
+template <class Launch>
+void for_way(const Surroundings& surroundings, Launch launch) {
+  if (surroundings.lists.k > 0) {
+    launch(By<Listed>{});
+  } else {
+    for_radius(surroundings, launch);
   }
 }
 

@@ -9,26 +9,32 @@ namespace {
 constexpr int kBlock = 128;
 constexpr int kWarps = kBlock / kWarp;
 
-__global__ void __launch_bounds__(kBlock)
-    radii(const __grid_constant__ Tree tree, Lists nearest, point::Radii radii, float* squared_radius) {
+__global__ void __launch_bounds__(kBlock) radii(const __grid_constant__ Tree tree, Lists nearest, point::Radii radii,
+                                                point::NodeField reach_levels, float* squared_radius) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   const Vec here = position_of(tree.points[at]);
-  float farthest = 0;
-  for (int i = nearest.k - 1; i >= 0; --i) {
-    const Index neighbor = nearest.of(at)[i * kWarp];
-    if (neighbor == point::kNoNeighbor) continue;
-    farthest = point::squared_length(position_of(tree.points[neighbor]) - here);
-    break;
-  }
-  squared_radius[at] = farthest + squared_level_at(radii.squared_level, at) * radii.squared_base;
+  const auto farthest_of = [&](int count) {
+    for (int i = count - 1; i >= 0; --i) {
+      const Index neighbor = nearest.of(at)[i * kWarp];
+      if (neighbor != point::kNoNeighbor) return point::squared_length(position_of(tree.points[neighbor]) - here);
+    }
+    return 0.0f;
+  };
+  const CloudRules* const rules = tree.rules_over(static_cast<Index>(at / kLeafSize));
+  const point::Radii its = radii_of(rules, radii);
+  const float reach_level = point::node_value(rules == nullptr ? reach_levels : rules->reach_levels, here);
+  const int all = its.min_neighbors, least = all < point::kLeastReached ? all : point::kLeastReached;
+  squared_radius[at] = point::squared_radius(farthest_of(all), farthest_of(least), reach_level * reach_level,
+                                             squared_level_at(its.squared_level, at) * its.squared_base);
 }
 
 __global__ void __launch_bounds__(kBlock)
-    levels(const __grid_constant__ Tree tree, point::NoiseField field, float* squared_level) {
+    levels(const __grid_constant__ Tree tree, point::NodeField field, float* squared_level) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
-  const float level = point::noise_level(field, position_of(tree.points[at]));
+  const CloudRules* const rules = tree.rules_over(static_cast<Index>(at / kLeafSize));
+  const float level = point::node_value(rules == nullptr ? field : rules->noise_levels, position_of(tree.points[at]));
   squared_level[at] = level * level;
 }
 
@@ -41,6 +47,7 @@ __global__ void __launch_bounds__(kBlock)
   __shared__ typename Neighbors::Shared shared[kWarps];
   const bool valid = tree.holds(at);
   const Neighbors neighbors(tree, surroundings, Index(at), valid, shared[threadIdx.x / kWarp]);
+  if (const CloudRules* const its = tree.rules_over(Index(at / kLeafSize)); its != nullptr) rule = its->normal;
   const auto normal = point::normal_of(neighbors, point::weights_of(rule, neighbors.squared_radius()));
   normals.set(at, valid ? normal.unit : Vec{});
   count_unmoved(state, valid, normal);
@@ -54,6 +61,11 @@ __global__ void __launch_bounds__(kBlock)
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   __shared__ typename Neighbors::Shared shared[kWarps];
   const Neighbors neighbors(tree, surroundings, Index(at), tree.holds(at), shared[threadIdx.x / kWarp]);
+  if (const CloudRules* const its = tree.rules_over(Index(at / kLeafSize)); its != nullptr) {
+    rule = its->normal;
+    inverse_turn = its->inverse_turn;
+    growth.most = its->most_growth;
+  }
   const auto filtered =
       point::filtered_normal_of<kGrows>(neighbors, rule, inverse_turn, from.at(at), from, growth.most);
   if constexpr (kGrows) growth.squared_growth[at] = filtered.squared_growth;
@@ -62,10 +74,24 @@ __global__ void __launch_bounds__(kBlock)
 
 enum class Leaves { all, grown, others };  // where the radius of a point grows, and where none does
 
-template <class Neighbors, bool kSeeksOutliers, bool kShares, bool kSees>
+// What fairing reads of a point's cloud.
+struct OfAll {
+  point::FairingRule rule;
+  __device__ __forceinline__ const point::FairingRule& of(const Tree&, Index) const { return rule; }
+};
+struct OfItsCloud {
+  float noise_left;  // of this iteration
+  __device__ __forceinline__ point::FairingRule of(const Tree& tree, Index leaf) const {
+    point::FairingRule rule = tree.rules_over(leaf)->fairing;
+    rule.noise_left = noise_left;
+    return rule;
+  }
+};
+
+template <class Neighbors, bool kSeeksOutliers, bool kShares, bool kSees, class Rules>
 __global__ void __launch_bounds__(kBlock)
     wide_fairing(const __grid_constant__ Tree tree, const __grid_constant__ Surroundings surroundings, Leaves leaves,
-                 Normals normals, AreaWeights areas, point::FairingRule rule, point::Sensors sensors,
+                 Normals normals, AreaWeights areas, const Rules rules, point::Sensors sensors,
                  const float* squared_level, FairedPoints faired) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
@@ -77,6 +103,7 @@ __global__ void __launch_bounds__(kBlock)
   }
   const Neighbors neighbors(tree, surroundings, Index(at), valid, shared[threadIdx.x / kWarp]);
   const float4 p = tree.points[at];
+  const auto& rule = rules.of(tree, Index(at / kLeafSize));
   point::OwnPlace<float> own{squared_level_at(squared_level, at), position_of(p), normals.at(at), {}};
   if constexpr (kSees) own.to_sensor = to_sensor(sensors, p, valid);
   const Vec moved = point::faired_point<kSeeksOutliers, kShares, kSees>(neighbors, rule, own, normals, areas,
@@ -97,6 +124,37 @@ __global__ void __launch_bounds__(kBlock)
   least[at] = survey.least;
 }
 
+template <class Neighbors, bool kSees, class Rules>
+auto fairing_of(const point::FairingRule& rule) {
+  const bool shares = rule.noise_variance > 0;
+  return rule.squared_outlier_distance > 0 ? (shares ? wide_fairing<Neighbors, true, true, kSees, Rules>
+                                                     : wide_fairing<Neighbors, true, false, kSees, Rules>)
+                                           : (shares ? wide_fairing<Neighbors, false, true, kSees, Rules>
+                                                     : wide_fairing<Neighbors, false, false, kSees, Rules>);
+}
+
+template <class Rules>
+void launch_fairing(Context& context, const Tree& tree, const Surroundings& surroundings, Normals normals,
+                    AreaWeights areas, const point::FairingRule& rule, const Rules& rules,
+                    const point::Sensors& sensors, const float* squared_level, const FairedPoints& faired) {
+  const auto launch = [&]<class Neighbors>(By<Neighbors>, Leaves leaves) {
+    auto fair_points = fairing_of<Neighbors, false, Rules>(rule);
+    if constexpr (std::is_same_v<Rules, OfAll>)  // of many clouds no sensor is known
+      if (rule.sees()) fair_points = fairing_of<Neighbors, true, Rules>(rule);
+    fair_points<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(
+        tree, surroundings, leaves, normals, areas, rules, sensors, squared_level, faired);
+  };
+  if (surroundings.collected.parts != nullptr && surroundings.radii.squared_growth != nullptr) {
+    launch(By<CollectedRadius>{}, Leaves::others);
+    launch(By<WalkedRadius>{}, Leaves::grown);
+  } else if constexpr (std::is_same_v<Rules, OfItsCloud>) {
+    for_radius(surroundings, [&](auto way) { launch(way, Leaves::all); });
+  } else {
+    for_way(surroundings, [&](auto way) { launch(way, Leaves::all); });
+  }
+  check(cudaGetLastError(), "fairing");
+}
+
 }  // namespace
 
 void survey(Context& context, const Tree& tree, Surroundings surroundings, const float* values, float* counts,
@@ -108,13 +166,15 @@ void survey(Context& context, const Tree& tree, Surroundings surroundings, const
   check(cudaGetLastError(), "looking at neighbourhoods");
 }
 
-void measure_levels(Context& context, const Tree& tree, point::NoiseField field, float* squared_level) {
+void measure_levels(Context& context, const Tree& tree, point::NodeField field, float* squared_level) {
   levels<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, field, squared_level);
   check(cudaGetLastError(), "measuring levels of noise");
 }
 
-void measure_radii(Context& context, const Tree& tree, Lists nearest, const point::Radii& of, float* squared_radius) {
-  radii<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, nearest, of, squared_radius);
+void measure_radii(Context& context, const Tree& tree, Lists nearest, const point::Radii& of,
+                   point::NodeField reach_levels, float* squared_radius) {
+  radii<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, nearest, of, reach_levels,
+                                                                          squared_radius);
   check(cudaGetLastError(), "measuring radii");
 }
 
@@ -138,33 +198,15 @@ void filter_normals(Context& context, const Tree& tree, Surroundings surrounding
   check(cudaGetLastError(), "filtering normals");
 }
 
-namespace {
-
-template <class Neighbors, bool kSees>
-auto fairing_of(const point::FairingRule& rule) {
-  const bool shares = rule.noise_variance > 0;
-  return rule.squared_outlier_distance > 0
-             ? (shares ? wide_fairing<Neighbors, true, true, kSees> : wide_fairing<Neighbors, true, false, kSees>)
-             : (shares ? wide_fairing<Neighbors, false, true, kSees> : wide_fairing<Neighbors, false, false, kSees>);
-}
-
-}  // namespace
-
 void fair_widely(Context& context, const Tree& tree, Surroundings surroundings, Normals normals, AreaWeights areas,
                  const point::FairingRule& rule, const point::Sensors& sensors, const float* squared_level,
                  FairedPoints faired) {
-  const auto launch = [&]<class Neighbors>(By<Neighbors>, Leaves leaves) {
-    const auto fair_points = rule.sees() ? fairing_of<Neighbors, true>(rule) : fairing_of<Neighbors, false>(rule);
-    fair_points<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(
-        tree, surroundings, leaves, normals, areas, rule, sensors, squared_level, faired);
-  };
-  if (surroundings.collected.parts != nullptr && surroundings.radii.squared_growth != nullptr) {
-    launch(By<CollectedRadius>{}, Leaves::others);
-    launch(By<WalkedRadius>{}, Leaves::grown);
+  if (tree.rules != nullptr) {
+    launch_fairing(context, tree, surroundings, normals, areas, rule, OfItsCloud{rule.noise_left}, sensors,
+                   squared_level, faired);
   } else {
-    for_way(surroundings, [&](auto way) { launch(way, Leaves::all); });
+    launch_fairing(context, tree, surroundings, normals, areas, rule, OfAll{rule}, sensors, squared_level, faired);
   }
-  check(cudaGetLastError(), "fairing");
   bring_into_order(context, faired);
 }
 

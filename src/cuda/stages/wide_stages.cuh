@@ -4,15 +4,19 @@
 #pragma once
 
 #include "cuda/stages/surroundings.cuh"
+#include "point/node_field.h"
 
 namespace pointfair::cuda {
 
-// Squares of the field's levels, of each sorted point.
-void measure_levels(Context& context, const Tree& tree, point::NoiseField field, float* squared_level);
+// Here and below, where the tree has rules of its clouds, they go before the arguments.
 
-// R_i^2 from lists of the `min_neighbors` nearest, or as many as there are; lists.k is 0 for none. What else it is made
+// Squares of the field's levels, of each sorted point.
+void measure_levels(Context& context, const Tree& tree, point::NodeField field, float* squared_level);
+
+// R_i^2 from lists of the `min_neighbors` nearest, or more, or as many as there are; lists.k is 0 for none. What else it is made
 // of is in `of`.
-void measure_radii(Context& context, const Tree& tree, Lists nearest, const point::Radii& of, float* squared_radius);
+void measure_radii(Context& context, const Tree& tree, Lists nearest, const point::Radii& of,
+                   point::NodeField reach_levels, float* squared_radius);
 
 // Adds to state->too_few_neighbors and state->no_normal.
 void estimate_wide_normals(Context& context, const Tree& tree, CloudState* state, Surroundings surroundings,

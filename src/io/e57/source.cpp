@@ -149,24 +149,21 @@ void E57Source::positions(std::size_t block, std::span<Position> out) const {
   read_positions(scans_[blocks_[block].scan], blocks_[block].first, out);
 }
 
-void E57Source::extract(std::size_t index, std::span<char> out) const {
+void E57Source::extract_block(std::size_t index, std::size_t number, std::span<char> out) const {
   const Column& column = columns_[index];
   const std::size_t size = size_of(column.type);
-  for_each_block(block_count(), [&](std::size_t b) {
-    const Block& block = blocks_[b];
-    const ScanPoints& scan = scans_[block.scan];
-    char* const to = out.data() + static_cast<std::size_t>(begin_of(b)) * size;
-    // What a scan does not have is not a number, or 0.
-    std::vector<double> values(static_cast<std::size_t>(block.count), std::numeric_limits<double>::quiet_NaN());
-    const auto field =
-        std::find_if(scan.fields.begin(), scan.fields.end(), [&](const Field& f) { return f.name == column.name; });
-    if (field != scan.fields.end()) {
-      read_values(bytes(), scan, static_cast<std::size_t>(field - scan.fields.begin()), block.first, values);
-    } else if (column.name == kScanColumn) {
-      std::fill(values.begin(), values.end(), static_cast<double>(block.scan));
-    }
-    for (std::size_t i = 0; i < values.size(); ++i) store_double(to + i * size, column.type, false, values[i]);
-  });
+  const Block& block = blocks_[number];
+  const ScanPoints& scan = scans_[block.scan];
+  // What a scan does not have is not a number, or 0.
+  std::vector<double> values(static_cast<std::size_t>(block.count), std::numeric_limits<double>::quiet_NaN());
+  const auto field =
+      std::find_if(scan.fields.begin(), scan.fields.end(), [&](const Field& f) { return f.name == column.name; });
+  if (field != scan.fields.end()) {
+    read_values(bytes(), scan, static_cast<std::size_t>(field - scan.fields.begin()), block.first, values);
+  } else if (column.name == kScanColumn) {
+    std::fill(values.begin(), values.end(), static_cast<double>(block.scan));
+  }
+  for (std::size_t i = 0; i < values.size(); ++i) store_double(out.data() + i * size, column.type, false, values[i]);
 }
 
 std::optional<Position> E57Source::sensor(std::size_t block) const {

@@ -42,7 +42,7 @@ class E57Source : public Source {
   void positions(std::size_t block, std::span<Position> out) const override;
   ScalarType coordinate_type() const override { return ScalarType::float64; }
   std::vector<Column> columns() const override { return columns_; }
-  void extract(std::size_t index, std::span<char> out) const override;
+  void extract_block(std::size_t index, std::size_t block, std::span<char> out) const override;
   void write(const Edits& edits, Encoding encoding, Output& out) const override;
   std::vector<std::string> losses(Format to) const override;
   std::optional<Position> sensor(std::size_t block) const override;

@@ -30,15 +30,11 @@ void LasSource::positions(std::size_t block, std::span<Position> out) const {
   }
 }
 
-void LasSource::extract(std::size_t index, std::span<char> out) const {
+void LasSource::extract_block(std::size_t index, std::size_t block, std::span<char> out) const {
   const Field& field = fields_[index];
-  const std::size_t size = column_bytes(field);
-  for_each_block(block_count(), [&](std::size_t block) {
-    std::string buffer;
-    const std::string_view records = store_->records(block, field.layer, buffer);
-    extract_field(field, records.data(), layout_.header.record_length, block_size(block),
-                  out.data() + static_cast<std::size_t>(block_begin(block)) * size);
-  });
+  std::string buffer;
+  const std::string_view records = store_->records(block, field.layer, buffer);
+  extract_field(field, records.data(), layout_.header.record_length, block_size(block), out.data());
 }
 
 std::vector<std::string> LasSource::losses(Format to) const {

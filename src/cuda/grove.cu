@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <limits>
+
+#include "cuda/grove.cuh"
+#include "seam/noise_levels.hpp"
+#include "seam/rules.hpp"
+
+namespace pointfair::cuda {
+namespace {
+
+constexpr std::size_t kNodes = std::size_t(point::kFieldNodes) * point::kFieldNodes * point::kFieldNodes;
+constexpr std::size_t kNodesOfCloud = 2 * kNodes;
+
+Vec vec(const Point& p) { return {p.x, p.y, p.z}; }
+
+// As a chain has them for one cloud (chain.cu). `nodes`: of the noise, then of the reach.
+CloudRules rules_of(const ManyClouds::OfCloud& its, const float* nodes) {
+  constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  CloudRules rules{};
+  rules.cube = point::curve_cube(vec(its.frame.reference), its.frame.side);
+  rules.corner = vec(its.frame.corner);
+  rules.squared_base = squared_base(its.neighbors.radius);
+  rules.min_neighbors = its.neighbors.min_neighbors;
+  rules.noise_levels = field_of(its.neighbors.levels.get());
+  if (its.neighbors.levels) rules.noise_levels.values = nodes;
+  rules.reach_levels = field_of(its.neighbors.reach_levels.get());
+  if (its.neighbors.reach_levels) rules.reach_levels.values = nodes + kNodes;
+  rules.normal = normal_rule(its.normals);
+  rules.inverse_turn = point::inverse_turn(its.normals.crease_angle);
+  rules.most_growth = its.normals.flat_scale * its.normals.flat_scale;
+  rules.fairing = fairing_rule(its.fairing, false);
+  rules.limits = limit_rule(its.limits.farthest > 0 ? its.limits : DisplacementLimits{kInfinity, kInfinity});
+  return rules;
+}
+
+Forest forest_of(const std::vector<CloudSpan>& spans, std::size_t uploaded) {
+  Forest forest{nullptr, nullptr, static_cast<Index>(spans.size()), 0, 0, uploaded};
+  for (const CloudSpan& span : spans) {
+    forest.largest = std::max<std::size_t>(forest.largest, span.end - span.first);
+    forest.points += span.end - span.first;
+  }
+  return forest;
+}
+
+}  // namespace
+
+void Grove::upload(const std::vector<CloudSpan>& spans) {
+  spans_.resize(spans.size());
+  if (spans.empty()) return;
+  check(cudaMemcpyAsync(spans_.data(), spans.data(), spans.size() * sizeof(CloudSpan), cudaMemcpyHostToDevice,
+                        context_.stream()),
+        "uploading clouds");
+}
+
+Forest Grove::plan(std::span<const CloudSpan> clouds, std::size_t uploaded) {
+  const std::vector<CloudSpan> spans(clouds.begin(), clouds.end());
+  upload(spans);
+  Forest forest = forest_of(spans, uploaded);
+  forest.spans = spans_.data();
+  return forest;
+}
+
+Forest Grove::plan(std::span<const CloudSpan> clouds, std::span<const Index> which,
+                   std::span<const ManyClouds::OfCloud> settings, std::size_t uploaded, const ForEach& for_each) {
+  std::vector<CloudSpan> spans;
+  std::vector<CloudRules> rules;
+  Index place = 0;
+  for (const Index cloud : which) {
+    spans.push_back({clouds[cloud].first, clouds[cloud].end, place});
+    place += clouds[cloud].end - clouds[cloud].first;
+  }
+  upload(spans);
+  nodes_.resize(which.size() * kNodesOfCloud);
+  pinned_nodes_.resize(which.size() * kNodesOfCloud);
+  for (std::size_t n = 0; n < which.size(); ++n)
+    rules.push_back(rules_of(settings[n], nodes_.data() + n * kNodesOfCloud));
+  for_each(which.size(), [&](std::size_t n) {
+    float* const to = pinned_nodes_.get() + n * kNodesOfCloud;
+    const auto copy = [](const NodeLevels* levels, float* to) {
+      if (levels != nullptr) std::copy(levels->levels.begin(), levels->levels.end(), to);
+    };
+    copy(settings[n].neighbors.levels.get(), to);
+    copy(settings[n].neighbors.reach_levels.get(), to + kNodes);
+  });
+  rules_.resize(rules.size());
+  check(cudaMemcpyAsync(rules_.data(), rules.data(), rules.size() * sizeof(CloudRules), cudaMemcpyHostToDevice,
+                        context_.stream()),
+        "uploading rules");
+  check(cudaMemcpyAsync(nodes_.data(), pinned_nodes_.get(), which.size() * kNodesOfCloud * sizeof(float),
+                        cudaMemcpyHostToDevice, context_.stream()),
+        "uploading levels");
+  Forest forest = forest_of(spans, uploaded);
+  forest.spans = spans_.data();
+  forest.rules = rules_.data();
+  return forest;
+}
+
+}  // namespace pointfair::cuda

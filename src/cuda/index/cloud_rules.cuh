@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+// What is fixed by a cloud of a forest (src/cuda/index/forest.cuh), where clouds differ in it: its curve and what its
+// stages read.
+#pragma once
+
+#include "point/curve.h"
+#include "point/neighborhoods.h"
+#include "point/node_field.h"
+#include "point/outliers.h"
+#include "point/stages.h"
+
+namespace pointfair::cuda {
+
+using point::Index;
+using Vec = point::Vec3<float>;
+
+struct CloudRules {
+  point::CurveCube cube;
+  Vec corner;  // positions are hashed relative to it
+  float squared_base;
+  int min_neighbors;
+  point::NodeField noise_levels, reach_levels;  // nodes on the card
+  point::NormalRule normal;
+  float inverse_turn, most_growth;  // of filtered normals
+  point::FairingRule fairing;       // of the first iteration
+  point::LimitRule limits;
+};
+
+// `common`, as the cloud has it where there are such rules.
+POINTFAIR_INLINE point::Radii radii_of(const CloudRules* rules, point::Radii common) {
+  if (rules == nullptr) return common;
+  common.squared_base = rules->squared_base;
+  common.min_neighbors = rules->min_neighbors;
+  return common;
+}
+
+}  // namespace pointfair::cuda

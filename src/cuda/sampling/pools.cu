@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cuda/sampling/pools.cuh"
+#include "point/sample.h"
+
+namespace pointfair::cuda {
+namespace {
+
+constexpr int kBlock = 256;
+constexpr int kPool = point::kPool;
+
+// A block to each cloud, a thread to each sample, which looks at all others.
+__global__ void __launch_bounds__(kBlock) fill_pools(const Poolable samples, Index* pools) {
+  __shared__ Point places[kMostPooled];
+  const Index first = blockIdx.x == 0 ? 0 : samples.ends[blockIdx.x - 1], count = samples.ends[blockIdx.x] - first;
+  constexpr float kInfinity = __builtin_inff();
+  for (Index i = threadIdx.x; i < count; i += kBlock)  // one that shows no noise is nowhere near
+    places[i] = samples.shows[first + i] != 0 ? samples.places[(first + i) * point::kHeadRow] : Point{kInfinity, 0, 0};
+  __syncthreads();
+  for (Index i = threadIdx.x; i < count; i += kBlock) {
+    const Point from = places[i];
+    if (!(from.x < kInfinity)) continue;
+    double squared[kPool];
+    Index nearest[kPool];
+#pragma unroll
+    for (int n = 0; n < kPool; ++n) {
+      squared[n] = __longlong_as_double(0x7ff0000000000000ll);
+      nearest[n] = 0;
+    }
+    for (Index j = 0; j < count; ++j) {
+      const Point to = places[j];
+      const double x = double(from.x) - to.x, y = double(from.y) - to.y, z = double(from.z) - to.z;
+      const double its = x * x + y * y + z * z;
+      if (!(its < squared[kPool - 1])) continue;
+#pragma unroll
+      for (int n = kPool - 1; n >= 0; --n) {  // behind those as near, whose numbers are less
+        const bool moves = n > 0 && its < squared[n - 1];
+        if (its < squared[n]) {
+          squared[n] = moves ? squared[n > 0 ? n - 1 : 0] : its;
+          nearest[n] = moves ? nearest[n > 0 ? n - 1 : 0] : j;
+        }
+      }
+    }
+#pragma unroll
+    for (int n = 0; n < kPool; ++n) pools[std::size_t(first + i) * kPool + n] = nearest[n];
+  }
+}
+
+}  // namespace
+
+void find_pools(Context& context, const Poolable& samples, Index* pools) {
+  if (samples.clouds == 0) return;
+  fill_pools<<<static_cast<unsigned>(samples.clouds), kBlock, 0, context.stream()>>>(samples, pools);
+  check(cudaGetLastError(), "pooling samples");
+}
+
+}  // namespace pointfair::cuda

@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "estimate/reach_levels.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "estimate/node_grid.hpp"
+#include "estimate/share_between.hpp"
+#include "point/noise_field.h"
+
+namespace pointfair {
+namespace {
+
+using namespace constants;
+
+using Risks = std::array<double, point::kPlaneSizes>;  // over the sizes of neighbourhoods
+
+// Of the noise's variance, what a step over so many points leaves: w of its share w (Eq. 22) becomes 1 / k, the rest
+// stays. Where there is no plane all stays.
+Risks risks_of(const point::PlaneSample& planes, double noise_variance) {
+  Risks risks;
+  for (int size = 0; size < point::kPlaneSizes; ++size) {
+    const double k = point::plane_points(size), variance = planes.variance[size];
+    const double shape = std::max(0.0, variance / noise_variance - 1 - double(point::kChance));
+    const double damage = kDamage * shape;
+    risks[std::size_t(size)] = variance < 0 ? 1 : (damage + 1 / k) / (1 + damage);
+  }
+  return risks;
+}
+
+Risks mean_of(std::span<const std::uint32_t> pool, const std::vector<Risks>& risks) {
+  Risks mean{};
+  for (const std::uint32_t i : pool)
+    for (std::size_t size = 0; size < mean.size(); ++size) mean[size] += risks[i][size] / double(pool.size());
+  return mean;
+}
+
+// The logarithm of the number of points of least risk, on the parabola through the least one and its neighbours.
+double log_best_count(const Risks& risks) {
+  const auto log_points = [](std::ptrdiff_t size) { return std::log(double(point::plane_points(int(size)))); };
+  const std::ptrdiff_t least = std::min_element(risks.begin(), risks.end()) - risks.begin();
+  const std::ptrdiff_t at = std::clamp<std::ptrdiff_t>(least, 1, point::kPlaneSizes - 2);
+  const double before = risks[std::size_t(at - 1)], here = risks[std::size_t(at)], after = risks[std::size_t(at + 1)];
+  const double bend = before - 2 * here + after;
+  const double place = bend > 0 ? std::clamp((before - after) / (2 * bend), -1.0, 1.0) : double(least - at);
+  return log_points(at) + place * (log_points(at + 1) - log_points(at - 1)) / 2;
+}
+
+}  // namespace
+
+std::shared_ptr<const NodeLevels> reach_levels(const LocalSamples& samples, const std::vector<double>& noise,
+                                               double alikeness, const Pools& pools, const ForEach& for_each) {
+  const std::size_t count = samples.places.size();
+  std::vector<Risks> risks(count);
+  std::vector<double> log_levels(count), smooth(count);
+  for (std::size_t i = 0; i < count; ++i) risks[i] = risks_of(samples.residuals[i].planes, noise[i] * noise[i]);
+  const double farthest = std::log(kWidestReach);
+  for_each(count, [&](std::size_t i) {
+    // a neighbourhood holds as many points as its area is large
+    const double log_level = (log_best_count(mean_of(pools.of(i), risks)) - std::log(kReachPoints)) / 2;
+    const double followed = 1 - share_between(kHarmlessNoise, noise[i] / samples.noise[i].spacing);
+    log_levels[i] = (1 - alikeness) * followed * std::clamp(log_level, -farthest, farthest);
+  });
+  const Ranked ranked(log_levels);
+  for_each(count, [&](std::size_t i) { smooth[i] = *median_known(pools.of(i).first(kSmoothed), ranked); });
+  return shared(levels_between(samples.places, smooth, for_each));
+}
+
+}  // namespace pointfair

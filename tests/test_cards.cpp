@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: Apache-2.0
+// Clouds that several cards share give the bits of one device. Here the CPU stands for each card, and where there are
+// cards, they do.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <atomic>
+#include <thread>
+
+#include "backend_runs.h"
+#include "forwarding_backend.h"
+#include "pipeline/pipeline_access.hpp"
+#include "pointfair/pipeline.hpp"
+#include "shapes.h"
+#include "tiles/feeders.hpp"
+
+namespace pointfair {
+namespace {
+
+using shapes::Points;
+
+Points cloud(int count) { return shapes::with_noise(shapes::sphere(count), 0.002); }
+
+// Counts what it is given to compute.
+class CountingBackend : public ForwardingBackend {
+ public:
+  explicit CountingBackend(std::atomic<int>& runs) : ForwardingBackend(make_cpu_backend(0)), runs_(runs) {}
+  void fair(int iteration, const FairingSettings& settings, bool leaves, std::stop_token stop) override {
+    ++runs_;
+    ForwardingBackend::fair(iteration, settings, leaves, stop);
+  }
+
+ private:
+  std::atomic<int>& runs_;
+};
+
+// A card with room for so many points.
+class SmallBackend : public ForwardingBackend {
+ public:
+  explicit SmallBackend(std::size_t room) : ForwardingBackend(make_cpu_backend(0)), room_(room) {}
+  void upload(std::span<const Point> points, IndexOrder expected) override {
+    if (points.size() > room_) throw Error(ErrorKind::memory, "no room");
+    ForwardingBackend::upload(points, expected);
+  }
+
+ private:
+  std::size_t room_;
+};
+
+Pipeline over(std::vector<MakeBackend> cards, std::uint64_t worth_dividing) {
+  auto first = cards[0]();
+  return PipelineAccess::make(std::move(first), {Device::cpu, "cards", "test"},
+                              MakeWorkers{std::move(cards), worth_dividing});
+}
+
+void expect_the_bits_of_one(Pipeline& shared, const Points& points, const Params& params, std::uint64_t least_tiles) {
+  Pipeline one(Device::cpu);
+  Points expected(points.size()), out(points.size());
+  one.run(points, params, expected);
+  shared.run(points, params, out);
+  EXPECT_EQ(difference(expected, out), "");
+  EXPECT_GE(shared.report().tiles, least_tiles);
+  EXPECT_EQ(one.report().unmoved, shared.report().unmoved);
+  EXPECT_EQ(one.report().params, shared.report().params);
+  EXPECT_EQ(one.estimates().noise, shared.estimates().noise);
+  EXPECT_EQ(one.estimates().spacing, shared.estimates().spacing);
+  one.normals(expected);
+  shared.normals(out);
+  EXPECT_EQ(difference(expected, out), "");
+}
+
+TEST(Cards, share_a_cloud_with_the_bits_of_one_device) {
+  std::atomic<int> runs[2]{};
+  const auto card = [&](int number) { return [&, number] { return std::make_unique<CountingBackend>(runs[number]); }; };
+  Pipeline shared = over({card(0), card(1)}, 10000);
+  const Points points = cloud(60000);
+  expect_the_bits_of_one(shared, points, {}, 4);
+  EXPECT_GT(runs[0], 0);
+  EXPECT_GT(runs[1], 0) << "the second card had nothing to do";
+  Params params;
+  params.k = 8;
+  expect_the_bits_of_one(shared, shapes::with_invalid(cloud(40000), 9), params, 4);
+  params.outliers = Outliers::mark;
+  params.iterations = 3;
+  expect_the_bits_of_one(shared, shapes::with_stray(cloud(30000), 100), params, 4);
+  expect_the_bits_of_one(shared, cloud(5000), {}, 1);
+  EXPECT_EQ(shared.report().tiles, 1u) << "a small cloud is not divided";
+  expect_the_bits_of_one(shared, points, params, 4);
+}
+
+TEST(Cards, of_different_sizes_share_tiles_that_fit_into_the_smallest) {
+  const auto of_room = [](std::size_t room) { return [room] { return std::make_unique<SmallBackend>(room); }; };
+  Pipeline shared = over({of_room(150000), of_room(60000)}, ~std::uint64_t{0});
+  expect_the_bits_of_one(shared, cloud(200000), {}, 16);
+  Pipeline coarse = over({of_room(1000000), of_room(60000)}, 200000);
+  expect_the_bits_of_one(coarse, cloud(200000), {}, 8);
+}
+
+TEST(Cards, have_names) {
+  EXPECT_EQ(parse_device("auto").kind, Device::automatic);
+  EXPECT_EQ(parse_device("cpu", 3).threads, 3u);
+  EXPECT_EQ(parse_device("cuda:3").index, 3);
+  EXPECT_TRUE(parse_device("cuda:3").cards.empty());
+  EXPECT_EQ(parse_device("cuda:2,0,2").cards, (std::vector<int>{2, 0, 2}));
+  EXPECT_EQ(parse_device("cuda:2,0").index, 2);
+  EXPECT_EQ(parse_device("cuda:all").kind, Device::cuda);
+  for (const char* name : {"", "gpu", "cuda:", "cuda:x", "cuda:-1", "cuda:0,", "cuda:,1", "cuda:0 1", "cuda:all,0"}) {
+    try {
+      parse_device(name);
+      ADD_FAILURE() << name;
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::usage);
+    }
+  }
+}
+
+TEST(Cards, of_this_machine_share_a_cloud) {
+  const auto all = list_cuda_devices();
+  const auto usable = std::count_if(all.begin(), all.end(), [](const DeviceStatus& card) { return card.usable; });
+  if (usable == 0) GTEST_SKIP() << "no card";
+  const Points points = cloud(1 << 21);
+  Params params;
+  params.k = 8;
+  for (const int second : {0, int(usable) - 1}) {
+    Pipeline shared = over({[] { return make_cuda_backend(0); }, [=] { return make_cuda_backend(second); }}, 1 << 20);
+    expect_the_bits_of_one(shared, points, {}, 4);
+    expect_the_bits_of_one(shared, points, params, 4);
+  }
+  Pipeline whole(parse_device("cuda:all"));
+  expect_the_bits_of_one(whole, points, params, 1);
+  EXPECT_EQ(whole.report().tiles, 1u) << "it fits into one";
+}
+
+TEST(TaskQueue, ends_when_tasks_that_tasks_led_to_are_done) {
+  TaskQueue<int> queue;
+  std::atomic<int> done = 0;
+  for (int i = 0; i < 4; ++i) queue.put(6);
+  on_feeders(3, [&](std::size_t) {
+    while (const auto task = queue.take(true)) {
+      for (int more = 0; more < *task; ++more) queue.put(*task - 1 - more);
+      ++done;
+      queue.finish_one();
+    }
+  });
+  EXPECT_EQ(done, 4 * 64) << "a task of n leads to 2^n in all";
+}
+
+TEST(TaskQueue, that_is_closed_lets_everybody_go_and_the_first_error_is_thrown) {
+  TaskQueue<int> queue;
+  queue.put(1);
+  try {
+    on_feeders(3, [&](std::size_t) {
+      if (!queue.take(true)) return;
+      queue.close();
+      throw Error(ErrorKind::device, "lost");
+    });
+    FAIL() << "nothing was thrown";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::device);
+  }
+}
+
+}  // namespace
+}  // namespace pointfair

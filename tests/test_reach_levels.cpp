@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: Apache-2.0
+// How wide neighbourhoods are from place to place.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <vector>
+
+#include "pipeline/pipeline_access.hpp"
+#include "pointfair/pointfair.hpp"
+#include "reference.h"
+#include "shapes.h"
+
+namespace pointfair {
+namespace {
+
+using shapes::Points;
+
+constexpr int kPoints = 40000;  // over the unit square
+constexpr double kSpacing = 0.005, kNoise = 0.15 * kSpacing;
+
+double height_of_waves(double x, double y) {
+  const double wave = 2 * 3.141592653589793 / (7 * kSpacing);
+  return 0.5 * kSpacing * std::sin(wave * x) * std::sin(wave * y);
+}
+
+// A plane whose right half has waves of seven spacings.
+double height(double x, double y) { return x < 0.5 ? 0 : height_of_waves(x, y); }
+Points half_rough() {
+  Points points = shapes::plane(kPoints);
+  for (Point& p : points) p.z = float(height(p.x, p.y));
+  return shapes::with_noise(points, kNoise);
+}
+
+struct Outcome {
+  Points points;
+  std::shared_ptr<const NodeLevels> levels;
+};
+Outcome run(const Points& points, const Params& params = {}) {
+  Pipeline pipeline(Device::cpu);
+  pipeline.load(points);
+  Outcome outcome{Points(points.size()), {}};
+  pipeline.run(params, outcome.points);
+  outcome.levels = PipelineAccess::followed_noise(pipeline).reach_levels;
+  return outcome;
+}
+
+double level_at(const Outcome& outcome, Point p) { return reference::level_at(outcome.levels.get(), p); }
+
+TEST(ReachLevels, are_below_one_on_rough_ground_and_above_on_a_plane) {
+  const Outcome outcome = run(half_rough());
+  ASSERT_TRUE(outcome.levels);
+  EXPECT_LT(level_at(outcome, {0.8f, 0.5f, 0}), 0.85);
+  EXPECT_GT(level_at(outcome, {0.2f, 0.5f, 0}), 1.3);
+}
+
+// Distances to the surface are taken upright, which is alike for both.
+TEST(ReachLevels, let_a_run_leave_less_on_either_than_one_width_everywhere) {
+  const Points points = half_rough();
+  const auto left = [](const Points& of, bool of_rough) {
+    double sum = 0;
+    for (const Point& p : of)
+      if (std::abs(p.x - 0.5) > 0.1 && (p.x > 0.5) == of_rough) sum += std::abs(p.z - height(p.x, p.y));
+    return sum;
+  };
+  Params params;
+  params.min_neighbors = 16;
+  const Points followed = run(points).points, same = run(points, params).points;
+  EXPECT_LT(left(followed, true), 0.97 * left(same, true));
+  EXPECT_LT(left(followed, false), 0.9 * left(same, false));
+}
+
+TEST(ReachLevels, are_followed_where_the_number_of_neighbors_is_automatic_only) {
+  Params params;
+  params.min_neighbors = 16;
+  EXPECT_FALSE(run(half_rough(), params).levels);
+  params = {};
+  params.method = Method::mls;
+  EXPECT_FALSE(run(half_rough(), params).levels);
+}
+
+// Six points of one line of a scanner tell no plane.
+TEST(ReachLevels, do_not_shrink_to_single_lines_of_a_scanner) {
+  Points points;
+  for (int line = 0; line < 100; ++line)
+    for (int i = 0; i < 1000; ++i)
+      points.push_back({float(i) / 1000, float(line) / 100, float(0.02 * std::sin(60.0 * line / 100))});
+  points = shapes::with_noise(points, 0.0005);
+  const Outcome outcome = run(points);
+  ASSERT_TRUE(outcome.levels);
+  for (const float level : outcome.levels->levels) ASSERT_GE(level, 0.99f);
+}
+
+TEST(ReachLevels, are_one_where_the_noise_sets_the_radius) {
+  const Outcome outcome = run(shapes::with_noise(shapes::plane(kPoints), 1.2 * kSpacing));
+  ASSERT_TRUE(outcome.levels);
+  for (const float level : outcome.levels->levels) ASSERT_NEAR(level, 1, 0.02);
+}
+
+}  // namespace
+}  // namespace pointfair
