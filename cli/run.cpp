@@ -23,7 +23,7 @@ namespace pointfair::cli {
 namespace {
 
 struct RunArguments {
-  std::string input, output, report, progress = "auto", normals = "keep", write_noise;
+  std::string input, output, report, progress = "auto", normals = "keep", write_noise, viewpoint;
   std::vector<std::string> more;  // inputs, with an output folder
   TiledArguments tiled;
   std::optional<double> las_scale;
@@ -113,6 +113,7 @@ Json run_json(const Report& report, const Findings& findings) {
           {"noise", noise_json(findings)},
           {"rounding", {{"step", findings.step}, {"rms", kRoundingRms * findings.step}}},
           {"unmoved", unmoved_json(without(report.unmoved, findings.ignored), findings)},
+          {"outliers", outliers_json(report.unmoved.outliers_by_reason)},
           {"short_neighborhoods", report.short_neighborhoods},
           {"displacement", statistics_json(findings.displacement)},
           {"stages", stages_json(report.stages)},
@@ -140,7 +141,10 @@ std::string reasons_kept(const UnmovedCounts& unmoved, std::uint64_t ignored) {
   add(unmoved.non_finite, "not finite or beyond 1e18");
   add(unmoved.too_few_neighbors, "with too few neighbours");
   add(unmoved.no_normal, "without a normal");
-  add(unmoved.outliers, "outliers");
+  const OutlierCounts& outliers = unmoved.outliers_by_reason;
+  add(outliers.isolated, "isolated");
+  add(outliers.off_surface, "off the surface");
+  add(outliers.mixed_pixels, "mixed pixels");
   add(ignored, "ignored");
   return reasons;
 }
@@ -179,14 +183,15 @@ void check_normals(const RunArguments& arguments, const Cloud& cloud) {
 }
 
 // The normals of the last iteration. Where the file has its own, points that were not to move keep theirs.
-void give_normals(Pipeline& pipeline, std::span<const std::uint8_t> movable, std::stop_token stop, Cloud& cloud) {
+void give_normals(Pipeline& pipeline, std::span<const std::uint8_t> movable, std::span<const Position> viewpoints,
+                  std::stop_token stop, Cloud& cloud) {
   std::vector<Point> normals(cloud.points.size());
   pipeline.normals(normals, stop);
   const bool has_own = !normal_attributes(cloud).empty();
   for (std::size_t i = 0; has_own && i < movable.size(); ++i) {
     if (!movable[i]) normals[i] = {0, 0, 0};
   }
-  set_normals(cloud, normals);
+  set_normals(cloud, normals, viewpoints);
 }
 
 // Between the coordinates of the file written, where these are integers.
@@ -255,25 +260,30 @@ std::string why_tiles(const RunArguments& arguments, const Params& params, const
   std::uint64_t needed = TiledRun::bytes_in_memory(points, params);
   if (needed > free / 2 && Pipeline(device).device().kind == Device::cuda) needed = points * kBytesOnCard;
   if (needed <= free / 2) return {};
+  const std::optional<Format> format = format_of(arguments.input);
+  const bool may_know_sensor = (format == Format::pcd || format == Format::e57) && arguments.viewpoint.empty();
   return fmt::format(
       "{} points would take {:.1f} GB of memory, and {:.1f} GB are free: they are computed in tiles on disk, with the "
-      "same result; --memory says how much memory to use",
-      points, double(needed) * 1e-9, double(free) * 1e-9);
+      "same result{}; --memory says how much memory to use",
+      points, double(needed) * 1e-9, double(free) * 1e-9,
+      may_know_sensor ? ", but mixed pixels are not looked for" : "");
 }
 
 // What runs in tiles cannot do yet.
-void check_tiled(const RunArguments& arguments) {
+void check_tiled(const RunArguments& arguments, const Params& params) {
   const auto refuse = [](const std::string& what) {
     throw Error(ErrorKind::usage, what + " cannot be used with a run in tiles on disk (--memory, --work, --out-dir)");
   };
   if (arguments.normals != "keep") refuse("--normals " + arguments.normals);
   if (!arguments.write_noise.empty()) refuse("--write-noise");
+  if (!arguments.viewpoint.empty() && arguments.viewpoint != "none") refuse("--viewpoint " + arguments.viewpoint);
+  if (params.along == Along::ray) refuse("--along ray");
 }
 
 // `note`: why, where nobody asked for tiles.
 void run_tiled(const RunArguments& arguments, const Params& params, const Limits& limits,
                const std::string& noise_attribute, const std::string& note, std::stop_token stop) {
-  check_tiled(arguments);
+  check_tiled(arguments, params);
   const Device device = make_device(arguments.device);
   TiledJob job;
   job.limits = limits;
@@ -312,6 +322,7 @@ void run(RunArguments arguments, std::stop_token stop) {
   const Params params = make_params(arguments.params, {});
   const Limits limits = make_limits(arguments.limits);
   const Device device = make_device(arguments.device);
+  check_viewpoint(arguments.viewpoint);
   if (arguments.tiled.out_dir.empty() && !arguments.more.empty())
     throw Error(ErrorKind::usage, "several inputs need a folder for their results; give --out-dir");
   if (arguments.tiled.out_dir.empty() && arguments.output.empty()) throw Error(ErrorKind::usage, "OUT is required");
@@ -340,10 +351,12 @@ void run(RunArguments arguments, std::stop_token stop) {
     }
     if (!findings.noise_attribute.empty())
       use_noise_attribute(cloud, findings.noise_attribute, arguments.input, pipeline);
+    std::vector<Position> viewpoints;  // where another was given than the file's
+    if (!arguments.viewpoint.empty()) pipeline.set_viewpoint(viewpoints = parse_viewpoints(arguments.viewpoint, cloud));
     Cloud denoised =
         pipeline.run(params, stop, [&](double share, std::string_view stage) { progress.show(share, stage); });
     apply_limits(limits, movable, cloud.points, denoised.points);
-    if (arguments.normals != "keep") give_normals(pipeline, movable, stop, denoised);
+    if (arguments.normals != "keep") give_normals(pipeline, movable, viewpoints, stop, denoised);
     if (!arguments.write_noise.empty()) write_noise_attribute(pipeline, params, arguments.write_noise, stop, denoised);
     progress.show(1, "writing");
     write(arguments.output, denoised, write_options);
@@ -367,6 +380,7 @@ Verb add_run(CLI::App& app) {
   command.add_option("MORE", arguments->more, "with --out-dir: OUT and these are inputs too, all of one cloud");
   add_params(command, arguments->params);
   add_limits(command, arguments->limits);
+  add_viewpoint(command, arguments->viewpoint);
   add_device(command, arguments->device);
   add_format(command, arguments->format);
   command

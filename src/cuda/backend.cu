@@ -199,7 +199,7 @@ class CudaBackend final : public Backend,
     clock_.note(with_normals ? kBoth : "fairing", start, its.stream());
   }
 
-  std::uint64_t download(int iteration, std::span<Point> points, const DisplacementLimits& limits,
+  OutlierCounts download(int iteration, std::span<Point> points, const DisplacementLimits& limits,
                          std::span<std::uint8_t> outliers) override {
     Chain& from = chain(iteration);
     const cudaEvent_t start = start_stage();
@@ -216,7 +216,7 @@ class CudaBackend final : public Backend,
     finish_download(from, start, iteration);
     return leaving_.held_back();
   }
-  std::uint64_t download(int iteration, const DeviceOutput& points, DeviceStream stream,
+  OutlierCounts download(int iteration, const DeviceOutput& points, DeviceStream stream,
                          const DisplacementLimits& limits, std::span<std::uint8_t> outliers) override {
     Chain& from = chain(iteration);
     const cudaEvent_t start = start_stage();

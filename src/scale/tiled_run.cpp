@@ -319,7 +319,9 @@ struct TiledRun::State {
     fs::create_directories(file.output.parent_path());
     io::write_moved(file.output, source, results, options, std::move(added));
     PointsHeader header;
-    header.counts[kOutlierCount] = results.held_back();
+    const OutlierCounts held_back = results.held_back();
+    header.counts[kIsolatedCount] = held_back.isolated;
+    header.counts[kOffSurfaceCount] = held_back.off_surface;
     header.counts[kHeldCount] = results.held_by_limits();
     PointsWriter(file_of(step, task), header, {}, {}).finish();
   }
@@ -465,11 +467,14 @@ TiledReport TiledRun::report() const {
       report.unmoved.no_normal += counts[kNoNormalCount];
       report.short_neighborhoods += counts[kShortCount];
     }
+    OutlierCounts& outliers = report.unmoved.outliers_by_reason;
     for (const fs::path& path : state_->files_of(steps.back())) {
       const TaskCounts counts = PointsFile(path).header().counts;
-      report.unmoved.outliers += counts[kOutlierCount];
+      outliers.isolated += counts[kIsolatedCount];
+      outliers.off_surface += counts[kOffSurfaceCount];
       report.held += counts[kHeldCount];
     }
+    report.unmoved.outliers = outliers.total();
     if (!moves_along_normal(report.params.method)) report.unmoved.no_normal = 0;
     return report;
   });
