@@ -13,8 +13,8 @@ namespace pointfair::cuda {
 // Squares of the field's levels, of each sorted point.
 void measure_levels(Context& context, const Tree& tree, point::NodeField field, float* squared_level);
 
-// R_i^2 from lists of the `min_neighbors` nearest, or more, or as many as there are; lists.k is 0 for none. What else it is made
-// of is in `of`.
+// R_i^2 from lists of the `min_neighbors` nearest, or more, or as many as there are; lists.k is 0 for none. What else
+// it is made of is in `of`.
 void measure_radii(Context& context, const Tree& tree, Lists nearest, const point::Radii& of,
                    point::NodeField reach_levels, float* squared_radius);
 
