@@ -77,8 +77,8 @@ Forest Grove::plan(std::span<const CloudSpan> clouds, std::span<const Index> whi
     rules.push_back(rules_of(settings[n], nodes_.data() + n * kNodesOfCloud));
   for_each(which.size(), [&](std::size_t n) {
     float* const to = pinned_nodes_.get() + n * kNodesOfCloud;
-    const auto copy = [](const NodeLevels* levels, float* to) {
-      if (levels != nullptr) std::copy(levels->levels.begin(), levels->levels.end(), to);
+    const auto copy = [](const NodeLevels* levels, float* into) {
+      if (levels != nullptr) std::copy(levels->levels.begin(), levels->levels.end(), into);
     };
     copy(settings[n].neighbors.levels.get(), to);
     copy(settings[n].neighbors.reach_levels.get(), to + kNodes);
