@@ -48,7 +48,8 @@ class alignas(64) BasicSymbolModel {
   std::uint32_t begin(std::uint32_t symbol) const { return distribution_[symbol]; }
   bool is_last(std::uint32_t symbol) const { return symbol + 1 == symbols_; }
 
-  /// The symbol whose share of [0, 2^15) holds `value`. Two passes over 16 places each, without a branch.
+  /// The symbol whose share of [0, 2^15) holds `value`. One pass over all places where they are few,
+  /// else two over 16 places each, without a branch.
   std::uint32_t find(std::uint32_t value) const {
     const auto at = static_cast<std::uint16_t>(std::min<std::uint32_t>(value, kBeyond - 1U));
     if constexpr (kGroups <= kMostAtOnce) return count_all_up_to(at) - 1;
