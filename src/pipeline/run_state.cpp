@@ -104,12 +104,20 @@ void Pipeline::State::measure(bool with_spacing, bool with_noise, IndexOrder ord
   const WantedEstimates wanted{with_spacing && !cloud.spacing, with_noise && !cloud.noise};
   if (!wanted.spacing && !wanted.noise) return;
   sample();
+  look_at_neighbors(order, stop, [&](Sampling& sampling) {
+    const Estimate found = estimate(sampling, *cloud.sample, wanted, stop);
+    if (wanted.spacing) cloud.spacing = found.spacing;
+    if (wanted.noise) cloud.noise = found.noise, cloud.levels = found.levels, cloud.reach_levels = found.reach_levels;
+  });
+}
+
+// Needs the index of the first iteration, and builds it if there is none.
+void Pipeline::State::look_at_neighbors(IndexOrder order, const std::stop_token& stop,
+                                        const std::function<void(Sampling&)>& estimate) {
   execute(plan_index(cloud.cached, order), 1, false, stop, {});
   log_.settle(cloud.backend());  // waits for the index, which has its own time
   const auto start = Clock::now();
-  const Estimate found = estimate(cloud.backend().sampling(), *cloud.sample, wanted, stop);
-  if (wanted.spacing) cloud.spacing = found.spacing;
-  if (wanted.noise) cloud.noise = found.noise, cloud.levels = found.levels, cloud.reach_levels = found.reach_levels;
+  estimate(cloud.backend().sampling());
   log_.note("estimate", milliseconds_since(start));
 }
 
@@ -143,6 +151,9 @@ Params Pipeline::State::resolve(const Params& params, const std::stop_token& sto
 
 Params Pipeline::State::resolve_once(const Params& params, const std::stop_token& stop) {
   check_params(params);
+  if (params.along == Along::ray && !sensors_)
+    throw Error(ErrorKind::usage,
+                "--along ray needs the place of the sensor, which the cloud does not tell: give --viewpoint x,y,z");
   const bool with_spacing = needs_spacing(params), with_noise = needs_noise(params);
   measure(with_spacing, with_noise, order_for(params), stop);
   // what a run sees must not depend on what was measured before it
@@ -335,18 +346,13 @@ void Pipeline::State::set_viewpoint(std::span<const Origin> places) {
 
 // Of what a run with these parameters reads.
 KnownSensor Pipeline::State::known_sensor(const Params& used, const std::stop_token& stop) {
-  if (used.along == Along::ray && !sensors_)
-    throw Error(ErrorKind::usage,
-                "--along ray needs the place of the sensor, which the cloud does not tell: give --viewpoint x,y,z");
   if (!sensors_) return {};
   KnownSensor known{sensors_};
   if (!seeks_mixed_pixels(used)) return known;
   if (!beam_samples_) {
-    execute(plan_index(cloud.cached, order_for(used)), 1, false, stop, {});
-    log_.settle(cloud.backend());  // waits for the index, which has its own time
-    const auto start = Clock::now();
-    beam_samples_ = beam_samples(cloud.backend().sampling(), sample(), *sensors_);
-    log_.note("estimate", milliseconds_since(start));
+    const CloudSample& its = sample();
+    look_at_neighbors(order_for(used), stop,
+                      [&](Sampling& sampling) { beam_samples_ = beam_samples(sampling, its, *sensors_); });
   }
   known.beam_step = beam_step(*beam_samples_);
   return known;
