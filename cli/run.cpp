@@ -260,34 +260,32 @@ std::string why_tiles(const RunArguments& arguments, const Params& params, const
   std::uint64_t needed = TiledRun::bytes_in_memory(points, params);
   if (needed > free / 2 && Pipeline(device).device().kind == Device::cuda) needed = points * kBytesOnCard;
   if (needed <= free / 2) return {};
-  const std::optional<Format> format = format_of(arguments.input);
-  const bool may_know_sensor = (format == Format::pcd || format == Format::e57) && arguments.viewpoint.empty();
+  const bool may_know_sensors = format_of(arguments.input) == Format::e57 && arguments.viewpoint.empty();
   return fmt::format(
       "{} points would take {:.1f} GB of memory, and {:.1f} GB are free: they are computed in tiles on disk, with the "
       "same result{}; --memory says how much memory to use",
       points, double(needed) * 1e-9, double(free) * 1e-9,
-      may_know_sensor ? ", but mixed pixels are not looked for" : "");
+      may_know_sensors ? ", but mixed pixels are not looked for if its scans were made from several places" : "");
 }
 
 // What runs in tiles cannot do yet.
-void check_tiled(const RunArguments& arguments, const Params& params) {
+void check_tiled(const RunArguments& arguments) {
   const auto refuse = [](const std::string& what) {
     throw Error(ErrorKind::usage, what + " cannot be used with a run in tiles on disk (--memory, --work, --out-dir)");
   };
   if (arguments.normals != "keep") refuse("--normals " + arguments.normals);
   if (!arguments.write_noise.empty()) refuse("--write-noise");
-  if (!arguments.viewpoint.empty() && arguments.viewpoint != "none") refuse("--viewpoint " + arguments.viewpoint);
-  if (params.along == Along::ray) refuse("--along ray");
 }
 
 // `note`: why, where nobody asked for tiles.
 void run_tiled(const RunArguments& arguments, const Params& params, const Limits& limits,
                const std::string& noise_attribute, const std::string& note, std::stop_token stop) {
-  check_tiled(arguments, params);
+  check_tiled(arguments);
   const Device device = make_device(arguments.device);
   TiledJob job;
   job.limits = limits;
   job.noise_attribute = noise_attribute;
+  job.viewpoint = arguments.viewpoint;
   job.workers = static_cast<unsigned>(std::max<std::size_t>(1, device.cards.size()));
   job.inputs = {arguments.input};
   if (arguments.tiled.out_dir.empty()) {

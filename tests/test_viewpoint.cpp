@@ -260,7 +260,7 @@ TEST(Viewpoint, is_read_as_users_give_it) {
   EXPECT_EQ(parse_viewpoints("vx,vy,vz", cloud)[2], (Position{3, 3, 3}));
   EXPECT_TRUE(parse_viewpoints("none", cloud).empty());
   EXPECT_TRUE(parse_viewpoints("", cloud).empty()) << "no file, so nothing is known";
-  for (const char* wrong : {"1,2", "1,2,3,4", "1,2,", "1,vy,3", "vx,vy,vw", "1m,2m,3m", "nan,1,2"})
+  for (const char* wrong : {"1,2", "1,2,3,4", "1,2,", "1,vy,3", "vx,vy,vw", "1m,2m,3m", "nan,1,2", "nan,nan,nan"})
     EXPECT_THROW(parse_viewpoints(wrong, cloud), Error) << wrong;
 }
 

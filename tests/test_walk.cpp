@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A random walk over everything that a caller of a pipeline can do: loads, places of the sensor, every parameter in
-// every unit, runs that fail or are stopped anywhere, queries in between. Oracle: a fresh pipeline. POINTFAIR_WALK_STEPS sets how long,
-// POINTFAIR_WALK_SEED which way.
+// every unit, runs that fail or are stopped anywhere, queries in between. Oracle: a fresh pipeline.
+// POINTFAIR_WALK_STEPS sets how long, POINTFAIR_WALK_SEED which way.
 #include <gtest/gtest.h>
 
 #include <algorithm>

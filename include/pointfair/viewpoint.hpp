@@ -16,10 +16,9 @@ namespace pointfair {
 /// of a point whose scan has no pose is NaN. O(N) for several scans, else O(1).
 POINTFAIR_EXPORT std::vector<Position> file_viewpoints(const Cloud& cloud);
 
-/// The same as a user gives it: "x,y,z" in the file's coordinates, where numbers may have the units that lengths have
-/// ("5m,0m,1.5m"); or the names of three attributes, "vx,vy,vz", that hold the position for each point; or "none". An
-/// empty text means file_viewpoints. Throws ErrorKind::usage with the expected form, and for attributes that the cloud
-/// does not have or that have more than one number a point.
+/// The same as a user gives it: "x,y,z" in the file's coordinates; or the names of three attributes, "vx,vy,vz", that
+/// hold the position for each point; or "none". An empty text means file_viewpoints. Throws ErrorKind::usage with the
+/// expected form, and for attributes that the cloud does not have or that have more than one number a point.
 POINTFAIR_EXPORT std::vector<Position> parse_viewpoints(std::string_view text, const Cloud& cloud);
 
 /// Throws ErrorKind::usage if the text has none of these forms. Needs no cloud.

@@ -84,8 +84,7 @@ struct Pipeline::State {
   KnownSensor known_sensor(const Params& used, const std::stop_token& stop);
   Noise noise() const;
   const std::shared_ptr<const NoiseLevels>& levels() const;
-  void look_at_neighbors(IndexOrder order, const std::stop_token& stop,
-                         const std::function<void(Sampling&)>& estimate);
+  void look_at_neighbors(IndexOrder order, const std::stop_token& stop, const std::function<void(Sampling&)>& estimate);
   void measure(bool with_spacing, bool with_noise, IndexOrder order, const std::stop_token& stop);
   void execute(const std::vector<Step>& steps, std::size_t all, bool leaves, const std::stop_token& stop,
                const ProgressFunction& progress);

@@ -16,7 +16,7 @@
 namespace pointfair::scale {
 
 /// What the counts of a written file are.
-inline constexpr std::size_t kIsolatedCount = 0, kHeldCount = 1, kOffSurfaceCount = 2;
+inline constexpr std::size_t kIsolatedCount = 0, kHeldCount = 1, kOffSurfaceCount = 2, kMixedCount = 3;
 
 /// What becomes of the results of the last iteration: as a backend's download() does.
 struct Settling {

@@ -322,6 +322,7 @@ struct TiledRun::State {
     const OutlierCounts held_back = results.held_back();
     header.counts[kIsolatedCount] = held_back.isolated;
     header.counts[kOffSurfaceCount] = held_back.off_surface;
+    header.counts[kMixedCount] = held_back.mixed_pixels;
     header.counts[kHeldCount] = results.held_by_limits();
     PointsWriter(file_of(step, task), header, {}, {}).finish();
   }
@@ -344,7 +345,7 @@ struct TiledRun::State {
   const Settings& settled_settings() {
     if (!resolved) {
       measured = load_measured(work / "measured");
-      resolved = resolve(plan.params, *measured);
+      resolved = resolve(plan, *measured);
     }
     return resolved->settings;
   }
@@ -472,6 +473,7 @@ TiledReport TiledRun::report() const {
       const TaskCounts counts = PointsFile(path).header().counts;
       outliers.isolated += counts[kIsolatedCount];
       outliers.off_surface += counts[kOffSurfaceCount];
+      outliers.mixed_pixels += counts[kMixedCount];
       report.held += counts[kHeldCount];
     }
     report.unmoved.outliers = outliers.total();

@@ -83,18 +83,34 @@ class Viewpoint(Case):
         self.assertGreater(self.report("run", told, self.path("a.pcd"))["outliers"]["mixed_pixels"], 0)
         self.assertEqual(self.report("run", silent, self.path("b.pcd"))["outliers"]["mixed_pixels"], 0)
         self.assertEqual(self.report("run", told, self.path("c.pcd"), "--viewpoint", "none")["outliers"]["mixed_pixels"], 0)
+        in_tiles = self.report("run", told, self.path("e.pcd"), "--tiles", 3)
+        self.assertGreater(in_tiles["outliers"]["mixed_pixels"], 0)
+        self.assertEqual(self.path("a.pcd").read_bytes(), self.path("e.pcd").read_bytes())
         self.ok("run", silent, self.path("d.pcd"), "--viewpoint", self.at, "-q")
         self.assertEqual(self.path("a.pcd").read_bytes().split(b"binary\n")[1], self.path("d.pcd").read_bytes().split(b"binary\n")[1])
+
+    def test_tiles_on_disk_know_one_place(self):
+        for words in (("--outliers", "mark"), ("--along", "ray"), ("--k", 20, "--outliers", "mark"), ("--iterations", 2)):
+            words = ("--viewpoint", self.at, "--force", *words)
+            whole = self.report("run", self.cloud, self.path("a.ply"), *words)
+            tiles = self.report("run", self.cloud, self.path("b.ply"), "--tiles", 4, *words)
+            self.assertEqual(self.path("a.ply").read_bytes(), self.path("b.ply").read_bytes(), words)
+            self.assertEqual(whole["outliers"], tiles["outliers"], words)
+            self.assertGreater(whole["outliers"]["mixed_pixels"], 0)
+        self.ok("tile", "plan", self.cloud, "--out", self.path("c.ply"), "--work", self.path("work"), "--viewpoint", self.at, "--along", "ray", "--iterations", 2)
+        self.ok("tile", "run", self.path("work"), "--all", "-q")
+        self.ok("run", self.cloud, self.path("d.ply"), "--viewpoint", self.at, "--along", "ray", "--iterations", 2, "-q")
+        self.assertEqual(self.path("c.ply").read_bytes(), self.path("d.ply").read_bytes())
 
     def test_what_cannot_be_is_refused_in_one_line(self):
         out = self.path("out.ply")
         for text in ("1,2", "1,vy,3", "x,y,,", "a,b,c"):
             self.fails(2, "run", self.cloud, out, "--viewpoint", text, says="--viewpoint")
-        self.fails(2, "run", self.cloud, out, "--viewpoint", "1m,2m,3m", says=("--viewpoint", "unit"))
         self.fails(2, "run", self.cloud, out, "--along", "ray", says=("--along ray", "--viewpoint"))
         self.fails(2, "run", self.cloud, out, "--along", "ray", "--method", "laplacian", says="--along ray")
-        self.fails(2, "run", self.cloud, out, "--tiles", 3, "--along", "ray", says="--along ray")
-        self.fails(2, "run", self.cloud, out, "--tiles", 3, "--viewpoint", self.at, says="--viewpoint")
+        self.fails(2, "run", self.cloud, out, "--tiles", 3, "--along", "ray", says=("--along ray", "--viewpoint"))
+        self.fails(2, "run", self.cloud, out, "--tiles", 3, "--viewpoint", "vx,vy,vz", says=("--viewpoint", "x,y,z"))
+        self.fails(2, "tile", "plan", self.cloud, "--out", out, "--work", self.path("work"), "--viewpoint", "1,2", says="--viewpoint")
 
 
 if __name__ == "__main__":
