@@ -21,7 +21,7 @@ namespace pointfair::cli {
 namespace {
 
 struct RunArguments {
-  std::string input, output, report, progress = "auto", normals = "keep", write_noise;
+  std::string input, output, report, progress = "auto", normals = "keep", write_noise, viewpoint;
   std::vector<std::string> more;  // inputs, with an output folder
   TiledArguments tiled;
   std::optional<double> las_scale;
@@ -57,14 +57,15 @@ void check_normals(const RunArguments& arguments, const Cloud& cloud) {
 }
 
 // The normals of the last iteration. Where the file has its own, points that were not to move keep theirs.
-void give_normals(Pipeline& pipeline, std::span<const std::uint8_t> movable, std::stop_token stop, Cloud& cloud) {
+void give_normals(Pipeline& pipeline, std::span<const std::uint8_t> movable, std::span<const Position> viewpoints,
+                  std::stop_token stop, Cloud& cloud) {
   std::vector<Point> normals(cloud.points.size());
   pipeline.normals(normals, stop);
   const bool has_own = !normal_attributes(cloud).empty();
   for (std::size_t i = 0; has_own && i < movable.size(); ++i) {
     if (!movable[i]) normals[i] = {0, 0, 0};
   }
-  set_normals(cloud, normals);
+  set_normals(cloud, normals, viewpoints);
 }
 
 WriteOptions write_options_of(const RunArguments& arguments) {
@@ -98,10 +99,12 @@ std::string why_tiles(const RunArguments& arguments, const Params& params, const
   std::uint64_t needed = TiledRun::bytes_in_memory(points, params);
   if (needed > free / 2 && Pipeline(device).device().kind == Device::cuda) needed = points * kBytesOnCard;
   if (needed <= free / 2) return {};
+  const bool may_know_sensors = format_of(arguments.input) == Format::e57 && arguments.viewpoint.empty();
   return fmt::format(
       "{} points would take {:.1f} GB of memory, and {:.1f} GB are free: they are computed in tiles on disk, with the "
-      "same result; --memory says how much memory to use",
-      points, double(needed) * 1e-9, double(free) * 1e-9);
+      "same result{}; --memory says how much memory to use",
+      points, double(needed) * 1e-9, double(free) * 1e-9,
+      may_know_sensors ? ", but mixed pixels are not looked for if its scans were made from several places" : "");
 }
 
 // What runs in tiles cannot do yet.
@@ -121,6 +124,7 @@ void run_tiled(const RunArguments& arguments, const Params& params, const Limits
   TiledJob job;
   job.limits = limits;
   job.noise_attribute = noise_attribute;
+  job.viewpoint = arguments.viewpoint;
   job.workers = static_cast<unsigned>(std::max<std::size_t>(1, device.cards.size()));
   job.inputs = {arguments.input};
   if (arguments.tiled.out_dir.empty()) {
@@ -155,6 +159,7 @@ void run(RunArguments arguments, std::stop_token stop) {
   const Params params = make_params(arguments.params, {});
   const Limits limits = make_limits(arguments.limits);
   const Device device = make_device(arguments.device);
+  check_viewpoint(arguments.viewpoint);
   if (arguments.tiled.out_dir.empty() && !arguments.more.empty())
     throw Error(ErrorKind::usage, "several inputs need a folder for their results; give --out-dir");
   if (arguments.tiled.out_dir.empty() && arguments.output.empty()) throw Error(ErrorKind::usage, "OUT is required");
@@ -183,10 +188,12 @@ void run(RunArguments arguments, std::stop_token stop) {
     }
     if (!findings.noise_attribute.empty())
       use_noise_attribute(cloud, findings.noise_attribute, arguments.input, pipeline);
+    std::vector<Position> viewpoints;  // where another was given than the file's
+    if (!arguments.viewpoint.empty()) pipeline.set_viewpoint(viewpoints = parse_viewpoints(arguments.viewpoint, cloud));
     Cloud denoised =
         pipeline.run(params, stop, [&](double share, std::string_view stage) { progress.show(share, stage); });
     apply_limits(limits, movable, cloud.points, denoised.points);
-    if (arguments.normals != "keep") give_normals(pipeline, movable, stop, denoised);
+    if (arguments.normals != "keep") give_normals(pipeline, movable, viewpoints, stop, denoised);
     if (!arguments.write_noise.empty()) write_noise_attribute(pipeline, params, arguments.write_noise, stop, denoised);
     progress.show(1, "writing");
     write(arguments.output, denoised, write_options);
@@ -210,6 +217,7 @@ Verb add_run(CLI::App& app) {
   command.add_option("MORE", arguments->more, "with --out-dir: OUT and these are inputs too, all of one cloud");
   add_params(command, arguments->params);
   add_limits(command, arguments->limits);
+  add_viewpoint(command, arguments->viewpoint);
   add_device(command, arguments->device);
   add_format(command, arguments->format);
   command

@@ -61,7 +61,10 @@ std::string reasons_kept(const UnmovedCounts& unmoved, std::uint64_t ignored) {
   add(unmoved.non_finite, "not finite or beyond 1e18");
   add(unmoved.too_few_neighbors, "with too few neighbours");
   add(unmoved.no_normal, "without a normal");
-  add(unmoved.outliers, "outliers");
+  const OutlierCounts& outliers = unmoved.outliers_by_reason;
+  add(outliers.isolated, "isolated");
+  add(outliers.off_surface, "off the surface");
+  add(outliers.mixed_pixels, "mixed pixels");
   add(ignored, "ignored");
   return reasons;
 }
@@ -125,6 +128,7 @@ Json run_json(const Report& report, const Findings& findings) {
           {"noise", noise_json(findings)},
           {"rounding", {{"step", findings.step}, {"rms", kRoundingRms * findings.step}}},
           {"unmoved", unmoved_json(without(report.unmoved, findings.ignored), findings)},
+          {"outliers", outliers_json(report.unmoved.outliers_by_reason)},
           {"short_neighborhoods", report.short_neighborhoods},
           {"displacement", statistics_json(findings.displacement)},
           {"stages", stages_json(report.stages)},

@@ -254,6 +254,36 @@ TEST(Scale, several_workers_share_the_tiles_and_leave_the_bits_of_one) {
   EXPECT_EQ(run.report().tiles, 9u);
 }
 
+TEST(Scale, outliers_keep_their_reason_over_iterations) {
+  const Folder folder;
+  Cloud cloud;
+  cloud.points = shapes::with_noise(shapes::plane(20000), 0.003);
+  for (std::size_t i = 500; i < cloud.points.size(); i += 1000) cloud.points[i].z = i % 2000 == 500 ? 0.06f : -0.06f;
+  for (int i = 0; i < 5; ++i) cloud.points[std::size_t(i)] = {float(20 * i + 30), float(i), 50};
+  write(folder / "in.ply", cloud);
+  for (const int iterations : {1, 3}) {
+    Params params;
+    params.iterations = iterations;
+    Pipeline pipeline(Device::cpu);
+    pipeline.load(read(folder / "in.ply"));
+    const std::string tag = std::to_string(iterations);
+    const fs::path whole = folder / ("whole" + tag + ".ply").c_str(), work = folder / ("work" + tag).c_str();
+    write(whole, pipeline.run(params));
+    TiledJob job;
+    job.inputs = {folder / "in.ply"};
+    job.output = folder / ("out" + tag + ".ply").c_str();
+    job.params = params;
+    job.least_tiles = 4;
+    TiledRun::plan(job, work);
+    TiledRun run(work, Device::cpu);
+    run.run_all();
+    const OutlierCounts reasons = run.report().unmoved.outliers_by_reason;
+    EXPECT_EQ(reasons, pipeline.report().unmoved.outliers_by_reason) << iterations;
+    EXPECT_GE(reasons.isolated, 5u) << iterations;
+    EXPECT_EQ(read_text(job.output), read_text(whole));
+  }
+}
+
 // As it would otherwise be tried again with ever smaller parts of the tile.
 TEST(Scale, a_place_with_more_points_than_fit_is_an_error_that_names_one_of_them) {
   const Folder folder;

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// A random walk over everything that a caller of a pipeline can do: loads, every parameter in every unit, runs that
-// fail or are stopped anywhere, queries in between. Oracle: a fresh pipeline. POINTFAIR_WALK_STEPS sets how long,
-// POINTFAIR_WALK_SEED which way.
+// A random walk over everything that a caller of a pipeline can do: loads, places of the sensor, every parameter in
+// every unit, runs that fail or are stopped anywhere, queries in between. Oracle: a fresh pipeline.
+// POINTFAIR_WALK_STEPS sets how long, POINTFAIR_WALK_SEED which way.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <cstring>
 #include <map>
@@ -15,6 +17,7 @@
 #include "meddling_backend.h"
 #include "pipeline/pipeline_access.hpp"
 #include "pointfair/pipeline.hpp"
+#include "pointfair/positions.hpp"
 #include "shapes.h"
 #include "tiles/tiled_backend.hpp"
 
@@ -44,6 +47,26 @@ Outcome of_last_run(Pipeline& pipeline, Points points) {
   return outcome;
 }
 
+// Normals turn when another place of the sensor is given after the run.
+bool same_up_to_sign(const Points& a, const Points& b) {
+  const auto same = [](const Point& p, const Point& q) {
+    return (p.x == q.x && p.y == q.y && p.z == q.z) || (p.x == -q.x && p.y == -q.y && p.z == -q.z);
+  };
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), same);
+}
+
+// What a caller says of where the sensor stood.
+enum class Told { nothing, one_place, a_place_each };
+
+std::vector<Position> viewpoints(Told told, std::size_t points) {
+  if (told == Told::nothing) return {};
+  if (told == Told::one_place) return {{0.4, 0.6, 3}};
+  std::vector<Position> each;
+  for (std::size_t i = 0; i < points; ++i)
+    each.push_back(i % 10 == 3 ? Position{std::nan(""), 0, 0} : Position{0.4, 0.6 - double(i) / double(points), 2.5});
+  return each;
+}
+
 using MakePipeline = std::function<Pipeline(Meddling&)>;
 
 // Clouds and their results by fresh pipelines.
@@ -56,11 +79,11 @@ class Oracle {
   }
   const std::vector<Points>& clouds() const { return clouds_; }
 
-  const Outcome& run(std::size_t cloud, const Params& params) {
-    std::string key = std::to_string(cloud);
+  const Outcome& run(std::size_t cloud, Told told, const Params& params) {
+    std::string key = std::to_string(cloud) + ' ' + std::to_string(int(told));
     for (const ParamInfo& info : kParams) key += ' ' + param_text(params, info);
     const auto [place, is_new] = runs_.try_emplace(key);
-    if (is_new) place->second = fresh_run(cloud, params);
+    if (is_new) place->second = fresh_run(cloud, told, params);
     return place->second;
   }
   const Estimates& estimates(std::size_t cloud) {
@@ -74,9 +97,10 @@ class Oracle {
   }
 
  private:
-  Outcome fresh_run(std::size_t cloud, const Params& params) {
+  Outcome fresh_run(std::size_t cloud, Told told, const Params& params) {
     Pipeline pipeline = make_(quiet_);
     pipeline.load(clouds_[cloud]);
+    pipeline.set_viewpoint(viewpoints(told, clouds_[cloud].size()));
     Points out(clouds_[cloud].size());
     try {
       pipeline.run(params, out);
@@ -144,8 +168,10 @@ class Walk {
       query_estimates();
     } else if (what < 86) {
       query_resolved();
-    } else if (what < 97) {
+    } else if (what < 94) {
       query_normals();
+    } else if (what < 97) {
+      tell_viewpoint();
     } else {
       run_into_wrong_size();
     }
@@ -153,7 +179,7 @@ class Walk {
 
  private:
   const Points& points() const { return oracle_.clouds()[cloud_]; }
-  const Outcome& expected() { return oracle_.run(cloud_, params_); }
+  const Outcome& expected() { return oracle_.run(cloud_, told_, params_); }
 
   void load() {
     // mostly the first clouds; parameters go on as they are
@@ -163,7 +189,17 @@ class Walk {
     } else {
       pipeline_.load(shapes::as_cloud(points()));
     }
+    told_ = Told::nothing;
     shown_.reset();
+    if (random_.below(2) == 0) tell_viewpoint();
+  }
+
+  void tell_viewpoint() {
+    std::vector<Position> too_many(points().size() + 2);
+    EXPECT_THROW(pipeline_.set_viewpoint(too_many), Error);  // and what was told before holds
+    if (random_.below(4) == 0) return;
+    told_ = Told(random_.below(3));
+    pipeline_.set_viewpoint(viewpoints(told_, points().size()));
   }
 
   void change_parameters() {
@@ -187,7 +223,7 @@ class Walk {
     EXPECT_EQ(found.unmoved, fresh.unmoved);
     EXPECT_EQ(found.short_neighborhoods, fresh.short_neighborhoods);
     EXPECT_EQ(found.used, fresh.used);
-    shown_ = params_;
+    shown_ = {params_, told_};
   }
 
   void run_whole() {
@@ -204,6 +240,7 @@ class Walk {
 
   void run_in_one_call() {
     Points out(points().size());
+    told_ = Told::nothing;
     try {
       pipeline_.run(points(), params_, out);
     } catch (const Error& error) {
@@ -243,6 +280,7 @@ class Walk {
   template <class Explained>
   void run_that_may_end(std::stop_source& stop, const Explained& is_explained) {
     const bool one_call = random_.below(8) == 0;
+    if (one_call) told_ = Told::nothing;
     Points out(points().size());
     std::optional<Error> ended;
     try {
@@ -297,7 +335,8 @@ class Walk {
     try {
       pipeline_.normals(normals);
       ASSERT_TRUE(shown_) << "normals of no run";
-      EXPECT_TRUE(same_bits(normals, oracle_.run(cloud_, *shown_).normals)) << "normals";
+      const Points& fresh = oracle_.run(cloud_, shown_->told, shown_->params).normals;
+      EXPECT_TRUE(shown_->told == told_ ? same_bits(normals, fresh) : same_up_to_sign(normals, fresh)) << "normals";
     } catch (const Error& error) {
       EXPECT_TRUE(error.kind() == ErrorKind::memory || (!shown_ && error.kind() == ErrorKind::usage)) << error.what();
     }
@@ -316,7 +355,12 @@ class Walk {
   Pipeline pipeline_;
   std::size_t cloud_ = 0;
   Params params_;
-  std::optional<Params> shown_;  // of the last run, if it succeeded
+  Told told_ = Told::nothing;
+  struct Shown {
+    Params params;
+    Told told;
+  };
+  std::optional<Shown> shown_;  // what the last run read, if it succeeded
 };
 
 std::uint64_t number_from(const char* variable, std::uint64_t otherwise) {

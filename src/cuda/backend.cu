@@ -70,7 +70,7 @@ void CudaBackend::fair(int iteration, const FairingSettings& settings, bool leav
   clock_.note(with_normals ? kBoth : "fairing", start, its.stream());
 }
 
-std::uint64_t CudaBackend::download(int iteration, std::span<Point> points, const DisplacementLimits& limits,
+OutlierCounts CudaBackend::download(int iteration, std::span<Point> points, const DisplacementLimits& limits,
                                     std::span<std::uint8_t> outliers) {
   Chain& from = chain(iteration);
   const cudaEvent_t start = start_stage();

@@ -65,9 +65,9 @@ class CudaBackend final : public Backend,
   void estimate_normals(int iteration, const NormalSettings& settings, std::stop_token stop) override;
   void fair(int iteration, const FairingSettings& settings, bool leaves, std::stop_token stop) override;
 
-  std::uint64_t download(int iteration, std::span<Point> points, const DisplacementLimits& limits,
+  OutlierCounts download(int iteration, std::span<Point> points, const DisplacementLimits& limits,
                          std::span<std::uint8_t> outliers) override;
-  std::uint64_t download(int iteration, const DeviceOutput& points, DeviceStream stream,
+  OutlierCounts download(int iteration, const DeviceOutput& points, DeviceStream stream,
                          const DisplacementLimits& limits, std::span<std::uint8_t> outliers) override;
   void download_normals(int iteration, const DeviceOutput& normals, DeviceStream stream) override;
   void download_normals(int iteration, std::span<Point> normals, std::stop_token) override;

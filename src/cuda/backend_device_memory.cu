@@ -22,7 +22,7 @@ Origin CudaBackend::upload(const DevicePoints& points, DeviceStream stream, cons
   return origin;
 }
 
-std::uint64_t CudaBackend::download(int iteration, const DeviceOutput& points, DeviceStream stream,
+OutlierCounts CudaBackend::download(int iteration, const DeviceOutput& points, DeviceStream stream,
                                     const DisplacementLimits& limits, std::span<std::uint8_t> outliers) {
   Chain& from = chain(iteration);
   const cudaEvent_t start = start_stage();

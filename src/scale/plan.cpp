@@ -18,6 +18,7 @@
 #include "io/offset.hpp"
 #include "io/parallel.hpp"
 #include "io/streamed.hpp"
+#include "io/viewpoint.hpp"
 #include "pointfair/file_info.hpp"
 #include "pointfair/version.hpp"
 #include "scale/given.hpp"
@@ -144,6 +145,21 @@ void refuse_stray_files(const std::vector<InputFile>& files, const std::vector<E
   }
 }
 
+// The place that is asked for, or that all inputs say.
+std::optional<Position> sensor_of(const TiledJob& job, const std::vector<std::shared_ptr<Source>>& sources) {
+  std::optional<Position> sensor = io::named_place(job.viewpoint);
+  if (!job.viewpoint.empty() && job.viewpoint != "none" && !sensor)
+    refuse("--viewpoint " + job.viewpoint + ": a run in tiles on disk takes one place for all points; give x,y,z");
+  if (job.viewpoint.empty()) {
+    sensor = io::common_sensor(*sources.front());
+    for (const auto& source : sources)
+      if (io::common_sensor(*source) != sensor) sensor.reset();
+  }
+  if (job.params.along == Along::ray && !sensor)
+    refuse("--along ray needs the place of the sensor, which is not known: give --viewpoint x,y,z");
+  return sensor;
+}
+
 // Positions from all over the inputs, and the origin that they show.
 struct Survey {
   Position origin{};
@@ -207,6 +223,12 @@ std::string text_of(const Plan& plan) {
     if (!text.empty()) out << "limit " << name << " " << text << "\n";
   }
   if (!plan.noise_attribute.empty()) out << "noise " << plan.noise_attribute << "\n";
+  if (!plan.viewpoint.empty()) out << "viewpoint " << plan.viewpoint << "\n";
+  if (plan.sensor) {
+    out << "sensor";
+    for (const double c : *plan.sensor) out << " " << text_of(c);
+    out << "\n";
+  }
   for (const InputFile& file : plan.files)
     out << "file " << file.points << " " << file.fingerprint << " " << file.path.string() << "\noutput "
         << file.output.string() << "\n";
@@ -259,6 +281,9 @@ void read_line(const std::string& line, Plan& plan) {
     set_limit(plan.limits, word, rest());
   }
   if (key == "noise") plan.noise_attribute = rest();
+  if (key == "viewpoint") plan.viewpoint = rest();
+  if (key == "sensor")
+    for (double& c : plan.sensor.emplace()) c = parse_number(in);
   if (key == "file") {
     InputFile file;
     in >> file.points >> file.fingerprint;
@@ -323,6 +348,7 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
   plan.write = job.write;
   plan.limits = job.limits;
   plan.noise_attribute = job.noise_attribute;
+  plan.viewpoint = job.viewpoint;
   plan.memory = memory_of_task(job);
   const std::uint64_t most_of_chunk = std::min(kMostOfChunk, points_in_memory(plan.memory, kBytesOfChunkPoint));
   std::vector<std::shared_ptr<Source>> sources;
@@ -340,6 +366,7 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
     plan.points += file.points;
     cut_into_chunks(*source, static_cast<std::size_t>(&file - plan.files.data()), file, most_of_chunk, plan.chunks);
   }
+  plan.sensor = sensor_of(job, sources);
   plan.iterations = plan.params.iterations;
   if (plan.iterations == kAutomatic) plan.iterations = resolve_params(plan.params, {}, {}, 1).iterations;
   Survey seen = io::with_threads(threads, [&] { return survey(sources, plan.points); });
@@ -386,6 +413,7 @@ std::string difference(const TiledJob& job, const Plan& plan) {
   if (job.memory != 0 && memory_of_task(job) != plan.memory) return "another --memory, or for other cards";
   if (job.limits != plan.limits) return "other limits";
   if (job.noise_attribute != plan.noise_attribute) return "another --noise";
+  if (job.viewpoint != plan.viewpoint) return "another --viewpoint";
   const bool has_metres = in_file_units(job.params, 1.0) != job.params;
   const Params params = has_metres ? in_units_of_file(job.params, *io::open_source(files.front().path, 0)) : job.params;
   if (params != plan.params) return "other parameters";

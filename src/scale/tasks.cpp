@@ -174,7 +174,10 @@ void Tasks::run_emit(const WorkStep& step, std::size_t task, const std::stop_tok
   fs::create_directories(file.output.parent_path());
   io::write_moved(file.output, source, results, options, std::move(added));
   PointsHeader header;
-  header.counts[kOutlierCount] = results.held_back();
+  const OutlierCounts held_back = results.held_back();
+  header.counts[kIsolatedCount] = held_back.isolated;
+  header.counts[kOffSurfaceCount] = held_back.off_surface;
+  header.counts[kMixedCount] = held_back.mixed_pixels;
   header.counts[kHeldCount] = results.held_by_limits();
   PointsWriter(folder_.file_of(step, task), header, {}, {}).finish();
 }
@@ -200,7 +203,7 @@ void Tasks::close_input() {
 const Settings& Tasks::settled_settings() {
   if (!resolved_) {
     measured_ = load_measured(folder_.path / "measured");
-    resolved_ = resolve(folder_.plan.params, *measured_);
+    resolved_ = resolve(folder_.plan, *measured_);
   }
   return resolved_->settings;
 }

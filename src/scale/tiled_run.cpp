@@ -140,11 +140,15 @@ TiledReport TiledRun::report() const {
       report.unmoved.no_normal += counts[kNoNormalCount];
       report.short_neighborhoods += counts[kShortCount];
     }
+    OutlierCounts& outliers = report.unmoved.outliers_by_reason;
     for (const fs::path& path : folder.files_of(steps.back())) {
       const TaskCounts counts = PointsFile(path).header().counts;
-      report.unmoved.outliers += counts[kOutlierCount];
+      outliers.isolated += counts[kIsolatedCount];
+      outliers.off_surface += counts[kOffSurfaceCount];
+      outliers.mixed_pixels += counts[kMixedCount];
       report.held += counts[kHeldCount];
     }
+    report.unmoved.outliers = outliers.total();
     if (!moves_along_normal(report.params.method)) report.unmoved.no_normal = 0;
     return report;
   });
