@@ -116,6 +116,16 @@ Limits make_limits(const LimitArguments& arguments) {
   return limits;
 }
 
+void add_viewpoint(CLI::App& command, std::string& viewpoint) {
+  command
+      .add_option(
+          "--viewpoint", viewpoint,
+          "where the sensor stood, in file coordinates; or the attributes that hold it for each point; or none; "
+          "default: what a PCD or an E57 file says")
+      ->type_name("X,Y,Z|NAMES")
+      ->group("Limits");
+}
+
 void add_threads(CLI::App& command, unsigned& threads) {
   command.add_option("--threads", threads, "CPU threads; 0: all cores")
       ->check(CLI::Range(0, 4096).description(""))

@@ -46,6 +46,8 @@ struct DeviceArguments {
   unsigned threads = 0;
 };
 void add_device(CLI::App& command, DeviceArguments& arguments);
+/// --viewpoint.
+void add_viewpoint(CLI::App& command, std::string& viewpoint);
 void add_threads(CLI::App& command, unsigned& threads);
 
 /// Keeps this program's own loops to so many threads while it lives; 0: all cores.

@@ -52,6 +52,11 @@ Json statistics_json(const Statistics& statistics) {
   return {{"mean", statistics.mean}, {"rms", statistics.rms}, {"p95", statistics.p95}, {"max", statistics.max}};
 }
 
+Json outliers_json(const OutlierCounts& outliers) {
+  return {
+      {"isolated", outliers.isolated}, {"off_surface", outliers.off_surface}, {"mixed_pixels", outliers.mixed_pixels}};
+}
+
 Json bounds_json(const Cloud& cloud, const Estimates& estimates) {
   if (estimates.finite == 0) return nullptr;
   Json min = Json::array(), max = Json::array();

@@ -19,6 +19,7 @@ Json device_json(const DeviceInfo& device);
 Json params_json(const Params& params);
 Json stages_json(const std::vector<StageTime>& stages);
 Json statistics_json(const Statistics& statistics);
+Json outliers_json(const OutlierCounts& outliers);
 Json bounds_json(const Cloud& cloud, const Estimates& estimates);  ///< in file coordinates
 Json attributes_json(const std::vector<AttributeInfo>& attributes);
 

@@ -3,8 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
-#include <cmath>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -15,7 +13,7 @@
 #include "pointfair/pointfair.hpp"
 #include "progress.hpp"
 #include "report.hpp"
-#include "statistics.hpp"
+#include "run_report.hpp"
 #include "tiled.hpp"
 #include "verbs.hpp"
 
@@ -23,7 +21,7 @@ namespace pointfair::cli {
 namespace {
 
 struct RunArguments {
-  std::string input, output, report, progress = "auto", normals = "keep", write_noise;
+  std::string input, output, report, progress = "auto", normals = "keep", write_noise, viewpoint;
   std::vector<std::string> more;  // inputs, with an output folder
   TiledArguments tiled;
   std::optional<double> las_scale;
@@ -32,18 +30,6 @@ struct RunArguments {
   DeviceArguments device;
   FormatArguments format;
   bool force = false, quiet = false, verbose = false;
-};
-
-// What is said about a run beside the library's own report.
-struct Findings {
-  double spacing = 0, noise = 0;  // of the input
-  std::string noise_attribute;    // that the noise comes from; empty: it is estimated
-  std::array<double, 3> noise_quantiles{};
-  double step = 0;            // between the coordinates written, where these are integers
-  std::uint64_t ignored = 0;  // finite points left out by --ignore
-  std::uint64_t held = 0;     // others that the limits did not let move
-  Statistics displacement;
-  std::vector<std::string> notes;
 };
 
 void check_paths(const RunArguments& arguments) {
@@ -55,114 +41,6 @@ void check_paths(const RunArguments& arguments) {
   }
   check_writable(arguments.output, arguments.force);
   check_report(arguments.report, {arguments.input, arguments.output});
-}
-
-// Of the finite points, in file units.
-constexpr double kRoundingRms = 0.288675;  // of a step, on each axis: 1 / sqrt(12)
-
-Statistics displacement(const Cloud& before, const Cloud& after) {
-  std::vector<double> lengths;
-  lengths.reserve(before.points.size());
-  for (std::size_t i = 0; i < before.points.size(); ++i) {
-    const Point &p = before.points[i], &q = after.points[i];
-    const double length = std::hypot(double{q.x} - p.x, double{q.y} - p.y, double{q.z} - p.z);
-    if (std::isfinite(length)) lengths.push_back(length);
-  }
-  return summarize(lengths);
-}
-
-// Points that the limits hold, and those of them that were left out of the run.
-void count_limited(const Cloud& cloud, const Limits& limits, std::span<const std::uint8_t> movable,
-                   Findings& findings) {
-  const auto is_finite = [](const Point& p) { return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z); };
-  std::vector<std::uint8_t> ignored(limits.ignore.empty() ? 0 : cloud.points.size());
-  for (const Selection& selection : limits.ignore) {
-    const std::vector<std::uint8_t> selected = selected_points(selection, cloud);
-    for (std::size_t i = 0; i < ignored.size(); ++i) ignored[i] |= selected[i];
-  }
-  for (std::size_t i = 0; i < movable.size(); ++i) {
-    if (movable[i] || !is_finite(cloud.points[i])) continue;
-    ++(!ignored.empty() && ignored[i] ? findings.ignored : findings.held);
-  }
-}
-
-// Ignored points go into a run as points that are not finite.
-UnmovedCounts without(UnmovedCounts unmoved, std::uint64_t ignored) {
-  unmoved.non_finite -= std::min(unmoved.non_finite, ignored);
-  return unmoved;
-}
-
-Json unmoved_json(const UnmovedCounts& unmoved, const Findings& findings) {
-  return {{"non_finite", unmoved.non_finite}, {"too_few_neighbors", unmoved.too_few_neighbors},
-          {"no_normal", unmoved.no_normal},   {"outliers", unmoved.outliers},
-          {"ignored", findings.ignored},      {"held", findings.held}};
-}
-
-Json noise_json(const Findings& findings) {
-  Json json{{"before", findings.noise}, {"quantiles", findings.noise_quantiles}};
-  if (!findings.noise_attribute.empty()) json["attribute"] = findings.noise_attribute;
-  return json;
-}
-
-Json run_json(const Report& report, const Findings& findings) {
-  return {{"version", version()},
-          {"device", device_json(report.device)},
-          {"points", report.points},
-          {"params", params_json(report.params)},
-          {"spacing", findings.spacing},
-          {"noise", noise_json(findings)},
-          {"rounding", {{"step", findings.step}, {"rms", kRoundingRms * findings.step}}},
-          {"unmoved", unmoved_json(without(report.unmoved, findings.ignored), findings)},
-          {"short_neighborhoods", report.short_neighborhoods},
-          {"displacement", statistics_json(findings.displacement)},
-          {"stages", stages_json(report.stages)},
-          {"tiles", report.tiles},
-          {"total_ms", report.total_milliseconds},
-          {"peak_bytes", {{"host", report.peak_host_bytes}, {"device", report.peak_device_bytes}}}};
-}
-
-void print_details(const Report& report) {
-  fmt::print(stderr, "device    {}, {} ({})\n", device_name(report.device.kind), report.device.name,
-             report.device.reason);
-  for (const ParamInfo& info : kParams) {
-    fmt::print(stderr, "  {:<18} {}\n", info.name, param_text(report.params, info));
-  }
-  for (const StageTime& stage : report.stages)
-    fmt::print(stderr, "  {:<18} {:.1f} ms\n", stage.name, stage.milliseconds);
-}
-
-// Why points kept their place.
-std::string reasons_kept(const UnmovedCounts& unmoved, std::uint64_t ignored) {
-  std::string reasons;
-  const auto add = [&](std::uint64_t count, const char* reason) {
-    if (count > 0) reasons += fmt::format("{}{} {}", reasons.empty() ? ": " : ", ", count, reason);
-  };
-  add(unmoved.non_finite, "not finite or beyond 1e18");
-  add(unmoved.too_few_neighbors, "with too few neighbours");
-  add(unmoved.no_normal, "without a normal");
-  add(unmoved.outliers, "outliers");
-  add(ignored, "ignored");
-  return reasons;
-}
-
-void print_summary(const RunArguments& arguments, const Report& report, const Findings& findings) {
-  if (arguments.verbose) print_details(report);
-  const UnmovedCounts unmoved = without(report.unmoved, findings.ignored);
-  const std::uint64_t kept =
-      unmoved.non_finite + unmoved.too_few_neighbors + unmoved.no_normal + unmoved.outliers + findings.ignored;
-  fmt::print(stderr, "{} points denoised on {} in {:.1f} ms, {} kept as they were{}\n", report.points - kept,
-             device_name(report.device.kind), report.total_milliseconds, kept, reasons_kept(unmoved, findings.ignored));
-  if (findings.held > 0) fmt::print(stderr, "the limits kept {} points as they were\n", findings.held);
-  if (report.tiles > 1)
-    fmt::print(stderr, "computed in {} tiles, since the cloud does not fit into the device's memory\n", report.tiles);
-  const std::string& attribute = findings.noise_attribute;
-  fmt::print(stderr, "noise of the input {:.4g} ({}), points moved {:.4g} on average, {:.4g} at most\n", findings.noise,
-             attribute.empty() ? "estimated" : fmt::format("median of '{}'", attribute), findings.displacement.mean,
-             findings.displacement.max);
-  if (findings.step > 0)
-    fmt::print(stderr, "coordinates are stored in steps of {:.4g}: rounding adds {:.2g} on each axis\n", findings.step,
-               kRoundingRms * findings.step);
-  for (const std::string& note : findings.notes) fmt::print(stderr, "note: {}\n", note);
 }
 
 Cloud read_input(const RunArguments& arguments) {
@@ -179,49 +57,15 @@ void check_normals(const RunArguments& arguments, const Cloud& cloud) {
 }
 
 // The normals of the last iteration. Where the file has its own, points that were not to move keep theirs.
-void give_normals(Pipeline& pipeline, std::span<const std::uint8_t> movable, std::stop_token stop, Cloud& cloud) {
+void give_normals(Pipeline& pipeline, std::span<const std::uint8_t> movable, std::span<const Position> viewpoints,
+                  std::stop_token stop, Cloud& cloud) {
   std::vector<Point> normals(cloud.points.size());
   pipeline.normals(normals, stop);
   const bool has_own = !normal_attributes(cloud).empty();
   for (std::size_t i = 0; has_own && i < movable.size(); ++i) {
     if (!movable[i]) normals[i] = {0, 0, 0};
   }
-  set_normals(cloud, normals);
-}
-
-// Between the coordinates of the file written, where these are integers.
-double written_step(const Cloud& cloud, const WriteOptions& options) {
-  if (options.las_scale) return *options.las_scale;
-  const auto is_las = [](Format format) { return format == Format::las || format == Format::laz; };
-  const FileInfo info = file_info(cloud);
-  const bool keeps = info.format && (!options.format || options.format == info.format ||
-                                     (is_las(*options.format) && is_las(*info.format)));
-  return keeps ? info.step : 0;
-}
-
-std::vector<std::string> notes(const RunArguments& arguments, const WriteOptions& options, const Cloud& cloud,
-                               const Findings& findings) {
-  std::vector<std::string> result = losses(cloud, options.format);
-  if (arguments.normals == "keep" && findings.displacement.max > 0 && !normal_attributes(cloud).empty())
-    result.push_back("the normals in the file are those from before; --normals update replaces them");
-  if (findings.noise > 0 && findings.step > findings.noise)
-    result.push_back(
-        fmt::format("the steps of {:.4g} between stored coordinates are coarse against the noise of {:.4g}; "
-                    "for LAS and LAZ, --las-scale makes them finer",
-                    findings.step, findings.noise));
-  return result;
-}
-
-// What is said about the run. The estimates are of the points that were not ignored.
-void find_out(const RunArguments& arguments, const WriteOptions& options, const Cloud& before, const Cloud& after,
-              Pipeline& pipeline, std::stop_token stop, Findings& findings) {
-  const Estimates& estimates = pipeline.estimates(stop);
-  findings.spacing = estimates.spacing;
-  findings.noise = estimates.noise;
-  findings.noise_quantiles = estimates.noise_quantiles;
-  findings.step = written_step(before, options);
-  findings.displacement = displacement(before, after);
-  findings.notes = notes(arguments, options, before, findings);
+  set_normals(cloud, normals, viewpoints);
 }
 
 WriteOptions write_options_of(const RunArguments& arguments) {
@@ -255,10 +99,12 @@ std::string why_tiles(const RunArguments& arguments, const Params& params, const
   std::uint64_t needed = TiledRun::bytes_in_memory(points, params);
   if (needed > free / 2 && Pipeline(device).device().kind == Device::cuda) needed = points * kBytesOnCard;
   if (needed <= free / 2) return {};
+  const bool may_know_sensors = format_of(arguments.input) == Format::e57 && arguments.viewpoint.empty();
   return fmt::format(
       "{} points would take {:.1f} GB of memory, and {:.1f} GB are free: they are computed in tiles on disk, with the "
-      "same result; --memory says how much memory to use",
-      points, double(needed) * 1e-9, double(free) * 1e-9);
+      "same result{}; --memory says how much memory to use",
+      points, double(needed) * 1e-9, double(free) * 1e-9,
+      may_know_sensors ? ", but mixed pixels are not looked for if its scans were made from several places" : "");
 }
 
 // What runs in tiles cannot do yet.
@@ -278,6 +124,7 @@ void run_tiled(const RunArguments& arguments, const Params& params, const Limits
   TiledJob job;
   job.limits = limits;
   job.noise_attribute = noise_attribute;
+  job.viewpoint = arguments.viewpoint;
   job.workers = static_cast<unsigned>(std::max<std::size_t>(1, device.cards.size()));
   job.inputs = {arguments.input};
   if (arguments.tiled.out_dir.empty()) {
@@ -312,6 +159,7 @@ void run(RunArguments arguments, std::stop_token stop) {
   const Params params = make_params(arguments.params, {});
   const Limits limits = make_limits(arguments.limits);
   const Device device = make_device(arguments.device);
+  check_viewpoint(arguments.viewpoint);
   if (arguments.tiled.out_dir.empty() && !arguments.more.empty())
     throw Error(ErrorKind::usage, "several inputs need a folder for their results; give --out-dir");
   if (arguments.tiled.out_dir.empty() && arguments.output.empty()) throw Error(ErrorKind::usage, "OUT is required");
@@ -341,21 +189,23 @@ void run(RunArguments arguments, std::stop_token stop) {
     }
     if (!findings.noise_attribute.empty())
       use_noise_attribute(cloud, findings.noise_attribute, arguments.input, pipeline);
+    std::vector<Position> viewpoints;  // where another was given than the file's
+    if (!arguments.viewpoint.empty()) pipeline.set_viewpoint(viewpoints = parse_viewpoints(arguments.viewpoint, cloud));
     Cloud denoised =
         pipeline.run(params, stop, [&](double share, std::string_view stage) { progress.show(share, stage); });
     apply_limits(limits, movable, cloud.points, denoised.points);
-    if (arguments.normals != "keep") give_normals(pipeline, movable, stop, denoised);
+    if (arguments.normals != "keep") give_normals(pipeline, movable, viewpoints, stop, denoised);
     if (!arguments.write_noise.empty()) write_noise_attribute(pipeline, params, arguments.write_noise, stop, denoised);
     progress.show(1, "writing");
     write(arguments.output, denoised, write_options);
     if (!arguments.quiet || !arguments.report.empty()) {
       progress.show(1, "measuring");
       count_limited(cloud, limits, movable, findings);
-      find_out(arguments, write_options, cloud, denoised, pipeline, stop, findings);
+      find_out(arguments.normals == "keep", write_options, cloud, denoised, pipeline, stop, findings);
     }
   }
   write_report(arguments.report, run_json(pipeline.report(), findings));
-  if (!arguments.quiet) print_summary(arguments, pipeline.report(), findings);
+  if (!arguments.quiet) print_summary(pipeline.report(), findings, arguments.verbose);
 }
 
 }  // namespace
@@ -368,6 +218,7 @@ Verb add_run(CLI::App& app) {
   command.add_option("MORE", arguments->more, "with --out-dir: OUT and these are inputs too, all of one cloud");
   add_params(command, arguments->params);
   add_limits(command, arguments->limits);
+  add_viewpoint(command, arguments->viewpoint);
   add_device(command, arguments->device);
   add_format(command, arguments->format);
   command

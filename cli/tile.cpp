@@ -24,7 +24,7 @@ namespace {
 
 struct TileArguments {
   std::vector<std::string> inputs;
-  std::string output, folder, task, report, progress = "auto";
+  std::string output, folder, task, report, progress = "auto", viewpoint;
   std::optional<double> las_scale;
   TiledArguments tiled;
   ParamArguments params;
@@ -39,6 +39,7 @@ void plan(TileArguments arguments) {
   TiledJob job;
   job.noise_attribute = take_noise_attribute(arguments.params);
   job.limits = make_limits(arguments.limits);
+  job.viewpoint = arguments.viewpoint;
   job.inputs.assign(arguments.inputs.begin(), arguments.inputs.end());
   if (!arguments.output.empty()) {
     job.output = arguments.output;
@@ -125,6 +126,7 @@ void add_plan(CLI::App& tile, const Shared& arguments) {
   part.add_option("--tiles", arguments->tiled.tiles, "at least so many tiles")->type_name("N");
   add_params(part, arguments->params);
   add_limits(part, arguments->limits);
+  add_viewpoint(part, arguments->viewpoint);
   add_threads(part, arguments->device.threads);
   add_format(part, arguments->format);
   part.add_option("--las-scale", arguments->las_scale, "step of the coordinates of LAS and LAZ")->type_name("STEP");

@@ -63,6 +63,7 @@ Json report_json(const TiledReport& report, const DeviceInfo& device) {
             {"outliers", report.unmoved.outliers},
             {"ignored", report.ignored},
             {"held", report.held}}},
+          {"outliers", outliers_json(report.unmoved.outliers_by_reason)},
           {"short_neighborhoods", report.short_neighborhoods},
           {"tiles", report.tiles}};
 }

@@ -25,6 +25,7 @@ struct ViewArguments {
   std::string input, host = "127.0.0.1", save_folder = ".";
   std::optional<std::uint16_t> port;
   std::uint64_t points = 3'000'000;
+  std::string viewpoint;
   bool no_open = false, token = false;
   DeviceArguments device;
 };
@@ -59,6 +60,8 @@ void view(const ViewArguments& arguments, std::stop_token stop) {
   options.device = make_device(arguments.device);
   options.save_folder = arguments.save_folder;
   options.point_budget = arguments.points;
+  options.viewpoint = arguments.viewpoint;
+  check_viewpoint(options.viewpoint);
   const auto ready = [&](const std::string& url) {
     print_output(url + "\n");
     if (!arguments.no_open) open_browser(url);
@@ -100,6 +103,7 @@ Verb add_view(CLI::App& app) {
   command.add_option("--points", arguments->points, "show so many points of a larger cloud")
       ->check(CLI::Range(1000, 100'000'000).description(""))
       ->type_name("N");
+  add_viewpoint(command, arguments->viewpoint);
   add_device(command, arguments->device);
   return {&command, [arguments](std::stop_token stop) { view(*arguments, stop); }};
 }

@@ -230,6 +230,8 @@ void check_params(const Params& params) {
   for (const ParamInfo& info : kParams) std::visit(CheckField{params, info}, info.field);
   if (params.constraint && params.k == kAutomatic && !params.radius.is_automatic())
     throw Error(ErrorKind::usage, "--constraint with --radius needs --k; give the number of neighbours too");
+  if (params.along == Along::ray && !moves_along_normal(params.method))
+    throw Error(ErrorKind::usage, "--along ray needs a method that moves along the normal: bilateral, mls or wiener");
 }
 
 Params in_file_units(const Params& params, std::optional<double> metres_per_unit) {

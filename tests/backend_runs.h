@@ -33,7 +33,7 @@ struct StageSettings {
 struct StageResults {
   std::vector<Point> points, normals;
   Counts counts;
-  std::uint64_t held_back = 0;
+  OutlierCounts held_back{};
 };
 
 // `while_arriving`: stages are started before the upload has ended.
@@ -53,7 +53,7 @@ inline StageResults run(Backend& backend, const std::vector<Point>& points, cons
     backend.fair(iteration, fairing, settings.leaving, {});
   }
   const int last = settings.iterations - 1;
-  StageResults result{std::vector<Point>(points.size()), std::vector<Point>(points.size()), {}, 0};
+  StageResults result{std::vector<Point>(points.size()), std::vector<Point>(points.size()), {}, {}};
   result.held_back = backend.download(last, result.points, settings.limits, {});
   if (while_arriving) backend.overlap()->finish_upload();
   backend.download_normals(last, result.normals, {});

@@ -30,7 +30,7 @@ class ForwardingBackend : public Backend, public Sampling {
   void fair(int iteration, const FairingSettings& settings, bool leaves, std::stop_token stop) override {
     to_->fair(iteration, settings, leaves, stop);
   }
-  std::uint64_t download(int iteration, std::span<Point> points, const DisplacementLimits& limits,
+  OutlierCounts download(int iteration, std::span<Point> points, const DisplacementLimits& limits,
                          std::span<std::uint8_t> outliers) override {
     return to_->download(iteration, points, limits, outliers);
   }

@@ -14,7 +14,7 @@ SOURCE = {".cpp", ".hpp", ".h", ".cu", ".cuh"}
 # folder: (folders or files of ours that it may include, third-party headers that it may include)
 PUBLIC = "include/pointfair/"
 DATA = [PUBLIC + name + ".hpp" for name in ("cloud", "params", "device", "device_points", "report")]  # all of src may use them but src/point
-FILES = [PUBLIC + name + ".hpp" for name in ("cloud", "io", "file_info", "normals", "positions", "version")]  # what src/io implements
+FILES = [PUBLIC + name + ".hpp" for name in ("cloud", "io", "file_info", "normals", "positions", "version", "viewpoint")]  # what src/io implements
 ON_CARD = ("cuda", "cub/", "thrust/", "nv")
 CUDA_ROOMS = {  # each with those that it may include
     "runtime": ["runtime"],

@@ -59,7 +59,7 @@ class MeddlingBackend final : public ForwardingBackend {
     meddling_.at_call();
     ForwardingBackend::fair(iteration, settings, leaves, stop);
   }
-  std::uint64_t download(int iteration, std::span<Point> points, const DisplacementLimits& limits,
+  OutlierCounts download(int iteration, std::span<Point> points, const DisplacementLimits& limits,
                          std::span<std::uint8_t> outliers) override {
     meddling_.at_call();
     return ForwardingBackend::download(iteration, points, limits, outliers);

@@ -3,6 +3,7 @@
 // fresh run.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cstring>
 #include <functional>
 #include <memory>
@@ -131,6 +132,7 @@ void change(Params& params, const ParamInfo& info) {
         if constexpr (std::is_same_v<Field, Offset>) params.*field = Offset::point;
         if constexpr (std::is_same_v<Field, Method>) params.*field = Method::mls;
         if constexpr (std::is_same_v<Field, Outliers>) params.*field = Outliers::off;
+        if constexpr (std::is_same_v<Field, Along>) params.*field = Along::ray;
       },
       info.field);
 }
@@ -146,6 +148,8 @@ TEST(Cache, a_changed_parameter_runs_again_from_the_stage_of_its_row_and_no_earl
     Recorded recorded;
     const bool is_of_balls = info.name == "min_neighbors" || info.name == "flat_scale" || info.name == "outlier_radius";
     const Params before = is_of_balls ? settled_without_list() : settled();
+    const std::array<double, 3> above{0.5, 0.5, 5};
+    if (info.name == "along") recorded.pipeline.set_viewpoint({&above, 1});
     recorded.run(before);
     Params params = before;
     change(params, info);

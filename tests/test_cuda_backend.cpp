@@ -168,6 +168,46 @@ TEST_F(CudaBackendTest, equals_the_cpu_on_outliers) {
   }
 }
 
+// One sensor for all points, and one for each, over lists and radius neighbourhoods.
+TEST_F(CudaBackendTest, equals_the_cpu_where_a_sensor_is_known) {
+  std::vector<Point> points = cut(noisy_sphere(100000, 23, 0.002));
+  for (std::size_t i = 0; i < points.size(); i += 100) {
+    const float lift = 1 + 0.0001f * float(i % 7919);
+    points[i] = {points[i].x * lift, points[i].y * lift, points[i].z * lift};
+  }
+  points[5].y = kNan;
+  SensorPlaces one{{{0.5f, 0.25f, 3.0f}}}, each;
+  for (std::size_t i = 0; i < points.size(); ++i) each.places.push_back({2, float(i % 7), i % 50 == 0 ? kNan : -3.0f});
+  for (const SensorPlaces& places : {one, each})
+    for (const bool listed : {true, false})
+      for (const bool along : {true, false}) {
+        StageSettings settings = with_filter_and_both_planes(with_neighbors(listed ? 24 : 0));
+        if (!listed) {
+          settings.neighbors = {0, 0.03f};
+          settings.neighbors.min_neighbors = 16;
+          settings.frame = frame_over({-1.5f, -1.5f, -1.5f}, 3);
+        }
+        settings.iterations = along ? 3 : 2;
+        settings.fairing.sensors = std::make_shared<const SensorPlaces>(places);
+        settings.fairing.along_ray = along;
+        settings.fairing.farthest = along ? 0.006f : 0.0f;
+        settings.fairing.beam_reach = 0.004f;
+        settings.fairing.outlier_distance = 0.01f;
+        settings.limits = {0.03f, 0.05f};
+        expect_same(points, settings, listed ? "lists" : "radius");
+        settings.fairing.outlier_distance = 0;
+        expect_same(points, settings, "without outliers");
+        settings.fairing.outlier_distance = 0.01f;
+        settings.fairing.pull_outliers = true;
+        expect_same(points, settings, "pulled in");
+        for (const Method method : {Method::mls, Method::wiener}) {
+          StageSettings other = with_method(settings, method);
+          other.fairing.pull_outliers = false;
+          expect_same(points, other, "another method");
+        }
+      }
+}
+
 TEST_F(CudaBackendTest, equals_the_cpu_over_iterations) {
   StageSettings settings;
   settings.iterations = 3;

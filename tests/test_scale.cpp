@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <random>
@@ -11,9 +12,11 @@
 #include "pointfair/positions.hpp"
 #include "pointfair/tiled_run.hpp"
 #include "scale/leaf_tree.hpp"
+#include "scale/measure.hpp"
 #include "scale/points_file.hpp"
 #include "scale/stored_cloud.hpp"
 #include "scale/tiled_run_access.hpp"
+#include "scale/work_file.hpp"
 #include "shapes.h"
 
 namespace pointfair::scale {
@@ -147,6 +150,40 @@ TEST(Scale, a_file_that_is_not_finished_never_appears) {
   EXPECT_EQ(read_text(folder / "a"), "text");
 }
 
+// Whatever was in memory before, also between the members.
+Noise noise_over(unsigned char before) {
+  alignas(Noise) unsigned char bytes[sizeof(Noise)];
+  std::memset(bytes, before, sizeof bytes);
+  ::new (static_cast<void*>(bytes)) Noise{0.5, 1, 2, 3, 4, 5, true, 6, 7};
+  Noise noise;
+  std::memcpy(static_cast<void*>(&noise), bytes, sizeof noise);
+  return noise;
+}
+
+TEST(Scale, what_was_measured_is_loaded_as_it_was_and_its_file_has_the_same_bytes_each_time) {
+  const Folder folder;
+  for (const unsigned char before : {'\0', '\xff'}) {
+    Measured measured;
+    const Noise noise = noise_over(before);
+    std::memcpy(static_cast<void*>(&measured.noise), &noise, sizeof noise);
+    measured.origin = {1, 2, 3};
+    measured.frame.side = 8;
+    measured.spacing.rho = 9;
+    measured.ignored = 10;
+    save(measured, folder / (before == 0 ? "a" : "b"));
+  }
+  const Measured loaded = load_measured(folder / "b");
+  EXPECT_EQ(loaded.noise.sigma, 0.5);
+  EXPECT_EQ(loaded.noise.alikeness, 5);
+  EXPECT_TRUE(loaded.noise.depth_has_steps);
+  EXPECT_EQ(loaded.noise.bend, 7);
+  EXPECT_EQ(loaded.origin, (Position{1, 2, 3}));
+  EXPECT_EQ(loaded.frame.side, 8);
+  EXPECT_EQ(loaded.spacing.rho, 9);
+  EXPECT_EQ(loaded.ignored, 10u);
+  EXPECT_TRUE(read_text(folder / "a") == read_text(folder / "b"));
+}
+
 TEST(Scale, a_damaged_file_of_points_is_refused) {
   const Folder folder;
   std::vector<Point> points = random_points(100, 6);
@@ -215,6 +252,36 @@ TEST(Scale, several_workers_share_the_tiles_and_leave_the_bits_of_one) {
   run.run_all();
   EXPECT_EQ(read_text(folder / "out.ply"), read_text(folder / "whole.ply"));
   EXPECT_EQ(run.report().tiles, 9u);
+}
+
+TEST(Scale, outliers_keep_their_reason_over_iterations) {
+  const Folder folder;
+  Cloud cloud;
+  cloud.points = shapes::with_noise(shapes::plane(20000), 0.003);
+  for (std::size_t i = 500; i < cloud.points.size(); i += 1000) cloud.points[i].z = i % 2000 == 500 ? 0.06f : -0.06f;
+  for (int i = 0; i < 5; ++i) cloud.points[std::size_t(i)] = {float(20 * i + 30), float(i), 50};
+  write(folder / "in.ply", cloud);
+  for (const int iterations : {1, 3}) {
+    Params params;
+    params.iterations = iterations;
+    Pipeline pipeline(Device::cpu);
+    pipeline.load(read(folder / "in.ply"));
+    const std::string tag = std::to_string(iterations);
+    const fs::path whole = folder / ("whole" + tag + ".ply").c_str(), work = folder / ("work" + tag).c_str();
+    write(whole, pipeline.run(params));
+    TiledJob job;
+    job.inputs = {folder / "in.ply"};
+    job.output = folder / ("out" + tag + ".ply").c_str();
+    job.params = params;
+    job.least_tiles = 4;
+    TiledRun::plan(job, work);
+    TiledRun run(work, Device::cpu);
+    run.run_all();
+    const OutlierCounts reasons = run.report().unmoved.outliers_by_reason;
+    EXPECT_EQ(reasons, pipeline.report().unmoved.outliers_by_reason) << iterations;
+    EXPECT_GE(reasons.isolated, 5u) << iterations;
+    EXPECT_EQ(read_text(job.output), read_text(whole));
+  }
 }
 
 // As it would otherwise be tried again with ever smaller parts of the tile.

@@ -100,6 +100,25 @@ TEST(Tiles, has_the_outliers_of_the_whole) {
   }
 }
 
+TEST(Tiles, knows_the_sensor_of_each_point) {
+  const Points points = cloud(30000);
+  StageSettings settings = usual();
+  settings.neighbors = {0, 0.02f};
+  settings.neighbors.min_neighbors = 16;
+  settings.fairing.outlier_distance = 0.012f;
+  settings.limits = {0.04f, 0.06f};
+  settings.iterations = 2;
+  settings.fairing.beam_reach = 0.004f;
+  settings.fairing.along_ray = true;
+  SensorPlaces places{{{0.5f, 0.25f, 3.0f}}};
+  settings.fairing.sensors = std::make_shared<const SensorPlaces>(places);
+  expect_the_same_in_tiles(points, settings, "one sensor");
+  places.places.clear();
+  for (std::size_t i = 0; i < points.size(); ++i) places.places.push_back({2, float(i % 7), -3});
+  settings.fairing.sensors = std::make_shared<const SensorPlaces>(places);
+  expect_the_same_in_tiles(points, settings, "a sensor for each point");
+}
+
 TEST(Tiles, has_the_bits_of_the_whole_with_every_option) {
   const Points points = cloud(60000);
   StageSettings settings = usual();

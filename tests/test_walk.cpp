@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// A random walk over everything that a caller of a pipeline can do: loads, every parameter in every unit, runs that
-// fail or are stopped anywhere, queries in between. Oracle: a fresh pipeline. POINTFAIR_WALK_STEPS sets how long,
-// POINTFAIR_WALK_SEED which way.
+// A random walk over everything that a caller of a pipeline can do: loads, places of the sensor, every parameter in
+// every unit, runs that fail or are stopped anywhere, queries in between. Oracle: a fresh pipeline.
+// POINTFAIR_WALK_STEPS sets how long, POINTFAIR_WALK_SEED which way.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <cstring>
-#include <map>
 #include <optional>
 #include <string>
 #include <thread>
@@ -15,88 +16,13 @@
 #include "meddling_backend.h"
 #include "pipeline/pipeline_access.hpp"
 #include "pointfair/pipeline.hpp"
+#include "pointfair/positions.hpp"
 #include "shapes.h"
 #include "tiles/tiled_backend.hpp"
+#include "walk_oracle.h"
 
 namespace pointfair {
 namespace {
-
-using shapes::Points;
-
-// What a run delivers, or why it does not.
-struct Outcome {
-  std::string error;  // empty: none
-  Points points, normals;
-  std::vector<std::uint8_t> outliers;
-  UnmovedCounts unmoved;
-  std::uint64_t short_neighborhoods = 0;
-  Params used;
-};
-
-bool same_bits(const Points& a, const Points& b) {
-  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(Point)) == 0;
-}
-
-Outcome of_last_run(Pipeline& pipeline, Points points) {
-  const Report& report = pipeline.report();
-  Outcome outcome{{}, std::move(points), {}, {}, report.unmoved, report.short_neighborhoods, report.params};
-  outcome.outliers.assign(pipeline.outliers().begin(), pipeline.outliers().end());
-  return outcome;
-}
-
-using MakePipeline = std::function<Pipeline(Meddling&)>;
-
-// Clouds and their results by fresh pipelines.
-class Oracle {
- public:
-  explicit Oracle(MakePipeline make) : make_(std::move(make)) {
-    clouds_ = {shapes::with_noise(shapes::waves(420), 0.01), shapes::with_invalid(shapes::cube(350), 9),
-               shapes::with_stray(shapes::with_noise(shapes::sphere(300), 0.02), 60), shapes::identical(30), Points{}};
-    for (int i = 0; i < 60; ++i) clouds_[0][std::size_t(5 * i)] = clouds_[0][1];
-  }
-  const std::vector<Points>& clouds() const { return clouds_; }
-
-  const Outcome& run(std::size_t cloud, const Params& params) {
-    std::string key = std::to_string(cloud);
-    for (const ParamInfo& info : kParams) key += ' ' + param_text(params, info);
-    const auto [place, is_new] = runs_.try_emplace(key);
-    if (is_new) place->second = fresh_run(cloud, params);
-    return place->second;
-  }
-  const Estimates& estimates(std::size_t cloud) {
-    const auto [place, is_new] = estimates_.try_emplace(cloud);
-    if (is_new) {
-      Pipeline pipeline = make_(quiet_);
-      pipeline.load(clouds_[cloud]);
-      place->second = pipeline.estimates();
-    }
-    return place->second;
-  }
-
- private:
-  Outcome fresh_run(std::size_t cloud, const Params& params) {
-    Pipeline pipeline = make_(quiet_);
-    pipeline.load(clouds_[cloud]);
-    Points out(clouds_[cloud].size());
-    try {
-      pipeline.run(params, out);
-    } catch (const Error& error) {
-      Outcome refused;
-      refused.error = error.what();
-      return refused;
-    }
-    Outcome outcome = of_last_run(pipeline, std::move(out));
-    outcome.normals.resize(outcome.points.size());
-    pipeline.normals(outcome.normals);
-    return outcome;
-  }
-
-  MakePipeline make_;
-  Meddling quiet_;
-  std::vector<Points> clouds_;
-  std::map<std::string, Outcome> runs_;
-  std::map<std::size_t, Estimates> estimates_;
-};
 
 // A value for any parameter, as a text.
 std::string random_value(const ParamInfo& info, shapes::Random& random) {
@@ -144,8 +70,10 @@ class Walk {
       query_estimates();
     } else if (what < 86) {
       query_resolved();
-    } else if (what < 97) {
+    } else if (what < 94) {
       query_normals();
+    } else if (what < 97) {
+      tell_viewpoint();
     } else {
       run_into_wrong_size();
     }
@@ -153,7 +81,7 @@ class Walk {
 
  private:
   const Points& points() const { return oracle_.clouds()[cloud_]; }
-  const Outcome& expected() { return oracle_.run(cloud_, params_); }
+  const Outcome& expected() { return oracle_.run(cloud_, told_, params_); }
 
   void load() {
     // mostly the first clouds; parameters go on as they are
@@ -163,7 +91,17 @@ class Walk {
     } else {
       pipeline_.load(shapes::as_cloud(points()));
     }
+    told_ = Told::nothing;
     shown_.reset();
+    if (random_.below(2) == 0) tell_viewpoint();
+  }
+
+  void tell_viewpoint() {
+    std::vector<Position> too_many(points().size() + 2);
+    EXPECT_THROW(pipeline_.set_viewpoint(too_many), Error);  // and what was told before holds
+    if (random_.below(4) == 0) return;
+    told_ = Told(random_.below(3));
+    pipeline_.set_viewpoint(viewpoints(told_, points().size()));
   }
 
   void change_parameters() {
@@ -187,7 +125,7 @@ class Walk {
     EXPECT_EQ(found.unmoved, fresh.unmoved);
     EXPECT_EQ(found.short_neighborhoods, fresh.short_neighborhoods);
     EXPECT_EQ(found.used, fresh.used);
-    shown_ = params_;
+    shown_ = {params_, told_};
   }
 
   void run_whole() {
@@ -204,6 +142,7 @@ class Walk {
 
   void run_in_one_call() {
     Points out(points().size());
+    told_ = Told::nothing;
     try {
       pipeline_.run(points(), params_, out);
     } catch (const Error& error) {
@@ -243,6 +182,7 @@ class Walk {
   template <class Explained>
   void run_that_may_end(std::stop_source& stop, const Explained& is_explained) {
     const bool one_call = random_.below(8) == 0;
+    if (one_call) told_ = Told::nothing;
     Points out(points().size());
     std::optional<Error> ended;
     try {
@@ -297,7 +237,8 @@ class Walk {
     try {
       pipeline_.normals(normals);
       ASSERT_TRUE(shown_) << "normals of no run";
-      EXPECT_TRUE(same_bits(normals, oracle_.run(cloud_, *shown_).normals)) << "normals";
+      const Points& fresh = oracle_.run(cloud_, shown_->told, shown_->params).normals;
+      EXPECT_TRUE(shown_->told == told_ ? same_bits(normals, fresh) : same_up_to_sign(normals, fresh)) << "normals";
     } catch (const Error& error) {
       EXPECT_TRUE(error.kind() == ErrorKind::memory || (!shown_ && error.kind() == ErrorKind::usage)) << error.what();
     }
@@ -316,7 +257,12 @@ class Walk {
   Pipeline pipeline_;
   std::size_t cloud_ = 0;
   Params params_;
-  std::optional<Params> shown_;  // of the last run, if it succeeded
+  Told told_ = Told::nothing;
+  struct Shown {
+    Params params;
+    Told told;
+  };
+  std::optional<Shown> shown_;  // what the last run read, if it succeeded
 };
 
 std::uint64_t number_from(const char* variable, std::uint64_t otherwise) {

@@ -53,6 +53,7 @@ void Document::open(Cloud cloud, const std::string& name, std::string path) {
   facts_ = {name, std::move(path), pipeline_->estimates(), std::min<std::size_t>(count, options_.point_budget)};
   facts_.step = displacement_step(facts_.estimates.spacing, facts_.estimates.diagonal);
   facts_.settles = count <= kMaxShaded;
+  place_sensor();
   result_ = pipeline_->host_buffer(count);
   normals_ = pipeline_->host_buffer(count);
   order_ = Order(count);
@@ -120,10 +121,26 @@ void Document::reload(const Limits& limits) {
   without_ignored_.clear();
   motion_.clear();
   preview_.reset();
-  if (limits.ignore.empty()) return pipeline_->load(cloud_);
-  Cloud seen = without_ignored(limits, cloud_);
-  pipeline_->load(seen);
-  without_ignored_ = std::move(seen.points);
+  if (limits.ignore.empty()) {
+    pipeline_->load(cloud_);
+  } else {
+    Cloud seen = without_ignored(limits, cloud_);
+    pipeline_->load(seen);
+    without_ignored_ = std::move(seen.points);
+  }
+  place_sensor();
+}
+
+// As it was asked for, for the cloud that was named with it and not for those that the page sends.
+std::string Document::viewpoint() const { return facts_.path.empty() ? std::string() : options_.viewpoint; }
+
+// In the pipeline and in those of the preview.
+void Document::place_sensor() {
+  std::vector<Position> viewpoints = parse_viewpoints(viewpoint(), cloud_);
+  pipeline_->set_viewpoint(viewpoints);
+  for (Position& viewpoint : viewpoints)
+    for (std::size_t axis = 0; axis < 3; ++axis) viewpoint[axis] -= cloud_.origin[axis];
+  preview_.set_viewpoint(std::move(viewpoints));
 }
 
 const std::vector<Point>& Document::seen_points() const {
@@ -189,7 +206,7 @@ void Document::send_part(const Request& request, const Preview::Result& part) {
 // ones, and empty where points did not move along normals.
 bool Document::takes_motion_normals(const Report& report) {
   const bool along_normals = report.params.iterations == 1 && moves_along_normal(report.params.method) &&
-                             report.params.outliers != Outliers::move;
+                             report.params.along == Along::normal && report.params.outliers != Outliers::move;
   if (!along_normals || first_difference(motion_params_, report.params) <= Stage::normals) motion_.clear();
   if (!along_normals || !motion_.empty()) return false;
   pipeline_->normals(normals_.points());
@@ -250,7 +267,7 @@ ProgressFunction Document::progress_for(const Json& id) const {
 
 Errand Document::errand_of(const Request& request) const {
   return {facts_.path.empty() ? facts_.name : facts_.path, request.output.empty() ? "denoised.ply" : request.output,
-          request.encoding, pipeline_->device().kind};
+          request.encoding, pipeline_->device().kind, viewpoint()};
 }
 
 void Document::save(const Request& request, bool overwrite, std::stop_token stop) {

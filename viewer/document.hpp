@@ -57,6 +57,8 @@ class Document {
   void write_file(const Request& request, const WriteOptions& write_options, std::stop_token stop);
   void update_movable(const Limits& limits);
   void reload(const Limits& limits);
+  std::string viewpoint() const;
+  void place_sensor();
   const std::vector<Point>& seen_points() const;
   void limit(const Limits& limits, std::span<Point> after, std::span<const std::uint32_t> indices) const;
   Point focus_of(const Request& request) const;

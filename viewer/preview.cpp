@@ -90,6 +90,12 @@ void Preview::aim(Level& level, std::span<const Point> points, const Point& cent
   level.after.resize(level.before.size());
   if (!level.pipeline) level.pipeline.emplace(make_());
   level.pipeline->load(level.before);
+  std::vector<Position> viewpoints = viewpoints_;
+  if (viewpoints_.size() > 1) {
+    viewpoints.clear();
+    for (const std::uint32_t i : level.patch.indices) viewpoints.push_back(viewpoints_[i]);
+  }
+  level.pipeline->set_viewpoint(viewpoints);
 }
 
 // Points near the rim lack neighbours that the whole cloud has; they are left out, though never all.

@@ -48,6 +48,8 @@ class Preview {
   /// `spacing` is that of the whole cloud. Throws what Pipeline::run throws.
   void run(std::span<const Point> points, const Point& center, const Params& params, double spacing,
            std::stop_token stop, const Show& show);
+  /// Where the sensor stood, relative to the cloud's origin, as Pipeline::set_viewpoint takes it. After reset().
+  void set_viewpoint(std::vector<Position> viewpoints) { viewpoints_ = std::move(viewpoints); }
 
  private:
   struct Level {
@@ -62,6 +64,7 @@ class Preview {
   Result run_level(Level& level, const Params& params, double spacing, std::stop_token stop);
 
   MakePipeline make_;
+  std::vector<Position> viewpoints_;
   std::array<Level, 3> levels_{Level{4096, {}, {}, {}, {}, {}}, Level{49152, {}, {}, {}, {}, {}},
                                Level{393216, {}, {}, {}, {}, {}}};
 };

@@ -170,6 +170,7 @@ std::string as_command(const Recipe& recipe, const Errand& errand) {
   for (const std::string_view name : kLimitNames) {
     if (const std::string text = limit_text(recipe.limits, name); !text.empty()) add(name, text);
   }
+  if (!errand.viewpoint.empty()) add("viewpoint", errand.viewpoint);
   if (!errand.encoding.empty()) add("encoding", errand.encoding);
   return line + fmt::format(" --device={}", device_word(errand.device));
 }
@@ -188,6 +189,9 @@ std::string as_cpp(const Recipe& recipe, const Errand& errand) {
   }
   text +=
       recipe.limits.ignore.empty() ? "  pipeline.load(cloud);\n" : "  pipeline.load(without_ignored(limits, cloud));\n";
+  if (!errand.viewpoint.empty())
+    fmt::format_to(out, "  pipeline.set_viewpoint(pointfair::parse_viewpoints({}, cloud));\n",
+                   literal(errand.viewpoint));
   text += "\n  pointfair::Params params;\n";
   for_each_set(recipe.params, [&](const ParamInfo& info, const std::string& value) {
     text += assignment(recipe.params, info, value);

@@ -33,6 +33,7 @@ struct Errand {
   std::string input, output;
   std::string encoding;  ///< as --encoding takes it, or empty
   Device::Kind device = Device::cpu;
+  std::string viewpoint{};  ///< as --viewpoint takes it, or empty
 };
 
 /// A line for a POSIX shell.

@@ -73,6 +73,7 @@ class Server {
     options.make_pipeline = [device = options_.device] { return Pipeline(device); };
     options.save_folder = options_.save_folder;
     options.point_budget = options_.point_budget;
+    options.viewpoint = options_.viewpoint;
     return options;
   }
 

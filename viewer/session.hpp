@@ -28,6 +28,7 @@ class Session {
     std::function<Pipeline()> make_pipeline;  ///< on the device that the user chose
     std::filesystem::path save_folder = ".";  ///< the only folder that saving writes to
     std::uint64_t point_budget = 3'000'000;   ///< points that the page gets of a larger cloud
+    std::string viewpoint{};                  ///< of the cloud that the server opens, as parse_viewpoints reads it
   };
 
   Session(Options options, Send send);

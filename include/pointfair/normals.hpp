@@ -2,6 +2,7 @@
 // Normals in files: which a file has, and new ones in their place.
 #pragma once
 
+#include <array>
 #include <span>
 #include <string>
 #include <vector>
@@ -21,6 +22,9 @@ POINTFAIR_EXPORT std::vector<std::string> normal_attributes(const Cloud& cloud);
 /// VIEWPOINT of PCD unless it is the default, the poses of E57); else outward: up if the cloud is less than a quarter
 /// as high as wide, as a landscape is, and away from the middle of its bounding box if not. Throws ErrorKind::usage if
 /// there is not one for each point. O(N).
-POINTFAIR_EXPORT void set_normals(Cloud& cloud, std::span<const Point> normals);
+/// `viewpoints`: where the sensor stood instead, as parse_viewpoints gives it, one position or one for each point;
+/// normals look there whatever the file says, except where it is not finite.
+POINTFAIR_EXPORT void set_normals(Cloud& cloud, std::span<const Point> normals,
+                                  std::span<const std::array<double, 3>> viewpoints = {});
 
 }  // namespace pointfair

@@ -54,6 +54,9 @@ inline constexpr int kAutomatic = 0;         ///< for whole numbers: chosen from
 inline constexpr int kMaxNeighbors = 512;    ///< the largest k
 inline constexpr int kMaxMinNeighbors = 64;  ///< the largest min_neighbors
 
+/// Which way a point moves: along its normal, or along the ray on which the sensor saw it, so that it keeps its pixel.
+enum class Along : std::uint8_t { normal, ray };
+
 /// What to do. Defaults come from the data, so `Params{}` suits any cloud. kParams describes each field.
 struct Params {
   Length noise;  ///< standard deviation along the normal; what is automatic below follows from it
@@ -72,6 +75,7 @@ struct Params {
   std::optional<double> flat_scale;  ///< with normal_filter on and without k: the factor on the radius in flat places
   // Fairing, paper eq. 1, 2, 6.
   Method method = Method::bilateral;
+  Along along = Along::normal;  ///< ray: needs the place of the sensor, and a method that moves along the normal
   Length closeness_sigma;
   Length similarity_sigma;
   AreaWeight area_weight = AreaWeight::none;
@@ -95,7 +99,7 @@ POINTFAIR_EXPORT Params paper_preset();
 /// A pointer to the field that a row of the table describes.
 using ParamField =
     std::variant<int Params::*, bool Params::*, std::optional<double> Params::*, Length Params::*, Method Params::*,
-                 AreaWeight Params::*, NormalFilter Params::*, Offset Params::*, Outliers Params::*>;
+                 AreaWeight Params::*, NormalFilter Params::*, Offset Params::*, Outliers Params::*, Along Params::*>;
 
 /// One row of the table. `name` is the field's name; a flag writes it with '-' for '_'.
 struct ParamInfo {
@@ -136,6 +140,9 @@ inline constexpr std::array kParams = {
     ParamInfo{"method", Stage::fairing, &Params::method, 0, 0, false,
               "bilateral|laplacian|taubin|hc-laplacian|mls|wiener|mollified",
               "how points move; bilateral keeps edges best (docs/methods.md)"},
+    ParamInfo{"along", Stage::fairing, &Params::along, 0, 0, false, "normal|ray",
+              "which way points move. ray: towards the sensor or away from it, so that organised clouds keep their "
+              "pixels; needs the place of the sensor"},
     ParamInfo{"closeness_sigma", Stage::fairing, &Params::closeness_sigma, 0, 1e30, true, "",
               "closeness (spatial) sigma: of the weights by distance", true},
     ParamInfo{"similarity_sigma", Stage::fairing, &Params::similarity_sigma, 0, 1e30, true, "",

@@ -60,6 +60,13 @@ class POINTFAIR_EXPORT Pipeline {
   /// is a value for each point, one of them positive. O(N) and 16 bytes a point.
   void set_noise(std::span<const float> sigmas);
 
+  /// Gives the place where the sensor stood that saw the loaded cloud, in the file's coordinates: one position for all
+  /// points, or one for each in upload order; none at all: unknown. A position that is not finite is unknown. A load of
+  /// a Cloud takes what its file says (file_viewpoints). Holds until the next load. Points between two surfaces along
+  /// the ray are then outliers (OutlierCounts::mixed_pixels), and Params::along can be Along::ray. Throws
+  /// ErrorKind::usage for another number of positions. O(positions), and 12 bytes for each.
+  void set_viewpoint(std::span<const std::array<double, 3>> positions);
+
   /// Denoises the loaded cloud. Returns the moved points with the source's attributes, and with Outliers::mark also the
   /// attribute "outlier", 1 or 0 for each point. Throws ErrorKind::usage for contradicting parameters. The run after an
   /// interrupted one resumes where that one stopped. The same set of points and the same parameters give the same bits,
@@ -131,7 +138,8 @@ class POINTFAIR_EXPORT Pipeline {
   /// Outliers::mark. Valid until the next run.
   std::span<const std::uint8_t> outliers() const;
 
-  /// The unit normals of the last run's last iteration, in file order, with arbitrary signs; zero where there is none.
+  /// The unit normals of the last run's last iteration, in file order; zero where there is none. They look towards the
+  /// sensor where its place is known (set_viewpoint), and have arbitrary signs elsewhere and in memory of a card.
   /// `out` has as many elements as points were loaded. Throws ErrorKind::usage if the last run failed or if a cloud was
   /// loaded since. O(N); of a cloud in tiles as long as an iteration.
   void normals(std::span<Point> out, std::stop_token stop = {});

@@ -17,3 +17,4 @@
 #include "pointfair/selection.hpp"
 #include "pointfair/tiled_run.hpp"
 #include "pointfair/version.hpp"
+#include "pointfair/viewpoint.hpp"

@@ -24,12 +24,22 @@ struct Estimates {
   std::array<double, 3> noise_quantiles{};
 };
 
+/// How many outliers a run found, by reason (docs/how-it-works.md, "Outliers").
+struct OutlierCounts {
+  std::uint64_t isolated = 0;      ///< too few neighbours within reach
+  std::uint64_t off_surface = 0;   ///< farther than the outlier distance from the surface that the neighbours show
+  std::uint64_t mixed_pixels = 0;  ///< between two surfaces along the ray; only where the sensor's place is known
+  std::uint64_t total() const { return isolated + off_surface + mixed_pixels; }
+  friend bool operator==(const OutlierCounts&, const OutlierCounts&) = default;
+};
+
 /// How many points kept their place, by reason.
 struct UnmovedCounts {
   std::uint64_t non_finite = 0;         ///< a coordinate is NaN or infinite, or its square would overflow
   std::uint64_t too_few_neighbors = 0;  ///< fewer than 3 neighbours
   std::uint64_t no_normal = 0;          ///< neighbours identical or on a line
   std::uint64_t outliers = 0;           ///< off the surface (Params::outliers)
+  OutlierCounts outliers_by_reason{};   ///< of those
   friend bool operator==(const UnmovedCounts&, const UnmovedCounts&) = default;
 };
 
@@ -43,8 +53,8 @@ struct StageTime {
 struct Report {
   DeviceInfo device;
   std::uint64_t points = 0;
-  /// As used in a typical place: lengths in file units, and `auto` only for what nothing reads. What was `auto` followed
-  /// the noise from place to place, so the run is repeated by the parameters that it was given, not by these.
+  /// As used in a typical place: lengths in file units, and `auto` only for what nothing reads. What was `auto`
+  /// followed the noise from place to place, so the run is repeated by the parameters that it was given, not by these.
   Params params;
   UnmovedCounts unmoved;
   std::uint64_t short_neighborhoods = 0;  ///< points whose constrained neighbourhood has fewer than k neighbours

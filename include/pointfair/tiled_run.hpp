@@ -28,8 +28,11 @@ struct TiledJob {
   Params params;
   Limits limits;                ///< without a mask
   std::string noise_attribute;  ///< the attribute that has the noise of each point; empty: the noise is estimated
-  WriteOptions write;           ///< formats other than the input's own are refused
-  std::uint64_t memory = 0;     ///< bytes that a task may take, without the mapped input; 0: half of what is free
+  /// Where the sensor stood, as parse_viewpoints reads it, but one place for all points: "x,y,z", or "none"; empty:
+  /// what the inputs say, unknown if they say several places.
+  std::string viewpoint;
+  WriteOptions write;        ///< formats other than the input's own are refused
+  std::uint64_t memory = 0;  ///< bytes that a task may take, without the mapped input; 0: half of what is free
   std::uint64_t least_tiles = 1;
   unsigned workers = 1;  ///< tasks that run at once, as several cards do, and share the memory
 };

@@ -73,6 +73,20 @@ void ArrayPipeline::load(const Cloud& cloud, const Limits& limits) {
   kind_ = Kind::cloud;
 }
 
+void ArrayPipeline::set_viewpoint(std::span<const Position> positions) {
+  if (kind_ != Kind::floats && kind_ != Kind::doubles) return pipeline_.set_viewpoint(positions);
+  std::vector<Position> relative(positions.begin(), positions.end());  // as the pipeline got the points
+  for (Position& position : relative)
+    for (std::size_t axis = 0; axis < 3; ++axis) position[axis] -= before_.origin[axis];
+  pipeline_.set_viewpoint(relative);
+}
+
+void ArrayPipeline::set_viewpoint(const std::string& text) {
+  if (kind_ != Kind::cloud)
+    throw Error(ErrorKind::usage, "names of attributes need a Cloud: give the viewpoint as an array");
+  pipeline_.set_viewpoint(parse_viewpoints(text, before_));
+}
+
 void ArrayPipeline::check(Kind kind, std::size_t coordinates) const {
   if (kind_ == Kind::nothing) throw Error(ErrorKind::usage, "the pipeline holds no cloud: call load first");
   if (kind_ != kind) throw Error(ErrorKind::usage, "the output has another type than what was loaded");

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <span>
 #include <stop_token>
+#include <string>
 #include <vector>
 
 #include "pointfair/pointfair.hpp"
@@ -30,6 +31,11 @@ class ArrayPipeline {
   void load(const DevicePoints& points, DeviceStream stream);
   /// Points that `limits.ignore` holds are nobody's neighbours.
   void load(const Cloud& cloud, const Limits& limits);
+
+  /// Where the sensor stood, in the coordinates that were loaded: one position, one for each point, or none.
+  void set_viewpoint(std::span<const Position> positions);
+  /// The same of a loaded Cloud, as parse_viewpoints reads it.
+  void set_viewpoint(const std::string& text);
 
   /// Throws ErrorKind::usage unless floats, or doubles, of this number were loaded. `out` may be the array that was
   /// loaded.

@@ -141,6 +141,15 @@ void set_noise(SharedPipeline& self, const Column<const float>& sigmas) {
   self.use([&](ArrayPipeline& arrays, const Watch&) { arrays.pipeline().set_noise(span_of(sigmas)); });
 }
 
+void set_viewpoint(SharedPipeline& self, const Input<double>& positions) {
+  const std::span<const Position> span(reinterpret_cast<const Position*>(positions.data()), positions.shape(0));
+  self.use([&](ArrayPipeline& arrays, const Watch&) { arrays.set_viewpoint(span); });
+}
+
+void set_viewpoint_text(SharedPipeline& self, const std::string& text) {
+  self.use([&](ArrayPipeline& arrays, const Watch&) { arrays.set_viewpoint(text); });
+}
+
 nb::ndarray<nb::numpy, bool, nb::ndim<1>> outliers(SharedPipeline& self) {
   const std::span<const std::uint8_t> found = self.arrays().pipeline().outliers();
   auto* const copy = new std::vector<std::uint8_t>(found.begin(), found.end());
@@ -210,7 +219,9 @@ Row as_tuple(const Report& report) {
   const UnmovedCounts& unmoved = report.unmoved;
   return nb::make_tuple(
       as_tuple(report.device), report.points, report.params,
-      nb::make_tuple(unmoved.non_finite, unmoved.too_few_neighbors, unmoved.no_normal, unmoved.outliers),
+      nb::make_tuple(unmoved.non_finite, unmoved.too_few_neighbors, unmoved.no_normal, unmoved.outliers,
+                     nb::make_tuple(unmoved.outliers_by_reason.isolated, unmoved.outliers_by_reason.off_surface,
+                                    unmoved.outliers_by_reason.mixed_pixels)),
       report.short_neighborhoods, stages, report.tiles, report.total_milliseconds, report.peak_host_bytes,
       report.peak_device_bytes);
 }
@@ -236,6 +247,8 @@ void bind_pipelines(nb::module_& module) {
       .def("normals", &normals, nb::arg("out").noconvert())
       .def("noise", &noise, nb::arg("out").noconvert(), nb::arg("params"))
       .def("set_noise", &set_noise, nb::arg("sigmas").noconvert())
+      .def("set_viewpoint", &set_viewpoint, nb::arg("positions").noconvert())
+      .def("set_viewpoint_text", &set_viewpoint_text, nb::arg("text"))
       .def("outliers", &outliers)
       .def("report", [](SharedPipeline& self) { return as_tuple(self.arrays().pipeline().report()); })
       .def("device", [](SharedPipeline& self) { return as_tuple(self.arrays().pipeline().device()); })

@@ -141,6 +141,17 @@ def as_sigmas(sigmas: Any, points: int) -> np.ndarray[Any, np.dtype[np.float32]]
         return np.ascontiguousarray(array, np.float32)
 
 
+def as_viewpoint(viewpoint: Any, points: int) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """One position, or one for each point, as rows of doubles; no rows for None."""
+    if viewpoint is None:
+        return np.empty((0, 3))
+    array = as_numpy(viewpoint, "viewpoint")
+    if array.dtype.kind not in "fiu" or array.shape not in ((3,), (1, 3), (points, 3)):
+        raise UsageError(f"viewpoint has the shape {array.shape} and the type {array.dtype}: give where the sensor stood, "
+                         f"(3,), or a position for each of the {points} points, ({points}, 3)")
+    return np.ascontiguousarray(array.reshape(-1, 3), np.float64)
+
+
 def as_box(box: Any) -> list[float] | None:
     """A box ((x, y, z), (x, y, z)), lower and upper corner, as six numbers."""
     if box is None:

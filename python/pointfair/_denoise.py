@@ -13,7 +13,7 @@ from ._errors import UsageError
 from ._params import Params
 from ._progress import Progress, progress_function
 from ._report import DeviceStatus, Estimates, Report, device_of, report_of
-from ._runs import borrowed, make_params, run_cloud
+from ._runs import borrowed, make_params, run_cloud, set_viewpoint
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -25,16 +25,16 @@ Points = TypeVar("Points")
 
 @overload
 def denoise(points: Points, params: Params | None = None, *, mask: Any = None, where: str | None = None,
-            ignore: str | None = None, strength: float = 1.0, box: Any = None, normals: bool = False,
+            ignore: str | None = None, strength: float = 1.0, box: Any = None, viewpoint: Any = None, normals: bool = False,
             device: str = "auto", threads: int = 0, out: Any = None, progress: Progress = False,
             return_report: Literal[False] = False, **parameters: Unpack[ParamArguments]) -> Points: ...
 @overload
 def denoise(points: Points, params: Params | None = None, *, mask: Any = None, where: str | None = None,
-            ignore: str | None = None, strength: float = 1.0, box: Any = None, normals: bool = False,
+            ignore: str | None = None, strength: float = 1.0, box: Any = None, viewpoint: Any = None, normals: bool = False,
             device: str = "auto", threads: int = 0, out: Any = None, progress: Progress = False,
             return_report: Literal[True], **parameters: Unpack[ParamArguments]) -> tuple[Points, Report]: ...
 def denoise(points: Any, params: Params | None = None, *, mask: Any = None, where: str | None = None,
-            ignore: str | None = None, strength: float = 1.0, box: Any = None, normals: bool = False,
+            ignore: str | None = None, strength: float = 1.0, box: Any = None, viewpoint: Any = None, normals: bool = False,
             device: str = "auto", threads: int = 0, out: Any = None, progress: Progress = False,
             return_report: bool = False, **parameters: Unpack[ParamArguments]) -> Any:
     """Removes the noise of a cloud and keeps its shape.
@@ -50,6 +50,10 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
         ignore: such points of a Cloud do not move, and are nobody's neighbours.
         strength: blends the result with the input: 0 is the input, 1 the result.
         box: only points inside move: the lower and the upper corner, ((x, y, z), (x, y, z)).
+        viewpoint: where the sensor stood, in the coordinates of the points: (3,), or (N, 3) with a position for each
+            point. Points between two surfaces along the ray are then outliers, normals look to the sensor, and
+            along="ray" can be asked for. Of a Cloud also the names of three attributes, "vx,vy,vz", or "none"; by
+            default what its file says.
         normals: whether the report has the normals; needs return_report.
         device: "auto" is where a tensor lies, else a CUDA card if there is one, else the CPU; or "cpu", "cuda",
             "cuda:N"; or several cards, "cuda:0,2" or "cuda:all", which share arrays that do not fit into the first.
@@ -82,44 +86,56 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
         raise UsageError("normals=True needs return_report=True, since report.normals has them")
     strength, box = as_strength(strength), as_box(box)
     layout = _card.layout_of(points)
+    _check_kind(points, layout, by_attribute=where is not None or ignore is not None,
+                in_part=mask is not None or box is not None or strength != 1, out=out)
     if layout is not None:
         device = layout.check_device(device)
-        if where is not None or ignore is not None:
-            raise UsageError("where and ignore need a Cloud, whose attributes they name")
-        if mask is not None or box is not None or strength != 1:
-            raise UsageError("mask, box and strength take arrays in host memory: blend the tensors instead, "
-                             "torch.where(mask[:, None], result, points) for instance")
     with borrowed(device, threads) as pipeline, progress_function(progress) as show:
         if layout is not None:
-            result: Any = _denoise_on_card(pipeline, points, layout, chosen, out, show)
+            result: Any = _denoise_on_card(pipeline, points, layout, chosen, viewpoint, out, show)
         elif isinstance(points, Cloud):
-            if out is not None:
-                raise UsageError("out= takes arrays, and a Cloud was given: leave it out")
             result = Cloud._of(run_cloud(pipeline, points._native, chosen, mask=mask, where=where, ignore=ignore,
-                                         strength=strength, box=box, show=show))
+                                         strength=strength, box=box, viewpoint=viewpoint, show=show))
         else:
-            if where is not None or ignore is not None:
-                raise UsageError("where and ignore need a Cloud, whose attributes they name; mask takes booleans")
-            result = _denoise_array(pipeline, points, chosen, strength, box, mask, out, show)
+            result = _denoise_array(pipeline, points, chosen, strength, box, mask, viewpoint, out, show)
         return (result, _full_report(pipeline, normals)) if return_report else result
 
 
-def _denoise_on_card(pipeline: _native.Pipeline, points: Any, layout: _card.CardLayout, params: Params, out: Any,
-                     show: Any) -> Any:
+def _check_kind(points: Any, layout: _card.CardLayout | None, *, by_attribute: bool, in_part: bool, out: Any) -> None:
+    """Refuses what this kind of points cannot be asked."""
+    if layout is not None:
+        if by_attribute:
+            raise UsageError("where and ignore need a Cloud, whose attributes they name")
+        if in_part:
+            raise UsageError("mask, box and strength take arrays in host memory: blend the tensors instead, "
+                             "torch.where(mask[:, None], result, points) for instance")
+    elif isinstance(points, Cloud):
+        if out is not None:
+            raise UsageError("out= takes arrays, and a Cloud was given: leave it out")
+    elif by_attribute:
+        raise UsageError("where and ignore need a Cloud, whose attributes they name; mask takes booleans")
+
+
+def _denoise_on_card(pipeline: _native.Pipeline, points: Any, layout: _card.CardLayout, params: Params, viewpoint: Any,
+                     out: Any, show: Any) -> Any:
     stream = _card.current_stream(layout)
     result = _card.CardResult(layout, points, out, stream)
     pipeline.load_on_card(_card.card_array(points, stream), stream)
+    if viewpoint is not None:
+        set_viewpoint(pipeline, viewpoint)
     pipeline.run_on_card(params._native, result.native, stream, show)
     return result.array
 
 
 def _denoise_array(pipeline: _native.Pipeline, points: Any, params: Params, strength: float, box: Any, mask: Any,
-                   out: Any, show: Any) -> Any:
+                   viewpoint: Any, out: Any, show: Any) -> Any:
     array = as_numpy(points)
     check_positions(array)
     bytes_ = as_mask(mask, len(array))
     result = Result(Layout(array, points), out)
     pipeline.load(rows(array), strength != 1 or box is not None or bytes_ is not None)
+    if viewpoint is not None:
+        set_viewpoint(pipeline, viewpoint)
     pipeline.run(params._native, result.rows, strength, box, bytes_, "", show)
     return result.finish()
 

@@ -13,7 +13,7 @@ from ._errors import UsageError
 from ._params import Params
 from ._progress import Progress, progress_function
 from ._report import DeviceInfo, Estimates, Report, device_of, report_of
-from ._runs import make_params, native_pipeline
+from ._runs import make_params, native_pipeline, set_viewpoint
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -123,7 +123,8 @@ class Pipeline:
     @overload
     def normals(self, out: T) -> T: ...
     def normals(self, out: Any = None) -> Any:
-        """The unit normals of the last run's last iteration, (N, 3), with arbitrary signs; zero where there is none. An
+        """The unit normals of the last run's last iteration, (N, 3), zero where there is none. They look towards the
+        sensor where its place is known, and have arbitrary signs elsewhere and on a card. An
         array on the pipeline's card, `out`, takes them without a copy through the host. Raises UsageError if the last
         run failed or if a cloud was loaded since."""
         if out is not None:
@@ -160,6 +161,24 @@ class Pipeline:
             0.01
         """
         self._native.set_noise(as_sigmas(sigmas, len(self)))
+
+    def set_viewpoint(self, viewpoint: Any) -> None:
+        """Gives the place where the sensor stood, in the coordinates of the loaded points: (3,), or (N, 3) with a
+        position for each point; None: unknown. Of a Cloud also the names of three attributes, "vx,vy,vz", or "none".
+        Holds until the next load; a load of a Cloud takes what its file says. A position that is not finite is unknown.
+
+        Examples:
+            >>> rng = np.random.default_rng(1)
+            >>> plane = np.c_[rng.random((5000, 2)), rng.normal(0, 0.01, 5000)]
+            >>> pipeline = Pipeline("cpu")
+            >>> pipeline.load(plane)
+            >>> pipeline.set_viewpoint((0.5, 0.5, 3))
+            >>> moved = pipeline.run(along="ray") - plane
+            >>> rays = plane - (0.5, 0.5, 3)
+            >>> bool(np.abs(np.cross(moved, rays)).max() < 1e-6)
+            True
+        """
+        set_viewpoint(self._native, viewpoint)
 
     def outliers(self) -> NDArray[np.bool_] | None:
         """True for each outlier of the last run; None unless it had outliers="mark"."""

@@ -59,6 +59,18 @@ class Estimates:
 
 
 @dataclasses.dataclass(frozen=True)
+class Outliers:
+    """How many outliers there are, by reason."""
+
+    isolated: int
+    """Too few neighbours within reach."""
+    off_surface: int
+    """Farther than the outlier distance from the surface that the neighbours show."""
+    mixed_pixels: int
+    """Between two surfaces along the ray; only where the place of the sensor is known."""
+
+
+@dataclasses.dataclass(frozen=True)
 class Unmoved:
     """How many points kept their place, by reason."""
 
@@ -70,6 +82,8 @@ class Unmoved:
     """Neighbours identical or on a line."""
     outliers: int
     """Off the surface."""
+    outliers_by_reason: Outliers
+    """Of those."""
 
     @property
     def total(self) -> int:
@@ -130,5 +144,5 @@ def device_of(row: tuple[Any, ...]) -> DeviceInfo:
 def report_of(row: tuple[Any, ...], **more: Any) -> Report:
     """A Report of the native module's tuple."""
     device, points, params, unmoved, short, stages, *rest = row
-    return Report(device_of(device), points, Params._of(params), Unmoved(*unmoved), short,
+    return Report(device_of(device), points, Params._of(params), Unmoved(*unmoved[:4], Outliers(*unmoved[4])), short,
                   tuple(Stage(*stage) for stage in stages), *rest, **more)

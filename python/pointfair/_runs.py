@@ -7,7 +7,7 @@ import os
 from typing import Any, Iterator
 
 from . import _native
-from ._arrays import as_box, as_mask, as_selections, as_strength
+from ._arrays import as_box, as_mask, as_selections, as_strength, as_viewpoint
 from ._errors import UsageError
 from ._params import Params
 from ._values import as_text, as_threads
@@ -67,9 +67,19 @@ def _give_back(pipeline: _native.Pipeline, device: str, threads: int) -> None:
             waiting.append(pipeline)
 
 
+def set_viewpoint(pipeline: _native.Pipeline, viewpoint: Any) -> None:
+    """Where the sensor stood: an array, or a text where a cloud was loaded."""
+    if isinstance(viewpoint, str):
+        pipeline.set_viewpoint_text(viewpoint)
+    else:
+        pipeline.set_viewpoint(as_viewpoint(viewpoint, pipeline.points))
+
+
 def run_cloud(pipeline: _native.Pipeline, cloud: _native.Cloud, params: Params, *, mask: Any, where: str | None,
-              ignore: str | None, strength: float, box: Any, show: Any) -> _native.Cloud:
+              ignore: str | None, strength: float, box: Any, viewpoint: Any, show: Any) -> _native.Cloud:
     """Loads and denoises a cloud; returns a copy with moved points. `show` is as progress_function gives it."""
     limits = (as_strength(strength), as_box(box), as_mask(mask, len(cloud)), as_selections(where, "where"))
     pipeline.load_cloud(cloud, as_selections(ignore, "ignore"))
+    if viewpoint is not None:
+        set_viewpoint(pipeline, viewpoint)
     return pipeline.run_cloud(params._native, *limits, show)

@@ -11,6 +11,7 @@
 #include <limits>
 #include <thread>
 #include <unordered_map>
+#include <vector>
 
 #include "cpu/chain.h"
 #include "cpu/parallel.h"
@@ -19,6 +20,7 @@
 #include "seam/cloud_sample.hpp"
 #include "seam/exactness.hpp"
 #include "seam/noise_levels.hpp"
+#include "seam/outlier_tally.hpp"
 
 namespace pointfair {
 namespace cpu {
@@ -54,6 +56,7 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
     meter_.reset_peak();
     further_ = Chain(meter_);
     further_iteration_ = 0;
+    lost_.clear();
     located_.clear();
     if (upload_is_indexed_) first_.swap_faired(uploaded_);
     upload_is_indexed_ = false;
@@ -83,11 +86,12 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
     arena_.execute([&] { chain(iteration).fair(settings, kernels_, stop); });
   }
 
-  std::uint64_t download(int iteration, std::span<Point> points, const DisplacementLimits& limits,
+  OutlierCounts download(int iteration, std::span<Point> points, const DisplacementLimits& limits,
                          std::span<std::uint8_t> outliers) override {
     const Chain& from = chain(iteration);
     const bool may_miss_some = iteration > 0;  // those that an iteration before turned into NaN
-    if (may_miss_some) fill(points, Point{kNan, kNan, kNan});
+    for (const Lost& lost : lost_)
+      if (lost.before <= iteration) points[lost.point.original] = lost.point.position;
     const std::span<const Point> faired = from.faired();
     const std::span<const Index> originals = from.index().originals();
     for_copies(faired.size(), [&](std::size_t first, std::size_t last) {
@@ -96,7 +100,7 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
     for (const InvalidPoint& p : first_.index().invalid()) points[p.original] = p.position;
     std::fill(outliers.begin(), outliers.end(), std::uint8_t(0));
     if (limits.farthest > 0) return hold_back(points, limits, outliers);
-    return may_miss_some ? hold_back(points, {kInfinity, kInfinity}, outliers) : 0;
+    return may_miss_some ? hold_back(points, {kInfinity, kInfinity}, outliers) : OutlierCounts{};
   }
 
   void download_normals(int iteration, std::span<Point> normals, std::stop_token) override {
@@ -215,6 +219,8 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
                            space_, kernels_, stop);
     }
     space_.release();
+    std::erase_if(lost_, [&](const Lost& lost) { return lost.before >= iteration; });
+    for (const InvalidPoint& p : further_.index().invalid()) lost_.push_back({iteration, p});
   }
   // The further chain gives its faired points, and takes the next iteration.
   void take_input_of(int iteration) {
@@ -239,24 +245,24 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
     });
   }
 
-  std::uint64_t hold_back(std::span<Point> points, const DisplacementLimits& limits, std::span<std::uint8_t> outliers) {
+  OutlierCounts hold_back(std::span<Point> points, const DisplacementLimits& limits, std::span<std::uint8_t> outliers) {
     const IndexView index = first_.index().view();
     const point::NodeField field = field_of(limits.levels.get());
-    std::atomic<std::uint64_t> total = 0;
+    OutlierTally tally;
     for_copies(index.points, [&](std::size_t first, std::size_t last) {
-      std::uint64_t here = 0;
+      OutlierCounts here;
       for (std::size_t i = first; i < last; ++i) {
         Point& p = points[index.original[i]];
         const point::Vec3<float> from{index.x[i], index.y[i], index.z[i]};
         const auto [farthest, outlier_distance] = point::limits_at(limit_rule(limits), point::node_value(field, from));
         const auto settled = point::settled(from, {p.x, p.y, p.z}, farthest, outlier_distance);
         p = {settled.place.x, settled.place.y, settled.place.z};
-        here += settled.is_outlier;
-        if (!outliers.empty()) outliers[index.original[i]] = settled.is_outlier;
+        count(settled.outlier, here);
+        if (!outliers.empty()) outliers[index.original[i]] = settled.outlier != point::Outlier::none;
       }
-      total += here;
+      tally.add(here);
     });
-    return total;
+    return tally.counts();
   }
 
   // Finds the sorted positions of those queries that are not known yet. One sweep over the cloud, so samples are best
@@ -288,7 +294,13 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
   Buffer<Index> input_originals_{meter_};
   SortSpace space_{meter_};
   Chain first_{meter_}, further_{meter_};
-  int further_iteration_ = 0;                 // whose results further_ holds; 0: none
+  int further_iteration_ = 0;  // whose results further_ holds; 0: none
+  // Outliers, which are NaN, as the index of the iteration `before` which they were lost has them.
+  struct Lost {
+    int before;
+    InvalidPoint point;
+  };
+  std::vector<Lost> lost_;
   std::unordered_map<Index, Index> located_;  // upload index to sorted position, as far as asked
 };
 

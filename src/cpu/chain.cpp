@@ -237,9 +237,10 @@ void Chain::fair_bilaterally(const FairingSettings& settings, AreaView area, con
                              const std::stop_token& stop) {
   const IndexView index = index_.view();
   const point::FairingRule rule = fairing_rule(settings, by_list());
+  const point::Sensors sensors = sensors_of(settings.sensors.get());
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     for (std::size_t leaf = first; leaf < last; ++leaf)
-      kernels.fair(index, Index(leaf), grown_neighborhoods(), normals(), area, rule, squared_levels(),
+      kernels.fair(index, Index(leaf), grown_neighborhoods(), normals(), area, rule, sensors, squared_levels(),
                    &faired_[leaf * kLeafSize].x);
   });
 }
@@ -248,6 +249,7 @@ void Chain::fair_otherwise(const FairingSettings& settings, AreaView area, const
                            const std::stop_token& stop) {
   const IndexView index = index_.view();
   const point::MethodRule rule = method_rule(settings);
+  const point::Sensors sensors = sensors_of(settings.sensors.get());
   for (Buffer<float>* axis : {&spare_x_, &spare_y_, &spare_z_}) axis->resize(std::size_t(index.leaves) * kLeafSize);
   const VectorsOut displacements{spare_x_.data(), spare_y_.data(), spare_z_.data()};
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
@@ -257,7 +259,7 @@ void Chain::fair_otherwise(const FairingSettings& settings, AreaView area, const
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     for (std::size_t leaf = first; leaf < last; ++leaf)
       kernels.move(index, Index(leaf), neighborhoods(), {spare_x_.data(), spare_y_.data(), spare_z_.data()}, area, rule,
-                   &faired_[leaf * kLeafSize].x);
+                   sensors, &faired_[leaf * kLeafSize].x);
   });
   for (Buffer<float>* axis : {&spare_x_, &spare_y_, &spare_z_}) axis->release();
 }

@@ -9,6 +9,7 @@
 
 #include "point/curve.h"
 #include "point/method.h"
+#include "point/sensor.h"
 #include "point/stages.h"
 
 namespace pointfair::cpu {
@@ -109,13 +110,13 @@ struct Kernels {
                          VectorsView, VectorsOut, GrowthOut growth);
   // The bilateral method: moved positions, point after point. `squared_level`: of the noise at each sorted point;
   // null: 1.
-  void (*fair)(const IndexView&, Index leaf, Neighborhoods, VectorsView, AreaView, point::FairingRule,
+  void (*fair)(const IndexView&, Index leaf, Neighborhoods, VectorsView, AreaView, point::FairingRule, point::Sensors,
                const float* squared_level, float* xyz);
   // The other methods: the displacements of all points, then from them the moved positions.
   void (*displacements)(const IndexView&, Index leaf, Neighborhoods, VectorsView, AreaView, point::MethodRule,
                         VectorsOut);
   void (*move)(const IndexView&, Index leaf, Neighborhoods, VectorsView displacements, AreaView, point::MethodRule,
-               float* xyz);
+               point::Sensors, float* xyz);
   // How many neighbours each point has, and the least of `values` over it and them.
   void (*survey)(const IndexView&, Index leaf, Neighborhoods, const float* values, float* counts, float* least);
 };

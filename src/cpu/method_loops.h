@@ -30,25 +30,27 @@ inline void displacements(const IndexView& index, Index leaf, Neighborhoods neig
 
 template <point::Adjustment kBy>
 void move_leaf(const IndexView& index, Index leaf, const Neighborhoods& neighborhoods, VectorsView displacements,
-               AreaView area, const point::MethodRule& rule, float* xyz) {
+               AreaView area, const point::MethodRule& rule, const point::Sensors& sensors, float* xyz) {
   const Vectors of_points{displacements};
   const Areas areas{area};
   for_packs(index, leaf, neighborhoods, [&](Index start, const auto& neighbors) {
     point::Vec3<Floats> d = of_points.at(Own{start});
     if constexpr (kBy != point::Adjustment::none)
       d = point::adjusted<kBy>(neighbors, rule, d, areas.of(Own{start}), of_points, areas);
-    store_points(load_vector(index.x, index.y, index.z, start) + d, xyz + 3 * (start % kLeafSize));
+    const point::Vec3<Floats> here = load_vector(index.x, index.y, index.z, start);
+    if (rule.along_ray) d = point::along_ray(d, to_sensors(index, sensors, start, here));
+    store_points(here + d, xyz + 3 * (start % kLeafSize));
   });
 }
 
 // Moved positions, point after point into `xyz`.
 inline void move(const IndexView& index, Index leaf, Neighborhoods neighborhoods, VectorsView displacements,
-                 AreaView area, point::MethodRule rule, float* xyz) {
+                 AreaView area, point::MethodRule rule, point::Sensors sensors, float* xyz) {
   using point::Adjustment;
   const auto move_points = rule.adjustment == Adjustment::relaxation ? move_leaf<Adjustment::relaxation>
                            : rule.adjustment == Adjustment::wiener   ? move_leaf<Adjustment::wiener>
                                                                      : move_leaf<Adjustment::none>;
-  move_points(index, leaf, neighborhoods, displacements, area, rule, xyz);
+  move_points(index, leaf, neighborhoods, displacements, area, rule, sensors, xyz);
 }
 
 }  // namespace pointfair::cpu::POINTFAIR_ISA

@@ -267,28 +267,48 @@ inline void survey(const IndexView& index, Index leaf, Neighborhoods neighborhoo
   });
 }
 
-template <bool kSeeksOutliers, bool kShares>
+// From the points of a pack to their sensors. Lanes past the last point get some place.
+POINTFAIR_INLINE point::Vec3<Floats> to_sensors(const IndexView& index, const point::Sensors& sensors, Index start,
+                                                point::Vec3<Floats> here) {
+  if (sensors.each == nullptr) return spread(sensors.place.x, sensors.place.y, sensors.place.z) - here;
+  float x[kLanes], y[kLanes], z[kLanes];
+  for (Index lane = 0; lane < Index(kLanes); ++lane) {
+    const Index at = start + lane < index.points ? start + lane : index.points - 1;
+    const float* const its = sensors.each + 3 * std::size_t(index.original[at]);
+    x[lane] = its[0], y[lane] = its[1], z[lane] = its[2];
+  }
+  return load_vector(x, y, z, 0) - here;
+}
+
+template <bool kSeeksOutliers, bool kShares, bool kSees>
 __attribute__((noinline)) void fair_leaf(const IndexView& index, Index leaf, const Neighborhoods& neighborhoods,
                                          VectorsView normals, AreaView area, const point::FairingRule& rule,
-                                         const float* squared_level, float* xyz) {
+                                         const point::Sensors& sensors, const float* squared_level, float* xyz) {
   for_packs(index, leaf, neighborhoods, [&](Index start, const auto& neighbors) {
-    const point::Vec3<Floats> here = load_vector(index.x, index.y, index.z, start);
     const Vectors of_points{normals};
-    const point::Vec3<Floats> there = point::faired_point<kSeeksOutliers, kShares>(
-        neighbors, rule, squared_level_at(squared_level, start), here, of_points.at(Own{start}), of_points, Areas{area},
-        Scalars{neighborhoods.radii.squared_radius});
+    point::OwnPlace<Floats> own{squared_level_at(squared_level, start),
+                                load_vector(index.x, index.y, index.z, start),
+                                of_points.at(Own{start}),
+                                {}};
+    if constexpr (kSees) own.to_sensor = to_sensors(index, sensors, start, own.here);
+    const point::Vec3<Floats> there = point::faired_point<kSeeksOutliers, kShares, kSees>(
+        neighbors, rule, own, of_points, Areas{area}, Scalars{neighborhoods.radii.squared_radius});
     store_points(there, xyz + 3 * (start % kLeafSize));
   });
 }
 
+template <bool kSees>
+POINTFAIR_INLINE auto fairing_of(const point::FairingRule& rule) {
+  const bool shares = rule.noise_variance > 0;
+  return rule.squared_outlier_distance > 0 ? (shares ? fair_leaf<true, true, kSees> : fair_leaf<true, false, kSees>)
+                                           : (shares ? fair_leaf<false, true, kSees> : fair_leaf<false, false, kSees>);
+}
+
 // Moved positions, point after point into `xyz`; a zero normal leaves a point where it is.
 inline void fair(const IndexView& index, Index leaf, Neighborhoods neighborhoods, VectorsView normals, AreaView area,
-                 point::FairingRule rule, const float* squared_level, float* xyz) {
-  const bool shares = rule.noise_variance > 0;
-  const auto fair_points = rule.squared_outlier_distance > 0
-                               ? (shares ? fair_leaf<true, true> : fair_leaf<true, false>)
-                               : (shares ? fair_leaf<false, true> : fair_leaf<false, false>);
-  fair_points(index, leaf, neighborhoods, normals, area, rule, squared_level, xyz);
+                 point::FairingRule rule, point::Sensors sensors, const float* squared_level, float* xyz) {
+  const auto fair_points = rule.sees() ? fairing_of<true>(rule) : fairing_of<false>(rule);
+  fair_points(index, leaf, neighborhoods, normals, area, rule, sensors, squared_level, xyz);
 }
 
 }  // namespace pointfair::cpu::POINTFAIR_ISA

@@ -24,6 +24,7 @@ Chain::Chain(Context& context, StopLine& stop_line, unsigned first_call)
       lists_(context),
       normals_(context),
       mean_distance_(context),
+      places_(context),
       noise_levels_(context),
       reach_levels_(context),
       squared_level_(context),
@@ -112,6 +113,21 @@ void Chain::measure_radii(const std::stop_token& stop) {
   }
   cuda::measure_radii(context_, index_.tree(), {min_neighbors, nearest.data()}, radii(),
                       reach_levels_.of(neighbors_.reach_levels), squared_radius_.data());
+}
+
+point::Sensors Chain::sensors(const std::shared_ptr<const SensorPlaces>& places) {
+  point::Sensors sensors = sensors_of(places.get());
+  if (sensors.each == nullptr) return sensors;
+  if (places != sensors_) {
+    sensors_.reset();  // if memory is short
+    places_.resize(places->places.size());
+    check(cudaMemcpyAsync(places_.data(), places->places.data(), places->places.size() * sizeof(Point),
+                          cudaMemcpyHostToDevice, context_.stream()),
+          "uploading the places of sensors");
+    sensors_ = places;
+  }
+  sensors.each = &places_.data()->x;
+  return sensors;
 }
 
 void Chain::measure_levels() {
@@ -241,7 +257,8 @@ void Chain::fair(const FairingSettings& settings, bool leaving, std::stop_token 
   faired_.resize(index_.points());
   const auto weights = point::bilateral_weights(settings.closeness_sigma, settings.similarity_sigma);
   const bool plain = settings.method == Method::bilateral && neighbors_.k > 0 && !settings.symmetric &&
-                     settings.strength == 1 && settings.noise == 0 && settings.outlier_distance == 0;
+                     settings.strength == 1 && settings.noise == 0 && settings.outlier_distance == 0 &&
+                     !settings.along_ray;
   const bool by_parts = overlap_.can_fair();
   if (by_parts && plain && normals_wait_ && power == 0) return fair_by_parts(weights);
   join();
@@ -258,7 +275,7 @@ void Chain::fair(const FairingSettings& settings, bool leaving, std::stop_token 
   if (!plain) {
     settle(stop);
     fair_widely(context_, index_.tree(), grown_surroundings(stop_), normals(), areas,
-                fairing_rule(settings, neighbors_.k > 0), squared_levels(), faired);
+                fairing_rule(settings, neighbors_.k > 0), sensors(settings.sensors), squared_levels(), faired);
   } else if (normals_wait_) {
     clear_unmoved();
     normals_wait_ = false;
@@ -304,9 +321,9 @@ void Chain::fair_by_method(const FairingSettings& settings, AreaWeights areas, c
   const std::size_t places = index_.leaves() * kLeafSize;
   DeviceArray<float> displacements(context_);
   displacements.resize(3 * places);
-  cuda::fair_by_method(context_, index_.tree(), surroundings(stop_), normals(), areas, method_rule(settings),
-                       {displacements.data(), displacements.data() + places, displacements.data() + 2 * places},
-                       faired);
+  cuda::fair_by_method(
+      context_, index_.tree(), surroundings(stop_), normals(), areas, method_rule(settings), sensors(settings.sensors),
+      {displacements.data(), displacements.data() + places, displacements.data() + 2 * places}, faired);
 }
 
 void Chain::restore_normals(Point* out) {

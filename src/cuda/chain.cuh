@@ -67,6 +67,8 @@ class Chain {
   DeviceArray<Point>& faired() { return faired_; }  // in upload order; by parts, or after join()
   // With nodes on the card, null without levels.
   point::NodeField noise_field(const std::shared_ptr<const NoiseLevels>& levels) { return noise_levels_.of(levels); }
+  // The same of where the sensor stood.
+  point::Sensors sensors(const std::shared_ptr<const SensorPlaces>& places);
   CloudState state();                    // settles and waits for all work
   void fetch_state(CloudState* pinned);  // settles, and only starts the copy
   std::size_t points() const { return index_.points(); }
@@ -121,6 +123,8 @@ class Chain {
   DeviceArray<Index> lists_;
   DeviceArray<float> normals_, mean_distance_;
   NodeLevelsOnCard noise_levels_, reach_levels_;
+  std::shared_ptr<const SensorPlaces> sensors_;  // whose places are in, if there is one for each point
+  DeviceArray<Point> places_;
   DeviceArray<float> squared_level_;   // of the noise, where something follows it
   DeviceArray<float> squared_radius_;  // without lists, as is
   DeviceArray<float> squared_growth_;  // of those, where those of flat places grow

@@ -2,7 +2,6 @@
 #include <algorithm>
 
 #include "cuda/leaving.cuh"
-#include "cuda/stages/outliers.cuh"
 
 namespace pointfair::cuda {
 
@@ -13,18 +12,18 @@ void Leaving::hold_back(const DeviceArray<Point>& uploaded, Chain& from, const D
   if (!limited) std::fill(outliers.begin(), outliers.end(), std::uint8_t(0));
   const std::span<std::uint8_t> marked = limited ? outliers : std::span<std::uint8_t>{};
   DeviceArray<std::uint8_t> marks(context_);
-  DeviceArray<unsigned long long> total(context_);
+  DeviceArray<OutlierTotals> total(context_);
   settled.resize(uploaded.size());
   marks.resize(marked.size());
   total.resize(1);
-  check(cudaMemsetAsync(total.data(), 0, sizeof(unsigned long long), context_.stream()), "clearing a count");
+  check(cudaMemsetAsync(total.data(), 0, sizeof(OutlierTotals), context_.stream()), "clearing a count");
   const DisplacementLimits its = limited ? limits : DisplacementLimits{kInfinity, kInfinity};
   cuda::hold_back(
       context_, {uploaded.data(), from.faired().data(), uploaded.size(), limit_rule(its), from.noise_field(its.levels)},
       settled.data(), marked.empty() ? nullptr : marks.data(), total.data());
-  check(cudaMemcpyAsync(held_back_.get(), total.data(), sizeof(unsigned long long), cudaMemcpyDeviceToHost,
-                        context_.stream()),
-        "reading a count");
+  check(
+      cudaMemcpyAsync(held_back_.get(), total.data(), sizeof(OutlierTotals), cudaMemcpyDeviceToHost, context_.stream()),
+      "reading a count");
   if (!marked.empty())
     check(cudaMemcpyAsync(marked.data(), marks.data(), marked.size(), cudaMemcpyDeviceToHost, context_.stream()),
           "downloading outliers");

@@ -6,6 +6,7 @@
 
 #include "cuda/chain.cuh"
 #include "cuda/runtime/transfer.cuh"
+#include "cuda/stages/outliers.cuh"
 
 namespace pointfair::cuda {
 
@@ -14,7 +15,7 @@ class Leaving {
   explicit Leaving(Context& context) : context_(context), side_(context) {}
 
   // Before a result leaves.
-  void begin() { *held_back_.get() = 0; }
+  void begin() { *held_back_.get() = {}; }
   // Whether points may not leave as they were faired: some move too far, or an iteration before turned them into NaN.
   static bool holds_back(int iteration, const DisplacementLimits& limits) {
     return limits.farthest > 0 || iteration > 0;
@@ -23,7 +24,10 @@ class Leaving {
   // done.
   void hold_back(const DeviceArray<Point>& uploaded, Chain& from, const DisplacementLimits& limits,
                  std::span<std::uint8_t> outliers, DeviceArray<Point>& settled);
-  std::uint64_t held_back() const { return *held_back_.get(); }
+  OutlierCounts held_back() const {
+    const auto& of_reason = held_back_.get()->of_reason;
+    return {of_reason[0], of_reason[1], of_reason[2]};
+  }
 
   // Start to copy. Parts that are faired before all leave at once.
   void copy_faired(Chain& from, std::span<Point> to);
@@ -32,7 +36,7 @@ class Leaving {
  private:
   Context& context_;
   SideStream side_;
-  Pinned<unsigned long long> held_back_;
+  Pinned<OutlierTotals> held_back_;
 };
 
 }  // namespace pointfair::cuda

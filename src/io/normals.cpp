@@ -138,7 +138,11 @@ std::vector<std::string> normal_attributes(const Cloud& cloud) {
   return {names.begin(), names.end()};
 }
 
-void set_normals(Cloud& cloud, std::span<const Point> normals) {
+void set_normals(Cloud& cloud, std::span<const Point> normals, std::span<const Position> viewpoints) {
+  if (viewpoints.size() > 1 && viewpoints.size() != cloud.points.size()) {
+    throw Error(ErrorKind::usage, "the cloud has " + std::to_string(cloud.points.size()) + " points, but there are " +
+                                      std::to_string(viewpoints.size()) + " viewpoints; give one, or one for each");
+  }
   if (normals.size() != cloud.points.size()) {
     throw Error(ErrorKind::usage, "the cloud has " + std::to_string(cloud.points.size()) + " points, but there are " +
                                       std::to_string(normals.size()) + " normals; give one for each point");
@@ -155,13 +159,13 @@ void set_normals(Cloud& cloud, std::span<const Point> normals) {
     Point normal = normals[i];
     if (normal.x == 0 && normal.y == 0 && normal.z == 0) continue;
     const Point& p = cloud.points[i];
-    double side = names.empty() ? 0 : dot(normal, holder.at(i));
-    if (!(std::abs(side) > 0)) {
-      side = dot(normal, sensor ? std::array<double, 3>{(*sensor)[0] - cloud.origin[0] - p.x,
-                                                        (*sensor)[1] - cloud.origin[1] - p.y,
-                                                        (*sensor)[2] - cloud.origin[2] - p.z}
-                                : outward.from(p));
-    }
+    const auto to = [&](const Position& place) {
+      return std::array<double, 3>{place[0] - cloud.origin[0] - p.x, place[1] - cloud.origin[1] - p.y,
+                                   place[2] - cloud.origin[2] - p.z};
+    };
+    double side = viewpoints.empty() ? 0 : dot(normal, to(viewpoints[viewpoints.size() > 1 ? i : 0]));
+    if (!(std::abs(side) > 0)) side = names.empty() ? 0 : dot(normal, holder.at(i));
+    if (!(std::abs(side) > 0)) side = dot(normal, sensor ? to(*sensor) : outward.from(p));
     if (side < 0) normal = {0 - normal.x, 0 - normal.y, 0 - normal.z};  // no -0
     holder.set(i, {normal.x, normal.y, normal.z});
   }

@@ -11,6 +11,7 @@
 #include "pipeline/pipeline_access.hpp"
 #include "pipeline/run_state.hpp"
 #include "pointfair/file_info.hpp"
+#include "pointfair/viewpoint.hpp"
 
 namespace pointfair {
 namespace {
@@ -59,10 +60,16 @@ const FollowedNoise& PipelineAccess::followed_noise(const Pipeline& pipeline) { 
 
 void Pipeline::load(const Cloud& cloud) {
   with_one_kind_of_error([&] {
+    const std::vector<Position> viewpoints = file_viewpoints(cloud);
     state_->shell = {};
     state_->load(cloud.points);
     state_->shell = Cloud{cloud.origin, {}, cloud.added, cloud.source};
+    state_->set_viewpoint(viewpoints);
   });
+}
+
+void Pipeline::set_viewpoint(std::span<const std::array<double, 3>> positions) {
+  with_one_kind_of_error([&] { state_->set_viewpoint(positions); });
 }
 
 void Pipeline::load(std::span<const Point> points) {

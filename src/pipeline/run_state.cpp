@@ -54,6 +54,8 @@ void Pipeline::State::load(const DevicePoints& points, DeviceStream stream) {
 void Pipeline::State::start_load(const std::function<void()>& load) {
   frame_.reset();
   given_noise_.reset();
+  sensors_.reset();
+  beam_samples_.reset();
   shown_.reset();
   estimates.reset();
   upload_milliseconds_ = 0;
@@ -102,12 +104,20 @@ void Pipeline::State::measure(bool with_spacing, bool with_noise, IndexOrder ord
   const WantedEstimates wanted{with_spacing && !cloud.spacing, with_noise && !cloud.noise};
   if (!wanted.spacing && !wanted.noise) return;
   sample();
+  look_at_neighbors(order, stop, [&](Sampling& sampling) {
+    const Estimate found = estimate(sampling, *cloud.sample, wanted, stop);
+    if (wanted.spacing) cloud.spacing = found.spacing;
+    if (wanted.noise) cloud.noise = found.noise, cloud.levels = found.levels, cloud.reach_levels = found.reach_levels;
+  });
+}
+
+// Needs the index of the first iteration, and builds it if there is none.
+void Pipeline::State::look_at_neighbors(IndexOrder order, const std::stop_token& stop,
+                                        const std::function<void(Sampling&)>& estimate) {
   execute(plan_index(cloud.cached, order), 1, false, stop, {});
   log_.settle(cloud.backend());  // waits for the index, which has its own time
   const auto start = Clock::now();
-  const Estimate found = estimate(cloud.backend().sampling(), *cloud.sample, wanted, stop);
-  if (wanted.spacing) cloud.spacing = found.spacing;
-  if (wanted.noise) cloud.noise = found.noise, cloud.levels = found.levels, cloud.reach_levels = found.reach_levels;
+  estimate(cloud.backend().sampling());
   log_.note("estimate", milliseconds_since(start));
 }
 
@@ -141,6 +151,9 @@ Params Pipeline::State::resolve(const Params& params, const std::stop_token& sto
 
 Params Pipeline::State::resolve_once(const Params& params, const std::stop_token& stop) {
   check_params(params);
+  if (params.along == Along::ray && !sensors_)
+    throw Error(ErrorKind::usage,
+                "--along ray needs the place of the sensor, which the cloud does not tell: give --viewpoint x,y,z");
   const bool with_spacing = needs_spacing(params), with_noise = needs_noise(params);
   measure(with_spacing, with_noise, order_for(params), stop);
   // what a run sees must not depend on what was measured before it
@@ -197,14 +210,14 @@ void Pipeline::State::run_to_end(const Params& params, const Delivery& to, const
   last_order_ = order_for(params);
   followed =
       needs_noise(params) ? followed_noise(params, used, noise(), levels(), cloud.reach_levels) : FollowedNoise{};
-  const Settings settings = settings_of(used, followed);
+  const Settings settings = settings_of(used, followed, known_sensor(used, stop));
   const int last = used.iterations - 1;
   execute(plan(cloud.cached, {settings, last_order_, used.iterations}), std::size_t(4) * std::size_t(used.iterations),
           to.by_parts && last == 0 && cloud.points() >= kWorthChunks, stop, progress);
 
   std::vector<std::uint8_t> marks(used.outliers == Outliers::mark ? cloud.points() : 0);
   const auto computed = Clock::now();
-  const std::uint64_t outlier_count = to.deliver(last, settings.limits, marks);
+  const OutlierCounts outlier_counts = to.deliver(last, settings.limits, marks);
   log_.note_call("download", milliseconds_since(computed));
   const Counts counts = backend.counts(last);
   const Costs costs = log_.settle(backend);
@@ -223,7 +236,8 @@ void Pipeline::State::run_to_end(const Params& params, const Delivery& to, const
             costs.peak_host_bytes,
             costs.peak_device_bytes};
   if (!moves_along_normal(used.method)) report.unmoved.no_normal = 0;
-  report.unmoved.outliers = outlier_count;
+  report.unmoved.outliers = outlier_counts.total();
+  report.unmoved.outliers_by_reason = outlier_counts;
 }
 
 // The last of `all` stages that a run has in all; those before were cached.
@@ -278,6 +292,16 @@ int Pipeline::State::shown(std::size_t room) const {
 
 void Pipeline::State::normals(std::span<Point> out, const std::stop_token& stop) {
   cloud.backend().download_normals(shown(out.size()), out, stop);
+  if (!sensors_) return;
+  std::vector<Point> points(out.size());
+  cloud.backend().download_input(points);
+  const std::vector<Point>& places = sensors_->places;
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    const Point &p = points[i], &sensor = places[places.size() > 1 ? i : 0];
+    Point& n = out[i];
+    const float side = n.x * (sensor.x - p.x) + n.y * (sensor.y - p.y) + n.z * (sensor.z - p.z);
+    if (side < 0) n = {0 - n.x, 0 - n.y, 0 - n.z};  // no -0
+  }
 }
 
 void Pipeline::State::normals(const DeviceOutput& out, DeviceStream stream) {
@@ -302,6 +326,36 @@ void Pipeline::State::set_noise(std::span<const float> sigmas) {
   }
   given_noise_ = std::move(given);
   estimates.reset();
+}
+
+void Pipeline::State::set_viewpoint(std::span<const Origin> places) {
+  if (places.size() > 1 && places.size() != cloud.points())
+    throw Error(ErrorKind::usage, "set_viewpoint: there are " + std::to_string(places.size()) +
+                                      " positions, and the loaded cloud has " + std::to_string(cloud.points()) +
+                                      " points; give one, or one for each");
+  SensorPlaces its;
+  its.places.reserve(places.size());
+  bool any_known = false;
+  for (const Origin& p : places) {
+    its.places.push_back({float(p[0] - shell.origin[0]), float(p[1] - shell.origin[1]), float(p[2] - shell.origin[2])});
+    any_known = any_known || is_indexed(its.places.back());
+  }
+  beam_samples_.reset();
+  sensors_ = any_known ? std::make_shared<const SensorPlaces>(std::move(its)) : nullptr;
+}
+
+// Of what a run with these parameters reads.
+KnownSensor Pipeline::State::known_sensor(const Params& used, const std::stop_token& stop) {
+  if (!sensors_) return {};
+  KnownSensor known{sensors_};
+  if (!seeks_mixed_pixels(used)) return known;
+  if (!beam_samples_) {
+    const CloudSample& its = sample();
+    look_at_neighbors(order_for(used), stop,
+                      [&](Sampling& sampling) { beam_samples_ = beam_samples(sampling, its, *sensors_); });
+  }
+  known.beam_step = beam_step(*beam_samples_);
+  return known;
 }
 
 void Pipeline::State::noise(std::span<float> out, const Length& typical, const std::stop_token& stop) {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "estimate/automatic.hpp"
+#include "estimate/beam_step.hpp"
 #include "estimate/given_noise.hpp"
 #include "pipeline/loaded_cloud.hpp"
 #include "pipeline/stage_log.hpp"
@@ -38,6 +39,7 @@ struct Pipeline::State {
   void normals(std::span<Point> out, const std::stop_token& stop);
   void normals(const DeviceOutput& out, DeviceStream stream);
   void set_noise(std::span<const float> sigmas);
+  void set_viewpoint(std::span<const Origin> places);
   void noise(std::span<float> out, const Length& typical, const std::stop_token& stop);
 
   LoadedCloud cloud;
@@ -53,7 +55,7 @@ struct Pipeline::State {
   struct Delivery {
     std::size_t room;  // points
     bool by_parts;     // some may leave before all are done
-    std::function<std::uint64_t(int iteration, const DisplacementLimits&, std::span<std::uint8_t> outliers)> deliver;
+    std::function<OutlierCounts(int iteration, const DisplacementLimits&, std::span<std::uint8_t> outliers)> deliver;
   };
 
   void start_load(const std::function<void()>& load);
@@ -79,8 +81,10 @@ struct Pipeline::State {
   void attempt(const std::function<void()>& work);
   const CloudSample& sample();
   const Frame& frame();
+  KnownSensor known_sensor(const Params& used, const std::stop_token& stop);
   Noise noise() const;
   const std::shared_ptr<const NoiseLevels>& levels() const;
+  void look_at_neighbors(IndexOrder order, const std::stop_token& stop, const std::function<void(Sampling&)>& estimate);
   void measure(bool with_spacing, bool with_noise, IndexOrder order, const std::stop_token& stop);
   void execute(const std::vector<Step>& steps, std::size_t all, bool leaves, const std::stop_token& stop,
                const ProgressFunction& progress);
@@ -91,10 +95,12 @@ struct Pipeline::State {
     std::unique_ptr<Backend> backend;
     HostBuffer staged;
   };
-  HostBuffer staged_;                            // many clouds on their way
-  std::vector<Helper> helpers_;                  // beside the loaded cloud's backend, for many clouds
-  std::optional<Frame> frame_;                   // of the loaded cloud, once it is needed
-  std::optional<GivenNoise> given_noise_;        // of the loaded cloud, in place of what is measured
+  HostBuffer staged_;                                    // many clouds on their way
+  std::vector<Helper> helpers_;                          // beside the loaded cloud's backend, for many clouds
+  std::optional<Frame> frame_;                           // of the loaded cloud, once it is needed
+  std::optional<GivenNoise> given_noise_;                // of the loaded cloud, in place of what is measured
+  std::shared_ptr<const SensorPlaces> sensors_;          // of the loaded cloud; null: unknown
+  std::optional<std::vector<BeamSample>> beam_samples_;  // of those, once they are measured
   std::optional<int> shown_;                     // the iteration whose results were delivered last, while they are held
   IndexOrder last_order_ = IndexOrder::fastest;  // of the run before, which the next is likely to be like
   double upload_milliseconds_ = 0;               // not yet reported

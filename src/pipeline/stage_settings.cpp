@@ -4,6 +4,8 @@
 #include <algorithm>
 
 #include "estimate/automatic.hpp"
+#include "estimate/constants.hpp"
+#include "seam/rules.hpp"
 
 namespace pointfair {
 namespace {
@@ -17,9 +19,25 @@ int filter_rounds(NormalFilter filter) {
   return filter == NormalFilter::mollify ? 1 : 0;
 }
 
+// Moves along rays are longer than along normals, so limits of the whole way are wider, and each step has its own.
+void set_sensor(const Params& p, const KnownSensor& sensor, Settings& s) {
+  s.fairing.beam_reach = float(constants::kBeamSteps * sensor.beam_step);
+  s.fairing.along_ray = p.along == Along::ray;
+  if (s.fairing.along_ray || s.fairing.beam_reach > 0) s.fairing.sensors = sensor.places;
+  if (!s.fairing.along_ray) return;
+  s.fairing.farthest = s.limits.farthest;
+  s.limits.farthest *= point::kMostStretch;
+  s.limits.outlier_distance *= point::kMostStretch;
+}
+
 }  // namespace
 
-Settings settings_of(const Params& p, const FollowedNoise& followed) {
+bool seeks_mixed_pixels(const Params& p) {
+  return p.method == Method::bilateral && p.outliers != Outliers::off &&
+         (sums_within_radius(p) || (p.k != 1 && !p.constraint && p.radius.is_automatic()));
+}
+
+Settings settings_of(const Params& p, const FollowedNoise& followed, const KnownSensor& sensor) {
   Settings s;
   s.neighbors.k = p.k;
   s.neighbors.radius = p.radius.is_automatic() ? 0.0f : float(p.radius.value);
@@ -50,6 +68,7 @@ Settings settings_of(const Params& p, const FollowedNoise& followed) {
   }
   s.fairing.noise = followed.damage > 0 ? float(p.noise.value) : 0;
   s.fairing.damage = float(followed.damage);
+  if (sensor.places) set_sensor(p, sensor, s);
   s.neighbors.reach_levels = followed.reach_levels;
   if (!followed.levels) return s;
   s.neighbors.levels = s.limits.levels = followed.levels;
@@ -57,6 +76,8 @@ Settings settings_of(const Params& p, const FollowedNoise& followed) {
   s.fairing.similarity_follows = followed.similarity;
   s.fairing.level_outlier_distance = s.limits.level_outlier_distance = float(followed.outlier_distance);
   s.limits.farthest_follows = followed.limit;
+  s.fairing.farthest_follows = p.along == Along::ray && followed.limit;
+  if (p.along == Along::ray) s.limits.level_outlier_distance *= point::kMostStretch;
   return s;
 }
 

@@ -2,6 +2,8 @@
 // What each stage reads of the parameters, so that a change tells which of them must run again.
 #pragma once
 
+#include <memory>
+
 #include "estimate/automatic.hpp"
 #include "pointfair/params.hpp"
 #include "seam/settings.hpp"
@@ -16,8 +18,18 @@ struct Settings {
   friend bool operator==(const Settings&, const Settings&) = default;
 };
 
+// What is known of the sensor, where a run reads it.
+struct KnownSensor {
+  std::shared_ptr<const SensorPlaces> places;  // null: nothing
+  double beam_step = 0;                        // between neighbouring rays, in radians; 0: not measured
+};
+
 // Of parameters of which none is automatic and every length is in file units, and of what follows the noise.
-Settings settings_of(const Params& params, const FollowedNoise& followed);
+Settings settings_of(const Params& params, const FollowedNoise& followed, const KnownSensor& sensor = {});
+
+// Whether a run looks for mixed pixels, if it knows the place of the sensor: where outliers are looked for and the two
+// nearest neighbours are known.
+bool seeks_mixed_pixels(const Params& params);
 
 // The first stage that reads something that differs; `iterations` if none does.
 Stage first_difference(const Settings& a, const Settings& b);

@@ -28,6 +28,7 @@ struct MethodRule {
   float strength;         // factor of the displacement before the adjustment
   Relaxation relaxation;  // `own` also of Adjustment::wiener
   float noise_variance;   // of Adjustment::wiener
+  bool along_ray;         // points move along the ray; only where displacements are along the normal
 };
 
 // The weights of one point, whose neighbourhood has that radius.

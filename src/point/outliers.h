@@ -8,6 +8,33 @@
 
 namespace pointfair::point {
 
+// Why a point is an outlier. Numbers are those of the NaN that takes the place of such a point between stages.
+enum class Outlier : unsigned char {
+  none,
+  isolated,     // too few neighbours within reach
+  off_surface,  // off the plane of its neighbours, or would move too far
+  mixed_pixel,  // between two surfaces, as the sensor saw them
+};
+inline constexpr int kOutlierReasons = 3;
+POINTFAIR_INLINE int place_among_reasons(Outlier outlier) { return static_cast<int>(outlier) - 1; }
+
+POINTFAIR_INLINE float place_of(Outlier outlier) {
+  union {
+    unsigned u;
+    float f;
+  } bits = {0x7fc00000u + static_cast<unsigned>(outlier)};
+  return bits.f;
+}
+// Of a place that is NaN.
+POINTFAIR_INLINE Outlier outlier_at(float x) {
+  union {
+    float f;
+    unsigned u;
+  } bits = {x};
+  const unsigned reason = bits.u & 3u;
+  return reason == 0 ? Outlier::off_surface : static_cast<Outlier>(reason);
+}
+
 // A point is an outlier if fewer than a tenth of its neighbours lie within the outlier distance of its plane (two close
 // sheets give each other half), or, in a neighbourhood of radius R, fewer than a twentieth within 0.87 R of it, where a
 // surface through the point has three quarters of them (eight points lie all beyond by a chance of 1 to 65,000), or
@@ -39,6 +66,11 @@ struct Agreement {
   POINTFAIR_INLINE auto is_missing(Mask is_sparse) const {
     const F least = select(is_sparse, F(kLeastOfSparse), F(kLeastNearPlane));
     return (near_plane < all * least) | (near < all * F(kLeastNear));
+  }
+  // Of those that are missing: whether they lack neighbours, and not a surface.
+  template <class Mask>
+  POINTFAIR_INLINE auto is_isolated(Mask is_sparse) const {
+    return is_sparse | (near < all * F(kLeastNear));
   }
 };
 
@@ -90,7 +122,7 @@ POINTFAIR_INLINE Limits limits_at(const LimitRule& rule, float level) {
 
 struct Settled {
   Vec3<float> place;
-  bool is_outlier;
+  Outlier outlier;
 };
 
 // A point moves no farther than `limit`, and what would move by more by the less the more it would be, limit^2 over
@@ -100,9 +132,10 @@ struct Settled {
 POINTFAIR_INLINE Settled settled(Vec3<float> before, Vec3<float> after, float limit, float outlier_distance) {
   const Vec3<float> step = after - before;
   const float squared = squared_length(step);
-  if (!(squared <= outlier_distance * outlier_distance)) return {before, true};
-  if (squared <= limit * limit) return {after, false};
-  return {before + (limit * limit / squared) * step, false};
+  if (!(squared <= outlier_distance * outlier_distance))
+    return {before, after.x != after.x ? outlier_at(after.x) : Outlier::off_surface};
+  if (squared <= limit * limit) return {after, Outlier::none};
+  return {before + (limit * limit / squared) * step, Outlier::none};
 }
 
 }  // namespace pointfair::point

@@ -8,6 +8,7 @@
 #include "point/noise_field.h"
 #include "point/normal.h"
 #include "point/outliers.h"
+#include "point/sensor.h"
 
 namespace pointfair::point {
 
@@ -39,6 +40,13 @@ struct FairingRule {
   float squared_sparse_core;             // of a neighbourhood of the outlier radius
   bool pull_outliers;                    // else they become NaN
   bool pull_by_density;                  // else by closeness
+  float squared_beam_reach;  // of the second nearest, over the squared range; 0: mixed pixels are not looked for
+  bool along_ray;            // points move along the ray, else along the normal
+  float farthest;            // along_ray: soft limit of a displacement along the normal; 0: none
+  bool farthest_follows;     // the level of the noise
+
+  // Whether the sensor's place is read.
+  POINTFAIR_INLINE bool sees() const { return along_ray || squared_beam_reach > 0; }
 };
 
 template <class F>
@@ -158,16 +166,31 @@ POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> pull_of(const Neighbors& neigh
   return sum.mean();
 }
 
-// Where a point goes by the bilateral method: along its normal, by the share that noise justifies; an outlier becomes
-// NaN or goes to a mean of its neighbours. `squared_level` is that of the noise here. More than one instance: what
-// outliers and shares need would take registers from the loop that does without.
-template <bool kSeeksOutliers, bool kShares, class Neighbors, class Vectors, class Areas, class Scalars>
+// A displacement d > limit becomes limit^2 / d, as that of `settled`.
+template <class F>
+POINTFAIR_INLINE F softly_limited(F distance, F limit) {
+  return select(distance * distance > limit * limit, limit * limit / distance, distance);
+}
+
+// What a point of the bilateral method knows of itself.
+template <class F>
+struct OwnPlace {
+  F squared_level;  // of the noise
+  Vec3<F> here, normal;
+  Vec3<F> to_sensor;  // read where rule.sees()
+};
+
+// Where a point goes by the bilateral method: along its normal or its ray, by the share that noise justifies; an
+// outlier becomes NaN or goes to a mean of its neighbours. More than one instance: what outliers, shares and sensors
+// need would take registers from the loop that does without.
+template <bool kSeeksOutliers, bool kShares, bool kSees, class Neighbors, class Vectors, class Areas, class Scalars>
 POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> faired_point(const Neighbors& neighbors, const FairingRule& rule,
-                                                               NumberOf<Neighbors> squared_level,
-                                                               Vec3<NumberOf<Neighbors>> here,
-                                                               Vec3<NumberOf<Neighbors>> normal, const Vectors& normals,
-                                                               const Areas& areas, const Scalars& squared_radii) {
+                                                               const OwnPlace<NumberOf<Neighbors>>& own,
+                                                               const Vectors& normals, const Areas& areas,
+                                                               const Scalars& squared_radii) {
   using F = NumberOf<Neighbors>;
+  const F squared_level = own.squared_level;
+  const Vec3<F> here = own.here, normal = own.normal, to_sensor = own.to_sensor;
   const LocalBilateralWeights<F> weights = weights_of(rule, neighbors.squared_radius(), squared_level);
   const auto distance_of = [&](auto visited) {
     return rule.symmetric ? symmetric_distance(neighbors, weights, rule.inverse_turn, normal, normals, areas, visited)
@@ -178,7 +201,9 @@ POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> faired_point(const Neighbors& 
   const F squared_outlier_distance =
       larger(F(rule.squared_outlier_distance), squared_level * rule.squared_level_outlier_distance);
   const F squared_core = larger(neighbors.squared_core(), squared_outlier_distance);
+  TwoNearest<F> nearest(rule.pull_by_density ? neighbors.squared_radius() : F(__builtin_inff()));
   F distance = distance_of([&](Vec3<F> offset, auto inside) {
+    if constexpr (kSeeksOutliers && kSees) nearest.add(offset, inside);
     if constexpr (kSeeksOutliers || kShares) {
       const F height = dot(normal, offset);
       if constexpr (kShares) spread.add(height, inside);
@@ -188,16 +213,38 @@ POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> faired_point(const Neighbors& 
   if constexpr (kShares)
     distance =
         distance * noise_share(spread.variance(), squared_level * rule.noise_variance, rule.noise_left, rule.damage);
-  const Vec3<F> there = moved(here, normal, distance * rule.strength);
+  Vec3<F> there = moved(here, normal, distance * rule.strength);
+  if constexpr (kSees) {
+    if (rule.along_ray) {
+      F d = distance;
+      if (rule.farthest > 0)
+        d = softly_limited(d, rule.farthest_follows ? square_root(squared_level) * rule.farthest : F(rule.farthest));
+      there = here + along_ray((F{} - d * rule.strength) * normal, to_sensor);
+    }
+  }
   if constexpr (!kSeeksOutliers) {
     return there;
   } else {
     const auto is_sparse = neighbors.squared_core() > F(rule.squared_sparse_core);
     // a point without a normal keeps its place
-    const auto is_outlier = agreement.is_missing(is_sparse) & (squared_length(normal) > F{});
+    const auto has_normal = squared_length(normal) > F{};
+    auto is_outlier = agreement.is_missing(is_sparse) & has_normal;
+    F reason =
+        select(agreement.is_isolated(is_sparse), F(place_of(Outlier::isolated)), F(place_of(Outlier::off_surface)));
+    if constexpr (kSees) {
+      if (rule.along_ray) {  // what settled() sees of points that move along the normal
+        const auto is_far = distance * distance > squared_outlier_distance;
+        reason = select(is_outlier, reason, F(place_of(Outlier::off_surface)));
+        is_outlier = is_outlier | (is_far & has_normal);
+      }
+      if (rule.squared_beam_reach > 0) {
+        const auto is_mixed = is_mixed_pixel(nearest, to_sensor, rule.squared_beam_reach, squared_outlier_distance);
+        reason = select(is_mixed, F(place_of(Outlier::mixed_pixel)), reason);
+        is_outlier = is_outlier | (is_mixed & has_normal);
+      }
+    }
     if (!neighbors.any(is_outlier)) return there;
-    const F nan = F(__builtin_nanf(""));
-    if (!rule.pull_outliers) return select<F>(is_outlier, {nan, nan, nan}, there);
+    if (!rule.pull_outliers) return select<F>(is_outlier, {reason, reason, reason}, there);
     const Vec3<F> pull = pull_of(neighbors, weights, rule, squared_radii);
     return select<F>(is_outlier, here + F(rule.strength) * pull, there);
   }

@@ -2,12 +2,11 @@
 #include "scale/denoise.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <deque>
 #include <future>
 #include <limits>
 #include <new>
-#include <numeric>
+#include <span>
 #include <utility>
 
 #include "seam/exactness.hpp"
@@ -15,8 +14,6 @@
 
 namespace pointfair::scale {
 namespace {
-
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
 using Places = std::vector<std::uint32_t>;  // of points among those of the tile
 
@@ -59,7 +56,7 @@ class Denoising::Tile {
 
   void read() {
     work_.input.read(work_.leaves, &own_, nullptr);
-    if (own_.empty()) return;
+    if (!has_points()) return;
     const Wanted all = all_wanted();
     fits_ = load(region_of(all, halo_of(all)));
     is_loaded_ = true;
@@ -67,9 +64,9 @@ class Denoising::Tile {
 
   void compute(Backend& backend) {
     backend_ = &backend;
-    results_.assign(own_.size(), Point{kNan, kNan, kNan});
+    results_ = own_;  // outliers of iterations before stay as they are
     std::deque<Wanted> queue;
-    if (!own_.empty()) queue.push_back(all_wanted());
+    if (has_points()) queue.push_back(all_wanted());
     while (!queue.empty()) {
       const Wanted wanted = std::move(queue.front());
       queue.pop_front();
@@ -89,6 +86,7 @@ class Denoising::Tile {
   }
 
  private:
+  bool has_points() const { return std::any_of(own_.begin(), own_.end(), is_indexed); }
   Wanted all_wanted() const { return {true, {}, bounds_, 0}; }
   double halo_of(const Wanted& wanted) const {
     return wanted.halo > 0 ? wanted.halo : first_halo(work_.input.bounds(), work_.stages, wanted.bounds);
@@ -166,8 +164,8 @@ class Denoising::Tile {
   std::vector<Wanted> split(const Wanted& wanted, double halo) {
     Places places = wanted.places;
     if (wanted.all) {
-      places.resize(own_.size());
-      std::iota(places.begin(), places.end(), 0u);
+      for (std::uint32_t i = 0; i < own_.size(); ++i)
+        if (is_indexed(own_[i])) places.push_back(i);
     }
     const Bounds& b = wanted.bounds;
     const float x = b.max.x - b.min.x, y = b.max.y - b.min.y, z = b.max.z - b.min.z;
@@ -195,26 +193,23 @@ class Denoising::Tile {
                                        "far from others or many share its place; give more memory, or leave it out");
   }
 
-  // By leaf, for the next iteration.
+  // By leaf, for the next iteration. Outliers are written too, as a NaN that tells the reason.
   void write_by_leaf(const std::vector<std::uint64_t>& indices, const std::filesystem::path& path) const {
     std::vector<Section> sections;
-    Places order;
-    order.reserve(results_.size());
     std::size_t at = 0;
     for (std::uint32_t leaf = work_.leaves.begin; leaf < work_.leaves.end; ++leaf) {
+      const std::size_t count = work_.input.leaves()[leaf].valid;
       Bounds b = kNoBounds;
-      for (const std::size_t end = at + work_.input.leaves()[leaf].valid; at < end; ++at) {
-        if (!is_indexed(results_[at])) continue;
-        include(b, results_[at]);
-        order.push_back(std::uint32_t(at));
-      }
-      if (b.valid > 0) sections.push_back({leaf, 0, b.valid, b.min, b.max});
+      for (const Point& p : std::span(results_).subspan(at, count))
+        if (is_indexed(p)) include(b, p);
+      if (count > 0) sections.push_back({leaf, 0, count, b.min, b.max});
+      at += count;
     }
     PointsHeader header = header_of(counts_);
     header.index_bytes = sizeof(std::uint64_t);
     PointsWriter writer(path, header, sections, {});
-    write_in_order<Point>(writer, order, [&](std::uint32_t i) { return results_[i]; });
-    write_in_order<std::uint64_t>(writer, order, [&](std::uint32_t i) { return indices[i]; });
+    writer.write(std::span(results_));
+    writer.write(std::span(indices));
     writer.finish();
   }
 
@@ -227,16 +222,14 @@ class Denoising::Tile {
       return std::size_t(after - chunks.begin()) - 1;
     };
     std::vector<std::uint64_t> next(chunks.size() + 1, 0);
-    for (std::size_t i = 0; i < results_.size(); ++i)
-      if (!std::isnan(results_[i].x)) ++next[chunk_of(indices[i]) + 1];
+    for (const std::uint64_t index : indices) ++next[chunk_of(index) + 1];
     std::vector<Section> sections;
     for (std::size_t c = 0; c < chunks.size(); ++c) {
       if (next[c + 1] > 0) sections.push_back({std::uint32_t(c), 0, next[c + 1], {}, {}});
       next[c + 1] += next[c];
     }
     Places order(next.back());
-    for (std::size_t i = 0; i < results_.size(); ++i)
-      if (!std::isnan(results_[i].x)) order[next[chunk_of(indices[i])]++] = std::uint32_t(i);
+    for (std::size_t i = 0; i < results_.size(); ++i) order[next[chunk_of(indices[i])]++] = std::uint32_t(i);
     PointsWriter writer(path, header_of(counts_), sections, {});
     write_in_order<Point>(writer, order, [&](std::uint32_t i) { return results_[i]; });
     write_in_order<std::uint32_t>(writer, order, [&](std::uint32_t i) {

@@ -37,7 +37,7 @@ class Denoising {
   void read();
   /// Throws Error(memory) if what a point needs does not fit.
   void compute(Backend& backend);
-  /// Where the tile's points are after the iteration; those that have no place any more are left out.
+  /// Where the tile's points are after the iteration. Outliers are the NaN that tells the reason.
   void write();
 
  private:

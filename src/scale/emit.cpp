@@ -62,11 +62,11 @@ std::shared_ptr<const TileResults::Held> TileResults::hold(std::size_t chunk) co
   return held;
 }
 
-// Returns the number of outliers; those are marked unless `outliers` is null.
-std::uint64_t TileResults::settle_some(std::span<const Point> before, const Point* faired, Point* now,
+// Returns how many outliers there are; those are marked unless `outliers` is null.
+OutlierCounts TileResults::settle_some(std::span<const Point> before, const Point* faired, Point* now,
                                        std::uint8_t* outliers) const {
   const point::NodeField field = field_of(settling_.limits.levels.get());
-  std::uint64_t count = 0;
+  OutlierCounts counts;
   for (std::size_t i = 0; i < before.size(); ++i) {
     now[i] = is_indexed(before[i]) ? faired[i] : before[i];
     if (!settling_.may_hold_back || !is_indexed(before[i])) continue;
@@ -74,10 +74,10 @@ std::uint64_t TileResults::settle_some(std::span<const Point> before, const Poin
         point::limits_at(limit_rule(settling_.limits), point::node_value(field, to_vec3(before[i])));
     const auto settled = point::settled(to_vec3(before[i]), to_vec3(faired[i]), farthest, outlier_distance);
     now[i] = {settled.place.x, settled.place.y, settled.place.z};
-    count += settled.is_outlier;
-    if (outliers) outliers[i] = settled.is_outlier;
+    count(settled.outlier, counts);
+    if (outliers) outliers[i] = settled.outlier != point::Outlier::none;
   }
-  return count;
+  return counts;
 }
 
 // Ignored points go as invalid ones, as they did into the tiles.
@@ -109,7 +109,7 @@ std::vector<std::uint8_t> TileResults::find_outliers(unsigned threads) {
       settle(first, points, now, std::span(outliers).subspan(first, points.size()));
     });
   });
-  held_back_ = 0;
+  held_back_.clear();
   return outliers;
 }
 
@@ -125,8 +125,8 @@ void TileResults::settle(std::uint64_t first, std::span<const Point> before, std
     const auto held = hold(chunk);
     const std::size_t from = index - chunks[chunk].first_point;
     const std::size_t count = std::min(before.size() - done, held->points.size() - from);
-    held_back_ += settle_some(before.subspan(done, count), &held->points[from], &now[done],
-                              outliers.empty() ? nullptr : &outliers[done]);
+    held_back_.add(settle_some(before.subspan(done, count), &held->points[from], &now[done],
+                               outliers.empty() ? nullptr : &outliers[done]));
     done += count;
     index += count;
   }

@@ -2,7 +2,6 @@
 // The last step: an input file again, its points where the tiles have them now.
 #pragma once
 
-#include <atomic>
 #include <filesystem>
 #include <memory>
 #include <mutex>
@@ -11,12 +10,13 @@
 
 #include "io/edits.hpp"
 #include "scale/plan.hpp"
+#include "seam/outlier_tally.hpp"
 #include "seam/settings.hpp"
 
 namespace pointfair::scale {
 
 /// What the counts of a written file are.
-inline constexpr std::size_t kOutlierCount = 0, kHeldCount = 1;
+inline constexpr std::size_t kIsolatedCount = 0, kHeldCount = 1, kOffSurfaceCount = 2, kMixedCount = 3;
 
 /// What becomes of the results of the last iteration: as a backend's download() does.
 struct Settling {
@@ -33,7 +33,7 @@ class TileResults final : public io::MovedPoints {
   /// 1 for each outlier of the file, else 0. Takes all points; what was counted before is forgotten.
   std::vector<std::uint8_t> find_outliers(unsigned threads);
   /// Outliers that were held back so far, and points that the limits held.
-  std::uint64_t held_back() const { return held_back_; }
+  OutlierCounts held_back() const { return held_back_.counts(); }
   std::uint64_t held_by_limits() const { return held_by_limits_; }
 
  private:
@@ -44,7 +44,7 @@ class TileResults final : public io::MovedPoints {
   std::shared_ptr<const Held> hold(std::size_t chunk) const;
   void settle(std::uint64_t first, std::span<const Point> before, std::span<Point> now,
               std::span<std::uint8_t> outliers) const;
-  std::uint64_t settle_some(std::span<const Point> before, const Point* faired, Point* now,
+  OutlierCounts settle_some(std::span<const Point> before, const Point* faired, Point* now,
                             std::uint8_t* outliers) const;
 
   struct TileFile {
@@ -59,7 +59,8 @@ class TileResults final : public io::MovedPoints {
   std::stop_token stop_;
   mutable std::mutex mutex_;
   mutable std::vector<std::shared_ptr<const Held>> held_;  ///< the last two
-  mutable std::atomic<std::uint64_t> held_back_{0}, held_by_limits_{0};
+  mutable OutlierTally held_back_;
+  mutable std::atomic<std::uint64_t> held_by_limits_{0};
 };
 
 }  // namespace pointfair::scale

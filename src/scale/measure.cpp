@@ -2,6 +2,7 @@
 #include "scale/measure.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <deque>
 #include <limits>
@@ -10,6 +11,7 @@
 #include <utility>
 
 #include "estimate/automatic.hpp"
+#include "estimate/beam_step.hpp"
 #include "scale/ingest.hpp"
 #include "seam/cloud_sample.hpp"
 #include "tiles/halo.hpp"
@@ -135,6 +137,13 @@ class StoredSampling final : public Sampling {
   std::vector<Point> queries_;
 };
 
+// Relative to the cloud's origin; null: unknown.
+std::shared_ptr<const SensorPlaces> sensor_of(const Plan& plan, const Position& origin) {
+  if (!plan.sensor) return nullptr;
+  const auto offset = [&](std::size_t axis) { return float((*plan.sensor)[axis] - origin[axis]); };
+  return std::make_shared<const SensorPlaces>(SensorPlaces{{{offset(0), offset(1), offset(2)}}});
+}
+
 }  // namespace
 
 Measured measure(const StoredCloud& cloud, const Plan& plan, const std::optional<GivenNoise>& given, Backend& backend,
@@ -142,7 +151,8 @@ Measured measure(const StoredCloud& cloud, const Plan& plan, const std::optional
   Measured measured{plan.origin, cloud.bounds(), {}, {}, {}};
   measured.ignored = cloud.counts()[kIgnored];
   const WantedEstimates wanted{needs_spacing(plan.params), needs_noise(plan.params)};
-  if (!wanted.spacing && !wanted.noise && !sums_within_radius(plan.params)) return measured;
+  const bool may_seek = plan.sensor && plan.params.outliers != Outliers::off;
+  if (!wanted.spacing && !wanted.noise && !sums_within_radius(plan.params) && !may_seek) return measured;
   StoredSampling sampling(cloud, backend, points_in_memory(plan.memory, bytes_of_tile_point(plan.params)));
   const CloudSample sample = sampling.sample_cloud(kSampledPoints);
   if (sums_within_radius(plan.params)) measured.frame = frame_of(sample);
@@ -153,6 +163,8 @@ Measured measure(const StoredCloud& cloud, const Plan& plan, const std::optional
     measured.levels = given ? given->levels : found.levels;
     measured.reach_levels = found.reach_levels;
   }
+  if (may_seek && seeks_mixed_pixels(resolve(plan, measured).params))
+    measured.beam_step = beam_step(beam_samples(sampling, sample, *sensor_of(plan, plan.origin)));
   return measured;
 }
 
@@ -165,18 +177,33 @@ struct FixedLevels {
   std::uint64_t count = 0;
 };
 
-// What a file begins with; the levels of the noise follow, and those of the reach.
+// What a file begins with; the levels of the noise follow, and those of the reach. Without gaps, whose bytes would be
+// anything: tasks that are done twice leave the same bytes.
 struct Fixed {
   Position origin{};
   Bounds bounds;
-  Frame frame;
   Spacing spacing;
-  Noise noise;
+  std::array<double, 9> noise{};
   FixedLevels of_noise, of_reach;
   std::array<double, 3> quantiles{};  // of the levels of the noise
   std::uint64_t ignored = 0;
+  double beam_step = 0;
+  Frame frame{};
+  std::uint32_t unused = 0;
 };
 static_assert(std::is_trivially_copyable_v<Fixed>);
+static_assert(sizeof(Fixed) == sizeof(Position) + sizeof(Bounds) + sizeof(Spacing) + 9 * sizeof(double) +
+                                   2 * sizeof(FixedLevels) + 3 * sizeof(double) + sizeof(std::uint64_t) +
+                                   sizeof(double) + sizeof(Frame) + sizeof(std::uint32_t));
+
+std::array<double, 9> values_of(const Noise& noise) {
+  const auto& [sigma, surface_spacing, likeness_to_shape, shape_to_noise, gap, alikeness, depth_has_steps, confined,
+               bend] = noise;
+  return {sigma, surface_spacing, likeness_to_shape,           shape_to_noise,
+          gap,   alikeness,       depth_has_steps ? 1.0 : 0.0, confined,
+          bend};
+}
+Noise noise_of(const std::array<double, 9>& v) { return {v[0], v[1], v[2], v[3], v[4], v[5], v[6] != 0, v[7], v[8]}; }
 
 FixedLevels fixed_of(const NodeLevels* levels) {
   if (levels == nullptr) return {};
@@ -193,8 +220,10 @@ NodeLevels read_levels(const StoredFile& file, std::uint64_t at, const FixedLeve
 
 void save(const Measured& m, const std::filesystem::path& path) {
   Fixed fixed{
-      m.origin, m.bounds, m.frame, m.spacing, m.noise, fixed_of(m.levels.get()), fixed_of(m.reach_levels.get())};
+      m.origin, m.bounds, m.spacing, values_of(m.noise), fixed_of(m.levels.get()), fixed_of(m.reach_levels.get())};
   fixed.ignored = m.ignored;
+  fixed.beam_step = m.beam_step;
+  fixed.frame = m.frame;
   if (m.levels) fixed.quantiles = m.levels->quantiles;
   NewFile file(path, sizeof fixed + (fixed.of_noise.count + fixed.of_reach.count) * sizeof(float));
   file.write(&fixed, sizeof fixed);
@@ -207,8 +236,9 @@ Measured load_measured(const std::filesystem::path& path) {
   const StoredFile file(path);
   Fixed fixed;
   file.read(0, &fixed, sizeof fixed);
-  Measured m{fixed.origin, fixed.bounds, fixed.frame, fixed.spacing, fixed.noise};
+  Measured m{fixed.origin, fixed.bounds, fixed.frame, fixed.spacing, noise_of(fixed.noise)};
   m.ignored = fixed.ignored;
+  m.beam_step = fixed.beam_step;
   const std::uint64_t at = sizeof fixed;
   if (fixed.of_noise.count > 0)
     m.levels = std::make_shared<NoiseLevels>(NoiseLevels{read_levels(file, at, fixed.of_noise), fixed.quantiles});
@@ -218,13 +248,14 @@ Measured load_measured(const std::filesystem::path& path) {
   return m;
 }
 
-Resolved resolve(const Params& params, const Measured& measured) {
+Resolved resolve(const Plan& plan, const Measured& measured) {
+  const Params& params = plan.params;
   const Params used = resolve_params(params, measured.spacing, measured.noise,
                                      needs_diagonal(params) ? diagonal_of(measured.bounds) : 0.0);
   const FollowedNoise followed =
       needs_noise(params) ? followed_noise(params, used, measured.noise, measured.levels, measured.reach_levels)
                           : FollowedNoise{};
-  return {used, settings_of(used, followed)};
+  return {used, settings_of(used, followed, {sensor_of(plan, measured.origin), measured.beam_step})};
 }
 
 }  // namespace pointfair::scale

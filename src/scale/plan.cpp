@@ -6,22 +6,20 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
 #include <cstring>
 #include <limits>
 #include <set>
-#include <sstream>
 
 #include "estimate/automatic.hpp"
 #include "io/file_bytes.hpp"
 #include "io/offset.hpp"
 #include "io/parallel.hpp"
 #include "io/streamed.hpp"
+#include "io/viewpoint.hpp"
 #include "pointfair/file_info.hpp"
-#include "pointfair/version.hpp"
 #include "scale/given.hpp"
 #include "scale/leaf_tree.hpp"
+#include "scale/plan_text.hpp"
 #include "scale/work_file.hpp"
 #include "seam/cloud_sample.hpp"
 
@@ -144,6 +142,21 @@ void refuse_stray_files(const std::vector<InputFile>& files, const std::vector<E
   }
 }
 
+// The place that is asked for, or that all inputs say.
+std::optional<Position> sensor_of(const TiledJob& job, const std::vector<std::shared_ptr<Source>>& sources) {
+  std::optional<Position> sensor = io::named_place(job.viewpoint);
+  if (!job.viewpoint.empty() && job.viewpoint != "none" && !sensor)
+    refuse("--viewpoint " + job.viewpoint + ": a run in tiles on disk takes one place for all points; give x,y,z");
+  if (job.viewpoint.empty()) {
+    sensor = io::common_sensor(*sources.front());
+    for (const auto& source : sources)
+      if (io::common_sensor(*source) != sensor) sensor.reset();
+  }
+  if (job.params.along == Along::ray && !sensor)
+    refuse("--along ray needs the place of the sensor, which is not known: give --viewpoint x,y,z");
+  return sensor;
+}
+
 // Positions from all over the inputs, and the origin that they show.
 struct Survey {
   Position origin{};
@@ -183,95 +196,6 @@ Survey survey(const std::vector<std::shared_ptr<Source>>& sources, std::uint64_t
       result.extents[blocks[i * blocks.size() / count].file].unite({value, value});
     }
   return result;
-}
-
-std::string text_of(double value) {
-  char digits[64];
-  std::snprintf(digits, sizeof digits, "%a", value);
-  return digits;
-}
-
-std::string text_of(const Plan& plan) {
-  std::ostringstream out;
-  out << "pointfair-plan " << version() << "\n";
-  out << "memory " << plan.memory << "\npoints " << plan.points << "\niterations " << plan.iterations << "\ntiles "
-      << plan.tiles << "\n";
-  out << "origin";
-  for (const double c : plan.origin) out << " " << text_of(c);
-  out << "\nwrite " << (plan.write.format ? int(*plan.write.format) : -1) << " "
-      << (plan.write.encoding ? int(*plan.write.encoding) : -1) << " " << text_of(plan.write.las_scale.value_or(0))
-      << " " << int(plan.write.overwrite) << " " << int(plan.write.sync) << "\n";
-  for (const ParamInfo& info : kParams) out << "param " << info.name << " " << param_text(plan.params, info) << "\n";
-  for (const std::string_view name : kLimitNames) {
-    const std::string text = limit_text(plan.limits, name);
-    if (!text.empty()) out << "limit " << name << " " << text << "\n";
-  }
-  if (!plan.noise_attribute.empty()) out << "noise " << plan.noise_attribute << "\n";
-  for (const InputFile& file : plan.files)
-    out << "file " << file.points << " " << file.fingerprint << " " << file.path.string() << "\noutput "
-        << file.output.string() << "\n";
-  for (const InputChunk& c : plan.chunks)
-    out << "chunk " << c.file << " " << c.first_block << " " << c.end_block << " " << c.first_point << " " << c.points
-        << "\n";
-  out << "end\n";
-  return out.str();
-}
-
-double parse_number(std::istream& in) {
-  std::string word;
-  in >> word;
-  return std::strtod(word.c_str(), nullptr);
-}
-
-void read_line(const std::string& line, Plan& plan) {
-  std::istringstream in(line);
-  std::string key, word;
-  in >> key;
-  const auto rest = [&] {
-    in.get();
-    std::string text;
-    std::getline(in, text);
-    return text;
-  };
-  if (key == "memory") in >> plan.memory;
-  if (key == "points") in >> plan.points;
-  if (key == "iterations") in >> plan.iterations;
-  if (key == "tiles") in >> plan.tiles;
-  if (key == "origin")
-    for (double& c : plan.origin) c = parse_number(in);
-  if (key == "write") {
-    int format = -1, encoding = -1, overwrite = 0, sync = 0;
-    in >> format >> encoding;
-    const double scale = parse_number(in);
-    in >> overwrite >> sync;
-    if (format >= 0) plan.write.format = Format(format);
-    if (encoding >= 0) plan.write.encoding = Encoding(encoding);
-    if (scale > 0) plan.write.las_scale = scale;
-    plan.write.overwrite = overwrite != 0;
-    plan.write.sync = sync != 0;
-  }
-  if (key == "param") {
-    in >> word;
-    if (const ParamInfo* info = find_param(word)) set_param(plan.params, *info, rest());
-  }
-  if (key == "limit") {
-    in >> word;
-    set_limit(plan.limits, word, rest());
-  }
-  if (key == "noise") plan.noise_attribute = rest();
-  if (key == "file") {
-    InputFile file;
-    in >> file.points >> file.fingerprint;
-    file.path = rest();
-    if (!plan.files.empty()) file.first_point = plan.files.back().first_point + plan.files.back().points;
-    plan.files.push_back(std::move(file));
-  }
-  if (key == "output") plan.files.back().output = rest();
-  if (key == "chunk") {
-    InputChunk c;
-    in >> c.file >> c.first_block >> c.end_block >> c.first_point >> c.points;
-    plan.chunks.push_back(c);
-  }
 }
 
 }  // namespace
@@ -323,6 +247,7 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
   plan.write = job.write;
   plan.limits = job.limits;
   plan.noise_attribute = job.noise_attribute;
+  plan.viewpoint = job.viewpoint;
   plan.memory = memory_of_task(job);
   const std::uint64_t most_of_chunk = std::min(kMostOfChunk, points_in_memory(plan.memory, kBytesOfChunkPoint));
   std::vector<std::shared_ptr<Source>> sources;
@@ -340,6 +265,7 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
     plan.points += file.points;
     cut_into_chunks(*source, static_cast<std::size_t>(&file - plan.files.data()), file, most_of_chunk, plan.chunks);
   }
+  plan.sensor = sensor_of(job, sources);
   plan.iterations = plan.params.iterations;
   if (plan.iterations == kAutomatic) plan.iterations = resolve_params(plan.params, {}, {}, 1).iterations;
   Survey seen = io::with_threads(threads, [&] { return survey(sources, plan.points); });
@@ -364,15 +290,7 @@ bool has_plan(const fs::path& work) { return fs::exists(work / kPlanName); }
 Plan read_plan(const fs::path& work) {
   const std::string name = (work / kPlanName).string();
   if (!has_plan(work)) io::fail(name, "there is no plan here; make one with: pointfair tile plan");
-  std::istringstream text(read_text(name));
-  std::string line, last;
-  std::getline(text, line);
-  if (line != std::string("pointfair-plan ") + version())
-    io::fail(name, "was made by another version of pointfair; go on with that one, or plan again in another folder");
-  Plan plan;
-  for (; std::getline(text, line); last = line) read_line(line, plan);
-  if (last != "end") io::fail(name, "is damaged; plan again in another work folder");
-  return plan;
+  return plan_of(read_text(name), name);
 }
 
 std::string difference(const TiledJob& job, const Plan& plan) {
@@ -386,6 +304,7 @@ std::string difference(const TiledJob& job, const Plan& plan) {
   if (job.memory != 0 && memory_of_task(job) != plan.memory) return "another --memory, or for other cards";
   if (job.limits != plan.limits) return "other limits";
   if (job.noise_attribute != plan.noise_attribute) return "another --noise";
+  if (job.viewpoint != plan.viewpoint) return "another --viewpoint";
   const bool has_metres = in_file_units(job.params, 1.0) != job.params;
   const Params params = has_metres ? in_units_of_file(job.params, *io::open_source(files.front().path, 0)) : job.params;
   if (params != plan.params) return "other parameters";

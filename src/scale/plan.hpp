@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -31,6 +32,8 @@ struct Plan {
   Params params;  ///< as asked for, lengths in file units or relative
   Limits limits;
   std::string noise_attribute;
+  std::string viewpoint;           ///< as asked for
+  std::optional<Position> sensor;  ///< what that says, in the coordinates of the files
   WriteOptions write;
   std::uint64_t memory = 0;
   std::uint64_t points = 0;

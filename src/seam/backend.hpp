@@ -76,9 +76,9 @@ class Backend {
   // leave.
   virtual void fair(int iteration, const FairingSettings& settings, bool leaves, std::stop_token stop) = 0;
 
-  // Faired points in upload order. Returns how many outliers `limits` held back; `outliers`, unless empty, gets 1 for
-  // each of them and 0 for others.
-  virtual std::uint64_t download(int iteration, std::span<Point> points, const DisplacementLimits& limits,
+  // Faired points in upload order. Returns how many outliers were held back; `outliers`, unless empty, gets 1 for each
+  // of them and 0 for others.
+  virtual OutlierCounts download(int iteration, std::span<Point> points, const DisplacementLimits& limits,
                                  std::span<std::uint8_t> outliers) = 0;
   // Unit normals in upload order, zero where there is none. Waits for stages.
   virtual void download_normals(int iteration, std::span<Point> normals, std::stop_token stop) = 0;

@@ -28,7 +28,7 @@ class DeviceMemory {
                         IndexOrder expected) = 0;
   // As Backend::download: the uploaded positions, moved. `points` has the type of what was uploaded; a coordinate that
   // did not move keeps its bits.
-  virtual std::uint64_t download(int iteration, const DeviceOutput& points, DeviceStream stream,
+  virtual OutlierCounts download(int iteration, const DeviceOutput& points, DeviceStream stream,
                                  const DisplacementLimits& limits, std::span<std::uint8_t> outliers) = 0;
   virtual void download_normals(int iteration, const DeviceOutput& normals, DeviceStream stream) = 0;
 };

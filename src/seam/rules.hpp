@@ -32,7 +32,11 @@ inline point::FairingRule fairing_rule(const FairingSettings& settings, bool by_
           settings.level_outlier_distance * settings.level_outlier_distance,
           point::squared_core(settings.outlier_radius * settings.outlier_radius),
           settings.pull_outliers,
-          !by_list};
+          !by_list,
+          settings.is_further ? 0.0f : settings.beam_reach * settings.beam_reach,
+          settings.along_ray,
+          settings.farthest,
+          settings.farthest_follows};
 }
 
 // Of the mean distance in W_a.
@@ -50,6 +54,13 @@ inline bool reads_normals_of_neighbors(const FairingSettings& settings) {
   return settings.symmetric || settings.method != Method::bilateral || settings.pull_outliers;
 }
 
+// Of places that outlive it; null: unknown, and not read.
+inline point::Sensors sensors_of(const SensorPlaces* sensors) {
+  if (sensors == nullptr || sensors->places.empty()) return {};
+  const Point& first = sensors->places.front();
+  return {{first.x, first.y, first.z}, sensors->places.size() > 1 ? &first.x : nullptr};
+}
+
 // settings.method is not Method::bilateral.
 inline point::MethodRule method_rule(const FairingSettings& settings) {
   using point::Adjustment, point::Displacement;
@@ -59,7 +70,8 @@ inline point::MethodRule method_rule(const FairingSettings& settings) {
                          settings.closeness_of_radius,
                          settings.strength,
                          {1.0f, 0.0f},
-                         settings.similarity_sigma * settings.similarity_sigma};
+                         settings.similarity_sigma * settings.similarity_sigma,
+                         settings.along_ray};
   switch (settings.method) {
     case Method::bilateral:
     case Method::laplacian:

@@ -49,6 +49,12 @@ struct NormalSettings {
   friend bool operator==(const NormalSettings&, const NormalSettings&) = default;
 };
 
+// Where the sensor stood, relative to the cloud's origin: one place for all points, or one for each in upload order. A
+// place that is not finite is unknown.
+struct SensorPlaces {
+  std::vector<Point> places;
+};
+
 struct FairingSettings {
   Method method = Method::bilateral;  // the others are put together in method_rule.hpp
   AreaWeight area_weight = AreaWeight::none;
@@ -65,7 +71,13 @@ struct FairingSettings {
   float outlier_distance = 0;        // from its neighbours, to be an outlier (src/point/outliers.h); 0: not looked for
   float level_outlier_distance = 0;  // where this times the level of the noise is more, that counts
   float outlier_radius = std::numeric_limits<float>::infinity();  // in larger neighbourhoods outliers may be alone
-  bool pull_outliers = false;  // in to the mean of their neighbours; else they become NaN
+  bool pull_outliers = false;                     // in to the mean of their neighbours; else they become NaN
+  std::shared_ptr<const SensorPlaces> sensors{};  // null: what follows is off
+  // The second nearest neighbour of a point on a surface lies within this times its range; 0: not looked at.
+  float beam_reach = 0;
+  bool along_ray = false;         // points move along their rays (point/sensor.h)
+  float farthest = 0;             // along_ray: soft limit of one displacement along the normal; 0: none
+  bool farthest_follows = false;  // as in DisplacementLimits
   friend bool operator==(const FairingSettings&, const FairingSettings&) = default;
 };
 

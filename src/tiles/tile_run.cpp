@@ -2,6 +2,7 @@
 #include "tiles/tile_run.hpp"
 
 #include <algorithm>
+#include <memory>
 #include <utility>
 
 #include "seam/exactness.hpp"
@@ -21,6 +22,17 @@ void add(Counts& counts, unsigned char outcome) {
   counts.unmoved.too_few_neighbors += (outcome & point::kTooFew) != 0;
   counts.unmoved.no_normal += (outcome & point::kNoNormal) != 0;
   counts.short_neighborhoods += (outcome & point::kShort) != 0;
+}
+
+// Of the points of a tile, by their indices in the cloud.
+FairingSettings fairing_of(const FairingSettings& settings, const Indices& indices) {
+  if (!settings.sensors || settings.sensors->places.size() < 2) return settings;
+  SensorPlaces its;
+  its.places.reserve(indices.size());
+  for (const std::uint32_t i : indices) its.places.push_back(settings.sensors->places[i]);
+  FairingSettings of_tile = settings;
+  of_tile.sensors = std::make_shared<const SensorPlaces>(std::move(its));
+  return of_tile;
 }
 
 }  // namespace
@@ -135,7 +147,7 @@ void TileRun::start(Job& job, TileWorker& worker, TileTask task, const std::stop
   backend.build_index(0, job.stages.frame, stop);
   backend.find_neighbors(0, job.stages.neighbors, stop);
   backend.estimate_normals(0, job.stages.normals, stop);
-  backend.fair(0, job.stages.fairing, false, stop);
+  backend.fair(0, fairing_of(job.stages.fairing, worker.indices), false, stop);
   worker.task = std::move(task);
 }
 

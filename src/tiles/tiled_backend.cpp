@@ -2,7 +2,6 @@
 #include "tiles/tiled_backend.hpp"
 
 #include <algorithm>
-#include <atomic>
 #include <chrono>
 #include <limits>
 #include <mutex>
@@ -11,6 +10,7 @@
 #include "point/outliers.h"
 #include "seam/exactness.hpp"
 #include "seam/noise_levels.hpp"
+#include "seam/outlier_tally.hpp"
 #include "seam/sampling.hpp"
 #include "tiles/cut.hpp"
 #include "tiles/tile_run.hpp"
@@ -102,7 +102,7 @@ class CloudInTiles final : public TiledBackend, public Sampling {
     note("tiles", start);
   }
 
-  std::uint64_t download(int iteration, std::span<Point> points, const DisplacementLimits& limits,
+  OutlierCounts download(int iteration, std::span<Point> points, const DisplacementLimits& limits,
                          std::span<std::uint8_t> outliers) override {
     const auto start = Clock::now();
     const Room& faired = held(iteration).faired;
@@ -110,13 +110,13 @@ class CloudInTiles final : public TiledBackend, public Sampling {
     const bool is_limited = limits.farthest > 0, may_hold_back = is_limited || iteration > 0;
     const DisplacementLimits used = is_limited ? limits : DisplacementLimits{kUnbounded, kUnbounded};
     const point::NodeField field = field_of(used.levels.get());
-    std::atomic<std::uint64_t> held_back = 0;
+    OutlierTally held_back;
     for_tile_blocks(points.size(), for_each(), [&](std::size_t first, std::size_t last) {
       if (!may_hold_back) {
         std::copy_n(&faired[first], last - first, &points[first]);
         return;
       }
-      std::uint64_t here = 0;
+      OutlierCounts here;
       for (std::size_t i = first; i < last; ++i) {
         points[i] = faired[i];
         if (!is_indexed(cloud_[i])) continue;
@@ -124,13 +124,13 @@ class CloudInTiles final : public TiledBackend, public Sampling {
             point::limits_at(limit_rule(used), point::node_value(field, to_vec3(cloud_[i])));
         const auto settled = point::settled(to_vec3(cloud_[i]), to_vec3(faired[i]), farthest, outlier_distance);
         points[i] = {settled.place.x, settled.place.y, settled.place.z};
-        here += settled.is_outlier;
-        if (!outliers.empty()) outliers[i] = settled.is_outlier;
+        count(settled.outlier, here);
+        if (!outliers.empty()) outliers[i] = settled.outlier != point::Outlier::none;
       }
-      held_back += here;
+      held_back.add(here);
     });
     note("download", start);
-    return held_back;
+    return held_back.counts();
   }
   void download_input(std::span<Point> points) override { copy(cloud_.points(), points); }
   // Normals are not kept: the tiles are computed again.

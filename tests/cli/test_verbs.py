@@ -9,9 +9,9 @@ from program import (CUBE_FACES, CUBE_VERTICES, Case, positions, radius_error, r
                      write_ply)
 
 PARAMS = ["noise", "k", "radius", "min_neighbors", "constraint", "rho", "delta", "normal_sigma", "normal_filter",
-          "crease_angle", "flat_scale", "method", "closeness_sigma", "similarity_sigma", "area_weight", "offset",
+          "crease_angle", "flat_scale", "method", "along", "closeness_sigma", "similarity_sigma", "area_weight", "offset",
           "relaxation", "outliers", "outlier_distance", "outlier_radius", "iterations", "displacement_limit"]
-USUAL = ["noise", "strength", "k", "radius", "iterations", "method", "outliers", "preset", "constraint",
+USUAL = ["noise", "strength", "k", "radius", "iterations", "method", "along", "outliers", "preset", "constraint",
          "similarity_sigma"]
 VERBS = ["run", "view", "info", "compare", "noise", "bench", "doctor"]
 

@@ -58,7 +58,9 @@ int main(int argc, char** argv) try {
   int number = 0;
   for (const Recipe& recipe : recipes()) {
     const std::string name = std::to_string(number++);
-    const Errand errand{argv[2], name + ".ply", number % 2 == 0 ? "ascii" : "", Device::cpu};
+    const bool needs_sensor = recipe.params.along == Along::ray;
+    const Errand errand{argv[2], name + ".ply", number % 2 == 0 ? "ascii" : "", Device::cpu,
+                        needs_sensor ? "0.4,0.6,3" : ""};
     std::ofstream(folder / (name + ".sh")) << as_command(recipe, errand) << '\n';
     std::ofstream(folder / ("copied_" + name + ".cpp")) << as_cpp(recipe, errand);
   }

@@ -50,6 +50,28 @@ def test_attributes_may_have_several_values_a_point():
     assert cloud.attributes["normal"].shape == (3,)
 
 
+def test_a_cloud_knows_where_its_sensor_stood():
+    rng = np.random.default_rng(4)
+    xyz = np.c_[rng.random((4000, 2)), rng.normal(0, 0.004, 4000)]
+    cloud = pf.Cloud(xyz)
+    for axis, place in zip("xyz", (0.5, 0.5, 2.0)):
+        cloud["v" + axis] = np.full(len(xyz), place)
+    named = pf.denoise(cloud, viewpoint="vx,vy,vz", along="ray").xyz
+    assert same_bits(named, pf.denoise(cloud, viewpoint=(0.5, 0.5, 2.0), along="ray").xyz)
+    assert same_bits(named, pf.denoise(xyz, viewpoint=np.tile((0.5, 0.5, 2.0), (len(xyz), 1)), along="ray"))
+    assert same_bits(named, cloud.denoise(viewpoint=(0.5, 0.5, 2.0), along="ray").xyz)
+    rays, moved = xyz - (0.5, 0.5, 2.0), named - xyz
+    assert np.abs(np.cross(rays, moved)).max() < 1e-6 and np.abs(moved).max() > 1e-3
+    far = xyz + np.array([500000.0, 5.8e6, 100.0])
+    there = pf.denoise(far, viewpoint=(500000.5, 5.8e6 + 0.5, 102.0), along="ray", return_report=True, normals=True)
+    assert np.abs(there[0] - far - moved).max() < 1e-4
+    assert (there[1].normals[:, 2] >= 0).all() and there[1].unmoved.outliers_by_reason.mixed_pixels < 20
+    with pytest.raises(pf.UsageError, match="viewpoint"):
+        pf.denoise(xyz, viewpoint=(1.0, 2.0))
+    with pytest.raises(pf.UsageError, match="along ray"):
+        pf.denoise(xyz, along="ray")
+
+
 def test_outliers_are_marked():
     xyz = waves()
     xyz[::100, 2] += 0.5

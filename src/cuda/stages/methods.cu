@@ -28,7 +28,7 @@ __global__ void __launch_bounds__(kBlock)
 template <class Neighbors, Adjustment kBy>
 __global__ void __launch_bounds__(kBlock)
     move(const __grid_constant__ Tree tree, const __grid_constant__ Surroundings surroundings, Normals displacements,
-         AreaWeights areas, MethodRule rule, FairedPoints faired) {
+         AreaWeights areas, MethodRule rule, point::Sensors sensors, FairedPoints faired) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   const bool valid = tree.holds(at);
@@ -39,6 +39,7 @@ __global__ void __launch_bounds__(kBlock)
     d = point::adjusted<kBy>(neighbors, rule, d, valid ? areas.of(Index(at)) : 0.0f, displacements, areas);
   }
   const float4 p = tree.points[at];
+  if (rule.along_ray) d = point::along_ray(d, to_sensor(sensors, p, valid));
   store_faired(faired, at, p, valid, position_of(p) + d);
 }
 
@@ -67,13 +68,13 @@ auto moving(Adjustment by) {
 }  // namespace
 
 void fair_by_method(Context& context, const Tree& tree, Surroundings surroundings, Normals normals, AreaWeights areas,
-                    const MethodRule& rule, Normals displacements, FairedPoints faired) {
+                    const MethodRule& rule, const point::Sensors& sensors, Normals displacements, FairedPoints faired) {
   for_way(surroundings, [&]<class Neighbors>(By<Neighbors>) {
     displacing<Neighbors>(rule.displacement)<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(
         tree, surroundings, normals, areas, rule, displacements);
     check(cudaGetLastError(), "displacing points");
     moving<Neighbors>(rule.adjustment)<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(
-        tree, surroundings, displacements, areas, rule, faired);
+        tree, surroundings, displacements, areas, rule, sensors, faired);
     check(cudaGetLastError(), "fairing");
   });
   bring_into_order(context, faired);

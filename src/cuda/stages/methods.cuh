@@ -9,6 +9,7 @@ namespace pointfair::cuda {
 
 // Every point's displacement into `displacements`, then the moved points, in which those of the neighbours may count.
 void fair_by_method(Context& context, const Tree& tree, Surroundings surroundings, Normals normals, AreaWeights areas,
-                    const point::MethodRule& rule, Normals displacements, FairedPoints faired);
+                    const point::MethodRule& rule, const point::Sensors& sensors, Normals displacements,
+                    FairedPoints faired);
 
 }  // namespace pointfair::cuda

@@ -9,9 +9,9 @@ namespace {
 constexpr int kBlock = 256;
 
 __global__ void __launch_bounds__(kBlock)
-    settle_points(HeldBack points, Point* out, std::uint8_t* outliers, unsigned long long* total) {
+    settle_points(HeldBack points, Point* out, std::uint8_t* outliers, OutlierTotals* totals) {
   const std::size_t i = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
-  bool is_outlier = false;
+  point::Outlier outlier = point::Outlier::none;
   if (i < points.count) {
     const Point before = points.before[i], after = points.after[i];
     if (point::is_indexable(before.x, before.y, before.z)) {
@@ -20,21 +20,25 @@ __global__ void __launch_bounds__(kBlock)
       const point::Settled settled =
           point::settled(from, {after.x, after.y, after.z}, limits.farthest, limits.outlier_distance);
       out[i] = {settled.place.x, settled.place.y, settled.place.z};
-      is_outlier = settled.is_outlier;
+      outlier = settled.outlier;
     } else {
       out[i] = before;
     }
-    if (outliers != nullptr) outliers[i] = is_outlier;
+    if (outliers != nullptr) outliers[i] = outlier != point::Outlier::none;
   }
-  const int found = __syncthreads_count(is_outlier);
-  if (threadIdx.x == 0 && found > 0) atomicAdd(total, static_cast<unsigned long long>(found));
+  if (!__syncthreads_or(outlier != point::Outlier::none)) return;
+  for (int reason = 0; reason < point::kOutlierReasons; ++reason) {
+    const int found =
+        __syncthreads_count(outlier != point::Outlier::none && point::place_among_reasons(outlier) == reason);
+    if (threadIdx.x == 0 && found > 0) atomicAdd(&totals->of_reason[reason], static_cast<unsigned long long>(found));
+  }
 }
 
 }  // namespace
 
-void hold_back(Context& context, HeldBack points, Point* out, std::uint8_t* outliers, unsigned long long* total) {
+void hold_back(Context& context, HeldBack points, Point* out, std::uint8_t* outliers, OutlierTotals* totals) {
   if (points.count == 0) return;
-  settle_points<<<blocks_for(points.count, kBlock), kBlock, 0, context.stream()>>>(points, out, outliers, total);
+  settle_points<<<blocks_for(points.count, kBlock), kBlock, 0, context.stream()>>>(points, out, outliers, totals);
   check(cudaGetLastError(), "holding back outliers");
 }
 

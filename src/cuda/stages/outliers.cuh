@@ -16,8 +16,12 @@ struct HeldBack {
   point::NodeField field;  // nodes on the card
 };
 
+struct OutlierTotals {
+  unsigned long long of_reason[point::kOutlierReasons];
+};
+
 // Settled positions into `out`, which may be `after`; 1 or 0 for each point into `outliers` unless it is null; adds the
-// outliers to *total. Invalid points stay as they are and are none.
-void hold_back(Context& context, HeldBack points, Point* out, std::uint8_t* outliers, unsigned long long* total);
+// outliers to *totals. Invalid points stay as they are and are none.
+void hold_back(Context& context, HeldBack points, Point* out, std::uint8_t* outliers, OutlierTotals* totals);
 
 }  // namespace pointfair::cuda

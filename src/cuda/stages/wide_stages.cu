@@ -88,11 +88,11 @@ struct OfItsCloud {
   }
 };
 
-template <class Neighbors, bool kSeeksOutliers, bool kShares, class Rules>
+template <class Neighbors, bool kSeeksOutliers, bool kShares, bool kSees, class Rules>
 __global__ void __launch_bounds__(kBlock)
     wide_fairing(const __grid_constant__ Tree tree, const __grid_constant__ Surroundings surroundings, Leaves leaves,
-                 Normals normals, AreaWeights areas, const Rules rules, const float* squared_level,
-                 FairedPoints faired) {
+                 Normals normals, AreaWeights areas, const Rules rules, point::Sensors sensors,
+                 const float* squared_level, FairedPoints faired) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   __shared__ typename Neighbors::Shared shared[kWarps];
@@ -104,9 +104,10 @@ __global__ void __launch_bounds__(kBlock)
   const Neighbors neighbors(tree, surroundings, Index(at), valid, shared[threadIdx.x / kWarp]);
   const float4 p = tree.points[at];
   const auto& rule = rules.of(tree, Index(at / kLeafSize));
-  const Vec moved = point::faired_point<kSeeksOutliers, kShares>(neighbors, rule, squared_level_at(squared_level, at),
-                                                                 position_of(p), normals.at(at), normals, areas,
-                                                                 Scalars{surroundings.radii.squared_radius});
+  point::OwnPlace<float> own{squared_level_at(squared_level, at), position_of(p), normals.at(at), {}};
+  if constexpr (kSees) own.to_sensor = to_sensor(sensors, p, valid);
+  const Vec moved = point::faired_point<kSeeksOutliers, kShares, kSees>(neighbors, rule, own, normals, areas,
+                                                                        Scalars{surroundings.radii.squared_radius});
   store_faired(faired, at, p, valid, moved);
 }
 
@@ -123,18 +124,25 @@ __global__ void __launch_bounds__(kBlock)
   least[at] = survey.least;
 }
 
+template <class Neighbors, bool kSees, class Rules>
+auto fairing_of(const point::FairingRule& rule) {
+  const bool shares = rule.noise_variance > 0;
+  return rule.squared_outlier_distance > 0 ? (shares ? wide_fairing<Neighbors, true, true, kSees, Rules>
+                                                     : wide_fairing<Neighbors, true, false, kSees, Rules>)
+                                           : (shares ? wide_fairing<Neighbors, false, true, kSees, Rules>
+                                                     : wide_fairing<Neighbors, false, false, kSees, Rules>);
+}
+
 template <class Rules>
 void launch_fairing(Context& context, const Tree& tree, const Surroundings& surroundings, Normals normals,
-                    AreaWeights areas, const point::FairingRule& rule, const Rules& rules, const float* squared_level,
-                    const FairedPoints& faired) {
+                    AreaWeights areas, const point::FairingRule& rule, const Rules& rules,
+                    const point::Sensors& sensors, const float* squared_level, const FairedPoints& faired) {
   const auto launch = [&]<class Neighbors>(By<Neighbors>, Leaves leaves) {
-    const bool shares = rule.noise_variance > 0;
-    const auto fair_points =
-        rule.squared_outlier_distance > 0
-            ? (shares ? wide_fairing<Neighbors, true, true, Rules> : wide_fairing<Neighbors, true, false, Rules>)
-            : (shares ? wide_fairing<Neighbors, false, true, Rules> : wide_fairing<Neighbors, false, false, Rules>);
-    fair_points<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, surroundings, leaves, normals,
-                                                                                  areas, rules, squared_level, faired);
+    auto fair_points = fairing_of<Neighbors, false, Rules>(rule);
+    if constexpr (std::is_same_v<Rules, OfAll>)  // of many clouds no sensor is known
+      if (rule.sees()) fair_points = fairing_of<Neighbors, true, Rules>(rule);
+    fair_points<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(
+        tree, surroundings, leaves, normals, areas, rules, sensors, squared_level, faired);
   };
   if (surroundings.collected.parts != nullptr && surroundings.radii.squared_growth != nullptr) {
     launch(By<CollectedRadius>{}, Leaves::others);
@@ -191,12 +199,13 @@ void filter_normals(Context& context, const Tree& tree, Surroundings surrounding
 }
 
 void fair_widely(Context& context, const Tree& tree, Surroundings surroundings, Normals normals, AreaWeights areas,
-                 const point::FairingRule& rule, const float* squared_level, FairedPoints faired) {
+                 const point::FairingRule& rule, const point::Sensors& sensors, const float* squared_level,
+                 FairedPoints faired) {
   if (tree.rules != nullptr) {
-    launch_fairing(context, tree, surroundings, normals, areas, rule, OfItsCloud{rule.noise_left}, squared_level,
-                   faired);
+    launch_fairing(context, tree, surroundings, normals, areas, rule, OfItsCloud{rule.noise_left}, sensors,
+                   squared_level, faired);
   } else {
-    launch_fairing(context, tree, surroundings, normals, areas, rule, OfAll{rule}, squared_level, faired);
+    launch_fairing(context, tree, surroundings, normals, areas, rule, OfAll{rule}, sensors, squared_level, faired);
   }
   bring_into_order(context, faired);
 }

@@ -36,9 +36,10 @@ void filter_normals(Context& context, const Tree& tree, Surroundings surrounding
 void survey(Context& context, const Tree& tree, Surroundings surroundings, const float* values, float* counts,
             float* least);
 
-// `squared_level`: of the noise at each sorted point; null: 1. Collected neighbourhoods must be without growth; those
-// of leaves where any grows are walked.
+// `sensors` on the card. `squared_level`: of the noise at each sorted point; null: 1. Collected neighbourhoods must be
+// without growth; those of leaves where any grows are walked.
 void fair_widely(Context& context, const Tree& tree, Surroundings surroundings, Normals normals, AreaWeights areas,
-                 const point::FairingRule& rule, const float* squared_level, FairedPoints faired);
+                 const point::FairingRule& rule, const point::Sensors& sensors, const float* squared_level,
+                 FairedPoints faired);
 
 }  // namespace pointfair::cuda

@@ -45,7 +45,10 @@ export class Status {
       item.style.setProperty("--dot", kStageColours[name] ?? "#8794a1");
       return item;
     }));
-    if (result.unmoved) this.stages.append(h("i", {}, `${grouped(result.unmoved)} kept in place`));
+    if (!result.unmoved) return;
+    const reasons = Object.entries(result.outliers).filter(([, count]) => count > 0);
+    const told = reasons.map(([reason, count]) => `${grouped(count)} ${reason}`).join(", ");
+    this.stages.append(h("i", { class: "kept" }, `${grouped(result.unmoved)} kept in place${told && `: ${told}`}`));
   }
 
   showProgress(stage: string, share: number): void {

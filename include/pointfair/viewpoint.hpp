@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+// Where the sensor stood that saw a cloud, for Pipeline::set_viewpoint and set_normals.
+#pragma once
+
+#include <string_view>
+#include <vector>
+
+#include "pointfair/cloud.hpp"
+#include "pointfair/export.hpp"
+#include "pointfair/positions.hpp"
+
+namespace pointfair {
+
+/// Where the sensor stood by the cloud's file (the VIEWPOINT of PCD unless it is the default, the poses of E57), in the
+/// file's coordinates: one position for all points, or one for each, or none where the file does not say. The position
+/// of a point whose scan has no pose is NaN. O(N) for several scans, else O(1).
+POINTFAIR_EXPORT std::vector<Position> file_viewpoints(const Cloud& cloud);
+
+/// The same as a user gives it: "x,y,z" in the file's coordinates; or the names of three attributes, "vx,vy,vz", that
+/// hold the position for each point; or "none". An empty text means file_viewpoints. Throws ErrorKind::usage with the
+/// expected form, and for attributes that the cloud does not have or that have more than one number a point.
+POINTFAIR_EXPORT std::vector<Position> parse_viewpoints(std::string_view text, const Cloud& cloud);
+
+/// Throws ErrorKind::usage if the text has none of these forms. Needs no cloud.
+POINTFAIR_EXPORT void check_viewpoint(std::string_view text);
+
+}  // namespace pointfair

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where the sensor stood: --viewpoint, --along ray, the counts of outliers, the sign of normals."""
+import math
+import random
+import struct
+import unittest
+
+from program import Case, positions, read_ply, write_ply
+
+SENSOR = (500.5, -1.0, 0.25)
+HALF, BOARD, STEP, NOISE = 50, 22, 0.006, 0.002
+
+
+def scan():
+    """A board before a wall on a grid of rays; points between both along every other ray of the board's border."""
+    generator = random.Random(5)
+    points, mixed = [], []
+    for row in range(-HALF, HALF + 1):
+        for column in range(-HALF, HALF + 1):
+            a, e = STEP * column, STEP * row
+            ray = (math.cos(e) * math.sin(a), math.cos(e) * math.cos(a), math.sin(e))
+            board, wall = 3 / ray[1], 5 / ray[1]
+            border = max(abs(row), abs(column))
+            mixed.append(border == BOARD + 1 and (row + column) % 2 == 0)
+            told = board + generator.uniform(0.1, 0.9) * (wall - board) if mixed[-1] else board if border <= BOARD else wall
+            told += generator.gauss(0, NOISE)
+            points.append(tuple(s + told * r for s, r in zip(SENSOR, ray)))
+    return points, mixed
+
+
+class Viewpoint(Case):
+    def setUp(self):
+        super().setUp()
+        self.points, self.mixed = scan()
+        columns = [("double", f"v{axis}", [place] * len(self.points)) for axis, place in zip("xyz", SENSOR)]
+        self.cloud = write_ply(self.path("in.ply"), self.points, extra=columns)
+        self.at = ",".join(map(str, SENSOR))
+
+    def test_mixed_pixels_are_marked_and_counted(self):
+        report = self.report("run", self.cloud, self.path("out.ply"), "--viewpoint", self.at, "--outliers", "mark")
+        marks = [row["outlier"] for row in read_ply(self.path("out.ply"))]
+        found = sum(mark for mark, mixed in zip(marks, self.mixed) if mixed)
+        self.assertGreater(found, 0.9 * sum(self.mixed))
+        self.assertLess(sum(marks) - found, 0.002 * len(marks))
+        self.assertEqual(list(report["outliers"]), ["isolated", "off_surface", "mixed_pixels"])
+        self.assertEqual(sum(report["outliers"].values()), report["unmoved"]["outliers"])
+        self.assertEqual(sum(marks), report["unmoved"]["outliers"])
+        self.assertGreater(report["outliers"]["mixed_pixels"], 0.2 * sum(self.mixed))
+        text = self.ok("run", self.cloud, self.path("b.ply"), "--viewpoint", self.at).stderr.decode()
+        self.assertIn(f"{report['outliers']['mixed_pixels']} mixed pixels", text)
+
+    def test_names_of_attributes_give_the_same(self):
+        for words in ((), ("--along", "ray"), ("--normals", "write")):
+            self.ok("run", self.cloud, self.path("a.ply"), "--viewpoint", self.at, "-q", "--force", *words)
+            self.ok("run", self.cloud, self.path("b.ply"), "--viewpoint", "vx,vy,vz", "-q", "--force", *words)
+            self.assertEqual(self.path("a.ply").read_bytes(), self.path("b.ply").read_bytes(), words)
+
+    def test_points_stay_on_their_rays(self):
+        self.ok("run", self.cloud, self.path("out.ply"), "--viewpoint", self.at, "--along", "ray", "-q")
+        moved = 0
+        for before, after in zip(positions(self.cloud), positions(self.path("out.ply"))):
+            a, b = ([v - s for v, s in zip(p, SENSOR)] for p in (before, after))
+            cross = (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+            self.assertLess(math.hypot(*cross), 1e-6 * math.hypot(*a) * math.hypot(*b))
+            moved += math.dist(a, b) > 1e-4
+        self.assertGreater(moved, len(self.points) / 2)
+
+    def test_normals_look_to_the_sensor(self):
+        self.ok("run", self.cloud, self.path("out.ply"), "--viewpoint", self.at, "--normals", "write", "-q")
+        for row in read_ply(self.path("out.ply")):
+            normal = [row[name] for name in ("nx", "ny", "nz")]
+            self.assertGreaterEqual(sum(n * (s - row[axis]) for n, s, axis in zip(normal, SENSOR, "xyz")), 0)
+
+    def test_a_pcd_file_tells_it(self):
+        def pcd(name, viewpoint):
+            head = (f"VERSION 0.7\nFIELDS x y z\nSIZE 8 8 8\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {len(self.points)}\nHEIGHT 1\n"
+                    f"VIEWPOINT {viewpoint} 1 0 0 0\nPOINTS {len(self.points)}\nDATA binary\n")
+            rows = b"".join(struct.pack("<3d", *p) for p in self.points)
+            self.path(name).write_bytes(head.encode() + rows)
+            return self.path(name)
+
+        told, silent = pcd("told.pcd", self.at.replace(",", " ")), pcd("silent.pcd", "0 0 0")
+        self.assertGreater(self.report("run", told, self.path("a.pcd"))["outliers"]["mixed_pixels"], 0)
+        self.assertEqual(self.report("run", silent, self.path("b.pcd"))["outliers"]["mixed_pixels"], 0)
+        self.assertEqual(self.report("run", told, self.path("c.pcd"), "--viewpoint", "none")["outliers"]["mixed_pixels"], 0)
+        in_tiles = self.report("run", told, self.path("e.pcd"), "--tiles", 3)
+        self.assertGreater(in_tiles["outliers"]["mixed_pixels"], 0)
+        self.assertEqual(self.path("a.pcd").read_bytes(), self.path("e.pcd").read_bytes())
+        self.ok("run", silent, self.path("d.pcd"), "--viewpoint", self.at, "-q")
+        self.assertEqual(self.path("a.pcd").read_bytes().split(b"binary\n")[1], self.path("d.pcd").read_bytes().split(b"binary\n")[1])
+
+    def test_tiles_on_disk_know_one_place(self):
+        for words in (("--outliers", "mark"), ("--along", "ray"), ("--k", 20, "--outliers", "mark"), ("--iterations", 2)):
+            words = ("--viewpoint", self.at, "--force", *words)
+            whole = self.report("run", self.cloud, self.path("a.ply"), *words)
+            tiles = self.report("run", self.cloud, self.path("b.ply"), "--tiles", 4, *words)
+            self.assertEqual(self.path("a.ply").read_bytes(), self.path("b.ply").read_bytes(), words)
+            self.assertEqual(whole["outliers"], tiles["outliers"], words)
+            self.assertGreater(whole["outliers"]["mixed_pixels"], 0)
+        self.ok("tile", "plan", self.cloud, "--out", self.path("c.ply"), "--work", self.path("work"), "--viewpoint", self.at, "--along", "ray", "--iterations", 2)
+        self.ok("tile", "run", self.path("work"), "--all", "-q")
+        self.ok("run", self.cloud, self.path("d.ply"), "--viewpoint", self.at, "--along", "ray", "--iterations", 2, "-q")
+        self.assertEqual(self.path("c.ply").read_bytes(), self.path("d.ply").read_bytes())
+
+    def test_what_cannot_be_is_refused_in_one_line(self):
+        out = self.path("out.ply")
+        for text in ("1,2", "1,vy,3", "x,y,,", "a,b,c"):
+            self.fails(2, "run", self.cloud, out, "--viewpoint", text, says="--viewpoint")
+        self.fails(2, "run", self.cloud, out, "--along", "ray", says=("--along ray", "--viewpoint"))
+        self.fails(2, "run", self.cloud, out, "--along", "ray", "--method", "laplacian", says="--along ray")
+        self.fails(2, "run", self.cloud, out, "--tiles", 3, "--along", "ray", says=("--along ray", "--viewpoint"))
+        self.fails(2, "run", self.cloud, out, "--tiles", 3, "--viewpoint", "vx,vy,vz", says=("--viewpoint", "x,y,z"))
+        self.fails(2, "tile", "plan", self.cloud, "--out", out, "--work", self.path("work"), "--viewpoint", "1,2", says="--viewpoint")
+
+
+if __name__ == "__main__":
+    unittest.main()

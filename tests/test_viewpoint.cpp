@@ -1,0 +1,298 @@
+// SPDX-License-Identifier: Apache-2.0
+// Where the sensor stood: mixed pixels between two surfaces, moves along the rays, and the sign of normals.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <vector>
+
+#include "backend_runs.h"
+#include "pointfair/pointfair.hpp"
+#include "reference.h"
+#include "shapes.h"
+
+namespace pointfair {
+namespace {
+
+using reference::Vec, reference::dot, reference::length, reference::to_vec;
+using shapes::Points;
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kStep = 0.004, kNoise = 0.002;  // radians, metres
+constexpr Position kSensor{0.5, -1.0, 0.25};
+
+// A board 3 m from the sensor, before a wall at 3.3 m, on a grid of rays; every other ray at the board's border ends
+// somewhere between. Columns turn about the vertical.
+struct Scan {
+  Points points;
+  std::vector<Position> rays;  // unit
+  std::vector<double> range;   // to the surface
+  std::vector<std::uint8_t> is_mixed;
+  int columns = 0;
+};
+
+Scan scan(double noise = kNoise) {
+  constexpr int kHalf = 90, kBoard = 40;  // rays
+  Scan result;
+  result.columns = 2 * kHalf + 1;
+  shapes::Random random(3);
+  for (int row = -kHalf; row <= kHalf; ++row)
+    for (int column = -kHalf; column <= kHalf; ++column) {
+      const double a = column * kStep, e = row * kStep;
+      const Position ray{std::cos(e) * std::sin(a), std::cos(e) * std::cos(a), std::sin(e)};
+      const bool on_board = std::abs(row) <= kBoard && std::abs(column) <= kBoard;
+      const bool on_border = std::max(std::abs(row), std::abs(column)) == kBoard + 1;
+      const double board = 3 / ray[1], wall = 3.3 / ray[1];
+      const bool mixed = on_border && (row + column) % 2 == 0;
+      const double range = mixed ? board + random.uniform(0.1, 0.9) * (wall - board) : on_board ? board : wall;
+      const double told = range + noise * random.normal();
+      result.points.push_back(
+          shapes::make_point(kSensor[0] + told * ray[0], kSensor[1] + told * ray[1], kSensor[2] + told * ray[2]));
+      result.rays.push_back(ray);
+      result.range.push_back(on_board ? board : wall);
+      result.is_mixed.push_back(mixed);
+    }
+  return result;
+}
+
+struct Outcome {
+  Points points;
+  Report report;
+  std::vector<std::uint8_t> marks;
+};
+
+Outcome run(const Points& points, std::span<const Position> viewpoint, Params params = {}) {
+  Pipeline pipeline(Device::cpu);
+  pipeline.load(points);
+  pipeline.set_viewpoint(viewpoint);
+  Outcome outcome{Points(points.size()), {}, {}};
+  pipeline.run(params, outcome.points);
+  outcome.report = pipeline.report();
+  outcome.marks.assign(pipeline.outliers().begin(), pipeline.outliers().end());
+  return outcome;
+}
+
+Params marking() {
+  Params params;
+  params.outliers = Outliers::mark;
+  return params;
+}
+
+struct Shares {
+  double found = 0, wrong = 0;  // of the mixed pixels, of the others
+};
+Shares shares(const Scan& scan, const std::vector<std::uint8_t>& marks) {
+  double found = 0, mixed = 0, wrong = 0;
+  for (std::size_t i = 0; i < marks.size(); ++i) {
+    mixed += scan.is_mixed[i];
+    (scan.is_mixed[i] != 0 ? found : wrong) += marks[i];
+  }
+  return {found / mixed, wrong / (double(marks.size()) - mixed)};
+}
+
+TEST(Viewpoint, shows_mixed_pixels) {
+  const Scan cloud = scan();
+  const Outcome seen = run(cloud.points, {&kSensor, 1}, marking()), blind = run(cloud.points, {}, marking());
+  const Shares with = shares(cloud, seen.marks), without = shares(cloud, blind.marks);
+  EXPECT_GT(with.found, 0.8);
+  EXPECT_LT(with.wrong, 0.001);
+  EXPECT_GT(with.found, without.found);
+  EXPECT_EQ(blind.report.unmoved.outliers_by_reason.mixed_pixels, 0u);
+  const OutlierCounts& reasons = seen.report.unmoved.outliers_by_reason;
+  EXPECT_GT(reasons.mixed_pixels, 100u);
+  EXPECT_EQ(reasons.total(), seen.report.unmoved.outliers);
+  EXPECT_EQ(seen.report.unmoved.outliers, std::uint64_t(std::count(seen.marks.begin(), seen.marks.end(), 1)));
+}
+
+// A floor far away turns more than 80 degrees from the rays: its rows lie far apart, its columns do not.
+TEST(Viewpoint, takes_no_steep_surface_for_mixed_pixels) {
+  Points floor;
+  shapes::Random random(5);
+  for (int row = 45; row <= 400; ++row)
+    for (int column = -100; column <= 100; ++column) {
+      const double a = column * kStep, e = row * kStep, range = 1.5 / std::sin(e) + kNoise * random.normal();
+      floor.push_back(shapes::make_point(range * std::cos(e) * std::sin(a), range * std::cos(e) * std::cos(a),
+                                         -range * std::sin(e)));
+    }
+  const Position origin{};
+  EXPECT_LT(run(floor, {&origin, 1}).report.unmoved.outliers_by_reason.mixed_pixels, floor.size() / 1000);
+}
+
+// An even cloud whose file names a place in its middle: no sensor saw it from there.
+TEST(Viewpoint, that_is_wrong_shows_nothing) {
+  const Points plane = shapes::with_noise(shapes::plane(20000), 0.002);
+  const Position beside{0.5, 0.5, 0.05};
+  const OutlierCounts reasons = run(plane, {&beside, 1}).report.unmoved.outliers_by_reason;
+  EXPECT_EQ(reasons.mixed_pixels, 0u);
+  EXPECT_EQ(reasons, run(plane, {}).report.unmoved.outliers_by_reason);
+}
+
+TEST(Viewpoint, may_be_told_for_each_point) {
+  const Scan cloud = scan();
+  std::vector<Position> each(cloud.points.size(), kSensor);
+  for (const Along along : {Along::normal, Along::ray}) {
+    Params params = marking();
+    params.along = along;
+    const Outcome one = run(cloud.points, {&kSensor, 1}, params), many = run(cloud.points, each, params);
+    EXPECT_EQ(difference(one.points, many.points), "");
+    EXPECT_EQ(one.marks, many.marks);
+  }
+  // unknown places are as if there were none
+  const Outcome unknown = run(cloud.points, std::vector<Position>(each.size(), Position{kNan, kNan, kNan}), marking());
+  EXPECT_EQ(difference(unknown.points, run(cloud.points, {}, marking()).points), "");
+  const std::vector<Position> too_few(each.begin(), each.begin() + 7);
+  EXPECT_THROW(run(cloud.points, too_few), Error);
+}
+
+TEST(Viewpoint, is_forgotten_by_the_next_load) {
+  const Scan cloud = scan();
+  Pipeline pipeline(Device::cpu);
+  pipeline.load(cloud.points);
+  pipeline.set_viewpoint({&kSensor, 1});
+  Points out(cloud.points.size());
+  pipeline.run({}, out);
+  EXPECT_GT(pipeline.report().unmoved.outliers_by_reason.mixed_pixels, 0u);
+  pipeline.set_viewpoint({});
+  pipeline.run({}, out);
+  EXPECT_EQ(pipeline.report().unmoved.outliers_by_reason.mixed_pixels, 0u);
+  pipeline.set_viewpoint({&kSensor, 1});
+  pipeline.load(cloud.points);
+  pipeline.run({}, out);
+  EXPECT_EQ(pipeline.report().unmoved.outliers_by_reason.mixed_pixels, 0u);
+}
+
+Vec cross(Vec a, Vec b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; }
+
+double angle(const Point& p, const Point& q) {
+  const Vec a = to_vec(p) - Vec{kSensor[0], kSensor[1], kSensor[2]},
+            b = to_vec(q) - Vec{kSensor[0], kSensor[1], kSensor[2]};
+  return length(cross(a, b)) / (length(a) * length(b));
+}
+
+// Mean distance to the surface of what is no mixed pixel.
+double mean_error(const Scan& cloud, const Points& points) {
+  double sum = 0, count = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (cloud.is_mixed[i] != 0) continue;
+    const double depth = cloud.range[i] * cloud.rays[i][1];
+    sum += std::abs(points[i].y - kSensor[1] - depth);
+    ++count;
+  }
+  return sum / count;
+}
+
+TEST(AlongRay, keeps_each_pixel_and_removes_as_much_noise) {
+  const Scan cloud = scan();
+  for (const Method method : {Method::bilateral, Method::mls, Method::wiener}) {
+    Params params;
+    params.method = method;
+    const Outcome normal = run(cloud.points, {&kSensor, 1}, params);
+    params.along = Along::ray;
+    const Outcome ray = run(cloud.points, {&kSensor, 1}, params);
+    double most = 0, most_normal = 0;
+    for (std::size_t i = 0; i < cloud.points.size(); ++i) {
+      most = std::max(most, angle(cloud.points[i], ray.points[i]));
+      most_normal = std::max(most_normal, angle(cloud.points[i], normal.points[i]));
+    }
+    EXPECT_LT(most, 4e-7) << int(method);  // of rounding in floats
+    EXPECT_GT(most_normal, 1e-5) << int(method);
+    EXPECT_LT(mean_error(cloud, ray.points), 1.02 * mean_error(cloud, normal.points)) << int(method);
+    EXPECT_LT(mean_error(cloud, ray.points), 0.6 * mean_error(cloud, cloud.points)) << int(method);
+  }
+}
+
+// One step, in double from the step along the normal: d / (n.r) along the ray, fading where |n.r| is below 0.25.
+TEST(AlongRay, ends_on_the_same_plane) {
+  const Points points = shapes::with_noise(shapes::sphere(8000), 0.004);
+  const Position sensor{0.3, 0.2, 3};
+  Params params;
+  params.k = 20;
+  params.closeness_sigma = 0.05;
+  params.similarity_sigma = 0.05;
+  params.normal_sigma = 0.1;
+  params.outliers = Outliers::off;
+  params.iterations = 1;
+  Pipeline pipeline(Device::cpu);
+  pipeline.load(points);
+  pipeline.set_viewpoint({&sensor, 1});
+  Points normal(points.size()), ray(points.size()), normals(points.size());
+  pipeline.run(params, normal);
+  pipeline.normals(normals);
+  params.along = Along::ray;
+  pipeline.run(params, ray);
+  int grazing = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const Vec p = to_vec(points[i]), n = to_vec(normals[i]);
+    const Vec to = Vec{sensor[0], sensor[1], sensor[2]} - p, r = (1 / length(to)) * to;
+    const double d = dot(to_vec(normal[i]) - p, n), cosine = dot(n, r);
+    EXPECT_GE(cosine, 0) << "normals look to the sensor";
+    grazing += std::abs(cosine) < 0.25;
+    const double way = std::abs(cosine) < 0.25 ? d * cosine / 0.0625 : d / cosine;
+    ASSERT_LT(length(to_vec(ray[i]) - (p + way * r)), 4e-6) << i;
+  }
+  EXPECT_GT(grazing, 100);
+}
+
+TEST(AlongRay, needs_a_sensor_and_a_method_that_moves_along_the_normal) {
+  const Points points = shapes::with_noise(shapes::plane(2000), 0.002);
+  Params params;
+  params.along = Along::ray;
+  EXPECT_THROW(run(points, {}, params), Error);
+  params.method = Method::laplacian;
+  const Position above{0.5, 0.5, 3};
+  EXPECT_THROW(run(points, {&above, 1}, params), Error);
+}
+
+TEST(Viewpoint, is_read_as_users_give_it) {
+  Cloud cloud = shapes::as_cloud(shapes::plane(3));
+  for (const char* name : {"vx", "vy", "vz"}) {
+    Attribute& added = cloud.added.emplace_back();
+    added.name = name;
+    const std::array<float, 3> values{float(name[1]), 2, 3};
+    const auto bytes = std::as_bytes(std::span(values));
+    added.data.assign(bytes.begin(), bytes.end());
+  }
+  EXPECT_EQ(parse_viewpoints("1,-2.5,3e1", cloud), std::vector{(Position{1, -2.5, 30})});
+  EXPECT_EQ(parse_viewpoints("vx,vy,vz", cloud)[0], (Position{double('x'), double('y'), double('z')}));
+  EXPECT_EQ(parse_viewpoints("vx,vy,vz", cloud)[2], (Position{3, 3, 3}));
+  EXPECT_TRUE(parse_viewpoints("none", cloud).empty());
+  EXPECT_TRUE(parse_viewpoints("", cloud).empty()) << "no file, so nothing is known";
+  for (const char* wrong : {"1,2", "1,2,3,4", "1,2,", "1,vy,3", "vx,vy,vw", "1m,2m,3m", "nan,1,2", "nan,nan,nan"})
+    EXPECT_THROW(parse_viewpoints(wrong, cloud), Error) << wrong;
+}
+
+TEST(Viewpoint, turns_normals_to_the_sensor) {
+  Cloud cloud = shapes::as_cloud({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}});
+  const std::vector<Point> normals(3, Point{0, 0, 1});
+  set_normals(cloud, normals, std::vector<Position>{{0, 0, -5}, {0, 0, 5}, {kNan, kNan, kNan}});
+  const Attribute found = attribute(cloud, "normal");
+  std::array<float, 9> values{};
+  std::memcpy(values.data(), found.data.data(), sizeof values);
+  EXPECT_EQ(values[2], -1);
+  EXPECT_EQ(values[5], 1);
+  EXPECT_EQ(values[8], 1) << "of an unknown place: outward, which is up";
+}
+
+// Every reason in its own place, over iterations.
+TEST(Outliers, are_counted_by_reason) {
+  for (const int iterations : {1, 2, 3}) {
+    Points points = shapes::with_noise(shapes::plane(20000), 0.003);
+    for (std::size_t i = 500; i < points.size(); i += 1000)
+      points[i].z = i % 2000 == 500 ? 0.06f : -0.06f;  // 20 sigmas
+    for (int i = 0; i < 5; ++i) points[std::size_t(i)] = {float(20 * i + 30), float(i), 50};
+    Params params = marking();
+    params.iterations = iterations;
+    const Outcome outcome = run(points, {}, params);
+    const OutlierCounts& reasons = outcome.report.unmoved.outliers_by_reason;
+    EXPECT_EQ(reasons.total(), outcome.report.unmoved.outliers);
+    EXPECT_GE(reasons.isolated, 5u) << iterations;
+    EXPECT_GE(reasons.off_surface + reasons.isolated, 22u) << iterations;
+    EXPECT_EQ(reasons.mixed_pixels, 0u);
+  }
+}
+
+}  // namespace
+}  // namespace pointfair
