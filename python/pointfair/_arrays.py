@@ -145,7 +145,10 @@ def as_viewpoint(viewpoint: Any, points: int) -> np.ndarray[Any, np.dtype[np.flo
     """One position, or one for each point, as rows of doubles; no rows for None."""
     if viewpoint is None:
         return np.empty((0, 3))
-    array = as_numpy(viewpoint, "viewpoint")
+    try:
+        array = np.asarray(viewpoint, float) if isinstance(viewpoint, (list, tuple)) else as_numpy(viewpoint, "viewpoint")
+    except (TypeError, ValueError):
+        raise UsageError(f"viewpoint cannot be {viewpoint!r}: give where the sensor stood, (x, y, z)") from None
     if array.dtype.kind not in "fiu" or array.shape not in ((3,), (1, 3), (points, 3)):
         raise UsageError(f"viewpoint has the shape {array.shape} and the type {array.dtype}: give where the sensor stood, "
                          f"(3,), or a position for each of the {points} points, ({points}, 3)")

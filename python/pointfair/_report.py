@@ -144,5 +144,7 @@ def device_of(row: tuple[Any, ...]) -> DeviceInfo:
 def report_of(row: tuple[Any, ...], **more: Any) -> Report:
     """A Report of the native module's tuple."""
     device, points, params, unmoved, short, stages, *rest = row
-    return Report(device_of(device), points, Params._of(params), Unmoved(*unmoved[:4], Outliers(*unmoved[4])), short,
+    non_finite, too_few_neighbors, no_normal, outliers, reasons = unmoved
+    kept = Unmoved(non_finite, too_few_neighbors, no_normal, outliers, Outliers(*reasons))
+    return Report(device_of(device), points, Params._of(params), kept, short,
                   tuple(Stage(*stage) for stage in stages), *rest, **more)

@@ -68,6 +68,9 @@ def test_a_cloud_knows_where_its_sensor_stood():
     assert (there[1].normals[:, 2] >= 0).all() and there[1].unmoved.outliers_by_reason.mixed_pixels < 20
     with pytest.raises(pf.UsageError, match="viewpoint"):
         pf.denoise(xyz, viewpoint=(1.0, 2.0))
+    for wrong in ((1.0, "a", 2.0), ((1.0, 2.0, 3.0), (1.0, 2.0)), "vx,vy,vz", 3.0):
+        with pytest.raises(pf.UsageError, match="viewpoint"):
+            pf.denoise(xyz, viewpoint=wrong)
     with pytest.raises(pf.UsageError, match="along ray"):
         pf.denoise(xyz, along="ray")
 

@@ -80,6 +80,8 @@ def params(draw):
         else:
             given_values[p.name] = draw(st.sampled_from(p.values))
     given_values.setdefault("k", 8)
+    if given_values.get("along") == "ray":
+        given_values["method"] = draw(st.sampled_from(("bilateral", "mls", "wiener")))
     return pf.Params(**given_values)
 
 
