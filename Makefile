@@ -102,7 +102,7 @@ paper-tables:
 	bench/paper_tables.py
 
 figures:
-	@$(install) build demo
+	@$(install) build demo plots
 	cmake --preset $(preset) -DPOINTFAIR_TESTS=OFF
 	cmake --build build
 	cmake --build build --target picture

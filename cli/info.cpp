@@ -2,7 +2,9 @@
 // pointfair info IN: what a cloud holds and what it suggests.
 #include <fmt/format.h>
 
+#include <cmath>
 #include <iterator>
+#include <limits>
 #include <memory>
 
 #include "arguments.hpp"
@@ -20,11 +22,19 @@ struct InfoArguments {
   DeviceArguments device;
 };
 
+// A coordinate without the digits that floats around the cloud's origin do not hold.
+double rounded(double origin, double offset) {
+  const double precision = std::abs(offset) * std::numeric_limits<float>::epsilon();
+  if (!(precision > 0)) return origin + offset;
+  const double unit = std::pow(10, std::ceil(std::log10(precision)));
+  return std::round((origin + offset) / unit) * unit;
+}
+
 std::string bounds_text(const Cloud& cloud, const Estimates& estimates) {
   std::string text;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     fmt::format_to(std::back_inserter(text), "  {}  {:.10g} .. {:.10g}\n", "xyz"[axis],
-                   cloud.origin[axis] + estimates.min[axis], cloud.origin[axis] + estimates.max[axis]);
+                   rounded(cloud.origin[axis], estimates.min[axis]), rounded(cloud.origin[axis], estimates.max[axis]));
   }
   return text;
 }
@@ -49,7 +59,7 @@ std::string info_text(const Cloud& cloud, const Estimates& estimates, const Para
   fmt::format_to(out, "attributes\n");
   for (const AttributeInfo& attribute : attributes(cloud)) {
     const std::string shape = attribute.components > 1 ? fmt::format(" x {}", attribute.components) : "";
-    fmt::format_to(out, "  {:<18} {}{}\n", attribute.name, type_name(attribute.type), shape);
+    fmt::format_to(out, "  {:<19} {}{}\n", attribute.name, type_name(attribute.type), shape);
   }
   fmt::format_to(out, "suggested parameters\n");
   for (const ParamInfo& info : kParams) {

@@ -39,7 +39,7 @@ endfunction()
 pointfair_fetch_laszip(laszip_problem)
 if(laszip_problem)
   message(WARNING "LASzip is not here: ${laszip_problem}\n"
-    "LAZ files of point formats 4 and 5 will not be read, attributes of formats 6 to 10 neither, and no new LAZ files\n"
+    "LAZ files of point formats 4 and 5 will not be read, attributes of formats 6 to 10 neither, and no new LAZ files "
     "written. All else works. To build with it, connect this machine or name its archive, ${laszip_archive_name}, in "
     "-DPOINTFAIR_LASZIP_ARCHIVE=FILE; to build without it and this message, set -DPOINTFAIR_LAS=OFF.")
   set(POINTFAIR_LAS OFF)

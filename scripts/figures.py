@@ -13,6 +13,7 @@ import subprocess
 import sys
 
 import models
+import principle
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 OUT, PICTURES = ROOT / "build/figures", ROOT / "docs/pictures"
@@ -286,7 +287,14 @@ def measure_times():
     set_caption("times", f"| {HEAD.words()} | time, the default run is 1 |\n|---|---|\n{rows}".rstrip())
 
 
-FIGURES = {"times": measure_times, "figure5": draw_figure5, "figure8": draw_figure8, "figure9": draw_figure9, "readme": draw_readme}
+def draw_principle():
+    def run(cloud, result, *flags):
+        pointfair("run", cloud, result, *flags, "--device", "cpu", "--force", "--quiet")
+
+    principle.draw(run, OUT, PICTURES)
+
+
+FIGURES = {"principle": draw_principle, "times": measure_times, "figure5": draw_figure5, "figure8": draw_figure8, "figure9": draw_figure9, "readme": draw_readme}
 
 
 def check_complete():

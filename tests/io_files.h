@@ -3,8 +3,10 @@
 #pragma once
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
 #include <algorithm>
+#include <csignal>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
@@ -46,6 +48,20 @@ Thrown thrown_by(const Call& call) {
   }
   ADD_FAILURE() << "no error was thrown";
   return {};
+}
+
+/// What `call` throws while files may have at most so many bytes, which is as a disk that is full.
+template <class Call>
+Thrown thrown_with_room_for(std::uint64_t bytes, const Call& call) {
+  struct rlimit old {};
+  ::getrlimit(RLIMIT_FSIZE, &old);
+  const struct rlimit small = {static_cast<rlim_t>(bytes), old.rlim_max};
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+  ::setrlimit(RLIMIT_FSIZE, &small);
+  const Thrown thrown = thrown_by(call);
+  ::setrlimit(RLIMIT_FSIZE, &old);
+  std::signal(SIGXFSZ, handler);
+  return thrown;
 }
 
 template <class T>

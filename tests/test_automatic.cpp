@@ -59,10 +59,10 @@ TEST(Automatic, normals_of_noisy_clouds_mix_by_a_wider_angle) {
   EXPECT_EQ(resolved(noise_of(2)).crease_angle, 20);
 }
 
-TEST(Automatic, balls_of_flat_places_grow_unless_there_is_next_to_no_noise) {
-  EXPECT_EQ(resolved(noise_of(0.1)).flat_scale, 1);
-  EXPECT_EQ(resolved(noise_of(0.175)).flat_scale, 1.3);
-  EXPECT_EQ(resolved(noise_of(0.25)).flat_scale, 1.6);
+TEST(Automatic, balls_of_flat_places_grow_less_where_there_is_little_noise) {
+  EXPECT_EQ(resolved(noise_of(0.1)).flat_scale, 1.3);
+  EXPECT_EQ(resolved(noise_of(0.275)).flat_scale, 1.45);
+  EXPECT_EQ(resolved(noise_of(0.35)).flat_scale, 1.6);
   EXPECT_EQ(resolved(noise_of(2)).flat_scale, 1.6);
   EXPECT_EQ(resolved(noise_of(2), Method::laplacian).flat_scale, 1);
   Params params;

@@ -229,6 +229,19 @@ TEST(E57Files, WhatCannotBeWrittenIsRefused) {
   EXPECT_EQ(thrown.kind, ErrorKind::usage);
 }
 
+TEST(E57Errors, AFullDiskIsNamedWithTheBytesThatAreNeeded) {
+  const Folder folder;
+  const std::string file = make_e57({floats("double")});
+  put_file(folder / "in.e57", file);
+  Cloud cloud = read(folder / "in.e57");
+  cloud.points[1].x += 0.5F;
+  const Thrown thrown = thrown_with_room_for(file.size() / 2, [&] { write(folder / "out.e57", cloud); });
+  EXPECT_EQ(thrown.kind, ErrorKind::file);
+  EXPECT_NE(thrown.message.find("needs " + std::to_string(file.size()) + " bytes"), std::string::npos)
+      << thrown.message;
+  EXPECT_EQ(folder.names(), std::vector<std::string>{"in.e57"});
+}
+
 TEST(E57Errors, EveryTruncatedPrefixIsRefused) {
   const std::string file = make_e57({floats("single")});
   for (std::size_t size = 0; size < file.size(); size += 1 + size / 50) {

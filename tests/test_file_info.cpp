@@ -172,6 +172,7 @@ TEST(LasScale, MustBeAWholePartThatFits) {
     options.las_scale = scale;
     const Thrown thrown = thrown_by([&] { write(folder / name, cloud, options); });
     EXPECT_EQ(thrown.kind, ErrorKind::usage);
+    EXPECT_EQ(thrown_by([&] { check_write(folder / name, cloud, options); }).message, thrown.message);
     EXPECT_TRUE(folder.names().empty());
     return thrown.message;
   };

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Bad files and bad places: one clear line, nothing lost, nothing half-written.
 #include <fcntl.h>
-#include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -256,20 +255,37 @@ TEST(FilesErrors, AFullDiskIsNamedAndTheOldFileStays) {
   Cloud cloud = read(folder / "in.xyz");
   for (Point& p : cloud.points) p.z += 1;
 
-  struct rlimit old {};
-  ::getrlimit(RLIMIT_FSIZE, &old);
-  const struct rlimit small = {100000, old.rlim_max};
-  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
-  ::setrlimit(RLIMIT_FSIZE, &small);
-  const Thrown thrown = thrown_by([&] { write(folder / "in.xyz", cloud, overwriting()); });
-  ::setrlimit(RLIMIT_FSIZE, &old);
-  std::signal(SIGXFSZ, handler);
-
+  const Thrown thrown = thrown_with_room_for(100000, [&] { write(folder / "in.xyz", cloud, overwriting()); });
   EXPECT_EQ(thrown.kind, ErrorKind::file);
   EXPECT_EQ(thrown.message.find((folder / "in.xyz").string() + ": cannot write: "), 0U) << thrown.message;
-  EXPECT_NE(thrown.message.find("free some space"), std::string::npos);
+  const std::string needed = std::to_string(image(cloud, Format::xyz).size());
+  EXPECT_NE(thrown.message.find("needs " + needed + " bytes: free some space"), std::string::npos) << thrown.message;
   EXPECT_EQ(folder.names(), std::vector<std::string>{"in.xyz"});
   EXPECT_EQ(file_bytes(folder / "in.xyz"), text);
+}
+
+TEST(FilesErrors, CheckWriteRefusesWhatWriteWouldAndWritesNothing) {
+  const Folder folder;
+  put_file(folder / "in.xyz", "1 2 3\nnan 5 6\n");
+  const Cloud cloud = read(folder / "in.xyz");
+  const auto expect = [&](const fs::path& path, const WriteOptions& options, ErrorKind kind, const std::string& part) {
+    const Thrown before = thrown_by([&] { check_write(path, cloud, options); });
+    EXPECT_EQ(before.kind, kind);
+    EXPECT_NE(before.message.find(part), std::string::npos) << before.message;
+    EXPECT_EQ(thrown_by([&] { write(path, cloud, options); }).message, before.message);
+  };
+  WriteOptions binary, scale;
+  binary.encoding = Encoding::binary;
+  scale.las_scale = 0.001;
+  expect(folder / "out.xyz", binary, ErrorKind::usage, "no such encoding; it has ascii");
+  expect(folder / "out.laz", binary, ErrorKind::usage, "no such encoding; it has binary-compressed");
+  expect(folder / "out.ply", scale, ErrorKind::usage, "only LAS and LAZ files have a scale");
+  expect(folder / "out.las", scale, ErrorKind::usage, "finite coordinates only");
+  expect(folder / "out.e57", {}, ErrorKind::usage, "E57 files are written from E57 files only");
+  expect(folder / "out.copc.laz", {}, ErrorKind::file, "COPC");
+  expect(folder / "out.foo", {}, ErrorKind::file, "unknown extension");
+  check_write(folder / "out.ply", cloud, binary);
+  EXPECT_EQ(folder.names(), std::vector<std::string>{"in.xyz"});
 }
 
 TEST(FilesErrors, AFullDeviceIsNamed) {

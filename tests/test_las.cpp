@@ -186,6 +186,27 @@ TEST(LasFiles, WaveformsBesideTheFileAreCopiedAndItsIndexIsNot) {
   EXPECT_FALSE(std::filesystem::exists(folder / "third.las"));
 }
 
+TEST(LasErrors, AFullDiskLeavesNeitherTheFileNorItsWaveforms) {
+  const Folder folder;
+  LasSpec spec;
+  spec.minor = 3;
+  spec.format = 4;
+  spec.count = 2000;
+  std::string las = make_las(spec);
+  las[6] = 4;  // the waveforms are in a file of their own
+  put_file(folder / "in.las", las);
+  Cloud cloud = read(folder / "in.las");
+  move_points(cloud);
+  for (const auto& [waveforms, needed] : {std::pair(std::size_t{100}, las.size()), {3 * las.size(), 3 * las.size()}}) {
+    put_file(folder / "in.wdp", std::string(waveforms, 'w'));
+    const std::size_t room = needed == las.size() ? 50000 : las.size() + 1;
+    const Thrown thrown = thrown_with_room_for(room, [&] { write(folder / "out.las", cloud); });
+    EXPECT_EQ(thrown.kind, ErrorKind::file);
+    EXPECT_NE(thrown.message.find("needs " + std::to_string(needed) + " bytes"), std::string::npos) << thrown.message;
+    EXPECT_EQ(folder.names(), (std::vector<std::string>{"in.las", "in.wdp"}));
+  }
+}
+
 TEST(LasFiles, AFileOfOnePointIsRead) {
   LasSpec spec;
   spec.count = 1;
@@ -280,11 +301,37 @@ TEST(LasErrors, EveryTruncatedPrefixIsRefused) {
 TEST(LasFiles, AWrongNumberOfRecordsDoesNotHideThePoints) {
   std::string las = make_las(LasSpec{});
   las_put(las, 100, 1069128089U);
-  const Cloud cloud = parse(las, "a.las");
-  EXPECT_EQ(image(cloud, Format::las), las);
-  Cloud more = cloud;
-  more.added = {make_attribute<std::uint8_t>("mark", ScalarType::uint8, std::vector<std::uint8_t>(100))};
-  EXPECT_NE(thrown_by([&] { image(more, Format::las); }).message.find("more records"), std::string::npos);
+  EXPECT_EQ(image(parse(las, "a.las"), Format::las), las);
+}
+
+TEST(LasFiles, AWrongNumberOfRecordsIsMendedWhereARecordIsPutIn) {
+  LasSpec spec;
+  const std::string good = make_las(spec);
+  std::string las = good;
+  las_put(las, 100, 1069128089U);
+  Cloud cloud = parse(las, "a.las");
+  cloud.added = {make_attribute<std::uint8_t>("mark", ScalarType::uint8, std::vector<std::uint8_t>(spec.count, 9))};
+  const std::string after = image(cloud, Format::las);
+  EXPECT_EQ(las_get<std::uint32_t>(after, 100), las_get<std::uint32_t>(good, 100) + 1);
+  EXPECT_NE(after.find("padding"), std::string::npos);  // what stood where more records were promised
+  EXPECT_EQ(values<std::uint8_t>(parse(after, "a.las"), "mark"), std::vector<std::uint8_t>(spec.count, 9));
+}
+
+TEST(LasFiles, RecordsAboutCompressionStayInAFileThatIsNot) {
+  for (const char* user : {"laszip encoded", "copc"}) {
+    LasSpec spec;
+    spec.records = false;
+    std::string las = make_las(spec);
+    const std::string record = las_record(user, user[0] == 'c' ? 1 : 22204, std::string(160, 'r'), false);
+    las.insert(las_points_begin(las), record);
+    las_put(las, 96, static_cast<std::uint32_t>(las_points_begin(las) + record.size()));
+    for (const unsigned count : {1U, 0x8A000004U}) {
+      las_put(las, 100, count);
+      const Cloud cloud = parse(las, "a.las");
+      EXPECT_EQ(losses(cloud), std::vector<std::string>{});
+      EXPECT_EQ(image(cloud, Format::las), las) << user;
+    }
+  }
 }
 
 }  // namespace pointfair::test

@@ -114,20 +114,23 @@ TEST(LazFiles, AfterAMoveLaszipReadsTheRecordsOfTheUncompressedFile) {
   }
 }
 
-// Of large clouds only coordinates are held; chunks are decoded again for all else.
+// Of large clouds nothing is held; chunks are decoded again.
 void expect_the_same_blocks(const las::PointStore& kept, const las::PointStore& unkept) {
   for (std::size_t block = 0; block < kept.block_count(); ++block) {
     std::vector<las::Grid> a(kept.block_size(block)), b(kept.block_size(block));
-    kept.grid(block, a);
-    unkept.grid(block, b);
+    las::Decoded of_kept, of_unkept;  // the second holds what was decoded, for all that is asked of the block
+    kept.grid(block, a, of_kept);
+    unkept.grid(block, b, of_unkept);
     EXPECT_TRUE(a == b);
     for (const std::uint32_t layers : {std::uint32_t{0}, std::uint32_t{las::kAllLayers}}) {
-      std::string buffer_a, buffer_b;
-      EXPECT_TRUE(kept.records(block, layers, buffer_a) == unkept.records(block, layers, buffer_b));
+      las::Decoded fresh;
+      EXPECT_TRUE(kept.records(block, layers, of_kept) == unkept.records(block, layers, of_unkept));
+      EXPECT_TRUE(kept.records(block, layers, of_kept) == unkept.records(block, layers, fresh));
     }
     std::string moved_a, moved_b;
     a[0][2] = b[0][2] += 5;
-    EXPECT_EQ(kept.append_moved_chunk(block, a, moved_a), unkept.append_moved_chunk(block, a, moved_b));
+    EXPECT_EQ(kept.append_moved_chunk(block, a, of_kept, moved_a),
+              unkept.append_moved_chunk(block, a, of_unkept, moved_b));
     EXPECT_TRUE(moved_a == moved_b);
   }
 }
@@ -301,6 +304,20 @@ TEST(LazErrors, EveryTruncatedPrefixIsRefused) {
       const Thrown thrown = thrown_by([&] { parse(laz.substr(0, size), "a.laz"); });
       EXPECT_EQ(thrown.kind, ErrorKind::file) << size << " of " << laz.size();
     }
+  }
+}
+
+TEST(LazErrors, AFullDiskIsNamedWithTheBytesThatAreNeeded) {
+  for (const unsigned format : {1U, 5U, 7U}) {
+    const Folder folder;
+    const std::string las = make_las({.minor = 4, .format = format, .count = 4000});
+    put_file(folder / "in.laz", make_laz(las, {0, 500, false}));
+    Cloud cloud = read(folder / "in.laz");
+    move_some(cloud);
+    const std::string needed = std::to_string(image(cloud, Format::laz).size());
+    const Thrown thrown = thrown_with_room_for(20000, [&] { write(folder / "out.laz", cloud); });
+    EXPECT_NE(thrown.message.find("needs " + needed + " bytes"), std::string::npos) << thrown.message;
+    EXPECT_EQ(folder.names(), std::vector<std::string>{"in.laz"});
   }
 }
 

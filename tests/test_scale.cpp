@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <random>
@@ -11,9 +12,11 @@
 #include "pointfair/positions.hpp"
 #include "pointfair/tiled_run.hpp"
 #include "scale/leaf_tree.hpp"
+#include "scale/measure.hpp"
 #include "scale/points_file.hpp"
 #include "scale/stored_cloud.hpp"
 #include "scale/tiled_run_access.hpp"
+#include "scale/work_file.hpp"
 #include "shapes.h"
 
 namespace pointfair::scale {
@@ -145,6 +148,40 @@ TEST(Scale, a_file_that_is_not_finished_never_appears) {
   file.write("text", 4);
   file.finish();
   EXPECT_EQ(read_text(folder / "a"), "text");
+}
+
+// Whatever was in memory before, also between the members.
+Noise noise_over(unsigned char before) {
+  alignas(Noise) unsigned char bytes[sizeof(Noise)];
+  std::memset(bytes, before, sizeof bytes);
+  ::new (static_cast<void*>(bytes)) Noise{0.5, 1, 2, 3, 4, 5, true, 6, 7};
+  Noise noise;
+  std::memcpy(static_cast<void*>(&noise), bytes, sizeof noise);
+  return noise;
+}
+
+TEST(Scale, what_was_measured_is_loaded_as_it_was_and_its_file_has_the_same_bytes_each_time) {
+  const Folder folder;
+  for (const unsigned char before : {'\0', '\xff'}) {
+    Measured measured;
+    const Noise noise = noise_over(before);
+    std::memcpy(static_cast<void*>(&measured.noise), &noise, sizeof noise);
+    measured.origin = {1, 2, 3};
+    measured.frame.side = 8;
+    measured.spacing.rho = 9;
+    measured.ignored = 10;
+    save(measured, folder / (before == 0 ? "a" : "b"));
+  }
+  const Measured loaded = load_measured(folder / "b");
+  EXPECT_EQ(loaded.noise.sigma, 0.5);
+  EXPECT_EQ(loaded.noise.alikeness, 5);
+  EXPECT_TRUE(loaded.noise.depth_has_steps);
+  EXPECT_EQ(loaded.noise.bend, 7);
+  EXPECT_EQ(loaded.origin, (Position{1, 2, 3}));
+  EXPECT_EQ(loaded.frame.side, 8);
+  EXPECT_EQ(loaded.spacing.rho, 9);
+  EXPECT_EQ(loaded.ignored, 10u);
+  EXPECT_TRUE(read_text(folder / "a") == read_text(folder / "b"));
 }
 
 TEST(Scale, a_damaged_file_of_points_is_refused) {

@@ -266,7 +266,7 @@ TEST(Stages, agree_with_the_reference_for_the_papers_preset_on_each_shape) {
 
 TEST(Stages, agree_with_the_reference_for_automatic_parameters) {
   for (const Points& points :
-       {shapes::with_noise(shapes::waves(900), 0.004), shapes::with_noise(shapes::sphere(1200), 0.01)})
+       {shapes::with_noise(shapes::waves(900), 0.003), shapes::with_noise(shapes::sphere(1200), 0.01)})
     expect_like_reference(points, Params{}, "automatic");
 }
 

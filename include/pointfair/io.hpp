@@ -56,6 +56,12 @@ POINTFAIR_EXPORT Cloud read(std::span<const std::byte> bytes, const std::string&
 /// Throws ErrorKind::file.
 POINTFAIR_EXPORT void write(const std::filesystem::path& path, const Cloud& cloud, const WriteOptions& options = {});
 
+/// Throws ErrorKind::usage or file for what `write` would refuse in these options, this name or this cloud, before a
+/// long computation rather than after it: an encoding or a scale that the format cannot have, for instance. Points that
+/// are yet to move may still leave the range of a LAS file. Cost: one look at each point.
+POINTFAIR_EXPORT void check_write(const std::filesystem::path& path, const Cloud& cloud,
+                                  const WriteOptions& options = {});
+
 /// The bytes that `write` would write.
 POINTFAIR_EXPORT std::vector<std::byte> write_bytes(const Cloud& cloud, Format format,
                                                     std::optional<Encoding> encoding = {});

@@ -86,26 +86,34 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
         raise UsageError("normals=True needs return_report=True, since report.normals has them")
     strength, box = as_strength(strength), as_box(box)
     layout = _card.layout_of(points)
+    _check_kind(points, layout, by_attribute=where is not None or ignore is not None,
+                in_part=mask is not None or box is not None or strength != 1, out=out)
     if layout is not None:
         device = layout.check_device(device)
-        if where is not None or ignore is not None:
-            raise UsageError("where and ignore need a Cloud, whose attributes they name")
-        if mask is not None or box is not None or strength != 1:
-            raise UsageError("mask, box and strength take arrays in host memory: blend the tensors instead, "
-                             "torch.where(mask[:, None], result, points) for instance")
     with borrowed(device, threads) as pipeline, progress_function(progress) as show:
         if layout is not None:
             result: Any = _denoise_on_card(pipeline, points, layout, chosen, viewpoint, out, show)
         elif isinstance(points, Cloud):
-            if out is not None:
-                raise UsageError("out= takes arrays, and a Cloud was given: leave it out")
             result = Cloud._of(run_cloud(pipeline, points._native, chosen, mask=mask, where=where, ignore=ignore,
                                          strength=strength, box=box, viewpoint=viewpoint, show=show))
         else:
-            if where is not None or ignore is not None:
-                raise UsageError("where and ignore need a Cloud, whose attributes they name; mask takes booleans")
             result = _denoise_array(pipeline, points, chosen, strength, box, mask, viewpoint, out, show)
         return (result, _full_report(pipeline, normals)) if return_report else result
+
+
+def _check_kind(points: Any, layout: _card.CardLayout | None, *, by_attribute: bool, in_part: bool, out: Any) -> None:
+    """Refuses what this kind of points cannot be asked."""
+    if layout is not None:
+        if by_attribute:
+            raise UsageError("where and ignore need a Cloud, whose attributes they name")
+        if in_part:
+            raise UsageError("mask, box and strength take arrays in host memory: blend the tensors instead, "
+                             "torch.where(mask[:, None], result, points) for instance")
+    elif isinstance(points, Cloud):
+        if out is not None:
+            raise UsageError("out= takes arrays, and a Cloud was given: leave it out")
+    elif by_attribute:
+        raise UsageError("where and ignore need a Cloud, whose attributes they name; mask takes booleans")
 
 
 def _denoise_on_card(pipeline: _native.Pipeline, points: Any, layout: _card.CardLayout, params: Params, viewpoint: Any,

@@ -65,6 +65,62 @@ def _flags(parameters: Mapping[str, Any]) -> list[str]:
     return words
 
 
+def _is_remote(name: str) -> bool:
+    return "://" in name
+
+
+def _absolute(name: str) -> str:
+    return name if _is_remote(name) else os.path.abspath(name)
+
+
+class _Cluster:
+    """Calls on the workers, each tried again as the options say."""
+
+    def __init__(self, client: Any, options: dict[str, Any]) -> None:
+        self.client, self.options = client, options
+
+    def each(self, function: Any, tasks: Sequence[Any], *more: Any) -> None:
+        futures = self.client.map(function, tasks, *[[value] * len(tasks) for value in more], **self.options)
+        import_module("distributed").wait(futures)
+        self.client.gather(futures)  # raises what a task raised
+
+
+class _Job:
+    """Which files the program reads and writes, and which are copied: those whose address is not a path."""
+
+    def __init__(self, inputs: Sequence[str], output: str, work: str, into_folder: bool) -> None:
+        self.names = [_absolute(name) for name in inputs]
+        self.work, self.goal, self.into_folder = work, _absolute(output), into_folder
+        folder = os.path.join(work, "inputs")
+        self.local = [os.path.join(folder, os.path.basename(name)) if _is_remote(name) else name for name in self.names]
+        os.makedirs(folder if any(map(_is_remote, self.names)) else work, exist_ok=True)
+
+    def fetched(self) -> list[tuple[str, str]]:
+        """Inputs to be copied, from where and to where."""
+        return [(name, path) for name, path in zip(self.names, self.local)
+                if name != path and not os.path.exists(path)]
+
+    def where(self) -> list[str]:
+        """The flags that say where the program writes."""
+        if not _is_remote(self.goal):
+            return ["--out-dir" if self.into_folder else "--out", self.goal]
+        folder = os.path.join(self.work, "outputs")
+        if self.into_folder:
+            return ["--out-dir", folder]
+        os.makedirs(folder, exist_ok=True)
+        return ["--out", os.path.join(folder, os.path.basename(self.goal))]
+
+    def sent(self) -> list[tuple[str, str]]:
+        """Outputs to be copied, from where and to where."""
+        if not _is_remote(self.goal):
+            return []
+        target = self.where()[1]
+        if not self.into_folder:
+            return [(target, self.goal)]
+        files = [os.path.basename(name) for name in self.names]
+        return [(os.path.join(target, file), self.goal.rstrip("/") + "/" + file) for file in files]
+
+
 def denoise(client: Any, inputs: Sequence[str] | str, output: str | None = None, *, work: str,
             output_folder: str | None = None, memory: str = "4G", tiles: int = 1, threads: int = 0,
             device: str = "auto", resources: Mapping[str, float] | None = None, retries: int = 3,
@@ -94,47 +150,23 @@ def denoise(client: Any, inputs: Sequence[str] | str, output: str | None = None,
     Raises:
         Error: with the line that the program said.
     """
-    wait: Any = import_module("distributed").wait
-
-    def absolute(name: str) -> str:
-        return name if "://" in name else os.path.abspath(name)
-
-    names = [absolute(name) for name in ([inputs] if isinstance(inputs, str) else inputs)]
-    work = os.path.abspath(work)
-    tool = program or program_path()
-    run_words = ["--threads", str(threads), "--device", device, "-q"]
-    options: dict[str, Any] = {"pure": False, "retries": retries, "resources": dict(resources or {})}
-
-    def each(function: Any, tasks: Sequence[Any], *more: Any) -> None:
-        futures = client.map(function, tasks, *[[value] * len(tasks) for value in more], **options)
-        wait(futures)
-        client.gather(futures)  # raises what a task raised
-
-    client.run_on_scheduler(_allow_failures)
-    os.makedirs(work, exist_ok=True)
-    local = [name if "://" not in name else os.path.join(work, "inputs", os.path.basename(name)) for name in names]
-    fetched = [(name, path) for name, path in zip(names, local) if name != path and not os.path.exists(path)]
-    if any(name != path for name, path in zip(names, local)):
-        os.makedirs(os.path.join(work, "inputs"), exist_ok=True)
-    each(lambda pair: _copy(*pair), fetched)
     if output is None and output_folder is None:
         raise Error("denoise needs an output, or an output_folder")
-    remote = absolute(output_folder or output or "")
-    target = os.path.join(work, "outputs") if "://" in remote else remote
-    where = ["--out-dir", target] if output_folder is not None else ["--out", target]
-    if "://" in remote and output_folder is None:
-        os.makedirs(target, exist_ok=True)
-        where[1] = target = os.path.join(target, os.path.basename(remote))
-    client.submit(_call, tool, "tile", "plan", *local, *where, "--work", work, "--memory", memory, "--tiles", str(tiles),
-                  *_flags(parameters), **options).result()
-    for step in json.loads(_call(tool, "tile", "status", work, "--report", "-"))["steps"]:
+    tool = program or program_path()
+    job = _Job([inputs] if isinstance(inputs, str) else inputs, output_folder or output or "", os.path.abspath(work),
+               output_folder is not None)
+    cluster = _Cluster(client, {"pure": False, "retries": retries, "resources": dict(resources or {})})
+    client.run_on_scheduler(_allow_failures)
+    cluster.each(lambda pair: _copy(*pair), job.fetched())
+    client.submit(_call, tool, "tile", "plan", *job.local, *job.where(), "--work", job.work, "--memory", memory,
+                  "--tiles", str(tiles), *_flags(parameters), **cluster.options).result()
+    run_words = ["--threads", str(threads), "--device", device, "-q"]
+    for step in json.loads(_call(tool, "tile", "status", job.work, "--report", "-"))["steps"]:
         if step["done"] < step["tasks"]:
-            each(_run, [f"{step['step']}:{number}" for number in range(step["tasks"])], tool, work, *run_words)
-    if "://" in remote:
-        results = [target] if output_folder is None else [os.path.join(target, os.path.basename(name)) for name in names]
-        goals = [remote] if output_folder is None else [remote.rstrip("/") + "/" + os.path.basename(r) for r in results]
-        each(lambda pair: _copy(*pair), list(zip(results, goals)))
-    report: dict[str, Any] = json.loads(_call(tool, "tile", "merge", work, "-q", "--report", "-"))
+            cluster.each(_run, [f"{step['step']}:{number}" for number in range(step["tasks"])], tool, job.work,
+                         *run_words)
+    cluster.each(lambda pair: _copy(*pair), job.sent())
+    report: dict[str, Any] = json.loads(_call(tool, "tile", "merge", job.work, "-q", "--report", "-"))
     return report
 
 

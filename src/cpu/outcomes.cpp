@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Which results of a chain would be the same if points beyond a region were loaded too.
+#include <algorithm>
+#include <cmath>
 #include <limits>
 #include <vector>
 
@@ -23,6 +25,8 @@ void for_points(const IndexView& index, const Body& body) {
   });
 }
 
+float one_if(bool is_exact) { return is_exact ? 1.0f : 0.0f; }
+
 // Of one point's list.
 struct Entries {
   int count = 0;
@@ -37,6 +41,40 @@ Entries entries_of(const IndexView& index, const NeighborView& lists, std::size_
                                                  vector_at(index, at));
   return entries;
 }
+
+// How deep in the region the points lie, so that most are not surveyed: where a neighbourhood ends deeper than every
+// value of 0 lies, all values in it are 1.
+class Depths {
+ public:
+  Depths(const IndexView& index, const point::Region& region)
+      : index_(index), region_(region), ends_(index.leaves, kInfinity) {}
+
+  // Point i, and what it reaches. The leaf of one whose neighbours must be counted is surveyed in any case.
+  void include(std::size_t i, float squared_gap, float squared_reach, bool must_count) {
+    const float end = kLess * std::sqrt(squared_gap) - kMore * std::sqrt(squared_reach);
+    const bool is_known = !must_count && squared_gap > kLeast && end > -kInfinity;
+    float& least = ends_[i / kLeafSize];
+    least = std::min(least, is_known ? end : -kInfinity);
+  }
+  float deepest_zero(const std::vector<float>& values) const {
+    std::vector<float> deepest(index_.leaves, -kInfinity);
+    for_points(index_, [&](std::size_t i) {
+      if (values[i] == 0)
+        deepest[i / kLeafSize] =
+            std::max(deepest[i / kLeafSize], std::sqrt(point::squared_gap_to_outside(region_, vector_at(index_, i))));
+    });
+    return deepest.empty() ? -kInfinity : *std::max_element(deepest.begin(), deepest.end());
+  }
+  bool ends_deeper(std::size_t leaf, float depth) const { return ends_[leaf] > depth; }
+
+ private:
+  static constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  static constexpr float kLess = 1 - 1e-5f, kMore = 1 + 1e-5f;  // distances are rounded
+  static constexpr float kLeast = 1e-30f;                       // below, squares have few bits
+  const IndexView& index_;
+  const point::Region& region_;
+  std::vector<float> ends_;  // of each leaf
+};
 
 }  // namespace
 
@@ -54,26 +92,31 @@ void Chain::outcomes(const point::Region& loaded, const Kernels& kernels, std::s
   // 1 or 0 for exact or not: neighbourhoods, then what is made of them
   std::vector<float> neighborhood(places, 1.0f), mean(with_areas ? places : 0, 1.0f), counts(places, 0.0f);
   std::vector<unsigned char> is_short(places, 0);
+  Depths depths(index, loaded);
   for_points(index, [&](std::size_t i) {
     const float gap = point::squared_gap_to_outside(loaded, vector_at(index, i));
+    const bool has_normal = point::squared_length(vector_at(normals(), i)) > 0;
     if (by_list()) {
       const Entries entries = entries_of(index, lists, i);
-      neighborhood[i] = point::is_exact_list(rule, entries.count, entries.squared_last, gap) ? 1.0f : 0.0f;
+      neighborhood[i] = one_if(point::is_exact_list(rule, entries.count, entries.squared_last, gap));
       is_short[i] = neighbors_.constraint && entries.count < neighbors_.k;
+      depths.include(i, gap, entries.squared_last, !has_normal);
     } else {
       const float squared_radius = squared_radius_[i] * (radii_grow() ? squared_growth_[i] : 1.0f);
-      neighborhood[i] = point::is_exact_radius(squared_radius, radius_found, gap) ? 1.0f : 0.0f;
+      neighborhood[i] = one_if(point::is_exact_radius(squared_radius, radius_found, gap));
+      depths.include(i, gap, std::max(squared_radius, squared_radius_[i]), !has_normal);
     }
     if (with_areas)
-      mean[i] = point::is_exact_mean(mean_found ? mean_distance_[i] : std::numeric_limits<float>::infinity(), gap)
-                    ? 1.0f
-                    : 0.0f;
+      mean[i] =
+          one_if(point::is_exact_mean(mean_found ? mean_distance_[i] : std::numeric_limits<float>::infinity(), gap));
   });
   const auto least_of = [&](const Neighborhoods& neighborhoods, const std::vector<float>& values) {
     std::vector<float> least(places, 1.0f);
+    const float deepest = depths.deepest_zero(values);
     for_blocks(index.leaves, kLeavesABlock, {}, [&](std::size_t first, std::size_t last, std::size_t) {
       for (std::size_t leaf = first; leaf < last; ++leaf)
-        kernels.survey(index, Index(leaf), neighborhoods, values.data(), counts.data(), least.data());
+        if (!depths.ends_deeper(leaf, deepest))
+          kernels.survey(index, Index(leaf), neighborhoods, values.data(), counts.data(), least.data());
     });
     return least;
   };

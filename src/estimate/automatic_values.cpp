@@ -68,7 +68,7 @@ int automatic_crease_angle(const Noise& noise, double spacing) {
 
 double automatic_flat_scale(const Noise& noise, double spacing) {
   const double share = share_between(kFlatNoise, level_of(noise, spacing));
-  return double(std::lround(std::lerp(100, kFlatPercent, share))) / 100;
+  return double(std::lround(std::lerp(kFlatPercent[0], kFlatPercent[1], share))) / 100;
 }
 
 int automatic_k(const Noise& noise, double spacing) {

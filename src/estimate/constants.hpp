@@ -15,8 +15,8 @@
 namespace pointfair::constants {
 
 // Samples.                                               unit; equation; measured by
-inline constexpr std::size_t kNoiseSamples = 500;      // samples of the cloud; (8); estimates
-inline constexpr std::uint64_t kPointsOfPlace = 1000;  // points of the cloud for one more place; (21); 082
+inline constexpr std::size_t kNoiseSamples = 500;     // samples of the cloud; (8); estimates
+inline constexpr std::uint64_t kPointsOfPlace = 150;  // points of the cloud for one more place; (21); 109
 
 // Noise of a typical place.
 inline constexpr double kNoiseQuantile =
@@ -35,25 +35,19 @@ inline constexpr double kShapelikeGrowth[] = {1.35, 1.5};  // ratio of residuals
 inline constexpr double kOwnGrowth = 1.05;                 // ratio of median residuals of noise alone; 027
 inline constexpr double kShapeVarianceGrowth = 4;          // ratio of variances of shape: a quadric's; 027
 inline constexpr double kAlikeGrowth[] = {1.14, 1.18};     // ratio in flat places (1.09 is chance); 051
-inline constexpr double kUnlikeGrowth[] = {1.5, 1.0};      // of variances, less one; more is shape; 051
 inline constexpr double kAlikeSlowing[] = {1.2, 0.9};      // the next growth over this one; more is shape; 051
-inline constexpr double kAlikeNoise[] = {0.05, 0.1};       // spacings; 051
 
 // Noise from place to place.
-inline constexpr std::size_t kFewestSamples = 64;             // that show noise; 082
-inline constexpr std::size_t kPool = point::kPool;            // samples whose residuals stand for one place; (21); 082
-inline constexpr std::size_t kSmoothed = 8;                   // samples whose median is the noise of a place; (21); 082
-inline constexpr double kPoolQuantile = 0.35;                 // of a pool; (21); 082
-inline constexpr double kPoolQuantileNormal = -0.3853204664;  // standard deviations: the normal's, at kPoolQuantile
-inline constexpr double kWideRadius = 2.6;       // standard deviations; narrower ones do not show noise; 082
-inline constexpr double kFitError = 0.1;         // of log variances, beside chance; (21); 082
-inline constexpr double kSpread = 0.35;          // of log levels, before anything is known; (21); 082
-inline constexpr double kChanceOfLevels = 0.15;  // of log levels, by the samples alone; (21); 082
-inline constexpr double kLargestLevel = 8;       // sigmas; 082
+inline constexpr std::size_t kFewestSamples = 64;   // that show noise; 082
+inline constexpr std::size_t kPool = point::kPool;  // samples whose residuals stand for one place; (21); 082
+inline constexpr std::size_t kSmoothed = 8;         // samples whose median is the noise of a place; (21); 082
+inline constexpr double kFitError = 0.1;            // of log variances, beside chance; (21); 082
+inline constexpr double kSpread = 0.35;             // of log levels, before anything is known; (21); 082
+inline constexpr double kChanceOfLevels = 0.12;     // of log levels, by the samples alone; (21); 109
+inline constexpr double kLargestLevel = 8;          // sigmas; 082
 inline constexpr std::array kShapePowers{1.3, 2.0, 3.0, 4.0};  // of the size, by which shape grows; (21); 082
 inline constexpr int kLeastShape = -10, kMostShape = 8;        // half decades of shape over noise; (21); 082
 inline constexpr double kUnlikely = 20;                 // minus twice the log likelihood, over the best; 1 of 20,000
-inline constexpr double kSurroundings = 2;              // samples that wider surroundings count for; 082
 inline constexpr double kAside = 0.01;                  // of the places, at either end of each axis; 082
 inline constexpr std::size_t kMostGivenPlaces = 32768;  // points whose noise is given: as many as nodes; 076
 inline constexpr std::array kToldQuantiles{0.05, 0.5, 0.95};
@@ -87,12 +81,12 @@ inline constexpr double kRoomyNoise[] = {0.5, 0.85};             // spacings; (1
 inline constexpr double kBendingNoise[] = {0.25, 0.45};          // spacings; (18); 052
 inline constexpr double kUnseenNoise[] = {3.6, 4.4};             // spacings; (18); 052
 inline constexpr double kDepthWidening = 3;                      // of R: a matcher's windows are nine pixels wide; 102
-inline constexpr int kFlatPercent = 160;                         // of R; (20); 053
-inline constexpr double kFlatNoise[] = {0.1, 0.25};              // spacings; (20); 053
-inline constexpr double kSeparableGap = 1.9;                     // spacings between two sheets; sheets
-inline constexpr double kOneSheet = 0.65, kBothSheets = 14;      // of one sheet's points within the gap; sheets
-inline constexpr double kListRadius = 3;                         // sigmas, of lists; quality
-inline constexpr double kListPoints = 11;                        // points, of lists without noise; quality
+inline constexpr double kFlatPercent[] = {130, 160};         // of R, with little noise and with more; (20); 053, 110
+inline constexpr double kFlatNoise[] = {0.2, 0.35};          // spacings; (20); 110
+inline constexpr double kSeparableGap = 1.9;                 // spacings between two sheets; sheets
+inline constexpr double kOneSheet = 0.65, kBothSheets = 14;  // of one sheet's points within the gap; sheets
+inline constexpr double kListRadius = 3;                     // sigmas, of lists; quality
+inline constexpr double kListPoints = 11;                    // points, of lists without noise; quality
 
 // Width from place to place.
 inline constexpr double kReachPoints = 20;   // points; with so many of least risk the reach stays as it is; (23); 102

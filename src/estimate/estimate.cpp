@@ -111,10 +111,9 @@ Growth residual_growth(const std::vector<point::ResidualSample>& samples) {
 
 // Residuals of shape grow faster and faster with the neighbourhood, those of noise that is alike in neighbouring points
 // ever less.
-double alikeness(const Growth& growth, double sigma_in_spacings) {
+double alikeness(const Growth& growth) {
   if (!(growth.first > 0)) return 0;
-  return share_between(kAlikeGrowth, growth.flat) * share_between(kUnlikeGrowth, growth.first) *
-         share_between(kAlikeSlowing, growth.second / growth.first) * share_between(kAlikeNoise, sigma_in_spacings);
+  return share_between(kAlikeGrowth, growth.flat) * share_between(kAlikeSlowing, growth.second / growth.first);
 }
 
 double likeness_to_shape(double flat_growth) { return share_between(kShapelikeGrowth, flat_growth); }
@@ -157,7 +156,7 @@ Noise noise_of(std::span<const point::NoiseSample> samples, bool depth_has_steps
   } else if (sigma < kDoubtfulNoise * noise.surface_spacing) {
     const Growth growth = residual_growth(residuals());
     noise.likeness_to_shape = likeness_to_shape(growth.flat);
-    noise.alikeness = alikeness(growth, sigma / noise.surface_spacing);
+    noise.alikeness = alikeness(growth);
     // between two sheets, wide neighbourhoods see the other one and not shape
     if (noise.gap == 0) noise.shape_to_noise = (1 - noise.alikeness) * shape_to_noise(growth.typical);
   }

@@ -14,7 +14,7 @@
 namespace pointfair {
 namespace {
 
-using constants::kAside, constants::kSurroundings;
+using constants::kAside;
 
 // Sums over the cells of a cube of n cells an axis, and their means once they are known.
 struct Level {
@@ -123,8 +123,7 @@ void pull(const Level& coarse, Level& fine, const ForEach& for_each) {
       const std::size_t row = (z * m + y) * m;
       refine(int(n), &along_y[y * n], &fine.mean[row], 1);
       for (std::size_t cell = row; cell < row + m; ++cell)
-        if (fine.weight[cell] > 0)
-          fine.mean[cell] = (fine.sum[cell] + kSurroundings * fine.mean[cell]) / (fine.weight[cell] + kSurroundings);
+        if (fine.weight[cell] > 0) fine.mean[cell] = (fine.sum[cell] + fine.mean[cell]) / (fine.weight[cell] + 1);
     }
   });
 }

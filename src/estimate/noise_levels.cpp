@@ -5,7 +5,6 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <utility>
 #include <vector>
 
@@ -22,18 +21,15 @@ constexpr std::size_t kSizes = kCounts.size();
 using Curve = std::array<double, kSizes>;  // of variances over the sizes of neighbourhoods; NaN: not known
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
-// Of a chi-squared variable of `freedom` over that, at kPoolQuantile (Wilson and Hilferty 1931).
-double chance_quantile(double freedom) {
-  const double part = 2 / (9 * freedom);
-  return std::pow(1 - part + kPoolQuantileNormal * std::sqrt(part), 3);
-}
+// Of a chi-squared variable of `freedom` over that (Wilson and Hilferty 1931).
+double chance_median(double freedom) { return std::pow(1 - 2 / (9 * freedom), 3); }
 double freedom_of(std::size_t size) { return kCounts[size] - point::kCubicTerms; }
 
-const Curve& chance_quantiles() {
+const Curve& chance_medians() {
   static const Curve all = [] {
-    Curve quantiles;
-    for (std::size_t size = 0; size < kSizes; ++size) quantiles[size] = chance_quantile(freedom_of(size));
-    return quantiles;
+    Curve medians;
+    for (std::size_t size = 0; size < kSizes; ++size) medians[size] = chance_median(freedom_of(size));
+    return medians;
   }();
   return all;
 }
@@ -46,9 +42,7 @@ Curve curve_of(const point::NoiseSample& noise, const point::ResidualSample* res
   const double found[] = {residuals ? residuals->least : -1, residuals ? residuals->narrow : -1,
                           residuals ? residuals->wide : -1, residuals ? residuals->widest : -1};
   for (std::size_t size = 0; size < kSizes; ++size) {
-    const double radius = noise.spacing * std::sqrt(kCounts[size] / std::numbers::pi);
-    if (found[size] < 0 || radius < kWideRadius * noise.sigma) continue;
-    curve[size] = found[size] * found[size];
+    if (found[size] >= 0) curve[size] = found[size] * found[size];
   }
   return curve;
 }
@@ -68,10 +62,9 @@ std::vector<Ranked> ranked(const std::vector<Curve>& curves) {
 Curve pooled(std::span<const std::uint32_t> pool, const std::vector<Ranked>& of_sizes) {
   Curve result;
   for (std::size_t size = 0; size < kSizes; ++size) {
-    const double value = of_sizes[size].among(pool, [&](std::size_t known) {
-      return 2 * known < pool.size() ? Ranked::kNoPlace : std::size_t(std::lround(kPoolQuantile * double(known - 1)));
-    });
-    result[size] = value / chance_quantiles()[size];
+    const double value = of_sizes[size].among(
+        pool, [&](std::size_t known) { return 2 * known < pool.size() ? Ranked::kNoPlace : known / 2; });
+    result[size] = value / chance_medians()[size];
   }
   return result;
 }

@@ -2,6 +2,7 @@
 // Reading and writing whole files: chooses the format, and hands over to its reader or writer.
 #include <algorithm>
 #include <limits>
+#include <utility>
 
 #include "io/detect.hpp"
 #include "io/formats.hpp"
@@ -88,6 +89,18 @@ bool has_encoding(Format format, Encoding encoding) {
   return format == Format::pcd || format == Format::laz;
 }
 
+[[noreturn]] void refuse_encoding(Format format) {
+  constexpr std::pair<Encoding, const char*> kEncodings[] = {{Encoding::ascii, "ascii"},
+                                                             {Encoding::binary, "binary"},
+                                                             {Encoding::binary_big_endian, "binary-big-endian"},
+                                                             {Encoding::binary_compressed, "binary-compressed"}};
+  std::string known;
+  for (const auto& [encoding, name] : kEncodings) {
+    if (has_encoding(format, encoding)) known += (known.empty() ? "" : ", ") + std::string(name);
+  }
+  refuse("the format has no such encoding; it has " + known);
+}
+
 // What a new file is written in.
 Encoding usual_encoding(Format format) {
   for (const Encoding encoding : {Encoding::binary, Encoding::ascii}) {
@@ -139,8 +152,16 @@ Plan plan(const Cloud& cloud, Format format, std::optional<Encoding> encoding, s
   const Plan result{format, encoding.value_or(keeps ? cloud.source->encoding() : usual_encoding(format)), copy,
                     io::make_edits(cloud, las_scale)};
   if (las_scale && family(format) != Format::las) refuse("only LAS and LAZ files have a scale; leave it out");
-  if (!has_encoding(format, result.encoding)) refuse("this format has no such encoding; choose another");
+  if (las_scale && copy) cloud.source->check_las_scale(*las_scale);
+  if (!has_encoding(format, result.encoding)) refuse_encoding(format);
   return result;
+}
+
+Plan plan(const std::filesystem::path& path, const Cloud& cloud, const WriteOptions& options) {
+  const std::optional<Format> own = cloud.source ? std::optional(cloud.source->format()) : std::nullopt;
+  const Format format = options.format ? *options.format : format_to_write(path, own);
+  check(cloud);
+  return plan(cloud, format, options.encoding, options.las_scale);
 }
 
 void carry_out(const Plan& plan, const Cloud& cloud, unsigned threads, io::Output& out) {
@@ -148,18 +169,34 @@ void carry_out(const Plan& plan, const Cloud& cloud, unsigned threads, io::Outpu
       threads, [&] { plan.copy ? cloud.source->write(plan.edits, plan.encoding, out) : write_new(plan, cloud, out); });
 }
 
-// Copies the files that belong to the source's, under the output's name.
-void copy_companions(const Source& source, const std::filesystem::path& output, const WriteOptions& options) {
+// Files that belong to the source's, each with what it is called beside the output. Those that are there already, since
+// the output lies beside the source and has its name, are left out.
+std::vector<std::pair<std::filesystem::path, std::filesystem::path>> companions(const Plan& plan, const Cloud& cloud,
+                                                                                const std::filesystem::path& output) {
+  std::vector<std::pair<std::filesystem::path, std::filesystem::path>> result;
+  if (!plan.copy || output == "-") return result;
   std::error_code ignored;
-  for (const std::string& extension : source.companions()) {
-    std::filesystem::path from(source.name()), to(output);
+  for (const std::string& extension : cloud.source->companions()) {
+    std::filesystem::path from(cloud.source->name()), to(output);
     from.replace_extension(extension);
     to.replace_extension(extension);
     if (!std::filesystem::exists(from, ignored) || std::filesystem::equivalent(from, to, ignored)) continue;
-    const std::unique_ptr<io::Output> copy = io::open_output(to, options.overwrite, options.sync);
-    copy->write(io::FileBytes::open(from).view());
-    copy->finish();
+    result.emplace_back(std::move(from), std::move(to));
   }
+  return result;
+}
+
+// All files get their names, or none does.
+void write_all(const Plan& plan, const Cloud& cloud, const std::filesystem::path& path, const WriteOptions& options) {
+  std::vector<std::unique_ptr<io::Output>> outputs;
+  outputs.push_back(io::open_output(path, options.overwrite, options.sync));
+  carry_out(plan, cloud, options.threads, *outputs.front());
+  for (const auto& [from, to] : companions(plan, cloud, path)) {
+    outputs.push_back(io::open_output(to, options.overwrite, options.sync));
+    outputs.back()->write(io::FileBytes::open(from).view());
+  }
+  for (const auto& output : outputs) output->require_room();
+  for (const auto& output : outputs) output->finish();
 }
 
 }  // namespace
@@ -172,15 +209,17 @@ Cloud read(std::span<const std::byte> bytes, const std::string& name, const Read
   return read_bytes(io::FileBytes::copy(bytes), name, options);
 }
 
+void check_write(const std::filesystem::path& path, const Cloud& cloud, const WriteOptions& options) {
+  const Plan chosen = plan(path, cloud, options);
+  if (!chosen.copy && family(chosen.format) == Format::las) io::check_new_las(cloud, options.las_scale);
+  for (const auto& [from, to] : companions(chosen, cloud, path)) {
+    if (!options.overwrite && std::filesystem::exists(to))
+      io::fail(to.string(), "exists already, and " + from.string() + " is to be copied there; choose another name");
+  }
+}
+
 void write(const std::filesystem::path& path, const Cloud& cloud, const WriteOptions& options) {
-  const std::optional<Format> own = cloud.source ? std::optional(cloud.source->format()) : std::nullopt;
-  const Format format = options.format ? *options.format : format_to_write(path, own);
-  check(cloud);
-  const Plan chosen = plan(cloud, format, options.encoding, options.las_scale);
-  const std::unique_ptr<io::Output> out = io::open_output(path, options.overwrite, options.sync);
-  carry_out(chosen, cloud, options.threads, *out);
-  if (chosen.copy && path != "-") copy_companions(*cloud.source, path, options);
-  out->finish();
+  write_all(plan(path, cloud, options), cloud, path, options);
 }
 
 namespace io {
@@ -236,10 +275,7 @@ void write_moved(const std::filesystem::path& path, const std::shared_ptr<Source
   shell.added = std::move(added);
   Plan chosen = streamed_plan(shell, path, options);
   chosen.edits.moved = &moved;
-  const std::unique_ptr<Output> out = open_output(path, options.overwrite, options.sync);
-  carry_out(chosen, shell, options.threads, *out);
-  copy_companions(*source, path, options);
-  out->finish();
+  write_all(chosen, shell, path, options);
 }
 
 }  // namespace io

@@ -30,5 +30,7 @@ void write_xyz(Table table, Format format, Output& out);
 void write_off(Table table, Output& out);
 void write_obj(Table table, Output& out);
 void write_las(Table table, bool compress, std::optional<double> scale, Output& out);
+/// Throws Error(usage) for points that a new LAS file cannot hold.
+void check_new_las(const Cloud& cloud, std::optional<double> scale);
 
 }  // namespace pointfair::io

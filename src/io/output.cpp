@@ -79,8 +79,7 @@ class Writer {
     if (full_ == 0 && ::lseek(fd_, 0, SEEK_END) < 0) fail_to_write(name_, errno);
   }
 
-  /// Throws if there was no room for everything.
-  void finish() const {
+  void require_room() const {
     if (full_ == 0) return;
     fail(name_, "cannot write: " + std::system_category().message(full_) + "; the output needs " +
                     std::to_string(total_) + " bytes: free some space or write elsewhere");
@@ -106,7 +105,8 @@ class StreamOutput : public Output {
   void write(std::string_view bytes) override { writer_.write(bytes); }
   bool can_patch() const override { return false; }
   void patch(std::uint64_t, std::string_view) override {}
-  void finish() override { writer_.finish(); }
+  void require_room() override { writer_.require_room(); }
+  void finish() override { require_room(); }
 
  private:
   int fd_;
@@ -141,8 +141,10 @@ class AtomicOutput : public Output {
   void write(std::string_view bytes) override { writer_->write(bytes); }
   void patch(std::uint64_t at, std::string_view bytes) override { writer_->patch(at, bytes); }
 
+  void require_room() override { writer_->require_room(); }
+
   void finish() override {
-    writer_->finish();
+    require_room();
     struct stat status {};
     if (overwrite_ && ::stat(target_.c_str(), &status) == 0) (void)::fchmod(fd_, status.st_mode & 07777);
     if (sync_ && ::fsync(fd_) != 0) fail_to_write(name_, errno);

@@ -18,6 +18,8 @@ class Output {
   virtual bool can_patch() const { return true; }
   /// Replaces bytes that were written before, from `at` on.
   virtual void patch(std::uint64_t at, std::string_view bytes) = 0;
+  /// Throws Error(file), with the bytes needed, if there was no room for all that was written.
+  virtual void require_room() {}
   /// Everything was written: the file may appear under its name. Not called: it never appears.
   virtual void finish() = 0;
 };

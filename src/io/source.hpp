@@ -90,6 +90,9 @@ class Source {
   /// Writes the file in its own format with the edits.
   virtual void write(const io::Edits& edits, Encoding encoding, io::Output& out) const;
 
+  /// Throws Error(usage) if the coordinates cannot be written in steps of `scale`: LAS files only are asked.
+  virtual void check_las_scale(double) const {}
+
   /// Where the sensor of the points of `block` stood, in the file's coordinates, if the file says so.
   virtual std::optional<Position> sensor(std::size_t) const { return std::nullopt; }
   /// What the file says beside its points.

@@ -2,6 +2,7 @@
 #include "scale/measure.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <deque>
 #include <limits>
@@ -176,19 +177,33 @@ struct FixedLevels {
   std::uint64_t count = 0;
 };
 
-// What a file begins with; the levels of the noise follow, and those of the reach.
+// What a file begins with; the levels of the noise follow, and those of the reach. Without gaps, whose bytes would be
+// anything: tasks that are done twice leave the same bytes.
 struct Fixed {
   Position origin{};
   Bounds bounds;
-  Frame frame;
   Spacing spacing;
-  Noise noise;
+  std::array<double, 9> noise{};
   FixedLevels of_noise, of_reach;
   std::array<double, 3> quantiles{};  // of the levels of the noise
   std::uint64_t ignored = 0;
   double beam_step = 0;
+  Frame frame{};
+  std::uint32_t unused = 0;
 };
 static_assert(std::is_trivially_copyable_v<Fixed>);
+static_assert(sizeof(Fixed) == sizeof(Position) + sizeof(Bounds) + sizeof(Spacing) + 9 * sizeof(double) +
+                                   2 * sizeof(FixedLevels) + 3 * sizeof(double) + sizeof(std::uint64_t) +
+                                   sizeof(double) + sizeof(Frame) + sizeof(std::uint32_t));
+
+std::array<double, 9> values_of(const Noise& noise) {
+  const auto& [sigma, surface_spacing, likeness_to_shape, shape_to_noise, gap, alikeness, depth_has_steps, confined,
+               bend] = noise;
+  return {sigma, surface_spacing, likeness_to_shape,           shape_to_noise,
+          gap,   alikeness,       depth_has_steps ? 1.0 : 0.0, confined,
+          bend};
+}
+Noise noise_of(const std::array<double, 9>& v) { return {v[0], v[1], v[2], v[3], v[4], v[5], v[6] != 0, v[7], v[8]}; }
 
 FixedLevels fixed_of(const NodeLevels* levels) {
   if (levels == nullptr) return {};
@@ -205,9 +220,10 @@ NodeLevels read_levels(const StoredFile& file, std::uint64_t at, const FixedLeve
 
 void save(const Measured& m, const std::filesystem::path& path) {
   Fixed fixed{
-      m.origin, m.bounds, m.frame, m.spacing, m.noise, fixed_of(m.levels.get()), fixed_of(m.reach_levels.get())};
+      m.origin, m.bounds, m.spacing, values_of(m.noise), fixed_of(m.levels.get()), fixed_of(m.reach_levels.get())};
   fixed.ignored = m.ignored;
   fixed.beam_step = m.beam_step;
+  fixed.frame = m.frame;
   if (m.levels) fixed.quantiles = m.levels->quantiles;
   NewFile file(path, sizeof fixed + (fixed.of_noise.count + fixed.of_reach.count) * sizeof(float));
   file.write(&fixed, sizeof fixed);
@@ -220,7 +236,7 @@ Measured load_measured(const std::filesystem::path& path) {
   const StoredFile file(path);
   Fixed fixed;
   file.read(0, &fixed, sizeof fixed);
-  Measured m{fixed.origin, fixed.bounds, fixed.frame, fixed.spacing, fixed.noise};
+  Measured m{fixed.origin, fixed.bounds, fixed.frame, fixed.spacing, noise_of(fixed.noise)};
   m.ignored = fixed.ignored;
   m.beam_step = fixed.beam_step;
   const std::uint64_t at = sizeof fixed;

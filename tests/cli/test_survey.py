@@ -34,6 +34,19 @@ class Survey(Case):
         self.assertEqual(file["metres_per_unit"], 1)
         self.assertEqual(file["point_format"], "6")
 
+    def test_info_shows_bounds_with_the_digits_of_the_file(self):
+        text = self.ok("info", self.las).stdout.decode()
+        for axis, offset in enumerate((500000, 5400000, 100)):
+            values = [point[axis] for point in las_grid(self.las)]
+            self.assertIn("  {}  {:.10g} .. {:.10g}\n".format("xyz"[axis], *(offset + v / 1000 for v in (min(values), max(values)))), text)
+
+    def test_wrong_outputs_are_refused_before_the_run(self):
+        self.assertIn(b"fairing", self.ok("run", self.las, self.path("good.las"), "--progress", "plain").stderr)
+        for words in (["out.las", "--las-scale", "0.003"], ["out.laz", "--encoding", "ascii"], ["out.e57"], ["out.copc.laz"]):
+            result = run("run", self.las, self.path(words[0]), *words[1:], "--progress", "plain")
+            self.assertNotIn(b"fairing", result.stderr)
+            self.assertIn(result.returncode, (2, 3))
+
     def test_where_moves_only_such_points(self):
         for words, kinds in ((["--where", "classification=2"], {2}), (["--where", "classification=2,6"], {2, 6}),
                              (["--where", "classification=2-6", "--where", "classification=5-9"], {5, 6})):

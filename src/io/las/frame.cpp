@@ -30,17 +30,10 @@ Frame::Frame(std::string_view bytes, const Header& header, std::size_t points_en
   }
 }
 
-void Frame::check_complete() const {
-  if (header_.records_complete) return;
-  fail(name_,
-       "its header promises more records before the points than there are, so none can be put in or taken out; "
-       "write the format that the file has, or correct the header");
-}
-
 void Frame::drop(const Record& record) {
   if (!record.extended) {
-    check_complete();
     std::erase_if(records_, [&](const Piece& piece) { return record.is(piece.user, piece.id); });
+    changed_ = true;
     return;
   }
   const char* const begin = bytes_.data() + record.begin;
@@ -57,7 +50,7 @@ void Frame::drop(const Record& record) {
 }
 
 void Frame::put_record(std::string_view user, unsigned id, std::string_view description, std::string_view data) {
-  check_complete();
+  changed_ = true;
   if (data.size() > std::numeric_limits<std::uint16_t>::max()) {
     fail(name_, "the descriptions of its attributes no longer fit in one record; write another format");
   }
@@ -79,7 +72,7 @@ std::string Frame::front(bool compressed, std::size_t record_length) const {
     fail(name_, "what comes before the points no longer fits in 4 GiB");
   }
   put(front, place::points_begin, static_cast<std::uint32_t>(front.size()));
-  if (header_.records_complete) put(front, place::record_count, static_cast<std::uint32_t>(records_.size()));
+  if (changed_) put(front, place::record_count, static_cast<std::uint32_t>(records_.size()));
   const auto format = get<std::uint8_t>(bytes_, place::point_format);
   put(front, place::point_format, static_cast<std::uint8_t>(compressed ? format | 0x80 : format & ~0x80));
   put(front, place::record_length, static_cast<std::uint16_t>(record_length));

@@ -35,13 +35,13 @@ class Frame {
     unsigned id;
     std::string bytes;
   };
-  void check_complete() const;
   std::uint64_t moved(std::size_t old_place, std::uint64_t tail_begin) const;
 
   std::string_view bytes_;
   const Header& header_;
   std::string name_;
   std::vector<Piece> records_;  // before the points
+  bool changed_ = false;        // the number of these is written only then: that of some files is wrong
   std::vector<std::string_view> tail_;
   std::size_t extended_left_ = 0;  // records behind the points
 };

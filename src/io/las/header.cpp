@@ -109,7 +109,6 @@ class Parser {
   void read_all_records() {
     const std::uint64_t count = get<std::uint32_t>(bytes_, place::record_count);
     header_.records_end = read_records(bytes_, header_.size, header_.points_begin, count, false, header_.records);
-    header_.records_complete = header_.records.size() == count;
     if (header_.minor >= 3) {
       const auto begin = get<std::uint64_t>(bytes_, place::waveform_begin);
       if (begin >= header_.points_begin && begin < bytes_.size()) {

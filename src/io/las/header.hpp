@@ -67,8 +67,8 @@ struct Header {
   std::uint64_t count = 0;  ///< of points
   Scaling scaling;
   std::vector<Record> records;
-  std::size_t records_end = 0;     ///< of those before the points
-  bool records_complete = true;    ///< false: fewer were found than are promised; what follows them is kept unread
+  std::size_t records_end = 0;     ///< of those before the points; where fewer were found than are promised, what
+                                   ///< follows them up to the points is kept unread
   std::size_t extended_begin = 0;  ///< 0: none
   std::size_t waveform_begin = 0;  ///< of waveform packets in this file; 0: none
 

@@ -24,17 +24,19 @@ struct Range {
   Position min, max;
 };
 
+void include(const Position& position, Range& range) {
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    if (!std::isfinite(position[axis])) {
+      refuse("a LAS file holds finite coordinates only, and the cloud has others; write PLY or PCD, or remove them");
+    }
+    range.min[axis] = std::min(range.min[axis], position[axis]);
+    range.max[axis] = std::max(range.max[axis], position[axis]);
+  }
+}
+
 Range range_of(const std::vector<Position>& positions) {
   Range range{positions.front(), positions.front()};
-  for (const Position& position : positions) {
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      if (!std::isfinite(position[axis])) {
-        refuse("a LAS file holds finite coordinates only, and the cloud has others; write PLY or PCD, or remove them");
-      }
-      range.min[axis] = std::min(range.min[axis], position[axis]);
-      range.max[axis] = std::max(range.max[axis], position[axis]);
-    }
-  }
+  for (const Position& position : positions) include(position, range);
   return range;
 }
 
@@ -248,6 +250,15 @@ class NewFile {
 
 }  // namespace
 }  // namespace las
+
+void check_new_las(const Cloud& cloud, std::optional<double> scale) {
+  const auto position = [&](const Point& point) {
+    return Position{cloud.origin[0] + point.x, cloud.origin[1] + point.y, cloud.origin[2] + point.z};
+  };
+  las::Range range{position(cloud.points.front()), position(cloud.points.front())};
+  for (const Point& point : cloud.points) las::include(position(point), range);
+  las::choose_scaling(range, scale);
+}
 
 void write_las(Table table, bool compress, std::optional<double> scale, Output& out) {
   write_patched(out, [&](Output& to) { las::NewFile(table, compress, scale, to).write(); });

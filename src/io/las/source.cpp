@@ -24,7 +24,8 @@ LasSource::LasSource(FileBytes bytes, std::string name, Layout layout, std::uniq
 void LasSource::positions(std::size_t block, std::span<Position> out) const {
   thread_local std::vector<Grid> grid;
   grid.resize(out.size());
-  store_->grid(block, grid);
+  Decoded decoded;
+  store_->grid(block, grid, decoded);
   for (std::size_t i = 0; i < out.size(); ++i) {
     for (std::size_t axis = 0; axis < 3; ++axis) out[i][axis] = layout_.header.scaling.value(axis, grid[i][axis]);
   }
@@ -32,8 +33,8 @@ void LasSource::positions(std::size_t block, std::span<Position> out) const {
 
 void LasSource::extract_block(std::size_t index, std::size_t block, std::span<char> out) const {
   const Field& field = fields_[index];
-  std::string buffer;
-  const std::string_view records = store_->records(block, field.layer, buffer);
+  Decoded decoded;
+  const std::string_view records = store_->records(block, field.layer, decoded);
   extract_field(field, records.data(), layout_.header.record_length, block_size(block), out.data());
 }
 
@@ -47,7 +48,7 @@ std::vector<std::string> LasSource::losses(Format to) const {
     }
     return result;
   }
-  if (header.find("copc", 1)) {
+  if (layout_.is_copc()) {
     result.push_back("the COPC index of the input no longer fits points that moved, so the output is plain LAZ or LAS");
   }
   std::error_code ignored;
@@ -82,7 +83,7 @@ FileInfo LasSource::info() const {
                  {"offset", numbers(header.scaling.offset)},
                  {"software", std::string(get_text(bytes(), place::software, 32))},
                  {"system", std::string(get_text(bytes(), place::system, 32))}};
-  if (header.find("copc", 1)) result.rows.front().value += ", COPC";
+  if (layout_.is_copc()) result.rows.front().value += ", COPC";
   result.has_attributes = !layout_.compression || can_code(*layout_.compression);
   if (!result.has_attributes) result.rows.push_back({"attributes", "not read, since this build lacks LASzip"});
   return result;

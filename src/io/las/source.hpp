@@ -21,6 +21,9 @@ struct Layout {
   std::size_t chunks_end = 0;  ///< of the last chunk, or of the points
   std::size_t table_begin = 0;
   std::size_t points_end = 0;  ///< where what follows the points and their table begins
+
+  /// An octree goes with the chunks. Its record in an uncompressed file means nothing.
+  bool is_copc() const { return compression && header.find("copc", 1); }
 };
 
 class LasSource : public Source {
@@ -34,6 +37,7 @@ class LasSource : public Source {
   std::vector<Column> columns() const override { return {fields_.begin(), fields_.end()}; }
   void extract_block(std::size_t index, std::size_t block, std::span<char> out) const override;
   void write(const Edits& edits, Encoding encoding, Output& out) const override;
+  void check_las_scale(double scale) const override;
   std::vector<std::string> losses(Format to) const override;
   std::vector<std::string> companions() const override;
   FileInfo info() const override;

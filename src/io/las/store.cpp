@@ -40,11 +40,10 @@ class FileRecords : public PointStore {
   std::uint64_t block_begin(std::size_t block) const override {
     return std::min<std::uint64_t>(std::uint64_t{block} * kUsualChunk, count_);
   }
-  void grid(std::size_t block, std::span<Grid> out) const override {
-    std::string unused;
+  void grid(std::size_t block, std::span<Grid> out, Decoded& unused) const override {
     read_grid(records(block, 0, unused).data(), record_length_, out);
   }
-  std::string_view records(std::size_t block, std::uint32_t, std::string&) const override {
+  std::string_view records(std::size_t block, std::uint32_t, Decoded&) const override {
     return points_.substr(static_cast<std::size_t>(block_begin(block)) * record_length_,
                           block_size(block) * record_length_);
   }
@@ -88,48 +87,32 @@ class Chunks : public PointStore {
   std::string name_;
 };
 
-// What of compressed points is held in memory; the rest is decoded again whenever it is asked for.
-enum class Held : std::uint8_t { nothing, coordinates, all };
-
-// Points whose chunks hold whole records.
+// Points whose chunks hold whole records, all of which may be held.
 class DecodedRecords : public Chunks {
  public:
   DecodedRecords(std::vector<Chunk> chunks, const Compression& compression, std::size_t record_length,
-                 std::size_t file_size, const std::string& name, Held held)
+                 const std::string& name, bool holds)
       : Chunks(std::move(chunks), compression, record_length, name) {
-    if (held == Held::nothing) return;
-    const std::uint64_t count = block_begin(block_count());
-    check_plausible(count, 0, record_length, file_size, name);
-    const bool keeps = held == Held::all;
-    if (keeps) {
-      records_ = make_large<char>(count * record_length);
-    } else {
-      grid_ = make_large<Grid>(count);
-    }
+    if (!holds) return;
+    records_ = make_large<char>(block_begin(block_count()) * record_length);
     for_each_block(block_count(), [&](std::size_t block) {
-      if (keeps) {
-        decode_into(block, {records_.get() + begin(block), block_size(block) * record_length});
-      } else {
-        std::string buffer;
-        read_grid(records(block, 0, buffer).data(), record_length,
-                  {grid_.get() + block_begin(block), block_size(block)});
-      }
+      decode_into(block, {records_.get() + begin(block), block_size(block) * record_length});
     });
   }
 
-  void grid(std::size_t block, std::span<Grid> out) const override {
-    if (grid_) {
-      std::copy_n(grid_.get() + block_begin(block), out.size(), out.begin());
-    } else {
-      std::string buffer;
-      read_grid(records(block, 0, buffer).data(), record_length(), out);
-    }
+  void grid(std::size_t block, std::span<Grid> out, Decoded& decoded) const override {
+    read_grid(records(block, kAllLayers, decoded).data(), record_length(), out);
   }
-  std::string_view records(std::size_t block, std::uint32_t, std::string& buffer) const override {
-    if (records_) return {records_.get() + begin(block), block_size(block) * record_length()};
-    buffer.resize(block_size(block) * record_length());
-    decode_into(block, buffer);
-    return buffer;
+  std::string_view records(std::size_t block, std::uint32_t, Decoded& decoded) const override {
+    const std::size_t size = block_size(block) * record_length();
+    if (records_) return {records_.get() + begin(block), size};
+    if (decoded.block != block) {
+      decoded.block.reset();
+      decoded.records.resize(size);
+      decode_into(block, decoded.records);
+      decoded.block = block;
+    }
+    return decoded.records;
   }
 
  private:
@@ -138,52 +121,46 @@ class DecodedRecords : public Chunks {
     require(decode(block, kAllLayers, records), block);
   }
 
-  std::unique_ptr<char[]> records_;  // one of the two, or none
-  std::unique_ptr<Grid[]> grid_;
+  std::unique_ptr<char[]> records_;
 };
 
 // Points in layers. All that may be held is their coordinates and what else coding them again needs.
 class DecodedLayers : public Chunks {
  public:
   DecodedLayers(std::vector<Chunk> chunks, const Compression& compression, std::size_t record_length,
-                std::size_t file_size, const std::string& name, Held held)
+                const std::string& name, bool holds)
       : Chunks(std::move(chunks), compression, record_length, name) {
-    if (held == Held::nothing) return;
+    if (!holds) return;
     const std::uint64_t count = block_begin(block_count());
-    check_plausible(count, 0, sizeof(Grid) + sizeof(Returns), file_size, name);
-    const bool keeps = held == Held::all;
     grid_ = make_large<Grid>(count);
-    if (keeps) returns_ = make_large<Returns>(count);
+    returns_ = make_large<Returns>(count);
     for_each_block(block_count(), [&](std::size_t block) {
-      std::vector<Returns> unkept(keeps ? 0 : block_size(block));
       decode_into(block, {grid_.get() + block_begin(block), block_size(block)},
-                  keeps ? std::span(returns_.get() + block_begin(block), block_size(block)) : std::span(unkept));
+                  {returns_.get() + block_begin(block), block_size(block)});
     });
   }
 
-  void grid(std::size_t block, std::span<Grid> out) const override {
+  void grid(std::size_t block, std::span<Grid> out, Decoded& decoded) const override {
     if (grid_) {
       std::copy_n(grid_.get() + block_begin(block), out.size(), out.begin());
     } else {
-      std::vector<Returns> unkept(out.size());
-      decode_into(block, out, unkept);
+      decode_into(block, out, decoded);
     }
   }
 
-  std::string_view records(std::size_t block, std::uint32_t layers, std::string& buffer) const override {
-    buffer.assign(block_size(block) * record_length(), '\0');
+  std::string_view records(std::size_t block, std::uint32_t layers, Decoded& decoded) const override {
+    decoded.records.assign(block_size(block) * record_length(), '\0');
     if (layers == 0) {
-      std::vector<Returns> unkept;
-      fill_returns(returns(block, unkept), buffer);
+      fill_returns(returns(block, decoded), decoded.records);
     } else {
-      require(decode(block, layers, buffer), block);
+      require(decode(block, layers, decoded.records), block);
     }
-    return buffer;
+    return decoded.records;
   }
 
-  bool append_moved_chunk(std::size_t block, std::span<const Grid> now, std::string& to) const override {
-    std::vector<Returns> unkept;
-    encode_layers(*split(block), now, returns(block, unkept), to);
+  bool append_moved_chunk(std::size_t block, std::span<const Grid> now, Decoded& decoded,
+                          std::string& to) const override {
+    encode_layers(*split(block), now, returns(block, decoded), to);
     return true;
   }
 
@@ -197,14 +174,20 @@ class DecodedLayers : public Chunks {
     const auto layers = split(block);
     require(layers && decode_layers(*layers, grid, returns), block);
   }
+  void decode_into(std::size_t block, std::span<Grid> grid, Decoded& decoded) const {
+    decoded.block.reset();
+    decoded.returns.resize(grid.size());
+    decode_into(block, grid, decoded.returns);
+    decoded.block = block;
+  }
 
-  // `buffer` holds them where they are not kept.
-  std::span<const Returns> returns(std::size_t block, std::vector<Returns>& buffer) const {
+  std::span<const Returns> returns(std::size_t block, Decoded& decoded) const {
     if (returns_) return {returns_.get() + block_begin(block), block_size(block)};
-    std::vector<Grid> grid(block_size(block));
-    buffer.resize(block_size(block));
-    decode_into(block, grid, buffer);
-    return buffer;
+    if (decoded.block != block) {
+      std::vector<Grid> unused(block_size(block));
+      decode_into(block, unused, decoded);
+    }
+    return decoded.returns;
   }
 
   void fill_returns(std::span<const Returns> from, std::string& records) const {
@@ -237,12 +220,13 @@ std::unique_ptr<PointStore> decode_chunks(std::vector<Chunk> chunks, const Heade
                                           const Compression& compression, std::size_t file_size,
                                           const std::string& name, Residence residence, std::uint64_t most_kept) {
   const bool layered = compression.layered();
-  const bool fits = header.count <= most_kept / (layered ? sizeof(Grid) + sizeof(Returns) : header.record_length);
-  const Held held = residence == Residence::file ? Held::nothing : fits ? Held::all : Held::coordinates;
-  if (layered) {
-    return std::make_unique<DecodedLayers>(std::move(chunks), compression, header.record_length, file_size, name, held);
-  }
-  return std::make_unique<DecodedRecords>(std::move(chunks), compression, header.record_length, file_size, name, held);
+  const std::size_t point_bytes = layered ? sizeof(Grid) + sizeof(Returns) : header.record_length;
+  const bool in_memory = residence == Residence::memory;
+  if (in_memory) check_plausible(header.count, 0, point_bytes, file_size, name);
+  const bool holds = in_memory && header.count <= most_kept / point_bytes;
+  if (layered)
+    return std::make_unique<DecodedLayers>(std::move(chunks), compression, header.record_length, name, holds);
+  return std::make_unique<DecodedRecords>(std::move(chunks), compression, header.record_length, name, holds);
 }
 
 }  // namespace pointfair::io::las

@@ -4,16 +4,26 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "io/las/grid.hpp"
 #include "io/las/header.hpp"
+#include "io/las/layers.hpp"
 #include "io/las/laz.hpp"
 #include "io/source.hpp"
 
 namespace pointfair::io::las {
+
+/// What was decoded of a block, so that the next question about this block does not decode it again. For one store.
+struct Decoded {
+  std::optional<std::size_t> block;
+  std::string records;           ///< of point formats 0 to 5
+  std::vector<Returns> returns;  ///< of 6 to 10
+};
 
 class PointStore {
  public:
@@ -26,13 +36,13 @@ class PointStore {
     return static_cast<std::size_t>(block_begin(block + 1) - block_begin(block));
   }
 
-  virtual void grid(std::size_t block, std::span<Grid> out) const = 0;
-  /// The records of the block; `buffer` may be used to hold them. Where layers are apart, only `layers` are right.
-  virtual std::string_view records(std::size_t block, std::uint32_t layers, std::string& buffer) const = 0;
+  virtual void grid(std::size_t block, std::span<Grid> out, Decoded& decoded) const = 0;
+  /// The records of the block; `decoded` may hold them. Where layers are apart, only `layers` are right.
+  virtual std::string_view records(std::size_t block, std::uint32_t layers, Decoded& decoded) const = 0;
   /// The block compressed, as it is in the file; empty if it is not.
   virtual std::string_view chunk(std::size_t) const { return {}; }
   /// Appends the block compressed with these coordinates and all else as it is. False: it must be compressed anew.
-  virtual bool append_moved_chunk(std::size_t, std::span<const Grid>, std::string&) const { return false; }
+  virtual bool append_moved_chunk(std::size_t, std::span<const Grid>, Decoded&, std::string&) const { return false; }
 };
 
 /// The points of an uncompressed file, in the file. Throws Error(file) if they are not all there.
@@ -40,8 +50,8 @@ std::unique_ptr<PointStore> open_records(std::string_view bytes, const Header& h
 
 /// The points of a compressed file: of point formats 0 to 5 all decoded, of 6 to 10 the coordinates. In parallel.
 /// Throws Error(file) if a chunk is damaged. Memory: a record, or 14 bytes, a point. Where that is more than
-/// `most_kept` bytes, 12 bytes a point, and writing decodes each chunk again. With Residence::file no point is held; a
-/// chunk is decoded when it is asked for, and may throw then.
+/// `most_kept` bytes, and with Residence::file, no point is held: a chunk is decoded when it is asked for, and may
+/// throw then.
 std::unique_ptr<PointStore> decode_chunks(std::vector<Chunk> chunks, const Header& header,
                                           const Compression& compression, std::size_t file_size,
                                           const std::string& name, Residence residence,

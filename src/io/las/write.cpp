@@ -2,6 +2,7 @@
 // Writing a LAS or LAZ file back with moved points.
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 
 #include "io/file_bytes.hpp"
 #include "io/las/codec.hpp"
@@ -9,7 +10,6 @@
 #include "io/las/source.hpp"
 #include "io/parallel.hpp"
 #include "io/record_source.hpp"
-#include "io/text.hpp"
 
 namespace pointfair::io::las {
 namespace {
@@ -27,15 +27,25 @@ void put_grid(const Grid& grid, char* record) {
   }
 }
 
+std::string text_of(double number) {
+  char text[32];
+  return {text, static_cast<std::size_t>(std::snprintf(text, sizeof text, "%.10g", number))};
+}
+
+[[noreturn]] void refuse_fine_scale(double scale) {
+  throw Error(ErrorKind::usage,
+              "the coordinates do not fit in 32 bits with a scale of " + text_of(scale) + "; give a coarser one");
+}
+
 // How many steps of the scale that is asked for make one of the file's own, on each axis.
 Grid steps_of(const Scaling& own, std::optional<double> wanted) {
   Grid steps{1, 1, 1};
   for (std::size_t axis = 0; wanted && axis < 3; ++axis) {
     const double ratio = own.scale[axis] / *wanted, whole = std::nearbyint(ratio);
     if (!(whole >= 1 && whole < 1e6) || std::abs(ratio - whole) > 1e-6 * whole) {
-      std::string scale;
-      append_number(scale, own.scale[axis]);
-      throw Error(ErrorKind::usage, "the scale of the file is " + scale + "; give a whole part of it, such as a tenth");
+      throw Error(ErrorKind::usage, "the scale cannot be " + text_of(*wanted) + ": that of the file is " +
+                                        text_of(own.scale[axis]) + "; give a whole part of it, such as " +
+                                        text_of(own.scale[axis] / 10));
     }
     steps[axis] = static_cast<std::int32_t>(whole);
   }
@@ -88,12 +98,14 @@ class LasWriter {
     }
     add_attributes();
     if (compress) choose_compression();
-    if (!compress) drop("laszip encoded", kLaszipId);
+    if (!compress && layout_.compression) drop(kLaszipUser, kLaszipId);
     if (compress && (!layout_.compression || !edits.added.empty())) {
       frame_.put_record(kLaszipUser, kLaszipId, "by LASzip of pointfair", compression_record(*compression_));
     }
-    drop("copc", 1);  // an octree of the points, which no longer are where it has them
-    drop("copc", 1000);
+    if (compress || layout_.compression) {
+      drop("copc", 1);  // an octree of compressed points, which no longer are where it has them
+      drop("copc", 1000);
+    }
   }
 
   void write() {
@@ -162,8 +174,10 @@ class LasWriter {
 
   void append_block(std::size_t block, std::string& buffer) {
     thread_local std::vector<Grid> grid;  // its memory serves the thread's next block
+    thread_local Decoded decoded;         // that of another store's block of this number must not be taken for ours
+    decoded.block.reset();
     grid.resize(source_.block_size(block));
-    source_.store_->grid(block, grid);
+    source_.store_->grid(block, grid, decoded);
     for (Grid& point : grid) {
       refine(point);
       before_[block].add(point, point);
@@ -178,9 +192,9 @@ class LasWriter {
         return;
       }
       buffer.reserve(own.size() + own.size() / 8);
-      if (source_.store_->append_moved_chunk(block, grid, buffer)) return;
+      if (source_.store_->append_moved_chunk(block, grid, decoded, buffer)) return;
     }
-    append_records(block, grid, moved, buffer);
+    append_records(block, grid, moved, decoded, buffer);
   }
 
   bool is_refined() const { return steps_ != Grid{1, 1, 1}; }
@@ -189,9 +203,7 @@ class LasWriter {
   void refine(Grid& point) const {
     for (std::size_t axis = 0; axis < 3; ++axis) {
       const std::int64_t fine = std::int64_t{point[axis]} * steps_[axis];
-      if (fine != static_cast<std::int32_t>(fine)) {
-        throw Error(ErrorKind::usage, "the coordinates do not fit in 32 bits with so fine a scale; give a coarser one");
-      }
+      if (fine != static_cast<std::int32_t>(fine)) refuse_fine_scale(scaling_.scale[axis]);
       point[axis] = static_cast<std::int32_t>(fine);
     }
   }
@@ -228,10 +240,11 @@ class LasWriter {
     return moved;
   }
 
-  void append_records(std::size_t block, const std::vector<Grid>& grid, bool moved, std::string& buffer) const {
-    thread_local std::string own_buffer, points;  // as above
+  void append_records(std::size_t block, const std::vector<Grid>& grid, bool moved, Decoded& decoded,
+                      std::string& buffer) const {
+    thread_local std::string points;  // as above
     points.clear();
-    const std::string_view own = source_.store_->records(block, kAllLayers, own_buffer);
+    const std::string_view own = source_.store_->records(block, kAllLayers, decoded);
     if (edits_.added.empty()) {
       points = own;
     } else {
@@ -256,7 +269,7 @@ class LasWriter {
 
   // All chunks are as they were, and nothing else changes.
   bool is_copy() const {
-    return compression_ && !edits_.changes_attributes() && !is_refined() && !layout_.header.find("copc", 1) &&
+    return compression_ && !edits_.changes_attributes() && !is_refined() && !layout_.is_copc() &&
            std::all_of(kept_.begin(), kept_.end(), [](char kept) { return kept != 0; });
   }
 
@@ -296,6 +309,19 @@ class LasWriter {
   std::vector<GridBounds> before_, now_;
   std::vector<char> kept_;  // its chunk is copied
 };
+
+// By the bounds in the header; those of the points decide when they are written.
+void LasSource::check_las_scale(double scale) const {
+  const Scaling& own = layout_.header.scaling;
+  const Grid steps = steps_of(own, scale);
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    for (const std::size_t side : {0, 8}) {
+      const auto bound = get<double>(bytes(), place::bounds + 16 * axis + side);
+      const double fine = (bound - own.offset[axis]) / own.scale[axis] * steps[axis];
+      if (steps[axis] > 1 && std::abs(fine) > std::numeric_limits<std::int32_t>::max()) refuse_fine_scale(scale);
+    }
+  }
+}
 
 void LasSource::write(const Edits& edits, Encoding encoding, Output& out) const {
   write_patched(out, [&](Output& to) { LasWriter(*this, edits, encoding == Encoding::binary_compressed, to).write(); });

@@ -73,50 +73,65 @@ function wordControl(param: Param, change: (text: string, done: boolean) => void
   return { element: row(param, select), show };
 }
 
-function numberControl(param: Param, change: (text: string, done: boolean) => void): Control {
-  const isLength = param.kind === "length";
-  let scale: Scale = { spacing: 1, diagonal: 1 };
-  let shown = "";
-  let unit: Unit = "s";
+/** A number's texts, its values and the places of its slider. */
+class NumberTexts {
+  scale: Scale = { spacing: 1, diagonal: 1 };
+  unit: Unit = "s";
+  readonly isLength: boolean;
 
-  const range = (): [number, number] => {
-    if (!isLength) return [param.min, param.max];
-    return [kLengthRange[0] * (scale.spacing || 1), kLengthRange[1] * (scale.spacing || 1)];
-  };
-  const logarithmic = () => range()[0] > 0;
-  const toPlace = (value: number) => {
-    const [low, high] = range();
-    const share = logarithmic() ? Math.log(value / low) / Math.log(high / low) : (value - low) / (high - low);
+  constructor(private readonly param: Param) {
+    this.isLength = param.kind === "length";
+  }
+  range(): [number, number] {
+    if (!this.isLength) return [this.param.min, this.param.max];
+    return [kLengthRange[0] * (this.scale.spacing || 1), kLengthRange[1] * (this.scale.spacing || 1)];
+  }
+  toPlace(value: number): number {
+    const [low, high] = this.range();
+    const share = low > 0 ? Math.log(value / low) / Math.log(high / low) : (value - low) / (high - low);
     return Math.round(kSteps * Math.min(1, Math.max(0, share)));
-  };
-  const fromPlace = (place: number) => {
-    const [low, high] = range();
+  }
+  fromPlace(place: number): number {
+    const [low, high] = this.range();
     const share = place / kSteps;
-    return logarithmic() ? low * (high / low) ** share : low + share * (high - low);
-  };
-  const textOf = (value: number) => {
-    if (isLength) return lengthText(value, unit, scale);
-    return String(param.kind === "int" ? Math.round(value) : Number(value.toPrecision(3)));
-  };
-  const valueOf = (text: string) => (isLength ? lengthOf(text, scale) : Number(text));
-  const spoken = (text: string) => (isLength ? `${text.replace(/[s%r]$/, "")} ${unitName(unitOf(text))}` : text);
+    return low > 0 ? low * (high / low) ** share : low + share * (high - low);
+  }
+  textOf(value: number): string {
+    if (this.isLength) return lengthText(value, this.unit, this.scale);
+    return String(this.param.kind === "int" ? Math.round(value) : Number(value.toPrecision(3)));
+  }
+  valueOf = (text: string) => (this.isLength ? lengthOf(text, this.scale) : Number(text));
+  spoken = (text: string) => (this.isLength ? `${text.replace(/[s%r]$/, "")} ${unitName(unitOf(text))}` : text);
+}
 
-  const id = `param-${param.name}`;
+function makeSlider(
+  param: Param, texts: NumberTexts, shown: () => string, change: (text: string, done: boolean) => void,
+) {
   const slider = h("input", {
     type: "range", min: "0", max: String(kSteps), step: "1", "aria-label": param.flag,
-    "aria-describedby": `${id}-help`,
-    oninput: () => change(textOf(fromPlace(slider.valueAsNumber)), false),
-    onchange: () => change(textOf(fromPlace(slider.valueAsNumber)), true),
+    "aria-describedby": `param-${param.name}-help`,
+    oninput: () => change(texts.textOf(texts.fromPlace(slider.valueAsNumber)), false),
+    onchange: () => change(texts.textOf(texts.fromPlace(slider.valueAsNumber)), true),
     // a whole number moves by one, whatever the slider's own steps are
     onkeydown: (event: KeyboardEvent) => {
       const step = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 }[event.key];
       if (!step || param.kind !== "int") return;
       event.preventDefault();
-      const now = Math.round(fromPlace(slider.valueAsNumber));
-      const from = shown === "auto" ? now : Number(shown);
+      const now = Math.round(texts.fromPlace(slider.valueAsNumber));
+      const from = shown() === "auto" ? now : Number(shown());
       change(String(Math.min(param.max, Math.max(param.min, from + step))), true);
     },
   });
+  return slider;
+}
+
+function numberControl(param: Param, change: (text: string, done: boolean) => void): Control {
+  const texts = new NumberTexts(param);
+  const { isLength } = texts;
+  let shown = "", usedText = "";
+
+  const id = `param-${param.name}`;
+  const slider = makeSlider(param, texts, () => shown, change);
   const entry = h("input", {
     type: "text", id, class: "entry", spellcheck: false, autocomplete: "off", inputMode: isLength ? "text" : "numeric",
     "aria-describedby": `${id}-help`,
@@ -128,10 +143,10 @@ function numberControl(param: Param, change: (text: string, done: boolean) => vo
   const units = h("select", {
     class: "unit", "aria-label": `unit of ${param.flag}`,
     onchange: () => {
-      unit = units.value as Unit;
-      const value = lengthOf(shown === "auto" ? usedText : shown, scale);
+      texts.unit = units.value as Unit;
+      const value = lengthOf(shown === "auto" ? usedText : shown, texts.scale);
       if (shown === "auto" || !Number.isFinite(value)) refresh();
-      else change(lengthText(value, unit, scale), true);
+      else change(lengthText(value, texts.unit, texts.scale), true);
     },
   }, ...kUnits.map(([value, name]) => h("option", { value }, name)));
   const auto = h("button", {
@@ -139,31 +154,31 @@ function numberControl(param: Param, change: (text: string, done: boolean) => vo
     "aria-label": `${param.flag} auto`,
     onclick: () => {
       if (shown !== "auto") return change("auto", true);
-      const value = valueOf(usedText);
-      change(textOf(Number.isFinite(value) && value > 0 ? value : Math.sqrt(range()[0] * range()[1])), true);
+      const value = texts.valueOf(usedText);
+      const [low, high] = texts.range();
+      change(texts.textOf(Number.isFinite(value) && value > 0 ? value : Math.sqrt(low * high)), true);
     },
   }, "auto");
 
-  let usedText = "";
   const element = row(param, h("div", { class: "number" }, entry, isLength ? units : null, param.automatic ? auto : null), slider);
   const refresh = () => {
     const isAuto = shown === "auto";
     element.classList.toggle("is-auto", isAuto);
     auto.setAttribute("aria-pressed", String(isAuto));
-    const value = valueOf(isAuto ? usedText : shown);
+    const value = texts.valueOf(isAuto ? usedText : shown);
     const known = Number.isFinite(value);
     if (document.activeElement !== entry)
-      entry.value = !isAuto ? shown : known ? (isLength ? lengthText(value, unit, scale) : short(value)) : "–";
-    if (document.activeElement !== slider || isAuto || Math.abs(fromPlace(slider.valueAsNumber) / value - 1) > 0.02)
-      if (known) slider.value = String(toPlace(value));
-    slider.setAttribute("aria-valuetext", isAuto ? `auto, ${known ? spoken(entry.value) : "unused"}` : spoken(shown));
-    if (isLength) units.value = unit;
+      entry.value = !isAuto ? shown : known ? (isLength ? lengthText(value, texts.unit, texts.scale) : short(value)) : "–";
+    if (document.activeElement !== slider || isAuto || Math.abs(texts.fromPlace(slider.valueAsNumber) / value - 1) > 0.02)
+      if (known) slider.value = String(texts.toPlace(value));
+    slider.setAttribute("aria-valuetext", isAuto ? `auto, ${known ? texts.spoken(entry.value) : "unused"}` : texts.spoken(shown));
+    if (isLength) units.value = texts.unit;
   };
-  const show = (text: string, used: string | undefined, itsScale: Scale) => {
-    scale = itsScale;
+  const show = (text: string, used: string | undefined, scale: Scale) => {
+    texts.scale = scale;
     shown = text;
     usedText = used ?? usedText;
-    if (isLength && text !== "auto") unit = unitOf(text);
+    if (isLength && text !== "auto") texts.unit = unitOf(text);
     refresh();
   };
   return { element, show };

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+// What is said about a run beside the library's own report: as JSON, and as lines on standard error.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "pointfair/pointfair.hpp"
+#include "report.hpp"
+#include "statistics.hpp"
+
+namespace pointfair::cli {
+
+// What is said about a run beside the library's own report.
+struct Findings {
+  double spacing = 0, noise = 0;  // of the input
+  std::string noise_attribute;    // that the noise comes from; empty: it is estimated
+  std::array<double, 3> noise_quantiles{};
+  double step = 0;            // between the coordinates written, where these are integers
+  std::uint64_t ignored = 0;  // finite points left out by --ignore
+  std::uint64_t held = 0;     // others that the limits did not let move
+  Statistics displacement;
+  std::vector<std::string> notes;
+};
+
+// Counts the points that the limits hold, and those of them that were left out of the run.
+void count_limited(const Cloud& cloud, const Limits& limits, std::span<const std::uint8_t> movable, Findings& findings);
+// The estimates are of the points that were not ignored. `keeps_normals`: those in the file stay.
+void find_out(bool keeps_normals, const WriteOptions& options, const Cloud& before, const Cloud& after,
+              Pipeline& pipeline, std::stop_token stop, Findings& findings);
+
+Json run_json(const Report& report, const Findings& findings);
+void print_summary(const Report& report, const Findings& findings, bool with_details);
+
+}  // namespace pointfair::cli

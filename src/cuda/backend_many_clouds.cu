@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+// Many clouds at once, as a forest.
+#include "cuda/backend.cuh"
+
+namespace pointfair::cuda {
+
+void CudaBackend::upload(std::span<const Point> points, std::span<const Index> ends) {
+  context_.enter();
+  forget_cloud(points.size());
+  if (!points.empty())
+    check(cudaMemcpyAsync(uploaded_.data(), points.data(), points.size_bytes(), cudaMemcpyHostToDevice,
+                          context_.stream()),
+          "uploading clouds");
+  plant(ends);
+}
+
+void CudaBackend::upload(const DevicePoints& points, DeviceStream stream, std::span<const Index> ends) {
+  context_.enter();
+  require_on_card(points.data, points.count, points.type, points.card, card_);
+  forget_cloud(points.count);
+  let_wait(stream);
+  callers_.take(points, {}, uploaded_.data());
+  plant(ends);
+}
+
+std::vector<std::uint8_t> CudaBackend::surely_have_no_origin(const DevicePoints& points, DeviceStream stream,
+                                                             std::span<const Index> ends) {
+  context_.enter();
+  require_on_card(points.data, points.count, points.type, points.card, card_);
+  let_wait(stream);
+  upload_ends(ends);
+  return cuda::surely_have_no_origin(context_, points, ends_.data(), ends.size());
+}
+
+ManyClouds::Taken CudaBackend::take_samples(const Queries& for_spacing, const Queries& for_noise,
+                                            std::stop_token stop) {
+  if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+  context_.enter();
+  const Taken taken =
+      many_samples_.take(first_.sampled_tree(), first_.input(), clouds_.size(), for_spacing, for_noise, stop);
+  clock_.pause();
+  return taken;
+}
+
+void CudaBackend::run(std::span<const Index> clouds, std::span<const OfCloud> settings, int iterations,
+                      std::stop_token stop) {
+  context_.enter();
+  context_.finish();  // with the nodes of clouds before
+  OfCloud common = settings[0];
+  common.neighbors.levels.reset();
+  common.neighbors.reach_levels.reset();
+  for (const OfCloud& its : settings)
+    common.neighbors.min_neighbors = std::max(common.neighbors.min_neighbors, its.neighbors.min_neighbors);
+  forest_ = grove_.plan(clouds_, clouds, settings, uploaded_.size(),
+                        [this](std::size_t count, const auto& body) { for_each_on_host(count, body); });
+  for (int iteration = 0; iteration < iterations; ++iteration) {
+    if (iteration == 0) {
+      first_.build_index(uploaded_.data(), *forest_, stop);
+    } else {
+      build_index(iteration, std::nullopt, stop);
+    }
+    find_neighbors(iteration, common.neighbors, stop);
+    estimate_normals(iteration, common.normals, stop);
+    common.fairing.is_further = iteration > 0;
+    fair(iteration, common.fairing, false, stop);
+  }
+  if (settled_.size() == 0) {
+    settled_.resize(uploaded_.size());
+    check(cudaMemcpyAsync(settled_.data(), uploaded_.data(), uploaded_.size() * sizeof(Point), cudaMemcpyDeviceToDevice,
+                          context_.stream()),
+          "settling clouds");
+  }
+  settle(context_, *forest_,
+         {uploaded_.data(), chain(iterations - 1).faired().data(), settled_.data(),
+          Leaving::holds_back(iterations - 1, common.limits)});
+}
+
+void CudaBackend::download(std::span<Point> points) {
+  context_.enter();
+  leaving_.copy(settled_.size() > 0 ? settled_.data() : uploaded_.data(), points);
+  deliver();
+}
+
+void CudaBackend::download(const DeviceOutput& points, DeviceStream stream) {
+  context_.enter();
+  require_on_card(points.data, points.count, points.type, points.card, card_);
+  let_wait(stream);
+  callers_.give(uploaded_.data(), settled_.size() > 0 ? settled_.data() : uploaded_.data(), points);
+  deliver();
+}
+
+void CudaBackend::upload_ends(std::span<const Index> ends) {
+  ends_.resize(ends.size());
+  if (ends.empty()) return;
+  check(cudaMemcpyAsync(ends_.data(), ends.data(), ends.size_bytes(), cudaMemcpyHostToDevice, context_.stream()),
+        "uploading clouds");
+}
+
+void CudaBackend::plant(std::span<const Index> ends) {
+  clouds_.clear();
+  for (std::size_t cloud = 0, first = 0; cloud < ends.size(); first = ends[cloud++])
+    clouds_.push_back({static_cast<Index>(first), ends[cloud], static_cast<Index>(first)});
+  forest_ = grove_.plan(clouds_, uploaded_.size());
+  const cudaEvent_t start = clock_.start();
+  first_.build_index(uploaded_.data(), *forest_, {});
+  clock_.note("index", start, first_.stream());
+  is_index_begun_ = true;
+}
+
+}  // namespace pointfair::cuda

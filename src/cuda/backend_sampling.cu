@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+// What estimates are made of, and which points of a tile are exact.
+#include "cuda/backend.cuh"
+
+namespace pointfair::cuda {
+
+CloudSample CudaBackend::sample_cloud(std::size_t count) {
+  context_.enter();
+  wait_for_upload();
+  CloudSample sample = sampler_.draw(uploaded_.data(), uploaded_.size(), count);
+  clock_.pause();
+  return sample;
+}
+
+void CudaBackend::sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) {
+  context_.enter();
+  DeviceArray<Index> asked(context_);
+  DeviceArray<Point> rows(context_);
+  asked.resize(queries.size());
+  rows.resize(out.size());
+  check(cudaMemcpyAsync(asked.data(), queries.data(), queries.size_bytes(), cudaMemcpyHostToDevice, context_.stream()),
+        "uploading queries");
+  first_.sample_neighborhoods({asked.data(), queries.size(), k, rows.data()});
+  leaving_.copy(rows.data(), out);
+  wait();
+}
+
+Samples CudaBackend::take_samples(std::span<const Index> for_spacing, std::span<const Index> for_noise,
+                                  std::stop_token stop) {
+  if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+  context_.enter();
+  const std::size_t spacings = for_spacing.size(), noises = for_noise.size();
+  queries_.resize(spacings + noises);
+  spacing_samples_.resize(spacings);
+  noise_samples_.resize(noises);
+  residual_samples_.resize(noises);
+  std::copy(for_noise.begin(), for_noise.end(), std::copy(for_spacing.begin(), for_spacing.end(), queries_.get()));
+  first_.take_samples(
+      {queries_.get(), spacings, noises, spacing_samples_.get(), noise_samples_.get(), residual_samples_.get()});
+  wait();
+  if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+  std::vector residuals(residual_samples_.get(), residual_samples_.get() + noises);
+  return {{spacing_samples_.get(), spacing_samples_.get() + spacings},
+          {noise_samples_.get(), noise_samples_.get() + noises},
+          [residuals = std::move(residuals)] { return residuals; }};
+}
+
+void CudaBackend::outcomes(const point::Region& loaded, std::span<unsigned char> out) {
+  context_.enter();
+  DeviceArray<unsigned char> found(context_);
+  found.resize(out.size());
+  first_.find_outcomes(loaded, found.data());
+  check(cudaMemcpyAsync(out.data(), found.data(), out.size(), cudaMemcpyDeviceToHost, context_.stream()),
+        "downloading outcomes");
+  deliver();
+}
+
+}  // namespace pointfair::cuda

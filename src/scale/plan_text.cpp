@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "scale/plan_text.hpp"
+
+#include <cstdio>
+#include <cstdlib>
+#include <sstream>
+#include <utility>
+
+#include "io/file_bytes.hpp"
+#include "pointfair/version.hpp"
+
+namespace pointfair::scale {
+namespace {
+
+std::string text_of(double value) {
+  char digits[64];
+  std::snprintf(digits, sizeof digits, "%a", value);
+  return digits;
+}
+
+double parse_number(std::istream& in) {
+  std::string word;
+  in >> word;
+  return std::strtod(word.c_str(), nullptr);
+}
+
+void read_line(const std::string& line, Plan& plan) {
+  std::istringstream in(line);
+  std::string key, word;
+  in >> key;
+  const auto rest = [&] {
+    in.get();
+    std::string text;
+    std::getline(in, text);
+    return text;
+  };
+  if (key == "memory") in >> plan.memory;
+  if (key == "points") in >> plan.points;
+  if (key == "iterations") in >> plan.iterations;
+  if (key == "tiles") in >> plan.tiles;
+  if (key == "origin")
+    for (double& c : plan.origin) c = parse_number(in);
+  if (key == "write") {
+    int format = -1, encoding = -1, overwrite = 0, sync = 0;
+    in >> format >> encoding;
+    const double scale = parse_number(in);
+    in >> overwrite >> sync;
+    if (format >= 0) plan.write.format = Format(format);
+    if (encoding >= 0) plan.write.encoding = Encoding(encoding);
+    if (scale > 0) plan.write.las_scale = scale;
+    plan.write.overwrite = overwrite != 0;
+    plan.write.sync = sync != 0;
+  }
+  if (key == "param") {
+    in >> word;
+    if (const ParamInfo* info = find_param(word)) set_param(plan.params, *info, rest());
+  }
+  if (key == "limit") {
+    in >> word;
+    set_limit(plan.limits, word, rest());
+  }
+  if (key == "noise") plan.noise_attribute = rest();
+  if (key == "viewpoint") plan.viewpoint = rest();
+  if (key == "sensor")
+    for (double& c : plan.sensor.emplace()) c = parse_number(in);
+  if (key == "file") {
+    InputFile file;
+    in >> file.points >> file.fingerprint;
+    file.path = rest();
+    if (!plan.files.empty()) file.first_point = plan.files.back().first_point + plan.files.back().points;
+    plan.files.push_back(std::move(file));
+  }
+  if (key == "output") plan.files.back().output = rest();
+  if (key == "chunk") {
+    InputChunk c;
+    in >> c.file >> c.first_block >> c.end_block >> c.first_point >> c.points;
+    plan.chunks.push_back(c);
+  }
+}
+
+}  // namespace
+
+std::string text_of(const Plan& plan) {
+  std::ostringstream out;
+  out << "pointfair-plan " << version() << "\n";
+  out << "memory " << plan.memory << "\npoints " << plan.points << "\niterations " << plan.iterations << "\ntiles "
+      << plan.tiles << "\n";
+  out << "origin";
+  for (const double c : plan.origin) out << " " << text_of(c);
+  out << "\nwrite " << (plan.write.format ? int(*plan.write.format) : -1) << " "
+      << (plan.write.encoding ? int(*plan.write.encoding) : -1) << " " << text_of(plan.write.las_scale.value_or(0))
+      << " " << int(plan.write.overwrite) << " " << int(plan.write.sync) << "\n";
+  for (const ParamInfo& info : kParams) out << "param " << info.name << " " << param_text(plan.params, info) << "\n";
+  for (const std::string_view name : kLimitNames) {
+    const std::string text = limit_text(plan.limits, name);
+    if (!text.empty()) out << "limit " << name << " " << text << "\n";
+  }
+  if (!plan.noise_attribute.empty()) out << "noise " << plan.noise_attribute << "\n";
+  if (!plan.viewpoint.empty()) out << "viewpoint " << plan.viewpoint << "\n";
+  if (plan.sensor) {
+    out << "sensor";
+    for (const double c : *plan.sensor) out << " " << text_of(c);
+    out << "\n";
+  }
+  for (const InputFile& file : plan.files)
+    out << "file " << file.points << " " << file.fingerprint << " " << file.path.string() << "\noutput "
+        << file.output.string() << "\n";
+  for (const InputChunk& c : plan.chunks)
+    out << "chunk " << c.file << " " << c.first_block << " " << c.end_block << " " << c.first_point << " " << c.points
+        << "\n";
+  out << "end\n";
+  return out.str();
+}
+
+Plan plan_of(const std::string& text, const std::string& name) {
+  std::istringstream lines(text);
+  std::string line, last;
+  std::getline(lines, line);
+  if (line != std::string("pointfair-plan ") + version())
+    io::fail(name, "was made by another version of pointfair; go on with that one, or plan again in another folder");
+  Plan plan;
+  for (; std::getline(lines, line); last = line) read_line(line, plan);
+  if (last != "end") io::fail(name, "is damaged; plan again in another work folder");
+  return plan;
+}
+
+}  // namespace pointfair::scale

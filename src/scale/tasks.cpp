@@ -1,0 +1,211 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "scale/tasks.hpp"
+
+#include <utility>
+
+#include "estimate/automatic.hpp"
+#include "io/file_bytes.hpp"
+#include "io/streamed.hpp"
+#include "pipeline/devices.hpp"
+#include "pipeline/outlier_marks.hpp"
+#include "pipeline/stage_settings.hpp"
+#include "scale/denoise.hpp"
+#include "scale/emit.hpp"
+#include "scale/given.hpp"
+#include "scale/ingest.hpp"
+#include "tiles/feeders.hpp"
+
+namespace pointfair::scale {
+namespace fs = std::filesystem;
+
+Tasks::Tasks(const fs::path& work, const std::vector<Device>& devices)
+    : folder_(work), tree_(work / "leaves"), inputs_(folder_.plan.files, devices[0].threads) {
+  for (const Device& device : devices) workers_.push_back({device, nullptr});
+  if (fs::exists(work / "origin")) use_origin(load_origin());
+}
+
+Backend& Tasks::Worker::backend() {
+  DeviceInfo info;
+  if (!made) made = make_backend(device, info);
+  return *made;
+}
+
+void Tasks::run(const WorkStep& step, std::size_t task, const std::stop_token& stop) {
+  if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+  if (folder_.is_done(step, task)) return;
+  try {
+    get_ready(step);
+    do_task(step, task, stop);
+  } catch (const Error& error) {
+    // another process may have done it meanwhile, and have removed what it is made of
+    if (error.kind() != ErrorKind::file || !folder_.is_done(step, task)) throw;
+  }
+}
+
+void Tasks::run_all(const WorkStep& step, const std::stop_token& stop, const std::function<void(std::size_t)>& begin) {
+  if (step.kind == WorkStep::Kind::denoise) return run_tiles(step, stop, begin);
+  for (std::size_t task = 0; task < folder_.tasks_of(step); ++task) {
+    begin(task);
+    run(step, task, stop);
+  }
+}
+
+// Tiles are a queue for the workers.
+void Tasks::run_tiles(const WorkStep& step, const std::stop_token& stop,
+                      const std::function<void(std::size_t)>& begin) {
+  const std::size_t tasks = folder_.tasks_of(step);
+  TaskQueue<std::size_t> queue;
+  for (std::size_t task = 0; task < tasks; ++task) queue.put(task);
+  const auto next = [&](bool tells) -> std::unique_ptr<Denoising> {
+    while (const auto task = queue.take(false)) {
+      if (tells) begin(*task);
+      if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+      if (!folder_.is_done(step, *task))
+        return std::make_unique<Denoising>(tile_work(step, *task), folder_.file_of(step, *task), stop);
+    }
+    return nullptr;
+  };
+  try {
+    if (folder_.count_done(step) < tasks) get_ready(step);
+    on_feeders(workers_.size(), [&](std::size_t worker) {
+      try {
+        denoise_all([&] { return next(worker == 0); }, workers_[worker].backend());
+      } catch (...) {
+        queue.close();
+        throw;
+      }
+    });
+  } catch (const Error& error) {
+    // another process may have done them meanwhile, and have removed what they are made of
+    if (error.kind() != ErrorKind::file || folder_.count_done(step) < tasks) throw;
+  }
+}
+
+// What the tasks of a step share, and only read.
+void Tasks::get_ready(const WorkStep& step) {
+  if (!folder_.is_recut && fs::exists(folder_.path / "origin")) use_origin(load_origin());
+  if (step.kind != WorkStep::Kind::denoise) return;
+  settled_settings();
+  if (input_ && input_iteration_ == step.iteration) return;
+  const WorkStep before =
+      step.iteration == 0 ? WorkStep{WorkStep::Kind::ingest} : WorkStep{WorkStep::Kind::denoise, step.iteration - 1};
+  input_.reset();
+  input_.emplace(folder_.files_of(before), tree_.leaves());
+  input_iteration_ = step.iteration;
+}
+
+void Tasks::do_task(const WorkStep& step, std::size_t task, const std::stop_token& stop) {
+  switch (step.kind) {
+    case WorkStep::Kind::ingest:
+      return run_ingest(step, task, stop);
+    case WorkStep::Kind::measure:
+      return run_measure(step, stop);
+    case WorkStep::Kind::denoise:
+      return run_denoise(step, task, stop);
+    case WorkStep::Kind::emit:
+      return run_emit(step, task, stop);
+  }
+}
+
+void Tasks::run_ingest(const WorkStep& step, std::size_t task, const std::stop_token& stop) {
+  const InputChunk& chunk = folder_.plan.chunks[task];
+  ingest(inputs_.open(chunk.file), chunk, folder_.plan, tree_, threads(), folder_.file_of(step, task), stop);
+}
+
+// Where the points show another origin than the one that was guessed, they are taken in again.
+void Tasks::run_measure(const WorkStep& step, const std::stop_token& stop) {
+  const WorkStep before{WorkStep::Kind::ingest};
+  const Position origin = origin_of(folder_.files_of(before), folder_.plan.points);
+  if (origin != folder_.plan.origin) {
+    if (folder_.is_recut) throw Error(ErrorKind::failed, "the input shows another origin each time; plan again");
+    NewFile file(folder_.path / "origin", sizeof origin);
+    file.write(origin.data(), sizeof origin);
+    file.finish();
+    for (const fs::path& path : folder_.files_of(before)) fs::remove(path);
+    use_origin(origin);
+    for (std::size_t task = 0; task < folder_.plan.chunks.size(); ++task) run(before, task, stop);
+  }
+  const StoredCloud cloud(folder_.files_of(before), tree_.leaves());
+  std::optional<GivenNoise> given;
+  if (!folder_.plan.noise_attribute.empty()) given = noise_of_attribute(inputs_, folder_.plan, threads(), stop);
+  save(measure(cloud, folder_.plan, given, workers_[0].backend(), stop), folder_.file_of(step, 0));
+}
+
+void Tasks::run_denoise(const WorkStep& step, std::size_t task, const std::stop_token& stop) {
+  Denoising denoising(tile_work(step, task), folder_.file_of(step, task), stop);
+  denoising.read();
+  denoising.compute(workers_[0].backend());
+  denoising.write();
+}
+
+TileWork Tasks::tile_work(const WorkStep& step, std::size_t task) const {
+  const Settings& settings = resolved_->settings;
+  std::optional<Frame> frame;
+  if (sums_within_radius(folder_.plan.params)) frame = measured_->frame;
+  FairingSettings fairing = settings.fairing;
+  fairing.is_further = step.iteration > 0;
+  const bool is_last = step.iteration + 1 == folder_.plan.iterations;
+  return {*input_,
+          {tree_.tile_begin(task), tree_.tile_begin(task + 1)},
+          {frame, settings.neighbors, settings.normals, fairing},
+          points_in_memory(folder_.plan.memory, bytes_of_tile_point(folder_.plan.params)),
+          is_last ? &folder_.plan.chunks : nullptr};
+}
+
+void Tasks::run_emit(const WorkStep& step, std::size_t task, const std::stop_token& stop) {
+  const InputFile& file = folder_.plan.files[task];
+  const fs::path begun = folder_.begun_mark(task);
+  if (!folder_.plan.write.overwrite && fs::exists(file.output) && !fs::exists(begun))
+    io::fail(file.output.string(), "exists already; add --force to the plan to replace it");
+  mark(begun);
+  const auto source = inputs_.open(task);
+  source->place_at(folder_.plan.origin);
+  const Settings& settings = settled_settings();
+  const Settling settling{settings.limits, settings.limits.farthest > 0 || folder_.plan.iterations > 1};
+  TileResults results(folder_.files_of({WorkStep::Kind::denoise, folder_.plan.iterations - 1}), folder_.plan, task,
+                      source, settling, stop);
+  std::vector<Attribute> added;
+  if (folder_.plan.params.outliers == Outliers::mark)
+    added.push_back(outlier_marks(part_of(source, 0, {}), results.find_outliers(threads())));
+  WriteOptions options = folder_.plan.write;
+  options.overwrite = true;
+  options.sync = true;
+  options.threads = threads();
+  fs::create_directories(file.output.parent_path());
+  io::write_moved(file.output, source, results, options, std::move(added));
+  PointsHeader header;
+  const OutlierCounts held_back = results.held_back();
+  header.counts[kIsolatedCount] = held_back.isolated;
+  header.counts[kOffSurfaceCount] = held_back.off_surface;
+  header.counts[kMixedCount] = held_back.mixed_pixels;
+  header.counts[kHeldCount] = results.held_by_limits();
+  PointsWriter(folder_.file_of(step, task), header, {}, {}).finish();
+}
+
+void Tasks::use_origin(const Position& origin) {
+  std::array<double, 3> shift{};
+  for (std::size_t axis = 0; axis < 3; ++axis) shift[axis] = origin[axis] - folder_.plan.origin[axis];
+  tree_.move(shift);
+  folder_.plan.origin = origin;
+  folder_.is_recut = true;
+}
+Position Tasks::load_origin() const {
+  Position origin{};
+  StoredFile(folder_.path / "origin").read(0, origin.data(), sizeof origin);
+  return origin;
+}
+
+void Tasks::close_input() {
+  input_.reset();
+  input_iteration_ = -1;
+}
+
+const Settings& Tasks::settled_settings() {
+  if (!resolved_) {
+    measured_ = load_measured(folder_.path / "measured");
+    resolved_ = resolve(folder_.plan, *measured_);
+  }
+  return resolved_->settings;
+}
+
+}  // namespace pointfair::scale

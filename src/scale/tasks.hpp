@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+// The tasks of a run in tiles: what each reads, computes and leaves in the work folder.
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <stop_token>
+#include <vector>
+
+#include "pointfair/pipeline.hpp"
+#include "scale/denoise.hpp"
+#include "scale/leaf_tree.hpp"
+#include "scale/measure.hpp"
+#include "scale/plan.hpp"
+#include "scale/stored_cloud.hpp"
+#include "scale/work_folder.hpp"
+#include "seam/backend.hpp"
+
+namespace pointfair::scale {
+
+class Tasks {
+ public:
+  Tasks(const std::filesystem::path& work, const std::vector<Device>& devices);
+
+  const WorkFolder& folder() const { return folder_; }
+  // Does the task; returns at once if it is done.
+  void run(const WorkStep& step, std::size_t task, const std::stop_token& stop);
+  // All that are left. Tiles are shared by the workers; the calling thread is that of the first, and tells how many
+  // were begun.
+  void run_all(const WorkStep& step, const std::stop_token& stop, const std::function<void(std::size_t)>& begin);
+  // Closes what the tiles were read from.
+  void close_input();
+
+  // Once the step `measure` is done.
+  const Settings& settled_settings();
+  const Measured& measured() const { return *measured_; }
+  const Params& params() const { return resolved_->params; }
+
+ private:
+  // What computes tiles, one at a time.
+  struct Worker {
+    Device device;
+    std::unique_ptr<Backend> made;
+    Backend& backend();
+  };
+
+  void get_ready(const WorkStep& step);
+  void do_task(const WorkStep& step, std::size_t task, const std::stop_token& stop);
+  void run_ingest(const WorkStep& step, std::size_t task, const std::stop_token& stop);
+  void run_measure(const WorkStep& step, const std::stop_token& stop);
+  void run_denoise(const WorkStep& step, std::size_t task, const std::stop_token& stop);
+  void run_emit(const WorkStep& step, std::size_t task, const std::stop_token& stop);
+  void run_tiles(const WorkStep& step, const std::stop_token& stop, const std::function<void(std::size_t)>& begin);
+  TileWork tile_work(const WorkStep& step, std::size_t task) const;
+  void use_origin(const Position& origin);
+  Position load_origin() const;
+  unsigned threads() const { return workers_[0].device.threads; }
+
+  WorkFolder folder_;
+  std::vector<Worker> workers_{};
+  LeafTree tree_;
+  Inputs inputs_;
+  std::optional<Measured> measured_;
+  std::optional<Resolved> resolved_;
+  std::optional<StoredCloud> input_;  // of the tiles
+  int input_iteration_ = -1;
+};
+
+}  // namespace pointfair::scale

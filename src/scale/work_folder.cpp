@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "scale/work_folder.hpp"
+
+#include <cstdint>
+
+#include "io/file_bytes.hpp"
+
+namespace pointfair::scale {
+namespace fs = std::filesystem;
+namespace {
+
+std::string numbered(const char* name, std::size_t number) {
+  std::string digits = std::to_string(number);
+  if (digits.size() < 5) digits.insert(0, 5 - digits.size(), '0');
+  return name + ("-" + digits);
+}
+
+}  // namespace
+
+std::string WorkStep::name() const {
+  switch (kind) {
+    case Kind::ingest:
+      return "ingest";
+    case Kind::measure:
+      return "measure";
+    case Kind::denoise:
+      return "denoise-" + std::to_string(iteration + 1);
+    case Kind::emit:
+      break;
+  }
+  return "emit";
+}
+
+std::vector<WorkStep> WorkFolder::steps() const {
+  std::vector<WorkStep> steps{{WorkStep::Kind::ingest}, {WorkStep::Kind::measure}};
+  for (int i = 0; i < plan.iterations; ++i) steps.push_back({WorkStep::Kind::denoise, i});
+  steps.push_back({WorkStep::Kind::emit});
+  return steps;
+}
+std::size_t WorkFolder::tasks_of(const WorkStep& step) const {
+  switch (step.kind) {
+    case WorkStep::Kind::ingest:
+      return plan.chunks.size();
+    case WorkStep::Kind::measure:
+      return 1;
+    case WorkStep::Kind::denoise:
+      return plan.tiles;
+    case WorkStep::Kind::emit:
+      break;
+  }
+  return plan.files.size();
+}
+fs::path WorkFolder::file_of(const WorkStep& step, std::size_t task) const {
+  switch (step.kind) {
+    case WorkStep::Kind::ingest:
+      return path / numbered(is_recut ? "recut" : "chunk", task);
+    case WorkStep::Kind::measure:
+      return path / "measured";
+    case WorkStep::Kind::denoise:
+      return path / numbered(("tile-" + std::to_string(step.iteration + 1)).c_str(), task);
+    case WorkStep::Kind::emit:
+      break;
+  }
+  return path / numbered("written", task);
+}
+std::vector<fs::path> WorkFolder::files_of(const WorkStep& step) const {
+  std::vector<fs::path> files;
+  for (std::size_t task = 0; task < tasks_of(step); ++task) files.push_back(file_of(step, task));
+  return files;
+}
+fs::path WorkFolder::begun_mark(std::size_t output) const { return path / numbered("begun", output); }
+fs::path WorkFolder::end_mark(const WorkStep& step) const { return path / ("done-" + step.name()); }
+
+bool WorkFolder::is_done(const WorkStep& step, std::size_t task) const {
+  return fs::exists(file_of(step, task)) || fs::exists(end_mark(step));
+}
+std::size_t WorkFolder::count_done(const WorkStep& step) const {
+  if (fs::exists(end_mark(step))) return tasks_of(step);
+  std::size_t done = 0;
+  for (std::size_t task = 0; task < tasks_of(step); ++task) done += fs::exists(file_of(step, task));
+  return done;
+}
+
+void WorkFolder::check_room(const WorkStep& step) const {
+  if (step.kind != WorkStep::Kind::ingest && step.kind != WorkStep::Kind::denoise) return;
+  const double left = 1 - double(count_done(step)) / double(tasks_of(step));
+  const std::uint64_t bytes_of_point =
+      step.kind == WorkStep::Kind::ingest || step.iteration + 1 == plan.iterations ? 16 : 20;
+  const auto needed = static_cast<std::uint64_t>(left * double(plan.points * bytes_of_point));
+  const std::uint64_t free = fs::space(path).available;
+  if (free < needed)
+    io::fail(path.string(), "step " + step.name() + " needs " + std::to_string(needed) + " bytes, which is " +
+                                std::to_string(needed - free) +
+                                " bytes more than are free: free some space and run again, what is finished is kept");
+}
+
+}  // namespace pointfair::scale
