@@ -191,7 +191,7 @@ TEST_F(CudaBackendTest, equals_the_cpu_where_a_sensor_is_known) {
         settings.fairing.sensors = std::make_shared<const SensorPlaces>(places);
         settings.fairing.along_ray = along;
         settings.fairing.farthest = along ? 0.006f : 0.0f;
-        settings.fairing.beam_reach = 0.004f;
+        settings.fairing.beam_width = 0.004f;
         settings.fairing.outlier_distance = 0.01f;
         settings.limits = {0.03f, 0.05f};
         expect_same(points, settings, listed ? "lists" : "radius");

@@ -108,7 +108,7 @@ TEST(Tiles, knows_the_sensor_of_each_point) {
   settings.fairing.outlier_distance = 0.012f;
   settings.limits = {0.04f, 0.06f};
   settings.iterations = 2;
-  settings.fairing.beam_reach = 0.004f;
+  settings.fairing.beam_width = 0.004f;
   settings.fairing.along_ray = true;
   SensorPlaces places{{{0.5f, 0.25f, 3.0f}}};
   settings.fairing.sensors = std::make_shared<const SensorPlaces>(places);

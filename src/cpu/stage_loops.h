@@ -74,6 +74,7 @@ class ListWalk {
   }
   POINTFAIR_INLINE Floats squared_radius() const { return broadcast(1.0f); }  // lists have no width of their own
   POINTFAIR_INLINE Floats squared_core() const { return broadcast(__builtin_inff()); }
+  POINTFAIR_INLINE Floats squared_horizon() const { return broadcast(0.0f); }
   POINTFAIR_INLINE static bool any(Mask mask) { return cpu::POINTFAIR_ISA::any(mask); }
 
  private:
@@ -117,6 +118,9 @@ class RadiusWalk {
   }
   POINTFAIR_INLINE Floats squared_radius() const { return queries_.limit; }
   POINTFAIR_INLINE Floats squared_core() const { return point::squared_core(queries_.limit); }
+  POINTFAIR_INLINE Floats squared_horizon() const {
+    return select(share_ < broadcast(1.0f), broadcast(0.0f), queries_.limit);
+  }
   POINTFAIR_INLINE static bool any(Mask mask) { return cpu::POINTFAIR_ISA::any(mask); }
 
  private:

@@ -111,7 +111,6 @@ inline constexpr double kShapeDamage = 3, kUnseenShape = 0.01;  // noise varianc
 inline constexpr double kSmoothingNoise[] = {0.1, 0.6};         // spacings; other methods; 027
 
 // Outliers that a sensor saw.
-inline constexpr double kBeamSteps = 2.5;   // steps between rays, to the second nearest point of a surface; 098
 inline constexpr double kStepSpread = 1.1;  // of the spread of distances, by chance; 098
 
 // Limits.

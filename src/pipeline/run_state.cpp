@@ -354,7 +354,7 @@ KnownSensor Pipeline::State::known_sensor(const Params& used, const std::stop_to
     look_at_neighbors(order_for(used), stop,
                       [&](Sampling& sampling) { beam_samples_ = beam_samples(sampling, its, *sensors_); });
   }
-  known.beam_step = beam_step(*beam_samples_);
+  known.beam_width = beam_width(*beam_samples_);
   return known;
 }
 

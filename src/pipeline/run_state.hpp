@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "estimate/automatic.hpp"
-#include "estimate/beam_step.hpp"
+#include "estimate/beam_width.hpp"
 #include "estimate/given_noise.hpp"
 #include "pipeline/loaded_cloud.hpp"
 #include "pipeline/stage_log.hpp"

@@ -21,9 +21,9 @@ int filter_rounds(NormalFilter filter) {
 
 // Moves along rays are longer than along normals, so limits of the whole way are wider, and each step has its own.
 void set_sensor(const Params& p, const KnownSensor& sensor, Settings& s) {
-  s.fairing.beam_reach = float(constants::kBeamSteps * sensor.beam_step);
+  s.fairing.beam_width = float(sensor.beam_width);
   s.fairing.along_ray = p.along == Along::ray;
-  if (s.fairing.along_ray || s.fairing.beam_reach > 0) s.fairing.sensors = sensor.places;
+  if (s.fairing.along_ray || s.fairing.beam_width > 0) s.fairing.sensors = sensor.places;
   if (!s.fairing.along_ray) return;
   s.fairing.farthest = s.limits.farthest;
   s.limits.farthest *= point::kMostStretch;

@@ -21,7 +21,7 @@ struct Settings {
 // What is known of the sensor, where a run reads it.
 struct KnownSensor {
   std::shared_ptr<const SensorPlaces> places;  // null: nothing
-  double beam_step = 0;                        // between neighbouring rays, in radians; 0: not measured
+  double beam_width = 0;                       // of the pattern of rays, in radians; 0: not measured
 };
 
 // Of parameters of which none is automatic and every length is in file units, and of what follows the noise.

@@ -11,6 +11,8 @@
 //                               `inside` is false it is no neighbour of that lane, and its offset is some vector
 //   neighbors.squared_radius()  of the neighbourhood; 1 for lists, which have no width of their own
 //   neighbors.squared_core()    of 0.87 of that radius; infinite for lists
+//   neighbors.squared_horizon() within it, all points are met: of the radius, 0 where neighbours are thinned, and for
+//                               lists
 //   neighbors.any(mask)         whether a mask holds in any lane that walks together with this one
 #pragma once
 

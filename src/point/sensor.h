@@ -32,28 +32,38 @@ POINTFAIR_INLINE Vec3<F> along_ray(Vec3<F> displacement, Vec3<F> to_sensor) {
   return select<F>(is_known, share * to_sensor, displacement);
 }
 
-// The squared distances to the two nearest neighbours of a point.
-template <class F>
-struct TwoNearest {
-  F nearest, second;
+// How many neighbours a point has where a surface has at least so many. Rays of a scan turn by equal steps, so the
+// typical angle to the twelfth nearest neighbour, the width of the beams' pattern, is that of all surfaces which are
+// not steep to the rays. However steep a surface is, its points have two neighbours near that angle times the range
+// away, along a row of rays, and twelve within a few times that. Noise adds up to three standard deviations, half of
+// the outlier distance. A point that lacks the two lies alone between two surfaces, one that lacks the twelve in a veil
+// or a row of such points.
+inline constexpr int kPatternNeighbors = 12;
+inline constexpr float kWidthsToTwo = 1.1f, kWidthsToTwelve = 3.5f;
 
-  // `squared_reach`: of the neighbourhood, beyond which nothing is seen
-  explicit POINTFAIR_INLINE TwoNearest(F squared_reach) : nearest(squared_reach), second(squared_reach) {}
+template <class F>
+struct Company {
+  F squared_reach_of_two, squared_reach_of_twelve;
+  F near{}, far{}, squared_farthest{};
+
+  // `squared_width`: the squared angle
+  POINTFAIR_INLINE Company(Vec3<F> to_sensor, float squared_width, F squared_outlier_distance) {
+    const F squared = squared_length(to_sensor) * F(squared_width), of_noise = squared_outlier_distance * F(0.25f);
+    squared_reach_of_two = squared * F(kWidthsToTwo * kWidthsToTwo) + of_noise;
+    squared_reach_of_twelve = squared * F(kWidthsToTwelve * kWidthsToTwelve) + of_noise;
+  }
   template <class Mask>
   POINTFAIR_INLINE void add(Vec3<F> offset, Mask inside) {
-    const F squared = select(inside, squared_length(offset), second);
-    second = smaller(second, larger(nearest, squared));
-    nearest = smaller(nearest, squared);
+    const F squared = squared_length(offset), one = select(inside, F(1.0f), F{});
+    near = near + select(squared <= squared_reach_of_two, one, F{});
+    far = far + select(squared <= squared_reach_of_twelve, one, F{});
+    squared_farthest = larger(squared_farthest, select(inside, squared, F{}));
+  }
+  // `squared_horizon`: within it, all neighbours were added.
+  POINTFAIR_INLINE auto is_mixed_pixel(F squared_horizon) const {
+    return ((near < F(2.0f)) & (squared_reach_of_two <= squared_horizon)) |
+           ((far < F(float(kPatternNeighbors))) & (squared_reach_of_twelve <= squared_horizon));
   }
 };
-
-// Rays of a scan turn by equal steps, so a surface through a point has two neighbours of it near one step times the
-// range away, where the range does not change, however steep the surface is to the ray. Noise adds to that: up to
-// three standard deviations, half of the outlier distance. A point that lacks them lies between two surfaces.
-template <class F>
-POINTFAIR_INLINE auto is_mixed_pixel(const TwoNearest<F>& nearest, Vec3<F> to_sensor, float squared_beam_reach,
-                                     F squared_outlier_distance) {
-  return nearest.second > squared_length(to_sensor) * squared_beam_reach + squared_outlier_distance * 0.25f;
-}
 
 }  // namespace pointfair::point

@@ -40,13 +40,13 @@ struct FairingRule {
   float squared_sparse_core;             // of a neighbourhood of the outlier radius
   bool pull_outliers;                    // else they become NaN
   bool pull_by_density;                  // else by closeness
-  float squared_beam_reach;  // of the second nearest, over the squared range; 0: mixed pixels are not looked for
-  bool along_ray;            // points move along the ray, else along the normal
-  float farthest;            // along_ray: soft limit of a displacement along the normal; 0: none
-  bool farthest_follows;     // the level of the noise
+  float squared_beam_width;              // point/sensor.h; 0: mixed pixels are not looked for
+  bool along_ray;                        // points move along the ray, else along the normal
+  float farthest;                        // along_ray: soft limit of a displacement along the normal; 0: none
+  bool farthest_follows;                 // the level of the noise
 
   // Whether the sensor's place is read.
-  POINTFAIR_INLINE bool sees() const { return along_ray || squared_beam_reach > 0; }
+  POINTFAIR_INLINE bool sees() const { return along_ray || squared_beam_width > 0; }
 };
 
 template <class F>
@@ -201,9 +201,9 @@ POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> faired_point(const Neighbors& 
   const F squared_outlier_distance =
       larger(F(rule.squared_outlier_distance), squared_level * rule.squared_level_outlier_distance);
   const F squared_core = larger(neighbors.squared_core(), squared_outlier_distance);
-  TwoNearest<F> nearest(rule.pull_by_density ? neighbors.squared_radius() : F(__builtin_inff()));
+  Company<F> company(to_sensor, rule.squared_beam_width, squared_outlier_distance);
   F distance = distance_of([&](Vec3<F> offset, auto inside) {
-    if constexpr (kSeeksOutliers && kSees) nearest.add(offset, inside);
+    if constexpr (kSeeksOutliers && kSees) company.add(offset, inside);
     if constexpr (kSeeksOutliers || kShares) {
       const F height = dot(normal, offset);
       if constexpr (kShares) spread.add(height, inside);
@@ -237,8 +237,10 @@ POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> faired_point(const Neighbors& 
         reason = select(is_outlier, reason, F(place_of(Outlier::off_surface)));
         is_outlier = is_outlier | (is_far & has_normal);
       }
-      if (rule.squared_beam_reach > 0) {
-        const auto is_mixed = is_mixed_pixel(nearest, to_sensor, rule.squared_beam_reach, squared_outlier_distance);
+      if (rule.squared_beam_width > 0) {
+        // lists have all neighbours up to their last
+        const F horizon = rule.pull_by_density ? neighbors.squared_horizon() : company.squared_farthest;
+        const auto is_mixed = company.is_mixed_pixel(horizon);
         reason = select(is_mixed, F(place_of(Outlier::mixed_pixel)), reason);
         is_outlier = is_outlier | (is_mixed & has_normal);
       }

@@ -11,7 +11,7 @@
 #include <utility>
 
 #include "estimate/automatic.hpp"
-#include "estimate/beam_step.hpp"
+#include "estimate/beam_width.hpp"
 #include "scale/ingest.hpp"
 #include "seam/cloud_sample.hpp"
 #include "tiles/halo.hpp"
@@ -164,7 +164,7 @@ Measured measure(const StoredCloud& cloud, const Plan& plan, const std::optional
     measured.reach_levels = found.reach_levels;
   }
   if (may_seek && seeks_mixed_pixels(resolve(plan, measured).params))
-    measured.beam_step = beam_step(beam_samples(sampling, sample, *sensor_of(plan, plan.origin)));
+    measured.beam_width = beam_width(beam_samples(sampling, sample, *sensor_of(plan, plan.origin)));
   return measured;
 }
 
@@ -187,7 +187,7 @@ struct Fixed {
   FixedLevels of_noise, of_reach;
   std::array<double, 3> quantiles{};  // of the levels of the noise
   std::uint64_t ignored = 0;
-  double beam_step = 0;
+  double beam_width = 0;
   Frame frame{};
   std::uint32_t unused = 0;
 };
@@ -222,7 +222,7 @@ void save(const Measured& m, const std::filesystem::path& path) {
   Fixed fixed{
       m.origin, m.bounds, m.spacing, values_of(m.noise), fixed_of(m.levels.get()), fixed_of(m.reach_levels.get())};
   fixed.ignored = m.ignored;
-  fixed.beam_step = m.beam_step;
+  fixed.beam_width = m.beam_width;
   fixed.frame = m.frame;
   if (m.levels) fixed.quantiles = m.levels->quantiles;
   NewFile file(path, sizeof fixed + (fixed.of_noise.count + fixed.of_reach.count) * sizeof(float));
@@ -238,7 +238,7 @@ Measured load_measured(const std::filesystem::path& path) {
   file.read(0, &fixed, sizeof fixed);
   Measured m{fixed.origin, fixed.bounds, fixed.frame, fixed.spacing, noise_of(fixed.noise)};
   m.ignored = fixed.ignored;
-  m.beam_step = fixed.beam_step;
+  m.beam_width = fixed.beam_width;
   const std::uint64_t at = sizeof fixed;
   if (fixed.of_noise.count > 0)
     m.levels = std::make_shared<NoiseLevels>(NoiseLevels{read_levels(file, at, fixed.of_noise), fixed.quantiles});
@@ -255,7 +255,7 @@ Resolved resolve(const Plan& plan, const Measured& measured) {
   const FollowedNoise followed =
       needs_noise(params) ? followed_noise(params, used, measured.noise, measured.levels, measured.reach_levels)
                           : FollowedNoise{};
-  return {used, settings_of(used, followed, {sensor_of(plan, measured.origin), measured.beam_step})};
+  return {used, settings_of(used, followed, {sensor_of(plan, measured.origin), measured.beam_width})};
 }
 
 }  // namespace pointfair::scale

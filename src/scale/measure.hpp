@@ -25,7 +25,7 @@ struct Measured {
   std::shared_ptr<const NoiseLevels> levels{};  ///< null: 1 everywhere
   std::shared_ptr<const NodeLevels> reach_levels{};  ///< the same
   std::uint64_t ignored = 0;                         ///< finite points that were left out
-  double beam_step = 0;                              ///< as in KnownSensor
+  double beam_width = 0;                             ///< as in KnownSensor
 };
 
 /// Measures what the parameters of the plan follow from, as a pipeline does with the whole cloud. `given`: the noise,

@@ -33,7 +33,7 @@ inline point::FairingRule fairing_rule(const FairingSettings& settings, bool by_
           point::squared_core(settings.outlier_radius * settings.outlier_radius),
           settings.pull_outliers,
           !by_list,
-          settings.is_further ? 0.0f : settings.beam_reach * settings.beam_reach,
+          settings.is_further ? 0.0f : settings.beam_width * settings.beam_width,
           settings.along_ray,
           settings.farthest,
           settings.farthest_follows};

@@ -73,8 +73,7 @@ struct FairingSettings {
   float outlier_radius = std::numeric_limits<float>::infinity();  // in larger neighbourhoods outliers may be alone
   bool pull_outliers = false;                     // in to the mean of their neighbours; else they become NaN
   std::shared_ptr<const SensorPlaces> sensors{};  // null: what follows is off
-  // The second nearest neighbour of a point on a surface lies within this times its range; 0: not looked at.
-  float beam_reach = 0;
+  float beam_width = 0;           // of the pattern of rays, in radians (point/sensor.h); 0: not looked at
   bool along_ray = false;         // points move along their rays (point/sensor.h)
   float farthest = 0;             // along_ray: soft limit of one displacement along the normal; 0: none
   bool farthest_follows = false;  // as in DisplacementLimits

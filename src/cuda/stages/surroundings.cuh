@@ -38,6 +38,7 @@ class Listed {
   }
   __device__ __forceinline__ float squared_radius() const { return 1; }  // lists have no width of their own
   __device__ __forceinline__ float squared_core() const { return __int_as_float(0x7f800000); }
+  __device__ __forceinline__ float squared_horizon() const { return 0; }
   __device__ __forceinline__ static bool any(bool mask) { return __any_sync(kAllLanes, mask); }
 
  private:
@@ -111,6 +112,7 @@ class WalkedRadius {
   }
   __device__ __forceinline__ float squared_radius() const { return squared_radius_; }
   __device__ __forceinline__ float squared_core() const { return point::squared_core(squared_radius_); }
+  __device__ __forceinline__ float squared_horizon() const { return share_ < 1 ? 0 : squared_radius_; }
   __device__ __forceinline__ static bool any(bool mask) { return __any_sync(kAllLanes, mask); }
 
  private:
@@ -167,7 +169,8 @@ class CollectedRadius {
   };
   __device__ __forceinline__ CollectedRadius(const Tree& tree, const Surroundings& from, Index at, bool active,
                                              Shared& shared)
-      : points_(tree.points),
+      : from_(from),
+        points_(tree.points),
         balls_(from.collected),
         stop_(from.stop),
         at_(at),
@@ -212,12 +215,19 @@ class CollectedRadius {
   }
   __device__ __forceinline__ float squared_radius() const { return squared_radius_; }
   __device__ __forceinline__ float squared_core() const { return point::squared_core(squared_radius_); }
+  __device__ __forceinline__ float squared_horizon() const {
+    const point::Radii& radii = from_.radii;
+    if (radii.min_neighbors == 0) return squared_radius_;
+    const float level = squared_level_at(radii.squared_level, at_);
+    return point::kept_share(radii, level, squared_radius_, squared_radius_) < 1 ? 0 : squared_radius_;
+  }
   __device__ __forceinline__ static bool any(bool mask) { return __any_sync(kAllLanes, mask); }
 
  private:
   static constexpr int kAtOnce = 4;              // independent until they are added up
   static constexpr unsigned kBetweenLooks = 32;  // parts
 
+  const Surroundings& from_;
   const float4* points_;
   CollectedNeighbors balls_;
   const Stop& stop_;

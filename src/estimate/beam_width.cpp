@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "estimate/beam_step.hpp"
+#include "estimate/beam_width.hpp"
 
 #include <algorithm>
 #include <cmath>
 
 #include "estimate/constants.hpp"
+#include "point/sensor.h"
 
 namespace pointfair {
 namespace {
 
-constexpr int kSecond = 2;  // nearest
+constexpr int kSecond = 2, kTwelfth = point::kPatternNeighbors;  // nearest
 
 double distance(const Point& a, const Point& b) {
   return std::hypot(double{a.x} - b.x, double{a.y} - b.y, double{a.z} - b.z);
@@ -27,28 +28,30 @@ double spread(std::vector<double>& values) { return std::log(quantile(values, 0.
 }  // namespace
 
 std::vector<BeamSample> beam_samples(Sampling& from, const CloudSample& sample, const SensorPlaces& sensors) {
-  constexpr std::size_t kRow = kSecond + 1;
+  constexpr std::size_t kRow = kTwelfth + 1;
   std::vector<Point> rows(sample.indices.size() * kRow);
-  from.sample_neighborhoods(sample.indices, kSecond, rows);
+  from.sample_neighborhoods(sample.indices, kTwelfth, rows);
   std::vector<BeamSample> samples;
   for (std::size_t i = 0; i < sample.indices.size(); ++i) {
-    const Point &here = rows[i * kRow], &second = rows[i * kRow + kSecond];
+    const Point& here = rows[i * kRow];
     const Point& sensor = sensors.places[sensors.places.size() > 1 ? sample.indices[i] : 0];
-    const BeamSample its{distance(here, second), distance(here, sensor)};
-    if (std::isfinite(its.second) && std::isfinite(its.range) && its.range > 0) samples.push_back(its);
+    const BeamSample its{distance(here, rows[i * kRow + kSecond]), distance(here, rows[i * kRow + kTwelfth]),
+                         distance(here, sensor)};
+    if (std::isfinite(its.twelfth) && std::isfinite(its.range) && its.range > 0) samples.push_back(its);
   }
   return samples;
 }
 
-double beam_step(std::span<const BeamSample> samples) {
-  std::vector<double> distances, steps;
+double beam_width(std::span<const BeamSample> samples) {
+  std::vector<double> distances, steps, widths;
   for (const BeamSample& its : samples) {
     if (!(its.second > 0)) continue;  // points at one place
     distances.push_back(its.second);
     steps.push_back(its.second / its.range);
+    widths.push_back(its.twelfth / its.range);
   }
   if (steps.empty() || spread(steps) > constants::kStepSpread * spread(distances)) return 0;
-  return quantile(steps, 0.5);
+  return quantile(widths, 0.5);
 }
 
 }  // namespace pointfair
