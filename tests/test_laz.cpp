@@ -310,8 +310,7 @@ TEST(LazErrors, EveryTruncatedPrefixIsRefused) {
 TEST(LazErrors, AFullDiskIsNamedWithTheBytesThatAreNeeded) {
   for (const unsigned format : {1U, 5U, 7U}) {
     const Folder folder;
-    const std::string las = make_las({.minor = 4, .format = format, .count = 4000});
-    put_file(folder / "in.laz", make_laz(las, {0, 500, false}));
+    put_file(folder / "in.laz", make_laz(make_las({.minor = 4, .format = format, .count = 4000}), {0, 500, false}));
     Cloud cloud = read(folder / "in.laz");
     move_some(cloud);
     const std::string needed = std::to_string(image(cloud, Format::laz).size());
@@ -380,8 +379,7 @@ TEST(LazErrors, ACodeThatNoEncoderBeginsWithIsRefused) {
 }
 
 TEST(LazErrors, WhatIsNotKnownIsNamed) {
-  LasSpec spec;
-  const std::string good = make_laz(make_las(spec), {});
+  const std::string good = make_laz(make_las({}), {});
   const std::size_t record = good.find("laszip encoded") - 2 + 54;
   const auto with = [&](std::size_t at, std::uint16_t value) {
     std::string bad = good;
