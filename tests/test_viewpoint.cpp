@@ -107,6 +107,66 @@ TEST(Viewpoint, shows_mixed_pixels) {
   EXPECT_EQ(seen.report.unmoved.outliers, std::uint64_t(std::count(seen.marks.begin(), seen.marks.end(), 1)));
 }
 
+// Of a grid of rays about the sensor at the origin, `depth` along the y axis of each, with noise along it.
+template <class Depth>
+Points grid_of_rays(int rows, double row_step, int columns, double column_step, const Depth& depth) {
+  Points points;
+  shapes::Random random(7);
+  for (int row = -rows; row <= rows; ++row)
+    for (int column = -columns; column <= columns; ++column) {
+      const double a = column * column_step, e = row * row_step;
+      const double range = depth(row, column) / (std::cos(e) * std::cos(a)) + kNoise * random.normal();
+      points.push_back(shapes::make_point(range * std::cos(e) * std::sin(a), range * std::cos(e) * std::cos(a),
+                                          range * std::sin(e)));
+    }
+  return points;
+}
+
+// Along the border of a board, groups of five rays that end at one depth between it and the wall.
+TEST(Viewpoint, shows_mixed_pixels_that_have_others_beside_them) {
+  constexpr int kHalf = 90, kBoard = 40;
+  const auto is_mixed = [](int row, int column) { return column == kBoard + 1 && std::abs(row) <= kBoard; };
+  shapes::Random random(11);
+  std::vector<double> depth_of_group(40);
+  for (double& depth : depth_of_group) depth = random.uniform(3.2, 3.8);
+  const Points points = grid_of_rays(kHalf, kStep, kHalf, kStep, [&](int row, int column) {
+    if (is_mixed(row, column)) return depth_of_group[std::size_t(row + kBoard) / 5];
+    return std::abs(row) <= kBoard && std::abs(column) <= kBoard ? 3.0 : 4.0;
+  });
+  const Position origin{};
+  const std::vector<std::uint8_t> marks = run(points, {&origin, 1}, marking()).marks;
+  int mixed = 0, found = 0, all = 0;
+  for (int row = -kHalf, i = 0; row <= kHalf; ++row)
+    for (int column = -kHalf; column <= kHalf; ++column, ++i) {
+      mixed += is_mixed(row, column);
+      found += is_mixed(row, column) && marks[std::size_t(i)] != 0;
+      all += marks[std::size_t(i)];
+    }
+  EXPECT_GT(found, 0.8 * mixed);
+  EXPECT_LT(all - found, 0.001 * double(points.size()));
+}
+
+// The rings of a spinning lidar lie four times as far apart as the points along one. Of upright bars two points wide,
+// only the ends lack neighbours.
+TEST(Viewpoint, takes_no_bars_across_coarse_rings_for_mixed_pixels) {
+  constexpr int kRings = 30, kHalf = 199, kEnd = 4;
+  const auto is_bar = [](int column) { return (column + kHalf) % 50 < 2; };
+  const Points points = grid_of_rays(kRings, 4 * kStep, kHalf, kStep,
+                                     [&](int, int column) { return is_bar(column) ? 3.0 : 6.0 + 0.01 * column; });
+  const Position origin{};
+  Params params = marking();
+  params.noise = kNoise;
+  const std::vector<std::uint8_t> marks = run(points, {&origin, 1}, params).marks;
+  int bars = 0, marked = 0;
+  for (int ring = -kRings, i = 0; ring <= kRings; ++ring)
+    for (int column = -kHalf; column <= kHalf; ++column, ++i) {
+      if (!is_bar(column) || std::abs(ring) > kRings - kEnd) continue;
+      ++bars;
+      marked += marks[std::size_t(i)];
+    }
+  EXPECT_LT(marked, 0.05 * bars);
+}
+
 // A floor far away turns more than 80 degrees from the rays: its rows lie far apart, its columns do not.
 TEST(Viewpoint, takes_no_steep_surface_for_mixed_pixels) {
   Points floor;
