@@ -37,8 +37,7 @@ struct Noise {
   double shape_to_noise = 0;
   // Between two sheets of a thin part that neighbourhoods of a few dozen points reach across; 0 where there are none.
   double gap = 0;
-  // 0 to 1: whether the noise is alike in neighbouring points, as that of depth cameras; 0 where noise is large or
-  // tiny.
+  // 0 to 1: whether the noise is alike in neighbouring points, as that of depth cameras; 0 where noise is large.
   double alikeness = 0;
   // Depths take few values, as those of a camera that tells whole disparities: noise is alike over some ten points.
   bool depth_has_steps = false;
