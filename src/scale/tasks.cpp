@@ -6,6 +6,7 @@
 #include "estimate/automatic.hpp"
 #include "io/file_bytes.hpp"
 #include "io/streamed.hpp"
+#include "io/unfinished_files.hpp"
 #include "pipeline/devices.hpp"
 #include "pipeline/outlier_marks.hpp"
 #include "pipeline/stage_settings.hpp"
@@ -21,6 +22,7 @@ namespace fs = std::filesystem;
 Tasks::Tasks(const fs::path& work, const std::vector<Device>& devices)
     : folder_(work), tree_(work / "leaves"), inputs_(folder_.plan.files, devices[0].threads) {
   for (const Device& device : devices) workers_.push_back({device, nullptr});
+  remove_abandoned_files(work);
   if (fs::exists(work / "origin")) use_origin(load_origin());
 }
 
@@ -172,6 +174,7 @@ void Tasks::run_emit(const WorkStep& step, std::size_t task, const std::stop_tok
   options.sync = true;
   options.threads = threads();
   fs::create_directories(file.output.parent_path());
+  io::remove_abandoned(file.output.parent_path(), io::kUnfinishedOutput);
   io::write_moved(file.output, source, results, options, std::move(added));
   PointsHeader header;
   const OutlierCounts held_back = results.held_back();

@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "io/file_bytes.hpp"
+#include "scale/free_memory.hpp"
 
 namespace pointfair::scale {
 namespace fs = std::filesystem;
@@ -92,6 +93,19 @@ void WorkFolder::check_room(const WorkStep& step) const {
     io::fail(path.string(), "step " + step.name() + " needs " + std::to_string(needed) + " bytes, which is " +
                                 std::to_string(needed - free) +
                                 " bytes more than are free: free some space and run again, what is finished is kept");
+}
+
+void WorkFolder::check_memory(const WorkStep& step, std::size_t task) const {
+  std::uint64_t needed = 0;
+  if (step.kind == WorkStep::Kind::ingest) needed = bytes_of_chunk(plan.chunks[task]);
+  if (step.kind == WorkStep::Kind::denoise) needed = bytes_of_tile(plan);
+  const std::uint64_t free = free_memory();
+  if (free < needed)
+    throw Error(ErrorKind::memory, "step " + step.name() + ", task " + std::to_string(task) + ": needs about " +
+                                       std::to_string(needed >> 20) + " MiB of memory, and " +
+                                       std::to_string(free >> 20) +
+                                       " MiB are free here: free some, run it on another machine, or plan with less "
+                                       "--memory");
 }
 
 }  // namespace pointfair::scale

@@ -36,6 +36,8 @@ struct WorkFolder {
   std::size_t count_done(const WorkStep& step) const;
   // Throws ErrorKind::file where the disk has no room for what the step leaves: before hours are spent on it.
   void check_room(const WorkStep& step) const;
+  // Throws ErrorKind::memory where this machine has not what the task takes: before the system ends other processes.
+  void check_memory(const WorkStep& step, std::size_t task) const;
 
   std::filesystem::path path;
   Plan plan;
