@@ -64,22 +64,24 @@ def without_outliers(points):
 
 
 def tile(run, points, low, high, buffer):
-    """The tile's points as the filter has them with what lies in the buffer, and where they are in the cloud."""
+    """Where the tile's points are in the cloud, as the filter has them with what lies in the buffer, and how many were
+    loaded."""
     place = points[:, :2]
     loaded = np.flatnonzero(((place >= low - buffer) & (place < high + buffer)).all(1))
     result = run(points[loaded])
     inner = ((place[loaded] >= low) & (place[loaded] < high)).all(1)
-    return loaded[inner], result[inner]
+    return loaded[inner], result[inner], len(loaded)
 
 
 def in_tiles(run, points, side, buffer):
     edges = np.linspace(-20.001, 20.001, side + 1)
     tasks = [dask.delayed(tile)(run, points, edges[[i, j]], edges[[i + 1, j + 1]], buffer)
              for i in range(side) for j in range(side)]
-    result = np.full_like(points, np.nan)
-    for places, values in dask.compute(*tasks, scheduler="synchronous"):
+    result, loaded = np.full_like(points, np.nan), 0
+    for places, values, count in dask.compute(*tasks, scheduler="synchronous"):
         result[places] = values
-    return result
+        loaded += count
+    return result, loaded / len(points)
 
 
 def differing(a, b):
@@ -111,15 +113,17 @@ def main():
     parser.add_argument("--pointfair", help="the program, to compare")
     arguments = parser.parse_args()
     points = scan(arguments.points)
-    print("| filter | buffer, m | points that differ | by more than a tenth of the noise | farthest, mm |\n|---|---|---|---|---|")
+    print("| filter | buffer, m | points loaded | points that differ | by more than a tenth of the noise | farthest, mm |\n"
+          "|---|---|---|---|---|---|")
     for name, run in (("plane", onto_planes), ("outliers", without_outliers)):
         whole = run(points)
         for buffer in arguments.buffers:
-            count, far, most = differing(whole, in_tiles(run, points, arguments.side, buffer))
-            print(f"| {name} | {buffer:g} | {count:,} | {far:,} | {1000 * most:.2f} |", flush=True)
+            cut, loaded = in_tiles(run, points, arguments.side, buffer)
+            count, far, most = differing(whole, cut)
+            print(f"| {name} | {buffer:g} | {loaded:.2f} times | {count:,} | {far:,} | {1000 * most:.2f} |", flush=True)
     if arguments.pointfair:
         count, far, most = by_pointfair(arguments.pointfair, points, arguments.side ** 2)
-        print(f"| pointfair | none to choose | {count:,} | {far:,} | {1000 * most:.2f} |")
+        print(f"| pointfair | none to choose | | {count:,} | {far:,} | {1000 * most:.2f} |")
 
 
 if __name__ == "__main__":

@@ -16,6 +16,9 @@ knows, "s3://bucket/a.laz": whole files are then copied into the work folder and
 """
 from __future__ import annotations
 
+import asyncio
+import concurrent.futures
+import contextlib
 import json
 import os
 import shutil
@@ -23,7 +26,7 @@ import subprocess
 import sys
 import tempfile
 from importlib import import_module
-from typing import Any, Mapping, Sequence
+from typing import Any, Iterator, Mapping, Sequence
 
 from ._errors import Error
 from ._program import program_path
@@ -67,6 +70,17 @@ def _copy(pair: tuple[str, str]) -> str:
         os.unlink(part)
         raise
     return target
+
+
+@contextlib.contextmanager
+def _scheduler_lives() -> Iterator[None]:
+    """Says in one line that it does not."""
+    lost = (asyncio.CancelledError, concurrent.futures.CancelledError, import_module("distributed.comm").CommClosedError)
+    try:
+        yield
+    except lost as error:
+        raise Error("the scheduler cannot be reached any more; what is finished is kept: call again with the same work "
+                    "folder, on a scheduler that runs") from error
 
 
 def _allow_failures(dask_scheduler: Any = None) -> None:
@@ -189,7 +203,7 @@ def denoise(client: Any, inputs: Sequence[str] | str, output: str | None = None,
         The report, as `pointfair tile merge --report`.
 
     Raises:
-        Error: with the line that the program said.
+        Error: with the line that the program said, and if the scheduler is lost.
     """
     if output is None and output_folder is None:
         raise Error("denoise needs an output, or an output_folder")
@@ -197,15 +211,16 @@ def denoise(client: Any, inputs: Sequence[str] | str, output: str | None = None,
     job = _Job([inputs] if isinstance(inputs, str) else inputs, output_folder or output or "", os.path.abspath(work),
                output_folder is not None)
     cluster = _Cluster(client, {"pure": False, "retries": retries, "resources": dict(resources or {})})
-    client.run_on_scheduler(_allow_failures)
-    cluster.each(_copy, job.fetched())
-    client.submit(_call, tool, "tile", "plan", *job.local, *job.where(), "--work", job.work, "--memory", memory,
-                  "--tiles", str(tiles), *_flags(parameters), **cluster.options).result()
     run_words = ["--threads", str(threads), "--device", device, "-q"]
-    for step in json.loads(_call(tool, "tile", "status", job.work, "--report", "-"))["steps"]:
-        if step["done"] < step["tasks"]:
-            cluster.run([f"{step['step']}:{number}" for number in range(step["tasks"])], tool, job.work, *run_words)
-    cluster.each(_copy, job.sent())
+    with _scheduler_lives():
+        client.run_on_scheduler(_allow_failures)
+        cluster.each(_copy, job.fetched())
+        client.submit(_call, tool, "tile", "plan", *job.local, *job.where(), "--work", job.work, "--memory", memory,
+                      "--tiles", str(tiles), *_flags(parameters), **cluster.options).result()
+        for step in json.loads(_call(tool, "tile", "status", job.work, "--report", "-"))["steps"]:
+            if step["done"] < step["tasks"]:
+                cluster.run([f"{step['step']}:{number}" for number in range(step["tasks"])], tool, job.work, *run_words)
+        cluster.each(_copy, job.sent())
     report: dict[str, Any] = json.loads(_call(tool, "tile", "merge", job.work, "-q", "--report", "-"))
     return report
 
@@ -228,14 +243,18 @@ def main(words: Sequence[str]) -> int:
     parser.add_argument("--program", help="where the workers have the program")
     given, rest = parser.parse_known_args(words)
     parameters: dict[str, Any] = dict(zip((flag.removeprefix("--").replace("-", "_") for flag in rest[::2]), rest[1::2]))
-    with import_module("distributed").Client(given.scheduler) as client:
+    try:
         try:
+            client = import_module("distributed").Client(given.scheduler)
+        except OSError as error:
+            raise Error(f"{given.scheduler}: the scheduler cannot be reached: {error}") from error
+        with client:
             report = denoise(client, given.inputs, given.out, work=given.work, output_folder=given.out_dir,
                              memory=given.memory, tiles=given.tiles, threads=given.threads, device=given.device,
                              retries=given.retries, program=given.program, **parameters)
-        except Error as error:
-            print(f"pointfair: {error}", file=sys.stderr)
-            return 1
+    except Error as error:
+        print(f"pointfair: {error}", file=sys.stderr)
+        return 1
     print(json.dumps(report, indent=1))
     return 0
 

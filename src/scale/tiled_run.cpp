@@ -97,7 +97,9 @@ void TiledRun::run(const std::string& name, std::size_t task, std::stop_token st
       if (task >= folder.tasks_of(steps[s]))
         throw Error(ErrorKind::usage, "step " + name + " has " + std::to_string(folder.tasks_of(steps[s])) +
                                           " tasks, counted from 0; there is no task " + std::to_string(task));
-      if (s > 0 && !folder.is_done(steps[s], task) && folder.count_done(steps[s - 1]) < folder.tasks_of(steps[s - 1]))
+      const bool takes_in_again = steps[s].kind == WorkStep::Kind::measure && folder.is_recut;
+      if (s > 0 && !takes_in_again && !folder.is_done(steps[s], task) &&
+          folder.count_done(steps[s - 1]) < folder.tasks_of(steps[s - 1]))
         throw Error(ErrorKind::usage, "step " + steps[s - 1].name() + " is not finished; run its tasks before " + name);
       if (!folder.is_done(steps[s], task)) folder.check_memory(steps[s], task);
       return state_->run(steps[s], task, stop);

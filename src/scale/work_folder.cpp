@@ -69,6 +69,11 @@ std::vector<fs::path> WorkFolder::files_of(const WorkStep& step) const {
   for (std::size_t task = 0; task < tasks_of(step); ++task) files.push_back(file_of(step, task));
   return files;
 }
+std::vector<fs::path> WorkFolder::files_before_recut() const {
+  std::vector<fs::path> files;
+  for (std::size_t task = 0; task < plan.chunks.size(); ++task) files.push_back(path / numbered("chunk", task));
+  return files;
+}
 fs::path WorkFolder::begun_mark(std::size_t output) const { return path / numbered("begun", output); }
 fs::path WorkFolder::end_mark(const WorkStep& step) const { return path / ("done-" + step.name()); }
 

@@ -29,6 +29,7 @@ struct WorkFolder {
   std::size_t tasks_of(const WorkStep& step) const;
   std::filesystem::path file_of(const WorkStep& step, std::size_t task) const;
   std::vector<std::filesystem::path> files_of(const WorkStep& step) const;
+  std::vector<std::filesystem::path> files_before_recut() const;
   std::filesystem::path begun_mark(std::size_t output) const;
   std::filesystem::path end_mark(const WorkStep& step) const;
 
