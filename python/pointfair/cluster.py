@@ -53,14 +53,20 @@ def _run(task: str, program: str, work: str, *words: str) -> tuple[int, str, str
     return done.returncode, import_module("distributed").get_worker().address, said
 
 
-def _copy(pair: tuple[str, str]) -> str:
+def _copy(pair: tuple[str, str]) -> None:
     """A whole file from one store to another, under its name only when it is complete."""
+    try:
+        _copy_file(*pair)
+    except Exception as error:  # each store has its own
+        raise Error(f"{pair[0]}: cannot be copied to {pair[1]}: {error}") from None
+
+
+def _copy_file(source: str, target: str) -> None:
     fsspec: Any = import_module("fsspec")
-    source, target = pair
     if _is_remote(target):
         with fsspec.open(source, "rb") as reader, fsspec.open(target, "wb") as writer:
             shutil.copyfileobj(reader, writer, 1 << 24)
-        return target
+        return
     number, part = tempfile.mkstemp(prefix=os.path.basename(target) + ".part-", dir=os.path.dirname(target))
     try:  # another worker may copy the same
         with fsspec.open(source, "rb") as reader, os.fdopen(number, "wb") as writer:
@@ -69,7 +75,6 @@ def _copy(pair: tuple[str, str]) -> str:
     except BaseException:
         os.unlink(part)
         raise
-    return target
 
 
 @contextlib.contextmanager

@@ -79,7 +79,9 @@ class Killing:
         elif part == "scheduler":
             self.cluster.kill_scheduler()
         else:
-            tasks = children(self.cluster.workers[number].pid)
+            end = time.monotonic() + 5
+            while not (tasks := children(self.cluster.workers[number].pid)) and time.monotonic() < end:
+                pass
             if not tasks:
                 return
             try:
@@ -92,7 +94,7 @@ class Killing:
         """One run with a kill; returns when it is finished, after another call if it has to be."""
         part = self.generator.choice(self.parts)
         run = self.call()
-        time.sleep(self.generator.uniform(0.2, 0.9) * self.duration)
+        time.sleep(self.generator.uniform(0.1, 0.8) * self.duration)
         before = finished(self.folder / "work")
         self.kill(part)
         said = run.communicate(timeout=300)[1]
