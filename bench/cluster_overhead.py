@@ -5,7 +5,7 @@ tasks that are no work at all.
 
     bench/cluster_overhead.py --program build/bin/pointfair [--tiles 1000] [--points 200000] [--workers 4]
 
-Needs the Python package and distributed. Prints the seconds of each."""
+Needs the Python package and distributed. Prints what each took."""
 import argparse
 import subprocess
 import tempfile
@@ -13,6 +13,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import psutil
 from distributed import Client, LocalCluster
 
 import pointfair.cluster
@@ -26,10 +27,16 @@ def write_cloud(path, count):
     return path
 
 
+def processor_seconds():
+    """Of this process, the scheduler in it, the workers, and the tasks that have ended."""
+    here = psutil.Process()
+    return sum(sum(process.cpu_times()[:4]) for process in [here, *here.children(recursive=True)])
+
+
 def timed(name, call):
-    begin = time.monotonic()
+    begin, spent = time.monotonic(), processor_seconds()
     call()
-    print(f"{name}: {time.monotonic() - begin:.1f} s", flush=True)
+    print(f"{name}: {time.monotonic() - begin:.1f} s, {processor_seconds() - spent:.1f} s of processor time", flush=True)
 
 
 def main():

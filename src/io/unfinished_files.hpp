@@ -15,7 +15,8 @@ inline constexpr std::string_view kUnfinishedOutput = ".pointfair-";
 /// PREFIX, this machine, this process, and a number that no other name of this process has.
 std::string unfinished_name(std::string_view prefix);
 
-/// Removes what has a name of unfinished_name(prefix) in the folder and is of a process of this machine that is no more.
+/// Removes what has a name of unfinished_name(prefix) in the folder and is of a process of this machine that is no
+/// more.
 void remove_abandoned(const std::filesystem::path& folder, std::string_view prefix) noexcept;
 
 }  // namespace pointfair::io

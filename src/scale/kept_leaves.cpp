@@ -46,8 +46,8 @@ bool KeptLeaves::load(const point::Region& region, std::uint64_t most, std::vect
   return true;
 }
 
-// All of a cloud that can be kept is. Of a larger one the files are read from their beginning to their end, which leaves
-// in random order are not.
+// All of a cloud that can be kept is. Of a larger one the files are read from their beginning to their end, which
+// leaves in random order are not.
 void KeptLeaves::for_all(const std::function<void(std::span<const Point>)>& visit) {
   if (cloud_.bounds().valid > most_) return cloud_.for_all(visit);
   for (std::uint32_t number = 0; number < leaves_.size(); ++number)

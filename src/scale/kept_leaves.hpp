@@ -15,7 +15,8 @@ namespace pointfair::scale {
 class KeptLeaves {
  public:
   /// `most`: points that are kept.
-  KeptLeaves(const StoredCloud& cloud, std::uint64_t most) : cloud_(cloud), most_(most), leaves_(cloud.leaves().size()) {}
+  KeptLeaves(const StoredCloud& cloud, std::uint64_t most)
+      : cloud_(cloud), most_(most), leaves_(cloud.leaves().size()) {}
 
   std::uint64_t kept() const { return kept_; }
   /// Keeps nothing any more.

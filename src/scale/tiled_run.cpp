@@ -55,8 +55,8 @@ fs::path TiledRun::make_scratch_folder(const fs::path& beside) {
   fs::create_directory(folder, error);
   if (!error) fs::permissions(folder, fs::perms::owner_all, error);
   if (error)
-    throw Error(ErrorKind::file, beside.string() + ": cannot create a work folder: " + error.message() +
-                                     "; name one with --work");
+    throw Error(ErrorKind::file,
+                beside.string() + ": cannot create a work folder: " + error.message() + "; name one with --work");
   return folder;
 }
 
@@ -121,7 +121,8 @@ void TiledRun::run_all(std::stop_token stop, const ProgressFunction& progress) {
       if (steps[s].kind != WorkStep::Kind::denoise) continue;
       // what this step read is not needed any more
       const WorkStep before = steps[s].iteration == 0 ? steps[0] : steps[s - 1];
-      if (!fs::exists(folder.end_mark(before))) mark(folder.end_mark(before));  // after it, all names of this step are on the disk
+      if (!fs::exists(folder.end_mark(before)))
+        mark(folder.end_mark(before));  // after it, all names of this step are on the disk
       state_->close_input();
       for (const fs::path& path : folder.files_of(before)) fs::remove(path);
     }

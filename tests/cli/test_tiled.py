@@ -326,9 +326,14 @@ class Cost(Case):
     def test_each_step_reads_and_writes_what_the_design_says(self):
         self.ok("tile", "plan", self.source, "--out", self.path("out.ply"), "--work", self.path("work"), "--memory", "512M")
         fingerprint = 64 * 4096 / self.count  # of an input, which is mapped otherwise
+        measured = 0
         for step, read, written in (("ingest", fingerprint, 16), ("measure", 12, 0), ("denoise-1", 16, 20),
                                     ("denoise-2", 20, 16), ("emit", 16 + fingerprint, 16)):
             did_read, did_write = self.cost(step)
+            read += measured
+            if step == "measure":
+                measured = (self.path("work") / "measured").stat().st_size / self.count
+                written = measured
             tables = 100000 / self.count  # the plan, the leaves, what is read of headers
             self.assertLess(abs(did_read - read), 0.02 * read + tables, step)
             self.assertLess(abs(did_write - written), 0.02 * written + tables, step)
