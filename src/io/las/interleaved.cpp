@@ -179,7 +179,9 @@ bool decode_records(std::integer_sequence<int, kStep...>, Chunks&... chunks) {
     (chunks.template decode_step<kOne>(), ...);
   };
   (decode_step(std::integral_constant<int, kStep>{}), ...);
-  return (chunks.go_on() & ...);
+  bool is_sound = true;
+  ((is_sound = chunks.go_on() && is_sound), ...);
+  return is_sound;
 }
 
 template <int... kStep>
