@@ -68,12 +68,14 @@ bench:
 	@$(install) build bench
 	cmake --preset $(preset) -B build/bench -DPOINTFAIR_TESTS=OFF -DPOINTFAIR_BENCH=ON
 	cmake --build build/bench
+	bench/python_peers.py --build build/bench
 	bench/compare_peers.py --build build/bench
 
 quality:
 	@$(install) build bench
 	cmake --preset $(preset) -B build/bench -DPOINTFAIR_TESTS=OFF -DPOINTFAIR_BENCH=ON
 	cmake --build build/bench
+	bench/python_peers.py --build build/bench
 	bench/quality.py --build build/bench --write docs/benchmarks.md
 	bench/automatic.py --build build/bench --write docs/benchmarks.md
 
