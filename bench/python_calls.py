@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Times what Python adds: the import, calls, batches, frames, Ctrl-C. Run it with a Python that has the package:
 
-    build/python/tests/whole/bin/python bench/python_calls.py"""
+    build/python/tests/whole/bin/python bench/python_calls.py [time_import time_calls ..]"""
 import os
-import resource
 import signal
 import statistics
 import subprocess
@@ -103,18 +102,59 @@ def time_tensors():
             print(f"{count:,} {np.dtype(dtype)} on the card: {took * 1e3:.3f} ms a call, {stages:.3f} ms in its stages")
 
 
-def time_frames(frames=200):
+def time_frames(frames=30):
+    """A stream of a sensor. Processor time is told too, since on a loaded machine the clock tells little."""
     pipeline, frame = pf.Pipeline("cpu"), waves(100_000)
     pipeline.load(frame)
-    for name, params in (("resolved", pipeline.resolve()), ("k = 8", pf.Params(**FAST))):
+    for name, params in (("resolved", pipeline.resolve()), ("k = 8", pf.Params(**FAST)), ("all given", pf.Params(**GIVEN))):
         def run():
             pipeline.load(frame)
             pipeline.run(params)
         run()
-        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        took = seconds(run, frames if name != "resolved" else 15)
-        grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
-        print(f"100,000 a frame  {name}: {took * 1e3:.1f} ms a frame, memory grew by {grown / 1024:.1f} MiB")
+        busy = time.process_time()
+        took = seconds(run, frames)
+        busy = (time.process_time() - busy) / frames
+        print(f"100,000 a frame  {name}: {took * 1e3:.1f} ms a frame, {busy * 1e3:.1f} ms of processor time")
+
+
+def resident_mib():
+    """Memory of this process now."""
+    with open("/proc/self/statm") as file:
+        return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
+def measure_memory(frames=10_000, points=5000):
+    """Frames of changing size, each with its own result."""
+    pipeline, given = pf.Pipeline("cpu"), pf.Params(**GIVEN)
+    clouds = [waves(points - 100 * i, seed=i) for i in range(10)]
+    resident = []
+    for i in range(frames):
+        pipeline.load(clouds[i % 10])
+        pipeline.run(given)
+        if i + 1 in (frames // 10, frames):
+            resident.append(resident_mib())
+    print(f"memory           {resident[0]:.1f} MiB after {frames // 10:,} frames of about {points:,} points, {resident[1]:.1f} after {frames:,}")
+
+
+def time_threads(calls=20):
+    """Two threads with a pipeline of one thread each, against the same runs one after the other."""
+    points = waves(50_000)
+
+    def work():
+        pipeline = pf.Pipeline("cpu", threads=1)
+        for _ in range(calls):
+            pipeline.load(points)
+            pipeline.run(**GIVEN)
+
+    def both():
+        threads = [threading.Thread(target=work) for _ in range(2)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+
+    alone, together = seconds(lambda: [work(), work()], 3), seconds(both, 3)
+    print(f"two threads      {together:.2f} s at once, {alone:.2f} s one after the other")
 
 
 def time_interrupts():
@@ -138,5 +178,8 @@ def time_interrupts():
 
 if __name__ == "__main__":
     print(pf.devices()[0].info.name)
-    for measure in (time_import, time_calls, time_batches, time_tensors, time_frames, time_interrupts):
-        measure()
+    measures = (time_import, time_calls, time_batches, time_tensors, time_frames, measure_memory, time_threads, time_interrupts)
+    wanted = sys.argv[1:]
+    for measure in measures:
+        if not wanted or measure.__name__ in wanted:
+            measure()
