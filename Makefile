@@ -23,7 +23,7 @@ help:
 	@echo "make test     all tests"
 	@echo "make wheel    the Python package with the program, dist/*.whl"
 	@echo "make bench    time every stage and the peers"
-	@echo "make quality  measure the noise that is left by each method and peer, into docs; 1 h, goes on if stopped"
+	@echo "make quality  measure the noise that is left by each method and peer, into docs; some hours, goes on if stopped"
 	@echo "make bench-laz  time LAZ against lazrs, which pip fetches from PyPI"
 	@echo "make bench-viewer  time the viewer over its WebSocket, 100,000 and 1M points, and its page in Chromium"
 	@echo "make paper-tables  the paper's table II and figures 6 and 7 on this machine, in build/paper"
@@ -66,14 +66,14 @@ demo:
 	scripts/demo.py
 
 bench:
-	@$(install) build bench
+	@$(install) build python bench
 	cmake --preset $(preset) -B build/bench -DPOINTFAIR_TESTS=OFF -DPOINTFAIR_BENCH=ON
 	cmake --build build/bench
 	bench/python_peers.py --build build/bench
 	bench/compare_peers.py --build build/bench
 
 quality:
-	@$(install) build bench
+	@$(install) build python bench
 	cmake --preset $(preset) -B build/bench -DPOINTFAIR_TESTS=OFF -DPOINTFAIR_BENCH=ON
 	cmake --build build/bench
 	bench/python_peers.py --build build/bench

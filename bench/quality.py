@@ -15,8 +15,8 @@ column by column, chosen with the truth in hand. Needs a build with -DPOINTFAIR_
 does all of it).
 
 Each result is kept in FOLDER/results.jsonl as it comes, so a run that was stopped goes on where it was, and a changed
-program is measured again alone. By default, about 45 minutes of one core, most of them the peers'; what is left is said
-while it runs. Prints Markdown; --write puts it between the marks <!-- quality NAME --> and <!-- end --> of a page.
+program is measured again alone. By default, some hours of one core, most of them the peers'; what is left is said while
+it runs. Prints Markdown; --write puts it between the marks <!-- quality NAME --> and <!-- end --> of a page.
 A quick look: bench/quality.py --seeds 1 --peers none --shapes cad dino
 Another setting: bench/quality.py --peers none --contender "sharper=--crease-angle 15"
 """
