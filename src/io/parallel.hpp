@@ -19,6 +19,9 @@
 
 namespace pointfair::io {
 
+/// How many threads work at once here.
+inline std::size_t concurrency() { return static_cast<std::size_t>(tbb::this_task_arena::max_concurrency()); }
+
 /// Calls `body(block)` for every block below `count`. If some throw, the exception of the lowest one is passed on.
 template <class Body>
 void for_each_block(std::size_t count, const Body& body) {
@@ -42,7 +45,7 @@ void for_each_block(std::size_t count, const Body& body) {
 /// Writes `format(block, buffer)` of every block below `count` in order; buffers are filled in parallel.
 template <class Format>
 void write_blocks(Output& out, std::size_t count, const Format& format) {
-  const auto in_flight = static_cast<std::size_t>(2 * tbb::this_task_arena::max_concurrency());
+  const std::size_t in_flight = 2 * concurrency();
   std::size_t next = 0;
   tbb::parallel_pipeline(
       in_flight,

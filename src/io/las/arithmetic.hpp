@@ -49,11 +49,10 @@ class alignas(64) BasicSymbolModel {
   bool is_last(std::uint32_t symbol) const { return symbol + 1 == symbols_; }
 
   /// The symbol whose share of [0, 2^15) holds `value`. One pass over all places where they are few,
-  /// else two over 16 places each, without a branch.
+  /// else two over 16 places each; no branch depends on the data.
   std::uint32_t find(std::uint32_t value) const {
     const auto at = static_cast<std::uint16_t>(std::min<std::uint32_t>(value, kBeyond - 1U));
     if constexpr (kGroups <= kMostAtOnce) return count_all_up_to(at) - 1;
-    if (symbols_ <= kGroup) return count_up_to(distribution_.data(), at) - 1;
     std::uint32_t group = count_up_to(tops_.data(), at) - 1;
     for (std::uint32_t first = kGroup; first < tops_.size(); first += kGroup)
       group += count_up_to(tops_.data() + first, at);

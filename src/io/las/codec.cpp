@@ -16,10 +16,13 @@ void require_codec(const Compression& compression, const std::string& what) {
                                    "-DPOINTFAIR_LAS=ON, which fetches it, or use LAS");
 }
 
-bool decode_chunk(const Compression& compression, std::string_view chunk, std::uint32_t points, std::uint32_t layers,
-                  std::span<char> records) {
-  if (is_interleaved(compression)) return decode_interleaved(compression, chunk, records);
-  return laszip_decode(compression, chunk, points, layers, records);
+bool decode_chunk(const Compression& compression, const CodedChunk& chunk, std::uint32_t points, std::uint32_t layers) {
+  if (is_interleaved(compression)) return decode_interleaved(compression, chunk);
+  return laszip_decode(compression, chunk.bytes, points, layers, chunk.records);
+}
+
+bool decode_two_chunks(const Compression& compression, const CodedChunk& one, const CodedChunk& other) {
+  return is_interleaved(compression) && decode_two_interleaved(compression, one, other);
 }
 
 void encode_chunk(const Compression& compression, std::span<const char> records, std::string& to) {

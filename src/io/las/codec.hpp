@@ -8,6 +8,7 @@
 #include <string>
 #include <string_view>
 
+#include "io/las/interleaved.hpp"
 #include "io/las/laz.hpp"
 
 namespace pointfair::io::las {
@@ -20,8 +21,11 @@ void require_codec(const Compression& compression, const std::string& what);
 
 /// Decodes the records of a chunk of `points` points. Of layered chunks only `layers` (see Layer) need be right.
 /// False: the bytes are damaged. can_code must be true.
-bool decode_chunk(const Compression& compression, std::string_view chunk, std::uint32_t points, std::uint32_t layers,
-                  std::span<char> records);
+bool decode_chunk(const Compression& compression, const CodedChunk& chunk, std::uint32_t points, std::uint32_t layers);
+
+/// Decodes the records of two chunks at once, which takes less time. False: one is damaged, or such points are decoded
+/// a chunk at a time: decode_chunk tells.
+bool decode_two_chunks(const Compression& compression, const CodedChunk& one, const CodedChunk& other);
 
 /// Appends the records, as many as fit in `records`, as a chunk. can_code must be true.
 void encode_chunk(const Compression& compression, std::span<const char> records, std::string& to);

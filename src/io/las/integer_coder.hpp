@@ -59,7 +59,9 @@ class IntegerCoder {
       const std::uint32_t upper_bits = coder.code(corrections_[size_ - 1], place >> lower);
       place = upper_bits << lower | coder.code_bits(lower, place & ((std::uint32_t{1} << lower) - 1));
     }
-    return place >> (size_ - 1) != 0 ? place + 1 : place - least;
+    // without a branch on the sign, which none could predict
+    const std::uint32_t is_positive = place >> (size_ - 1);
+    return place - least + (is_positive << size_);
   }
 
   std::vector<SizeModel> sizes_;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "io/las/byte_coding.hpp"
@@ -94,9 +95,12 @@ class BytesItem {
   std::vector<SymbolModel> models_;
 };
 
-// All items of a point, one point after the other: with a Decoder records are filled, with an Encoder read.
+// All items of a point, one point after the other, each in a few steps: with a Decoder records are filled, with an
+// Encoder read.
 class RecordCoder {
  public:
+  using Steps = std::make_integer_sequence<int, PointItem::kSteps + 3>;
+
   RecordCoder(const Compression& compression, const char* first) : point_(first) {
     std::size_t offset = 0;
     for (const Item& item : compression.items) {
@@ -107,12 +111,17 @@ class RecordCoder {
     }
   }
 
-  template <class Coder>
-  void code(Coder& coder, char* record) {
-    point_.code(coder, record);
-    if (time_) time_->code(coder, record + time_at_);
-    if (color_) color_->code(coder, record + color_at_);
-    if (bytes_) bytes_->code(coder, record + bytes_at_);
+  template <int kStep, class Coder>
+  void code_step(Coder& coder, char* record) {
+    if constexpr (kStep < PointItem::kSteps) {
+      point_.code_step<kStep>(coder, record);
+    } else if constexpr (kStep == PointItem::kSteps) {
+      if (time_) time_->code(coder, record + time_at_);
+    } else if constexpr (kStep == PointItem::kSteps + 1) {
+      if (color_) color_->code(coder, record + color_at_);
+    } else {
+      if (bytes_) bytes_->code(coder, record + bytes_at_);
+    }
   }
 
   bool is_damaged() const { return time_ && time_->is_damaged(); }
@@ -131,6 +140,60 @@ std::size_t record_length(const Compression& compression) {
   return length;
 }
 
+// A chunk on its way into records, of which the first one stands in it as it is.
+class ChunkDecoder {
+ public:
+  ChunkDecoder(const Compression& compression, const CodedChunk& chunk)
+      : length_(record_length(compression)),
+        decoder_(chunk.bytes.substr(length_)),
+        coder_(compression, chunk.bytes.data()),
+        record_(chunk.records.data() + length_),
+        end_(chunk.records.data() + chunk.records.size()) {
+    std::copy_n(chunk.bytes.data(), length_, chunk.records.data());
+  }
+
+  bool is_done() const { return record_ == end_; }
+
+  template <int kStep>
+  void decode_step() {
+    coder_.code_step<kStep>(decoder_, record_);
+  }
+  // False: the bytes are damaged.
+  bool go_on() {
+    record_ += length_;
+    return !decoder_.overrun() && !coder_.is_damaged();
+  }
+
+ private:
+  std::size_t length_;
+  Decoder decoder_;
+  RecordCoder coder_;
+  char *record_, *end_;
+};
+
+// The next record of each chunk, by turns: what comes next in a code is known only when the last is, and meanwhile
+// the processor works on the other chunk.
+template <int... kStep, class... Chunks>
+bool decode_records(std::integer_sequence<int, kStep...>, Chunks&... chunks) {
+  const auto decode_step = [&]<int kOne>(std::integral_constant<int, kOne>) {
+    (chunks.template decode_step<kOne>(), ...);
+  };
+  (decode_step(std::integral_constant<int, kStep>{}), ...);
+  return (chunks.go_on() & ...);
+}
+
+template <int... kStep>
+void encode_record(std::integer_sequence<int, kStep...>, RecordCoder& coder, Encoder& encoder, char* record) {
+  (coder.code_step<kStep>(encoder, record), ...);
+}
+
+bool decode_rest(ChunkDecoder& chunk) {
+  while (!chunk.is_done()) {
+    if (!decode_records(RecordCoder::Steps{}, chunk)) return false;
+  }
+  return true;
+}
+
 }  // namespace
 
 bool is_interleaved(const Compression& compression) {
@@ -141,17 +204,19 @@ bool is_interleaved(const Compression& compression) {
   });
 }
 
-bool decode_interleaved(const Compression& compression, std::string_view chunk, std::span<char> records) {
-  const std::size_t length = record_length(compression);
-  if (chunk.size() < length) return false;
-  std::copy_n(chunk.data(), length, records.data());
-  Decoder decoder(chunk.substr(length));
-  RecordCoder coder(compression, chunk.data());
-  for (char* record = records.data() + length; record != records.data() + records.size(); record += length) {
-    coder.code(decoder, record);
-    if (decoder.overrun() || coder.is_damaged()) return false;
+bool decode_interleaved(const Compression& compression, const CodedChunk& chunk) {
+  if (chunk.bytes.size() < record_length(compression)) return false;
+  ChunkDecoder decoder(compression, chunk);
+  return decode_rest(decoder);
+}
+
+bool decode_two_interleaved(const Compression& compression, const CodedChunk& one, const CodedChunk& other) {
+  if (std::min(one.bytes.size(), other.bytes.size()) < record_length(compression)) return false;
+  ChunkDecoder a(compression, one), b(compression, other);
+  while (!a.is_done() && !b.is_done()) {
+    if (!decode_records(RecordCoder::Steps{}, a, b)) return false;
   }
-  return true;
+  return decode_rest(a) && decode_rest(b);
 }
 
 void encode_interleaved(const Compression& compression, std::span<const char> records, std::string& to) {
@@ -160,7 +225,8 @@ void encode_interleaved(const Compression& compression, std::span<const char> re
   Encoder encoder(to);
   RecordCoder coder(compression, records.data());
   for (std::size_t at = length; at < records.size(); at += length) {
-    coder.code(encoder, const_cast<char*>(records.data()) + at);  // which an encoder only reads
+    char* const record = const_cast<char*>(records.data()) + at;  // which an encoder only reads
+    encode_record(RecordCoder::Steps{}, coder, encoder, record);
   }
   encoder.finish();
 }

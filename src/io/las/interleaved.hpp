@@ -15,8 +15,17 @@ namespace pointfair::io::las {
 /// Whether all items of such points are known here: not waveforms, and not version 1.
 bool is_interleaved(const Compression& compression);
 
-/// Decodes the records of a chunk, as many as fit in `records`. False: the bytes are damaged.
-bool decode_interleaved(const Compression& compression, std::string_view chunk, std::span<char> records);
+/// The bytes of a chunk and the room for its records: that of at least one.
+struct CodedChunk {
+  std::string_view bytes;
+  std::span<char> records;
+};
+
+/// Decodes as many records of a chunk as there is room for. False: the bytes are damaged.
+bool decode_interleaved(const Compression& compression, const CodedChunk& chunk);
+
+/// The same of two chunks at once, in about a tenth less time than one after the other. False: one is damaged.
+bool decode_two_interleaved(const Compression& compression, const CodedChunk& one, const CodedChunk& other);
 
 /// Appends the records as a chunk: the bytes that LASzip writes.
 void encode_interleaved(const Compression& compression, std::span<const char> records, std::string& to);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Item POINT10 of LAZ, version 2: the 20 bytes that all points of formats 0 to 5 have. `code` reads a record with an
-// Encoder and fills it with a Decoder.
+// Item POINT10 of LAZ, version 2: the 20 bytes that all points of formats 0 to 5 have. Its steps, taken in order, read
+// a record with an Encoder and fill it with a Decoder.
 #pragma once
 
 #include <algorithm>
@@ -35,13 +35,22 @@ class PointItem {
  public:
   explicit PointItem(const char* first) : last_(read(first)) { last_.intensity = 0; }
 
-  template <class Coder>
-  void code(Coder& coder, char* record) {
-    Fields now = Coder::kWrites ? read(record) : last_;
-    code_fields(coder, now);
-    code_place(coder, now);
-    last_ = now;
-    if constexpr (!Coder::kWrites) write(now, record);
+  static constexpr int kSteps = 4;
+
+  template <int kStep, class Coder>
+  void code_step(Coder& coder, char* record) {
+    if constexpr (kStep == 0) {
+      now_ = Coder::kWrites ? read(record) : last_;
+      code_fields(coder);
+    } else if constexpr (kStep == 1) {
+      code_x(coder);
+    } else if constexpr (kStep == 2) {
+      code_y(coder);
+    } else {
+      code_z(coder);
+      last_ = now_;
+      if constexpr (!Coder::kWrites) write(now_, record);
+    }
   }
 
  private:
@@ -92,47 +101,56 @@ class PointItem {
   }
 
   template <class Coder>
-  void code_fields(Coder& coder, Fields& now) {
-    const std::uint32_t changes = coder.code(changes_, Coder::kWrites ? changes_of(now) : 0);
-    if ((changes & kReturns) != 0) now.returns = code_byte(coder, returns_.after(last_.returns), now.returns);
-    const std::uint32_t kind = kind_of(now);
+  void code_fields(Coder& coder) {
+    const std::uint32_t changes = coder.code(changes_, Coder::kWrites ? changes_of(now_) : 0);
+    if ((changes & kReturns) != 0) now_.returns = code_byte(coder, returns_.after(last_.returns), now_.returns);
+    const std::uint32_t kind = kind_of(now_);
     std::uint16_t& intensity = intensities_[kind];
     if ((changes & kIntensity) != 0) {
       intensity = static_cast<std::uint16_t>(
-          intensity_.code(coder, intensity, now.intensity, std::min<std::uint32_t>(kind, 3)));
+          intensity_.code(coder, intensity, now_.intensity, std::min<std::uint32_t>(kind, 3)));
     }
-    now.intensity = intensity;
+    now_.intensity = intensity;
     if ((changes & kClass) != 0)
-      now.classification = code_byte(coder, classes_.after(last_.classification), now.classification);
-    if ((changes & kAngle) != 0) now.angle = code_difference(coder, angles_[now.direction()], last_.angle, now.angle);
-    if ((changes & kUser) != 0) now.user = code_byte(coder, users_.after(last_.user), now.user);
+      now_.classification = code_byte(coder, classes_.after(last_.classification), now_.classification);
+    if ((changes & kAngle) != 0)
+      now_.angle = code_difference(coder, angles_[now_.direction()], last_.angle, now_.angle);
+    if ((changes & kUser) != 0) now_.user = code_byte(coder, users_.after(last_.user), now_.user);
     if ((changes & kSource) != 0)
-      now.source = static_cast<std::uint16_t>(source_.code(coder, last_.source, now.source, 0));
+      now_.source = static_cast<std::uint16_t>(source_.code(coder, last_.source, now_.source, 0));
   }
 
+  static std::uint32_t even(std::uint32_t size, std::uint32_t most) { return size < most ? size & ~1U : most; }
+  std::uint32_t single() const { return now_.count() == 1; }
+
   template <class Coder>
-  void code_place(Coder& coder, Fields& now) {
-    const std::uint32_t kind = kind_of(now), single = now.count() == 1;
-    const auto even = [](std::uint32_t size, std::uint32_t most) { return size < most ? size & ~1U : most; };
-    code_step(coder, x_, x_steps_[kind], last_.grid[0], now.grid[0], single);
-    code_step(coder, y_, y_steps_[kind], last_.grid[1], now.grid[1], single + even(x_.last_size(), 20));
-    const int level = std::abs(static_cast<int>(now.count()) - static_cast<int>(now.number()));
+  void code_x(Coder& coder) {
+    code_along(coder, x_, x_steps_[kind_of(now_)], last_.grid[0], now_.grid[0], single());
+  }
+  template <class Coder>
+  void code_y(Coder& coder) {
+    const std::uint32_t context = single() + even(x_.last_size(), 20);
+    code_along(coder, y_, y_steps_[kind_of(now_)], last_.grid[1], now_.grid[1], context);
+  }
+  template <class Coder>
+  void code_z(Coder& coder) {
+    const int level = std::abs(static_cast<int>(now_.count()) - static_cast<int>(now_.number()));
     std::int32_t& height = heights_[static_cast<std::size_t>(level)];
     const std::uint32_t size = (x_.last_size() + y_.last_size()) / 2;
-    height = z_.code(coder, height, now.grid[2], single + even(size, 18));
-    now.grid[2] = height;
+    height = z_.code(coder, height, now_.grid[2], single() + even(size, 18));
+    now_.grid[2] = height;
   }
 
   template <class Coder>
-  static void code_step(Coder& coder, IntegerCoder& integers, RunningMedian& steps, std::int32_t last,
-                        std::int32_t& now, std::uint32_t context) {
+  static void code_along(Coder& coder, IntegerCoder& integers, RunningMedian& steps, std::int32_t last,
+                         std::int32_t& now, std::uint32_t context) {
     const auto wanted = static_cast<std::int32_t>(static_cast<std::uint32_t>(now) - static_cast<std::uint32_t>(last));
     const std::int32_t step = integers.code(coder, steps.value(), wanted, context);
     steps.add(step);
     now = static_cast<std::int32_t>(static_cast<std::uint32_t>(last) + static_cast<std::uint32_t>(step));
   }
 
-  Fields last_;
+  Fields last_, now_;
   std::array<std::uint16_t, 16> intensities_{};
   std::array<RunningMedian, 16> x_steps_, y_steps_;
   std::array<std::int32_t, 8> heights_{};

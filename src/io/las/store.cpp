@@ -75,7 +75,7 @@ class Chunks : public PointStore {
   }
   bool decode(std::size_t block, std::uint32_t layers, std::span<char> records) const {
     require_codec(compression_, name_ + ": attributes of such points need");
-    return decode_chunk(compression_, chunk(block), static_cast<std::uint32_t>(block_size(block)), layers, records);
+    return decode_chunk(compression_, {chunk(block), records}, static_cast<std::uint32_t>(block_size(block)), layers);
   }
   const Compression& compression() const { return compression_; }
   std::size_t record_length() const { return record_length_; }
@@ -95,8 +95,12 @@ class DecodedRecords : public Chunks {
       : Chunks(std::move(chunks), compression, record_length, name) {
     if (!holds) return;
     records_ = make_large<char>(block_begin(block_count()) * record_length);
-    for_each_block(block_count(), [&](std::size_t block) {
-      decode_into(block, {records_.get() + begin(block), block_size(block) * record_length});
+    // Two chunks a thread at once where that leaves none idle.
+    const std::size_t at_once = block_count() >= 4 * concurrency() ? 2 : 1;
+    for_each_block((block_count() + at_once - 1) / at_once, [&](std::size_t group) {
+      const std::size_t first = group * at_once, last = std::min(first + at_once, block_count());
+      if (last - first == 2 && decode_two_chunks(compression, coded(first), coded(first + 1))) return;
+      for (std::size_t block = first; block < last; ++block) decode_into(block, coded(block).records);
     });
   }
 
@@ -117,6 +121,9 @@ class DecodedRecords : public Chunks {
 
  private:
   std::size_t begin(std::size_t block) const { return static_cast<std::size_t>(block_begin(block)) * record_length(); }
+  CodedChunk coded(std::size_t block) const {
+    return {chunk(block), {records_.get() + begin(block), block_size(block) * record_length()}};
+  }
   void decode_into(std::size_t block, std::span<char> records) const {
     require(decode(block, kAllLayers, records), block);
   }
