@@ -31,7 +31,8 @@ struct TileArguments {
   LimitArguments limits;
   DeviceArguments device;
   FormatArguments format;
-  bool all = false, force = false, quiet = false, with_parent = false;
+  bool all = false, force = false, quiet = false;
+  int parent = 0;
 };
 using Shared = std::shared_ptr<TileArguments>;
 
@@ -74,14 +75,15 @@ void run_task(TiledRun& run, const std::string& name, std::stop_token stop) {
   run.run(step, task, stop);
 }
 
-// A worker of an engine that is killed must not leave its task running.
-void end_with_parent() {
+// A worker of an engine that is killed must not leave its task running. In a container the worker may be process 1, to
+// which orphans go elsewhere: so it says its own number.
+void end_with_parent(int parent) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
-  if (::getppid() == 1) throw Error(ErrorKind::interrupted, "interrupted");  // it is gone already
+  if (::getppid() != parent) throw Error(ErrorKind::interrupted, "interrupted");  // it is gone already
 }
 
 void run_tasks(const TileArguments& arguments, std::stop_token stop) {
-  if (arguments.with_parent) end_with_parent();
+  if (arguments.parent > 0) end_with_parent(arguments.parent);
   keep_no_freed_memory();
   if (arguments.all == !arguments.task.empty()) throw Error(ErrorKind::usage, "give either --task or --all");
   TiledRun run(arguments.folder, make_device(arguments.device));
@@ -143,7 +145,9 @@ Verb add_tile(CLI::App& app) {
   CLI::App& run = add_part(tile, arguments, "run", "Do one task, one step's tasks, or all that is left.");
   run.add_option("--task", arguments->task, "denoise-1:3, or denoise-1 for all tasks of that step")->type_name("TASK");
   run.add_flag("--all", arguments->all, "all tasks, in order");
-  run.add_flag("--end-with-parent", arguments->with_parent, "be killed when the process that started this one ends");
+  run.add_option("--end-with-parent", arguments->parent,
+                 "be killed when the process that started this one ends, whose number is PID")
+      ->type_name("PID");
   add_device(run, arguments->device);
   add_choice(run, "--progress", arguments->progress, {std::begin(kProgressModes), std::end(kProgressModes)},
              "progress on standard error; auto: a bar on a terminal");

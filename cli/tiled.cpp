@@ -3,12 +3,9 @@
 
 #include <fmt/format.h>
 #include <malloc.h>
-#include <stdlib.h>
 
-#include <cerrno>
 #include <charconv>
 #include <cmath>
-#include <cstring>
 #include <optional>
 
 #include "interrupts.hpp"
@@ -25,12 +22,7 @@ constexpr std::uint64_t kLeastMemory = std::uint64_t{64} << 20;
 // A folder that goes when this does.
 class ScratchFolder {
  public:
-  explicit ScratchFolder(const fs::path& beside) {
-    std::string name = (beside / ".pointfair-work-XXXXXX").string();
-    if (!::mkdtemp(name.data()))
-      throw Error(ErrorKind::file, fmt::format("{}: cannot create a work folder: {}; name one with --work",
-                                               beside.string(), std::strerror(errno)));
-    path_ = name;
+  explicit ScratchFolder(const fs::path& beside) : path_(TiledRun::make_scratch_folder(beside)) {
     remove_if_ended(path_);
   }
   ~ScratchFolder() {

@@ -110,6 +110,12 @@ inline double turn_weight(double cosine, double degrees) {
   return std::exp(-turn * turn);
 }
 
+// Of the filter of normals and of iterations after the first, where the reach differs from place to place (Eq. 24).
+inline double further_share(Point p, const Settings& s) {
+  if (!s.reach_levels) return 1;
+  return std::clamp((20 * std::pow(level_at(s.reach_levels.get(), p), 2) - 8) / (14 - 8), 0.0, 1.0);
+}
+
 // One round of bilateral filtering of the normals (Eq. 9); points without a normal take no part.
 inline std::vector<Normal> filtered(const std::vector<Normal>& normals, const Points& points,
                                     const std::vector<List>& lists, const Settings& s) {
@@ -124,7 +130,8 @@ inline std::vector<Normal> filtered(const std::vector<Normal>& normals, const Po
       const double w = std::exp(-distance * distance / (2 * sigma * sigma)) * turn_weight(cosine, s.crease_angle);
       sum = sum + (cosine < 0 ? -w : w) * normals[j].unit;
     }
-    result[i].unit = 1 / length(sum) * sum;
+    const Vec mixed = n + further_share(points[i], s) * (1 / length(sum) * sum - n);
+    result[i].unit = 1 / length(mixed) * mixed;
     for (const std::uint32_t j : lists[i]) result[i].gap = std::min(result[i].gap, normals[j].gap);
   }
   return result;
@@ -179,7 +186,8 @@ inline double displacement(const Points& points, std::size_t i, const List& list
     moment += w * height;
     sum += w;
   }
-  const double share = s.noise > 0 ? noise_share(points, i, list, n, s) : 1;
+  const double share =
+      (s.noise > 0 ? noise_share(points, i, list, n, s) : 1) * (s.is_further ? further_share(points[i], s) : 1);
   return s.strength * share * (sum > 0 ? moment / sum : 0);
 }
 

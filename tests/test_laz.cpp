@@ -343,6 +343,24 @@ TEST(LazErrors, DamagedBytesDoNoHarm) {
   }
 }
 
+// Of many chunks two are decoded at once.
+TEST(LazErrors, TheDamagedOneOfManyChunksIsNamed) {
+  const std::string laz = make_laz(make_las({.minor = 2, .format = 1, .count = 40 * 1000}), {0, 40, false});
+  const las::Header header = las::parse_header(laz, "test");
+  const las::Compression compression = las::read_compression(header, "test");
+  const auto chunks = las::read_chunk_table(laz, header, compression, "test").chunks;
+  ASSERT_EQ(chunks.size(), 1000U);
+  for (const std::size_t damaged : {std::size_t{0}, std::size_t{401}, std::size_t{999}}) {
+    std::string copy = laz;
+    const auto code = static_cast<std::size_t>(chunks[damaged].bytes.data() - laz.data()) + header.record_length;
+    const std::size_t length = chunks[damaged].bytes.size() - header.record_length;
+    copy.replace(code, length, length, '\xFF');
+    const std::string message = thrown_by([&] { parse(copy, "a.laz"); }).message;
+    EXPECT_NE(message.find("chunk " + std::to_string(damaged) + " of its points is damaged"), std::string::npos)
+        << message;
+  }
+}
+
 // LASzip's decoder would read outside its tables.
 TEST(LazErrors, ACodeThatNoEncoderBeginsWithIsRefused) {
   const auto refused = [](const std::string& bad) {

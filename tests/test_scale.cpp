@@ -9,8 +9,10 @@
 #include <fstream>
 #include <random>
 
+#include "io/unfinished_files.hpp"
 #include "pointfair/positions.hpp"
 #include "pointfair/tiled_run.hpp"
+#include "scale/kept_leaves.hpp"
 #include "scale/leaf_tree.hpp"
 #include "scale/measure.hpp"
 #include "scale/points_file.hpp"
@@ -136,6 +138,69 @@ TEST(Scale, a_stored_cloud_gives_all_points_of_a_region_and_the_indices_of_a_til
   EXPECT_TRUE(std::all_of(met.begin(), met.end(), [](bool m) { return m; }));
 }
 
+TEST(Scale, leaves_that_are_kept_give_the_same_points_and_are_not_read_again) {
+  const Folder folder;
+  std::vector<Point> sample = random_points(3000, 3);
+  const LeafTree tree(sample, 1, 40);
+  const std::vector<Point> all = random_points(4000, 4);
+  const std::vector<Point> first(all.begin(), all.begin() + 1500), second(all.begin() + 1500, all.end());
+  store(folder / "a", tree, first, 0);
+  store(folder / "b", tree, second, first.size());
+  const StoredCloud cloud({folder / "a", folder / "b"}, tree.leaves());
+  const point::Region region = {{-0.3f, -0.2f, -kUnbounded}, {0.7f, 0.25f, 0.05f}};
+  std::vector<Point> expected;
+  for (const Point& p : all)
+    if (point::is_inside(region, to_vec3(p))) expected.push_back(p);
+  std::sort(expected.begin(), expected.end(), before);
+  for (const std::uint64_t most : {0, 700, 4000}) {
+    KeptLeaves leaves(cloud, most);
+    for (int look = 0; look < 2; ++look) {
+      std::vector<Point> found;
+      ASSERT_TRUE(leaves.load(region, expected.size(), found));
+      std::sort(found.begin(), found.end(), before);
+      EXPECT_TRUE(std::equal(found.begin(), found.end(), expected.begin(), expected.end(), same));
+      std::uint64_t met = 0;
+      leaves.for_all([&](std::span<const Point> points) { met += points.size(); });
+      EXPECT_EQ(met, all.size());
+      EXPECT_LE(leaves.kept(), most);
+      if (most == all.size()) {
+        EXPECT_EQ(leaves.kept(), most);
+      }
+    }
+    if (most == all.size()) {  // what would be read again is not there
+      fs::resize_file(folder / "a", 100);
+      fs::resize_file(folder / "b", 100);
+      std::vector<Point> found;
+      EXPECT_TRUE(leaves.load(region, expected.size(), found));
+      EXPECT_EQ(found.size(), expected.size());
+      EXPECT_FALSE(leaves.load(region, expected.size() - 1, found));
+      EXPECT_EQ(leaves.kept(), 0U);
+    }
+  }
+}
+
+TEST(Scale, what_dead_processes_left_unfinished_is_removed_and_what_live_ones_write_is_not) {
+  const Folder folder;
+  const std::string mine = io::unfinished_name(".pointfair-");
+  const std::string owner = std::to_string(::getpid()) + "-";
+  const std::string head = mine.substr(0, mine.rfind(owner));
+  const auto named = [&](const std::string& process, unsigned number) {
+    return head + process + "-" + std::to_string(number);
+  };
+  const std::string dead = std::to_string(1 << 30), parent = std::to_string(::getppid());
+  const std::vector<std::string> kept = {mine, named(parent, 3), ".pointfair-elsewhere-" + dead + "-1", head + "notes",
+                                         "out.ply"};
+  const std::vector<std::string> removed = {named(dead, 0), named(std::to_string(::getpid()), 1U << 31)};
+  for (const auto& names : {kept, removed})
+    for (const std::string& name : names) std::ofstream(folder / name.c_str()) << "some";
+  fs::create_directory(folder / named(dead, 7).c_str());
+  std::ofstream(folder / named(dead, 7).c_str() / "plan.txt") << "some";
+  io::remove_abandoned(folder / "", ".pointfair-");
+  for (const std::string& name : kept) EXPECT_TRUE(fs::exists(folder / name.c_str())) << name;
+  for (const std::string& name : removed) EXPECT_FALSE(fs::exists(folder / name.c_str())) << name;
+  EXPECT_EQ(folder.files(), kept.size());
+}
+
 TEST(Scale, a_file_that_is_not_finished_never_appears) {
   const Folder folder;
   {
@@ -225,10 +290,23 @@ TEST(Scale, the_origin_is_that_of_the_whole_file_where_the_guess_is_another) {
   const auto at = other.find("\norigin ") + 8;
   other.replace(at, other.find('\n', at) - at, "0x1.f4p+9 0x1.388p+12 0x0p+0");
   std::ofstream(folder / "work/plan.txt") << other;
+  {
+    TiledRun run(folder / "work", Device::cpu);
+    run.run("ingest", 0);
+    fs::copy_file(folder / "work/chunk-00000", folder / "chunk");
+    run.run("measure", 0);
+    EXPECT_TRUE(fs::exists(folder / "work/origin"));
+    EXPECT_FALSE(fs::exists(folder / "work/chunk-00000"));
+  }
+  // as if it had been killed before it removed what it had taken in first
+  fs::remove(folder / "work/measured");
+  fs::remove(folder / "work/recut-00000");
+  fs::rename(folder / "chunk", folder / "work/chunk-00000");
   TiledRun run(folder / "work", Device::cpu);
+  run.run("measure", 0);
   run.run_all();
   EXPECT_EQ(read_text(folder / "out.xyz"), read_text(folder / "whole.xyz"));
-  EXPECT_TRUE(fs::exists(folder / "work/origin"));
+  EXPECT_FALSE(fs::exists(folder / "work/chunk-00000"));
 }
 
 // Two CPUs stand for the cards of a machine.

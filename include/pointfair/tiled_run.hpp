@@ -68,6 +68,10 @@ class POINTFAIR_EXPORT TiledRun {
   /// The number of points of a file. O(1), but for text formats, which are scanned.
   static std::uint64_t count_points(const std::filesystem::path& path);
 
+  /// A new hidden folder in `beside`, for a run that is not kept; remove it afterwards. Those that killed processes of
+  /// this machine left there are removed.
+  static std::filesystem::path make_scratch_folder(const std::filesystem::path& beside);
+
   /// Writes the plan of the job into the folder, which is made if it is not there. Where the same job was planned
   /// before, nothing changes. Throws ErrorKind::usage for parameters that cannot be followed tile by tile, and if the
   /// folder holds the plan of another job.

@@ -16,13 +16,17 @@ knows, "s3://bucket/a.laz": whole files are then copied into the work folder and
 """
 from __future__ import annotations
 
+import asyncio
+import concurrent.futures
+import contextlib
 import json
 import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from importlib import import_module
-from typing import Any, Mapping, Sequence
+from typing import Any, Iterator, Mapping, Sequence
 
 from ._errors import Error
 from ._program import program_path
@@ -36,20 +40,52 @@ def _call(program: str, *words: str) -> str:
     return done.stdout
 
 
-def _run(task: str, program: str, work: str, *words: str) -> str:
-    _call(program, "tile", "run", work, "--task", task, "--end-with-parent", *words)
-    return task
+_NO_MEMORY, _KILLED = 4, -9  # how a task ends that this worker cannot do; -9: mostly by a system that is out of memory
 
 
-def _copy(source: str, target: str) -> str:
+def _run(task: str, program: str, work: str, *words: str) -> tuple[int, str, str]:
+    """Does the task. Returns how it ended if another worker should have it, this worker's address, and what was said."""
+    done = subprocess.run([program, "tile", "run", work, "--task", task, "--end-with-parent", str(os.getpid()), *words],
+                          capture_output=True, text=True)
+    said = done.stderr.strip().removeprefix("pointfair: ") or f"{task} ended with {done.returncode}"
+    if done.returncode not in (0, _NO_MEMORY, _KILLED):
+        raise Error(said)
+    return done.returncode, import_module("distributed").get_worker().address, said
+
+
+def _copy(pair: tuple[str, str]) -> None:
     """A whole file from one store to another, under its name only when it is complete."""
+    try:
+        _copy_file(*pair)
+    except Exception as error:  # each store has its own
+        raise Error(f"{pair[0]}: cannot be copied to {pair[1]}: {error}") from None
+
+
+def _copy_file(source: str, target: str) -> None:
     fsspec: Any = import_module("fsspec")
-    remote = "://" in target
-    with fsspec.open(source, "rb") as reader, fsspec.open(target if remote else target + ".part", "wb") as writer:
-        shutil.copyfileobj(reader, writer, 1 << 24)
-    if not remote:
-        os.replace(target + ".part", target)
-    return target
+    if _is_remote(target):
+        with fsspec.open(source, "rb") as reader, fsspec.open(target, "wb") as writer:
+            shutil.copyfileobj(reader, writer, 1 << 24)
+        return
+    number, part = tempfile.mkstemp(prefix=os.path.basename(target) + ".part-", dir=os.path.dirname(target))
+    try:  # another worker may copy the same
+        with fsspec.open(source, "rb") as reader, os.fdopen(number, "wb") as writer:
+            shutil.copyfileobj(reader, writer, 1 << 24)
+        os.replace(part, target)
+    except BaseException:
+        os.unlink(part)
+        raise
+
+
+@contextlib.contextmanager
+def _scheduler_lives() -> Iterator[None]:
+    """Says in one line that it does not."""
+    lost = (asyncio.CancelledError, concurrent.futures.CancelledError, import_module("distributed.comm").CommClosedError)
+    try:
+        yield
+    except lost as error:
+        raise Error("the scheduler cannot be reached any more; what is finished is kept: call again with the same work "
+                    "folder, on a scheduler that runs") from error
 
 
 def _allow_failures(dask_scheduler: Any = None) -> None:
@@ -79,10 +115,34 @@ class _Cluster:
     def __init__(self, client: Any, options: dict[str, Any]) -> None:
         self.client, self.options = client, options
 
-    def each(self, function: Any, tasks: Sequence[Any], *more: Any) -> None:
-        futures = self.client.map(function, tasks, *[[value] * len(tasks) for value in more], **self.options)
+    def each(self, function: Any, tasks: Sequence[Any]) -> None:
+        futures = self.client.map(function, tasks, **self.options)
         import_module("distributed").wait(futures)
         self.client.gather(futures)  # raises what a task raised
+
+    def run(self, tasks: Sequence[str], *words: str) -> None:
+        """The program's tasks. What a worker has no memory for goes to others, until none is left."""
+        short: set[str] = set()  # addresses of workers
+        killed = dict.fromkeys(tasks, 0)
+        asked = dict(zip(self.client.map(_run, tasks, *[[word] * len(tasks) for word in words], **self.options), tasks))
+        running = import_module("distributed").as_completed(asked)
+        for future in running:
+            task = asked.pop(future)
+            ended, worker, said = future.result()  # raises what the task raised
+            if ended == 0:
+                continue
+            if ended == _NO_MEMORY:
+                short.add(worker)
+            killed[task] += ended == _KILLED
+            if killed[task] > self.options["retries"]:
+                raise Error(f"{said}: it was killed {killed[task]} times, as a system does that is out of memory")
+            able = set(self.client.nthreads()) - short
+            if not able:
+                raise Error(said)
+            others = able - {worker} if ended == _KILLED else able
+            again = self.client.submit(_run, task, *words, workers=sorted(others or able), **self.options)
+            asked[again] = task
+            running.add(again)
 
 
 class _Job:
@@ -148,7 +208,7 @@ def denoise(client: Any, inputs: Sequence[str] | str, output: str | None = None,
         The report, as `pointfair tile merge --report`.
 
     Raises:
-        Error: with the line that the program said.
+        Error: with the line that the program said, and if the scheduler is lost.
     """
     if output is None and output_folder is None:
         raise Error("denoise needs an output, or an output_folder")
@@ -156,16 +216,16 @@ def denoise(client: Any, inputs: Sequence[str] | str, output: str | None = None,
     job = _Job([inputs] if isinstance(inputs, str) else inputs, output_folder or output or "", os.path.abspath(work),
                output_folder is not None)
     cluster = _Cluster(client, {"pure": False, "retries": retries, "resources": dict(resources or {})})
-    client.run_on_scheduler(_allow_failures)
-    cluster.each(lambda pair: _copy(*pair), job.fetched())
-    client.submit(_call, tool, "tile", "plan", *job.local, *job.where(), "--work", job.work, "--memory", memory,
-                  "--tiles", str(tiles), *_flags(parameters), **cluster.options).result()
     run_words = ["--threads", str(threads), "--device", device, "-q"]
-    for step in json.loads(_call(tool, "tile", "status", job.work, "--report", "-"))["steps"]:
-        if step["done"] < step["tasks"]:
-            cluster.each(_run, [f"{step['step']}:{number}" for number in range(step["tasks"])], tool, job.work,
-                         *run_words)
-    cluster.each(lambda pair: _copy(*pair), job.sent())
+    with _scheduler_lives():
+        client.run_on_scheduler(_allow_failures)
+        cluster.each(_copy, job.fetched())
+        client.submit(_call, tool, "tile", "plan", *job.local, *job.where(), "--work", job.work, "--memory", memory,
+                      "--tiles", str(tiles), *_flags(parameters), **cluster.options).result()
+        for step in json.loads(_call(tool, "tile", "status", job.work, "--report", "-"))["steps"]:
+            if step["done"] < step["tasks"]:
+                cluster.run([f"{step['step']}:{number}" for number in range(step["tasks"])], tool, job.work, *run_words)
+        cluster.each(_copy, job.sent())
     report: dict[str, Any] = json.loads(_call(tool, "tile", "merge", job.work, "-q", "--report", "-"))
     return report
 
@@ -185,16 +245,21 @@ def main(words: Sequence[str]) -> int:
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--device", default="auto")
     parser.add_argument("--retries", type=int, default=3)
+    parser.add_argument("--program", help="where the workers have the program")
     given, rest = parser.parse_known_args(words)
     parameters: dict[str, Any] = dict(zip((flag.removeprefix("--").replace("-", "_") for flag in rest[::2]), rest[1::2]))
-    with import_module("distributed").Client(given.scheduler) as client:
+    try:
         try:
+            client = import_module("distributed").Client(given.scheduler)
+        except OSError as error:
+            raise Error(f"{given.scheduler}: the scheduler cannot be reached: {error}") from error
+        with client:
             report = denoise(client, given.inputs, given.out, work=given.work, output_folder=given.out_dir,
                              memory=given.memory, tiles=given.tiles, threads=given.threads, device=given.device,
-                             retries=given.retries, **parameters)
-        except Error as error:
-            print(f"pointfair: {error}", file=sys.stderr)
-            return 1
+                             retries=given.retries, program=given.program, **parameters)
+    except Error as error:
+        print(f"pointfair: {error}", file=sys.stderr)
+        return 1
     print(json.dumps(report, indent=1))
     return 0
 

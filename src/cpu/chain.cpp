@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cpu/chain.h"
 
+#include <algorithm>
 #include <atomic>
 #include <limits>
 #include <vector>
@@ -27,6 +28,7 @@ Chain::Chain(MemoryMeter& meter)
       normal_y_(meter),
       normal_z_(meter),
       squared_level_(meter),
+      further_share_(meter),
       squared_radius_(meter),
       squared_growth_(meter),
       spare_x_(meter),
@@ -44,8 +46,8 @@ void Chain::build_index(std::span<const Point> points, std::span<const Index> or
 }
 
 void Chain::release_small_results() {
-  for (Buffer<float>* values : {&mean_distance_, &normal_x_, &normal_y_, &normal_z_, &squared_radius_, &squared_growth_,
-                                &spare_x_, &spare_y_, &spare_z_})
+  for (Buffer<float>* values : {&mean_distance_, &normal_x_, &normal_y_, &normal_z_, &squared_level_, &further_share_,
+                                &squared_radius_, &squared_growth_, &spare_x_, &spare_y_, &spare_z_})
     values->release();
 }
 
@@ -156,13 +158,19 @@ void Chain::measure_radii(const Kernels& kernels, const std::stop_token& stop) {
   squared_radius_.resize(std::size_t(index.leaves) * kLeafSize);
   const int min_neighbors = neighbors_.min_neighbors;
   const point::NodeField reach = field_of(neighbors_.reach_levels.get());
+  if (reach.values == nullptr) further_share_.release();
+  if (reach.values != nullptr) further_share_.resize(squared_radius_.size());
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     std::vector<Index> nearest(std::size_t(min_neighbors) * kLeafSize);
     float reach_level[kLeafSize];
     for (std::size_t leaf = first; leaf < last; ++leaf) {
       if (min_neighbors > 0)
         kernels.nearest(index, Index(leaf), min_neighbors, std::numeric_limits<float>::infinity(), nearest.data());
-      if (reach.values != nullptr) squared_levels_of(index, leaf, reach, reach_level);
+      if (reach.values != nullptr) {
+        squared_levels_of(index, leaf, reach, reach_level);
+        std::transform(reach_level, reach_level + kLeafSize, further_share_.data() + leaf * kLeafSize,
+                       point::further_share);
+      }
       kernels.squared_radii(index, Index(leaf), nearest.data(), neighborhoods().radii,
                             reach.values != nullptr ? reach_level : nullptr, squared_radius_.data() + leaf * kLeafSize);
     }
@@ -213,7 +221,8 @@ void Chain::filter_normals(const NormalSettings& settings, const Kernels& kernel
     const VectorsOut out{spare_x_.data(), spare_y_.data(), spare_z_.data()};
     for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
       for (std::size_t leaf = first; leaf < last; ++leaf)
-        kernels.filter_normals(index, Index(leaf), neighborhoods(), rule, inverse_turn, normals(), out, growth);
+        kernels.filter_normals(index, Index(leaf), neighborhoods(), rule, inverse_turn, normals(), further_shares(),
+                               out, growth);
     });
     std::swap(normal_x_, spare_x_);
     std::swap(normal_y_, spare_y_);
@@ -238,9 +247,10 @@ void Chain::fair_bilaterally(const FairingSettings& settings, AreaView area, con
   const IndexView index = index_.view();
   const point::FairingRule rule = fairing_rule(settings, by_list());
   const point::Sensors sensors = sensors_of(settings.sensors.get());
+  const point::Levels levels{squared_levels(), settings.is_further ? further_shares() : nullptr};
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     for (std::size_t leaf = first; leaf < last; ++leaf)
-      kernels.fair(index, Index(leaf), grown_neighborhoods(), normals(), area, rule, sensors, squared_levels(),
+      kernels.fair(index, Index(leaf), grown_neighborhoods(), normals(), area, rule, sensors, levels,
                    &faired_[leaf * kLeafSize].x);
   });
 }

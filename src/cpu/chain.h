@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The results of every stage of one iteration. Memory, bytes a point: index 18, lists 4 k, W_a lengths 4, normals 12,
 // faired positions 12; 46 + 4 k in all. Without lists squared radii 4, and 4 more where they grow; where something
-// follows the noise, its levels 4. While normals are filtered, or a method other than the bilateral one runs, 12 more.
+// follows the noise, its levels 4, and where the reach differs, shares 4. While normals are filtered, or a method other
+// than the bilateral one runs, 12 more.
 #pragma once
 
 #include "cpu/index.h"
@@ -45,6 +46,9 @@ class Chain {
   bool prefix_suffices(const NeighborSettings& settings) const;
   void measure_levels(const std::stop_token& stop);
   const float* squared_levels() const { return neighbors_.levels ? squared_level_.data() : nullptr; }
+  const float* further_shares() const {
+    return neighbors_.reach_levels && !by_list() ? further_share_.data() : nullptr;
+  }
   void measure_radii(const Kernels& kernels, const std::stop_token& stop);
   void filter_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop);
   void fair_bilaterally(const FairingSettings& settings, AreaView area, const Kernels& kernels,
@@ -57,6 +61,7 @@ class Chain {
   Buffer<Index> lists_;
   Buffer<float> mean_distance_, normal_x_, normal_y_, normal_z_;
   Buffer<float> squared_level_;                // of the noise, where something follows it
+  Buffer<float> further_share_;                // of the levels of reach, where there are any
   Buffer<float> squared_radius_;               // without a list
   Buffer<float> squared_growth_;               // of those, where those of flat places grow
   Buffer<float> spare_x_, spare_y_, spare_z_;  // filtered normals, then displacements

@@ -105,13 +105,13 @@ struct Kernels {
   // neighbor_counts receives how many neighbours each point has.
   void (*normals)(const IndexView&, Index leaf, Neighborhoods, point::NormalRule, VectorsOut,
                   unsigned* neighbor_counts);
-  // One round of Eq. 9; `growth` receives what Eq. 20 multiplies R_i^2 by, unless its array is null.
+  // One round of Eq. 9, of which each point takes its share (null: all); `growth` receives what Eq. 20 multiplies
+  // R_i^2 by, unless its array is null.
   void (*filter_normals)(const IndexView&, Index leaf, Neighborhoods, point::NormalRule, float inverse_turn,
-                         VectorsView, VectorsOut, GrowthOut growth);
-  // The bilateral method: moved positions, point after point. `squared_level`: of the noise at each sorted point;
-  // null: 1.
+                         VectorsView, const float* further_share, VectorsOut, GrowthOut growth);
+  // The bilateral method: moved positions, point after point.
   void (*fair)(const IndexView&, Index leaf, Neighborhoods, VectorsView, AreaView, point::FairingRule, point::Sensors,
-               const float* squared_level, float* xyz);
+               point::Levels, float* xyz);
   // The other methods: the displacements of all points, then from them the moved positions.
   void (*displacements)(const IndexView&, Index leaf, Neighborhoods, VectorsView, AreaView, point::MethodRule,
                         VectorsOut);

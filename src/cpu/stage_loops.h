@@ -84,8 +84,8 @@ class ListWalk {
   int k_;
 };
 
-POINTFAIR_INLINE Floats squared_level_at(const float* squared_level, Index start) {
-  return squared_level == nullptr ? broadcast(1.0f) : load(squared_level + start);
+POINTFAIR_INLINE Floats value_or_one(const float* values, Index start) {
+  return values == nullptr ? broadcast(1.0f) : load(values + start);
 }
 
 // Walks the tree from the root in sorted order, so that sums have one order whatever the instruction set. The
@@ -104,9 +104,8 @@ class RadiusWalk {
     farthest_ = largest(queries_.limit);
     share_ = broadcast(1.0f);
     if (radii.min_neighbors > 0)
-      share_ =
-          select(active, point::kept_share(radii, squared_level_at(radii.squared_level, start), own, queries_.limit),
-                 broadcast(0.0f));
+      share_ = select(active, point::kept_share(radii, value_or_one(radii.squared_level, start), own, queries_.limit),
+                      broadcast(0.0f));
     largest_share_ = largest(share_);
     is_thinned_ = smallest(select(active, share_, broadcast(1.0f))) < 1.0f;
   }
@@ -255,10 +254,10 @@ inline void squared_radii(const IndexView& index, Index leaf, const Index* list,
   };
   const int least = radii.min_neighbors < point::kLeastReached ? radii.min_neighbors : point::kLeastReached;
   for (int part = 0; part < kLeafSize; part += kLanes) {
-    const Floats level = squared_level_at(radii.squared_level, leaf * kLeafSize + Index(part));
+    const Floats level = value_or_one(radii.squared_level, leaf * kLeafSize + Index(part));
     store(out + part,
           point::squared_radius(farthest_of(part, radii.min_neighbors), farthest_of(part, least),
-                                squared_level_at(squared_reach_level, Index(part)), level * radii.squared_base));
+                                value_or_one(squared_reach_level, Index(part)), level * radii.squared_base));
   }
 }
 
@@ -292,20 +291,22 @@ inline void normals(const IndexView& index, Index leaf, Neighborhoods neighborho
 template <bool kGrows>
 __attribute__((noinline)) void filter_leaf(const IndexView& index, Index leaf, const Neighborhoods& neighborhoods,
                                            const point::NormalRule& rule, float inverse_turn, VectorsView from,
-                                           VectorsOut out, GrowthOut growth) {
+                                           const float* further_share, VectorsOut out, GrowthOut growth) {
   for_packs(index, leaf, neighborhoods, [&](Index start, const auto& neighbors) {
     const Vectors normals{from};
+    const point::OwnNormal<Floats> own{normals.at(Own{start}), value_or_one(further_share, start)};
     const point::FilteredOfPoint<Floats> filtered =
-        point::filtered_normal_of<kGrows>(neighbors, rule, inverse_turn, normals.at(Own{start}), normals, growth.most);
+        point::filtered_normal_of<kGrows>(neighbors, rule, inverse_turn, own, normals, growth.most);
     store_vector(out, start, filtered.unit);
     if constexpr (kGrows) store(growth.squared_growth + start, filtered.squared_growth);
   });
 }
 
 inline void filter_normals(const IndexView& index, Index leaf, Neighborhoods neighborhoods, point::NormalRule rule,
-                           float inverse_turn, VectorsView from, VectorsOut out, GrowthOut growth) {
+                           float inverse_turn, VectorsView from, const float* further_share, VectorsOut out,
+                           GrowthOut growth) {
   const auto filter = growth.squared_growth == nullptr ? filter_leaf<false> : filter_leaf<true>;
-  filter(index, leaf, neighborhoods, rule, inverse_turn, from, out, growth);
+  filter(index, leaf, neighborhoods, rule, inverse_turn, from, further_share, out, growth);
 }
 
 inline void survey(const IndexView& index, Index leaf, Neighborhoods neighborhoods, const float* values, float* counts,
@@ -333,10 +334,11 @@ POINTFAIR_INLINE point::Vec3<Floats> to_sensors(const IndexView& index, const po
 template <bool kSeeksOutliers, bool kShares, bool kSees>
 __attribute__((noinline)) void fair_leaf(const IndexView& index, Index leaf, const Neighborhoods& neighborhoods,
                                          VectorsView normals, AreaView area, const point::FairingRule& rule,
-                                         const point::Sensors& sensors, const float* squared_level, float* xyz) {
+                                         const point::Sensors& sensors, point::Levels levels, float* xyz) {
   for_packs(index, leaf, neighborhoods, [&](Index start, const auto& neighbors) {
     const Vectors of_points{normals};
-    point::OwnPlace<Floats> own{squared_level_at(squared_level, start),
+    point::OwnPlace<Floats> own{value_or_one(levels.squared_noise, start),
+                                value_or_one(levels.further_share, start),
                                 load_vector(index.x, index.y, index.z, start),
                                 of_points.at(Own{start}),
                                 {}};
@@ -356,9 +358,9 @@ POINTFAIR_INLINE auto fairing_of(const point::FairingRule& rule) {
 
 // Moved positions, point after point into `xyz`; a zero normal leaves a point where it is.
 inline void fair(const IndexView& index, Index leaf, Neighborhoods neighborhoods, VectorsView normals, AreaView area,
-                 point::FairingRule rule, point::Sensors sensors, const float* squared_level, float* xyz) {
+                 point::FairingRule rule, point::Sensors sensors, point::Levels levels, float* xyz) {
   const auto fair_points = rule.sees() ? fairing_of<true>(rule) : fairing_of<false>(rule);
-  fair_points(index, leaf, neighborhoods, normals, area, rule, sensors, squared_level, xyz);
+  fair_points(index, leaf, neighborhoods, normals, area, rule, sensors, levels, xyz);
 }
 
 }  // namespace pointfair::cpu::POINTFAIR_ISA

@@ -28,6 +28,7 @@ Chain::Chain(Context& context, StopLine& stop_line, unsigned first_call)
       noise_levels_(context),
       reach_levels_(context),
       squared_level_(context),
+      further_share_(context),
       squared_radius_(context),
       squared_growth_(context),
       collector_(context),
@@ -103,6 +104,11 @@ void Chain::measure_radii(const std::stop_token& stop) {
   lists_.release();
   const std::size_t places = index_.leaves() * kLeafSize;
   squared_radius_.resize(places);
+  if (shares_further()) {
+    further_share_.resize(places);
+  } else {
+    further_share_.release();
+  }
   const int min_neighbors = neighbors_.min_neighbors;
   DeviceArray<Index> nearest(context_), retries(context_);
   if (min_neighbors > 0) {
@@ -112,7 +118,8 @@ void Chain::measure_radii(const std::stop_token& stop) {
     pace(stop);
   }
   cuda::measure_radii(context_, index_.tree(), {min_neighbors, nearest.data()}, radii(),
-                      reach_levels_.of(neighbors_.reach_levels), squared_radius_.data());
+                      reach_levels_.of(neighbors_.reach_levels), squared_radius_.data(),
+                      shares_further() ? further_share_.data() : nullptr);
 }
 
 point::Sensors Chain::sensors(const std::shared_ptr<const SensorPlaces>& places) {
@@ -236,7 +243,7 @@ void Chain::filter_normals(const std::stop_token& stop) {
     filtered.resize(3 * places);
     const bool is_last = round + 1 == normal_settings_.filter_rounds;
     cuda::filter_normals(context_, index_.tree(), surroundings(stop_), normal_rule(normal_settings_),
-                         point::inverse_turn(normal_settings_.crease_angle), normals(),
+                         point::inverse_turn(normal_settings_.crease_angle), normals(), further_shares(),
                          {filtered.data(), filtered.data() + places, filtered.data() + 2 * places},
                          {normal_settings_.flat_scale * normal_settings_.flat_scale,
                           is_last && radii_grow() ? squared_growth_.data() : nullptr});
@@ -275,7 +282,8 @@ void Chain::fair(const FairingSettings& settings, bool leaving, std::stop_token 
   if (!plain) {
     settle(stop);
     fair_widely(context_, index_.tree(), grown_surroundings(stop_), normals(), areas,
-                fairing_rule(settings, neighbors_.k > 0), sensors(settings.sensors), squared_levels(), faired);
+                fairing_rule(settings, neighbors_.k > 0), sensors(settings.sensors),
+                {squared_levels(), settings.is_further ? further_shares() : nullptr}, faired);
   } else if (normals_wait_) {
     clear_unmoved();
     normals_wait_ = false;

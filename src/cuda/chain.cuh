@@ -88,6 +88,10 @@ class Chain {
   const float* squared_levels() const {
     return neighbors_.levels || index_.tree().rules != nullptr ? squared_level_.data() : nullptr;
   }
+  bool shares_further() const {
+    return neighbors_.k == 0 && (neighbors_.reach_levels || index_.tree().rules != nullptr);
+  }
+  const float* further_shares() const { return shares_further() ? further_share_.data() : nullptr; }
   void measure_radii(const std::stop_token& stop);
   void filter_normals(const std::stop_token& stop);
   void fair_first_part_first(point::BilateralWeights weights, const FairedPoints& faired);
@@ -126,6 +130,7 @@ class Chain {
   std::shared_ptr<const SensorPlaces> sensors_;  // whose places are in, if there is one for each point
   DeviceArray<Point> places_;
   DeviceArray<float> squared_level_;   // of the noise, where something follows it
+  DeviceArray<float> further_share_;   // of the levels of reach, where there are any
   DeviceArray<float> squared_radius_;  // without lists, as is
   DeviceArray<float> squared_growth_;  // of those, where those of flat places grow
   NeighborCollector collector_;

@@ -10,6 +10,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "point/neighborhoods.h"
 #include "point/sample.h"
 
 namespace pointfair::constants {
@@ -42,8 +43,8 @@ inline constexpr std::size_t kFewestSamples = 64;   // that show noise; 082
 inline constexpr std::size_t kPool = point::kPool;  // samples whose residuals stand for one place; (21); 082
 inline constexpr std::size_t kSmoothed = 8;         // samples whose median is the noise of a place; (21); 082
 inline constexpr double kFitError = 0.1;            // of log variances, beside chance; (21); 082
-inline constexpr double kSpread = 0.35;             // of log levels, before anything is known; (21); 082
-inline constexpr double kChanceOfLevels = 0.12;     // of log levels, by the samples alone; (21); 109
+inline constexpr double kSpread = 0.5;              // of log levels, before anything is known; (21); 104
+inline constexpr double kChanceOfLevels = 0.1;      // of log levels, by the samples alone; (21); 104
 inline constexpr double kLargestLevel = 8;          // sigmas; 082
 inline constexpr std::array kShapePowers{1.3, 2.0, 3.0, 4.0};  // of the size, by which shape grows; (21); 082
 inline constexpr int kLeastShape = -10, kMostShape = 8;        // half decades of shape over noise; (21); 082
@@ -89,8 +90,9 @@ inline constexpr double kListRadius = 3;                     // sigmas, of lists
 inline constexpr double kListPoints = 11;                    // points, of lists without noise; quality
 
 // Width from place to place.
-inline constexpr double kReachPoints = 20;   // points; with so many of least risk the reach stays as it is; (23); 102
-inline constexpr double kWidestReach = 1.6;  // of the reach, and its inverse the narrowest; (23); 102
+inline constexpr double kReachPoints =
+    point::kReachPoints;                   // points; with so many of least risk the reach stays as it is; (23); 102
+inline constexpr double kWidestReach = 2;  // of the reach, and its inverse the narrowest; (23); 104
 
 // Weights and normals.
 inline constexpr double kNormalWidth = 1.4, kClosenessWidth = 0.6;  // of R; (3), (4); quality

@@ -16,6 +16,7 @@
 #include <utility>
 
 #include "io/file_bytes.hpp"
+#include "io/unfinished_files.hpp"
 #include "pointfair/io.hpp"
 
 namespace pointfair {
@@ -63,6 +64,7 @@ class Writer {
       if (done < 0 && errno != ENOSPC && errno != EDQUOT && errno != EFBIG) fail_to_write(name_, errno);
       if (done <= 0) {
         full_ = done < 0 ? errno : ENOSPC;
+        room_ = total_ - bytes.size();
         (void)!::ftruncate(fd_, 0);  // others may need the room meanwhile
         return;
       }
@@ -82,14 +84,15 @@ class Writer {
   void require_room() const {
     if (full_ == 0) return;
     fail(name_, "cannot write: " + std::system_category().message(full_) + "; the output needs " +
-                    std::to_string(total_) + " bytes: free some space or write elsewhere");
+                    std::to_string(total_) + " bytes, " + std::to_string(total_ - room_) +
+                    " more than there is room for: free some space or write elsewhere");
   }
 
  private:
   int fd_;
   const std::string& name_;
   int full_ = 0;  // the error
-  std::uint64_t total_ = 0;
+  std::uint64_t total_ = 0, room_ = 0;
 };
 
 // A device, a pipe or standard output: written as it comes.
@@ -118,10 +121,8 @@ class AtomicOutput : public Output {
  public:
   AtomicOutput(const fs::path& target, std::string name, bool overwrite, bool sync)
       : target_(target), name_(std::move(name)), overwrite_(overwrite), sync_(sync) {
-    static std::atomic<unsigned> counter{0};
     do {
-      const unsigned number = counter++;
-      temporary_ = target_.parent_path() / (".pointfair-" + std::to_string(::getpid()) + "-" + std::to_string(number));
+      temporary_ = target_.parent_path() / unfinished_name(kUnfinishedOutput);
       slot_ = remember(temporary_.string());
       fd_ = ::open(temporary_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
       if (fd_ < 0) forget();

@@ -40,6 +40,22 @@ POINTFAIR_INLINE F squared_radius(F squared_reach, F squared_least, F squared_re
   return larger(squared_reach_level * squared_reach, squared_least) + squared_base;
 }
 
+// At level K_i of the reach, about kReachPoints K_i^2 points leave least error in a step. Where so few do that no more
+// may be averaged, what averages on, the filter of the normals and every iteration after the first, would harm: a point
+// takes part in it by a share that rises from kSettledPoints to kFurtherPoints (Eq. 24 of docs/how-it-works.md).
+inline constexpr float kReachPoints = 20, kSettledPoints = kLeastReached, kFurtherPoints = 14;
+
+POINTFAIR_INLINE float further_share(float squared_reach_level) {
+  constexpr float kSlope = 1 / (kFurtherPoints - kSettledPoints);
+  return smaller(larger((kReachPoints * squared_reach_level - kSettledPoints) * kSlope, 0.0f), 1.0f);
+}
+
+// What differs from place to place, of each sorted point; null: 1.
+struct Levels {
+  const float* squared_noise;
+  const float* further_share;  // where it counts
+};
+
 // A neighbourhood that would hold many more points is thinned to about so many, by a hash of their positions.
 inline constexpr float kNeighborhoodPoints = 400;
 

@@ -107,6 +107,15 @@ struct FilteredNormal {
   }
 };
 
+// From one unit vector a share of the way to another that makes an acute angle with it; zero stays zero.
+template <class F>
+POINTFAIR_INLINE Vec3<F> turned(Vec3<F> from, Vec3<F> to, F share) {
+  const Vec3<F> between = from + share * (to - from);
+  const F squared = squared_length(between);
+  const F inverse = select(squared > F{}, F(1.0f) / square_root(squared), F{});
+  return select<F>(share < F(1.0f), inverse * between, to);
+}
+
 // How far the normals of a neighbourhood turn from that of its point, and what its radius grows by where that is next
 // to nothing: Eq. 20 of docs/how-it-works.md.
 template <class F>

@@ -81,6 +81,13 @@ POINTFAIR_DEVICE_INLINE auto normal_of(const Neighbors& neighbors, Weights weigh
   return NormalOfPoint<F, Count>{select<F>(enough, covariance.normal().unit, Vec3<F>{}), found};
 }
 
+// A point of the filter of normals.
+template <class F>
+struct OwnNormal {
+  Vec3<F> unit;
+  F share;  // of the filter that it takes (further_share)
+};
+
 // Eq. 9, and what Eq. 20 multiplies the squared radius by, where that of a flat place grows by `most`.
 template <class F>
 struct FilteredOfPoint {
@@ -92,18 +99,18 @@ template <bool kGrows, class Neighbors, class Vectors>
 POINTFAIR_DEVICE_INLINE FilteredOfPoint<NumberOf<Neighbors>> filtered_normal_of(const Neighbors& neighbors,
                                                                                 const NormalRule& rule,
                                                                                 float inverse_turn,
-                                                                                Vec3<NumberOf<Neighbors>> own,
+                                                                                OwnNormal<NumberOf<Neighbors>> own,
                                                                                 const Vectors& normals, float most) {
   using F = NumberOf<Neighbors>;
   const LocalNormalWeights<F> weights = weights_of(rule, neighbors.squared_radius());
-  FilteredNormal<F> filtered(own);
+  FilteredNormal<F> filtered(own.unit);
   MeanTurn<F> turn;
   neighbors([&](auto there) { return normals.at(there); },
             [&](Vec3<F> offset, Vec3<F> normal, auto inside) {
               filtered.add(offset, normal, inside, weights, inverse_turn);
-              if constexpr (kGrows) turn.add(dot(own, normal), inside);
+              if constexpr (kGrows) turn.add(dot(own.unit, normal), inside);
             });
-  return {filtered.unit(), turn.squared_growth(most)};
+  return {turned(own.unit, filtered.unit(), own.share), turn.squared_growth(most)};
 }
 
 // What the sums read of a neighbour beside its place: a vector, and its area's weight.
@@ -176,6 +183,7 @@ POINTFAIR_INLINE F softly_limited(F distance, F limit) {
 template <class F>
 struct OwnPlace {
   F squared_level;  // of the noise
+  F further_share;  // of the displacement, in iterations after the first; else 1
   Vec3<F> here, normal;
   Vec3<F> to_sensor;  // read where rule.sees()
 };
@@ -213,13 +221,14 @@ POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> faired_point(const Neighbors& 
   if constexpr (kShares)
     distance =
         distance * noise_share(spread.variance(), squared_level * rule.noise_variance, rule.noise_left, rule.damage);
-  Vec3<F> there = moved(here, normal, distance * rule.strength);
+  const F strength = own.further_share * rule.strength;
+  Vec3<F> there = moved(here, normal, distance * strength);
   if constexpr (kSees) {
     if (rule.along_ray) {
       F d = distance;
       if (rule.farthest > 0)
         d = softly_limited(d, rule.farthest_follows ? square_root(squared_level) * rule.farthest : F(rule.farthest));
-      there = here + along_ray((F{} - d * rule.strength) * normal, to_sensor);
+      there = here + along_ray((F{} - d * strength) * normal, to_sensor);
     }
   }
   if constexpr (!kSeeksOutliers) {

@@ -11,27 +11,67 @@
 #include <string_view>
 
 namespace pointfair::scale {
+namespace fs = std::filesystem;
 namespace {
 
-// What the memory limit of this process's control group leaves (cgroup v2).
-std::uint64_t free_in_group() {
-  constexpr std::uint64_t kNoLimit = ~std::uint64_t{0};
-  std::string group;
-  for (std::ifstream lines("/proc/self/cgroup"); std::getline(lines, group);)
-    if (group.starts_with("0::")) break;
-  if (!group.starts_with("0::")) return kNoLimit;
-  const std::filesystem::path folder = "/sys/fs/cgroup" + group.substr(3);
-  std::uint64_t limit = 0, used = 0;
-  if (!(std::ifstream(folder / "memory.max") >> limit)) return kNoLimit;  // "max", or none
-  std::ifstream(folder / "memory.current") >> used;
-  return limit > used ? limit - used : 0;
+constexpr std::uint64_t kNoLimit = ~std::uint64_t{0};
+
+// What the files of a version of control groups are called.
+struct GroupFiles {
+  fs::path root;
+  const char *limit, *used;
+  std::string_view files[2];  // lines of memory.stat: pages of files, which are given back when others need them
+};
+const GroupFiles kVersion1{"/sys/fs/cgroup/memory",
+                           "memory.limit_in_bytes",
+                           "memory.usage_in_bytes",
+                           {"total_inactive_file ", "total_active_file "}};
+const GroupFiles kVersion2{"/sys/fs/cgroup", "memory.max", "memory.current", {"inactive_file ", "active_file "}};
+
+std::uint64_t bytes_of_files(const fs::path& folder, const GroupFiles& names) {
+  std::uint64_t bytes = 0;
+  std::ifstream lines(folder / "memory.stat");
+  for (std::string line; std::getline(lines, line);)
+    for (const std::string_view name : names.files)
+      if (line.starts_with(name)) bytes += std::strtoull(line.c_str() + name.size(), nullptr, 10);
+  return bytes;
+}
+
+// What the limits of a control group, and of those that it is in, leave.
+std::uint64_t free_in_group(std::string_view group, const GroupFiles& names) {
+  std::uint64_t free = kNoLimit;
+  // in a container the group's own folder may be the root
+  for (fs::path below = fs::path(group).relative_path();; below = below.parent_path()) {
+    const fs::path folder = names.root / below;
+    std::uint64_t limit = 0, used = 0;
+    if (std::ifstream(folder / names.limit) >> limit) {  // "max", or none
+      std::ifstream(folder / names.used) >> used;
+      used -= std::min(used, bytes_of_files(folder, names));
+      free = std::min(free, limit > used ? limit - used : 0);
+    }
+    if (below.empty()) return free;
+  }
+}
+
+std::uint64_t free_in_groups() {
+  std::uint64_t free = kNoLimit;
+  std::ifstream lines("/proc/self/cgroup");
+  for (std::string line; std::getline(lines, line);) {  // number:controllers:/group
+    const std::size_t controllers = line.find(':') + 1, group = line.find(':', controllers) + 1;
+    if (controllers == 0 || group == 0) continue;
+    const std::string_view text = line, names = text.substr(controllers, group - controllers - 1);
+    const bool is_version2 = names.empty();
+    if (is_version2 || names.find("memory") != names.npos)
+      free = std::min(free, free_in_group(text.substr(group), is_version2 ? kVersion2 : kVersion1));
+  }
+  return free;
 }
 
 // What a limit of this process leaves; `used` is the name of what it limits in /proc/self/status.
 std::uint64_t free_below(int resource, const char* used) {
   rlimit limit{};
   if (::getrlimit(static_cast<__rlimit_resource_t>(resource), &limit) != 0 || limit.rlim_cur == RLIM_INFINITY)
-    return ~std::uint64_t{0};
+    return kNoLimit;
   std::uint64_t bytes = 0;
   std::ifstream lines("/proc/self/status");
   for (std::string line; std::getline(lines, line);)
@@ -46,7 +86,7 @@ std::uint64_t free_memory() {
   std::ifstream lines("/proc/meminfo");
   for (std::string line; std::getline(lines, line);)
     if (line.starts_with("MemAvailable:")) free = std::strtoull(line.c_str() + 13, nullptr, 10) << 10;
-  return std::min({free, free_in_group(), free_below(RLIMIT_DATA, "VmData:"), free_below(RLIMIT_AS, "VmSize:")});
+  return std::min({free, free_in_groups(), free_below(RLIMIT_DATA, "VmData:"), free_below(RLIMIT_AS, "VmSize:")});
 }
 
 }  // namespace pointfair::scale

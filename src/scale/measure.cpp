@@ -13,6 +13,7 @@
 #include "estimate/automatic.hpp"
 #include "estimate/beam_width.hpp"
 #include "scale/ingest.hpp"
+#include "scale/kept_leaves.hpp"
 #include "seam/cloud_sample.hpp"
 #include "tiles/halo.hpp"
 
@@ -27,8 +28,12 @@ bool same_place(const Point& a, const Point& b) { return a.x == b.x && a.y == b.
 // loading the regions around them.
 class StoredSampling final : public Sampling {
  public:
-  StoredSampling(const StoredCloud& cloud, Backend& backend, std::uint64_t most)
-      : cloud_(cloud), backend_(backend), most_(most) {}
+  StoredSampling(const StoredCloud& cloud, const Plan& plan, Backend& backend)
+      : cloud_(cloud),
+        backend_(backend),
+        bytes_of_point_(bytes_of_tile_point(plan.params)),
+        most_(points_in_memory(plan.memory, bytes_of_point_)),
+        leaves_(cloud, most_ * bytes_of_point_ / 2 / sizeof(Point)) {}
 
   CloudSample sample_cloud(std::size_t count) override {
     const Bounds& bounds = cloud_.bounds();
@@ -63,7 +68,7 @@ class StoredSampling final : public Sampling {
   std::vector<SampleCandidate> collect(const Bounds& bounds, Candidates wanted) {
     const double cells = point::cells_per_unit(to_vec3(bounds.min), to_vec3(bounds.max), wanted.refinement);
     std::vector<SampleCandidate> all;
-    cloud_.for_all([&](std::span<const Point> points) {
+    leaves_.for_all([&](std::span<const Point> points) {
       constexpr std::size_t kBlock = 1 << 14;
       std::vector<std::vector<SampleCandidate>> found((points.size() + kBlock - 1) / kBlock);
       for_each_on_host(found.size(), [&](std::size_t block) {
@@ -95,7 +100,7 @@ class StoredSampling final : public Sampling {
     for (const std::size_t q : rows.asked) include(bounds, queries_[queries[q]]);
     const point::Region region = region_around(cloud_.bounds(), bounds, rows.halo);
     std::vector<Point> loaded;
-    if (!cloud_.append(region, {}, most_, loaded)) {
+    if (!load(region, loaded)) {
       if (rows.asked.size() == 1)
         throw Error(ErrorKind::memory,
                     "what lies around a point that the noise is measured at does not fit into "
@@ -130,10 +135,19 @@ class StoredSampling final : public Sampling {
     return {std::move(left)};
   }
 
+  // Leaves that are kept make room where the region needs it.
+  bool load(const point::Region& region, std::vector<Point>& loaded) {
+    const std::uint64_t kept = leaves_.kept() * sizeof(Point) / bytes_of_point_;
+    if (leaves_.load(region, most_ - std::min(most_, kept), loaded)) return true;
+    loaded = {};
+    return cloud_.append(region, {}, most_, loaded);
+  }
+
   static constexpr std::size_t kMostCandidates = 1 << 18;
   const StoredCloud& cloud_;
   Backend& backend_;
-  std::uint64_t most_;  // points that are loaded at once
+  std::uint64_t bytes_of_point_, most_;  // points that are loaded at once
+  KeptLeaves leaves_;
   std::vector<Point> queries_;
 };
 
@@ -153,7 +167,7 @@ Measured measure(const StoredCloud& cloud, const Plan& plan, const std::optional
   const WantedEstimates wanted{needs_spacing(plan.params), needs_noise(plan.params)};
   const bool may_seek = plan.sensor && plan.params.outliers != Outliers::off;
   if (!wanted.spacing && !wanted.noise && !sums_within_radius(plan.params) && !may_seek) return measured;
-  StoredSampling sampling(cloud, backend, points_in_memory(plan.memory, bytes_of_tile_point(plan.params)));
+  StoredSampling sampling(cloud, plan, backend);
   const CloudSample sample = sampling.sample_cloud(kSampledPoints);
   if (sums_within_radius(plan.params)) measured.frame = frame_of(sample);
   const Estimate found = estimate(sampling, sample, wanted, stop);

@@ -33,7 +33,7 @@ constexpr std::uint64_t kBytesOfChunkPoint = 26;  // position, leaf, place in th
 constexpr std::uint64_t kMostOfChunk = std::uint64_t{1} << 25;
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
 constexpr double kCoreShare = 0.7;  // of a tile's points; the rest is halo
-constexpr std::uint64_t kPointsOfLeaf = 1 << 15, kLeastLeaves = 16, kMostLeaves = 1 << 16;
+constexpr std::uint64_t kPointsOfLeaf = 1 << 12, kLeastLeaves = 16, kMostLeaves = 1 << 16;
 constexpr std::uint64_t kSampledPoints = 1 << 24, kKeptSamples = 1 << 18;
 
 const fs::path kPlanName = "plan.txt", kTreeName = "leaves";
@@ -209,6 +209,13 @@ std::uint64_t points_in_memory(std::uint64_t memory, std::uint64_t bytes_per_poi
 std::uint64_t bytes_of_tile_point(const Params& params) {
   const int k = params.k == kAutomatic ? 0 : params.k;
   return 150 + 8 * static_cast<std::uint64_t>(k);
+}
+
+std::uint64_t bytes_of_chunk(const InputChunk& chunk) { return kProcess + chunk.points * kBytesOfChunkPoint; }
+
+std::uint64_t bytes_of_tile(const Plan& plan) {
+  const double points = double(plan.points) / double(plan.tiles) / kCoreShare;
+  return std::min(plan.memory, kProcess + static_cast<std::uint64_t>(points) * bytes_of_tile_point(plan.params));
 }
 
 std::string fingerprint_of(const fs::path& path) {

@@ -49,6 +49,10 @@ std::uint64_t points_in_memory(std::uint64_t memory, std::uint64_t bytes_per_poi
 /// Of a tile, on the host.
 std::uint64_t bytes_of_tile_point(const Params& params);
 
+/// What a task takes of the memory: one that takes a chunk in, and one of a tile with what lies around it.
+std::uint64_t bytes_of_chunk(const InputChunk& chunk);
+std::uint64_t bytes_of_tile(const Plan& plan);
+
 /// The files of a plan, opened when they are first needed.
 class Inputs {
  public:

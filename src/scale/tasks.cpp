@@ -6,6 +6,7 @@
 #include "estimate/automatic.hpp"
 #include "io/file_bytes.hpp"
 #include "io/streamed.hpp"
+#include "io/unfinished_files.hpp"
 #include "pipeline/devices.hpp"
 #include "pipeline/outlier_marks.hpp"
 #include "pipeline/stage_settings.hpp"
@@ -21,6 +22,7 @@ namespace fs = std::filesystem;
 Tasks::Tasks(const fs::path& work, const std::vector<Device>& devices)
     : folder_(work), tree_(work / "leaves"), inputs_(folder_.plan.files, devices[0].threads) {
   for (const Device& device : devices) workers_.push_back({device, nullptr});
+  remove_abandoned_files(work);
   if (fs::exists(work / "origin")) use_origin(load_origin());
 }
 
@@ -115,15 +117,19 @@ void Tasks::run_ingest(const WorkStep& step, std::size_t task, const std::stop_t
 // Where the points show another origin than the one that was guessed, they are taken in again.
 void Tasks::run_measure(const WorkStep& step, const std::stop_token& stop) {
   const WorkStep before{WorkStep::Kind::ingest};
+  const auto take_in_again = [&] {
+    for (const fs::path& path : folder_.files_before_recut()) fs::remove(path);
+    for (std::size_t task = 0; task < folder_.plan.chunks.size(); ++task) run(before, task, stop);
+  };
+  if (folder_.is_recut) take_in_again();  // what a process that was killed meanwhile has left to do
   const Position origin = origin_of(folder_.files_of(before), folder_.plan.points);
   if (origin != folder_.plan.origin) {
     if (folder_.is_recut) throw Error(ErrorKind::failed, "the input shows another origin each time; plan again");
     NewFile file(folder_.path / "origin", sizeof origin);
     file.write(origin.data(), sizeof origin);
     file.finish();
-    for (const fs::path& path : folder_.files_of(before)) fs::remove(path);
     use_origin(origin);
-    for (std::size_t task = 0; task < folder_.plan.chunks.size(); ++task) run(before, task, stop);
+    take_in_again();
   }
   const StoredCloud cloud(folder_.files_of(before), tree_.leaves());
   std::optional<GivenNoise> given;
@@ -172,6 +178,7 @@ void Tasks::run_emit(const WorkStep& step, std::size_t task, const std::stop_tok
   options.sync = true;
   options.threads = threads();
   fs::create_directories(file.output.parent_path());
+  io::remove_abandoned(file.output.parent_path(), io::kUnfinishedOutput);
   io::write_moved(file.output, source, results, options, std::move(added));
   PointsHeader header;
   const OutlierCounts held_back = results.held_back();

@@ -8,6 +8,7 @@
 
 #include "estimate/automatic.hpp"
 #include "io/streamed.hpp"
+#include "io/unfinished_files.hpp"
 #include "pipeline/devices.hpp"
 #include "scale/emit.hpp"
 #include "scale/free_memory.hpp"
@@ -46,6 +47,19 @@ std::uint64_t TiledRun::free_memory() { return scale::free_memory(); }
 
 std::uint64_t TiledRun::count_points(const fs::path& path) { return io::open_source(path, 0)->size(); }
 
+fs::path TiledRun::make_scratch_folder(const fs::path& beside) {
+  constexpr std::string_view kScratch = ".pointfair-work-";
+  io::remove_abandoned(beside, kScratch);
+  const fs::path folder = beside / io::unfinished_name(kScratch);
+  std::error_code error;
+  fs::create_directory(folder, error);
+  if (!error) fs::permissions(folder, fs::perms::owner_all, error);
+  if (error)
+    throw Error(ErrorKind::file,
+                beside.string() + ": cannot create a work folder: " + error.message() + "; name one with --work");
+  return folder;
+}
+
 void TiledRun::plan(const TiledJob& job, const fs::path& work, unsigned threads) {
   with_one_kind_of_error([&] {
     if (!has_plan(work)) return make_plan(job, work, threads);
@@ -83,8 +97,11 @@ void TiledRun::run(const std::string& name, std::size_t task, std::stop_token st
       if (task >= folder.tasks_of(steps[s]))
         throw Error(ErrorKind::usage, "step " + name + " has " + std::to_string(folder.tasks_of(steps[s])) +
                                           " tasks, counted from 0; there is no task " + std::to_string(task));
-      if (s > 0 && !folder.is_done(steps[s], task) && folder.count_done(steps[s - 1]) < folder.tasks_of(steps[s - 1]))
+      const bool takes_in_again = steps[s].kind == WorkStep::Kind::measure && folder.is_recut;
+      if (s > 0 && !takes_in_again && !folder.is_done(steps[s], task) &&
+          folder.count_done(steps[s - 1]) < folder.tasks_of(steps[s - 1]))
         throw Error(ErrorKind::usage, "step " + steps[s - 1].name() + " is not finished; run its tasks before " + name);
+      if (!folder.is_done(steps[s], task)) folder.check_memory(steps[s], task);
       return state_->run(steps[s], task, stop);
     }
     throw Error(ErrorKind::usage, "there is no step " + name + "; pointfair tile status lists them");
@@ -94,7 +111,6 @@ void TiledRun::run(const std::string& name, std::size_t task, std::stop_token st
 void TiledRun::run_all(std::stop_token stop, const ProgressFunction& progress) {
   with_one_kind_of_error([&] {
     const WorkFolder& folder = state_->folder();
-    remove_abandoned_files(folder.path);
     const std::vector<WorkStep> steps = folder.steps();
     for (std::size_t s = 0; s < steps.size(); ++s) {
       const std::size_t tasks = folder.tasks_of(steps[s]);
@@ -105,7 +121,8 @@ void TiledRun::run_all(std::stop_token stop, const ProgressFunction& progress) {
       if (steps[s].kind != WorkStep::Kind::denoise) continue;
       // what this step read is not needed any more
       const WorkStep before = steps[s].iteration == 0 ? steps[0] : steps[s - 1];
-      mark(folder.end_mark(before));  // after it, all names of this step are on the disk
+      if (!fs::exists(folder.end_mark(before)))
+        mark(folder.end_mark(before));  // after it, all names of this step are on the disk
       state_->close_input();
       for (const fs::path& path : folder.files_of(before)) fs::remove(path);
     }

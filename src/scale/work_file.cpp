@@ -2,18 +2,15 @@
 #include "scale/work_file.hpp"
 
 #include <fcntl.h>
-#include <signal.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
-#include <atomic>
 #include <cerrno>
-#include <cstdlib>
 #include <system_error>
 #include <utility>
 
+#include "io/unfinished_files.hpp"
 #include "pointfair/cloud.hpp"
 
 namespace pointfair::scale {
@@ -28,12 +25,6 @@ std::string message_of(int error) { return std::system_category().message(error)
   throw Error(ErrorKind::file, path.string() + ": " + why);
 }
 
-std::string host_name() {
-  std::array<char, 256> name{};
-  ::gethostname(name.data(), name.size() - 1);
-  return name.data();
-}
-
 // The name is on the disk, too.
 void sync_folder(const fs::path& folder) {
   const int fd = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
@@ -45,10 +36,7 @@ void sync_folder(const fs::path& folder) {
 }  // namespace
 
 NewFile::NewFile(const fs::path& path, std::uint64_t size) : path_(path), size_(size) {
-  static std::atomic<unsigned> counter{0};
-  const std::string name =
-      std::string(kUnfinished) + host_name() + "-" + std::to_string(::getpid()) + "-" + std::to_string(counter++);
-  temporary_ = path.parent_path() / name;
+  temporary_ = path.parent_path() / io::unfinished_name(kUnfinished);
   fd_ = ::open(temporary_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
   if (fd_ < 0) fail(errno);
 }
@@ -113,17 +101,7 @@ std::uint64_t StoredFile::size() const {
   return static_cast<std::uint64_t>(status.st_size);
 }
 
-void remove_abandoned_files(const fs::path& folder) {
-  const std::string of_this_host = std::string(kUnfinished) + host_name() + "-";
-  std::error_code ignored;
-  for (const fs::directory_entry& entry : fs::directory_iterator(folder, ignored)) {
-    const std::string name = entry.path().filename().string();
-    if (!name.starts_with(of_this_host)) continue;
-    const int process = std::atoi(name.c_str() + of_this_host.size());
-    if (process > 0 && (process == ::getpid() || (::kill(process, 0) != 0 && errno == ESRCH)))
-      fs::remove(entry.path(), ignored);
-  }
-}
+void remove_abandoned_files(const fs::path& folder) { io::remove_abandoned(folder, kUnfinished); }
 
 void mark(const fs::path& path) { NewFile(path).finish(); }
 

@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "io/file_bytes.hpp"
+#include "scale/free_memory.hpp"
 
 namespace pointfair::scale {
 namespace fs = std::filesystem;
@@ -68,6 +69,11 @@ std::vector<fs::path> WorkFolder::files_of(const WorkStep& step) const {
   for (std::size_t task = 0; task < tasks_of(step); ++task) files.push_back(file_of(step, task));
   return files;
 }
+std::vector<fs::path> WorkFolder::files_before_recut() const {
+  std::vector<fs::path> files;
+  for (std::size_t task = 0; task < plan.chunks.size(); ++task) files.push_back(path / numbered("chunk", task));
+  return files;
+}
 fs::path WorkFolder::begun_mark(std::size_t output) const { return path / numbered("begun", output); }
 fs::path WorkFolder::end_mark(const WorkStep& step) const { return path / ("done-" + step.name()); }
 
@@ -92,6 +98,19 @@ void WorkFolder::check_room(const WorkStep& step) const {
     io::fail(path.string(), "step " + step.name() + " needs " + std::to_string(needed) + " bytes, which is " +
                                 std::to_string(needed - free) +
                                 " bytes more than are free: free some space and run again, what is finished is kept");
+}
+
+void WorkFolder::check_memory(const WorkStep& step, std::size_t task) const {
+  std::uint64_t needed = 0;
+  if (step.kind == WorkStep::Kind::ingest) needed = bytes_of_chunk(plan.chunks[task]);
+  if (step.kind == WorkStep::Kind::denoise) needed = bytes_of_tile(plan);
+  const std::uint64_t free = free_memory();
+  if (free < needed)
+    throw Error(ErrorKind::memory, "step " + step.name() + ", task " + std::to_string(task) + ": needs about " +
+                                       std::to_string(needed >> 20) + " MiB of memory, and " +
+                                       std::to_string(free >> 20) +
+                                       " MiB are free here: free some, run it on another machine, or plan with less "
+                                       "--memory");
 }
 
 }  // namespace pointfair::scale

@@ -29,6 +29,7 @@ struct WorkFolder {
   std::size_t tasks_of(const WorkStep& step) const;
   std::filesystem::path file_of(const WorkStep& step, std::size_t task) const;
   std::vector<std::filesystem::path> files_of(const WorkStep& step) const;
+  std::vector<std::filesystem::path> files_before_recut() const;
   std::filesystem::path begun_mark(std::size_t output) const;
   std::filesystem::path end_mark(const WorkStep& step) const;
 
@@ -36,6 +37,8 @@ struct WorkFolder {
   std::size_t count_done(const WorkStep& step) const;
   // Throws ErrorKind::file where the disk has no room for what the step leaves: before hours are spent on it.
   void check_room(const WorkStep& step) const;
+  // Throws ErrorKind::memory where this machine has not what the task takes: before the system ends other processes.
+  void check_memory(const WorkStep& step, std::size_t task) const;
 
   std::filesystem::path path;
   Plan plan;

@@ -300,6 +300,58 @@ class Tasks(Case):
         self.expect_the_bits()
 
 
+def bytes_of_calls():
+    """Read and written by this process's calls and those of processes that it has waited for; not what is mapped."""
+    with open("/proc/self/io") as file:
+        words = file.read().split()
+    return int(words[1]), int(words[3])
+
+
+class Cost(Case):
+    """The table of docs/scale.md."""
+
+    def setUp(self):
+        super().setUp()
+        self.count = 200000
+        points = sphere_points(4000, 0.005)  # one place beside the other
+        self.source = write_binary(self.path("in.ply"), [
+            (p[0] + 3 * (i % 10), p[1] + 3 * (i // 10 % 5), p[2]) for i in range(self.count // len(points)) for p in points])
+
+    def cost(self, step):
+        """Bytes for each point of a step that is done in one process."""
+        before = bytes_of_calls()
+        subprocess.run([BIN, "tile", "run", self.path("work"), "--task", step], check=True)
+        return tuple((after - at) / self.count for at, after in zip(before, bytes_of_calls()))
+
+    def test_each_step_reads_and_writes_what_the_design_says(self):
+        self.ok("tile", "plan", self.source, "--out", self.path("out.ply"), "--work", self.path("work"), "--memory", "512M")
+        fingerprint = 64 * 4096 / self.count  # of an input, which is mapped otherwise
+        measured = 0
+        for step, read, written in (("ingest", fingerprint, 16), ("measure", 12, 0), ("denoise-1", 16, 20),
+                                    ("denoise-2", 20, 16), ("emit", 16 + fingerprint, 16)):
+            did_read, did_write = self.cost(step)
+            read += measured
+            if step == "measure":
+                measured = (self.path("work") / "measured").stat().st_size / self.count
+                written = measured
+            tables = 100000 / self.count  # the plan, the leaves, what is read of headers
+            self.assertLess(abs(did_read - read), 0.02 * read + tables, step)
+            self.assertLess(abs(did_write - written), 0.02 * written + tables, step)
+
+    def test_halos_of_leaves_cost_little_beyond_the_halo(self):
+        self.ok("tile", "plan", self.source, "--out", self.path("out.ply"), "--work", self.path("work"), "--tiles", 4,
+                "--k", 8, "--iterations", 1, "--outliers", "off", "--noise", 0.005)
+        for step in ("ingest", "measure"):
+            self.cost(step)
+        self.assertLess(self.cost("denoise-1")[0], 1.3 * 16 + 100000 * 4 / self.count)
+
+    def test_a_tile_leaves_at_most_three_files(self):
+        self.ok("tile", "plan", self.source, "--out", self.path("out.ply"), "--work", self.path("work"), "--tiles", 20)
+        for step in ("ingest", "measure", "denoise-1", "denoise-2", "emit"):
+            self.cost(step)
+        self.assertLessEqual(len(list(self.path("work").iterdir())), 3 * 20)
+
+
 class Refusals(Case):
     def test_what_cannot_be_done_in_tiles_is_refused(self):
         source = write_binary(self.path("in.ply"), sphere_points(500, 0.01))

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A chunk of compressed points in a sound file: the layers of point formats 6 to 10, the whole codec of 0 to 5. The
 // first byte says the format, the second the number of points.
+#include "io/las/codec.hpp"
 #include "io/las/laz.hpp"
 #include "laz_parts.h"
 
@@ -15,6 +16,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::string chunk(reinterpret_cast<const char*>(data) + 2, size - 2);
   const std::size_t sizes[] = {chunk.size()};
   const std::uint32_t counts[] = {points};
-  const io::las::Compression compression = io::las::usual_compression(format, test::las_record_length(front));
+  const std::size_t length = test::las_record_length(front);
+  const io::las::Compression compression = io::las::usual_compression(format, length);
+  std::string one(points * length, '\0'), other((points / 2 + 1) * length, '\0');
+  io::las::decode_two_chunks(compression, {chunk, one}, {chunk, other});
   return fuzz::run(fuzz::join(front, chunk, io::las::chunk_table(compression, sizes, counts)), Format::las, false);
 }

@@ -49,8 +49,8 @@ class Listed {
 };
 
 // Of the noise at a sorted point; null: 1.
-__device__ __forceinline__ float squared_level_at(const float* squared_level, std::size_t at) {
-  return squared_level == nullptr ? 1.0f : squared_level[at];
+__device__ __forceinline__ float value_or_one(const float* values, std::size_t at) {
+  return values == nullptr ? 1.0f : values[at];
 }
 
 // The warp walks the tree for its leaf.
@@ -77,7 +77,7 @@ class WalkedRadius {
     farthest_ = unordered(warp_max(ordered(squared_radius_)));
     const point::Radii its = radii_of(tree.rules_over(at / kLeafSize), radii);
     if (its.min_neighbors > 0)
-      share_ = active ? point::kept_share(its, squared_level_at(its.squared_level, at), own, squared_radius_) : 0.0f;
+      share_ = active ? point::kept_share(its, value_or_one(its.squared_level, at), own, squared_radius_) : 0.0f;
     is_thinned_ = __any_sync(kAllLanes, active && share_ < 1);
   }
 
@@ -218,7 +218,7 @@ class CollectedRadius {
   __device__ __forceinline__ float squared_horizon() const {
     const point::Radii& radii = from_.radii;
     if (radii.min_neighbors == 0) return squared_radius_;
-    const float level = squared_level_at(radii.squared_level, at_);
+    const float level = value_or_one(radii.squared_level, at_);
     return point::kept_share(radii, level, squared_radius_, squared_radius_) < 1 ? 0 : squared_radius_;
   }
   __device__ __forceinline__ static bool any(bool mask) { return __any_sync(kAllLanes, mask); }

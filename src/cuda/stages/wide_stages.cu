@@ -9,8 +9,9 @@ namespace {
 constexpr int kBlock = 128;
 constexpr int kWarps = kBlock / kWarp;
 
-__global__ void __launch_bounds__(kBlock) radii(const __grid_constant__ Tree tree, Lists nearest, point::Radii radii,
-                                                point::NodeField reach_levels, float* squared_radius) {
+__global__ void __launch_bounds__(kBlock)
+    radii(const __grid_constant__ Tree tree, Lists nearest, point::Radii radii, point::NodeField reach_levels,
+          float* squared_radius, float* further_share) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   const Vec here = position_of(tree.points[at]);
@@ -24,9 +25,10 @@ __global__ void __launch_bounds__(kBlock) radii(const __grid_constant__ Tree tre
   const CloudRules* const rules = tree.rules_over(static_cast<Index>(at / kLeafSize));
   const point::Radii its = radii_of(rules, radii);
   const float reach_level = point::node_value(rules == nullptr ? reach_levels : rules->reach_levels, here);
+  if (further_share != nullptr) further_share[at] = point::further_share(reach_level * reach_level);
   const int all = its.min_neighbors, least = all < point::kLeastReached ? all : point::kLeastReached;
   squared_radius[at] = point::squared_radius(farthest_of(all), farthest_of(least), reach_level * reach_level,
-                                             squared_level_at(its.squared_level, at) * its.squared_base);
+                                             value_or_one(its.squared_level, at) * its.squared_base);
 }
 
 __global__ void __launch_bounds__(kBlock)
@@ -56,7 +58,8 @@ __global__ void __launch_bounds__(kBlock)
 template <class Neighbors, bool kGrows>
 __global__ void __launch_bounds__(kBlock)
     filtered_normals(const __grid_constant__ Tree tree, const __grid_constant__ Surroundings surroundings,
-                     point::NormalRule rule, float inverse_turn, Normals from, Normals to, GrowthOut growth) {
+                     point::NormalRule rule, float inverse_turn, Normals from, const float* further_share, Normals to,
+                     GrowthOut growth) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   __shared__ typename Neighbors::Shared shared[kWarps];
@@ -66,8 +69,8 @@ __global__ void __launch_bounds__(kBlock)
     inverse_turn = its->inverse_turn;
     growth.most = its->most_growth;
   }
-  const auto filtered =
-      point::filtered_normal_of<kGrows>(neighbors, rule, inverse_turn, from.at(at), from, growth.most);
+  const point::OwnNormal<float> own{from.at(at), value_or_one(further_share, at)};
+  const auto filtered = point::filtered_normal_of<kGrows>(neighbors, rule, inverse_turn, own, from, growth.most);
   if constexpr (kGrows) growth.squared_growth[at] = filtered.squared_growth;
   to.set(at, filtered.unit);
 }
@@ -91,8 +94,8 @@ struct OfItsCloud {
 template <class Neighbors, bool kSeeksOutliers, bool kShares, bool kSees, class Rules>
 __global__ void __launch_bounds__(kBlock)
     wide_fairing(const __grid_constant__ Tree tree, const __grid_constant__ Surroundings surroundings, Leaves leaves,
-                 Normals normals, AreaWeights areas, const Rules rules, point::Sensors sensors,
-                 const float* squared_level, FairedPoints faired) {
+                 Normals normals, AreaWeights areas, const Rules rules, point::Sensors sensors, point::Levels levels,
+                 FairedPoints faired) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   __shared__ typename Neighbors::Shared shared[kWarps];
@@ -104,7 +107,11 @@ __global__ void __launch_bounds__(kBlock)
   const Neighbors neighbors(tree, surroundings, Index(at), valid, shared[threadIdx.x / kWarp]);
   const float4 p = tree.points[at];
   const auto& rule = rules.of(tree, Index(at / kLeafSize));
-  point::OwnPlace<float> own{squared_level_at(squared_level, at), position_of(p), normals.at(at), {}};
+  point::OwnPlace<float> own{value_or_one(levels.squared_noise, at),
+                             value_or_one(levels.further_share, at),
+                             position_of(p),
+                             normals.at(at),
+                             {}};
   if constexpr (kSees) own.to_sensor = to_sensor(sensors, p, valid);
   const Vec moved = point::faired_point<kSeeksOutliers, kShares, kSees>(neighbors, rule, own, normals, areas,
                                                                         Scalars{surroundings.radii.squared_radius});
@@ -136,13 +143,13 @@ auto fairing_of(const point::FairingRule& rule) {
 template <class Rules>
 void launch_fairing(Context& context, const Tree& tree, const Surroundings& surroundings, Normals normals,
                     AreaWeights areas, const point::FairingRule& rule, const Rules& rules,
-                    const point::Sensors& sensors, const float* squared_level, const FairedPoints& faired) {
+                    const point::Sensors& sensors, point::Levels levels, const FairedPoints& faired) {
   const auto launch = [&]<class Neighbors>(By<Neighbors>, Leaves leaves) {
     auto fair_points = fairing_of<Neighbors, false, Rules>(rule);
     if constexpr (std::is_same_v<Rules, OfAll>)  // of many clouds no sensor is known
       if (rule.sees()) fair_points = fairing_of<Neighbors, true, Rules>(rule);
     fair_points<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(
-        tree, surroundings, leaves, normals, areas, rules, sensors, squared_level, faired);
+        tree, surroundings, leaves, normals, areas, rules, sensors, levels, faired);
   };
   if (surroundings.collected.parts != nullptr && surroundings.radii.squared_growth != nullptr) {
     launch(By<CollectedRadius>{}, Leaves::others);
@@ -172,9 +179,9 @@ void measure_levels(Context& context, const Tree& tree, point::NodeField field, 
 }
 
 void measure_radii(Context& context, const Tree& tree, Lists nearest, const point::Radii& of,
-                   point::NodeField reach_levels, float* squared_radius) {
+                   point::NodeField reach_levels, float* squared_radius, float* further_share) {
   radii<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, nearest, of, reach_levels,
-                                                                          squared_radius);
+                                                                          squared_radius, further_share);
   check(cudaGetLastError(), "measuring radii");
 }
 
@@ -188,24 +195,24 @@ void estimate_wide_normals(Context& context, const Tree& tree, CloudState* state
 }
 
 void filter_normals(Context& context, const Tree& tree, Surroundings surroundings, const point::NormalRule& rule,
-                    float inverse_turn, Normals from, Normals to, GrowthOut growth) {
+                    float inverse_turn, Normals from, const float* further_share, Normals to, GrowthOut growth) {
   for_way(surroundings, [&]<class Neighbors>(By<Neighbors>) {
     const auto filter =
         growth.squared_growth == nullptr ? filtered_normals<Neighbors, false> : filtered_normals<Neighbors, true>;
     filter<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, surroundings, rule, inverse_turn,
-                                                                             from, to, growth);
+                                                                             from, further_share, to, growth);
   });
   check(cudaGetLastError(), "filtering normals");
 }
 
 void fair_widely(Context& context, const Tree& tree, Surroundings surroundings, Normals normals, AreaWeights areas,
-                 const point::FairingRule& rule, const point::Sensors& sensors, const float* squared_level,
+                 const point::FairingRule& rule, const point::Sensors& sensors, point::Levels levels,
                  FairedPoints faired) {
   if (tree.rules != nullptr) {
-    launch_fairing(context, tree, surroundings, normals, areas, rule, OfItsCloud{rule.noise_left}, sensors,
-                   squared_level, faired);
+    launch_fairing(context, tree, surroundings, normals, areas, rule, OfItsCloud{rule.noise_left}, sensors, levels,
+                   faired);
   } else {
-    launch_fairing(context, tree, surroundings, normals, areas, rule, OfAll{rule}, sensors, squared_level, faired);
+    launch_fairing(context, tree, surroundings, normals, areas, rule, OfAll{rule}, sensors, levels, faired);
   }
   bring_into_order(context, faired);
 }

@@ -14,9 +14,9 @@ namespace pointfair::cuda {
 void measure_levels(Context& context, const Tree& tree, point::NodeField field, float* squared_level);
 
 // R_i^2 from lists of the `min_neighbors` nearest, or more, or as many as there are; lists.k is 0 for none. What else
-// it is made of is in `of`.
+// it is made of is in `of`. `further_share` receives point::further_share of each sorted point; null: not asked for.
 void measure_radii(Context& context, const Tree& tree, Lists nearest, const point::Radii& of,
-                   point::NodeField reach_levels, float* squared_radius);
+                   point::NodeField reach_levels, float* squared_radius, float* further_share);
 
 // Adds to state->too_few_neighbors and state->no_normal.
 void estimate_wide_normals(Context& context, const Tree& tree, CloudState* state, Surroundings surroundings,
@@ -28,18 +28,17 @@ struct GrowthOut {
   float* squared_growth;  // of each sorted point; null: not asked for
 };
 
-// One round of Eq. 9.
+// One round of Eq. 9, of which each point takes its share (null: all).
 void filter_normals(Context& context, const Tree& tree, Surroundings surroundings, const point::NormalRule& rule,
-                    float inverse_turn, Normals from, Normals to, GrowthOut growth);
+                    float inverse_turn, Normals from, const float* further_share, Normals to, GrowthOut growth);
 
 // How many neighbours each point has, and the least of `values` over it and them.
 void survey(Context& context, const Tree& tree, Surroundings surroundings, const float* values, float* counts,
             float* least);
 
-// `sensors` on the card. `squared_level`: of the noise at each sorted point; null: 1. Collected neighbourhoods must be
-// without growth; those of leaves where any grows are walked.
+// `sensors` on the card. Collected neighbourhoods must be without growth; those of leaves where any grows are walked.
 void fair_widely(Context& context, const Tree& tree, Surroundings surroundings, Normals normals, AreaWeights areas,
-                 const point::FairingRule& rule, const point::Sensors& sensors, const float* squared_level,
+                 const point::FairingRule& rule, const point::Sensors& sensors, point::Levels levels,
                  FairedPoints faired);
 
 }  // namespace pointfair::cuda
