@@ -15,7 +15,7 @@ endif
 FUZZ_SECONDS ?= 60
 FUZZ_TARGETS = $(notdir $(wildcard build/fuzz/bin/fuzz_*))
 
-.PHONY: help demo build test wheel bench quality bench-laz bench-viewer paper-tables figures gpu release fuzz format docs asan tsan clean install
+.PHONY: help demo build test wheel bench quality bench-laz bench-viewer paper-tables figures gallery gpu release fuzz format docs asan tsan clean install
 
 help:
 	@echo "make build    the program, build/bin/pointfair"
@@ -23,11 +23,12 @@ help:
 	@echo "make test     all tests"
 	@echo "make wheel    the Python package with the program, dist/*.whl"
 	@echo "make bench    time every stage and the peers"
-	@echo "make quality  measure the noise that is left by each method and peer, into docs; 1 h, goes on if stopped"
+	@echo "make quality  measure the noise that is left by each method and peer, into docs; some hours, goes on if stopped"
 	@echo "make bench-laz  time LAZ against lazrs, which pip fetches from PyPI"
 	@echo "make bench-viewer  time the viewer over its WebSocket, 100,000 and 1M points, and its page in Chromium"
 	@echo "make paper-tables  the paper's table II and figures 6 and 7 on this machine, in build/paper"
 	@echo "make figures  every picture of the documents and the numbers under them, in docs"
+	@echo "make gallery  run the examples in Python and draw what they did, in docs; laspy, PyVista and torch from PyPI"
 	@echo "make gpu      on a machine with a card: build, test, sanitize and benchmark, in build/gpu-report"
 	@echo "make release  the program with machine code for all cards, build/release/bin/pointfair"
 	@echo "make fuzz     every file reader under a fuzzer, $(FUZZ_SECONDS) s each (FUZZ_SECONDS=N)"
@@ -65,15 +66,17 @@ demo:
 	scripts/demo.py
 
 bench:
-	@$(install) build bench
+	@$(install) build python bench
 	cmake --preset $(preset) -B build/bench -DPOINTFAIR_TESTS=OFF -DPOINTFAIR_BENCH=ON
 	cmake --build build/bench
+	bench/python_peers.py --build build/bench
 	bench/compare_peers.py --build build/bench
 
 quality:
-	@$(install) build bench
+	@$(install) build python bench
 	cmake --preset $(preset) -B build/bench -DPOINTFAIR_TESTS=OFF -DPOINTFAIR_BENCH=ON
 	cmake --build build/bench
+	bench/python_peers.py --build build/bench
 	bench/quality.py --build build/bench --write docs/benchmarks.md
 	bench/automatic.py --build build/bench --write docs/benchmarks.md
 
@@ -107,6 +110,14 @@ figures:
 	cmake --build build
 	cmake --build build --target picture
 	scripts/figures.py
+
+gallery:
+	@$(install) build python demo
+	cmake --preset $(preset) -DPOINTFAIR_TESTS=OFF
+	cmake --build build
+	cmake --build build --target picture
+	scripts/wheel.py --build build --dist build/python/dist
+	scripts/gallery.py --dist build/python/dist
 
 # installs nothing: such a machine may have no network
 gpu:

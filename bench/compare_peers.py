@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Compares pointfair with the programs of bench/peers, and with itself on difficult clouds.
+"""Compares pointfair with the programs of bench/peers and the smoothers of Open3D and PyMeshLab (bench/smoothers.py), and with itself
+on difficult clouds.
 
 Everything is measured in one go on the same files: contenders take turns, round after round, so that a slow minute of
 the machine hits all of them; a ratio is the median of the rounds' ratios. Prints Markdown, part by part. Needs a build
@@ -43,6 +44,12 @@ PEERS = (
     Peer("cgal_bilateral", "CGAL bilateral_smooth_point_set", (24,), slow=True),
     Peer("cgal_jet", "CGAL jet_smooth_point_set", (24,), slow=True),
     Peer("pcl_mls", "PCL MovingLeastSquares", (48,), slow=True),
+    Peer("open3d_mls", "Open3D smooth_mls", (30,), slow=True),
+    Peer("open3d_bilateral", "Open3D smooth_bilateral", (30,), slow=True),
+    Peer("open3d_laplacian", "Open3D smooth_laplacian", (20,), slow=True),
+    Peer("open3d_taubin", "Open3D smooth_taubin", (20,), slow=True),
+    Peer("pymeshlab_apss", "PyMeshLab APSS", (16,), slow=True),
+    Peer("pymeshlab_rimls", "PyMeshLab RIMLS", (16,), slow=True),
 )
 # How many times faster pointfair means to be.
 GOALS = {("plain_pipeline", 8, "input"): 10, ("plain_pipeline", 32, "input"): 9}
@@ -182,7 +189,8 @@ class Bench:
         report, left = self.smooth("automatic")
         return text + f"""
 *order*: of the points as the peer gets them; pointfair always gets them in random order. *preparation*: what the peer
-needs beyond points (oriented normals; a radius that holds k points), not counted. For the neighbours alone, pointfair's
+needs beyond points (normals; a radius that holds k points), not counted. PyMeshLab's k is that of the normals;
+its projections take about the points within 2 spacings. For the neighbours alone, pointfair's
 time is that of its index and neighbours. *leaves*: mean distance to the mesh, in % of its diagonal; the noisy points
 have {self.distance(self.clouds.even()):.4f}. pointfair with every parameter automatic (k {report['params']['k']}, iterations
 {report['params']['iterations']}) leaves {left:.4f}, in {report['total_ms'] / 1000:.3f} s.
@@ -308,8 +316,8 @@ def environment(options):
     return f"""{first_line('/proc/cpuinfo', 'model name')}, {os.cpu_count()} cores;
 {first_line('/etc/os-release', 'PRETTY_NAME')}, Linux {platform.release()}; load before the start {os.getloadavg()[0]:.1f}.
 {options.points:,} points of the {options.mesh.stem} in random order, noise 0.1 % of the diagonal, {options.threads} threads,
-array to array, index included, one pass. Median of {options.rounds} rounds in turn, each the median of {options.repeat} runs (CGAL
-and PCL: one run).
+array to array, index included, one pass. Median of {options.rounds} rounds in turn, each the median of {options.repeat} runs (CGAL,
+PCL, Open3D and PyMeshLab: one run).
 """
 
 
@@ -343,7 +351,7 @@ def parts(options, folder):
     built = [peer for peer in wanted if (options.build / "bin" / "peers" / peer.program).exists()]
     for peer in wanted:
         if peer not in built:
-            yield f"{peer.program} was not built: its library was not found.\n"
+            yield f"{peer.program} is missing: its library was not found.\n"
     if built:
         yield bench.compare_peers(built)
     claims = [name for name in ROBUSTNESS if {"robustness", name} & set(options.only)]

@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Times what Python adds: the import, calls, batches, frames, Ctrl-C. Run it with a Python that has the package:
 
-    build/python/tests/whole/bin/python bench/python_calls.py"""
+    build/python/tests/whole/bin/python bench/python_calls.py [time_import time_calls ..]"""
 import os
-import resource
 import signal
 import statistics
 import subprocess
@@ -52,18 +51,31 @@ def time_import():
     print(f"import           {own:.0f} ms beyond NumPy's {numpy:.0f} ms")
 
 
+def processor_seconds(call):
+    start = time.process_time()
+    call()
+    return time.process_time() - start
+
+
 def time_calls():
+    """Calls against load and run of the native pipeline on the same array, in turns."""
     empty = np.empty((0, 3), np.float32)
     print(f"0 points         {seconds(lambda: [pf.denoise(empty) for _ in range(1000)]) * 1e3:.1f} us a call")
     for dtype in (np.float32, np.float64):
         points = waves(100_000, dtype)
-        for name, parameters in (("nothing set", {}), ("k = 8", FAST)):
-            reports = []
-            whole = seconds(lambda: reports.append(pf.denoise(points, return_report=True, **parameters)[1]), 7)
-            inside = statistics.median(report.milliseconds for report in reports)
-            alone = seconds(lambda: pf.denoise(points, **parameters), 7)
-            print(f"100,000 {np.dtype(dtype)}  {name}: {alone * 1e3:.1f} ms a call, {inside:.1f} ms in the pipeline, "
-                  f"{whole * 1e3:.1f} ms with the report")
+        out, pipeline = np.empty_like(points), pf.Pipeline("cpu", threads=1)._native
+        for name, parameters in (("nothing set", {}), ("all given", GIVEN)):
+            params = pf.Params(**parameters)
+
+            def native():
+                pipeline.load(points, False)
+                pipeline.run(params._native, out, 1.0, None, None, "", None)
+
+            rounds = [(processor_seconds(lambda: pf.denoise(points, params, threads=1, out=out)), processor_seconds(native))
+                      for _ in range(9)]
+            call, inside = (min(column) for column in zip(*rounds))
+            print(f"100,000 {np.dtype(dtype)}  {name}: {call * 1e3:.1f} ms of processor time a call, {inside * 1e3:.1f} in the native "
+                  f"pipeline, {100 * (call / inside - 1):.1f} % more")
 
 
 def time_batches():
@@ -103,18 +115,68 @@ def time_tensors():
             print(f"{count:,} {np.dtype(dtype)} on the card: {took * 1e3:.3f} ms a call, {stages:.3f} ms in its stages")
 
 
-def time_frames(frames=200):
-    pipeline, frame = pf.Pipeline("cpu"), waves(100_000)
+def time_frames(frames=30):
+    """A stream of a sensor whose noise is half a spacing. Processor time is told too, since on a loaded machine the clock tells
+    little, and what is left of the noise."""
+    rng, count = np.random.default_rng(1), 100_000
+    xy = rng.random((count, 2))
+    surface = 0.1 * np.sin(6 * xy[:, 0])
+    noise = rng.normal(0, 0.5 / np.sqrt(count), count)
+    frame = np.c_[xy, surface + noise].astype(np.float32)
+    pipeline = pf.Pipeline("cpu")
     pipeline.load(frame)
-    for name, params in (("resolved", pipeline.resolve()), ("k = 8", pf.Params(**FAST))):
-        def run():
+    for given in ({}, {"iterations": 1}, {"k": 16, "iterations": 1}, {"k": 8, "iterations": 1}):
+        params, times, busy = pipeline.resolve(**given), [], []
+        for _ in range(frames):
+            start, began = time.perf_counter(), time.process_time()
             pipeline.load(frame)
-            pipeline.run(params)
-        run()
-        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        took = seconds(run, frames if name != "resolved" else 15)
-        grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
-        print(f"100,000 a frame  {name}: {took * 1e3:.1f} ms a frame, memory grew by {grown / 1024:.1f} MiB")
+            smooth = pipeline.run(params)
+            times.append(time.perf_counter() - start)
+            busy.append(time.process_time() - began)
+        left = (smooth[:, 2] - 0.1 * np.sin(6 * smooth[:, 0])).std() / noise.std()
+        name = ", ".join(f"{key}={value}" for key, value in given.items()) or "nothing set"
+        print(f"100,000 a frame  {name}, resolved: {statistics.median(times) * 1e3:.1f} ms a frame, {min(times) * 1e3:.1f} at least, "
+              f"{statistics.median(busy) * 1e3:.1f} ms of processor time, leaves {left:.2f} of the noise")
+
+
+def resident_mib():
+    """Memory of this process now."""
+    with open("/proc/self/statm") as file:
+        return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
+def measure_memory(frames=10_000, points=5000):
+    """Frames of changing size, each with its own result."""
+    pipeline, given = pf.Pipeline("cpu"), pf.Params(**GIVEN)
+    clouds = [waves(points - 100 * i, seed=i) for i in range(10)]
+    resident = []
+    for i in range(frames):
+        pipeline.load(clouds[i % 10])
+        pipeline.run(given)
+        if i + 1 in (frames // 10, frames):
+            resident.append(resident_mib())
+    print(f"memory           {resident[0]:.1f} MiB after {frames // 10:,} frames of about {points:,} points, {resident[1]:.1f} after {frames:,}")
+
+
+def time_threads(calls=20):
+    """Two threads with a pipeline of one thread each, against the same runs one after the other."""
+    points = waves(50_000)
+
+    def work():
+        pipeline = pf.Pipeline("cpu", threads=1)
+        for _ in range(calls):
+            pipeline.load(points)
+            pipeline.run(**GIVEN)
+
+    def both():
+        threads = [threading.Thread(target=work) for _ in range(2)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+
+    alone, together = seconds(lambda: [work(), work()], 3), seconds(both, 3)
+    print(f"two threads      {together:.2f} s at once, {alone:.2f} s one after the other")
 
 
 def time_interrupts():
@@ -138,5 +200,8 @@ def time_interrupts():
 
 if __name__ == "__main__":
     print(pf.devices()[0].info.name)
-    for measure in (time_import, time_calls, time_batches, time_tensors, time_frames, time_interrupts):
-        measure()
+    measures = (time_import, time_calls, time_batches, time_tensors, time_frames, measure_memory, time_threads, time_interrupts)
+    wanted = sys.argv[1:]
+    for measure in measures:
+        if not wanted or measure.__name__ in wanted:
+            measure()

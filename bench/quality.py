@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Measures how much noise is left: every method of pointfair and the peers, on clouds whose truth is known.
+"""Measures how much noise is left: every method of pointfair and the peers, programs of bench/peers and the smoothers of Open3D and
+PyMeshLab (bench/smoothers.py), on clouds whose truth is known.
 
 Clouds are made by `pointfair noise`, several seeds and levels, from
   - the shapes of $POINTFAIR_DATA/punet_train (NAME_COUNT.ply, clean, and NAME_mesh.ply), noise in % of the bounding
@@ -14,8 +15,8 @@ column by column, chosen with the truth in hand. Needs a build with -DPOINTFAIR_
 does all of it).
 
 Each result is kept in FOLDER/results.jsonl as it comes, so a run that was stopped goes on where it was, and a changed
-program is measured again alone. By default, about 45 minutes of one core, most of them the peers'; what is left is said
-while it runs. Prints Markdown; --write puts it between the marks <!-- quality NAME --> and <!-- end --> of a page.
+program is measured again alone. By default, some hours of one core, most of them the peers'; what is left is said while
+it runs. Prints Markdown; --write puts it between the marks <!-- quality NAME --> and <!-- end --> of a page.
 A quick look: bench/quality.py --seeds 1 --peers none --shapes cad dino
 Another setting: bench/quality.py --peers none --contender "sharper=--crease-angle 15"
 """
@@ -35,6 +36,8 @@ from pathlib import Path
 
 from quality_clouds import cgal_meshes, mesh_cases, shape_cases
 from quality_tables import Row, put, tables
+from smoothers import METHODS as SMOOTHERS
+from smoothers import flags_of
 
 EDGE_DEGREES = 40
 NORMAL_NEIGHBORS = 16
@@ -63,6 +66,10 @@ PEERS = (  # the quick ones first
     Contender("CGAL jet, best of 4", "cgal_jet", tuple(("--k", str(k)) for k in (24, 48, 96, 192))),
     Contender("CGAL bilateral, default", "cgal_bilateral", (("--k", "24"),)),
     Contender("CGAL bilateral, best of 5", "cgal_bilateral", tuple(("--k", str(k)) for k in (12, 24, 48, 96, 192))),
+    *(Contender(f"{method.title}, {kind}", program, settings)
+      for program, method in SMOOTHERS.items()
+      for kind, settings in (("default", ((),)),
+                             (f"best of {len(method.sweep) + 1}", ((), *(flags_of(setting) for setting in method.sweep))))),
 )
 
 
@@ -237,7 +244,7 @@ def contenders_of(options):
         if (options.build / "bin" / "peers" / peer.program).exists():
             yield peer
         else:
-            print(f"{peer.program} was not built: its library was not found", file=sys.stderr)
+            print(f"{peer.program} is missing: its library was not found", file=sys.stderr)
 
 
 def processor():

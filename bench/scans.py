@@ -28,8 +28,8 @@ import open3d as o3d
 from scipy.spatial import cKDTree
 
 from quality_tables import put, table
+from smoothers import METHODS
 
-SIZES = (8, 30, 120, 480)
 EDGE_COSINE = math.cos(math.radians(40))
 MEASURED = 50_000
 
@@ -78,56 +78,22 @@ def by_pointfair(program):
     return run
 
 
-def as_open3d(scan):
-    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(scan.points.astype(float)))
-    cloud.estimate_normals(o3d.geometry.KDTreeSearchParamKNN(30))
-    return cloud
+def by_peer(method, settings):
+    return lambda scan: method.prepare(scan.points, **settings)()
 
 
-def open3d_smoothers():
-    """{name: function}, each at its defaults where these do not depend on the unit of length, and the sweep."""
-    def of(call):
-        return lambda scan: np.asarray(call(as_open3d(scan), scan).points)
-
-    runs = {"Open3D Laplacian": of(lambda cloud, _: cloud.smooth_laplacian()), "Open3D Taubin": of(lambda cloud, _: cloud.smooth_taubin())}
-    for k in SIZES:
-        search = o3d.geometry.KDTreeSearchParamKNN(k)
-        runs[f"Open3D MLS {k}"] = of(lambda cloud, _, search=search: cloud.smooth_mls(search))
-        if k > 200:
-            continue
-        for width in (1, 3):
-            runs[f"Open3D bilateral {k}, {width} spacings"] = of(
-                lambda cloud, scan, search=search, width=width: cloud.smooth_bilateral(search, width * scan.spacing, width * scan.spacing / 3))
-    for iterations in (1, 3):
-        runs[f"Open3D Laplacian {iterations}"] = of(lambda cloud, _, i=iterations: cloud.smooth_laplacian(i))
-        runs[f"Open3D Taubin {iterations}"] = of(lambda cloud, _, i=iterations: cloud.smooth_taubin(i))
-    return runs
-
-
-def pymeshlab_smoothers():
-    import pymeshlab
-
-    def of(name, scale):
-        def run(scan):
-            meshes = pymeshlab.MeshSet(verbose=False)
-            meshes.add_mesh(pymeshlab.Mesh(vertex_matrix=scan.points.astype(float)))
-            meshes.compute_normal_for_point_clouds(k=16)
-            of_scan = meshes.current_mesh()
-            meshes.add_mesh(pymeshlab.Mesh(vertex_matrix=of_scan.vertex_matrix(), v_normals_matrix=of_scan.vertex_normal_matrix()))
-            getattr(meshes, name)(controlmesh=1, proxymesh=0, filterscale=scale)
-            return meshes.mesh(0).vertex_matrix()
-        return run
-
-    filters = {"APSS": "compute_mls_projection_apss", "RIMLS": "compute_mls_projection_rimls"}
-    return {f"PyMeshLab {label} {scale}": of(name, scale) for label, name in filters.items() for scale in (2, 3, 5)}
+def peers_of(package):
+    """{name: function}, at the defaults and at each setting of the sweep."""
+    methods = [method for name, method in METHODS.items() if name.startswith(package)]
+    return {" ".join([method.title, *(f"{name} {value}" for name, value in settings.items())]): by_peer(method, settings)
+            for method in methods for settings in ({}, *method.sweep)}
 
 
 def contenders(options):
     runs = {"pointfair": by_pointfair(options.program)}
-    if options.peers in ("open3d", "all"):
-        runs.update(open3d_smoothers())
-    if options.peers in ("pymeshlab", "all"):
-        runs.update(pymeshlab_smoothers())
+    for package in ("open3d", "pymeshlab"):
+        if options.peers in (package, "all"):
+            runs.update(peers_of(package))
     return runs
 
 

@@ -8,7 +8,6 @@ Ends with 77 where the packages that this needs cannot be installed."""
 import argparse
 import os
 import pathlib
-import re
 import shutil
 import subprocess
 import sys
@@ -25,23 +24,17 @@ def run(*command, **options):
     return done.stdout
 
 
-def build_requirements():
-    """Those that pyproject.toml names; read as text since Python 3.10 has no reader of TOML."""
-    line = re.search(r"^requires = \[(.*)\]$", (ROOT / "pyproject.toml").read_text(), re.M).group(1)
-    return re.findall(r'"([^"]+)"', line)
-
-
 def make_tools(folder):
-    """A virtual environment with what builds and repairs wheels; its programs' folder."""
-    wanted = [*build_requirements(), *REPAIR]
+    """A virtual environment with what repairs wheels; its programs' folder. What builds them is pip's own affair, as in
+    `pip install .`, and must not be found here instead."""
     done = folder / "installed"
-    if not done.exists() or done.read_text() != "\n".join([sys.version, *wanted]):
+    if not done.exists() or done.read_text() != "\n".join([sys.version, *REPAIR]):
         venv.create(folder, with_pip=True, clear=True)
-        command = [folder / "bin/pip", "install", "--quiet", "--disable-pip-version-check", *wanted]
+        command = [folder / "bin/pip", "install", "--quiet", "--disable-pip-version-check", *REPAIR]
         if subprocess.run(command).returncode != 0:
-            print(f"skipped: {' '.join(wanted)} cannot be installed here")
+            print(f"skipped: {' '.join(REPAIR)} cannot be installed here")
             sys.exit(77)
-        done.write_text("\n".join([sys.version, *wanted]))
+        done.write_text("\n".join([sys.version, *REPAIR]))
     return folder / "bin"
 
 
@@ -57,8 +50,9 @@ def main():
         shutil.rmtree(folder, ignore_errors=True)
     run("cmake", "--install", args.build, "--prefix", prefix)
     environment = {**os.environ, "PATH": f"{tools}:{os.environ['PATH']}"}
-    run(tools / "pip", "wheel", ROOT, "--no-deps", "--no-build-isolation", "--disable-pip-version-check", "--wheel-dir", raw,
-        "-C", "cmake.source-dir=python", "-C", f"build-dir={work / 'wheel'}", "-C", f"cmake.define.CMAKE_PREFIX_PATH={prefix}",
+    # in an environment of its own, as `pip install .` builds
+    run(tools / "pip", "wheel", ROOT, "--no-deps", "--disable-pip-version-check", "--wheel-dir", raw, "-C",
+        "cmake.source-dir=python", "-C", f"build-dir={work / 'wheel'}", "-C", f"cmake.define.CMAKE_PREFIX_PATH={prefix}",
         env=environment, cwd=ROOT)
     wheel, = raw.glob("*.whl")
     args.dist.mkdir(parents=True, exist_ok=True)

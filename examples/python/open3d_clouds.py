@@ -4,6 +4,7 @@
     python open3d_clouds.py scan.ply smooth.ply"""
 from __future__ import annotations
 
+import pathlib
 import sys
 from typing import Any
 
@@ -28,4 +29,5 @@ def denoise_legacy_cloud(cloud: Any, **parameters: Any) -> Any:
 
 
 if __name__ == "__main__":
-    o3d.t.io.write_point_cloud(sys.argv[2], denoise_tensor_cloud(o3d.t.io.read_point_cloud(sys.argv[1])))
+    source, target = map(pathlib.Path, sys.argv[1:3])
+    o3d.t.io.write_point_cloud(target, denoise_tensor_cloud(o3d.t.io.read_point_cloud(source)))

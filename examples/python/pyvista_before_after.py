@@ -24,7 +24,7 @@ def draw(cloud: Any, picture: str) -> None:
     """Writes the picture."""
     smooth = cloud.pointfair.denoise()
     heights = smooth.points[:, 2]
-    plotter = pyvista.Plotter(off_screen=True, shape=(1, 2), window_size=(1400, 600), border=False)
+    plotter: Any = pyvista.Plotter(off_screen=True, shape=(1, 2), window_size=[1400, 600], border=False)
     for column, shown in enumerate((cloud, smooth)):
         plotter.subplot(0, column)
         plotter.add_points(shown, scalars=shown.points[:, 2], clim=(heights.min(), heights.max()), point_size=2,

@@ -16,21 +16,18 @@ import pointfair as pf
 
 
 class Denoiser(Node):  # type: ignore[misc,unused-ignore]
-    """Parameters are resolved on the first message."""
+    """Parameters are automatic, so that they follow the noise of each message from place to place."""
 
     def __init__(self) -> None:
         super().__init__("pointfair")
         self.pipeline = pf.Pipeline()
-        self.params: pf.Params | None = None
         self.publisher = self.create_publisher(PointCloud2, "points_denoised", qos_profile_sensor_data)
         self.create_subscription(PointCloud2, "points", self.denoise, qos_profile_sensor_data)
 
     def denoise(self, message: Any) -> None:
         """Publishes the message with moved points."""
         self.pipeline.load(point_cloud2.positions(message))
-        if self.params is None:
-            self.params = self.pipeline.resolve()
-        message.data = point_cloud2.with_positions(message, self.pipeline.run(self.params))
+        message.data = point_cloud2.with_positions(message, self.pipeline.run())
         self.publisher.publish(message)
 
 

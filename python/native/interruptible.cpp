@@ -2,11 +2,13 @@
 #include "interruptible.hpp"
 
 #include <nanobind/stl/string.h>
+#include <unistd.h>
 
-#include <atomic>
 #include <chrono>
 #include <condition_variable>
+#include <deque>
 #include <exception>
+#include <functional>
 #include <mutex>
 #include <string>
 #include <thread>
@@ -19,13 +21,53 @@ namespace {
 constexpr std::size_t kSmall = 2048;  // denoised within a few milliseconds
 constexpr std::chrono::milliseconds kPoll{50};
 
-// The work on its thread, and what it last said of its progress.
+// Threads that wait for work, as many as ever worked at a time. They are kept: what oneTBB sets up for a thread takes
+// time and, by glibc before 2.38, memory that is not used again. They end with the process.
+class Helpers {
+ public:
+  // Those of this process; a forked one begins anew, without threads. The interpreter's lock is held.
+  static Helpers& get() {
+    static Helpers* helpers = new Helpers;
+    if (helpers->process_ != getpid()) helpers = new Helpers;
+    return *helpers;
+  }
+
+  void start(std::function<void()> work) {
+    const std::lock_guard lock(mutex_);
+    if (waiting_.size() >= idle_) std::thread([this] { serve(); }).detach();
+    waiting_.push_back(std::move(work));
+    wake_.notify_one();
+  }
+
+ private:
+  void serve() {
+    std::unique_lock lock(mutex_);
+    for (;;) {
+      ++idle_;
+      wake_.wait(lock, [this] { return !waiting_.empty(); });
+      --idle_;
+      const std::function<void()> work = std::move(waiting_.front());
+      waiting_.pop_front();
+      lock.unlock();
+      work();
+      lock.lock();
+    }
+  }
+
+  const pid_t process_ = getpid();
+  std::mutex mutex_;
+  std::condition_variable wake_;
+  std::deque<std::function<void()>> waiting_;
+  std::size_t idle_ = 0;
+};
+
+// The work on a helper, and what it last said of its progress.
 class Job {
  public:
   Job(const std::function<void(const Watch&)>& work, bool with_progress) {
     Watch watch{stop_.get_token(), {}};
     if (with_progress) watch.progress = [this](double share, std::string_view stage) { note(share, stage); };
-    thread_ = std::thread([this, &work, watch] {
+    Helpers::get().start([this, &work, watch] {
       try {
         work(watch);
       } catch (...) {
@@ -38,8 +80,11 @@ class Job {
   }
   ~Job() {
     stop_.request_stop();
-    thread_.join();
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [this] { return done_; });
   }
+  Job(const Job&) = delete;
+  Job& operator=(const Job&) = delete;
 
   // Whether the work ended within a poll.
   bool wait() {
@@ -70,7 +115,6 @@ class Job {
   double share_ = 0;
   std::string stage_;
   std::exception_ptr error_;
-  std::thread thread_;
 };
 
 void poll(Job& job, nb::handle progress) {

@@ -111,7 +111,8 @@ class Pipeline:
         return result.array
 
     def resolve(self, params: Params | None = None, **parameters: Unpack[ParamArguments]) -> Params:
-        """The parameters with every "auto" replaced by the value that a run would use, and lengths in file units."""
+        """The parameters with every "auto" replaced by the value that a run would use in a typical place, and lengths in
+        file units. A run with "auto" follows the noise from place to place, which these values do not."""
         return Params._of(self._native.resolve(make_params(params, parameters)._native))
 
     def estimates(self) -> Estimates:

@@ -88,7 +88,9 @@ POINTFAIR_INLINE Floats value_or_one(const float* values, Index start) {
   return values == nullptr ? broadcast(1.0f) : load(values + start);
 }
 
-// Walks the tree from the root in sorted order, so that sums have one order whatever the instruction set.
+// Walks the tree from the root in sorted order, so that sums have one order whatever the instruction set. The
+// neighbours are first found and then visited, in a loop that keeps the sums of `visit` in registers and has no branch
+// to guess.
 class RadiusWalk {
  public:
   using Number = Floats;
@@ -110,10 +112,15 @@ class RadiusWalk {
 
   template <class Load, class Visit>
   POINTFAIR_INLINE void operator()(Load load_there, Visit visit) const {
-    const auto visit_one = [&](point::Vec3<Floats> offset, Shared there, Mask inside) {
-      visit(offset, load_there(there), inside);
-    };
-    descend(index_.levels - 1, 0, visit_one);
+    if (!found_.has_all) start_search();
+    do {
+      if (!found_.has_all) search();
+      for (int i = 0; i < found_.count; ++i) {
+        const Index at = found_.at[i];
+        const point::Vec3<Floats> there = spread(index_.x[at], index_.y[at], index_.z[at]);
+        visit(there - queries_.position, load_there(Shared{at}), found_.inside[i]);
+      }
+    } while (!place_.is_end());
   }
   POINTFAIR_INLINE Floats squared_radius() const { return queries_.limit; }
   POINTFAIR_INLINE Floats squared_core() const { return point::squared_core(queries_.limit); }
@@ -123,8 +130,51 @@ class RadiusWalk {
   POINTFAIR_INLINE static bool any(Mask mask) { return cpu::POINTFAIR_ISA::any(mask); }
 
  private:
-  template <class Visit>
-  void descend(int level, Index group_number, const Visit& visit) const {
+  // Some of the neighbours of the pack's points, in sorted order: position and lanes.
+  struct Found {
+    static constexpr int kRoom = 512;
+    Index at[kRoom];
+    Mask inside[kRoom];
+    int count = 0;
+    bool has_all = false;  // a further walk visits them again
+  };
+  // What of the tree is still to be seen: on each level from the lowest, a group and its children that are near.
+  struct Place {
+    Index group[kMaxLevels];
+    unsigned near[kMaxLevels];
+    int level, levels;
+    bool is_end() const { return level == levels; }
+  };
+
+  void start_search() const {
+    place_.levels = index_.levels;
+    place_.level = index_.levels - 1;
+    enter(place_.level, 0);
+  }
+
+  // Fills `found_` with the next neighbours.
+  __attribute__((noinline)) void search() const {
+    const bool is_first = place_.level == place_.levels - 1 && found_.count == 0;
+    found_.count = 0;
+    while (!place_.is_end()) {
+      unsigned& near = place_.near[place_.level];
+      if (near == 0) {
+        ++place_.level;
+        continue;
+      }
+      if (found_.count > Found::kRoom - kLeafSize) return;
+      const Index child = place_.group[place_.level] * kLeafSize + Index(__builtin_ctz(near));
+      near &= near - 1;
+      if (place_.level > 0) {
+        enter(--place_.level, child);
+      } else {
+        search_leaf(child);
+      }
+    }
+    found_.has_all = is_first;
+  }
+
+  void enter(int level, Index group_number) const {
     const BoxGroup& group = index_.level[level][group_number];
     unsigned near = 0;
     for (int c = 0; c < kLeafSize; c += kLanes) {
@@ -132,31 +182,25 @@ class RadiusWalk {
       const point::Vec3<Floats> max = {load(group.max_x + c), load(group.max_y + c), load(group.max_z + c)};
       near |= bits(point::squared_gap(min, max, queries_.min, queries_.max) <= broadcast(farthest_)) << c;
     }
-    for (; near != 0; near &= near - 1) {
-      const Index child = group_number * kLeafSize + Index(__builtin_ctz(near));
-      if (level > 0) {
-        descend(level - 1, child, visit);
-      } else {
-        visit_leaf(child, visit);
-      }
-    }
+    place_.group[level] = group_number;
+    place_.near[level] = near;
   }
 
-  template <class Visit>
-  void visit_leaf(Index leaf, const Visit& visit) const {
+  void search_leaf(Index leaf) const {
     for (int c = 0; c < kLeafSize; c += kLanes) {
       const Index first = leaf * kLeafSize + Index(c);
       const point::Vec3<Floats> p = {load(index_.x + first), load(index_.y + first), load(index_.z + first)};
       unsigned near = bits(point::squared_gap(p, p, queries_.min, queries_.max) <= broadcast(farthest_));
       if (is_thinned_) near &= bits(load(index_.share + first) < broadcast(largest_share_));
       for (; near != 0; near &= near - 1) {
-        const Index position = first + Index(__builtin_ctz(near));
-        const float hash = is_thinned_ ? index_.share[position] : 0.0f;
-        const point::Vec3<Floats> offset =
-            spread(index_.x[position], index_.y[position], index_.z[position]) - queries_.position;
-        const Mask inside = (point::squared_length(offset) <= queries_.limit) &
-                            (queries_.at != broadcast(int(position))) & (broadcast(hash) < share_);
-        if (any(inside)) visit(offset, Shared{position}, inside);
+        const Index at = first + Index(__builtin_ctz(near));
+        const float hash = is_thinned_ ? index_.share[at] : 0.0f;
+        const point::Vec3<Floats> offset = spread(index_.x[at], index_.y[at], index_.z[at]) - queries_.position;
+        const Mask inside = (point::squared_length(offset) <= queries_.limit) & (queries_.at != broadcast(int(at))) &
+                            (broadcast(hash) < share_);
+        found_.at[found_.count] = at;
+        found_.inside[found_.count] = inside;
+        found_.count += any(inside);
       }
     }
   }
@@ -167,6 +211,8 @@ class RadiusWalk {
   Floats share_;    // of the neighbours that count
   float largest_share_;
   bool is_thinned_;
+  mutable Found found_;
+  mutable Place place_;
 };
 
 // Calls body(start, neighbours) for each pack of the leaf.
