@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""make gallery: runs the examples of examples/python and draws what they did, into docs/pictures. The frame of a depth camera is
-$POINTFAIR_DATA/scans/kinect_table_organised.pcd where there is one, else a simulated one; everything else is made here, with fixed seeds.
+"""make gallery: runs the examples of examples/python and draws what they did, into docs/pictures. All data is made
+here, with fixed seeds.
 
     scripts/gallery.py --dist dist [NAME..]
 
@@ -95,19 +95,9 @@ def simulated_frame(seed=1):
     return (rays * (depth + rng.normal(0, 0.0015, len(depth)) * depth**2)[:, None]).astype(np.float32)
 
 
-def frame():
-    """Positions of a depth camera's frame, x to the right and y down."""
-    import numpy as np
-
-    import pointfair as pf
-    path = pathlib.Path(os.environ.get("POINTFAIR_DATA", "none")) / "scans/kinect_table_organised.pcd"
-    xyz = pf.read(path).xyz.astype(np.float32) if path.exists() else simulated_frame()
-    return xyz[np.isfinite(xyz).all(1)]
-
-
 def draw_frame():
     import sensor_stream
-    points = frame()
+    points = simulated_frame()
     smooth, = sensor_stream.denoise_frames([points], "cpu")
     draw([cloud * (1, -1, -1) for cloud in (points, smooth)], "example_frame", "--angles", 25, 20, "--zoom", 1.4)
 
