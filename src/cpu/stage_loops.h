@@ -114,7 +114,10 @@ class RadiusWalk {
   POINTFAIR_INLINE void operator()(Load load_there, Visit visit) const {
     if (!found_.has_all) start_search();
     do {
-      if (!found_.has_all) search();
+      if (!found_.has_all) {
+        search();
+        asm volatile("" ::: "memory");  // or GCC 12 visits what was found before (seen with SSE2 and AVX2)
+      }
       for (int i = 0; i < found_.count; ++i) {
         const Index at = found_.at[i];
         const point::Vec3<Floats> there = spread(index_.x[at], index_.y[at], index_.z[at]);
