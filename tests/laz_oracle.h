@@ -213,4 +213,13 @@ inline std::string laz_records(const std::string& laz) {
   return records;
 }
 
+/// Of a cloud whose last chunk is to stay as it is.
+inline void move_some(Cloud& cloud) {
+  for (std::size_t i = 0; i < cloud.points.size(); ++i) {
+    if (i % 3 == 0 || i >= 90) continue;  // the last chunk stays as it is
+    cloud.points[i].x += 0.5F * static_cast<float>(i % 5);
+    cloud.points[i].z -= 0.25F * static_cast<float>(i % 3);
+  }
+}
+
 }  // namespace pointfair::test
