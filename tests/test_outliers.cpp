@@ -256,24 +256,45 @@ TEST(Outliers, are_recognised_where_they_are_each_others_neighbours) {
   EXPECT_LT(run(points, any_width).report.unmoved.outliers, 150u);
 }
 
+// Points that have a neighbour at the rim of their neighbourhood, grown or not, in the second iteration: the library
+// rounds what the first one leaves, so that it may take that neighbour where the reference does not.
+std::vector<bool> at_rim_in_second_iteration(const Points& points, reference::Settings s) {
+  Points second;
+  for (const reference::Faired& faired : reference::fair_once(points, s))
+    second.push_back(reference::to_point(faired.position));
+  const double growth = s.flat_scale * s.flat_scale;
+  std::vector<bool> result(points.size());
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (!reference::is_valid(second[i])) continue;
+    const double own = reference::squared_radius(second, i, s);
+    for (std::size_t j = 0; j < points.size(); ++j) {
+      if (i == j || !reference::is_valid(second[j])) continue;
+      const reference::Vec offset = reference::to_vec(second[j]) - reference::to_vec(second[i]);
+      for (const double squared : {own, growth * own})
+        if (std::abs(reference::dot(offset, offset) - squared) < 1e-6 * squared) result[i] = true;
+    }
+  }
+  return result;
+}
+
 TEST(Outliers, agree_with_the_reference) {
   Lifted cloud = with_outliers(shapes::with_noise(shapes::plane(1200), kSigma));
   cloud.points[3].x = std::numeric_limits<float>::quiet_NaN();
   for (const Outliers choice : {Outliers::keep, Outliers::move}) {
     const Outcome outcome = run(cloud.points, with(choice));
-    const auto expected =
-        reference::fair(cloud.points, reference::settings_of(outcome.report.params, outcome.followed));
-    std::uint64_t outliers = 0, rounded_otherwise = 0;
+    const auto settings = reference::settings_of(outcome.report.params, outcome.followed);
+    const auto expected = reference::fair(cloud.points, settings);
+    const std::vector<bool> at_rim = at_rim_in_second_iteration(cloud.points, settings);
+    EXPECT_LE(std::count(at_rim.begin(), at_rim.end(), true), 2);
+    std::uint64_t outliers = 0;
     for (std::size_t i = 0; i < cloud.points.size(); ++i) {
       if (i == 3) continue;
       outliers += expected[i].is_outlier;
-      const double off = reference::length(reference::to_vec(outcome.points[i]) - expected[i].position);
-      EXPECT_LT(off, 1e-2 * kSigma) << i << " of choice " << int(choice);
-      rounded_otherwise += off > 1e-5;
+      if (at_rim[i]) continue;
+      EXPECT_LT(reference::length(reference::to_vec(outcome.points[i]) - expected[i].position), 1e-5)
+          << i << " of choice " << int(choice);
     }
     EXPECT_EQ(outcome.report.unmoved.outliers, outliers);
-    // where rounding decides on a neighbour at the rim in the second iteration
-    EXPECT_LE(rounded_otherwise, 2u);
     EXPECT_TRUE(std::isnan(outcome.points[3].x));
   }
 }
