@@ -88,6 +88,15 @@ POINTFAIR_INLINE Floats value_or_one(const float* values, Index start) {
   return values == nullptr ? broadcast(1.0f) : load(values + start);
 }
 
+// For a function that writes to members which its callers, inlined elsewhere, read: GCC 12, which sees through
+// noinline, kept what such a caller had read before the call (with SSE2 and AVX2; -fno-ipa-modref or
+// -fno-strict-aliasing cure it).
+#if __has_attribute(noipa)
+#define POINTFAIR_OPAQUE __attribute__((noinline, noipa))
+#else
+#define POINTFAIR_OPAQUE __attribute__((noinline))
+#endif
+
 // Walks the tree from the root in sorted order, so that sums have one order whatever the instruction set. The
 // neighbours are first found and then visited, in a loop that keeps the sums of `visit` in registers and has no branch
 // to guess.
@@ -112,12 +121,10 @@ class RadiusWalk {
 
   template <class Load, class Visit>
   POINTFAIR_INLINE void operator()(Load load_there, Visit visit) const {
-    if (!found_.has_all) start_search();
+    bool begins = true;
     do {
-      if (!found_.has_all) {
-        search();
-        asm volatile("" ::: "memory");  // or GCC 12 visits what was found before (seen with SSE2 and AVX2)
-      }
+      if (!found_.has_all) search(begins);
+      begins = false;
       for (int i = 0; i < found_.count; ++i) {
         const Index at = found_.at[i];
         const point::Vec3<Floats> there = spread(index_.x[at], index_.y[at], index_.z[at]);
@@ -149,15 +156,13 @@ class RadiusWalk {
     bool is_end() const { return level == levels; }
   };
 
-  void start_search() const {
-    place_.levels = index_.levels;
-    place_.level = index_.levels - 1;
-    enter(place_.level, 0);
-  }
-
-  // Fills `found_` with the next neighbours.
-  __attribute__((noinline)) void search() const {
-    const bool is_first = place_.level == place_.levels - 1 && found_.count == 0;
+  // Fills `found_` with the first neighbours, or with the next.
+  POINTFAIR_OPAQUE void search(bool begins) const {
+    if (begins) {
+      place_.levels = index_.levels;
+      place_.level = index_.levels - 1;
+      enter(place_.level, 0);
+    }
     found_.count = 0;
     while (!place_.is_end()) {
       unsigned& near = place_.near[place_.level];
@@ -174,7 +179,7 @@ class RadiusWalk {
         search_leaf(child);
       }
     }
-    found_.has_all = is_first;
+    found_.has_all = begins;
   }
 
   void enter(int level, Index group_number) const {
