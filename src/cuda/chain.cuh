@@ -3,8 +3,9 @@
 // fairing runs with them as one kernel, and once a result is asked for they run alone. Where the index is in parts, the
 // paper's stages over lists follow each other part by part (part_flow.cuh); all else waits for all parts.
 // Memory, bytes a point: index 17, lists 4 k, normals 12, faired positions 12; mean distances 4 once an area weight is
-// asked for; radii instead of lists 4, and what the collector takes, up to kLargestCollection; while neighbours are
-// found, 4, and with the constraint 4 more for each of k candidates; while a large cloud is faired, 20.
+// asked for; radii instead of lists 4, 4 more where the noise is followed and 4 where the reach differs, and what the
+// collector takes, up to kLargestCollection; while neighbours are found, 4, and with the constraint 4 more for each of
+// k candidates; while a large cloud is faired, 20.
 #pragma once
 
 #include <limits>

@@ -48,7 +48,7 @@ class Listed {
   Vec here_;
 };
 
-// Of the noise at a sorted point; null: 1.
+// Of a sorted point; null: 1.
 __device__ __forceinline__ float value_or_one(const float* values, std::size_t at) {
   return values == nullptr ? 1.0f : values[at];
 }
