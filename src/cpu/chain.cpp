@@ -94,30 +94,35 @@ void Chain::find_neighbors(const NeighborSettings& settings, const Kernels& kern
   has_lists_ = false;
   neighbors_ = settings;
   stored_k_ = settings.k;
-  const IndexView index = index_.view();
-  if (settings.k == 0 && index.points > 0 && index.share == nullptr)
+  if (!by_list() && index_.view().points > 0 && index_.view().share == nullptr)
     throw Error(ErrorKind::failed, "sums over radius neighbourhoods need an index along a frame's curve");
-  const std::size_t row = std::size_t(settings.k) * kLeafSize;
-  lists_.resize(index.leaves * row);
-  mean_distance_.resize(std::size_t(index.leaves) * kLeafSize);
-  const float limit = settings.radius > 0 ? settings.radius * settings.radius : std::numeric_limits<float>::infinity();
+  lists_.resize(index_.view().leaves * list_row());
+  mean_distance_.resize(std::size_t(index_.view().leaves) * kLeafSize);
   measure_levels(stop);
-  if (!by_list()) measure_radii(kernels, stop);
-  const std::size_t block_size = settings.constraint ? kConstrainedLeavesABlock : kLeavesABlock;
+  by_list() ? find_lists(kernels, stop) : measure_radii(kernels, stop);
+  count_short(stop);
+  has_lists_ = true;
+}
+
+void Chain::find_lists(const Kernels& kernels, const std::stop_token& stop) {
+  const IndexView index = index_.view();
+  const float limit =
+      neighbors_.radius > 0 ? neighbors_.radius * neighbors_.radius : std::numeric_limits<float>::infinity();
+  const std::size_t block_size = neighbors_.constraint ? kConstrainedLeavesABlock : kLeavesABlock;
   for_blocks(index.leaves, block_size, stop, [&](std::size_t first, std::size_t last, std::size_t) {
-    ConstrainedSearch constrained(kernels, settings, limit);
+    ConstrainedSearch constrained(kernels, neighbors_, limit);
     Index area_list[point::kAreaNeighbors * kLeafSize];
     for (std::size_t leaf = first; leaf < last; ++leaf) {
-      Index* list = lists_.data() + leaf * row;
+      Index* const list = lists_.data() + leaf * list_row();
       const Index* nearest = list;
-      int nearest_count = settings.k;
-      if (settings.constraint) {
+      int nearest_count = neighbors_.k;
+      if (neighbors_.constraint) {
         nearest = constrained.find(index, Index(leaf), list);
         nearest_count = point::kAreaNeighbors;
-      } else if (settings.k > 0) {
-        kernels.nearest(index, Index(leaf), settings.k, limit, list);
+      } else {
+        kernels.nearest(index, Index(leaf), neighbors_.k, limit, list);
       }
-      if (nearest_count < point::kAreaNeighbors || settings.radius > 0) {  // W_a knows no radius
+      if (nearest_count < point::kAreaNeighbors || neighbors_.radius > 0) {  // W_a knows no radius
         kernels.nearest(index, Index(leaf), point::kAreaNeighbors, std::numeric_limits<float>::infinity(), area_list);
         nearest = area_list;
       }
@@ -125,8 +130,6 @@ void Chain::find_neighbors(const NeighborSettings& settings, const Kernels& kern
                              mean_distance_.data() + leaf * kLeafSize);
     }
   });
-  count_short(stop);
-  has_lists_ = true;
 }
 
 namespace {
@@ -156,16 +159,17 @@ void Chain::measure_levels(const std::stop_token& stop) {
 void Chain::measure_radii(const Kernels& kernels, const std::stop_token& stop) {
   const IndexView index = index_.view();
   squared_radius_.resize(std::size_t(index.leaves) * kLeafSize);
-  const int min_neighbors = neighbors_.min_neighbors;
+  const int count = std::max(neighbors_.min_neighbors, point::kAreaNeighbors);  // of which both take the first ones
   const point::NodeField reach = field_of(neighbors_.reach_levels.get());
   if (reach.values == nullptr) further_share_.release();
   if (reach.values != nullptr) further_share_.resize(squared_radius_.size());
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
-    std::vector<Index> nearest(std::size_t(min_neighbors) * kLeafSize);
+    std::vector<Index> nearest(std::size_t(count) * kLeafSize);
     float reach_level[kLeafSize];
     for (std::size_t leaf = first; leaf < last; ++leaf) {
-      if (min_neighbors > 0)
-        kernels.nearest(index, Index(leaf), min_neighbors, std::numeric_limits<float>::infinity(), nearest.data());
+      kernels.nearest(index, Index(leaf), count, std::numeric_limits<float>::infinity(), nearest.data());
+      kernels.mean_distances(index, Index(leaf), nearest.data(), point::kAreaNeighbors,
+                             mean_distance_.data() + leaf * kLeafSize);
       if (reach.values != nullptr) {
         squared_levels_of(index, leaf, reach, reach_level);
         std::transform(reach_level, reach_level + kLeafSize, further_share_.data() + leaf * kLeafSize,

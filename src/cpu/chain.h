@@ -49,6 +49,8 @@ class Chain {
   const float* further_shares() const {
     return neighbors_.reach_levels && !by_list() ? further_share_.data() : nullptr;
   }
+  std::size_t list_row() const { return std::size_t(stored_k_) * kLeafSize; }  // of the lists of a leaf
+  void find_lists(const Kernels& kernels, const std::stop_token& stop);
   void measure_radii(const Kernels& kernels, const std::stop_token& stop);
   void filter_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop);
   void fair_bilaterally(const FairingSettings& settings, AreaView area, const Kernels& kernels,

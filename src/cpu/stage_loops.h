@@ -252,13 +252,15 @@ inline void mean_distances(const IndexView& index, Index leaf, const Index* list
 
 inline void squared_radii(const IndexView& index, Index leaf, const Index* list, const point::Radii& radii,
                           const float* squared_reach_level, float* out) {
-  const auto farthest_of = [&](int part, int count) {
-    Floats farthest = broadcast(0.0f);
-    const ListWalk listed(index, leaf * kLeafSize + Index(part), list + part, count);
-    listed(point::LoadNothing{}, [&](point::Vec3<Floats> offset, point::Nothing, Mask inside) {
-      farthest = select(inside, point::squared_length(offset), farthest);
-    });
-    return farthest;
+  const auto farthest_of = [&](int part, int count) {  // the last that a lane's list has
+    const Index start = leaf * kLeafSize + Index(part);
+    Ints last = Ints{lane_numbers().v + int(start)};
+    for (int slot = 0; slot < count; ++slot) {
+      const Ints listed = load(list + slot * kLeafSize + part);
+      last = select(listed != broadcast(int(point::kNoNeighbor)), listed, last);
+    }
+    const Vectors positions{{index.x, index.y, index.z}};
+    return point::squared_length(positions.at(Gathered{last}) - positions.at(Own{start}));
   };
   const int least = radii.min_neighbors < point::kLeastReached ? radii.min_neighbors : point::kLeastReached;
   for (int part = 0; part < kLeafSize; part += kLanes) {
