@@ -30,6 +30,17 @@ struct Fit {
   double sigma, surface_spacing, plane_variance;
 };
 
+// Unbiased variance of a point and its nearest, `offsets` from it, over their plane; nothing where they lie along a
+// line.
+std::optional<double> variance_over_plane(const Eigen::MatrixXd& offsets) {
+  Eigen::MatrixXd all = Eigen::MatrixXd::Zero(offsets.rows() + 1, 3);
+  all.bottomRows(offsets.rows()) = offsets;
+  all.rowwise() -= all.colwise().mean().eval();
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(all.transpose() * all / double(all.rows() - 3));
+  if (solver.eigenvalues()[1] < 0.2 * solver.eigenvalues()[2]) return std::nullopt;
+  return solver.eigenvalues()[0];
+}
+
 // One round over the `k` nearest: nothing if they are not wide against the noise and more may be asked for.
 std::optional<Fit> fit(const Eigen::MatrixXd& offsets, Eigen::Index k, bool may_grow) {
   const double n = double(k), radius = offsets.row(k - 1).norm();
@@ -56,13 +67,18 @@ std::optional<Fit> fit(const Eigen::MatrixXd& offsets, Eigen::Index k, bool may_
   return Fit{std::sqrt(squared), radius * std::sqrt(std::numbers::pi / n), plane_variance};
 }
 
-Fit fit_at(const Points& points, std::size_t query) {
-  const auto nearest = reference::nearest(points, query, 600);
+Eigen::MatrixXd offsets_at(const Points& points, std::size_t query, std::size_t k) {
+  const auto nearest = reference::nearest(points, query, k);
   Eigen::MatrixXd offsets(nearest.size(), 3);
   for (std::size_t i = 0; i < nearest.size(); ++i) {
     const Point p = points[nearest[i]], q = points[query];
     offsets.row(Eigen::Index(i)) << double(p.x) - q.x, double(p.y) - q.y, double(p.z) - q.z;
   }
+  return offsets;
+}
+
+Fit fit_at(const Points& points, std::size_t query) {
+  const Eigen::MatrixXd offsets = offsets_at(points, query, 600);
   for (double wanted = 30;; wanted *= 1.4) {
     const int k = std::min(int(wanted), 600);
     if (const auto found = fit(offsets, k, k < 600)) return *found;
@@ -80,9 +96,9 @@ std::vector<std::uint32_t> sampled(const Points& points, std::size_t count) {
   return backend->sampling().sample_cloud(count).indices;
 }
 
-// At the samples of estimate().
+// At the samples of estimate(): 500 from 4,000 points on.
 TEST(Noise, is_that_of_cubic_fits_over_growing_neighbourhoods) {
-  Points points = shapes::with_noise(shapes::waves(3000), 0.02);
+  Points points = shapes::with_noise(shapes::waves(4000), 0.02);
   for (const double flat : {1.0, 0.05}) {  // far above the spacing, where all rounds run, and below
     for (Point& p : points) p.z = float(p.z * flat);
     std::vector<double> sigmas, spacings, plane_variances;
@@ -170,6 +186,25 @@ TEST(Noise, tells_room_for_wide_neighbourhoods_from_none) {
   // a neighbourhood of 4 noise sigmas: no neighbourhood of one side is wide
   const Noise small = measured_noise(shapes::with_noise(shapes::sphere(4000), 0.25));
   EXPECT_GT(small.confined, 0.2);
+}
+
+// Where few points stand for a shape, neighbourhoods of 30 see no noise but shape: Eq. 25.
+TEST(Noise, of_few_points_is_not_more_than_the_six_nearest_show) {
+  for (const int count : {400, 600}) {  // spacings of 0.04 and 0.05, hills of 0.16 from top to bottom
+    Points points = shapes::plane(count);
+    for (Point& p : points) p.z = float(0.1 * std::sin(20 * p.x) * std::sin(20 * p.y));
+    points = shapes::with_noise(points, 0.002);
+    std::vector<double> deviations;
+    const std::vector<std::uint32_t> samples = sampled(points, 128);
+    for (const std::uint32_t query : samples)
+      if (const auto variance = variance_over_plane(offsets_at(points, query, 6)))
+        deviations.push_back(std::sqrt(*variance));
+    ASSERT_GT(2 * deviations.size(), samples.size());
+    const Noise noise = measured_noise(points);
+    const double shown = quantile(deviations, 0.35) / 0.784, hidden = shown / (0.53 * noise.surface_spacing);
+    const double most = 1.25 * shown * (1 + hidden * hidden * hidden);
+    EXPECT_NEAR(noise.sigma, most, 1e-6 * most) << count;
+  }
 }
 
 TEST(Noise, of_a_clean_sphere_is_next_to_none) { EXPECT_LT(measured_noise(shapes::sphere(20000)).sigma, 0.0025); }

@@ -16,17 +16,22 @@
 namespace pointfair::constants {
 
 // Samples.                                               unit; equation; measured by
-inline constexpr std::size_t kNoiseSamples = 500;     // samples of the cloud; (8); estimates
+inline constexpr std::size_t kNoiseSamples = 500, kLeastSamples = 128;  // samples of the cloud; (8); estimates, 117
+inline constexpr std::uint64_t kPointsOfSample = 8;                     // points of the cloud for one, in between; 117
 inline constexpr std::uint64_t kPointsOfPlace = 150;  // points of the cloud for one more place; (21); 109
 
 // Noise of a typical place.
 inline constexpr double kNoiseQuantile =
     0.35;  // of the samples: edges and outliers only raise a residual; (8); estimates
-inline constexpr double kLeastQuantile = 0.15;   // of the samples, where they spread; (8); estimates
-inline constexpr double kMostOverLeast = 1.2;    // of the residual at that quantile; (8); estimates
-inline constexpr double kPlaneQuartile = 1.2;    // of a plane's own variances, by chance; (18); 052
-inline constexpr double kSheetShare = 0.1;       // of the samples; fewer that see two sheets are corners; sheets
-inline constexpr double kGapQuantile = 0.25;     // of the gaps between sheets; sheets
+inline constexpr double kLeastQuantile = 0.15;  // of the samples, where they spread; (8); estimates
+inline constexpr double kMostOverLeast = 1.2;   // of the residual at that quantile; (8); estimates
+inline constexpr double kPlaneQuartile = 1.2;   // of a plane's own variances, by chance; (18); 052
+inline constexpr double kSheetShare = 0.1;      // of the samples; fewer that see two sheets are corners; sheets
+inline constexpr double kGapQuantile = 0.25;    // of the gaps between sheets; sheets
+inline constexpr double kShownBySix =
+    0.784;  // of the noise, by the deviation of six points from their plane; (25); 117
+inline constexpr double kHiddenFromSix = 0.53;   // spacings; of more noise six points show less; (25); 117
+inline constexpr double kMostOverSix = 1.25;     // of the noise that they show, by chance; (25); 117
 inline constexpr double kDoubtfulNoise = 0.6;    // spacings; below it residuals may be shape; low
 inline constexpr double kBeyondResiduals = 1.7;  // spacings; of more noise 115 points show nothing; 082
 inline constexpr double kNearFlat = 2;           // flattest residuals; larger ones are beyond the similarity sigma; low
@@ -35,6 +40,7 @@ inline constexpr double kNearFlat = 2;           // flattest residuals; larger o
 inline constexpr double kShapelikeGrowth[] = {1.35, 1.5};  // ratio of residuals, noise and shape; scans
 inline constexpr double kOwnGrowth = 1.05;                 // ratio of median residuals of noise alone; 027
 inline constexpr double kShapeVarianceGrowth = 4;          // ratio of variances of shape: a quadric's; 027
+inline constexpr double kPointsOfGrowth[] = {1150, 2300};  // points of the cloud; of fewer, 115 are a part of it; 117
 inline constexpr double kAlikeGrowth[] = {1.14, 1.18};     // ratio in flat places (1.09 is chance); 051
 inline constexpr double kAlikeSlowing[] = {1.2, 0.9};      // the next growth over this one; more is shape; 051
 

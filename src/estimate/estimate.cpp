@@ -125,8 +125,35 @@ double shape_to_noise(double typical_growth) {
   return std::max(0.0, (squared - 1) / (kShapeVarianceGrowth - squared));
 }
 
-// `residuals` are asked for where they are read, which is not where depths have steps.
-Noise noise_of(std::span<const point::NoiseSample> samples, bool depth_has_steps,
+// Of a typical place, by what the few nearest points lie off their planes: Eq. 25. Where most samples have no such
+// plane, as where points lie in rows, they do not tell.
+double most_noise(std::span<const point::ResidualSample> samples, double spacing) {
+  std::vector<double> deviations;
+  for (const point::ResidualSample& sample : samples)
+    if (sample.planes.variance[0] >= 0) deviations.push_back(std::sqrt(sample.planes.variance[0]));
+  if (2 * deviations.size() < samples.size()) return kEndless;
+  const double shown = quantile(deviations, kNoiseQuantile) / kShownBySix;
+  const double hidden = shown / (kHiddenFromSix * spacing);
+  return kMostOverSix * shown * (1 + hidden * hidden * hidden);
+}
+
+// How much of what was taken for noise is shape, by residuals of larger neighbourhoods, or by those of small ones where
+// the larger are a good part of the cloud.
+void tell_from_shape(Noise& noise, std::uint64_t points, const std::vector<point::ResidualSample>& residuals) {
+  const Growth growth = residual_growth(residuals);
+  const double large = share_between(kPointsOfGrowth, double(points));
+  const double alike = alikeness(growth) * large;
+  const double most = large < 1 ? most_noise(residuals, noise.surface_spacing) : kEndless;
+  if (most < noise.sigma) noise.sigma *= std::pow(most / noise.sigma, 1 - large);
+  if (noise.sigma >= kDoubtfulNoise * noise.surface_spacing) return;
+  noise.likeness_to_shape = likeness_to_shape(growth.flat);
+  noise.alikeness = alike;
+  // between two sheets, wide neighbourhoods see the other one and not shape
+  if (noise.gap == 0) noise.shape_to_noise = (1 - alike) * shape_to_noise(growth.typical);
+}
+
+// Of a cloud of so many points. `residuals` are asked for where they are read, which is not where depths have steps.
+Noise noise_of(std::span<const point::NoiseSample> samples, std::uint64_t points, bool depth_has_steps,
                const std::function<std::vector<point::ResidualSample>()>& residuals) {
   std::vector<double> sigmas, spacings, gaps, plane_variances;
   std::size_t confined = 0;
@@ -145,7 +172,6 @@ Noise noise_of(std::span<const point::NoiseSample> samples, bool depth_has_steps
       depth_has_steps ? quantile(sigmas, 0.5)
                       : std::min(quantile(sigmas, kNoiseQuantile), kMostOverLeast * quantile(sigmas, kLeastQuantile));
   Noise noise{sigma, quantile(spacings, 0.5)};
-  if (sigma > 0) noise.bend = quantile(plane_variances, 0.75) / (kPlaneQuartile * sigma * sigma);
   noise.confined = double(confined) / double(sigmas.size());
   // levels of depth are no sheets
   if (!depth_has_steps && double(gaps.size()) > kSheetShare * double(sigmas.size()))
@@ -153,13 +179,10 @@ Noise noise_of(std::span<const point::NoiseSample> samples, bool depth_has_steps
   if (depth_has_steps) {
     noise.alikeness = 1;
     noise.depth_has_steps = true;
-  } else if (sigma < kDoubtfulNoise * noise.surface_spacing) {
-    const Growth growth = residual_growth(residuals());
-    noise.likeness_to_shape = likeness_to_shape(growth.flat);
-    noise.alikeness = alikeness(growth);
-    // between two sheets, wide neighbourhoods see the other one and not shape
-    if (noise.gap == 0) noise.shape_to_noise = (1 - noise.alikeness) * shape_to_noise(growth.typical);
+  } else if (sigma < kBeyondResiduals * noise.surface_spacing) {
+    tell_from_shape(noise, points, residuals());
   }
+  if (noise.sigma > 0) noise.bend = quantile(plane_variances, 0.75) / (kPlaneQuartile * noise.sigma * noise.sigma);
   return noise;
 }
 
@@ -232,8 +255,9 @@ Noise of_sigma(Noise noise, double sigma) {
 }
 
 std::size_t noise_queries(const CloudSample& sample) {
-  const auto of_places = std::size_t(std::max<std::uint64_t>(kNoiseSamples, sample.bounds.valid / kPointsOfPlace));
-  return std::min(sample.indices.size(), of_places);
+  const std::uint64_t points = sample.bounds.valid;
+  const std::uint64_t of_cloud = std::clamp<std::uint64_t>(points / kPointsOfSample, kLeastSamples, kNoiseSamples);
+  return std::min(sample.indices.size(), std::size_t(std::max(of_cloud, points / kPointsOfPlace)));
 }
 
 Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wanted, const std::stop_token& stop) {
@@ -250,7 +274,8 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
     return *residuals;
   };
   const std::size_t first = std::min(noises, kNoiseSamples);
-  result.noise = noise_of(std::span(samples.noise).first(first), steps.kind == CoordinateSteps::Kind::depth, [&] {
+  const bool depth_has_steps = steps.kind == CoordinateSteps::Kind::depth;
+  result.noise = noise_of(std::span(samples.noise).first(first), sample.bounds.valid, depth_has_steps, [&] {
     std::vector<point::ResidualSample> of_first = all_residuals();
     of_first.resize(first);
     return of_first;
