@@ -188,6 +188,38 @@ struct OwnPlace {
   Vec3<F> to_sensor;  // read where rule.sees()
 };
 
+// Whether a point is an outlier, and why.
+template <class F>
+struct Verdict {
+  decltype(F() < F()) is_outlier;
+  F reason;  // place_of(Outlier), where it is one
+};
+
+// `distance` along the normal; `squared_distance` is that of outliers at the point.
+template <bool kSees, class Neighbors, class F = NumberOf<Neighbors>>
+POINTFAIR_DEVICE_INLINE Verdict<F> verdict_of(const Neighbors& neighbors, const FairingRule& rule,
+                                              const Agreement<F>& agreement, const Company<F>& company, F distance,
+                                              F squared_distance) {
+  const auto is_sparse = neighbors.squared_core() > F(rule.squared_sparse_core);
+  Verdict<F> verdict{
+      agreement.is_missing(is_sparse),
+      select(agreement.is_isolated(is_sparse), F(place_of(Outlier::isolated)), F(place_of(Outlier::off_surface)))};
+  if constexpr (kSees) {
+    if (rule.along_ray) {  // what settled() sees of points that move along the normal
+      verdict.reason = select(verdict.is_outlier, verdict.reason, F(place_of(Outlier::off_surface)));
+      verdict.is_outlier = verdict.is_outlier | (distance * distance > squared_distance);
+    }
+    if (rule.squared_beam_width > 0) {
+      // lists have all neighbours up to their last
+      const F horizon = rule.pull_by_density ? neighbors.squared_horizon() : company.squared_farthest;
+      const auto is_mixed = company.is_mixed_pixel(horizon);
+      verdict.reason = select(is_mixed, F(place_of(Outlier::mixed_pixel)), verdict.reason);
+      verdict.is_outlier = verdict.is_outlier | is_mixed;
+    }
+  }
+  return verdict;
+}
+
 // Where a point goes by the bilateral method: along its normal or its ray, by the share that noise justifies; an
 // outlier becomes NaN or goes to a mean of its neighbours. More than one instance: what outliers, shares and sensors
 // need would take registers from the loop that does without.
@@ -234,28 +266,12 @@ POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> faired_point(const Neighbors& 
   if constexpr (!kSeeksOutliers) {
     return there;
   } else {
-    const auto is_sparse = neighbors.squared_core() > F(rule.squared_sparse_core);
+    const Verdict<F> verdict =
+        verdict_of<kSees>(neighbors, rule, agreement, company, distance, squared_outlier_distance);
     // a point without a normal keeps its place
-    const auto has_normal = squared_length(normal) > F{};
-    auto is_outlier = agreement.is_missing(is_sparse) & has_normal;
-    F reason =
-        select(agreement.is_isolated(is_sparse), F(place_of(Outlier::isolated)), F(place_of(Outlier::off_surface)));
-    if constexpr (kSees) {
-      if (rule.along_ray) {  // what settled() sees of points that move along the normal
-        const auto is_far = distance * distance > squared_outlier_distance;
-        reason = select(is_outlier, reason, F(place_of(Outlier::off_surface)));
-        is_outlier = is_outlier | (is_far & has_normal);
-      }
-      if (rule.squared_beam_width > 0) {
-        // lists have all neighbours up to their last
-        const F horizon = rule.pull_by_density ? neighbors.squared_horizon() : company.squared_farthest;
-        const auto is_mixed = company.is_mixed_pixel(horizon);
-        reason = select(is_mixed, F(place_of(Outlier::mixed_pixel)), reason);
-        is_outlier = is_outlier | (is_mixed & has_normal);
-      }
-    }
+    const auto is_outlier = verdict.is_outlier & (squared_length(normal) > F{});
     if (!neighbors.any(is_outlier)) return there;
-    if (!rule.pull_outliers) return select<F>(is_outlier, {reason, reason, reason}, there);
+    if (!rule.pull_outliers) return select<F>(is_outlier, {verdict.reason, verdict.reason, verdict.reason}, there);
     const Vec3<F> pull = pull_of(neighbors, weights, rule, squared_radii);
     return select<F>(is_outlier, here + F(rule.strength) * pull, there);
   }
