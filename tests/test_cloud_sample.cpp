@@ -25,7 +25,7 @@ CloudSample sample_of(const Points& points, std::size_t count, bool indexed = fa
 }
 
 bool same_points(const Points& a, const Points& b) {
-  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(Point)) == 0;
+  return a.size() == b.size() && (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(Point)) == 0);
 }
 
 std::vector<Points> clouds() {
