@@ -51,7 +51,8 @@ std::string info_text(const Cloud& cloud, const Estimates& estimates, const Para
   if (estimates.spacing > 0) {
     fmt::format_to(out, "            {:.3g} of the spacing\n", estimates.noise / estimates.spacing);
     const auto& [quiet, typical, loud] = estimates.noise_quantiles;
-    fmt::format_to(out, "            {:.4g} .. {:.4g} .. {:.4g} at 5, 50, 95 % of the places\n", quiet, typical, loud);
+    fmt::format_to(out, "            {:.4g} .. {:.4g} .. {:.4g} at quiet, typical, loud places\n", quiet, typical,
+                   loud);
   }
   if (const double step = file_info(cloud).step; estimates.noise > 0 && step > estimates.noise)
     fmt::format_to(out, "            less than the step of {:.4g} between coordinates: --las-scale makes that finer\n",
@@ -61,7 +62,7 @@ std::string info_text(const Cloud& cloud, const Estimates& estimates, const Para
     const std::string shape = attribute.components > 1 ? fmt::format(" x {}", attribute.components) : "";
     fmt::format_to(out, "  {:<19} {}{}\n", attribute.name, type_name(attribute.type), shape);
   }
-  fmt::format_to(out, "suggested parameters\n");
+  fmt::format_to(out, "suggested parameters, of a typical place; pointfair run chooses them by itself\n");
   for (const ParamInfo& info : kParams) {
     fmt::format_to(out, "  {:<18} {}\n", info.name, param_text(suggested, info));
   }

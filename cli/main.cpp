@@ -46,11 +46,18 @@ std::string help(const std::vector<Verb>& verbs) {
   return fmt::format(kHelp, version(), lines, fmt::join(format_names(), ", "));
 }
 
+// "pointfair tile run" for instance, or without the command's own name.
+std::string words_of(const CLI::App* command) {
+  if (!command->get_parent()) return "pointfair";
+  return words_of(command->get_parent()) + " " + command->get_name();
+}
+std::string words_before(const CLI::App& command) { return words_of(command.get_parent()); }
+
 // The help of a verb; `with_expert`: also the flags that are seldom needed.
 std::string help_of(CLI::App& command, bool with_expert) {
   for (CLI::Option* option : command.get_options())
     if (!with_expert && option->get_group() == kExpertGroup) option->group("");  // CLI11 hides such
-  return command.help("pointfair");
+  return command.help(words_before(command));
 }
 
 // The innermost command that was named.
@@ -111,7 +118,7 @@ const Verb* parse(CLI::App& app, const std::vector<Verb>& verbs, std::vector<std
     print_output(fmt::format("pointfair {}\n", version()));
     return nullptr;
   } catch (const CLI::ParseError& error) {
-    throw Error(ErrorKind::usage, error.what());
+    throw Error(ErrorKind::usage, fmt::format("{}; see {} --help", error.what(), words_of(&asked_command(app))));
   }
   return &*std::find_if(verbs.begin(), verbs.end(), [](const Verb& verb) { return verb.command->parsed(); });
 }

@@ -162,7 +162,8 @@ void run(RunArguments arguments, std::stop_token stop) {
   check_viewpoint(arguments.viewpoint);
   if (arguments.tiled.out_dir.empty() && !arguments.more.empty())
     throw Error(ErrorKind::usage, "several inputs need a folder for their results; give --out-dir");
-  if (arguments.tiled.out_dir.empty() && arguments.output.empty()) throw Error(ErrorKind::usage, "OUT is required");
+  if (arguments.tiled.out_dir.empty() && arguments.output.empty())
+    throw Error(ErrorKind::usage, "OUT is required; see pointfair run --help");
   if (needs_tiles(arguments, params)) return run_tiled(arguments, params, limits, findings.noise_attribute, {}, stop);
   if (const std::string why = why_tiles(arguments, params, device); !why.empty()) {
     try {
@@ -215,33 +216,37 @@ Verb add_run(CLI::App& app) {
   CLI::App& command = *app.add_subcommand("run", "Denoise a cloud and keep its shape.");
   command.add_option("IN", arguments->input, "cloud to read; - is standard input")->required();
   command.add_option("OUT", arguments->output, "cloud to write; - is standard output");
-  command.add_option("MORE", arguments->more, "with --out-dir: OUT and these are inputs too, all of one cloud");
+  command.add_option("MORE", arguments->more,
+                     "more inputs: with --out-dir, OUT is an input too, and all inputs together are one cloud");
   add_params(command, arguments->params);
   add_limits(command, arguments->limits);
   add_viewpoint(command, arguments->viewpoint);
   add_device(command, arguments->device);
   add_format(command, arguments->format);
   command
-      .add_option("--las-scale", arguments->las_scale,
-                  "step of the coordinates of LAS and LAZ, a whole part of the input's: 0.001 for 0.01")
+      .add_option(
+          "--las-scale", arguments->las_scale,
+          "finer step for the coordinates of LAS and LAZ: the input's divided by a whole number, as 0.001 for 0.01")
       ->type_name("STEP");
   add_choice(command, "--normals", arguments->normals, {"keep", "update", "write"},
-             "keep: those in the file stay; update: they follow the points; write: also where the file has none");
+             "keep: those in the file stay; update: new ones replace them; write: also where the file has none");
   command
       .add_flag("--write-noise{noise}", arguments->write_noise,
                 "add the standard deviation of the noise at each point, as an attribute of this name; default: noise")
       ->type_name("[=NAME]")
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
   command
-      .add_option("--memory", arguments->tiled.memory,
-                  "use no more than this; a cloud that does not fit is computed in tiles on disk, with the same bits")
+      .add_option(
+          "--memory", arguments->tiled.memory,
+          "use no more than this, as 8G; a cloud that does not fit is computed in tiles on disk, with the same bits")
       ->type_name("SIZE");
   command.add_option("--out-dir", arguments->tiled.out_dir, "write each input there under its name")->type_name("DIR");
   command
-      .add_option("--work", arguments->tiled.work,
-                  "keep the files of a run in tiles there: a run that was stopped goes on from them")
+      .add_option(
+          "--work", arguments->tiled.work,
+          "keep the intermediate files of a run in tiles there; after a stop, the same command goes on from them")
       ->type_name("DIR");
-  command.add_option("--tiles", arguments->tiled.tiles, "compute in at least so many tiles on disk")->type_name("N");
+  command.add_option("--tiles", arguments->tiled.tiles, "compute in at least N tiles on disk")->type_name("N");
   add_report(command, arguments->report);
   add_choice(command, "--progress", arguments->progress, {std::begin(kProgressModes), std::end(kProgressModes)},
              "progress on standard error; auto: a bar on a terminal");

@@ -144,7 +144,8 @@ void print_summary(const Report& report, const Findings& findings, bool with_det
       unmoved.non_finite + unmoved.too_few_neighbors + unmoved.no_normal + unmoved.outliers + findings.ignored;
   fmt::print(stderr, "{} points denoised on {} in {:.1f} ms, {} kept as they were{}\n", report.points - kept,
              device_name(report.device.kind), report.total_milliseconds, kept, reasons_kept(unmoved, findings.ignored));
-  if (findings.held > 0) fmt::print(stderr, "the limits kept {} points as they were\n", findings.held);
+  if (findings.held > 0)
+    fmt::print(stderr, "limits, such as --where and --box, held {} points in place\n", findings.held);
   if (report.tiles > 1)
     fmt::print(stderr, "computed in {} tiles, since the cloud does not fit into the device's memory\n", report.tiles);
   const std::string& attribute = findings.noise_attribute;

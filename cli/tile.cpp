@@ -119,19 +119,21 @@ CLI::App& add_part(CLI::App& tile, const Shared& arguments, const char* name, co
 
 void add_plan(CLI::App& tile, const Shared& arguments) {
   CLI::App& part = add_part(tile, arguments, "plan", "Fix inputs, parameters and tiles in a work folder.");
-  part.add_option("IN", arguments->inputs, "clouds to read, which make one")->required();
-  part.add_option("--out", arguments->output, "cloud to write, of one input")->type_name("OUT");
+  part.add_option("IN", arguments->inputs, "clouds to read; all inputs together are one cloud")->required();
+  part.add_option("--out", arguments->output, "cloud to write, if there is one input")->type_name("OUT");
   part.add_option("--out-dir", arguments->tiled.out_dir, "write each input there under its name")->type_name("DIR");
   part.add_option("--work", arguments->tiled.work, "the work folder")->type_name("DIR")->required();
-  part.add_option("--memory", arguments->tiled.memory, "what a task may use; unset: half of what is free")
+  part.add_option("--memory", arguments->tiled.memory,
+                  "memory that a task may use, as 8G; default: half of the free memory")
       ->type_name("SIZE");
-  part.add_option("--tiles", arguments->tiled.tiles, "at least so many tiles")->type_name("N");
+  part.add_option("--tiles", arguments->tiled.tiles, "at least N tiles")->type_name("N");
   add_params(part, arguments->params);
   add_limits(part, arguments->limits);
   add_viewpoint(part, arguments->viewpoint);
   add_threads(part, arguments->device.threads);
   add_format(part, arguments->format);
-  part.add_option("--las-scale", arguments->las_scale, "step of the coordinates of LAS and LAZ")->type_name("STEP");
+  part.add_option("--las-scale", arguments->las_scale, "finer step for the coordinates of LAS and LAZ")
+      ->type_name("STEP");
   part.add_flag("--force", arguments->force, "replace outputs that exist");
 }
 
@@ -143,10 +145,10 @@ Verb add_tile(CLI::App& app) {
   tile.require_subcommand(1);
   add_plan(tile, arguments);
   CLI::App& run = add_part(tile, arguments, "run", "Do one task, one step's tasks, or all that is left.");
-  run.add_option("--task", arguments->task, "denoise-1:3, or denoise-1 for all tasks of that step")->type_name("TASK");
+  run.add_option("--task", arguments->task, "one task, as denoise-1:3, or all tasks of a step, as denoise-1")
+      ->type_name("TASK");
   run.add_flag("--all", arguments->all, "all tasks, in order");
-  run.add_option("--end-with-parent", arguments->parent,
-                 "be killed when the process that started this one ends, whose number is PID")
+  run.add_option("--end-with-parent", arguments->parent, "end when process PID ends, which must have started this one")
       ->type_name("PID");
   add_device(run, arguments->device);
   add_choice(run, "--progress", arguments->progress, {std::begin(kProgressModes), std::end(kProgressModes)},

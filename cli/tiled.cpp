@@ -63,9 +63,9 @@ Json report_json(const TiledReport& report, const DeviceInfo& device) {
 void print_summary(const TiledReport& report) {
   const UnmovedCounts& u = report.unmoved;
   const std::uint64_t kept = u.non_finite + u.too_few_neighbors + u.no_normal + u.outliers + report.ignored;
-  fmt::print(stderr, "{} points denoised in {} tiles, {} kept as they were\n", report.points - kept, report.tiles,
-             kept);
-  if (report.held > 0) fmt::print(stderr, "the limits kept {} points as they were\n", report.held);
+  fmt::print(stderr, "{} points denoised in {} {}, {} kept as they were\n", report.points - kept, report.tiles,
+             report.tiles == 1 ? "tile" : "tiles", kept);
+  if (report.held > 0) fmt::print(stderr, "limits, such as --where and --box, held {} points in place\n", report.held);
   if (report.noise)
     fmt::print(stderr, "noise of the input {:.4g} ({})\n", *report.noise,
                report.noise_attribute.empty() ? "estimated" : fmt::format("median of '{}'", report.noise_attribute));

@@ -100,7 +100,7 @@ Verb add_view(CLI::App& app) {
   command
       .add_option("--save-folder", arguments->save_folder, "folder that the page saves to; default: the current one")
       ->type_name("FOLDER");
-  command.add_option("--points", arguments->points, "show so many points of a larger cloud")
+  command.add_option("--points", arguments->points, "show at most N points; runs and files have all of them")
       ->check(CLI::Range(1000, 100'000'000).description(""))
       ->type_name("N");
   add_viewpoint(command, arguments->viewpoint);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Denoises many frames of one sensor. The parameters are resolved on the first frame and used for all: that saves the
-// estimates, and every frame is treated alike.
+// estimates, and every frame is treated alike. The noise of a depth camera differs within a frame: run with Params{}.
 //   many_frames FOLDER_OUT frame1.ply frame2.ply ...
 #include <cstdio>
 #include <filesystem>

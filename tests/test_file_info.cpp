@@ -176,9 +176,9 @@ TEST(LasScale, MustBeAWholePartThatFits) {
     EXPECT_TRUE(folder.names().empty());
     return thrown.message;
   };
-  EXPECT_NE(refused(0.003, "a.las").find("whole part"), std::string::npos);
-  EXPECT_NE(refused(0.02, "a.las").find("whole part"), std::string::npos);
-  EXPECT_NE(refused(-1, "a.las").find("whole part"), std::string::npos);
+  EXPECT_NE(refused(0.003, "a.las").find("divided by a whole number"), std::string::npos);
+  EXPECT_NE(refused(0.02, "a.las").find("divided by a whole number"), std::string::npos);
+  EXPECT_NE(refused(-1, "a.las").find("divided by a whole number"), std::string::npos);
   EXPECT_NE(refused(1e-7, "a.las").find("32 bits"), std::string::npos);
   EXPECT_NE(refused(0.001, "a.ply").find("only LAS and LAZ"), std::string::npos);
 }

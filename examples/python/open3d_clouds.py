@@ -15,14 +15,14 @@ import pointfair as pf
 
 
 def denoise_tensor_cloud(cloud: Any, **parameters: Any) -> Any:
-    """Of open3d.t.geometry.PointCloud on the CPU; colours and other attributes stay."""
+    """Denoises an open3d.t.geometry.PointCloud on the CPU; colours and other attributes stay."""
     smooth = cloud.clone()
     smooth.point.positions = pf.denoise(cloud.point.positions, **parameters)
     return smooth
 
 
 def denoise_legacy_cloud(cloud: Any, **parameters: Any) -> Any:
-    """Of open3d.geometry.PointCloud; colours stay."""
+    """Denoises an open3d.geometry.PointCloud; colours stay."""
     smooth = o3d.geometry.PointCloud(cloud)
     smooth.points = o3d.utility.Vector3dVector(pf.denoise(np.asarray(cloud.points), **parameters))
     return smooth

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A ROS 2 node: denoises what comes on /points and publishes it on /points_denoised.
+"""A ROS 2 node: denoises the messages on /points and publishes them on /points_denoised.
 
     ros2 run ... or: python ros2_node.py --ros-args -r points:=/camera/depth/points"""
 from __future__ import annotations

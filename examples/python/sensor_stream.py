@@ -17,9 +17,9 @@ import pointfair as pf
 def denoise_frames(frames: Iterable[NDArray[np.float32]], device: str = "auto") -> Iterator[NDArray[np.float32]]:
     """Each frame (N, 3), moved; the number of points may change from frame to frame.
 
-    The noise of a depth camera grows with the depth, and only automatic lengths follow it from place to place. Of a
-    sensor whose noise is the same everywhere, parameters can be resolved once, which saves the estimates:
-    params = pipeline.resolve(), then pipeline.run(params)."""
+    The noise of a depth camera grows with the depth, and only automatic lengths follow it from place to place. If the
+    noise is the same everywhere, resolve the parameters once, which saves the estimates: params = pipeline.resolve(),
+    then pipeline.run(params)."""
     pipeline = pf.Pipeline(device)
     for frame in frames:
         pipeline.load(frame)

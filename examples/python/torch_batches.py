@@ -10,10 +10,10 @@ import torch
 
 import pointfair as pf
 
-# Given once, so that no cloud is measured again; 1 % of the clouds' unit size.
+# The noise is known: 1 % of the clouds' unit size.
 PARAMS = pf.Params(k=16, noise=0.01)
 
 
 def denoised(clouds: list[Any]) -> Any:
-    """(B, N, 3) of B tensors (N, 3)."""
+    """Takes B tensors (N, 3) and returns them denoised, as one tensor (B, N, 3)."""
     return pf.denoise_batch(torch.stack(clouds), PARAMS, threads=1)

@@ -27,7 +27,7 @@ struct PointsOnCard {
 
 /// Positions that are read.
 using DevicePoints = PointsOnCard<const void>;
-/// Places for results. No two coordinates share one.
+/// Positions that are written. No two coordinates share an address.
 using DeviceOutput = PointsOnCard<void>;
 
 }  // namespace pointfair

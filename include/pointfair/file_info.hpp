@@ -12,18 +12,19 @@
 
 namespace pointfair {
 
+/// What the file of a cloud says about itself.
 struct FileInfo {
   struct Row {
     std::string name, value;
   };
   std::vector<Row> rows;                  ///< for people: version, software, coordinate system, ...
   std::optional<double> metres_per_unit;  ///< of the coordinates, where the file says so
-  double step = 0;  ///< between coordinates where these are stored as integers, the coarsest axis's; else 0
+  double step = 0;               ///< between coordinates that are stored as integers, on the coarsest axis; else 0
   std::optional<Format> format;  ///< of the file; unset for a cloud made in memory
   bool has_attributes = true;    ///< false: this build cannot read their values (LAZ without LASzip)
 };
 
-/// O(1) in the points.
+/// What the cloud's file says. O(1) in the points.
 POINTFAIR_EXPORT FileInfo file_info(const Cloud& cloud);
 
 }  // namespace pointfair

@@ -73,11 +73,11 @@ POINTFAIR_EXPORT void remove_unfinished_files() noexcept;
 /// The format of the path's extension, ".ply" or ".PLY" for instance, or nothing if no format has it.
 POINTFAIR_EXPORT std::optional<Format> format_of(const std::filesystem::path& path);
 
-/// The format in which `write` writes a file of this name: by its extension, else `source`. Throws ErrorKind::file if
-/// that says nothing, or names what is read only (".copc.laz").
+/// The format in which `write` writes a file of this name: that of its extension, else `source`. Throws ErrorKind::file
+/// if neither is known, or if the format can only be read (".copc.laz").
 POINTFAIR_EXPORT Format format_to_write(const std::filesystem::path& path, std::optional<Format> source = {});
 
-/// What of the cloud's own file a file of the format does not keep, a sentence each; `format` unset: its own format.
+/// The parts of the cloud's own file that a file of the format cannot keep, a sentence each; unset: its own format.
 POINTFAIR_EXPORT std::vector<std::string> losses(const Cloud& cloud, std::optional<Format> format = {});
 
 }  // namespace pointfair

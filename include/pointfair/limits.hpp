@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Which points move, and by how much. Limits act on the result of a run: points outside keep their place, but still
-// count as neighbours of points inside. Only ignored points are kept from the run itself.
+// count as neighbours of points inside. Only ignored points are left out of the run itself.
 #pragma once
 
 #include <array>
@@ -37,8 +37,8 @@ struct Limits {
   double strength = 1;  ///< blends the result with the input: 0 is the input, 1 the result
   std::optional<Box> box;
   std::optional<Lasso> lasso;
-  std::vector<Selection> where;    ///< only points that each of them holds move
-  std::vector<Selection> ignore;   ///< points that one of them holds do not move, and are nobody's neighbours
+  std::vector<Selection> where;    ///< only points that each of them contains move
+  std::vector<Selection> ignore;   ///< points that one of them contains do not move, and are nobody's neighbours
   std::vector<std::uint8_t> mask;  ///< 1 for each point that may move, else 0; empty: all
   friend bool operator==(const Limits&, const Limits&) = default;
 };
@@ -54,7 +54,7 @@ POINTFAIR_EXPORT void set_limit(Limits& limits, std::string_view name, std::stri
 /// The text of a limit, which set_limit reads back as the same values; empty if the limit is not set.
 POINTFAIR_EXPORT std::string limit_text(const Limits& limits, std::string_view name);
 
-/// What a run is to be given: a copy of the cloud in which the ignored points are NaN, and so nobody's neighbours;
+/// The cloud that a run should be given: a copy in which the ignored points are NaN, and so nobody's neighbours;
 /// apply_limits gives them their places back. O(N). Throws as selected_points.
 POINTFAIR_EXPORT Cloud without_ignored(const Limits& limits, const Cloud& cloud);
 

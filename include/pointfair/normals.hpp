@@ -12,8 +12,8 @@
 
 namespace pointfair {
 
-/// The attributes that hold the normals of the cloud: three of one float each (nx, ny, nz and their other names), or
-/// one of three; empty if it has none.
+/// The names of the attributes that hold the normals of the cloud: three of one float each (nx, ny, nz and their other
+/// names), or one of three floats; empty if it has none.
 POINTFAIR_EXPORT std::vector<std::string> normal_attributes(const Cloud& cloud);
 
 /// Gives the cloud these unit normals, one a point, in file order: in the place of its own or, if it has none, as the

@@ -59,13 +59,13 @@ enum class Along : std::uint8_t { normal, ray };
 
 /// What to do. Defaults come from the data, so `Params{}` suits any cloud. kParams describes each field.
 struct Params {
-  Length noise;  ///< standard deviation along the normal; what is automatic below follows from it
+  Length noise;  ///< standard deviation along the normal; all automatic values below follow from it
   // Neighbours. Only k given: the k nearest. Only radius given: all within it. Both: the k nearest within it. Neither:
   // all within a radius that is chosen for each point.
   int k = kAutomatic;
   Length radius;
   int min_neighbors = kAutomatic;  ///< without k: radius_i^2 = radius^2 + (distance to the n-th nearest)^2
-  bool constraint = false;         ///< a point joins N only if d(q, N) < rho + delta; needs k
+  bool constraint = false;         ///< a point joins N only if d(q, N) < rho + delta; with radius also needs k
   Length rho;
   Length delta;
   // Normals, paper eq. 3-5.
@@ -128,7 +128,7 @@ inline constexpr std::array kParams = {
     ParamInfo{"rho", Stage::neighbors, &Params::rho, 0, 1e30, true, "",
               "with --constraint: the largest gap between neighbours on one surface", true},
     ParamInfo{"delta", Stage::neighbors, &Params::delta, 0, 1e30, true, "",
-              "with --constraint: what noise adds to a gap; auto: 2.5 times the noise", true},
+              "with --constraint: how much wider noise may make a gap; auto: 2.5 times the noise", true},
     ParamInfo{"normal_sigma", Stage::normals, &Params::normal_sigma, 0, 1e30, true, "",
               "sigma of the weights by distance in the normals", true},
     ParamInfo{"normal_filter", Stage::normals, &Params::normal_filter, 0, 0, true, "off|on|mollify",
@@ -141,8 +141,8 @@ inline constexpr std::array kParams = {
               "bilateral|laplacian|taubin|hc-laplacian|mls|wiener|mollified",
               "how points move; bilateral keeps edges best (docs/methods.md)"},
     ParamInfo{"along", Stage::fairing, &Params::along, 0, 0, false, "normal|ray",
-              "which way points move. ray: towards the sensor or away from it, so that organised clouds keep their "
-              "pixels; needs the place of the sensor"},
+              "direction in which points move. ray: towards the sensor or away from it, so that organised clouds keep "
+              "their pixels; needs the place of the sensor"},
     ParamInfo{"closeness_sigma", Stage::fairing, &Params::closeness_sigma, 0, 1e30, true, "",
               "closeness (spatial) sigma: of the weights by distance", true},
     ParamInfo{"similarity_sigma", Stage::fairing, &Params::similarity_sigma, 0, 1e30, true, "",
@@ -151,21 +151,23 @@ inline constexpr std::array kParams = {
         "area_weight", Stage::fairing, &Params::area_weight, 0, 0, false, "none|length|squared",
         "weight by the area a neighbour stands for: mean distance to its 5 nearest points (length), or its square",
         true},
-    ParamInfo{"offset", Stage::fairing, &Params::offset, 0, 0, true, "point|symmetric",
-              "heights in method bilateral. point: over the point's own plane (the paper); symmetric: over the "
-              "neighbour's too",
-              true},
+    ParamInfo{
+        "offset", Stage::fairing, &Params::offset, 0, 0, true, "point|symmetric",
+        "heights in method bilateral. point: over the point's own plane (the paper); symmetric: the mean of those "
+        "over its plane and the neighbour's",
+        true},
     ParamInfo{"relaxation", Stage::fairing, &Params::relaxation, 0, 2, true, "",
               "factor on each displacement; with --method taubin: lambda", true},
     ParamInfo{"outliers", Stage::fairing, &Params::outliers, 0, 0, true, "off|move|keep|mark",
               "points off the surface. off: not looked for; move: pulled in; keep: not moved; mark: kept and marked"},
     ParamInfo{"outlier_distance", Stage::fairing, &Params::outlier_distance, 0, 1e30, true, "",
-              "outliers have few neighbours this close to their plane, or would move farther; auto: 6 times the noise",
+              "outliers have few neighbours this close to their plane, or would move farther than this; auto: 6 times "
+              "the noise",
               true},
-    ParamInfo{
-        "outlier_radius", Stage::fairing, &Params::outlier_radius, 0, 1e30, true, "",
-        "without --k: above this radius most neighbours must be close to the plane; auto: 6 times the typical radius",
-        true},
+    ParamInfo{"outlier_radius", Stage::fairing, &Params::outlier_radius, 0, 1e30, true, "",
+              "without --k: points with a larger radius are outliers unless most neighbours lie near their plane; "
+              "auto: 6 typical radii",
+              true},
     ParamInfo{"iterations", Stage::iterations, &Params::iterations, 1, 100, true, "",
               "how often all stages run, each time on the moved points"},
     ParamInfo{"displacement_limit", Stage::iterations, &Params::displacement_limit, 0, 1e30, true, "",

@@ -20,7 +20,7 @@
 namespace pointfair {
 
 /// The most points that one Pipeline holds, on any device: the CPU's searches use signed 32-bit indices. Larger clouds
-/// must be cut into tiles and run one by one.
+/// are run in tiles on disk (TiledRun).
 inline constexpr std::uint64_t kMaxPoints = 2'147'483'632;
 
 /// Is called on the thread that called `run`, with the share done so far in [0, 1] and the current stage.
@@ -42,8 +42,8 @@ class POINTFAIR_EXPORT Pipeline {
   Pipeline& operator=(Pipeline&&) noexcept;
 
   /// Memory for `count` points that this pipeline's device copies fastest; pass its points() to load() and run(). A
-  /// card copies 4 to 8 times as fast to and from it as with a std::vector. Allocation takes about 0.3 s a GB, so
-  /// allocate once and use it often.
+  /// card copies 4 to 8 times as fast to and from it as to and from a std::vector. Allocation takes about 0.3 s a GB,
+  /// so allocate once and use it often.
   HostBuffer host_buffer(std::size_t count) const;
 
   /// Copies the points to the device; the next run starts from the first stage. O(N). A cloud that does not fit into a
@@ -53,17 +53,17 @@ class POINTFAIR_EXPORT Pipeline {
   void load(std::span<const Point> points);
 
   /// Gives the standard deviation of the noise at each point of the loaded cloud, in file units and in upload order, in
-  /// place of the estimate; no values at all: the estimate again. Holds until the next load. The median is the noise of
-  /// a typical place. From place to place it is smooth: a grid of 32^3 nodes lies between the values at up to 32,768
-  /// points, from an eighth of the median to 8 times that. A value that is not positive and finite says nothing, and
-  /// its place takes the noise around it. Points at one place must have one value. Throws ErrorKind::usage unless there
+  /// place of the estimate; an empty span brings the estimate back. Holds until the next load. The median is the noise
+  /// of a typical place. The values at up to 32,768 points are smoothed onto a grid of 32^3 nodes, and kept within an
+  /// eighth of the median and 8 times the median. A value that is not positive and finite is ignored, and its place
+  /// takes the noise around it. Points at one place must have one value. Throws ErrorKind::usage unless there
   /// is a value for each point, one of them positive. O(N) and 16 bytes a point.
   void set_noise(std::span<const float> sigmas);
 
   /// Gives the place where the sensor stood that saw the loaded cloud, in the file's coordinates: one position for all
-  /// points, or one for each in upload order; none at all: unknown. A position that is not finite is unknown. A load of
-  /// a Cloud takes what its file says (file_viewpoints). Holds until the next load. Points between two surfaces along
-  /// the ray are then outliers (OutlierCounts::mixed_pixels), and Params::along can be Along::ray. Throws
+  /// points, or one for each in upload order; an empty span: unknown. A position that is not finite is unknown. A load
+  /// of a Cloud takes what its file says (file_viewpoints). Holds until the next load. Points between two surfaces
+  /// along the ray are then outliers (OutlierCounts::mixed_pixels), and Params::along can be Along::ray. Throws
   /// ErrorKind::usage for another number of positions. O(positions), and 12 bytes for each.
   void set_viewpoint(std::span<const std::array<double, 3>> positions);
 
@@ -85,15 +85,15 @@ class POINTFAIR_EXPORT Pipeline {
            const ProgressFunction& progress = {});
 
   /// Denoises many small clouds, each by itself, with the bits of a load and a run of its own: cloud i has the points
-  /// offsets[i] to offsets[i + 1]. Where runs_together() says so, one set of kernels computes up to 2,048 clouds of up
-  /// to 32,768 points, or where something is estimated of each cloud 128, while the next ones are measured by all cores
-  /// of the host; else this is a loop. Afterwards the pipeline is empty. `out` may be `points`. Throws
+  /// offsets[i] to offsets[i + 1]. If runs_together(), one set of kernels computes up to 2,048 clouds of up to
+  /// 32,768 points, or up to 128 if something is estimated on each cloud, while all cores of the host measure the next
+  /// ones; else this is a loop. Afterwards the pipeline is empty. `out` may be `points`. Throws
   /// ErrorKind::usage for offsets that do not begin with 0, decrease, or do not end with the number of points.
   void run_many(std::span<const Point> points, std::span<const std::uint64_t> offsets, const Params& params,
                 std::span<Point> out, std::stop_token stop = {});
 
-  /// The same of points that lie on the pipeline's card, as load() of such. Clouds with an origin are computed one by
-  /// one.
+  /// The same for points that lie on the pipeline's card, read as load() reads them. Clouds that need an origin are
+  /// computed one by one.
   void run_many(const DevicePoints& points, DeviceStream stream, std::span<const std::uint64_t> offsets,
                 const Params& params, const DeviceOutput& out, std::stop_token stop = {});
 
@@ -106,11 +106,11 @@ class POINTFAIR_EXPORT Pipeline {
   /// the same bits: coordinates that are large against the extent become offsets from an origin (choose_origin), and
   /// the displacements are added to them.
   ///
-  /// load() returns the origin, and does so early: what the stream is given afterwards may change the points. The other
-  /// calls return when their results are there; `out` may be the array that was loaded. It has the type of what was
-  /// loaded, or float32 after a load from host memory. A run into host memory gives points relative to the origin, and
-  /// a Cloud that names it. Memory on the card beside that of a run: 24 bytes a point of doubles, 12 of floats with an
-  /// origin.
+  /// load() returns the origin early; work given to the stream afterwards comes after the copy and may change the
+  /// points. The other calls return when their results are there; `out` may be the array that was loaded. It has the
+  /// type of what was loaded, or float32 after a load from host memory. A run into host memory gives points relative to
+  /// the origin, and a Cloud that names it. Memory on the card beside that of a run: 24 bytes a point of doubles, 12 of
+  /// floats with an origin.
   ///
   /// They throw ErrorKind::usage if the pipeline computes elsewhere than where the points lie, or if the types differ;
   /// and ErrorKind::memory for a cloud that does not fit into the card beside its results.
@@ -124,8 +124,8 @@ class POINTFAIR_EXPORT Pipeline {
   const Estimates& estimates(std::stop_token stop = {});
 
   /// `params` with every `auto` replaced by the value that a run would use in a typical place, and every length in file
-  /// units. A run with `auto` follows the noise from place to place, which these values do not: given as they are, they
-  /// make another result. Measures what it needs, as estimates() does.
+  /// units. A run with `auto` follows the noise from place to place, and these values do not: a run with them has
+  /// another result. Measures what it needs, as estimates() does.
   Params resolve(const Params& params, std::stop_token stop = {});
 
   /// What the last successful run did, and with which parameters.

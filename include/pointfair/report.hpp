@@ -12,7 +12,7 @@
 
 namespace pointfair {
 
-/// What is measured on the loaded cloud, once after `load`. Lengths in file units.
+/// Measured on the loaded cloud, once after `load`. Lengths in file units.
 struct Estimates {
   std::array<double, 3> min{}, max{};  ///< bounds of the finite points, relative to the cloud's origin
   double diagonal = 0;                 ///< of those bounds
@@ -20,7 +20,7 @@ struct Estimates {
   double noise = 0;                    ///< estimated standard deviation of the noise along the normal
   std::uint64_t points = 0;            ///< number of all points
   std::uint64_t finite = 0;            ///< number of points without NaN or infinity
-  /// That noise at the quietest, the typical and the loudest places: at 5, 50 and 95 % of the samples.
+  /// The noise at the quietest, the typical and the loudest places: the 5, 50 and 95 % quantiles of the samples.
   std::array<double, 3> noise_quantiles{};
 };
 
@@ -53,14 +53,14 @@ struct StageTime {
 struct Report {
   DeviceInfo device;
   std::uint64_t points = 0;
-  /// As used in a typical place: lengths in file units, and `auto` only for what nothing reads. What was `auto`
-  /// followed the noise from place to place, so the run is repeated by the parameters that it was given, not by these.
+  /// As used in a typical place: lengths in file units, and `auto` only for values that the run did not read. What was
+  /// `auto` followed the noise from place to place, so to repeat the run, give it the same parameters and not these.
   Params params;
   UnmovedCounts unmoved;
   std::uint64_t short_neighborhoods = 0;  ///< points whose constrained neighbourhood has fewer than k neighbours
   /// The stages that ran, in order; further iterations add to the same names. Stages on a card are timed by the card.
-  /// Where normals and fairing are one kernel there, its time is divided three to two, as they take apart. `upload` to
-  /// a card lasts until the caller may change the array again; the index is started meanwhile.
+  /// If one kernel does normals and fairing there, its time is divided three to two, as two kernels would take it.
+  /// `upload` to a card lasts until the caller may change the array again; the index begins before that.
   std::vector<StageTime> stages;
   /// Number of tiles that the cloud was cut into because it does not fit into the card's memory; 1: not cut. A cloud in
   /// tiles stays in host memory, and its stages are `cut`, `tiles` and `download`.

@@ -20,11 +20,11 @@
 
 namespace pointfair {
 
-/// What is to be denoised in tiles, and where the result goes.
+/// The files to denoise in tiles, and where the result goes.
 struct TiledJob {
   std::vector<std::filesystem::path> inputs;  ///< files that make one cloud, each point once
-  std::filesystem::path output;               ///< of one input: the file
-  std::filesystem::path output_folder;        ///< in place of `output`: each file appears there under its name
+  std::filesystem::path output;               ///< the file to write, if there is one input
+  std::filesystem::path output_folder;        ///< in place of `output`: each input is written there under its name
   Params params;
   Limits limits;                ///< without a mask
   std::string noise_attribute;  ///< the attribute that has the noise of each point; empty: the noise is estimated
@@ -32,7 +32,7 @@ struct TiledJob {
   /// what the inputs say, unknown if they say several places.
   std::string viewpoint;
   WriteOptions write;        ///< formats other than the input's own are refused
-  std::uint64_t memory = 0;  ///< bytes that a task may take, without the mapped input; 0: half of what is free
+  std::uint64_t memory = 0;  ///< bytes that a task may take, without the mapped input; 0: half of the free memory
   std::uint64_t least_tiles = 1;
   unsigned workers = 1;  ///< tasks that run at once, as several cards do, and share the memory
 };
@@ -46,44 +46,45 @@ struct TiledReport {
   std::uint64_t ignored = 0;  ///< finite points that Limits::ignore left out
   std::uint64_t held = 0;     ///< others that the limits did not let move
   std::uint64_t short_neighborhoods = 0;
-  std::optional<double> spacing, noise;     ///< of the input, where parameters followed from them
+  std::optional<double> spacing, noise;     ///< of the input, if parameters followed from them
   std::array<double, 3> noise_quantiles{};  ///< as in Estimates, where there is a noise
-  std::string noise_attribute;              ///< that it was read from
+  std::string noise_attribute;              ///< with the given noise; empty: it was estimated
 };
 
-/// A run over a work folder, which holds the plan and what finished tasks left. Tasks are idempotent: a task that is
-/// done is not done again, one that was killed leaves nothing, and two processes that do the same one leave the same
+/// A run over a work folder, which holds the plan and the results of finished tasks. Tasks are idempotent: a task that
+/// is done is not done again, one that was killed leaves nothing, and two processes that do the same one leave the same
 /// file. The result has the bits of Pipeline::run on the whole cloud.
 ///
 /// Calls throw Error: ErrorKind::file if a file cannot be read or written, if the disk is full, or if an input is not
-/// the one that was planned with; ErrorKind::memory if what a point needs does not fit; ErrorKind::interrupted after
-/// the stop token was triggered. What is finished stays, and a later call goes on from there.
+/// the one that was planned with; ErrorKind::memory if a task or the neighbourhood of one point does not fit;
+/// ErrorKind::interrupted after the stop token was triggered. What is finished stays, and a later call goes on from
+/// there.
 class POINTFAIR_EXPORT TiledRun {
  public:
-  /// The memory that a Pipeline would need for so many points, with the cloud and the result: what a run in tiles is
-  /// for begins above it. An upper bound.
+  /// An upper bound on the memory that a Pipeline needs for so many points, with the cloud and the result. A cloud that
+  /// needs more than there is must run in tiles.
   static std::uint64_t bytes_in_memory(std::uint64_t points, const Params& params);
-  /// Memory that this process can have now without others going without.
+  /// Bytes of memory that this process can take now without taking them from others.
   static std::uint64_t free_memory();
   /// The number of points of a file. O(1), but for text formats, which are scanned.
   static std::uint64_t count_points(const std::filesystem::path& path);
 
-  /// A new hidden folder in `beside`, for a run that is not kept; remove it afterwards. Those that killed processes of
-  /// this machine left there are removed.
+  /// Makes a hidden folder in `beside` for a run whose files are not kept; remove it afterwards. Removes such folders
+  /// that killed processes of this machine left there.
   static std::filesystem::path make_scratch_folder(const std::filesystem::path& beside);
 
-  /// Writes the plan of the job into the folder, which is made if it is not there. Where the same job was planned
-  /// before, nothing changes. Throws ErrorKind::usage for parameters that cannot be followed tile by tile, and if the
-  /// folder holds the plan of another job.
+  /// Writes the plan of the job into the folder, and makes the folder if it is not there. If the folder has a plan of
+  /// the same job, nothing changes. Throws ErrorKind::usage for parameters that cannot be followed tile by tile, and if
+  /// the folder holds the plan of another job.
   static void plan(const TiledJob& job, const std::filesystem::path& work, unsigned threads = 0);
 
-  /// Of the plan in the folder. Several cards do a tile each at a time, and each takes the plan's memory.
+  /// Opens the plan in the folder. Several cards do a tile each at a time, and each takes the plan's memory.
   explicit TiledRun(const std::filesystem::path& work, Device device = {});
   ~TiledRun();
   TiledRun(TiledRun&&) noexcept;
   TiledRun& operator=(TiledRun&&) noexcept;
 
-  /// Tasks of one step need nothing of each other; a step needs all of the step before.
+  /// Tasks of one step do not depend on each other; a step needs all tasks of the step before.
   struct Step {
     std::string name;  ///< "ingest", "measure", "denoise-1", .., "emit"
     std::size_t tasks = 0, done = 0;
@@ -93,10 +94,10 @@ class POINTFAIR_EXPORT TiledRun {
   /// Does task `task` of the step called `step`; returns at once if it is done. Throws ErrorKind::usage if there is no
   /// such task, or if the step before is not finished.
   void run(const std::string& step, std::size_t task, std::stop_token stop = {});
-  /// All that is not done, in order. Files that no task needs any more are removed.
+  /// Does all tasks that are not done, in order. Removes files that no task needs any more.
   void run_all(std::stop_token stop = {}, const ProgressFunction& progress = {});
 
-  /// Of a run that is finished.
+  /// What the run did. Throws if it is not finished.
   TiledReport report() const;
 
  private:

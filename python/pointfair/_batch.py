@@ -39,15 +39,15 @@ def denoise_batch(clouds: Any, params: Params | None = None, *, offsets: Any = N
     """Denoises many small clouds in one call, each by itself: the bits are those of a call for each.
 
     Args:
-        clouds: in host memory or on a card, a list of (N, 3) arrays; or a (B, N, 3) array of clouds of one size; or with `offsets` one (N, 3) array in
-            which cloud i has the rows offsets[i] to offsets[i + 1].
+        clouds: a list of (N, 3) arrays; or a (B, N, 3) array of clouds of one size; or with `offsets` one (N, 3) array
+            in which cloud i has the rows offsets[i] to offsets[i + 1]. All may be in host memory or on a card.
         offsets: whole numbers from 0 to N that do not decrease.
-        params: as that of denoise.
-        device: "auto" is a CUDA card if there is one, else the CPU; or "cpu", "cuda", "cuda:N". A card computes all clouds
-            at once with the method bilateral, unless a report is asked for or the constraint; with k only if normal_sigma,
-            closeness_sigma and similarity_sigma are given as lengths.
-        threads: otherwise the clouds are spread over so many CPU threads; 0: all cores.
-        progress: as that of denoise.
+        params: as in denoise.
+        device: "auto" is a CUDA card if there is one, else the CPU; or "cpu", "cuda", "cuda:N". A card computes all
+            clouds at once with the method bilateral, without the constraint and without reports; with k only if
+            normal_sigma, closeness_sigma and similarity_sigma are all given as lengths.
+        threads: CPU threads that share the clouds where a card does not compute all at once; 0: all cores.
+        progress: as in denoise.
         return_report: whether to return (result, list of reports) instead of the result.
         **parameters: fields of Params that differ from `params`.
 

@@ -16,7 +16,7 @@ class Comparison:
     """Distances of cloud A to cloud or mesh B, in the unit of the coordinates."""
 
     points: int
-    """Of A."""
+    """Number of points of A."""
     diagonal: float
     """Of B's bounding box."""
     mean: float
@@ -30,11 +30,11 @@ class Comparison:
     chamfer: float
     """Mean squared distance from A to B plus that from B to A, where B's bounding sphere has radius 1."""
     edge_rms: float | None
-    """Of the points near edges, with edges."""
+    """Root mean square of the distances near edges; None without `edges`."""
     edge_points: int
     """Number of those points."""
     normal_error: float | None
-    """Mean angle to the normal of the nearest face in degrees, with normals."""
+    """Mean angle to the normal of the nearest face in degrees; None without `normals`."""
 
 
 def compare(a: Any, b: Any, *, as_cloud: bool = False, edges: float | None = None, normals: int | None = None,
@@ -43,9 +43,9 @@ def compare(a: Any, b: Any, *, as_cloud: bool = False, edges: float | None = Non
 
     Args:
         as_cloud: use only b's points if it has faces.
-        edges: also the distances near edges of b whose faces differ by more than so many degrees.
-        normals: also the error of normals from so many nearest points, 3 at least.
-        threads: 0: all cores.
+        edges: also measure near edges of b whose faces differ by more than this angle, in degrees.
+        normals: also measure the error of normals of planes through this many nearest points, at least 3.
+        threads: CPU threads; 0: all cores.
 
     Raises UsageError, FileError.
     """

@@ -37,23 +37,23 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
             ignore: str | None = None, strength: float = 1.0, box: Any = None, viewpoint: Any = None, normals: bool = False,
             device: str = "auto", threads: int = 0, out: Any = None, progress: Progress = False,
             return_report: bool = False, **parameters: Unpack[ParamArguments]) -> Any:
-    """Removes the noise of a cloud and keeps its shape.
+    """Removes the noise of a cloud and keeps its shape. No point is added or removed.
 
     Args:
         points: positions, (N, 3) float32 or float64: a NumPy array, a tensor of torch, jax or Open3D, or a Cloud.
-            Strides, byte order and memory order may be any. Of an (N, 4) array the last column stays as it is. A tensor
+            Any strides, byte order and memory order work. Of an (N, 4) array the last column stays as it is. A tensor
             of torch or CuPy on a CUDA card is computed there, after the work of the current stream, without a copy
             through the host.
-        params: what to do; by default everything is chosen from the data.
+        params: the parameters; by default all are chosen from the data. Lengths are in the unit of the points.
         mask: (N,) booleans, True for each point that may move. The others still count as neighbours.
-        where: only points of a Cloud whose attribute has one of some whole numbers move, "classification=2,6-9".
-        ignore: such points of a Cloud do not move, and are nobody's neighbours.
+        where: only points of a Cloud whose attribute has one of these integers move, as in "classification=2,6-9".
+        ignore: points of a Cloud with such an attribute do not move, and are nobody's neighbours.
         strength: blends the result with the input: 0 is the input, 1 the result.
         box: only points inside move: the lower and the upper corner, ((x, y, z), (x, y, z)).
         viewpoint: where the sensor stood, in the coordinates of the points: (3,), or (N, 3) with a position for each
-            point. Points between two surfaces along the ray are then outliers, normals look to the sensor, and
-            along="ray" can be asked for. Of a Cloud also the names of three attributes, "vx,vy,vz", or "none"; by
-            default what its file says.
+            point; (0, 0, 0) in a camera's own coordinates. Points between two surfaces along the ray are then outliers,
+            normals look to the sensor, and along="ray" is possible. With a Cloud also the names of three attributes,
+            "vx,vy,vz", or "none"; by default what its file says.
         normals: whether the report has the normals; needs return_report.
         device: "auto" is where a tensor lies, else a CUDA card if there is one, else the CPU; or "cpu", "cuda",
             "cuda:N"; or several cards, "cuda:0,2" or "cuda:all", which share arrays that do not fit into the first.
@@ -153,7 +153,7 @@ def _full_report(pipeline: _native.Pipeline, with_normals: bool) -> Report:
 
 
 def estimate(points: Any, *, device: str = "auto", threads: int = 0) -> Estimates:
-    """Bounds, spacing and noise of an array of positions or a Cloud. Arguments are those of denoise.
+    """Measures bounds, spacing and noise of an array of positions or a Cloud. Arguments are those of denoise.
 
     Examples:
         >>> grid = np.stack(np.meshgrid(np.arange(50.0), np.arange(50.0), [0.0]), -1).reshape(-1, 3)

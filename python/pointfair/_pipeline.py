@@ -51,8 +51,9 @@ class Pipeline:
         self._last_params: Params | None = None
 
     def load(self, points: Any, *, ignore: str | None = None) -> None:
-        """Copies an array of positions, (N, 3) or (N, 4), or a Cloud to the device. The next run starts anew. O(N).
-        A tensor must be on the pipeline's card, which then copies it there. Of a Cloud, `ignore` names points that are nobody's neighbours, as in pointfair.denoise."""
+        """Copies an array of positions, (N, 3) or (N, 4), or a Cloud to the device. The next run starts with the first
+        stage. O(N). A tensor on a card must be on the pipeline's card, and is copied there. `ignore` chooses points of a
+        Cloud that are nobody's neighbours, as in pointfair.denoise."""
         self._layout, self._holds_cloud, self._on_card = None, False, None
         if isinstance(points, Cloud):
             self._native.load_cloud(points._native, as_selections(ignore, "ignore"))
@@ -112,7 +113,8 @@ class Pipeline:
 
     def resolve(self, params: Params | None = None, **parameters: Unpack[ParamArguments]) -> Params:
         """The parameters with every "auto" replaced by the value that a run would use in a typical place, and lengths in
-        file units. A run with "auto" follows the noise from place to place, which these values do not."""
+        the unit of the points. A run with "auto" follows the noise from place to place; a run with these values does
+        not."""
         return Params._of(self._native.resolve(make_params(params, parameters)._native))
 
     def estimates(self) -> Estimates:
@@ -125,9 +127,9 @@ class Pipeline:
     def normals(self, out: T) -> T: ...
     def normals(self, out: Any = None) -> Any:
         """The unit normals of the last run's last iteration, (N, 3), zero where there is none. They look towards the
-        sensor where its place is known, and have arbitrary signs elsewhere and on a card. An
-        array on the pipeline's card, `out`, takes them without a copy through the host. Raises UsageError if the last
-        run failed or if a cloud was loaded since."""
+        sensor where its place is known, and have arbitrary signs elsewhere and on a card. `out`, an array on the
+        pipeline's card, takes them without a copy through the host. Raises UsageError if the last run failed or if a
+        cloud was loaded since."""
         if out is not None:
             if type(out) is np.ndarray or not _card.is_on_card(out):
                 raise UsageError("out takes an array on the pipeline's card: leave it out for one in host memory")
@@ -147,10 +149,10 @@ class Pipeline:
 
     def set_noise(self, sigmas: Any) -> None:
         """Gives the standard deviation of the noise at each point of the loaded cloud, (N,), in its unit, in place of
-        the estimate; None: the estimate again. Holds until the next load. The median is the noise of a typical place,
-        and from place to place it is smooth: a grid of 32 nodes along each axis lies between the values, from an eighth
-        of the median to 8 times that. A value that is not positive and finite says nothing, and its place takes the
-        noise around it.
+        the estimate; None brings the estimate back. Holds until the next load. The median is the noise of a typical
+        place. The values are smoothed onto a grid of 32 nodes along each axis, and kept within an eighth of the median
+        and 8 times the median. A value that is not positive and finite is ignored, and its place takes the noise around
+        it.
 
         Examples:
             >>> rng = np.random.default_rng(1)
@@ -165,7 +167,7 @@ class Pipeline:
 
     def set_viewpoint(self, viewpoint: Any) -> None:
         """Gives the place where the sensor stood, in the coordinates of the loaded points: (3,), or (N, 3) with a
-        position for each point; None: unknown. Of a Cloud also the names of three attributes, "vx,vy,vz", or "none".
+        position for each point; None: unknown. With a Cloud also the names of three attributes, "vx,vy,vz", or "none".
         Holds until the next load; a load of a Cloud takes what its file says. A position that is not finite is unknown.
 
         Examples:

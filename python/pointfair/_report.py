@@ -38,14 +38,14 @@ class DeviceStatus:
 
 @dataclasses.dataclass(frozen=True)
 class Estimates:
-    """What was measured on a cloud. Lengths are in the unit of the coordinates."""
+    """Measured on a cloud. Lengths are in the unit of the coordinates."""
 
     min: tuple[float, float, float]
     """Lower corner of the bounds of the finite points."""
     max: tuple[float, float, float]
     """Upper corner."""
     diagonal: float
-    """Of those bounds."""
+    """Of the bounds."""
     spacing: float
     """Mean distance to the 6 nearest other points."""
     noise: float
@@ -55,7 +55,7 @@ class Estimates:
     finite: int
     """Number of points without NaN or infinity."""
     noise_quantiles: tuple[float, float, float]
-    """That noise at the quietest, the typical and the loudest places: at 5, 50 and 95 % of the samples."""
+    """The noise at the quietest, the typical and the loudest places: the 5, 50 and 95 % quantiles of the samples."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -83,7 +83,7 @@ class Unmoved:
     outliers: int
     """Off the surface."""
     outliers_by_reason: Outliers
-    """Of those."""
+    """The outliers by reason."""
 
     @property
     def total(self) -> int:
@@ -110,8 +110,9 @@ class Report:
     points: int
     """Number of all points."""
     params: Params
-    """As used: lengths in file units, and "auto" only for what nothing reads. What was automatic also follows the noise
-    from place to place, which these numbers do not hold: to repeat a result, give what was given."""
+    """As used in a typical place: lengths in the unit of the points, and "auto" only for values that the run did not
+    read. What was automatic followed the noise from place to place, so to repeat a run, give it the same parameters and
+    not these."""
     unmoved: Unmoved
     """Points that kept their place."""
     short_neighborhoods: int
@@ -121,11 +122,11 @@ class Report:
     tiles: int
     """Number of tiles that the cloud was cut into; 1: not cut."""
     milliseconds: float
-    """From array to array."""
+    """Time of the run, from array to array."""
     peak_host_bytes: int
-    """Of the pipeline, without the caller's arrays."""
+    """Largest host memory of the pipeline, without the caller's arrays."""
     peak_device_bytes: int
-    """Of the card."""
+    """Largest memory on the card."""
     noise: float = dataclasses.field(default=float("nan"))
     """Estimated on the input; nan: not asked for."""
     spacing: float = dataclasses.field(default=float("nan"))

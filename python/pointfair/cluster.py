@@ -185,23 +185,23 @@ def denoise(client: Any, inputs: Sequence[str] | str, output: str | None = None,
             output_folder: str | None = None, memory: str = "4G", tiles: int = 1, threads: int = 0,
             device: str = "auto", resources: Mapping[str, float] | None = None, retries: int = 3,
             program: str | None = None, **parameters: Any) -> dict[str, Any]:
-    """Denoises clouds on a Dask cluster; the bits are those of one run in memory. Where `work` holds finished tasks of
-    the same job, they are not done again.
+    """Denoises clouds on a Dask cluster; the bits are those of one run in memory. Finished tasks of the same job that
+    lie in `work` are not done again.
 
     Args:
         client: a distributed.Client of the cluster.
         inputs: files, which together are one cloud: paths that every worker sees, or addresses that fsspec knows.
-        output: of one input, the file to write.
+        output: the file to write, if there is one input.
         work: a folder that every worker sees; it stays.
-        output_folder: in place of `output`: each input appears there under its name.
-        memory: what a task may take, as `--memory`. A worker of several threads runs as many tasks at once.
-        tiles: at least so many.
-        threads: of each task; 0: all cores of its machine.
-        device: of each task, as `--device`.
-        resources: what of a worker's resources each task takes, {"GPU": 1} for instance: only workers that declare so
-            much get one.
+        output_folder: in place of `output`: each input is written there under its name.
+        memory: memory that one task may take, as `--memory`. A worker with n threads runs n tasks at once.
+        tiles: the least number of tiles.
+        threads: CPU threads of each task; 0: all cores of its machine.
+        device: device of each task, as `--device`.
+        resources: the part of a worker's resources that each task takes, {"GPU": 1} for instance. Only workers that
+            declare that much get tasks.
         retries: how often a task that failed is tried again.
-        program: where the workers have the program; None: where this package has it.
+        program: path of the program on the workers; None: that of this package.
         **parameters: as the flags of `pointfair tile plan`: k=8, noise="3mm".
 
     Returns:

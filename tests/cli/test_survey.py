@@ -108,8 +108,8 @@ class Survey(Case):
         report = self.report("run", self.las, self.path("r.las"))
         self.assertAlmostEqual(report["rounding"]["rms"], 0.000288675, places=8)
         self.assertNotIn("--las-scale", self.ok("run", self.las, self.path("quiet.las")).stderr.decode())
-        self.fails(2, "run", coarse, self.path("out3.las"), "--las-scale", "0.003", says="whole part")
-        self.fails(2, "run", coarse, self.path("out3.las"), "--las-scale", "0", says="whole part")
+        self.fails(2, "run", coarse, self.path("out3.las"), "--las-scale", "0.003", says="divided by a whole number")
+        self.fails(2, "run", coarse, self.path("out3.las"), "--las-scale", "0", says="divided by a whole number")
 
     def test_copc_is_read_only(self):
         self.fails(3, "run", self.las, self.path("out.copc.laz"), says="COPC")

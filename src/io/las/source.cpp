@@ -43,8 +43,7 @@ std::vector<std::string> LasSource::losses(Format to) const {
   const Header& header = layout_.header;
   if (to != Format::las && to != Format::laz) {
     if (!header.records.empty()) {
-      result.push_back(
-          "the format written has no place for the records of a LAS file, its coordinate system among them");
+      result.push_back("the format of the output cannot hold the records of a LAS file, such as its coordinate system");
     }
     return result;
   }

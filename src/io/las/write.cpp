@@ -43,8 +43,8 @@ Grid steps_of(const Scaling& own, std::optional<double> wanted) {
   for (std::size_t axis = 0; wanted && axis < 3; ++axis) {
     const double ratio = own.scale[axis] / *wanted, whole = std::nearbyint(ratio);
     if (!(whole >= 1 && whole < 1e6) || std::abs(ratio - whole) > 1e-6 * whole) {
-      throw Error(ErrorKind::usage, "the scale cannot be " + text_of(*wanted) + ": that of the file is " +
-                                        text_of(own.scale[axis]) + "; give a whole part of it, such as " +
+      throw Error(ErrorKind::usage, "the scale cannot be " + text_of(*wanted) + ": give the file's own, " +
+                                        text_of(own.scale[axis]) + ", divided by a whole number, such as " +
                                         text_of(own.scale[axis] / 10));
     }
     steps[axis] = static_cast<std::int32_t>(whole);
