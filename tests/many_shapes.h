@@ -123,7 +123,8 @@ inline void expect_bits_of_single_runs(Pipeline& many, Pipeline& single, const C
     std::vector<Point> expected(clouds.cloud(i).size());
     single.load(clouds.cloud(i));
     single.run(params, expected);
-    EXPECT_EQ(std::memcmp(expected.data(), result.data() + clouds.offsets[i], expected.size() * sizeof(Point)), 0)
+    EXPECT_TRUE(expected.empty() ||
+                std::memcmp(expected.data(), result.data() + clouds.offsets[i], expected.size() * sizeof(Point)) == 0)
         << what << ", cloud " << i << " of " << expected.size();
   }
 }
