@@ -191,7 +191,8 @@ struct OwnPlace {
 // Whether a point is an outlier, and why.
 template <class F>
 struct Verdict {
-  decltype(F() < F()) is_outlier;
+  using Mask = decltype(F() < F());
+  Mask is_outlier;
   F reason;  // place_of(Outlier), where it is one
 };
 
@@ -202,7 +203,7 @@ POINTFAIR_DEVICE_INLINE Verdict<F> verdict_of(const Neighbors& neighbors, const 
                                               F squared_distance) {
   const auto is_sparse = neighbors.squared_core() > F(rule.squared_sparse_core);
   Verdict<F> verdict{
-      agreement.is_missing(is_sparse),
+      typename Verdict<F>::Mask(agreement.is_missing(is_sparse)),
       select(agreement.is_isolated(is_sparse), F(place_of(Outlier::isolated)), F(place_of(Outlier::off_surface)))};
   if constexpr (kSees) {
     if (rule.along_ray) {  // what settled() sees of points that move along the normal
