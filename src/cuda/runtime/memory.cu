@@ -5,9 +5,11 @@
 namespace pointfair::cuda {
 namespace {
 
-std::string gigabytes(std::uint64_t bytes) {
-  const std::string tenths = std::to_string((bytes + 50'000'000) / 100'000'000);
-  return (tenths.size() > 1 ? tenths.substr(0, tenths.size() - 1) : "0") + "." + tenths.back() + " GB";
+// In GB, or in MB below one.
+std::string size_of(std::uint64_t bytes) {
+  const bool is_large = bytes >= 1'000'000'000;
+  const std::uint64_t tenth = is_large ? 100'000'000 : 100'000, tenths = (bytes + tenth / 2) / tenth;
+  return std::to_string(tenths / 10) + "." + std::to_string(tenths % 10) + (is_large ? " GB" : " MB");
 }
 
 }  // namespace
@@ -68,8 +70,8 @@ void* Context::allocate(std::size_t bytes) {
     cudaGetLastError();
     std::size_t free_bytes = 0, all_bytes = 0;
     cudaMemGetInfo(&free_bytes, &all_bytes);
-    throw Error(ErrorKind::memory, name_ + ": " + gigabytes(bytes) + " more are needed, " + gigabytes(held_bytes_) +
-                                       " are held, " + gigabytes(free_bytes) + " of " + gigabytes(all_bytes) +
+    throw Error(ErrorKind::memory, name_ + ": " + size_of(bytes) + " more are needed, " + size_of(held_bytes_) +
+                                       " are held, " + size_of(free_bytes) + " of " + size_of(all_bytes) +
                                        " are free; take fewer neighbours, or run on the CPU");
   }
   check(status, "allocating device memory");
