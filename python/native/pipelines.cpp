@@ -88,10 +88,22 @@ Cloud run_cloud(SharedPipeline& self, const Params& params, double strength, con
 // A stream as Python's packages give it, a number.
 DeviceStream stream_of(std::uintptr_t number) { return {reinterpret_cast<void*>(number)}; }
 
+DevicePoints points_of(const CardArray& array) {
+  const DeviceOutput& rows = array.rows();
+  return {rows.data, rows.count, rows.row_stride, rows.column_stride, rows.type, rows.card};
+}
+
 void load_on_card(SharedPipeline& self, const CardArray& array, std::uintptr_t stream) {
-  self.use(nb::none(), array.rows().count, [&](ArrayPipeline& arrays, const Watch&) {
-    const DeviceOutput& rows = array.rows();
-    arrays.load({rows.data, rows.count, rows.row_stride, rows.column_stride, rows.type, rows.card}, stream_of(stream));
+  self.use(nb::none(), array.rows().count,
+           [&](ArrayPipeline& arrays, const Watch&) { arrays.load(points_of(array), stream_of(stream)); });
+}
+
+// Load and run in one, without the way through Python between them.
+void denoise_on_card(SharedPipeline& self, const CardArray& array, std::uintptr_t stream, const Params& params,
+                     const CardArray& out, nb::object progress) {
+  self.use(progress, array.rows().count, [&](ArrayPipeline& arrays, const Watch& watch) {
+    arrays.load(points_of(array), stream_of(stream));
+    arrays.run(params, out.rows(), stream_of(stream), watch);
   });
 }
 
@@ -180,9 +192,7 @@ void batch_on_card(SharedPipeline& self, const CardArray& array, std::uintptr_t 
   const std::size_t always_stoppable = std::size_t(1) << 20;
   self.use(progress, always_stoppable, [&](ArrayPipeline& arrays, const Watch& watch) {
     arrays.forget();
-    const DeviceOutput& rows = array.rows();
-    arrays.pipeline().run_many({rows.data, rows.count, rows.row_stride, rows.column_stride, rows.type, rows.card},
-                               stream_of(stream), ends, params, out.rows(), watch.stop);
+    arrays.pipeline().run_many(points_of(array), stream_of(stream), ends, params, out.rows(), watch.stop);
   });
 }
 
@@ -236,6 +246,8 @@ void bind_pipelines(nb::module_& module) {
   bind_scalar<float>(pipeline, module);
   bind_scalar<double>(pipeline, module);
   pipeline.def("load_on_card", &load_on_card, nb::arg("array"), nb::arg("stream"))
+      .def("denoise_on_card", &denoise_on_card, nb::arg("array"), nb::arg("stream"), nb::arg("params"), nb::arg("out"),
+           nb::arg("progress").none())
       .def("run_on_card", &run_on_card, nb::arg("params"), nb::arg("out"), nb::arg("stream"),
            nb::arg("progress").none())
       .def("normals_on_card", &normals_on_card, nb::arg("out"), nb::arg("stream"));

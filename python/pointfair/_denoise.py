@@ -120,10 +120,13 @@ def _denoise_on_card(pipeline: _native.Pipeline, points: Any, layout: _card.Card
                      out: Any, show: Any) -> Any:
     stream = _card.current_stream(layout)
     result = _card.CardResult(layout, points, out, stream)
-    pipeline.load_on_card(_card.card_array(points, stream), stream)
-    if viewpoint is not None:
+    array = _card.card_array(points, stream)
+    if viewpoint is None:
+        pipeline.denoise_on_card(array, stream, params._native, result.native, show)
+    else:
+        pipeline.load_on_card(array, stream)
         set_viewpoint(pipeline, viewpoint)
-    pipeline.run_on_card(params._native, result.native, stream, show)
+        pipeline.run_on_card(params._native, result.native, stream, show)
     return result.array
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 from typing import Any, Iterator
 
@@ -17,11 +18,22 @@ _DEFAULT = Params()
 
 def make_params(params: Params | None, changes: Any) -> Params:
     """`params`, or the defaults, with the changes."""
-    if params is None:
-        return Params(**_known(changes)) if changes else _DEFAULT
-    if not isinstance(params, Params):
+    if params is not None and not isinstance(params, Params):
         raise UsageError(f"params is a {type(params).__name__}: give a pointfair.Params")
-    return params.replace(**_known(changes)) if changes else params
+    if not changes:
+        return _DEFAULT if params is None else params
+    if params is not None:
+        return params.replace(**_known(changes))
+    try:
+        return _params_of(tuple((name, type(value), value) for name, value in changes.items()))
+    except TypeError:  # a value that cannot be a key
+        return Params(**_known(changes))
+
+
+@functools.lru_cache(maxsize=64)
+def _params_of(changes: tuple[tuple[str, type, Any], ...]) -> Params:
+    """Calls mostly repeat their arguments, and to check them takes longer than to denoise a few points."""
+    return Params(**_known({name: value for name, _, value in changes}))
 
 
 def _known(changes: dict[str, Any]) -> dict[str, Any]:

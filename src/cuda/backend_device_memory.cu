@@ -10,9 +10,10 @@ Origin CudaBackend::upload(const DevicePoints& points, DeviceStream stream, cons
   require_on_card(points.data, points.count, points.type, points.card, card_);
   forget_cloud(points.count);
   let_wait(stream);
-  callers_.start_sample(points);
-  Origin origin{};
+  callers_.await_points();
+  Origin origin{};  // as it mostly is: the index begins before the sample is there
   take(points, origin, expected);
+  callers_.start_sample(points);
   if (const Origin chosen = choose(callers_.sample(points)); chosen != origin) {
     origin = chosen;
     take(points, origin, expected);

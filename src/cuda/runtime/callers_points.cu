@@ -191,14 +191,13 @@ void CallersPoints::give_plain(const Point* from, const DeviceOutput& to) const 
   check(cudaGetLastError(), "giving points");
 }
 
-void CallersPoints::start_sample(const DevicePoints& from) {
+void CallersPoints::await_points() {
   state_.resize(1);
   if (chosen_.size() < kRoom) chosen_.resize(kRoom);
-  fetch_sample(from);
+  side_.fork();
 }
 
-void CallersPoints::fetch_sample(const DevicePoints& from) {
-  side_.fork();
+void CallersPoints::start_sample(const DevicePoints& from) {
   const cudaStream_t stream = side_.stream();
   const std::size_t room = chosen_.size(), brought = std::min(room, from.count);
   const unsigned blocks =
@@ -225,7 +224,8 @@ std::vector<Position> CallersPoints::sample(const DevicePoints& from) {
   check(cudaEventSynchronize(sampled_.get()), "sampling positions");
   if (fetched_state_.get()->chosen > chosen_.size()) {  // many points share a place
     chosen_.resize(fetched_state_.get()->chosen);
-    fetch_sample(from);
+    side_.fork();
+    start_sample(from);
     check(cudaEventSynchronize(sampled_.get()), "sampling positions");
   }
   const PositionSampleState& state = *fetched_state_.get();

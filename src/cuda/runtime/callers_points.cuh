@@ -41,15 +41,15 @@ class CallersPoints {
   // ends[i - 1] to ends[i]. Waits.
   std::vector<std::uint8_t> surely_have_no_origin(const DevicePoints& from, const unsigned* ends, std::size_t clouds);
 
-  // Starts to draw a sample of positions, as files do (src/io/source.cpp), beside what the context's stream gets next.
+  // A sample of positions, as files draw it (src/io/source.cpp), in two calls: the sample does not wait for what the
+  // context's stream gets between them, and what it gets there is launched first.
+  void await_points();
   void start_sample(const DevicePoints& from);
   cudaEvent_t sampled() const { return sampled_.get(); }  // after the last look at the points
   // The sample; waits for nothing else.
   std::vector<Position> sample(const DevicePoints& from);
 
  private:
-  void fetch_sample(const DevicePoints& from);
-
   Context& context_;
   SideStream side_;  // of the sample
   Position origin_{};
