@@ -29,6 +29,13 @@ void ManySampler::upload(const ManyClouds::Queries& queries, std::size_t at) {
   copy(queries.clouds, at + count);
 }
 
+// A sample is copied with the bytes between its fields, which kernels do not write.
+void ManySampler::clear_noise(std::size_t count) {
+  noise_.resize(count);
+  if (count == 0) return;
+  check(cudaMemsetAsync(noise_.data(), 0, count * sizeof(point::NoiseSample), context_.stream()), "clearing samples");
+}
+
 template <class T>
 void ManySampler::fetch(const DeviceArray<T>& from, Pinned<T>& to) {
   if (from.size() == 0) return;
@@ -43,7 +50,7 @@ ManyClouds::Taken ManySampler::take(const Tree& tree, const Point* points, std::
   const std::size_t spacings = for_spacing.points.size(), noises = for_noise.points.size();
   queries_.resize(2 * (spacings + noises));
   spacing_.resize(spacings);
-  noise_.resize(noises);
+  clear_noise(noises);
   residuals_.resize(noises);
   heads_.resize(noises * point::kHeadRow);
   upload(for_spacing, 0);
@@ -107,7 +114,7 @@ void ManySampler::look_farther(const Tree& tree, const Point* points, const Many
       queries.clouds.push_back(for_noise.clouds[short_ones[n]]);
     }
     upload(queries, 0);
-    noise_.resize(count);
+    clear_noise(count);
     cuda::look_farther(context_, tree, points, queries_.data(), queries_.data() + count, count, noise_.data());
     found.resize(count);
     check(cudaMemcpyAsync(found.data(), noise_.data(), count * sizeof(point::NoiseSample), cudaMemcpyDeviceToHost,

@@ -31,6 +31,7 @@ class ManySampler {
 
  private:
   void upload(const ManyClouds::Queries& queries, std::size_t at);
+  void clear_noise(std::size_t count);
   template <class T>
   void fetch(const DeviceArray<T>& from, Pinned<T>& to);
   void look_farther(const Tree& tree, const Point* points, const ManyClouds::Queries& for_noise,
