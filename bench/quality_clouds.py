@@ -49,6 +49,8 @@ def shape_cases(data, names, counts, seeds):
             continue
         for count in counts:
             clean = mesh.with_name(f"{name}_{count}.ply")
+            if not clean.exists():  # a mesh that comes without points
+                continue
             radius = bounding_radius(clean)
             for level in SHAPE_LEVELS:
                 for seed in range(1, seeds + 1):
