@@ -113,7 +113,8 @@ inline constexpr double kTurningNoise[] = {0.45, 1};                // spacings;
 inline constexpr int kIterations = 2;                           // quality
 inline constexpr double kTrustedNoise = 0.02;                   // spacings; half of a step is made there; low
 inline constexpr double kTrustedShape = 0.3;                    // the same where residuals grow like shape; 102
-inline constexpr double kDamage = 0.6;                          // c of (22), (23); 082
+inline constexpr double kDamage = 0.6;                          // c of (22); 082
+inline constexpr double kWidthDamage = 1.5;                     // by two iterations and the filter of normals; (23); 119
 inline constexpr double kHarmlessNoise[] = {0.2, 0.6};          // spacings; c of (22), (23); 082
 inline constexpr double kShapeDamage = 3, kUnseenShape = 0.01;  // noise variances; other methods; 027
 inline constexpr double kSmoothingNoise[] = {0.1, 0.6};         // spacings; other methods; 027

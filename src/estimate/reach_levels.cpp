@@ -17,13 +17,13 @@ using namespace constants;
 using Risks = std::array<double, point::kPlaneSizes>;  // over the sizes of neighbourhoods
 
 // Of the noise's variance, what a step over so many points leaves: w of its share w (Eq. 22) becomes 1 / k, the rest
-// stays. Shape is damaged in every iteration of a run. Where there is no plane all stays.
+// stays. Shape is damaged whenever a run averages, not only once. Where there is no plane all stays.
 Risks risks_of(const point::PlaneSample& planes, double noise_variance) {
   Risks risks;
   for (int size = 0; size < point::kPlaneSizes; ++size) {
     const double k = point::plane_points(size), variance = planes.variance[size];
     const double shape = std::max(0.0, variance / noise_variance - 1 - double(point::kChance));
-    const double damage = kDamage * kIterations * shape;
+    const double damage = kWidthDamage * shape;
     risks[std::size_t(size)] = variance < 0 ? 1 : (damage + 1 / k) / (1 + damage);
   }
   return risks;
