@@ -92,7 +92,8 @@ def card_array(points: Any, stream: int) -> _native.CardArray:
     """x, y, z of the array as the native calls take them, ready on the stream."""
     rows = points if points.shape[1] == 3 else points[:, :3]
     if _package(rows) == "torch":  # `stream` is torch's own, so nothing is to be ordered, for which DLPack takes 10 us
-        return _native.CardArray(rows.data_ptr(), len(rows), *rows.stride(), rows.element_size() == 8, rows.get_device())
+        row_stride, column_stride = rows.stride()
+        return _native.CardArray(rows.data_ptr(), len(rows), row_stride, column_stride, rows.element_size() == 8, rows.get_device())
     if hasattr(rows, "__dlpack__"):
         return _native.CardArray(rows.__dlpack__(stream=stream))
     interface = rows.__cuda_array_interface__
