@@ -7,6 +7,7 @@
 #include <cstring>
 #include <set>
 
+#include "scale/candidates.hpp"
 #include "seam/backend.hpp"
 #include "seam/cloud_sample.hpp"
 #include "seam/sampling.hpp"
@@ -97,6 +98,28 @@ TEST(CloudSample, of_a_cloud_rounded_anew_is_nearly_the_same) {
   const auto same =
       std::count_if(after.indices.begin(), after.indices.end(), [&](std::uint32_t i) { return kept.contains(i); });
   EXPECT_GT(same, 950);
+}
+
+// Where many points share cells, the first candidates are too few.
+TEST(CloudSample, is_drawn_in_one_pass_over_a_stored_cloud) {
+  Points shared;
+  for (const Point& p : shapes::waves(4000)) shared.insert(shared.end(), 2, p);
+  for (const Points& points : {shapes::waves(20000), shared, shapes::with_stray(shapes::sphere(20000), -1e4f)}) {
+    const CloudSample expected = sample_of(points, 900);
+    int passes = 0;
+    const auto for_all = [&](const std::function<void(std::span<const Point>)>& visit) {
+      ++passes;
+      visit(std::span(points).first(1000));
+      visit(std::span(points).subspan(1000));
+    };
+    scale::CandidatesAhead candidates(expected.bounds, for_all, [](std::size_t count, const auto& body) {
+      for (std::size_t i = 0; i < count; ++i) body(i);
+    });
+    const CloudSample found =
+        draw_sample(expected.bounds, 900, [&](Candidates wanted) { return candidates.collect(wanted); });
+    EXPECT_EQ(passes, 1);
+    EXPECT_TRUE(same_points(found.points, expected.points));
+  }
 }
 
 }  // namespace

@@ -261,18 +261,15 @@ void Denoising::write() { tile_->write(path_); }
 void denoise_all(const std::function<std::unique_ptr<Denoising>()>& next, Backend& backend) {
   std::shared_ptr<Denoising> present = next();
   if (present) present->read();
-  std::future<void> writing;  // a future of std::async waits in its destructor, so a tile that is done is written
   while (present) {
     std::shared_ptr<Denoising> coming = next();
-    std::future<void> reading;
+    std::future<void> reading;  // a future of std::async waits in its destructor
     if (coming) reading = std::async(std::launch::async, [coming] { coming->read(); });
     present->compute(backend);
-    if (writing.valid()) writing.get();
-    writing = std::async(std::launch::async, [present] { present->write(); });
+    present->write();  // before anything is computed that a kill would cost as well
     if (reading.valid()) reading.get();
     present = std::move(coming);
   }
-  if (writing.valid()) writing.get();
 }
 
 }  // namespace pointfair::scale

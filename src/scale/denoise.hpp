@@ -46,8 +46,8 @@ class Denoising {
   std::filesystem::path path_;
 };
 
-/// Does the tiles that next() gives, until it gives none: one is computed while the next one is read and the one before
-/// is written.
+/// Does the tiles that next() gives, until it gives none: one is computed and written while the next one is read. So
+/// who is killed has one tile to do again.
 void denoise_all(const std::function<std::unique_ptr<Denoising>()>& next, Backend& backend);
 
 }  // namespace pointfair::scale

@@ -12,6 +12,7 @@
 
 #include "estimate/automatic.hpp"
 #include "estimate/beam_width.hpp"
+#include "scale/candidates.hpp"
 #include "scale/ingest.hpp"
 #include "scale/kept_leaves.hpp"
 #include "seam/cloud_sample.hpp"
@@ -37,7 +38,10 @@ class StoredSampling final : public Sampling {
 
   CloudSample sample_cloud(std::size_t count) override {
     const Bounds& bounds = cloud_.bounds();
-    CloudSample sample = draw_sample(bounds, count, [&](Candidates wanted) { return collect(bounds, wanted); });
+    CandidatesAhead candidates(
+        bounds, [this](const auto& visit) { leaves_.for_all(visit); },
+        [this](std::size_t blocks, const auto& body) { for_each_on_host(blocks, body); });
+    CloudSample sample = draw_sample(bounds, count, [&](Candidates wanted) { return candidates.collect(wanted); });
     for (std::size_t i = 0; i < sample.indices.size(); ++i) sample.indices[i] = std::uint32_t(i);
     queries_ = sample.points;
     return sample;
@@ -64,26 +68,6 @@ class StoredSampling final : public Sampling {
     std::vector<std::size_t> asked;
     double halo;
   };
-
-  std::vector<SampleCandidate> collect(const Bounds& bounds, Candidates wanted) {
-    const double cells = point::cells_per_unit(to_vec3(bounds.min), to_vec3(bounds.max), wanted.refinement);
-    std::vector<SampleCandidate> all;
-    leaves_.for_all([&](std::span<const Point> points) {
-      constexpr std::size_t kBlock = 1 << 14;
-      std::vector<std::vector<SampleCandidate>> found((points.size() + kBlock - 1) / kBlock);
-      for_each_on_host(found.size(), [&](std::size_t block) {
-        const std::size_t begin = block * kBlock;
-        for (const Point& p : points.subspan(begin, std::min(kBlock, points.size() - begin))) {
-          const std::uint32_t hash = point::cell_hash(to_vec3(p), to_vec3(bounds.min), cells);
-          if (hash <= wanted.limit) found[block].push_back({hash, 0, p});
-        }
-        order_candidates(found[block]);
-      });
-      for (const auto& some : found) all.insert(all.end(), some.begin(), some.end());
-      if (all.size() > kMostCandidates) order_candidates(all);
-    });
-    return all;
-  }
 
   // One whose box holds the point.
   std::size_t leaf_near(const Point& p) const {
@@ -143,7 +127,6 @@ class StoredSampling final : public Sampling {
     return cloud_.append(region, {}, most_, loaded);
   }
 
-  static constexpr std::size_t kMostCandidates = 1 << 18;
   const StoredCloud& cloud_;
   Backend& backend_;
   std::uint64_t bytes_of_point_, most_;  // points that are loaded at once

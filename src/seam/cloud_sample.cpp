@@ -60,6 +60,11 @@ Candidates first_candidates(std::uint64_t valid, std::size_t count) {
   return {share < 1 ? std::uint32_t(share * kAll) : kAll, 0};
 }
 
+Candidates with_more(Candidates wanted) {
+  return {wanted.limit > kAll / 16 ? kAll : 16 * wanted.limit, wanted.refinement};
+}
+Candidates refined(Candidates wanted) { return {wanted.limit, wanted.refinement + 1}; }
+
 CloudSample draw_sample(const Bounds& bounds, std::size_t count, const Collect& collect) {
   if (bounds.valid == 0 || count == 0) return {bounds, {}, {}};
   const std::size_t expected = std::min<std::size_t>(count, bounds.valid);
@@ -69,9 +74,9 @@ CloudSample draw_sample(const Bounds& bounds, std::size_t count, const Collect& 
     order_candidates(candidates);
     if (candidates.size() >= expected) break;
     if (candidates.size() < expected / 2 && wanted.refinement < kMostRefinements) {
-      ++wanted.refinement;  // most of the cloud may share few cells, since some points lie far from it
+      wanted = refined(wanted);  // most of the cloud may share few cells, since some points lie far from it
     } else if (wanted.limit < kAll) {
-      wanted.limit = wanted.limit > kAll / 16 ? kAll : 16 * wanted.limit;  // many points share places
+      wanted = with_more(wanted);  // many points share places
     } else {
       break;
     }

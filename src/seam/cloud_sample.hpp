@@ -40,6 +40,9 @@ using Collect = std::function<std::vector<SampleCandidate>(Candidates wanted)>;
 CloudSample draw_sample(const Bounds& bounds, std::size_t count, const Collect& collect);
 // What it asks for first, and mostly only, in a cloud of so many valid points.
 Candidates first_candidates(std::uint64_t valid, std::size_t count);
+// What it asks for next where those are too few: mostly more of the same cells, or smaller cells where it met few.
+Candidates with_more(Candidates wanted);
+Candidates refined(Candidates wanted);
 
 // In the order in which they are drawn, one of each cell.
 void order_candidates(std::vector<SampleCandidate>& candidates);

@@ -27,6 +27,10 @@ def finished(folder):
             if entry.name.startswith(LEFT_BY_TASKS)} if folder.exists() else {}
 
 
+def half_written(folder):
+    return [name for name in os.listdir(folder) if name.startswith(".")] if folder.exists() else []
+
+
 class Killed(Case):
     def setUp(self):
         super().setUp()
@@ -49,7 +53,7 @@ class Killed(Case):
     def expect_the_bits_and_nothing_else(self):
         self.assertEqual(self.out.read_bytes(), self.path("whole.ply").read_bytes())
         self.assertEqual([entry.name for entry in self.fair.iterdir()], ["out.ply"])
-        self.assertEqual([name for name in os.listdir(self.work) if name.startswith(".")], [])
+        self.assertEqual(half_written(self.work), [])
 
     def expect_nothing_was_done_again(self, before):
         now = finished(self.work)
@@ -67,6 +71,7 @@ class Killed(Case):
             process.send_signal(signal.SIGSTOP)
             os.waitid(os.P_PID, process.pid, os.WSTOPPED | os.WEXITED | os.WNOWAIT)
         done = finished(self.work)
+        self.assertLessEqual(len(half_written(self.work)), 1)
         process.send_signal(number)
         process.send_signal(signal.SIGCONT)
         text = process.communicate()[1].decode()
@@ -98,7 +103,7 @@ class Killed(Case):
             stops += was_stopped
             self.assertEqual([name for name in os.listdir(self.fair) if name.startswith(".")], [])
             if was_stopped:
-                self.assertEqual([name for name in os.listdir(self.work) if name.startswith(".")] if self.work.exists() else [], [])
+                self.assertEqual(half_written(self.work), [])
             else:
                 self.expect_the_bits_and_nothing_else()
                 self.start_anew()

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tiles one after the other: what a kill may cost.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <functional>
+
+#include "forwarding_backend.h"
+#include "scale/denoise.hpp"
+#include "scale/points_file.hpp"
+#include "shapes.h"
+
+namespace pointfair::scale {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Tells when the computing of a tile begins.
+class Watched : public ForwardingBackend {
+ public:
+  explicit Watched(std::function<void()> begin) : ForwardingBackend(make_cpu_backend(2)), begin_(std::move(begin)) {}
+  void upload(std::span<const Point> points, IndexOrder expected) override {
+    begin_();
+    ForwardingBackend::upload(points, expected);
+  }
+
+ private:
+  std::function<void()> begin_;
+};
+
+// Points of a plane in strips, each a leaf and a tile.
+void store_strips(const fs::path& path, std::uint32_t strips) {
+  std::vector<Point> points;
+  std::vector<std::uint32_t> indices;
+  std::vector<Section> sections;
+  for (std::uint32_t strip = 0; strip < strips; ++strip) {
+    Bounds bounds = kNoBounds;
+    for (int i = 0; i < 4000; ++i) {
+      points.push_back({float(20 * strip + i % 20), float(i / 20), 0});
+      indices.push_back(std::uint32_t(indices.size()));
+      include(bounds, points.back());
+    }
+    sections.push_back({strip, 0, bounds.valid, bounds.min, bounds.max});
+  }
+  PointsWriter writer(path, {}, sections, {});
+  writer.write(std::span(points));
+  writer.write(std::span(indices));
+  writer.finish();
+}
+
+TEST(Denoise, a_tile_is_computed_when_all_that_were_computed_before_are_on_the_disk) {
+  constexpr std::uint32_t kTiles = 12;
+  const fs::path folder = fs::temp_directory_path() / ("pointfair-denoise-" + std::to_string(::getpid()));
+  fs::create_directories(folder);
+  store_strips(folder / "input", kTiles);
+  {
+    const StoredCloud input({folder / "input"}, kTiles);
+    const auto path_of = [&](std::uint32_t tile) { return folder / std::to_string(tile); };
+    std::uint32_t given = 0, done = 0;
+    TileStages stages;
+    stages.neighbors.k = 8;
+    stages.normals.sigma = stages.fairing.closeness_sigma = stages.fairing.similarity_sigma = 2;
+    const auto next = [&]() -> std::unique_ptr<Denoising> {
+      if (given == kTiles) return nullptr;
+      const TileWork work{input, {given, given + 1}, stages, 1 << 20};
+      return std::make_unique<Denoising>(work, path_of(given++), std::stop_token());
+    };
+    Watched backend([&] {
+      while (done < kTiles && fs::exists(path_of(done))) ++done;
+      EXPECT_EQ(given, std::min(kTiles, done + 2));  // this one, and one that is read
+    });
+    denoise_all(next, backend);
+    for (std::uint32_t tile = 0; tile < kTiles; ++tile) EXPECT_TRUE(fs::exists(path_of(tile)));
+  }
+  fs::remove_all(folder);
+}
+
+}  // namespace
+}  // namespace pointfair::scale
