@@ -103,6 +103,17 @@ TEST(NoiseLevels, of_the_same_noise_everywhere_are_next_to_one) {
   }
 }
 
+// Where points are dense, neighbourhoods are narrow against the noise and show less of it.
+TEST(NoiseLevels, of_the_same_noise_at_different_densities_are_next_to_one) {
+  constexpr float kShare = 0.5f, kWidth = 0.02f;  // half of the points lie in a strip so wide: 49 times as dense
+  Points points = shapes::plane(kPoints);
+  for (Point& p : points)
+    p.x = p.x < kShare ? p.x * kWidth / kShare : kWidth + (p.x - kShare) * (1 - kWidth) / (1 - kShare);
+  points = shapes::with_noise(points, 3 * std::sqrt(kWidth / (kShare * kPoints)));
+  const Outcome outcome = run(points);
+  for (const Point& p : points) ASSERT_NEAR(reference::noise_level(outcome.settings, p), 1, 0.15);
+}
+
 TEST(NoiseLevels, do_not_depend_on_the_order_of_the_points) {
   const Points points = two_halves();
   std::vector<std::size_t> order(points.size());

@@ -45,13 +45,14 @@ inline constexpr double kAlikeGrowth[] = {1.14, 1.18};     // ratio in flat plac
 inline constexpr double kAlikeSlowing[] = {1.2, 0.9};      // the next growth over this one; more is shape; 051
 
 // Noise from place to place.
-inline constexpr std::size_t kFewestSamples = 64;   // that show noise; 082
-inline constexpr std::size_t kPool = point::kPool;  // samples whose residuals stand for one place; (21); 082
-inline constexpr std::size_t kSmoothed = 8;         // samples whose median is the noise of a place; (21); 082
-inline constexpr double kFitError = 0.1;            // of log variances, beside chance; (21); 082
-inline constexpr double kSpread = 0.5;              // of log levels, before anything is known; (21); 104
-inline constexpr double kChanceOfLevels = 0.1;      // of log levels, by the samples alone; (21); 104
-inline constexpr double kLargestLevel = 8;          // sigmas; 082
+inline constexpr double kWideAgainstResiduals = 2.6;  // radius of a neighbourhood that cuts off none; (21); 120
+inline constexpr std::size_t kFewestSamples = 64;     // that show noise; 082
+inline constexpr std::size_t kPool = point::kPool;    // samples whose residuals stand for one place; (21); 082
+inline constexpr std::size_t kSmoothed = 8;           // samples whose median is the noise of a place; (21); 082
+inline constexpr double kFitError = 0.1;              // of log variances, beside chance; (21); 082
+inline constexpr double kSpread = 0.5;                // of log levels, before anything is known; (21); 104
+inline constexpr double kChanceOfLevels = 0.1;        // of log levels, by the samples alone; (21); 104
+inline constexpr double kLargestLevel = 8;            // sigmas; 082
 inline constexpr std::array kShapePowers{1.3, 2.0, 3.0, 4.0};  // of the size, by which shape grows; (21); 082
 inline constexpr int kLeastShape = -10, kMostShape = 8;        // half decades of shape over noise; (21); 082
 inline constexpr double kUnlikely = 20;                 // minus twice the log likelihood, over the best; 1 of 20,000
@@ -110,12 +111,12 @@ inline constexpr int kCreaseAngle = 15, kCreaseAngleOfNoise = 20;   // degrees; 
 inline constexpr double kTurningNoise[] = {0.45, 1};                // spacings; quality
 
 // The step.
-inline constexpr int kIterations = 2;                           // quality
-inline constexpr double kTrustedNoise = 0.02;                   // spacings; half of a step is made there; low
-inline constexpr double kTrustedShape = 0.3;                    // the same where residuals grow like shape; 102
-inline constexpr double kDamage = 0.6;                          // c of (22); 082
-inline constexpr double kWidthDamage = 1.5;                     // by two iterations and the filter of normals; (23); 119
-inline constexpr double kHarmlessNoise[] = {0.2, 0.6};          // spacings; c of (22), (23); 082
+inline constexpr int kIterations = 2;                   // quality
+inline constexpr double kTrustedNoise = 0.02;           // spacings; half of a step is made there; low
+inline constexpr double kTrustedShape = 0.3;            // the same where residuals grow like shape; 102
+inline constexpr double kDamage = 0.6;                  // c of (22); 082
+inline constexpr double kWidthDamage = 1.5;             // by two iterations and the filter of normals; (23); 119
+inline constexpr double kHarmlessNoise[] = {0.2, 0.6};  // spacings; c of (22), (23); 082
 inline constexpr double kShapeDamage = 3, kUnseenShape = 0.01;  // noise variances; other methods; 027
 inline constexpr double kSmoothingNoise[] = {0.1, 0.6};         // spacings; other methods; 027
 

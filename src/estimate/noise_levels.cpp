@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <utility>
 #include <vector>
 
@@ -58,15 +59,27 @@ std::vector<Ranked> ranked(const std::vector<Curve>& curves) {
   return result;
 }
 
+// The median of what is known in a pool, unknown where less than half is.
+double middle(std::span<const std::uint32_t> pool, const Ranked& values) {
+  return values.among(pool, [&](std::size_t known) { return 2 * known < pool.size() ? Ranked::kNoPlace : known / 2; });
+}
+
 // At the place of the pool's first sample.
 Curve pooled(std::span<const std::uint32_t> pool, const std::vector<Ranked>& of_sizes) {
   Curve result;
-  for (std::size_t size = 0; size < kSizes; ++size) {
-    const double value = of_sizes[size].among(
-        pool, [&](std::size_t known) { return 2 * known < pool.size() ? Ranked::kNoPlace : known / 2; });
-    result[size] = value / chance_medians()[size];
-  }
+  for (std::size_t size = 0; size < kSizes; ++size)
+    result[size] = middle(pool, of_sizes[size]) / chance_medians()[size];
   return result;
+}
+
+// A narrow ball cuts off what lies far from the surface: there the noise is at least so large, and unknown where it is
+// larger elsewhere.
+Curve without_cut_off(Curve curve, double spacing, double typical) {
+  for (std::size_t size = 0; size < kSizes; ++size) {
+    const double residual = std::sqrt(curve[size]), radius = spacing * std::sqrt(kCounts[size] / std::numbers::pi);
+    if (residual < typical && radius < kWideAgainstResiduals * residual) curve[size] = kUnknown;
+  }
+  return curve;
 }
 
 // Of log(noise + shape) over the sizes, less log(noise): shape grows as a power of the size. An array a size.
@@ -156,7 +169,13 @@ LocalNoise local_noise(const LocalSamples& samples, double typical, const Pools&
     curves.push_back(curve_of(samples.noise[i], samples.residuals.empty() ? nullptr : &samples.residuals[i]));
   const std::vector<Ranked> of_sizes = ranked(curves);
   std::vector<double> noise(samples.places.size()), log_levels(noise.size());
-  for_each(noise.size(), [&](std::size_t i) { noise[i] = noise_of(pooled(pools.of(i), of_sizes), typical); });
+  for (std::size_t i = 0; i < noise.size(); ++i)
+    noise[i] = samples.noise[i].is_wide ? samples.noise[i].spacing : kUnknown;
+  const Ranked spacings(noise);
+  for_each(noise.size(), [&](std::size_t i) {
+    const Curve curve = without_cut_off(pooled(pools.of(i), of_sizes), middle(pools.of(i), spacings), typical);
+    noise[i] = noise_of(curve, typical);
+  });
   const Ranked noises(noise);
   for_each(noise.size(), [&](std::size_t i) {
     const double median = median_known(pools.of(i).first(kSmoothed), noises).value_or(typical);
