@@ -71,13 +71,14 @@ inline Frame frame_over(Point lower, float side) {
 // follows, and shares of noise so large.
 inline void follow_noise(StageSettings& settings, Point lower, float side, float noise) {
   NoiseLevels levels;
-  const int nodes = point::kFieldNodes;
+  const int nodes = 32;
   for (int z = 0; z < nodes; ++z)
     for (int y = 0; y < nodes; ++y)
       for (int x = 0; x < nodes; ++x) levels.levels.push_back(0.5f + 0.1f * float((7 * x + 11 * y + 5 * z) % 26));
+  levels.nodes = nodes;
   levels.first = lower;
   levels.nodes_per_unit = float(nodes - 1) / side;
-  NodeLevels reach{levels.levels, lower, levels.nodes_per_unit};
+  NodeLevels reach{levels.levels, nodes, lower, levels.nodes_per_unit};
   std::reverse(reach.levels.begin(), reach.levels.end());
   settings.neighbors.reach_levels = std::make_shared<const NodeLevels>(std::move(reach));
   settings.neighbors.levels = settings.limits.levels = std::make_shared<const NoiseLevels>(std::move(levels));

@@ -107,7 +107,7 @@ inline Settings settings_of(const Params& resolved, const FollowedNoise& followe
 // that of the nearest place on it.
 inline double level_at(const NodeLevels* levels, Point p) {
   if (levels == nullptr) return 1;
-  const int nodes = int(std::lround(std::cbrt(double(levels->levels.size()))));
+  const int nodes = levels->nodes;
   const Point& first = levels->first;
   const double from[] = {double(p.x) - first.x, double(p.y) - first.y, double(p.z) - first.z};
   double level = 0;

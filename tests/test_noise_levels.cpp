@@ -175,15 +175,16 @@ TEST(NoiseLevels, without_noise_hardly_a_point_moves) {
 TEST(NodeField, is_trilinear_and_beyond_its_border_as_on_it) {
   NoiseLevels levels;
   shapes::Random random(3);
-  const std::size_t nodes = point::kFieldNodes;
+  const std::size_t nodes = 8;
+  levels.nodes = int(nodes);
   for (std::size_t i = 0; i < nodes * nodes * nodes; ++i) levels.levels.push_back(float(random.uniform(0.2, 4)));
   levels.first = {-1, 2, 3};
   levels.nodes_per_unit = 4;
   reference::Settings settings;
   settings.levels = std::make_shared<const NoiseLevels>(levels);
-  const point::NodeField field{levels.levels.data(), {-1, 2, 3}, 4};
+  const point::NodeField field{levels.levels.data(), levels.nodes, {-1, 2, 3}, 4};
   for (int i = 0; i < 2000; ++i) {
-    const Point p{float(random.uniform(-3, 9)), float(random.uniform(0, 12)), float(random.uniform(1, 13))};
+    const Point p{float(random.uniform(-3, 3)), float(random.uniform(0, 6)), float(random.uniform(1, 7))};
     ASSERT_NEAR(point::node_value(field, {p.x, p.y, p.z}), reference::noise_level(settings, p), 1e-4);
   }
   EXPECT_EQ(point::node_value(field, {-1, 2, 3}), levels.levels[0]);
@@ -200,8 +201,19 @@ TEST(NodeField, of_one_value_has_it_everywhere) {
   for (int again = 0; again < 2; ++again) {  // in memory that another cloud has left
     const std::vector<double> logs(places.size(), std::log(2.5 + again));
     const std::shared_ptr<const NodeLevels> levels = shared(levels_between(places, logs, one_after_the_other));
+    ASSERT_EQ(levels->nodes, 32);
     ASSERT_EQ(levels->levels.size(), std::size_t(32 * 32 * 32));
     for (const float level : levels->levels) ASSERT_NEAR(level, 2.5 + again, 1e-5);
+  }
+}
+
+// Few places do not need as fine a grid.
+TEST(NodeField, has_about_as_many_nodes_along_an_axis_as_places_on_a_surface_have) {
+  for (const auto& [places, nodes] : {std::pair(64, 8), {65, 16}, {256, 16}, {257, 32}, {5000, 32}}) {
+    const NodeLevels levels =
+        levels_between(shapes::plane(places), std::vector<double>(std::size_t(places), 0.0), one_after_the_other);
+    EXPECT_EQ(levels.nodes, nodes) << places;
+    EXPECT_EQ(levels.levels.size(), std::size_t(nodes * nodes * nodes));
   }
 }
 

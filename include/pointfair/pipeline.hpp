@@ -54,10 +54,10 @@ class POINTFAIR_EXPORT Pipeline {
 
   /// Gives the standard deviation of the noise at each point of the loaded cloud, in file units and in upload order, in
   /// place of the estimate; an empty span brings the estimate back. Holds until the next load. The median is the noise
-  /// of a typical place. The values at up to 32,768 points are smoothed onto a grid of 32^3 nodes, and kept within an
-  /// eighth of the median and 8 times the median. A value that is not positive and finite is ignored, and its place
-  /// takes the noise around it. Points at one place must have one value. Throws ErrorKind::usage unless there
-  /// is a value for each point, one of them positive. O(N) and 16 bytes a point.
+  /// of a typical place. The values at up to 32,768 points are smoothed onto a grid of up to 32^3 nodes, and kept
+  /// within an eighth of the median and 8 times the median. A value that is not positive and finite is ignored, and its
+  /// place takes the noise around it. Points at one place must have one value. Throws ErrorKind::usage unless there is
+  /// a value for each point, one of them positive. O(N) and 16 bytes a point.
   void set_noise(std::span<const float> sigmas);
 
   /// Gives the place where the sensor stood that saw the loaded cloud, in the file's coordinates: one position for all

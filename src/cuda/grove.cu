@@ -9,10 +9,9 @@
 namespace pointfair::cuda {
 namespace {
 
-constexpr std::size_t kNodes = std::size_t(point::kFieldNodes) * point::kFieldNodes * point::kFieldNodes;
-constexpr std::size_t kNodesOfCloud = 2 * kNodes;
-
 Vec vec(const Point& p) { return {p.x, p.y, p.z}; }
+
+std::size_t nodes_of(const NodeLevels* levels) { return levels == nullptr ? 0 : levels->levels.size(); }
 
 // As a chain has them for one cloud (chain.cu). `nodes`: of the noise, then of the reach.
 CloudRules rules_of(const ManyClouds::OfCloud& its, const float* nodes) {
@@ -25,7 +24,7 @@ CloudRules rules_of(const ManyClouds::OfCloud& its, const float* nodes) {
   rules.noise_levels = field_of(its.neighbors.levels.get());
   if (its.neighbors.levels) rules.noise_levels.values = nodes;
   rules.reach_levels = field_of(its.neighbors.reach_levels.get());
-  if (its.neighbors.reach_levels) rules.reach_levels.values = nodes + kNodes;
+  if (its.neighbors.reach_levels) rules.reach_levels.values = nodes + nodes_of(its.neighbors.levels.get());
   rules.normal = normal_rule(its.normals);
   rules.inverse_turn = point::inverse_turn(its.normals.crease_angle);
   rules.most_growth = its.normals.flat_scale * its.normals.flat_scale;
@@ -71,24 +70,28 @@ Forest Grove::plan(std::span<const CloudSpan> clouds, std::span<const Index> whi
     place += clouds[cloud].end - clouds[cloud].first;
   }
   upload(spans);
-  nodes_.resize(which.size() * kNodesOfCloud);
-  pinned_nodes_.resize(which.size() * kNodesOfCloud);
-  for (std::size_t n = 0; n < which.size(); ++n)
-    rules.push_back(rules_of(settings[n], nodes_.data() + n * kNodesOfCloud));
+  std::vector<std::size_t> begins{0};  // of each cloud's nodes
+  for (std::size_t n = 0; n < which.size(); ++n) {
+    const NeighborSettings& its = settings[n].neighbors;
+    begins.push_back(begins.back() + nodes_of(its.levels.get()) + nodes_of(its.reach_levels.get()));
+  }
+  nodes_.resize(begins.back());
+  pinned_nodes_.resize(begins.back());
+  for (std::size_t n = 0; n < which.size(); ++n) rules.push_back(rules_of(settings[n], nodes_.data() + begins[n]));
   for_each(which.size(), [&](std::size_t n) {
-    float* const to = pinned_nodes_.get() + n * kNodesOfCloud;
-    const auto copy = [](const NodeLevels* levels, float* into) {
-      if (levels != nullptr) std::copy(levels->levels.begin(), levels->levels.end(), into);
+    float* to = pinned_nodes_.get() + begins[n];
+    const auto append = [&to](const NodeLevels* levels) {
+      if (levels != nullptr) to = std::copy(levels->levels.begin(), levels->levels.end(), to);
     };
-    copy(settings[n].neighbors.levels.get(), to);
-    copy(settings[n].neighbors.reach_levels.get(), to + kNodes);
+    append(settings[n].neighbors.levels.get());
+    append(settings[n].neighbors.reach_levels.get());
   });
   rules_.resize(rules.size());
   check(cudaMemcpyAsync(rules_.data(), rules.data(), rules.size() * sizeof(CloudRules), cudaMemcpyHostToDevice,
                         context_.stream()),
         "uploading rules");
-  check(cudaMemcpyAsync(nodes_.data(), pinned_nodes_.get(), which.size() * kNodesOfCloud * sizeof(float),
-                        cudaMemcpyHostToDevice, context_.stream()),
+  check(cudaMemcpyAsync(nodes_.data(), pinned_nodes_.get(), begins.back() * sizeof(float), cudaMemcpyHostToDevice,
+                        context_.stream()),
         "uploading levels");
   Forest forest = forest_of(spans, uploaded);
   forest.spans = spans_.data();

@@ -56,6 +56,7 @@ inline constexpr double kLargestLevel = 8;            // sigmas; 082
 inline constexpr std::array kShapePowers{1.3, 2.0, 3.0, 4.0};  // of the size, by which shape grows; (21); 082
 inline constexpr int kLeastShape = -10, kMostShape = 8;        // half decades of shape over noise; (21); 082
 inline constexpr double kUnlikely = 20;                 // minus twice the log likelihood, over the best; 1 of 20,000
+inline constexpr int kMostNodes = 32;                   // of the grid of levels along an axis; 121
 inline constexpr double kAside = 0.01;                  // of the places, at either end of each axis; 082
 inline constexpr std::size_t kMostGivenPlaces = 32768;  // points whose noise is given: as many as nodes; 076
 inline constexpr std::array kToldQuantiles{0.05, 0.5, 0.95};

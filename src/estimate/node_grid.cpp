@@ -10,11 +10,13 @@
 #include "estimate/constants.hpp"
 #include "estimate/exponential.hpp"
 #include "point/node_field.h"
+#include "seam/noise_levels.hpp"
 
 namespace pointfair {
 namespace {
 
 using constants::kAside;
+using constants::kMostNodes;
 
 // Sums over the cells of a cube of n cells an axis, and their means once they are known.
 struct Level {
@@ -63,7 +65,7 @@ class Levels {
  public:
   Levels() : levels_(Kept<Level>::take()) {
     if (levels_.empty())
-      for (int n = point::kFieldNodes; n > 0; n /= 2) levels_.emplace_back(n);
+      for (int n = kMostNodes; n > 0; n /= 2) levels_.emplace_back(n);
   }
   ~Levels() { Kept<Level>::give(std::move(levels_)); }
   Levels(const Levels&) = delete;
@@ -113,8 +115,8 @@ std::size_t slab_beside(std::size_t fine, std::size_t n) {
 void pull(const Level& coarse, Level& fine, const ForEach& for_each) {
   const std::size_t n = std::size_t(coarse.n), m = 2 * n;
   for_each(m, [&](std::size_t z) {
-    std::array<double, point::kFieldNodes * point::kFieldNodes / 4> along_z;
-    std::array<double, point::kFieldNodes * point::kFieldNodes / 2> along_y;
+    std::array<double, kMostNodes * kMostNodes / 4> along_z;
+    std::array<double, kMostNodes * kMostNodes / 2> along_y;
     const std::size_t here = z / 2 * n * n, beside = slab_beside(z, n) * n * n;
     for (std::size_t i = 0; i < n * n; ++i)
       along_z[i] = coarse.mean[here + i] + (coarse.mean[beside + i] - coarse.mean[here + i]) / 4;
@@ -130,9 +132,9 @@ void pull(const Level& coarse, Level& fine, const ForEach& for_each) {
 
 // Trilinear shares of a value at its eight nodes.
 void add(Level& nodes, const point::NodeField& field, const Point& p, double value) {
-  const point::NodePlace along[] = {point::node_place(p.x, field.first.x, field.nodes_per_unit),
-                                    point::node_place(p.y, field.first.y, field.nodes_per_unit),
-                                    point::node_place(p.z, field.first.z, field.nodes_per_unit)};
+  const point::NodePlace along[] = {point::node_place(field, p.x, field.first.x),
+                                    point::node_place(field, p.y, field.first.y),
+                                    point::node_place(field, p.z, field.first.z)};
   for (int corner = 0; corner < 8; ++corner) {
     double share = 1;
     int at[3];
@@ -146,6 +148,13 @@ void add(Level& nodes, const point::NodeField& field, const Point& p, double val
   }
 }
 
+// As fine as places on a surface are dense, in powers of two.
+int nodes_for(std::size_t places) {
+  int nodes = kMostNodes;
+  while (nodes > 2 && std::size_t(nodes / 2) * (nodes / 2) >= places) nodes /= 2;
+  return nodes;
+}
+
 NodeLevels grid_around(const std::vector<Point>& places) {
   float low[3], widest = 0;
   for (int axis = 0; axis < 3; ++axis) {
@@ -156,7 +165,8 @@ NodeLevels grid_around(const std::vector<Point>& places) {
     low[axis] = values[aside];
     widest = std::max(widest, values[values.size() - 1 - aside] - values[aside]);
   }
-  return {{}, {low[0], low[1], low[2]}, widest > 0 ? float(point::kFieldNodes - 1) / widest : 0};
+  const int nodes = nodes_for(places.size());
+  return {{}, nodes, {low[0], low[1], low[2]}, widest > 0 ? float(nodes - 1) / widest : 0};
 }
 
 }  // namespace
@@ -165,18 +175,20 @@ NodeLevels levels_between(const std::vector<Point>& places, const std::vector<do
                           const ForEach& for_each) {
   NodeLevels result = grid_around(places);
   result.levels = Kept<float>::take();
-  const point::NodeField field{nullptr, {result.first.x, result.first.y, result.first.z}, result.nodes_per_unit};
+  const point::NodeField field = field_of(&result);
   Levels levels;
-  levels[0].clear();
-  for (std::size_t i = 0; i < places.size(); ++i) add(levels[0], field, places[i], log_levels[i]);
-  for (std::size_t level = 1; level < levels.size(); ++level) push(levels[level - 1], levels[level]);
+  std::size_t finest = 0;
+  while (levels[finest].n > result.nodes) ++finest;
+  levels[finest].clear();
+  for (std::size_t i = 0; i < places.size(); ++i) add(levels[finest], field, places[i], log_levels[i]);
+  for (std::size_t level = finest + 1; level < levels.size(); ++level) push(levels[level - 1], levels[level]);
   Level& widest = levels[levels.size() - 1];
   widest.mean[0] = widest.sum[0] / widest.weight[0];
-  for (std::size_t level = levels.size() - 1; level > 0; --level) pull(levels[level], levels[level - 1], for_each);
-  const std::vector<double>& mean = levels[0].mean;
+  for (std::size_t level = levels.size() - 1; level > finest; --level) pull(levels[level], levels[level - 1], for_each);
+  const std::vector<double>& mean = levels[finest].mean;
   result.levels.resize(mean.size());
-  for_each(point::kFieldNodes, [&](std::size_t z) {
-    const std::size_t slab = mean.size() / point::kFieldNodes;
+  for_each(std::size_t(result.nodes), [&](std::size_t z) {
+    const std::size_t slab = mean.size() / std::size_t(result.nodes);
     for (std::size_t i = z * slab; i < (z + 1) * slab; ++i) result.levels[i] = float(exponential(mean[i]));
   });
   return result;

@@ -171,7 +171,8 @@ namespace {
 struct FixedLevels {
   Point first{};
   float nodes_per_unit = 0;
-  std::uint64_t count = 0;
+  std::uint64_t nodes = 0;  // along each axis
+  std::uint64_t count() const { return nodes * nodes * nodes; }
 };
 
 // What a file begins with; the levels of the noise follow, and those of the reach. Without gaps, whose bytes would be
@@ -204,11 +205,11 @@ Noise noise_of(const std::array<double, 9>& v) { return {v[0], v[1], v[2], v[3],
 
 FixedLevels fixed_of(const NodeLevels* levels) {
   if (levels == nullptr) return {};
-  return {levels->first, levels->nodes_per_unit, levels->levels.size()};
+  return {levels->first, levels->nodes_per_unit, std::uint64_t(levels->nodes)};
 }
 
 NodeLevels read_levels(const StoredFile& file, std::uint64_t at, const FixedLevels& fixed) {
-  NodeLevels levels{std::vector<float>(fixed.count), fixed.first, fixed.nodes_per_unit};
+  NodeLevels levels{std::vector<float>(fixed.count()), int(fixed.nodes), fixed.first, fixed.nodes_per_unit};
   file.read(at, std::span(levels.levels));
   return levels;
 }
@@ -222,7 +223,7 @@ void save(const Measured& m, const std::filesystem::path& path) {
   fixed.beam_width = m.beam_width;
   fixed.frame = m.frame;
   if (m.levels) fixed.quantiles = m.levels->quantiles;
-  NewFile file(path, sizeof fixed + (fixed.of_noise.count + fixed.of_reach.count) * sizeof(float));
+  NewFile file(path, sizeof fixed + (fixed.of_noise.count() + fixed.of_reach.count()) * sizeof(float));
   file.write(&fixed, sizeof fixed);
   if (m.levels) file.write(std::span(m.levels->levels));
   if (m.reach_levels) file.write(std::span(m.reach_levels->levels));
@@ -237,11 +238,11 @@ Measured load_measured(const std::filesystem::path& path) {
   m.ignored = fixed.ignored;
   m.beam_width = fixed.beam_width;
   const std::uint64_t at = sizeof fixed;
-  if (fixed.of_noise.count > 0)
+  if (fixed.of_noise.nodes > 0)
     m.levels = std::make_shared<NoiseLevels>(NoiseLevels{read_levels(file, at, fixed.of_noise), fixed.quantiles});
-  if (fixed.of_reach.count > 0)
+  if (fixed.of_reach.nodes > 0)
     m.reach_levels =
-        std::make_shared<NodeLevels>(read_levels(file, at + fixed.of_noise.count * sizeof(float), fixed.of_reach));
+        std::make_shared<NodeLevels>(read_levels(file, at + fixed.of_noise.count() * sizeof(float), fixed.of_reach));
   return m;
 }
 

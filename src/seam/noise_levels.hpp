@@ -13,7 +13,8 @@ namespace pointfair {
 // Of levels that outlive it; null: 1 everywhere.
 inline point::NodeField field_of(const NodeLevels* levels) {
   if (levels == nullptr) return {};
-  return {levels->levels.data(), {levels->first.x, levels->first.y, levels->first.z}, levels->nodes_per_unit};
+  const Point& first = levels->first;
+  return {levels->levels.data(), levels->nodes, {first.x, first.y, first.z}, levels->nodes_per_unit};
 }
 
 // At a place; the same bits wherever it is computed.

@@ -17,6 +17,7 @@ namespace pointfair {
 // point::NodeField.
 struct NodeLevels {
   std::vector<float> levels;
+  int nodes = 0;  // along each axis
   Point first{};
   float nodes_per_unit = 0;
 };
