@@ -146,7 +146,8 @@ def main():
     options = parser.parse_args()
     if options.dist:
         wheel, = options.dist.glob("pointfair-*.whl")
-        os.execv(make_python(wheel.resolve()), ["python", __file__, *options.names])
+        python = make_python(wheel.resolve())
+        os.execv(python, [python, __file__, *options.names])  # Python finds its packages by the name it is called by
     sys.path.insert(0, str(ROOT / "examples/python"))
     for name in options.names or DRAWN:
         DRAWN[name]()
