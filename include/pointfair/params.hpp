@@ -171,7 +171,7 @@ inline constexpr std::array kParams = {
     ParamInfo{"iterations", Stage::iterations, &Params::iterations, 1, 100, true, "",
               "how often all stages run, each time on the moved points"},
     ParamInfo{"displacement_limit", Stage::iterations, &Params::displacement_limit, 0, 1e30, true, "",
-              "soft bound on how far a point moves: d > limit becomes limit^2 / d; auto: 4 times the noise", true},
+              "soft bound on how far a point moves: d > limit becomes limit^2 / d; auto: 6 times the noise", true},
 };
 
 /// The row called `name`, in which '-' and '_' are alike, or null if there is none.

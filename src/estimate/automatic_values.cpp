@@ -105,7 +105,7 @@ double share_damage(const Noise& noise, int iterations) {
 double farthest_move(const Noise& noise, double spacing, bool by_share) {
   if (by_share) return kFarthestMove;  // what moves far for its edge is held back by that
   const double level = spacing > 0 ? noise.sigma / spacing : kFarNoise[1];
-  return std::lerp(kFarthestOfLittleNoise, kFarthestMove, share_between(kFarNoise, level));
+  return std::lerp(kFarthestOfNoise[0], kFarthestOfNoise[1], share_between(kFarNoise, level));
 }
 
 }  // namespace pointfair

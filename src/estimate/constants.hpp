@@ -125,12 +125,12 @@ inline constexpr double kSmoothingNoise[] = {0.1, 0.6};         // spacings; oth
 inline constexpr double kStepSpread = 1.1;  // of the spread of distances, by chance; 098
 
 // Limits.
-inline constexpr double kFarthestMove = 4;             // sigmas; outliers
-inline constexpr double kFarthestOfLittleNoise = 1.5;  // sigmas; other methods; low
-inline constexpr double kFarNoise[] = {0.03, 0.5};     // spacings; other methods; low
-inline constexpr double kOutlierDistance = 6;          // sigmas; outliers
-inline constexpr double kOutlierSpacings = 0.5;        // spacings, twice if residuals are shape; outliers
-inline constexpr double kOutlierRadius = 6;            // of what holds a typical point's neighbours; outliers
-inline constexpr double kNoiseOfDelta = 2.5;           // sigmas; delta of the paper's constraint
+inline constexpr double kFarthestMove = 6;              // sigmas; 122
+inline constexpr double kFarthestOfNoise[] = {1.5, 4};  // sigmas, of little and of much; other methods; low
+inline constexpr double kFarNoise[] = {0.03, 0.5};      // spacings; other methods; low
+inline constexpr double kOutlierDistance = 6;           // sigmas; outliers
+inline constexpr double kOutlierSpacings = 0.5;         // spacings, twice if residuals are shape; outliers
+inline constexpr double kOutlierRadius = 6;             // of what holds a typical point's neighbours; outliers
+inline constexpr double kNoiseOfDelta = 2.5;            // sigmas; delta of the paper's constraint
 
 }  // namespace pointfair::constants
