@@ -57,6 +57,8 @@ std::string info_text(const Cloud& cloud, const Estimates& estimates, const Para
   if (const double step = file_info(cloud).step; estimates.noise > 0 && step > estimates.noise)
     fmt::format_to(out, "            less than the step of {:.4g} between coordinates: --las-scale makes that finer\n",
                    step);
+  if (const std::string coarse = coarse_floats(estimates.float_step, estimates.noise); !coarse.empty())
+    fmt::format_to(out, "note        {}\n", coarse);
   fmt::format_to(out, "attributes\n");
   for (const AttributeInfo& attribute : attributes(cloud)) {
     const std::string shape = attribute.components > 1 ? fmt::format(" x {}", attribute.components) : "";
@@ -70,15 +72,11 @@ std::string info_text(const Cloud& cloud, const Estimates& estimates, const Para
 }
 
 Json info_json(const Cloud& cloud, const Estimates& estimates, const Params& suggested) {
-  return {{"file", file_json(cloud)},
-          {"points", estimates.points},
-          {"finite", estimates.finite},
-          {"bounds", bounds_json(cloud, estimates)},
-          {"diagonal", estimates.diagonal},
-          {"attributes", attributes_json(attributes(cloud))},
-          {"spacing", estimates.spacing},
-          {"noise", estimates.noise},
-          {"noise_quantiles", estimates.noise_quantiles},
+  return {{"file", file_json(cloud)},           {"points", estimates.points},
+          {"finite", estimates.finite},         {"bounds", bounds_json(cloud, estimates)},
+          {"diagonal", estimates.diagonal},     {"attributes", attributes_json(attributes(cloud))},
+          {"spacing", estimates.spacing},       {"float_step", estimates.float_step},
+          {"noise", estimates.noise},           {"noise_quantiles", estimates.noise_quantiles},
           {"suggested", params_json(suggested)}};
 }
 

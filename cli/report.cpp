@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "report.hpp"
 
+#include <fmt/format.h>
+
 #include "output.hpp"
 
 namespace pointfair::cli {
@@ -55,6 +57,15 @@ Json statistics_json(const Statistics& statistics) {
 Json outliers_json(const OutlierCounts& outliers) {
   return {
       {"isolated", outliers.isolated}, {"off_surface", outliers.off_surface}, {"mixed_pixels", outliers.mixed_pixels}};
+}
+
+std::string coarse_floats(double float_step, double noise) {
+  constexpr double kFewest = 3;  // steps in the noise; rounding then adds less than .5 % to it
+  if (!(noise > 0) || !(kFewest * float_step > noise)) return {};
+  return fmt::format(
+      "coordinates far from the middle of the cloud are computed in steps of {:.4g}, coarse against the "
+      "noise of {:.4g}; split so wide a cloud",
+      float_step, noise);
 }
 
 Json bounds_json(const Cloud& cloud, const Estimates& estimates) {

@@ -20,6 +20,8 @@ Json params_json(const Params& params);
 Json stages_json(const std::vector<StageTime>& stages);
 Json statistics_json(const Statistics& statistics);
 Json outliers_json(const OutlierCounts& outliers);
+/// A sentence where floats around one origin cannot tell the noise; empty: they can.
+std::string coarse_floats(double float_step, double noise);
 Json bounds_json(const Cloud& cloud, const Estimates& estimates);  ///< in file coordinates
 Json attributes_json(const std::vector<AttributeInfo>& attributes);
 

@@ -89,6 +89,8 @@ std::vector<std::string> notes(bool keeps_normals, const WriteOptions& options, 
         fmt::format("the steps of {:.4g} between stored coordinates are coarse against the noise of {:.4g}; "
                     "for LAS and LAZ, --las-scale makes them finer",
                     findings.step, findings.noise));
+  if (const std::string coarse = coarse_floats(findings.float_step, findings.noise); !coarse.empty())
+    result.push_back(coarse);
   return result;
 }
 
@@ -115,6 +117,7 @@ void find_out(bool keeps_normals, const WriteOptions& options, const Cloud& befo
   findings.noise = estimates.noise;
   findings.noise_quantiles = estimates.noise_quantiles;
   findings.step = written_step(before, options);
+  findings.float_step = estimates.float_step;
   findings.displacement = displacement(before, after);
   findings.notes = notes(keeps_normals, options, before, findings);
 }
@@ -127,6 +130,7 @@ Json run_json(const Report& report, const Findings& findings) {
           {"spacing", findings.spacing},
           {"noise", noise_json(findings)},
           {"rounding", {{"step", findings.step}, {"rms", kRoundingRms * findings.step}}},
+          {"float_step", findings.float_step},
           {"unmoved", unmoved_json(without(report.unmoved, findings.ignored), findings)},
           {"outliers", outliers_json(report.unmoved.outliers_by_reason)},
           {"short_neighborhoods", report.short_neighborhoods},

@@ -21,6 +21,7 @@ struct Findings {
   std::string noise_attribute;    // that the noise comes from; empty: it is estimated
   std::array<double, 3> noise_quantiles{};
   double step = 0;            // between the coordinates written, where these are integers
+  double float_step = 0;      // as in Estimates
   std::uint64_t ignored = 0;  // finite points left out by --ignore
   std::uint64_t held = 0;     // others that the limits did not let move
   Statistics displacement;

@@ -44,6 +44,7 @@ Json report_json(const TiledReport& report, const DeviceInfo& device) {
           {"points", report.points},
           {"params", params_json(report.params)},
           {"spacing", report.spacing ? Json(*report.spacing) : Json()},
+          {"float_step", report.float_step},
           {"noise",
            {{"before", report.noise ? Json(*report.noise) : Json()},
             {"quantiles", report.noise ? Json(report.noise_quantiles) : Json()},
@@ -69,6 +70,8 @@ void print_summary(const TiledReport& report) {
   if (report.noise)
     fmt::print(stderr, "noise of the input {:.4g} ({})\n", *report.noise,
                report.noise_attribute.empty() ? "estimated" : fmt::format("median of '{}'", report.noise_attribute));
+  if (const std::string coarse = coarse_floats(report.float_step, report.noise.value_or(0)); !coarse.empty())
+    fmt::print(stderr, "note: {}\n", coarse);
 }
 
 void tell(const TiledReport& report, const Device& device, const TiledOutput& output) {

@@ -43,7 +43,7 @@ bool lies_far_from_zero(const std::vector<Point>& points) {
     extent = std::max(extent, high - low);
     size = std::max({size, std::abs(low), std::abs(high)});
   }
-  return extent > 0 && size > 16 * extent;
+  return extent > 0 && size > 4 * extent;
 }
 
 // About where an origin is needed; every third cloud with strays, every fourth in lumps, every fifth with a NaN.
@@ -99,6 +99,15 @@ TEST(Positions, MakeTheCloudThatAFileOfThemMakes) {
     }
   }
   EXPECT_EQ(make_cloud({}).points.size(), 0U);
+}
+
+// At UTM coordinates, floats around 0 step by 31 mm.
+TEST(Positions, OfAWideSurveyLieAroundItsMiddle) {
+  for (const double extent : {1e3, 33e3, 60e3, 110e3}) {
+    const Position origin = choose_origin(random_positions(10000, {500000, 5400000, 100}, extent / 2));
+    EXPECT_NEAR(origin[0], 500000, extent / 4);
+    EXPECT_NEAR(origin[1], 5400000, extent / 4);
+  }
 }
 
 TEST(Positions, FloatsHaveTheOriginOfTheSameDoubles) {

@@ -22,6 +22,9 @@ struct Estimates {
   std::uint64_t finite = 0;            ///< number of points without NaN or infinity
   /// The noise at the quietest, the typical and the loudest places: the 5, 50 and 95 % quantiles of the samples.
   std::array<double, 3> noise_quantiles{};
+  /// The largest step between coordinates, which are 32-bit floats relative to the cloud's origin: 1 mm at 16 km. 0 if
+  /// that origin is 0, so that no digit is lost.
+  double float_step = 0;
 };
 
 /// How many outliers a run found, by reason (docs/how-it-works.md, "Outliers").

@@ -49,6 +49,7 @@ struct TiledReport {
   std::optional<double> spacing, noise;     ///< of the input, if parameters followed from them
   std::array<double, 3> noise_quantiles{};  ///< as in Estimates, where there is a noise
   std::string noise_attribute;              ///< with the given noise; empty: it was estimated
+  double float_step = 0;                    ///< as in Estimates
 };
 
 /// A run over a work folder, which holds the plan and the results of finished tasks. Tasks are idempotent: a task that

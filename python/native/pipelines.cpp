@@ -118,7 +118,7 @@ void normals_on_card(SharedPipeline& self, const CardArray& out, std::uintptr_t 
   self.use([&](ArrayPipeline& arrays, const Watch&) { arrays.pipeline().normals(out.rows(), stream_of(stream)); });
 }
 
-// (min, max, diagonal, spacing, noise, points, finite, noise_quantiles), with bounds in file coordinates.
+// (min, max, diagonal, spacing, noise, points, finite, noise_quantiles, float_step), with bounds in file coordinates.
 Row estimates(SharedPipeline& self) {
   Estimates found;
   self.use([&](ArrayPipeline& arrays, const Watch& watch) { found = arrays.pipeline().estimates(watch.stop); });
@@ -130,7 +130,8 @@ Row estimates(SharedPipeline& self) {
   return nb::make_tuple(nb::make_tuple(found.min[0], found.min[1], found.min[2]),
                         nb::make_tuple(found.max[0], found.max[1], found.max[2]), found.diagonal, found.spacing,
                         found.noise, found.points, found.finite,
-                        nb::make_tuple(found.noise_quantiles[0], found.noise_quantiles[1], found.noise_quantiles[2]));
+                        nb::make_tuple(found.noise_quantiles[0], found.noise_quantiles[1], found.noise_quantiles[2]),
+                        found.float_step);
 }
 
 Params resolve(SharedPipeline& self, const Params& params) {

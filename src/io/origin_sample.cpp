@@ -29,8 +29,9 @@ std::optional<Range> bulk_range(std::vector<double> values) {
   return Range{smallest, values[high]};
 }
 
-// Float offsets from 0 lose log2(size / extent) of their 24 bits; up to 4 are given away.
-constexpr double kLarge = 16;
+// Float offsets from 0 have log2(2 size / extent) bits less than those from the middle; up to 3 are given away, since
+// nearly all clouds of floats then stay as they are.
+constexpr double kLarge = 4;
 
 // Whether no axis has coordinates that are large against the extent, told without quantiles; false: perhaps one has.
 // Where more than a twentieth of the values lie in the lowest quarter of their range and in the highest, the bulk
@@ -129,7 +130,7 @@ Position choose_origin(std::vector<Position> sample) {
     const double size = std::max(std::abs(low), std::abs(high));
     const double centre = low + (high - low) / 2;
     if (extent == 0 && static_cast<double>(static_cast<float>(low)) == low) continue;
-    const double width = extent == 0 ? 1 : extent;
+    const double width = extent == 0 ? 4 : extent;
     if (!(size > kLarge * width)) continue;
     const double step = rounding_step(width);
     const double rounded = std::nearbyint(centre / step) * step;

@@ -131,7 +131,8 @@ void Pipeline::State::measure_all(const std::stop_token& stop) {
                         noise().sigma,
                         cloud.points(),
                         b.valid,
-                        noise_quantiles(noise().sigma, levels().get())};
+                        noise_quantiles(noise().sigma, levels().get()),
+                        float_step_of(b, shell.origin)};
 }
 
 // What is believed of the noise, once it was measured.

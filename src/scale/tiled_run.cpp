@@ -16,6 +16,7 @@
 #include "scale/tasks.hpp"
 #include "scale/tiled_run_access.hpp"
 #include "scale/work_file.hpp"
+#include "seam/cloud_sample.hpp"
 
 namespace pointfair {
 namespace fs = std::filesystem;
@@ -149,6 +150,7 @@ TiledReport TiledRun::report() const {
             *report.noise * (state_->measured().levels ? state_->measured().levels->quantiles[q] : 1.0);
     }
     report.noise_attribute = folder.plan.noise_attribute;
+    report.float_step = float_step_of(state_->measured().bounds, state_->measured().origin);
     report.ignored = state_->measured().ignored;
     report.unmoved.non_finite = folder.plan.points - state_->measured().bounds.valid - report.ignored;
     for (const fs::path& path : folder.files_of(steps[steps.size() - 2])) {

@@ -55,6 +55,14 @@ double diagonal_of(const Bounds& b) {
   return std::hypot(double(b.max.x) - b.min.x, double(b.max.y) - b.min.y, double(b.max.z) - b.min.z);
 }
 
+double float_step_of(const Bounds& b, const std::array<double, 3>& origin) {
+  if (origin == std::array<double, 3>{}) return 0;
+  float farthest = 0;
+  for (const Point& corner : {b.min, b.max})
+    farthest = std::max({farthest, std::abs(corner.x), std::abs(corner.y), std::abs(corner.z)});
+  return double(std::nextafter(farthest, std::numeric_limits<float>::infinity())) - double(farthest);
+}
+
 Candidates first_candidates(std::uint64_t valid, std::size_t count) {
   const double share = (double(count) + 64) * 1.1 / double(valid);
   return {share < 1 ? std::uint32_t(share * kAll) : kAll, 0};

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <utility>
@@ -28,6 +29,8 @@ inline constexpr float kUnbounded = __builtin_inff();
 inline constexpr Bounds kNoBounds{{kUnbounded, kUnbounded, kUnbounded}, {-kUnbounded, -kUnbounded, -kUnbounded}, 0};
 void unite(Bounds& bounds, const Bounds& with);
 double diagonal_of(const Bounds& bounds);
+// The largest difference of a coordinate within the bounds from the next float; 0 if no coordinate is rounded to these.
+double float_step_of(const Bounds& bounds, const std::array<double, 3>& origin);
 inline void include(Bounds& bounds, const Point& p) { unite(bounds, {p, p, 1}); }
 
 // Valid points to look for: those whose cells, refined so often, have hashes up to the limit.

@@ -99,6 +99,19 @@ class Survey(Case):
         self.fails(2, "run", self.path("plain.las"), self.path("out2.las"), "--radius", "5cm", says=["--radius", "unit"])
         self.fails(2, "run", self.las, self.path("out2.las"), "--noise", "5km", says="--noise")
 
+    def test_a_cloud_too_wide_for_floats_is_said(self):
+        for name, apart, is_said in ("wide", 60_000, True), ("narrow", 60, False):
+            rows = ["%.4f %.4f %.4f" % (4e5 + (i % 2) * apart + x, 5e6 + y, 100 + z)
+                    for i, (x, y, z) in enumerate(ground(4000, noise=0.004))]
+            self.path(f"{name}.xyz").write_text("\n".join(rows) + "\n")
+            step = self.report("info", self.path(f"{name}.xyz"))["float_step"]
+            self.assertEqual(step, 2 ** -8 if is_said else 2 ** -17)  # up to 34 km and 70 m from the origin
+            for words in (["info"], ["run"], ["run", "--memory", "64M"]):
+                out = [self.path("out.xyz"), "--force"] if words[0] == "run" else []
+                result = self.ok(words[0], self.path(f"{name}.xyz"), *out, *words[1:])
+                said = (result.stdout + result.stderr).decode()
+                self.assertEqual("in steps of 0.003906" in said, is_said, said)
+
     def test_a_coarse_grid_is_said_and_refined(self):
         coarse = write_las(self.path("coarse.las"), ground(2500, noise=0.004), self.classes, scale=0.01)
         result = self.ok("run", coarse, self.path("out.las"))

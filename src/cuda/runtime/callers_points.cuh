@@ -37,7 +37,7 @@ class CallersPoints {
   // Starts to write what has no origin, as normals.
   void give_plain(const Point* from, const DeviceOutput& to) const;
 
-  // 1 for each cloud whose origin is surely 0 (is_surely_small of src/io/source.cpp); cloud i has the points
+  // 1 for each cloud whose origin is surely 0 (is_surely_small of src/io/origin_sample.cpp); cloud i has the points
   // ends[i - 1] to ends[i]. Waits.
   std::vector<std::uint8_t> surely_have_no_origin(const DevicePoints& from, const unsigned* ends, std::size_t clouds);
 

@@ -7,7 +7,7 @@ namespace pointfair::cuda {
 namespace {
 
 constexpr int kBlock = 256, kWarps = kBlock / kWarp;
-constexpr double kLarge = 16;  // as in src/io/source.cpp
+constexpr double kLarge = 4;  // as in src/io/origin_sample.cpp
 
 // Over a block, of a value a thread; all get it.
 template <class T, class Combine>
