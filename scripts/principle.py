@@ -84,7 +84,8 @@ def draw_width(points, path):
         axis.minorticks_off()
         axis.title.set_fontsize("medium")
     axes[0].set_ylabel("of the noise's variance")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize="small")
+    figure.get_layout_engine().set(rect=(0, 0.1, 1, 0.9))  # room for the legend; Debian 12 has Matplotlib 3.6
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="lower center", ncols=3, fontsize="small")
     figure.savefig(path, dpi=100)
 
 
