@@ -72,7 +72,7 @@ def draw_width(points, path):
         at = random.choice(inside, 100, replace=False)
         sigma = noise_at(points[at, :1])
         # Eq. 23 of docs/how-it-works.md
-        damage = 0.6 * numpy.maximum(0, plane_variances(points, at, COUNTS) / sigma ** 2 - 1.3)
+        damage = 1.5 * numpy.maximum(0, plane_variances(points, at, COUNTS) / sigma ** 2 - 1.3)
         shape, noise = (damage / (1 + damage)).mean(axis=0), (1 / COUNTS / (1 + damage)).mean(axis=0)
         total = shape + noise
         axis.plot(COUNTS, noise, "--", color="tab:gray", label="noise that is left")
