@@ -31,7 +31,7 @@ struct Outcome {
 };
 
 inline bool same_bits(const Points& a, const Points& b) {
-  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(Point)) == 0;
+  return a.size() == b.size() && (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(Point)) == 0);
 }
 
 inline Outcome of_last_run(Pipeline& pipeline, Points points) {
