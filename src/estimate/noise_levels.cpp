@@ -72,8 +72,8 @@ Curve pooled(std::span<const std::uint32_t> pool, const std::vector<Ranked>& of_
   return result;
 }
 
-// A narrow ball cuts off what lies far from the surface: there the noise is at least so large, and unknown where it is
-// larger elsewhere.
+// Narrow neighbourhoods cut off what lies far from the surface: there the noise is at least so large, and unknown where
+// it is larger elsewhere.
 Curve without_cut_off(Curve curve, double spacing, double typical) {
   for (std::size_t size = 0; size < kSizes; ++size) {
     const double residual = std::sqrt(curve[size]), radius = spacing * std::sqrt(kCounts[size] / std::numbers::pi);
