@@ -13,6 +13,7 @@
 #include "point/fairing.h"
 #include "point/neighbors.h"
 #include "point/normal.h"
+#include "point/rough_sample.h"
 #include "reference.h"
 #include "shapes.h"
 
@@ -216,6 +217,23 @@ TEST(BilateralSum, does_not_see_the_sign_of_the_normal) {
     const Vec3<float> b = point::moved(here, -1.0f * n, minus.distance());
     EXPECT_EQ(std::memcmp(&a, &b, sizeof a), 0);
   }
+}
+
+// Of what repeats along an array the sample sees about its share, also where every stretch holds whole periods.
+TEST(RoughSample, sees_every_phase_of_what_repeats) {
+  constexpr int kSample = 256;
+  for (const std::size_t period : {2, 3, 5, 16, 64, 640})
+    for (const std::size_t periods : {1, 2, 7, 78, 1000}) {
+      const std::size_t length = period * periods;
+      std::vector<int> of_phase(period);
+      for (unsigned i = 0; i < kSample; ++i) {
+        const std::size_t place = point::place_in_stretch(i, length);
+        ASSERT_EQ(place / length, i);
+        ++of_phase[place % period];
+      }
+      const double share = 1.0 / double(period), most = kSample * share + 5 * std::sqrt(kSample * share) + 1;
+      for (const int count : of_phase) EXPECT_LT(count, most) << period << " times " << periods;
+    }
 }
 
 }  // namespace

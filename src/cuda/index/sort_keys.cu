@@ -10,6 +10,7 @@
 #include "cuda/index/hilbert.cuh"
 #include "cuda/index/sort_keys.cuh"
 #include "cuda/runtime/launch.cuh"
+#include "point/rough_sample.h"
 
 namespace pointfair::cuda {
 namespace {
@@ -49,11 +50,11 @@ struct Sample {
   }
 };
 
-// The points that are sampled: every so many of those on the card, or those of a cloud that is not there yet.
-struct EverySo {
+// The points that are sampled: one of each stretch of those on the card, or those of a cloud that is not there yet.
+struct OfStretches {
   const Point* points;
-  std::size_t stride;
-  __device__ Point operator[](unsigned i) const { return points[i * stride]; }
+  std::size_t length;
+  __device__ Point operator[](unsigned i) const { return points[point::place_in_stretch(i, length)]; }
 };
 struct Brought {
   Point points[kSample];
@@ -211,12 +212,12 @@ __global__ void __launch_bounds__(kKeyBlock)
 void lay_grid(Context& context, const Point* points, std::size_t count, const Arrival* arrival, float steps,
               KeyGrid* grid, CloudState* fresh) {
   const unsigned size = static_cast<unsigned>(std::min(count, std::size_t(kSample)));
-  const std::size_t stride = count / std::max(size, 1u);
+  const std::size_t length = count / std::max(size, 1u);  // of a stretch
   if (arrival == nullptr) {
-    prepare<<<1, kPrepareBlock, 0, context.stream()>>>(EverySo{points, stride}, size, steps, grid, fresh);
+    prepare<<<1, kPrepareBlock, 0, context.stream()>>>(OfStretches{points, length}, size, steps, grid, fresh);
   } else {
     Brought brought;
-    for (unsigned i = 0; i < size; ++i) brought.points[i] = arrival->source[i * stride];
+    for (unsigned i = 0; i < size; ++i) brought.points[i] = arrival->source[point::place_in_stretch(i, length)];
     prepare<<<1, kPrepareBlock, 0, context.stream()>>>(brought, size, steps, grid, fresh);
   }
   check(cudaGetLastError(), "laying out the index");
