@@ -110,6 +110,30 @@ TEST(Degenerate, identical_points_keep_their_place_and_are_counted) {
   }
 }
 
+// As where a sensor writes the origin for what it did not see: the others are treated as if these were not there.
+TEST(Degenerate, a_crowd_at_one_place_stays_and_is_counted_and_the_others_are_treated) {
+  const Points surface = shapes::with_noise(shapes::waves(6000), 0.01);
+  for (const int crowd : {400, 401, 3000}) {
+    Points points = surface;
+    const Point place = {3, 3, 3};
+    for (int i = 0; i < crowd; ++i) points.insert(points.begin() + std::ptrdiff_t(i * 2), place);
+    for (const Params& params : all_kinds()) {
+      const Result result = fair(points, params);
+      std::uint64_t moved = 0;
+      for (std::size_t i = 0; i < points.size(); ++i) {
+        ASSERT_TRUE(std::isfinite(result.points[i].x));
+        if (points[i].x == place.x) {
+          ASSERT_EQ(std::memcmp(&result.points[i], &points[i], sizeof(Point)), 0);
+        } else {
+          moved += std::memcmp(&result.points[i], &points[i], sizeof(Point)) != 0;
+        }
+      }
+      EXPECT_GE(unmoved(result.report), std::uint64_t(crowd));
+      EXPECT_GT(moved, surface.size() * 9 / 10);
+    }
+  }
+}
+
 TEST(Degenerate, points_on_a_line_keep_their_places_and_are_counted) {
   const Points points = shapes::line(3000);
   for (const Params& params : all_kinds()) {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
@@ -11,6 +12,7 @@
 #include <vector>
 
 #include "point/fairing.h"
+#include "point/neighborhoods.h"
 #include "point/neighbors.h"
 #include "point/normal.h"
 #include "point/rough_sample.h"
@@ -234,6 +236,36 @@ TEST(RoughSample, sees_every_phase_of_what_repeats) {
       const double share = 1.0 / double(period), most = kSample * share + 5 * std::sqrt(kSample * share) + 1;
       for (const int count : of_phase) EXPECT_LT(count, most) << period << " times " << periods;
     }
+}
+
+TEST(IsCrowded, counts_the_run_of_points_at_one_place_as_brute_force_does) {
+  constexpr int kMost = int(point::kNeighborhoodPoints);
+  Random random(5);
+  for (int trial = 0; trial < 60; ++trial) {
+    std::vector<int> place;
+    for (int run = 0; run < 6; ++run) {
+      const int around = kMost + int(random.uniform(-3, 4)), length = run % 2 == 0 ? around : int(random.uniform(1, 9));
+      place.insert(place.end(), std::size_t(length), run);
+    }
+    const auto count = point::Index(place.size()), begin = point::Index(random.uniform(0, 300));
+    for (point::Index at = begin; at < count; at += 1 + at % 7) {
+      const auto same = std::count(place.begin() + begin, place.end(), place[at]);
+      EXPECT_EQ(point::is_crowded(at, begin, count, [&](point::Index i) { return place.at(i) == place[at]; }),
+                same > kMost);
+    }
+  }
+}
+
+// A knot of points far narrower than the noise of the cloud around it: R^2 rounds to what the noise makes of it, but
+// the share must still be small.
+TEST(KeptShare, is_small_where_points_are_far_nearer_than_the_radius) {
+  const point::Radii radii{nullptr, 1e-6f, 16};
+  for (const float reach : {1e-20f, 1e-16f, 1e-14f, 1e-12f}) {
+    const float own = point::squared_radius(reach, reach / 2, 1.0f, radii.squared_base);
+    EXPECT_LE(point::kept_share(radii, 1.0f, own, own), 1.0f / 1000) << reach;
+  }
+  const float own = point::squared_radius(0.0f, 0.0f, 1.0f, radii.squared_base);  // all at one place: nothing is known
+  EXPECT_GE(point::kept_share(radii, 1.0f, own, own), 1.0f);
 }
 
 }  // namespace

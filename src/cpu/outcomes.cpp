@@ -104,7 +104,7 @@ void Chain::outcomes(const point::Region& loaded, const Kernels& kernels, std::s
     } else {
       const float squared_radius = squared_radius_[i] * (radii_grow() ? squared_growth_[i] : 1.0f);
       neighborhood[i] = one_if(point::is_exact_radius(squared_radius, radius_found, gap));
-      depths.include(i, gap, std::max(squared_radius, squared_radius_[i]), !has_normal);
+      depths.include(i, gap, std::max({squared_radius, squared_radius_[i], 0.0f}), !has_normal);
     }
     if (with_areas)
       mean[i] =

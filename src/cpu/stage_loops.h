@@ -262,12 +262,21 @@ inline void squared_radii(const IndexView& index, Index leaf, const Index* list,
     const Vectors positions{{index.x, index.y, index.z}};
     return point::squared_length(positions.at(Gathered{last}) - positions.at(Own{start}));
   };
+  const auto is_crowded = [&](Index at) {
+    return at < index.points && point::is_crowded(at, 0, index.points, [&](Index i) {
+             return index.x[i] == index.x[at] && index.y[i] == index.y[at] && index.z[i] == index.z[at];
+           });
+  };
   const int least = radii.min_neighbors < point::kLeastReached ? radii.min_neighbors : point::kLeastReached;
   for (int part = 0; part < kLeafSize; part += kLanes) {
-    const Floats level = value_or_one(radii.squared_level, leaf * kLeafSize + Index(part));
-    store(out + part,
-          point::squared_radius(farthest_of(part, radii.min_neighbors), farthest_of(part, least),
-                                value_or_one(squared_reach_level, Index(part)), level * radii.squared_base));
+    const Index start = leaf * kLeafSize + Index(part);
+    const Floats level = value_or_one(radii.squared_level, start), reach = farthest_of(part, radii.min_neighbors);
+    store(out + part, point::squared_radius(reach, farthest_of(part, least),
+                                            value_or_one(squared_reach_level, Index(part)), level * radii.squared_base));
+    for (unsigned left = bits(reach <= broadcast(0.0f)); left != 0; left &= left - 1) {
+      const Index lane = Index(__builtin_ctz(left));
+      if (is_crowded(start + lane)) out[Index(part) + lane] = point::kNoSquaredRadius;
+    }
   }
 }
 

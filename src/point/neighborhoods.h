@@ -25,7 +25,7 @@ namespace pointfair::point {
 // to its `min_neighbors`-th nearest and K_i the level of that (node_field.h), which leaves the eighth nearest inside;
 // the same radius for all if min_neighbors is 0.
 struct Radii {
-  const float* squared_radius;  // of each sorted point
+  const float* squared_radius;  // of each sorted point, or kNoSquaredRadius
   float squared_base;
   int min_neighbors;
   const float* squared_level = nullptr;   // L_i^2 of each sorted point; null: 1
@@ -34,10 +34,13 @@ struct Radii {
 
 inline constexpr int kLeastReached = 8;  // or min_neighbors, if that is less
 
-// From the squared distances to the min_neighbors-th nearest and to the kLeastReached-th.
+// From the squared distances to the min_neighbors-th nearest and to the kLeastReached-th. Above squared_base where these
+// are not zero, however small, so that kept_share() can tell.
 template <class F>
 POINTFAIR_INLINE F squared_radius(F squared_reach, F squared_least, F squared_reach_level, F squared_base) {
-  return larger(squared_reach_level * squared_reach, squared_least) + squared_base;
+  constexpr float kJustAbove = 1 + 0x1p-22f;
+  const F reach = larger(squared_reach_level * squared_reach, squared_least), all = reach + squared_base;
+  return select(reach > F{}, larger(all, squared_base * kJustAbove), all);
 }
 
 // At level K_i of the reach, about kReachPoints K_i^2 points leave least error in a step. Where so few do that no more
@@ -56,8 +59,34 @@ struct Levels {
   const float* further_share;  // where it counts
 };
 
-// A neighbourhood that would hold many more points is thinned to about so many, by a hash of their positions.
-inline constexpr float kNeighborhoodPoints = 400;
+// A neighbourhood that would hold many more points is thinned to about so many, by a hash of their positions, but to no
+// smaller share of them than kLeastShare: where points are so dense, it holds fewer than a surface would.
+inline constexpr float kNeighborhoodPoints = 400, kLeastShare = 1.0f / 1024;
+
+// Points of which more than that are at one place have no neighbourhood and stay where they are: such a place is no
+// measurement (many sensors write the origin for what they did not see), and a sum over it grows with its square.
+inline constexpr float kNoSquaredRadius = -1;
+
+// Whether more than kNeighborhoodPoints are where sorted point `at` is, of those from `begin` to `end`; is_same(i) says
+// so of one. Points at one place follow each other along the curve.
+template <class IsSame>
+POINTFAIR_INLINE bool is_crowded(Index at, Index begin, Index end, const IsSame& is_same) {
+  const auto most = [](Index room, const auto& is_same_at) {  // by bisection
+    Index least = 0, beyond = (room < Index(kNeighborhoodPoints) ? room : Index(kNeighborhoodPoints)) + 1;
+    while (beyond - least > 1) {
+      const Index middle = least + (beyond - least) / 2;
+      if (is_same_at(middle)) {
+        least = middle;
+      } else {
+        beyond = middle;
+      }
+    }
+    return least;
+  };
+  return most(at - begin, [&](Index n) { return is_same(at - n); }) +
+             most(end - 1 - at, [&](Index n) { return is_same(at + n); }) >=
+         Index(kNeighborhoodPoints);
+}
 
 // The share of its points that a neighbourhood of `squared_radius` keeps, where that of the point without growth is
 // `own`: a surface holds min_neighbors R^2 / r^2 points. Above 1: all.
@@ -65,7 +94,7 @@ template <class F>
 POINTFAIR_INLINE F kept_share(const Radii& radii, F squared_level, F own, F squared_radius) {
   const F squared_reach = own - squared_level * radii.squared_base;  // (K_i r_i)^2
   const F holds = select(squared_reach > F{}, squared_radius / squared_reach, F(1.0f));
-  return F(kNeighborhoodPoints / static_cast<float>(radii.min_neighbors)) / holds;
+  return larger(F(kNeighborhoodPoints / static_cast<float>(radii.min_neighbors)) / holds, F(kLeastShare));
 }
 
 // For visits that read nothing of a neighbour.

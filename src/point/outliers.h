@@ -85,10 +85,10 @@ struct PullSum {
   POINTFAIR_INLINE void add_by_closeness(Vec3<F> offset, Mask inside, F inverse_two_sigma2) {
     add_weighted(gaussian(squared_length(offset) * inverse_two_sigma2), offset, inside);
   }
-  // squared radii of the outlier's neighbourhood and of the neighbour's
+  // squared radii of the outlier's neighbourhood and of the neighbour's, which does not count if it has none
   template <class Mask>
   POINTFAIR_INLINE void add_by_density(Vec3<F> offset, Mask inside, F here, F there) {
-    const F ratio = here / larger(there, F(1e-6f) * here);
+    const F ratio = select(there < F{}, F{}, here / larger(there, F(1e-6f) * here));
     add_weighted(ratio * ratio * ratio, offset, inside);
   }
   // offset of the place; 0 where all weights vanish

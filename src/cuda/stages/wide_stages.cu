@@ -9,6 +9,15 @@ namespace {
 constexpr int kBlock = 128;
 constexpr int kWarps = kBlock / kWarp;
 
+__device__ bool is_crowded(const Tree& tree, Index at) {
+  const LeafRange leaves = tree.leaves_beside(at / kLeafSize);
+  const Vec here = position_of(tree.points[at]);
+  return point::is_crowded(at, leaves.begin * kLeafSize, leaves.end * kLeafSize, [&](Index i) {
+    const Vec there = position_of(tree.points[i]);
+    return there.x == here.x && there.y == here.y && there.z == here.z;
+  });
+}
+
 __global__ void __launch_bounds__(kBlock)
     radii(const __grid_constant__ Tree tree, Lists nearest, point::Radii radii, point::NodeField reach_levels,
           float* squared_radius, float* further_share) {
@@ -27,8 +36,11 @@ __global__ void __launch_bounds__(kBlock)
   const float reach_level = point::node_value(rules == nullptr ? reach_levels : rules->reach_levels, here);
   if (further_share != nullptr) further_share[at] = point::further_share(reach_level * reach_level);
   const int all = its.min_neighbors, least = all < point::kLeastReached ? all : point::kLeastReached;
-  squared_radius[at] = point::squared_radius(farthest_of(all), farthest_of(least), reach_level * reach_level,
-                                             value_or_one(its.squared_level, at) * its.squared_base);
+  const float squared_reach = farthest_of(all);
+  float result = point::squared_radius(squared_reach, farthest_of(least), reach_level * reach_level,
+                                       value_or_one(its.squared_level, at) * its.squared_base);
+  if (squared_reach == 0 && tree.holds(at) && is_crowded(tree, Index(at))) result = point::kNoSquaredRadius;
+  squared_radius[at] = result;
 }
 
 __global__ void __launch_bounds__(kBlock)
