@@ -3,8 +3,6 @@
 // equal length.
 #pragma once
 
-#include <cstddef>
-
 #include "point/vec.h"
 
 namespace pointfair::point {
@@ -12,12 +10,12 @@ namespace pointfair::point {
 // Of the i-th stretch, any place, by a hash (the finaliser of the 32-bit MurmurHash3, A. Appleby): at the beginning of
 // each, what repeats along the array, as rows of pixels and rings of a lidar do, could be all that a sample sees.
 // `length`: below 2^32.
-POINTFAIR_INLINE std::size_t place_in_stretch(unsigned i, std::size_t length) {
+POINTFAIR_INLINE unsigned long long place_in_stretch(unsigned i, unsigned long long length) {
   unsigned hash = (i + 1) * 0x9e3779b9u;
   hash = (hash ^ (hash >> 16)) * 0x85ebca6bu;
   hash = (hash ^ (hash >> 13)) * 0xc2b2ae35u;
   hash ^= hash >> 16;
-  return i * length + static_cast<std::size_t>((static_cast<unsigned long long>(hash) * length) >> 32);
+  return i * length + ((hash * length) >> 32);
 }
 
 }  // namespace pointfair::point
