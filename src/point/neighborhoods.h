@@ -34,8 +34,8 @@ struct Radii {
 
 inline constexpr int kLeastReached = 8;  // or min_neighbors, if that is less
 
-// From the squared distances to the min_neighbors-th nearest and to the kLeastReached-th. Above squared_base where these
-// are not zero, however small, so that kept_share() can tell.
+// From the squared distances to the min_neighbors-th nearest and to the kLeastReached-th. Above squared_base where
+// these are not zero, however small, so that kept_share() can tell.
 template <class F>
 POINTFAIR_INLINE F squared_radius(F squared_reach, F squared_least, F squared_reach_level, F squared_base) {
   constexpr float kJustAbove = 1 + 0x1p-22f;
