@@ -251,6 +251,23 @@ TEST_F(CudaBackendTest, equals_the_cpu_where_cells_are_dense) {
   }
 }
 
+// Cells of many groups of leaves, which are put in order once more, and cells of these: two scans far apart, and points
+// ever denser towards one place. Large clouds are sorted by all bits of their keys.
+TEST_F(CudaBackendTest, equals_the_cpu_where_cells_are_very_dense) {
+  std::vector<Point> cloud = noisy_sphere(60000, 17, 0.002);
+  for (std::size_t i = 0; i < cloud.size(); i += 2) cloud[i].x += 1000;
+  for (std::size_t i = 0; i < 3000; ++i) cloud[4 * i] = {0.125f, 0, 0.25f};
+  expect_same(cloud, with_neighbors(8), "two scans");
+  for (const int count : {80000, (1 << 21) + 5000}) {
+    cloud = noisy_sphere(count, 18, 0.002);
+    for (Point& p : cloud) {
+      const float r = std::pow(std::abs(p.x), 7.0f);
+      p = {p.x * r, p.y * r, p.z * r};
+    }
+    expect_same(cloud, with_neighbors(8), "denser and denser");
+  }
+}
+
 TEST_F(CudaBackendTest, equals_the_cpu_on_invalid_and_tiny_clouds) {
   std::vector<Point> cloud = noisy_sphere(50000, 13, 0.002);
   for (std::size_t i = 0; i < cloud.size(); i += 7)

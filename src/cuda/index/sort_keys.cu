@@ -7,6 +7,7 @@
 #include <cuda/std/functional>
 
 #include "cuda/index/curve_cells.cuh"
+#include "cuda/index/dense_cells.cuh"
 #include "cuda/index/hilbert.cuh"
 #include "cuda/index/sort_keys.cuh"
 #include "cuda/runtime/launch.cuh"
@@ -260,6 +261,9 @@ auto KeySort<Key, kBits>::sort(std::size_t begin, std::size_t end, int lowest_bi
   std::size_t bytes = sort_bytes(part, lowest_bit);
   scratch_.resize(bytes);
   call_sort(part, lowest_bit, scratch_.data(), bytes);
+  if constexpr (kBits != kCurveBits)
+    order_dense_cells<Key, kBits>(context_, points_, part.count(), lowest_bit, keys_[part.place].data() + begin,
+                                  order_[part.place].data() + begin, order_[1 - part.place].data() + begin);
   return part;
 }
 

@@ -67,7 +67,8 @@ class KeySort {
   void reserve(std::size_t count);  // all memory that sort(0, count) takes
   // Point `offset` gets the first place. Bounds and number of valid points are added to the state.
   void find_keys(std::size_t begin, std::size_t end, const KeyGrid* grid, std::size_t offset = 0);
-  // Those places by their keys, but for the lowest bits; equal ones as uploaded.
+  // Those places by their keys, but for the lowest bits; equal ones as uploaded, or where there are many along a curve
+  // of their own (dense_cells.cuh).
   Part sort(std::size_t begin, std::size_t end, int lowest_bit = 0);
   // Two parts that follow each other and are all; on the curve of src/point/curve.h as take_ordered().
   void merge(const Part& a, const Part& b, Sorted& sorted);
