@@ -30,7 +30,7 @@ void check_clouds(std::span<const std::uint64_t> offsets, std::size_t points, st
 
 constexpr std::size_t kAny = std::numeric_limits<std::size_t>::max();
 constexpr std::size_t kMeasuredAtOnce = 128;  // clouds; samples and levels of noise take 1 MB of each
-constexpr std::size_t kWorkers = 3;
+constexpr std::size_t kWorkers = 6;
 
 // Where clouds end, from the first of `offsets` on.
 std::vector<std::uint32_t> ends_of(std::span<const std::uint64_t> offsets) {
