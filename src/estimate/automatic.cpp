@@ -64,7 +64,8 @@ bool needs_spacing(const Params& p) {
   const auto of_spacing = [&](const Length& l) {
     return l.unit == Length::Unit::spacing || l.is_automatic() || is_of_list(p, l);
   };
-  return p.k == kAutomatic || p.noise.unit == Length::Unit::spacing || of_spacing(p.normal_sigma) ||
+  const bool has_radius = sums_within_radius(p) && !p.radius.is_automatic() && p.crease_angle != kAutomatic;
+  return (p.k == kAutomatic && !has_radius) || p.noise.unit == Length::Unit::spacing || of_spacing(p.normal_sigma) ||
          of_spacing(p.closeness_sigma) || of_spacing(p.similarity_sigma) || p.radius.unit == Length::Unit::spacing ||
          (p.constraint && (of_spacing(p.rho) || of_spacing(p.delta))) ||
          (seeks_outliers(p) && (of_spacing(p.displacement_limit) || of_spacing(p.outlier_distance))) ||
