@@ -35,13 +35,17 @@ void one_after_the_other(std::size_t count, const std::function<void(std::size_t
 
 double sigma_at(double x) { return x < 0.5 ? kQuiet : kLoud; }
 
-// A plane whose right half is six times as noisy as the left.
-Points two_halves() {
-  Points points = shapes::plane(kPoints);
+// A plane of so many points where the noise is `loud` to the right of x = share, `quiet` elsewhere.
+Points two_parts(int count, double share, double quiet, double loud) {
+  Points points = shapes::plane(count);
   const Points unit = shapes::with_noise(Points(points.size()), 1);
-  for (std::size_t i = 0; i < points.size(); ++i) points[i].z += float(sigma_at(points[i].x) * unit[i].z);
+  for (std::size_t i = 0; i < points.size(); ++i)
+    points[i].z += float((points[i].x < share ? quiet : loud) * unit[i].z);
   return points;
 }
+
+// The right half is six times as noisy as the left.
+Points two_halves() { return two_parts(kPoints, 0.5, kQuiet, kLoud); }
 
 struct Outcome {
   Points points;
@@ -71,6 +75,27 @@ TEST(NoiseLevels, tell_the_noise_of_each_half_within_a_quarter) {
     good += std::abs(std::log(sigma_said(outcome, p) / sigma_at(p.x))) < std::log(1.25);
   }
   EXPECT_GT(double(good), 0.9 * double(looked_at));
+}
+
+// A quantile of the samples that are least would tell the quiet part.
+TEST(NoiseLevels, stand_over_the_noise_of_a_typical_place) {
+  constexpr int kMany = 50000;
+  const double spacing = 1 / std::sqrt(kMany), loud = 0.6 * spacing;
+  const Outcome outcome = run(two_parts(kMany, 0.3, 0.1 * spacing, loud));
+  EXPECT_NEAR(outcome.report.params.noise.value, loud, 0.15 * loud);
+}
+
+// The widest neighbourhoods that have residuals everywhere, of 115 points, have a radius of 1.7 sigmas there.
+TEST(NoiseLevels, of_much_noise_are_those_of_wide_neighbourhoods) {
+  constexpr int kMany = 50000;
+  const double spacing = 1 / std::sqrt(kMany), loud = 3.5 * spacing;
+  const Points points = two_parts(kMany, 0.6, 0.5 * spacing, loud);
+  const Outcome outcome = run(points);
+  std::vector<double> said;
+  for (const Point& p : points)
+    if (p.x > 0.7) said.push_back(sigma_said(outcome, p));
+  std::nth_element(said.begin(), said.begin() + std::ptrdiff_t(said.size() / 2), said.end());
+  EXPECT_GT(said[said.size() / 2], 0.55 * loud);
 }
 
 // The loud one would do where there is no shape that it flattens.

@@ -23,11 +23,12 @@ inline constexpr std::uint64_t kPointsOfPlace = 150;  // points of the cloud for
 // Noise of a typical place.
 inline constexpr double kNoiseQuantile =
     0.35;  // of the samples: edges and outliers only raise a residual; (8); estimates
-inline constexpr double kLeastQuantile = 0.15;  // of the samples, where they spread; (8); estimates
-inline constexpr double kMostOverLeast = 1.2;   // of the residual at that quantile; (8); estimates
-inline constexpr double kPlaneQuartile = 1.2;   // of a plane's own variances, by chance; (18); 052
-inline constexpr double kSheetShare = 0.1;      // of the samples; fewer that see two sheets are corners; sheets
-inline constexpr double kGapQuantile = 0.25;    // of the gaps between sheets; sheets
+inline constexpr double kLeastQuantile = 0.15;     // of the samples, where they spread; (8); estimates
+inline constexpr double kMostOverLeast = 1.2;      // of the residual at that quantile; (8); estimates
+inline constexpr double kPlaneQuartile = 1.2;      // of a plane's own variances, by chance; (18); 052
+inline constexpr double kQuartileOfMedian = 1.02;  // of the same, where the median sample tells the noise; (18); 126
+inline constexpr double kSheetShare = 0.1;         // of the samples; fewer that see two sheets are corners; sheets
+inline constexpr double kGapQuantile = 0.25;       // of the gaps between sheets; sheets
 inline constexpr double kShownBySix =
     0.784;  // of the noise, by the deviation of six points from their plane; (25); 117
 inline constexpr double kHiddenFromSix = 0.53;   // spacings; of more noise six points show less; (25); 117
@@ -46,13 +47,14 @@ inline constexpr double kAlikeSlowing[] = {1.2, 0.9};      // the next growth ov
 
 // Noise from place to place.
 inline constexpr double kWideAgainstResiduals = 2.6;  // radius of a neighbourhood that cuts off none; (21); 120
-inline constexpr std::size_t kFewestSamples = 64;     // that show noise; 082
-inline constexpr std::size_t kPool = point::kPool;    // samples whose residuals stand for one place; (21); 082
-inline constexpr std::size_t kSmoothed = 8;           // samples whose median is the noise of a place; (21); 082
-inline constexpr double kFitError = 0.1;              // of log variances, beside chance; (21); 082
-inline constexpr double kSpread = 0.5;                // of log levels, before anything is known; (21); 104
-inline constexpr double kChanceOfLevels = 0.1;        // of log levels, by the samples alone; (21); 104
-inline constexpr double kLargestLevel = 8;            // sigmas; 082
+inline constexpr double kPointsOfPlaces[] = {10'000, 40'000};  // points of the cloud; of fewer, places show shape; 126
+inline constexpr std::size_t kFewestSamples = 64;              // that show noise; 082
+inline constexpr std::size_t kPool = point::kPool;             // samples whose residuals stand for one place; (21); 082
+inline constexpr std::size_t kSmoothed = 8;     // samples whose median is the noise of a place; (21); 082
+inline constexpr double kFitError = 0.1;        // of log variances, beside chance; (21); 082
+inline constexpr double kSpread = 0.5;          // of log levels, before anything is known; (21); 104
+inline constexpr double kChanceOfLevels = 0.1;  // of log levels, by the samples alone; (21); 104
+inline constexpr double kLargestLevel = 8;      // sigmas; 082
 inline constexpr std::array kShapePowers{1.3, 2.0, 3.0, 4.0};  // of the size, by which shape grows; (21); 082
 inline constexpr int kLeastShape = -10, kMostShape = 8;        // half decades of shape over noise; (21); 082
 inline constexpr double kUnlikely = 20;                 // minus twice the log likelihood, over the best; 1 of 20,000

@@ -152,6 +152,12 @@ void tell_from_shape(Noise& noise, std::uint64_t points, const std::vector<point
   if (noise.gap == 0) noise.shape_to_noise = (1 - alike) * shape_to_noise(growth.typical);
 }
 
+// How far places show noise and not shape, in a cloud of so many points. Where there are two sheets, residuals see
+// both.
+double trust_in_places(const Noise& noise, std::uint64_t points) {
+  return noise.gap > 0 ? 0 : share_between(kPointsOfPlaces, double(points));
+}
+
 // Of a cloud of so many points. `residuals` are asked for where they are read, which is not where depths have steps.
 Noise noise_of(std::span<const point::NoiseSample> samples, std::uint64_t points, bool depth_has_steps,
                const std::function<std::vector<point::ResidualSample>()>& residuals) {
@@ -182,7 +188,11 @@ Noise noise_of(std::span<const point::NoiseSample> samples, std::uint64_t points
   } else if (sigma < kBeyondResiduals * noise.surface_spacing) {
     tell_from_shape(noise, points, residuals());
   }
-  if (noise.sigma > 0) noise.bend = quantile(plane_variances, 0.75) / (kPlaneQuartile * noise.sigma * noise.sigma);
+  if (noise.sigma > 0) {
+    const double median = quantile(sigmas, 0.5), trust = trust_in_places(noise, points);
+    const double of_low = kPlaneQuartile * noise.sigma * noise.sigma, of_median = kQuartileOfMedian * median * median;
+    noise.bend = quantile(plane_variances, 0.75) / (of_low + trust * (of_median - of_low));
+  }
   return noise;
 }
 
@@ -223,11 +233,13 @@ void cover_rounding(const CoordinateSteps& steps, std::vector<point::ResidualSam
 }
 
 // What differs from place to place, where enough samples show it.
-void add_local(Estimate& result, const LocalSamples& samples, std::vector<std::uint32_t> rows,
+void add_local(Estimate& result, const LocalSamples& samples, std::uint64_t points, std::vector<std::uint32_t> rows,
                const ForEach& for_each) {
   if (!(result.noise.sigma > 0) || samples.places.size() < kFewestSamples) return;
   const Pools pools = rows.empty() ? Pools(samples.places, for_each) : Pools(std::move(rows));
-  const LocalNoise noise = local_noise(samples, result.noise.sigma, pools, for_each);
+  const double trust = trust_in_places(result.noise, points);
+  const LocalNoise noise = local_noise(samples, result.noise.sigma, trust, pools, for_each);
+  result.noise.sigma = noise.typical;
   result.levels = noise.levels;
   if (!samples.residuals.empty())
     result.reach_levels = reach_levels(samples, noise.at_samples, result.noise.alikeness, pools, for_each);
@@ -289,7 +301,7 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
     if (residuals) local.residuals.push_back((*residuals)[i]);
   }
   add_local(
-      result, local, pools_of_shown(samples),
+      result, local, sample.bounds.valid, pools_of_shown(samples),
       [&from](std::size_t count, const std::function<void(std::size_t)>& body) { from.for_each_on_host(count, body); });
   return result;
 }

@@ -17,8 +17,11 @@ namespace {
 
 using namespace constants;
 
-constexpr std::array kCounts{point::kLeastFit, point::kFirstFit, 2 * point::kFirstFit, point::kFirstRow};
-constexpr std::size_t kSizes = kCounts.size();
+// Points of neighbourhoods: of those that all samples have residuals of, and of larger ones.
+constexpr std::array kCounts{point::kLeastFit,    point::kFirstFit,    2 * point::kFirstFit,
+                             point::kFirstRow,    point::points_of(5), point::points_of(6),
+                             point::points_of(7), point::points_of(8), point::points_of(9)};
+constexpr std::size_t kSizes = kCounts.size(), kResiduals = 4;
 using Curve = std::array<double, kSizes>;  // of variances over the sizes of neighbourhoods; NaN: not known
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
@@ -35,28 +38,28 @@ const Curve& chance_medians() {
   return all;
 }
 
-// Neighbourhoods that are not wide against the noise do not show it.
-Curve curve_of(const point::NoiseSample& noise, const point::ResidualSample* residuals) {
-  Curve curve;
-  curve.fill(kUnknown);
-  if (!noise.is_wide) return curve;
-  const double found[] = {residuals ? residuals->least : -1, residuals ? residuals->narrow : -1,
-                          residuals ? residuals->wide : -1, residuals ? residuals->widest : -1};
-  for (std::size_t size = 0; size < kSizes; ++size) {
-    if (found[size] >= 0) curve[size] = found[size] * found[size];
-  }
-  return curve;
-}
+// What samples show whose neighbourhood is wide against the noise; the others do not show it.
+struct Shown {
+  std::vector<Ranked> residuals;  // variances of each size of neighbourhood
+  Ranked spacings, noises;        // of the wide neighbourhoods
+};
 
-// Variances of each size of neighbourhood, at all places.
-std::vector<Ranked> ranked(const std::vector<Curve>& curves) {
-  std::vector<Ranked> result;
-  for (std::size_t size = 0; size < kSizes; ++size) {
-    std::vector<double> values;
-    for (const Curve& curve : curves) values.push_back(curve[size]);
-    result.emplace_back(values);
+Shown shown_by(const LocalSamples& samples, double trust) {
+  const std::size_t count = samples.places.size();
+  std::array<std::vector<double>, kResiduals> residuals;
+  for (std::vector<double>& of_size : residuals) of_size.assign(count, kUnknown);
+  std::vector<double> spacings(count, kUnknown), noises(count, kUnknown);
+  for (std::size_t i = 0; i < count; ++i) {
+    if (!samples.noise[i].is_wide) continue;
+    spacings[i] = samples.noise[i].spacing;
+    if (trust == 1) noises[i] = samples.noise[i].sigma;
+    if (samples.residuals.empty()) continue;
+    const point::ResidualSample& its = samples.residuals[i];
+    const double found[] = {its.least, its.narrow, its.wide, its.widest};
+    for (std::size_t size = 0; size < kResiduals; ++size)
+      if (found[size] >= 0) residuals[size][i] = found[size] * found[size];
   }
-  return result;
+  return {{residuals.begin(), residuals.end()}, Ranked(spacings), Ranked(noises)};
 }
 
 // The median of what is known in a pool, unknown where less than half is.
@@ -64,21 +67,22 @@ double middle(std::span<const std::uint32_t> pool, const Ranked& values) {
   return values.among(pool, [&](std::size_t known) { return 2 * known < pool.size() ? Ranked::kNoPlace : known / 2; });
 }
 
-// At the place of the pool's first sample.
-Curve pooled(std::span<const std::uint32_t> pool, const std::vector<Ranked>& of_sizes) {
-  Curve result;
-  for (std::size_t size = 0; size < kSizes; ++size)
-    result[size] = middle(pool, of_sizes[size]) / chance_medians()[size];
-  return result;
-}
-
-// Narrow neighbourhoods cut off what lies far from the surface: there the noise is at least so large, and unknown where
-// it is larger elsewhere.
-Curve without_cut_off(Curve curve, double spacing, double typical) {
-  for (std::size_t size = 0; size < kSizes; ++size) {
-    const double residual = std::sqrt(curve[size]), radius = spacing * std::sqrt(kCounts[size] / std::numbers::pi);
-    if (residual < typical && radius < kWideAgainstResiduals * residual) curve[size] = kUnknown;
+// At the place of the pool's first sample. A narrow neighbourhood cuts off what lies far from the surface: there the
+// noise is at least so large, and unknown where it is larger elsewhere. Where all with residuals are too narrow, the
+// noise that wide ones show counts, at the size that they need.
+Curve curve_of(std::span<const std::uint32_t> pool, const Shown& shown, double typical) {
+  const double spacing = middle(pool, shown.spacings), wide_noise = middle(pool, shown.noises);
+  const auto radius = [&](std::size_t size) { return spacing * std::sqrt(kCounts[size] / std::numbers::pi); };
+  Curve curve;
+  curve.fill(kUnknown);
+  for (std::size_t size = 0; size < kResiduals; ++size) {
+    const double variance = middle(pool, shown.residuals[size]) / chance_medians()[size];
+    const bool cut_off = variance < typical * typical && radius(size) < kWideAgainstResiduals * std::sqrt(variance);
+    if (!cut_off) curve[size] = variance;
   }
+  std::size_t wide = 0;
+  while (wide + 1 < kSizes && radius(wide) < point::kWideRadius * wide_noise) ++wide;
+  if (wide >= kResiduals) curve[wide] = wide_noise * wide_noise;
   return curve;
 }
 
@@ -119,14 +123,16 @@ double noise_of(const Curve& curve, double typical) {
   Curve weight{}, logs{};
   double all = 0;
   int known = 0;
+  bool is_wide = false;  // against the noise, as where the typical noise is measured
   for (std::size_t size = 0; size < kSizes; ++size) {
     if (!(curve[size] > 0)) continue;
     weight[size] = size_weights()[size];
     logs[size] = std::log(curve[size]);
     all += weight[size];
     ++known;
+    is_wide |= size >= kResiduals;
   }
-  if (known < 2) return kUnknown;  // nothing tells shape from noise
+  if (known < 2 && !is_wide) return kUnknown;  // nothing tells shape from noise
   const double prior = 1 / (4 * kSpread * kSpread), log_typical = 2 * std::log(typical);
   all += prior;
   const Models& rows = models();
@@ -161,31 +167,32 @@ void shrink(std::vector<double>& log_levels) {
   for (double& log_level : log_levels) log_level *= share;
 }
 
+double median_of(std::vector<double> values) {
+  const auto middle = values.begin() + std::ptrdiff_t((values.size() - 1) / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
 }  // namespace
 
-LocalNoise local_noise(const LocalSamples& samples, double typical, const Pools& pools, const ForEach& for_each) {
-  std::vector<Curve> curves;
-  for (std::size_t i = 0; i < samples.places.size(); ++i)
-    curves.push_back(curve_of(samples.noise[i], samples.residuals.empty() ? nullptr : &samples.residuals[i]));
-  const std::vector<Ranked> of_sizes = ranked(curves);
+LocalNoise local_noise(const LocalSamples& samples, double typical, double trust, const Pools& pools,
+                       const ForEach& for_each) {
+  const Shown shown = shown_by(samples, trust);
   std::vector<double> noise(samples.places.size()), log_levels(noise.size());
-  for (std::size_t i = 0; i < noise.size(); ++i)
-    noise[i] = samples.noise[i].is_wide ? samples.noise[i].spacing : kUnknown;
-  const Ranked spacings(noise);
-  for_each(noise.size(), [&](std::size_t i) {
-    const Curve curve = without_cut_off(pooled(pools.of(i), of_sizes), middle(pools.of(i), spacings), typical);
-    noise[i] = noise_of(curve, typical);
-  });
+  for_each(noise.size(), [&](std::size_t i) { noise[i] = noise_of(curve_of(pools.of(i), shown, typical), typical); });
   const Ranked noises(noise);
   for_each(noise.size(), [&](std::size_t i) {
     const double median = median_known(pools.of(i).first(kSmoothed), noises).value_or(typical);
     log_levels[i] = std::log(std::clamp(median / typical, 1 / kLargestLevel, kLargestLevel));
   });
   shrink(log_levels);
+  const double log_typical = trust * median_of(log_levels);
+  for (double& log_level : log_levels) log_level -= log_typical;
+  typical *= std::exp(log_typical);
   const auto levels = shared(NoiseLevels{levels_between(samples.places, log_levels, for_each)});
   for (std::size_t i = 0; i < noise.size(); ++i) noise[i] = typical * std::exp(log_levels[i]);
   levels->quantiles = quantiles_of(std::move(log_levels));
-  return {std::move(noise), levels};
+  return {typical, std::move(noise), levels};
 }
 
 std::array<double, 3> quantiles_of(std::vector<double> log_levels) {

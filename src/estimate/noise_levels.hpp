@@ -12,13 +12,16 @@
 namespace pointfair {
 
 struct LocalNoise {
-  std::vector<double> at_samples;  // standard deviations
-  std::shared_ptr<const NoiseLevels> levels;
+  double typical;
+  std::vector<double> at_samples;             // standard deviations
+  std::shared_ptr<const NoiseLevels> levels;  // over the typical noise
 };
 
-// Levels over `typical`, the noise that is held to be that of a typical place, above 0. Depends on the samples' places
+// `typical`: what the noise of a typical place is held to be, above 0. `trust`, from 0 to 1: how far the median over
+// the samples takes its place; 1: neighbourhoods of hundreds of points tell noise, too. Depends on the samples' places
 // but not on their order, but for rounding.
-LocalNoise local_noise(const LocalSamples& samples, double typical, const Pools& pools, const ForEach& for_each);
+LocalNoise local_noise(const LocalSamples& samples, double typical, double trust, const Pools& pools,
+                       const ForEach& for_each);
 
 // The levels at 5, 50 and 95 % of some places, at least one.
 std::array<double, 3> quantiles_of(std::vector<double> log_levels);

@@ -106,6 +106,8 @@ POINTFAIR_INLINE double without_slab_bias(double variance, double radius) {
   return s2;
 }
 
+inline constexpr double kWideRadius = 3.7;  // standard deviations of the heights over a plane
+
 // The nearest points of a sample, first few of them and then more.
 template <class Team, int kMost>
 class GrowingNeighborhood {
@@ -168,7 +170,6 @@ class GrowingNeighborhood {
   static constexpr int kFewest = 15;  // points of a sheet
   // Of the radius from a quarter of the points to all of them: 2 on a plane, 4 on a line.
   static constexpr double kSurfaceGrowth = 2.6;
-  static constexpr double kWideRadius = 3.7;  // standard deviations of the heights
   static constexpr int kGroupingRounds = 5;
   static constexpr double kSheetVariance = 0.12;  // of all variance, left within two groups of heights: two sheets
   static constexpr double kVanishing = 1e-9;      // pivots, of the number of points
