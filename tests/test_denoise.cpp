@@ -42,7 +42,7 @@ void store_strips(const fs::path& path, std::uint32_t strips) {
       indices.push_back(std::uint32_t(indices.size()));
       include(bounds, points.back());
     }
-    sections.push_back({strip, 0, bounds.valid, bounds.min, bounds.max});
+    sections.push_back({strip, {}, bounds.valid, bounds.min, bounds.max});
   }
   PointsWriter writer(path, {}, sections, {});
   writer.write(std::span(points));

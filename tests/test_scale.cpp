@@ -59,7 +59,7 @@ void store(const fs::path& path, const LeafTree& tree, const std::vector<Point>&
   for (const std::uint32_t i : order) include(bounds[leaf(i)], points[i]);
   std::vector<Section> sections;
   for (std::uint32_t l = 0; l < bounds.size(); ++l)
-    if (bounds[l].valid > 0) sections.push_back({l, 0, bounds[l].valid, bounds[l].min, bounds[l].max});
+    if (bounds[l].valid > 0) sections.push_back({l, {}, bounds[l].valid, bounds[l].min, bounds[l].max});
   PointsHeader header;
   header.first_index = first;
   PointsWriter writer(path, header, sections, {});

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "pointfair/cloud.hpp"
 #include "pointfair/export.hpp"
 #include "pointfair/io.hpp"
 #include "pointfair/limits.hpp"
@@ -49,12 +50,14 @@ struct TiledReport {
   std::optional<double> spacing, noise;     ///< of the input, if parameters followed from them
   std::array<double, 3> noise_quantiles{};  ///< as in Estimates, where there is a noise
   std::string noise_attribute;              ///< with the given noise; empty: it was estimated
-  double float_step = 0;                    ///< as in Estimates
+  double float_step = 0;                    ///< as in Estimates; in zones, the largest step in one
 };
 
 /// A run over a work folder, which holds the plan and the results of finished tasks. Tasks are idempotent: a task that
 /// is done is not done again, one that was killed leaves nothing, and two processes that do the same one leave the same
-/// file. The result has the bits of Pipeline::run on the whole cloud.
+/// file. The result has the bits of Pipeline::run on the whole cloud, unless the cloud is so wide that it needs zones:
+/// cubes whose points are computed as floats relative to the middle of the cube. Zones follow from the set of points,
+/// so that tiles, memory and workers change no bit of the result there either.
 ///
 /// Calls throw Error: ErrorKind::file if a file cannot be read or written, if the disk is full, or if an input is not
 /// the one that was planned with; ErrorKind::memory if a task or the neighbourhood of one point does not fit;
@@ -69,6 +72,12 @@ class POINTFAIR_EXPORT TiledRun {
   static std::uint64_t free_memory();
   /// The number of points of a file. O(1), but for text formats, which are scanned.
   static std::uint64_t count_points(const std::filesystem::path& path);
+
+  /// The largest step of the floats that a cloud is computed with in zones; 0 if it needs none. It needs zones where
+  /// more than a hundredth of its points lie so far from its origin that floats relative to that step by more than the
+  /// coordinates of the file, and by more than 1/128 of the spacing; 1/32 where the file does not say its step, or one
+  /// below 1/1024 of the spacing. A cloud without a file and one of floats need none. Milliseconds.
+  static double float_step_in_zones(const Cloud& cloud);
 
   /// Makes a hidden folder in `beside` for a run whose files are not kept; remove it afterwards. Removes such folders
   /// that killed processes of this machine left there.

@@ -36,7 +36,7 @@ std::vector<BeamSample> beam_samples(Sampling& from, const CloudSample& sample, 
     const Point& here = rows[i * kRow];
     const Point& sensor = sensors.places[sensors.places.size() > 1 ? sample.indices[i] : 0];
     const BeamSample its{distance(here, rows[i * kRow + kSecond]), distance(here, rows[i * kRow + kTwelfth]),
-                         distance(here, sensor)};
+                         distance(sample.points[i], sensor)};  // rows may be relative to another origin
     if (std::isfinite(its.twelfth) && std::isfinite(its.range) && its.range > 0) samples.push_back(its);
   }
   return samples;

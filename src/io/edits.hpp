@@ -9,6 +9,7 @@
 
 #include "io/scalar.hpp"
 #include "pointfair/cloud.hpp"
+#include "pointfair/positions.hpp"
 
 namespace pointfair::io {
 
@@ -30,8 +31,11 @@ struct Replacement {
 class MovedPoints {
  public:
   virtual ~MovedPoints() = default;
-  /// Of the points from `first` on, which were read as `before`. Many threads may ask at once.
-  virtual void take(std::uint64_t first, std::span<const Point> before, std::span<Point> now) const = 0;
+  /// What a point of the file is relative to, before and now; `of_file`: what the file was read with.
+  virtual Position origin_at(const Position&, const Position& of_file) const { return of_file; }
+  /// Of the points from `first` on, which lie at `own` in the file. Many threads may ask at once.
+  virtual void take(std::uint64_t first, std::span<const Position> own, std::span<const Point> before,
+                    std::span<Point> now) const = 0;
 };
 
 struct Edits {

@@ -52,7 +52,8 @@ std::vector<Position> Source::some_positions() const {
 std::vector<Point> Source::place() {
   origin_ = io::choose_origin(some_positions());
   std::vector<Point> points = new_points(static_cast<std::size_t>(size()));
-  const Position origin = io::choose_origin(place_at_origin(points));
+  sample_ = place_at_origin(points);
+  const Position origin = io::choose_origin(sample_);
   if (origin != origin_) {
     origin_ = origin;
     place_at_origin(points);
@@ -85,12 +86,12 @@ void Source::place_block(std::size_t block, std::span<Point> points, io::OriginS
   positions(block, values);
   for (std::size_t i = 0; i < points.size(); ++i) {
     sample.offer(values[i]);
-    points[i] = offset_of(values[i]);
+    points[i] = offset_of(values[i], origin_);
   }
 }
 
-Point Source::offset_of(const Position& value) const {
-  return {to_offset(value[0], origin_[0]), to_offset(value[1], origin_[1]), to_offset(value[2], origin_[2])};
+Point Source::offset_of(const Position& value, const Position& origin) {
+  return {to_offset(value[0], origin[0]), to_offset(value[1], origin[1]), to_offset(value[2], origin[2])};
 }
 
 void Source::extract(std::size_t index, std::span<char> out) const {
@@ -111,22 +112,27 @@ Moves Source::moves(std::uint64_t first, std::vector<Position> own, const io::Ed
   Moves result;
   result.values = std::move(own);
   result.changed.assign(result.values.size(), 0);
+  const auto origin_at = [&](const Position& value) {
+    return edits.moved ? edits.moved->origin_at(value, origin_) : origin_;
+  };
   std::vector<Point> taken(edits.moved ? result.values.size() : 0);
   if (edits.moved) {
     std::vector<Point> before(taken.size());
-    for (std::size_t i = 0; i < before.size(); ++i) before[i] = offset_of(result.values[i]);
-    edits.moved->take(first, before, taken);
+    for (std::size_t i = 0; i < before.size(); ++i)
+      before[i] = offset_of(result.values[i], origin_at(result.values[i]));
+    edits.moved->take(first, result.values, before, taken);
   }
   const Cloud& cloud = edits.cloud;
   const Point* const points = edits.moved ? taken.data() : cloud.points.data() + first;
   for (std::size_t i = 0; i < result.values.size(); ++i) {
     const float now[3] = {points[i].x, points[i].y, points[i].z};
+    const Position of_moved = origin_at(result.values[i]), &origin = edits.moved ? of_moved : cloud.origin;
     for (std::size_t axis = 0; axis < 3; ++axis) {
       double& value = result.values[i][axis];
-      const float before = to_offset(value, origin_[axis]);
+      const float before = to_offset(value, of_moved[axis]);
       const double shift = cloud.origin[axis] - origin_[axis];
       if (shift == 0 && same_bits(before, now[axis])) continue;
-      value = io::moved_value(value, before, now[axis], cloud.origin[axis], shift);
+      value = io::moved_value(value, before, now[axis], origin[axis], shift);
       result.changed[i] |= static_cast<std::uint8_t>(1U << axis);
     }
   }

@@ -108,6 +108,8 @@ class Source {
   /// Chooses that origin, and returns the points relative to it.
   std::vector<Point> place();
   const Position& origin() const { return origin_; }
+  /// What place() chose the origin by: io::OriginSample::take(). Empty before.
+  const std::vector<Position>& sample() const { return sample_; }
   /// An origin that is chosen elsewhere, for files that are read in parts.
   void place_at(const Position& origin) { origin_ = origin; }
   /// The points of `block` relative to origin(), as place() returns them; their positions are offered to `sample`.
@@ -131,7 +133,7 @@ class Source {
   std::string_view bytes() const { return bytes_.view(); }
 
  private:
-  Point offset_of(const Position& value) const;
+  static Point offset_of(const Position& value, const Position& origin);
   /// The points relative to origin(); returns a sample of their positions.
   std::vector<Position> place_at_origin(std::span<Point> points) const;
 
@@ -140,6 +142,7 @@ class Source {
   Format format_;
   Encoding encoding_;
   Position origin_{};
+  std::vector<Position> sample_;
 };
 
 }  // namespace pointfair

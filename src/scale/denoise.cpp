@@ -6,6 +6,7 @@
 #include <future>
 #include <limits>
 #include <new>
+#include <optional>
 #include <span>
 #include <utility>
 
@@ -33,6 +34,13 @@ PointsHeader header_of(const Counts& counts) {
   return header;
 }
 
+// A stored point that moved as far as one did that was `before` relative to another origin.
+Point moved(const Point& stored, const Point& before, const Point& now) {
+  const auto along = [](float s, float b, float n) { return s == b ? n : n == b ? s : float(s + (double(n) - b)); };
+  if (!is_indexed(now)) return now;
+  return {along(stored.x, before.x, now.x), along(stored.y, before.y, now.y), along(stored.z, before.z, now.z)};
+}
+
 template <class T, class ValueAt>
 void write_in_order(PointsWriter& writer, const Places& order, const ValueAt& value_at) {
   constexpr std::size_t kSome = 1 << 16;
@@ -49,13 +57,17 @@ void write_in_order(PointsWriter& writer, const Places& order, const ValueAt& va
 class Denoising::Tile {
  public:
   Tile(const TileWork& work, std::stop_token stop)
-      : work_(work), stop_(std::move(stop)), bounds_(work.input.bounds_of(work.leaves)) {
-    if (bounds_.valid > std::numeric_limits<std::uint32_t>::max())
+      : work_(work),
+        stop_(std::move(stop)),
+        leaves_(work.input.leaves_of(work.leaves)),
+        origins_(origins_of(work, leaves_)) {
+    if (work.input.count_of(leaves_) > std::numeric_limits<std::uint32_t>::max())
       throw Error(ErrorKind::memory, "a tile has too many points; plan with less --memory, or more --tiles");
   }
 
   void read() {
-    work_.input.read(work_.leaves, &own_, nullptr);
+    if (origins_.empty()) return;
+    enter(origins_.front());
     if (!has_points()) return;
     const Wanted all = all_wanted();
     fits_ = load(region_of(all, halo_of(all)));
@@ -64,14 +76,11 @@ class Denoising::Tile {
 
   void compute(Backend& backend) {
     backend_ = &backend;
-    results_ = own_;  // outliers of iterations before stay as they are
-    std::deque<Wanted> queue;
-    if (has_points()) queue.push_back(all_wanted());
-    while (!queue.empty()) {
-      const Wanted wanted = std::move(queue.front());
-      queue.pop_front();
-      for (Wanted& more : attempt(wanted)) queue.push_back(std::move(more));
+    for (const Position& origin : origins_) {
+      if (origin != origins_.front()) enter(origin);
+      compute_here();
     }
+    seen_.reset();
     own_ = {};
     loaded_ = {};
     places_ = {};
@@ -80,19 +89,87 @@ class Denoising::Tile {
 
   void write(const std::filesystem::path& path) {
     std::vector<std::uint64_t> indices;
-    work_.input.read(work_.leaves, nullptr, &indices);
+    work_.input.read(leaves_, nullptr, &indices);
     work_.chunks ? write_by_chunk(indices, path) : write_by_leaf(indices, path);
     results_ = {};
   }
 
  private:
-  bool has_points() const { return std::any_of(own_.begin(), own_.end(), is_indexed); }
-  Wanted all_wanted() const { return {true, {}, bounds_, 0}; }
+  // Those of the zones that have points of the tile. The points of each are computed by themselves.
+  static std::vector<Position> origins_of(const TileWork& work, const LeafRange& leaves) {
+    if (!work.input.zones().are_several()) return {work.input.zones().origin};
+    std::vector<Position> origins;
+    for (std::uint32_t leaf = leaves.begin; leaf < leaves.end; ++leaf) origins.push_back(work.input.origin_for(leaf));
+    std::sort(origins.begin(), origins.end());
+    origins.erase(std::unique(origins.begin(), origins.end()), origins.end());
+    return origins;
+  }
+
+  void enter(const Position& origin) {
+    seen_.emplace(work_.input.seen_from(origin));
+    stages_ = relative_to(origin, work_.stages, seen_->zones());
+    origin_ = origin;
+    bounds_ = kNoBounds;
+    for (std::uint32_t leaf = leaves_.begin; leaf < leaves_.end; ++leaf)
+      if (seen_->origin_for(leaf) == origin) unite(bounds_, seen_->leaves()[leaf]);
+    seen_->read(leaves_, &own_, nullptr);
+  }
+
+  // Calls visit(leaf, begin, end) for the leaves whose points are computed now, with their places in the tile.
+  template <class Visit>
+  void for_stretches(const Visit& visit) const {
+    std::size_t at = 0;
+    for (std::uint32_t leaf = leaves_.begin; leaf < leaves_.end; ++leaf) {
+      const std::size_t begin = std::exchange(at, at + seen_->leaves()[leaf].valid);
+      if (seen_->origin_for(leaf) == origin_) visit(leaf, begin, at);
+    }
+  }
+
+  void compute_here() {
+    results_.resize(own_.size());
+    for_stretches([&](std::uint32_t leaf, std::size_t begin, std::size_t end) {
+      const auto to = results_.begin() + std::ptrdiff_t(begin);  // outliers of iterations before stay as they are
+      if (seen_->zones().middle_of(seen_->zone_of(leaf)) == origin_) {
+        std::copy(own_.begin() + std::ptrdiff_t(begin), own_.begin() + std::ptrdiff_t(end), to);
+      } else {
+        std::vector<Point> stored;
+        seen_->read_stored(leaf, stored);
+        std::copy(stored.begin(), stored.end(), to);
+      }
+    });
+    std::deque<Wanted> queue;
+    if (has_points()) queue.push_back(all_wanted());
+    while (!queue.empty()) {
+      const Wanted wanted = std::move(queue.front());
+      queue.pop_front();
+      for (Wanted& more : attempt(wanted)) queue.push_back(std::move(more));
+    }
+  }
+
+  bool has_points() const {
+    bool has = false;
+    for_stretches([&](std::uint32_t, std::size_t begin, std::size_t end) {
+      has = has || std::any_of(own_.begin() + std::ptrdiff_t(begin), own_.begin() + std::ptrdiff_t(end), is_indexed);
+    });
+    return has;
+  }
+  Places indexed_places() const {
+    Places places;
+    for_stretches([&](std::uint32_t, std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i)
+        if (is_indexed(own_[i])) places.push_back(std::uint32_t(i));
+    });
+    return places;
+  }
+  Wanted all_wanted() const {
+    if (origins_.size() == 1) return {true, {}, bounds_, 0};
+    return {false, indexed_places(), bounds_, 0};
+  }
   double halo_of(const Wanted& wanted) const {
-    return wanted.halo > 0 ? wanted.halo : first_halo(work_.input.bounds(), work_.stages, wanted.bounds);
+    return wanted.halo > 0 ? wanted.halo : first_halo(seen_->bounds(), stages_, wanted.bounds);
   }
   point::Region region_of(const Wanted& wanted, double halo) const {
-    return region_around(work_.input.bounds(), wanted.bounds, halo);
+    return region_around(seen_->bounds(), wanted.bounds, halo);
   }
 
   // Returns what is to be done again.
@@ -124,11 +201,11 @@ class Denoising::Tile {
       loaded_.push_back(own_[i]);
       places_.push_back(std::uint32_t(i));
     }
-    return loaded_.size() <= work_.most_points && work_.input.append(region, work_.leaves, work_.most_points, loaded_);
+    return loaded_.size() <= work_.most_points && seen_->append(region, leaves_, work_.most_points, loaded_);
   }
 
   void run_stages() {
-    const TileStages& stages = work_.stages;
+    const TileStages& stages = stages_;
     backend_->upload(loaded_, stages.frame ? IndexOrder::along_curve : IndexOrder::fastest);
     backend_->build_index(0, stages.frame, stop_);
     backend_->find_neighbors(0, stages.neighbors, stop_);
@@ -151,7 +228,7 @@ class Denoising::Tile {
         include(left.bounds, own_[place]);
         continue;
       }
-      results_[place] = loaded_[i];
+      results_[place] = moved(results_[place], own_[place], loaded_[i]);
       counts_.unmoved.too_few_neighbors += (outcomes_[i] & point::kTooFew) != 0;
       counts_.unmoved.no_normal += (outcomes_[i] & point::kNoNormal) != 0;
       counts_.short_neighborhoods += (outcomes_[i] & point::kShort) != 0;
@@ -162,11 +239,7 @@ class Denoising::Tile {
 
   // In two along the longest side.
   std::vector<Wanted> split(const Wanted& wanted, double halo) {
-    Places places = wanted.places;
-    if (wanted.all) {
-      for (std::uint32_t i = 0; i < own_.size(); ++i)
-        if (is_indexed(own_[i])) places.push_back(i);
-    }
+    Places places = wanted.all ? indexed_places() : wanted.places;
     const Bounds& b = wanted.bounds;
     const float x = b.max.x - b.min.x, y = b.max.y - b.min.y, z = b.max.z - b.min.z;
     // where nearly all of the region is halo, halves would have hardly smaller ones
@@ -187,7 +260,7 @@ class Denoising::Tile {
 
   [[noreturn]] void fail_at(std::uint32_t place) const {
     std::vector<std::uint64_t> indices;
-    work_.input.read(work_.leaves, nullptr, &indices);
+    work_.input.read(leaves_, nullptr, &indices);
     throw Error(ErrorKind::memory, "point " + std::to_string(indices[place]) +
                                        " (from 0) has a neighbourhood that does not fit into --memory, since it lies "
                                        "far from others or many share its place; give more memory, or leave it out");
@@ -197,12 +270,12 @@ class Denoising::Tile {
   void write_by_leaf(const std::vector<std::uint64_t>& indices, const std::filesystem::path& path) const {
     std::vector<Section> sections;
     std::size_t at = 0;
-    for (std::uint32_t leaf = work_.leaves.begin; leaf < work_.leaves.end; ++leaf) {
+    for (std::uint32_t leaf = leaves_.begin; leaf < leaves_.end; ++leaf) {
       const std::size_t count = work_.input.leaves()[leaf].valid;
       Bounds b = kNoBounds;
       for (const Point& p : std::span(results_).subspan(at, count))
         if (is_indexed(p)) include(b, p);
-      if (count > 0) sections.push_back({leaf, 0, count, b.min, b.max});
+      if (count > 0) sections.push_back({work_.input.tree_leaf(leaf), work_.input.zone_of(leaf), count, b.min, b.max});
       at += count;
     }
     PointsHeader header = header_of(counts_);
@@ -225,7 +298,7 @@ class Denoising::Tile {
     for (const std::uint64_t index : indices) ++next[chunk_of(index) + 1];
     std::vector<Section> sections;
     for (std::size_t c = 0; c < chunks.size(); ++c) {
-      if (next[c + 1] > 0) sections.push_back({std::uint32_t(c), 0, next[c + 1], {}, {}});
+      if (next[c + 1] > 0) sections.push_back({std::uint32_t(c), {}, next[c + 1], {}, {}});
       next[c + 1] += next[c];
     }
     Places order(next.back());
@@ -242,11 +315,17 @@ class Denoising::Tile {
   TileWork work_;
   Backend* backend_ = nullptr;
   std::stop_token stop_;
-  Bounds bounds_;
+  LeafRange leaves_;
+  std::vector<Position> origins_;
+  Position origin_{};  // that is computed around; what follows is relative to it
+  std::optional<StoredCloud> seen_;
+  TileStages stages_;
+  Bounds bounds_;                          // of the tile's points that are computed now
   bool is_loaded_ = false, fits_ = false;  // what the first attempt needs
-  std::vector<Point> own_, results_;
-  std::vector<Point> loaded_;  // points that are computed, then their results
-  Places places_;              // in own_, of the first points of loaded_
+  std::vector<Point> own_;                 // all of the tile
+  std::vector<Point> results_;             // each relative to the middle of its own zone
+  std::vector<Point> loaded_;              // points that are computed, then their results
+  Places places_;                          // in own_, of the first points of loaded_
   std::vector<unsigned char> outcomes_;
   Counts counts_;
 };

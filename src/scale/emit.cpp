@@ -6,6 +6,7 @@
 #include <limits>
 #include <utility>
 
+#include "io/offset.hpp"
 #include "io/parallel.hpp"
 #include "point/outliers.h"
 #include "scale/given.hpp"
@@ -63,15 +64,16 @@ std::shared_ptr<const TileResults::Held> TileResults::hold(std::size_t chunk) co
 }
 
 // Returns how many outliers there are; those are marked unless `outliers` is null.
-OutlierCounts TileResults::settle_some(std::span<const Point> before, const Point* faired, Point* now,
+OutlierCounts TileResults::settle_some(const Before& whence, const Point* faired, Point* now,
                                        std::uint8_t* outliers) const {
+  const std::span<const Point> before = whence.in_zones;
   const point::NodeField field = field_of(settling_.limits.levels.get());
   OutlierCounts counts;
   for (std::size_t i = 0; i < before.size(); ++i) {
     now[i] = is_indexed(before[i]) ? faired[i] : before[i];
     if (!settling_.may_hold_back || !is_indexed(before[i])) continue;
     const auto [farthest, outlier_distance] =
-        point::limits_at(limit_rule(settling_.limits), point::node_value(field, to_vec3(before[i])));
+        point::limits_at(limit_rule(settling_.limits), point::node_value(field, to_vec3(whence.in_cloud[i])));
     const auto settled = point::settled(to_vec3(before[i]), to_vec3(faired[i]), farthest, outlier_distance);
     now[i] = {settled.place.x, settled.place.y, settled.place.z};
     count(settled.outlier, counts);
@@ -80,14 +82,36 @@ OutlierCounts TileResults::settle_some(std::span<const Point> before, const Poin
   return counts;
 }
 
+Position TileResults::origin_at(const Position& own, const Position& of_file) const {
+  const Zones zones = plan_.zones();
+  return zones.are_several() ? zones.middle_of(zones.zone_of(own)) : of_file;
+}
+
+std::vector<Point> TileResults::offsets(std::span<const Position> own, bool in_zones) const {
+  std::vector<Point> points;
+  points.reserve(own.size());
+  for (const Position& p : own) {
+    const Position origin = in_zones ? origin_at(p, plan_.origin) : plan_.origin;
+    points.push_back({io::to_offset(p[0], origin[0]), io::to_offset(p[1], origin[1]), io::to_offset(p[2], origin[2])});
+  }
+  return points;
+}
+
 // Ignored points go as invalid ones, as they did into the tiles.
-void TileResults::take(std::uint64_t first, std::span<const Point> before, std::span<Point> now) const {
+void TileResults::take(std::uint64_t first, std::span<const Position> own, std::span<const Point> before,
+                       std::span<Point> now) const {
   const Limits& limits = plan_.limits;
   const bool are_some_ignored = !limits.ignore.empty();
-  if (limits == Limits{}) return settle(first, before, now, {});
-  const Cloud here = part_of(source_, first, before);
+  std::vector<Point> in_cloud;
+  if (plan_.zones().are_several()) in_cloud = offsets(own, false);
+  const std::span<const Point> around_origin = in_cloud.empty() ? before : std::span<const Point>(in_cloud);
+  if (limits == Limits{}) return settle(first, {before, around_origin}, now, {});
+  const Cloud here = part_of(source_, first, around_origin);
   const std::vector<std::uint8_t> ignored = held_by_any(limits.ignore, here);
-  settle(first, are_some_ignored ? without_ignored(limits, here).points : here.points, now, {});
+  std::vector<Point> seen(before.begin(), before.end());
+  for (std::size_t i = 0; are_some_ignored && i < seen.size(); ++i)
+    if (ignored[i]) seen[i] = {kNan, kNan, kNan};
+  settle(first, {seen, around_origin}, now, {});
   const std::vector<std::uint8_t> movable = movable_points(limits, here);
   apply_limits(limits, movable, before, now);
   std::uint64_t held = 0;
@@ -106,27 +130,35 @@ std::vector<std::uint8_t> TileResults::find_outliers(unsigned threads) {
       io::OriginSample unused(points.size());
       place_seen(source_, block, plan_.limits, points, unused);
       const std::uint64_t first = source_->block_begin(block);
-      settle(first, points, now, std::span(outliers).subspan(first, points.size()));
+      std::vector<Point> in_zones = points;
+      if (plan_.zones().are_several()) {
+        std::vector<Position> own(points.size());
+        source_->positions(block, own);
+        in_zones = offsets(own, true);
+        for (std::size_t i = 0; i < points.size(); ++i)
+          if (!is_indexed(points[i])) in_zones[i] = points[i];
+      }
+      settle(first, {in_zones, points}, now, std::span(outliers).subspan(first, points.size()));
     });
   });
   held_back_.clear();
   return outliers;
 }
 
-void TileResults::settle(std::uint64_t first, std::span<const Point> before, std::span<Point> now,
+void TileResults::settle(std::uint64_t first, const Before& before, std::span<Point> now,
                          std::span<std::uint8_t> outliers) const {
   const std::vector<InputChunk>& chunks = plan_.chunks;
   if (stop_.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
   std::uint64_t index = first_point_ + first;
-  for (std::size_t done = 0; done < before.size();) {
+  for (std::size_t done = 0; done < now.size();) {
     const auto after = std::upper_bound(chunks.begin(), chunks.end(), index,
                                         [](std::uint64_t i, const InputChunk& c) { return i < c.first_point; });
     const auto chunk = std::size_t(after - chunks.begin()) - 1;
     const auto held = hold(chunk);
     const std::size_t from = index - chunks[chunk].first_point;
-    const std::size_t count = std::min(before.size() - done, held->points.size() - from);
-    held_back_.add(settle_some(before.subspan(done, count), &held->points[from], &now[done],
-                               outliers.empty() ? nullptr : &outliers[done]));
+    const std::size_t count = std::min(now.size() - done, held->points.size() - from);
+    const Before some{before.in_zones.subspan(done, count), before.in_cloud.subspan(done, count)};
+    held_back_.add(settle_some(some, &held->points[from], &now[done], outliers.empty() ? nullptr : &outliers[done]));
     done += count;
     index += count;
   }

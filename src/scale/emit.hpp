@@ -29,7 +29,9 @@ class TileResults final : public io::MovedPoints {
  public:
   TileResults(const std::vector<std::filesystem::path>& tiles, const Plan& plan, std::size_t file,
               std::shared_ptr<const Source> source, const Settling& settling, std::stop_token stop);
-  void take(std::uint64_t first, std::span<const Point> before, std::span<Point> now) const override;
+  Position origin_at(const Position& own, const Position& of_file) const override;
+  void take(std::uint64_t first, std::span<const Position> own, std::span<const Point> before,
+            std::span<Point> now) const override;
   /// 1 for each outlier of the file, else 0. Takes all points; what was counted before is forgotten.
   std::vector<std::uint8_t> find_outliers(unsigned threads);
   /// Outliers that were held back so far, and points that the limits held.
@@ -42,10 +44,13 @@ class TileResults final : public io::MovedPoints {
     std::vector<Point> points;
   };
   std::shared_ptr<const Held> hold(std::size_t chunk) const;
-  void settle(std::uint64_t first, std::span<const Point> before, std::span<Point> now,
-              std::span<std::uint8_t> outliers) const;
-  OutlierCounts settle_some(std::span<const Point> before, const Point* faired, Point* now,
-                            std::uint8_t* outliers) const;
+  // Points before: relative to the middles of their zones, and to the cloud's origin.
+  struct Before {
+    std::span<const Point> in_zones, in_cloud;
+  };
+  void settle(std::uint64_t first, const Before& before, std::span<Point> now, std::span<std::uint8_t> outliers) const;
+  OutlierCounts settle_some(const Before& before, const Point* faired, Point* now, std::uint8_t* outliers) const;
+  std::vector<Point> offsets(std::span<const Position> own, bool in_zones) const;
 
   struct TileFile {
     std::filesystem::path path;

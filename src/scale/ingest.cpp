@@ -4,6 +4,10 @@
 #include <algorithm>
 #include <atomic>
 #include <limits>
+#include <map>
+#include <numeric>
+#include <tuple>
+#include <utility>
 
 #include "io/parallel.hpp"
 #include "scale/given.hpp"
@@ -13,60 +17,116 @@
 namespace pointfair::scale {
 namespace {
 
-constexpr std::uint32_t kNoLeaf = std::numeric_limits<std::uint32_t>::max();
+constexpr std::uint32_t kNoGroup = std::numeric_limits<std::uint32_t>::max();
+
+// Points that are stored together: those of one leaf of the tree in one zone, in this order.
+struct Group {
+  std::uint32_t leaf;
+  Zone zone;
+  friend bool operator<(const Group& a, const Group& b) { return std::tie(a.leaf, a.zone) < std::tie(b.leaf, b.zone); }
+};
+using Numbers = std::map<Group, std::uint32_t>;
 
 struct Taken {
   std::vector<Point> points;
-  std::vector<std::uint32_t> leaves;  // kNoLeaf: not valid
-  std::vector<double> shown;          // of the origin: io::OriginSample::state()
+  std::vector<Group> groups;
+  std::vector<std::uint32_t> group_of;  // of each point; kNoGroup: not valid
+  std::vector<double> shown;            // of the origin: io::OriginSample::state()
   std::uint64_t ignored = 0;
 };
+
+// Points of a block by group, and relative to the middles of their zones. Groups are numbered as they are met.
+Numbers group_block(const Source& source, std::size_t block, const Zones& zones, const LeafTree& tree,
+                    std::span<Point> points, std::span<std::uint32_t> group_of) {
+  Numbers numbers;
+  std::vector<Position> values(points.size());
+  source.positions(block, values);
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    group_of[i] = kNoGroup;
+    if (!is_indexed(points[i])) continue;
+    const Group group{tree.leaf_of(points[i]), zones.zone_of(values[i])};
+    group_of[i] = numbers.try_emplace(group, std::uint32_t(numbers.size())).first->second;
+    const Position offset = difference(values[i], zones.middle_of(group.zone));
+    points[i] = {float(offset[0]), float(offset[1]), float(offset[2])};
+  }
+  return numbers;
+}
+
+// All groups in their order, and points by their numbers in it.
+void number_groups(const std::vector<Numbers>& of_blocks, const Source& source, const InputChunk& chunk, Taken& taken) {
+  Numbers all;
+  for (const Numbers& numbers : of_blocks)
+    for (const auto& [group, number] : numbers) all.emplace(group, 0);
+  for (auto& [group, number] : all) {
+    number = std::uint32_t(taken.groups.size());
+    taken.groups.push_back(group);
+  }
+  std::size_t at = 0;
+  for (std::size_t b = 0; b < of_blocks.size(); ++b) {
+    std::vector<std::uint32_t> renumbered(of_blocks[b].size());
+    for (const auto& [group, number] : of_blocks[b]) renumbered[number] = all[group];
+    for (const std::size_t end = at + source.block_size(chunk.first_block + b); at < end; ++at)
+      if (taken.group_of[at] != kNoGroup) taken.group_of[at] = renumbered[taken.group_of[at]];
+  }
+}
 
 Taken take(const std::shared_ptr<Source>& source, const InputChunk& chunk, const Plan& plan, const LeafTree& tree,
            const std::stop_token& stop) {
   Taken taken;
   taken.points.resize(chunk.points);
-  taken.leaves.resize(chunk.points);
+  taken.group_of.resize(chunk.points);
   const std::size_t blocks = chunk.end_block - chunk.first_block;
   std::vector<io::OriginSample> offered(blocks, io::OriginSample(plan.points));
+  std::vector<Numbers> numbers(plan.zones().are_several() ? blocks : 0);
   const std::uint64_t first = source->block_begin(chunk.first_block);
   std::atomic<std::uint64_t> ignored = 0;
   io::for_each_block(blocks, [&](std::size_t i) {
     if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
     const std::size_t block = chunk.first_block + i;
     const std::size_t at = source->block_begin(block) - first, count = source->block_size(block);
-    ignored += place_seen(source, block, plan.limits, std::span(taken.points).subspan(at, count), offered[i]);
+    const auto points = std::span(taken.points).subspan(at, count);
+    ignored += place_seen(source, block, plan.limits, points, offered[i]);
+    if (!numbers.empty()) {
+      numbers[i] =
+          group_block(*source, block, plan.zones(), tree, points, std::span(taken.group_of).subspan(at, count));
+      return;
+    }
     for (std::size_t p = at; p < at + count; ++p)
-      taken.leaves[p] = is_indexed(taken.points[p]) ? tree.leaf_of(taken.points[p]) : kNoLeaf;
+      taken.group_of[p] = is_indexed(taken.points[p]) ? tree.leaf_of(taken.points[p]) : kNoGroup;
   });
   taken.ignored = ignored;
+  if (numbers.empty()) {
+    for (std::uint32_t leaf = 0; leaf < tree.leaves(); ++leaf) taken.groups.push_back({leaf, {}});
+  } else {
+    number_groups(numbers, *source, chunk, taken);
+  }
   io::OriginSample all(plan.points);
   for (const io::OriginSample& some : offered) all.offer_all(some);
   for (const Position& position : all.state()) taken.shown.insert(taken.shown.end(), position.begin(), position.end());
   return taken;
 }
 
-std::vector<Section> sections_of(const Taken& taken, std::size_t leaves) {
-  std::vector<Bounds> bounds(leaves, kNoBounds);
+std::vector<Section> sections_of(const Taken& taken) {
+  std::vector<Bounds> bounds(taken.groups.size(), kNoBounds);
   for (std::size_t i = 0; i < taken.points.size(); ++i)
-    if (taken.leaves[i] != kNoLeaf) include(bounds[taken.leaves[i]], taken.points[i]);
+    if (taken.group_of[i] != kNoGroup) include(bounds[taken.group_of[i]], taken.points[i]);
   std::vector<Section> sections;
-  for (std::uint32_t leaf = 0; leaf < leaves; ++leaf)
-    if (bounds[leaf].valid > 0) sections.push_back({leaf, 0, bounds[leaf].valid, bounds[leaf].min, bounds[leaf].max});
+  for (std::size_t g = 0; g < bounds.size(); ++g) {
+    const auto& [leaf, zone] = taken.groups[g];
+    if (bounds[g].valid > 0) sections.push_back({leaf, zone, bounds[g].valid, bounds[g].min, bounds[g].max});
+  }
   return sections;
 }
 
-// Places of the points, leaf after leaf, in their order within each.
-std::vector<std::uint32_t> order_by_leaf(const Taken& taken, const std::vector<Section>& sections, std::size_t leaves) {
-  std::vector<std::uint64_t> next(leaves, 0);
-  std::uint64_t total = 0;
-  for (const Section& section : sections) {
-    next[section.key] = total;
-    total += section.count;
-  }
-  std::vector<std::uint32_t> order(total);
-  for (std::size_t i = 0; i < taken.leaves.size(); ++i)
-    if (taken.leaves[i] != kNoLeaf) order[next[taken.leaves[i]]++] = static_cast<std::uint32_t>(i);
+// Places of the points, group after group, in their order within each.
+std::vector<std::uint32_t> order_by_group(const Taken& taken) {
+  std::vector<std::uint64_t> next(taken.groups.size() + 1, 0);
+  for (const std::uint32_t group : taken.group_of)
+    if (group != kNoGroup) ++next[group + 1];
+  std::partial_sum(next.begin(), next.end(), next.begin());
+  std::vector<std::uint32_t> order(next.back());
+  for (std::size_t i = 0; i < taken.group_of.size(); ++i)
+    if (taken.group_of[i] != kNoGroup) order[next[taken.group_of[i]]++] = static_cast<std::uint32_t>(i);
   return order;
 }
 
@@ -76,8 +136,8 @@ void ingest(const std::shared_ptr<Source>& source, const InputChunk& chunk, cons
             unsigned threads, const std::filesystem::path& path, const std::stop_token& stop) {
   source->place_at(plan.origin);
   const Taken taken = io::with_threads(threads, [&] { return take(source, chunk, plan, tree, stop); });
-  const std::vector<Section> sections = sections_of(taken, tree.leaves());
-  const std::vector<std::uint32_t> order = order_by_leaf(taken, sections, tree.leaves());
+  const std::vector<Section> sections = sections_of(taken);
+  const std::vector<std::uint32_t> order = order_by_group(taken);
   PointsHeader header;
   header.first_index = chunk.first_point;
   header.counts[kNonFinite] = chunk.points - order.size();
@@ -94,15 +154,17 @@ void ingest(const std::shared_ptr<Source>& source, const InputChunk& chunk, cons
   writer.finish();
 }
 
-Position origin_of(const std::vector<std::filesystem::path>& ingested, std::uint64_t points_of_cloud) {
-  io::OriginSample all(points_of_cloud);
+Zones zones_of(const std::vector<std::filesystem::path>& ingested, const Plan& plan) {
+  io::OriginSample all(plan.points);
   for (const std::filesystem::path& path : ingested) {
     const std::vector<double> shown = PointsFile(path).numbers();
     std::vector<Position> state(shown.size() / 3);
     for (std::size_t i = 0; i < shown.size(); ++i) state[i / 3][i % 3] = shown[i];
     all.offer_state(state);
   }
-  return io::choose_origin(std::move(all).take());
+  std::vector<Position> sample = std::move(all).take();
+  const Position origin = io::choose_origin(sample);
+  return {origin, zone_side(std::move(sample), plan.points, origin, plan.coordinate_step)};
 }
 
 }  // namespace pointfair::scale

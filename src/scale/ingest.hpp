@@ -14,12 +14,12 @@ namespace pointfair::scale {
 /// that are ignored.
 inline constexpr std::size_t kNonFinite = 0, kIgnored = 1;
 
-/// Writes the valid points of the chunk as offsets from the plan's origin, without those that are ignored, and what
-/// they show of the cloud's origin. Memory: kBytesOfChunkPoint a point.
+/// Writes the valid points of the chunk relative to the middles of their zones, without those that are ignored, and
+/// what they show of the cloud's origin and zones. Memory: kBytesOfChunkPoint a point.
 void ingest(const std::shared_ptr<Source>& source, const InputChunk& chunk, const Plan& plan, const LeafTree& tree,
             unsigned threads, const std::filesystem::path& path, const std::stop_token& stop);
 
-/// The origin that all points together show, which is the one that a whole file is read with.
-Position origin_of(const std::vector<std::filesystem::path>& ingested, std::uint64_t points_of_cloud);
+/// What all points together show: the origin that a whole file is read with, and the zones.
+Zones zones_of(const std::vector<std::filesystem::path>& ingested, const Plan& plan);
 
 }  // namespace pointfair::scale

@@ -22,18 +22,23 @@ class KeptLeaves {
   /// Keeps nothing any more.
   void forget();
   /// The points of the region, if they are at most `most`; else nothing is kept any more, and false.
-  bool load(const point::Region& region, std::uint64_t most, std::vector<Point>& points);
+  bool load(const point::Region& region, std::uint64_t most, std::vector<Point>& points) {
+    return load(cloud_, region, most, points);
+  }
+  /// The same of the cloud as it is seen from another origin.
+  bool load(const StoredCloud& seen, const point::Region& region, std::uint64_t most, std::vector<Point>& points);
+  /// The points of a leaf, relative to the middle of its zone. Valid until the next call.
+  std::span<const Point> leaf(std::uint32_t number);
   /// Calls visit(points) for all points, some at a time.
   void for_all(const std::function<void(std::span<const Point>)>& visit);
 
  private:
-  std::span<const Point> leaf(std::uint32_t number);
-
   const StoredCloud& cloud_;
   std::uint64_t most_, kept_ = 0;
-  std::vector<std::span<const Point>> leaves_;  // in blocks_; empty: not kept
+  std::vector<std::span<const Point>> leaves_;  // in blocks_; empty: not kept. As stored
   std::deque<std::vector<Point>> blocks_;       // large ones, which the system gets back at once
   std::vector<Point> passing_;                  // the leaf that was read last
+  std::vector<Point> brought_;
 };
 
 }  // namespace pointfair::scale

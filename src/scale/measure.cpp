@@ -43,19 +43,27 @@ class StoredSampling final : public Sampling {
         [this](std::size_t blocks, const auto& body) { for_each_on_host(blocks, body); });
     CloudSample sample = draw_sample(bounds, count, [&](Candidates wanted) { return candidates.collect(wanted); });
     for (std::size_t i = 0; i < sample.indices.size(); ++i) sample.indices[i] = std::uint32_t(i);
-    queries_ = sample.points;
+    queries_.clear();
+    for (const Point& p : sample.points) queries_.push_back({p, cloud_.zones().origin});
+    if (cloud_.zones().are_several()) find_in_zones();
     return sample;
   }
 
   // Queries are indices in the sample.
   void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override {
     std::fill(out.begin(), out.end(), Point{kNan, kNan, kNan});
-    std::map<std::size_t, std::vector<std::size_t>> of_leaf;
-    for (std::size_t q = 0; q < queries.size(); ++q) of_leaf[leaf_near(queries_[queries[q]])].push_back(q);
-    for (auto& [leaf, asked] : of_leaf) {
-      std::deque<Rows> left{{std::move(asked), reach_of_nearest(cloud_.bounds(), k, cloud_.leaves()[leaf])}};
-      for (; !left.empty(); left.pop_front())
-        for (Rows& rows : sample(queries, k, left.front(), out)) left.push_back(std::move(rows));
+    std::map<Position, std::vector<std::size_t>> of_origin;
+    for (std::size_t q = 0; q < queries.size(); ++q) of_origin[queries_[queries[q]].origin].push_back(q);
+    for (const auto& [origin, around] : of_origin) {
+      const StoredCloud seen = cloud_.seen_from(origin);
+      seen_ = &seen;
+      std::map<std::size_t, std::vector<std::size_t>> of_leaf;
+      for (const std::size_t q : around) of_leaf[leaf_near(queries_[queries[q]].place)].push_back(q);
+      for (auto& [leaf, asked] : of_leaf) {
+        std::deque<Rows> left{{std::move(asked), reach_of_nearest(seen.bounds(), k, seen.leaves()[leaf])}};
+        for (; !left.empty(); left.pop_front())
+          for (Rows& rows : sample(queries, k, left.front(), out)) left.push_back(std::move(rows));
+      }
     }
   }
   void for_each_on_host(std::size_t count, const std::function<void(std::size_t)>& body) override {
@@ -69,11 +77,56 @@ class StoredSampling final : public Sampling {
     double halo;
   };
 
+  // A point of the sample.
+  struct Query {
+    Point place;
+    Position origin;
+  };
+
+  // The sample was drawn by places around the cloud's origin, to which far points are rounded: of those that share a
+  // place, the first by zone and coordinates stands for it.
+  void find_in_zones() {
+    const auto less = [](const Point& a, const Point& b) { return point::lies_before(to_vec3(a), to_vec3(b)); };
+    std::map<Point, std::size_t, decltype(less)> places(less);
+    for (std::size_t i = 0; i < queries_.size(); ++i) places.emplace(queries_[i].place, i);
+    constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+    std::vector<std::pair<std::uint32_t, Point>> found(queries_.size(), {kNone, {}});  // their leaves, and as stored
+    const auto comes_before = [&](std::uint32_t leaf, const Point& p, const std::pair<std::uint32_t, Point>& other) {
+      if (other.first == kNone || cloud_.zone_of(leaf) != cloud_.zone_of(other.first))
+        return other.first == kNone || cloud_.zone_of(leaf) < cloud_.zone_of(other.first);
+      return less(p, other.second);
+    };
+    std::vector<Point> around_origin;
+    for (std::uint32_t leaf = 0; leaf < cloud_.leaves().size(); ++leaf) {
+      const Bounds& box = cloud_.leaves()[leaf];
+      if (std::none_of(places.begin(), places.end(), [&](const auto& place) {
+            return may_overlap({to_vec3(place.first), to_vec3(place.first)}, box);
+          }))
+        continue;
+      const std::span<const Point> stored = leaves_.leaf(leaf);
+      around_origin.assign(stored.begin(), stored.end());
+      cloud_.bring(leaf, around_origin);
+      for (std::size_t i = 0; i < stored.size(); ++i) {
+        if (!is_indexed(around_origin[i])) continue;
+        const auto its = places.find(around_origin[i]);
+        if (its == places.end()) continue;
+        auto& first = found[its->second];
+        if (comes_before(leaf, stored[i], first)) first = {leaf, stored[i]};
+      }
+    }
+    for (std::size_t i = 0; i < queries_.size(); ++i) {
+      const auto& [leaf, place] = found[i];
+      const Position& origin = cloud_.origin_for(leaf);
+      const Position shift = difference(cloud_.zones().middle_of(cloud_.zone_of(leaf)), origin);
+      queries_[i] = {shift == Position{} ? place : shifted(place, shift), origin};
+    }
+  }
+
   // One whose box holds the point.
   std::size_t leaf_near(const Point& p) const {
     const point::Region here{to_vec3(p), to_vec3(p)};
     std::size_t leaf = 0;
-    while (!may_overlap(here, cloud_.leaves()[leaf])) ++leaf;
+    while (!may_overlap(here, seen_->leaves()[leaf])) ++leaf;
     return leaf;
   }
 
@@ -81,8 +134,8 @@ class StoredSampling final : public Sampling {
   // do not fit.
   std::vector<Rows> sample(std::span<const std::uint32_t> queries, int k, const Rows& rows, std::span<Point> out) {
     Bounds bounds = kNoBounds;
-    for (const std::size_t q : rows.asked) include(bounds, queries_[queries[q]]);
-    const point::Region region = region_around(cloud_.bounds(), bounds, rows.halo);
+    for (const std::size_t q : rows.asked) include(bounds, queries_[queries[q]].place);
+    const point::Region region = region_around(seen_->bounds(), bounds, rows.halo);
     std::vector<Point> loaded;
     if (!load(region, loaded)) {
       if (rows.asked.size() == 1)
@@ -96,9 +149,10 @@ class StoredSampling final : public Sampling {
     backend_.build_index(0, std::nullopt, {});
     std::vector<std::uint32_t> places;
     for (const std::size_t q : rows.asked)
-      places.push_back(std::uint32_t(std::find_if(loaded.begin(), loaded.end(),
-                                                  [&](const Point& p) { return same_place(p, queries_[queries[q]]); }) -
-                                     loaded.begin()));
+      places.push_back(
+          std::uint32_t(std::find_if(loaded.begin(), loaded.end(),
+                                     [&](const Point& p) { return same_place(p, queries_[queries[q]].place); }) -
+                        loaded.begin()));
     const std::size_t row_size = std::size_t(k) + 1;
     std::vector<Point> found(places.size() * row_size);
     backend_.sampling().sample_neighborhoods(places, k, found);
@@ -122,16 +176,17 @@ class StoredSampling final : public Sampling {
   // Leaves that are kept make room where the region needs it.
   bool load(const point::Region& region, std::vector<Point>& loaded) {
     const std::uint64_t kept = leaves_.kept() * sizeof(Point) / bytes_of_point_;
-    if (leaves_.load(region, most_ - std::min(most_, kept), loaded)) return true;
+    if (leaves_.load(*seen_, region, most_ - std::min(most_, kept), loaded)) return true;
     loaded = {};
-    return cloud_.append(region, {}, most_, loaded);
+    return seen_->append(region, {}, most_, loaded);
   }
 
   const StoredCloud& cloud_;
   Backend& backend_;
   std::uint64_t bytes_of_point_, most_;  // points that are loaded at once
   KeptLeaves leaves_;
-  std::vector<Point> queries_;
+  std::vector<Query> queries_;
+  const StoredCloud* seen_ = nullptr;  // from the origin that is sampled around
 };
 
 // Relative to the cloud's origin; null: unknown.

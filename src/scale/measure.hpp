@@ -17,7 +17,7 @@
 namespace pointfair::scale {
 
 struct Measured {
-  Position origin{};
+  Position origin{};  ///< what places of the sample, and with them the levels, are relative to
   Bounds bounds;
   Frame frame;  ///< zero where sums run over lists
   Spacing spacing;

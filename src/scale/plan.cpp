@@ -120,8 +120,8 @@ struct Extent {
   }
 };
 
-// Coordinates are floats relative to one origin: a file far away, mostly in another coordinate system, would cost all
-// files their digits.
+// Where coordinates are floats relative to one origin, a file far away, mostly in another coordinate system, would cost
+// all files their digits.
 void refuse_stray_files(const std::vector<InputFile>& files, const std::vector<Extent>& extents) {
   constexpr double kFar = 10;  // times the size of all others together
   for (std::size_t i = 0; i < extents.size(); ++i) {
@@ -157,14 +157,14 @@ std::optional<Position> sensor_of(const TiledJob& job, const std::vector<std::sh
   return sensor;
 }
 
-// Positions from all over the inputs, and the origin that they show.
+// Positions from all over the inputs, and the zones that they show.
 struct Survey {
-  Position origin{};
+  Zones zones;
   std::vector<Point> sample;
   std::vector<Extent> extents;  // of what was seen of each file
 };
 
-Survey survey(const std::vector<std::shared_ptr<Source>>& sources, std::uint64_t points) {
+Survey survey(const std::vector<std::shared_ptr<Source>>& sources, std::uint64_t points, double coordinate_step) {
   struct Block {
     std::size_t file, block;
   };
@@ -175,8 +175,8 @@ Survey survey(const std::vector<std::shared_ptr<Source>>& sources, std::uint64_t
   const auto count = std::max<std::size_t>(1, static_cast<std::size_t>(double(blocks.size()) * share));
   const std::size_t kept_of_block = std::max<std::size_t>(16, kKeptSamples / count);
   std::vector<std::vector<Position>> kept(count);
-  std::vector<io::OriginSample> offered(
-      count, io::OriginSample(count == blocks.size() ? points : points * count / blocks.size()));
+  const std::uint64_t looked_at = count == blocks.size() ? points : points * count / blocks.size();
+  std::vector<io::OriginSample> offered(count, io::OriginSample(looked_at));
   io::for_each_block(count, [&](std::size_t i) {
     const auto [file, block] = blocks[i * blocks.size() / count];
     std::vector<Position> values(sources[file]->block_size(block));
@@ -186,11 +186,15 @@ Survey survey(const std::vector<std::shared_ptr<Source>>& sources, std::uint64_t
     for (std::size_t at = 0; at < values.size(); at += step) kept[i].push_back(values[at]);
   });
   for (std::size_t i = 1; i < count; ++i) offered[0].offer_all(offered[i]);
-  Survey result{io::choose_origin(std::move(offered[0]).take()), {}, std::vector<Extent>(sources.size())};
+  std::vector<Position> shown = std::move(offered[0]).take();
+  const Position origin = io::choose_origin(shown);
+  Survey result{{origin, zone_side(std::move(shown), looked_at, origin, coordinate_step)},
+                {},
+                std::vector<Extent>(sources.size())};
   for (std::size_t i = 0; i < count; ++i)
     for (const Position& value : kept[i]) {
-      const Point p{io::to_offset(value[0], result.origin[0]), io::to_offset(value[1], result.origin[1]),
-                    io::to_offset(value[2], result.origin[2])};
+      const Point p{io::to_offset(value[0], origin[0]), io::to_offset(value[1], origin[1]),
+                    io::to_offset(value[2], origin[2])};
       if (!is_indexed(p)) continue;
       result.sample.push_back(p);
       result.extents[blocks[i * blocks.size() / count].file].unite({value, value});
@@ -255,6 +259,7 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
   plan.limits = job.limits;
   plan.noise_attribute = job.noise_attribute;
   plan.viewpoint = job.viewpoint;
+  plan.coordinate_step = kInfinite;
   plan.memory = memory_of_task(job);
   const std::uint64_t most_of_chunk = std::min(kMostOfChunk, points_in_memory(plan.memory, kBytesOfChunkPoint));
   std::vector<std::shared_ptr<Source>> sources;
@@ -267,6 +272,7 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
     if (sources.size() > 1 && params != plan.params)
       refuse(file.path.string() + ": its unit is not that of the other inputs; give lengths without m, mm or cm");
     plan.params = params;
+    plan.coordinate_step = std::min(plan.coordinate_step, coordinate_step(*source));
     file.first_point = plan.points;
     file.points = source->size();
     plan.points += file.points;
@@ -275,9 +281,10 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
   plan.sensor = sensor_of(job, sources);
   plan.iterations = plan.params.iterations;
   if (plan.iterations == kAutomatic) plan.iterations = resolve_params(plan.params, {}, {}, 1).iterations;
-  Survey seen = io::with_threads(threads, [&] { return survey(sources, plan.points); });
-  refuse_stray_files(plan.files, seen.extents);
-  plan.origin = seen.origin;
+  Survey seen = io::with_threads(threads, [&] { return survey(sources, plan.points, plan.coordinate_step); });
+  plan.origin = seen.zones.origin;
+  plan.zone_side = seen.zones.side;
+  if (!plan.zones().are_several()) refuse_stray_files(plan.files, seen.extents);
   const double of_tile = kCoreShare * double(points_in_memory(plan.memory, bytes_of_tile_point(plan.params)));
   const auto tiles = std::max<std::uint64_t>(job.least_tiles, std::uint64_t(std::ceil(double(plan.points) / of_tile)));
   const std::uint64_t leaves =

@@ -13,6 +13,7 @@
 
 #include "io/source.hpp"
 #include "pointfair/tiled_run.hpp"
+#include "scale/zones.hpp"
 
 namespace pointfair::scale {
 
@@ -39,9 +40,13 @@ struct Plan {
   std::uint64_t points = 0;
   int iterations = 1;
   std::size_t tiles = 1;
-  Position origin{};  ///< as guessed; the first measurement corrects it
+  Position origin{};           ///< as guessed; the first measurement corrects it
+  double zone_side = 0;        ///< the same
+  double coordinate_step = 0;  ///< the least of the files'
   std::vector<InputFile> files;
   std::vector<InputChunk> chunks;
+
+  Zones zones() const { return {origin, zone_side}; }
 };
 
 /// How many points may be in memory at once, each with everything that a task needs for it.

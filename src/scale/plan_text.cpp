@@ -40,6 +40,10 @@ void read_line(const std::string& line, Plan& plan) {
   if (key == "tiles") in >> plan.tiles;
   if (key == "origin")
     for (double& c : plan.origin) c = parse_number(in);
+  if (key == "zones") {
+    plan.zone_side = parse_number(in);
+    plan.coordinate_step = parse_number(in);
+  }
   if (key == "write") {
     int format = -1, encoding = -1, overwrite = 0, sync = 0;
     in >> format >> encoding;
@@ -87,6 +91,7 @@ std::string text_of(const Plan& plan) {
       << plan.tiles << "\n";
   out << "origin";
   for (const double c : plan.origin) out << " " << text_of(c);
+  out << "\nzones " << text_of(plan.zone_side) << " " << text_of(plan.coordinate_step);
   out << "\nwrite " << (plan.write.format ? int(*plan.write.format) : -1) << " "
       << (plan.write.encoding ? int(*plan.write.encoding) : -1) << " " << text_of(plan.write.las_scale.value_or(0))
       << " " << int(plan.write.overwrite) << " " << int(plan.write.sync) << "\n";

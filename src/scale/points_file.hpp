@@ -12,13 +12,14 @@
 
 #include "pointfair/cloud.hpp"
 #include "scale/work_file.hpp"
+#include "scale/zones.hpp"
 #include "seam/sampling.hpp"
 
 namespace pointfair::scale {
 
 struct Section {
   std::uint32_t key = 0;  ///< the leaf of its points, or the chunk of the input that they are of
-  std::uint32_t unused = 0;
+  Zone zone{};            ///< of its points, which are relative to the zone's middle
   std::uint64_t count = 0;
   Point min{}, max{};  ///< of its points
 };

@@ -3,6 +3,9 @@
 
 #include <algorithm>
 #include <functional>
+#include <map>
+#include <tuple>
+#include <utility>
 
 namespace pointfair::scale {
 
@@ -16,24 +19,96 @@ bool may_overlap(const point::Region& r, const Bounds& b) {
          b.min.z <= r.max.z && b.max.z >= r.min.z;
 }
 
-StoredCloud::StoredCloud(const std::vector<std::filesystem::path>& files, std::size_t leaves)
-    : leaf_bounds_(leaves, kNoBounds) {
+std::shared_ptr<const StoredCloud::Stored> StoredCloud::open(const std::vector<std::filesystem::path>& files,
+                                                             std::size_t leaves, const Zones& zones) {
   constexpr std::size_t kMostOpen = 256;
+  const auto stored = std::make_shared<Stored>();
+  const auto comes_before = [](const Leaf& a, const Leaf& b) {
+    return std::tie(a.of_tree, a.zone) < std::tie(b.of_tree, b.zone);
+  };
+  const auto is_same = [](const Leaf& a, const Leaf& b) { return a.of_tree == b.of_tree && a.zone == b.zone; };
+  if (zones.are_several()) {
+    for (const std::filesystem::path& path : files)
+      for (const Section& section : PointsFile(path).sections())
+        if (section.count > 0) stored->leaves.push_back({section.key, section.zone, kNoBounds, {}});
+    std::sort(stored->leaves.begin(), stored->leaves.end(), comes_before);
+    stored->leaves.erase(std::unique(stored->leaves.begin(), stored->leaves.end(), is_same), stored->leaves.end());
+  } else {
+    for (std::uint32_t leaf = 0; leaf < leaves; ++leaf) stored->leaves.push_back({leaf, {}, kNoBounds, {}});
+  }
   for (const std::filesystem::path& path : files) {
     Part part{std::make_unique<PointsFile>(path), {}, {0}};
     for (const Section& section : part.file->sections()) {
       if (section.count == 0) continue;
-      part.leaves.push_back(section.key);
+      const Leaf wanted{section.key, section.zone, {}, {}};
+      const auto its = std::lower_bound(stored->leaves.begin(), stored->leaves.end(), wanted, comes_before);
+      part.leaves.push_back(static_cast<std::uint32_t>(its - stored->leaves.begin()));
       part.begins.push_back(part.begins.back() + section.count);
-      unite(leaf_bounds_[section.key], {section.min, section.max, section.count});
+      unite(its->bounds, {section.min, section.max, section.count});
     }
-    for (std::size_t i = 0; i < counts_.size(); ++i) counts_[i] += part.file->header().counts[i];
-    files_.push_back(path);
+    for (std::size_t i = 0; i < stored->counts.size(); ++i) stored->counts[i] += part.file->header().counts[i];
+    stored->files.push_back(path);
     if (files.size() > kMostOpen) part.file.reset();
-    parts_.push_back(std::move(part));
+    stored->parts.push_back(std::move(part));
   }
-  for (const Bounds& leaf : leaf_bounds_) unite(bounds_, leaf);
+  choose_origins(stored->leaves, zones);
+  return stored;
+}
+
+void StoredCloud::choose_origins(std::vector<Leaf>& leaves, const Zones& zones) {
+  std::map<Zone, std::uint64_t> counts;
+  for (const Leaf& leaf : leaves) counts[leaf.zone] += leaf.bounds.valid;
+  std::map<Zone, Position> origins;
+  for (const auto& [zone, count] : counts) {
+    Position& origin = origins[zone] = zones.middle_of(zone);
+    if (count >= kFewestOfZone || !zones.are_several()) continue;
+    origin = zones.origin;
+    std::uint64_t most = kFewestOfZone - 1;
+    for (std::int32_t i = 0; i < 27; ++i) {
+      const Zone beside{zone[0] + i % 3 - 1, zone[1] + i / 3 % 3 - 1, zone[2] + i / 9 - 1};
+      const auto its = counts.find(beside);
+      if (its == counts.end() || its->second <= most) continue;
+      most = its->second;
+      origin = zones.middle_of(beside);
+    }
+  }
+  for (Leaf& leaf : leaves) leaf.origin = origins[leaf.zone];
+}
+
+StoredCloud::StoredCloud(const std::vector<std::filesystem::path>& files, std::size_t leaves, const Zones& zones)
+    : StoredCloud(open(files, leaves, zones), zones, zones.origin) {}
+
+StoredCloud::StoredCloud(std::shared_ptr<const Stored> stored, const Zones& zones, const Position& origin)
+    : stored_(std::move(stored)), zones_(zones), origin_(origin) {
+  for (std::uint32_t leaf = 0; leaf < stored_->leaves.size(); ++leaf) {
+    Bounds bounds = stored_->leaves[leaf].bounds;
+    if (const Position shift = shift_of(leaf); shift != Position{})
+      bounds = {shifted(bounds.min, shift), shifted(bounds.max, shift), bounds.valid};
+    leaf_bounds_.push_back(bounds);
+    unite(bounds_, bounds);
+  }
   if (bounds_.valid == 0) bounds_ = {};
+}
+
+StoredCloud StoredCloud::seen_from(const Position& origin) const { return {stored_, zones_, origin}; }
+
+Position StoredCloud::shift_of(std::uint32_t leaf) const {
+  return difference(zones_.middle_of(stored_->leaves[leaf].zone), origin_);
+}
+
+LeafRange StoredCloud::leaves_of(const LeafRange& of_tree) const {
+  const auto first = [&](std::uint32_t leaf) {
+    const auto its = std::lower_bound(stored_->leaves.begin(), stored_->leaves.end(), leaf,
+                                      [](const Leaf& a, std::uint32_t number) { return a.of_tree < number; });
+    return static_cast<std::uint32_t>(its - stored_->leaves.begin());
+  };
+  return {first(of_tree.begin), first(of_tree.end)};
+}
+
+void StoredCloud::bring(std::uint32_t leaf, std::span<Point> points) const {
+  const Position shift = shift_of(leaf);
+  if (shift == Position{}) return;  // bits stay, also those of outliers
+  for (Point& p : points) p = shifted(p, shift);
 }
 
 std::uint64_t StoredCloud::count_of(const LeafRange& range) const { return bounds_of(range).valid; }
@@ -61,16 +136,28 @@ class Opened {
 }  // namespace
 
 void StoredCloud::read(const LeafRange& range, std::vector<Point>* points, std::vector<std::uint64_t>* indices) const {
+  read_files(range, points, indices);
+  std::uint64_t at = 0;
+  for (std::uint32_t leaf = range.begin; points && leaf < range.end; at += leaf_bounds_[leaf++].valid)
+    bring(leaf, std::span(*points).subspan(at, leaf_bounds_[leaf].valid));
+}
+
+void StoredCloud::read_stored(std::uint32_t leaf, std::vector<Point>& points) const {
+  read_files({leaf, leaf + 1}, &points, nullptr);
+}
+
+void StoredCloud::read_files(const LeafRange& range, std::vector<Point>* points,
+                             std::vector<std::uint64_t>* indices) const {
   std::vector<std::uint64_t> next(range.end - range.begin + 1, 0);
   for (std::uint32_t leaf = range.begin; leaf < range.end; ++leaf)
     next[leaf - range.begin + 1] = next[leaf - range.begin] + leaf_bounds_[leaf].valid;
   if (points) points->resize(next.back());
   if (indices) indices->resize(next.back());
-  for (std::size_t p = 0; p < parts_.size(); ++p) {
-    const Part& part = parts_[p];
+  for (std::size_t p = 0; p < stored_->parts.size(); ++p) {
+    const Part& part = stored_->parts[p];
     const auto first = std::lower_bound(part.leaves.begin(), part.leaves.end(), range.begin);
     if (first == part.leaves.end() || !range.holds(*first)) continue;
-    const Opened file(part.file, files_[p]);
+    const Opened file(part.file, stored_->files[p]);
     for (auto at = first; at != part.leaves.end() && range.holds(*at); ++at) {
       const auto i = static_cast<std::size_t>(at - part.leaves.begin());
       const std::size_t count = part.begins[i + 1] - part.begins[i];
@@ -95,16 +182,17 @@ bool StoredCloud::append(const point::Region& region, const LeafRange& except, s
   if (certain > most) return false;
   points.reserve(certain + certain / 4);
   std::vector<Point> some;
-  for (std::size_t p = 0; p < parts_.size(); ++p) {
-    const Part& part = parts_[p];
+  for (std::size_t p = 0; p < stored_->parts.size(); ++p) {
+    const Part& part = stored_->parts[p];
     if (std::none_of(part.leaves.begin(), part.leaves.end(), [&](std::uint32_t leaf) { return wanted[leaf] != 0; }))
       continue;
-    const Opened file(part.file, files_[p]);
+    const Opened file(part.file, stored_->files[p]);
     for (std::size_t i = 0; i < part.leaves.size(); ++i) {
       const std::uint8_t want = wanted[part.leaves[i]];
       if (want == 0) continue;
       some.resize(part.begins[i + 1] - part.begins[i]);
       file->positions(part.begins[i], some);
+      bring(part.leaves[i], some);
       if (want == 2) {
         points.insert(points.end(), some.begin(), some.end());
       } else {
@@ -120,11 +208,19 @@ bool StoredCloud::append(const point::Region& region, const LeafRange& except, s
 void StoredCloud::for_all(const std::function<void(std::span<const Point>)>& visit) const {
   constexpr std::uint64_t kSome = 1 << 20;
   std::vector<Point> some;
-  for (std::size_t p = 0; p < parts_.size(); ++p) {
-    const Opened file(parts_[p].file, files_[p]);
-    for (std::uint64_t first = 0; first < parts_[p].begins.back(); first += kSome) {
-      some.resize(std::min(kSome, parts_[p].begins.back() - first));
+  for (std::size_t p = 0; p < stored_->parts.size(); ++p) {
+    const Part& part = stored_->parts[p];
+    const Opened file(part.file, stored_->files[p]);
+    std::size_t leaf = 0;
+    for (std::uint64_t first = 0; first < part.begins.back(); first += kSome) {
+      some.resize(std::min(kSome, part.begins.back() - first));
       file->positions(first, some);
+      for (std::uint64_t at = first; at < first + some.size();) {
+        while (part.begins[leaf + 1] <= at) ++leaf;
+        const std::uint64_t end = std::min(first + some.size(), part.begins[leaf + 1]);
+        bring(part.leaves[leaf], std::span(some).subspan(at - first, end - at));
+        at = end;
+      }
       visit(some);
     }
   }

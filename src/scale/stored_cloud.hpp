@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The points of one iteration's input, in the files that the tasks before left: which leaves there are, and all points
-// of a region.
+// of a region. In a cloud of several zones, a leaf of the tree counts as one for each zone that has some of its points.
 #pragma once
 
 #include <cstdint>
@@ -11,6 +11,7 @@
 
 #include "point/region.h"
 #include "scale/points_file.hpp"
+#include "scale/zones.hpp"
 #include "seam/cloud_sample.hpp"
 
 namespace pointfair::scale {
@@ -21,20 +22,38 @@ struct LeafRange {
   bool holds(std::uint32_t leaf) const { return leaf >= begin && leaf < end; }
 };
 
+/// Points that a zone needs to be computed around its own middle.
+inline constexpr std::uint64_t kFewestOfZone = 64;
+
 class StoredCloud {
  public:
-  StoredCloud(const std::vector<std::filesystem::path>& files, std::size_t leaves);
+  /// `leaves`: of the tree. Points are told as offsets from the origin of the zones.
+  StoredCloud(const std::vector<std::filesystem::path>& files, std::size_t leaves, const Zones& zones = {});
+  /// The same points as offsets from another origin. O(leaves).
+  StoredCloud seen_from(const Position& origin) const;
 
+  const Zones& zones() const { return zones_; }
   const Bounds& bounds() const { return bounds_; }
   const std::vector<Bounds>& leaves() const { return leaf_bounds_; }
+  const Zone& zone_of(std::uint32_t leaf) const { return stored_->leaves[leaf].zone; }
+  /// What the points of a leaf are computed relative to: the middle of their zone. A zone with fewer than kFewestOfZone
+  /// points is computed with the fullest of those beside it, and if all of them have as few, its points are strays,
+  /// which are computed around the cloud's origin.
+  const Position& origin_for(std::uint32_t leaf) const { return stored_->leaves[leaf].origin; }
+  std::uint32_t tree_leaf(std::uint32_t leaf) const { return stored_->leaves[leaf].of_tree; }
+  /// Those of some leaves of the tree.
+  LeafRange leaves_of(const LeafRange& of_tree) const;
   /// What the files' tasks counted, in all.
-  const TaskCounts& counts() const { return counts_; }
+  const TaskCounts& counts() const { return stored_->counts; }
   std::uint64_t count_of(const LeafRange& range) const;
   Bounds bounds_of(const LeafRange& range) const;
 
   /// The points of the leaves, leaf after leaf, and in the same order their indices in the input; of both, what is
   /// given.
   void read(const LeafRange& range, std::vector<Point>* points, std::vector<std::uint64_t>* indices) const;
+  /// Those of one leaf, relative to the middle of its zone; and such points as read() gives them.
+  void read_stored(std::uint32_t leaf, std::vector<Point>& points) const;
+  void bring(std::uint32_t leaf, std::span<Point> points) const;
   /// Appends the points of the region, those of the leaves in `except` left out. At most `most` of them are wanted:
   /// false as soon as there are more.
   bool append(const point::Region& region, const LeafRange& except, std::size_t most, std::vector<Point>& points) const;
@@ -49,11 +68,30 @@ class StoredCloud {
     std::vector<std::uint64_t> begins;
   };
 
-  std::vector<std::filesystem::path> files_;
-  std::vector<Part> parts_;
+  struct Leaf {
+    std::uint32_t of_tree;
+    Zone zone;
+    Bounds bounds;    // relative to the middle of the zone
+    Position origin;  // as origin_for() has it
+  };
+  struct Stored {
+    std::vector<std::filesystem::path> files;
+    std::vector<Part> parts;
+    std::vector<Leaf> leaves;  // by their numbers in the tree, then by zone
+    TaskCounts counts{};
+  };
+  StoredCloud(std::shared_ptr<const Stored> stored, const Zones& zones, const Position& origin);
+  static std::shared_ptr<const Stored> open(const std::vector<std::filesystem::path>& files, std::size_t leaves,
+                                            const Zones& zones);
+  static void choose_origins(std::vector<Leaf>& leaves, const Zones& zones);
+  Position shift_of(std::uint32_t leaf) const;
+  void read_files(const LeafRange& range, std::vector<Point>* points, std::vector<std::uint64_t>* indices) const;
+
+  std::shared_ptr<const Stored> stored_;
+  Zones zones_;
+  Position origin_{};
   std::vector<Bounds> leaf_bounds_;
   Bounds bounds_ = kNoBounds;
-  TaskCounts counts_{};
 };
 
 /// Whether all points of `b` lie in the region, and whether some may.

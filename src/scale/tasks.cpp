@@ -23,7 +23,7 @@ Tasks::Tasks(const fs::path& work, const std::vector<Device>& devices)
     : folder_(work), tree_(work / "leaves"), inputs_(folder_.plan.files, devices[0].threads) {
   for (const Device& device : devices) workers_.push_back({device, nullptr});
   remove_abandoned_files(work);
-  if (fs::exists(work / "origin")) use_origin(load_origin());
+  if (fs::exists(work / "origin")) use_zones(load_zones());
 }
 
 Backend& Tasks::Worker::backend() {
@@ -85,14 +85,14 @@ void Tasks::run_tiles(const WorkStep& step, const std::stop_token& stop,
 
 // What the tasks of a step share, and only read.
 void Tasks::get_ready(const WorkStep& step) {
-  if (!folder_.is_recut && fs::exists(folder_.path / "origin")) use_origin(load_origin());
+  if (!folder_.is_recut && fs::exists(folder_.path / "origin")) use_zones(load_zones());
   if (step.kind != WorkStep::Kind::denoise) return;
   settled_settings();
   if (input_ && input_iteration_ == step.iteration) return;
   const WorkStep before =
       step.iteration == 0 ? WorkStep{WorkStep::Kind::ingest} : WorkStep{WorkStep::Kind::denoise, step.iteration - 1};
   input_.reset();
-  input_.emplace(folder_.files_of(before), tree_.leaves());
+  input_.emplace(folder_.files_of(before), tree_.leaves(), folder_.plan.zones());
   input_iteration_ = step.iteration;
 }
 
@@ -114,7 +114,7 @@ void Tasks::run_ingest(const WorkStep& step, std::size_t task, const std::stop_t
   ingest(inputs_.open(chunk.file), chunk, folder_.plan, tree_, threads(), folder_.file_of(step, task), stop);
 }
 
-// Where the points show another origin than the one that was guessed, they are taken in again.
+// Where the points show another origin than the one that was guessed, or other zones, they are taken in again.
 void Tasks::run_measure(const WorkStep& step, const std::stop_token& stop) {
   const WorkStep before{WorkStep::Kind::ingest};
   const auto take_in_again = [&] {
@@ -122,16 +122,16 @@ void Tasks::run_measure(const WorkStep& step, const std::stop_token& stop) {
     for (std::size_t task = 0; task < folder_.plan.chunks.size(); ++task) run(before, task, stop);
   };
   if (folder_.is_recut) take_in_again();  // what a process that was killed meanwhile has left to do
-  const Position origin = origin_of(folder_.files_of(before), folder_.plan.points);
-  if (origin != folder_.plan.origin) {
+  const Zones zones = zones_of(folder_.files_of(before), folder_.plan);
+  if (zones != folder_.plan.zones()) {
     if (folder_.is_recut) throw Error(ErrorKind::failed, "the input shows another origin each time; plan again");
-    NewFile file(folder_.path / "origin", sizeof origin);
-    file.write(origin.data(), sizeof origin);
+    NewFile file(folder_.path / "origin", sizeof zones);
+    file.write(&zones, sizeof zones);
     file.finish();
-    use_origin(origin);
+    use_zones(zones);
     take_in_again();
   }
-  const StoredCloud cloud(folder_.files_of(before), tree_.leaves());
+  const StoredCloud cloud(folder_.files_of(before), tree_.leaves(), zones);
   std::optional<GivenNoise> given;
   if (!folder_.plan.noise_attribute.empty()) given = noise_of_attribute(inputs_, folder_.plan, threads(), stop);
   save(measure(cloud, folder_.plan, given, workers_[0].backend(), stop), folder_.file_of(step, 0));
@@ -189,17 +189,16 @@ void Tasks::run_emit(const WorkStep& step, std::size_t task, const std::stop_tok
   PointsWriter(folder_.file_of(step, task), header, {}, {}).finish();
 }
 
-void Tasks::use_origin(const Position& origin) {
-  std::array<double, 3> shift{};
-  for (std::size_t axis = 0; axis < 3; ++axis) shift[axis] = origin[axis] - folder_.plan.origin[axis];
-  tree_.move(shift);
-  folder_.plan.origin = origin;
+void Tasks::use_zones(const Zones& zones) {
+  tree_.move(difference(zones.origin, folder_.plan.origin));
+  folder_.plan.origin = zones.origin;
+  folder_.plan.zone_side = zones.side;
   folder_.is_recut = true;
 }
-Position Tasks::load_origin() const {
-  Position origin{};
-  StoredFile(folder_.path / "origin").read(0, origin.data(), sizeof origin);
-  return origin;
+Zones Tasks::load_zones() const {
+  Zones zones;
+  StoredFile(folder_.path / "origin").read(0, &zones, sizeof zones);
+  return zones;
 }
 
 void Tasks::close_input() {

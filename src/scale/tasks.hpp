@@ -55,8 +55,8 @@ class Tasks {
   void run_emit(const WorkStep& step, std::size_t task, const std::stop_token& stop);
   void run_tiles(const WorkStep& step, const std::stop_token& stop, const std::function<void(std::size_t)>& begin);
   TileWork tile_work(const WorkStep& step, std::size_t task) const;
-  void use_origin(const Position& origin);
-  Position load_origin() const;
+  void use_zones(const Zones& zones);
+  Zones load_zones() const;
   unsigned threads() const { return workers_[0].device.threads; }
 
   WorkFolder folder_;

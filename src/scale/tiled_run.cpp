@@ -44,6 +44,13 @@ std::uint64_t TiledRun::bytes_in_memory(std::uint64_t points, const Params& para
   return points * (bytes_of_tile_point(params) + 2 * sizeof(Point));
 }
 
+double TiledRun::float_step_in_zones(const Cloud& cloud) {
+  if (!cloud.source) return 0;
+  const Source& source = *cloud.source;
+  const std::vector<Position>& sample = source.sample();
+  return Zones{cloud.origin, zone_side(sample, source.size(), cloud.origin, coordinate_step(source))}.float_step();
+}
+
 std::uint64_t TiledRun::free_memory() { return scale::free_memory(); }
 
 std::uint64_t TiledRun::count_points(const fs::path& path) { return io::open_source(path, 0)->size(); }
@@ -150,7 +157,9 @@ TiledReport TiledRun::report() const {
             *report.noise * (state_->measured().levels ? state_->measured().levels->quantiles[q] : 1.0);
     }
     report.noise_attribute = folder.plan.noise_attribute;
-    report.float_step = float_step_of(state_->measured().bounds, state_->measured().origin);
+    const Zones zones = folder.plan.zones();
+    report.float_step =
+        zones.are_several() ? zones.float_step() : float_step_of(state_->measured().bounds, state_->measured().origin);
     report.ignored = state_->measured().ignored;
     report.unmoved.non_finite = folder.plan.points - state_->measured().bounds.valid - report.ignored;
     for (const fs::path& path : folder.files_of(steps[steps.size() - 2])) {

@@ -42,7 +42,7 @@ struct WorkFolder {
 
   std::filesystem::path path;
   Plan plan;
-  bool is_recut = false;  // the origin is not the plan's own, and the points were taken in again
+  bool is_recut = false;  // the origin or the zones are not the plan's own, and the points were taken in again
 };
 
 }  // namespace pointfair::scale
