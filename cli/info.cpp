@@ -87,7 +87,8 @@ void info(const InfoArguments& arguments, std::stop_token stop) {
   options.threads = arguments.device.threads;
   const Cloud cloud = read(arguments.input, options);
   pipeline.load(cloud);
-  const Estimates estimates = pipeline.estimates(stop);
+  Estimates estimates = pipeline.estimates(stop);
+  if (const double step = TiledRun::float_step_in_zones(cloud); step > 0) estimates.float_step = step;
   const Params suggested = pipeline.resolve({}, stop);
   write_report(arguments.report, info_json(cloud, estimates, suggested));
   if (arguments.report != "-") print_output(info_text(cloud, estimates, suggested));

@@ -86,6 +86,12 @@ bool needs_tiles(const RunArguments& arguments, const Params& params) {
   return TiledRun::bytes_in_memory(TiledRun::count_points(arguments.input), params) > memory_to_use(tiled);
 }
 
+// What a run in tiles leaves out where nobody asked for tiles.
+std::string_view but_without_sensors(const RunArguments& arguments) {
+  const bool may_know_sensors = format_of(arguments.input) == Format::e57 && arguments.viewpoint.empty();
+  return may_know_sensors ? ", but mixed pixels are not looked for if its scans were made from several places" : "";
+}
+
 // Why a cloud is computed in tiles on disk though nobody asked for it: in memory it would take more than half of what
 // is free. Empty if it would not.
 std::string why_tiles(const RunArguments& arguments, const Params& params, const Device& device) {
@@ -99,12 +105,28 @@ std::string why_tiles(const RunArguments& arguments, const Params& params, const
   std::uint64_t needed = TiledRun::bytes_in_memory(points, params);
   if (needed > free / 2 && Pipeline(device).device().kind == Device::cuda) needed = points * kBytesOnCard;
   if (needed <= free / 2) return {};
-  const bool may_know_sensors = format_of(arguments.input) == Format::e57 && arguments.viewpoint.empty();
   return fmt::format(
       "{} points would take {:.1f} GB of memory, and {:.1f} GB are free: they are computed in tiles on disk, with the "
       "same result{}; --memory says how much memory to use",
-      points, double(needed) * 1e-9, double(free) * 1e-9,
-      may_know_sensors ? ", but mixed pixels are not looked for if its scans were made from several places" : "");
+      points, double(needed) * 1e-9, double(free) * 1e-9, but_without_sensors(arguments));
+}
+
+// Why a cloud that fits into memory is computed in tiles on disk: it is so wide that it needs zones. Empty if it does
+// not, or if tiles cannot do what is asked for.
+std::string why_zones(const RunArguments& arguments, const Cloud& cloud) {
+  if (arguments.input == "-" || arguments.output == "-") return {};
+  if (arguments.normals != "keep" || !arguments.write_noise.empty()) return {};
+  const double step = TiledRun::float_step_in_zones(cloud);
+  if (!(step > 0)) return {};
+  try {
+    TiledRun::count_points(arguments.input);
+  } catch (const Error&) {
+    return {};  // it can only be decoded as a whole
+  }
+  return fmt::format(
+      "floats around one origin are too coarse for so wide a cloud: it is computed in tiles on disk, in zones where "
+      "floats step by {:.4g}{}",
+      step, but_without_sensors(arguments));
 }
 
 // What runs in tiles cannot do yet.
@@ -153,6 +175,49 @@ void run_tiled(const RunArguments& arguments, const Params& params, const Limits
   run_in_tiles(job, arguments.tiled.work, device, {arguments.report, arguments.progress, arguments.quiet, note}, stop);
 }
 
+void run_in_memory(const RunArguments& arguments, const Params& params, const Limits& limits, const Cloud& cloud,
+                   const WriteOptions& write_options, Pipeline& pipeline, Progress& progress, Findings& findings,
+                   std::stop_token stop) {
+  check_normals(arguments, cloud);
+  check_write(arguments.output, cloud, write_options);
+  if (!arguments.write_noise.empty()) check_noise_attribute(cloud, arguments.write_noise, write_options);
+  const std::vector<std::uint8_t> movable = movable_points(limits, cloud);
+  if (limits.ignore.empty()) {
+    pipeline.load(cloud);
+  } else {
+    pipeline.load(without_ignored(limits, cloud));
+  }
+  if (!findings.noise_attribute.empty())
+    use_noise_attribute(cloud, findings.noise_attribute, arguments.input, pipeline);
+  std::vector<Position> viewpoints;  // where another was given than the file's
+  if (!arguments.viewpoint.empty()) pipeline.set_viewpoint(viewpoints = parse_viewpoints(arguments.viewpoint, cloud));
+  Cloud denoised =
+      pipeline.run(params, stop, [&](double share, std::string_view stage) { progress.show(share, stage); });
+  apply_limits(limits, movable, cloud.points, denoised.points);
+  if (arguments.normals != "keep") give_normals(pipeline, movable, viewpoints, stop, denoised);
+  if (!arguments.write_noise.empty()) write_noise_attribute(pipeline, params, arguments.write_noise, stop, denoised);
+  progress.show(1, "writing");
+  write(arguments.output, denoised, write_options);
+  if (!arguments.quiet || !arguments.report.empty()) {
+    progress.show(1, "measuring");
+    count_limited(cloud, limits, movable, findings);
+    find_out(arguments.normals == "keep", write_options, cloud, denoised, pipeline, stop, findings);
+  }
+}
+
+// Whether it was; not where tiles cannot do what is asked for, in which case memory may suffice.
+bool is_run_tiled(const RunArguments& arguments, const Params& params, const Limits& limits,
+                  const std::string& noise_attribute, const std::string& why, std::stop_token stop) {
+  if (why.empty()) return false;
+  try {
+    run_tiled(arguments, params, limits, noise_attribute, why, stop);
+    return true;
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::usage) throw;
+    return false;
+  }
+}
+
 void run(RunArguments arguments, std::stop_token stop) {
   Findings findings;
   findings.noise_attribute = take_noise_attribute(arguments.params);
@@ -165,45 +230,26 @@ void run(RunArguments arguments, std::stop_token stop) {
   if (arguments.tiled.out_dir.empty() && arguments.output.empty())
     throw Error(ErrorKind::usage, "OUT is required; see pointfair run --help");
   if (needs_tiles(arguments, params)) return run_tiled(arguments, params, limits, findings.noise_attribute, {}, stop);
-  if (const std::string why = why_tiles(arguments, params, device); !why.empty()) {
-    try {
-      return run_tiled(arguments, params, limits, findings.noise_attribute, why, stop);
-    } catch (const Error& error) {
-      if (error.kind() != ErrorKind::usage) throw;  // tiles cannot do this: memory may suffice
-    }
-  }
+  const auto takes_tiles = [&](const std::string& why) {
+    return is_run_tiled(arguments, params, limits, findings.noise_attribute, why, stop);
+  };
+  if (takes_tiles(why_tiles(arguments, params, device))) return;
   check_paths(arguments);
   const WriteOptions write_options = write_options_of(arguments);
   Pipeline pipeline(device);
   {
-    Progress progress(arguments.quiet ? "none" : arguments.progress);
-    progress.show(0, "reading");
-    const Cloud cloud = read_input(arguments);
-    check_normals(arguments, cloud);
-    check_write(arguments.output, cloud, write_options);
-    if (!arguments.write_noise.empty()) check_noise_attribute(cloud, arguments.write_noise, write_options);
-    const std::vector<std::uint8_t> movable = movable_points(limits, cloud);
-    if (limits.ignore.empty()) {
-      pipeline.load(cloud);
-    } else {
-      pipeline.load(without_ignored(limits, cloud));
+    const char* const mode = arguments.quiet ? "none" : arguments.progress.c_str();
+    std::optional<Progress> progress(mode);
+    progress->show(0, "reading");
+    std::optional<Cloud> cloud = read_input(arguments);
+    if (const std::string why = why_zones(arguments, *cloud); !why.empty()) {
+      progress.reset();
+      cloud.reset();
+      if (takes_tiles(why)) return;
+      progress.emplace(mode);
+      cloud = read_input(arguments);
     }
-    if (!findings.noise_attribute.empty())
-      use_noise_attribute(cloud, findings.noise_attribute, arguments.input, pipeline);
-    std::vector<Position> viewpoints;  // where another was given than the file's
-    if (!arguments.viewpoint.empty()) pipeline.set_viewpoint(viewpoints = parse_viewpoints(arguments.viewpoint, cloud));
-    Cloud denoised =
-        pipeline.run(params, stop, [&](double share, std::string_view stage) { progress.show(share, stage); });
-    apply_limits(limits, movable, cloud.points, denoised.points);
-    if (arguments.normals != "keep") give_normals(pipeline, movable, viewpoints, stop, denoised);
-    if (!arguments.write_noise.empty()) write_noise_attribute(pipeline, params, arguments.write_noise, stop, denoised);
-    progress.show(1, "writing");
-    write(arguments.output, denoised, write_options);
-    if (!arguments.quiet || !arguments.report.empty()) {
-      progress.show(1, "measuring");
-      count_limited(cloud, limits, movable, findings);
-      find_out(arguments.normals == "keep", write_options, cloud, denoised, pipeline, stop, findings);
-    }
+    run_in_memory(arguments, params, limits, *cloud, write_options, pipeline, *progress, findings, stop);
   }
   write_report(arguments.report, run_json(pipeline.report(), findings));
   if (!arguments.quiet) print_summary(pipeline.report(), findings, arguments.verbose);
