@@ -133,9 +133,14 @@ __global__ void __launch_bounds__(kBlock)
 template <class Neighbors>
 __global__ void __launch_bounds__(kBlock)
     survey_neighbors(const __grid_constant__ Tree tree, const __grid_constant__ Surroundings surroundings,
-                     const float* values, float* counts, float* least) {
+                     const float* values, float* counts, float* least, SurveyedLeaves leaves) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
+  if (leaves.ends[at / kLeafSize] > *leaves.deepest_zero) {
+    counts[at] = 0;
+    least[at] = 1;
+    return;
+  }
   __shared__ typename Neighbors::Shared shared[kWarps];
   const Neighbors neighbors(tree, surroundings, Index(at), tree.holds(at), shared[threadIdx.x / kWarp]);
   const auto survey = point::survey_of(neighbors, values[at], Scalars{values});
@@ -177,10 +182,10 @@ void launch_fairing(Context& context, const Tree& tree, const Surroundings& surr
 }  // namespace
 
 void survey(Context& context, const Tree& tree, Surroundings surroundings, const float* values, float* counts,
-            float* least) {
+            float* least, SurveyedLeaves leaves) {
   for_way(surroundings, [&]<class Neighbors>(By<Neighbors>) {
-    survey_neighbors<Neighbors>
-        <<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, surroundings, values, counts, least);
+    survey_neighbors<Neighbors><<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(
+        tree, surroundings, values, counts, least, leaves);
   });
   check(cudaGetLastError(), "looking at neighbourhoods");
 }

@@ -32,9 +32,13 @@ struct GrowthOut {
 void filter_normals(Context& context, const Tree& tree, Surroundings surroundings, const point::NormalRule& rule,
                     float inverse_turn, Normals from, const float* further_share, Normals to, GrowthOut growth);
 
-// How many neighbours each point has, and the least of `values` over it and them.
+// Leaves are surveyed unless they end deeper than the deepest 0; both as ordered() floats, on the card.
+struct SurveyedLeaves {
+  const unsigned *ends, *deepest_zero;
+};
+// How many neighbours each point has, and the least of `values`, 0 or 1, over it and them; 0 and 1 in other leaves.
 void survey(Context& context, const Tree& tree, Surroundings surroundings, const float* values, float* counts,
-            float* least);
+            float* least, SurveyedLeaves leaves);
 
 // `sensors` on the card. Collected neighbourhoods must be without growth; those of leaves where any grows are walked.
 void fair_widely(Context& context, const Tree& tree, Surroundings surroundings, Normals normals, AreaWeights areas,
