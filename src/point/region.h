@@ -13,6 +13,17 @@ struct Region {
   Vec3<float> min, max;
 };
 
+// Space between two corners, the lower ends inside, the upper ones outside; infinite ends. Cells that fill space hold
+// every point once.
+struct Cell {
+  Vec3<float> min, max;
+};
+
+POINTFAIR_INLINE bool is_in_cell(const Cell& cell, Vec3<float> p) {
+  return p.x >= cell.min.x && p.x < cell.max.x && p.y >= cell.min.y && p.y < cell.max.y && p.z >= cell.min.z &&
+         p.z < cell.max.z;
+}
+
 POINTFAIR_INLINE bool is_inside(const Region& region, Vec3<float> p) {
   return p.x >= region.min.x && p.x <= region.max.x && p.y >= region.min.y && p.y <= region.max.y &&
          p.z >= region.min.z && p.z <= region.max.z;

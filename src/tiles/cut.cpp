@@ -48,7 +48,26 @@ bool overlap(const Bounds& b, const point::Region& r) {
          b.min.z <= r.max.z && b.max.z >= r.min.z;
 }
 
+void split(std::span<Point> sample, std::size_t parts, const Cell& cell, std::vector<Cell>& cells) {
+  const std::optional<Halves> halves = halve(sample, parts);
+  if (!halves) {
+    cells.push_back(cell);
+    return;
+  }
+  Cell left = cell, right = cell;
+  left.max.*kCellAxes[halves->axis] = right.min.*kCellAxes[halves->axis] = halves->plane;
+  split(halves->left, halves->left_parts, left, cells);
+  split(halves->right, parts - halves->left_parts, right, cells);
+}
+
 }  // namespace
+
+std::vector<Cell> cells_of(std::span<Point> sample, std::size_t cells) {
+  std::vector<Cell> result;
+  split(sample, std::max<std::size_t>(1, cells),
+        {{-kUnbounded, -kUnbounded, -kUnbounded}, {kUnbounded, kUnbounded, kUnbounded}}, result);
+  return result;
+}
 
 Cut::Cut(std::span<const Point> points, std::size_t tiles, const ForEach& for_each) : points_(points) {
   block_bounds_.assign(blocks_of(points.size()), kNoBounds);
@@ -66,8 +85,7 @@ Cut::Cut(std::span<const Point> points, std::size_t tiles, const ForEach& for_ea
   const std::size_t stride = std::max<std::size_t>(1, points.size() / kSamples);
   for (std::size_t i = 0; i < points.size(); i += stride)
     if (is_indexed(points[i])) sample.push_back(points[i]);
-  split(sample, std::max<std::size_t>(1, tiles),
-        {{-kUnbounded, -kUnbounded, -kUnbounded}, {kUnbounded, kUnbounded, kUnbounded}});
+  for (const Cell& cell : cells_of(sample, tiles)) tiles_.push_back({cell, kNoBounds});
 
   std::vector<std::vector<Bounds>> of_block(block_bounds_.size());
   for_each(block_bounds_.size(), [&](std::size_t block) {
@@ -75,31 +93,19 @@ Cut::Cut(std::span<const Point> points, std::size_t tiles, const ForEach& for_ea
     cores.assign(tiles_.size(), kNoBounds);
     const Bounds& bounds = block_bounds_[block];
     for (std::size_t tile = 0; tile < tiles_.size(); ++tile)
-      if (tiles_[tile].cell.contains(bounds.min) && tiles_[tile].cell.contains(bounds.max)) {
+      if (is_in_cell(tiles_[tile].cell, to_vec3(bounds.min)) && is_in_cell(tiles_[tile].cell, to_vec3(bounds.max))) {
         cores[tile] = bounds;  // all of the block
         return;
       }
     for (const Point& p : block_of(points, block))
       for (std::size_t tile = 0; tile < tiles_.size(); ++tile)
-        if (tiles_[tile].cell.contains(p)) {
+        if (is_in_cell(tiles_[tile].cell, to_vec3(p))) {
           if (is_indexed(p)) include(cores[tile], p);
           break;
         }
   });
   for (const auto& cores : of_block)
     for (std::size_t tile = 0; tile < cores.size(); ++tile) unite(tiles_[tile].core, cores[tile]);
-}
-
-void Cut::split(std::span<Point> sample, std::size_t tiles, const Cell& cell) {
-  const std::optional<Halves> halves = halve(sample, tiles);
-  if (!halves) {
-    tiles_.push_back({cell, kNoBounds});
-    return;
-  }
-  Cell left = cell, right = cell;
-  left.max.*kCellAxes[halves->axis] = right.min.*kCellAxes[halves->axis] = halves->plane;
-  split(halves->left, halves->left_parts, left);
-  split(halves->right, tiles - halves->left_parts, right);
 }
 
 // One look at each point of blocks that lie partly inside, without a branch: half of them may be in. A bit each is

@@ -11,13 +11,11 @@
 
 namespace pointfair {
 
-// Space between two corners, the lower ends inside, the upper ones outside; infinite ends.
-struct Cell {
-  point::Vec3<float> min, max;
-  bool contains(const Point& p) const {
-    return p.x >= min.x && p.x < max.x && p.y >= min.y && p.y < max.y && p.z >= min.z && p.z < max.z;
-  }
-};
+using point::Cell;
+
+// Cells of as many points of the sample each, which fill space. There may be fewer than `cells` where points are
+// identical. Reorders the sample.
+std::vector<Cell> cells_of(std::span<Point> sample, std::size_t cells);
 
 class Cut {
  public:
@@ -37,8 +35,6 @@ class Cut {
   void find(const point::Region& region, const ForEach& for_each, std::vector<std::uint32_t>& indices) const;
 
  private:
-  void split(std::span<Point> sample, std::size_t tiles, const Cell& cell);
-
   std::span<const Point> points_;
   std::vector<Bounds> block_bounds_;
   std::vector<Tile> tiles_;

@@ -13,19 +13,15 @@ namespace {
 
 constexpr std::size_t kBlock = 1 << 14;
 
-void add(Counts& counts, const Counts& more) {
-  counts.unmoved.too_few_neighbors += more.unmoved.too_few_neighbors;
-  counts.unmoved.no_normal += more.unmoved.no_normal;
-  counts.short_neighborhoods += more.short_neighborhoods;
-}
 void add(Counts& counts, unsigned char outcome) {
   counts.unmoved.too_few_neighbors += (outcome & point::kTooFew) != 0;
   counts.unmoved.no_normal += (outcome & point::kNoNormal) != 0;
   counts.short_neighborhoods += (outcome & point::kShort) != 0;
 }
 
-// Of the points of a tile, by their indices in the cloud.
-FairingSettings fairing_of(const FairingSettings& settings, const Indices& indices) {
+}  // namespace
+
+FairingSettings fairing_of(const FairingSettings& settings, std::span<const std::uint32_t> indices) {
   if (!settings.sensors || settings.sensors->places.size() < 2) return settings;
   SensorPlaces its;
   its.places.reserve(indices.size());
@@ -35,7 +31,11 @@ FairingSettings fairing_of(const FairingSettings& settings, const Indices& indic
   return of_tile;
 }
 
-}  // namespace
+void add(Counts& counts, const Counts& more) {
+  counts.unmoved.too_few_neighbors += more.unmoved.too_few_neighbors;
+  counts.unmoved.no_normal += more.unmoved.no_normal;
+  counts.short_neighborhoods += more.short_neighborhoods;
+}
 
 void for_tile_blocks(std::size_t count, const ForEach& for_each,
                      const std::function<void(std::size_t, std::size_t)>& body) {
@@ -44,7 +44,7 @@ void for_tile_blocks(std::size_t count, const ForEach& for_each,
 }
 
 bool TileTask::wants(std::uint32_t index, const Point& p) const {
-  return cell ? cell->contains(p) : std::binary_search(listed.begin(), listed.end(), index);
+  return cell ? is_in_cell(*cell, to_vec3(p)) : std::binary_search(listed.begin(), listed.end(), index);
 }
 
 std::span<TileWorker> workers_of(std::vector<TileWorker>& workers, std::size_t feeder, std::size_t feeders) {
@@ -155,7 +155,7 @@ void TileRun::start(Job& job, TileWorker& worker, TileTask task, const std::stop
 void TileRun::split(Job& job, const TileWorker& worker, TileTask task) {
   if (task.cell)
     for (const std::uint32_t i : worker.indices)
-      if (task.cell->contains(job.input[i])) task.listed.push_back(i);
+      if (is_in_cell(*task.cell, to_vec3(job.input[i]))) task.listed.push_back(i);
   if (task.listed.size() < 2)
     throw Error(ErrorKind::memory,
                 "point " + std::to_string(task.listed.empty() ? 0 : task.listed[0]) +

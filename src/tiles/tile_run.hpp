@@ -24,6 +24,9 @@ namespace pointfair {
 
 using Indices = std::vector<std::uint32_t>;
 
+// The same for some of the points, by their indices in the cloud.
+FairingSettings fairing_of(const FairingSettings& settings, std::span<const std::uint32_t> indices);
+
 // Points whose results are wanted: those of a cell, or those listed.
 struct TileTask {
   std::optional<Cell> cell;
@@ -83,6 +86,8 @@ class TileRun {
 
 // The workers of each feeder.
 std::span<TileWorker> workers_of(std::vector<TileWorker>& workers, std::size_t feeder, std::size_t feeders);
+
+void add(Counts& counts, const Counts& more);
 
 // Calls body(first, last) for consecutive blocks of `count` numbers, many at once.
 void for_tile_blocks(std::size_t count, const ForEach& for_each,

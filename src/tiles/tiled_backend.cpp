@@ -221,7 +221,7 @@ class CloudInTiles final : public TiledBackend, public Sampling {
     Rows rows{{}, kNoBounds, tiling_.first_halo * reach_of_nearest(first_.cut->bounds(), k, tile.core)};
     for (std::size_t q = 0; q < queries.size(); ++q) {
       const Point& p = cloud_[queries[q]];
-      if (!is_indexed(p) || !tile.cell.contains(p)) continue;
+      if (!is_indexed(p) || !is_in_cell(tile.cell, to_vec3(p))) continue;
       rows.asked.push_back(q);
       include(rows.bounds, p);
     }
