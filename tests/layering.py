@@ -23,6 +23,7 @@ CUDA_ROOMS = {  # each with those that it may include
     "sampling": ["runtime", "index", "search", "sampling"],
     "stages": ["runtime", "index", "search", "stages"],
     "overlap": ["runtime", "index", "search", "overlap"],
+    "tiles": ["runtime", "tiles"],
 }
 RULES = {
     "include/pointfair/pipeline.hpp": (["include/pointfair/"], ()),

@@ -18,6 +18,7 @@
 #include "pointfair/pipeline.hpp"
 #include "pointfair/positions.hpp"
 #include "shapes.h"
+#include "sharing_backend.h"
 #include "tiles/tiled_backend.hpp"
 #include "walk_oracle.h"
 
@@ -310,6 +311,15 @@ TEST(Walk, over_two_cards_gives_the_results_of_fresh_pipelines) {
   });
 }
 
+TEST(Walk, over_two_cards_that_share_gives_the_results_of_fresh_pipelines) {
+  walk([](Meddling& meddling) {
+    const auto card = [&meddling] {
+      return std::make_unique<SharingBackend>(std::make_unique<MeddlingBackend>(make_cpu_backend(2), meddling));
+    };
+    return PipelineAccess::make(card(), {Device::cpu, "test", "requested"}, MakeWorkers{{card, card}, 320});
+  });
+}
+
 TEST(Walk, on_a_card_gives_the_results_of_fresh_pipelines) {
   std::string reason;
   for (const DeviceStatus& card : list_cuda_devices()) reason = card.usable ? "" : card.info.reason;
@@ -317,6 +327,17 @@ TEST(Walk, on_a_card_gives_the_results_of_fresh_pipelines) {
   walk([](Meddling& meddling) {
     return PipelineAccess::make(std::make_unique<MeddlingBackend>(make_cuda_backend(0), meddling),
                                 {Device::cuda, "test", "requested"});
+  });
+}
+
+// One card twice.
+TEST(Walk, over_cards_that_share_gives_the_results_of_fresh_pipelines) {
+  std::string reason;
+  for (const DeviceStatus& card : list_cuda_devices()) reason = card.usable ? "" : card.info.reason;
+  if (!reason.empty()) GTEST_SKIP() << reason;
+  walk([](Meddling&) {
+    const auto card = [] { return make_cuda_backend(0); };
+    return PipelineAccess::make(card(), {Device::cuda, "test", "requested"}, MakeWorkers{{card, card}, 320});
   });
 }
 

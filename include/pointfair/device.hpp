@@ -21,8 +21,9 @@ struct Device {
   Kind kind = Kind::automatic;
   int index = 0;         ///< which CUDA card
   unsigned threads = 0;  ///< CPU threads; 0: all cores
-  /// Two or more CUDA cards, of which the first is `index`; empty: the card `index` alone. They share clouds in host
-  /// memory that do not fit into the first card, and the tiles of a run over files (TiledRun).
+  /// Two or more CUDA cards, of which the first is `index`; empty: the card `index` alone. They share the
+  /// stages of clouds of 4 million points or more, clouds that do not fit into the first card, and the tiles of a run
+  /// over files (TiledRun).
   std::vector<int> cards{};
 
   static constexpr Kind automatic = Kind::automatic, cpu = Kind::cpu, cuda = Kind::cuda;

@@ -104,10 +104,10 @@ class POINTFAIR_EXPORT Pipeline {
   /// constraint; with k only if every length that it reads is given.
   bool runs_together(const Params& params) const;
 
-  /// load(), run() and normals() for points that lie on the pipeline's card: nothing is copied through host memory.
-  /// Work starts after what `stream` was given before. Positions are treated as those of arrays in host memory, with
-  /// the same bits: coordinates that are large against the extent become offsets from an origin (choose_origin), and
-  /// the displacements are added to them.
+  /// load(), run() and normals() for points that lie on the pipeline's card, the first of several: nothing is copied
+  /// through host memory. Work starts after what `stream` was given before. Positions are treated as those of arrays in
+  /// host memory, with the same bits: coordinates that are large against the extent become offsets from an origin
+  /// (choose_origin), and the displacements are added to them.
   ///
   /// load() returns the origin early; work given to the stream afterwards comes after the copy and may change the
   /// points. The other calls return when their results are there; `out` may be the array that was loaded. It has the

@@ -56,7 +56,7 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
             "vx,vy,vz", or "none"; by default what its file says.
         normals: whether the report has the normals; needs return_report.
         device: "auto" is where a tensor lies, else a CUDA card if there is one, else the CPU; or "cpu", "cuda",
-            "cuda:N"; or several cards, "cuda:0,2" or "cuda:all", which share arrays that do not fit into the first.
+            "cuda:N"; or several cards, "cuda:0,2" or "cuda:all", which share clouds of 4 million points and more.
         threads: CPU threads; 0: all cores.
         out: an array for the result, of the same shape and type; it may be `points` itself.
         progress: True shows tqdm's bar where tqdm is installed; a function is called with the share done and the stage.

@@ -30,7 +30,7 @@ class Pipeline:
 
     Args:
         device: "auto" is a CUDA card if there is one, else the CPU; or "cpu", "cuda", "cuda:N"; or several
-            cards, "cuda:0,2" or "cuda:all", which share arrays in host memory that do not fit into the first.
+            cards, "cuda:0,2" or "cuda:all", which share clouds of 4 million points and more.
         threads: CPU threads; 0: all cores.
 
     Raises:

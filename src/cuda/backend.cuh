@@ -17,8 +17,10 @@
 #include "cuda/runtime/transfer.cuh"
 #include "cuda/sampling/cloud_sampler.cuh"
 #include "cuda/sampling/many_sampler.cuh"
+#include "cuda/tiles/gathered_tiles.cuh"
 #include "seam/backend.hpp"
 #include "seam/device_memory.hpp"
+#include "seam/device_tiles.hpp"
 #include "seam/exactness.hpp"
 #include "seam/many_clouds.hpp"
 #include "seam/overlap.hpp"
@@ -31,6 +33,7 @@ class CudaBackend final : public Backend,
                           public Exactness,
                           public Overlap,
                           public DeviceMemory,
+                          public DeviceTiles,
                           public ManyClouds {
  public:
   CudaBackend(int card, const CudaOptions& options)
@@ -81,6 +84,7 @@ class CudaBackend final : public Backend,
   Exactness* exactness() override { return this; }
   Overlap* overlap() override { return this; }
   DeviceMemory* device_memory() override { return this; }
+  DeviceTiles* device_tiles() override { return this; }
   ManyClouds* many_clouds() override { return this; }
 
   CloudSample sample_cloud(std::size_t count) override;
@@ -89,6 +93,14 @@ class CudaBackend final : public Backend,
                        std::stop_token stop) override;
 
   void outcomes(const point::Region& loaded, std::span<unsigned char> out) override;
+
+  void begin_tiles(int iteration) override;
+  std::vector<std::size_t> gather(std::span<const DeviceTile> tiles) override;
+  std::vector<std::uint32_t> gathered(std::size_t tile) override;
+  std::vector<TileTally> scatter() override;
+  void connect(DeviceTiles& whole) override;
+  void take(DeviceTiles& whole, std::size_t tile) override;
+  void give(DeviceTiles& whole, std::size_t tile) override;
 
  private:
   // The paper's normals and fairing as one kernel, and what the normals take of it.
@@ -142,6 +154,7 @@ class CudaBackend final : public Backend,
   ManySampler many_samples_{context_};
   DeviceArray<Point> settled_{context_};  // of many clouds
   DeviceArray<Point> input_{context_};    // of iterations from the third on
+  GatheredTiles tiles_{context_};
   Leaving leaving_{context_};
   CallersPoints callers_{context_};
   Event callers_turn_;  // between the caller's stream and the context's

@@ -7,6 +7,7 @@
 #include "pointfair/pipeline.hpp"
 #include "pointfair/positions.hpp"
 #include "seam/overlap.hpp"
+#include "tiles/divided_backend.hpp"
 
 namespace pointfair {
 namespace {
@@ -42,26 +43,46 @@ void LoadedCloud::drop() noexcept {
   try {
     if (backend_) backend_->upload({}, IndexOrder::fastest);
   } catch (...) {
-    backend_.reset();  // a lost card
-    tiled_ = nullptr;
+    reset();  // a lost card
   }
 }
 
-// How many tiles several cards share; 1 where one does it.
-std::uint64_t LoadedCloud::tiles_to_divide(std::uint64_t points) const {
+// Without a backend. Its memory may be needed for another.
+void LoadedCloud::reset() noexcept {
+  backend_.reset();
+  tiled_ = nullptr;
+  is_divided_ = false;
+}
+
+// Whether several cards are to share so many points.
+bool LoadedCloud::is_shared(std::uint64_t points) const {
+  return workers_.of_cards.size() > 1 && points >= workers_.worth_dividing;
+}
+
+// A backend for a cloud of so many points, the present one if it suits.
+void LoadedCloud::hold(std::uint64_t points) {
   const std::uint64_t cards = workers_.of_cards.size();
-  if (cards < 2 || points < workers_.worth_dividing) return 1;
-  return std::clamp(4 * points / workers_.worth_dividing, 2 * cards, kTilesOfCard * cards);
+  if (!is_shared(points)) return cut_into(1);
+  if (!divide()) cut_into(std::clamp(4 * points / workers_.worth_dividing, 2 * cards, kTilesOfCard * cards));
+}
+
+// A backend whose devices share a cloud on the first of them; false if they cannot.
+bool LoadedCloud::divide() {
+  if (is_divided_) return true;
+  reset();
+  backend_ = make_divided_backend(workers_.of_cards);
+  is_divided_ = backend_ != nullptr;
+  tiles_ = 1;
+  return is_divided_;
 }
 
 // A backend that will cut what it is given into so many tiles, the present one if it can.
 void LoadedCloud::cut_into(std::uint64_t tiles) {
   tiles_ = tiles;
   if (tiles > 1 && tiled_ != nullptr) return tiled_->cut_into(tiles);
-  if (tiles == 1 && backend_ && tiled_ == nullptr) return;
+  if (tiles == 1 && backend_ && tiled_ == nullptr && !is_divided_) return;
   if (workers_.of_cards.empty()) throw Error(ErrorKind::device, "the device was lost; make another Pipeline");
-  tiled_ = nullptr;
-  backend_.reset();  // its memory is needed
+  reset();
   if (tiles == 1) {
     backend_ = workers_.of_cards[0]();
     return;
@@ -75,13 +96,13 @@ void LoadedCloud::cut_into(std::uint64_t tiles) {
   backend_ = std::move(tiled);
 }
 
-void LoadedCloud::replace(std::uint64_t points, std::uint64_t tiles, const std::function<void()>& upload) {
+void LoadedCloud::replace(std::uint64_t points, const std::function<void()>& upload) {
   forget();
   try {
     if (points > kMaxPoints)
       throw Error(ErrorKind::usage, "the cloud has " + std::to_string(points) + " points, and a pipeline holds " +
                                         std::to_string(kMaxPoints) + " at most; cut it into tiles");
-    cut_into(tiles);
+    hold(points);
     points_ = points;
     upload();
   } catch (...) {
@@ -91,12 +112,12 @@ void LoadedCloud::replace(std::uint64_t points, std::uint64_t tiles, const std::
 }
 
 void LoadedCloud::load(std::span<const Point> points, IndexOrder expected, bool overlapped) {
-  replace(points.size(), tiles_to_divide(points.size()), [&] { upload(points, expected, overlapped); });
+  replace(points.size(), [&] { upload(points, expected, overlapped); });
 }
 
 Origin LoadedCloud::load(const DevicePoints& points, DeviceStream stream, IndexOrder expected) {
   Origin origin{};
-  replace(points.count, 1, [&] {
+  replace(points.count, [&] {
     DeviceMemory* const memory = backend_->device_memory();
     if (memory == nullptr)
       throw Error(ErrorKind::usage,
@@ -133,8 +154,7 @@ bool LoadedCloud::may_tile(const Error& error) const {
 
 // An empty backend, of twice as many tiles as before.
 void LoadedCloud::make_tiled() {
-  backend_.reset();  // its memory is needed
-  tiled_ = nullptr;
+  reset();
   const std::uint64_t cards = workers_.of_cards.size();
   cut_into(std::max({kFirstTiles, 2 * tiles_, cards > 1 ? kTilesOfCard * cards : 1}));
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A cloud on a backend: on one device or, where its memory does not suffice, in tiles on all cards.
+// A cloud on a backend: on one device; or on one card that shares its stages with others; or, where the memory of cards
+// does not suffice, in host memory and in tiles on all cards.
 #pragma once
 
 #include <cstdint>
@@ -21,9 +22,8 @@ using MakeBackend = std::function<std::unique_ptr<Backend>()>;
 // What computes tiles.
 struct MakeWorkers {
   std::vector<MakeBackend> of_cards{};  // one each; none: a cloud that does not fit is an error
-  // Points, from which on several cards share a cloud that fits into one. For tests: one card is faster
-  // (docs/decisions/094).
-  std::uint64_t worth_dividing = ~std::uint64_t{0};
+  // Points, from which on several cards share a cloud that fits into one (docs/decisions/128).
+  std::uint64_t worth_dividing = 1 << 22;
 };
 
 class LoadedCloud {
@@ -60,16 +60,20 @@ class LoadedCloud {
 
  private:
   void forget();
-  void replace(std::uint64_t points, std::uint64_t tiles, const std::function<void()>& upload);
+  void replace(std::uint64_t points, const std::function<void()>& upload);
   void drop() noexcept;
+  void reset() noexcept;
   void upload(std::span<const Point> points, IndexOrder expected, bool overlapped);
   bool may_tile(const Error& error) const;
-  std::uint64_t tiles_to_divide(std::uint64_t points) const;
+  bool is_shared(std::uint64_t points) const;
+  void hold(std::uint64_t points);
+  bool divide();
   void cut_into(std::uint64_t tiles);
   void make_tiled();
 
   std::unique_ptr<Backend> backend_;  // null: must be made again
-  TiledBackend* tiled_ = nullptr;     // the same, if it computes tiles
+  TiledBackend* tiled_ = nullptr;     // the same, if it computes tiles of a cloud in host memory
+  bool is_divided_ = false;           // whether several devices share what lies on the first
   MakeWorkers workers_;
   std::uint64_t points_ = 0;
   std::uint64_t tiles_ = 1;  // that the backend was asked to cut the cloud into

@@ -19,6 +19,7 @@
 namespace pointfair {
 
 class DeviceMemory;
+class DeviceTiles;
 class Exactness;
 class ManyClouds;
 class Overlap;
@@ -96,6 +97,7 @@ class Backend {
   virtual Overlap* overlap() { return nullptr; }             // null: copies nothing while it computes
   virtual ManyClouds* many_clouds() { return nullptr; }      // null: one cloud at a time
   virtual DeviceMemory* device_memory() { return nullptr; }  // null: clouds cross from host memory
+  virtual DeviceTiles* device_tiles() { return nullptr; }    // null: shares no cloud that lies on it
 };
 
 std::unique_ptr<Backend> make_cpu_backend(unsigned threads);

@@ -50,6 +50,19 @@ Context::~Context() {
   cudaStreamSynchronize(main_stream());  // the handles go after it
 }
 
+void Context::admit(int card) {
+  if (card == card_ || pool_.get() == nullptr || std::find(admitted_.begin(), admitted_.end(), card) != admitted_.end())
+    return;
+  admitted_.push_back(card);
+  int can = 0;
+  check(cudaDeviceCanAccessPeer(&can, card, card_), "asking for access between cards");
+  if (can == 0) return;
+  cudaMemAccessDesc access{};
+  access.location = {cudaMemLocationTypeDevice, card};
+  access.flags = cudaMemAccessFlagsProtReadWrite;
+  check(cudaMemPoolSetAccess(pool_.get(), &access, 1), "giving access between cards");
+}
+
 SideStream::SideStream(const Context& context, Urgency urgency) : context_(context) {
   int least = 0, greatest = 0;
   check(cudaDeviceGetStreamPriorityRange(&least, &greatest), "asking for priorities");

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "cuda/runtime/handles.cuh"
 
@@ -27,6 +28,8 @@ class Context {
   // order of the main stream, whatever this is.
   cudaStream_t stream() const { return current_; }
   cudaStream_t main_stream() const { return stream_.get(); }
+  // Lets another card read and write this card's arrays, if both can; else copies between them go through the host.
+  void admit(int card);
   int processors() const { return processors_; }
   bool launches_early() const { return launches_early_; }  // what src/cuda/runtime/launch.cuh needs
   const std::string& name() const { return name_; }
@@ -48,6 +51,7 @@ class Context {
   std::string name_;
   Stream stream_;
   cudaStream_t current_ = nullptr;
+  std::vector<int> admitted_;
   MemoryPool pool_;  // none where the card has no pools: plain cudaMalloc then
   const std::uint64_t limit_;
   std::uint64_t held_bytes_ = 0, peak_bytes_ = 0;

@@ -1,0 +1,244 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <bit>
+
+#include "cuda/runtime/warp.cuh"
+#include "cuda/tiles/gathered_tiles.cuh"
+#include "point/position.h"
+
+namespace pointfair::cuda {
+namespace {
+
+constexpr int kBlock = 256, kWarps = kBlock / kWarp;
+constexpr int kItems = 8;  // points of a thread
+constexpr int kMost = int(DeviceTiles::kMostTiles);
+
+using Vec = point::Vec3<float>;
+
+struct Regions {
+  point::Region of[kMost];
+  int count;
+};
+
+__device__ Vec to_vec(Point p) { return {p.x, p.y, p.z}; }
+__device__ bool is_valid(Point p) { return point::is_indexable(p.x, p.y, p.z); }
+
+// Invalid points keep their places, and need nothing.
+__global__ void __launch_bounds__(kBlock)
+    begin_all(const Point* input, std::size_t count, Point* results, unsigned char* done) {
+  const std::size_t i = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
+  if (i >= count) return;
+  const Point p = input[i];
+  const bool valid = is_valid(p);
+  done[i] = !valid;
+  if (!valid) results[i] = p;
+}
+
+__global__ void __launch_bounds__(kBlock)
+    count_inside(const Point* input, std::size_t count, const __grid_constant__ Regions regions, unsigned* totals) {
+  __shared__ unsigned inside[kMost];
+  if (threadIdx.x < kMost) inside[threadIdx.x] = 0;
+  __syncthreads();
+  const std::size_t first = std::size_t(blockIdx.x) * kBlock * kItems + threadIdx.x;
+  for (int item = 0; item < kItems; ++item) {
+    const std::size_t i = first + std::size_t(item) * kBlock;
+    const Point p = i < count ? input[i] : Point{};
+    const bool valid = i < count && is_valid(p);
+    for (int tile = 0; tile < regions.count; ++tile) {
+      const unsigned ballot = __ballot_sync(kAllLanes, valid && point::is_inside(regions.of[tile], to_vec(p)));
+      if (lane_number() == 0 && ballot != 0) atomicAdd(&inside[tile], static_cast<unsigned>(__popc(ballot)));
+    }
+  }
+  __syncthreads();
+  if (threadIdx.x < regions.count && inside[threadIdx.x] > 0) atomicAdd(&totals[threadIdx.x], inside[threadIdx.x]);
+}
+
+// Appends the points in a region. Those of a block stay together, in their order.
+__global__ void __launch_bounds__(kBlock) append_inside(const Point* input, std::size_t count, point::Region region,
+                                                        unsigned* total, unsigned* indices, Point* points) {
+  __shared__ unsigned places[kItems * kWarps];
+  const std::size_t first = std::size_t(blockIdx.x) * kBlock * kItems + threadIdx.x;
+  const unsigned warp = threadIdx.x / kWarp;
+  Point own[kItems];
+  unsigned ballots[kItems];
+  for (int item = 0; item < kItems; ++item) {
+    const std::size_t i = first + std::size_t(item) * kBlock;
+    own[item] = i < count ? input[i] : Point{};
+    const bool inside = i < count && is_valid(own[item]) && point::is_inside(region, to_vec(own[item]));
+    ballots[item] = __ballot_sync(kAllLanes, inside);
+    if (lane_number() == 0) places[item * kWarps + warp] = static_cast<unsigned>(__popc(ballots[item]));
+  }
+  __syncthreads();
+  if (threadIdx.x == 0) {
+    unsigned sum = 0;
+    for (unsigned& place : places) {
+      const unsigned its = place;
+      place = sum;
+      sum += its;
+    }
+    const unsigned start = sum > 0 ? atomicAdd(total, sum) : 0;
+    for (unsigned& place : places) place += start;
+  }
+  __syncthreads();
+  for (int item = 0; item < kItems; ++item) {
+    if ((ballots[item] >> lane_number() & 1) == 0) continue;
+    const unsigned to = places[item * kWarps + warp] + static_cast<unsigned>(__popc(ballots[item] & lanes_below()));
+    indices[to] = static_cast<unsigned>(first + std::size_t(item) * kBlock);
+    points[to] = own[item];
+  }
+}
+
+__global__ void clear_tallies(TallyOnCard* tallies) { tallies[threadIdx.x] = {{~0u, ~0u, ~0u}, {}, 0, 0, 0, 0}; }
+
+__device__ void add_if_any(unsigned& to, unsigned value) {
+  if (value > 0) atomicAdd(&to, value);
+}
+
+// The results of one tile.
+__global__ void __launch_bounds__(kBlock)
+    take_results(const Point* input, Point* results, unsigned char* done, point::Cell cell, std::size_t count,
+                 const unsigned* indices, const Point* points, const unsigned char* outcomes, TallyOnCard* tally) {
+  const std::size_t i = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
+  bool taken = false, left = false;
+  Vec p{};
+  unsigned outcome = 0;
+  if (i < count) {
+    const unsigned index = indices[i];
+    p = to_vec(input[index]);
+    outcome = outcomes[i];
+    const bool wanted = done[index] == 0 && point::is_in_cell(cell, p);
+    taken = wanted && (outcome & point::kExact) != 0;
+    left = wanted && !taken;
+    if (taken) {
+      results[index] = points[i];
+      done[index] = 1;
+    }
+  }
+  const auto count_lanes = [](bool value) { return static_cast<unsigned>(__popc(__ballot_sync(kAllLanes, value))); };
+  const unsigned too_few = count_lanes(taken && (outcome & point::kTooFew) != 0),
+                 no_normal = count_lanes(taken && (outcome & point::kNoNormal) != 0),
+                 is_short = count_lanes(taken && (outcome & point::kShort) != 0), still_left = count_lanes(left);
+  if (lane_number() == 0) {
+    add_if_any(tally->too_few, too_few);
+    add_if_any(tally->no_normal, no_normal);
+    add_if_any(tally->is_short, is_short);
+    add_if_any(tally->left, still_left);
+  }
+  if (!left) return;
+  const float at[3] = {p.x, p.y, p.z};
+  for (int axis = 0; axis < 3; ++axis) {
+    atomicMin(&tally->min[axis], ordered(at[axis]));
+    atomicMax(&tally->max[axis], ordered(at[axis]));
+  }
+}
+
+float coordinate(unsigned o) { return std::bit_cast<float>(unordered_bits(o)); }
+
+TileTally to_host(const TallyOnCard& tally) {
+  TileTally result{};
+  result.counts.unmoved.too_few_neighbors = tally.too_few;
+  result.counts.unmoved.no_normal = tally.no_normal;
+  result.counts.short_neighborhoods = tally.is_short;
+  result.left = {{coordinate(tally.min[0]), coordinate(tally.min[1]), coordinate(tally.min[2])},
+                 {coordinate(tally.max[0]), coordinate(tally.max[1]), coordinate(tally.max[2])},
+                 tally.left};
+  return result;
+}
+
+}  // namespace
+
+GatheredTiles::GatheredTiles(Context& context)
+    : context_(context),
+      done_(context),
+      outcomes_(context),
+      indices_(context),
+      totals_(context),
+      points_(context),
+      tallies_(context),
+      fetched_totals_(kMost),
+      fetched_tallies_(kMost) {}
+
+void GatheredTiles::begin(const Point* input, std::size_t count, Point* results) {
+  input_ = input;
+  count_ = count;
+  results_ = results;
+  done_.resize(count);
+  if (count == 0) return;
+  begin_all<<<blocks_for(count, kBlock), kBlock, 0, context_.stream()>>>(input, count, results, done_.data());
+  check(cudaGetLastError(), "preparing tiles");
+}
+
+std::vector<std::size_t> GatheredTiles::gather(std::span<const DeviceTile> tiles) {
+  const cudaStream_t stream = context_.stream();
+  const unsigned blocks = blocks_for(count_, kBlock * kItems);
+  tiles_.assign(tiles.begin(), tiles.end());
+  Regions regions{};
+  for (const DeviceTile& tile : tiles) regions.of[regions.count++] = tile.loaded;
+  totals_.resize(kMost);
+  check(cudaMemsetAsync(totals_.data(), 0, kMost * sizeof(unsigned), stream), "counting points of tiles");
+  count_inside<<<blocks, kBlock, 0, stream>>>(input_, count_, regions, totals_.data());
+  check(cudaGetLastError(), "counting points of tiles");
+  check(
+      cudaMemcpyAsync(fetched_totals_.get(), totals_.data(), kMost * sizeof(unsigned), cudaMemcpyDeviceToHost, stream),
+      "counting points of tiles");
+  check(cudaMemsetAsync(totals_.data(), 0, kMost * sizeof(unsigned), stream), "gathering points of tiles");
+  context_.finish();
+  const std::vector<std::size_t> counts(fetched_totals_.get(), fetched_totals_.get() + tiles.size());
+  starts_.assign(1, 0);
+  for (const std::size_t its : counts) starts_.push_back(starts_.back() + its);
+  indices_.resize(starts_.back());
+  points_.resize(starts_.back());
+  outcomes_.resize(starts_.back());
+  for (std::size_t tile = 0; tile < tiles.size(); ++tile)
+    append_inside<<<blocks, kBlock, 0, stream>>>(input_, count_, regions.of[tile], totals_.data() + tile,
+                                                 indices_.data() + starts_[tile], points_.data() + starts_[tile]);
+  check(cudaGetLastError(), "gathering points of tiles");
+  there_.record(stream);
+  return counts;
+}
+
+std::vector<unsigned> GatheredTiles::indices_of(std::size_t tile) const {
+  std::vector<unsigned> indices(size_of(tile));
+  check(cudaMemcpyAsync(indices.data(), indices_.data() + starts_[tile], indices.size() * sizeof(unsigned),
+                        cudaMemcpyDeviceToHost, context_.stream()),
+        "reading the points of a tile");
+  context_.finish();
+  return indices;
+}
+
+GatheredTiles::Share GatheredTiles::share(std::size_t tile) const {
+  return {tiles_[tile], size_of(tile), points_.data() + starts_[tile], outcomes_.data() + starts_[tile], there_.get()};
+}
+
+std::vector<TileTally> GatheredTiles::scatter() {
+  const cudaStream_t stream = context_.stream();
+  tallies_.resize(kMost);
+  clear_tallies<<<1, kMost, 0, stream>>>(tallies_.data());
+  for (std::size_t tile = 0; tile < tiles_.size(); ++tile)
+    take_results<<<blocks_for(size_of(tile), kBlock), kBlock, 0, stream>>>(
+        input_, results_, done_.data(), tiles_[tile].cell, size_of(tile), indices_.data() + starts_[tile],
+        points_.data() + starts_[tile], outcomes_.data() + starts_[tile], tallies_.data() + tile);
+  check(cudaGetLastError(), "taking the results of tiles");
+  check(cudaMemcpyAsync(fetched_tallies_.get(), tallies_.data(), kMost * sizeof(TallyOnCard), cudaMemcpyDeviceToHost,
+                        stream),
+        "taking the results of tiles");
+  context_.finish();
+  std::vector<TileTally> tallies;
+  for (std::size_t tile = 0; tile < tiles_.size(); ++tile) tallies.push_back(to_host(fetched_tallies_.get()[tile]));
+  return tallies;
+}
+
+void GatheredTiles::release() {
+  for (DeviceArray<unsigned char>* array : {&done_, &outcomes_}) array->release();
+  indices_.release();
+  points_.release();
+}
+
+void copy_between_cards(void* to, int to_card, const void* from, int from_card, std::size_t bytes,
+                        cudaStream_t stream) {
+  if (bytes == 0) return;
+  check(to_card == from_card ? cudaMemcpyAsync(to, from, bytes, cudaMemcpyDeviceToDevice, stream)
+                             : cudaMemcpyPeerAsync(to, to_card, from, from_card, bytes, stream),
+        "copying between cards");
+}
+
+}  // namespace pointfair::cuda
