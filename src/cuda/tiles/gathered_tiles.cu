@@ -227,12 +227,6 @@ std::vector<TileTally> GatheredTiles::scatter() {
   return tallies;
 }
 
-void GatheredTiles::release() {
-  for (DeviceArray<unsigned char>* array : {&done_, &outcomes_}) array->release();
-  indices_.release();
-  points_.release();
-}
-
 void copy_between_cards(void* to, int to_card, const void* from, int from_card, std::size_t bytes,
                         cudaStream_t stream) {
   if (bytes == 0) return;

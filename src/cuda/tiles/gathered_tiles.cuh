@@ -41,7 +41,6 @@ class GatheredTiles {
     cudaEvent_t there;
   };
   Share share(std::size_t tile) const;
-  void release();
 
  private:
   std::size_t size_of(std::size_t tile) const { return starts_[tile + 1] - starts_[tile]; }
