@@ -162,6 +162,23 @@ TEST(CoordinateSteps, of_a_wall_along_the_axes_make_no_sheets) {
   EXPECT_LT(distance(denoised(points)), 0.5 * distance(points));
 }
 
+// Without noise, a level camera's rows on the floor are levels that widen with the square of the distance, and a wall
+// that faces it is exact; so are the faces of a cube.
+TEST(CoordinateSteps, are_not_found_in_flat_faces_without_noise) {
+  Points room;
+  constexpr int kRows = 120;
+  for (int row = 0; row < kRows; ++row)
+    for (int column = 0; column < kRows; ++column) {
+      const double u = (column + 0.5) / kRows - 0.5, v = (row + 0.5) / kRows - 0.5, depth = std::min(3.0, 0.6 / std::max(v, 0.01));
+      room.push_back(shapes::make_point(u * depth, v * depth, depth));
+    }
+  for (const Points& points : {room, shapes::cube(300), shapes::cube(1500)}) {
+    EXPECT_EQ(steps_of(points).kind, Kind::none);
+    const Points after = denoised(points);
+    for (std::size_t i = 0; i < points.size(); ++i) ASSERT_LT(squared_distance(after[i], points[i]), 1e-10) << i;
+  }
+}
+
 TEST(CoordinateSteps, of_any_width_leave_a_run_no_cliff) {
   constexpr int kPoints = 30000;
   const double spacing = std::sqrt(4 * 3.14159265 / kPoints), sigma = 0.15 * spacing;

@@ -35,6 +35,14 @@ std::vector<double> distinct(std::vector<double> values, double apart) {
   return result;
 }
 
+double extent_of(std::span<const Point> points) {
+  double extent = 0;
+  for (const Point& p : points)
+    for (int axis = 0; axis < 3 && !std::isnan(p.x); ++axis)
+      extent = std::max(extent, std::abs(coordinate(p, axis) - coordinate(points[0], axis)));
+  return extent;
+}
+
 // Along one axis, from differences between neighbours; 0 where there is none.
 double grid_step(std::span<const Point> rows, int axis, double rounding) {
   std::vector<double> differences;
@@ -75,6 +83,7 @@ Matrix sum(const Matrix& a, const Matrix& b) {
 struct ExactPlane {
   Offset normal;
   Matrix moments;  // second ones, about the centroid
+  Point place;
 };
 
 // Of a row that lies on one, and not along a line.
@@ -100,10 +109,11 @@ std::optional<ExactPlane> exact_plane(std::span<const Point> row, double roundin
   const double trace = m.xx + m.yy + m.zz;
   const double minors = m.xx * m.yy - m.xy * m.xy + m.xx * m.zz - m.xz * m.xz + m.yy * m.zz - m.yz * m.yz;
   if (minors < kRoundness * (trace * trace - 2 * minors)) return std::nullopt;
-  return ExactPlane{normal.unit, m};
+  return ExactPlane{normal.unit, m, row[0]};
 }
 
-// Along which most exact planes face, or nothing where there are few.
+// Along which most exact planes face, or nothing where these are few, or lie on few levels: a flat face without noise
+// is one level, and a scan without noise has a few of these.
 std::optional<Offset> common_direction(std::span<const Point> rows, double rounding) {
   std::vector<ExactPlane> planes;
   for (std::size_t first = 0; first < rows.size() && planes.size() < kMostPlanes; first += kRow)
@@ -121,7 +131,13 @@ std::optional<Offset> common_direction(std::span<const Point> rows, double round
   Matrix moments{};
   for (std::size_t j = 0; j < planes.size(); ++j)
     if (is_alike(commonest, j)) moments = sum(moments, planes[j].moments);
-  return point::least_eigenvector(moments).unit;
+  const Offset direction = point::least_eigenvector(moments).unit;
+  std::vector<double> heights;
+  for (std::size_t j = 0; j < planes.size(); ++j)
+    if (is_alike(commonest, j))
+      heights.push_back(point::dot(point::offset_between(rows[0], planes[j].place), direction));
+  if (distinct(std::move(heights), kLevelGap * extent_of(rows)).size() < kSpans) return std::nullopt;
+  return direction;
 }
 
 double median(std::vector<double> values) {
@@ -160,14 +176,6 @@ std::optional<DisparityLaw> disparity_law(const std::vector<double>& levels) {
   for (std::size_t i = 0; i < kSpans; ++i) alike += std::abs(root[i] * root[i] / law.gap_at(place[i]) - 1) < kSameGap;
   if (most < kWideningOfGaps * least || alike < kFewestAlike) return std::nullopt;
   return law;
-}
-
-double extent_of(std::span<const Point> points) {
-  double extent = 0;
-  for (const Point& p : points)
-    for (int axis = 0; axis < 3 && !std::isnan(p.x); ++axis)
-      extent = std::max(extent, std::abs(coordinate(p, axis) - coordinate(points[0], axis)));
-  return extent;
 }
 
 // At each row's first point, along a direction; empty where heights have no levels.
