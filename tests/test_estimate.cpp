@@ -152,6 +152,21 @@ TEST(Noise, is_not_seen_among_copies_of_a_point) {
   EXPECT_NEAR(measured_noise(points).sigma, alone, 0.05 * alone);
 }
 
+// As where two files of one survey overlap.
+TEST(Noise, is_the_same_where_points_are_there_twice) {
+  const Points alone = shapes::with_noise(shapes::waves(20000), 0.004);
+  const Noise of_each = measured_noise(alone);
+  for (const double share : {0.3, 1.0}) {
+    Points repeated = alone;
+    repeated.insert(repeated.end(), alone.begin(), alone.begin() + std::ptrdiff_t(share * double(alone.size())));
+    const Noise found = measured_noise(repeated);
+    EXPECT_NEAR(found.sigma, of_each.sigma, 0.05 * of_each.sigma) << share;
+    EXPECT_NEAR(found.surface_spacing, of_each.surface_spacing, 0.05 * of_each.surface_spacing) << share;
+    EXPECT_EQ(found.alikeness, 0) << share;
+    EXPECT_EQ(found.likeness_to_shape, 0) << share;
+  }
+}
+
 // The sheets of a thin part are no noise: 10,000 points each over the unit square, spacing 0.01.
 TEST(Noise, of_two_sheets_is_that_of_each) {
   for (const double gap : {0.011, 0.015, 0.022})

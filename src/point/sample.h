@@ -60,6 +60,7 @@ static_assert(points_of(kFirstRounds - 1) == kFirstRow && points_of(kRounds - 1)
 struct Look {
   bool is_wide = false;  // against the noise
   bool is_last = true;   // there are no more, or more are not looked at
+  bool is_cut = true;    // there are fewer
   double noise = -1;     // negative: they show none
   double spacing = 0, gap = 0, plane_variance = 0;
 };
@@ -78,28 +79,57 @@ POINTFAIR_INLINE SpacingSample spacing_sample(const P* row) {
   return found > 0 ? SpacingSample{total / found, last} : SpacingSample{};
 }
 
-// Takes the offsets of a row of k and returns how many there are.
+// Of a row: how many places, and whether the cloud may have more.
+struct RowTaken {
+  int there;
+  bool may_have_more;
+};
+
+// Takes the offsets of a row of kMost. Points at one place follow each other, and all but the first are left out: a
+// point that a cloud holds twice is no second measurement.
 template <class Team, int kMost, class P>
-POINTFAIR_INLINE int take_row(Team team, FitSpace<kMost>& space, const P* row, int k) {
-  team.for_each(k, [&space, row](int i) {
+POINTFAIR_INLINE RowTaken take_row(Team team, FitSpace<kMost>& space, const P* row) {
+  team.for_each(kMost, [&space, row](int i) {
     const Offset o = offset_between(row[0], row[i + 1]);
     space.x[i] = o.x;
     space.y[i] = o.y;
     space.z[i] = o.z;
   });
-  typename Team::template Sums<1> known(team);
-  known.add(0, k, [&space](int i) { return Terms<1>{{space.x[i] == space.x[i] ? 1.0 : 0.0}}; });
-  return int(known.total().of[0]);
+  const auto is_repeated = [&space](int i) {
+    const Offset before = i > 0 ? space.offset(i - 1) : Offset{0, 0, 0};
+    return space.x[i] == before.x && space.y[i] == before.y && space.z[i] == before.z;
+  };
+  typename Team::template Sums<2> counts(team);
+  counts.add(0, kMost, [&space, &is_repeated](int i) {
+    return Terms<2>{{space.x[i] == space.x[i] ? 1.0 : 0.0, is_repeated(i) ? 1.0 : 0.0}};
+  });
+  const Terms<2> found = counts.total();
+  const int known = int(found.of[0]), repeated = int(found.of[1]);
+  if (repeated > 0) {
+    team.for_each(1, [&space, known](int) {
+      Offset before{0, 0, 0};
+      for (int i = 0, to = 0; i < known; ++i) {
+        const Offset o = space.offset(i);
+        if (o.x == before.x && o.y == before.y && o.z == before.z) continue;
+        space.x[to] = o.x;
+        space.y[to] = o.y;
+        space.z[to++] = o.z;
+        before = o;
+      }
+    });
+  }
+  return {known - repeated, known == kMost && kMost < kLastRow};
 }
 
 // At the nearest `points` of those that are there. The noise of what is neither wide nor last only if `always`.
 template <class Team, int kMost>
-POINTFAIR_INLINE Look look_at(GrowingNeighborhood<Team, kMost>& neighborhood, int there, int points, bool always) {
+POINTFAIR_INLINE Look look_at(GrowingNeighborhood<Team, kMost>& neighborhood, RowTaken row, int points, bool always) {
   Look look;
-  if (there < kFirstFit / 2) return look;
-  neighborhood.grow_to(points < there ? points : there);
+  look.is_cut = row.there < points;
+  look.is_last = (look.is_cut && !row.may_have_more) || points == kLastRow;
+  if (row.there < kFirstFit / 2) return look;
+  neighborhood.grow_to(look.is_cut ? row.there : points);
   look.is_wide = neighborhood.is_wide();
-  look.is_last = there < points || points == kLastRow;
   if (!neighborhood.shows_a_surface() || !(look.is_wide || look.is_last || always)) return look;
   look.noise = neighborhood.noise();
   look.spacing = neighborhood.spacing();
@@ -141,8 +171,8 @@ POINTFAIR_INLINE PlaneSample plane_sample(Team team, const FitSpace<kMost>& spac
 // From looks at 20, 30, 60 and 115 points.
 POINTFAIR_INLINE ResidualSample residual_sample(const Look& least, const Look& narrow, const Look& wide,
                                                 const Look& widest, const PlaneSample& planes) {
-  if (wide.is_last) return {-1, -1, -1, -1, planes};
-  return {least.noise, narrow.noise, wide.noise, widest.is_last ? -1 : widest.noise, planes};
+  if (wide.is_cut) return {-1, -1, -1, -1, planes};
+  return {least.noise, narrow.noise, wide.noise, widest.is_cut ? -1 : widest.noise, planes};
 }
 
 }  // namespace pointfair::point

@@ -68,20 +68,20 @@ std::shared_ptr<Point[]> rows_of(Sampling& from, std::span<const std::uint32_t> 
 template <int kMost>
 point::NoiseSample grown(const Point* row, int first_round, int end_round) {
   point::FitSpace<kMost> space;
-  const int there = take_row(OneThread{}, space, row, kMost);
+  const point::RowTaken taken = take_row(OneThread{}, space, row);
   point::GrowingNeighborhood neighborhood(OneThread{}, space);
   return point::noise_sample(first_round, end_round,
-                             [&](int round) { return look_at(neighborhood, there, point::points_of(round), false); });
+                             [&](int round) { return look_at(neighborhood, taken, point::points_of(round), false); });
 }
 
 point::ResidualSample residuals_of(const Point* row) {
   point::FitSpace<point::kFirstRow> space;
-  const int there = take_row(OneThread{}, space, row, point::kFirstRow);
+  const point::RowTaken taken = take_row(OneThread{}, space, row);
   point::GrowingNeighborhood neighborhood(OneThread{}, space);
-  const auto look = [&](int points) { return look_at(neighborhood, there, points, true); };
+  const auto look = [&](int points) { return look_at(neighborhood, taken, points, true); };
   const point::Look least = look(point::kLeastFit), narrow = look(point::kFirstFit), wide = look(2 * point::kFirstFit);
   const point::Look widest = look(point::kFirstRow);
-  return residual_sample(least, narrow, wide, widest, plane_sample(OneThread{}, space, there));
+  return residual_sample(least, narrow, wide, widest, plane_sample(OneThread{}, space, taken.there));
 }
 
 }  // namespace

@@ -54,9 +54,9 @@ constexpr int kFirstBlocks = kFirstLooks + 1;
 
 template <int kMost>
 __device__ point::Look look(point::FitSpace<kMost>& space, const Point* row, int points, bool always) {
-  const int there = point::take_row(WarpTeam{}, space, row, points);
+  const point::RowTaken taken = point::take_row(WarpTeam{}, space, row);
   point::GrowingNeighborhood<WarpTeam, kMost> neighborhood(WarpTeam{}, space);
-  return point::look_at(neighborhood, there, points, always);
+  return point::look_at(neighborhood, taken, points, always);
 }
 
 // What is seen at first rows, before it is put together.
@@ -80,8 +80,8 @@ __global__ void __launch_bounds__(kWarp)
   const int round = static_cast<int>(blockIdx.x % kFirstBlocks);
   const Point* const row = rows + sample * kFirstRow;
   if (round == kFirstLooks) {
-    const int there = point::take_row(WarpTeam{}, space, row, point::kFirstRow);
-    const point::PlaneSample planes = point::plane_sample(WarpTeam{}, space, there);
+    const point::RowTaken taken = point::take_row(WarpTeam{}, space, row);
+    const point::PlaneSample planes = point::plane_sample(WarpTeam{}, space, taken.there);
     if (lane_number() == 0) to.planes[sample] = planes;
     return;
   }
@@ -146,18 +146,18 @@ __global__ void __launch_bounds__(kWarp)
   const std::size_t n = blockIdx.x;
   const Point* const row = rows + n * kFirstRow;
   if (lane_number() < kHead) heads[n * kHead + lane_number()] = row[lane_number()];
-  const int there = point::take_row(WarpTeam{}, space, row, point::kFirstRow);
+  const point::RowTaken taken = point::take_row(WarpTeam{}, space, row);
   point::GrowingNeighborhood<WarpTeam, point::kFirstRow> neighborhood(WarpTeam{}, space);
   bool suffices = false;
 #pragma unroll 1
   for (int step = 0; step < kSteps; ++step) {
     const bool for_residuals = step == kLeast || step == kNarrow || step == kWide || step == kWidest;
     if (suffices && !for_residuals) continue;
-    const point::Look found = point::look_at(neighborhood, there, points_of_step(step), for_residuals);
+    const point::Look found = point::look_at(neighborhood, taken, points_of_step(step), for_residuals);
     suffices = suffices || (step != kLeast && step != kWide && (found.is_wide || found.is_last));
     if (lane_number() == 0) looks[step] = found;
   }
-  const point::PlaneSample planes = point::plane_sample(WarpTeam{}, space, there);
+  const point::PlaneSample planes = point::plane_sample(WarpTeam{}, space, taken.there);
   if (lane_number() != 0) return;
   noise[n] = point::noise_sample(0, point::kFirstRounds, [](int round) { return looks[step_of_round(round)]; });
   residuals[n] = point::residual_sample(looks[kLeast], looks[kNarrow], looks[kWide], looks[kWidest], planes);
