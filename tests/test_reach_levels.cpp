@@ -130,6 +130,24 @@ TEST(ReachLevels, do_not_shrink_to_single_lines_of_a_scanner) {
   for (const float level : outcome.levels->levels) ASSERT_GE(level, 0.99f);
 }
 
+// Profiles of a scanner that is driven past, farther apart than the sixteen nearest points of a profile reach.
+TEST(Neighbourhoods, reach_the_next_profile_however_far_apart_profiles_are) {
+  for (const int spacings : {4, 12, 20, 30}) {
+    constexpr double kAlong = 0.005, kSigma = 0.6 * kAlong;
+    const auto height = [](double x, double y) { return 0.05 * std::sin(3 * x) + 0.03 * y; };
+    shapes::Random random(11);
+    Points points;
+    for (int profile = 0; profile < 30; ++profile)
+      for (int i = 0; i < 1000; ++i) {
+        const double x = kAlong * (i + 0.1 * random.normal()), y = kAlong * (spacings * profile + 0.2 * random.normal());
+        points.push_back(shapes::make_point(x, y, height(x, y) + kSigma * random.normal()));
+      }
+    double squares = 0;
+    for (const Point& p : run(points).points) squares += std::pow(p.z - height(p.x, p.y), 2) / double(points.size());
+    EXPECT_LT(std::sqrt(squares), 0.35 * kSigma) << spacings;
+  }
+}
+
 TEST(ReachLevels, are_one_where_the_noise_sets_the_radius) {
   const Outcome outcome = run(shapes::with_noise(shapes::plane(kPoints), 1.2 * kSpacing));
   ASSERT_TRUE(outcome.levels);

@@ -15,6 +15,7 @@
 #include "estimate/noise_levels.hpp"
 #include "estimate/reach_levels.hpp"
 #include "estimate/share_between.hpp"
+#include "pointfair/params.hpp"
 
 namespace pointfair {
 namespace {
@@ -137,6 +138,17 @@ double most_noise(std::span<const point::ResidualSample> samples, double spacing
   return kMostOverSix * shown * (1 + hidden * hidden * hidden);
 }
 
+// As Noise::surface_points.
+int surface_points(std::span<const point::ResidualSample> samples) {
+  for (int size = 0; size < point::kPlaneSizes; ++size) {
+    const auto planes = std::count_if(samples.begin(), samples.end(), [size](const point::ResidualSample& sample) {
+      return sample.planes.variance[size] >= 0;
+    });
+    if (2 * std::size_t(planes) > samples.size()) return std::min(point::plane_points(size), kMaxMinNeighbors);
+  }
+  return 0;
+}
+
 // How much of what was taken for noise is shape, by residuals of larger neighbourhoods, or by those of small ones where
 // the larger are a good part of the cloud.
 void tell_from_shape(Noise& noise, std::uint64_t points, const std::vector<point::ResidualSample>& residuals) {
@@ -186,7 +198,9 @@ Noise noise_of(std::span<const point::NoiseSample> samples, std::uint64_t points
     noise.alikeness = 1;
     noise.depth_has_steps = true;
   } else if (sigma < kBeyondResiduals * noise.surface_spacing) {
-    tell_from_shape(noise, points, residuals());
+    const std::vector<point::ResidualSample> samples_of_residuals = residuals();
+    noise.surface_points = surface_points(samples_of_residuals);
+    tell_from_shape(noise, points, samples_of_residuals);
   }
   if (noise.sigma > 0) {
     const double median = quantile(sigmas, 0.5), trust = trust_in_places(noise, points);
@@ -242,7 +256,7 @@ void add_local(Estimate& result, const LocalSamples& samples, std::uint64_t poin
   result.noise.sigma = noise.typical;
   result.levels = noise.levels;
   if (!samples.residuals.empty())
-    result.reach_levels = reach_levels(samples, noise.at_samples, result.noise.alikeness, pools, for_each);
+    result.reach_levels = reach_levels(samples, noise.at_samples, result.noise, pools, for_each);
 }
 
 // Rows of pools by the numbers of samples that show noise among all of these, if there are any.

@@ -47,6 +47,8 @@ struct Noise {
   // Upper quartile of the variances over a plane in the widest neighbourhoods, over what it is on a plane of the same
   // noise: about 1 there, more where the shape bends or ends within them.
   double bend = 1;
+  // So many of the nearest points lie in a plane and not along a line, at most samples; 0 where this is not known.
+  int surface_points = 0;
 };
 
 // The same cloud where `sigma` is known to be another than was measured, or the same. The rest stays as measured.

@@ -50,17 +50,17 @@ double log_best_count(const Risks& risks) {
 }  // namespace
 
 std::shared_ptr<const NodeLevels> reach_levels(const LocalSamples& samples, const std::vector<double>& noise,
-                                               double alikeness, const Pools& pools, const ForEach& for_each) {
+                                               const Noise& typical, const Pools& pools, const ForEach& for_each) {
   const std::size_t count = samples.places.size();
   std::vector<Risks> risks(count);
   std::vector<double> log_levels(count), smooth(count);
   for (std::size_t i = 0; i < count; ++i) risks[i] = risks_of(samples.residuals[i].planes, noise[i] * noise[i]);
-  const double farthest = std::log(kWidestReach);
+  const double farthest = std::log(kWidestReach), unchanged = std::log(std::max<double>(kReachPoints, typical.surface_points));
   for_each(count, [&](std::size_t i) {
     // a neighbourhood holds as many points as its area is large
-    const double log_level = (log_best_count(mean_of(pools.of(i), risks)) - std::log(kReachPoints)) / 2;
+    const double log_level = (log_best_count(mean_of(pools.of(i), risks)) - unchanged) / 2;
     const double followed = 1 - share_between(kHarmlessNoise, noise[i] / samples.noise[i].spacing);
-    log_levels[i] = (1 - alikeness) * followed * std::clamp(log_level, -farthest, farthest);
+    log_levels[i] = (1 - typical.alikeness) * followed * std::clamp(log_level, -farthest, farthest);
   });
   const Ranked ranked(log_levels);
   for_each(count, [&](std::size_t i) { smooth[i] = *median_known(pools.of(i).first(kSmoothed), ranked); });

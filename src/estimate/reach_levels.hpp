@@ -5,14 +5,15 @@
 #include <memory>
 #include <vector>
 
+#include "estimate/estimate.hpp"
 #include "estimate/pools.hpp"
 #include "seam/settings.hpp"
 
 namespace pointfair {
 
 // K of Eq. 23: levels of the distance to the kMinNeighbors-th nearest. `noise`: standard deviations at the samples, all
-// of which have residuals; `alikeness`: of the noise, in [0, 1]; 1 leaves all levels at 1.
+// of which have residuals; `typical`: of the cloud; noise that is wholly alike in neighbours leaves all levels at 1.
 std::shared_ptr<const NodeLevels> reach_levels(const LocalSamples& samples, const std::vector<double>& noise,
-                                               double alikeness, const Pools& pools, const ForEach& for_each);
+                                               const Noise& typical, const Pools& pools, const ForEach& for_each);
 
 }  // namespace pointfair

@@ -236,7 +236,7 @@ struct Fixed {
   Position origin{};
   Bounds bounds;
   Spacing spacing;
-  std::array<double, 9> noise{};
+  std::array<double, 10> noise{};
   FixedLevels of_noise, of_reach;
   std::array<double, 3> quantiles{};  // of the levels of the noise
   std::uint64_t ignored = 0;
@@ -245,18 +245,18 @@ struct Fixed {
   std::uint32_t unused = 0;
 };
 static_assert(std::is_trivially_copyable_v<Fixed>);
-static_assert(sizeof(Fixed) == sizeof(Position) + sizeof(Bounds) + sizeof(Spacing) + 9 * sizeof(double) +
+static_assert(sizeof(Fixed) == sizeof(Position) + sizeof(Bounds) + sizeof(Spacing) + 10 * sizeof(double) +
                                    2 * sizeof(FixedLevels) + 3 * sizeof(double) + sizeof(std::uint64_t) +
                                    sizeof(double) + sizeof(Frame) + sizeof(std::uint32_t));
 
-std::array<double, 9> values_of(const Noise& noise) {
+std::array<double, 10> values_of(const Noise& noise) {
   const auto& [sigma, surface_spacing, likeness_to_shape, shape_to_noise, gap, alikeness, depth_has_steps, confined,
-               bend] = noise;
+               bend, surface_points] = noise;
   return {sigma, surface_spacing, likeness_to_shape,           shape_to_noise,
           gap,   alikeness,       depth_has_steps ? 1.0 : 0.0, confined,
-          bend};
+          bend,  double(surface_points)};
 }
-Noise noise_of(const std::array<double, 9>& v) { return {v[0], v[1], v[2], v[3], v[4], v[5], v[6] != 0, v[7], v[8]}; }
+Noise noise_of(const std::array<double, 10>& v) { return {v[0], v[1], v[2], v[3], v[4], v[5], v[6] != 0, v[7], v[8], int(v[9])}; }
 
 FixedLevels fixed_of(const NodeLevels* levels) {
   if (levels == nullptr) return {};
