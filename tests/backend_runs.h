@@ -81,6 +81,7 @@ inline void follow_noise(StageSettings& settings, Point lower, float side, float
   NodeLevels reach{levels.levels, nodes, lower, levels.nodes_per_unit};
   std::reverse(reach.levels.begin(), reach.levels.end());
   settings.neighbors.reach_levels = std::make_shared<const NodeLevels>(std::move(reach));
+  settings.neighbors.widest = 2.5f * settings.neighbors.radius;
   settings.neighbors.levels = settings.limits.levels = std::make_shared<const NoiseLevels>(std::move(levels));
   settings.neighbors.radius_follows = settings.fairing.similarity_follows = settings.limits.farthest_follows = true;
   settings.fairing.level_outlier_distance = settings.limits.level_outlier_distance = 5 * noise;

@@ -138,15 +138,16 @@ inline std::vector<Normal> filtered(const std::vector<Normal>& normals, const Po
 }
 
 // What Eq. 20 multiplies squared radii by, from the normals that the last round of the filter reads.
-inline std::vector<float> squared_growth(const std::vector<Normal>& normals, const std::vector<List>& lists,
-                                         const Settings& s) {
+inline std::vector<float> squared_growth(const Points& points, const std::vector<Normal>& normals,
+                                         const std::vector<List>& lists, const Settings& s) {
   std::vector<float> result;
   for (std::size_t i = 0; i < normals.size(); ++i) {
     double turn = 0;
     for (const std::uint32_t j : lists[i]) turn += 1 - std::abs(dot(normals[i].unit, normals[j].unit));
     const double mean = lists[i].empty() ? 1 : turn / double(lists[i].size());
     const double share = std::clamp((0.003 - mean) / (0.003 - 0.001), 0.0, 1.0);
-    result.push_back(float(1 + (s.flat_scale * s.flat_scale - 1) * share));
+    const float growth = float(1 + (s.flat_scale * s.flat_scale - 1) * share);
+    result.push_back(std::max(1.0f, std::min(growth, s.widest * s.widest / own_squared_radius(points, i, s))));
   }
   return result;
 }
@@ -253,7 +254,7 @@ inline std::vector<Faired> fair_once(const Points& points, const Settings& s) {
   std::vector<List> step_lists = lists;
   for (int round = 0; round < s.filter_rounds; ++round) {
     if (round + 1 == s.filter_rounds && s.flat_scale > 1) {
-      of_step.squared_growth = squared_growth(normals, lists, s);
+      of_step.squared_growth = squared_growth(points, normals, lists, s);
       for (std::size_t i = 0; i < points.size(); ++i) step_lists[i] = neighborhood(points, i, of_step);
     }
     normals = filtered(normals, points, lists, s);

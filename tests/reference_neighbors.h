@@ -54,6 +54,7 @@ struct Settings {
   // What follows the noise: levels at nodes, and the share of a step that it justifies.
   std::shared_ptr<const NoiseLevels> levels;
   std::shared_ptr<const NodeLevels> reach_levels;
+  float widest = INFINITY;  // radii that neither these levels nor flat places enlarge further
   bool similarity_follows = false, farthest_follows = false;
   double level_outlier_distance = 0, noise = 0, damage = 0;
   bool is_further = false;  // not the first iteration
@@ -95,6 +96,7 @@ inline Settings settings_of(const Params& resolved, const FollowedNoise& followe
   Settings s = settings_of(resolved);
   s.levels = followed.levels;
   s.reach_levels = followed.reach_levels;
+  s.widest = float(followed.widest);
   s.similarity_follows = followed.similarity;
   s.farthest_follows = followed.limit;
   s.level_outlier_distance = followed.outlier_distance;
@@ -198,9 +200,9 @@ inline float own_squared_radius(const Points& points, std::size_t i, const Setti
   const List list = nearest(points, i, std::size_t(s.min_neighbors));
   if (list.empty()) return squared_base;
   const float reach_level = float(level_at(s.reach_levels.get(), points[i]));
-  const float reach = reach_level * reach_level * squared_distance(points[i], points[list.back()]);
+  const float farthest = squared_distance(points[i], points[list.back()]), reach = reach_level * reach_level * farthest;
   const float least = squared_distance(points[i], points[list[std::min<std::size_t>(list.size(), 8) - 1]]);
-  return std::max(reach, least) + squared_base;
+  return std::min(std::max(reach, least), std::max(s.widest * s.widest, farthest)) + squared_base;
 }
 
 inline float squared_radius(const Points& points, std::size_t i, const Settings& s) {

@@ -261,11 +261,29 @@ TEST(IsCrowded, counts_the_run_of_points_at_one_place_as_brute_force_does) {
 TEST(KeptShare, is_small_where_points_are_far_nearer_than_the_radius) {
   const point::Radii radii{nullptr, 1e-6f, 16};
   for (const float reach : {1e-20f, 1e-16f, 1e-14f, 1e-12f}) {
-    const float own = point::squared_radius(reach, reach / 2, 1.0f, radii.squared_base);
+    const float own = point::squared_radius(reach, reach / 2, 1.0f, radii.squared_base, INFINITY);
     EXPECT_LE(point::kept_share(radii, 1.0f, own, own), 1.0f / 1000) << reach;
   }
-  const float own = point::squared_radius(0.0f, 0.0f, 1.0f, radii.squared_base);  // all at one place: nothing is known
+  const float own = point::squared_radius(0.0f, 0.0f, 1.0f, radii.squared_base, INFINITY);  // nothing is known
   EXPECT_GE(point::kept_share(radii, 1.0f, own, own), 1.0f);
+}
+
+TEST(Radii, are_enlarged_up_to_the_widest_and_never_cut) {
+  const float base = 1, widest = 100;
+  const auto radius_of = [&](float reach, float level) {
+    return point::squared_radius(reach, reach / 2, level, base, widest);
+  };
+  EXPECT_EQ(radius_of(10, 4), 41);     // what the level asks for
+  EXPECT_EQ(radius_of(40, 4), 101);    // no more than the widest
+  EXPECT_EQ(radius_of(400, 4), 401);   // the nearest points lie farther away: these and no others
+  EXPECT_EQ(radius_of(400, 0.7f), 0.7f * 400 + 1);
+  EXPECT_EQ(radius_of(400, 0.1f), 201);  // the eighth nearest stays inside
+
+  point::MeanTurn<float> flat{0, 10};
+  const point::GrowthRule rule{2.5f, widest};
+  EXPECT_EQ(flat.squared_growth(rule, 10), 2.5f);
+  EXPECT_EQ(flat.squared_growth(rule, 80), 1.25f);
+  EXPECT_EQ(flat.squared_growth(rule, 400), 1);
 }
 
 }  // namespace

@@ -54,7 +54,7 @@ void Chain::release_small_results() {
 Neighborhoods Chain::neighborhoods() const {
   return {{neighbors_.k, stored_k_, lists_.data()},
           {squared_radius_.data(), neighbors_.radius * neighbors_.radius, neighbors_.min_neighbors,
-           neighbors_.radius_follows ? squared_levels() : nullptr}};
+           neighbors_.radius_follows ? squared_levels() : nullptr, nullptr, squared_widest(neighbors_)}};
 }
 
 Neighborhoods Chain::grown_neighborhoods() const {
@@ -220,7 +220,7 @@ void Chain::filter_normals(const NormalSettings& settings, const Kernels& kernel
   if (radii_grow()) squared_growth_.resize(normal_x_.size());
   for (int round = 0; round < settings.filter_rounds; ++round) {
     const bool is_last = round + 1 == settings.filter_rounds;
-    const GrowthOut growth{settings.flat_scale * settings.flat_scale,
+    const GrowthOut growth{growth_rule(neighbors_, settings),
                            is_last && radii_grow() ? squared_growth_.data() : nullptr};
     const VectorsOut out{spare_x_.data(), spare_y_.data(), spare_z_.data()};
     for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {

@@ -77,7 +77,7 @@ struct VectorsView {
 
 // What Eq. 20 multiplies R_i^2 by.
 struct GrowthOut {
-  float most;
+  point::GrowthRule rule;
   float* squared_growth;  // of each sorted point; null: not asked for
 };
 

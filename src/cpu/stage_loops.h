@@ -272,7 +272,8 @@ inline void squared_radii(const IndexView& index, Index leaf, const Index* list,
     const Index start = leaf * kLeafSize + Index(part);
     const Floats level = value_or_one(radii.squared_level, start), reach = farthest_of(part, radii.min_neighbors);
     store(out + part, point::squared_radius(reach, farthest_of(part, least),
-                                            value_or_one(squared_reach_level, Index(part)), level * radii.squared_base));
+                                            value_or_one(squared_reach_level, Index(part)), level * radii.squared_base,
+                                          radii.squared_widest));
     for (unsigned left = bits(reach <= broadcast(0.0f)); left != 0; left &= left - 1) {
       const Index lane = Index(__builtin_ctz(left));
       if (is_crowded(start + lane)) out[Index(part) + lane] = point::kNoSquaredRadius;
@@ -315,7 +316,7 @@ __attribute__((noinline)) void filter_leaf(const IndexView& index, Index leaf, c
     const Vectors normals{from};
     const point::OwnNormal<Floats> own{normals.at(Own{start}), value_or_one(further_share, start)};
     const point::FilteredOfPoint<Floats> filtered =
-        point::filtered_normal_of<kGrows>(neighbors, rule, inverse_turn, own, normals, growth.most);
+        point::filtered_normal_of<kGrows>(neighbors, rule, inverse_turn, own, normals, growth.rule);
     store_vector(out, start, filtered.unit);
     if constexpr (kGrows) store(growth.squared_growth + start, filtered.squared_growth);
   });

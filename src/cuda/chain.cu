@@ -245,7 +245,7 @@ void Chain::filter_normals(const std::stop_token& stop) {
     cuda::filter_normals(context_, index_.tree(), surroundings(stop_), normal_rule(normal_settings_),
                          point::inverse_turn(normal_settings_.crease_angle), normals(), further_shares(),
                          {filtered.data(), filtered.data() + places, filtered.data() + 2 * places},
-                         {normal_settings_.flat_scale * normal_settings_.flat_scale,
+                         {growth_rule(neighbors_, normal_settings_),
                           is_last && radii_grow() ? squared_growth_.data() : nullptr});
     normals_.swap(filtered);
   }

@@ -102,7 +102,8 @@ class Chain {
   float squared_base() const { return pointfair::squared_base(neighbors_.radius); }
   point::Radii radii() const {
     return {squared_radius_.data(), squared_base(), neighbors_.min_neighbors,
-            neighbors_.radius_follows || index_.tree().rules != nullptr ? squared_levels() : nullptr};
+            neighbors_.radius_follows || index_.tree().rules != nullptr ? squared_levels() : nullptr, nullptr,
+            squared_widest(neighbors_)};
   }
   Surroundings surroundings(const Stop& stop = {}) const { return {lists(), radii(), collector_.collected(), stop}; }
   bool radii_grow() const { return pointfair::radii_grow(neighbors_, normal_settings_); }

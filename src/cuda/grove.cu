@@ -20,6 +20,7 @@ CloudRules rules_of(const ManyClouds::OfCloud& its, const float* nodes) {
   rules.cube = point::curve_cube(vec(its.frame.reference), its.frame.side);
   rules.corner = vec(its.frame.corner);
   rules.squared_base = squared_base(its.neighbors.radius);
+  rules.squared_widest = squared_widest(its.neighbors);
   rules.min_neighbors = its.neighbors.min_neighbors;
   rules.noise_levels = field_of(its.neighbors.levels.get());
   if (its.neighbors.levels) rules.noise_levels.values = nodes;
@@ -27,7 +28,7 @@ CloudRules rules_of(const ManyClouds::OfCloud& its, const float* nodes) {
   if (its.neighbors.reach_levels) rules.reach_levels.values = nodes + nodes_of(its.neighbors.levels.get());
   rules.normal = normal_rule(its.normals);
   rules.inverse_turn = point::inverse_turn(its.normals.crease_angle);
-  rules.most_growth = its.normals.flat_scale * its.normals.flat_scale;
+  rules.growth = growth_rule(its.neighbors, its.normals);
   rules.fairing = fairing_rule(its.fairing, false);
   rules.limits = limit_rule(its.limits.farthest > 0 ? its.limits : DisplacementLimits{kInfinity, kInfinity});
   return rules;

@@ -31,6 +31,14 @@ bool follows_noise(const Params& p, const Noise& noise) {
   return chooses_radius(p) && p.method == Method::bilateral && !(noise.gap > 0);
 }
 
+// Where a square of side s holds one point, pi (R / s)^2 points lie within R of one.
+double radius_of(int points, double s) { return s * std::sqrt(points / std::numbers::pi); }
+
+// Of the neighbourhood of a typical point, by the noise and `min_neighbors`.
+double typical_radius(const Params& used, double s) {
+  return std::hypot(used.radius.value, radius_of(used.min_neighbors, s));
+}
+
 }  // namespace
 
 bool sums_within_radius(const Params& p) { return p.k == kAutomatic && !p.constraint; }
@@ -38,8 +46,10 @@ bool sums_within_radius(const Params& p) { return p.k == kAutomatic && !p.constr
 FollowedNoise followed_noise(const Params& asked, const Params& used, const Noise& noise,
                              std::shared_ptr<const NoiseLevels> levels,
                              std::shared_ptr<const NodeLevels> reach_levels) {
-  if (!follows_noise(asked, noise)) return {};
   FollowedNoise followed;
+  if (chooses_radius(asked) && asked.method == Method::bilateral && noise.surface_spacing > 0)
+    followed.widest = constants::kOutlierRadius * typical_radius(used, noise.surface_spacing);
+  if (!follows_noise(asked, noise)) return followed;
   if (asked.min_neighbors == kAutomatic) followed.reach_levels = std::move(reach_levels);
   if (!asked.relaxation) followed.damage = share_damage(of_sigma(noise, used.noise.value), used.iterations);
   if (!levels) return followed;
@@ -133,9 +143,6 @@ class Resolver {
   // A cloud without extent or noise must still get lengths that can be given again.
   double least() const { return 1e-6 * (spacing_.mean > 0 ? spacing_.mean : diagonal_ > 0 ? diagonal_ : 1.0); }
 
-  // Where a square of side s holds one point, pi (R / s)^2 points lie within R of one.
-  double radius_of(int points) const { return s_ * std::sqrt(points / std::numbers::pi); }
-
   void set_neighborhoods() {
     if (!asked_.radius.is_automatic()) used_.radius = in_file_units(asked_.radius, 0);
     if (chooses_radius(asked_)) {
@@ -146,7 +153,7 @@ class Resolver {
             std::min(kMaxMinNeighbors, int(std::lround(factor * factor * automatic_min_neighbors(noise_, s_))));
     } else if (!within_radius_) {
       if (asked_.k == kAutomatic) used_.k = automatic_k(noise_, s_);
-      list_radius_ = radius_of(used_.k);
+      list_radius_ = radius_of(used_.k, s_);
       if (!used_.radius.is_automatic()) list_radius_ = std::min(list_radius_, used_.radius.value);
     }
     used_.rho = in_file_units(asked_.rho, spacing_.rho);
@@ -198,8 +205,7 @@ class Resolver {
     const double least_outlier = constants::kOutlierSpacings * (1 + noise_.likeness_to_shape) * s_;
     used_.outlier_distance =
         in_file_units(asked_.outlier_distance, std::max(constants::kOutlierDistance * noise_.sigma, least_outlier));
-    const double typical =
-        within_radius_ ? std::hypot(used_.radius.value, radius_of(used_.min_neighbors)) : list_radius_;
+    const double typical = within_radius_ ? typical_radius(used_, s_) : list_radius_;
     used_.outlier_radius = in_file_units(asked_.outlier_radius, constants::kOutlierRadius * typical);
   }
 

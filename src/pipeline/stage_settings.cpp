@@ -70,6 +70,7 @@ Settings settings_of(const Params& p, const FollowedNoise& followed, const Known
   s.fairing.damage = float(followed.damage);
   if (sensor.places) set_sensor(p, sensor, s);
   s.neighbors.reach_levels = followed.reach_levels;
+  s.neighbors.widest = float(followed.widest);
   if (!followed.levels) return s;
   s.neighbors.levels = s.limits.levels = followed.levels;
   s.neighbors.radius_follows = true;

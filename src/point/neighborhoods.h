@@ -23,23 +23,28 @@ namespace pointfair::point {
 
 // R_i^2 = (L_i radius)^2 + (K_i r_i)^2, where L_i is the level of the noise at point i, r_i is the distance of point i
 // to its `min_neighbors`-th nearest and K_i the level of that (node_field.h), which leaves the eighth nearest inside;
-// the same radius for all if min_neighbors is 0.
+// the same radius for all if min_neighbors is 0. Neither K_i nor growth enlarge a radius beyond the widest.
 struct Radii {
   const float* squared_radius;  // of each sorted point, or kNoSquaredRadius
   float squared_base;
   int min_neighbors;
   const float* squared_level = nullptr;   // L_i^2 of each sorted point; null: 1
   const float* squared_growth = nullptr;  // what multiplies R_i^2, of each sorted point; null: nothing
+  float squared_widest = __builtin_inff();
 };
 
 inline constexpr int kLeastReached = 8;  // or min_neighbors, if that is less
 
 // From the squared distances to the min_neighbors-th nearest and to the kLeastReached-th. Above squared_base where
-// these are not zero, however small, so that kept_share() can tell.
+// these are not zero, however small, so that kept_share() can tell. From a point far away all others are about as far
+// as the nearest, so a radius any wider than that would hold them all: `squared_widest` bounds what the level adds.
 template <class F>
-POINTFAIR_INLINE F squared_radius(F squared_reach, F squared_least, F squared_reach_level, F squared_base) {
+POINTFAIR_INLINE F squared_radius(F squared_reach, F squared_least, F squared_reach_level, F squared_base,
+                                  float squared_widest) {
   constexpr float kJustAbove = 1 + 0x1p-22f;
-  const F reach = larger(squared_reach_level * squared_reach, squared_least), all = reach + squared_base;
+  const F reach = smaller(larger(squared_reach_level * squared_reach, squared_least),
+                          larger(F(squared_widest), squared_reach)),
+          all = reach + squared_base;
   return select(reach > F{}, larger(all, squared_base * kJustAbove), all);
 }
 

@@ -88,7 +88,7 @@ struct OwnNormal {
   F share;  // of the filter that it takes (further_share)
 };
 
-// Eq. 9, and what Eq. 20 multiplies the squared radius by, where that of a flat place grows by `most`.
+// Eq. 9, and what Eq. 20 multiplies the squared radius by.
 template <class F>
 struct FilteredOfPoint {
   Vec3<F> unit;
@@ -100,7 +100,8 @@ POINTFAIR_DEVICE_INLINE FilteredOfPoint<NumberOf<Neighbors>> filtered_normal_of(
                                                                                 const NormalRule& rule,
                                                                                 float inverse_turn,
                                                                                 OwnNormal<NumberOf<Neighbors>> own,
-                                                                                const Vectors& normals, float most) {
+                                                                                const Vectors& normals,
+                                                                                const GrowthRule& growth) {
   using F = NumberOf<Neighbors>;
   const LocalNormalWeights<F> weights = weights_of(rule, neighbors.squared_radius());
   FilteredNormal<F> filtered(own.unit);
@@ -110,7 +111,7 @@ POINTFAIR_DEVICE_INLINE FilteredOfPoint<NumberOf<Neighbors>> filtered_normal_of(
               filtered.add(offset, normal, inside, weights, inverse_turn);
               if constexpr (kGrows) turn.add(dot(own.unit, normal), inside);
             });
-  return {turned(own.unit, filtered.unit(), own.share), turn.squared_growth(most)};
+  return {turned(own.unit, filtered.unit(), own.share), turn.squared_growth(growth, neighbors.squared_radius())};
 }
 
 // What the sums read of a neighbour beside its place: a vector, and its area's weight.

@@ -13,6 +13,12 @@ namespace pointfair {
 // Of a radius. It stays finite: infinite are only places that hold no point.
 inline float squared_base(float radius) { return std::min(radius * radius, 1e37f); }
 
+inline float squared_widest(const NeighborSettings& neighbors) { return neighbors.widest * neighbors.widest; }
+
+inline point::GrowthRule growth_rule(const NeighborSettings& neighbors, const NormalSettings& normals) {
+  return {normals.flat_scale * normals.flat_scale, squared_widest(neighbors)};
+}
+
 inline point::NormalRule normal_rule(const NormalSettings& settings) {
   return {point::normal_weights(settings.sigma), settings.of_radius};
 }

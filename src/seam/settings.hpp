@@ -38,6 +38,7 @@ struct NeighborSettings {
   bool radius_follows = false;
   // Of the distance to the min_neighbors-th nearest, which it multiplies; null: 1 everywhere.
   std::shared_ptr<const NodeLevels> reach_levels{};
+  float widest = std::numeric_limits<float>::infinity();  // radii that neither this nor flat places enlarge further
   friend bool operator==(const NeighborSettings&, const NeighborSettings&) = default;
 };
 

@@ -17,12 +17,13 @@ using Vec = point::Vec3<float>;
 struct CloudRules {
   point::CurveCube cube;
   Vec corner;  // positions are hashed relative to it
-  float squared_base;
+  float squared_base, squared_widest;
   int min_neighbors;
   point::NodeField noise_levels, reach_levels;  // nodes on the card
   point::NormalRule normal;
-  float inverse_turn, most_growth;  // of filtered normals
-  point::FairingRule fairing;       // of the first iteration
+  float inverse_turn;  // of filtered normals
+  point::GrowthRule growth;
+  point::FairingRule fairing;  // of the first iteration
   point::LimitRule limits;
 };
 
@@ -31,6 +32,7 @@ POINTFAIR_INLINE point::Radii radii_of(const CloudRules* rules, point::Radii com
   if (rules == nullptr) return common;
   common.squared_base = rules->squared_base;
   common.min_neighbors = rules->min_neighbors;
+  common.squared_widest = rules->squared_widest;
   return common;
 }
 

@@ -38,7 +38,7 @@ __global__ void __launch_bounds__(kBlock)
   const int all = its.min_neighbors, least = all < point::kLeastReached ? all : point::kLeastReached;
   const float squared_reach = farthest_of(all);
   float result = point::squared_radius(squared_reach, farthest_of(least), reach_level * reach_level,
-                                       value_or_one(its.squared_level, at) * its.squared_base);
+                                       value_or_one(its.squared_level, at) * its.squared_base, its.squared_widest);
   if (squared_reach == 0 && tree.holds(at) && is_crowded(tree, Index(at))) result = point::kNoSquaredRadius;
   squared_radius[at] = result;
 }
@@ -79,10 +79,10 @@ __global__ void __launch_bounds__(kBlock)
   if (const CloudRules* const its = tree.rules_over(Index(at / kLeafSize)); its != nullptr) {
     rule = its->normal;
     inverse_turn = its->inverse_turn;
-    growth.most = its->most_growth;
+    growth.rule = its->growth;
   }
   const point::OwnNormal<float> own{from.at(at), value_or_one(further_share, at)};
-  const auto filtered = point::filtered_normal_of<kGrows>(neighbors, rule, inverse_turn, own, from, growth.most);
+  const auto filtered = point::filtered_normal_of<kGrows>(neighbors, rule, inverse_turn, own, from, growth.rule);
   if constexpr (kGrows) growth.squared_growth[at] = filtered.squared_growth;
   to.set(at, filtered.unit);
 }

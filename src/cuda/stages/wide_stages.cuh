@@ -24,7 +24,7 @@ void estimate_wide_normals(Context& context, const Tree& tree, CloudState* state
 
 // What Eq. 20 of docs/how-it-works.md multiplies R_i^2 by.
 struct GrowthOut {
-  float most;
+  point::GrowthRule rule;
   float* squared_growth;  // of each sorted point; null: not asked for
 };
 
