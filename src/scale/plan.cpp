@@ -267,6 +267,7 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
     file.fingerprint = fingerprint_of(file.path);
     const auto& source = sources.emplace_back(io::open_source(file.path, threads));
     io::check_streamed_options(*source, file.output, job.write, job.params.outliers == Outliers::mark);
+    if (job.limits.strength > 0) io::check_not_geographic(*source);
     check_attributes(source, job.limits, job.noise_attribute);
     const Params params = in_units_of_file(job.params, *source);
     if (sources.size() > 1 && params != plan.params)
