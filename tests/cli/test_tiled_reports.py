@@ -1,0 +1,47 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Runs in tiles on disk say the same of a run as runs in memory."""
+import unittest
+
+from program import Case, run
+from survey_files import ground, write_e57, write_las
+
+
+def scan_with_outliers(count=2500):
+    """A ground with points above it, so that there is something to count."""
+    points = list(ground(count))
+    for i in range(0, len(points), 50):
+        points[i] = (points[i][0], points[i][1], points[i][2] + 0.5)
+    return points
+
+
+class Reports(Case):
+    """A run in tiles reports the numbers of the run in memory."""
+
+    def of_both(self, source, *words, suffix):
+        whole = self.report("run", source, self.path("whole" + suffix), "--force", *words)
+        cut = self.report("run", source, self.path("cut" + suffix), "--force", "--tiles", 3, *words)
+        self.assertEqual(self.path("whole" + suffix).read_bytes(), self.path("cut" + suffix).read_bytes())
+        return whole, cut
+
+    def test_points_that_a_writer_asks_for_twice_count_once(self):
+        scan, tile = write_e57(self.path("in.e57"), scan_with_outliers()), self.path("in.las")
+        write_las(tile, scan_with_outliers(), [2, 6] * 1250)
+        for source in (scan, tile):
+            if b"this build" in run("info", source).stderr:
+                continue
+            whole, cut = self.of_both(source, "--box", "0,0,-9,6e5,6e6,999", suffix=source.suffix)
+            self.assertEqual(whole["unmoved"], cut["unmoved"])
+            self.assertEqual(whole["outliers"], cut["outliers"])
+            if source == scan:
+                self.assertGreater(whole["unmoved"]["outliers"], 0)
+        for source, box in ((scan, "0,0,-9,5,5,9"), (tile, "5e5,54e5,0,500005,5400005,999")):
+            if b"this build" in run("info", source).stderr:
+                continue
+            whole, cut = self.of_both(source, "--box", box, suffix=source.suffix)
+            self.assertGreater(whole["unmoved"]["held"], 0)
+            self.assertEqual(whole["unmoved"], cut["unmoved"])
+
+
+if __name__ == "__main__":
+    unittest.main()
