@@ -42,6 +42,15 @@ class Reports(Case):
             self.assertGreater(whole["unmoved"]["held"], 0)
             self.assertEqual(whole["unmoved"], cut["unmoved"])
 
+    def test_one_file_by_two_names_is_refused(self):
+        source = write_las(self.path("in.las"), list(ground(900)), [2] * 900)
+        link = self.path("link.las")
+        link.symlink_to(source)
+        self.path("out").mkdir()
+        for other in (link, source):
+            self.fails(2, "run", source, other, "--out-dir", self.path("out"), says=[f"{other}: ", str(source), "same file"])
+        self.fails(2, "tile", "plan", source, link, "--out-dir", self.path("out"), "--work", self.path("work"), says="same file")
+
 
 if __name__ == "__main__":
     unittest.main()
