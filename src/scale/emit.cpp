@@ -121,15 +121,25 @@ void TileResults::take(std::uint64_t first, std::span<const Position> own, std::
   }
   for (const Range& range : counted_.take({first, first + now.size()})) {
     const auto from = static_cast<std::size_t>(range.begin - first), count = std::size_t(range.end - range.begin);
-    tally(std::span(outliers).subspan(from, count));
+    tally(before.subspan(from, count), now.subspan(from, count), std::span(outliers).subspan(from, count));
     if (!held.empty()) held_by_limits_ += std::uint64_t(std::count(&held[from], &held[from] + count, 1));
   }
 }
 
-void TileResults::tally(std::span<const point::Outlier> outliers) const {
+void TileResults::tally(std::span<const Point> before, std::span<const Point> now,
+                        std::span<const point::Outlier> outliers) const {
   OutlierCounts counts;
   for (const point::Outlier outlier : outliers) count(outlier, counts);
   held_back_.add(counts);
+  std::vector<float> lengths;
+  lengths.reserve(now.size());
+  for (std::size_t i = 0; i < now.size(); ++i) {
+    const double x = double{now[i].x} - before[i].x, y = double{now[i].y} - before[i].y,
+                 z = double{now[i].z} - before[i].z;
+    const auto length = static_cast<float>(std::sqrt(x * x + y * y + z * z));
+    if (std::isfinite(length)) lengths.push_back(length);
+  }
+  moves_.add(lengths);
 }
 
 std::vector<std::uint8_t> TileResults::find_outliers(unsigned threads) const {

@@ -10,13 +10,14 @@
 
 #include "io/edits.hpp"
 #include "scale/counted_ranges.hpp"
+#include "scale/move_tally.hpp"
 #include "scale/plan.hpp"
 #include "seam/outlier_tally.hpp"
 #include "seam/settings.hpp"
 
 namespace pointfair::scale {
 
-/// What the counts of a written file are.
+/// What the counts of a written file are. Its numbers are the step between its coordinates and those of a MoveTally.
 inline constexpr std::size_t kIsolatedCount = 0, kHeldCount = 1, kOffSurfaceCount = 2, kMixedCount = 3;
 
 /// What becomes of the results of the last iteration: as a backend's download() does.
@@ -36,9 +37,10 @@ class TileResults final : public io::MovedPoints {
   /// 1 for each outlier of the file, else 0. Counts nothing.
   std::vector<std::uint8_t> find_outliers(unsigned threads) const;
   /// Of the points that were taken so far, each counted once: outliers that were held back, points that the limits
-  /// held.
+  /// held, and how far points moved.
   OutlierCounts held_back() const { return held_back_.counts(); }
   std::uint64_t held_by_limits() const { return held_by_limits_; }
+  const MoveTally& moves() const { return moves_; }
 
  private:
   struct Held {
@@ -53,7 +55,7 @@ class TileResults final : public io::MovedPoints {
   void settle(std::uint64_t first, const Before& before, std::span<Point> now,
               std::span<point::Outlier> outliers) const;
   void settle_some(const Before& before, const Point* faired, Point* now, point::Outlier* outliers) const;
-  void tally(std::span<const point::Outlier> outliers) const;
+  void tally(std::span<const Point> before, std::span<const Point> now, std::span<const point::Outlier> outliers) const;
   std::vector<Point> offsets(std::span<const Position> own, bool in_zones) const;
 
   struct TileFile {
@@ -70,6 +72,7 @@ class TileResults final : public io::MovedPoints {
   mutable std::vector<std::shared_ptr<const Held>> held_;  ///< the last two
   mutable CountedRanges counted_;
   mutable OutlierTally held_back_;
+  mutable MoveTally moves_;
   mutable std::atomic<std::uint64_t> held_by_limits_{0};
 };
 

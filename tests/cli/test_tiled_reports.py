@@ -42,6 +42,48 @@ class Reports(Case):
             self.assertGreater(whole["unmoved"]["held"], 0)
             self.assertEqual(whole["unmoved"], cut["unmoved"])
 
+    def test_how_far_points_moved(self):
+        source = write_las(self.path("in.las"), scan_with_outliers(), [2, 6] * 1250)
+        for words in ([], ["--where", "classification=2"], ["--ignore", "classification=6"], ["--iterations", 2]):
+            whole, cut = self.of_both(source, *words, suffix=".las")
+            self.assertGreater(whole["displacement"]["mean"], 0)
+            for name, within in (("mean", 1e-6), ("rms", 1e-5), ("p95", 1e-2), ("max", 1e-6)):
+                expected = whole["displacement"][name]
+                self.assertAlmostEqual(cut["displacement"][name], expected, delta=within * expected, msg=name)
+            self.assertEqual(whole["rounding"], cut["rounding"])
+            self.assertGreater(cut["total_ms"], 0)
+            self.assertEqual(whole["unmoved"], cut["unmoved"])
+
+    def test_how_far_points_moved_in_several_files_and_a_run_that_went_on(self):
+        files = [write_las(self.path(f"{i}.las"), scan_with_outliers()[i * 1250:(i + 1) * 1250], [2] * 1250) for i in (0, 1)]
+        joined = write_las(self.path("joined.las"), scan_with_outliers(), [2] * 2500)
+        expected = self.report("run", joined, self.path("out.las"), "--tiles", 2)["displacement"]
+        job = ["run", *files, "--out-dir", self.path("out"), "--work", self.path("work"), "--tiles", 2]
+        self.assertEqual(self.report(*job)["displacement"], expected)
+        self.assertEqual(self.report(*job)["displacement"], expected)  # from what was done
+        report = self.report("tile", "merge", self.path("work"))
+        self.assertEqual(report["displacement"], expected)
+        self.assertIsNone(report["total_ms"])
+
+    def test_the_lines_say_how_far_points_moved(self):
+        source = write_las(self.path("in.las"), scan_with_outliers(), [2] * 2500)
+        lines = [self.ok("run", source, self.path("out.las"), "--force", *words).stderr.decode().splitlines()
+                 for words in ([], ["--tiles", 3])]
+        for line in (line for line in lines[0] if "points moved" in line or "rounding" in line):
+            self.assertIn(line, lines[1])
+
+    def test_limits_that_select_nothing_are_said(self):
+        source = write_las(self.path("in.las"), list(ground(900)), [2] * 900)
+        for limit in (["--where", "classification=99"], ["--box", "0,0,0,1,1,1"], ["--ignore", "classification=2"]):
+            for words in ([], ["--tiles", 3]):
+                text = self.ok("run", source, self.path("out.las"), "--force", *limit, *words).stderr.decode()
+                self.assertTrue(text.startswith("0 points denoised"), text)
+                self.assertIn("note: the limits, such as --where and --box, select no point", text)
+                self.assertEqual(source.read_bytes(), self.path("out.las").read_bytes())
+        text = self.ok("run", source, self.path("out.las"), "--force", "--box", "500000,5400000,0,500004,5400004,200").stderr.decode()
+        self.assertNotIn("select no point", text)
+        self.assertNotIn("900 points denoised", text)
+
     def test_one_file_by_two_names_is_refused(self):
         source = write_las(self.path("in.las"), list(ground(900)), [2] * 900)
         link = self.path("link.las")
