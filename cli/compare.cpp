@@ -63,8 +63,12 @@ void compare(const CompareArguments& arguments) {
   options.threads = arguments.threads;
   const Cloud cloud = read(arguments.cloud, options);
   const Cloud reference = read(arguments.reference, options);
-  const Comparison comparison = compare_clouds(
-      cloud, reference, {arguments.as == "cloud", arguments.edges, arguments.normals, arguments.threads});
+  const Comparison comparison = compare_clouds(cloud, reference,
+                                               {arguments.as == "cloud",
+                                                arguments.edges,
+                                                arguments.normals,
+                                                arguments.threads,
+                                                {arguments.cloud, arguments.reference}});
   write_report(arguments.report, comparison_json(comparison));
   if (arguments.report != "-") print_output(comparison_text(comparison));
 }

@@ -237,8 +237,9 @@ Comparison compare_clouds(const Cloud& a, const Cloud& b, const CompareOptions& 
   const std::vector<Vec3> vertices = places(b, frame);
   const std::vector<Vec3> from = finite(places(a, frame));
   const std::vector<Vec3> to = finite(vertices);
-  if (to.empty()) throw Error(ErrorKind::failed, "the second file has no finite point to measure against");
-  if (from.empty()) throw Error(ErrorKind::failed, "the first cloud has no finite point to measure");
+  for (const auto& [points, name] : {std::pair(&to, &options.names[1]), std::pair(&from, &options.names[0])})
+    if (points->empty())
+      throw Error(ErrorKind::file, *name + ": has no finite point, so there is no distance; choose another file");
 
   const Faces faces = options.as_cloud ? Faces() : triangles(b);
   const std::vector<Triangle> mesh = finite_triangles(vertices, faces);

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "pointfair/cloud.hpp"
@@ -19,6 +20,7 @@ struct CompareOptions {
   std::optional<double> edge_degrees;   ///< measure near edges whose faces turn by more
   std::optional<int> normal_neighbors;  ///< measure the normals of planes through so many nearest points
   unsigned threads = 0;                 ///< of the normals; 0: all cores
+  std::array<std::string, 2> names;     ///< of the files, for errors
 };
 
 /// Lengths in file units.
@@ -33,8 +35,7 @@ struct Comparison {
   std::optional<double> normal_error;  ///< mean angle to the nearest face's normal, signs left out, degrees
 };
 
-/// Throws ErrorKind::failed where there is nothing to measure, ErrorKind::usage for edges or normals of a
-/// cloud.
+/// Throws ErrorKind::file where there is nothing to measure, ErrorKind::usage for edges or normals of a cloud.
 Comparison compare_clouds(const Cloud& a, const Cloud& b, const CompareOptions& options);
 
 /// The edges between two faces that turn by more than `degrees`, as segments. Vertices at the same place count as one;

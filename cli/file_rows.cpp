@@ -70,6 +70,7 @@ std::string file_text(const Cloud& cloud) {
     if (!value.empty()) fmt::format_to(out, "  {:<18} {}\n", name, value);
   }
   if (info.metres_per_unit) fmt::format_to(out, "  {:<18} {:.10g} m\n", "unit", *info.metres_per_unit);
+  if (info.is_geographic) fmt::format_to(out, "  {:<18} degrees: project it to metres before denoising\n", "unit");
   if (!text.empty()) text = "file\n" + text;
   const Counts classes = counts_of(cloud, "classification"), returns = counts_of(cloud, "return_number");
   if (!classes.empty()) fmt::format_to(out, "classes\n");
@@ -87,6 +88,7 @@ Json file_json(const Cloud& cloud) {
   Json json = Json::object();
   for (const auto& [name, value] : info.rows) json[name] = value;
   json["metres_per_unit"] = info.metres_per_unit ? Json(*info.metres_per_unit) : Json(nullptr);
+  json["geographic"] = info.is_geographic;
   json["step"] = info.step;
   json["classes"] = counts_json(counts_of(cloud, "classification"));
   json["returns"] = counts_json(counts_of(cloud, "return_number"));

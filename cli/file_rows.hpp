@@ -11,7 +11,7 @@ namespace pointfair::cli {
 /// Rows for people; empty for a file that says nothing and has neither classes nor returns.
 std::string file_text(const Cloud& cloud);
 
-/// {"version": ..., "metres_per_unit": ..., "step": ..., "classes": {"2": 10}, "returns": {"1": 12}}
+/// {"version": ..., "metres_per_unit": ..., "geographic": ..., "step": ..., "classes": {"2": 10}, "returns": {"1": 12}}
 Json file_json(const Cloud& cloud);
 
 }  // namespace pointfair::cli

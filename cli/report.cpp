@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "output.hpp"
 
 namespace pointfair::cli {
@@ -21,6 +23,8 @@ Json param_json(const Params& params, const ParamInfo& info) {
   }
   return param_text(params, info);
 }
+
+constexpr double kRoundingRms = 0.288675;  // of a step, on each axis: 1 / sqrt(12)
 
 }  // namespace
 
@@ -66,6 +70,42 @@ std::string coarse_floats(double float_step, double noise) {
       "coordinates far from the middle of the cloud are computed in steps of {:.4g}, coarse against the "
       "noise of {:.4g}; split so wide a cloud",
       float_step, noise);
+}
+
+std::string coarse_steps(double step, double noise) {
+  if (!(noise > 0) || !(step > noise)) return {};
+  return fmt::format(
+      "the steps of {:.4g} between stored coordinates are coarse against the noise of {:.4g}; for LAS and LAZ, "
+      "--las-scale makes them finer",
+      step, noise);
+}
+
+Json rounding_json(double step) { return {{"step", step}, {"rms", kRoundingRms * step}}; }
+
+std::string rounding_text(double step) {
+  if (!(step > 0)) return {};
+  return fmt::format("coordinates are stored in steps of {:.4g}: rounding adds {:.2g} on each axis\n", step,
+                     kRoundingRms * step);
+}
+
+std::string noise_and_moves(std::optional<double> noise, const std::string& attribute, double mean, double max) {
+  std::string text;
+  if (noise)
+    text = fmt::format("noise of the input {:.4g} ({}), ", *noise,
+                       attribute.empty() ? "estimated" : fmt::format("median of '{}'", attribute));
+  return text + fmt::format("points moved {:.4g} on average, {:.4g} at most\n", mean, max);
+}
+
+// A point may be both: of those that limits hold, outliers and others without a surface are counted too.
+std::uint64_t count_denoised(std::uint64_t points, std::uint64_t kept, std::uint64_t held) {
+  return points - std::min(points, kept + held);
+}
+
+std::string nothing_selected(std::uint64_t points, std::uint64_t non_finite, std::uint64_t ignored,
+                             std::uint64_t held) {
+  if (ignored + held == 0 || non_finite + ignored + held < points) return {};
+  return "the limits, such as --where and --box, select no point, so nothing moved; pointfair info shows the bounds "
+         "and the attributes";
 }
 
 Json bounds_json(const Cloud& cloud, const Estimates& estimates) {

@@ -2,7 +2,9 @@
 // The JSON of --report. Keys are stable from the first release on: add, never rename.
 #pragma once
 
+#include <cstdint>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -22,6 +24,18 @@ Json statistics_json(const Statistics& statistics);
 Json outliers_json(const OutlierCounts& outliers);
 /// A sentence where floats around one origin cannot tell the noise; empty: they can.
 std::string coarse_floats(double float_step, double noise);
+/// The same of the steps between coordinates that a file stores as integers.
+std::string coarse_steps(double step, double noise);
+/// What rounding to such steps adds.
+Json rounding_json(double step);
+/// The line of it; empty without steps.
+std::string rounding_text(double step);
+/// "noise of the input ..., points moved ..."; `attribute`: that the noise comes from; empty: it is estimated.
+std::string noise_and_moves(std::optional<double> noise, const std::string& attribute, double mean, double max);
+/// How many points a run treated: those that it neither kept nor held.
+std::uint64_t count_denoised(std::uint64_t points, std::uint64_t kept, std::uint64_t held);
+/// A sentence where the limits let no point move; empty: they let some.
+std::string nothing_selected(std::uint64_t points, std::uint64_t non_finite, std::uint64_t ignored, std::uint64_t held);
 Json bounds_json(const Cloud& cloud, const Estimates& estimates);  ///< in file coordinates
 Json attributes_json(const std::vector<AttributeInfo>& attributes);
 

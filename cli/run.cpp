@@ -175,6 +175,18 @@ void run_tiled(const RunArguments& arguments, const Params& params, const Limits
   run_in_tiles(job, arguments.tiled.work, device, {arguments.report, arguments.progress, arguments.quiet, note}, stop);
 }
 
+// Where nothing is to move, degrees do no harm: the pipeline is not told the file then, since it would refuse.
+void load(const Limits& limits, const Cloud& cloud, Pipeline& pipeline) {
+  if (limits.strength > 0) check_not_geographic(cloud);
+  if (file_info(cloud).is_geographic) {
+    Cloud without_file = without_ignored(limits, cloud);
+    without_file.source.reset();
+    return pipeline.load(without_file);
+  }
+  if (limits.ignore.empty()) return pipeline.load(cloud);
+  pipeline.load(without_ignored(limits, cloud));
+}
+
 void run_in_memory(const RunArguments& arguments, const Params& params, const Limits& limits, const Cloud& cloud,
                    const WriteOptions& write_options, Pipeline& pipeline, Progress& progress, Findings& findings,
                    std::stop_token stop) {
@@ -182,17 +194,14 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
   check_write(arguments.output, cloud, write_options);
   if (!arguments.write_noise.empty()) check_noise_attribute(cloud, arguments.write_noise, write_options);
   const std::vector<std::uint8_t> movable = movable_points(limits, cloud);
-  if (limits.ignore.empty()) {
-    pipeline.load(cloud);
-  } else {
-    pipeline.load(without_ignored(limits, cloud));
-  }
+  load(limits, cloud, pipeline);
   if (!findings.noise_attribute.empty())
     use_noise_attribute(cloud, findings.noise_attribute, arguments.input, pipeline);
   std::vector<Position> viewpoints;  // where another was given than the file's
   if (!arguments.viewpoint.empty()) pipeline.set_viewpoint(viewpoints = parse_viewpoints(arguments.viewpoint, cloud));
   Cloud denoised =
       pipeline.run(params, stop, [&](double share, std::string_view stage) { progress.show(share, stage); });
+  denoised.source = cloud.source;
   apply_limits(limits, movable, cloud.points, denoised.points);
   if (arguments.normals != "keep") give_normals(pipeline, movable, viewpoints, stop, denoised);
   if (!arguments.write_noise.empty()) write_noise_attribute(pipeline, params, arguments.write_noise, stop, denoised);

@@ -10,8 +10,6 @@
 namespace pointfair::cli {
 namespace {
 
-constexpr double kRoundingRms = 0.288675;  // of a step, on each axis: 1 / sqrt(12)
-
 // Of the finite points, in file units.
 Statistics displacement(const Cloud& before, const Cloud& after) {
   std::vector<double> lengths;
@@ -84,11 +82,7 @@ std::vector<std::string> notes(bool keeps_normals, const WriteOptions& options, 
   std::vector<std::string> result = losses(cloud, options.format);
   if (keeps_normals && findings.displacement.max > 0 && !normal_attributes(cloud).empty())
     result.push_back("the normals in the file are those from before; --normals update replaces them");
-  if (findings.noise > 0 && findings.step > findings.noise)
-    result.push_back(
-        fmt::format("the steps of {:.4g} between stored coordinates are coarse against the noise of {:.4g}; "
-                    "for LAS and LAZ, --las-scale makes them finer",
-                    findings.step, findings.noise));
+  if (const std::string coarse = coarse_steps(findings.step, findings.noise); !coarse.empty()) result.push_back(coarse);
   if (const std::string coarse = coarse_floats(findings.float_step, findings.noise); !coarse.empty())
     result.push_back(coarse);
   return result;
@@ -129,7 +123,7 @@ Json run_json(const Report& report, const Findings& findings) {
           {"params", params_json(report.params)},
           {"spacing", findings.spacing},
           {"noise", noise_json(findings)},
-          {"rounding", {{"step", findings.step}, {"rms", kRoundingRms * findings.step}}},
+          {"rounding", rounding_json(findings.step)},
           {"float_step", findings.float_step},
           {"unmoved", unmoved_json(without(report.unmoved, findings.ignored), findings)},
           {"outliers", outliers_json(report.unmoved.outliers_by_reason)},
@@ -146,19 +140,19 @@ void print_summary(const Report& report, const Findings& findings, bool with_det
   const UnmovedCounts unmoved = without(report.unmoved, findings.ignored);
   const std::uint64_t kept =
       unmoved.non_finite + unmoved.too_few_neighbors + unmoved.no_normal + unmoved.outliers + findings.ignored;
-  fmt::print(stderr, "{} points denoised on {} in {:.1f} ms, {} kept as they were{}\n", report.points - kept,
-             device_name(report.device.kind), report.total_milliseconds, kept, reasons_kept(unmoved, findings.ignored));
+  fmt::print(stderr, "{} points denoised on {} in {:.1f} ms, {} kept as they were{}\n",
+             count_denoised(report.points, kept, findings.held), device_name(report.device.kind),
+             report.total_milliseconds, kept, reasons_kept(unmoved, findings.ignored));
   if (findings.held > 0)
     fmt::print(stderr, "limits, such as --where and --box, held {} points in place\n", findings.held);
   if (report.tiles > 1)
     fmt::print(stderr, "computed in {} tiles, since the cloud does not fit into the device's memory\n", report.tiles);
-  const std::string& attribute = findings.noise_attribute;
-  fmt::print(stderr, "noise of the input {:.4g} ({}), points moved {:.4g} on average, {:.4g} at most\n", findings.noise,
-             attribute.empty() ? "estimated" : fmt::format("median of '{}'", attribute), findings.displacement.mean,
-             findings.displacement.max);
-  if (findings.step > 0)
-    fmt::print(stderr, "coordinates are stored in steps of {:.4g}: rounding adds {:.2g} on each axis\n", findings.step,
-               kRoundingRms * findings.step);
+  fmt::print(
+      stderr, "{}{}",
+      noise_and_moves(findings.noise, findings.noise_attribute, findings.displacement.mean, findings.displacement.max),
+      rounding_text(findings.step));
+  const std::string none = nothing_selected(report.points, unmoved.non_finite, findings.ignored, findings.held);
+  if (!none.empty()) fmt::print(stderr, "note: {}\n", none);
   for (const std::string& note : findings.notes) fmt::print(stderr, "note: {}\n", note);
 }
 

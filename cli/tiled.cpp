@@ -5,6 +5,7 @@
 #include <malloc.h>
 
 #include <charconv>
+#include <chrono>
 #include <cmath>
 #include <optional>
 
@@ -38,12 +39,15 @@ class ScratchFolder {
   fs::path path_;
 };
 
-Json report_json(const TiledReport& report, const DeviceInfo& device) {
+// `milliseconds`: unknown where other processes did tasks.
+Json report_json(const TiledReport& report, const DeviceInfo& device, std::optional<double> milliseconds) {
+  const Displacement& moved = report.displacement;
   return {{"version", version()},
           {"device", device_json(device)},
           {"points", report.points},
           {"params", params_json(report.params)},
           {"spacing", report.spacing ? Json(*report.spacing) : Json()},
+          {"rounding", rounding_json(report.step)},
           {"float_step", report.float_step},
           {"noise",
            {{"before", report.noise ? Json(*report.noise) : Json()},
@@ -58,24 +62,30 @@ Json report_json(const TiledReport& report, const DeviceInfo& device) {
             {"held", report.held}}},
           {"outliers", outliers_json(report.unmoved.outliers_by_reason)},
           {"short_neighborhoods", report.short_neighborhoods},
-          {"tiles", report.tiles}};
+          {"displacement", statistics_json({moved.mean, moved.rms, moved.p95, moved.max})},
+          {"tiles", report.tiles},
+          {"total_ms", milliseconds ? Json(*milliseconds) : Json()}};
 }
 
 void print_summary(const TiledReport& report) {
   const UnmovedCounts& u = report.unmoved;
   const std::uint64_t kept = u.non_finite + u.too_few_neighbors + u.no_normal + u.outliers + report.ignored;
-  fmt::print(stderr, "{} points denoised in {} {}, {} kept as they were\n", report.points - kept, report.tiles,
-             report.tiles == 1 ? "tile" : "tiles", kept);
+  fmt::print(stderr, "{} points denoised in {} {}, {} kept as they were\n",
+             count_denoised(report.points, kept, report.held), report.tiles, report.tiles == 1 ? "tile" : "tiles",
+             kept);
   if (report.held > 0) fmt::print(stderr, "limits, such as --where and --box, held {} points in place\n", report.held);
-  if (report.noise)
-    fmt::print(stderr, "noise of the input {:.4g} ({})\n", *report.noise,
-               report.noise_attribute.empty() ? "estimated" : fmt::format("median of '{}'", report.noise_attribute));
-  if (const std::string coarse = coarse_floats(report.float_step, report.noise.value_or(0)); !coarse.empty())
-    fmt::print(stderr, "note: {}\n", coarse);
+  fmt::print(stderr, "{}{}",
+             noise_and_moves(report.noise, report.noise_attribute, report.displacement.mean, report.displacement.max),
+             rounding_text(report.step));
+  const double noise = report.noise.value_or(0);
+  for (const std::string& note : {nothing_selected(report.points, u.non_finite, report.ignored, report.held),
+                                  coarse_steps(report.step, noise), coarse_floats(report.float_step, noise)})
+    if (!note.empty()) fmt::print(stderr, "note: {}\n", note);
 }
 
-void tell(const TiledReport& report, const Device& device, const TiledOutput& output) {
-  if (!output.report.empty()) write_report(output.report, report_json(report, Pipeline(device).device()));
+void tell(const TiledReport& report, const Device& device, const TiledOutput& output,
+          std::optional<double> milliseconds) {
+  if (!output.report.empty()) write_report(output.report, report_json(report, Pipeline(device).device(), milliseconds));
   if (!output.quiet) print_summary(report);
 }
 
@@ -107,6 +117,7 @@ void keep_no_freed_memory() {
 
 void run_in_tiles(const TiledJob& job, const fs::path& work, const Device& device, const TiledOutput& output,
                   std::stop_token stop) {
+  const auto start = std::chrono::steady_clock::now();
   keep_no_freed_memory();
   std::optional<ScratchFolder> scratch;
   if (work.empty()) {
@@ -125,11 +136,12 @@ void run_in_tiles(const TiledJob& job, const fs::path& work, const Device& devic
     run.run_all(stop, [&](double share, std::string_view stage) { progress.show(share, stage); });
     report = run.report();
   }
-  tell(report, device, output);
+  const std::chrono::duration<double, std::milli> taken = std::chrono::steady_clock::now() - start;
+  tell(report, device, output, taken.count());
 }
 
 void finish_tiles(const TiledRun& run, const Device& device, const TiledOutput& output) {
-  tell(run.report(), device, output);
+  tell(run.report(), device, output, {});
 }
 
 }  // namespace pointfair::cli

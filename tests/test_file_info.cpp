@@ -81,6 +81,45 @@ TEST(FileInfos, TheUnitIsThatOfTheProjectionNotOfItsAnglesOrHeights) {
   EXPECT_EQ(info_of(las_with({{2112, "]]]],\"\"[["}})).metres_per_unit, std::nullopt);
 }
 
+TEST(FileInfos, AGeographicSystemIsOneOfDegrees) {
+  const auto wkt = [](const std::string& text) { return info_of(las_with({{2112, text}})).is_geographic; };
+  const std::string wgs = "GEOGCS[\"WGS 84\",DATUM[\"d\"],UNIT[\"degree\",0.017]]";
+  EXPECT_TRUE(wkt(wgs));
+  EXPECT_TRUE(wkt("COMPD_CS[\"both\"," + wgs + ",VERT_CS[\"heights\",UNIT[\"metre\",1]]]"));
+  EXPECT_TRUE(wkt("GEOGCRS[\"WGS 84\",DATUM[\"d\"],CS[ellipsoidal,3],ANGLEUNIT[\"degree\",0.017]]"));
+  EXPECT_TRUE(wkt("GEODCRS[\"WGS 84\",DATUM[\"d\"],CS[ellipsoidal,2],AXIS[\"lat\",north]]"));
+  EXPECT_TRUE(wkt("COMPOUNDCRS[\"both\",GEOGCRS[\"WGS 84\",DATUM[\"d\"],CS[ellipsoidal,2]],VERTCRS[\"h\"]]"));
+  EXPECT_TRUE(wkt("BOUNDCRS[SOURCECRS[" + wgs + "],TARGETCRS[GEOGCRS[\"WGS 84\"]]]"));
+  EXPECT_FALSE(wkt("PROJCS[\"UTM\"," + wgs + ",PROJECTION[\"t\"],UNIT[\"metre\",1]]"));
+  EXPECT_FALSE(wkt("COMPD_CS[\"both\",PROJCS[\"UTM\"," + wgs + ",UNIT[\"metre\",1]],VERT_CS[\"heights\"]]"));
+  EXPECT_FALSE(wkt("BOUNDCRS[SOURCECRS[PROJCRS[\"UTM\",BASEGEOGCRS[\"d\"]]],TARGETCRS[" + wgs + "]]"));
+  EXPECT_FALSE(wkt("GEODCRS[\"WGS 84\",DATUM[\"d\"],CS[Cartesian,3],LENGTHUNIT[\"metre\",1]]"));
+  EXPECT_FALSE(wkt("GEOCCS[\"WGS 84\",DATUM[\"d\"],UNIT[\"metre\",1]]"));
+  const auto keys = [](std::initializer_list<std::pair<int, int>> its) {
+    return info_of(las_with({{34735, geo_keys(its)}})).is_geographic;
+  };
+  EXPECT_TRUE(keys({{2048, 4326}}));
+  EXPECT_TRUE(keys({{1024, 2}, {2048, 4326}}));
+  EXPECT_TRUE(keys({{1024, 2}}));
+  EXPECT_FALSE(keys({{1024, 1}, {2048, 4326}}));  // a projection that the keys describe and do not name
+  EXPECT_FALSE(keys({{1024, 3}, {2048, 4978}}));  // geocentric
+  EXPECT_FALSE(keys({{1024, 1}, {2048, 4326}, {3072, 32633}}));
+  EXPECT_FALSE(keys({}));
+}
+
+TEST(FileInfos, ACloudInDegreesIsNotDenoised) {
+  const std::string degrees = "GEOGCS[\"WGS 84\",DATUM[\"d\"],UNIT[\"degree\",0.017]]";
+  Pipeline pipeline(Device::cpu);
+  pipeline.load(parse(las_with({{2112, degrees}}), "a.las"));
+  EXPECT_GT(pipeline.estimates().spacing, 0);
+  const Thrown thrown = thrown_by([&] { pipeline.run({}); });
+  EXPECT_EQ(thrown.kind, ErrorKind::file);
+  EXPECT_NE(thrown.message.find("a.las: "), std::string::npos);
+  EXPECT_NE(thrown.message.find("project it"), std::string::npos);
+  pipeline.load(parse(las_with({}), "a.las"));
+  pipeline.run({});
+}
+
 TEST(FileInfos, GeoKeysNameSystemAndUnit) {
   EXPECT_EQ(info_of(las_with({{34735, geo_keys({{3072, 2993}, {3076, 9001}})}})).metres_per_unit, 1);
   EXPECT_EQ(info_of(las_with({{34735, geo_keys({{3072, 2994}, {3076, 9002}})}})).metres_per_unit, 0.3048);

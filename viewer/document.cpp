@@ -8,6 +8,7 @@
 #include <mutex>
 
 #include "attributes.hpp"
+#include "pointfair/file_info.hpp"
 #include "quantise.hpp"
 
 namespace pointfair::viewer {
@@ -44,6 +45,7 @@ Document::Document(Session::Options options, Session::Send send)
       preview_(options_.make_pipeline) {}
 
 void Document::open(Cloud cloud, const std::string& name, std::string path) {
+  check_not_geographic(cloud);
   has_cloud_ = false;
   preview_.reset();
   if (!pipeline_) pipeline_.emplace(options_.make_pipeline());

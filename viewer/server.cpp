@@ -20,6 +20,7 @@
 #include "connection.hpp"
 #include "gate.hpp"
 #include "page_files.hpp"
+#include "pointfair/file_info.hpp"
 #include "session.hpp"
 
 namespace pointfair::viewer {
@@ -310,7 +311,9 @@ void serve(const std::filesystem::path& input, const ServerOptions& options,
   server.listen();
   ReadOptions read_options;
   read_options.threads = options.device.threads;
-  server.open(read(input, read_options), input);
+  Cloud cloud = read(input, read_options);
+  check_not_geographic(cloud);
+  server.open(std::move(cloud), input);
   ready(server.url());
   server.run(stop);
 }

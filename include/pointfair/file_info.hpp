@@ -22,9 +22,13 @@ struct FileInfo {
   double step = 0;               ///< between coordinates that are stored as integers, on the coarsest axis; else 0
   std::optional<Format> format;  ///< of the file; unset for a cloud made in memory
   bool has_attributes = true;    ///< false: this build cannot read their values (LAZ without LASzip)
+  bool is_geographic = false;    ///< X and Y are longitude and latitude in degrees, so distances mean nothing
 };
 
 /// What the cloud's file says. O(1) in the points.
 POINTFAIR_EXPORT FileInfo file_info(const Cloud& cloud);
+
+/// Throws ErrorKind::file if the cloud's file says that its coordinates are geographic. Pipeline::run does so.
+POINTFAIR_EXPORT void check_not_geographic(const Cloud& cloud);
 
 }  // namespace pointfair

@@ -38,6 +38,13 @@ struct TiledJob {
   unsigned workers = 1;  ///< tasks that run at once, as several cards do, and share the memory
 };
 
+/// How far points moved, in file units. Points that kept their place count, with 0.
+struct Displacement {
+  double mean = 0, rms = 0;
+  double p95 = 0;  ///< 95 % of the points did not move farther; to 1 %
+  double max = 0;
+};
+
 /// What a finished run did.
 struct TiledReport {
   std::uint64_t points = 0;
@@ -51,6 +58,8 @@ struct TiledReport {
   std::array<double, 3> noise_quantiles{};  ///< as in Estimates, where there is a noise
   std::string noise_attribute;              ///< with the given noise; empty: it was estimated
   double float_step = 0;                    ///< as in Estimates; in zones, the largest step in one
+  Displacement displacement;
+  double step = 0;  ///< between coordinates that an output stores as integers, the largest; else 0
 };
 
 /// A run over a work folder, which holds the plan and the results of finished tasks. Tasks are idempotent: a task that

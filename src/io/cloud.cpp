@@ -68,6 +68,10 @@ FileInfo file_info(const Cloud& cloud) {
   return info;
 }
 
+void check_not_geographic(const Cloud& cloud) {
+  if (cloud.source) io::check_not_geographic(*cloud.source);
+}
+
 std::vector<std::array<std::uint32_t, 3>> triangles(const Cloud& cloud) {
   std::vector<std::array<std::uint32_t, 3>> result;
   if (!cloud.source) return result;

@@ -139,6 +139,13 @@ Moves Source::moves(std::uint64_t first, std::vector<Position> own, const io::Ed
   return result;
 }
 
+void io::check_not_geographic(const Source& source) {
+  if (source.info().is_geographic)
+    fail(source.name(),
+         "its X and Y are longitude and latitude in degrees, so distances mean nothing; project it to metres first, "
+         "with filters.reprojection of PDAL for instance");
+}
+
 void Source::write(const io::Edits& edits, Encoding, io::Output& out) const {
   out.write(header(edits.added));
   io::write_blocks(out, block_count(), [&](std::size_t block, std::string& buffer) {

@@ -145,4 +145,10 @@ class Source {
   std::vector<Position> sample_;
 };
 
+namespace io {
+
+/// Throws Error(file) if the file says that X and Y are longitude and latitude.
+void check_not_geographic(const Source& source);
+
+}  // namespace io
 }  // namespace pointfair

@@ -30,6 +30,12 @@ Params in_units_of(const Cloud& cloud, const Params& params) {
   return in_file_units(params, file_info(cloud).metres_per_unit);
 }
 
+// For a run on it.
+Params params_for(const Cloud& cloud, const Params& params) {
+  check_not_geographic(cloud);
+  return in_units_of(cloud, params);
+}
+
 }  // namespace
 
 Pipeline::Pipeline(Device device) {
@@ -95,14 +101,14 @@ Cloud Pipeline::run(const Params& params, std::stop_token stop, const ProgressFu
   return with_one_kind_of_error([&] {
     Cloud result = state_->shell;
     result.points.resize(state_->cloud.points());
-    state_->run(in_units_of(result, params), result.points, stop, progress);
+    state_->run(params_for(result, params), result.points, stop, progress);
     if (!state_->outliers.empty()) result.added.push_back(outlier_marks(result, state_->outliers));
     return result;
   });
 }
 
 void Pipeline::run(const Params& params, std::span<Point> out, std::stop_token stop, const ProgressFunction& progress) {
-  with_one_kind_of_error([&] { state_->run(in_units_of(state_->shell, params), out, stop, progress); });
+  with_one_kind_of_error([&] { state_->run(params_for(state_->shell, params), out, stop, progress); });
 }
 
 void Pipeline::run(std::span<const Point> points, const Params& params, std::span<Point> out, std::stop_token stop,
@@ -118,7 +124,7 @@ void Pipeline::run(std::span<const Point> points, const Params& params, std::spa
 
 void Pipeline::run(const Params& params, const DeviceOutput& out, DeviceStream stream, std::stop_token stop,
                    const ProgressFunction& progress) {
-  with_one_kind_of_error([&] { state_->run(in_units_of(state_->shell, params), out, stream, stop, progress); });
+  with_one_kind_of_error([&] { state_->run(params_for(state_->shell, params), out, stream, stop, progress); });
 }
 
 void Pipeline::run_many(std::span<const Point> points, std::span<const std::uint64_t> offsets, const Params& params,

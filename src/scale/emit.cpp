@@ -19,6 +19,8 @@ namespace {
 
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
+bool is_finite(const Point& p) { return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z); }
+
 }  // namespace
 
 TileResults::TileResults(const std::vector<std::filesystem::path>& tiles, const Plan& plan, std::size_t file,
@@ -63,12 +65,9 @@ std::shared_ptr<const TileResults::Held> TileResults::hold(std::size_t chunk) co
   return held;
 }
 
-// Returns how many outliers there are; those are marked unless `outliers` is null.
-OutlierCounts TileResults::settle_some(const Before& whence, const Point* faired, Point* now,
-                                       std::uint8_t* outliers) const {
+void TileResults::settle_some(const Before& whence, const Point* faired, Point* now, point::Outlier* outliers) const {
   const std::span<const Point> before = whence.in_zones;
   const point::NodeField field = field_of(settling_.limits.levels.get());
-  OutlierCounts counts;
   for (std::size_t i = 0; i < before.size(); ++i) {
     now[i] = is_indexed(before[i]) ? faired[i] : before[i];
     if (!settling_.may_hold_back || !is_indexed(before[i])) continue;
@@ -76,10 +75,8 @@ OutlierCounts TileResults::settle_some(const Before& whence, const Point* faired
         point::limits_at(limit_rule(settling_.limits), point::node_value(field, to_vec3(whence.in_cloud[i])));
     const auto settled = point::settled(to_vec3(before[i]), to_vec3(faired[i]), farthest, outlier_distance);
     now[i] = {settled.place.x, settled.place.y, settled.place.z};
-    count(settled.outlier, counts);
-    if (outliers) outliers[i] = settled.outlier != point::Outlier::none;
+    outliers[i] = settled.outlier;
   }
-  return counts;
 }
 
 Position TileResults::origin_at(const Position& own, const Position& of_file) const {
@@ -105,24 +102,47 @@ void TileResults::take(std::uint64_t first, std::span<const Position> own, std::
   std::vector<Point> in_cloud;
   if (plan_.zones().are_several()) in_cloud = offsets(own, false);
   const std::span<const Point> around_origin = in_cloud.empty() ? before : std::span<const Point>(in_cloud);
-  if (limits == Limits{}) return settle(first, {before, around_origin}, now, {});
-  const Cloud here = part_of(source_, first, around_origin);
-  const std::vector<std::uint8_t> ignored = held_by_any(limits.ignore, here);
-  std::vector<Point> seen(before.begin(), before.end());
-  for (std::size_t i = 0; are_some_ignored && i < seen.size(); ++i)
-    if (ignored[i]) seen[i] = {kNan, kNan, kNan};
-  settle(first, {seen, around_origin}, now, {});
-  const std::vector<std::uint8_t> movable = movable_points(limits, here);
-  apply_limits(limits, movable, before, now);
-  std::uint64_t held = 0;
-  for (std::size_t i = 0; i < movable.size(); ++i) {
-    const bool is_finite = std::isfinite(before[i].x) && std::isfinite(before[i].y) && std::isfinite(before[i].z);
-    held += !movable[i] && is_finite && !(are_some_ignored && ignored[i]);
+  std::vector<point::Outlier> outliers(now.size(), point::Outlier::none);
+  std::vector<std::uint8_t> held;
+  if (limits == Limits{}) {
+    settle(first, {before, around_origin}, now, outliers);
+  } else {
+    const Cloud here = part_of(source_, first, around_origin);
+    const std::vector<std::uint8_t> ignored = held_by_any(limits.ignore, here);
+    std::vector<Point> seen(before.begin(), before.end());
+    for (std::size_t i = 0; are_some_ignored && i < seen.size(); ++i)
+      if (ignored[i]) seen[i] = {kNan, kNan, kNan};
+    settle(first, {seen, around_origin}, now, outliers);
+    const std::vector<std::uint8_t> movable = movable_points(limits, here);
+    apply_limits(limits, movable, before, now);
+    held.resize(movable.size());
+    for (std::size_t i = 0; i < movable.size(); ++i)
+      held[i] = !movable[i] && is_finite(before[i]) && !(are_some_ignored && ignored[i]);
   }
-  held_by_limits_ += held;
+  for (const Range& range : counted_.take({first, first + now.size()})) {
+    const auto from = static_cast<std::size_t>(range.begin - first), count = std::size_t(range.end - range.begin);
+    tally(before.subspan(from, count), now.subspan(from, count), std::span(outliers).subspan(from, count));
+    if (!held.empty()) held_by_limits_ += std::uint64_t(std::count(&held[from], &held[from] + count, 1));
+  }
 }
 
-std::vector<std::uint8_t> TileResults::find_outliers(unsigned threads) {
+void TileResults::tally(std::span<const Point> before, std::span<const Point> now,
+                        std::span<const point::Outlier> outliers) const {
+  OutlierCounts counts;
+  for (const point::Outlier outlier : outliers) count(outlier, counts);
+  held_back_.add(counts);
+  std::vector<float> lengths;
+  lengths.reserve(now.size());
+  for (std::size_t i = 0; i < now.size(); ++i) {
+    const double x = double{now[i].x} - before[i].x, y = double{now[i].y} - before[i].y,
+                 z = double{now[i].z} - before[i].z;
+    const auto length = static_cast<float>(std::sqrt(x * x + y * y + z * z));
+    if (std::isfinite(length)) lengths.push_back(length);
+  }
+  moves_.add(lengths);
+}
+
+std::vector<std::uint8_t> TileResults::find_outliers(unsigned threads) const {
   std::vector<std::uint8_t> outliers(source_->size(), 0);
   io::with_threads(threads, [&] {
     io::for_each_block(source_->block_count(), [&](std::size_t block) {
@@ -138,15 +158,16 @@ std::vector<std::uint8_t> TileResults::find_outliers(unsigned threads) {
         for (std::size_t i = 0; i < points.size(); ++i)
           if (!is_indexed(points[i])) in_zones[i] = points[i];
       }
-      settle(first, {in_zones, points}, now, std::span(outliers).subspan(first, points.size()));
+      std::vector<point::Outlier> found(points.size(), point::Outlier::none);
+      settle(first, {in_zones, points}, now, found);
+      for (std::size_t i = 0; i < found.size(); ++i) outliers[first + i] = found[i] != point::Outlier::none;
     });
   });
-  held_back_.clear();
   return outliers;
 }
 
 void TileResults::settle(std::uint64_t first, const Before& before, std::span<Point> now,
-                         std::span<std::uint8_t> outliers) const {
+                         std::span<point::Outlier> outliers) const {
   const std::vector<InputChunk>& chunks = plan_.chunks;
   if (stop_.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
   std::uint64_t index = first_point_ + first;
@@ -158,7 +179,7 @@ void TileResults::settle(std::uint64_t first, const Before& before, std::span<Po
     const std::size_t from = index - chunks[chunk].first_point;
     const std::size_t count = std::min(now.size() - done, held->points.size() - from);
     const Before some{before.in_zones.subspan(done, count), before.in_cloud.subspan(done, count)};
-    held_back_.add(settle_some(some, &held->points[from], &now[done], outliers.empty() ? nullptr : &outliers[done]));
+    settle_some(some, &held->points[from], &now[done], &outliers[done]);
     done += count;
     index += count;
   }

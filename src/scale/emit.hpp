@@ -9,13 +9,15 @@
 #include <vector>
 
 #include "io/edits.hpp"
+#include "scale/counted_ranges.hpp"
+#include "scale/move_tally.hpp"
 #include "scale/plan.hpp"
 #include "seam/outlier_tally.hpp"
 #include "seam/settings.hpp"
 
 namespace pointfair::scale {
 
-/// What the counts of a written file are.
+/// What the counts of a written file are. Its numbers are the step between its coordinates and those of a MoveTally.
 inline constexpr std::size_t kIsolatedCount = 0, kHeldCount = 1, kOffSurfaceCount = 2, kMixedCount = 3;
 
 /// What becomes of the results of the last iteration: as a backend's download() does.
@@ -32,11 +34,13 @@ class TileResults final : public io::MovedPoints {
   Position origin_at(const Position& own, const Position& of_file) const override;
   void take(std::uint64_t first, std::span<const Position> own, std::span<const Point> before,
             std::span<Point> now) const override;
-  /// 1 for each outlier of the file, else 0. Takes all points; what was counted before is forgotten.
-  std::vector<std::uint8_t> find_outliers(unsigned threads);
-  /// Outliers that were held back so far, and points that the limits held.
+  /// 1 for each outlier of the file, else 0. Counts nothing.
+  std::vector<std::uint8_t> find_outliers(unsigned threads) const;
+  /// Of the points that were taken so far, each counted once: outliers that were held back, points that the limits
+  /// held, and how far points moved.
   OutlierCounts held_back() const { return held_back_.counts(); }
   std::uint64_t held_by_limits() const { return held_by_limits_; }
+  const MoveTally& moves() const { return moves_; }
 
  private:
   struct Held {
@@ -48,8 +52,10 @@ class TileResults final : public io::MovedPoints {
   struct Before {
     std::span<const Point> in_zones, in_cloud;
   };
-  void settle(std::uint64_t first, const Before& before, std::span<Point> now, std::span<std::uint8_t> outliers) const;
-  OutlierCounts settle_some(const Before& before, const Point* faired, Point* now, std::uint8_t* outliers) const;
+  void settle(std::uint64_t first, const Before& before, std::span<Point> now,
+              std::span<point::Outlier> outliers) const;
+  void settle_some(const Before& before, const Point* faired, Point* now, point::Outlier* outliers) const;
+  void tally(std::span<const Point> before, std::span<const Point> now, std::span<const point::Outlier> outliers) const;
   std::vector<Point> offsets(std::span<const Position> own, bool in_zones) const;
 
   struct TileFile {
@@ -64,7 +70,9 @@ class TileResults final : public io::MovedPoints {
   std::stop_token stop_;
   mutable std::mutex mutex_;
   mutable std::vector<std::shared_ptr<const Held>> held_;  ///< the last two
+  mutable CountedRanges counted_;
   mutable OutlierTally held_back_;
+  mutable MoveTally moves_;
   mutable std::atomic<std::uint64_t> held_by_limits_{0};
 };
 

@@ -8,7 +8,9 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <map>
 #include <set>
+#include <utility>
 
 #include "estimate/automatic.hpp"
 #include "io/file_bytes.hpp"
@@ -58,7 +60,22 @@ void check_job(const TiledJob& job) {
   if (job.output_folder.empty() == job.output.empty()) refuse("give one output: a file, or a folder");
 }
 
+// One file by two names would give each of its points twice.
+void refuse_same_files(const std::vector<fs::path>& inputs) {
+  std::map<std::pair<dev_t, ino_t>, const fs::path*> seen;
+  for (const fs::path& input : inputs) {
+    struct stat status {};
+    if (::stat(input.c_str(), &status) != 0) continue;  // said when it is opened
+    const auto [other, is_new] = seen.try_emplace({status.st_dev, status.st_ino}, &input);
+    if (!is_new)
+      refuse(input.string() + ": is the same file as the input " + other->second->string() +
+             ", so its points would count twice; name it once");
+  }
+}
+
 std::vector<InputFile> files_of(const TiledJob& job) {
+  refuse_same_files(job.inputs);
+
   std::vector<InputFile> files;
   std::set<fs::path> outputs;
   for (const fs::path& input : job.inputs) {
@@ -267,6 +284,7 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
     file.fingerprint = fingerprint_of(file.path);
     const auto& source = sources.emplace_back(io::open_source(file.path, threads));
     io::check_streamed_options(*source, file.output, job.write, job.params.outliers == Outliers::mark);
+    if (job.limits.strength > 0) io::check_not_geographic(*source);
     check_attributes(source, job.limits, job.noise_attribute);
     const Params params = in_units_of_file(job.params, *source);
     if (sources.size() > 1 && params != plan.params)

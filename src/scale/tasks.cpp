@@ -186,7 +186,10 @@ void Tasks::run_emit(const WorkStep& step, std::size_t task, const std::stop_tok
   header.counts[kOffSurfaceCount] = held_back.off_surface;
   header.counts[kMixedCount] = held_back.mixed_pixels;
   header.counts[kHeldCount] = results.held_by_limits();
-  PointsWriter(folder_.file_of(step, task), header, {}, {}).finish();
+  std::vector<double> numbers{options.las_scale.value_or(source->info().step)};
+  const std::vector<double> moves = results.moves().numbers();
+  numbers.insert(numbers.end(), moves.begin(), moves.end());
+  PointsWriter(folder_.file_of(step, task), header, {}, numbers).finish();
 }
 
 void Tasks::use_zones(const Zones& zones) {

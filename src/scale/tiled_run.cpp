@@ -34,6 +34,26 @@ auto with_one_kind_of_error(const Work& work) {
   }
 }
 
+// What the last step counted while it wrote.
+void add_written(const std::vector<fs::path>& files, TiledReport& report) {
+  OutlierCounts& outliers = report.unmoved.outliers_by_reason;
+  MoveTally moves;
+  for (const fs::path& path : files) {
+    const PointsFile written(path);
+    const TaskCounts counts = written.header().counts;
+    outliers.isolated += counts[kIsolatedCount];
+    outliers.off_surface += counts[kOffSurfaceCount];
+    outliers.mixed_pixels += counts[kMixedCount];
+    report.held += counts[kHeldCount];
+    const std::vector<double> numbers = written.numbers();
+    if (numbers.empty()) continue;
+    report.step = std::max(report.step, numbers[0]);
+    moves.add_numbers(std::span(numbers).subspan(1));
+  }
+  report.unmoved.outliers = outliers.total();
+  report.displacement = moves.displacement();
+}
+
 }  // namespace
 
 struct TiledRun::State : Tasks {
@@ -168,15 +188,7 @@ TiledReport TiledRun::report() const {
       report.unmoved.no_normal += counts[kNoNormalCount];
       report.short_neighborhoods += counts[kShortCount];
     }
-    OutlierCounts& outliers = report.unmoved.outliers_by_reason;
-    for (const fs::path& path : folder.files_of(steps.back())) {
-      const TaskCounts counts = PointsFile(path).header().counts;
-      outliers.isolated += counts[kIsolatedCount];
-      outliers.off_surface += counts[kOffSurfaceCount];
-      outliers.mixed_pixels += counts[kMixedCount];
-      report.held += counts[kHeldCount];
-    }
-    report.unmoved.outliers = outliers.total();
+    add_written(folder.files_of(steps.back()), report);
     if (!moves_along_normal(report.params.method)) report.unmoved.no_normal = 0;
     return report;
   });

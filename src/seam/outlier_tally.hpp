@@ -23,7 +23,6 @@ class OutlierTally {
     off_surface_.fetch_add(some.off_surface, std::memory_order_relaxed);
     mixed_pixels_.fetch_add(some.mixed_pixels, std::memory_order_relaxed);
   }
-  void clear() { isolated_ = off_surface_ = mixed_pixels_ = 0; }
   OutlierCounts counts() const { return {isolated_, off_surface_, mixed_pixels_}; }
 
  private:

@@ -5,6 +5,7 @@ import random
 import struct
 
 METRES = b'PROJCS["Somewhere",GEOGCS["g",UNIT["degree",0.0174]],UNIT["metre",1],AUTHORITY["EPSG","25832"]]'
+DEGREES = b'GEOGCS["Somewhere",DATUM["d"],UNIT["degree",0.0174],AUTHORITY["EPSG","4326"]]'
 FEET = b'PROJCS["Elsewhere",GEOGCS["g",UNIT["degree",0.0174]],UNIT["foot",0.3048]]'
 
 

@@ -3,7 +3,7 @@
 import unittest
 
 from program import Case, positions, read_ply, run, sphere_points, write_ply
-from survey_files import FEET, ground, las_grid, write_e57, write_las
+from survey_files import DEGREES, FEET, ground, las_grid, write_e57, write_las
 
 
 class Survey(Case):
@@ -33,6 +33,20 @@ class Survey(Case):
         self.assertEqual(file["returns"], {"1": 2500})
         self.assertEqual(file["metres_per_unit"], 1)
         self.assertEqual(file["point_format"], "6")
+
+    def test_a_cloud_in_degrees_is_refused_where_points_would_move(self):
+        las = write_las(self.path("degrees.las"), ground(900), [2] * 900, crs=DEGREES)
+        for words in ([self.path("out.las")], [self.path("out.las"), "--tiles", "3"], [self.path("out.las"), "--noise", "5mm"]):
+            self.fails(3, "run", las, *words, says=["degrees.las: ", "in degrees", "project it"])
+        self.fails(3, "tile", "plan", las, "--out", self.path("out.las"), "--work", self.path("work"), says="project it")
+        self.assertIn("degrees: project it", self.ok("info", las).stdout.decode())
+        self.assertIs(self.report("info", las)["file"]["geographic"], True)
+        self.assertIs(self.report("info", self.las)["file"]["geographic"], False)
+        self.ok("compare", las, las)
+        self.ok("noise", las, self.path("noisy.las"))
+        for words in ([], ["--tiles", "3"]):
+            self.ok("run", las, self.path("out.las"), "--force", "--strength", "0", *words)
+            self.assertEqual(self.path("out.las").read_bytes(), las.read_bytes())
 
     def test_info_shows_bounds_with_the_digits_of_the_file(self):
         text = self.ok("info", self.las).stdout.decode()

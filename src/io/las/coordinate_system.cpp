@@ -70,6 +70,12 @@ class WktReader {
       const std::optional<double> metres = to_number(values[1]);
       if (metres && *metres > 0) result_.metres_per_unit = metres;
     }
+    const bool is_horizontal = std::all_of(path.begin(), path.end() - 1, [](const std::string& word) {
+      return is_one_of(word, {"COMPD_CS", "COMPOUNDCRS", "BOUNDCRS", "SOURCECRS"});
+    });
+    if (is_horizontal && is_one_of(node, {"GEOGCS", "GEOGCRS", "GEOGRAPHICCRS"})) result_.is_geographic = true;
+    if (is_horizontal && is_one_of(node, {"GEODCRS", "GEODETICCRS"}) && has_angles_) result_.is_geographic = true;
+    if (node == "CS" && !values.empty()) has_angles_ = values[0] == "ellipsoidal";
     if (is_one_of(node, {"AUTHORITY", "ID"}) && path.size() == 2 && values.size() >= 2)
       code_ = values[0] + ":" + values[1];
   }
@@ -77,6 +83,7 @@ class WktReader {
   std::string_view rest_;
   std::string word_, code_;
   std::vector<std::vector<std::string>> values_;  // of the nodes that are open
+  bool has_angles_ = false;                       // the axes that were named last
   CoordinateSystem result_;
 };
 
@@ -100,7 +107,8 @@ bool is_utm(unsigned code) {
 }
 
 CoordinateSystem from_keys(std::string_view data, std::string_view text) {
-  constexpr unsigned kGeographic = 2048, kProjected = 3072, kLinearUnits = 3076;
+  constexpr unsigned kModel = 1024, kGeographic = 2048, kProjected = 3072, kLinearUnits = 3076;
+  constexpr unsigned kGeographicModel = 2;
   constexpr unsigned kMetre = 9001, kFoot = 9002, kSurveyFoot = 9003, kUserDefined = 32767;
   const std::map<unsigned, unsigned> keys = short_keys(data);
   const auto value = [&](unsigned key) { return keys.count(key) != 0 ? keys.at(key) : 0; };
@@ -111,6 +119,9 @@ CoordinateSystem from_keys(std::string_view data, std::string_view text) {
     result.name += (result.name.empty() ? "" : ", ") + ("EPSG:" + std::to_string(code));
     break;
   }
+  const unsigned model = value(kModel);
+  result.is_geographic =
+      value(kProjected) == 0 && (model == kGeographicModel || (model == 0 && value(kGeographic) != 0));
   const unsigned unit = value(kLinearUnits);
   if (unit == kMetre || (unit == 0 && is_utm(value(kProjected)))) result.metres_per_unit = 1;
   if (unit == kFoot) result.metres_per_unit = 0.3048;

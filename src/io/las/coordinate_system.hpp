@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the records of a LAS file say of its coordinates: a name for people, and the length of a unit.
+// What the records of a LAS file say of its coordinates: a name for people, and what a unit is.
 #pragma once
 
 #include <optional>
@@ -12,6 +12,7 @@ namespace pointfair::io::las {
 struct CoordinateSystem {
   std::string name;                       ///< empty: the file does not say
   std::optional<double> metres_per_unit;  ///< none: the file does not say, or the unit is an angle
+  bool is_geographic = false;             ///< X and Y are angles
 };
 
 CoordinateSystem coordinate_system(const Header& header);

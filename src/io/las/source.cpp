@@ -74,6 +74,7 @@ FileInfo LasSource::info() const {
   };
   FileInfo result;
   result.metres_per_unit = system.metres_per_unit;
+  result.is_geographic = system.is_geographic;
   result.step = *std::max_element(header.scaling.scale.begin(), header.scaling.scale.end());
   result.rows = {{"version", "LAS 1." + std::to_string(header.minor) + (header.compressed ? ", compressed" : "")},
                  {"point_format", std::to_string(header.point_format)},

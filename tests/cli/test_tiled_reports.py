@@ -1,0 +1,98 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Runs in tiles on disk say the same of a run as runs in memory."""
+import unittest
+
+from program import Case, run
+from survey_files import ground, write_e57, write_las
+
+
+def scan_with_outliers(count=2500):
+    """A ground with points above it, so that there is something to count."""
+    points = list(ground(count))
+    for i in range(0, len(points), 50):
+        points[i] = (points[i][0], points[i][1], points[i][2] + 0.5)
+    return points
+
+
+class Reports(Case):
+    """A run in tiles reports the numbers of the run in memory."""
+
+    def of_both(self, source, *words, suffix):
+        whole = self.report("run", source, self.path("whole" + suffix), "--force", *words)
+        cut = self.report("run", source, self.path("cut" + suffix), "--force", "--tiles", 3, *words)
+        self.assertEqual(self.path("whole" + suffix).read_bytes(), self.path("cut" + suffix).read_bytes())
+        return whole, cut
+
+    def test_points_that_a_writer_asks_for_twice_count_once(self):
+        scan, tile = write_e57(self.path("in.e57"), scan_with_outliers()), self.path("in.las")
+        write_las(tile, scan_with_outliers(), [2, 6] * 1250)
+        for source in (scan, tile):
+            if b"this build" in run("info", source).stderr:
+                continue
+            whole, cut = self.of_both(source, "--box", "0,0,-9,6e5,6e6,999", suffix=source.suffix)
+            self.assertEqual(whole["unmoved"], cut["unmoved"])
+            self.assertEqual(whole["outliers"], cut["outliers"])
+            if source == scan:
+                self.assertGreater(whole["unmoved"]["outliers"], 0)
+        for source, box in ((scan, "0,0,-9,5,5,9"), (tile, "5e5,54e5,0,500005,5400005,999")):
+            if b"this build" in run("info", source).stderr:
+                continue
+            whole, cut = self.of_both(source, "--box", box, suffix=source.suffix)
+            self.assertGreater(whole["unmoved"]["held"], 0)
+            self.assertEqual(whole["unmoved"], cut["unmoved"])
+
+    def test_how_far_points_moved(self):
+        source = write_las(self.path("in.las"), scan_with_outliers(), [2, 6] * 1250)
+        for words in ([], ["--where", "classification=2"], ["--ignore", "classification=6"], ["--iterations", 2]):
+            whole, cut = self.of_both(source, *words, suffix=".las")
+            self.assertGreater(whole["displacement"]["mean"], 0)
+            for name, within in (("mean", 1e-6), ("rms", 1e-5), ("p95", 1e-2), ("max", 1e-6)):
+                expected = whole["displacement"][name]
+                self.assertAlmostEqual(cut["displacement"][name], expected, delta=within * expected, msg=name)
+            self.assertEqual(whole["rounding"], cut["rounding"])
+            self.assertGreater(cut["total_ms"], 0)
+            self.assertEqual(whole["unmoved"], cut["unmoved"])
+
+    def test_how_far_points_moved_in_several_files_and_a_run_that_went_on(self):
+        files = [write_las(self.path(f"{i}.las"), scan_with_outliers()[i * 1250:(i + 1) * 1250], [2] * 1250) for i in (0, 1)]
+        joined = write_las(self.path("joined.las"), scan_with_outliers(), [2] * 2500)
+        expected = self.report("run", joined, self.path("out.las"), "--tiles", 2)["displacement"]
+        job = ["run", *files, "--out-dir", self.path("out"), "--work", self.path("work"), "--tiles", 2]
+        self.assertEqual(self.report(*job)["displacement"], expected)
+        self.assertEqual(self.report(*job)["displacement"], expected)  # from what was done
+        report = self.report("tile", "merge", self.path("work"))
+        self.assertEqual(report["displacement"], expected)
+        self.assertIsNone(report["total_ms"])
+
+    def test_the_lines_say_how_far_points_moved(self):
+        source = write_las(self.path("in.las"), scan_with_outliers(), [2] * 2500)
+        lines = [self.ok("run", source, self.path("out.las"), "--force", *words).stderr.decode().splitlines()
+                 for words in ([], ["--tiles", 3])]
+        for line in (line for line in lines[0] if "points moved" in line or "rounding" in line):
+            self.assertIn(line, lines[1])
+
+    def test_limits_that_select_nothing_are_said(self):
+        source = write_las(self.path("in.las"), list(ground(900)), [2] * 900)
+        for limit in (["--where", "classification=99"], ["--box", "0,0,0,1,1,1"], ["--ignore", "classification=2"]):
+            for words in ([], ["--tiles", 3]):
+                text = self.ok("run", source, self.path("out.las"), "--force", *limit, *words).stderr.decode()
+                self.assertTrue(text.startswith("0 points denoised"), text)
+                self.assertIn("note: the limits, such as --where and --box, select no point", text)
+                self.assertEqual(source.read_bytes(), self.path("out.las").read_bytes())
+        text = self.ok("run", source, self.path("out.las"), "--force", "--box", "500000,5400000,0,500004,5400004,200").stderr.decode()
+        self.assertNotIn("select no point", text)
+        self.assertNotIn("900 points denoised", text)
+
+    def test_one_file_by_two_names_is_refused(self):
+        source = write_las(self.path("in.las"), list(ground(900)), [2] * 900)
+        link = self.path("link.las")
+        link.symlink_to(source)
+        self.path("out").mkdir()
+        for other in (link, source):
+            self.fails(2, "run", source, other, "--out-dir", self.path("out"), says=[f"{other}: ", str(source), "same file"])
+        self.fails(2, "tile", "plan", source, link, "--out-dir", self.path("out"), "--work", self.path("work"), says="same file")
+
+
+if __name__ == "__main__":
+    unittest.main()
