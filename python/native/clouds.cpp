@@ -5,7 +5,6 @@
 #include <nanobind/stl/vector.h>
 
 #include <algorithm>
-#include <cstring>
 #include <filesystem>
 
 #include "bindings.hpp"
@@ -84,20 +83,8 @@ void copy_positions(const Cloud& cloud, const Output<double>& out) {
 
 void replace_positions(Cloud& cloud, const Input<double>& coordinates) {
   const std::span<const Position> wanted(reinterpret_cast<const Position*>(coordinates.data()), coordinates.shape(0));
-  if (wanted.size() != cloud.points.size()) {
-    throw Error(ErrorKind::usage, "the cloud has " + std::to_string(cloud.points.size()) + " points, the array " +
-                                      std::to_string(wanted.size()) + "; a cloud keeps its number of points");
-  }
   nb::gil_scoped_release release;
-  std::vector<Position> now(wanted.size());
-  positions(cloud, now);
-  for (std::size_t i = 0; i < wanted.size(); ++i) {
-    float* const point[3] = {&cloud.points[i].x, &cloud.points[i].y, &cloud.points[i].z};
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      if (std::memcmp(&now[i][axis], &wanted[i][axis], sizeof(double)) != 0)
-        *point[axis] = static_cast<float>(wanted[i][axis] - cloud.origin[axis]);
-    }
-  }
+  set_positions(cloud, wanted);
 }
 
 Rows attribute_list(const Cloud& cloud) {

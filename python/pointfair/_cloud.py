@@ -44,11 +44,8 @@ class Cloud:
     _native: NativeCloud
 
     def __init__(self, xyz: Any, attributes: Mapping[str, Any] | None = None) -> None:
-        array = as_numpy(xyz, "xyz")
-        check_positions(array, "xyz")
-        if array.shape[1] != 3:
-            raise UsageError("xyz has 4 columns: give the fourth as an attribute")
-        self._native = _native.read_bytes(_ply_of(rows(array)), "array.ply", "ply") if len(array) else _native.Cloud()
+        array = _three_columns(xyz)
+        self._native = _native.read_bytes(_ply_of(array), "", "ply") if len(array) else _native.Cloud()
         for name, values in (attributes or {}).items():
             self[name] = values
 
@@ -61,16 +58,15 @@ class Cloud:
     @property
     def xyz(self) -> NDArray[Any]:
         """The positions, (N, 3), in the type that holds them without loss, float32 or float64: a copy. Assign to it to
-        move points. O(N)."""
+        move points: the cloud keeps every digit, and a file that it is written to has as many as its type of coordinates
+        holds. O(N)."""
         out = np.empty((len(self), 3), np.float64)
         self._native.positions(out)
         return out.astype(self._native.position_type, copy=False)
 
     @xyz.setter
     def xyz(self, positions: Any) -> None:
-        array = as_numpy(positions, "xyz")
-        check_positions(array, "xyz")
-        self._native.replace_positions(rows(array).astype(np.float64))
+        self._native.replace_positions(_three_columns(positions).astype(np.float64))
 
     @property
     def attributes(self) -> dict[str, np.dtype[Any]]:
@@ -155,6 +151,14 @@ def _ply_of(array: NDArray[Any]) -> bytes:
     kind = "float" if array.dtype.itemsize == 4 else "double"
     header = _PLY.format(len(array), "".join(f"property {kind} {axis}\n" for axis in "xyz"))
     return header.encode() + array.astype(array.dtype.newbyteorder("<"), copy=False).tobytes()
+
+
+def _three_columns(xyz: Any) -> NDArray[Any]:
+    array = as_numpy(xyz, "xyz")
+    check_positions(array, "xyz")
+    if array.shape[1] != 3:
+        raise UsageError("xyz has 4 columns: give xyz[:, :3], and the fourth as an attribute")
+    return rows(array)
 
 
 def read(path: str | os.PathLike[str], *, format: str | None = None, threads: int = 0) -> Cloud:
