@@ -61,6 +61,25 @@ def test_a_pipeline_says_when_there_is_nothing_to_run():
         pipeline.run()
 
 
+NOTHING_TO_MEASURE = {
+    "invalid": np.full((500, 3), np.nan), "empty": np.empty((0, 3), np.float32), "one place": np.ones((500, 3), np.float32),
+    "one point": np.ones((1, 3)), "three points": np.eye(3), "a line": np.linspace(0, 1, 300)[:, None] * (1.0, 2.0, 3.0)}
+
+
+@pytest.mark.parametrize("points", NOTHING_TO_MEASURE.values(), ids=NOTHING_TO_MEASURE)
+def test_no_parameters_are_resolved_where_nothing_can_be_measured(points):
+    pipeline = pf.Pipeline("cpu")
+    pipeline.load(points)
+    for parameters in ({}, {"k": 16}):
+        with pytest.raises(pf.UsageError, match="nothing to measure in this cloud.*resolve the parameters on a cloud"):
+            pipeline.resolve(**parameters)
+    given = {"k": 8, "iterations": 1, "noise": 0.01, "normal_sigma": 0.1, "closeness_sigma": 0.1, "similarity_sigma": 0.03}
+    assert pipeline.resolve(**given).noise == 0.01
+    assert same_bits(pipeline.run(), points) and pipeline.estimates().points == len(points)
+    pipeline.load(POINTS)
+    assert same_bits(pipeline.run(pipeline.resolve()), pf.denoise(POINTS, pipeline.resolve()))
+
+
 def test_normals_are_of_unit_length_and_of_the_surface():
     smooth, report = pf.denoise(POINTS, normals=True, return_report=True)
     slope = 0.6 * np.cos(6 * smooth[:, 0])
