@@ -111,6 +111,20 @@ TEST(Degenerate, a_surface_without_noise_is_measured) {
   EXPECT_GT(pipeline.resolve({}).radius.value, 0);
 }
 
+TEST(Degenerate, lengths_in_percent_or_spacings_of_nothing_are_reported_as_lengths_that_can_be_given_again) {
+  for (const ParamInfo& info : kParams) {
+    const auto* const field = std::get_if<Length Params::*>(&info.field);
+    if (!field) continue;
+    for (const Length length : {Length(1, Length::Unit::percent), Length(2, Length::Unit::spacing)}) {
+      Params params;
+      params.*(*field) = length;
+      const Params used = fair(shapes::identical(300), params).report.params;
+      EXPECT_GT((used.*(*field)).value, 0) << info.name;
+      EXPECT_NO_THROW(check_params(used)) << info.name;
+    }
+  }
+}
+
 TEST(Degenerate, k_points_and_one_more_are_faired_with_all_there_are) {
   for (const int count : {4, 15, 16, 17})
     for (const int k : {16, 512}) {

@@ -80,6 +80,18 @@ def test_no_parameters_are_resolved_where_nothing_can_be_measured(points):
     assert same_bits(pipeline.run(pipeline.resolve()), pf.denoise(POINTS, pipeline.resolve()))
 
 
+@pytest.mark.parametrize("points", NOTHING_TO_MEASURE.values(), ids=NOTHING_TO_MEASURE)
+def test_there_is_a_report_where_nothing_can_be_measured(points):
+    lengths = ["noise", "radius", "normal_sigma", "closeness_sigma", "similarity_sigma", "rho", "delta", "outlier_distance",
+               "outlier_radius", "displacement_limit"]
+    for name in lengths:
+        for length in ("1%", "2s"):
+            for more in ({}, {"constraint": True, "k": 12}, {"outliers": "mark"}):
+                result, report = pf.denoise(points, return_report=True, **{name: length}, **more)
+                assert same_bits(result, points) and report.points == len(points)
+                assert pf.denoise_batch([points], return_report=True, **{name: length}, **more)[1][0].params == report.params
+
+
 def test_normals_are_of_unit_length_and_of_the_surface():
     smooth, report = pf.denoise(POINTS, normals=True, return_report=True)
     slope = 0.6 * np.cos(6 * smooth[:, 0])
