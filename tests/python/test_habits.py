@@ -143,12 +143,13 @@ def test_a_pipeline_refuses_a_second_thread():
 
     def second(share, stage):
         try:
-            pipeline.estimates()
+            pipeline.load(POINTS[:50])
         except pf.UsageError as error:
             errors.append(str(error))
 
     pipeline.run(k=200, iterations=3, progress=lambda *told: (thread := threading.Thread(target=second, args=told)).start() or thread.join())
     assert errors and "another thread" in errors[0]
+    assert same_bits(pipeline.run(k=8), pf.denoise(POINTS, k=8))  # what was refused has changed nothing
 
 
 def test_exceptions_belong_to_pythons_families():

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pipelines, batches, reports, limits."""
 import pickle
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -55,10 +57,6 @@ def test_a_pipeline_says_when_there_is_nothing_to_run():
     pipeline.load(POINTS)
     with pytest.raises(pf.UsageError):
         pipeline.normals()
-    with pytest.raises(pf.UsageError):
-        pipeline.load(POINTS.astype(int))
-    with pytest.raises(pf.UsageError, match="call load first"):
-        pipeline.run()
 
 
 NOTHING_TO_MEASURE = {
@@ -90,6 +88,54 @@ def test_there_is_a_report_where_nothing_can_be_measured(points):
                 result, report = pf.denoise(points, return_report=True, **{name: length}, **more)
                 assert same_bits(result, points) and report.points == len(points)
                 assert pf.denoise_batch([points], return_report=True, **{name: length}, **more)[1][0].params == report.params
+
+
+def test_a_pipeline_that_holds_no_cloud_says_so_everywhere():
+    pipeline = pf.Pipeline("cpu")
+    assert len(pipeline) == 0 and "no cloud" in repr(pipeline)
+    for call in (pipeline.run, pipeline.resolve, pipeline.estimates, pipeline.normals, pipeline.noise,
+                 lambda: pipeline.set_noise(None), lambda: pipeline.set_viewpoint((0, 0, 0)),
+                 lambda: pipeline.run(mask=np.ones(5, bool))):
+        with pytest.raises(pf.UsageError, match="the pipeline holds no cloud: call load first"):
+            call()
+
+
+@pytest.mark.parametrize("refused, arguments", [
+    (POINTS.astype(int), {}), (POINTS[:, :2], {}), ("points", {}), (POINTS, {"ignore": "kind=0"}),
+    (pf.Cloud(POINTS), {"ignore": "kind=0"}), (pf.Cloud(POINTS), {"ignore": "kind"}), (pf.Cloud(POINTS), {"ignore": 3})])
+@pytest.mark.parametrize("held", [POINTS, np.c_[POINTS, POINTS[:, 0]].astype(np.float32), pf.Cloud(POINTS)])
+def test_a_load_that_is_refused_leaves_everything_as_it_was(held, refused, arguments):
+    pipeline = pf.Pipeline("cpu")
+    pipeline.load(held)
+    before, estimates = pipeline.run(k=8), pipeline.estimates()
+    with pytest.raises(pf.UsageError):
+        pipeline.load(refused, **arguments)
+    after = pipeline.run(k=8)
+    assert same_bits(after.xyz, before.xyz) if isinstance(held, pf.Cloud) else same_bits(after, before)
+    assert len(pipeline) == 3000 and pipeline.estimates() == estimates
+
+
+def test_a_load_that_fails_on_the_way_leaves_no_cloud():
+    code = """if True:
+        import resource, numpy as np, pointfair as pf
+        pipeline = pf.Pipeline("cpu", threads=1)
+        pipeline.load(np.random.default_rng(1).random((1000, 3)))
+        pipeline.run(k=8)
+        many = np.zeros((30_000_000, 3), np.float32) + np.float32(1e6)
+        now = next(int(line.split()[1]) for line in open("/proc/self/status") if line.startswith("VmSize")) * 1024
+        resource.setrlimit(resource.RLIMIT_AS, (now + (64 << 20), resource.RLIM_INFINITY))
+        try:
+            pipeline.load(many)
+        except pf.OutOfMemory:
+            print(len(pipeline), repr(pipeline))
+        for call in (pipeline.run, pipeline.resolve, pipeline.estimates):
+            try:
+                call()
+            except pf.UsageError as error:
+                print(error)
+    """
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout.splitlines() == ["0 <pointfair.Pipeline on cpu, no cloud>", *["the pipeline holds no cloud: call load first"] * 3]
 
 
 def test_normals_are_of_unit_length_and_of_the_surface():
