@@ -54,14 +54,14 @@ class SharedPipeline {
   SharedPipeline(const std::string& device, unsigned threads) : arrays_(parse_device(device, threads)) {}
 
   template <class Work>
-  void use(nb::handle progress, std::size_t points, const Work& work) {
+  void use(nb::handle progress, std::size_t cost, const Work& work) {
     const auto lock = take();
-    run_interruptible(points, progress, [&](const Watch& watch) { work(arrays_, watch); });
+    run_interruptible(cost, progress, [&](const Watch& watch) { work(arrays_, watch); });
   }
   /// Of the cloud that is loaded.
   template <class Work>
   void use_cloud(const Work& work) {
-    use(nb::none(), arrays_.points(), [&](ArrayPipeline& arrays, const Watch& watch) {
+    use(nb::none(), cost_of({}, arrays_.points()), [&](ArrayPipeline& arrays, const Watch& watch) {
       arrays.require_cloud();
       work(arrays, watch);
     });
@@ -70,7 +70,7 @@ class SharedPipeline {
   void load(std::size_t points, const Work& work) {
     const auto lock = take();
     try {
-      run_interruptible(points, nb::none(), [&](const Watch&) { work(arrays_); });
+      run_interruptible(cost_of({}, points), nb::none(), [&](const Watch&) { work(arrays_); });
     } catch (const nb::python_error&) {  // a signal; the caller does not know what is loaded now
       arrays_.forget();
       throw;
@@ -104,7 +104,7 @@ template <class Scalar>
 void run(SharedPipeline& self, const Params& params, const Output<Scalar>& out, double strength, const OptionalBox& box,
          std::optional<Mask> mask, const std::string& where, nb::object progress) {
   const Limits limits = limits_of(strength, box, mask, where);
-  self.use(progress, out.shape(0),
+  self.use(progress, cost_of(params, out.shape(0)),
            [&](ArrayPipeline& arrays, const Watch& watch) { arrays.run(params, limits, span_of(out), watch); });
 }
 
@@ -112,7 +112,7 @@ Cloud run_cloud(SharedPipeline& self, const Params& params, double strength, con
                 std::optional<Mask> mask, const std::string& where, nb::object progress) {
   const Limits limits = limits_of(strength, box, mask, where);
   Cloud result;
-  self.use(progress, self.arrays().points(),
+  self.use(progress, cost_of(params, self.arrays().points()),
            [&](ArrayPipeline& arrays, const Watch& watch) { result = arrays.run_cloud(params, limits, watch); });
   return result;
 }
@@ -132,7 +132,7 @@ void load_on_card(SharedPipeline& self, const CardArray& array, std::uintptr_t s
 // Load and run in one, without the way through Python between them.
 void denoise_on_card(SharedPipeline& self, const CardArray& array, std::uintptr_t stream, const Params& params,
                      const CardArray& out, nb::object progress) {
-  self.use(progress, array.rows().count, [&](ArrayPipeline& arrays, const Watch& watch) {
+  self.use(progress, cost_of(params, array.rows().count), [&](ArrayPipeline& arrays, const Watch& watch) {
     arrays.load(points_of(array), stream_of(stream));
     arrays.run(params, out.rows(), stream_of(stream), watch);
   });
@@ -140,7 +140,7 @@ void denoise_on_card(SharedPipeline& self, const CardArray& array, std::uintptr_
 
 void run_on_card(SharedPipeline& self, const Params& params, const CardArray& out, std::uintptr_t stream,
                  nb::object progress) {
-  self.use(progress, out.rows().count, [&](ArrayPipeline& arrays, const Watch& watch) {
+  self.use(progress, cost_of(params, out.rows().count), [&](ArrayPipeline& arrays, const Watch& watch) {
     arrays.run(params, out.rows(), stream_of(stream), watch);
   });
 }
@@ -208,7 +208,7 @@ Rows batch(SharedPipeline& self, const std::string& device, const Input<Scalar>&
            const nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig>& offsets, const Params& params,
            unsigned threads, const Output<Scalar>& out, bool with_reports, nb::object progress) {
   std::vector<Report> reports(with_reports && offsets.size() > 0 ? offsets.size() - 1 : 0);
-  self.use(progress, std::size_t(1) << 20, [&](ArrayPipeline& arrays, const Watch& watch) {
+  self.use(progress, kAlwaysStoppable, [&](ArrayPipeline& arrays, const Watch& watch) {
     arrays.forget();
     denoise_batch<Scalar>(arrays.pipeline(), parse_device(device, threads), span_of(coordinates), span_of(offsets),
                           params, threads, span_of(out), reports, watch);
@@ -222,7 +222,7 @@ void batch_on_card(SharedPipeline& self, const CardArray& array, std::uintptr_t 
                    const nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig>& offsets, const Params& params,
                    const CardArray& out, nb::object progress) {
   const std::vector<std::uint64_t> ends(offsets.data(), offsets.data() + offsets.size());
-  self.use(progress, std::size_t(1) << 20, [&](ArrayPipeline& arrays, const Watch& watch) {
+  self.use(progress, kAlwaysStoppable, [&](ArrayPipeline& arrays, const Watch& watch) {
     arrays.forget();
     arrays.pipeline().run_many(points_of(array), stream_of(stream), ends, params, out.rows(), watch.stop);
   });
