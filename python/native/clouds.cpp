@@ -54,7 +54,8 @@ Cloud read_memory(nb::bytes bytes, const std::string& name, const std::optional<
   return read(span, name, options);
 }
 
-void write_file(const Cloud& cloud, nb::bytes path, const std::optional<std::string>& format,
+// What the file could not keep, a sentence each.
+std::vector<std::string> write_file(const Cloud& cloud, nb::bytes path, const std::optional<std::string>& format,
                 const std::optional<std::string>& encoding, bool overwrite, unsigned threads) {
   WriteOptions options;
   options.format = format_named(format);
@@ -64,6 +65,7 @@ void write_file(const Cloud& cloud, nb::bytes path, const std::optional<std::str
   const std::filesystem::path file(path_of(path));
   nb::gil_scoped_release release;
   write(file, cloud, options);
+  return losses(cloud, options.format ? *options.format : format_to_write(file, file_info(cloud).format));
 }
 
 nb::bytes write_memory(const Cloud& cloud, const std::string& format, const std::optional<std::string>& encoding) {

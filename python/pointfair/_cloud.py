@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from typing import TYPE_CHECKING, Any, Mapping
 
 import numpy as np
@@ -116,8 +117,9 @@ class Cloud:
 
     def write(self, path: str | os.PathLike[str], *, format: str | None = None, encoding: str | None = None,
               overwrite: bool = False, threads: int = 0) -> None:
-        """Writes the cloud. In its file's own format, only the coordinates of moved points differ. The file gets its
-        name only when it is complete. Raises FileError.
+        """Writes the cloud. In its file's own format, only the coordinates of moved points differ. Other formats keep
+        the attributes that they have a place for; what is lost is told in a UserWarning. The file gets its name only
+        when it is complete. Raises FileError.
 
         Args:
             path: its extension says the format.
@@ -126,8 +128,13 @@ class Cloud:
             overwrite: False: an existing file is an error.
             threads: 0: all cores.
         """
-        self._native.write(_path(path), _optional(format, "format"), _optional(encoding, "encoding"), bool(overwrite),
-                           as_threads(threads))
+        self._write(path, format, encoding, overwrite, threads)
+
+    def _write(self, path: Any, format: Any, encoding: Any, overwrite: bool, threads: int) -> None:
+        notes = self._native.write(_path(path), _optional(format, "format"), _optional(encoding, "encoding"),
+                                   bool(overwrite), as_threads(threads))
+        for note in notes:
+            warnings.warn(note, stacklevel=3)
 
     def copy(self) -> Cloud:
         """An independent copy."""
@@ -146,19 +153,19 @@ class Cloud:
         return f"<pointfair.Cloud of {len(self)} points, {self._native.position_type}{'; ' + names if names else ''}>"
 
 
-def _ply_of(array: NDArray[Any]) -> bytes:
-    """As a file, behind which the library keeps every digit."""
-    kind = "float" if array.dtype.itemsize == 4 else "double"
-    header = _PLY.format(len(array), "".join(f"property {kind} {axis}\n" for axis in "xyz"))
-    return header.encode() + array.astype(array.dtype.newbyteorder("<"), copy=False).tobytes()
-
-
 def _three_columns(xyz: Any) -> NDArray[Any]:
     array = as_numpy(xyz, "xyz")
     check_positions(array, "xyz")
     if array.shape[1] != 3:
         raise UsageError("xyz has 4 columns: give xyz[:, :3], and the fourth as an attribute")
     return rows(array)
+
+
+def _ply_of(array: NDArray[Any]) -> bytes:
+    """As a file, behind which the library keeps every digit."""
+    kind = "float" if array.dtype.itemsize == 4 else "double"
+    header = _PLY.format(len(array), "".join(f"property {kind} {axis}\n" for axis in "xyz"))
+    return header.encode() + array.astype(array.dtype.newbyteorder("<"), copy=False).tobytes()
 
 
 def read(path: str | os.PathLike[str], *, format: str | None = None, threads: int = 0) -> Cloud:
@@ -182,4 +189,4 @@ def write(path: str | os.PathLike[str], points: Any, *, format: str | None = Non
           overwrite: bool = False, threads: int = 0) -> None:
     """Writes a Cloud, or an array of positions, (N, 3). See Cloud.write."""
     cloud = points if isinstance(points, Cloud) else Cloud(points)
-    cloud.write(path, format=format, encoding=encoding, overwrite=overwrite, threads=threads)
+    cloud._write(path, format, encoding, overwrite, threads)

@@ -293,11 +293,6 @@ Format format_to_write(const std::filesystem::path& path, std::optional<Format> 
   return *format;
 }
 
-std::vector<std::string> losses(const Cloud& cloud, std::optional<Format> format) {
-  if (!cloud.source) return {};
-  return cloud.source->losses(format.value_or(cloud.source->format()));
-}
-
 std::vector<std::byte> write_bytes(const Cloud& cloud, Format format, std::optional<Encoding> encoding) {
   check(cloud);
   io::MemoryOutput out;

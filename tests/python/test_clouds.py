@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files and clouds: what is read, what is written, what is refused."""
 import copy
+import warnings
 
 import numpy as np
 import pytest
@@ -124,6 +125,25 @@ def test_attributes_of_a_file_get_new_values(tmp_path):
     assert (pf.read(tmp_path / "b.ply")["kind"] == np.arange(20)).all()
 
 
+@pytest.mark.parametrize("name, lost", [("a.obj", ["kind", "normal"]), ("a.off", ["kind"]), ("a.xyz", ["kind", "normal", "red"]),
+                                        ("a.pts", ["kind", "normal", "red"]), ("a.csv", []), ("a.ply", []), ("a.pcd", [])])
+def test_attributes_that_a_file_does_not_keep_are_told(tmp_path, name, lost):
+    colours = {channel: np.zeros(20, np.uint8) for channel in ("red", "green", "blue")}
+    cloud = pf.Cloud(waves(20), {"kind": np.zeros(20, np.uint8), "normal": np.ones((20, 3), np.float32), **colours})
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        cloud.write(tmp_path / name)
+        pf.write(tmp_path / ("b" + name), cloud)
+    told = [str(warning.message) for warning in caught]
+    assert len(told) == (2 if lost else 0) and all(warning.filename == __file__ for warning in caught)
+    for word in ("kind", "normal", "red"):
+        assert all((word in text) == (word in lost) for text in told)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        pf.read(tmp_path / name).write(tmp_path / ("again" + name))
+        pf.compare(cloud, cloud)
+
+
 def test_positions_can_be_set():
     cloud = pf.Cloud(waves(100, centre=(1e6, 0, 0)))
     moved = cloud.xyz
@@ -134,26 +154,6 @@ def test_positions_can_be_set():
         cloud.xyz = moved[:5]
 
 
-def test_copies_are_independent():
-    cloud = pf.Cloud(waves(20))
-    other = copy.copy(cloud)
-    other["a"] = np.zeros(20, np.uint8)
-    assert "a" not in cloud and "a" in copy.deepcopy(other)
-
-
-def test_triangles(tmp_path):
-    (tmp_path / "m.off").write_text("OFF\n4 1 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n")
-    assert pf.read(tmp_path / "m.off").triangles.tolist() == [[0, 1, 2], [0, 2, 3]]
-    assert pf.Cloud(waves(5)).triangles.shape == (0, 3)
-
-
-@pytest.mark.parametrize("name, values", [
-    ("a", np.zeros(4)), ("a", np.zeros((5, 0))), ("a", np.zeros((5, 2, 2))), ("a", np.zeros(5, np.int64)), ("a", np.zeros(5, "U3")),
-    ("a", [1, 2, 3, 4, 5]), ("a", np.zeros(5, complex)),
-])
-def test_attributes_that_cannot_be_are_refused(name, values):
-    with pytest.raises(pf.UsageError, match=name):
-        pf.Cloud(waves(5))[name] = values
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("before, after", [((0, 0, 0), (500000.1, 5.2e6, 300)), ((500000.1, 5.2e6, 300), (0, 0, 0)),
                                            ((0, 0, 0), (0.1, 0.2, 0.3))])
@@ -195,6 +195,26 @@ def test_four_columns_are_no_positions_of_a_cloud():
         cloud.xyz = np.zeros((10, 4))
 
 
+def test_copies_are_independent():
+    cloud = pf.Cloud(waves(20))
+    other = copy.copy(cloud)
+    other["a"] = np.zeros(20, np.uint8)
+    assert "a" not in cloud and "a" in copy.deepcopy(other)
+
+
+def test_triangles(tmp_path):
+    (tmp_path / "m.off").write_text("OFF\n4 1 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n")
+    assert pf.read(tmp_path / "m.off").triangles.tolist() == [[0, 1, 2], [0, 2, 3]]
+    assert pf.Cloud(waves(5)).triangles.shape == (0, 3)
+
+
+@pytest.mark.parametrize("name, values", [
+    ("a", np.zeros(4)), ("a", np.zeros((5, 0))), ("a", np.zeros((5, 2, 2))), ("a", np.zeros(5, np.int64)), ("a", np.zeros(5, "U3")),
+    ("a", [1, 2, 3, 4, 5]), ("a", np.zeros(5, complex)),
+])
+def test_attributes_that_cannot_be_are_refused(name, values):
+    with pytest.raises(pf.UsageError, match=name):
+        pf.Cloud(waves(5))[name] = values
 
 
 def test_errors_of_files_name_the_file_and_the_next_step(tmp_path):
