@@ -56,7 +56,7 @@ Cloud read_memory(nb::bytes bytes, const std::string& name, const std::optional<
 
 // What the file could not keep, a sentence each.
 std::vector<std::string> write_file(const Cloud& cloud, nb::bytes path, const std::optional<std::string>& format,
-                const std::optional<std::string>& encoding, bool overwrite, unsigned threads) {
+                                    const std::optional<std::string>& encoding, bool overwrite, unsigned threads) {
   WriteOptions options;
   options.format = format_named(format);
   options.encoding = encoding_named(encoding);

@@ -72,7 +72,7 @@ def test_a_cloud_knows_where_its_sensor_stood():
     for wrong in ((1.0, "a", 2.0), ((1.0, 2.0, 3.0), (1.0, 2.0)), "vx,vy,vz", 3.0):
         with pytest.raises(pf.UsageError, match="viewpoint"):
             pf.denoise(xyz, viewpoint=wrong)
-    with pytest.raises(pf.UsageError, match="along ray"):
+    with pytest.raises(pf.UsageError, match="^along ray needs .* give viewpoint"):
         pf.denoise(xyz, along="ray")
 
 
@@ -278,5 +278,7 @@ def test_compare_measures_what_geometry_says(tmp_path):
     assert pf.compare(flat, pf.Cloud(flat)).max == 0
     with pytest.raises(pf.FileError, match="missing"):
         pf.compare(flat, tmp_path / "missing.ply")
-    with pytest.raises(pf.UsageError):
+    with pytest.raises(pf.UsageError, match="(?<!-)edges"):
         pf.compare(flat, flat, edges=1000)
+    with pytest.raises(pf.UsageError, match="threads cannot be"):
+        pf.compare(flat, flat, threads=1.0)

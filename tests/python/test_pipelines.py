@@ -217,9 +217,10 @@ def test_strength_blends():
     ({"strength": 2}, "strength"), ({"strength": "x"}, "strength"), ({"strength": np.nan}, "strength"), ({"box": 3}, "box"),
     ({"box": ((0, 0, 0), (1, 1, -1))}, "box"), ({"box": ((0, 0, np.nan), (1, 1, 1))}, "box"), ({"device": "gpu"}, "device"),
     ({"device": 3}, "device"), ({"device": "\ud800"}, "device"), ({"device": []}, "device"), ({"device": "cuda:x"}, "device"), ({"threads": -1}, "threads"), ({"threads": 1.5}, "threads"),
-    ({"threads": True}, "threads"), ({"progress": 3}, "progress"), ({"params": {"k": 3}}, "Params"),
+    ({"threads": True}, "threads"), ({"threads": 1.0}, "threads"), ({"threads": np.ones(2, int)}, "threads"), ({"progress": 3}, "progress"), ({"params": {"k": 3}}, "Params"),
 ])
 def test_a_wrong_argument_is_refused_with_what_to_give(arguments, advice):
+    pf.denoise(POINTS, threads=1)  # whose pipeline waits for the next call
     with pytest.raises(pf.UsageError, match=advice):
         pf.denoise(POINTS, **arguments)
 
@@ -285,6 +286,7 @@ def test_batches_of_one_array():
     (np.zeros((5, 3)), {"offsets": [0, 4, 3, 5]}, pf.UsageError, "must not decrease"),
     (np.zeros((5, 3)), {"offsets": [0.0, 5.0]}, pf.UsageError, "whole numbers"),
     (np.zeros((5, 3)), {"offsets": []}, pf.UsageError, "whole numbers"),
+    (np.zeros((5, 3)), {"offsets": [[0, 1], [2]]}, pf.UsageError, "whole numbers"),
     ([np.zeros((5, 3)), np.zeros((5, 2))], {}, pf.UsageError, "cloud 1"), ([np.zeros((5, 3)), 7], {}, pf.UsageError, "cloud 1"),
     ([np.zeros((5, 3))], {"offsets": [0, 5]}, pf.UsageError, "leave them out"),
     ([np.zeros((5, 3))], {"device": "cuda:99"}, pf.DeviceError, "CUDA"),
