@@ -85,7 +85,8 @@ TEST(Degenerate, no_parameters_are_resolved_where_nothing_can_be_measured) {
   for (const Points& points : {Points{}, Points(300, {nan, 0, 0}), shapes::identical(300), shapes::sphere(3)}) {
     Pipeline pipeline(Device(Device::cpu, 0, 2));
     pipeline.load(points);
-    for (const Params& params : all_kinds()) {
+    const std::vector<Params> of_three = {Params{}};  // others need the spacing alone, which three points have
+    for (const Params& params : points.size() == 3 ? of_three : all_kinds()) {
       try {
         pipeline.resolve(params);
         ADD_FAILURE() << points.size() << " points";
