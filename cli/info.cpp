@@ -80,6 +80,16 @@ Json info_json(const Cloud& cloud, const Estimates& estimates, const Params& sug
           {"suggested", params_json(suggested)}};
 }
 
+// All automatic where nothing can be measured.
+Params suggested_for(Pipeline& pipeline, std::stop_token stop) {
+  try {
+    return pipeline.resolve({}, stop);
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::usage) throw;
+    return {};
+  }
+}
+
 void info(const InfoArguments& arguments, std::stop_token stop) {
   check_report(arguments.report, {arguments.input});
   Pipeline pipeline(make_device(arguments.device));
@@ -89,7 +99,7 @@ void info(const InfoArguments& arguments, std::stop_token stop) {
   pipeline.load(cloud);
   Estimates estimates = pipeline.estimates(stop);
   if (const double step = TiledRun::float_step_in_zones(cloud); step > 0) estimates.float_step = step;
-  const Params suggested = pipeline.resolve({}, stop);
+  const Params suggested = suggested_for(pipeline, stop);
   write_report(arguments.report, info_json(cloud, estimates, suggested));
   if (arguments.report != "-") print_output(info_text(cloud, estimates, suggested));
 }

@@ -79,6 +79,53 @@ TEST(Degenerate, one_two_and_three_points_keep_their_places_and_are_counted) {
     }
 }
 
+// What they would be leaves every later cloud as it is.
+TEST(Degenerate, no_parameters_are_resolved_where_nothing_can_be_measured) {
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  for (const Points& points : {Points{}, Points(300, {nan, 0, 0}), shapes::identical(300), shapes::sphere(3)}) {
+    Pipeline pipeline(Device(Device::cpu, 0, 2));
+    pipeline.load(points);
+    const std::vector<Params> of_three = {Params{}};  // others need the spacing alone, which three points have
+    for (const Params& params : points.size() == 3 ? of_three : all_kinds()) {
+      try {
+        pipeline.resolve(params);
+        ADD_FAILURE() << points.size() << " points";
+      } catch (const Error& error) {
+        EXPECT_EQ(error.kind(), ErrorKind::usage);
+        EXPECT_NE(std::string(error.what()).find("nothing to measure"), std::string::npos) << error.what();
+      }
+    }
+    Points out(points.size());
+    pipeline.run({}, out);
+    EXPECT_TRUE(same_bits(out, points));
+    Params given;
+    given.k = 8;
+    given.iterations = 1;
+    given.normal_sigma = given.closeness_sigma = given.similarity_sigma = 0.1;
+    EXPECT_EQ(pipeline.resolve(given).k, 8);
+  }
+}
+
+TEST(Degenerate, a_surface_without_noise_is_measured) {
+  Pipeline pipeline(Device(Device::cpu, 0, 2));
+  pipeline.load(shapes::sphere(3000));
+  EXPECT_GT(pipeline.resolve({}).radius.value, 0);
+}
+
+TEST(Degenerate, lengths_in_percent_or_spacings_of_nothing_are_reported_as_lengths_that_can_be_given_again) {
+  for (const ParamInfo& info : kParams) {
+    const auto* const field = std::get_if<Length Params::*>(&info.field);
+    if (!field) continue;
+    for (const Length length : {Length(1, Length::Unit::percent), Length(2, Length::Unit::spacing)}) {
+      Params params;
+      params.*(*field) = length;
+      const Params used = fair(shapes::identical(300), params).report.params;
+      EXPECT_GT((used.*(*field)).value, 0) << info.name;
+      EXPECT_NO_THROW(check_params(used)) << info.name;
+    }
+  }
+}
+
 TEST(Degenerate, k_points_and_one_more_are_faired_with_all_there_are) {
   for (const int count : {4, 15, 16, 17})
     for (const int k : {16, 512}) {

@@ -164,11 +164,50 @@ TEST(Positions, OfACloudWithoutAFileAreOffsetsFromItsOrigin) {
   EXPECT_EQ(out[0], (Position{101, 2, 3}));
 }
 
+// Whatever the cloud was: of a file of doubles or floats, or of none, near zero or far from it.
+TEST(Positions, ThatAreSetKeepTheirDigits) {
+  const auto near = random_positions(300, {}, 40), far = random_positions(300, {500000.123, 5.8e6, 120}, 40);
+  Cloud bare;
+  bare.points.resize(near.size());
+  Cloud text = parse(image(parse(ply_of(near)), Format::xyz), "cloud.xyz");
+  for (const Cloud& start : {parse(ply_of(near)), parse(ply_of(far)), text, bare}) {
+    Cloud cloud = start;
+    for (const auto& wanted : {far, near, far}) {
+      set_positions(cloud, wanted);
+      std::vector<Position> out(wanted.size());
+      positions(cloud, out);
+      EXPECT_EQ(out, wanted);
+      EXPECT_EQ(cloud.origin, choose_origin(wanted));
+      positions(parse(image(cloud, Format::ply)), out);
+      EXPECT_EQ(out, wanted);
+    }
+  }
+}
+
+TEST(Positions, ThatAreSetInPartLeaveTheBytesOfTheOthers) {
+  auto values = random_positions(300, {500000.123, 5.8e6, 120}, 40);
+  const std::string before = ply_of(values);
+  Cloud cloud = parse(before);
+  values[7] = {1.0 / 3, 2, std::numeric_limits<double>::quiet_NaN()};
+  set_positions(cloud, values);
+  EXPECT_EQ(image(cloud, Format::ply), ply_of(values));
+  cloud.points[9].x += 1;  // from there the points move as any
+  const double is = values[9][0];
+  std::vector<Position> out(values.size());
+  positions(cloud, out);
+  EXPECT_NEAR(out[9][0], is + 1, 1e-5);
+  out[9] = values[9];
+  set_positions(cloud, random_positions(300, {}, 40));
+  set_positions(cloud, out);
+  EXPECT_EQ(image(cloud, Format::ply), ply_of(values));
+}
+
 TEST(Positions, ArraysOfAnotherSizeAreRefused) {
   Cloud cloud;
   cloud.points.resize(2);
   std::vector<Position> out(3);
   EXPECT_EQ(thrown_by([&] { positions(cloud, out); }).kind, ErrorKind::usage);
+  EXPECT_EQ(thrown_by([&] { set_positions(cloud, out); }).kind, ErrorKind::usage);
   EXPECT_EQ(thrown_by([&] { move_positions(cloud, cloud.points, out); }).kind, ErrorKind::usage);
 }
 

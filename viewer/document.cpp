@@ -94,11 +94,21 @@ void Document::send_cloud() {
       pack(cloud_answer(cloud_, facts_), {make_array("positions", positions), make_array("normals", start_shading_)}));
 }
 
+// None where nothing can be measured; the run says itself what is wrong with parameters.
+std::optional<Params> Document::resolved(const Params& params, const std::stop_token& stop) {
+  try {
+    return pipeline_->resolve(params, stop);
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::usage) throw;
+    return std::nullopt;
+  }
+}
+
 void Document::run(const Request& request, std::stop_token stop) {
   if (!has_cloud_) return;
   update_movable(request.recipe.limits);
-  const Params used = pipeline_->resolve(request.recipe.params, stop);
-  if (expectation_.milliseconds(used) > kSlowMilliseconds) show_preview(request, used, stop);
+  const std::optional<Params> used = resolved(request.recipe.params, stop);
+  if (used && expectation_.milliseconds(*used) > kSlowMilliseconds) show_preview(request, *used, stop);
   pipeline_->run(request.recipe.params, result_.points(), stop, progress_for(request.id));
   expectation_.learn(pipeline_->report());
   apply_limits(request.recipe.limits, movable_, cloud_.points, result_.points());

@@ -49,6 +49,7 @@ class Document {
   void send_cancelled(const Json& id, double milliseconds);
 
  private:
+  std::optional<Params> resolved(const Params& params, const std::stop_token& stop);
   void show_preview(const Request& request, const Params& used, std::stop_token stop);
   void send_part(const Request& request, const Preview::Result& part);
   void show_result(const Request& request);

@@ -40,6 +40,9 @@ def _coordinates(message: Message, data: Any) -> list[NDArray[Any]]:
         if axis not in fields or fields[axis].datatype not in (FLOAT32, FLOAT64):
             raise ValueError(f"the message has no field {axis} of type FLOAT32 or FLOAT64")
         kind = f"{order}f{4 if fields[axis].datatype == FLOAT32 else 8}"
+        if message.height * message.width == 0:  # an offset into no bytes is refused
+            views.append(np.empty((message.height, message.width), kind))
+            continue
         views.append(np.ndarray((message.height, message.width), kind, data, fields[axis].offset,
                                 (message.row_step, message.point_step)))
     return views

@@ -128,7 +128,9 @@ class POINTFAIR_EXPORT Pipeline {
 
   /// `params` with every `auto` replaced by the value that a run would use in a typical place, and every length in file
   /// units. A run with `auto` follows the noise from place to place, and these values do not: a run with them has
-  /// another result. Measures what it needs, as estimates() does.
+  /// another result. Measures what it needs, as estimates() does. Throws ErrorKind::usage if there is nothing to
+  /// measure, as where no point is finite, all lie at one place, or too few show a surface: such values would leave
+  /// other clouds as they are. A run with `auto` leaves such a cloud as it is.
   Params resolve(const Params& params, std::stop_token stop = {});
 
   /// What the last successful run did, and with which parameters.

@@ -2,6 +2,7 @@
 #include "array_pipeline.hpp"
 
 #include <algorithm>
+#include <optional>
 #include <string>
 
 namespace pointfair::python {
@@ -26,18 +27,22 @@ Position in_double(const Point& point) { return {point.x, point.y, point.z}; }
 
 }  // namespace
 
-// From here until the load is complete, the pipeline holds nothing.
-void ArrayPipeline::start(std::size_t points) {
+void ArrayPipeline::forget() {
   kind_ = Kind::nothing;
   own_.clear();
   before_ = {};
   ignored_.clear();
+  points_ = 0;
+}
+
+void ArrayPipeline::hold(Kind kind, std::size_t points) {
+  kind_ = kind;
   points_ = points;
 }
 
 void ArrayPipeline::load(std::span<const float> coordinates, bool for_limits) {
   const std::span<const Point> points = as_points(coordinates);
-  start(points.size());
+  forget();
   if (choose_origin(points) == Position{}) {
     if (for_limits) before_.points.assign(points.begin(), points.end());
     pipeline_.load(points);
@@ -47,30 +52,35 @@ void ArrayPipeline::load(std::span<const float> coordinates, bool for_limits) {
     before_ = make_cloud(own_);
     pipeline_.load(before_.points);
   }
-  kind_ = Kind::floats;
+  hold(Kind::floats, points.size());
 }
 
 void ArrayPipeline::load(std::span<const double> coordinates, bool) {
   const std::span<const Position> positions = as_positions(coordinates);
-  start(positions.size());
+  forget();
   own_.assign(positions.begin(), positions.end());
   before_ = make_cloud(own_);
   pipeline_.load(before_.points);
-  kind_ = Kind::doubles;
+  hold(Kind::doubles, positions.size());
 }
 
 void ArrayPipeline::load(const DevicePoints& points, DeviceStream stream) {
-  start(points.count);
+  if (pipeline_.device().kind != Device::cuda)
+    throw Error(ErrorKind::usage, "the array lies on a card, and this pipeline computes on the CPU: make it with "
+                                  "device='cuda', or copy the array to host memory");
+  forget();
   before_.origin = pipeline_.load(points, stream);
-  kind_ = Kind::on_card;
+  hold(Kind::on_card, points.count);
 }
 
 void ArrayPipeline::load(const Cloud& cloud, const Limits& limits) {
-  start(cloud.points.size());
-  pipeline_.load(limits.ignore.empty() ? cloud : without_ignored(limits, cloud));
+  std::optional<Cloud> part;
+  if (!limits.ignore.empty()) part = without_ignored(limits, cloud);  // may refuse them
+  forget();
+  pipeline_.load(part ? *part : cloud);
   before_ = cloud;
   ignored_ = limits.ignore;
-  kind_ = Kind::cloud;
+  hold(Kind::cloud, cloud.points.size());
 }
 
 void ArrayPipeline::set_viewpoint(std::span<const Position> positions) {
@@ -87,8 +97,12 @@ void ArrayPipeline::set_viewpoint(const std::string& text) {
   pipeline_.set_viewpoint(parse_viewpoints(text, before_));
 }
 
-void ArrayPipeline::check(Kind kind, std::size_t coordinates) const {
+void ArrayPipeline::require_cloud() const {
   if (kind_ == Kind::nothing) throw Error(ErrorKind::usage, "the pipeline holds no cloud: call load first");
+}
+
+void ArrayPipeline::check(Kind kind, std::size_t coordinates) const {
+  require_cloud();
   if (kind_ != kind) throw Error(ErrorKind::usage, "the output has another type than what was loaded");
   if (coordinates != 3 * points_) {
     throw Error(ErrorKind::usage, "the output holds " + std::to_string(coordinates / 3) + " points, the cloud " +

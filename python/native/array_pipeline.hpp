@@ -24,6 +24,7 @@ class ArrayPipeline {
  public:
   explicit ArrayPipeline(Device device) : pipeline_(device) {}
 
+  /// A load that is refused leaves what was loaded before; one that fails later leaves nothing.
   /// `for_limits`: keeps a copy of float positions, which runs with limits need. Doubles are always kept.
   void load(std::span<const float> coordinates, bool for_limits);
   void load(std::span<const double> coordinates, bool for_limits);
@@ -47,16 +48,18 @@ class ArrayPipeline {
   Cloud run_cloud(const Params& params, const Limits& limits, const Watch& watch);
 
   /// Afterwards nothing is loaded.
-  void forget() { start(0); }
+  void forget();
 
   enum class Kind : std::uint8_t { nothing, floats, doubles, cloud, on_card };
   Kind kind() const { return kind_; }
+  /// Throws ErrorKind::usage where nothing is loaded.
+  void require_cloud() const;
   std::size_t points() const { return points_; }
   const Position& origin() const { return before_.origin; }
   Pipeline& pipeline() { return pipeline_; }
 
  private:
-  void start(std::size_t points);
+  void hold(Kind kind, std::size_t points);
   void check(Kind kind, std::size_t coordinates) const;
   std::vector<Point> moved(const Params& params, const Limits& limits, const Watch& watch);
   void apply(const Limits& limits, std::span<Point> after) const;

@@ -5,7 +5,6 @@
 #include <nanobind/stl/vector.h>
 
 #include <algorithm>
-#include <cstring>
 #include <filesystem>
 
 #include "bindings.hpp"
@@ -55,8 +54,9 @@ Cloud read_memory(nb::bytes bytes, const std::string& name, const std::optional<
   return read(span, name, options);
 }
 
-void write_file(const Cloud& cloud, nb::bytes path, const std::optional<std::string>& format,
-                const std::optional<std::string>& encoding, bool overwrite, unsigned threads) {
+// What the file could not keep, a sentence each.
+std::vector<std::string> write_file(const Cloud& cloud, nb::bytes path, const std::optional<std::string>& format,
+                                    const std::optional<std::string>& encoding, bool overwrite, unsigned threads) {
   WriteOptions options;
   options.format = format_named(format);
   options.encoding = encoding_named(encoding);
@@ -65,6 +65,7 @@ void write_file(const Cloud& cloud, nb::bytes path, const std::optional<std::str
   const std::filesystem::path file(path_of(path));
   nb::gil_scoped_release release;
   write(file, cloud, options);
+  return losses(cloud, options.format ? *options.format : format_to_write(file, file_info(cloud).format));
 }
 
 nb::bytes write_memory(const Cloud& cloud, const std::string& format, const std::optional<std::string>& encoding) {
@@ -84,20 +85,8 @@ void copy_positions(const Cloud& cloud, const Output<double>& out) {
 
 void replace_positions(Cloud& cloud, const Input<double>& coordinates) {
   const std::span<const Position> wanted(reinterpret_cast<const Position*>(coordinates.data()), coordinates.shape(0));
-  if (wanted.size() != cloud.points.size()) {
-    throw Error(ErrorKind::usage, "the cloud has " + std::to_string(cloud.points.size()) + " points, the array " +
-                                      std::to_string(wanted.size()) + "; a cloud keeps its number of points");
-  }
   nb::gil_scoped_release release;
-  std::vector<Position> now(wanted.size());
-  positions(cloud, now);
-  for (std::size_t i = 0; i < wanted.size(); ++i) {
-    float* const point[3] = {&cloud.points[i].x, &cloud.points[i].y, &cloud.points[i].z};
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      if (std::memcmp(&now[i][axis], &wanted[i][axis], sizeof(double)) != 0)
-        *point[axis] = static_cast<float>(wanted[i][axis] - cloud.origin[axis]);
-    }
-  }
+  set_positions(cloud, wanted);
 }
 
 Rows attribute_list(const Cloud& cloud) {

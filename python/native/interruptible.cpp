@@ -4,6 +4,7 @@
 #include <nanobind/stl/string.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <condition_variable>
 #include <deque>
@@ -18,7 +19,7 @@ namespace nb = nanobind;
 namespace pointfair::python {
 namespace {
 
-constexpr std::size_t kSmall = 2048;  // denoised within a few milliseconds
+constexpr std::size_t kSmall = std::size_t(1) << 18;  // visits of neighbours, some ten milliseconds
 constexpr std::chrono::milliseconds kPoll{50};
 
 // Threads that wait for work, as many as ever worked at a time. They are kept: what oneTBB sets up for a thread takes
@@ -137,8 +138,17 @@ void poll(Job& job, nb::handle progress) {
 
 }  // namespace
 
-void run_interruptible(std::size_t points, nb::handle progress, const std::function<void(const Watch&)>& work) {
-  if (points < kSmall && progress.is_none()) {
+std::size_t cost_of(const Params& params, std::size_t points) {
+  constexpr std::size_t kUsual = 128;  // visits a point, with what measures the cloud
+  const std::size_t most_iterations = params.method == Method::bilateral ? 2 : 8;  // of those that are automatic
+  const std::size_t iterations = params.iterations == kAutomatic ? most_iterations : std::size_t(params.iterations);
+  const std::size_t within_radius = params.radius.is_automatic() ? kUsual / 2 : points;
+  const std::size_t neighbors = params.k == kAutomatic ? within_radius : std::size_t(params.k);
+  return points * std::max(kUsual, std::min(points, neighbors) * iterations);
+}
+
+void run_interruptible(std::size_t cost, nb::handle progress, const std::function<void(const Watch&)>& work) {
+  if (cost < kSmall && progress.is_none()) {
     nb::gil_scoped_release release;
     work({});
     return;

@@ -41,6 +41,7 @@ void rename_flag(std::string& message, std::string_view name) {
 std::string in_python(std::string message) {
   for (const ParamInfo& info : kParams) rename_flag(message, info.name);
   for (const std::string_view name : kLimitNames) rename_flag(message, name);
+  rename_flag(message, "viewpoint");
   return message;
 }
 

@@ -22,6 +22,20 @@ const char* name_of(Device::Kind kind) {
   return kNames[static_cast<std::size_t>(kind)];
 }
 
+// What run gives back.
+const char* name_of(ArrayPipeline::Kind kind) {
+  switch (kind) {
+    case ArrayPipeline::Kind::nothing:
+      return "nothing";
+    case ArrayPipeline::Kind::cloud:
+      return "cloud";
+    case ArrayPipeline::Kind::on_card:
+      return "array on card";
+    default:
+      return "array";
+  }
+}
+
 using OptionalBox = std::optional<std::array<double, 6>>;
 
 // `box` is the lower and the upper corner; `where` as parse_selections reads it.
@@ -40,39 +54,57 @@ class SharedPipeline {
   SharedPipeline(const std::string& device, unsigned threads) : arrays_(parse_device(device, threads)) {}
 
   template <class Work>
-  void use(nb::handle progress, std::size_t points, const Work& work) {
-    const std::unique_lock lock(mutex_, std::try_to_lock);
-    if (!lock) throw Error(ErrorKind::usage, "another thread uses this Pipeline now; make one for each thread");
-    run_interruptible(points, progress, [&](const Watch& watch) { work(arrays_, watch); });
+  void use(nb::handle progress, std::size_t cost, const Work& work) {
+    const auto lock = take();
+    run_interruptible(cost, progress, [&](const Watch& watch) { work(arrays_, watch); });
+  }
+  /// Of the cloud that is loaded.
+  template <class Work>
+  void use_cloud(const Work& work) {
+    use(nb::none(), cost_of({}, arrays_.points()), [&](ArrayPipeline& arrays, const Watch& watch) {
+      arrays.require_cloud();
+      work(arrays, watch);
+    });
   }
   template <class Work>
-  void use(const Work& work) {
-    use(nb::none(), arrays_.points(), work);
+  void load(std::size_t points, const Work& work) {
+    const auto lock = take();
+    try {
+      run_interruptible(cost_of({}, points), nb::none(), [&](const Watch&) { work(arrays_); });
+    } catch (const nb::python_error&) {  // a signal; the caller does not know what is loaded now
+      arrays_.forget();
+      throw;
+    }
   }
   ArrayPipeline& arrays() { return arrays_; }
 
  private:
+  std::unique_lock<std::mutex> take() {
+    std::unique_lock lock(mutex_, std::try_to_lock);
+    if (!lock) throw Error(ErrorKind::usage, "another thread uses this Pipeline now; make one for each thread");
+    return lock;
+  }
+
   ArrayPipeline arrays_;
   std::mutex mutex_;
 };
 
 template <class Scalar>
 void load(SharedPipeline& self, const Input<Scalar>& coordinates, bool for_limits) {
-  self.use(nb::none(), coordinates.shape(0),
-           [&](ArrayPipeline& arrays, const Watch&) { arrays.load(span_of(coordinates), for_limits); });
+  self.load(coordinates.shape(0), [&](ArrayPipeline& arrays) { arrays.load(span_of(coordinates), for_limits); });
 }
 
 void load_cloud(SharedPipeline& self, const Cloud& cloud, const std::string& ignore) {
   Limits limits;
   if (!ignore.empty()) limits.ignore = parse_selections("ignore", ignore);
-  self.use(nb::none(), cloud.points.size(), [&](ArrayPipeline& arrays, const Watch&) { arrays.load(cloud, limits); });
+  self.load(cloud.points.size(), [&](ArrayPipeline& arrays) { arrays.load(cloud, limits); });
 }
 
 template <class Scalar>
 void run(SharedPipeline& self, const Params& params, const Output<Scalar>& out, double strength, const OptionalBox& box,
          std::optional<Mask> mask, const std::string& where, nb::object progress) {
   const Limits limits = limits_of(strength, box, mask, where);
-  self.use(progress, out.shape(0),
+  self.use(progress, cost_of(params, out.shape(0)),
            [&](ArrayPipeline& arrays, const Watch& watch) { arrays.run(params, limits, span_of(out), watch); });
 }
 
@@ -80,7 +112,7 @@ Cloud run_cloud(SharedPipeline& self, const Params& params, double strength, con
                 std::optional<Mask> mask, const std::string& where, nb::object progress) {
   const Limits limits = limits_of(strength, box, mask, where);
   Cloud result;
-  self.use(progress, self.arrays().points(),
+  self.use(progress, cost_of(params, self.arrays().points()),
            [&](ArrayPipeline& arrays, const Watch& watch) { result = arrays.run_cloud(params, limits, watch); });
   return result;
 }
@@ -94,14 +126,13 @@ DevicePoints points_of(const CardArray& array) {
 }
 
 void load_on_card(SharedPipeline& self, const CardArray& array, std::uintptr_t stream) {
-  self.use(nb::none(), array.rows().count,
-           [&](ArrayPipeline& arrays, const Watch&) { arrays.load(points_of(array), stream_of(stream)); });
+  self.load(array.rows().count, [&](ArrayPipeline& arrays) { arrays.load(points_of(array), stream_of(stream)); });
 }
 
 // Load and run in one, without the way through Python between them.
 void denoise_on_card(SharedPipeline& self, const CardArray& array, std::uintptr_t stream, const Params& params,
                      const CardArray& out, nb::object progress) {
-  self.use(progress, array.rows().count, [&](ArrayPipeline& arrays, const Watch& watch) {
+  self.use(progress, cost_of(params, array.rows().count), [&](ArrayPipeline& arrays, const Watch& watch) {
     arrays.load(points_of(array), stream_of(stream));
     arrays.run(params, out.rows(), stream_of(stream), watch);
   });
@@ -109,19 +140,20 @@ void denoise_on_card(SharedPipeline& self, const CardArray& array, std::uintptr_
 
 void run_on_card(SharedPipeline& self, const Params& params, const CardArray& out, std::uintptr_t stream,
                  nb::object progress) {
-  self.use(progress, out.rows().count, [&](ArrayPipeline& arrays, const Watch& watch) {
+  self.use(progress, cost_of(params, out.rows().count), [&](ArrayPipeline& arrays, const Watch& watch) {
     arrays.run(params, out.rows(), stream_of(stream), watch);
   });
 }
 
 void normals_on_card(SharedPipeline& self, const CardArray& out, std::uintptr_t stream) {
-  self.use([&](ArrayPipeline& arrays, const Watch&) { arrays.pipeline().normals(out.rows(), stream_of(stream)); });
+  self.use_cloud(
+      [&](ArrayPipeline& arrays, const Watch&) { arrays.pipeline().normals(out.rows(), stream_of(stream)); });
 }
 
 // (min, max, diagonal, spacing, noise, points, finite, noise_quantiles, float_step), with bounds in file coordinates.
 Row estimates(SharedPipeline& self) {
   Estimates found;
-  self.use([&](ArrayPipeline& arrays, const Watch& watch) { found = arrays.pipeline().estimates(watch.stop); });
+  self.use_cloud([&](ArrayPipeline& arrays, const Watch& watch) { found = arrays.pipeline().estimates(watch.stop); });
   const Position& origin = self.arrays().origin();
   for (std::size_t axis = 0; axis < 3; ++axis) {
     found.min[axis] += origin[axis];
@@ -136,31 +168,32 @@ Row estimates(SharedPipeline& self) {
 
 Params resolve(SharedPipeline& self, const Params& params) {
   Params result;
-  self.use([&](ArrayPipeline& arrays, const Watch& watch) { result = arrays.pipeline().resolve(params, watch.stop); });
+  self.use_cloud(
+      [&](ArrayPipeline& arrays, const Watch& watch) { result = arrays.pipeline().resolve(params, watch.stop); });
   return result;
 }
 
 void normals(SharedPipeline& self, const Output<float>& out) {
   const std::span<Point> span(reinterpret_cast<Point*>(out.data()), out.shape(0));
-  self.use([&](ArrayPipeline& arrays, const Watch& watch) { arrays.pipeline().normals(span, watch.stop); });
+  self.use_cloud([&](ArrayPipeline& arrays, const Watch& watch) { arrays.pipeline().normals(span, watch.stop); });
 }
 
 void noise(SharedPipeline& self, const Column<float>& out, const Params& params) {
-  self.use(
+  self.use_cloud(
       [&](ArrayPipeline& arrays, const Watch& watch) { arrays.pipeline().noise(span_of(out), params, watch.stop); });
 }
 
 void set_noise(SharedPipeline& self, const Column<const float>& sigmas) {
-  self.use([&](ArrayPipeline& arrays, const Watch&) { arrays.pipeline().set_noise(span_of(sigmas)); });
+  self.use_cloud([&](ArrayPipeline& arrays, const Watch&) { arrays.pipeline().set_noise(span_of(sigmas)); });
 }
 
 void set_viewpoint(SharedPipeline& self, const Input<double>& positions) {
   const std::span<const Position> span(reinterpret_cast<const Position*>(positions.data()), positions.shape(0));
-  self.use([&](ArrayPipeline& arrays, const Watch&) { arrays.set_viewpoint(span); });
+  self.use_cloud([&](ArrayPipeline& arrays, const Watch&) { arrays.set_viewpoint(span); });
 }
 
 void set_viewpoint_text(SharedPipeline& self, const std::string& text) {
-  self.use([&](ArrayPipeline& arrays, const Watch&) { arrays.set_viewpoint(text); });
+  self.use_cloud([&](ArrayPipeline& arrays, const Watch&) { arrays.set_viewpoint(text); });
 }
 
 nb::ndarray<nb::numpy, bool, nb::ndim<1>> outliers(SharedPipeline& self) {
@@ -175,8 +208,7 @@ Rows batch(SharedPipeline& self, const std::string& device, const Input<Scalar>&
            const nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig>& offsets, const Params& params,
            unsigned threads, const Output<Scalar>& out, bool with_reports, nb::object progress) {
   std::vector<Report> reports(with_reports && offsets.size() > 0 ? offsets.size() - 1 : 0);
-  const std::size_t always_stoppable = std::size_t(1) << 20;
-  self.use(progress, always_stoppable, [&](ArrayPipeline& arrays, const Watch& watch) {
+  self.use(progress, kAlwaysStoppable, [&](ArrayPipeline& arrays, const Watch& watch) {
     arrays.forget();
     denoise_batch<Scalar>(arrays.pipeline(), parse_device(device, threads), span_of(coordinates), span_of(offsets),
                           params, threads, span_of(out), reports, watch);
@@ -190,8 +222,7 @@ void batch_on_card(SharedPipeline& self, const CardArray& array, std::uintptr_t 
                    const nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig>& offsets, const Params& params,
                    const CardArray& out, nb::object progress) {
   const std::vector<std::uint64_t> ends(offsets.data(), offsets.data() + offsets.size());
-  const std::size_t always_stoppable = std::size_t(1) << 20;
-  self.use(progress, always_stoppable, [&](ArrayPipeline& arrays, const Watch& watch) {
+  self.use(progress, kAlwaysStoppable, [&](ArrayPipeline& arrays, const Watch& watch) {
     arrays.forget();
     arrays.pipeline().run_many(points_of(array), stream_of(stream), ends, params, out.rows(), watch.stop);
   });
@@ -265,6 +296,7 @@ void bind_pipelines(nb::module_& module) {
       .def("outliers", &outliers)
       .def("report", [](SharedPipeline& self) { return as_tuple(self.arrays().pipeline().report()); })
       .def("device", [](SharedPipeline& self) { return as_tuple(self.arrays().pipeline().device()); })
+      .def_prop_ro("holds", [](SharedPipeline& self) { return name_of(self.arrays().kind()); })
       .def_prop_ro("points", [](SharedPipeline& self) { return self.arrays().points(); });
   module.def("denoise_batch_on_card", &batch_on_card, nb::arg("pipeline"), nb::arg("array"), nb::arg("stream"),
              nb::arg("offsets").noconvert(), nb::arg("params"), nb::arg("out"), nb::arg("progress").none());

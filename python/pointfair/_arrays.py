@@ -7,6 +7,7 @@ from typing import Any, Callable, Literal
 
 import numpy as np
 
+from ._card import dlpack_device
 from ._errors import DeviceError, UsageError
 from ._values import encodable
 
@@ -16,9 +17,8 @@ _HOST = (1, 3, 11)  # DLPack's devices whose memory the host reads: CPU, CUDA's 
 def _refuse_devices(points: Any) -> None:
     if getattr(points, "requires_grad", False):
         raise UsageError("the tensor requires a gradient, which denoise does not give: pass tensor.detach()")
-    device = getattr(points, "__dlpack_device__", None)
-    kind = device()[0] if device is not None else 1
-    if getattr(kind, "value", kind) not in _HOST or hasattr(points, "__cuda_array_interface__"):
+    device = dlpack_device(points)
+    if (device is not None and device[0] not in _HOST) or hasattr(points, "__cuda_array_interface__"):
         raise DeviceError("the array lies on a card, and this call takes arrays in host memory: copy it to the host, "
                           "tensor.cpu() in torch, array.get() in cupy")
 
@@ -110,7 +110,7 @@ def _wrapper(like: Any) -> Callable[[Any], Any] | None:
     if package == "torch":
         return sys.modules["torch"].from_numpy  # type: ignore[no-any-return]
     if package == "open3d":
-        return kind.from_numpy  # type: ignore[no-any-return]
+        return getattr(kind, "from_numpy", kind)  # the vectors of legacy clouds are made of arrays
     if hasattr(like, "__array_namespace__"):
         return like.__array_namespace__().asarray  # type: ignore[no-any-return]
     return None

@@ -33,6 +33,10 @@ def denoise_batch(clouds: Points, params: Params | None = None, *, offsets: Any 
 def denoise_batch(clouds: Points, params: Params | None = None, *, offsets: Any = None, device: str = "auto",
                   threads: int = 0, progress: Progress = False, return_report: Literal[True],
                   **parameters: Unpack[ParamArguments]) -> tuple[Points, list[Report]]: ...
+@overload
+def denoise_batch(clouds: Points, params: Params | None = None, *, offsets: Any = None, device: str = "auto",
+                  threads: int = 0, progress: Progress = False, return_report: bool,
+                  **parameters: Unpack[ParamArguments]) -> Points | tuple[Points, list[Report]]: ...
 def denoise_batch(clouds: Any, params: Params | None = None, *, offsets: Any = None, device: str = "auto",
                   threads: int = 0, progress: Progress = False, return_report: bool = False,
                   **parameters: Unpack[ParamArguments]) -> Any:
@@ -64,7 +68,7 @@ def denoise_batch(clouds: Any, params: Params | None = None, *, offsets: Any = N
         [300, 200]
     """
     chosen = make_params(params, parameters)
-    as_threads(threads)
+    threads = as_threads(threads)
     on_card = _tensors_of(clouds)
     if on_card is not None:
         device = CardLayout(on_card, "clouds", any_shape=True).check_device(device)
@@ -170,7 +174,10 @@ def _tensors_of(clouds: Any) -> Any:
 
 
 def _as_offsets(offsets: Any) -> NDArray[np.int64]:
-    array = np.asarray(offsets)
+    try:
+        array = np.asarray(offsets)
+    except (TypeError, ValueError):
+        raise UsageError(f"offsets cannot be {offsets!r}: give whole numbers from 0 to N") from None
     if array.dtype.kind not in "iu" or array.ndim != 1 or len(array) == 0:
         raise UsageError(f"offsets cannot be {array.dtype} of shape {array.shape}: give whole numbers from 0 to N")
     return np.ascontiguousarray(array, np.int64)

@@ -14,13 +14,26 @@ _CUDA, _CUDA_MANAGED = 2, 13  # DLPack's devices
 _LEGACY, _PER_THREAD = 1, 2  # the streams that have numbers
 
 
-def is_on_card(points: Any) -> bool:
-    """Whether the array lies in the memory of a CUDA card."""
+def dlpack_device(points: Any) -> tuple[int, int] | None:
+    """Kind and number of the device of an array that speaks DLPack, None for others. Raises UsageError where there is
+    no memory, as in torch's meta tensors."""
     device = getattr(points, "__dlpack_device__", None)
     if device is None:
+        return None
+    try:
+        kind, number = device()
+    except (TypeError, ValueError, BufferError, RuntimeError) as error:
+        raise UsageError(f"the {type(points).__name__} has no memory that can be read: give an array in host memory or on "
+                         f"a CUDA card ({error})") from None
+    return int(getattr(kind, "value", kind)), int(number)
+
+
+def is_on_card(points: Any) -> bool:
+    """Whether the array lies in the memory of a CUDA card."""
+    device = dlpack_device(points)
+    if device is None:
         return hasattr(points, "__cuda_array_interface__")
-    kind = device()[0]
-    return getattr(kind, "value", kind) in (_CUDA, _CUDA_MANAGED)
+    return device[0] in (_CUDA, _CUDA_MANAGED)
 
 
 def _package(points: Any) -> str:
@@ -68,8 +81,8 @@ def layout_of(points: Any) -> CardLayout | None:
 
 
 def _card_of(points: Any) -> int:
-    device = getattr(points, "__dlpack_device__", None)
-    return int(device()[1]) if device is not None else 0
+    device = dlpack_device(points)
+    return device[1] if device is not None else 0
 
 
 def current_stream(layout: CardLayout) -> int:

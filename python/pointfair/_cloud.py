@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from typing import TYPE_CHECKING, Any, Mapping
 
 import numpy as np
@@ -44,11 +45,8 @@ class Cloud:
     _native: NativeCloud
 
     def __init__(self, xyz: Any, attributes: Mapping[str, Any] | None = None) -> None:
-        array = as_numpy(xyz, "xyz")
-        check_positions(array, "xyz")
-        if array.shape[1] != 3:
-            raise UsageError("xyz has 4 columns: give the fourth as an attribute")
-        self._native = _native.read_bytes(_ply_of(rows(array)), "array.ply", "ply") if len(array) else _native.Cloud()
+        array = _three_columns(xyz)
+        self._native = _native.read_bytes(_ply_of(array), "", "ply") if len(array) else _native.Cloud()
         for name, values in (attributes or {}).items():
             self[name] = values
 
@@ -61,16 +59,15 @@ class Cloud:
     @property
     def xyz(self) -> NDArray[Any]:
         """The positions, (N, 3), in the type that holds them without loss, float32 or float64: a copy. Assign to it to
-        move points. O(N)."""
+        move points: the cloud keeps every digit, and a file that it is written to has as many as its type of coordinates
+        holds. O(N)."""
         out = np.empty((len(self), 3), np.float64)
         self._native.positions(out)
         return out.astype(self._native.position_type, copy=False)
 
     @xyz.setter
     def xyz(self, positions: Any) -> None:
-        array = as_numpy(positions, "xyz")
-        check_positions(array, "xyz")
-        self._native.replace_positions(rows(array).astype(np.float64))
+        self._native.replace_positions(_three_columns(positions).astype(np.float64))
 
     @property
     def attributes(self) -> dict[str, np.dtype[Any]]:
@@ -120,8 +117,9 @@ class Cloud:
 
     def write(self, path: str | os.PathLike[str], *, format: str | None = None, encoding: str | None = None,
               overwrite: bool = False, threads: int = 0) -> None:
-        """Writes the cloud. In its file's own format, only the coordinates of moved points differ. The file gets its
-        name only when it is complete. Raises FileError.
+        """Writes the cloud. In its file's own format, only the coordinates of moved points differ. Other formats keep
+        the attributes that they have a place for; what is lost is told in a UserWarning. The file gets its name only
+        when it is complete. Raises FileError.
 
         Args:
             path: its extension says the format.
@@ -130,8 +128,13 @@ class Cloud:
             overwrite: False: an existing file is an error.
             threads: 0: all cores.
         """
-        self._native.write(_path(path), _optional(format, "format"), _optional(encoding, "encoding"), bool(overwrite),
-                           as_threads(threads))
+        self._write(path, format, encoding, overwrite, threads)
+
+    def _write(self, path: Any, format: Any, encoding: Any, overwrite: bool, threads: int) -> None:
+        notes = self._native.write(_path(path), _optional(format, "format"), _optional(encoding, "encoding"),
+                                   bool(overwrite), as_threads(threads))
+        for note in notes:
+            warnings.warn(note, stacklevel=3)
 
     def copy(self) -> Cloud:
         """An independent copy."""
@@ -148,6 +151,14 @@ class Cloud:
     def __repr__(self) -> str:
         names = ", ".join(f"{name} {kind.base}{list(kind.shape) if kind.shape else ''}" for name, kind in self.attributes.items())
         return f"<pointfair.Cloud of {len(self)} points, {self._native.position_type}{'; ' + names if names else ''}>"
+
+
+def _three_columns(xyz: Any) -> NDArray[Any]:
+    array = as_numpy(xyz, "xyz")
+    check_positions(array, "xyz")
+    if array.shape[1] != 3:
+        raise UsageError("xyz has 4 columns: give xyz[:, :3], and the fourth as an attribute")
+    return rows(array)
 
 
 def _ply_of(array: NDArray[Any]) -> bytes:
@@ -178,4 +189,4 @@ def write(path: str | os.PathLike[str], points: Any, *, format: str | None = Non
           overwrite: bool = False, threads: int = 0) -> None:
     """Writes a Cloud, or an array of positions, (N, 3). See Cloud.write."""
     cloud = points if isinstance(points, Cloud) else Cloud(points)
-    cloud.write(path, format=format, encoding=encoding, overwrite=overwrite, threads=threads)
+    cloud._write(path, format, encoding, overwrite, threads)

@@ -6,9 +6,10 @@ import dataclasses
 import os
 from typing import Any
 
-from ._cloud import Cloud, write
+from ._cloud import Cloud
 from ._errors import Error, FileError, UsageError
 from ._program import program_path
+from ._values import as_threads
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,7 +54,7 @@ def compare(a: Any, b: Any, *, as_cloud: bool = False, edges: float | None = Non
     import subprocess
     import tempfile
 
-    arguments = ["--threads", str(threads)] + (["--as", "cloud"] if as_cloud else [])
+    arguments = ["--threads", str(as_threads(threads))] + (["--as", "cloud"] if as_cloud else [])
     for name, value in (("--edges", edges), ("--normals", normals)):
         arguments += [] if value is None else [name, str(value)]
     with tempfile.TemporaryDirectory(prefix="pointfair-") as folder:
@@ -63,12 +64,20 @@ def compare(a: Any, b: Any, *, as_cloud: bool = False, edges: float | None = Non
     if done.returncode != 0:
         message = done.stderr.strip().splitlines()[-1:] or ["no reason given"]
         kind = {2: UsageError, 3: FileError}.get(done.returncode, Error)
-        raise kind(message[0].removeprefix("pointfair: ").removeprefix("error: "))
+        raise kind(_in_python(message[0].removeprefix("pointfair: ").removeprefix("error: ")))
     return Comparison(**json.loads(done.stdout))
+
+
+def _in_python(message: str) -> str:
+    """The program's message with the names of this module's arguments in place of flags."""
+    for flag, name in (("--edges", "edges"), ("--normals", "normals"), ("--threads", "threads"), ("--as cloud", "as_cloud=True")):
+        message = message.replace(flag, name)
+    return message
 
 
 def _path(points: Any, temporary: str) -> str:
     if isinstance(points, (str, os.PathLike)):
         return os.fspath(points)
-    write(temporary, points)
+    cloud = points if isinstance(points, Cloud) else Cloud(points)
+    cloud._native.write(os.fsencode(temporary), "ply", None, False, 0)  # what it does not keep is not compared
     return temporary

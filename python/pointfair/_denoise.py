@@ -33,6 +33,11 @@ def denoise(points: Points, params: Params | None = None, *, mask: Any = None, w
             ignore: str | None = None, strength: float = 1.0, box: Any = None, viewpoint: Any = None, normals: bool = False,
             device: str = "auto", threads: int = 0, out: Any = None, progress: Progress = False,
             return_report: Literal[True], **parameters: Unpack[ParamArguments]) -> tuple[Points, Report]: ...
+@overload
+def denoise(points: Points, params: Params | None = None, *, mask: Any = None, where: str | None = None,
+            ignore: str | None = None, strength: float = 1.0, box: Any = None, viewpoint: Any = None, normals: bool = False,
+            device: str = "auto", threads: int = 0, out: Any = None, progress: Progress = False,
+            return_report: bool, **parameters: Unpack[ParamArguments]) -> Points | tuple[Points, Report]: ...
 def denoise(points: Any, params: Params | None = None, *, mask: Any = None, where: str | None = None,
             ignore: str | None = None, strength: float = 1.0, box: Any = None, viewpoint: Any = None, normals: bool = False,
             device: str = "auto", threads: int = 0, out: Any = None, progress: Progress = False,

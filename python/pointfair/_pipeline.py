@@ -47,17 +47,16 @@ class Pipeline:
         self._native = native_pipeline(device, threads)
         self._layout: Layout | None = None
         self._on_card: Any = None  # the array that lies on the card
-        self._holds_cloud = False
         self._last_params: Params | None = None
 
     def load(self, points: Any, *, ignore: str | None = None) -> None:
         """Copies an array of positions, (N, 3) or (N, 4), or a Cloud to the device. The next run starts with the first
         stage. O(N). A tensor on a card must be on the pipeline's card, and is copied there. `ignore` chooses points of a
-        Cloud that are nobody's neighbours, as in pointfair.denoise."""
-        self._layout, self._holds_cloud, self._on_card = None, False, None
+        Cloud that are nobody's neighbours, as in pointfair.denoise. A load that is refused leaves everything as it was;
+        one that fails on the way, for lack of memory for instance, leaves a pipeline that holds no cloud."""
         if isinstance(points, Cloud):
             self._native.load_cloud(points._native, as_selections(ignore, "ignore"))
-            self._holds_cloud = True
+            self._layout, self._on_card = None, None
             return
         if ignore is not None:
             raise UsageError("ignore needs a Cloud, whose attributes it names")
@@ -65,13 +64,13 @@ class Pipeline:
             card_layout = _card.CardLayout(points)
             stream = _card.current_stream(card_layout)
             self._native.load_on_card(_card.card_array(points, stream), stream)
-            self._on_card = points
+            self._layout, self._on_card = None, points
             return
         array = as_numpy(points)
         check_positions(array)
         layout = Layout(array, points).keep()
         self._native.load(rows(array), True)
-        self._layout = layout
+        self._layout, self._on_card = layout, None
 
     def run(
         self,
@@ -88,18 +87,20 @@ class Pipeline:
         """Denoises the loaded cloud. Arguments are those of pointfair.denoise. Returns what was loaded, an array of the
         same type, shape and order or a Cloud, with the moved positions."""
         chosen = make_params(params, parameters)
+        holds = self._native.holds  # after a load that failed, nothing, whatever the fields say
+        if holds == "nothing":
+            raise UsageError("the pipeline holds no cloud: call load first")
         limits = (as_strength(strength), as_box(box), as_mask(mask, len(self)), as_selections(where, "where"))
         with progress_function(progress) as show:
-            if self._holds_cloud:
+            if holds == "cloud":
                 if out is not None:
                     raise UsageError("out= takes arrays, and a Cloud was loaded: leave it out")
                 return Cloud._of(self._native.run_cloud(chosen._native, *limits, show))
-            if self._on_card is not None:
+            if holds == "array on card":
                 if limits != (1.0, None, None, ""):
                     raise UsageError("mask, where, box and strength take arrays in host memory: blend the tensors instead")
                 return self._run_on_card(chosen, out, show)
-            if self._layout is None:
-                raise UsageError("the pipeline holds no cloud: call load first")
+            assert self._layout is not None
             result = Result(self._layout, out)
             self._native.run(chosen._native, result.rows, *limits, show)
             return result.finish()
@@ -114,7 +115,8 @@ class Pipeline:
     def resolve(self, params: Params | None = None, **parameters: Unpack[ParamArguments]) -> Params:
         """The parameters with every "auto" replaced by the value that a run would use in a typical place, and lengths in
         the unit of the points. A run with "auto" follows the noise from place to place; a run with these values does
-        not."""
+        not. Raises UsageError if there is nothing to measure in the cloud, as where no point is finite, all lie at one
+        place, or too few show a surface: such values would leave later frames as they are."""
         return Params._of(self._native.resolve(make_params(params, parameters)._native))
 
     def estimates(self) -> Estimates:
@@ -199,8 +201,9 @@ class Pipeline:
         return device_of(self._native.device())
 
     def __len__(self) -> int:
-        """Number of points of the loaded cloud."""
+        """Number of points of the loaded cloud; 0 where none is loaded."""
         return int(self._native.points)
 
     def __repr__(self) -> str:
-        return f"<pointfair.Pipeline on {self.device.kind}, {len(self)} points>"
+        held = "no cloud" if self._native.holds == "nothing" else f"{len(self)} points"
+        return f"<pointfair.Pipeline on {self.device.kind}, {held}>"

@@ -65,6 +65,7 @@ def _take(device: str, threads: int) -> _native.Pipeline:
 @contextlib.contextmanager
 def borrowed(device: str, threads: int) -> Iterator[_native.Pipeline]:
     """A pipeline for one call."""
+    threads = as_threads(threads)  # 1.0 and True are the same keys as 1
     pipeline = _take(device, threads)
     try:
         yield pipeline

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import numbers
+import operator
 from typing import Any
+
+import numpy as np
 
 from . import _native
 from ._errors import UsageError
@@ -70,7 +73,7 @@ def text_of(value: Any) -> str:
         return encodable(value)
     if value is None:
         return "auto"
-    if isinstance(value, bool):
+    if isinstance(value, (bool, np.bool_)):
         return "on" if value else "off"
     if isinstance(value, numbers.Integral):
         return str(int(value))
@@ -92,6 +95,10 @@ def native_params(params: Any, table: tuple[Parameter, ...]) -> _native.Params:
 
 def as_threads(threads: int) -> int:
     """A number of threads, 0 for all cores."""
-    if isinstance(threads, bool) or not hasattr(threads, "__index__") or not 0 <= threads <= 4096:
+    try:
+        number = -1 if isinstance(threads, (bool, np.bool_)) else operator.index(threads)
+    except TypeError:
+        number = -1
+    if not 0 <= number <= 4096:
         raise UsageError(f"threads cannot be {threads!r}: give a whole number from 0, all cores, to 4096")
-    return int(threads)
+    return number

@@ -130,9 +130,9 @@ class Resolver {
       case Length::Unit::automatic:
         return std::max(automatic, least());
       case Length::Unit::percent:
-        return length.value * diagonal_ / 100;
+        return positive(length.value * diagonal_ / 100);
       case Length::Unit::spacing:
-        return length.value * spacing_.mean;
+        return positive(length.value * spacing_.mean);
       case Length::Unit::file:
       case Length::Unit::radius:
       case Length::Unit::metre:  // was turned into file units
@@ -141,6 +141,7 @@ class Resolver {
     return length;
   }
   // A cloud without extent or noise must still get lengths that can be given again.
+  double positive(double length) const { return length > 0 ? length : least(); }
   double least() const { return 1e-6 * (spacing_.mean > 0 ? spacing_.mean : diagonal_ > 0 ? diagonal_ : 1.0); }
 
   void set_neighborhoods() {

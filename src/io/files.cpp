@@ -144,8 +144,9 @@ void write_new(const Plan& plan, const Cloud& cloud, io::Output& out) {
 }
 
 Plan plan(const Cloud& cloud, Format format, std::optional<Encoding> encoding, std::optional<double> las_scale) {
-  const bool copy = cloud.source && family(cloud.source->format()) == family(format);
-  const bool keeps = copy && has_encoding(format, cloud.source->encoding());
+  const bool same = cloud.source && family(cloud.source->format()) == family(format);
+  const bool copy = same && cloud.source->holds_its_positions();
+  const bool keeps = same && has_encoding(format, cloud.source->encoding());
   if (format == Format::e57 && !copy) {
     refuse("E57 files are written from E57 files only, with moved points; choose PLY, PCD or LAZ");
   }
@@ -290,11 +291,6 @@ Format format_to_write(const std::filesystem::path& path, std::optional<Format> 
   if (!format && !path.has_extension()) format = source;
   if (!format) io::fail(name, std::string("unknown extension; name the file ") + kKnownExtensions);
   return *format;
-}
-
-std::vector<std::string> losses(const Cloud& cloud, std::optional<Format> format) {
-  if (!cloud.source) return {};
-  return cloud.source->losses(format.value_or(cloud.source->format()));
 }
 
 std::vector<std::byte> write_bytes(const Cloud& cloud, Format format, std::optional<Encoding> encoding) {

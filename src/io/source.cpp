@@ -6,6 +6,7 @@
 #include "io/large_pages.hpp"
 #include "io/offset.hpp"
 #include "io/parallel.hpp"
+#include "io/placed_source.hpp"
 
 namespace pointfair {
 namespace {
@@ -109,6 +110,7 @@ Moves Source::moves(std::size_t block, const io::Edits& edits) const {
 }
 
 Moves Source::moves(std::uint64_t first, std::vector<Position> own, const io::Edits& edits) const {
+  if (edits.placed) return edits.placed->moves_of_file(first, std::move(own), edits);
   Moves result;
   result.values = std::move(own);
   result.changed.assign(result.values.size(), 0);

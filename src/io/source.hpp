@@ -90,6 +90,8 @@ class Source {
   /// Writes the file in its own format with the edits.
   virtual void write(const io::Edits& edits, Encoding encoding, io::Output& out) const;
 
+  /// Whether the file's own format holds the positions as well as they are known.
+  virtual bool holds_its_positions() const { return true; }
   /// Throws Error(usage) if the coordinates cannot be written in steps of `scale`: LAS files only are asked.
   virtual void check_las_scale(double) const {}
 

@@ -330,7 +330,9 @@ void TextSource::edit_row(std::string_view line, std::uint64_t point, const Move
       if ((moves.changed[place] >> axis & 1) == 0) continue;
       const double value = moves.values[place][axis];
       edited.push_back({words[axis], {}});
-      if (layout_.integers) {
+      if (edits.placed && !layout_.integers) {
+        append_as(edited.back().text, value, NativeType::float64);  // what was given keeps its digits
+      } else if (layout_.integers) {
         append_as(edited.back().text, value, NativeType::int64);
       } else {
         append_moved(edited.back().text, words[axis], value, static_cast<float>(value - origin()[axis]));

@@ -147,7 +147,22 @@ const std::shared_ptr<const NoiseLevels>& Pipeline::State::levels() const {
 Params Pipeline::State::resolve(const Params& params, const std::stop_token& stop) {
   Params used;
   attempt([&] { used = resolve_once(params, stop); });
+  if (!is_measured(params)) {
+    throw Error(ErrorKind::usage, "nothing to measure in this cloud: no surface shows in its " +
+                                      std::to_string(cloud.points()) + " points, " +
+                                      std::to_string(sample().bounds.valid) +
+                                      " of them finite; resolve the parameters on a cloud that shows one, or leave "
+                                      "them automatic");
+  }
   return used;
+}
+
+// Whether what the parameters follow from was found where it was sought. A noise of 0 was found, on points that lie
+// exactly on a surface; where no sample shows any, there is no surface either.
+bool Pipeline::State::is_measured(const Params& params) const {
+  if (needs_spacing(params) && !(cloud.spacing->mean > 0)) return false;
+  const bool seeks_noise = needs_noise(params) && params.noise.is_automatic() && !given_noise_;
+  return !seeks_noise || cloud.noise->surface_spacing > 0;
 }
 
 Params Pipeline::State::resolve_once(const Params& params, const std::stop_token& stop) {

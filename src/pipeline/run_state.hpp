@@ -60,6 +60,7 @@ struct Pipeline::State {
 
   void start_load(const std::function<void()>& load);
   Params resolve_once(const Params& params, const std::stop_token& stop);
+  bool is_measured(const Params& params) const;
   void run(const Params& params, const Delivery& to, const std::stop_token& stop, const ProgressFunction& progress);
   void run_to_end(const Params& params, const Delivery& to, const std::stop_token& stop,
                   const ProgressFunction& progress);

@@ -226,6 +226,15 @@ class Info(Case):
         self.assertEqual(list(report["suggested"]), PARAMS)
         self.assertGreater(report["spacing"], 0)
 
+    def test_of_points_that_show_nothing(self):
+        for points in ([(float("nan"), 0.0, 0.0)] * 50, [(1.0, 2.0, 3.0)] * 50, [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)]):
+            write_ply(self.path("in.ply"), points)
+            report = self.report("info", self.path("in.ply"))
+            self.assertEqual((report["points"], report["noise"]), (len(points), 0))
+            self.assertEqual(list(report["suggested"]), PARAMS)
+            self.assertEqual(report["suggested"]["radius"], "auto")
+            self.ok("run", self.path("in.ply"), self.path("out.ply"), "--force")
+
     def test_the_text(self):
         write_ply(self.path("in.ply"), sphere_points(100, 0.01), extra=[("float", "intensity", [0.5] * 100)])
         text = self.ok("info", self.path("in.ply")).stdout.decode()

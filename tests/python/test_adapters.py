@@ -75,6 +75,17 @@ def test_a_point_cloud_2_message(order, kind, datatype, padding):
         point_cloud2.positions(message)
 
 
+@pytest.mark.parametrize("height, width", [(1, 0), (0, 0), (0, 5)])
+def test_a_message_of_ros_without_points_passes(height, width):
+    point_cloud2 = importlib.import_module("point_cloud2")
+    fields = [types.SimpleNamespace(name=axis, offset=4 * i, datatype=7, count=1) for i, axis in enumerate("xyz")]
+    message = types.SimpleNamespace(height=height, width=width, is_bigendian=False, point_step=12, row_step=12 * width, data=b"",
+                                    fields=fields)
+    xyz = point_cloud2.positions(message)
+    assert xyz.shape == (0, 3) and xyz.dtype == np.float32
+    assert point_cloud2.with_positions(message, pf.denoise(xyz)) == b""
+
+
 def test_a_filter_of_pdal():
     pdal_filter = importlib.import_module("pdal_filter")
     ins = {axis: column.copy() for axis, column in zip("XYZ", POINTS.T)} | {"Intensity": np.zeros(2000, "u2")}

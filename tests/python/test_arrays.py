@@ -219,3 +219,28 @@ def test_random_arrays_give_the_result_of_a_plain_copy_or_a_sentence(array, argu
     assert same_bits(result[broken], before[broken])
     if not in_place:
         assert same_bits(array, before)
+
+
+def test_a_vector_of_a_legacy_cloud_of_open3d_comes_back_as_one():
+    class Vector3dVector:  # of open3d.utility: made of an array, and seen as one
+        def __init__(self, array):
+            self.array = np.array(array, np.float64)
+
+        def __array__(self, dtype=None, copy=None):
+            return self.array
+
+    Vector3dVector.__module__ = "open3d.cpu.pybind.utility"
+    result = pf.denoise(Vector3dVector(POINTS), k=10)
+    assert type(result) is Vector3dVector and same_bits(result.array, EXPECTED[np.dtype(float)])
+
+
+@pytest.mark.parametrize("call", [pf.denoise, pf.estimate, pf.denoise_batch, lambda array: pf.Pipeline("cpu").load(array), pf.Cloud])
+def test_arrays_without_memory_are_refused(call):
+    class Meta:  # as a tensor of torch on the device "meta"
+        shape, dtype, ndim = (5, 3), "float32", 2
+
+        def __dlpack_device__(self):
+            raise ValueError("Unknown device type meta for Dlpack")
+
+    with pytest.raises(pf.UsageError, match="no memory that can be read.*give an array"):
+        call(Meta())

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files and clouds: what is read, what is written, what is refused."""
 import copy
+import warnings
 
 import numpy as np
 import pytest
@@ -71,7 +72,7 @@ def test_a_cloud_knows_where_its_sensor_stood():
     for wrong in ((1.0, "a", 2.0), ((1.0, 2.0, 3.0), (1.0, 2.0)), "vx,vy,vz", 3.0):
         with pytest.raises(pf.UsageError, match="viewpoint"):
             pf.denoise(xyz, viewpoint=wrong)
-    with pytest.raises(pf.UsageError, match="along ray"):
+    with pytest.raises(pf.UsageError, match="^along ray needs .* give viewpoint"):
         pf.denoise(xyz, along="ray")
 
 
@@ -124,15 +125,74 @@ def test_attributes_of_a_file_get_new_values(tmp_path):
     assert (pf.read(tmp_path / "b.ply")["kind"] == np.arange(20)).all()
 
 
+@pytest.mark.parametrize("name, lost", [("a.obj", ["kind", "normal"]), ("a.off", ["kind"]), ("a.xyz", ["kind", "normal", "red"]),
+                                        ("a.pts", ["kind", "normal", "red"]), ("a.csv", []), ("a.ply", []), ("a.pcd", [])])
+def test_attributes_that_a_file_does_not_keep_are_told(tmp_path, name, lost):
+    colours = {channel: np.zeros(20, np.uint8) for channel in ("red", "green", "blue")}
+    cloud = pf.Cloud(waves(20), {"kind": np.zeros(20, np.uint8), "normal": np.ones((20, 3), np.float32), **colours})
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        cloud.write(tmp_path / name)
+        pf.write(tmp_path / ("b" + name), cloud)
+    told = [str(warning.message) for warning in caught]
+    assert len(told) == (2 if lost else 0) and all(warning.filename == __file__ for warning in caught)
+    for word in ("kind", "normal", "red"):
+        assert all((word in text) == (word in lost) for text in told)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        pf.read(tmp_path / name).write(tmp_path / ("again" + name))
+        pf.compare(cloud, cloud)
+
+
 def test_positions_can_be_set():
     cloud = pf.Cloud(waves(100, centre=(1e6, 0, 0)))
     moved = cloud.xyz
     moved[3] += 0.25
     cloud.xyz = moved
-    assert np.abs(cloud.xyz - moved).max() < 1e-7
-    assert same_bits(np.delete(cloud.xyz, 3, 0), np.delete(moved, 3, 0))
+    assert same_bits(cloud.xyz, moved)
     with pytest.raises(pf.UsageError, match="keeps its number of points"):
         cloud.xyz = moved[:5]
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("before, after", [((0, 0, 0), (500000.1, 5.2e6, 300)), ((500000.1, 5.2e6, 300), (0, 0, 0)),
+                                           ((0, 0, 0), (0.1, 0.2, 0.3))])
+def test_positions_that_are_set_keep_their_digits(tmp_path, dtype, before, after):
+    cloud = pf.Cloud(waves(500, centre=before, dtype=dtype), {"kind": np.arange(500, dtype=np.uint16)})
+    wanted = waves(500, seed=2, centre=after)
+    wanted[7] = np.nan
+    cloud.xyz = wanted
+    assert same_bits(cloud.xyz, wanted) and (cloud["kind"] == np.arange(500)).all()
+    assert same_bits(cloud.copy().xyz, wanted)
+    cloud.write(tmp_path / "a.csv")
+    assert same_bits(pf.read(tmp_path / "a.csv").xyz, wanted)
+    cloud.write(tmp_path / "a.ply")
+    step = np.spacing(np.float32(1)) if dtype == np.float32 and after[0] < 1 else 0
+    found = pf.read(tmp_path / "a.ply")
+    np.testing.assert_allclose(found.xyz, wanted, rtol=0, atol=step)
+    assert (found["kind"] == np.arange(500)).all()
+    fresh = pf.Cloud(wanted)
+    assert same_bits(pf.denoise(cloud, k=10).xyz, pf.denoise(fresh, k=10).xyz)
+    cloud.xyz = waves(500, centre=before, dtype=dtype)
+    assert same_bits(cloud.xyz.astype(dtype), waves(500, centre=before, dtype=dtype))
+
+
+def test_points_of_a_file_that_are_not_set_anew_keep_their_bytes(tmp_path):
+    lines = [f"{x * 0.25:.2f} {x % 7:.3f} 1.50 {x}" for x in range(100)]
+    (tmp_path / "a.xyz").write_text("\n".join(lines) + "\n")
+    cloud = pf.read(tmp_path / "a.xyz")
+    xyz = cloud.xyz.astype(float)
+    xyz[3] = 1 / 3, 500000.5, 0.1
+    cloud.xyz = xyz
+    cloud.write(tmp_path / "b.xyz")
+    lines[3] = f"{1 / 3!r} 500000.5 0.1 3"
+    assert (tmp_path / "b.xyz").read_text().splitlines() == lines
+
+
+def test_four_columns_are_no_positions_of_a_cloud():
+    cloud = pf.Cloud(waves(10))
+    with pytest.raises(pf.UsageError, match="4 columns"):
+        cloud.xyz = np.zeros((10, 4))
 
 
 def test_copies_are_independent():
@@ -218,5 +278,7 @@ def test_compare_measures_what_geometry_says(tmp_path):
     assert pf.compare(flat, pf.Cloud(flat)).max == 0
     with pytest.raises(pf.FileError, match="missing"):
         pf.compare(flat, tmp_path / "missing.ply")
-    with pytest.raises(pf.UsageError):
+    with pytest.raises(pf.UsageError, match="(?<!-)edges"):
         pf.compare(flat, flat, edges=1000)
+    with pytest.raises(pf.UsageError, match="threads cannot be"):
+        pf.compare(flat, flat, threads=1.0)

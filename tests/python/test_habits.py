@@ -48,6 +48,14 @@ def test_ctrl_c_stops_a_run(call):
     assert time.monotonic() - interrupt.at < 5
 
 
+@pytest.mark.parametrize("parameters", [{"k": 512, "iterations": 100}, {"radius": 10.0, "iterations": 100}])
+def test_ctrl_c_stops_a_long_run_of_few_points(parameters):
+    few = waves(2000)
+    with Interrupt(0.4) as interrupt, pytest.raises(KeyboardInterrupt):
+        pf.denoise(few, threads=1, **parameters)
+    assert time.monotonic() - interrupt.at < 2
+
+
 def test_a_pipeline_goes_on_after_ctrl_c():
     pipeline = pf.Pipeline("cpu")
     pipeline.load(POINTS)
@@ -143,12 +151,13 @@ def test_a_pipeline_refuses_a_second_thread():
 
     def second(share, stage):
         try:
-            pipeline.estimates()
+            pipeline.load(POINTS[:50])
         except pf.UsageError as error:
             errors.append(str(error))
 
     pipeline.run(k=200, iterations=3, progress=lambda *told: (thread := threading.Thread(target=second, args=told)).start() or thread.join())
     assert errors and "another thread" in errors[0]
+    assert same_bits(pipeline.run(k=8), pf.denoise(POINTS, k=8))  # what was refused has changed nothing
 
 
 def test_exceptions_belong_to_pythons_families():

@@ -31,7 +31,7 @@ def test_the_table_is_that_of_the_library():
 @pytest.mark.parametrize("name, value, canonical", [
     ("k", 24, 24), ("k", 24.0, 24), ("k", "24", 24), ("k", np.int64(24), 24), ("k", None, "auto"), ("radius", 0.02, 0.02),
     ("radius", "0.020", 0.02), ("radius", np.float32(0.5), 0.5), ("radius", "0.5%", "0.5%"), ("radius", 1e-05, 1e-05),
-    ("similarity_sigma", "1s", "1s"), ("normal_sigma", "0.6r", "0.6r"), ("constraint", "on", True), ("relaxation", 1, 1.0),
+    ("similarity_sigma", "1s", "1s"), ("normal_sigma", "0.6r", "0.6r"), ("constraint", "on", True), ("constraint", np.True_, True), ("relaxation", 1, 1.0),
     ("method", "mls", "mls"), ("outliers", None, "auto"),
 ])
 def test_values_become_canonical(name, value, canonical):
@@ -40,7 +40,7 @@ def test_values_become_canonical(name, value, canonical):
 
 
 @pytest.mark.parametrize("name, value", [
-    ("k", 0), ("k", 513), ("k", 2.5), ("k", True), ("k", "many"), ("k", [3]), ("k", 10**30), ("radius", -1), ("radius", 0),
+    ("k", 0), ("k", 513), ("k", 2.5), ("k", True), ("k", np.True_), ("k", "many"), ("k", [3]), ("k", 10**30), ("radius", -1), ("radius", 0),
     ("radius", math.inf), ("radius", math.nan), ("radius", "2r"), ("radius", "2 s"), ("radius", ""), ("radius", "\ud800"),
     ("method", "magic"), ("method", None), ("method", 3), ("constraint", "maybe"), ("constraint", None), ("crease_angle", 91),
     ("relaxation", 2.5), ("iterations", -1), ("iterations", b"2"),

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pipelines, batches, reports, limits."""
 import pickle
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -55,10 +57,85 @@ def test_a_pipeline_says_when_there_is_nothing_to_run():
     pipeline.load(POINTS)
     with pytest.raises(pf.UsageError):
         pipeline.normals()
+
+
+NOTHING_TO_MEASURE = {
+    "invalid": np.full((500, 3), np.nan), "empty": np.empty((0, 3), np.float32), "one place": np.ones((500, 3), np.float32),
+    "one point": np.ones((1, 3)), "three points": np.eye(3), "a line": np.linspace(0, 1, 300)[:, None] * (1.0, 2.0, 3.0)}
+
+
+@pytest.mark.parametrize("points", NOTHING_TO_MEASURE.values(), ids=NOTHING_TO_MEASURE)
+def test_no_parameters_are_resolved_where_nothing_can_be_measured(points):
+    pipeline = pf.Pipeline("cpu")
+    pipeline.load(points)
+    for parameters in ({}, {"k": 16}):
+        with pytest.raises(pf.UsageError, match="nothing to measure in this cloud.*resolve the parameters on a cloud"):
+            pipeline.resolve(**parameters)
+    given = {"k": 8, "iterations": 1, "noise": 0.01, "normal_sigma": 0.1, "closeness_sigma": 0.1, "similarity_sigma": 0.03}
+    assert pipeline.resolve(**given).noise == 0.01
+    assert same_bits(pipeline.run(), points) and pipeline.estimates().points == len(points)
+    pipeline.load(POINTS)
+    assert same_bits(pipeline.run(pipeline.resolve()), pf.denoise(POINTS, pipeline.resolve()))
+
+
+@pytest.mark.parametrize("points", NOTHING_TO_MEASURE.values(), ids=NOTHING_TO_MEASURE)
+def test_there_is_a_report_where_nothing_can_be_measured(points):
+    lengths = ["noise", "radius", "normal_sigma", "closeness_sigma", "similarity_sigma", "rho", "delta", "outlier_distance",
+               "outlier_radius", "displacement_limit"]
+    for name in lengths:
+        for length in ("1%", "2s"):
+            for more in ({}, {"constraint": True, "k": 12}, {"outliers": "mark"}):
+                result, report = pf.denoise(points, return_report=True, **{name: length}, **more)
+                assert same_bits(result, points) and report.points == len(points)
+                assert pf.denoise_batch([points], return_report=True, **{name: length}, **more)[1][0].params == report.params
+
+
+def test_a_pipeline_that_holds_no_cloud_says_so_everywhere():
+    pipeline = pf.Pipeline("cpu")
+    assert len(pipeline) == 0 and "no cloud" in repr(pipeline)
+    for call in (pipeline.run, pipeline.resolve, pipeline.estimates, pipeline.normals, pipeline.noise,
+                 lambda: pipeline.set_noise(None), lambda: pipeline.set_viewpoint((0, 0, 0)),
+                 lambda: pipeline.run(mask=np.ones(5, bool))):
+        with pytest.raises(pf.UsageError, match="the pipeline holds no cloud: call load first"):
+            call()
+
+
+@pytest.mark.parametrize("refused, arguments", [
+    (POINTS.astype(int), {}), (POINTS[:, :2], {}), ("points", {}), (POINTS, {"ignore": "kind=0"}),
+    (pf.Cloud(POINTS), {"ignore": "kind=0"}), (pf.Cloud(POINTS), {"ignore": "kind"}), (pf.Cloud(POINTS), {"ignore": 3})])
+@pytest.mark.parametrize("held", [POINTS, np.c_[POINTS, POINTS[:, 0]].astype(np.float32), pf.Cloud(POINTS)])
+def test_a_load_that_is_refused_leaves_everything_as_it_was(held, refused, arguments):
+    pipeline = pf.Pipeline("cpu")
+    pipeline.load(held)
+    before, estimates = pipeline.run(k=8), pipeline.estimates()
     with pytest.raises(pf.UsageError):
-        pipeline.load(POINTS.astype(int))
-    with pytest.raises(pf.UsageError, match="call load first"):
-        pipeline.run()
+        pipeline.load(refused, **arguments)
+    after = pipeline.run(k=8)
+    assert same_bits(after.xyz, before.xyz) if isinstance(held, pf.Cloud) else same_bits(after, before)
+    assert len(pipeline) == 3000 and pipeline.estimates() == estimates
+
+
+def test_a_load_that_fails_on_the_way_leaves_no_cloud():
+    code = """if True:
+        import resource, numpy as np, pointfair as pf
+        pipeline = pf.Pipeline("cpu", threads=1)
+        pipeline.load(np.random.default_rng(1).random((1000, 3)))
+        pipeline.run(k=8)
+        many = np.zeros((30_000_000, 3), np.float32) + np.float32(1e6)
+        now = next(int(line.split()[1]) for line in open("/proc/self/status") if line.startswith("VmSize")) * 1024
+        resource.setrlimit(resource.RLIMIT_AS, (now + (64 << 20), resource.RLIM_INFINITY))
+        try:
+            pipeline.load(many)
+        except pf.OutOfMemory:
+            print(len(pipeline), repr(pipeline))
+        for call in (pipeline.run, pipeline.resolve, pipeline.estimates):
+            try:
+                call()
+            except pf.UsageError as error:
+                print(error)
+    """
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout.splitlines() == ["0 <pointfair.Pipeline on cpu, no cloud>", *["the pipeline holds no cloud: call load first"] * 3]
 
 
 def test_normals_are_of_unit_length_and_of_the_surface():
@@ -140,9 +217,10 @@ def test_strength_blends():
     ({"strength": 2}, "strength"), ({"strength": "x"}, "strength"), ({"strength": np.nan}, "strength"), ({"box": 3}, "box"),
     ({"box": ((0, 0, 0), (1, 1, -1))}, "box"), ({"box": ((0, 0, np.nan), (1, 1, 1))}, "box"), ({"device": "gpu"}, "device"),
     ({"device": 3}, "device"), ({"device": "\ud800"}, "device"), ({"device": []}, "device"), ({"device": "cuda:x"}, "device"), ({"threads": -1}, "threads"), ({"threads": 1.5}, "threads"),
-    ({"threads": True}, "threads"), ({"progress": 3}, "progress"), ({"params": {"k": 3}}, "Params"),
+    ({"threads": True}, "threads"), ({"threads": 1.0}, "threads"), ({"threads": np.ones(2, int)}, "threads"), ({"progress": 3}, "progress"), ({"params": {"k": 3}}, "Params"),
 ])
 def test_a_wrong_argument_is_refused_with_what_to_give(arguments, advice):
+    pf.denoise(POINTS, threads=1)  # whose pipeline waits for the next call
     with pytest.raises(pf.UsageError, match=advice):
         pf.denoise(POINTS, **arguments)
 
@@ -208,6 +286,7 @@ def test_batches_of_one_array():
     (np.zeros((5, 3)), {"offsets": [0, 4, 3, 5]}, pf.UsageError, "must not decrease"),
     (np.zeros((5, 3)), {"offsets": [0.0, 5.0]}, pf.UsageError, "whole numbers"),
     (np.zeros((5, 3)), {"offsets": []}, pf.UsageError, "whole numbers"),
+    (np.zeros((5, 3)), {"offsets": [[0, 1], [2]]}, pf.UsageError, "whole numbers"),
     ([np.zeros((5, 3)), np.zeros((5, 2))], {}, pf.UsageError, "cloud 1"), ([np.zeros((5, 3)), 7], {}, pf.UsageError, "cloud 1"),
     ([np.zeros((5, 3))], {"offsets": [0, 5]}, pf.UsageError, "leave them out"),
     ([np.zeros((5, 3))], {"device": "cuda:99"}, pf.DeviceError, "CUDA"),

@@ -42,7 +42,10 @@ def test_wrong_uses_are_found(mypy, tmp_path):
         "good = pf.denoise(points, k=8, radius='2s', constraint=True)\n"
         "count: int = pf.denoise(points)\n"       # 8
         "out, report = pf.denoise(points, return_report=True)\n"
-        "report.unmoved.strays\n")                # 10
+        "report.unmoved.strays\n"                 # 10
+        "flag: bool = bool(len(points))\n"
+        "both = pf.denoise(points, return_report=flag)\n"
+        "many = pf.denoise_batch([points], return_report=flag)\n")
     done = mypy(tmp_path / "wrong.py")
     lines = {int(line.split(":")[1]) for line in done.stdout.splitlines() if ": error:" in line}
     assert lines == {4, 5, 6, 8, 10}, done.stdout

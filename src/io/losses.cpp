@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+// What of a cloud a file of another format does not keep.
+#include <algorithm>
+#include <initializer_list>
+
+#include "io/column_names.hpp"
+#include "io/source.hpp"
+#include "pointfair/io.hpp"
+
+namespace pointfair {
+namespace {
+
+bool is_one_of(const std::string& name, std::initializer_list<std::string_view> names) {
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+bool is_color(const std::string& name) { return is_one_of(name, {"red", "green", "blue", "rgb", "rgba"}); }
+
+// Whether the writer of a new file of the format has a place for it.
+bool is_kept(Format format, const AttributeInfo& attribute) {
+  const std::vector<std::string> parts = io::component_names(attribute.name, attribute.components);
+  return std::all_of(parts.begin(), parts.end(), [&](const std::string& part) {
+    const std::string name = io::ply_name(part);
+    return is_color(name) || (format == Format::off && is_one_of(name, {"nx", "ny", "nz"}));
+  });
+}
+
+std::string listed(const std::vector<std::string>& names) {
+  std::string text;
+  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
+  return text;
+}
+
+// A copy of the cloud's file has its own attributes in any case.
+std::vector<AttributeInfo> written_anew(const Cloud& cloud, Format format) {
+  if (!cloud.source || cloud.source->format() != format) return attributes(cloud);
+  return {cloud.added.begin(), cloud.added.end()};
+}
+
+std::vector<std::string> lost_attributes(const Cloud& cloud, Format format) {
+  const bool is_nameless = format == Format::xyz || format == Format::pts;
+  if (!is_nameless && format != Format::obj && format != Format::off) return {};
+  std::vector<std::string> lost;
+  for (const AttributeInfo& attribute : written_anew(cloud, format))
+    if (is_nameless || !is_kept(format, attribute)) lost.push_back(attribute.name);
+  if (lost.empty()) return {};
+  if (is_nameless)
+    return {"XYZ and PTS files do not name their columns, so the attributes " + listed(lost) +
+            " stand there without their names; CSV, PLY and PCD keep them"};
+  return {std::string(format == Format::obj ? "OBJ" : "OFF") + " files have no place for the attributes " +
+          listed(lost) + "; PLY, PCD and CSV keep them"};
+}
+
+}  // namespace
+
+std::vector<std::string> losses(const Cloud& cloud, std::optional<Format> format) {
+  if (!cloud.source && !format) return {};
+  const Format to = format ? *format : cloud.source->format();
+  std::vector<std::string> result = cloud.source ? cloud.source->losses(to) : std::vector<std::string>{};
+  for (std::string& lost : lost_attributes(cloud, to)) result.push_back(std::move(lost));
+  return result;
+}
+
+}  // namespace pointfair

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+// A file whose points were given other positions, in double: all else stays as the file has it.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "io/source.hpp"
+
+namespace pointfair::io {
+
+class PlacedSource final : public Source {
+ public:
+  /// `file` may be null: then there is nothing but positions.
+  PlacedSource(std::shared_ptr<const Source> file, std::vector<Position> positions);
+
+  std::size_t block_count() const override;
+  std::uint64_t block_begin(std::size_t block) const override;
+  void positions(std::size_t block, std::span<Position> out) const override;
+  ScalarType coordinate_type() const override { return type_; }
+  std::vector<Column> columns() const override;
+  void extract_block(std::size_t index, std::size_t block, std::span<char> out) const override;
+  Faces faces() const override { return file_ ? file_->faces() : Faces{}; }
+  void write(const Edits& edits, Encoding encoding, Output& out) const override;
+  bool holds_its_positions() const override;
+  void check_las_scale(double scale) const override { file_->check_las_scale(scale); }
+  std::optional<Position> sensor(std::size_t block) const override;
+  FileInfo info() const override { return file_ ? file_->info() : FileInfo{}; }
+  std::vector<std::string> losses(Format to) const override;
+  std::vector<std::string> companions() const override;
+
+  const std::shared_ptr<const Source>& file() const { return file_; }
+  /// Of the points from `first` on, which lie at `of_file` in the file.
+  Moves moves_of_file(std::uint64_t first, std::vector<Position> of_file, const Edits& edits) const;
+
+ private:
+  std::shared_ptr<const Source> file_;
+  std::vector<Position> positions_;
+  ScalarType type_;
+};
+
+}  // namespace pointfair::io
