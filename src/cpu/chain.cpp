@@ -173,7 +173,7 @@ void Chain::measure_radii(const Kernels& kernels, const std::stop_token& stop) {
       if (reach.values != nullptr) {
         squared_levels_of(index, leaf, reach, reach_level);
         std::transform(reach_level, reach_level + kLeafSize, further_share_.data() + leaf * kLeafSize,
-                       point::further_share);
+                       [](float level) { return point::further_share(level); });
       }
       kernels.squared_radii(index, Index(leaf), nearest.data(), neighborhoods().radii,
                             reach.values != nullptr ? reach_level : nullptr, squared_radius_.data() + leaf * kLeafSize);
