@@ -67,6 +67,29 @@ TEST(LasFiles, OnlyCoordinatesOfMovedPointsAndBoundsChange) {
   }
 }
 
+TEST(LasFiles, WrongBoundsAreRightOnceAPointMoved) {
+  LasSpec spec;
+  spec.count = 60;
+  const std::string good = make_las(spec);
+  const std::size_t begin = las_points_begin(good), bounds = 179, bytes = 6 * sizeof(double);
+  std::string zeros = good, half = good, not_numbers = good;
+  for (std::size_t i = 0; i < 6; ++i) {
+    las_put(zeros, bounds + 8 * i, 0.0);
+    las_put(not_numbers, bounds + 8 * i, std::numeric_limits<double>::quiet_NaN());
+  }
+  las_put(half, bounds, las_get<double>(half, bounds + 8));  // one side
+  for (const std::string& wrong : {zeros, half, not_numbers}) {
+    Cloud cloud = parse(wrong, "a.las");
+    EXPECT_EQ(image(cloud, Format::las), wrong);  // nothing moved
+    cloud.points[30].z += 1;
+    const std::string after = image(cloud, Format::las);
+    std::string wanted = after;
+    las_summarize(wanted, begin, spec, las_record_length(after));
+    EXPECT_EQ(after.substr(bounds, bytes), wanted.substr(bounds, bytes));
+    EXPECT_EQ(image(cloud, Format::laz).substr(bounds, bytes), wanted.substr(bounds, bytes));
+  }
+}
+
 TEST(LasFiles, CoordinatesAreIntegersTimesScalePlusOffset) {
   LasSpec spec;
   const std::string las = make_las(spec);

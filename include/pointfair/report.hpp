@@ -36,7 +36,7 @@ struct OutlierCounts {
   friend bool operator==(const OutlierCounts&, const OutlierCounts&) = default;
 };
 
-/// How many points kept their place, by reason.
+/// How many points kept their place, by reason. Of neighbours and normals, the first iteration tells.
 struct UnmovedCounts {
   std::uint64_t non_finite = 0;         ///< a coordinate is NaN or infinite, or its square would overflow
   std::uint64_t too_few_neighbors = 0;  ///< fewer than 3 neighbours

@@ -235,7 +235,9 @@ void Pipeline::State::run_to_end(const Params& params, const Delivery& to, const
   const auto computed = Clock::now();
   const OutlierCounts outlier_counts = to.deliver(last, settings.limits, marks);
   log_.note_call("download", milliseconds_since(computed));
-  const Counts counts = backend.counts(last);
+  Counts counts = backend.counts(last);
+  // who moved once and lost its neighbours or its normal in a further iteration did not keep its place
+  if (last > 0) counts.unmoved = backend.counts(0).unmoved;
   const Costs costs = log_.settle(backend);
 
   unfinished_ = false;

@@ -26,11 +26,14 @@ struct Wanted {
   double halo = 0;  // 0: as first thought
 };
 
-PointsHeader header_of(const Counts& counts) {
+// Who has moved in the first iteration has not kept its place.
+PointsHeader header_of(const Counts& counts, const std::optional<TaskCounts>& first_counts) {
   PointsHeader header;
   header.counts[kTooFewCount] = counts.unmoved.too_few_neighbors;
   header.counts[kNoNormalCount] = counts.unmoved.no_normal;
   header.counts[kShortCount] = counts.short_neighborhoods;
+  if (first_counts)
+    for (const std::size_t kind : {kTooFewCount, kNoNormalCount}) header.counts[kind] = (*first_counts)[kind];
   return header;
 }
 
@@ -278,7 +281,7 @@ class Denoising::Tile {
       if (count > 0) sections.push_back({work_.input.tree_leaf(leaf), work_.input.zone_of(leaf), count, b.min, b.max});
       at += count;
     }
-    PointsHeader header = header_of(counts_);
+    PointsHeader header = header_of(counts_, work_.first_counts);
     header.index_bytes = sizeof(std::uint64_t);
     PointsWriter writer(path, header, sections, {});
     writer.write(std::span(results_));
@@ -303,7 +306,7 @@ class Denoising::Tile {
     }
     Places order(next.back());
     for (std::size_t i = 0; i < results_.size(); ++i) order[next[chunk_of(indices[i])]++] = std::uint32_t(i);
-    PointsWriter writer(path, header_of(counts_), sections, {});
+    PointsWriter writer(path, header_of(counts_, work_.first_counts), sections, {});
     write_in_order<Point>(writer, order, [&](std::uint32_t i) { return results_[i]; });
     write_in_order<std::uint32_t>(writer, order, [&](std::uint32_t i) {
       return std::uint32_t(indices[i] - chunks[chunk_of(indices[i])].first_point);

@@ -10,6 +10,7 @@
 
 #include "pipeline/stage_settings.hpp"
 #include "scale/plan.hpp"
+#include "scale/points_file.hpp"
 #include "scale/stored_cloud.hpp"
 #include "seam/backend.hpp"
 #include "tiles/halo.hpp"
@@ -25,6 +26,7 @@ struct TileWork {
   TileStages stages;                                ///< for offsets from the cloud's origin
   std::uint64_t most_points = 0;                    ///< that are loaded at once
   const std::vector<InputChunk>* chunks = nullptr;  ///< if given, results are written by chunk, for the last step
+  std::optional<TaskCounts> first_counts{};         ///< the tile's in the first iteration, if this is a further one
 };
 
 /// A tile on its way to `path`. One call after the other, each on any thread.

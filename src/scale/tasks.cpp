@@ -151,11 +151,15 @@ TileWork Tasks::tile_work(const WorkStep& step, std::size_t task) const {
   FairingSettings fairing = settings.fairing;
   fairing.is_further = step.iteration > 0;
   const bool is_last = step.iteration + 1 == folder_.plan.iterations;
+  std::optional<TaskCounts> first_counts;
+  if (step.iteration > 0)
+    first_counts = PointsFile(folder_.file_of({step.kind, step.iteration - 1}, task)).header().counts;
   return {*input_,
           {tree_.tile_begin(task), tree_.tile_begin(task + 1)},
           {frame, settings.neighbors, settings.normals, fairing},
           points_in_memory(folder_.plan.memory, bytes_of_tile_point(folder_.plan.params)),
-          is_last ? &folder_.plan.chunks : nullptr};
+          is_last ? &folder_.plan.chunks : nullptr,
+          first_counts};
 }
 
 void Tasks::run_emit(const WorkStep& step, std::size_t task, const std::stop_token& stop) {

@@ -3,7 +3,7 @@
 """Runs in tiles on disk say the same of a run as runs in memory."""
 import unittest
 
-from program import Case, run
+from program import Case, positions, run, write_ply
 from survey_files import ground, write_e57, write_las
 
 
@@ -71,6 +71,16 @@ class Reports(Case):
                  for words in ([], ["--tiles", 3])]
         for line in (line for line in lines[0] if "points moved" in line or "rounding" in line):
             self.assertIn(line, lines[1])
+
+    def test_points_that_moved_in_an_iteration_are_not_kept(self):
+        source = write_ply(self.path("in.ply"), [(-44.3001, -1.1321, 0.3358), (-44.5069, -0.886, 0.3286),
+                                                 (-44.4487, -0.886, 0.3694), (-44.9522, -1.3493, -0.6077)])
+        for words in ([], ["--tiles", 3]):
+            report = self.report("run", source, self.path("out.ply"), "--force", "--noise", "0.003", *words)
+            moved = sum(a != b for a, b in zip(positions(source), positions(self.path("out.ply"))))
+            kept = sum(report["unmoved"][reason] for reason in ("too_few_neighbors", "no_normal", "outliers"))
+            self.assertGreater(moved, 0)
+            self.assertLessEqual(moved + kept, 4)
 
     def test_limits_that_select_nothing_are_said(self):
         source = write_las(self.path("in.las"), list(ground(900)), [2] * 900)

@@ -52,12 +52,27 @@ Grid steps_of(const Scaling& own, std::optional<double> wanted) {
   return steps;
 }
 
-// A bound that is the same as before keeps its bytes.
+// Whether the header's bounds are numbers and hold all points, up to what rounding the doubles costs.
+bool are_right(const Scaling& scaling, const GridBounds& bounds, std::string_view front) {
+  constexpr double kRounding = 1e-6;  // of a step
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const auto max = get<double>(front, place::bounds + 16 * axis),
+               min = get<double>(front, place::bounds + 16 * axis + 8);
+    const double slack = kRounding * scaling.scale[axis];
+    if (!std::isfinite(min) || !std::isfinite(max) || scaling.value(axis, bounds.max[axis]) > max + slack ||
+        scaling.value(axis, bounds.min[axis]) < min - slack)
+      return false;
+  }
+  return true;
+}
+
+// A bound that is the same as before keeps its bytes, unless the file had wrong ones: then all are written.
 void put_bounds(const Scaling& scaling, const GridBounds& before, const GridBounds& now, std::string& front) {
+  const bool all = !are_right(scaling, before, front);
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const std::size_t at = place::bounds + 16 * axis;
-    if (now.max[axis] != before.max[axis]) put(front, at, scaling.value(axis, now.max[axis]));
-    if (now.min[axis] != before.min[axis]) put(front, at + 8, scaling.value(axis, now.min[axis]));
+    if (all || now.max[axis] != before.max[axis]) put(front, at, scaling.value(axis, now.max[axis]));
+    if (all || now.min[axis] != before.min[axis]) put(front, at + 8, scaling.value(axis, now.min[axis]));
   }
 }
 
@@ -166,6 +181,7 @@ class LasWriter {
     before_.resize(blocks);
     now_.resize(blocks);
     kept_.assign(blocks, 0);
+    moved_.assign(blocks, 0);
     write_blocks(out_, blocks, [&](std::size_t block, std::string& buffer) {
       append_block(block, buffer);
       sizes_[block] = buffer.size();
@@ -183,6 +199,7 @@ class LasWriter {
       before_[block].add(point, point);
     }
     const bool moved = move(block, grid) || is_refined();
+    moved_[block] = moved;
     for (const Grid& point : grid) now_[block].add(point, point);
     if (compression_ && !edits_.changes_attributes()) {
       const std::string_view own = source_.store_->chunk(block);
@@ -289,7 +306,9 @@ class LasWriter {
     return chunks_end + gap.size() + table.size();
   }
 
+  // Where no coordinate changes, wrong bounds are not this writer's to repair.
   void put_all_bounds(std::string& front) const {
+    if (std::none_of(moved_.begin(), moved_.end(), [](char moved) { return moved != 0; })) return;
     GridBounds before, now;
     for (const GridBounds& bounds : before_) before.add(bounds);
     for (const GridBounds& bounds : now_) now.add(bounds);
@@ -307,7 +326,7 @@ class LasWriter {
   std::optional<Compression> compression_;  // as written; none: uncompressed
   std::vector<std::size_t> sizes_;          // of the blocks, and below what becomes of each
   std::vector<GridBounds> before_, now_;
-  std::vector<char> kept_;  // its chunk is copied
+  std::vector<char> kept_, moved_;  // its chunk is copied; coordinates in it change
 };
 
 // By the bounds in the header; those of the points decide when they are written.
