@@ -77,8 +77,8 @@ POINTFAIR_EXPORT std::optional<Format> format_of(const std::filesystem::path& pa
 /// if neither is known, or if the format can only be read (".copc.laz").
 POINTFAIR_EXPORT Format format_to_write(const std::filesystem::path& path, std::optional<Format> source = {});
 
-/// What of the cloud, its attributes and the other parts of its file, a file of the format cannot keep, a sentence each;
-/// unset: its own format.
+/// What of the cloud, its attributes and the other parts of its file, a file of the format cannot keep, a sentence
+/// each; unset: its own format.
 POINTFAIR_EXPORT std::vector<std::string> losses(const Cloud& cloud, std::optional<Format> format = {});
 
 }  // namespace pointfair

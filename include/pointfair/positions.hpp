@@ -37,9 +37,9 @@ POINTFAIR_EXPORT void positions(const Cloud& cloud, std::span<Position> out);
 
 /// Gives the points these positions, with all their digits: afterwards `positions` returns them. If they do not survive
 /// as floats relative to the cloud's origin, the cloud gets another origin and keeps them in double, 24 bytes a point.
-/// Everything else of the cloud's file stays; in its own format a coordinate that is as in the file keeps its bytes, and
-/// a file of floats is written anew in double where floats would be large against the extent. Throws ErrorKind::usage if
-/// `wanted` has another size. O(N).
+/// All else of the cloud's file stays. In its own format a coordinate that is as in the file keeps its bytes, and a
+/// file of floats is written anew, in double and without comments, where they would be large against the extent.
+/// Throws ErrorKind::usage if `wanted` has another size. O(N).
 POINTFAIR_EXPORT void set_positions(Cloud& cloud, std::span<const Position> wanted);
 
 /// The type that holds the positions of a cloud without loss, float32 or float64.

@@ -232,7 +232,7 @@ class Info(Case):
             report = self.report("info", self.path("in.ply"))
             self.assertEqual((report["points"], report["noise"]), (len(points), 0))
             self.assertEqual(list(report["suggested"]), PARAMS)
-            self.assertEqual(report["suggested"]["radius"], "auto")
+            self.assertIsNone(report["suggested"]["radius"])  # automatic
             self.ok("run", self.path("in.ply"), self.path("out.ply"), "--force")
 
     def test_the_text(self):
