@@ -189,6 +189,16 @@ def test_points_of_a_file_that_are_not_set_anew_keep_their_bytes(tmp_path):
     assert (tmp_path / "b.xyz").read_text().splitlines() == lines
 
 
+def test_a_las_file_refuses_positions_that_its_scale_does_not_reach(tmp_path):
+    pf.write(tmp_path / "a.las", waves(100, centre=(500000, 5.2e6, 300)))
+    cloud = pf.read(tmp_path / "a.las")
+    cloud.xyz = waves(100)
+    with pytest.raises(pf.FileError, match="scale and offset have no integers"):
+        cloud.write(tmp_path / "b.las")
+    cloud.write(tmp_path / "b.ply")
+    assert same_bits(pf.read(tmp_path / "b.ply").xyz, waves(100))
+
+
 def test_four_columns_are_no_positions_of_a_cloud():
     cloud = pf.Cloud(waves(10))
     with pytest.raises(pf.UsageError, match="4 columns"):

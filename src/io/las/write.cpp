@@ -248,8 +248,12 @@ class LasWriter {
     for (std::size_t i = 0; i < grid.size(); ++i) {
       for (std::size_t axis = 0; axis < 3; ++axis) {
         if ((moves.changed[i] >> axis & 1) == 0) continue;
-        const std::int32_t now =
-            moved_integer(grid[i][axis], moves.values[i][axis] - own(i, axis), scaling_.scale[axis]);
+        const double shift = moves.values[i][axis] - own(i, axis);
+        const std::int32_t now = moved_integer(grid[i][axis], shift, scaling_.scale[axis]);
+        if (edits_.placed && now == grid[i][axis] && std::abs(shift) > scaling_.scale[axis])
+          fail(source_.name(),
+               "its scale and offset have no integers for the positions that were given; write PLY, or a new cloud of "
+               "these positions");
         moved = moved || now != grid[i][axis];
         grid[i][axis] = now;
       }
