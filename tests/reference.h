@@ -142,6 +142,10 @@ inline std::vector<float> squared_growth(const Points& points, const std::vector
                                          const std::vector<List>& lists, const Settings& s) {
   std::vector<float> result;
   for (std::size_t i = 0; i < normals.size(); ++i) {
+    if (!is_valid(points[i])) {
+      result.push_back(1);
+      continue;
+    }
     double turn = 0;
     for (const std::uint32_t j : lists[i]) turn += 1 - std::abs(dot(normals[i].unit, normals[j].unit));
     const double mean = lists[i].empty() ? 1 : turn / double(lists[i].size());

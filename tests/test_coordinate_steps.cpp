@@ -169,7 +169,8 @@ TEST(CoordinateSteps, are_not_found_in_flat_faces_without_noise) {
   constexpr int kRows = 120;
   for (int row = 0; row < kRows; ++row)
     for (int column = 0; column < kRows; ++column) {
-      const double u = (column + 0.5) / kRows - 0.5, v = (row + 0.5) / kRows - 0.5, depth = std::min(3.0, 0.6 / std::max(v, 0.01));
+      const double u = (column + 0.5) / kRows - 0.5, v = (row + 0.5) / kRows - 0.5,
+                   depth = std::min(3.0, 0.6 / std::max(v, 0.01));
       room.push_back(shapes::make_point(u * depth, v * depth, depth));
     }
   for (const Points& points : {room, shapes::cube(300), shapes::cube(1500)}) {

@@ -273,9 +273,9 @@ TEST(Radii, are_enlarged_up_to_the_widest_and_never_cut) {
   const auto radius_of = [&](float reach, float level) {
     return point::squared_radius(reach, reach / 2, level, base, widest);
   };
-  EXPECT_EQ(radius_of(10, 4), 41);     // what the level asks for
-  EXPECT_EQ(radius_of(40, 4), 101);    // no more than the widest
-  EXPECT_EQ(radius_of(400, 4), 401);   // the nearest points lie farther away: these and no others
+  EXPECT_EQ(radius_of(10, 4), 41);    // what the level asks for
+  EXPECT_EQ(radius_of(40, 4), 101);   // no more than the widest
+  EXPECT_EQ(radius_of(400, 4), 401);  // the nearest points lie farther away: these and no others
   EXPECT_EQ(radius_of(400, 0.7f), 0.7f * 400 + 1);
   EXPECT_EQ(radius_of(400, 0.1f), 201);  // the eighth nearest stays inside
 

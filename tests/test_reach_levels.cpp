@@ -139,7 +139,8 @@ TEST(Neighbourhoods, reach_the_next_profile_however_far_apart_profiles_are) {
     Points points;
     for (int profile = 0; profile < 30; ++profile)
       for (int i = 0; i < 1000; ++i) {
-        const double x = kAlong * (i + 0.1 * random.normal()), y = kAlong * (spacings * profile + 0.2 * random.normal());
+        const double x = kAlong * (i + 0.1 * random.normal()),
+                     y = kAlong * (spacings * profile + 0.2 * random.normal());
         points.push_back(shapes::make_point(x, y, height(x, y) + kSigma * random.normal()));
       }
     double squares = 0;

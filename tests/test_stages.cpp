@@ -184,7 +184,8 @@ TEST(Stages, agree_with_the_reference_for_balls_that_are_thinned) {
   expect_like_reference(shapes::with_noise(shapes::waves(2500), 0.004), params, "thinned");
 }
 
-// From a point far away all others are about as far as the nearest: neighbourhoods that were enlarged would hold them all.
+// From a point far away all others are about as far as the nearest: neighbourhoods that were enlarged would hold them
+// all.
 TEST(Stages, agree_with_the_reference_where_points_lie_far_away) {
   Points points = shapes::with_noise(shapes::waves(1500), 0.006);
   for (const float far : {3.0f, 40.0f, 900.0f}) points.push_back({far, -2 * far, far / 3});

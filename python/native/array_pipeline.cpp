@@ -66,8 +66,9 @@ void ArrayPipeline::load(std::span<const double> coordinates, bool) {
 
 void ArrayPipeline::load(const DevicePoints& points, DeviceStream stream) {
   if (pipeline_.device().kind != Device::cuda)
-    throw Error(ErrorKind::usage, "the array lies on a card, and this pipeline computes on the CPU: make it with "
-                                  "device='cuda', or copy the array to host memory");
+    throw Error(ErrorKind::usage,
+                "the array lies on a card, and this pipeline computes on the CPU: make it with "
+                "device='cuda', or copy the array to host memory");
   forget();
   before_.origin = pipeline_.load(points, stream);
   hold(Kind::on_card, points.count);

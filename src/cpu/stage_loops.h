@@ -271,9 +271,9 @@ inline void squared_radii(const IndexView& index, Index leaf, const Index* list,
   for (int part = 0; part < kLeafSize; part += kLanes) {
     const Index start = leaf * kLeafSize + Index(part);
     const Floats level = value_or_one(radii.squared_level, start), reach = farthest_of(part, radii.min_neighbors);
-    store(out + part, point::squared_radius(reach, farthest_of(part, least),
-                                            value_or_one(squared_reach_level, Index(part)), level * radii.squared_base,
-                                          radii.squared_widest));
+    store(out + part,
+          point::squared_radius(reach, farthest_of(part, least), value_or_one(squared_reach_level, Index(part)),
+                                level * radii.squared_base, radii.squared_widest));
     for (unsigned left = bits(reach <= broadcast(0.0f)); left != 0; left &= left - 1) {
       const Index lane = Index(__builtin_ctz(left));
       if (is_crowded(start + lane)) out[Index(part) + lane] = point::kNoSquaredRadius;

@@ -242,11 +242,11 @@ void Chain::filter_normals(const std::stop_token& stop) {
     pace(stop);
     filtered.resize(3 * places);
     const bool is_last = round + 1 == normal_settings_.filter_rounds;
-    cuda::filter_normals(context_, index_.tree(), surroundings(stop_), normal_rule(normal_settings_),
-                         point::inverse_turn(normal_settings_.crease_angle), normals(), further_shares(),
-                         {filtered.data(), filtered.data() + places, filtered.data() + 2 * places},
-                         {growth_rule(neighbors_, normal_settings_),
-                          is_last && radii_grow() ? squared_growth_.data() : nullptr});
+    cuda::filter_normals(
+        context_, index_.tree(), surroundings(stop_), normal_rule(normal_settings_),
+        point::inverse_turn(normal_settings_.crease_angle), normals(), further_shares(),
+        {filtered.data(), filtered.data() + places, filtered.data() + 2 * places},
+        {growth_rule(neighbors_, normal_settings_), is_last && radii_grow() ? squared_growth_.data() : nullptr});
     normals_.swap(filtered);
   }
 }

@@ -101,8 +101,11 @@ class Chain {
                       const std::stop_token& stop);
   float squared_base() const { return pointfair::squared_base(neighbors_.radius); }
   point::Radii radii() const {
-    return {squared_radius_.data(), squared_base(), neighbors_.min_neighbors,
-            neighbors_.radius_follows || index_.tree().rules != nullptr ? squared_levels() : nullptr, nullptr,
+    return {squared_radius_.data(),
+            squared_base(),
+            neighbors_.min_neighbors,
+            neighbors_.radius_follows || index_.tree().rules != nullptr ? squared_levels() : nullptr,
+            nullptr,
             squared_widest(neighbors_)};
   }
   Surroundings surroundings(const Stop& stop = {}) const { return {lists(), radii(), collector_.collected(), stop}; }

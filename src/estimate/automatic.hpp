@@ -16,11 +16,11 @@ Params resolve_params(const Params& params, const Spacing& spacing, const Noise&
 // What follows the noise and the shape from place to place: what was automatic, in the bilateral method over radius
 // neighbourhoods.
 struct FollowedNoise {
-  std::shared_ptr<const NoiseLevels> levels{};       // null: the noise is held to be the same everywhere
-  std::shared_ptr<const NodeLevels> reach_levels{};  // of NeighborSettings
+  std::shared_ptr<const NoiseLevels> levels{};              // null: the noise is held to be the same everywhere
+  std::shared_ptr<const NodeLevels> reach_levels{};         // of NeighborSettings
   double widest = std::numeric_limits<double>::infinity();  // the same
-  bool similarity = false, limit = false;            // the similarity sigma, the displacement limit
-  double outlier_distance = 0;                       // of level 1
+  bool similarity = false, limit = false;                   // the similarity sigma, the displacement limit
+  double outlier_distance = 0;                              // of level 1
   double damage = 0;  // of the share of each displacement (point/noise_field.h); 0: all is made
 };
 FollowedNoise followed_noise(const Params& asked, const Params& used, const Noise& noise,

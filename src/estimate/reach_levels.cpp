@@ -55,7 +55,8 @@ std::shared_ptr<const NodeLevels> reach_levels(const LocalSamples& samples, cons
   std::vector<Risks> risks(count);
   std::vector<double> log_levels(count), smooth(count);
   for (std::size_t i = 0; i < count; ++i) risks[i] = risks_of(samples.residuals[i].planes, noise[i] * noise[i]);
-  const double farthest = std::log(kWidestReach), unchanged = std::log(std::max<double>(kReachPoints, typical.surface_points));
+  const double farthest = std::log(kWidestReach),
+               unchanged = std::log(std::max<double>(kReachPoints, typical.surface_points));
   for_each(count, [&](std::size_t i) {
     // a neighbourhood holds as many points as its area is large
     const double log_level = (log_best_count(mean_of(pools.of(i), risks)) - unchanged) / 2;

@@ -41,11 +41,11 @@ class MovedPoints {
 class PlacedSource;
 
 struct Edits {
-  const Cloud& cloud;                  ///< where its points are now
-  AddedAttributes added;               ///< attributes that the file does not have
-  std::vector<Replacement> replaced;   ///< and such that it has
-  std::optional<double> las_scale;     ///< of the coordinates of a LAS file
-  const MovedPoints* moved = nullptr;  ///< if given, it tells where the points are, and the cloud only its origin
+  const Cloud& cloud;                    ///< where its points are now
+  AddedAttributes added;                 ///< attributes that the file does not have
+  std::vector<Replacement> replaced;     ///< and such that it has
+  std::optional<double> las_scale;       ///< of the coordinates of a LAS file
+  const MovedPoints* moved = nullptr;    ///< if given, it tells where the points are, and the cloud only its origin
   const PlacedSource* placed = nullptr;  ///< if given, the cloud's points were moved from its positions, not the file's
 
   bool changes_attributes() const { return !added.empty() || !replaced.empty(); }

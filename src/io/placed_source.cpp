@@ -32,8 +32,7 @@ void move_points(Cloud& cloud, std::span<const Position> now, std::span<const Po
     for (std::size_t axis = 0; axis < 3; ++axis) {
       if (same_value(now[i][axis], wanted[i][axis])) continue;
       const double moved = *point[axis] + (wanted[i][axis] - now[i][axis]);
-      *point[axis] =
-          std::isfinite(moved) ? static_cast<float>(moved) : to_offset(wanted[i][axis], cloud.origin[axis]);
+      *point[axis] = std::isfinite(moved) ? static_cast<float>(moved) : to_offset(wanted[i][axis], cloud.origin[axis]);
     }
   }
 }
@@ -95,8 +94,9 @@ std::vector<std::string> PlacedSource::losses(Format to) const {
   std::vector<std::string> result = file_ ? file_->losses(to) : std::vector<std::string>{};
   const bool is_of_memory = name().empty();
   if (file_ && !is_of_memory && to == format() && !holds_its_positions())
-    result.push_back("the coordinates of the file are 32-bit floats, which would round the positions that were given: "
-                     "the file is written anew, in double, with its attributes and faces and without its comments");
+    result.push_back(
+        "the coordinates of the file are 32-bit floats, which would round the positions that were given: "
+        "the file is written anew, in double, with its attributes and faces and without its comments");
   return result;
 }
 
@@ -133,8 +133,8 @@ void set_positions(Cloud& cloud, std::span<const Position> wanted) {
   io::move_points(moved, now, wanted);
   if (!io::has_positions(moved, wanted)) {
     const auto* const before = dynamic_cast<const io::PlacedSource*>(cloud.source.get());
-    const auto source = std::make_shared<io::PlacedSource>(
-        before ? before->file() : cloud.source, std::vector<Position>(wanted.begin(), wanted.end()));
+    const auto source = std::make_shared<io::PlacedSource>(before ? before->file() : cloud.source,
+                                                           std::vector<Position>(wanted.begin(), wanted.end()));
     moved.points = source->place();
     moved.origin = source->origin();
     moved.source = source;

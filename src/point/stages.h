@@ -96,12 +96,9 @@ struct FilteredOfPoint {
 };
 
 template <bool kGrows, class Neighbors, class Vectors>
-POINTFAIR_DEVICE_INLINE FilteredOfPoint<NumberOf<Neighbors>> filtered_normal_of(const Neighbors& neighbors,
-                                                                                const NormalRule& rule,
-                                                                                float inverse_turn,
-                                                                                OwnNormal<NumberOf<Neighbors>> own,
-                                                                                const Vectors& normals,
-                                                                                const GrowthRule& growth) {
+POINTFAIR_DEVICE_INLINE FilteredOfPoint<NumberOf<Neighbors>> filtered_normal_of(
+    const Neighbors& neighbors, const NormalRule& rule, float inverse_turn, OwnNormal<NumberOf<Neighbors>> own,
+    const Vectors& normals, const GrowthRule& growth) {
   using F = NumberOf<Neighbors>;
   const LocalNormalWeights<F> weights = weights_of(rule, neighbors.squared_radius());
   FilteredNormal<F> filtered(own.unit);

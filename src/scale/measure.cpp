@@ -252,11 +252,20 @@ static_assert(sizeof(Fixed) == sizeof(Position) + sizeof(Bounds) + sizeof(Spacin
 std::array<double, 10> values_of(const Noise& noise) {
   const auto& [sigma, surface_spacing, likeness_to_shape, shape_to_noise, gap, alikeness, depth_has_steps, confined,
                bend, surface_points] = noise;
-  return {sigma, surface_spacing, likeness_to_shape,           shape_to_noise,
-          gap,   alikeness,       depth_has_steps ? 1.0 : 0.0, confined,
-          bend,  double(surface_points)};
+  return {sigma,
+          surface_spacing,
+          likeness_to_shape,
+          shape_to_noise,
+          gap,
+          alikeness,
+          depth_has_steps ? 1.0 : 0.0,
+          confined,
+          bend,
+          double(surface_points)};
 }
-Noise noise_of(const std::array<double, 10>& v) { return {v[0], v[1], v[2], v[3], v[4], v[5], v[6] != 0, v[7], v[8], int(v[9])}; }
+Noise noise_of(const std::array<double, 10>& v) {
+  return {v[0], v[1], v[2], v[3], v[4], v[5], v[6] != 0, v[7], v[8], int(v[9])};
+}
 
 FixedLevels fixed_of(const NodeLevels* levels) {
   if (levels == nullptr) return {};
