@@ -124,7 +124,8 @@ std::string why_zones(const RunArguments& arguments, const Cloud& cloud) {
     return {};  // it can only be decoded as a whole
   }
   return fmt::format(
-      "floats around one origin are too coarse for so wide a cloud: it is computed in tiles on disk, in zones where "
+      "floats around one origin are too coarse for a cloud as wide and dense as this one: it is computed in tiles on "
+      "disk, in zones where "
       "floats step by {:.4g}{}",
       step, but_without_sensors(arguments));
 }
