@@ -125,8 +125,7 @@ std::string why_zones(const RunArguments& arguments, const Cloud& cloud) {
   }
   return fmt::format(
       "floats around one origin are too coarse for a cloud as wide and dense as this one: it is computed in tiles on "
-      "disk, in zones where "
-      "floats step by {:.4g}{}",
+      "disk, in zones where floats step by {:.4g}{}",
       step, but_without_sensors(arguments));
 }
 
