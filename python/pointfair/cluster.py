@@ -7,7 +7,7 @@
     client = Client("tcp://scheduler:8786")
     pointfair.cluster.denoise(client, ["a.laz", "b.laz"], output_folder="denoised", work="/scratch/work", memory="14G")
 
-    python -m pointfair.cluster tcp://scheduler:8786 a.laz b.laz --out-dir denoised --work /scratch/work --memory 14G
+    pointfair cluster tcp://scheduler:8786 a.laz b.laz --out-dir denoised --work /scratch/work --memory 14G
 
 Only names travel over the network: each task is a process of the program, which reads and writes files in the work
 folder. The workers and this process must see that folder, and inputs and outputs that are paths, under the same names.
@@ -231,10 +231,10 @@ def denoise(client: Any, inputs: Sequence[str] | str, output: str | None = None,
 
 
 def main(words: Sequence[str]) -> int:
-    """`python -m pointfair.cluster SCHEDULER IN... --out OUT --work DIR [flags of pointfair tile plan]`"""
+    """`pointfair cluster SCHEDULER IN... --out OUT --work DIR [flags of pointfair tile plan]`"""
     import argparse
 
-    parser = argparse.ArgumentParser(prog="python -m pointfair.cluster", description="Denoise on a Dask cluster.")
+    parser = argparse.ArgumentParser(prog="pointfair cluster", description="Denoise on a Dask cluster.")
     parser.add_argument("scheduler", help="its address, tcp://host:8786")
     parser.add_argument("inputs", nargs="+")
     parser.add_argument("--out")

@@ -1,11 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """A run on a Dask cluster has the bits of the run in memory, whichever workers die on the way."""
+import importlib
 import os
+import pathlib
 import random
 import signal
 import struct
 import subprocess
+import sys
 import threading
+import types
 
 import pytest
 
@@ -87,3 +91,29 @@ def test_files_of_a_store_are_copied(client, source, tmp_path):
 def test_a_bad_parameter_is_the_programs_own_line(client, source, tmp_path):
     with pytest.raises(pointfair.Error, match="k"):
         denoise(client, source, tmp_path, k=-3, retries=0)
+
+
+@pytest.mark.parametrize("where", ["laptop", "slurm", "cards"])
+def test_the_example_runs_on_each_kind_of_cluster(monkeypatch, source, tmp_path, where):
+    monkeypatch.syspath_prepend(str(pathlib.Path(__file__).parents[2] / "examples/python"))
+    dask_clusters = importlib.import_module("dask_clusters")
+
+    class Local(distributed.LocalCluster):  # in place of those of other packages
+        def __init__(self, *arguments, **given):
+            super().__init__(n_workers=1, threads_per_worker=1, dashboard_address=None)
+
+        def adapt(self, **bounds):
+            assert bounds == {"minimum": 1, "maximum": 32}
+
+    for module, name in (("dask_jobqueue", "SLURMCluster"), ("dask_cuda", "LocalCUDACluster")):
+        monkeypatch.setitem(sys.modules, module, types.SimpleNamespace(**{name: Local}))
+    monkeypatch.setitem(dask_clusters.CLUSTERS["cards"][1], "device", "cpu")
+    report = dask_clusters.denoise(where, [str(source)], str(tmp_path / "out"), str(tmp_path / "work"))
+    assert (tmp_path / "out" / source.name).read_bytes() == (tmp_path / "whole.ply").read_bytes()
+    assert report["points"] == 20000
+
+
+def test_the_program_of_the_package_has_the_verb_cluster():
+    done = subprocess.run([pathlib.Path(sys.executable).with_name("pointfair"), "cluster", "--help"], capture_output=True,
+                          text=True)
+    assert done.returncode == 0 and done.stdout.startswith("usage: pointfair cluster ")
