@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Surveys larger than memory on a Dask cluster: a laptop, Slurm, all cards of a machine.
+"""Clouds larger than memory on a Dask cluster: a laptop, Slurm, all cards of a machine.
 
     python dask_clusters.py laptop a.laz b.laz denoised/ /scratch/work
 
@@ -43,7 +43,7 @@ CLUSTERS: dict[str, tuple[Any, dict[str, Any]]] = {
 
 
 def denoise(where: str, inputs: list[str], output_folder: str, work: str) -> dict[str, Any]:
-    """The inputs are one survey; each comes back under its name. Returns the report."""
+    """The inputs are one cloud; each file comes back under its name. Returns the report."""
     make, limits = CLUSTERS[where]
     with make() as cluster, distributed.Client(cluster) as client:
         report: dict[str, Any] = pointfair.cluster.denoise(client, inputs, output_folder=output_folder, work=work, **limits)
