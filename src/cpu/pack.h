@@ -5,7 +5,7 @@
 // that no function compiled for one processor can stand in for another's.
 #pragma once
 
-#if defined(__AVX2__)
+#if defined(__SSE2__)
 #include <immintrin.h>
 #endif
 
@@ -76,6 +76,8 @@ struct Mask {
 POINTFAIR_INLINE unsigned bits(Mask m) {
 #if defined(__AVX2__)
   return unsigned(_mm256_movemask_ps(__m256(m.v)));
+#elif defined(__SSE2__)
+  return unsigned(_mm_movemask_ps(__m128(m.v)));
 #else
   unsigned result = 0;
   for (int lane = 0; lane < kLanes; ++lane) result |= unsigned(m.v[lane] & 1) << lane;
@@ -91,10 +93,17 @@ POINTFAIR_INLINE Mask operator&(Mask a, Mask b) { return {a.v & b.v}; }
 POINTFAIR_INLINE Mask operator|(Mask a, Mask b) { return {a.v | b.v}; }
 POINTFAIR_INLINE Mask operator~(Mask a) { return {~a.v}; }
 
+// In intrinsics, since GCC 12 makes several instructions of a loop over the lanes and of a choice by `?:`.
 POINTFAIR_INLINE Floats broadcast(float x) {
+#if defined(__AVX2__)
+  return {_mm256_set1_ps(x)};
+#elif defined(__SSE2__)
+  return {_mm_set1_ps(x)};
+#else
   Floats result;
   for (int lane = 0; lane < kLanes; ++lane) result.v[lane] = x;
   return result;
+#endif
 }
 POINTFAIR_INLINE Ints broadcast(int x) { return {IntVector{} + x}; }
 POINTFAIR_INLINE Mask operator<(Floats a, Floats b) { return {a.v < b.v}; }
@@ -104,8 +113,21 @@ POINTFAIR_INLINE Mask operator==(Floats a, Floats b) { return {a.v == b.v}; }
 POINTFAIR_INLINE Mask operator<(Ints a, Ints b) { return {a.v < b.v}; }
 POINTFAIR_INLINE Mask operator==(Ints a, Ints b) { return {a.v == b.v}; }
 POINTFAIR_INLINE Mask operator!=(Ints a, Ints b) { return {a.v != b.v}; }
-POINTFAIR_INLINE Floats select(Mask condition, Floats yes, Floats no) { return {condition.v ? yes.v : no.v}; }
-POINTFAIR_INLINE Ints select(Mask condition, Ints yes, Ints no) { return {condition.v ? yes.v : no.v}; }
+#if defined(__AVX2__)
+POINTFAIR_INLINE Floats select(Mask condition, Floats yes, Floats no) {
+  return {_mm256_blendv_ps(no.v, yes.v, __m256(condition.v))};
+}
+POINTFAIR_INLINE Ints select(Mask condition, Ints yes, Ints no) {
+  return {IntVector(_mm256_blendv_epi8(__m256i(no.v), __m256i(yes.v), __m256i(condition.v)))};
+}
+#else
+POINTFAIR_INLINE Ints select(Mask condition, Ints yes, Ints no) {
+  return {(condition.v & yes.v) | (~condition.v & no.v)};
+}
+POINTFAIR_INLINE Floats select(Mask condition, Floats yes, Floats no) {
+  return {FloatVector(select(condition, Ints{IntVector(yes.v)}, Ints{IntVector(no.v)}).v)};
+}
+#endif
 #endif
 POINTFAIR_INLINE Floats::Floats(float x) : v(broadcast(x).v) {}
 
@@ -126,10 +148,15 @@ POINTFAIR_INLINE Floats larger(Floats a, Floats b) { return {_mm256_max_ps(b.v, 
 POINTFAIR_INLINE Ints smaller(Ints a, Ints b) { return {IntVector(_mm256_min_epi32(__m256i(a.v), __m256i(b.v)))}; }
 POINTFAIR_INLINE Ints larger(Ints a, Ints b) { return {IntVector(_mm256_max_epi32(__m256i(a.v), __m256i(b.v)))}; }
 #else
-POINTFAIR_INLINE Floats smaller(Floats a, Floats b) { return {b.v < a.v ? b.v : a.v}; }
-POINTFAIR_INLINE Floats larger(Floats a, Floats b) { return {a.v < b.v ? b.v : a.v}; }
-POINTFAIR_INLINE Ints smaller(Ints a, Ints b) { return {b.v < a.v ? b.v : a.v}; }
-POINTFAIR_INLINE Ints larger(Ints a, Ints b) { return {a.v < b.v ? b.v : a.v}; }
+#if defined(__SSE2__)
+POINTFAIR_INLINE Floats smaller(Floats a, Floats b) { return {_mm_min_ps(b.v, a.v)}; }
+POINTFAIR_INLINE Floats larger(Floats a, Floats b) { return {_mm_max_ps(b.v, a.v)}; }
+#else
+POINTFAIR_INLINE Floats smaller(Floats a, Floats b) { return select(b < a, b, a); }
+POINTFAIR_INLINE Floats larger(Floats a, Floats b) { return select(a < b, b, a); }
+#endif
+POINTFAIR_INLINE Ints smaller(Ints a, Ints b) { return select(b < a, b, a); }
+POINTFAIR_INLINE Ints larger(Ints a, Ints b) { return select(a < b, b, a); }
 #endif
 POINTFAIR_INLINE bool any(Mask m) { return bits(m) != 0; }
 
@@ -156,6 +183,8 @@ POINTFAIR_INLINE Floats square_root(Floats a) {
   return {_mm512_sqrt_ps(a.v)};
 #elif defined(__AVX2__)
   return {_mm256_sqrt_ps(a.v)};
+#elif defined(__SSE2__)
+  return {_mm_sqrt_ps(a.v)};
 #else
   Floats root;
   for (int lane = 0; lane < kLanes; ++lane) root.v[lane] = __builtin_sqrtf(a.v[lane]);
@@ -203,6 +232,14 @@ POINTFAIR_INLINE Ints gather(const int* base, Ints index) {
 POINTFAIR_INLINE float largest(Floats a) {
 #if defined(__AVX512F__)
   return _mm512_reduce_max_ps(a.v);
+#elif defined(__SSE2__)
+#if defined(__AVX2__)
+  const __m128 four = _mm_max_ps(_mm256_castps256_ps128(a.v), _mm256_extractf128_ps(a.v, 1));
+#else
+  const __m128 four = a.v;
+#endif
+  const __m128 two = _mm_max_ps(four, _mm_movehl_ps(four, four));
+  return _mm_cvtss_f32(_mm_max_ss(two, _mm_shuffle_ps(two, two, 1)));
 #else
   float result = a.v[0];
   for (int lane = 1; lane < kLanes; ++lane) result = a.v[lane] > result ? a.v[lane] : result;
@@ -221,11 +258,30 @@ POINTFAIR_INLINE Ints lane_numbers() {
   return numbers;
 }
 
+#if defined(__AVX2__) && !defined(__AVX512F__)
+// The numbers of the bits that are set in i, a byte each, lowest first.
+struct BitNumbers {
+  unsigned long long of[256] = {};
+  constexpr BitNumbers() {
+    for (int i = 0; i < 256; ++i)
+      for (int bit = 7; bit >= 0; --bit)
+        if (i >> bit & 1) of[i] = of[i] << 8 | unsigned(bit);
+  }
+};
+inline constexpr BitNumbers kBitNumbers;
+#endif
+
 // Appends the numbers first + lane of the chosen lanes to `out`, which has room for a whole pack; returns how many.
 POINTFAIR_INLINE int append(int* out, int first, Mask chosen) {
 #if defined(__AVX512F__)
   _mm512_storeu_si512(out, _mm512_maskz_compress_epi32(chosen.v, __m512i(lane_numbers().v + first)));
   return __builtin_popcount(chosen.v);
+#elif defined(__AVX2__)  // without a branch that is hard to guess
+  const unsigned lanes = bits(chosen);
+  const __m256i numbers =
+      _mm256_cvtepu8_epi32(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(&kBitNumbers.of[lanes])));
+  _mm256_storeu_si256(reinterpret_cast<__m256i*>(out), _mm256_add_epi32(numbers, _mm256_set1_epi32(first)));
+  return __builtin_popcount(lanes);
 #else
   int count = 0;
   for (unsigned lanes = bits(chosen); lanes != 0; lanes &= lanes - 1) out[count++] = first + __builtin_ctz(lanes);

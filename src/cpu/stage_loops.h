@@ -148,6 +148,12 @@ class RadiusWalk {
     int count = 0;
     bool has_all = false;  // a further walk visits them again
   };
+  // Points that may be neighbours, by sorted position.
+  struct Waiting {
+    static constexpr int kRoom = 128;
+    int at[kRoom + kLanes];
+    int count = 0;
+  };
   // What of the tree is still to be seen: on each level from the lowest, a group and its children that are near.
   struct Place {
     Index group[kMaxLevels];
@@ -164,22 +170,30 @@ class RadiusWalk {
       enter(place_.level, 0);
     }
     found_.count = 0;
-    while (!place_.is_end()) {
+    while (!place_.is_end() && found_.count <= Found::kRoom - Waiting::kRoom) {
+      Waiting waiting;
+      collect(waiting);
+      is_thinned_ ? keep_inside<true>(waiting) : keep_inside<false>(waiting);
+    }
+    found_.has_all = begins && place_.is_end();
+  }
+
+  // Points that are near the pack, until no further leaf may fit.
+  void collect(Waiting& waiting) const {
+    while (!place_.is_end() && waiting.count <= Waiting::kRoom - kLeafSize) {
       unsigned& near = place_.near[place_.level];
       if (near == 0) {
         ++place_.level;
         continue;
       }
-      if (found_.count > Found::kRoom - kLeafSize) return;
       const Index child = place_.group[place_.level] * kLeafSize + Index(__builtin_ctz(near));
       near &= near - 1;
       if (place_.level > 0) {
         enter(--place_.level, child);
       } else {
-        search_leaf(child);
+        collect_leaf(child, waiting);
       }
     }
-    found_.has_all = begins;
   }
 
   void enter(int level, Index group_number) const {
@@ -194,23 +208,30 @@ class RadiusWalk {
     place_.near[level] = near;
   }
 
-  void search_leaf(Index leaf) const {
+  void collect_leaf(Index leaf, Waiting& waiting) const {
     for (int c = 0; c < kLeafSize; c += kLanes) {
       const Index first = leaf * kLeafSize + Index(c);
       const point::Vec3<Floats> p = {load(index_.x + first), load(index_.y + first), load(index_.z + first)};
-      unsigned near = bits(point::squared_gap(p, p, queries_.min, queries_.max) <= broadcast(farthest_));
-      if (is_thinned_) near &= bits(load(index_.share + first) < broadcast(largest_share_));
-      for (; near != 0; near &= near - 1) {
-        const Index at = first + Index(__builtin_ctz(near));
-        const float hash = is_thinned_ ? index_.share[at] : 0.0f;
-        const point::Vec3<Floats> offset = spread(index_.x[at], index_.y[at], index_.z[at]) - queries_.position;
-        const Mask inside = (point::squared_length(offset) <= queries_.limit) & (queries_.at != broadcast(int(at))) &
-                            (broadcast(hash) < share_);
-        found_.at[found_.count] = at;
-        found_.inside[found_.count] = inside;
-        found_.count += any(inside);
-      }
+      Mask near = point::squared_gap(p, p, queries_.min, queries_.max) <= broadcast(farthest_);
+      if (is_thinned_) near = near & (load(index_.share + first) < broadcast(largest_share_));
+      waiting.count += append(waiting.at + waiting.count, int(first), near);
     }
+  }
+
+  // Those of them that are neighbours of a point of the pack.
+  template <bool kThinned>
+  void keep_inside(const Waiting& waiting) const {
+    int count = found_.count;
+    for (int i = 0; i < waiting.count; ++i) {
+      const int at = waiting.at[i];
+      const point::Vec3<Floats> offset = spread(index_.x[at], index_.y[at], index_.z[at]) - queries_.position;
+      Mask inside = (point::squared_length(offset) <= queries_.limit) & ~(queries_.at == broadcast(at));
+      if constexpr (kThinned) inside = inside & (broadcast(index_.share[at]) < share_);
+      found_.at[count] = Index(at);
+      found_.inside[count] = inside;
+      count += any(inside);
+    }
+    found_.count = count;
   }
 
   const IndexView& index_;
