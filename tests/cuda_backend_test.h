@@ -6,7 +6,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cstdlib>
 #include <limits>
 #include <map>
 #include <memory>
@@ -14,6 +13,7 @@
 #include "backend_runs.h"
 #include "seam/sampling.hpp"
 #include "shapes.h"
+#include "slow_tools.h"
 
 namespace pointfair {
 
@@ -33,8 +33,7 @@ class CudaBackendTest : public ::testing::Test {
   }
 
   static std::vector<Point> cut(std::vector<Point> points) {
-    if (const char* limit = std::getenv("POINTFAIR_TEST_POINTS"))
-      points.resize(std::min<std::size_t>(points.size(), std::strtoull(limit, nullptr, 10)));
+    points.resize(slow_tools::most_points(points.size()));
     return points;
   }
 

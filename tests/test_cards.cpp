@@ -13,6 +13,7 @@
 #include "pointfair/pipeline.hpp"
 #include "shapes.h"
 #include "sharing_backend.h"
+#include "slow_tools.h"
 #include "tiles/feeders.hpp"
 
 namespace pointfair {
@@ -205,15 +206,19 @@ TEST(Cards, have_names) {
   }
 }
 
+// So many points, or fewer under slow tools, yet enough to be divided.
+std::size_t most_shared(std::size_t count) { return std::min(count, 20 * slow_tools::most_points(count)); }
+
 TEST(Cards, of_this_machine_share_a_cloud) {
   const auto all = list_cuda_devices();
   const auto usable = std::count_if(all.begin(), all.end(), [](const DeviceStatus& card) { return card.usable; });
   if (usable == 0) GTEST_SKIP() << "no card";
-  const Points points = cloud(1 << 21);
+  const Points points = cloud(int(most_shared(1 << 21)));
   Params params;
   params.k = 8;
   for (const int second : {0, int(usable) - 1}) {
-    Pipeline shared = over({[] { return make_cuda_backend(0); }, [=] { return make_cuda_backend(second); }}, 1 << 20);
+    Pipeline shared =
+        over({[] { return make_cuda_backend(0); }, [=] { return make_cuda_backend(second); }}, points.size() / 2);
     expect_the_bits_of_one(shared, points, {}, 2);
     expect_the_bits_of_one(shared, points, params, 2);
   }
@@ -229,10 +234,11 @@ TEST(Cards, of_this_machine_share_all_kinds_of_clouds) {
   if (usable == 0) GTEST_SKIP() << "no card";
   std::vector<MakeBackend> cards;
   for (int card = 0; card < 3; ++card) cards.push_back([=] { return make_cuda_backend(card % int(usable)); });
-  Pipeline shared = over(cards, 10000);
-  const std::vector<Points> clouds{cloud(100000), shapes::with_invalid(cloud(30000), 9),
-                                   shapes::with_stray(cloud(40000), 100)};
-  for (const Params& params : kinds_of_params())
+  const int most = int(most_shared(100000));
+  Pipeline shared = over(cards, std::uint64_t(most / 10));
+  const std::vector<Points> clouds{cloud(most), shapes::with_invalid(cloud(most / 10 * 3), 9),
+                                   shapes::with_stray(cloud(most / 10 * 4), 100)};
+  for (const Params& params : slow_tools::some_of(kinds_of_params()))
     for (const Points& points : clouds) {
       SCOPED_TRACE(std::to_string(points.size()) + " points, " + std::to_string(int(params.method)));
       expect_the_bits_of_one(shared, points, params, 3);

@@ -11,6 +11,7 @@
 
 #include "pointfair/pointfair.hpp"
 #include "shapes.h"
+#include "slow_tools.h"
 
 namespace pointfair {
 namespace {
@@ -95,7 +96,7 @@ TEST_F(CudaDevicePointsTest, give_the_bits_of_host_memory_in_every_type_layout_a
   struct Layout {
     std::ptrdiff_t row, column;
   };
-  const int count = 20000;
+  const int count = int(slow_tools::most_points(20000));
   const auto check = [&]<class T>(T, double offset, Layout layout, const Params& params) {
     std::vector<Position> positions;
     for (const Point& p : noisy_sphere(count)) positions.push_back({p.x + offset, p.y - offset / 2, double(p.z)});
@@ -124,8 +125,8 @@ TEST_F(CudaDevicePointsTest, give_the_bits_of_host_memory_in_every_type_layout_a
 }
 
 TEST_F(CudaDevicePointsTest, many_at_one_place_have_the_origin_of_arrays) {
-  std::vector<Position> positions(20000, Position{1000.25, 2000.5, 30.125});
-  for (std::size_t i = 0; i < 40; ++i) positions[i * 400][0] += 0.25 * double(i + 1);
+  std::vector<Position> positions(slow_tools::most_points(20000), Position{1000.25, 2000.5, 30.125});
+  for (std::size_t i = 0; i < 40; ++i) positions[i * (positions.size() / 50)][0] += 0.25 * double(i + 1);
   void* const memory = on_card(positions.data(), positions.size() * sizeof(Position));
   Pipeline pipeline(Device::cuda);
   EXPECT_EQ(pipeline.load({memory, positions.size(), 3, 1, ScalarType::float64}, stream()), choose_origin(positions));
@@ -139,7 +140,7 @@ struct Producer {
 
 // The stream's work begins late, and the points are there only then.
 TEST_F(CudaDevicePointsTest, wait_for_a_late_producer_and_hold_up_the_next_writer) {
-  const std::vector<Point> points = noisy_sphere(50000);
+  const std::vector<Point> points = noisy_sphere(int(slow_tools::most_points(50000)));
   std::vector<Point> expected(points.size()), result(points.size());
   Params params = kinds_of_params()[1];
   Pipeline pipeline(Device::cuda);
@@ -164,7 +165,7 @@ TEST_F(CudaDevicePointsTest, wait_for_a_late_producer_and_hold_up_the_next_write
 }
 
 TEST_F(CudaDevicePointsTest, normals_stay_on_the_card) {
-  const std::vector<Point> points = noisy_sphere(5000);
+  const std::vector<Point> points = noisy_sphere(int(slow_tools::most_points(5000)));
   std::vector<Point> expected(points.size()), result(points.size());
   void* const memory = on_card(points.data(), points.size() * sizeof(Point));
   Pipeline pipeline(Device::cuda);
@@ -186,7 +187,7 @@ TEST_F(CudaDevicePointsTest, elsewhere_are_refused_with_a_sentence) {
     }
     return "";
   };
-  std::vector<Point> points = noisy_sphere(3000);
+  std::vector<Point> points = noisy_sphere(int(slow_tools::most_points(3000)));
   Pipeline pipeline(Device::cuda);
   EXPECT_NE(error_of([&] {
               pipeline.load({points.data(), points.size()}, stream());

@@ -27,7 +27,7 @@ TEST_F(CudaShuffledRows, have_the_same_lists) {
 
 TEST_F(CudaShuffledRows, have_the_same_sums_over_one_radius) {
   for (const auto& cloud : clouds()) shuffled_rows::expect_the_same_sums(*cuda_, cloud);
-  shuffled_rows::expect_the_same_sums(*cuda_, shuffled_rows::in_few_cells(kPoints));
+  shuffled_rows::expect_the_same_sums(*cuda_, shuffled_rows::in_few_cells(int(slow_tools::most_points(kPoints))));
 }
 
 TEST_F(CudaShuffledRows, full_of_ties_equal_the_cpu) {
@@ -46,9 +46,9 @@ TEST_F(CudaShuffledRows, in_few_cells_of_the_curve_equal_the_cpu) {
   StageSettings settings = with_neighbors(0, 0.07f);
   settings.frame = frame_over({0.1f, -0.2f, -0.3f}, 0.8f);
   for (const auto& cloud : clouds()) expect_same(cloud.points, settings, cloud.name.c_str());
-  expect_same(shuffled_rows::in_few_cells(kPoints).points, settings, "in few cells");
+  expect_same(shuffled_rows::in_few_cells(int(slow_tools::most_points(kPoints))).points, settings, "in few cells");
   settings.neighbors.radius = 1e3f;  // sums over what lies far outside of the cube
-  expect_same(shuffled_rows::in_few_cells(2000).points, settings, "in few cells, far");
+  expect_same(shuffled_rows::in_few_cells(int(slow_tools::most_points(2000))).points, settings, "in few cells, far");
 }
 
 // More different points in one cell than are sorted at once anywhere, and more identical ones.
@@ -97,7 +97,7 @@ TEST_F(CudaShuffledRows, have_the_same_rows_of_samples_as_on_the_cpu) {
 // While such a large cloud arrives its parts are sorted apart and merged; loaded, it is sorted at once.
 TEST_F(CudaShuffledRows, of_parts_that_are_merged_along_the_curve_equal_the_whole) {
   std::vector<Point> points = noisy_sphere(17'000'000, 41, 0.0005);
-  if (cut(points).size() < points.size()) return;  // takes all of its points
+  if (cut(points).size() < points.size()) return;        // takes all of its points
   for (std::size_t i = 0; i < points.size(); i += 16) {  // a million in some cells
     const auto near = [](float at, float c) { return at + 0x1p-25f * std::round(20 * c); };
     points[i] = {near(0.25f, points[i].x), near(0.25f, points[i].y), near(0.125f, points[i].z)};

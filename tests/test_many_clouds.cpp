@@ -89,7 +89,7 @@ TEST(CudaManyClouds, have_the_bits_of_single_runs) {
   EXPECT_TRUE(pipeline.runs_together(kinds[0]));
   EXPECT_TRUE(pipeline.runs_together(Params{}));
   EXPECT_FALSE(pipeline.runs_together(kinds[kinds.size() - 2]));  // lists of estimated widths
-  expect_bits_of_single_runs(Device::cuda, shapes::mixed_clouds(), kinds);
+  expect_bits_of_single_runs(Device::cuda, shapes::mixed_clouds(), slow_tools::some_of(kinds));
 }
 
 TEST(CudaManyClouds, with_estimates_of_each_have_the_bits_of_single_runs) {
@@ -97,7 +97,8 @@ TEST(CudaManyClouds, with_estimates_of_each_have_the_bits_of_single_runs) {
   for (const DeviceStatus& status : list_devices())
     if (status.info.kind == Device::cuda) reason = status.usable ? "" : status.info.reason;
   if (!reason.empty()) GTEST_SKIP() << reason;
-  expect_bits_of_single_runs(Device::cuda, shapes::clouds_with_estimates(), shapes::params_with_estimates());
+  expect_bits_of_single_runs(Device::cuda, shapes::clouds_with_estimates(),
+                             slow_tools::some_of(shapes::params_with_estimates()));
 }
 
 // More than are measured together.
@@ -107,7 +108,8 @@ TEST(CudaManyClouds, of_any_number_with_estimates_have_the_bits_of_the_cpu) {
     if (status.info.kind == Device::cuda) reason = status.usable ? "" : status.info.reason;
   if (!reason.empty()) GTEST_SKIP() << reason;
   Clouds clouds;
-  for (int i = 0; i < 600; ++i) clouds.add(200 + i % 90, 1, 0, 0.002f * float(1 + i % 17));
+  for (int i = 0; i < int(slow_tools::most_points(600)); ++i)
+    clouds.add(200 + i % 90, 1, 0, 0.002f * float(1 + i % 17));
   std::vector<Point> result(clouds.points.size()), expected(clouds.points.size());
   Pipeline(Device::cuda).run_many(clouds.points, clouds.offsets, {}, result);
   Pipeline(Device::cpu).run_many(clouds.points, clouds.offsets, {}, expected);
@@ -121,7 +123,7 @@ TEST(CudaManyClouds, of_any_number_have_the_bits_of_single_runs) {
     if (status.info.kind == Device::cuda) reason = status.usable ? "" : status.info.reason;
   if (!reason.empty()) GTEST_SKIP() << reason;
   Clouds clouds;
-  for (int i = 0; i < 5000; ++i) clouds.add(20 + i % 60, 1, 0);
+  for (int i = 0; i < int(slow_tools::most_points(5000)); ++i) clouds.add(20 + i % 60, 1, 0);
   std::vector<Point> result(clouds.points.size()), expected(clouds.points.size());
   Pipeline(Device::cuda).run_many(clouds.points, clouds.offsets, given(8), result);
   Pipeline(Device::cpu).run_many(clouds.points, clouds.offsets, given(8), expected);

@@ -219,6 +219,21 @@ POINTFAIR_DEVICE_INLINE Verdict<F> verdict_of(const Neighbors& neighbors, const 
   return verdict;
 }
 
+// Where a point is after its step of `distance`.
+template <bool kSees, class F>
+POINTFAIR_DEVICE_INLINE Vec3<F> place_after(const FairingRule& rule, const OwnPlace<F>& own, F distance) {
+  const F strength = own.further_share * rule.strength;
+  if constexpr (kSees) {
+    if (rule.along_ray) {
+      if (rule.farthest > 0)
+        distance = softly_limited(
+            distance, rule.farthest_follows ? square_root(own.squared_level) * rule.farthest : F(rule.farthest));
+      return own.here + along_ray((F{} - distance * strength) * own.normal, own.to_sensor);
+    }
+  }
+  return moved(own.here, own.normal, distance * strength);
+}
+
 // Where a point goes by the bilateral method: along its normal or its ray, by the share that noise justifies; an
 // outlier becomes NaN or goes to a mean of its neighbours. More than one instance: what outliers, shares and sensors
 // need would take registers from the loop that does without.
@@ -229,7 +244,7 @@ POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> faired_point(const Neighbors& 
                                                                const Scalars& squared_radii) {
   using F = NumberOf<Neighbors>;
   const F squared_level = own.squared_level;
-  const Vec3<F> here = own.here, normal = own.normal, to_sensor = own.to_sensor;
+  const Vec3<F> normal = own.normal;
   const LocalBilateralWeights<F> weights = weights_of(rule, neighbors.squared_radius(), squared_level);
   const auto distance_of = [&](auto visited) {
     return rule.symmetric ? symmetric_distance(neighbors, weights, rule.inverse_turn, normal, normals, areas, visited)
@@ -240,7 +255,7 @@ POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> faired_point(const Neighbors& 
   const F squared_outlier_distance =
       larger(F(rule.squared_outlier_distance), squared_level * rule.squared_level_outlier_distance);
   const F squared_core = larger(neighbors.squared_core(), squared_outlier_distance);
-  Company<F> company(to_sensor, rule.squared_beam_width, squared_outlier_distance);
+  Company<F> company(own.to_sensor, rule.squared_beam_width, squared_outlier_distance);
   F distance = distance_of([&](Vec3<F> offset, auto inside) {
     if constexpr (kSeeksOutliers && kSees) company.add(offset, inside);
     if constexpr (kSeeksOutliers || kShares) {
@@ -252,16 +267,7 @@ POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> faired_point(const Neighbors& 
   if constexpr (kShares)
     distance =
         distance * noise_share(spread.variance(), squared_level * rule.noise_variance, rule.noise_left, rule.damage);
-  const F strength = own.further_share * rule.strength;
-  Vec3<F> there = moved(here, normal, distance * strength);
-  if constexpr (kSees) {
-    if (rule.along_ray) {
-      F d = distance;
-      if (rule.farthest > 0)
-        d = softly_limited(d, rule.farthest_follows ? square_root(squared_level) * rule.farthest : F(rule.farthest));
-      there = here + along_ray((F{} - d * strength) * normal, to_sensor);
-    }
-  }
+  const Vec3<F> there = place_after<kSees>(rule, own, distance);
   if constexpr (!kSeeksOutliers) {
     return there;
   } else {
@@ -272,7 +278,7 @@ POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> faired_point(const Neighbors& 
     if (!neighbors.any(is_outlier)) return there;
     if (!rule.pull_outliers) return select<F>(is_outlier, {verdict.reason, verdict.reason, verdict.reason}, there);
     const Vec3<F> pull = pull_of(neighbors, weights, rule, squared_radii);
-    return select<F>(is_outlier, here + F(rule.strength) * pull, there);
+    return select<F>(is_outlier, own.here + F(rule.strength) * pull, there);
   }
 }
 
