@@ -56,7 +56,7 @@ build() {
 }
 
 # The tests that use a card.
-card_tests='Cuda*:HostBuffer.*:*every_device*'
+card_tests='Cuda*:HostBuffer.*:*every_device*:Cards.of_this_machine*'
 
 # sanitize TOOL POINTS PROCESSES: the tests that use a card under a tool of compute-sanitizer, on clouds of at most so
 # many points, divided among processes that run at once.
@@ -128,9 +128,9 @@ fi
 
 if wanted tests; then part tests '\[  (PASSED|FAILED)' tests; fi
 for tool in memcheck initcheck synccheck; do
-  if wanted $tool; then part $tool '^tests passed' sanitize $tool 50000 1; fi
+  if wanted $tool; then part $tool '^tests passed' sanitize $tool 500 16; fi
 done
-if wanted racecheck; then part racecheck '^tests passed' sanitize racecheck 4000 6; fi  # far slower than the others
+if wanted racecheck; then part racecheck '^tests passed' sanitize racecheck 500 12; fi  # far slower than the others
 if wanted stages; then part stages '^even +[0-9]+ +8 ' stages; fi
 if wanted tables; then part tables 'pointfair CUDA.*[0-9]' tables; fi
 cat "$summary"
