@@ -1,0 +1,262 @@
+// SPDX-License-Identifier: Apache-2.0
+// Walks over the neighbours of a pack of points: along lists or, without lists, over everything within a radius in
+// sorted order. Part of src/cpu/kernels.cpp.
+#pragma once
+
+#include "cpu/kernels.h"
+#include "cpu/pack.h"
+#include "cpu/search.h"
+#include "point/neighborhoods.h"
+
+namespace pointfair::cpu::POINTFAIR_ISA {
+
+// Handles of neighbours, by sorted position: another one in each lane, the same in all, or the pack's own points.
+struct Gathered {
+  Ints at;
+  POINTFAIR_INLINE Floats of(const float* values) const { return gather(values, at); }
+};
+struct Shared {
+  Index at;
+  POINTFAIR_INLINE Floats of(const float* values) const { return broadcast(values[at]); }
+};
+struct Own {
+  Index start;
+  POINTFAIR_INLINE Floats of(const float* values) const { return load(values + start); }
+};
+
+// What belongs to a point, for those handles.
+struct Vectors {
+  VectorsView view;
+  template <class There>
+  POINTFAIR_INLINE point::Vec3<Floats> at(There there) const {
+    return {there.of(view.x), there.of(view.y), there.of(view.z)};
+  }
+};
+struct Scalars {
+  const float* values;
+  template <class There>
+  POINTFAIR_INLINE Floats of(There there) const {
+    return there.of(values);
+  }
+};
+struct Areas {
+  AreaView area;
+  template <class There>
+  POINTFAIR_INLINE Floats of(There there) const {
+    if (area.power == 0) return broadcast(1.0f);
+    const Floats length = there.of(area.mean_distance);
+    return area.power == 1 ? length : length * length;
+  }
+};
+
+// Lists fill from the front, so the walk ends at the first slot that is empty in every lane.
+class ListWalk {
+ public:
+  using Number = Floats;
+  using Count = Floats;
+
+  // list[slot * 16] is the first lane's entry
+  POINTFAIR_INLINE ListWalk(const IndexView& index, Index start, const Index* list, int k)
+      : index_(index), start_(start), list_(list), k_(k) {}
+
+  template <class Load, class Visit>
+  POINTFAIR_INLINE void operator()(Load load_there, Visit visit) const {
+    const point::Vec3<Floats> here = {load(index_.x + start_), load(index_.y + start_), load(index_.z + start_)};
+    const Ints empty = broadcast(int(point::kNoNeighbor));
+    for (int slot = 0; slot < k_; ++slot) {
+      const Ints listed = load(list_ + slot * kLeafSize);
+      const Mask inside = listed != empty;
+      if (!any(inside)) return;
+      const Gathered at{select(inside, listed, broadcast(0))};
+      const point::Vec3<Floats> there = {at.of(index_.x), at.of(index_.y), at.of(index_.z)};
+      visit(there - here, load_there(at), inside);
+    }
+  }
+  POINTFAIR_INLINE Floats squared_radius() const { return broadcast(1.0f); }  // lists have no width of their own
+  POINTFAIR_INLINE Floats squared_core() const { return broadcast(__builtin_inff()); }
+  POINTFAIR_INLINE Floats squared_horizon() const { return broadcast(0.0f); }
+  POINTFAIR_INLINE static bool any(Mask mask) { return cpu::POINTFAIR_ISA::any(mask); }
+
+ private:
+  const IndexView& index_;
+  Index start_;
+  const Index* list_;
+  int k_;
+};
+
+POINTFAIR_INLINE Floats value_or_one(const float* values, Index start) {
+  return values == nullptr ? broadcast(1.0f) : load(values + start);
+}
+
+// For a function that writes to members which its callers, inlined elsewhere, read: GCC 12, which sees through
+// noinline, kept what such a caller had read before the call (with SSE2 and AVX2; -fno-ipa-modref or
+// -fno-strict-aliasing cure it).
+#if __has_attribute(noipa)
+#define POINTFAIR_OPAQUE __attribute__((noinline, noipa))
+#else
+#define POINTFAIR_OPAQUE __attribute__((noinline))
+#endif
+
+// Walks the tree from the root in sorted order, so that sums have one order whatever the instruction set. The
+// neighbours are first found and then visited, in a loop that keeps the sums of `visit` in registers and has no branch
+// to guess.
+class RadiusWalk {
+ public:
+  using Number = Floats;
+  using Count = Floats;
+
+  POINTFAIR_INLINE RadiusWalk(const IndexView& index, Index start, const point::Radii& radii) : index_(index) {
+    const Mask active = lane_numbers() < broadcast(int(index.points - start));
+    const Floats own = load(radii.squared_radius + start);
+    const Floats grown = radii.squared_growth == nullptr ? own : own * load(radii.squared_growth + start);
+    queries_ = make_queries(index, start, active, grown);
+    farthest_ = largest(queries_.limit);
+    share_ = broadcast(1.0f);
+    if (radii.min_neighbors > 0)
+      share_ = select(active, point::kept_share(radii, value_or_one(radii.squared_level, start), own, queries_.limit),
+                      broadcast(0.0f));
+    largest_share_ = largest(share_);
+    is_thinned_ = smallest(select(active, share_, broadcast(1.0f))) < 1.0f;
+  }
+
+  template <class Load, class Visit>
+  POINTFAIR_INLINE void operator()(Load load_there, Visit visit) const {
+    bool begins = true;
+    do {
+      if (!found_.has_all) search(begins);
+      begins = false;
+      for (int i = 0; i < found_.count; ++i) {
+        const Index at = found_.at[i];
+        const point::Vec3<Floats> there = spread(index_.x[at], index_.y[at], index_.z[at]);
+        visit(there - queries_.position, load_there(Shared{at}), found_.inside[i]);
+      }
+    } while (!place_.is_end());
+  }
+  POINTFAIR_INLINE Floats squared_radius() const { return queries_.limit; }
+  POINTFAIR_INLINE Floats squared_core() const { return point::squared_core(queries_.limit); }
+  POINTFAIR_INLINE Floats squared_horizon() const {
+    return select(share_ < broadcast(1.0f), broadcast(0.0f), queries_.limit);
+  }
+  POINTFAIR_INLINE static bool any(Mask mask) { return cpu::POINTFAIR_ISA::any(mask); }
+
+ private:
+  // Some of the neighbours of the pack's points, in sorted order: position and lanes.
+  struct Found {
+    static constexpr int kRoom = 512;
+    Index at[kRoom];
+    Mask inside[kRoom];
+    int count = 0;
+    bool has_all = false;  // a further walk visits them again
+  };
+  // Points that may be neighbours, by sorted position.
+  struct Waiting {
+    static constexpr int kRoom = 128;
+    int at[kRoom + kLanes];
+    int count = 0;
+  };
+  // What of the tree is still to be seen: on each level from the lowest, a group and its children that are near.
+  struct Place {
+    Index group[kMaxLevels];
+    unsigned near[kMaxLevels];
+    int level, levels;
+    bool is_end() const { return level == levels; }
+  };
+
+  // Fills `found_` with the first neighbours, or with the next.
+  POINTFAIR_OPAQUE void search(bool begins) const {
+    if (begins) {
+      place_.levels = index_.levels;
+      place_.level = index_.levels - 1;
+      enter(place_.level, 0);
+    }
+    found_.count = 0;
+    while (!place_.is_end() && found_.count <= Found::kRoom - Waiting::kRoom) {
+      Waiting waiting;
+      collect(waiting);
+      is_thinned_ ? keep_inside<true>(waiting) : keep_inside<false>(waiting);
+    }
+    found_.has_all = begins && place_.is_end();
+  }
+
+  // Points that are near the pack, until no further leaf may fit.
+  void collect(Waiting& waiting) const {
+    while (!place_.is_end() && waiting.count <= Waiting::kRoom - kLeafSize) {
+      unsigned& near = place_.near[place_.level];
+      if (near == 0) {
+        ++place_.level;
+        continue;
+      }
+      const Index child = place_.group[place_.level] * kLeafSize + Index(__builtin_ctz(near));
+      near &= near - 1;
+      if (place_.level > 0) {
+        enter(--place_.level, child);
+      } else {
+        collect_leaf(child, waiting);
+      }
+    }
+  }
+
+  void enter(int level, Index group_number) const {
+    const BoxGroup& group = index_.level[level][group_number];
+    unsigned near = 0;
+    for (int c = 0; c < kLeafSize; c += kLanes) {
+      const point::Vec3<Floats> min = {load(group.min_x + c), load(group.min_y + c), load(group.min_z + c)};
+      const point::Vec3<Floats> max = {load(group.max_x + c), load(group.max_y + c), load(group.max_z + c)};
+      near |= bits(point::squared_gap(min, max, queries_.min, queries_.max) <= broadcast(farthest_)) << c;
+    }
+    place_.group[level] = group_number;
+    place_.near[level] = near;
+  }
+
+  void collect_leaf(Index leaf, Waiting& waiting) const {
+    for (int c = 0; c < kLeafSize; c += kLanes) {
+      const Index first = leaf * kLeafSize + Index(c);
+      const point::Vec3<Floats> p = {load(index_.x + first), load(index_.y + first), load(index_.z + first)};
+      Mask near = point::squared_gap(p, p, queries_.min, queries_.max) <= broadcast(farthest_);
+      if (is_thinned_) near = near & (load(index_.share + first) < broadcast(largest_share_));
+      waiting.count += append(waiting.at + waiting.count, int(first), near);
+    }
+  }
+
+  // Those of them that are neighbours of a point of the pack.
+  template <bool kThinned>
+  void keep_inside(const Waiting& waiting) const {
+    int count = found_.count;
+    for (int i = 0; i < waiting.count; ++i) {
+      const int at = waiting.at[i];
+      const point::Vec3<Floats> offset = spread(index_.x[at], index_.y[at], index_.z[at]) - queries_.position;
+      Mask inside = (point::squared_length(offset) <= queries_.limit) & ~(queries_.at == broadcast(at));
+      if constexpr (kThinned) inside = inside & (broadcast(index_.share[at]) < share_);
+      found_.at[count] = Index(at);
+      found_.inside[count] = inside;
+      count += any(inside);
+    }
+    found_.count = count;
+  }
+
+  const IndexView& index_;
+  Queries queries_;
+  float farthest_;  // the largest squared radius of the lanes
+  Floats share_;    // of the neighbours that count
+  float largest_share_;
+  bool is_thinned_;
+  mutable Found found_;
+  mutable Place place_;
+};
+
+// Calls body(start, neighbours) for each pack of the leaf.
+template <class Body>
+POINTFAIR_INLINE void for_packs(const IndexView& index, Index leaf, const Neighborhoods& neighborhoods, Body body) {
+  for (int part = 0; part < kLeafSize; part += kLanes) {
+    const Index start = leaf * kLeafSize + Index(part);
+    if (neighborhoods.lists.k > 0) {
+      const NeighborView& lists = neighborhoods.lists;
+      const Index* list = lists.list + std::size_t(leaf) * std::size_t(lists.stored) * kLeafSize + part;
+      body(start, ListWalk(index, start, list, lists.k));
+    } else if (start < index.points) {
+      body(start, RadiusWalk(index, start, neighborhoods.radii));
+    }
+  }
+}
+
+}  // namespace pointfair::cpu::POINTFAIR_ISA
