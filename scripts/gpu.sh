@@ -128,7 +128,7 @@ fi
 
 if wanted tests; then part tests '\[  (PASSED|FAILED)' tests; fi
 for tool in memcheck initcheck synccheck; do
-  if wanted $tool; then part $tool '^tests passed' sanitize $tool 500 16; fi
+  if wanted $tool; then part $tool '^tests passed' sanitize $tool 50000 8; fi
 done
 if wanted racecheck; then part racecheck '^tests passed' sanitize racecheck 500 12; fi  # far slower than the others
 if wanted stages; then part stages '^even +[0-9]+ +8 ' stages; fi
