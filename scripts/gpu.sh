@@ -55,17 +55,18 @@ build() {
     cmake --build "$root/build/gpu" --target pointfair_cli pointfair_tests cuda_stage_times paper_tables
 }
 
-# The tests that use a card.
+# The tests that use a card, and those of them whose cells are only dense on larger clouds.
 card_tests='Cuda*:HostBuffer.*:*every_device*:Cards.of_this_machine*'
+dense_tests='Cuda*dense*:Cuda*share_a_cell*'
 
-# sanitize TOOL POINTS PROCESSES: the tests that use a card under a tool of compute-sanitizer, on clouds of at most so
-# many points, divided among processes that run at once.
+# sanitize TOOL POINTS PROCESSES [TESTS]: the tests that use a card under a tool of compute-sanitizer, on clouds of at
+# most so many points, divided among processes that run at once.
 sanitize() {
   local sanitizer=compute-sanitizer n pids=() failures=0
   command -v $sanitizer >/dev/null || sanitizer=/usr/local/cuda/bin/compute-sanitizer
   for ((n = 0; n < $3; n++)); do
     GTEST_TOTAL_SHARDS=$3 GTEST_SHARD_INDEX=$n POINTFAIR_TEST_POINTS=$2 timeout "$limit" "$sanitizer" --tool "$1" \
-      --error-exitcode 9 "$bin/pointfair_tests" --gtest_filter="$card_tests" >"$out/$1.$n.log" 2>&1 &
+      --error-exitcode 9 "$bin/pointfair_tests" --gtest_filter="${4:-$card_tests}" >"$out/$1.$n.log" 2>&1 &
     pids+=($!)
   done
   for ((n = 0; n < $3; n++)); do
@@ -76,6 +77,11 @@ sanitize() {
   echo "tests passed: $(grep -ac '\[       OK' "$out/$1.log"), skipped: $(grep -ac '\[  SKIPPED' "$out/$1.log"), reports:" \
     "$(grep -aoE 'SUMMARY: [0-9]+' "$out/$1.log" | awk '{s += $2} END {print s + 0}'), processes that failed: $failures of $3"
   [ $failures = 0 ] && ! grep -aq SKIPPED "$out/$1.log"
+}
+
+# Far slower than the other tools.
+check_races() {
+  sanitize racecheck 500 12 && sanitize racecheck 6000 3 "$dense_tests"
 }
 
 # All unit tests; a backend whose tests were skipped has shown nothing.
@@ -130,7 +136,7 @@ if wanted tests; then part tests '\[  (PASSED|FAILED)' tests; fi
 for tool in memcheck initcheck synccheck; do
   if wanted $tool; then part $tool '^tests passed' sanitize $tool 50000 8; fi
 done
-if wanted racecheck; then part racecheck '^tests passed' sanitize racecheck 500 12; fi  # far slower than the others
+if wanted racecheck; then part racecheck '^tests passed' check_races; fi
 if wanted stages; then part stages '^even +[0-9]+ +8 ' stages; fi
 if wanted tables; then part tables 'pointfair CUDA.*[0-9]' tables; fi
 cat "$summary"

@@ -238,28 +238,29 @@ TEST_F(CudaBackendTest, equals_the_cpu_on_hard_clouds) {
 // beside invalid ones, which must still be sorted behind all others.
 TEST_F(CudaBackendTest, equals_the_cpu_where_cells_are_dense) {
   for (const float size : {0.05f, 1e-3f}) {
-    std::vector<Point> cloud = noisy_sphere(50000, 16, 0.002);
-    for (std::size_t i = 0; i < 10000; ++i) {
+    const std::size_t count = slow_tools::most_points(50000);
+    std::vector<Point> cloud = noisy_sphere(int(count), 16, 0.002);
+    for (std::size_t i = 0; i < count / 5; ++i) {
       Point& p = cloud[5 * i];
       p = {0.3f + size * p.x, 0.2f + size * p.y, size * p.z};
     }
-    for (std::size_t i = 0; i < 2000; ++i) cloud[7 * i].z = kNan;
-    for (std::size_t i = 0; i < 800; ++i)
+    for (std::size_t i = 0; i < count / 25; ++i) cloud[7 * i].z = kNan;
+    for (std::size_t i = 0; i < count / 60; ++i)
       cloud[11 * i] = {i % 2 == 0 ? -9.0f : 9.0f, i / 2 % 2 == 0 ? -9.0f : 9.0f,
                        (i / 4 % 2 == 0 ? -9.0f : 9.0f) + float(i) * 1e-5f};
     expect_same(cloud, with_neighbors(8), size < 0.01f ? "dense" : "a little dense");
   }
 }
 
-// Cells of many groups of leaves, which are put in order once more, and cells of these: two scans far apart, and points
-// ever denser towards one place. Large clouds are sorted by all bits of their keys.
+// Cells of many groups of leaves, which are put in order once more, and cells of these: two scans far apart with many
+// points in one place, and points ever denser towards one place. Large clouds are sorted by all bits of their keys.
 TEST_F(CudaBackendTest, equals_the_cpu_where_cells_are_very_dense) {
-  std::vector<Point> cloud = noisy_sphere(60000, 17, 0.002);
+  std::vector<Point> cloud = noisy_sphere(int(slow_tools::most_points(60000)), 17, 0.002);
   for (std::size_t i = 0; i < cloud.size(); i += 2) cloud[i].x += 1000;
-  for (std::size_t i = 0; i < 3000; ++i) cloud[4 * i] = {0.125f, 0, 0.25f};
+  for (std::size_t i = 0; i < cloud.size(); i += 3) cloud[i] = {0.125f, 0, 0.25f};
   expect_same(cloud, with_neighbors(8), "two scans");
-  for (const int count : {80000, (1 << 21) + 5000}) {
-    cloud = noisy_sphere(count, 18, 0.002);
+  for (const std::size_t count : {80000, (1 << 21) + 5000}) {
+    cloud = noisy_sphere(int(slow_tools::most_points(count)), 18, 0.002);
     for (Point& p : cloud) {
       const float r = std::pow(std::abs(p.x), 7.0f);
       p = {p.x * r, p.y * r, p.z * r};

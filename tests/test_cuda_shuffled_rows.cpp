@@ -53,12 +53,13 @@ TEST_F(CudaShuffledRows, in_few_cells_of_the_curve_equal_the_cpu) {
 
 // More different points in one cell than are sorted at once anywhere, and more identical ones.
 TEST_F(CudaShuffledRows, of_which_most_share_a_cell_equal_the_cpu) {
-  std::vector<Point> points = noisy_sphere(100000, 31, 0.002);
-  for (std::size_t i = 0; i < 70000; ++i) {
+  const std::size_t count = slow_tools::most_points(100000);
+  std::vector<Point> points = noisy_sphere(int(count), 31, 0.002);
+  for (std::size_t i = 0; i < count * 7 / 10; ++i) {
     const Point p = points[i];
     points[i] = {1e9f + 3e4f * p.x, -2e9f + 3e4f * p.y, 4e9f + 3e4f * p.z};
   }
-  for (std::size_t i = 70000; i < 80000; ++i) points[i] = {0.5f, 0.5f, 0.5f};
+  for (std::size_t i = count * 7 / 10; i < count * 8 / 10; ++i) points[i] = {0.5f, 0.5f, 0.5f};
   points = shapes::permuted(points, shapes::shuffle_order(points.size(), 1));
   StageSettings settings = with_neighbors(0, 0.02f);
   settings.frame = frame_over({-1, -1, -1}, 2);

@@ -13,11 +13,11 @@ constexpr int kWarps = kBlock / kWarp;
 // Points of a cell that is dense. Where keys have lowest bits that are not sorted by, gather_points() sorts a group of
 // leaves by them.
 constexpr Index kDenseCell = kGroupPoints / 4, kDenseCoarseCell = kGroupPoints;
-constexpr int kKeysOfThread = 8;
-constexpr Index kStretch = kBlock * kKeysOfThread;  // places where a block looks for cells that begin there
-constexpr int kMostCells = kStretch / kDenseCell;   // of those
+constexpr Index kStretch = 8 * kBlock;                 // places of a block
+constexpr int kMostCells = 2 * kStretch / kDenseCell;  // of which the first half of a dense cell's points is there
 constexpr int kBitsOfAxis = 4, kBins = 1 << (3 * kBitsOfAxis);
-constexpr int kMostWaiting = 256;  // cells of cells; what finds no room stays as it is
+constexpr Index kManyPoints = 16 * kBlock;  // of a cell: if a sample has them in one place, so does what is done here
+constexpr int kMostWaiting = 256;           // cells of cells; what finds no room stays as it is
 
 struct Places {
   Index begin, end;
@@ -63,10 +63,10 @@ class CellSort {
   }
 
   __device__ void split(Places cell) {
-    const Box box = box_of(cell);
-    const Vec extent = box.max - box.min;
-    const float side = fmaxf(extent.x, fmaxf(extent.y, extent.z)), scale = (1 << kBitsOfAxis) / side;
-    if (!(side > 0) || !(scale < __int_as_float(0x7f800000))) return __syncthreads();  // all in one place
+    if (cell.count() > kManyPoints && side_of(box_of(cell, cell.count() / kBlock)) == 0) return;
+    const Box box = box_of(cell, 1);
+    const float side = side_of(box), scale = (1 << kBitsOfAxis) / side;
+    if (!(side > 0) || !(scale < __int_as_float(0x7f800000))) return;  // all in one place
     count_bins(cell, box.min, scale);
     add_up();
     for (Index i = cell.begin + threadIdx.x; i < cell.end; i += kBlock)
@@ -76,11 +76,17 @@ class CellSort {
     note_dense_bins(cell);
   }
 
-  __device__ Box box_of(Places cell) const {
+  __device__ static float side_of(const Box& box) {
+    const Vec extent = box.max - box.min;
+    return fmaxf(extent.x, fmaxf(extent.y, extent.z));
+  }
+
+  // Of every `step`th point.
+  __device__ Box box_of(Places cell, Index step) const {
     constexpr float kInfinity = __builtin_inff();
     float bound[6] = {kInfinity, kInfinity, kInfinity, kInfinity, kInfinity, kInfinity};  // upper ones negated
-    for (Index i = cell.begin + threadIdx.x; i < cell.end; i += kBlock) {
-      const Vec p = position(i);
+    for (Index i = threadIdx.x; i < cell.count() / step; i += kBlock) {
+      const Vec p = position(cell.begin + i * step);
       const float of_point[6] = {p.x, p.y, p.z, -p.x, -p.y, -p.z};
       for (int b = 0; b < 6; ++b) bound[b] = fminf(bound[b], of_point[b]);
     }
@@ -91,6 +97,7 @@ class CellSort {
     }
     __syncthreads();
     for (int b = 0; b < 6; ++b) bound[b] = unordered(warp_min(ordered(memory_.bound[b][lane_number()])));
+    __syncthreads();
     return {{bound[0], bound[1], bound[2]}, {-bound[3], -bound[4], -bound[5]}};
   }
 
@@ -151,16 +158,24 @@ class CellSort {
   Index *order_, *spare_;
 };
 
-// Behind the last place of the cell that begins at `first`.
+// The cell that place `in` is in: halves the places before and behind it until both ends are known.
 template <class Key>
-__device__ Index end_of_cell(const Key* keys, Index first, Index count, int lowest_bit) {
-  const Key cell = keys[first] >> lowest_bit;
-  Index in = first, end = count;
-  while (end - in > 1) {
-    const Index middle = in + (end - in) / 2;
-    (keys[middle] >> lowest_bit == cell ? in : end) = middle;
+__device__ Places cell_around(const Key* keys, Index in, Index count, int lowest_bit) {
+  const Key cell = keys[in] >> lowest_bit;
+  const auto is_in = [&](Index i) { return keys[i] >> lowest_bit == cell; };
+  Index first = in, last = in;
+  for (Index before = 0; before < first;) {
+    const Index middle = before + (first - before) / 2;
+    if (is_in(middle))
+      first = middle;
+    else
+      before = middle + 1;
   }
-  return end;
+  for (Index behind = count; behind - last > 1;) {
+    const Index middle = last + (behind - last) / 2;
+    (is_in(middle) ? last : behind) = middle;
+  }
+  return {first, last + 1};
 }
 
 template <class Key, int kBits>
@@ -171,14 +186,13 @@ __global__ void __launch_bounds__(kBlock)
   if (threadIdx.x == 0) memory.found = 0;
   __syncthreads();
   begin_kernel();
-  const Index begin = blockIdx.x * kStretch + threadIdx.x;
-#pragma unroll
-  for (int n = 0; n < kKeysOfThread; ++n) {
-    const Index i = begin + n * kBlock;
-    if (i >= count || count - i < dense) continue;
-    const Key key = keys[i] >> lowest_bit;
-    if (keys[i + dense - 1] >> lowest_bit != key || key == kInvalid<Key, kBits> >> lowest_bit) continue;
-    if (i == 0 || keys[i - 1] >> lowest_bit != key) memory.cells[atomicAdd(&memory.found, 1)] = i;
+  // A dense cell holds all of one or more halves that begin at multiples of their length; the first of them finds it.
+  const Index half = dense / 2, begin = blockIdx.x * kStretch + threadIdx.x * half;
+  if (threadIdx.x < kStretch / half && begin + half <= count) {
+    const Key key = keys[begin] >> lowest_bit, last = keys[begin + half - 1] >> lowest_bit,
+              before = begin > 0 ? keys[begin - half] >> lowest_bit : ~Key{0};
+    if (key == last && key != before && key != kInvalid<Key, kBits> >> lowest_bit)
+      memory.cells[atomicAdd(&memory.found, 1)] = begin;
   }
   __syncthreads();
   if (memory.found == 0) return;
@@ -188,7 +202,8 @@ __global__ void __launch_bounds__(kBlock)
   __syncthreads();
   CellSort cells(memory, points, dense, order, spare);
   for (int n = 0; n < memory.found; ++n) {
-    const Places cell{memory.cells[n], end_of_cell(keys, memory.cells[n], count, lowest_bit)};
+    const Places cell = cell_around(keys, memory.cells[n], count, lowest_bit);
+    if (cell.count() < dense) continue;
     cells.sort(cell);
     if (lowest_bit == 0) continue;
     for (Index i = cell.begin + threadIdx.x; i < cell.end; i += kBlock) keys[i] = keys[i] >> lowest_bit << lowest_bit;

@@ -39,8 +39,8 @@ Tree DeviceIndex::without_top() const {
             groups_.data(),
             {},
             share_.data(),
+            groups_of_cloud_ == 0 ? Index{kLeafSize} : groups_of_cloud_,
             leaves_of_cloud_,
-            groups_of_cloud_,
             valid_of_clouds_.data(),
             rules_};
   std::copy_n(levels_.first_group, kMaxLevels, tree.first_group);

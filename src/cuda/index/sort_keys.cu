@@ -76,13 +76,15 @@ __global__ void __launch_bounds__(kPrepareBlock)
   begin_kernel();
   const unsigned axis = threadIdx.x / kWarp % 3;
   const bool upper = threadIdx.x / kWarp >= 3;
+  Point points[Sample::kHeld] = {};  // all on their way at once
+#pragma unroll
+  for (int i = 0; i < Sample::kHeld && size > 0; ++i) points[i] = sampled[min(i * kWarp + lane_number(), size - 1)];
   Sample sample;
   int found = 0;
 #pragma unroll
   for (int i = 0; i < Sample::kHeld; ++i) {
-    const unsigned place = i * kWarp + lane_number();
-    const Point p = place < size ? sampled[place] : Point{__int_as_float(0x7fc00000), 0, 0};
-    const bool valid = is_valid(p);
+    const Point p = points[i];
+    const bool valid = i * kWarp + lane_number() < size && is_valid(p);
     const float value = axis == 0 ? p.x : axis == 1 ? p.y : p.z;
     sample.values[i] = valid ? ordered(upper ? -value : value) : Sample::kNothing;
     found += __popc(__ballot_sync(kAllLanes, valid));

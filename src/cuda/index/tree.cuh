@@ -64,9 +64,9 @@ struct Tree {
   Index
       first_group[kMaxLevels];  // level 0 has the boxes of leaves; group g has those of its children 32 g to 32 g + 31
   const float* share;           // of each sorted point, a hash of its position over [0, 1); null without a frame
-  // Of a forest (src/cuda/index/forest.cuh): every cloud has so many leaves, in so many groups, and a root of its own;
-  // 0 of one cloud.
-  Index leaves_of_cloud, groups_of_cloud;
+  Index children;               // of a node above the groups of leaves: kLeafSize, or all groups of a forest's cloud
+  // Of a forest (src/cuda/index/forest.cuh): every cloud has so many leaves, and a root of its own; 0 of one cloud.
+  Index leaves_of_cloud;
   const Index* valid_of_clouds;  // of a forest
   const CloudRules* rules;       // of each cloud of a forest where stages differ from cloud to cloud, else null
 
@@ -79,9 +79,7 @@ struct Tree {
   }
   // Valid points of the cloud with that root.
   __device__ Index valid_under(Index root) const { return leaves_of_cloud == 0 ? state->valid : valid_of_clouds[root]; }
-  __device__ Index first_child(int level, Index group) const {
-    return group * (level == 0 || groups_of_cloud == 0 ? kLeafSize : groups_of_cloud);
-  }
+  __device__ Index first_child(int level, Index group) const { return group * (level == 0 ? kLeafSize : children); }
   // Those that are there of the leaf's cloud.
   __device__ LeafRange leaves_beside(Index leaf) const {
     if (leaves_of_cloud == 0) return {0, leaves_there};
@@ -160,7 +158,7 @@ class GroupWalk {
         group_ = __shfl_sync(kAllLanes, left_group_, level_);
         continue;
       }
-      const Index child = tree_.first_child(level_, group_) + static_cast<Index>(__ffs(static_cast<int>(pending_)) - 1);
+      const Index child = group_ * tree_.children + static_cast<Index>(__ffs(static_cast<int>(pending_)) - 1);
       pending_ &= pending_ - 1;
       if (static_cast<int>(lane_number()) == level_) {
         left_ = pending_;

@@ -157,10 +157,12 @@ class GroupSearch {
       distance[i] = inside ? d : distance[i];
       found[i] = inside ? found[i] : point::kNoNeighbor;
     }
-    put_in_order(tree_.points, distance, found, wanted);
+    const bool tied = order_by_distance(distance, found, wanted);
+    list += lane_number();
 #pragma unroll
     for (int i = 0; i < kList; ++i)
-      if (i >= first && wanted) list[(i - first) * kWarp + lane_number()] = found[i];
+      if (i >= first && wanted) list[(i - first) * kWarp] = found[i];
+    if (tied && wanted) order_ties(tree_.points, position_, k, list);
   }
 
  private:
