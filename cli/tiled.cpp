@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 #include <malloc.h>
+#include <sys/resource.h>
 
 #include <charconv>
 #include <chrono>
@@ -39,20 +40,60 @@ class ScratchFolder {
   fs::path path_;
 };
 
-// `milliseconds`: unknown where other processes did tasks.
-Json report_json(const TiledReport& report, const DeviceInfo& device, std::optional<double> milliseconds) {
+// What a run in one process took.
+struct Costs {
+  std::vector<StageTime> steps;
+  double milliseconds = 0;
+  std::uint64_t peak_bytes = 0;  // of the process
+};
+
+// Times the steps of a run, each from its beginning to that of the next.
+class StepClock {
+ public:
+  void enter(std::string_view step) {
+    if (!steps_.empty() && steps_.back().name == step) return;
+    end_step();
+    steps_.push_back({std::string(step), 0});
+    begin_ = Clock::now();
+  }
+  Costs stop() {
+    end_step();
+    Costs costs{std::move(steps_)};
+    for (const StageTime& step : costs.steps) costs.milliseconds += step.milliseconds;
+    rusage usage{};
+    if (::getrusage(RUSAGE_SELF, &usage) == 0) costs.peak_bytes = std::uint64_t(usage.ru_maxrss) << 10;
+    return costs;
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  void end_step() {
+    if (steps_.empty()) return;
+    steps_.back().milliseconds = std::chrono::duration<double, std::milli>(Clock::now() - begin_).count();
+  }
+
+  std::vector<StageTime> steps_;
+  Clock::time_point begin_;
+};
+
+Json noise_json(const TiledReport& report) {
+  Json json{{"before", report.noise ? Json(*report.noise) : Json()},
+            {"quantiles", report.noise ? Json(report.noise_quantiles) : Json()}};
+  if (!report.noise_attribute.empty()) json["attribute"] = report.noise_attribute;
+  return json;
+}
+
+// `costs`: null where other processes did tasks.
+Json report_json(const TiledReport& report, const DeviceInfo& device, const Costs* costs) {
   const Displacement& moved = report.displacement;
   return {{"version", version()},
           {"device", device_json(device)},
           {"points", report.points},
           {"params", params_json(report.params)},
           {"spacing", report.spacing ? Json(*report.spacing) : Json()},
+          {"noise", noise_json(report)},
           {"rounding", rounding_json(report.step)},
           {"float_step", report.float_step},
-          {"noise",
-           {{"before", report.noise ? Json(*report.noise) : Json()},
-            {"quantiles", report.noise ? Json(report.noise_quantiles) : Json()},
-            {"attribute", report.noise_attribute.empty() ? Json() : Json(report.noise_attribute)}}},
           {"unmoved",
            {{"non_finite", report.unmoved.non_finite},
             {"too_few_neighbors", report.unmoved.too_few_neighbors},
@@ -63,8 +104,10 @@ Json report_json(const TiledReport& report, const DeviceInfo& device, std::optio
           {"outliers", outliers_json(report.unmoved.outliers_by_reason)},
           {"short_neighborhoods", report.short_neighborhoods},
           {"displacement", statistics_json({moved.mean, moved.rms, moved.p95, moved.max})},
+          {"stages", costs ? stages_json(costs->steps) : Json()},
           {"tiles", report.tiles},
-          {"total_ms", milliseconds ? Json(*milliseconds) : Json()}};
+          {"total_ms", costs ? Json(costs->milliseconds) : Json()},
+          {"peak_bytes", {{"host", costs ? Json(costs->peak_bytes) : Json()}, {"device", Json()}}}};
 }
 
 void print_summary(const TiledReport& report) {
@@ -83,9 +126,8 @@ void print_summary(const TiledReport& report) {
     if (!note.empty()) fmt::print(stderr, "note: {}\n", note);
 }
 
-void tell(const TiledReport& report, const Device& device, const TiledOutput& output,
-          std::optional<double> milliseconds) {
-  if (!output.report.empty()) write_report(output.report, report_json(report, Pipeline(device).device(), milliseconds));
+void tell(const TiledReport& report, const Device& device, const TiledOutput& output, const Costs* costs) {
+  if (!output.report.empty()) write_report(output.report, report_json(report, Pipeline(device).device(), costs));
   if (!output.quiet) print_summary(report);
 }
 
@@ -117,7 +159,8 @@ void keep_no_freed_memory() {
 
 void run_in_tiles(const TiledJob& job, const fs::path& work, const Device& device, const TiledOutput& output,
                   std::stop_token stop) {
-  const auto start = std::chrono::steady_clock::now();
+  StepClock clock;
+  clock.enter("plan");
   keep_no_freed_memory();
   std::optional<ScratchFolder> scratch;
   if (work.empty()) {
@@ -133,15 +176,18 @@ void run_in_tiles(const TiledJob& job, const fs::path& work, const Device& devic
     TiledRun::plan(job, folder, device.threads);
     if (!output.quiet && !output.note.empty()) fmt::print(stderr, "note: {}\n", output.note);
     TiledRun run(folder, device);
-    run.run_all(stop, [&](double share, std::string_view stage) { progress.show(share, stage); });
+    run.run_all(stop, [&](double share, std::string_view step) {
+      clock.enter(step);
+      progress.show(share, step);
+    });
     report = run.report();
   }
-  const std::chrono::duration<double, std::milli> taken = std::chrono::steady_clock::now() - start;
-  tell(report, device, output, taken.count());
+  const Costs costs = clock.stop();
+  tell(report, device, output, &costs);
 }
 
 void finish_tiles(const TiledRun& run, const Device& device, const TiledOutput& output) {
-  tell(run.report(), device, output, {});
+  tell(run.report(), device, output, nullptr);
 }
 
 }  // namespace pointfair::cli

@@ -42,6 +42,17 @@ class Reports(Case):
             self.assertGreater(whole["unmoved"]["held"], 0)
             self.assertEqual(whole["unmoved"], cut["unmoved"])
 
+    def test_the_keys_are_those_of_the_run_in_memory(self):
+        write_ply(self.path("in.ply"), scan_with_outliers())
+        whole, cut = self.of_both(self.path("in.ply"), suffix=".ply")
+        self.assertEqual(list(whole), list(cut))
+        for key in ("device", "params", "noise", "unmoved", "outliers", "displacement", "peak_bytes"):
+            self.assertEqual(list(whole[key]), list(cut[key]), key)
+        self.assertEqual([step["name"] for step in cut["stages"]],
+                         ["plan", "ingest", "measure", "denoise-1", "denoise-2", "emit"])
+        self.assertAlmostEqual(sum(step["ms"] for step in cut["stages"]), cut["total_ms"], delta=1e-6 * cut["total_ms"])
+        self.assertGreater(cut["peak_bytes"]["host"], 2 ** 20)
+
     def test_how_far_points_moved(self):
         source = write_las(self.path("in.las"), scan_with_outliers(), [2, 6] * 1250)
         for words in ([], ["--where", "classification=2"], ["--ignore", "classification=6"], ["--iterations", 2]):
@@ -63,7 +74,7 @@ class Reports(Case):
         self.assertEqual(self.report(*job)["displacement"], expected)  # from what was done
         report = self.report("tile", "merge", self.path("work"))
         self.assertEqual(report["displacement"], expected)
-        self.assertIsNone(report["total_ms"])
+        self.assertEqual((report["stages"], report["total_ms"], report["peak_bytes"]["host"]), (None, None, None))
 
     def test_the_lines_say_how_far_points_moved(self):
         source = write_las(self.path("in.las"), scan_with_outliers(), [2] * 2500)
