@@ -14,9 +14,9 @@ constexpr int kWarps = kBlock / kWarp;
 // leaves by them.
 constexpr Index kDenseCell = kGroupPoints / 4, kDenseCoarseCell = kGroupPoints;
 constexpr Index kStretch = 8 * kBlock;                 // places of a block
-constexpr int kMostCells = 2 * kStretch / kDenseCell;  // of which the first half of a dense cell's points is there
+constexpr int kMostCells = 2 * kStretch / kDenseCell;  // whose first whole half begins there
 constexpr int kBitsOfAxis = 4, kBins = 1 << (3 * kBitsOfAxis);
-constexpr Index kManyPoints = 16 * kBlock;  // of a cell: if a sample has them in one place, so does what is done here
+constexpr Index kManyPoints = 16 * kBlock;  // of a cell that is left as it is if a sample of them is in one place
 constexpr int kMostWaiting = 256;           // cells of cells; what finds no room stays as it is
 
 struct Places {
