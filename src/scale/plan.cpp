@@ -17,7 +17,7 @@
 #include "io/offset.hpp"
 #include "io/parallel.hpp"
 #include "io/streamed.hpp"
-#include "io/viewpoint.hpp"
+#include "io/sensor_place.hpp"
 #include "pointfair/file_info.hpp"
 #include "scale/given.hpp"
 #include "scale/leaf_tree.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "io/viewpoint.hpp"
+#include "io/sensor_place.hpp"
 
 #include <algorithm>
 #include <array>
