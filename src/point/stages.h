@@ -152,6 +152,16 @@ POINTFAIR_DEVICE_INLINE NumberOf<Neighbors> symmetric_distance(const Neighbors& 
   return sum.distance();
 }
 
+// Either of them. Not a lambda of its caller: GCC calls that for each pack, with its arguments in memory.
+template <class Neighbors, class Weights, class Vectors, class Areas, class Visited>
+POINTFAIR_DEVICE_INLINE NumberOf<Neighbors> bilateral_distance(const Neighbors& neighbors, const FairingRule& rule,
+                                                               Weights weights, Vec3<NumberOf<Neighbors>> normal,
+                                                               const Vectors& normals, const Areas& areas,
+                                                               Visited visited) {
+  return rule.symmetric ? symmetric_distance(neighbors, weights, rule.inverse_turn, normal, normals, areas, visited)
+                        : paper_distance(neighbors, weights, normal, areas, visited);
+}
+
 // A mean of an outlier's neighbours (PullSum). `squared_radii` are not read without pull_by_density.
 template <class Neighbors, class Scalars>
 POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> pull_of(const Neighbors& neighbors,
@@ -246,17 +256,13 @@ POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> faired_point(const Neighbors& 
   const F squared_level = own.squared_level;
   const Vec3<F> normal = own.normal;
   const LocalBilateralWeights<F> weights = weights_of(rule, neighbors.squared_radius(), squared_level);
-  const auto distance_of = [&](auto visited) {
-    return rule.symmetric ? symmetric_distance(neighbors, weights, rule.inverse_turn, normal, normals, areas, visited)
-                          : paper_distance(neighbors, weights, normal, areas, visited);
-  };
   Agreement<F> agreement;
   HeightSpread<F> spread;
   const F squared_outlier_distance =
       larger(F(rule.squared_outlier_distance), squared_level * rule.squared_level_outlier_distance);
   const F squared_core = larger(neighbors.squared_core(), squared_outlier_distance);
   Company<F> company(own.to_sensor, rule.squared_beam_width, squared_outlier_distance);
-  F distance = distance_of([&](Vec3<F> offset, auto inside) {
+  F distance = bilateral_distance(neighbors, rule, weights, normal, normals, areas, [&](Vec3<F> offset, auto inside) {
     if constexpr (kSeeksOutliers && kSees) company.add(offset, inside);
     if constexpr (kSeeksOutliers || kShares) {
       const F height = dot(normal, offset);

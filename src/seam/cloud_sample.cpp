@@ -43,14 +43,6 @@ void order_candidates(std::vector<SampleCandidate>& candidates) {
   candidates = std::move(ordered);
 }
 
-void unite(Bounds& bounds, const Bounds& with) {
-  bounds.min = {std::min(bounds.min.x, with.min.x), std::min(bounds.min.y, with.min.y),
-                std::min(bounds.min.z, with.min.z)};
-  bounds.max = {std::max(bounds.max.x, with.max.x), std::max(bounds.max.y, with.max.y),
-                std::max(bounds.max.z, with.max.z)};
-  bounds.valid += with.valid;
-}
-
 double diagonal_of(const Bounds& b) {
   return std::hypot(double(b.max.x) - b.min.x, double(b.max.y) - b.min.y, double(b.max.z) - b.min.z);
 }

@@ -27,7 +27,14 @@ inline point::Vec3<float> to_vec3(const Point& p) { return {p.x, p.y, p.z}; }
 
 inline constexpr float kUnbounded = __builtin_inff();
 inline constexpr Bounds kNoBounds{{kUnbounded, kUnbounded, kUnbounded}, {-kUnbounded, -kUnbounded, -kUnbounded}, 0};
-void unite(Bounds& bounds, const Bounds& with);
+// Inline, since it is called for each point.
+inline void unite(Bounds& bounds, const Bounds& with) {
+  bounds.min = {std::min(bounds.min.x, with.min.x), std::min(bounds.min.y, with.min.y),
+                std::min(bounds.min.z, with.min.z)};
+  bounds.max = {std::max(bounds.max.x, with.max.x), std::max(bounds.max.y, with.max.y),
+                std::max(bounds.max.z, with.max.z)};
+  bounds.valid += with.valid;
+}
 double diagonal_of(const Bounds& bounds);
 // The largest difference of a coordinate within the bounds from the next float; 0 if no coordinate is rounded to these.
 double float_step_of(const Bounds& bounds, const std::array<double, 3>& origin);
