@@ -27,14 +27,15 @@ __device__ __forceinline__ bool exchange_neighbors(float (&distance)[kList], Ind
 }
 
 // By distance; returns whether any are equally far. All lanes of the warp take part; only `wanted` lists need to be in
-// order at the end. Places that hold none should differ in distance, or they are looked at in vain.
+// order at the end. Places that hold none must differ in distance or be infinitely far.
 template <int kList>
 __device__ __forceinline__ bool order_by_distance(float (&distance)[kList], Index (&found)[kList], bool wanted) {
   while (__any_sync(kAllLanes, exchange_neighbors(distance, found) && wanted)) {
   }
   bool tied = false;
 #pragma unroll
-  for (int i = 0; i + 1 < kList; ++i) tied |= distance[i] == distance[i + 1];
+  for (int i = 0; i + 1 < kList; ++i)
+    tied |= distance[i] == distance[i + 1] && distance[i] < __int_as_float(0x7f800000);
   return tied;
 }
 
