@@ -35,7 +35,8 @@ inline constexpr double kHiddenFromSix = 0.53;   // spacings; of more noise six 
 inline constexpr double kMostOverSix = 1.25;     // of the noise that they show, by chance; (25); 117
 inline constexpr double kDoubtfulNoise = 0.6;    // spacings; below it residuals may be shape; low
 inline constexpr double kBeyondResiduals = 1.7;  // spacings; of more noise 115 points show nothing; 082
-inline constexpr double kNearFlat = 2;           // flattest residuals; larger ones are beyond the similarity sigma; low
+inline constexpr int kPointsInRow = 11;  // the nearest; no plane of theirs at most samples: a cloud in rows; 135
+inline constexpr double kNearFlat = 2;   // flattest residuals; larger ones are beyond the similarity sigma; low
 
 // How residuals grow from one neighbourhood to one of twice the points.
 inline constexpr double kShapelikeGrowth[] = {1.35, 1.5};  // ratio of residuals, noise and shape; scans

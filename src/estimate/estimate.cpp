@@ -149,6 +149,10 @@ int surface_points(std::span<const point::ResidualSample> samples) {
   return 0;
 }
 
+// As a sweep of a lidar with few beams. A cubic through two or three rows meets all their points whatever the noise, so
+// neither the least residuals nor their growth tell anything.
+bool lies_in_rows(const Noise& noise) { return noise.surface_points == 0 || noise.surface_points > kPointsInRow; }
+
 // How much of what was taken for noise is shape, by residuals of larger neighbourhoods, or by those of small ones where
 // the larger are a good part of the cloud.
 void tell_from_shape(Noise& noise, std::uint64_t points, const std::vector<point::ResidualSample>& residuals) {
@@ -200,7 +204,11 @@ Noise noise_of(std::span<const point::NoiseSample> samples, std::uint64_t points
   } else if (sigma < kBeyondResiduals * noise.surface_spacing) {
     const std::vector<point::ResidualSample> samples_of_residuals = residuals();
     noise.surface_points = surface_points(samples_of_residuals);
-    tell_from_shape(noise, points, samples_of_residuals);
+    if (lies_in_rows(noise)) {
+      noise.sigma = quantile(sigmas, kNoiseQuantile);
+    } else {
+      tell_from_shape(noise, points, samples_of_residuals);
+    }
   }
   if (noise.sigma > 0) {
     const double median = quantile(sigmas, 0.5), trust = trust_in_places(noise, points);
