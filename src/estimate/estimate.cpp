@@ -112,9 +112,11 @@ Growth residual_growth(const std::vector<point::ResidualSample>& samples) {
 
 // Residuals of shape grow faster and faster with the neighbourhood, those of noise that is alike in neighbouring points
 // ever less.
+double slowing(const Growth& growth) {
+  return growth.first > 0 ? share_between(kAlikeSlowing, growth.second / growth.first) : 1;
+}
 double alikeness(const Growth& growth) {
-  if (!(growth.first > 0)) return 0;
-  return share_between(kAlikeGrowth, growth.flat) * share_between(kAlikeSlowing, growth.second / growth.first);
+  return growth.first > 0 ? share_between(kAlikeGrowth, growth.flat) * slowing(growth) : 0;
 }
 
 double likeness_to_shape(double flat_growth) { return share_between(kShapelikeGrowth, flat_growth); }
@@ -150,7 +152,7 @@ int surface_points(std::span<const point::ResidualSample> samples) {
 }
 
 // As a sweep of a lidar with few beams. A cubic through two or three rows meets all their points whatever the noise, so
-// neither the least residuals nor their growth tell anything.
+// the least residuals tell nothing, and residuals of noise alone grow, but ever less.
 bool lies_in_rows(const Noise& noise) { return noise.surface_points == 0 || noise.surface_points > kPointsInRow; }
 
 // How much of what was taken for noise is shape, by residuals of larger neighbourhoods, or by those of small ones where
@@ -205,7 +207,9 @@ Noise noise_of(std::span<const point::NoiseSample> samples, std::uint64_t points
     const std::vector<point::ResidualSample> samples_of_residuals = residuals();
     noise.surface_points = surface_points(samples_of_residuals);
     if (lies_in_rows(noise)) {
+      const Growth growth = residual_growth(samples_of_residuals);
       noise.sigma = quantile(sigmas, kNoiseQuantile);
+      noise.likeness_to_shape = (1 - slowing(growth)) * likeness_to_shape(growth.flat);
     } else {
       tell_from_shape(noise, points, samples_of_residuals);
     }
