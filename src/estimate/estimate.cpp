@@ -111,7 +111,7 @@ Growth residual_growth(const std::vector<point::ResidualSample>& samples) {
 }
 
 // Residuals of shape grow faster and faster with the neighbourhood, those of noise that is alike in neighbouring points
-// ever less.
+// ever less: 1 where growth slows down, or where there is none.
 double slowing(const Growth& growth) {
   return growth.first > 0 ? share_between(kAlikeSlowing, growth.second / growth.first) : 1;
 }
