@@ -88,7 +88,7 @@ int automatic_min_neighbors(const Noise& noise, double spacing) {
 
 double automatic_relaxation(int whole_percent, int iterations, const Noise& noise, double spacing, bool by_share) {
   if (!(noise.sigma > 0)) return 0.01;
-  const double trusted = kTrustedNoise + noise.likeness_to_shape * (kTrustedShape - kTrustedNoise);
+  const double trusted = std::lerp(kTrustedNoise, kTrustedShape, noise.likeness_to_shape);
   const double ratio = trusted * spacing / noise.sigma;
   const double smallness = 1 - share_between(kSmoothingNoise, noise.sigma / spacing);
   const double of_noise =

@@ -34,10 +34,11 @@ double automatic_flat_scale(const Noise& noise, double spacing);
 int automatic_crease_angle(const Noise& noise, double spacing);
 
 // In hundredths. Next to nothing where the noise estimate is small against the spacing, so that clean clouds stay
-// clean. The rest, unless the share of each step is a matter of its place (`by_share`), is the share of the noise in
-// what a run does: to the shape itself it does about 3 times the variance that shape has in the estimate's
-// neighbourhoods. Where these are wide for the noise's sake and not for the 16 points', they damage less: the share has
-// a least value that grows with the noise. `iterations` together make that share, each of which would make the whole.
+// clean: very small, or less so if it grows like shape. The rest, unless the share of each step is a matter of its
+// place (`by_share`), is the share of the noise in what a run does: to the shape itself it does about 3 times the
+// variance that shape has in the estimate's neighbourhoods. Where these are wide for the noise's sake and not for the
+// 16 points', they damage less: the share has a least value that grows with the noise. `iterations` together make that
+// share, each of which would make the whole.
 double automatic_relaxation(int whole_percent, int iterations, const Noise& noise, double spacing, bool by_share);
 // Of the share of a step (c p of Eq. 22). Neighbourhoods that are wide for the noise's sake damage the shape less than
 // those that hold just 16 points, and what a depth camera's matcher makes alike only looks like shape.

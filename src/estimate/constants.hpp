@@ -116,8 +116,9 @@ inline constexpr double kTurningNoise[] = {0.45, 1};                // spacings;
 
 // The step.
 inline constexpr int kIterations = 2;                   // quality
-inline constexpr double kTrustedNoise = 0.02;           // spacings; half of a step is made there; low
-inline constexpr double kTrustedShape = 0.3;            // the same where residuals grow like shape; 102
+inline constexpr double kTrustedShape =
+    0.3;  // spacings; half of a step is made there if residuals grow like shape; 102
+inline constexpr double kTrustedNoise = 0.01;           // the same without such growth; 137
 inline constexpr double kDamage = 0.6;                  // c of (22); 082
 inline constexpr double kWidthDamage = 1.5;             // by two iterations and the filter of normals; (23); 119
 inline constexpr double kHarmlessNoise[] = {0.2, 0.6};  // spacings; c of (22), (23); 082
