@@ -86,6 +86,21 @@ TEST(NoiseLevels, stand_over_the_noise_of_a_typical_place) {
 }
 
 // The widest neighbourhoods that have residuals everywhere, of 115 points, have a radius of 1.7 sigmas there.
+// As in the frame of a depth camera, whose noise grows with the square of the distance. What is nearest is least noisy,
+// but most of the frame is not near.
+TEST(NoiseLevels, follow_noise_that_is_forty_times_as_large_elsewhere) {
+  const double spacing = 0.0041, quiet = 0.01 * spacing, loud = 0.4 * spacing;
+  const Points points = two_parts(60000, 0.25, quiet, loud);
+  const Outcome outcome = run(points);
+  std::size_t good = 0, looked_at = 0;
+  for (const Point& p : points) {
+    if (p.x < 0.35) continue;
+    ++looked_at;
+    good += std::abs(std::log(sigma_said(outcome, p) / loud)) < std::log(1.25);
+  }
+  EXPECT_GT(double(good), 0.9 * double(looked_at));
+}
+
 TEST(NoiseLevels, of_much_noise_are_those_of_wide_neighbourhoods) {
   constexpr int kMany = 50000;
   const double spacing = 1 / std::sqrt(kMany), loud = 3.5 * spacing;

@@ -53,9 +53,9 @@ inline constexpr std::size_t kFewestSamples = 64;              // that show nois
 inline constexpr std::size_t kPool = point::kPool;             // samples whose residuals stand for one place; (21); 082
 inline constexpr std::size_t kSmoothed = 8;     // samples whose median is the noise of a place; (21); 082
 inline constexpr double kFitError = 0.1;        // of log variances, beside chance; (21); 082
-inline constexpr double kSpread = 0.5;          // of log levels, before anything is known; (21); 104
+inline constexpr double kSpread = 0.7;          // of log levels, before anything is known; (21); 138
 inline constexpr double kChanceOfLevels = 0.1;  // of log levels, by the samples alone; (21); 104
-inline constexpr double kLargestLevel = 8;      // sigmas; 082
+inline constexpr double kLargestLevel = 8;      // of the typical place, and its inverse the least; (21); 138
 inline constexpr std::array kShapePowers{1.3, 2.0, 3.0, 4.0};  // of the size, by which shape grows; (21); 082
 inline constexpr int kLeastShape = -10, kMostShape = 8;        // half decades of shape over noise; (21); 082
 inline constexpr double kUnlikely = 20;                 // minus twice the log likelihood, over the best; 1 of 20,000
@@ -115,7 +115,7 @@ inline constexpr int kCreaseAngle = 15, kCreaseAngleOfNoise = 20;   // degrees; 
 inline constexpr double kTurningNoise[] = {0.45, 1};                // spacings; quality
 
 // The step.
-inline constexpr int kIterations = 2;                   // quality
+inline constexpr int kIterations = 2;  // quality
 inline constexpr double kTrustedShape =
     0.3;  // spacings; half of a step is made there if residuals grow like shape; 102
 inline constexpr double kTrustedNoise = 0.01;           // the same without such growth; 137

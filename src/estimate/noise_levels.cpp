@@ -183,11 +183,12 @@ LocalNoise local_noise(const LocalSamples& samples, double typical, double trust
   const Ranked noises(noise);
   for_each(noise.size(), [&](std::size_t i) {
     const double median = median_known(pools.of(i).first(kSmoothed), noises).value_or(typical);
-    log_levels[i] = std::log(std::clamp(median / typical, 1 / kLargestLevel, kLargestLevel));
+    log_levels[i] = std::log(median / typical);
   });
   shrink(log_levels);
   const double log_typical = trust * median_of(log_levels);
-  for (double& log_level : log_levels) log_level -= log_typical;
+  const double largest = std::log(kLargestLevel);
+  for (double& log_level : log_levels) log_level = std::clamp(log_level - log_typical, -largest, largest);
   typical *= std::exp(log_typical);
   const auto levels = shared(NoiseLevels{levels_between(samples.places, log_levels, for_each)});
   for (std::size_t i = 0; i < noise.size(); ++i) noise[i] = typical * std::exp(log_levels[i]);
