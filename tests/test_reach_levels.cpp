@@ -149,10 +149,27 @@ TEST(Neighbourhoods, reach_the_next_profile_however_far_apart_profiles_are) {
   }
 }
 
+TEST(ReachLevels, are_above_one_on_a_plane_where_noise_is_nearly_the_spacing) {
+  const Points points = shapes::with_noise(shapes::plane(kPoints), 0.7 * kSpacing);
+  const Outcome followed = run(points);
+  ASSERT_TRUE(followed.levels);
+  EXPECT_GT(level_at(followed, {0.5f, 0.5f, 0}), 1.2);
+  const auto left = [](const Points& of) {
+    double sum = 0;
+    for (const Point& p : of) sum += std::abs(p.z);
+    return sum;
+  };
+  Params params;
+  params.min_neighbors = 16;
+  EXPECT_LT(left(followed.points), 0.9 * left(run(points, params).points));
+}
+
+// At the border of the plane the spacing seems larger, and the noise smaller against it.
 TEST(ReachLevels, are_one_where_the_noise_sets_the_radius) {
-  const Outcome outcome = run(shapes::with_noise(shapes::plane(kPoints), 1.2 * kSpacing));
+  const Outcome outcome = run(shapes::with_noise(shapes::plane(kPoints), 1.5 * kSpacing));
   ASSERT_TRUE(outcome.levels);
-  for (const float level : outcome.levels->levels) ASSERT_NEAR(level, 1, 0.02);
+  for (const float x : {0.2f, 0.5f, 0.8f})
+    for (const float y : {0.2f, 0.5f, 0.8f}) EXPECT_NEAR(level_at(outcome, {x, y, 0}), 1, 0.02);
 }
 
 }  // namespace

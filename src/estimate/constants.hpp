@@ -102,8 +102,9 @@ inline constexpr double kListPoints = 11;                    // points, of lists
 
 // Width from place to place.
 inline constexpr double kReachPoints =
-    point::kReachPoints;                   // points; with so many of least risk the reach stays as it is; (23); 102
-inline constexpr double kWidestReach = 2;  // of the reach, and its inverse the narrowest; (23); 104
+    point::kReachPoints;                     // points; with so many of least risk the reach stays as it is; (23); 102
+inline constexpr double kWideningNoise = 1;  // spacings; none from there on; (23); 139
+inline constexpr double kWidestReach = 2;    // of the reach, and its inverse the narrowest; (23); 104
 
 // Weights and normals.
 inline constexpr double kNormalWidth = 1.4, kClosenessWidth = 0.6;  // of R; (3), (4); quality
@@ -121,7 +122,7 @@ inline constexpr double kTrustedShape =
 inline constexpr double kTrustedNoise = 0.01;           // the same without such growth; 137
 inline constexpr double kDamage = 0.6;                  // c of (22); 082
 inline constexpr double kWidthDamage = 1.5;             // by two iterations and the filter of normals; (23); 119
-inline constexpr double kHarmlessNoise[] = {0.2, 0.6};  // spacings; c of (22), (23); 082
+inline constexpr double kHarmlessNoise[] = {0.2, 0.6};  // spacings; c of (22), (23) below 1; 082
 inline constexpr double kShapeDamage = 3, kUnseenShape = 0.01;  // noise variances; other methods; 027
 inline constexpr double kSmoothingNoise[] = {0.1, 0.6};         // spacings; other methods; 027
 
