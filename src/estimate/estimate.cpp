@@ -264,11 +264,14 @@ void add_local(Estimate& result, const LocalSamples& samples, std::uint64_t poin
   if (!(result.noise.sigma > 0) || samples.places.size() < kFewestSamples) return;
   const Pools pools = rows.empty() ? Pools(samples.places, for_each) : Pools(std::move(rows));
   const double trust = trust_in_places(result.noise, points);
-  const LocalNoise noise = local_noise(samples, result.noise.sigma, trust, pools, for_each);
+  LocalNoise noise = local_noise(samples, result.noise.sigma, trust, pools, for_each);
   result.noise.sigma = noise.typical;
-  result.levels = noise.levels;
-  if (!samples.residuals.empty())
-    result.reach_levels = reach_levels(samples, noise.at_samples, result.noise, pools, for_each);
+  for_each(samples.residuals.empty() ? 1 : 2, [&](std::size_t which) {  // side by side, since each has parts in line
+    if (which == 0)
+      result.levels = noise_levels(samples.places, std::move(noise.log_levels), for_each);
+    else
+      result.reach_levels = reach_levels(samples, noise.at_samples, result.noise, pools, for_each);
+  });
 }
 
 // Rows of pools by the numbers of samples that show noise among all of these, if there are any.

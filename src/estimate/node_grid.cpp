@@ -111,10 +111,13 @@ std::size_t slab_beside(std::size_t fine, std::size_t n) {
   return fine % 2 == 0 ? (coarse == 0 ? 0 : coarse - 1) : std::min(coarse + 1, n - 1);
 }
 
+// Fewer are computed before other threads have begun.
+constexpr std::size_t kSlabsWorthThreads = 16;
+
 // The means of `fine` from its own sums and from the means of cells twice as wide, trilinear between their middles.
 void pull(const Level& coarse, Level& fine, const ForEach& for_each) {
   const std::size_t n = std::size_t(coarse.n), m = 2 * n;
-  for_each(m, [&](std::size_t z) {
+  const auto pull_slab = [&](std::size_t z) {
     std::array<double, kMostNodes * kMostNodes / 4> along_z;
     std::array<double, kMostNodes * kMostNodes / 2> along_y;
     const std::size_t here = z / 2 * n * n, beside = slab_beside(z, n) * n * n;
@@ -127,7 +130,11 @@ void pull(const Level& coarse, Level& fine, const ForEach& for_each) {
       for (std::size_t cell = row; cell < row + m; ++cell)
         if (fine.weight[cell] > 0) fine.mean[cell] = (fine.sum[cell] + fine.mean[cell]) / (fine.weight[cell] + 1);
     }
-  });
+  };
+  if (m >= kSlabsWorthThreads)
+    for_each(m, pull_slab);
+  else
+    for (std::size_t z = 0; z < m; ++z) pull_slab(z);
 }
 
 // Trilinear shares of a value at its eight nodes.
@@ -160,10 +167,12 @@ NodeLevels grid_around(const std::vector<Point>& places) {
   for (int axis = 0; axis < 3; ++axis) {
     std::vector<float> values;
     for (const Point& p : places) values.push_back(axis == 0 ? p.x : axis == 1 ? p.y : p.z);
-    std::sort(values.begin(), values.end());
-    const std::size_t aside = std::size_t(kAside * double(values.size()));
-    low[axis] = values[aside];
-    widest = std::max(widest, values[values.size() - 1 - aside] - values[aside]);
+    const auto aside = std::ptrdiff_t(kAside * double(values.size()));
+    const auto least = values.begin() + aside, most = values.end() - 1 - aside;
+    std::nth_element(values.begin(), least, values.end());
+    low[axis] = *least;
+    std::nth_element(least, most, values.end());
+    widest = std::max(widest, *most - low[axis]);
   }
   const int nodes = nodes_for(places.size());
   return {{}, nodes, {low[0], low[1], low[2]}, widest > 0 ? float(nodes - 1) / widest : 0};

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -44,22 +45,26 @@ struct Shown {
   Ranked spacings, noises;        // of the wide neighbourhoods
 };
 
-Shown shown_by(const LocalSamples& samples, double trust) {
+Shown shown_by(const LocalSamples& samples, double trust, const ForEach& for_each) {
   const std::size_t count = samples.places.size();
-  std::array<std::vector<double>, kResiduals> residuals;
-  for (std::vector<double>& of_size : residuals) of_size.assign(count, kUnknown);
-  std::vector<double> spacings(count, kUnknown), noises(count, kUnknown);
+  constexpr std::size_t kSpacings = kResiduals, kNoises = kResiduals + 1;
+  std::array<std::vector<double>, kResiduals + 2> values;  // the residuals of each size first
+  for (std::vector<double>& of_one : values) of_one.assign(count, kUnknown);
   for (std::size_t i = 0; i < count; ++i) {
     if (!samples.noise[i].is_wide) continue;
-    spacings[i] = samples.noise[i].spacing;
-    if (trust == 1) noises[i] = samples.noise[i].sigma;
+    values[kSpacings][i] = samples.noise[i].spacing;
+    if (trust == 1) values[kNoises][i] = samples.noise[i].sigma;
     if (samples.residuals.empty()) continue;
     const point::ResidualSample& its = samples.residuals[i];
     const double found[] = {its.least, its.narrow, its.wide, its.widest};
     for (std::size_t size = 0; size < kResiduals; ++size)
-      if (found[size] >= 0) residuals[size][i] = found[size] * found[size];
+      if (found[size] >= 0) values[size][i] = found[size] * found[size];
   }
-  return {{residuals.begin(), residuals.end()}, Ranked(spacings), Ranked(noises)};
+  std::array<std::optional<Ranked>, kResiduals + 2> ranked;
+  for_each(values.size(), [&](std::size_t which) { ranked[which].emplace(values[which]); });
+  Shown shown{{}, *std::move(ranked[kSpacings]), *std::move(ranked[kNoises])};
+  for (std::size_t size = 0; size < kResiduals; ++size) shown.residuals.push_back(*std::move(ranked[size]));
+  return shown;
 }
 
 // The median of what is known in a pool, unknown where less than half is.
@@ -177,7 +182,7 @@ double median_of(std::vector<double> values) {
 
 LocalNoise local_noise(const LocalSamples& samples, double typical, double trust, const Pools& pools,
                        const ForEach& for_each) {
-  const Shown shown = shown_by(samples, trust);
+  const Shown shown = shown_by(samples, trust, for_each);
   std::vector<double> noise(samples.places.size()), log_levels(noise.size());
   for_each(noise.size(), [&](std::size_t i) { noise[i] = noise_of(curve_of(pools.of(i), shown, typical), typical); });
   const Ranked noises(noise);
@@ -190,10 +195,15 @@ LocalNoise local_noise(const LocalSamples& samples, double typical, double trust
   const double largest = std::log(kLargestLevel);
   for (double& log_level : log_levels) log_level = std::clamp(log_level - log_typical, -largest, largest);
   typical *= std::exp(log_typical);
-  const auto levels = shared(NoiseLevels{levels_between(samples.places, log_levels, for_each)});
   for (std::size_t i = 0; i < noise.size(); ++i) noise[i] = typical * std::exp(log_levels[i]);
+  return {typical, std::move(noise), std::move(log_levels)};
+}
+
+std::shared_ptr<const NoiseLevels> noise_levels(const std::vector<Point>& places, std::vector<double> log_levels,
+                                                const ForEach& for_each) {
+  const auto levels = shared(NoiseLevels{levels_between(places, log_levels, for_each)});
   levels->quantiles = quantiles_of(std::move(log_levels));
-  return {typical, std::move(noise), levels};
+  return levels;
 }
 
 std::array<double, 3> quantiles_of(std::vector<double> log_levels) {

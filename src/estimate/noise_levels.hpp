@@ -13,8 +13,8 @@ namespace pointfair {
 
 struct LocalNoise {
   double typical;
-  std::vector<double> at_samples;             // standard deviations
-  std::shared_ptr<const NoiseLevels> levels;  // over the typical noise
+  std::vector<double> at_samples;  // standard deviations
+  std::vector<double> log_levels;  // logarithms of these over the typical noise
 };
 
 // `typical`: what the noise of a typical place is held to be, above 0. `trust`, from 0 to 1: how far the median over
@@ -22,6 +22,10 @@ struct LocalNoise {
 // but not on their order, but for rounding.
 LocalNoise local_noise(const LocalSamples& samples, double typical, double trust, const Pools& pools,
                        const ForEach& for_each);
+
+// The field of levels of which these are the logarithms at some places, at least one.
+std::shared_ptr<const NoiseLevels> noise_levels(const std::vector<Point>& places, std::vector<double> log_levels,
+                                                const ForEach& for_each);
 
 // The levels at 5, 50 and 95 % of some places, at least one.
 std::array<double, 3> quantiles_of(std::vector<double> log_levels);
