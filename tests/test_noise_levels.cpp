@@ -85,7 +85,6 @@ TEST(NoiseLevels, stand_over_the_noise_of_a_typical_place) {
   EXPECT_NEAR(outcome.report.params.noise.value, loud, 0.15 * loud);
 }
 
-// The widest neighbourhoods that have residuals everywhere, of 115 points, have a radius of 1.7 sigmas there.
 // As in the frame of a depth camera, whose noise grows with the square of the distance. What is nearest is least noisy,
 // but most of the frame is not near.
 TEST(NoiseLevels, follow_noise_that_is_forty_times_as_large_elsewhere) {
@@ -101,6 +100,7 @@ TEST(NoiseLevels, follow_noise_that_is_forty_times_as_large_elsewhere) {
   EXPECT_GT(double(good), 0.9 * double(looked_at));
 }
 
+// The widest neighbourhoods that have residuals everywhere, of 115 points, have a radius of 1.7 sigmas there.
 TEST(NoiseLevels, of_much_noise_are_those_of_wide_neighbourhoods) {
   constexpr int kMany = 50000;
   const double spacing = 1 / std::sqrt(kMany), loud = 3.5 * spacing;

@@ -164,6 +164,12 @@ TEST(ReachLevels, are_above_one_on_a_plane_where_noise_is_nearly_the_spacing) {
   EXPECT_LT(left(followed.points), 0.9 * left(run(points, params).points));
 }
 
+TEST(ReachLevels, are_not_below_one_where_the_noise_sets_the_radius) {
+  const Outcome outcome = run(shapes::with_noise(shapes::plane(kPoints), 1.2 * kSpacing));
+  ASSERT_TRUE(outcome.levels);
+  for (const float level : outcome.levels->levels) ASSERT_GE(level, 0.98);
+}
+
 // At the border of the plane the spacing seems larger, and the noise smaller against it.
 TEST(ReachLevels, are_one_where_the_noise_sets_the_radius) {
   const Outcome outcome = run(shapes::with_noise(shapes::plane(kPoints), 1.5 * kSpacing));

@@ -266,7 +266,7 @@ void add_local(Estimate& result, const LocalSamples& samples, std::uint64_t poin
   const double trust = trust_in_places(result.noise, points);
   LocalNoise noise = local_noise(samples, result.noise.sigma, trust, pools, for_each);
   result.noise.sigma = noise.typical;
-  for_each(samples.residuals.empty() ? 1 : 2, [&](std::size_t which) {  // side by side, since each has parts in line
+  for_each(samples.residuals.empty() ? 1 : 2, [&](std::size_t which) {  // at the same time, since each has serial parts
     if (which == 0)
       result.levels = noise_levels(samples.places, std::move(noise.log_levels), for_each);
     else

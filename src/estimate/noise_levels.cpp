@@ -6,7 +6,6 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
-#include <optional>
 #include <utility>
 #include <vector>
 
@@ -41,8 +40,8 @@ const Curve& chance_medians() {
 
 // What samples show whose neighbourhood is wide against the noise; the others do not show it.
 struct Shown {
-  std::vector<Ranked> residuals;  // variances of each size of neighbourhood
-  Ranked spacings, noises;        // of the wide neighbourhoods
+  std::vector<Ranked> residuals;    // variances of each size of neighbourhood
+  Ranked spacings{{}}, noises{{}};  // of the wide neighbourhoods
 };
 
 Shown shown_by(const LocalSamples& samples, double trust, const ForEach& for_each) {
@@ -60,10 +59,11 @@ Shown shown_by(const LocalSamples& samples, double trust, const ForEach& for_eac
     for (std::size_t size = 0; size < kResiduals; ++size)
       if (found[size] >= 0) values[size][i] = found[size] * found[size];
   }
-  std::array<std::optional<Ranked>, kResiduals + 2> ranked;
-  for_each(values.size(), [&](std::size_t which) { ranked[which].emplace(values[which]); });
-  Shown shown{{}, *std::move(ranked[kSpacings]), *std::move(ranked[kNoises])};
-  for (std::size_t size = 0; size < kResiduals; ++size) shown.residuals.push_back(*std::move(ranked[size]));
+  Shown shown{std::vector<Ranked>(kResiduals, Ranked({}))};
+  for_each(values.size(), [&](std::size_t which) {
+    Ranked& its = which == kSpacings ? shown.spacings : which == kNoises ? shown.noises : shown.residuals[which];
+    its = Ranked(values[which]);
+  });
   return shown;
 }
 
