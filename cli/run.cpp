@@ -29,7 +29,7 @@ struct RunArguments {
   LimitArguments limits;
   DeviceArguments device;
   FormatArguments format;
-  bool force = false, quiet = false, verbose = false;
+  bool force = false, quiet = false, verbose = false, orient = false;
 };
 
 void check_paths(const RunArguments& arguments) {
@@ -56,16 +56,22 @@ void check_normals(const RunArguments& arguments, const Cloud& cloud) {
                 fmt::format("--normals update: {} has no normals; --normals write adds them", arguments.input));
 }
 
+void check_orient(const RunArguments& arguments) {
+  if (arguments.orient && arguments.normals == "keep")
+    throw Error(ErrorKind::usage, "--orient is for new normals; add --normals write, or update");
+}
+
 // The normals of the last iteration. Where the file has its own, points that were not to move keep theirs.
-void give_normals(Pipeline& pipeline, std::span<const std::uint8_t> movable, std::span<const Position> viewpoints,
-                  std::stop_token stop, Cloud& cloud) {
+void give_normals(Pipeline& pipeline, bool orient, std::span<const std::uint8_t> movable,
+                  std::span<const Position> viewpoints, std::stop_token stop, Cloud& cloud) {
   std::vector<Point> normals(cloud.points.size());
   pipeline.normals(normals, stop);
+  if (orient) orient_normals(cloud, normals, viewpoints, stop);
   const bool has_own = !normal_attributes(cloud).empty();
   for (std::size_t i = 0; has_own && i < movable.size(); ++i) {
     if (!movable[i]) normals[i] = {0, 0, 0};
   }
-  set_normals(cloud, normals, viewpoints);
+  set_normals(cloud, normals, viewpoints, orient ? NormalSigns::as_given : NormalSigns::by_rules);
 }
 
 WriteOptions write_options_of(const RunArguments& arguments) {
@@ -203,7 +209,7 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
       pipeline.run(params, stop, [&](double share, std::string_view stage) { progress.show(share, stage); });
   denoised.source = cloud.source;
   apply_limits(limits, movable, cloud.points, denoised.points);
-  if (arguments.normals != "keep") give_normals(pipeline, movable, viewpoints, stop, denoised);
+  if (arguments.normals != "keep") give_normals(pipeline, arguments.orient, movable, viewpoints, stop, denoised);
   if (!arguments.write_noise.empty()) write_noise_attribute(pipeline, params, arguments.write_noise, stop, denoised);
   progress.show(1, "writing");
   write(arguments.output, denoised, write_options);
@@ -234,6 +240,7 @@ void run(RunArguments arguments, std::stop_token stop) {
   const Limits limits = make_limits(arguments.limits);
   const Device device = make_device(arguments.device);
   check_viewpoint(arguments.viewpoint);
+  check_orient(arguments);
   if (arguments.tiled.out_dir.empty() && !arguments.more.empty())
     throw Error(ErrorKind::usage, "several inputs need a folder for their results; give --out-dir");
   if (arguments.tiled.out_dir.empty() && arguments.output.empty())
@@ -285,6 +292,8 @@ Verb add_run(CLI::App& app) {
       ->type_name("STEP");
   add_choice(command, "--normals", arguments->normals, {"keep", "update", "write"},
              "keep: those in the file stay; update: new ones replace them; write: also where the file has none");
+  command.add_flag("--orient", arguments->orient,
+                   "new normals look to one side: to the sensor where its place is known, else out of closed shapes");
   command
       .add_flag("--write-noise{noise}", arguments->write_noise,
                 "add the standard deviation of the noise at each point, as an attribute of this name; default: noise")

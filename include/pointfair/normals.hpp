@@ -3,7 +3,9 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <span>
+#include <stop_token>
 #include <string>
 #include <vector>
 
@@ -24,7 +26,18 @@ POINTFAIR_EXPORT std::vector<std::string> normal_attributes(const Cloud& cloud);
 /// there is not one for each point. O(N).
 /// `viewpoints`: where the sensor stood instead, as parse_viewpoints gives it, one position or one for each point;
 /// normals look there whatever the file says, except where it is not finite.
+/// `signs`: as_given leaves all these rules out.
+enum class NormalSigns : std::uint8_t { by_rules, as_given };
 POINTFAIR_EXPORT void set_normals(Cloud& cloud, std::span<const Point> normals,
-                                  std::span<const std::array<double, 3>> viewpoints = {});
+                                  std::span<const std::array<double, 3>> viewpoints = {},
+                                  NormalSigns signs = NormalSigns::by_rules);
+
+/// Turns unit normals, one for each point of the cloud and of any sign, so that neighbours agree: towards the sensor,
+/// where the file or `viewpoints` says where it stood; else out of closed shapes, and up from what is flat. Each
+/// connected part has its own sign. A normal that is zero stays so. The same bits for any order of the points and any
+/// number of threads. O(N log N); 150 bytes a point. Throws ErrorKind::usage as set_normals does, and
+/// ErrorKind::interrupted.
+POINTFAIR_EXPORT void orient_normals(const Cloud& cloud, std::span<Point> normals,
+                                     std::span<const std::array<double, 3>> viewpoints = {}, std::stop_token stop = {});
 
 }  // namespace pointfair

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "pointfair/normals.hpp"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -9,6 +7,7 @@
 #include "io/column_names.hpp"
 #include "io/source.hpp"
 #include "io/text.hpp"
+#include "pointfair/normals.hpp"
 
 namespace pointfair {
 namespace {
@@ -138,7 +137,8 @@ std::vector<std::string> normal_attributes(const Cloud& cloud) {
   return {names.begin(), names.end()};
 }
 
-void set_normals(Cloud& cloud, std::span<const Point> normals, std::span<const Position> viewpoints) {
+void set_normals(Cloud& cloud, std::span<const Point> normals, std::span<const Position> viewpoints,
+                 NormalSigns signs) {
   if (viewpoints.size() > 1 && viewpoints.size() != cloud.points.size()) {
     throw Error(ErrorKind::usage, "the cloud has " + std::to_string(cloud.points.size()) + " points, but there are " +
                                       std::to_string(viewpoints.size()) + " viewpoints; give one, or one for each");
@@ -159,6 +159,10 @@ void set_normals(Cloud& cloud, std::span<const Point> normals, std::span<const P
     Point normal = normals[i];
     if (normal.x == 0 && normal.y == 0 && normal.z == 0) continue;
     const Point& p = cloud.points[i];
+    if (signs == NormalSigns::as_given) {
+      holder.set(i, {normal.x, normal.y, normal.z});
+      continue;
+    }
     const auto to = [&](const Position& place) {
       return std::array<double, 3>{place[0] - cloud.origin[0] - p.x, place[1] - cloud.origin[1] - p.y,
                                    place[2] - cloud.origin[2] - p.z};
