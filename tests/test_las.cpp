@@ -285,7 +285,7 @@ TEST(LasErrors, ABadFileIsRefusedWithOneClearLine) {
   };
   const auto number = [](auto value) { return packed({value}); };
   const Case cases[] = {
-      {25, "\5", "is LAS 1.5"},
+      {25, "\6", "is LAS 1.6"},
       {94, number(std::uint16_t{227}), "its header names 227 bytes"},
       {96, number(std::uint32_t{100}), "its points begin within its header"},
       {96, number(std::uint32_t{900000000}), "the file ends before its points"},

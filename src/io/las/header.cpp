@@ -11,10 +11,10 @@ namespace {
 
 constexpr std::size_t kRecordHead = 54, kExtendedHead = 60;
 
-// Formats 11 and up, and LAS 1.5, came later.
+// Formats 11 and up came later.
 constexpr std::array<std::size_t, 11> kRecordLengths = {20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67};
 
-std::size_t least_header_size(unsigned minor) { return minor >= 4 ? 375 : minor == 3 ? 235 : 227; }
+std::size_t least_header_size(unsigned minor) { return minor >= 5 ? 393 : minor == 4 ? 375 : minor == 3 ? 235 : 227; }
 
 // The records from `at` on, as many of `count` as lie before `end`. Returns where the last ends.
 std::size_t read_records(std::string_view bytes, std::size_t at, std::size_t end, std::uint64_t count, bool extended,
@@ -53,9 +53,9 @@ class Parser {
   void read_layout() {
     header_.minor = get<std::uint8_t>(bytes_, place::minor);
     const unsigned major = get<std::uint8_t>(bytes_, place::major);
-    if (major != 1 || header_.minor > 4) {
+    if (major != 1 || header_.minor > 5) {
       fail(name_, "is LAS " + std::to_string(major) + "." + std::to_string(header_.minor) +
-                      "; versions 1.0 to 1.4 are known: convert it to one of them");
+                      "; versions 1.0 to 1.5 are known: convert it to one of them");
     }
     header_.size = get<std::uint16_t>(bytes_, place::header_size);
     header_.points_begin = get<std::uint32_t>(bytes_, place::points_begin);

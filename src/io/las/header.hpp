@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a LAS or LAZ file says before and behind its points: the public header block and the variable length records.
-// LAS 1.0 to 1.4. Whoever writes keeps the bytes, so only what is needed is read.
+// LAS 1.0 to 1.5. Whoever writes keeps the bytes, so only what is needed is read.
 #pragma once
 
 #include <bit>

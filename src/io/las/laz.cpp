@@ -93,15 +93,15 @@ Compression read_compression(const Header& header, const std::string& name) {
   }
   const auto compressor = get<std::uint16_t>(record->data, 0), coder = get<std::uint16_t>(record->data, 2);
   const std::size_t items = get<std::uint16_t>(record->data, 32);
-  if (compressor == kPointwise)
-    fail_compression(name, "its points are compressed in one piece, as LASzip did before 2.0");
   const unsigned expected = header.point_format >= 6 ? kLayered : kChunked;
-  if (compressor != expected || coder != 0) {
+  const bool is_pointwise = compressor == kPointwise && header.point_format < 6;
+  if ((compressor != expected && !is_pointwise) || coder != 0) {
     fail_compression(name, "its points of format " + std::to_string(header.point_format) +
                                " are compressed by compressor " + std::to_string(compressor) + ", coder " +
                                std::to_string(coder) + ", which is not known");
   }
   Compression result;
+  result.pointwise = is_pointwise;
   result.chunk_points = get<std::uint32_t>(record->data, 12);
   if (result.chunk_points == kVariable) result.chunk_points = 0;
   if (items > (record->data.size() - kFixedPart) / kItemBytes) {

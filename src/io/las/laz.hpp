@@ -36,6 +36,7 @@ inline constexpr std::uint32_t kUsualChunk = 50000;
 struct Compression {
   std::uint32_t chunk_points = kUsualChunk;  ///< 0: each chunk has its own number
   std::vector<Item> items;
+  bool pointwise = false;  ///< all points are one chunk without a table, as LASzip wrote before 2.0
 
   bool layered() const { return items.front().type == Item::point14; }
   /// Layers of a chunk, where there are such.

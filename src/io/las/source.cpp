@@ -125,6 +125,16 @@ std::shared_ptr<Source> read_las(FileBytes bytes, const std::string& name, Resid
   }
   layout.compression = read_compression(layout.header, name);
   if (!layout.compression->layered()) require_codec(*layout.compression, name + ": such points need");
+  if (layout.compression->pointwise) {
+    std::size_t end = view.size();  // nothing says where the points end
+    for (const std::size_t begin : {layout.header.extended_begin, layout.header.waveform_begin})
+      if (begin > layout.header.points_begin) end = std::min(end, begin);
+    layout.points_end = layout.chunks_end = layout.table_begin = end;
+    const std::size_t begin = layout.header.points_begin;
+    auto store =
+        decode_pointwise(view.substr(begin, end - begin), layout.header, *layout.compression, view.size(), name);
+    return std::make_shared<LasSource>(std::move(bytes), name, std::move(layout), std::move(store));
+  }
   ChunkTable table = read_chunk_table(view, layout.header, *layout.compression, name);
   const std::string_view last = table.chunks.back().bytes;
   layout.chunks_end = static_cast<std::size_t>(last.data() + last.size() - view.data());

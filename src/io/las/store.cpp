@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <limits>
 
 #include "io/file_bytes.hpp"
 #include "io/large_pages.hpp"
@@ -52,6 +53,17 @@ class FileRecords : public PointStore {
   std::string_view points_;
   std::size_t record_length_;
   std::uint64_t count_;
+};
+
+// As if they were those of an uncompressed file.
+class PointwiseRecords final : public FileRecords {
+ public:
+  PointwiseRecords(std::unique_ptr<char[]> records, std::size_t record_length, std::uint64_t count)
+      : FileRecords({records.get(), static_cast<std::size_t>(count) * record_length}, record_length, count),
+        records_(std::move(records)) {}
+
+ private:
+  std::unique_ptr<char[]> records_;
 };
 
 class Chunks : public PointStore {
@@ -221,6 +233,20 @@ std::unique_ptr<PointStore> open_records(std::string_view bytes, const Header& h
   }
   const auto size = static_cast<std::size_t>(header.count) * header.record_length;
   return std::make_unique<FileRecords>(rest.substr(0, size), header.record_length, header.count);
+}
+
+std::unique_ptr<PointStore> decode_pointwise(std::string_view chunk, const Header& header,
+                                             const Compression& compression, std::size_t file_size,
+                                             const std::string& name) {
+  if (chunk.size() < header.record_length) fail(name, "the file ends before its points; copy it again");
+  if (header.count > std::numeric_limits<std::uint32_t>::max())
+    fail(name, "has more than 4294967295 points in one piece; write it again with a current LASzip");
+  check_plausible(header.count, 0, header.record_length, file_size, name);
+  const std::size_t size = static_cast<std::size_t>(header.count) * header.record_length;
+  auto records = make_large<char>(size);
+  if (!decode_chunk(compression, {chunk, {records.get(), size}}, static_cast<std::uint32_t>(header.count), kAllLayers))
+    fail(name, "its points are damaged, or the file ends before the last; copy it again");
+  return std::make_unique<PointwiseRecords>(std::move(records), header.record_length, header.count);
 }
 
 std::unique_ptr<PointStore> decode_chunks(std::vector<Chunk> chunks, const Header& header,

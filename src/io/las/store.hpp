@@ -48,6 +48,12 @@ class PointStore {
 /// The points of an uncompressed file, in the file. Throws Error(file) if they are not all there.
 std::unique_ptr<PointStore> open_records(std::string_view bytes, const Header& header, const std::string& name);
 
+/// The points of a file that are compressed in one piece, `chunk`: all decoded, a record a point. Throws Error(file) if
+/// it is damaged.
+std::unique_ptr<PointStore> decode_pointwise(std::string_view chunk, const Header& header,
+                                             const Compression& compression, std::size_t file_size,
+                                             const std::string& name);
+
 /// The points of a compressed file: of point formats 0 to 5 all decoded, of 6 to 10 the coordinates. In parallel.
 /// Throws Error(file) if a chunk is damaged. Memory: a record, or 14 bytes, a point. Where that is more than
 /// `most_kept` bytes, and with Residence::file, no point is held: a chunk is decoded when it is asked for, and may

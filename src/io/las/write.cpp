@@ -114,7 +114,7 @@ class LasWriter {
     add_attributes();
     if (compress) choose_compression();
     if (!compress && layout_.compression) drop(kLaszipUser, kLaszipId);
-    if (compress && (!layout_.compression || !edits.added.empty())) {
+    if (compress && (!has_chunks() || !edits.added.empty())) {
       frame_.put_record(kLaszipUser, kLaszipId, "by LASzip of pointfair", compression_record(*compression_));
     }
     if (compress || layout_.compression) {
@@ -124,11 +124,12 @@ class LasWriter {
   }
 
   void write() {
+    if (compression_ && layout_.compression && !has_chunks() && changes_nothing()) return out_.write(file());
     std::string front = frame_.front(compression_.has_value(), record_length_);
     for (std::size_t axis = 0; axis < 3; ++axis) put(front, place::scale + 8 * axis, scaling_.scale[axis]);
     out_.write(front);
     const std::string_view own_place = file().substr(layout_.header.points_begin, kPlaceBytes);
-    if (compression_) out_.write(layout_.compression ? own_place : std::string_view("\0\0\0\0\0\0\0\0", kPlaceBytes));
+    if (compression_) out_.write(has_chunks() ? own_place : std::string_view("\0\0\0\0\0\0\0\0", kPlaceBytes));
     write_points();
     std::uint64_t end = front.size() + (compression_ ? kPlaceBytes : 0);
     for (const std::size_t size : sizes_) end += size;
@@ -144,6 +145,19 @@ class LasWriter {
   static constexpr std::size_t kPlaceBytes = 8;  // before the chunks: where their table is
 
   std::string_view file() const { return source_.bytes(); }
+
+  // With a table, so that they can be copied.
+  bool has_chunks() const { return layout_.compression && !layout_.compression->pointwise; }
+
+  bool changes_nothing() const {
+    if (edits_.changes_attributes() || is_refined()) return false;
+    for (std::size_t block = 0; block < source_.block_count(); ++block) {
+      const Moves moves = source_.moves(block, edits_);
+      if (std::any_of(moves.changed.begin(), moves.changed.end(), [](std::uint8_t axes) { return axes != 0; }))
+        return false;
+    }
+    return true;
+  }
 
   void drop(std::string_view user, unsigned id) {
     if (const Record* const record = layout_.header.find(user, id)) frame_.drop(*record);
@@ -166,7 +180,7 @@ class LasWriter {
 
   void choose_compression() {
     compression_ = usual_compression(layout_.header.point_format, record_length_);
-    if (!layout_.compression) return require_codec(*compression_, "writing such points as LAZ needs");
+    if (!has_chunks()) return require_codec(*compression_, "writing such points as LAZ needs");
     compression_->chunk_points = layout_.compression->chunk_points;
     for (std::size_t i = 0; i < layout_.compression->items.size(); ++i) {
       compression_->items[i].version = layout_.compression->items[i].version;
