@@ -11,9 +11,11 @@ namespace pointfair::cli {
 namespace {
 
 constexpr std::pair<std::string_view, Format> kFormats[] = {
-    {"ply", Format::ply}, {"pcd", Format::pcd}, {"las", Format::las}, {"laz", Format::laz},
-    {"e57", Format::e57}, {"xyz", Format::xyz}, {"txt", Format::txt}, {"csv", Format::csv},
-    {"pts", Format::pts}, {"off", Format::off}, {"obj", Format::obj}};
+    {"ply", Format::ply},          {"pcd", Format::pcd}, {"las", Format::las},   {"laz", Format::laz},
+    {"e57", Format::e57},          {"xyz", Format::xyz}, {"txt", Format::txt},   {"csv", Format::csv},
+    {"pts", Format::pts},          {"off", Format::off}, {"obj", Format::obj},   {"ptx", Format::ptx},
+    {"stl", Format::stl},          {"npy", Format::npy}, {"copc", Format::copc}, {"kitti", Format::kitti},
+    {"nuscenes", Format::nuscenes}};
 
 constexpr std::pair<std::string_view, Encoding> kEncodings[] = {{"ascii", Encoding::ascii},
                                                                 {"binary", Encoding::binary},
@@ -158,9 +160,10 @@ void add_format(CLI::App& command, FormatArguments& arguments) {
 WriteOptions make_write_options(const FormatArguments& arguments, const std::filesystem::path& path) {
   WriteOptions options;
   options.format = find_value(kFormats, arguments.format);
-  if (!options.format && path.has_extension()) options.format = format_to_write(path);
+  const bool is_bin = path.extension() == ".bin";  // which of several formats it is, the input says
+  if (!options.format && path.has_extension() && !is_bin) options.format = format_to_write(path);
   options.encoding = find_value(kEncodings, arguments.encoding);
-  if (options.format && options.encoding) {
+  if (options.format && options.encoding && options.format != Format::stl) {  // STL needs faces, which a point has not
     const Cloud one_point = {.origin = {}, .points = {{0, 0, 0}}, .added = {}, .source = nullptr};
     write_bytes(one_point, *options.format, options.encoding);  // refuses what the format does not have
   }

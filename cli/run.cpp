@@ -94,7 +94,8 @@ bool needs_tiles(const RunArguments& arguments, const Params& params) {
 
 // What a run in tiles leaves out where nobody asked for tiles.
 std::string_view but_without_sensors(const RunArguments& arguments) {
-  const bool may_know_sensors = format_of(arguments.input) == Format::e57 && arguments.viewpoint.empty();
+  const std::optional<Format> format = format_of(arguments.input);
+  const bool may_know_sensors = (format == Format::e57 || format == Format::ptx) && arguments.viewpoint.empty();
   return may_know_sensors ? ", but mixed pixels are not looked for if its scans were made from several places" : "";
 }
 

@@ -41,7 +41,7 @@ RULES = {
     "src/scale/": (["src/scale/", "src/pipeline/", "src/estimate/", "src/tiles/", "src/seam/", "src/point/", "src/io/", PUBLIC],
                    ("sys/", "fcntl.h", "unistd.h", "signal.h")),
     "src/orient/": (["src/orient/", PUBLIC], ("tbb/",)),
-    "src/io/": (["src/io/", *FILES], ("tbb/", "sys/", "fcntl.h", "unistd.h", "signal.h", "fast_float/", "las", "pugixml", "emmintrin.h")),
+    "src/io/": (["src/io/", *FILES], ("tbb/", "sys/", "fcntl.h", "unistd.h", "signal.h", "fast_float/", "las", "pugixml", "nlohmann/", "emmintrin.h")),
     "src/": (["src/point/", PUBLIC], ()),
     "cli/": (["cli/", "viewer/server.hpp", PUBLIC], None),
     "bench/paper/": (["bench/paper/", "src/point/", PUBLIC], None),

@@ -15,11 +15,31 @@
 
 namespace pointfair {
 
-/// The file formats; the extension of each has its name.
-enum class Format : std::uint8_t { ply, pcd, xyz, txt, csv, pts, off, obj, las, laz, e57 };
+/// The file formats; the extension of each has its name. `kitti` and `nuscenes` are the plain floats of these data
+/// sets, ".bin" files that nothing but ReadOptions::format tells apart; `copc` is written only, and read as `laz`.
+enum class Format : std::uint8_t {
+  ply,
+  pcd,
+  xyz,
+  txt,
+  csv,
+  pts,
+  off,
+  obj,
+  las,
+  laz,
+  e57,
+  ptx,
+  stl,
+  npy,
+  glb,
+  kitti,
+  nuscenes,
+  copc
+};
 
-/// How numbers are written. PLY and PCD have several encodings, the text formats have `ascii` only, LAS and E57
-/// `binary`, LAZ `binary_compressed`.
+/// How numbers are written. PLY and PCD have several encodings, STL has `ascii` and `binary`, the text formats have
+/// `ascii` only, LAZ and COPC `binary_compressed`, and all others `binary`.
 enum class Encoding : std::uint8_t { ascii, binary, binary_big_endian, binary_compressed };
 
 /// How to read.
@@ -76,6 +96,9 @@ POINTFAIR_EXPORT std::optional<Format> format_of(const std::filesystem::path& pa
 /// The format in which `write` writes a file of this name: that of its extension, else `source`. Throws ErrorKind::file
 /// if neither is known, or if the format can only be read (".copc.laz").
 POINTFAIR_EXPORT Format format_to_write(const std::filesystem::path& path, std::optional<Format> source = {});
+
+/// Whether a file of the format takes attributes of any name beside its own.
+POINTFAIR_EXPORT bool takes_attributes(Format format) noexcept;
 
 /// What of the cloud, its attributes and the other parts of its file, a file of the format cannot keep, a sentence
 /// each; unset: its own format.

@@ -1,15 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "pointfair/cloud.hpp"
-
 #include <algorithm>
 
 #include "io/scalar.hpp"
 #include "io/source.hpp"
+#include "pointfair/cloud.hpp"
 #include "pointfair/file_info.hpp"
 
 namespace pointfair {
 
 std::size_t size_of(ScalarType type) noexcept { return io::size_of(io::native(type)); }
+
+bool takes_attributes(Format format) noexcept {
+  return format != Format::off && format != Format::obj && format != Format::e57 && format != Format::ptx &&
+         format != Format::stl && format != Format::kitti && format != Format::nuscenes;
+}
 
 std::vector<AttributeInfo> attributes(const Cloud& cloud) {
   std::vector<AttributeInfo> result;

@@ -5,6 +5,8 @@
 #include <array>
 #include <utility>
 
+#include "io/ptx/scans.hpp"
+#include "io/stl/facets.hpp"
 #include "io/text.hpp"
 #include "io/text_source.hpp"
 
@@ -20,6 +22,16 @@ std::string_view first_line(std::string_view bytes) {
     if (is_row(line, RowRule::uncommented)) return line;
   }
   return {};
+}
+
+// "solid" and a name, then the first facet, or the end of an empty one.
+bool is_text_stl(std::string_view bytes) {
+  std::string_view rest = bytes.substr(0, 4096), line, word;
+  if (!next_line(rest, line) || !next_word(line, word) || lower_case(word) != "solid") return false;
+  while (next_line(rest, line)) {
+    if (next_word(line, word)) return lower_case(word) == "facet" || lower_case(word) == "endsolid";
+  }
+  return false;
 }
 
 bool is_off_keyword(std::string_view word) {
@@ -38,6 +50,10 @@ std::optional<Format> format_of_content(std::string_view bytes) {
   if (bytes.starts_with("# .PCD")) return Format::pcd;
   if (bytes.starts_with("LASF")) return bytes.size() > 104 && (bytes[104] & 0x80) != 0 ? Format::laz : Format::las;
   if (bytes.starts_with("ASTM-E57")) return Format::e57;
+  if (bytes.starts_with("\x93NUMPY")) return Format::npy;
+  if (bytes.starts_with("glTF")) return Format::glb;
+  if (stl::is_binary(bytes) || is_text_stl(bytes)) return Format::stl;
+  if (ptx::looks_like_ptx(bytes)) return Format::ptx;
   std::string_view line = first_line(bytes), word;
   if (!next_word(line, word)) return std::nullopt;
   if (is_off_keyword(word)) return Format::off;
@@ -57,21 +73,13 @@ bool looks_like_numbers(std::string_view bytes) {
 }  // namespace io
 
 std::optional<Format> format_of(const std::filesystem::path& path) {
-  static constexpr std::array<std::pair<std::string_view, Format>, 14> kExtensions = {{
-      {".ply", Format::ply},
-      {".pcd", Format::pcd},
-      {".xyz", Format::xyz},
-      {".xyzn", Format::xyz},
-      {".xyzrgb", Format::xyz},
-      {".txt", Format::txt},
-      {".asc", Format::txt},
-      {".csv", Format::csv},
-      {".pts", Format::pts},
-      {".off", Format::off},
-      {".obj", Format::obj},
-      {".las", Format::las},
-      {".laz", Format::laz},
-      {".e57", Format::e57},
+  static constexpr std::array<std::pair<std::string_view, Format>, 21> kExtensions = {{
+      {".ply", Format::ply},           {".pcd", Format::pcd}, {".xyz", Format::xyz},  {".xyzn", Format::xyz},
+      {".xyzrgb", Format::xyz},        {".txt", Format::txt}, {".asc", Format::txt},  {".csv", Format::csv},
+      {".pts", Format::pts},           {".off", Format::off}, {".obj", Format::obj},  {".las", Format::las},
+      {".laz", Format::laz},           {".e57", Format::e57}, {".ptx", Format::ptx},  {".stl", Format::stl},
+      {".npy", Format::npy},           {".glb", Format::glb}, {".gltf", Format::glb}, {".kitti", Format::kitti},
+      {".nuscenes", Format::nuscenes},
   }};
   const std::string extension = io::lower_case(path.extension().string());
   for (const auto& [known, format] : kExtensions) {

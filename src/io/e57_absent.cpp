@@ -9,4 +9,8 @@ std::shared_ptr<Source> read_e57(FileBytes, const std::string& name) {
   fail(name, "is an E57 file, and this build has no pugixml to read it with; install libpugixml-dev and build again");
 }
 
+void write_e57(Table, Output&) {
+  throw Error(ErrorKind::usage, "this build has no pugixml, without which E57 files are neither read nor written");
+}
+
 }  // namespace pointfair::io

@@ -15,7 +15,8 @@
 namespace pointfair {
 namespace {
 
-constexpr const char* kKnownExtensions = ".ply, .pcd, .las, .laz, .e57, .xyz, .txt, .csv, .pts, .off or .obj";
+constexpr const char* kKnownExtensions =
+    ".ply, .pcd, .las, .laz, .e57, .ptx, .stl, .npy, .glb, .xyz, .txt, .csv, .pts, .off or .obj";
 
 Format choose_format(std::string_view bytes, const std::string& name, const ReadOptions& options) {
   if (options.format) return *options.format;
@@ -42,6 +43,17 @@ std::shared_ptr<Source> parse(io::FileBytes bytes, const std::string& name, Form
       return io::read_las(std::move(bytes), name, residence);
     case Format::e57:
       return io::read_e57(std::move(bytes), name);
+    case Format::ptx:
+      return io::read_ptx(std::move(bytes), name);
+    case Format::stl:
+      return io::read_stl(std::move(bytes), name);
+    case Format::npy:
+      return io::read_npy(std::move(bytes), name);
+    case Format::glb:
+      return io::read_gltf(std::move(bytes), name);
+    case Format::kitti:
+    case Format::nuscenes:
+      return io::read_floats(std::move(bytes), name, format);
     default:
       return io::read_xyz(std::move(bytes), name, format);
   }
@@ -75,18 +87,33 @@ void check(const Cloud& cloud) {
   }
 }
 
+bool is_text(Format format) {
+  switch (format) {
+    case Format::xyz:
+    case Format::txt:
+    case Format::csv:
+    case Format::pts:
+    case Format::off:
+    case Format::obj:
+    case Format::ptx:
+      return true;
+    default:
+      return false;
+  }
+}
+
 bool has_encoding(Format format, Encoding encoding) {
   switch (encoding) {
     case Encoding::ascii:
-      return format != Format::las && format != Format::laz && format != Format::e57;
+      return format == Format::ply || format == Format::pcd || format == Format::stl || is_text(format);
     case Encoding::binary:
-      return format == Format::ply || format == Format::pcd || format == Format::las || format == Format::e57;
+      return !is_text(format) && format != Format::laz && format != Format::copc;
     case Encoding::binary_big_endian:
       return format == Format::ply;
     case Encoding::binary_compressed:
       break;
   }
-  return format == Format::pcd || format == Format::laz;
+  return format == Format::pcd || format == Format::laz || format == Format::copc;
 }
 
 [[noreturn]] void refuse_encoding(Format format) {
@@ -122,7 +149,20 @@ struct Plan {
   io::Edits edits;
 };
 
+// By way of a LAS file, so that what one keeps, such as the coordinate system, is kept.
+void write_octree(const Plan& plan, const Cloud& cloud, io::Output& out) {
+  io::MemoryOutput las;
+  const bool is_las = cloud.source && family(cloud.source->format()) == Format::las;
+  if (is_las && cloud.source->holds_its_positions()) {
+    cloud.source->write(plan.edits, Encoding::binary, las);
+  } else {
+    io::write_las(io::make_table(cloud), false, plan.edits.las_scale, las);
+  }
+  io::write_copc(las.bytes, cloud.source ? cloud.source->name() : "the cloud", out);
+}
+
 void write_new(const Plan& plan, const Cloud& cloud, io::Output& out) {
+  if (plan.format == Format::copc) return write_octree(plan, cloud, out);
   io::Table table = io::make_table(cloud);
   switch (plan.format) {
     case Format::ply:
@@ -133,27 +173,48 @@ void write_new(const Plan& plan, const Cloud& cloud, io::Output& out) {
       return io::write_off(std::move(table), out);
     case Format::obj:
       return io::write_obj(std::move(table), out);
+    case Format::ptx:
+      return io::write_ptx(std::move(table), out);
+    case Format::stl:
+      return io::write_stl(table, plan.encoding, out);
+    case Format::npy:
+      return io::write_npy(table, out);
     case Format::las:
     case Format::laz:
       return io::write_las(std::move(table), plan.encoding == Encoding::binary_compressed, plan.edits.las_scale, out);
-    case Format::e57:  // refused by the plan
-      return;
+    case Format::e57:
+      return io::write_e57(std::move(table), out);
     default:
       return io::write_xyz(std::move(table), plan.format, out);
   }
 }
 
+// Whether a file of the cloud's own format cannot be a copy, because of another encoding or further attributes.
+bool is_written_anew(const Cloud& cloud, Format format, std::optional<Encoding> encoding) {
+  if (format == Format::stl) return encoding && *encoding != cloud.source->encoding();
+  return format == Format::npy && !io::make_edits(cloud, {}).added.empty();
+}
+
+// Refuses what no new file of the format can be made of.
+void check_new(const Cloud& cloud, Format format) {
+  if (format == Format::stl) io::check_new_stl(cloud);
+  if (format == Format::copc) io::check_new_copc(cloud);
+  if (format == Format::kitti || format == Format::nuscenes)
+    refuse("files of KITTI and nuScenes are written from such files only, with moved points; choose NPY or PLY");
+}
+
 Plan plan(const Cloud& cloud, Format format, std::optional<Encoding> encoding, std::optional<double> las_scale) {
   const bool same = cloud.source && family(cloud.source->format()) == family(format);
-  const bool copy = same && cloud.source->holds_its_positions();
   const bool keeps = same && has_encoding(format, cloud.source->encoding());
-  if (format == Format::e57 && !copy) {
-    refuse("E57 files are written from E57 files only, with moved points; choose PLY, PCD or LAZ");
-  }
+  const bool copy = same && cloud.source->holds_its_positions() && !is_written_anew(cloud, format, encoding);
+  if (format == Format::glb) refuse("glTF files are read, not written; choose PLY, OBJ or STL");
+  if (!copy) check_new(cloud, format);
   const Plan result{format, encoding.value_or(keeps ? cloud.source->encoding() : usual_encoding(format)), copy,
                     io::make_edits(cloud, las_scale)};
-  if (las_scale && family(format) != Format::las) refuse("only LAS and LAZ files have a scale; leave it out");
-  if (las_scale && copy) cloud.source->check_las_scale(*las_scale);
+  if (las_scale && family(format) != Format::las && format != Format::copc)
+    refuse("only LAS and LAZ files have a scale; leave it out");
+  const bool is_of_las = cloud.source && family(cloud.source->format()) == Format::las;
+  if (las_scale && (copy || (format == Format::copc && is_of_las))) cloud.source->check_las_scale(*las_scale);
   if (!has_encoding(format, result.encoding)) refuse_encoding(format);
   return result;
 }
@@ -212,7 +273,10 @@ Cloud read(std::span<const std::byte> bytes, const std::string& name, const Read
 
 void check_write(const std::filesystem::path& path, const Cloud& cloud, const WriteOptions& options) {
   const Plan chosen = plan(path, cloud, options);
-  if (!chosen.copy && family(chosen.format) == Format::las) io::check_new_las(cloud, options.las_scale);
+  const bool is_new_octree =
+      chosen.format == Format::copc && !(cloud.source && family(cloud.source->format()) == Format::las);
+  if (is_new_octree || (!chosen.copy && family(chosen.format) == Format::las))
+    io::check_new_las(cloud, options.las_scale);
   for (const auto& [from, to] : companions(chosen, cloud, path)) {
     if (!options.overwrite && std::filesystem::exists(to))
       io::fail(to.string(), "exists already, and " + from.string() + " is to be copied there; choose another name");
@@ -266,7 +330,7 @@ void check_streamed_options(const Source& source, const std::filesystem::path& p
                             bool adds_attribute) {
   const std::shared_ptr<const Source> unowned(std::shared_ptr<const Source>(), &source);
   const Format format = streamed_plan(shell_of(unowned), path, options).format;
-  if (adds_attribute && (format == Format::off || format == Format::obj || format == Format::e57))
+  if (adds_attribute && !takes_attributes(format))
     refuse("files of this format take no further attributes, so outliers cannot be marked; use --outliers keep");
 }
 
@@ -283,12 +347,11 @@ void write_moved(const std::filesystem::path& path, const std::shared_ptr<Source
 
 Format format_to_write(const std::filesystem::path& path, std::optional<Format> source) {
   const std::string name = io::shown_name(path, false);
-  if (io::lower_case(path.filename().string()).ends_with(".copc.laz")) {
-    io::fail(name,
-             "COPC files are read, not written, since moved points no longer fit their octree; name the file .laz");
-  }
+  if (io::lower_case(path.filename().string()).ends_with(".copc.laz")) return Format::copc;
   std::optional<Format> format = format_of(path);
-  if (!format && !path.has_extension()) format = source;
+  const bool are_floats = source == Format::kitti || source == Format::nuscenes;
+  const bool is_nameless = !path.has_extension() || (are_floats && io::lower_case(path.extension().string()) == ".bin");
+  if (!format && is_nameless) format = source;
   if (!format) io::fail(name, std::string("unknown extension; name the file ") + kKnownExtensions);
   return *format;
 }

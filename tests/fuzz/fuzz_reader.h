@@ -86,6 +86,15 @@ inline int run(const std::uint8_t* data, std::size_t size, Format format) {
   const auto* const begin = reinterpret_cast<const std::byte*>(data);
   return run(std::vector<std::byte>(begin, begin + size), format);
 }
+/// Of a format that is not written: what is read can be asked for, and written as another.
+inline int run_read_only(const std::uint8_t* data, std::size_t size, Format format) {
+  const auto* const begin = reinterpret_cast<const std::byte*>(data);
+  Cloud cloud;
+  if (!accepted([&] { cloud = read_as({begin, begin + size}, format); })) return 0;
+  require(!cloud.points.empty());
+  accepted([&] { write_bytes(cloud, Format::ply); });
+  return 0;
+}
 inline std::vector<std::byte> as_bytes(const std::string& text) {
   const auto* const begin = reinterpret_cast<const std::byte*>(text.data());
   return {begin, begin + text.size()};

@@ -7,6 +7,7 @@
 #include <limits>
 #include <numbers>
 
+#include "io/e57/extension.hpp"
 #include "io/e57/pages.hpp"
 #include "io/file_bytes.hpp"
 #include "io/formats.hpp"
@@ -36,6 +37,11 @@ NativeType type_of(const Field& field) {
     if (fits) return type;
   }
   return NativeType::int64;
+}
+
+// As the attribute was called that became the field.
+std::string name_of(const Field& field) {
+  return field.name.starts_with(kOwnPrefix) ? field.name.substr(std::string_view(kOwnPrefix).size()) : field.name;
 }
 
 Position turned(const Pose& pose, const Position& p) {
@@ -116,9 +122,9 @@ void E57Source::find_columns() {
       const bool coordinate = field.name.starts_with("cartesian") || field.name.starts_with("spherical");
       if (field.kind == Field::Kind::other || (coordinate && !field.name.ends_with("InvalidState"))) continue;
       const auto same =
-          std::find_if(columns_.begin(), columns_.end(), [&](const Column& c) { return c.name == field.name; });
+          std::find_if(columns_.begin(), columns_.end(), [&](const Column& c) { return c.name == name_of(field); });
       if (same == columns_.end()) {
-        columns_.push_back({field.name, type_of(field), 1});
+        columns_.push_back({name_of(field), type_of(field), 1});
       } else if (same->type != type_of(field)) {
         same->type = NativeType::float64;
       }
@@ -157,7 +163,7 @@ void E57Source::extract_block(std::size_t index, std::size_t number, std::span<c
   // What a scan does not have is not a number, or 0.
   std::vector<double> values(static_cast<std::size_t>(block.count), std::numeric_limits<double>::quiet_NaN());
   const auto field =
-      std::find_if(scan.fields.begin(), scan.fields.end(), [&](const Field& f) { return f.name == column.name; });
+      std::find_if(scan.fields.begin(), scan.fields.end(), [&](const Field& f) { return name_of(f) == column.name; });
   if (field != scan.fields.end()) {
     read_values(bytes(), scan, static_cast<std::size_t>(field - scan.fields.begin()), block.first, values);
   } else if (column.name == kScanColumn) {

@@ -1,0 +1,331 @@
+// SPDX-License-Identifier: Apache-2.0
+// Writing a new E57 file (ASTM E2807): one scan in the coordinates of the cloud, with every attribute as a field.
+// Fields that the standard does not know are those of an extension.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "io/e57/extension.hpp"
+#include "io/e57/pages.hpp"
+#include "io/formats.hpp"
+#include "pointfair/version.hpp"
+
+namespace pointfair::io {
+namespace e57 {
+namespace {
+
+constexpr bool kSwap = std::endian::native == std::endian::big;
+constexpr std::size_t kFileHeader = 48, kSectionHeader = 32, kPacketHeader = 6, kMostOfPacket = 65536;
+
+// One field of the records: its values, and how they are stored.
+struct NewField {
+  std::string name;
+  NativeType type = NativeType::float64;
+  const char* values = nullptr;
+  std::size_t stride = 0;
+  std::int64_t minimum = 0, maximum = 0;  ///< of an integer
+  bool is_state = false;                  ///< cartesianInvalidState, two bits
+
+  unsigned bits() const { return is_state ? 2 : static_cast<unsigned>(8 * size_of(type)); }
+};
+
+template <class T>
+void append(std::string& to, T value) {
+  char bytes[sizeof value];
+  copy_scalar(bytes, reinterpret_cast<const char*>(&value), sizeof value, kSwap);
+  to.append(bytes, sizeof bytes);
+}
+
+// Takes logical bytes and writes pages with their checksums.
+class PageWriter {
+ public:
+  explicit PageWriter(Output& out) : out_(out) {}
+
+  void write(std::string_view bytes) {
+    pending_ += bytes;
+    if (pending_.size() >= 256 * kPayload) write_pages_of(pending_.size() / kPayload);
+  }
+  void finish() {
+    pending_.resize((pending_.size() + kPayload - 1) / kPayload * kPayload);
+    write_pages_of(pending_.size() / kPayload);
+  }
+
+ private:
+  void write_pages_of(std::size_t count) {
+    std::string pages(count * kPage, '\0');
+    write_pages(pages, 0, 0, count * kPayload, pending_.data());
+    seal_pages(pages);
+    out_.write(pages);
+    pending_.erase(0, count * kPayload);
+  }
+
+  Output& out_;
+  std::string pending_;
+};
+
+std::string number(double value) {
+  std::string text;
+  append_number(text, value);
+  return text;
+}
+
+std::string element(const std::string& name, const std::string& type, const std::string& value) {
+  return "<" + name + " type=\"" + type + "\">" + value + "</" + name + ">\n";
+}
+
+// What the standard calls an attribute, or the name in the extension.
+std::string field_name(const std::string& name) {
+  static constexpr std::pair<std::string_view, const char*> kNames[] = {
+      {"intensity", "intensity"},     {"red", "colorRed"},       {"green", "colorGreen"},
+      {"blue", "colorBlue"},          {"nx", "nor:normalX"},     {"ny", "nor:normalY"},
+      {"nz", "nor:normalZ"},          {"gps_time", "timeStamp"}, {"rowIndex", "rowIndex"},
+      {"columnIndex", "columnIndex"}, {"timeStamp", "timeStamp"}};
+  for (const auto& [known, standard] : kNames)
+    if (name == known) return standard;
+  std::string plain;
+  for (const char c : name) {
+    const bool is_letter = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_';
+    const bool is_other = (c >= '0' && c <= '9') || c == '-' || c == '.';
+    if (!is_letter && plain.empty()) plain += '_';
+    if (is_letter || !plain.empty()) plain += is_letter || is_other ? c : '_';
+  }
+  return kOwnPrefix + plain;
+}
+
+// Integers have the range of their type, those of 64 bits that of their values.
+void set_range(NewField& field, std::size_t count) {
+  with_type(field.type, [&](auto tag) {
+    using T = decltype(tag);
+    if constexpr (std::is_integral_v<T> && sizeof(T) < 8) {
+      field.minimum = std::numeric_limits<T>::min();
+      field.maximum = std::numeric_limits<T>::max();
+    } else if constexpr (std::is_integral_v<T>) {
+      field.minimum = std::numeric_limits<std::int64_t>::min();
+      field.maximum = std::numeric_limits<std::int64_t>::max();
+    }
+  });
+  if (field.type != NativeType::uint64) return;
+  for (std::size_t i = 0; i < count; ++i)  // beyond int64 only as doubles
+    if (load<std::uint64_t>(field.values + i * field.stride, false) >> 63 != 0) field.type = NativeType::float64;
+}
+
+class NewFile {
+ public:
+  NewFile(Table table, const std::string& software) : table_(std::move(table)), software_(software) {
+    use_ply_names(table_);
+    const NativeType type = native(table_.coordinate_type);
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      NewField field;
+      field.name = std::string("cartesian") + "XYZ"[axis];
+      field.type = type;
+      field.values = reinterpret_cast<const char*>(table_.positions.data()) + axis * sizeof(double);
+      field.stride = sizeof(Position);
+      fields_.push_back(field);
+    }
+    const bool all_valid = std::all_of(table_.positions.begin(), table_.positions.end(),
+                                       [](const Position& p) { return std::isfinite(p[0] + p[1] + p[2]); });
+    if (!all_valid) add_state();
+    for (const TableColumn& column : table_.columns) add_column(column);
+    records_ = static_cast<std::size_t>((kMostOfPacket - kPacketHeader - 2 * fields_.size() - 4) * 8 / bits()) / 8 * 8;
+    if (records_ == 0)
+      throw Error(ErrorKind::usage, "the cloud has too many attributes for an E57 file; leave some out");
+  }
+
+  void write(Output& out) const {
+    const std::uint64_t count = table_.size(), packets = (count + records_ - 1) / records_;
+    const std::uint64_t last = count - (packets - 1) * records_;
+    const std::uint64_t section = kSectionHeader + (packets - 1) * packet_size(records_) + packet_size(last);
+    const std::string text = xml();
+    const std::uint64_t xml_begin = kFileHeader + section, end = xml_begin + text.size();
+    PageWriter pages(out);
+    std::string front("ASTM-E57\1\0\0\0\0\0\0\0", 16);
+    append(front, (end + kPayload - 1) / kPayload * kPage);
+    append(front, to_physical(xml_begin));
+    append(front, std::uint64_t{text.size()});
+    append(front, std::uint64_t{kPage});
+    front += std::string("\1\0\0\0\0\0\0\0", 8);
+    append(front, section);
+    append(front, to_physical(kFileHeader + kSectionHeader));
+    append(front, std::uint64_t{0});  // no index: readers go from packet to packet
+    pages.write(front);
+    for (std::uint64_t packet = 0; packet < packets; ++packet)
+      pages.write(packet_of(packet * records_, packet + 1 < packets ? records_ : last));
+    pages.write(text);
+    pages.finish();
+  }
+
+ private:
+  std::size_t bits() const {
+    std::size_t sum = 0;
+    for (const NewField& field : fields_) sum += field.bits();
+    return sum;
+  }
+  void add_state() {
+    NewField field;
+    field.name = "cartesianInvalidState";
+    field.type = NativeType::uint8;
+    field.maximum = 2;
+    field.is_state = true;
+    fields_.push_back(field);
+  }
+  void add_column(const TableColumn& column) {
+    NewField field;
+    field.name = field_name(column.name);
+    const auto has_name = [&](const NewField& other) { return other.name == field.name; };
+    while (std::any_of(fields_.begin(), fields_.end(), has_name)) field.name += "_2";
+    field.type = column.type;
+    field.values = column.data.data();
+    field.stride = column_bytes(column);
+    set_range(field, table_.size());
+    fields_.push_back(field);
+  }
+
+  std::size_t packet_size(std::uint64_t records) const {
+    std::size_t size = kPacketHeader + 2 * fields_.size();
+    for (const NewField& field : fields_) size += (records * field.bits() + 7) / 8;
+    return (size + 3) / 4 * 4;
+  }
+
+  std::string packet_of(std::uint64_t first, std::uint64_t count) const {
+    std::string packet("\1\0", 2);
+    append(packet, static_cast<std::uint16_t>(packet_size(count) - 1));
+    append(packet, static_cast<std::uint16_t>(fields_.size()));
+    for (const NewField& field : fields_) append(packet, static_cast<std::uint16_t>((count * field.bits() + 7) / 8));
+    for (const NewField& field : fields_) append_stream(field, first, count, packet);
+    packet.resize(packet_size(count));
+    return packet;
+  }
+
+  void append_stream(const NewField& field, std::uint64_t first, std::uint64_t count, std::string& to) const {
+    if (field.is_state) return append_states(first, count, to);
+    const char* from = field.values + first * field.stride;
+    const bool is_coordinate = field.stride == sizeof(Position) && &field < &fields_[3];
+    with_type(field.type, [&](auto tag) {
+      using T = decltype(tag);
+      for (std::uint64_t i = 0; i < count; ++i, from += field.stride) {
+        if (is_coordinate) {
+          const double value = load<double>(from, false);
+          append(to, static_cast<T>(std::isfinite(value) ? value : 0));
+        } else if constexpr (std::is_integral_v<T>) {  // stored from the minimum on
+          append(to, static_cast<std::make_unsigned_t<T>>(static_cast<std::uint64_t>(load<T>(from, false)) -
+                                                          static_cast<std::uint64_t>(field.minimum)));
+        } else {
+          append(to, load<T>(from, false));
+        }
+      }
+    });
+  }
+  // 0: valid, 2: no coordinates.
+  void append_states(std::uint64_t first, std::uint64_t count, std::string& to) const {
+    for (std::uint64_t i = 0; i < count; i += 4) {
+      unsigned byte = 0;
+      for (std::uint64_t j = i; j < std::min(i + 4, count); ++j) {
+        const Position& p = table_.positions[first + j];
+        if (!std::isfinite(p[0] + p[1] + p[2])) byte |= 2U << 2 * (j - i);
+      }
+      to += static_cast<char>(byte);
+    }
+  }
+
+  std::string xml() const {
+    std::string text =
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<e57Root type=\"Structure\" "
+        "xmlns=\"http://www.astm.org/COMMIT/E57/2010-e57-v1.0\" "
+        "xmlns:nor=\"http://www.libe57.org/E57_NOR_surface_normals.txt\" xmlns:" +
+        std::string(kOwnPrefix).substr(0, std::string_view(kOwnPrefix).size() - 1) + "=\"" + kOwnUri + "\">\n";
+    text += element("formatName", "String", "ASTM E57 3D Imaging Data File");
+    text += element("guid", "String", guid(0));
+    text += element("versionMajor", "Integer", "1") + element("versionMinor", "Integer", "0");
+    text += element("e57LibraryVersion", "String", software_) + element("coordinateMetadata", "String", "");
+    text += "<data3D type=\"Vector\" allowHeterogeneousChildren=\"1\">\n<vectorChild type=\"Structure\">\n";
+    text += element("guid", "String", guid(1)) + bounds() + limits();
+    text += "<points type=\"CompressedVector\" fileOffset=\"" + std::to_string(to_physical(kFileHeader)) +
+            "\" recordCount=\"" + std::to_string(table_.size()) + "\">\n<prototype type=\"Structure\">\n";
+    for (const NewField& field : fields_) text += prototype(field);
+    return text +
+           "</prototype>\n<codecs type=\"Vector\" allowHeterogeneousChildren=\"1\"></codecs>\n</points>\n"
+           "</vectorChild>\n</data3D>\n<images2D type=\"Vector\" allowHeterogeneousChildren=\"1\"></images2D>\n"
+           "</e57Root>\n";
+  }
+
+  // The same cloud gives the same file.
+  std::string guid(unsigned part) const {
+    const auto* const bytes = reinterpret_cast<const char*>(table_.positions.data());
+    const std::uint32_t sum = checksum({bytes, table_.positions.size() * sizeof(Position)});
+    char text[64];
+    std::snprintf(text, sizeof text, "{%08X-0000-4000-8000-%08X%04X}", sum, static_cast<unsigned>(table_.size()), part);
+    return text;
+  }
+
+  std::string bounds() const {
+    Position low, high;
+    low.fill(std::numeric_limits<double>::infinity());
+    high.fill(-std::numeric_limits<double>::infinity());
+    for (const Position& p : table_.positions) {
+      if (!std::isfinite(p[0] + p[1] + p[2])) continue;
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        low[axis] = std::min(low[axis], p[axis]);
+        high[axis] = std::max(high[axis], p[axis]);
+      }
+    }
+    if (low[0] > high[0]) return {};
+    std::string text = "<cartesianBounds type=\"Structure\">\n";
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const std::string name(1, "xyz"[axis]);
+      text += element(name + "Minimum", "Float", number(low[axis])) +
+              element(name + "Maximum", "Float", number(high[axis]));
+    }
+    return text + "</cartesianBounds>\n";
+  }
+
+  // By which readers scale intensities and colours.
+  std::string limits() const {
+    std::string intensity, color;
+    for (const NewField& field : fields_) {
+      const bool is_intensity = field.name == "intensity", is_color = field.name.starts_with("color");
+      if (!is_intensity && !is_color) continue;
+      const std::string name = is_intensity ? "intensity" : "color" + field.name.substr(5);
+      (is_intensity ? intensity : color) += limit(name, field);
+    }
+    if (!intensity.empty()) intensity = "<intensityLimits type=\"Structure\">\n" + intensity + "</intensityLimits>\n";
+    if (!color.empty()) color = "<colorLimits type=\"Structure\">\n" + color + "</colorLimits>\n";
+    return intensity + color;
+  }
+  std::string limit(const std::string& name, const NewField& field) const {
+    if (is_integer(field.type))
+      return element(name + "Minimum", "Integer", std::to_string(field.minimum)) +
+             element(name + "Maximum", "Integer", std::to_string(field.maximum));
+    double low = std::numeric_limits<double>::infinity(), high = -low;
+    for (std::size_t i = 0; i < table_.size(); ++i) {
+      const double value = load_double(field.values + i * field.stride, field.type, false);
+      if (!std::isfinite(value)) continue;
+      low = std::min(low, value);
+      high = std::max(high, value);
+    }
+    if (low > high) low = high = 0;
+    return element(name + "Minimum", "Float", number(low)) + element(name + "Maximum", "Float", number(high));
+  }
+
+  static std::string prototype(const NewField& field) {
+    if (!is_integer(field.type)) {
+      const char* const precision = field.type == NativeType::float32 ? "single" : "double";
+      return "<" + field.name + " type=\"Float\" precision=\"" + precision + "\"/>\n";
+    }
+    return "<" + field.name + " type=\"Integer\" minimum=\"" + std::to_string(field.minimum) + "\" maximum=\"" +
+           std::to_string(field.maximum) + "\"/>\n";
+  }
+
+  Table table_;
+  std::string software_;
+  std::vector<NewField> fields_;
+  std::size_t records_ = 0;  ///< of a packet, a multiple of 8, so that each begins with a whole byte
+};
+
+}  // namespace
+}  // namespace e57
+
+void write_e57(Table table, Output& out) {
+  e57::NewFile(std::move(table), "pointfair " + std::string(version())).write(out);
+}
+
+}  // namespace pointfair::io

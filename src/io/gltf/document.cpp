@@ -1,0 +1,196 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/gltf/document.hpp"
+
+#include <algorithm>
+#include <array>
+#include <filesystem>
+#include <limits>
+#include <optional>
+
+namespace pointfair::io::gltf {
+namespace {
+
+constexpr bool kSwap = std::endian::native == std::endian::big;
+constexpr std::uint32_t kJsonChunk = 0x4E4F534A, kBinaryChunk = 0x004E4942;
+
+std::uint32_t number_at(std::string_view bytes, std::size_t place) {
+  return load<std::uint32_t>(bytes.data() + place, kSwap);
+}
+
+std::optional<std::string> from_base64(std::string_view text) {
+  static constexpr std::string_view kDigits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  while (text.ends_with('=')) text.remove_suffix(1);
+  std::string bytes;
+  bytes.reserve(text.size() * 3 / 4);
+  std::uint32_t bits = 0;
+  int count = 0;
+  for (const char c : text) {
+    const std::size_t digit = kDigits.find(c);
+    if (digit == std::string_view::npos) return std::nullopt;
+    bits = bits << 6 | static_cast<std::uint32_t>(digit);
+    count += 6;
+    if (count < 8) continue;
+    count -= 8;
+    bytes += static_cast<char>(bits >> count & 255);
+  }
+  return bytes;
+}
+
+// "a%20b" means "a b".
+std::string without_escapes(std::string_view uri) {
+  std::string result;
+  for (std::size_t i = 0; i < uri.size(); ++i) {
+    const std::string digits(uri.substr(i + 1 <= uri.size() ? i + 1 : i, 2));
+    const bool escaped =
+        uri[i] == '%' && digits.size() == 2 && digits.find_first_not_of("0123456789abcdefABCDEF") == std::string::npos;
+    result += escaped ? static_cast<char>(std::stoi(digits, nullptr, 16)) : uri[i];
+    if (escaped) i += 2;
+  }
+  return result;
+}
+
+std::size_t size_member(const Json& object, const char* key, std::size_t absent = 0) {
+  const auto found = object.find(key);
+  if (found == object.end()) return absent;
+  if (!found->is_number_unsigned()) throw std::out_of_range(key);
+  return found->get<std::size_t>();
+}
+
+std::size_t components_of(const std::string& type) {
+  static constexpr std::array<std::pair<std::string_view, std::size_t>, 4> kShapes = {
+      {{"SCALAR", 1}, {"VEC2", 2}, {"VEC3", 3}, {"VEC4", 4}}};
+  for (const auto& [name, components] : kShapes)
+    if (type == name) return components;
+  throw std::out_of_range("type");
+}
+
+NativeType type_of(std::size_t component_type) {
+  static constexpr std::array<std::pair<std::size_t, NativeType>, 6> kTypes = {{{5120, NativeType::int8},
+                                                                                {5121, NativeType::uint8},
+                                                                                {5122, NativeType::int16},
+                                                                                {5123, NativeType::uint16},
+                                                                                {5125, NativeType::uint32},
+                                                                                {5126, NativeType::float32}}};
+  for (const auto& [number, type] : kTypes)
+    if (component_type == number) return type;
+  throw std::out_of_range("componentType");
+}
+
+}  // namespace
+
+double Values::at(std::size_t element, std::size_t component) const {
+  const double value = load_double(bytes.data() + element * stride + component * size_of(type), type, kSwap);
+  if (!normalized) return value;
+  return with_type(type, [&](auto tag) {
+    using T = decltype(tag);
+    if constexpr (std::is_integral_v<T>) return std::max(value / double(std::numeric_limits<T>::max()), -1.0);
+    return value;
+  });
+}
+
+Document::Document(FileBytes bytes, std::string name)
+    : bytes_(std::move(bytes)), name_(std::move(name)), file_size_(bytes_.view().size()) {
+  try {
+    read_container(bytes_.view());
+    if (json_.is_discarded() || !json_.is_object()) damaged("its JSON cannot be read");
+    for (const Json& extension : json_.value("extensionsRequired", Json::array())) {
+      const std::string known = extension.get<std::string>();
+      if (known.find("draco") != std::string::npos || known.find("meshopt") != std::string::npos)
+        fail(name_, "its meshes are compressed (" + known + "), which cannot be read; export it without compression");
+    }
+    read_buffers();
+  } catch (const Error&) {
+    throw;
+  } catch (const std::bad_alloc&) {
+    throw;
+  } catch (const std::exception&) {
+    damaged("its JSON is not that of glTF");
+  }
+}
+
+void Document::damaged(const std::string& what) const {
+  fail(name_, "this glTF file is damaged: " + what + "; export it again");
+}
+
+void Document::read_container(std::string_view bytes) {
+  std::string_view text = bytes;
+  if (bytes.starts_with("glTF")) {
+    if (bytes.size() < 20) damaged("it ends within its header");
+    if (number_at(bytes, 4) != 2)
+      fail(name_, "is glTF version " + std::to_string(number_at(bytes, 4)) + "; version 2 is known: export it as that");
+    if (number_at(bytes, 8) > bytes.size())
+      fail(name_, "its header promises " + std::to_string(number_at(bytes, 8)) + " bytes, file ends after " +
+                      std::to_string(bytes.size()) + "; copy it again");
+    const std::size_t length = number_at(bytes, 12);
+    if (number_at(bytes, 16) != kJsonChunk || length > bytes.size() - 20) damaged("it does not begin with JSON");
+    text = bytes.substr(20, length);
+    const std::size_t next = 20 + (length + 3) / 4 * 4;
+    if (next + 8 <= bytes.size() && number_at(bytes, next + 4) == kBinaryChunk)
+      binary_ = bytes.substr(next + 8, number_at(bytes, next));
+  }
+  json_ = Json::parse(text.begin(), text.end(), nullptr, false);
+}
+
+void Document::read_buffers() {
+  constexpr std::string_view kData = "data:", kBase64 = ";base64,";
+  for (const Json& buffer : json_.value("buffers", Json::array())) {
+    std::string_view bytes = binary_;
+    if (const auto uri = buffer.find("uri"); uri != buffer.end()) {
+      const auto& text = uri->get_ref<const std::string&>();
+      const std::size_t begin = text.find(kBase64);
+      if (text.starts_with(kData)) {
+        const auto decoded = begin == std::string::npos
+                                 ? std::nullopt
+                                 : from_base64(std::string_view(text).substr(begin + kBase64.size()));
+        if (!decoded) damaged("a buffer is no base64");
+        files_.push_back(FileBytes::copy(std::as_bytes(std::span(*decoded))));
+      } else {
+        const std::filesystem::path path(without_escapes(text));
+        if (path.is_absolute() || text.find("://") != std::string::npos)
+          fail(name_, "its buffer " + text.substr(0, 80) + " is not a file beside it; export it as .glb");
+        files_.push_back(FileBytes::open(std::filesystem::path(name_).parent_path() / path));
+        file_size_ += files_.back().view().size();
+      }
+      bytes = files_.back().view();
+    }
+    const std::size_t length = size_member(buffer, "byteLength");
+    if (length > bytes.size())
+      damaged("a buffer has " + std::to_string(bytes.size()) + " bytes of " + std::to_string(length));
+    buffers_.push_back(bytes.substr(0, length));
+  }
+}
+
+const Json& Document::element(const char* array, const Json& index) const {
+  const auto found = json_.find(array);
+  if (found == json_.end() || !found->is_array() || !index.is_number_unsigned() ||
+      index.get<std::size_t>() >= found->size())
+    damaged(std::string("there is no such element of ") + array);
+  return (*found)[index.get<std::size_t>()];
+}
+
+Values Document::values(const Json& accessor_index) const {
+  const Json& accessor = element("accessors", accessor_index);
+  if (accessor.contains("sparse"))
+    fail(name_, "has accessors that are sparse, which cannot be read; export it without them");
+  Values result;
+  result.count = size_member(accessor, "count");
+  result.components = components_of(accessor.at("type").get<std::string>());
+  result.type = type_of(size_member(accessor, "componentType"));
+  result.normalized = accessor.value("normalized", false);
+  const Json& view = element("bufferViews", accessor.at("bufferView"));
+  const std::size_t buffer_index = size_member(view, "buffer");
+  if (buffer_index >= buffers_.size()) damaged("there is no such buffer");
+  const std::size_t size = result.components * size_of(result.type);
+  const std::size_t begin = size_member(view, "byteOffset"), length = size_member(view, "byteLength");
+  const std::size_t offset = size_member(accessor, "byteOffset");
+  result.stride = size_member(view, "byteStride", size);
+  const std::string_view bytes = buffers_[buffer_index];
+  const bool has_room = begin <= bytes.size() && length <= bytes.size() - begin && offset <= length &&
+                        result.stride >= size && result.stride <= 65536 && result.count <= length &&
+                        (result.count == 0 || (result.count - 1) * result.stride + size <= length - offset);
+  if (!has_room) damaged("an accessor reaches beyond its buffer");
+  result.bytes = bytes.substr(begin + offset, length - offset);
+  return result;
+}
+
+}  // namespace pointfair::io::gltf

@@ -1,0 +1,249 @@
+// SPDX-License-Identifier: Apache-2.0
+// Reading the meshes of glTF files: their vertices as points in the coordinates of the scene, their triangles as faces.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <memory>
+#include <optional>
+
+#include "io/formats.hpp"
+#include "io/gltf/document.hpp"
+#include "io/held_source.hpp"
+
+namespace pointfair::io {
+namespace gltf {
+namespace {
+
+constexpr int kDeepest = 200;  // nodes within nodes
+
+// The upper three rows of a matrix.
+struct Transform {
+  std::array<std::array<double, 4>, 3> rows{{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
+
+  bool operator==(const Transform&) const = default;
+  Position turned(const Position& v) const {
+    Position result;
+    for (std::size_t r = 0; r < 3; ++r) result[r] = rows[r][0] * v[0] + rows[r][1] * v[1] + rows[r][2] * v[2];
+    return result;
+  }
+  Position moved(const Position& v) const {
+    Position result = turned(v);
+    for (std::size_t r = 0; r < 3; ++r) result[r] += rows[r][3];
+    return result;
+  }
+  Transform then(const Transform& inner) const {
+    Transform result;
+    for (std::size_t r = 0; r < 3; ++r)
+      for (std::size_t c = 0; c < 4; ++c)
+        result.rows[r][c] = rows[r][0] * inner.rows[0][c] + rows[r][1] * inner.rows[1][c] +
+                            rows[r][2] * inner.rows[2][c] + (c == 3 ? rows[r][3] : 0);
+    return result;
+  }
+  // Normals stay upright on surfaces that are stretched: by the cofactors.
+  Position normal(const Position& n) const {
+    Position result;
+    for (std::size_t r = 0; r < 3; ++r) {
+      const auto &a = rows[(r + 1) % 3], &b = rows[(r + 2) % 3];
+      result[r] =
+          n[0] * (a[1] * b[2] - a[2] * b[1]) + n[1] * (a[2] * b[0] - a[0] * b[2]) + n[2] * (a[0] * b[1] - a[1] * b[0]);
+    }
+    const double length = std::sqrt(result[0] * result[0] + result[1] * result[1] + result[2] * result[2]);
+    for (double& value : result) value = length > 0 ? value / length : 0;
+    return result;
+  }
+};
+
+std::vector<double> numbers(const Json& object, const char* key, std::vector<double> absent) {
+  const auto found = object.find(key);
+  if (found == object.end()) return absent;
+  const auto values = found->get<std::vector<double>>();
+  if (values.size() != absent.size()) throw std::out_of_range(key);
+  return values;
+}
+
+Transform transform_of(const Json& node) {
+  Transform result;
+  if (node.contains("matrix")) {  // column after column
+    const std::vector<double> m = numbers(node, "matrix", std::vector<double>(16));
+    for (std::size_t r = 0; r < 3; ++r)
+      for (std::size_t c = 0; c < 4; ++c) result.rows[r][c] = m[4 * c + r];
+    return result;
+  }
+  const std::vector<double> t = numbers(node, "translation", {0, 0, 0}), s = numbers(node, "scale", {1, 1, 1}),
+                            q = numbers(node, "rotation", {0, 0, 0, 1});
+  const double x = q[0], y = q[1], z = q[2], w = q[3];
+  const std::array<std::array<double, 3>, 3> turn{
+      {{1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)},
+       {2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)},
+       {2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)}}};
+  for (std::size_t r = 0; r < 3; ++r) {
+    for (std::size_t c = 0; c < 3; ++c) result.rows[r][c] = turn[r][c] * s[c];
+    result.rows[r][3] = t[r];
+  }
+  return result;
+}
+
+// Which attributes of the meshes become columns. Their type is that of the first mesh that has them.
+struct Wanted {
+  const char* attribute;
+  std::vector<const char*> names;
+};
+const std::array<Wanted, 3> kWanted = {
+    {{"NORMAL", {"nx", "ny", "nz"}}, {"TEXCOORD_0", {"s", "t"}}, {"COLOR_0", {"red", "green", "blue"}}}};
+
+class Scene {
+ public:
+  explicit Scene(const Document& document) : document_(document) {}
+
+  Table read() {
+    const Json& json = document_.json();
+    const Json scenes = json.value("scenes", Json::array()), nodes = json.value("nodes", Json::array());
+    visited_.resize(nodes.size());
+    if (!scenes.empty()) {
+      const Json& scene = document_.element("scenes", json.value("scene", Json(0U)));
+      for (const Json& node : scene.value("nodes", Json::array())) visit(node, {}, 0);
+    } else {
+      for (const std::size_t root : roots(nodes)) visit(Json(root), {}, 0);
+    }
+    if (table_.positions.empty()) fail(document_.name(), "has no meshes with points; choose another file");
+    for (TableColumn& column : table_.columns)  // of meshes behind the last that has it
+      column.data.resize(table_.size() * size_of(column.type));
+    table_.coordinate_type = is_moved_ ? ScalarType::float64 : ScalarType::float32;
+    return std::move(table_);
+  }
+
+ private:
+  static std::vector<std::size_t> roots(const Json& nodes) {
+    std::vector<bool> is_child(nodes.size());
+    for (const Json& node : nodes)
+      for (const Json& child : node.value("children", Json::array()))
+        if (child.is_number_unsigned() && child.get<std::size_t>() < is_child.size())
+          is_child[child.get<std::size_t>()] = true;
+    std::vector<std::size_t> result;
+    for (std::size_t n = 0; n < is_child.size(); ++n)
+      if (!is_child[n]) result.push_back(n);
+    return result;
+  }
+
+  void visit(const Json& index, const Transform& outer, int depth) {
+    const Json& node = document_.element("nodes", index);
+    const auto number = index.get<std::size_t>();
+    if (visited_[number] || depth > kDeepest)
+      fail(document_.name(), "its nodes are no tree, or too deep a one; export it again");
+    visited_[number] = true;
+    const Transform transform = outer.then(transform_of(node));
+    if (const auto mesh = node.find("mesh"); mesh != node.end())
+      add_mesh(document_.element("meshes", *mesh), transform);
+    for (const Json& child : node.value("children", Json::array())) visit(child, transform, depth + 1);
+  }
+
+  void add_mesh(const Json& mesh, const Transform& transform) {
+    std::map<std::string, std::size_t> known;  // primitives may share their points
+    for (const Json& primitive : mesh.at("primitives")) {
+      const Json& attributes = primitive.at("attributes");
+      if (!attributes.contains("POSITION")) continue;
+      const auto [place, is_new] = known.emplace(attributes.dump(), table_.size());
+      const Values positions = document_.values(attributes.at("POSITION"));
+      if (positions.components != 3) throw std::out_of_range("POSITION");
+      if (is_new) add_points(attributes, positions, transform);
+      add_faces(primitive, place->second, positions.count);
+    }
+  }
+
+  void add_points(const Json& attributes, const Values& positions, const Transform& transform) {
+    const std::size_t first = table_.size();
+    check_plausible(positions.count, first, 64, document_.file_size(), document_.name());
+    if (first + positions.count > 0xFFFFFFFF) fail(document_.name(), "has more points than faces can name");
+    is_moved_ = is_moved_ || transform != Transform();
+    for (std::size_t i = 0; i < positions.count; ++i)
+      table_.positions.push_back(transform.moved({positions.at(i, 0), positions.at(i, 1), positions.at(i, 2)}));
+    for (const Wanted& wanted : kWanted) {
+      if (!attributes.contains(wanted.attribute)) continue;
+      const Values values = document_.values(attributes.at(wanted.attribute));
+      if (values.count != positions.count || values.components < wanted.names.size()) throw std::out_of_range("count");
+      const bool is_normal = wanted.names.size() == 3 && wanted.names[0] == std::string_view("nx");
+      for (std::size_t c = 0; c < wanted.names.size(); ++c)
+        add_values(wanted.names[c], values, first, c, is_normal ? &transform : nullptr);
+    }
+  }
+
+  // Colours of bytes stay bytes; all else is a float.
+  void add_values(const char* name, const Values& values, std::size_t first, std::size_t component,
+                  const Transform* transform) {
+    auto column = std::find_if(table_.columns.begin(), table_.columns.end(),
+                               [&](const TableColumn& c) { return c.name == name; });
+    const bool is_byte = values.type == NativeType::uint8 && values.normalized && values.components >= 3;
+    if (column == table_.columns.end()) {
+      TableColumn added;
+      static_cast<Column&>(added) = {name, is_byte ? NativeType::uint8 : NativeType::float32, 1};
+      column = table_.columns.insert(column, std::move(added));
+    }
+    const std::size_t size = size_of(column->type);
+    column->data.resize((first + values.count) * size);
+    const double factor = column->type == NativeType::uint8 ? 255 : 1;
+    for (std::size_t i = 0; i < values.count; ++i) {
+      double value = values.at(i, component);
+      if (transform) value = transform->normal({values.at(i, 0), values.at(i, 1), values.at(i, 2)})[component];
+      store_double(column->data.data() + (first + i) * size, column->type, false, factor * value);
+    }
+  }
+
+  void add_faces(const Json& primitive, std::size_t first, std::size_t points) {
+    constexpr unsigned kTriangles = 4, kStrip = 5, kFan = 6;
+    const unsigned mode = primitive.value("mode", kTriangles);
+    if (mode < kTriangles) return;  // points and lines
+    if (mode > kFan) throw std::out_of_range("mode");
+    std::optional<Values> indices;
+    if (primitive.contains("indices")) indices = document_.values(primitive.at("indices"));
+    if (indices && indices->components != 1) throw std::out_of_range("indices");
+    const std::size_t count = indices ? indices->count : points;
+    const auto corner = [&](std::size_t i) {
+      const double index = indices ? indices->at(i, 0) : double(i);
+      if (!(index >= 0 && index < double(points)))
+        fail(document_.name(), "a triangle has a corner that is no point of its mesh; export it again");
+      return static_cast<std::uint32_t>(first + static_cast<std::size_t>(index));
+    };
+    const std::size_t step = mode == kTriangles ? 3 : 1;
+    for (std::size_t i = 0; i + 2 < count; i += step) {
+      const bool is_odd = mode == kStrip && i % 2 != 0;
+      Faces& faces = table_.faces;
+      faces.corners.push_back(corner(mode == kFan ? 0 : is_odd ? i + 1 : i));
+      faces.corners.push_back(corner(is_odd ? i : i + 1));
+      faces.corners.push_back(corner(i + 2));
+      faces.ends.push_back(faces.corners.size());
+    }
+  }
+
+  const Document& document_;
+  Table table_;
+  std::vector<bool> visited_;
+  bool is_moved_ = false;
+};
+
+class GltfSource final : public HeldSource {
+ public:
+  using HeldSource::HeldSource;
+  std::vector<std::string> losses(Format) const override {
+    return {
+        "of a glTF file only points, normals, texture coordinates, colours and triangles of the meshes in its scene "
+        "are read; materials, images, further meshes and animations are not"};
+  }
+};
+
+}  // namespace
+}  // namespace gltf
+
+std::shared_ptr<Source> read_gltf(FileBytes bytes, const std::string& name) {
+  const gltf::Document document(std::move(bytes), name);
+  try {
+    return std::make_shared<gltf::GltfSource>(name, Format::glb, Encoding::binary, gltf::Scene(document).read());
+  } catch (const gltf::Json::exception&) {
+    fail(name, "this glTF file is damaged: its JSON is not that of glTF; export it again");
+  } catch (const std::out_of_range& error) {
+    fail(name,
+         std::string("this glTF file is damaged, or has what is not known, in ") + error.what() + "; export it again");
+  }
+}
+
+}  // namespace pointfair::io

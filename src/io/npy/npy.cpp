@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: Apache-2.0
+// Reading and writing NumPy arrays of points: N x 3 and more columns, or records with fields x, y and z.
+#include <algorithm>
+#include <cstring>
+
+#include "io/formats.hpp"
+#include "io/npy/header.hpp"
+#include "io/parallel.hpp"
+#include "io/record_source.hpp"
+#include "io/text.hpp"
+
+namespace pointfair::io {
+namespace npy {
+namespace {
+
+constexpr bool kBigEndian = std::endian::native == std::endian::big;
+
+class NpySource final : public RecordSource {
+ public:
+  NpySource(bool is_columnar, FileBytes bytes, std::string name, RecordLayout layout, std::string_view points)
+      : RecordSource(std::move(bytes), std::move(name), Format::npy, Encoding::binary, std::move(layout), points),
+        is_columnar_(is_columnar) {}
+
+  void write(const Edits& edits, Encoding encoding, Output& out) const override {
+    if (!is_columnar_) return Source::write(edits, encoding, out);
+    std::string changed(points());  // one column after the other
+    for_each_block(block_count(),
+                   [&](std::size_t block) { patch(block, moves(block, edits), edits.replaced, changed.data(), 0, 0); });
+    out.write(header({}));
+    out.write(changed);
+    out.write(tail());
+  }
+
+ protected:
+  std::string header(const AddedAttributes&) const override { return std::string(bytes().substr(0, layout().begin)); }
+  std::string_view tail() const override { return bytes().substr(layout().begin + points().size()); }
+
+ private:
+  bool is_columnar_;
+};
+
+// Rows of `columns` values, the coordinates first. A Fortran array has one column after the other.
+void lay_out_rows(const Header& header, std::uint64_t columns, RecordLayout& layout, const std::string& name) {
+  const Field& field = header.fields[0];
+  if (columns < 3 || columns > kMaxColumns)
+    fail(name, "is an array with " + std::to_string(columns) + " values a row; points need x, y and z, and at most " +
+                   std::to_string(kMaxColumns) + " values. An array of shape (N, 3) or more can be read");
+  if (!field.type) fail(name, "is not an array of numbers that can be read; convert it with astype('f4')");
+  const auto rows = static_cast<std::size_t>(layout.count);
+  for (std::size_t c = 0; c < columns; ++c) {
+    RecordField value;
+    static_cast<Column&>(value) = {"column_" + std::to_string(c + 1), *field.type, 1};
+    value.offset = c * field.size * (header.fortran_order ? rows : 1);
+    value.stride = field.size * (header.fortran_order ? 1 : columns);
+    layout.fields.push_back(std::move(value));
+  }
+  layout.xyz = {0, 1, 2};
+  layout.record_size = field.size * columns;
+  layout.swap = field.big_endian != kBigEndian;
+}
+
+// Records; all their numbers must have one byte order.
+void lay_out_records(const Header& header, RecordLayout& layout, const std::string& name) {
+  std::array<bool, 3> found{};
+  std::optional<bool> big_endian;
+  for (const Field& field : header.fields) {
+    RecordField value;
+    static_cast<Column&>(value) = {field.name, field.type.value_or(NativeType::uint8),
+                                   static_cast<std::uint32_t>(field.type ? field.count : field.size * field.count)};
+    value.offset = layout.record_size;
+    value.padding = !field.type || field.count == 0 || field.name.empty();
+    layout.record_size += field.size * field.count;
+    if (field.type && field.size > 1) {
+      if (big_endian.value_or(field.big_endian) != field.big_endian)
+        fail(name, "has fields of both byte orders; save it with one");
+      big_endian = field.big_endian;
+    }
+    const std::string lower = lower_case(field.name);
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      if (lower != std::string(1, "xyz"[axis]) || found[axis] || value.padding || value.components != 1) continue;
+      found[axis] = true;
+      layout.xyz[axis] = layout.fields.size();
+    }
+    layout.fields.push_back(std::move(value));
+  }
+  if (!found[0] || !found[1] || !found[2])
+    fail(name, "has records without fields x, y and z of one number each; name the coordinates so");
+  if (layout.record_size > 1 << 20) fail(name, "has records of more than a megabyte; leave fields out");
+  for (RecordField& field : layout.fields) field.stride = layout.record_size;
+  layout.swap = big_endian.value_or(kBigEndian) != kBigEndian;
+}
+
+std::uint64_t count_of(const Header& header, std::size_t dimensions, const std::string& name) {
+  std::uint64_t count = 1;
+  for (std::size_t d = 0; d < dimensions; ++d) {
+    count *= header.shape[d];
+    if (count >> 40 != 0) fail(name, "has a shape of more values than can be counted; is the header damaged?");
+  }
+  return count;
+}
+
+RecordLayout lay_out(const Header& header, const std::string& name) {
+  RecordLayout layout;
+  layout.begin = header.end;
+  const std::size_t dimensions = header.shape.size();
+  if (header.is_structured) {
+    layout.count = count_of(header, dimensions, name);
+    lay_out_records(header, layout, name);
+    return layout;
+  }
+  if (dimensions < 2) fail(name, "is an array of one dimension; an array of shape (N, 3) or more can be read");
+  if (header.fortran_order && dimensions > 2)
+    fail(name, "is an array of several dimensions in Fortran's order; save numpy.ascontiguousarray of it");
+  layout.count = count_of(header, dimensions - 1, name);
+  lay_out_rows(header, header.shape.back(), layout, name);
+  return layout;
+}
+
+}  // namespace
+}  // namespace npy
+
+std::shared_ptr<Source> read_npy(FileBytes bytes, const std::string& name) {
+  const npy::Header header = npy::parse_header(bytes.view(), name);
+  RecordLayout layout = npy::lay_out(header, name);
+  if (layout.count == 0) fail(name, "has no points; choose another file");
+  const std::uint64_t needed = layout.count * layout.record_size, held = bytes.view().size() - layout.begin;
+  if (needed > held)
+    fail(name, "header promises " + std::to_string(layout.count) + " points, file ends after " +
+                   std::to_string(held / layout.record_size) + "; copy the file again");
+  const std::string_view points = bytes.view().substr(layout.begin, static_cast<std::size_t>(needed));
+  return std::make_shared<npy::NpySource>(header.fortran_order && !header.is_structured, std::move(bytes), name,
+                                          std::move(layout), points);
+}
+
+// N x 3 where there is nothing but coordinates, else records.
+void write_npy(const Table& table, Output& out) {
+  const NativeType type = native(table.coordinate_type);
+  if (table.columns.empty()) {
+    out.write(npy::make_header(type, table.size(), 3));
+  } else {
+    std::vector<npy::Field> fields;
+    const auto add = [&](const std::string& name, NativeType its_type, std::uint32_t count) {
+      fields.push_back({name, its_type, size_of(its_type), count, std::endian::native == std::endian::big});
+    };
+    for (const char* axis : {"x", "y", "z"}) add(axis, type, 1);
+    for (const TableColumn& column : table.columns) add(column.name, column.type, column.components);
+    out.write(npy::make_header(fields, table.size()));
+  }
+  write_rows(out, table.size(), [&](std::size_t i, std::string& buffer) {
+    for (const double value : table.positions[i]) {
+      char bytes[8];
+      store_double(bytes, type, false, value);
+      buffer.append(bytes, size_of(type));
+    }
+    for (const TableColumn& column : table.columns)
+      buffer.append(column.data.data() + i * column_bytes(column), column_bytes(column));
+  });
+}
+
+// Plain floats, as the data sets KITTI (x, y, z, intensity) and nuScenes (the same, and the ring) have them.
+std::shared_ptr<Source> read_floats(FileBytes bytes, const std::string& name, Format format) {
+  class Floats final : public RecordSource {
+    using RecordSource::RecordSource;
+  };
+  static constexpr std::array<const char*, 5> kNames = {"x", "y", "z", "intensity", "ring"};
+  RecordLayout layout;
+  for (std::size_t f = 0; f < (format == Format::kitti ? 4U : 5U); ++f) {
+    RecordField field;
+    static_cast<Column&>(field) = {kNames[f], NativeType::float32, 1};
+    field.offset = 4 * f;
+    layout.fields.push_back(std::move(field));
+  }
+  layout.record_size = 4 * layout.fields.size();
+  for (RecordField& field : layout.fields) field.stride = layout.record_size;
+  layout.xyz = {0, 1, 2};
+  layout.swap = std::endian::native == std::endian::big;
+  const std::string_view points = bytes.view();
+  layout.count = points.size() / layout.record_size;
+  if (points.size() % layout.record_size != 0 || points.empty())
+    fail(name, "is not a whole number of points of " + std::to_string(layout.fields.size()) +
+                   " floats; is it the other of kitti and nuscenes, or cut off?");
+  return std::make_shared<Floats>(std::move(bytes), name, format, Encoding::binary, std::move(layout), points);
+}
+
+}  // namespace pointfair::io

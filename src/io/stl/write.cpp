@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+// Writing a new STL file: the triangles of the cloud's faces, each with its own three corners.
+#include <algorithm>
+#include <cmath>
+
+#include "io/formats.hpp"
+#include "io/stl/facets.hpp"
+
+namespace pointfair::io {
+namespace {
+
+constexpr bool kSwap = std::endian::native == std::endian::big;
+
+using Corners = std::array<Position, 3>;
+
+// The triangles of all faces that have a place: those with an invalid corner have none.
+std::vector<Corners> triangles_of(const Table& table) {
+  std::vector<Corners> result;
+  std::uint64_t begin = 0;
+  for (const std::uint64_t end : table.faces.ends) {
+    const auto at = [&](std::uint64_t c) { return table.positions[table.faces.corners[c]]; };
+    for (std::uint64_t c = begin + 2; c < end; ++c) {
+      const Corners corners{at(begin), at(c - 1), at(c)};
+      if (std::all_of(corners.begin(), corners.end(),
+                      [](const Position& p) { return std::isfinite(p[0] + p[1] + p[2]); }))
+        result.push_back(corners);
+    }
+    begin = end;
+  }
+  return result;
+}
+
+template <class T>
+void append_binary(std::string& to, T value) {
+  char bytes[sizeof value];
+  copy_scalar(bytes, reinterpret_cast<const char*>(&value), sizeof value, kSwap);
+  to.append(bytes, sizeof bytes);
+}
+
+void write_binary(const std::vector<Corners>& triangles, Output& out) {
+  std::string header = "binary STL written by pointfair";  // not "solid", by which files of text are known
+  header.resize(80);
+  append_binary(header, static_cast<std::uint32_t>(triangles.size()));
+  out.write(header);
+  write_rows(out, triangles.size(), [&](std::size_t t, std::string& buffer) {
+    for (const float value : stl::normal_of(triangles[t], 0)) append_binary(buffer, value);
+    for (const Position& corner : triangles[t])
+      for (const double value : corner) append_binary(buffer, static_cast<float>(value));
+    append_binary(buffer, std::uint16_t{0});
+  });
+}
+
+void write_text(const std::vector<Corners>& triangles, NativeType type, Output& out) {
+  out.write("solid pointfair\n");
+  write_rows(out, triangles.size(), [&](std::size_t t, std::string& buffer) {
+    buffer += "facet normal";
+    for (const float value : stl::normal_of(triangles[t], 0)) append_number(buffer += ' ', value);
+    buffer += "\n outer loop\n";
+    for (const Position& corner : triangles[t]) {
+      buffer += "  vertex";
+      for (const double value : corner) append_as(buffer += ' ', value, type);
+      buffer += '\n';
+    }
+    buffer += " endloop\nendfacet\n";
+  });
+  out.write("endsolid pointfair\n");
+}
+
+}  // namespace
+
+void check_new_stl(const Cloud& cloud) {
+  if (!cloud.source || cloud.source->faces().ends.empty())
+    throw Error(ErrorKind::usage,
+                "STL files hold triangles, and this cloud has no faces; choose PLY or another format");
+}
+
+std::vector<std::string> losses_in_new_stl(const Cloud& cloud) {
+  std::vector<std::string> result = {
+      "STL files repeat a point for each triangle that it is a corner of, and leave out those that are of none; PLY, "
+      "OFF "
+      "and OBJ keep the points as they are"};
+  if (position_type(cloud) == ScalarType::float64)
+    result.push_back("binary STL files have 32-bit floats, which round these coordinates; --encoding ascii keeps them");
+  return result;
+}
+
+void write_stl(const Table& table, Encoding encoding, Output& out) {
+  const std::vector<Corners> triangles = triangles_of(table);
+  if (triangles.size() > 0xFFFFFFFF) throw Error(ErrorKind::usage, "STL files hold at most 4294967295 triangles");
+  if (encoding == Encoding::ascii) return write_text(triangles, native(table.coordinate_type), out);
+  write_binary(triangles, out);
+}
+
+}  // namespace pointfair::io
