@@ -105,7 +105,8 @@ void check_noise_attribute(const Cloud& cloud, const std::string& name, const Wr
                     "choose another",
                     name.substr(0, 60), kLongestName));
   const std::optional<Format> format = options.format ? options.format : file_info(cloud).format;
-  if (format && !takes_attributes(*format))
+  const bool is_new_e57 = format == Format::e57 && file_info(cloud).format != Format::e57;
+  if (format && !takes_attributes(*format) && !is_new_e57)
     refuse("--write-noise: files of this format take no further attributes; write PLY, PCD, LAS, LAZ or text");
   const std::optional<AttributeInfo> info = find_info(cloud, name);
   const bool is_float = info && (info->type == ScalarType::float32 || info->type == ScalarType::float64);

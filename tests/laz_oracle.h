@@ -126,6 +126,7 @@ struct LazSpec {
   unsigned version = 0;             ///< of the items; 0: the usual one
   std::uint32_t chunk_points = 40;  ///< 0: of varying numbers
   bool streamed = false;            ///< the table's place stands at the end of the file
+  bool pointwise = false;           ///< in one piece without a table, as LASzip wrote before 2.0
 };
 
 /// The LAS file as LASzip compresses it.
@@ -136,7 +137,9 @@ inline std::string make_laz(const std::string& las, const LazSpec& spec) {
   const auto count = static_cast<std::size_t>(las_count(las));
   const bool layered = format >= 6;
   if (!laszip.setup(static_cast<U8>(format), static_cast<U16>(length),
-                    layered ? LASZIP_COMPRESSOR_LAYERED_CHUNKED : LASZIP_COMPRESSOR_CHUNKED)) {
+                    layered          ? LASZIP_COMPRESSOR_LAYERED_CHUNKED
+                    : spec.pointwise ? LASZIP_COMPRESSOR_POINTWISE
+                                     : LASZIP_COMPRESSOR_CHUNKED)) {
     throw std::runtime_error("LASzip refuses the format");
   }
   if (spec.version != 0) laszip.request_version(static_cast<U16>(spec.version));

@@ -225,8 +225,70 @@ TEST(E57Files, WhatCannotBeWrittenIsRefused) {
   cloud.added = {make_attribute("mark", ScalarType::uint8, std::vector<std::uint8_t>(kPoints))};
   EXPECT_NE(thrown_by([&] { image(cloud, Format::e57); }).message.find("takes no further attributes"),
             std::string::npos);
-  const Thrown thrown = thrown_by([] { image(parse("1 2 3\n", "a.xyz"), Format::e57); });
-  EXPECT_EQ(thrown.kind, ErrorKind::usage);
+}
+
+TEST(E57New, EveryAttributeOfAnyCloudIsReadBack) {
+  const std::size_t count = 20000;  // many packets
+  Cloud cloud;
+  cloud.origin = {500000, 4000000, 100};
+  std::vector<double> time(count);
+  std::vector<std::int16_t> angle(count);
+  std::vector<std::uint8_t> color(count), mark(count);
+  std::vector<float> intensity(count), normals(3 * count);
+  std::vector<std::int32_t> id(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    const auto v = static_cast<float>(i);
+    cloud.points.push_back(i % 1000 == 7 ? Point{NAN, NAN, NAN} : Point{v / 7, -v / 3, std::sin(v)});
+    time[i] = 1e9 + static_cast<double>(i) / 3;
+    angle[i] = static_cast<std::int16_t>(i * 7 - 30000);
+    color[i] = static_cast<std::uint8_t>(i);
+    mark[i] = i % 2;
+    intensity[i] = v / 20000;
+    normals[3 * i + i % 3] = 1;
+    id[i] = static_cast<std::int32_t>(i) - 10000;
+  }
+  cloud.added = {make_attribute("gps_time", ScalarType::float64, time),
+                 make_attribute("angle", ScalarType::int16, angle),
+                 make_attribute("red", ScalarType::uint8, color),
+                 make_attribute("green", ScalarType::uint8, color),
+                 make_attribute("blue", ScalarType::uint8, mark),
+                 make_attribute("intensity", ScalarType::float32, intensity),
+                 make_attribute("normal", ScalarType::float32, normals, 3),
+                 make_attribute("3 odd/name", ScalarType::int32, id)};
+  const std::string file = image(cloud, Format::e57);
+  EXPECT_EQ(image(cloud, Format::e57), file);  // no time, no chance
+  const Cloud back = parse_e57(file);
+  ASSERT_EQ(back.points.size(), count);
+  for (std::size_t i = 0; i < count; ++i) {
+    if (std::isnan(cloud.points[i].x)) {
+      EXPECT_TRUE(std::isnan(back.points[i].x));
+      continue;
+    }
+    const auto a = position(cloud, i), b = position(back, i);
+    for (std::size_t axis = 0; axis < 3; ++axis) ASSERT_NEAR(a[axis], b[axis], 1e-3);
+  }
+  EXPECT_EQ(values<double>(back, "timeStamp"), time);
+  EXPECT_EQ(values<std::int16_t>(back, "angle"), angle);
+  EXPECT_EQ(values<std::uint8_t>(back, "colorRed"), color);
+  EXPECT_EQ(values<std::uint8_t>(back, "colorBlue"), mark);
+  EXPECT_EQ(values<float>(back, "intensity"), intensity);
+  EXPECT_EQ(values<std::int32_t>(back, "_3_odd_name"), id);
+  const std::vector<float> x = values<float>(back, "nor:normalX");
+  for (std::size_t i = 0; i < count; ++i) ASSERT_EQ(x[i], normals[3 * i]);
+}
+
+TEST(E57New, SmallCloudsAndFloatsStayWhatTheyAre) {
+  for (const std::size_t count :
+       {std::size_t{1}, std::size_t{7}, std::size_t{8}, std::size_t{5461}, std::size_t{5462}}) {
+    Cloud cloud;
+    for (std::size_t i = 0; i < count; ++i) cloud.points.push_back({static_cast<float>(i), 0.1F, -3});
+    const std::string file = image(cloud, Format::e57);
+    EXPECT_EQ(file.size() % 1024, 0U);
+    const Cloud back = parse_e57(file);
+    ASSERT_EQ(back.points.size(), count);
+    EXPECT_EQ(std::memcmp(back.points.data(), cloud.points.data(), count * sizeof(Point)), 0);
+    EXPECT_EQ(image(back, Format::e57), file);
+  }
 }
 
 TEST(E57Errors, AFullDiskIsNamedWithTheBytesThatAreNeeded) {

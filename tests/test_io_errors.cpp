@@ -282,8 +282,10 @@ TEST(FilesErrors, CheckWriteRefusesWhatWriteWouldAndWritesNothing) {
   expect(folder / "out.laz", binary, ErrorKind::usage, "no such encoding; it has binary-compressed");
   expect(folder / "out.ply", scale, ErrorKind::usage, "only LAS and LAZ files have a scale");
   expect(folder / "out.las", scale, ErrorKind::usage, "finite coordinates only");
-  expect(folder / "out.e57", {}, ErrorKind::usage, "E57 files are written from E57 files only");
-  expect(folder / "out.copc.laz", {}, ErrorKind::file, "COPC");
+  expect(folder / "out.copc.laz", {}, ErrorKind::usage, "finite coordinates only");
+  expect(folder / "out.stl", {}, ErrorKind::usage, "this cloud has no faces");
+  expect(folder / "out.glb", {}, ErrorKind::usage, "glTF files are read, not written");
+  expect(folder / "out.kitti", {}, ErrorKind::usage, "written from such files only");
   expect(folder / "out.foo", {}, ErrorKind::file, "unknown extension");
   check_write(folder / "out.ply", cloud, binary);
   EXPECT_EQ(folder.names(), std::vector<std::string>{"in.xyz"});

@@ -56,7 +56,7 @@ class Survey(Case):
 
     def test_wrong_outputs_are_refused_before_the_run(self):
         self.assertIn(b"fairing", self.ok("run", self.las, self.path("good.las"), "--progress", "plain").stderr)
-        for words in (["out.las", "--las-scale", "0.003"], ["out.laz", "--encoding", "ascii"], ["out.e57"], ["out.copc.laz"]):
+        for words in (["out.las", "--las-scale", "0.003"], ["out.laz", "--encoding", "ascii"], ["out.stl"], ["out.glb"], ["out.kitti"]):
             result = run("run", self.las, self.path(words[0]), *words[1:], "--progress", "plain")
             self.assertNotIn(b"fairing", result.stderr)
             self.assertIn(result.returncode, (2, 3))
@@ -138,8 +138,12 @@ class Survey(Case):
         self.fails(2, "run", coarse, self.path("out3.las"), "--las-scale", "0.003", says="divided by a whole number")
         self.fails(2, "run", coarse, self.path("out3.las"), "--las-scale", "0", says="divided by a whole number")
 
-    def test_copc_is_read_only(self):
-        self.fails(3, "run", self.las, self.path("out.copc.laz"), says="COPC")
+    def test_copc_says_that_the_order_changes(self):
+        if self.is_built_in("run", self.las, self.path("out.copc.laz")):
+            said = self.ok("run", self.las, self.path("again.copc.laz"), "--strength", "0").stderr.decode()
+            self.assertIn("note: COPC files keep their points in the order of an octree", said)
+            self.ok("run", self.path("again.copc.laz"), self.path("back.las"), "--strength", "0", "-q")
+            self.assertEqual(sorted(las_grid(self.path("back.las"))), sorted(las_grid(self.las)))
 
     def test_cut_off_anywhere(self):
         write_e57(self.path("scan.e57"), ground(400))

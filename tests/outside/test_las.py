@@ -169,17 +169,12 @@ class Las(unittest.TestCase):
                 else:
                     self.assertEqual((info.returncode, info.stderr.count("\n")), (3, 1), info.stderr)
                     refused.append(path.name)
-        self.assertEqual(refused, ["pdal_1.2-no-points.las", "pdal_garbage_nVariableLength.las",
-                                   "pdal_simple-laszip-compressor-version-1.2r0.laz"])
+        self.assertEqual(refused, ["pdal_1.2-no-points.las", "pdal_garbage_nVariableLength.las"])
 
     def test_copc_is_read_and_written_as_plain_laz(self):
         path = pathlib.Path(os.environ.get("POINTFAIR_DATA", "/nowhere")) / "las/laspy_simple.copc.laz"
         if not path.is_file():
             self.skipTest("POINTFAIR_DATA names no folder with las/laspy_simple.copc.laz in it")
-        refused = subprocess.run([BIN, "run", path, self.folder / "out.copc.laz"], capture_output=True, text=True)
-        self.assertEqual((refused.returncode, refused.stderr.count("\n")), (3, 1), refused.stderr)
-        self.assertIn("COPC files are read, not written", refused.stderr)
-        self.assertEqual(list(self.folder.iterdir()), [])
         out = self.folder / "out.laz"
         self.assertIn("note: the COPC index", pointfair("run", path, out).stderr)
         self.assertNotIn(b"copc", out.read_bytes()[:2000])

@@ -113,6 +113,7 @@ class NewFile {
  public:
   NewFile(Table table, const std::string& software) : table_(std::move(table)), software_(software) {
     use_ply_names(table_);
+    use_bytes_for_colors();
     const NativeType type = native(table_.coordinate_type);
     for (std::size_t axis = 0; axis < 3; ++axis) {
       NewField field;
@@ -159,6 +160,18 @@ class NewFile {
     std::size_t sum = 0;
     for (const NewField& field : fields_) sum += field.bits();
     return sum;
+  }
+  // Readers expect bytes, whatever the limits say.
+  void use_bytes_for_colors() {
+    std::vector<std::array<std::uint8_t, 3>> colors;
+    if (!colors_as_bytes(table_, colors)) return;
+    for (TableColumn& column : table_.columns) {
+      const std::size_t channel = column.name == "red" ? 0 : column.name == "green" ? 1 : column.name == "blue" ? 2 : 3;
+      if (channel == 3) continue;
+      column.type = NativeType::uint8;
+      column.data.resize(colors.size());
+      for (std::size_t i = 0; i < colors.size(); ++i) column.data[i] = static_cast<char>(colors[i][channel]);
+    }
   }
   void add_state() {
     NewField field;

@@ -8,6 +8,8 @@
 #include "io/formats.hpp"
 #include "io/narrowest.hpp"
 #include "io/parallel.hpp"
+#include "io/text_source.hpp"
+#include "io/three_numbers.hpp"
 
 namespace pointfair::io {
 namespace ptx {
@@ -49,12 +51,10 @@ PtxSource::PtxSource(FileBytes bytes, std::string name, Layout layout)
 template <class Visit>
 void PtxSource::for_each_row(std::size_t block, const Visit& visit) const {
   const Block& where = layout_.blocks[block];
-  std::string_view rest = bytes().substr(where.begin, where.end - where.begin), line, word;
+  std::string_view rest = bytes().substr(where.begin, where.end - where.begin), line;
   std::size_t point = 0;
-  while (next_line(rest, line)) {
-    std::string_view copy = line;
-    if (next_word(copy, word)) visit(line, point++);
-  }
+  while (next_line(rest, line))
+    if (is_row(line, RowRule::filled)) visit(line, point++);
 }
 
 void PtxSource::fail_at(const char* place, const std::string& message) const {
@@ -63,6 +63,7 @@ void PtxSource::fail_at(const char* place, const std::string& message) const {
 
 Position PtxSource::own_position(std::string_view row) const {
   Position own;
+  if (read_three_numbers(row, own)) return own;
   std::string_view rest = row, word;
   for (double& value : own) {
     if (!next_word(rest, word)) fail_at(row.data(), "too few values: " + quoted(row) + "; repair the line");

@@ -7,6 +7,7 @@
 #include "io/narrowest.hpp"
 #include "io/parallel.hpp"
 #include "io/stl/facets.hpp"
+#include "io/three_numbers.hpp"
 
 namespace pointfair::io::stl {
 namespace {
@@ -33,14 +34,21 @@ Line kind_of(std::string_view& line) {
   std::size_t blanks = 0;
   while (blanks < line.size() && is_blank(line[blanks])) ++blanks;
   line.remove_prefix(blanks);
-  for (const auto& [word, kind] : {std::pair<std::string_view, Line>{"vertex", Line::vertex},
-                                   {"facet", Line::facet},
-                                   {"endsolid", Line::end_of_solid}}) {
-    if (!begins_with(line, word)) continue;
+  const auto take = [&](std::string_view word, Line kind) {
+    if (!begins_with(line, word)) return Line::other;
     line.remove_prefix(word.size());
     return kind;
+  };
+  switch (line.empty() ? ' ' : line[0] | 0x20) {
+    case 'v':
+      return take("vertex", Line::vertex);
+    case 'f':
+      return take("facet", Line::facet);
+    case 'e':
+      return take("endsolid", Line::end_of_solid);
+    default:
+      return Line::other;
   }
-  return Line::other;
 }
 
 class TextStl final : public Source {
@@ -158,6 +166,7 @@ class TextStl final : public Source {
 
   Position position_of(std::string_view line) const {
     Position result;
+    if (read_three_numbers(line, result)) return result;
     std::string_view rest = line, word;
     for (double& value : result) {
       const std::optional<double> number = next_word(rest, word) ? to_number(word) : std::nullopt;
