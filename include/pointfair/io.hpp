@@ -94,7 +94,7 @@ POINTFAIR_EXPORT void remove_unfinished_files() noexcept;
 POINTFAIR_EXPORT std::optional<Format> format_of(const std::filesystem::path& path);
 
 /// The format in which `write` writes a file of this name: that of its extension, else `source`. Throws ErrorKind::file
-/// if neither is known, or if the format can only be read (".copc.laz").
+/// if neither is known. A name that ends in ".copc.laz" is that of a COPC file.
 POINTFAIR_EXPORT Format format_to_write(const std::filesystem::path& path, std::optional<Format> source = {});
 
 /// Whether a file of the format takes attributes of any name beside its own.

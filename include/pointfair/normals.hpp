@@ -35,7 +35,7 @@ POINTFAIR_EXPORT void set_normals(Cloud& cloud, std::span<const Point> normals,
 /// Turns unit normals, one for each point of the cloud and of any sign, so that neighbours agree: towards the sensor,
 /// where the file or `viewpoints` says where it stood; else out of closed shapes, and up from what is flat. Each
 /// connected part has its own sign. A normal that is zero stays so. The same bits for any order of the points and any
-/// number of threads. O(N log N); 150 bytes a point. Throws ErrorKind::usage as set_normals does, and
+/// number of threads. O(N log N); 250 bytes a point. Throws ErrorKind::usage as set_normals does, and
 /// ErrorKind::interrupted.
 POINTFAIR_EXPORT void orient_normals(const Cloud& cloud, std::span<Point> normals,
                                      std::span<const std::array<double, 3>> viewpoints = {}, std::stop_token stop = {});
