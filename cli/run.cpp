@@ -14,6 +14,7 @@
 #include "progress.hpp"
 #include "report.hpp"
 #include "run_report.hpp"
+#include "survey.hpp"
 #include "tiled.hpp"
 #include "verbs.hpp"
 
@@ -155,22 +156,25 @@ void run_tiled(const RunArguments& arguments, const Params& params, const Limits
   job.noise_attribute = noise_attribute;
   job.viewpoint = arguments.viewpoint;
   job.workers = static_cast<unsigned>(std::max<std::size_t>(1, device.cards.size()));
-  job.inputs = {arguments.input};
   if (arguments.tiled.out_dir.empty()) {
+    job.inputs = {arguments.input};
     // where a run goes on, the output may be there: the plan knows
     if (!std::filesystem::exists(arguments.tiled.work)) check_paths(arguments);
     job.output = arguments.output;
     job.write = make_write_options(arguments.format, arguments.output);
   } else {
-    if (!arguments.output.empty()) job.inputs.push_back(arguments.output);
-    job.inputs.insert(job.inputs.end(), arguments.more.begin(), arguments.more.end());
+    std::vector<std::string> inputs = {arguments.input};
+    if (!arguments.output.empty()) inputs.push_back(arguments.output);
+    inputs.insert(inputs.end(), arguments.more.begin(), arguments.more.end());
+    job.inputs = files_of_survey(inputs);
     job.output_folder = arguments.tiled.out_dir;
     std::error_code failed;
     std::filesystem::create_directories(job.output_folder, failed);
     if (failed)
       throw Error(ErrorKind::file, job.output_folder.string() + ": this folder cannot be made: " + failed.message());
     for (const std::filesystem::path& input : job.inputs) {
-      check_writable(job.output_folder / input.filename(), arguments.force || !arguments.tiled.work.empty());
+      check_writable(job.output_folder / TiledRun::output_name(input),
+                     arguments.force || !arguments.tiled.work.empty());
     }
     check_report(arguments.report, {});
   }
@@ -244,6 +248,8 @@ void run(RunArguments arguments, std::stop_token stop) {
   check_orient(arguments);
   if (arguments.tiled.out_dir.empty() && !arguments.more.empty())
     throw Error(ErrorKind::usage, "several inputs need a folder for their results; give --out-dir");
+  if (arguments.tiled.out_dir.empty() && is_survey(arguments.input))
+    throw Error(ErrorKind::usage, arguments.input + ": is a survey of several files; give --out-dir for their results");
   if (arguments.tiled.out_dir.empty() && arguments.output.empty())
     throw Error(ErrorKind::usage, "OUT is required; see pointfair run --help");
   if (needs_tiles(arguments, params)) return run_tiled(arguments, params, limits, findings.noise_attribute, {}, stop);
@@ -277,7 +283,10 @@ void run(RunArguments arguments, std::stop_token stop) {
 Verb add_run(CLI::App& app) {
   const auto arguments = std::make_shared<RunArguments>();
   CLI::App& command = *app.add_subcommand("run", "Denoise a cloud and keep its shape.");
-  command.add_option("IN", arguments->input, "cloud to read; - is standard input")->required();
+  command
+      .add_option("IN", arguments->input,
+                  "cloud to read; - is standard input. With --out-dir also a folder of clouds, or a VPC")
+      ->required();
   command.add_option("OUT", arguments->output, "cloud to write; - is standard output");
   command.add_option("MORE", arguments->more,
                      "more inputs: with --out-dir, OUT is an input too, and all inputs together are one cloud");

@@ -16,6 +16,7 @@
 #include "pointfair/pointfair.hpp"
 #include "progress.hpp"
 #include "report.hpp"
+#include "survey.hpp"
 #include "tiled.hpp"
 #include "verbs.hpp"
 
@@ -41,7 +42,7 @@ void plan(TileArguments arguments) {
   job.noise_attribute = take_noise_attribute(arguments.params);
   job.limits = make_limits(arguments.limits);
   job.viewpoint = arguments.viewpoint;
-  job.inputs.assign(arguments.inputs.begin(), arguments.inputs.end());
+  job.inputs = files_of_survey(arguments.inputs);
   if (!arguments.output.empty()) {
     job.output = arguments.output;
     job.write = make_write_options(arguments.format, arguments.output);
@@ -119,7 +120,9 @@ CLI::App& add_part(CLI::App& tile, const Shared& arguments, const char* name, co
 
 void add_plan(CLI::App& tile, const Shared& arguments) {
   CLI::App& part = add_part(tile, arguments, "plan", "Fix inputs, parameters and tiles in a work folder.");
-  part.add_option("IN", arguments->inputs, "clouds to read; all inputs together are one cloud")->required();
+  part.add_option("IN", arguments->inputs,
+                  "clouds to read, folders of such, or VPCs; all inputs together are one cloud")
+      ->required();
   part.add_option("--out", arguments->output, "cloud to write, if there is one input")->type_name("OUT");
   part.add_option("--out-dir", arguments->tiled.out_dir, "write each input there under its name")->type_name("DIR");
   part.add_option("--work", arguments->tiled.work, "the work folder")->type_name("DIR")->required();

@@ -82,6 +82,10 @@ class POINTFAIR_EXPORT TiledRun {
   /// The number of points of a file. O(1), but for text formats, which are scanned.
   static std::uint64_t count_points(const std::filesystem::path& path);
 
+  /// What an input is called in an output folder: as before, but ".laz" for ".copc.laz", since a COPC file is written
+  /// in the format of its points, without its octree.
+  static std::filesystem::path output_name(const std::filesystem::path& input);
+
   /// The largest step of the floats that a cloud is computed with in zones; 0 if it needs none. It needs zones where
   /// more than a hundredth of its points lie so far from its origin that floats relative to that step by more than the
   /// coordinates of the file, and by more than 1/128 of the spacing; 1/32 where the file does not say its step, or one

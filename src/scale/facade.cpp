@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // The public calls of a run in tiles.
-#include "pointfair/tiled_run.hpp"
-
 #include <algorithm>
 #include <new>
 #include <utility>
 
 #include "estimate/automatic.hpp"
 #include "io/streamed.hpp"
+#include "io/text.hpp"
 #include "io/unfinished_files.hpp"
 #include "pipeline/devices.hpp"
+#include "pointfair/tiled_run.hpp"
 #include "scale/emit.hpp"
 #include "scale/free_memory.hpp"
 #include "scale/points_file.hpp"
@@ -72,6 +72,13 @@ double TiledRun::float_step_in_zones(const Cloud& cloud) {
 }
 
 std::uint64_t TiledRun::free_memory() { return scale::free_memory(); }
+
+fs::path TiledRun::output_name(const fs::path& input) {
+  std::string name = input.filename().string();
+  constexpr std::string_view kOctree = ".copc.laz";
+  if (io::lower_case(name).ends_with(kOctree)) name.resize(name.size() - kOctree.size());
+  return name.size() == input.filename().string().size() ? name : name + ".laz";
+}
 
 std::uint64_t TiledRun::count_points(const fs::path& path) { return io::open_source(path, 0)->size(); }
 

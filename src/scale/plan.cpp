@@ -16,9 +16,10 @@
 #include "io/file_bytes.hpp"
 #include "io/offset.hpp"
 #include "io/parallel.hpp"
-#include "io/streamed.hpp"
 #include "io/sensor_place.hpp"
+#include "io/streamed.hpp"
 #include "pointfair/file_info.hpp"
+#include "pointfair/tiled_run.hpp"
 #include "scale/given.hpp"
 #include "scale/leaf_tree.hpp"
 #include "scale/plan_text.hpp"
@@ -82,7 +83,7 @@ std::vector<InputFile> files_of(const TiledJob& job) {
     if (input == "-") refuse("a cloud that is computed in tiles on disk is read twice, so it cannot be standard input");
     InputFile file;
     file.path = whole_path(input);
-    file.output = whole_path(job.output_folder.empty() ? job.output : job.output_folder / input.filename());
+    file.output = whole_path(job.output_folder.empty() ? job.output : job.output_folder / TiledRun::output_name(input));
     if (file.path.string().find('\n') != std::string::npos || file.output.string().find('\n') != std::string::npos)
       refuse(input.string() + ": its name has more than one line; rename it");
     if (!outputs.insert(file.output).second)

@@ -43,10 +43,38 @@ void put_e57(const fs::path& folder) {
       logical.substr(logical.find("<?xml"), logical.rfind('>') + 1 - logical.find("<?xml")));
 }
 
+// Formats whose first lines a fuzzer would hardly guess.
+void put_scans_and_meshes(const fs::path& folder) {
+  const std::string pose = "2\n1\n1 2 3\n1 0 0\n0 1 0\n0 0 1\n0.6 0.8 0 0\n-0.8 0.6 0 0\n0 0 1 0\n1 2 3 1\n";
+  put(folder / "fuzz_ptx", "two", pose + "1 2 3 0.5\n0 0 0 0.5\n" + pose + "1 2 3 0.5 1 2 3\n4 5 6 0.25 4 5 6\n");
+  const std::string facet =
+      "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n";
+  put(folder / "fuzz_stl", "text", "solid a\n" + facet + facet + "endsolid a\n");
+  Cloud cloud;
+  cloud.points = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+  const auto put_as = [&](Format format, const std::string& target, const std::string& name) {
+    const auto bytes = write_bytes(cloud, format);
+    put(folder / target, name, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  };
+  put_as(Format::npy, "fuzz_npy", "plain");
+  cloud.added.resize(1);
+  cloud.added[0].name = "a";
+  cloud.added[0].type = ScalarType::uint8;
+  cloud.added[0].data.resize(3);
+  put_as(Format::npy, "fuzz_npy", "records");
+  cloud = fuzz::read_as(fuzz::as_bytes("solid a\n" + facet + "endsolid a\n"), Format::stl);
+  put_as(Format::stl, "fuzz_stl", "binary");
+  put(folder / "fuzz_glb", "embedded",
+      R"({"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0,"scale":[2,1,1]}],"meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],)"
+      R"("accessors":[{"bufferView":0,"componentType":5121,"count":3,"type":"VEC3"}],"bufferViews":[{"buffer":0,"byteLength":12}],)"
+      R"("buffers":[{"byteLength":12,"uri":"data:a;base64,AAAAAQAAAAEAAAAA"}]})");
+}
+
 }  // namespace
 
 int main(int count, char** arguments) {
   if (count != 2) return 2;
   put_las(arguments[1]);
   put_e57(arguments[1]);
+  put_scans_and_meshes(arguments[1]);
 }

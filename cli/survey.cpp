@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+// A VPC is a STAC item collection in JSON (https://github.com/PDAL/wrench/blob/main/vpc-spec.md): each feature has an
+// asset whose href is the file, relative to the VPC.
+#include "survey.hpp"
+
+#include <algorithm>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "pointfair/io.hpp"
+
+namespace pointfair::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+[[noreturn]] void fail(const fs::path& path, const std::string& message) {
+  throw Error(ErrorKind::file, path.string() + ": " + message);
+}
+
+std::vector<fs::path> clouds_in(const fs::path& folder) {
+  std::vector<fs::path> files;
+  std::error_code failed;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder, failed)) {
+    const bool is_hidden = entry.path().filename().string().starts_with('.');
+    if (!is_hidden && entry.is_regular_file() && format_of(entry.path())) files.push_back(entry.path());
+  }
+  if (failed) fail(folder, "this folder cannot be read: " + failed.message());
+  if (files.empty()) fail(folder, "there are no point clouds in this folder; name another");
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+fs::path file_of(const nlohmann::json& feature, const fs::path& vpc) {
+  for (const auto& [key, asset] : feature.at("assets").items()) {
+    std::string href = asset.at("href").get<std::string>();
+    constexpr std::string_view kFile = "file://";
+    if (href.starts_with(kFile)) href.erase(0, kFile.size());
+    if (href.find("://") != std::string::npos)
+      fail(vpc, "names " + href.substr(0, 100) + ", which is not on disk; fetch the files, and name the folder");
+    if (!format_of(href)) continue;  // a picture, a table of statistics
+    return fs::path(href).is_absolute() ? fs::path(href) : (vpc.parent_path() / href).lexically_normal();
+  }
+  fail(vpc, "has a feature without a point cloud among its assets; make it again with pdal_wrench build_vpc");
+}
+
+std::vector<fs::path> clouds_of(const fs::path& vpc) {
+  std::ifstream file(vpc, std::ios::binary);
+  if (!file) fail(vpc, "cannot open");
+  std::vector<fs::path> files;
+  try {
+    const nlohmann::json json = nlohmann::json::parse(file);
+    for (const nlohmann::json& feature : json.at("features")) files.push_back(file_of(feature, vpc));
+  } catch (const nlohmann::json::exception&) {
+    fail(vpc, "is no virtual point cloud, or a damaged one; make it again with pdal_wrench build_vpc");
+  }
+  if (files.empty()) fail(vpc, "names no point clouds");
+  return files;
+}
+
+bool is_vpc(const fs::path& path) { return path.extension() == ".vpc" || path.extension() == ".VPC"; }
+
+}  // namespace
+
+bool is_survey(const std::string& input) {
+  std::error_code ignored;
+  return is_vpc(input) || fs::is_directory(input, ignored);
+}
+
+std::vector<fs::path> files_of_survey(const std::vector<std::string>& inputs) {
+  std::vector<fs::path> files;
+  for (const std::string& input : inputs) {
+    if (!is_survey(input)) {
+      files.emplace_back(input);
+      continue;
+    }
+    const std::vector<fs::path> its = is_vpc(input) ? clouds_of(input) : clouds_in(input);
+    files.insert(files.end(), its.begin(), its.end());
+  }
+  return files;
+}
+
+}  // namespace pointfair::cli

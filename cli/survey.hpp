@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+// Surveys of several files, named by one word: a folder, or a virtual point cloud (VPC).
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace pointfair::cli {
+
+/// Whether the input is a folder, or a VPC by its extension.
+bool is_survey(const std::string& input);
+
+/// The files that the inputs stand for: of a folder all clouds in it, in the order of their names, of a VPC those that
+/// it names, in its order. Throws Error(file) for a folder without clouds, and a VPC that is damaged or names files
+/// elsewhere than on disk.
+std::vector<std::filesystem::path> files_of_survey(const std::vector<std::string>& inputs);
+
+}  // namespace pointfair::cli

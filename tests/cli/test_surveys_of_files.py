@@ -1,0 +1,73 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""A folder and a virtual point cloud (VPC) stand for all their files, which are one cloud."""
+import json
+import shutil
+import unittest
+
+from program import Case, run
+from survey_files import ground, write_las
+
+
+class Surveys(Case):
+    def setUp(self):
+        super().setUp()
+        self.tiles = self.path("tiles")
+        self.tiles.mkdir()
+        points = sorted(ground(1200))
+        for n, part in enumerate((points[:700], points[700:])):
+            write_las(self.tiles / f"part{n}.las", part, [2] * len(part))
+        self.ok("run", self.tiles / "part0.las", self.tiles / "part1.las", "--out-dir", self.path("wanted"), "-q")
+
+    def vpc(self, hrefs, name="survey.vpc"):
+        features = [{"type": "Feature", "id": str(n), "assets": {"overview": {"href": "./picture.png"}, "data": {"href": href}}}
+                    for n, href in enumerate(hrefs)]
+        path = self.path(name)
+        path.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+        return path
+
+    def same(self, *inputs):
+        out = self.path("out")
+        self.ok("run", *inputs, "--out-dir", out, "-q")
+        for n in range(2):
+            self.assertEqual((out / f"part{n}.las").read_bytes(), (self.path("wanted") / f"part{n}.las").read_bytes())
+        shutil.rmtree(out)
+
+    def test_a_folder_is_all_clouds_in_it(self):
+        (self.tiles / "readme.md").write_text("no cloud")
+        (self.tiles / ".hidden.las").write_text("no cloud")
+        self.same(self.tiles)
+
+    def test_a_vpc_is_the_files_that_it_names(self):
+        self.same(self.vpc(["./tiles/part0.las", "tiles/part1.las"]))
+        self.same(self.vpc([str(self.tiles / "part0.las"), "file://" + str(self.tiles / "part1.las")]))
+        self.same(self.vpc(["./tiles/part1.las"]), self.tiles / "part0.las")
+
+    def test_octrees_come_back_as_laz(self):
+        if run("run", self.tiles / "part0.las", self.path("a.copc.laz"), "--strength", "0").returncode != 0:
+            self.skipTest("built without LASzip")
+        self.ok("run", self.vpc(["./a.copc.laz"]), "--out-dir", self.path("out"), "-q")
+        self.assertEqual([entry.name for entry in self.path("out").iterdir()], ["a.laz"])
+
+    def test_what_is_wrong_is_one_line(self):
+        survey = self.vpc(["./tiles/part0.las"])
+        self.fails(2, "run", survey, self.path("out.las"), says="--out-dir")
+        self.fails(2, "run", self.tiles, self.path("out.las"), says="--out-dir")
+        for path, says in ((self.vpc(["https://example.org/a.copc.laz"], "web.vpc"), "not on disk"), (self.vpc([], "none.vpc"), "names no"),
+                           (self.vpc(["./gone.las"], "gone.vpc"), "gone.las"), (self.vpc(["./a.tif"], "picture.vpc"), "without a point cloud")):
+            result = run("run", path, "--out-dir", self.path("out"))
+            self.assertEqual(result.returncode, 3, result.stderr)
+            self.assert_one_line(result.stderr.decode())
+            self.assertIn(says, result.stderr.decode())
+        damaged = self.path("damaged.vpc")
+        for text in ("", "{", "[]", '{"features": 3}', '{"features": [{}]}'):
+            damaged.write_text(text)
+            result = run("run", damaged, "--out-dir", self.path("out"))
+            self.assertEqual(result.returncode, 3, result.stderr)
+            self.assert_one_line(result.stderr.decode())
+        self.path("empty").mkdir()
+        self.assertEqual(run("run", self.path("empty"), "--out-dir", self.path("out")).returncode, 3)
+
+
+if __name__ == "__main__":
+    unittest.main()
