@@ -11,11 +11,11 @@ namespace pointfair::cli {
 namespace {
 
 constexpr std::pair<std::string_view, Format> kFormats[] = {
-    {"ply", Format::ply},          {"pcd", Format::pcd}, {"las", Format::las},   {"laz", Format::laz},
-    {"e57", Format::e57},          {"xyz", Format::xyz}, {"txt", Format::txt},   {"csv", Format::csv},
-    {"pts", Format::pts},          {"off", Format::off}, {"obj", Format::obj},   {"ptx", Format::ptx},
-    {"stl", Format::stl},          {"npy", Format::npy}, {"copc", Format::copc}, {"kitti", Format::kitti},
-    {"nuscenes", Format::nuscenes}};
+    {"ply", Format::ply},           {"pcd", Format::pcd}, {"las", Format::las},   {"laz", Format::laz},
+    {"e57", Format::e57},           {"xyz", Format::xyz}, {"txt", Format::txt},   {"csv", Format::csv},
+    {"pts", Format::pts},           {"off", Format::off}, {"obj", Format::obj},   {"ptx", Format::ptx},
+    {"stl", Format::stl},           {"npy", Format::npy}, {"copc", Format::copc}, {"kitti", Format::kitti},
+    {"nuscenes", Format::nuscenes}, {"glb", Format::glb}};
 
 constexpr std::pair<std::string_view, Encoding> kEncodings[] = {{"ascii", Encoding::ascii},
                                                                 {"binary", Encoding::binary},
@@ -123,7 +123,7 @@ void add_viewpoint(CLI::App& command, std::string& viewpoint) {
       .add_option(
           "--viewpoint", viewpoint,
           "where the sensor stood, in file coordinates; or the attributes that hold it for each point; or none; "
-          "default: what a PCD or an E57 file says")
+          "default: what a PCD, E57 or PTX file says")
       ->type_name("X,Y,Z|NAMES")
       ->group("Limits");
 }

@@ -31,6 +31,20 @@ pointfair VERB --help lists the flags of a verb; the usual start is
   pointfair run scan.ply denoised.ply
 )";
 
+// In lines that fit a screen.
+std::string wrapped(const std::vector<std::string>& words) {
+  constexpr std::size_t kWidth = 70;
+  std::string text, line;
+  for (const std::string& word : words) {
+    if (!line.empty() && line.size() + word.size() > kWidth) {
+      text += line + ",\n       ";
+      line.clear();
+    }
+    line += (line.empty() ? "" : ", ") + word;
+  }
+  return text + line;
+}
+
 std::string help(const std::vector<Verb>& verbs) {
   std::string lines;
   for (const Verb& verb : verbs) {
@@ -43,7 +57,7 @@ std::string help(const std::vector<Verb>& verbs) {
     does[0] = static_cast<char>(std::tolower(static_cast<unsigned char>(does[0])));
     lines += fmt::format("  pointfair {:<15} {}\n", usage, does);
   }
-  return fmt::format(kHelp, version(), lines, fmt::join(format_names(), ", "));
+  return fmt::format(kHelp, version(), lines, wrapped(format_names()));
 }
 
 // "pointfair tile run" for instance, or without the command's own name.

@@ -281,7 +281,7 @@ class Doctor(Case):
         for device in report["devices"]:
             self.assertTrue(device["usable"] or device["reason"])
         self.assertEqual(report["formats"], ["ply", "pcd", "las", "laz", "e57", "xyz", "txt", "csv", "pts", "off",
-                                             "obj"])
+                                             "obj", "ptx", "stl", "npy", "copc", "kitti", "nuscenes", "glb"])
         self.assertIn("cpu", self.ok("doctor").stdout.decode())
 
 
