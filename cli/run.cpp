@@ -249,7 +249,7 @@ void run(RunArguments arguments, std::stop_token stop) {
   if (arguments.tiled.out_dir.empty() && !arguments.more.empty())
     throw Error(ErrorKind::usage, "several inputs need a folder for their results; give --out-dir");
   if (arguments.tiled.out_dir.empty() && is_survey(arguments.input))
-    throw Error(ErrorKind::usage, arguments.input + ": is a survey of several files; give --out-dir for their results");
+    throw Error(ErrorKind::file, arguments.input + ": is a survey of several files; give --out-dir for their results");
   if (arguments.tiled.out_dir.empty() && arguments.output.empty())
     throw Error(ErrorKind::usage, "OUT is required; see pointfair run --help");
   if (needs_tiles(arguments, params)) return run_tiled(arguments, params, limits, findings.noise_attribute, {}, stop);

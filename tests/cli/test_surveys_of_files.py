@@ -51,8 +51,8 @@ class Surveys(Case):
 
     def test_what_is_wrong_is_one_line(self):
         survey = self.vpc(["./tiles/part0.las"])
-        self.fails(2, "run", survey, self.path("out.las"), says="--out-dir")
-        self.fails(2, "run", self.tiles, self.path("out.las"), says="--out-dir")
+        self.fails(3, "run", survey, self.path("out.las"), says="--out-dir")
+        self.fails(3, "run", self.tiles, self.path("out.las"), says="--out-dir")
         for path, says in ((self.vpc(["https://example.org/a.copc.laz"], "web.vpc"), "not on disk"), (self.vpc([], "none.vpc"), "names no"),
                            (self.vpc(["./gone.las"], "gone.vpc"), "gone.las"), (self.vpc(["./a.tif"], "picture.vpc"), "without a point cloud")):
             result = run("run", path, "--out-dir", self.path("out"))
