@@ -18,10 +18,10 @@ def ratio(row: dict, of: str, to: str, which: str = "mean") -> float:
     return max(row[of][which], floor) / max(row[to][which], floor)
 
 
-def aligned(lines: list[list[str]]) -> str:
-    """Columns, the first to the left."""
+def aligned(lines: list[list[str]], left: int = 1) -> str:
+    """Columns, the first ones to the left."""
     widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
-    return "\n".join("  ".join(cell.ljust(width) if k == 0 else cell.rjust(width) for k, (cell, width) in enumerate(zip(line, widths)))
+    return "\n".join("  ".join(cell.ljust(width) if k < left else cell.rjust(width) for k, (cell, width) in enumerate(zip(line, widths)))
                      for line in lines)
 
 
