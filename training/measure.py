@@ -4,6 +4,7 @@ import pathlib
 import time
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 import store
 from cloud import Cloud
@@ -36,6 +37,8 @@ class Truth:
         self.caster = Caster(cloud.vertices, cloud.triangles)
         self.before = self.caster.distance(cloud.points[self.picked])
         self.noise = cloud.local_noise(self.places)
+        nearest = cKDTree(cloud.clean[self.places]).query(cloud.clean[self.picked])[1]
+        self.allowed = np.maximum(self.noise[nearest], .01 * cloud.typical_spacing)
 
     def facts(self) -> dict:
         """Of the cloud itself."""
@@ -50,8 +53,7 @@ class Truth:
         cloud = self.cloud
         after = self.caster.distance(points[self.picked])
         moved = np.linalg.norm(points.astype(float) - cloud.points, axis=1)
-        allowed = np.interp(self.picked, self.places, self.noise)   # places in file order are mostly near in space
-        worse = after > self.before + np.maximum(allowed, .01 * cloud.typical_spacing)
+        worse = after > self.before + self.allowed
         edge, spacing = cloud.edge[self.picked], cloud.typical_spacing
         result = {"mean": float(after.mean()), "rms": rms(after), "edge_rms": rms(after[edge]), "worse": float(worse.mean()),
                   "moved": rms(moved[self.picked]) / spacing, "moved_most": float(moved[self.picked].max()) / spacing}
