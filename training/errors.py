@@ -22,13 +22,14 @@ def window_matched(rng: Random, shape: tuple[int, int], window: int, passes: int
     return field / field.std()
 
 
-def waves(rng: Random, points: np.ndarray, length: float, count: int = 160) -> np.ndarray:
+def waves(rng: Random, points: np.ndarray, length: float, count: int = 120) -> np.ndarray:
     """In space, correlated over about `length`: a sum of waves with a Gaussian spectrum."""
     number, phase = rng.normal(size=(count, 3)) / length, rng.uniform(0, 2 * np.pi, count)
-    field = np.zeros(len(points))
-    for k in range(0, count, 16):                                   # in blocks, for the memory
-        field += np.cos(points @ number[k:k + 16].T + phase[k:k + 16]).sum(1)
-    return field * np.sqrt(2 / count)
+    points, number, phase = (array.astype(np.float32) for array in (points - points.mean(0), number, phase))
+    field = np.zeros(len(points), np.float32)
+    for wave, start in zip(number, phase):
+        field += np.cos(points @ wave + start)
+    return field.astype(float) * np.sqrt(2 / count)
 
 
 def neighbour_averaged(rng: Random, points: np.ndarray, rounds: int, columns: int = 3, neighbours: int = 16) -> np.ndarray:

@@ -64,7 +64,7 @@ def spacing_of(clean: np.ndarray, same: np.ndarray | None) -> np.ndarray:
 def near_edges(scene: Scene, clean: np.ndarray, spacing: np.ndarray, jump: np.ndarray) -> np.ndarray:
     """Within two spacings of a sharp edge or next to a jump in depth."""
     typical = float(np.median(spacing))
-    samples = scene.edge_samples(max(typical / 2, 1e-9))
+    samples = scene.edge_samples(max(typical, 1e-9))
     inside = np.all((samples > clean.min(0) - typical) & (samples < clean.max(0) + typical), axis=1)
     if not inside.any():
         return jump.copy()

@@ -22,7 +22,7 @@ def _facade(rng: Random, length: float):
 
 def _street_ground(rng: Random, length: float, width: float):
     """Sloped, perhaps cobbled, perhaps with kerbs."""
-    x, y = np.meshgrid(np.linspace(-2, length + 2, 400), np.linspace(-2, width + 2, 240))
+    x, y = np.meshgrid(np.linspace(-2, length + 2, 280), np.linspace(-2, width + 2, 160))
     z = rng.uniform(-.03, .03) * (x - length / 2) + Relief(rng, 3, 20, rng.uniform(0, .1))(x, y)
     if rng.random() < .4:
         pitch = rng.uniform(.14, .3)
@@ -148,7 +148,7 @@ def terrain(rng: Random) -> Scene:
     scene = Scene()
     scene.size = None
     ground = Relief(rng, int(rng.integers(3, 8)), rng.uniform(45, 90), rng.uniform(1, 4.5), rng.uniform(1.7, 2.4))
-    x, y = np.meshgrid(np.linspace(-56, 56, 400), np.linspace(-56, 56, 400))
+    x, y = np.meshgrid(np.linspace(-56, 56, 300), np.linspace(-56, 56, 300))
     z, kind = ground(x, y), rng.integers(3)
     if kind == 0:
         height, steep = rng.uniform([.6, .15], [2, .5])
@@ -156,7 +156,7 @@ def terrain(rng: Random) -> Scene:
         z = height * (np.floor(z / height) + np.clip((rest - 1 + steep) / steep, 0, 1)) + .15 * rest
     if kind == 1 or rng.random() < .3:
         angle = rng.uniform(0, np.pi)
-        z = z + rng.uniform(.02, .1) * np.cos(2 * np.pi * (x * np.cos(angle) + y * np.sin(angle)) / rng.uniform(.8, 3))
+        z = z + rng.uniform(.02, .1) * np.cos(2 * np.pi * (x * np.cos(angle) + y * np.sin(angle)) / rng.uniform(1, 3))
     scene.add("ground", sheet(x, y, z))
     if kind == 2:
         for px, py in rng.uniform(-45, 45, (80, 2)):

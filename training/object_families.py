@@ -106,7 +106,7 @@ def object_blurred(rng: Random) -> Drawn:
     def error(clean, sigma):
         spacing = np.sqrt(.7 / len(clean))
         length = spacing * rng.uniform(.7, 4)
-        return np.stack([waves(rng, clean, length, 320) for _ in range(3)], 1)
+        return np.stack([waves(rng, clean, length) for _ in range(3)], 1)
     return with_error(rng, error)
 
 

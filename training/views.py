@@ -9,7 +9,7 @@ import rays
 from scene import Scene
 from shapes import unit
 
-BEAM_RAYS = 4                                     # around the middle one
+BEAM_RAYS = 3                                     # around the middle one
 
 
 @dataclass
