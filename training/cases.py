@@ -35,7 +35,9 @@ class Check:
 
     def limits(self) -> str:
         low, high = self.at_least > -float("inf"), self.at_most < float("inf")
-        return f"{self.at_least:.3g} to {self.at_most:.3g}" if low and high else f"≥ {self.at_least:.3g}" if low else f"≤ {self.at_most:.3g}"
+        if low and high:
+            return f"{self.at_least:.3g} to {self.at_most:.3g}"
+        return f"≥ {self.at_least:.3g}" if low else f"≤ {self.at_most:.3g}"
 
 
 class Run:

@@ -1,55 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """draw(family, seed) makes one cloud; FAMILIES names all kinds. The same family and seed give the same cloud."""
 import zlib
-from collections.abc import Callable
-from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+import object_families  # noqa: F401  each adds its families
+import scan_families  # noqa: F401
+import special_families  # noqa: F401
 from cloud import Cloud
 from errors import Random
+from registry import FAMILIES, Drawn, Useless
 from scene import Scene
 from shapes import turned
-from views import Rows
 
 TRIES = 20                                        # a scene in which a sensor sees too little is drawn again
 FEWEST_POINTS = 250
-
-
-class Useless(Exception):
-    """A scene or place that gives no cloud; another is drawn."""
-
-
-@dataclass
-class Drawn:
-    """What a family gives."""
-    scene: Scene
-    rows: Rows
-    settings: dict = field(default_factory=dict)
-    same: np.ndarray | None = None                # (n,) which rows are copies of one measurement
-    rounding: float = 0.0                         # coordinates in whole multiples of it
-    has_sensor: bool = True
-    keep_axes: bool = False                       # a cloud that must stay aligned is not turned
-
-
-@dataclass
-class Family:
-    name: str
-    draw: Callable[[Random], Drawn]
-    group: str                                    # scans, objects, special, clean
-    correlated: bool                              # errors of neighbours are alike
-
-
-FAMILIES: dict[str, Family] = {}
-
-
-def family(group: str, correlated: bool = False):
-    """Registers a function as the family of its name."""
-    def register(function: Callable[[Random], Drawn]):
-        FAMILIES[function.__name__] = Family(function.__name__, function, group, correlated)
-        return function
-    return register
 
 
 def spacing_of(clean: np.ndarray, same: np.ndarray | None) -> np.ndarray:
@@ -103,8 +69,3 @@ def draw(name: str, seed: int) -> Cloud:
         except Useless:
             continue
     raise RuntimeError(f"{name}: {TRIES} scenes in a row gave no cloud: check the family's settings")
-
-
-import object_families  # noqa: E402, F401  each adds its families
-import scan_families  # noqa: E402, F401
-import special_families  # noqa: E402, F401

@@ -18,7 +18,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import families
 import tables
 from measure import Subject
-from store import FOLDER
+from store import FOLDER, forget_old_clouds
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 
@@ -89,6 +89,7 @@ def arguments() -> argparse.Namespace:
 def main() -> None:
     args = arguments()
     print(f"seed {args.seed}, clouds and results in {os.path.relpath(FOLDER)}")
+    forget_old_clouds()
     rows = judge(args)
     if args.json:
         args.json.write_text(json.dumps({"seed": args.seed, "clouds": rows}, indent=1))

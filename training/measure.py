@@ -13,7 +13,7 @@ from rays import Caster
 MOST_POINTS = 20_000                              # of a cloud are measured
 MOST_PLACES = 3_000                               # of a cloud have their true noise compared
 CLEAN_SHARE = 1e-4                                # less noise than this share of the spacing is none
-WIDTHS = (.6, .8, 1.25, 1.6, 2.2, 3.2, 4.5)       # of the bound: factors on the radius of a run that is told the noise
+WIDTHS = (.6, .8, 1.25, 1.6, 2.2, 3.2, 4.5, 6.5)      # of the bound: factors on the radius of a run that is told the noise
 
 
 def rms(values: np.ndarray) -> float:

@@ -6,7 +6,7 @@ import cameras
 import objects
 import rays
 from errors import Random, direction, heavy_tailed, neighbour_averaged, waves
-from families import Drawn, family
+from registry import Drawn, family
 from objects import log_uniform
 from scene import Scene
 from views import Rows
@@ -46,12 +46,19 @@ def sigma_of_radius(rng: Random) -> float:
     return log_uniform(rng, .001, .03) / 2
 
 
+def white(scene: Scene, rng: Random, clean: np.ndarray, triangle: np.ndarray, sigma: float) -> Drawn:
+    """Isotropic Gaussian noise on points of a mesh."""
+    rows = plain_rows(scene, clean, triangle, clean + sigma * rng.normal(size=clean.shape))
+    return Drawn(scene, rows, {"sigma": sigma}, has_sensor=False)
+
+
 def with_error(rng: Random, error_of) -> Drawn:
     """An object whose points are off by sigma times error_of(clean points, sigma)."""
     scene = objects.one_object(rng)
     clean, triangle = sampled(scene, rng, usual_count(rng))
     sigma = sigma_of_radius(rng)
-    return Drawn(scene, plain_rows(scene, clean, triangle, clean + sigma * error_of(clean, sigma)), {"sigma": sigma}, has_sensor=False)
+    rows = plain_rows(scene, clean, triangle, clean + sigma * error_of(clean, sigma))
+    return Drawn(scene, rows, {"sigma": sigma}, has_sensor=False)
 
 
 @family("objects")
@@ -115,8 +122,7 @@ def small_cloud(rng: Random) -> Drawn:
     """300 to 5,000 points of an object."""
     scene = objects.one_object(rng)
     clean, triangle = sampled(scene, rng, int(log_uniform(rng, 400, 5_000)))
-    sigma = log_uniform(rng, .002, .02)
-    return Drawn(scene, plain_rows(scene, clean, triangle, clean + sigma * rng.normal(size=clean.shape)), {"sigma": sigma}, has_sensor=False)
+    return white(scene, rng, clean, triangle, log_uniform(rng, .002, .02))
 
 
 @family("objects")
@@ -124,8 +130,7 @@ def large_cloud(rng: Random) -> Drawn:
     """100,000 to 300,000 points of an object."""
     scene = objects.one_object(rng)
     clean, triangle = cameras.surface_points(scene, rng, int(log_uniform(rng, 100_000, 300_000)))
-    sigma = log_uniform(rng, .0005, .01)
-    return Drawn(scene, plain_rows(scene, clean, triangle, clean + sigma * rng.normal(size=clean.shape)), {"sigma": sigma}, has_sensor=False)
+    return white(scene, rng, clean, triangle, log_uniform(rng, .0005, .01))
 
 
 @family("clean")

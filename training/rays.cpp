@@ -119,7 +119,8 @@ struct Mesh {
     n = 0;
     for (int k = kBins - 1; k > 0; --k) right.add(box[k]), n += count[k], cost[k] += n * right.area();
     const int best = static_cast<int>(std::min_element(cost.begin() + 1, cost.end()) - cost.begin());
-    const auto middle = std::partition(order.begin() + begin, order.begin() + end, [&](int32_t i) { return bin(i) < best; });
+    const auto middle =
+        std::partition(order.begin() + begin, order.begin() + end, [&](int32_t i) { return bin(i) < best; });
     const auto at = static_cast<int32_t>(middle - order.begin());
     return at == begin || at == end ? (begin + end) / 2 : at;
   }

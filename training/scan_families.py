@@ -8,7 +8,7 @@ import lasers
 import objects
 import rooms
 from errors import Random
-from families import Drawn, Useless, family
+from registry import Drawn, Useless, family
 from lasers import Station
 from objects import log_uniform
 from scene import Scene
@@ -164,7 +164,7 @@ def spinning_offset(rng: Random) -> Drawn:
     return Drawn(scene, rows, settings | {"sweeps": sweeps})
 
 
-def _camera_place(rng: Random) -> tuple[Scene, np.ndarray, np.ndarray]:
+def camera_place(rng: Random) -> tuple[Scene, np.ndarray, np.ndarray]:
     """A scene, where the camera is and where it looks."""
     if rng.random() < .5:
         scene, distance, angle = rooms.bench(rng), log_uniform(rng, .6, 1.7), rng.uniform(-.9, .9)
@@ -178,7 +178,7 @@ def _camera_place(rng: Random) -> tuple[Scene, np.ndarray, np.ndarray]:
 @family("scans", correlated=True)
 def structured_light(rng: Random) -> Drawn:
     """Disparity noise alike over a few pixels, steps too fine to see."""
-    scene, place, target = _camera_place(rng)
+    scene, place, target = camera_place(rng)
     settings = dict(base=rng.uniform(.06, .1), smooth=log_uniform(rng, .03, .15), blur=rng.uniform(.6, 2.2),
                     white=log_uniform(rng, .005, .03), steps=float(rng.choice([0, 32, 64])))
     return Drawn(scene, cameras.stereo(scene, rng, place, target, usual_count(rng), **settings), settings)
@@ -187,7 +187,7 @@ def structured_light(rng: Random) -> Drawn:
 @family("scans", correlated=True)
 def structured_light_steps(rng: Random) -> Drawn:
     """The same with steps of disparity that show, as wide as the noise and more."""
-    scene, place, target = _camera_place(rng)
+    scene, place, target = camera_place(rng)
     settings = dict(base=rng.uniform(.05, .1), smooth=rng.uniform(.03, .12), window=int(rng.integers(5, 14)),
                     white=rng.uniform(.01, .06), steps=float(rng.choice([2, 4, 8, 8])))
     return Drawn(scene, cameras.stereo(scene, rng, place, target, usual_count(rng), **settings), settings)
@@ -196,7 +196,7 @@ def structured_light_steps(rng: Random) -> Drawn:
 @family("scans", correlated=True)
 def stereo_windows(rng: Random) -> Drawn:
     """Projected-texture stereo: errors of neighbours alike to .97 and more, over 10 pixels and more."""
-    scene, place, target = _camera_place(rng)
+    scene, place, target = camera_place(rng)
     settings = dict(base=rng.uniform(.05, .12), smooth=rng.uniform(.05, .2), window=int(rng.integers(9, 22)), passes=2,
                     white=log_uniform(rng, .002, .02), steps=float(rng.choice([0, 16, 32])))
     return Drawn(scene, cameras.stereo(scene, rng, place, target, usual_count(rng), **settings), settings)
@@ -205,7 +205,7 @@ def stereo_windows(rng: Random) -> Drawn:
 @family("scans")
 def time_of_flight(rng: Random) -> Drawn:
     """A phase camera with flying pixels and a periodic error."""
-    scene, place, target = _camera_place(rng)
+    scene, place, target = camera_place(rng)
     settings = dict(sigma=log_uniform(rng, .002, .006), growth=log_uniform(rng, .0004, .0015), wiggle=rng.uniform(0, .005),
                     period=rng.uniform(.5, 1.2))
     return Drawn(scene, cameras.time_of_flight(scene, rng, place, target, usual_count(rng), **settings), settings)

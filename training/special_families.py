@@ -6,10 +6,10 @@ from scipy.spatial import cKDTree
 import cameras
 import objects
 from errors import Random, blurred
-from families import Drawn, family
+from registry import Drawn, family
 from object_families import even_points, plain_rows, sampled
 from objects import log_uniform
-from scan_families import _camera_place, airborne_village, terrestrial, typical_noise, usual_count
+from scan_families import camera_place, airborne_village, terrestrial, typical_noise, usual_count
 from scene import Scene
 from shapes import Mesh, Relief, box, hull, moved, pipe, sheet, unit
 from views import Rows
@@ -38,7 +38,7 @@ def spacing_over(scene: Scene, count: int) -> float:
 @family("special", correlated=True)
 def near_duplicates(rng: Random) -> Drawn:
     """A phone's lidar: each measured point is given out 3 to 10 times, within .1 of the spacing, with one error."""
-    scene, place, target = _camera_place(rng)
+    scene, place, target = camera_place(rng)
     settings = dict(base=rng.uniform(.05, .08), smooth=rng.uniform(.02, .08), blur=rng.uniform(.3, 1.2), white=rng.uniform(.03, .12),
                     steps=0.0)
     rows = cameras.stereo(scene, rng, place, target, int(usual_count(rng) / 5), **settings)

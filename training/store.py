@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Clouds and results on disk, so that a comparison costs only what changed. All of it may be deleted at any time."""
+import functools
 import hashlib
 import json
 import pathlib
 import re
+import shutil
 import subprocess
 import tempfile
 import time
@@ -12,6 +14,7 @@ import numpy as np
 
 import cloud as clouds
 import families
+import objects
 
 FOLDER = pathlib.Path(__file__).resolve().parent.parent / "build/training"
 JUDGES = ("judge.py", "measure.py", "cases.py", "case_clouds.py", "tables.py", "store.py")   # these change no cloud
@@ -22,15 +25,25 @@ def digest(*parts: bytes) -> str:
     return hashlib.sha256(b"\0".join(parts)).hexdigest()[:12]
 
 
+@functools.cache
 def generator_version() -> str:
-    """Of the files that make clouds."""
+    """Of the files that make clouds, and of the folder of meshes."""
     sources = sorted(path for path in pathlib.Path(__file__).parent.glob("*.py")
                      if path.name not in JUDGES and not path.name.startswith("test_"))
-    return digest(*(path.read_bytes() for path in [*sources, pathlib.Path(__file__).with_name("rays.cpp")]))
+    meshes = " ".join(path.name for path in objects.mesh_files())
+    return digest(meshes.encode(), *(path.read_bytes() for path in [*sources, pathlib.Path(__file__).with_name("rays.cpp")]))
 
 
+@functools.cache
 def program_version(program: pathlib.Path) -> str:
     return digest(pathlib.Path(program).read_bytes())
+
+
+def forget_old_clouds() -> None:
+    """Removes the clouds of other versions of the generator."""
+    for folder in (FOLDER / "clouds").glob("*"):
+        if folder.name != generator_version():
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def cloud_path(family: str, seed: int) -> pathlib.Path:

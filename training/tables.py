@@ -34,14 +34,14 @@ def _percent(values: list[float], digits: int = 0) -> str:
 
 
 def _noisy_cells(rows: list[dict], baseline: bool, bounds: bool) -> list[str]:
-    fields = [row["after"] for row in rows if "within_25" in row["after"]]
-    loose = [row["after"]["loose"] for row in rows if "loose" in row["after"]]
-    cells = [_number(geometric([row["before"]["sigma"] / row["before"]["spacing"] for row in rows if row["before"]["sigma"] > 0])),
-             *(_number(geometric([ratio(row, "after", "before", which) for row in rows])) for which in ("mean", "rms")),
-             _number(max((ratio(row, "after", "before", "rms") for row in rows), default=float("nan"))),
-             _percent([row["after"]["worse"] for row in rows], 1), _percent([f["within_25"] for f in fields]),
-             _percent([f["within_50"] for f in fields]), _number(float(np.exp(np.mean([f["log_bias"] for f in fields]))) if fields else float("nan")),
-             _percent(loose)]
+    results = [row["after"] for row in rows]
+    ratios = {which: [ratio(row, "after", "before", which) for row in rows] for which in ("mean", "rms")}
+    cells = [_number(geometric([row["before"]["sigma"] / row["before"]["spacing"] for row in rows])),
+             _number(geometric(ratios["mean"])), _number(geometric(ratios["rms"])), _number(max(ratios["rms"])),
+             _percent([result["worse"] for result in results], 1),
+             *(_percent([result[share] for result in results]) for share in ("within_25", "within_50")),
+             _number(float(np.exp(np.mean([result["log_bias"] for result in results])))),
+             _percent([result["loose"] for result in results if "loose" in result])]
     if baseline:
         ratios = {which: [ratio(row, "after", "baseline", which) for row in rows] for which in ("mean", "rms")}
         cells += [_number(geometric(ratios["mean"])), _number(geometric(ratios["rms"])),
