@@ -151,16 +151,18 @@ def spinning_single(rng: Random) -> Drawn:
 
 @family("scans", correlated=True)
 def spinning_offset(rng: Random) -> Drawn:
-    """Rings off by a constant of several millimetres each, neighbours along a ring nearly alike; one or a few sweeps that
-    are off from each other too."""
-    scene, sweeps = grounds.street(rng) if rng.random() < .7 else indoors(rng), int(rng.integers(1, 5))
-    settings = dict(sigma=log_uniform(rng, .0008, .004), quantum=0.0, ring=log_uniform(rng, .004, .015),
+    """Rings off by a constant of several millimetres each, neighbours along a ring nearly alike; one to three sweeps that
+    are off from each other too; a part of the turn, so that rings are denser along than across."""
+    scene, sweeps = grounds.street(rng) if rng.random() < .7 else indoors(rng), int(rng.integers(1, 4))
+    start, width = rng.uniform(0, 360), rng.uniform(90, 200)
+    settings = dict(sigma=log_uniform(rng, .0008, .003), quantum=0.0, ring=log_uniform(rng, .006, .015),
                     pose=rng.uniform(0, .008), pose_degrees=rng.uniform(0, .03))
     if scene.size[2] == 0:
         way = _drive(rng, scene, sweeps)
     else:
         way = dict(start=inside(rng, scene), move=(.02, .02, 0), sweeps=sweeps)
-    rows = lasers.spinning(scene, rng, **way, elevations=_beams(rng, int(rng.choice([32, 64, 128]))), count=usual_count(rng), **settings)
+    beams = _beams(rng, int(rng.choice([16, 32, 64])))
+    rows = lasers.spinning(scene, rng, **way, elevations=beams, count=usual_count(rng), azimuths=(start, start + width), **settings)
     return Drawn(scene, rows, settings | {"sweeps": sweeps})
 
 
