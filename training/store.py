@@ -40,9 +40,9 @@ def program_version(program: pathlib.Path) -> str:
 
 
 def forget_old_clouds() -> None:
-    """Removes the clouds of other versions of the generator."""
+    """Removes the clouds of other versions of the generator to which nothing came for a day."""
     for folder in (FOLDER / "clouds").glob("*"):
-        if folder.name != generator_version():
+        if folder.name != generator_version() and time.time() - folder.stat().st_mtime > 86400:
             shutil.rmtree(folder, ignore_errors=True)
 
 
