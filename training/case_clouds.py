@@ -245,22 +245,23 @@ def clean_grids(files: Files) -> Iterator[tuple[str, Known]]:
 # ---------------------------------------------------------------------------------------------------- normals, noise, plates
 
 
+def torus_distance(large: float, small: float):
+    """To a ring around z, signed, as a function of points."""
+    return lambda p: np.hypot(np.hypot(p[:, 0], p[:, 1]) - large, p[:, 2]) - small
+
+
 def torus_points(rng: np.random.Generator, count: int, large: float, small: float, noise: float) -> Known:
     a, b = rng.uniform(0, 2 * np.pi, (2, count))
     normals = np.stack([np.cos(b) * np.cos(a), np.cos(b) * np.sin(a), np.sin(b)], 1)
     points = large * np.stack([np.cos(a), np.sin(a), 0 * a], 1) + small * normals + noise * rng.normal(size=(count, 3))
-
-    def distance(p):
-        return np.hypot(np.hypot(p[:, 0], p[:, 1]) - large, p[:, 2]) - small
-
-    return Known(points, distance, normals=normals)
+    return Known(points, torus_distance(large, small), normals=normals)
 
 
 def with_normals(files: Files) -> Iterator[tuple[str, Known]]:
     if files:
         points = read(files, "torus_normals").astype(float)
         ring = np.c_[2 * unit(points[:, :2]), np.zeros(len(points))]
-        yield "file", Known(points, lambda p: np.abs(np.hypot(np.hypot(p[:, 0], p[:, 1]) - 2, p[:, 2]) - .5), normals=unit(points - ring))
+        yield "file", Known(points, torus_distance(2, .5), normals=unit(points - ring))
     rng = np.random.default_rng(241)
     yield "torus 3 : 1", torus_points(rng, 8000, 1.5, .5, .01)
     yield "torus 8 : 1", torus_points(rng, 6000, 2, .25, .01)

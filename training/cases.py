@@ -160,7 +160,8 @@ def judge(program: pathlib.Path, names: list[str], files: pathlib.Path | None) -
             for label, cloud in inputs(files):
                 try:
                     for check in function(run, cloud):
-                        lines.append([name, label, check.what, f"{check.value:.3g}", check.limits(), "pass" if check.passed else "FAIL"])
+                        verdict = "pass" if check.passed else "FAIL"
+                        lines.append([name, label, check.what, f"{check.value:.3g}", check.limits(), verdict])
                 except store.ProgramFailed as why:
                     lines.append([name, label, str(why), "", "", "FAIL"])
     return lines
@@ -168,11 +169,12 @@ def judge(program: pathlib.Path, names: list[str], files: pathlib.Path | None) -
 
 def summary(lines: list[list[str]]) -> str:
     """How many cases hold in all of their clouds."""
-    failed = {line[0] for line in lines[1:] if line[-1] == "FAIL"}
-    names = {line[0] for line in lines[1:]}
-    clouds = {(line[0], line[1]) for line in lines[1:]}
-    failed_clouds = {(line[0], line[1]) for line in lines[1:] if line[-1] == "FAIL"}
-    return f"{len(names) - len(failed)} of {len(names)} cases, {len(clouds) - len(failed_clouds)} of {len(clouds)} clouds are right"
+    def right(columns: int) -> str:
+        all_ = {tuple(line[:columns]) for line in lines[1:]}
+        failed = {tuple(line[:columns]) for line in lines[1:] if line[-1] == "FAIL"}
+        return f"{len(all_ - failed)} of {len(all_)}"
+
+    return f"{right(1)} cases, {right(2)} clouds are right"
 
 
 def main() -> None:

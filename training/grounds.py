@@ -44,8 +44,9 @@ def _street_things(scene: Scene, rng: Random, length: float, width: float) -> No
         scene.add("sign", box([x - .3, y - .15, 1.9], [x + .3, y - .146, rng.uniform(2.2, 2.9)], rng.uniform(0, 180)))
     for _ in range(rng.integers(2, 8)):
         (x, y), degrees = somewhere(3), rng.uniform(-15, 15)
-        scene.add("van", box([x - 2.2, y - .85, .3], [x + 2.2, y + .85, rng.uniform(.9, 1.3)], degrees, fillet=.2))
-        scene.add("van", box([x - 1.3, y - .75, 1.1], [x + rng.uniform(.8, 2), y + .75, rng.uniform(1.5, 2.1)], degrees, fillet=.18))
+        bonnet, end, roof = rng.uniform([.9, .8, 1.5], [1.3, 2, 2.1])
+        scene.add("van", box([x - 2.2, y - .85, .3], [x + 2.2, y + .85, bonnet], degrees, fillet=.2))
+        scene.add("van", box([x - 1.3, y - .75, 1.1], [x + end, y + .75, roof], degrees, fillet=.18))
     for _ in range(rng.integers(1, 5)):
         x, y = somewhere(2)
         scene.add("trunk", rod(x, y, -.5, 3.5, rng.uniform(.08, .25), 24))

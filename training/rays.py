@@ -26,8 +26,7 @@ def build() -> pathlib.Path:
     if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
         unfinished = path.with_suffix(f".{os.getpid()}")
-        subprocess.run(["g++", "-std=c++17", "-O3", "-shared", "-fPIC", "-static-libstdc++", "-static-libgcc", str(SOURCE),
-                        "-o", str(unfinished)], check=True)
+        subprocess.run(["g++", "-std=c++17", "-O3", "-shared", "-fPIC", str(SOURCE), "-o", str(unfinished)], check=True)
         unfinished.replace(path)                                   # two processes may build at once
     return path
 

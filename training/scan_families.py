@@ -162,7 +162,8 @@ def spinning_offset(rng: Random) -> Drawn:
     else:
         way = dict(start=inside(rng, scene), move=(.02, .02, 0), sweeps=sweeps)
     beams = _beams(rng, int(rng.choice([16, 32, 64])))
-    rows = lasers.spinning(scene, rng, **way, elevations=beams, count=usual_count(rng), azimuths=(start, start + width), **settings)
+    rows = lasers.spinning(scene, rng, **way, elevations=beams, count=usual_count(rng), azimuths=(start, start + width),
+                           **settings)
     return Drawn(scene, rows, settings | {"sweeps": sweeps})
 
 

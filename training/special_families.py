@@ -39,8 +39,8 @@ def spacing_over(scene: Scene, count: int) -> float:
 def near_duplicates(rng: Random) -> Drawn:
     """A phone's lidar: each measured point is given out 3 to 10 times, within .1 of the spacing, with one error."""
     scene, place, target = camera_place(rng)
-    settings = dict(base=rng.uniform(.05, .08), smooth=rng.uniform(.02, .08), blur=rng.uniform(.3, 1.2), white=rng.uniform(.03, .12),
-                    steps=0.0)
+    settings = dict(base=rng.uniform(.05, .08), smooth=rng.uniform(.02, .08), blur=rng.uniform(.3, 1.2),
+                    white=rng.uniform(.03, .12), steps=0.0)
     rows = cameras.stereo(scene, rng, place, target, int(usual_count(rng) / 5), **settings)
     times = rng.integers(3, 11, len(rows.points))
     same = np.repeat(np.arange(len(rows.points)), times)
@@ -81,7 +81,8 @@ def copies_exact(rng: Random) -> Drawn:
 def copies_rounded(rng: Random) -> Drawn:
     """Every point 2, 5 or 10 times, the copies apart by what single precision rounds away (1e-6 of the extent)."""
     drawn = copies_exact(rng)
-    drawn.rows.points = drawn.rows.points + rng.uniform(-1e-6, 1e-6, drawn.rows.points.shape) * np.ptp(drawn.rows.points, axis=0).max()
+    points = drawn.rows.points
+    drawn.rows.points = points + 1e-6 * np.ptp(points, axis=0).max() * rng.uniform(-1, 1, points.shape)
     return drawn
 
 

@@ -21,8 +21,11 @@ def ratio(row: dict, of: str, to: str, which: str = "mean") -> float:
 def aligned(lines: list[list[str]], left: int = 1) -> str:
     """Columns, the first ones to the left."""
     widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
-    return "\n".join("  ".join(cell.ljust(width) if k < left else cell.rjust(width) for k, (cell, width) in enumerate(zip(line, widths)))
-                     for line in lines)
+
+    def laid_out(line: list[str]) -> str:
+        return "  ".join(cell.ljust(widths[k]) if k < left else cell.rjust(widths[k]) for k, cell in enumerate(line))
+
+    return "\n".join(map(laid_out, lines))
 
 
 def _number(value: float) -> str:

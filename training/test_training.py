@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""The generator: rays against sums by hand, and of each family that its truth is true. Skipped (77) without numpy, scipy or g++."""
+"""The generator: rays against sums by hand, and of each family that its truth is true. Skipped (77) without numpy, scipy
+or g++."""
 import shutil
 import sys
 import unittest
