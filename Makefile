@@ -15,7 +15,7 @@ endif
 FUZZ_SECONDS ?= 60
 FUZZ_TARGETS = $(notdir $(wildcard build/fuzz/bin/fuzz_*))
 
-.PHONY: help demo build test wheel bench quality bench-laz bench-viewer paper-tables figures gallery gpu release fuzz format docs asan tsan clean install
+.PHONY: help demo build test wheel bench quality bench-laz bench-viewer paper-tables figures gallery estimates gpu release fuzz format docs asan tsan clean install
 
 help:
 	@echo "make build    the program, build/bin/pointfair"
@@ -29,6 +29,7 @@ help:
 	@echo "make paper-tables  the paper's table II and figures 6 and 7 on this machine, in build/paper"
 	@echo "make figures  every picture of the documents and the numbers under them, in docs"
 	@echo "make gallery  run the examples in Python and draw what they did, in docs; laspy, PyVista and torch from PyPI"
+	@echo "make estimates  judge the program on random clouds and on cases; numpy and scipy from PyPI (ESTIMATES='--help')"
 	@echo "make gpu      on a machine with a card: build, test, sanitize and benchmark, in build/gpu-report"
 	@echo "make release  the program with machine code for all cards, build/release/bin/pointfair"
 	@echo "make fuzz     every file reader under a fuzzer, $(FUZZ_SECONDS) s each (FUZZ_SECONDS=N)"
@@ -118,6 +119,13 @@ gallery:
 	cmake --build build --target picture
 	scripts/wheel.py --build build --dist build/python/dist
 	scripts/gallery.py --dist build/python/dist
+
+# ESTIMATES: options of training/judge.py, as ESTIMATES='--baseline other/pointfair --clouds 5'
+estimates:
+	@$(install) build python
+	cmake --preset $(preset) -DPOINTFAIR_TESTS=OFF
+	cmake --build build
+	scripts/estimates.py $(ESTIMATES)
 
 # installs nothing: such a machine may have no network
 gpu:
