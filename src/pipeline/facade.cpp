@@ -97,6 +97,11 @@ void Pipeline::set_noise(std::span<const float> sigmas) {
   with_one_kind_of_error([&] { state_->set_noise(sigmas); });
 }
 
+void Pipeline::set_weights(std::span<const std::byte> file, const std::string& name) {
+  with_one_kind_of_error(
+      [&] { state_->set_weights(file.empty() ? nullptr : std::make_shared<const NetWeights>(file, name)); });
+}
+
 Cloud Pipeline::run(const Params& params, std::stop_token stop, const ProgressFunction& progress) {
   return with_one_kind_of_error([&] {
     Cloud result = state_->shell;
