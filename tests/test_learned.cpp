@@ -94,9 +94,9 @@ TEST(Learned, every_instruction_set_gives_the_bits_of_the_integer_reference) {
 }
 
 TEST(Learned, threads_and_the_order_of_points_do_not_change_a_bit) {
-  for (const Points& points : {shapes::with_noise(shapes::waves(12000), 0.004),
-                               shapes::with_noise(shapes::uneven(9000, 1000), 0.0005), shapes::flat_grid(60),
-                               shapes::with_noise(shapes::with_invalid(shapes::sphere(9000), 11), 0.01)}) {
+  for (const Points& points :
+       {shapes::with_noise(shapes::waves(12000), 0.004), shapes::with_noise(shapes::uneven(9000, 1000), 0.0005),
+        shapes::flat_grid(60), shapes::with_noise(shapes::with_invalid(shapes::sphere(9000), 11), 0.01)}) {
     const Points expected = learned(points);
     EXPECT_TRUE(same_bits(learned(points, 3), expected));
     const std::vector<std::uint32_t> order = shapes::shuffle_order(points.size(), 5);
@@ -206,13 +206,14 @@ TEST(Learned, weights_that_do_not_fit_give_one_clear_line) {
   const std::vector<std::byte> sound = bytes_of(kWeights);
   EXPECT_EQ(refusal(sound), "none");
   std::vector<std::byte> cut(sound.begin(), sound.end() - 100), foreign(5000, std::byte('x')), newer = sound,
-      damaged = sound;
+                                                                                               damaged = sound;
   newer[8] = std::byte(2);
   damaged[5000] ^= std::byte(1);
   EXPECT_EQ(refusal(cut), "net.bin: the file of weights has 89504 bytes instead of 89604: it is cut or damaged");
   EXPECT_EQ(refusal({sound.begin(), sound.begin() + 20}), "net.bin: the file of weights is cut after 20 bytes");
   EXPECT_EQ(refusal(foreign), "net.bin: this is no file of weights for --method learned");
-  EXPECT_EQ(refusal(newer), "net.bin: the weights have version 2, and this program reads version 1; use a newer program");
+  EXPECT_EQ(refusal(newer),
+            "net.bin: the weights have version 2, and this program reads version 1; use a newer program");
   EXPECT_EQ(refusal(damaged), "net.bin: the weights are damaged: their fingerprint does not fit");
 }
 

@@ -84,14 +84,14 @@ struct GrowthOut {
 
 // What the net of method learned reads and writes of each sorted point.
 struct NetCloud {
-  const point::net::Place* measured_places;          // with normals as they are
-  const Index* lists[point::net::kScales];           // rows of point::net::kNeighbors sorted positions
-  point::net::Place* places;                         // with normals turned to their neighbours
+  const point::net::Place* measured_places;  // with normals as they are
+  const Index* lists[point::net::kScales];   // rows of point::net::kNeighbors sorted positions
+  point::net::Place* places;                 // with normals turned to their neighbours
   point::Vec3<float>* sides;
   float* sizes[point::net::kScales];
-  std::uint8_t* states;                              // rows of point::net::kChannels, as the next
-  std::int16_t* stored[2];                           // of every other layer
-  point::Vec3<float>* steps;                         // in noises
+  std::uint8_t* states;       // rows of point::net::kChannels, as the next
+  std::int16_t* stored[2];    // of every other layer
+  point::Vec3<float>* steps;  // in noises
 };
 
 // Each kernel treats the 16 points of one leaf, but for the net's, which treat those from `first` to before `last`.

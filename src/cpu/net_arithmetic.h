@@ -36,9 +36,7 @@ POINTFAIR_INLINE SumVector add_stored(SumVector sum, const std::int16_t* stored)
 #elif defined(__AVX2__)
 inline constexpr int kSumLanes = 8;
 using SumVector = __m256i;
-POINTFAIR_INLINE SumVector load_sums(const int* p) {
-  return _mm256_loadu_si256(reinterpret_cast<const __m256i*>(p));
-}
+POINTFAIR_INLINE SumVector load_sums(const int* p) { return _mm256_loadu_si256(reinterpret_cast<const __m256i*>(p)); }
 POINTFAIR_INLINE void store_sums(int* p, SumVector a) { _mm256_storeu_si256(reinterpret_cast<__m256i*>(p), a); }
 POINTFAIR_INLINE SumVector add_word(SumVector sum, int word, const std::int8_t* weights) {
   const __m256i w = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(weights));

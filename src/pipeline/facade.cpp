@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // The public face of a pipeline: one kind of error, and clouds with their attributes.
-#include "pointfair/pipeline.hpp"
-
 #include <algorithm>
 #include <new>
 #include <utility>
@@ -11,6 +9,7 @@
 #include "pipeline/pipeline_access.hpp"
 #include "pipeline/run_state.hpp"
 #include "pointfair/file_info.hpp"
+#include "pointfair/pipeline.hpp"
 #include "pointfair/viewpoint.hpp"
 
 namespace pointfair {

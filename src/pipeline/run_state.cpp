@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <string>
 #include <utility>
 
@@ -11,7 +10,6 @@
 #include "pipeline/learned_run.hpp"
 #include "seam/cloud_sample.hpp"
 #include "seam/device_memory.hpp"
-#include "seam/noise_levels.hpp"
 #include "seam/overlap.hpp"
 #include "seam/sampling.hpp"
 
@@ -20,9 +18,6 @@ namespace {
 
 constexpr std::array<std::string_view, 4> kStageNames{"index", "neighbors", "normals", "fairing"};
 constexpr std::uint64_t kWorthChunks = 1 << 18;  // points; whose copy takes longer than what it costs to start early
-
-constexpr std::size_t kBlock = 1 << 14;                              // points that one core takes at once
-constexpr float kNoNoise = std::numeric_limits<float>::quiet_NaN();  // of invalid points
 
 std::string_view name_of(Stage stage) { return kStageNames[std::size_t(stage)]; }
 
@@ -385,30 +380,6 @@ KnownSensor Pipeline::State::known_sensor(const Params& used, const std::stop_to
   }
   known.beam_width = beam_width(*beam_samples_);
   return known;
-}
-
-void Pipeline::State::noise(std::span<float> out, const Length& typical, const std::stop_token& stop) {
-  if (out.size() != cloud.points())
-    throw Error(ErrorKind::usage, "noise: the output holds " + std::to_string(out.size()) +
-                                      " values, the loaded cloud " + std::to_string(cloud.points()) + " points");
-  Params params;
-  params.noise = typical;
-  check_params(params);
-  attempt([&] {
-    measure(false, true, IndexOrder::along_curve, stop);
-    const double sigma = typical.is_automatic() ? noise().sigma : resolve_once(params, stop).noise.value;
-    std::vector<Point> points(out.size());
-    cloud.backend().download_input(points);
-    tell_noise(points, sigma, out);
-  });
-}
-
-void Pipeline::State::tell_noise(std::span<const Point> points, double sigma, std::span<float> out) {
-  const std::size_t blocks = (out.size() + kBlock - 1) / kBlock;
-  cloud.backend().sampling().for_each_on_host(blocks, [&](std::size_t block) {
-    for (std::size_t i = block * kBlock; i < std::min(out.size(), (block + 1) * kBlock); ++i)
-      out[i] = is_indexed(points[i]) ? float(sigma) * noise_level_at(levels().get(), points[i]) : kNoNoise;
-  });
 }
 
 }  // namespace pointfair

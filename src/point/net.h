@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The net of method learned, at one point (docs/learned.md): what it reads of the point and its neighbours, in units of
-// the noise, and its layers in whole numbers. Activations go from 0 to 127 in steps of 2^-5, weights from -127 to 127 in
-// steps of 2^-6; sums are 32-bit, in steps of 2^-11, so that no order of theirs and no instruction set matters. What is
-// float has operations that round alike everywhere. training/net/reference.py says the same in Python.
+// the noise, and its layers in whole numbers. Activations go from 0 to 127 in steps of 2^-5, weights from -127 to 127
+// in steps of 2^-6; sums are 32-bit, in steps of 2^-11, so that no order of theirs and no instruction set matters. What
+// is float has operations that round alike everywhere. training/net/reference.py says the same in Python.
 #pragma once
 
 #include "point/vec.h"
@@ -125,11 +125,8 @@ struct Scale {
 };
 POINTFAIR_INLINE Scale scale_of(const ScaleSums& sums) {
   constexpr float kShareOfOne = 1.0f / kNeighbors;
-  return {kShareOfOne * sums.offset,
-          larger(square_root(sums.square * kShareOfOne), kLeast),
-          sums.height * kShareOfOne,
-          square_root(sums.squared_height * kShareOfOne),
-          sums.sine * kShareOfOne};
+  return {kShareOfOne * sums.offset, larger(square_root(sums.square * kShareOfOne), kLeast), sums.height * kShareOfOne,
+          square_root(sums.squared_height * kShareOfOne), sums.sine * kShareOfOne};
 }
 
 // The normal on the side on which the neighbours lie, and the direction along the surface in which they do.

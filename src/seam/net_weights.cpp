@@ -40,11 +40,11 @@ constexpr std::size_t bytes_of(std::size_t outputs, std::size_t inputs, bool has
   return outputs * (inputs + (has_bias ? sizeof(int) : 0));
 }
 constexpr std::size_t kC = net::kChannels;
-constexpr std::size_t kPayload =
-    bytes_of(kC, net::kPointFeatures, true) +
-    net::kLayers * (bytes_of(kC, kC, true) + bytes_of(kC, kC, false) + bytes_of(kC, net::kEdgeFeatures, false) +
-                    bytes_of(kC, 3 * kC, true)) +
-    (net::kLayers - net::kFirstGated) * bytes_of(net::kGates, kC, false) + bytes_of(net::kOutputs, kC, true);
+constexpr std::size_t kPayload = bytes_of(kC, net::kPointFeatures, true) +
+                                 net::kLayers * (bytes_of(kC, kC, true) + bytes_of(kC, kC, false) +
+                                                 bytes_of(kC, net::kEdgeFeatures, false) + bytes_of(kC, 3 * kC, true)) +
+                                 (net::kLayers - net::kFirstGated) * bytes_of(net::kGates, kC, false) +
+                                 bytes_of(net::kOutputs, kC, true);
 
 // Reads matrices one after the other into arrays that do not move.
 class Reader {
@@ -131,7 +131,8 @@ NetWeights::NetWeights(std::span<const std::byte> file, const std::string& name)
 }
 
 std::shared_ptr<const NetWeights> own_net_weights() {
-  static const auto weights = std::make_shared<const NetWeights>(std::as_bytes(std::span(kOwnWeightsFile, kOwnWeightsSize)), "own weights");
+  static const auto weights =
+      std::make_shared<const NetWeights>(std::as_bytes(std::span(kOwnWeightsFile, kOwnWeightsSize)), "own weights");
   return weights;
 }
 

@@ -20,10 +20,10 @@ struct Classical {
   std::span<const std::uint8_t> held;  // 1: keeps its place
 };
 
-// Writes the refined points to `out`, which may be `classical.points`. Points that are held, that have no normal or that
-// know no noise keep their classical place. A point's result depends on those that its lists of neighbours reach, layer
-// by layer, in all kScales scales: on no bound of distance. The frame is the cloud's. 640 bytes a point. Runs on the
-// threads of the arena that calls it.
+// Writes the refined points to `out`, which may be `classical.points`. Points that are held, that have no normal or
+// that know no noise keep their classical place. A point's result depends on those that its lists of neighbours reach,
+// layer by layer, in all kScales scales: on no bound of distance. The frame is the cloud's. 640 bytes a point. Runs on
+// the threads of the arena that calls it.
 void refine(const Classical& classical, const NetWeights& weights, const Frame& frame, std::span<Point> out,
             const std::stop_token& stop);
 

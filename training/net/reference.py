@@ -37,7 +37,8 @@ class Weights:
 
     def matrix(self, rows, columns):
         self.at += rows * columns
-        return np.frombuffer(self.data, "i1", rows * columns, self.at - rows * columns).reshape(rows, columns).astype(int)
+        flat = np.frombuffer(self.data, "i1", rows * columns, self.at - rows * columns)
+        return flat.reshape(rows, columns).astype(int)
 
     def bias(self, rows):
         self.at += 4 * rows

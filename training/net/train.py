@@ -34,7 +34,7 @@ def arguments():
 
 
 def loss_of(batch, points):
-    """Ratios to the default run count as logarithms; what is worse than it counts three times, and clean clouds twice."""
+    """Logarithms of ratios to the default run; what is worse than it counts three times, and clean clouds twice."""
     mean, rms, chamfer = batch.ratios(points)
     worse = torch.relu(mean + 0.005) + torch.relu(rms + 0.005)
     of_object = torch.tensor([kind == "obj" for kind in batch.kinds], device=mean.device).float()
@@ -68,7 +68,8 @@ class Training:
         torch.manual_seed(a.seed)
         self.net, self.smooth = model.Net().to(a.device), model.Net().to(a.device)
         self.smooth.load_state_dict(self.net.state_dict())
-        self.optimiser = torch.optim.AdamW(self.net.parameters(), lr=a.rate, betas=(0.9, 0.98), weight_decay=1e-3)
+        weights = self.net.parameters()
+        self.optimiser = torch.optim.AdamW(weights, lr=a.rate, betas=(0.9, 0.98), weight_decay=1e-3)
         if a.state.exists():
             saved = torch.load(a.state, map_location=a.device)
             self.step, self.trained = saved["step"], saved["trained"]
@@ -82,8 +83,10 @@ class Training:
             model.of_scale = torch.compile(model.of_scale, dynamic=False)
 
     def save(self):
-        held = {"step": self.step, "trained": self.trained, "net": self.net.state_dict(), "smooth": self.smooth.state_dict()}
-        torch.save({**held, "optimiser": self.optimiser.state_dict()}, self.a.state.with_suffix(".new"))
+        held = {"step": self.step, "trained": self.trained}
+        parts = {"net": self.net, "smooth": self.smooth, "optimiser": self.optimiser}
+        held |= {name: part.state_dict() for name, part in parts.items()}
+        torch.save(held, self.a.state.with_suffix(".new"))
         self.a.state.with_suffix(".new").replace(self.a.state)
 
     def choose(self, pieces):
@@ -95,7 +98,8 @@ class Training:
         draw = lambda n: int(torch.randint(n, (1,), generator=self.generator, device=self.a.device))
         chosen = []
         for place in range(self.a.pieces):
-            kind = "obj" if "obj" in by_kind and (place % 2 == 0 or not sensors) else sensors[draw(len(sensors))]
+            is_object = "obj" in by_kind and (place % 2 == 0 or not sensors)
+            kind = "obj" if is_object else sensors[draw(len(sensors))]
             chosen.append(pieces[by_kind[kind][draw(len(by_kind[kind]))]])
         return chosen
 
