@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <fstream>
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include "arguments.hpp"
 #include "output.hpp"
@@ -21,7 +23,7 @@ namespace pointfair::cli {
 namespace {
 
 struct RunArguments {
-  std::string input, output, report, progress = "auto", normals = "keep", write_noise, viewpoint;
+  std::string input, output, report, progress = "auto", normals = "keep", write_noise, viewpoint, weights;
   std::vector<std::string> more;  // inputs, with an output folder
   TiledArguments tiled;
   std::optional<double> las_scale;
@@ -129,6 +131,17 @@ std::string why_zones(const RunArguments& arguments, const Cloud& cloud) {
       step, but_without_sensors(arguments));
 }
 
+// The bytes of a file of weights; one that is far too large is not read whole.
+std::vector<std::byte> weights_of(const std::string& path) {
+  constexpr std::streamsize kMost = 1 << 20;
+  std::ifstream file(path, std::ios::binary);
+  std::vector<std::byte> bytes(kMost);
+  file.read(reinterpret_cast<char*>(bytes.data()), kMost);
+  bytes.resize(static_cast<std::size_t>(file.gcount()));
+  if (bytes.empty()) throw Error(ErrorKind::file, path + ": this file of weights cannot be read, or is empty");
+  return bytes;
+}
+
 // What runs in tiles cannot do yet.
 void check_tiled(const RunArguments& arguments) {
   const auto refuse = [](const std::string& what) {
@@ -136,6 +149,7 @@ void check_tiled(const RunArguments& arguments) {
   };
   if (arguments.normals != "keep") refuse("--normals " + arguments.normals);
   if (!arguments.write_noise.empty()) refuse("--write-noise");
+  if (!arguments.weights.empty()) refuse("--weights");
 }
 
 // `note`: why, where nobody asked for tiles.
@@ -246,6 +260,7 @@ void run(RunArguments arguments, std::stop_token stop) {
   check_paths(arguments);
   const WriteOptions write_options = write_options_of(arguments);
   Pipeline pipeline(device);
+  if (!arguments.weights.empty()) pipeline.set_weights(weights_of(arguments.weights), arguments.weights);
   {
     const char* const mode = arguments.quiet ? "none" : arguments.progress.c_str();
     std::optional<Progress> progress(mode);
@@ -290,6 +305,8 @@ Verb add_run(CLI::App& app) {
                 "add the standard deviation of the noise at each point, as an attribute of this name; default: noise")
       ->type_name("[=NAME]")
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
+  command.add_option("--weights", arguments->weights, "with --method learned: a file of weights in place of its own")
+      ->type_name("FILE");
   command
       .add_option(
           "--memory", arguments->tiled.memory,

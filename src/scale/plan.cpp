@@ -16,8 +16,8 @@
 #include "io/file_bytes.hpp"
 #include "io/offset.hpp"
 #include "io/parallel.hpp"
-#include "io/streamed.hpp"
 #include "io/sensor_place.hpp"
+#include "io/streamed.hpp"
 #include "pointfair/file_info.hpp"
 #include "scale/given.hpp"
 #include "scale/leaf_tree.hpp"
@@ -270,6 +270,10 @@ std::shared_ptr<Source> Inputs::open(std::size_t number) {
 
 void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
   check_job(job);
+  if (job.params.method == Method::learned)
+    refuse(
+        "--method learned cannot be used with a run in tiles on disk: a point's result depends on points at any "
+        "distance; give it the memory for the whole cloud, 760 bytes a point, or use another method");
   Plan plan;
   plan.files = files_of(job);
   plan.write = job.write;
