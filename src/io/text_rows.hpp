@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+// Which parts of a text are rows of data, and where they are.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string_view>
+#include <vector>
+
+namespace pointfair::io {
+
+/// What is a row of data; all else passes through.
+enum class RowRule : std::uint8_t {
+  filled,       ///< every line that is not blank
+  uncommented,  ///< and does not begin with '#', '%' or "//"
+  counted,      ///< and has more than one word: a line with one says how many rows follow
+  vertices,     ///< lines whose first word is "v"; a line that ends in '\' goes on in the next
+  words,        ///< so many words, whatever lines they stand on
+};
+
+struct RowShape {
+  RowRule rule = RowRule::filled;
+  char line_end = '\n';
+  std::size_t words = 0;  ///< of a row, for RowRule::words
+};
+
+/// The rows of a text, found in parallel. A chunk ends at the end of a line.
+struct TextRows {
+  struct Chunk {
+    std::size_t begin = 0;        ///< in the text
+    std::uint64_t first_row = 0;  ///< rows before it
+  };
+  std::vector<Chunk> chunks;  ///< and a last one for the end of the text
+  std::uint64_t count() const { return chunks.back().first_row; }
+};
+
+bool is_row(std::string_view line, RowRule rule);
+/// Takes the next line off the front of `text`, or all that may be one row. False: the text is empty.
+bool next_row(std::string_view& text, std::string_view& line, const RowShape& shape);
+TextRows find_rows(std::string_view text, const RowShape& shape);
+/// Where in the text the line of `row` begins; the text's end if there is no such row.
+std::size_t begin_of_row(std::string_view text, const TextRows& rows, const RowShape& shape, std::uint64_t row);
+
+}  // namespace pointfair::io
