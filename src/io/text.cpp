@@ -29,6 +29,40 @@ const char* end_of_quotes(const char* at, const char* end) {
   return at;
 }
 
+bool next_separated_word(std::string_view& line, std::string_view& word, char separator) {
+  const char* at = line.data();
+  const char* const end = at + line.size();
+  while (at != end && is_blank(*at) && *at != separator) ++at;
+  if (at == end) {
+    line = {end, 0};
+    return false;
+  }
+  const char* begin = at;
+  if (*at == '"') at = end_of_quotes(at, end);
+  const char* const quotes_end = at;
+  while (at != end && *at != separator) ++at;
+  const char* last = at;
+  while (last != begin && is_blank(last[-1])) --last;
+  if (at != end) ++at;
+  if (quotes_end != begin && quotes_end == last) ++begin, --last;
+  word = {begin, static_cast<std::size_t>(last - begin)};
+  line = {at, static_cast<std::size_t>(end - at)};
+  return true;
+}
+
+bool next_quoted_word(std::string_view& line, std::string_view& word) {
+  const char* const end = line.data() + line.size();
+  const char* const begin = line.data() + line.find('"');
+  const char* const quotes_end = end_of_quotes(begin, end);
+  const char* at = quotes_end;
+  while (at != end && !is_blank(*at)) ++at;
+  const bool quoted = quotes_end != begin && quotes_end == at;
+  word = quoted ? std::string_view(begin + 1, static_cast<std::size_t>(at - begin - 2))
+                : std::string_view(begin, static_cast<std::size_t>(at - begin));
+  line = {at, static_cast<std::size_t>(end - at)};
+  return true;
+}
+
 std::size_t byte_order_mark(std::string_view text) {
   constexpr std::string_view kMark = "\xEF\xBB\xBF";
   return text.starts_with(kMark) ? kMark.size() : 0;
@@ -103,16 +137,6 @@ std::string lower_case(std::string_view word) {
 
 namespace {
 
-std::optional<double> plain_number(std::string_view word) {
-  const char* begin = word.data();
-  const char* const end = begin + word.size();
-  if (word.size() > 1 && *begin == '+' && begin[1] != '-') ++begin;
-  double value = 0;
-  const auto [stop, error] = fast_float::from_chars(begin, end, value);
-  if (error == std::errc::invalid_argument || stop != end) return std::nullopt;
-  return value;
-}
-
 // What C libraries of Microsoft print, "1.#QNAN", "-1.#IND00", "1.#INF", and what stands for a missing number.
 std::optional<double> not_finite(std::string_view word) {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN(), kInfinite = std::numeric_limits<double>::infinity();
@@ -143,16 +167,27 @@ std::optional<double> unusual_number(std::string_view word) {
     changed = changed || exponent || group;
     if (!group) plain += exponent ? 'e' : word[i];
   }
-  return changed ? plain_number(plain) : std::nullopt;
+  return changed ? to_number(plain) : std::nullopt;
 }
 
 }  // namespace
 
-std::optional<double> to_number(std::string_view word) {
-  if (const auto value = plain_number(word)) return value;
+// Apart, so that the usual case stays small.
+[[gnu::noinline]] static std::optional<double> other_number(std::string_view word) {
   if (word.empty() || word.size() > 64) return std::nullopt;
   const auto value = not_finite(word);
   return value ? value : unusual_number(word);
+}
+
+// Not inlined here, so that it takes in the parser of its only call.
+[[gnu::noinline]] std::optional<double> to_number(std::string_view word) {
+  const char* begin = word.data();
+  const char* const end = begin + word.size();
+  if (word.size() > 1 && *begin == '+' && begin[1] != '-') ++begin;
+  double value = 0;
+  const auto [stop, error] = fast_float::from_chars(begin, end, value);
+  if (error == std::errc::invalid_argument || stop != end) return other_number(word);
+  return value;
 }
 
 bool is_comma_number(std::string_view word) {

@@ -14,10 +14,17 @@
 namespace pointfair::io {
 
 /// A row may go on over several lines, so their ends are blanks, too.
-constexpr bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\n'; }
+constexpr bool is_blank(char c) {
+  constexpr std::uint64_t kBlanks = 1ULL << ' ' | 1ULL << '\t' | 1ULL << '\r' | 1ULL << '\n';
+  return static_cast<unsigned char>(c) <= ' ' && (kBlanks >> c & 1) != 0;
+}
 
 /// Where the quotes end that begin at `at`, behind them; `at` itself if they do not. Two quotes within stand for one.
 const char* end_of_quotes(const char* at, const char* end);
+
+// The rarer parts of next_word().
+bool next_separated_word(std::string_view& line, std::string_view& word, char separator);
+bool next_quoted_word(std::string_view& line, std::string_view& word);
 
 /// Takes the next word off the front of `line`. Words are separated by blanks; or, if `separator` is none, by one such
 /// character, with blanks around it, and then a word may be empty. The word in quotes is what they enclose. False:
@@ -25,26 +32,16 @@ const char* end_of_quotes(const char* at, const char* end);
 inline bool next_word(std::string_view& line, std::string_view& word, char separator = ' ') {
   const char* at = line.data();
   const char* const end = at + line.size();
-  while (at != end && is_blank(*at) && (*at != separator || separator == ' ')) ++at;
+  if (separator != ' ') return next_separated_word(line, word, separator);
+  while (at != end && is_blank(*at)) ++at;
   if (at == end) {
     line = {end, 0};
     return false;
   }
-  const char* begin = at;
-  if (*at == '"') at = end_of_quotes(at, end);
-  const char* const quotes_end = at;
-  if (separator == ' ') {
-    while (at != end && !is_blank(*at)) ++at;
-  } else {
-    while (at != end && *at != separator) ++at;
-  }
-  const char* last = at;
-  if (separator != ' ') {
-    while (last != begin && is_blank(last[-1])) --last;
-    if (at != end) ++at;
-  }
-  if (quotes_end != begin && quotes_end == last && last - begin > 1) ++begin, --last;
-  word = {begin, static_cast<std::size_t>(last - begin)};
+  if (*at == '"') return next_quoted_word(line, word);
+  const char* const begin = at;
+  while (at != end && !is_blank(*at)) ++at;
+  word = {begin, static_cast<std::size_t>(at - begin)};
   line = {at, static_cast<std::size_t>(end - at)};
   return true;
 }

@@ -4,7 +4,6 @@
 #include <algorithm>
 
 #include "io/parallel.hpp"
-#include "io/text.hpp"
 
 namespace pointfair::io {
 namespace {
@@ -13,27 +12,13 @@ constexpr std::size_t kChunkBytes = std::size_t{1} << 18;
 
 }  // namespace
 
-bool is_row(std::string_view line, RowRule rule) {
-  std::size_t at = 0;
-  while (at < line.size() && is_blank(line[at])) ++at;
-  line.remove_prefix(at);
-  if (line.empty()) return false;
-  switch (rule) {
-    case RowRule::filled:
-    case RowRule::words:
-      return true;
-    case RowRule::uncommented:
-      return line[0] != '#' && line[0] != '%' && !line.starts_with("//");
-    case RowRule::counted: {
-      const std::size_t end = line.find_first_of(" \t,;");
-      const bool several =
-          end != std::string_view::npos && line.find_first_not_of(" \t\r", end) != std::string_view::npos;
-      return several && is_row(line, RowRule::uncommented);
-    }
-    case RowRule::vertices:
-      break;
-  }
-  return line[0] == 'v' && line.size() > 1 && is_blank(line[1]);
+bool has_several_words(std::string_view line) {
+  const char* at = line.data();
+  const char* const end = at + line.size();
+  while (at != end && !is_blank(*at) && *at != ',' && *at != ';') ++at;
+  if (at != end && !is_blank(*at)) ++at;
+  while (at != end && is_blank(*at)) ++at;
+  return at != end;
 }
 
 namespace {
@@ -50,10 +35,9 @@ bool goes_on(std::string_view line) {
 
 }  // namespace
 
-bool next_row(std::string_view& text, std::string_view& line, const RowShape& shape) {
-  if (shape.rule != RowRule::words) {
+bool next_long_row(std::string_view& text, std::string_view& line, const RowShape& shape) {
+  if (shape.rule == RowRule::vertices) {
     if (!next_line(text, line, shape.line_end)) return false;
-    if (shape.rule != RowRule::vertices) return true;
     for (std::string_view more; goes_on(line) && next_line(text, more, shape.line_end);)
       line = {line.data(), static_cast<std::size_t>(more.data() + more.size() - line.data())};
     return true;

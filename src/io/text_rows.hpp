@@ -7,6 +7,8 @@
 #include <string_view>
 #include <vector>
 
+#include "io/text.hpp"
+
 namespace pointfair::io {
 
 /// What is a row of data; all else passes through.
@@ -34,9 +36,27 @@ struct TextRows {
   std::uint64_t count() const { return chunks.back().first_row; }
 };
 
-bool is_row(std::string_view line, RowRule rule);
+/// Whether a line that is a row otherwise has several words.
+bool has_several_words(std::string_view line);
+
+inline bool is_row(std::string_view line, RowRule rule) {
+  const char* at = line.data();
+  const char* const end = at + line.size();
+  while (at != end && is_blank(*at)) ++at;
+  if (at == end) return false;
+  if (rule == RowRule::vertices) return *at == 'v' && at + 1 != end && is_blank(at[1]);
+  if (rule == RowRule::filled || rule == RowRule::words) return true;
+  if (*at == '#' || *at == '%' || (*at == '/' && at + 1 != end && at[1] == '/')) return false;
+  return rule != RowRule::counted || has_several_words({at, static_cast<std::size_t>(end - at)});
+}
+
+/// next_row() where a row may have several lines, or part of one.
+bool next_long_row(std::string_view& text, std::string_view& line, const RowShape& shape);
 /// Takes the next line off the front of `text`, or all that may be one row. False: the text is empty.
-bool next_row(std::string_view& text, std::string_view& line, const RowShape& shape);
+inline bool next_row(std::string_view& text, std::string_view& line, const RowShape& shape) {
+  if (shape.rule == RowRule::vertices || shape.rule == RowRule::words) return next_long_row(text, line, shape);
+  return next_line(text, line, shape.line_end);
+}
 TextRows find_rows(std::string_view text, const RowShape& shape);
 /// Where in the text the line of `row` begins; the text's end if there is no such row.
 std::size_t begin_of_row(std::string_view text, const TextRows& rows, const RowShape& shape, std::uint64_t row);

@@ -38,17 +38,23 @@ class RowWords {
 
  private:
   bool take(std::string_view& word) {
-    if (!next_word(rest_, word, layout_.separator)) {
-      if (ended_ || !ends_with_separator(line_, layout_.separator)) return false;
-      ended_ = true;
-      word = {rest_.data(), 0};
-      return true;
-    }
-    if (layout_.shape.rule == RowRule::vertices && word.ends_with('\\')) {  // the row goes on in the next line
-      word.remove_suffix(1);
-      if (word.empty()) return take(word);
-    }
+    if (!next_word(rest_, word, layout_.separator)) return take_last(word);
+    return layout_.shape.rule != RowRule::vertices || !word.ends_with('\\') || take_continued(word);
+  }
+
+  // The empty word behind a last separator.
+  bool take_last(std::string_view& word) {
+    if (ended_ || !ends_with_separator(line_, layout_.separator)) return false;
+    ended_ = true;
+    word = {rest_.data(), 0};
     return true;
+  }
+
+  // The row goes on in the next line.
+  bool take_continued(std::string_view& word) {
+    do word.remove_suffix(1);
+    while (word.ends_with('\\'));
+    return !word.empty() || next_word(rest_, word, layout_.separator);
   }
 
   std::string_view line_, rest_;
@@ -180,15 +186,18 @@ std::array<std::string_view, 3> TextSource::coordinate_words(std::string_view li
   return result;
 }
 
-// An empty word between separators is a number that is missing.
 std::optional<double> TextSource::number(std::string_view word) const {
-  if (layout_.decimal == ',' && word.find(',') != std::string_view::npos) {
-    std::string plain(word);
-    std::replace(plain.begin(), plain.end(), ',', '.');
-    return is_comma_number(word) ? to_number(plain) : std::nullopt;
-  }
-  if (word.empty()) return std::numeric_limits<double>::quiet_NaN();
+  if (layout_.decimal != '.' || word.empty()) return number_with_comma(word);
   return to_number(word);
+}
+
+// An empty word between separators is a number that is missing.
+std::optional<double> TextSource::number_with_comma(std::string_view word) const {
+  if (word.empty()) return std::numeric_limits<double>::quiet_NaN();
+  if (word.find(',') == std::string_view::npos) return to_number(word);
+  std::string plain(word);
+  std::replace(plain.begin(), plain.end(), ',', '.');
+  return is_comma_number(word) ? to_number(plain) : std::nullopt;
 }
 
 void TextSource::positions(std::size_t block, std::span<Position> out) const {

@@ -73,6 +73,7 @@ class TextSource : public Source {
   std::vector<Narrowest> see_columns(std::size_t block) const;
   void find_types() const;
   std::optional<double> number(std::string_view word) const;
+  std::optional<double> number_with_comma(std::string_view word) const;
   void append_coordinate(std::string& to, std::string_view word, double value, std::size_t axis, bool exact) const;
   struct WordEdit;
   void edit_row(std::string_view line, std::uint64_t point, const Moves& moves, std::size_t place, const Edits& edits,
