@@ -117,6 +117,16 @@ TextSource::TextSource(FileBytes bytes, std::string name, Format format, TextLay
   make_distinct(names);
   for (std::size_t a = 0; a < attributes_.size(); ++a) attributes_[a].name = names[3 + a];
   check_size();
+  const auto x = static_cast<std::size_t>(std::find(layout_.columns.begin(), layout_.columns.end(), ColumnKind::x) -
+                                          layout_.columns.begin());
+  const auto has = [&](std::size_t column, ColumnKind kind) {
+    return column < layout_.columns.size() && layout_.columns[column] == kind;
+  };
+  const bool in_row =
+      has(x + 1, ColumnKind::y) && has(x + 2, ColumnKind::z) &&
+      std::find(layout_.columns.begin(), layout_.columns.end(), ColumnKind::list) == layout_.columns.end();
+  const bool short_enough = !layout_.exact || layout_.columns.size() == x + 3;
+  if (layout_.separator == ' ' && in_row && short_enough) plain_lead_ = x;
 }
 
 // What is read stays in proportion to the file, whatever its first lines promise.
@@ -164,8 +174,19 @@ void TextSource::fail_at(const char* place, const std::string& message) const {
   fail(name(), "line " + std::to_string(line_number(bytes(), place)) + ": " + message);
 }
 
+// The usual case: words that blanks separate, x, y and z one behind the other. False: look closer.
+bool TextSource::take_plain_words(std::string_view line, std::array<std::string_view, 3>& words) const {
+  if (plain_lead_ == kNotPlain) return false;
+  std::string_view word;
+  for (std::size_t c = 0; c < plain_lead_; ++c) next_word(line, word);
+  for (std::string_view& coordinate : words)
+    if (!next_word(line, coordinate) || coordinate.ends_with('\\')) return false;
+  return !layout_.exact || !next_word(line, word);
+}
+
 std::array<std::string_view, 3> TextSource::coordinate_words(std::string_view line) const {
   std::array<std::string_view, 3> result;
+  if (take_plain_words(line, result)) return result;
   RowWords row(line, layout_);
   ColumnKind kind{};
   std::string_view word;
@@ -205,9 +226,14 @@ void TextSource::positions(std::size_t block, std::span<Position> out) const {
     if (point < 0) return;
     const auto words = coordinate_words(line);
     for (std::size_t axis = 0; axis < 3; ++axis) {
+      double& to = out[static_cast<std::size_t>(point)][axis];
+      if (const std::optional<double> usual = to_number(words[axis])) {
+        to = *usual;
+        continue;
+      }
       const std::optional<double> value = number(words[axis]);
       if (!value) fail_at(line.data(), quoted(words[axis]) + " is not a number; repair or remove the line");
-      out[static_cast<std::size_t>(point)][axis] = *value;
+      to = *value;
     }
   });
 }

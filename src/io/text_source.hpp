@@ -68,6 +68,7 @@ class TextSource : public Source {
   template <class Visit>
   void for_each_line(std::size_t block, const Visit& visit) const;
   std::array<std::string_view, 3> coordinate_words(std::string_view line) const;
+  bool take_plain_words(std::string_view line, std::array<std::string_view, 3>& words) const;
   [[noreturn]] void fail_at(const char* place, const std::string& message) const;
   void check_size() const;
   std::vector<Narrowest> see_columns(std::size_t block) const;
@@ -79,7 +80,10 @@ class TextSource : public Source {
   void edit_row(std::string_view line, std::uint64_t point, const Moves& moves, std::size_t place, const Edits& edits,
                 std::vector<WordEdit>& words) const;
 
+  static constexpr std::size_t kNotPlain = static_cast<std::size_t>(-1);
+
   TextLayout layout_;
+  std::size_t plain_lead_ = kNotPlain;  ///< columns before x where y and z follow it and blanks separate all
   mutable std::once_flag types_found_;
   mutable std::vector<TextColumn> attributes_;
   mutable std::vector<std::string> text_columns_;
