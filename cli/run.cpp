@@ -30,6 +30,7 @@ struct RunArguments {
   ParamArguments params;
   LimitArguments limits;
   DeviceArguments device;
+  InputArguments in;
   FormatArguments format;
   bool force = false, quiet = false, verbose = false;
 };
@@ -41,18 +42,18 @@ void check_paths(const RunArguments& arguments) {
   if (!arguments.force) {
     check_not_same(arguments.input, arguments.output, "name another output, or add --force to replace the input");
   }
+  make_read_options(arguments.in, 0);
   check_writable(arguments.output, arguments.force);
   check_report(arguments.report, {arguments.input, arguments.output});
 }
 
 Cloud read_input(const RunArguments& arguments) {
-  ReadOptions options;
-  options.threads = arguments.device.threads;
-  return read(arguments.input, options);
+  return read(arguments.input, make_read_options(arguments.in, arguments.device.threads));
 }
 
 // Refuses before the run what would fail after it.
-void check_normals(const RunArguments& arguments, const Cloud& cloud) {
+void check_normals(const RunArguments& arguments, const Cloud& cloud, const WriteOptions& options) {
+  if (arguments.normals != "keep") check_new_normals(cloud, options.format);
   if (arguments.normals == "update" && normal_attributes(cloud).empty())
     throw Error(ErrorKind::usage,
                 fmt::format("--normals update: {} has no normals; --normals write adds them", arguments.input));
@@ -98,7 +99,8 @@ std::string_view but_without_sensors(const RunArguments& arguments) {
 // is free. Empty if it would not.
 std::string why_tiles(const RunArguments& arguments, const Params& params, const Device& device) {
   if (!arguments.tiled.memory.empty() || arguments.input == "-" || arguments.output == "-") return {};
-  if (arguments.normals != "keep" || !arguments.write_noise.empty()) return {};  // what tiles cannot do yet
+  if (arguments.normals != "keep" || !arguments.write_noise.empty() || arguments.in.any())
+    return {};                                                         // not in tiles yet
   constexpr std::uint64_t kLeastBytesOfRecord = 2, kBytesOnCard = 64;  // of a point, in a file and beside a card
   std::error_code failed;
   const std::uint64_t size = std::filesystem::file_size(arguments.input, failed), free = TiledRun::free_memory();
@@ -117,7 +119,7 @@ std::string why_tiles(const RunArguments& arguments, const Params& params, const
 // not, or if tiles cannot do what is asked for.
 std::string why_zones(const RunArguments& arguments, const Cloud& cloud) {
   if (arguments.input == "-" || arguments.output == "-") return {};
-  if (arguments.normals != "keep" || !arguments.write_noise.empty()) return {};
+  if (arguments.normals != "keep" || !arguments.write_noise.empty() || arguments.in.any()) return {};
   const double step = TiledRun::float_step_in_zones(cloud);
   if (!(step > 0)) return {};
   try {
@@ -150,6 +152,7 @@ void check_tiled(const RunArguments& arguments) {
   if (arguments.normals != "keep") refuse("--normals " + arguments.normals);
   if (!arguments.write_noise.empty()) refuse("--write-noise");
   if (!arguments.weights.empty()) refuse("--weights");
+  if (arguments.in.any()) refuse("--in-format, --columns and --skip");
 }
 
 // `note`: why, where nobody asked for tiles.
@@ -204,7 +207,7 @@ void load(const Limits& limits, const Cloud& cloud, Pipeline& pipeline) {
 void run_in_memory(const RunArguments& arguments, const Params& params, const Limits& limits, const Cloud& cloud,
                    const WriteOptions& write_options, Pipeline& pipeline, Progress& progress, Findings& findings,
                    std::stop_token stop) {
-  check_normals(arguments, cloud);
+  check_normals(arguments, cloud, write_options);
   check_write(arguments.output, cloud, write_options);
   if (!arguments.write_noise.empty()) check_noise_attribute(cloud, arguments.write_noise, write_options);
   const std::vector<std::uint8_t> movable = movable_points(limits, cloud);
@@ -292,6 +295,7 @@ Verb add_run(CLI::App& app) {
   add_limits(command, arguments->limits);
   add_viewpoint(command, arguments->viewpoint);
   add_device(command, arguments->device);
+  add_input(command, arguments->in);
   add_format(command, arguments->format);
   command
       .add_option(
