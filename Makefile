@@ -15,7 +15,7 @@ endif
 FUZZ_SECONDS ?= 60
 FUZZ_TARGETS = $(notdir $(wildcard build/fuzz/bin/fuzz_*))
 
-.PHONY: help demo build test wheel bench quality bench-laz bench-viewer paper-tables figures gallery gpu release fuzz format docs asan tsan clean install
+.PHONY: help demo build test wheel bench quality bench-laz bench-viewer train-net paper-tables figures gallery estimates gpu release fuzz format docs asan tsan clean install
 
 help:
 	@echo "make build    the program, build/bin/pointfair"
@@ -26,9 +26,11 @@ help:
 	@echo "make quality  measure the noise that is left by each method and peer, into docs; some hours, goes on if stopped"
 	@echo "make bench-laz  time LAZ against lazrs, which pip fetches from PyPI"
 	@echo "make bench-viewer  time the viewer over its WebSocket, 100,000 and 1M points, and its page in Chromium"
+	@echo "make train-net  draw pieces and train the net of method learned for nine minutes, from where it stopped; PyTorch"
 	@echo "make paper-tables  the paper's table II and figures 6 and 7 on this machine, in build/paper"
 	@echo "make figures  every picture of the documents and the numbers under them, in docs"
 	@echo "make gallery  run the examples in Python and draw what they did, in docs; laspy, PyVista and torch from PyPI"
+	@echo "make estimates  judge the program on random clouds and on cases; numpy and scipy from PyPI (ESTIMATES='--help')"
 	@echo "make gpu      on a machine with a card: build, test, sanitize and benchmark, in build/gpu-report"
 	@echo "make release  the program with machine code for all cards, build/release/bin/pointfair"
 	@echo "make fuzz     every file reader under a fuzzer, $(FUZZ_SECONDS) s each (FUZZ_SECONDS=N)"
@@ -64,6 +66,20 @@ demo:
 	cmake --build build
 	cmake --build build --target picture
 	scripts/demo.py
+
+# Call it until TRAIN_TOTAL seconds of training are done. Each call draws new pieces first, and writes the weights and
+# their test clouds last.
+TRAIN_DATA ?= build/train-net/pieces
+TRAIN_STATE ?= build/train-net/state.pt
+TRAIN_SECONDS ?= 540
+TRAIN_TOTAL ?= 3600
+train-net: build
+	mkdir -p $(TRAIN_DATA)
+	first=$$(($$(ls $(TRAIN_DATA) | wc -l) * 100 + 1000000)); for worker in $$(seq 0 $$(($(jobs) - 1))); do \
+	  python3 training/net/pieces.py $(TRAIN_DATA) build/bin/pointfair $$(($(TRAIN_SECONDS) / 4)) $$worker $(jobs) $$first & done; wait
+	python3 training/net/train.py $(TRAIN_DATA) $(TRAIN_STATE) --seconds $(TRAIN_SECONDS) --total $(TRAIN_TOTAL)
+	python3 training/net/export.py $(TRAIN_STATE) src/learned/weights.bin
+	python3 training/net/golden.py src/learned/weights.bin tests/learned
 
 bench:
 	@$(install) build python bench
@@ -118,6 +134,13 @@ gallery:
 	cmake --build build --target picture
 	scripts/wheel.py --build build --dist build/python/dist
 	scripts/gallery.py --dist build/python/dist
+
+# ESTIMATES: options of training/judge.py, as ESTIMATES='--baseline other/pointfair --clouds 5'
+estimates:
+	@$(install) build python
+	cmake --preset $(preset) -DPOINTFAIR_TESTS=OFF
+	cmake --build build
+	scripts/estimates.py $(ESTIMATES)
 
 # installs nothing: such a machine may have no network
 gpu:

@@ -150,11 +150,45 @@ void add_device(CLI::App& command, DeviceArguments& arguments) {
 
 Device make_device(const DeviceArguments& arguments) { return parse_device(arguments.device, arguments.threads); }
 
+void add_input(CLI::App& command, InputArguments& arguments) {
+  add_choice(command, "--in-format", arguments.format, names(kFormats),
+             "format of the input; default: as its content and its extension say")
+      ->group("Input");
+  command
+      .add_option("--columns", arguments.columns,
+                  "names of the columns of a text from the left, x, y and z among them, as in x,y,z,intensity")
+      ->type_name("NAMES")
+      ->group("Input");
+  command.add_option("--skip", arguments.skip, "pass over N lines at the front of a text, which are kept")
+      ->type_name("N")
+      ->group("Input");
+}
+
+ReadOptions make_read_options(const InputArguments& arguments, unsigned threads) {
+  ReadOptions options;
+  options.threads = threads;
+  options.format = find_value(kFormats, arguments.format);
+  options.skip_lines = arguments.skip;
+  std::string_view rest = arguments.columns;
+  while (!rest.empty()) {
+    const std::size_t comma = std::min(rest.find(','), rest.size());
+    options.columns.emplace_back(rest.substr(0, comma));
+    rest.remove_prefix(std::min(comma + 1, rest.size()));
+  }
+  for (const char* axis : {"x", "y", "z"}) {
+    if (!options.columns.empty() && std::count(options.columns.begin(), options.columns.end(), axis) != 1)
+      throw Error(ErrorKind::usage,
+                  fmt::format("--columns {}: x, y and z must be there, once each", arguments.columns));
+  }
+  return options;
+}
+
 void add_format(CLI::App& command, FormatArguments& arguments) {
   add_choice(command, "--format", arguments.format, names(kFormats),
              "format of the output; default: by its extension, that of the input for -");
   add_choice(command, "--encoding", arguments.encoding, names(kEncodings),
              "encoding of the output; default: that of the input, else binary");
+  command.add_flag("--strict", arguments.strict, "make it an error if the output cannot hold all that the input holds");
 }
 
 WriteOptions make_write_options(const FormatArguments& arguments, const std::filesystem::path& path) {
@@ -163,6 +197,7 @@ WriteOptions make_write_options(const FormatArguments& arguments, const std::fil
   const bool is_bin = path.extension() == ".bin";  // which of several formats it is, the input says
   if (!options.format && path.has_extension() && !is_bin) options.format = format_to_write(path);
   options.encoding = find_value(kEncodings, arguments.encoding);
+  options.strict = arguments.strict;
   if (options.format && options.encoding && options.format != Format::stl) {  // STL needs faces, which a point has not
     const Cloud one_point = {.origin = {}, .points = {{0, 0, 0}}, .added = {}, .source = nullptr};
     write_bytes(one_point, *options.format, options.encoding);  // refuses what the format does not have

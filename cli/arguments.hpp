@@ -56,8 +56,20 @@ std::optional<tbb::global_control> limit_threads(unsigned threads);
 /// Throws ErrorKind::usage for a word that names no device.
 Device make_device(const DeviceArguments& arguments);
 
+/// How the input is read, where it does not say so itself.
+struct InputArguments {
+  std::string format, columns;
+  std::uint64_t skip = 0;
+
+  bool any() const { return !format.empty() || !columns.empty() || skip > 0; }
+};
+void add_input(CLI::App& command, InputArguments& arguments);
+/// Throws ErrorKind::usage for columns that do not have x, y and z.
+ReadOptions make_read_options(const InputArguments& arguments, unsigned threads);
+
 struct FormatArguments {
   std::string format, encoding;
+  bool strict = false;
 };
 void add_format(CLI::App& command, FormatArguments& arguments);
 

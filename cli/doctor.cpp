@@ -68,10 +68,17 @@ void doctor(const std::string& report) {
 }  // namespace
 
 Verb add_doctor(CLI::App& app) {
-  const auto report = std::make_shared<std::string>();
+  struct DoctorArguments {
+    std::string report;
+    bool losses = false;
+  };
+  const auto arguments = std::make_shared<DoctorArguments>();
   CLI::App& command = *app.add_subcommand("doctor", "List devices, formats, versions.");
-  add_report(command, *report);
-  return {&command, [report](std::stop_token) { doctor(*report); }};
+  add_report(command, arguments->report);
+  command.add_flag("--losses", arguments->losses, "print what each format keeps of what others hold, as a table");
+  return {&command, [arguments](std::stop_token) {
+            arguments->losses ? print_output(losses_table()) : doctor(arguments->report);
+          }};
 }
 
 }  // namespace pointfair::cli

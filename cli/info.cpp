@@ -19,6 +19,7 @@ namespace {
 
 struct InfoArguments {
   std::string input, report;
+  InputArguments in;
   DeviceArguments device;
 };
 
@@ -93,9 +94,7 @@ Params suggested_for(Pipeline& pipeline, std::stop_token stop) {
 void info(const InfoArguments& arguments, std::stop_token stop) {
   check_report(arguments.report, {arguments.input});
   Pipeline pipeline(make_device(arguments.device));
-  ReadOptions options;
-  options.threads = arguments.device.threads;
-  const Cloud cloud = read(arguments.input, options);
+  const Cloud cloud = read(arguments.input, make_read_options(arguments.in, arguments.device.threads));
   pipeline.load(cloud);
   Estimates estimates = pipeline.estimates(stop);
   if (const double step = TiledRun::float_step_in_zones(cloud); step > 0) estimates.float_step = step;
@@ -111,6 +110,7 @@ Verb add_info(CLI::App& app) {
   CLI::App& command = *app.add_subcommand("info", "Print size, spacing, noise, suggested parameters.");
   command.add_option("IN", arguments->input, "cloud to read; - is standard input")->required();
   add_device(command, arguments->device);
+  add_input(command, arguments->in);
   add_report(command, arguments->report);
   return {&command, [arguments](std::stop_token stop) { info(*arguments, stop); }};
 }

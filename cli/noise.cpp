@@ -19,6 +19,7 @@ struct NoiseArguments {
   std::optional<double> uneven;
   std::uint64_t seed = 1;
   unsigned threads = 0;
+  InputArguments in;
   FormatArguments format;
   bool force = false, quiet = false;
 };
@@ -66,16 +67,17 @@ void noise(const NoiseArguments& arguments, std::stop_token stop) {
   write_options.threads = arguments.threads;
   if (arguments.points && !write_options.format) write_options.format = Format::ply;  // on standard output
   const auto limit = limit_threads(arguments.threads);
-  ReadOptions options;
-  options.threads = arguments.threads;
-  Cloud cloud = read(arguments.input, options);
+  Cloud cloud = read(arguments.input, make_read_options(arguments.in, arguments.threads));
   const double diagonal = bounding_box(cloud.points).diagonal();
   if (arguments.points) cloud = sample(cloud, arguments);
   const double width = in_file_units(sigma, diagonal, cloud, stop);
   if (width > 0) add_noise(cloud.points, width, arguments.seed);
   if (outliers > 0) add_outliers(cloud.points, outliers, arguments.seed);
   write(arguments.output, cloud, write_options);
-  if (!arguments.quiet) fmt::print(stderr, "{} points, sigma {:.6g}\n", cloud.points.size(), width);
+  if (arguments.quiet) return;
+  fmt::print(stderr, "{} points, sigma {:.6g}\n", cloud.points.size(), width);
+  for (const std::string& note : losses(cloud, write_options.format, write_options.encoding))
+    fmt::print(stderr, "note: {}\n", note);
 }
 
 }  // namespace
@@ -100,6 +102,7 @@ Verb add_noise(CLI::App& app) {
       ->type_name("SHARE");
   command.add_option("--seed", arguments->seed, "the same seed gives the same bytes on any machine")->type_name("N");
   add_threads(command, arguments->threads);
+  add_input(command, arguments->in);
   add_format(command, arguments->format);
   command.add_flag("--force", arguments->force, "replace OUT if it exists");
   command.add_flag("-q,--quiet", arguments->quiet, "print errors only");

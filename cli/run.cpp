@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <fstream>
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include "arguments.hpp"
 #include "output.hpp"
@@ -22,13 +24,14 @@ namespace pointfair::cli {
 namespace {
 
 struct RunArguments {
-  std::string input, output, report, progress = "auto", normals = "keep", write_noise, viewpoint;
+  std::string input, output, report, progress = "auto", normals = "keep", write_noise, viewpoint, weights;
   std::vector<std::string> more;  // inputs, with an output folder
   TiledArguments tiled;
   std::optional<double> las_scale;
   ParamArguments params;
   LimitArguments limits;
   DeviceArguments device;
+  InputArguments in;
   FormatArguments format;
   bool force = false, quiet = false, verbose = false, orient = false;
 };
@@ -40,18 +43,18 @@ void check_paths(const RunArguments& arguments) {
   if (!arguments.force) {
     check_not_same(arguments.input, arguments.output, "name another output, or add --force to replace the input");
   }
+  make_read_options(arguments.in, 0);
   check_writable(arguments.output, arguments.force);
   check_report(arguments.report, {arguments.input, arguments.output});
 }
 
 Cloud read_input(const RunArguments& arguments) {
-  ReadOptions options;
-  options.threads = arguments.device.threads;
-  return read(arguments.input, options);
+  return read(arguments.input, make_read_options(arguments.in, arguments.device.threads));
 }
 
 // Refuses before the run what would fail after it.
-void check_normals(const RunArguments& arguments, const Cloud& cloud) {
+void check_normals(const RunArguments& arguments, const Cloud& cloud, const WriteOptions& options) {
+  if (arguments.normals != "keep") check_new_normals(cloud, options.format);
   if (arguments.normals == "update" && normal_attributes(cloud).empty())
     throw Error(ErrorKind::usage,
                 fmt::format("--normals update: {} has no normals; --normals write adds them", arguments.input));
@@ -104,7 +107,8 @@ std::string_view but_without_sensors(const RunArguments& arguments) {
 // is free. Empty if it would not.
 std::string why_tiles(const RunArguments& arguments, const Params& params, const Device& device) {
   if (!arguments.tiled.memory.empty() || arguments.input == "-" || arguments.output == "-") return {};
-  if (arguments.normals != "keep" || !arguments.write_noise.empty()) return {};  // what tiles cannot do yet
+  if (arguments.normals != "keep" || !arguments.write_noise.empty() || arguments.in.any())
+    return {};                                                         // not in tiles yet
   constexpr std::uint64_t kLeastBytesOfRecord = 2, kBytesOnCard = 64;  // of a point, in a file and beside a card
   std::error_code failed;
   const std::uint64_t size = std::filesystem::file_size(arguments.input, failed), free = TiledRun::free_memory();
@@ -123,7 +127,7 @@ std::string why_tiles(const RunArguments& arguments, const Params& params, const
 // not, or if tiles cannot do what is asked for.
 std::string why_zones(const RunArguments& arguments, const Cloud& cloud) {
   if (arguments.input == "-" || arguments.output == "-") return {};
-  if (arguments.normals != "keep" || !arguments.write_noise.empty()) return {};
+  if (arguments.normals != "keep" || !arguments.write_noise.empty() || arguments.in.any()) return {};
   const double step = TiledRun::float_step_in_zones(cloud);
   if (!(step > 0)) return {};
   try {
@@ -137,6 +141,17 @@ std::string why_zones(const RunArguments& arguments, const Cloud& cloud) {
       step, but_without_sensors(arguments));
 }
 
+// The bytes of a file of weights; one that is far too large is not read whole.
+std::vector<std::byte> weights_of(const std::string& path) {
+  constexpr std::streamsize kMost = 1 << 20;
+  std::ifstream file(path, std::ios::binary);
+  std::vector<std::byte> bytes(kMost);
+  file.read(reinterpret_cast<char*>(bytes.data()), kMost);
+  bytes.resize(static_cast<std::size_t>(file.gcount()));
+  if (bytes.empty()) throw Error(ErrorKind::file, path + ": this file of weights cannot be read, or is empty");
+  return bytes;
+}
+
 // What runs in tiles cannot do yet.
 void check_tiled(const RunArguments& arguments) {
   const auto refuse = [](const std::string& what) {
@@ -144,6 +159,8 @@ void check_tiled(const RunArguments& arguments) {
   };
   if (arguments.normals != "keep") refuse("--normals " + arguments.normals);
   if (!arguments.write_noise.empty()) refuse("--write-noise");
+  if (!arguments.weights.empty()) refuse("--weights");
+  if (arguments.in.any()) refuse("--in-format, --columns and --skip");
 }
 
 // `note`: why, where nobody asked for tiles.
@@ -201,7 +218,7 @@ void load(const Limits& limits, const Cloud& cloud, Pipeline& pipeline) {
 void run_in_memory(const RunArguments& arguments, const Params& params, const Limits& limits, const Cloud& cloud,
                    const WriteOptions& write_options, Pipeline& pipeline, Progress& progress, Findings& findings,
                    std::stop_token stop) {
-  check_normals(arguments, cloud);
+  check_normals(arguments, cloud, write_options);
   check_write(arguments.output, cloud, write_options);
   if (!arguments.write_noise.empty()) check_noise_attribute(cloud, arguments.write_noise, write_options);
   const std::vector<std::uint8_t> movable = movable_points(limits, cloud);
@@ -260,6 +277,7 @@ void run(RunArguments arguments, std::stop_token stop) {
   check_paths(arguments);
   const WriteOptions write_options = write_options_of(arguments);
   Pipeline pipeline(device);
+  if (!arguments.weights.empty()) pipeline.set_weights(weights_of(arguments.weights), arguments.weights);
   {
     const char* const mode = arguments.quiet ? "none" : arguments.progress.c_str();
     std::optional<Progress> progress(mode);
@@ -294,6 +312,7 @@ Verb add_run(CLI::App& app) {
   add_limits(command, arguments->limits);
   add_viewpoint(command, arguments->viewpoint);
   add_device(command, arguments->device);
+  add_input(command, arguments->in);
   add_format(command, arguments->format);
   command
       .add_option(
@@ -309,6 +328,8 @@ Verb add_run(CLI::App& app) {
                 "add the standard deviation of the noise at each point, as an attribute of this name; default: noise")
       ->type_name("[=NAME]")
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
+  command.add_option("--weights", arguments->weights, "with --method learned: a file of weights in place of its own")
+      ->type_name("FILE");
   command
       .add_option(
           "--memory", arguments->tiled.memory,

@@ -79,7 +79,7 @@ double written_step(const Cloud& cloud, const WriteOptions& options) {
 
 std::vector<std::string> notes(bool keeps_normals, const WriteOptions& options, const Cloud& cloud,
                                const Findings& findings) {
-  std::vector<std::string> result = losses(cloud, options.format);
+  std::vector<std::string> result = losses(cloud, options.format, options.encoding);
   if (keeps_normals && findings.displacement.max > 0 && !normal_attributes(cloud).empty())
     result.push_back("the normals in the file are those from before; --normals update replaces them");
   if (const std::string coarse = coarse_steps(findings.step, findings.noise); !coarse.empty()) result.push_back(coarse);

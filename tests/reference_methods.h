@@ -134,6 +134,7 @@ inline std::vector<Vec> displacements(const Surroundings& s) {
   const auto of_neighbors = [&](std::size_t i) { return s.mean(i, [&](std::uint32_t j) { return first[j]; }); };
   switch (s.settings.method) {
     case Method::bilateral:
+    case Method::learned:
       break;
     case Method::laplacian:
       each(result, [&](std::size_t i) { return step * umbrella(s, i); });

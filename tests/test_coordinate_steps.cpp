@@ -35,7 +35,7 @@ std::vector<std::size_t> sampled(const Points& points) {
   return indices;
 }
 CoordinateSteps steps_of(const Points& points) {
-  return coordinate_steps(points.empty() ? 0 : 300, [&points](std::size_t count, int neighbors) {
+  NearestRows nearest(points.empty() ? 0 : 300, [&points](std::size_t count, int neighbors) {
     std::vector<Point> rows;
     Points others = points;
     for (const std::size_t i : sampled(points)) {
@@ -49,6 +49,7 @@ CoordinateSteps steps_of(const Points& points) {
     }
     return rows;
   });
+  return coordinate_steps(nearest);
 }
 
 // What a depth camera sees of a wall that leans away from it: disparities in whole steps, so that depths z lie

@@ -306,6 +306,7 @@ void Document::write_file(const Request& request, const WriteOptions& write_opti
               {"id", request.id},
               {"path", shown_path(path)},
               {"bytes", fs::file_size(path)},
+              {"notes", losses(denoised, format_to_write(path, file_info(denoised).format), write_options.encoding)},
               {"command", as_command(request.recipe, errand_of(request))}}));
 }
 

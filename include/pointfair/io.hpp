@@ -46,6 +46,10 @@ enum class Encoding : std::uint8_t { ascii, binary, binary_big_endian, binary_co
 struct ReadOptions {
   std::optional<Format> format;  ///< unset: by content, then by extension
   unsigned threads = 0;          ///< 0: all cores
+  /// Of XYZ, TXT, CSV and PTS: names of the columns from the left, "x", "y" and "z" among them; empty: as the file
+  /// says.
+  std::vector<std::string> columns = {};
+  std::uint64_t skip_lines = 0;  ///< of the same: lines at the front that are kept and not looked at
 };
 
 /// How to write.
@@ -55,6 +59,7 @@ struct WriteOptions {
   std::optional<double> las_scale;  ///< step of the coordinates of LAS and LAZ, in the file's unit: a whole part of the
                                     ///< source's own; unset: the source's, else fine enough for floats
   bool overwrite = false;           ///< false: an existing file is an error
+  bool strict = false;              ///< true: what the file cannot keep is an error, ErrorKind::file
   bool sync = false;                ///< true: fsync before the file gets its name
   unsigned threads = 0;             ///< 0: all cores
 };
@@ -100,8 +105,16 @@ POINTFAIR_EXPORT Format format_to_write(const std::filesystem::path& path, std::
 /// Whether a file of the format takes attributes of any name beside its own.
 POINTFAIR_EXPORT bool takes_attributes(Format format) noexcept;
 
-/// What of the cloud, its attributes and the other parts of its file, a file of the format cannot keep, a sentence
-/// each; unset: its own format.
-POINTFAIR_EXPORT std::vector<std::string> losses(const Cloud& cloud, std::optional<Format> format = {});
+/// What of the cloud, its attributes and the other parts of its file, a file of the format and encoding cannot keep, a
+/// sentence each; unset: its own.
+POINTFAIR_EXPORT std::vector<std::string> losses(const Cloud& cloud, std::optional<Format> format = {},
+                                                 std::optional<Encoding> encoding = {});
+
+/// Throws ErrorKind::usage if the normals of the cloud cannot be replaced in a file of the format, unset: its own.
+POINTFAIR_EXPORT void check_new_normals(const Cloud& cloud, std::optional<Format> format = {});
+
+/// What a new file of each format keeps of what another may hold, as a table in Markdown: kept, noted (a sentence of
+/// `losses` says that it is lost) or refused.
+POINTFAIR_EXPORT std::string losses_table();
 
 }  // namespace pointfair

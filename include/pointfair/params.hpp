@@ -38,7 +38,7 @@ struct Length {
 enum class Stage : std::uint8_t { index, neighbors, normals, fairing, iterations };
 
 /// How a point moves; docs/methods.md has a section on each.
-enum class Method : std::uint8_t { bilateral, laplacian, taubin, hc_laplacian, mls, wiener, mollified };
+enum class Method : std::uint8_t { bilateral, laplacian, taubin, hc_laplacian, mls, wiener, mollified, learned };
 /// The weight of a neighbour by the area that it stands for, paper eq. 6.
 enum class AreaWeight : std::uint8_t { none, length, squared };
 /// on: two rounds of a bilateral filter, which keeps edges; mollify: one Gaussian mean, which does not (Jones 2003).
@@ -138,8 +138,8 @@ inline constexpr std::array kParams = {
     ParamInfo{"flat_scale", Stage::normals, &Params::flat_scale, 1, 2, true, "",
               "with --normal-filter on and without --k: factor on the radius where the surface is flat", true},
     ParamInfo{"method", Stage::fairing, &Params::method, 0, 0, false,
-              "bilateral|laplacian|taubin|hc-laplacian|mls|wiener|mollified",
-              "how points move; bilateral keeps edges best (docs/methods.md)"},
+              "bilateral|laplacian|taubin|hc-laplacian|mls|wiener|mollified|learned",
+              "how points move; bilateral keeps edges best, learned refines its result by a net (docs/methods.md)"},
     ParamInfo{"along", Stage::fairing, &Params::along, 0, 0, false, "normal|ray",
               "direction in which points move. ray: towards the sensor or away from it, so that organised clouds keep "
               "their pixels; needs the place of the sensor"},

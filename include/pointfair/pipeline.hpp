@@ -3,11 +3,13 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <memory>
 #include <span>
 #include <stop_token>
+#include <string>
 #include <string_view>
 
 #include "pointfair/cloud.hpp"
@@ -69,6 +71,11 @@ class POINTFAIR_EXPORT Pipeline {
   /// along the ray are then outliers (OutlierCounts::mixed_pixels), and Params::along can be Along::ray. Throws
   /// ErrorKind::usage for another number of positions. O(positions), and 12 bytes for each.
   void set_viewpoint(std::span<const std::array<double, 3>> positions);
+
+  /// Gives the weights of Method::learned, as a file of them holds them, in place of the program's own; an empty span
+  /// brings those back. Holds for all clouds. Throws ErrorKind::file, with a line that begins with `name`, for what is
+  /// cut, damaged, made for another version, or no such file. O(1).
+  void set_weights(std::span<const std::byte> file, const std::string& name);
 
   /// Denoises the loaded cloud. Returns the moved points with the source's attributes, and with Outliers::mark also the
   /// attribute "outlier", 1 or 0 for each point. Throws ErrorKind::usage for contradicting parameters. The run after an

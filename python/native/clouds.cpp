@@ -37,9 +37,12 @@ std::optional<Encoding> encoding_named(const std::optional<std::string>& name) {
 // Names of files are bytes; not all are UTF-8.
 std::string path_of(const nb::bytes& path) { return {path.c_str(), path.size()}; }
 
-Cloud read_file(nb::bytes path, const std::optional<std::string>& format, unsigned threads) {
+Cloud read_file(nb::bytes path, const std::optional<std::string>& format, const std::vector<std::string>& columns,
+                std::uint64_t skip, unsigned threads) {
   ReadOptions options;
   options.format = format_named(format);
+  options.columns = columns;
+  options.skip_lines = skip;
   options.threads = threads;
   const std::filesystem::path file(path_of(path));
   nb::gil_scoped_release release;
@@ -56,16 +59,19 @@ Cloud read_memory(nb::bytes bytes, const std::string& name, const std::optional<
 
 // What the file could not keep, a sentence each.
 std::vector<std::string> write_file(const Cloud& cloud, nb::bytes path, const std::optional<std::string>& format,
-                                    const std::optional<std::string>& encoding, bool overwrite, unsigned threads) {
+                                    const std::optional<std::string>& encoding, bool overwrite, bool strict,
+                                    unsigned threads) {
   WriteOptions options;
   options.format = format_named(format);
   options.encoding = encoding_named(encoding);
   options.overwrite = overwrite;
+  options.strict = strict;
   options.threads = threads;
   const std::filesystem::path file(path_of(path));
   nb::gil_scoped_release release;
   write(file, cloud, options);
-  return losses(cloud, options.format ? *options.format : format_to_write(file, file_info(cloud).format));
+  return losses(cloud, options.format ? *options.format : format_to_write(file, file_info(cloud).format),
+                options.encoding);
 }
 
 nb::bytes write_memory(const Cloud& cloud, const std::string& format, const std::optional<std::string>& encoding) {
@@ -155,9 +161,10 @@ void bind_clouds(nb::module_& module) {
            nb::arg("bytes").noconvert())
       .def("triangles", &triangle_array)
       .def("write", &write_file, nb::arg("path"), nb::arg("format").none(), nb::arg("encoding").none(),
-           nb::arg("overwrite"), nb::arg("threads"))
+           nb::arg("overwrite"), nb::arg("strict"), nb::arg("threads"))
       .def("write_bytes", &write_memory, nb::arg("format"), nb::arg("encoding").none());
-  module.def("read", &read_file, nb::arg("path"), nb::arg("format").none(), nb::arg("threads"));
+  module.def("read", &read_file, nb::arg("path"), nb::arg("format").none(), nb::arg("columns"), nb::arg("skip"),
+             nb::arg("threads"));
   module.def("read_bytes", &read_memory, nb::arg("data"), nb::arg("name"), nb::arg("format").none());
 }
 

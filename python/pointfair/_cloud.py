@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from typing import TYPE_CHECKING, Any, Mapping
+from typing import TYPE_CHECKING, Any, Mapping, Sequence
 
 import numpy as np
 
@@ -116,7 +116,7 @@ class Cloud:
                                        strength=strength, box=box, viewpoint=viewpoint, show=show))
 
     def write(self, path: str | os.PathLike[str], *, format: str | None = None, encoding: str | None = None,
-              overwrite: bool = False, threads: int = 0) -> None:
+              overwrite: bool = False, strict: bool = False, threads: int = 0) -> None:
         """Writes the cloud. In its file's own format, only the coordinates of moved points differ. Other formats keep
         the attributes that they have a place for; what is lost is told in a UserWarning. The file gets its name only
         when it is complete. Raises FileError.
@@ -126,13 +126,14 @@ class Cloud:
             format: "ply", "pcd" and so on, where the extension does not say it.
             encoding: "ascii", "binary", "binary-big-endian" or "binary-compressed"; by default the file's own.
             overwrite: False: an existing file is an error.
+            strict: True: what the file cannot keep is a FileError rather than a warning.
             threads: 0: all cores.
         """
-        self._write(path, format, encoding, overwrite, threads)
+        self._write(path, format, encoding, overwrite, strict, threads)
 
-    def _write(self, path: Any, format: Any, encoding: Any, overwrite: bool, threads: int) -> None:
+    def _write(self, path: Any, format: Any, encoding: Any, overwrite: bool, strict: bool, threads: int) -> None:
         notes = self._native.write(_path(path), _optional(format, "format"), _optional(encoding, "encoding"),
-                                   bool(overwrite), as_threads(threads))
+                                   bool(overwrite), bool(strict), as_threads(threads))
         for note in notes:
             warnings.warn(note, stacklevel=3)
 
@@ -168,10 +169,13 @@ def _ply_of(array: NDArray[Any]) -> bytes:
     return header.encode() + array.astype(array.dtype.newbyteorder("<"), copy=False).tobytes()
 
 
-def read(path: str | os.PathLike[str], *, format: str | None = None, threads: int = 0) -> Cloud:
+def read(path: str | os.PathLike[str], *, format: str | None = None, columns: Sequence[str] = (), skip: int = 0,
+         threads: int = 0) -> Cloud:
     """Reads a whole file; the content and the extension say the format, unless `format` does. Points stay in the order
-    of the file, invalid ones included. Raises FileError with path, place and reason."""
-    return Cloud._of(_native.read(_path(path), _optional(format, "format"), as_threads(threads)))
+    of the file, invalid ones included. `columns` names the columns of a text from the left, "x", "y" and "z" among them,
+    where the file does not; `skip` lines at its front are passed over. Raises FileError with path, place and reason."""
+    names = [as_text(name, "the name of a column") for name in columns]
+    return Cloud._of(_native.read(_path(path), _optional(format, "format"), names, max(0, int(skip)), as_threads(threads)))
 
 
 def _path(path: Any) -> bytes:
@@ -186,7 +190,7 @@ def _optional(text: Any, name: str) -> str | None:
 
 
 def write(path: str | os.PathLike[str], points: Any, *, format: str | None = None, encoding: str | None = None,
-          overwrite: bool = False, threads: int = 0) -> None:
+          overwrite: bool = False, strict: bool = False, threads: int = 0) -> None:
     """Writes a Cloud, or an array of positions, (N, 3). See Cloud.write."""
     cloud = points if isinstance(points, Cloud) else Cloud(points)
-    cloud._write(path, format, encoding, overwrite, threads)
+    cloud._write(path, format, encoding, overwrite, strict, threads)

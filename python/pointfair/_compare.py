@@ -79,5 +79,5 @@ def _path(points: Any, temporary: str) -> str:
     if isinstance(points, (str, os.PathLike)):
         return os.fspath(points)
     cloud = points if isinstance(points, Cloud) else Cloud(points)
-    cloud._native.write(os.fsencode(temporary), "ply", None, False, 0)  # what it does not keep is not compared
+    cloud._native.write(os.fsencode(temporary), "ply", None, False, False, 0)  # what it does not keep is not compared
     return temporary

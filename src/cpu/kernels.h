@@ -9,6 +9,7 @@
 
 #include "point/curve.h"
 #include "point/method.h"
+#include "point/net.h"
 #include "point/sensor.h"
 #include "point/stages.h"
 
@@ -81,7 +82,19 @@ struct GrowthOut {
   float* squared_growth;  // of each sorted point; null: not asked for
 };
 
-// Each kernel treats the 16 points of one leaf.
+// What the net of method learned reads and writes of each sorted point.
+struct NetCloud {
+  const point::net::Place* measured_places;  // with normals as they are
+  const Index* lists[point::net::kScales];   // rows of point::net::kNeighbors sorted positions
+  point::net::Place* places;                 // with normals turned to their neighbours
+  point::Vec3<float>* sides;
+  float* sizes[point::net::kScales];
+  std::uint8_t* states;       // rows of point::net::kChannels, as the next
+  std::int16_t* stored[2];    // of every other layer
+  point::Vec3<float>* steps;  // in noises
+};
+
+// Each kernel treats the 16 points of one leaf, but for the net's, which treat those from `first` to before `last`.
 struct Kernels {
   const char* name;
   // Keys of the points `elements` names (ascending places in the low half), into the high half: position along the
@@ -119,6 +132,12 @@ struct Kernels {
                point::Sensors, float* xyz);
   // How many neighbours each point has, and the least of `values` over it and them.
   void (*survey)(const IndexView&, Index leaf, Neighborhoods, const float* values, float* counts, float* least);
+  // The k nearest points in another index for those of a leaf, as `nearest` gives them; `own`: where each of the leaf's
+  // points lies there, which does not count, -1 where it does not. `start`: a leaf near them there. k <= 64.
+  void (*nearest_there)(const IndexView& here, Index leaf, const IndexView& there, const int* own, Index start, int k,
+                        Index* out);
+  void (*net_begin)(const NetCloud&, const point::net::Weights&, Index first, Index last);
+  void (*net_layer)(const NetCloud&, const point::net::Weights&, int layer, Index first, Index last);
 };
 
 // The k nearest other points within `squared_limit` of the one at sorted position `at`, for the kernels where a point

@@ -23,8 +23,8 @@ POINTFAIR_INLINE Queries make_queries(const IndexView& index, Index first, Mask 
   return q;
 }
 
-// One walk of a group over the tree. `Lists` collects.
-template <class Lists>
+// One walk of a group over the tree. `Lists` collects. `kAnywhere`: a query's own place may lie in any leaf.
+template <class Lists, bool kAnywhere = false>
 class GroupSearch {
  public:
   POINTFAIR_INLINE GroupSearch(const IndexView& index, const Queries& queries, Lists& lists, int leaf_budget)
@@ -115,7 +115,7 @@ class GroupSearch {
 
   template <bool kOwn>
   POINTFAIR_INLINE void offer_waiting() {
-    lists_.template offer<kOwn>(index_, q_, bound_, waiting_, waiting_count_);
+    lists_.template offer<kOwn || kAnywhere>(index_, q_, bound_, waiting_, waiting_count_);
     waiting_count_ = 0;
     update_bound();
   }

@@ -150,8 +150,8 @@ class Resolver {
       const double factor = its_.fits_radius ? radius_factor(noise_, s_) : 1;
       used_.radius = in_file_units({}, factor * its_.noise_radius * noise_.sigma);
       if (asked_.min_neighbors == kAutomatic)
-        used_.min_neighbors =
-            std::min(kMaxMinNeighbors, int(std::lround(factor * factor * automatic_min_neighbors(noise_, s_))));
+        used_.min_neighbors = std::min(
+            kMaxMinNeighbors, noise_.repeats * int(std::lround(factor * factor * automatic_min_neighbors(noise_, s_))));
     } else if (!within_radius_) {
       if (asked_.k == kAutomatic) used_.k = automatic_k(noise_, s_);
       list_radius_ = radius_of(used_.k, s_);

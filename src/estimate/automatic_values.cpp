@@ -20,6 +20,7 @@ MethodDefaults defaults_of(Method method) {
   MethodDefaults its;
   switch (method) {
     case Method::bilateral:
+    case Method::learned:  // its stages are the bilateral ones
       its.filter = NormalFilter::on;
       its.fits_radius = true;
       break;

@@ -20,6 +20,11 @@ inline constexpr std::size_t kNoiseSamples = 500, kLeastSamples = 128;  // sampl
 inline constexpr std::uint64_t kPointsOfSample = 8;                     // points of the cloud for one, in between; 117
 inline constexpr std::uint64_t kPointsOfPlace = 150;  // points of the cloud for one more place; (21); 109
 
+// Points that are no measurements of their own.
+inline constexpr int kRepeatNeighbors = 64, kMostRepeats = 16;  // points
+inline constexpr double kEvenDistances = 0.4;                   // of squared distance over rank; chance is 0.69
+inline constexpr std::size_t kThinnedSamples = 2000;
+
 // Noise of a typical place.
 inline constexpr double kNoiseQuantile =
     0.35;  // of the samples: edges and outliers only raise a residual; (8); estimates
@@ -70,6 +75,7 @@ inline constexpr int kStepNeighbors = 8, kLevelNeighbors = 60;  // points; 075
 inline constexpr double kRounding = 2.4e-7;                     // extents: 4 units in the last place of a float
 inline constexpr std::size_t kRepeats = 20;                     // of each value, on average, if there are steps; 075
 inline constexpr std::size_t kGlance = 256;                     // values; fewer than half of them are distinct
+inline constexpr double kRegularShare = 0.9;                    // of the samples; 141
 inline constexpr double kSameStep = 0.05;                       // of the step; 075
 inline constexpr double kExactPlane = 1e-4;                     // of a neighbourhood's size; 075
 inline constexpr double kRoundness = 0.05;                      // ratio of eigenvalues; less is a line; 075

@@ -67,12 +67,24 @@ double grid_step(std::span<const Point> rows, int axis, double rounding) {
   return 2 * std::size_t(alike) > gaps.size() && rounding < kSameStep * step ? step : 0;
 }
 
+// Whether points lie on the nodes of a regular mesh: each alone, and its two nearest a step away. None was rounded
+// then.
+bool is_mesh(std::span<const Point> rows, double step) {
+  std::size_t regular = 0;
+  for (std::size_t first = 0; first < rows.size(); first += kRow) {
+    const double nearest = point::length(point::offset_between(rows[first], rows[first + 1])),
+                 second = point::length(point::offset_between(rows[first], rows[first + 2]));
+    regular += std::abs(nearest - step) < kSameStep * step && std::abs(second - step) < kSameStep * step;
+  }
+  return double(regular * kRow) > kRegularShare * double(rows.size());
+}
+
 // A flat cloud of rows and columns has steps along two axes, and no noise for it.
 double step_of_grid(std::span<const Point> rows, double rounding) {
   const double step = grid_step(rows, 0, rounding);
   for (int axis = 1; axis < 3 && step > 0; ++axis)
     if (std::abs(grid_step(rows, axis, rounding) - step) > kSameStep * step) return 0;
-  return step;
+  return step > 0 && is_mesh(rows, step) ? 0 : step;
 }
 
 using Matrix = point::Sym3<double>;
@@ -207,14 +219,15 @@ std::vector<Point> known_rows(std::span<const Point> rows, std::size_t row_size)
 
 }  // namespace
 
-CoordinateSteps coordinate_steps(std::size_t samples, const NearestRows& nearest) {
-  const std::vector<Point> rows = known_rows(nearest(std::min(samples, kLookedAt), kStepNeighbors), kRow);
+CoordinateSteps coordinate_steps(NearestRows& nearest) {
+  const std::vector<Point> rows = known_rows(nearest.heads(), kRow);
   const double rounding = kRounding * extent_of(rows);
   if (const double step = step_of_grid(rows, rounding); step > 0)
-    return {CoordinateSteps::Kind::grid, std::vector<double>(samples, step)};
+    return {CoordinateSteps::Kind::grid, std::vector<double>(nearest.samples(), step)};
   const auto direction = common_direction(rows, rounding);
   if (!direction) return {};
-  std::vector<double> steps = steps_along(*direction, nearest(samples, kLevelNeighbors), kLevelNeighbors + 1);
+  std::vector<double> steps =
+      steps_along(*direction, nearest.of(nearest.samples(), kLevelNeighbors), kLevelNeighbors + 1);
   return {steps.empty() ? CoordinateSteps::Kind::none : CoordinateSteps::Kind::depth, std::move(steps)};
 }
 

@@ -3,10 +3,9 @@
 #pragma once
 
 #include <cstddef>
-#include <functional>
 #include <vector>
 
-#include "pointfair/cloud.hpp"
+#include "estimate/nearest_rows.hpp"
 
 namespace pointfair {
 
@@ -21,10 +20,8 @@ struct CoordinateSteps {
   std::vector<double> at;  // each sample: the distance between the values there; empty without steps
 };
 
-// Of the first so many samples, rows of each and its nearest others (Sampling::sample_neighborhoods).
-using NearestRows = std::function<std::vector<Point>(std::size_t count, int neighbors)>;
 // Asks for a few rows of 500 samples, and for all where they show planes of one depth. A sensor's direction is found by
 // them; depths have steps if these widen with the square of the distance, as whole disparities make them.
-CoordinateSteps coordinate_steps(std::size_t samples, const NearestRows& nearest);
+CoordinateSteps coordinate_steps(NearestRows& nearest);
 
 }  // namespace pointfair

@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <functional>
+#include <memory>
 #include <numeric>
 #include <optional>
 #include <span>
@@ -14,6 +15,7 @@
 #include "estimate/coordinate_steps.hpp"
 #include "estimate/noise_levels.hpp"
 #include "estimate/reach_levels.hpp"
+#include "estimate/repeats.hpp"
 #include "estimate/share_between.hpp"
 #include "pointfair/params.hpp"
 
@@ -222,14 +224,6 @@ Noise noise_of(std::span<const point::NoiseSample> samples, std::uint64_t points
   return noise;
 }
 
-CoordinateSteps steps_at(Sampling& from, std::span<const std::uint32_t> queries) {
-  return coordinate_steps(queries.size(), [&](std::size_t count, int neighbors) {
-    std::vector<Point> rows(count * std::size_t(neighbors + 1));
-    from.sample_neighborhoods(queries.first(count), neighbors, rows);
-    return rows;
-  });
-}
-
 // What steps add to the noise, in steps. Rounding adds an even spread of one. The depth of a camera that matches
 // patterns errs by half a step (Khoshelham and Elberink 2012, where half a step is half a disparity), alike in
 // neighbours.
@@ -239,7 +233,7 @@ double noise_of_steps(CoordinateSteps::Kind kind) {
 
 // Points on one value lie as exactly as if there were no noise: samples show at least what steps add.
 void cover_rounding(const CoordinateSteps& steps, std::vector<point::NoiseSample>& samples) {
-  for (std::size_t i = 0; i < steps.at.size(); ++i) {
+  for (std::size_t i = 0; i < std::min(samples.size(), steps.at.size()); ++i) {
     if (!samples[i].shows_noise) continue;
     const double added = noise_of_steps(steps.kind) * steps.at[i];
     samples[i].sigma = std::max(samples[i].sigma, added);
@@ -249,7 +243,7 @@ void cover_rounding(const CoordinateSteps& steps, std::vector<point::NoiseSample
 }
 
 void cover_rounding(const CoordinateSteps& steps, std::vector<point::ResidualSample>& samples) {
-  for (std::size_t i = 0; i < steps.at.size(); ++i) {
+  for (std::size_t i = 0; i < std::min(samples.size(), steps.at.size()); ++i) {
     const double added = noise_of_steps(steps.kind) * steps.at[i];
     for (double* residual : {&samples[i].least, &samples[i].narrow, &samples[i].wide, &samples[i].widest})
       if (*residual >= 0) *residual = std::max(*residual, added);
@@ -301,26 +295,56 @@ std::size_t noise_queries(const CloudSample& sample) {
   return std::min(sample.indices.size(), std::size_t(std::max(of_cloud, points / kPointsOfPlace)));
 }
 
+namespace {
+
+// What is asked of the backend at once, by every `repeats`-th of the nearest points where there are repeats.
+Samples take(Sampling& from, std::span<const std::uint32_t> for_spacing, std::span<const std::uint32_t> for_noise,
+             int repeats, const std::stop_token& stop) {
+  if (repeats == 1) return from.take_samples(for_spacing, for_noise, stop);
+  Samples samples =
+      from.take_thinned_samples({}, for_noise.first(std::min(for_noise.size(), kThinnedSamples)), repeats, stop);
+  samples.spacing = from.take_samples(for_spacing, {}, stop).spacing;
+  return samples;
+}
+
+// Levels times a factor.
+std::shared_ptr<const NodeLevels> times(std::shared_ptr<const NodeLevels> levels, double factor) {
+  if (factor == 1) return levels;
+  auto scaled = levels ? NodeLevels(*levels) : NodeLevels{std::vector<float>(8, 1.0f), 2, {}, 0};
+  for (float& level : scaled.levels) level *= float(factor);
+  return std::make_shared<const NodeLevels>(std::move(scaled));
+}
+
+}  // namespace
+
 Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wanted, const std::stop_token& stop) {
   const std::span<const std::uint32_t> queries = sample.indices;
-  const std::size_t noises = wanted.noise ? noise_queries(sample) : 0;
-  Samples samples = from.take_samples(wanted.spacing ? queries : queries.first(0), queries.first(noises), stop);
+  const std::span<const std::uint32_t> for_noise = queries.first(wanted.noise ? noise_queries(sample) : 0);
+  NearestRows nearest(for_noise.size(), [&](std::size_t count, int neighbors) {
+    std::vector<Point> rows(count * std::size_t(neighbors + 1));
+    from.sample_neighborhoods(for_noise.first(count), neighbors, rows);
+    return rows;
+  });
+  const int repeats = wanted.noise ? repeats_among(nearest) : 1;
+  Samples samples = take(from, wanted.spacing ? queries : queries.first(0), for_noise, repeats, stop);
   Estimate result{spacing_of(samples.spacing), {}};
   if (!wanted.noise) return result;
-  const CoordinateSteps steps = steps_at(from, queries.first(noises));
+  const CoordinateSteps steps = coordinate_steps(nearest);
   cover_rounding(steps, samples.noise);
   std::optional<std::vector<point::ResidualSample>> residuals;  // of all places
   const auto all_residuals = [&] {
     if (!residuals) cover_rounding(steps, residuals.emplace(samples.residuals()));
     return *residuals;
   };
-  const std::size_t first = std::min(noises, kNoiseSamples);
+  const std::size_t noises = samples.noise.size(), first = std::min(noises, kNoiseSamples);
   const bool depth_has_steps = steps.kind == CoordinateSteps::Kind::depth;
-  result.noise = noise_of(std::span(samples.noise).first(first), sample.bounds.valid, depth_has_steps, [&] {
+  const std::uint64_t measurements = sample.bounds.valid / std::uint64_t(repeats);
+  result.noise = noise_of(std::span(samples.noise).first(first), measurements, depth_has_steps, [&] {
     std::vector<point::ResidualSample> of_first = all_residuals();
     of_first.resize(first);
     return of_first;
   });
+  result.noise.repeats = repeats;
   if (result.noise.sigma < kBeyondResiduals * result.noise.surface_spacing) all_residuals();
   LocalSamples local;
   for (std::size_t i = 0; i < noises; ++i) {
@@ -330,8 +354,11 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
     if (residuals) local.residuals.push_back((*residuals)[i]);
   }
   add_local(
-      result, local, sample.bounds.valid, pools_of_shown(samples),
+      result, local, measurements, pools_of_shown(samples),
       [&from](std::size_t count, const std::function<void(std::size_t)>& body) { from.for_each_on_host(count, body); });
+  // min_neighbors end with kMaxMinNeighbors
+  result.reach_levels = times(std::move(result.reach_levels),
+                              std::sqrt(std::max(1.0, double(kMinNeighbors) * repeats / kMaxMinNeighbors)));
   return result;
 }
 

@@ -49,6 +49,9 @@ struct Noise {
   double bend = 1;
   // So many of the nearest points lie in a plane and not along a line, at most samples; 0 where this is not known.
   int surface_points = 0;
+  // So many neighbouring points make one measurement: they are copies, or their errors are alike. Lengths are those of
+  // the cloud without the others.
+  int repeats = 1;
 };
 
 // The same cloud where `sigma` is known to be another than was measured, or the same. The rest stays as measured.

@@ -25,7 +25,7 @@ std::string one_word(std::string_view name) {
 }
 
 std::string ply_name(const std::string& name) {
-  static constexpr std::array<std::pair<std::string_view, std::string_view>, 20> kAliases = {{
+  static constexpr std::array<std::pair<std::string_view, std::string_view>, 23> kAliases = {{
       {"normal_x", "nx"},
       {"normal_y", "ny"},
       {"normal_z", "nz"},
@@ -35,6 +35,9 @@ std::string ply_name(const std::string& name) {
       {"r", "red"},
       {"g", "green"},
       {"b", "blue"},
+      {"rf", "red"},  // CloudCompare, for colours from 0 to 1
+      {"gf", "green"},
+      {"bf", "blue"},
       {"a", "alpha"},
       {"red", "red"},
       {"green", "green"},

@@ -17,8 +17,9 @@ namespace {
 // The first line that is neither blank nor a comment, looked for near the front only.
 std::string_view first_line(std::string_view bytes) {
   constexpr std::size_t kFront = 65536;
-  std::string_view rest = bytes.substr(0, kFront), line;
-  while (next_line(rest, line)) {
+  std::string_view rest = bytes.substr(byte_order_mark(bytes), kFront), line;
+  const char line_end = line_end_of(rest);
+  while (next_line(rest, line, line_end)) {
     if (is_row(line, RowRule::uncommented)) return line;
   }
   return {};
@@ -34,7 +35,10 @@ bool is_text_stl(std::string_view bytes) {
   return false;
 }
 
+// The counts may follow without a blank, "OFF600 2 0".
 bool is_off_keyword(std::string_view word) {
+  while (!word.empty() && word.back() >= '0' && word.back() <= '9') word.remove_suffix(1);
+  if (lower_case(word) == "off") return true;
   if (!word.ends_with("OFF")) return false;
   word.remove_suffix(3);
   for (const std::string_view prefix : {"ST", "C", "N", "4", "n"}) {
@@ -46,6 +50,7 @@ bool is_off_keyword(std::string_view word) {
 }  // namespace
 
 std::optional<Format> format_of_content(std::string_view bytes) {
+  bytes.remove_prefix(byte_order_mark(bytes));
   if (bytes.starts_with("ply\n") || bytes.starts_with("ply\r") || bytes.starts_with("ply ")) return Format::ply;
   if (bytes.starts_with("# .PCD")) return Format::pcd;
   if (bytes.starts_with("LASF")) return bytes.size() > 104 && (bytes[104] & 0x80) != 0 ? Format::laz : Format::las;

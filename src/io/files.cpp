@@ -4,6 +4,7 @@
 #include <limits>
 #include <utility>
 
+#include "io/contents.hpp"
 #include "io/detect.hpp"
 #include "io/formats.hpp"
 #include "io/parallel.hpp"
@@ -18,7 +19,23 @@ namespace {
 constexpr const char* kKnownExtensions =
     ".ply, .pcd, .las, .laz, .e57, .ptx, .stl, .npy, .glb, .xyz, .txt, .csv, .pts, .off or .obj";
 
+// Files that are often taken for others: packed ones, and what stands in their place in a repository.
+void check_unpacked(std::string_view bytes, const std::string& name) {
+  constexpr std::pair<std::string_view, const char*> kPacked[] = {
+      {"\x1F\x8B", "is packed by gzip; unpack it first, as gunzip does"},
+      {"PK\x03\x04", "is a ZIP archive; unpack it first"},
+      {"\xFD"
+       "7zXZ",
+       "is packed by xz; unpack it first, as unxz does"},
+      {"BZh", "is packed by bzip2; unpack it first, as bunzip2 does"},
+      {"\x28\xB5\x2F\xFD", "is packed by zstd; unpack it first, as unzstd does"},
+      {"version https://git-lfs", "only stands for a file that Git LFS holds; fetch that, as git lfs pull does"}};
+  for (const auto& [front, message] : kPacked)
+    if (bytes.starts_with(front)) io::fail(name, message);
+}
+
 Format choose_format(std::string_view bytes, const std::string& name, const ReadOptions& options) {
+  check_unpacked(bytes, name);
   if (options.format) return *options.format;
   if (const auto format = io::format_of_content(bytes)) return *format;
   const std::filesystem::path path(name);
@@ -27,8 +44,22 @@ Format choose_format(std::string_view bytes, const std::string& name, const Read
   io::fail(name, std::string("unknown format; say which it is, or name the file ") + kKnownExtensions);
 }
 
-std::shared_ptr<Source> parse(io::FileBytes bytes, const std::string& name, Format format,
+bool has_columns(Format format) {
+  return format == Format::xyz || format == Format::txt || format == Format::csv || format == Format::pts;
+}
+
+// Refuses what is told of columns where there are none, and text in which every letter takes two bytes.
+void check_text(std::string_view bytes, const std::string& name, Format format, const ReadOptions& options) {
+  if (!has_columns(format) && (!options.columns.empty() || options.skip_lines > 0))
+    throw Error(ErrorKind::usage,
+                name + ": --columns and --skip are for text files with columns of numbers; leave them out");
+  if (bytes.starts_with("\xFF\xFE") || bytes.starts_with("\xFE\xFF"))
+    io::fail(name, "is text in UTF-16; convert it to UTF-8, as iconv -f UTF-16 -t UTF-8 does");
+}
+
+std::shared_ptr<Source> parse(io::FileBytes bytes, const std::string& name, Format format, const ReadOptions& options,
                               io::Residence residence = io::Residence::memory) {
+  check_text(bytes.view(), name, format, options);
   switch (format) {
     case Format::ply:
       return io::read_ply(std::move(bytes), name);
@@ -55,7 +86,7 @@ std::shared_ptr<Source> parse(io::FileBytes bytes, const std::string& name, Form
     case Format::nuscenes:
       return io::read_floats(std::move(bytes), name, format);
     default:
-      return io::read_xyz(std::move(bytes), name, format);
+      return io::read_xyz(std::move(bytes), name, format, options);
   }
 }
 
@@ -63,7 +94,7 @@ Cloud read_bytes(io::FileBytes bytes, const std::string& name, const ReadOptions
   if (bytes.view().empty()) io::fail(name, "is empty; copy the file again or choose another");
   const Format format = choose_format(bytes.view(), name, options);
   return io::with_threads(options.threads, [&] {
-    const std::shared_ptr<Source> source = parse(std::move(bytes), name, format);
+    const std::shared_ptr<Source> source = parse(std::move(bytes), name, format, options);
     Cloud cloud;
     cloud.points = source->place();
     cloud.origin = source->origin();
@@ -136,11 +167,6 @@ Encoding usual_encoding(Format format) {
   return Encoding::binary_compressed;
 }
 
-// Plain columns of numbers may go by either name, and LAZ is compressed LAS.
-Format family(Format format) {
-  return format == Format::txt ? Format::xyz : format == Format::laz ? Format::las : format;
-}
-
 // What is written where: decided, and refused, before the output is opened.
 struct Plan {
   Format format;
@@ -152,7 +178,7 @@ struct Plan {
 // By way of a LAS file, so that what one keeps, such as the coordinate system, is kept.
 void write_octree(const Plan& plan, const Cloud& cloud, io::Output& out) {
   io::MemoryOutput las;
-  const bool is_las = cloud.source && family(cloud.source->format()) == Format::las;
+  const bool is_las = cloud.source && io::family(cloud.source->format()) == Format::las;
   if (is_las && cloud.source->holds_its_positions()) {
     cloud.source->write(plan.edits, Encoding::binary, las);
   } else {
@@ -204,25 +230,38 @@ void check_new(const Cloud& cloud, Format format) {
 }
 
 Plan plan(const Cloud& cloud, Format format, std::optional<Encoding> encoding, std::optional<double> las_scale) {
-  const bool same = cloud.source && family(cloud.source->format()) == family(format);
+  const bool same = cloud.source && io::family(cloud.source->format()) == io::family(format);
   const bool keeps = same && has_encoding(format, cloud.source->encoding());
-  const bool copy = same && cloud.source->holds_its_positions() && !is_written_anew(cloud, format, encoding);
+  const bool copy = io::is_copied(cloud, format) && !is_written_anew(cloud, format, encoding);
   if (format == Format::glb) refuse("glTF files are read, not written; choose PLY, OBJ or STL");
   if (!copy) check_new(cloud, format);
   const Plan result{format, encoding.value_or(keeps ? cloud.source->encoding() : usual_encoding(format)), copy,
                     io::make_edits(cloud, las_scale)};
-  if (las_scale && family(format) != Format::las && format != Format::copc)
+  if (las_scale && io::family(format) != Format::las && format != Format::copc)
     refuse("only LAS and LAZ files have a scale; leave it out");
-  const bool is_of_las = cloud.source && family(cloud.source->format()) == Format::las;
+  const bool is_of_las = cloud.source && io::family(cloud.source->format()) == Format::las;
   if (las_scale && (copy || (format == Format::copc && is_of_las))) cloud.source->check_las_scale(*las_scale);
   if (!has_encoding(format, result.encoding)) refuse_encoding(format);
+  for (const io::Replacement& replacement : result.edits.replaced) {
+    const std::string why = copy ? cloud.source->why_fixed(replacement.column) : std::string();
+    if (!why.empty()) refuse(why);
+  }
   return result;
+}
+
+void refuse_losses(const std::filesystem::path& path, const Cloud& cloud, Format format,
+                   std::optional<Encoding> encoding) {
+  const std::vector<std::string> lost = losses(cloud, format, encoding);
+  if (lost.empty()) return;
+  const std::string more = lost.size() > 1 ? " (and " + std::to_string(lost.size() - 1) + " more)" : "";
+  io::fail(path.string(), lost.front() + more + "; choose another format, or leave out --strict");
 }
 
 Plan plan(const std::filesystem::path& path, const Cloud& cloud, const WriteOptions& options) {
   const std::optional<Format> own = cloud.source ? std::optional(cloud.source->format()) : std::nullopt;
   const Format format = options.format ? *options.format : format_to_write(path, own);
   check(cloud);
+  if (options.strict) refuse_losses(path, cloud, format, options.encoding);
   return plan(cloud, format, options.encoding, options.las_scale);
 }
 
@@ -274,8 +313,8 @@ Cloud read(std::span<const std::byte> bytes, const std::string& name, const Read
 void check_write(const std::filesystem::path& path, const Cloud& cloud, const WriteOptions& options) {
   const Plan chosen = plan(path, cloud, options);
   const bool is_new_octree =
-      chosen.format == Format::copc && !(cloud.source && family(cloud.source->format()) == Format::las);
-  if (is_new_octree || (!chosen.copy && family(chosen.format) == Format::las))
+      chosen.format == Format::copc && !(cloud.source && io::family(cloud.source->format()) == Format::las);
+  if (is_new_octree || (!chosen.copy && io::family(chosen.format) == Format::las))
     io::check_new_las(cloud, options.las_scale);
   for (const auto& [from, to] : companions(chosen, cloud, path)) {
     if (!options.overwrite && std::filesystem::exists(to))
@@ -298,7 +337,7 @@ std::shared_ptr<Source> open_source(const std::filesystem::path& path, unsigned 
     fail(name,
          "a compressed PCD file is one whole that cannot be read in parts; convert it to PCD binary, or run it "
          "in memory");
-  return with_threads(threads, [&] { return parse(std::move(bytes), name, format, Residence::file); });
+  return with_threads(threads, [&] { return parse(std::move(bytes), name, format, {}, Residence::file); });
 }
 
 namespace {
@@ -314,9 +353,10 @@ Cloud shell_of(const std::shared_ptr<const Source>& source) {
 Plan streamed_plan(const Cloud& shell, const std::filesystem::path& path, const WriteOptions& options) {
   const Source& source = *shell.source;
   const Format format = options.format ? *options.format : format_to_write(path, source.format());
+  if (options.strict) refuse_losses(path, shell, format, options.encoding);
   const Plan chosen = plan(shell, format, options.encoding, options.las_scale);
   const bool transcodes =
-      chosen.encoding != source.encoding() && family(format) != Format::las && format != Format::ply;
+      chosen.encoding != source.encoding() && io::family(format) != Format::las && format != Format::ply;
   if (!chosen.copy || transcodes)
     refuse(path.string() +
            ": a cloud that is computed in tiles on disk is written in the format of its file; name the "

@@ -17,7 +17,7 @@ namespace pointfair::io {
 // Readers. `name` is how the file is called in errors. The result has at least one point.
 std::shared_ptr<Source> read_ply(FileBytes bytes, const std::string& name);
 std::shared_ptr<Source> read_pcd(FileBytes bytes, const std::string& name);
-std::shared_ptr<Source> read_xyz(FileBytes bytes, const std::string& name, Format format);
+std::shared_ptr<Source> read_xyz(FileBytes bytes, const std::string& name, Format format, const ReadOptions& options);
 std::shared_ptr<Source> read_off(FileBytes bytes, const std::string& name);
 std::shared_ptr<Source> read_obj(FileBytes bytes, const std::string& name);
 std::shared_ptr<Source> read_las(FileBytes bytes, const std::string& name, Residence residence);  ///< LAZ, too

@@ -1,77 +1,170 @@
 // SPDX-License-Identifier: Apache-2.0
-// What of a cloud a file of another format does not keep.
+// What of a cloud a file does not keep, in sentences.
 #include <algorithm>
 #include <array>
-#include <initializer_list>
-#include <utility>
 
-#include "io/column_names.hpp"
+#include "io/contents.hpp"
 #include "io/formats.hpp"
 #include "io/source.hpp"
 #include "pointfair/io.hpp"
+#include "pointfair/normals.hpp"
 
 namespace pointfair {
 namespace {
 
-bool is_one_of(const std::string& name, std::initializer_list<std::string_view> names) {
-  return std::find(names.begin(), names.end(), name) != names.end();
+using io::Content;
+using io::ContentKind;
+using io::Keeps;
+
+constexpr std::pair<Format, const char*> kFormatNames[] = {
+    {Format::ply, "PLY"}, {Format::pcd, "PCD"}, {Format::las, "LAS"}, {Format::laz, "LAZ"}, {Format::e57, "E57"},
+    {Format::xyz, "XYZ"}, {Format::txt, "TXT"}, {Format::csv, "CSV"}, {Format::pts, "PTS"}, {Format::off, "OFF"},
+    {Format::obj, "OBJ"}, {Format::ptx, "PTX"}, {Format::stl, "STL"}, {Format::npy, "NPY"}, {Format::copc, "COPC"}};
+
+// In the order of ContentKind.
+constexpr std::array<const char*, io::kContentKinds> kKindNames = {"colours",
+                                                                   "colours of more than 8 bits",
+                                                                   "colours of some points only",
+                                                                   "normals",
+                                                                   "other attributes",
+                                                                   "intensity beyond 0 to 65535, or with fractions",
+                                                                   "names of attributes",
+                                                                   "integers of more than 53 bits",
+                                                                   "columns of words",
+                                                                   "lists of points",
+                                                                   "faces",
+                                                                   "attributes of faces",
+                                                                   "edges and other elements",
+                                                                   "texture coordinates of corners",
+                                                                   "normals of corners",
+                                                                   "materials, names of images",
+                                                                   "names of parts",
+                                                                   "comments, titles",
+                                                                   "coordinate system",
+                                                                   "poses of sensors",
+                                                                   "rows and columns of a sensor",
+                                                                   "images, waveforms, other records",
+                                                                   "points that are not finite"};
+
+std::string name_of(Format format) {
+  const auto named = [&](const auto& row) { return row.first == format; };
+  const auto row = std::find_if(std::begin(kFormatNames), std::end(kFormatNames), named);
+  return row == std::end(kFormatNames) ? "such" : row->second;
 }
 
-bool is_color(const std::string& name) { return is_one_of(name, {"red", "green", "blue", "rgb", "rgba"}); }
+// Of things of one kind, as one list.
+std::string sentence(ContentKind kind, const std::string& what, const std::string& format) {
+  switch (kind) {
+    case ContentKind::fine_colors:
+      return what + " have more than 8 bits, and are rounded to 8 in " + format + " files; CSV and LAS keep them";
+    case ContentKind::some_colors:
+      return what + " without a colour become white, since " + format + " files give one to each; OBJ and CSV do not";
+    case ContentKind::numbers:
+      return format + " files have no place for the attributes " + what + "; PLY, PCD and CSV keep them";
+    case ContentKind::intensity:
+      return "the attribute " + what + " is rounded or scaled to whole numbers from 0 to 65535, as " + format +
+             " files have it; PLY, PCD and CSV keep its values";
+    case ContentKind::names:
+      return format + " files do not name their columns, so the attributes " + what +
+             " stand there without their names; CSV, PLY and PCD keep them";
+    case ContentKind::wide_integers:
+      return "the attributes " + what + " have more digits than " + format +
+             " files hold, so the last ones are rounded; PCD, CSV and LAS keep them";
+    default:
+      return format + " files have no place for " + what;
+  }
+}
 
-// Whether the writer of a new file of the format has a place for it.
-bool is_kept(Format format, const AttributeInfo& attribute) {
-  const std::vector<std::string> parts = io::component_names(attribute.name, attribute.components);
-  return std::all_of(parts.begin(), parts.end(), [&](const std::string& part) {
-    const std::string name = io::ply_name(part);
-    if (format == Format::stl) return false;
-    return is_color(name) || (format == Format::off && is_one_of(name, {"nx", "ny", "nz"})) ||
-           (format == Format::ptx && name == "intensity");
+// What says nothing more where all numbers are lost.
+bool follows_numbers(ContentKind kind) {
+  return kind == ContentKind::intensity || kind == ContentKind::names || kind == ContentKind::wide_integers;
+}
+
+std::vector<std::string> sentences(const std::vector<Content>& lost, Format format) {
+  std::vector<std::string> result;
+  const bool no_numbers = io::keeps(format, ContentKind::numbers) != Keeps::kept;
+  for (auto content = lost.begin(); content != lost.end();) {
+    const auto end =
+        std::find_if(content, lost.end(), [&](const Content& other) { return other.kind != content->kind; });
+    constexpr std::ptrdiff_t kListed = 5;
+    std::string what;
+    for (auto one = content; one != content + std::min(kListed, end - content); ++one)
+      what += (what.empty() ? "" : ", ") + one->what;
+    if (end - content > kListed) what += " and " + std::to_string(end - content - kListed) + " more";
+    if (!no_numbers || !follows_numbers(content->kind))
+      result.push_back(sentence(content->kind, what, name_of(format)));
+    content = end;
+  }
+  return result;
+}
+
+std::vector<Content> lost_of_new(const Cloud& cloud, Format format) {
+  std::vector<Content> lost = io::contents_of(cloud);
+  std::erase_if(lost, [&](const Content& content) {
+    const bool is_ptx_intensity =
+        format == Format::ptx && content.kind == ContentKind::numbers && content.what == "intensity";
+    return is_ptx_intensity || io::keeps(format, content.kind) == Keeps::kept;
   });
+  return lost;
 }
 
-std::string listed(const std::vector<std::string>& names) {
-  std::string text;
-  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
-  return text;
-}
-
-// A copy of the cloud's file has its own attributes in any case.
-std::vector<AttributeInfo> written_anew(const Cloud& cloud, Format format) {
-  if (!cloud.source || cloud.source->format() != format) return attributes(cloud);
-  return {cloud.added.begin(), cloud.added.end()};
-}
-
-std::vector<std::string> lost_attributes(const Cloud& cloud, Format format) {
-  const bool is_nameless = format == Format::xyz || format == Format::pts;
-  static constexpr std::array<std::pair<Format, const char*>, 4> kFew = {
-      {{Format::obj, "OBJ"}, {Format::off, "OFF"}, {Format::ptx, "PTX"}, {Format::stl, "STL"}}};
-  const auto* const few = std::find_if(kFew.begin(), kFew.end(), [&](const auto& row) { return row.first == format; });
-  if (!is_nameless && few == kFew.end()) return {};
-  std::vector<std::string> lost;
-  for (const AttributeInfo& attribute : written_anew(cloud, format))
-    if (is_nameless || !is_kept(format, attribute)) lost.push_back(attribute.name);
-  if (lost.empty()) return {};
-  if (is_nameless)
-    return {"XYZ and PTS files do not name their columns, so the attributes " + listed(lost) +
-            " stand there without their names; CSV, PLY and PCD keep them"};
-  return {std::string(few->second) + " files have no place for the attributes " + listed(lost) +
-          "; PLY, PCD and CSV keep them"};
+// A copy has all that its file has; attributes may have been added.
+std::vector<Content> lost_of_copy(const Cloud& cloud, Format format) {
+  std::string added;
+  const std::vector<io::Column> own = cloud.source->columns();
+  for (const Attribute& attribute : cloud.added) {
+    const auto named = [&](const io::Column& column) { return column.name == attribute.name; };
+    if (std::none_of(own.begin(), own.end(), named)) added += (added.empty() ? "" : ", ") + attribute.name;
+  }
+  if (added.empty()) return {};
+  const bool takes_none = format == Format::off || format == Format::obj;
+  if (takes_none) return {{ContentKind::numbers, added}};
+  if (io::keeps(format, ContentKind::names) == Keeps::noted) return {{ContentKind::names, added}};
+  return {};
 }
 
 }  // namespace
 
-std::vector<std::string> losses(const Cloud& cloud, std::optional<Format> format) {
+std::vector<std::string> losses(const Cloud& cloud, std::optional<Format> format, std::optional<Encoding> encoding) {
   if (!cloud.source && !format) return {};
   const Format to = format ? *format : cloud.source->format();
-  std::vector<std::string> result = cloud.source ? cloud.source->losses(to) : std::vector<std::string>{};
-  for (std::string& lost : lost_attributes(cloud, to)) result.push_back(std::move(lost));
+  std::vector<std::string> result;
+  if (cloud.source && io::family(cloud.source->format()) == io::family(to))
+    result = cloud.source->losses(encoding.value_or(cloud.source->encoding()));
+  const std::vector<Content> lost = io::is_copied(cloud, to) ? lost_of_copy(cloud, to) : lost_of_new(cloud, to);
+  for (std::string& told : sentences(lost, to)) result.push_back(std::move(told));
   if (to == Format::copc)
     result.push_back("COPC files keep their points in the order of an octree, so the order of the points changes");
-  const bool is_new_stl = to == Format::stl && (!cloud.source || cloud.source->format() != to);
-  if (is_new_stl)
-    for (std::string& lost : io::losses_in_new_stl(cloud)) result.push_back(std::move(lost));
+  if (to == Format::stl && !io::is_copied(cloud, to))
+    for (std::string& told : io::losses_in_new_stl(cloud)) result.push_back(std::move(told));
   return result;
+}
+
+void check_new_normals(const Cloud& cloud, std::optional<Format> format) {
+  if (!cloud.source || !io::is_copied(cloud, format.value_or(cloud.source->format()))) return;
+  const std::vector<std::string> normals = normal_attributes(cloud);
+  const std::vector<io::Column> columns = cloud.source->columns();
+  for (std::size_t c = 0; c < columns.size(); ++c) {
+    if (std::find(normals.begin(), normals.end(), columns[c].name) == normals.end()) continue;
+    if (const std::string why = cloud.source->why_fixed(c); !why.empty()) throw Error(ErrorKind::usage, why);
+  }
+}
+
+std::string losses_table() {
+  std::string table = "|";
+  for (const auto& [format, name] : kFormatNames) table += std::string(" | ") + name;
+  table += " |\n|---";
+  for (std::size_t i = 0; i < std::size(kFormatNames); ++i) table += "|---";
+  table += "|\n";
+  for (std::size_t kind = 0; kind < io::kContentKinds; ++kind) {
+    table += std::string("| ") + kKindNames[kind];
+    for (const auto& [format, name] : kFormatNames) {
+      const Keeps keeps = io::keeps(format, static_cast<ContentKind>(kind));
+      table += keeps == Keeps::kept ? " | kept" : keeps == Keeps::noted ? " | noted" : " | refused";
+    }
+    table += " |\n";
+  }
+  return table;
 }
 
 }  // namespace pointfair

@@ -3,10 +3,12 @@
 #pragma once
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <cstdint>
 #include <limits>
 #include <optional>
+#include <string>
 #include <string_view>
 
 #include "io/scalar.hpp"
@@ -17,9 +19,18 @@ namespace pointfair::io {
 /// What the numbers of a column have in common, and so the narrowest type that holds them without losing a digit.
 struct Narrowest {
   bool numbers = true, integers = true, fits_float = true;
+  bool filled = false;  ///< some word is not empty
+  bool fits_int64 = true, fits_uint64 = true;
   double low = 0, high = 0;
 
-  void see(std::string_view word) {
+  /// `decimal`: what stands before the decimals.
+  void see(std::string_view word, char decimal = '.') {
+    filled = filled || !word.empty();
+    if (decimal != '.' && word.find(decimal) != std::string_view::npos) {
+      std::string plain(word);
+      std::replace(plain.begin(), plain.end(), decimal, '.');
+      return see(plain);
+    }
     const std::optional<double> value = to_number(word);
     if (!value) {
       numbers = numbers && word.empty();
@@ -31,6 +42,7 @@ struct Narrowest {
     low = std::min(low, *value);
     high = std::max(high, *value);
     if (!std::isfinite(*value)) return;
+    if (integers && std::abs(*value) > kExactIntegers) see_digits(word);
     // A float suffices if, printed with as many decimals, it gives the same word.
     const double error = std::abs(static_cast<double>(static_cast<float>(*value)) - *value);
     fits_float = fits_float && (error == 0 || (decimals >= 0 && error < 0.5 * std::pow(10.0, -decimals)) ||
@@ -40,6 +52,9 @@ struct Narrowest {
     numbers = numbers && other.numbers;
     integers = integers && other.integers;
     fits_float = fits_float && other.fits_float;
+    filled = filled || other.filled;
+    fits_int64 = fits_int64 && other.fits_int64;
+    fits_uint64 = fits_uint64 && other.fits_uint64;
     low = std::min(low, other.low);
     high = std::max(high, other.high);
   }
@@ -47,7 +62,20 @@ struct Narrowest {
     if (integers && low >= 0 && high <= 255) return NativeType::uint8;
     if (integers && low >= std::numeric_limits<std::int32_t>::min() && high <= std::numeric_limits<std::int32_t>::max())
       return NativeType::int32;
+    if (integers && std::max(-low, high) > kExactIntegers && fits_int64) return NativeType::int64;
+    if (integers && high > kExactIntegers && low >= 0 && fits_uint64) return NativeType::uint64;
     return fits_float ? NativeType::float32 : NativeType::float64;
+  }
+
+ private:
+  static constexpr double kExactIntegers = 9007199254740992.0;  // 2^53, beyond which doubles leave some out
+
+  void see_digits(std::string_view word) {
+    if (word.starts_with('+')) word.remove_prefix(1);
+    std::int64_t with_sign = 0;
+    std::uint64_t without = 0;
+    fits_int64 = fits_int64 && std::from_chars(word.data(), word.data() + word.size(), with_sign).ec == std::errc();
+    fits_uint64 = fits_uint64 && std::from_chars(word.data(), word.data() + word.size(), without).ec == std::errc();
   }
 };
 

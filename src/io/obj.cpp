@@ -1,50 +1,86 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reading and writing Wavefront OBJ: the "v" lines are the points; every other line is kept.
-#include <charconv>
+#include <algorithm>
+#include <atomic>
+#include <mutex>
 
+#include "io/colors.hpp"
 #include "io/formats.hpp"
+#include "io/obj_parts.hpp"
+#include "io/parallel.hpp"
 #include "io/text_source.hpp"
 
 namespace pointfair::io {
 namespace {
 
+constexpr const char* kNormals[] = {"nx", "ny", "nz"};
+
 class ObjSource : public TextSource {
  public:
   using TextSource::TextSource;
 
-  Faces faces() const override {
-    Faces faces;
-    std::string_view rest = bytes(), line;
-    std::uint64_t seen = 0;
-    while (next_line(rest, line)) {
-      if (is_row(line, RowRule::vertices)) {
-        ++seen;
-        continue;
-      }
-      std::string_view words = line, word;
-      if (!next_word(words, word) || word != "f") continue;
-      while (next_word(words, word)) faces.corners.push_back(corner(word, seen, line));
-      faces.ends.push_back(faces.corners.size());
+  Faces faces() const override { return parts().faces; }
+
+  std::vector<Column> columns() const override {
+    std::vector<Column> columns = TextSource::columns();
+    own_columns_ = columns.size();
+    if (!point_normals().empty()) {
+      for (const char* name : kNormals) columns.push_back({name, NativeType::float32, 1});
     }
-    return faces;
+    return columns;
+  }
+
+  void extract_block(std::size_t index, std::size_t block, std::span<char> out) const override {
+    if (index < own_columns_) return TextSource::extract_block(index, block, out);
+    const std::size_t first = static_cast<std::size_t>(block_begin(block));
+    for (std::size_t i = 0; i < block_size(block); ++i) {
+      const float value = point_normals()[first + i][index - own_columns_];
+      std::copy_n(reinterpret_cast<const char*>(&value), sizeof value, out.data() + i * sizeof value);
+    }
+  }
+
+  std::string why_fixed(std::size_t column) const override {
+    if (column < own_columns_) return {};
+    return "OBJ files have normals on lines of their own, which are not renewed; choose PLY, or leave them as they are";
+  }
+
+  std::vector<Content> contents() const override {
+    std::vector<Content> result = TextSource::contents();
+    const ObjParts& all = parts();
+    result.insert(result.end(), all.contents.begin(), all.contents.end());
+    if (all.normals > 0 && point_normals().empty())
+      result.push_back({ContentKind::corner_normals, counted(all.normals, "normal") + " of corners of faces"});
+    return result;
   }
 
  protected:
-  std::string header(const AddedAttributes&) const override { return {}; }
+  std::string header(const AddedAttributes&) const override { return std::string(bytes().substr(0, layout().begin)); }
 
  private:
-  // "7", "7/1", "7//3", and "-1" for the last point so far.
-  std::uint32_t corner(std::string_view word, std::uint64_t seen, std::string_view line) const {
-    std::int64_t number = 0;
-    const auto [stop, error] = std::from_chars(word.data(), word.data() + word.size(), number);
-    const bool whole = error == std::errc() && (stop == word.data() + word.size() || *stop == '/');
-    if (number < 0) number += static_cast<std::int64_t>(seen) + 1;
-    if (!whole || number < 1 || static_cast<std::uint64_t>(number) > layout().count) {
-      fail(name(), "line " + std::to_string(line_number(bytes(), line.data())) + ": " + quoted(word) +
-                       " is no point of the file; repair the line");
-    }
-    return static_cast<std::uint32_t>(number - 1);
+  const ObjParts& parts() const {
+    std::call_once(parsed_, [this] {
+      parts_ = parse_obj_parts(bytes().substr(layout().begin), bytes(), layout().shape, layout().count, name());
+    });
+    return parts_;
   }
+
+  // Files without normals are not parsed for them.
+  const std::vector<std::array<float, 3>>& point_normals() const {
+    static const std::vector<std::array<float, 3>> kNone;
+    std::call_once(looked_, [this] {
+      std::atomic<bool> found{false};
+      for_each_block(block_count(), [&](std::size_t block) {
+        if (!found && has_obj_normals(block_text(block), layout().shape)) found = true;
+      });
+      has_normals_ = found;
+    });
+    return has_normals_ ? parts().point_normals : kNone;
+  }
+
+  mutable std::once_flag parsed_, looked_;
+  mutable ObjParts parts_;
+  mutable bool has_normals_ = false;
+  mutable std::size_t own_columns_ = 0;
 };
 
 }  // namespace
@@ -52,35 +88,55 @@ class ObjSource : public TextSource {
 std::shared_ptr<Source> read_obj(FileBytes bytes, const std::string& name) {
   const std::string_view text = bytes.view();
   TextLayout layout;
-  layout.rule = RowRule::vertices;
-  layout.rows = find_rows(text, layout.rule);
+  layout.begin = byte_order_mark(text);
+  layout.shape = {RowRule::vertices, line_end_of(text), 0};
+  const std::string_view body = text.substr(layout.begin);
+  layout.rows = find_rows(body, layout.shape);
   layout.count = layout.rows.count();
   layout.extendable = false;
   if (layout.count == 0) fail(name, "has no points: no line begins with 'v'; choose another file");
   layout.columns = {ColumnKind::other, ColumnKind::x, ColumnKind::y, ColumnKind::z};
-  const std::string_view first = text.substr(begin_of_row(text, layout.rows, layout.rule, 0));
-  const std::size_t words = words_of(first.substr(0, first.find('\n'))).size();
-  if (words == 7 || words == 8) {
+  std::string_view rest = body.substr(begin_of_row(body, layout.rows, layout.shape, 0)), first;
+  next_row(rest, first, layout.shape);
+  if (words_of(first).size() == 5) {
+    layout.attributes.push_back({{"w", NativeType::float32, 1}, 4, true, true});
+  } else {  // some points may have no colour
     constexpr const char* kNames[] = {"red", "green", "blue", "alpha"};
-    for (std::size_t c = 4; c < words; ++c)
-      layout.attributes.push_back({{kNames[c - 4], NativeType::float32, 1}, c, true});
+    for (std::size_t c = 0; c < 4; ++c)
+      layout.attributes.push_back({{kNames[c], NativeType::float32, 1}, 4 + c, true, true});
   }
   return std::make_shared<ObjSource>(std::move(bytes), name, Format::obj, std::move(layout));
 }
 
 void write_obj(Table table, Output& out) {
   use_ply_names(table);
-  std::vector<std::array<std::uint8_t, 3>> colors;
-  const bool colored = colors_as_bytes(table, colors);
+  const ByteColors colors = colors_as_bytes(table);
+  const auto normals = normal_columns(table);
+  const bool textured = !table.faces.texture.empty();
   write_rows(out, table.size(), [&](std::size_t i, std::string& buffer) {
     buffer += 'v';
     for (const double value : table.positions[i]) {
       buffer += ' ';
       append_as(buffer, value, native(table.coordinate_type));
     }
-    for (std::size_t c = 0; colored && c < 3; ++c) {
+    for (std::size_t c = 0; colors.has(i) && c < 3; ++c) {
       buffer += ' ';
-      append_number(buffer, static_cast<float>(colors[i][c]) / 255.0F);
+      append_number(buffer, static_cast<float>(colors.values[i][c]) / 255.0F);
+    }
+    buffer += '\n';
+  });
+  write_rows(out, table.faces.texture.size() / 2, [&](std::size_t i, std::string& buffer) {
+    buffer += "vt ";
+    append_number(buffer, table.faces.texture[2 * i]);
+    buffer += ' ';
+    append_number(buffer, table.faces.texture[2 * i + 1]);
+    buffer += '\n';
+  });
+  write_rows(out, normals.empty() ? 0 : table.size(), [&](std::size_t i, std::string& buffer) {
+    buffer += "vn";
+    for (const TableColumn* column : normals) {
+      buffer += ' ';
+      append_scalar(buffer, column->data.data() + i * column_bytes(*column), column->type);
     }
     buffer += '\n';
   });
@@ -88,7 +144,10 @@ void write_obj(Table table, Output& out) {
     buffer += 'f';
     const std::uint64_t begin = face == 0 ? 0 : table.faces.ends[face - 1];
     for (std::uint64_t c = begin; c < table.faces.ends[face]; ++c) {
-      buffer += ' ' + std::to_string(std::uint64_t{table.faces.corners[c]} + 1);
+      const std::string point = std::to_string(std::uint64_t{table.faces.corners[c]} + 1);
+      buffer += ' ' + point;
+      if (textured) buffer += '/' + std::to_string(c + 1);
+      if (!normals.empty()) buffer += (textured ? "/" : "//") + point;
     }
     buffer += '\n';
   });

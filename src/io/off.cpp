@@ -2,52 +2,96 @@
 // Reading and writing OFF (Geomview's object file format), with the vertex normals of NOFF and the colours of COFF.
 #include <algorithm>
 
+#include "io/colors.hpp"
 #include "io/formats.hpp"
 #include "io/text_source.hpp"
 
 namespace pointfair::io {
 namespace {
 
-// The lines before the first vertex.
+std::string_view without_remark(std::string_view line) { return line.substr(0, line.find('#')); }
+
+// What comes before the first vertex.
 struct OffHeader {
   bool texture = false, colors = false, normals = false;
   std::uint64_t points = 0, faces = 0;
-  std::size_t end = 0;  ///< where the first vertex's line may begin
+  std::size_t end = 0;  ///< where the first vertex may begin
+  char line_end = '\n';
+  bool faces_have_lines = false;  ///< of their own
 };
 
-std::string_view without_comment(std::string_view line) { return line.substr(0, line.find('#')); }
+// The words of a file one after the other, whatever lines they stand on; remarks are passed over.
+class OffWords {
+ public:
+  OffWords(std::string_view text, char line_end) : text_(text), rest_(text), line_end_(line_end) {}
+
+  /// The next word, empty at the end of the file.
+  std::string_view next() {
+    std::string_view word;
+    while (next_word(rest_, word)) {
+      const std::size_t remark = word.find('#');
+      if (remark == std::string_view::npos) return word;
+      skip_line(word.data() + remark);
+      if (remark > 0) return word.substr(0, remark);
+    }
+    return {};
+  }
+  /// Passes over the rest of the line on which the last word stands.
+  void skip_line() { skip_line(rest_.data()); }
+  std::size_t position() const { return text_.size() - rest_.size(); }
+
+ private:
+  void skip_line(const char* from) {
+    const std::size_t at = static_cast<std::size_t>(from - text_.data());
+    rest_ = text_.substr(std::min(text_.find(line_end_, at), text_.size()));
+  }
+
+  std::string_view text_, rest_;
+  char line_end_;
+};
 
 class HeaderReader {
  public:
-  HeaderReader(std::string_view text, const std::string& name) : text_(text), rest_(text), name_(name) {}
+  HeaderReader(std::string_view text, const std::string& name)
+      : text_(text), mark_(byte_order_mark(text)), words_(text.substr(mark_), line_end_of(text)), name_(name) {}
 
   OffHeader read() {
-    std::vector<std::string_view> words = next_words();
-    keyword(words.empty() ? std::string_view() : words[0]);
-    words.erase(words.begin());
-    if (!words.empty() && words[0] == "BINARY") fail(name_, "binary OFF is not supported; convert it to text");
-    if (words.empty()) words = next_words();
-    const auto points = words.size() >= 2 ? to_count(words[0]) : std::nullopt;
-    const auto faces = words.size() >= 2 ? to_count(words[1]) : std::nullopt;
+    header_.line_end = line_end_of(text_);
+    std::string_view word = words_.next();
+    if (!to_count(word)) {  // the keyword may be left out, and the counts may follow it without a blank
+      const std::size_t end = word.find_last_not_of("0123456789") + 1;
+      keyword(word.substr(0, end));
+      word = end < word.size() ? word.substr(end) : words_.next();
+    }
+    if (word == "BINARY") fail(name_, "binary OFF is not supported; convert it to text");
+    const auto points = to_count(word), faces = to_count(words_.next());
     if (!points || !faces) fail(name_, "the numbers of points and faces do not follow the first word");
+    take_edges();
     header_.points = *points;
     header_.faces = *faces;
-    header_.end = text_.size() - rest_.size();
+    header_.end = mark_ + words_.position();
     return header_;
   }
 
  private:
-  std::vector<std::string_view> next_words() {
-    std::string_view line;
-    while (next_line(rest_, line)) {
-      if (auto words = words_of(without_comment(line)); !words.empty()) return words;
+  // The number of edges is often left out; it stands on the line of the others, or alone on the next.
+  void take_edges() {
+    std::string_view rest = text_.substr(mark_ + words_.position()), line;
+    next_line(rest, line, header_.line_end);
+    std::size_t words = words_of(without_remark(line)).size();
+    while (words == 0 && next_line(rest, line, header_.line_end)) {
+      words = words_of(without_remark(line)).size();
+      if (words > 1) return;
     }
-    return {};
+    for (; words > 0 && words < 3; --words) words_.next();
+    line = text_.substr(mark_ + words_.position());
+    line = line.substr(0, line.find(header_.line_end));
+    if (words_of(without_remark(line)).empty()) words_.skip_line();
   }
 
   void keyword(std::string_view word) {
     const auto take = [&](std::string_view prefix) {
-      const bool there = word.starts_with(prefix) && word != "OFF";
+      const bool there = word.starts_with(prefix) && lower_case(word) != "off";
       if (there) word.remove_prefix(prefix.size());
       return there;
     };
@@ -55,10 +99,12 @@ class HeaderReader {
     header_.colors = take("C");
     header_.normals = take("N");
     if (word == "4OFF" || word == "nOFF" || word == "4nOFF") fail(name_, "only OFF files in 3 dimensions can be read");
-    if (word != "OFF") fail(name_, "does not begin with 'OFF'; is it another format?");
+    if (lower_case(word) != "off") fail(name_, "does not begin with 'OFF'; is it another format?");
   }
 
-  std::string_view text_, rest_;
+  std::string_view text_;
+  std::size_t mark_;
+  OffWords words_;
   const std::string& name_;
   OffHeader header_;
 };
@@ -68,30 +114,55 @@ class OffSource : public TextSource {
   OffSource(OffHeader header, FileBytes bytes, const std::string& name, TextLayout layout)
       : TextSource(std::move(bytes), name, Format::off, std::move(layout)), header_(header) {}
 
-  Faces faces() const override {
-    Faces faces;
-    std::string_view rest = bytes().substr(row_begin(header_.points)), line;
-    while (faces.ends.size() < header_.faces && next_line(rest, line)) {
-      if (is_row(line, layout().rule)) add_face(without_comment(line), faces);
-    }
-    return faces;
+  Faces faces() const override { return read_faces().faces; }
+  bool ends_with_faces() const { return read_faces().ends; }
+
+  std::vector<Content> contents() const override {
+    std::vector<Content> result = TextSource::contents();
+    if (read_faces().has_values) result.push_back({ContentKind::face_values, "the colours of faces"});
+    return result;
   }
 
  protected:
   std::string header(const AddedAttributes&) const override { return std::string(bytes().substr(0, layout().begin)); }
 
  private:
-  void add_face(std::string_view line, Faces& faces) const {
-    std::string_view word;
-    const auto corners = next_word(line, word) ? to_count(word) : std::nullopt;
+  struct ReadFaces {
+    Faces faces;
+    bool has_values = false;  // behind the corners
+    bool ends = false;        // and nothing follows them
+  };
+
+  // Colours may follow the corners up to the end of the line, unless several faces share one.
+  ReadFaces read_faces() const {
+    const std::string_view text = bytes().substr(std::min(layout().end, row_begin(header_.points)));
+    OffWords words(text, header_.line_end);
+    ReadFaces result;
+    while (result.faces.ends.size() < header_.faces) {
+      add_face(words, result.faces);
+      if (!header_.faces_have_lines) continue;
+      const std::string_view line = text.substr(words.position());
+      const std::size_t more = line.find_first_not_of(" \t");
+      result.has_values =
+          result.has_values || (more < line.size() && line[more] != '\r' && line[more] != '\n' && line[more] != '#');
+      words.skip_line();
+    }
+    result.ends = words.next().empty();
+    return result;
+  }
+
+  void add_face(OffWords& words, Faces& faces) const {
+    const std::string_view first = words.next();
+    const auto corners = to_count(first);
     bool sound = corners.has_value();
     for (std::uint64_t c = 0; sound && c < *corners; ++c) {
-      const auto corner = next_word(line, word) ? to_count(word) : std::nullopt;
+      const auto corner = to_count(words.next());
       sound = corner && *corner < header_.points;
       if (sound) faces.corners.push_back(static_cast<std::uint32_t>(*corner));
     }
     if (!sound) {
-      fail(name(), "line " + std::to_string(line_number(bytes(), line.data())) +
+      const char* const at = first.empty() ? bytes().data() + bytes().size() : first.data();
+      fail(name(), "line " + std::to_string(line_number(bytes(), at)) +
                        ": a face needs a count and so many points of the file; repair the line");
     }
     faces.ends.push_back(faces.corners.size());
@@ -100,56 +171,109 @@ class OffSource : public TextSource {
   OffHeader header_;
 };
 
-TextLayout make_layout(const OffHeader& header, std::string_view text) {
+// The columns behind the coordinates: normals, colours, texture coordinates. Many write colours without saying so.
+std::vector<std::string> names_of_columns(const OffHeader& header, std::size_t words) {
+  std::vector<std::string> names;
+  if (header.normals) names = {"nx", "ny", "nz"};
+  const std::size_t behind = 3 + names.size() + (header.texture ? 2 : 0);
+  std::size_t others = words > behind ? words - behind : 0;
+  if (header.colors || others == 3 || others == 4) {
+    for (const char* channel : {"red", "green", "blue", "alpha"}) {
+      if (others == 0) break;
+      names.emplace_back(channel);
+      --others;
+    }
+  }
+  if (header.texture) names.insert(names.end(), {"s", "t"});
+  for (; others > 0; --others) names.push_back("column_" + std::to_string(names.size() + 4));
+  return names;
+}
+
+// Whether each vertex has a line of its own, to judge by the first ones.
+bool has_lines_of_vertices(const OffHeader& header, const TextLayout& layout, std::string_view text) {
+  constexpr int kLooked = 100;
+  if (layout.rows.count() < header.points) return false;
+  std::string_view rest = text, line;
+  std::uint64_t row = 0;
+  while (row < std::min<std::uint64_t>(kLooked, header.points) && next_row(rest, line, layout.shape)) {
+    if (!is_row(line, layout.shape.rule)) continue;
+    if (words_of(without_remark(line)).size() < 3) return false;
+    ++row;
+  }
+  return true;
+}
+
+std::string_view first_row(std::string_view text, const TextLayout& layout) {
+  std::string_view rest = text.substr(begin_of_row(text, layout.rows, layout.shape, 0)), line;
+  next_row(rest, line, layout.shape);
+  return without_remark(line);
+}
+
+std::uint64_t count_words(std::string_view text) {
+  std::uint64_t count = 0;
+  for (std::string_view word; next_word(text, word);) ++count;
+  return count;
+}
+
+// Vertices that do not keep to lines.
+void use_words(const OffHeader& header, std::string_view text, const std::string& name, TextLayout& layout) {
+  if (header.colors)
+    fail(name, "its vertices do not stand on lines of their own, so their colours cannot be told apart");
+  layout.shape = {RowRule::words, header.line_end, 3U + (header.normals ? 3U : 0U) + (header.texture ? 2U : 0U)};
+  const std::uint64_t words = count_words(text), points = words / layout.shape.words;
+  if (points < header.points) {
+    fail(name, "header promises " + std::to_string(header.points) + " points, file ends after " +
+                   std::to_string(points) + "; copy the file again or correct the header");
+  }
+  if (text.find('#') != std::string_view::npos)
+    fail(name, "has remarks among vertices that do not stand on lines of their own; remove them");
+  layout.rows = find_rows(text, layout.shape);
+}
+
+TextLayout make_layout(OffHeader& header, std::string_view text, const std::string& name) {
   TextLayout layout;
   layout.begin = header.end;
-  layout.rule = RowRule::uncommented;
-  layout.rows = find_rows(text.substr(header.end), layout.rule);
+  layout.shape = {RowRule::uncommented, header.line_end, 0};
   layout.count = header.points;
   layout.extendable = false;
   layout.columns = {ColumnKind::x, ColumnKind::y, ColumnKind::z};
-
-  std::vector<std::string> names;
-  if (header.normals) names = {"nx", "ny", "nz"};
-  if (header.colors) names.insert(names.end(), {"red", "green", "blue", "alpha"});
-  const std::string_view first =
-      text.substr(header.end + begin_of_row(text.substr(header.end), layout.rows, layout.rule, 0));
-  const std::size_t words = words_of(without_comment(first.substr(0, first.find('\n')))).size();
-  const std::size_t texture = header.texture ? 2 : 0;
-  for (std::size_t i = 0; i < names.size() && 3 + i + texture < words; ++i) {
-    layout.attributes.push_back({{names[i], NativeType::float64, 1}, 3 + i, false});
+  const std::string_view body = text.substr(header.end);
+  layout.rows = find_rows(body, layout.shape);
+  const bool lines = has_lines_of_vertices(header, layout, body);
+  std::size_t words = lines ? words_of(first_row(body, layout)).size() : 0;
+  header.faces_have_lines = lines && layout.rows.count() - header.points == header.faces;
+  if (lines && words < 6 && layout.rows.count() == header.points && header.faces > 0) {
+    fail(name, "header promises " + std::to_string(header.points) + " points and " + std::to_string(header.faces) +
+                   " faces, file holds 0 lines of faces; correct the header");
   }
+  if (!header.faces_have_lines && (!lines || words >= 6)) {
+    use_words(header, body, name, layout);
+    words = layout.shape.words;
+  }
+  const std::vector<std::string> names = names_of_columns(header, words);
+  for (std::size_t i = 0; i < names.size() && 3 + i < words; ++i)
+    layout.attributes.push_back({{names[i], NativeType::float64, 1}, 3 + i, false});
   return layout;
-}
-
-std::vector<const TableColumn*> normal_columns(const Table& table) {
-  std::vector<const TableColumn*> columns = {table.find("nx"), table.find("ny"), table.find("nz")};
-  if (std::find(columns.begin(), columns.end(), nullptr) != columns.end()) columns.clear();
-  return columns;
 }
 
 }  // namespace
 
 std::shared_ptr<Source> read_off(FileBytes bytes, const std::string& name) {
-  const OffHeader header = HeaderReader(bytes.view(), name).read();
+  OffHeader header = HeaderReader(bytes.view(), name).read();
   if (header.points == 0) fail(name, "has no points; choose another file");
-  TextLayout layout = make_layout(header, bytes.view());
-  const std::uint64_t rows = layout.rows.count();
-  const std::string promised = "header promises " + std::to_string(header.points) + " points";
-  if (rows < header.points) {
-    fail(name, promised + ", file ends after " + std::to_string(rows) + "; copy the file again or correct the header");
+  TextLayout layout = make_layout(header, bytes.view(), name);
+  const auto source = std::make_shared<OffSource>(header, std::move(bytes), name, std::move(layout));
+  if (!header.faces_have_lines && !source->ends_with_faces()) {
+    fail(name, "header promises " + std::to_string(header.points) + " points and " + std::to_string(header.faces) +
+                   " faces, file holds more lines; correct the header");
   }
-  if (rows - header.points != header.faces) {
-    fail(name, promised + " and " + std::to_string(header.faces) + " faces, file holds " +
-                   std::to_string(rows - header.points) + " lines of faces; correct the header");
-  }
-  return std::make_shared<OffSource>(header, std::move(bytes), name, std::move(layout));
+  return source;
 }
 
 void write_off(Table table, Output& out) {
   use_ply_names(table);
-  std::vector<std::array<std::uint8_t, 3>> colors;
-  const bool colored = colors_as_bytes(table, colors);
+  const ByteColors colors = colors_as_bytes(table);
+  const bool colored = !colors.values.empty();
   const auto normals = normal_columns(table);
   out.write(std::string(colored ? "C" : "") + (normals.empty() ? "OFF\n" : "NOFF\n") + std::to_string(table.size()) +
             " " + std::to_string(table.faces.ends.size()) + " 0\n");
@@ -163,7 +287,7 @@ void write_off(Table table, Output& out) {
       buffer += ' ';
     }
     if (colored) {
-      for (const std::uint8_t channel : colors[i]) buffer += std::to_string(channel) + ' ';
+      for (const std::uint8_t channel : colors.values[i]) buffer += std::to_string(channel) + ' ';
       buffer += "255 ";
     }
     buffer.back() = '\n';

@@ -5,6 +5,7 @@
 #include <cstring>
 #include <limits>
 
+#include "io/colors.hpp"
 #include "io/column_names.hpp"
 #include "io/formats.hpp"
 #include "io/lzf.hpp"
@@ -96,6 +97,22 @@ class PcdSource : public Base {
     return place == Position{} ? std::nullopt : std::optional(place);
   }
 
+  std::vector<Content> contents() const override {
+    std::vector<Content> result = Base::contents();
+    if (header_.height > 1)
+      result.push_back({ContentKind::grid, "the grid of " + std::to_string(header_.width) + " x " +
+                                               std::to_string(header_.height) + " points"});
+    if (header_.viewpoint != PcdHeader().viewpoint) result.push_back({ContentKind::poses, "the place of the sensor"});
+    if (header_.others > 0)
+      result.push_back({ContentKind::comments, io::counted(header_.others, "line") + " of the header"});
+    return result;
+  }
+  std::vector<std::string> losses(Encoding to) const override {
+    if (to == this->encoding() || header_.others == 0) return {};
+    return {"in another encoding PCD files get a new header, without " + io::counted(header_.others, "line") +
+            " of comments or of other programs"};
+  }
+
   void write(const Edits& edits, Encoding encoding, Output& out) const override {
     if (encoding != this->encoding()) return write_as(edits.cloud, encoding, out);
     if constexpr (std::is_same_v<Base, RecordSource>) {
@@ -165,8 +182,8 @@ class PcdSource : public Base {
 std::shared_ptr<Source> read_ascii(FileBytes bytes, PcdHeader header, const std::string& name) {
   TextLayout layout;
   layout.begin = header.text.size();
-  layout.rule = RowRule::uncommented;
-  layout.rows = find_rows(bytes.view().substr(layout.begin), layout.rule);
+  layout.shape = {RowRule::uncommented, header.line_end, 0};
+  layout.rows = find_rows(bytes.view().substr(layout.begin), layout.shape);
   layout.count = header.points();
   layout.exact = true;
   if (const std::uint64_t found = layout.rows.count(); found != layout.count) {
@@ -261,8 +278,8 @@ std::shared_ptr<Source> read_packed(FileBytes bytes, PcdHeader header, const std
 
 // red, green, blue as PCL has them: in the bytes of one number called rgb.
 void pack_colors(Table& table) {
-  std::vector<std::array<std::uint8_t, 3>> colors;
-  if (!colors_as_bytes(table, colors)) return;
+  const std::vector<std::array<std::uint8_t, 3>> colors = colors_as_bytes(table).values;
+  if (colors.empty()) return;
   TableColumn packed;
   static_cast<Column&>(packed) = {"rgb", NativeType::float32, 1};
   packed.data.resize(4 * colors.size());

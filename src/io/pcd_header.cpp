@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "io/column_names.hpp"
+#include "io/coordinate_names.hpp"
 #include "io/file_bytes.hpp"
 #include "io/text.hpp"
 
@@ -29,6 +30,14 @@ std::optional<NativeType> type_of(std::string_view letter, std::string_view size
   return std::nullopt;
 }
 
+std::string upper_case(std::string_view word) {
+  std::string upper(word);
+  for (char& c : upper) {
+    if (c >= 'a' && c <= 'z') c = static_cast<char>(c - 'a' + 'A');
+  }
+  return upper;
+}
+
 std::string_view encoding_name(Encoding encoding) {
   if (encoding == Encoding::ascii) return "ascii";
   return encoding == Encoding::binary ? "binary" : "binary_compressed";
@@ -36,15 +45,22 @@ std::string_view encoding_name(Encoding encoding) {
 
 class HeaderParser {
  public:
-  HeaderParser(std::string_view file, const std::string& name) : file_(file), rest_(file), name_(name) {}
+  HeaderParser(std::string_view file, const std::string& name)
+      : file_(file), rest_(file.substr(byte_order_mark(file))), name_(name) {
+    header_.line_end = line_end_of(rest_);
+  }
 
   PcdHeader parse() {
     std::string_view line;
-    while (rest_.find('\n') != std::string_view::npos && next_line(rest_, line)) {
+    while (rest_.find(header_.line_end) != std::string_view::npos && next_line(rest_, line, header_.line_end)) {
       ++line_;
       Words words = words_of(line);
-      if (words.empty() || words[0].starts_with('#')) continue;
-      const std::string_view key = words[0];
+      if (words.empty()) continue;
+      if (words[0].starts_with('#')) {
+        header_.others += words.size() < 2 || words[1] != ".PCD";
+        continue;
+      }
+      const std::string key = upper_case(words[0]);
       const std::size_t end = static_cast<std::size_t>(words.back().data() + words.back().size() - file_.data());
       words.erase(words.begin());
       if (take(key, words, end)) {
@@ -95,14 +111,14 @@ class HeaderParser {
     } else if (key == "DATA") {
       return take_encoding(words);
     } else if (key != "VERSION") {
-      fail_here("unexpected " + quoted(key) + " in the header");
+      ++header_.others;  // some programs write lines of their own, as FRAME_ID
     }
     return false;
   }
 
   bool take_encoding(const Words& words) {
     for (const Encoding encoding : {Encoding::ascii, Encoding::binary, Encoding::binary_compressed}) {
-      if (words != Words{encoding_name(encoding)}) continue;
+      if (words.size() != 1 || lower_case(words[0]) != encoding_name(encoding)) continue;
       header_.encoding = encoding;
       return true;
     }
@@ -136,8 +152,12 @@ class HeaderParser {
   void find_xyz() {
     for (std::size_t axis = 0; axis < 3; ++axis) {
       const std::string wanted(1, static_cast<char>('x' + axis));
-      const auto found = std::find(names_.begin(), names_.end(), wanted);
-      if (found == names_.end()) fail(name_, "there is no field '" + wanted + "'; name the coordinates x, y, z");
+      auto found = std::find(names_.begin(), names_.end(), wanted);
+      if (found == names_.end()) found = std::find(names_.begin(), names_.end(), upper_case(wanted));
+      if (found == names_.end()) {
+        fail(name_, "there is no field '" + wanted + "', there are " + listed({names_.begin(), names_.end()}) +
+                        "; name the coordinates x, y, z");
+      }
       header_.xyz[axis] = static_cast<std::size_t>(found - names_.begin());
       if (header_.fields[header_.xyz[axis]].components != 1) {
         fail(name_, "the field '" + wanted + "' is a list; a coordinate must be one number");

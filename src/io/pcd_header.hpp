@@ -17,6 +17,8 @@ struct PcdHeader {
   std::vector<Column> fields;
   std::array<std::size_t, 3> xyz{};  ///< which fields are the coordinates
   std::uint64_t width = 0, height = 1;
+  char line_end = '\n';
+  std::uint64_t others = 0;  ///< lines that are comments, or that PCD does not know
   std::string viewpoint = "0 0 0 1 0 0 0";
   std::string text;  ///< the header itself, up to and including the line end of DATA
   // Where `text` takes further fields: the ends of these lines; 0 for COUNT where there is none.

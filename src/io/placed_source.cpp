@@ -90,10 +90,10 @@ bool PlacedSource::holds_its_positions() const {
   return file_->coordinate_type() != ScalarType::float32 || type_ == ScalarType::float32 || origin() == Position{};
 }
 
-std::vector<std::string> PlacedSource::losses(Format to) const {
+std::vector<std::string> PlacedSource::losses(Encoding to) const {
   std::vector<std::string> result = file_ ? file_->losses(to) : std::vector<std::string>{};
   const bool is_of_memory = name().empty();
-  if (file_ && !is_of_memory && to == format() && !holds_its_positions())
+  if (file_ && !is_of_memory && !holds_its_positions())
     result.push_back(
         "the coordinates of the file are 32-bit floats, which would round the positions that were given: "
         "the file is written anew, in double, with its attributes and faces and without its comments");

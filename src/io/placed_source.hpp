@@ -27,7 +27,9 @@ class PlacedSource final : public Source {
   void check_las_scale(double scale) const override { file_->check_las_scale(scale); }
   std::optional<Position> sensor(std::size_t block) const override;
   FileInfo info() const override { return file_ ? file_->info() : FileInfo{}; }
-  std::vector<std::string> losses(Format to) const override;
+  std::vector<std::string> losses(Encoding to) const override;
+  std::vector<Content> contents() const override { return file_ ? file_->contents() : std::vector<Content>{}; }
+  std::string why_fixed(std::size_t column) const override { return file_ ? file_->why_fixed(column) : std::string(); }
   std::vector<std::string> companions() const override;
 
   const std::shared_ptr<const Source>& file() const { return file_; }

@@ -6,20 +6,13 @@
 #include "io/formats.hpp"
 #include "io/parallel.hpp"
 #include "io/ply_body.hpp"
+#include "io/ply_faces.hpp"
 #include "io/ply_header.hpp"
 #include "io/record_source.hpp"
 #include "io/text_source.hpp"
 
 namespace pointfair::io {
 namespace {
-
-// The header, and where each element's rows begin in the file, with the end of the last.
-struct PlyFile {
-  PlyHeader header;
-  std::vector<std::size_t> begins;
-
-  const PlyElement& vertex() const { return header.elements[header.vertex]; }
-};
 
 std::string counted(std::uint64_t count, const PlyElement& element) {
   return std::to_string(count) + (element.name == "vertex" ? " points" : " rows of '" + element.name + "'");
@@ -50,37 +43,11 @@ std::array<std::size_t, 3> find_xyz(const PlyElement& vertex, const std::string&
   return xyz;
 }
 
-Faces read_faces(const PlyFile& file, std::string_view bytes, const std::string& name) {
-  Faces faces;
-  const auto& elements = file.header.elements;
-  const auto face =
-      std::find_if(elements.begin(), elements.end(), [](const PlyElement& e) { return e.name == "face"; });
-  if (face == elements.end()) return faces;
-  std::size_t list = std::min(find_property(*face, "vertex_indices"), find_property(*face, "vertex_index"));
-  if (list == face->properties.size() || !face->properties[list].list_count) return faces;
-
-  const auto at = file.begins[static_cast<std::size_t>(face - elements.begin())];
-  PlyCursor cursor(bytes, at, file.header.encoding, name);
-  const double points = static_cast<double>(file.vertex().count);
-  for (std::uint64_t row = 0; row < face->count; ++row) {
-    cursor.begin_row();
-    for (std::size_t p = 0; p < face->properties.size(); ++p) {
-      const PlyProperty& property = face->properties[p];
-      if (p != list) {
-        cursor.skip(property);
-        continue;
-      }
-      for (std::uint64_t left = cursor.next_list_size(property); left > 0; --left) {
-        const double corner = cursor.next(property.type);
-        if (!(corner >= 0 && corner < points)) {
-          fail(name, "face " + std::to_string(row) + " names a point that is not there; repair the faces");
-        }
-        faces.corners.push_back(static_cast<std::uint32_t>(corner));
-      }
-    }
-    faces.ends.push_back(faces.corners.size());
-  }
-  return faces;
+void transcode_value(PlyCursor& cursor, NativeType type, PlyEmitter& emitter) {
+  if (size_of(type) < 8 || !is_integer(type)) return emitter.put(cursor.next(type), type);
+  char value[8];
+  cursor.next_integer(type, value);
+  emitter.put_scalar(value, type);
 }
 
 // Copies `rows` rows of an element that is not the points from one encoding to another.
@@ -93,7 +60,7 @@ void transcode_rows(PlyCursor& cursor, const PlyElement& element, std::uint64_t 
         count = cursor.next_list_size(property);
         emitter.put(static_cast<double>(count), *property.list_count);
       }
-      for (; count > 0; --count) emitter.put(cursor.next(property.type), property.type);
+      for (; count > 0; --count) transcode_value(cursor, property.type, emitter);
     }
     emitter.end_row();
   }
@@ -119,6 +86,31 @@ class PlySource : public Base {
 
   Faces faces() const override { return read_faces(file_, this->bytes(), this->name()); }
 
+  std::vector<Content> contents() const override {
+    std::vector<Content> result = Base::contents();
+    const PlyHeader& header = file_.header;
+    for (const PlyProperty& property : file_.vertex().properties)
+      if (property.list_count)
+        result.push_back({ContentKind::lists, "the lists '" + property.name + "' of the points"});
+    const std::optional<FaceList> faces = find_faces(file_);
+    for (std::size_t e = 0; e < header.elements.size(); ++e) {
+      const PlyElement& element = header.elements[e];
+      if (e == header.vertex || element.count == 0) continue;
+      if (!faces || e != faces->element) {
+        result.push_back({ContentKind::elements, io::counted(element.count, "row") + " of '" + element.name + "'"});
+        continue;
+      }
+      for (std::size_t p = 0; p < element.properties.size(); ++p) {
+        if (p != faces->property && !is_texture(element.properties[p]))
+          result.push_back({ContentKind::face_values, "'" + element.properties[p].name + "' of the faces"});
+      }
+    }
+    for (const std::string& texture : header.textures)
+      result.push_back({ContentKind::materials, "the image " + texture});
+    if (header.comments > 0) result.push_back({ContentKind::comments, io::counted(header.comments, "comment")});
+    return result;
+  }
+
   void write(const Edits& edits, Encoding encoding, Output& out) const override {
     if (encoding == this->encoding()) return Base::write(edits, encoding, out);
     out.write(ply_header_text(file_.header, encoding, edits.added));
@@ -135,9 +127,8 @@ class PlySource : public Base {
   std::string header(const AddedAttributes& added) const override {
     const auto points_begin = file_.begins[file_.header.vertex];
     std::string result = ply_header_text(file_.header, this->encoding(), added);
-    if constexpr (std::is_same_v<Base, RecordSource>) {
+    if (std::is_same_v<Base, RecordSource> || file_.wrapped)
       result += this->bytes().substr(file_.header.text.size(), points_begin - file_.header.text.size());
-    }
     return result;
   }
 
@@ -152,10 +143,10 @@ class PlySource : public Base {
  private:
   void transcode_element(std::size_t e, Encoding encoding, Output& out) const {
     constexpr std::uint64_t kRows = 65536;
-    PlyCursor cursor(this->bytes(), file_.begins[e], this->encoding(), this->name());
+    PlyCursor cursor(this->bytes(), file_.begins[e], file_.header, file_.wrapped, this->name());
     for (std::uint64_t left = file_.header.elements[e].count; left > 0; left -= std::min(left, kRows)) {
       std::string buffer;
-      PlyEmitter emitter(buffer, encoding);
+      PlyEmitter emitter(buffer, encoding, file_.header.line_end);
       transcode_rows(cursor, file_.header.elements[e], std::min(left, kRows), emitter);
       out.write(buffer);
     }
@@ -166,8 +157,8 @@ class PlySource : public Base {
       const Moves moves = this->moves(block, edits);
       const std::uint64_t first = this->block_begin(block);
       if (moves.values.empty()) return;
-      PlyCursor cursor(this->bytes(), point_begin(first), this->encoding(), this->name());
-      PlyEmitter emitter(buffer, encoding);
+      PlyCursor cursor(this->bytes(), point_begin(first), file_.header, file_.wrapped, this->name());
+      PlyEmitter emitter(buffer, encoding, file_.header.line_end);
       for (std::size_t i = 0; i < moves.values.size(); ++i) {
         transcode_point(cursor, first + i, moves.values[i], edits.replaced, emitter);
         put_added(edits.added, first + i, emitter);
@@ -188,11 +179,14 @@ class PlySource : public Base {
         emitter.put(static_cast<double>(count), *property.list_count);
       }
       for (; count > 0; --count) {
-        double value = cursor.next(property.type);
-        if (const Replacement* const other = this->find_replacement(replaced, p)) value = other->value(point, 0);
-        const auto axis = std::find(xyz_.begin(), xyz_.end(), p);
-        emitter.put(axis == xyz_.end() ? value : position[static_cast<std::size_t>(axis - xyz_.begin())],
-                    property.type);
+        const auto axis = static_cast<std::size_t>(std::find(xyz_.begin(), xyz_.end(), p) - xyz_.begin());
+        const Replacement* const other = this->find_replacement(replaced, p);
+        if (axis == 3 && !other) {
+          transcode_value(cursor, property.type, emitter);
+          continue;
+        }
+        cursor.next(property.type);
+        emitter.put(axis < 3 ? position[axis] : other->value(point, 0), property.type);
       }
     }
   }
@@ -284,9 +278,12 @@ std::shared_ptr<Source> read_binary(FileBytes bytes, PlyFile file, const std::st
                                                    std::move(layout), points);
 }
 
-TextLayout text_layout(const PlyFile& file, TextRows rows, std::uint64_t first_row, const std::string& name) {
+TextLayout text_layout(const PlyFile& file, const RowShape& shape, TextRows rows, std::uint64_t first_row,
+                       const std::string& name) {
   TextLayout layout;
-  layout.begin = file.header.text.size();
+  layout.begin = file.wrapped ? file.begins[file.header.vertex] : file.header.text.size();
+  if (file.wrapped) layout.end = file.begins[file.header.vertex + 1];
+  layout.shape = shape;
   layout.rows = std::move(rows);
   layout.first_row = first_row;
   layout.count = file.vertex().count;
@@ -309,14 +306,54 @@ TextLayout text_layout(const PlyFile& file, TextRows rows, std::uint64_t first_r
   return layout;
 }
 
+// Whether the text has just the values that the header promises, whatever lines they stand on. Finds the elements.
+bool find_wrapped(std::string_view bytes, PlyFile& file, const std::string& name) {
+  const auto& properties = file.vertex().properties;
+  if (std::any_of(properties.begin(), properties.end(), [](const PlyProperty& p) { return p.list_count.has_value(); }))
+    return false;
+  PlyCursor cursor(bytes, file.header.text.size(), file.header, true, name);
+  std::vector<std::size_t> begins;
+  try {
+    cursor.begin_row();
+    for (const PlyElement& element : file.header.elements) {
+      begins.push_back(cursor.position());
+      for (std::uint64_t row = 0; row < element.count; ++row) {
+        for (const PlyProperty& property : element.properties) cursor.skip(property);
+      }
+    }
+  } catch (const Error&) {
+    return false;
+  }
+  begins.push_back(cursor.position());
+  std::string_view rest = bytes.substr(cursor.position()), word;
+  if (next_word(rest, word)) return false;
+  file.begins = std::move(begins);
+  file.wrapped = true;
+  return true;
+}
+
+std::shared_ptr<Source> read_wrapped(FileBytes bytes, PlyFile file, const std::string& name) {
+  const std::size_t begin = file.begins[file.header.vertex], end = file.begins[file.header.vertex + 1];
+  const RowShape shape{RowRule::words, file.header.line_end, file.vertex().properties.size()};
+  TextRows rows = find_rows(bytes.view().substr(begin, end - begin), shape);
+  TextLayout layout = text_layout(file, shape, std::move(rows), 0, name);
+  return std::make_shared<PlySource<TextSource>>(std::move(file), std::move(bytes), name, Format::ply,
+                                                 std::move(layout));
+}
+
 std::shared_ptr<Source> read_ascii(FileBytes bytes, PlyFile file, const std::string& name) {
   const std::size_t body = file.header.text.size();
-  TextRows rows = find_rows(bytes.view().substr(body), RowRule::filled);
+  const RowShape shape{RowRule::filled, file.header.line_end, 0};
+  TextRows rows = find_rows(bytes.view().substr(body), shape);
+  std::uint64_t expected = 0;
+  for (const PlyElement& element : file.header.elements) expected += element.properties.empty() ? 0 : element.count;
+  if (rows.count() != expected && find_wrapped(bytes.view(), file, name))
+    return read_wrapped(std::move(bytes), std::move(file), name);
   std::uint64_t row = 0, first_row = 0;
   for (std::size_t e = 0; e < file.header.elements.size(); ++e) {
     const PlyElement& element = file.header.elements[e];
     if (e == file.header.vertex) first_row = row;
-    file.begins.push_back(body + begin_of_row(bytes.view().substr(body), rows, RowRule::filled, row));
+    file.begins.push_back(body + begin_of_row(bytes.view().substr(body), rows, shape, row));
     if (element.properties.empty()) continue;
     if (element.count > rows.count() - row) fail_short(name, element, rows.count() - row);
     row += element.count;
@@ -325,7 +362,7 @@ std::shared_ptr<Source> read_ascii(FileBytes bytes, PlyFile file, const std::str
   if (row < rows.count()) {
     fail_long(name, file.header.elements.back(), std::to_string(rows.count() - row) + " more lines follow");
   }
-  TextLayout layout = text_layout(file, std::move(rows), first_row, name);
+  TextLayout layout = text_layout(file, shape, std::move(rows), first_row, name);
   return std::make_shared<PlySource<TextSource>>(std::move(file), std::move(bytes), name, Format::ply,
                                                  std::move(layout));
 }

@@ -8,10 +8,14 @@ namespace pointfair::io {
 
 void PlyCursor::begin_row() {
   if (encoding_ != Encoding::ascii) return;
+  if (wrapped_) {
+    if (line_.data() == nullptr) line_ = file_.substr(at_);
+    return;
+  }
   std::string_view rest = file_.substr(at_);
   std::string_view word, peek;
   do {
-    if (!next_line(rest, line_)) fail(name_, "the file ends inside its data; it is cut off");
+    if (!next_line(rest, line_, line_end_)) fail(name_, "the file ends inside its data; it is cut off");
     peek = line_;
   } while (!next_word(peek, word));
   at_ = file_.size() - rest.size();
@@ -21,17 +25,28 @@ void PlyCursor::need(std::size_t size) const {
   if (file_.size() - at_ < size) fail(name_, "the file ends inside its data; it is cut off");
 }
 
-double PlyCursor::next(NativeType type) {
+// Of a text.
+std::string_view PlyCursor::word() {
+  std::string_view word;
+  const char* const place = line_.data();
+  if (next_word(line_, word) && to_number(word)) return word;
+  const std::string line = "line " + std::to_string(line_number(file_, place)) + ": ";
+  fail(name_, line + (word.empty() ? "too few values" : quoted(word) + " is not a number") + "; repair the line");
+}
+
+void PlyCursor::next_integer(NativeType type, char* to) {
   if (encoding_ == Encoding::ascii) {
-    std::string_view word;
-    const char* const place = line_.data();
-    const auto value = next_word(line_, word) ? to_number(word) : std::nullopt;
-    if (!value) {
-      const std::string line = "line " + std::to_string(line_number(file_, place)) + ": ";
-      fail(name_, line + (word.empty() ? "too few values" : quoted(word) + " is not a number") + "; repair the line");
-    }
-    return *value;
+    const std::string_view digits = word();
+    if (!to_integer(digits, type, to)) store_double(to, type, false, to_number(digits).value());
+    return;
   }
+  need(size_of(type));
+  copy_scalar(to, file_.data() + at_, size_of(type), must_swap(encoding_));
+  at_ += size_of(type);
+}
+
+double PlyCursor::next(NativeType type) {
+  if (encoding_ == Encoding::ascii) return to_number(word()).value();
   need(size_of(type));
   const double value = load_double(file_.data() + at_, type, must_swap(encoding_));
   at_ += size_of(type);
@@ -58,20 +73,26 @@ void PlyCursor::skip(const PlyProperty& property) {
 }
 
 void PlyEmitter::put(double value, NativeType type) {
+  char stored[8];
+  store_double(stored, type, false, value);
+  put_scalar(stored, type);
+}
+
+void PlyEmitter::put_scalar(const char* value, NativeType type) {
   if (encoding_ == Encoding::ascii) {
     if (!first_in_row_) to_ += ' ';
     first_in_row_ = false;
-    append_as(to_, value, type);
+    append_scalar(to_, value, type);
     return;
   }
   char bytes[8];
-  store_double(bytes, type, must_swap(encoding_), value);
+  copy_scalar(bytes, value, size_of(type), must_swap(encoding_));
   to_.append(bytes, size_of(type));
 }
 
 void PlyEmitter::end_row() {
   if (encoding_ != Encoding::ascii) return;
-  to_ += '\n';
+  to_ += line_end_;
   first_in_row_ = true;
 }
 

@@ -20,12 +20,18 @@ std::optional<NativeType> type_named(std::string_view name) {
   for (std::size_t i = 0; i < kTypeNames.size(); ++i) {
     if (name == kTypeNames[i] || name == kSizedNames[i]) return static_cast<NativeType>(i);
   }
+  if (name == "bool") return NativeType::uint8;  // as several libraries of today write it
+  if (name == "int64" || name == "long") return NativeType::int64;
+  if (name == "uint64" || name == "ulong") return NativeType::uint64;
   return std::nullopt;
 }
 
 class HeaderParser {
  public:
-  HeaderParser(std::string_view file, const std::string& name) : file_(file), rest_(file), name_(name) {}
+  HeaderParser(std::string_view file, const std::string& name)
+      : file_(file), rest_(file.substr(byte_order_mark(file))), name_(name) {
+    header_.line_end = line_end_of(rest_);
+  }
 
   PlyHeader parse() {
     std::string_view line;
@@ -35,7 +41,11 @@ class HeaderParser {
     bool format_seen = false;
     while (take(line)) {
       const auto words = words_of(line);
-      if (words.empty() || words[0] == "comment" || words[0] == "obj_info") continue;
+      if (words.empty()) continue;
+      if (words[0] == "comment" || words[0] == "obj_info") {
+        comment(words);
+        continue;
+      }
       if (words[0] == "end_header") return finish(format_seen);
       if (words[0] == "format" && !format_seen) {
         format(words);
@@ -53,9 +63,9 @@ class HeaderParser {
 
  private:
   bool take(std::string_view& line) {
-    if (rest_.find('\n') == std::string_view::npos) return false;
+    if (rest_.find(header_.line_end) == std::string_view::npos) return false;
     ++line_;
-    return next_line(rest_, line);
+    return next_line(rest_, line, header_.line_end);
   }
 
   [[noreturn]] void fail_here(const std::string& message) const {
@@ -63,6 +73,15 @@ class HeaderParser {
   }
 
   std::size_t position() const { return file_.size() - rest_.size(); }
+
+  void comment(const std::vector<std::string_view>& words) {
+    if (words.size() == 1) return;
+    if (words.size() > 2 && words[1] == "TextureFile") {
+      header_.textures.emplace_back(words[2]);
+    } else {
+      ++header_.comments;
+    }
+  }
 
   void format(const std::vector<std::string_view>& words) {
     for (const Encoding encoding : {Encoding::ascii, Encoding::binary, Encoding::binary_big_endian}) {
@@ -88,7 +107,9 @@ class HeaderParser {
     const auto type = words.size() >= 3 ? type_named(words[words.size() - 2]) : std::nullopt;
     const auto count_type = list ? type_named(words[2]) : std::nullopt;
     if (!type || (words.size() != 3 && !count_type) || (count_type && !is_integer(*count_type))) {
-      fail_here("expected 'property TYPE NAME' or 'property list TYPE TYPE NAME' with the types of PLY");
+      const bool shaped = words.size() == 3 || list;
+      fail_here("expected 'property TYPE NAME' or 'property list TYPE TYPE NAME' with the types of PLY" +
+                (shaped && !type ? ", not " + quoted(words[words.size() - 2]) : std::string()));
     }
     element.properties.push_back({std::string(words.back()), *type, count_type});
     if (element.name == "vertex") header_.properties_end = position();
@@ -146,21 +167,22 @@ std::string ply_property_lines(const std::vector<AttributeInfo>& attributes, std
 
 std::string ply_header_text(const PlyHeader& header, Encoding encoding, const AddedAttributes& added) {
   const std::string_view text = header.text;
-  const bool crlf = text.ends_with("\r\n");
+  const std::string_view line_end = text.ends_with("\r\n") ? "\r\n" : text.ends_with('\r') ? "\r" : "\n";
   const std::size_t encoding_end = header.encoding_at + ply_encoding_name(header.encoding).size();
   std::string result(text.substr(0, header.encoding_at));
   result += ply_encoding_name(encoding);
   result += text.substr(encoding_end, header.properties_end - encoding_end);
   std::vector<AttributeInfo> declared;
   for (const Attribute* attribute : added) declared.push_back(*attribute);
-  result += ply_property_lines(declared, crlf ? "\r\n" : "\n");
+  result += ply_property_lines(declared, line_end);
   result += text.substr(header.properties_end);
   return result;
 }
 
 std::size_t find_property(const PlyElement& element, std::string_view name) {
-  const auto found = std::find_if(element.properties.begin(), element.properties.end(),
-                                  [&](const PlyProperty& p) { return p.name == name; });
+  const auto begin = element.properties.begin(), end = element.properties.end();
+  auto found = std::find_if(begin, end, [&](const PlyProperty& p) { return p.name == name; });
+  if (found == end) found = std::find_if(begin, end, [&](const PlyProperty& p) { return lower_case(p.name) == name; });
   return static_cast<std::size_t>(found - element.properties.begin());
 }
 

@@ -28,10 +28,13 @@ struct PlyElement {
 struct PlyHeader {
   Encoding encoding = Encoding::ascii;
   std::vector<PlyElement> elements;
-  std::string text;                ///< the header itself, up to and including its last line end
-  std::size_t vertex = 0;          ///< which element the points are
-  std::size_t encoding_at = 0;     ///< where `text` names the encoding
-  std::size_t properties_end = 0;  ///< where `text` takes further properties of the points
+  std::string text;  ///< the header itself, up to and including its last line end
+  char line_end = '\n';
+  std::uint64_t comments = 0;         ///< lines of them
+  std::vector<std::string> textures;  ///< images that a comment names
+  std::size_t vertex = 0;             ///< which element the points are
+  std::size_t encoding_at = 0;        ///< where `text` names the encoding
+  std::size_t properties_end = 0;     ///< where `text` takes further properties of the points
 };
 
 /// Reads the header at the front of `file`. Throws Error(file) in the name of `name`.
@@ -46,7 +49,7 @@ std::string ply_property_lines(const std::vector<AttributeInfo>& attributes, std
 /// The header's text for another encoding, with further properties of the points.
 std::string ply_header_text(const PlyHeader& header, Encoding encoding, const AddedAttributes& added);
 
-/// Which property of an element is called so; the number of properties if none is.
+/// Which property of an element is called so, in small letters or others; the number of properties if none is.
 std::size_t find_property(const PlyElement& element, std::string_view name);
 
 /// Bytes of a record in binary; nothing if it has a list.

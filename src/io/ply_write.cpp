@@ -19,7 +19,8 @@ struct FaceTypes {
 FaceTypes face_types(const Table& table) {
   std::uint64_t begin = 0, longest = 0;
   for (const std::uint64_t end : table.faces.ends) longest = std::max(longest, end - std::exchange(begin, end));
-  if (longest < 256 && table.size() < (std::uint64_t{1} << 31)) return {};
+  const std::uint64_t most = table.faces.texture.empty() ? 255 : 255 / 2;
+  if (longest <= most && table.size() < (std::uint64_t{1} << 31)) return {};
   return {NativeType::uint32, NativeType::uint32};
 }
 
@@ -33,6 +34,9 @@ std::string new_header(const Table& table, Encoding encoding) {
     header += "element face " + std::to_string(table.faces.ends.size()) + "\n";
     header += face_types(table).count == NativeType::uint8 ? "property list uchar int" : "property list uint uint";
     header += " vertex_indices\n";
+    if (!table.faces.texture.empty())
+      header += face_types(table).count == NativeType::uint8 ? "property list uchar float texcoord\n"
+                                                             : "property list uint float texcoord\n";
   }
   return header + "end_header\n";
 }
@@ -57,6 +61,10 @@ void write_ply(Table table, Encoding encoding, Output& out) {
     PlyEmitter emitter(buffer, encoding);
     emitter.put(static_cast<double>(end - begin), types.count);
     for (std::uint64_t c = begin; c < end; ++c) emitter.put(table.faces.corners[c], types.corner);
+    if (!table.faces.texture.empty()) {
+      emitter.put(static_cast<double>(2 * (end - begin)), types.count);
+      for (std::uint64_t t = 2 * begin; t < 2 * end; ++t) emitter.put(table.faces.texture[t], NativeType::float32);
+    }
     emitter.end_row();
   });
 }

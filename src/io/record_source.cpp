@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "io/coordinate_names.hpp"
 #include "io/parallel.hpp"
 
 namespace pointfair::io {
@@ -41,6 +42,10 @@ RecordSource::RecordSource(FileBytes bytes, std::string name, Format format, Enc
     const bool coordinate = std::find(layout_.xyz.begin(), layout_.xyz.end(), f) != layout_.xyz.end();
     if (!coordinate && !layout_.fields[f].padding && !layout_.fields[f].list_count) shown_.push_back(f);
   }
+  std::vector<std::string> names = {"x", "y", "z"};
+  for (const std::size_t f : shown_) names.push_back(layout_.fields[f].name);
+  make_distinct(names);
+  for (std::size_t a = 0; a < shown_.size(); ++a) layout_.fields[shown_[a]].name = names[3 + a];
 }
 
 std::size_t RecordSource::block_count() const {

@@ -133,7 +133,8 @@ Moves Source::moves(std::uint64_t first, std::vector<Position> own, const io::Ed
       double& value = result.values[i][axis];
       const float before = to_offset(value, of_moved[axis]);
       const double shift = cloud.origin[axis] - origin_[axis];
-      if (shift == 0 && same_bits(before, now[axis])) continue;
+      // -0 is 0, and stays as the file has it
+      if (shift == 0 && (same_bits(before, now[axis]) || before == now[axis])) continue;
       value = io::moved_value(value, before, now[axis], origin[axis], shift);
       result.changed[i] |= static_cast<std::uint8_t>(1U << axis);
     }

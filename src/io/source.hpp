@@ -11,6 +11,7 @@
 #include <string_view>
 #include <vector>
 
+#include "io/contents.hpp"
 #include "io/edits.hpp"
 #include "io/file_bytes.hpp"
 #include "io/origin_sample.hpp"
@@ -43,6 +44,7 @@ inline std::size_t column_bytes(const Column& column) { return column.components
 struct Faces {
   std::vector<std::uint64_t> ends;
   std::vector<std::uint32_t> corners;
+  std::vector<float> texture;  ///< two for each corner, or none at all
 };
 
 /// Where the points of one block are now, and which of their coordinates differ from the file's.
@@ -99,8 +101,12 @@ class Source {
   virtual std::optional<Position> sensor(std::size_t) const { return std::nullopt; }
   /// What the file says beside its points.
   virtual FileInfo info() const { return {}; }
-  /// What of this file a file of the format does not keep, a sentence each.
-  virtual std::vector<std::string> losses(Format) const { return {}; }
+  /// Why a copy of the file cannot have new values of an attribute; empty if it can.
+  virtual std::string why_fixed(std::size_t) const { return {}; }
+  /// What the file holds beside points, attributes and faces.
+  virtual std::vector<io::Content> contents() const { return {}; }
+  /// What of this file a copy in its own format and this encoding does not keep, a sentence each.
+  virtual std::vector<std::string> losses(Encoding) const { return {}; }
 
   /// Extensions of files that belong to this one, stand beside it, and stay true when its points move.
   virtual std::vector<std::string> companions() const { return {}; }

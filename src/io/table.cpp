@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <cstring>
 
+#include "io/colors.hpp"
 #include "io/column_names.hpp"
+#include "io/coordinate_names.hpp"
 #include "io/parallel.hpp"
 
 namespace pointfair::io {
@@ -49,28 +51,35 @@ void split_packed_color(const TableColumn& column, std::vector<TableColumn>& to)
   }
 }
 
-// A colour of 16 bits, as LAS has them: some write bytes there all the same.
-bool is_wide(const TableColumn& column) {
-  if (column.type != NativeType::uint16) return false;
-  for (std::size_t at = 0; at < column.data.size(); at += 2) {
-    if (load<std::uint16_t>(column.data.data() + at, false) > 255) return true;
-  }
-  return false;
+// CloudCompare calls colours from 0 to 1 so. Whole numbers among them are 0 or 1.
+bool is_unit_color(const TableColumn& column) {
+  const std::string name = lower_case(column.name);
+  return is_integer(column.type) && (name == "rf" || name == "gf" || name == "bf");
 }
 
-// Colours from 0 to 1, as OBJ has them, become bytes.
-void use_byte_colors(Table& table) {
-  std::vector<std::array<std::uint8_t, 3>> colors;
-  const TableColumn* const red = table.find("red");
-  if (!red || is_integer(red->type) || !colors_as_bytes(table, colors)) return;
-  for (std::size_t c = 0; c < 3; ++c) {
-    static constexpr const char* kNames[] = {"red", "green", "blue"};
-    auto& column = *std::find_if(table.columns.begin(), table.columns.end(),
-                                 [&](const TableColumn& candidate) { return candidate.name == kNames[c]; });
-    column.type = NativeType::uint8;
-    column.data.resize(colors.size());
-    for (std::size_t i = 0; i < colors.size(); ++i) column.data[i] = static_cast<char>(colors[i][c]);
+void use_floats(TableColumn& column) {
+  const std::size_t size = size_of(column.type), rows = column.data.size() / size;
+  std::vector<char> floats(rows * sizeof(float));
+  for (std::size_t i = 0; i < rows; ++i) {
+    store_double(floats.data() + i * sizeof(float), NativeType::float32, false,
+                 load_double(column.data.data() + i * size, column.type, false));
   }
+  column.type = NativeType::float32;
+  column.data = std::move(floats);
+}
+
+// The names of PLY, where no other column has them.
+void rename_columns(std::vector<TableColumn>& columns) {
+  std::vector<std::string> names;
+  for (const TableColumn& column : columns) names.push_back(column.name);
+  for (std::string& name : names) {
+    const std::string plain = ply_name(name);
+    if (std::find(names.begin(), names.end(), plain) == names.end()) name = plain;
+  }
+  std::vector<std::string> all = {"x", "y", "z"};
+  all.insert(all.end(), names.begin(), names.end());
+  make_distinct(all);
+  for (std::size_t c = 0; c < columns.size(); ++c) columns[c].name = all[3 + c];
 }
 
 }  // namespace
@@ -110,7 +119,7 @@ Table make_table(const Cloud& cloud) {
   return table;
 }
 
-void use_ply_names(Table& table) {
+void use_ply_names(Table& table, ColorDepth depth) {
   std::vector<TableColumn> columns;
   for (TableColumn& column : table.columns) {
     if ((column.name == "rgb" || column.name == "rgba") && column_bytes(column) == 4 && column.components == 1) {
@@ -118,29 +127,19 @@ void use_ply_names(Table& table) {
     } else if (column.components != 1) {
       split_components(column, columns);
     } else {
-      column.name = ply_name(column.name);
+      if (is_unit_color(column)) use_floats(column);
       columns.push_back(std::move(column));
     }
   }
+  rename_columns(columns);
   table.columns = std::move(columns);
-  use_byte_colors(table);
+  use_color_depth(table, depth);
 }
 
-bool colors_as_bytes(const Table& table, std::vector<std::array<std::uint8_t, 3>>& colors) {
-  const TableColumn* const channels[] = {table.find("red"), table.find("green"), table.find("blue")};
-  if (!std::all_of(std::begin(channels), std::end(channels), [](const TableColumn* c) { return c; })) return false;
-  colors.resize(table.size());
-  const bool wide =
-      std::any_of(std::begin(channels), std::end(channels), [](const TableColumn* c) { return is_wide(*c); });
-  for (std::size_t c = 0; c < 3; ++c) {
-    const NativeType type = channels[c]->type;
-    const double scale = !is_integer(type) ? 255 : wide ? 255.0 / 65535 : 1;
-    for (std::size_t i = 0; i < colors.size(); ++i) {
-      const double value = load_double(channels[c]->data.data() + i * size_of(type), type, false);
-      colors[i][c] = narrow<std::uint8_t>(scale * value);
-    }
-  }
-  return true;
+std::vector<const TableColumn*> normal_columns(const Table& table) {
+  std::vector<const TableColumn*> columns = {table.find("nx"), table.find("ny"), table.find("nz")};
+  if (std::find(columns.begin(), columns.end(), nullptr) != columns.end()) columns.clear();
+  return columns;
 }
 
 void write_rows(Output& out, std::size_t rows, const std::function<void(std::size_t, std::string&)>& append_row) {

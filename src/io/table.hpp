@@ -29,12 +29,15 @@ struct Table {
 /// Everything in the cloud that is numbers, under the names that its file uses.
 Table make_table(const Cloud& cloud);
 
+/// How fine colours may be: bytes, 16 bits, or as they are.
+enum class ColorDepth : std::uint8_t { bytes, sixteen_bits, any };
+
 /// Gives the columns the names and shapes of PLY: packed colours become red, green, blue, colours are bytes, columns of
 /// several components become one each.
-void use_ply_names(Table& table);
+void use_ply_names(Table& table, ColorDepth depth = ColorDepth::bytes);
 
-/// red, green, blue as bytes, colours in 0..1 scaled; false if the table has none.
-bool colors_as_bytes(const Table& table, std::vector<std::array<std::uint8_t, 3>>& colors);
+/// nx, ny, nz; empty if one is missing.
+std::vector<const TableColumn*> normal_columns(const Table& table);
 
 /// Calls append_row(i, buffer) for all rows in parallel blocks, and writes the buffers in order.
 void write_rows(Output& out, std::size_t rows, const std::function<void(std::size_t, std::string&)>& append_row);

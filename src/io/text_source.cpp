@@ -6,7 +6,9 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <numeric>
 
+#include "io/coordinate_names.hpp"
 #include "io/narrowest.hpp"
 #include "io/parallel.hpp"
 
@@ -14,18 +16,16 @@ namespace pointfair::io {
 
 namespace {
 
-constexpr std::size_t kChunkBytes = std::size_t{1} << 18;
-
 // The words of one row, column after column; lists are stepped over, and shift the words behind them.
 class RowWords {
  public:
-  RowWords(std::string_view line, const TextLayout& layout) : rest_(line), layout_(layout) {}
+  RowWords(std::string_view line, const TextLayout& layout) : line_(line), rest_(line), layout_(layout) {}
 
   /// The next column, `word` empty for a list. False: the row has no more words, or fewer than a list promises.
   bool next(ColumnKind& kind, std::string_view& word) {
     kind = at_ < layout_.columns.size() ? layout_.columns[at_] : ColumnKind::other;
     ++at_;
-    if (!next_word(rest_, word, layout_.separator)) return false;
+    if (!take(word)) return false;
     if (kind != ColumnKind::list) return true;
     const std::optional<std::uint64_t> count = to_count(word);
     if (!count) return false;
@@ -37,9 +37,30 @@ class RowWords {
   }
 
  private:
-  std::string_view rest_;
+  bool take(std::string_view& word) {
+    if (!next_word(rest_, word, layout_.separator)) return take_last(word);
+    return layout_.shape.rule != RowRule::vertices || !word.ends_with('\\') || take_continued(word);
+  }
+
+  // The empty word behind a last separator.
+  bool take_last(std::string_view& word) {
+    if (ended_ || !ends_with_separator(line_, layout_.separator)) return false;
+    ended_ = true;
+    word = {rest_.data(), 0};
+    return true;
+  }
+
+  // The row goes on in the next line.
+  bool take_continued(std::string_view& word) {
+    do word.remove_suffix(1);
+    while (word.ends_with('\\'));
+    return !word.empty() || next_word(rest_, word, layout_.separator);
+  }
+
+  std::string_view line_, rest_;
   const TextLayout& layout_;
   std::size_t at_ = 0;
+  bool ended_ = false;
 };
 
 // The words of an attribute in one row; empty where the row is too short.
@@ -59,33 +80,22 @@ char added_separator(std::string_view line, char separator) {
   return separator == ' ' && line.find('\t') != std::string_view::npos ? '\t' : separator;
 }
 
-// Whether a value read from the word as `type` is this one, so that the word may stay as it is.
-bool is_word_of(std::string_view word, double value, ScalarType type) {
-  const std::optional<double> own = to_number(word);
+// Whether a value read from a word as `type` is this one, so that the word may stay as it is.
+bool is_same(std::optional<double> own, double value, ScalarType type) {
   if (!own) return false;
   return *own == value || (type == ScalarType::float32 && static_cast<float>(*own) == static_cast<float>(value));
 }
 
-// Stores a word as a value of `type`; a missing one as NaN, or 0. False: it is no number.
-bool word_to_scalar(std::string_view word, NativeType type, char* to) {
-  if (size_of(type) == 8 && is_integer(type)) {  // a double would lose digits
-    return with_type(type, [&](auto value) {
-      if constexpr (std::is_integral_v<decltype(value)>) {
-        const auto [stop, error] = std::from_chars(word.data(), word.data() + word.size(), value);
-        std::memcpy(to, &value, sizeof value);
-        return word.empty() || (error == std::errc() && stop == word.data() + word.size());
-      }
-      return false;
-    });
-  }
-  const std::optional<double> value = to_number(word);
-  store_double(to, type, false, value.value_or(std::numeric_limits<double>::quiet_NaN()));
-  return value.has_value() || word.empty();
+std::string with_comma(std::string number) {
+  std::replace(number.begin(), number.end(), '.', ',');
+  return number;
 }
 
 }  // namespace
 
-void append_added_words(const AddedAttributes& added, std::uint64_t point, char separator, std::string& to) {
+void append_added_words(const AddedAttributes& added, std::uint64_t point, char separator, char decimal,
+                        std::string& to) {
+  const std::size_t begin = to.size();
   for (const Attribute* attribute : added) {
     const std::size_t size = pointfair::size_of(attribute->type);
     const char* from = reinterpret_cast<const char*>(attribute->data.data()) + point * attribute->components * size;
@@ -94,54 +104,7 @@ void append_added_words(const AddedAttributes& added, std::uint64_t point, char 
       append_scalar(to, from, native(attribute->type));
     }
   }
-}
-
-bool is_row(std::string_view line, RowRule rule) {
-  std::size_t at = 0;
-  while (at < line.size() && is_blank(line[at])) ++at;
-  line.remove_prefix(at);
-  if (line.empty()) return false;
-  switch (rule) {
-    case RowRule::filled:
-      return true;
-    case RowRule::uncommented:
-      return line[0] != '#' && !line.starts_with("//");
-    case RowRule::vertices:
-      break;
-  }
-  return line[0] == 'v' && line.size() > 1 && is_blank(line[1]);
-}
-
-TextRows find_rows(std::string_view text, RowRule rule) {
-  TextRows rows;
-  for (std::size_t at = 0; at < text.size();) {
-    rows.chunks.push_back({at, 0});
-    const std::size_t end = text.find('\n', std::min(at + kChunkBytes, text.size()) - 1);
-    at = end == std::string_view::npos ? text.size() : end + 1;
-  }
-  const std::size_t count = rows.chunks.size();
-  rows.chunks.push_back({text.size(), 0});
-  for_each_block(count, [&](std::size_t c) {
-    std::string_view chunk = text.substr(rows.chunks[c].begin, rows.chunks[c + 1].begin - rows.chunks[c].begin), line;
-    std::uint64_t found = 0;
-    while (next_line(chunk, line)) found += is_row(line, rule);
-    rows.chunks[c + 1].first_row = found;
-  });
-  for (std::size_t c = 0; c < count; ++c) rows.chunks[c + 1].first_row += rows.chunks[c].first_row;
-  return rows;
-}
-
-std::size_t begin_of_row(std::string_view text, const TextRows& rows, RowRule rule, std::uint64_t row) {
-  if (row >= rows.count()) return text.size();
-  const auto behind = std::upper_bound(rows.chunks.begin(), rows.chunks.end(), row,
-                                       [](std::uint64_t r, const TextRows::Chunk& c) { return r < c.first_row; });
-  const TextRows::Chunk& chunk = *(behind - 1);
-  std::string_view rest = text.substr(chunk.begin), line;
-  std::uint64_t at = chunk.first_row;
-  while (next_line(rest, line)) {
-    if (is_row(line, rule) && at++ == row) break;
-  }
-  return static_cast<std::size_t>(line.data() - text.data());
+  if (decimal == ',') std::replace(to.begin() + static_cast<std::ptrdiff_t>(begin), to.end(), '.', ',');
 }
 
 TextSource::TextSource(FileBytes bytes, std::string name, Format format, TextLayout layout)
@@ -149,7 +112,21 @@ TextSource::TextSource(FileBytes bytes, std::string name, Format format, TextLay
       layout_(std::move(layout)),
       attributes_(layout_.attributes) {
   layout_.end = std::min(layout_.end, this->bytes().size());
+  std::vector<std::string> names = {"x", "y", "z"};
+  for (const TextColumn& column : attributes_) names.push_back(column.name);
+  make_distinct(names);
+  for (std::size_t a = 0; a < attributes_.size(); ++a) attributes_[a].name = names[3 + a];
   check_size();
+  const auto x = static_cast<std::size_t>(std::find(layout_.columns.begin(), layout_.columns.end(), ColumnKind::x) -
+                                          layout_.columns.begin());
+  const auto has = [&](std::size_t column, ColumnKind kind) {
+    return column < layout_.columns.size() && layout_.columns[column] == kind;
+  };
+  const bool in_row =
+      has(x + 1, ColumnKind::y) && has(x + 2, ColumnKind::z) &&
+      std::find(layout_.columns.begin(), layout_.columns.end(), ColumnKind::list) == layout_.columns.end();
+  const bool short_enough = !layout_.exact || layout_.columns.size() == x + 3;
+  if (layout_.separator == ' ' && in_row && short_enough) plain_lead_ = x;
 }
 
 // What is read stays in proportion to the file, whatever its first lines promise.
@@ -170,7 +147,7 @@ std::uint64_t TextSource::block_begin(std::size_t block) const {
   return std::clamp(row, layout_.first_row, layout_.first_row + layout_.count) - layout_.first_row;
 }
 
-std::string_view TextSource::chunk_text(std::size_t block) const {
+std::string_view TextSource::block_text(std::size_t block) const {
   const auto& chunks = layout_.rows.chunks;
   return bytes().substr(layout_.begin + chunks[block].begin, chunks[block + 1].begin - chunks[block].begin);
 }
@@ -178,11 +155,11 @@ std::string_view TextSource::chunk_text(std::size_t block) const {
 // Calls visit(line, point) with the place of the point in the block, or -1 for a line that is no point.
 template <class Visit>
 void TextSource::for_each_line(std::size_t block, const Visit& visit) const {
-  std::string_view text = chunk_text(block), line;
+  std::string_view text = block_text(block), line;
   std::uint64_t row = layout_.rows.chunks[block].first_row;
   std::ptrdiff_t point = 0;
-  while (next_line(text, line)) {
-    const bool data = is_row(line, layout_.rule);
+  while (next_row(text, line, layout_.shape)) {
+    const bool data = is_row(line, layout_.shape.rule);
     const bool is_point = data && row - layout_.first_row < layout_.count;
     row += data;
     visit(line, is_point ? point++ : -1);
@@ -190,15 +167,26 @@ void TextSource::for_each_line(std::size_t block, const Visit& visit) const {
 }
 
 std::size_t TextSource::row_begin(std::uint64_t row) const {
-  return layout_.begin + begin_of_row(bytes().substr(layout_.begin), layout_.rows, layout_.rule, row);
+  return layout_.begin + begin_of_row(bytes().substr(layout_.begin), layout_.rows, layout_.shape, row);
 }
 
 void TextSource::fail_at(const char* place, const std::string& message) const {
   fail(name(), "line " + std::to_string(line_number(bytes(), place)) + ": " + message);
 }
 
+// The usual case: words that blanks separate, x, y and z one behind the other. False: look closer.
+bool TextSource::take_plain_words(std::string_view line, std::array<std::string_view, 3>& words) const {
+  if (plain_lead_ == kNotPlain) return false;
+  std::string_view word;
+  for (std::size_t c = 0; c < plain_lead_; ++c) next_word(line, word);
+  for (std::string_view& coordinate : words)
+    if (!next_word(line, coordinate) || coordinate.ends_with('\\')) return false;
+  return !layout_.exact || !next_word(line, word);
+}
+
 std::array<std::string_view, 3> TextSource::coordinate_words(std::string_view line) const {
   std::array<std::string_view, 3> result;
+  if (take_plain_words(line, result)) return result;
   RowWords row(line, layout_);
   ColumnKind kind{};
   std::string_view word;
@@ -219,14 +207,33 @@ std::array<std::string_view, 3> TextSource::coordinate_words(std::string_view li
   return result;
 }
 
+std::optional<double> TextSource::number(std::string_view word) const {
+  if (layout_.decimal != '.' || word.empty()) return number_with_comma(word);
+  return to_number(word);
+}
+
+// An empty word between separators is a number that is missing.
+std::optional<double> TextSource::number_with_comma(std::string_view word) const {
+  if (word.empty()) return std::numeric_limits<double>::quiet_NaN();
+  if (word.find(',') == std::string_view::npos) return to_number(word);
+  std::string plain(word);
+  std::replace(plain.begin(), plain.end(), ',', '.');
+  return is_comma_number(word) ? to_number(plain) : std::nullopt;
+}
+
 void TextSource::positions(std::size_t block, std::span<Position> out) const {
   for_each_line(block, [&](std::string_view line, std::ptrdiff_t point) {
     if (point < 0) return;
     const auto words = coordinate_words(line);
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      const std::optional<double> value = to_number(words[axis]);
+      double& to = out[static_cast<std::size_t>(point)][axis];
+      if (const std::optional<double> usual = to_number(words[axis])) {
+        to = *usual;
+        continue;
+      }
+      const std::optional<double> value = number(words[axis]);
       if (!value) fail_at(line.data(), quoted(words[axis]) + " is not a number; repair or remove the line");
-      out[static_cast<std::size_t>(point)][axis] = *value;
+      to = *value;
     }
   });
 }
@@ -237,7 +244,7 @@ ScalarType TextSource::coordinate_type() const {
   for_each_block(seen.size(), [&](std::size_t block) {
     for_each_line(block, [&](std::string_view line, std::ptrdiff_t point) {
       if (point < 0) return;
-      for (const std::string_view word : coordinate_words(line)) seen[block].see(word);
+      for (const std::string_view word : coordinate_words(line)) seen[block].see(word, layout_.decimal);
     });
   });
   const bool all = std::all_of(seen.begin(), seen.end(), [](const Narrowest& n) { return n.fits_float; });
@@ -249,7 +256,7 @@ std::vector<Narrowest> TextSource::see_columns(std::size_t block) const {
   std::vector<Narrowest> seen(attributes_.size());
   std::vector<std::size_t> owner;  // the attribute in each column, or as many as there are for none
   for (std::size_t a = 0; a < attributes_.size(); ++a) {
-    if (attributes_[a].typed) continue;
+    if (attributes_[a].typed && !attributes_[a].optional) continue;
     owner.resize(std::max(owner.size(), attributes_[a].first + 1), attributes_.size());
     owner[attributes_[a].first] = a;
   }
@@ -260,7 +267,7 @@ std::vector<Narrowest> TextSource::see_columns(std::size_t block) const {
     for (std::size_t c = 0; c < owner.size(); ++c) {
       std::string_view word;
       if (!row.next(kind, word)) word = {};
-      if (owner[c] < seen.size()) seen[owner[c]].see(word);
+      if (owner[c] < seen.size()) seen[owner[c]].see(word, layout_.decimal);
     }
   });
   return seen;
@@ -268,19 +275,20 @@ std::vector<Narrowest> TextSource::see_columns(std::size_t block) const {
 
 // Looks through the columns of unknown type; those with a word that is no number are no attributes.
 void TextSource::find_types() const {
-  if (std::all_of(attributes_.begin(), attributes_.end(), [](const TextColumn& column) { return column.typed; }))
-    return;
+  const auto is_known = [](const TextColumn& column) { return column.typed && !column.optional; };
+  if (std::all_of(attributes_.begin(), attributes_.end(), is_known)) return;
   std::vector<std::vector<Narrowest>> seen(block_count());
   for_each_block(seen.size(), [&](std::size_t block) { seen[block] = see_columns(block); });
   std::vector<TextColumn> kept;
   for (std::size_t a = 0; a < attributes_.size(); ++a) {
     TextColumn& column = attributes_[a];
-    if (!column.typed) {
+    if (!is_known(column)) {
       Narrowest all;
       for (const std::vector<Narrowest>& block : seen) all.merge(block[a]);
-      if (!all.numbers) continue;
-      column.type = all.type();
-      column.guessed = true;
+      if (!all.numbers && !column.typed) text_columns_.push_back(column.name);
+      if (!all.filled || (!all.numbers && !column.typed)) continue;
+      if (!column.typed) column.type = all.type();
+      column.guessed = !column.typed;
     }
     kept.push_back(column);
   }
@@ -292,6 +300,24 @@ std::vector<Column> TextSource::columns() const {
   return {attributes_.begin(), attributes_.end()};
 }
 
+// Lines that are neither rows nor blank, where the format knows remarks.
+std::vector<Content> TextSource::contents() const {
+  TextSource::columns();
+  std::vector<Content> result;
+  for (const std::string& column : text_columns_)
+    result.push_back({ContentKind::text, "the column of words '" + column + "'"});
+  if (layout_.shape.rule == RowRule::filled || layout_.shape.rule == RowRule::words) return result;
+  std::vector<std::uint64_t> remarks(block_count());
+  for_each_block(remarks.size(), [&](std::size_t block) {
+    for_each_line(block, [&](std::string_view line, std::ptrdiff_t) {
+      remarks[block] += is_row(line, RowRule::filled) && !is_row(line, RowRule::uncommented);
+    });
+  });
+  const std::uint64_t all = std::accumulate(remarks.begin(), remarks.end(), std::uint64_t{0});
+  if (all > 0) result.push_back({ContentKind::comments, counted(all, "comment")});
+  return result;
+}
+
 void TextSource::extract_block(std::size_t index, std::size_t block, std::span<char> out) const {
   const TextColumn& column = attributes_[index];
   const std::size_t size = size_of(column.type);
@@ -301,7 +327,10 @@ void TextSource::extract_block(std::size_t index, std::size_t block, std::span<c
     if (point < 0) return;
     column_words(line, layout_, column, words);
     for (const std::string_view word : words) {
-      if (!word_to_scalar(word, column.type, to)) {
+      const std::optional<double> value = number(word);
+      const bool exact = size_of(column.type) == 8 && is_integer(column.type) && to_integer(word, column.type, to);
+      if (!exact) store_double(to, column.type, false, value.value_or(0));
+      if (!value) {
         fail_at(line.data(), quoted(word) + " in column " + column.name + " is not a number; repair the line");
       }
       to += size;
@@ -321,6 +350,17 @@ struct TextSource::WordEdit {
   std::string text;
 };
 
+void TextSource::append_coordinate(std::string& to, std::string_view word, double value, std::size_t axis,
+                                   bool exact) const {
+  if (layout_.integers) return append_as(to, value, NativeType::int64);
+  if (exact) return append_as(to, value, NativeType::float64);
+  if (layout_.decimal != ',') return append_moved(to, word, value, static_cast<float>(value - origin()[axis]));
+  std::string plain(word), text;
+  std::replace(plain.begin(), plain.end(), ',', '.');
+  append_moved(text, plain, value, static_cast<float>(value - origin()[axis]));
+  to += with_comma(std::move(text));
+}
+
 void TextSource::edit_row(std::string_view line, std::uint64_t point, const Moves& moves, std::size_t place,
                           const Edits& edits, std::vector<WordEdit>& edited) const {
   edited.clear();
@@ -328,15 +368,9 @@ void TextSource::edit_row(std::string_view line, std::uint64_t point, const Move
     const auto words = coordinate_words(line);
     for (std::size_t axis = 0; axis < 3; ++axis) {
       if ((moves.changed[place] >> axis & 1) == 0) continue;
-      const double value = moves.values[place][axis];
       edited.push_back({words[axis], {}});
-      if (edits.placed && !layout_.integers) {
-        append_as(edited.back().text, value, NativeType::float64);  // what was given keeps its digits
-      } else if (layout_.integers) {
-        append_as(edited.back().text, value, NativeType::int64);
-      } else {
-        append_moved(edited.back().text, words[axis], value, static_cast<float>(value - origin()[axis]));
-      }
+      // what was given keeps its digits
+      append_coordinate(edited.back().text, words[axis], moves.values[place][axis], axis, edits.placed != nullptr);
     }
   }
   std::vector<std::string_view> words;
@@ -345,9 +379,10 @@ void TextSource::edit_row(std::string_view line, std::uint64_t point, const Move
     column_words(line, layout_, column, words);
     for (std::uint32_t c = 0; c < column.components; ++c) {
       const double value = replacement.value(point, c);
-      if (words[c].data() == nullptr || is_word_of(words[c], value, replacement.values->type)) continue;
+      if (words[c].data() == nullptr || is_same(number(words[c]), value, replacement.values->type)) continue;
       edited.push_back({words[c], {}});
       append_as(edited.back().text, value, column.guessed ? native(replacement.values->type) : column.type);
+      if (layout_.decimal == ',') edited.back().text = with_comma(std::move(edited.back().text));
     }
   }
   // as they stand in the line
@@ -356,7 +391,7 @@ void TextSource::edit_row(std::string_view line, std::uint64_t point, const Move
 }
 
 void TextSource::append_block(std::size_t block, const Moves& moves, const Edits& edits, std::string& to) const {
-  const std::string_view text = chunk_text(block);
+  const std::string_view text = block_text(block);
   to.reserve(text.size() + text.size() / 4);
   const char* copied = text.data();  // everything before it is in `to`
   const auto copy_up_to = [&](const char* end) {
@@ -377,7 +412,7 @@ void TextSource::append_block(std::size_t block, const Moves& moves, const Edits
       std::size_t end = line.size();
       while (end > 0 && is_blank(line[end - 1])) --end;
       copy_up_to(line.data() + end);
-      append_added_words(edits.added, point, added_separator(line, layout_.separator), to);
+      append_added_words(edits.added, point, added_separator(line, layout_.separator), layout_.decimal, to);
     }
   });
   copy_up_to(text.data() + text.size());

@@ -10,30 +10,9 @@
 #include "io/scalar.hpp"
 #include "io/source.hpp"
 #include "io/text.hpp"
+#include "io/text_rows.hpp"
 
 namespace pointfair::io {
-
-/// Which lines are rows of data; the others pass through.
-enum class RowRule : std::uint8_t {
-  filled,       ///< every line that is not blank
-  uncommented,  ///< and does not begin with '#' or "//"
-  vertices,     ///< lines whose first word is "v"
-};
-
-/// The rows of a text, found in parallel. A chunk ends at the end of a line.
-struct TextRows {
-  struct Chunk {
-    std::size_t begin = 0;        ///< in the text
-    std::uint64_t first_row = 0;  ///< rows before it
-  };
-  std::vector<Chunk> chunks;  ///< and a last one for the end of the text
-  std::uint64_t count() const { return chunks.back().first_row; }
-};
-
-bool is_row(std::string_view line, RowRule rule);
-TextRows find_rows(std::string_view text, RowRule rule);
-/// Where in the text the line of `row` begins; the text's end if there is no such row.
-std::size_t begin_of_row(std::string_view text, const TextRows& rows, RowRule rule, std::uint64_t row);
 
 /// One column of a row, or a list: a count and so many values.
 enum class ColumnKind : std::uint8_t { x, y, z, other, list };
@@ -44,13 +23,15 @@ struct Narrowest;  // the type that holds the words of a column
 struct TextColumn : Column {
   std::size_t first = 0;
   bool typed = true;
+  bool optional = false;  ///< there is no such attribute unless some row has it
 };
 
 struct TextLayout {
   std::size_t begin = 0;  ///< of the text with the rows in the file; it goes on to the end of the file
   std::size_t end = std::string_view::npos;
-  RowRule rule = RowRule::filled;
+  RowShape shape;
   char separator = ' ';  ///< of the words in a row, as `next_word` takes it
+  char decimal = '.';    ///< or ','
   TextRows rows;
   std::uint64_t first_row = 0;  ///< the row of the first point
   std::uint64_t count = 0;      ///< points
@@ -72,34 +53,44 @@ class TextSource : public Source {
   ScalarType coordinate_type() const override;
   std::vector<Column> columns() const override;
   void extract_block(std::size_t index, std::size_t block, std::span<char> out) const override;
+  std::vector<Content> contents() const override;
 
  protected:
   void append_block(std::size_t block, const Moves& moves, const Edits& edits, std::string& to) const override;
   std::string_view tail() const override { return bytes().substr(layout_.end); }
   const TextLayout& layout() const { return layout_; }
+  std::string_view block_text(std::size_t block) const;
   std::size_t row_begin(std::uint64_t row) const;  ///< in the file
   /// The replacement of the attribute whose first column this is, if it has one.
   const Replacement* find_replacement(const std::vector<Replacement>& replaced, std::size_t column) const;
 
  private:
-  std::string_view chunk_text(std::size_t block) const;
   template <class Visit>
   void for_each_line(std::size_t block, const Visit& visit) const;
   std::array<std::string_view, 3> coordinate_words(std::string_view line) const;
+  bool take_plain_words(std::string_view line, std::array<std::string_view, 3>& words) const;
   [[noreturn]] void fail_at(const char* place, const std::string& message) const;
   void check_size() const;
   std::vector<Narrowest> see_columns(std::size_t block) const;
   void find_types() const;
+  std::optional<double> number(std::string_view word) const;
+  std::optional<double> number_with_comma(std::string_view word) const;
+  void append_coordinate(std::string& to, std::string_view word, double value, std::size_t axis, bool exact) const;
   struct WordEdit;
   void edit_row(std::string_view line, std::uint64_t point, const Moves& moves, std::size_t place, const Edits& edits,
                 std::vector<WordEdit>& words) const;
 
+  static constexpr std::size_t kNotPlain = static_cast<std::size_t>(-1);
+
   TextLayout layout_;
+  std::size_t plain_lead_ = kNotPlain;  ///< columns before x where y and z follow it and blanks separate all
   mutable std::once_flag types_found_;
   mutable std::vector<TextColumn> attributes_;
+  mutable std::vector<std::string> text_columns_;
 };
 
 /// Appends the values of `added` at `point` as words, each with `separator` before it.
-void append_added_words(const AddedAttributes& added, std::uint64_t point, char separator, std::string& to);
+void append_added_words(const AddedAttributes& added, std::uint64_t point, char separator, char decimal,
+                        std::string& to);
 
 }  // namespace pointfair::io

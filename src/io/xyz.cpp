@@ -1,107 +1,33 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reading and writing columns of numbers: XYZ, TXT, CSV, PTS.
 #include <algorithm>
-#include <functional>
 
 #include "io/column_names.hpp"
 #include "io/formats.hpp"
 #include "io/text_source.hpp"
+#include "io/xyz_front.hpp"
 
 namespace pointfair::io {
 namespace {
 
-using Words = std::vector<std::string_view>;
-
-// What precedes the first point.
-struct Front {
-  std::size_t end = 0;             ///< where the first point's line begins
-  std::vector<std::string> names;  ///< of the columns, if a line tells them
-  std::size_t names_end = 0;       ///< where that line takes further names; 0: there is none
-  char names_separator = ' ';
-  std::optional<std::uint64_t> count;  ///< of a PTS file
-};
-
-std::string_view unquoted(std::string_view word) {
-  return word.size() > 1 && word.front() == '"' && word.back() == '"' ? word.substr(1, word.size() - 2) : word;
-}
-
-bool is_header(const Words& words) {
-  return !std::all_of(words.begin(),
-                      words.begin() + static_cast<std::ptrdiff_t>(std::min<std::size_t>(3, words.size())),
-                      [](std::string_view word) { return to_number(word).has_value(); });
-}
-
-std::optional<std::size_t> find_name(const std::vector<std::string>& names, std::string_view wanted) {
-  const auto found = std::find_if(names.begin(), names.end(), [&](const auto& n) { return lower_case(n) == wanted; });
-  if (found == names.end()) return std::nullopt;
-  return static_cast<std::size_t>(found - names.begin());
-}
-
-class FrontReader {
- public:
-  FrontReader(std::string_view text, Format format) : text_(text), rest_(text), format_(format) {
-    constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
-    if (rest_.starts_with(kByteOrderMark)) rest_.remove_prefix(kByteOrderMark.size());
-  }
-
-  Front read() {
-    std::string_view line, comment;
-    bool header_seen = false;
-    for (;;) {
-      front_.end = text_.size() - rest_.size();
-      if (!next_line(rest_, line)) return front_;
-      if (!is_row(line, RowRule::uncommented)) {
-        if (line.size() > 1) comment = line;
-        continue;
-      }
-      const Words words = words_of(line, separator_of(line));
-      if (format_ == Format::pts && !front_.count && words.size() == 1 && to_count(words[0])) {
-        front_.count = to_count(words[0]);
-      } else if (!header_seen && is_header(words)) {
-        header_seen = true;
-        take_names(line, words);
-      } else {
-        if (!header_seen) take_comment(comment, words.size());
-        return front_;
-      }
-    }
-  }
-
- private:
-  void take_names(std::string_view line, const Words& words) {
-    for (const std::string_view word : words) front_.names.emplace_back(unquoted(word));
-    std::size_t size = line.size();
-    while (size > 0 && is_blank(line[size - 1])) --size;
-    front_.names_end = static_cast<std::size_t>(line.data() + size - text_.data());
-    front_.names_separator = separator_of(line);
-  }
-
-  // CloudCompare writes the names as a comment: "//X Y Z R G B".
-  void take_comment(std::string_view comment, std::size_t columns) {
-    const std::size_t begin = comment.find_first_not_of("#/ \t");
-    if (begin == std::string_view::npos) return;
-    comment.remove_prefix(begin);
-    const Words words = words_of(comment, separator_of(comment));
-    const std::vector<std::string> names(words.begin(), words.end());
-    if (words.size() != columns || !find_name(names, "x") || !find_name(names, "y") || !find_name(names, "z")) return;
-    take_names(comment, words);
-  }
-
-  std::string_view text_, rest_;
-  Format format_;
-  Front front_;
-};
-
 class XyzSource : public TextSource {
  public:
-  XyzSource(Front front, FileBytes bytes, const std::string& name, Format format, TextLayout layout)
+  XyzSource(XyzFront front, FileBytes bytes, const std::string& name, Format format, TextLayout layout)
       : TextSource(std::move(bytes), name, format, std::move(layout)), front_(std::move(front)) {}
+
+  std::vector<Content> contents() const override {
+    std::vector<Content> result = TextSource::contents();
+    if (front_.has_titles) result.push_back({ContentKind::comments, "the lines before the first row"});
+    return result;
+  }
 
  protected:
   std::string header(const AddedAttributes& added) const override {
     std::string text(bytes().substr(0, front_.end));
-    if (front_.names_end == 0) return text;
+    if (front_.names_end == 0 || added.empty()) return text;
     std::string names;
+    for (std::size_t c = front_.named; c < front_.names.size(); ++c)
+      names += front_.names_separator + one_word(front_.names[c]);
     for (const Attribute* attribute : added) {
       for (const std::string& name : component_names(attribute->name, attribute->components)) {
         names += front_.names_separator + one_word(name);
@@ -111,59 +37,64 @@ class XyzSource : public TextSource {
   }
 
  private:
-  Front front_;
+  XyzFront front_;
 };
 
-// What the columns behind the coordinates are called where no line tells.
-std::vector<std::string> usual_names(Format format, std::size_t columns) {
-  std::vector<std::string> names = {"x", "y", "z"};
-  if (format == Format::pts && (columns == 4 || columns == 7)) names.emplace_back("intensity");
-  if (format == Format::pts && columns >= 6 && columns <= 7) names.insert(names.end(), {"red", "green", "blue"});
-  while (names.size() < columns) names.push_back("column_" + std::to_string(names.size() + 1));
-  return names;
+TextLayout make_layout(const XyzFront& front, std::string_view text) {
+  TextLayout layout;
+  layout.begin = front.end;
+  // Editors and full disks leave zeros or the end sign of DOS behind the last line.
+  layout.end = text.find_last_not_of(std::string_view("\0\x1A", 2)) + 1;
+  layout.separator = front.separator;
+  layout.decimal = front.decimal;
+  layout.shape = {front.count ? RowRule::counted : RowRule::uncommented, front.line_end, 0};
+  layout.columns.assign(std::max<std::size_t>(front.names.size(), 3), ColumnKind::other);
+  for (std::size_t axis = 0; axis < 3; ++axis) layout.columns[front.coordinates[axis]] = static_cast<ColumnKind>(axis);
+  for (std::size_t c = 0; c < front.names.size(); ++c) {
+    if (layout.columns[c] == ColumnKind::other)
+      layout.attributes.push_back({{front.names[c], NativeType::float64, 1}, c, false});
+  }
+  layout.rows = find_rows(text.substr(layout.begin, layout.end - layout.begin), layout.shape);
+  layout.count = layout.rows.count();
+  return layout;
 }
 
-TextLayout make_layout(const Front& front, std::string_view first, Format format, const std::string& name) {
-  TextLayout layout;
-  layout.separator = separator_of(first);
-  const std::size_t columns = words_of(first, layout.separator).size();
-  layout.begin = front.end;
-  layout.rule = RowRule::uncommented;
-  layout.columns.assign(std::max<std::size_t>(columns, 3), ColumnKind::other);
-  const auto names = front.names.empty() ? usual_names(format, columns) : front.names;
-  layout.columns.resize(std::max(layout.columns.size(), names.size()), ColumnKind::other);
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    const std::string wanted(1, static_cast<char>('x' + axis));
-    const auto column = find_name(names, wanted);
-    if (!column) fail(name, "no column is called '" + wanted + "'; name the coordinates x, y, z in the first line");
-    layout.columns[*column] = static_cast<ColumnKind>(axis);
+// Several scans may follow each other, each behind a line with its count.
+std::uint64_t promised_rows(const XyzFront& front, const TextLayout& layout, std::string_view text) {
+  std::string_view rows = text.substr(layout.begin, layout.end - layout.begin), line;
+  std::uint64_t promised = *front.count;
+  while (next_line(rows, line, front.line_end)) {
+    if (!is_row(line, RowRule::uncommented) || is_row(line, RowRule::counted)) continue;
+    promised += to_count(words_of(line)[0]).value_or(0);
   }
-  for (std::size_t c = 0; c < names.size(); ++c) {
-    if (layout.columns[c] == ColumnKind::other)
-      layout.attributes.push_back({{names[c], NativeType::float64, 1}, c, false});
-  }
-  return layout;
+  return promised;
+}
+
+void check_count(const XyzFront& front, const TextLayout& layout, std::string_view text, const std::string& name) {
+  const std::string_view rows = text.substr(0, layout.end);
+  const std::size_t last_end = rows.find_last_not_of(" \t\r\n");
+  const std::size_t before = rows.find_last_of("\r\n", last_end);
+  const bool ends_with_row = is_row(rows.substr(before + 1, last_end - before), RowRule::counted);
+  if (ends_with_row && *front.count == layout.count) return;
+  const std::uint64_t promised = promised_rows(front, layout, text);
+  if (ends_with_row && promised == layout.count) return;
+  fail(name, (promised == *front.count ? "first line promises " : "lines of one number promise ") +
+                 std::to_string(promised) + " points, file holds " + std::to_string(layout.count) +
+                 "; copy the file again or correct the first line");
 }
 
 }  // namespace
 
-std::shared_ptr<Source> read_xyz(FileBytes bytes, const std::string& name, Format format) {
+std::shared_ptr<Source> read_xyz(FileBytes bytes, const std::string& name, Format format, const ReadOptions& options) {
   const std::string_view text = bytes.view();
-  Front front = FrontReader(text, format).read();
-  if (front.end == text.size()) fail(name, "has no points; choose another file");
-  const std::string_view first = text.substr(front.end, text.find('\n', front.end) - front.end);
-  TextLayout layout = make_layout(front, first, format, name);
-  layout.rows = find_rows(text.substr(front.end), layout.rule);
-  layout.count = layout.rows.count();
-  if (front.count && *front.count != layout.count) {
-    fail(name, "first line promises " + std::to_string(*front.count) + " points, file holds " +
-                   std::to_string(layout.count) + "; copy the file again or correct the first line");
-  }
+  XyzFront front = read_xyz_front(text, name, options, format);
+  TextLayout layout = make_layout(front, text);
+  if (front.count) check_count(front, layout, text, name);
   return std::make_shared<XyzSource>(std::move(front), std::move(bytes), name, format, std::move(layout));
 }
 
 void write_xyz(Table table, Format format, Output& out) {
-  use_ply_names(table);
+  use_ply_names(table, format == Format::csv || format == Format::txt ? ColorDepth::any : ColorDepth::bytes);
   const char separator = format == Format::csv ? ',' : ' ';
   if (format == Format::pts) out.write(std::to_string(table.size()) + "\n");
   if (format == Format::csv || (format == Format::txt && !table.columns.empty())) {

@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // The public face of a pipeline: one kind of error, and clouds with their attributes.
-#include "pointfair/pipeline.hpp"
-
 #include <algorithm>
 #include <new>
 #include <utility>
@@ -11,6 +9,7 @@
 #include "pipeline/pipeline_access.hpp"
 #include "pipeline/run_state.hpp"
 #include "pointfair/file_info.hpp"
+#include "pointfair/pipeline.hpp"
 #include "pointfair/viewpoint.hpp"
 
 namespace pointfair {
@@ -95,6 +94,11 @@ std::array<double, 3> Pipeline::load(const DevicePoints& points, DeviceStream st
 
 void Pipeline::set_noise(std::span<const float> sigmas) {
   with_one_kind_of_error([&] { state_->set_noise(sigmas); });
+}
+
+void Pipeline::set_weights(std::span<const std::byte> file, const std::string& name) {
+  with_one_kind_of_error(
+      [&] { state_->set_weights(file.empty() ? nullptr : std::make_shared<const NetWeights>(file, name)); });
 }
 
 Cloud Pipeline::run(const Params& params, std::stop_token stop, const ProgressFunction& progress) {

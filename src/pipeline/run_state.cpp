@@ -3,14 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <string>
 #include <utility>
 
 #include "estimate/automatic.hpp"
+#include "pipeline/learned_run.hpp"
 #include "seam/cloud_sample.hpp"
 #include "seam/device_memory.hpp"
-#include "seam/noise_levels.hpp"
 #include "seam/overlap.hpp"
 #include "seam/sampling.hpp"
 
@@ -19,9 +18,6 @@ namespace {
 
 constexpr std::array<std::string_view, 4> kStageNames{"index", "neighbors", "normals", "fairing"};
 constexpr std::uint64_t kWorthChunks = 1 << 18;  // points; whose copy takes longer than what it costs to start early
-
-constexpr std::size_t kBlock = 1 << 14;                              // points that one core takes at once
-constexpr float kNoNoise = std::numeric_limits<float>::quiet_NaN();  // of invalid points
 
 std::string_view name_of(Stage stage) { return kStageNames[std::size_t(stage)]; }
 
@@ -146,8 +142,9 @@ const std::shared_ptr<const NoiseLevels>& Pipeline::State::levels() const {
 
 Params Pipeline::State::resolve(const Params& params, const std::stop_token& stop) {
   Params used;
-  attempt([&] { used = resolve_once(params, stop); });
-  if (!is_measured(params)) {
+  attempt([&] { used = resolve_once(of_stages(params), stop); });
+  used.method = params.method;
+  if (!is_measured(of_stages(params))) {
     throw Error(ErrorKind::usage, "nothing to measure in this cloud: no surface shows in its " +
                                       std::to_string(cloud.points()) + " points, " +
                                       std::to_string(sample().bounds.valid) +
@@ -179,18 +176,22 @@ Params Pipeline::State::resolve_once(const Params& params, const std::stop_token
 
 void Pipeline::State::run(const Params& params, std::span<Point> out, const std::stop_token& stop,
                           const ProgressFunction& progress) {
+  if (params.method == Method::learned) return run_learned(params, out, stop, progress);
   const auto deliver = [&](int iteration, const DisplacementLimits& limits, std::span<std::uint8_t> marks) {
     return cloud.backend().download(iteration, out, limits, marks);
   };
-  run(params, {out.size(), true, deliver}, stop, progress);
+  run(params, {out.size(), true, deliver, {}}, stop, progress);
 }
 
 void Pipeline::State::run(const Params& params, const DeviceOutput& out, DeviceStream stream,
                           const std::stop_token& stop, const ProgressFunction& progress) {
+  if (params.method == Method::learned)
+    throw Error(ErrorKind::usage,
+                "--method learned refines on the host's cores: give an output in host memory, or another method");
   const auto deliver = [&](int iteration, const DisplacementLimits& limits, std::span<std::uint8_t> marks) {
     return device_memory().download(iteration, out, stream, limits, marks);
   };
-  run(params, {out.count, false, deliver}, stop, progress);
+  run(params, {out.count, false, deliver, {}}, stop, progress);
 }
 
 void Pipeline::State::run(const Params& params, const Delivery& to, const std::stop_token& stop,
@@ -235,6 +236,11 @@ void Pipeline::State::run_to_end(const Params& params, const Delivery& to, const
   const auto computed = Clock::now();
   const OutlierCounts outlier_counts = to.deliver(last, settings.limits, marks);
   log_.note_call("download", milliseconds_since(computed));
+  if (to.refine) {
+    const auto downloaded = Clock::now();
+    to.refine(last, used.noise.value, settings.limits);
+    log_.note_call("net", milliseconds_since(downloaded));
+  }
   Counts counts = backend.counts(last);
   // who moved once and lost its neighbours or its normal in a further iteration did not keep its place
   if (last > 0) counts.unmoved = backend.counts(0).unmoved;
@@ -374,26 +380,6 @@ KnownSensor Pipeline::State::known_sensor(const Params& used, const std::stop_to
   }
   known.beam_width = beam_width(*beam_samples_);
   return known;
-}
-
-void Pipeline::State::noise(std::span<float> out, const Length& typical, const std::stop_token& stop) {
-  if (out.size() != cloud.points())
-    throw Error(ErrorKind::usage, "noise: the output holds " + std::to_string(out.size()) +
-                                      " values, the loaded cloud " + std::to_string(cloud.points()) + " points");
-  Params params;
-  params.noise = typical;
-  check_params(params);
-  attempt([&] {
-    measure(false, true, IndexOrder::along_curve, stop);
-    const double sigma = typical.is_automatic() ? noise().sigma : resolve_once(params, stop).noise.value;
-    std::vector<Point> points(out.size());
-    cloud.backend().download_input(points);
-    const std::size_t blocks = (out.size() + kBlock - 1) / kBlock;
-    cloud.backend().sampling().for_each_on_host(blocks, [&](std::size_t block) {
-      for (std::size_t i = block * kBlock; i < std::min(out.size(), (block + 1) * kBlock); ++i)
-        out[i] = is_indexed(points[i]) ? float(sigma) * noise_level_at(levels().get(), points[i]) : kNoNoise;
-    });
-  });
 }
 
 }  // namespace pointfair

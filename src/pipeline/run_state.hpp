@@ -15,6 +15,7 @@
 #include "pipeline/loaded_cloud.hpp"
 #include "pipeline/stage_log.hpp"
 #include "pointfair/pipeline.hpp"
+#include "seam/net_weights.hpp"
 
 namespace pointfair {
 
@@ -40,6 +41,7 @@ struct Pipeline::State {
   void normals(const DeviceOutput& out, DeviceStream stream);
   void set_noise(std::span<const float> sigmas);
   void set_viewpoint(std::span<const Origin> places);
+  void set_weights(std::shared_ptr<const NetWeights> weights) { weights_ = std::move(weights); }
   void noise(std::span<float> out, const Length& typical, const std::stop_token& stop);
 
   LoadedCloud cloud;
@@ -56,12 +58,17 @@ struct Pipeline::State {
     std::size_t room;  // points
     bool by_parts;     // some may leave before all are done
     std::function<OutlierCounts(int iteration, const DisplacementLimits&, std::span<std::uint8_t> outliers)> deliver;
+    // What was delivered; told the noise of a typical place, 0 if no parameter followed from it. May be empty.
+    std::function<void(int iteration, double noise, const DisplacementLimits&)> refine{};
   };
 
   void start_load(const std::function<void()>& load);
   Params resolve_once(const Params& params, const std::stop_token& stop);
   bool is_measured(const Params& params) const;
   void run(const Params& params, const Delivery& to, const std::stop_token& stop, const ProgressFunction& progress);
+  void run_learned(const Params& params, std::span<Point> out, const std::stop_token& stop,
+                   const ProgressFunction& progress);
+  void tell_noise(std::span<const Point> points, double sigma, std::span<float> out);
   void run_to_end(const Params& params, const Delivery& to, const std::stop_token& stop,
                   const ProgressFunction& progress);
   // Clouds from `first` to before `end` that are computed together, or one that is computed alone.
@@ -96,6 +103,7 @@ struct Pipeline::State {
     std::unique_ptr<Backend> backend;
     HostBuffer staged;
   };
+  std::shared_ptr<const NetWeights> weights_;            // of method learned; null: the program's own
   HostBuffer staged_;                                    // many clouds on their way
   std::vector<Helper> helpers_;                          // beside the loaded cloud's backend, for many clouds
   std::optional<Frame> frame_;                           // of the loaded cloud, once it is needed

@@ -236,7 +236,7 @@ struct Fixed {
   Position origin{};
   Bounds bounds;
   Spacing spacing;
-  std::array<double, 10> noise{};
+  std::array<double, 11> noise{};
   FixedLevels of_noise, of_reach;
   std::array<double, 3> quantiles{};  // of the levels of the noise
   std::uint64_t ignored = 0;
@@ -245,13 +245,13 @@ struct Fixed {
   std::uint32_t unused = 0;
 };
 static_assert(std::is_trivially_copyable_v<Fixed>);
-static_assert(sizeof(Fixed) == sizeof(Position) + sizeof(Bounds) + sizeof(Spacing) + 10 * sizeof(double) +
+static_assert(sizeof(Fixed) == sizeof(Position) + sizeof(Bounds) + sizeof(Spacing) + 11 * sizeof(double) +
                                    2 * sizeof(FixedLevels) + 3 * sizeof(double) + sizeof(std::uint64_t) +
                                    sizeof(double) + sizeof(Frame) + sizeof(std::uint32_t));
 
-std::array<double, 10> values_of(const Noise& noise) {
+std::array<double, 11> values_of(const Noise& noise) {
   const auto& [sigma, surface_spacing, likeness_to_shape, shape_to_noise, gap, alikeness, depth_has_steps, confined,
-               bend, surface_points] = noise;
+               bend, surface_points, repeats] = noise;
   return {sigma,
           surface_spacing,
           likeness_to_shape,
@@ -261,10 +261,11 @@ std::array<double, 10> values_of(const Noise& noise) {
           depth_has_steps ? 1.0 : 0.0,
           confined,
           bend,
-          double(surface_points)};
+          double(surface_points),
+          double(repeats)};
 }
-Noise noise_of(const std::array<double, 10>& v) {
-  return {v[0], v[1], v[2], v[3], v[4], v[5], v[6] != 0, v[7], v[8], int(v[9])};
+Noise noise_of(const std::array<double, 11>& v) {
+  return {v[0], v[1], v[2], v[3], v[4], v[5], v[6] != 0, v[7], v[8], int(v[9]), int(v[10])};
 }
 
 FixedLevels fixed_of(const NodeLevels* levels) {

@@ -271,6 +271,10 @@ std::shared_ptr<Source> Inputs::open(std::size_t number) {
 
 void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
   check_job(job);
+  if (job.params.method == Method::learned)
+    refuse(
+        "--method learned cannot be used with a run in tiles on disk: a point's result depends on points at any "
+        "distance; give it the memory for the whole cloud, 760 bytes a point, or use another method");
   Plan plan;
   plan.files = files_of(job);
   plan.write = job.write;

@@ -80,6 +80,7 @@ inline point::MethodRule method_rule(const FairingSettings& settings) {
                          settings.along_ray};
   switch (settings.method) {
     case Method::bilateral:
+    case Method::learned:  // its stages are those of the method bilateral
     case Method::laplacian:
       break;
     case Method::taubin:

@@ -6,7 +6,9 @@
 
 #include <algorithm>
 #include <array>
+#include <limits>
 #include <memory>
+#include <vector>
 
 namespace pointfair {
 namespace {
@@ -54,13 +56,33 @@ void throw_if_stopped(const std::stop_token& stop) {
   if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
 }
 
-// The rows of `queries`, one after the other. Megabytes, all written at once.
-std::shared_ptr<Point[]> rows_of(Sampling& from, std::span<const std::uint32_t> queries, int k,
+// The rows of `queries`, one after the other: each of them and every `stride`-th of its nearest, k of these. Megabytes,
+// all written at once.
+std::shared_ptr<Point[]> rows_of(Sampling& from, std::span<const std::uint32_t> queries, int k, int stride,
                                  const std::stop_token& stop) {
   throw_if_stopped(stop);
-  const std::size_t size = queries.size() * std::size_t(k + 1);
+  const std::size_t kept = std::size_t(k) + 1, size = queries.size() * kept;
   auto rows = std::make_shared_for_overwrite<Point[]>(size);
-  if (!queries.empty()) from.sample_neighborhoods(queries, k, {rows.get(), size});
+  if (queries.empty()) return rows;
+  if (stride == 1) {
+    from.sample_neighborhoods(queries, k, {rows.get(), size});
+    return rows;
+  }
+  constexpr std::size_t kAtOnce = 256;
+  constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
+  const int nearest = std::min(k * stride, Sampling::kLongestRow);
+  const std::size_t there = std::size_t(nearest / stride) + 1;
+  std::vector<Point> whole(std::min(kAtOnce, queries.size()) * (std::size_t(nearest) + 1));
+  for (std::size_t first = 0; first < queries.size(); first += kAtOnce) {
+    throw_if_stopped(stop);
+    const auto some = queries.subspan(first, std::min(kAtOnce, queries.size() - first));
+    const std::span all = std::span(whole).first(some.size() * (std::size_t(nearest) + 1));
+    from.sample_neighborhoods(some, nearest, all);
+    for (std::size_t q = 0; q < some.size(); ++q)
+      for (std::size_t i = 0; i < kept; ++i)
+        rows[(first + q) * kept + i] =
+            i < there ? all[q * (std::size_t(nearest) + 1) + i * std::size_t(stride)] : Point{kNaN, kNaN, kNaN};
+  }
   return rows;
 }
 
@@ -92,17 +114,23 @@ void Sampling::for_each_on_host(std::size_t count, const std::function<void(std:
 
 Samples Sampling::take_samples(std::span<const std::uint32_t> for_spacing, std::span<const std::uint32_t> for_noise,
                                std::stop_token stop) {
+  return take_thinned_samples(for_spacing, for_noise, 1, stop);
+}
+
+Samples Sampling::take_thinned_samples(std::span<const std::uint32_t> for_spacing,
+                                       std::span<const std::uint32_t> for_noise, int stride,
+                                       const std::stop_token& stop) {
   using namespace point;
   Samples samples;
   samples.spacing.resize(for_spacing.size());
   samples.noise.resize(for_noise.size());
 
-  const auto spacing_rows = rows_of(*this, for_spacing, kSpacingNeighbors, stop);
+  const auto spacing_rows = rows_of(*this, for_spacing, kSpacingNeighbors, stride, stop);
   for_each_on_host(for_spacing.size(), [&](std::size_t q) {
     samples.spacing[q] = spacing_sample(spacing_rows.get() + q * (kSpacingNeighbors + 1));
   });
 
-  const auto first_rows = rows_of(*this, for_noise, kFirstRow, stop);
+  const auto first_rows = rows_of(*this, for_noise, kFirstRow, stride, stop);
   for_each_on_host(for_noise.size(), [&](std::size_t q) {
     throw_if_stopped(stop);
     samples.noise[q] = grown<kFirstRow>(first_rows.get() + q * (kFirstRow + 1), 0, kFirstRounds);
@@ -123,7 +151,7 @@ Samples Sampling::take_samples(std::span<const std::uint32_t> for_spacing, std::
     short_ones.push_back(q);
     queries.push_back(for_noise[q]);
   }
-  const auto last_rows = rows_of(*this, queries, kLastRow, stop);
+  const auto last_rows = rows_of(*this, queries, kLastRow, stride, stop);
   for_each_on_host(queries.size(), [&](std::size_t n) {
     throw_if_stopped(stop);
     samples.noise[short_ones[n]] = grown<kLastRow>(last_rows.get() + n * (kLastRow + 1), kFirstRounds, kRounds);

@@ -47,12 +47,17 @@ class Sampling {
   // The other calls need the index of the first iteration.
 
   // For each of `queries` (indices in upload order): the query itself, then its k nearest other points, nearest first,
-  // row after row of k + 1; rows of invalid queries, and places past the last point, are NaN. k up to 1024.
+  // row after row of k + 1; rows of invalid queries, and places past the last point, are NaN. k up to kLongestRow.
   virtual void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) = 0;
   // What such rows say (point/sample.h), at queries for the spacing and at queries for the noise. Here by fits on the
   // host's cores (host_samples.cpp), the same bits wherever else. Throws Error(interrupted) once `stop` is triggered.
   virtual Samples take_samples(std::span<const std::uint32_t> for_spacing, std::span<const std::uint32_t> for_noise,
                                std::stop_token stop);
+  // The same of every `stride`-th nearest point, by fits on the host's cores: what points show that are no copies of
+  // each other. Rows end with the kLongestRow-th nearest.
+  Samples take_thinned_samples(std::span<const std::uint32_t> for_spacing, std::span<const std::uint32_t> for_noise,
+                               int stride, const std::stop_token& stop);
+  static constexpr int kLongestRow = 1024;
   // Calls body(i) for each i below count on the host's cores, as many at once as this backend may use.
   virtual void for_each_on_host(std::size_t count, const std::function<void(std::size_t)>& body);
 };

@@ -195,11 +195,8 @@ FileInfo E57Source::info() const {
   return result;
 }
 
-std::vector<std::string> E57Source::losses(Format to) const {
-  if (to == Format::e57) return {};
-  return {
-      "the format written has no place for what an E57 file holds beside points: poses, images and descriptions of "
-      "scans"};
+std::vector<Content> E57Source::contents() const {
+  return {{ContentKind::poses, "what an E57 file holds beside points: poses, images and descriptions of scans"}};
 }
 
 }  // namespace e57

@@ -224,10 +224,8 @@ class Scene {
 class GltfSource final : public HeldSource {
  public:
   using HeldSource::HeldSource;
-  std::vector<std::string> losses(Format) const override {
-    return {
-        "of a glTF file only points, normals, texture coordinates, colours and triangles of the meshes in its scene "
-        "are read; materials, images, further meshes and animations are not"};
+  std::vector<Content> contents() const override {
+    return {{ContentKind::records, "what else the glTF file has, such as materials, images and animations"}};
   }
 };
 

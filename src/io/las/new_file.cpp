@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "io/formats.hpp"
+#include "io/intensity.hpp"
 #include "io/las/codec.hpp"
 #include "io/las/fields.hpp"
 #include "io/las/frame.hpp"
@@ -71,6 +72,7 @@ bool fits(const TableColumn& column, const Field& field) {
   const double least =
       with_type(field.type, [](auto tag) { return static_cast<double>(std::numeric_limits<decltype(tag)>::lowest()); });
   if (column.components != 1) return false;
+  if (field.type == NativeType::float64) return size_of(column.type) < 8 || column.type == field.type;
   if (!is_integer(field.type)) return column.type == field.type;
   const std::size_t size = size_of(column.type);
   for (std::size_t at = 0; at < column.data.size(); at += size) {
@@ -86,7 +88,8 @@ class NewFile {
  public:
   NewFile(Table& table, bool compress, std::optional<double> scale, Output& out)
       : table_(table), out_(out), range_(range_of(table.positions)), scaling_(choose_scaling(range_, scale)) {
-    use_ply_names(table);
+    use_ply_names(table, ColorDepth::sixteen_bits);
+    use_las_intensity(table);
     const bool color = table.find("red") && table.find("green") && table.find("blue");
     format_ = !color ? 6 : table.find("nir") ? 8 : 7;
     record_length_ = least_record_length(format_);

@@ -38,16 +38,14 @@ void LasSource::extract_block(std::size_t index, std::size_t block, std::span<ch
   extract_field(field, records.data(), layout_.header.record_length, block_size(block), out.data());
 }
 
-std::vector<std::string> LasSource::losses(Format to) const {
+std::vector<Content> LasSource::contents() const {
+  if (layout_.header.records.empty()) return {};
+  return {{ContentKind::coordinate_system, "the records of a LAS file, such as its coordinate system"}};
+}
+
+std::vector<std::string> LasSource::losses(Encoding) const {
   std::vector<std::string> result;
-  const Header& header = layout_.header;
-  if (to != Format::las && to != Format::laz && to != Format::copc) {
-    if (!header.records.empty()) {
-      result.push_back("the format of the output cannot hold the records of a LAS file, such as its coordinate system");
-    }
-    return result;
-  }
-  if (layout_.is_copc() && to != Format::copc) {
+  if (layout_.is_copc()) {
     result.push_back("the COPC index of the input no longer fits points that moved, so the output is plain LAZ or LAS");
   }
   std::error_code ignored;

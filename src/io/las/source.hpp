@@ -38,7 +38,8 @@ class LasSource : public Source {
   void extract_block(std::size_t index, std::size_t block, std::span<char> out) const override;
   void write(const Edits& edits, Encoding encoding, Output& out) const override;
   void check_las_scale(double scale) const override;
-  std::vector<std::string> losses(Format to) const override;
+  std::vector<std::string> losses(Encoding) const override;
+  std::vector<Content> contents() const override;
   std::vector<std::string> companions() const override;
   FileInfo info() const override;
 

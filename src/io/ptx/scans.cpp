@@ -137,11 +137,11 @@ bool looks_like_ptx(std::string_view text) {
 }
 
 Layout find_scans(std::string_view text, const std::string& name) {
-  const TextRows rows = find_rows(text, RowRule::filled);
+  const TextRows rows = find_rows(text, {RowRule::filled});
   Layout layout;
   for (std::uint64_t row = 0; row < rows.count();) {
     Scan scan;
-    const std::size_t begin = begin_of_row(text, rows, RowRule::filled, row);
+    const std::size_t begin = begin_of_row(text, rows, {RowRule::filled}, row);
     std::string_view rest = text.substr(begin);
     const std::string which = "scan " + std::to_string(layout.scans.size() + 1);
     if (const int wrong = read_header(rest, scan))
@@ -156,7 +156,7 @@ Layout find_scans(std::string_view text, const std::string& name) {
                      "; copy the file again or correct the header");
     scan.first_point = layout.size;
     scan.points_begin = text.size() - rest.size();
-    scan.points_end = begin_of_row(text, rows, RowRule::filled, row + scan.count());
+    scan.points_end = begin_of_row(text, rows, {RowRule::filled}, row + scan.count());
     std::string_view first;
     if (scan.count() != 0 && next_filled(rest, first)) {
       const std::size_t words = count_words(first);

@@ -163,9 +163,8 @@ FileInfo PtxSource::info() const {
   return result;
 }
 
-std::vector<std::string> PtxSource::losses(Format to) const {
-  if (to == Format::ptx) return {};
-  return {"the format written has no place for the poses of scans, and for the columns and rows of their points"};
+std::vector<Content> PtxSource::contents() const {
+  return {{ContentKind::poses, "the poses of scans"}, {ContentKind::grid, "the columns and rows of scans"}};
 }
 
 // The edits of one block, a row at a time.

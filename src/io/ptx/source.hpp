@@ -26,7 +26,7 @@ class PtxSource final : public Source {
   void write(const Edits& edits, Encoding encoding, Output& out) const override;
   std::optional<Position> sensor(std::size_t block) const override;
   FileInfo info() const override;
-  std::vector<std::string> losses(Format to) const override;
+  std::vector<Content> contents() const override;
 
  private:
   struct RowEditor;

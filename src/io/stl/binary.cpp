@@ -37,10 +37,9 @@ class BinarySource final : public Source {
   std::vector<Column> columns() const override { return {}; }
   void extract_block(std::size_t, std::size_t, std::span<char>) const override {}
   Faces faces() const override { return faces_of(facets_); }
-  std::vector<std::string> losses(Format to) const override {
-    if (to == Format::stl || !has_words()) return {};
-    return {
-        "the format written has no place for the attribute words of STL facets, in which some programs keep colours"};
+  std::vector<Content> contents() const override {
+    if (!has_words()) return {};
+    return {{ContentKind::face_values, "the attribute words of facets, in which some programs keep colours"}};
   }
 
  protected:

@@ -105,7 +105,7 @@ class Page {
       case "saved":
         this.status.hideProgress();
         document.body.dataset.saved = head.path;
-        return this.stage.say(`Saved ${head.path}, ${grouped(head.bytes)} bytes`);
+        return this.stage.say([`Saved ${head.path}, ${grouped(head.bytes)} bytes`, ...head.notes].join(". Note: "));
       case "cancelled":
         this.status.hideProgress();
         return this.stage.say("Stopped.");

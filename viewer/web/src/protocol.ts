@@ -127,7 +127,7 @@ export type Head =
   | { type: "settled" }
   | { type: "colours"; id: number; name: string }
   | { type: "progress"; id: number; share: number; stage: string }
-  | { type: "saved"; id: number; path: string; bytes: number; command: string }
+  | { type: "saved"; id: number; path: string; bytes: number; notes: string[]; command: string }
   | { type: "cancelled"; id: number; ms: number }
   | { type: "taken" }
   | { type: "error"; id: number | null; message: string };

@@ -1,0 +1,190 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cpu/refinement.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <vector>
+
+#include "cpu/index.h"
+#include "cpu/parallel.h"
+
+namespace pointfair::cpu {
+namespace {
+
+namespace net = point::net;
+
+constexpr std::size_t kLeavesABlock = 64, kPointsABlock = kLeavesABlock * kLeafSize;
+constexpr int kNowhere = -1;
+
+point::Vec3<float> vector_of(const Point& p) { return {p.x, p.y, p.z}; }
+
+// Every 4^s-th point, by a hash of positions, and where each point of the cloud lies among them.
+struct Coarse {
+  explicit Coarse(MemoryMeter& meter) : index(meter) {}
+  SpatialIndex index;
+  std::vector<int> own;          // of each sorted point of the cloud
+  std::vector<Index> leaf_near;  // of each leaf of the cloud
+};
+
+class Net {
+ public:
+  Net(const Classical& classical, const NetWeights& weights, const Frame& frame, const Kernels& kernels,
+      const std::stop_token& stop)
+      : classical_(classical), weights_(weights.view()), frame_(frame), stop_(stop), kernels_(kernels) {
+    index_.build(classical.points, {}, frame, space_, kernels_, stop);
+  }
+
+  void run(std::span<Point> out) {
+    const IndexView cloud = index_.view();
+    if (cloud.points <= net::kNeighbors) return;
+    find_neighbors();
+    run_layers();
+    for_blocks(cloud.points, kPointsABlock, stop_, [&](std::size_t first, std::size_t last, std::size_t) {
+      for (std::size_t i = first; i < last; ++i) {
+        const Index at = cloud.original[i];
+        const net::Place& here = places_[i];
+        const bool moves = here.noise > 0 && std::isfinite(here.noise) && point::squared_length(here.normal) > 0;
+        if (!moves || classical_.held[at] != 0) continue;
+        const point::Vec3<float> moved = here.classical + here.noise * steps_[i];
+        if (point::is_indexable(moved.x, moved.y, moved.z)) out[at] = {moved.x, moved.y, moved.z};
+      }
+    });
+  }
+
+ private:
+  void find_neighbors() {
+    const IndexView cloud = index_.view();
+    const std::size_t room = std::size_t(cloud.leaves) * kLeafSize * net::kNeighbors;
+    for (int s = 0; s < net::kScales; ++s) {
+      if (s > 0 && !choose(s)) {  // too few points: as the finer scale
+        lists_of_[s] = lists_of_[s - 1];
+        continue;
+      }
+      lists_[s].resize(room);
+      lists_of_[s] = lists_[s].data();
+      for_blocks(cloud.leaves, kLeavesABlock, stop_, [&](std::size_t first, std::size_t last, std::size_t) {
+        for (std::size_t leaf = first; leaf < last; ++leaf) find_neighbors_of(Index(leaf), s);
+      });
+    }
+  }
+
+  // Rows of the cloud's sorted positions.
+  void find_neighbors_of(Index leaf, int scale) {
+    const IndexView cloud = index_.view(), there = scale == 0 ? cloud : coarse_.index.view();
+    Index found[net::kNeighbors * kLeafSize];
+    if (scale == 0) {
+      kernels_.nearest(cloud, leaf, net::kNeighbors, __builtin_inff(), found);
+    } else {
+      kernels_.nearest_there(cloud, leaf, there, coarse_.own.data() + std::size_t(leaf) * kLeafSize,
+                             coarse_.leaf_near[leaf], net::kNeighbors, found);
+    }
+    const Index points = std::min<Index>(kLeafSize, cloud.points - leaf * kLeafSize);
+    for (Index lane = 0; lane < points; ++lane) {
+      Index* row = lists_[scale].data() + (std::size_t(leaf) * kLeafSize + lane) * net::kNeighbors;
+      for (int slot = 0; slot < net::kNeighbors; ++slot) {
+        const Index at = found[slot * kLeafSize + int(lane)];
+        row[slot] = scale == 0 ? at : there.original[at];
+      }
+    }
+  }
+
+  // False where they are too few for every point to have its neighbours among them.
+  bool choose(int scale) {
+    const IndexView cloud = index_.view();
+    const float share = 1.0f / float(1 << 2 * scale);
+    std::vector<Index> members;
+    coarse_.leaf_near.resize(cloud.leaves);
+    for (Index i = 0; i < cloud.points; ++i) {
+      if (i % kLeafSize == 0) coarse_.leaf_near[i / kLeafSize] = Index(members.size()) / kLeafSize;
+      if (cloud.share[i] < share) members.push_back(i);
+    }
+    if (members.size() <= net::kNeighbors) return false;
+    std::vector<Point> points(members.size());
+    std::transform(members.begin(), members.end(), points.begin(), [&](Index i) {
+      return Point{cloud.x[i], cloud.y[i], cloud.z[i]};
+    });
+    coarse_.index.build(points, members, frame_, space_, kernels_, stop_);
+    const IndexView there = coarse_.index.view();
+    coarse_.own.assign(std::size_t(cloud.leaves) * kLeafSize, kNowhere);
+    for (Index c = 0; c < there.points; ++c) coarse_.own[there.original[c]] = int(c);
+    for (Index& leaf : coarse_.leaf_near) leaf = std::min(leaf, there.leaves - 1);
+    return true;
+  }
+
+  void run_layers() {
+    const IndexView cloud = index_.view();
+    const std::size_t points = cloud.points, numbers = points * net::kChannels;
+    for (Buffer<net::Place>* places : {&measured_places_, &places_}) places->resize(points);
+    for (Buffer<float>& sizes : sizes_) sizes.resize(points);
+    sides_.resize(points);
+    steps_.resize(points);
+    states_.resize(numbers);
+    for (Buffer<std::int16_t>& stored : stored_) stored.resize(numbers);
+    for_points([&](Index first, Index last) {
+      for (Index i = first; i < last; ++i) {
+        const Index at = cloud.original[i];
+        measured_places_[i] = {{cloud.x[i], cloud.y[i], cloud.z[i]},
+                               vector_of(classical_.normals[at]),
+                               vector_of(classical_.measured[at]),
+                               classical_.noise[at]};
+      }
+    });
+    const NetCloud view{measured_places_.data(),
+                        {lists_of_[0], lists_of_[1], lists_of_[2], lists_of_[3]},
+                        places_.data(),
+                        sides_.data(),
+                        {sizes_[0].data(), sizes_[1].data(), sizes_[2].data(), sizes_[3].data()},
+                        states_.data(),
+                        {stored_[0].data(), stored_[1].data()},
+                        steps_.data()};
+    for_points([&](Index first, Index last) { kernels_.net_begin(view, weights_, first, last); });
+    for (int layer = 0; layer < net::kLayers; ++layer)
+      for_points([&](Index first, Index last) { kernels_.net_layer(view, weights_, layer, first, last); });
+  }
+
+  template <class Body>
+  void for_points(const Body& body) {
+    for_blocks(index_.view().points, kPointsABlock, stop_,
+               [&](std::size_t first, std::size_t last, std::size_t) { body(Index(first), Index(last)); });
+  }
+
+  const Classical& classical_;
+  const net::Weights& weights_;
+  const Frame& frame_;
+  const std::stop_token& stop_;
+  const Kernels& kernels_;
+  MemoryMeter meter_;
+  SortSpace space_{meter_};
+  SpatialIndex index_{meter_};
+  Coarse coarse_{meter_};
+  std::array<Buffer<Index>, net::kScales> lists_{Buffer<Index>(meter_), Buffer<Index>(meter_), Buffer<Index>(meter_),
+                                                 Buffer<Index>(meter_)};
+  std::array<const Index*, net::kScales> lists_of_{};
+  Buffer<net::Place> measured_places_{meter_}, places_{meter_};
+  Buffer<point::Vec3<float>> sides_{meter_}, steps_{meter_};
+  std::array<Buffer<float>, net::kScales> sizes_{Buffer<float>(meter_), Buffer<float>(meter_), Buffer<float>(meter_),
+                                                 Buffer<float>(meter_)};
+  Buffer<std::uint8_t> states_{meter_};
+  std::array<Buffer<std::int16_t>, 2> stored_{Buffer<std::int16_t>(meter_), Buffer<std::int16_t>(meter_)};
+};
+
+}  // namespace
+
+void refine(const Classical& classical, const NetWeights& weights, const Frame& frame, const Kernels& kernels,
+            std::span<Point> out, const std::stop_token& stop) {
+  Net net(classical, weights, frame, kernels, stop);
+  if (out.data() != classical.points.data()) std::copy(classical.points.begin(), classical.points.end(), out.begin());
+  net.run(out);
+}
+
+}  // namespace pointfair::cpu
+
+namespace pointfair {
+
+void refine(const Classical& classical, const NetWeights& weights, const Frame& frame, std::span<Point> out,
+            const std::stop_token& stop) {
+  cpu::refine(classical, weights, frame, cpu::best_kernels(), out, stop);
+}
+
+}  // namespace pointfair

@@ -1,0 +1,13 @@
+// SPDX-License-Identifier: Apache-2.0
+// The seam's refine() with the kernels of any instruction set, which all give the same bits.
+#pragma once
+
+#include "cpu/kernels.h"
+#include "seam/refinement.hpp"
+
+namespace pointfair::cpu {
+
+void refine(const Classical& classical, const NetWeights& weights, const Frame& frame, const Kernels& kernels,
+            std::span<Point> out, const std::stop_token& stop);
+
+}  // namespace pointfair::cpu

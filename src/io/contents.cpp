@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/contents.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+
+#include "io/colors.hpp"
+#include "io/column_names.hpp"
+#include "io/coordinate_names.hpp"
+#include "io/intensity.hpp"
+#include "io/source.hpp"
+#include "pointfair/normals.hpp"
+
+namespace pointfair::io {
+namespace {
+
+bool is_in(const std::vector<std::string>& names, const std::string& name) {
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+TableColumn column_of(const Cloud& cloud, const std::string& name) {
+  const Attribute values = attribute(cloud, name);
+  TableColumn column;
+  static_cast<Column&>(column) = {name, native(values.type), values.components};
+  column.data.resize(values.data.size());
+  if (!values.data.empty()) std::memcpy(column.data.data(), values.data.data(), values.data.size());
+  return column;
+}
+
+// What a cloud's attributes are.
+class Attributes {
+ public:
+  explicit Attributes(const Cloud& cloud) : cloud_(cloud), normals_(normal_attributes(cloud)) {
+    std::array<std::string, 3> channels;
+    for (const AttributeInfo& info : attributes(cloud)) {
+      const std::string plain = ply_name(info.name);
+      constexpr std::array<const char*, 3> kChannels = {"red", "green", "blue"};
+      const auto channel =
+          static_cast<std::size_t>(std::find(kChannels.begin(), kChannels.end(), plain) - kChannels.begin());
+      if (channel < 3 && info.components == 1 && channels[channel].empty()) channels[channel] = info.name;
+      packed_ =
+          packed_ || ((info.name == "rgb" || info.name == "rgba") && info.components == 1 && size_of(info.type) == 4);
+      if ((info.name == "rgb" || info.name == "rgba") && packed_) colors_.push_back(info.name);
+    }
+    const bool complete = std::none_of(channels.begin(), channels.end(), [](const auto& name) { return name.empty(); });
+    if (complete) colors_.insert(colors_.end(), channels.begin(), channels.end());
+    has_channels_ = complete && !packed_;
+  }
+
+  void tell(std::vector<Content>& to) const {
+    if (!colors_.empty()) tell_colors(to);
+    if (!normals_.empty()) to.push_back({ContentKind::normals, "the normals"});
+    std::string numbers;
+    for (const AttributeInfo& info : attributes(cloud_)) {
+      if (is_in(colors_, info.name) || is_in(normals_, info.name)) continue;
+      numbers += (numbers.empty() ? "" : ", ") + info.name;
+      tell_intensity(info, to);
+    }
+    if (!numbers.empty()) to.push_back({ContentKind::numbers, numbers});
+    std::string all;
+    for (const AttributeInfo& info : attributes(cloud_)) all += (all.empty() ? "" : ", ") + info.name;
+    if (!all.empty()) to.push_back({ContentKind::names, all});
+    tell_wide_integers(to);
+  }
+
+ private:
+  void tell_colors(std::vector<Content>& to) const {
+    to.push_back({ContentKind::colors, "the colours"});
+    if (!has_channels_) return;
+    const TableColumn red = column_of(cloud_, colors_[0]), green = column_of(cloud_, colors_[1]),
+                      blue = column_of(cloud_, colors_[2]);
+    const ColorRange range = color_range({&red, &green, &blue});
+    if (range.fine) to.push_back({ContentKind::fine_colors, "the colours"});
+    if (range.missing > 0) to.push_back({ContentKind::some_colors, counted(range.missing, "point")});
+  }
+
+  void tell_intensity(const AttributeInfo& info, std::vector<Content>& to) const {
+    const TableColumn* found = nullptr;
+    TableColumn column;
+    if (lower_case(info.name) == "intensity" && info.components == 1) found = &(column = column_of(cloud_, info.name));
+    if (found && !is_las_intensity(found->data, found->type)) to.push_back({ContentKind::intensity, info.name});
+  }
+
+  // Those of the file; attributes that were added have no 64-bit integers.
+  void tell_wide_integers(std::vector<Content>& to) const {
+    if (!cloud_.source) return;
+    const std::vector<Column> columns = cloud_.source->columns();
+    std::string names;
+    for (std::size_t c = 0; c < columns.size(); ++c) {
+      if (size_of(columns[c].type) < 8 || !is_integer(columns[c].type)) continue;
+      std::vector<char> values(static_cast<std::size_t>(cloud_.source->size()) * column_bytes(columns[c]));
+      cloud_.source->extract(c, values);
+      if (is_wide(columns[c].type, values)) names += (names.empty() ? "" : ", ") + columns[c].name;
+    }
+    if (!names.empty()) to.push_back({ContentKind::wide_integers, names});
+  }
+
+  // Whether a double would be another number.
+  static bool is_wide(NativeType type, const std::vector<char>& values) {
+    return with_type(type, [&](auto tag) {
+      for (std::size_t at = 0; at < values.size(); at += sizeof tag) {
+        const auto value = load<decltype(tag)>(values.data() + at, false);
+        if (narrow<decltype(tag)>(static_cast<double>(value)) != value) return true;
+      }
+      return false;
+    });
+  }
+
+  const Cloud& cloud_;
+  std::vector<std::string> normals_, colors_;
+  bool packed_ = false, has_channels_ = false;
+};
+
+// What a new file of each format does with the kinds, in their order: k keeps them, n notes that they are lost, r means
+// that such a file cannot be written.
+struct Row {
+  Format format;
+  std::string_view keeps;
+};
+constexpr Row kRows[] = {
+    // colours | normals to names | digits, text, lists | faces to groups | comments to records | invalid points
+    {Format::ply, "knn kkkk nnn knnknnn nnnnn k"},   {Format::pcd, "knn kkkk knn nnnnnnn nnnnn k"},
+    {Format::xyz, "knn kkkn knn nnnnnnn nnnnn k"},   {Format::txt, "kkk kkkk knn nnnnnnn nnnnn k"},
+    {Format::csv, "kkk kkkk knn nnnnnnn nnnnn k"},   {Format::pts, "knn kkkn knn nnnnnnn nnnnn k"},
+    {Format::off, "knn knnn nnn knnnnnn nnnnn k"},   {Format::obj, "knk knnn nnn knnknnn nnnnn k"},
+    {Format::las, "kkn kknk knn nnnnnnn nnnnn r"},   {Format::laz, "kkn kknk knn nnnnnnn nnnnn r"},
+    {Format::e57, "knn kkkk nnn nnnnnnn nnnnn k"},   {Format::ptx, "knn nnkn nnn nnnnnnn nnnnn k"},
+    {Format::stl, "nnn nnnn nnn knnnnnn nnnnn k"},   {Format::npy, "kkk kkkk nnn nnnnnnn nnnnn k"},
+    {Format::copc, "kkn kknk knn nnnnnnn nknnn r"},  {Format::glb, "rrr rrrr rrr rrrrrrr rrrrr r"},
+    {Format::kitti, "rrr rrrr rrr rrrrrrr rrrrr r"}, {Format::nuscenes, "rrr rrrr rrr rrrrrrr rrrrr r"},
+};
+
+}  // namespace
+
+std::string counted(std::uint64_t count, const std::string& what) {
+  return std::to_string(count) + " " + what + (count == 1 ? "" : "s");
+}
+
+std::vector<Content> contents_of(const Cloud& cloud) {
+  std::vector<Content> result;
+  Attributes(cloud).tell(result);
+  const bool finite = std::all_of(cloud.points.begin(), cloud.points.end(), [](const Point& p) {
+    return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z);
+  });
+  if (!finite) result.push_back({ContentKind::invalid_points, "points without finite coordinates"});
+  if (!cloud.source) return result;
+  const Faces faces = cloud.source->faces();
+  if (!faces.ends.empty()) result.push_back({ContentKind::faces, counted(faces.ends.size(), "face")});
+  if (!faces.texture.empty()) result.push_back({ContentKind::texture_coordinates, "the texture coordinates"});
+  for (Content& content : cloud.source->contents()) result.push_back(std::move(content));
+  std::stable_sort(result.begin(), result.end(), [](const Content& a, const Content& b) { return a.kind < b.kind; });
+  return result;
+}
+
+Keeps keeps(Format format, ContentKind kind) {
+  const auto row = std::find_if(std::begin(kRows), std::end(kRows), [&](const Row& r) { return r.format == format; });
+  if (row == std::end(kRows)) return Keeps::noted;
+  std::size_t left = static_cast<std::size_t>(kind);
+  for (const char c : row->keeps) {
+    if (c == ' ' || left-- > 0) continue;
+    return c == 'k' ? Keeps::kept : c == 'r' ? Keeps::refused : Keeps::noted;
+  }
+  return Keeps::noted;
+}
+
+Format family(Format format) {
+  return format == Format::txt ? Format::xyz : format == Format::laz ? Format::las : format;
+}
+
+bool is_copied(const Cloud& cloud, Format format) {
+  return cloud.source && family(cloud.source->format()) == family(format) && cloud.source->holds_its_positions();
+}
+
+}  // namespace pointfair::io

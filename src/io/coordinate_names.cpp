@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/coordinate_names.hpp"
+
+#include <algorithm>
+#include <set>
+
+#include "io/text.hpp"
+
+namespace pointfair::io {
+namespace {
+
+// As plain() leaves them, the plainest first. English, German, French, Italian, Spanish, Portuguese, Dutch; ParaView,
+// ArcGIS, R, MATLAB.
+constexpr std::array<std::string_view, 3> kNames[] = {
+    {"x", "y", "z"},
+    {"points0", "points1", "points2"},
+    {"coordinates0", "coordinates1", "coordinates2"},
+    {"coordinate0", "coordinate1", "coordinate2"},
+    {"xcoord", "ycoord", "zcoord"},
+    {"xcoordinate", "ycoordinate", "zcoordinate"},
+    {"coordx", "coordy", "coordz"},
+    {"coordinatex", "coordinatey", "coordinatez"},
+    {"pointx", "pointy", "pointz"},
+    {"posx", "posy", "posz"},
+    {"positionx", "positiony", "positionz"},
+    {"worldx", "worldy", "worldz"},
+    {"cartesianx", "cartesiany", "cartesianz"},
+    {"easting", "northing", "elevation"},
+    {"eastings", "northings", "height"},
+    {"east", "north", "elev"},
+    {"e", "n", "h"},
+    {"rechtswert", "hochwert", "altitude"},
+    {"rechts", "hoch", "alt"},
+    {"rw", "hw", "level"},
+    {"ostwert", "nordwert", "hoehe"},
+    {"ost", "nord", "höhe"},
+    {"est", "nord", "quota"},
+    {"este", "norte", "cota"},
+    {"leste", "norte", "altura"},
+    {"oost", "noord", "hoogte"},
+    {"xkoordinate", "ykoordinate", "zkoordinate"},
+    {"utmx", "utmy", "rl"},
+    {"utme", "utmn", "altezza"},
+    {"eastingm", "northingm", "elevationm"},
+    {"xm", "ym", "zm"},
+    {"xmm", "ymm", "zmm"},
+};
+
+// In small letters, without the unit in brackets and without what joins words.
+std::string plain(std::string_view name) {
+  const std::size_t bracket = name.find_first_of("[(");
+  if (bracket != std::string_view::npos && bracket > 0) name = name.substr(0, bracket);
+  std::string result;
+  for (const char c : lower_case(name)) {
+    const auto byte = static_cast<unsigned char>(c);
+    if ((byte >= 'a' && byte <= 'z') || (byte >= '0' && byte <= '9') || byte >= 128) result += c;
+  }
+  const std::size_t umlaut = result.find("\xC3\x96");  // lower_case() leaves it
+  if (umlaut != std::string::npos) result.replace(umlaut, 2, "ö");
+  return result;
+}
+
+}  // namespace
+
+AxisColumns find_axes(const std::vector<std::string>& names) {
+  std::vector<std::string> plain_names;
+  for (const std::string& name : names) plain_names.push_back(plain(name));
+  AxisColumns columns{};
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    columns[axis] = names.size();
+    for (const auto& known : kNames) {
+      const auto found = std::find(plain_names.begin(), plain_names.end(), known[axis]);
+      if (found == plain_names.end()) continue;
+      columns[axis] = static_cast<std::size_t>(found - plain_names.begin());
+      break;
+    }
+  }
+  return columns;
+}
+
+std::optional<AxisColumns> find_coordinates(const std::vector<std::string>& names) {
+  const AxisColumns columns = find_axes(names);
+  const bool all = std::all_of(columns.begin(), columns.end(), [&](std::size_t c) { return c < names.size(); });
+  return all ? std::optional(columns) : std::nullopt;
+}
+
+std::string listed(const std::vector<std::string>& names) {
+  constexpr std::size_t kShown = 12;
+  std::string text;
+  for (std::size_t i = 0; i < std::min(kShown, names.size()); ++i) text += (i > 0 ? ", " : "") + quoted(names[i]);
+  return names.size() > kShown ? text + " and " + std::to_string(names.size() - kShown) + " more" : text;
+}
+
+void make_distinct(std::vector<std::string>& names) {
+  std::set<std::string> taken(names.begin(), names.end()), seen;
+  for (std::string& name : names) {
+    if (seen.insert(name).second) continue;
+    std::string other;
+    for (int number = 2; other.empty() || !taken.insert(other).second; ++number)
+      other = name + "_" + std::to_string(number);
+    name = other;
+    seen.insert(other);
+  }
+}
+
+}  // namespace pointfair::io

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/intensity.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace pointfair::io {
+namespace {
+
+constexpr double kMost = 65535;
+
+struct Seen {
+  bool whole = true;
+  double least = std::numeric_limits<double>::infinity(), most = -std::numeric_limits<double>::infinity();
+};
+
+Seen look(std::span<const char> data, NativeType type) {
+  Seen seen;
+  for (std::size_t at = 0; at < data.size(); at += size_of(type)) {
+    const double value = load_double(data.data() + at, type, false);
+    seen.whole = seen.whole && value == std::nearbyint(value);
+    if (!std::isfinite(value)) continue;
+    seen.least = std::min(seen.least, value);
+    seen.most = std::max(seen.most, value);
+  }
+  return seen;
+}
+
+bool fits(const Seen& seen) { return seen.whole && seen.least >= 0 && seen.most <= kMost; }
+
+}  // namespace
+
+bool is_las_intensity(std::span<const char> data, NativeType type) { return fits(look(data, type)); }
+
+void use_las_intensity(Table& table) {
+  const auto column = std::find_if(table.columns.begin(), table.columns.end(), [](const TableColumn& candidate) {
+    return lower_case(candidate.name) == "intensity" && candidate.components == 1;
+  });
+  if (column == table.columns.end()) return;
+  column->name = "intensity";
+  const Seen seen = look(column->data, column->type);
+  if (fits(seen)) return;
+  const bool in_range = seen.least >= 0 && seen.most <= kMost;
+  const double low = in_range ? 0 : seen.least;
+  double factor = 1;
+  if (in_range && seen.most <= 1) factor = kMost;
+  if (!in_range && seen.most > seen.least) factor = kMost / (seen.most - seen.least);
+  std::vector<char> data(table.size() * sizeof(std::uint16_t));
+  const std::size_t size = size_of(column->type);
+  for (std::size_t i = 0; i < table.size(); ++i) {
+    const double value = load_double(column->data.data() + i * size, column->type, false);
+    store_double(data.data() + i * sizeof(std::uint16_t), NativeType::uint16, false, factor * (value - low));
+  }
+  column->type = NativeType::uint16;
+  column->data = std::move(data);
+}
+
+}  // namespace pointfair::io

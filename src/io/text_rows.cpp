@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/text_rows.hpp"
+
+#include <algorithm>
+
+#include "io/parallel.hpp"
+
+namespace pointfair::io {
+namespace {
+
+constexpr std::size_t kChunkBytes = std::size_t{1} << 18;
+
+}  // namespace
+
+bool has_several_words(std::string_view line) {
+  const char* at = line.data();
+  const char* const end = at + line.size();
+  while (at != end && !is_blank(*at) && *at != ',' && *at != ';') ++at;
+  if (at != end && !is_blank(*at)) ++at;
+  while (at != end && is_blank(*at)) ++at;
+  return at != end;
+}
+
+namespace {
+
+// Whether the line ends as one that goes on in the next.
+bool has_backslash(std::string_view line) { return line.ends_with('\\') || line.ends_with("\\\r"); }
+
+// Names of files and remarks may end in a backslash, too.
+bool goes_on(std::string_view line) {
+  if (!has_backslash(line)) return false;
+  const std::size_t first = line.find_first_not_of(" \t");
+  return std::string_view("vflp").find(line[first]) != std::string_view::npos;
+}
+
+}  // namespace
+
+bool next_long_row(std::string_view& text, std::string_view& line, const RowShape& shape) {
+  if (shape.rule == RowRule::vertices) {
+    if (!next_line(text, line, shape.line_end)) return false;
+    for (std::string_view more; goes_on(line) && next_line(text, more, shape.line_end);)
+      line = {line.data(), static_cast<std::size_t>(more.data() + more.size() - line.data())};
+    return true;
+  }
+  std::string_view rest = text, word;
+  if (!next_word(rest, word)) return false;
+  const char* const begin = word.data();
+  for (std::size_t w = 1; w < shape.words && next_word(rest, word);) ++w;
+  line = {begin, static_cast<std::size_t>(word.data() + word.size() - begin)};
+  text = rest;
+  return true;
+}
+
+namespace {
+
+// Rows that do not end with their lines are found one after the other.
+TextRows find_rows_of_words(std::string_view text, const RowShape& shape) {
+  constexpr std::uint64_t kRowsOfChunk = 8192;
+  TextRows rows;
+  std::string_view rest = text, line;
+  std::uint64_t found = 0;
+  do {
+    if (found % kRowsOfChunk == 0) rows.chunks.push_back({text.size() - rest.size(), found});
+  } while (next_row(rest, line, shape) && ++found);
+  if (rows.chunks.size() > 1 && rows.chunks.back().first_row == found) rows.chunks.pop_back();
+  rows.chunks.push_back({text.size(), found});
+  return rows;
+}
+
+std::size_t end_of_chunk(std::string_view text, std::size_t from, const RowShape& shape) {
+  for (;;) {
+    const std::size_t end = text.find(shape.line_end, from);
+    if (end == std::string_view::npos) return text.size();
+    if (shape.rule != RowRule::vertices || !has_backslash(text.substr(0, end))) return end + 1;
+    from = end + 1;
+  }
+}
+
+}  // namespace
+
+TextRows find_rows(std::string_view text, const RowShape& shape) {
+  if (shape.rule == RowRule::words) return find_rows_of_words(text, shape);
+  TextRows rows;
+  for (std::size_t at = 0; at < text.size();) {
+    rows.chunks.push_back({at, 0});
+    at = end_of_chunk(text, std::min(at + kChunkBytes, text.size()) - 1, shape);
+  }
+  const std::size_t count = rows.chunks.size();
+  rows.chunks.push_back({text.size(), 0});
+  for_each_block(count, [&](std::size_t c) {
+    std::string_view chunk = text.substr(rows.chunks[c].begin, rows.chunks[c + 1].begin - rows.chunks[c].begin), line;
+    std::uint64_t found = 0;
+    while (next_row(chunk, line, shape)) found += is_row(line, shape.rule);
+    rows.chunks[c + 1].first_row = found;
+  });
+  for (std::size_t c = 0; c < count; ++c) rows.chunks[c + 1].first_row += rows.chunks[c].first_row;
+  return rows;
+}
+
+std::size_t begin_of_row(std::string_view text, const TextRows& rows, const RowShape& shape, std::uint64_t row) {
+  if (row >= rows.count()) return text.size();
+  const auto behind = std::upper_bound(rows.chunks.begin(), rows.chunks.end(), row,
+                                       [](std::uint64_t r, const TextRows::Chunk& c) { return r < c.first_row; });
+  const TextRows::Chunk& chunk = *(behind - 1);
+  std::string_view rest = text.substr(chunk.begin), line;
+  std::uint64_t at = chunk.first_row;
+  while (next_row(rest, line, shape)) {
+    if (is_row(line, shape.rule) && at++ == row) break;
+  }
+  return static_cast<std::size_t>(line.data() - text.data());
+}
+
+}  // namespace pointfair::io

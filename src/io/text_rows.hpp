@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+// Which parts of a text are rows of data, and where they are.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string_view>
+#include <vector>
+
+#include "io/text.hpp"
+
+namespace pointfair::io {
+
+/// What is a row of data; all else passes through.
+enum class RowRule : std::uint8_t {
+  filled,       ///< every line that is not blank
+  uncommented,  ///< and does not begin with '#', '%' or "//"
+  counted,      ///< and has more than one word: a line with one says how many rows follow
+  vertices,     ///< lines whose first word is "v"; a line that ends in '\' goes on in the next
+  words,        ///< so many words, whatever lines they stand on
+};
+
+struct RowShape {
+  RowRule rule = RowRule::filled;
+  char line_end = '\n';
+  std::size_t words = 0;  ///< of a row, for RowRule::words
+};
+
+/// The rows of a text, found in parallel. A chunk ends at the end of a line.
+struct TextRows {
+  struct Chunk {
+    std::size_t begin = 0;        ///< in the text
+    std::uint64_t first_row = 0;  ///< rows before it
+  };
+  std::vector<Chunk> chunks;  ///< and a last one for the end of the text
+  std::uint64_t count() const { return chunks.back().first_row; }
+};
+
+/// Whether a line that is a row otherwise has several words.
+bool has_several_words(std::string_view line);
+
+inline bool is_row(std::string_view line, RowRule rule) {
+  const char* at = line.data();
+  const char* const end = at + line.size();
+  while (at != end && is_blank(*at)) ++at;
+  if (at == end) return false;
+  if (rule == RowRule::vertices) return *at == 'v' && at + 1 != end && is_blank(at[1]);
+  if (rule == RowRule::filled || rule == RowRule::words) return true;
+  if (*at == '#' || *at == '%' || (*at == '/' && at + 1 != end && at[1] == '/')) return false;
+  return rule != RowRule::counted || has_several_words({at, static_cast<std::size_t>(end - at)});
+}
+
+/// next_row() where a row may have several lines, or part of one.
+bool next_long_row(std::string_view& text, std::string_view& line, const RowShape& shape);
+/// Takes the next line off the front of `text`, or all that may be one row. False: the text is empty.
+inline bool next_row(std::string_view& text, std::string_view& line, const RowShape& shape) {
+  if (shape.rule == RowRule::vertices || shape.rule == RowRule::words) return next_long_row(text, line, shape);
+  return next_line(text, line, shape.line_end);
+}
+TextRows find_rows(std::string_view text, const RowShape& shape);
+/// Where in the text the line of `row` begins; the text's end if there is no such row.
+std::size_t begin_of_row(std::string_view text, const TextRows& rows, const RowShape& shape, std::uint64_t row);
+
+}  // namespace pointfair::io

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/learned_run.hpp"
+
+#include <vector>
+
+#include "pipeline/run_state.hpp"
+#include "seam/noise_levels.hpp"
+#include "seam/refinement.hpp"
+#include "seam/sampling.hpp"
+
+namespace pointfair {
+namespace {
+
+constexpr std::size_t kBlock = 1 << 14;  // points that one core takes at once
+
+// The whole way of a point is limited as that of any method. Outliers were found before.
+void limit(std::span<const Point> measured, const DisplacementLimits& limits, Sampling& by, std::span<Point> out) {
+  if (!(limits.farthest > 0)) return;
+  by.for_each_on_host((out.size() + kBlock - 1) / kBlock, [&](std::size_t block) {
+    for (std::size_t i = block * kBlock; i < std::min(out.size(), (block + 1) * kBlock); ++i) {
+      if (!is_indexed(measured[i]) || !is_indexed(out[i])) continue;
+      const point::Vec3<float> from = to_vec3(measured[i]);
+      const float level = noise_level_at(limits.levels.get(), measured[i]);
+      const float farthest = point::limits_at(limit_rule(limits), level).farthest;
+      const point::Vec3<float> place = point::settled(from, to_vec3(out[i]), farthest, kUnbounded).place;
+      out[i] = {place.x, place.y, place.z};
+    }
+  });
+}
+
+}  // namespace
+
+void Pipeline::State::run_learned(const Params& params, std::span<Point> out, const std::stop_token& stop,
+                                  const ProgressFunction& progress) {
+  check_params(params);
+  std::vector<std::uint8_t> held(out.size());
+  Delivery to{out.size(), false, {}, {}};
+  to.deliver = [&](int iteration, const DisplacementLimits& limits, std::span<std::uint8_t> marks) {
+    const OutlierCounts counts = cloud.backend().download(iteration, out, limits, held);
+    if (!marks.empty()) std::copy(held.begin(), held.end(), marks.begin());
+    return counts;
+  };
+  attempt([&] { measure(false, true, IndexOrder::along_curve, stop); });
+  to.refine = [&](int iteration, double given, const DisplacementLimits& limits) {
+    const double sigma = given > 0 ? given : this->noise().sigma;
+    if (!(sigma > 0)) return;
+    Backend& backend = cloud.backend();
+    std::vector<Point> measured(out.size()), normals(out.size());
+    std::vector<float> noise(out.size());
+    backend.download_input(measured);
+    backend.download_normals(iteration, normals, stop);
+    Sampling& sampling = backend.sampling();
+    tell_noise(measured, sigma, noise);
+    const Frame its = frame();
+    const std::shared_ptr<const NetWeights> weights = weights_ ? weights_ : own_net_weights();
+    sampling.for_each_on_host(1, [&](std::size_t) {
+      refine({measured, out, normals, noise, held}, *weights, its, out, stop);
+    });
+    limit(measured, limits, sampling, out);
+  };
+  run(of_stages(params), to, stop, progress);
+  report.params.method = params.method;
+}
+
+}  // namespace pointfair

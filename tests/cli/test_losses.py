@@ -1,0 +1,58 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""What a conversion loses is told, --strict refuses it, and options say what a text does not."""
+import unittest
+from pathlib import Path
+
+from program import Case
+
+DOCUMENTATION = Path(__file__).resolve().parents[2] / "docs" / "formats.md"
+ROWS = "".join(f"{x % 10} {x // 10} 0.5\n" for x in range(100))
+
+
+class Losses(Case):
+    def put(self, name, text):
+        self.path(name).write_text(text)
+        return self.path(name)
+
+    def notes(self, *words):
+        text = self.ok("run", *words, "--device", "cpu", "--strength", "0").stderr.decode()
+        return [line for line in text.splitlines() if line.startswith("note: ")]
+
+    def test_every_loss_is_a_note(self):
+        head = "ply\nformat ascii 1.0\ncomment by hand\nelement vertex 100\nproperty float x\nproperty float y\nproperty float z\n"
+        mesh = self.put("a.ply", head + "element face 1\nproperty list uchar int vertex_indices\nend_header\n" + ROWS + "3 0 1 11\n")
+        notes = self.notes(mesh, self.path("b.pcd"))
+        self.assertEqual(notes, ["note: PCD files have no place for 1 face", "note: PCD files have no place for 1 comment"])
+        self.assertEqual(self.notes(mesh, self.path("b.ply")), [])
+
+    def test_strict_refuses_a_loss_before_the_run(self):
+        mesh = self.put("a.obj", "".join("v " + row + "\n" for row in ROWS.splitlines()) + "f 1 2 12\n")
+        self.fails(3, "run", mesh, self.path("b.pcd"), "--strict", "--device", "cpu", says=["b.pcd", "no place for 1 face", "--strict"])
+        self.ok("run", mesh, self.path("b.ply"), "--strict", "--device", "cpu")
+
+    def test_new_normals_are_refused_where_the_old_ones_stay(self):
+        mesh = self.put("a.obj", "".join(f"v {row}\nvn 0 0 1\n" for row in ROWS.splitlines()))
+        self.fails(2, "run", mesh, self.path("b.obj"), "--normals", "update", "--device", "cpu", says="not renewed")
+        self.ok("run", mesh, self.path("b.ply"), "--normals", "update", "--device", "cpu")
+
+    def test_columns_and_lines_that_the_file_does_not_explain(self):
+        text = "A;B;C;D\n" + "".join("7;" + row.replace(" ", ";") + "\n" for row in ROWS.splitlines())
+        table = self.put("a.data", text)
+        words = ["--in-format", "csv", "--columns", "i,x,y,z"]
+        self.fails(3, "info", table, says="unknown format")
+        self.fails(3, "info", table, "--in-format", "csv", says=["'A', 'B', 'C', 'D'", "--columns"])
+        info = self.report("info", table, *words, "--device", "cpu")
+        self.assertEqual([attribute["name"] for attribute in info["attributes"]], ["i"])
+        self.ok("run", table, self.path("b.csv"), *words, "--strength", "0", "--device", "cpu")
+        self.assertEqual(self.path("b.csv").read_text(), text)
+        self.assertEqual(self.report("info", table, *words, "--skip", "11", "--device", "cpu")["points"], 90)
+        self.fails(2, "info", table, "--columns", "x,y", says="x, y and z must be there")
+
+    def test_the_documentation_has_the_table(self):
+        table = self.ok("doctor", "--losses").stdout.decode()
+        self.assertIn(table, DOCUMENTATION.read_text())
+
+
+if __name__ == "__main__":
+    unittest.main()

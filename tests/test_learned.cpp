@@ -1,0 +1,234 @@
+// SPDX-License-Identifier: Apache-2.0
+// Method learned: the net against the integer reference in Python, its promises, and files of weights.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <fstream>
+#include <iterator>
+#include <string>
+#include <vector>
+
+#include "cpu/refinement.h"
+#include "every_kernel.h"
+#include "pointfair/pipeline.hpp"
+#include "shapes.h"
+
+namespace pointfair {
+namespace {
+
+using shapes::Points;
+
+const std::string kFolder = std::string(POINTFAIR_SOURCE_DIR) + "/tests/learned/";
+const std::string kWeights = std::string(POINTFAIR_SOURCE_DIR) + "/src/learned/weights.bin";
+
+std::vector<std::byte> bytes_of(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::vector<char> chars{std::istreambuf_iterator<char>(file), {}};
+  std::vector<std::byte> bytes(chars.size());
+  std::memcpy(bytes.data(), chars.data(), chars.size());
+  return bytes;
+}
+
+// A file of training/net/golden.py.
+struct Golden {
+  Frame frame;
+  Points measured, classical, normals, refined;
+  std::vector<float> noise;
+};
+Golden golden(const std::string& name) {
+  const std::vector<std::byte> bytes = bytes_of(kFolder + name);
+  std::uint32_t count = 0;
+  std::memcpy(&count, bytes.data(), sizeof count);
+  std::vector<float> numbers((bytes.size() - sizeof count) / sizeof(float));
+  std::memcpy(numbers.data(), bytes.data() + sizeof count, numbers.size() * sizeof(float));
+  Golden result;
+  result.frame.corner = {numbers[0], numbers[1], numbers[2]};
+  const auto point_at = [&](std::size_t at) { return Point{numbers[at], numbers[at + 1], numbers[at + 2]}; };
+  for (std::size_t at = 3; at + 13 <= numbers.size(); at += 13) {
+    result.measured.push_back(point_at(at));
+    result.classical.push_back(point_at(at + 3));
+    result.normals.push_back(point_at(at + 6));
+    result.noise.push_back(numbers[at + 9]);
+    result.refined.push_back(point_at(at + 10));
+  }
+  EXPECT_EQ(result.refined.size(), count);
+  return result;
+}
+
+bool same_bits(const Points& a, const Points& b) {
+  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(Point)) == 0;
+}
+
+Points learned(const Points& points, unsigned threads = 1, Params params = {}) {
+  params.method = Method::learned;
+  Pipeline pipeline(Device(Device::cpu, 0, threads));
+  pipeline.load(points);
+  Points result(points.size());
+  pipeline.run(params, result);
+  return result;
+}
+Points classical(const Points& points) {
+  Pipeline pipeline(Device(Device::cpu, 0, 1));
+  pipeline.load(points);
+  Points result(points.size());
+  pipeline.run(Params{}, result);
+  return result;
+}
+
+double distance(const Point& a, const Point& b) { return std::hypot(a.x - b.x, a.y - b.y, a.z - b.z); }
+
+TEST(Learned, every_instruction_set_gives_the_bits_of_the_integer_reference) {
+  for (const char* name : {"sphere.bin", "edge.bin", "waves.bin"}) {
+    const Golden g = golden(name);
+    const std::vector<std::uint8_t> held(g.measured.size());
+    for (const cpu::Kernels* kernels : available_kernels()) {
+      Points out(g.measured.size());
+      cpu::refine({g.measured, g.classical, g.normals, g.noise, held}, *own_net_weights(), g.frame, *kernels, out, {});
+      std::size_t different = 0;
+      for (std::size_t i = 0; i < out.size(); ++i) different += std::memcmp(&out[i], &g.refined[i], sizeof(Point)) != 0;
+      EXPECT_EQ(different, 0u) << name << " " << kernels->name;
+    }
+  }
+}
+
+TEST(Learned, threads_and_the_order_of_points_do_not_change_a_bit) {
+  for (const Points& points :
+       {shapes::with_noise(shapes::waves(12000), 0.004), shapes::with_noise(shapes::uneven(9000, 1000), 0.0005),
+        shapes::flat_grid(60), shapes::with_noise(shapes::with_invalid(shapes::sphere(9000), 11), 0.01)}) {
+    const Points expected = learned(points);
+    EXPECT_TRUE(same_bits(learned(points, 3), expected));
+    const std::vector<std::uint32_t> order = shapes::shuffle_order(points.size(), 5);
+    EXPECT_TRUE(same_bits(learned(shapes::permuted(points, order), 2), shapes::permuted(expected, order)));
+  }
+}
+
+TEST(Learned, leaves_less_noise_than_the_default_run_and_stays_near_its_result) {
+  const double sigma = 0.02;
+  const Points noisy = shapes::with_noise(shapes::sphere(20000), sigma);
+  const Points before = classical(noisy), after = learned(noisy);
+  const auto left = [](const Points& points) {
+    double sum = 0;
+    for (const Point& p : points) sum += std::abs(std::hypot(p.x, p.y, p.z) - 1);
+    return sum / double(points.size());
+  };
+  EXPECT_LT(left(after), left(before));
+  double farthest = 0;
+  for (std::size_t i = 0; i < noisy.size(); ++i) farthest = std::max(farthest, distance(before[i], after[i]));
+  EXPECT_GT(farthest, 0);
+  EXPECT_LT(farthest, 2 * 1.5 * sigma);  // two noises, as the program believes them
+}
+
+TEST(Learned, clean_clouds_move_by_a_hundredth_of_the_spacing_at_most) {
+  for (const Points& points : {shapes::waves(20000), shapes::sphere(20000), shapes::cube(20000)}) {
+    Pipeline pipeline(Device(Device::cpu));
+    pipeline.load(points);
+    const double spacing = pipeline.estimates().spacing;
+    const Points moved = learned(points);
+    double squares = 0;
+    for (std::size_t i = 0; i < points.size(); ++i) squares += std::pow(distance(points[i], moved[i]), 2);
+    EXPECT_LT(std::sqrt(squares / double(points.size())), 0.01 * spacing);
+  }
+}
+
+// By 3-4-5 and 7-24-25 angles about two axes.
+Points turned(const Points& from) {
+  Points to;
+  for (const Point& p : from)
+    to.push_back(shapes::make_point(0.6 * p.x - 0.8 * p.y, 0.96 * (0.8 * p.x + 0.6 * p.y) - 0.28 * p.z,
+                                    0.28 * (0.8 * p.x + 0.6 * p.y) + 0.96 * p.z));
+  return to;
+}
+
+// Of so few points that all scales are the finest one: which points coarse scales hold depends on the coordinates.
+TEST(Learned, turning_the_cloud_turns_the_net) {
+  const float sigma = 0.1f;
+  const Points clean = shapes::sphere(60), measured = shapes::with_noise(clean, sigma),
+               smoothed = shapes::with_noise(clean, 0.3 * sigma, 8);
+  const std::vector<float> noise(clean.size(), sigma);
+  const std::vector<std::uint8_t> held(clean.size());
+  const auto refined = [&](const Points& m, const Points& c, const Points& n) {
+    Points out(m.size());
+    refine({m, c, n, noise, held}, *own_net_weights(), {}, out, {});
+    return out;
+  };
+  const Points expected = turned(refined(measured, smoothed, clean)),
+               result = refined(turned(measured), turned(smoothed), turned(clean));
+  double way = 0;
+  for (std::size_t i = 0; i < clean.size(); ++i) {
+    EXPECT_LT(distance(expected[i], result[i]), 0.05 * sigma) << i;
+    way += distance(refined(measured, smoothed, clean)[i], smoothed[i]) / double(clean.size());
+  }
+  EXPECT_GT(way, 0.1 * sigma);
+}
+
+TEST(Learned, a_turned_cloud_keeps_as_little_noise) {
+  const Points points = shapes::with_noise(shapes::sphere(20000), 0.02);
+  const auto left = [](const Points& of) {
+    double sum = 0;
+    for (const Point& p : of) sum += std::abs(std::hypot(p.x, p.y, p.z) - 1);
+    return sum / double(of.size());
+  };
+  EXPECT_NEAR(left(learned(turned(points))) / left(learned(points)), 1, 0.1);
+}
+
+TEST(Learned, points_without_a_surface_and_small_clouds_are_as_in_the_default_run) {
+  for (const Points& points : {Points{}, shapes::identical(40), shapes::line(50), shapes::sphere(10),
+                               shapes::with_invalid(shapes::plane(30), 2)})
+    EXPECT_TRUE(same_bits(learned(points), classical(points))) << points.size();
+  const Points stray = shapes::with_stray(shapes::with_noise(shapes::sphere(5000), 0.01), 50);
+  const Points before = classical(stray), after = learned(stray);
+  ASSERT_EQ(distance(stray.back(), before.back()), 0);
+  EXPECT_EQ(distance(stray.back(), after.back()), 0);
+}
+
+TEST(Learned, the_displacement_limit_holds_for_the_whole_way) {
+  const Points points = shapes::with_noise(shapes::sphere(8000), 0.02);
+  Params params;
+  params.displacement_limit = 0.004;
+  const Points after = learned(points, 1, params);
+  for (std::size_t i = 0; i < points.size(); ++i) EXPECT_LE(distance(points[i], after[i]), 0.004 * 1.0001);
+}
+
+std::string refusal(const std::vector<std::byte>& bytes) {
+  Pipeline pipeline(Device(Device::cpu));
+  try {
+    pipeline.set_weights(bytes, "net.bin");
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::file);
+    return error.what();
+  }
+  return "none";
+}
+
+TEST(Learned, weights_that_do_not_fit_give_one_clear_line) {
+  const std::vector<std::byte> sound = bytes_of(kWeights);
+  EXPECT_EQ(refusal(sound), "none");
+  std::vector<std::byte> cut(sound.begin(), sound.end() - 100), foreign(5000, std::byte('x')), newer = sound,
+                                                                                               damaged = sound;
+  newer[8] = std::byte(2);
+  damaged[5000] ^= std::byte(1);
+  EXPECT_EQ(refusal(cut), "net.bin: the file of weights has 89504 bytes instead of 89604: it is cut or damaged");
+  EXPECT_EQ(refusal({sound.begin(), sound.begin() + 20}), "net.bin: the file of weights is cut after 20 bytes");
+  EXPECT_EQ(refusal(foreign), "net.bin: this is no file of weights for --method learned");
+  EXPECT_EQ(refusal(newer),
+            "net.bin: the weights have version 2, and this program reads version 1; use a newer program");
+  EXPECT_EQ(refusal(damaged), "net.bin: the weights are damaged: their fingerprint does not fit");
+}
+
+TEST(Learned, a_given_file_takes_the_place_of_the_own_weights) {
+  const Points points = shapes::with_noise(shapes::sphere(3000), 0.02);
+  Params params;
+  params.method = Method::learned;
+  Pipeline pipeline(Device(Device::cpu));
+  pipeline.set_weights(bytes_of(kWeights), "own");
+  pipeline.load(points);
+  Points result(points.size());
+  pipeline.run(params, result);
+  EXPECT_TRUE(same_bits(result, learned(points)));
+  EXPECT_EQ(pipeline.report().params.method, Method::learned);
+}
+
+}  // namespace
+}  // namespace pointfair

@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: Apache-2.0
+// Points that are copies of each other count once: a run leaves as little as it does of one copy.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "pointfair/pointfair.hpp"
+#include "shapes.h"
+
+namespace pointfair {
+namespace {
+
+using shapes::Points;
+
+constexpr double kNoise = 0.005;
+
+Points noisy_plane() {
+  Points points = shapes::plane(3000);
+  shapes::Random random(5);
+  for (Point& p : points) p.z = float(kNoise * random.normal());
+  return points;
+}
+
+// Each point so many times, each coordinate off by up to `rounding`.
+Points repeated(const Points& points, int times, double rounding) {
+  Points all;
+  shapes::Random random(6);
+  for (const Point& p : points)
+    for (int i = 0; i < times; ++i) {
+      Point copy = p;
+      for (float* value : {&copy.x, &copy.y, &copy.z})
+        *value = float(double(*value) + rounding * (2 * random.uniform() - 1));
+      all.push_back(copy);
+    }
+  return all;
+}
+
+Points run(const Points& points, const Params& params = {}) {
+  Pipeline pipeline(Device::cpu);
+  pipeline.load(points);
+  Points out(points.size());
+  pipeline.run(params, out);
+  return out;
+}
+
+double rms_height(const Points& points) {
+  double sum = 0;
+  for (const Point& p : points) sum += double{p.z} * p.z;
+  return std::sqrt(sum / double(points.size()));
+}
+
+TEST(Repeats, leave_as_little_noise_as_one_copy) {
+  const double once = rms_height(run(noisy_plane()));
+  ASSERT_LT(once, 0.15 * kNoise);
+  for (const int times : {2, 3, 5, 7})
+    EXPECT_LT(rms_height(run(repeated(noisy_plane(), times, 0))), 1.1 * once) << times << " copies";
+  EXPECT_LT(rms_height(run(repeated(noisy_plane(), 10, 0))), 1.4 * once);
+}
+
+TEST(Repeats, that_differ_by_their_rounding_count_once) {
+  const double once = rms_height(run(noisy_plane()));
+  for (const int times : {2, 5})
+    EXPECT_LT(rms_height(run(repeated(noisy_plane(), times, 1e-6))), 1.1 * once) << times << " copies";
+}
+
+TEST(Repeats, stay_together) {
+  const Points out = run(repeated(noisy_plane(), 5, 0));
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    const Point& first = out[i / 5 * 5];
+    ASSERT_TRUE(out[i].x == first.x && out[i].y == first.y && out[i].z == first.z) << i;
+  }
+}
+
+TEST(Repeats, of_unwelded_faces_leave_as_little_noise_as_welded_ones) {
+  Points vertices = shapes::sphere(4000);
+  shapes::Random random(7);
+  for (Point& p : vertices) {
+    const double radius = 1 + 0.01 * random.normal();
+    p = {float(radius * p.x), float(radius * p.y), float(radius * p.z)};
+  }
+  const auto off_the_sphere = [](const Points& points) {
+    double sum = 0;
+    for (const Point& p : points) {
+      const double off = std::sqrt(double{p.x} * p.x + double{p.y} * p.y + double{p.z} * p.z) - 1;
+      sum += off * off;
+    }
+    return std::sqrt(sum / double(points.size()));
+  };
+  EXPECT_LT(off_the_sphere(run(repeated(vertices, 6, 0))), 1.2 * off_the_sphere(run(vertices)));
+}
+
+// The nodes of a mesh lie on multiples of its step, and none of them was rounded.
+TEST(Repeats, are_none_in_a_cube_of_a_regular_mesh_which_stays_as_it_is) {
+  constexpr int kCells = 15;
+  Points cube;
+  for (int x = 0; x <= kCells; ++x)
+    for (int y = 0; y <= kCells; ++y)
+      for (int z = 0; z <= kCells; ++z)
+        if (x % kCells == 0 || y % kCells == 0 || z % kCells == 0) cube.push_back({float(x), float(y), float(z)});
+  const Points out = run(cube);
+  for (std::size_t i = 0; i < cube.size(); ++i)
+    ASSERT_LT(std::hypot(out[i].x - cube[i].x, out[i].y - cube[i].y, out[i].z - cube[i].z), 0.05) << i;
+}
+
+}  // namespace
+}  // namespace pointfair

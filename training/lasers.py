@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sensors that measure ranges along rays: on a tripod, spinning, airborne. Lengths in metres, angles in degrees."""
+from dataclasses import dataclass
+
+import numpy as np
+
+from errors import Random
+from scene import Scene
+from shapes import unit
+from views import Rows, beam, cross_turn, jumps, kept, spherical, together
+
+
+@dataclass
+class Station:
+    """Where a tripod stands and the field that it sees."""
+    place: tuple[float, float, float]
+    azimuths: tuple[float, float]
+    elevations: tuple[float, float]
+
+
+def angle_step(scene: Scene, station: Station, count: int, reach: float) -> float:
+    """The step in azimuth and elevation that gives about `count` points."""
+    directions = spherical(np.linspace(*station.azimuths, 48), np.linspace(*station.elevations, 32))
+    share = max(float((scene.caster.cast(np.asarray(station.place), directions)[0] < reach).mean()), .02)
+    return float(np.sqrt(np.ptp(station.azimuths) * np.ptp(station.elevations) * share / count))
+
+
+def terrestrial(scene: Scene, rng: Random, stations: list[Station], count: int, sigma: float, per_metre: float,
+                jitter: float = .002, radius: float = .002, divergence: float = .0003, reach: float = 80.0,
+                register: float = 0.0, clean: bool = False, grazing: float = .05) -> Rows:
+    """Noise along the ray of sigma + per_metre * range, more at grazing angles; an angle jitter; footprints (radius in metres,
+    divergence in radians) that mix surfaces within 1.5 m; later stations off by `register`. Rays that meet a surface at a
+    sine below `grazing` are lost."""
+    views = []
+    for number, station in enumerate(stations):
+        origin = np.asarray(station.place, float)
+        step = angle_step(scene, station, count // len(stations), reach)
+        told = spherical(np.arange(*station.azimuths, step), np.arange(*station.elevations, step))
+        true = unit(told + np.radians(jitter) * rng.normal(size=told.shape)) if not clean else told
+        ranges, normal, triangle = scene.caster.cast(origin, true)
+        valid = ranges < reach
+        ranges = np.where(valid, ranges, np.nan)
+        exact = origin + ranges[..., None] * true
+        sine = np.abs((normal * true).sum(-1))
+        keep = valid & (sine > grazing)
+        near = jumps(exact, normal, valid, np.nan_to_num(ranges * np.radians(step), nan=1))
+        if clean:
+            views.append(kept(scene, keep, exact, exact, normal, origin, triangle, np.zeros(keep.sum(), bool), near))
+            continue
+        mean, wide = beam(scene.caster, origin, true, ranges, radius, divergence, 1.5)
+        spread = (sigma + per_metre * ranges) / np.sqrt(np.maximum(sine, .1))
+        points = origin + (mean + spread * rng.normal(size=mean.shape))[..., None] * told
+        points = points + (register * rng.normal(size=3) if number else 0)
+        mixed = (wide > 8 * spread)[keep]
+        mixed[mixed] = scene.caster.distance(points[keep][mixed]) > 5 * spread[keep][mixed]
+        views.append(kept(scene, keep, points, exact, normal, origin, triangle, mixed, near))
+    return together(views)
+
+
+def spinning(scene: Scene, rng: Random, start, move, sweeps: int, elevations: np.ndarray, count: int, sigma: float,
+             quantum: float, pose: float = 0.0, pose_degrees: float = 0.0, ring: float = 0.0, reach: float = 60.0,
+             azimuths: tuple[float, float] = (-180.0, 180.0)) -> Rows:
+    """A lidar that turns: beams at `elevations`, noise sigma, ranges in whole quanta; each of its rings off in range by a
+    constant of spread `ring`; several sweeps from places `move` apart, each with an error of pose (metres, degrees)."""
+    views = []
+    rings = ring * rng.normal(size=len(elevations))[:, None]
+    sample = spherical(np.linspace(*azimuths, 90), elevations)
+    share = max(float((scene.caster.cast(np.asarray(start, float), sample)[0] < reach).mean()), .02)
+    step = np.ptp(azimuths) * len(elevations) * sweeps * share / count
+    for number in range(sweeps):
+        origin = np.asarray(start, float) + number * np.asarray(move, float)
+        directions = spherical(np.arange(*azimuths, step) + step * rng.uniform(), elevations)
+        ranges, normal, triangle = scene.caster.cast(origin, directions)
+        valid = ranges < reach
+        ranges = np.where(valid, ranges, np.nan)
+        exact = origin + ranges[..., None] * directions
+        mean, wide = beam(scene.caster, origin, directions, ranges, .003, .0012, .5)
+        measured = mean + sigma * rng.normal(size=mean.shape) + rings
+        if quantum:
+            measured = np.round(measured / quantum) * quantum
+        points = measured[..., None] * directions
+        points = origin + points + cross_turn(np.radians(pose_degrees) * rng.normal(size=3), points) + pose * rng.normal(size=3)
+        near = jumps(exact, normal, valid, np.nan_to_num(ranges * np.radians(.4), nan=1))
+        keep = valid & (np.abs((normal * directions).sum(-1)) > .02)
+        mixed = (wide > 8 * sigma)[keep]
+        mixed[mixed] = scene.caster.distance(points[keep][mixed]) > 5 * sigma
+        views.append(kept(scene, keep, points, exact, normal, origin, triangle, mixed, near))
+    return together(views)
+
+
+def airborne(scene: Scene, rng: Random, lines, half: float, height: float, count: int, sigma: float, pointing: float,
+             strip: float, clean: bool = False) -> Rows:
+    """Strips along x at the given y over a square of 2 `half`: saw-tooth lines, noise sigma along the ray, an error of
+    pointing in degrees, strips that differ by `strip` in height."""
+    views, step = [], 2 * half / np.sqrt(count / len(lines))
+    for number, y in enumerate(lines):
+        ax, ay = np.meshgrid(np.arange(-half, half, step), np.arange(-half, half, step))
+        shape = ax.shape
+        aim = np.stack([ax + ay % (2 * step) * .3 + .25 * step * rng.normal(size=shape),
+                        ay + .15 * step * rng.normal(size=shape), np.zeros(shape)], -1)
+        origin = np.stack([ax, np.full(shape, float(y)), np.full(shape, height)], -1)
+        directions = unit(aim - origin)
+        ranges, normal, triangle = scene.caster.cast(origin, directions)
+        valid = np.isfinite(ranges)
+        ranges = np.where(valid, ranges, np.nan)
+        exact = origin + ranges[..., None] * directions
+        near = jumps(exact, normal, valid, np.full(shape, step))
+        if clean:
+            views.append(kept(scene, valid, exact, exact, normal, origin, triangle, np.zeros(valid.sum(), bool), near))
+            continue
+        mean, wide = beam(scene.caster, origin, directions, ranges, 0.0, .0003, 1.0)
+        told = unit(directions + np.radians(pointing) * rng.normal(size=directions.shape))
+        points = origin + (mean + sigma * rng.normal(size=shape))[..., None] * told
+        points = points + [0, 0, strip * (number - (len(lines) - 1) / 2)]
+        mixed = (wide > 8 * sigma)[valid]
+        mixed[mixed] = scene.caster.distance(points[valid][mixed]) > 5 * sigma
+        views.append(kept(scene, valid, points, exact, normal, origin, triangle, mixed, near))
+    return together(views)

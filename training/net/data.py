@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pieces of clouds as training reads them, and the batches and errors that are made of them.
+
+A file NAME.npz holds some pieces of one cloud, each of as many points as every other: arr_0 measured places, arr_1 what
+the default run made of them, arr_2 its normals, arr_3 the noise at each point, arr_4 the true places, arr_5 true
+normals, arr_6 which points are sound, arr_7 which lie well within the piece, arr_8 the lists of neighbours (points,
+scales, 16); and kind, a word.
+"""
+from pathlib import Path
+
+import numpy as np
+import torch
+
+import model
+
+FLOOR = 0.01  # spacings, below which errors do not count
+
+
+class Pieces:
+    def __init__(self, device):
+        self.device, self.seen, self.training, self.held_out = device, set(), [], []
+
+    def load(self, folder, most=10**9):
+        for path in sorted(Path(folder).glob("*.npz")):
+            if path.name in self.seen or path.name.endswith(".tmp.npz") or len(self.seen) >= most:
+                continue
+            self.seen.add(path.name)
+            with np.load(path) as file:
+                kind, columns = str(file["kind"]), [file[f"arr_{i}"] for i in range(9)]
+            number = int("".join(c for c in path.stem if c.isdigit()))
+            for piece in zip(*columns):
+                tensors = [torch.as_tensor(column).to(self.device) for column in piece[:8]]
+                lists = torch.as_tensor(piece[8].astype(np.int16)).to(self.device)  # below 32,768 points
+                (self.held_out if number % 25 == 0 else self.training).append((kind, tensors, lists))
+
+
+class Batch:
+    """Pieces side by side, and how far the points of each lie from the truth."""
+
+    def __init__(self, pieces, generator=None):
+        self.kinds = [kind for kind, _, _ in pieces]
+        self.count, self.points = len(pieces), len(pieces[0][1][0])
+        columns = [torch.cat([tensors[i] for _, tensors, _ in pieces]) for i in range(8)]
+        measured, self.classical, normal, noise, self.true, self.true_normal, sound, within = columns
+        if generator is not None:  # what is said of the noise is never quite right
+            factor = torch.exp(0.15 * torch.randn(self.count, generator=generator, device=noise.device))
+            noise = noise * factor.repeat_interleave(self.points)
+        self.judged = (sound & within & (noise > 0)).float().view(self.count, -1)
+        noise = noise.clamp_min(1e-9)
+        start = torch.arange(self.count, device=noise.device)[:, None, None] * self.points
+        stacked = torch.stack([lists for _, _, lists in pieces]).long().flatten(2) + start
+        stacked = stacked.view(self.count * self.points, -1, 16)
+        lists = [stacked[:, scale].contiguous() for scale in range(stacked.shape[1])]
+        self.noise = noise
+        self.geometry = model.Geometry(measured, self.classical, normal, noise, lists)
+        own = torch.arange(len(noise), device=noise.device)[:, None]
+        self.near = torch.cat([own, lists[0]], 1)
+        gap = self.true[lists[0]] - self.true[:, None]
+        self.spacing = (gap * gap).sum(2).mean(1).sqrt().view(self.count, -1).median(1).values * 0.6
+
+    def errors(self, points):
+        """Of each piece: mean distance to the surface, its root mean square, and the Chamfer distance."""
+        apart = points[:, None] - self.true[self.near]
+        square, which = (apart * apart).sum(2).min(1)
+        at = self.near.gather(1, which[:, None])[:, 0]
+        off = ((points - self.true[at]) * self.true_normal[at]).sum(1).view(self.count, -1)
+        back = self.true[:, None] - points[self.near]
+        chamfer = square + (back * back).sum(2).min(1).values
+        total = self.judged.sum(1).clamp_min(1)
+        mean = lambda x: (x.view(self.count, -1) * self.judged).sum(1) / total
+        floor = FLOOR * self.spacing
+        return mean(off.abs()) + floor, (mean(off * off) + floor * floor).sqrt(), mean(chamfer) + floor * floor
+
+    def ratios(self, points):
+        """Logarithms of the errors over those of the default run."""
+        with torch.no_grad():
+            before = self.errors(self.classical)
+        return [torch.log(after / its) for after, its in zip(self.errors(points), before)]

@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Single objects: meshes of the folder POINTFAIR_DATA/punet_train, if it is there, and shapes made up from random numbers."""
+import functools
+import os
+import pathlib
+
+import numpy as np
+
+import cloud
+from scene import Scene
+from shapes import Mesh, box, hull, joined, lathe, on_floor, pebble, pipe, rod, scaled, sheet, turned
+
+Random = np.random.Generator
+KEPT_APART = ("egea", "joint", "bumpy_torus", "block", "nicolo", "screwdriver")     # shapes of other tests
+
+
+def log_uniform(rng: Random, low: float, high: float) -> float:
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+@functools.cache
+def mesh_files() -> tuple[pathlib.Path, ...]:
+    """The meshes of POINTFAIR_DATA/punet_train that no test uses; none if there is no such folder."""
+    folder = pathlib.Path(os.environ.get("POINTFAIR_DATA", "")) / "punet_train"
+    found = sorted(folder.glob("*_mesh.ply")) if "POINTFAIR_DATA" in os.environ else []
+    return tuple(path for path in found if path.name.removesuffix("_mesh.ply") not in KEPT_APART)
+
+
+@functools.lru_cache(maxsize=8)
+def _mesh_of(path: pathlib.Path) -> Mesh:
+    return cloud.read_mesh(path)
+
+
+def solid(rng: Random, x: float, y: float, z: float, size: float) -> Mesh:
+    """A box, rod, hull, pebble or lathe that stands at (x, y, z)."""
+    kind = rng.integers(6)
+    width, depth, height = size * np.exp(rng.uniform(np.log(.3), 0, 3))
+    low, high = [x - width / 2, y - depth / 2, z], [x + width / 2, y + depth / 2, z + height]
+    thinnest = min(width, depth, height)
+    if kind == 0:
+        return box(low, high, rng.uniform(0, 90), chamfer=rng.uniform(.02, .12) * thinnest * (rng.random() < .5))
+    if kind == 1:
+        return box(low, high, rng.uniform(0, 90), fillet=rng.uniform(.05, .3) * thinnest)
+    if kind == 2:
+        return rod(x, y, z, z + height, width / 2, 64)
+    if kind == 3:
+        corners = (rng.random((int(rng.integers(5, 16)), 3)) - .5) * [width, depth, height]
+        return hull(np.array([x, y, z + height / 2]) + corners)
+    if kind == 4:
+        half = np.array([width, depth, height]) / 2
+        return pebble(rng, np.array([x, y, z + height / 2]), half, rng.uniform(0, .15), 40)
+    levels = np.sort(rng.random(int(rng.integers(3, 9)))) * height
+    profile = [(rng.uniform(.25, 1) * width / 2, level) for level in levels]
+    return lathe([(0, levels[0]), *profile, (0, levels[-1] + .02 * size)], (x, y, z))
+
+
+def plate(rng: Random, x: float, y: float, z: float, size: float) -> Mesh:
+    """A standing plate, .4 to 3 % of its width thick."""
+    thickness = log_uniform(rng, .004, .03) * size
+    return box([x - size / 2, y - thickness / 2, z], [x + size / 2, y + thickness / 2, z + size * rng.uniform(.4, 1.6)],
+               rng.uniform(0, 180))
+
+
+def supershape(rng: Random) -> Mesh:
+    """Gielis' superformula in both angles."""
+    def radius(angle, symmetry, n1, n2, n3):
+        return (np.abs(np.cos(symmetry * angle / 4)) ** n2 + np.abs(np.sin(symmetry * angle / 4)) ** n3) ** (-1 / n1)
+
+    longitude, latitude = np.meshgrid(np.linspace(-np.pi, np.pi, 181), np.linspace(-np.pi / 2, np.pi / 2, 91))
+    exponents = np.exp(rng.uniform(np.log(.7), np.log(6), (2, 3)))
+    exponents[:, 1:] *= exponents[:, :1] / exponents[:, :1].clip(1)
+    around = np.clip(radius(longitude, 2 * rng.integers(1, 5), *exponents[0]), .3, 1.6)
+    above = np.clip(radius(latitude, 2 * rng.integers(1, 4), *exponents[1]), .3, 1.6)
+    x, y = around * np.cos(longitude) * above * np.cos(latitude), around * np.sin(longitude) * above * np.cos(latitude)
+    return sheet(x, y, above * np.sin(latitude))
+
+
+def gear(rng: Random) -> Mesh:
+    """A toothed wheel with a bore."""
+    teeth, inner = int(rng.integers(8, 30)), rng.uniform(.7, .9)
+    angle = np.linspace(0, 2 * np.pi, 8 * teeth + 1)
+    wave = np.cos(teeth * angle)
+    radius = inner + (1 - inner) * np.clip(.5 + rng.uniform(.6, 2.5) * wave, 0, 1)
+    bore, half = rng.uniform(.15, .5), rng.uniform(.08, .3)
+    profile = [(bore, -half), (None, -half), (None, half), (bore, half), (bore, -half)]
+    rings = [np.full(angle.shape, r) if r else radius for r, _ in profile]
+    return sheet(np.stack([r * np.cos(angle) for r in rings]), np.stack([r * np.sin(angle) for r in rings]),
+                 np.stack([np.full(angle.shape, z) for _, z in profile]))
+
+
+def blob(rng: Random) -> Mesh:
+    """A ball with bumps of several sizes."""
+    vertices, triangles = pebble(rng, np.zeros(3), rng.uniform(.5, 1, 3), rng.uniform(.05, .25), 72)
+    height = np.zeros(len(vertices))
+    for octave in range(1, 4):
+        for _ in range(5):
+            wave = rng.normal(size=3) * 2.5 * 2 ** octave
+            height += .04 / 2 ** octave * np.cos(vertices @ wave + rng.uniform(0, 2 * np.pi))
+    return vertices * (1 + rng.uniform(.3, 1.5) * height[:, None]), triangles
+
+
+def torus(rng: Random) -> Mesh:
+    """A ring, round or knotted."""
+    angle = np.linspace(0, 2 * np.pi, 241)
+    twist, height = int(rng.choice([0, 3, 5])), rng.uniform(.2, .5)
+    around = 1 + .35 * np.cos(twist * angle / 2 * 2) * (twist > 0)
+    path = np.stack([around * np.cos(2 * angle if twist else angle), around * np.sin(2 * angle if twist else angle),
+                     height * np.sin(twist * angle)], 1)
+    return pipe(path, rng.uniform(.08, .18 if twist else .45), 48)
+
+
+def machined(rng: Random) -> Mesh:
+    """A plate with bosses, fins and ribs."""
+    parts = [box([-1, -.7, 0], [1, .7, rng.uniform(.08, .3)], chamfer=.03 * (rng.random() < .5))]
+    parts += [solid(rng, rng.uniform(-.8, .8), rng.uniform(-.5, .5), .05, log_uniform(rng, .15, .9))
+              for _ in range(rng.integers(3, 9))]
+    thickness = rng.uniform(.012, .04)
+    parts += [box([.2, -.5 + .1 * k, .05], [.8, -.5 + .1 * k + thickness, .45]) for k in range(rng.integers(0, 8))]
+    parts += [plate(rng, rng.uniform(-.6, .6), rng.uniform(-.4, .4), .05, .5) for _ in range(rng.integers(0, 3))]
+    return joined(parts)
+
+
+def vase(rng: Random) -> Mesh:
+    """A lathe of a smooth or stepped profile with a wall."""
+    height = np.linspace(0, 2, 40)
+    radius = .5 + sum(rng.uniform(-.2, .2) * np.sin((k + 1) * height * 1.3 + rng.uniform(0, 6)) for k in range(4))
+    radius = np.clip(radius if rng.random() < .6 else np.round(radius * 8) / 8, .12, None)
+    wall = rng.uniform(.03, .1)
+    outside = list(zip(radius, height))
+    inside = [(max(r - wall, .03), z + wall) for r, z in reversed(outside[:-2])]
+    return lathe([(0, 0), *outside, (radius[-1] - wall, 2), *inside, (0, wall)], sides=120)
+
+
+MADE = (supershape, gear, blob, torus, machined, vase)
+
+
+def any_mesh(rng: Random, diagonal: float) -> Mesh:
+    """A mesh file, turned over at random, or something made up."""
+    files = mesh_files()
+    if not files or rng.random() < .45:
+        return scaled(MADE[rng.integers(len(MADE))](rng), diagonal)
+    vertices, triangles = _mesh_of(files[rng.integers(len(files))])
+    if rng.random() < .5:
+        vertices = vertices[:, [0, 2, 1]] * [1, -1, 1]
+    return scaled((vertices, triangles), diagonal)
+
+
+def one_object(rng: Random) -> Scene:
+    """An object of diagonal 1."""
+    scene = Scene()
+    scene.add("object", turned(any_mesh(rng, 1.0), rng.uniform(0, 360)))
+    return scene.finish(diagonal=1.0)
+
+
+def stands_on(rng: Random, size: float, x: float, y: float, z: float = 0.0) -> Mesh:
+    """Any object on a floor or table."""
+    return on_floor(any_mesh(rng, size), x, y, z, rng.uniform(0, 360))
+
+

@@ -1,0 +1,134 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""The generator: rays against sums by hand, and of each family that its truth is true. Skipped (77) without numpy, scipy
+or g++."""
+import shutil
+import sys
+import unittest
+
+try:
+    import numpy as np
+    from scipy.spatial import cKDTree
+except ImportError as missing:
+    print(f"skipped: {missing}")
+    sys.exit(77)
+if not shutil.which("g++"):
+    print("skipped: no g++ for rays.cpp")
+    sys.exit(77)
+
+import errors
+import families
+import rays
+import shapes
+import tables
+from measure import Truth, agreement
+
+ARRAYS = ("points", "clean", "normal", "surface", "edge", "part", "spacing", "vertices", "triangles")
+
+
+def hits_by_hand(vertices, triangles, origin, directions):
+    """Nearest range by the determinant of each triangle and ray."""
+    best = np.full(len(directions), np.inf)
+    for a, b, c in vertices[triangles]:
+        for k, d in enumerate(directions):
+            matrix = np.stack([b - a, c - a, -d], 1)
+            if abs(np.linalg.det(matrix)) > 1e-12:
+                u, v, t = np.linalg.solve(matrix, origin - a)
+                if min(u, v, 1 - u - v) >= 0 and t > 0:
+                    best[k] = min(best[k], t)
+    return best
+
+
+class Rays(unittest.TestCase):
+    def test_first_hits_are_those_of_every_triangle_tried(self):
+        rng = np.random.default_rng(1)
+        vertices, triangles = rng.normal(size=(90, 3)), rng.permutation(90).reshape(-1, 3)
+        directions = rng.normal(size=(60, 3))
+        ranges, _, ids = rays.Caster(vertices, triangles).cast(np.zeros(3), directions)
+        expected = hits_by_hand(vertices, triangles, np.zeros(3), directions)
+        self.assertGreater(np.isfinite(expected).sum(), 10)
+        np.testing.assert_allclose(ranges, expected, rtol=1e-9)
+        np.testing.assert_array_equal(ids >= 0, np.isfinite(expected))
+
+    def test_distance_to_a_box_is_that_of_its_formula(self):
+        points = np.random.default_rng(2).uniform(-3, 3, (2000, 3))
+        half = np.array([1, .5, .25])
+        off = np.abs(points) - half
+        expected = np.abs(np.linalg.norm(np.maximum(off, 0), axis=1) + np.minimum(off.max(1), 0))
+        found = rays.Caster(*shapes.box(-half, half)).distance(points)
+        np.testing.assert_allclose(found, expected, atol=1e-12)
+
+    def test_spread_points_keep_their_distance_and_leave_no_gap(self):
+        points = np.random.default_rng(3).random((5000, 3)) * [1, 1, 0]
+        kept = points[rays.spread(points, .05)]
+        self.assertGreaterEqual(cKDTree(kept).query(kept, 2)[0][:, 1].min(), .05)
+        self.assertLess(cKDTree(kept).query(points)[0].max(), .05)
+
+
+class Families(unittest.TestCase):
+    def test_every_family_gives_a_cloud_whose_truth_is_true(self):
+        for name, family in families.FAMILIES.items():
+            with self.subTest(family=name):
+                cloud = families.draw(name, 3)
+                count = len(cloud.points)
+                self.assertTrue(250 <= count <= 320_000, count)
+                for array in ("clean", "normal"):
+                    self.assertEqual(getattr(cloud, array).shape, (count, 3))
+                for array in ("points", "clean", "normal", "spacing", "vertices"):
+                    self.assertTrue(np.isfinite(getattr(cloud, array)).all(), array)
+                self.assertTrue(cloud.surface.any())
+                on_mesh = cloud.caster().distance(cloud.clean[::7])
+                extent = np.linalg.norm(np.ptp(cloud.vertices, axis=0))
+                self.assertLess(on_mesh.max(), 1e-5 * extent)
+                lengths = np.linalg.norm(cloud.normal[cloud.surface], axis=1)
+                np.testing.assert_allclose(lengths, 1, atol=1e-3)
+                self.assertEqual(cloud.sigma < 1e-4 * cloud.typical_spacing, family.group == "clean")
+
+    def test_the_same_seed_gives_the_same_cloud_and_another_one_another(self):
+        for name in ("stereo_windows", "object_white", "near_duplicates", "sparse_forest"):
+            first, again, other = (families.draw(name, seed) for seed in (5, 5, 6))
+            for array in ARRAYS:
+                np.testing.assert_array_equal(getattr(first, array), getattr(again, array))
+            self.assertFalse(np.array_equal(first.points, other.points))
+
+    def test_noise_is_as_asked(self):
+        for name in ("object_white", "grid_noisy", "wires"):
+            cloud = families.draw(name, 8)
+            sigma = cloud.settings["sigma"]
+            self.assertAlmostEqual(float(cloud.signed_error()[cloud.surface].std()) / sigma, 1, delta=.12)
+            places = np.flatnonzero(cloud.surface)[::50]
+            self.assertAlmostEqual(float(np.median(cloud.local_noise(places))) / sigma, 1, delta=.12)
+
+    def test_window_matched_errors_of_neighbouring_pixels_are_alike(self):
+        field = errors.window_matched(np.random.default_rng(4), (300, 300), 12, passes=2)
+        self.assertAlmostEqual(float(field.std()), 1, delta=1e-9)
+        self.assertGreater(np.corrcoef(field[:, 1:].ravel(), field[:, :-1].ravel())[0, 1], .97)
+
+    def test_copies_are_copies(self):
+        cloud = families.draw("copies_exact", 4)
+        once = np.unique(cloud.points, axis=0)
+        self.assertLessEqual(len(once), len(cloud.points) / cloud.settings["times"])
+        self.assertGreater(np.median(cloud.spacing), 0)
+
+
+class Measures(unittest.TestCase):
+    def test_the_clean_points_have_no_error_and_the_measured_ones_all_of_it(self):
+        cloud = families.draw("object_white", 9)
+        truth = Truth(cloud)
+        before, kept, best = truth.facts(), truth.of(cloud.points, None), truth.of(cloud.clean, None)
+        self.assertEqual((kept["mean"], kept["moved"], kept["worse"]), (before["mean"], 0, 0))
+        self.assertLess(best["rms"], 1e-5)
+
+    def test_true_noise_agrees_and_twice_of_it_does_not(self):
+        true = np.full(10, .1)
+        self.assertEqual(agreement(true, true, 1.0)["within_25"], 1)
+        self.assertEqual(agreement(2 * true, true, 1.0)["within_50"], 0)
+        self.assertEqual(agreement(np.zeros(10), np.zeros(10), 1.0)["log_rms"], 0)
+
+    def test_errors_far_below_the_spacing_count_as_equal(self):
+        row = {"before": {"spacing": 1.0}, "a": {"mean": 1e-9}, "b": {"mean": 1e-6}}
+        self.assertEqual(tables.ratio(row, "a", "b"), 1)
+
+
+if __name__ == "__main__":
+    unittest.main()
