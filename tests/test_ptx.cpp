@@ -29,7 +29,10 @@ std::string header(const Scan& scan) {
   const Eigen::Matrix4d m = scan.pose.matrix();
   std::string text = std::to_string(scan.points.size() / scan.rows) + "\n" + std::to_string(scan.rows) + "\n";
   const auto row = [&](int column, int count) {
-    for (int i = 0; i < count; ++i) text += (i == 0 ? "" : " ") + digits(m(i, column));
+    for (int i = 0; i < count; ++i) {
+      if (i > 0) text += ' ';
+      text += digits(m(i, column));
+    }
     text += "\n";
   };
   for (const int column : {3, 0, 1, 2}) row(column, 3);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "io/colors.hpp"
 #include "io/e57/extension.hpp"
 #include "io/e57/pages.hpp"
 #include "io/formats.hpp"
@@ -163,8 +164,8 @@ class NewFile {
   }
   // Readers expect bytes, whatever the limits say.
   void use_bytes_for_colors() {
-    std::vector<std::array<std::uint8_t, 3>> colors;
-    if (!colors_as_bytes(table_, colors)) return;
+    const std::vector<std::array<std::uint8_t, 3>> colors = colors_as_bytes(table_).values;
+    if (colors.empty()) return;
     for (TableColumn& column : table_.columns) {
       const std::size_t channel = column.name == "red" ? 0 : column.name == "green" ? 1 : column.name == "blue" ? 2 : 3;
       if (channel == 3) continue;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "io/colors.hpp"
 #include "io/formats.hpp"
 #include "io/narrowest.hpp"
 #include "io/parallel.hpp"
@@ -268,8 +269,8 @@ std::shared_ptr<Source> read_ptx(FileBytes bytes, const std::string& name) {
 // One scan of one row in the coordinates of the cloud.
 void write_ptx(Table table, Output& out) {
   use_ply_names(table);
-  std::vector<std::array<std::uint8_t, 3>> colors;
-  const bool colored = colors_as_bytes(table, colors);
+  const std::vector<std::array<std::uint8_t, 3>> colors = colors_as_bytes(table).values;
+  const bool colored = !colors.empty();
   const TableColumn* const intensity = table.find("intensity");
   out.write(std::to_string(table.size()) + "\n1\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n");
   write_rows(out, table.size(), [&](std::size_t i, std::string& buffer) {
