@@ -141,6 +141,7 @@ const std::shared_ptr<const NoiseLevels>& Pipeline::State::levels() const {
 }
 
 Params Pipeline::State::resolve(const Params& params, const std::stop_token& stop) {
+  check_params(params);
   Params used;
   attempt([&] { used = resolve_once(of_stages(params), stop); });
   used.method = params.method;
