@@ -213,8 +213,11 @@ RC_GTEST_PROP(Properties, passes_one_by_one_are_the_passes_at_once, (std::uint64
   if (with_list) {
     RC_ASSERT(same_bits(fair(sample.points, sample.params), step));
   } else {
+    // sums run in the order of the index, which is another one for moved points; of a few hundred points, some then
+    // cross the border of a neighbourhood
     const std::vector<bool> all(step.size(), true);
-    RC_ASSERT(share_beyond(fair(sample.points, sample.params), step, 1e-3 * sample.sigma, all) < 0.01);
+    const double few = std::max(0.01, 5 / double(step.size()));
+    RC_ASSERT(share_beyond(fair(sample.points, sample.params), step, 1e-3 * sample.sigma, all) < few);
   }
 }
 

@@ -32,6 +32,7 @@ void limit(std::span<const Point> measured, const DisplacementLimits& limits, Sa
 
 void Pipeline::State::run_learned(const Params& params, std::span<Point> out, const std::stop_token& stop,
                                   const ProgressFunction& progress) {
+  shown_.reset();
   check_params(params);
   std::vector<std::uint8_t> held(out.size());
   Delivery to{out.size(), false, {}, {}};
