@@ -125,7 +125,7 @@ def test_attributes_of_a_file_get_new_values(tmp_path):
     assert (pf.read(tmp_path / "b.ply")["kind"] == np.arange(20)).all()
 
 
-@pytest.mark.parametrize("name, lost", [("a.obj", ["kind", "normal"]), ("a.off", ["kind"]), ("a.xyz", ["kind", "normal", "red"]),
+@pytest.mark.parametrize("name, lost", [("a.obj", ["kind"]), ("a.off", ["kind"]), ("a.xyz", ["kind", "normal", "red"]),
                                         ("a.pts", ["kind", "normal", "red"]), ("a.csv", []), ("a.ply", []), ("a.pcd", [])])
 def test_attributes_that_a_file_does_not_keep_are_told(tmp_path, name, lost):
     colours = {channel: np.zeros(20, np.uint8) for channel in ("red", "green", "blue")}
