@@ -21,9 +21,9 @@ inline constexpr std::uint64_t kPointsOfSample = 8;                     // point
 inline constexpr std::uint64_t kPointsOfPlace = 150;  // points of the cloud for one more place; (21); 109
 
 // Points that are no measurements of their own.
-inline constexpr int kRepeatNeighbors = 64, kMostRepeats = 16;  // points
-inline constexpr double kEvenDistances = 0.4;                   // of squared distance over rank; chance is 0.69
-inline constexpr std::size_t kThinnedSamples = 2000;
+inline constexpr int kRepeatNeighbors = 64, kMostRepeats = 16;  // points; 141
+inline constexpr double kEvenDistances = 0.4;                   // of squared distance over rank; chance is 0.69; 141
+inline constexpr std::size_t kThinnedSamples = 2000;            // whose rows are long; 141
 
 // Noise of a typical place.
 inline constexpr double kNoiseQuantile =
