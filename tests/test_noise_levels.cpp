@@ -10,7 +10,6 @@
 #include <numeric>
 #include <random>
 
-#include "estimate/exponential.hpp"
 #include "estimate/node_grid.hpp"
 #include "estimate/noise_levels.hpp"
 #include "pipeline/pipeline_access.hpp"
@@ -255,17 +254,6 @@ TEST(NodeField, has_about_as_many_nodes_along_an_axis_as_places_on_a_surface_hav
     EXPECT_EQ(levels.nodes, nodes) << places;
     EXPECT_EQ(levels.levels.size(), std::size_t(nodes * nodes * nodes));
   }
-}
-
-TEST(Exponential, has_a_relative_error_below_3e_16) {
-  std::mt19937_64 random(1);
-  std::uniform_real_distribution<double> far(-699, 699), near(-3, 3);
-  for (int i = 0; i < 200'000; ++i) {
-    const double x = i % 2 == 0 ? far(random) : near(random);
-    const long double exact = std::exp(static_cast<long double>(x));
-    ASSERT_LT(std::abs((exponential(x) - exact) / exact), 3e-16L) << x;
-  }
-  EXPECT_EQ(exponential(0), 1);
 }
 
 TEST(NodeField, passes_near_the_values_that_it_lies_between) {

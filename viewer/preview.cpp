@@ -53,7 +53,8 @@ double reach_of(const Params& params, double spacing) {
   const double listed = spacing * std::sqrt((params.k > 0 ? params.k : params.min_neighbors) / std::numbers::pi);
   double reach = listed;
   if (!params.radius.is_automatic())
-    reach = params.k > 0 ? std::min(listed, params.radius.value) : std::hypot(listed, params.radius.value);
+    reach = params.k > 0 ? std::min(listed, params.radius.value)
+                         : std::sqrt(listed * listed + params.radius.value * params.radius.value);
   return reach * std::max(1, params.iterations) * (looks_twice(params.method) ? 2 : 1);
 }
 

@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "estimate/automatic_values.hpp"
+#include "portable.hpp"
 
 namespace pointfair {
 namespace {
@@ -36,7 +37,7 @@ double radius_of(int points, double s) { return s * std::sqrt(points / std::numb
 
 // Of the neighbourhood of a typical point, by the noise and `min_neighbors`.
 double typical_radius(const Params& used, double s) {
-  return std::hypot(used.radius.value, radius_of(used.min_neighbors, s));
+  return portable::hypot(used.radius.value, radius_of(used.min_neighbors, s));
 }
 
 }  // namespace

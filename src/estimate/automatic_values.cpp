@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "estimate/share_between.hpp"
+#include "portable.hpp"
 
 namespace pointfair {
 
@@ -56,10 +57,10 @@ double radius_factor(const Noise& noise, double spacing) {
   const double level = level_of(noise, spacing);
   if (!(level > 0) || noise.gap > 0) return 1;
   if (noise.depth_has_steps) return kDepthWidening;
-  const double room = std::pow(kRoominess, share_between(kRoomyNoise, level));
-  const double shape = std::pow(kConfinement, noise.confined) *
-                       std::pow(std::max(1.0, noise.bend), -kBendPower * share_between(kBendingNoise, level));
-  return std::pow(std::max(kLeastFactor, room * shape), 1 - share_between(kUnseenNoise, level));
+  const double room = portable::pow(kRoominess, share_between(kRoomyNoise, level));
+  const double shape = portable::pow(kConfinement, noise.confined) *
+                       portable::pow(std::max(1.0, noise.bend), -kBendPower * share_between(kBendingNoise, level));
+  return portable::pow(std::max(kLeastFactor, room * shape), 1 - share_between(kUnseenNoise, level));
 }
 
 int automatic_crease_angle(const Noise& noise, double spacing) {
@@ -73,7 +74,7 @@ double automatic_flat_scale(const Noise& noise, double spacing) {
 }
 
 int automatic_k(const Noise& noise, double spacing) {
-  const double wide = std::hypot(kListRadius * noise.sigma, spacing * std::sqrt(kListPoints / std::numbers::pi));
+  const double wide = portable::hypot(kListRadius * noise.sigma, spacing * std::sqrt(kListPoints / std::numbers::pi));
   const double count = spacing > 0 ? std::numbers::pi * (wide / spacing) * (wide / spacing) : kListPoints;
   return int(std::min<double>(count, kMaxNeighbors));
 }
@@ -92,10 +93,10 @@ double automatic_relaxation(int whole_percent, int iterations, const Noise& nois
   const double trusted = std::lerp(kTrustedNoise, kTrustedShape, noise.likeness_to_shape);
   const double ratio = trusted * spacing / noise.sigma;
   const double smallness = 1 - share_between(kSmoothingNoise, noise.sigma / spacing);
-  const double of_noise =
-      by_share ? 1
-               : std::max(1 / (1 + kShapeDamage * (kUnseenShape + noise.shape_to_noise)), 1 - std::pow(smallness, 4));
-  const double share = 1 - std::pow(1 - of_noise, 1.0 / iterations);
+  const double of_noise = by_share ? 1
+                                   : std::max(1 / (1 + kShapeDamage * (kUnseenShape + noise.shape_to_noise)),
+                                              1 - smallness * smallness * smallness * smallness);
+  const double share = 1 - portable::pow(1 - of_noise, 1.0 / iterations);
   return double(std::max(1l, std::lround(whole_percent * share / (1 + ratio * ratio * ratio * ratio)))) / 100;
 }
 

@@ -6,6 +6,7 @@
 
 #include "estimate/constants.hpp"
 #include "point/sensor.h"
+#include "portable.hpp"
 
 namespace pointfair {
 namespace {
@@ -13,7 +14,7 @@ namespace {
 constexpr int kSecond = 2, kTwelfth = point::kPatternNeighbors;  // nearest
 
 double distance(const Point& a, const Point& b) {
-  return std::hypot(double{a.x} - b.x, double{a.y} - b.y, double{a.z} - b.z);
+  return portable::hypot(double{a.x} - b.x, double{a.y} - b.y, double{a.z} - b.z);
 }
 
 double quantile(std::vector<double>& values, double share) {
@@ -23,7 +24,7 @@ double quantile(std::vector<double>& values, double share) {
 }
 
 // Of the logarithms of the middle four fifths.
-double spread(std::vector<double>& values) { return std::log(quantile(values, 0.9) / quantile(values, 0.1)); }
+double spread(std::vector<double>& values) { return portable::log(quantile(values, 0.9) / quantile(values, 0.1)); }
 
 }  // namespace
 

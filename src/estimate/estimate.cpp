@@ -18,6 +18,7 @@
 #include "estimate/repeats.hpp"
 #include "estimate/share_between.hpp"
 #include "pointfair/params.hpp"
+#include "portable.hpp"
 
 namespace pointfair {
 namespace {
@@ -52,7 +53,7 @@ Frame frame_of(const CloudSample& sample) {
   }
   if (!(extent > 0)) extent = widest;  // nearly all in one place
   // a fifth of the side lies below the reference point, and at least as much above what is between the quantiles
-  const float side = extent > 0 ? float(std::exp2(std::ceil(std::log2(1.75 * extent)))) : 0.0f;
+  const float side = extent > 0 ? float(portable::power_of_two_above(1.75 * extent)) : 0.0f;
   return {sample.bounds.min, {float(low[0]), float(low[1]), float(low[2])}, side};
 }
 
@@ -164,7 +165,7 @@ void tell_from_shape(Noise& noise, std::uint64_t points, const std::vector<point
   const double large = share_between(kPointsOfGrowth, double(points));
   const double alike = alikeness(growth) * large;
   const double most = large < 1 ? most_noise(residuals, noise.surface_spacing) : kEndless;
-  if (most < noise.sigma) noise.sigma *= std::pow(most / noise.sigma, 1 - large);
+  if (most < noise.sigma) noise.sigma *= portable::pow(most / noise.sigma, 1 - large);
   if (noise.sigma >= kDoubtfulNoise * noise.surface_spacing) return;
   noise.likeness_to_shape = likeness_to_shape(growth.flat);
   noise.alikeness = alike;

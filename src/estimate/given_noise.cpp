@@ -10,6 +10,7 @@
 #include "estimate/constants.hpp"
 #include "estimate/node_grid.hpp"
 #include "estimate/noise_levels.hpp"
+#include "portable.hpp"
 
 namespace pointfair {
 namespace {
@@ -27,7 +28,7 @@ GivenNoise given_noise(double sigma, const CloudSample& sample, std::span<const 
                        const ForEach& for_each) {
   std::vector<double> log_levels;
   for (const float value : values)
-    log_levels.push_back(std::log(std::clamp(value / sigma, 1 / kLargestLevel, kLargestLevel)));
+    log_levels.push_back(portable::log(std::clamp(value / sigma, 1 / kLargestLevel, kLargestLevel)));
   return GivenNoise{sigma, noise_levels(sample.points, std::move(log_levels), for_each)};
 }
 

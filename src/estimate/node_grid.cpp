@@ -8,8 +8,8 @@
 #include <utility>
 
 #include "estimate/constants.hpp"
-#include "estimate/exponential.hpp"
 #include "point/node_field.h"
+#include "portable.hpp"
 #include "seam/noise_levels.hpp"
 
 namespace pointfair {
@@ -198,7 +198,7 @@ NodeLevels levels_between(const std::vector<Point>& places, const std::vector<do
   result.levels.resize(mean.size());
   for_each(std::size_t(result.nodes), [&](std::size_t z) {
     const std::size_t slab = mean.size() / std::size_t(result.nodes);
-    for (std::size_t i = z * slab; i < (z + 1) * slab; ++i) result.levels[i] = float(exponential(mean[i]));
+    for (std::size_t i = z * slab; i < (z + 1) * slab; ++i) result.levels[i] = float(portable::exp_within_700(mean[i]));
   });
   return result;
 }

@@ -11,6 +11,7 @@
 
 #include "estimate/constants.hpp"
 #include "estimate/node_grid.hpp"
+#include "portable.hpp"
 
 namespace pointfair {
 namespace {
@@ -26,7 +27,10 @@ using Curve = std::array<double, kSizes>;  // of variances over the sizes of nei
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
 // Of a chi-squared variable of `freedom` over that (Wilson and Hilferty 1931).
-double chance_median(double freedom) { return std::pow(1 - 2 / (9 * freedom), 3); }
+double chance_median(double freedom) {
+  const double root = 1 - 2 / (9 * freedom);
+  return root * root * root;
+}
 double freedom_of(std::size_t size) { return kCounts[size] - point::kCubicTerms; }
 
 const Curve& chance_medians() {
@@ -101,8 +105,8 @@ const Models& models() {
     for (std::size_t n = 0; n < kModels; ++n)
       for (std::size_t size = 0; size < kSizes; ++size) {
         const int step = kLeastShape + int(n % kSteps);
-        rows[size][n] =
-            std::log1p(std::pow(10.0, step / 2.0) * std::pow(kCounts[size] / 16.0, kShapePowers[n / kSteps]));
+        rows[size][n] = portable::log1p(portable::pow(10.0, step / 2.0) *
+                                        portable::pow(kCounts[size] / 16.0, kShapePowers[n / kSteps]));
       }
     return rows;
   }();
@@ -132,13 +136,13 @@ double noise_of(const Curve& curve, double typical) {
   for (std::size_t size = 0; size < kSizes; ++size) {
     if (!(curve[size] > 0)) continue;
     weight[size] = size_weights()[size];
-    logs[size] = std::log(curve[size]);
+    logs[size] = portable::log(curve[size]);
     all += weight[size];
     ++known;
     is_wide |= size >= kResiduals;
   }
   if (known < 2 && !is_wide) return kUnknown;  // nothing tells shape from noise
-  const double prior = 1 / (4 * kSpread * kSpread), log_typical = 2 * std::log(typical);
+  const double prior = 1 / (4 * kSpread * kSpread), log_typical = 2 * portable::log(typical);
   all += prior;
   const Models& rows = models();
   std::array<double, kModels> misfit, log_noise;  // minus twice the log likelihood
@@ -156,8 +160,8 @@ double noise_of(const Curve& curve, double typical) {
   double sum = 0, likelihood = 0;
   for (std::size_t n = 0; n < kModels; ++n) {
     if (misfit[n] - best > kUnlikely) continue;
-    const double its = std::exp(-0.5 * (misfit[n] - best));
-    sum += its * std::exp(0.5 * log_noise[n]);
+    const double its = portable::exp(-0.5 * (misfit[n] - best));
+    sum += its * portable::exp(0.5 * log_noise[n]);
     likelihood += its;
   }
   return sum / likelihood;
@@ -188,14 +192,14 @@ LocalNoise local_noise(const LocalSamples& samples, double typical, double trust
   const Ranked noises(noise);
   for_each(noise.size(), [&](std::size_t i) {
     const double median = median_known(pools.of(i).first(kSmoothed), noises).value_or(typical);
-    log_levels[i] = std::log(median / typical);
+    log_levels[i] = portable::log(median / typical);
   });
   shrink(log_levels);
   const double log_typical = trust * median_of(log_levels);
-  const double largest = std::log(kLargestLevel);
+  const double largest = portable::log(kLargestLevel);
   for (double& log_level : log_levels) log_level = std::clamp(log_level - log_typical, -largest, largest);
-  typical *= std::exp(log_typical);
-  for (std::size_t i = 0; i < noise.size(); ++i) noise[i] = typical * std::exp(log_levels[i]);
+  typical *= portable::exp(log_typical);
+  for (std::size_t i = 0; i < noise.size(); ++i) noise[i] = typical * portable::exp(log_levels[i]);
   return {typical, std::move(noise), std::move(log_levels)};
 }
 
@@ -210,7 +214,7 @@ std::array<double, 3> quantiles_of(std::vector<double> log_levels) {
   std::array<double, 3> result{};
   std::sort(log_levels.begin(), log_levels.end());
   for (std::size_t q = 0; q < result.size(); ++q)
-    result[q] = std::exp(log_levels[std::size_t(kToldQuantiles[q] * double(log_levels.size() - 1))]);
+    result[q] = portable::exp(log_levels[std::size_t(kToldQuantiles[q] * double(log_levels.size() - 1))]);
   return result;
 }
 

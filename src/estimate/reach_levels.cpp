@@ -8,6 +8,7 @@
 #include "estimate/node_grid.hpp"
 #include "estimate/share_between.hpp"
 #include "point/noise_field.h"
+#include "portable.hpp"
 
 namespace pointfair {
 namespace {
@@ -38,7 +39,7 @@ Risks mean_of(std::span<const std::uint32_t> pool, const std::vector<Risks>& ris
 
 // The logarithm of the number of points of least risk, on the parabola through the least one and its neighbours.
 double log_best_count(const Risks& risks) {
-  const auto log_points = [](std::ptrdiff_t size) { return std::log(double(point::plane_points(int(size)))); };
+  const auto log_points = [](std::ptrdiff_t size) { return portable::log(double(point::plane_points(int(size)))); };
   const std::ptrdiff_t least = std::min_element(risks.begin(), risks.end()) - risks.begin();
   const std::ptrdiff_t at = std::clamp<std::ptrdiff_t>(least, 1, point::kPlaneSizes - 2);
   const double before = risks[std::size_t(at - 1)], here = risks[std::size_t(at)], after = risks[std::size_t(at + 1)];
@@ -55,8 +56,8 @@ std::shared_ptr<const NodeLevels> reach_levels(const LocalSamples& samples, cons
   std::vector<Risks> risks(count);
   std::vector<double> log_levels(count), smooth(count);
   for (std::size_t i = 0; i < count; ++i) risks[i] = risks_of(samples.residuals[i].planes, noise[i] * noise[i]);
-  const double farthest = std::log(kWidestReach),
-               unchanged = std::log(std::max<double>(kReachPoints, typical.surface_points));
+  const double farthest = portable::log(kWidestReach),
+               unchanged = portable::log(std::max<double>(kReachPoints, typical.surface_points));
   for_each(count, [&](std::size_t i) {
     // a neighbourhood holds as many points as its area is large
     const double log_level = (log_best_count(mean_of(pools.of(i), risks)) - unchanged) / 2;

@@ -13,6 +13,7 @@
 
 #include "io/scalar.hpp"
 #include "io/text.hpp"
+#include "portable.hpp"
 
 namespace pointfair::io {
 
@@ -45,7 +46,7 @@ struct Narrowest {
     if (integers && std::abs(*value) > kExactIntegers) see_digits(word);
     // A float suffices if, printed with as many decimals, it gives the same word.
     const double error = std::abs(static_cast<double>(static_cast<float>(*value)) - *value);
-    fits_float = fits_float && (error == 0 || (decimals >= 0 && error < 0.5 * std::pow(10.0, -decimals)) ||
+    fits_float = fits_float && (error == 0 || (decimals >= 0 && error < 0.5 * portable::power_of_ten(-decimals)) ||
                                 (decimals < 0 && error <= 5e-8 * std::abs(*value)));
   }
   void merge(const Narrowest& other) {

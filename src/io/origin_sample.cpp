@@ -9,11 +9,13 @@
 #include <optional>
 #include <utility>
 
+#include "portable.hpp"
+
 namespace pointfair::io {
 namespace {
 
 // A quarter of the extent, as a power of two: subtracting such a number from a float of this size is exact.
-double rounding_step(double extent) { return std::exp2(std::floor(std::log2(extent)) - 2); }
+double rounding_step(double extent) { return portable::power_of_two_below(extent) / 4; }
 
 struct Range {
   double low, high;

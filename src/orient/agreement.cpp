@@ -82,7 +82,7 @@ class Votes {
       const auto a = groups.find(edge.a), b = groups.find(edge.b);
       if (a.leader == b.leader) continue;
       // An unsure edge counts for little against a few sure ones.
-      const double vote = std::pow(double{edge.agreement}, 3);
+      const double agreement = edge.agreement, vote = agreement * agreement * agreement;
       add(a.leader, b.leader, a.flipped != b.flipped ? -vote : vote);
     }
     for (const auto& [a, others] : sums_)

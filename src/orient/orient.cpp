@@ -16,6 +16,7 @@
 #include "orient/neighbors.hpp"
 #include "pointfair/normals.hpp"
 #include "pointfair/viewpoint.hpp"
+#include "portable.hpp"
 
 namespace pointfair {
 namespace orient {
@@ -153,7 +154,7 @@ std::vector<Edge> edges_of(const std::vector<Sample>& samples, const std::stop_t
 double facing(const Cloud& cloud, const Sample& s, const Position& sensor) {
   const Position way{sensor[0] - cloud.origin[0] - s.position.x, sensor[1] - cloud.origin[1] - s.position.y,
                      sensor[2] - cloud.origin[2] - s.position.z};
-  const double range = std::hypot(way[0], way[1], way[2]);
+  const double range = portable::hypot(way[0], way[1], way[2]);
   const double cosine = (s.normal.x * way[0] + s.normal.y * way[1] + s.normal.z * way[2]) / range;
   return std::isfinite(cosine) ? cosine : 0;
 }

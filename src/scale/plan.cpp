@@ -20,6 +20,7 @@
 #include "io/streamed.hpp"
 #include "pointfair/file_info.hpp"
 #include "pointfair/tiled_run.hpp"
+#include "portable.hpp"
 #include "scale/given.hpp"
 #include "scale/leaf_tree.hpp"
 #include "scale/plan_text.hpp"
@@ -129,12 +130,12 @@ struct Extent {
       max[axis] = std::max(max[axis], with.max[axis]);
     }
   }
-  double diagonal() const { return std::hypot(max[0] - min[0], max[1] - min[1], max[2] - min[2]); }
+  double diagonal() const { return portable::hypot(max[0] - min[0], max[1] - min[1], max[2] - min[2]); }
   double distance_to(const Extent& other) const {
     double gap[3];
     for (std::size_t axis = 0; axis < 3; ++axis)
       gap[axis] = std::max({0.0, other.min[axis] - max[axis], min[axis] - other.max[axis]});
-    return std::hypot(gap[0], gap[1], gap[2]);
+    return portable::hypot(gap[0], gap[1], gap[2]);
   }
 };
 

@@ -9,6 +9,8 @@
 #include <type_traits>
 #include <utility>
 
+#include "portable.hpp"
+
 namespace pointfair::scale {
 namespace {
 
@@ -62,7 +64,7 @@ double step_around(const std::vector<Position>& places, const Position& origin) 
   }
   const auto farthest = far.end() - 1 - std::ptrdiff_t(kAside * double(far.size()));
   std::nth_element(far.begin(), farthest, far.end());
-  return std::exp2(std::floor(std::log2(*farthest)) - 23);
+  return portable::power_of_two_below(*farthest) * 0x1p-23;
 }
 
 }  // namespace
@@ -98,7 +100,7 @@ double zone_side(std::vector<Position> sample, std::uint64_t points, const Posit
   const double share_of_spacing = coordinate_step > kTelling * spacing ? kCoarse : kSurelyCoarse;
   const double coarse = std::max(coordinate_step, share_of_spacing * spacing);
   if (!(step > coarse)) return 0;
-  return std::exp2(std::floor(std::log2(0x1p25 / kFiner * coarse)));
+  return portable::power_of_two_below(0x1p25 / kFiner * coarse);
 }
 
 TileStages relative_to(const Position& origin, const TileStages& stages, const Zones& zones) {

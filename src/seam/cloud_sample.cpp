@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "point/neighbors.h"
+#include "portable.hpp"
 
 namespace pointfair {
 namespace {
@@ -44,7 +45,7 @@ void order_candidates(std::vector<SampleCandidate>& candidates) {
 }
 
 double diagonal_of(const Bounds& b) {
-  return std::hypot(double(b.max.x) - b.min.x, double(b.max.y) - b.min.y, double(b.max.z) - b.min.z);
+  return portable::hypot(double(b.max.x) - b.min.x, double(b.max.y) - b.min.y, double(b.max.z) - b.min.z);
 }
 
 double float_step_of(const Bounds& b, const std::array<double, 3>& origin) {

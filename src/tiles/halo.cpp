@@ -6,6 +6,8 @@
 #include <iterator>
 #include <numbers>
 
+#include "portable.hpp"
+
 namespace pointfair {
 
 point::Region region_around(const Bounds& whole, const Bounds& wanted, double halo) {
@@ -20,8 +22,8 @@ double reach_of_nearest(const Bounds& whole, double k, const Bounds& b) {
   std::sort(std::begin(sides), std::end(sides));
   const double count = double(std::max<std::uint64_t>(b.valid, 1));
   const double spacing = std::max(std::sqrt(sides[2] * sides[1] / count), sides[2] / count);
-  const double diagonal = std::hypot(double(whole.max.x) - whole.min.x, double(whole.max.y) - whole.min.y,
-                                     double(whole.max.z) - whole.min.z);
+  const double diagonal = portable::hypot(double(whole.max.x) - whole.min.x, double(whole.max.y) - whole.min.y,
+                                          double(whole.max.z) - whole.min.z);
   return std::max(2.5 * std::sqrt((k + 1) / std::numbers::pi) * spacing, 1e-6 * diagonal);
 }
 
@@ -29,7 +31,7 @@ double first_halo(const Bounds& whole, const TileStages& stages, const Bounds& b
   const NeighborSettings& n = stages.neighbors;
   double nearest = reach_of_nearest(whole, n.k > 0 ? n.k : n.min_neighbors, b);
   if (n.reach_levels) nearest *= *std::max_element(n.reach_levels->levels.begin(), n.reach_levels->levels.end());
-  double reach = n.k > 0 ? nearest : std::hypot(nearest, double(n.radius));
+  double reach = n.k > 0 ? nearest : portable::hypot(nearest, double(n.radius));
   if (n.k > 0 && n.radius > 0) reach = std::min(reach, 1.01 * double(n.radius));
   if (n.constraint) reach += double(n.reach);
   const FairingSettings& f = stages.fairing;

@@ -12,6 +12,7 @@
 #include "io/file_bytes.hpp"
 #include "io/formats.hpp"
 #include "io/parallel.hpp"
+#include "portable.hpp"
 
 namespace pointfair::io {
 namespace e57 {
@@ -82,15 +83,15 @@ void read_values(std::string_view file, const ScanPoints& scan, std::size_t inde
 }
 
 Position from_spherical(const Position& s) {
-  const double flat = s[0] * std::cos(s[2]);
-  return {flat * std::cos(s[1]), flat * std::sin(s[1]), s[0] * std::sin(s[2])};
+  const double flat = s[0] * portable::cos(s[2]);
+  return {flat * portable::cos(s[1]), flat * portable::sin(s[1]), s[0] * portable::sin(s[2])};
 }
 
 Position to_spherical(const Position& p, double near) {
-  const double flat = std::hypot(p[0], p[1]), range = std::hypot(flat, p[2]);
-  const double azimuth = std::atan2(p[1], p[0]);
+  const double flat = portable::hypot(p[0], p[1]), range = portable::hypot(flat, p[2]);
+  const double azimuth = portable::atan2(p[1], p[0]);
   const double turns = std::nearbyint((near - azimuth) / (2 * std::numbers::pi));
-  return {range, azimuth + turns * 2 * std::numbers::pi, std::atan2(p[2], flat)};
+  return {range, azimuth + turns * 2 * std::numbers::pi, portable::atan2(p[2], flat)};
 }
 
 E57Source::E57Source(FileBytes file, std::string file_name, FileHeader header, Document document)

@@ -12,6 +12,7 @@
 #include "io/las/frame.hpp"
 #include "io/parallel.hpp"
 #include "pointfair/version.hpp"
+#include "portable.hpp"
 
 namespace pointfair::io {
 namespace las {
@@ -45,7 +46,12 @@ Range range_of(const std::vector<Position>& positions) {
 Scaling choose_scaling(const Range& range, std::optional<double> wanted) {
   double extent = 0;
   for (std::size_t axis = 0; axis < 3; ++axis) extent = std::max(extent, range.max[axis] - range.min[axis]);
-  const double scale = wanted ? *wanted : extent > 0 ? std::pow(10, std::floor(std::log10(extent)) - 8) : 0.001;
+  double scale = 0.001;
+  if (wanted) {
+    scale = *wanted;
+  } else if (extent > 0 && std::isfinite(extent)) {
+    scale = portable::power_of_ten(portable::decimal_exponent(extent) - 8);
+  }
   if (!std::isfinite(extent) || !(scale > 0) || extent / scale > 2e9) {
     refuse("the coordinates are too far apart for the scale of a LAS file; give a coarser one, or write PLY or PCD");
   }
