@@ -55,7 +55,7 @@ struct Settings {
   std::shared_ptr<const NoiseLevels> levels;
   std::shared_ptr<const NodeLevels> reach_levels;
   float widest = INFINITY;  // radii that neither these levels nor flat places enlarge further
-  bool similarity_follows = false, farthest_follows = false;
+  bool radius_follows = false, similarity_follows = false, farthest_follows = false;
   double level_outlier_distance = 0, noise = 0, damage = 0;
   bool is_further = false;  // not the first iteration
 };
@@ -97,6 +97,7 @@ inline Settings settings_of(const Params& resolved, const FollowedNoise& followe
   s.levels = followed.levels;
   s.reach_levels = followed.reach_levels;
   s.widest = float(followed.widest);
+  s.radius_follows = followed.radius;
   s.similarity_follows = followed.similarity;
   s.farthest_follows = followed.limit;
   s.level_outlier_distance = followed.outlier_distance;
@@ -188,7 +189,7 @@ inline List constrained(const Points& points, std::size_t i, const List& candida
 
 // Of the radius that follows the noise.
 inline float squared_base_at(Point p, const Settings& s) {
-  const float level = float(noise_level(s, p));
+  const float level = s.radius_follows ? float(noise_level(s, p)) : 1.0f;
   return float(s.radius) * float(s.radius) * (level * level);
 }
 

@@ -65,9 +65,19 @@ TEST(Automatic, balls_of_flat_places_grow_less_where_there_is_little_noise) {
   EXPECT_EQ(resolved(noise_of(0.35)).flat_scale, 1.6);
   EXPECT_EQ(resolved(noise_of(2)).flat_scale, 1.6);
   EXPECT_EQ(resolved(noise_of(2), Method::laplacian).flat_scale, 1);
+}
+
+TEST(Automatic, a_given_radius_changes_nothing_else) {
+  const Noise noise = noise_of(0.4);
+  const Params automatic = resolved(noise);
   Params params;
-  params.radius = 3;
-  EXPECT_EQ(resolve_params(params, {1, 1}, noise_of(2), 100).flat_scale, 1) << "a radius that was asked for";
+  params.radius = automatic.radius;
+  EXPECT_EQ(resolve_params(params, {1, 1}, noise, 100), automatic);
+  params.radius = 2 * automatic.radius.value;
+  const Params wider = resolve_params(params, {1, 1}, noise, 100);
+  EXPECT_EQ(wider.min_neighbors, automatic.min_neighbors);
+  EXPECT_EQ(wider.flat_scale, automatic.flat_scale);
+  EXPECT_EQ(wider.relaxation, automatic.relaxation);
 }
 
 // Root mean square of how far points lie off the sphere of radius 1, or off the plane z = 0.

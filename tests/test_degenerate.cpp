@@ -302,6 +302,8 @@ TEST(Degenerate, a_radius_without_neighbors_leaves_every_point_in_place_and_coun
   for (const double radius : {1e-4, 1e-25}) {
     Params params;
     params.radius = radius;
+    params.min_neighbors = 1;
+    params.flat_scale = 1;
     const Result result = fair(points, params);
     EXPECT_TRUE(same_bits(result.points, points));
     EXPECT_EQ(result.report.unmoved.too_few_neighbors, points.size());

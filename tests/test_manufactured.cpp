@@ -171,6 +171,8 @@ TEST(AreaWeight, makes_the_shift_of_a_place_depend_on_the_surface_and_less_on_ho
   const auto mean_difference = [](AreaWeight area) {
     Params params = one_iteration(0);
     params.radius = 0.07;
+    params.min_neighbors = 1;
+    params.relaxation = 1;
     params.closeness_sigma = params.normal_sigma = 0.035;
     params.similarity_sigma = 1.0;
     params.outliers = Outliers::off;  // the shifts are larger than the noise, of which there is none

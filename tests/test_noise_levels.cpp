@@ -175,11 +175,12 @@ TEST(NoiseLevels, are_followed_by_what_is_automatic_only) {
   params.outlier_distance = 0.1;
   const Outcome outcome = run(points, params);
   EXPECT_TRUE(outcome.settings.levels);
+  EXPECT_TRUE(outcome.settings.radius_follows);
   EXPECT_FALSE(outcome.settings.similarity_follows);
   EXPECT_FALSE(outcome.settings.farthest_follows);
   EXPECT_EQ(outcome.settings.level_outlier_distance, 0);
   params.radius = 0.03;
-  EXPECT_FALSE(run(points, params).settings.levels);
+  EXPECT_FALSE(run(points, params).settings.radius_follows);
 }
 
 TEST(NoiseLevels, keep_to_a_noise_that_is_given) {

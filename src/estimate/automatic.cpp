@@ -11,8 +11,6 @@
 namespace pointfair {
 namespace {
 
-// Neighbourhoods have a radius that follows noise and density, unless the caller says otherwise.
-bool chooses_radius(const Params& p) { return p.k == kAutomatic && p.radius.is_automatic() && !p.constraint; }
 // Lists are the paper's road, which knows no outliers; and where points also move along the surface, a long way says
 // nothing of noise.
 bool seeks_outliers(const Params& p) {
@@ -29,7 +27,7 @@ bool is_of_list(const Params& p, const Length& length) {
 // Whether what is automatic follows the noise from place to place. Between sheets the gap sets lengths, and heights are
 // of both.
 bool follows_noise(const Params& p, const Noise& noise) {
-  return chooses_radius(p) && p.method == Method::bilateral && !(noise.gap > 0);
+  return sums_within_radius(p) && p.method == Method::bilateral && !(noise.gap > 0);
 }
 
 // Where a square of side s holds one point, pi (R / s)^2 points lie within R of one.
@@ -48,13 +46,14 @@ FollowedNoise followed_noise(const Params& asked, const Params& used, const Nois
                              std::shared_ptr<const NoiseLevels> levels,
                              std::shared_ptr<const NodeLevels> reach_levels) {
   FollowedNoise followed;
-  if (chooses_radius(asked) && asked.method == Method::bilateral && noise.surface_spacing > 0)
+  if (sums_within_radius(asked) && asked.method == Method::bilateral && noise.surface_spacing > 0)
     followed.widest = constants::kOutlierRadius * typical_radius(used, noise.surface_spacing);
   if (!follows_noise(asked, noise)) return followed;
   if (asked.min_neighbors == kAutomatic) followed.reach_levels = std::move(reach_levels);
   if (!asked.relaxation) followed.damage = share_damage(of_sigma(noise, used.noise.value), used.iterations);
   if (!levels) return followed;
   followed.levels = std::move(levels);
+  followed.radius = asked.radius.is_automatic();
   followed.similarity = asked.similarity_sigma.is_automatic();
   followed.limit = asked.displacement_limit.is_automatic();
   if (asked.outlier_distance.is_automatic()) followed.outlier_distance = constants::kOutlierDistance * used.noise.value;
@@ -62,9 +61,11 @@ FollowedNoise followed_noise(const Params& asked, const Params& used, const Nois
 }
 
 bool needs_noise(const Params& p) {
-  const bool k_follows = p.k == kAutomatic && p.radius.is_automatic();
+  const bool neighbors_follow =
+      sums_within_radius(p) ? p.radius.is_automatic() || p.min_neighbors == kAutomatic || !p.flat_scale || !p.relaxation
+                            : p.k == kAutomatic && p.radius.is_automatic();
   const auto of_density = [&](const Length& l) { return l.is_automatic() || is_of_list(p, l); };
-  return k_follows || of_density(p.normal_sigma) || of_density(p.closeness_sigma) ||
+  return neighbors_follow || of_density(p.normal_sigma) || of_density(p.closeness_sigma) ||
          p.similarity_sigma.is_automatic() ||
          (p.constraint && p.delta.is_automatic() && p.noise.is_automatic()) ||  // sigma is all that it reads
          (seeks_outliers(p) && (p.displacement_limit.is_automatic() || p.outlier_distance.is_automatic() ||
@@ -147,13 +148,13 @@ class Resolver {
 
   void set_neighborhoods() {
     if (!asked_.radius.is_automatic()) used_.radius = in_file_units(asked_.radius, 0);
-    if (chooses_radius(asked_)) {
+    if (within_radius_) {
       const double factor = its_.fits_radius ? radius_factor(noise_, s_) : 1;
-      used_.radius = in_file_units({}, factor * its_.noise_radius * noise_.sigma);
+      if (asked_.radius.is_automatic()) used_.radius = in_file_units({}, factor * its_.noise_radius * noise_.sigma);
       if (asked_.min_neighbors == kAutomatic)
         used_.min_neighbors = std::min(
             kMaxMinNeighbors, noise_.repeats * int(std::lround(factor * factor * automatic_min_neighbors(noise_, s_))));
-    } else if (!within_radius_) {
+    } else {
       if (asked_.k == kAutomatic) used_.k = automatic_k(noise_, s_);
       list_radius_ = radius_of(used_.k, s_);
       if (!used_.radius.is_automatic()) list_radius_ = std::min(list_radius_, used_.radius.value);
@@ -185,8 +186,8 @@ class Resolver {
       used_.normal_filter = within_radius_ || its_.filter == NormalFilter::mollify ? its_.filter : NormalFilter::off;
     if (asked_.offset == Offset::automatic) used_.offset = within_radius_ ? Offset::symmetric : Offset::point;
     if (asked_.crease_angle == kAutomatic) used_.crease_angle = automatic_crease_angle(noise_, s_);
-    if (!asked_.flat_scale)  // a radius that was asked for is kept to
-      used_.flat_scale = its_.fits_radius && chooses_radius(asked_) ? automatic_flat_scale(noise_, s_) : 1;
+    if (!asked_.flat_scale)
+      used_.flat_scale = its_.fits_radius && within_radius_ ? automatic_flat_scale(noise_, s_) : 1;
     if (asked_.iterations == kAutomatic) used_.iterations = its_.iterations;
     if (asked_.outliers == Outliers::automatic)
       used_.outliers = seeks_outliers(asked_) ? Outliers::keep : Outliers::off;
@@ -196,9 +197,9 @@ class Resolver {
     if (asked_.relaxation) return;
     // many small iterations make the whole together
     const int whole_iterations = its_.iterations > constants::kIterations ? 1 : used_.iterations;
-    used_.relaxation = chooses_radius(asked_) ? automatic_relaxation(its_.relaxation_percent, whole_iterations, noise_,
-                                                                     s_, follows_noise(asked_, noise_))
-                                              : its_.relaxation_percent / 100.0;
+    used_.relaxation = within_radius_ ? automatic_relaxation(its_.relaxation_percent, whole_iterations, noise_, s_,
+                                                             follows_noise(asked_, noise_))
+                                      : its_.relaxation_percent / 100.0;
   }
 
   void set_limits() {

@@ -19,7 +19,7 @@ struct FollowedNoise {
   std::shared_ptr<const NoiseLevels> levels{};              // null: the noise is held to be the same everywhere
   std::shared_ptr<const NodeLevels> reach_levels{};         // of NeighborSettings
   double widest = std::numeric_limits<double>::infinity();  // the same
-  bool similarity = false, limit = false;                   // the similarity sigma, the displacement limit
+  bool radius = false, similarity = false, limit = false;   // and the similarity sigma, the displacement limit
   double outlier_distance = 0;                              // of level 1
   double damage = 0;  // of the share of each displacement (point/noise_field.h); 0: all is made
 };

@@ -73,7 +73,7 @@ Settings settings_of(const Params& p, const FollowedNoise& followed, const Known
   s.neighbors.widest = float(followed.widest);
   if (!followed.levels) return s;
   s.neighbors.levels = s.limits.levels = followed.levels;
-  s.neighbors.radius_follows = true;
+  s.neighbors.radius_follows = followed.radius;
   s.fairing.similarity_follows = followed.similarity;
   s.fairing.level_outlier_distance = s.limits.level_outlier_distance = float(followed.outlier_distance);
   s.limits.farthest_follows = followed.limit;

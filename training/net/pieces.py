@@ -20,8 +20,9 @@ from scipy.spatial import cKDTree
 import families
 import spec
 
-SIZE = 12288  # points of a piece
+SIZE = 8192  # points of a piece; clouds of 10,000 points are common
 MOST = 3  # pieces of a cloud
+OBJECTS = 0.4  # of the clouds; training draws half of its pieces from them
 TYPES = {"float": "<f4", "double": "<f8", "uchar": "u1", "int": "<i4"}
 
 
@@ -89,9 +90,11 @@ def kind_of(family):
 def main(out, program, seconds, worker=0, workers=1, first=1_000_000):
     Path(out).mkdir(parents=True, exist_ok=True)
     end, seed, names = time.time() + float(seconds), int(first) + int(worker), sorted(families.FAMILIES)
+    objects = [name for name in names if kind_of(name) == "obj"]
     while time.time() < end:
         rng = np.random.default_rng(seed)
-        family = names[rng.integers(len(names))]
+        among = objects if rng.random() < OBJECTS else names
+        family = among[rng.integers(len(among))]
         cloud = families.draw(family, seed)
         if len(cloud.points) >= SIZE:
             pieces = pieces_of(cloud, program, f"{out}/scratch{worker}", rng)
