@@ -26,7 +26,11 @@ struct Narrowest {
 
   /// `decimal`: what stands before the decimals.
   void see(std::string_view word, char decimal = '.') {
-    filled = filled || !word.empty();
+    if (word.empty()) {
+      integers = false;
+      return;
+    }
+    filled = true;
     if (decimal != '.' && word.find(decimal) != std::string_view::npos) {
       std::string plain(word);
       std::replace(plain.begin(), plain.end(), decimal, '.');
@@ -34,8 +38,7 @@ struct Narrowest {
     }
     const std::optional<double> value = to_number(word);
     if (!value) {
-      numbers = numbers && word.empty();
-      integers = false;
+      numbers = integers = false;
       return;
     }
     const int decimals = decimals_of(word);

@@ -169,6 +169,7 @@ ObjParts parse_obj_parts(std::string_view text, std::string_view file, const Row
 }
 
 bool has_obj_normals(std::string_view text, const RowShape& shape) {
+  if (text.find("vn") == std::string_view::npos) return false;  // soon seen
   std::string_view line;
   while (next_row(text, line, shape)) {
     std::string_view word;
