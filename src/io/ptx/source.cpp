@@ -165,7 +165,14 @@ FileInfo PtxSource::info() const {
 }
 
 std::vector<Content> PtxSource::contents() const {
-  return {{ContentKind::poses, "the poses of scans"}, {ContentKind::grid, "the columns and rows of scans"}};
+  std::vector<Content> result;
+  const bool has_place =
+      std::any_of(layout_.scans.begin(), layout_.scans.end(), [](const Scan& scan) { return scan.has_place(); });
+  if (has_place) result.push_back({ContentKind::poses, "the poses of scans"});
+  const bool has_grid = std::any_of(layout_.scans.begin(), layout_.scans.end(),
+                                    [](const Scan& scan) { return scan.columns > 1 && scan.rows > 1; });
+  if (has_grid) result.push_back({ContentKind::grid, "the columns and rows of scans"});
+  return result;
 }
 
 // The edits of one block, a row at a time.
