@@ -11,6 +11,7 @@
 #include <system_error>
 
 #include "io/text.hpp"
+#include "pointfair/positions.hpp"
 
 namespace pointfair::io {
 
@@ -57,6 +58,8 @@ class PlainRow {
     end_word();
     return true;
   }
+
+  bool position(Position& to) { return number(to[0]) && number(to[1]) && number(to[2]); }
 
   /// Whether blanks separate its words and none is left.
   bool is_at_end() const { return at_ == end_ && by_blanks_; }

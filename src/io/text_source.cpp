@@ -127,8 +127,7 @@ std::optional<double> TextSource::number_with_comma(std::string_view word) const
 bool TextSource::take_plain_position(std::string_view line, Position& position) const {
   if (plain_lead_ == kNotPlain) return false;
   PlainRow row(line, layout_.separator);
-  return row.skip(plain_lead_) && row.number(position[0]) && row.number(position[1]) && row.number(position[2]) &&
-         ends_as_declared(row);
+  return row.skip(plain_lead_) && row.position(position) && ends_as_declared(row);
 }
 
 void TextSource::positions(std::size_t block, std::span<Position> out) const {
