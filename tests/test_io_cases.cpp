@@ -65,6 +65,14 @@ TEST(FilesCases, DecimalCommasAndQuotesStay) {
   EXPECT_EQ(image(quotes, Format::csv), "\"x\",\"y\",\"z\"\n\"1.5\",\"2.5\",\"3\"\n");
 }
 
+// Found by the fuzzer, as "8;;\r".
+TEST(FilesCases, WhatIsMissingAtTheEndOfALineIsWrittenThere) {
+  Cloud cloud = parse("x;y;z\r\n8;9;\r\n4;5;6\r\n", "a.csv");
+  cloud.points[0].z = 7;
+  cloud.added = {make_attribute<std::uint8_t>("n", ScalarType::uint8, {1, 2})};
+  EXPECT_EQ(image(cloud, Format::csv), "x;y;z;n\r\n8;9;7;1\r\n4;5;6;2\r\n");
+}
+
 TEST(FilesCases, NegativeZeroStays) {
   for (const char* zero : {"-0.0000", "-0", "-0.0e0"}) {
     Cloud cloud = parse(std::string(zero) + " 2.5 3\n1 2 3\n", "a.txt");

@@ -35,7 +35,10 @@ class PlainRow {
     }
     const char* last = at_;
     while (!by_blanks_ && last != begin && is_blank(last[-1])) --last;
-    if (last != begin && last[-1] == '\\') return false;
+    if (last != begin && last[-1] == '\\') {
+      at_ = begin;  // not the end of the row
+      return false;
+    }
     word = {begin, static_cast<std::size_t>(last - begin)};
     end_word();
     return true;

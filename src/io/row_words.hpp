@@ -37,11 +37,13 @@ class RowWords {
     return layout_.shape.rule != RowRule::vertices || !word.ends_with('\\') || take_continued(word);
   }
 
-  // The empty word behind a last separator.
+  // The empty word behind a last separator, before the blanks that end the line.
   bool take_last(std::string_view& word) {
     if (ended_ || !ends_with_separator(line_, layout_.separator)) return false;
     ended_ = true;
-    word = {rest_.data(), 0};
+    std::string_view filled = line_;
+    while (is_blank(filled.back()) && filled.back() != layout_.separator) filled.remove_suffix(1);
+    word = {filled.data() + filled.size(), 0};
     return true;
   }
 
@@ -61,7 +63,8 @@ class RowWords {
 /// The words of an attribute in one row; empty where the row is too short.
 void column_words(std::string_view line, const TextLayout& layout, const TextColumn& column,
                   std::vector<std::string_view>& words);
-/// As many words of a row as `words` has; empty where the row is too short.
-void all_words(std::string_view line, const TextLayout& layout, std::vector<std::string_view>& words);
+/// As many words of a row from column `first` on as `words` has; empty where the row is too short.
+void words_from(std::string_view line, const TextLayout& layout, std::size_t first,
+                std::vector<std::string_view>& words);
 
 }  // namespace pointfair::io

@@ -12,20 +12,19 @@ namespace pointfair::io {
 
 void column_words(std::string_view line, const TextLayout& layout, const TextColumn& column,
                   std::vector<std::string_view>& words) {
-  words.assign(column.components, {});
+  words.resize(column.components);
+  words_from(line, layout, column.first, words);
+}
+
+void words_from(std::string_view line, const TextLayout& layout, std::size_t first,
+                std::vector<std::string_view>& words) {
+  std::fill(words.begin(), words.end(), std::string_view());
   RowWords row(line, layout);
   ColumnKind kind{};
   std::string_view word;
-  for (std::size_t c = 0; c < column.first + words.size() && row.next(kind, word); ++c) {
-    if (c >= column.first) words[c - column.first] = word;
+  for (std::size_t c = 0; c < first + words.size() && row.next(kind, word); ++c) {
+    if (c >= first) words[c - first] = word;
   }
-}
-
-void all_words(std::string_view line, const TextLayout& layout, std::vector<std::string_view>& words) {
-  RowWords row(line, layout);
-  ColumnKind kind{};
-  for (std::string_view& word : words)
-    if (!row.next(kind, word)) word = {};
 }
 
 TextSource::TextSource(FileBytes bytes, std::string name, Format format, TextLayout layout)

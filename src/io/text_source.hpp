@@ -73,7 +73,7 @@ class TextSource : public Source {
   // Of usual rows; false for another.
   bool take_plain_position(std::string_view line, Position& position) const;
   bool take_plain_numbers(std::string_view line, const TextColumn& column, char* to) const;
-  bool take_plain_words(std::string_view line, std::vector<std::string_view>& words) const;
+  bool take_plain_words(std::string_view line, std::size_t first, std::vector<std::string_view>& words) const;
   bool ends_as_declared(PlainRow& row) const;
   [[noreturn]] void fail_at(const char* place, const std::string& message) const;
   void check_size() const;

@@ -24,9 +24,11 @@ ScalarType TextSource::coordinate_type() const {
   return all ? ScalarType::float32 : ScalarType::float64;
 }
 
-// As many words of a row as are asked for, empty where it ends before. False: look closer.
-bool TextSource::take_plain_words(std::string_view line, std::vector<std::string_view>& words) const {
+// The words of a row from column `first` on, empty where it ends before. False: look closer.
+bool TextSource::take_plain_words(std::string_view line, std::size_t first,
+                                  std::vector<std::string_view>& words) const {
   PlainRow row(line, layout_.separator);
+  if (!row.skip(first) && !row.is_at_end()) return false;
   for (std::string_view& word : words) {
     if (row.word(word)) continue;
     if (!row.is_at_end()) return false;
@@ -44,12 +46,14 @@ std::vector<Narrowest> TextSource::see_columns(std::size_t block) const {
     owner.resize(std::max(owner.size(), attributes_[a].first + 1), attributes_.size());
     owner[attributes_[a].first] = a;
   }
-  std::vector<std::string_view> words(owner.size());
+  const auto first = static_cast<std::size_t>(
+      std::find_if(owner.begin(), owner.end(), [&](std::size_t a) { return a < seen.size(); }) - owner.begin());
+  std::vector<std::string_view> words(owner.size() - first);
   for_each_line(block, [&](std::string_view line, std::ptrdiff_t point) {
     if (point < 0) return;
-    if (!plain_ || !take_plain_words(line, words)) all_words(line, layout_, words);
-    for (std::size_t c = 0; c < owner.size(); ++c)
-      if (owner[c] < seen.size()) seen[owner[c]].see(words[c], layout_.decimal);
+    if (!plain_ || !take_plain_words(line, first, words)) words_from(line, layout_, first, words);
+    for (std::size_t c = first; c < owner.size(); ++c)
+      if (owner[c] < seen.size()) seen[owner[c]].see(words[c - first], layout_.decimal);
   });
   return seen;
 }
