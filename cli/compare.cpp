@@ -2,6 +2,7 @@
 // pointfair compare A B: distances of a cloud to a mesh or another cloud.
 #include <fmt/format.h>
 
+#include <filesystem>
 #include <iterator>
 #include <memory>
 
@@ -19,6 +20,7 @@ struct CompareArguments {
   std::string cloud, reference, as = "auto", report;
   std::optional<double> edges;
   std::optional<int> normals;
+  InputArguments in;
   unsigned threads = 0;
 };
 
@@ -56,13 +58,19 @@ Json comparison_json(const Comparison& comparison) {
   return json;
 }
 
+bool are_alike(const std::filesystem::path& a, const std::filesystem::path& b) {
+  return a.extension() == b.extension();
+}
+
 void compare(const CompareArguments& arguments) {
   check_report(arguments.report, {arguments.cloud, arguments.reference});
   const auto limit = limit_threads(arguments.threads);
-  ReadOptions options;
-  options.threads = arguments.threads;
+  const ReadOptions options = make_read_options(arguments.in, arguments.threads);
   const Cloud cloud = read(arguments.cloud, options);
-  const Cloud reference = read(arguments.reference, options);
+  // what is said of A holds for B where both are files of one kind
+  ReadOptions plain;
+  plain.threads = arguments.threads;
+  const Cloud reference = read(arguments.reference, are_alike(arguments.cloud, arguments.reference) ? options : plain);
   const Comparison comparison = compare_clouds(cloud, reference,
                                                {arguments.as == "cloud",
                                                 arguments.edges,
@@ -89,12 +97,14 @@ Verb add_compare(CLI::App& app) {
       .add_option("--normals", arguments->normals, "also measure the normals of planes through the K nearest points")
       ->check(CLI::Range(3, kMaxNeighbors).description(""))
       ->type_name("K");
+  add_input(command, arguments->in);
   add_threads(command, arguments->threads);
   add_report(command, arguments->report);
   command.footer(
       "Distances are in the file's unit and in % of the diagonal of B's bounding box. chamfer is the mean squared\n"
       "distance to the nearest point from A to B plus that from B to A, where B's bounding sphere has radius 1.\n"
-      "normal_error is the mean angle in degrees to the normal of the nearest face, without its sign.");
+      "normal_error is the mean angle in degrees to the normal of the nearest face, without its sign.\n"
+      "Options of the input are for A, and for B if its name has the same extension.");
   return {&command, [arguments](std::stop_token) { compare(*arguments); }};
 }
 

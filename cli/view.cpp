@@ -27,6 +27,7 @@ struct ViewArguments {
   std::uint64_t points = 3'000'000;
   std::string viewpoint;
   bool no_open = false, token = false;
+  InputArguments in;
   DeviceArguments device;
 };
 
@@ -61,6 +62,7 @@ void view(const ViewArguments& arguments, std::stop_token stop) {
   options.save_folder = arguments.save_folder;
   options.point_budget = arguments.points;
   options.viewpoint = arguments.viewpoint;
+  options.reading = make_read_options(arguments.in, 0);
   check_viewpoint(options.viewpoint);
   const auto ready = [&](const std::string& url) {
     print_output(url + "\n");
@@ -104,6 +106,7 @@ Verb add_view(CLI::App& app) {
       ->check(CLI::Range(1000, 100'000'000).description(""))
       ->type_name("N");
   add_viewpoint(command, arguments->viewpoint);
+  add_input(command, arguments->in);
   add_device(command, arguments->device);
   return {&command, [arguments](std::stop_token stop) { view(*arguments, stop); }};
 }

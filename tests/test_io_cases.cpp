@@ -1,202 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Files as people and other programs write them. What each holds is written by hand, as CSV.
+// Files as people and other programs write them.
 #include <cmath>
 
 #include "io/source.hpp"
+#include "io_cases.h"
 #include "io_files.h"
 
 namespace pointfair::test {
 namespace {
-
-const std::string kMark = "\xEF\xBB\xBF";
-
-std::string ply(const std::string& properties, const std::string& body, int points = 2) {
-  return "ply\nformat ascii 1.0\nelement vertex " + std::to_string(points) + "\n" + properties + "end_header\n" + body;
-}
-const std::string kXyz = "property float x\nproperty float y\nproperty float z\n";
-
-std::string replaced(std::string text, const std::string& from, const std::string& to) {
-  for (std::size_t at = 0; (at = text.find(from, at)) != std::string::npos; at += to.size())
-    text.replace(at, from.size(), to);
-  return text;
-}
-std::string with_cr(const std::string& text) { return replaced(text, "\n", "\r"); }
-
-struct Given {
-  std::string name, bytes, csv;
-};
-
-// A byte order mark is skipped, and lines may end in '\r' alone.
-const std::vector<Given>& marks_and_line_ends() {
-  static const std::vector<Given> all = {
-      {"a.obj", kMark + "v 1 2 3\nv 4 5 6\n", "x,y,z\n1,2,3\n4,5,6\n"},
-      {"a.ply", kMark + ply(kXyz, "1 2 3\n4 5 6\n"), "x,y,z\n1,2,3\n4,5,6\n"},
-      {"a.off", kMark + "OFF\r\n2 0 0\r\n1 2 3\r\n4 5 6\r\n", "x,y,z\n1,2,3\n4,5,6\n"},
-      {"a.xyz", kMark + "1 2 3\n4 5 6\n", "x,y,z\n1,2,3\n4,5,6\n"},
-      {"a.pcd", kMark + "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nPOINTS 1\nDATA ascii\n1 2 3\n",
-       "x,y,z\n1,2,3\n"},
-      {"a.xyz", "1 2 3\r4 5 6\r", "x,y,z\n1,2,3\n4,5,6\n"},
-      {"a.csv", "x,y,z,i\r1,2,3,7\r4,5,6,8", "x,y,z,i\n1,2,3,7\n4,5,6,8\n"},
-      {"a.obj", "v 1 2 3\rv 4 5 6\rv 7 8 9\rf 1 2 3\r", "x,y,z\n1,2,3\n4,5,6\n7,8,9\n"},
-      {"a.off", with_cr("OFF\n2 0 0\n1 2 3\n4 5 6\n"), "x,y,z\n1,2,3\n4,5,6\n"},
-      {"a.ply", with_cr(ply(kXyz, "1 2 3\n4 5 6\n")), "x,y,z\n1,2,3\n4,5,6\n"},
-      {"a.pts", "2\r1 2 3 9\r4 5 6 8\r", "x,y,z,intensity\n1,2,3,9\n4,5,6,8\n"},
-      {"a.pcd", with_cr("VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nPOINTS 2\nDATA ascii\n1 2 3\n4 5 6\n"),
-       "x,y,z\n1,2,3\n4,5,6\n"},
-  };
-  return all;
-}
-
-// Titles, remarks, counts, names and units before the first row, and how coordinates are called.
-const std::vector<Given>& fronts() {
-  const std::string csv = "x,y,z\n1,2,3\n4,5,6\n", with_i = "x,y,z,i\n1,2,3,7\n4,5,6,8\n";
-  static const std::vector<Given> all = {
-      {"a.asc", "//X Y Z Rf Gf Bf I\n2\n1 2 3 0 0.2 1 7\n4 5 6 1 0.4 0 8\n",
-       "x,y,z,red,green,blue,I\n1,2,3,0,51,255,7\n4,5,6,255,102,0,8\n"},
-      {"a.txt", "2\n1 2 3\n4 5 6\n", csv},
-      {"a.csv", "2\n1,2,3\n4,5,6\n", csv},
-      {"a.pts", "1\n1 2 3 7\n1\n4 5 6 8\n", replaced(with_i, "i\n", "intensity\n")},
-      {"a.pts", "1\r\n1 2 3 7\r\n1\r\n4 5 6 8\r\n", replaced(with_i, "i\n", "intensity\n")},
-      {"a.xyz", "Exported survey 12 area B\n1 2 3\n4 5 6\n", csv},
-      {"a.txt", "Survey of 3 May\nby hand\n\n1 2 3\n4 5 6\n", csv},
-      {"a.csv", "A title, with a comma\nx,y,z\n1,2,3\n4,5,6\n", csv},
-      {"a.csv", "x,y,z\nm,m,m\n1,2,3\n4,5,6\n", csv},
-      {"a.csv", "x;y;z;i\n[m];[m];[m];[-]\n1;2;3;7\n4;5;6;8\n", with_i},
-      {"a.txt", "% exported by MATLAB\n1 2 3\n4 5 6\n", csv},
-      {"a.xyz", "1 2 3\n% a remark\n4 5 6\n", csv},
-      {"a.csv", "Easting,Northing,Elevation\n1,2,3\n4,5,6\n", csv},
-      {"a.csv", "id,EAST,NORTH,Height\n9,1,2,3\n9,4,5,6\n", "x,y,z,id\n1,2,3,9\n4,5,6,9\n"},
-      {"a.csv", "Hochwert;Rechtswert;H\xC3\xB6he\n2;1;3\n5;4;6\n", csv},
-      {"a.csv", "Hochwert;Rechtswert;H\xC3\x96HE\n2;1;3\n5;4;6\n", csv},
-      {"a.csv", "\"Points:0\",\"Points:1\",\"Points:2\",\"i\"\n1,2,3,7\n4,5,6,8\n", with_i},
-      {"a.csv", "i,Points_0,Points_1,Points_2\n7,1,2,3\n8,4,5,6\n", with_i},
-      {"a.csv", "X [m],Y [m],Z [m],i\n1,2,3,7\n4,5,6,8\n", with_i},
-      {"a.txt", "X[m] Y(m) Z [m] i\n1 2 3 7\n4 5 6 8\n", with_i},
-      {"a.txt", "x_coord y_coord z_coord\n1 2 3\n4 5 6\n", csv},
-      {"a.txt", "# POINT_X POINT_Y POINT_Z\n1 2 3\n4 5 6\n", csv},
-      {"a.csv", "Este,Norte,Cota\n1,2,3\n4,5,6\n", csv},
-      {"a.csv", "Est;Nord;Quota\n1;2;3\n4;5;6\n", csv},
-      {"a.csv", "Oost;Noord;Hoogte\n1;2;3\n4;5;6\n", csv},
-      {"a.xyzn", "1 2 3 0 0 1\n4 5 6 0 1 0\n", "x,y,z,nx,ny,nz\n1,2,3,0,0,1\n4,5,6,0,1,0\n"},
-      {"a.xyzrgb", "1 2 3 0 0.2 1\n4 5 6 1 0.4 0\n", "x,y,z,red,green,blue\n1,2,3,0,51,255\n4,5,6,255,102,0\n"},
-  };
-  return all;
-}
-
-// How numbers and words are written.
-const std::vector<Given>& spellings() {
-  const std::string csv = "x,y,z\n1.5,2,3\n4,5.25,6\n", with_i = "x,y,z,i\n1.5,2,3,7\n4,5.25,6,8\n";
-  static const std::vector<Given> all = {
-      {"a.csv", "\"x\",\"y\",\"z\"\n\"1.5\",\"2\",\"3\"\n\"4\",\"5.25\",\"6\"\n", csv},
-      {"a.csv", "\"x\";\"y\";\"z\"\n\"1,5\";\"2\";\"3\"\n\"4\";\"5,25\";\"6\"\n", csv},
-      {"a.csv", "label,x,y,z\n\"a, b\",1.5,2,3\n\"c \"\"d\"\", e\",4,5.25,6\n", csv},
-      {"a.csv", "x;y;z;i\n1,5;2;3;7\n4;5,25;6;8\n", with_i},
-      {"a.xyz", "1,5 2,0 3,0\n4,0 5,25 6,0\n", csv},
-      {"a.txt", "x\ty\tz\n1,5\t2,0\t3,0\n4,0\t5,25\t6,0\n", csv},
-      {"a.csv", "x,y,z,i\n,,,7\n4,5.25,,8\n", "x,y,z,i\nnan,nan,nan,7\n4,5.25,nan,8\n"},
-      {"a.csv", "i;x;y;z\n7;;;\n8;4;5.25;6\n", "x,y,z,i\nnan,nan,nan,7\n4,5.25,6,8\n"},
-      {"a.txt", "x\ty\tz\tq\ti\n1.5\t2\t3\t\t7\n4\t5.25\t6\t\t8\n", with_i},
-      {"a.xyz", "1.#QNAN -1.#IND 1.#INF\n4 5.25 6\n", "x,y,z\nnan,nan,inf\n4,5.25,6\n"},
-      {"a.xyz", "nan(ind) -nan(ind) -1.#INF00\n4 5.25 6\n", "x,y,z\nnan,-nan,-inf\n4,5.25,6\n"},
-      {"a.xyz", "NA NA NA\n4 5.25 6\n", "x,y,z\nnan,nan,nan\n4,5.25,6\n"},
-      {"a.xyz", "1.5 2 3\n4 5.25 6\n" + std::string(9, '\0'), csv},
-      {"a.csv", "x,y,z\n1.5,2,3\n4,5.25,6\n\x1A", csv},
-      {"a.csv", "x,y,z,i,i\n1,2,3,7,8\n", "x,y,z,i,i_2\n1,2,3,7,8\n"},
-      {"a.csv", "x,y,z,x,red,R\n1,2,3,4,5,6\n", "x,y,z,x_2,red,R\n1,2,3,4,5,6\n"},
-      {"a.csv", "x,y,z,t\n1,2,3,1234567890123456789\n4,5,6,-1\n", "x,y,z,t\n1,2,3,1234567890123456789\n4,5,6,-1\n"},
-      {"a.csv", "x,y,z,t\n1,2,3,18446744073709551615\n", "x,y,z,t\n1,2,3,18446744073709551615\n"},
-  };
-  return all;
-}
-
-// Values on other lines than usual, other names of types, other cases.
-const std::vector<Given>& shapes() {
-  const std::string csv = "x,y,z\n1,2,3\n4,5,6\n";
-  const std::string off = "1 2 3\n4 5 6\n2 0 1\n";
-  static const std::vector<Given> all = {
-      {"a.off", "OFF2 1 0\n" + off, csv},
-      {"a.off", "OFF 2 1 0\n" + off, csv},
-      {"a.off", "OFF\n2 1\n" + off, csv},
-      {"a.off", "2 1 0\n" + off, csv},
-      {"a.off", "off\n2 1 0\n" + off, csv},
-      {"a.off", replaced("OFF\n2 1 0\n" + off, " ", "\n"), csv},
-      {"a.off", "OFF # a remark\n\n2 1 0 # counts\n1 2\n3 4 5\n6 2 0 1\n", csv},
-      {"a.off", "OFF\n2 1 0\n1 2 3  4 5 6\n2 0 1\n", csv},
-      {"a.off", "OFF\n2 2 0\n1 2 3\n4 5 6\n2 0 1 2 1 0\n", csv},
-      {"a.off", "OFF\n2 0 0\n1 2 3 10 20 30\n4 5 6 40 50 60\n",
-       "x,y,z,red,green,blue\n1,2,3,10,20,30\n4,5,6,40,50,60\n"},
-      {"a.off", "COFF\n1 0 0\n1 2 3 0 0.2 1 1\n", "x,y,z,red,green,blue,alpha\n1,2,3,0,51,255,1\n"},
-      {"a.off", "STOFF\n1 0 0\n1 2 3 0.5 0.25\n", "x,y,z,s,t\n1,2,3,0.5,0.25\n"},
-      {"a.ply", ply(replaced(replaced(replaced(kXyz, " x", " X"), " y", " Y"), " z", " Z"), "1 2 3\n4 5 6\n"), csv},
-      {"a.ply", ply(kXyz + "property bool keep\n", "1 2 3 1\n4 5 6 0\n"), "x,y,z,keep\n1,2,3,1\n4,5,6,0\n"},
-      {"a.ply", ply(kXyz + "property int64 id\n", "1 2 3 1152921504606846977\n4 5 6 -7\n"),
-       "x,y,z,id\n1,2,3,1152921504606846977\n4,5,6,-7\n"},
-      {"a.ply", ply(kXyz + "property uint64 id\n", "1 2 3 18446744073709551615\n4 5 6 7\n"),
-       "x,y,z,id\n1,2,3,18446744073709551615\n4,5,6,7\n"},
-      {"a.ply",
-       "ply\nformat binary_big_endian 1.0\nelement vertex 1\n" + kXyz + "property int64 id\nend_header\n" +
-           packed<float>({1, 2, 3}, true) + packed<std::int64_t>({1152921504606846977}, true),
-       "x,y,z,id\n1,2,3,1152921504606846977\n"},
-      {"a.ply", ply(kXyz + "property uchar i\n", "1 2 3\n7\n4 5 6\n8\n"), "x,y,z,i\n1,2,3,7\n4,5,6,8\n"},
-      {"a.ply", ply(kXyz, "1 2 3 4 5 6\n"), csv},
-      {"a.ply", ply(kXyz, "1\n2\n3\n4\n5\n6\n"), csv},
-      {"a.pcd",
-       "VERSION 0.7\nFIELDS X Y Z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 2\nHEIGHT 1\nPOINTS 2\nDATA ascii\n1 2 3\n4 5 6\n",
-       csv},
-      {"a.pcd", "version 0.7\nfields x y z\nsize 4 4 4\ntype F F F\npoints 2\ndata ASCII\n1 2 3\n4 5 6\n", csv},
-      {"a.pcd",
-       "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nFRAME_ID lidar\nPOINTS 2\nDATA ascii\n1 2 3\n4 5 6\n", csv},
-      {"a.pcd",
-       "VERSION 0.7\nFIELDS x y z t\nSIZE 4 4 4 8\nTYPE F F F U\nSTAMP 12.5\nPOINTS 1\nDATA binary\n" +
-           packed<float>({1, 2, 3}) + packed<std::uint64_t>({1234567890123456789U}),
-       "x,y,z,t\n1,2,3,1234567890123456789\n"},
-      {"a.obj", "v 1 2 \\\n3\nv 4 \\\r\n5 6\n", csv},
-      {"a.obj", "# a folder\\\nv 1 2 3\nv 4 5\\\n 6\nf 1 \\\n2 1\n", csv},
-      {"a.obj", "v 1 2 3\nv 4 5 6 255 0 51\n", "x,y,z,red,green,blue\n1,2,3,nan,nan,nan\n4,5,6,255,0,51\n"},
-      {"a.obj", "v 1 2 3 0 1 0.2\nv 4 5 6 1 0 0\n", "x,y,z,red,green,blue\n1,2,3,0,255,51\n4,5,6,255,0,0\n"},
-      {"a.obj", "v 1 2 3 0 128 255\nv 4 5 6 9 8 7\n", "x,y,z,red,green,blue\n1,2,3,0,128,255\n4,5,6,9,8,7\n"},
-      {"a.obj", "v 1 2 3\nvn 0 0 1\nv 4 5 6\nvn 0 1 0\n", "x,y,z,nx,ny,nz\n1,2,3,0,0,1\n4,5,6,0,1,0\n"},
-      {"a.obj", "v 1 2 3\nv 4 5 6\nvn 0 0 1\nf 1//1 2//1 1//1\n", "x,y,z,nx,ny,nz\n1,2,3,0,0,1\n4,5,6,0,0,1\n"},
-  };
-  return all;
-}
-
-// Found by looking for further kinds.
-const std::vector<Given>& further() {
-  const std::string csv = "x,y,z\n1.5,2,3\n4,5.25,6\n", with_i = "x,y,z,i\n1.5,2,3,7\n4,5.25,6,8\n";
-  static const std::vector<Given> all = {
-      {"r.txt", "\"x\" \"y\" \"z\"\n\"1\" 1.5 2 3\n\"2\" 4 5.25 6\n", "x,y,z,row\n1.5,2,3,1\n4,5.25,6,2\n"},  // R
-      {"excel.csv", "sep=;\nx;y;z\n1.5;2;3\n4;5.25;6\n", csv},
-      {"fortran.txt", " 0.15D+01 2.0D0 3.d0\n 0.4D+01 5.25d0 6.0D0\n", csv},
-      {"swiss.csv", "E;N;H\n2'600'001.5;1'200'002;3\n2'600'004;1'200'005;6\n",
-       "x,y,z\n2600001.5,1200002,3\n2600004,1200005,6\n"},
-      {"minus.txt",
-       "\xE2\x88\x92"
-       "1.5 2 3\n4 5.25 \xE2\x88\x92"
-       "6\n",
-       "x,y,z\n-1.5,2,3\n4,5.25,-6\n"},
-      {"trailing.csv", "x,y,z,i,\n1.5,2,3,7,\n4,5.25,6,8,\n", with_i},
-      {"tabs.txt", "X [m]\tY [m]\tZ [m]\ti\n1.5\t2\t3\t7\n4\t5.25\t6\t8\n", with_i},
-      {"spaces_in_words.txt", "x\ty\tz\tname\ti\n1.5\t2\t3\told oak\t7\n4\t5.25\t6\tbig red ash\t8\n", with_i},
-      {"blanks.csv", "x , y , z , i\n 1.5 , 2 , 3 , 7 \n4,  5.25,6,8\n", with_i},
-      {"quoted_blanks.txt", "x y z name i\n1.5 2 3 \"old oak\" 7\n4 5.25 6 \"ash\" 8\n", with_i},
-      {"arcgis.txt", "POINT_X,POINT_Y,POINT_Z\n1.5,2,3\n4,5.25,6\n", csv},
-      {"units.txt", "Easting(m) Northing(m) Elev.(m)\n1.5 2 3\n4 5.25 6\n", csv},
-      {"dos.xyz", "1.5 2 3\r\n4 5.25 6\r\n\x1A", csv},
-      {"pandas.csv", ",x,y,z\n0,1.5,2,3\n1,4,5.25,6\n", "x,y,z,unnamed\n1.5,2,3,0\n4,5.25,6,1\n"},
-      {"tinyply.ply",
-       ply("property float32 x\nproperty float32 y\nproperty float32 z\nproperty int8 i\n", "1.5 2 3 7\n4 5.25 6 8\n"),
-       with_i},
-  };
-  return all;
-}
-
-std::vector<Given> all_given() {
-  std::vector<Given> all;
-  for (const auto* table : {&marks_and_line_ends(), &fronts(), &spellings(), &shapes(), &further()})
-    all.insert(all.end(), table->begin(), table->end());
-  return all;
-}
 
 // Blanks for commas, and no names where there are coordinates only.
 std::string as_txt(const std::string& csv) {
@@ -252,6 +63,14 @@ TEST(FilesCases, DecimalCommasAndQuotesStay) {
   Cloud quotes = parse("\"x\",\"y\",\"z\"\n\"1.5\",\"2\",\"3\"\n", "a.csv");
   quotes.points[0].y = 2.5F;
   EXPECT_EQ(image(quotes, Format::csv), "\"x\",\"y\",\"z\"\n\"1.5\",\"2.5\",\"3\"\n");
+}
+
+// Found by the fuzzer, as "8;;\r".
+TEST(FilesCases, WhatIsMissingAtTheEndOfALineIsWrittenThere) {
+  Cloud cloud = parse("x;y;z\r\n8;9;\r\n4;5;6\r\n", "a.csv");
+  cloud.points[0].z = 7;
+  cloud.added = {make_attribute<std::uint8_t>("n", ScalarType::uint8, {1, 2})};
+  EXPECT_EQ(image(cloud, Format::csv), "x;y;z;n\r\n8;9;7;1\r\n4;5;6;2\r\n");
 }
 
 TEST(FilesCases, NegativeZeroStays) {

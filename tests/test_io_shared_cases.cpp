@@ -84,4 +84,25 @@ TEST(FilesCases, TheSharedCasesAreReadRight) {
   EXPECT_NE(thrown_by([&] { read(utf16); }).message.find("UTF-16"), std::string::npos);
 }
 
+// A scanner at (5, 6, 7) that is not turned; and colours of 16 bits, which are 257 times those of 8.
+TEST(FilesCases, TheSharedScanAndColoursAreReadRight) {
+  const char* const data = std::getenv("POINTFAIR_DATA");
+  if (!data) GTEST_SKIP() << "POINTFAIR_DATA is not set";
+  const std::filesystem::path folder = std::filesystem::path(data) / "cases";
+  const Cloud scan = read(folder / "scan.ptx");
+  ASSERT_EQ(scan.points.size(), 600U);
+  EXPECT_NEAR(scan.origin[0] + scan.points[2].x, 13.012745, 1e-6);
+  EXPECT_NEAR(scan.origin[1] + scan.points[2].y, 12.608962, 1e-6);
+  EXPECT_NEAR(scan.origin[2] + scan.points[2].z, 7.260012, 1e-6);
+  EXPECT_EQ(image(scan, Format::ptx), file_bytes(folder / "scan.ptx"));
+  const Cloud las = read(folder / "colors16.las"), ply = parse(image(las, Format::ply));
+  for (const char* channel : {"red", "green", "blue"}) {
+    const auto wide = values<std::uint16_t>(las, channel);
+    const auto bytes = values<std::uint8_t>(ply, channel);
+    ASSERT_EQ(bytes.size(), wide.size());
+    EXPECT_GT(*std::max_element(wide.begin(), wide.end()), 255);
+    for (std::size_t i = 0; i < wide.size(); ++i) EXPECT_EQ(bytes[i], (wide[i] + 128) / 257);
+  }
+}
+
 }  // namespace pointfair::test

@@ -125,4 +125,57 @@ TEST(FilesText, AddedNamesGoToTheHeader) {
   EXPECT_EQ(image(cloud, Format::txt), "//X;Y;Z;nx;ny;nz\r\n1;2;3;0;0;1\r\n");
 }
 
+namespace {
+
+// A line of /proc/self/status, in bytes.
+std::size_t memory_status(const std::string& key) {
+  std::ifstream status("/proc/self/status");
+  for (std::string line; std::getline(status, line);)
+    if (line.starts_with(key)) return 1024 * std::stoul(line.substr(key.size() + 1));
+  return 0;
+}
+
+std::string repeated(const std::string& row, std::size_t count) {
+  std::string text;
+  for (std::size_t i = 0; i < count; ++i) text += row;
+  return text;
+}
+
+}  // namespace
+
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+TEST(FilesText, DISABLED_ReadingTakesNoMoreThanThreeTimesTheFile) {
+#else
+TEST(FilesText, ReadingTakesNoMoreThanThreeTimesTheFile) {
+#endif
+  const Folder folder;
+  constexpr std::size_t kRows = 300000;
+  const std::string row = "123.4567 -23.4567 3.45678", count = std::to_string(kRows),
+                    rows = repeated(row + "\n", kRows), faces = repeated("3 17 18 19\n", kRows),
+                    scan = "\n1\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n",
+                    xyz = "property float x\nproperty float y\nproperty float z\n";
+  const std::pair<const char*, std::string> files[] = {
+      {"a.xyz", rows},
+      {"a.csv", "x,y,z,i\n" + repeated("123.4567,-23.4567,3.45678,7\n", kRows)},
+      {"a.pts", count + "\n" + repeated(row + " 7 1 2 3\n", kRows)},
+      {"a.off", "OFF\n" + count + " " + count + " 0\n" + rows + faces},
+      {"wrapped.off", "OFF\n" + count + " 0 0\n" + repeated(row + " " + row + "\n", kRows / 2)},
+      {"a.obj", repeated("v " + row + "\n", kRows) + repeated("f 17 18 19\n", kRows)},
+      {"a.ply", "ply\nformat ascii 1.0\nelement vertex " + count + "\n" + xyz + "end_header\n" + rows},
+      {"a.pcd", "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nPOINTS " + count + "\nDATA ascii\n" + rows},
+      {"a.ptx", count + scan + repeated(row + " 0.5 1 2 3\n", kRows)},
+  };
+  for (const auto& [name, bytes] : files) {
+    put_file(folder / name, bytes);
+    if (!(std::ofstream("/proc/self/clear_refs") << 5 << std::flush)) GTEST_SKIP() << "the peak cannot be reset";
+    const std::size_t before = memory_status("VmRSS:");
+    const Cloud cloud = read(folder / name);
+    for (const AttributeInfo& info : attributes(cloud)) attribute(cloud, info.name);
+    losses(cloud, Format::npy);
+    const std::size_t peak = memory_status("VmHWM:");
+    EXPECT_GE(peak, before + 12 * kRows);  // the points, at least
+    EXPECT_LE(static_cast<double>(peak - before), 3.0 * static_cast<double>(bytes.size())) << name;
+  }
+}
+
 }  // namespace pointfair::test

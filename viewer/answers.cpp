@@ -20,7 +20,8 @@ Json stages_json(const std::vector<StageTime>& stages) {
 
 Json formats_json() {
   Json formats = Json::array(), encodings = Json::array();
-  for (const char* extension : {"ply", "pcd", "las", "laz", "xyz", "txt", "csv", "pts", "off", "obj"}) {
+  for (const char* extension :
+       {"ply", "pcd", "las", "laz", "xyz", "txt", "csv", "pts", "off", "obj", "e57", "ptx", "stl", "npy", "copc.laz"}) {
     if (format_of(std::string("x.") + extension)) formats.push_back(extension);
   }
   for (const auto& [name, encoding] : kEncodings) encodings.push_back(name);

@@ -21,6 +21,7 @@ struct ServerOptions {
   std::filesystem::path save_folder = ".";
   std::uint64_t point_budget = 3'000'000;
   std::string viewpoint;                                ///< of the cloud at `input`, as parse_viewpoints reads it
+  ReadOptions reading;                                  ///< of the cloud at `input`; its threads are the device's
   std::uint64_t upload_limit = std::uint64_t{1} << 30;  ///< bytes of a file that the page sends
 };
 

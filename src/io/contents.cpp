@@ -52,16 +52,12 @@ class Attributes {
   void tell(std::vector<Content>& to) const {
     if (!colors_.empty()) tell_colors(to);
     if (!normals_.empty()) to.push_back({ContentKind::normals, "the normals"});
-    std::string numbers;
     for (const AttributeInfo& info : attributes(cloud_)) {
+      to.push_back({ContentKind::names, info.name});
       if (is_in(colors_, info.name) || is_in(normals_, info.name)) continue;
-      numbers += (numbers.empty() ? "" : ", ") + info.name;
+      to.push_back({ContentKind::numbers, info.name});
       tell_intensity(info, to);
     }
-    if (!numbers.empty()) to.push_back({ContentKind::numbers, numbers});
-    std::string all;
-    for (const AttributeInfo& info : attributes(cloud_)) all += (all.empty() ? "" : ", ") + info.name;
-    if (!all.empty()) to.push_back({ContentKind::names, all});
     tell_wide_integers(to);
   }
 
@@ -127,7 +123,7 @@ constexpr Row kRows[] = {
     {Format::off, "knn knnn nnn knnnnnn nnnnn k"},   {Format::obj, "knk knnn nnn knnknnn nnnnn k"},
     {Format::las, "kkn kknk knn nnnnnnn nnnnn r"},   {Format::laz, "kkn kknk knn nnnnnnn nnnnn r"},
     {Format::e57, "knn kkkk nnn nnnnnnn nnnnn k"},   {Format::ptx, "knn nnkn nnn nnnnnnn nnnnn k"},
-    {Format::stl, "nnn nnnn nnn knnnnnn nnnnn k"},   {Format::npy, "kkk kkkk nnn nnnnnnn nnnnn k"},
+    {Format::stl, "nnn nnnn nnn knnnnnn nnnnn n"},   {Format::npy, "kkk kkkk knn nnnnnnn nnnnn k"},
     {Format::copc, "kkn kknk knn nnnnnnn nknnn r"},  {Format::glb, "rrr rrrr rrr rrrrrrr rrrrr r"},
     {Format::kitti, "rrr rrrr rrr rrrrrrr rrrrr r"}, {Format::nuscenes, "rrr rrrr rrr rrrrrrr rrrrr r"},
 };

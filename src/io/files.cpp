@@ -1,107 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reading and writing whole files: chooses the format, and hands over to its reader or writer.
+// Writing whole files: chooses the format, and hands over to its writer.
 #include <algorithm>
-#include <limits>
 #include <utility>
 
 #include "io/contents.hpp"
 #include "io/detect.hpp"
 #include "io/formats.hpp"
 #include "io/parallel.hpp"
-#include "io/pcd_header.hpp"
 #include "io/streamed.hpp"
 #include "io/text.hpp"
 #include "pointfair/io.hpp"
 
 namespace pointfair {
 namespace {
-
-constexpr const char* kKnownExtensions =
-    ".ply, .pcd, .las, .laz, .e57, .ptx, .stl, .npy, .glb, .xyz, .txt, .csv, .pts, .off or .obj";
-
-// Files that are often taken for others: packed ones, and what stands in their place in a repository.
-void check_unpacked(std::string_view bytes, const std::string& name) {
-  constexpr std::pair<std::string_view, const char*> kPacked[] = {
-      {"\x1F\x8B", "is packed by gzip; unpack it first, as gunzip does"},
-      {"PK\x03\x04", "is a ZIP archive; unpack it first"},
-      {"\xFD"
-       "7zXZ",
-       "is packed by xz; unpack it first, as unxz does"},
-      {"BZh", "is packed by bzip2; unpack it first, as bunzip2 does"},
-      {"\x28\xB5\x2F\xFD", "is packed by zstd; unpack it first, as unzstd does"},
-      {"version https://git-lfs", "only stands for a file that Git LFS holds; fetch that, as git lfs pull does"}};
-  for (const auto& [front, message] : kPacked)
-    if (bytes.starts_with(front)) io::fail(name, message);
-}
-
-Format choose_format(std::string_view bytes, const std::string& name, const ReadOptions& options) {
-  check_unpacked(bytes, name);
-  if (options.format) return *options.format;
-  if (const auto format = io::format_of_content(bytes)) return *format;
-  const std::filesystem::path path(name);
-  if (const auto format = format_of(path)) return *format;
-  if (!path.has_extension() && io::looks_like_numbers(bytes)) return Format::xyz;
-  io::fail(name, std::string("unknown format; say which it is, or name the file ") + kKnownExtensions);
-}
-
-bool has_columns(Format format) {
-  return format == Format::xyz || format == Format::txt || format == Format::csv || format == Format::pts;
-}
-
-// Refuses what is told of columns where there are none, and text in which every letter takes two bytes.
-void check_text(std::string_view bytes, const std::string& name, Format format, const ReadOptions& options) {
-  if (!has_columns(format) && (!options.columns.empty() || options.skip_lines > 0))
-    throw Error(ErrorKind::usage,
-                name + ": --columns and --skip are for text files with columns of numbers; leave them out");
-  if (bytes.starts_with("\xFF\xFE") || bytes.starts_with("\xFE\xFF"))
-    io::fail(name, "is text in UTF-16; convert it to UTF-8, as iconv -f UTF-16 -t UTF-8 does");
-}
-
-std::shared_ptr<Source> parse(io::FileBytes bytes, const std::string& name, Format format, const ReadOptions& options,
-                              io::Residence residence = io::Residence::memory) {
-  check_text(bytes.view(), name, format, options);
-  switch (format) {
-    case Format::ply:
-      return io::read_ply(std::move(bytes), name);
-    case Format::pcd:
-      return io::read_pcd(std::move(bytes), name);
-    case Format::off:
-      return io::read_off(std::move(bytes), name);
-    case Format::obj:
-      return io::read_obj(std::move(bytes), name);
-    case Format::las:
-    case Format::laz:
-      return io::read_las(std::move(bytes), name, residence);
-    case Format::e57:
-      return io::read_e57(std::move(bytes), name);
-    case Format::ptx:
-      return io::read_ptx(std::move(bytes), name);
-    case Format::stl:
-      return io::read_stl(std::move(bytes), name);
-    case Format::npy:
-      return io::read_npy(std::move(bytes), name);
-    case Format::glb:
-      return io::read_gltf(std::move(bytes), name);
-    case Format::kitti:
-    case Format::nuscenes:
-      return io::read_floats(std::move(bytes), name, format);
-    default:
-      return io::read_xyz(std::move(bytes), name, format, options);
-  }
-}
-
-Cloud read_bytes(io::FileBytes bytes, const std::string& name, const ReadOptions& options) {
-  if (bytes.view().empty()) io::fail(name, "is empty; copy the file again or choose another");
-  const Format format = choose_format(bytes.view(), name, options);
-  return io::with_threads(options.threads, [&] {
-    const std::shared_ptr<Source> source = parse(std::move(bytes), name, format, options);
-    Cloud cloud;
-    cloud.points = source->place();
-    cloud.origin = source->origin();
-    cloud.source = source;
-    return cloud;
-  });
-}
 
 [[noreturn]] void refuse(const std::string& message) { throw Error(ErrorKind::usage, message); }
 
@@ -302,14 +213,6 @@ void write_all(const Plan& plan, const Cloud& cloud, const std::filesystem::path
 
 }  // namespace
 
-Cloud read(const std::filesystem::path& path, const ReadOptions& options) {
-  return read_bytes(io::FileBytes::open(path), io::shown_name(path, true), options);
-}
-
-Cloud read(std::span<const std::byte> bytes, const std::string& name, const ReadOptions& options) {
-  return read_bytes(io::FileBytes::copy(bytes), name, options);
-}
-
 void check_write(const std::filesystem::path& path, const Cloud& cloud, const WriteOptions& options) {
   const Plan chosen = plan(path, cloud, options);
   const bool is_new_octree =
@@ -327,18 +230,6 @@ void write(const std::filesystem::path& path, const Cloud& cloud, const WriteOpt
 }
 
 namespace io {
-
-std::shared_ptr<Source> open_source(const std::filesystem::path& path, unsigned threads) {
-  const std::string name = shown_name(path, true);
-  FileBytes bytes = FileBytes::open(path);
-  if (bytes.view().empty()) fail(name, "is empty; copy the file again or choose another");
-  const Format format = choose_format(bytes.view(), name, {});
-  if (format == Format::pcd && parse_pcd_header(bytes.view(), name).encoding == Encoding::binary_compressed)
-    fail(name,
-         "a compressed PCD file is one whole that cannot be read in parts; convert it to PCD binary, or run it "
-         "in memory");
-  return with_threads(threads, [&] { return parse(std::move(bytes), name, format, {}, Residence::file); });
-}
 
 namespace {
 
@@ -392,7 +283,7 @@ Format format_to_write(const std::filesystem::path& path, std::optional<Format> 
   const bool are_floats = source == Format::kitti || source == Format::nuscenes;
   const bool is_nameless = !path.has_extension() || (are_floats && io::lower_case(path.extension().string()) == ".bin");
   if (!format && is_nameless) format = source;
-  if (!format) io::fail(name, std::string("unknown extension; name the file ") + kKnownExtensions);
+  if (!format) io::fail(name, std::string("unknown extension; name the file ") + io::kKnownExtensions);
   return *format;
 }
 

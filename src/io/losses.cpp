@@ -103,7 +103,10 @@ std::vector<Content> lost_of_new(const Cloud& cloud, Format format) {
   std::erase_if(lost, [&](const Content& content) {
     const bool is_ptx_intensity =
         format == Format::ptx && content.kind == ContentKind::numbers && content.what == "intensity";
-    return is_ptx_intensity || io::keeps(format, content.kind) == Keeps::kept;
+    // the octree is written by way of LAS
+    const bool is_las_record = format == Format::copc && content.kind == ContentKind::records && cloud.source &&
+                               io::family(cloud.source->format()) == Format::las;
+    return is_ptx_intensity || is_las_record || io::keeps(format, content.kind) == Keeps::kept;
   });
   return lost;
 }

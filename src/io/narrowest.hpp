@@ -26,7 +26,12 @@ struct Narrowest {
 
   /// `decimal`: what stands before the decimals.
   void see(std::string_view word, char decimal = '.') {
-    filled = filled || !word.empty();
+    if (word.empty()) {
+      integers = false;
+      return;
+    }
+    filled = true;
+    if (see_short_count(word)) return;
     if (decimal != '.' && word.find(decimal) != std::string_view::npos) {
       std::string plain(word);
       std::replace(plain.begin(), plain.end(), decimal, '.');
@@ -34,12 +39,11 @@ struct Narrowest {
     }
     const std::optional<double> value = to_number(word);
     if (!value) {
-      numbers = numbers && word.empty();
-      integers = false;
+      numbers = integers = false;
       return;
     }
     const int decimals = decimals_of(word);
-    integers = integers && decimals == 0;
+    integers = integers && decimals == 0 && !(*value == 0 && std::signbit(*value));  // no integer is -0
     low = std::min(low, *value);
     high = std::max(high, *value);
     if (!std::isfinite(*value)) return;
@@ -70,6 +74,19 @@ struct Narrowest {
 
  private:
   static constexpr double kExactIntegers = 9007199254740992.0;  // 2^53, beyond which doubles leave some out
+
+  // The usual words of colours and classes, for which nothing else is at stake. False: look closer.
+  bool see_short_count(std::string_view word) {
+    constexpr std::size_t kExactDigits = 7;  // of a float
+    if (word.size() > kExactDigits) return false;
+    int value = 0;
+    for (const char c : word) {
+      if (c < '0' || c > '9') return false;
+      value = 10 * value + (c - '0');
+    }
+    high = std::max<double>(high, value);
+    return true;
+  }
 
   void see_digits(std::string_view word) {
     if (word.starts_with('+')) word.remove_prefix(1);

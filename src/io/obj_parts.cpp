@@ -69,10 +69,17 @@ class Parser {
       if (word.empty()) continue;
       const Corner corner = corner_of(word, line);
       parts_.faces.corners.push_back(static_cast<std::uint32_t>(corner.point));
-      corner_textures_.push_back(static_cast<std::int32_t>(corner.texture));
-      corner_normals_.push_back(static_cast<std::int32_t>(corner.normal));
+      note(corner.texture, corner_textures_);
+      note(corner.normal, corner_normals_);
     }
     parts_.faces.ends.push_back(parts_.faces.corners.size());
+  }
+
+  // Which texture or normal the last corner has; files without any take no memory for them.
+  void note(std::int64_t index, std::vector<std::int32_t>& of_corners) const {
+    if (index < 0 && of_corners.empty()) return;
+    of_corners.resize(parts_.faces.corners.size() - 1, -1);
+    of_corners.push_back(static_cast<std::int32_t>(index));
   }
 
   // "7", "7/1", "7//3", "7/1/3", and "-1" for the last so far.
@@ -129,7 +136,7 @@ class Parser {
 
   void give_texture() {
     if (textures_.empty()) return;
-    const bool all = !corner_textures_.empty() &&
+    const bool all = !corner_textures_.empty() && corner_textures_.size() == parts_.faces.corners.size() &&
                      std::all_of(corner_textures_.begin(), corner_textures_.end(),
                                  [&](auto t) { return t >= 0 && static_cast<std::size_t>(t) < textures_.size(); });
     if (!all) {
@@ -169,6 +176,7 @@ ObjParts parse_obj_parts(std::string_view text, std::string_view file, const Row
 }
 
 bool has_obj_normals(std::string_view text, const RowShape& shape) {
+  if (text.find("vn") == std::string_view::npos) return false;  // soon seen
   std::string_view line;
   while (next_row(text, line, shape)) {
     std::string_view word;

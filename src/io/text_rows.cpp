@@ -12,9 +12,7 @@ constexpr std::size_t kChunkBytes = std::size_t{1} << 18;
 
 }  // namespace
 
-bool has_several_words(std::string_view line) {
-  const char* at = line.data();
-  const char* const end = at + line.size();
+bool has_further_words(const char* at, const char* end) {
   while (at != end && !is_blank(*at) && *at != ',' && *at != ';') ++at;
   if (at != end && !is_blank(*at)) ++at;
   while (at != end && is_blank(*at)) ++at;
@@ -23,25 +21,21 @@ bool has_several_words(std::string_view line) {
 
 namespace {
 
-// Whether the line ends as one that goes on in the next.
-bool has_backslash(std::string_view line) { return line.ends_with('\\') || line.ends_with("\\\r"); }
-
 // Names of files and remarks may end in a backslash, too.
 bool goes_on(std::string_view line) {
-  if (!has_backslash(line)) return false;
+  if (!ends_in_backslash(line)) return false;
   const std::size_t first = line.find_first_not_of(" \t");
   return std::string_view("vflp").find(line[first]) != std::string_view::npos;
 }
 
 }  // namespace
 
-bool next_long_row(std::string_view& text, std::string_view& line, const RowShape& shape) {
-  if (shape.rule == RowRule::vertices) {
-    if (!next_line(text, line, shape.line_end)) return false;
-    for (std::string_view more; goes_on(line) && next_line(text, more, shape.line_end);)
-      line = {line.data(), static_cast<std::size_t>(more.data() + more.size() - line.data())};
-    return true;
-  }
+void take_further_lines(std::string_view& text, std::string_view& line, const RowShape& shape) {
+  for (std::string_view more; goes_on(line) && next_line(text, more, shape.line_end);)
+    line = {line.data(), static_cast<std::size_t>(more.data() + more.size() - line.data())};
+}
+
+bool next_row_of_words(std::string_view& text, std::string_view& line, const RowShape& shape) {
   std::string_view rest = text, word;
   if (!next_word(rest, word)) return false;
   const char* const begin = word.data();
@@ -71,7 +65,7 @@ std::size_t end_of_chunk(std::string_view text, std::size_t from, const RowShape
   for (;;) {
     const std::size_t end = text.find(shape.line_end, from);
     if (end == std::string_view::npos) return text.size();
-    if (shape.rule != RowRule::vertices || !has_backslash(text.substr(0, end))) return end + 1;
+    if (shape.rule != RowRule::vertices || !ends_in_backslash(text.substr(0, end))) return end + 1;
     from = end + 1;
   }
 }

@@ -36,8 +36,16 @@ struct TextRows {
   std::uint64_t count() const { return chunks.back().first_row; }
 };
 
+/// Whether there are words behind the first one, which may end at `at`.
+bool has_further_words(const char* at, const char* end);
+
 /// Whether a line that is a row otherwise has several words.
-bool has_several_words(std::string_view line);
+inline bool has_several_words(std::string_view line) {
+  const char* at = line.data();
+  const char* const end = at + line.size();
+  while (at != end && *at > ',' && *at != ';') ++at;  // as the digits of most words
+  return has_further_words(at, end);
+}
 
 inline bool is_row(std::string_view line, RowRule rule) {
   const char* at = line.data();
@@ -50,12 +58,19 @@ inline bool is_row(std::string_view line, RowRule rule) {
   return rule != RowRule::counted || has_several_words({at, static_cast<std::size_t>(end - at)});
 }
 
-/// next_row() where a row may have several lines, or part of one.
-bool next_long_row(std::string_view& text, std::string_view& line, const RowShape& shape);
+/// Whether the line ends as one that goes on in the next.
+inline bool ends_in_backslash(std::string_view line) { return line.ends_with('\\') || line.ends_with("\\\r"); }
+
+/// next_row() where a row is so many words.
+bool next_row_of_words(std::string_view& text, std::string_view& line, const RowShape& shape);
+/// Adds the lines in which a row goes on that ends in a backslash.
+void take_further_lines(std::string_view& text, std::string_view& line, const RowShape& shape);
 /// Takes the next line off the front of `text`, or all that may be one row. False: the text is empty.
 inline bool next_row(std::string_view& text, std::string_view& line, const RowShape& shape) {
-  if (shape.rule == RowRule::vertices || shape.rule == RowRule::words) return next_long_row(text, line, shape);
-  return next_line(text, line, shape.line_end);
+  if (shape.rule == RowRule::words) return next_row_of_words(text, line, shape);
+  if (!next_line(text, line, shape.line_end)) return false;
+  if (shape.rule == RowRule::vertices && ends_in_backslash(line)) take_further_lines(text, line, shape);
+  return true;
 }
 TextRows find_rows(std::string_view text, const RowShape& shape);
 /// Where in the text the line of `row` begins; the text's end if there is no such row.

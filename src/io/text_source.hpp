@@ -18,6 +18,7 @@ namespace pointfair::io {
 enum class ColumnKind : std::uint8_t { x, y, z, other, list };
 
 struct Narrowest;  // the type that holds the words of a column
+class PlainRow;    // a usual row, word by word
 
 /// An attribute, in the columns from `first` on. `typed`: false while the type is unknown.
 struct TextColumn : Column {
@@ -65,10 +66,15 @@ class TextSource : public Source {
   const Replacement* find_replacement(const std::vector<Replacement>& replaced, std::size_t column) const;
 
  private:
+  /// Calls visit(line, point) with the place of the point in the block, or -1 for a line that is no point.
   template <class Visit>
   void for_each_line(std::size_t block, const Visit& visit) const;
   std::array<std::string_view, 3> coordinate_words(std::string_view line) const;
-  bool take_plain_words(std::string_view line, std::array<std::string_view, 3>& words) const;
+  // Of usual rows; false for another.
+  bool take_plain_position(std::string_view line, Position& position) const;
+  bool take_plain_numbers(std::string_view line, const TextColumn& column, char* to) const;
+  bool take_plain_words(std::string_view line, std::size_t first, std::vector<std::string_view>& words) const;
+  bool ends_as_declared(PlainRow& row) const;
   [[noreturn]] void fail_at(const char* place, const std::string& message) const;
   void check_size() const;
   std::vector<Narrowest> see_columns(std::size_t block) const;
@@ -83,7 +89,8 @@ class TextSource : public Source {
   static constexpr std::size_t kNotPlain = static_cast<std::size_t>(-1);
 
   TextLayout layout_;
-  std::size_t plain_lead_ = kNotPlain;  ///< columns before x where y and z follow it and blanks separate all
+  bool plain_ = false;                  ///< rows have no lists
+  std::size_t plain_lead_ = kNotPlain;  ///< columns before x, of plain rows where y and z follow it
   mutable std::once_flag types_found_;
   mutable std::vector<TextColumn> attributes_;
   mutable std::vector<std::string> text_columns_;
@@ -92,5 +99,18 @@ class TextSource : public Source {
 /// Appends the values of `added` at `point` as words, each with `separator` before it.
 void append_added_words(const AddedAttributes& added, std::uint64_t point, char separator, char decimal,
                         std::string& to);
+
+template <class Visit>
+void TextSource::for_each_line(std::size_t block, const Visit& visit) const {
+  std::string_view text = block_text(block), line;
+  std::uint64_t row = layout_.rows.chunks[block].first_row;
+  std::ptrdiff_t point = 0;
+  while (next_row(text, line, layout_.shape)) {
+    const bool data = is_row(line, layout_.shape.rule);
+    const bool is_point = data && row - layout_.first_row < layout_.count;
+    row += data;
+    visit(line, is_point ? point++ : -1);
+  }
+}
 
 }  // namespace pointfair::io

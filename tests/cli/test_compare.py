@@ -238,6 +238,18 @@ class Text(Case):
             self.fails(3, "compare", *words, says=["empty.ply: has no finite point", "choose another file"])
         self.fails(2, "compare", cloud, empty, "--report", cloud, says="--report")
 
+    def test_options_say_what_a_text_does_not(self):
+        rows = [(x / 7, x % 5, x / 11) for x in range(50)]
+        for name, shift in (("a.data", 0), ("b.data", 0.5)):
+            self.path(name).write_text("A;B;C\n" + "".join(f"{z + shift};{x};{y}\n" for x, y, z in rows))
+        mesh = write_off(self.path("b.off"), rows, [(0, 1, 2)])
+        words = ["--in-format", "csv", "--columns", "z,x,y", "--skip", "1"]
+        self.fails(3, "compare", self.path("a.data"), self.path("b.data"), says="unknown format")
+        both = self.report("compare", self.path("a.data"), self.path("b.data"), *words)
+        self.assertEqual(both["points"], 50)
+        self.assertGreater(both["mean"], 0.01)
+        self.assertLess(self.report("compare", self.path("a.data"), mesh, "--as", "cloud", *words)["max"], 1e-5)
+
 
 if __name__ == "__main__":
     unittest.main()

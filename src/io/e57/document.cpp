@@ -43,6 +43,8 @@ class Parser {
     for (const pugi::xml_node scan : root.child("data3D").children("vectorChild")) {
       document.scans.push_back(parse_scan(scan, document.scans.size()));
     }
+    const auto images = root.child("images2D").children("vectorChild");
+    document.images = static_cast<std::uint64_t>(std::distance(images.begin(), images.end()));
     return document;
   }
 
@@ -80,6 +82,8 @@ class Parser {
       scan.pose = parse_pose(pose);
       scan.has_pose = true;
     }
+    for (const char* const key : {"name", "description", "sensorVendor", "sensorModel", "acquisitionStart"})
+      scan.is_described = scan.is_described || node.child(key);
     const pugi::xml_node points = node.child("points");
     scan.records = integer<std::uint64_t>(points, "recordCount", 0);
     scan.section_begin = to_logical(integer<std::uint64_t>(points, "fileOffset", 0));

@@ -43,6 +43,7 @@ struct Pose {
 struct Scan {
   Pose pose;
   bool has_pose = false;
+  bool is_described = false;  ///< it has a name, or says which sensor made it, when
   std::uint64_t records = 0;
   std::uint64_t section_begin = 0;  ///< of its compressed points, logical
   std::vector<Field> fields;
@@ -53,6 +54,7 @@ struct Scan {
 
 struct Document {
   std::vector<Scan> scans;
+  std::uint64_t images = 0;
   std::string library;              ///< the software that wrote the file
   std::string coordinate_metadata;  ///< the coordinate system as WKT, usually empty
 };

@@ -98,6 +98,7 @@ E57Source::E57Source(FileBytes file, std::string file_name, FileHeader header, D
     : Source(std::move(file), std::move(file_name), Format::e57, Encoding::binary), header_(header) {
   library_ = std::move(document.library);
   coordinate_metadata_ = std::move(document.coordinate_metadata);
+  images_ = document.images;
   std::uint64_t left = to_logical(bytes().size());  // for the sections of scans
   for (Scan& scan : document.scans) {
     ScanPoints points;
@@ -197,7 +198,15 @@ FileInfo E57Source::info() const {
 }
 
 std::vector<Content> E57Source::contents() const {
-  return {{ContentKind::poses, "what an E57 file holds beside points: poses, images and descriptions of scans"}};
+  std::vector<Content> result;
+  const auto any = [&](const auto& has) { return std::any_of(scans_.begin(), scans_.end(), has); };
+  if (!coordinate_metadata_.empty()) result.push_back({ContentKind::coordinate_system, "the coordinate system"});
+  if (any([](const ScanPoints& scan) { return !scan.pose.is_identity; }))
+    result.push_back({ContentKind::poses, "the poses of scans"});
+  if (any([](const ScanPoints& scan) { return scan.is_described; }))
+    result.push_back({ContentKind::records, "the names and descriptions of scans"});
+  if (images_ > 0) result.push_back({ContentKind::records, counted(images_, "image")});
+  return result;
 }
 
 }  // namespace e57

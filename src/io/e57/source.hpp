@@ -68,6 +68,7 @@ class E57Source : public Source {
   std::uint64_t size_ = 0;
   std::vector<Column> columns_;
   std::string library_, coordinate_metadata_;
+  std::uint64_t images_ = 0;
 };
 
 }  // namespace pointfair::io::e57

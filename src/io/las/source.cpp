@@ -39,8 +39,21 @@ void LasSource::extract_block(std::size_t index, std::size_t block, std::span<ch
 }
 
 std::vector<Content> LasSource::contents() const {
-  if (layout_.header.records.empty()) return {};
-  return {{ContentKind::coordinate_system, "the records of a LAS file, such as its coordinate system"}};
+  // Those of LASzip, COPC and extra bytes say how the points are stored.
+  const auto is_of_points = [](const Record& record) {
+    return record.user == "laszip encoded" || record.user == "copc" || record.is("LASF_Spec", 4);
+  };
+  const auto is_system = [](const Record& record) { return record.user == "LASF_Projection"; };
+  const auto& records = layout_.header.records;
+  std::vector<Content> result;
+  if (std::any_of(records.begin(), records.end(), is_system))
+    result.push_back({ContentKind::coordinate_system, "the coordinate system"});
+  const auto others =
+      static_cast<std::uint64_t>(std::count_if(records.begin(), records.end(), [&](const Record& record) {
+        return !is_system(record) && !is_of_points(record);
+      }));
+  if (others > 0) result.push_back({ContentKind::records, counted(others, "further record") + " of the LAS file"});
+  return result;
 }
 
 std::vector<std::string> LasSource::losses(Encoding) const {

@@ -9,8 +9,8 @@
 #include "io/formats.hpp"
 #include "io/narrowest.hpp"
 #include "io/parallel.hpp"
+#include "io/plain_row.hpp"
 #include "io/text_source.hpp"
-#include "io/three_numbers.hpp"
 
 namespace pointfair::io {
 namespace ptx {
@@ -64,7 +64,7 @@ void PtxSource::fail_at(const char* place, const std::string& message) const {
 
 Position PtxSource::own_position(std::string_view row) const {
   Position own;
-  if (read_three_numbers(row, own)) return own;
+  if (PlainRow(row, ' ').position(own)) return own;
   std::string_view rest = row, word;
   for (double& value : own) {
     if (!next_word(rest, word)) fail_at(row.data(), "too few values: " + quoted(row) + "; repair the line");
@@ -113,9 +113,14 @@ void PtxSource::find_types() const {
           std::find_if(columns_.begin(), columns_.end(), [&](const Column& c) { return c.name == names[v]; }) -
           columns_.begin());
     for_each_row(block, [&](std::string_view row, std::size_t) {
-      std::string_view word;
-      for (int axis = 0; axis < 3; ++axis) next_word(row, word);
-      for (const std::size_t column : owner) seen[block][column].see(next_word(row, word) ? word : std::string_view());
+      PlainRow plain(row, ' ');
+      bool is_plain = plain.skip(3);
+      for (std::size_t v = 0; v < owner.size(); ++v) {
+        std::string_view word;
+        is_plain = is_plain && plain.word(word);
+        if (!is_plain) word = word_at(row, 3 + v);
+        seen[block][owner[v]].see(word);
+      }
     });
   });
   std::vector<Narrowest> all(own);
@@ -141,6 +146,9 @@ void PtxSource::extract_block(std::size_t index, std::size_t block, std::span<ch
                             ? static_cast<double>(layout_.blocks[block].scan)
                             : std::numeric_limits<double>::quiet_NaN();
   for_each_row(block, [&](std::string_view row, std::size_t point) {
+    PlainRow plain(row, ' ');
+    if (double number = 0; found != names.end() && plain.skip(word_index) && plain.number(number))
+      return store_double(out.data() + point * size, column.type, false, number);
     const std::string_view word = found == names.end() ? std::string_view() : word_at(row, word_index);
     const std::optional<double> value = to_number(word);
     if (!value && !word.empty())
@@ -165,7 +173,14 @@ FileInfo PtxSource::info() const {
 }
 
 std::vector<Content> PtxSource::contents() const {
-  return {{ContentKind::poses, "the poses of scans"}, {ContentKind::grid, "the columns and rows of scans"}};
+  std::vector<Content> result;
+  const bool has_place =
+      std::any_of(layout_.scans.begin(), layout_.scans.end(), [](const Scan& scan) { return scan.has_place(); });
+  if (has_place) result.push_back({ContentKind::poses, "the poses of scans"});
+  const bool has_grid = std::any_of(layout_.scans.begin(), layout_.scans.end(),
+                                    [](const Scan& scan) { return scan.columns > 1 && scan.rows > 1; });
+  if (has_grid) result.push_back({ContentKind::grid, "the columns and rows of scans"});
+  return result;
 }
 
 // The edits of one block, a row at a time.

@@ -6,8 +6,8 @@
 
 #include "io/narrowest.hpp"
 #include "io/parallel.hpp"
+#include "io/plain_row.hpp"
 #include "io/stl/facets.hpp"
-#include "io/three_numbers.hpp"
 
 namespace pointfair::io::stl {
 namespace {
@@ -166,7 +166,7 @@ class TextStl final : public Source {
 
   Position position_of(std::string_view line) const {
     Position result;
-    if (read_three_numbers(line, result)) return result;
+    if (PlainRow(line, ' ').position(result)) return result;
     std::string_view rest = line, word;
     for (double& value : result) {
       const std::optional<double> number = next_word(rest, word) ? to_number(word) : std::nullopt;

@@ -69,9 +69,19 @@ void write_text(const std::vector<Corners>& triangles, NativeType type, Output& 
 }  // namespace
 
 void check_new_stl(const Cloud& cloud) {
-  if (!cloud.source || cloud.source->faces().ends.empty())
-    throw Error(ErrorKind::usage,
-                "STL files hold triangles, and this cloud has no faces; choose PLY or another format");
+  const Faces faces = cloud.source ? cloud.source->faces() : Faces{};
+  const auto is_finite = [&](std::uint32_t corner) {
+    const Point& p = cloud.points[corner];
+    return std::isfinite(p.x + p.y + p.z);
+  };
+  auto begin = faces.corners.begin();
+  for (const std::uint64_t face_end : faces.ends) {
+    const auto end = faces.corners.begin() + static_cast<std::ptrdiff_t>(face_end);
+    if (end - begin >= 3 && std::all_of(begin, end, is_finite)) return;
+    begin = end;
+  }
+  throw Error(ErrorKind::usage,
+              "STL files hold triangles, and this cloud has no faces of finite points; choose PLY or another format");
 }
 
 std::vector<std::string> losses_in_new_stl(const Cloud& cloud) {

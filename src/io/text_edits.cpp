@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+// Writing lines of text back: words that changed take the place of others, and all else stays.
+#include <algorithm>
+
+#include "io/row_words.hpp"
+#include "io/text_source.hpp"
+
+namespace pointfair::io {
+namespace {
+
+// What goes between a row and values added to it: its own separator, a tab where it has tabs.
+char added_separator(std::string_view line, char separator) {
+  return separator == ' ' && line.find('\t') != std::string_view::npos ? '\t' : separator;
+}
+
+// Whether a value read from a word as `type` is this one, so that the word may stay as it is.
+bool is_same(std::optional<double> own, double value, ScalarType type) {
+  if (!own) return false;
+  return *own == value || (type == ScalarType::float32 && static_cast<float>(*own) == static_cast<float>(value));
+}
+
+std::string with_comma(std::string number) {
+  std::replace(number.begin(), number.end(), '.', ',');
+  return number;
+}
+
+}  // namespace
+
+void append_added_words(const AddedAttributes& added, std::uint64_t point, char separator, char decimal,
+                        std::string& to) {
+  const std::size_t begin = to.size();
+  for (const Attribute* attribute : added) {
+    const std::size_t size = pointfair::size_of(attribute->type);
+    const char* from = reinterpret_cast<const char*>(attribute->data.data()) + point * attribute->components * size;
+    for (std::uint32_t c = 0; c < attribute->components; ++c, from += size) {
+      to += separator;
+      append_scalar(to, from, native(attribute->type));
+    }
+  }
+  if (decimal == ',') std::replace(to.begin() + static_cast<std::ptrdiff_t>(begin), to.end(), '.', ',');
+}
+
+const Replacement* TextSource::find_replacement(const std::vector<Replacement>& replaced, std::size_t column) const {
+  const auto found = std::find_if(replaced.begin(), replaced.end(),
+                                  [&](const Replacement& other) { return attributes_[other.column].first == column; });
+  return found == replaced.end() ? nullptr : &*found;
+}
+
+// A word of a line, and what takes its place.
+struct TextSource::WordEdit {
+  std::string_view word;
+  std::string text;
+};
+
+void TextSource::append_coordinate(std::string& to, std::string_view word, double value, std::size_t axis,
+                                   bool exact) const {
+  if (layout_.integers) return append_as(to, value, NativeType::int64);
+  if (exact) return append_as(to, value, NativeType::float64);
+  if (layout_.decimal != ',') return append_moved(to, word, value, static_cast<float>(value - origin()[axis]));
+  std::string plain(word), text;
+  std::replace(plain.begin(), plain.end(), ',', '.');
+  append_moved(text, plain, value, static_cast<float>(value - origin()[axis]));
+  to += with_comma(std::move(text));
+}
+
+void TextSource::edit_row(std::string_view line, std::uint64_t point, const Moves& moves, std::size_t place,
+                          const Edits& edits, std::vector<WordEdit>& edited) const {
+  edited.clear();
+  if (moves.changed[place] != 0) {
+    const auto words = coordinate_words(line);
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      if ((moves.changed[place] >> axis & 1) == 0) continue;
+      edited.push_back({words[axis], {}});
+      // what was given keeps its digits
+      append_coordinate(edited.back().text, words[axis], moves.values[place][axis], axis, edits.placed != nullptr);
+    }
+  }
+  std::vector<std::string_view> words;
+  for (const Replacement& replacement : edits.replaced) {
+    const TextColumn& column = attributes_[replacement.column];
+    column_words(line, layout_, column, words);
+    for (std::uint32_t c = 0; c < column.components; ++c) {
+      const double value = replacement.value(point, c);
+      if (words[c].data() == nullptr || is_same(number(words[c]), value, replacement.values->type)) continue;
+      edited.push_back({words[c], {}});
+      append_as(edited.back().text, value, column.guessed ? native(replacement.values->type) : column.type);
+      if (layout_.decimal == ',') edited.back().text = with_comma(std::move(edited.back().text));
+    }
+  }
+  // as they stand in the line
+  std::sort(edited.begin(), edited.end(),
+            [](const WordEdit& a, const WordEdit& b) { return a.word.data() < b.word.data(); });
+}
+
+void TextSource::append_block(std::size_t block, const Moves& moves, const Edits& edits, std::string& to) const {
+  const std::string_view text = block_text(block);
+  to.reserve(text.size() + text.size() / 4);
+  const char* copied = text.data();  // everything before it is in `to`
+  const auto copy_up_to = [&](const char* end) {
+    to.append(copied, end);
+    copied = end;
+  };
+  std::vector<WordEdit> edited;
+  for_each_line(block, [&](std::string_view line, std::ptrdiff_t place) {
+    if (place < 0) return;
+    const std::uint64_t point = block_begin(block) + static_cast<std::uint64_t>(place);
+    edit_row(line, point, moves, static_cast<std::size_t>(place), edits, edited);
+    for (const WordEdit& edit : edited) {
+      copy_up_to(edit.word.data());
+      to += edit.text;
+      copied = edit.word.data() + edit.word.size();
+    }
+    if (layout_.extendable && !edits.added.empty()) {
+      std::size_t end = line.size();
+      while (end > 0 && is_blank(line[end - 1])) --end;
+      copy_up_to(line.data() + end);
+      append_added_words(edits.added, point, added_separator(line, layout_.separator), layout_.decimal, to);
+    }
+  });
+  copy_up_to(text.data() + text.size());
+}
+
+}  // namespace pointfair::io
