@@ -15,13 +15,14 @@ endif
 FUZZ_SECONDS ?= 60
 FUZZ_TARGETS = $(notdir $(wildcard build/fuzz/bin/fuzz_*))
 
-.PHONY: help demo build test wheel bench quality bench-laz bench-viewer train-net paper-tables figures gallery estimates gpu release fuzz format docs asan tsan clean install
+.PHONY: help demo build test wheel golden bench quality bench-laz bench-viewer train-net paper-tables figures gallery estimates gpu release fuzz format docs asan tsan clean install
 
 help:
 	@echo "make build    the program, build/bin/pointfair"
 	@echo "make demo     denoise an Armadillo and a real scan; errors, times and pictures in build/demo"
 	@echo "make test     all tests"
 	@echo "make wheel    the Python package with the program, dist/*.whl"
+	@echo "make golden   small clouds of all kinds give the known bytes, in every way that this processor has"
 	@echo "make bench    time every stage and the peers"
 	@echo "make quality  measure the noise that is left by each method and peer, into docs; some hours, goes on if stopped"
 	@echo "make bench-laz  time LAZ against lazrs, which pip fetches from PyPI"
@@ -48,7 +49,7 @@ build:
 
 test:
 	@$(install) build test python docs
-	cmake --preset $(preset) -DPOINTFAIR_TESTS=ON
+	cmake --preset $(preset) -DPOINTFAIR_TESTS=ON $(CMAKE_OPTIONS)
 	cmake --build build
 	ctest --test-dir build -j $(jobs) --output-on-failure
 
@@ -59,6 +60,9 @@ wheel:
 	cmake --preset $(if $(has_cuda),release,cpu) -DPOINTFAIR_TESTS=OFF
 	cmake --build $(wheel_build)
 	scripts/wheel.py --build $(wheel_build) --dist dist
+
+golden: build
+	tests/golden/golden.py build/bin/pointfair
 
 demo:
 	@$(install) build demo

@@ -19,7 +19,7 @@ namespace {
 using Faces = std::vector<std::array<std::uint32_t, 3>>;
 
 // All measuring happens where B's bounding sphere, as the standard test set defines it (the centre of its bounding box,
-// the largest distance to it), is the unit sphere: floats then suit Embree whatever the files' units.
+// the largest distance to it), is the unit sphere, whatever the files' units.
 struct Frame {
   Vec3 centre;  // in file coordinates
   double radius = 0, diagonal = 0;

@@ -1,21 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "surface.hpp"
 
-#include <embree3/rtcore.h>
-
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <utility>
-
-#include "pointfair/cloud.hpp"
 
 namespace pointfair::cli {
 namespace {
 
-constexpr float kInfinity = std::numeric_limits<float>::infinity();
-
-float below(double value) { return std::nextafter(static_cast<float>(value), -kInfinity); }
-float above(double value) { return std::nextafter(static_cast<float>(value), kInfinity); }
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr std::uint32_t kLeafSize = 4;
 
 Vec3 closest_on_segment(Vec3 p, Vec3 a, Vec3 b) {
   const double l2 = squared_length(b - a);
@@ -30,24 +25,26 @@ Vec3 closest_on_outline(Vec3 p, const Triangle& t) {
   return best;
 }
 
-struct Query {
-  const std::vector<Triangle>* triangles;
-  Vec3 point;
-  Foot foot;
+struct Box {
+  Vec3 low{kInfinity, kInfinity, kInfinity}, high{-kInfinity, -kInfinity, -kInfinity};
+
+  void unite(Vec3 p) {
+    low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
+    high = {std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
+  }
+  double squared_distance(Vec3 p) const {
+    return squared_length({std::max({0.0, low.x - p.x, p.x - high.x}), std::max({0.0, low.y - p.y, p.y - high.y}),
+                           std::max({0.0, low.z - p.z, p.z - high.z})});
+  }
 };
 
-// Embree's boxes and query are floats, so the radius it may skip beyond is kept a little larger than the best distance.
-bool visit(RTCPointQueryFunctionArguments* arguments) {
-  Query& query = *static_cast<Query*>(arguments->userPtr);
-  const Vec3 place = closest_on_triangle(query.point, (*query.triangles)[arguments->primID]);
-  const double squared_distance = squared_length(place - query.point);
-  if (!(squared_distance < query.foot.squared_distance)) return false;
-  query.foot = {place, squared_distance, arguments->primID};
-  const double size = length(query.point) + 1;
-  const float radius = above(std::sqrt(squared_distance) * (1 + 1e-6) + 1e-6 * size);
-  if (!(radius < arguments->query->radius)) return false;
-  arguments->query->radius = radius;
-  return true;
+Vec3 middle_of(const Triangle& t) { return t.a + t.b + t.c; }  // three times it
+
+double along(Vec3 p, int axis) { return axis == 0 ? p.x : axis == 1 ? p.y : p.z; }
+
+int widest_axis(const Box& box) {
+  const Vec3 size = box.high - box.low;
+  return size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
 }
 
 }  // namespace
@@ -61,65 +58,69 @@ Vec3 closest_on_triangle(Vec3 p, const Triangle& t) {
   return inside ? p - (dot(p - t.a, normal) / n2) * normal : closest_on_outline(p, t);
 }
 
-struct Surface::Scene {
+// A tree of boxes over the triangles, halved along the widest axis. The triangles of a node follow each other. The
+// first half of a node's triangles is the node behind it.
+struct Surface::Tree {
+  struct Node {
+    Box box;
+    std::uint32_t begin = 0, end = 0, second = 0;  // triangles, and the node of their second half; 0: a leaf
+  };
   std::vector<Triangle> triangles;
-  RTCDevice device = nullptr;
-  RTCScene scene = nullptr;
+  std::vector<std::uint32_t> order;
+  std::vector<Node> nodes;
 
-  explicit Scene(std::vector<Triangle> its_triangles) : triangles(std::move(its_triangles)) {
-    device = rtcNewDevice(nullptr);
-    if (device == nullptr) throw Error(ErrorKind::failed, "Embree cannot be used on this processor");
-    scene = rtcNewScene(device);
-    const RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_USER);
-    rtcSetGeometryUserPrimitiveCount(geometry, static_cast<unsigned>(triangles.size()));
-    rtcSetGeometryUserData(geometry, this);
-    rtcSetGeometryBoundsFunction(geometry, bounds, nullptr);
-    rtcCommitGeometry(geometry);
-    rtcAttachGeometry(scene, geometry);
-    rtcReleaseGeometry(geometry);
-    rtcCommitScene(scene);
-    const RTCError error = rtcGetDeviceError(device);
-    if (error == RTC_ERROR_OUT_OF_MEMORY) throw Error(ErrorKind::memory, "no memory for the tree of the mesh");
-    if (error != RTC_ERROR_NONE) throw Error(ErrorKind::failed, "Embree cannot build the tree of the mesh");
+  explicit Tree(std::vector<Triangle> its_triangles) : triangles(std::move(its_triangles)), order(triangles.size()) {
+    std::iota(order.begin(), order.end(), 0u);
+    if (!order.empty()) add_node(0, static_cast<std::uint32_t>(order.size()));
   }
-  ~Scene() {
-    if (scene != nullptr) rtcReleaseScene(scene);
-    if (device != nullptr) rtcReleaseDevice(device);
-  }
-  Scene(const Scene&) = delete;
-  Scene& operator=(const Scene&) = delete;
 
-  static void bounds(const RTCBoundsFunctionArguments* arguments) {
-    const Triangle& t = static_cast<const Scene*>(arguments->geometryUserPtr)->triangles[arguments->primID];
-    RTCBounds& box = *arguments->bounds_o;
-    box.lower_x = below(std::min({t.a.x, t.b.x, t.c.x}));
-    box.lower_y = below(std::min({t.a.y, t.b.y, t.c.y}));
-    box.lower_z = below(std::min({t.a.z, t.b.z, t.c.z}));
-    box.upper_x = above(std::max({t.a.x, t.b.x, t.c.x}));
-    box.upper_y = above(std::max({t.a.y, t.b.y, t.c.y}));
-    box.upper_z = above(std::max({t.a.z, t.b.z, t.c.z}));
+  std::uint32_t add_node(std::uint32_t begin, std::uint32_t end) {
+    const auto number = static_cast<std::uint32_t>(nodes.size());
+    Node node{{}, begin, end, 0};
+    Box middles;
+    for (std::uint32_t i = begin; i < end; ++i) {
+      const Triangle& t = triangles[order[i]];
+      for (const Vec3 corner : {t.a, t.b, t.c}) node.box.unite(corner);
+      middles.unite(middle_of(t));
+    }
+    nodes.push_back(node);
+    if (end - begin <= kLeafSize) return number;
+    const std::uint32_t half = begin + (end - begin) / 2;
+    std::nth_element(order.begin() + begin, order.begin() + half, order.begin() + end,
+                     [&, axis = widest_axis(middles)](std::uint32_t s, std::uint32_t t) {
+                       return along(middle_of(triangles[s]), axis) < along(middle_of(triangles[t]), axis);
+                     });
+    add_node(begin, half);
+    nodes[number].second = add_node(half, end);
+    return number;
+  }
+
+  void ask(Vec3 point, std::uint32_t number, Foot& foot) const {
+    const Node& node = nodes[number];
+    if (node.second == 0) {
+      for (std::uint32_t i = node.begin; i < node.end; ++i) {
+        const Vec3 place = closest_on_triangle(point, triangles[order[i]]);
+        const double squared_distance = squared_length(place - point);
+        if (squared_distance < foot.squared_distance) foot = {place, squared_distance, order[i]};
+      }
+      return;
+    }
+    std::uint32_t near = number + 1, far = node.second;
+    double to_near = nodes[near].box.squared_distance(point), to_far = nodes[far].box.squared_distance(point);
+    if (to_far < to_near) std::swap(near, far), std::swap(to_near, to_far);
+    if (to_near < foot.squared_distance) ask(point, near, foot);
+    if (to_far < foot.squared_distance) ask(point, far, foot);
   }
 };
 
-Surface::Surface(std::vector<Triangle> triangles) : scene_(std::make_unique<Scene>(std::move(triangles))) {}
+Surface::Surface(std::vector<Triangle> triangles) : tree_(std::make_unique<Tree>(std::move(triangles))) {}
 Surface::~Surface() = default;
 Surface::Surface(Surface&&) noexcept = default;
 
-// A point from so far away that its square would overflow a float asks from nearer, in the same direction: for a
-// surface of size 1 that changes the distance by less than 1e-8 of itself.
 Foot Surface::closest(Vec3 point) const {
-  constexpr double kFar = 1e4;
-  const double away = length(point);
-  const Vec3 from = away > kFar ? (kFar / away) * point : point;
-  Query query = {&scene_->triangles, from, {}};
-  RTCPointQuery embree_query = {static_cast<float>(from.x), static_cast<float>(from.y), static_cast<float>(from.z), 0,
-                                kInfinity};
-  RTCPointQueryContext context;
-  rtcInitPointQueryContext(&context);
-  rtcPointQuery(scene_->scene, &embree_query, &context, visit, &query);
-  if (away <= kFar || !std::isfinite(query.foot.squared_distance)) return query.foot;
-  const Vec3 place = closest_on_triangle(point, scene_->triangles[query.foot.triangle]);
-  return {place, squared_length(place - point), query.foot.triangle};
+  Foot foot;
+  if (!tree_->nodes.empty()) tree_->ask(point, 0, foot);
+  return foot;
 }
 
 }  // namespace pointfair::cli

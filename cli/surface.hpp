@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Exact distances to triangles, found through Embree's tree of bounding boxes.
+// Exact distances to triangles, found through a tree of bounding boxes.
 #pragma once
 
 #include <cstdint>
@@ -24,8 +24,7 @@ struct Foot {
   std::uint32_t triangle = 0;  ///< that it lies on; of several the first that was found
 };
 
-/// Triangles that can be asked for their closest point by many threads at once. They are expected within a few units of
-/// the origin, since Embree holds their boxes as floats; distances are of doubles.
+/// Triangles that can be asked for their closest point by many threads at once.
 class Surface {
  public:
   explicit Surface(std::vector<Triangle> triangles);
@@ -35,8 +34,8 @@ class Surface {
   Foot closest(Vec3 point) const;
 
  private:
-  struct Scene;
-  std::unique_ptr<Scene> scene_;
+  struct Tree;
+  std::unique_ptr<Tree> tree_;
 };
 
 }  // namespace pointfair::cli

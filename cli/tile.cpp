@@ -2,12 +2,16 @@
 // pointfair tile plan|run|status|merge: a run over a folder, in tasks that any number of processes may do.
 #include <fmt/format.h>
 #include <signal.h>
+#ifdef __linux__
 #include <sys/prctl.h>
+#endif
 #include <unistd.h>
 
 #include <charconv>
+#include <chrono>
 #include <memory>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "arguments.hpp"
@@ -79,7 +83,14 @@ void run_task(TiledRun& run, const std::string& name, std::stop_token stop) {
 // A worker of an engine that is killed must not leave its task running. In a container the worker may be process 1, to
 // which orphans go elsewhere: so it says its own number.
 void end_with_parent(int parent) {
+#ifdef __linux__
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+#else
+  std::thread([parent] {
+    while (::getppid() == parent) std::this_thread::sleep_for(std::chrono::milliseconds(200));
+    ::_exit(kExitInterrupted);
+  }).detach();
+#endif
   if (::getppid() != parent) throw Error(ErrorKind::interrupted, "interrupted");  // it is gone already
 }
 

@@ -2,7 +2,9 @@
 #include "tiled.hpp"
 
 #include <fmt/format.h>
+#ifdef __GLIBC__
 #include <malloc.h>
+#endif
 #include <sys/resource.h>
 
 #include <charconv>

@@ -11,3 +11,13 @@ configure_package_config_file(cmake/pointfairConfig.cmake.in pointfairConfig.cma
 write_basic_package_version_file(pointfairConfigVersion.cmake COMPATIBILITY SameMinorVersion)
 install(FILES ${PROJECT_BINARY_DIR}/pointfairConfig.cmake ${PROJECT_BINARY_DIR}/pointfairConfigVersion.cmake
         DESTINATION ${package_dir})
+
+# For pkg-config; the static library needs --static.
+set(pointfair_pc_requires tbb)
+if(pugixml_FOUND)
+  string(APPEND pointfair_pc_requires " pugixml")
+endif()
+cmake_path(RELATIVE_PATH CMAKE_INSTALL_PREFIX BASE_DIRECTORY ${CMAKE_INSTALL_PREFIX}/${CMAKE_INSTALL_LIBDIR}/pkgconfig
+           OUTPUT_VARIABLE pointfair_pc_prefix)
+configure_file(cmake/pointfair.pc.in pointfair.pc @ONLY)
+install(FILES ${PROJECT_BINARY_DIR}/pointfair.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)

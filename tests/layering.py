@@ -14,6 +14,7 @@ SOURCE = {".cpp", ".hpp", ".h", ".cu", ".cuh"}
 # folder: (folders or files of ours that it may include, third-party headers that it may include)
 PUBLIC = "include/pointfair/"
 DATA = [PUBLIC + name + ".hpp" for name in ("cloud", "params", "device", "device_points", "report")]  # all of src may use them but src/point
+PLATFORM = "src/platform/"
 PORTABLE = "src/portable.hpp"  # all of src but src/point and src/cuda may use it
 FILES = [PUBLIC + name + ".hpp" for name in ("cloud", "io", "file_info", "normals", "positions", "version", "viewpoint")]  # what src/io implements
 ON_CARD = ("cuda", "cub/", "thrust/", "nv")
@@ -31,7 +32,8 @@ RULES = {
     "include/pointfair/": (["include/pointfair/"], ()),
     "src/point/": (["src/point/"], ()),
     "src/seam/": (["src/seam/", "src/point/", *DATA, PORTABLE], ("tbb/",)),
-    "src/cpu/": (["src/cpu/", "src/point/", "src/seam/", *DATA], ("tbb/", "sys/", "unistd.h", "immintrin.h")),
+    "src/platform/": (["src/platform/"], ("sys/", "fcntl.h", "unistd.h", "mach/")),
+    "src/cpu/": (["src/cpu/", PLATFORM, "src/point/", "src/seam/", *DATA], ("tbb/", "immintrin.h", "cpuid.h")),
     **{f"src/cuda/{room}/": ([f"src/cuda/{below}/" for below in rooms] + ["src/point/", "src/seam/", *DATA], ON_CARD)
        for room, rooms in CUDA_ROOMS.items()},
     "src/cuda/": (["src/cuda/", "src/point/", "src/seam/", *DATA], ON_CARD),
@@ -39,10 +41,10 @@ RULES = {
     "src/estimate/": (["src/estimate/", "src/point/", "src/seam/", *DATA, PORTABLE], ()),
     "src/tiles/": (["src/tiles/", "src/point/", "src/seam/", *DATA, PORTABLE], ()),
     "src/pipeline/": (["src/pipeline/", "src/estimate/", "src/tiles/", "src/seam/", PUBLIC], ()),
-    "src/scale/": (["src/scale/", "src/pipeline/", "src/estimate/", "src/tiles/", "src/seam/", "src/point/", "src/io/", PUBLIC, PORTABLE],
+    "src/scale/": (["src/scale/", "src/pipeline/", "src/estimate/", "src/tiles/", "src/seam/", "src/point/", "src/io/", PUBLIC, PLATFORM, PORTABLE],
                    ("sys/", "fcntl.h", "unistd.h", "signal.h")),
     "src/orient/": (["src/orient/", PUBLIC, PORTABLE], ("tbb/",)),
-    "src/io/": (["src/io/", *FILES, PORTABLE], ("tbb/", "sys/", "fcntl.h", "unistd.h", "signal.h", "fast_float/", "las", "pugixml", "nlohmann/", "emmintrin.h")),
+    "src/io/": (["src/io/", *FILES, PLATFORM, PORTABLE], ("tbb/", "sys/", "fcntl.h", "unistd.h", "signal.h", "fast_float/", "las", "pugixml", "nlohmann/", "emmintrin.h")),
     "src/": (["src/point/", PORTABLE, PUBLIC], ()),
     "cli/": (["cli/", "viewer/server.hpp", PUBLIC], None),
     "bench/paper/": (["bench/paper/", "src/point/", PUBLIC], None),

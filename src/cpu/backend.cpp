@@ -16,6 +16,7 @@
 #include "cpu/chain.h"
 #include "cpu/parallel.h"
 #include "cpu/single_search.h"
+#include "platform/processor.hpp"
 #include "point/outliers.h"
 #include "seam/cloud_sample.hpp"
 #include "seam/exactness.hpp"
@@ -31,13 +32,6 @@ constexpr float kNan = std::numeric_limits<float>::quiet_NaN(), kInfinity = std:
 
 unsigned available_threads() { return std::max(1u, std::thread::hardware_concurrency()); }
 
-std::string processor_name() {
-  std::ifstream cpuinfo("/proc/cpuinfo");
-  for (std::string line; std::getline(cpuinfo, line);)
-    if (line.starts_with("model name")) return line.substr(std::min(line.size(), line.find(':') + 2));
-  return "CPU";
-}
-
 class CpuBackend final : public Backend, public Sampling, public Exactness {
  public:
   explicit CpuBackend(unsigned threads)
@@ -47,8 +41,8 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
 
   DeviceInfo device() const override {
     return {Device::cpu,
-            processor_name() + ", " + std::to_string(threads_) + (threads_ == 1 ? " thread, " : " threads, ") +
-                kernels_.name,
+            platform::processor_name() + ", " + std::to_string(threads_) +
+                (threads_ == 1 ? " thread, " : " threads, ") + kernels_.name,
             "requested"};
   }
 

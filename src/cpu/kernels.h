@@ -5,6 +5,7 @@
 // holds occupied space only and adapts to any density.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 
 #include "point/curve.h"

@@ -2,8 +2,6 @@
 // Large arrays of the CPU backend: uninitialised, aligned to huge pages where that helps, and metered.
 #pragma once
 
-#include <sys/mman.h>
-
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
@@ -11,6 +9,7 @@
 #include <string>
 #include <utility>
 
+#include "platform/large_pages.hpp"
 #include "pointfair/cloud.hpp"
 
 namespace pointfair::cpu {
@@ -75,7 +74,7 @@ class Buffer {
       throw Error(ErrorKind::memory, "out of memory: cannot allocate " + std::to_string(wanted >> 20) +
                                          " MiB beside the " + std::to_string(meter_->held >> 20) +
                                          " MiB held; use a smaller k, or cut the cloud");
-    if (alignment == kHugePage) madvise(data_, bytes, MADV_HUGEPAGE);  // a hint: failure costs time only
+    if (alignment == kHugePage) platform::prefer_large_pages(data_, bytes);
     capacity_ = size;
     meter_->add(capacity_ * sizeof(T));
   }

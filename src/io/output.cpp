@@ -17,6 +17,7 @@
 
 #include "io/file_bytes.hpp"
 #include "io/unfinished_files.hpp"
+#include "platform/files.hpp"
 #include "pointfair/io.hpp"
 
 namespace pointfair {
@@ -152,11 +153,8 @@ class AtomicOutput : public Output {
     const int closed = ::close(std::exchange(fd_, -1));
     if (closed != 0) fail_to_write(name_, errno);
     // Without overwrite the name must still be free at this moment, not only when the writing began.
-    int renamed = ::renameat2(AT_FDCWD, temporary_.c_str(), AT_FDCWD, target_.c_str(),
-                              overwrite_ ? 0 : static_cast<unsigned>(RENAME_NOREPLACE));
-    if (renamed != 0 && errno == EINVAL && !fs::exists(target_)) {  // a file system without RENAME_NOREPLACE
-      renamed = ::rename(temporary_.c_str(), target_.c_str());
-    }
+    const int renamed =
+        overwrite_ ? ::rename(temporary_.c_str(), target_.c_str()) : platform::rename_to_free_name(temporary_, target_);
     if (renamed != 0) fail_to_write(name_, errno);
     finished_ = true;
   }

@@ -3,10 +3,10 @@
 
 #include <algorithm>
 
-#include "io/large_pages.hpp"
 #include "io/offset.hpp"
 #include "io/parallel.hpp"
 #include "io/placed_source.hpp"
+#include "platform/large_pages.hpp"
 
 namespace pointfair {
 namespace {
@@ -17,7 +17,7 @@ constexpr std::size_t kSampledBlocks = 32, kSampledPerBlock = 128;
 std::vector<Point> new_points(std::size_t count) {
   std::vector<Point> points;
   points.reserve(count);
-  io::prefer_large_pages(points.data(), count * sizeof(Point));
+  platform::prefer_large_pages(points.data(), count * sizeof(Point));
   points.resize(count);
   return points;
 }

@@ -9,9 +9,9 @@
 #include "io/text.hpp"
 #include "io/unfinished_files.hpp"
 #include "pipeline/devices.hpp"
+#include "platform/free_memory.hpp"
 #include "pointfair/tiled_run.hpp"
 #include "scale/emit.hpp"
-#include "scale/free_memory.hpp"
 #include "scale/points_file.hpp"
 #include "scale/tasks.hpp"
 #include "scale/tiled_run_access.hpp"
@@ -71,7 +71,7 @@ double TiledRun::float_step_in_zones(const Cloud& cloud) {
   return Zones{cloud.origin, zone_side(sample, source.size(), cloud.origin, coordinate_step(source))}.float_step();
 }
 
-std::uint64_t TiledRun::free_memory() { return scale::free_memory(); }
+std::uint64_t TiledRun::free_memory() { return platform::free_memory(); }
 
 fs::path TiledRun::output_name(const fs::path& input) {
   std::string name = input.filename().string();

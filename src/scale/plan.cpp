@@ -18,6 +18,7 @@
 #include "io/parallel.hpp"
 #include "io/sensor_place.hpp"
 #include "io/streamed.hpp"
+#include "platform/files.hpp"
 #include "pointfair/file_info.hpp"
 #include "pointfair/tiled_run.hpp"
 #include "portable.hpp"
@@ -254,10 +255,11 @@ std::string fingerprint_of(const fs::path& path) {
     file.read((size - bytes.size()) / (kPieces - 1) * piece, std::span(bytes));
     for (const unsigned char byte : bytes) hash = (hash ^ byte) * 0x100000001b3u;
   }
+  const std::timespec changed = platform::time_of_change(status);
   char text[80];
   std::snprintf(text, sizeof text, "%llx-%llx.%lx-%016llx", static_cast<unsigned long long>(size),
-                static_cast<unsigned long long>(status.st_mtim.tv_sec),
-                static_cast<unsigned long>(status.st_mtim.tv_nsec), static_cast<unsigned long long>(hash));
+                static_cast<unsigned long long>(changed.tv_sec), static_cast<unsigned long>(changed.tv_nsec),
+                static_cast<unsigned long long>(hash));
   return text;
 }
 

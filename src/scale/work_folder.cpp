@@ -4,7 +4,7 @@
 #include <cstdint>
 
 #include "io/file_bytes.hpp"
-#include "scale/free_memory.hpp"
+#include "platform/free_memory.hpp"
 
 namespace pointfair::scale {
 namespace fs = std::filesystem;
@@ -104,7 +104,7 @@ void WorkFolder::check_memory(const WorkStep& step, std::size_t task) const {
   std::uint64_t needed = 0;
   if (step.kind == WorkStep::Kind::ingest) needed = bytes_of_chunk(plan.chunks[task]);
   if (step.kind == WorkStep::Kind::denoise) needed = bytes_of_tile(plan);
-  const std::uint64_t free = free_memory();
+  const std::uint64_t free = platform::free_memory();
   if (free < needed)
     throw Error(ErrorKind::memory, "step " + step.name() + ", task " + std::to_string(task) + ": needs about " +
                                        std::to_string(needed >> 20) + " MiB of memory, and " +

@@ -25,6 +25,18 @@ def run(*command, **options):
     return done.stdout
 
 
+def check_pkg_config(prefix, version):
+    """pkg-config, where there is one, finds what was installed."""
+    if not shutil.which("pkg-config"):
+        return
+    folder, = (file.parent for file in prefix.rglob("pointfair.pc"))
+    environment = {**os.environ, "PKG_CONFIG_PATH": str(folder)}
+    found = run("pkg-config", "--modversion", "pointfair", env=environment).strip()
+    include = pathlib.Path(run("pkg-config", "--variable=includedir", "pointfair", env=environment).strip())
+    if found != version or not (include / "pointfair/pointfair.hpp").exists():
+        raise SystemExit(f"pkg-config finds version {found} with headers in {include}; installed was {version}")
+
+
 def program_of(readme):
     """The block's #include lines, and the rest as the body of main."""
     block = re.search(r"^```cpp\n(.*?)^```", pathlib.Path(readme).read_text(), re.M | re.S)
@@ -70,6 +82,8 @@ with tempfile.TemporaryDirectory() as folder:
     work = pathlib.Path(folder)
     run("cmake", "--install", args.build, "--prefix", work / "prefix")
     here = pathlib.Path(__file__).parent
+    header = (work / "prefix/include/pointfair/version.hpp").read_text()
+    check_pkg_config(work / "prefix", re.search(r'POINTFAIR_VERSION "([0-9.]+)"', header).group(1))
     for name in ("CMakeLists.txt", "fingerprint.cpp"):
         (work / "project").mkdir(exist_ok=True)
         shutil.copy(here / name, work / "project" / name)

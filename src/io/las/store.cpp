@@ -6,11 +6,11 @@
 #include <limits>
 
 #include "io/file_bytes.hpp"
-#include "io/large_pages.hpp"
 #include "io/las/codec.hpp"
 #include "io/las/fields.hpp"
 #include "io/las/layers.hpp"
 #include "io/parallel.hpp"
+#include "platform/large_pages.hpp"
 
 namespace pointfair::io::las {
 namespace {
@@ -26,7 +26,7 @@ void read_grid(const char* record, std::size_t record_length, std::span<Grid> ou
 template <class T>
 std::unique_ptr<T[]> make_large(std::uint64_t count) {
   auto made = std::make_unique_for_overwrite<T[]>(static_cast<std::size_t>(count));
-  prefer_large_pages(made.get(), static_cast<std::size_t>(count) * sizeof(T));
+  platform::prefer_large_pages(made.get(), static_cast<std::size_t>(count) * sizeof(T));
   return made;
 }
 

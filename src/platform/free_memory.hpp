@@ -4,9 +4,9 @@
 
 #include <cstdint>
 
-namespace pointfair::scale {
+namespace pointfair::platform {
 
 // Bytes; 8 GB where the system does not say.
 std::uint64_t free_memory();
 
-}  // namespace pointfair::scale
+}  // namespace pointfair::platform

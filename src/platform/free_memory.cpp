@@ -1,7 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "scale/free_memory.hpp"
+#include "platform/free_memory.hpp"
 
+#ifdef __APPLE__
+#include <mach/mach.h>
+#include <unistd.h>
+#else
 #include <sys/resource.h>
+#endif
 
 #include <algorithm>
 #include <cstdlib>
@@ -10,7 +15,22 @@
 #include <string>
 #include <string_view>
 
-namespace pointfair::scale {
+namespace pointfair::platform {
+
+#ifdef __APPLE__
+
+std::uint64_t free_memory() {
+  vm_statistics64 pages{};
+  mach_msg_type_number_t size = HOST_VM_INFO64_COUNT;
+  if (::host_statistics64(::mach_host_self(), HOST_VM_INFO64, reinterpret_cast<host_info64_t>(&pages), &size) !=
+      KERN_SUCCESS)
+    return std::uint64_t{8} << 30;
+  // inactive pages are given back when others need them
+  return (std::uint64_t{pages.free_count} + pages.inactive_count) * static_cast<std::uint64_t>(::getpagesize());
+}
+
+#else
+
 namespace fs = std::filesystem;
 namespace {
 
@@ -68,10 +88,9 @@ std::uint64_t free_in_groups() {
 }
 
 // What a limit of this process leaves; `used` is the name of what it limits in /proc/self/status.
-std::uint64_t free_below(int resource, const char* used) {
+std::uint64_t free_below(decltype(RLIMIT_AS) resource, const char* used) {
   rlimit limit{};
-  if (::getrlimit(static_cast<__rlimit_resource_t>(resource), &limit) != 0 || limit.rlim_cur == RLIM_INFINITY)
-    return kNoLimit;
+  if (::getrlimit(resource, &limit) != 0 || limit.rlim_cur == RLIM_INFINITY) return kNoLimit;
   std::uint64_t bytes = 0;
   std::ifstream lines("/proc/self/status");
   for (std::string line; std::getline(lines, line);)
@@ -89,4 +108,6 @@ std::uint64_t free_memory() {
   return std::min({free, free_in_groups(), free_below(RLIMIT_DATA, "VmData:"), free_below(RLIMIT_AS, "VmSize:")});
 }
 
-}  // namespace pointfair::scale
+#endif
+
+}  // namespace pointfair::platform
