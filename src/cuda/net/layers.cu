@@ -1,0 +1,359 @@
+// SPDX-License-Identifier: Apache-2.0
+// A block of three warps works on a leaf. A thread has four channels of four points: what multiplies matrices then
+// reads 8 words of 16 bytes for 64 instructions, and mean and maximum over the edges of a point stay in the thread.
+#include "cuda/net/layers.cuh"
+#include "cuda/runtime/warp.cuh"
+
+namespace pointfair::cuda {
+namespace {
+
+constexpr int kBlock = 128;
+constexpr int kPointsOfThread = 4, kGroups = kWarp / kPointsOfThread;  // threads with the same channels
+constexpr int kWords = net::kChannelWords, kTile = kWords * kGroups;
+constexpr int kQuads = kWords / 4;                                              // loads of 16 bytes for a state
+constexpr int kHiddenRow = net::kNeighbors * kWords + 4, kGateRow = kWarp + 1;  // words; no conflicts of banks
+static_assert(kTile == 3 * kWarp && kWords % net::kGates == 0 && kWords / net::kGates * 4 == net::kNeighbors);
+
+using Sums = int[kPointsOfThread][4];
+
+__device__ __forceinline__ int clamped(int value, int least, int most) { return max(least, min(most, value)); }
+__device__ __forceinline__ int activation(int rounded_sum) { return clamped(rounded_sum >> net::kSumShift, 0, 127); }
+constexpr int kRounding = 1 << (net::kSumShift - 1);
+
+__device__ __forceinline__ unsigned packed(int a, int b, int c, int d) {
+  return static_cast<unsigned>(net::word_of(a, b, c, d));
+}
+__device__ __forceinline__ const int4* words_of(const signed char* weights) {
+  return reinterpret_cast<const int4*>(weights);
+}
+__device__ __forceinline__ int4 bias_of(const int* bias, int word) { return reinterpret_cast<const int4*>(bias)[word]; }
+
+__device__ __forceinline__ void add_word(int (&sums)[4], int input, int4 weights) {
+  sums[0] = __dp4a(input, weights.x, sums[0]);
+  sums[1] = __dp4a(input, weights.y, sums[1]);
+  sums[2] = __dp4a(input, weights.z, sums[2]);
+  sums[3] = __dp4a(input, weights.w, sums[3]);
+}
+
+// sums += weights x inputs of this thread's channels and points. `row(point)` has the inputs of one of them, kLength
+// times 16 bytes.
+template <int kLength, class Row>
+__device__ __forceinline__ void add_products(const int4* weights, int word, const Row& row, Sums& sums) {
+#pragma unroll 1
+  for (int quad = 0; quad < kLength; ++quad) {
+    int4 its[4];
+#pragma unroll
+    for (int i = 0; i < 4; ++i) its[i] = weights[(4 * quad + i) * kWords + word];
+#pragma unroll
+    for (int p = 0; p < kPointsOfThread; ++p) {
+      const int4 inputs = row(p)[quad];
+      add_word(sums[p], inputs.x, its[0]);
+      add_word(sums[p], inputs.y, its[1]);
+      add_word(sums[p], inputs.z, its[2]);
+      add_word(sums[p], inputs.w, its[3]);
+    }
+  }
+}
+__device__ __forceinline__ void begin_sums(Sums& sums, int4 with) {
+#pragma unroll
+  for (int p = 0; p < kPointsOfThread; ++p) {
+    sums[p][0] = with.x + kRounding;
+    sums[p][1] = with.y + kRounding;
+    sums[p][2] = with.z + kRounding;
+    sums[p][3] = with.w + kRounding;
+  }
+}
+
+__device__ __forceinline__ net::Scale measure_scale(const NetCloud& cloud, const net::Place& here, int scale,
+                                                    Index at) {
+  net::ScaleSums sums;
+#pragma unroll 4
+  for (int e = 0; e < net::kNeighbors; ++e) {
+    const net::Edge<float> edge = net::edge_to(here, cloud.neighbor(cloud.listed(scale, at, e), cloud.given_normal));
+    sums.offset = sums.offset + edge.offset;
+    sums.square = sums.square + edge.square;
+    sums.height = sums.height + edge.height;
+    sums.squared_height = sums.squared_height + edge.height * edge.height;
+    sums.sine = sums.sine + edge.sine;
+  }
+  return net::scale_of(sums);
+}
+
+// A point a thread.
+__global__ void __launch_bounds__(kBlock)
+    begin_points(const __grid_constant__ NetCloud cloud, const __grid_constant__ net::Weights weights) {
+  const Index at = blockIdx.x * kBlock + threadIdx.x;
+  if (at >= cloud.places) return;
+  net::Place here = cloud.place(at, cloud.given_normal);
+  net::Scale scales[net::kScales];
+#pragma unroll
+  for (int s = 0; s < net::kScales; ++s) {
+    scales[s] = measure_scale(cloud, here, s, at);
+    cloud.size[s][at] = scales[s].size;
+  }
+  const net::Sides sides = net::sides_of(here.normal, scales[1].offset);
+  const bool is_turned = point::dot(scales[1].offset, here.normal) < 0;
+#pragma unroll
+  for (int s = 0; s < net::kScales; ++s) scales[s].height = is_turned ? -scales[s].height : scales[s].height;
+  here.normal = sides.up;
+  cloud.normal[at] = {sides.up.x, sides.up.y, sides.up.z, here.measured.x};
+  cloud.side[at] = sides.side;
+  cloud.step[at] = {0, 0, 0};
+  int inputs[net::kPointWords];
+  net::point_words(here, scales, inputs);
+  for (int word = 0; word < kWords; ++word) {
+    const int4 bias = bias_of(weights.input_bias, word);
+    int sums[4] = {bias.x + kRounding, bias.y + kRounding, bias.z + kRounding, bias.w + kRounding};
+#pragma unroll
+    for (int w = 0; w < net::kPointWords; ++w) add_word(sums, inputs[w], words_of(weights.input)[w * kWords + word]);
+    cloud.state[std::size_t(at) * kWords + word] =
+        packed(activation(sums[0]), activation(sums[1]), activation(sums[2]), activation(sums[3]));
+  }
+}
+
+// Which channels and points a thread of a block has.
+struct Tile {
+  int word = static_cast<int>(threadIdx.x) % kWords, group = static_cast<int>(threadIdx.x) / kWords;
+  Index first = blockIdx.x * kWarp;
+  __device__ int lane_of(int p) const { return group * kPointsOfThread + p; }
+  __device__ std::size_t row_of(int p) const { return std::size_t(first + Index(lane_of(p))) * kWords; }
+};
+
+__device__ __forceinline__ unsigned stored_pair(int a, int b) {
+  constexpr int kHalf = 1 << (net::kStoredShift - 1);
+  const int x = clamped((a + kHalf) >> net::kStoredShift, -32768, 32767);
+  const int y = clamped((b + kHalf) >> net::kStoredShift, -32768, 32767);
+  return (static_cast<unsigned>(x) & 0xffffu) | static_cast<unsigned>(y) << 16;
+}
+
+__global__ void __launch_bounds__(kTile)
+    store_states(const __grid_constant__ NetCloud cloud, const signed char* weights) {
+  const Tile tile;
+  Sums sums{};
+  const auto state = [&](int p) { return reinterpret_cast<const int4*>(cloud.state + tile.row_of(p)); };
+  add_products<kQuads>(words_of(weights), tile.word, state, sums);
+#pragma unroll
+  for (int p = 0; p < kPointsOfThread; ++p)
+    cloud.stored[tile.row_of(p) + tile.word] = {stored_pair(sums[p][0], sums[p][1]),
+                                                stored_pair(sums[p][2], sums[p][3])};
+}
+
+struct None {};
+struct Gated {
+  union {
+    unsigned hidden[kGroups * kHiddenRow];  // of one point of each group, edge by edge
+    float terms[3][net::kNeighbors][kWarp];
+  };
+  float gates[net::kNeighbors * net::kGates * kGateRow];
+};
+template <bool kGated>
+struct LayerMemory {
+  int4 edges[net::kNeighbors][kWarp];  // words of features, and the neighbour
+  int4 means[kWarp][kQuads], largest[kWarp][kQuads];
+  std::conditional_t<kGated, Gated, None> gated;
+};
+
+// The weights of the edges for a thread's channels.
+struct EdgeWeights {
+  int4 of[net::kEdgeWords];
+};
+
+// What a neighbour stored, 8 times, and the edge's features on top of the point's own sum.
+__device__ __forceinline__ void edge_activations(const int (&own)[4], uint2 stored, int4 edge,
+                                                 const EdgeWeights& weights, int (&out)[4]) {
+  constexpr int kLow = 1 << net::kStoredShift, kHigh = kLow << 8;  // as bytes, of which dp2a takes the lower two
+  out[0] = __dp2a_lo(static_cast<int>(stored.x), kLow, own[0]);
+  out[1] = __dp2a_lo(static_cast<int>(stored.x), kHigh, own[1]);
+  out[2] = __dp2a_lo(static_cast<int>(stored.y), kLow, own[2]);
+  out[3] = __dp2a_lo(static_cast<int>(stored.y), kHigh, own[3]);
+  add_word(out, edge.x, weights.of[0]);
+  add_word(out, edge.y, weights.of[1]);
+  add_word(out, edge.z, weights.of[2]);
+#pragma unroll
+  for (int c = 0; c < 4; ++c) out[c] = activation(out[c]);
+}
+
+// A thread's edges are those of one lane's point: every third of them, by its warp.
+template <class Visit>
+__device__ __forceinline__ void for_edges(const Visit& visit) {
+#pragma unroll 1
+  for (int e = static_cast<int>(threadIdx.x) / kWarp; e < net::kNeighbors; e += kTile / kWarp) visit(e);
+}
+
+__device__ __forceinline__ void find_features(const NetCloud& cloud, int scale, const net::Place& here, Index at,
+                                              int4 (&edges)[net::kNeighbors][kWarp]) {
+  const Vec side = cloud.side[at];
+  const float size = cloud.size[scale][at];
+  for_edges([&](int e) {
+    const Index its = cloud.listed(scale, at, e);
+    const net::Neighbor<float> there = cloud.neighbor(its, cloud.normal);
+    int words[net::kEdgeWords];
+    net::edge_words(here, side, size, there, net::edge_to(here, there), words);
+    edges[e][lane_number()] = {words[0], words[1], words[2], static_cast<int>(its)};
+  });
+}
+
+// Of one point of each group: the products of its edges with the gates.
+__device__ __forceinline__ void find_gates(const signed char* weights, const Tile& tile, int p, Gated& memory) {
+  const int gate = tile.word % net::kGates, first = tile.word / net::kGates * 4;
+  const int4* const its = words_of(weights) + gate * kQuads;
+#pragma unroll
+  for (int e = first; e < first + 4; ++e) {
+    const int4* const hidden = reinterpret_cast<const int4*>(memory.hidden + tile.group * kHiddenRow + e * kWords);
+    int sum = 0;
+#pragma unroll
+    for (int quad = 0; quad < kQuads; ++quad) {
+      const int4 a = hidden[quad], b = its[quad];
+      sum = __dp4a(a.w, b.w, __dp4a(a.z, b.z, __dp4a(a.y, b.y, __dp4a(a.x, b.x, sum))));
+    }
+    memory.gates[(e * net::kGates + gate) * kGateRow + tile.lane_of(p)] = static_cast<float>(sum);
+  }
+}
+
+// What the gates weigh, added up in the order of the edges: a warp an axis, a lane a point.
+__device__ __forceinline__ void add_gated(const NetCloud& cloud, int scale, const net::Place& here, Index at,
+                                          Gated& memory) {
+  const unsigned lane = lane_number();
+  const float per_size = 1.0f / cloud.size[scale][at];
+  for_edges([&](int e) {
+    const net::Neighbor<float> there = cloud.neighbor(cloud.listed(scale, at, e), cloud.normal);
+    const net::Edge<float> edge = net::edge_to(here, there);
+    const net::Pulls<float> pulls = net::pulls_of(here, there, edge);
+    const float* const gates = memory.gates + e * net::kGates * kGateRow + lane;
+    const float pull = gates[0] * pulls.classical + gates[kGateRow] * pulls.measured;
+    const float along = gates[2 * kGateRow] * per_size;
+    const Vec term = pull * edge.normal + along * edge.offset;
+    memory.terms[0][e][lane] = term.x;
+    memory.terms[1][e][lane] = term.y;
+    memory.terms[2][e][lane] = term.z;
+  });
+  __syncthreads();
+  const unsigned axis = threadIdx.x / kWarp;
+  float sum = 0;
+  for (int e = 0; e < net::kNeighbors; ++e) sum = sum + memory.terms[axis][e][lane];
+  float& step = (&cloud.step[at].x)[axis];
+  step = step + (net::kSumStep / net::kNeighbors) * sum;
+}
+
+template <bool kGated>
+__global__ void __launch_bounds__(kTile, 6)
+    layer_of_leaves(const __grid_constant__ NetCloud cloud, const __grid_constant__ net::Layer layer, int scale) {
+  __shared__ LayerMemory<kGated> memory;
+  const Tile tile;
+  const Index at = tile.first + lane_number();
+  const net::Place here = cloud.place(at, cloud.normal);
+  find_features(cloud, scale, here, at, memory.edges);
+
+  const auto state = [&](int p) { return reinterpret_cast<const int4*>(cloud.state + tile.row_of(p)); };
+  Sums sums;
+  begin_sums(sums, bias_of(layer.own_bias, tile.word));
+  add_products<kQuads>(words_of(layer.own), tile.word, state, sums);
+  EdgeWeights weights;
+#pragma unroll
+  for (int w = 0; w < net::kEdgeWords; ++w) weights.of[w] = words_of(layer.edge)[w * kWords + tile.word];
+  __syncthreads();
+
+#pragma unroll
+  for (int p = 0; p < kPointsOfThread; ++p) {
+    int sum[4] = {}, most[4] = {};
+#pragma unroll 8
+    for (int e = 0; e < net::kNeighbors; ++e) {
+      const int4 edge = memory.edges[e][tile.lane_of(p)];
+      const uint2 stored = cloud.stored[std::size_t(static_cast<Index>(edge.w)) * kWords + tile.word];
+      int hidden[4];
+      edge_activations(sums[p], stored, edge, weights, hidden);
+#pragma unroll
+      for (int c = 0; c < 4; ++c) {
+        sum[c] += hidden[c];
+        most[c] = max(most[c], hidden[c]);
+      }
+      if constexpr (kGated)
+        memory.gated.hidden[tile.group * kHiddenRow + e * kWords + tile.word] =
+            packed(hidden[0], hidden[1], hidden[2], hidden[3]);
+    }
+    constexpr int kHalf = net::kNeighbors / 2;
+    reinterpret_cast<unsigned*>(memory.means[tile.lane_of(p)])[tile.word] =
+        packed((sum[0] + kHalf) / net::kNeighbors, (sum[1] + kHalf) / net::kNeighbors,
+               (sum[2] + kHalf) / net::kNeighbors, (sum[3] + kHalf) / net::kNeighbors);
+    reinterpret_cast<unsigned*>(memory.largest[tile.lane_of(p)])[tile.word] =
+        packed(most[0], most[1], most[2], most[3]);
+    if constexpr (kGated) {
+      __syncthreads();
+      find_gates(layer.gate, tile, p, memory.gated);
+      __syncthreads();
+    }
+  }
+  if constexpr (kGated) {
+    add_gated(cloud, scale, here, at, memory.gated);
+  } else {
+    __syncthreads();
+  }
+
+  begin_sums(sums, bias_of(layer.update_bias, tile.word));
+  const int4* const update = words_of(layer.update);
+  add_products<kQuads>(update, tile.word, state, sums);
+  add_products<kQuads>(
+      update + kWords * kWords, tile.word, [&](int p) { return memory.means[tile.lane_of(p)]; }, sums);
+  add_products<kQuads>(
+      update + 2 * kWords * kWords, tile.word, [&](int p) { return memory.largest[tile.lane_of(p)]; }, sums);
+  __syncthreads();  // all have read the states
+#pragma unroll
+  for (int p = 0; p < kPointsOfThread; ++p)
+    cloud.state[tile.row_of(p) + tile.word] =
+        packed(activation(sums[p][0]), activation(sums[p][1]), activation(sums[p][2]), activation(sums[p][3]));
+}
+
+__device__ __forceinline__ float output_of(const net::Weights& weights, int number, const int4* state) {
+  int sum = weights.output_bias[number];
+#pragma unroll
+  for (int quad = 0; quad < kQuads; ++quad) {
+    const int4 a = state[quad], b = words_of(weights.output)[number * kQuads + quad];
+    sum = __dp4a(a.w, b.w, __dp4a(a.z, b.z, __dp4a(a.y, b.y, __dp4a(a.x, b.x, sum))));
+  }
+  return net::kSumStep * static_cast<float>(sum);
+}
+
+__global__ void __launch_bounds__(kBlock)
+    end_points(const __grid_constant__ NetCloud cloud, const __grid_constant__ net::Weights weights,
+               const __grid_constant__ Tree tree, const std::uint8_t* held, Point* out) {
+  const Index at = blockIdx.x * kBlock + threadIdx.x;
+  if (at >= cloud.places) return;
+  const float4 p = tree.points[at];
+  if (!is_present(p)) return;
+  const net::Place here = cloud.place(at, cloud.normal);
+  const Index original = original_of(p);
+  const bool moves =
+      here.noise > 0 && here.noise < __int_as_float(0x7f800000) && point::squared_length(here.normal) > 0;
+  if (!moves || held[original] != 0) return;
+  const int4* const state = reinterpret_cast<const int4*>(cloud.state + std::size_t(at) * kWords);
+  const float along = output_of(weights, 0, state), back = output_of(weights, 1, state) / here.noise;
+  const Vec step = (cloud.step[at] + along * here.normal) + back * (here.measured - here.classical);
+  const Vec moved = here.classical + here.noise * net::trusted(step, weights.squared_trust);
+  if (point::is_indexable(moved.x, moved.y, moved.z)) out[original] = {moved.x, moved.y, moved.z};
+}
+
+}  // namespace
+
+void begin_net(Context& context, const NetCloud& cloud, const net::Weights& weights) {
+  begin_points<<<blocks_for(cloud.places, kBlock), kBlock, 0, context.stream()>>>(cloud, weights);
+  check(cudaGetLastError(), "beginning the net");
+}
+
+void store_for_neighbors(Context& context, const NetCloud& cloud, const net::Layer& layer) {
+  store_states<<<cloud.places / kWarp, kTile, 0, context.stream()>>>(cloud, layer.other);
+  check(cudaGetLastError(), "running the net");
+}
+
+void run_layer(Context& context, const NetCloud& cloud, const net::Layer& layer, int scale) {
+  const auto kernel = layer.gate != nullptr ? layer_of_leaves<true> : layer_of_leaves<false>;
+  kernel<<<cloud.places / kWarp, kTile, 0, context.stream()>>>(cloud, layer, scale);
+  check(cudaGetLastError(), "running the net");
+}
+
+void end_net(Context& context, const NetCloud& cloud, const net::Weights& weights, const Tree& tree,
+             const std::uint8_t* held, Point* out) {
+  end_points<<<blocks_for(cloud.places, kBlock), kBlock, 0, context.stream()>>>(cloud, weights, tree, held, out);
+  check(cudaGetLastError(), "ending the net");
+}
+
+}  // namespace pointfair::cuda
