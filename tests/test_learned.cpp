@@ -45,11 +45,14 @@ TEST(Learned, every_instruction_set_gives_the_bits_of_the_integer_reference) {
   const std::vector<learned_clouds::Golden> clouds = learned_clouds::golden_clouds();
   ASSERT_EQ(clouds.size(), 20u);
   for (std::size_t n = 0; n < clouds.size(); ++n) {
-    for (const cpu::Kernels* kernels : available_kernels()) {
+    const auto expect_same = [&](const cpu::Kernels& kernels, const cpu::NetKernels& net_kernels) {
       Points out(clouds[n].measured.size());
-      cpu::refine(clouds[n].input(), *own_net_weights(), clouds[n].frame, *kernels, out, {});
-      EXPECT_EQ(learned_clouds::differing(out, clouds[n].refined), 0u) << n << " " << kernels->name;
-    }
+      cpu::refine(clouds[n].input(), *own_net_weights(), clouds[n].frame, kernels, net_kernels, out, {});
+      EXPECT_EQ(learned_clouds::differing(out, clouds[n].refined), 0u)
+          << n << " " << kernels.name << ", " << net_kernels.name;
+    };
+    for (const cpu::Kernels* kernels : available_kernels()) expect_same(*kernels, cpu::best_net_kernels());
+    for (const cpu::NetKernels* net_kernels : available_net_kernels()) expect_same(cpu::best_kernels(), *net_kernels);
   }
 }
 
