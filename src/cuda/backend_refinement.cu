@@ -32,7 +32,7 @@ void CudaBackend::refine(Chain& from, const DisplacementLimits& limits, std::spa
                          const RefinedBy& by, DeviceArray<Point>& refined, const std::stop_token& stop) {
   const std::size_t count = uploaded_.size();
   const cudaStream_t stream = context_.stream();
-  from.join();
+  for (Chain* its : {&first_, &further_}) its->set_neighborhoods_aside();
   DeviceArray<Point> normals(context_);
   normals.resize(count);
   from.restore_normals(normals.data());

@@ -36,6 +36,7 @@ __global__ void __launch_bounds__(kBlock)
     before += w < warp ? counts[w] : 0;
     all += counts[w];
   }
+  __syncthreads();
   if (threadIdx.x == 0 && all > 0) first_of_block = atomicAdd(count, all);
   __syncthreads();
   if (!joins) return;
