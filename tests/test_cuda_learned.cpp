@@ -66,6 +66,26 @@ TEST_F(CudaLearned, equals_the_cpu_with_other_parameters) {
   }
 }
 
+// The net takes the memory of neighbourhoods that later runs may read again.
+TEST_F(CudaLearned, leaves_the_results_of_later_runs_as_they_are) {
+  const Points points = cut(noisy_sphere(30000, 26, 0.01));
+  Pipeline cuda(Device::cuda), cpu(Device::cpu);
+  cuda.load(points);
+  cpu.load(points);
+  for (const Method method : {Method::learned, Method::bilateral, Method::learned}) {
+    for (const int iterations : {2, 1}) {
+      Params params;
+      params.method = method;
+      params.iterations = iterations;
+      params.similarity_sigma = 0.01 * (iterations + int(method));
+      Points on_card(points.size()), on_cpu(points.size());
+      cuda.run(params, on_card);
+      cpu.run(params, on_cpu);
+      EXPECT_EQ(learned_clouds::differing(on_card, on_cpu), 0u);
+    }
+  }
+}
+
 TEST_F(CudaLearned, of_a_cloud_in_tiles_equals_the_cpu) {
   const Points points = cut(noisy_sphere(60000, 25, 0.01));
   std::vector<std::unique_ptr<Backend>> workers;

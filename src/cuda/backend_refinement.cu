@@ -31,23 +31,24 @@ void copy_to_card(Context& context, std::span<const T> from, DeviceArray<T>& to)
 void CudaBackend::refine(Chain& from, const DisplacementLimits& limits, std::span<std::uint8_t> outliers,
                          const RefinedBy& by, DeviceArray<Point>& refined, const std::stop_token& stop) {
   const std::size_t count = uploaded_.size();
-  const cudaStream_t stream = context_.stream();
   for (Chain* its : {&first_, &further_}) its->set_neighborhoods_aside();
-  DeviceArray<Point> normals(context_);
-  normals.resize(count);
-  from.restore_normals(normals.data());
   DeviceArray<std::uint8_t> held(context_);
   held.resize(count);
   refined.resize(count);
   leaving_.hold_back(uploaded_, from, limits, outliers, refined, held.data());
-  DeviceArray<float> noise(context_);
-  noise.resize(count);
-  tell_noise<<<blocks_for(count, kBlock), kBlock, 0, stream>>>(uploaded_.data(), count, by.sigma,
-                                                               from.noise_field(by.levels), noise.data());
-  check(cudaGetLastError(), "telling the noise");
   Refiner refiner(context_);
-  refiner.run({uploaded_.data(), refined.data(), normals.data(), noise.data(), held.data(), count}, by.weights,
-              by.frame, refined.data(), stop);
+  {
+    DeviceArray<Point> normals(context_);
+    DeviceArray<float> noise(context_);
+    normals.resize(count);
+    noise.resize(count);
+    from.restore_normals(normals.data());
+    tell_noise<<<blocks_for(count, kBlock), kBlock, 0, context_.stream()>>>(uploaded_.data(), count, by.sigma,
+                                                                            from.noise_field(by.levels), noise.data());
+    check(cudaGetLastError(), "telling the noise");
+    refiner.take({uploaded_.data(), refined.data(), normals.data(), noise.data(), count}, by.frame);
+  }
+  refiner.run(by.weights, held.data(), refined.data(), stop);
   if (limits.farthest > 0) leaving_.limit(uploaded_, from, limits, refined);
 }
 
@@ -95,8 +96,8 @@ void CudaBackend::refine(const Classical& classical, const NetWeights& weights, 
   copy_to_card(context_, classical.noise, noise);
   copy_to_card(context_, classical.held, held);
   Refiner refiner(context_);
-  refiner.run({measured.data(), points.data(), normals.data(), noise.data(), held.data(), points.size()}, weights,
-              frame, points.data(), stop);
+  refiner.take({measured.data(), points.data(), normals.data(), noise.data(), points.size()}, frame);
+  refiner.run(weights, held.data(), points.data(), stop);
   leaving_.copy(points.data(), out);
   wait();
 }

@@ -64,22 +64,27 @@ __device__ __forceinline__ void begin_sums(Sums& sums, int4 with) {
   }
 }
 
-__device__ __forceinline__ net::Scale measure_scale(const NetCloud& cloud, const net::Place& here, int scale,
-                                                    Index at) {
+// A point a thread, as the next.
+__global__ void __launch_bounds__(kBlock)
+    measure_points(const __grid_constant__ NetCloud cloud, int scale, const Index* list) {
+  const Index at = blockIdx.x * kBlock + threadIdx.x;
+  if (at >= cloud.places) return;
+  const net::Place here = cloud.place(at, cloud.given_normal);
   net::ScaleSums sums;
 #pragma unroll 4
   for (int e = 0; e < net::kNeighbors; ++e) {
-    const net::Edge<float> edge = net::edge_to(here, cloud.neighbor(cloud.listed(scale, at, e), cloud.given_normal));
+    const net::Edge<float> edge = net::edge_to(here, cloud.neighbor(NetCloud::listed(list, at, e), cloud.given_normal));
     sums.offset = sums.offset + edge.offset;
     sums.square = sums.square + edge.square;
     sums.height = sums.height + edge.height;
     sums.squared_height = sums.squared_height + edge.height * edge.height;
     sums.sine = sums.sine + edge.sine;
   }
-  return net::scale_of(sums);
+  const net::Scale measured = net::scale_of(sums);
+  cloud.scale[scale][at] = measured;
+  cloud.size[scale][at] = measured.size;
 }
 
-// A point a thread.
 __global__ void __launch_bounds__(kBlock)
     begin_points(const __grid_constant__ NetCloud cloud, const __grid_constant__ net::Weights weights) {
   const Index at = blockIdx.x * kBlock + threadIdx.x;
@@ -87,10 +92,7 @@ __global__ void __launch_bounds__(kBlock)
   net::Place here = cloud.place(at, cloud.given_normal);
   net::Scale scales[net::kScales];
 #pragma unroll
-  for (int s = 0; s < net::kScales; ++s) {
-    scales[s] = measure_scale(cloud, here, s, at);
-    cloud.size[s][at] = scales[s].size;
-  }
+  for (int s = 0; s < net::kScales; ++s) scales[s] = cloud.scale[s][at];
   const net::Sides sides = net::sides_of(here.normal, scales[1].offset);
   const bool is_turned = point::dot(scales[1].offset, here.normal) < 0;
 #pragma unroll
@@ -180,12 +182,12 @@ __device__ __forceinline__ void for_edges(const Visit& visit) {
   for (int e = static_cast<int>(threadIdx.x) / kWarp; e < net::kNeighbors; e += kTile / kWarp) visit(e);
 }
 
-__device__ __forceinline__ void find_features(const NetCloud& cloud, int scale, const net::Place& here, Index at,
-                                              int4 (&edges)[net::kNeighbors][kWarp]) {
+__device__ __forceinline__ void find_features(const NetCloud& cloud, int scale, const Index* list,
+                                              const net::Place& here, Index at, int4 (&edges)[net::kNeighbors][kWarp]) {
   const Vec side = cloud.side[at];
   const float size = cloud.size[scale][at];
   for_edges([&](int e) {
-    const Index its = cloud.listed(scale, at, e);
+    const Index its = NetCloud::listed(list, at, e);
     const net::Neighbor<float> there = cloud.neighbor(its, cloud.normal);
     int words[net::kEdgeWords];
     net::edge_words(here, side, size, there, net::edge_to(here, there), words);
@@ -211,12 +213,12 @@ __device__ __forceinline__ void find_gates(const signed char* weights, const Til
 }
 
 // What the gates weigh, added up in the order of the edges: a warp an axis, a lane a point.
-__device__ __forceinline__ void add_gated(const NetCloud& cloud, int scale, const net::Place& here, Index at,
-                                          Gated& memory) {
+__device__ __forceinline__ void add_gated(const NetCloud& cloud, int scale, const Index* list, const net::Place& here,
+                                          Index at, Gated& memory) {
   const unsigned lane = lane_number();
   const float per_size = 1.0f / cloud.size[scale][at];
   for_edges([&](int e) {
-    const net::Neighbor<float> there = cloud.neighbor(cloud.listed(scale, at, e), cloud.normal);
+    const net::Neighbor<float> there = cloud.neighbor(NetCloud::listed(list, at, e), cloud.normal);
     const net::Edge<float> edge = net::edge_to(here, there);
     const net::Pulls<float> pulls = net::pulls_of(here, there, edge);
     const float* const gates = memory.gates + e * net::kGates * kGateRow + lane;
@@ -237,12 +239,13 @@ __device__ __forceinline__ void add_gated(const NetCloud& cloud, int scale, cons
 
 template <bool kGated>
 __global__ void __launch_bounds__(kTile, 6)
-    layer_of_leaves(const __grid_constant__ NetCloud cloud, const __grid_constant__ net::Layer layer, int scale) {
+    layer_of_leaves(const __grid_constant__ NetCloud cloud, const __grid_constant__ net::Layer layer, int scale,
+                    const Index* list) {
   __shared__ LayerMemory<kGated> memory;
   const Tile tile;
   const Index at = tile.first + lane_number();
   const net::Place here = cloud.place(at, cloud.normal);
-  find_features(cloud, scale, here, at, memory.edges);
+  find_features(cloud, scale, list, here, at, memory.edges);
 
   const auto state = [&](int p) { return reinterpret_cast<const int4*>(cloud.state + tile.row_of(p)); };
   Sums sums;
@@ -284,7 +287,7 @@ __global__ void __launch_bounds__(kTile, 6)
     }
   }
   if constexpr (kGated) {
-    add_gated(cloud, scale, here, at, memory.gated);
+    add_gated(cloud, scale, list, here, at, memory.gated);
   } else {
     __syncthreads();
   }
@@ -334,6 +337,11 @@ __global__ void __launch_bounds__(kBlock)
 
 }  // namespace
 
+void measure_scale(Context& context, const NetCloud& cloud, int scale, const Index* list) {
+  measure_points<<<blocks_for(cloud.places, kBlock), kBlock, 0, context.stream()>>>(cloud, scale, list);
+  check(cudaGetLastError(), "beginning the net");
+}
+
 void begin_net(Context& context, const NetCloud& cloud, const net::Weights& weights) {
   begin_points<<<blocks_for(cloud.places, kBlock), kBlock, 0, context.stream()>>>(cloud, weights);
   check(cudaGetLastError(), "beginning the net");
@@ -344,9 +352,9 @@ void store_for_neighbors(Context& context, const NetCloud& cloud, const net::Lay
   check(cudaGetLastError(), "running the net");
 }
 
-void run_layer(Context& context, const NetCloud& cloud, const net::Layer& layer, int scale) {
+void run_layer(Context& context, const NetCloud& cloud, const net::Layer& layer, int scale, const Index* list) {
   const auto kernel = layer.gate != nullptr ? layer_of_leaves<true> : layer_of_leaves<false>;
-  kernel<<<cloud.places / kWarp, kTile, 0, context.stream()>>>(cloud, layer, scale);
+  kernel<<<cloud.places / kWarp, kTile, 0, context.stream()>>>(cloud, layer, scale, list);
   check(cudaGetLastError(), "running the net");
 }
 

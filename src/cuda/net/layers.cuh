@@ -12,12 +12,14 @@
 
 namespace pointfair::cuda {
 
-// Sizes, normals on the side of the neighbours, sides, and the first state; steps of 0.
+// What the points see of a scale.
+void measure_scale(Context& context, const NetCloud& cloud, int scale, const Index* list);
+// Normals on the side of the neighbours, sides, and the first state, from all scales; steps of 0.
 void begin_net(Context& context, const NetCloud& cloud, const net::Weights& weights);
 // What a layer keeps of each point for its neighbours.
 void store_for_neighbors(Context& context, const NetCloud& cloud, const net::Layer& layer);
 // New states, and their share of the step where gates weigh one; `scale` is that of the layer.
-void run_layer(Context& context, const NetCloud& cloud, const net::Layer& layer, int scale);
+void run_layer(Context& context, const NetCloud& cloud, const net::Layer& layer, int scale, const Index* list);
 // The refined positions of points that move, to their places in upload order. `held`: 1 keeps its place.
 void end_net(Context& context, const NetCloud& cloud, const net::Weights& weights, const Tree& tree,
              const std::uint8_t* held, Point* out);

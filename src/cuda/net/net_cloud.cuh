@@ -20,9 +20,9 @@ struct NetCloud {
   Vec* side;
   Vec* step;  // noises
   float* size[net::kScales];
-  unsigned* state;  // kChannelWords of each
-  uint2* stored;    // the same, 16 bits a channel
-  const Index* lists[net::kScales];
+  net::Scale* scale[net::kScales];  // until the first state is made
+  unsigned* state;                  // kChannelWords of each
+  uint2* stored;                    // the same, 16 bits a channel
 
   __device__ __forceinline__ net::Place place(std::size_t at, const float4* normals) const {
     const float4 a = classical[at], b = normals[at];
@@ -33,9 +33,9 @@ struct NetCloud {
     const net::Place p = place(at, normals);
     return {p.classical, p.normal, p.measured, p.noise};
   }
-  // The neighbour of a number; of places without a point, themselves.
-  __device__ __forceinline__ Index listed(int scale, Index at, int number) const {
-    const Index found = lists[scale][(std::size_t(at / kWarp) * net::kNeighbors + number) * kWarp + at % kWarp];
+  // The neighbour of a number; of places without a point, themselves. Lists are as those of lists.cuh.
+  __device__ static __forceinline__ Index listed(const Index* list, Index at, int number) {
+    const Index found = list[(std::size_t(at / kWarp) * net::kNeighbors + number) * kWarp + at % kWarp];
     return found == point::kNoNeighbor ? at : found;
   }
 };

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <cstddef>
+
 #include "cuda/net/layers.cuh"
 #include "cuda/net/refiner.cuh"
 #include "cuda/search/search.cuh"
@@ -32,10 +34,9 @@ __global__ void __launch_bounds__(kBlock) gather_places(const __grid_constant__ 
 Refiner::Refiner(Context& context)
     : context_(context),
       index_(context),
+      lists_{HeldList(context), HeldList(context), HeldList(context)},
       weights_(context),
       biases_(context),
-      lists_{DeviceArray<Index>(context), DeviceArray<Index>(context), DeviceArray<Index>(context),
-             DeviceArray<Index>(context)},
       classical_(context),
       given_normal_(context),
       normal_(context),
@@ -43,86 +44,107 @@ Refiner::Refiner(Context& context)
       side_(context),
       step_(context),
       size_(context),
+      scale_(context),
       state_(context),
       stored_(context) {}
 
-void Refiner::run(const RefinedCloud& cloud, const NetWeights& weights, const Frame& frame, Point* out,
-                  const std::stop_token& stop) {
+void Refiner::take(const RefinedCloud& cloud, const Frame& frame) {
   if (cloud.count == 0) return;
-  const cudaStream_t stream = context_.stream();
-  if (out != cloud.classical)
-    check(cudaMemcpyAsync(out, cloud.classical, cloud.count * sizeof(Point), cudaMemcpyDeviceToDevice, stream),
-          "beginning the net");
+  frame_ = frame;
   index_.build(cloud.classical, cloud.count, frame, nullptr);
-  const ScaleCounts counts = count_scales(context_, index_.tree());
-  if (counts[0] <= Index{net::kNeighbors}) return;
-  find_lists(counts, frame, stop);
-  const NetCloud its = make_room(cloud);
-  const net::Weights view = upload(weights);
-  begin_net(context_, its, view);
-  for (int layer = 0; layer < net::kLayers; ++layer) {
-    store_for_neighbors(context_, its, view.layers[layer]);
-    run_layer(context_, its, view.layers[layer], net::kPlan[layer]);
-    pace(stop);
-  }
-  end_net(context_, its, view, index_.tree(), cloud.held, out);
+  const std::size_t places = index_.leaves() * kLeafSize;
+  classical_.resize(places);
+  given_normal_.resize(places);
+  measured_.resize(places);
+  gather_places<<<blocks_for(places, kBlock), kBlock, 0, context_.stream()>>>(index_.tree(), cloud, classical_.data(),
+                                                                              given_normal_.data(), measured_.data());
+  check(cudaGetLastError(), "beginning the net");
 }
 
-void Refiner::find_lists(const ScaleCounts& counts, const Frame& frame, const std::stop_token& stop) {
-  CoarsePoints coarse(context_);
-  for (int s = 0; s < net::kScales; ++s) {
-    if (counts[s] <= Index{net::kNeighbors}) {  // too few points: as the finer scale
-      lists_of_[s] = lists_of_[s - 1];
-      continue;
-    }
-    lists_[s].resize(index_.leaves() * kLeafSize * net::kNeighbors);
-    lists_of_[s] = lists_[s].data();
-    if (s == 0) {
-      find_nearest(lists_[s].data());
-    } else {
-      coarse.choose(index_.tree(), s, counts[s], frame);
-      coarse.find_nearest(index_.tree(), lists_[s].data());
-    }
+void Refiner::run(const NetWeights& weights, const std::uint8_t* held, Point* out, const std::stop_token& stop) {
+  if (index_.points() == 0) return;
+  counts_ = count_scales(context_, index_.tree());
+  if (counts_[0] <= Index{net::kNeighbors}) return;
+  const net::Weights its = upload(weights);
+  begin(its, stop);
+  const NetCloud cloud = view();
+  for (int layer = 0; layer < net::kLayers; ++layer) {
+    store_for_neighbors(context_, cloud, its.layers[layer]);
+    run_layer(context_, cloud, its.layers[layer], net::kPlan[layer], list_of(net::kPlan[layer]));
     pace(stop);
   }
+  end_net(context_, cloud, its, index_.tree(), held, out);
+}
+
+// From coarse to fine, so that the lists of the first layers are there.
+void Refiner::begin(const net::Weights& weights, const std::stop_token& stop) {
+  const std::size_t places = index_.leaves() * kLeafSize;
+  size_.resize(net::kScales * places);
+  scale_.resize(net::kScales * places);
+  for (int s = net::kScales - 1; s >= 0; --s) {
+    measure_scale(context_, view(), s, list_of(s));
+    pace(stop);
+  }
+  normal_.resize(places);
+  side_.resize(places);
+  step_.resize(places);
+  state_.resize(places * net::kChannelWords);
+  begin_net(context_, view(), weights);
+  scale_.release();
+  given_normal_.release();
+  stored_.resize(places * net::kChannelWords);
+}
+
+const Index* Refiner::list_of(int scale) {
+  while (counts_[scale] <= Index{net::kNeighbors}) --scale;  // too few points: as the finer scale
+  HeldList* oldest = lists_;
+  for (HeldList& one : lists_) {
+    if (one.used < oldest->used) oldest = &one;
+    if (one.scale != scale) continue;
+    one.used = ++lists_used_;
+    return one.list.data();
+  }
+  oldest->list.resize(index_.leaves() * kLeafSize * net::kNeighbors);
+  find_list(scale, oldest->list.data());
+  oldest->scale = scale;
+  oldest->used = ++lists_used_;
+  return oldest->list.data();
+}
+
+void Refiner::find_list(int scale, Index* list) {
+  if (scale == 0) return find_nearest(list);
+  CoarsePoints coarse(context_);
+  coarse.choose(index_.tree(), scale, counts_[scale], frame_);
+  coarse.find_nearest(index_.tree(), list);
 }
 
 void Refiner::find_nearest(Index* list) {
-  const std::size_t places = index_.leaves() * kLeafSize;
   DeviceArray<HardLeaf> leaves(context_);
   DeviceArray<Index> queries(context_);
   leaves.resize(index_.leaves());
-  queries.resize(places);
+  queries.resize(index_.leaves() * kLeafSize);
+  constexpr std::size_t kFirst = offsetof(CloudState, leaf_retries), kEnd = offsetof(CloudState, too_few_neighbors);
+  check(cudaMemsetAsync(reinterpret_cast<std::byte*>(index_.state()) + kFirst, 0, kEnd - kFirst, context_.stream()),
+        "clearing counts");
   cuda::find_nearest(context_, index_.tree(), index_.state(), {net::kNeighbors, __builtin_inff()}, list,
                      {leaves.data(), queries.data()}, {});
 }
 
-NetCloud Refiner::make_room(const RefinedCloud& cloud) {
+NetCloud Refiner::view() const {
   const std::size_t places = index_.leaves() * kLeafSize;
-  for (DeviceArray<float4>* array : {&classical_, &given_normal_, &normal_}) array->resize(places);
-  measured_.resize(places);
-  side_.resize(places);
-  step_.resize(places);
-  size_.resize(net::kScales * places);
-  state_.resize(places * net::kChannelWords);
-  stored_.resize(places * net::kChannelWords);
-  gather_places<<<blocks_for(places, kBlock), kBlock, 0, context_.stream()>>>(index_.tree(), cloud, classical_.data(),
-                                                                              given_normal_.data(), measured_.data());
-  check(cudaGetLastError(), "beginning the net");
-  NetCloud its{static_cast<Index>(places),
-               classical_.data(),
-               given_normal_.data(),
-               normal_.data(),
-               measured_.data(),
-               side_.data(),
-               step_.data(),
-               {},
-               state_.data(),
-               stored_.data(),
-               {}};
+  NetCloud its{};
+  its.places = static_cast<Index>(places);
+  its.classical = classical_.data();
+  its.given_normal = given_normal_.data();
+  its.normal = normal_.data();
+  its.measured = measured_.data();
+  its.side = side_.data();
+  its.step = step_.data();
+  its.state = state_.data();
+  its.stored = stored_.data();
   for (int s = 0; s < net::kScales; ++s) {
     its.size[s] = size_.data() + s * places;
-    its.lists[s] = lists_of_[s];
+    its.scale[s] = scale_.data() + s * places;
   }
   return its;
 }
