@@ -81,6 +81,26 @@ TEST(Learned, threads_and_the_order_of_points_do_not_change_a_bit) {
   }
 }
 
+TEST(Learned, no_point_leaves_the_default_run_by_more_than_two_noises) {
+  Params params;
+  params.displacement_limit = 1;  // which would hold the default run's result back, too
+  Pipeline pipeline(Device(Device::cpu));
+  for (const Points& points :
+       {shapes::with_noise(shapes::cube(6000), 0.02), shapes::with_noise(shapes::uneven(6000, 1000), 0.01)}) {
+    Points before(points.size());
+    std::vector<float> noise(points.size());
+    pipeline.load(points);
+    pipeline.run(params, before);
+    pipeline.noise(noise);
+    const Points after = learned(points, 1, params);
+    double farthest = 0;
+    for (std::size_t i = 0; i < points.size(); ++i)
+      farthest = std::max(farthest, distance(before[i], after[i]) / double(noise[i]));
+    EXPECT_LE(farthest, 2 * 1.0001);
+    EXPECT_GT(farthest, 0.5);
+  }
+}
+
 TEST(Learned, leaves_less_noise_than_the_default_run_and_stays_near_its_result) {
   const double sigma = 0.02;
   const Points noisy = shapes::with_noise(shapes::sphere(20000), sigma);
