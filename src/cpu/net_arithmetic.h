@@ -165,4 +165,26 @@ POINTFAIR_INLINE int product(const std::uint8_t* activations, const std::int8_t*
   return sum;
 }
 
+// The gates of an edge: rows of weights times its activations. Writes 4 numbers, of which the last means nothing.
+#if defined(__AVX2__)
+POINTFAIR_INLINE __m128i product_in_four(const std::uint8_t* activations, const std::int8_t* weights) {
+  static_assert(net::kChannels == 48);
+  const auto wide = [](const auto* p) { return _mm256_loadu_si256(reinterpret_cast<const __m256i*>(p)); };
+  const auto half = [](const auto* p) { return _mm_loadu_si128(reinterpret_cast<const __m128i*>(p)); };
+  const __m256i first = _mm256_madd_epi16(_mm256_maddubs_epi16(wide(activations), wide(weights)), _mm256_set1_epi16(1));
+  const __m128i last = _mm_madd_epi16(_mm_maddubs_epi16(half(activations + 32), half(weights + 32)), _mm_set1_epi16(1));
+  return _mm_add_epi32(_mm_add_epi32(_mm256_castsi256_si128(first), _mm256_extracti128_si256(first, 1)), last);
+}
+POINTFAIR_INLINE void find_gates(const std::uint8_t* activations, const std::int8_t* weights, float* out) {
+  static_assert(net::kGates == 3);
+  const __m128i a = product_in_four(activations, weights), b = product_in_four(activations, weights + net::kChannels),
+                c = product_in_four(activations, weights + 2 * net::kChannels);
+  _mm_storeu_ps(out, _mm_cvtepi32_ps(_mm_hadd_epi32(_mm_hadd_epi32(a, b), _mm_hadd_epi32(c, c))));
+}
+#else
+POINTFAIR_INLINE void find_gates(const std::uint8_t* activations, const std::int8_t* weights, float* out) {
+  for (int g = 0; g < net::kGates; ++g) out[g] = static_cast<float>(product(activations, weights + g * net::kChannels));
+}
+#endif
+
 }  // namespace pointfair::cpu::POINTFAIR_ISA

@@ -103,9 +103,8 @@ class GatedSum {
     const float per_size = 1.0f / size;
     point::Vec3<float> sum{};
     for (int e = 0; e < net::kNeighbors; ++e) {
-      float gates[net::kGates];
-      for (int g = 0; g < net::kGates; ++g)
-        gates[g] = static_cast<float>(product(hidden[e], gate + g * net::kChannels));
+      float gates[net::kGates + 1];
+      find_gates(hidden[e], gate, gates);
       const float pull = gates[0] * of_[0][e] + gates[1] * of_[1][e], along = gates[2] * per_size;
       sum = sum + (pull * point::Vec3<float>{of_[2][e], of_[3][e], of_[4][e]} +
                    along * point::Vec3<float>{of_[5][e], of_[6][e], of_[7][e]});
