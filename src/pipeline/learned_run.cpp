@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pipeline/learned_run.hpp"
 
+#include <memory>
 #include <vector>
 
 #include "pipeline/run_state.hpp"
@@ -28,6 +29,22 @@ void limit(std::span<const Point> measured, const DisplacementLimits& limits, Sa
   });
 }
 
+// Where several cards compute a cloud, or one in tiles, all of it may still fit into one beside the net. False where
+// there is no card or it has too little memory.
+bool refine_on_card(const LoadedCloud& cloud, const Classical& classical, const NetWeights& weights, const Frame& frame,
+                    std::span<Point> out, const std::stop_token& stop) {
+  const std::unique_ptr<Backend> card = cloud.make_worker();
+  Refinement* const refinement = card ? card->refinement() : nullptr;
+  if (refinement == nullptr) return false;
+  try {
+    refinement->refine(classical, weights, frame, out, stop);
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::memory) throw;
+    return false;
+  }
+  return true;
+}
+
 }  // namespace
 
 // 0: nothing to refine by.
@@ -51,7 +68,7 @@ void Pipeline::State::run_learned(const Params& params, std::span<Point> out, co
                            std::span<std::uint8_t> marks) {
     const double sigma = noise_to_refine_by(used);
     Refinement* const on_device = sigma > 0 ? cloud.backend().refinement() : nullptr;
-    if (on_device == nullptr) return refine_on_host(iteration, sigma, out, limits, marks, stop);
+    if (on_device == nullptr) return refine_outside(iteration, sigma, out, limits, marks, stop);
     const std::shared_ptr<const NetWeights> weights = weights_ ? weights_ : own_net_weights();
     return on_device->download_refined(iteration, out, limits, marks, {*weights, frame(), float(sigma), levels()},
                                        stop);
@@ -78,7 +95,7 @@ void Pipeline::State::run_learned(const Params& params, const DeviceOutput& out,
   run_learned(params, {out.count, false, deliver}, stop, progress);
 }
 
-OutlierCounts Pipeline::State::refine_on_host(int iteration, double sigma, std::span<Point> out,
+OutlierCounts Pipeline::State::refine_outside(int iteration, double sigma, std::span<Point> out,
                                               const DisplacementLimits& limits, std::span<std::uint8_t> marks,
                                               const std::stop_token& stop) {
   Backend& backend = cloud.backend();
@@ -95,9 +112,9 @@ OutlierCounts Pipeline::State::refine_on_host(int iteration, double sigma, std::
     tell_noise(measured, sigma, noise);
     const Frame its = frame();
     const std::shared_ptr<const NetWeights> weights = weights_ ? weights_ : own_net_weights();
-    sampling.for_each_on_host(1, [&](std::size_t) {
-      refine({measured, out, normals, noise, held}, *weights, its, out, stop);
-    });
+    const Classical classical{measured, out, normals, noise, held};
+    if (!refine_on_card(cloud, classical, *weights, its, out, stop))
+      sampling.for_each_on_host(1, [&](std::size_t) { refine(classical, *weights, its, out, stop); });
     limit(measured, limits, sampling, out);
     return counts;
   });

@@ -74,7 +74,7 @@ struct Pipeline::State {
   void run_learned(const Params& params, const Delivery& to, const std::stop_token& stop,
                    const ProgressFunction& progress);
   double noise_to_refine_by(const Params& used) const;
-  OutlierCounts refine_on_host(int iteration, double sigma, std::span<Point> out, const DisplacementLimits& limits,
+  OutlierCounts refine_outside(int iteration, double sigma, std::span<Point> out, const DisplacementLimits& limits,
                                std::span<std::uint8_t> marks, const std::stop_token& stop);
   void tell_noise(std::span<const Point> points, double sigma, std::span<float> out);
   void run_to_end(const Params& params, const Delivery& to, const std::stop_token& stop,

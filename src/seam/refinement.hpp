@@ -47,7 +47,7 @@ class Refinement {
   virtual OutlierCounts download_refined(int iteration, const DeviceOutput& points, DeviceStream stream,
                                          const DisplacementLimits& limits, std::span<std::uint8_t> outliers,
                                          const RefinedBy& by, const std::stop_token& stop) = 0;
-  // As refine() above, of a cloud in host memory.
+  // As refine() above, of a cloud in host memory. Throws Error(memory).
   virtual void refine(const Classical& classical, const NetWeights& weights, const Frame& frame, std::span<Point> out,
                       const std::stop_token& stop) = 0;
 };
