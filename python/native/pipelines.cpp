@@ -194,8 +194,7 @@ void set_viewpoint(SharedPipeline& self, const Input<double>& positions) {
 
 void set_weights(SharedPipeline& self, const nb::bytes& file, const std::string& name) {
   const std::span bytes(reinterpret_cast<const std::byte*>(file.c_str()), file.size());
-  self.use(nb::none(), 0,
-           [&](ArrayPipeline& arrays, const Watch&) { arrays.pipeline().set_weights(bytes, name); });
+  self.use(nb::none(), 0, [&](ArrayPipeline& arrays, const Watch&) { arrays.pipeline().set_weights(bytes, name); });
 }
 
 void set_viewpoint_text(SharedPipeline& self, const std::string& text) {
