@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A block of three warps works on a leaf. A thread has four channels of four points: what multiplies matrices then
-// reads 8 words of 16 bytes for 64 instructions, and mean and maximum over the edges of a point stay in the thread.
+// A block of three warps works on a leaf. Matrices are for the tensor cores: a warp has 16 channels of all points. Of
+// edges a thread has four channels of four points, so that their mean and maximum stay in the thread.
 #include "cuda/net/layers.cuh"
 #include "cuda/runtime/warp.cuh"
 
@@ -10,11 +10,10 @@ namespace {
 constexpr int kBlock = 128;
 constexpr int kPointsOfThread = 4, kGroups = kWarp / kPointsOfThread;  // threads with the same channels
 constexpr int kWords = net::kChannelWords, kTile = kWords * kGroups;
-constexpr int kQuads = kWords / 4;                                              // loads of 16 bytes for a state
-constexpr int kHiddenRow = net::kNeighbors * kWords + 4, kGateRow = kWarp + 1;  // words; no conflicts of banks
+constexpr int kQuads = kWords / 4;  // loads of 16 bytes for a state
+// words; no conflicts of banks
+constexpr int kHiddenRow = net::kNeighbors * kWords + 4, kGateRow = kWarp + 1, kOwnRow = net::kChannels + 4;
 static_assert(kTile == 3 * kWarp && kWords % net::kGates == 0 && kWords / net::kGates * 4 == net::kNeighbors);
-
-using Sums = int[kPointsOfThread][4];
 
 __device__ __forceinline__ int clamped(int value, int least, int most) { return max(least, min(most, value)); }
 __device__ __forceinline__ int activation(int rounded_sum) { return clamped(rounded_sum >> net::kSumShift, 0, 127); }
@@ -35,34 +34,65 @@ __device__ __forceinline__ void add_word(int (&sums)[4], int input, int4 weights
   sums[3] = __dp4a(input, weights.w, sums[3]);
 }
 
-// sums += weights x inputs of this thread's channels and points. `row(point)` has the inputs of one of them, kLength
-// times 16 bytes.
-template <int kLength, class Row>
-__device__ __forceinline__ void add_products(const int4* weights, int word, const Row& row, Sums& sums) {
-#pragma unroll 1
-  for (int quad = 0; quad < kLength; ++quad) {
-    int4 its[4];
+// sums += a matrix of 16 x 16 bytes times one of 16 x 8, as the lanes of a warp hold them (PTX ISA, mma.m16n8k16).
+__device__ __forceinline__ void multiply(int (&sums)[4], unsigned low_rows, unsigned high_rows, int weights) {
+#if __CUDA_ARCH__ >= 800
+  asm("mma.sync.aligned.m16n8k16.row.col.s32.s8.s8.s32 {%0,%1,%2,%3}, {%4,%5}, {%6}, {%0,%1,%2,%3};"
+      : "+r"(sums[0]), "+r"(sums[1]), "+r"(sums[2]), "+r"(sums[3])
+      : "r"(low_rows), "r"(high_rows), "r"(weights));
+#else
+  asm("mma.sync.aligned.m8n8k16.row.col.s32.s8.s8.s32 {%0,%1}, {%2}, {%3}, {%0,%1};"
+      : "+r"(sums[0]), "+r"(sums[1])
+      : "r"(low_rows), "r"(weights));
+  asm("mma.sync.aligned.m8n8k16.row.col.s32.s8.s8.s32 {%0,%1}, {%2}, {%3}, {%0,%1};"
+      : "+r"(sums[2]), "+r"(sums[3])
+      : "r"(high_rows), "r"(weights));
+#endif
+}
+
+// A warp's sums: 16 channels of the 32 points of a leaf.
+class WarpSums {
+ public:
+  // From `bias`, null for 0, with the rounding of what comes after.
+  __device__ __forceinline__ WarpSums(const int* bias, int rounding) {
+    for_pairs([&](int, int channel, int& first, int& second) {
+      first = (bias != nullptr ? bias[channel] : 0) + rounding;
+      second = (bias != nullptr ? bias[channel + 1] : 0) + rounding;
+    });
+  }
+  // Adds weights x inputs; `row(point)` has the inputs of a point, kLength words.
+  template <int kLength, class Row>
+  __device__ __forceinline__ void add_products(const signed char* weights, const Row& row) {
+    const int* const its = reinterpret_cast<const int*>(weights) + lane_ % 4 * net::kChannels + first_ + lane_ / 4;
 #pragma unroll
-    for (int i = 0; i < 4; ++i) its[i] = weights[(4 * quad + i) * kWords + word];
+    for (int word = 0; word < kLength; word += 4) {
+      const int near = its[word * net::kChannels], far = its[word * net::kChannels + 8];
 #pragma unroll
-    for (int p = 0; p < kPointsOfThread; ++p) {
-      const int4 inputs = row(p)[quad];
-      add_word(sums[p], inputs.x, its[0]);
-      add_word(sums[p], inputs.y, its[1]);
-      add_word(sums[p], inputs.z, its[2]);
-      add_word(sums[p], inputs.w, its[3]);
+      for (int half = 0; half < 2; ++half) {
+        const unsigned low = row(16 * half + lane_ / 4)[word + lane_ % 4];
+        const unsigned high = row(16 * half + 8 + lane_ / 4)[word + lane_ % 4];
+        multiply(sums_[half][0], low, high, near);
+        multiply(sums_[half][1], low, high, far);
+      }
     }
   }
-}
-__device__ __forceinline__ void begin_sums(Sums& sums, int4 with) {
+  // Calls visit(point, channel, its sum, that of the next channel) for all that this lane holds.
+  template <class Visit>
+  __device__ __forceinline__ void for_pairs(const Visit& visit) {
 #pragma unroll
-  for (int p = 0; p < kPointsOfThread; ++p) {
-    sums[p][0] = with.x + kRounding;
-    sums[p][1] = with.y + kRounding;
-    sums[p][2] = with.z + kRounding;
-    sums[p][3] = with.w + kRounding;
+    for (int half = 0; half < 2; ++half)
+#pragma unroll
+      for (int n = 0; n < 2; ++n)
+#pragma unroll
+        for (int row = 0; row < 2; ++row)
+          visit(16 * half + 8 * row + lane_ / 4, first_ + 8 * n + lane_ % 4 * 2, sums_[half][n][2 * row],
+                sums_[half][n][2 * row + 1]);
   }
-}
+
+ private:
+  int lane_ = static_cast<int>(lane_number()), first_ = static_cast<int>(threadIdx.x) / kWarp * 16;  // channel
+  int sums_[2][2][4];
+};
 
 // A point a thread, as the next.
 __global__ void __launch_bounds__(kBlock)
@@ -118,7 +148,6 @@ struct Tile {
   int word = static_cast<int>(threadIdx.x) % kWords, group = static_cast<int>(threadIdx.x) / kWords;
   Index first = blockIdx.x * kWarp;
   __device__ int lane_of(int p) const { return group * kPointsOfThread + p; }
-  __device__ std::size_t row_of(int p) const { return std::size_t(first + Index(lane_of(p))) * kWords; }
 };
 
 __device__ __forceinline__ unsigned stored_pair(int a, int b) {
@@ -128,16 +157,19 @@ __device__ __forceinline__ unsigned stored_pair(int a, int b) {
   return (static_cast<unsigned>(x) & 0xffffu) | static_cast<unsigned>(y) << 16;
 }
 
+__device__ __forceinline__ unsigned activation_pair(int a, int b) {
+  return static_cast<unsigned>(activation(a)) | static_cast<unsigned>(activation(b)) << 8;
+}
+
 __global__ void __launch_bounds__(kTile)
     store_states(const __grid_constant__ NetCloud cloud, const signed char* weights) {
-  const Tile tile;
-  Sums sums{};
-  const auto state = [&](int p) { return reinterpret_cast<const int4*>(cloud.state + tile.row_of(p)); };
-  add_products<kQuads>(words_of(weights), tile.word, state, sums);
-#pragma unroll
-  for (int p = 0; p < kPointsOfThread; ++p)
-    cloud.stored[tile.row_of(p) + tile.word] = {stored_pair(sums[p][0], sums[p][1]),
-                                                stored_pair(sums[p][2], sums[p][3])};
+  const std::size_t first = std::size_t(blockIdx.x) * kWarp;
+  WarpSums sums(nullptr, 0);
+  sums.add_products<kWords>(weights, [&](int p) { return cloud.state + (first + p) * kWords; });
+  unsigned* const stored = reinterpret_cast<unsigned*>(cloud.stored);  // pairs of channels
+  sums.for_pairs([&](int p, int channel, int a, int b) {
+    stored[((first + p) * net::kChannels + channel) / 2] = stored_pair(a, b);
+  });
 }
 
 struct None {};
@@ -151,7 +183,8 @@ struct Gated {
 template <bool kGated>
 struct LayerMemory {
   int4 edges[net::kNeighbors][kWarp];  // words of features, and the neighbour
-  int4 means[kWarp][kQuads], largest[kWarp][kQuads];
+  unsigned means[kWarp][kWords], largest[kWarp][kWords];
+  alignas(16) int own[kWarp][kOwnRow];
   std::conditional_t<kGated, Gated, None> gated;
 };
 
@@ -247,10 +280,10 @@ __global__ void __launch_bounds__(kTile, 6)
   const net::Place here = cloud.place(at, cloud.normal);
   find_features(cloud, scale, list, here, at, memory.edges);
 
-  const auto state = [&](int p) { return reinterpret_cast<const int4*>(cloud.state + tile.row_of(p)); };
-  Sums sums;
-  begin_sums(sums, bias_of(layer.own_bias, tile.word));
-  add_products<kQuads>(words_of(layer.own), tile.word, state, sums);
+  const auto state = [&](int p) { return cloud.state + std::size_t(tile.first + p) * kWords; };
+  WarpSums own(layer.own_bias, kRounding);
+  own.add_products<kWords>(layer.own, state);
+  own.for_pairs([&](int p, int channel, int a, int b) { *reinterpret_cast<int2*>(memory.own[p] + channel) = {a, b}; });
   EdgeWeights weights;
 #pragma unroll
   for (int w = 0; w < net::kEdgeWords; ++w) weights.of[w] = words_of(layer.edge)[w * kWords + tile.word];
@@ -258,13 +291,15 @@ __global__ void __launch_bounds__(kTile, 6)
 
 #pragma unroll
   for (int p = 0; p < kPointsOfThread; ++p) {
+    const int4 all = *reinterpret_cast<const int4*>(memory.own[tile.lane_of(p)] + 4 * tile.word);
+    const int sums[4] = {all.x, all.y, all.z, all.w};
     int sum[4] = {}, most[4] = {};
 #pragma unroll 8
     for (int e = 0; e < net::kNeighbors; ++e) {
       const int4 edge = memory.edges[e][tile.lane_of(p)];
       const uint2 stored = cloud.stored[std::size_t(static_cast<Index>(edge.w)) * kWords + tile.word];
       int hidden[4];
-      edge_activations(sums[p], stored, edge, weights, hidden);
+      edge_activations(sums, stored, edge, weights, hidden);
 #pragma unroll
       for (int c = 0; c < 4; ++c) {
         sum[c] += hidden[c];
@@ -275,11 +310,10 @@ __global__ void __launch_bounds__(kTile, 6)
             packed(hidden[0], hidden[1], hidden[2], hidden[3]);
     }
     constexpr int kHalf = net::kNeighbors / 2;
-    reinterpret_cast<unsigned*>(memory.means[tile.lane_of(p)])[tile.word] =
+    memory.means[tile.lane_of(p)][tile.word] =
         packed((sum[0] + kHalf) / net::kNeighbors, (sum[1] + kHalf) / net::kNeighbors,
                (sum[2] + kHalf) / net::kNeighbors, (sum[3] + kHalf) / net::kNeighbors);
-    reinterpret_cast<unsigned*>(memory.largest[tile.lane_of(p)])[tile.word] =
-        packed(most[0], most[1], most[2], most[3]);
+    memory.largest[tile.lane_of(p)][tile.word] = packed(most[0], most[1], most[2], most[3]);
     if constexpr (kGated) {
       __syncthreads();
       find_gates(layer.gate, tile, p, memory.gated);
@@ -292,18 +326,17 @@ __global__ void __launch_bounds__(kTile, 6)
     __syncthreads();
   }
 
-  begin_sums(sums, bias_of(layer.update_bias, tile.word));
-  const int4* const update = words_of(layer.update);
-  add_products<kQuads>(update, tile.word, state, sums);
-  add_products<kQuads>(
-      update + kWords * kWords, tile.word, [&](int p) { return memory.means[tile.lane_of(p)]; }, sums);
-  add_products<kQuads>(
-      update + 2 * kWords * kWords, tile.word, [&](int p) { return memory.largest[tile.lane_of(p)]; }, sums);
-  __syncthreads();  // all have read the states
-#pragma unroll
-  for (int p = 0; p < kPointsOfThread; ++p)
-    cloud.state[tile.row_of(p) + tile.word] =
-        packed(activation(sums[p][0]), activation(sums[p][1]), activation(sums[p][2]), activation(sums[p][3]));
+  WarpSums update(layer.update_bias, kRounding);
+  constexpr int kPart = kWords * 4 * net::kChannels;  // bytes of weights
+  update.add_products<kWords>(layer.update, state);
+  update.add_products<kWords>(layer.update + kPart, [&](int p) { return memory.means[p]; });
+  update.add_products<kWords>(layer.update + 2 * kPart, [&](int p) { return memory.largest[p]; });
+  __syncthreads();                                                                // all have read the states
+  unsigned short* const states = reinterpret_cast<unsigned short*>(cloud.state);  // pairs of channels
+  update.for_pairs([&](int p, int channel, int a, int b) {
+    states[(std::size_t(tile.first + p) * net::kChannels + channel) / 2] =
+        static_cast<unsigned short>(activation_pair(a, b));
+  });
 }
 
 __device__ __forceinline__ float output_of(const net::Weights& weights, int number, const int4* state) {
