@@ -10,12 +10,21 @@
 namespace pointfair::cpu {
 namespace sse2 {
 extern const Kernels kKernels;
-}
+extern const NetKernels kNetKernels;
+}  // namespace sse2
 namespace avx2 {
 extern const Kernels kKernels;
+extern const NetKernels kNetKernels;
+}  // namespace avx2
+namespace avxvnni {
+extern const NetKernels kNetKernels;
 }
 namespace avx512 {
 extern const Kernels kKernels;
+extern const NetKernels kNetKernels;
+}  // namespace avx512
+namespace avx512vnni {
+extern const NetKernels kNetKernels;
 }
 }  // namespace pointfair::cpu
 #endif
@@ -26,12 +35,23 @@ inline std::vector<const cpu::Kernels*> available_kernels() {
 #if defined(__x86_64__)
   std::vector<const cpu::Kernels*> result = {&cpu::sse2::kKernels};
   if (__builtin_cpu_supports("avx2")) result.push_back(&cpu::avx2::kKernels);
-  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw") &&
-      __builtin_cpu_supports("avx512vl"))
-    result.push_back(&cpu::avx512::kKernels);
+  if (cpu::has_avx512()) result.push_back(&cpu::avx512::kKernels);
   return result;
 #else
   return {&cpu::best_kernels()};
+#endif
+}
+
+inline std::vector<const cpu::NetKernels*> available_net_kernels() {
+#if defined(__x86_64__)
+  std::vector<const cpu::NetKernels*> result = {&cpu::sse2::kNetKernels};
+  if (__builtin_cpu_supports("avx2")) result.push_back(&cpu::avx2::kNetKernels);
+  if (cpu::has_avx_vnni()) result.push_back(&cpu::avxvnni::kNetKernels);
+  if (cpu::has_avx512()) result.push_back(&cpu::avx512::kNetKernels);
+  if (cpu::has_avx512_vnni()) result.push_back(&cpu::avx512vnni::kNetKernels);
+  return result;
+#else
+  return {&cpu::best_net_kernels()};
 #endif
 }
 

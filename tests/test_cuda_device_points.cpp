@@ -164,6 +164,22 @@ TEST_F(CudaDevicePointsTest, wait_for_a_late_producer_and_hold_up_the_next_write
   }
 }
 
+TEST_F(CudaDevicePointsTest, refined_points_stay_on_the_card) {
+  const std::vector<Point> points = noisy_sphere(int(slow_tools::most_points(20000)));
+  std::vector<Point> expected(points.size()), result(points.size());
+  const std::size_t bytes = points.size() * sizeof(Point);
+  void* const memory = on_card(points.data(), bytes);
+  Params params;
+  params.method = Method::learned;
+  Pipeline pipeline(Device::cuda);
+  pipeline.load(points);
+  pipeline.run(params, expected);
+  pipeline.load({memory, points.size()}, stream());
+  pipeline.run(params, {memory, points.size()}, stream());
+  ASSERT_EQ(cudaMemcpy(result.data(), memory, bytes, cudaMemcpyDeviceToHost), cudaSuccess);
+  EXPECT_EQ(std::memcmp(result.data(), expected.data(), bytes), 0);
+}
+
 TEST_F(CudaDevicePointsTest, normals_stay_on_the_card) {
   const std::vector<Point> points = noisy_sphere(int(slow_tools::most_points(5000)));
   std::vector<Point> expected(points.size()), result(points.size());

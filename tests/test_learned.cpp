@@ -4,14 +4,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
-#include <fstream>
-#include <iterator>
 #include <string>
 #include <vector>
 
 #include "cpu/refinement.h"
 #include "every_kernel.h"
+#include "learned_clouds.h"
 #include "pointfair/pipeline.hpp"
 #include "shapes.h"
 
@@ -20,46 +18,10 @@ namespace {
 
 using shapes::Points;
 
-const std::string kFolder = std::string(POINTFAIR_SOURCE_DIR) + "/tests/learned/";
-const std::string kWeights = std::string(POINTFAIR_SOURCE_DIR) + "/src/learned/weights.bin";
+using learned_clouds::bytes_of;
+using learned_clouds::kWeightsFile;
 
-std::vector<std::byte> bytes_of(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::vector<char> chars{std::istreambuf_iterator<char>(file), {}};
-  std::vector<std::byte> bytes(chars.size());
-  std::memcpy(bytes.data(), chars.data(), chars.size());
-  return bytes;
-}
-
-// A file of training/net/golden.py.
-struct Golden {
-  Frame frame;
-  Points measured, classical, normals, refined;
-  std::vector<float> noise;
-};
-Golden golden(const std::string& name) {
-  const std::vector<std::byte> bytes = bytes_of(kFolder + name);
-  std::uint32_t count = 0;
-  std::memcpy(&count, bytes.data(), sizeof count);
-  std::vector<float> numbers((bytes.size() - sizeof count) / sizeof(float));
-  std::memcpy(numbers.data(), bytes.data() + sizeof count, numbers.size() * sizeof(float));
-  Golden result;
-  result.frame.corner = {numbers[0], numbers[1], numbers[2]};
-  const auto point_at = [&](std::size_t at) { return Point{numbers[at], numbers[at + 1], numbers[at + 2]}; };
-  for (std::size_t at = 3; at + 13 <= numbers.size(); at += 13) {
-    result.measured.push_back(point_at(at));
-    result.classical.push_back(point_at(at + 3));
-    result.normals.push_back(point_at(at + 6));
-    result.noise.push_back(numbers[at + 9]);
-    result.refined.push_back(point_at(at + 10));
-  }
-  EXPECT_EQ(result.refined.size(), count);
-  return result;
-}
-
-bool same_bits(const Points& a, const Points& b) {
-  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(Point)) == 0;
-}
+bool same_bits(const Points& a, const Points& b) { return learned_clouds::differing(a, b) == 0; }
 
 Points learned(const Points& points, unsigned threads = 1, Params params = {}) {
   params.method = Method::learned;
@@ -80,16 +42,31 @@ Points classical(const Points& points) {
 double distance(const Point& a, const Point& b) { return std::hypot(a.x - b.x, a.y - b.y, a.z - b.z); }
 
 TEST(Learned, every_instruction_set_gives_the_bits_of_the_integer_reference) {
-  for (const char* name : {"sphere.bin", "edge.bin", "waves.bin"}) {
-    const Golden g = golden(name);
-    const std::vector<std::uint8_t> held(g.measured.size());
-    for (const cpu::Kernels* kernels : available_kernels()) {
-      Points out(g.measured.size());
-      cpu::refine({g.measured, g.classical, g.normals, g.noise, held}, *own_net_weights(), g.frame, *kernels, out, {});
-      std::size_t different = 0;
-      for (std::size_t i = 0; i < out.size(); ++i) different += std::memcmp(&out[i], &g.refined[i], sizeof(Point)) != 0;
-      EXPECT_EQ(different, 0u) << name << " " << kernels->name;
-    }
+  const std::vector<learned_clouds::Golden> clouds = learned_clouds::golden_clouds();
+  ASSERT_EQ(clouds.size(), 20u);
+  for (std::size_t n = 0; n < clouds.size(); ++n) {
+    const auto expect_same = [&](const cpu::Kernels& kernels, const cpu::NetKernels& net_kernels) {
+      Points out(clouds[n].measured.size());
+      cpu::refine(clouds[n].input(), *own_net_weights(), clouds[n].frame, kernels, net_kernels, out, {});
+      EXPECT_EQ(learned_clouds::differing(out, clouds[n].refined), 0u)
+          << n << " " << kernels.name << ", " << net_kernels.name;
+    };
+    for (const cpu::Kernels* kernels : available_kernels()) expect_same(*kernels, cpu::best_net_kernels());
+    for (const cpu::NetKernels* net_kernels : available_net_kernels()) expect_same(cpu::best_kernels(), *net_kernels);
+  }
+}
+
+TEST(Learned, the_order_of_points_does_not_change_a_bit_of_the_reference) {
+  for (const learned_clouds::Golden& cloud : learned_clouds::golden_clouds()) {
+    const auto order = shapes::shuffle_order(cloud.measured.size(), 9);
+    learned_clouds::Golden other = cloud;
+    for (Points learned_clouds::Golden::*rows : {&learned_clouds::Golden::measured, &learned_clouds::Golden::classical,
+                                                 &learned_clouds::Golden::normals, &learned_clouds::Golden::refined})
+      other.*rows = shapes::permuted(cloud.*rows, order);
+    for (std::size_t i = 0; i < order.size(); ++i) other.noise[i] = cloud.noise[order[i]];
+    Points out(order.size());
+    refine(other.input(), *own_net_weights(), other.frame, out, {});
+    EXPECT_TRUE(same_bits(out, other.refined));
   }
 }
 
@@ -101,6 +78,26 @@ TEST(Learned, threads_and_the_order_of_points_do_not_change_a_bit) {
     EXPECT_TRUE(same_bits(learned(points, 3), expected));
     const std::vector<std::uint32_t> order = shapes::shuffle_order(points.size(), 5);
     EXPECT_TRUE(same_bits(learned(shapes::permuted(points, order), 2), shapes::permuted(expected, order)));
+  }
+}
+
+TEST(Learned, no_point_leaves_the_default_run_by_more_than_two_noises) {
+  Params params;
+  params.displacement_limit = 1;  // which would hold the default run's result back, too
+  Pipeline pipeline(Device(Device::cpu));
+  for (const Points& points :
+       {shapes::with_noise(shapes::cube(6000), 0.02), shapes::with_noise(shapes::uneven(6000, 1000), 0.01)}) {
+    Points before(points.size());
+    std::vector<float> noise(points.size());
+    pipeline.load(points);
+    pipeline.run(params, before);
+    pipeline.noise(noise);
+    const Points after = learned(points, 1, params);
+    double farthest = 0;
+    for (std::size_t i = 0; i < points.size(); ++i)
+      farthest = std::max(farthest, distance(before[i], after[i]) / double(noise[i]));
+    EXPECT_LE(farthest, 2 * 1.0001);
+    EXPECT_GT(farthest, 0.5);
   }
 }
 
@@ -203,7 +200,7 @@ std::string refusal(const std::vector<std::byte>& bytes) {
 }
 
 TEST(Learned, weights_that_do_not_fit_give_one_clear_line) {
-  const std::vector<std::byte> sound = bytes_of(kWeights);
+  const std::vector<std::byte> sound = bytes_of(kWeightsFile);
   EXPECT_EQ(refusal(sound), "none");
   std::vector<std::byte> cut(sound.begin(), sound.end() - 100), foreign(5000, std::byte('x')), newer = sound,
                                                                                                damaged = sound;
@@ -222,7 +219,7 @@ TEST(Learned, a_given_file_takes_the_place_of_the_own_weights) {
   Params params;
   params.method = Method::learned;
   Pipeline pipeline(Device(Device::cpu));
-  pipeline.set_weights(bytes_of(kWeights), "own");
+  pipeline.set_weights(bytes_of(kWeightsFile), "own");
   pipeline.load(points);
   Points result(points.size());
   pipeline.run(params, result);

@@ -192,6 +192,11 @@ void set_viewpoint(SharedPipeline& self, const Input<double>& positions) {
   self.use_cloud([&](ArrayPipeline& arrays, const Watch&) { arrays.set_viewpoint(span); });
 }
 
+void set_weights(SharedPipeline& self, const nb::bytes& file, const std::string& name) {
+  const std::span bytes(reinterpret_cast<const std::byte*>(file.c_str()), file.size());
+  self.use(nb::none(), 0, [&](ArrayPipeline& arrays, const Watch&) { arrays.pipeline().set_weights(bytes, name); });
+}
+
 void set_viewpoint_text(SharedPipeline& self, const std::string& text) {
   self.use_cloud([&](ArrayPipeline& arrays, const Watch&) { arrays.set_viewpoint(text); });
 }
@@ -293,6 +298,7 @@ void bind_pipelines(nb::module_& module) {
       .def("set_noise", &set_noise, nb::arg("sigmas").noconvert())
       .def("set_viewpoint", &set_viewpoint, nb::arg("positions").noconvert())
       .def("set_viewpoint_text", &set_viewpoint_text, nb::arg("text"))
+      .def("set_weights", &set_weights, nb::arg("file"), nb::arg("name"))
       .def("outliers", &outliers)
       .def("report", [](SharedPipeline& self) { return as_tuple(self.arrays().pipeline().report()); })
       .def("device", [](SharedPipeline& self) { return as_tuple(self.arrays().pipeline().device()); })

@@ -107,11 +107,12 @@ class Cloud:
 
     def denoise(self, params: Params | None = None, *, mask: Any = None, where: str | None = None,
                 ignore: str | None = None, strength: float = 1.0, box: Any = None, viewpoint: Any = None,
-                device: str = "auto", threads: int = 0, progress: Progress = False, **parameters: Unpack[ParamArguments]) -> Cloud:
+                weights: Any = None, device: str = "auto", threads: int = 0, progress: Progress = False,
+                **parameters: Unpack[ParamArguments]) -> Cloud:
         """A copy with moved points, and with outliers="mark" the attribute "outlier". Arguments are those of
         pointfair.denoise, which has a report as well."""
         chosen = make_params(params, parameters)
-        with borrowed(device, threads) as pipeline, progress_function(progress) as show:
+        with borrowed(device, threads, weights) as pipeline, progress_function(progress) as show:
             return Cloud._of(run_cloud(pipeline, self._native, chosen, mask=mask, where=where, ignore=ignore,
                                        strength=strength, box=box, viewpoint=viewpoint, show=show))
 

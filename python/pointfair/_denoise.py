@@ -25,22 +25,22 @@ Points = TypeVar("Points")
 
 @overload
 def denoise(points: Points, params: Params | None = None, *, mask: Any = None, where: str | None = None,
-            ignore: str | None = None, strength: float = 1.0, box: Any = None, viewpoint: Any = None, normals: bool = False,
-            device: str = "auto", threads: int = 0, out: Any = None, progress: Progress = False,
+            ignore: str | None = None, strength: float = 1.0, box: Any = None, viewpoint: Any = None, weights: Any = None,
+            normals: bool = False, device: str = "auto", threads: int = 0, out: Any = None, progress: Progress = False,
             return_report: Literal[False] = False, **parameters: Unpack[ParamArguments]) -> Points: ...
 @overload
 def denoise(points: Points, params: Params | None = None, *, mask: Any = None, where: str | None = None,
-            ignore: str | None = None, strength: float = 1.0, box: Any = None, viewpoint: Any = None, normals: bool = False,
-            device: str = "auto", threads: int = 0, out: Any = None, progress: Progress = False,
+            ignore: str | None = None, strength: float = 1.0, box: Any = None, viewpoint: Any = None, weights: Any = None,
+            normals: bool = False, device: str = "auto", threads: int = 0, out: Any = None, progress: Progress = False,
             return_report: Literal[True], **parameters: Unpack[ParamArguments]) -> tuple[Points, Report]: ...
 @overload
 def denoise(points: Points, params: Params | None = None, *, mask: Any = None, where: str | None = None,
-            ignore: str | None = None, strength: float = 1.0, box: Any = None, viewpoint: Any = None, normals: bool = False,
-            device: str = "auto", threads: int = 0, out: Any = None, progress: Progress = False,
+            ignore: str | None = None, strength: float = 1.0, box: Any = None, viewpoint: Any = None, weights: Any = None,
+            normals: bool = False, device: str = "auto", threads: int = 0, out: Any = None, progress: Progress = False,
             return_report: bool, **parameters: Unpack[ParamArguments]) -> Points | tuple[Points, Report]: ...
 def denoise(points: Any, params: Params | None = None, *, mask: Any = None, where: str | None = None,
-            ignore: str | None = None, strength: float = 1.0, box: Any = None, viewpoint: Any = None, normals: bool = False,
-            device: str = "auto", threads: int = 0, out: Any = None, progress: Progress = False,
+            ignore: str | None = None, strength: float = 1.0, box: Any = None, viewpoint: Any = None, weights: Any = None,
+            normals: bool = False, device: str = "auto", threads: int = 0, out: Any = None, progress: Progress = False,
             return_report: bool = False, **parameters: Unpack[ParamArguments]) -> Any:
     """Removes the noise of a cloud and keeps its shape. No point is added or removed.
 
@@ -59,6 +59,7 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
             point; (0, 0, 0) in a camera's own coordinates. Points between two surfaces along the ray are then outliers,
             normals look to the sensor, and along="ray" is possible. With a Cloud also the names of three attributes,
             "vx,vy,vz", or "none"; by default what its file says.
+        weights: for method="learned", a file of weights in place of the program's own: its path, or its bytes.
         normals: whether the report has the normals; needs return_report.
         device: "auto" is where a tensor lies, else a CUDA card if there is one, else the CPU; or "cpu", "cuda",
             "cuda:N"; or several cards, "cuda:0,2" or "cuda:all", which share clouds of 4 million points and more.
@@ -75,6 +76,7 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
 
     Raises:
         UsageError: an argument has a wrong shape, type or value.
+        FileError: the file of weights cannot be read, is cut, damaged, foreign, or of another version.
         DeviceError: the device cannot be used.
         OutOfMemory: the host or the device has too little memory.
         KeyboardInterrupt: within 200 ms of Ctrl-C.
@@ -95,7 +97,7 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
                 in_part=mask is not None or box is not None or strength != 1, out=out)
     if layout is not None:
         device = layout.check_device(device)
-    with borrowed(device, threads) as pipeline, progress_function(progress) as show:
+    with borrowed(device, threads, weights) as pipeline, progress_function(progress) as show:
         if layout is not None:
             result: Any = _denoise_on_card(pipeline, points, layout, chosen, viewpoint, out, show)
         elif isinstance(points, Cloud):

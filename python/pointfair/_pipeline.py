@@ -13,7 +13,7 @@ from ._errors import UsageError
 from ._params import Params
 from ._progress import Progress, progress_function
 from ._report import DeviceInfo, Estimates, Report, device_of, report_of
-from ._runs import make_params, native_pipeline, set_viewpoint
+from ._runs import make_params, native_pipeline, set_viewpoint, set_weights
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -32,9 +32,11 @@ class Pipeline:
         device: "auto" is a CUDA card if there is one, else the CPU; or "cpu", "cuda", "cuda:N"; or several
             cards, "cuda:0,2" or "cuda:all", which share clouds of 4 million points and more.
         threads: CPU threads; 0: all cores.
+        weights: for method="learned", as in pointfair.denoise; of all clouds.
 
     Raises:
         DeviceError: the device cannot be used.
+        FileError: the file of weights cannot be used.
 
     Examples:
         >>> pipeline = Pipeline("cpu")
@@ -43,8 +45,10 @@ class Pipeline:
         (1000, 3)
     """
 
-    def __init__(self, device: str = "auto", *, threads: int = 0) -> None:
+    def __init__(self, device: str = "auto", *, threads: int = 0, weights: Any = None) -> None:
         self._native = native_pipeline(device, threads)
+        if weights is not None:
+            set_weights(self._native, weights)
         self._layout: Layout | None = None
         self._on_card: Any = None  # the array that lies on the card
         self._last_params: Params | None = None

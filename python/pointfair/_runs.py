@@ -9,7 +9,7 @@ from typing import Any, Iterator
 
 from . import _native
 from ._arrays import as_box, as_mask, as_selections, as_strength, as_viewpoint
-from ._errors import UsageError
+from ._errors import FileError, UsageError
 from ._params import Params
 from ._values import as_text, as_threads
 
@@ -63,13 +63,17 @@ def _take(device: str, threads: int) -> _native.Pipeline:
 
 
 @contextlib.contextmanager
-def borrowed(device: str, threads: int) -> Iterator[_native.Pipeline]:
+def borrowed(device: str, threads: int, weights: Any = None) -> Iterator[_native.Pipeline]:
     """A pipeline for one call."""
     threads = as_threads(threads)  # 1.0 and True are the same keys as 1
     pipeline = _take(device, threads)
     try:
+        if weights is not None:
+            set_weights(pipeline, weights)
         yield pipeline
     finally:
+        if weights is not None:
+            pipeline.set_weights(b"", "")
         _give_back(pipeline, device, threads)
 
 
@@ -86,6 +90,25 @@ def set_viewpoint(pipeline: _native.Pipeline, viewpoint: Any) -> None:
         pipeline.set_viewpoint_text(viewpoint)
     else:
         pipeline.set_viewpoint(as_viewpoint(viewpoint, pipeline.points))
+
+
+def set_weights(pipeline: _native.Pipeline, weights: Any) -> None:
+    """Those of the method learned: a file, or what one holds; None: the program's own."""
+    if weights is None:
+        pipeline.set_weights(b"", "")
+    elif isinstance(weights, bytes):
+        pipeline.set_weights(weights or b"-", "weights")  # nothing at all is no file of weights either
+    else:
+        try:
+            path = os.fspath(weights)
+        except TypeError:
+            raise UsageError(f"weights is a {type(weights).__name__}: give a file's path, or its bytes") from None
+        try:
+            with open(path, "rb") as file:
+                content = file.read()
+        except OSError as error:
+            raise FileError(f"{os.fsdecode(path)}: cannot be read: {error.strerror}") from None
+        pipeline.set_weights(content or b"-", os.fsdecode(path))
 
 
 def run_cloud(pipeline: _native.Pipeline, cloud: _native.Cloud, params: Params, *, mask: Any, where: str | None,

@@ -6,7 +6,6 @@
 #include "cpu/growth.h"
 #include "cpu/hilbert.h"
 #include "cpu/method_loops.h"
-#include "cpu/net_loops.h"
 #include "cpu/pack.h"
 #include "cpu/search.h"
 #include "cpu/search_there.h"
@@ -24,8 +23,8 @@ static void nearest(const IndexView& index, Index leaf, int k, float squared_lim
 }
 
 extern const Kernels kKernels;
-const Kernels kKernels = {
-    POINTFAIR_ISA_LABEL, hilbert_keys, curve_keys,    nearest, grow,   squared_radii, mean_distances, normals,
-    filter_normals,      fair,         displacements, move,    survey, nearest_there, net_begin,      net_layer};
+const Kernels kKernels = {POINTFAIR_ISA_LABEL, hilbert_keys,   curve_keys, nearest,        grow,
+                          squared_radii,       mean_distances, normals,    filter_normals, fair,
+                          displacements,       move,           survey,     nearest_there};
 
 }  // namespace pointfair::cpu::POINTFAIR_ISA

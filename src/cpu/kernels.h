@@ -95,7 +95,7 @@ struct NetCloud {
   point::Vec3<float>* steps;  // in noises
 };
 
-// Each kernel treats the 16 points of one leaf, but for the net's, which treat those from `first` to before `last`.
+// Each kernel treats the 16 points of one leaf.
 struct Kernels {
   const char* name;
   // Keys of the points `elements` names (ascending places in the low half), into the high half: position along the
@@ -137,16 +137,25 @@ struct Kernels {
   // points lies there, which does not count, -1 where it does not. `start`: a leaf near them there. k <= 64.
   void (*nearest_there)(const IndexView& here, Index leaf, const IndexView& there, const int* own, Index start, int k,
                         Index* out);
-  void (*net_begin)(const NetCloud&, const point::net::Weights&, Index first, Index last);
-  void (*net_layer)(const NetCloud&, const point::net::Weights&, int layer, Index first, Index last);
+};
+
+// Of the net, for the points from `first` to before `last`.
+struct NetKernels {
+  const char* name;
+  void (*begin)(const NetCloud&, const point::net::Weights&, Index first, Index last);
+  void (*layer)(const NetCloud&, const point::net::Weights&, int layer, Index first, Index last);
 };
 
 // The k nearest other points within `squared_limit` of the one at sorted position `at`, for the kernels where a point
 // has nothing in common with those of its leaf: list[slot * 16].
 void find_alone(const IndexView& index, Index at, int k, float squared_limit, Index* list);
 
-// The kernels of the best instruction set that this processor has; POINTFAIR_ISA=sse2|avx2|avx512 asks for a lesser
-// one.
+// The kernels of the best instruction set that this processor has; POINTFAIR_ISA=sse2|avx2|avxvnni|avx512 asks for a
+// lesser one. Those of VNNI are the net's alone.
 const Kernels& best_kernels();
+const NetKernels& best_net_kernels();
+bool has_avx512();
+bool has_avx512_vnni();
+bool has_avx_vnni();
 
 }  // namespace pointfair::cpu

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The net of src/point/net.h over the points of a cloud: the neighbours of a point lie in the lanes of packs. Part of
-// src/cpu/kernels.cpp.
+// src/cpu/net_kernels.cpp.
 #pragma once
 
 #include "cpu/kernels.h"
@@ -56,12 +56,10 @@ inline net::Scale measure_scale(const net::Place& here, const NeighborRows& rows
   return net::scale_of(sums);
 }
 
-inline void store_for_neighbors(const net::Weights& weights, int layer, const std::uint8_t* state, std::int16_t* out) {
-  int words[net::kChannelWords];
-  __builtin_memcpy(words, state, sizeof words);
-  Sums sums{};
-  add_products(words, net::kChannelWords, weights.layers[layer].other, sums);
-  to_stored(sums, out);
+inline void store_state(const net::Weights& weights, int layer, const std::uint8_t* state, std::int16_t* out) {
+  SumRow sums(nullptr, kStoredRounding);
+  sums.add_products(state, net::kChannels, weights.layers[layer].other);
+  store_for_neighbors(sums.of, out);
 }
 
 // Turns normals, and makes the first state of points [first, last).
@@ -84,12 +82,11 @@ inline void net_begin(const NetCloud& cloud, const net::Weights& weights, Index 
     cloud.steps[i] = {0, 0, 0};
     int words[net::kPointWords];
     net::point_words(here, scales, words);
-    Sums sums;
-    __builtin_memcpy(sums.of, weights.input_bias, sizeof sums.of);
-    add_products(words, net::kPointWords, weights.input, sums);
+    SumRow sums(weights.input_bias, kRounding);
+    sums.add_products(reinterpret_cast<const std::uint8_t*>(words), net::kPointFeatures, weights.input);
     std::uint8_t* state = cloud.states + std::size_t(i) * net::kChannels;
-    to_activations(sums, state);
-    store_for_neighbors(weights, 0, state, cloud.stored[0] + std::size_t(i) * net::kChannels);
+    store_activations(sums.of, state);
+    store_state(weights, 0, state, cloud.stored[0] + std::size_t(i) * net::kChannels);
   }
 }
 
@@ -106,9 +103,8 @@ class GatedSum {
     const float per_size = 1.0f / size;
     point::Vec3<float> sum{};
     for (int e = 0; e < net::kNeighbors; ++e) {
-      float gates[net::kGates];
-      for (int g = 0; g < net::kGates; ++g)
-        gates[g] = static_cast<float>(product(hidden[e], gate + g * net::kChannels));
+      float gates[net::kGates + 1];
+      find_gates(hidden[e], gate, gates);
       const float pull = gates[0] * of_[0][e] + gates[1] * of_[1][e], along = gates[2] * per_size;
       sum = sum + (pull * point::Vec3<float>{of_[2][e], of_[3][e], of_[4][e]} +
                    along * point::Vec3<float>{of_[5][e], of_[6][e], of_[7][e]});
@@ -119,6 +115,21 @@ class GatedSum {
  private:
   alignas(64) float of_[8][net::kNeighbors];
 };
+
+// Mean, rounded, and largest of each channel over the edges.
+POINTFAIR_INLINE void summarise(const std::uint8_t (*hidden)[net::kChannels], std::uint8_t* mean,
+                                std::uint8_t* largest) {
+  alignas(64) std::uint16_t sum[net::kChannels];
+  alignas(64) std::uint8_t most[net::kChannels] = {};
+  for (std::uint16_t& s : sum) s = net::kNeighbors / 2;
+  for (int e = 0; e < net::kNeighbors; ++e)
+    for (int c = 0; c < net::kChannels; ++c) {
+      sum[c] = static_cast<std::uint16_t>(sum[c] + hidden[e][c]);
+      most[c] = hidden[e][c] > most[c] ? hidden[e][c] : most[c];
+    }
+  for (int c = 0; c < net::kChannels; ++c) mean[c] = static_cast<std::uint8_t>(sum[c] / net::kNeighbors);
+  __builtin_memcpy(largest, most, sizeof most);
+}
 
 // One layer of points [first, last), and after the last one their steps in noises.
 inline void net_layer(const NetCloud& cloud, const net::Weights& weights, int layer, Index first, Index last) {
@@ -143,34 +154,20 @@ inline void net_layer(const NetCloud& cloud, const net::Weights& weights, int la
       if (its.gate != nullptr) gated.add(here, there, e, at);
     }
     std::uint8_t* const state = cloud.states + std::size_t(i) * net::kChannels;
-    int words[3 * net::kChannelWords];
-    __builtin_memcpy(words, state, net::kChannels);
-    Sums own;
-    __builtin_memcpy(own.of, its.own_bias, sizeof own.of);
-    add_products(words, net::kChannelWords, its.own, own);
+    SumRow own(its.own_bias, kRounding);
+    own.add_products(state, net::kChannels, its.own);
     for (int e = 0; e < net::kNeighbors; ++e) {
       const int its_words[net::kEdgeWords] = {edge_words[0][e], edge_words[1][e], edge_words[2][e]};
       edge_activations(own, stored + std::size_t(list[e]) * net::kChannels, its_words, its.edge, hidden[e]);
     }
     __builtin_memcpy(joined, state, net::kChannels);
-    for (int c = 0; c < net::kChannels; ++c) {
-      int sum = net::kNeighbors / 2;
-      std::uint8_t largest = 0;
-      for (int e = 0; e < net::kNeighbors; ++e) {
-        sum += hidden[e][c];
-        largest = hidden[e][c] > largest ? hidden[e][c] : largest;
-      }
-      joined[net::kChannels + c] = static_cast<std::uint8_t>(sum / net::kNeighbors);
-      joined[2 * net::kChannels + c] = largest;
-    }
+    summarise(hidden, joined + net::kChannels, joined + 2 * net::kChannels);
     if (its.gate != nullptr) cloud.steps[i] = cloud.steps[i] + gated.sum(hidden, its.gate, size);
-    __builtin_memcpy(words, joined, sizeof joined);
-    Sums update;
-    __builtin_memcpy(update.of, its.update_bias, sizeof update.of);
-    add_products(words, 3 * net::kChannelWords, its.update, update);
-    to_activations(update, state);
+    SumRow update(its.update_bias, kRounding);
+    update.add_products(joined, 3 * net::kChannels, its.update);
+    store_activations(update.of, state);
     if (layer + 1 < net::kLayers) {
-      store_for_neighbors(weights, layer + 1, state, cloud.stored[1 - layer % 2] + std::size_t(i) * net::kChannels);
+      store_state(weights, layer + 1, state, cloud.stored[1 - layer % 2] + std::size_t(i) * net::kChannels);
       continue;
     }
     float out[net::kOutputs];

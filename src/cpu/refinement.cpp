@@ -30,8 +30,13 @@ struct Coarse {
 class Net {
  public:
   Net(const Classical& classical, const NetWeights& weights, const Frame& frame, const Kernels& kernels,
-      const std::stop_token& stop)
-      : classical_(classical), weights_(weights.view()), frame_(frame), stop_(stop), kernels_(kernels) {
+      const NetKernels& net_kernels, const std::stop_token& stop)
+      : classical_(classical),
+        weights_(weights.view()),
+        frame_(frame),
+        stop_(stop),
+        kernels_(kernels),
+        net_kernels_(net_kernels) {
     index_.build(classical.points, {}, frame, space_, kernels_, stop);
   }
 
@@ -138,9 +143,9 @@ class Net {
                         states_.data(),
                         {stored_[0].data(), stored_[1].data()},
                         steps_.data()};
-    for_points([&](Index first, Index last) { kernels_.net_begin(view, weights_, first, last); });
+    for_points([&](Index first, Index last) { net_kernels_.begin(view, weights_, first, last); });
     for (int layer = 0; layer < net::kLayers; ++layer)
-      for_points([&](Index first, Index last) { kernels_.net_layer(view, weights_, layer, first, last); });
+      for_points([&](Index first, Index last) { net_kernels_.layer(view, weights_, layer, first, last); });
   }
 
   template <class Body>
@@ -154,6 +159,7 @@ class Net {
   const Frame& frame_;
   const std::stop_token& stop_;
   const Kernels& kernels_;
+  const NetKernels& net_kernels_;
   MemoryMeter meter_;
   SortSpace space_{meter_};
   SpatialIndex index_{meter_};
@@ -172,8 +178,8 @@ class Net {
 }  // namespace
 
 void refine(const Classical& classical, const NetWeights& weights, const Frame& frame, const Kernels& kernels,
-            std::span<Point> out, const std::stop_token& stop) {
-  Net net(classical, weights, frame, kernels, stop);
+            const NetKernels& net_kernels, std::span<Point> out, const std::stop_token& stop) {
+  Net net(classical, weights, frame, kernels, net_kernels, stop);
   if (out.data() != classical.points.data()) std::copy(classical.points.begin(), classical.points.end(), out.begin());
   net.run(out);
 }
@@ -184,7 +190,7 @@ namespace pointfair {
 
 void refine(const Classical& classical, const NetWeights& weights, const Frame& frame, std::span<Point> out,
             const std::stop_token& stop) {
-  cpu::refine(classical, weights, frame, cpu::best_kernels(), out, stop);
+  cpu::refine(classical, weights, frame, cpu::best_kernels(), cpu::best_net_kernels(), out, stop);
 }
 
 }  // namespace pointfair

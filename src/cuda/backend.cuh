@@ -24,6 +24,7 @@
 #include "seam/exactness.hpp"
 #include "seam/many_clouds.hpp"
 #include "seam/overlap.hpp"
+#include "seam/refinement.hpp"
 #include "seam/sampling.hpp"
 
 namespace pointfair::cuda {
@@ -34,7 +35,8 @@ class CudaBackend final : public Backend,
                           public Overlap,
                           public DeviceMemory,
                           public DeviceTiles,
-                          public ManyClouds {
+                          public ManyClouds,
+                          public Refinement {
  public:
   CudaBackend(int card, const CudaOptions& options)
       : card_(card), context_(card, options.memory), points_of_chunk_(options.upload_chunk) {}
@@ -76,6 +78,15 @@ class CudaBackend final : public Backend,
   void download_normals(int iteration, std::span<Point> normals, std::stop_token) override;
   void download_input(std::span<Point> points) override;
 
+  OutlierCounts download_refined(int iteration, std::span<Point> points, const DisplacementLimits& limits,
+                                 std::span<std::uint8_t> outliers, const RefinedBy& by,
+                                 const std::stop_token& stop) override;
+  OutlierCounts download_refined(int iteration, const DeviceOutput& points, DeviceStream stream,
+                                 const DisplacementLimits& limits, std::span<std::uint8_t> outliers,
+                                 const RefinedBy& by, const std::stop_token& stop) override;
+  void refine(const Classical& classical, const NetWeights& weights, const Frame& frame, std::span<Point> out,
+              const std::stop_token& stop) override;
+
   Counts counts(int iteration) override;
   Costs take_costs() override;
   std::optional<StageOf> take_stopped() override;
@@ -86,6 +97,7 @@ class CudaBackend final : public Backend,
   DeviceMemory* device_memory() override { return this; }
   DeviceTiles* device_tiles() override { return this; }
   ManyClouds* many_clouds() override { return this; }
+  Refinement* refinement() override { return this; }
 
   CloudSample sample_cloud(std::size_t count) override;
   void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override;
@@ -131,6 +143,8 @@ class CudaBackend final : public Backend,
   // The host gets results of stages.
   void deliver();
   void finish_download(Chain& from, cudaEvent_t start, int iteration);
+  void refine(Chain& from, const DisplacementLimits& limits, std::span<std::uint8_t> outliers, const RefinedBy& by,
+              DeviceArray<Point>& refined, const std::stop_token& stop);
 
   const int card_;
   Context context_;

@@ -100,6 +100,13 @@ void Chain::find_neighbors(const NeighborSettings& settings, bool arriving, std:
   find_nearest(context_, index_.tree(), index_.state(), nearest_query(), lists_.data(), make_room(retries), stop_);
 }
 
+void Chain::restore_neighborhoods(const std::stop_token& stop) {
+  if (!collector_.is_aside()) return;
+  collector_.collect(index_.tree(), radii(), index_.points() * kLargestCollection, stop_);
+  if (stop.stop_requested()) collector_.set_aside();  // some may be missing
+  stop_if_asked(stop);
+}
+
 void Chain::measure_radii(const std::stop_token& stop) {
   lists_.release();
   const std::size_t places = index_.leaves() * kLeafSize;
@@ -213,6 +220,7 @@ Normals Chain::normals() const {
 
 void Chain::estimate_normals(const NormalSettings& settings, std::stop_token stop) {
   begin_stage(Stage::normals, stop);
+  restore_neighborhoods(stop);
   normal_settings_ = settings;
   normals_.resize(3 * index_.leaves() * kLeafSize);
   normals_wait_ = true;
@@ -253,6 +261,7 @@ void Chain::filter_normals(const std::stop_token& stop) {
 
 void Chain::fair(const FairingSettings& settings, bool leaving, std::stop_token stop) {
   begin_stage(Stage::fairing, stop);
+  restore_neighborhoods(stop);
   first_part_ = 0;
   fairing_settings_ = settings;
   const int power = area_power(settings.area_weight);

@@ -48,6 +48,11 @@ class Chain {
   void join() { overlap_.join(); }
   // Starts normals that still wait for fairing; what comes after waits for all parts.
   void settle(const std::stop_token& stop = {});
+  // Gives memory to others that later stages fill again.
+  void set_neighborhoods_aside() {
+    settle();
+    collector_.set_aside();
+  }
   // Of faired(); what is behind the last is done in the order of the context's stream.
   std::vector<FairedPart> faired_parts() const;
   // That of the stage started last.
@@ -94,6 +99,7 @@ class Chain {
   }
   const float* further_shares() const { return shares_further() ? further_share_.data() : nullptr; }
   void measure_radii(const std::stop_token& stop);
+  void restore_neighborhoods(const std::stop_token& stop);
   void filter_normals(const std::stop_token& stop);
   void fair_first_part_first(point::BilateralWeights weights, const FairedPoints& faired);
   void fair_by_parts(point::BilateralWeights weights);

@@ -21,9 +21,12 @@ class Leaving {
     return limits.farthest > 0 || iteration > 0;
   }
   // Starts to write all points, settled. What held_back() and `outliers` tell is there once the context's stream is
-  // done.
+  // done. `marks`, unless null, gets the same as `outliers` on the card.
   void hold_back(const DeviceArray<Point>& uploaded, Chain& from, const DisplacementLimits& limits,
-                 std::span<std::uint8_t> outliers, DeviceArray<Point>& settled);
+                 std::span<std::uint8_t> outliers, DeviceArray<Point>& settled, std::uint8_t* marks = nullptr);
+  // Starts to limit the way of points that are no outliers.
+  void limit(const DeviceArray<Point>& uploaded, Chain& from, const DisplacementLimits& limits,
+             DeviceArray<Point>& points);
   OutlierCounts held_back() const {
     const auto& of_reason = held_back_.get()->of_reason;
     return {of_reason[0], of_reason[1], of_reason[2]};

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pipeline/learned_run.hpp"
 
+#include <memory>
 #include <vector>
 
 #include "pipeline/run_state.hpp"
@@ -28,24 +29,81 @@ void limit(std::span<const Point> measured, const DisplacementLimits& limits, Sa
   });
 }
 
+// Where several cards compute a cloud, or one in tiles, all of it may still fit into one beside the net. False where
+// there is no card or it has too little memory.
+bool refine_on_card(const LoadedCloud& cloud, const Classical& classical, const NetWeights& weights, const Frame& frame,
+                    std::span<Point> out, const std::stop_token& stop) {
+  const std::unique_ptr<Backend> card = cloud.make_worker();
+  Refinement* const refinement = card ? card->refinement() : nullptr;
+  if (refinement == nullptr) return false;
+  try {
+    refinement->refine(classical, weights, frame, out, stop);
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::memory) throw;
+    return false;
+  }
+  return true;
+}
+
 }  // namespace
 
-void Pipeline::State::run_learned(const Params& params, std::span<Point> out, const std::stop_token& stop,
+// 0: nothing to refine by.
+double Pipeline::State::noise_to_refine_by(const Params& used) const {
+  const double given = used.noise.value, sigma = given > 0 ? given : noise().sigma;
+  return sigma > 0 ? sigma : 0;
+}
+
+void Pipeline::State::run_learned(const Params& params, const Delivery& to, const std::stop_token& stop,
                                   const ProgressFunction& progress) {
   shown_.reset();
   check_params(params);
-  std::vector<std::uint8_t> held(out.size());
-  Delivery to{out.size(), false, {}, {}};
-  to.deliver = [&](int iteration, const DisplacementLimits& limits, std::span<std::uint8_t> marks) {
-    const OutlierCounts counts = cloud.backend().download(iteration, out, limits, held);
-    if (!marks.empty()) std::copy(held.begin(), held.end(), marks.begin());
-    return counts;
-  };
   attempt([&] { measure(false, true, IndexOrder::along_curve, stop); });
-  to.refine = [&](int iteration, double given, const DisplacementLimits& limits) {
-    const double sigma = given > 0 ? given : this->noise().sigma;
-    if (!(sigma > 0)) return;
-    Backend& backend = cloud.backend();
+  run(of_stages(params), to, stop, progress);
+  report.params.method = params.method;
+}
+
+void Pipeline::State::run_learned(const Params& params, std::span<Point> out, const std::stop_token& stop,
+                                  const ProgressFunction& progress) {
+  const auto deliver = [&](int iteration, const Params& used, const DisplacementLimits& limits,
+                           std::span<std::uint8_t> marks) {
+    const double sigma = noise_to_refine_by(used);
+    Refinement* const on_device = sigma > 0 ? cloud.backend().refinement() : nullptr;
+    if (on_device == nullptr) return refine_outside(iteration, sigma, out, limits, marks, stop);
+    const std::shared_ptr<const NetWeights> weights = weights_ ? weights_ : own_net_weights();
+    return on_device->download_refined(iteration, out, limits, marks, {*weights, frame(), float(sigma), levels()},
+                                       stop);
+  };
+  run_learned(params, {out.size(), false, deliver}, stop, progress);
+}
+
+void Pipeline::State::run_learned(const Params& params, const DeviceOutput& out, DeviceStream stream,
+                                  const std::stop_token& stop, const ProgressFunction& progress) {
+  const auto deliver = [&](int iteration, const Params& used, const DisplacementLimits& limits,
+                           std::span<std::uint8_t> marks) {
+    const double sigma = noise_to_refine_by(used);
+    DeviceMemory& memory = device_memory();
+    Refinement* const on_device = cloud.backend().refinement();
+    if (!(sigma > 0)) return memory.download(iteration, out, stream, limits, marks);
+    if (on_device == nullptr)
+      throw Error(ErrorKind::usage,
+                  "--method learned refines a cloud that several cards share on the host's cores: give an output in "
+                  "host memory, or another method");
+    const std::shared_ptr<const NetWeights> weights = weights_ ? weights_ : own_net_weights();
+    return on_device->download_refined(iteration, out, stream, limits, marks,
+                                       {*weights, frame(), float(sigma), levels()}, stop);
+  };
+  run_learned(params, {out.count, false, deliver}, stop, progress);
+}
+
+OutlierCounts Pipeline::State::refine_outside(int iteration, double sigma, std::span<Point> out,
+                                              const DisplacementLimits& limits, std::span<std::uint8_t> marks,
+                                              const std::stop_token& stop) {
+  Backend& backend = cloud.backend();
+  std::vector<std::uint8_t> held(out.size());
+  const OutlierCounts counts = timed("download", [&] { return backend.download(iteration, out, limits, held); });
+  if (!marks.empty()) std::copy(held.begin(), held.end(), marks.begin());
+  if (!(sigma > 0)) return counts;
+  return timed("net", [&] {
     std::vector<Point> measured(out.size()), normals(out.size());
     std::vector<float> noise(out.size());
     backend.download_input(measured);
@@ -54,13 +112,12 @@ void Pipeline::State::run_learned(const Params& params, std::span<Point> out, co
     tell_noise(measured, sigma, noise);
     const Frame its = frame();
     const std::shared_ptr<const NetWeights> weights = weights_ ? weights_ : own_net_weights();
-    sampling.for_each_on_host(1, [&](std::size_t) {
-      refine({measured, out, normals, noise, held}, *weights, its, out, stop);
-    });
+    const Classical classical{measured, out, normals, noise, held};
+    if (!refine_on_card(cloud, classical, *weights, its, out, stop))
+      sampling.for_each_on_host(1, [&](std::size_t) { refine(classical, *weights, its, out, stop); });
     limit(measured, limits, sampling, out);
-  };
-  run(of_stages(params), to, stop, progress);
-  report.params.method = params.method;
+    return counts;
+  });
 }
 
 }  // namespace pointfair

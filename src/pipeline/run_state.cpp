@@ -178,21 +178,21 @@ Params Pipeline::State::resolve_once(const Params& params, const std::stop_token
 void Pipeline::State::run(const Params& params, std::span<Point> out, const std::stop_token& stop,
                           const ProgressFunction& progress) {
   if (params.method == Method::learned) return run_learned(params, out, stop, progress);
-  const auto deliver = [&](int iteration, const DisplacementLimits& limits, std::span<std::uint8_t> marks) {
-    return cloud.backend().download(iteration, out, limits, marks);
+  const auto deliver = [&](int iteration, const Params&, const DisplacementLimits& limits,
+                           std::span<std::uint8_t> marks) {
+    return timed("download", [&] { return cloud.backend().download(iteration, out, limits, marks); });
   };
-  run(params, {out.size(), true, deliver, {}}, stop, progress);
+  run(params, {out.size(), true, deliver}, stop, progress);
 }
 
 void Pipeline::State::run(const Params& params, const DeviceOutput& out, DeviceStream stream,
                           const std::stop_token& stop, const ProgressFunction& progress) {
-  if (params.method == Method::learned)
-    throw Error(ErrorKind::usage,
-                "--method learned refines on the host's cores: give an output in host memory, or another method");
-  const auto deliver = [&](int iteration, const DisplacementLimits& limits, std::span<std::uint8_t> marks) {
-    return device_memory().download(iteration, out, stream, limits, marks);
+  if (params.method == Method::learned) return run_learned(params, out, stream, stop, progress);
+  const auto deliver = [&](int iteration, const Params&, const DisplacementLimits& limits,
+                           std::span<std::uint8_t> marks) {
+    return timed("download", [&] { return device_memory().download(iteration, out, stream, limits, marks); });
   };
-  run(params, {out.count, false, deliver, {}}, stop, progress);
+  run(params, {out.count, false, deliver}, stop, progress);
 }
 
 void Pipeline::State::run(const Params& params, const Delivery& to, const std::stop_token& stop,
@@ -234,14 +234,7 @@ void Pipeline::State::run_to_end(const Params& params, const Delivery& to, const
           to.by_parts && last == 0 && cloud.points() >= kWorthChunks, stop, progress);
 
   std::vector<std::uint8_t> marks(used.outliers == Outliers::mark ? cloud.points() : 0);
-  const auto computed = Clock::now();
-  const OutlierCounts outlier_counts = to.deliver(last, settings.limits, marks);
-  log_.note_call("download", milliseconds_since(computed));
-  if (to.refine) {
-    const auto downloaded = Clock::now();
-    to.refine(last, used.noise.value, settings.limits);
-    log_.note_call("net", milliseconds_since(downloaded));
-  }
+  const OutlierCounts outlier_counts = to.deliver(last, used, settings.limits, marks);
   Counts counts = backend.counts(last);
   // who moved once and lost its neighbours or its normal in a further iteration did not keep its place
   if (last > 0) counts.unmoved = backend.counts(0).unmoved;

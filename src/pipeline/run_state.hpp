@@ -57,9 +57,10 @@ struct Pipeline::State {
   struct Delivery {
     std::size_t room;  // points
     bool by_parts;     // some may leave before all are done
-    std::function<OutlierCounts(int iteration, const DisplacementLimits&, std::span<std::uint8_t> outliers)> deliver;
-    // What was delivered; told the noise of a typical place, 0 if no parameter followed from it. May be empty.
-    std::function<void(int iteration, double noise, const DisplacementLimits&)> refine{};
+    // `used`: the parameters of the run, resolved. Notes its times.
+    std::function<OutlierCounts(int iteration, const Params& used, const DisplacementLimits&,
+                                std::span<std::uint8_t> outliers)>
+        deliver;
   };
 
   void start_load(const std::function<void()>& load);
@@ -68,6 +69,13 @@ struct Pipeline::State {
   void run(const Params& params, const Delivery& to, const std::stop_token& stop, const ProgressFunction& progress);
   void run_learned(const Params& params, std::span<Point> out, const std::stop_token& stop,
                    const ProgressFunction& progress);
+  void run_learned(const Params& params, const DeviceOutput& out, DeviceStream stream, const std::stop_token& stop,
+                   const ProgressFunction& progress);
+  void run_learned(const Params& params, const Delivery& to, const std::stop_token& stop,
+                   const ProgressFunction& progress);
+  double noise_to_refine_by(const Params& used) const;
+  OutlierCounts refine_outside(int iteration, double sigma, std::span<Point> out, const DisplacementLimits& limits,
+                               std::span<std::uint8_t> marks, const std::stop_token& stop);
   void tell_noise(std::span<const Point> points, double sigma, std::span<float> out);
   void run_to_end(const Params& params, const Delivery& to, const std::stop_token& stop,
                   const ProgressFunction& progress);
@@ -97,6 +105,13 @@ struct Pipeline::State {
   void execute(const std::vector<Step>& steps, std::size_t all, bool leaves, const std::stop_token& stop,
                const ProgressFunction& progress);
   void drop_times_of_failed_run();
+  template <class Work>
+  auto timed(std::string_view name, const Work& work) {
+    const auto start = Clock::now();
+    const auto result = work();
+    log_.note_call(name, milliseconds_since(start));
+    return result;
+  }
   void run_stage(const Step& step, bool leaves, const std::stop_token& stop);
 
   struct Helper {

@@ -23,6 +23,7 @@ class DeviceTiles;
 class Exactness;
 class ManyClouds;
 class Overlap;
+class Refinement;
 class Sampling;
 
 // How an index holds its points. Results over lists do not depend on it.
@@ -98,6 +99,7 @@ class Backend {
   virtual ManyClouds* many_clouds() { return nullptr; }      // null: one cloud at a time
   virtual DeviceMemory* device_memory() { return nullptr; }  // null: clouds cross from host memory
   virtual DeviceTiles* device_tiles() { return nullptr; }    // null: shares no cloud that lies on it
+  virtual Refinement* refinement() { return nullptr; }       // null: results are refined on the host's cores
 };
 
 std::unique_ptr<Backend> make_cpu_backend(unsigned threads);

@@ -130,6 +130,25 @@ NetWeights::NetWeights(std::span<const std::byte> file, const std::string& name)
   if (!reader.holds()) refuse("the weights are damaged: one is below -127");
 }
 
+net::Weights NetWeights::view_over(const std::int8_t* numbers, const int* biases) const {
+  net::Weights view = view_;
+  const auto move_numbers = [&](const std::int8_t*& at) {
+    if (at != nullptr) at = numbers + (at - weights_.data());
+  };
+  const auto move_biases = [&](const int*& at) { at = biases + (at - biases_.data()); };
+  move_numbers(view.input);
+  move_numbers(view.output);
+  move_biases(view.input_bias);
+  move_biases(view.output_bias);
+  for (net::Layer& layer : view.layers) {
+    for (const std::int8_t** at : {&layer.own, &layer.other, &layer.edge, &layer.update, &layer.gate})
+      move_numbers(*at);
+    move_biases(layer.own_bias);
+    move_biases(layer.update_bias);
+  }
+  return view;
+}
+
 std::shared_ptr<const NetWeights> own_net_weights() {
   static const auto weights =
       std::make_shared<const NetWeights>(std::as_bytes(std::span(kOwnWeightsFile, kOwnWeightsSize)), "own weights");

@@ -32,6 +32,11 @@ class NetWeights {
   // As src/point reads them; valid while this lives.
   const point::net::Weights& view() const { return view_; }
   std::uint64_t fingerprint() const { return fingerprint_; }
+  // What the view points into, and a view of copies of both, as a card holds them. Matrices begin at multiples of 16
+  // bytes.
+  std::span<const std::int8_t> numbers() const { return weights_; }
+  std::span<const int> biases() const { return biases_; }
+  point::net::Weights view_over(const std::int8_t* numbers, const int* biases) const;
 
  private:
   std::vector<std::int8_t> weights_;

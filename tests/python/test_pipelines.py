@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pipelines, batches, reports, limits."""
+import pathlib
 import pickle
 import subprocess
 import sys
@@ -294,3 +295,28 @@ def test_batches_of_one_array():
 def test_batches_that_cannot_be_are_refused(clouds, arguments, error, advice):
     with pytest.raises(error, match=advice):
         pf.denoise_batch(clouds, **arguments)
+
+
+def test_weights_of_the_method_learned(tmp_path):
+    own = pathlib.Path(__file__).resolve().parents[2] / "src" / "learned" / "weights.bin"
+    expected = pf.denoise(POINTS, method="learned")
+    assert not same_bits(expected, pf.denoise(POINTS))
+    assert same_bits(expected, pf.denoise(POINTS, method="learned", weights=own))
+    assert same_bits(expected, pf.Cloud(POINTS).denoise(method="learned", weights=str(own)).xyz)
+    content = own.read_bytes()
+    other = bytearray(content)
+    other[24:28] = np.float32(1).tobytes()  # steps of one noise at most
+    held = pf.denoise(POINTS, method="learned", weights=bytes(other))
+    assert not same_bits(expected, held) and same_bits(expected, pf.denoise(POINTS, method="learned"))
+    pipeline = pf.Pipeline("cpu", weights=bytes(other))
+    for _ in range(2):  # of all clouds
+        pipeline.load(POINTS)
+        assert same_bits(held, pipeline.run(method="learned"))
+    cut = tmp_path / "cut.bin"
+    cut.write_bytes(content[:1000])
+    for weights, message in ((cut, "cut.bin: the file of weights has 1000 bytes"), (b"x" * 50, "weights: this is no file"),
+                             (b"", "weights: this is no file"), (tmp_path / "none.bin", "none.bin: cannot be read: No such")):
+        with pytest.raises(pf.FileError, match=message):
+            pf.denoise(POINTS, weights=weights)
+    with pytest.raises(pf.UsageError, match="weights is a int: give a file's path"):
+        pf.Pipeline("cpu", weights=3)

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The k <= 32 nearest other points of all points of a leaf, exact to the last tie: for leaves where the keys of
-// group_search.cuh cannot tell candidates apart, as in quantised clouds, lattices, and many points in one place.
+// group_search.cuh cannot tell candidates apart, as in quantised clouds, lattices, and many points in one place; and
+// for the points of another tree.
 #pragma once
 
 #include "cuda/search/query_boxes.cuh"
@@ -11,12 +12,15 @@ template <int kList>
 class ExactGroupSearch {
  public:
   __device__ __forceinline__ ExactGroupSearch(const Tree& tree, Index leaf)
+      : ExactGroupSearch(tree, leaf, tree.points[leaf * kLeafSize + lane_number()], leaf * kLeafSize + lane_number()) {}
+  // Of a query each lane, which stands at `at` in the tree, kNoNeighbor if it is not there; `leaf`: one near them.
+  __device__ __forceinline__ ExactGroupSearch(const Tree& tree, Index leaf, float4 query, Index at)
       : tree_(tree),
         leaf_(leaf),
-        at_(leaf * kLeafSize + lane_number()),
-        mine_(tree.points[at_]),
-        active_(is_present(mine_)),
-        boxes_(position_of(mine_), active_) {}
+        at_(at),
+        mine_(query),
+        active_(is_present(query)),
+        boxes_(position_of(query), active_) {}
 
   __device__ __forceinline__ void run(int k, float squared_limit) {
 #pragma unroll
@@ -35,10 +39,15 @@ class ExactGroupSearch {
   }
 
   __device__ __forceinline__ void write(int k, Index* list) const {
+    write(k, list, [](Index at) { return at; });
+  }
+  // What `name_of` makes of the positions.
+  template <class NameOf>
+  __device__ __forceinline__ void write(int k, Index* list, const NameOf& name_of) const {
     const int first = kList - k;
 #pragma unroll
     for (int i = 0; i < kList; ++i)
-      if (i >= first && active_) list[(i - first) * kWarp + lane_number()] = position_[i];
+      if (i >= first && active_) list[(i - first) * kWarp + lane_number()] = name_of(position_[i]);
   }
 
  private:

@@ -84,7 +84,13 @@ CollectedNeighbors NeighborCollector::collected() const {
 void NeighborCollector::release() {
   parts_.release();
   next_.release();
-  complete_ = false;
+  complete_ = is_aside_ = false;
+}
+
+void NeighborCollector::set_aside() {
+  const bool was_complete = complete_;
+  release();
+  is_aside_ = was_complete;
 }
 
 bool NeighborCollector::make_room(std::size_t parts) {
@@ -112,7 +118,7 @@ std::size_t NeighborCollector::run(const Tree& tree, const point::Radii& radii, 
 }
 
 void NeighborCollector::collect(const Tree& tree, const point::Radii& radii, std::size_t largest, const Stop& stop) {
-  complete_ = false;
+  complete_ = is_aside_ = false;
   first_.resize(std::max<std::size_t>(tree.leaves, 1));
   count_.resize(1);
   const std::size_t most = largest / (sizeof(NeighborPart) + sizeof(Index));

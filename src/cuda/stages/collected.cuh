@@ -32,6 +32,9 @@ class NeighborCollector {
   void collect(const Tree& tree, const point::Radii& radii, std::size_t largest, const Stop& stop);
   CollectedNeighbors collected() const;
   void release();
+  // As release(), but remembers that there was something, which collect() can bring back.
+  void set_aside();
+  bool is_aside() const { return is_aside_; }
 
  private:
   bool make_room(std::size_t parts);  // false where memory is short
@@ -40,7 +43,7 @@ class NeighborCollector {
   Context& context_;
   DeviceArray<NeighborPart> parts_;
   DeviceArray<Index> next_, first_, count_;
-  bool complete_ = false;
+  bool complete_ = false, is_aside_ = false;
 };
 
 }  // namespace pointfair::cuda

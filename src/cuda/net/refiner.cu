@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <cstddef>
+
+#include "cuda/net/layers.cuh"
+#include "cuda/net/refiner.cuh"
+#include "cuda/search/search.cuh"
+
+namespace pointfair::cuda {
+namespace {
+
+constexpr int kBlock = 256;
+constexpr std::size_t kLargeCloud = 3'000'000;  // points; of fewer no step is long
+
+__global__ void __launch_bounds__(kBlock) gather_places(const __grid_constant__ Tree tree, RefinedCloud from,
+                                                        float4* classical, float4* normal, float2* measured) {
+  const Index at = blockIdx.x * kBlock + threadIdx.x;
+  if (at >= tree.leaves * kLeafSize) return;
+  const float4 p = tree.points[at];
+  if (!is_present(p)) {
+    classical[at] = {0, 0, 0, 1};
+    normal[at] = {0, 0, 0, 0};
+    measured[at] = {0, 0};
+    return;
+  }
+  const Index original = original_of(p);
+  const Point m = from.measured[original], n = from.normals[original];
+  classical[at] = {p.x, p.y, p.z, from.noise[original]};
+  normal[at] = {n.x, n.y, n.z, m.x};
+  measured[at] = {m.y, m.z};
+}
+
+}  // namespace
+
+Refiner::Refiner(Context& context)
+    : context_(context),
+      index_(context),
+      lists_{HeldList(context), HeldList(context), HeldList(context)},
+      weights_(context),
+      biases_(context),
+      classical_(context),
+      given_normal_(context),
+      normal_(context),
+      measured_(context),
+      side_(context),
+      step_(context),
+      size_(context),
+      scale_(context),
+      state_(context),
+      stored_(context) {}
+
+void Refiner::take(const RefinedCloud& cloud, const Frame& frame) {
+  if (cloud.count == 0) return;
+  frame_ = frame;
+  index_.build(cloud.classical, cloud.count, frame, nullptr);
+  const std::size_t places = index_.leaves() * kLeafSize;
+  classical_.resize(places);
+  given_normal_.resize(places);
+  measured_.resize(places);
+  gather_places<<<blocks_for(places, kBlock), kBlock, 0, context_.stream()>>>(index_.tree(), cloud, classical_.data(),
+                                                                              given_normal_.data(), measured_.data());
+  check(cudaGetLastError(), "beginning the net");
+}
+
+void Refiner::run(const NetWeights& weights, const std::uint8_t* held, Point* out, const std::stop_token& stop) {
+  if (index_.points() == 0) return;
+  counts_ = count_scales(context_, index_.tree());
+  if (counts_[0] <= Index{net::kNeighbors}) return;
+  const net::Weights its = upload(weights);
+  begin(its, stop);
+  const NetCloud cloud = view();
+  for (int layer = 0; layer < net::kLayers; ++layer) {
+    store_for_neighbors(context_, cloud, its.layers[layer]);
+    run_layer(context_, cloud, its.layers[layer], net::kPlan[layer], list_of(net::kPlan[layer]));
+    pace(stop);
+  }
+  end_net(context_, cloud, its, index_.tree(), held, out);
+}
+
+// From coarse to fine, so that the lists of the first layers are there.
+void Refiner::begin(const net::Weights& weights, const std::stop_token& stop) {
+  const std::size_t places = index_.leaves() * kLeafSize;
+  size_.resize(net::kScales * places);
+  scale_.resize(net::kScales * places);
+  for (int s = net::kScales - 1; s >= 0; --s) {
+    measure_scale(context_, view(), s, list_of(s));
+    pace(stop);
+  }
+  normal_.resize(places);
+  side_.resize(places);
+  step_.resize(places);
+  state_.resize(places * net::kChannelWords);
+  begin_net(context_, view(), weights);
+  scale_.release();
+  given_normal_.release();
+  stored_.resize(places * net::kChannelWords);
+}
+
+const Index* Refiner::list_of(int scale) {
+  while (counts_[scale] <= Index{net::kNeighbors}) --scale;  // too few points: as the finer scale
+  HeldList* oldest = lists_;
+  for (HeldList& one : lists_) {
+    if (one.used < oldest->used) oldest = &one;
+    if (one.scale != scale) continue;
+    one.used = ++lists_used_;
+    return one.list.data();
+  }
+  oldest->list.resize(index_.leaves() * kLeafSize * net::kNeighbors);
+  find_list(scale, oldest->list.data());
+  oldest->scale = scale;
+  oldest->used = ++lists_used_;
+  return oldest->list.data();
+}
+
+void Refiner::find_list(int scale, Index* list) {
+  if (scale == 0) return find_nearest(list);
+  CoarsePoints coarse(context_);
+  coarse.choose(index_.tree(), scale, counts_[scale], frame_);
+  coarse.find_nearest(index_.tree(), list);
+}
+
+void Refiner::find_nearest(Index* list) {
+  DeviceArray<HardLeaf> leaves(context_);
+  DeviceArray<Index> queries(context_);
+  leaves.resize(index_.leaves());
+  queries.resize(index_.leaves() * kLeafSize);
+  constexpr std::size_t kFirst = offsetof(CloudState, leaf_retries), kEnd = offsetof(CloudState, too_few_neighbors);
+  check(cudaMemsetAsync(reinterpret_cast<std::byte*>(index_.state()) + kFirst, 0, kEnd - kFirst, context_.stream()),
+        "clearing counts");
+  cuda::find_nearest(context_, index_.tree(), index_.state(), {net::kNeighbors, __builtin_inff()}, list,
+                     {leaves.data(), queries.data()}, {});
+}
+
+NetCloud Refiner::view() const {
+  const std::size_t places = index_.leaves() * kLeafSize;
+  NetCloud its{};
+  its.places = static_cast<Index>(places);
+  its.classical = classical_.data();
+  its.given_normal = given_normal_.data();
+  its.normal = normal_.data();
+  its.measured = measured_.data();
+  its.side = side_.data();
+  its.step = step_.data();
+  its.state = state_.data();
+  its.stored = stored_.data();
+  for (int s = 0; s < net::kScales; ++s) {
+    its.size[s] = size_.data() + s * places;
+    its.scale[s] = scale_.data() + s * places;
+  }
+  return its;
+}
+
+net::Weights Refiner::upload(const NetWeights& weights) {
+  weights_.resize(weights.numbers().size());
+  biases_.resize(weights.biases().size());
+  check(cudaMemcpyAsync(weights_.data(), weights.numbers().data(), weights.numbers().size(), cudaMemcpyHostToDevice,
+                        context_.stream()),
+        "uploading weights");
+  check(cudaMemcpyAsync(biases_.data(), weights.biases().data(), weights.biases().size_bytes(), cudaMemcpyHostToDevice,
+                        context_.stream()),
+        "uploading weights");
+  return weights.view_over(weights_.data(), biases_.data());
+}
+
+void Refiner::pace(const std::stop_token& stop) {
+  if (!stop.stop_possible()) return;
+  if (index_.points() >= kLargeCloud) context_.finish();
+  if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+}
+
+}  // namespace pointfair::cuda
