@@ -114,6 +114,7 @@ test("a long run says how far it is, is stopped, and the next is sound", models,
   await page.getByRole("button", { name: "Stop" }).click();
   await page.locator(".toast", { hasText: "Stopped" }).waitFor();
   await page.locator(".status progress").waitFor({ state: "hidden" });
+  assert.equal(await entry(page, "iterations").inputValue(), "1"); // the result that is shown has one
   await entry(page, "iterations").fill("2");
   await page.keyboard.press("Enter");
   await settled(page);

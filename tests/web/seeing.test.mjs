@@ -195,7 +195,9 @@ test("an organised cloud with points that are not there", async (t) => {
   const { url } = await view(t, [file, "--port", 0]);
   const { page, faults } = await openPage(t, await openBrowser(t), url);
   await settled(page);
-  await page.locator(".status", { hasText: "kept in place" }).waitFor();
+  const kept = (await page.locator(".status .kept").textContent()).match(/\d+/g).map(Number);
+  assert.equal(kept[0], 172); // every seventh of 1,200, and for each a reason
+  assert.equal(kept.slice(1).reduce((sum, count) => sum + count, 0), kept[0]);
   for (const choice of ["displacement", "rms", "height"]) {
     await page.locator("#colour").selectOption(choice);
     const ends = await page.locator(".legend .ends span").allTextContents();
@@ -228,4 +230,50 @@ test("of a large cloud a part is held; a held slider shows previews, and the who
   await page.waitForFunction(() => document.body.dataset.saved);
   assert.equal(JSON.parse(run(["info", path.join(folder, "denoised.ply"), "--report", "-"])).points, 400000, "files hold all points");
   assert.deepEqual(faults, []);
+});
+
+test("a cloud without a result is shown as the original, and says why", async (t) => {
+  const file = path.join(temporaryFolder(t), "plain.xyz");
+  writeFileSync(file, Array.from({ length: 900 }, (_, i) => `${i % 30} ${Math.floor(i / 30)} ${((i * 7) % 11) / 40}`).join("\n"));
+  const { url } = await view(t, [file, "--port", 0]);
+  const browser = await openBrowser(t);
+  const checked = (page) => page.getByRole("radio", { checked: true }).first().textContent();
+
+  await t.test("parameters of a link that fail give way to the defaults", async () => {
+    const { page, faults } = await openPage(t, browser, `${url}#along=ray`);
+    await page.locator(".toast.error", { hasText: "The parameters are the defaults" }).waitFor();
+    await settled(page);
+    assert.equal(await page.locator("#param-along").inputValue(), "normal");
+    assert.equal(await checked(page), "Denoised");
+    assert.deepEqual(faults, []);
+  });
+
+  await t.test("a first run that is stopped leaves the original", models, async (u) => {
+    const { url: large } = await view(u, [noisyArmadillo(temporaryFolder(u), 100000, kModels), "--port", 0]);
+    const { page, faults } = await openPage(t, browser, `${large}#k=100&iterations=100`);
+    await page.locator(".status progress").waitFor();
+    await page.getByRole("button", { name: "Stop" }).click();
+    await page.locator(".hint", { hasText: "There is no result" }).waitFor();
+    assert.equal(await checked(page), "Original");
+    assert.equal(await page.locator("#total").textContent(), "no result");
+    await page.locator("#param-iterations").fill("1");
+    await page.keyboard.press("Enter");
+    await settled(page);
+    assert.equal(await checked(page), "Denoised");
+    assert.ok(await page.locator(".hint").isHidden());
+    assert.deepEqual(faults, []);
+  });
+
+  await t.test("the automatic value is told of what was automatic only", async () => {
+    const { page } = await openPage(t, browser, url);
+    await settled(page);
+    const automatic = () => page.locator('#param-outliers option[value="auto"]').textContent();
+    assert.equal(await automatic(), "auto (keep)");
+    await page.locator("#param-outliers").selectOption("mark");
+    await settled(page);
+    assert.notEqual(await automatic(), "auto (mark)");
+    await page.locator("#param-outliers").selectOption("auto");
+    await settled(page);
+    assert.equal(await automatic(), "auto (keep)");
+  });
 });

@@ -109,13 +109,18 @@ test("a scan is loaded, denoised, compared, saved, and all of it comes back", mo
     assert.equal(await entry(page, "closeness_sigma").inputValue(), kept);
   });
 
-  await t.test("a number that cannot be is refused in words", async () => {
+  await t.test("a run that fails is no result: it says why, and the parameters are as before", async () => {
+    const [k, closeness] = [await entry(page, "k").inputValue(), await entry(page, "closeness_sigma").inputValue()];
+    const hash = await page.evaluate(() => location.hash);
     await entry(page, "k").fill("many");
     await page.keyboard.press("Enter");
     await page.locator(".toast.error", { hasText: "--k cannot be 'many'" }).waitFor();
+    await page.locator(".toast.error", { hasText: "The parameters are as before" }).waitFor();
     await canvas(page).focus();
-    await page.keyboard.press("Control+z");
-    await settled(page);
+    assert.equal(await entry(page, "k").inputValue(), k);
+    assert.equal(await entry(page, "closeness_sigma").inputValue(), closeness);
+    await page.waitForFunction((before) => location.hash === before, hash);
+    assert.equal(await page.getByRole("radio", { name: "Denoised" }).getAttribute("aria-checked"), "true");
   });
 
   await t.test("a lasso and a box hold points still", async () => {

@@ -129,13 +129,20 @@ function numberControl(param: Param, change: (text: string, done: boolean) => vo
   const texts = new NumberTexts(param);
   const { isLength } = texts;
   let shown = "", usedText = "";
+  let typing = false; // what stands in the entry was not asked for yet
 
   const id = `param-${param.name}`;
   const slider = makeSlider(param, texts, () => shown, change);
   const entry = h("input", {
     type: "text", id, class: "entry", spellcheck: false, autocomplete: "off", inputMode: isLength ? "text" : "numeric",
     "aria-describedby": `${id}-help`,
+    oninput: () => void (typing = true),
+    onblur: () => {
+      typing = false;
+      refresh();
+    },
     onchange: () => {
+      typing = false;
       const text = entry.value.trim();
       change(text || (param.automatic ? "auto" : shown), true);
     },
@@ -167,7 +174,7 @@ function numberControl(param: Param, change: (text: string, done: boolean) => vo
     auto.setAttribute("aria-pressed", String(isAuto));
     const value = texts.valueOf(isAuto ? usedText : shown);
     const known = Number.isFinite(value);
-    if (document.activeElement !== entry)
+    if (!typing)
       entry.value = !isAuto ? shown : known ? (isLength ? lengthText(value, texts.unit, texts.scale) : short(value)) : "–";
     if (document.activeElement !== slider || isAuto || Math.abs(texts.fromPlace(slider.valueAsNumber) / value - 1) > 0.02)
       if (known) slider.value = String(texts.toPlace(value));

@@ -54,7 +54,8 @@ class Page {
   private recipe: Recipe = { params: {}, limits: {} };
   private history = new History(this.recipe);
   private snapshots: { name: string; recipe: Recipe }[] = [];
-  private result: Result | null = null;
+  private result: Result | null = null; // that is shown; null: the original is
+  private held = false; // a key shows the original
   private shownRecipe: Recipe | null = null; // that the shown result came from
   private asked: Recipe = this.recipe;
   private focus: number[] | undefined;
@@ -107,13 +108,13 @@ class Page {
         document.body.dataset.saved = head.path;
         return this.stage.say([`Saved ${head.path}, ${grouped(head.bytes)} bytes`, ...head.notes].join(". Note: "));
       case "cancelled":
-        this.status.hideProgress();
-        return this.stage.say("Stopped.");
+        return this.noResult("Stopped.", false);
       case "taken":
         return this.stage.showHint("Another page has taken over this cloud. Reload to take it back.");
       case "error":
         this.status.hideProgress();
         document.body.dataset.error = head.message;
+        if (this.cloud && head.id !== null && head.id === this.connection.lastRun) return this.noResult(head.message, true);
         return this.stage.say(head.message, true);
     }
   }
@@ -159,7 +160,7 @@ class Page {
       this.showSnapshots();
     }
     this.cloud = head;
-    this.result = null;
+    this.result = this.shownRecipe = null;
     this.shownLimits = "";
     this.focus = undefined;
     this.scene.setCloud(head, arrays);
@@ -180,10 +181,35 @@ class Page {
     this.shownRecipe = this.asked;
     delete document.body.dataset.settled; // until this result has settled
     this.scene.setResult(head, arrays);
-    this.panel!.setUsed(head);
+    this.panel!.setUsed(head, this.asked);
+    this.stage.showHint("");
+    this.showSide();
     this.status.showResult(head, this.cloud!.points);
     this.colouring.setMoved(head.moved.rms);
     this.fresh = { kind: "result", serverMs: head.server_ms };
+  }
+
+  // A run failed or was stopped. What is shown is still the last result, so the parameters are those that it came from;
+  // where there is none, the defaults are tried, and without a result of them only the original is there to see.
+  private noResult(why: string, failed: boolean): void {
+    this.status.hideProgress();
+    this.scene.clearPreview();
+    document.body.dataset.busy = "false";
+    const ended = /[.!?]$/.test(why) ? why : `${why}.`;
+    const known = this.shownRecipe && !equalRecipes(this.shownRecipe, this.asked) ? this.shownRecipe : null;
+    const before = known ?? (failed && !equalRecipes(this.asked, this.defaults) ? this.defaults : null);
+    if (!before) {
+      if (this.shownRecipe) return this.stage.say(ended, failed);
+      this.result = null;
+      this.status.clear();
+      this.showSide();
+      return this.stage.showHint(failed ? `There is no result: ${ended}` : "Stopped. There is no result.");
+    }
+    this.stage.say(`${ended} The parameters are ${known ? "as before" : "the defaults"}.`, failed);
+    this.history.revert(before);
+    this.recipe = copyRecipe(before);
+    this.showRecipe();
+    if (!known) this.ask();
   }
 
   // A frame is on the screen. For tests and for whoever looks: how often there was one, and with new displacements.
@@ -312,7 +338,7 @@ class Page {
   }
 
   private viewChanged(done: boolean): void {
-    this.stage.showView(false);
+    this.showSide();
     this.panel?.showView();
     this.showLimits();
     this.scene.applyView();
@@ -321,8 +347,16 @@ class Page {
   }
 
   private hold(original: boolean): void {
+    this.held = original;
+    this.showSide();
+  }
+
+  // Without a result, what is seen is the original, whatever the view.
+  private showSide(): void {
+    const original = this.held || !this.result;
     this.scene.hold(original);
     this.stage.showView(original);
+    this.header.setResult(this.result !== null);
   }
 
   private showLimits(): void {

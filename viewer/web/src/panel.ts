@@ -90,8 +90,9 @@ export class Panel {
     this.showView();
   }
 
-  setUsed(result: Result): void {
-    this.used = result.used;
+  /** `asked`: the recipe that the result came from; what is not automatic there says nothing of `auto`. */
+  setUsed(result: Result, asked: Recipe): void {
+    this.used = Object.fromEntries(Object.entries(result.used).filter(([name]) => asked.params[name] === "auto"));
     this.showFindings(result.moved);
     this.show(this.recipe);
   }

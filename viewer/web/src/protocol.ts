@@ -96,8 +96,8 @@ export interface Result {
   used: Texts;
   moved: { mean: number; rms: number; max: number };
   unmoved: number;
-  /** By reason; all of them are unmoved, or pulled in. */
-  outliers: Record<string, number>;
+  /** Why; the counts are all of `unmoved`. */
+  reasons: Record<string, number>;
   stages: { name: string; ms: number }[];
   total_ms: number;
   encode_ms: number;

@@ -98,6 +98,12 @@ export class Scene {
     this.touch();
   }
 
+  /** Back to the last whole result. */
+  clearPreview(): void {
+    this.points.clearPart();
+    this.touch();
+  }
+
   /** Normals of the result, for shading. */
   setNormals(normals: Numbers): void {
     this.setShading(normals, ["normal_after"]);

@@ -39,6 +39,11 @@ export class History {
     this.now = copyRecipe(recipe);
     this.future = [];
   }
+  /** A run with the newest recipe failed: it is void, and `recipe` holds again. */
+  revert(recipe: Recipe): void {
+    if (this.past.length && equalRecipes(this.past[this.past.length - 1], recipe)) this.past.pop();
+    this.now = copyRecipe(recipe);
+  }
   undo(): Recipe | null {
     return this.step(this.past, this.future);
   }
