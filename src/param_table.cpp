@@ -59,7 +59,7 @@ std::string wanted_values(const ParamInfo& info) {
   if (std::holds_alternative<std::optional<double> Params::*>(info.field))
     return "a number from " + number_text(info.min) + " to " + number_text(info.max) + automatic;
   const std::string of_radius = may_be_of_radius(info) ? ", 0.6r (radii of the neighbourhood)" : "";
-  return "a positive length: 0.02 (file units), 5mm (or cm, m, ft), 0.5% (of the diagonal), 2s (mean spacings)" +
+  return "a positive length: 0.02 (file units), 0.5% (of the diagonal), 2s (mean spacings)" +
          of_radius + automatic;
 }
 
