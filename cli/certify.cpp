@@ -73,7 +73,8 @@ Verb add_certify(CLI::App& app) {
   const auto arguments = std::make_shared<CertifyArguments>();
   CLI::App& command = *app.add_subcommand("certify", "Write a page that compares a result with its input.");
   command.add_option("IN", arguments->input, "the cloud before")->required();
-  command.add_option("OUT", arguments->output, "the denoised cloud, with the same points in the same order")->required();
+  command.add_option("OUT", arguments->output, "the denoised cloud, with the same points in the same order")
+      ->required();
   command.add_option("--report", arguments->report, "the page; default: OUT with the extension .html")
       ->type_name("FILE.html");
   add_device(command, arguments->device);

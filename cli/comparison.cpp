@@ -35,10 +35,10 @@ void compare_attributes(const Cloud& before, const Cloud& after, Comparison& res
     if (other == others.end())
       result.lost.push_back(info.name);
     else
-      result.rows.push_back({info.name, is_same_type(info, *other)
-                                            ? differing(attribute(before, info.name), attribute(after, info.name),
-                                                        before.points.size())
-                                            : before.points.size()});
+      result.rows.push_back(
+          {info.name, is_same_type(info, *other)
+                          ? differing(attribute(before, info.name), attribute(after, info.name), before.points.size())
+                          : before.points.size()});
   }
   for (const AttributeInfo& info : others)
     if (find(its, info.name) == its.end()) result.added.push_back(info.name);

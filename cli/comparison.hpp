@@ -17,10 +17,10 @@ struct Comparison {
     std::string what;
     std::uint64_t differ = 0;
   };
-  std::vector<float> moved;      ///< how far each point moved, in file units; NaN where a position is not finite
-  std::uint64_t kept = 0;        ///< points at their old place
-  Statistics displacement;       ///< of the finite points
-  std::vector<Row> rows;         ///< attributes and faces
+  std::vector<float> moved;  ///< how far each point moved, in file units; NaN where a position is not finite
+  std::uint64_t kept = 0;    ///< points at their old place
+  Statistics displacement;   ///< of the finite points
+  std::vector<Row> rows;     ///< attributes and faces
   std::vector<std::string> lost, added;  ///< attributes that one of the clouds has
 };
 

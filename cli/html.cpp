@@ -76,8 +76,9 @@ std::string table_of(std::string_view caption, const Pairs& pairs) {
     if (value.empty()) continue;
     rows += fmt::format("<tr><th scope=\"row\">{}</th><td>{}</td></tr>\n", escaped(name), escaped(value));
   }
-  return rows.empty() ? rows
-                      : fmt::format("<table><caption>{}</caption><tbody>\n{}</tbody></table>\n", escaped(caption), rows);
+  return rows.empty()
+             ? rows
+             : fmt::format("<table><caption>{}</caption><tbody>\n{}</tbody></table>\n", escaped(caption), rows);
 }
 
 std::string grid_of(std::string_view caption, const std::vector<std::vector<std::string>>& rows) {
@@ -95,15 +96,17 @@ std::string grid_of(std::string_view caption, const std::vector<std::vector<std:
 
 std::string figure_of(const std::string& png, std::string_view alt, std::string_view caption,
                       std::string_view more_html) {
-  return fmt::format("<figure><img src=\"data:image/png;base64,{}\" alt=\"{}\"><figcaption>{}</figcaption>{}</figure>\n",
-                     base64_of(png), escaped(alt), escaped(caption), more_html);
+  return fmt::format(
+      "<figure><img src=\"data:image/png;base64,{}\" alt=\"{}\"><figcaption>{}</figcaption>{}</figure>\n",
+      base64_of(png), escaped(alt), escaped(caption), more_html);
 }
 
 std::string scale_of(std::span<const char* const> colours, std::string_view low, std::string_view high) {
   std::string stops;
   for (const char* colour : colours) stops += fmt::format(", {}", colour);
   return fmt::format(
-      "<div class=\"scale\"><span>{}</span><i style=\"background: linear-gradient(to right{})\"></i><span>{}</span></div>",
+      "<div class=\"scale\"><span>{}</span><i style=\"background: linear-gradient(to "
+      "right{})\"></i><span>{}</span></div>",
       escaped(low), stops, escaped(high));
 }
 

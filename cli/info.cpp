@@ -119,7 +119,8 @@ void info_of_one(const InfoArguments& arguments, Pipeline& pipeline, std::stop_t
 void info_of_many(const InfoArguments& arguments, const std::vector<std::filesystem::path>& files, Pipeline& pipeline,
                   std::stop_token stop) {
   const bool prints = arguments.report != "-";
-  if (prints) print_output(fmt::format("{:>12} {:>10} {:>10} {:>10}  file\n", "points", "spacing", "noise", "diagonal"));
+  if (prints)
+    print_output(fmt::format("{:>12} {:>10} {:>10} {:>10}  file\n", "points", "spacing", "noise", "diagonal"));
   Json rows = Json::array();
   std::vector<Error> failures;
   for (const std::filesystem::path& file : files) {
@@ -141,8 +142,8 @@ void info_of_many(const InfoArguments& arguments, const std::vector<std::filesys
   write_report(arguments.report, {{"version", version()}, {"files", rows}});
   if (failures.empty()) return;
   for (const Error& failure : failures) print_error(failure.what());
-  throw Error(failures[0].kind(), fmt::format("{} of {} files failed; the lines above say why", failures.size(),
-                                              files.size()));
+  throw Error(failures[0].kind(),
+              fmt::format("{} of {} files failed; the lines above say why", failures.size(), files.size()));
 }
 
 void info(const InfoArguments& arguments, std::stop_token stop) {
@@ -159,7 +160,8 @@ void info(const InfoArguments& arguments, std::stop_token stop) {
 Verb add_info(CLI::App& app) {
   const auto arguments = std::make_shared<InfoArguments>();
   CLI::App& command = *app.add_subcommand("info", "Print size, spacing, noise, suggested parameters.");
-  command.add_option("IN", arguments->input, "cloud to read; - is standard input; also a folder of clouds, or a VPC")->required();
+  command.add_option("IN", arguments->input, "cloud to read; - is standard input; also a folder of clouds, or a VPC")
+      ->required();
   command.add_option("MORE", arguments->more, "more of them: a line each");
   add_device(command, arguments->device);
   add_input(command, arguments->in);

@@ -130,14 +130,16 @@ void check_outlier_action(const OutlierAction& action, const Cloud& cloud, const
   const std::string name = attribute_of(action);
   const std::optional<AttributeInfo> info = find_info(cloud, name);
   if (info && (info->type != ScalarType::uint8 || info->components != 1))
-    throw Error(ErrorKind::usage, fmt::format("--outliers: the attribute '{}' of this cloud is not one byte a point, so "
-                                              "it cannot take the outliers; use --outliers mark",
-                                              name));
+    throw Error(ErrorKind::usage,
+                fmt::format("--outliers: the attribute '{}' of this cloud is not one byte a point, so "
+                            "it cannot take the outliers; use --outliers mark",
+                            name));
   if (!info) check_new_attribute(cloud, "--outliers", name, options);
   const std::optional<Format> own = file_info(cloud).format;
   if (options.format && options.format != own && *options.format != Format::e57 && !takes_attributes(*options.format))
-    throw Error(ErrorKind::usage, "--outliers: files of this format hold no classes and no flags; write LAS, LAZ, PLY, PCD "
-                                  "or text");
+    throw Error(ErrorKind::usage,
+                "--outliers: files of this format hold no classes and no flags; write LAS, LAZ, PLY, PCD "
+                "or text");
 }
 
 std::string act_on_outliers(const OutlierAction& action, std::span<const std::uint8_t> reasons,

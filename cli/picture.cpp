@@ -16,12 +16,12 @@ namespace {
 using Vector = std::array<double, 3>;
 
 constexpr std::size_t kPixels = std::size_t{kPictureWidth} * kPictureHeight;
-constexpr std::size_t kSampled = 50'000;    // points that place a camera
+constexpr std::size_t kSampled = 50'000;  // points that place a camera
 constexpr float kNothing = -std::numeric_limits<float>::infinity();
 constexpr int kShades = 16, kMapSteps = 15;  // together at most 256 colours
-constexpr double kClosed = 1.7;             // spacings across a square: random points leave hardly a gap then
-constexpr int kMarkSide = 7;                // pixels
-constexpr int kLargestSquare = 16;           // pixels
+constexpr double kClosed = 1.7;              // spacings across a square: random points leave hardly a gap then
+constexpr int kMarkSide = 7;                 // pixels
+constexpr int kLargestSquare = 64;           // pixels
 
 double dot(const Vector& a, const Vector& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 Vector as_vector(const Point& p) { return {p.x, p.y, p.z}; }
@@ -47,7 +47,8 @@ std::pair<double, double> extent(std::span<const Point> sample, const Vector& di
 }
 
 void turn(Camera& camera, double azimuth_degrees, double elevation_degrees) {
-  const double azimuth = azimuth_degrees * std::numbers::pi / 180, elevation = elevation_degrees * std::numbers::pi / 180;
+  const double azimuth = azimuth_degrees * std::numbers::pi / 180,
+               elevation = elevation_degrees * std::numbers::pi / 180;
   camera.toward = {std::cos(elevation) * std::cos(azimuth), std::cos(elevation) * std::sin(azimuth),
                    std::sin(elevation)};
   camera.right = {-std::sin(azimuth), std::cos(azimuth), 0};
@@ -161,8 +162,8 @@ Camera overview(std::span<const Point> points) {
   const auto [south, north] = extent(sample, camera.up);
   const double middle = dot(camera.toward, {(left + right) / 2, (front + back) / 2, (low + high) / 2});
   for (std::size_t axis = 0; axis < 3; ++axis)
-    camera.centre[axis] = camera.right[axis] * (west + east) / 2 + camera.up[axis] * (south + north) / 2 +
-                          camera.toward[axis] * middle;
+    camera.centre[axis] =
+        camera.right[axis] * (west + east) / 2 + camera.up[axis] * (south + north) / 2 + camera.toward[axis] * middle;
   const double units = std::max((east - west) / kPictureWidth, (north - south) / kPictureHeight);
   if (units > 0) camera.pixels_per_unit = 0.94 / units;
   return camera;

@@ -19,12 +19,12 @@ inline constexpr std::uint32_t kNoPoint = 0xffffffffu;
 /// Looks along one direction, without perspective. Lengths in file units, relative to the cloud's origin.
 struct Camera {
   std::array<double, 3> right{1, 0, 0}, up{0, 1, 0}, toward{0, 0, 1};  ///< unit vectors; `toward` points to the viewer
-  std::array<double, 3> centre{};                                     ///< the middle of the picture
+  std::array<double, 3> centre{};                                      ///< the middle of the picture
   double pixels_per_unit = 1;
 };
 
-/// A camera that sees nearly all of the cloud (points far away may be left out): flat clouds obliquely from above, others
-/// from the side and a little from above; the third coordinate is up. O(1): by a sample.
+/// A camera that sees nearly all of the cloud (points far away may be left out): flat clouds obliquely from above,
+/// others from the side and a little from above; the third coordinate is up. O(1): by a sample.
 Camera overview(std::span<const Point> points);
 
 /// The same direction, nearer: `width` file units wide, about the foremost point in the middle of the overview.

@@ -103,9 +103,9 @@ void check_new_attribute(const Cloud& cloud, const std::string& flag, const std:
   const bool is_coordinate = name == "x" || name == "y" || name == "z" || name == "X" || name == "Y" || name == "Z";
   if (name.empty() || name.size() > kLongestName || is_coordinate ||
       !std::all_of(name.begin(), name.end(), is_part_of_name))
-    refuse(
-        fmt::format("{}={}: a name has up to {} letters, digits, '_', '-' and '.', and is no coordinate; choose another",
-                    flag, name.substr(0, 60), kLongestName));
+    refuse(fmt::format(
+        "{}={}: a name has up to {} letters, digits, '_', '-' and '.', and is no coordinate; choose another", flag,
+        name.substr(0, 60), kLongestName));
   const std::optional<Format> format = options.format ? options.format : file_info(cloud).format;
   const bool is_new_e57 = format == Format::e57 && file_info(cloud).format != Format::e57;
   if (format && !takes_attributes(*format) && !is_new_e57)
@@ -113,9 +113,8 @@ void check_new_attribute(const Cloud& cloud, const std::string& flag, const std:
   const std::optional<AttributeInfo> info = find_info(cloud, name);
   const bool is_float = info && (info->type == ScalarType::float32 || info->type == ScalarType::float64);
   if (info && (info->components != 1 || !is_float))
-    refuse(
-        fmt::format("{}: the cloud has an attribute '{}' of its own that is no float; name another, as in {}={}_2", flag,
-                    name, flag, name.substr(0, kLongestName - 2)));
+    refuse(fmt::format("{}: the cloud has an attribute '{}' of its own that is no float; name another, as in {}={}_2",
+                       flag, name, flag, name.substr(0, kLongestName - 2)));
 }
 
 namespace {

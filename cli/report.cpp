@@ -128,17 +128,18 @@ std::vector<std::string> doubts(const Look& look) {
                     "alike, and hardly any noise is removed; --noise gives the noise of a data sheet",
                     look.spacing, look.spacing / look.noise, look.noise));
   if (const double large = std::max(look.noise, look.moved.p95); look.diagonal > 0 && large > kLarge * look.diagonal)
-    result.push_back(
-        fmt::format("the noise of {:.4g} and moves of up to {:.4g} are large against the cloud, whose diagonal is {:.4g}: "
-                    "its points, {:.4g} apart, may be too few to show a surface; compare before and after",
-                    look.noise, look.moved.max, look.diagonal, look.spacing));
+    result.push_back(fmt::format(
+        "the noise of {:.4g} and moves of up to {:.4g} are large against the cloud, whose diagonal is {:.4g}: "
+        "its points, {:.4g} apart, may be too few to show a surface; compare before and after",
+        look.noise, look.moved.max, look.diagonal, look.spacing));
   if (look.min_neighbors >= kOfCorrelated)
-    result.push_back(fmt::format("the noise is long-wave: neighbouring points share it, so averaging {} of them removes "
-                                 "a part of it only",
-                                 look.min_neighbors));
+    result.push_back(
+        fmt::format("the noise is long-wave: neighbouring points share it, so averaging {} of them removes "
+                    "a part of it only",
+                    look.min_neighbors));
   if (2 * look.without_surface > look.finite)
-    result.push_back(fmt::format("{} of {} points show no surface and kept their place", look.without_surface,
-                                 look.finite));
+    result.push_back(
+        fmt::format("{} of {} points show no surface and kept their place", look.without_surface, look.finite));
   return result;
 }
 

@@ -100,9 +100,10 @@ class PageMaker {
   }
 
   std::string lead() const {
-    return fmt::format("{} points, denoised by pointfair. Noise of the input {}; points moved {} on average, {} at most.",
-                       counted(before_.points.size()), typical_noise(), length_(copy_.displacement.mean),
-                       length_(copy_.displacement.max));
+    return fmt::format(
+        "{} points, denoised by pointfair. Noise of the input {}; points moved {} on average, {} at most.",
+        counted(before_.points.size()), typical_noise(), length_(copy_.displacement.mean),
+        length_(copy_.displacement.max));
   }
 
   std::string warnings() const {
@@ -135,7 +136,8 @@ class PageMaker {
                   figure_of(shaded_png(see(for_result(near), after_.points, estimates_.spacing, 1)),
                             "the same part after, from near", "After: the same part.")});
     }
-    noise_map_ = map_of(original, noise_, "the noise at each point, in colours", "The standard deviation of the noise.");
+    noise_map_ =
+        map_of(original, noise_, "the noise at each point, in colours", "The standard deviation of the noise.");
     displacement_map_ = map_of(denoised, copy_.moved, "how far each point moved, in colours", "How far points moved.");
     draw_outliers(original, far);
   }
@@ -178,7 +180,8 @@ class PageMaker {
     const std::vector<AttributeInfo> infos = attributes(before_);
     if (!file_info(before_).has_attributes) return {};
     for (const std::string_view name : {"classification", "scan"}) {
-      const auto info = std::find_if(infos.begin(), infos.end(), [&](const AttributeInfo& i) { return i.name == name; });
+      const auto info =
+          std::find_if(infos.begin(), infos.end(), [&](const AttributeInfo& i) { return i.name == name; });
       if (info == infos.end() || info->components != 1) continue;
       return parts_table(std::string(name), selection_values(name));
     }
@@ -203,7 +206,8 @@ class PageMaker {
     for (std::uint32_t i = 0; i < parts.size() && members.size() <= kMost; ++i) members[parts[i]].push_back(i);
     if (members.empty() || members.size() > kMost) return {};
     const bool is_class = name == "classification";
-    std::vector<std::vector<std::string>> rows{{is_class ? "class" : name, "points", "median noise", "moved on average"}};
+    std::vector<std::vector<std::string>> rows{
+        {is_class ? "class" : name, "points", "median noise", "moved on average"}};
     for (const auto& [part, points] : members) {
       std::vector<float> noise;
       double sum = 0, finite = 0;
@@ -214,7 +218,8 @@ class PageMaker {
         ++finite;
       }
       const std::string title = is_class ? fmt::format("{} {}", part, class_name(part)) : std::to_string(part);
-      rows.push_back({title, counted(points.size()), length_(quantile(noise, 0.5)), length_(finite > 0 ? sum / finite : 0)});
+      rows.push_back(
+          {title, counted(points.size()), length_(quantile(noise, 0.5)), length_(finite > 0 ? sum / finite : 0)});
     }
     return grid_of(is_class ? "By class" : "By scan", rows);
   }
@@ -229,11 +234,12 @@ class PageMaker {
         ++counts[std::min(kBars - 1, static_cast<std::size_t>(length / most * double(kBars)))];
     const std::string alt = fmt::format("how many points moved how far: half of them less than {}, 95 % less than {}",
                                         length_(quantile(copy_.moved, 0.5)), length_(moved.p95));
-    std::string table = table_of("Displacement", {{"mean", length_(moved.mean)},
-                                                  {"root mean square", length_(moved.rms)},
-                                                  {"95 % of the points moved less than", length_(moved.p95)},
-                                                  {"most", length_(moved.max)},
-                                                  {"points at their old place", share_of(copy_.kept, before_.points.size())}});
+    std::string table =
+        table_of("Displacement", {{"mean", length_(moved.mean)},
+                                  {"root mean square", length_(moved.rms)},
+                                  {"95 % of the points moved less than", length_(moved.p95)},
+                                  {"most", length_(moved.max)},
+                                  {"points at their old place", share_of(copy_.kept, before_.points.size())}});
     if (moved.max > 0) table.append(histogram_of(counts, alt, length_(most), "points by displacement"));
     return beside({displacement_map_, table});
   }
@@ -270,11 +276,13 @@ class PageMaker {
 
   std::string files_section(const std::string& input_sum, const std::string& output_sum) const {
     return file_table("Input", job_.input, before_, input_sum) + file_table("Result", job_.output, after_, output_sum) +
-           "<p>The same input, version and parameters give the same bits on any machine, any number of threads, and any "
+           "<p>The same input, version and parameters give the same bits on any machine, any number of threads, and "
+           "any "
            "device. Whoever repeats the command gets a result with this checksum.</p>\n";
   }
 
-  std::string file_table(std::string_view caption, const fs::path& path, const Cloud& cloud, const std::string& sum) const {
+  std::string file_table(std::string_view caption, const fs::path& path, const Cloud& cloud,
+                         const std::string& sum) const {
     std::error_code failed;
     Pairs pairs{{"name", path.filename().string()},
                 {"bytes", counted(fs::file_size(path, failed))},
@@ -287,10 +295,11 @@ class PageMaker {
 
   std::string made_section() const {
     const DeviceInfo device = job_.run ? job_.run->device : pipeline_.device();
-    Pairs pairs{{"command", job_.command},
-                {"program", fmt::format("pointfair {}", version())},
-                {"date of this page", fmt::format("{:%Y-%m-%d %H:%M} UTC", fmt::gmtime(std::time(nullptr)))},
-                {job_.run ? "computed on" : "measured on", fmt::format("{}, {}", device_name(device.kind), device.name)}};
+    Pairs pairs{
+        {"command", job_.command},
+        {"program", fmt::format("pointfair {}", version())},
+        {"date of this page", fmt::format("{:%Y-%m-%d %H:%M} UTC", fmt::gmtime(std::time(nullptr)))},
+        {job_.run ? "computed on" : "measured on", fmt::format("{}, {}", device_name(device.kind), device.name)}};
     if (job_.run) pairs.emplace_back("time of the run", fmt::format("{:.3g} s", job_.run->total_milliseconds / 1000));
     std::string html = table_of("Run", pairs);
     if (!job_.run) return html;

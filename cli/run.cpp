@@ -98,7 +98,8 @@ void check_files(const RunArguments& arguments) {
     throw Error(ErrorKind::file, described_survey(arguments.input) +
                                      "; give --out-dir DIR for their results, and --each if they are not one cloud");
   if (arguments.each || arguments.skip_existing)
-    throw Error(ErrorKind::usage, "--each and --skip-existing are for many files; give --out-dir DIR for their results");
+    throw Error(ErrorKind::usage,
+                "--each and --skip-existing are for many files; give --out-dir DIR for their results");
   if (arguments.output.empty()) throw Error(ErrorKind::usage, "OUT is required; see pointfair run --help");
 }
 

@@ -14,7 +14,8 @@
 namespace pointfair::cli {
 
 struct RunArguments {
-  std::string input, output, report, progress = "auto", normals = "keep", write_noise, write_displacement, viewpoint, weights;
+  std::string input, output, report, progress = "auto", normals = "keep", write_noise, write_displacement, viewpoint,
+                                     weights;
   std::vector<std::string> more;  // inputs, with an output folder
   TiledArguments tiled;
   std::optional<double> las_scale;

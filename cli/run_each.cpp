@@ -36,9 +36,10 @@ std::vector<Row> planned(const RunArguments& arguments) {
   for (const fs::path& input : inputs_of(arguments)) {
     const fs::path output = fs::path(arguments.tiled.out_dir) / input.filename();
     if (!names.insert(output).second)
-      throw Error(ErrorKind::usage, fmt::format("{}: another input has the same name, so that both results would be {}; "
-                                                "give folders of them one after the other",
-                                                input.string(), output.string()));
+      throw Error(ErrorKind::usage,
+                  fmt::format("{}: another input has the same name, so that both results would be {}; "
+                              "give folders of them one after the other",
+                              input.string(), output.string()));
     rows.push_back({input, output, {}, {}, ErrorKind::failed, {}});
   }
   return rows;
@@ -47,11 +48,13 @@ std::vector<Row> planned(const RunArguments& arguments) {
 void check_each(const RunArguments& arguments) {
   const std::string extension = fs::path(arguments.report).extension().string();
   if (!arguments.report.empty() && arguments.report != "-" && extension != ".csv" && extension != ".json")
-    throw Error(ErrorKind::usage, fmt::format("--report {}: of many files the report has a row each; name a .csv or .json "
-                                              "file. pointfair certify IN OUT makes the page of one",
-                                              arguments.report));
+    throw Error(ErrorKind::usage,
+                fmt::format("--report {}: of many files the report has a row each; name a .csv or .json "
+                            "file. pointfair certify IN OUT makes the page of one",
+                            arguments.report));
   if (!arguments.tiled.work.empty() || arguments.tiled.tiles > 1)
-    throw Error(ErrorKind::usage, "--each runs every file on its own; leave out --work and --tiles, or leave out --each");
+    throw Error(ErrorKind::usage,
+                "--each runs every file on its own; leave out --work and --tiles, or leave out --each");
   check_page(arguments.report, {});
 }
 

@@ -86,8 +86,7 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
   check_normals(arguments, cloud, write_options);
   check_write(arguments.output, cloud, write_options);
   check_outlier_action(arguments.outlier_action, cloud, write_options);
-  if (!arguments.write_noise.empty())
-    check_new_attribute(cloud, "--write-noise", arguments.write_noise, write_options);
+  if (!arguments.write_noise.empty()) check_new_attribute(cloud, "--write-noise", arguments.write_noise, write_options);
   if (!arguments.write_displacement.empty())
     check_new_attribute(cloud, "--write-displacement", arguments.write_displacement, write_options);
   const std::vector<std::uint8_t> movable = movable_points(limits, cloud);
@@ -123,10 +122,10 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
   }
   if (!is_page(arguments.report)) return;
   progress.show(1, "drawing");
-  const PageJob job{arguments.input,          arguments.output,
-                    command_text(),           &findings.report,
-                    findings.asked,           findings.noise_attribute,
-                    findings.notes,           {pipeline.outliers().begin(), pipeline.outliers().end()},
+  const PageJob job{arguments.input,         arguments.output,
+                    command_text(),          &findings.report,
+                    findings.asked,          findings.noise_attribute,
+                    findings.notes,          {pipeline.outliers().begin(), pipeline.outliers().end()},
                     arguments.device.threads};
   write_text(arguments.report, result_page(job, cloud, pipeline, stop));
 }

@@ -30,9 +30,10 @@ void check_tiled(const RunArguments& arguments) {
   if (!arguments.write_noise.empty()) refuse("--write-noise");
   if (!arguments.write_displacement.empty()) refuse("--write-displacement");
   if (is_page(arguments.report))
-    throw Error(ErrorKind::usage, fmt::format("--report {}: a run in tiles on disk writes JSON; make the page afterwards "
-                                              "with pointfair certify IN OUT",
-                                              arguments.report));
+    throw Error(ErrorKind::usage,
+                fmt::format("--report {}: a run in tiles on disk writes JSON; make the page afterwards "
+                            "with pointfair certify IN OUT",
+                            arguments.report));
   if (arguments.outlier_action.kind != OutlierAction::Kind::none) refuse("--outliers classify and withheld");
   if (!arguments.weights.empty()) refuse("--weights");
   if (arguments.in.any()) refuse("--in-format, --columns and --skip");

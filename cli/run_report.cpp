@@ -112,8 +112,12 @@ void find_out(bool keeps_normals, const WriteOptions& options, const Cloud& befo
   const UnmovedCounts& unmoved = pipeline.report().unmoved;
   const Statistics& moved = findings.displacement;
   const std::vector<std::string> doubtful =
-      doubts({findings.spacing, findings.noise, findings.diagonal, {moved.mean, moved.rms, moved.p95, moved.max},
-              estimates.finite, unmoved.too_few_neighbors + unmoved.no_normal + unmoved.outliers,
+      doubts({findings.spacing,
+              findings.noise,
+              findings.diagonal,
+              {moved.mean, moved.rms, moved.p95, moved.max},
+              estimates.finite,
+              unmoved.too_few_neighbors + unmoved.no_normal + unmoved.outliers,
               findings.asked.min_neighbors == kAutomatic ? pipeline.report().params.min_neighbors : 0});
   findings.notes.insert(findings.notes.end(), doubtful.begin(), doubtful.end());
 }
@@ -149,12 +153,11 @@ void print_summary(const Report& report, const Findings& findings, bool with_det
     fmt::print(stderr, "limits, such as --where and --box, held {} points in place\n", findings.held);
   if (report.tiles > 1)
     fmt::print(stderr, "computed in {} tiles, since the cloud does not fit into the device's memory\n", report.tiles);
-  fmt::print(
-      stderr, "{}{}",
-      noise_and_moves(is_noise_given(findings) ? report.params.noise.value : findings.noise,
-                      noise_source(findings.asked, findings.noise_attribute), findings.displacement.mean,
-                      findings.displacement.max),
-      rounding_text(findings.step));
+  fmt::print(stderr, "{}{}",
+             noise_and_moves(is_noise_given(findings) ? report.params.noise.value : findings.noise,
+                             noise_source(findings.asked, findings.noise_attribute), findings.displacement.mean,
+                             findings.displacement.max),
+             rounding_text(findings.step));
   const std::string none = nothing_selected(report.points, unmoved.non_finite, findings.ignored, findings.held);
   if (!none.empty()) fmt::print(stderr, "note: {}\n", none);
   for (const std::string& note : findings.notes) fmt::print(stderr, "note: {}\n", note);

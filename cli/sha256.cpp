@@ -39,7 +39,8 @@ const std::array<std::uint32_t, kRounds>& round_constants() {
   static const auto kConstants = [] {
     std::array<std::uint32_t, kRounds> constants{};
     const std::vector<int> primes = first_primes(kRounds);
-    for (std::size_t i = 0; i < kRounds; ++i) constants[i] = fraction_of(std::cbrt(static_cast<long double>(primes[i])));
+    for (std::size_t i = 0; i < kRounds; ++i)
+      constants[i] = fraction_of(std::cbrt(static_cast<long double>(primes[i])));
     return constants;
   }();
   return kConstants;

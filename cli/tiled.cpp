@@ -125,8 +125,8 @@ void print_summary(const TiledReport& report) {
   const UnmovedCounts& u = report.unmoved;
   const std::uint64_t kept = u.non_finite + u.too_few_neighbors + u.no_normal + u.outliers + report.ignored;
   fmt::print(stderr, "{} points denoised in {} {}, {} kept as they were{}\n",
-             count_denoised(report.points, kept, report.held), report.tiles, report.tiles == 1 ? "tile" : "tiles",
-             kept, reasons_kept(u, report.ignored));
+             count_denoised(report.points, kept, report.held), report.tiles, report.tiles == 1 ? "tile" : "tiles", kept,
+             reasons_kept(u, report.ignored));
   if (report.held > 0) fmt::print(stderr, "limits, such as --where and --box, held {} points in place\n", report.held);
   const std::optional<double> given = given_noise(report);
   const std::string source = given ? "given" : noise_source({}, report.noise_attribute);

@@ -104,7 +104,8 @@ TEST(Viewpoint, shows_mixed_pixels) {
   const OutlierCounts& reasons = seen.report.unmoved.outliers_by_reason;
   EXPECT_GT(reasons.mixed_pixels, 100u);
   EXPECT_EQ(reasons.total(), seen.report.unmoved.outliers);
-  EXPECT_EQ(seen.report.unmoved.outliers, std::uint64_t(seen.marks.size() - std::count(seen.marks.begin(), seen.marks.end(), 0)));
+  EXPECT_EQ(seen.report.unmoved.outliers,
+            std::uint64_t(seen.marks.size() - std::count(seen.marks.begin(), seen.marks.end(), 0)));
   EXPECT_EQ(reasons.mixed_pixels, std::uint64_t(std::count(seen.marks.begin(), seen.marks.end(), 3)));
 }
 

@@ -146,8 +146,8 @@ class POINTFAIR_EXPORT Pipeline {
   /// The device that this pipeline runs on.
   DeviceInfo device() const;
 
-  /// Of each point of the last successful run why it is an outlier: 0 it is none, 1 isolated, 2 off the surface, 3 mixed
-  /// pixel; in file order; empty without Outliers::mark. Valid until the next run.
+  /// Of each point of the last successful run why it is an outlier: 0 it is none, 1 isolated, 2 off the surface, 3
+  /// mixed pixel; in file order; empty without Outliers::mark. Valid until the next run.
   std::span<const std::uint8_t> outliers() const;
 
   /// The unit normals of the last run's last iteration, in file order; zero where there is none. They look towards the
