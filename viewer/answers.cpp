@@ -57,6 +57,7 @@ Json hello_answer(const std::optional<DeviceInfo>& device, const std::string& sa
 
 Json cloud_answer(const Cloud& cloud, const CloudFacts& facts) {
   const Estimates& estimates = facts.estimates;
+  const std::optional<double> metres = file_info(cloud).metres_per_unit;
   return {{"type", "cloud"},
           {"name", facts.name},
           {"path", facts.path},
@@ -70,6 +71,7 @@ Json cloud_answer(const Cloud& cloud, const CloudFacts& facts) {
           {"spacing", estimates.spacing},
           {"noise", estimates.noise},
           {"step", facts.step},
+          {"metres_per_unit", metres ? Json(*metres) : Json(nullptr)},
           {"colours", colour_choices(cloud)},
           {"settles", facts.settles}};
 }

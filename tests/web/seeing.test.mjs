@@ -175,7 +175,7 @@ test("points are coloured by their noise, whose two levels the legend tells", as
   await page.locator("#colour").selectOption("noise");
   await page.locator(".legend", { hasText: "noise" }).waitFor();
   assert.ok(difference(before, await blocks(page, await picture(page))) > 0.2, "the picture shows the noise");
-  const [low, , high] = (await page.locator(".legend .ends span").allTextContents()).map(Number);
+  const [low, , high] = (await page.locator(".legend .ends span").allTextContents()).map(parseFloat);
   assert.ok(low > 0.5 * told[0] && low <= 1.1 * told[0], `${low} is near the quietest places, ${told}`);
   assert.ok(high >= 0.9 * told[2] && high < 2 * told[2], `${high} is near the loudest places, ${told}`);
   assert.ok(high > 3 * low, "both halves are told apart");
@@ -228,7 +228,7 @@ test("of a large cloud a part is held; a held slider shows previews, and the who
   assert.ok(difference(before, await blocks(page, await picture(page))) > 0.05);
   await page.locator("#save").click();
   await page.waitForFunction(() => document.body.dataset.saved);
-  assert.equal(JSON.parse(run(["info", path.join(folder, "denoised.ply"), "--report", "-"])).points, 400000, "files hold all points");
+  assert.equal(JSON.parse(run(["info", path.join(folder, "noisy_denoised.ply"), "--report", "-"])).points, 400000, "files hold all points");
   assert.deepEqual(faults, []);
 });
 
@@ -276,4 +276,88 @@ test("a cloud without a result is shown as the original, and says why", async (t
     await settled(page);
     assert.equal(await automatic(), "auto (keep)");
   });
+});
+
+test("classes have names, lengths have units, and a screenshot tells what its colours mean", async (t) => {
+  const folder = temporaryFolder(t);
+  const rows = ["x,y,z,classification"];
+  for (let i = 0; i < 3600; ++i) {
+    const noise = 0.05 * (((i * 7919) % 101) / 101 - 0.5);
+    rows.push(`${(i % 60) / 4},${Math.floor(i / 60) / 4},${(0.3 * Math.sin(i / 40) + noise).toFixed(4)},${i % 10 === 0 ? 6 : 2}`);
+  }
+  const csv = path.join(folder, "tile.csv"), e57 = path.join(folder, "tile.e57"); // which is in metres
+  writeFileSync(csv, rows.join("\n"));
+  run(["run", csv, e57, "--strength", 0, "-q"]);
+  const { url } = await view(t, [e57, "--port", 0, "--save-folder", folder]);
+  const { page, faults } = await openPage(t, await openBrowser(t), url);
+  await settled(page);
+
+  await t.test("kinds", async () => {
+    await page.locator("#colour").selectOption("attribute:classification");
+    await page.locator(".legend li").first().waitFor();
+    assert.deepEqual(await page.locator(".legend li").allTextContents(), ["2 ground · 3\u202f240", "6 building · 360"]);
+    assert.ok(await page.locator(".legend canvas").isHidden());
+  });
+
+  await t.test("units", async () => {
+    assert.match(await page.locator("#findings").textContent(), /spacing [\d.]+ mm, noise [\d.]+ mm; points moved [\d.]+ mm/);
+    await page.locator("#colour").selectOption("displacement");
+    for (const end of await page.locator(".legend .ends span").allTextContents()) assert.match(end, /^(0|-?[\d.]+ mm)$/);
+  });
+
+  await t.test("the file saved is called after the input", async () => {
+    assert.equal(await page.locator("#output").inputValue(), "tile_denoised.e57");
+    await page.locator("#save").click();
+    await page.locator(".toast", { hasText: "tile_denoised.e57" }).waitFor();
+  });
+
+  await t.test("a screenshot has the legend", async () => {
+    await page.locator("#colour").selectOption("height");
+    await page.locator(".legend").waitFor();
+    const download = page.waitForEvent("download");
+    await page.getByRole("button", { name: "Screenshot" }).click();
+    const file = await (await download).path();
+    const url64 = `data:image/png;base64,${readFileSync(file).toString("base64")}`;
+    const bar = await page.evaluate(async (source) => {
+      const image = new Image();
+      image.src = source;
+      await image.decode();
+      const drawn = document.createElement("canvas");
+      [drawn.width, drawn.height] = [image.width, image.height];
+      const context = drawn.getContext("2d");
+      context.drawImage(image, 0, 0);
+      const scale = image.width / document.querySelector(".stage canvas").clientWidth;
+      const at = (x) => [...context.getImageData(Math.round(x * scale), Math.round(image.height - 44 * scale), 1, 1).data.slice(0, 3)];
+      return [at(28), at(250)];
+    }, url64);
+    // the ends of the map: dark blue and yellow
+    assert.ok(bar[0][2] > bar[0][1] && bar[0][0] < 90, String(bar));
+    assert.ok(bar[1][0] > 200 && bar[1][1] > 180 && bar[1][2] < 160, String(bar));
+  });
+
+  await t.test("the point under the pointer says where it is, and two points how far they are apart", async () => {
+    const box = await canvas(page).boundingBox();
+    await page.mouse.move(box.x + box.width / 2, box.y + box.height / 2);
+    await page.mouse.move(box.x + box.width / 2 + 2, box.y + box.height / 2);
+    await page.locator(".readout", { hasText: /^height -?[\d.]+ (mm|m) · / }).waitFor();
+    await page.keyboard.press("m");
+    await page.locator(".hint", { hasText: "Click two points" }).waitFor();
+    await page.mouse.click(box.x + 0.45 * box.width, box.y + box.height / 2);
+    await page.locator(".hint", { hasText: "second" }).waitFor();
+    await page.mouse.click(box.x + 0.55 * box.width, box.y + box.height / 2);
+    await page.locator(".toast", { hasText: /^Distance in the original: [\d.]+ (mm|m)$/ }).waitFor();
+  });
+
+  await t.test("displacements are shown longer than they are", async () => {
+    await page.locator("#colour").selectOption("plain");
+    const before = await blocks(page, await picture(page), 640, 400);
+    await page.locator("#view-exaggerate").evaluate((slider) => {
+      slider.value = "10";
+      slider.dispatchEvent(new Event("input", { bubbles: true }));
+    });
+    await page.waitForFunction(() => location.hash.includes("view.exaggerate=10"));
+    const after = await blocks(page, await picture(page), 640, 400);
+    assert.ok(difference(before, after) > 0.1, `${difference(before, after)}`);
+  });
+  assert.deepEqual(faults, []);
 });

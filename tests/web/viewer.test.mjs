@@ -45,7 +45,7 @@ test("a scan is loaded, denoised, compared, saved, and all of it comes back", mo
   await t.test("the panel says what noise was estimated and how far points moved, and nothing of noise that is left", async () => {
     await page.waitForFunction(() => document.body.dataset.settled);
     const text = await page.locator("#findings").textContent();
-    const figures = text.match(/^Estimated spacing ([\d.e-]+), noise ([\d.e-]+); points moved ([\d.e-]+) on average, ([\d.e-]+) at most$/);
+    const figures = text.match(/^Estimated spacing ([\d.e-]+) units, noise ([\d.e-]+) units; points moved ([\d.e-]+) units on average, ([\d.e-]+) units at most$/);
     // the closeness sigma that was pulled to is the one parameter that is not automatic
     const sigma = await entry(page, "closeness_sigma").inputValue();
     const report = JSON.parse(run(["run", scan, path.join(folder, "told.ply"), "--closeness-sigma", sigma, "--report", "-", "-q"]));
@@ -211,7 +211,7 @@ test("100,000 points: the picture follows the slider, and what is saved is neare
   await settled(page);
   await page.locator("#save").click();
   await page.waitForFunction(() => document.body.dataset.saved);
-  const [before, after] = [distance(noisy), distance(path.join(folder, "denoised.ply"))];
+  const [before, after] = [distance(noisy), distance(path.join(folder, "noisy_denoised.ply"))];
   t.diagnostic(`mean distance to the mesh ${before} before, ${after} after`);
   assert.ok(after < 0.6 * before, `${before} to ${after}`);
   assert.deepEqual(faults, []);

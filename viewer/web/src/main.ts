@@ -4,7 +4,7 @@
 import "./style.css";
 import { Colouring } from "./colouring";
 import { Connection } from "./connection";
-import { grouped, h } from "./dom";
+import { grouped, h, lengthInWords, short } from "./dom";
 import { Header } from "./header";
 import { helpDialog } from "./help";
 import { listenToKeys } from "./keys";
@@ -19,6 +19,9 @@ import { Status } from "./status";
 
 const kUrlDelay = 250;
 const kProtocol = 1;
+const kPointerRest = 120; // ms
+const kReadoutReach = 0.02; // of the picture's height
+const kToastOfDistance = 15000, kToastOfNotes = 20000; // ms
 
 class Page {
   private readonly view: View = defaultView();
@@ -36,6 +39,7 @@ class Page {
     hold: (original: boolean) => this.hold(original),
     nudge: (turn: [number, number], move: [number, number], zoom: number) => this.scene.nudge(turn, move, zoom),
     drawLasso: () => void this.drawLasso(),
+    measure: () => this.measure(),
     togglePanel: () => this.header.togglePanel(),
   };
   private readonly header = new Header(this.actions);
@@ -56,6 +60,8 @@ class Page {
   private snapshots: { name: string; recipe: Recipe }[] = [];
   private result: Result | null = null; // that is shown; null: the original is
   private held = false; // a key shows the original
+  private pointerTimer = 0;
+  private measured: ReturnType<Scene["position"]>[] | null = null; // points of a distance; null: none is measured
   private shownRecipe: Recipe | null = null; // that the shown result came from
   private asked: Recipe = this.recipe;
   private focus: number[] | undefined;
@@ -75,6 +81,10 @@ class Page {
     this.scene.onShown = () => this.shown();
     this.scene.onStill = (still) => (document.body.dataset.still = String(still));
     this.scene.canvas.addEventListener("dblclick", (event) => this.pivot(event));
+    this.scene.canvas.addEventListener("click", (event) => this.measureAt(event));
+    this.scene.canvas.addEventListener("pointermove", (event) => this.showUnder(event));
+    this.scene.canvas.addEventListener("pointerleave", () => this.stage.showReadout(""));
+    window.addEventListener("keydown", (event) => this.stopMeasuring(event));
     listenToKeys(this.scene.canvas, this.actions);
     window.addEventListener("hashchange", () => this.readUrl());
     this.connection = new Connection((message) => this.receive(message), (state) => this.connectionChanged(state));
@@ -106,7 +116,8 @@ class Page {
       case "saved":
         this.status.hideProgress();
         document.body.dataset.saved = head.path;
-        return this.stage.say([`Saved ${head.path}, ${grouped(head.bytes)} bytes`, ...head.notes].join(". Note: "));
+        return this.stage.say([`Saved ${head.path}, ${grouped(head.bytes)} bytes`, ...head.notes].join(". Note: "), false,
+          head.notes.length ? kToastOfNotes : undefined);
       case "cancelled":
         return this.noResult("Stopped.", false);
       case "taken":
@@ -316,17 +327,77 @@ class Page {
   }
 
   private async screenshot(): Promise<void> {
-    const url = URL.createObjectURL(await this.scene.screenshot());
+    const url = URL.createObjectURL(await this.withLegend(await this.scene.screenshot()));
     const name = (this.cloud?.name ?? "cloud").replace(/\.[^.]*$/, "");
     h("a", { href: url, download: `${name}.png` }).click();
     setTimeout(() => URL.revokeObjectURL(url), 10000);
   }
 
-  private pivot(event: MouseEvent): void {
+  // The picture, with the legend and what the sides are.
+  private async withLegend(picture: Blob): Promise<Blob> {
+    const image = await createImageBitmap(picture);
+    const canvas = h("canvas", { width: image.width, height: image.height });
+    const context = canvas.getContext("2d")!;
+    const scale = image.width / this.scene.canvas.clientWidth;
+    context.drawImage(image, 0, 0);
+    this.legend.drawOnto(context, image.height, scale);
+    this.stage.drawTagsOnto(context, image.width, scale);
+    return new Promise((resolve) => canvas.toBlob((blob) => resolve(blob ?? picture), "image/png"));
+  }
+
+  // The place that is under the pointer; -1 where none is.
+  private placeUnder(event: MouseEvent, reach?: number): number {
     const box = this.scene.canvas.getBoundingClientRect();
-    const at = this.scene.pick(...this.scene.inPicture(
-      [((event.clientX - box.left) / box.width) * 2 - 1, 1 - ((event.clientY - box.top) / box.height) * 2]));
-    if (at) this.scene.pivot(at);
+    return this.scene.pickPlace(...this.scene.inPicture(
+      [((event.clientX - box.left) / box.width) * 2 - 1, 1 - ((event.clientY - box.top) / box.height) * 2]), reach);
+  }
+
+  private pivot(event: MouseEvent): void {
+    const place = this.placeUnder(event);
+    if (place >= 0) this.scene.pivot(this.scene.position(place));
+  }
+
+  // Where the pointer rests, the point there says where it is and what it is coloured by.
+  private showUnder(event: PointerEvent): void {
+    clearTimeout(this.pointerTimer);
+    this.stage.showReadout("");
+    if (event.buttons || !this.cloud) return;
+    this.pointerTimer = window.setTimeout(() => {
+      const place = this.cloud ? this.placeUnder(event, kReadoutReach) : -1;
+      if (place < 0) return;
+      const value = this.colouring.valueAt(place);
+      const at = this.filePosition(place).map((c) => short(c, 9)).join("  ");
+      this.stage.showReadout(value ? `${value} · ${at}` : at);
+    }, kPointerRest);
+  }
+
+  private filePosition(place: number): number[] {
+    return this.scene.position(place).toArray().map((c, axis) => c + this.cloud!.origin[axis]);
+  }
+
+  // The next two points that are clicked.
+  private measure(): void {
+    this.measured = [];
+    this.stage.showHint("Click two points to measure the distance between them. Escape cancels.");
+  }
+
+  private measureAt(event: MouseEvent): void {
+    if (!this.measured || !this.cloud) return;
+    const place = this.placeUnder(event);
+    if (place < 0) return;
+    this.measured.push(this.scene.position(place));
+    if (this.measured.length < 2) return this.stage.showHint("Click the second point. Escape cancels.");
+    const distance = lengthInWords(this.measured[0].distanceTo(this.measured[1]), this.cloud.metres_per_unit);
+    this.measured = null;
+    document.body.dataset.distance = distance;
+    this.stage.showHint("");
+    this.stage.say(`Distance in the original: ${distance}`, false, kToastOfDistance);
+  }
+
+  private stopMeasuring(event: KeyboardEvent): void {
+    if (event.key !== "Escape" || !this.measured) return;
+    this.measured = null;
+    this.stage.showHint("");
   }
 
   // What is seen.

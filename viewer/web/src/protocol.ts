@@ -84,6 +84,7 @@ export interface CloudHead {
   spacing: number;
   noise: number;
   step: number;
+  metres_per_unit: number | null; // null: the file does not say
   colours: { name: string; kind: "rgb" | "scalar" }[];
   settles: boolean;
 }
