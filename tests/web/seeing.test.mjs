@@ -283,7 +283,7 @@ test("classes have names, lengths have units, and a screenshot tells what its co
   const rows = ["x,y,z,classification"];
   for (let i = 0; i < 3600; ++i) {
     const noise = 0.05 * (((i * 7919) % 101) / 101 - 0.5);
-    rows.push(`${(i % 60) / 4},${Math.floor(i / 60) / 4},${(0.3 * Math.sin(i / 40) + noise).toFixed(4)},${i % 10 === 0 ? 6 : 2}`);
+    rows.push(`${(i % 60) / 4},${Math.floor(i / 60) / 4},${(0.3 * Math.sin((i % 60) / 4) + noise).toFixed(4)},${i % 10 === 0 ? 6 : 2}`);
   }
   const csv = path.join(folder, "tile.csv"), e57 = path.join(folder, "tile.e57"); // which is in metres
   writeFileSync(csv, rows.join("\n"));

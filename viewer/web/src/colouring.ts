@@ -70,7 +70,8 @@ export class Colouring {
   private showDisplacement(cloud: CloudHead): void {
     // of so many points that the longest moves, which are few, do not make all others pale
     const length = (place: number) => Math.abs(this.scene.signedDisplacement(place));
-    const most = this.rms > 0 ? quantileRange(length, this.scene.count, "amount")[1] : cloud.spacing || 1;
+    // and 7.1 times the rms bounds that quantile, where what the page holds are steps that small moves do not reach
+    const most = this.rms > 0 ? Math.min(7.1 * this.rms, quantileRange(length, this.scene.count, "amount")[1]) : cloud.spacing || 1;
     const spread = binned((place) => this.scene.signedDisplacement(place), this.scene.count, [-most, most]);
     this.show("displacement", "diverging", spread, "displacement (+ toward you)", true);
   }
