@@ -103,8 +103,6 @@ void run_tiled(const RunArguments& arguments, const Params& params, const Limits
     if (!arguments.output.empty()) inputs.push_back(arguments.output);
     inputs.insert(inputs.end(), arguments.more.begin(), arguments.more.end());
     job.inputs = files_of_survey(inputs);
-    if (!arguments.quiet && job.inputs.size() > 1)
-      fmt::print(stderr, "{} files are one cloud; --each treats every file on its own\n", job.inputs.size());
     job.output_folder = arguments.tiled.out_dir;
     std::error_code failed;
     std::filesystem::create_directories(job.output_folder, failed);
@@ -121,7 +119,10 @@ void run_tiled(const RunArguments& arguments, const Params& params, const Limits
   job.params = params;
   job.memory = memory_to_use(arguments.tiled);
   job.least_tiles = arguments.tiled.tiles;
-  run_in_tiles(job, arguments.tiled.work, device, {arguments.report, arguments.progress, arguments.quiet, note}, stop);
+  std::string said = note;
+  if (job.inputs.size() > 1)
+    said = fmt::format("{} files are one cloud; --each treats every file on its own", job.inputs.size());
+  run_in_tiles(job, arguments.tiled.work, device, {arguments.report, arguments.progress, arguments.quiet, said}, stop);
 }
 
 bool is_run_tiled(const RunArguments& arguments, const Params& params, const Limits& limits,
