@@ -62,6 +62,10 @@ Json counts_json(const Counts& counts) {
 
 }  // namespace
 
+std::string_view class_name(unsigned value) {
+  return value < std::size(kClasses) ? kClasses[value] : value < 64 ? "reserved" : "user-defined";
+}
+
 std::string file_text(const Cloud& cloud) {
   const FileInfo info = file_info(cloud);
   std::string text;
@@ -75,8 +79,7 @@ std::string file_text(const Cloud& cloud) {
   const Counts classes = counts_of(cloud, "classification"), returns = counts_of(cloud, "return_number");
   if (!classes.empty()) fmt::format_to(out, "classes\n");
   for (const auto& [value, count] : classes) {
-    const char* const name = value < std::size(kClasses) ? kClasses[value] : value < 64 ? "reserved" : "user-defined";
-    fmt::format_to(out, "  {:<3} {:<18} {}\n", value, name, count);
+    fmt::format_to(out, "  {:<3} {:<18} {}\n", value, class_name(value), count);
   }
   if (!returns.empty()) fmt::format_to(out, "returns\n");
   for (const auto& [value, count] : returns) fmt::format_to(out, "  {:<22} {}\n", value, count);

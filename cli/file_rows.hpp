@@ -3,10 +3,14 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 
 #include "report.hpp"
 
 namespace pointfair::cli {
+
+/// What a LAS class means (LAS 1.4 R15, table 17).
+std::string_view class_name(unsigned value);
 
 /// Rows for people; empty for a file that says nothing and has neither classes nor returns.
 std::string file_text(const Cloud& cloud);

@@ -12,6 +12,7 @@
 #include "output.hpp"
 #include "pointfair/pointfair.hpp"
 #include "report.hpp"
+#include "survey.hpp"
 #include "verbs.hpp"
 
 namespace pointfair::cli {
@@ -19,6 +20,7 @@ namespace {
 
 struct InfoArguments {
   std::string input, report;
+  std::vector<std::string> more;
   InputArguments in;
   DeviceArguments device;
 };
@@ -91,16 +93,66 @@ Params suggested_for(Pipeline& pipeline, std::stop_token stop) {
   }
 }
 
+struct Known {
+  Cloud cloud;
+  Estimates estimates;
+  Params suggested;
+};
+
+Known look_at(const InfoArguments& arguments, const std::string& input, Pipeline& pipeline, std::stop_token stop) {
+  Known known;
+  known.cloud = read(input, make_read_options(arguments.in, arguments.device.threads));
+  pipeline.load(known.cloud);
+  known.estimates = pipeline.estimates(stop);
+  if (const double step = TiledRun::float_step_in_zones(known.cloud); step > 0) known.estimates.float_step = step;
+  known.suggested = suggested_for(pipeline, stop);
+  return known;
+}
+
+void info_of_one(const InfoArguments& arguments, Pipeline& pipeline, std::stop_token stop) {
+  const Known known = look_at(arguments, arguments.input, pipeline, stop);
+  write_report(arguments.report, info_json(known.cloud, known.estimates, known.suggested));
+  if (arguments.report != "-") print_output(info_text(known.cloud, known.estimates, known.suggested));
+}
+
+// A line a file, as it becomes known; those that cannot be read come at the end.
+void info_of_many(const InfoArguments& arguments, const std::vector<std::filesystem::path>& files, Pipeline& pipeline,
+                  std::stop_token stop) {
+  const bool prints = arguments.report != "-";
+  if (prints)
+    print_output(fmt::format("{:>12} {:>10} {:>10} {:>10}  file\n", "points", "spacing", "noise", "diagonal"));
+  Json rows = Json::array();
+  std::vector<Error> failures;
+  for (const std::filesystem::path& file : files) {
+    Json row{{"input", file.string()}};
+    try {
+      const Known known = look_at(arguments, file.string(), pipeline, stop);
+      const Estimates& found = known.estimates;
+      row.update(info_json(known.cloud, found, known.suggested));
+      if (prints)
+        print_output(fmt::format("{:>12} {:>10.4g} {:>10.4g} {:>10.4g}  {}\n", found.points, found.spacing, found.noise,
+                                 found.diagonal, file.string()));
+    } catch (const Error& error) {
+      if (error.kind() == ErrorKind::interrupted) throw;
+      row["error"] = error.what();
+      failures.push_back(error);
+    }
+    rows.push_back(row);
+  }
+  write_report(arguments.report, {{"version", version()}, {"files", rows}});
+  if (failures.empty()) return;
+  for (const Error& failure : failures) print_error(failure.what());
+  throw Error(failures[0].kind(),
+              fmt::format("{} of {} files failed; the lines above say why", failures.size(), files.size()));
+}
+
 void info(const InfoArguments& arguments, std::stop_token stop) {
   check_report(arguments.report, {arguments.input});
   Pipeline pipeline(make_device(arguments.device));
-  const Cloud cloud = read(arguments.input, make_read_options(arguments.in, arguments.device.threads));
-  pipeline.load(cloud);
-  Estimates estimates = pipeline.estimates(stop);
-  if (const double step = TiledRun::float_step_in_zones(cloud); step > 0) estimates.float_step = step;
-  const Params suggested = suggested_for(pipeline, stop);
-  write_report(arguments.report, info_json(cloud, estimates, suggested));
-  if (arguments.report != "-") print_output(info_text(cloud, estimates, suggested));
+  if (arguments.more.empty() && !is_survey(arguments.input)) return info_of_one(arguments, pipeline, stop);
+  std::vector<std::string> inputs = {arguments.input};
+  inputs.insert(inputs.end(), arguments.more.begin(), arguments.more.end());
+  info_of_many(arguments, files_of_survey(inputs), pipeline, stop);
 }
 
 }  // namespace
@@ -108,7 +160,9 @@ void info(const InfoArguments& arguments, std::stop_token stop) {
 Verb add_info(CLI::App& app) {
   const auto arguments = std::make_shared<InfoArguments>();
   CLI::App& command = *app.add_subcommand("info", "Print size, spacing, noise, suggested parameters.");
-  command.add_option("IN", arguments->input, "cloud to read; - is standard input")->required();
+  command.add_option("IN", arguments->input, "cloud to read; - is standard input; also a folder of clouds, or a VPC")
+      ->required();
+  command.add_option("MORE", arguments->more, "more of them: a line each");
   add_device(command, arguments->device);
   add_input(command, arguments->in);
   add_report(command, arguments->report);

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "arguments.hpp"
+#include "command_line.hpp"
 #include "interrupts.hpp"
 #include "output.hpp"
 #include "pointfair/pointfair.hpp"
@@ -141,8 +142,9 @@ void run_verb(std::vector<std::string> words, std::stop_token stop) {
   CLI::App app("", "pointfair");
   app.set_version_flag("--version", "");
   app.require_subcommand(1);
-  const std::vector<Verb> verbs = {add_run(app),     add_tile(app),  add_view(app),  add_info(app),
-                                   add_compare(app), add_noise(app), add_bench(app), add_doctor(app)};
+  const std::vector<Verb> verbs = {add_run(app),   add_tile(app),    add_view(app),  add_info(app),  add_compare(app),
+                                   add_noise(app), add_certify(app), add_bench(app), add_doctor(app)};
+  remember_command(words);
   if (const Verb* verb = parse(app, verbs, std::move(words))) verb->action(stop);
 }
 

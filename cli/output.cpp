@@ -65,7 +65,7 @@ void check_writable(const fs::path& path, bool overwrite) {
   if (path == "-") return;
   std::error_code error;
   const fs::file_status status = fs::status(path, error);
-  if (fs::is_directory(status)) fail(path, "is a directory; name a file");
+  if (fs::is_directory(status)) fail(path, "is a folder; name a file in it");
   if (fs::exists(status)) {
     if (!overwrite) fail(path, "exists already; add --force to replace it");
     if (access(path.c_str(), W_OK) != 0) fail(path, fmt::format("cannot replace it: {}", std::strerror(errno)));

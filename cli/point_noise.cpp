@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <cstring>
+#include <limits>
 #include <optional>
 #include <vector>
 
@@ -95,37 +97,54 @@ void use_noise_attribute(const Cloud& cloud, const std::string& name, const std:
   pipeline.set_noise(values);
 }
 
-void check_noise_attribute(const Cloud& cloud, const std::string& name, const WriteOptions& options) {
+void check_new_attribute(const Cloud& cloud, const std::string& flag, const std::string& name,
+                         const WriteOptions& options) {
   const auto is_part_of_name = [](unsigned char c) { return std::isalnum(c) || c == '_' || c == '-' || c == '.'; };
   const bool is_coordinate = name == "x" || name == "y" || name == "z" || name == "X" || name == "Y" || name == "Z";
   if (name.empty() || name.size() > kLongestName || is_coordinate ||
       !std::all_of(name.begin(), name.end(), is_part_of_name))
-    refuse(
-        fmt::format("--write-noise={}: a name has up to {} letters, digits, '_', '-' and '.', and is no coordinate; "
-                    "choose another",
-                    name.substr(0, 60), kLongestName));
+    refuse(fmt::format(
+        "{}={}: a name has up to {} letters, digits, '_', '-' and '.', and is no coordinate; choose another", flag,
+        name.substr(0, 60), kLongestName));
   const std::optional<Format> format = options.format ? options.format : file_info(cloud).format;
   const bool is_new_e57 = format == Format::e57 && file_info(cloud).format != Format::e57;
   if (format && !takes_attributes(*format) && !is_new_e57)
-    refuse("--write-noise: files of this format take no further attributes; write PLY, PCD, LAS, LAZ or text");
+    refuse(flag + ": files of this format take no further attributes; write PLY, PCD, LAS, LAZ or text");
   const std::optional<AttributeInfo> info = find_info(cloud, name);
   const bool is_float = info && (info->type == ScalarType::float32 || info->type == ScalarType::float64);
   if (info && (info->components != 1 || !is_float))
-    refuse(
-        fmt::format("--write-noise: the cloud has an attribute '{}' of its own that is no float; name another, as in "
-                    "--write-noise={}_2",
-                    name, name.substr(0, kLongestName - 2)));
+    refuse(fmt::format("{}: the cloud has an attribute '{}' of its own that is no float; name another, as in {}={}_2",
+                       flag, name, flag, name.substr(0, kLongestName - 2)));
 }
+
+namespace {
+
+// In place of one of this name.
+void add_floats(const std::string& name, std::span<const float> values, Cloud& cloud) {
+  std::erase_if(cloud.added, [&](const Attribute& other) { return other.name == name; });
+  Attribute& attribute = cloud.added.emplace_back();
+  attribute.name = name;
+  const auto bytes = std::as_bytes(values);
+  attribute.data.assign(bytes.begin(), bytes.end());
+}
+
+}  // namespace
 
 void write_noise_attribute(Pipeline& pipeline, const Params& params, const std::string& name, std::stop_token stop,
                            Cloud& cloud) {
   std::vector<float> values(cloud.points.size());
   pipeline.noise(values, params, stop);
-  std::erase_if(cloud.added, [&](const Attribute& other) { return other.name == name; });
-  Attribute& attribute = cloud.added.emplace_back();
-  attribute.name = name;
-  const auto bytes = std::as_bytes(std::span(values));
-  attribute.data.assign(bytes.begin(), bytes.end());
+  add_floats(name, values, cloud);
+}
+
+void write_displacement_attribute(std::span<const Point> before, const std::string& name, Cloud& cloud) {
+  std::vector<float> values(before.size());
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const Point &p = before[i], &q = cloud.points[i];
+    const double length = std::hypot(double{q.x} - p.x, double{q.y} - p.y, double{q.z} - p.z);
+    values[i] = std::isfinite(length) ? static_cast<float>(length) : std::numeric_limits<float>::quiet_NaN();
+  }
+  add_floats(name, values, cloud);
 }
 
 }  // namespace pointfair::cli

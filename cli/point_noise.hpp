@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The noise at each point in files: read for --noise NAME, written for --write-noise.
+// Lengths of points in files: the noise, read for --noise NAME and written for --write-noise, and the displacement.
 #pragma once
 
+#include <span>
 #include <stop_token>
 #include <string>
 
@@ -19,11 +20,15 @@ std::string take_noise_attribute(ParamArguments& params);
 void use_noise_attribute(const Cloud& cloud, const std::string& name, const std::string& input, Pipeline& pipeline);
 
 /// Refuses before the run what would fail after it: a name that files cannot have or that is taken, or a format without
-/// further attributes. Throws ErrorKind::usage.
-void check_noise_attribute(const Cloud& cloud, const std::string& name, const WriteOptions& options);
+/// further attributes. `flag` names it in errors. Throws ErrorKind::usage.
+void check_new_attribute(const Cloud& cloud, const std::string& flag, const std::string& name,
+                         const WriteOptions& options);
 
 /// Adds the noise that the last run believed in to `cloud`, as an attribute of floats, NaN for an invalid point.
 void write_noise_attribute(Pipeline& pipeline, const Params& params, const std::string& name, std::stop_token stop,
                            Cloud& cloud);
+
+/// Adds how far each point moved from `before`, as an attribute of floats, NaN for an invalid point.
+void write_displacement_attribute(std::span<const Point> before, const std::string& name, Cloud& cloud);
 
 }  // namespace pointfair::cli

@@ -31,14 +31,21 @@ Progress::~Progress() {
   if (mode_ == Mode::bar && !stage_.empty()) fmt::print(stderr, "\r\x1b[K");
 }
 
-void Progress::show(double share, std::string_view stage) {
+void Progress::set_part(std::string prefix, double begin, double size) {
+  prefix_ = std::move(prefix);
+  begin_ = begin;
+  size_ = size;
+}
+
+void Progress::show(double share, std::string_view its_stage) {
   if (mode_ == Mode::none) return;
+  const std::string stage = prefix_ + std::string(its_stage);
   const auto now = std::chrono::steady_clock::now();
   const bool new_stage = stage != stage_;
   if (!new_stage && (mode_ == Mode::plain || now - last_ < kInterval)) return;
   stage_ = stage;
   last_ = now;
-  print(std::clamp(share, 0.0, 1.0));
+  print(begin_ + size_ * std::clamp(share, 0.0, 1.0));
 }
 
 void Progress::print(double share) const {

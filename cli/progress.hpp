@@ -23,12 +23,16 @@ class Progress {
   /// second.
   void show(double share, std::string_view stage);
 
+  /// What is shown from now on is a part of the whole, `size` of it from `begin` on; `prefix` stands before the stages.
+  void set_part(std::string prefix, double begin, double size);
+
  private:
   enum class Mode { none, bar, plain, json };
   void print(double share) const;
 
   Mode mode_ = Mode::none;
-  std::string stage_;
+  std::string stage_, prefix_;
+  double begin_ = 0, size_ = 1;
   std::chrono::steady_clock::time_point last_{};
 };
 

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
 
 #include "output.hpp"
 
@@ -88,12 +89,58 @@ std::string rounding_text(double step) {
                      kRoundingRms * step);
 }
 
-std::string noise_and_moves(std::optional<double> noise, const std::string& attribute, double mean, double max) {
-  std::string text;
-  if (noise)
-    text = fmt::format("noise of the input {:.4g} ({}), ", *noise,
-                       attribute.empty() ? "estimated" : fmt::format("median of '{}'", attribute));
+std::string noise_and_moves(std::optional<double> noise, const std::string& source, double mean, double max) {
+  const std::string text = noise ? fmt::format("noise of the input {:.4g} ({}), ", *noise, source) : std::string();
   return text + fmt::format("points moved {:.4g} on average, {:.4g} at most\n", mean, max);
+}
+
+std::string noise_source(const Params& asked, const std::string& attribute) {
+  if (!attribute.empty()) return fmt::format("median of '{}'", attribute);
+  return asked.noise.is_automatic() ? "estimated" : "given";
+}
+
+std::string reasons_kept(const UnmovedCounts& unmoved, std::uint64_t ignored) {
+  std::string reasons;
+  const auto add = [&](std::uint64_t count, const char* reason) {
+    if (count > 0) reasons += fmt::format("{}{} {}", reasons.empty() ? ": " : ", ", count, reason);
+  };
+  add(unmoved.non_finite, "not finite or beyond 1e18");
+  add(unmoved.too_few_neighbors, "with too few neighbours");
+  add(unmoved.no_normal, "without a normal");
+  const OutlierCounts& outliers = unmoved.outliers_by_reason;
+  add(outliers.isolated, "isolated");
+  add(outliers.off_surface, "off the surface");
+  add(outliers.mixed_pixels, "mixed pixels");
+  add(ignored, "ignored");
+  return reasons;
+}
+
+std::vector<std::string> doubts(const Look& look) {
+  constexpr double kFarApart = 100;     // spacings in the noise; below a seventieth, run removes hardly any
+  constexpr double kFewPoints = 0.003;  // of the diagonal: a surface of some 100,000 points
+  constexpr double kLarge = 0.02;       // of the diagonal; noise that anyone measured is a tenth of that
+  constexpr int kOfCorrelated = 40;     // neighbours; 48 or 64 are chosen for correlated noise, else at most 21
+  std::vector<std::string> result;
+  const bool is_sparse = look.diagonal > 0 && look.spacing > kFewPoints * look.diagonal;
+  if (is_sparse && look.noise > 0 && look.spacing > kFarApart * look.noise)
+    result.push_back(
+        fmt::format("points are {:.4g} apart, {:.0f} times the noise of {:.2g}: so far apart, noise and shape look "
+                    "alike, and hardly any noise is removed; --noise gives the noise of a data sheet",
+                    look.spacing, look.spacing / look.noise, look.noise));
+  if (const double large = std::max(look.noise, look.moved.p95); look.diagonal > 0 && large > kLarge * look.diagonal)
+    result.push_back(fmt::format(
+        "the noise of {:.4g} and moves of up to {:.4g} are large against the cloud, whose diagonal is {:.4g}: "
+        "its points, {:.4g} apart, may be too few to show a surface; compare before and after",
+        look.noise, look.moved.max, look.diagonal, look.spacing));
+  if (look.min_neighbors >= kOfCorrelated)
+    result.push_back(
+        fmt::format("the noise is long-wave: neighbouring points share it, so averaging {} of them removes "
+                    "a part of it only",
+                    look.min_neighbors));
+  if (2 * look.without_surface > look.finite)
+    result.push_back(
+        fmt::format("{} of {} points show no surface and kept their place", look.without_surface, look.finite));
+  return result;
 }
 
 // A point may be both: of those that limits hold, outliers and others without a surface are counted too.
@@ -127,7 +174,20 @@ Json attributes_json(const std::vector<AttributeInfo>& attributes) {
   return json;
 }
 
+bool is_page(const std::string& report) {
+  const std::string extension = std::filesystem::path(report).extension().string();
+  return extension == ".html" || extension == ".htm" || extension == ".HTML" || extension == ".HTM";
+}
+
 void check_report(const std::string& report, const std::vector<std::string>& files) {
+  if (is_page(report))
+    throw Error(ErrorKind::usage, fmt::format("--report {}: this is written as JSON; name a .json file. A page is made "
+                                              "by pointfair run in memory, and by pointfair certify",
+                                              report));
+  check_page(report, files);
+}
+
+void check_page(const std::string& report, const std::vector<std::string>& files) {
   if (report.empty()) return;
   for (const std::string& file : files) check_not_same(file, report, "name another file for --report");
   check_writable(report, true);

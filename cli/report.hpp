@@ -30,8 +30,25 @@ std::string coarse_steps(double step, double noise);
 Json rounding_json(double step);
 /// The line of it; empty without steps.
 std::string rounding_text(double step);
-/// "noise of the input ..., points moved ..."; `attribute`: that the noise comes from; empty: it is estimated.
-std::string noise_and_moves(std::optional<double> noise, const std::string& attribute, double mean, double max);
+/// "noise of the input ..., points moved ..."; `source` as noise_source says.
+std::string noise_and_moves(std::optional<double> noise, const std::string& source, double mean, double max);
+/// Where the noise comes from: "given", "estimated", or the attribute that has it.
+std::string noise_source(const Params& asked, const std::string& attribute);
+
+/// Why points kept their place: ": 5 not finite or beyond 1e18, 2 isolated"; the counts are all of `unmoved` and
+/// `ignored`. Empty where there are none.
+std::string reasons_kept(const UnmovedCounts& unmoved, std::uint64_t ignored);
+
+/// What a cloud and a run on it look like, lengths in file units.
+struct Look {
+  double spacing = 0, noise = 0, diagonal = 0;  ///< of the input; 0: unknown
+  Displacement moved;
+  std::uint64_t finite = 0, without_surface = 0;  ///< points
+  int min_neighbors = 0;                          ///< that the run chose; 0: it was given
+};
+/// Sentences on why the result may not be what it seems: the cloud is too sparse to tell noise from shape, what was
+/// removed is large against the cloud, or most points show no surface.
+std::vector<std::string> doubts(const Look& look);
 /// How many points a run treated: those that it neither kept nor held.
 std::uint64_t count_denoised(std::uint64_t points, std::uint64_t kept, std::uint64_t held);
 /// A sentence where the limits let no point move; empty: they let some.
@@ -42,8 +59,13 @@ Json attributes_json(const std::vector<AttributeInfo>& attributes);
 std::string_view type_name(ScalarType type);
 std::string_view device_name(Device::Kind kind);
 
-/// Early check of --report: throws if it would replace one of `files` or cannot be created. Empty: no report.
+/// Whether --report names a page and not JSON, by its extension.
+bool is_page(const std::string& report);
+
+/// Early check of --report: throws if it would replace one of `files` or cannot be created, as check_page does, and if
+/// it names a page. Empty: no report.
 void check_report(const std::string& report, const std::vector<std::string>& files);
+void check_page(const std::string& report, const std::vector<std::string>& files);
 
 /// Writes the object as text; a number that JSON cannot hold becomes null. Throws ErrorKind::file.
 void write_report(const std::string& report, const Json& json);

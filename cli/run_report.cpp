@@ -34,37 +34,31 @@ Json unmoved_json(const UnmovedCounts& unmoved, const Findings& findings) {
           {"ignored", findings.ignored},      {"held", findings.held}};
 }
 
-Json noise_json(const Findings& findings) {
+bool is_noise_given(const Findings& findings) {
+  return findings.noise_attribute.empty() && !findings.asked.noise.is_automatic();
+}
+
+Json noise_json(const Report& report, const Findings& findings) {
   Json json{{"before", findings.noise}, {"quantiles", findings.noise_quantiles}};
   if (!findings.noise_attribute.empty()) json["attribute"] = findings.noise_attribute;
+  if (is_noise_given(findings)) json["given"] = report.params.noise.value;
   return json;
 }
 
-void print_details(const Report& report) {
+// "auto (keep)" where the run chose.
+std::string param_told(const Params& asked, const Params& used, const ParamInfo& info) {
+  const std::string text = param_text(used, info);
+  return param_text(asked, info) == "auto" && text != "auto" ? fmt::format("auto ({})", text) : text;
+}
+
+void print_details(const Report& report, const Params& asked) {
   fmt::print(stderr, "device    {}, {} ({})\n", device_name(report.device.kind), report.device.name,
              report.device.reason);
   for (const ParamInfo& info : kParams) {
-    fmt::print(stderr, "  {:<18} {}\n", info.name, param_text(report.params, info));
+    fmt::print(stderr, "  {:<18} {}\n", info.name, param_told(asked, report.params, info));
   }
   for (const StageTime& stage : report.stages)
     fmt::print(stderr, "  {:<18} {:.1f} ms\n", stage.name, stage.milliseconds);
-}
-
-// Why points kept their place.
-std::string reasons_kept(const UnmovedCounts& unmoved, std::uint64_t ignored) {
-  std::string reasons;
-  const auto add = [&](std::uint64_t count, const char* reason) {
-    if (count > 0) reasons += fmt::format("{}{} {}", reasons.empty() ? ": " : ", ", count, reason);
-  };
-  add(unmoved.non_finite, "not finite or beyond 1e18");
-  add(unmoved.too_few_neighbors, "with too few neighbours");
-  add(unmoved.no_normal, "without a normal");
-  const OutlierCounts& outliers = unmoved.outliers_by_reason;
-  add(outliers.isolated, "isolated");
-  add(outliers.off_surface, "off the surface");
-  add(outliers.mixed_pixels, "mixed pixels");
-  add(ignored, "ignored");
-  return reasons;
 }
 
 // Between the coordinates of the file written, where these are integers.
@@ -109,11 +103,23 @@ void find_out(bool keeps_normals, const WriteOptions& options, const Cloud& befo
   const Estimates& estimates = pipeline.estimates(stop);
   findings.spacing = estimates.spacing;
   findings.noise = estimates.noise;
+  findings.diagonal = estimates.diagonal;
   findings.noise_quantiles = estimates.noise_quantiles;
   findings.step = written_step(before, options);
   findings.float_step = estimates.float_step;
   findings.displacement = displacement(before, after);
   findings.notes = notes(keeps_normals, options, before, findings);
+  const UnmovedCounts& unmoved = pipeline.report().unmoved;
+  const Statistics& moved = findings.displacement;
+  const std::vector<std::string> doubtful =
+      doubts({findings.spacing,
+              findings.noise,
+              findings.diagonal,
+              {moved.mean, moved.rms, moved.p95, moved.max},
+              estimates.finite,
+              unmoved.too_few_neighbors + unmoved.no_normal + unmoved.outliers,
+              findings.asked.min_neighbors == kAutomatic ? pipeline.report().params.min_neighbors : 0});
+  findings.notes.insert(findings.notes.end(), doubtful.begin(), doubtful.end());
 }
 
 Json run_json(const Report& report, const Findings& findings) {
@@ -122,7 +128,7 @@ Json run_json(const Report& report, const Findings& findings) {
           {"points", report.points},
           {"params", params_json(report.params)},
           {"spacing", findings.spacing},
-          {"noise", noise_json(findings)},
+          {"noise", noise_json(report, findings)},
           {"rounding", rounding_json(findings.step)},
           {"float_step", findings.float_step},
           {"unmoved", unmoved_json(without(report.unmoved, findings.ignored), findings)},
@@ -136,7 +142,7 @@ Json run_json(const Report& report, const Findings& findings) {
 }
 
 void print_summary(const Report& report, const Findings& findings, bool with_details) {
-  if (with_details) print_details(report);
+  if (with_details) print_details(report, findings.asked);
   const UnmovedCounts unmoved = without(report.unmoved, findings.ignored);
   const std::uint64_t kept =
       unmoved.non_finite + unmoved.too_few_neighbors + unmoved.no_normal + unmoved.outliers + findings.ignored;
@@ -147,10 +153,11 @@ void print_summary(const Report& report, const Findings& findings, bool with_det
     fmt::print(stderr, "limits, such as --where and --box, held {} points in place\n", findings.held);
   if (report.tiles > 1)
     fmt::print(stderr, "computed in {} tiles, since the cloud does not fit into the device's memory\n", report.tiles);
-  fmt::print(
-      stderr, "{}{}",
-      noise_and_moves(findings.noise, findings.noise_attribute, findings.displacement.mean, findings.displacement.max),
-      rounding_text(findings.step));
+  fmt::print(stderr, "{}{}",
+             noise_and_moves(is_noise_given(findings) ? report.params.noise.value : findings.noise,
+                             noise_source(findings.asked, findings.noise_attribute), findings.displacement.mean,
+                             findings.displacement.max),
+             rounding_text(findings.step));
   const std::string none = nothing_selected(report.points, unmoved.non_finite, findings.ignored, findings.held);
   if (!none.empty()) fmt::print(stderr, "note: {}\n", none);
   for (const std::string& note : findings.notes) fmt::print(stderr, "note: {}\n", note);

@@ -3,6 +3,8 @@
 // asset whose href is the file, relative to the VPC.
 #include "survey.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -65,6 +67,12 @@ bool is_vpc(const fs::path& path) { return path.extension() == ".vpc" || path.ex
 bool is_survey(const std::string& input) {
   std::error_code ignored;
   return is_vpc(input) || fs::is_directory(input, ignored);
+}
+
+std::string described_survey(const std::string& input) {
+  const std::size_t files = (is_vpc(input) ? clouds_of(input) : clouds_in(input)).size();
+  return fmt::format("{}: is a {} of {} point cloud{}", input, is_vpc(input) ? "virtual point cloud (VPC)" : "folder",
+                     files, files == 1 ? "" : "s");
 }
 
 std::vector<fs::path> files_of_survey(const std::vector<std::string>& inputs) {

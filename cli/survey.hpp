@@ -11,6 +11,9 @@ namespace pointfair::cli {
 /// Whether the input is a folder, or a VPC by its extension.
 bool is_survey(const std::string& input);
 
+/// What such an input is, for an error: "scans: is a folder of 3 point clouds". Throws as files_of_survey.
+std::string described_survey(const std::string& input);
+
 /// The files that the inputs stand for: of a folder all clouds in it, in the order of their names, of a VPC those that
 /// it names, in its order. Throws Error(file) for a folder without clouds, and a VPC that is damaged or names files
 /// elsewhere than on disk.

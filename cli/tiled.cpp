@@ -78,10 +78,19 @@ class StepClock {
   Clock::time_point begin_;
 };
 
+// Where nothing was estimated, nor read from an attribute.
+std::optional<double> given_noise(const TiledReport& report) {
+  const Length& noise = report.params.noise;
+  const bool is_given =
+      report.noise_attribute.empty() && noise.unit == Length::Unit::file && report.noise != noise.value;
+  return is_given ? std::optional(noise.value) : std::nullopt;
+}
+
 Json noise_json(const TiledReport& report) {
   Json json{{"before", report.noise ? Json(*report.noise) : Json()},
             {"quantiles", report.noise ? Json(report.noise_quantiles) : Json()}};
   if (!report.noise_attribute.empty()) json["attribute"] = report.noise_attribute;
+  if (const std::optional<double> given = given_noise(report)) json["given"] = *given;
   return json;
 }
 
@@ -115,16 +124,23 @@ Json report_json(const TiledReport& report, const DeviceInfo& device, const Cost
 void print_summary(const TiledReport& report) {
   const UnmovedCounts& u = report.unmoved;
   const std::uint64_t kept = u.non_finite + u.too_few_neighbors + u.no_normal + u.outliers + report.ignored;
-  fmt::print(stderr, "{} points denoised in {} {}, {} kept as they were\n",
-             count_denoised(report.points, kept, report.held), report.tiles, report.tiles == 1 ? "tile" : "tiles",
-             kept);
+  fmt::print(stderr, "{} points denoised in {} {}, {} kept as they were{}\n",
+             count_denoised(report.points, kept, report.held), report.tiles, report.tiles == 1 ? "tile" : "tiles", kept,
+             reasons_kept(u, report.ignored));
   if (report.held > 0) fmt::print(stderr, "limits, such as --where and --box, held {} points in place\n", report.held);
+  const std::optional<double> given = given_noise(report);
+  const std::string source = given ? "given" : noise_source({}, report.noise_attribute);
   fmt::print(stderr, "{}{}",
-             noise_and_moves(report.noise, report.noise_attribute, report.displacement.mean, report.displacement.max),
+             noise_and_moves(given ? given : report.noise, source, report.displacement.mean, report.displacement.max),
              rounding_text(report.step));
   const double noise = report.noise.value_or(0);
-  for (const std::string& note : {nothing_selected(report.points, u.non_finite, report.ignored, report.held),
-                                  coarse_steps(report.step, noise), coarse_floats(report.float_step, noise)})
+  std::vector<std::string> notes = {nothing_selected(report.points, u.non_finite, report.ignored, report.held),
+                                    coarse_steps(report.step, noise), coarse_floats(report.float_step, noise)};
+  const std::uint64_t finite = report.points - std::min(report.points, u.non_finite + report.ignored);
+  for (const std::string& doubt : doubts({report.spacing.value_or(0), noise, 0, report.displacement, finite,
+                                          u.too_few_neighbors + u.no_normal + u.outliers}))
+    notes.push_back(doubt);
+  for (const std::string& note : notes)
     if (!note.empty()) fmt::print(stderr, "note: {}\n", note);
 }
 

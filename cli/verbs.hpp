@@ -15,6 +15,7 @@ struct Verb {
 };
 
 Verb add_run(CLI::App& app);
+Verb add_certify(CLI::App& app);
 Verb add_tile(CLI::App& app);
 Verb add_info(CLI::App& app);
 Verb add_compare(CLI::App& app);

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "pointfair/params.hpp"
-
 #include <algorithm>
 #include <charconv>
 #include <cmath>
@@ -9,6 +7,7 @@
 #include <vector>
 
 #include "pointfair/cloud.hpp"
+#include "pointfair/params.hpp"
 
 namespace pointfair {
 namespace {
@@ -59,8 +58,7 @@ std::string wanted_values(const ParamInfo& info) {
   if (std::holds_alternative<std::optional<double> Params::*>(info.field))
     return "a number from " + number_text(info.min) + " to " + number_text(info.max) + automatic;
   const std::string of_radius = may_be_of_radius(info) ? ", 0.6r (radii of the neighbourhood)" : "";
-  return "a positive length: 0.02 (file units), 5mm (or cm, m, ft), 0.5% (of the diagonal), 2s (mean spacings)" +
-         of_radius + automatic;
+  return "a positive length: 0.02 (file units), 0.5% (of the diagonal), 2s (mean spacings)" + of_radius + automatic;
 }
 
 // The units that a length may carry, in metres; a longer name stands before its end.

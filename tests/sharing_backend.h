@@ -64,7 +64,7 @@ class SharingBackend : public ForwardingBackend, public DeviceTiles {
       const auto settled = point::settled(here, to_vec3(faired[i]), farthest, distance);
       points[i] = {settled.place.x, settled.place.y, settled.place.z};
       count(settled.outlier, counts);
-      if (!outliers.empty()) outliers[i] = settled.outlier != point::Outlier::none;
+      if (!outliers.empty()) outliers[i] = static_cast<std::uint8_t>(settled.outlier);
     }
     return counts;
   }

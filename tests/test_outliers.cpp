@@ -104,12 +104,16 @@ TEST(Outliers, are_marked_and_no_other_point_is) {
   const Outcome outcome = run(cloud.points, with(Outliers::mark));
   ASSERT_EQ(outcome.outliers.size(), cloud.points.size());
   std::uint64_t marked = 0;
+  std::array<std::uint64_t, 4> by_reason{};
   for (std::size_t i = 0; i < cloud.points.size(); ++i) {
-    EXPECT_LE(outcome.outliers[i], cloud.is_lifted[i] ? 1 : 0) << i;
-    marked += outcome.outliers[i];
+    EXPECT_LE(outcome.outliers[i], cloud.is_lifted[i] ? 3 : 0) << i;
+    marked += outcome.outliers[i] != 0;
+    ++by_reason[outcome.outliers[i]];
   }
   EXPECT_GE(marked, kRecognized);
   EXPECT_EQ(outcome.report.unmoved.outliers, marked);
+  const OutlierCounts& counts = outcome.report.unmoved.outliers_by_reason;
+  EXPECT_EQ(counts, (OutlierCounts{by_reason[1], by_reason[2], by_reason[3]}));
   const Outcome kept = run(cloud.points, with(Outliers::keep));
   for (std::size_t i = 0; i < cloud.points.size(); ++i) ASSERT_TRUE(same_bits(kept.points[i], outcome.points[i])) << i;
 }
@@ -259,7 +263,7 @@ TEST(Outliers, are_recognised_where_they_are_each_others_neighbours) {
   std::size_t recognised = 0;
   for (std::size_t i = 0; i < points.size(); ++i) {
     if (i % 100 == 0)
-      recognised += outcome.outliers[i];
+      recognised += outcome.outliers[i] != 0;
     else
       EXPECT_FALSE(outcome.outliers[i]) << i;
   }

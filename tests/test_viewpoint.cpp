@@ -88,7 +88,7 @@ Shares shares(const Scan& scan, const std::vector<std::uint8_t>& marks) {
   double found = 0, mixed = 0, wrong = 0;
   for (std::size_t i = 0; i < marks.size(); ++i) {
     mixed += scan.is_mixed[i];
-    (scan.is_mixed[i] != 0 ? found : wrong) += marks[i];
+    (scan.is_mixed[i] != 0 ? found : wrong) += marks[i] != 0;
   }
   return {found / mixed, wrong / (double(marks.size()) - mixed)};
 }
@@ -104,7 +104,9 @@ TEST(Viewpoint, shows_mixed_pixels) {
   const OutlierCounts& reasons = seen.report.unmoved.outliers_by_reason;
   EXPECT_GT(reasons.mixed_pixels, 100u);
   EXPECT_EQ(reasons.total(), seen.report.unmoved.outliers);
-  EXPECT_EQ(seen.report.unmoved.outliers, std::uint64_t(std::count(seen.marks.begin(), seen.marks.end(), 1)));
+  EXPECT_EQ(seen.report.unmoved.outliers,
+            std::uint64_t(seen.marks.size() - std::count(seen.marks.begin(), seen.marks.end(), 0)));
+  EXPECT_EQ(reasons.mixed_pixels, std::uint64_t(std::count(seen.marks.begin(), seen.marks.end(), 3)));
 }
 
 // Of a grid of rays about the sensor at the origin, `depth` along the y axis of each, with noise along it.
@@ -140,7 +142,7 @@ TEST(Viewpoint, shows_mixed_pixels_that_have_others_beside_them) {
     for (int column = -kHalf; column <= kHalf; ++column, ++i) {
       mixed += is_mixed(row, column);
       found += is_mixed(row, column) && marks[std::size_t(i)] != 0;
-      all += marks[std::size_t(i)];
+      all += marks[std::size_t(i)] != 0;
     }
   EXPECT_GT(found, 0.8 * mixed);
   EXPECT_LT(all - found, 0.001 * double(points.size()));
@@ -162,7 +164,7 @@ TEST(Viewpoint, takes_no_bars_across_coarse_rings_for_mixed_pixels) {
     for (int column = -kHalf; column <= kHalf; ++column, ++i) {
       if (!is_bar(column) || std::abs(ring) > kRings - kEnd) continue;
       ++bars;
-      marked += marks[std::size_t(i)];
+      marked += marks[std::size_t(i)] != 0;
     }
   EXPECT_LT(marked, 0.05 * bars);
 }

@@ -32,6 +32,14 @@ std::uint64_t all_of(const UnmovedCounts& unmoved) {
   return unmoved.non_finite + unmoved.too_few_neighbors + unmoved.no_normal + unmoved.outliers;
 }
 
+// Ignored points go into a run as points that are not finite.
+Json reasons_json(const UnmovedCounts& unmoved) {
+  const OutlierCounts& outliers = unmoved.outliers_by_reason;
+  return {{"not finite, or ignored", unmoved.non_finite}, {"with too few neighbours", unmoved.too_few_neighbors},
+          {"without a normal", unmoved.no_normal},        {"isolated", outliers.isolated},
+          {"off the surface", outliers.off_surface},      {"mixed pixels", outliers.mixed_pixels}};
+}
+
 }  // namespace
 
 Json hello_answer(const std::optional<DeviceInfo>& device, const std::string& save_folder) {
@@ -49,6 +57,7 @@ Json hello_answer(const std::optional<DeviceInfo>& device, const std::string& sa
 
 Json cloud_answer(const Cloud& cloud, const CloudFacts& facts) {
   const Estimates& estimates = facts.estimates;
+  const std::optional<double> metres = file_info(cloud).metres_per_unit;
   return {{"type", "cloud"},
           {"name", facts.name},
           {"path", facts.path},
@@ -62,6 +71,7 @@ Json cloud_answer(const Cloud& cloud, const CloudFacts& facts) {
           {"spacing", estimates.spacing},
           {"noise", estimates.noise},
           {"step", facts.step},
+          {"metres_per_unit", metres ? Json(*metres) : Json(nullptr)},
           {"colours", colour_choices(cloud)},
           {"settles", facts.settles}};
 }
@@ -75,10 +85,7 @@ Json result_answer(const Request& request, const Report& report, const Displacem
           {"used", params_texts(report.params)},
           {"moved", {{"mean", moved.mean}, {"rms", moved.rms}, {"max", moved.max}}},
           {"unmoved", all_of(report.unmoved)},
-          {"outliers",
-           {{"isolated", report.unmoved.outliers_by_reason.isolated},
-            {"off the surface", report.unmoved.outliers_by_reason.off_surface},
-            {"mixed pixels", report.unmoved.outliers_by_reason.mixed_pixels}}},
+          {"reasons", reasons_json(report.unmoved)},
           {"stages", stages_json(report.stages)},
           {"total_ms", report.total_milliseconds},
           {"encode_ms", encode_ms},

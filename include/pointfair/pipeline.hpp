@@ -78,7 +78,7 @@ class POINTFAIR_EXPORT Pipeline {
   void set_weights(std::span<const std::byte> file, const std::string& name);
 
   /// Denoises the loaded cloud. Returns the moved points with the source's attributes, and with Outliers::mark also the
-  /// attribute "outlier", 1 or 0 for each point. Throws ErrorKind::usage for contradicting parameters. The run after an
+  /// attribute "outlier" (see outliers()). Throws ErrorKind::usage for contradicting parameters. The run after an
   /// interrupted one resumes where that one stopped. The same set of points and the same parameters give the same bits,
   /// for any order of the points, any number of threads and any device.
   Cloud run(const Params& params = {}, std::stop_token stop = {}, const ProgressFunction& progress = {});
@@ -146,8 +146,8 @@ class POINTFAIR_EXPORT Pipeline {
   /// The device that this pipeline runs on.
   DeviceInfo device() const;
 
-  /// 1 for each outlier of the last successful run, 0 for the other points, in file order; empty without
-  /// Outliers::mark. Valid until the next run.
+  /// Of each point of the last successful run why it is an outlier: 0 it is none, 1 isolated, 2 off the surface, 3
+  /// mixed pixel; in file order; empty without Outliers::mark. Valid until the next run.
   std::span<const std::uint8_t> outliers() const;
 
   /// The unit normals of the last run's last iteration, in file order; zero where there is none. They look towards the

@@ -5,6 +5,7 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
+#include <algorithm>
 #include <mutex>
 
 #include "batch.hpp"
@@ -203,7 +204,8 @@ void set_viewpoint_text(SharedPipeline& self, const std::string& text) {
 
 nb::ndarray<nb::numpy, bool, nb::ndim<1>> outliers(SharedPipeline& self) {
   const std::span<const std::uint8_t> found = self.arrays().pipeline().outliers();
-  auto* const copy = new std::vector<std::uint8_t>(found.begin(), found.end());
+  auto* const copy = new std::vector<std::uint8_t>(found.size());
+  std::transform(found.begin(), found.end(), copy->begin(), [](std::uint8_t reason) { return reason != 0; });
   nb::capsule owner(copy, [](void* pointer) noexcept { delete static_cast<std::vector<std::uint8_t>*>(pointer); });
   return {copy->data(), {copy->size()}, owner};
 }

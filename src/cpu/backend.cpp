@@ -252,7 +252,7 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
         const auto settled = point::settled(from, {p.x, p.y, p.z}, farthest, outlier_distance);
         p = {settled.place.x, settled.place.y, settled.place.z};
         count(settled.outlier, here);
-        if (!outliers.empty()) outliers[index.original[i]] = settled.outlier != point::Outlier::none;
+        if (!outliers.empty()) outliers[index.original[i]] = static_cast<std::uint8_t>(settled.outlier);
       }
       tally.add(here);
     });

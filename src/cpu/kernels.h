@@ -154,6 +154,7 @@ void find_alone(const IndexView& index, Index at, int k, float squared_limit, In
 // lesser one. Those of VNNI are the net's alone.
 const Kernels& best_kernels();
 const NetKernels& best_net_kernels();
+bool has_avx2();
 bool has_avx512();
 bool has_avx512_vnni();
 bool has_avx_vnni();

@@ -160,7 +160,7 @@ std::vector<std::uint8_t> TileResults::find_outliers(unsigned threads) const {
       }
       std::vector<point::Outlier> found(points.size(), point::Outlier::none);
       settle(first, {in_zones, points}, now, found);
-      for (std::size_t i = 0; i < found.size(); ++i) outliers[first + i] = found[i] != point::Outlier::none;
+      for (std::size_t i = 0; i < found.size(); ++i) outliers[first + i] = static_cast<std::uint8_t>(found[i]);
     });
   });
   return outliers;

@@ -78,7 +78,7 @@ class Backend {
   // leave.
   virtual void fair(int iteration, const FairingSettings& settings, bool leaves, std::stop_token stop) = 0;
 
-  // Faired points in upload order. Returns how many outliers were held back; `outliers`, unless empty, gets 1 for each
+  // Faired points in upload order. Returns how many outliers were held back; `outliers`, unless empty, gets the reason
   // of them and 0 for others.
   virtual OutlierCounts download(int iteration, std::span<Point> points, const DisplacementLimits& limits,
                                  std::span<std::uint8_t> outliers) = 0;

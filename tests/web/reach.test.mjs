@@ -44,7 +44,7 @@ test("every control is reached with the tabulator, has a name, and shows that it
     assert.notEqual(focus.outline, "none", focus.name);
     reached.add(focus.name);
   }
-  const names = ["Denoised", "Fit", "Screenshot", "Keyboard", "Settings", "--noise", "--k", "--k auto", "--iterations", "--method", "Strength", "Clip box",
+  const names = ["Denoised", "Fit", "Screenshot", "Keyboard", "Settings", "Noise", "Neighbours", "Neighbours auto", "Iterations", "Method", "Strength", "Clip box",
     "Only points in view", "Colour by", "Point size", "Eye-dome lighting", "Save", "Copy as command", "Copy as C++", "Copy link"];
   for (const name of names) assert.ok(reached.has(name), `${name} cannot be reached`);
   assert.deepEqual(faults, []);

@@ -175,7 +175,7 @@ test("points are coloured by their noise, whose two levels the legend tells", as
   await page.locator("#colour").selectOption("noise");
   await page.locator(".legend", { hasText: "noise" }).waitFor();
   assert.ok(difference(before, await blocks(page, await picture(page))) > 0.2, "the picture shows the noise");
-  const [low, , high] = (await page.locator(".legend .ends span").allTextContents()).map(Number);
+  const [low, , high] = (await page.locator(".legend .ends span").allTextContents()).map(parseFloat);
   assert.ok(low > 0.5 * told[0] && low <= 1.1 * told[0], `${low} is near the quietest places, ${told}`);
   assert.ok(high >= 0.9 * told[2] && high < 2 * told[2], `${high} is near the loudest places, ${told}`);
   assert.ok(high > 3 * low, "both halves are told apart");
@@ -195,7 +195,9 @@ test("an organised cloud with points that are not there", async (t) => {
   const { url } = await view(t, [file, "--port", 0]);
   const { page, faults } = await openPage(t, await openBrowser(t), url);
   await settled(page);
-  await page.locator(".status", { hasText: "kept in place" }).waitFor();
+  const kept = (await page.locator(".status .kept").textContent()).match(/\d+/g).map(Number);
+  assert.equal(kept[0], 172); // every seventh of 1,200, and for each a reason
+  assert.equal(kept.slice(1).reduce((sum, count) => sum + count, 0), kept[0]);
   for (const choice of ["displacement", "rms", "height"]) {
     await page.locator("#colour").selectOption(choice);
     const ends = await page.locator(".legend .ends span").allTextContents();
@@ -226,6 +228,136 @@ test("of a large cloud a part is held; a held slider shows previews, and the who
   assert.ok(difference(before, await blocks(page, await picture(page))) > 0.05);
   await page.locator("#save").click();
   await page.waitForFunction(() => document.body.dataset.saved);
-  assert.equal(JSON.parse(run(["info", path.join(folder, "denoised.ply"), "--report", "-"])).points, 400000, "files hold all points");
+  assert.equal(JSON.parse(run(["info", path.join(folder, "noisy_denoised.ply"), "--report", "-"])).points, 400000, "files hold all points");
+  assert.deepEqual(faults, []);
+});
+
+test("a cloud without a result is shown as the original, and says why", async (t) => {
+  const file = path.join(temporaryFolder(t), "plain.xyz");
+  writeFileSync(file, Array.from({ length: 900 }, (_, i) => `${i % 30} ${Math.floor(i / 30)} ${((i * 7) % 11) / 40}`).join("\n"));
+  const { url } = await view(t, [file, "--port", 0]);
+  const browser = await openBrowser(t);
+  const checked = (page) => page.getByRole("radio", { checked: true }).first().textContent();
+
+  await t.test("parameters of a link that fail give way to the defaults", async () => {
+    const { page, faults } = await openPage(t, browser, `${url}#along=ray`);
+    await page.locator(".toast.error", { hasText: "The parameters are the defaults" }).waitFor();
+    await settled(page);
+    assert.equal(await page.locator("#param-along").inputValue(), "normal");
+    assert.equal(await checked(page), "Denoised");
+    assert.deepEqual(faults, []);
+  });
+
+  await t.test("a first run that is stopped leaves the original", models, async (u) => {
+    const { url: large } = await view(u, [noisyArmadillo(temporaryFolder(u), 100000, kModels), "--port", 0]);
+    const { page, faults } = await openPage(t, browser, `${large}#k=100&iterations=100`);
+    await page.locator(".status progress").waitFor();
+    await page.getByRole("button", { name: "Stop" }).click();
+    await page.locator(".hint", { hasText: "There is no result" }).waitFor();
+    assert.equal(await checked(page), "Original");
+    assert.equal(await page.locator("#total").textContent(), "no result");
+    await page.locator("#param-iterations").fill("1");
+    await page.keyboard.press("Enter");
+    await settled(page);
+    assert.equal(await checked(page), "Denoised");
+    assert.ok(await page.locator(".hint").isHidden());
+    assert.deepEqual(faults, []);
+  });
+
+  await t.test("the automatic value is told of what was automatic only", async () => {
+    const { page } = await openPage(t, browser, url);
+    await settled(page);
+    const automatic = () => page.locator('#param-outliers option[value="auto"]').textContent();
+    assert.equal(await automatic(), "auto (keep)");
+    await page.locator("#param-outliers").selectOption("mark");
+    await settled(page);
+    assert.notEqual(await automatic(), "auto (mark)");
+    await page.locator("#param-outliers").selectOption("auto");
+    await settled(page);
+    assert.equal(await automatic(), "auto (keep)");
+  });
+});
+
+test("classes have names, lengths have units, and a screenshot tells what its colours mean", async (t) => {
+  const folder = temporaryFolder(t);
+  const rows = ["x,y,z,classification"];
+  for (let i = 0; i < 3600; ++i) {
+    const noise = 0.05 * (((i * 7919) % 101) / 101 - 0.5);
+    rows.push(`${(i % 60) / 4},${Math.floor(i / 60) / 4},${(0.3 * Math.sin((i % 60) / 4) + noise).toFixed(4)},${i % 10 === 0 ? 6 : 2}`);
+  }
+  const csv = path.join(folder, "tile.csv"), e57 = path.join(folder, "tile.e57"); // which is in metres
+  writeFileSync(csv, rows.join("\n"));
+  run(["run", csv, e57, "--strength", 0, "-q"]);
+  const { url } = await view(t, [e57, "--port", 0, "--save-folder", folder]);
+  const { page, faults } = await openPage(t, await openBrowser(t), url);
+  await settled(page);
+
+  await t.test("kinds", async () => {
+    await page.locator("#colour").selectOption("attribute:classification");
+    await page.locator(".legend li").first().waitFor();
+    assert.deepEqual(await page.locator(".legend li").allTextContents(), ["2 ground · 3\u202f240", "6 building · 360"]);
+    assert.ok(await page.locator(".legend canvas").isHidden());
+  });
+
+  await t.test("units", async () => {
+    assert.match(await page.locator("#findings").textContent(), /spacing [\d.]+ mm, noise [\d.]+ mm; points moved [\d.]+ mm/);
+    await page.locator("#colour").selectOption("displacement");
+    for (const end of await page.locator(".legend .ends span").allTextContents()) assert.match(end, /^(0|-?[\d.]+ mm)$/);
+  });
+
+  await t.test("the file saved is called after the input", async () => {
+    assert.equal(await page.locator("#output").inputValue(), "tile_denoised.e57");
+    await page.locator("#save").click();
+    await page.locator(".toast", { hasText: "tile_denoised.e57" }).waitFor();
+  });
+
+  await t.test("a screenshot has the legend", async () => {
+    await page.locator("#colour").selectOption("height");
+    await page.locator(".legend").waitFor();
+    const download = page.waitForEvent("download");
+    await page.getByRole("button", { name: "Screenshot" }).click();
+    const file = await (await download).path();
+    const url64 = `data:image/png;base64,${readFileSync(file).toString("base64")}`;
+    const bar = await page.evaluate(async (source) => {
+      const image = new Image();
+      image.src = source;
+      await image.decode();
+      const drawn = document.createElement("canvas");
+      [drawn.width, drawn.height] = [image.width, image.height];
+      const context = drawn.getContext("2d");
+      context.drawImage(image, 0, 0);
+      const scale = image.width / document.querySelector(".stage canvas").clientWidth;
+      const at = (x) => [...context.getImageData(Math.round(x * scale), Math.round(image.height - 44 * scale), 1, 1).data.slice(0, 3)];
+      return [at(28), at(250)];
+    }, url64);
+    // the ends of the map: dark blue and yellow
+    assert.ok(bar[0][2] > bar[0][1] && bar[0][0] < 90, String(bar));
+    assert.ok(bar[1][0] > 200 && bar[1][1] > 180 && bar[1][2] < 160, String(bar));
+  });
+
+  await t.test("the point under the pointer says where it is, and two points how far they are apart", async () => {
+    const box = await canvas(page).boundingBox();
+    await page.mouse.move(box.x + box.width / 2, box.y + box.height / 2);
+    await page.mouse.move(box.x + box.width / 2 + 2, box.y + box.height / 2);
+    await page.locator(".readout", { hasText: /^height -?[\d.]+ (mm|m) · / }).waitFor();
+    await page.keyboard.press("m");
+    await page.locator(".hint", { hasText: "Click two points" }).waitFor();
+    await page.mouse.click(box.x + 0.45 * box.width, box.y + box.height / 2);
+    await page.locator(".hint", { hasText: "second" }).waitFor();
+    await page.mouse.click(box.x + 0.55 * box.width, box.y + box.height / 2);
+    await page.locator(".toast", { hasText: /^Distance in the original: [\d.]+ (mm|m)$/ }).waitFor();
+  });
+
+  await t.test("displacements are shown longer than they are", async () => {
+    await page.locator("#colour").selectOption("plain");
+    const before = await blocks(page, await picture(page), 640, 400);
+    await page.locator("#view-exaggerate").evaluate((slider) => {
+      slider.value = "10";
+      slider.dispatchEvent(new Event("input", { bubbles: true }));
+    });
+    await page.waitForFunction(() => location.hash.includes("view.exaggerate=10"));
+    const after = await blocks(page, await picture(page), 640, 400);
+    assert.ok(difference(before, after) > 0.1, `${difference(before, after)}`);
+  });
   assert.deepEqual(faults, []);
 });

@@ -24,7 +24,7 @@ __global__ void __launch_bounds__(kBlock)
     } else {
       out[i] = before;
     }
-    if (outliers != nullptr) outliers[i] = outlier != point::Outlier::none;
+    if (outliers != nullptr) outliers[i] = static_cast<std::uint8_t>(outlier);
   }
   if (!__syncthreads_or(outlier != point::Outlier::none)) return;
   for (int reason = 0; reason < point::kOutlierReasons; ++reason) {

@@ -9,7 +9,7 @@
 namespace pointfair::io::las {
 namespace {
 
-constexpr std::size_t kDescription = 192;
+constexpr std::size_t kDescription = 192, kWords = 160;  // where the words for people are in it
 constexpr unsigned kHasScale = 8, kHasOffset = 16;
 
 // Types 1 to 10 of extra bytes; 11 to 20 are two of them, 21 to 30 three.
@@ -160,6 +160,7 @@ std::string description(unsigned type, unsigned options, std::string_view name) 
   bytes[2] = static_cast<char>(type);
   bytes[3] = static_cast<char>(options);
   name.copy(bytes.data() + 4, 32);
+  if (name == "outlier") std::string_view("0 none 1 isolated 2 off 3 mixed").copy(bytes.data() + kWords, 32);
   return bytes;
 }
 

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the points are coloured by, with the legend that says so.
 
-import { binned, localRms, type MapName, quantileRange, type Spread } from "./colours";
+import { kindColour, kindName, kindsOf } from "./categories";
+import { binned, type Kind, localRms, type MapName, quantileRange, type Spread } from "./colours";
+import { lengthInWords, short } from "./dom";
 import type { Legend } from "./legend";
 import type { CloudHead, Numbers } from "./protocol";
 import type { Scene } from "./scene";
@@ -58,7 +60,7 @@ export class Colouring {
     clearTimeout(this.timer);
     if (!this.cloud) return;
     if (choice === "displacement") return this.showDisplacement(this.cloud);
-    if (choice === "height") return this.show("height", "sequential", this.spread((place) => this.scene.height(place)), "height");
+    if (choice === "height") return this.show("height", "sequential", this.spread((place) => this.scene.height(place)), "height", true);
     if (choice === "rms") return this.showRmsSoon(this.cloud);
     if (choice === "rgb" || choice === "noise" || choice.startsWith(kPrefix)) return this.showSent(choice);
     this.legend.hide();
@@ -66,9 +68,12 @@ export class Colouring {
   }
 
   private showDisplacement(cloud: CloudHead): void {
-    const most = 2.5 * (this.rms || cloud.spacing || 1);
+    // of so many points that the longest moves, which are few, do not make all others pale
+    const length = (place: number) => Math.abs(this.scene.signedDisplacement(place));
+    // and 7.1 times the rms bounds that quantile, where what the page holds are steps that small moves do not reach
+    const most = this.rms > 0 ? Math.min(7.1 * this.rms, quantileRange(length, this.scene.count, "amount")[1]) : cloud.spacing || 1;
     const spread = binned((place) => this.scene.signedDisplacement(place), this.scene.count, [-most, most]);
-    this.show("displacement", "diverging", spread, "displacement (+ toward you)");
+    this.show("displacement", "diverging", spread, "displacement (+ toward you)", true);
   }
 
   private showRmsSoon(cloud: CloudHead): void {
@@ -84,13 +89,17 @@ export class Colouring {
     const rms = localRms(this.scene.allPositions, squared, kRmsCell * (cloud.spacing || 1));
     this.forgetScalar();
     this.scene.setScalar(rms);
-    this.show("scalar", "sequential", this.spread((place) => rms[place]), "rms displacement nearby");
+    this.show("scalar", "sequential", this.spread((place) => rms[place], "amount"), "rms displacement nearby", true);
   }
 
   private showSent(choice: string): void {
     const name = choice === "noise" ? kNoiseTitle : choice.slice(kPrefix.length);
     if (this.has[choice] === "here") {
-      if (choice !== "rgb") return this.show("scalar", "sequential", this.spread((place) => this.scalar[place]), name);
+      const kinds = choice.startsWith(kPrefix) ? kindsOf(name) : null;
+      if (kinds) return this.showKinds(kinds, name);
+      const isNoise = choice === "noise";
+      if (choice !== "rgb")
+        return this.show("scalar", "sequential", this.spread((place) => this.scalar[place], isNoise ? "level" : "any"), name, isNoise);
       this.legend.hide();
       return this.scene.setColourMode("rgb", [0, 1], "sequential");
     }
@@ -106,12 +115,36 @@ export class Colouring {
     for (const other of Object.keys(this.has)) if (other !== "rgb") delete this.has[other];
   }
 
-  private spread(value: (place: number) => number): Spread {
-    return binned(value, this.scene.count, quantileRange(value, this.scene.count));
+  private spread(value: (place: number) => number, kind: Kind = "any"): Spread {
+    return binned(value, this.scene.count, quantileRange(value, this.scene.count, kind));
   }
 
-  private show(mode: "displacement" | "height" | "scalar", map: MapName, spread: Spread, title: string): void {
+  private show(mode: "displacement" | "height" | "scalar", map: MapName, spread: Spread, title: string, isLength = false): void {
     this.scene.setColourMode(mode, spread.range, map);
-    this.legend.show(title, map, spread);
+    const metres = this.cloud!.metres_per_unit;
+    this.legend.show(title, map, spread, isLength ? (value) => lengthInWords(value, metres) : short);
+  }
+
+  // Each kind that is there, with its name; the commonest first.
+  private showKinds(names: string[], title: string): void {
+    const counts = new Map<number, number>();
+    for (const value of this.scalar) counts.set(value, (counts.get(value) ?? 0) + 1);
+    this.scene.setColourMode("scalar", [0, 255], { of: (value) => kindColour(names, value) });
+    const kinds = [...counts].sort(([, a], [, b]) => b - a);
+    this.legend.showKinds(title, kinds.map(([value, count]) =>
+      ({ colour: kindColour(names, value), name: `${value} ${kindName(names, value)}`, count })));
+  }
+
+  /** What a place is coloured by, in words; empty where its colour says nothing in numbers. */
+  valueAt(place: number): string {
+    const metres = this.cloud?.metres_per_unit ?? null;
+    if (this.choice === "displacement") return `displacement ${lengthInWords(this.scene.signedDisplacement(place), metres)}`;
+    if (this.choice === "height") return `height ${lengthInWords(this.scene.height(place), metres)}`;
+    if (this.has[this.choice] !== "here" || this.choice === "rgb") return "";
+    const value = this.scalar[place];
+    if (this.choice === "noise") return `noise ${lengthInWords(value, metres)}`;
+    const name = this.choice.slice(kPrefix.length);
+    const kinds = kindsOf(name);
+    return kinds ? `${name} ${value} ${kindName(kinds, value)}` : `${name} ${short(value, 6)}`;
   }
 }

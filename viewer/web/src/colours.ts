@@ -8,12 +8,19 @@ const kMaps = {
 };
 export type MapName = keyof typeof kMaps;
 
+/** A map, or the colours of the values 0 to 255. */
+export type Colours = MapName | { of: (value: number) => string };
+
 const channels = (hex: string) => [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16));
 
 /** 256 texels of 4 bytes. */
-export function mapTexels(name: MapName): Uint8Array {
-  const stops = kMaps[name].map(channels);
+export function mapTexels(name: Colours): Uint8Array {
   const texels = new Uint8Array(256 * 4).fill(255);
+  if (typeof name !== "string") {
+    for (let i = 0; i < 256; ++i) texels.set(channels(name.of(i)), 4 * i);
+    return texels;
+  }
+  const stops = kMaps[name].map(channels);
   for (let i = 0; i < 256; ++i) {
     const at = (i / 255) * (stops.length - 1);
     const low = Math.min(Math.floor(at), stops.length - 2);
@@ -22,6 +29,8 @@ export function mapTexels(name: MapName): Uint8Array {
   }
   return texels;
 }
+
+export const mapStops = (name: MapName): string[] => kMaps[name];
 
 export const mapGradient = (name: MapName) => `linear-gradient(to right, ${kMaps[name].join(", ")})`;
 
@@ -45,8 +54,13 @@ export function binned(value: (place: number) => number, count: number, range: [
   return { range, counts };
 }
 
-/** The range from the 1 % to the 99 % quantile of a sample of the values. */
-export function quantileRange(value: (place: number) => number, count: number): [number, number] {
+export type Kind = "amount" | "level" | "any";
+
+/**
+ * The range from the 1 % to the 99 % quantile of a sample of the values; of an amount from 0 to the 98 % quantile; of a level from
+ * the 2 % to the 98 % quantile.
+ */
+export function quantileRange(value: (place: number) => number, count: number, kind: Kind = "any"): [number, number] {
   const sample: number[] = [];
   const stride = Math.max(1, Math.floor(count / kSamples));
   for (let place = 0; place < count; place += stride) {
@@ -56,6 +70,8 @@ export function quantileRange(value: (place: number) => number, count: number): 
   if (!sample.length) return [0, 1];
   sample.sort((a, b) => a - b);
   const at = (share: number) => sample[Math.round(share * (sample.length - 1))];
+  if (kind === "amount") return [0, at(0.98) || sample[sample.length - 1] || 1];
+  if (kind === "level" && at(0.98) > at(0.02)) return [at(0.02), at(0.98)];
   return at(0.99) > at(0.01) ? [at(0.01), at(0.99)] : [sample[0], sample[sample.length - 1]];
 }
 

@@ -4,6 +4,7 @@
 
 import { h, short } from "./dom";
 import type { Param } from "./protocol";
+import { wordsFor } from "./words";
 
 export interface Scale {
   spacing: number;
@@ -47,8 +48,8 @@ export function makeControl(param: Param, change: (text: string, done: boolean) 
 function row(param: Param, ...parts: (Node | null)[]): HTMLElement {
   const id = `param-${param.name}`;
   const help = h("span", { class: "help", id: `${id}-help` }, param.help);
-  return h("div", { class: `param ${param.kind}`, "data-param": param.name, title: param.help },
-    h("label", { class: "flag", htmlFor: id }, param.flag), ...parts, help);
+  return h("div", { class: `param ${param.kind}`, "data-param": param.name, title: `${param.flag}: ${param.help}` },
+    h("label", { class: "words", htmlFor: id }, wordsFor(param.name)), ...parts, help);
 }
 
 function switchControl(param: Param, change: (text: string, done: boolean) => void): Control {
@@ -108,7 +109,7 @@ function makeSlider(
   param: Param, texts: NumberTexts, shown: () => string, change: (text: string, done: boolean) => void,
 ) {
   const slider = h("input", {
-    type: "range", min: "0", max: String(kSteps), step: "1", "aria-label": param.flag,
+    type: "range", min: "0", max: String(kSteps), step: "1", "aria-label": wordsFor(param.name),
     "aria-describedby": `param-${param.name}-help`,
     oninput: () => change(texts.textOf(texts.fromPlace(slider.valueAsNumber)), false),
     onchange: () => change(texts.textOf(texts.fromPlace(slider.valueAsNumber)), true),
@@ -129,19 +130,26 @@ function numberControl(param: Param, change: (text: string, done: boolean) => vo
   const texts = new NumberTexts(param);
   const { isLength } = texts;
   let shown = "", usedText = "";
+  let typing = false; // what stands in the entry was not asked for yet
 
   const id = `param-${param.name}`;
   const slider = makeSlider(param, texts, () => shown, change);
   const entry = h("input", {
     type: "text", id, class: "entry", spellcheck: false, autocomplete: "off", inputMode: isLength ? "text" : "numeric",
     "aria-describedby": `${id}-help`,
+    oninput: () => void (typing = true),
+    onblur: () => {
+      typing = false;
+      refresh();
+    },
     onchange: () => {
+      typing = false;
       const text = entry.value.trim();
       change(text || (param.automatic ? "auto" : shown), true);
     },
   });
   const units = h("select", {
-    class: "unit", "aria-label": `unit of ${param.flag}`,
+    class: "unit", "aria-label": `unit of ${wordsFor(param.name)}`,
     onchange: () => {
       texts.unit = units.value as Unit;
       const value = lengthOf(shown === "auto" ? usedText : shown, texts.scale);
@@ -151,7 +159,7 @@ function numberControl(param: Param, change: (text: string, done: boolean) => vo
   }, ...kUnits.map(([value, name]) => h("option", { value }, name)));
   const auto = h("button", {
     type: "button", class: "auto", "aria-pressed": "false", title: "choose the value from the data",
-    "aria-label": `${param.flag} auto`,
+    "aria-label": `${wordsFor(param.name)} auto`,
     onclick: () => {
       if (shown !== "auto") return change("auto", true);
       const value = texts.valueOf(usedText);
@@ -167,7 +175,7 @@ function numberControl(param: Param, change: (text: string, done: boolean) => vo
     auto.setAttribute("aria-pressed", String(isAuto));
     const value = texts.valueOf(isAuto ? usedText : shown);
     const known = Number.isFinite(value);
-    if (document.activeElement !== entry)
+    if (!typing)
       entry.value = !isAuto ? shown : known ? (isLength ? lengthText(value, texts.unit, texts.scale) : short(value)) : "–";
     if (document.activeElement !== slider || isAuto || Math.abs(texts.fromPlace(slider.valueAsNumber) / value - 1) > 0.02)
       if (known) slider.value = String(texts.toPlace(value));

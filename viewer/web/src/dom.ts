@@ -78,4 +78,11 @@ export function short(value: number, digits = 3): string {
   return String(Number(value.toPrecision(size >= 1000 ? Math.max(digits, Math.ceil(Math.log10(size))) : digits)));
 }
 
+/** A length for people: in millimetres or metres where the file says how long its unit is, else in its unit. */
+export function lengthInWords(value: number, metresPerUnit: number | null): string {
+  if (metresPerUnit === null) return `${short(value)} units`;
+  const metres = value * metresPerUnit;
+  return Math.abs(metres) < 1 ? `${short(1000 * metres)} mm` : `${short(metres)} m`;
+}
+
 export const grouped = (value: number) => value.toLocaleString("en-US").replaceAll(",", "\u202f");

@@ -21,6 +21,8 @@ export class Header {
   private readonly redo: HTMLButtonElement;
   private readonly panel: HTMLButtonElement;
   private readonly modes: { element: HTMLElement; set(mode: Mode): void };
+  private mode: Mode = "after";
+  private hasResult = false;
 
   constructor(actions: HeaderActions) {
     this.undo = iconButton("Undo", "M8 5 4 9l4 4M4 9h7a5 5 0 0 1 0 10H9", actions.undo, "Ctrl Z");
@@ -46,7 +48,16 @@ export class Header {
   }
 
   setMode(mode: Mode): void {
-    this.modes.set(mode);
+    this.mode = mode;
+    this.modes.set(this.hasResult ? mode : "before");
+  }
+
+  /** Without a result there is the original only. */
+  setResult(has: boolean): void {
+    this.hasResult = has;
+    this.modes.element.inert = !has;
+    this.modes.element.title = has ? "" : "There is no result yet";
+    this.setMode(this.mode);
   }
 
   setHistory(canUndo: boolean, canRedo: boolean): void {

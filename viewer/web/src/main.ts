@@ -4,7 +4,7 @@
 import "./style.css";
 import { Colouring } from "./colouring";
 import { Connection } from "./connection";
-import { grouped, h } from "./dom";
+import { grouped, h, lengthInWords, short } from "./dom";
 import { Header } from "./header";
 import { helpDialog } from "./help";
 import { listenToKeys } from "./keys";
@@ -19,6 +19,9 @@ import { Status } from "./status";
 
 const kUrlDelay = 250;
 const kProtocol = 1;
+const kPointerRest = 120; // ms
+const kReadoutReach = 0.02; // of the picture's height
+const kToastOfDistance = 15000, kToastOfNotes = 20000; // ms
 
 class Page {
   private readonly view: View = defaultView();
@@ -36,6 +39,7 @@ class Page {
     hold: (original: boolean) => this.hold(original),
     nudge: (turn: [number, number], move: [number, number], zoom: number) => this.scene.nudge(turn, move, zoom),
     drawLasso: () => void this.drawLasso(),
+    measure: () => this.measure(),
     togglePanel: () => this.header.togglePanel(),
   };
   private readonly header = new Header(this.actions);
@@ -54,7 +58,10 @@ class Page {
   private recipe: Recipe = { params: {}, limits: {} };
   private history = new History(this.recipe);
   private snapshots: { name: string; recipe: Recipe }[] = [];
-  private result: Result | null = null;
+  private result: Result | null = null; // that is shown; null: the original is
+  private held = false; // a key shows the original
+  private pointerTimer = 0;
+  private measured: ReturnType<Scene["position"]>[] | null = null; // points of a distance; null: none is measured
   private shownRecipe: Recipe | null = null; // that the shown result came from
   private asked: Recipe = this.recipe;
   private focus: number[] | undefined;
@@ -74,6 +81,10 @@ class Page {
     this.scene.onShown = () => this.shown();
     this.scene.onStill = (still) => (document.body.dataset.still = String(still));
     this.scene.canvas.addEventListener("dblclick", (event) => this.pivot(event));
+    this.scene.canvas.addEventListener("click", (event) => this.measureAt(event));
+    this.scene.canvas.addEventListener("pointermove", (event) => this.showUnder(event));
+    this.scene.canvas.addEventListener("pointerleave", () => this.stage.showReadout(""));
+    window.addEventListener("keydown", (event) => this.stopMeasuring(event));
     listenToKeys(this.scene.canvas, this.actions);
     window.addEventListener("hashchange", () => this.readUrl());
     this.connection = new Connection((message) => this.receive(message), (state) => this.connectionChanged(state));
@@ -105,15 +116,16 @@ class Page {
       case "saved":
         this.status.hideProgress();
         document.body.dataset.saved = head.path;
-        return this.stage.say([`Saved ${head.path}, ${grouped(head.bytes)} bytes`, ...head.notes].join(". Note: "));
+        return this.stage.say([`Saved ${head.path}, ${grouped(head.bytes)} bytes`, ...head.notes].join(". Note: "), false,
+          head.notes.length ? kToastOfNotes : undefined);
       case "cancelled":
-        this.status.hideProgress();
-        return this.stage.say("Stopped.");
+        return this.noResult("Stopped.", false);
       case "taken":
         return this.stage.showHint("Another page has taken over this cloud. Reload to take it back.");
       case "error":
         this.status.hideProgress();
         document.body.dataset.error = head.message;
+        if (this.cloud && head.id !== null && head.id === this.connection.lastRun) return this.noResult(head.message, true);
         return this.stage.say(head.message, true);
     }
   }
@@ -159,7 +171,7 @@ class Page {
       this.showSnapshots();
     }
     this.cloud = head;
-    this.result = null;
+    this.result = this.shownRecipe = null;
     this.shownLimits = "";
     this.focus = undefined;
     this.scene.setCloud(head, arrays);
@@ -180,10 +192,35 @@ class Page {
     this.shownRecipe = this.asked;
     delete document.body.dataset.settled; // until this result has settled
     this.scene.setResult(head, arrays);
-    this.panel!.setUsed(head);
+    this.panel!.setUsed(head, this.asked);
+    this.stage.showHint("");
+    this.showSide();
     this.status.showResult(head, this.cloud!.points);
     this.colouring.setMoved(head.moved.rms);
     this.fresh = { kind: "result", serverMs: head.server_ms };
+  }
+
+  // A run failed or was stopped. What is shown is still the last result, so the parameters are those that it came from;
+  // where there is none, the defaults are tried, and without a result of them only the original is there to see.
+  private noResult(why: string, failed: boolean): void {
+    this.status.hideProgress();
+    this.scene.clearPreview();
+    document.body.dataset.busy = "false";
+    const ended = /[.!?]$/.test(why) ? why : `${why}.`;
+    const known = this.shownRecipe && !equalRecipes(this.shownRecipe, this.asked) ? this.shownRecipe : null;
+    const before = known ?? (failed && !equalRecipes(this.asked, this.defaults) ? this.defaults : null);
+    if (!before) {
+      if (this.shownRecipe) return this.stage.say(ended, failed);
+      this.result = null;
+      this.status.clear();
+      this.showSide();
+      return this.stage.showHint(failed ? `There is no result: ${ended}` : "Stopped. There is no result.");
+    }
+    this.stage.say(`${ended} The parameters are ${known ? "as before" : "the defaults"}.`, failed);
+    this.history.revert(before);
+    this.recipe = copyRecipe(before);
+    this.showRecipe();
+    if (!known) this.ask();
   }
 
   // A frame is on the screen. For tests and for whoever looks: how often there was one, and with new displacements.
@@ -290,17 +327,77 @@ class Page {
   }
 
   private async screenshot(): Promise<void> {
-    const url = URL.createObjectURL(await this.scene.screenshot());
+    const url = URL.createObjectURL(await this.withLegend(await this.scene.screenshot()));
     const name = (this.cloud?.name ?? "cloud").replace(/\.[^.]*$/, "");
     h("a", { href: url, download: `${name}.png` }).click();
     setTimeout(() => URL.revokeObjectURL(url), 10000);
   }
 
-  private pivot(event: MouseEvent): void {
+  // The picture, with the legend and what the sides are.
+  private async withLegend(picture: Blob): Promise<Blob> {
+    const image = await createImageBitmap(picture);
+    const canvas = h("canvas", { width: image.width, height: image.height });
+    const context = canvas.getContext("2d")!;
+    const scale = image.width / this.scene.canvas.clientWidth;
+    context.drawImage(image, 0, 0);
+    this.legend.drawOnto(context, image.height, scale);
+    this.stage.drawTagsOnto(context, image.width, scale);
+    return new Promise((resolve) => canvas.toBlob((blob) => resolve(blob ?? picture), "image/png"));
+  }
+
+  // The place that is under the pointer; -1 where none is.
+  private placeUnder(event: MouseEvent, reach?: number): number {
     const box = this.scene.canvas.getBoundingClientRect();
-    const at = this.scene.pick(...this.scene.inPicture(
-      [((event.clientX - box.left) / box.width) * 2 - 1, 1 - ((event.clientY - box.top) / box.height) * 2]));
-    if (at) this.scene.pivot(at);
+    return this.scene.pickPlace(...this.scene.inPicture(
+      [((event.clientX - box.left) / box.width) * 2 - 1, 1 - ((event.clientY - box.top) / box.height) * 2]), reach);
+  }
+
+  private pivot(event: MouseEvent): void {
+    const place = this.placeUnder(event);
+    if (place >= 0) this.scene.pivot(this.scene.position(place));
+  }
+
+  // Where the pointer rests, the point there says where it is and what it is coloured by.
+  private showUnder(event: PointerEvent): void {
+    clearTimeout(this.pointerTimer);
+    this.stage.showReadout("");
+    if (event.buttons || !this.cloud) return;
+    this.pointerTimer = window.setTimeout(() => {
+      const place = this.cloud ? this.placeUnder(event, kReadoutReach) : -1;
+      if (place < 0) return;
+      const value = this.colouring.valueAt(place);
+      const at = this.filePosition(place).map((c) => short(c, 9)).join("  ");
+      this.stage.showReadout(value ? `${value} · ${at}` : at);
+    }, kPointerRest);
+  }
+
+  private filePosition(place: number): number[] {
+    return this.scene.position(place).toArray().map((c, axis) => c + this.cloud!.origin[axis]);
+  }
+
+  // The next two points that are clicked.
+  private measure(): void {
+    this.measured = [];
+    this.stage.showHint("Click two points to measure the distance between them. Escape cancels.");
+  }
+
+  private measureAt(event: MouseEvent): void {
+    if (!this.measured || !this.cloud) return;
+    const place = this.placeUnder(event);
+    if (place < 0) return;
+    this.measured.push(this.scene.position(place));
+    if (this.measured.length < 2) return this.stage.showHint("Click the second point. Escape cancels.");
+    const distance = lengthInWords(this.measured[0].distanceTo(this.measured[1]), this.cloud.metres_per_unit);
+    this.measured = null;
+    document.body.dataset.distance = distance;
+    this.stage.showHint("");
+    this.stage.say(`Distance in the original: ${distance}`, false, kToastOfDistance);
+  }
+
+  private stopMeasuring(event: KeyboardEvent): void {
+    if (event.key !== "Escape" || !this.measured) return;
+    this.measured = null;
+    this.stage.showHint("");
   }
 
   // What is seen.
@@ -312,7 +409,7 @@ class Page {
   }
 
   private viewChanged(done: boolean): void {
-    this.stage.showView(false);
+    this.showSide();
     this.panel?.showView();
     this.showLimits();
     this.scene.applyView();
@@ -321,8 +418,16 @@ class Page {
   }
 
   private hold(original: boolean): void {
+    this.held = original;
+    this.showSide();
+  }
+
+  // Without a result, what is seen is the original, whatever the view.
+  private showSide(): void {
+    const original = this.held || !this.result;
     this.scene.hold(original);
     this.stage.showView(original);
+    this.header.setResult(this.result !== null);
   }
 
   private showLimits(): void {

@@ -2,7 +2,7 @@
 // The panel at the side: parameters, limits, display, snapshots, saving.
 
 import { type Control, makeControl, type Scale } from "./controls";
-import { choice, h, short } from "./dom";
+import { choice, h, lengthInWords } from "./dom";
 import type { CloudHead, Hello, Param, Recipe, Result, Texts } from "./protocol";
 import { type Box, boxText, parseBox } from "./region";
 import { copyRecipe, type View } from "./state";
@@ -51,6 +51,7 @@ export class Panel {
   private readonly expert = h("details", { class: "expert" });
   private expertDefaults: [string, string][] = [];
   private readonly findings = h("p", { class: "note", id: "findings" });
+  private readonly extensions: string[];
   private readonly viewSliders: [keyof View, HTMLInputElement][] = [];
   private readonly up = choice<"y" | "z">("Up", [["z", "z up"], ["y", "y up"]], (up) => {
     this.view.up = up;
@@ -58,6 +59,7 @@ export class Panel {
   });
 
   constructor(hello: Hello, private readonly view: View, private readonly actions: PanelActions) {
+    this.extensions = hello.formats.extensions;
     this.encoding.append(h("option", { value: "" }, "as in the input"),
       ...hello.formats.encodings.map((name) => h("option", { value: name }, name)));
     this.folder.textContent = `Saves into ${hello.save_folder}`;
@@ -80,6 +82,7 @@ export class Panel {
   setCloud(cloud: CloudHead): void {
     this.cloud = cloud;
     this.used = {};
+    this.output.value = this.defaultOutput(cloud.name);
     const computed: [string, string][] = [["plain", "plain"], ["displacement", "displacement"], ["rms", "rms displacement nearby"],
       ["height", "height"], ["normal", "normal"], ["noise", "noise"]];
     const own = cloud.colours.map(({ name, kind }): [string, string] => [kind === "rgb" ? "rgb" : `attribute:${name}`, name]);
@@ -90,17 +93,26 @@ export class Panel {
     this.showView();
   }
 
-  setUsed(result: Result): void {
-    this.used = result.used;
+  // NAME_denoised, in the format of the input where that is written.
+  private defaultOutput(name: string): string {
+    const dot = name.lastIndexOf(".");
+    const [stem, extension] = dot > 0 ? [name.slice(0, dot), name.slice(dot + 1)] : [name, ""];
+    return `${stem}_denoised.${this.extensions.includes(extension.toLowerCase()) ? extension : "ply"}`;
+  }
+
+  /** `asked`: the recipe that the result came from; what is not automatic there says nothing of `auto`. */
+  setUsed(result: Result, asked: Recipe): void {
+    this.used = Object.fromEntries(Object.entries(result.used).filter(([name]) => asked.params[name] === "auto"));
     this.showFindings(result.moved);
     this.show(this.recipe);
   }
 
   // What was estimated of the cloud as it came, and how far the last run moved its points.
   private showFindings(moved?: Result["moved"]): void {
-    const { spacing, noise } = this.cloud!;
-    const motion = moved ? `; points moved ${short(moved.mean)} on average, ${short(moved.max)} at most` : "";
-    this.findings.textContent = `Estimated spacing ${short(spacing)}, noise ${short(noise)}${motion}`;
+    const { spacing, noise, metres_per_unit } = this.cloud!;
+    const told = (length: number) => lengthInWords(length, metres_per_unit);
+    const motion = moved ? `; points moved ${told(moved.mean)} on average, ${told(moved.max)} at most` : "";
+    this.findings.textContent = `Estimated spacing ${told(spacing)}, noise ${told(noise)}${motion}`;
   }
 
   /** Shows a recipe without asking for anything. */
@@ -256,7 +268,7 @@ export class Panel {
       this.view.colour = this.colour.value;
       this.actions.changeView();
     });
-    const slider = (label: string, key: "size" | "edl" | "shade", min: number, max: number, step: number) => {
+    const slider = (label: string, key: "size" | "edl" | "shade" | "exaggerate", min: number, max: number, step: number) => {
       const input = h("input", { type: "range", id: `view-${key}`, min: String(min), max: String(max), step: String(step),
         oninput: () => {
           this.view[key] = input.valueAsNumber;
@@ -270,6 +282,7 @@ export class Panel {
       slider("Point size", "size", 0.4, 5, 0.1),
       slider("Eye-dome lighting", "edl", 0, 1, 0.02),
       slider("Shading by normals", "shade", 0, 1, 0.02),
+      slider("Displacement × 1 to 10", "exaggerate", 1, 10, 0.5),
       h("div", { class: "field" }, h("span", {}, "Axis"), this.up.element),
     ];
   }

@@ -3,7 +3,7 @@
 // as wanted; then that image, lit by depth, onto the screen.
 
 import * as THREE from "three";
-import { mapTexels, type MapName } from "./colours";
+import { type Colours, mapTexels } from "./colours";
 import type { CloudPoints } from "./cloud_points";
 import { type Eye, pixelsPerUnit } from "./eye";
 import { pointMaterial, screenMaterial } from "./materials";
@@ -24,6 +24,7 @@ export interface Shot {
   fineness: number; // pixels of the image a pixel of the screen
   pointSize: number; // file units
   partSize: number; // of the points of a part
+  exaggerate: number; // factor on displacements
 }
 
 export class Picture {
@@ -96,7 +97,7 @@ export class Picture {
     this.screen.uniforms.uStrength.value = edl;
   }
 
-  setColourMode(mode: ColourMode, range: [number, number], map: MapName): void {
+  setColourMode(mode: ColourMode, range: [number, number], map: Colours): void {
     const { uniforms } = this.material;
     uniforms.uColour.value = kColourModes[mode];
     uniforms.uRange.value.set(range[0], range[1]);
@@ -129,7 +130,7 @@ export class Picture {
     }
     if (shot.mode !== "before" && divider < width) {
       this.aim(beside ? divider : 0, 0, half, height, divider, width - divider);
-      draw(1);
+      draw(shot.exaggerate);
     }
     eye.setAspect(width / height);
   }

@@ -84,6 +84,7 @@ export interface CloudHead {
   spacing: number;
   noise: number;
   step: number;
+  metres_per_unit: number | null; // null: the file does not say
   colours: { name: string; kind: "rgb" | "scalar" }[];
   settles: boolean;
 }
@@ -96,8 +97,8 @@ export interface Result {
   used: Texts;
   moved: { mean: number; rms: number; max: number };
   unmoved: number;
-  /** By reason; all of them are unmoved, or pulled in. */
-  outliers: Record<string, number>;
+  /** Why; the counts are all of `unmoved`. */
+  reasons: Record<string, number>;
   stages: { name: string; ms: number }[];
   total_ms: number;
   encode_ms: number;

@@ -4,7 +4,7 @@
 
 import * as THREE from "three";
 import { CloudPoints } from "./cloud_points";
-import type { MapName } from "./colours";
+import type { Colours } from "./colours";
 import { Detail } from "./detail";
 import { Eye } from "./eye";
 import { Motion } from "./motion";
@@ -98,6 +98,12 @@ export class Scene {
     this.touch();
   }
 
+  /** Back to the last whole result. */
+  clearPreview(): void {
+    this.points.clearPart();
+    this.touch();
+  }
+
   /** Normals of the result, for shading. */
   setNormals(normals: Numbers): void {
     this.setShading(normals, ["normal_after"]);
@@ -133,7 +139,7 @@ export class Scene {
     this.applyView();
   }
 
-  setColourMode(mode: ColourMode, range: [number, number], map: MapName): void {
+  setColourMode(mode: ColourMode, range: [number, number], map: Colours): void {
     this.picture.setColourMode(mode, range, map);
     this.render();
   }
@@ -179,6 +185,17 @@ export class Scene {
 
   /** Where the picture's point (x, y), -1 to 1, meets the cloud, relative to the origin; null if nowhere near. */
   pick(x: number, y: number, reach = 0.06): THREE.Vector3 | null {
+    const place = this.pickPlace(x, y, reach);
+    return place < 0 ? null : this.position(place);
+  }
+
+  /** In the original, relative to the origin. */
+  position(place: number): THREE.Vector3 {
+    return new THREE.Vector3().fromArray(this.positions, 3 * place);
+  }
+
+  /** The place that is there; -1 if none is near. */
+  pickPlace(x: number, y: number, reach = 0.06): number {
     const m = this.matrix.elements;
     const { aspect } = this;
     const stride = Math.max(1, Math.floor(this.count / kPicked));
@@ -195,7 +212,7 @@ export class Scene {
       const score = w * (1 + 25 * off);
       if (off < reach && score < least) [least, best] = [score, i];
     }
-    return best < 0 ? null : new THREE.Vector3().fromArray(this.positions, 3 * best);
+    return best;
   }
 
   /** Where the user looks, in file coordinates. */
@@ -345,11 +362,11 @@ export class Scene {
 
   // Points grow as fewer are drawn, so that the surface stays closed.
   private shot(drawn: number, fineness: number): Shot {
-    const { mode, wipe, size } = this.view;
+    const { mode, wipe, size, exaggerate } = this.view;
     const { points, spacing, diagonal, shown } = this.cloud ?? { points: 1, spacing: 1, diagonal: 1, shown: 1 };
     const whole = size * (spacing || diagonal / 500 || 1);
     return {
-      mode: this.holding ? "before" : mode, wipe, fineness,
+      mode: this.holding ? "before" : mode, wipe, fineness, exaggerate,
       pointSize: whole * Math.sqrt(points / Math.max(1, drawn)),
       partSize: whole * Math.sqrt(points / Math.max(1, shown)),
     };

@@ -17,7 +17,7 @@ in float scalar;
 in float inside;     // 1 where the limits let a point move
 
 uniform mat4 modelViewMatrix, projectionMatrix;
-uniform float uAfter;         // 0 the original, 1 the result
+uniform float uAfter;         // 0 the original, 1 the result, more: displacements are that much longer
 uniform int uMotion;          // 0 none, 1 along normals, 2 vectors, 3 far vectors
 uniform float uStep, uPointSize, uPixelsPerUnit, uMinSize, uMaxSize, uShade;
 uniform int uColour;

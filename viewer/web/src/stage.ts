@@ -13,11 +13,12 @@ export class Stage {
     "aria-valuemin": "0", "aria-valuemax": "100", hidden: true });
   private readonly hint = h("div", { class: "hint", role: "status", hidden: true });
   private readonly drop = h("div", { class: "drop", hidden: true }, "Drop a point cloud: PLY, PCD, XYZ, TXT, CSV, PTS, OFF or OBJ");
+  private readonly readout = h("div", { class: "readout", hidden: true });
   private readonly toasts = h("div", { class: "toasts", role: "alert", "aria-live": "assertive" });
   private readonly welcome = h("div", { class: "welcome" }, "Reading…");
 
   constructor(private readonly view: View, private readonly wiped: (done: boolean) => void, dropped: (file: File) => void) {
-    this.element.append(this.seam, this.handle, this.left, this.right, this.hint, this.welcome, this.toasts, this.drop);
+    this.element.append(this.seam, this.handle, this.left, this.right, this.readout, this.hint, this.welcome, this.toasts, this.drop);
     this.listenToWipe();
     this.listenToDrops(dropped);
   }
@@ -42,11 +43,27 @@ export class Stage {
     this.welcome.hidden = true;
   }
 
-  say(text: string, error = false): void {
+  /** What is under the pointer; empty: nothing. */
+  showReadout(text: string): void {
+    this.readout.textContent = text;
+    this.readout.hidden = text === "";
+  }
+
+  /** Draws what the sides are onto a picture. */
+  drawTagsOnto(context: CanvasRenderingContext2D, width: number, scale: number): void {
+    context.font = `${12 * scale}px system-ui, sans-serif`;
+    context.fillStyle = "#e8ecf0";
+    context.textAlign = "left";
+    if (!this.left.hidden) context.fillText("original", 16 * scale, 26 * scale);
+    context.textAlign = "right";
+    if (!this.right.hidden) context.fillText("denoised", width - 16 * scale, 26 * scale);
+  }
+
+  say(text: string, error = false, time = error ? 9000 : 3500): void {
     const toast = h("div", { class: error ? "toast error" : "toast" }, text);
     this.toasts.append(toast);
     while (this.toasts.children.length > 3) this.toasts.firstChild!.remove();
-    setTimeout(() => toast.remove(), error ? 9000 : 3500);
+    setTimeout(() => toast.remove(), time);
   }
 
   showHint(text: string): void {

@@ -12,13 +12,14 @@ export interface View {
   size: number; // of a point, in spacings
   edl: number; // strength of eye-dome lighting
   shade: number; // strength of shading by normals
+  exaggerate: number; // factor on displacements in the picture
   up: "y" | "z";
   hide: boolean; // points outside the clip box
   camera: number[]; // position and target, relative to the cloud's origin; empty: fitted
 }
 
 export const defaultView = (): View => ({
-  mode: "after", wipe: 0.5, colour: "auto", size: 2, edl: 0.4, shade: 0.8, up: "z", hide: false, camera: [],
+  mode: "after", wipe: 0.5, colour: "auto", size: 2, edl: 0.4, shade: 0.8, exaggerate: 1, up: "z", hide: false, camera: [],
 });
 
 export const equalRecipes = (a: Recipe, b: Recipe) => recipeKey(a) === recipeKey(b);
@@ -38,6 +39,11 @@ export class History {
     this.past.push(this.now);
     this.now = copyRecipe(recipe);
     this.future = [];
+  }
+  /** A run with the newest recipe failed: it is void, and `recipe` holds again. */
+  revert(recipe: Recipe): void {
+    if (this.past.length && equalRecipes(this.past[this.past.length - 1], recipe)) this.past.pop();
+    this.now = copyRecipe(recipe);
   }
   undo(): Recipe | null {
     return this.step(this.past, this.future);
@@ -102,6 +108,7 @@ function readView(view: View, key: string, text: string, same: boolean): void {
   if (key === "size" && inRange(0.1, 10)) view.size = number;
   if (key === "edl" && inRange(0, 1)) view.edl = number;
   if (key === "shade" && inRange(0, 1)) view.shade = number;
+  if (key === "exaggerate" && inRange(1, 10)) view.exaggerate = number;
   if (key === "up" && (text === "y" || text === "z")) view.up = text;
   if (key === "hide") view.hide = text === "true";
   if (key === "camera" && same) {

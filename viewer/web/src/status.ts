@@ -46,9 +46,17 @@ export class Status {
       return item;
     }));
     if (!result.unmoved) return;
-    const reasons = Object.entries(result.outliers).filter(([, count]) => count > 0);
+    const reasons = Object.entries(result.reasons).filter(([, count]) => count > 0);
     const told = reasons.map(([reason, count]) => `${grouped(count)} ${reason}`).join(", ");
-    this.stages.append(h("i", { class: "kept" }, `${grouped(result.unmoved)} kept in place${told && `: ${told}`}`));
+    this.stages.append(h("i", { class: "kept" }, `${grouped(result.unmoved)} kept in place: ${told}`));
+  }
+
+  /** Nothing was computed. */
+  clear(): void {
+    this.hideProgress();
+    this.total.replaceChildren("no result");
+    this.rate.textContent = "";
+    this.stages.replaceChildren();
   }
 
   showProgress(stage: string, share: number): void {

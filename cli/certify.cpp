@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+// pointfair certify IN OUT: the page on a result that is there.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <memory>
+#include <optional>
+
+#include "arguments.hpp"
+#include "command_line.hpp"
+#include "output.hpp"
+#include "pointfair/pointfair.hpp"
+#include "progress.hpp"
+#include "report.hpp"
+#include "result_page.hpp"
+#include "verbs.hpp"
+
+namespace pointfair::cli {
+namespace {
+
+struct CertifyArguments {
+  std::string input, output, report;
+  DeviceArguments device;
+  bool force = false, quiet = false;
+};
+
+// The reasons that the run marked in the result; empty where it did not.
+std::vector<std::uint8_t> marks_in(const std::string& path, unsigned threads) {
+  ReadOptions options;
+  options.threads = threads;
+  const Cloud cloud = read(path, options);
+  for (const AttributeInfo& info : attributes(cloud)) {
+    if (info.name != "outlier" || info.type != ScalarType::uint8 || info.components != 1) continue;
+    const Attribute marks = attribute(cloud, "outlier");
+    std::vector<std::uint8_t> result(marks.data.size());
+    std::transform(marks.data.begin(), marks.data.end(), result.begin(), std::to_integer<std::uint8_t>);
+    return result;
+  }
+  return {};
+}
+
+void certify(CertifyArguments arguments, std::stop_token stop) {
+  namespace fs = std::filesystem;
+  for (const std::string& file : {arguments.input, arguments.output})
+    if (file == "-") throw Error(ErrorKind::usage, "certify needs two files; standard input has no name to certify");
+  if (arguments.report.empty()) arguments.report = fs::path(arguments.output).replace_extension(".html").string();
+  if (!is_page(arguments.report))
+    throw Error(ErrorKind::usage, arguments.report + ": certify writes a page; name a file that ends in .html");
+  check_page(arguments.report, {arguments.input, arguments.output});
+  check_writable(arguments.report, arguments.force);
+  Pipeline pipeline(make_device(arguments.device));
+  {
+    Progress progress(arguments.quiet ? "none" : "auto");
+    progress.show(0, "reading");
+    const Cloud before = read(arguments.input, make_read_options({}, arguments.device.threads));
+    check_not_geographic(before);
+    pipeline.load(before);
+    progress.show(0.3, "comparing");
+    PageJob job;
+    job.input = arguments.input;
+    job.output = arguments.output;
+    job.command = command_text();
+    job.outliers = marks_in(arguments.output, arguments.device.threads);
+    job.threads = arguments.device.threads;
+    write_text(arguments.report, result_page(job, before, pipeline, stop));
+  }
+  if (!arguments.quiet) fmt::print(stderr, "the page is {}\n", arguments.report);
+}
+
+}  // namespace
+
+Verb add_certify(CLI::App& app) {
+  const auto arguments = std::make_shared<CertifyArguments>();
+  CLI::App& command = *app.add_subcommand("certify", "Write a page that compares a result with its input.");
+  command.add_option("IN", arguments->input, "the cloud before")->required();
+  command.add_option("OUT", arguments->output, "the denoised cloud, with the same points in the same order")
+      ->required();
+  command.add_option("--report", arguments->report, "the page; default: OUT with the extension .html")
+      ->type_name("FILE.html");
+  add_device(command, arguments->device);
+  command.add_flag("--force", arguments->force, "replace the page if it exists");
+  command.add_flag("-q,--quiet", arguments->quiet, "print errors only");
+  return {&command, [arguments](std::stop_token stop) { certify(*arguments, stop); }};
+}
+
+}  // namespace pointfair::cli

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "comparison.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+namespace pointfair::cli {
+namespace {
+
+bool is_same_type(const AttributeInfo& a, const AttributeInfo& b) {
+  return a.type == b.type && a.components == b.components;
+}
+
+std::uint64_t differing(const Attribute& a, const Attribute& b, std::size_t points) {
+  if (a.data == b.data) return 0;
+  const std::size_t bytes = size_of(a.type) * a.components;
+  std::uint64_t count = 0;
+  for (std::size_t i = 0; i < points; ++i)
+    count += std::memcmp(a.data.data() + i * bytes, b.data.data() + i * bytes, bytes) != 0;
+  return count;
+}
+
+void compare_attributes(const Cloud& before, const Cloud& after, Comparison& result) {
+  if (!file_info(before).has_attributes || !file_info(after).has_attributes) return;
+  const std::vector<AttributeInfo> its = attributes(before), others = attributes(after);
+  const auto find = [](const std::vector<AttributeInfo>& all, const std::string& name) {
+    return std::find_if(all.begin(), all.end(), [&](const AttributeInfo& info) { return info.name == name; });
+  };
+  for (const AttributeInfo& info : its) {
+    const auto other = find(others, info.name);
+    if (other == others.end())
+      result.lost.push_back(info.name);
+    else
+      result.rows.push_back(
+          {info.name, is_same_type(info, *other)
+                          ? differing(attribute(before, info.name), attribute(after, info.name), before.points.size())
+                          : before.points.size()});
+  }
+  for (const AttributeInfo& info : others)
+    if (find(its, info.name) == its.end()) result.added.push_back(info.name);
+}
+
+void compare_faces(const Cloud& before, const Cloud& after, Comparison& result) {
+  const auto faces = triangles(before), others = triangles(after);
+  if (faces.empty()) return;
+  if (others.empty()) return result.lost.push_back("faces");
+  std::uint64_t differ = faces.size() != others.size() ? std::max(faces.size(), others.size()) : 0;
+  for (std::size_t i = 0; differ == 0 && i < faces.size(); ++i) differ += faces[i] != others[i];
+  result.rows.push_back({"faces", differ});
+}
+
+void measure_moves(const Cloud& before, const Cloud& after, Comparison& result) {
+  std::array<double, 3> shift{};
+  for (std::size_t axis = 0; axis < 3; ++axis) shift[axis] = after.origin[axis] - before.origin[axis];
+  std::vector<double> lengths;
+  lengths.reserve(before.points.size());
+  result.moved.resize(before.points.size(), std::numeric_limits<float>::quiet_NaN());
+  for (std::size_t i = 0; i < before.points.size(); ++i) {
+    const Point &p = before.points[i], &q = after.points[i];
+    const double length = std::hypot(shift[0] + q.x - p.x, shift[1] + q.y - p.y, shift[2] + q.z - p.z);
+    if (!std::isfinite(length)) continue;
+    lengths.push_back(length);
+    result.moved[i] = static_cast<float>(length);
+    result.kept += length == 0;
+  }
+  result.displacement = summarize(lengths);
+}
+
+}  // namespace
+
+Comparison compare_copies(const Cloud& before, const Cloud& after, const std::string& names) {
+  if (before.points.size() != after.points.size())
+    throw Error(ErrorKind::file, fmt::format("{}: one has {} points and the other {}, so that no point of one can be "
+                                             "found in the other; name a cloud and its denoised copy",
+                                             names, before.points.size(), after.points.size()));
+  Comparison result;
+  measure_moves(before, after, result);
+  compare_attributes(before, after, result);
+  compare_faces(before, after, result);
+  return result;
+}
+
+}  // namespace pointfair::cli

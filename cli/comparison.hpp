@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+// What differs between a cloud and its denoised copy, point by point and attribute by attribute.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "pointfair/pointfair.hpp"
+#include "statistics.hpp"
+
+namespace pointfair::cli {
+
+struct Comparison {
+  /// What both have: how many points (or faces) of it differ.
+  struct Row {
+    std::string what;
+    std::uint64_t differ = 0;
+  };
+  std::vector<float> moved;  ///< how far each point moved, in file units; NaN where a position is not finite
+  std::uint64_t kept = 0;    ///< points at their old place
+  Statistics displacement;   ///< of the finite points
+  std::vector<Row> rows;     ///< attributes and faces
+  std::vector<std::string> lost, added;  ///< attributes that one of the clouds has
+};
+
+/// `names` are those of the files, for errors. Throws ErrorKind::file if the numbers of points differ: then points
+/// cannot be told from each other. O(N) for each attribute.
+Comparison compare_copies(const Cloud& before, const Cloud& after, const std::string& names);
+
+}  // namespace pointfair::cli

@@ -1,0 +1,333 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "result_page.hpp"
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <ctime>
+#include <future>
+#include <map>
+#include <optional>
+
+#include "comparison.hpp"
+#include "file_rows.hpp"
+#include "html.hpp"
+#include "picture.hpp"
+#include "report.hpp"
+#include "sha256.hpp"
+
+namespace pointfair::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kDrawn = 2'000'000;  // points of a picture; there are 300,000 pixels
+constexpr double kDetail = 90;             // spacings across the near pictures, or a third of the whole if that is less
+constexpr std::size_t kQuantiled = 200'000;
+
+// Lengths for people: in millimetres or metres where the file says how long its unit is.
+class Lengths {
+ public:
+  explicit Lengths(const FileInfo& info) : metres_(info.metres_per_unit) {}
+  std::string operator()(double value) const {
+    if (!metres_) return fmt::format("{:.4g} units", value);
+    const double metres = value * *metres_;
+    return metres < 1 ? fmt::format("{:.4g} mm", 1000 * metres) : fmt::format("{:.4g} m", metres);
+  }
+  std::string unit() const {
+    if (!metres_) return "not said by the file; lengths are in its unit";
+    return fmt::format("{:.10g} m, as the file says", *metres_);
+  }
+
+ private:
+  std::optional<double> metres_;
+};
+
+// Finite values of a sample.
+double quantile(const std::vector<float>& values, double share) {
+  std::vector<float> sample;
+  const std::size_t stride = std::max<std::size_t>(1, values.size() / kQuantiled);
+  for (std::size_t i = 0; i < values.size(); i += stride)
+    if (std::isfinite(values[i])) sample.push_back(values[i]);
+  if (sample.empty()) return 0;
+  const auto at = sample.begin() + static_cast<std::ptrdiff_t>(share * double(sample.size() - 1));
+  std::nth_element(sample.begin(), at, sample.end());
+  return *at;
+}
+
+std::string counted(std::uint64_t count) {
+  std::string text = std::to_string(count);
+  for (std::size_t i = text.size(); i > 3; i -= 3) text.insert(i - 3, 1, ',');
+  return text;
+}
+
+std::string share_of(std::uint64_t part, std::uint64_t all) {
+  return all == 0 ? counted(part) : fmt::format("{} ({:.3g} %)", counted(part), 100.0 * double(part) / double(all));
+}
+
+class PageMaker {
+ public:
+  PageMaker(const PageJob& job, const Cloud& before, Pipeline& pipeline, std::stop_token stop)
+      : job_(job), before_(before), pipeline_(pipeline), stop_(stop), length_(file_info(before)) {}
+
+  std::string make() {
+    std::future<std::string> input_sum = std::async(std::launch::async, sha256_of, job_.input);
+    ReadOptions options;
+    options.threads = job_.threads;
+    after_ = read(job_.output, options);
+    std::future<std::string> output_sum = std::async(std::launch::async, sha256_of, job_.output);
+    copy_ = compare_copies(before_, after_, fmt::format("{}, {}", job_.input.string(), job_.output.string()));
+    estimates_ = pipeline_.estimates(stop_);
+    noise_.resize(before_.points.size());
+    pipeline_.noise(noise_, job_.asked, stop_);
+    draw();
+    const std::string html = warnings() + section_of("Before and after", before_and_after_) +
+                             section_of("Noise of the input", noise_section()) +
+                             section_of("How far points moved", displacement_section()) +
+                             section_of("Outliers", outlier_section()) + section_of("What stayed", stayed_section()) +
+                             section_of("Files", files_section(input_sum.get(), output_sum.get())) +
+                             section_of("How it was made", made_section());
+    return page_of(job_.output.filename().string(), lead(), html);
+  }
+
+ private:
+  std::string typical_noise() const {
+    const bool is_given = job_.noise_attribute.empty() && !job_.asked.noise.is_automatic() && job_.run;
+    return fmt::format("{} ({})", length_(is_given ? job_.run->params.noise.value : estimates_.noise),
+                       noise_source(job_.run ? job_.asked : Params{}, job_.noise_attribute));
+  }
+
+  std::string lead() const {
+    return fmt::format(
+        "{} points, denoised by pointfair. Noise of the input {}; points moved {} on average, {} at most.",
+        counted(before_.points.size()), typical_noise(), length_(copy_.displacement.mean),
+        length_(copy_.displacement.max));
+  }
+
+  std::string warnings() const {
+    std::string items;
+    for (const std::string& note : job_.notes) items += fmt::format("<li>{}</li>\n", escaped(note));
+    return section_of("Warnings", items.empty() ? items : fmt::format("<ul class=\"warnings\">\n{}</ul>\n", items));
+  }
+
+  Camera for_result(Camera camera) const {
+    for (std::size_t axis = 0; axis < 3; ++axis) camera.centre[axis] -= after_.origin[axis] - before_.origin[axis];
+    return camera;
+  }
+
+  // All pictures, since they share what is seen.
+  void draw() {
+    const std::size_t stride = 1 + before_.points.size() / kDrawn;
+    const Camera far = overview(before_.points);
+    const double across = std::min(kDetail * estimates_.spacing, kPictureWidth / far.pixels_per_unit / 3);
+    const Camera near = detail(far, before_.points, across);
+    const Seen original = see(far, before_.points, estimates_.spacing, stride);
+    const Seen denoised = see(for_result(far), after_.points, estimates_.spacing, stride);
+    const std::string name = before_.points.empty() ? "no points" : "the cloud";
+    before_and_after_ = beside({figure_of(shaded_png(original), name + " before", "Before."),
+                                figure_of(shaded_png(denoised), name + " after", "After, from the same place.")});
+    if (estimates_.spacing > 0) {
+      const std::string width = length_(across);
+      before_and_after_ +=
+          beside({figure_of(shaded_png(see(near, before_.points, estimates_.spacing, 1)),
+                            "a part of it before, from near", fmt::format("Before: a part of {} across.", width)),
+                  figure_of(shaded_png(see(for_result(near), after_.points, estimates_.spacing, 1)),
+                            "the same part after, from near", "After: the same part.")});
+    }
+    noise_map_ =
+        map_of(original, noise_, "the noise at each point, in colours", "The standard deviation of the noise.");
+    displacement_map_ = map_of(denoised, copy_.moved, "how far each point moved, in colours", "How far points moved.");
+    draw_outliers(original, far);
+  }
+
+  std::string map_of(const Seen& seen, const std::vector<float>& values, std::string_view alt,
+                     std::string_view caption) const {
+    const double most = quantile(values, 0.98);
+    const auto share = [&](std::uint32_t i) { return most > 0 ? float(values[i] / most) : 0.0f; };
+    return figure_of(mapped_png(seen, share), alt, caption,
+                     scale_of(kMapColours, "0", length_(most) + " or more (98 % have less)"));
+  }
+
+  void draw_outliers(const Seen& seen, const Camera& camera) {
+    std::vector<Mark> marks;
+    for (std::size_t i = 0; i < job_.outliers.size(); ++i) {
+      if (job_.outliers[i] > 0 && job_.outliers[i] <= kMarkColours.size())
+        marks.push_back({before_.points[i], job_.outliers[i] - std::size_t{1}});
+    }
+    if (marks.empty()) return;
+    constexpr const char* kReasons[] = {"isolated", "off the surface", "mixed pixel"};
+    std::string key = "<p>";
+    for (std::size_t i = 0; i < kMarkColours.size(); ++i)
+      key += fmt::format("<span class=\"swatch\" style=\"background: {}\"></span>{} ", kMarkColours[i], kReasons[i]);
+    outlier_picture_ = figure_of(marked_png(seen, camera, marks), "the outliers in colours before the grey cloud",
+                                 "Outliers, wherever they are in depth.", key + "</p>");
+  }
+
+  std::string noise_section() const {
+    const auto& [quiet, typical, loud] = estimates_.noise_quantiles;
+    const std::string table = table_of("Noise (standard deviation across the surface)",
+                                       {{"typical", typical_noise()},
+                                        {"at quiet, typical and loud places",
+                                         fmt::format("{}, {}, {}", length_(quiet), length_(typical), length_(loud))},
+                                        {"mean distance between points", length_(estimates_.spacing)}});
+    return beside({noise_map_, table}).append(parts_table());
+  }
+
+  // By class, or by scan.
+  std::string parts_table() const {
+    const std::vector<AttributeInfo> infos = attributes(before_);
+    if (!file_info(before_).has_attributes) return {};
+    for (const std::string_view name : {"classification", "scan"}) {
+      const auto info =
+          std::find_if(infos.begin(), infos.end(), [&](const AttributeInfo& i) { return i.name == name; });
+      if (info == infos.end() || info->components != 1) continue;
+      return parts_table(std::string(name), selection_values(name));
+    }
+    return {};
+  }
+
+  // Integers of one byte or two.
+  std::vector<std::uint32_t> selection_values(std::string_view name) const {
+    const Attribute values = attribute(before_, name);
+    const std::size_t bytes = size_of(values.type);
+    std::vector<std::uint32_t> result(before_.points.size());
+    for (std::size_t i = 0; i < result.size(); ++i)
+      for (std::size_t byte = 0; byte < std::min<std::size_t>(bytes, 4); ++byte)
+        result[i] |= std::to_integer<std::uint32_t>(values.data[i * bytes + byte]) << (8 * byte);
+    const bool is_integer = values.type != ScalarType::float32 && values.type != ScalarType::float64;
+    return is_integer ? result : std::vector<std::uint32_t>{};
+  }
+
+  std::string parts_table(const std::string& name, const std::vector<std::uint32_t>& parts) const {
+    constexpr std::size_t kMost = 64;  // rows
+    std::map<std::uint32_t, std::vector<std::uint32_t>> members;
+    for (std::uint32_t i = 0; i < parts.size() && members.size() <= kMost; ++i) members[parts[i]].push_back(i);
+    if (members.empty() || members.size() > kMost) return {};
+    const bool is_class = name == "classification";
+    std::vector<std::vector<std::string>> rows{
+        {is_class ? "class" : name, "points", "median noise", "moved on average"}};
+    for (const auto& [part, points] : members) {
+      std::vector<float> noise;
+      double sum = 0, finite = 0;
+      for (const std::uint32_t i : points) {
+        noise.push_back(noise_[i]);
+        if (!std::isfinite(copy_.moved[i])) continue;
+        sum += copy_.moved[i];
+        ++finite;
+      }
+      const std::string title = is_class ? fmt::format("{} {}", part, class_name(part)) : std::to_string(part);
+      rows.push_back(
+          {title, counted(points.size()), length_(quantile(noise, 0.5)), length_(finite > 0 ? sum / finite : 0)});
+    }
+    return grid_of(is_class ? "By class" : "By scan", rows);
+  }
+
+  std::string displacement_section() const {
+    constexpr std::size_t kBars = 48;
+    const Statistics& moved = copy_.displacement;
+    const double most = std::max(quantile(copy_.moved, 0.99), 1e-300);
+    std::vector<double> counts(kBars);
+    for (const float length : copy_.moved)
+      if (length > 0 && length <= most)
+        ++counts[std::min(kBars - 1, static_cast<std::size_t>(length / most * double(kBars)))];
+    const std::string alt = fmt::format("how many points moved how far: half of them less than {}, 95 % less than {}",
+                                        length_(quantile(copy_.moved, 0.5)), length_(moved.p95));
+    std::string table =
+        table_of("Displacement", {{"mean", length_(moved.mean)},
+                                  {"root mean square", length_(moved.rms)},
+                                  {"95 % of the points moved less than", length_(moved.p95)},
+                                  {"most", length_(moved.max)},
+                                  {"points at their old place", share_of(copy_.kept, before_.points.size())}});
+    if (moved.max > 0) table.append(histogram_of(counts, alt, length_(most), "points by displacement"));
+    return beside({displacement_map_, table});
+  }
+
+  std::string outlier_section() const {
+    std::string html;
+    if (job_.run) {
+      const UnmovedCounts& unmoved = job_.run->unmoved;
+      const OutlierCounts& by_reason = unmoved.outliers_by_reason;
+      const std::uint64_t all = before_.points.size();
+      html = table_of("Why points were kept in place",
+                      {{"isolated: too few neighbours within reach", share_of(by_reason.isolated, all)},
+                       {"off the surface of their neighbours", share_of(by_reason.off_surface, all)},
+                       {"mixed pixels, between two surfaces", share_of(by_reason.mixed_pixels, all)},
+                       {"fewer than three neighbours", share_of(unmoved.too_few_neighbors, all)},
+                       {"no normal", share_of(unmoved.no_normal, all)},
+                       {"not finite, or ignored", share_of(unmoved.non_finite, all)}});
+    } else if (!job_.outliers.empty()) {
+      const auto marked = job_.outliers.size() - std::size_t(std::count(job_.outliers.begin(), job_.outliers.end(), 0));
+      html = table_of("Marked in the result", {{"outliers", share_of(marked, before_.points.size())}});
+    }
+    return outlier_picture_.empty() ? html : beside({outlier_picture_, html});
+  }
+
+  std::string stayed_section() const {
+    std::vector<std::vector<std::string>> rows{{"what", "in the result"}};
+    rows.push_back({"points", fmt::format("{}, as many as before, in the same order", counted(after_.points.size()))});
+    for (const Comparison::Row& row : copy_.rows)
+      rows.push_back({row.what, row.differ == 0 ? "the same, byte for byte" : counted(row.differ) + " differ"});
+    for (const std::string& name : copy_.lost) rows.push_back({name, "not there"});
+    for (const std::string& name : copy_.added) rows.push_back({name, "new"});
+    return grid_of("Compared after the result was written", rows);
+  }
+
+  std::string files_section(const std::string& input_sum, const std::string& output_sum) const {
+    return file_table("Input", job_.input, before_, input_sum) + file_table("Result", job_.output, after_, output_sum) +
+           "<p>The same input, version and parameters give the same bits on any machine, any number of threads, and "
+           "any "
+           "device. Whoever repeats the command gets a result with this checksum.</p>\n";
+  }
+
+  std::string file_table(std::string_view caption, const fs::path& path, const Cloud& cloud,
+                         const std::string& sum) const {
+    std::error_code failed;
+    Pairs pairs{{"name", path.filename().string()},
+                {"bytes", counted(fs::file_size(path, failed))},
+                {"SHA-256", sum},
+                {"points", counted(cloud.points.size())},
+                {"length of the unit", Lengths(file_info(cloud)).unit()}};
+    for (const FileInfo::Row& row : file_info(cloud).rows) pairs.emplace_back(row.name, row.value);
+    return table_of(caption, pairs);
+  }
+
+  std::string made_section() const {
+    const DeviceInfo device = job_.run ? job_.run->device : pipeline_.device();
+    Pairs pairs{
+        {"command", job_.command},
+        {"program", fmt::format("pointfair {}", version())},
+        {"date of this page", fmt::format("{:%Y-%m-%d %H:%M} UTC", fmt::gmtime(std::time(nullptr)))},
+        {job_.run ? "computed on" : "measured on", fmt::format("{}, {}", device_name(device.kind), device.name)}};
+    if (job_.run) pairs.emplace_back("time of the run", fmt::format("{:.3g} s", job_.run->total_milliseconds / 1000));
+    std::string html = table_of("Run", pairs);
+    if (!job_.run) return html;
+    Pairs used;
+    for (const ParamInfo& info : kParams) {
+      const std::string text = param_text(job_.run->params, info);
+      const bool is_chosen = param_text(job_.asked, info) == "auto";
+      used.emplace_back(info.name, is_chosen && text != "auto" ? fmt::format("auto ({})", text) : text);
+    }
+    return html + table_of("Parameters, of a typical place where they were chosen by the program", used);
+  }
+
+  const PageJob& job_;
+  const Cloud& before_;
+  Pipeline& pipeline_;
+  std::stop_token stop_;
+  Lengths length_;
+  Cloud after_;
+  Comparison copy_;
+  Estimates estimates_;
+  std::vector<float> noise_;
+  std::string before_and_after_, noise_map_, displacement_map_, outlier_picture_;
+};
+
+}  // namespace
+
+std::string result_page(const PageJob& job, const Cloud& before, Pipeline& pipeline, std::stop_token stop) {
+  return PageMaker(job, before, pipeline, stop).make();
+}
+
+}  // namespace pointfair::cli

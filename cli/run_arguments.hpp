@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+// The flags of run, which its parts share.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "arguments.hpp"
+#include "outlier_action.hpp"
+#include "report.hpp"
+#include "tiled.hpp"
+
+namespace pointfair::cli {
+
+struct RunArguments {
+  std::string input, output, report, progress = "auto", normals = "keep", write_noise, write_displacement, viewpoint,
+                                     weights;
+  std::vector<std::string> more;  // inputs, with an output folder
+  TiledArguments tiled;
+  std::optional<double> las_scale;
+  ParamArguments params;
+  LimitArguments limits;
+  OutlierAction outlier_action;
+  DeviceArguments device;
+  InputArguments in;
+  FormatArguments format;
+  bool force = false, quiet = false, verbose = false, orient = false, each = false, skip_existing = false;
+};
+
+/// Whether a run in tiles on disk cannot do what is asked for.
+inline bool needs_memory(const RunArguments& arguments) {
+  return arguments.normals != "keep" || !arguments.write_noise.empty() || !arguments.write_displacement.empty() ||
+         arguments.outlier_action.kind != OutlierAction::Kind::none || arguments.in.any() || is_page(arguments.report);
+}
+
+/// Refuses the input and the output of one run in memory, or the output and the report of any, before the work. Throws
+/// ErrorKind::usage or file.
+void check_paths(const RunArguments& arguments);
+
+}  // namespace pointfair::cli

@@ -1,0 +1,180 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "run_each.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <new>
+#include <set>
+
+#include "output.hpp"
+#include "survey.hpp"
+
+namespace pointfair::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Row {
+  fs::path input, output;
+  std::string status, error;
+  ErrorKind kind = ErrorKind::failed;  // of the error
+  std::optional<Findings> findings;
+};
+
+std::vector<fs::path> inputs_of(const RunArguments& arguments) {
+  std::vector<std::string> inputs = {arguments.input};
+  if (!arguments.output.empty()) inputs.push_back(arguments.output);
+  inputs.insert(inputs.end(), arguments.more.begin(), arguments.more.end());
+  return files_of_survey(inputs);
+}
+
+std::vector<Row> planned(const RunArguments& arguments) {
+  std::vector<Row> rows;
+  std::set<fs::path> names;
+  for (const fs::path& input : inputs_of(arguments)) {
+    const fs::path output = fs::path(arguments.tiled.out_dir) / input.filename();
+    if (!names.insert(output).second)
+      throw Error(ErrorKind::usage,
+                  fmt::format("{}: another input has the same name, so that both results would be {}; "
+                              "give folders of them one after the other",
+                              input.string(), output.string()));
+    rows.push_back({input, output, {}, {}, ErrorKind::failed, {}});
+  }
+  return rows;
+}
+
+void check_each(const RunArguments& arguments) {
+  const std::string extension = fs::path(arguments.report).extension().string();
+  if (!arguments.report.empty() && arguments.report != "-" && extension != ".csv" && extension != ".json")
+    throw Error(ErrorKind::usage,
+                fmt::format("--report {}: of many files the report has a row each; name a .csv or .json "
+                            "file. pointfair certify IN OUT makes the page of one",
+                            arguments.report));
+  if (!arguments.tiled.work.empty() || arguments.tiled.tiles > 1)
+    throw Error(ErrorKind::usage,
+                "--each runs every file on its own; leave out --work and --tiles, or leave out --each");
+  check_page(arguments.report, {});
+}
+
+// Runs one; what goes wrong is written down.
+void run_row(const RunArguments& arguments, const RunFile& run_file, Progress& progress, Row& row) {
+  std::error_code failed;
+  if (arguments.skip_existing && fs::exists(row.output, failed)) {
+    row.status = "skipped";
+    return;
+  }
+  RunArguments of_file = arguments;
+  of_file.input = row.input.string();
+  of_file.output = row.output.string();
+  of_file.more.clear();
+  of_file.tiled.out_dir.clear();
+  of_file.report.clear();
+  of_file.quiet = true;
+  row.status = "failed";
+  try {
+    row.findings = run_file(of_file, progress);
+    row.status = "done";
+  } catch (const Error& error) {
+    if (error.kind() == ErrorKind::interrupted) throw;
+    row.error = error.what();
+    row.kind = error.kind();
+  } catch (const std::bad_alloc&) {
+    row.error = row.input.string() + ": out of memory; close other programs or give --memory";
+    row.kind = ErrorKind::memory;
+  }
+}
+
+void print_row(const Row& row, std::size_t number, std::size_t all) {
+  const std::string place = fmt::format("[{}/{}] {}", number, all, row.input.string());
+  if (row.findings)
+    fmt::print(stderr, "{}: {} points, noise {:.4g}, moved {:.4g} on average, {:.4g} at most, {} outliers\n", place,
+               row.findings->report.points, row.findings->noise, row.findings->displacement.mean,
+               row.findings->displacement.max, row.findings->report.unmoved.outliers);
+  else
+    fmt::print(stderr, "{}: {}\n", place, row.status == "skipped" ? "its result is there, skipped" : row.status);
+  if (!row.findings) return;
+  for (const std::string& note : row.findings->notes) fmt::print(stderr, "note: {}\n", note);
+}
+
+Json json_of(const Row& row) {
+  Json json{{"input", row.input.string()}, {"output", row.output.string()}, {"status", row.status}};
+  if (!row.error.empty()) json["error"] = row.error;
+  if (row.findings) json["run"] = run_json(row.findings->report, *row.findings);
+  return json;
+}
+
+std::string csv_field(const std::string& text) {
+  if (text.find_first_of(",\"\n") == std::string::npos) return text;
+  std::string quoted = "\"";
+  for (const char c : text) quoted += c == '"' ? "\"\"" : std::string(1, c);
+  return quoted + "\"";
+}
+
+std::string csv_of(const std::vector<Row>& rows) {
+  std::string text = "input,output,status,points,spacing,noise,moved_mean,moved_max,outliers,milliseconds,error\n";
+  for (const Row& row : rows) {
+    std::string numbers = ",,,,,,";
+    if (const auto& found = row.findings)
+      numbers = fmt::format("{},{},{},{},{},{},{}", found->report.points, found->spacing, found->noise,
+                            found->displacement.mean, found->displacement.max, found->report.unmoved.outliers,
+                            found->report.total_milliseconds);
+    text += fmt::format("{},{},{},{},{}\n", csv_field(row.input.string()), csv_field(row.output.string()), row.status,
+                        numbers, csv_field(row.error));
+  }
+  return text;
+}
+
+void write_rows(const std::string& report, const std::vector<Row>& rows) {
+  if (report.empty()) return;
+  if (fs::path(report).extension() == ".csv") return write_text(report, csv_of(rows));
+  Json files = Json::array();
+  for (const Row& row : rows) files.push_back(json_of(row));
+  write_report(report, {{"version", version()}, {"files", files}});
+}
+
+// Throws if some failed.
+void conclude(const RunArguments& arguments, const std::vector<Row>& rows) {
+  const auto count = [&](const char* status) {
+    return std::count_if(rows.begin(), rows.end(), [&](const Row& row) { return row.status == status; });
+  };
+  const auto failures = count("failed");
+  if (!arguments.quiet)
+    fmt::print(stderr, "{} of {} files denoised, {} skipped, {} failed\n", count("done"), rows.size(), count("skipped"),
+               failures);
+  std::optional<ErrorKind> kind;
+  for (const Row& row : rows) {
+    if (row.status != "failed") continue;
+    print_error(row.error);
+    kind = !kind || *kind == row.kind ? row.kind : ErrorKind::failed;
+  }
+  if (kind) throw Error(*kind, fmt::format("{} of {} files failed; the lines above say why", failures, rows.size()));
+}
+
+}  // namespace
+
+void run_each(const RunArguments& arguments, const RunFile& run_file, std::stop_token stop) {
+  check_each(arguments);
+  std::vector<Row> rows = planned(arguments);
+  std::error_code failed;
+  fs::create_directories(arguments.tiled.out_dir, failed);
+  if (failed)
+    throw Error(ErrorKind::file, arguments.tiled.out_dir + ": this folder cannot be made: " + failed.message());
+  if (!arguments.quiet)
+    fmt::print(stderr, "{} files, each on its own; without --each they would be one cloud\n", rows.size());
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+    {
+      Progress progress(arguments.quiet ? "none" : arguments.progress);
+      progress.set_part(fmt::format("{}/{} ", i + 1, rows.size()), double(i) / double(rows.size()),
+                        1 / double(rows.size()));
+      run_row(arguments, run_file, progress, rows[i]);
+    }
+    if (!arguments.quiet) print_row(rows[i], i + 1, rows.size());
+  }
+  write_rows(arguments.report, rows);
+  conclude(arguments, rows);
+}
+
+}  // namespace pointfair::cli

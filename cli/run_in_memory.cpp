@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "run_in_memory.hpp"
+
+#include <fmt/format.h>
+
+#include <vector>
+
+#include "command_line.hpp"
+#include "output.hpp"
+#include "point_noise.hpp"
+#include "pointfair/pointfair.hpp"
+#include "result_page.hpp"
+
+namespace pointfair::cli {
+namespace {
+
+// Refuses before the run what would fail after it.
+void check_normals(const RunArguments& arguments, const Cloud& cloud, const WriteOptions& options) {
+  if (arguments.normals != "keep") check_new_normals(cloud, options.format);
+  if (arguments.normals == "update" && normal_attributes(cloud).empty())
+    throw Error(ErrorKind::usage,
+                fmt::format("--normals update: {} has no normals; --normals write adds them", arguments.input));
+}
+
+// The normals of the last iteration. Where the file has its own, points that were not to move keep theirs.
+void give_normals(Pipeline& pipeline, bool orient, std::span<const std::uint8_t> movable,
+                  std::span<const Position> viewpoints, std::stop_token stop, Cloud& cloud) {
+  std::vector<Point> normals(cloud.points.size());
+  pipeline.normals(normals, stop);
+  if (orient) orient_normals(cloud, normals, viewpoints, stop);
+  const bool has_own = !normal_attributes(cloud).empty();
+  for (std::size_t i = 0; has_own && i < movable.size(); ++i) {
+    if (!movable[i]) normals[i] = {0, 0, 0};
+  }
+  set_normals(cloud, normals, viewpoints, orient ? NormalSigns::as_given : NormalSigns::by_rules);
+}
+
+WriteOptions write_options_of(const RunArguments& arguments) {
+  WriteOptions options = make_write_options(arguments.format, arguments.output);
+  options.las_scale = arguments.las_scale;
+  options.overwrite = arguments.force;
+  options.threads = arguments.device.threads;
+  return options;
+}
+
+// Where nothing is to move, degrees do no harm: the pipeline is not told the file then, since it would refuse.
+void load(const Limits& limits, const Cloud& cloud, Pipeline& pipeline) {
+  if (limits.strength > 0) check_not_geographic(cloud);
+  if (file_info(cloud).is_geographic) {
+    Cloud without_file = without_ignored(limits, cloud);
+    without_file.source.reset();
+    return pipeline.load(without_file);
+  }
+  if (limits.ignore.empty()) return pipeline.load(cloud);
+  pipeline.load(without_ignored(limits, cloud));
+}
+
+// Whether outliers are to be marked for the pictures of a page where the run only keeps them, with the same bits.
+bool marks_for_page(const Params& params, Pipeline& pipeline, std::stop_token stop) {
+  try {
+    return pipeline.resolve(params, stop).outliers == Outliers::keep;
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::usage) throw;
+    return false;  // there is nothing to measure
+  }
+}
+
+// Outliers that the limits hold keep their class.
+std::string act(const RunArguments& arguments, std::span<const std::uint8_t> outliers,
+                std::span<const std::uint8_t> movable, const Cloud& before, Cloud& denoised) {
+  std::vector<std::uint8_t> reasons(outliers.begin(), outliers.end());
+  for (std::size_t i = 0; i < movable.size(); ++i)
+    if (!movable[i]) reasons[i] = 0;
+  return act_on_outliers(arguments.outlier_action, reasons, before.points, denoised);
+}
+
+}  // namespace
+
+Cloud read_input(const RunArguments& arguments) {
+  return read(arguments.input, make_read_options(arguments.in, arguments.device.threads));
+}
+
+void run_in_memory(const RunArguments& arguments, const Params& params, const Limits& limits, const Cloud& cloud,
+                   Pipeline& pipeline, Progress& progress, Findings& findings, std::stop_token stop) {
+  const WriteOptions write_options = write_options_of(arguments);
+  check_normals(arguments, cloud, write_options);
+  check_write(arguments.output, cloud, write_options);
+  check_outlier_action(arguments.outlier_action, cloud, write_options);
+  if (!arguments.write_noise.empty()) check_new_attribute(cloud, "--write-noise", arguments.write_noise, write_options);
+  if (!arguments.write_displacement.empty())
+    check_new_attribute(cloud, "--write-displacement", arguments.write_displacement, write_options);
+  const std::vector<std::uint8_t> movable = movable_points(limits, cloud);
+  load(limits, cloud, pipeline);
+  if (!findings.noise_attribute.empty())
+    use_noise_attribute(cloud, findings.noise_attribute, arguments.input, pipeline);
+  std::vector<Position> viewpoints;  // where another was given than the file's
+  if (!arguments.viewpoint.empty()) pipeline.set_viewpoint(viewpoints = parse_viewpoints(arguments.viewpoint, cloud));
+  const bool marks = arguments.outlier_action.kind == OutlierAction::Kind::none && is_page(arguments.report) &&
+                     marks_for_page(params, pipeline, stop);
+  Params with_marks = params;
+  if (marks) with_marks.outliers = Outliers::mark;
+  Cloud denoised =
+      pipeline.run(with_marks, stop, [&](double share, std::string_view stage) { progress.show(share, stage); });
+  denoised.source = cloud.source;
+  const bool acts = arguments.outlier_action.kind != OutlierAction::Kind::none;
+  if (marks || acts) denoised.added.pop_back();  // what this writes is something else, or nothing
+  apply_limits(limits, movable, cloud.points, denoised.points);
+  if (arguments.normals != "keep") give_normals(pipeline, arguments.orient, movable, viewpoints, stop, denoised);
+  if (!arguments.write_noise.empty()) write_noise_attribute(pipeline, params, arguments.write_noise, stop, denoised);
+  if (!arguments.write_displacement.empty())
+    write_displacement_attribute(cloud.points, arguments.write_displacement, denoised);
+  const std::string acted = acts ? act(arguments, pipeline.outliers(), movable, cloud, denoised) : std::string();
+  progress.show(1, "writing");
+  write(arguments.output, denoised, write_options);
+  if (!arguments.quiet || !arguments.report.empty() || arguments.each) {
+    progress.show(1, "measuring");
+    count_limited(cloud, limits, movable, findings);
+    find_out(arguments.normals == "keep", write_options, cloud, denoised, pipeline, stop, findings);
+    if (acts) findings.notes.push_back(acted);
+    findings.report = pipeline.report();
+    if (marks) findings.report.params.outliers = Outliers::keep;
+  }
+  if (!is_page(arguments.report)) return;
+  progress.show(1, "drawing");
+  const PageJob job{arguments.input,         arguments.output,
+                    command_text(),          &findings.report,
+                    findings.asked,          findings.noise_attribute,
+                    findings.notes,          {pipeline.outliers().begin(), pipeline.outliers().end()},
+                    arguments.device.threads};
+  write_text(arguments.report, result_page(job, cloud, pipeline, stop));
+}
+
+}  // namespace pointfair::cli

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Many files, each on its own: a row each, failures at the end, and results as of single runs."""
+import csv
+import json
+import unittest
+
+from program import Case, payload, run, sphere_points, write_ply
+
+
+class Each(Case):
+    def setUp(self):
+        super().setUp()
+        self.stations, self.out = self.path("stations"), self.path("out")
+        self.stations.mkdir()
+        for n, name in enumerate(("a.ply", "b.ply", "c.ply")):
+            write_ply(self.stations / name, sphere_points(1500 + 100 * n, 0.01, seed=n))
+
+    def each(self, *words, code=0):
+        result = run("run", self.stations, "--out-dir", self.out, "--each", *words)
+        self.assertEqual(result.returncode, code, result.stderr.decode())
+        return result.stderr.decode()
+
+    def test_results_are_those_of_single_runs(self):
+        said = self.each()
+        self.assertIn("3 files, each on its own", said)
+        self.assertIn("[2/3]", said)
+        self.assertIn("3 of 3 files denoised", said)
+        for name in ("a.ply", "b.ply", "c.ply"):
+            self.ok("run", self.stations / name, self.path(name), "-q")
+            self.assertEqual((self.out / name).read_bytes(), self.path(name).read_bytes())
+
+    def test_without_it_all_are_one_cloud_and_the_run_says_so(self):
+        result = self.ok("run", self.stations, "--out-dir", self.out)
+        self.assertIn("3 files are one cloud; --each", result.stderr.decode())
+        self.ok("run", self.stations / "a.ply", self.path("a.ply"), "-q")
+        self.assertNotEqual(payload(self.out / "a.ply"), payload(self.path("a.ply")))
+
+    def test_one_that_fails_does_not_stop_the_others(self):
+        (self.stations / "b.ply").write_text("ply\nthis is none\n")
+        report = self.path("rows.csv")
+        said = self.each("--report", report, code=3)
+        self.assertEqual(sorted(path.name for path in self.out.iterdir()), ["a.ply", "c.ply"])
+        last = said.rstrip("\n").split("\n")[-2:]
+        self.assertIn("b.ply", last[0])
+        self.assertIn("1 of 3 files failed", last[1])
+        with open(report, newline="") as file:
+            rows = list(csv.DictReader(file))
+        self.assertEqual([row["status"] for row in rows], ["done", "failed", "done"])
+        self.assertEqual([row["points"] for row in rows], ["1500", "", "1700"])
+        self.assertIn("b.ply", rows[1]["error"])
+        self.assertAlmostEqual(float(rows[0]["noise"]), 0.01, delta=0.004)
+        self.assertGreater(float(rows[0]["moved_mean"]), 0.001)
+
+    def test_rows_in_json_have_the_report_of_each(self):
+        self.each("--report", self.path("rows.json"), "-q")
+        rows = json.loads(self.path("rows.json").read_text())["files"]
+        alone = self.report("run", self.stations / "b.ply", self.path("b.ply"))
+        self.assertEqual(rows[1]["run"]["noise"], alone["noise"])
+        self.assertEqual(rows[1]["run"]["displacement"], alone["displacement"])
+
+    def test_what_is_there_is_skipped_on_request_and_kept_otherwise(self):
+        self.out.mkdir()
+        (self.out / "a.ply").write_text("mine")
+        said = self.each(code=3)
+        self.assertIn("exists already", said)
+        self.assertEqual((self.out / "a.ply").read_text(), "mine")
+        for name in ("b.ply", "c.ply"):
+            (self.out / name).unlink()
+        said = self.each("--skip-existing")
+        self.assertIn("2 of 3 files denoised, 1 skipped, 0 failed", said)
+        self.assertEqual((self.out / "a.ply").read_text(), "mine")
+
+    def test_progress_is_over_all(self):
+        lines = [json.loads(line) for line in self.each("--progress", "json").splitlines() if line.startswith("{")]
+        shares = [line["share"] for line in lines]
+        self.assertEqual(shares, sorted(shares))
+        self.assertTrue(any(line["stage"].startswith("3/3 ") for line in lines))
+        self.assertGreater(shares[-1], 0.6)
+
+    def test_wrong_command_lines(self):
+        scan = self.stations / "a.ply"
+        self.fails(2, "run", scan, self.path("o.ply"), "--each", says="--out-dir")
+        self.fails(2, "run", scan, "--out-dir", self.out, "--skip-existing", says="--each")
+        self.fails(2, "run", self.stations, "--out-dir", self.out, "--each", "--report", self.path("r.html"), says="certify")
+        self.fails(2, "run", scan, scan, "--out-dir", self.out, "--each", says="same name")
+        self.fails(2, "run", scan, "--out-dir", self.out, "--each", "--tiles", "2", says="--tiles")
+
+    def test_info_takes_many(self):
+        text = self.ok("info", self.stations).stdout.decode().splitlines()
+        self.assertEqual(len(text), 4)
+        self.assertEqual([line.split()[0] for line in text[1:]], ["1500", "1600", "1700"])
+        self.ok("info", self.stations / "a.ply", self.stations / "c.ply", "--report", self.path("r.json"))
+        rows = json.loads(self.path("r.json").read_text())["files"]
+        self.assertEqual([row["points"] for row in rows], [1500, 1700])
+        (self.stations / "b.ply").write_text("none")
+        result = run("info", self.stations)
+        self.assertEqual(result.returncode, 3)
+        self.assertEqual(len(result.stdout.splitlines()), 3)
+        self.assertIn("1 of 3 files failed", result.stderr.decode())
+
+
+if __name__ == "__main__":
+    unittest.main()

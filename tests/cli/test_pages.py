@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page on a result: what it says is so, its pictures are pictures, and it fetches nothing."""
+import base64
+import hashlib
+import random
+import re
+import statistics
+import struct
+import unittest
+import zlib
+from html.parser import HTMLParser
+
+from program import Case, payload, read_ply, sphere_points, write_ply
+from survey_files import write_las
+
+
+class Page(HTMLParser):
+    """The text of a page, its tables as dictionaries from name to value, its pictures as bytes."""
+
+    def __init__(self, path):
+        super().__init__()
+        self.source = path.read_text()
+        self.text, self.rows, self.pictures, self.alts, self.open = "", {}, [], [], []
+        self.cells = []
+        self.feed(self.source)
+
+    def handle_starttag(self, tag, attributes):
+        attributes = dict(attributes)
+        if tag == "img":
+            kind, data = attributes["src"].split(",", 1)
+            assert kind == "data:image/png;base64"
+            self.pictures.append(base64.b64decode(data, validate=True))
+            self.alts.append(attributes["alt"])
+        if tag == "tr":
+            self.cells = []
+        if tag in ("th", "td"):
+            self.cells.append("")
+        if tag not in ("meta", "img", "rect", "path"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        if tag not in ("rect", "path"):
+            assert self.open.pop() == tag, tag
+        if tag == "tr" and len(self.cells) > 1:
+            self.rows.setdefault(self.cells[0], []).append(self.cells[1:])
+
+    def handle_data(self, data):
+        if "style" in self.open:
+            return
+        self.text += data
+        if self.open and self.open[-1] in ("th", "td"):
+            self.cells[-1] += data
+
+
+def pixels_of(png):
+    """Width, height, the palette and the rows of a PNG of 8 bits with a palette, by zlib."""
+    assert png[:8] == b"\x89PNG\r\n\x1a\n"
+    chunks, at = {}, 8
+    while at < len(png):
+        length, kind = struct.unpack_from(">I4s", png, at)
+        data = png[at + 8:at + 8 + length]
+        assert struct.unpack_from(">I", png, at + 8 + length)[0] == zlib.crc32(kind + data)
+        chunks[kind] = data
+        at += 12 + length
+    width, height, bits, colour = struct.unpack_from(">IIBB", chunks[b"IHDR"])
+    assert (bits, colour) == (8, 3)
+    lines = zlib.decompress(chunks[b"IDAT"])
+    rows = [lines[i * (width + 1):(i + 1) * (width + 1)] for i in range(height)]
+    assert len(lines) == height * (width + 1) and all(row[0] == 0 for row in rows)
+    assert max(max(row[1:]) for row in rows) < len(chunks[b"PLTE"]) // 3
+    return width, height, chunks[b"PLTE"], [row[1:] for row in rows]
+
+
+def spiky_sphere(count=4000):
+    points = sphere_points(count, 0.01)
+    for i in range(20):
+        points[i] = tuple(1.5 * c for c in points[i])
+    points[30] = (float("nan"),) * 3
+    return points
+
+
+class Pages(Case):
+    def setUp(self):
+        super().setUp()
+        self.scan, self.out, self.html = self.path("in.ply"), self.path("out.ply"), self.path("r.html")
+        rng = random.Random(3)
+        self.points = spiky_sphere()
+        write_ply(self.scan, self.points, extra=[("uchar", "red", [rng.randrange(256) for _ in self.points])])
+
+    def test_a_run_writes_the_page_of_its_result(self):
+        self.ok("run", self.scan, self.out, "--report", self.html)
+        page = Page(self.html)
+        self.assertFalse(page.open)
+        for path, row in ((self.scan, 0), (self.out, 1)):
+            self.assertEqual(page.rows["SHA-256"][row], [hashlib.sha256(path.read_bytes()).hexdigest()])
+            self.assertEqual(page.rows["bytes"][row], [f"{path.stat().st_size:,}"])
+        self.assertIn(f"pointfair run {self.scan} {self.out}", page.rows["command"][0][0])
+        self.assertRegex(page.rows["program"][0][0], r"^pointfair \d")
+        self.assertEqual(page.rows["red"], [["the same, byte for byte"]])
+        self.assertIn("4,000, as many as before", page.rows["points"][-1][0] + page.rows["points"][0][0])
+        report = self.report("run", self.scan, self.path("again.ply"))
+        self.assertEqual(payload(self.out), payload(self.path("again.ply")))  # marks for the page change no bit
+        self.assertIn(f"{report['noise']['before']:.4g} units (estimated)", page.rows["typical"][0][0])
+        self.assertAlmostEqual(float(page.rows["mean"][0][0].split()[0]), report["displacement"]["mean"], delta=1e-3 * report["displacement"]["mean"])
+        isolated, off = (int(page.rows[name][0][0].split()[0]) for name in ("isolated: too few neighbours within reach", "off the surface of their neighbours"))
+        self.assertEqual([isolated, off], [report["outliers"]["isolated"], report["outliers"]["off_surface"]])
+        self.assertGreater(isolated + off, 10)
+
+    def test_pictures_show_the_cloud_and_its_outliers(self):
+        self.ok("run", self.scan, self.out, "--report", self.html, "-q")
+        page = Page(self.html)
+        self.assertEqual(len(page.pictures), 7)
+        self.assertTrue(all(page.alts))
+        pictures = [pixels_of(picture) for picture in page.pictures]
+        for width, height, _, rows in pictures:
+            covered = sum(pixel != 0 for row in rows for pixel in row) / (width * height)
+            self.assertGreater(covered, 0.2)
+        self.assertNotEqual(page.pictures[0], page.pictures[1])
+        # the marks are beyond the grey of the cloud in the palette, squares of 7 pixels each
+        marked = sum(pixel > 16 for row in pictures[-1][3] for pixel in row)
+        self.assertTrue(10 * 24 < marked <= 20 * 49, marked)
+        # a sphere is round and in the middle
+        rows = pictures[1][3]
+        columns = [x for row in rows for x, pixel in enumerate(row) if pixel]
+        lines = [y for y, row in enumerate(rows) for pixel in row if pixel]
+        self.assertAlmostEqual(sum(columns) / len(columns), pictures[1][0] / 2, delta=8)
+        across, down = (statistics.pstdev(values) for values in (columns, lines))
+        self.assertAlmostEqual(across, down, delta=0.06 * down)
+
+    def test_it_fetches_nothing_and_runs_nothing(self):
+        self.ok("run", self.scan, self.out, "--report", self.html, "-q")
+        source = self.html.read_text()
+        self.assertNotIn("<script", source)
+        self.assertEqual(re.findall(r"(?:src|href)=\"(?!data:)[^\"]*", source), [])
+        self.assertNotRegex(source, r"https?:|url\(|@import")
+        self.assertIn("default-src 'none'", source)
+        self.assertLess(len(source), 3e6)
+
+    def test_names_are_text(self):
+        odd = self.path("<b>a&b.ply")
+        odd.write_bytes(self.scan.read_bytes())
+        self.ok("run", odd, self.out, "--report", self.html, "-q")
+        self.assertIn("<b>a&b.ply", Page(self.html).rows["name"][0][0])
+        self.assertNotIn("<b>", self.html.read_text())
+
+    def test_certify_says_what_differs(self):
+        self.ok("run", self.scan, self.out, "-q")
+        self.ok("certify", self.scan, self.out)
+        page = Page(self.path("out.html"))
+        self.assertEqual(page.rows["red"], [["the same, byte for byte"]])
+        self.assertIn("pointfair certify", page.rows["command"][0][0])
+        self.fails(3, "certify", self.scan, self.out, says=["out.html", "--force"])
+        vertices = read_ply(self.out)
+        points = [(v["x"], v["y"], v["z"]) for v in vertices]
+        red = [int(v["red"]) for v in vertices]
+        for i in (5, 50, 500):
+            red[i] ^= 1
+        write_ply(self.path("meddled.ply"), points, extra=[("uchar", "red", red), ("uchar", "outlier", [int(i == 7) for i in range(len(red))])])
+        self.ok("certify", self.scan, self.path("meddled.ply"), "--report", self.html, "-q")
+        page = Page(self.html)
+        self.assertEqual(page.rows["red"], [["3 differ"]])
+        self.assertEqual(page.rows["outlier"], [["new"]])
+        self.assertTrue(page.rows["outliers"][0][0].startswith("1 ("))
+        write_ply(self.path("short.ply"), points[1:])
+        self.fails(3, "certify", self.scan, self.path("short.ply"), "--report", self.path("s.html"), says=["4000", "3999"])
+
+    def test_classes_and_units(self):
+        rng = random.Random(5)
+        ground = [(x, y, rng.gauss(0, 0.02 if x < 25 else 0.05)) for x, y in ((rng.uniform(0, 50), rng.uniform(0, 50)) for _ in range(8000))]
+        tile = write_las(self.path("in.las"), ground, [2 if p[0] < 25 else 6 for p in ground])
+        self.ok("run", tile, self.path("out.las"), "--report", self.html, "-q")
+        page = Page(self.html)
+        self.assertTrue(page.rows["length of the unit"][0][0].startswith("1 m"))
+        quiet, loud = (page.rows[name][0] for name in ("2 ground", "6 building"))
+        self.assertTrue(quiet[1].endswith(" mm") and loud[1].endswith(" mm"), (quiet, loud))
+        self.assertGreater(float(loud[1].split()[0]), 1.5 * float(quiet[1].split()[0]))
+        self.assertTrue(any("25832" in value for rows in page.rows.values() for row in rows for value in row))
+
+    def test_a_page_is_not_json_elsewhere(self):
+        for verb in (["info", self.scan], ["compare", self.scan, self.scan], ["bench"]):
+            self.fails(2, *verb, "--report", self.html, says=".json")
+        self.fails(2, "run", self.scan, "-", "--report", self.html, says="page")
+        self.fails(2, "run", self.scan, self.out, "--tiles", "2", "--report", self.html, says="certify")
+        self.fails(2, "certify", self.scan, self.scan, "--report", self.path("r.json"), says=".html")
+
+
+class Displacements(Case):
+    def test_the_length_moved_is_an_attribute(self):
+        write_ply(self.path("in.ply"), spiky_sphere())
+        for words, name in (([], "displacement"), (["=moved"], "moved")):
+            flag = "--write-displacement" + "".join(words)
+            self.ok("run", self.path("in.ply"), self.path("out.ply"), "--force", flag, "-q")
+            before, after = read_ply(self.path("in.ply")), read_ply(self.path("out.ply"))
+            for p, q in zip(before, after):
+                moved = sum((p[c] - q[c]) ** 2 for c in "xyz") ** 0.5
+                if moved == moved:
+                    self.assertAlmostEqual(q[name], moved, delta=1e-6)
+                else:
+                    self.assertNotEqual(q[name], q[name])
+        self.fails(2, "run", self.path("in.ply"), self.path("no.ply"), "--write-displacement=x", says="--write-displacement")
+        self.fails(2, "run", self.path("in.ply"), self.path("no.ply"), "--write-displacement", "--tiles", "2", says="--write-displacement")
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a run says of itself is so: where its noise comes from, why points stayed, when a result is doubtful."""
+import random
+import re
+import unittest
+
+from program import Case, sphere_points, write_ply
+
+
+class Words(Case):
+    def said(self, *words):
+        """What a run with these words says."""
+        return self.ok("run", self.path("in.ply"), self.path("out.ply"), "--force", *words).stderr.decode()
+
+    def test_noise_that_was_given_is_not_called_estimated(self):
+        write_ply(self.path("in.ply"), sphere_points(2000, 0.01))
+        for tiles in ([], ["--tiles", "2"]):
+            self.assertRegex(self.said(*tiles), r"noise of the input 0\.0\d+ \(estimated\)")
+            self.assertIn("noise of the input 0.05 (given)", self.said("--noise", "0.05", *tiles))
+            given = self.report("run", self.path("in.ply"), self.path("out.ply"), "--force", "--noise", "0.05", *tiles)
+            self.assertEqual(given["noise"]["given"], 0.05)
+
+    def test_the_details_say_which_values_were_chosen(self):
+        write_ply(self.path("in.ply"), sphere_points(2000, 0.01))
+        self.assertRegex(self.said("-v"), r"outliers +auto \(keep\)\n")
+        self.assertRegex(self.said("-v", "--outliers", "keep"), r"outliers +keep\n")
+
+    def test_the_reasons_account_for_all_points_that_were_kept(self):
+        points = sphere_points(3000, 0.01)
+        for i in range(20):
+            points[i] = tuple(2 * c for c in points[i])
+        points[30:35] = [(float("nan"),) * 3] * 5
+        write_ply(self.path("in.ply"), points)
+        for tiles in ([], ["--tiles", "2"]):
+            denoised, kept, reasons = re.search(r"^(\d+) points denoised.*, (\d+) kept as they were: (.*)$", self.said(*tiles), re.M).groups()
+            counts = [int(count) for count in re.findall(r"(\d+) (?:not finite|with|without|isolated|off|mixed)", reasons)]
+            self.assertEqual(sum(counts), int(kept))
+            self.assertEqual(int(denoised) + int(kept), 3000)
+            self.assertGreater(int(kept), 5 + 10)
+
+    def test_no_unit_is_advised_where_the_file_has_none(self):
+        write_ply(self.path("in.ply"), sphere_points(100, 0.01))
+        self.assertNotIn("mm", self.fails(2, "run", self.path("in.ply"), self.path("out.ply"), "--radius", "wide", says="0.02 (file units)"))
+
+    def test_a_folder_is_called_one(self):
+        folder = self.path("stations")
+        folder.mkdir()
+        for name in ("a.ply", "b.ply"):
+            write_ply(folder / name, sphere_points(100, 0.01))
+        self.fails(3, "run", folder, self.path("out.ply"), says=["is a folder of 2 point clouds", "--out-dir"])
+        write_ply(self.path("in.ply"), sphere_points(100, 0.01))
+        self.fails(3, "run", self.path("in.ply"), folder, says="is a folder")
+
+    def test_a_cloud_too_sparse_for_its_noise_is_told(self):
+        rng = random.Random(1)
+        ground = [(x, y, (x * y) / 4000 + rng.gauss(0, 0.02)) for x, y in ((rng.uniform(0, 1000), rng.uniform(0, 1000)) for _ in range(3000))]
+        write_ply(self.path("in.ply"), ground)
+        self.assertRegex(self.said(), r"note: points are 1\d\.\d+ apart, \d+ times the noise")
+
+    def test_moves_that_are_large_against_the_cloud_are_told(self):
+        rng = random.Random(1)
+        write_ply(self.path("in.ply"), [[rng.uniform(0, 1000) for _ in range(3)] for _ in range(300)])
+        self.assertIn("large against the cloud", self.said())
+
+    def test_a_plain_scan_gets_no_note(self):
+        write_ply(self.path("in.ply"), sphere_points(5000, 0.01))
+        self.assertNotIn("note", self.said())
+
+
+if __name__ == "__main__":
+    unittest.main()
