@@ -69,7 +69,7 @@ inline Settings settings_of(const Params& resolved) {
   s.normal_sigma = resolved.normal_sigma.value;
   s.closeness_sigma = resolved.closeness_sigma.value;
   s.similarity_sigma = resolved.similarity_sigma.value;
-  s.min_neighbors = resolved.k == 0 ? resolved.min_neighbors : 0;
+  s.min_neighbors = resolved.k == 0 && resolved.min_neighbors > 1 ? resolved.min_neighbors : 0;
   s.normal_of_radius = resolved.normal_sigma.unit == Length::Unit::radius;
   s.closeness_of_radius = resolved.closeness_sigma.unit == Length::Unit::radius;
   const bool bilateral_filter = resolved.normal_filter == NormalFilter::on;

@@ -156,6 +156,7 @@ TEST_P(Methods, agree_with_the_reference_beside_invalid_and_lonely_points) {
   Params params = with(method());
   params.iterations = 1;
   params.radius = 0.2;
+  params.min_neighbors = 1;
   params.closeness_sigma = 0.1;
   const Result result = fair(points, params);
   EXPECT_EQ(distance(result.points.back(), points.back()), 0) << "it has one neighbour";

@@ -45,7 +45,7 @@ Sample make_sample(std::uint64_t seed, bool with_list) {
   sample.params.area_weight = AreaWeight(random.below(3));
   if (with_list) sample.params.k = 6 + int(random.below(40));
   if (!with_list || random.below(3) == 0) sample.params.radius = spacing * random.uniform(2, 4);
-  sample.params.min_neighbors = 1 + int(random.below(8));  // else they follow the noise
+  sample.params.min_neighbors = 1;  // the radius alone
   if (with_list && random.below(3) == 0) {
     sample.params.constraint = true;
     sample.params.rho = spacing * random.uniform(1, 3);

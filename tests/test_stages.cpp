@@ -220,6 +220,7 @@ TEST(Stages, balls_grow_where_the_surface_is_flat_and_nowhere_else) {
   Params params = one_iteration(0.06);
   params.k = kAutomatic;
   params.radius = 0.1;
+  params.min_neighbors = 1;
   params.normal_filter = NormalFilter::on;
   params.flat_scale = 1;
   Points alike(points.size()), grown(points.size());

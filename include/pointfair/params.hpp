@@ -64,7 +64,8 @@ struct Params {
   // all within a radius that is chosen for each point.
   int k = kAutomatic;
   Length radius;
-  int min_neighbors = kAutomatic;  ///< without k: radius_i^2 = radius^2 + (distance to the n-th nearest)^2
+  /// without k: radius_i^2 = radius^2 + (distance to the n-th nearest)^2; 1: the radius alone
+  int min_neighbors = kAutomatic;
   bool constraint = false;         ///< a point joins N only if d(q, N) < rho + delta; with radius also needs k
   Length rho;
   Length delta;

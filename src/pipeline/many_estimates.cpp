@@ -151,6 +151,8 @@ class Measuring {
                                                                   std::move(found.reach_levels))
                                                  : FollowedNoise{};
     Settings settings = settings_of(used, followed);
+    // radii of clouds that run together follow the levels of the noise; those that are given do not
+    cloud.is_alone = cloud.is_alone || (settings.neighbors.levels && !settings.neighbors.radius_follows);
     cloud.settings.neighbors = std::move(settings.neighbors);
     cloud.settings.normals = settings.normals;
     cloud.settings.fairing = settings.fairing;

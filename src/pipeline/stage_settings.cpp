@@ -43,7 +43,8 @@ Settings settings_of(const Params& p, const FollowedNoise& followed, const Known
   s.neighbors.radius = p.radius.is_automatic() ? 0.0f : float(p.radius.value);
   s.neighbors.constraint = p.constraint;
   s.neighbors.reach = p.constraint ? float(p.rho.value + p.delta.value) : 0.0f;
-  s.neighbors.min_neighbors = p.k == 0 ? p.min_neighbors : 0;
+  // the radius alone where one neighbour is enough
+  s.neighbors.min_neighbors = p.k == 0 && p.min_neighbors > 1 ? p.min_neighbors : 0;
   s.normals.filter_rounds = filter_rounds(p.normal_filter);
   s.normals.sigma = float(p.normal_sigma.value);
   s.normals.of_radius = p.normal_sigma.unit == Length::Unit::radius;
