@@ -119,8 +119,8 @@ def clean_grid(run: Run, cloud: case_clouds.Known) -> Checks:
 
 @case(case_clouds.with_normals)
 def consistent_normals(run: Run, cloud: case_clouds.Known) -> Checks:
-    """--normals write: all outwards or all inwards."""
-    _, attributes, _, _ = run(cloud.points, ["--normals", "write"])
+    """--normals write --orient: all outwards or all inwards."""
+    _, attributes, _, _ = run(cloud.points, ["--normals", "write", "--orient"])
     yield Check("consistently oriented, %", 100 * cloud.consistent(attributes), at_least=98)
 
 
