@@ -80,7 +80,7 @@ def test_outliers_are_marked():
     xyz = waves()
     xyz[::100, 2] += 0.5
     cloud, report = pf.denoise(pf.Cloud(xyz), outliers="mark", return_report=True)
-    assert report.unmoved.outliers == report.outliers.sum() == cloud["outlier"].sum() >= 25
+    assert report.unmoved.outliers == report.outliers.sum() == (cloud["outlier"] > 0).sum() >= 25
     assert report.outliers.dtype == bool and report.outliers[::100].sum() >= 25
     assert same_bits(pf.denoise(xyz, outliers="mark"), cloud.xyz)
 
