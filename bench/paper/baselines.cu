@@ -229,7 +229,7 @@ struct CudaBaseline::State {
   void move_points(const Settings& settings) {
     const Lists found = {lists.data(), count, settings.k};
     estimate_normals<<<blocks_for(count), kBlock>>>(points.data(), found,
-                                                    point::normal_weights(true, settings.normal_sigma),
+                                                    point::normal_weights(settings.normal_sigma),
                                                     normals.resized(count), mean_distances.resized(count));
     mark(normals_done);
     fair<<<blocks_for(count), kBlock>>>(points.data(), found, normals.data(), mean_distances.data(),

@@ -48,7 +48,7 @@ def test_ctrl_c_stops_a_run(call):
     assert time.monotonic() - interrupt.at < 5
 
 
-@pytest.mark.parametrize("parameters", [{"k": 512, "iterations": 100}, {"radius": 10.0, "iterations": 100}])
+@pytest.mark.parametrize("parameters", [{"k": 512, "iterations": 100}, {"radius": 10.0, "min_neighbors": 1, "iterations": 100}])
 def test_ctrl_c_stops_a_long_run_of_few_points(parameters):
     few = waves(2000)
     with Interrupt(0.4) as interrupt, pytest.raises(KeyboardInterrupt):
