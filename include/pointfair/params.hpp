@@ -60,8 +60,8 @@ enum class Along : std::uint8_t { normal, ray };
 /// What to do. Defaults come from the data, so `Params{}` suits any cloud. kParams describes each field.
 struct Params {
   Length noise;  ///< standard deviation along the normal; all automatic values below follow from it
-  // Neighbours. Only k given: the k nearest. Only radius given: all within it. Both: the k nearest within it. Neither:
-  // all within a radius that is chosen for each point.
+  // Neighbours. Only k given: the k nearest. Both: the k nearest within the radius. Else all within a radius that grows
+  // where points are sparse, from the given one or from one that follows the noise.
   int k = kAutomatic;
   Length radius;
   /// without k: radius_i^2 = radius^2 + (distance to the n-th nearest)^2; 1: the radius alone
