@@ -4,12 +4,13 @@
 import "./style.css";
 import { Colouring } from "./colouring";
 import { Connection } from "./connection";
-import { grouped, h, lengthInWords, short } from "./dom";
+import { grouped, h } from "./dom";
 import { Header } from "./header";
 import { helpDialog } from "./help";
 import { listenToKeys } from "./keys";
 import { Legend } from "./legend";
 import { Panel } from "./panel";
+import { Pointer } from "./pointer";
 import type { CloudHead, Hello, Message, Recipe, Result } from "./protocol";
 import { fileCamera, insideMask, lassoText, parseBox, parseLasso, simplified } from "./region";
 import { Scene } from "./scene";
@@ -19,9 +20,7 @@ import { Status } from "./status";
 
 const kUrlDelay = 250;
 const kProtocol = 1;
-const kPointerRest = 120; // ms
-const kReadoutReach = 0.02; // of the picture's height
-const kToastOfDistance = 15000, kToastOfNotes = 20000; // ms
+const kToastOfNotes = 20000; // ms
 
 class Page {
   private readonly view: View = defaultView();
@@ -39,7 +38,7 @@ class Page {
     hold: (original: boolean) => this.hold(original),
     nudge: (turn: [number, number], move: [number, number], zoom: number) => this.scene.nudge(turn, move, zoom),
     drawLasso: () => void this.drawLasso(),
-    measure: () => this.measure(),
+    measure: () => this.pointer.measure(),
     togglePanel: () => this.header.togglePanel(),
   };
   private readonly header = new Header(this.actions);
@@ -50,6 +49,7 @@ class Page {
     (name) => this.connection.send({ type: "colours", id: this.connection.nextId(), name }),
     () => this.connection.send({ type: "noise", id: this.connection.nextId() }),
   );
+  private readonly pointer = new Pointer(this.scene, this.stage, this.colouring);
   private readonly connection: Connection;
   private panel: Panel | null = null;
   private hello: Hello | null = null;
@@ -60,8 +60,6 @@ class Page {
   private snapshots: { name: string; recipe: Recipe }[] = [];
   private result: Result | null = null; // that is shown; null: the original is
   private held = false; // a key shows the original
-  private pointerTimer = 0;
-  private measured: ReturnType<Scene["position"]>[] | null = null; // points of a distance; null: none is measured
   private shownRecipe: Recipe | null = null; // that the shown result came from
   private asked: Recipe = this.recipe;
   private focus: number[] | undefined;
@@ -80,11 +78,6 @@ class Page {
     };
     this.scene.onShown = () => this.shown();
     this.scene.onStill = (still) => (document.body.dataset.still = String(still));
-    this.scene.canvas.addEventListener("dblclick", (event) => this.pivot(event));
-    this.scene.canvas.addEventListener("click", (event) => this.measureAt(event));
-    this.scene.canvas.addEventListener("pointermove", (event) => this.showUnder(event));
-    this.scene.canvas.addEventListener("pointerleave", () => this.stage.showReadout(""));
-    window.addEventListener("keydown", (event) => this.stopMeasuring(event));
     listenToKeys(this.scene.canvas, this.actions);
     window.addEventListener("hashchange", () => this.readUrl());
     this.connection = new Connection((message) => this.receive(message), (state) => this.connectionChanged(state));
@@ -176,6 +169,7 @@ class Page {
     this.focus = undefined;
     this.scene.setCloud(head, arrays);
     this.colouring.setCloud(head);
+    this.pointer.setCloud(head);
     this.panel!.setCloud(head);
     this.panel!.show(this.recipe);
     this.header.setCloud(head);
@@ -345,61 +339,6 @@ class Page {
     return new Promise((resolve) => canvas.toBlob((blob) => resolve(blob ?? picture), "image/png"));
   }
 
-  // The place that is under the pointer; -1 where none is.
-  private placeUnder(event: MouseEvent, reach?: number): number {
-    const box = this.scene.canvas.getBoundingClientRect();
-    return this.scene.pickPlace(...this.scene.inPicture(
-      [((event.clientX - box.left) / box.width) * 2 - 1, 1 - ((event.clientY - box.top) / box.height) * 2]), reach);
-  }
-
-  private pivot(event: MouseEvent): void {
-    const place = this.placeUnder(event);
-    if (place >= 0) this.scene.pivot(this.scene.position(place));
-  }
-
-  // Where the pointer rests, the point there says where it is and what it is coloured by.
-  private showUnder(event: PointerEvent): void {
-    clearTimeout(this.pointerTimer);
-    this.stage.showReadout("");
-    if (event.buttons || !this.cloud) return;
-    this.pointerTimer = window.setTimeout(() => {
-      const place = this.cloud ? this.placeUnder(event, kReadoutReach) : -1;
-      if (place < 0) return;
-      const value = this.colouring.valueAt(place);
-      const at = this.filePosition(place).map((c) => short(c, 9)).join("  ");
-      this.stage.showReadout(value ? `${value} · ${at}` : at);
-    }, kPointerRest);
-  }
-
-  private filePosition(place: number): number[] {
-    return this.scene.position(place).toArray().map((c, axis) => c + this.cloud!.origin[axis]);
-  }
-
-  // The next two points that are clicked.
-  private measure(): void {
-    this.measured = [];
-    this.stage.showHint("Click two points to measure the distance between them. Escape cancels.");
-  }
-
-  private measureAt(event: MouseEvent): void {
-    if (!this.measured || !this.cloud) return;
-    const place = this.placeUnder(event);
-    if (place < 0) return;
-    this.measured.push(this.scene.position(place));
-    if (this.measured.length < 2) return this.stage.showHint("Click the second point. Escape cancels.");
-    const distance = lengthInWords(this.measured[0].distanceTo(this.measured[1]), this.cloud.metres_per_unit);
-    this.measured = null;
-    document.body.dataset.distance = distance;
-    this.stage.showHint("");
-    this.stage.say(`Distance in the original: ${distance}`, false, kToastOfDistance);
-  }
-
-  private stopMeasuring(event: KeyboardEvent): void {
-    if (event.key !== "Escape" || !this.measured) return;
-    this.measured = null;
-    this.stage.showHint("");
-  }
-
   // What is seen.
 
   private setMode(mode: Mode): void {
@@ -467,6 +406,7 @@ class Page {
     document.body.dataset.connection = state;
     if (state === "closed") {
       this.cloud = null;
+      this.pointer.setCloud(null);
       this.stage.showHint("The connection is lost. Connecting again…");
     }
   }
