@@ -119,6 +119,7 @@ std::vector<std::string> doubts(const Look& look) {
   constexpr double kFarApart = 100;     // spacings in the noise; below a seventieth, run removes hardly any
   constexpr double kFewPoints = 0.003;  // of the diagonal: a surface of some 100,000 points
   constexpr double kLarge = 0.02;       // of the diagonal; noise that anyone measured is a tenth of that
+  constexpr double kMuch = 0.05;        // of the points
   constexpr int kOfCorrelated = 40;     // neighbours; 48 or 64 are chosen for correlated noise, else at most 21
   std::vector<std::string> result;
   const bool is_sparse = look.diagonal > 0 && look.spacing > kFewPoints * look.diagonal;
@@ -137,9 +138,11 @@ std::vector<std::string> doubts(const Look& look) {
         fmt::format("the noise is long-wave: neighbouring points share it, so averaging {} of them removes "
                     "a part of it only",
                     look.min_neighbors));
-  if (2 * look.without_surface > look.finite)
+  if (double(look.without_surface) > kMuch * double(look.finite))
     result.push_back(
-        fmt::format("{} of {} points show no surface and kept their place", look.without_surface, look.finite));
+        fmt::format("{:.0f} % of the points show no surface and kept their place, as crowns, clutter or strays do; "
+                    "--noise gives the noise if a surface is there",
+                    100 * double(std::min(look.without_surface, look.finite)) / double(look.finite)));
   return result;
 }
 

@@ -117,7 +117,8 @@ void find_out(bool keeps_normals, const WriteOptions& options, const Cloud& befo
               findings.diagonal,
               {moved.mean, moved.rms, moved.p95, moved.max},
               estimates.finite,
-              unmoved.too_few_neighbors + unmoved.no_normal + unmoved.outliers,
+              unmoved.too_few_neighbors + unmoved.no_normal + unmoved.outliers +
+                  std::uint64_t(estimates.without_surface * double(estimates.finite)),
               findings.asked.min_neighbors == kAutomatic ? pipeline.report().params.min_neighbors : 0});
   findings.notes.insert(findings.notes.end(), doubtful.begin(), doubtful.end());
 }

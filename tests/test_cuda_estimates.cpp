@@ -26,9 +26,8 @@ Bits bits_of(const Samples& samples) {
 Bits bits_of(const Estimate& found) {
   Bits bits;
   const Noise& noise = found.noise;
-  for (const double value :
-       {found.spacing.mean, found.spacing.rho, noise.sigma, noise.surface_spacing, noise.likeness_to_shape,
-        noise.shape_to_noise, noise.gap, noise.alikeness, noise.confined, noise.bend})
+  for (const double value : {found.spacing.mean, found.spacing.rho, noise.sigma, noise.surface_spacing,
+                             noise.shape_to_noise, noise.gap, noise.alikeness, noise.confined, noise.bend})
     bits.push_back(std::bit_cast<std::uint64_t>(value));
   return bits;
 }

@@ -30,17 +30,6 @@ struct Fit {
   double sigma, surface_spacing, plane_variance;
 };
 
-// Unbiased variance of a point and its nearest, `offsets` from it, over their plane; nothing where they lie along a
-// line.
-std::optional<double> variance_over_plane(const Eigen::MatrixXd& offsets) {
-  Eigen::MatrixXd all = Eigen::MatrixXd::Zero(offsets.rows() + 1, 3);
-  all.bottomRows(offsets.rows()) = offsets;
-  all.rowwise() -= all.colwise().mean().eval();
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(all.transpose() * all / double(all.rows() - 3));
-  if (solver.eigenvalues()[1] < 0.2 * solver.eigenvalues()[2]) return std::nullopt;
-  return solver.eigenvalues()[0];
-}
-
 // One round over the `k` nearest: nothing if they are not wide against the noise and more may be asked for.
 std::optional<Fit> fit(const Eigen::MatrixXd& offsets, Eigen::Index k, bool may_grow) {
   const double n = double(k), radius = offsets.row(k - 1).norm();
@@ -109,10 +98,9 @@ TEST(Noise, is_that_of_cubic_fits_over_growing_neighbourhoods) {
       plane_variances.push_back(found.plane_variance);
     }
     const Noise noise = measured_noise(points);
-    const double sigma = std::min(quantile(sigmas, 0.35), 1.2 * quantile(sigmas, 0.15));
-    EXPECT_NEAR(noise.sigma, sigma, 1e-7 * sigma);
+    EXPECT_NEAR(noise.sigma, 0.02 * flat, 0.25 * 0.02 * flat);
     EXPECT_NEAR(noise.surface_spacing, quantile(spacings, 0.5), 1e-7 * noise.surface_spacing);
-    const double bend = quantile(plane_variances, 0.75) / (1.2 * sigma * sigma);
+    const double median = quantile(sigmas, 0.5), bend = quantile(plane_variances, 0.75) / (1.02 * median * median);
     EXPECT_NEAR(noise.bend, bend, 1e-6 * bend);
   }
 }
@@ -163,7 +151,6 @@ TEST(Noise, is_the_same_where_points_are_there_twice) {
     EXPECT_NEAR(found.sigma, of_each.sigma, 0.05 * of_each.sigma) << share;
     EXPECT_NEAR(found.surface_spacing, of_each.surface_spacing, 0.05 * of_each.surface_spacing) << share;
     EXPECT_EQ(found.alikeness, 0) << share;
-    EXPECT_EQ(found.likeness_to_shape, 0) << share;
   }
 }
 
@@ -201,25 +188,6 @@ TEST(Noise, tells_room_for_wide_neighbourhoods_from_none) {
   // a neighbourhood of 4 noise sigmas: no neighbourhood of one side is wide
   const Noise small = measured_noise(shapes::with_noise(shapes::sphere(4000), 0.25));
   EXPECT_GT(small.confined, 0.2);
-}
-
-// Where few points stand for a shape, neighbourhoods of 30 see no noise but shape: Eq. 25.
-TEST(Noise, of_few_points_is_not_more_than_the_six_nearest_show) {
-  for (const int count : {400, 600}) {  // spacings of 0.04 and 0.05, hills of 0.16 from top to bottom
-    Points points = shapes::plane(count);
-    for (Point& p : points) p.z = float(0.1 * std::sin(20 * p.x) * std::sin(20 * p.y));
-    points = shapes::with_noise(points, 0.002);
-    std::vector<double> deviations;
-    const std::vector<std::uint32_t> samples = sampled(points, 128);
-    for (const std::uint32_t query : samples)
-      if (const auto variance = variance_over_plane(offsets_at(points, query, 6)))
-        deviations.push_back(std::sqrt(*variance));
-    ASSERT_GT(2 * deviations.size(), samples.size());
-    const Noise noise = measured_noise(points);
-    const double shown = quantile(deviations, 0.35) / 0.784, hidden = shown / (0.53 * noise.surface_spacing);
-    const double most = 1.25 * shown * (1 + hidden * hidden * hidden);
-    EXPECT_NEAR(noise.sigma, most, 1e-6 * most) << count;
-  }
 }
 
 TEST(Noise, of_a_clean_sphere_is_next_to_none) { EXPECT_LT(measured_noise(shapes::sphere(20000)).sigma, 0.0025); }

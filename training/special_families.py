@@ -197,6 +197,40 @@ def blurred_plane(rng: Random) -> Drawn:
     return _vertex_drawn(scene, error, settings)
 
 
+@family("special")
+def loud_side(rng: Random) -> Drawn:
+    """Random points of a height field or an object whose noise is 3 to 60 times as large on one side."""
+    if rng.random() < .5:
+        side = int(rng.integers(60, 200))
+        scene = scene_of("field", _height_field(rng, side))
+    else:
+        scene = objects.one_object(rng)
+    clean, triangle = sampled(scene, rng, usual_count(rng))
+    spacing = spacing_over(scene, len(clean))
+    quiet, times = log_uniform(rng, .01, .1) * spacing, log_uniform(rng, 3, 60)
+    across = clean @ unit(rng.normal(size=3) * [1, 1, .3])
+    place = (across - np.quantile(across, rng.uniform(.3, .8))) / (np.ptp(across) * log_uniform(rng, .01, .2))
+    sigma = np.minimum(quiet * times ** (1 / (1 + np.exp(-place))), .8 * spacing)
+    return plain(scene, clean, triangle, sigma[:, None] * rng.normal(size=clean.shape), {"quiet": quiet, "times": times})
+
+
+@family("special")
+def much_noise(rng: Random) -> Drawn:
+    """Random points of a height field or an object with noise of 1.5 to 6 spacings."""
+    scene = scene_of("field", _height_field(rng, int(rng.integers(60, 200)))) if rng.random() < .5 else objects.one_object(rng)
+    clean, triangle = sampled(scene, rng, 2 * usual_count(rng))
+    sigma = log_uniform(rng, 1.5, 6) * spacing_over(scene, len(clean))
+    return plain(scene, clean, triangle, sigma * rng.normal(size=clean.shape), {"sigma": sigma})
+
+
+@family("clean")
+def clean_field(rng: Random) -> Drawn:
+    """Random points of a height field, no noise."""
+    scene = scene_of("field", _height_field(rng, int(rng.integers(60, 200))))
+    clean, triangle = sampled(scene, rng, usual_count(rng))
+    return plain(scene, clean, triangle, np.zeros_like(clean), {})
+
+
 # ------------------------------------------------------------------------------------------------ crowns, thin things, relief
 
 

@@ -25,6 +25,8 @@ struct Estimates {
   /// The largest step between coordinates, which are 32-bit floats relative to the cloud's origin: 1 mm at 16 km. 0 if
   /// that origin is 0, so that no digit is lost.
   double float_step = 0;
+  /// Share of the cloud where no surface shows although the rest has one, as in crowns or clutter; it keeps its place.
+  double without_surface = 0;
 };
 
 /// How many outliers a run found, by reason (docs/how-it-works.md, "Outliers").

@@ -205,7 +205,7 @@ class Resolver {
   void set_limits() {
     used_.displacement_limit = in_file_units(asked_.displacement_limit,
                                              farthest_move(noise_, s_, follows_noise(asked_, noise_)) * noise_.sigma);
-    const double least_outlier = constants::kOutlierSpacings * (1 + noise_.likeness_to_shape) * s_;
+    const double least_outlier = constants::kOutlierSpacings * s_;
     used_.outlier_distance =
         in_file_units(asked_.outlier_distance, std::max(constants::kOutlierDistance * noise_.sigma, least_outlier));
     const double typical = within_radius_ ? typical_radius(used_, s_) : list_radius_;

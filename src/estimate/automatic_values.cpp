@@ -63,14 +63,14 @@ double radius_factor(const Noise& noise, double spacing) {
   return portable::pow(std::max(kLeastFactor, room * shape), 1 - share_between(kUnseenNoise, level));
 }
 
-int automatic_crease_angle(const Noise& noise, double spacing) {
-  const double share = share_between(kTurningNoise, level_of(noise, spacing));
-  return int(std::lround(std::lerp(kCreaseAngle, kCreaseAngleOfNoise, share)));
-}
-
 double automatic_flat_scale(const Noise& noise, double spacing) {
   const double share = share_between(kFlatNoise, level_of(noise, spacing));
   return double(std::lround(std::lerp(kFlatPercent[0], kFlatPercent[1], share))) / 100;
+}
+
+int automatic_crease_angle(const Noise& noise, double spacing) {
+  const double share = share_between(kTurningNoise, level_of(noise, spacing));
+  return int(std::lround(std::lerp(kCreaseAngle, kCreaseAngleOfNoise, share)));
 }
 
 int automatic_k(const Noise& noise, double spacing) {
@@ -90,8 +90,7 @@ int automatic_min_neighbors(const Noise& noise, double spacing) {
 
 double automatic_relaxation(int whole_percent, int iterations, const Noise& noise, double spacing, bool by_share) {
   if (!(noise.sigma > 0)) return 0.01;
-  const double trusted = std::lerp(kTrustedNoise, kTrustedShape, noise.likeness_to_shape);
-  const double ratio = trusted * spacing / noise.sigma;
+  const double ratio = kTrustedNoise * spacing / noise.sigma;
   const double smallness = 1 - share_between(kSmoothingNoise, noise.sigma / spacing);
   const double of_noise = by_share ? 1
                                    : std::max(1 / (1 + kShapeDamage * (kUnseenShape + noise.shape_to_noise)),

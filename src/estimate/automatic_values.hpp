@@ -33,8 +33,8 @@ double automatic_flat_scale(const Noise& noise, double spacing);
 // Degrees. Normals that little noise tilts differ less by it.
 int automatic_crease_angle(const Noise& noise, double spacing);
 
-// In hundredths. Next to nothing where the noise estimate is small against the spacing, so that clean clouds stay
-// clean: very small, or less so if it grows like shape. The rest, unless the share of each step is a matter of its
+// In hundredths. Next to nothing where the noise estimate is very small against the spacing, so that clean clouds stay
+// clean. The rest, unless the share of each step is a matter of its
 // place (`by_share`), is the share of the noise in what a run does: to the shape itself it does about 3 times the
 // variance that shape has in the estimate's neighbourhoods. Where these are wide for the noise's sake and not for the
 // 16 points', they damage less: the share has a least value that grows with the noise. `iterations` together make that

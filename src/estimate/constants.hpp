@@ -25,48 +25,47 @@ inline constexpr int kRepeatNeighbors = 64, kMostRepeats = 16;  // points; 141
 inline constexpr double kEvenDistances = 0.4;                   // of squared distance over rank; chance is 0.69; 141
 inline constexpr std::size_t kThinnedSamples = 2000;            // whose rows are long; 141
 
+// A surface among what is none.
+inline constexpr double kMessyNoise = 0.4;       // spacings; of more, the nearest points may hide a surface; 165
+inline constexpr double kHiddenNoise = 0.01;     // of the distance to the 16th nearest; chance is below 0.1 %; 165
+inline constexpr double kNoSurface = 10;         // of the hidden surface's noise; 165
+inline constexpr double kHiddenShare = 0.02;     // of the samples; 165
+inline constexpr std::size_t kFewestHidden = 8;  // samples; 165
+inline constexpr double kRound = 0.2;            // ratio of variances along a plane; less is a line; 075
+inline constexpr double kEndlessNoise = 1e9;     // of what shows none
+
 // Noise of a typical place.
 inline constexpr double kNoiseQuantile =
     0.35;  // of the samples: edges and outliers only raise a residual; (8); estimates
-inline constexpr double kLeastQuantile = 0.15;     // of the samples, where they spread; (8); estimates
-inline constexpr double kMostOverLeast = 1.2;      // of the residual at that quantile; (8); estimates
-inline constexpr double kPlaneQuartile = 1.2;      // of a plane's own variances, by chance; (18); 052
-inline constexpr double kQuartileOfMedian = 1.02;  // of the same, where the median sample tells the noise; (18); 126
-inline constexpr double kSheetShare = 0.1;         // of the samples; fewer that see two sheets are corners; sheets
-inline constexpr double kGapQuantile = 0.25;       // of the gaps between sheets; sheets
-inline constexpr double kShownBySix =
-    0.784;  // of the noise, by the deviation of six points from their plane; (25); 117
-inline constexpr double kHiddenFromSix = 0.53;   // spacings; of more noise six points show less; (25); 117
-inline constexpr double kMostOverSix = 1.25;     // of the noise that they show, by chance; (25); 117
+inline constexpr double kLeastQuantile = 0.15;   // of the samples, where they spread; (8); estimates
+inline constexpr double kMostOverLeast = 1.2;    // of the residual at that quantile; (8); estimates
+inline constexpr double kPlaneQuartile = 1.02;   // of a plane's own variances over the median sample's; (18); 126
+inline constexpr double kSheetShare = 0.1;       // of the samples; fewer that see two sheets are corners; sheets
+inline constexpr double kGapQuantile = 0.25;     // of the gaps between sheets; sheets
 inline constexpr double kDoubtfulNoise = 0.6;    // spacings; below it residuals may be shape; low
 inline constexpr double kBeyondResiduals = 1.7;  // spacings; of more noise 115 points show nothing; 082
-inline constexpr int kPointsInRow = 11;  // the nearest; no plane of theirs at most samples: a cloud in rows; 135
-inline constexpr double kNearFlat = 2;   // flattest residuals; larger ones are beyond the similarity sigma; low
+inline constexpr double kNearFlat = 2;           // flattest residuals; larger ones are beyond the similarity sigma; low
 
 // How residuals grow from one neighbourhood to one of twice the points.
-inline constexpr double kShapelikeGrowth[] = {1.35, 1.5};  // ratio of residuals, noise and shape; scans
-inline constexpr double kOwnGrowth = 1.05;                 // ratio of median residuals of noise alone; 027
-inline constexpr double kShapeVarianceGrowth = 4;          // ratio of variances of shape: a quadric's; 027
-inline constexpr double kPointsOfGrowth[] = {1150, 2300};  // points of the cloud; of fewer, 115 are a part of it; 117
-inline constexpr double kAlikeGrowth[] = {1.14, 1.18};     // ratio in flat places (1.09 is chance); 051
-inline constexpr double kAlikeSlowing[] = {1.2, 0.9};      // the next growth over this one; more is shape; 051
+inline constexpr double kOwnGrowth = 1.05;              // ratio of median residuals of noise alone; 027
+inline constexpr double kShapeVarianceGrowth = 4;       // ratio of variances of shape: a quadric's; 027
+inline constexpr double kAlikeGrowth[] = {1.14, 1.18};  // ratio in flat places (1.09 is chance); 051
+inline constexpr double kAlikeSlowing[] = {1.2, 0.9};   // the next growth over this one; more is shape; 051
 
 // Noise from place to place.
 inline constexpr double kWideAgainstResiduals = 2.6;  // radius of a neighbourhood that cuts off none; (21); 120
-inline constexpr double kPointsOfPlaces[] = {10'000, 40'000};  // points of the cloud; of fewer, places show shape; 126
-inline constexpr std::size_t kFewestSamples = 64;              // that show noise; 082
-inline constexpr std::size_t kPool = point::kPool;             // samples whose residuals stand for one place; (21); 082
-inline constexpr std::size_t kSmoothed = 8;     // samples whose median is the noise of a place; (21); 082
-inline constexpr double kFitError = 0.1;        // of log variances, beside chance; (21); 082
-inline constexpr double kSpread = 0.7;          // of log levels, before anything is known; (21); 138
-inline constexpr double kChanceOfLevels = 0.1;  // of log levels, by the samples alone; (21); 104
-inline constexpr double kLargestLevel = 8;      // of the typical place, and its inverse the least; (21); 138
+inline constexpr std::size_t kFewestSamples = 64;     // that show noise; 082
+inline constexpr std::size_t kPool = point::kPool;    // samples whose residuals stand for one place; (21); 082
+inline constexpr std::size_t kSmoothed = 8;           // samples whose median is the noise of a place; (21); 082
+inline constexpr double kFitError = 0.1;              // of log variances, beside chance; (21); 082
+inline constexpr double kSpread = 0.7;                // of log levels, before anything is known; (21); 138
+inline constexpr double kChanceOfLevels = 0.1;        // of log levels, by the samples alone; (21); 104
+inline constexpr double kLargestLevel = 8;            // of the typical place, and its inverse the least; (21); 138
 inline constexpr std::array kShapePowers{1.3, 2.0, 3.0, 4.0};  // of the size, by which shape grows; (21); 082
 inline constexpr int kLeastShape = -10, kMostShape = 8;        // half decades of shape over noise; (21); 082
-inline constexpr double kUnlikely = 20;                 // minus twice the log likelihood, over the best; 1 of 20,000
-inline constexpr int kMostNodes = 32;                   // of the grid of levels along an axis; 121
-inline constexpr double kAside = 0.01;                  // of the places, at either end of each axis; 082
-inline constexpr std::size_t kMostGivenPlaces = 32768;  // points whose noise is given: as many as nodes; 076
+inline constexpr int kMostNodes = 32;                          // of the grid of levels along an axis; 121
+inline constexpr double kAside = 0.01;                         // of the places, at either end of each axis; 082
+inline constexpr std::size_t kMostGivenPlaces = 32768;         // points whose noise is given: as many as nodes; 076
 inline constexpr std::array kToldQuantiles{0.05, 0.5, 0.95};
 
 // Steps of coordinates and of depth.
@@ -108,9 +107,9 @@ inline constexpr double kListPoints = 11;                    // points, of lists
 
 // Width from place to place.
 inline constexpr double kReachPoints =
-    point::kReachPoints;                     // points; with so many of least risk the reach stays as it is; (23); 102
-inline constexpr double kWideningNoise = 1;  // spacings; none from there on; (23); 139
-inline constexpr double kWidestReach = 2;    // of the reach, and its inverse the narrowest; (23); 104
+    point::kReachPoints;                    // points; with so many of least risk the reach stays as it is; (23); 102
+inline constexpr double kNoiseOfWidth = 1;  // spacings; from there on the noise alone sets the width; (23); 139
+inline constexpr double kWidestReach = 2;   // of the reach, and its inverse the narrowest; (23); 104
 
 // Weights and normals.
 inline constexpr double kNormalWidth = 1.4, kClosenessWidth = 0.6;  // of R; (3), (4); quality
@@ -122,13 +121,11 @@ inline constexpr int kCreaseAngle = 15, kCreaseAngleOfNoise = 20;   // degrees; 
 inline constexpr double kTurningNoise[] = {0.45, 1};                // spacings; quality
 
 // The step.
-inline constexpr int kIterations = 2;  // quality
-inline constexpr double kTrustedShape =
-    0.3;  // spacings; half of a step is made there if residuals grow like shape; 102
-inline constexpr double kTrustedNoise = 0.01;           // the same without such growth; 137
-inline constexpr double kDamage = 0.6;                  // c of (22); 082
+inline constexpr int kIterations = 2;                   // quality
+inline constexpr double kTrustedNoise = 0.01;           // spacings; half of a step is made there; 137
+inline constexpr double kDamage = 0.4;                  // c of (22); 082
 inline constexpr double kWidthDamage = 1.5;             // by two iterations and the filter of normals; (23); 119
-inline constexpr double kHarmlessNoise[] = {0.2, 0.6};  // spacings; c of (22), (23) below 1; 082
+inline constexpr double kHarmlessNoise[] = {0.2, 0.6};  // spacings; c of (22) below 1; 082
 inline constexpr double kShapeDamage = 3, kUnseenShape = 0.01;  // noise variances; other methods; 027
 inline constexpr double kSmoothingNoise[] = {0.1, 0.6};         // spacings; other methods; 027
 
@@ -140,7 +137,7 @@ inline constexpr double kFarthestMove = 6;              // sigmas; 122
 inline constexpr double kFarthestOfNoise[] = {1.5, 4};  // sigmas, of little and of much; other methods; low
 inline constexpr double kFarNoise[] = {0.03, 0.5};      // spacings; other methods; low
 inline constexpr double kOutlierDistance = 6;           // sigmas; outliers
-inline constexpr double kOutlierSpacings = 0.5;         // spacings, twice if residuals are shape; outliers
+inline constexpr double kOutlierSpacings = 1;           // spacings; outliers
 inline constexpr double kOutlierRadius = 6;             // of what holds a typical point's neighbours; outliers
 inline constexpr double kNoiseOfDelta = 2.5;            // sigmas; delta of the paper's constraint
 

@@ -13,6 +13,7 @@
 
 #include "estimate/constants.hpp"
 #include "estimate/coordinate_steps.hpp"
+#include "estimate/hidden_surface.hpp"
 #include "estimate/noise_levels.hpp"
 #include "estimate/reach_levels.hpp"
 #include "estimate/repeats.hpp"
@@ -24,8 +25,6 @@ namespace pointfair {
 namespace {
 
 using namespace constants;
-
-constexpr double kEndless = 1e9;
 
 double quantile(std::vector<double> values, double share) {
   const auto place = values.begin() + std::ptrdiff_t(share * double(values.size() - 1));
@@ -90,14 +89,14 @@ Growth residual_growth(const std::vector<point::ResidualSample>& samples) {
     }
     if (from.empty()) return 1.0;
     const double low = quantile(from, share), high = quantile(to, share);
-    return low > 0 ? high / low : high > 0 ? kEndless : 1;
+    return low > 0 ? high / low : high > 0 ? kEndlessNoise : 1;
   };
   std::vector<double> known;
   for (const point::ResidualSample& s : samples)
     if (s.narrow >= 0) known.push_back(s.narrow);
   if (known.empty()) return {};
   const double near_flat = kNearFlat * quantile(known, kLeastQuantile);
-  Growth growth{growth_at(kLeastQuantile, kEndless), growth_at(0.5, near_flat)};
+  Growth growth{growth_at(kLeastQuantile, kEndlessNoise), growth_at(0.5, near_flat)};
   double variance[3] = {};
   for (const point::ResidualSample& s : samples) {
     if (s.narrow < 0 || s.wide < 0 || s.widest < 0) continue;
@@ -114,33 +113,18 @@ Growth residual_growth(const std::vector<point::ResidualSample>& samples) {
 }
 
 // Residuals of shape grow faster and faster with the neighbourhood, those of noise that is alike in neighbouring points
-// ever less: 1 where growth slows down, or where there is none.
-double slowing(const Growth& growth) {
-  return growth.first > 0 ? share_between(kAlikeSlowing, growth.second / growth.first) : 1;
-}
+// ever less: 0 to 1.
 double alikeness(const Growth& growth) {
-  return growth.first > 0 ? share_between(kAlikeGrowth, growth.flat) * slowing(growth) : 0;
+  return growth.first > 0
+             ? share_between(kAlikeGrowth, growth.flat) * share_between(kAlikeSlowing, growth.second / growth.first)
+             : 0;
 }
-
-double likeness_to_shape(double flat_growth) { return share_between(kShapelikeGrowth, flat_growth); }
 
 // Variances of noise stay, those of shape grow fourfold: g^2 = (1 + 4 x) / (1 + x).
 double shape_to_noise(double typical_growth) {
   const double squared = typical_growth * typical_growth / (kOwnGrowth * kOwnGrowth);
-  if (squared >= kShapeVarianceGrowth) return kEndless;
+  if (squared >= kShapeVarianceGrowth) return kEndlessNoise;
   return std::max(0.0, (squared - 1) / (kShapeVarianceGrowth - squared));
-}
-
-// Of a typical place, by what the few nearest points lie off their planes: Eq. 25. Where most samples have no such
-// plane, as where points lie in rows, they do not tell.
-double most_noise(std::span<const point::ResidualSample> samples, double spacing) {
-  std::vector<double> deviations;
-  for (const point::ResidualSample& sample : samples)
-    if (sample.planes.variance[0] >= 0) deviations.push_back(std::sqrt(sample.planes.variance[0]));
-  if (2 * deviations.size() < samples.size()) return kEndless;
-  const double shown = quantile(deviations, kNoiseQuantile) / kShownBySix;
-  const double hidden = shown / (kHiddenFromSix * spacing);
-  return kMostOverSix * shown * (1 + hidden * hidden * hidden);
 }
 
 // As Noise::surface_points.
@@ -154,33 +138,8 @@ int surface_points(std::span<const point::ResidualSample> samples) {
   return 0;
 }
 
-// As a sweep of a lidar with few beams. A cubic through two or three rows meets all their points whatever the noise, so
-// the least residuals tell nothing, and residuals of noise alone grow, but ever less.
-bool lies_in_rows(const Noise& noise) { return noise.surface_points == 0 || noise.surface_points > kPointsInRow; }
-
-// How much of what was taken for noise is shape, by residuals of larger neighbourhoods, or by those of small ones where
-// the larger are a good part of the cloud.
-void tell_from_shape(Noise& noise, std::uint64_t points, const std::vector<point::ResidualSample>& residuals) {
-  const Growth growth = residual_growth(residuals);
-  const double large = share_between(kPointsOfGrowth, double(points));
-  const double alike = alikeness(growth) * large;
-  const double most = large < 1 ? most_noise(residuals, noise.surface_spacing) : kEndless;
-  if (most < noise.sigma) noise.sigma *= portable::pow(most / noise.sigma, 1 - large);
-  if (noise.sigma >= kDoubtfulNoise * noise.surface_spacing) return;
-  noise.likeness_to_shape = likeness_to_shape(growth.flat);
-  noise.alikeness = alike;
-  // between two sheets, wide neighbourhoods see the other one and not shape
-  if (noise.gap == 0) noise.shape_to_noise = (1 - alike) * shape_to_noise(growth.typical);
-}
-
-// How far places show noise and not shape, in a cloud of so many points. Where there are two sheets, residuals see
-// both.
-double trust_in_places(const Noise& noise, std::uint64_t points) {
-  return noise.gap > 0 ? 0 : share_between(kPointsOfPlaces, double(points));
-}
-
-// Of a cloud of so many points. `residuals` are asked for where they are read, which is not where depths have steps.
-Noise noise_of(std::span<const point::NoiseSample> samples, std::uint64_t points, bool depth_has_steps,
+// `residuals` are asked for where they are read, which is not where depths have steps.
+Noise noise_of(std::span<const point::NoiseSample> samples, bool depth_has_steps,
                const std::function<std::vector<point::ResidualSample>()>& residuals) {
   std::vector<double> sigmas, spacings, gaps, plane_variances;
   std::size_t confined = 0;
@@ -203,25 +162,20 @@ Noise noise_of(std::span<const point::NoiseSample> samples, std::uint64_t points
   // levels of depth are no sheets
   if (!depth_has_steps && double(gaps.size()) > kSheetShare * double(sigmas.size()))
     noise.gap = quantile(gaps, kGapQuantile);
-  if (depth_has_steps) {
-    noise.alikeness = 1;
-    noise.depth_has_steps = true;
-  } else if (sigma < kBeyondResiduals * noise.surface_spacing) {
+  noise.depth_has_steps = depth_has_steps;
+  noise.alikeness = depth_has_steps ? 1 : 0;
+  if (!depth_has_steps && sigma < kBeyondResiduals * noise.surface_spacing) {
     const std::vector<point::ResidualSample> samples_of_residuals = residuals();
     noise.surface_points = surface_points(samples_of_residuals);
-    if (lies_in_rows(noise)) {
+    if (sigma < kDoubtfulNoise * noise.surface_spacing) {
       const Growth growth = residual_growth(samples_of_residuals);
-      noise.sigma = quantile(sigmas, kNoiseQuantile);
-      noise.likeness_to_shape = (1 - slowing(growth)) * likeness_to_shape(growth.flat);
-    } else {
-      tell_from_shape(noise, points, samples_of_residuals);
+      noise.alikeness = alikeness(growth);
+      // between two sheets, wide neighbourhoods see the other one and not shape
+      if (noise.gap == 0) noise.shape_to_noise = (1 - noise.alikeness) * shape_to_noise(growth.typical);
     }
   }
-  if (noise.sigma > 0) {
-    const double median = quantile(sigmas, 0.5), trust = trust_in_places(noise, points);
-    const double of_low = kPlaneQuartile * noise.sigma * noise.sigma, of_median = kQuartileOfMedian * median * median;
-    noise.bend = quantile(plane_variances, 0.75) / (of_low + trust * (of_median - of_low));
-  }
+  const double median = quantile(sigmas, 0.5);
+  if (median > 0) noise.bend = quantile(plane_variances, 0.75) / (kPlaneQuartile * median * median);
   return noise;
 }
 
@@ -253,14 +207,28 @@ void cover_rounding(const CoordinateSteps& steps, std::vector<point::ResidualSam
   }
 }
 
+// Places whose noise is known without their neighbours'.
+struct KnownPlaces {
+  std::vector<Point> places;
+  std::vector<double> noise;  // standard deviations; 0 where no surface shows
+};
+
+// Levels at such places alone.
+void add_known(Estimate& result, const KnownPlaces& known, const ForEach& for_each) {
+  std::vector<double> log_levels;
+  for (const double noise : known.noise)
+    log_levels.push_back(portable::log(std::clamp(noise / result.noise.sigma, 1 / kLargestLevel, kLargestLevel)));
+  result.levels = noise_levels(known.places, std::move(log_levels), for_each);
+}
+
 // What differs from place to place, where enough samples show it.
-void add_local(Estimate& result, const LocalSamples& samples, std::uint64_t points, std::vector<std::uint32_t> rows,
+void add_local(Estimate& result, const LocalSamples& samples, std::vector<std::uint32_t> rows,
                const ForEach& for_each) {
   if (!(result.noise.sigma > 0) || samples.places.size() < kFewestSamples) return;
   const Pools pools = rows.empty() ? Pools(samples.places, for_each) : Pools(std::move(rows));
-  const double trust = trust_in_places(result.noise, points);
-  LocalNoise noise = local_noise(samples, result.noise.sigma, trust, pools, for_each);
-  result.noise.sigma = noise.typical;
+  LocalNoise noise = local_noise(samples, result.noise.sigma, pools, for_each);
+  // between two sheets, places show both
+  if (result.noise.gap == 0) result.noise.sigma = noise.typical;
   for_each(samples.residuals.empty() ? 1 : 2, [&](std::size_t which) {  // at the same time, since each has serial parts
     if (which == 0)
       result.levels = noise_levels(samples.places, std::move(noise.log_levels), for_each);
@@ -308,6 +276,26 @@ Samples take(Sampling& from, std::span<const std::uint32_t> for_spacing, std::sp
   return samples;
 }
 
+// Where the cloud hides a surface among what is none: the noise of that surface, and next to none elsewhere, so that
+// what is no surface keeps its place. Whether it does.
+bool estimate_hidden_surface(Estimate& result, NearestRows& nearest, Samples& samples, const CloudSample& sample,
+                             const ForEach& for_each) {
+  const std::vector<bool> on_surface = find_hidden_surface(nearest, samples.noise);
+  if (on_surface.empty()) return false;
+  std::vector<point::NoiseSample> of_surface;
+  KnownPlaces known;
+  for (std::size_t i = 0; i < on_surface.size(); ++i) {
+    if (!samples.noise[i].shows_noise) continue;
+    if (on_surface[i]) of_surface.push_back(samples.noise[i]);
+    known.places.push_back(sample.points[i]);
+    known.noise.push_back(on_surface[i] ? samples.noise[i].sigma : 0);
+  }
+  result.noise = noise_of(of_surface, false, [] { return std::vector<point::ResidualSample>(); });
+  result.noise.without_surface = 1 - double(of_surface.size()) / double(known.places.size());
+  add_known(result, known, for_each);
+  return true;
+}
+
 // Levels times a factor.
 std::shared_ptr<const NodeLevels> times(std::shared_ptr<const NodeLevels> levels, double factor) {
   if (factor == 1) return levels;
@@ -337,10 +325,14 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
     if (!residuals) cover_rounding(steps, residuals.emplace(samples.residuals()));
     return *residuals;
   };
-  const std::size_t noises = samples.noise.size(), first = std::min(noises, kNoiseSamples);
   const bool depth_has_steps = steps.kind == CoordinateSteps::Kind::depth;
-  const std::uint64_t measurements = sample.bounds.valid / std::uint64_t(repeats);
-  result.noise = noise_of(std::span(samples.noise).first(first), measurements, depth_has_steps, [&] {
+  const ForEach for_each = [&from](std::size_t count, const std::function<void(std::size_t)>& body) {
+    from.for_each_on_host(count, body);
+  };
+  if (repeats == 1 && steps.at.empty() && estimate_hidden_surface(result, nearest, samples, sample, for_each))
+    return result;
+  const std::size_t noises = samples.noise.size(), first = std::min(noises, kNoiseSamples);
+  result.noise = noise_of(std::span(samples.noise).first(first), depth_has_steps, [&] {
     std::vector<point::ResidualSample> of_first = all_residuals();
     of_first.resize(first);
     return of_first;
@@ -354,9 +346,7 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
     local.noise.push_back(samples.noise[i]);
     if (residuals) local.residuals.push_back((*residuals)[i]);
   }
-  add_local(
-      result, local, measurements, pools_of_shown(samples),
-      [&from](std::size_t count, const std::function<void(std::size_t)>& body) { from.for_each_on_host(count, body); });
+  add_local(result, local, pools_of_shown(samples), for_each);
   // min_neighbors end with kMaxMinNeighbors
   result.reach_levels = times(std::move(result.reach_levels),
                               std::sqrt(std::max(1.0, double(kMinNeighbors) * repeats / kMaxMinNeighbors)));

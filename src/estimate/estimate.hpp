@@ -31,8 +31,6 @@ struct Noise {
   // Side of the square that holds one point of the surface, by the density of those wide neighbourhoods (median).
   // Unlike the distance to the nearest points, noise does not blow it up.
   double surface_spacing = 0;
-  // 0 to 1: whether residuals grow with the neighbourhood as those of a curved shape do; 0 where noise is large.
-  double likeness_to_shape = 0;
   // Of the variances in neighbourhoods of 30 points at a typical place; 0 where noise is large.
   double shape_to_noise = 0;
   // Between two sheets of a thin part that neighbourhoods of a few dozen points reach across; 0 where there are none.
@@ -52,6 +50,8 @@ struct Noise {
   // So many neighbouring points make one measurement: they are copies, or their errors are alike. Lengths are those of
   // the cloud without the others.
   int repeats = 1;
+  // Share of the samples around which no surface shows, in a cloud that has one somewhere.
+  double without_surface = 0;
 };
 
 // The same cloud where `sigma` is known to be another than was measured, or the same. The rest stays as measured.

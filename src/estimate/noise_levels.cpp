@@ -18,11 +18,9 @@ namespace {
 
 using namespace constants;
 
-// Points of neighbourhoods: of those that all samples have residuals of, and of larger ones.
-constexpr std::array kCounts{point::kLeastFit,    point::kFirstFit,    2 * point::kFirstFit,
-                             point::kFirstRow,    point::points_of(5), point::points_of(6),
-                             point::points_of(7), point::points_of(8), point::points_of(9)};
-constexpr std::size_t kSizes = kCounts.size(), kResiduals = 4;
+// Points of the neighbourhoods that samples have residuals of.
+constexpr std::array kCounts{point::kLeastFit, point::kFirstFit, 2 * point::kFirstFit, point::kFirstRow};
+constexpr std::size_t kSizes = kCounts.size();
 using Curve = std::array<double, kSizes>;  // of variances over the sizes of neighbourhoods; NaN: not known
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
@@ -44,29 +42,26 @@ const Curve& chance_medians() {
 
 // What samples show whose neighbourhood is wide against the noise; the others do not show it.
 struct Shown {
-  std::vector<Ranked> residuals;    // variances of each size of neighbourhood
-  Ranked spacings{{}}, noises{{}};  // of the wide neighbourhoods
+  std::vector<Ranked> residuals;  // variances of each size of neighbourhood
+  Ranked spacings{{}};            // of the wide neighbourhoods
 };
 
-Shown shown_by(const LocalSamples& samples, double trust, const ForEach& for_each) {
+Shown shown_by(const LocalSamples& samples, const ForEach& for_each) {
   const std::size_t count = samples.places.size();
-  constexpr std::size_t kSpacings = kResiduals, kNoises = kResiduals + 1;
-  std::array<std::vector<double>, kResiduals + 2> values;  // the residuals of each size first
+  std::array<std::vector<double>, kSizes + 1> values;  // the residuals of each size, then spacings
   for (std::vector<double>& of_one : values) of_one.assign(count, kUnknown);
   for (std::size_t i = 0; i < count; ++i) {
     if (!samples.noise[i].is_wide) continue;
-    values[kSpacings][i] = samples.noise[i].spacing;
-    if (trust == 1) values[kNoises][i] = samples.noise[i].sigma;
+    values[kSizes][i] = samples.noise[i].spacing;
     if (samples.residuals.empty()) continue;
     const point::ResidualSample& its = samples.residuals[i];
     const double found[] = {its.least, its.narrow, its.wide, its.widest};
-    for (std::size_t size = 0; size < kResiduals; ++size)
+    for (std::size_t size = 0; size < kSizes; ++size)
       if (found[size] >= 0) values[size][i] = found[size] * found[size];
   }
-  Shown shown{std::vector<Ranked>(kResiduals, Ranked({}))};
+  Shown shown{std::vector<Ranked>(kSizes, Ranked({}))};
   for_each(values.size(), [&](std::size_t which) {
-    Ranked& its = which == kSpacings ? shown.spacings : which == kNoises ? shown.noises : shown.residuals[which];
-    its = Ranked(values[which]);
+    (which == kSizes ? shown.spacings : shown.residuals[which]) = Ranked(values[which]);
   });
   return shown;
 }
@@ -77,21 +72,17 @@ double middle(std::span<const std::uint32_t> pool, const Ranked& values) {
 }
 
 // At the place of the pool's first sample. A narrow neighbourhood cuts off what lies far from the surface: there the
-// noise is at least so large, and unknown where it is larger elsewhere. Where all with residuals are too narrow, the
-// noise that wide ones show counts, at the size that they need.
+// noise is at least so large, and unknown where it is larger elsewhere.
 Curve curve_of(std::span<const std::uint32_t> pool, const Shown& shown, double typical) {
-  const double spacing = middle(pool, shown.spacings), wide_noise = middle(pool, shown.noises);
-  const auto radius = [&](std::size_t size) { return spacing * std::sqrt(kCounts[size] / std::numbers::pi); };
+  const double spacing = middle(pool, shown.spacings);
   Curve curve;
   curve.fill(kUnknown);
-  for (std::size_t size = 0; size < kResiduals; ++size) {
+  for (std::size_t size = 0; size < kSizes; ++size) {
     const double variance = middle(pool, shown.residuals[size]) / chance_medians()[size];
-    const bool cut_off = variance < typical * typical && radius(size) < kWideAgainstResiduals * std::sqrt(variance);
+    const double radius = spacing * std::sqrt(kCounts[size] / std::numbers::pi);
+    const bool cut_off = variance < typical * typical && radius < kWideAgainstResiduals * std::sqrt(variance);
     if (!cut_off) curve[size] = variance;
   }
-  std::size_t wide = 0;
-  while (wide + 1 < kSizes && radius(wide) < point::kWideRadius * wide_noise) ++wide;
-  if (wide >= kResiduals) curve[wide] = wide_noise * wide_noise;
   return curve;
 }
 
@@ -132,16 +123,14 @@ double noise_of(const Curve& curve, double typical) {
   Curve weight{}, logs{};
   double all = 0;
   int known = 0;
-  bool is_wide = false;  // against the noise, as where the typical noise is measured
   for (std::size_t size = 0; size < kSizes; ++size) {
     if (!(curve[size] > 0)) continue;
     weight[size] = size_weights()[size];
     logs[size] = portable::log(curve[size]);
     all += weight[size];
     ++known;
-    is_wide |= size >= kResiduals;
   }
-  if (known < 2 && !is_wide) return kUnknown;  // nothing tells shape from noise
+  if (known < 2) return kUnknown;  // nothing tells shape from noise
   const double prior = 1 / (4 * kSpread * kSpread), log_typical = 2 * portable::log(typical);
   all += prior;
   const Models& rows = models();
@@ -159,7 +148,6 @@ double noise_of(const Curve& curve, double typical) {
   const double best = *std::min_element(misfit.begin(), misfit.end());
   double sum = 0, likelihood = 0;
   for (std::size_t n = 0; n < kModels; ++n) {
-    if (misfit[n] - best > kUnlikely) continue;
     const double its = portable::exp(-0.5 * (misfit[n] - best));
     sum += its * portable::exp(0.5 * log_noise[n]);
     likelihood += its;
@@ -184,9 +172,8 @@ double median_of(std::vector<double> values) {
 
 }  // namespace
 
-LocalNoise local_noise(const LocalSamples& samples, double typical, double trust, const Pools& pools,
-                       const ForEach& for_each) {
-  const Shown shown = shown_by(samples, trust, for_each);
+LocalNoise local_noise(const LocalSamples& samples, double typical, const Pools& pools, const ForEach& for_each) {
+  const Shown shown = shown_by(samples, for_each);
   std::vector<double> noise(samples.places.size()), log_levels(noise.size());
   for_each(noise.size(), [&](std::size_t i) { noise[i] = noise_of(curve_of(pools.of(i), shown, typical), typical); });
   const Ranked noises(noise);
@@ -195,7 +182,7 @@ LocalNoise local_noise(const LocalSamples& samples, double typical, double trust
     log_levels[i] = portable::log(median / typical);
   });
   shrink(log_levels);
-  const double log_typical = trust * median_of(log_levels);
+  const double log_typical = median_of(log_levels);
   const double largest = portable::log(kLargestLevel);
   for (double& log_level : log_levels) log_level = std::clamp(log_level - log_typical, -largest, largest);
   typical *= portable::exp(log_typical);

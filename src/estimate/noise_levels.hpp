@@ -12,16 +12,14 @@
 namespace pointfair {
 
 struct LocalNoise {
-  double typical;
+  double typical;                  // the median over the samples
   std::vector<double> at_samples;  // standard deviations
   std::vector<double> log_levels;  // logarithms of these over the typical noise
 };
 
-// `typical`: what the noise of a typical place is held to be, above 0. `trust`, from 0 to 1: how far the median over
-// the samples takes its place; 1: neighbourhoods of hundreds of points tell noise, too. Depends on the samples' places
-// but not on their order, but for rounding.
-LocalNoise local_noise(const LocalSamples& samples, double typical, double trust, const Pools& pools,
-                       const ForEach& for_each);
+// `typical`: what the noise of a typical place is held to be before places are known, above 0. Depends on the samples'
+// places but not on their order, but for rounding.
+LocalNoise local_noise(const LocalSamples& samples, double typical, const Pools& pools, const ForEach& for_each);
 
 // The field of levels of which these are the logarithms at some places, at least one.
 std::shared_ptr<const NoiseLevels> noise_levels(const std::vector<Point>& places, std::vector<double> log_levels,

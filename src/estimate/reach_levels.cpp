@@ -61,9 +61,7 @@ std::shared_ptr<const NodeLevels> reach_levels(const LocalSamples& samples, cons
   for_each(count, [&](std::size_t i) {
     // a neighbourhood holds as many points as its area is large
     const double log_level = (log_best_count(mean_of(pools.of(i), risks)) - unchanged) / 2;
-    const double noise_level = noise[i] / samples.noise[i].spacing;
-    const double fading =
-        log_level > 0 ? share_between(0, kWideningNoise, noise_level) : share_between(kHarmlessNoise, noise_level);
+    const double fading = share_between(0, kNoiseOfWidth, noise[i] / samples.noise[i].spacing);
     log_levels[i] = (1 - typical.alikeness) * (1 - fading) * std::clamp(log_level, -farthest, farthest);
   });
   const Ranked ranked(log_levels);

@@ -128,7 +128,8 @@ void Pipeline::State::measure_all(const std::stop_token& stop) {
                         cloud.points(),
                         b.valid,
                         noise_quantiles(noise().sigma, levels().get()),
-                        float_step_of(b, shell.origin)};
+                        float_step_of(b, shell.origin),
+                        noise().without_surface};
 }
 
 // What is believed of the noise, once it was measured.

@@ -250,11 +250,10 @@ static_assert(sizeof(Fixed) == sizeof(Position) + sizeof(Bounds) + sizeof(Spacin
                                    sizeof(double) + sizeof(Frame) + sizeof(std::uint32_t));
 
 std::array<double, 11> values_of(const Noise& noise) {
-  const auto& [sigma, surface_spacing, likeness_to_shape, shape_to_noise, gap, alikeness, depth_has_steps, confined,
-               bend, surface_points, repeats] = noise;
+  const auto& [sigma, surface_spacing, shape_to_noise, gap, alikeness, depth_has_steps, confined, bend, surface_points,
+               repeats, without_surface] = noise;
   return {sigma,
           surface_spacing,
-          likeness_to_shape,
           shape_to_noise,
           gap,
           alikeness,
@@ -262,10 +261,11 @@ std::array<double, 11> values_of(const Noise& noise) {
           confined,
           bend,
           double(surface_points),
-          double(repeats)};
+          double(repeats),
+          without_surface};
 }
 Noise noise_of(const std::array<double, 11>& v) {
-  return {v[0], v[1], v[2], v[3], v[4], v[5], v[6] != 0, v[7], v[8], int(v[9]), int(v[10])};
+  return {v[0], v[1], v[2], v[3], v[4], v[5] != 0, v[6], v[7], int(v[8]), int(v[9]), v[10]};
 }
 
 FixedLevels fixed_of(const NodeLevels* levels) {

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+// A surface that most points do not lie on is found, and what is none keeps its place.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstddef>
+#include <numbers>
+#include <vector>
+
+#include "pointfair/pointfair.hpp"
+#include "shapes.h"
+
+namespace pointfair {
+namespace {
+
+using Points = std::vector<Point>;
+
+constexpr double kSide = 80, kNoise = 0.05;
+
+// A slanted ground, then crowns: balls evenly filled, above it.
+struct Forest {
+  Points points;
+  std::size_t ground;
+};
+Forest forest(std::size_t ground, std::size_t crown, unsigned seed) {
+  shapes::Random random(seed);
+  Forest result{{}, ground};
+  const auto height = [](double x, double y) { return 0.1 * x + 0.02 * y; };
+  for (std::size_t i = 0; i < ground; ++i) {
+    const double x = kSide * random.uniform(), y = kSide * random.uniform();
+    result.points.push_back({float(x), float(y), float(height(x, y) + kNoise * random.normal())});
+  }
+  constexpr std::size_t kPointsOfCrown = 40;
+  while (result.points.size() < ground + crown) {
+    const double x = kSide * random.uniform(), y = kSide * random.uniform();
+    const double radius = 1.5 + 2 * random.uniform(), above = radius + 3 + 8 * random.uniform();
+    for (std::size_t i = 0; i < kPointsOfCrown; ++i) {
+      const double up = 2 * random.uniform() - 1, turn = 2 * std::numbers::pi * random.uniform();
+      const double r = radius * std::cbrt(random.uniform()), across = r * std::sqrt(1 - up * up);
+      result.points.push_back({float(x + across * std::cos(turn)), float(y + across * std::sin(turn)),
+                               float(height(x, y) + above + r * up)});
+    }
+  }
+  return result;
+}
+
+double height_of(const Point& p) { return (p.z - 0.1 * p.x - 0.02 * p.y) / std::sqrt(1 + 0.01 + 0.0004); }
+double distance(const Point& a, const Point& b) { return std::hypot(a.x - b.x, a.y - b.y, a.z - b.z); }
+
+TEST(HiddenSurface, ground_between_crowns_gets_no_worse_and_crowns_stay) {
+  for (const unsigned seed : {1u, 2u, 3u}) {
+    const Forest made = forest(400, 3200, seed);
+    Pipeline pipeline(Device::cpu);
+    pipeline.load(made.points);
+    Points after(made.points.size());
+    pipeline.run({}, after);
+    double before_squares = 0, squares = 0, most = 0;
+    for (std::size_t i = 0; i < made.ground; ++i) {
+      before_squares += std::pow(height_of(made.points[i]), 2);
+      squares += std::pow(height_of(after[i]), 2);
+    }
+    for (std::size_t i = made.ground; i < after.size(); ++i) most = std::max(most, distance(after[i], made.points[i]));
+    EXPECT_LT(squares, 1.05 * 1.05 * before_squares) << seed;
+    EXPECT_LT(most, 0.2) << seed;  // crown points are 1 apart
+    EXPECT_GT(pipeline.estimates().without_surface, 0.5) << seed;
+  }
+}
+
+TEST(HiddenSurface, is_not_seen_in_noise_however_large) {
+  for (const double spacings : {0.6, 1.0, 2.0, 4.0})
+    for (const unsigned seed : {1u, 2u}) {
+      const Points points = shapes::with_noise(shapes::plane(20000), spacings / std::sqrt(20000.0), seed);
+      Pipeline pipeline(Device::cpu);
+      pipeline.load(points);
+      EXPECT_EQ(pipeline.estimates().without_surface, 0) << spacings << " " << seed;
+    }
+}
+
+}  // namespace
+}  // namespace pointfair
