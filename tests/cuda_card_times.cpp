@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Times runs of a cloud in host memory on one card against several, from array to array.
-//   cuda_card_times POINTS K|auto REPEAT MEGABYTES DEVICE...
+//   cuda_card_times POINTS K|auto REPEAT MEGABYTES [lines|random] [ordinary] DEVICE...
 // For each order of the points, scan lines and random, and each device, cuda:0 or cuda:0,1 for instance: the median and
 // the least of REPEAT runs in milliseconds after one that is not counted, the tiles, each stage of the last run, and a
-// hash of the result, which is the same for all devices. Arrays are page-locked. Each of the two workers of a card uses
-// MEGABYTES of its memory at most, 0: all, so that a cloud of any size can be one that does not fit.
+// hash of the result, which is the same for all devices. Arrays are page-locked unless `ordinary`. Each of the two
+// workers of a card uses MEGABYTES of its memory at most, 0: all, so that a cloud of any size can be one that does not
+// fit.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -78,10 +79,16 @@ Pipeline over(const std::string& name, std::uint64_t megabytes) {
   return PipelineAccess::make(std::move(first), {Device::cuda, name, "requested"}, std::move(workers));
 }
 
+HostBuffer ordinary_buffer(std::size_t count) {
+  return {static_cast<Point*>(std::malloc(count * sizeof(Point))), count,
+          [](Point* memory) noexcept { std::free(memory); }};
+}
+
 void measure(const std::string& device, std::uint64_t megabytes, std::uint64_t count, std::uint64_t stride,
-             const Params& params, int repeat) {
+             const Params& params, int repeat, bool is_locked) {
   Pipeline pipeline = over(device, megabytes);
-  const HostBuffer in = pipeline.host_buffer(count), out = pipeline.host_buffer(count);
+  const auto buffer = [&] { return is_locked ? pipeline.host_buffer(count) : ordinary_buffer(count); };
+  const HostBuffer in = buffer(), out = buffer();
   fill(in.points(), stride);
   std::vector<double> times;
   for (int run = 0; run <= repeat; ++run) {
@@ -104,7 +111,7 @@ void measure(const std::string& device, std::uint64_t megabytes, std::uint64_t c
 
 int main(int argc, char** argv) {
   if (argc < 6) {
-    std::fprintf(stderr, "cuda_card_times POINTS K|auto REPEAT MEGABYTES DEVICE...\n");
+    std::fprintf(stderr, "cuda_card_times POINTS K|auto REPEAT MEGABYTES [lines|random] [ordinary] DEVICE...\n");
     return 2;
   }
   const std::uint64_t count = std::strtoull(argv[1], nullptr, 10);
@@ -114,7 +121,22 @@ int main(int argc, char** argv) {
     params.iterations = 1;
   }
   constexpr std::uint64_t kPrime = 2'654'435'761;
-  for (const std::uint64_t stride : {std::uint64_t{1}, kPrime})
-    for (int d = 5; d < argc; ++d)
-      measure(argv[d], std::strtoull(argv[4], nullptr, 10), count, stride, params, std::max(1, std::atoi(argv[3])));
+  std::vector<std::uint64_t> strides{1, kPrime};
+  std::vector<std::string> devices;
+  bool is_locked = true;
+  for (const std::string& word : std::vector<std::string>(argv + 5, argv + argc)) {
+    if (word == "lines") {
+      strides = {1};
+    } else if (word == "random") {
+      strides = {kPrime};
+    } else if (word == "ordinary") {
+      is_locked = false;
+    } else {
+      devices.push_back(word);
+    }
+  }
+  for (const std::uint64_t stride : strides)
+    for (const std::string& device : devices)
+      measure(device, std::strtoull(argv[4], nullptr, 10), count, stride, params, std::max(1, std::atoi(argv[3])),
+              is_locked);
 }

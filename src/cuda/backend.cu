@@ -17,6 +17,11 @@ HostBuffer CudaBackend::host_buffer(std::size_t count) {
 }
 
 void CudaBackend::upload(std::span<const Point> points, IndexOrder expected) {
+  if (expected != IndexOrder::fastest && links_.any()) {
+    context_.enter();
+    forget_cloud(points.size());
+    return links_.upload(points, uploaded_.data());
+  }
   begin_upload(points, expected, false);
   finish_upload();
 }
@@ -79,10 +84,15 @@ OutlierCounts CudaBackend::download(int iteration, std::span<Point> points, cons
     from.join();
     DeviceArray<Point> settled(context_);
     leaving_.hold_back(uploaded_, from, limits, outliers, settled);
-    leaving_.copy(settled.data(), points);
+    copy_out(settled.data(), points);
   } else {
     std::fill(outliers.begin(), outliers.end(), std::uint8_t(0));
-    leaving_.copy_faired(from, points);
+    if (links_.any()) {
+      from.join();
+      copy_out(from.faired().data(), points);
+    } else {
+      leaving_.copy_faired(from, points);
+    }
   }
   finish_download(from, start, iteration);
   return leaving_.held_back();
@@ -212,6 +222,14 @@ void CudaBackend::begin_first_index(const std::optional<Frame>& frame, const Arr
   const cudaEvent_t start = arrival == nullptr ? clock_.start() : arrival->all();
   first_.build_index(uploaded_.data(), uploaded_.size(), frame, arrival, stop);
   clock_.note("index", start, first_.stream());
+}
+
+void CudaBackend::copy_out(const Point* from, std::span<Point> to) {
+  if (links_.any()) {
+    links_.download(from, to);
+  } else {
+    leaving_.copy(from, to);
+  }
 }
 
 void CudaBackend::wait() {

@@ -10,6 +10,7 @@
 #include "cuda/leaving.cuh"
 #include "cuda/runtime/callers_points.cuh"
 #include "cuda/runtime/devices.cuh"
+#include "cuda/runtime/links.cuh"
 #include "cuda/runtime/memory.cuh"
 #include "cuda/runtime/origins.cuh"
 #include "cuda/runtime/stage_clock.cuh"
@@ -139,6 +140,8 @@ class CudaBackend final : public Backend,
   void begin_upload(std::span<const Point> points, IndexOrder expected, bool timed);
   void wait_for_upload() const;
   void begin_first_index(const std::optional<Frame>& frame, const Arrival* arrival, const std::stop_token& stop);
+  // All points to the host, which the caller waits for.
+  void copy_out(const Point* from, std::span<Point> to);
   void wait();
   // The host gets results of stages.
   void deliver();
@@ -176,6 +179,7 @@ class CudaBackend final : public Backend,
   Chain first_{context_, stop_line_, 0}, further_{context_, stop_line_, kFurtherCalls};
   int further_iteration_ = 0;  // whose results further_ holds; 0: none
   Upload upload_{context_};
+  Links links_{context_};  // of cards that share clouds with this one
 };
 
 }  // namespace pointfair::cuda

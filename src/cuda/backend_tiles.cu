@@ -33,7 +33,7 @@ std::vector<TileTally> CudaBackend::scatter() {
 void CudaBackend::connect(DeviceTiles& whole) {
   auto& its = static_cast<CudaBackend&>(whole);
   its.context_.enter();
-  its.context_.admit(card_);
+  if (its.context_.admit(card_)) its.links_.add(card_);
   context_.enter();
   context_.admit(its.card_);
 }

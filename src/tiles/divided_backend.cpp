@@ -24,6 +24,10 @@ using Clock = std::chrono::steady_clock;
 constexpr std::size_t kSampled = 4096;      // points of which the cells are made
 constexpr std::uint64_t kLeastTile = 2000;  // points; smaller tiles do not need less memory
 
+double milliseconds_since(Clock::time_point start) {
+  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+}
+
 // What is held of one iteration. Stages up to the normals only note what they are to do; fairing does it all.
 struct Iteration {
   TileStages stages;
@@ -55,6 +59,7 @@ class DividedCloud final : public Backend, public Sampling, public DeviceMemory 
   // The whole index is for estimates only, so none is begun.
   void upload(std::span<const Point> points, IndexOrder) override {
     forget(points.size());
+    make_workers();  // their links carry shares
     whole_->upload(points, IndexOrder::along_curve);
   }
   Origin upload(const DevicePoints& points, DeviceStream stream, const ChooseOrigin& choose, IndexOrder) override {
@@ -75,6 +80,7 @@ class DividedCloud final : public Backend, public Sampling, public DeviceMemory 
   }
   void fair(int iteration, const FairingSettings& settings, bool, std::stop_token stop) override {
     const auto start = Clock::now();
+    cut_milliseconds_ = 0;
     Iteration& its = held(iteration);
     its.stages.fairing = settings;
     for (;;) try {
@@ -86,7 +92,8 @@ class DividedCloud final : public Backend, public Sampling, public DeviceMemory 
         cells_wanted_ *= 2;
         cells_.clear();
       }
-    times_.push_back({"tiles", std::chrono::duration<double, std::milli>(Clock::now() - start).count()});
+    times_.push_back({"cut", cut_milliseconds_});
+    times_.push_back({"tiles", milliseconds_since(start) - cut_milliseconds_});
   }
 
   OutlierCounts download(int iteration, std::span<Point> points, const DisplacementLimits& limits,
@@ -210,10 +217,15 @@ class DividedCloud final : public Backend, public Sampling, public DeviceMemory 
       std::vector<DeviceTile> now;
       for (std::size_t i = 0; i < at_once; ++i)
         now.push_back({tasks[i].cell, region_around(bounds(), tasks[i].wanted, tasks[i].halo)});
+      const auto start = Clock::now();
       tiles().gather(now);
+      cut_milliseconds_ += milliseconds_since(start);
       const std::vector<FairingSettings> fairing = fairing_of_tiles(stages.fairing, at_once);
       on_feeders(at_once, [&](std::size_t i) { compute_tile(i, stages, fairing[i], stop); });
-      for (const TileTally& tally : tiles().scatter()) {
+      const auto back = Clock::now();
+      const std::vector<TileTally> tallies = tiles().scatter();
+      cut_milliseconds_ += milliseconds_since(back);
+      for (const TileTally& tally : tallies) {
         add(counts, tally.counts);
         if (tally.left.valid > 0) tasks.push_back({tasks.front().cell, tally.left, 2 * tasks.front().halo});
         tasks.pop_front();
@@ -255,6 +267,7 @@ class DividedCloud final : public Backend, public Sampling, public DeviceMemory 
   int further_iteration_ = 0;  // which further_ is; 0: none
   bool is_indexed_ = false;    // the first iteration's input as a whole
   std::vector<StageTime> times_;
+  double cut_milliseconds_ = 0;  // of this iteration: for points to tiles, and for results back
 };
 
 }  // namespace

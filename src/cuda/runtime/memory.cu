@@ -50,17 +50,21 @@ Context::~Context() {
   cudaStreamSynchronize(main_stream());  // the handles go after it
 }
 
-void Context::admit(int card) {
-  if (card == card_ || pool_.get() == nullptr || std::find(admitted_.begin(), admitted_.end(), card) != admitted_.end())
-    return;
-  admitted_.push_back(card);
+bool Context::admit(int card) {
+  if (card == card_) return true;
+  if (pool_.get() == nullptr) return false;
+  for (const auto& [known, can] : admitted_)
+    if (known == card) return can;
   int can = 0;
   check(cudaDeviceCanAccessPeer(&can, card, card_), "asking for access between cards");
-  if (can == 0) return;
-  cudaMemAccessDesc access{};
-  access.location = {cudaMemLocationTypeDevice, card};
-  access.flags = cudaMemAccessFlagsProtReadWrite;
-  check(cudaMemPoolSetAccess(pool_.get(), &access, 1), "giving access between cards");
+  if (can != 0) {
+    cudaMemAccessDesc access{};
+    access.location = {cudaMemLocationTypeDevice, card};
+    access.flags = cudaMemAccessFlagsProtReadWrite;
+    check(cudaMemPoolSetAccess(pool_.get(), &access, 1), "giving access between cards");
+  }
+  admitted_.emplace_back(card, can != 0);
+  return can != 0;
 }
 
 SideStream::SideStream(const Context& context, Urgency urgency) : context_(context) {

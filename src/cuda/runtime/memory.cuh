@@ -28,8 +28,10 @@ class Context {
   // order of the main stream, whatever this is.
   cudaStream_t stream() const { return current_; }
   cudaStream_t main_stream() const { return stream_.get(); }
-  // Lets another card read and write this card's arrays, if both can; else copies between them go through the host.
-  void admit(int card);
+  // Lets another card read and write this card's arrays, if both can, and returns whether it does; else copies between
+  // them go through the host.
+  bool admit(int card);
+  int card() const { return card_; }
   int processors() const { return processors_; }
   bool launches_early() const { return launches_early_; }  // what src/cuda/runtime/launch.cuh needs
   const std::string& name() const { return name_; }
@@ -51,7 +53,7 @@ class Context {
   std::string name_;
   Stream stream_;
   cudaStream_t current_ = nullptr;
-  std::vector<int> admitted_;
+  std::vector<std::pair<int, bool>> admitted_;  // or refused
   MemoryPool pool_;  // none where the card has no pools: plain cudaMalloc then
   const std::uint64_t limit_;
   std::uint64_t held_bytes_ = 0, peak_bytes_ = 0;

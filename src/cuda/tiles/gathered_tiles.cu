@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <bit>
 
 #include "cuda/runtime/warp.cuh"
@@ -17,6 +18,10 @@ using Vec = point::Vec3<float>;
 struct Regions {
   point::Region of[kMost];
   int count;
+};
+
+struct Starts {
+  std::size_t of[kMost];
 };
 
 __device__ Vec to_vec(Point p) { return {p.x, p.y, p.z}; }
@@ -52,38 +57,60 @@ __global__ void __launch_bounds__(kBlock)
   if (threadIdx.x < regions.count && inside[threadIdx.x] > 0) atomicAdd(&totals[threadIdx.x], inside[threadIdx.x]);
 }
 
-// Appends the points in a region. Those of a block stay together, in their order.
-__global__ void __launch_bounds__(kBlock) append_inside(const Point* input, std::size_t count, point::Region region,
-                                                        unsigned* total, unsigned* indices, Point* points) {
+// Numbers before each of a block's, which take their places, and the sum. For one warp.
+template <int kCount>
+__device__ unsigned sum_before(unsigned* numbers) {
+  static_assert(kCount == 2 * kWarp);
+  const unsigned lane = lane_number(), first = numbers[2 * lane], both = first + numbers[2 * lane + 1];
+  unsigned until = both;
+  for (unsigned step = 1; step < kWarp; step *= 2) {
+    const unsigned before = __shfl_up_sync(kAllLanes, until, step);
+    if (lane >= step) until += before;
+  }
+  numbers[2 * lane] = until - both;
+  numbers[2 * lane + 1] = until - both + first;
+  return __shfl_sync(kAllLanes, until, kWarp - 1);
+}
+
+// Appends the points in each region to its own, `starts[tile]` points on. Those of a block stay together, in their
+// order. All tiles in one go: each look at the whole cloud takes as long as the copies.
+__global__ void __launch_bounds__(kBlock)
+    append_inside(const Point* input, std::size_t count, const __grid_constant__ Regions regions,
+                  const __grid_constant__ Starts starts, unsigned* totals, unsigned* indices, Point* points) {
   __shared__ unsigned places[kItems * kWarps];
+  __shared__ unsigned block_start;
   const std::size_t first = std::size_t(blockIdx.x) * kBlock * kItems + threadIdx.x;
   const unsigned warp = threadIdx.x / kWarp;
   Point own[kItems];
-  unsigned ballots[kItems];
+  unsigned valid = 0;
   for (int item = 0; item < kItems; ++item) {
     const std::size_t i = first + std::size_t(item) * kBlock;
     own[item] = i < count ? input[i] : Point{};
-    const bool inside = i < count && is_valid(own[item]) && point::is_inside(region, to_vec(own[item]));
-    ballots[item] = __ballot_sync(kAllLanes, inside);
-    if (lane_number() == 0) places[item * kWarps + warp] = static_cast<unsigned>(__popc(ballots[item]));
+    valid |= unsigned(i < count && is_valid(own[item])) << item;
   }
-  __syncthreads();
-  if (threadIdx.x == 0) {
-    unsigned sum = 0;
-    for (unsigned& place : places) {
-      const unsigned its = place;
-      place = sum;
-      sum += its;
+  for (int tile = 0; tile < regions.count; ++tile) {
+    unsigned ballots[kItems], any = 0;
+    for (int item = 0; item < kItems; ++item) {
+      const bool inside = (valid >> item & 1) != 0 && point::is_inside(regions.of[tile], to_vec(own[item]));
+      ballots[item] = __ballot_sync(kAllLanes, inside);
+      any |= ballots[item];
     }
-    const unsigned start = sum > 0 ? atomicAdd(total, sum) : 0;
-    for (unsigned& place : places) place += start;
-  }
-  __syncthreads();
-  for (int item = 0; item < kItems; ++item) {
-    if ((ballots[item] >> lane_number() & 1) == 0) continue;
-    const unsigned to = places[item * kWarps + warp] + static_cast<unsigned>(__popc(ballots[item] & lanes_below()));
-    indices[to] = static_cast<unsigned>(first + std::size_t(item) * kBlock);
-    points[to] = own[item];
+    if (__syncthreads_or(int(any)) == 0) continue;  // and `places` has no more readers
+    for (int item = 0; item < kItems; ++item)
+      if (lane_number() == 0) places[item * kWarps + warp] = static_cast<unsigned>(__popc(ballots[item]));
+    __syncthreads();
+    if (warp == 0) {
+      const unsigned sum = sum_before<kItems * kWarps>(places);
+      if (lane_number() == 0) block_start = atomicAdd(&totals[tile], sum);
+    }
+    __syncthreads();
+    for (int item = 0; item < kItems; ++item) {
+      if ((ballots[item] >> lane_number() & 1) == 0) continue;
+      const std::size_t to = starts.of[tile] + block_start + places[item * kWarps + warp] +
+                             static_cast<unsigned>(__popc(ballots[item] & lanes_below()));
+      indices[to] = static_cast<unsigned>(first + std::size_t(item) * kBlock);
+      points[to] = own[item];
+    }
   }
 }
 
@@ -188,9 +215,10 @@ std::vector<std::size_t> GatheredTiles::gather(std::span<const DeviceTile> tiles
   indices_.resize(starts_.back());
   points_.resize(starts_.back());
   outcomes_.resize(starts_.back());
-  for (std::size_t tile = 0; tile < tiles.size(); ++tile)
-    append_inside<<<blocks, kBlock, 0, stream>>>(input_, count_, regions.of[tile], totals_.data() + tile,
-                                                 indices_.data() + starts_[tile], points_.data() + starts_[tile]);
+  Starts starts{};
+  std::copy_n(starts_.begin(), tiles.size(), starts.of);
+  append_inside<<<blocks, kBlock, 0, stream>>>(input_, count_, regions, starts, totals_.data(), indices_.data(),
+                                               points_.data());
   check(cudaGetLastError(), "gathering points of tiles");
   there_.record(stream);
   return counts;
@@ -225,14 +253,6 @@ std::vector<TileTally> GatheredTiles::scatter() {
   std::vector<TileTally> tallies;
   for (std::size_t tile = 0; tile < tiles_.size(); ++tile) tallies.push_back(to_host(fetched_tallies_.get()[tile]));
   return tallies;
-}
-
-void copy_between_cards(void* to, int to_card, const void* from, int from_card, std::size_t bytes,
-                        cudaStream_t stream) {
-  if (bytes == 0) return;
-  check(to_card == from_card ? cudaMemcpyAsync(to, from, bytes, cudaMemcpyDeviceToDevice, stream)
-                             : cudaMemcpyPeerAsync(to, to_card, from, from_card, bytes, stream),
-        "copying between cards");
 }
 
 }  // namespace pointfair::cuda

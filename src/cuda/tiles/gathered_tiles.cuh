@@ -60,7 +60,4 @@ class GatheredTiles {
   Event there_;
 };
 
-// Between cards, or on one, in the order of `stream`, which is of one of them.
-void copy_between_cards(void* to, int to_card, const void* from, int from_card, std::size_t bytes, cudaStream_t stream);
-
 }  // namespace pointfair::cuda
