@@ -118,6 +118,7 @@ OutlierAction take_outlier_action(ParamArguments& params) {
     if (info->name != "outliers") continue;
     action = {};
     if (text == "withheld") action.kind = Kind::withhold;
+    if (text == "remove") action.kind = Kind::remove;
     if (text == kClassify || text.starts_with("classify=")) action.kind = Kind::classify;
     if (text.starts_with("classify=")) action.value = class_in(text);
     if (action.kind != Kind::none) text = "mark";
@@ -125,8 +126,14 @@ OutlierAction take_outlier_action(ParamArguments& params) {
   return action;
 }
 
-void check_outlier_action(const OutlierAction& action, const Cloud& cloud, const WriteOptions& options) {
+void check_outlier_action(const OutlierAction& action, const Cloud& cloud, const std::filesystem::path& output,
+                          const WriteOptions& options) {
   if (action.kind == Kind::none) return;
+  if (action.kind == Kind::remove) {
+    if (!cloud.points.empty())
+      check_write(output, without_points(cloud, std::vector<std::uint8_t>(cloud.points.size())), options);
+    return;
+  }
   const std::string name = attribute_of(action);
   const std::optional<AttributeInfo> info = find_info(cloud, name);
   if (info && (info->type != ScalarType::uint8 || info->components != 1))
@@ -144,6 +151,13 @@ void check_outlier_action(const OutlierAction& action, const Cloud& cloud, const
 
 std::string act_on_outliers(const OutlierAction& action, std::span<const std::uint8_t> reasons,
                             std::span<const Point> before, Cloud& cloud) {
+  if (action.kind == Kind::remove) {
+    std::array<std::size_t, 4> of_reason{};
+    for (const std::uint8_t reason : reasons) ++of_reason[std::min<std::size_t>(reason, 3)];
+    return fmt::format(
+        "{} points are removed as outliers ({} isolated, {} off the surface, {} mixed pixels), {} are left",
+        reasons.size() - of_reason[0], of_reason[1], of_reason[2], of_reason[3], of_reason[0]);
+  }
   const std::string name = attribute_of(action);
   Attribute values = values_of(cloud, name);
   const Ground ground(before, reasons);

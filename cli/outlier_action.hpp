@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// What becomes of outliers in the file beside the library's own words: --outliers classify and withheld.
+// What becomes of outliers in the file beside the library's own words: --outliers classify, withheld and
+// remove.
 #pragma once
 
+#include <filesystem>
 #include <optional>
 #include <span>
 #include <string>
@@ -13,23 +15,24 @@
 namespace pointfair::cli {
 
 struct OutlierAction {
-  enum class Kind : std::uint8_t { none, classify, withhold };
+  enum class Kind : std::uint8_t { none, classify, withhold, remove };
   Kind kind = Kind::none;
   std::optional<std::uint8_t> value;  ///< the class of all outliers; unset: 7 below the surface, 18 above
 };
 
 /// The words of --outliers that act on the file alone.
-inline constexpr const char* kOutlierActions = "classify[=CLASS]|withheld";
+inline constexpr const char* kOutlierActions = "classify[=CLASS]|withheld|remove";
 
-/// Takes `--outliers classify` and `withheld` out of the parameters; `mark` stays there in their place. Throws
-/// ErrorKind::usage for a class that is none.
+/// Takes `--outliers classify`, `withheld` and `remove` out of the parameters; `mark` stays there in their place.
+/// Throws ErrorKind::usage for a class that is none.
 OutlierAction take_outlier_action(ParamArguments& params);
 
-/// Refuses before the run what would fail after it. Throws ErrorKind::usage.
-void check_outlier_action(const OutlierAction& action, const Cloud& cloud, const WriteOptions& options);
+/// Refuses before the run what would fail after it, writing to `output`. Throws ErrorKind::usage.
+void check_outlier_action(const OutlierAction& action, const Cloud& cloud, const std::filesystem::path& output,
+                          const WriteOptions& options);
 
 /// Puts outliers into their classes, or sets their flag. `reasons` as Pipeline::outliers, `before` where points were.
-/// Returns a sentence on what was done. O(N).
+/// Returns a sentence on what was done. Removes none: without_points() does. O(N).
 std::string act_on_outliers(const OutlierAction& action, std::span<const std::uint8_t> reasons,
                             std::span<const Point> before, Cloud& cloud);
 

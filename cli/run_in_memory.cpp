@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <optional>
 #include <vector>
 
 #include "command_line.hpp"
@@ -10,6 +12,7 @@
 #include "point_noise.hpp"
 #include "pointfair/pointfair.hpp"
 #include "result_page.hpp"
+#include "viewpoint_note.hpp"
 
 namespace pointfair::cli {
 namespace {
@@ -65,13 +68,12 @@ bool marks_for_page(const Params& params, Pipeline& pipeline, std::stop_token st
   }
 }
 
-// Outliers that the limits hold keep their class.
-std::string act(const RunArguments& arguments, std::span<const std::uint8_t> outliers,
-                std::span<const std::uint8_t> movable, const Cloud& before, Cloud& denoised) {
+// Why points are outliers. Those that the limits hold keep their class, and stay.
+std::vector<std::uint8_t> reasons_of(std::span<const std::uint8_t> outliers, std::span<const std::uint8_t> movable) {
   std::vector<std::uint8_t> reasons(outliers.begin(), outliers.end());
   for (std::size_t i = 0; i < movable.size(); ++i)
     if (!movable[i]) reasons[i] = 0;
-  return act_on_outliers(arguments.outlier_action, reasons, before.points, denoised);
+  return reasons;
 }
 
 }  // namespace
@@ -85,7 +87,7 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
   const WriteOptions write_options = write_options_of(arguments);
   check_normals(arguments, cloud, write_options);
   check_write(arguments.output, cloud, write_options);
-  check_outlier_action(arguments.outlier_action, cloud, write_options);
+  check_outlier_action(arguments.outlier_action, cloud, arguments.output, write_options);
   if (!arguments.write_noise.empty()) check_new_attribute(cloud, "--write-noise", arguments.write_noise, write_options);
   if (!arguments.write_displacement.empty())
     check_new_attribute(cloud, "--write-displacement", arguments.write_displacement, write_options);
@@ -109,14 +111,29 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
   if (!arguments.write_noise.empty()) write_noise_attribute(pipeline, params, arguments.write_noise, stop, denoised);
   if (!arguments.write_displacement.empty())
     write_displacement_attribute(cloud.points, arguments.write_displacement, denoised);
-  const std::string acted = acts ? act(arguments, pipeline.outliers(), movable, cloud, denoised) : std::string();
+  std::vector<std::string> acted;
+  std::optional<Cloud> remaining;
+  if (acts) {
+    const std::vector<std::uint8_t> reasons = reasons_of(pipeline.outliers(), movable);
+    acted.push_back(act_on_outliers(arguments.outlier_action, reasons, cloud.points, denoised));
+    if (arguments.outlier_action.kind == OutlierAction::Kind::remove) {
+      remaining = without_points(denoised, reasons);
+      for (const std::string& loss : losses(*remaining, write_options.format, write_options.encoding))
+        acted.push_back(loss);
+    }
+  }
   progress.show(1, "writing");
-  write(arguments.output, denoised, write_options);
+  write(arguments.output, remaining ? *remaining : denoised, write_options);
   if (!arguments.quiet || !arguments.report.empty() || arguments.each) {
     progress.show(1, "measuring");
     count_limited(cloud, limits, movable, findings);
     find_out(arguments.normals == "keep", write_options, cloud, denoised, pipeline, stop, findings);
-    if (acts) findings.notes.push_back(acted);
+    const std::string far_away =
+        far_viewpoint_note(arguments.viewpoint.empty() ? file_viewpoints(cloud) : viewpoints, cloud);
+    if (!far_away.empty()) findings.notes.push_back(far_away);
+    if (remaining) findings.removed = cloud.points.size() - remaining->points.size();
+    for (const std::string& note : acted)
+      if (std::ranges::find(findings.notes, note) == findings.notes.end()) findings.notes.push_back(note);
     findings.report = pipeline.report();
     if (marks) findings.report.params.outliers = Outliers::keep;
   }

@@ -34,7 +34,7 @@ void check_tiled(const RunArguments& arguments) {
                 fmt::format("--report {}: a run in tiles on disk writes JSON; make the page afterwards "
                             "with pointfair certify IN OUT",
                             arguments.report));
-  if (arguments.outlier_action.kind != OutlierAction::Kind::none) refuse("--outliers classify and withheld");
+  if (arguments.outlier_action.kind != OutlierAction::Kind::none) refuse("--outliers classify, withheld and remove");
   if (!arguments.weights.empty()) refuse("--weights");
   if (arguments.in.any()) refuse("--in-format, --columns and --skip");
 }

@@ -134,6 +134,7 @@ Json run_json(const Report& report, const Findings& findings) {
           {"float_step", findings.float_step},
           {"unmoved", unmoved_json(without(report.unmoved, findings.ignored), findings)},
           {"outliers", outliers_json(report.unmoved.outliers_by_reason)},
+          {"removed", findings.removed},
           {"short_neighborhoods", report.short_neighborhoods},
           {"displacement", statistics_json(findings.displacement)},
           {"stages", stages_json(report.stages)},

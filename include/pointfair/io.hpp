@@ -110,6 +110,11 @@ POINTFAIR_EXPORT bool takes_attributes(Format format) noexcept;
 POINTFAIR_EXPORT std::vector<std::string> losses(const Cloud& cloud, std::optional<Format> format = {},
                                                  std::optional<Encoding> encoding = {});
 
+/// The cloud without the points of which `removed` is not 0, without the faces that use one of them, and with the other
+/// points, faces and attributes in their order. A file of it is written anew: losses() tells what it does not keep.
+/// Throws ErrorKind::usage unless there is one value for each point, and if no point is left. O(N).
+POINTFAIR_EXPORT Cloud without_points(const Cloud& cloud, std::span<const std::uint8_t> removed);
+
 /// Throws ErrorKind::usage if the normals of the cloud cannot be replaced in a file of the format, unset: its own.
 POINTFAIR_EXPORT void check_new_normals(const Cloud& cloud, std::optional<Format> format = {});
 

@@ -85,10 +85,46 @@ class Classes(Case):
         report = self.report("run", self.las, self.path("r.las"))["outliers"]
         self.assertEqual([marks.count(1), marks.count(2)], [report["isolated"], report["off_surface"]])
 
+    def test_removed_points_are_gone_and_the_others_stay(self):
+        ids = ("uchar", "part", [i % 251 for i in range(3600)])
+        source = write_ply(self.path("in.ply"), self.points, extra=[ids])
+        report = self.report("run", source, self.path("out.ply"), "--outliers", "remove")
+        self.ok("run", source, self.path("kept.ply"), "-q")
+        gone = set(self.low + self.high)
+        def rows(name):
+            return [struct.pack("<4f", *row.values()) for row in read_ply(self.path(name))]
+        self.assertEqual(rows("out.ply"), [row for i, row in enumerate(rows("kept.ply")) if i not in gone])
+        self.assertEqual([report["points"], report["removed"], sum(report["outliers"].values())], [3600, 40, 40])
+        said = self.ok("run", source, self.path("o.ply"), "--outliers", "remove").stderr.decode()
+        self.assertIn("40 points are removed as outliers (", said)
+        self.assertIn("3560 are left", said)
+
+    def test_faces_of_removed_points_go_too(self):
+        faces = [(i, i + 1, i + 60) for i in range(3540) if i % 60 < 59]
+        self.ok("run", write_ply(self.path("in.ply"), self.points, faces), self.path("out.off"), "--outliers", "remove", "-q")
+        lines = self.path("out.off").read_text().splitlines()
+        counts = [int(word) for word in lines[1].split()] if lines[0].strip() == "OFF" else [int(word) for word in lines[0].split()[1:]]
+        gone = set(self.low + self.high)
+        place, kept = {}, [i for i in range(3600) if i not in gone]
+        place = {i: number for number, i in enumerate(kept)}
+        left = [tuple(place[i] for i in face) for face in faces if not gone & set(face)]
+        self.assertEqual(counts[:2], [len(kept), len(left)])
+        self.assertEqual([tuple(map(int, line.split()[1:])) for line in lines[-len(left):]], left)
+
+    def test_las_files_lose_points_and_say_what_else(self):
+        said = self.run_with("remove")
+        self.assertEqual(len(records(self.out)), 3560)
+        self.assertEqual([record[KINDS] for record in records(self.out)],
+                         [kind for i, kind in enumerate(self.classes) if i not in self.low + self.high])
+        self.assertIn("40 points are removed", said)
+        self.ok("run", self.las, self.path("h.las"), "--outliers", "remove", "--where", "classification=5", "-q")
+        self.assertEqual(len(records(self.path("h.las"))), 3600 - len(self.high))
+
     def test_what_cannot_be_is_refused(self):
         for words, says in (("classify=x", "0 to 255"), ("classify=256", "0 to 255"), ("classify=", "0 to 255"), ("classified", "--outliers")):
             self.fails(2, "run", self.las, self.out, "--outliers", words, says=says)
         self.fails(2, "run", self.las, self.out, "--outliers", "classify", "--tiles", "2", says="classify")
+        self.fails(2, "run", self.las, self.out, "--outliers", "remove", "--tiles", "2", says="remove")
         self.fails(2, "run", self.las, self.path("o.off"), "--outliers", "classify", says="--outliers")
 
 

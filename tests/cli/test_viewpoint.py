@@ -49,6 +49,13 @@ class Viewpoint(Case):
         text = self.ok("run", self.cloud, self.path("b.ply"), "--viewpoint", self.at).stderr.decode()
         self.assertIn(f"{report['outliers']['mixed_pixels']} mixed pixels", text)
 
+    def test_a_place_far_outside_is_told(self):
+        def said(at):
+            return self.ok("run", self.cloud, self.path("out.ply"), "--viewpoint", at, "--force").stderr.decode()
+        self.assertIn("diagonals outside the bounds of the cloud", said("500000,4000000,100"))
+        self.assertNotIn("diagonals", said(self.at))
+        self.assertNotIn("diagonals", said("none"))
+
     def test_names_of_attributes_give_the_same(self):
         for words in ((), ("--along", "ray"), ("--normals", "write")):
             self.ok("run", self.cloud, self.path("a.ply"), "--viewpoint", self.at, "-q", "--force", *words)

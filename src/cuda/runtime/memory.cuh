@@ -54,7 +54,7 @@ class Context {
   Stream stream_;
   cudaStream_t current_ = nullptr;
   std::vector<std::pair<int, bool>> admitted_;  // or refused
-  MemoryPool pool_;  // none where the card has no pools: plain cudaMalloc then
+  MemoryPool pool_;                             // none where the card has no pools: plain cudaMalloc then
   const std::uint64_t limit_;
   std::uint64_t held_bytes_ = 0, peak_bytes_ = 0;
 };

@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+// Places of sensors that cannot be meant.
+#pragma once
+
+#include <span>
+#include <string>
+
+#include "pointfair/pointfair.hpp"
+
+namespace pointfair::cli {
+
+/// A sentence if a sensor stood more than a hundred diagonals outside the bounds of the cloud, as where its place is in
+/// another unit or another coordinate system; else empty. O(N).
+std::string far_viewpoint_note(std::span<const Position> viewpoints, const Cloud& cloud);
+
+}  // namespace pointfair::cli

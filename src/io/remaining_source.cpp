@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/remaining_source.hpp"
+
+#include <algorithm>
+#include <cstring>
+#include <iterator>
+#include <string>
+#include <utility>
+
+#include "pointfair/io.hpp"
+
+namespace pointfair {
+namespace io {
+
+RemainingSource::RemainingSource(std::shared_ptr<const Source> file, std::span<const std::uint8_t> removed)
+    : Source(FileBytes::copy({}), file->name(), file->format(), file->encoding()),
+      file_(std::move(file)),
+      columns_(file_->columns()) {
+  block_ends_.reserve(file_->block_count());
+  std::uint64_t i = 0;
+  for (std::size_t block = 0; block < file_->block_count(); ++block) {
+    for (const std::uint64_t end = file_->block_begin(block + 1); i < end; ++i)
+      if (removed[static_cast<std::size_t>(i)] == 0) kept_.push_back(static_cast<std::uint32_t>(i));
+    block_ends_.push_back(kept_.size());
+  }
+  place_at(file_->origin());
+}
+
+std::uint64_t RemainingSource::block_begin(std::size_t block) const { return block == 0 ? 0 : block_ends_[block - 1]; }
+
+std::span<const std::uint32_t> RemainingSource::kept_of(std::size_t block) const {
+  return std::span(kept_).subspan(static_cast<std::size_t>(block_begin(block)), block_size(block));
+}
+
+void RemainingSource::positions(std::size_t block, std::span<Position> out) const {
+  std::vector<Position> all(file_->block_size(block));
+  file_->positions(block, all);
+  const std::uint64_t begin = file_->block_begin(block);
+  std::ranges::transform(kept_of(block), out.begin(),
+                         [&](std::uint32_t i) { return all[static_cast<std::size_t>(i - begin)]; });
+}
+
+void RemainingSource::extract_block(std::size_t index, std::size_t block, std::span<char> out) const {
+  const std::size_t bytes = column_bytes(columns_[index]);
+  std::vector<char> all(file_->block_size(block) * bytes);
+  file_->extract_block(index, block, all);
+  char* to = out.data();
+  for (const std::uint32_t i : kept_of(block)) {
+    std::memcpy(to, all.data() + static_cast<std::size_t>(i - file_->block_begin(block)) * bytes, bytes);
+    to += bytes;
+  }
+}
+
+Faces RemainingSource::faces() const {
+  constexpr std::uint32_t kGone = ~std::uint32_t{0};
+  const Faces all = file_->faces();
+  std::vector<std::uint32_t> now(static_cast<std::size_t>(file_->size()), kGone);
+  for (std::size_t i = 0; i < kept_.size(); ++i) now[kept_[i]] = static_cast<std::uint32_t>(i);
+  Faces result;
+  std::uint64_t begin = 0;
+  for (const std::uint64_t end : all.ends) {
+    const auto first = all.corners.begin() + std::ptrdiff_t(begin), last = all.corners.begin() + std::ptrdiff_t(end);
+    if (std::none_of(first, last, [&](std::uint32_t corner) { return now[corner] == kGone; })) {
+      std::transform(first, last, std::back_inserter(result.corners),
+                     [&](std::uint32_t corner) { return now[corner]; });
+      result.ends.push_back(result.corners.size());
+      if (!all.texture.empty())
+        result.texture.insert(result.texture.end(), all.texture.begin() + 2 * std::ptrdiff_t(begin),
+                              all.texture.begin() + 2 * std::ptrdiff_t(end));
+    }
+    begin = end;
+  }
+  return result;
+}
+
+}  // namespace io
+
+Cloud without_points(const Cloud& cloud, std::span<const std::uint8_t> removed) {
+  if (removed.size() != cloud.points.size())
+    throw Error(ErrorKind::usage, "without_points: there are " + std::to_string(removed.size()) +
+                                      " values, and the cloud has " + std::to_string(cloud.points.size()) + " points");
+  Cloud result;
+  result.origin = cloud.origin;
+  for (std::size_t i = 0; i < removed.size(); ++i)
+    if (removed[i] == 0) result.points.push_back(cloud.points[i]);
+  if (result.points.empty() && !cloud.points.empty())
+    throw Error(ErrorKind::usage, "without_points: no point would be left");
+  for (const Attribute& all : cloud.added) {
+    Attribute& its = result.added.emplace_back();
+    static_cast<AttributeInfo&>(its) = all;
+    const std::size_t bytes = all.data.size() / std::max<std::size_t>(1, removed.size());
+    for (std::size_t i = 0; i < removed.size(); ++i)
+      if (removed[i] == 0)
+        its.data.insert(its.data.end(), all.data.begin() + std::ptrdiff_t(i * bytes),
+                        all.data.begin() + std::ptrdiff_t((i + 1) * bytes));
+  }
+  if (cloud.source) result.source = std::make_shared<io::RemainingSource>(cloud.source, removed);
+  return result;
+}
+
+}  // namespace pointfair

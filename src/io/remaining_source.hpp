@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+// A file without some of its points. A copy of its bytes cannot have fewer, so it is always written anew.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "io/source.hpp"
+
+namespace pointfair::io {
+
+class RemainingSource final : public Source {
+ public:
+  /// Without the points of which `removed` is not 0, and without the faces that have one of them as a corner.
+  RemainingSource(std::shared_ptr<const Source> file, std::span<const std::uint8_t> removed);
+
+  std::size_t block_count() const override { return file_->block_count(); }
+  std::uint64_t block_begin(std::size_t block) const override;
+  void positions(std::size_t block, std::span<Position> out) const override;
+  ScalarType coordinate_type() const override { return file_->coordinate_type(); }
+  std::vector<Column> columns() const override { return columns_; }
+  void extract_block(std::size_t index, std::size_t block, std::span<char> out) const override;
+  Faces faces() const override;
+  bool holds_its_positions() const override { return false; }
+  void check_las_scale(double scale) const override { file_->check_las_scale(scale); }
+  std::optional<Position> sensor(std::size_t block) const override { return file_->sensor(block); }
+  FileInfo info() const override { return file_->info(); }
+  std::vector<Content> contents() const override { return file_->contents(); }
+
+ private:
+  std::span<const std::uint32_t> kept_of(std::size_t block) const;
+
+  std::shared_ptr<const Source> file_;
+  std::vector<Column> columns_;
+  std::vector<std::uint32_t> kept_;        // which points of the file
+  std::vector<std::uint64_t> block_ends_;  // among them, of each block of the file
+};
+
+}  // namespace pointfair::io
