@@ -113,6 +113,7 @@ Json report_json(const TiledReport& report, const DeviceInfo& device, const Cost
             {"ignored", report.ignored},
             {"held", report.held}}},
           {"outliers", outliers_json(report.unmoved.outliers_by_reason)},
+          {"removed", 0},
           {"short_neighborhoods", report.short_neighborhoods},
           {"displacement", statistics_json({moved.mean, moved.rms, moved.p95, moved.max})},
           {"stages", costs ? stages_json(costs->steps) : Json()},

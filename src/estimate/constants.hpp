@@ -137,7 +137,7 @@ inline constexpr double kFarthestMove = 6;              // sigmas; 122
 inline constexpr double kFarthestOfNoise[] = {1.5, 4};  // sigmas, of little and of much; other methods; low
 inline constexpr double kFarNoise[] = {0.03, 0.5};      // spacings; other methods; low
 inline constexpr double kOutlierDistance = 6;           // sigmas; outliers
-inline constexpr double kOutlierSpacings = 1;           // spacings; outliers
+inline constexpr double kOutlierSpacings = 0.75;        // spacings; outliers
 inline constexpr double kOutlierRadius = 6;             // of what holds a typical point's neighbours; outliers
 inline constexpr double kNoiseOfDelta = 2.5;            // sigmas; delta of the paper's constraint
 
