@@ -75,11 +75,17 @@ std::string info_text(const Cloud& cloud, const Estimates& estimates, const Para
 }
 
 Json info_json(const Cloud& cloud, const Estimates& estimates, const Params& suggested) {
-  return {{"file", file_json(cloud)},           {"points", estimates.points},
-          {"finite", estimates.finite},         {"bounds", bounds_json(cloud, estimates)},
-          {"diagonal", estimates.diagonal},     {"attributes", attributes_json(attributes(cloud))},
-          {"spacing", estimates.spacing},       {"float_step", estimates.float_step},
-          {"noise", estimates.noise},           {"noise_quantiles", estimates.noise_quantiles},
+  return {{"file", file_json(cloud)},
+          {"points", estimates.points},
+          {"finite", estimates.finite},
+          {"bounds", bounds_json(cloud, estimates)},
+          {"diagonal", estimates.diagonal},
+          {"attributes", attributes_json(attributes(cloud))},
+          {"spacing", estimates.spacing},
+          {"float_step", estimates.float_step},
+          {"noise", estimates.noise},
+          {"noise_quantiles", estimates.noise_quantiles},
+          {"without_surface", estimates.without_surface},
           {"suggested", params_json(suggested)}};
 }
 

@@ -140,8 +140,8 @@ std::vector<std::string> doubts(const Look& look) {
                     look.min_neighbors));
   if (double(look.without_surface) > kMuch * double(look.finite))
     result.push_back(
-        fmt::format("{:.0f} % of the points show no surface and kept their place, as crowns, clutter or strays do; "
-                    "--noise gives the noise if a surface is there",
+        fmt::format("{:.0f} % of the points show no surface and kept their place, as crowns, clutter or outliers do; "
+                    "if a surface is there, --noise with an attribute gives the noise of each point",
                     100 * double(std::min(look.without_surface, look.finite)) / double(look.finite)));
   return result;
 }

@@ -138,8 +138,9 @@ void print_summary(const TiledReport& report) {
   std::vector<std::string> notes = {nothing_selected(report.points, u.non_finite, report.ignored, report.held),
                                     coarse_steps(report.step, noise), coarse_floats(report.float_step, noise)};
   const std::uint64_t finite = report.points - std::min(report.points, u.non_finite + report.ignored);
-  for (const std::string& doubt : doubts({report.spacing.value_or(0), noise, 0, report.displacement, finite,
-                                          u.too_few_neighbors + u.no_normal + u.outliers}))
+  for (const std::string& doubt : doubts(
+           {report.spacing.value_or(0), noise, 0, report.displacement, finite,
+            u.too_few_neighbors + u.no_normal + u.outliers + std::uint64_t(report.without_surface * double(finite))}))
     notes.push_back(doubt);
   for (const std::string& note : notes)
     if (!note.empty()) fmt::print(stderr, "note: {}\n", note);

@@ -22,13 +22,13 @@ struct Forest {
   Points points;
   std::size_t ground;
 };
-Forest forest(std::size_t ground, std::size_t crown, unsigned seed) {
+Forest forest(std::size_t ground, std::size_t crown, unsigned seed, double noise = kNoise) {
   shapes::Random random(seed);
   Forest result{{}, ground};
   const auto height = [](double x, double y) { return 0.1 * x + 0.02 * y; };
   for (std::size_t i = 0; i < ground; ++i) {
     const double x = kSide * random.uniform(), y = kSide * random.uniform();
-    result.points.push_back({float(x), float(y), float(height(x, y) + kNoise * random.normal())});
+    result.points.push_back({float(x), float(y), float(height(x, y) + noise * random.normal())});
   }
   constexpr std::size_t kPointsOfCrown = 40;
   while (result.points.size() < ground + crown) {
@@ -64,6 +64,16 @@ TEST(HiddenSurface, ground_between_crowns_gets_no_worse_and_crowns_stay) {
     EXPECT_LT(most, 0.2) << seed;  // crown points are 1 apart
     EXPECT_GT(pipeline.estimates().without_surface, 0.5) << seed;
   }
+}
+
+TEST(HiddenSurface, without_noise_stays_as_it_is) {
+  const Forest made = forest(400, 3200, 1, 0);
+  Pipeline pipeline(Device::cpu);
+  pipeline.load(made.points);
+  Points after(made.points.size());
+  pipeline.run({}, after);
+  for (std::size_t i = 0; i < after.size(); ++i) ASSERT_LT(distance(after[i], made.points[i]), 1e-3) << i;
+  EXPECT_GT(pipeline.estimates().without_surface, 0.5);
 }
 
 TEST(HiddenSurface, is_not_seen_in_noise_however_large) {

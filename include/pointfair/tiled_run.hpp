@@ -28,6 +28,7 @@ struct TiledJob {
   std::filesystem::path output_folder;        ///< in place of `output`: each input is written there under its name
   Params params;
   Limits limits;                ///< without a mask
+  double without_surface = 0;   ///< as in Estimates
   std::string noise_attribute;  ///< the attribute that has the noise of each point; empty: the noise is estimated
   /// Where the sensor stood, as parse_viewpoints reads it, but one place for all points: "x,y,z", or "none"; empty:
   /// what the inputs say, unknown if they say several places.
@@ -56,6 +57,7 @@ struct TiledReport {
   std::uint64_t short_neighborhoods = 0;
   std::optional<double> spacing, noise;     ///< of the input, if parameters followed from them
   std::array<double, 3> noise_quantiles{};  ///< as in Estimates, where there is a noise
+  double without_surface = 0;               ///< as in Estimates
   std::string noise_attribute;              ///< with the given noise; empty: it was estimated
   double float_step = 0;                    ///< as in Estimates; in zones, the largest step in one
   Displacement displacement;

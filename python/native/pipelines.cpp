@@ -151,7 +151,8 @@ void normals_on_card(SharedPipeline& self, const CardArray& out, std::uintptr_t 
       [&](ArrayPipeline& arrays, const Watch&) { arrays.pipeline().normals(out.rows(), stream_of(stream)); });
 }
 
-// (min, max, diagonal, spacing, noise, points, finite, noise_quantiles, float_step), with bounds in file coordinates.
+// (min, max, diagonal, spacing, noise, points, finite, noise_quantiles, float_step, without_surface), with bounds in
+// file coordinates.
 Row estimates(SharedPipeline& self) {
   Estimates found;
   self.use_cloud([&](ArrayPipeline& arrays, const Watch& watch) { found = arrays.pipeline().estimates(watch.stop); });
@@ -164,7 +165,7 @@ Row estimates(SharedPipeline& self) {
                         nb::make_tuple(found.max[0], found.max[1], found.max[2]), found.diagonal, found.spacing,
                         found.noise, found.points, found.finite,
                         nb::make_tuple(found.noise_quantiles[0], found.noise_quantiles[1], found.noise_quantiles[2]),
-                        found.float_step);
+                        found.float_step, found.without_surface);
 }
 
 Params resolve(SharedPipeline& self, const Params& params) {

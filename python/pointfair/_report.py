@@ -59,6 +59,8 @@ class Estimates:
     float_step: float
     """The largest step between coordinates: a run works on 32-bit floats around the cloud's origin, and they step by
     1 mm at 16 km. 0 for float32 arrays, which keep their digits."""
+    without_surface: float
+    """Share of the cloud where no surface shows although the rest has one, as in crowns or clutter; it keeps its place."""
 
 
 @dataclasses.dataclass(frozen=True)

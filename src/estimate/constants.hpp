@@ -31,8 +31,7 @@ inline constexpr double kHiddenNoise = 0.01;     // of the distance to the 16th 
 inline constexpr double kNoSurface = 10;         // of the hidden surface's noise; 165
 inline constexpr double kHiddenShare = 0.02;     // of the samples; 165
 inline constexpr std::size_t kFewestHidden = 8;  // samples; 165
-inline constexpr double kRound = 0.2;            // ratio of variances along a plane; less is a line; 075
-inline constexpr double kEndlessNoise = 1e9;     // of what shows none
+inline constexpr double kEndless = 1e9;          // of what cannot be told
 
 // Noise of a typical place.
 inline constexpr double kNoiseQuantile =

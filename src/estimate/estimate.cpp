@@ -89,14 +89,14 @@ Growth residual_growth(const std::vector<point::ResidualSample>& samples) {
     }
     if (from.empty()) return 1.0;
     const double low = quantile(from, share), high = quantile(to, share);
-    return low > 0 ? high / low : high > 0 ? kEndlessNoise : 1;
+    return low > 0 ? high / low : high > 0 ? kEndless : 1;
   };
   std::vector<double> known;
   for (const point::ResidualSample& s : samples)
     if (s.narrow >= 0) known.push_back(s.narrow);
   if (known.empty()) return {};
   const double near_flat = kNearFlat * quantile(known, kLeastQuantile);
-  Growth growth{growth_at(kLeastQuantile, kEndlessNoise), growth_at(0.5, near_flat)};
+  Growth growth{growth_at(kLeastQuantile, kEndless), growth_at(0.5, near_flat)};
   double variance[3] = {};
   for (const point::ResidualSample& s : samples) {
     if (s.narrow < 0 || s.wide < 0 || s.widest < 0) continue;
@@ -123,7 +123,7 @@ double alikeness(const Growth& growth) {
 // Variances of noise stay, those of shape grow fourfold: g^2 = (1 + 4 x) / (1 + x).
 double shape_to_noise(double typical_growth) {
   const double squared = typical_growth * typical_growth / (kOwnGrowth * kOwnGrowth);
-  if (squared >= kShapeVarianceGrowth) return kEndlessNoise;
+  if (squared >= kShapeVarianceGrowth) return kEndless;
   return std::max(0.0, (squared - 1) / (kShapeVarianceGrowth - squared));
 }
 
@@ -207,20 +207,6 @@ void cover_rounding(const CoordinateSteps& steps, std::vector<point::ResidualSam
   }
 }
 
-// Places whose noise is known without their neighbours'.
-struct KnownPlaces {
-  std::vector<Point> places;
-  std::vector<double> noise;  // standard deviations; 0 where no surface shows
-};
-
-// Levels at such places alone.
-void add_known(Estimate& result, const KnownPlaces& known, const ForEach& for_each) {
-  std::vector<double> log_levels;
-  for (const double noise : known.noise)
-    log_levels.push_back(portable::log(std::clamp(noise / result.noise.sigma, 1 / kLargestLevel, kLargestLevel)));
-  result.levels = noise_levels(known.places, std::move(log_levels), for_each);
-}
-
 // What differs from place to place, where enough samples show it.
 void add_local(Estimate& result, const LocalSamples& samples, std::vector<std::uint32_t> rows,
                const ForEach& for_each) {
@@ -278,21 +264,25 @@ Samples take(Sampling& from, std::span<const std::uint32_t> for_spacing, std::sp
 
 // Where the cloud hides a surface among what is none: the noise of that surface, and next to none elsewhere, so that
 // what is no surface keeps its place. Whether it does.
-bool estimate_hidden_surface(Estimate& result, NearestRows& nearest, Samples& samples, const CloudSample& sample,
-                             const ForEach& for_each) {
-  const std::vector<bool> on_surface = find_hidden_surface(nearest, samples.noise);
+bool estimate_hidden_surface(Estimate& result, NearestRows& nearest, std::vector<point::NoiseSample>& samples,
+                             const CloudSample& sample, const ForEach& for_each) {
+  const std::vector<bool> on_surface = find_hidden_surface(nearest, samples);
   if (on_surface.empty()) return false;
   std::vector<point::NoiseSample> of_surface;
-  KnownPlaces known;
+  std::vector<Point> places;
+  std::vector<double> noise;  // at these; 0 where no surface shows
   for (std::size_t i = 0; i < on_surface.size(); ++i) {
-    if (!samples.noise[i].shows_noise) continue;
-    if (on_surface[i]) of_surface.push_back(samples.noise[i]);
-    known.places.push_back(sample.points[i]);
-    known.noise.push_back(on_surface[i] ? samples.noise[i].sigma : 0);
+    if (!samples[i].shows_noise) continue;
+    if (on_surface[i]) of_surface.push_back(samples[i]);
+    places.push_back(sample.points[i]);
+    noise.push_back(on_surface[i] ? samples[i].sigma : 0);
   }
   result.noise = noise_of(of_surface, false, [] { return std::vector<point::ResidualSample>(); });
-  result.noise.without_surface = 1 - double(of_surface.size()) / double(known.places.size());
-  add_known(result, known, for_each);
+  result.noise.without_surface = 1 - double(of_surface.size()) / double(places.size());
+  if (!(result.noise.sigma > 0)) return true;
+  for (double& level : noise)
+    level = portable::log(std::clamp(level / result.noise.sigma, 1 / kLargestLevel, kLargestLevel));
+  result.levels = noise_levels(places, std::move(noise), for_each);
   return true;
 }
 
@@ -329,7 +319,7 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
   const ForEach for_each = [&from](std::size_t count, const std::function<void(std::size_t)>& body) {
     from.for_each_on_host(count, body);
   };
-  if (repeats == 1 && steps.at.empty() && estimate_hidden_surface(result, nearest, samples, sample, for_each))
+  if (repeats == 1 && steps.at.empty() && estimate_hidden_surface(result, nearest, samples.noise, sample, for_each))
     return result;
   const std::size_t noises = samples.noise.size(), first = std::min(noises, kNoiseSamples);
   result.noise = noise_of(std::span(samples.noise).first(first), depth_has_steps, [&] {

@@ -43,13 +43,13 @@ double deviation_of(const Offsets& offsets, const point::Offset& normal, double 
     ++n;
   }
   const point::Plane plane = point::plane_of(sums, n);
-  return plane.exists && plane.roundness >= kRound ? std::sqrt(plane.variance * n / (n - 3)) : kEndlessNoise;
+  return plane.exists && plane.roundness >= point::kRound ? std::sqrt(plane.variance * n / (n - 3)) : kEndless;
 }
 
 // Of the planes through a sample and two of its nearest points, the one that half of these are nearest to (least median
 // of squares, Rousseeuw 1984): how far they lie off it.
 double noise_of_best_half(const Offsets& offsets) {
-  double least = kEndlessNoise, result = kEndlessNoise;
+  double least = kEndless, result = kEndless;
   for (std::size_t a = 1; a < kNearest; ++a)
     for (std::size_t b = 0; b < a; ++b) {
       const point::Offset across = cross(offsets[a], offsets[b]);
@@ -61,7 +61,7 @@ double noise_of_best_half(const Offsets& offsets) {
       std::nth_element(heights.begin(), heights.begin() + (kHalf - 1), heights.end());
       if (heights[kHalf - 1] >= least) continue;
       const double deviation = deviation_of(offsets, normal, heights[kHalf - 1]);
-      if (deviation == kEndlessNoise) continue;
+      if (deviation == kEndless) continue;
       least = heights[kHalf - 1];
       result = deviation;
     }
@@ -76,7 +76,7 @@ std::vector<bool> find_hidden_surface(NearestRows& rows, std::vector<point::Nois
   const auto messy = std::count_if(samples.begin(), samples.begin() + std::ptrdiff_t(looked_at), is_messy);
   if (2 * std::size_t(messy) < looked_at) return {};  // the surface is there for all to see
   const std::vector<Point> nearest = rows.of(looked_at, int(kRow));
-  std::vector<double> found(looked_at, kEndlessNoise), hidden;
+  std::vector<double> found(looked_at, kEndless), hidden;
   for (std::size_t i = 0; i < looked_at; ++i) {
     const std::optional<Offsets> offsets =
         is_messy(samples[i]) ? distinct_places(&nearest[i * (kRow + 1)]) : std::nullopt;
@@ -89,11 +89,11 @@ std::vector<bool> find_hidden_surface(NearestRows& rows, std::vector<point::Nois
   std::nth_element(hidden.begin(), middle, hidden.end());
   std::vector<bool> on_surface(samples.size(), true);
   for (std::size_t i = 0; i < samples.size(); ++i)
-    if (i >= looked_at || found[i] == kEndlessNoise)
+    if (i >= looked_at || found[i] == kEndless)
       on_surface[i] = !(is_messy(samples[i]) && samples[i].sigma > kNoSurface * *middle);
   if (2 * std::count(on_surface.begin(), on_surface.end(), true) > std::ptrdiff_t(samples.size())) return {};
   for (std::size_t i = 0; i < looked_at; ++i)
-    if (found[i] < kEndlessNoise) samples[i].sigma = found[i];
+    if (found[i] < kEndless) samples[i].sigma = found[i];
   return on_surface;
 }
 

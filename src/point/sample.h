@@ -150,10 +150,12 @@ POINTFAIR_INLINE NoiseSample noise_sample(int first, int end, const LookIn& look
   return {true};
 }
 
+// Of the variances along a plane, the lesser over the greater; less is a line.
+inline constexpr double kRound = 0.2;
+
 // Of a row of which `there` points are there.
 template <class Team, int kMost>
 POINTFAIR_INLINE PlaneSample plane_sample(Team team, const FitSpace<kMost>& space, int there) {
-  constexpr double kRound = 0.2;  // less is a line
   PlaneSample planes;
   typename Team::template Sums<kMoments> sums(team);
   for (int size = 0, first = 0; size < kPlaneSizes; ++size) {

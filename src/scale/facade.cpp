@@ -179,6 +179,7 @@ TiledReport TiledRun::report() const {
     if (needs_spacing(folder.plan.params)) report.spacing = state_->measured().spacing.mean;
     if (needs_noise(folder.plan.params)) {
       report.noise = state_->measured().noise.sigma;
+      report.without_surface = state_->measured().noise.without_surface;
       for (std::size_t q = 0; q < report.noise_quantiles.size(); ++q)
         report.noise_quantiles[q] =
             *report.noise * (state_->measured().levels ? state_->measured().levels->quantiles[q] : 1.0);
