@@ -36,14 +36,18 @@ inline constexpr double kEndless = 1e9;          // of what cannot be told
 // Noise of a typical place.
 inline constexpr double kNoiseQuantile =
     0.35;  // of the samples: edges and outliers only raise a residual; (8); estimates
-inline constexpr double kLeastQuantile = 0.15;   // of the samples, where they spread; (8); estimates
-inline constexpr double kMostOverLeast = 1.2;    // of the residual at that quantile; (8); estimates
-inline constexpr double kPlaneQuartile = 1.02;   // of a plane's own variances over the median sample's; (18); 126
-inline constexpr double kSheetShare = 0.1;       // of the samples; fewer that see two sheets are corners; sheets
-inline constexpr double kGapQuantile = 0.25;     // of the gaps between sheets; sheets
-inline constexpr double kDoubtfulNoise = 0.6;    // spacings; below it residuals may be shape; low
-inline constexpr double kBeyondResiduals = 1.7;  // spacings; of more noise 115 points show nothing; 082
-inline constexpr double kNearFlat = 2;           // flattest residuals; larger ones are beyond the similarity sigma; low
+inline constexpr double kLeastQuantile = 0.15;  // of the samples, where they spread; (8); estimates
+inline constexpr double kMostOverLeast = 1.2;   // of the residual at that quantile; (8); estimates
+inline constexpr double kPlaneQuartile = 1.02;  // of a plane's own variances over the median sample's; (18); 126
+inline constexpr double kSheetShare = 0.1;      // of the samples; fewer that see two sheets are corners; sheets
+inline constexpr double kGapQuantile = 0.25;    // of the gaps between sheets; sheets
+inline constexpr double kShownBySix = 0.784;    // of the noise, by the deviation of six points from their plane; (25)
+inline constexpr double kHiddenFromSix = 0.53;  // spacings; of more noise six points show less; (25); 117
+inline constexpr double kMostOverSix = 1.25;    // of the noise that they show, by chance; (25); 117
+inline constexpr std::uint64_t kPointsOfGrowth = 2300;  // points of the cloud; of fewer, 115 are a part of it; 117
+inline constexpr double kDoubtfulNoise = 0.6;           // spacings; below it residuals may be shape; low
+inline constexpr double kBeyondResiduals = 1.7;         // spacings; of more noise 115 points show nothing; 082
+inline constexpr double kNearFlat = 2;  // flattest residuals; larger ones are beyond the similarity sigma; low
 
 // How residuals grow from one neighbourhood to one of twice the points.
 inline constexpr double kOwnGrowth = 1.05;              // ratio of median residuals of noise alone; 027

@@ -127,6 +127,18 @@ double shape_to_noise(double typical_growth) {
   return std::max(0.0, (squared - 1) / (kShapeVarianceGrowth - squared));
 }
 
+// Of a typical place, by what the few nearest points lie off their planes: Eq. 25. Where most samples have no such
+// plane, as where points lie in rows, they do not tell.
+double most_noise(std::span<const point::ResidualSample> samples, double spacing) {
+  std::vector<double> deviations;
+  for (const point::ResidualSample& sample : samples)
+    if (sample.planes.variance[0] >= 0) deviations.push_back(std::sqrt(sample.planes.variance[0]));
+  if (deviations.empty() || 2 * deviations.size() < samples.size()) return kEndless;
+  const double shown = quantile(deviations, kNoiseQuantile) / kShownBySix;
+  const double hidden = shown / (kHiddenFromSix * spacing);
+  return kMostOverSix * shown * (1 + hidden * hidden * hidden);
+}
+
 // As Noise::surface_points.
 int surface_points(std::span<const point::ResidualSample> samples) {
   for (int size = 0; size < point::kPlaneSizes; ++size) {
@@ -139,7 +151,7 @@ int surface_points(std::span<const point::ResidualSample> samples) {
 }
 
 // `residuals` are asked for where they are read, which is not where depths have steps.
-Noise noise_of(std::span<const point::NoiseSample> samples, bool depth_has_steps,
+Noise noise_of(std::span<const point::NoiseSample> samples, std::uint64_t points, bool depth_has_steps,
                const std::function<std::vector<point::ResidualSample>()>& residuals) {
   std::vector<double> sigmas, spacings, gaps, plane_variances;
   std::size_t confined = 0;
@@ -167,6 +179,8 @@ Noise noise_of(std::span<const point::NoiseSample> samples, bool depth_has_steps
   if (!depth_has_steps && sigma < kBeyondResiduals * noise.surface_spacing) {
     const std::vector<point::ResidualSample> samples_of_residuals = residuals();
     noise.surface_points = surface_points(samples_of_residuals);
+    if (points < kPointsOfGrowth)
+      noise.sigma = std::min(noise.sigma, most_noise(samples_of_residuals, noise.surface_spacing));
     if (sigma < kDoubtfulNoise * noise.surface_spacing) {
       const Growth growth = residual_growth(samples_of_residuals);
       noise.alikeness = alikeness(growth);
@@ -277,7 +291,7 @@ bool estimate_hidden_surface(Estimate& result, NearestRows& nearest, std::vector
     places.push_back(sample.points[i]);
     noise.push_back(on_surface[i] ? samples[i].sigma : 0);
   }
-  result.noise = noise_of(of_surface, false, [] { return std::vector<point::ResidualSample>(); });
+  result.noise = noise_of(of_surface, sample.bounds.valid, false, [] { return std::vector<point::ResidualSample>(); });
   result.noise.without_surface = 1 - double(of_surface.size()) / double(places.size());
   if (!(result.noise.sigma > 0)) return true;
   for (double& level : noise)
@@ -322,11 +336,12 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
   if (repeats == 1 && steps.at.empty() && estimate_hidden_surface(result, nearest, samples.noise, sample, for_each))
     return result;
   const std::size_t noises = samples.noise.size(), first = std::min(noises, kNoiseSamples);
-  result.noise = noise_of(std::span(samples.noise).first(first), depth_has_steps, [&] {
-    std::vector<point::ResidualSample> of_first = all_residuals();
-    of_first.resize(first);
-    return of_first;
-  });
+  result.noise = noise_of(std::span(samples.noise).first(first), sample.bounds.valid / std::uint64_t(repeats),
+                          depth_has_steps, [&] {
+                            std::vector<point::ResidualSample> of_first = all_residuals();
+                            of_first.resize(first);
+                            return of_first;
+                          });
   result.noise.repeats = repeats;
   if (result.noise.sigma < kBeyondResiduals * result.noise.surface_spacing) all_residuals();
   LocalSamples local;
