@@ -75,7 +75,7 @@ void add_params(CLI::App& command, ParamArguments& arguments) {
              "the paper: k 8, one iteration, constraint on, squared area weight")
       ->group(kParamGroup);
   for (const ParamInfo& info : kParams) add_param(command, info, arguments);
-  command.set_help_all_flag("--help-all", "print this help with the expert parameters");
+  command.set_help_all_flag("--help-all", "print this help with all flags");
   command.footer(
       "A LENGTH is a number in the file's unit, 5mm (or cm, m, ft) where the file says its unit, 0.5% of the diagonal "
       "of\n"
@@ -107,6 +107,7 @@ void add_limits(CLI::App& command, LimitArguments& arguments) {
     CLI::Option* const option =
         command.add_option_function<std::string>("--" + std::string(kLimitNames[i]), store, kHelp[i][1]);
     option->type_name(kHelp[i][0])->group("Limits")->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
+    if (kLimitNames[i] == "view") option->group(kMoreGroup);
     const bool several = kLimitNames[i] == "where" || kLimitNames[i] == "ignore";
     if (several) option->multi_option_policy(CLI::MultiOptionPolicy::Join)->delimiter(';');
   }
@@ -125,7 +126,7 @@ void add_viewpoint(CLI::App& command, std::string& viewpoint) {
           "where the sensor stood, in file coordinates; or the attributes that hold it for each point; or none; "
           "default: what a PCD, E57 or PTX file says")
       ->type_name("X,Y,Z|NAMES")
-      ->group("Limits");
+      ->group(kInputGroup);
 }
 
 void add_threads(CLI::App& command, unsigned& threads) {
@@ -153,15 +154,15 @@ Device make_device(const DeviceArguments& arguments) { return parse_device(argum
 void add_input(CLI::App& command, InputArguments& arguments) {
   add_choice(command, "--in-format", arguments.format, names(kFormats),
              "format of the input; default: as its content and its extension say")
-      ->group("Input");
+      ->group(kInputGroup);
   command
       .add_option("--columns", arguments.columns,
                   "names of the columns of a text from the left, x, y and z among them, as in x,y,z,intensity")
       ->type_name("NAMES")
-      ->group("Input");
+      ->group(kInputGroup);
   command.add_option("--skip", arguments.skip, "pass over N lines at the front of a text, which are kept")
       ->type_name("N")
-      ->group("Input");
+      ->group(kInputGroup);
 }
 
 ReadOptions make_read_options(const InputArguments& arguments, unsigned threads) {
@@ -185,10 +186,13 @@ ReadOptions make_read_options(const InputArguments& arguments, unsigned threads)
 
 void add_format(CLI::App& command, FormatArguments& arguments) {
   add_choice(command, "--format", arguments.format, names(kFormats),
-             "format of the output; default: by its extension, that of the input for -");
+             "format of the output; default: by its extension, that of the input for -")
+      ->group(kOutputGroup);
   add_choice(command, "--encoding", arguments.encoding, names(kEncodings),
-             "encoding of the output; default: that of the input, else binary");
-  command.add_flag("--strict", arguments.strict, "make it an error if the output cannot hold all that the input holds");
+             "encoding of the output; default: that of the input, else binary")
+      ->group(kOutputGroup);
+  command.add_flag("--strict", arguments.strict, "make it an error if the output cannot hold all that the input holds")
+      ->group(kOutputGroup);
 }
 
 WriteOptions make_write_options(const FormatArguments& arguments, const std::filesystem::path& path) {

@@ -19,8 +19,11 @@ namespace pointfair::cli {
 CLI::Option* add_choice(CLI::App& command, const std::string& flag, std::string& value,
                         const std::vector<std::string>& words, const std::string& help);
 
-/// The group of flags that `--help` leaves to `--help-all`.
+/// The groups of flags that `--help` leaves to `--help-all`, of verbs that have it.
 inline constexpr const char* kExpertGroup = "Expert parameters";
+inline constexpr const char* kInputGroup = "Input";
+inline constexpr const char* kOutputGroup = "Output";
+inline constexpr const char* kMoreGroup = "More";
 
 /// The parameters given, in their order; they come after the preset, wherever that stands.
 struct ParamArguments {

@@ -68,10 +68,14 @@ std::string words_of(const CLI::App* command) {
 }
 std::string words_before(const CLI::App& command) { return words_of(command.get_parent()); }
 
-// The help of a verb; `with_expert`: also the flags that are seldom needed.
-std::string help_of(CLI::App& command, bool with_expert) {
+// The help of a verb; `with_all`: also the flags that are seldom needed.
+std::string help_of(CLI::App& command, bool with_all) {
+  const auto is_seldom = [](std::string_view group) {
+    return group == kExpertGroup || group == kInputGroup || group == kOutputGroup || group == kMoreGroup;
+  };
+  const bool hides = !with_all && command.get_help_all_ptr() != nullptr;
   for (CLI::Option* option : command.get_options())
-    if (!with_expert && option->get_group() == kExpertGroup) option->group("");  // CLI11 hides such
+    if (hides && is_seldom(option->get_group())) option->group("");  // CLI11 hides such
   return command.help(words_before(command));
 }
 

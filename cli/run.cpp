@@ -128,6 +128,16 @@ void run(RunArguments arguments, std::stop_token stop) {
   if (!arguments.quiet) print_summary(found->report, *found, arguments.verbose);
 }
 
+// A flag that takes a name after an equals sign only, since a cloud may follow it.
+void add_named_flag(CLI::App& command, const std::string& flag, const std::string& name, std::string& value,
+                    const std::string& help) {
+  command.add_flag(flag, value, help + "; default: " + name)
+      ->transform([name](const std::string& text) { return text == "true" ? name : text; })
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeLast)
+      ->group(kOutputGroup)
+      ->type_name("[=NAME]");
+}
+
 }  // namespace
 
 Verb add_run(CLI::App& app) {
@@ -152,23 +162,21 @@ Verb add_run(CLI::App& app) {
       .add_option(
           "--las-scale", arguments->las_scale,
           "finer step for the coordinates of LAS and LAZ: the input's divided by a whole number, as 0.001 for 0.01")
-      ->type_name("STEP");
+      ->type_name("STEP")
+      ->group(kOutputGroup);
   add_choice(command, "--normals", arguments->normals, {"keep", "update", "write"},
              "keep: those in the file stay; update: new ones replace them; write: also where the file has none");
-  command.add_flag("--orient", arguments->orient,
-                   "new normals look to one side: to the sensor where its place is known, else out of closed shapes");
   command
-      .add_flag("--write-noise{noise}", arguments->write_noise,
-                "add the standard deviation of the noise at each point, as an attribute of this name; default: noise")
-      ->type_name("[=NAME]")
-      ->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
-  command
-      .add_flag("--write-displacement{displacement}", arguments->write_displacement,
-                "add how far each point moved, as an attribute of this name; default: displacement")
-      ->type_name("[=NAME]")
-      ->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
+      .add_flag("--orient", arguments->orient,
+                "new normals look to one side: to the sensor where its place is known, else out of closed shapes")
+      ->group(kOutputGroup);
+  add_named_flag(command, "--write-noise", "noise", arguments->write_noise,
+                 "add the standard deviation of the noise at each point, as an attribute of this name");
+  add_named_flag(command, "--write-displacement", "displacement", arguments->write_displacement,
+                 "add how far each point moved, as an attribute of this name");
   command.add_option("--weights", arguments->weights, "with --method learned: a file of weights in place of its own")
-      ->type_name("FILE");
+      ->type_name("FILE")
+      ->group(kExpertGroup);
   command
       .add_option(
           "--memory", arguments->tiled.memory,
@@ -177,19 +185,24 @@ Verb add_run(CLI::App& app) {
   command.add_option("--out-dir", arguments->tiled.out_dir, "write each input there under its name")->type_name("DIR");
   command.add_flag("--each", arguments->each,
                    "with --out-dir: every file is a cloud of its own; one that fails does not stop the others");
-  command.add_flag("--skip-existing", arguments->skip_existing, "with --each: pass over files whose result is there");
+  command.add_flag("--skip-existing", arguments->skip_existing, "with --each: pass over files whose result is there")
+      ->group(kMoreGroup);
   command
       .add_option(
           "--work", arguments->tiled.work,
           "keep the intermediate files of a run in tiles there; after a stop, the same command goes on from them")
-      ->type_name("DIR");
-  command.add_option("--tiles", arguments->tiled.tiles, "compute in at least N tiles on disk")->type_name("N");
+      ->type_name("DIR")
+      ->group(kMoreGroup);
+  command.add_option("--tiles", arguments->tiled.tiles, "compute in at least N tiles on disk")
+      ->type_name("N")
+      ->group(kMoreGroup);
   command
       .add_option("--report", arguments->report,
                   "write a report: JSON, or a page with pictures if the name ends in .html; - is standard output")
       ->type_name("FILE|-");
   add_choice(command, "--progress", arguments->progress, {std::begin(kProgressModes), std::end(kProgressModes)},
-             "progress on standard error; auto: a bar on a terminal");
+             "progress on standard error; auto: a bar on a terminal")
+      ->group(kMoreGroup);
   command.add_flag("--force", arguments->force, "replace OUT if it exists");
   command.add_flag("-q,--quiet", arguments->quiet, "print errors only");
   command.add_flag("-v,--verbose", arguments->verbose, "print the device, the parameters and each stage's time");
