@@ -283,18 +283,5 @@ TEST(CheckParams, refuses_the_constraint_with_a_radius_alone) {
   EXPECT_NO_THROW(check_params(params));
 }
 
-TEST(PaperPreset, is_k_8_one_iteration_with_constraint_and_squared_area_weight_and_nothing_newer) {
-  Params expected;
-  expected.k = 8;
-  expected.iterations = 1;
-  expected.constraint = true;
-  expected.area_weight = AreaWeight::squared;
-  expected.normal_filter = NormalFilter::off;
-  expected.offset = Offset::point;
-  expected.relaxation = 1;
-  expected.outliers = Outliers::off;
-  EXPECT_EQ(paper_preset(), expected);
-}
-
 }  // namespace
 }  // namespace pointfair
