@@ -16,9 +16,9 @@
 namespace pointfair::constants {
 
 // Samples.                                               unit; equation; measured by
-inline constexpr std::size_t kNoiseSamples = 500, kLeastSamples = 128;  // samples of the cloud; (8); estimates, 117
-inline constexpr std::uint64_t kPointsOfSample = 8;                     // points of the cloud for one, in between; 117
-inline constexpr std::uint64_t kPointsOfPlace = 150;  // points of the cloud for one more place; (21); 109
+inline constexpr std::size_t kNoiseSamples = 500, kLeastSamples = 128;  // samples of the cloud; (8); estimates, 028
+inline constexpr std::uint64_t kPointsOfSample = 8;                     // points of the cloud for one, in between; 028
+inline constexpr std::uint64_t kPointsOfPlace = 150;  // points of the cloud for one more place; (21); 082
 
 // Points that are no measurements of their own.
 inline constexpr int kRepeatNeighbors = 64, kMostRepeats = 16;  // points; 141
@@ -38,37 +38,37 @@ inline constexpr double kNoiseQuantile =
     0.35;  // of the samples: edges and outliers only raise a residual; (8); estimates
 inline constexpr double kLeastQuantile = 0.15;  // of the samples, where they spread; (8); estimates
 inline constexpr double kMostOverLeast = 1.2;   // of the residual at that quantile; (8); estimates
-inline constexpr double kPlaneQuartile = 1.02;  // of a plane's own variances over the median sample's; (18); 126
+inline constexpr double kPlaneQuartile = 1.02;  // of a plane's own variances over the median sample's; (18); 028
 inline constexpr double kSheetShare = 0.1;      // of the samples; fewer that see two sheets are corners; sheets
 inline constexpr double kGapQuantile = 0.25;    // of the gaps between sheets; sheets
 inline constexpr double kShownBySix = 0.784;    // of the noise, by the deviation of six points from their plane; (25)
-inline constexpr double kHiddenFromSix = 0.53;  // spacings; of more noise six points show less; (25); 117
-inline constexpr double kMostOverSix = 1.25;    // of the noise that they show, by chance; (25); 117
-inline constexpr std::uint64_t kPointsOfGrowth = 2300;  // points of the cloud; of fewer, 115 are a part of it; 117
+inline constexpr double kHiddenFromSix = 0.53;  // spacings; of more noise six points show less; (25); 028
+inline constexpr double kMostOverSix = 1.25;    // of the noise that they show, by chance; (25); 028
+inline constexpr std::uint64_t kPointsOfGrowth = 2300;  // points of the cloud; of fewer, 115 are a part of it; 028
 inline constexpr double kDoubtfulNoise = 0.6;           // spacings; below it residuals may be shape; low
 inline constexpr double kBeyondResiduals = 1.7;         // spacings; of more noise 115 points show nothing; 082
 inline constexpr double kNearFlat = 2;  // flattest residuals; larger ones are beyond the similarity sigma; low
 
 // How residuals grow from one neighbourhood to one of twice the points.
-inline constexpr double kOwnGrowth = 1.05;              // ratio of median residuals of noise alone; 027
-inline constexpr double kShapeVarianceGrowth = 4;       // ratio of variances of shape: a quadric's; 027
-inline constexpr double kAlikeGrowth[] = {1.14, 1.18};  // ratio in flat places (1.09 is chance); 051
-inline constexpr double kAlikeSlowing[] = {1.2, 0.9};   // the next growth over this one; more is shape; 051
+inline constexpr double kOwnGrowth = 1.05;              // ratio of median residuals of noise alone; 082
+inline constexpr double kShapeVarianceGrowth = 4;       // ratio of variances of shape: a quadric's; 082
+inline constexpr double kAlikeGrowth[] = {1.14, 1.18};  // ratio in flat places (1.09 is chance); 075
+inline constexpr double kAlikeSlowing[] = {1.2, 0.9};   // the next growth over this one; more is shape; 075
 
 // Noise from place to place.
-inline constexpr double kWideAgainstResiduals = 2.6;  // radius of a neighbourhood that cuts off none; (21); 120
+inline constexpr double kWideAgainstResiduals = 2.6;  // radius of a neighbourhood that cuts off none; (21); 082
 inline constexpr std::size_t kFewestSamples = 64;     // that show noise; 082
 inline constexpr std::size_t kPool = point::kPool;    // samples whose residuals stand for one place; (21); 082
 inline constexpr std::size_t kSmoothed = 8;           // samples whose median is the noise of a place; (21); 082
 inline constexpr double kFitError = 0.1;              // of log variances, beside chance; (21); 082
-inline constexpr double kSpread = 0.7;                // of log levels, before anything is known; (21); 138
-inline constexpr double kChanceOfLevels = 0.1;        // of log levels, by the samples alone; (21); 104
-inline constexpr double kLargestLevel = 8;            // of the typical place, and its inverse the least; (21); 138
+inline constexpr double kSpread = 0.7;                // of log levels, before anything is known; (21); 082
+inline constexpr double kChanceOfLevels = 0.1;        // of log levels, by the samples alone; (21); 082
+inline constexpr double kLargestLevel = 8;            // of the typical place, and its inverse the least; (21); 082
 inline constexpr std::array kShapePowers{1.3, 2.0, 3.0, 4.0};  // of the size, by which shape grows; (21); 082
 inline constexpr int kLeastShape = -10, kMostShape = 8;        // half decades of shape over noise; (21); 082
-inline constexpr int kMostNodes = 32;                          // of the grid of levels along an axis; 121
+inline constexpr int kMostNodes = 32;                          // of the grid of levels along an axis; 082
 inline constexpr double kAside = 0.01;                         // of the places, at either end of each axis; 082
-inline constexpr std::size_t kMostGivenPlaces = 32768;         // points whose noise is given: as many as nodes; 076
+inline constexpr std::size_t kMostGivenPlaces = 32768;         // points whose noise is given: as many as nodes; 082
 inline constexpr std::array kToldQuantiles{0.05, 0.5, 0.95};
 
 // Steps of coordinates and of depth.
@@ -88,21 +88,21 @@ inline constexpr std::size_t kHeightsOfLevel = 8;                    // points, 
 inline constexpr std::size_t kSpans = 8, kFewestAlike = 6;           // spans of levels; 075
 inline constexpr double kSameGap = 0.15;                             // of the gap; 075
 inline constexpr double kWideningOfGaps = 1.3;     // ratio, from the nearest level to the farthest; 075
-inline constexpr double kStepsOfGap = 3;           // steps; points on two or three values are no sheets; 102
+inline constexpr double kStepsOfGap = 3;           // steps; points on two or three values are no sheets; 075
 inline constexpr double kNoiseOfDepthSteps = 0.5;  // steps; Khoshelham and Elberink 2012
 
 // Neighbourhoods.
 inline constexpr double kNoiseRadius = 2.5;                      // sigmas; R of (18); quality
 inline constexpr int kMinNeighbors = 16;                         // points; quality
-inline constexpr int kMinNeighborsIfAlike = 48;                  // points; 051
+inline constexpr int kMinNeighborsIfAlike = 48;                  // points; 075
 inline constexpr double kRoominess = 1.15, kConfinement = 0.67;  // of R; (18); 052
 inline constexpr double kBendPower = 0.06, kLeastFactor = 0.75;  // exponent; of R; (18); 052
 inline constexpr double kRoomyNoise[] = {0.5, 0.85};             // spacings; (18); 052
 inline constexpr double kBendingNoise[] = {0.25, 0.45};          // spacings; (18); 052
 inline constexpr double kUnseenNoise[] = {3.6, 4.4};             // spacings; (18); 052
-inline constexpr double kDepthWidening = 3;                      // of R: a matcher's windows are nine pixels wide; 102
-inline constexpr double kFlatPercent[] = {130, 160};         // of R, with little noise and with more; (20); 053, 110
-inline constexpr double kFlatNoise[] = {0.2, 0.35};          // spacings; (20); 110
+inline constexpr double kDepthWidening = 3;                      // of R: a matcher's windows are nine pixels wide; 075
+inline constexpr double kFlatPercent[] = {130, 160};         // of R, with little noise and with more; (20); 052, 143
+inline constexpr double kFlatNoise[] = {0.2, 0.35};          // spacings; (20); 143
 inline constexpr double kSeparableGap = 1.9;                 // spacings between two sheets; sheets
 inline constexpr double kOneSheet = 0.65, kBothSheets = 14;  // of one sheet's points within the gap; sheets
 inline constexpr double kListRadius = 3;                     // sigmas, of lists; quality
@@ -111,8 +111,8 @@ inline constexpr double kListPoints = 11;                    // points, of lists
 // Width from place to place.
 inline constexpr double kReachPoints =
     point::kReachPoints;                    // points; with so many of least risk the reach stays as it is; (23); 102
-inline constexpr double kNoiseOfWidth = 1;  // spacings; from there on the noise alone sets the width; (23); 139
-inline constexpr double kWidestReach = 2;   // of the reach, and its inverse the narrowest; (23); 104
+inline constexpr double kNoiseOfWidth = 1;  // spacings; from there on the noise alone sets the width; (23); 102
+inline constexpr double kWidestReach = 2;   // of the reach, and its inverse the narrowest; (23); 102
 
 // Weights and normals.
 inline constexpr double kNormalWidth = 1.4, kClosenessWidth = 0.6;  // of R; (3), (4); quality
@@ -125,18 +125,18 @@ inline constexpr double kTurningNoise[] = {0.45, 1};                // spacings;
 
 // The step.
 inline constexpr int kIterations = 2;                   // quality
-inline constexpr double kTrustedNoise = 0.01;           // spacings; half of a step is made there; 137
+inline constexpr double kTrustedNoise = 0.01;           // spacings; half of a step is made there; 082
 inline constexpr double kDamage = 0.4;                  // c of (22); 082
-inline constexpr double kWidthDamage = 1.5;             // by two iterations and the filter of normals; (23); 119
+inline constexpr double kWidthDamage = 1.5;             // by two iterations and the filter of normals; (23); 102
 inline constexpr double kHarmlessNoise[] = {0.2, 0.6};  // spacings; c of (22) below 1; 082
-inline constexpr double kShapeDamage = 3, kUnseenShape = 0.01;  // noise variances; other methods; 027
-inline constexpr double kSmoothingNoise[] = {0.1, 0.6};         // spacings; other methods; 027
+inline constexpr double kShapeDamage = 3, kUnseenShape = 0.01;  // noise variances; other methods; 082
+inline constexpr double kSmoothingNoise[] = {0.1, 0.6};         // spacings; other methods; 082
 
 // Outliers that a sensor saw.
-inline constexpr double kStepSpread = 1.1;  // of the spread of distances, by chance; 098
+inline constexpr double kStepSpread = 1.1;  // of the spread of distances, by chance; 156
 
 // Limits.
-inline constexpr double kFarthestMove = 6;              // sigmas; 122
+inline constexpr double kFarthestMove = 6;              // sigmas; 040
 inline constexpr double kFarthestOfNoise[] = {1.5, 4};  // sigmas, of little and of much; other methods; low
 inline constexpr double kFarNoise[] = {0.03, 0.5};      // spacings; other methods; low
 inline constexpr double kOutlierDistance = 6;           // sigmas; outliers
