@@ -8,7 +8,7 @@ constexpr int kBlock = 128;
 constexpr int kWarps = kBlock / kWarp;
 
 // How deep in the loaded region the neighbourhoods of a leaf end, as ordered() floats: where that is deeper than every
-// value of 0 lies, all values in them are 1, and the leaf is not surveyed (docs/decisions/107). Distances are rounded,
+// value of 0 lies, all values in them are 1, and the leaf is not surveyed (docs/decisions/039). Distances are rounded,
 // and below `kLeast` squares have few bits.
 constexpr float kLess = 1 - 1e-5f, kMore = 1 + 1e-5f, kLeast = 1e-30f;
 constexpr unsigned kSurveyed = 0;  // in any case
