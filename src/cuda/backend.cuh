@@ -116,7 +116,7 @@ class CudaBackend final : public Backend,
   void give(DeviceTiles& whole, std::size_t tile) override;
 
  private:
-  // The paper's normals and fairing as one kernel, and what the normals take of it.
+  // The paper's normals and fairing as one kernel, and the share of its time that a report gives to the normals.
   static constexpr const char* kBoth = "normals and fairing";
   static constexpr double kNormalsShare = 0.6;
   static constexpr unsigned kFurtherCalls = 8;  // numbers of stage calls of further iterations, for stops
@@ -127,12 +127,13 @@ class CudaBackend final : public Backend,
   const Point* take_input_of(int iteration);
 
   cudaEvent_t start_stage();
-  // Searches of chunks that are there, and of their borders again, take longer than the wait for a small cloud.
+  // Whether a cloud that arrives in chunks is searched while it arrives, with the borders of the chunks searched once
+  // more. For a small cloud that takes longer than to wait for all of it.
   bool is_worth_searching_twice() const;
   void forget_cloud(std::size_t points);
-  // What the context's stream is given from now on waits for what the caller's was given before.
+  // Work that the context's stream gets from now on waits for all that the caller's stream has so far.
   void let_wait(DeviceStream stream);
-  // Starts to; `callers_turn_` is then after the last look at the points.
+  // Starts to read the caller's points; the event `callers_turn_` comes after the last read.
   void take(const DevicePoints& points, const Origin& origin, IndexOrder expected);
   void upload_ends(std::span<const Index> ends);
   // The first index of many clouds.
@@ -140,10 +141,10 @@ class CudaBackend final : public Backend,
   void begin_upload(std::span<const Point> points, IndexOrder expected, bool timed);
   void wait_for_upload() const;
   void begin_first_index(const std::optional<Frame>& frame, const Arrival* arrival, const std::stop_token& stop);
-  // All points to the host, which the caller waits for.
+  // Copies all points to the host; the caller waits for the copy.
   void copy_out(const Point* from, std::span<Point> to);
   void wait();
-  // The host gets results of stages.
+  // Copies the results of stages to the host.
   void deliver();
   void finish_download(Chain& from, cudaEvent_t start, int iteration);
   void refine(Chain& from, const DisplacementLimits& limits, std::span<std::uint8_t> outliers, const RefinedBy& by,

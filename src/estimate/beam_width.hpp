@@ -12,16 +12,16 @@ namespace pointfair {
 
 // Of one point.
 struct BeamSample {
-  double second, twelfth;  // distance to the so many nearest other point
+  double second, twelfth;  // distances to the second and the twelfth nearest other point
   double range;            // distance to the sensor
 };
 // At the points of the cloud's sample whose sensor is known. Needs the index of the first iteration.
 std::vector<BeamSample> beam_samples(Sampling& from, const CloudSample& sample, const SensorPlaces& sensors);
 
-// In radians: the median of `twelfth` over `range`. 0 where nothing is known, and where the range does not explain the
-// distances: the two nearest points of one on a surface lie where the range does not change, one step between rays
-// away, however steep the surface is, so where distances to the second spread less than these steps, no one sensor saw
-// the cloud from there by turning evenly.
+// The width of the pattern in radians: the median of `twelfth` over `range`. 0 where no sample has a sensor.
+// Also 0 where the place of the sensor does not explain the distances. A sensor that turns evenly sees every point of a
+// surface with its second neighbour one step of the rays away, however steep the surface is, so `second` over `range`
+// spreads less than `second` itself. Where it spreads more, the cloud was not seen from there.
 double beam_width(std::span<const BeamSample> samples);
 
 }  // namespace pointfair

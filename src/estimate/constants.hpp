@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every constant of the estimates and of what follows from them: its unit, the equation of docs/how-it-works.md that it
-// stands in, and what measured it, a record of docs/decisions by its number or a command:
+// Every constant of the estimates and of what follows from them. The comment beside a constant gives its unit, the
+// equation of docs/how-it-works.md that has it, and what measured it: a record of docs/decisions by its number, or a
+// command:
 //   estimates, steady, low, sheets, outliers, scans    a part of bench/automatic.py
 //   quality                                            bench/quality.py
-// Pairs are where a rule sets in and where it is whole, in the order of its argument.
+// Of a pair, the first number is where a rule begins to act and the second where it acts in full.
 #pragma once
 
 #include <array>

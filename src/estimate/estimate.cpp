@@ -164,8 +164,8 @@ Noise noise_of(std::span<const point::NoiseSample> samples, std::uint64_t points
     if (sample.gap > 0) gaps.push_back(sample.gap);
   }
   if (sigmas.empty()) return {};
-  // Where noise is all there is, residuals spread little; where curvature adds to them, the least ones know more.
-  // The noise of depths runs from place to place anyway, and the typical one is wanted.
+  // Residuals of noise alone spread little. Where curvature adds to some of them, the least ones are nearer to the
+  // noise. The noise of depths differs from place to place, so its median is taken.
   const double sigma =
       depth_has_steps ? quantile(sigmas, 0.5)
                       : std::min(quantile(sigmas, kNoiseQuantile), kMostOverLeast * quantile(sigmas, kLeastQuantile));
@@ -193,14 +193,14 @@ Noise noise_of(std::span<const point::NoiseSample> samples, std::uint64_t points
   return noise;
 }
 
-// What steps add to the noise, in steps. Rounding adds an even spread of one. The depth of a camera that matches
-// patterns errs by half a step (Khoshelham and Elberink 2012, where half a step is half a disparity), alike in
-// neighbours.
+// What steps add to the noise, in steps. Rounding spreads evenly over one step. The depth of a camera that matches
+// patterns errs by half a step, of half a disparity (Khoshelham and Elberink 2012).
 double noise_of_steps(CoordinateSteps::Kind kind) {
   return kind == CoordinateSteps::Kind::depth ? kNoiseOfDepthSteps : 1 / std::sqrt(12.0);
 }
 
-// Points on one value lie as exactly as if there were no noise: samples show at least what steps add.
+// Points on one value of a coordinate fit a plane exactly, so their residuals are 0 however large the noise is.
+// Samples therefore get at least the noise that the steps add.
 void cover_rounding(const CoordinateSteps& steps, std::vector<point::NoiseSample>& samples) {
   for (std::size_t i = 0; i < std::min(samples.size(), steps.at.size()); ++i) {
     if (!samples[i].shows_noise) continue;
@@ -221,7 +221,7 @@ void cover_rounding(const CoordinateSteps& steps, std::vector<point::ResidualSam
   }
 }
 
-// What differs from place to place, where enough samples show it.
+// Adds the levels of the noise and of the reach, if there are enough samples.
 void add_local(Estimate& result, const LocalSamples& samples, std::vector<std::uint32_t> rows,
                const ForEach& for_each) {
   if (!(result.noise.sigma > 0) || samples.places.size() < kFewestSamples) return;
@@ -237,7 +237,7 @@ void add_local(Estimate& result, const LocalSamples& samples, std::vector<std::u
   });
 }
 
-// Rows of pools by the numbers of samples that show noise among all of these, if there are any.
+// The rows of pools, with samples numbered among those that show noise; empty if there are no rows.
 std::vector<std::uint32_t> pools_of_shown(const Samples& samples) {
   if (samples.pools.empty()) return {};
   std::vector<std::uint32_t> number, rows;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the cloud itself says: spacing, noise, and where most of it lies.
+// What is measured on a cloud before a run: its spacing, its noise, and where most of it lies.
 #pragma once
 
 #include <cstddef>
@@ -28,33 +28,34 @@ Frame frame_of(const CloudSample& sample);
 // outliers only ever raise a residual.
 struct Noise {
   double sigma = 0;
-  // Side of the square that holds one point of the surface, by the density of those wide neighbourhoods (median).
-  // Unlike the distance to the nearest points, noise does not blow it up.
+  // The surface spacing: the side of the square that holds one point, from the density of those wide neighbourhoods
+  // (median). Noise does not enlarge it, as it does the distance to the nearest points.
   double surface_spacing = 0;
   // Of the variances in neighbourhoods of 30 points at a typical place; 0 where noise is large.
   double shape_to_noise = 0;
   // Between two sheets of a thin part that neighbourhoods of a few dozen points reach across; 0 where there are none.
   double gap = 0;
-  // 0 to 1: whether the noise is alike in neighbouring points, as that of depth cameras; 0 where noise is large.
+  // 0 to 1: whether the noise is correlated between neighbouring points, as that of depth cameras; 0 where it is large.
   double alikeness = 0;
-  // Depths take few values, as those of a camera that tells whole disparities: noise is alike over some ten points.
+  // Depths take few values, as those of a camera that measures whole disparities; their noise is correlated over some
+  // ten points.
   bool depth_has_steps = false;
   // Share of the samples around which no neighbourhood gets wide against the noise, however large: the shape is too
   // thin or bends too much there.
   double confined = 0;
-  // Upper quartile of the variances over a plane in the widest neighbourhoods, over what it is on a plane of the same
-  // noise: about 1 there, more where the shape bends or ends within them.
+  // The variances over a plane in the widest neighbourhoods: their upper quartile, divided by that quartile on a plane
+  // with the same noise. 1 on a plane, more where the shape bends or ends within the neighbourhoods.
   double bend = 1;
-  // So many of the nearest points lie in a plane and not along a line, at most samples; 0 where this is not known.
+  // The number of nearest points that lie in a plane and not along a line, at most samples; 0 where it is not known.
   int surface_points = 0;
-  // So many neighbouring points make one measurement: they are copies, or their errors are alike. Lengths are those of
-  // the cloud without the others.
+  // The number of neighbouring points that make one measurement, being copies or sharing one error. Lengths here are
+  // those of a cloud with one point for each measurement.
   int repeats = 1;
   // Share of the samples around which no surface shows, in a cloud that has one somewhere.
   double without_surface = 0;
 };
 
-// The same cloud where `sigma` is known to be another than was measured, or the same. The rest stays as measured.
+// The estimate with a known `sigma` in place of the measured one; what depends on sigma follows, the rest stays.
 Noise of_sigma(Noise noise, double sigma);
 
 // How many points of the cloud's sample, from the first on, the noise is estimated at.
@@ -69,8 +70,8 @@ struct Estimate {
   std::shared_ptr<const NoiseLevels> levels{};       // of the noise; null: 1 everywhere
   std::shared_ptr<const NodeLevels> reach_levels{};  // of NeighborSettings; null: 1 everywhere
 };
-// What is wanted, the rest zero, at points of the cloud's sample. Needs the index of the first iteration. Throws
-// Error(interrupted) once `stop` is triggered.
+// The estimates that are wanted, made at points of the cloud's sample; the others are zero. Needs the index of the
+// first iteration. Throws Error(interrupted) once `stop` is triggered.
 Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wanted, const std::stop_token& stop);
 
 }  // namespace pointfair

@@ -17,8 +17,9 @@ using namespace constants;
 
 using Risks = std::array<double, point::kPlaneSizes>;  // over the sizes of neighbourhoods
 
-// Of the noise's variance, what a step over so many points leaves: w of its share w (Eq. 22) becomes 1 / k, the rest
-// stays. Shape is damaged whenever a run averages, not only once. Where there is no plane all stays.
+// The error that a step over k points leaves, in variances of the noise (Eq. 23). The step makes the share w of each
+// displacement (Eq. 22): that share of the variance falls to 1 / k, and the rest of it stays. kWidthDamage counts the
+// damage to the shape for all averages of a run. Where the points have no plane, all of the variance stays.
 Risks risks_of(const point::PlaneSample& planes, double noise_variance) {
   Risks risks;
   for (int size = 0; size < point::kPlaneSizes; ++size) {

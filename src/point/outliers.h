@@ -125,10 +125,10 @@ struct Settled {
   Outlier outlier;
 };
 
-// A point moves no farther than `limit`, and what would move by more by the less the more it would be, limit^2 over
-// that way: so far goes no noise, but edges that neighbourhoods reach across. One that would move farther than
-// `outlier_distance`, or whose neighbours did not agree with it (`after` is NaN then), is an outlier and stays at
-// `before`. 0 < limit <= outlier_distance.
+// Where a point ends whose step leads from `before` to `after`. A step d up to `limit` is made as it is. A longer one
+// becomes limit^2 / d: noise does not go so far, but edges do that neighbourhoods reach across. A point with a step
+// beyond `outlier_distance` is an outlier and stays at `before`, and so is one whose neighbours did not agree with it
+// (`after` is NaN then). 0 < limit <= outlier_distance.
 POINTFAIR_INLINE Settled settled(Vec3<float> before, Vec3<float> after, float limit, float outlier_distance) {
   const Vec3<float> step = after - before;
   const float squared = squared_length(step);

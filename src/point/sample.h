@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a row of nearest points says of a cloud, at one of the samples that estimates are made of (src/estimate.cpp). A
-// row is the sample itself and then its nearest others, nearest first, NaN from where there are no more, all of it NaN
-// where the sample is invalid.
+// What estimates (src/estimate) read from a row of nearest points at one sample of a cloud. A row is the sample itself
+// and then its nearest other points, nearest first, with NaN behind the last one. The row of an invalid sample is all
+// NaN.
 #pragma once
 
 #include "point/surface_fit.h"
@@ -14,13 +14,13 @@ struct SpacingSample {
 
 // The noise where the neighbourhood is first wide against it.
 struct NoiseSample {
-  bool is_short = false;  // all of the row are not enough, but more could be
+  bool is_short = false;  // the whole row is not wide enough, and a longer row could be
   bool shows_noise = false;
-  bool is_wide = false;  // if so; else the neighbourhood is as large as it may get
+  bool is_wide = false;  // against the noise; else the neighbourhood is as large as it may get
   double sigma = 0, spacing = 0, gap = 0, plane_variance = 0;
 };
 
-// Of which nearest points planes are looked at: each 1.8 times as many as before.
+// The sizes of neighbourhoods that planes are fitted to: each has 1.8 times as many points as the one before.
 inline constexpr int kPlaneSizes = 6;
 POINTFAIR_INLINE constexpr int plane_points(int size) {
   constexpr int kPoints[kPlaneSizes] = {6, 11, 20, 36, 64, 115};

@@ -30,18 +30,19 @@ class ManyClouds {
   virtual void upload(std::span<const Point> points, std::span<const std::uint32_t> ends) = 0;
   // The same of positions on the device, all with the origin 0.
   virtual void upload(const DevicePoints& points, DeviceStream stream, std::span<const std::uint32_t> ends) = 0;
-  // 1 for each cloud whose origin is 0 without doubt, by the rule of positions in host memory.
+  // 1 for each cloud whose origin is certainly 0 by the rule of positions in host memory, 0 for one that the host must
+  // look at.
   virtual std::vector<std::uint8_t> surely_have_no_origin(const DevicePoints& points, DeviceStream stream,
                                                           std::span<const std::uint32_t> ends) = 0;
 
-  // Where clouds differ in what stages read, sums are within a radius, and the method is the bilateral one.
+  // The calls below serve clouds whose stages have different settings: sums within a radius, the bilateral method.
 
   // Points by their numbers in upload order, and the clouds that they are of.
   struct Queries {
     std::vector<std::uint32_t> points, clouds;
     void resize(std::size_t count) { points.resize(count), clouds.resize(count); }
   };
-  // What they say, in their order, until the next call of the backend.
+  // What the samples show, in the order of the queries, until the next call of the backend.
   struct Taken {
     std::span<const point::SpacingSample> spacing;
     std::span<const point::NoiseSample> noise;
@@ -60,8 +61,9 @@ class ManyClouds {
     FairingSettings fairing;  // of the first iteration
     DisplacementLimits limits;
   };
-  // All stages of all iterations of some uploaded clouds, by their numbers, none of them empty. Of their settings alike
-  // are whether numbers are 0, whether the flat scale is more than 1, and what is no number.
+  // All stages of all iterations of some uploaded clouds, by their numbers, none of them empty. One launch computes all
+  // of them, so their settings switch the same things on: a number is 0 in all of them or in none, a flat scale is
+  // above 1 in all or in none, and settings that are no numbers are equal.
   virtual void run(std::span<const std::uint32_t> clouds, std::span<const OfCloud> settings, int iterations,
                    std::stop_token stop) = 0;
   // What run() has computed, of all uploaded points; clouds that did not run stay as they are.

@@ -26,7 +26,7 @@ struct CloudSample {
   std::vector<std::uint32_t> indices;  // of each of them in upload order; of points at one place, any
 };
 
-// What samples of a cloud say, each in the order of its queries.
+// What samples of a cloud show, each list in the order of its queries.
 struct Samples {
   std::vector<point::SpacingSample> spacing;
   std::vector<point::NoiseSample> noise;
@@ -41,7 +41,7 @@ class Sampling {
  public:
   virtual ~Sampling() = default;
 
-  // Of the uploaded cloud: `count` of its points, all where there are no more places. Needs no index.
+  // A sample of `count` points of the uploaded cloud, of all places where there are fewer. Needs no index.
   virtual CloudSample sample_cloud(std::size_t count) = 0;
 
   // The other calls need the index of the first iteration.
@@ -49,12 +49,13 @@ class Sampling {
   // For each of `queries` (indices in upload order): the query itself, then its k nearest other points, nearest first,
   // row after row of k + 1; rows of invalid queries, and places past the last point, are NaN. k up to kLongestRow.
   virtual void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) = 0;
-  // What such rows say (point/sample.h), at queries for the spacing and at queries for the noise. Here by fits on the
-  // host's cores (host_samples.cpp), the same bits wherever else. Throws Error(interrupted) once `stop` is triggered.
+  // What such rows show (point/sample.h), at queries for the spacing and at queries for the noise. This body fits on
+  // the host's cores; a device that fits by itself gives the same bits. Throws Error(interrupted) once `stop` is
+  // triggered.
   virtual Samples take_samples(std::span<const std::uint32_t> for_spacing, std::span<const std::uint32_t> for_noise,
                                std::stop_token stop);
-  // The same of every `stride`-th nearest point, by fits on the host's cores: what points show that are no copies of
-  // each other. Rows end with the kLongestRow-th nearest.
+  // The same over every `stride`-th nearest point, which leaves copies of a point aside, by fits on the host's cores.
+  // Rows end with the kLongestRow-th nearest.
   Samples take_thinned_samples(std::span<const std::uint32_t> for_spacing, std::span<const std::uint32_t> for_noise,
                                int stride, const std::stop_token& stop);
   static constexpr int kLongestRow = 1024;

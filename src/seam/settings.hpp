@@ -13,7 +13,7 @@
 
 namespace pointfair {
 
-// A length from place to place, over that of a typical one; fixed by a cloud as it was loaded. The nodes of a
+// A length from place to place, divided by that of a typical place; fixed by a cloud as it was loaded. The nodes of a
 // point::NodeField.
 struct NodeLevels {
   std::vector<float> levels;
@@ -31,14 +31,14 @@ struct NeighborSettings {
   float radius = 0;  // 0: no limit
   bool constraint = false;
   float reach = 0;  // rho + delta
-  // without a list: squared radii grow by the squared distance to this many nearest; 0: not at all
+  // Without a list: a squared radius grows by the squared distance to the so many nearest point; 0: not at all.
   int min_neighbors = 0;
-  // Of the noise, which this and later stages may follow, without a list; null: 1 everywhere.
+  // The levels of the noise, which this and later stages may follow where there is no list; null: 1 everywhere.
   std::shared_ptr<const NoiseLevels> levels{};
   bool radius_follows = false;
-  // Of the distance to the min_neighbors-th nearest, which it multiplies; null: 1 everywhere.
+  // Factors on the distance to the min_neighbors-th nearest point; null: 1 everywhere.
   std::shared_ptr<const NodeLevels> reach_levels{};
-  float widest = std::numeric_limits<float>::infinity();  // radii that neither this nor flat places enlarge further
+  float widest = std::numeric_limits<float>::infinity();  // reach_levels and flat places enlarge no radius beyond it
   friend bool operator==(const NeighborSettings&, const NeighborSettings&) = default;
 };
 
@@ -47,7 +47,7 @@ struct NormalSettings {
   bool of_radius = false;  // sigma is a multiple of the point's radius; only without a list
   int filter_rounds = 0;
   int crease_angle = 0;  // degrees; 0: a plain Gaussian mean
-  float flat_scale = 1;  // what multiplies the radius, for the bilateral step, where the surface is flat
+  float flat_scale = 1;  // multiplies the radius of the bilateral step where the surface is flat
   friend bool operator==(const NormalSettings&, const NormalSettings&) = default;
 };
 
@@ -58,7 +58,7 @@ struct SensorPlaces {
 };
 
 struct FairingSettings {
-  Method method = Method::bilateral;  // the others are put together in method_rule.hpp
+  Method method = Method::bilateral;  // method_rule (seam/rules.hpp) has the others
   AreaWeight area_weight = AreaWeight::none;
   float closeness_sigma = 0;
   float similarity_sigma = 0;
@@ -67,13 +67,13 @@ struct FairingSettings {
   bool symmetric = false;            // Eq. 10 instead of the paper's step
   int turn_angle = 0;                // degrees, of Eq. 10; 0: normals do not weigh
   float strength = 1;                // share of the displacement that is made
-  float noise = 0;                   // at level 1, of which a further share follows (noise_share); 0: none does
-  float damage = 0;                  // of that share
+  float noise = 0;                   // at level 1; Wiener's share of the step (Eq. 22) follows from it; 0: a whole step
+  float damage = 0;                  // c of Eq. 22
   bool is_further = false;           // the points come from an iteration before
-  float outlier_distance = 0;        // from its neighbours, to be an outlier (src/point/outliers.h); 0: not looked for
-  float level_outlier_distance = 0;  // where this times the level of the noise is more, that counts
-  float outlier_radius = std::numeric_limits<float>::infinity();  // in larger neighbourhoods outliers may be alone
-  bool pull_outliers = false;                     // in to the mean of their neighbours; else they become NaN
+  float outlier_distance = 0;        // of an outlier to its neighbours (src/point/outliers.h); 0: none are looked for
+  float level_outlier_distance = 0;  // times the level of the noise; the larger distance of both counts
+  float outlier_radius = std::numeric_limits<float>::infinity();  // of larger neighbourhoods more must agree
+  bool pull_outliers = false;                     // outliers move to the mean of their neighbours; else they become NaN
   std::shared_ptr<const SensorPlaces> sensors{};  // null: what follows is off
   float beam_width = 0;           // of the pattern of rays, in radians (point/sensor.h); 0: not looked at
   bool along_ray = false;         // points move along their rays (point/sensor.h)
@@ -82,10 +82,10 @@ struct FairingSettings {
   friend bool operator==(const FairingSettings&, const FairingSettings&) = default;
 };
 
-// Of the whole way from upload; none if `farthest` is 0.
+// Limits of the whole way of a point since upload.
 struct DisplacementLimits {
-  float farthest = 0;          // a point moves no farther,
-  float outlier_distance = 0;  // and one that would move farther than this, or became NaN, keeps its place
+  float farthest = 0;          // a soft limit (point::settled); 0: no limits at all
+  float outlier_distance = 0;  // a point that would move farther than this, or became NaN, keeps its place
   // Of the noise where the point was uploaded; null: 1 everywhere.
   std::shared_ptr<const NoiseLevels> levels{};
   bool farthest_follows = false;

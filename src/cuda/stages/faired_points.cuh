@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the kernels of stages.cu, wide_stages.cu and methods.cu have in common: counting points without a normal, and
-// writing moved points.
+// What the kernels of list_stages.cu, wide_stages.cu and methods.cu have in common: counting points without a normal,
+// and writing moved points.
 #pragma once
 
 #include "cuda/stages/list_stages.cuh"
@@ -19,15 +19,15 @@ __device__ __forceinline__ void count_unmoved(CloudState* state, bool valid,
   if (none != 0) atomicAdd(&state->no_normal, static_cast<unsigned long long>(__popc(none)));
 }
 
-// From a point to its sensor.
+// The vector from a point to its sensor.
 __device__ __forceinline__ Vec to_sensor(const point::Sensors& sensors, float4 p, bool valid) {
   if (sensors.each == nullptr || !valid) return sensors.place - position_of(p);
   const float* const its = sensors.each + 3 * std::size_t(original_of(p));
   return Vec{its[0], its[1], its[2]} - position_of(p);
 }
 
-// A point a lane to its place in `out`, none to kNoNeighbor; all lanes of the warp take part. Three lanes write the
-// three words of a point: as many single writes as points meet the cache then, not three times as many.
+// Writes the point of each lane to its place in `out`, and nothing where the place is kNoNeighbor; all lanes of the
+// warp take part. Three lanes write the three words of a point, so the cache meets one write a point and not three.
 __device__ __forceinline__ void scatter(Point* out, Index to, Vec p) {
   float* words = &out->x;
 #pragma unroll

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Normals and fairing wherever the paper's road over lists (stages.cuh) does not suffice: everything within a
+// Normals and fairing for all that the paper's stages over lists (list_stages.cuh) do not have: neighbourhoods within a
 // radius, filtered normals, symmetric offsets.
 #pragma once
 
@@ -8,13 +8,13 @@
 
 namespace pointfair::cuda {
 
-// Here and below, where the tree has rules of its clouds, they go before the arguments.
+// Where the tree has rules of its clouds, every function here reads those in place of its arguments.
 
 // Squares of the field's levels, of each sorted point.
 void measure_levels(Context& context, const Tree& tree, point::NodeField field, float* squared_level);
 
-// R_i^2 from lists of the `min_neighbors` nearest, or more, or as many as there are; lists.k is 0 for none. What else
-// it is made of is in `of`. `further_share` receives point::further_share of each sorted point; null: not asked for.
+// R_i^2 by `of`, from lists of the `min_neighbors` nearest points or more, or of as many as there are; nearest.k is 0
+// where there are no lists. `further_share` receives point::further_share of each sorted point; null: not asked for.
 void measure_radii(Context& context, const Tree& tree, Lists nearest, const point::Radii& of,
                    point::NodeField reach_levels, float* squared_radius, float* further_share);
 
