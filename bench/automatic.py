@@ -97,7 +97,7 @@ def estimates(bench):
                 ratios[level].append(noise(level * spacing)[0] / (level * spacing))
         rows.append([f"random by area, {density}", f"{max(clean):.3f}"] + [
             f"{statistics.median(found):.2f} ({min(found):.2f}-{max(found):.2f})" for found in ratios.values()])
-    return (f"`info` on {len(sources)} shapes of 50,000 points: estimate over truth, median (least-largest), and the most that it says of "
+    return (f"`info` on {len(sources)} shapes of 50,000 points: estimate over truth, median (least-largest), and the largest estimate on "
             "clean clouds, in spacings:\n\n"
             + table(["", "clean, at most", *(f"{level} spacings" for level in ESTIMATED)], rows))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Made-up outliers in terrain with a house: which of them `--outliers mark` finds with nothing set, and which Open3D's
+"""Made-up outliers in terrain with a house: which of them `--outliers mark` finds with default parameters, and which Open3D's
 statistical and radius outlier removal find with usual settings. Needs numpy and open3d.
 
     python bench/outliers_beside_peers.py PROGRAM
@@ -52,7 +52,7 @@ def scene(kind, seed):
 
 
 def marked(program, points):
-    """By the program, with nothing set."""
+    """By the program, with default parameters."""
     with tempfile.TemporaryDirectory() as folder:
         source, result = pathlib.Path(folder, "in.npy"), pathlib.Path(folder, "out.ply")
         np.save(source, points.astype(np.float32))

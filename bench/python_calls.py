@@ -64,7 +64,7 @@ def time_calls():
     for dtype in (np.float32, np.float64):
         points = waves(100_000, dtype)
         out, pipeline = np.empty_like(points), pf.Pipeline("cpu", threads=1)._native
-        for name, parameters in (("nothing set", {}), ("all given", GIVEN)):
+        for name, parameters in (("default parameters", {}), ("all given", GIVEN)):
             params = pf.Params(**parameters)
 
             def native():
@@ -83,7 +83,7 @@ def time_batches():
         if device == "cuda" and not has_card():
             continue
         clouds = np.stack([waves(1024, seed=i) for i in range(count)])
-        for name, parameters in (("nothing set", {}), ("k = 8", FAST), ("all given", GIVEN)):
+        for name, parameters in (("default parameters", {}), ("k = 8", FAST), ("all given", GIVEN)):
             few = clouds[:200]
             loop = seconds(lambda: [pf.denoise(cloud, device=device, **parameters) for cloud in few], 3) * count / len(few)
             batch = seconds(lambda: pf.denoise_batch(clouds, device=device, **parameters), 3)
@@ -134,7 +134,7 @@ def time_frames(frames=30):
             times.append(time.perf_counter() - start)
             busy.append(time.process_time() - began)
         left = (smooth[:, 2] - 0.1 * np.sin(6 * smooth[:, 0])).std() / noise.std()
-        name = ", ".join(f"{key}={value}" for key, value in given.items()) or "nothing set"
+        name = ", ".join(f"{key}={value}" for key, value in given.items()) or "default parameters"
         print(f"100,000 a frame  {name}, resolved: {statistics.median(times) * 1e3:.1f} ms a frame, {min(times) * 1e3:.1f} at least, "
               f"{statistics.median(busy) * 1e3:.1f} ms of processor time, leaves {left:.2f} of the noise")
 

@@ -39,7 +39,7 @@ def best_peers(rows):
 
 
 def figure_table(rows, figure, columns):
-    """Markdown; what the default run of pointfair loses to the best of the peers is bold."""
+    """Markdown; a cell of the default run that the best of the peers beats is bold."""
     best, lines = best_peers(rows), []
     for row in rows:
         if not any((figure, column) in row.cells for column in columns):
@@ -55,8 +55,8 @@ def figure_table(rows, figure, columns):
 
 
 def verdict(rows, figures):
-    """Which cells the default run of pointfair loses to CGAL's bilateral filter, and to the best of all peers; only cells
-    for which the whole sweep is known count."""
+    """In which cells CGAL's bilateral filter, and the best of all peers, leaves less than the default run; only cells for
+    which the whole sweep is known count."""
     ours = next(row for row in rows if row.contender.name == "pointfair")
     swept = [row for row in rows if row.contender.is_peer and len(row.contender.settings) > 1]
     bilateral = [row for row in swept if row.contender.program == "cgal_bilateral"]
@@ -68,8 +68,8 @@ def verdict(rows, figures):
         if compared:
             lost = [f"{TITLES[figure].split(',')[0].lower()} {column} ({100 * (ours.cells[figure, column] / best[figure, column] - 1):+.1f} %)"
                     for figure, column in compared if ours.cells[figure, column] > best[figure, column]]
-            text.append(f"Against {name}, of {len(compared)} cells pointfair loses "
-                        + (f"{len(lost)}: {'; '.join(lost)}." if lost else "none."))
+            text.append(f"{name[0].upper() + name[1:]} leaves less than the default run in {len(lost) or 'none'} of {len(compared)} cells"
+                        + (f": {'; '.join(lost)}." if lost else "."))
     return "\n".join(text) + "\n"
 
 

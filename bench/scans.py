@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Measures how much noise is left on simulated scans whose true surface is known: pointfair with nothing set, and the smoothers of
+"""Measures how much noise is left on simulated scans whose true surface is known: pointfair with default parameters, and the smoothers of
 Open3D and PyMeshLab at their defaults and at a small sweep of neighbourhoods, of which the best counts, chosen with the truth in hand.
 
     bench/scans.py [CLOUDS] [--names NAME..] [--peers none|open3d|pymeshlab|all]
@@ -129,7 +129,7 @@ def report(paths, known):
         logs.append(math.log(ours[0] / noisy[0]) if noisy[0] > 1e-5 and ours[0] > 0 else None)
     noisy_ones = [log for log in logs if log is not None]
     mean = math.exp(sum(noisy_ones) / len(noisy_ones)) if noisy_ones else math.nan
-    of_peers = "; nothing set, and the best of the peers' settings" if its else "; nothing set"
+    of_peers = "; default parameters, and the best of the peers' settings" if its else "; default parameters"
     wins = f" pointfair leaves least on {least} of {len(rows)}." if its else ""
     header = (["scan", "noisy", "pointfair", "best peer", "which", "near edges: noisy", "pointfair", "that peer"] if its
               else ["scan", "noisy", "pointfair", "near edges: noisy", "pointfair"])
