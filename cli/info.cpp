@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// pointfair info IN: what a cloud holds and what it suggests.
+// pointfair info IN: what a cloud holds, and the parameters of a typical place.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -42,7 +42,7 @@ std::string bounds_text(const Cloud& cloud, const Estimates& estimates) {
   return text;
 }
 
-std::string info_text(const Cloud& cloud, const Estimates& estimates, const Params& suggested) {
+std::string info_text(const Cloud& cloud, const Estimates& estimates, const Params& params) {
   std::string text = file_text(cloud);
   fmt::format_to(std::back_inserter(text), "points      {}, {} of them finite\n", estimates.points, estimates.finite);
   const auto out = std::back_inserter(text);
@@ -67,14 +67,15 @@ std::string info_text(const Cloud& cloud, const Estimates& estimates, const Para
     const std::string shape = attribute.components > 1 ? fmt::format(" x {}", attribute.components) : "";
     fmt::format_to(out, "  {:<19} {}{}\n", attribute.name, type_name(attribute.type), shape);
   }
-  fmt::format_to(out, "suggested parameters, of a typical place; pointfair run chooses them by itself\n");
+  fmt::format_to(
+      out, "parameters of a typical place; a run without parameters follows each place, so these do not repeat it\n");
   for (const ParamInfo& info : kParams) {
-    fmt::format_to(out, "  {:<18} {}\n", info.name, param_text(suggested, info));
+    fmt::format_to(out, "  {:<18} {}\n", info.name, param_text(params, info));
   }
   return text;
 }
 
-Json info_json(const Cloud& cloud, const Estimates& estimates, const Params& suggested) {
+Json info_json(const Cloud& cloud, const Estimates& estimates, const Params& typical) {
   return {{"file", file_json(cloud)},
           {"points", estimates.points},
           {"finite", estimates.finite},
@@ -86,11 +87,11 @@ Json info_json(const Cloud& cloud, const Estimates& estimates, const Params& sug
           {"noise", estimates.noise},
           {"noise_quantiles", estimates.noise_quantiles},
           {"without_surface", estimates.without_surface},
-          {"suggested", params_json(suggested)}};
+          {"typical_parameters", params_json(typical)}};
 }
 
 // All automatic where nothing can be measured.
-Params suggested_for(Pipeline& pipeline, std::stop_token stop) {
+Params typical_params(Pipeline& pipeline, std::stop_token stop) {
   try {
     return pipeline.resolve({}, stop);
   } catch (const Error& error) {
@@ -102,7 +103,7 @@ Params suggested_for(Pipeline& pipeline, std::stop_token stop) {
 struct Known {
   Cloud cloud;
   Estimates estimates;
-  Params suggested;
+  Params typical;
 };
 
 Known look_at(const InfoArguments& arguments, const std::string& input, Pipeline& pipeline, std::stop_token stop) {
@@ -111,14 +112,14 @@ Known look_at(const InfoArguments& arguments, const std::string& input, Pipeline
   pipeline.load(known.cloud);
   known.estimates = pipeline.estimates(stop);
   if (const double step = TiledRun::float_step_in_zones(known.cloud); step > 0) known.estimates.float_step = step;
-  known.suggested = suggested_for(pipeline, stop);
+  known.typical = typical_params(pipeline, stop);
   return known;
 }
 
 void info_of_one(const InfoArguments& arguments, Pipeline& pipeline, std::stop_token stop) {
   const Known known = look_at(arguments, arguments.input, pipeline, stop);
-  write_report(arguments.report, info_json(known.cloud, known.estimates, known.suggested));
-  if (arguments.report != "-") print_output(info_text(known.cloud, known.estimates, known.suggested));
+  write_report(arguments.report, info_json(known.cloud, known.estimates, known.typical));
+  if (arguments.report != "-") print_output(info_text(known.cloud, known.estimates, known.typical));
 }
 
 // A line a file, as it becomes known; those that cannot be read come at the end.
@@ -134,7 +135,7 @@ void info_of_many(const InfoArguments& arguments, const std::vector<std::filesys
     try {
       const Known known = look_at(arguments, file.string(), pipeline, stop);
       const Estimates& found = known.estimates;
-      row.update(info_json(known.cloud, found, known.suggested));
+      row.update(info_json(known.cloud, found, known.typical));
       if (prints)
         print_output(fmt::format("{:>12} {:>10.4g} {:>10.4g} {:>10.4g}  {}\n", found.points, found.spacing, found.noise,
                                  found.diagonal, file.string()));
@@ -165,7 +166,7 @@ void info(const InfoArguments& arguments, std::stop_token stop) {
 
 Verb add_info(CLI::App& app) {
   const auto arguments = std::make_shared<InfoArguments>();
-  CLI::App& command = *app.add_subcommand("info", "Print size, spacing, noise, suggested parameters.");
+  CLI::App& command = *app.add_subcommand("info", "Print size, spacing, noise, parameters of a typical place.");
   command.add_option("IN", arguments->input, "cloud to read; - is standard input; also a folder of clouds, or a VPC")
       ->required();
   command.add_option("MORE", arguments->more, "more of them: a line each");

@@ -218,14 +218,14 @@ class Info(Case):
         points = [(500000.0 + p[0], 4100000.0 + p[1], p[2]) for p in sphere_points(2000, 0.0)]
         write_ply(self.path("in.ply"), points, scalar="double", extra=[("uchar", "red", [1] * 2000)])
         report = self.report("info", self.path("in.ply"))
-        keys = ["points", "bounds", "attributes", "spacing", "noise", "suggested"]
+        keys = ["points", "bounds", "attributes", "spacing", "noise", "typical_parameters"]
         self.assertEqual([key for key in report if key in keys], keys)
         self.assertEqual(report["points"], 2000)
         for axis in range(3):
             self.assertAlmostEqual(report["bounds"]["min"][axis], min(p[axis] for p in points), delta=1e-6)
             self.assertAlmostEqual(report["bounds"]["max"][axis], max(p[axis] for p in points), delta=1e-6)
         self.assertEqual(report["attributes"], [{"name": "red", "type": "uint8", "components": 1}])
-        self.assertEqual(list(report["suggested"]), PARAMS)
+        self.assertEqual(list(report["typical_parameters"]), PARAMS)
         self.assertGreater(report["spacing"], 0)
 
     def test_of_points_that_show_nothing(self):
@@ -233,8 +233,8 @@ class Info(Case):
             write_ply(self.path("in.ply"), points)
             report = self.report("info", self.path("in.ply"))
             self.assertEqual((report["points"], report["noise"]), (len(points), 0))
-            self.assertEqual(list(report["suggested"]), PARAMS)
-            self.assertIsNone(report["suggested"]["radius"])  # automatic
+            self.assertEqual(list(report["typical_parameters"]), PARAMS)
+            self.assertIsNone(report["typical_parameters"]["radius"])  # automatic
             self.ok("run", self.path("in.ply"), self.path("out.ply"), "--force")
 
     def test_the_text(self):
