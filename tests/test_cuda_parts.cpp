@@ -19,7 +19,7 @@ TEST_F(CudaBackendTest, in_parts_equals_the_cpu_where_parts_lie_apart) {
   StageSettings settings = with_filter_and_both_planes(with_neighbors(8));
   settings.fairing.area_weight = AreaWeight::squared;
   settings.iterations = 2;
-  expect_same(even, settings, "filtered, both planes, area weight, two passes");
+  expect_same(even, settings, "filtered, both planes, area weight, two iterations");
   settings = with_neighbors(8);
   settings.limits = {0.001f, 0.002f};
   expect_same(even, settings, "limits");

@@ -11,7 +11,7 @@
 namespace pointfair {
 namespace {
 
-StageSettings with_balls(float radius, int min_neighbors = 0) {
+StageSettings within_radius(float radius, int min_neighbors = 0) {
   StageSettings settings = with_filter_and_both_planes(with_neighbors(0, radius));
   settings.normals.flat_scale = 1.6f;
   settings.neighbors.min_neighbors = min_neighbors;
@@ -35,15 +35,15 @@ class CudaRadii : public CudaBackendTest {
 TEST_F(CudaRadii, equal_the_cpu) {
   const std::vector<Point> points = noisy_sphere(50000, 10, 0.002);
   expect_same(points, with_neighbors(0, 0.03f), "one radius");
-  expect_same(points, with_balls(0.03f), "one radius, filtered, both planes");
-  StageSettings settings = with_balls(0.03f);
+  expect_same(points, within_radius(0.03f), "one radius, filtered, both planes");
+  StageSettings settings = within_radius(0.03f);
   settings.fairing.area_weight = AreaWeight::squared;
   expect_same(points, settings, "area weight");
 }
 
 TEST_F(CudaRadii, that_follow_the_density_equal_the_cpu) {
   for (const int min_neighbors : {4, 16, 40}) {
-    StageSettings settings = with_balls(0.02f, min_neighbors);
+    StageSettings settings = within_radius(0.02f, min_neighbors);
     expect_same(noisy_sphere(50000, 10, 0.002), settings, "sphere");
     expect_same(uneven_sphere(50000, 7), settings, "uneven");
     settings.iterations = 3;
@@ -56,7 +56,7 @@ TEST_F(CudaRadii, of_strays_equal_the_cpu) {
   shapes::Random random(24);
   const auto anywhere = [&] { return float(random.uniform(-1.2, 1.2)); };
   for (std::size_t i = 0; i < points.size(); i += 100) points[i] = {anywhere(), anywhere(), anywhere()};
-  StageSettings settings = with_balls(0.02f, 16);
+  StageSettings settings = within_radius(0.02f, 16);
   settings.fairing.outlier_distance = 0.012f;
   settings.fairing.outlier_radius = 0.1f;
   settings.limits = {0.008f, 0.012f};
@@ -68,7 +68,7 @@ TEST_F(CudaRadii, of_strays_equal_the_cpu) {
 
 TEST_F(CudaRadii, that_follow_the_noise_equal_the_cpu) {
   const std::vector<Point> points = noisy_sphere(50000, 29, 0.004);
-  StageSettings settings = with_balls(0.008f, 16);
+  StageSettings settings = within_radius(0.008f, 16);
   settings.fairing.outlier_distance = 0.01f;
   settings.fairing.outlier_radius = 0.1f;
   settings.limits = {0.006f, 0.01f};
@@ -85,19 +85,19 @@ TEST_F(CudaRadii, that_follow_the_noise_equal_the_cpu) {
 }
 
 TEST_F(CudaRadii, that_are_thinned_equal_the_cpu) {
-  expect_same(noisy_sphere(50000, 18, 0.002), with_balls(0.2f, 8), "thinned");
+  expect_same(noisy_sphere(50000, 18, 0.002), within_radius(0.2f, 8), "thinned");
 }
 
 TEST_F(CudaRadii, that_grow_where_the_surface_is_flat_equal_the_cpu) {
   const std::vector<Point> cube = shapes::with_noise(shapes::cube(50000), 0.002);
-  expect_same(cube, with_balls(0.03f), "one radius");
-  expect_same(cube, with_balls(0.015f, 16), "that follow the density");
-  expect_same(cube, with_balls(0.2f, 8), "thinned");
-  expect_same(shapes::cube(30000), with_balls(1.5f), "too large to be collected");
+  expect_same(cube, within_radius(0.03f), "one radius");
+  expect_same(cube, within_radius(0.015f, 16), "that follow the density");
+  expect_same(cube, within_radius(0.2f, 8), "thinned");
+  expect_same(shapes::cube(30000), within_radius(1.5f), "too large to be collected");
 }
 
 TEST_F(CudaRadii, that_are_too_large_to_be_collected_equal_the_cpu) {
-  expect_same(noisy_sphere(5000, 19, 0.002), with_balls(1.5f), "most of the sphere");
+  expect_same(noisy_sphere(5000, 19, 0.002), within_radius(1.5f), "most of the sphere");
 }
 
 TEST_F(CudaRadii, of_hard_clouds_equal_the_cpu) {
@@ -106,17 +106,18 @@ TEST_F(CudaRadii, of_hard_clouds_equal_the_cpu) {
   cloud[777] = {1e6f, -1e6f, 1e6f};
   cloud[778] = {3e17f, 3e17f, -3e17f};
   for (std::size_t i = 0; i < cloud.size(); i += 70) cloud[i].y = kNan;
-  expect_same(cloud, with_balls(0.02f, 16), "stray and invalid points");
+  expect_same(cloud, within_radius(0.02f, 16), "stray and invalid points");
   cloud = even;
   for (std::size_t i = 0; i < 300; ++i) cloud[5 * i] = {0.5f, 0.25f, 0.125f};
   for (std::size_t i = 0; i < 3000; ++i) cloud[5 * i + 1] = cloud[5 * i + 2];
-  expect_same(cloud, with_balls(0.02f, 16), "identical points");
-  for (const int count : {0, 1, 2, 3, 31, 32, 33, 65}) expect_same(shapes::sphere(count), with_balls(0.7f, 4), "tiny");
-  expect_same(std::vector<Point>(100, Point{kNan, 0, 0}), with_balls(0.7f), "nothing valid");
+  expect_same(cloud, within_radius(0.02f, 16), "identical points");
+  for (const int count : {0, 1, 2, 3, 31, 32, 33, 65})
+    expect_same(shapes::sphere(count), within_radius(0.7f, 4), "tiny");
+  expect_same(std::vector<Point>(100, Point{kNan, 0, 0}), within_radius(0.7f), "nothing valid");
 }
 
 TEST_F(CudaRadii, equal_the_cpu_on_a_million_points) {
-  expect_same(noisy_sphere(1000000, 21, 0.003), with_balls(0.008f, 16), "a million");
+  expect_same(noisy_sphere(1000000, 21, 0.003), within_radius(0.008f, 16), "a million");
 }
 
 TEST_F(CudaRadii, of_the_default_run_equal_the_cpu) {

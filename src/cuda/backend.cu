@@ -44,8 +44,8 @@ void CudaBackend::build_index(int iteration, const std::optional<Frame>& frame, 
   } else {
     const cudaEvent_t start = start_stage();
     const Point* const input = take_input_of(iteration);
-    if (forest_) {
-      further_.build_index(input, *forest_, stop);
+    if (batch_) {
+      further_.build_index(input, *batch_, stop);
     } else {
       further_.build_index(input, uploaded_.size(), frame, nullptr, stop);
     }
@@ -187,7 +187,7 @@ void CudaBackend::forget_cloud(std::size_t points) {
   further_iteration_ = 0;
   is_index_begun_ = is_arriving_ = false;
   arrived_ = nullptr;
-  forest_.reset();
+  batch_.reset();
   clouds_.clear();
   settled_.resize(0);
 }

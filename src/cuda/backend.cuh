@@ -5,8 +5,8 @@
 // the uploaded points 12, and 12 from the third iteration on.
 #pragma once
 
+#include "cuda/batch_storage.cuh"
 #include "cuda/chain.cuh"
-#include "cuda/grove.cuh"
 #include "cuda/leaving.cuh"
 #include "cuda/runtime/callers_points.cuh"
 #include "cuda/runtime/devices.cuh"
@@ -137,7 +137,7 @@ class CudaBackend final : public Backend,
   void take(const DevicePoints& points, const Origin& origin, IndexOrder expected);
   void upload_ends(std::span<const Index> ends);
   // The first index of many clouds.
-  void plant(std::span<const Index> ends);
+  void build_batch_index(std::span<const Index> ends);
   void begin_upload(std::span<const Point> points, IndexOrder expected, bool timed);
   void wait_for_upload() const;
   void begin_first_index(const std::optional<Frame>& frame, const Arrival* arrival, const std::stop_token& stop);
@@ -166,9 +166,9 @@ class CudaBackend final : public Backend,
   cudaEvent_t arrived_ = nullptr;  // after which all of it is there
   DeviceArray<Point> uploaded_{context_};
   DeviceArray<Index> ends_{context_};
-  std::vector<CloudSpan> clouds_;  // of many
-  std::optional<Forest> forest_;   // of all of them, or of some
-  Grove grove_{context_};
+  std::vector<CloudSpan> clouds_;    // of many
+  std::optional<CloudBatch> batch_;  // of all of them, or of some
+  BatchStorage batch_storage_{context_};
   ManySampler many_samples_{context_};
   DeviceArray<Point> settled_{context_};  // of many clouds
   DeviceArray<Point> input_{context_};    // of iterations from the third on

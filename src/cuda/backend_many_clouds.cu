@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Many clouds at once, as a forest.
+// Many clouds at once, as a batch.
 #include "cuda/backend.cuh"
 
 namespace pointfair::cuda {
@@ -11,7 +11,7 @@ void CudaBackend::upload(std::span<const Point> points, std::span<const Index> e
     check(cudaMemcpyAsync(uploaded_.data(), points.data(), points.size_bytes(), cudaMemcpyHostToDevice,
                           context_.stream()),
           "uploading clouds");
-  plant(ends);
+  build_batch_index(ends);
 }
 
 void CudaBackend::upload(const DevicePoints& points, DeviceStream stream, std::span<const Index> ends) {
@@ -20,7 +20,7 @@ void CudaBackend::upload(const DevicePoints& points, DeviceStream stream, std::s
   forget_cloud(points.count);
   let_wait(stream);
   callers_.take(points, {}, uploaded_.data());
-  plant(ends);
+  build_batch_index(ends);
 }
 
 std::vector<std::uint8_t> CudaBackend::surely_have_no_origin(const DevicePoints& points, DeviceStream stream,
@@ -51,11 +51,11 @@ void CudaBackend::run(std::span<const Index> clouds, std::span<const OfCloud> se
   common.neighbors.reach_levels.reset();
   for (const OfCloud& its : settings)
     common.neighbors.min_neighbors = std::max(common.neighbors.min_neighbors, its.neighbors.min_neighbors);
-  forest_ = grove_.plan(clouds_, clouds, settings, uploaded_.size(),
-                        [this](std::size_t count, const auto& body) { for_each_on_host(count, body); });
+  batch_ = batch_storage_.plan(clouds_, clouds, settings, uploaded_.size(),
+                               [this](std::size_t count, const auto& body) { for_each_on_host(count, body); });
   for (int iteration = 0; iteration < iterations; ++iteration) {
     if (iteration == 0) {
-      first_.build_index(uploaded_.data(), *forest_, stop);
+      first_.build_index(uploaded_.data(), *batch_, stop);
     } else {
       build_index(iteration, std::nullopt, stop);
     }
@@ -70,7 +70,7 @@ void CudaBackend::run(std::span<const Index> clouds, std::span<const OfCloud> se
                           context_.stream()),
           "settling clouds");
   }
-  settle(context_, *forest_,
+  settle(context_, *batch_,
          {uploaded_.data(), chain(iterations - 1).faired().data(), settled_.data(),
           Leaving::holds_back(iterations - 1, common.limits)});
 }
@@ -96,13 +96,13 @@ void CudaBackend::upload_ends(std::span<const Index> ends) {
         "uploading clouds");
 }
 
-void CudaBackend::plant(std::span<const Index> ends) {
+void CudaBackend::build_batch_index(std::span<const Index> ends) {
   clouds_.clear();
   for (std::size_t cloud = 0, first = 0; cloud < ends.size(); first = ends[cloud++])
     clouds_.push_back({static_cast<Index>(first), ends[cloud], static_cast<Index>(first)});
-  forest_ = grove_.plan(clouds_, uploaded_.size());
+  batch_ = batch_storage_.plan(clouds_, uploaded_.size());
   const cudaEvent_t start = clock_.start();
-  first_.build_index(uploaded_.data(), *forest_, {});
+  first_.build_index(uploaded_.data(), *batch_, {});
   clock_.note("index", start, first_.stream());
   is_index_begun_ = true;
 }

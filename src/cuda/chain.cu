@@ -62,9 +62,9 @@ void Chain::build_index(const Point* points, std::size_t count, const std::optio
   counts_clear_ = true;
 }
 
-void Chain::build_index(const Point* points, const Forest& forest, std::stop_token stop) {
+void Chain::build_index(const Point* points, const CloudBatch& batch, std::stop_token stop) {
   begin_index(points, stop);
-  index_.build(points, forest);
+  index_.build(points, batch);
   counts_clear_ = true;
 }
 
@@ -224,10 +224,10 @@ void Chain::estimate_normals(const NormalSettings& settings, std::stop_token sto
   normal_settings_ = settings;
   normals_.resize(3 * index_.leaves() * kLeafSize);
   normals_wait_ = true;
-  if (neighbors_.k == 0 || settings.filter_rounds > 0) settle(stop);
+  if (neighbors_.k == 0 || settings.filter_rounds > 0) run_waiting_normals(stop);
 }
 
-void Chain::settle(const std::stop_token& stop) {
+void Chain::run_waiting_normals(const std::stop_token& stop) {
   join();
   if (!normals_wait_) return;
   clear_unmoved();
@@ -280,8 +280,8 @@ void Chain::fair(const FairingSettings& settings, bool leaving, std::stop_token 
   join();
   DeviceArray<Point> staged(context_);
   DeviceArray<Index> originals(context_);
-  const bool is_forest = index_.tree().leaves_of_cloud > 0;  // whose clouds' points go to places near each other
-  if (index_.points() >= kLargeCloud && !is_forest) {
+  const bool is_batch = index_.tree().leaves_of_cloud > 0;  // whose clouds' points go to places near each other
+  if (index_.points() >= kLargeCloud && !is_batch) {
     staged.resize(index_.points());
     originals.resize(2 * index_.points());
   }
@@ -289,7 +289,7 @@ void Chain::fair(const FairingSettings& settings, bool leaving, std::stop_token 
                             staged.data(),  originals.data(), originals.data() + originals.size() / 2};
   if (settings.method != Method::bilateral) return fair_by_method(settings, areas, faired, stop);
   if (!plain) {
-    settle(stop);
+    run_waiting_normals(stop);
     fair_widely(context_, index_.tree(), grown_surroundings(stop_), normals(), areas,
                 fairing_rule(settings, neighbors_.k > 0), sensors(settings.sensors),
                 {squared_levels(), settings.is_further ? further_shares() : nullptr}, faired);
@@ -334,7 +334,7 @@ std::vector<FairedPart> Chain::faired_parts() const {
 
 void Chain::fair_by_method(const FairingSettings& settings, AreaWeights areas, const FairedPoints& faired,
                            const std::stop_token& stop) {
-  settle(stop);
+  run_waiting_normals(stop);
   const std::size_t places = index_.leaves() * kLeafSize;
   DeviceArray<float> displacements(context_);
   displacements.resize(3 * places);
@@ -344,12 +344,12 @@ void Chain::fair_by_method(const FairingSettings& settings, AreaWeights areas, c
 }
 
 void Chain::restore_normals(Point* out) {
-  settle();
+  run_waiting_normals();
   restore_order(context_, index_.tree(), normals(), index_.points(), out);
 }
 
 void Chain::find_outcomes(const point::Region& loaded, unsigned char* out) {
-  settle();
+  run_waiting_normals();
   const bool reads_areas = fairing_settings_.area_weight != AreaWeight::none;
   const NearestQuery query = nearest_query();
   cuda::find_outcomes(context_, index_.tree(), grown_surroundings(), normals(),
@@ -373,7 +373,7 @@ void Chain::take_samples(const SampleArrays& samples) {
 }
 
 void Chain::fetch_state(CloudState* pinned) {
-  settle();
+  run_waiting_normals();
   *pinned = {};
   if (index_.state() == nullptr) return;
   check(cudaMemcpyAsync(pinned, index_.state(), sizeof(*pinned), cudaMemcpyDeviceToHost, context_.stream()),

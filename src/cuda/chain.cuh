@@ -11,7 +11,7 @@
 #include <limits>
 #include <memory>
 
-#include "cuda/index/forest.cuh"
+#include "cuda/index/cloud_batch.cuh"
 #include "cuda/node_levels.cuh"
 #include "cuda/overlap/overlap.cuh"
 #include "cuda/runtime/stop.cuh"
@@ -36,26 +36,27 @@ class Chain {
   void build_index(const Point* points, std::size_t count, const std::optional<Frame>& frame, const Arrival* arrival,
                    std::stop_token stop);
   // Of many clouds at once; stages over lists without the constraint then serve them all.
-  void build_index(const Point* points, const Forest& forest, std::stop_token stop);
+  void build_index(const Point* points, const CloudBatch& batch, std::stop_token stop);
   // `arriving`: parts of the cloud may not be on the card yet.
   void find_neighbors(const NeighborSettings& settings, bool arriving, std::stop_token stop);
   void estimate_normals(const NormalSettings& settings, std::stop_token stop);
-  // With `leaving` the faired points of the paper's road may come in parts although the index is not in parts.
+  // With `leaving` the faired points of the paper's stages over lists may come in parts although the index is not in
+  // parts.
   void fair(const FairingSettings& settings, bool leaving, std::stop_token stop);
 
   bool normals_wait() const { return normals_wait_; }
-  // What the context's stream gets from now on waits for all parts.
+  // Work that the context's stream gets from now on waits for all parts.
   void join() { overlap_.join(); }
   // Starts normals that still wait for fairing; what comes after waits for all parts.
-  void settle(const std::stop_token& stop = {});
-  // Gives memory to others that later stages fill again.
+  void run_waiting_normals(const std::stop_token& stop = {});
+  // Lends memory that later stages fill again.
   void set_neighborhoods_aside() {
-    settle();
+    run_waiting_normals();
     collector_.set_aside();
   }
-  // Of faired(); what is behind the last is done in the order of the context's stream.
+  // The parts of faired(). Work behind the last part is done in the order of the context's stream.
   std::vector<FairedPart> faired_parts() const;
-  // That of the stage started last.
+  // The stream of the stage started last.
   cudaStream_t stream() const { return overlap_.stream(); }
 
   // Start the work and return before it is done.
@@ -63,7 +64,7 @@ class Chain {
   void find_outcomes(const point::Region& loaded, unsigned char* out);  // on the card
   void sample_neighborhoods(const RowRequest& request);
   void take_samples(const SampleArrays& samples);
-  // What samples of many clouds are taken by.
+  // The tree that samples of many clouds are taken by.
   Tree sampled_tree() {
     join();
     return index_.tree();
@@ -71,12 +72,12 @@ class Chain {
   const Point* input() const { return input_; }
 
   DeviceArray<Point>& faired() { return faired_; }  // in upload order; by parts, or after join()
-  // With nodes on the card, null without levels.
+  // The field of the noise with its nodes on the card; null: 1 everywhere.
   point::NodeField noise_field(const std::shared_ptr<const NoiseLevels>& levels) { return noise_levels_.of(levels); }
-  // The same of where the sensor stood.
+  // Where the sensor stood, in memory of the card; null: unknown.
   point::Sensors sensors(const std::shared_ptr<const SensorPlaces>& places);
-  CloudState state();                    // settles and waits for all work
-  void fetch_state(CloudState* pinned);  // settles, and only starts the copy
+  CloudState state();                    // runs waiting normals, and waits for all work
+  void fetch_state(CloudState* pinned);  // runs waiting normals, and only starts the copy
   std::size_t points() const { return index_.points(); }
 
  private:

@@ -14,14 +14,14 @@ class Leaving {
  public:
   explicit Leaving(Context& context) : context_(context), side_(context) {}
 
-  // Before a result leaves.
+  // To be called before a result leaves.
   void begin() { *held_back_.get() = {}; }
   // Whether points may not leave as they were faired: some move too far, or an iteration before turned them into NaN.
   static bool holds_back(int iteration, const DisplacementLimits& limits) {
     return limits.farthest > 0 || iteration > 0;
   }
-  // Starts to write all points, settled. What held_back() and `outliers` tell is there once the context's stream is
-  // done. `marks`, unless null, gets the same as `outliers` on the card.
+  // Starts to write all points within their limits (point::settled). held_back() and `outliers` are valid once the
+  // context's stream is done. `marks`, unless null, gets the same as `outliers` on the card.
   void hold_back(const DeviceArray<Point>& uploaded, Chain& from, const DisplacementLimits& limits,
                  std::span<std::uint8_t> outliers, DeviceArray<Point>& settled, std::uint8_t* marks = nullptr);
   // Starts to limit the way of points that are no outliers.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is fixed by a cloud of a forest (src/cuda/index/forest.cuh), where clouds differ in it: its curve and what its
-// stages read.
+// What is fixed by a cloud of a batch (src/cuda/index/cloud_batch.cuh), where clouds differ in it: its curve and what
+// its stages read.
 #pragma once
 
 #include "point/curve.h"

@@ -2,7 +2,7 @@
 #include <algorithm>
 
 #include "cuda/index/boxes.cuh"
-#include "cuda/index/forest.cuh"
+#include "cuda/index/cloud_batch.cuh"
 #include "cuda/index/index.cuh"
 #include "cuda/index/sort_keys.cuh"
 #include "point/curve.h"
@@ -98,21 +98,21 @@ void DeviceIndex::build(const Point* points, std::size_t count, const std::optio
   if (frame) hash_positions(*frame);
 }
 
-void DeviceIndex::build(const Point* points, const Forest& forest) {
-  const std::size_t groups = std::size_t(forest.clouds) * forest.groups_of_cloud();
+void DeviceIndex::build(const Point* points, const CloudBatch& batch) {
+  const std::size_t groups = std::size_t(batch.clouds) * batch.groups_of_cloud();
   make_room(groups * kGroupPoints);
-  count_ = forest.uploaded;
-  rules_ = forest.rules;
-  valid_of_clouds_.resize(std::max<std::size_t>(forest.clouds, 1));
-  leaves_of_cloud_ = static_cast<Index>(forest.groups_of_cloud() * kLeafSize);
-  groups_of_cloud_ = static_cast<Index>(forest.groups_of_cloud());
+  count_ = batch.uploaded;
+  rules_ = batch.rules;
+  valid_of_clouds_.resize(std::max<std::size_t>(batch.clouds, 1));
+  leaves_of_cloud_ = static_cast<Index>(batch.groups_of_cloud() * kLeafSize);
+  groups_of_cloud_ = static_cast<Index>(batch.groups_of_cloud());
   levels_ = {};
   levels_.count = groups_of_cloud_ > 1 ? 2 : 1;
   levels_.first_group[1] = levels_.groups[0] = static_cast<Index>(groups);
-  levels_.groups[1] = forest.clouds;
-  groups_.resize(groups + (groups_of_cloud_ > 1 ? forest.clouds : 0));
-  plant(context_, points, forest, tree(), {points_.data(), state_.data(), valid_of_clouds_.data()});
-  if (forest.rules == nullptr) return;
+  levels_.groups[1] = batch.clouds;
+  groups_.resize(groups + (groups_of_cloud_ > 1 ? batch.clouds : 0));
+  build_batch_index(context_, points, batch, tree(), {points_.data(), state_.data(), valid_of_clouds_.data()});
+  if (batch.rules == nullptr) return;
   share_.resize(points_.size());
   cuda::hash_positions(context_, tree(), share_.data());
 }

@@ -13,7 +13,7 @@
 
 namespace pointfair::cuda {
 
-struct Forest;
+struct CloudBatch;
 struct Sorted;
 
 // The levels of boxes of a tree. From `own_levels` on several tops may stand over the same lower levels.
@@ -31,8 +31,8 @@ class DeviceIndex {
   // `points` on the card, in upload order; `frame` as Backend::build_index. Only starts the work, so far as `arrival`,
   // if not null, allows.
   void build(const Point* points, std::size_t count, const std::optional<Frame>& frame, const Arrival* arrival);
-  // Of many clouds at once (src/cuda/index/forest.cuh).
-  void build(const Point* points, const Forest& forest);
+  // Of many clouds at once (src/cuda/index/cloud_batch.cuh).
+  void build(const Point* points, const CloudBatch& batch);
   Tree tree() const { return tree_with_top(whole_top_); }
 
   // For an index that is built otherwise (src/cuda/overlap): room for so many points, then for the boxes of all levels
@@ -57,11 +57,11 @@ class DeviceIndex {
 
   Context& context_;
   std::size_t count_ = 0, leaves_ = 0, whole_top_ = 0;
-  Index leaves_of_cloud_ = 0, groups_of_cloud_ = 0;  // of a forest
+  Index leaves_of_cloud_ = 0, groups_of_cloud_ = 0;  // of a batch
   DeviceArray<CloudState> state_;
   DeviceArray<float4> points_;
   DeviceArray<float> share_;            // with a frame, or rules
-  DeviceArray<Index> valid_of_clouds_;  // of a forest
+  DeviceArray<Index> valid_of_clouds_;  // of a batch
   const CloudRules* rules_ = nullptr;
   DeviceArray<BoxGroup> groups_;
   Levels levels_;

@@ -64,11 +64,11 @@ struct Tree {
   Index
       first_group[kMaxLevels];  // level 0 has the boxes of leaves; group g has those of its children 32 g to 32 g + 31
   const float* share;           // of each sorted point, a hash of its position over [0, 1); null without a frame
-  Index children;               // of a node above the groups of leaves: kLeafSize, or all groups of a forest's cloud
-  // Of a forest (src/cuda/index/forest.cuh): every cloud has so many leaves, and a root of its own; 0 of one cloud.
+  Index children;               // of a node above the groups of leaves: kLeafSize, or all groups of a batch's cloud
+  // Of a batch (src/cuda/index/cloud_batch.cuh): every cloud has so many leaves, and a root of its own; 0 of one cloud.
   Index leaves_of_cloud;
-  const Index* valid_of_clouds;  // of a forest
-  const CloudRules* rules;       // of each cloud of a forest where stages differ from cloud to cloud, else null
+  const Index* valid_of_clouds;  // of a batch
+  const CloudRules* rules;       // of each cloud of a batch where stages differ from cloud to cloud, else null
 
   __device__ bool holds(std::size_t at) const { return is_present(points[at]); }  // a valid point
   __device__ BoxGroup& group(int level, Index number) const { return groups[first_group[level] + number]; }

@@ -22,7 +22,7 @@ __global__ void __launch_bounds__(kBlock) count_points(const __grid_constant__ T
   }
 }
 
-// In any order: the index sorts them.
+// The places may be in any order: the index sorts them.
 __global__ void __launch_bounds__(kBlock)
     choose_points(const __grid_constant__ Tree cloud, float share, Point* points, Index* members, Index* count) {
   __shared__ Index first_of_block, counts[kBlock / kWarp];

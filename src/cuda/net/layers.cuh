@@ -2,8 +2,8 @@
 // The layers of the net of src/point/net.h, kernel by kernel. Each only starts its work.
 //
 // Of one point: 156,000 products of a weight, half of them of matrices, which tensor cores take; 5,400 values of edges,
-// each of which takes seven instructions, 2.5 ms of an H100 at 1M points, its floor; 16 rows of 96 bytes in each of
-// seven layers, mostly from the cache.
+// each of which takes seven instructions, 2.5 ms of an H100 at 1M points, the least they can take; 16 rows of 96 bytes
+// in each of seven layers, mostly from the cache.
 #pragma once
 
 #include "cuda/net/net_cloud.cuh"
@@ -12,7 +12,7 @@
 
 namespace pointfair::cuda {
 
-// What the points see of a scale.
+// What the points read of a scale.
 void measure_scale(Context& context, const NetCloud& cloud, int scale, const Index* list);
 // Normals on the side of the neighbours, sides, and the first state, from all scales; steps of 0.
 void begin_net(Context& context, const NetCloud& cloud, const net::Weights& weights);

@@ -25,7 +25,7 @@ class Refiner {
  public:
   explicit Refiner(Context& context);
 
-  // Then `cloud` is needed no more. Only starts the work.
+  // Reads all that it needs of `cloud`. Only starts the work.
   void take(const RefinedCloud& cloud, const Frame& frame);
   // Puts the points that move, in upload order, to `out`, as pointfair::refine of src/seam/refinement.hpp. `held`: 1
   // for each that keeps its place. Starts the last of the work; waits for some of it.

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The one door to computing on parts of a cloud while others are copied. In a cloud in spatial order, as scanners and
-// tilings write them, consecutive parts lie apart: each is indexed, searched and faired as soon as it and what it needs
-// are there. Results do not depend on it.
+// Computes on parts of a cloud while others are copied; this file is all that the chain sees of parts. In a cloud in
+// spatial order, as scanners and tilings write them, consecutive parts lie apart: each is indexed, searched and faired
+// as soon as it and what it needs are there. Results do not depend on it.
 #pragma once
 
 #include <vector>
@@ -42,9 +42,9 @@ class Overlapped {
   // Until join().
   std::vector<FairedPart> faired_parts() const;
 
-  // That of the stage started last.
+  // The stream of the stage started last.
   cudaStream_t stream() const;
-  // What the context's main stream gets from now on waits for all parts.
+  // Work that the context's main stream gets from now on waits for all parts.
   void join();
 
  private:

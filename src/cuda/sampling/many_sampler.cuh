@@ -24,7 +24,7 @@ class ManySampler {
         pools_(context),
         shows_(context) {}
 
-  // Of points in upload order, by the tree of their forest. The result lasts until the next call. Waits.
+  // Of points in upload order, by the tree of their batch. The result lasts until the next call. Waits.
   ManyClouds::Taken take(const Tree& tree, const Point* points, std::size_t clouds,
                          const ManyClouds::Queries& for_spacing, const ManyClouds::Queries& for_noise,
                          const std::stop_token& stop);

@@ -19,7 +19,7 @@ struct RowRequest {
   Point* rows;
   const Point* known = nullptr;  // rows of the same queries with fewer neighbours, if there are
   int known_k = 0;
-  const Index* clouds = nullptr;  // of each query, in a forest
+  const Index* clouds = nullptr;  // of each query, in a batch
 };
 
 // Starts to fill rows; `points` in upload order.

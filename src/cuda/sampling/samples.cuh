@@ -16,7 +16,7 @@ struct SampleArrays {
   point::ResidualSample* residuals;  // of the queries for noise
 };
 
-// Of many clouds, all on the card: numbers of points in upload order, and the clouds of a forest that they are of.
+// Of many clouds, all on the card: numbers of points in upload order, and the clouds of a batch that they are of.
 struct ManyQueries {
   const Index *spacing, *clouds_of_spacing;
   std::size_t for_spacing;

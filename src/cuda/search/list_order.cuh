@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Each lane's list of neighbours in registers, nearly in order, is put in the order of point::precedes: exchanges of
-// those beside each other, over and over. Ties, which are rare, are settled once the list is in memory, where that
-// takes few instructions. kNoNeighbor stands for none, at the beginning or the end.
+// Puts each lane's list of neighbours, which lies in registers nearly in order, into the order of point::precedes, by
+// exchanges of neighbours beside each other, over and over. Ties are rare: they are put in order once the list is in
+// memory, where that takes few instructions. kNoNeighbor stands for none, at the beginning or the end.
 #pragma once
 
 #include "cuda/index/tree.cuh"

@@ -77,7 +77,7 @@ class RegisterList {
     const Key other = __shfl_xor_sync(kAllLanes, key, distance);
     if (other != key && before(other, key) == keep_earlier) key = other;
   }
-  // By one at a time: with ties to settle in each step, a network would be too much code.
+  // Merges one key at a time: a network that compared positions at ties in each step would be too much code.
   __device__ __noinline__ void merge_with_ties(Key key) {
 #pragma unroll 1
     for (int lane = 0; lane < kWarp; ++lane) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The paper's road: the bodies of src/point/stages.h over lists, a thread a point, in sorted order.
+// The paper's stages: the bodies of src/point/stages.h over lists, a thread a point, in sorted order.
 #include <bit>
 #include <cub/device/device_radix_sort.cuh>
 

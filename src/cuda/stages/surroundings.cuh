@@ -171,7 +171,7 @@ class CollectedRadius {
                                              Shared& shared)
       : from_(from),
         points_(tree.points),
-        balls_(from.collected),
+        collected_(from.collected),
         stop_(from.stop),
         at_(at),
         here_(position_of(tree.points[at])),
@@ -186,11 +186,11 @@ class CollectedRadius {
     constexpr bool kLoads = !std::is_empty_v<Loaded>;
     const auto loaded = reinterpret_cast<Loaded*>(shared_.loaded);
     unsigned read = 0;
-    for (Index part = balls_.first[at_ / kLeafSize]; part != point::kNoNeighbor;) {
+    for (Index part = collected_.first[at_ / kLeafSize]; part != point::kNoNeighbor;) {
       if (read++ % kBetweenLooks == 0 && stop_.is_heard(at_ / kLeafSize + read / kBetweenLooks)) return;
       const unsigned lane = lane_number();
-      const Index next = balls_.next[part], position = balls_.parts[part].position[lane];
-      const unsigned inside = balls_.parts[part].inside[lane];
+      const Index next = collected_.next[part], position = collected_.parts[part].position[lane];
+      const unsigned inside = collected_.parts[part].inside[lane];
       const bool held = position != point::kNoNeighbor;
       const int count = __popc(__ballot_sync(kAllLanes, held));
       const Index from = held ? position : at_ - lane;  // any valid point: what no lane holds adds nothing
@@ -229,7 +229,7 @@ class CollectedRadius {
 
   const Surroundings& from_;
   const float4* points_;
-  CollectedNeighbors balls_;
+  CollectedNeighbors collected_;
   const Stop& stop_;
   Index at_;
   Vec here_;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The index of many small clouds at once, none of which sees another: one tree (src/cuda/index/tree.cuh) in which every
 // cloud has as many leaves as the largest needs, and a root of its own. Leaves without points end at once.
-// Memory: as that of a cloud of `clouds` times the largest, rounded up to groups; 16 bytes a point while it is planted,
+// Memory: as that of a cloud of `clouds` times the largest, rounded up to groups; 16 bytes a point while it is built,
 // 48 with rules.
 #pragma once
 
@@ -12,12 +12,12 @@
 
 namespace pointfair::cuda {
 
-// A cloud of a forest: its points in upload order, and how many points the clouds before it have.
+// A cloud of a batch: its points in upload order, and how many points the clouds before it have.
 struct CloudSpan {
   Index first, end, place;
 };
 
-struct Forest {
+struct CloudBatch {
   const CloudSpan* spans;   // on the card
   const CloudRules* rules;  // on the card too; null: one rule for all, and the fastest order
   Index clouds;             // up to kMostClouds
@@ -30,25 +30,26 @@ struct Forest {
 inline constexpr Index kMostClouds = 1 << 11;                           // that sort keys tell apart
 inline constexpr std::size_t kLargestCloud = kLeafSize * kGroupPoints;  // whose groups are the children of a root
 
-// What plant() fills, beside the groups of the tree.
-struct Planted {
+// The arrays that build_batch_index() fills, beside the groups of the tree.
+struct BatchIndex {
   float4* sorted;
   CloudState* state;       // whose counts are those of all clouds together
   Index* valid_of_clouds;  // points
 };
-// With rules, clouds are along the curves of theirs.
-void plant(Context& context, const Point* points, const Forest& forest, const Tree& tree, const Planted& to);
+// Where the batch has rules, the points of each cloud lie along the curve of its own rules.
+void build_batch_index(Context& context, const Point* points, const CloudBatch& batch, const Tree& tree,
+                       const BatchIndex& to);
 
 // The hash of each sorted position, relative to the corner of its cloud's rules.
 void hash_positions(Context& context, const Tree& tree, float* share);
 
-// What moved far goes back to where it was (src/point/outliers.h), by the rules of each cloud; without `holds_back`
-// points are as faired. All in upload order; `out` may be `faired`.
+// Applies the limits of each cloud (point::settled) to points on their way from `before` to `faired`; without
+// `holds_back` there are no limits. All arrays are in upload order; `out` may be `faired`.
 struct Moved {
   const Point *before, *faired;
   Point* out;
   bool holds_back;
 };
-void settle(Context& context, const Forest& forest, const Moved& moved);
+void settle(Context& context, const CloudBatch& batch, const Moved& moved);
 
 }  // namespace pointfair::cuda

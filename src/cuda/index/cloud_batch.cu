@@ -3,8 +3,8 @@
 #include <bit>
 #include <cub/device/device_radix_sort.cuh>
 
+#include "cuda/index/cloud_batch.cuh"
 #include "cuda/index/curve_cells.cuh"
-#include "cuda/index/forest.cuh"
 #include "cuda/index/hilbert.cuh"
 #include "cuda/index/sort_keys.cuh"
 #include "point/position.h"
@@ -31,7 +31,7 @@ struct Place {
   }
   __device__ bool exists() const { return offset < span.end - span.first; }
   __device__ std::size_t uploaded() const { return span.first + offset; }
-  __device__ std::size_t compact() const { return span.place + offset; }  // among the points of the forest
+  __device__ std::size_t compact() const { return span.place + offset; }  // among the points of the batch
 };
 
 __device__ void store_box(BoxGroup& group, unsigned child, const Box& box) {
@@ -141,7 +141,7 @@ __global__ void clear(CloudState* state) { *state = CloudState{}; }
 // Brings the points of a group into sorted order, and makes the boxes of its leaves and its own.
 __global__ void __launch_bounds__(kBlock)
     gather(const Point* points, const CloudSpan* spans, Index groups, const Index* order,
-           const __grid_constant__ Tree tree, const Planted to) {
+           const __grid_constant__ Tree tree, const BatchIndex to) {
   __shared__ Box boxes[kWarp];
   __shared__ unsigned valid_of[kWarp];
   const Place place(spans, groups);
@@ -217,7 +217,7 @@ struct Pairs {
     for (const bool sizing : {true, false}) {
       check(cub::DeviceRadixSort::SortPairs(sizing ? nullptr : scratch.data(), bytes, key_buffer, value_buffer,
                                             static_cast<Index>(keys[0].size()), 0, bits, context.stream()),
-            "planting");
+            "indexing clouds");
       if (sizing) scratch.resize(bytes);
     }
     if (key_buffer.selector == 0) return;
@@ -230,64 +230,65 @@ struct Pairs {
   DeviceArray<std::byte> scratch;
 };
 
-int cloud_bits(const Forest& forest) { return std::max(1, int(std::bit_width(forest.clouds - 1))); }
+int cloud_bits(const CloudBatch& batch) { return std::max(1, int(std::bit_width(batch.clouds - 1))); }
 
 // Indices in upload order, cloud after cloud.
-void order_fast(Context& context, const Point* points, const Forest& forest, DeviceArray<Index>& order) {
+void order_fast(Context& context, const Point* points, const CloudBatch& batch, DeviceArray<Index>& order) {
   const cudaStream_t stream = context.stream();
-  const Index groups = static_cast<Index>(forest.groups_of_cloud());
+  const Index groups = static_cast<Index>(batch.groups_of_cloud());
   DeviceArray<KeyGrid> grids(context);
-  grids.resize(forest.clouds);
-  Pairs<unsigned> pairs(context, forest.points);
-  lay_grids<<<forest.clouds, kBlock, 0, stream>>>(points, forest.spans, grids.data());
-  make_keys<<<forest.clouds * groups, kBlock, 0, stream>>>(points, forest.spans, groups, grids.data(),
-                                                           pairs.keys[0].data(), pairs.values[0].data());
-  check(cudaGetLastError(), "planting");
-  pairs.sort(context, 3 * kBits + (forest.clouds > 1 ? cloud_bits(forest) : 0));
+  grids.resize(batch.clouds);
+  Pairs<unsigned> pairs(context, batch.points);
+  lay_grids<<<batch.clouds, kBlock, 0, stream>>>(points, batch.spans, grids.data());
+  make_keys<<<batch.clouds * groups, kBlock, 0, stream>>>(points, batch.spans, groups, grids.data(),
+                                                          pairs.keys[0].data(), pairs.values[0].data());
+  check(cudaGetLastError(), "indexing clouds");
+  pairs.sort(context, 3 * kBits + (batch.clouds > 1 ? cloud_bits(batch) : 0));
   order.swap(pairs.values[0]);
 }
 
-void order_along_curves(Context& context, const Point* points, const Forest& forest, CloudState* state,
+void order_along_curves(Context& context, const Point* points, const CloudBatch& batch, CloudState* state,
                         DeviceArray<Index>& order) {
   const cudaStream_t stream = context.stream();
-  const std::size_t count = forest.points;
-  const Index groups = static_cast<Index>(forest.groups_of_cloud());
+  const std::size_t count = batch.points;
+  const Index groups = static_cast<Index>(batch.groups_of_cloud());
   const unsigned blocks = blocks_for(count, kBlock);
   Pairs<CurveKey> by_curve(context, count);
   Pairs<Index> by_cloud(context, count);
   order.resize(count);
-  make_curve_keys<<<forest.clouds * groups, kBlock, 0, stream>>>(
-      points, forest.spans, groups, forest.rules, by_curve.keys[0].data(), by_curve.values[0].data(), order.data());
-  check(cudaGetLastError(), "planting");
+  make_curve_keys<<<batch.clouds * groups, kBlock, 0, stream>>>(
+      points, batch.spans, groups, batch.rules, by_curve.keys[0].data(), by_curve.values[0].data(), order.data());
+  check(cudaGetLastError(), "indexing clouds");
   by_curve.sort(context, kCloudBit);
   look_up_clouds<<<blocks, kBlock, 0, stream>>>(count, by_curve.values[0].data(), order.data(), by_cloud.keys[0].data(),
                                                 by_cloud.values[0].data());
-  check(cudaGetLastError(), "planting");
-  by_cloud.sort(context, cloud_bits(forest));
-  join_clouds<<<blocks, kBlock, 0, stream>>>(count, forest.spans, by_cloud.keys[0].data(), by_cloud.values[0].data(),
+  check(cudaGetLastError(), "indexing clouds");
+  by_cloud.sort(context, cloud_bits(batch));
+  join_clouds<<<blocks, kBlock, 0, stream>>>(count, batch.spans, by_cloud.keys[0].data(), by_cloud.values[0].data(),
                                              by_curve.keys[0].data(), by_curve.values[0].data(),
                                              by_curve.keys[1].data(), order.data());
-  check(cudaGetLastError(), "planting");
+  check(cudaGetLastError(), "indexing clouds");
   order_cells(context, points, by_curve.keys[1].data(), count, order.data(), state, by_curve.values[1].data());
 }
 
 }  // namespace
 
-void plant(Context& context, const Point* points, const Forest& forest, const Tree& tree, const Planted& to) {
+void build_batch_index(Context& context, const Point* points, const CloudBatch& batch, const Tree& tree,
+                       const BatchIndex& to) {
   const cudaStream_t stream = context.stream();
   clear<<<1, 1, 0, stream>>>(to.state);
-  check(cudaGetLastError(), "planting");
-  if (forest.clouds == 0) return;
-  check(cudaMemsetAsync(to.valid_of_clouds, 0, forest.clouds * sizeof(Index), stream), "planting");
-  const Index groups = static_cast<Index>(forest.groups_of_cloud());
+  check(cudaGetLastError(), "indexing clouds");
+  if (batch.clouds == 0) return;
+  check(cudaMemsetAsync(to.valid_of_clouds, 0, batch.clouds * sizeof(Index), stream), "indexing clouds");
+  const Index groups = static_cast<Index>(batch.groups_of_cloud());
   DeviceArray<Index> order(context);
-  if (forest.rules == nullptr) {
-    order_fast(context, points, forest, order);
+  if (batch.rules == nullptr) {
+    order_fast(context, points, batch, order);
   } else {
-    order_along_curves(context, points, forest, to.state, order);
+    order_along_curves(context, points, batch, to.state, order);
   }
-  gather<<<forest.clouds * groups, kBlock, 0, stream>>>(points, forest.spans, groups, order.data(), tree, to);
-  check(cudaGetLastError(), "planting");
+  gather<<<batch.clouds * groups, kBlock, 0, stream>>>(points, batch.spans, groups, order.data(), tree, to);
+  check(cudaGetLastError(), "indexing clouds");
 }
 
 void hash_positions(Context& context, const Tree& tree, float* share) {
@@ -296,10 +297,10 @@ void hash_positions(Context& context, const Tree& tree, float* share) {
   check(cudaGetLastError(), "hashing positions");
 }
 
-void settle(Context& context, const Forest& forest, const Moved& moved) {
-  if (forest.clouds == 0) return;
-  const Index groups = static_cast<Index>(forest.groups_of_cloud());
-  settle_points<<<forest.clouds * groups, kBlock, 0, context.stream()>>>(forest.spans, groups, forest.rules, moved);
+void settle(Context& context, const CloudBatch& batch, const Moved& moved) {
+  if (batch.clouds == 0) return;
+  const Index groups = static_cast<Index>(batch.groups_of_cloud());
+  settle_points<<<batch.clouds * groups, kBlock, 0, context.stream()>>>(batch.spans, groups, batch.rules, moved);
   check(cudaGetLastError(), "holding back outliers");
 }
 

@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "cuda/grove.cuh"
+#include "cuda/batch_storage.cuh"
 #include "seam/noise_levels.hpp"
 #include "seam/rules.hpp"
 
@@ -34,18 +34,18 @@ CloudRules rules_of(const ManyClouds::OfCloud& its, const float* nodes) {
   return rules;
 }
 
-Forest forest_of(const std::vector<CloudSpan>& spans, std::size_t uploaded) {
-  Forest forest{nullptr, nullptr, static_cast<Index>(spans.size()), 0, 0, uploaded};
+CloudBatch batch_of(const std::vector<CloudSpan>& spans, std::size_t uploaded) {
+  CloudBatch batch{nullptr, nullptr, static_cast<Index>(spans.size()), 0, 0, uploaded};
   for (const CloudSpan& span : spans) {
-    forest.largest = std::max<std::size_t>(forest.largest, span.end - span.first);
-    forest.points += span.end - span.first;
+    batch.largest = std::max<std::size_t>(batch.largest, span.end - span.first);
+    batch.points += span.end - span.first;
   }
-  return forest;
+  return batch;
 }
 
 }  // namespace
 
-void Grove::upload(const std::vector<CloudSpan>& spans) {
+void BatchStorage::upload(const std::vector<CloudSpan>& spans) {
   spans_.resize(spans.size());
   if (spans.empty()) return;
   check(cudaMemcpyAsync(spans_.data(), spans.data(), spans.size() * sizeof(CloudSpan), cudaMemcpyHostToDevice,
@@ -53,16 +53,17 @@ void Grove::upload(const std::vector<CloudSpan>& spans) {
         "uploading clouds");
 }
 
-Forest Grove::plan(std::span<const CloudSpan> clouds, std::size_t uploaded) {
+CloudBatch BatchStorage::plan(std::span<const CloudSpan> clouds, std::size_t uploaded) {
   const std::vector<CloudSpan> spans(clouds.begin(), clouds.end());
   upload(spans);
-  Forest forest = forest_of(spans, uploaded);
-  forest.spans = spans_.data();
-  return forest;
+  CloudBatch batch = batch_of(spans, uploaded);
+  batch.spans = spans_.data();
+  return batch;
 }
 
-Forest Grove::plan(std::span<const CloudSpan> clouds, std::span<const Index> which,
-                   std::span<const ManyClouds::OfCloud> settings, std::size_t uploaded, const ForEach& for_each) {
+CloudBatch BatchStorage::plan(std::span<const CloudSpan> clouds, std::span<const Index> which,
+                              std::span<const ManyClouds::OfCloud> settings, std::size_t uploaded,
+                              const ForEach& for_each) {
   std::vector<CloudSpan> spans;
   std::vector<CloudRules> rules;
   Index place = 0;
@@ -94,10 +95,10 @@ Forest Grove::plan(std::span<const CloudSpan> clouds, std::span<const Index> whi
   check(cudaMemcpyAsync(nodes_.data(), pinned_nodes_.get(), begins.back() * sizeof(float), cudaMemcpyHostToDevice,
                         context_.stream()),
         "uploading levels");
-  Forest forest = forest_of(spans, uploaded);
-  forest.spans = spans_.data();
-  forest.rules = rules_.data();
-  return forest;
+  CloudBatch batch = batch_of(spans, uploaded);
+  batch.spans = spans_.data();
+  batch.rules = rules_.data();
+  return batch;
 }
 
 }  // namespace pointfair::cuda
