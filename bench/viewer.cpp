@@ -275,12 +275,12 @@ Json measure(const Options& options) {
             {"points", options.points},
             {"k", options.k},
             {"cloud", {{"ms", ready}, {"bytes", cloud_bytes}}}};
-  // a run over balls keeps no lists, so that the next must search them: a smaller k would read a part of those there
-  const Json balls{{"radius", "2s"}, {"iterations", "1"}},
+  // a run within radii keeps no lists, so that the next must search them: a smaller k would read a part of those there
+  const Json within_radii{{"radius", "2s"}, {"iterations", "1"}},
       single{{"k", std::to_string(options.k)}, {"iterations", "1"}};
   json["sliders"] = {{"last_stage", bench.slider("similarity_sigma", {"0.4s", "0.5s"})},
                      {"normals", bench.slider("normal_sigma", {"2s", "2.2s"})},
-                     {"neighbors", bench.slider("similarity_sigma", {"0.4s", "0.5s"}, balls)},
+                     {"neighbors", bench.slider("similarity_sigma", {"0.4s", "0.5s"}, within_radii)},
                      {"second_iteration", bench.slider("iterations", {"2"}, single)}};
   if (options.cancels > 0) json["cancel"] = bench.cancel();
   return json;

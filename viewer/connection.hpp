@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The WebSocket of one page: messages leave in order, and who sends them waits while earlier ones are on their way.
+// The WebSocket of one page: messages leave in order, and a sender waits while earlier messages are on their way.
 #pragma once
 
 #include <boost/asio/awaitable.hpp>

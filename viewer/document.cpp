@@ -143,7 +143,7 @@ void Document::reload(const Limits& limits) {
   place_sensor();
 }
 
-// As it was asked for, for the cloud that was named with it and not for those that the page sends.
+// The viewpoint of the command line. It holds for the cloud that the command line names, not for clouds from the page.
 std::string Document::viewpoint() const { return facts_.path.empty() ? std::string() : options_.viewpoint; }
 
 // In the pipeline and in those of the preview.
@@ -183,12 +183,12 @@ void Document::show_preview(const Request& request, const Params& used, std::sto
   preview_.run(seen_points(), focus_of(request), used, facts_.estimates.spacing, stop,
                [&](const Preview::Result& part) {
                  send_part(request, part);
-                 // the processors meanwhile draw, where the page is on this machine
+                 // a page on this machine draws meanwhile, with the same processors
                  if (request.held && !part.more) wait_for(kHeld, stop);
                });
 }
 
-// Of a part of the cloud, what the page holds and what has a place after the run.
+// Sends the points of a part that the page holds and that have a place after the run.
 void Document::send_part(const Request& request, const Preview::Result& part) {
   std::vector<Point> after = part.after;
   limit(request.recipe.limits, after, part.indices);
@@ -214,8 +214,8 @@ void Document::send_part(const Request& request, const Preview::Result& part) {
              {make_array("places", places), make_array("displacements", moved)}));
 }
 
-// Whether the last run moved points along normals that the page lacks or has others of; `motion_` are then the new
-// ones, and empty where points did not move along normals.
+// Whether the page needs other normals to decode the last run's displacements. `motion_` then holds the new normals; it
+// is empty where points did not move along normals.
 bool Document::takes_motion_normals(const Report& report) {
   const bool along_normals = report.params.iterations == 1 && moves_along_normal(report.params.method) &&
                              report.params.along == Along::normal && report.params.outliers != Outliers::move;
@@ -240,7 +240,7 @@ void Document::show_result(const Request& request) {
       pack(result_answer(request, report, moved, facts_.step, milliseconds_since(start), errand_of(request)), arrays));
 }
 
-void Document::settle(std::stop_token stop) {
+void Document::send_shading(std::stop_token stop) {
   if (!has_cloud_ || !facts_.settles) return;
   shading_.compute(result_.points(), normals_.points(), stop);
   const std::vector<std::int16_t> normals = encode_normals(normals_.points(), order_, facts_.shown);

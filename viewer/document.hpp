@@ -35,7 +35,7 @@ class Document {
   void run(const Request& request, std::stop_token stop);
 
   /// Sends what can wait until the user rests: the normals of the last result.
-  void settle(std::stop_token stop);
+  void send_shading(std::stop_token stop);
 
   /// Writes the library's own run, so that the file is what the command writes; says what goes wrong.
   void save(const Request& request, bool overwrite, std::stop_token stop);

@@ -14,7 +14,7 @@ using Clock = std::chrono::steady_clock;
 
 constexpr double kBudgetMilliseconds = 80;  // of the larger part; 150 are promised for the whole answer
 constexpr std::size_t kSamples = 4096;
-constexpr std::size_t kWorthwhile = 3;  // times as many points has a cloud of which a further part is shown first
+constexpr std::size_t kWorthwhile = 3;  // times the points of a part; smaller clouds are shown as a whole
 
 float squared_distance(const Point& a, const Point& b) {
   const float x = a.x - b.x, y = a.y - b.y, z = a.z - b.z;
@@ -43,12 +43,12 @@ std::vector<std::uint32_t> indices_within(std::span<const Point> points, const P
   return indices;
 }
 
-// Methods in which the displacements of neighbours count, and so their neighbours.
+// Whether a method reads the displacements of neighbours, and so the neighbours of neighbours.
 bool looks_twice(Method method) {
   return method == Method::taubin || method == Method::hc_laplacian || method == Method::wiener;
 }
 
-// How far from a point others still matter, all iterations together.
+// The distance up to which other points change a point's result, over all iterations.
 double reach_of(const Params& params, double spacing) {
   const double listed = spacing * std::sqrt((params.k > 0 ? params.k : params.min_neighbors) / std::numbers::pi);
   double reach = listed;
@@ -79,59 +79,60 @@ Patch cut_patch(std::span<const Point> points, const Point& center, std::size_t 
 }
 
 void Preview::reset() {
-  for (Level& level : levels_) level = Level{level.size, {}, {}, {}, {}, {}};
+  for (Part& part : parts_) part = Part{part.size, {}, {}, {}, {}, {}};
 }
 
-void Preview::aim(Level& level, std::span<const Point> points, const Point& center) {
-  if (level.pipeline && squared_distance(center, level.center) == 0) return;
-  level.patch = cut_patch(points, center, level.size);
-  level.center = center;
-  level.before.clear();
-  for (const std::uint32_t i : level.patch.indices) level.before.push_back(points[i]);
-  level.after.resize(level.before.size());
-  if (!level.pipeline) level.pipeline.emplace(make_());
-  level.pipeline->load(level.before);
+void Preview::aim(Part& part, std::span<const Point> points, const Point& center) {
+  if (part.pipeline && squared_distance(center, part.center) == 0) return;
+  part.patch = cut_patch(points, center, part.size);
+  part.center = center;
+  part.before.clear();
+  for (const std::uint32_t i : part.patch.indices) part.before.push_back(points[i]);
+  part.after.resize(part.before.size());
+  if (!part.pipeline) part.pipeline.emplace(make_());
+  part.pipeline->load(part.before);
   std::vector<Position> viewpoints = viewpoints_;
   if (viewpoints_.size() > 1) {
     viewpoints.clear();
-    for (const std::uint32_t i : level.patch.indices) viewpoints.push_back(viewpoints_[i]);
+    for (const std::uint32_t i : part.patch.indices) viewpoints.push_back(viewpoints_[i]);
   }
-  level.pipeline->set_viewpoint(viewpoints);
+  part.pipeline->set_viewpoint(viewpoints);
 }
 
 // Points near the rim lack neighbours that the whole cloud has; they are left out, though never all.
-Preview::Result Preview::run_level(Level& level, const Params& params, double spacing, std::stop_token stop) {
-  level.pipeline->run(params, level.after, stop);
-  const float inner = level.patch.radius - static_cast<float>(reach_of(params, spacing));
-  const float shown = std::max(inner, 0.4f * level.patch.radius);
-  Result result{level.center, shown, {}, {}};
-  for (std::size_t i = 0; i < level.before.size(); ++i) {
-    if (!(squared_distance(level.before[i], level.center) <= shown * shown)) continue;
-    result.indices.push_back(level.patch.indices[i]);
-    result.after.push_back(level.after[i]);
+Preview::Result Preview::run_part(Part& part, const Params& params, double spacing, std::stop_token stop) {
+  part.pipeline->run(params, part.after, stop);
+  const float inner = part.patch.radius - static_cast<float>(reach_of(params, spacing));
+  const float shown = std::max(inner, 0.4f * part.patch.radius);
+  Result result{part.center, shown, {}, {}};
+  for (std::size_t i = 0; i < part.before.size(); ++i) {
+    if (!(squared_distance(part.before[i], part.center) <= shown * shown)) continue;
+    result.indices.push_back(part.patch.indices[i]);
+    result.after.push_back(part.after[i]);
   }
   return result;
 }
 
-// Whether the level is larger than `done`, which took so long, yet small enough to be worth its time.
-bool Preview::is_next(std::size_t level, double milliseconds, std::size_t done, std::size_t points) const {
-  if (level >= levels_.size() || kWorthwhile * levels_[level].size > points) return false;
-  return milliseconds * static_cast<double>(levels_[level].size) <= kBudgetMilliseconds * static_cast<double>(done);
+// Whether this part is shown next: it is larger than `done`, which took `milliseconds`, yet small enough
+// to be worth its time.
+bool Preview::is_next(std::size_t part, double milliseconds, std::size_t done, std::size_t points) const {
+  if (part >= parts_.size() || kWorthwhile * parts_[part].size > points) return false;
+  return milliseconds * static_cast<double>(parts_[part].size) <= kBudgetMilliseconds * static_cast<double>(done);
 }
 
 void Preview::run(std::span<const Point> points, const Point& center, const Params& params, double spacing,
                   std::stop_token stop, const Show& show) {
   bool next = true;
-  for (std::size_t level = 0; next; ++level) {
+  for (std::size_t part = 0; next; ++part) {
     const auto start = Clock::now();
-    aim(levels_[level], points, center);
+    aim(parts_[part], points, center);
     const auto aimed = Clock::now();
-    Result result = run_level(levels_[level], params, spacing, stop);
+    Result result = run_part(parts_[part], params, spacing, stop);
     const auto end = Clock::now();
     result.milliseconds = std::chrono::duration<double, std::milli>(end - start).count();
-    next = is_next(level + 1, std::chrono::duration<double, std::milli>(end - aimed).count(),
-                   levels_[level].before.size(), points.size());
-    result.more = next && level == 0;
+    next = is_next(part + 1, std::chrono::duration<double, std::milli>(end - aimed).count(), parts_[part].before.size(),
+                   points.size());
+    result.more = next && part == 0;
     show(result);
   }
 }

@@ -52,21 +52,21 @@ class Preview {
   void set_viewpoint(std::vector<Position> viewpoints) { viewpoints_ = std::move(viewpoints); }
 
  private:
-  struct Level {
+  struct Part {
     std::size_t size;
     std::optional<Pipeline> pipeline;
     Patch patch;
     Point center{};
     std::vector<Point> before, after;
   };
-  void aim(Level& level, std::span<const Point> points, const Point& center);
-  bool is_next(std::size_t level, double milliseconds, std::size_t done, std::size_t points) const;
-  Result run_level(Level& level, const Params& params, double spacing, std::stop_token stop);
+  void aim(Part& part, std::span<const Point> points, const Point& center);
+  bool is_next(std::size_t part, double milliseconds, std::size_t done, std::size_t points) const;
+  Result run_part(Part& part, const Params& params, double spacing, std::stop_token stop);
 
   MakePipeline make_;
   std::vector<Position> viewpoints_;
-  std::array<Level, 3> levels_{Level{4096, {}, {}, {}, {}, {}}, Level{49152, {}, {}, {}, {}, {}},
-                               Level{393216, {}, {}, {}, {}, {}}};
+  std::array<Part, 3> parts_{Part{4096, {}, {}, {}, {}, {}}, Part{49152, {}, {}, {}, {}, {}},
+                             Part{393216, {}, {}, {}, {}, {}}};
 };
 
 }  // namespace pointfair::viewer

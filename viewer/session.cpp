@@ -20,11 +20,11 @@ struct Session::Parts {
   Parts(Options options, Send send)
       : document(std::move(options), std::move(send)),
         worker({[this](const Request& request, std::stop_token stop) { document.run(request, stop); },
-                [this](std::stop_token stop) { document.settle(stop); },
+                [this](std::stop_token stop) { document.send_shading(stop); },
                 [this](const Json& id, std::string_view words) { document.send_error(id, words); }}) {}
 
   void open(Cloud cloud, const std::string& name, std::string path) {
-    worker.forget_settling();
+    worker.forget_rest();
     document.open(std::move(cloud), name, std::move(path));
   }
 

@@ -9,7 +9,7 @@
 namespace pointfair::viewer {
 namespace {
 
-constexpr std::chrono::milliseconds kRest{200};  // without a message before a result is settled
+constexpr std::chrono::milliseconds kRest{200};  // without a message before at_rest is called
 
 }  // namespace
 
@@ -69,13 +69,13 @@ void Worker::work() {
 
 void Worker::wait_for_work(std::unique_lock<std::mutex>& lock) {
   const auto asked = [this] { return quit_ || waiting_ || !jobs_.empty(); };
-  if (settle_at_)
-    changed_.wait_until(lock, *settle_at_, asked);
+  if (rest_at_)
+    changed_.wait_until(lock, *rest_at_, asked);
   else
     changed_.wait(lock, asked);
 }
 
-// One job, or else the run that waits, or else settling; unlocked meanwhile.
+// One job, or else the run that waits, or else the rest; unlocked meanwhile.
 void Worker::take_turn(std::unique_lock<std::mutex>& lock) {
   stop_ = std::stop_source();
   const std::stop_token stop = stop_.get_token();
@@ -92,7 +92,7 @@ void Worker::take_turn(std::unique_lock<std::mutex>& lock) {
     if (waiting)
       do_run(std::move(*waiting), stop);
     else
-      settle(stop);
+      rest(stop);
   }
   lock.lock();
   running_ = false;
@@ -122,10 +122,10 @@ void Worker::do_job(const Job& job, const std::stop_token& stop) {
 }
 
 void Worker::do_run(Waiting waiting, const std::stop_token& stop) {
-  settle_at_.reset();  // what an older run left to do is void
+  rest_at_.reset();  // what an older run left to do is void
   try {
     duties_.run(waiting.request, stop);
-    settle_at_ = Clock::now() + kRest;
+    rest_at_ = Clock::now() + kRest;
   } catch (...) {
     if (complain(waiting.request.id)) return;
     // a job came between: the run goes on after it, unless newer parameters are there
@@ -134,12 +134,12 @@ void Worker::do_run(Waiting waiting, const std::stop_token& stop) {
   }
 }
 
-void Worker::settle(const std::stop_token& stop) {
-  const auto due = std::exchange(settle_at_, std::nullopt);
+void Worker::rest(const std::stop_token& stop) {
+  const auto due = std::exchange(rest_at_, std::nullopt);
   try {
-    duties_.settle(stop);
+    duties_.at_rest(stop);
   } catch (...) {
-    if (!complain(nullptr)) settle_at_ = due;  // a job came between: after it; a run makes it void
+    if (!complain(nullptr)) rest_at_ = due;  // a job came between: after it; a run makes it void
   }
 }
 

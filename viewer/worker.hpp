@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The thread that works for a page. Jobs are done in order and before anything else; kMaxWaitingJobs can wait. Runs
 // have one place to wait: newer parameters replace those that wait and stop the run under way. After a run and a short
-// rest its result is settled.
+// rest, `at_rest` adds what takes too long for every run.
 #pragma once
 
 #include <chrono>
@@ -26,10 +26,10 @@ class Worker {
  public:
   using Job = std::function<void(std::stop_token)>;
 
-  /// What it is there for; all are called on its thread. `complain` gets what `run`, `settle` and jobs throw, in words.
+  /// What the worker calls, all on its thread. `complain` gets what `run`, `at_rest` and jobs throw, in words.
   struct Duties {
     std::function<void(const Request&, std::stop_token)> run;
-    Job settle;
+    Job at_rest;
     std::function<void(const Json& id, std::string_view words)> complain;
   };
 
@@ -49,8 +49,8 @@ class Worker {
   /// What a former page asked for is void.
   void forget_requests();
 
-  /// Nothing is left to settle, since the result is void. On the worker's own thread.
-  void forget_settling() { settle_at_.reset(); }
+  /// Calls at_rest no more for this result, which is void. On the worker's own thread.
+  void forget_rest() { rest_at_.reset(); }
 
  private:
   using Clock = std::chrono::steady_clock;
@@ -64,7 +64,7 @@ class Worker {
   void take_turn(std::unique_lock<std::mutex>& lock);
   void do_job(const Job& job, const std::stop_token& stop);
   void do_run(Waiting waiting, const std::stop_token& stop);
-  void settle(const std::stop_token& stop);
+  void rest(const std::stop_token& stop);
   bool complain(const Json& id);
 
   const Duties duties_;
@@ -76,8 +76,8 @@ class Worker {
   std::uint64_t page_ = 0;
   bool running_ = false;  // what may be stopped and goes on later
   bool cancelled_ = false, quit_ = false;
-  std::optional<Clock::time_point> settle_at_;  // of the worker's thread only
-  std::thread thread_;                          // last: starts when all else is there
+  std::optional<Clock::time_point> rest_at_;  // of the worker's thread only
+  std::thread thread_;                        // last: starts when all else is there
 };
 
 }  // namespace pointfair::viewer
