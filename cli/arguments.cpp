@@ -66,7 +66,7 @@ void add_param(CLI::App& command, const ParamInfo& info, ParamArguments& argumen
 CLI::Option* add_choice(CLI::App& command, const std::string& flag, std::string& value,
                         const std::vector<std::string>& words, const std::string& help) {
   return command.add_option(flag, value, help)
-      ->check(CLI::IsMember(words).description(""))  // the type's name says it
+      ->check(CLI::IsMember(words).description(""))  // type_name() below lists the words
       ->type_name(fmt::format("{}", fmt::join(words, "|")));
 }
 
@@ -99,7 +99,7 @@ void add_limits(CLI::App& command, LimitArguments& arguments) {
       {"ATTRIBUTE=VALUES",
        "move only the points whose attribute has one of these integers, as in classification=2,6,64-255"},
       {"ATTRIBUTE=VALUES",
-       "leave out the points whose attribute has one of these integers: they keep their place and are nobody's "
+       "ignore the points whose attribute has one of these integers: such points keep their place and are nobody's "
        "neighbours"},
   }};
   for (std::size_t i = 0; i < kLimitNames.size(); ++i) {
@@ -124,7 +124,7 @@ void add_viewpoint(CLI::App& command, std::string& viewpoint) {
       .add_option(
           "--viewpoint", viewpoint,
           "where the sensor stood, in file coordinates; or the attributes that hold it for each point; or none; "
-          "default: what a PCD, E57 or PTX file says")
+          "default: from a PCD, E57 or PTX file")
       ->type_name("X,Y,Z|NAMES")
       ->group(kInputGroup);
 }
@@ -153,14 +153,14 @@ Device make_device(const DeviceArguments& arguments) { return parse_device(argum
 
 void add_input(CLI::App& command, InputArguments& arguments) {
   add_choice(command, "--in-format", arguments.format, names(kFormats),
-             "format of the input; default: as its content and its extension say")
+             "format of the input; default: by its content and its extension")
       ->group(kInputGroup);
   command
       .add_option("--columns", arguments.columns,
-                  "names of the columns of a text from the left, x, y and z among them, as in x,y,z,intensity")
+                  "names of the columns of a text, from left to right, with x, y and z: x,y,z,intensity for instance")
       ->type_name("NAMES")
       ->group(kInputGroup);
-  command.add_option("--skip", arguments.skip, "pass over N lines at the front of a text, which are kept")
+  command.add_option("--skip", arguments.skip, "skip the first N lines of a text; a copy keeps them")
       ->type_name("N")
       ->group(kInputGroup);
 }
@@ -198,7 +198,7 @@ void add_format(CLI::App& command, FormatArguments& arguments) {
 WriteOptions make_write_options(const FormatArguments& arguments, const std::filesystem::path& path) {
   WriteOptions options;
   options.format = find_value(kFormats, arguments.format);
-  const bool is_bin = path.extension() == ".bin";  // which of several formats it is, the input says
+  const bool is_bin = path.extension() == ".bin";  // several formats share .bin: the output takes that of the input
   if (!options.format && path.has_extension() && !is_bin) options.format = format_to_write(path);
   options.encoding = find_value(kEncodings, arguments.encoding);
   options.strict = arguments.strict;
@@ -227,8 +227,9 @@ std::vector<std::string> complete_switches(std::vector<std::string> words) {
 }
 
 Length parse_length(std::string_view name, const std::string& text) {
-  if (text == "0") return 0.0;                                                          // parameters are positive
-  const ParamInfo row = {name, Stage::index, &Params::radius, 0, 1e30, false, "", ""};  // borrows a field
+  if (text == "0") return 0.0;  // set_param() takes positive lengths only
+  const ParamInfo row = {name, Stage::index, &Params::radius, 0, 1e30, false, "",
+                         ""};  // set_param() needs a field of Params
   Params params;
   set_param(params, row, text);
   if (params.radius.is_automatic())

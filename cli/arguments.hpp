@@ -59,7 +59,7 @@ std::optional<tbb::global_control> limit_threads(unsigned threads);
 /// Throws ErrorKind::usage for a word that names no device.
 Device make_device(const DeviceArguments& arguments);
 
-/// How the input is read, where it does not say so itself.
+/// The flags that say what an input does not say of itself: its format, its columns, lines to skip.
 struct InputArguments {
   std::string format, columns;
   std::uint64_t skip = 0;

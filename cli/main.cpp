@@ -32,7 +32,7 @@ pointfair VERB --help lists the flags of a verb; the usual start is
   pointfair run scan.ply denoised.ply
 )";
 
-// In lines that fit a screen.
+// The words in lines that fit a screen.
 std::string wrapped(const std::vector<std::string>& words) {
   constexpr std::size_t kWidth = 70;
   std::string text, line;
@@ -154,7 +154,7 @@ void run_verb(std::vector<std::string> words, std::stop_token stop) {
 
 int fail(Interrupts& interrupts, std::string_view message, int code) {
   interrupts.finish();
-  if (pipe_is_broken()) return kExitFailed;  // the reader left: nobody wants to know
+  if (pipe_is_broken()) return kExitFailed;  // the reader of the pipe left, so nobody reads a message
   print_error(message);
   return code;
 }

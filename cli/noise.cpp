@@ -26,7 +26,7 @@ struct NoiseArguments {
 
 void check_arguments(const NoiseArguments& arguments) {
   if (arguments.uneven && !arguments.points) {
-    throw Error(ErrorKind::usage, "--uneven needs --points N, since it says how to sample");
+    throw Error(ErrorKind::usage, "--uneven needs --points N: only a mesh that is sampled has a density to vary");
   }
   if (!arguments.force) check_not_same(arguments.input, arguments.output, "name another output");
   check_writable(arguments.output, arguments.force);
@@ -50,7 +50,9 @@ double in_file_units(Length length, double diagonal, const Cloud& cloud, std::st
   if (length.unit == Length::Unit::metre) {
     const std::optional<double> metres = file_info(cloud).metres_per_unit;
     if (metres) return length.value / *metres;
-    throw Error(ErrorKind::usage, "--sigma: the file does not say how long its unit is; leave mm, cm, m or ft out");
+    throw Error(
+        ErrorKind::usage,
+        "--sigma: the file does not say how long its unit is; give the length in file units, without mm, cm, m or ft");
   }
   if (length.unit != Length::Unit::spacing) return length.value;
   Pipeline pipeline(Device::cpu);

@@ -64,7 +64,7 @@ class Ground {
     }
   }
 
-  // Of the nearest ring of cells that has points.
+  // The mean height in the nearest ring of cells that has points.
   double height_at(const Point& p) const {
     const std::size_t cell = cell_of(p);
     const auto row = std::ptrdiff_t(cell / side_), column = std::ptrdiff_t(cell % side_), side = std::ptrdiff_t(side_);
@@ -139,7 +139,7 @@ void check_outlier_action(const OutlierAction& action, const Cloud& cloud, const
   if (info && (info->type != ScalarType::uint8 || info->components != 1))
     throw Error(ErrorKind::usage,
                 fmt::format("--outliers: the attribute '{}' of this cloud is not one byte a point, so "
-                            "it cannot take the outliers; use --outliers mark",
+                            "it can hold no class; use --outliers mark",
                             name));
   if (!info) check_new_attribute(cloud, "--outliers", name, options);
   const std::optional<Format> own = file_info(cloud).format;

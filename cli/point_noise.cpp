@@ -119,7 +119,7 @@ void check_new_attribute(const Cloud& cloud, const std::string& flag, const std:
 
 namespace {
 
-// In place of one of this name.
+// Adds an attribute, in place of an added one of this name.
 void add_floats(const std::string& name, std::span<const float> values, Cloud& cloud) {
   std::erase_if(cloud.added, [&](const Attribute& other) { return other.name == name; });
   Attribute& attribute = cloud.added.emplace_back();

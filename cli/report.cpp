@@ -146,7 +146,7 @@ std::vector<std::string> doubts(const Look& look) {
   return result;
 }
 
-// A point may be both: of those that limits hold, outliers and others without a surface are counted too.
+// A point may be counted in both `kept` and `held`: limits hold outliers and points without a surface, too.
 std::uint64_t count_denoised(std::uint64_t points, std::uint64_t kept, std::uint64_t held) {
   return points - std::min(points, kept + held);
 }

@@ -22,13 +22,13 @@ Json params_json(const Params& params);
 Json stages_json(const std::vector<StageTime>& stages);
 Json statistics_json(const Statistics& statistics);
 Json outliers_json(const OutlierCounts& outliers);
-/// A sentence where floats around one origin cannot tell the noise; empty: they can.
+/// A sentence if the steps of floats around one origin are coarse against the noise, else empty.
 std::string coarse_floats(double float_step, double noise);
-/// The same of the steps between coordinates that a file stores as integers.
+/// A sentence if the steps between coordinates that a file stores as integers are coarse against the noise, else empty.
 std::string coarse_steps(double step, double noise);
-/// What rounding to such steps adds.
+/// The error that rounding to such steps adds on each axis.
 Json rounding_json(double step);
-/// The line of it; empty without steps.
+/// The line that tells it; empty without steps.
 std::string rounding_text(double step);
 /// "noise of the input ..., points moved ..."; `source` as noise_source says.
 std::string noise_and_moves(std::optional<double> noise, const std::string& source, double mean, double max);

@@ -46,7 +46,8 @@ WriteOptions write_options_of(const RunArguments& arguments) {
   return options;
 }
 
-// Where nothing is to move, degrees do no harm: the pipeline is not told the file then, since it would refuse.
+// The pipeline refuses files in degrees. Where nothing is to move, degrees do no harm, so it gets the points alone
+// then.
 void load(const Limits& limits, const Cloud& cloud, Pipeline& pipeline) {
   if (limits.strength > 0) check_not_geographic(cloud);
   if (file_info(cloud).is_geographic) {
@@ -58,7 +59,7 @@ void load(const Limits& limits, const Cloud& cloud, Pipeline& pipeline) {
   pipeline.load(without_ignored(limits, cloud));
 }
 
-// Whether outliers are to be marked for the pictures of a page where the run only keeps them, with the same bits.
+// Whether a run that keeps outliers is to mark them, for the pictures of a page. The moved points have the same bits.
 bool marks_for_page(const Params& params, Pipeline& pipeline, std::stop_token stop) {
   try {
     return pipeline.resolve(params, stop).outliers == Outliers::keep;
@@ -105,7 +106,7 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
       pipeline.run(with_marks, stop, [&](double share, std::string_view stage) { progress.show(share, stage); });
   denoised.source = cloud.source;
   const bool acts = arguments.outlier_action.kind != OutlierAction::Kind::none;
-  if (marks || acts) denoised.added.pop_back();  // what this writes is something else, or nothing
+  if (marks || acts) denoised.added.pop_back();  // the file gets classes, flags or no attribute
   apply_limits(limits, movable, cloud.points, denoised.points);
   if (arguments.normals != "keep") give_normals(pipeline, arguments.orient, movable, viewpoints, stop, denoised);
   if (!arguments.write_noise.empty()) write_noise_attribute(pipeline, params, arguments.write_noise, stop, denoised);

@@ -78,8 +78,9 @@ std::string why_zones(const RunArguments& arguments, const Cloud& cloud) {
     return {};  // it can only be decoded as a whole
   }
   return fmt::format(
-      "floats around one origin are too coarse for a cloud as wide and dense as this one: it is computed in tiles on "
-      "disk, in zones where floats step by {:.4g}{}",
+      "the cloud is too wide and dense for floats around one origin, so it is computed in tiles on disk, in zones "
+      "where "
+      "floats step by {:.4g}{}",
       step, but_without_sensors(arguments));
 }
 

@@ -24,7 +24,8 @@ std::string why_zones(const RunArguments& arguments, const Cloud& cloud);
 void run_tiled(const RunArguments& arguments, const Params& params, const Limits& limits,
                const std::string& noise_attribute, const std::string& note, std::stop_token stop);
 
-/// The same if there is a reason, `why`, and if tiles can do what is asked for; else false, since memory may suffice.
+/// Runs in tiles if `why` names a reason and tiles can do what is asked for. Returns whether it ran: if not, the run in
+/// memory may suffice.
 bool is_run_tiled(const RunArguments& arguments, const Params& params, const Limits& limits,
                   const std::string& noise_attribute, const std::string& why, std::stop_token stop);
 

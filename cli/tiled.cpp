@@ -78,7 +78,7 @@ class StepClock {
   Clock::time_point begin_;
 };
 
-// Where nothing was estimated, nor read from an attribute.
+// The noise, if --noise gave it as a length; none if it was estimated or read from an attribute.
 std::optional<double> given_noise(const TiledReport& report) {
   const Length& noise = report.params.noise;
   const bool is_given =

@@ -21,7 +21,7 @@ struct TiledArguments {
 /// "2G", "512M" or a number of bytes. Throws ErrorKind::usage.
 std::uint64_t parse_bytes(const std::string& flag, const std::string& text);
 
-/// 0 where nothing is said.
+/// The bytes that --memory gives; 0 where it is not given.
 std::uint64_t memory_to_use(const TiledArguments& arguments);
 
 /// What else `run` was asked for beside a job: quiet, report and progress as there.

@@ -66,7 +66,7 @@ struct Params {
   Length radius;
   /// without k: radius_i^2 = radius^2 + (distance to the n-th nearest)^2; 1: the radius alone
   int min_neighbors = kAutomatic;
-  bool constraint = false;         ///< a point joins N only if d(q, N) < rho + delta; with radius also needs k
+  bool constraint = false;  ///< a point joins N only if d(q, N) < rho + delta; with radius also needs k
   Length rho;
   Length delta;
   // Normals, paper eq. 3-5.
@@ -160,13 +160,14 @@ inline constexpr std::array kParams = {
     ParamInfo{"relaxation", Stage::fairing, &Params::relaxation, 0, 2, true, "",
               "factor on each displacement; with --method taubin: lambda", true},
     ParamInfo{"outliers", Stage::fairing, &Params::outliers, 0, 0, true, "off|move|keep|mark",
-              "points off the surface. off: not looked for; move: pulled in; keep: not moved; mark: kept and marked"},
+              "points off the surface. off: do not look for them; move: pull them in; keep: leave them; mark: leave "
+              "and mark"},
     ParamInfo{"outlier_distance", Stage::fairing, &Params::outlier_distance, 0, 1e30, true, "",
-              "outliers have few neighbours this close to their plane, or would move farther than this; auto: 6 times "
+              "an outlier has few neighbours this close to its plane, or would move farther than this; auto: 6 times "
               "the noise",
               true},
     ParamInfo{"outlier_radius", Stage::fairing, &Params::outlier_radius, 0, 1e30, true, "",
-              "without --k: points with a larger radius are outliers unless most neighbours lie near their plane; "
+              "without --k: a point with a larger radius is an outlier unless most neighbours lie near its plane; "
               "auto: 6 typical radii",
               true},
     ParamInfo{"iterations", Stage::iterations, &Params::iterations, 1, 100, true, "",
