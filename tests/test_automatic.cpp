@@ -31,7 +31,7 @@ Noise noise_of(double sigma, double bend = 1, double confined = 0) {
 
 double ramp(double from, double to, double value) { return std::clamp((value - from) / (to - from), 0.0, 1.0); }
 
-TEST(Automatic, balls_follow_equation_18) {
+TEST(Automatic, radii_follow_equation_18) {
   for (const double sigma : {0.05, 0.3, 0.45, 0.6, 0.85, 1.7, 3.0, 4.0, 8.0})
     for (const double bend : {1.0, 1.5, 4.0})
       for (const double confined : {0.0, 0.2, 1.0}) {
@@ -44,7 +44,7 @@ TEST(Automatic, balls_follow_equation_18) {
       }
 }
 
-TEST(Automatic, balls_follow_the_shape_where_normals_are_filtered_only_and_no_second_sheet_is_near) {
+TEST(Automatic, radii_follow_the_shape_where_normals_are_filtered_only_and_no_second_sheet_is_near) {
   Noise noise = noise_of(1);
   EXPECT_NEAR(resolved(noise, Method::laplacian).radius.value, 2.5, 1e-9);
   EXPECT_EQ(resolved(noise, Method::laplacian).min_neighbors, 16);
@@ -109,7 +109,7 @@ Left left(const Points& noisy, double (*off)(const Points&)) {
   return {automatic, off(out)};
 }
 
-TEST(Automatic, less_noise_is_left_than_by_balls_of_one_width_for_all_shapes) {
+TEST(Automatic, less_noise_is_left_than_by_one_radius_for_all_shapes) {
   const Left plane = left(shapes::with_noise(shapes::plane(10000), 0.02), off_plane);  // two spacings
   EXPECT_LT(plane.automatic, 0.85 * plane.of_one_width);
   const Left round = left(shapes::with_noise(shapes::sphere(4000), 0.18), off_sphere);  // a sixth of the radius

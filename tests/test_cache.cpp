@@ -146,8 +146,8 @@ TEST(Cache, first_run_calls_every_stage_and_an_equal_run_none) {
 TEST(Cache, a_changed_parameter_runs_again_from_the_stage_of_its_row_and_no_earlier) {
   for (const ParamInfo& info : kParams) {
     Recorded recorded;
-    const bool is_of_balls = info.name == "min_neighbors" || info.name == "flat_scale" || info.name == "outlier_radius";
-    const Params before = is_of_balls ? settled_without_list() : settled();
+    const bool is_of_radii = info.name == "min_neighbors" || info.name == "flat_scale" || info.name == "outlier_radius";
+    const Params before = is_of_radii ? settled_without_list() : settled();
     const std::array<double, 3> above{0.5, 0.5, 5};
     if (info.name == "along") recorded.pipeline.set_viewpoint({&above, 1});
     recorded.run(before);
@@ -160,7 +160,7 @@ TEST(Cache, a_changed_parameter_runs_again_from_the_stage_of_its_row_and_no_earl
   }
 }
 
-TEST(Cache, lists_whose_lengths_are_given_need_no_samples_for_what_only_balls_read) {
+TEST(Cache, lists_whose_lengths_are_given_need_no_samples_for_what_only_radii_read) {
   Params params = settled();
   params.outlier_radius = {};
   Recorded recorded;

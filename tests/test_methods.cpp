@@ -126,7 +126,7 @@ TEST_P(Methods, agree_with_the_reference_over_lists) {
     }
 }
 
-TEST_P(Methods, agree_with_the_reference_over_balls) {
+TEST_P(Methods, agree_with_the_reference_within_a_radius) {
   Params params = with(method());
   params.iterations = 1;
   params.radius = 0.15;

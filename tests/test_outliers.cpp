@@ -87,7 +87,7 @@ TEST(Outliers, keep_their_bits_and_are_counted) {
   EXPECT_TRUE(outcome.outliers.empty()) << "marks were not asked for";
 }
 
-TEST(Outliers, are_kept_without_being_asked_for_in_balls_and_not_in_lists) {
+TEST(Outliers, are_kept_without_being_asked_for_within_radii_and_not_in_lists) {
   const Lifted cloud = with_outliers(noisy_plane());
   EXPECT_EQ(run(cloud.points, {}).report.params.outliers, Outliers::keep);
   Params lists;

@@ -163,7 +163,7 @@ TEST(Stages, agree_with_the_reference_for_every_switch) {
         }
 }
 
-TEST(Stages, agree_with_the_reference_for_balls_that_follow_the_density) {
+TEST(Stages, agree_with_the_reference_for_radii_that_follow_the_density) {
   const Points points = shapes::with_noise(shapes::uneven(900, 20), 0.004);
   for (const int min_neighbors : {1, 6, 16, 64}) {
     Params params;
@@ -174,7 +174,7 @@ TEST(Stages, agree_with_the_reference_for_balls_that_follow_the_density) {
   }
 }
 
-TEST(Stages, agree_with_the_reference_for_balls_that_are_thinned) {
+TEST(Stages, agree_with_the_reference_for_neighbourhoods_that_are_thinned) {
   Params params;
   params.iterations = 1;
   params.flat_scale = 1;
@@ -195,8 +195,8 @@ TEST(Stages, agree_with_the_reference_where_points_lie_far_away) {
   expect_like_reference(points, params, "points far away");
 }
 
-// On a cube the balls of the faces grow and those at its edges do not.
-TEST(Stages, agree_with_the_reference_where_balls_grow) {
+// On a cube the radii of the faces grow and those at its edges do not.
+TEST(Stages, agree_with_the_reference_where_radii_grow) {
   const Points points = shapes::with_noise(shapes::cube(1500), 0.004);
   for (const double radius : {0.15, 0.35})  // of a hundred points, and so many that they are thinned
     for (const Offset offset : {Offset::point, Offset::symmetric}) {
@@ -242,7 +242,7 @@ TEST(Stages, balls_grow_where_the_surface_is_flat_and_nowhere_else) {
     }
   }
   EXPECT_GT(moved, on_faces * 2 / 3);
-  params.k = 12;  // lists have no balls
+  params.k = 12;  // lists have no radii
   params.radius = {};
   pipeline.run(params, grown);
   params.flat_scale = 1;

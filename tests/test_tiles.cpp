@@ -163,7 +163,7 @@ TEST(Tiles, has_the_bits_of_the_whole_with_every_method) {
   }
 }
 
-TEST(Tiles, has_the_bits_of_the_whole_over_balls) {
+TEST(Tiles, has_the_bits_of_the_whole_within_a_radius) {
   const Points points = cloud(30000);
   StageSettings settings = usual();
   settings.neighbors = {0, 0.04f, false, 0};
@@ -195,7 +195,7 @@ TEST(Tiles, has_the_bits_of_the_whole_where_lengths_follow_the_noise) {
   expect_the_same_in_tiles(shapes::with_noise(shapes::sphere(10000), 0.006), settings, "levels");
 }
 
-TEST(Tiles, has_the_bits_of_the_whole_over_thinned_balls) {
+TEST(Tiles, has_the_bits_of_the_whole_over_thinned_neighbourhoods) {
   StageSettings settings = usual();
   settings.neighbors = {0, 0.2f, false, 0, 8};
   settings.normals = {1.4f, true, 1, 20};

@@ -283,19 +283,19 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
   MemoryMeter meter_;
   std::uint64_t points_ = 0;
   Buffer<Point> uploaded_{meter_};
-  bool upload_is_indexed_ = false;  // and its memory lent to the first chain
-  Buffer<Point> input_{meter_};     // of iterations from the third on, in the order of the one before
+  bool upload_is_indexed_ = false;  // then the memory of the upload is lent to the first chain
+  Buffer<Point> input_{meter_};     // of iterations from the third on, in the order of the iteration before
   Buffer<Index> input_originals_{meter_};
   SortSpace space_{meter_};
   Chain first_{meter_}, further_{meter_};
-  int further_iteration_ = 0;  // whose results further_ holds; 0: none
-  // Outliers, which are NaN, as the index of the iteration `before` which they were lost has them.
+  int further_iteration_ = 0;  // the iteration whose results further_ holds; 0: none
+  // Outliers, which are NaN from some iteration on, in the form of invalid points of that iteration's index.
   struct Lost {
     int before;
     InvalidPoint point;
   };
   std::vector<Lost> lost_;
-  std::unordered_map<Index, Index> located_;  // upload index to sorted position, as far as asked
+  std::unordered_map<Index, Index> located_;  // upload index to sorted position, of the points that were asked for
 };
 
 }  // namespace

@@ -36,7 +36,7 @@ class FastLists {
   // The K-th distance, or a little more.
   POINTFAIR_INLINE Floats last() const { return as_floats(entry_[K - 1] | kNumber); }
   POINTFAIR_INLINE bool all_identical() const { return any(entry_[K - 1] < broadcast(kNumber + 1)); }
-  // More candidates than numbers: the entries do not tell any more where they are.
+  // There are more candidates than numbers, so entries no longer name one.
   POINTFAIR_INLINE bool overflown() const { return candidates_ > kNumber; }
 
   // Offers the points at `count` <= kMaxBatch sorted positions; those farther than `bound` do not count. First all

@@ -27,7 +27,7 @@ void for_points(const IndexView& index, const Body& body) {
 
 float one_if(bool is_exact) { return is_exact ? 1.0f : 0.0f; }
 
-// Of one point's list.
+// The entries of one point's list.
 struct Entries {
   int count = 0;
   float squared_last = 0;
@@ -42,14 +42,14 @@ Entries entries_of(const IndexView& index, const NeighborView& lists, std::size_
   return entries;
 }
 
-// How deep in the region the points lie, so that most are not surveyed: where a neighbourhood ends deeper than every
-// value of 0 lies, all values in it are 1.
+// How deep in the region the points lie. Most need no survey: where a neighbourhood ends deeper than the deepest value
+// of 0, all values in it are 1 (docs/decisions/039).
 class Depths {
  public:
   Depths(const IndexView& index, const point::Region& region)
       : index_(index), region_(region), ends_(index.leaves, kInfinity) {}
 
-  // Point i, and what it reaches. The leaf of one whose neighbours must be counted is surveyed in any case.
+  // Adds point i with its reach. A leaf with a point whose neighbours must be counted is surveyed in any case.
   void include(std::size_t i, float squared_gap, float squared_reach, bool must_count) {
     const float end = kLess * std::sqrt(squared_gap) - kMore * std::sqrt(squared_reach);
     const bool is_known = !must_count && squared_gap > kLeast && end > -kInfinity;

@@ -23,7 +23,7 @@ inline void mean_distances(const IndexView& index, Index leaf, const Index* list
 
 inline void squared_radii(const IndexView& index, Index leaf, const Index* list, const point::Radii& radii,
                           const float* squared_reach_level, float* out) {
-  const auto farthest_of = [&](int part, int count) {  // the last that a lane's list has
+  const auto farthest_of = [&](int part, int count) {  // the last entry of each lane's list
     const Index start = leaf * kLeafSize + Index(part);
     Ints last = Ints{lane_numbers().v + int(start)};
     for (int slot = 0; slot < count; ++slot) {

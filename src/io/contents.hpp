@@ -15,7 +15,7 @@ struct Cloud;
 
 namespace io {
 
-/// The kinds of things, in the order in which they are told.
+/// The kinds of things, in the order in which notes name them.
 enum class ContentKind : std::uint8_t {
   colors,
   fine_colors,    ///< of more than 8 bits

@@ -35,9 +35,9 @@ std::optional<Range> bulk_range(std::vector<double> values) {
 // nearly all clouds of floats then stay as they are.
 constexpr double kLarge = 4;
 
-// Whether no axis has coordinates that are large against the extent, told without quantiles; false: perhaps one has.
-// Where more than a twentieth of the values lie in the lowest quarter of their range and in the highest, the bulk
-// reaches from one to the other.
+// Whether no axis has coordinates that are large against the extent, as far as that shows without quantiles; false: one
+// may have. Where more than a twentieth of the values lie in the lowest quarter of their range and in the highest, the
+// bulk reaches from one to the other.
 bool is_surely_small(const std::vector<Position>& sample) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   Position least{kInfinity, kInfinity, kInfinity}, most{-kInfinity, -kInfinity, -kInfinity}, low, high;

@@ -41,7 +41,7 @@ bool has_columns(Format format) {
   return format == Format::xyz || format == Format::txt || format == Format::csv || format == Format::pts;
 }
 
-// Refuses what is told of columns where there are none, and text in which every letter takes two bytes.
+// Refuses --columns and --skip where there are no columns, and text in which every letter takes two bytes.
 void check_text(std::string_view bytes, const std::string& name, Format format, const ReadOptions& options) {
   if (!has_columns(format) && (!options.columns.empty() || options.skip_lines > 0))
     throw Error(ErrorKind::usage,

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The bodies of the methods other than the bilateral one (docs/methods.md), in two rounds over the neighbours: each
-// point's displacement, then what those of its neighbours change in it. As src/point/stages.h.
+// The bodies of the methods other than the bilateral one (docs/methods.md), in two rounds over the neighbours: the
+// displacement of each point, then what the displacements of its neighbours change in it. Built as src/point/stages.h.
 #pragma once
 
 #include "point/method.h"
@@ -8,7 +8,7 @@
 
 namespace pointfair::point {
 
-// What these read beside neighbours: of the point itself, and of any point.
+// What the methods read of the point itself.
 template <class F>
 struct OwnPlane {
   Vec3<F> normal;
@@ -52,7 +52,7 @@ POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> to_planes(const Neighbors& nei
   return sum.mean();
 }
 
-// Of the first round. `kTo` is rule.displacement.
+// The displacement of the first round. `kTo` is rule.displacement.
 template <Displacement kTo, class Neighbors, class Vectors, class Scalars>
 POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> displacement_of(const Neighbors& neighbors, const MethodRule& rule,
                                                                   OwnPlane<NumberOf<Neighbors>> own,
@@ -104,7 +104,7 @@ POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> shrunk(const Neighbors& neighb
   return (F(rule.relaxation.own) * sum.share(rule.noise_variance)) * own;
 }
 
-// Of the second round: what remains of the point's displacement `own`. `kBy` is rule.adjustment, and not none.
+// The second round: what remains of the point's displacement `own`. `kBy` is rule.adjustment, and not none.
 template <Adjustment kBy, class Neighbors, class Vectors, class Scalars>
 POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> adjusted(const Neighbors& neighbors, const MethodRule& rule,
                                                            Vec3<NumberOf<Neighbors>> own, NumberOf<Neighbors> own_area,

@@ -48,14 +48,15 @@ POINTFAIR_INLINE F squared_radius(F squared_reach, F squared_least, F squared_re
   return select(reach > F{}, larger(all, squared_base * kJustAbove), all);
 }
 
-// At level K_i of the reach, about kReachPoints K_i^2 points leave least error in a step. Where so few do that no more
-// may be averaged, what averages on, the filter of the normals and every iteration after the first, would harm: a point
-// takes part in it by a share that rises from kSettledPoints to kFurtherPoints (Eq. 24 of docs/how-it-works.md).
-inline constexpr float kReachPoints = 20, kSettledPoints = kLeastReached, kFurtherPoints = 14;
+// At level K_i of the reach, about kReachPoints K_i^2 points leave least error in a step. Where these are few,
+// averaging once more harms the shape: the filter of the normals and every iteration after the first do so. A point
+// takes part in those by a share that rises from 0 at kOncePoints to 1 at kFurtherPoints (Eq. 24 of
+// docs/how-it-works.md).
+inline constexpr float kReachPoints = 20, kOncePoints = kLeastReached, kFurtherPoints = 14;
 
 POINTFAIR_INLINE float further_share(float squared_reach_level) {
-  constexpr float kSlope = 1 / (kFurtherPoints - kSettledPoints);
-  return smaller(larger((kReachPoints * squared_reach_level - kSettledPoints) * kSlope, 0.0f), 1.0f);
+  constexpr float kSlope = 1 / (kFurtherPoints - kOncePoints);
+  return smaller(larger((kReachPoints * squared_reach_level - kOncePoints) * kSlope, 0.0f), 1.0f);
 }
 
 // What differs from place to place, of each sorted point; null: 1.
@@ -72,8 +73,8 @@ inline constexpr float kNeighborhoodPoints = 400, kLeastShare = 1.0f / 1024;
 // measurement (many sensors write the origin for what they did not see), and a sum over it grows with its square.
 inline constexpr float kNoSquaredRadius = -1;
 
-// Whether more than kNeighborhoodPoints are where sorted point `at` is, of those from `begin` to `end`; is_same(i) says
-// so of one. Points at one place follow each other along the curve.
+// Whether more than kNeighborhoodPoints of the points from `begin` to `end` are at the place of sorted point `at`;
+// is_same(i) says whether point i is. Points at one place follow each other along the curve.
 template <class IsSame>
 POINTFAIR_INLINE bool is_crowded(Index at, Index begin, Index end, const IsSame& is_same) {
   const auto most = [](Index room, const auto& is_same_at) {  // by bisection

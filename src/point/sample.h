@@ -79,7 +79,7 @@ POINTFAIR_INLINE SpacingSample spacing_sample(const P* row) {
   return found > 0 ? SpacingSample{total / found, last} : SpacingSample{};
 }
 
-// Of a row: how many places, and whether the cloud may have more.
+// What take_row() found in a row: how many places, and whether the cloud may have more.
 struct RowTaken {
   int there;
   bool may_have_more;
@@ -121,7 +121,8 @@ POINTFAIR_INLINE RowTaken take_row(Team team, FitSpace<kMost>& space, const P* r
   return {known - repeated, known == kMost && kMost < kLastRow};
 }
 
-// At the nearest `points` of those that are there. The noise of what is neither wide nor last only if `always`.
+// A look at the nearest `points`, or at all that are there. The noise of a neighbourhood that is neither wide nor the
+// last one is computed only if `always`.
 template <class Team, int kMost>
 POINTFAIR_INLINE Look look_at(GrowingNeighborhood<Team, kMost>& neighborhood, RowTaken row, int points, bool always) {
   Look look;
@@ -138,7 +139,7 @@ POINTFAIR_INLINE Look look_at(GrowingNeighborhood<Team, kMost>& neighborhood, Ro
   return look;
 }
 
-// `look_in(round)` for each round from `first` to before `end` until one suffices.
+// Calls look_in(round) for each round from `first` to before `end`, until one suffices.
 template <class LookIn>
 POINTFAIR_INLINE NoiseSample noise_sample(int first, int end, const LookIn& look_in) {
   for (int round = first; round < end; ++round) {
@@ -150,10 +151,10 @@ POINTFAIR_INLINE NoiseSample noise_sample(int first, int end, const LookIn& look
   return {true};
 }
 
-// Of the variances along a plane, the lesser over the greater; less is a line.
+// The lesser variance along a plane over the greater one: points with less lie along a line.
 inline constexpr double kRound = 0.2;
 
-// Of a row of which `there` points are there.
+// The planes of a row that holds `there` points.
 template <class Team, int kMost>
 POINTFAIR_INLINE PlaneSample plane_sample(Team team, const FitSpace<kMost>& space, int there) {
   PlaneSample planes;
@@ -170,7 +171,7 @@ POINTFAIR_INLINE PlaneSample plane_sample(Team team, const FitSpace<kMost>& spac
   return planes;
 }
 
-// From looks at 20, 30, 60 and 115 points.
+// The residuals of looks at 20, 30, 60 and 115 points.
 POINTFAIR_INLINE ResidualSample residual_sample(const Look& least, const Look& narrow, const Look& wide,
                                                 const Look& widest, const PlaneSample& planes) {
   if (wide.is_cut) return {-1, -1, -1, -1, planes};

@@ -32,22 +32,23 @@ POINTFAIR_INLINE Vec3<F> along_ray(Vec3<F> displacement, Vec3<F> to_sensor) {
   return select<F>(is_known, share * to_sensor, displacement);
 }
 
-// How many neighbours a point has where a surface has at least so many. Rays of a scan turn by equal steps, so the
-// typical angle to the twelfth nearest neighbour, the width of the beams' pattern, is that of all surfaces which are
-// not steep to the rays. However steep a surface is, its points have two neighbours near that angle times the range
-// away, along a row of rays, and twelve within a few times that. Noise adds up to three standard deviations, half of
-// the outlier distance. A point that lacks the two lies alone between two surfaces, one that lacks the twelve in a veil
-// or a row of such points.
+// Rays of a scan turn by equal steps, so one angle fits all surfaces that are not steep to the rays: the width of the
+// pattern of beams, which is the typical angle from a point to its twelfth nearest neighbour. A point of a surface,
+// however steep, has two neighbours within about that angle times its range, along a row of rays, and twelve within a
+// few times that distance. Noise adds up to three standard deviations, half of the outlier distance. A point without
+// two such neighbours lies alone between two surfaces. A point without the twelve lies in a veil or a row of such
+// points.
 inline constexpr int kPatternNeighbors = 12;
 inline constexpr float kWidthsToTwo = 1.1f, kWidthsToTwelve = 3.5f;
 
+// Counts the neighbours of one point within both distances.
 template <class F>
-struct Company {
+struct BeamNeighbors {
   F squared_reach_of_two, squared_reach_of_twelve;
   F near{}, far{}, squared_farthest{};
 
   // `squared_width`: the squared angle
-  POINTFAIR_INLINE Company(Vec3<F> to_sensor, float squared_width, F squared_outlier_distance) {
+  POINTFAIR_INLINE BeamNeighbors(Vec3<F> to_sensor, float squared_width, F squared_outlier_distance) {
     const F squared = squared_length(to_sensor) * F(squared_width), of_noise = squared_outlier_distance * F(0.25f);
     squared_reach_of_two = squared * F(kWidthsToTwo * kWidthsToTwo) + of_noise;
     squared_reach_of_twelve = squared * F(kWidthsToTwelve * kWidthsToTwelve) + of_noise;

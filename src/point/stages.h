@@ -33,10 +33,10 @@ struct FairingRule {
   float inverse_turn;                    // of Eq. 10
   bool similarity_follows;               // the level of the noise at the point
   float strength;                        // share of the displacement that is made
-  float noise_variance;                  // at level 1, where the share of noise_share() is made of that; 0: all of it
-  float noise_left, damage;              // of noise_share()
+  float noise_variance;                  // at level 1, for noise_share(); 0: steps are made whole
+  float noise_left, damage;              // for noise_share()
   float squared_outlier_distance;        // 0: outliers are not looked for
-  float squared_level_outlier_distance;  // what the squared level multiplies; counts where it is more
+  float squared_level_outlier_distance;  // times the squared level; the larger of both counts
   float squared_sparse_core;             // of a neighbourhood of the outlier radius
   bool pull_outliers;                    // else they become NaN
   bool pull_by_density;                  // else by closeness
@@ -56,7 +56,7 @@ POINTFAIR_INLINE LocalBilateralWeights<F> weights_of(const FairingRule& rule, F 
           rule.similarity_follows ? similarity / squared_level : similarity};
 }
 
-// Eq. 3 to 5.
+// The normal by Eq. 3 to 5.
 template <class F, class Count>
 struct NormalOfPoint {
   Vec3<F> unit;  // zero where there is none
@@ -81,11 +81,11 @@ POINTFAIR_DEVICE_INLINE auto normal_of(const Neighbors& neighbors, Weights weigh
   return NormalOfPoint<F, Count>{select<F>(enough, covariance.normal().unit, Vec3<F>{}), found};
 }
 
-// A point of the filter of normals.
+// What the filter of normals reads of the point itself.
 template <class F>
 struct OwnNormal {
   Vec3<F> unit;
-  F share;  // of the filter that it takes (further_share)
+  F share;  // share of the filter that the point takes (further_share)
 };
 
 // Eq. 9, and what Eq. 20 multiplies the squared radius by.
@@ -152,7 +152,8 @@ POINTFAIR_DEVICE_INLINE NumberOf<Neighbors> symmetric_distance(const Neighbors& 
   return sum.distance();
 }
 
-// Either of them. Not a lambda of its caller: GCC calls that for each pack, with its arguments in memory.
+// The distance of Eq. 6 or of Eq. 10. GCC 12 would call a lambda of the caller for each pack, with its arguments in
+// memory, so this is a function of its own.
 template <class Neighbors, class Weights, class Vectors, class Areas, class Visited>
 POINTFAIR_DEVICE_INLINE NumberOf<Neighbors> bilateral_distance(const Neighbors& neighbors, const FairingRule& rule,
                                                                Weights weights, Vec3<NumberOf<Neighbors>> normal,
@@ -187,7 +188,7 @@ POINTFAIR_INLINE F softly_limited(F distance, F limit) {
   return select(distance * distance > limit * limit, limit * limit / distance, distance);
 }
 
-// What a point of the bilateral method knows of itself.
+// What the bilateral step reads of the point itself.
 template <class F>
 struct OwnPlace {
   F squared_level;  // of the noise
@@ -207,8 +208,8 @@ struct Verdict {
 // `distance` along the normal; `squared_distance` is that of outliers at the point.
 template <bool kSees, class Neighbors, class F = NumberOf<Neighbors>>
 POINTFAIR_DEVICE_INLINE Verdict<F> verdict_of(const Neighbors& neighbors, const FairingRule& rule,
-                                              const Agreement<F>& agreement, const Company<F>& company, F distance,
-                                              F squared_distance) {
+                                              const Agreement<F>& agreement, const BeamNeighbors<F>& beam_neighbors,
+                                              F distance, F squared_distance) {
   const auto is_sparse = neighbors.squared_core() > F(rule.squared_sparse_core);
   Verdict<F> verdict{
       typename Verdict<F>::Mask(agreement.is_missing(is_sparse)),
@@ -220,8 +221,8 @@ POINTFAIR_DEVICE_INLINE Verdict<F> verdict_of(const Neighbors& neighbors, const 
     }
     if (rule.squared_beam_width > 0) {
       // lists have all neighbours up to their last
-      const F horizon = rule.pull_by_density ? neighbors.squared_horizon() : company.squared_farthest;
-      const auto is_mixed = company.is_mixed_pixel(horizon);
+      const F horizon = rule.pull_by_density ? neighbors.squared_horizon() : beam_neighbors.squared_farthest;
+      const auto is_mixed = beam_neighbors.is_mixed_pixel(horizon);
       verdict.reason = select(is_mixed, F(place_of(Outlier::mixed_pixel)), verdict.reason);
       verdict.is_outlier = verdict.is_outlier | is_mixed;
     }
@@ -261,9 +262,9 @@ POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> faired_point(const Neighbors& 
   const F squared_outlier_distance =
       larger(F(rule.squared_outlier_distance), squared_level * rule.squared_level_outlier_distance);
   const F squared_core = larger(neighbors.squared_core(), squared_outlier_distance);
-  Company<F> company(own.to_sensor, rule.squared_beam_width, squared_outlier_distance);
+  BeamNeighbors<F> beam_neighbors(own.to_sensor, rule.squared_beam_width, squared_outlier_distance);
   F distance = bilateral_distance(neighbors, rule, weights, normal, normals, areas, [&](Vec3<F> offset, auto inside) {
-    if constexpr (kSeeksOutliers && kSees) company.add(offset, inside);
+    if constexpr (kSeeksOutliers && kSees) beam_neighbors.add(offset, inside);
     if constexpr (kSeeksOutliers || kShares) {
       const F height = dot(normal, offset);
       if constexpr (kShares) spread.add(height, inside);
@@ -278,7 +279,7 @@ POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> faired_point(const Neighbors& 
     return there;
   } else {
     const Verdict<F> verdict =
-        verdict_of<kSees>(neighbors, rule, agreement, company, distance, squared_outlier_distance);
+        verdict_of<kSees>(neighbors, rule, agreement, beam_neighbors, distance, squared_outlier_distance);
     // a point without a normal keeps its place
     const auto is_outlier = verdict.is_outlier & (squared_length(normal) > F{});
     if (!neighbors.any(is_outlier)) return there;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the nearest points of a sample say of the noise: how far they lie off a cubic over their plane (Eq. 8 of
+// What the nearest points of a sample show of the noise: how far they lie off a cubic over their plane (Eq. 8 of
 // docs/how-it-works.md). A team of lanes shares the work on one sample: on a card a warp, on the CPU one thread that
 // takes the lanes' work in vectors. A Team offers
 //   for_each(count, body)     body(i) for each i below count, once, by some lane; then all see what was written
@@ -130,19 +130,19 @@ class GrowingNeighborhood {
     plane_ = plane_of(of_own.total(), own_count_);
   }
 
-  // Enough points of the sample's own sheet, and neither along a line nor in one place: there the residuals of a cubic
-  // are no noise.
+  // Whether there are enough points of the sample's own sheet, and neither along a line nor in one place: residuals of
+  // a cubic over such points are no noise.
   POINTFAIR_INLINE bool shows_a_surface() const { return is_surface_ && plane_.exists && has_enough(); }
-  // Against the noise.
+  // Whether the neighbourhood is wide against the noise.
   POINTFAIR_INLINE bool is_wide() const {
     return shows_a_surface() && radius_ >= kWideRadius * square_root(plane_variance());
   }
-  // Of the own sheet's heights over their plane, unbiased: n - 3 for n.
+  // The variance of the own sheet's heights over their plane, unbiased: n - 3 for n.
   POINTFAIR_INLINE double plane_variance() const {
     const double n = own_count_;
     return plane_.variance * n / (n - 3);
   }
-  // Between the two sheets of a thin part that these points belong to; 0 where there is one.
+  // The gap between the two sheets of a thin part that these points belong to; 0 where there is one sheet.
   POINTFAIR_INLINE double gap() const { return gap_; }
   // Side of the square that holds one point of the sheet.
   POINTFAIR_INLINE double spacing() const { return radius_ * square_root(3.141592653589793 / own_count_); }

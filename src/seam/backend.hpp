@@ -29,12 +29,12 @@ class Sampling;
 // How an index holds its points. Results over lists do not depend on it.
 enum class IndexOrder : std::uint8_t {
   fastest,      // as the device builds it fastest
-  along_curve,  // along the curve of a frame (src/point/curve.h), the same on every device; sums over radius
-                // neighbourhoods run in this order, by which they round
+  along_curve,  // along the curve of a frame (src/point/curve.h), the same on every device. Rounding depends on the
+                // order of a sum, so sums over radius neighbourhoods run in this one
 };
 
 struct Counts {
-  UnmovedCounts unmoved;  // but for outliers
+  UnmovedCounts unmoved;  // without outliers, which download() counts
   std::uint64_t short_neighborhoods = 0;
 };
 

@@ -16,7 +16,7 @@
 
 namespace pointfair {
 
-// A point whose cell has a hash up to some limit.
+// A valid point whose cell has a hash up to the limit asked for.
 struct SampleCandidate {
   std::uint32_t hash, index;
   Point point;
@@ -40,24 +40,25 @@ double diagonal_of(const Bounds& bounds);
 double float_step_of(const Bounds& bounds, const std::array<double, 3>& origin);
 inline void include(Bounds& bounds, const Point& p) { unite(bounds, {p, p, 1}); }
 
-// Valid points to look for: those whose cells, refined so often, have hashes up to the limit.
+// The valid points to look for: those whose cells, `refinement` times refined, have hashes up to `limit`.
 struct Candidates {
   std::uint32_t limit;
   int refinement;
 };
-// `collect` returns all of them, in any order.
+// Returns all candidates, in any order.
 using Collect = std::function<std::vector<SampleCandidate>(Candidates wanted)>;
 CloudSample draw_sample(const Bounds& bounds, std::size_t count, const Collect& collect);
-// What it asks for first, and mostly only, in a cloud of so many valid points.
+// What draw_sample() asks `collect` for first, and mostly only, in a cloud of `valid` valid points.
 Candidates first_candidates(std::uint64_t valid, std::size_t count);
-// What it asks for next where those are too few: mostly more of the same cells, or smaller cells where it met few.
+// What draw_sample() asks for next where these are too few: more of the same cells or, where few cells hold points,
+// smaller ones.
 Candidates with_more(Candidates wanted);
 Candidates refined(Candidates wanted);
 
-// In the order in which they are drawn, one of each cell.
+// Leaves one candidate of each cell, in the order in which they are drawn.
 void order_candidates(std::vector<SampleCandidate>& candidates);
 
-// Calls its second argument for each number below the first, many at once.
+// Calls the function for each number below the given one, many at once.
 using ForEach = std::function<void(std::size_t, const std::function<void(std::size_t)>&)>;
 
 // On the host: two passes over `points` points, each of which point_at(i) gives with its index in upload order.

@@ -36,7 +36,7 @@ struct RefinedBy {
   std::shared_ptr<const NoiseLevels> levels;  // how much it is from place to place; null: 1 everywhere
 };
 
-// Of a device that refines what it holds. The same bits as on the host's cores.
+// A device that refines the results that it holds, with the bits of the host's cores.
 class Refinement {
  public:
   virtual ~Refinement() = default;

@@ -10,7 +10,7 @@
 
 namespace pointfair {
 
-// Of a radius. It stays finite: infinite are only places that hold no point.
+// The square of a radius. It stays finite, since an infinite one marks places that hold no point.
 inline float squared_base(float radius) { return std::min(radius * radius, 1e37f); }
 
 inline float squared_widest(const NeighborSettings& neighbors) { return neighbors.widest * neighbors.widest; }
@@ -45,7 +45,7 @@ inline point::FairingRule fairing_rule(const FairingSettings& settings, bool by_
           settings.farthest_follows};
 }
 
-// Of the mean distance in W_a.
+// The power of the mean distance in W_a.
 inline int area_power(AreaWeight area_weight) {
   return area_weight == AreaWeight::squared ? 2 : area_weight == AreaWeight::length ? 1 : 0;
 }
@@ -55,12 +55,12 @@ inline bool radii_grow(const NeighborSettings& neighbors, const NormalSettings& 
   return neighbors.k == 0 && normals.filter_rounds > 0 && normals.flat_scale > 1;
 }
 
-// Whether a point's step reads what further points' normals, or their radii, which are exact where normals are.
+// Whether the step of a point reads the normals of its neighbours, or their radii, which are exact where normals are.
 inline bool reads_normals_of_neighbors(const FairingSettings& settings) {
   return settings.symmetric || settings.method != Method::bilateral || settings.pull_outliers;
 }
 
-// Of places that outlive it; null: unknown, and not read.
+// A view of the places, which must outlive it. Null: the places are unknown and not read.
 inline point::Sensors sensors_of(const SensorPlaces* sensors) {
   if (sensors == nullptr || sensors->places.empty()) return {};
   const Point& first = sensors->places.front();
