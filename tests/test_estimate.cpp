@@ -150,7 +150,7 @@ TEST(Noise, is_the_same_where_points_are_there_twice) {
     const Noise found = measured_noise(repeated);
     EXPECT_NEAR(found.sigma, of_each.sigma, 0.05 * of_each.sigma) << share;
     EXPECT_NEAR(found.surface_spacing, of_each.surface_spacing, 0.05 * of_each.surface_spacing) << share;
-    EXPECT_EQ(found.alikeness, 0) << share;
+    EXPECT_EQ(found.correlation, 0) << share;
   }
 }
 

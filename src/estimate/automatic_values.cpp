@@ -81,7 +81,7 @@ int automatic_k(const Noise& noise, double spacing) {
 
 int automatic_min_neighbors(const Noise& noise, double spacing) {
   if (!(noise.gap > 0 && spacing > 0))
-    return std::max(int(std::lround(std::lerp(kMinNeighbors, kMinNeighborsIfAlike, noise.alikeness))),
+    return std::max(int(std::lround(std::lerp(kMinNeighbors, kMinNeighborsIfCorrelated, noise.correlation))),
                     noise.surface_points > kReachPoints ? noise.surface_points : 0);
   const double gap = noise.gap / spacing, count = std::numbers::pi * gap * gap;
   if (gap > kSeparableGap) return std::min(kMinNeighbors, int(kOneSheet * count));

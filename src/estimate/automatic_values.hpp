@@ -8,7 +8,7 @@
 
 namespace pointfair {
 
-// For one method; the constants are the bilateral one's.
+// The constants of one method; the defaults here are those of `bilateral`.
 struct MethodDefaults {
   double noise_radius = constants::kNoiseRadius, closeness_width = constants::kClosenessWidth;
   double similarity_width = constants::kSimilarityWidth;  // sigmas
@@ -19,31 +19,33 @@ struct MethodDefaults {
 };
 MethodDefaults defaults_of(Method method);
 
-// What multiplies the radius (Eq. 18 of docs/how-it-works.md). Where only the noise sets it, a larger one leaves less
-// noise if the shape has room for it; the more of it has none, the smaller. Between sheets it follows the gap.
+// The factor on the radius (Eq. 18 of docs/how-it-works.md). Where the noise alone sets the radius, a larger one leaves
+// less noise if the shape has room for it. The more places have no room, the smaller the factor is. Between sheets the
+// radius follows the gap, and the factor is 1.
 double radius_factor(const Noise& noise, double spacing);
-// Noise that is alike in neighbouring points does not average out among a few of them. Between the sheets of a thin
-// part: such as stop short of the other sheet, or, where that leaves too few points for a normal, so many that the
-// normal of both sheets is that of each.
+// The number of nearest points that a radius reaches to. Correlated noise does not average out among a few points, so
+// it takes more. Between the sheets of a thin part, neighbourhoods stop short of the other sheet. Where that leaves too
+// few points for a normal, they hold so many of both sheets that the normal of both is that of each.
 int automatic_min_neighbors(const Noise& noise, double spacing);
-// Of lists: wide enough for 11 points, and wide against the noise.
+// The k of lists that hold at least 11 points and are wide against the noise.
 int automatic_k(const Noise& noise, double spacing);
-// In hundredths. Noise that is next to none leaves nothing to gain.
+// The flat scale, rounded to hundredths: smaller where there is little noise, since nothing is to be gained there.
 double automatic_flat_scale(const Noise& noise, double spacing);
-// Degrees. Normals that little noise tilts differ less by it.
+// Degrees. Little noise tilts normals by little, so a smaller angle suffices.
 int automatic_crease_angle(const Noise& noise, double spacing);
 
-// In hundredths. Next to nothing where the noise estimate is very small against the spacing, so that clean clouds stay
-// clean. The rest, unless the share of each step is a matter of its
-// place (`by_share`), is the share of the noise in what a run does: to the shape itself it does about 3 times the
-// variance that shape has in the estimate's neighbourhoods. Where these are wide for the noise's sake and not for the
-// 16 points', they damage less: the share has a least value that grows with the noise. `iterations` together make that
-// share, each of which would make the whole.
+// The relaxation, rounded to hundredths. It is next to 0 where the noise is very small against the spacing, so that
+// clean clouds stay clean. With `by_share`, the share of each step follows from its place (Eq. 22), and this is all.
+// Otherwise one share holds for the cloud: Wiener's, of the noise beside the damage of a run, which is about 3 times
+// the variance of the shape in the estimate's neighbourhoods. Neighbourhoods that are wide because of the noise, and
+// not to hold 16 points, damage less, so the share has a least value that grows with the noise. All `iterations`
+// together make it.
 double automatic_relaxation(int whole_percent, int iterations, const Noise& noise, double spacing, bool by_share);
-// Of the share of a step (c p of Eq. 22). Neighbourhoods that are wide for the noise's sake damage the shape less than
-// those that hold just 16 points, and what a depth camera's matcher makes alike only looks like shape.
+// c p of Eq. 22. Neighbourhoods that are wide because of the noise damage the shape less than those that hold just 16
+// points. Steps of depth only look like shape, so c is 0 there.
 double share_damage(const Noise& noise, int iterations);
-// Sigmas. Where noise is little against the spacing, what moves by more is edges, which neighbourhoods reach across.
+// The displacement limit in sigmas. Where noise is small against the spacing, edges move farther than noise does, since
+// neighbourhoods reach across them.
 double farthest_move(const Noise& noise, double spacing, bool by_share);
 
 }  // namespace pointfair

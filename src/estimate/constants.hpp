@@ -51,10 +51,10 @@ inline constexpr double kBeyondResiduals = 1.7;         // spacings; of more noi
 inline constexpr double kNearFlat = 2;  // flattest residuals; larger ones are beyond the similarity sigma; low
 
 // How residuals grow from one neighbourhood to one of twice the points.
-inline constexpr double kOwnGrowth = 1.05;              // ratio of median residuals of noise alone; 082
-inline constexpr double kShapeVarianceGrowth = 4;       // ratio of variances of shape: a quadric's; 082
-inline constexpr double kAlikeGrowth[] = {1.14, 1.18};  // ratio in flat places (1.09 is chance); 075
-inline constexpr double kAlikeSlowing[] = {1.2, 0.9};   // the next growth over this one; more is shape; 075
+inline constexpr double kOwnGrowth = 1.05;                   // ratio of median residuals of noise alone; 082
+inline constexpr double kShapeVarianceGrowth = 4;            // ratio of variances of shape: a quadric's; 082
+inline constexpr double kCorrelatedGrowth[] = {1.14, 1.18};  // ratio in flat places (1.09 is chance); 075
+inline constexpr double kCorrelatedSlowing[] = {1.2, 0.9};   // the next growth over this one; more is shape; 075
 
 // Noise from place to place.
 inline constexpr double kWideAgainstResiduals = 2.6;  // radius of a neighbourhood that cuts off none; (21); 082
@@ -86,7 +86,7 @@ inline constexpr std::size_t kFewestPlanes = 10, kMostPlanes = 400;  // of 500 s
 inline constexpr double kSameDirection = 0.99985;                    // the cosine of 1 degree; 075
 inline constexpr double kLevelGap = 2e-6;                            // extents; heights are not nearer; 075
 inline constexpr std::size_t kHeightsOfLevel = 8;                    // points, on average; 075
-inline constexpr std::size_t kSpans = 8, kFewestAlike = 6;           // spans of levels; 075
+inline constexpr std::size_t kSpans = 8, kFewestOfLaw = 6;           // spans of levels; 075
 inline constexpr double kSameGap = 0.15;                             // of the gap; 075
 inline constexpr double kWideningOfGaps = 1.3;     // ratio, from the nearest level to the farthest; 075
 inline constexpr double kStepsOfGap = 3;           // steps; points on two or three values are no sheets; 075
@@ -95,7 +95,7 @@ inline constexpr double kNoiseOfDepthSteps = 0.5;  // steps; Khoshelham and Elbe
 // Neighbourhoods.
 inline constexpr double kNoiseRadius = 2.5;                      // sigmas; R of (18); quality
 inline constexpr int kMinNeighbors = 16;                         // points; quality
-inline constexpr int kMinNeighborsIfAlike = 48;                  // points; 075
+inline constexpr int kMinNeighborsIfCorrelated = 48;             // points; 075
 inline constexpr double kRoominess = 1.15, kConfinement = 0.67;  // of R; (18); 052
 inline constexpr double kBendPower = 0.06, kLeastFactor = 0.75;  // exponent; of R; (18); 052
 inline constexpr double kRoomyNoise[] = {0.5, 0.85};             // spacings; (18); 052

@@ -23,7 +23,7 @@ static_assert(kRow == point::kHeadRow);
 
 double coordinate(const Point& p, int axis) { return axis == 0 ? p.x : axis == 1 ? p.y : p.z; }
 
-// Values that lie `apart`, of many sorted ones.
+// The values without those that lie within `apart` behind another one, in order.
 std::vector<double> distinct(std::vector<double> values, double apart) {
   std::sort(values.begin(), values.end());
   std::vector<double> result;
@@ -43,7 +43,7 @@ double extent_of(std::span<const Point> points) {
   return extent;
 }
 
-// Along one axis, from differences between neighbours; 0 where there is none.
+// The step along one axis, from differences between neighbours; 0 where there is none.
 double grid_step(std::span<const Point> rows, int axis, double rounding) {
   std::vector<double> differences;
   for (std::size_t first = 0; first < rows.size(); first += kRow)
@@ -67,8 +67,8 @@ double grid_step(std::span<const Point> rows, int axis, double rounding) {
   return 2 * std::size_t(alike) > gaps.size() && rounding < kSameStep * step ? step : 0;
 }
 
-// Whether points lie on the nodes of a regular mesh: each alone, and its two nearest a step away. None was rounded
-// then.
+// Whether points lie on the nodes of a regular mesh: each alone, and its two nearest points a step away. Then no
+// coordinate was rounded.
 bool is_mesh(std::span<const Point> rows, double step) {
   std::size_t regular = 0;
   for (std::size_t first = 0; first < rows.size(); first += kRow) {
@@ -98,7 +98,7 @@ struct ExactPlane {
   Point place;
 };
 
-// Of a row that lies on one, and not along a line.
+// The plane of a row that lies exactly on one, and not along a line.
 std::optional<ExactPlane> exact_plane(std::span<const Point> row, double rounding) {
   std::array<Offset, kRow> offsets;
   Offset centroid{};
@@ -124,8 +124,8 @@ std::optional<ExactPlane> exact_plane(std::span<const Point> row, double roundin
   return ExactPlane{normal.unit, m, row[0]};
 }
 
-// Along which most exact planes face, or nothing where these are few, or lie on few levels: a flat face without noise
-// is one level, and a scan without noise has a few of these.
+// The direction that most exact planes face. None where these planes are few or lie on few levels: a flat face without
+// noise is one level, and a scan without noise has a few of them.
 std::optional<Offset> common_direction(std::span<const Point> rows, double rounding) {
   std::vector<ExactPlane> planes;
   for (std::size_t first = 0; first < rows.size() && planes.size() < kMostPlanes; first += kRow)
@@ -158,7 +158,7 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
-// Of depths that tell whole disparities: they lie ever wider apart, by the square of the distance.
+// The gaps between the depths of whole disparities, which widen with the square of the distance.
 struct DisparityLaw {
   double place, root, slope;  // the root of the gap at a place, and by how much it grows
   double gap_at(double at) const {
@@ -167,8 +167,9 @@ struct DisparityLaw {
   }
 };
 
-// Of sorted levels, if they follow it. The profiles of a scanner that is driven past do not. Means over many levels, of
-// which some are rounded or missing, and a line through them by medians (Theil and Sen).
+// The law of sorted levels, if they follow one. The profiles of a scanner that is driven past do not. Some levels are
+// rounded or missing, so gaps are means over many levels, and the line through their roots goes by medians (Theil and
+// Sen).
 std::optional<DisparityLaw> disparity_law(const std::vector<double>& levels) {
   std::array<double, kSpans> place, root;
   for (std::size_t i = 0; i < kSpans; ++i) {
@@ -186,11 +187,11 @@ std::optional<DisparityLaw> disparity_law(const std::vector<double>& levels) {
   const auto [least, most] = std::minmax({law.gap_at(levels.front()), law.gap_at(levels.back())});
   std::size_t alike = 0;
   for (std::size_t i = 0; i < kSpans; ++i) alike += std::abs(root[i] * root[i] / law.gap_at(place[i]) - 1) < kSameGap;
-  if (most < kWideningOfGaps * least || alike < kFewestAlike) return std::nullopt;
+  if (most < kWideningOfGaps * least || alike < kFewestOfLaw) return std::nullopt;
   return law;
 }
 
-// At each row's first point, along a direction; empty where heights have no levels.
+// The step along a direction at each row's first point; empty where heights have no levels.
 std::vector<double> steps_along(Offset direction, std::span<const Point> rows, std::size_t row_size) {
   const auto height = [&](const Point& p) { return point::dot(point::offset_between(rows[0], p), direction); };
   std::vector<double> heights;
@@ -206,7 +207,7 @@ std::vector<double> steps_along(Offset direction, std::span<const Point> rows, s
   return steps;
 }
 
-// Those that are full.
+// The rows that are full.
 std::vector<Point> known_rows(std::span<const Point> rows, std::size_t row_size) {
   std::vector<Point> known;
   for (std::size_t first = 0; first < rows.size(); first += row_size) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Coordinates that can take few values only: rounded ones, and depths of a camera that tells whole disparities.
+// Coordinates that can take few values only: rounded ones, and depths of a camera that measures whole disparities.
 #pragma once
 
 #include <cstddef>
@@ -13,15 +13,16 @@ namespace pointfair {
 struct CoordinateSteps {
   enum class Kind {
     none,
-    grid,   // of all coordinates alike
-    depth,  // along one direction, ever wider with the distance; rounding there is alike in neighbouring points
+    grid,   // the same along each axis
+    depth,  // along one direction, ever wider with the distance; their rounding is correlated between neighbours
   };
   Kind kind = Kind::none;
-  std::vector<double> at;  // each sample: the distance between the values there; empty without steps
+  std::vector<double> at;  // the step at each sample; empty without steps
 };
 
-// Asks for a few rows of 500 samples, and for all where they show planes of one depth. A sensor's direction is found by
-// them; depths have steps if these widen with the square of the distance, as whole disparities make them.
+// Asks for the rows of some samples, and for the rows of all where the first show planes of one depth. Those planes
+// give the direction to the sensor. Depths have steps if the gaps between levels widen with the square of the distance,
+// as those of whole disparities do.
 CoordinateSteps coordinate_steps(NearestRows& nearest);
 
 }  // namespace pointfair

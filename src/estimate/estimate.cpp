@@ -112,12 +112,12 @@ Growth residual_growth(const std::vector<point::ResidualSample>& samples) {
   return growth;
 }
 
-// Residuals of shape grow faster and faster with the neighbourhood, those of noise that is alike in neighbouring points
-// ever less: 0 to 1.
-double alikeness(const Growth& growth) {
-  return growth.first > 0
-             ? share_between(kAlikeGrowth, growth.flat) * share_between(kAlikeSlowing, growth.second / growth.first)
-             : 0;
+// How far the noise is correlated, 0 to 1. With the neighbourhood, residuals of shape grow faster and faster, and those
+// of correlated noise ever less.
+double correlation(const Growth& growth) {
+  return growth.first > 0 ? share_between(kCorrelatedGrowth, growth.flat) *
+                                share_between(kCorrelatedSlowing, growth.second / growth.first)
+                          : 0;
 }
 
 // Variances of noise stay, those of shape grow fourfold: g^2 = (1 + 4 x) / (1 + x).
@@ -175,7 +175,7 @@ Noise noise_of(std::span<const point::NoiseSample> samples, std::uint64_t points
   if (!depth_has_steps && double(gaps.size()) > kSheetShare * double(sigmas.size()))
     noise.gap = quantile(gaps, kGapQuantile);
   noise.depth_has_steps = depth_has_steps;
-  noise.alikeness = depth_has_steps ? 1 : 0;
+  noise.correlation = depth_has_steps ? 1 : 0;
   if (!depth_has_steps && sigma < kBeyondResiduals * noise.surface_spacing) {
     const std::vector<point::ResidualSample> samples_of_residuals = residuals();
     noise.surface_points = surface_points(samples_of_residuals);
@@ -183,9 +183,9 @@ Noise noise_of(std::span<const point::NoiseSample> samples, std::uint64_t points
       noise.sigma = std::min(noise.sigma, most_noise(samples_of_residuals, noise.surface_spacing));
     if (sigma < kDoubtfulNoise * noise.surface_spacing) {
       const Growth growth = residual_growth(samples_of_residuals);
-      noise.alikeness = alikeness(growth);
+      noise.correlation = correlation(growth);
       // between two sheets, wide neighbourhoods see the other one and not shape
-      if (noise.gap == 0) noise.shape_to_noise = (1 - noise.alikeness) * shape_to_noise(growth.typical);
+      if (noise.gap == 0) noise.shape_to_noise = (1 - noise.correlation) * shape_to_noise(growth.typical);
     }
   }
   const double median = quantile(sigmas, 0.5);

@@ -36,7 +36,7 @@ struct Noise {
   // Between two sheets of a thin part that neighbourhoods of a few dozen points reach across; 0 where there are none.
   double gap = 0;
   // 0 to 1: whether the noise is correlated between neighbouring points, as that of depth cameras; 0 where it is large.
-  double alikeness = 0;
+  double correlation = 0;
   // Depths take few values, as those of a camera that measures whole disparities; their noise is correlated over some
   // ten points.
   bool depth_has_steps = false;

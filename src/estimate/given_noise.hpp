@@ -19,9 +19,9 @@ struct GivenNoise {
 // Levels between the values at a sample of points, one for each of them; `sigma` is the median of all values.
 GivenNoise given_noise(double sigma, const CloudSample& sample, std::span<const float> values, const ForEach& for_each);
 
-// Standard deviations at `points`, one each; values that are not positive and finite, and those of invalid points, say
-// nothing. Levels lie between the values at a sample of the others. None if no value says anything. O(N), on the host:
-// the same bits for points in any order, if those at one place have one value.
+// The noise of standard deviations, one for each of `points`. Values that are not positive and finite, and those of
+// invalid points, do not count; none if no value counts. Levels lie between the values at a sample of the points. O(N)
+// on the host, with the same bits for points in any order if points at one place have one value.
 std::optional<GivenNoise> given_noise(std::span<const float> values, std::span<const Point> points,
                                       const ForEach& for_each);
 

@@ -10,9 +10,9 @@
 
 namespace pointfair {
 
-// Which samples lie on a surface; empty where the cloud hides none, as nearly all. The noise of samples on a hidden
-// surface becomes what the best half of their 16 nearest points lies off a plane. Those whose noise is far beyond that,
-// and about as large as their neighbourhood, show no surface. `rows`: of the first of these samples.
+// Which samples lie on a surface; empty for a cloud that hides none, as nearly all. The noise of a sample on a hidden
+// surface becomes the deviation of the best half of its 16 nearest points from a plane. Samples with far more noise
+// than that, about as much as their neighbourhood is wide, show no surface. `rows` are those of the first samples.
 std::vector<bool> find_hidden_surface(NearestRows& rows, std::vector<point::NoiseSample>& samples);
 
 }  // namespace pointfair

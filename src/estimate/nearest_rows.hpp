@@ -14,11 +14,11 @@
 
 namespace pointfair {
 
-// Rows of samples and their nearest others, as Sampling::sample_neighborhoods has them, for those who look at a few
-// samples first and at more where these show something.
+// Rows of samples and their nearest other points, as Sampling::sample_neighborhoods has them. Readers look at a few
+// samples first, and at more where these show something.
 class NearestRows {
  public:
-  // Of the first so many samples; row after row of `neighbors` + 1.
+  // Returns the rows of the first `samples` samples, `neighbors` + 1 points each.
   using Ask = std::function<std::vector<Point>(std::size_t samples, int neighbors)>;
 
   NearestRows(std::size_t samples, Ask ask) : samples_(samples), ask_(std::move(ask)) {}
@@ -26,7 +26,7 @@ class NearestRows {
   std::size_t samples() const { return samples_; }
   std::size_t looked_at() const { return std::min(samples_, constants::kLookedAt); }
   std::vector<Point> of(std::size_t samples, int neighbors) const { return ask_(samples, neighbors); }
-  // The eight nearest of those that are looked at first, asked for once.
+  // The rows of eight nearest points of the samples that are looked at first, asked for once.
   const std::vector<Point>& heads() {
     if (heads_.empty()) heads_ = ask_(looked_at(), constants::kStepNeighbors);
     return heads_;

@@ -12,14 +12,14 @@
 
 namespace pointfair {
 
-// At the nodes of a grid around most of `places`: each node takes the mean of the logarithms near it, and the fewer
-// there are the more that of a wider surrounding. By all that `for_each` calls at once.
+// Levels at the nodes of a grid around most of `places`. A node takes the mean of the logarithms near it; the fewer
+// there are, the more a wider surrounding counts. The calls of `for_each` share the work.
 NodeLevels levels_between(const std::vector<Point>& places, const std::vector<double>& log_levels,
                           const ForEach& for_each);
 
-// For the next levels: fresh memory costs more than what is computed in it.
+// Keeps the memory for the next levels: fresh memory costs more than what is computed in it.
 void keep_memory(std::vector<float> levels);
-// Levels whose memory is kept in the end.
+// Shared levels whose memory is kept when the last owner lets them go.
 template <class SomeLevels>
 std::shared_ptr<SomeLevels> shared(SomeLevels levels) {
   auto owned = std::make_unique<SomeLevels>(std::move(levels));

@@ -24,7 +24,7 @@ constexpr std::size_t kSizes = kCounts.size();
 using Curve = std::array<double, kSizes>;  // of variances over the sizes of neighbourhoods; NaN: not known
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
-// Of a chi-squared variable of `freedom` over that (Wilson and Hilferty 1931).
+// The median of a chi-squared variable of `freedom` degrees, divided by them (Wilson and Hilferty 1931).
 double chance_median(double freedom) {
   const double root = 1 - 2 / (9 * freedom);
   return root * root * root;
@@ -40,7 +40,7 @@ const Curve& chance_medians() {
   return all;
 }
 
-// What samples show whose neighbourhood is wide against the noise; the others do not show it.
+// What the samples show whose neighbourhood is wide against the noise. The others show no noise.
 struct Shown {
   std::vector<Ranked> residuals;  // variances of each size of neighbourhood
   Ranked spacings{{}};            // of the wide neighbourhoods
@@ -66,13 +66,13 @@ Shown shown_by(const LocalSamples& samples, const ForEach& for_each) {
   return shown;
 }
 
-// The median of what is known in a pool, unknown where less than half is.
+// The median of the known values in a pool; unknown where fewer than half are known.
 double middle(std::span<const std::uint32_t> pool, const Ranked& values) {
   return values.among(pool, [&](std::size_t known) { return 2 * known < pool.size() ? Ranked::kNoPlace : known / 2; });
 }
 
-// At the place of the pool's first sample. A narrow neighbourhood cuts off what lies far from the surface: there the
-// noise is at least so large, and unknown where it is larger elsewhere.
+// The variances at the place of the pool's first sample. A narrow neighbourhood cuts off what lies far from the
+// surface, so its variance is a lower bound. One that is below the typical noise is therefore unknown.
 Curve curve_of(std::span<const std::uint32_t> pool, const Shown& shown, double typical) {
   const double spacing = middle(pool, shown.spacings);
   Curve curve;
@@ -86,7 +86,7 @@ Curve curve_of(std::span<const std::uint32_t> pool, const Shown& shown, double t
   return curve;
 }
 
-// Of log(noise + shape) over the sizes, less log(noise): shape grows as a power of the size. An array a size.
+// log(1 + shape / noise) of each model (Eq. 21), for each size: shape grows as a power of the size.
 constexpr std::size_t kSteps = kMostShape - kLeastShape + 1, kModels = kShapePowers.size() * kSteps;
 using Models = std::array<std::array<double, kModels>, kSizes>;
 
@@ -104,7 +104,7 @@ const Models& models() {
   return all;
 }
 
-// Of a variance over so many points among those of all sizes.
+// The weight of a size's variance in the fits of Eq. 21.
 const Curve& size_weights() {
   static const Curve all = [] {
     Curve weights;
@@ -117,8 +117,8 @@ const Curve& size_weights() {
   return all;
 }
 
-// The posterior mean of the standard deviation of the noise, over all models alike; the best noise of each is that of
-// weighted least squares of logarithms.
+// The posterior mean of the standard deviation of the noise, over all models with one prior; the noise of each model is
+// that of weighted least squares of logarithms.
 double noise_of(const Curve& curve, double typical) {
   Curve weight{}, logs{};
   double all = 0;
@@ -155,7 +155,7 @@ double noise_of(const Curve& curve, double typical) {
   return sum / likelihood;
 }
 
-// Logarithms of levels, as far as they differ from 0 by more than chance makes them.
+// Shrinks the logarithms of levels by the share of their spread that chance makes.
 void shrink(std::vector<double>& log_levels) {
   double squares = 0;
   for (const double log_level : log_levels) squares += log_level * log_level;

@@ -17,11 +17,11 @@ struct LocalNoise {
   std::vector<double> log_levels;  // logarithms of these over the typical noise
 };
 
-// `typical`: what the noise of a typical place is held to be before places are known, above 0. Depends on the samples'
-// places but not on their order, but for rounding.
+// `typical`: the noise of a typical place by Eq. 8, above 0. The result does not depend on the order of the samples,
+// except by rounding.
 LocalNoise local_noise(const LocalSamples& samples, double typical, const Pools& pools, const ForEach& for_each);
 
-// The field of levels of which these are the logarithms at some places, at least one.
+// The field of levels whose logarithms at some places, at least one, are `log_levels`.
 std::shared_ptr<const NoiseLevels> noise_levels(const std::vector<Point>& places, std::vector<double> log_levels,
                                                 const ForEach& for_each);
 

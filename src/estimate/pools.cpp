@@ -30,8 +30,8 @@ class NearestAlongX {
     }
   }
 
-  // Of the n-th places along x from `begin` to before `end`: rows of kPool, each at that place in `rows`, nearest
-  // first. Equal distances in the order of the places, which is one of positions.
+  // Finds the rows of the n-th places along x from `begin` to before `end`, and writes each to its place in `rows`,
+  // nearest first. Equal distances go in the order of the places, which is one of positions.
   void find(std::size_t begin, std::size_t end, std::uint32_t* rows) const {
     std::vector<Found> found(places_.size());
     double guess = std::numeric_limits<double>::infinity();  // most rows reach about as far as the one before
@@ -50,7 +50,7 @@ class NearestAlongX {
  private:
   using Found = std::pair<double, std::uint32_t>;  // squared distance, and whose
 
-  // All within a squared radius; how many.
+  // Collects the places within a squared radius, and returns their number.
   std::size_t collect(std::size_t n, double within, std::vector<Found>& found) const {
     const double x = x_[n], y = y_[n], z = z_[n];
     std::size_t count = 0;

@@ -23,12 +23,12 @@ struct LocalSamples {
   std::vector<point::ResidualSample> residuals;
 };
 
-// The kPool nearest of some places to each of them, itself first, found along x; equal distances in the order of the
-// places, which is one of positions. At least kPool places. O(n^2) at worst, by all that `for_each` calls at once.
+// For each place, the kPool nearest places, itself first. Equal distances go in the order of the places, which is one
+// of positions. There must be at least kPool places. O(n^2) at worst; the calls of `for_each` share the work.
 class Pools {
  public:
   Pools(const std::vector<Point>& places, const ForEach& for_each);
-  // As they were found otherwise, row after row.
+  // Pools that were found elsewhere, row after row.
   explicit Pools(std::vector<std::uint32_t> rows) : rows_(std::move(rows)) {}
   std::span<const std::uint32_t> of(std::size_t place) const {
     return std::span(rows_).subspan(place * constants::kPool, constants::kPool);
@@ -38,7 +38,7 @@ class Pools {
   std::vector<std::uint32_t> rows_;
 };
 
-// Of the values at those places of a pool where one is known; NaN is none.
+// The median of the known values of a pool; none where no value is known.
 std::optional<double> median_known(std::span<const std::uint32_t> pool, const Ranked& values);
 
 }  // namespace pointfair

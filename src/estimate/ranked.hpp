@@ -13,7 +13,7 @@
 
 namespace pointfair {
 
-// Values by their ranks, where some of few are asked for over and over: the n-th of some is found by a bit for each.
+// Values with their ranks. It finds the n-th value of a selection by a bit for each, which suits many small selections.
 class Ranked {
  public:
   // NaN: not known.
@@ -30,7 +30,7 @@ class Ranked {
     }
   }
 
-  // Of those of `some` that are known, the one with place(how many) before it; NaN if that is kNoPlace.
+  // Of the known values of `some`, n in number, the one with place(n) values before it; NaN if place(n) is kNoPlace.
   template <class PlaceOf>
   double among(std::span<const std::uint32_t> some, const PlaceOf& place) const {
     std::array<std::uint64_t, 64> few;  // mostly enough

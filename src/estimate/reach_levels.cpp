@@ -63,7 +63,7 @@ std::shared_ptr<const NodeLevels> reach_levels(const LocalSamples& samples, cons
     // a neighbourhood holds as many points as its area is large
     const double log_level = (log_best_count(mean_of(pools.of(i), risks)) - unchanged) / 2;
     const double fading = share_between(0, kNoiseOfWidth, noise[i] / samples.noise[i].spacing);
-    log_levels[i] = (1 - typical.alikeness) * (1 - fading) * std::clamp(log_level, -farthest, farthest);
+    log_levels[i] = (1 - typical.correlation) * (1 - fading) * std::clamp(log_level, -farthest, farthest);
   });
   const Ranked ranked(log_levels);
   for_each(count, [&](std::size_t i) { smooth[i] = *median_known(pools.of(i).first(kSmoothed), ranked); });

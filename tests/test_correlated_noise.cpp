@@ -22,7 +22,7 @@ constexpr double kSigma = 0.2 * kSpacing;
 
 // Heights of deviation `sigma` about z: two fifths of their variance are each point's own, the rest belongs to cells of
 // 1.5 spacings and is interpolated between their corners.
-Points with_alike_noise(Points points, double sigma) {
+Points with_correlated_noise(Points points, double sigma) {
   constexpr double kCell = 1.5 * kSpacing;
   shapes::Random random(7);
   const int side = int(1 / kCell) + 2;
@@ -48,12 +48,12 @@ Points waves() {
   return points;
 }
 
-double alikeness(const Points& points) {
+double correlation(const Points& points) {
   const auto backend = make_cpu_backend(2);
   backend->upload(points, IndexOrder::fastest);
   backend->build_index(0, {}, {});
   return estimate(backend->sampling(), backend->sampling().sample_cloud(kSampledPoints), {.noise = true}, {})
-      .noise.alikeness;
+      .noise.correlation;
 }
 
 double rms_height_after_a_run(const Points& points, const Params& params) {
@@ -66,17 +66,17 @@ double rms_height_after_a_run(const Points& points, const Params& params) {
   return std::sqrt(squares / double(out.size()));
 }
 
-TEST(AlikeNoise, is_told_from_other_noise_and_from_shape) {
-  EXPECT_GT(alikeness(with_alike_noise(shapes::plane(kPoints), kSigma)), 0.8);
+TEST(CorrelatedNoise, is_told_from_other_noise_and_from_shape) {
+  EXPECT_GT(correlation(with_correlated_noise(shapes::plane(kPoints), kSigma)), 0.8);
   for (const double level : {0.1, 0.2, 0.4}) {
-    EXPECT_EQ(alikeness(shapes::with_noise(shapes::plane(kPoints), level * kSpacing)), 0) << level;
-    EXPECT_EQ(alikeness(shapes::with_noise(waves(), level * kSpacing)), 0) << level;
+    EXPECT_EQ(correlation(shapes::with_noise(shapes::plane(kPoints), level * kSpacing)), 0) << level;
+    EXPECT_EQ(correlation(shapes::with_noise(waves(), level * kSpacing)), 0) << level;
   }
-  EXPECT_EQ(alikeness(waves()), 0);
+  EXPECT_EQ(correlation(waves()), 0);
 }
 
-TEST(AlikeNoise, is_averaged_over_wider_neighbourhoods) {
-  const Points noisy = with_alike_noise(shapes::plane(kPoints), kSigma);
+TEST(CorrelatedNoise, is_averaged_over_wider_neighbourhoods) {
+  const Points noisy = with_correlated_noise(shapes::plane(kPoints), kSigma);
   Params narrow;
   narrow.min_neighbors = 16;
   const double left = rms_height_after_a_run(noisy, {});
