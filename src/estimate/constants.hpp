@@ -70,7 +70,7 @@ inline constexpr int kLeastShape = -10, kMostShape = 8;        // half decades o
 inline constexpr int kMostNodes = 32;                          // of the grid of levels along an axis; 082
 inline constexpr double kAside = 0.01;                         // of the places, at either end of each axis; 082
 inline constexpr std::size_t kMostGivenPlaces = 32768;         // points whose noise is given: as many as nodes; 082
-inline constexpr std::array kToldQuantiles{0.05, 0.5, 0.95};
+inline constexpr std::array kReportedQuantiles{0.05, 0.5, 0.95};
 
 // Steps of coordinates and of depth.
 inline constexpr std::size_t kLookedAt = 500;                   // samples; 075

@@ -201,7 +201,7 @@ std::array<double, 3> quantiles_of(std::vector<double> log_levels) {
   std::array<double, 3> result{};
   std::sort(log_levels.begin(), log_levels.end());
   for (std::size_t q = 0; q < result.size(); ++q)
-    result[q] = portable::exp(log_levels[std::size_t(kToldQuantiles[q] * double(log_levels.size() - 1))]);
+    result[q] = portable::exp(log_levels[std::size_t(kReportedQuantiles[q] * double(log_levels.size() - 1))]);
   return result;
 }
 
