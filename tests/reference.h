@@ -62,10 +62,16 @@ struct Normal {
   double gap = 0;
 };
 
+// Of an exponent: a Gaussian of lists, and within a radius what nears one (Eq. 26).
+inline double kernel(double t, const Settings& s) {
+  return s.k > 0 ? std::exp(-t) : std::pow(std::max(0.0, 1 - t / 17), 16);
+}
+
 // Paper eq. 3-5; eq. 4 normalised by its weights.
 inline Normal normal(const Points& points, std::size_t i, const List& list, const Settings& s) {
   const double sigma = normal_sigma(points, i, s);
-  const auto weight = [&](double x) { return std::exp(-x * x / (2 * sigma * sigma)); };
+  const auto weight = [&](double x) { return kernel(x * x / (2 * sigma * sigma), s); };
+  const auto squared_weight = [&](double x) { return kernel(x * x / (sigma * sigma), s); };
   const Vec here = to_vec(points[i]);
   Vec moment;
   double sum = 0;
@@ -78,10 +84,9 @@ inline Normal normal(const Points& points, std::size_t i, const List& list, cons
   Matrix m{};
   for (const std::uint32_t j : list) {
     const Vec d = to_vec(points[j]) - centroid;
-    const double w = weight(length(d));
-    const double wd[3] = {w * d.x, w * d.y, w * d.z};
+    const double w = squared_weight(length(d)), own[3] = {d.x, d.y, d.z};
     for (int r = 0; r < 3; ++r)
-      for (int c = 0; c < 3; ++c) m[r][c] += wd[r] * wd[c];
+      for (int c = 0; c < 3; ++c) m[r][c] += w * own[r] * own[c];
   }
   const double trace = m[0][0] + m[1][1] + m[2][2];
   if (!(trace > 0)) return {};
@@ -103,11 +108,11 @@ inline std::vector<double> area_weights(const Points& points, AreaWeight kind) {
   return result;
 }
 
-// Weight of a normal that makes this angle's cosine with another, signs aside.
-inline double turn_weight(double cosine, double degrees) {
-  if (degrees == 0) return 1;
+// The exponent of a normal that makes this angle's cosine with another, signs aside.
+inline double turn_exponent(double cosine, double degrees) {
+  if (degrees == 0) return 0;
   const double turn = (1 - std::abs(cosine)) / (1 - std::cos(degrees * 3.14159265358979 / 180));
-  return std::exp(-turn * turn);
+  return turn * turn;
 }
 
 // Of the filter of normals and of iterations after the first, where the reach differs from place to place (Eq. 24).
@@ -127,7 +132,7 @@ inline std::vector<Normal> filtered(const std::vector<Normal>& normals, const Po
     Vec sum = n;
     for (const std::uint32_t j : lists[i]) {
       const double cosine = dot(n, normals[j].unit), distance = length(to_vec(points[j]) - to_vec(points[i]));
-      const double w = std::exp(-distance * distance / (2 * sigma * sigma)) * turn_weight(cosine, s.crease_angle);
+      const double w = kernel(distance * distance / (2 * sigma * sigma) + turn_exponent(cosine, s.crease_angle), s);
       sum = sum + (cosine < 0 ? -w : w) * normals[j].unit;
     }
     const Vec mixed = n + further_share(points[i], s) * (1 / length(sum) * sum - n);
@@ -178,16 +183,18 @@ inline double displacement(const Points& points, std::size_t i, const List& list
   double moment = 0, sum = 0;
   for (const std::uint32_t j : list) {
     const Vec offset = to_vec(points[i]) - to_vec(points[j]);
-    double height = dot(n, offset), compared = height, facing = 1;
+    double height = dot(n, offset), compared = height, facing = 0;
     if (s.symmetric) {
       const double cosine = dot(n, normals[j].unit);
       compared = (cosine < 0 ? -1 : 1) * dot(normals[j].unit, offset);
       height = (height + compared) / 2;
-      facing = turn_weight(cosine, s.turn_angle);
+      facing = turn_exponent(cosine, s.turn_angle);
     }
     const double distance = length(offset);
-    const double w = std::exp(-distance * distance / (2 * closeness * closeness)) *
-                     std::exp(-compared * compared / (2 * similarity * similarity)) * area[j] * facing;
+    const double w = kernel(distance * distance / (2 * closeness * closeness) +
+                                compared * compared / (2 * similarity * similarity) + facing,
+                            s) *
+                     area[j];
     moment += w * height;
     sum += w;
   }

@@ -53,6 +53,7 @@ struct Areas {
 class ListWalk {
  public:
   using Number = Floats;
+  using Kernel = point::Gaussian;
   using Count = Floats;
 
   // list[slot * 16] is the first lane's entry
@@ -103,6 +104,7 @@ POINTFAIR_INLINE Floats value_or_one(const float* values, Index start) {
 class RadiusWalk {
  public:
   using Number = Floats;
+  using Kernel = point::CompactGaussian;
   using Count = Floats;
 
   POINTFAIR_INLINE RadiusWalk(const IndexView& index, Index start, const point::Radii& radii) : index_(index) {

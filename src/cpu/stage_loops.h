@@ -72,7 +72,7 @@ POINTFAIR_INLINE void store_points(point::Vec3<Floats> p, float* xyz) {
 inline void normals(const IndexView& index, Index leaf, Neighborhoods neighborhoods, point::NormalRule rule,
                     VectorsOut out, unsigned* neighbor_counts) {
   for_packs(index, leaf, neighborhoods, [&](Index start, const auto& neighbors) {
-    const auto normal = point::normal_of(neighbors, point::weights_of(rule, neighbors.squared_radius()));
+    const auto normal = point::normal_of(neighbors, point::weights_of(rule, neighbors));
     store_vector(out, start, normal.unit);
     for (int lane = 0; lane < kLanes; ++lane)
       neighbor_counts[start % kLeafSize + Index(lane)] = unsigned(normal.found.v[lane]);

@@ -280,7 +280,7 @@ Samples take(Sampling& from, std::span<const std::uint32_t> for_spacing, std::sp
 // what is no surface keeps its place. Whether it does.
 bool estimate_hidden_surface(Estimate& result, NearestRows& nearest, std::vector<point::NoiseSample>& samples,
                              const CloudSample& sample, const ForEach& for_each) {
-  const std::vector<bool> on_surface = find_hidden_surface(nearest, samples);
+  const std::vector<bool> on_surface = find_hidden_surface(nearest, samples, for_each);
   if (on_surface.empty()) return false;
   std::vector<point::NoiseSample> of_surface;
   std::vector<Point> places;

@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <iterator>
 #include <optional>
 
 #include "estimate/constants.hpp"
@@ -50,16 +51,23 @@ double deviation_of(const Offsets& offsets, const point::Offset& normal, double 
 // of squares, Rousseeuw 1984): how far they lie off it.
 double noise_of_best_half(const Offsets& offsets) {
   double least = kEndless, result = kEndless;
+  std::array<double, kNearest> x, y, z;
+  for (std::size_t i = 0; i < kNearest; ++i) x[i] = offsets[i].x, y[i] = offsets[i].y, z[i] = offsets[i].z;
   for (std::size_t a = 1; a < kNearest; ++a)
     for (std::size_t b = 0; b < a; ++b) {
       const point::Offset across = cross(offsets[a], offsets[b]);
-      const double size = point::length(across);
-      if (!(size > 0)) continue;
-      const point::Offset normal = (1 / size) * across;
+      const double squared_size = dot(across, across), squared_least = least * least * squared_size;
+      if (!(squared_size > 0)) continue;
+      double nearer = 0;  // than half of them are to the best plane so far
+      for (std::size_t i = 0; i < kNearest; ++i) {
+        const double height = x[i] * across.x + y[i] * across.y + z[i] * across.z;
+        nearer += height * height < squared_least ? 1.0 : 0.0;
+      }
+      if (nearer < double(kHalf)) continue;
+      const point::Offset normal = (1 / std::sqrt(squared_size)) * across;
       std::array<double, kNearest> heights;
       for (std::size_t i = 0; i < kNearest; ++i) heights[i] = std::abs(dot(offsets[i], normal));
       std::nth_element(heights.begin(), heights.begin() + (kHalf - 1), heights.end());
-      if (heights[kHalf - 1] >= least) continue;
       const double deviation = deviation_of(offsets, normal, heights[kHalf - 1]);
       if (deviation == kEndless) continue;
       least = heights[kHalf - 1];
@@ -70,20 +78,22 @@ double noise_of_best_half(const Offsets& offsets) {
 
 }  // namespace
 
-std::vector<bool> find_hidden_surface(NearestRows& rows, std::vector<point::NoiseSample>& samples) {
+std::vector<bool> find_hidden_surface(NearestRows& rows, std::vector<point::NoiseSample>& samples,
+                                      const ForEach& for_each) {
   const std::size_t looked_at = std::min(rows.looked_at(), samples.size());
   const auto is_messy = [](const point::NoiseSample& s) { return s.shows_noise && s.sigma > kMessyNoise * s.spacing; };
   const auto messy = std::count_if(samples.begin(), samples.begin() + std::ptrdiff_t(looked_at), is_messy);
   if (2 * std::size_t(messy) < looked_at) return {};  // the surface is there for all to see
   const std::vector<Point> nearest = rows.of(looked_at, int(kRow));
   std::vector<double> found(looked_at, kEndless), hidden;
-  for (std::size_t i = 0; i < looked_at; ++i) {
+  for_each(looked_at, [&](std::size_t i) {
     const std::optional<Offsets> offsets =
         is_messy(samples[i]) ? distinct_places(&nearest[i * (kRow + 1)]) : std::nullopt;
-    if (!offsets) continue;
+    if (!offsets) return;
     const double noise = noise_of_best_half(*offsets);
-    if (noise < kHiddenNoise * point::length(offsets->back())) hidden.push_back(found[i] = noise);
-  }
+    if (noise < kHiddenNoise * point::length(offsets->back())) found[i] = noise;
+  });
+  std::copy_if(found.begin(), found.end(), std::back_inserter(hidden), [](double noise) { return noise < kEndless; });
   if (hidden.size() < std::max(kFewestHidden, std::size_t(kHiddenShare * double(looked_at)))) return {};
   const auto middle = hidden.begin() + std::ptrdiff_t(hidden.size() / 2);
   std::nth_element(hidden.begin(), middle, hidden.end());

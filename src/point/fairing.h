@@ -10,6 +10,7 @@
 namespace pointfair::point {
 
 struct BilateralWeights {
+  using Kernel = Gaussian;
   float inverse_two_closeness2;   // 1 / (2 sigma_c^2)
   float inverse_two_similarity2;  // 1 / (2 sigma_s^2)
 };
@@ -18,16 +19,12 @@ POINTFAIR_INLINE BilateralWeights bilateral_weights(float closeness_sigma, float
   return {0.5f / (closeness_sigma * closeness_sigma), 0.5f / (similarity_sigma * similarity_sigma)};
 }
 
-// BilateralWeights whose sigma_c is a multiple of the radius of the point's neighbourhood.
-template <class F>
+// BilateralWeights that may differ from point to point.
+template <class F, class Its>
 struct LocalBilateralWeights {
+  using Kernel = Its;
   F inverse_two_closeness2, inverse_two_similarity2;
 };
-
-template <class F>
-POINTFAIR_INLINE LocalBilateralWeights<F> local_weights(BilateralWeights multiple, F squared_radius) {
-  return {F(multiple.inverse_two_closeness2) / squared_radius, F(multiple.inverse_two_similarity2)};
-}
 
 // d_i of eq. 6. W_c W_s is one Gaussian of the summed exponents.
 template <class F>
@@ -41,7 +38,7 @@ struct BilateralSum {
     const F height = -dot(normal, offset);  // n_i . (v_i - v_j)
     const F exponent =
         squared_length(offset) * weights.inverse_two_closeness2 + (height * height) * weights.inverse_two_similarity2;
-    add_weighted(gaussian(exponent), height, area, inside, weights);
+    add_weighted(Weights::Kernel::of(exponent), height, area, inside, weights);
   }
   // 0 where all weights vanish: the point then keeps its place
   POINTFAIR_INLINE F distance() const { return select(weight > F{}, moment / weight, F{}); }
@@ -70,7 +67,7 @@ struct SymmetricSum : BilateralSum<F> {
     const F exponent = (squared_length(offset) * weights.inverse_two_closeness2 +
                         (theirs * theirs) * weights.inverse_two_similarity2) +
                        turn_exponent(cosine, inverse_turn);
-    this->add_weighted(gaussian(exponent), (own + theirs) * 0.5f, area, inside, weights);
+    this->add_weighted(Weights::Kernel::of(exponent), (own + theirs) * 0.5f, area, inside, weights);
   }
 };
 

@@ -33,9 +33,9 @@ struct MethodRule {
 
 // The weights of one point, whose neighbourhood has that radius.
 template <class F>
-POINTFAIR_INLINE LocalBilateralWeights<F> weights_of(const MethodRule& rule, F squared_radius) {
-  if (rule.of_radius) return local_weights(rule.weights, squared_radius);
-  return {F(rule.weights.inverse_two_closeness2), F(rule.weights.inverse_two_similarity2)};
+POINTFAIR_INLINE LocalBilateralWeights<F, Gaussian> weights_of(const MethodRule& rule, F squared_radius) {
+  const F closeness = F(rule.weights.inverse_two_closeness2);
+  return {rule.of_radius ? closeness / squared_radius : closeness, F(rule.weights.inverse_two_similarity2)};
 }
 
 }  // namespace pointfair::point

@@ -4,6 +4,8 @@
 //
 // `Neighbors` is a way to the neighbours of one point, or of each lane's point where several are treated at once:
 //   using Number                the number type F of one such point or lanes
+//   using Kernel                how a weight is made of an exponent (vec.h): Gaussian for lists, CompactGaussian within
+//                               a radius
 //   using Count                 a number of neighbours, to which counted(count, inside) adds one
 //   neighbors(load, visit)      calls visit(offset, loaded, inside) for each neighbour, always in the same order.
 //                               offset is v_j - v_i; `loaded` is what load(there) gave, at most 16 bytes, where `there`

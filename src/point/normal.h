@@ -10,6 +10,7 @@
 namespace pointfair::point {
 
 struct NormalWeights {
+  using Kernel = Gaussian;
   float inverse_two_sigma2;  // 1 / (2 sigma^2), for w_g
   float inverse_sigma2;      // 1 / sigma^2, for the square of w_g in eq. 3
 };
@@ -19,16 +20,12 @@ POINTFAIR_INLINE NormalWeights normal_weights(float sigma) {
   return {0.5f / sigma2, 1.0f / sigma2};
 }
 
-// NormalWeights whose sigma is a multiple of the radius of the point's neighbourhood.
-template <class F>
+// NormalWeights that may differ from point to point.
+template <class F, class Its>
 struct LocalNormalWeights {
+  using Kernel = Its;
   F inverse_two_sigma2, inverse_sigma2;
 };
-
-template <class F>
-POINTFAIR_INLINE LocalNormalWeights<F> local_weights(NormalWeights multiple, F squared_radius) {
-  return {F(multiple.inverse_two_sigma2) / squared_radius, F(multiple.inverse_sigma2) / squared_radius};
-}
 
 // Paper eq. 4, normalised.
 template <class F>
@@ -38,7 +35,7 @@ struct CentroidSum {
 
   template <class Mask, class Weights>
   POINTFAIR_INLINE void add(Vec3<F> offset, Mask inside, Weights weights) {
-    const F w = select(inside, gaussian(squared_length(offset) * weights.inverse_two_sigma2), F{});
+    const F w = select(inside, Weights::Kernel::of(squared_length(offset) * weights.inverse_two_sigma2), F{});
     weight = weight + w;
     moment = moment + w * offset;
   }
@@ -56,7 +53,7 @@ struct CovarianceSum {
   template <class Mask, class Weights>
   POINTFAIR_INLINE void add(Vec3<F> offset, Vec3<F> centroid, Mask inside, Weights weights) {
     const Vec3<F> d = offset - centroid;
-    const F w2 = select(inside, gaussian(squared_length(d) * weights.inverse_sigma2), F{});
+    const F w2 = select(inside, Weights::Kernel::of(squared_length(d) * weights.inverse_sigma2), F{});
     const Vec3<F> wd = w2 * d;
     sum.xx = sum.xx + wd.x * d.x;
     sum.xy = sum.xy + wd.x * d.y;
@@ -96,7 +93,7 @@ struct FilteredNormal {
   POINTFAIR_INLINE void add(Vec3<F> offset, Vec3<F> there, Mask inside, Weights weights, float inverse_turn) {
     const F cosine = dot(normal, there);
     const F exponent = squared_length(offset) * weights.inverse_two_sigma2 + turn_exponent(cosine, inverse_turn);
-    const F w = select(inside, gaussian(exponent), F{});
+    const F w = select(inside, Weights::Kernel::of(exponent), F{});
     sum = sum + select(cosine < F{}, -w, w) * there;  // whichever of the two opposites makes the smaller angle
   }
   // zero where there was no normal

@@ -15,15 +15,22 @@ namespace pointfair::point {
 template <class Neighbors>
 using NumberOf = typename Neighbors::Number;
 
+template <class Neighbors>
+using KernelOf = typename Neighbors::Kernel;
+
 struct NormalRule {
   NormalWeights weights;
   bool of_radius;  // sigma is a multiple of the neighbourhood's radius
 };
 
-template <class F>
-POINTFAIR_INLINE LocalNormalWeights<F> weights_of(const NormalRule& rule, F squared_radius) {
-  if (rule.of_radius) return local_weights(rule.weights, squared_radius);
-  return {F(rule.weights.inverse_two_sigma2), F(rule.weights.inverse_sigma2)};
+template <class Neighbors>
+POINTFAIR_INLINE auto weights_of(const NormalRule& rule, const Neighbors& neighbors) {
+  using F = NumberOf<Neighbors>;
+  constexpr float kScale = KernelOf<Neighbors>::kScale;
+  const F own = F(rule.weights.inverse_two_sigma2 * kScale), twice = F(rule.weights.inverse_sigma2 * kScale);
+  using Weights = LocalNormalWeights<F, KernelOf<Neighbors>>;
+  if (!rule.of_radius) return Weights{own, twice};
+  return Weights{own / neighbors.squared_radius(), twice / neighbors.squared_radius()};
 }
 
 struct FairingRule {
@@ -49,11 +56,16 @@ struct FairingRule {
   POINTFAIR_INLINE bool sees() const { return along_ray || squared_beam_width > 0; }
 };
 
-template <class F>
-POINTFAIR_INLINE LocalBilateralWeights<F> weights_of(const FairingRule& rule, F squared_radius, F squared_level) {
-  const F closeness = F(rule.weights.inverse_two_closeness2), similarity = F(rule.weights.inverse_two_similarity2);
-  return {rule.of_radius ? closeness / squared_radius : closeness,
-          rule.similarity_follows ? similarity / squared_level : similarity};
+template <class Neighbors>
+POINTFAIR_INLINE auto weights_of(const FairingRule& rule, const Neighbors& neighbors,
+                                 NumberOf<Neighbors> squared_level) {
+  using F = NumberOf<Neighbors>;
+  constexpr float kScale = KernelOf<Neighbors>::kScale;
+  const F closeness = F(rule.weights.inverse_two_closeness2 * kScale),
+          similarity = F(rule.weights.inverse_two_similarity2 * kScale);
+  return LocalBilateralWeights<F, KernelOf<Neighbors>>{
+      rule.of_radius ? closeness / neighbors.squared_radius() : closeness,
+      rule.similarity_follows ? similarity / squared_level : similarity};
 }
 
 // The normal by Eq. 3 to 5.
@@ -100,7 +112,8 @@ POINTFAIR_DEVICE_INLINE FilteredOfPoint<NumberOf<Neighbors>> filtered_normal_of(
     const Neighbors& neighbors, const NormalRule& rule, float inverse_turn, OwnNormal<NumberOf<Neighbors>> own,
     const Vectors& normals, const GrowthRule& growth) {
   using F = NumberOf<Neighbors>;
-  const LocalNormalWeights<F> weights = weights_of(rule, neighbors.squared_radius());
+  const auto weights = weights_of(rule, neighbors);
+  inverse_turn *= KernelOf<Neighbors>::kRootScale;
   FilteredNormal<F> filtered(own.unit);
   MeanTurn<F> turn;
   neighbors([&](auto there) { return normals.at(there); },
@@ -140,6 +153,7 @@ POINTFAIR_DEVICE_INLINE NumberOf<Neighbors> symmetric_distance(const Neighbors& 
                                                                const Vectors& normals, const Areas& areas,
                                                                Visited visited) {
   using F = NumberOf<Neighbors>;
+  inverse_turn *= KernelOf<Neighbors>::kRootScale;
   SymmetricSum<F> sum;
   neighbors(
       [&](auto there) {
@@ -166,7 +180,7 @@ POINTFAIR_DEVICE_INLINE NumberOf<Neighbors> bilateral_distance(const Neighbors& 
 // A mean of an outlier's neighbours (PullSum). `squared_radii` are not read without pull_by_density.
 template <class Neighbors, class Scalars>
 POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> pull_of(const Neighbors& neighbors,
-                                                          LocalBilateralWeights<NumberOf<Neighbors>> weights,
+                                                          NumberOf<Neighbors> inverse_two_closeness2,
                                                           const FairingRule& rule, const Scalars& squared_radii) {
   using F = NumberOf<Neighbors>;
   PullSum<F> sum;
@@ -176,7 +190,7 @@ POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> pull_of(const Neighbors& neigh
               [&](Vec3<F> offset, F there, auto inside) { sum.add_by_density(offset, inside, own, there); });
   } else {
     neighbors(LoadNothing{}, [&](Vec3<F> offset, Nothing, auto inside) {
-      sum.add_by_closeness(offset, inside, weights.inverse_two_closeness2);
+      sum.add_by_closeness(offset, inside, inverse_two_closeness2);
     });
   }
   return sum.mean();
@@ -256,7 +270,7 @@ POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> faired_point(const Neighbors& 
   using F = NumberOf<Neighbors>;
   const F squared_level = own.squared_level;
   const Vec3<F> normal = own.normal;
-  const LocalBilateralWeights<F> weights = weights_of(rule, neighbors.squared_radius(), squared_level);
+  const auto weights = weights_of(rule, neighbors, squared_level);
   Agreement<F> agreement;
   HeightSpread<F> spread;
   const F squared_outlier_distance =
@@ -284,7 +298,8 @@ POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> faired_point(const Neighbors& 
     const auto is_outlier = verdict.is_outlier & (squared_length(normal) > F{});
     if (!neighbors.any(is_outlier)) return there;
     if (!rule.pull_outliers) return select<F>(is_outlier, {verdict.reason, verdict.reason, verdict.reason}, there);
-    const Vec3<F> pull = pull_of(neighbors, weights, rule, squared_radii);
+    const Vec3<F> pull =
+        pull_of(neighbors, weights.inverse_two_closeness2 * F(1 / KernelOf<Neighbors>::kScale), rule, squared_radii);
     return select<F>(is_outlier, own.here + F(rule.strength) * pull, there);
   }
 }

@@ -97,6 +97,28 @@ POINTFAIR_INLINE F gaussian(F t) {
   return select(t < F(87.0f), power_of_two_times(p, shifted), F{});
 }
 
+// How a sum makes a weight of an exponent t. The factors that t is made of are multiplied by kScale once a point, so
+// that of() gets t times kScale.
+struct Gaussian {
+  static constexpr float kScale = 1, kRootScale = 1;
+  template <class F>
+  POINTFAIR_INLINE static F of(F t) {
+    return gaussian(t);
+  }
+};
+
+// (1 - t / 17)^16 (Eq. 26 of docs/how-it-works.md): within 3 % of exp(-t) up to t = 2, and 0 from 17 on, for a third of
+// its operations.
+struct CompactGaussian {
+  static constexpr float kScale = 1 / 17.0f, kRootScale = 0.242535625f;
+  template <class F>
+  POINTFAIR_INLINE static F of(F scaled) {
+    const F root = larger(F{}, F(1.0f) - scaled);
+    const F square = root * root, fourth = square * square, eighth = fourth * fourth;
+    return eighth * eighth;
+  }
+};
+
 // A symmetric matrix.
 template <class F>
 struct Sym3 {

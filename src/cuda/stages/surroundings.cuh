@@ -23,6 +23,7 @@ struct Surroundings {
 class Listed {
  public:
   using Number = float;
+  using Kernel = point::Gaussian;
   using Count = int;
   struct Shared {};
   __device__ __forceinline__ Listed(const Tree& tree, const Surroundings& from, Index at, bool, Shared&)
@@ -57,6 +58,7 @@ __device__ __forceinline__ float value_or_one(const float* values, std::size_t a
 class WalkedRadius {
  public:
   using Number = float;
+  using Kernel = point::CompactGaussian;
   using Count = int;
   struct Shared {
     float4 place[kWarp];
@@ -163,6 +165,7 @@ class WalkedRadius {
 class CollectedRadius {
  public:
   using Number = float;
+  using Kernel = point::CompactGaussian;
   using Count = int;
   struct Shared {
     float4 place[kWarp], loaded[kWarp];

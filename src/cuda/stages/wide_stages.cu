@@ -62,7 +62,7 @@ __global__ void __launch_bounds__(kBlock)
   const bool valid = tree.holds(at);
   const Neighbors neighbors(tree, surroundings, Index(at), valid, shared[threadIdx.x / kWarp]);
   if (const CloudRules* const its = tree.rules_over(Index(at / kLeafSize)); its != nullptr) rule = its->normal;
-  const auto normal = point::normal_of(neighbors, point::weights_of(rule, neighbors.squared_radius()));
+  const auto normal = point::normal_of(neighbors, point::weights_of(rule, neighbors));
   normals.set(at, valid ? normal.unit : Vec{});
   count_unmoved(state, valid, normal);
 }
