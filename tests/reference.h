@@ -64,7 +64,7 @@ struct Normal {
 
 // Of an exponent: a Gaussian of lists, and within a radius what nears one (Eq. 26).
 inline double kernel(double t, const Settings& s) {
-  return s.k > 0 ? std::exp(-t) : std::pow(std::max(0.0, 1 - t / 17), 16);
+  return s.k > 0 ? std::exp(-t) : t < 17 * 15 / 16.0 ? std::pow(1 - t / 17, 16) : 0;
 }
 
 // Paper eq. 3-5; eq. 4 normalised by its weights.
