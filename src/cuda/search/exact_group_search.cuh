@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The k <= 32 nearest other points of all points of a leaf, exact to the last tie: for leaves where the keys of
+// The k <= 64 nearest other points of all points of a leaf, exact to the last tie: for leaves where the keys of
 // group_search.cuh cannot tell candidates apart, as in quantised clouds, lattices, and many points in one place; and
 // for the points of another tree.
 #pragma once

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The k <= 32 nearest other points of all points of a leaf at once: one warp, a query a lane. The warp walks the tree
+// The k <= 64 nearest other points of all points of a leaf at once: one warp, a query a lane. The warp walks the tree
 // for the union of what its lanes need, gathers the candidates in shared memory, and every lane looks at each.
 //
 // Keys. A candidate is one 32-bit number: 22 bits of squared distance in units of (leaf diagonal / 2047)^2, 10 bits of

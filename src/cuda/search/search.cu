@@ -18,7 +18,9 @@ constexpr Index kFewHardLeaves = 128;   // also the queries of so few leaves: a 
 
 struct None {};
 
-constexpr int group_warps_resident(int list, bool wide) { return list <= 8 ? (wide ? 28 : 32) : list <= 16 ? 23 : 16; }
+constexpr int group_warps_resident(int list, bool wide) {
+  return list <= 8 ? (wide ? 28 : 32) : list <= 16 ? 23 : list <= 32 ? 16 : 11;
+}
 constexpr Index kManyLeaves = 1 << 19;  // clouds of so many tend to have noise that is wide against their spacing
 
 // Whether a point of `later` may belong into a list of the leaf: whether one lies within reach of the leaf's boxes.
@@ -112,10 +114,14 @@ __device__ Index* list_of(Index* lists, int k, Index at) {
   return lists + std::size_t(at / kWarp) * k * kWarp + at % kWarp;
 }
 
-// The queries that are left, a warp to each. A bound is in the first place of their lists.
+// The queries that are left, a warp to each. A bound is in the first place of their lists. kLong: lists too long for
+// registers.
+template <bool kLong>
 __global__ void __launch_bounds__(kSingleBlock, resident_blocks(kSingleBlocks, kSingleBlock))
     nearest_of_left(const __grid_constant__ Tree tree, NearestQuery query, Index* lists, Retries retries) {
   __shared__ SingleWalk walks[kSingleBlock / kWarp];
+  __shared__ __align__(16)
+      std::byte long_lists[kLong ? kSingleBlock / kWarp * SharedList::bytes(kLargestGroupList) : 16];
   begin_kernel();
   const Index warps = gridDim.x * (kSingleBlock / kWarp), warp = threadIdx.x / kWarp;
   const Index queries = tree.state->retries, hard_leaves = tree.state->leaf_retries;
@@ -133,14 +139,20 @@ __global__ void __launch_bounds__(kSingleBlock, resident_blocks(kSingleBlocks, k
     Index* out = list_of(lists, query.k, at);
     const float bound = __uint_as_float(*out);
     __syncwarp();  // all lanes have read it
-    RegisterList list(tree.points);
-    search_single(tree, walks[warp], list, query, at, bound, out);
+    if constexpr (kLong) {
+      std::byte* const memory = long_lists + warp * SharedList::bytes(kLargestGroupList);
+      SharedList list(tree.points, memory, kLargestGroupList);
+      search_single(tree, walks[warp], list, query, at, bound, out);
+    } else {
+      RegisterList list(tree.points);
+      search_single(tree, walks[warp], list, query, at, bound, out);
+    }
   }
 }
 
 extern __shared__ __align__(16) std::byte list_memory[];
 
-// Lists too long for registers: all queries, a warp to each.
+// Lists too long for the search of leaves: all queries, a warp to each.
 __global__ void nearest_of_all(const __grid_constant__ Tree tree, NearestQuery query, int size, Index* lists,
                                const __grid_constant__ Stop stop) {
   __shared__ SingleWalk walks[kSingleBlock / kWarp];
@@ -184,8 +196,8 @@ void search_left(Context& context, const Tree& tree, LeafRange leaves, NearestQu
                  Retries retries) {
   const unsigned blocks = blocks_for(leaves.count(), 1), processors = unsigned(context.processors());
   // Both only need what the leaves have left. The second mostly has nothing to do, and comes while the first ends.
-  launch_early(context, "searching neighbours left over", nearest_of_left, processors * kSingleBlocks, kSingleBlock,
-               tree, query, list, retries);
+  launch_early(context, "searching neighbours left over", nearest_of_left<(kList > RegisterList::kCapacity)>,
+               processors * kSingleBlocks, kSingleBlock, tree, query, list, retries);
   launch_early(context, "searching neighbours of hard leaves", nearest_of_hard_leaves<kList>,
                std::min(blocks, processors * 24), kWarp, tree, query, list, retries.leaves);
 }
@@ -201,7 +213,8 @@ void search_all(Context& context, const Tree& tree, NearestQuery query, Index* l
 }
 
 auto search_for(int k, Index leaves) {
-  return k > 16                  ? search_leaves<32, false>
+  return k > 32                  ? search_leaves<64, false>
+         : k > 16                ? search_leaves<32, false>
          : k > 8                 ? search_leaves<16, false>
          : leaves >= kManyLeaves ? search_leaves<8, true>
                                  : search_leaves<8, false>;
@@ -229,7 +242,10 @@ void find_nearest_again(Context& context, const Tree& tree, const Tree& later, C
 
 void find_nearest_of_left(Context& context, const Tree& tree, LeafRange leaves, NearestQuery query, Index* list,
                           Retries retries) {
-  const auto search = query.k > 16 ? search_left<32> : query.k > 8 ? search_left<16> : search_left<8>;
+  const auto search = query.k > 32   ? search_left<64>
+                      : query.k > 16 ? search_left<32>
+                      : query.k > 8  ? search_left<16>
+                                     : search_left<8>;
   search(context, tree, leaves, query, list, retries);
 }
 

@@ -9,7 +9,7 @@
 
 namespace pointfair::cuda {
 
-inline constexpr int kLargestGroupList = 32;
+inline constexpr int kLargestGroupList = 64;
 inline constexpr int kLargestList = 1024;
 
 struct NearestQuery {
