@@ -166,7 +166,7 @@ void info(const InfoArguments& arguments, std::stop_token stop) {
 
 Verb add_info(CLI::App& app) {
   const auto arguments = std::make_shared<InfoArguments>();
-  CLI::App& command = *app.add_subcommand("info", "Print size, spacing, noise, parameters of a typical place.");
+  CLI::App& command = *app.add_subcommand("info", "Print size, spacing, noise, typical parameters.");
   command.add_option("IN", arguments->input, "cloud to read; - is standard input; also a folder of clouds, or a VPC")
       ->required();
   command.add_option("MORE", arguments->more, "more of them: a line each");
