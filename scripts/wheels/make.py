@@ -36,7 +36,7 @@ TARGETS = {
 }
 # Version of CPython: what scikit-build-core calls the stable interface that its extension is for. nanobind linked in has
 # one from 3.12 on, so that the wheel of 3.12 is for all later ones.
-PYTHONS = {"3.10": "", "3.11": "", "3.12": "cp312"}
+PYTHONS = {"3.12": "cp312", "3.11": "", "3.10": ""}
 
 
 def run(*command, **options):
@@ -111,13 +111,10 @@ class Build:
             for folder, inside in [(self.prefix / "bin", "bin"), (self.prefix / "share/pointfair", "share/pointfair"),
                                    (ROOT / "LICENSE", "LICENSE"), (self.licenses, "licenses")]:
                 archive.add(folder, f"{name}/{inside}", filter=without_owner)
-        return [path]
-
-    def make_wheels(self, pythons, dist):
-        """One for each {version of Python: folder of the programs of its environment}."""
-        return [self.make_wheel(version, programs, dist) for version, programs in pythons.items()]
+        return path
 
     def make_wheel(self, version, programs, dist):
+        """For one version of CPython; `programs`: the folder of the programs of its environment."""
         work = self.work / f"python{version}"
         raw = work / "raw"
         shutil.rmtree(raw, ignore_errors=True)
@@ -159,11 +156,10 @@ def without_owner(info):
     return info
 
 
-def write_checksums(paths):
-    for path in paths:
-        digest = hashlib.sha256(path.read_bytes()).hexdigest()
-        path.with_name(path.name + ".sha256").write_text(f"{digest}  {path.name}\n")
-        print(f"{path}: {path.stat().st_size / 1e6:.1f} MB")
+def write_checksum(path):
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    path.with_name(path.name + ".sha256").write_text(f"{digest}  {path.name}\n")
+    print(f"{path}: {path.stat().st_size / 1e6:.1f} MB", flush=True)
 
 
 def version_of_pointfair():
@@ -183,13 +179,15 @@ def main():
                for version in PYTHONS if (python := find_python(version))}
     for version in PYTHONS.keys() - pythons.keys():
         print(f"no wheel for Python {version}: there is no such Python here")
-    args.dist.mkdir(parents=True, exist_ok=True)
+    dist = args.dist.resolve()
+    dist.mkdir(parents=True, exist_ok=True)
     for name in args.targets:
         build = Build(name, work, zig)
         build.make_program(sources)
         build.collect_licenses(sources, downloads, folder_of(next(iter(pythons.values())), "nanobind"))
-        write_checksums([*build.make_archive(version_of_pointfair(), args.dist.resolve()),
-                         *build.make_wheels(pythons, args.dist.resolve())])
+        write_checksum(build.make_archive(version_of_pointfair(), dist))
+        for version, programs in pythons.items():
+            write_checksum(build.make_wheel(version, programs, dist))
 
 
 main()
