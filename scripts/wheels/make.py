@@ -125,10 +125,11 @@ class Build:
             values["POINTFAIR_PYTHON_GENERATED"] = self.shared / "linux-x86_64" / f"python{version}/build/generated"
             system, processor = self.target.python.split("-")
             environment["SETUPTOOLS_EXT_SUFFIX"] = f".cpython-{version.replace('.', '')}-{processor}-{system}-gnu.so"
-        settings = [word for name, value in values.items() for word in ("-C", f"cmake.define.{name}={value}")]
+        settings = {"cmake.source-dir": "python", "build-dir": work / "build", "wheel.py-api": PYTHONS[version],
+                    **{f"cmake.define.{name}": value for name, value in values.items()}}
+        words = [word for name, value in settings.items() for word in ("--config-settings", f"{name}={value}")]
         run(programs / "python", "-m", "pip", "wheel", ROOT, "--no-deps", "--no-build-isolation", "--disable-pip-version-check",
-            "--wheel-dir", raw, "-C", "cmake.source-dir=python", "-C", f"build-dir={work / 'build'}", "-C",
-            f"wheel.py-api={PYTHONS[version]}", *settings, env=environment, cwd=ROOT)
+            "--wheel-dir", raw, *words, env=environment, cwd=ROOT)
         wheel, = raw.glob("*.whl")
         return self.finish_wheel(wheel, work / "finished", dist)
 
