@@ -15,13 +15,14 @@ endif
 FUZZ_SECONDS ?= 60
 FUZZ_TARGETS = $(notdir $(wildcard build/fuzz/bin/fuzz_*))
 
-.PHONY: help demo build test wheel golden bench quality bench-laz bench-viewer train-net paper-tables figures gallery estimates gpu release fuzz format docs asan tsan clean install
+.PHONY: help demo build test wheel wheels golden bench quality bench-laz bench-viewer train-net paper-tables figures gallery estimates gpu release fuzz format docs asan tsan clean install
 
 help:
 	@echo "make build    the program, build/bin/pointfair"
 	@echo "make demo     denoise an Armadillo and a real scan; errors, times and pictures in build/demo"
 	@echo "make test     all tests"
 	@echo "make wheel    the Python package with the program, dist/*.whl"
+	@echo "make wheels   wheels and archives for several systems with a pinned compiler, in dist (WHEELS='$(WHEELS)')"
 	@echo "make golden   small clouds of all kinds give the known bytes, in every way that this processor has"
 	@echo "make bench    time every stage and the peers"
 	@echo "make quality  measure the noise that is left by each method and peer, into docs; some hours, goes on if stopped"
@@ -60,6 +61,12 @@ wheel:
 	cmake --preset $(if $(has_cuda),release,cpu) -DPOINTFAIR_TESTS=OFF
 	cmake --build $(wheel_build)
 	scripts/wheel.py --build $(wheel_build) --dist dist
+
+# not in the folder of other builds; about 20 minutes of two cores for each, the first time
+WHEELS ?= linux-x86_64
+wheels:
+	@$(install) build
+	scripts/wheels/make.py $(WHEELS) --dist dist
 
 golden: build
 	tests/golden/golden.py build/bin/pointfair

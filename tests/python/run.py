@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Installs the wheel into fresh environments, without a compiler, and runs the tests there.
+"""Installs the wheel, or of several each one's own, into fresh environments, without a compiler, and runs the tests there.
 
     tests/python/run.py --dist build/python/dist --work build/python/tests [--program build/bin/pointfair]
 
@@ -45,6 +45,16 @@ def other_pythons():
             found.setdefault(version, python)
     del found[sys.version_info[:2]]
     return dict(sorted(found.items()))
+
+
+def wheel_for(version, wheels):
+    """Of wheels for this machine, the one that a CPython of this version takes; None."""
+    for wheel in wheels:
+        python, abi, platform = wheel.stem.split("-")[2:5]
+        its = (int(python[2]), int(python[3:]))
+        if "linux" in platform and platform.endswith(os.uname().machine) and (its == version or abi == "abi3" and its < version):
+            return wheel
+    return None
 
 
 def environment():
@@ -92,11 +102,12 @@ def main():
     parser.add_argument("--work", type=pathlib.Path, required=True, help="a folder for the environments")
     parser.add_argument("--program", type=pathlib.Path, help="the build's own pointfair, whose results must be the same")
     args, more = parser.parse_known_args()
-    wheels = list(args.dist.glob("pointfair-*.whl"))
-    if not wheels:
-        print("skipped: there is no wheel, which python.wheel makes")
+    # the highest version first: a wheel for one version is closer to it than one for all from an older one on
+    wheels = sorted(args.dist.glob("pointfair-*.whl"), key=lambda path: int(path.name.split("-cp3")[1].split("-")[0]), reverse=True)
+    wheel = wheel_for(sys.version_info[:2], wheels)
+    if not wheel:
+        print("skipped: there is no wheel for this Python; python.wheel makes one")
         sys.exit(77)
-    wheel, = wheels
     programs = make_environment(args.work / "whole", sys.executable, wheel, "-r", HERE / "requirements.txt")
     variables = {"POINTFAIR_BIN": str(args.program.resolve())} if args.program else {}
     call(programs / "python", "-m", "pytest", "-c", HERE.parent.parent / "pyproject.toml", "--rootdir", HERE, "-p",
@@ -106,11 +117,15 @@ def main():
          cwd=args.work, check=True)
     check_uninstall(args.work / "whole", wheel)
     for version, python in other_pythons().items():
+        wheel = wheel_for(version, wheels)
+        if not wheel:
+            print(f"CPython {version[0]}.{version[1]}: no wheel for it")
+            continue
         folder = args.work / "python{}.{}".format(*version)
         programs = make_environment(folder, python, wheel)
         call(programs / "python", "-m", "doctest", HERE / "every_python.txt", check=True)
         call(programs / "pointfair", "--version", check=True, stdout=subprocess.DEVNULL)
-        print(f"CPython {version[0]}.{version[1]} runs the same wheel")
+        print(f"CPython {version[0]}.{version[1]} runs {wheel.name}")
 
 
 main()

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: Apache-2.0
+# Toolchain file: zig's clang as a compiler for any system, with its own libc++, which is linked statically.
+#   -DPOINTFAIR_ZIG=FILE              the program zig
+#   -DPOINTFAIR_ZIG_TARGET=TRIPLE     in zig's words: x86_64-linux-gnu.2.28 is Linux with glibc 2.28 and later
+list(APPEND CMAKE_TRY_COMPILE_PLATFORM_VARIABLES POINTFAIR_ZIG POINTFAIR_ZIG_TARGET)
+string(REGEX MATCH "^([^-]+)-([^-]+)" _ "${POINTFAIR_ZIG_TARGET}")
+set(CMAKE_SYSTEM_PROCESSOR ${CMAKE_MATCH_1})
+if(CMAKE_MATCH_2 STREQUAL "macos")
+  set(CMAKE_SYSTEM_NAME Darwin)
+elseif(CMAKE_MATCH_2 STREQUAL "windows")
+  set(CMAKE_SYSTEM_NAME Windows)
+else()
+  set(CMAKE_SYSTEM_NAME Linux)
+endif()
+
+# CMake wants a program for each tool; zig has them as verbs.
+set(pointfair_tools ${CMAKE_BINARY_DIR}/zig)
+if(NOT EXISTS ${pointfair_tools}/ranlib)
+  foreach(verb c++ cc ar ranlib)
+    file(WRITE ${pointfair_tools}/${verb} "#!/bin/sh\nexec '${POINTFAIR_ZIG}' ${verb} \"$@\"\n")
+    file(CHMOD ${pointfair_tools}/${verb} PERMISSIONS OWNER_READ OWNER_WRITE OWNER_EXECUTE)
+  endforeach()
+endif()
+foreach(language C CXX)
+  set(CMAKE_${language}_COMPILER_TARGET ${POINTFAIR_ZIG_TARGET})
+  set(CMAKE_${language}_COMPILER_AR ${pointfair_tools}/ar)
+  set(CMAKE_${language}_COMPILER_RANLIB ${pointfair_tools}/ranlib)
+endforeach()
+set(CMAKE_C_COMPILER ${pointfair_tools}/cc)
+set(CMAKE_CXX_COMPILER ${pointfair_tools}/c++)
+set(CMAKE_AR ${pointfair_tools}/ar)
+set(CMAKE_RANLIB ${pointfair_tools}/ranlib)
+
+# Without notes for debuggers, which zig adds unasked; stripped as they are linked, for lack of a strip for other systems.
+set(CMAKE_C_FLAGS_INIT "-g0")
+set(CMAKE_CXX_FLAGS_INIT "-g0")
+foreach(kind EXE SHARED MODULE)
+  set(CMAKE_${kind}_LINKER_FLAGS_RELEASE_INIT "-s")
+endforeach()
+
+# Nothing of this machine but programs, Python and what CMAKE_PREFIX_PATH names.
+set(CMAKE_FIND_USE_CMAKE_SYSTEM_PATH OFF)
+set(CMAKE_FIND_USE_SYSTEM_PACKAGE_REGISTRY OFF)

@@ -1,0 +1,194 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Makes wheels, and archives with the program alone, for several systems on this one: `make wheels`.
+
+    scripts/wheels/make.py linux-x86_64 --dist dist
+
+The compiler is zig, whose version and that of all else is pinned in tools.txt, python.txt and parts.py. What is downloaded
+stays in build/downloads and build/wheels, so that a second call needs no network."""
+import argparse
+import dataclasses
+import hashlib
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+import tarfile
+
+from parts import SOURCES, collect_licenses, unpack
+
+HERE = pathlib.Path(__file__).resolve().parent
+ROOT = HERE.parent.parent
+
+
+@dataclasses.dataclass
+class Target:
+    zig: str  # as zig calls it
+    wheel: str  # the tag of its wheels
+    python: str  # what CPython calls it
+    runs_here: bool = False
+
+
+TARGETS = {
+    "linux-x86_64": Target("x86_64-linux-gnu.2.28", "manylinux_2_28_x86_64", "linux-x86_64", runs_here=True),
+    "linux-aarch64": Target("aarch64-linux-gnu.2.28", "manylinux_2_28_aarch64", "linux-aarch64"),
+}
+# Version of CPython: what scikit-build-core calls the stable interface that its extension is for. nanobind linked in has
+# one from 3.12 on, so that the wheel of 3.12 is for all later ones.
+PYTHONS = {"3.12": "cp312", "3.11": "", "3.10": ""}
+
+
+def run(*command, **options):
+    if subprocess.run([str(part) for part in command], **options).returncode != 0:
+        sys.exit(f"failed: {' '.join(map(str, command))}")
+
+
+def find_python(version):
+    """The program of that version: on the path, or pyenv's; None."""
+    found = [shutil.which(f"python{version}")]
+    if shutil.which("pyenv"):
+        root = subprocess.run(["pyenv", "root"], capture_output=True, text=True).stdout.strip()
+        found += pathlib.Path(root).glob(f"versions/{version}.*/bin/python")
+    for python in filter(None, found):
+        said = subprocess.run([python, "-c", "import sys; print('%d.%d' % sys.version_info[:2])"], capture_output=True, text=True)
+        if said.stdout.strip() == version:
+            return python
+    return None
+
+
+def make_environment(folder, requirements, python=None):
+    """A virtual environment with the pinned packages; the folder of its programs."""
+    done = folder / "installed"
+    if not done.exists() or done.read_text() != requirements.read_text():
+        run(python or sys.executable, "-m", "venv", "--clear", folder)
+        run(folder / "bin/pip", "install", "--quiet", "--disable-pip-version-check", "--require-hashes", "-r", requirements)
+        done.write_text(requirements.read_text())
+    return folder / "bin"
+
+
+def folder_of(bin_folder, module):
+    """Where a module of a virtual environment is."""
+    folder, = bin_folder.parent.glob(f"lib/python3*/site-packages/{module}")
+    return folder
+
+
+class Build:
+    """The folders and the commands of one target."""
+
+    def __init__(self, name, work, zig):
+        self.name, self.target, self.zig, self.shared = name, TARGETS[name], zig, work
+        self.work = work / name
+        self.parts, self.prefix, self.licenses = self.work / "parts", self.work / "prefix", self.work / "licenses"
+        self.toolchain = {"CMAKE_TOOLCHAIN_FILE": ROOT / "cmake/zig.cmake", "POINTFAIR_ZIG": zig,
+                          "POINTFAIR_ZIG_TARGET": self.target.zig}
+
+    def configure(self, source, build, **values):
+        # a launcher as ccache would take zig, whose first word is a verb, for a compiler
+        environment = {name: value for name, value in os.environ.items() if not name.endswith("_COMPILER_LAUNCHER")}
+        words = [f"-D{name}={value}" for name, value in {**self.toolchain, "CMAKE_BUILD_TYPE": "Release", **values}.items()]
+        run("cmake", "-G", "Ninja", "-S", source, "-B", build, *words, env=environment)
+
+    def make_program(self, sources):
+        """Builds and installs into the prefix: the library, the program, and the viewer's page."""
+        self.configure(ROOT / "cmake/parts", self.work / "build-parts", CMAKE_INSTALL_PREFIX=self.parts,
+                       PARTS_ONETBB=sources["onetbb"], PARTS_PUGIXML=sources["pugixml"])
+        run("cmake", "--build", self.work / "build-parts", "--target", "install")
+        self.configure(ROOT, self.work / "build", CMAKE_PREFIX_PATH=self.parts, POINTFAIR_CUDA="OFF", POINTFAIR_TESTS="OFF",
+                       POINTFAIR_VIEWER="ON")
+        run("cmake", "--build", self.work / "build")
+        shutil.rmtree(self.prefix, ignore_errors=True)
+        run("cmake", "--install", self.work / "build", "--prefix", self.prefix)
+
+    def collect_licenses(self, sources, downloads, nanobind):
+        collect_licenses(self.licenses, sources, downloads, self.work / "build/viewer/web", self.zig, nanobind)
+
+    def make_archive(self, version, dist):
+        """pointfair-VERSION-TARGET.tar.gz with a folder of that name, and its checksum beside it."""
+        name = f"pointfair-{version}-{self.name}"
+        path = dist / f"{name}.tar.gz"
+        with tarfile.open(path, "w:gz") as archive:
+            for folder, inside in [(self.prefix / "bin", "bin"), (self.prefix / "share/pointfair", "share/pointfair"),
+                                   (ROOT / "LICENSE", "LICENSE"), (self.licenses, "licenses")]:
+                archive.add(folder, f"{name}/{inside}", filter=without_owner)
+        return path
+
+    def make_wheel(self, version, programs, dist):
+        """For one version of CPython; `programs`: the folder of the programs of its environment."""
+        work = self.work / f"python{version}"
+        raw = work / "raw"
+        shutil.rmtree(raw, ignore_errors=True)
+        values = {**self.toolchain, "CMAKE_PREFIX_PATH": f"{self.prefix};{self.parts}", "POINTFAIR_PYTHON_SPLIT": "OFF",
+                  "POINTFAIR_LICENSES": self.licenses}
+        environment = {**os.environ, "PATH": f"{programs}:{os.environ['PATH']}", "_PYTHON_HOST_PLATFORM": self.target.python}
+        if not self.target.runs_here:
+            values["POINTFAIR_PYTHON_GENERATED"] = self.shared / "linux-x86_64" / f"python{version}/build/generated"
+            system, processor = self.target.python.split("-")
+            environment["SETUPTOOLS_EXT_SUFFIX"] = f".cpython-{version.replace('.', '')}-{processor}-{system}-gnu.so"
+        settings = {"cmake.source-dir": "python", "build-dir": work / "build", "wheel.py-api": PYTHONS[version],
+                    **{f"cmake.define.{name}": value for name, value in values.items()}}
+        words = [word for name, value in settings.items() for word in ("--config-settings", f"{name}={value}")]
+        run(programs / "python", "-m", "pip", "wheel", ROOT, "--no-deps", "--no-build-isolation", "--disable-pip-version-check",
+            "--wheel-dir", raw, *words, env=environment, cwd=ROOT)
+        wheel, = raw.glob("*.whl")
+        return self.finish_wheel(wheel, work / "finished", dist)
+
+    def finish_wheel(self, wheel, work, dist):
+        """Without the package that is linked in, with the tag of the oldest system that it runs on, which is checked."""
+        shutil.rmtree(work, ignore_errors=True)
+        tools = self.shared / "tools/bin"
+        run(tools / "python", "-m", "wheel", "unpack", "--dest", work, wheel)
+        folder, = work.iterdir()
+        metadata, = folder.glob("*.dist-info/METADATA")
+        kept = [line for line in metadata.read_text().splitlines() if not line.startswith("Requires-Dist: nanobind-backend")]
+        metadata.write_text("\n".join(kept) + "\n")
+        run(tools / "python", "-m", "wheel", "pack", "--dest-dir", work, folder)
+        packed, = work.glob("*.whl")
+        environment = {**os.environ, "PATH": f"{tools}:{os.environ['PATH']}"}
+        run(tools / "auditwheel", "repair", packed, "--plat", self.target.wheel, "--only-plat", "--wheel-dir", work / "tagged",
+            env=environment)
+        tagged, = (work / "tagged").glob("*.whl")
+        return shutil.copyfile(tagged, dist / tagged.name)
+
+
+def without_owner(info):
+    info.uid = info.gid = 0
+    info.uname = info.gname = ""
+    return info
+
+
+def write_checksum(path):
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    path.with_name(path.name + ".sha256").write_text(f"{digest}  {path.name}\n")
+    print(f"{path}: {path.stat().st_size / 1e6:.1f} MB", flush=True)
+
+
+def version_of_pointfair():
+    text = (ROOT / "include/pointfair/version.hpp").read_text()
+    return text.split('POINTFAIR_VERSION "')[1].split('"')[0]
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("targets", nargs="+", choices=TARGETS, help="for which systems, linux-x86_64 first")
+    parser.add_argument("--dist", type=pathlib.Path, required=True, help="where wheels and archives go")
+    args = parser.parse_args()
+    work, downloads = ROOT / "build/wheels", ROOT / "build/downloads"
+    sources = {package: unpack(package, downloads, work) for package in SOURCES}
+    zig = folder_of(make_environment(work / "tools", HERE / "tools.txt"), "ziglang") / "zig"
+    pythons = {version: make_environment(work / f"environment{version}", HERE / "python.txt", python)
+               for version in PYTHONS if (python := find_python(version))}
+    for version in PYTHONS.keys() - pythons.keys():
+        print(f"no wheel for Python {version}: there is no such Python here")
+    dist = args.dist.resolve()
+    dist.mkdir(parents=True, exist_ok=True)
+    for name in args.targets:
+        build = Build(name, work, zig)
+        build.make_program(sources)
+        build.collect_licenses(sources, downloads, folder_of(next(iter(pythons.values())), "nanobind"))
+        write_checksum(build.make_archive(version_of_pointfair(), dist))
+        for version, programs in pythons.items():
+            write_checksum(build.make_wheel(version, programs, dist))
+
+
+main()

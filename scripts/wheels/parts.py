@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is linked into a wheel: sources with their hashes, and the licences of all of it."""
+import hashlib
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+import tarfile
+import tempfile
+
+# Debian 12's source packages: file and its SHA-256
+SOURCES = {
+    "onetbb": ("onetbb_2021.8.0.orig.tar.xz", "7e9111b8bb59c8800bf6d0b06afe7b0891937443d2dae1ee1101c8e2ede6a7ef"),
+    "pugixml": ("pugixml_1.13.orig.tar.gz", "5c5ad5d7caeb791420408042a7d88c2c6180781bf218feca259fd9d840a888e1"),
+}
+# headers of this machine
+HEADERS = {"Boost": "boost/version.hpp", "CLI11": "CLI/CLI.hpp", "fast_float": "fast_float/fast_float.h", "fmt": "fmt/core.h",
+           "nanoflann": "nanoflann.hpp", "JSON_for_Modern_C++": "nlohmann/json.hpp"}
+
+
+def source_entries():
+    """The machine's own package sources, as lines of a file .sources that ask for source packages."""
+    etc = pathlib.Path("/etc/apt")
+    texts = [path.read_text() for path in sorted(etc.glob("sources.list.d/*.sources"))]
+    blocks = [re.sub(r"(?m)^Types:.*$", "Types: deb-src", text) for text in texts]
+    lines = [line for path in [etc / "sources.list", *sorted(etc.glob("sources.list.d/*.list"))] if path.exists()
+             for line in path.read_text().splitlines()]
+    return "\n".join(blocks), "".join(re.sub(r"^deb ", "deb-src ", line) + "\n" for line in lines if line.startswith("deb "))
+
+
+def fetch(package, into):
+    """Downloads the files of a source package with apt-get, without changing how the machine is set up."""
+    with tempfile.TemporaryDirectory() as work:
+        work = pathlib.Path(work)
+        (work / "lists/partial").mkdir(parents=True)
+        (work / "parts").mkdir()
+        blocks, lines = source_entries()
+        (work / "parts/machine.sources").write_text(blocks)
+        (work / "parts/machine.list").write_text(lines)
+        options = ["-qq", "-o", "Dir::Etc::SourceList=/dev/null", "-o", f"Dir::Etc::SourceParts={work / 'parts'}",
+                   "-o", f"Dir::State::Lists={work / 'lists'}", "-o", "APT::Sandbox::User=root"]
+        subprocess.run(["apt-get", *options, "update"], cwd=work)
+        subprocess.run(["apt-get", *options, "source", "--download-only", package], cwd=work)
+        for path in work.glob(f"{package}_*.orig.tar.*"):
+            shutil.move(path, into / path.name)
+
+
+def unpack(package, downloads, into):
+    """The folder of the package's sources, whose archive is fetched if it is not in `downloads` yet."""
+    name, expected = SOURCES[package]
+    archive = downloads / name
+    downloads.mkdir(parents=True, exist_ok=True)
+    if not archive.exists() and shutil.which("apt-get"):
+        print(f"fetching the sources of {package}")
+        fetch(package, downloads)
+    if not archive.exists():
+        sys.exit(f"{archive} is not here and apt-get did not bring it: put Debian 12's file of that name there")
+    if hashlib.sha256(archive.read_bytes()).hexdigest() != expected:
+        sys.exit(f"{archive} is not the file it should be: remove it and try again")
+    folder = into / package
+    if not folder.exists():
+        part = into / f"{package}.part"
+        shutil.rmtree(part, ignore_errors=True)
+        with tarfile.open(archive) as files:
+            files.extractall(part)
+        next(part.iterdir()).rename(folder)
+        part.rmdir()
+    return folder
+
+
+def license_of_header(header):
+    """Of the package that this machine has the header from."""
+    said = subprocess.run(["dpkg", "-S", f"/usr/include/{header}"], capture_output=True, text=True, check=True).stdout
+    text = pathlib.Path("/usr/share/doc", said.split(":")[0], "copyright").read_text()
+    if len(text) < 100_000:
+        return text
+    # Boost's names each of its files before the texts of the licences
+    return "\n\n".join(part for part in text.split("\n\n") if part.startswith("License:"))
+
+
+def license_in_archive(archive):
+    with tarfile.open(archive) as files:
+        name, = (name for name in files.getnames() if name.endswith("/COPYING.txt"))
+        return files.extractfile(name).read().decode()
+
+
+def collect_licenses(into, sources, downloads, page, zig, nanobind):
+    """Writes the licence of everything that is linked in or served into a folder, one file each. `page`: the folder that
+    the viewer's page is built in. Stops where one is missing: a file without it must not be given away."""
+    laszip, = downloads.glob("laszip-*.tar.gz")
+    robin_map = (nanobind / "ext/robin_map/include/tsl/robin_map.h").read_text()
+    nanobind_license, = nanobind.parent.glob("nanobind-*.dist-info/licenses/LICENSE")
+    found = {
+        "oneTBB": (sources["onetbb"] / "LICENSE.txt").read_text(),
+        "pugixml": (sources["pugixml"] / "LICENSE.md").read_text(),
+        "LASzip": license_in_archive(laszip),
+        "nanobind": nanobind_license.read_text(),
+        "robin_map": robin_map[:robin_map.index("*/") + 3],
+        "three.js": (page / "node_modules/three/LICENSE").read_text(),
+        "zig": (zig.parent / "LICENSE").read_text(),
+        **{name: (zig.parent / f"lib/{name.replace('+', 'x')}/LICENSE.TXT").read_text()
+           for name in ("libc++", "libc++abi", "libunwind")},
+        **{name: license_of_header(header) for name, header in HEADERS.items()},
+    }
+    shutil.rmtree(into, ignore_errors=True)
+    into.mkdir(parents=True)
+    for name, text in found.items():
+        (into / f"{name}.txt").write_text(text)
