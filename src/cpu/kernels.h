@@ -50,10 +50,12 @@ POINTFAIR_INLINE point::Vec3<float> low_corner(const BoxGroup& group, int child)
   return {group.min_x[child], group.min_y[child], group.min_z[child]};
 }
 
-// The lists of one leaf: list[slot * 16 + lane], nearest first; sorted positions, kNoNeighbor at the end.
+// The lists of one leaf: list[slot * 16 + lane], sorted positions, kNoNeighbor at the end; nearest first but for balls
+// along a mesh.
 struct LeafLists {
   const Index* list;
   int k;
+  int near = 0;  // of balls: slots that hold all within each point's radius, before it grows
 };
 
 // A neighbour list per point, as LeafLists at list + leaf * stored * 16; or those of each leaf along a mesh.
@@ -66,7 +68,7 @@ struct NeighborView {
 
   POINTFAIR_INLINE LeafLists of_leaf(Index leaf) const {
     if (along_mesh != nullptr) return along_mesh[leaf];
-    return {list + std::size_t(leaf) * std::size_t(stored) * kLeafSize, k};
+    return {list + std::size_t(leaf) * std::size_t(stored) * kLeafSize, k, k};
   }
 };
 

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cpu/mesh_lists.h"
 
+#include <tbb/enumerable_thread_specific.h>
+
 #include <algorithm>
 #include <array>
 #include <limits>
+#include <numeric>
 
 #include "cpu/parallel.h"
 
@@ -16,52 +19,55 @@ constexpr std::size_t kLeavesABlock = 32;
 // Of one vertex. Neighbourhoods do not lead through vertices of more: the hub of a fan is everybody's neighbour.
 constexpr std::size_t kMostEdges = kMaxNeighbors;
 
-// A set of numbers that is emptied in no time.
-class NumberSet {
+// The edges of a mesh between sorted positions, of valid points that are not lost; each point's neighbours ascend.
+class SortedEdges {
  public:
-  void clear() {
-    ++round_;
-    count_ = 0;
-    if (round_ == 0) grow_to(slots_.size());  // the rounds begin again
+  SortedEdges(const IndexView& index, const MeshEdges& mesh, const std::stop_token& stop)
+      : begin_(std::size_t(index.points) + 1), vertex_(index.points) {
+    std::vector<Index> places(mesh.vertex.size(), point::kNoNeighbor);  // of each uploaded point
+    for_all(index, stop, [&](Index at) { places[index.original[at]] = at; });
+    for_all(index, stop, [&](Index at) {
+      vertex_[at] = places[mesh.vertex[index.original[at]]];
+      for (const std::uint32_t there : neighbors_of(index, mesh, at)) begin_[at + 1] += places[there] != kLost;
+    });
+    std::partial_sum(begin_.begin(), begin_.end(), begin_.begin());
+    neighbors_.resize(begin_.back());
+    for_all(index, stop, [&](Index at) {
+      std::uint64_t next = begin_[at];
+      for (const std::uint32_t there : neighbors_of(index, mesh, at))
+        if (places[there] != kLost) neighbors_[next++] = places[there];
+      std::sort(neighbors_.begin() + std::ptrdiff_t(begin_[at]), neighbors_.begin() + std::ptrdiff_t(next));
+    });
   }
-  // False if it was there.
-  bool insert(std::uint32_t number) {
-    if (2 * (count_ + 1) > slots_.size()) grow_to(2 * slots_.size());
-    const std::uint64_t entry = std::uint64_t(round_) << 32 | number;
-    std::uint64_t& slot = slot_of(entry);
-    if (slot == entry) return false;
-    slot = entry;
-    ++count_;
-    return true;
+
+  // Of the vertex at a sorted position, and of every other point at its place.
+  std::span<const Index> of(Index at) const {
+    return {neighbors_.data() + begin_[at], neighbors_.data() + begin_[at + 1]};
   }
+  // Where the vertex of a point is; kNoNeighbor if it is lost.
+  Index vertex_of(Index at) const { return vertex_[at]; }
 
  private:
-  std::uint64_t& slot_of(std::uint64_t entry) {
-    const std::size_t mask = slots_.size() - 1;
-    std::size_t at = std::uint32_t(entry) * 0x9E3779B9u & mask;
-    while (slots_[at] >> 32 == round_ && slots_[at] != entry) at = (at + 1) & mask;
-    return slots_[at];
+  static constexpr Index kLost = point::kNoNeighbor;
+
+  template <class Body>
+  static void for_all(const IndexView& index, const std::stop_token& stop, const Body& body) {
+    for_blocks(index.points, kLeavesABlock * kLeafSize, stop, [&](std::size_t first, std::size_t last, std::size_t) {
+      for (std::size_t at = first; at < last; ++at) body(Index(at));
+    });
   }
-  void grow_to(std::size_t size) {
-    const std::vector<std::uint64_t> before = std::exchange(slots_, std::vector<std::uint64_t>(size));
-    const std::uint32_t round = std::exchange(round_, 1);
-    if (round == 0) return;
-    for (const std::uint64_t entry : before)
-      if (entry >> 32 == round)
-        slot_of(std::uint64_t(round_) << 32 | std::uint32_t(entry)) =
-            std::uint64_t(round_) << 32 | std::uint32_t(entry);
+  static std::span<const std::uint32_t> neighbors_of(const IndexView& index, const MeshEdges& mesh, Index at) {
+    return mesh.neighbors_of(mesh.vertex[index.original[at]]);
   }
 
-  std::vector<std::uint64_t> slots_ = std::vector<std::uint64_t>(1024);
-  std::uint32_t round_ = 1;
-  std::size_t count_ = 0;
+  std::vector<std::uint64_t> begin_;
+  std::vector<Index> neighbors_, vertex_;
 };
 
-// The vertices around one, found along edges.
+// The vertices around one, found along edges. Memory: 4 bytes a point.
 class MeshSearch {
  public:
-  MeshSearch(const IndexView& index, const MeshEdges& mesh, std::span<const Index> places)
-      : index_(index), mesh_(mesh), places_(places) {}
+  MeshSearch(const IndexView& index, const SortedEdges& edges) : index_(index), edges_(edges), seen_(index.points) {}
 
   // Those up to `rings` edges away that lie within `squared_limit`.
   void find_rings(Index at, int rings, float squared_limit) {
@@ -72,83 +78,73 @@ class MeshSearch {
       for (std::size_t i = ring_begin; i < ring_end; ++i) step(i, [](float) { return true; });
       ring_begin = ring_end;
     }
-    keep([&](float squared, Index) { return squared <= squared_limit; });
+    reached_.erase(reached_.begin());
+    std::erase_if(reached_, [&](Key key) { return !(point::key_squared_distance(key) <= squared_limit); });
+    keep_nearest();
   }
   // Those that paths reach which stay within `squared_limit`, of which points with a hash below `share` are listed.
-  void find_ball(Index at, float squared_limit, float share) {
+  // First come those within `squared_near`, which are counted. Their order follows from the index's alone.
+  std::size_t find_ball(Index at, float squared_near, float squared_limit, float share) {
     begin(at);
     for (std::size_t i = 0; i < reached_.size(); ++i) step(i, [&](float squared) { return squared <= squared_limit; });
-    keep([&](float, Index there) { return !(share < 1) || index_.share[there] < share; });
+    reached_.erase(reached_.begin());
+    if (share < 1) std::erase_if(reached_, [&](Key key) { return !(index_.share[point::key_index(key)] < share); });
+    if (reached_.size() > std::size_t(kMaxNeighbors)) keep_nearest();
+    const auto is_near = [&](Key key) { return point::key_squared_distance(key) <= squared_near; };
+    return std::size_t(std::stable_partition(reached_.begin(), reached_.end(), is_near) - reached_.begin());
   }
 
-  // Nearest first, at most kMaxNeighbors.
-  std::span<const Key> found() const { return found_; }
+  // At most kMaxNeighbors; in rings nearest first.
+  std::span<const Key> found() const { return reached_; }
 
  private:
   void begin(Index at) {
-    const std::uint32_t vertex = mesh_.vertex[index_.original[at]];
     here_ = position_of(index_, at);
-    seen_.clear();
-    seen_.insert(vertex);
-    reached_.assign(1, {vertex, point::neighbor_key(0, at)});
+    if (++round_ == 0) {  // the rounds begin again
+      std::fill(seen_.begin(), seen_.end(), 0u);
+      round_ = 1;
+    }
+    if (edges_.vertex_of(at) != point::kNoNeighbor) seen_[edges_.vertex_of(at)] = round_;
+    reached_.assign(1, point::neighbor_key(0, at));
   }
 
   template <class MayEnter>
   void step(std::size_t from, const MayEnter& may_enter) {
-    const std::span<const std::uint32_t> around = mesh_.neighbors_of(reached_[from].vertex);
+    const std::span<const Index> around = edges_.of(point::key_index(reached_[from]));
     if (from > 0 && around.size() > kMostEdges) return;
-    for (const std::uint32_t vertex : around) {
-      const Index there = places_[vertex];
-      if (there == point::kNoNeighbor) continue;  // not valid, or lost as an outlier
+    for (const Index there : around) {
+      if (seen_[there] == round_) continue;
       const float squared = point::squared_length(position_of(index_, there) - here_);
-      if (may_enter(squared) && seen_.insert(vertex)) reached_.push_back({vertex, point::neighbor_key(squared, there)});
+      if (!may_enter(squared)) continue;
+      seen_[there] = round_;
+      reached_.push_back(point::neighbor_key(squared, there));
     }
   }
 
-  template <class IsKept>
-  void keep(const IsKept& is_kept) {
-    found_.clear();
-    for (std::size_t i = 1; i < reached_.size(); ++i)
-      if (is_kept(point::key_squared_distance(reached_[i].key), point::key_index(reached_[i].key)))
-        found_.push_back(reached_[i].key);
-    const auto precedes = [&](Key a, Key b) {
+  void keep_nearest() {
+    std::sort(reached_.begin(), reached_.end(), [&](Key a, Key b) {
       return point::precedes(a, b, [&](Index there) { return position_of(index_, there); });
-    };
-    const std::size_t count = std::min(found_.size(), std::size_t(kMaxNeighbors));
-    std::partial_sort(found_.begin(), found_.begin() + std::ptrdiff_t(count), found_.end(), precedes);
-    found_.resize(count);
+    });
+    reached_.resize(std::min(reached_.size(), std::size_t(kMaxNeighbors)));
   }
 
-  struct Reached {
-    std::uint32_t vertex;
-    Key key;
-  };
-
   const IndexView& index_;
-  const MeshEdges& mesh_;
-  std::span<const Index> places_;
+  const SortedEdges& edges_;
   point::Vec3<float> here_{};
-  NumberSet seen_;
-  std::vector<Reached> reached_;
-  std::vector<Key> found_;
+  std::vector<std::uint32_t> seen_;  // the round in which a position was reached last
+  std::uint32_t round_ = 0;
+  std::vector<Key> reached_;
 };
-
-// Where each uploaded point lies in the index.
-std::vector<Index> places_of(const IndexView& index, std::size_t uploaded) {
-  std::vector<Index> places(uploaded, point::kNoNeighbor);
-  for (Index i = 0; i < index.points; ++i) places[index.original[i]] = i;
-  return places;
-}
 
 // What a point looks for without rings.
 struct Ball {
-  float squared_limit, share;
+  float squared_near, squared_limit, share;
 };
 Ball ball_of(const point::Radii& radii, Index at, float growth) {
   const float own = radii.squared_radius[at], widest = own * (growth * growth);
-  if (radii.min_neighbors == 0) return {widest, 1};
+  if (radii.min_neighbors == 0) return {own, widest, 1};
   const float level = radii.squared_level == nullptr ? 1.0f : radii.squared_level[at];
-  return {widest, point::kept_share(radii, level, own, widest)};
+  return {own, widest, point::kept_share(radii, level, own, widest)};
 }
 
 }  // namespace
@@ -162,17 +158,18 @@ void MeshLists::clear() noexcept {
 void MeshLists::find(const IndexView& index, const NeighborSettings& settings, const point::Radii& radii,
                      const std::stop_token& stop) {
   clear();
-  const std::vector<Index> places = places_of(index, settings.mesh->vertex.size());
+  const SortedEdges edges(index, *settings.mesh, stop);
+  tbb::enumerable_thread_specific<MeshSearch> searches([&] { return MeshSearch(index, edges); });
   const float limit = settings.radius > 0 ? settings.radius * settings.radius : std::numeric_limits<float>::infinity();
   std::vector<LeafLists> leaves(index.leaves);
   std::vector<std::vector<Index>> blocks((index.leaves + kLeavesABlock - 1) / kLeavesABlock);
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t block) {
-    MeshSearch search(index, *settings.mesh, places);
+    MeshSearch& search = searches.local();
     std::array<std::vector<Key>, kLeafSize> found;
     std::vector<std::size_t> begins;
     std::vector<Index>& lists = blocks[block];
     for (std::size_t leaf = first; leaf < last; ++leaf) {
-      std::size_t longest = 0;
+      std::size_t longest = 0, nearest = 0;
       for (Index lane = 0; lane < kLeafSize; ++lane) {
         const Index at = Index(leaf) * kLeafSize + lane;
         found[lane].clear();
@@ -181,13 +178,14 @@ void MeshLists::find(const IndexView& index, const NeighborSettings& settings, c
           search.find_rings(at, settings.rings, limit);
         } else {
           const Ball ball = ball_of(radii, at, settings.mesh_growth);
-          search.find_ball(at, ball.squared_limit, ball.share);
+          nearest = std::max(nearest, search.find_ball(at, ball.squared_near, ball.squared_limit, ball.share));
         }
         found[lane].assign(search.found().begin(), search.found().end());
         longest = std::max(longest, found[lane].size());
       }
       begins.push_back(lists.size());
       leaves[leaf].k = int(longest);
+      leaves[leaf].near = int(nearest);
       lists.resize(lists.size() + longest * kLeafSize, point::kNoNeighbor);
       Index* const rows = lists.data() + begins.back();
       for (Index lane = 0; lane < kLeafSize; ++lane)

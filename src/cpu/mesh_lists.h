@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Neighbour lists along the edges of a mesh, of a length of their own for each leaf. Memory: 4 bytes an entry.
+// Neighbour lists along the edges of a mesh, of a length of their own for each leaf. Memory: 4 bytes an
+// entry; while they are found, 40 bytes a point and 4 more for each thread.
 #pragma once
 
 #include <span>

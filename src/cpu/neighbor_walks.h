@@ -96,8 +96,9 @@ class MeshWalk {
   using Number = Floats;
   using Count = Floats;
 
-  POINTFAIR_INLINE MeshWalk(const IndexView& index, Index start, const Index* list, int k, const point::Radii& radii)
-      : listed_(index, start, list, k),
+  POINTFAIR_INLINE MeshWalk(const IndexView& index, Index start, const Index* list, const LeafLists& lists,
+                            const point::Radii& radii)
+      : listed_(index, start, list, radii.squared_growth == nullptr ? lists.near : lists.k),
         limit_(radii.squared_growth == nullptr
                    ? load(radii.squared_radius + start)
                    : load(radii.squared_radius + start) * load(radii.squared_growth + start)) {}
@@ -283,7 +284,7 @@ POINTFAIR_INLINE void for_packs(const IndexView& index, Index leaf, const Neighb
     if (neighborhoods.lists.k > 0) {
       const LeafLists lists = neighborhoods.lists.of_leaf(leaf);
       if (neighborhoods.lists.within_radius) {
-        body(start, MeshWalk(index, start, lists.list + part, lists.k, neighborhoods.radii));
+        body(start, MeshWalk(index, start, lists.list + part, lists, neighborhoods.radii));
       } else {
         body(start, ListWalk(index, start, lists.list + part, lists.k));
       }
