@@ -8,7 +8,8 @@ distance   mean distance of the vertices to the true surface, in mean edges
 normals    mean angle between faces' normals and the true ones, degrees
 folds      faces whose normal is more than 90 degrees off the true one
 volume     over that of the mesh without noise; - for open meshes
-pymeshlab, trimesh and open3d are compared where they are installed.
+pymeshlab, trimesh and open3d are compared where they are installed, with --peers. --table prints one row for each mesh
+and noise instead, with distance, normals and folds of each method.
 """
 import argparse
 import pathlib
@@ -21,10 +22,11 @@ import numpy as np
 POINTFAIR = {  # arguments of pointfair run
     "points": [],
     "mesh": ["--connectivity", "mesh"],
+    "mesh, border moves": ["--connectivity", "mesh", "--keep-boundary", "off"],
     "mesh laplacian": ["--connectivity", "mesh", "--method", "laplacian"],
     "mesh taubin": ["--connectivity", "mesh", "--method", "taubin"],
     "mesh hc": ["--connectivity", "mesh", "--method", "hc-laplacian"],
-    "mesh fleishman": ["--connectivity", "mesh", "--rings", "2"],
+    "mesh, 2 rings": ["--connectivity", "mesh", "--rings", "2"],
     "mesh mollified": ["--connectivity", "mesh", "--method", "mollified"],
 }
 
@@ -253,6 +255,15 @@ def open3d_peers():
     return {"Open3D laplacian 10": peer("filter_smooth_laplacian", 10), "Open3D taubin 10": peer("filter_smooth_taubin", 10)}
 
 
+def print_table(rows, methods):
+    """Of rows (mesh, noise, method, distance, normals, folds, volume)."""
+    print("| mesh | noise | " + " | ".join(methods) + " |\n|---|---|" + "---|" * len(methods))
+    for mesh, noise in dict.fromkeys((row[0], row[1]) for row in rows):
+        cells = {row[2]: f"{row[3]:.3f} {row[4]:.1f} {row[5]}".replace("0.", ".", 1) if np.isfinite(row[3]) else "-"
+                 for row in rows if row[:2] == (mesh, noise)}
+        print(f"| {mesh} | {noise} | " + " | ".join(cells[method] for method in methods) + " |")
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("program")
@@ -260,14 +271,16 @@ def main():
     parser.add_argument("--methods", nargs="+", choices=list(POINTFAIR), default=list(POINTFAIR))
     parser.add_argument("--meshes", nargs="+", choices=list(MESHES), default=list(MESHES))
     parser.add_argument("--peers", action="store_true")
+    parser.add_argument("--table", action="store_true")
     options = parser.parse_args()
-    peers = {}
+    rows, peers = [], {}
     for load in (pymeshlab_peers, trimesh_peers, open3d_peers) if options.peers else ():
         try:
             peers.update(load())
         except ImportError as error:
             print(f"{error.name} is not installed")
-    print("| mesh | noise | method | distance | normals | folds | volume |\n|---|---|---|---|---|---|---|")
+    if not options.table:
+        print("| mesh | noise | method | distance | normals | folds | volume |\n|---|---|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         for mesh in options.meshes:
@@ -282,7 +295,12 @@ def main():
                     results[peer] = run(noisy, faces)
                 for method, points in results.items():
                     distance, normals, folds, size = measure(points, clean, faces, truth, edge)
+                    rows.append((mesh, noise, method, distance, normals, folds, size))
+                    if options.table:
+                        continue
                     print(f"| {mesh} | {noise} | {method} | {distance:.4f} | {normals:.2f} | {folds} | {size} |", flush=True)
+    if options.table:
+        print_table(rows, list(dict.fromkeys(row[2] for row in rows)))
 
 
 if __name__ == "__main__":
