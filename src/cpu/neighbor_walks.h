@@ -95,6 +95,7 @@ class MeshWalk {
  public:
   using Number = Floats;
   using Count = Floats;
+  using Kernel = point::CompactGaussian;
 
   POINTFAIR_INLINE MeshWalk(const IndexView& index, Index start, const Index* list, const LeafLists& lists,
                             const point::Radii& radii)
