@@ -174,7 +174,8 @@ TEST(Mesh, the_bilateral_step_reads_what_edges_reach_within_the_radius) {
   EXPECT_GT(compared, mesh.points.size() / 2);
 }
 
-TEST(Mesh, a_near_sheet_changes_no_bit) {
+// But for rounding: the order of sums follows the curve through all points.
+TEST(Mesh, a_near_sheet_changes_nothing) {
   const Mesh alone = hill(20, Sides::triangles);
   Mesh upper = alone;
   for (Point& p : upper.points) p.z += 0.03f;
@@ -187,11 +188,16 @@ TEST(Mesh, a_near_sheet_changes_no_bit) {
   params.relaxation = 1;
   params.outliers = Outliers::off;
   const Points expected = run(alone, params).points, both = run(meshes::joined(alone, upper), params).points;
-  EXPECT_TRUE(same_bits(expected, Points(both.begin(), both.begin() + std::ptrdiff_t(expected.size()))));
+  const auto most_off = [&](const Points& points) {
+    double most = 0;
+    for (std::size_t i = 0; i < expected.size(); ++i)
+      most = std::max(most, reference::length(reference::to_vec(points[i]) - reference::to_vec(expected[i])));
+    return most;
+  };
+  EXPECT_LT(most_off(both), 2e-6);
   Params by_points = params;
   by_points.connectivity = Connectivity::points;
-  const Points mixed = run(meshes::joined(alone, upper), by_points).points;
-  EXPECT_FALSE(same_bits(expected, Points(mixed.begin(), mixed.begin() + std::ptrdiff_t(expected.size()))));
+  EXPECT_GT(most_off(run(meshes::joined(alone, upper), by_points).points), 0.005);
 }
 
 TEST(Mesh, the_order_of_faces_their_first_corners_and_threads_change_no_bit) {
