@@ -77,6 +77,13 @@ std::vector<std::uint8_t> reasons_of(std::span<const std::uint8_t> outliers, std
   return reasons;
 }
 
+std::string faces_note(const Params& params, const Cloud& cloud) {
+  if (params.connectivity != Connectivity::automatic) return {};
+  const std::size_t faces = polygons(cloud).size();
+  if (faces == 0) return {};
+  return fmt::format("the {} faces of the file are ignored and kept; --connectivity mesh follows their edges", faces);
+}
+
 }  // namespace
 
 Cloud read_input(const RunArguments& arguments) {
@@ -132,6 +139,7 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
     const std::string far_away =
         far_viewpoint_note(arguments.viewpoint.empty() ? file_viewpoints(cloud) : viewpoints, cloud);
     if (!far_away.empty()) findings.notes.push_back(far_away);
+    if (const std::string faces = faces_note(params, cloud); !faces.empty()) findings.notes.push_back(faces);
     if (remaining) findings.removed = cloud.points.size() - remaining->points.size();
     for (const std::string& note : acted)
       if (std::ranges::find(findings.notes, note) == findings.notes.end()) findings.notes.push_back(note);

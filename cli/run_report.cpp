@@ -34,6 +34,33 @@ Json unmoved_json(const UnmovedCounts& unmoved, const Findings& findings) {
           {"ignored", findings.ignored},      {"held", findings.held}};
 }
 
+Json mesh_json(const MeshReport& mesh) {
+  if (mesh.faces == 0) return nullptr;
+  return {{"faces", mesh.faces},
+          {"vertices", mesh.vertices},
+          {"degenerate_faces", mesh.degenerate_faces},
+          {"boundary_edges", mesh.boundary_edges},
+          {"non_manifold_edges", mesh.non_manifold_edges},
+          {"boundary_vertices", mesh.boundary_vertices},
+          {"isolated_points", mesh.isolated_points},
+          {"folded_before", mesh.folded_before},
+          {"folded_after", mesh.folded_after}};
+}
+
+// "mesh of 1000 vertices and 1996 faces, 3 of them degenerate; 12 faces folded before, 4 after"
+std::string mesh_told(const MeshReport& mesh) {
+  if (mesh.faces == 0) return {};
+  std::string text = fmt::format("mesh of {} vertices and {} faces", mesh.vertices, mesh.faces);
+  const auto add = [&](std::uint64_t count, const char* what) {
+    if (count > 0) text += fmt::format(", {} {}", count, what);
+  };
+  add(mesh.degenerate_faces, "degenerate faces");
+  add(mesh.non_manifold_edges, "edges of more than two faces");
+  add(mesh.isolated_points, "points without a face");
+  add(mesh.boundary_vertices, "vertices on its boundary");
+  return text + fmt::format("; {} faces folded before, {} after\n", mesh.folded_before, mesh.folded_after);
+}
+
 bool is_noise_given(const Findings& findings) {
   return findings.noise_attribute.empty() && !findings.asked.noise.is_automatic();
 }
@@ -136,6 +163,7 @@ Json run_json(const Report& report, const Findings& findings) {
           {"outliers", outliers_json(report.unmoved.outliers_by_reason)},
           {"removed", findings.removed},
           {"short_neighborhoods", report.short_neighborhoods},
+          {"mesh", mesh_json(report.mesh)},
           {"displacement", statistics_json(findings.displacement)},
           {"stages", stages_json(report.stages)},
           {"tiles", report.tiles},
@@ -160,6 +188,7 @@ void print_summary(const Report& report, const Findings& findings, bool with_det
                              noise_source(findings.asked, findings.noise_attribute), findings.displacement.mean,
                              findings.displacement.max),
              rounding_text(findings.step));
+  fmt::print(stderr, "{}", mesh_told(report.mesh));
   const std::string none = nothing_selected(report.points, unmoved.non_finite, findings.ignored, findings.held);
   if (!none.empty()) fmt::print(stderr, "note: {}\n", none);
   for (const std::string& note : findings.notes) fmt::print(stderr, "note: {}\n", note);

@@ -228,6 +228,16 @@ void check_params(const Params& params) {
   for (const ParamInfo& info : kParams) std::visit(CheckField{params, info}, info.field);
   if (params.constraint && params.k == kAutomatic && !params.radius.is_automatic())
     throw Error(ErrorKind::usage, "--constraint with --radius needs --k; give the number of neighbours too");
+  if (params.connectivity == Connectivity::mesh) {
+    if (params.k != kAutomatic || params.constraint)
+      throw Error(ErrorKind::usage, "--connectivity mesh takes --rings or --radius, not --k or --constraint");
+    if (params.method == Method::learned)
+      throw Error(ErrorKind::usage,
+                  "--method learned knows points alone; choose another method for "
+                  "--connectivity mesh");
+  } else if (params.rings != kAutomatic) {
+    throw Error(ErrorKind::usage, "--rings are of a mesh; add --connectivity mesh");
+  }
   if (params.along == Along::ray && !moves_along_normal(params.method))
     throw Error(ErrorKind::usage, "--along ray needs a method that moves along the normal: bilateral, mls or wiener");
 }

@@ -118,6 +118,24 @@ Params settled_without_list() {
   return params;
 }
 
+Params settled_on_mesh() {
+  Params params = settled_without_list();
+  params.connectivity = Connectivity::mesh;
+  params.rings = 1;
+  params.tangential = 0.5;
+  return params;
+}
+
+// A strip along the points, in their order.
+Polygons strip(std::size_t points) {
+  Polygons faces;
+  for (std::uint32_t i = 0; i + 2 < points; ++i) {
+    faces.corners.insert(faces.corners.end(), {i, i + 1, i + 2});
+    faces.ends.push_back(faces.corners.size());
+  }
+  return faces;
+}
+
 // Another value for the field of a row.
 void change(Params& params, const ParamInfo& info) {
   std::visit(
@@ -133,6 +151,7 @@ void change(Params& params, const ParamInfo& info) {
         if constexpr (std::is_same_v<Field, Method>) params.*field = Method::mls;
         if constexpr (std::is_same_v<Field, Outliers>) params.*field = Outliers::off;
         if constexpr (std::is_same_v<Field, Along>) params.*field = Along::ray;
+        if constexpr (std::is_same_v<Field, Connectivity>) params.*field = Connectivity::mesh;
       },
       info.field);
 }
@@ -147,7 +166,11 @@ TEST(Cache, a_changed_parameter_runs_again_from_the_stage_of_its_row_and_no_earl
   for (const ParamInfo& info : kParams) {
     Recorded recorded;
     const bool is_of_radii = info.name == "min_neighbors" || info.name == "flat_scale" || info.name == "outlier_radius";
-    const Params before = is_of_radii ? settled_without_list() : settled();
+    const bool is_of_mesh = info.name == "rings" || info.name == "keep_boundary" || info.name == "tangential";
+    const Params before = is_of_mesh                                   ? settled_on_mesh()
+                          : is_of_radii || info.name == "connectivity" ? settled_without_list()
+                                                                       : settled();
+    recorded.pipeline.set_faces(strip(recorded.points.size()));
     const std::array<double, 3> above{0.5, 0.5, 5};
     if (info.name == "along") recorded.pipeline.set_viewpoint({&above, 1});
     recorded.run(before);

@@ -108,7 +108,9 @@ void Document::run(const Request& request, std::stop_token stop) {
   if (!has_cloud_) return;
   update_movable(request.recipe.limits);
   const std::optional<Params> used = resolved(request.recipe.params, stop);
-  if (used && expectation_.milliseconds(*used) > kSlowMilliseconds) show_preview(request, *used, stop);
+  // a part of a mesh has no faces
+  const bool has_parts = used && used->connectivity == Connectivity::points;
+  if (has_parts && expectation_.milliseconds(*used) > kSlowMilliseconds) show_preview(request, *used, stop);
   pipeline_->run(request.recipe.params, result_.points(), stop, progress_for(request.id));
   expectation_.learn(pipeline_->report());
   apply_limits(request.recipe.limits, movable_, cloud_.points, result_.points());

@@ -76,6 +76,16 @@ POINTFAIR_EXPORT std::vector<AttributeInfo> attributes(const Cloud& cloud);
 /// The values of the attribute `name`. Throws ErrorKind::usage if there is none. O(N).
 POINTFAIR_EXPORT Attribute attribute(const Cloud& cloud, std::string_view name);
 
+/// Faces over the points of a cloud: face f has the corners [ends[f - 1], ends[f]), point indices, the first from 0.
+struct Polygons {
+  std::vector<std::uint64_t> ends;
+  std::vector<std::uint32_t> corners;
+  std::size_t size() const { return ends.size(); }
+};
+
+/// The faces of the cloud's file as they are: triangles, quads, polygons; empty if there are none. O(faces).
+POINTFAIR_EXPORT Polygons polygons(const Cloud& cloud);
+
 /// The faces of the cloud's file as triangles of point indices, polygons as fans; empty if there are none. O(faces).
 POINTFAIR_EXPORT std::vector<std::array<std::uint32_t, 3>> triangles(const Cloud& cloud);
 

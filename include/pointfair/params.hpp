@@ -50,9 +50,14 @@ enum class Offset : std::uint8_t { automatic, point, symmetric };
 /// stay where they are. mark: as keep, and the attribute "outlier" tells which they are.
 enum class Outliers : std::uint8_t { automatic, off, move, keep, mark };
 
+/// What makes points neighbours. points: their distance alone. mesh: the edges of the faces, so that near sheets stay
+/// apart. automatic is points.
+enum class Connectivity : std::uint8_t { automatic, points, mesh };
+
 inline constexpr int kAutomatic = 0;         ///< for whole numbers: chosen from the data
 inline constexpr int kMaxNeighbors = 512;    ///< the largest k
 inline constexpr int kMaxMinNeighbors = 64;  ///< the largest min_neighbors
+inline constexpr int kMaxRings = 8;          ///< the largest number of rings
 
 /// Which way a point moves: along its normal, or along the ray on which the sensor saw it, so that it keeps its pixel.
 enum class Along : std::uint8_t { normal, ray };
@@ -69,6 +74,9 @@ struct Params {
   bool constraint = false;  ///< a point joins N only if d(q, N) < rho + delta; with radius also needs k
   Length rho;
   Length delta;
+  Connectivity connectivity = Connectivity::automatic;  ///< mesh: needs faces (Pipeline::set_faces), and takes no k
+  int rings = kAutomatic;     ///< with mesh: neighbours are so many edges away; automatic: by method (docs/methods.md)
+  bool keep_boundary = true;  ///< with mesh: vertices of edges that have one face only stay where they are
   // Normals, paper eq. 3-5.
   Length normal_sigma;
   NormalFilter normal_filter = NormalFilter::automatic;
@@ -89,6 +97,7 @@ struct Params {
   // The whole chain.
   int iterations = kAutomatic;
   Length displacement_limit;
+  std::optional<double> tangential;  ///< with mesh: share of the way to the middle of the ring, along the surface
 
   friend bool operator==(const Params&, const Params&) = default;
 };
@@ -98,9 +107,9 @@ struct Params {
 POINTFAIR_EXPORT Params paper_preset();
 
 /// A pointer to the field that a row of the table describes.
-using ParamField =
-    std::variant<int Params::*, bool Params::*, std::optional<double> Params::*, Length Params::*, Method Params::*,
-                 AreaWeight Params::*, NormalFilter Params::*, Offset Params::*, Outliers Params::*, Along Params::*>;
+using ParamField = std::variant<int Params::*, bool Params::*, std::optional<double> Params::*, Length Params::*,
+                                Method Params::*, AreaWeight Params::*, NormalFilter Params::*, Offset Params::*,
+                                Outliers Params::*, Along Params::*, Connectivity Params::*>;
 
 /// One row of the table. `name` is the field's name; a flag writes it with '-' for '_'.
 struct ParamInfo {
@@ -130,6 +139,12 @@ inline constexpr std::array kParams = {
               "with --constraint: the largest gap between neighbours on one surface", true},
     ParamInfo{"delta", Stage::neighbors, &Params::delta, 0, 1e30, true, "",
               "with --constraint: how much wider noise may make a gap; auto: 2.5 times the noise", true},
+    ParamInfo{"connectivity", Stage::neighbors, &Params::connectivity, 0, 0, true, "points|mesh",
+              "what makes points neighbours. points: their distance; mesh: the edges of the file's faces", true},
+    ParamInfo{"rings", Stage::neighbors, &Params::rings, 1, kMaxRings, true, "",
+              "with --connectivity mesh: how many edges away neighbours are; auto: 1 in laplacian, taubin and "
+              "hc-laplacian, else all within --radius",
+              true},
     ParamInfo{"normal_sigma", Stage::normals, &Params::normal_sigma, 0, 1e30, true, "",
               "sigma of the weights by distance in the normals", true},
     ParamInfo{"normal_filter", Stage::normals, &Params::normal_filter, 0, 0, true, "off|on|mollify",
@@ -144,6 +159,8 @@ inline constexpr std::array kParams = {
     ParamInfo{"along", Stage::fairing, &Params::along, 0, 0, false, "normal|ray",
               "direction in which points move. ray: towards the sensor or away from it, so that organised clouds keep "
               "their pixels; needs the place of the sensor"},
+    ParamInfo{"keep_boundary", Stage::fairing, &Params::keep_boundary, 0, 0, false, "on|off",
+              "with --connectivity mesh: vertices on the border of an open mesh stay where they are", true},
     ParamInfo{"closeness_sigma", Stage::fairing, &Params::closeness_sigma, 0, 1e30, true, "",
               "closeness (spatial) sigma: of the weights by distance", true},
     ParamInfo{"similarity_sigma", Stage::fairing, &Params::similarity_sigma, 0, 1e30, true, "",
@@ -174,6 +191,10 @@ inline constexpr std::array kParams = {
               "how often all stages run, each time on the moved points"},
     ParamInfo{"displacement_limit", Stage::iterations, &Params::displacement_limit, 0, 1e30, true, "",
               "soft bound on how far a point moves: d > limit becomes limit^2 / d; auto: 6 times the noise", true},
+    ParamInfo{"tangential", Stage::iterations, &Params::tangential, 0, 1, true, "",
+              "with --connectivity mesh: how far vertices even out along the surface after the last iteration, which "
+              "removes the noise along it and unfolds faces; 0: not at all",
+              true},
 };
 
 /// The row called `name`, in which '-' and '_' are alike, or null if there is none.

@@ -72,6 +72,12 @@ class POINTFAIR_EXPORT Pipeline {
   /// ErrorKind::usage for another number of positions. O(positions), and 12 bytes for each.
   void set_viewpoint(std::span<const std::array<double, 3>> positions);
 
+  /// Gives the faces of the loaded cloud for Connectivity::mesh; no faces: none are known. A load of a Cloud takes
+  /// those of its file. Holds until the next load. Points at one place are one vertex. Faces may be of any size, order
+  /// and orientation; a corner that repeats counts once, and a face with fewer than 3 places makes no edges: the report
+  /// counts those (MeshReport). Throws ErrorKind::usage for a corner that is no point of the cloud. O(corners).
+  void set_faces(Polygons faces);
+
   /// Gives the weights of Method::learned, as a file of them holds them, in place of the program's own; an empty span
   /// brings those back. Holds for all clouds. Throws ErrorKind::file, with a line that begins with `name`, for what is
   /// cut, damaged, made for another version, or no such file. O(1).

@@ -54,6 +54,19 @@ struct StageTime {
   double milliseconds = 0;
 };
 
+/// The mesh that a run followed (Connectivity::mesh), as it was found.
+struct MeshReport {
+  std::uint64_t faces = 0;               ///< all that were given
+  std::uint64_t vertices = 0;            ///< places of points that faces have; points at one place are one vertex
+  std::uint64_t degenerate_faces = 0;    ///< with fewer than 3 different places; they make no edges
+  std::uint64_t boundary_edges = 0;      ///< with one face
+  std::uint64_t non_manifold_edges = 0;  ///< with more than two faces
+  std::uint64_t boundary_vertices = 0;   ///< of boundary edges
+  std::uint64_t isolated_points = 0;     ///< of no face; they have no neighbours and keep their place
+  /// Faces whose normal is more than 90 degrees off their filtered normal (docs/methods.md), of input and result.
+  std::uint64_t folded_before = 0, folded_after = 0;
+};
+
 /// What a run did.
 struct Report {
   DeviceInfo device;
@@ -67,6 +80,7 @@ struct Report {
   /// If one kernel does normals and fairing there, its time is divided three to two, as two kernels would take it.
   /// `upload` to a card lasts until the caller may change the array again; the index begins before that.
   std::vector<StageTime> stages;
+  MeshReport mesh;  ///< zeros without Connectivity::mesh
   /// Number of tiles that the cloud was cut into because it does not fit into the card's memory; 1: not cut. A cloud in
   /// tiles stays in host memory, and its stages are `cut`, `tiles` and `download`.
   std::uint64_t tiles = 1;

@@ -194,6 +194,16 @@ void set_viewpoint(SharedPipeline& self, const Input<double>& positions) {
   self.use_cloud([&](ArrayPipeline& arrays, const Watch&) { arrays.set_viewpoint(span); });
 }
 
+// Rows of `sides` corners each.
+void set_faces(SharedPipeline& self,
+               const nb::ndarray<const std::uint32_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>& rows) {
+  Polygons faces;
+  const std::size_t sides = rows.shape(1);
+  faces.corners.assign(rows.data(), rows.data() + rows.size());
+  for (std::size_t f = 1; f <= rows.shape(0); ++f) faces.ends.push_back(f * sides);
+  self.use_cloud([&](ArrayPipeline& arrays, const Watch&) { arrays.pipeline().set_faces(std::move(faces)); });
+}
+
 void set_weights(SharedPipeline& self, const nb::bytes& file, const std::string& name) {
   const std::span bytes(reinterpret_cast<const std::byte*>(file.c_str()), file.size());
   self.use(nb::none(), 0, [&](ArrayPipeline& arrays, const Watch&) { arrays.pipeline().set_weights(bytes, name); });
@@ -263,6 +273,15 @@ void bind_scalar(nb::class_<SharedPipeline>& pipeline, nb::module_& module) {
 
 Row as_tuple(const DeviceInfo& device) { return nb::make_tuple(name_of(device.kind), device.name, device.reason); }
 
+namespace {
+
+nb::tuple mesh_row(const MeshReport& mesh) {
+  return nb::make_tuple(mesh.faces, mesh.vertices, mesh.degenerate_faces, mesh.boundary_edges, mesh.non_manifold_edges,
+                        mesh.boundary_vertices, mesh.isolated_points, mesh.folded_before, mesh.folded_after);
+}
+
+}  // namespace
+
 Row as_tuple(const Report& report) {
   nb::list stages;
   for (const StageTime& stage : report.stages) stages.append(nb::make_tuple(stage.name, stage.milliseconds));
@@ -272,8 +291,8 @@ Row as_tuple(const Report& report) {
       nb::make_tuple(unmoved.non_finite, unmoved.too_few_neighbors, unmoved.no_normal, unmoved.outliers,
                      nb::make_tuple(unmoved.outliers_by_reason.isolated, unmoved.outliers_by_reason.off_surface,
                                     unmoved.outliers_by_reason.mixed_pixels)),
-      report.short_neighborhoods, stages, report.tiles, report.total_milliseconds, report.peak_host_bytes,
-      report.peak_device_bytes);
+      report.short_neighborhoods, stages, mesh_row(report.mesh), report.tiles, report.total_milliseconds,
+      report.peak_host_bytes, report.peak_device_bytes);
 }
 
 void bind_pipelines(nb::module_& module) {
@@ -300,6 +319,7 @@ void bind_pipelines(nb::module_& module) {
       .def("noise", &noise, nb::arg("out").noconvert(), nb::arg("params"))
       .def("set_noise", &set_noise, nb::arg("sigmas").noconvert())
       .def("set_viewpoint", &set_viewpoint, nb::arg("positions").noconvert())
+      .def("set_faces", &set_faces, nb::arg("rows").noconvert())
       .def("set_viewpoint_text", &set_viewpoint_text, nb::arg("text"))
       .def("set_weights", &set_weights, nb::arg("file"), nb::arg("name"))
       .def("outliers", &outliers)

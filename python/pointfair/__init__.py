@@ -14,13 +14,14 @@ from ._errors import DeviceError, Error, FileError, OutOfMemory, UsageError
 from ._native import version as _version
 from ._params import PARAMETERS, ParamArguments, Params
 from ._pipeline import Pipeline
-from ._report import DeviceInfo, DeviceStatus, Estimates, Report, Stage, Unmoved
+from ._report import DeviceInfo, DeviceStatus, Estimates, Mesh, Report, Stage, Unmoved
 from ._values import Parameter
 
 __version__ = _version()
 
 __all__ = [
-    "Cloud", "Comparison", "DeviceError", "DeviceInfo", "DeviceStatus", "Error", "Estimates", "FileError", "OutOfMemory",
+    "Cloud", "Comparison", "DeviceError", "DeviceInfo", "DeviceStatus", "Error", "Estimates", "FileError", "Mesh",
+    "OutOfMemory",
     "PARAMETERS", "ParamArguments", "Parameter", "Params", "Pipeline", "Report", "Stage", "Unmoved", "UsageError",
     "__version__", "compare", "denoise", "denoise_batch", "devices", "estimate", "read", "write",
 ]

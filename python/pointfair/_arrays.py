@@ -155,6 +155,18 @@ def as_viewpoint(viewpoint: Any, points: int) -> np.ndarray[Any, np.dtype[np.flo
     return np.ascontiguousarray(array.reshape(-1, 3), np.float64)
 
 
+def as_faces(faces: Any) -> np.ndarray[Any, np.dtype[np.uint32]]:
+    """Faces of as many corners each, as rows of point numbers."""
+    array = np.asarray(faces) if isinstance(faces, (list, tuple)) else as_numpy(faces, "faces")
+    if array.dtype.kind not in "iu" or array.ndim != 2 or array.shape[1] < 3:
+        raise UsageError(f"faces has the shape {array.shape} and the type {array.dtype}: give the point numbers of each "
+                         "face, (F, 3) integers for triangles, (F, 4) for quads")
+    if array.size > 0 and (array.min() < 0 or array.max() >= 2**32):
+        raise UsageError(f"faces has the corner {array.min() if array.min() < 0 else array.max()}: corners are numbers of "
+                         "points, from 0")
+    return np.ascontiguousarray(array, np.uint32)
+
+
 def as_box(box: Any) -> list[float] | None:
     """A box ((x, y, z), (x, y, z)), lower and upper corner, as six numbers."""
     if box is None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
 import numpy as np
 
 from . import _card, _native
-from ._arrays import Layout, Result, as_box, as_mask, as_numpy, as_strength, check_positions, rows
+from ._arrays import Layout, Result, as_box, as_faces, as_mask, as_numpy, as_strength, check_positions, rows
 from ._cloud import Cloud
 from ._errors import UsageError
 from ._params import Params
@@ -25,23 +25,26 @@ Points = TypeVar("Points")
 
 @overload
 def denoise(points: Points, params: Params | None = None, *, mask: Any = None, where: str | None = None,
-            ignore: str | None = None, strength: float = 1.0, box: Any = None, viewpoint: Any = None, weights: Any = None,
-            normals: bool = False, device: str = "auto", threads: int = 0, out: Any = None, progress: Progress = False,
-            return_report: Literal[False] = False, **parameters: Unpack[ParamArguments]) -> Points: ...
+            ignore: str | None = None, strength: float = 1.0, box: Any = None, viewpoint: Any = None,
+            faces: Any = None, weights: Any = None, normals: bool = False, device: str = "auto", threads: int = 0,
+            out: Any = None, progress: Progress = False, return_report: Literal[False] = False,
+            **parameters: Unpack[ParamArguments]) -> Points: ...
 @overload
 def denoise(points: Points, params: Params | None = None, *, mask: Any = None, where: str | None = None,
-            ignore: str | None = None, strength: float = 1.0, box: Any = None, viewpoint: Any = None, weights: Any = None,
-            normals: bool = False, device: str = "auto", threads: int = 0, out: Any = None, progress: Progress = False,
-            return_report: Literal[True], **parameters: Unpack[ParamArguments]) -> tuple[Points, Report]: ...
+            ignore: str | None = None, strength: float = 1.0, box: Any = None, viewpoint: Any = None,
+            faces: Any = None, weights: Any = None, normals: bool = False, device: str = "auto", threads: int = 0,
+            out: Any = None, progress: Progress = False, return_report: Literal[True],
+            **parameters: Unpack[ParamArguments]) -> tuple[Points, Report]: ...
 @overload
 def denoise(points: Points, params: Params | None = None, *, mask: Any = None, where: str | None = None,
-            ignore: str | None = None, strength: float = 1.0, box: Any = None, viewpoint: Any = None, weights: Any = None,
-            normals: bool = False, device: str = "auto", threads: int = 0, out: Any = None, progress: Progress = False,
-            return_report: bool, **parameters: Unpack[ParamArguments]) -> Points | tuple[Points, Report]: ...
+            ignore: str | None = None, strength: float = 1.0, box: Any = None, viewpoint: Any = None,
+            faces: Any = None, weights: Any = None, normals: bool = False, device: str = "auto", threads: int = 0,
+            out: Any = None, progress: Progress = False, return_report: bool,
+            **parameters: Unpack[ParamArguments]) -> Points | tuple[Points, Report]: ...
 def denoise(points: Any, params: Params | None = None, *, mask: Any = None, where: str | None = None,
-            ignore: str | None = None, strength: float = 1.0, box: Any = None, viewpoint: Any = None, weights: Any = None,
-            normals: bool = False, device: str = "auto", threads: int = 0, out: Any = None, progress: Progress = False,
-            return_report: bool = False, **parameters: Unpack[ParamArguments]) -> Any:
+            ignore: str | None = None, strength: float = 1.0, box: Any = None, viewpoint: Any = None,
+            faces: Any = None, weights: Any = None, normals: bool = False, device: str = "auto", threads: int = 0,
+            out: Any = None, progress: Progress = False, return_report: bool = False, **parameters: Unpack[ParamArguments]) -> Any:
     """Removes the noise of a cloud and keeps its shape. No point is added or removed.
 
     Args:
@@ -59,6 +62,8 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
             point; (0, 0, 0) in a camera's own coordinates. Points between two surfaces along the ray are then outliers,
             normals look to the sensor, and along="ray" is possible. With a Cloud also the names of three attributes,
             "vx,vy,vz", or "none"; by default what its file says.
+        faces: for connectivity="mesh", the numbers of the points of each face, (F, 3) for triangles, (F, 4) for quads; a
+            Cloud has those of its file. Runs on the CPU.
         weights: for method="learned", a file of weights in place of the program's own: its path, or its bytes.
         normals: whether the report has the normals; needs return_report.
         device: "auto" is where a tensor lies, else a CUDA card if there is one, else the CPU; or "cpu", "cuda",
@@ -91,6 +96,10 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
     chosen = make_params(params, parameters)
     if normals and not return_report:
         raise UsageError("normals=True needs return_report=True, since report.normals has them")
+    if faces is not None and (isinstance(points, Cloud) or _card.layout_of(points) is not None):
+        raise UsageError("faces go with arrays in host memory; a Cloud has those of its file: leave faces out")
+    if chosen.connectivity == "mesh" and device == "auto" and _card.layout_of(points) is None:
+        device = "cpu"
     strength, box = as_strength(strength), as_box(box)
     layout = _card.layout_of(points)
     _check_kind(points, layout, by_attribute=where is not None or ignore is not None,
@@ -104,7 +113,7 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
             result = Cloud._of(run_cloud(pipeline, points._native, chosen, mask=mask, where=where, ignore=ignore,
                                          strength=strength, box=box, viewpoint=viewpoint, show=show))
         else:
-            result = _denoise_array(pipeline, points, chosen, strength, box, mask, viewpoint, out, show)
+            result = _denoise_array(pipeline, points, chosen, strength, box, mask, viewpoint, faces, out, show)
         return (result, _full_report(pipeline, normals)) if return_report else result
 
 
@@ -138,7 +147,7 @@ def _denoise_on_card(pipeline: _native.Pipeline, points: Any, layout: _card.Card
 
 
 def _denoise_array(pipeline: _native.Pipeline, points: Any, params: Params, strength: float, box: Any, mask: Any,
-                   viewpoint: Any, out: Any, show: Any) -> Any:
+                   viewpoint: Any, faces: Any, out: Any, show: Any) -> Any:
     array = as_numpy(points)
     check_positions(array)
     bytes_ = as_mask(mask, len(array))
@@ -146,6 +155,8 @@ def _denoise_array(pipeline: _native.Pipeline, points: Any, params: Params, stre
     pipeline.load(rows(array), strength != 1 or box is not None or bytes_ is not None)
     if viewpoint is not None:
         set_viewpoint(pipeline, viewpoint)
+    if faces is not None:
+        pipeline.set_faces(as_faces(faces))
     pipeline.run(params._native, result.rows, strength, box, bytes_, "", show)
     return result.finish()
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, overload
 import numpy as np
 
 from . import _card
-from ._arrays import Layout, Result, as_box, as_mask, as_numpy, as_selections, as_sigmas, as_strength, check_positions, rows
+from ._arrays import Layout, Result, as_box, as_faces, as_mask, as_numpy, as_selections, as_sigmas, as_strength, check_positions, rows
 from ._cloud import Cloud
 from ._errors import UsageError
 from ._params import Params
@@ -188,6 +188,23 @@ class Pipeline:
             True
         """
         set_viewpoint(self._native, viewpoint)
+
+    def set_faces(self, faces: Any) -> None:
+        """Gives the faces of the loaded points for connectivity="mesh": the numbers of their points, (F, 3) for
+        triangles, (F, 4) for quads. Holds until the next load; a load of a Cloud takes those of its file.
+
+        Examples:
+            >>> x, y = np.meshgrid(np.arange(30.0), np.arange(30.0), indexing="ij")
+            >>> points = np.c_[x.ravel(), y.ravel(), np.random.default_rng(1).normal(0, 0.2, 900)]
+            >>> corner = (np.arange(29)[:, None] * 30 + np.arange(29)).ravel()[:, None]
+            >>> pipeline = Pipeline("cpu")
+            >>> pipeline.load(points)
+            >>> pipeline.set_faces(corner + [0, 30, 31, 1])
+            >>> smooth = pipeline.run(connectivity="mesh")
+            >>> bool(smooth[:, 2].std() < 0.7 * points[:, 2].std()), pipeline.report.mesh.boundary_edges
+            (True, 116)
+        """
+        self._native.set_faces(as_faces(faces))
 
     def outliers(self) -> NDArray[np.bool_] | None:
         """True for each outlier of the last run; None unless it had outliers="mark"."""

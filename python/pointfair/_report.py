@@ -107,6 +107,30 @@ class Stage:
 
 
 @dataclasses.dataclass(frozen=True)
+class Mesh:
+    """The mesh that a run followed, connectivity="mesh", as it was found."""
+
+    faces: int
+    """All that were given."""
+    vertices: int
+    """Places of points that faces have; points at one place are one vertex."""
+    degenerate_faces: int
+    """With fewer than 3 different places; they make no edges."""
+    boundary_edges: int
+    """With one face."""
+    non_manifold_edges: int
+    """With more than two faces."""
+    boundary_vertices: int
+    """Of boundary edges."""
+    isolated_points: int
+    """Of no face; they keep their place."""
+    folded_before: int
+    """Faces of the input whose normal is more than 90 degrees off their filtered normal."""
+    folded_after: int
+    """The same of the result."""
+
+
+@dataclasses.dataclass(frozen=True)
 class Report:
     """What a run did."""
 
@@ -124,6 +148,8 @@ class Report:
     """Points whose constrained neighbourhood has fewer than k neighbours."""
     stages: tuple[Stage, ...]
     """The stages that ran, in order."""
+    mesh: Mesh | None
+    """The mesh that the run followed; None without connectivity="mesh"."""
     tiles: int
     """Number of tiles that the cloud was cut into; 1: not cut."""
     milliseconds: float
@@ -149,8 +175,8 @@ def device_of(row: tuple[Any, ...]) -> DeviceInfo:
 
 def report_of(row: tuple[Any, ...], **more: Any) -> Report:
     """A Report of the native module's tuple."""
-    device, points, params, unmoved, short, stages, *rest = row
+    device, points, params, unmoved, short, stages, mesh, *rest = row
     non_finite, too_few_neighbors, no_normal, outliers, reasons = unmoved
     kept = Unmoved(non_finite, too_few_neighbors, no_normal, outliers, Outliers(*reasons))
     return Report(device_of(device), points, Params._of(params), kept, short,
-                  tuple(Stage(*stage) for stage in stages), *rest, **more)
+                  tuple(Stage(*stage) for stage in stages), Mesh(*mesh) if mesh[0] else None, *rest, **more)

@@ -127,6 +127,7 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
   }
   Costs take_costs() override { return {{}, meter_.peak, 0, 1}; }
 
+  bool follows_meshes() const override { return true; }
   Sampling& sampling() override { return *this; }
   Exactness* exactness() override { return this; }
 

@@ -23,6 +23,7 @@ constexpr std::size_t kLeavesABlock = 32, kConstrainedLeavesABlock = 2;
 Chain::Chain(MemoryMeter& meter)
     : index_(meter),
       lists_(meter),
+      mesh_lists_(meter),
       mean_distance_(meter),
       normal_x_(meter),
       normal_y_(meter),
@@ -40,6 +41,7 @@ void Chain::build_index(std::span<const Point> points, std::span<const Index> or
                         const std::optional<Frame>& frame, SortSpace& space, const Kernels& kernels,
                         const std::stop_token& stop) {
   has_lists_ = false;
+  mesh_lists_.clear();
   index_.build(points, originals, frame, space, kernels, stop);
   counts_ = {};
   counts_.unmoved.non_finite = index_.invalid().size();
@@ -52,7 +54,8 @@ void Chain::release_small_results() {
 }
 
 Neighborhoods Chain::neighborhoods() const {
-  return {{neighbors_.k, stored_k_, lists_.data()},
+  const bool within_radius = neighbors_.mesh && !by_list();
+  return {{within_radius ? kMaxNeighbors : neighbors_.k, stored_k_, lists_.data(), mesh_lists_.leaves(), within_radius},
           {squared_radius_.data(), neighbors_.radius * neighbors_.radius, neighbors_.min_neighbors,
            neighbors_.radius_follows ? squared_levels() : nullptr, nullptr, squared_widest(neighbors_)}};
 }
@@ -96,10 +99,18 @@ void Chain::find_neighbors(const NeighborSettings& settings, const Kernels& kern
   stored_k_ = settings.k;
   if (!by_list() && index_.view().points > 0 && index_.view().share == nullptr)
     throw Error(ErrorKind::failed, "sums over radius neighbourhoods need an index along a frame's curve");
-  lists_.resize(index_.view().leaves * list_row());
+  mesh_lists_.clear();
+  lists_.resize(neighbors_.mesh ? 0 : index_.view().leaves * list_row());
   mean_distance_.resize(std::size_t(index_.view().leaves) * kLeafSize);
   measure_levels(stop);
-  by_list() ? find_lists(kernels, stop) : measure_radii(kernels, stop);
+  if (!by_list()) {
+    measure_radii(kernels, stop);
+  } else if (neighbors_.mesh) {
+    measure_areas(kernels, stop);
+  } else {
+    find_lists(kernels, stop);
+  }
+  if (neighbors_.mesh) mesh_lists_.find(index_.view(), neighbors_, neighborhoods().radii, stop);
   count_short(stop);
   has_lists_ = true;
 }
@@ -126,6 +137,19 @@ void Chain::find_lists(const Kernels& kernels, const std::stop_token& stop) {
         kernels.nearest(index, Index(leaf), point::kAreaNeighbors, std::numeric_limits<float>::infinity(), area_list);
         nearest = area_list;
       }
+      kernels.mean_distances(index, Index(leaf), nearest, point::kAreaNeighbors,
+                             mean_distance_.data() + leaf * kLeafSize);
+    }
+  });
+}
+
+// Of W_a, which knows no mesh.
+void Chain::measure_areas(const Kernels& kernels, const std::stop_token& stop) {
+  const IndexView index = index_.view();
+  for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
+    Index nearest[point::kAreaNeighbors * kLeafSize];
+    for (std::size_t leaf = first; leaf < last; ++leaf) {
+      kernels.nearest(index, Index(leaf), point::kAreaNeighbors, std::numeric_limits<float>::infinity(), nearest);
       kernels.mean_distances(index, Index(leaf), nearest, point::kAreaNeighbors,
                              mean_distance_.data() + leaf * kLeafSize);
     }
@@ -244,6 +268,15 @@ void Chain::fair(const FairingSettings& settings, const Kernels& kernels, const 
   } else {
     fair_otherwise(settings, area, kernels, stop);
   }
+  if (settings.kept_boundary) keep_boundary(*settings.kept_boundary, stop);
+}
+
+void Chain::keep_boundary(const MeshEdges& mesh, const std::stop_token& stop) {
+  const IndexView index = index_.view();
+  for_blocks(index.points, kLeavesABlock * kLeafSize, stop, [&](std::size_t first, std::size_t last, std::size_t) {
+    for (std::size_t i = first; i < last; ++i)
+      if (mesh.is_boundary[index.original[i]] != 0) faired_[i] = {index.x[i], index.y[i], index.z[i]};
+  });
 }
 
 void Chain::fair_bilaterally(const FairingSettings& settings, AreaView area, const Kernels& kernels,

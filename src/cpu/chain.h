@@ -8,6 +8,7 @@
 #include "cpu/index.h"
 #include "cpu/kernels.h"
 #include "cpu/memory.h"
+#include "cpu/mesh_lists.h"
 #include "point/region.h"
 #include "seam/backend.hpp"
 #include "seam/rules.hpp"
@@ -50,6 +51,8 @@ class Chain {
     return neighbors_.reach_levels && !by_list() ? further_share_.data() : nullptr;
   }
   std::size_t list_row() const { return std::size_t(stored_k_) * kLeafSize; }  // of the lists of a leaf
+  void measure_areas(const Kernels& kernels, const std::stop_token& stop);
+  void keep_boundary(const MeshEdges& mesh, const std::stop_token& stop);
   void find_lists(const Kernels& kernels, const std::stop_token& stop);
   void measure_radii(const Kernels& kernels, const std::stop_token& stop);
   void filter_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop);
@@ -61,6 +64,7 @@ class Chain {
 
   SpatialIndex index_;
   Buffer<Index> lists_;
+  MeshLists mesh_lists_;  // in place of those, where neighbours follow a mesh
   Buffer<float> mean_distance_, normal_x_, normal_y_, normal_z_;
   Buffer<float> squared_level_;                // of the noise, where something follows it
   Buffer<float> further_share_;                // of the levels of reach, where there are any

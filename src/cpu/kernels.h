@@ -50,15 +50,29 @@ POINTFAIR_INLINE point::Vec3<float> low_corner(const BoxGroup& group, int child)
   return {group.min_x[child], group.min_y[child], group.min_z[child]};
 }
 
-// A neighbour list per point: list[(leaf * stored + slot) * 16 + lane], nearest first; sorted positions, kNoNeighbor at
-// the end.
+// The lists of one leaf: list[slot * 16 + lane], sorted positions, kNoNeighbor at the end; nearest first but for balls
+// along a mesh.
+struct LeafLists {
+  const Index* list;
+  int k;
+  int near = 0;  // of balls: slots that hold all within each point's radius, before it grows
+};
+
+// A neighbour list per point, as LeafLists at list + leaf * stored * 16; or those of each leaf along a mesh.
 struct NeighborView {
   int k;       // entries to use
   int stored;  // entries a point that the lists hold, at least k
   const Index* list;
+  const LeafLists* along_mesh = nullptr;  // null: there is no mesh
+  bool within_radius = false;             // of them, those within each point's radius
+
+  POINTFAIR_INLINE LeafLists of_leaf(Index leaf) const {
+    if (along_mesh != nullptr) return along_mesh[leaf];
+    return {list + std::size_t(leaf) * std::size_t(stored) * kLeafSize, k, k};
+  }
 };
 
-// Where the neighbours of a pack come from: a list, or everything within a radius if lists.k is 0.
+// Where the neighbours of a pack come from: lists, or everything within a radius if lists.k is 0.
 struct Neighborhoods {
   NeighborView lists;
   point::Radii radii;

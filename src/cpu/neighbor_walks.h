@@ -89,6 +89,37 @@ POINTFAIR_INLINE Floats value_or_one(const float* values, Index start) {
   return values == nullptr ? broadcast(1.0f) : load(values + start);
 }
 
+// Those of a list along a mesh that lie within the radius of each point. A list need not hold all points that do, so no
+// horizon is known.
+class MeshWalk {
+ public:
+  using Number = Floats;
+  using Count = Floats;
+  using Kernel = point::CompactGaussian;
+
+  POINTFAIR_INLINE MeshWalk(const IndexView& index, Index start, const Index* list, const LeafLists& lists,
+                            const point::Radii& radii)
+      : listed_(index, start, list, radii.squared_growth == nullptr ? lists.near : lists.k),
+        limit_(radii.squared_growth == nullptr
+                   ? load(radii.squared_radius + start)
+                   : load(radii.squared_radius + start) * load(radii.squared_growth + start)) {}
+
+  template <class Load, class Visit>
+  POINTFAIR_INLINE void operator()(Load load_there, Visit visit) const {
+    listed_(load_there, [&](point::Vec3<Floats> offset, const auto& loaded, Mask listed) {
+      visit(offset, loaded, listed & (point::squared_length(offset) <= limit_));
+    });
+  }
+  POINTFAIR_INLINE Floats squared_radius() const { return limit_; }
+  POINTFAIR_INLINE Floats squared_core() const { return point::squared_core(limit_); }
+  POINTFAIR_INLINE Floats squared_horizon() const { return broadcast(0.0f); }
+  POINTFAIR_INLINE static bool any(Mask mask) { return cpu::POINTFAIR_ISA::any(mask); }
+
+ private:
+  ListWalk listed_;
+  Floats limit_;
+};
+
 // For a function that writes to members which its callers, inlined elsewhere, read: GCC 12, which sees through
 // noinline, kept what such a caller had read before the call (with SSE2 and AVX2; -fno-ipa-modref or
 // -fno-strict-aliasing cure it).
@@ -252,9 +283,12 @@ POINTFAIR_INLINE void for_packs(const IndexView& index, Index leaf, const Neighb
   for (int part = 0; part < kLeafSize; part += kLanes) {
     const Index start = leaf * kLeafSize + Index(part);
     if (neighborhoods.lists.k > 0) {
-      const NeighborView& lists = neighborhoods.lists;
-      const Index* list = lists.list + std::size_t(leaf) * std::size_t(lists.stored) * kLeafSize + part;
-      body(start, ListWalk(index, start, list, lists.k));
+      const LeafLists lists = neighborhoods.lists.of_leaf(leaf);
+      if (neighborhoods.lists.within_radius) {
+        body(start, MeshWalk(index, start, lists.list + part, lists, neighborhoods.radii));
+      } else {
+        body(start, ListWalk(index, start, lists.list + part, lists.k));
+      }
     } else if (start < index.points) {
       body(start, RadiusWalk(index, start, neighborhoods.radii));
     }

@@ -30,6 +30,14 @@ bool follows_noise(const Params& p, const Noise& noise) {
   return sums_within_radius(p) && p.method == Method::bilateral && !(noise.gap > 0);
 }
 
+// Methods that are defined on the first ring of a mesh.
+bool is_of_rings(Method method) {
+  return method == Method::laplacian || method == Method::taubin || method == Method::hc_laplacian;
+}
+
+// Of a vertex, in a mesh of triangles of which six meet at each.
+int points_of_rings(int rings) { return 3 * rings * (rings + 1); }
+
 // Where a square of side s holds one point, pi (R / s)^2 points lie within R of one.
 double radius_of(int points, double s) { return s * std::sqrt(points / std::numbers::pi); }
 
@@ -40,7 +48,11 @@ double typical_radius(const Params& used, double s) {
 
 }  // namespace
 
-bool sums_within_radius(const Params& p) { return p.k == kAutomatic && !p.constraint; }
+bool follows_rings(const Params& p) {
+  return p.connectivity == Connectivity::mesh && (p.rings != kAutomatic || is_of_rings(p.method));
+}
+
+bool sums_within_radius(const Params& p) { return p.k == kAutomatic && !p.constraint && !follows_rings(p); }
 
 FollowedNoise followed_noise(const Params& asked, const Params& used, const Noise& noise,
                              std::shared_ptr<const NoiseLevels> levels,
@@ -63,7 +75,7 @@ FollowedNoise followed_noise(const Params& asked, const Params& used, const Nois
 bool needs_noise(const Params& p) {
   const bool neighbors_follow =
       sums_within_radius(p) ? p.radius.is_automatic() || p.min_neighbors == kAutomatic || !p.flat_scale || !p.relaxation
-                            : p.k == kAutomatic && p.radius.is_automatic();
+                            : p.k == kAutomatic && p.radius.is_automatic() && !follows_rings(p);
   const auto of_density = [&](const Length& l) { return l.is_automatic() || is_of_list(p, l); };
   return neighbors_follow || of_density(p.normal_sigma) || of_density(p.closeness_sigma) ||
          p.similarity_sigma.is_automatic() ||
@@ -155,8 +167,10 @@ class Resolver {
         used_.min_neighbors = std::min(
             kMaxMinNeighbors, noise_.repeats * int(std::lround(factor * factor * automatic_min_neighbors(noise_, s_))));
     } else {
-      if (asked_.k == kAutomatic) used_.k = automatic_k(noise_, s_);
-      list_radius_ = radius_of(used_.k, s_);
+      const bool rings = follows_rings(asked_);
+      if (rings && asked_.rings == kAutomatic) used_.rings = 1;
+      if (!rings && asked_.k == kAutomatic) used_.k = automatic_k(noise_, s_);
+      list_radius_ = radius_of(rings ? points_of_rings(used_.rings) : used_.k, s_);
       if (!used_.radius.is_automatic()) list_radius_ = std::min(list_radius_, used_.radius.value);
     }
     used_.rho = in_file_units(asked_.rho, spacing_.rho);
@@ -173,7 +187,9 @@ class Resolver {
 
   void set_widths() {
     used_.normal_sigma = width(asked_.normal_sigma, constants::kNormalWidth, 1);
-    used_.closeness_sigma = width(asked_.closeness_sigma, its_.closeness_width, constants::kListCloseness);
+    const bool is_uniform = follows_rings(asked_) && is_of_rings(asked_.method);
+    used_.closeness_sigma = width(asked_.closeness_sigma, its_.closeness_width,
+                                  is_uniform ? constants::kUniformCloseness : constants::kListCloseness);
     double similarity = its_.similarity_width * noise_.sigma;
     if (noise_.gap > 0)
       similarity = std::min(similarity, std::max(noise_.sigma, constants::kSheetSimilarity * noise_.gap));
@@ -184,6 +200,9 @@ class Resolver {
   void set_choices() {
     if (asked_.normal_filter == NormalFilter::automatic)
       used_.normal_filter = within_radius_ || its_.filter == NormalFilter::mollify ? its_.filter : NormalFilter::off;
+    if (asked_.connectivity == Connectivity::automatic) used_.connectivity = Connectivity::points;
+    if (!asked_.tangential && asked_.connectivity == Connectivity::mesh)
+      used_.tangential = is_of_rings(asked_.method) ? 0 : constants::kTangential;
     if (asked_.offset == Offset::automatic) used_.offset = within_radius_ ? Offset::symmetric : Offset::point;
     if (asked_.crease_angle == kAutomatic) used_.crease_angle = automatic_crease_angle(noise_, s_);
     if (!asked_.flat_scale)

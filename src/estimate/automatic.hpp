@@ -26,6 +26,9 @@ struct FollowedNoise {
 FollowedNoise followed_noise(const Params& asked, const Params& used, const Noise& noise,
                              std::shared_ptr<const NoiseLevels> levels, std::shared_ptr<const NodeLevels> reach_levels);
 
+// Whether neighbours are those of Params::rings.
+bool follows_rings(const Params& params);
+
 // Whether sums run over all points within a radius, and not over lists.
 bool sums_within_radius(const Params& params);
 

@@ -76,6 +76,12 @@ void check_not_geographic(const Cloud& cloud) {
   if (cloud.source) io::check_not_geographic(*cloud.source);
 }
 
+Polygons polygons(const Cloud& cloud) {
+  if (!cloud.source) return {};
+  Faces faces = cloud.source->faces();
+  return {std::move(faces.ends), std::move(faces.corners)};
+}
+
 std::vector<std::array<std::uint32_t, 3>> triangles(const Cloud& cloud) {
   std::vector<std::array<std::uint32_t, 3>> result;
   if (!cloud.source) return result;

@@ -77,6 +77,10 @@ void Pipeline::set_viewpoint(std::span<const std::array<double, 3>> positions) {
   with_one_kind_of_error([&] { state_->set_viewpoint(positions); });
 }
 
+void Pipeline::set_faces(Polygons faces) {
+  with_one_kind_of_error([&] { state_->set_faces(std::move(faces)); });
+}
+
 void Pipeline::load(std::span<const Point> points) {
   with_one_kind_of_error([&] {
     state_->shell = {};

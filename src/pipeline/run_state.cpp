@@ -51,6 +51,8 @@ void Pipeline::State::start_load(const std::function<void()>& load) {
   frame_.reset();
   given_noise_.reset();
   sensors_.reset();
+  faces_.reset();
+  mesh_.reset();
   beam_samples_.reset();
   shown_.reset();
   estimates.reset();
@@ -183,7 +185,7 @@ void Pipeline::State::run(const Params& params, std::span<Point> out, const std:
                            std::span<std::uint8_t> marks) {
     return timed("download", [&] { return cloud.backend().download(iteration, out, limits, marks); });
   };
-  run(params, {out.size(), true, deliver}, stop, progress);
+  run(params, {out.size(), true, deliver, out}, stop, progress);
 }
 
 void Pipeline::State::run(const Params& params, const DeviceOutput& out, DeviceStream stream,
@@ -229,13 +231,15 @@ void Pipeline::State::run_to_end(const Params& params, const Delivery& to, const
   last_order_ = order_for(params);
   followed =
       needs_noise(params) ? followed_noise(params, used, noise(), levels(), cloud.reach_levels) : FollowedNoise{};
-  const Settings settings = settings_of(used, followed, known_sensor(used, stop));
+  Settings settings = settings_of(used, followed, known_sensor(used, stop));
+  if (used.connectivity == Connectivity::mesh) follow_mesh(used, settings);
   const int last = used.iterations - 1;
   execute(plan(cloud.cached, {settings, last_order_, used.iterations}), std::size_t(4) * std::size_t(used.iterations),
           to.by_parts && last == 0 && cloud.points() >= kWorthChunks, stop, progress);
 
   std::vector<std::uint8_t> marks(used.outliers == Outliers::mark ? cloud.points() : 0);
   const OutlierCounts outlier_counts = to.deliver(last, used, settings.limits, marks);
+  const MeshReport mesh_found = used.connectivity == Connectivity::mesh ? finish_mesh(used, to.on_host) : MeshReport{};
   Counts counts = backend.counts(last);
   // who moved once and lost its neighbours or its normal in a further iteration did not keep its place
   if (last > 0) counts.unmoved = backend.counts(0).unmoved;
@@ -250,6 +254,7 @@ void Pipeline::State::run_to_end(const Params& params, const Delivery& to, const
             counts.unmoved,
             counts.short_neighborhoods,
             log_.stages(),
+            mesh_found,
             costs.tiles,
             upload + milliseconds_since(start),
             costs.peak_host_bytes,

@@ -12,6 +12,7 @@
 #include "estimate/automatic.hpp"
 #include "estimate/beam_width.hpp"
 #include "estimate/given_noise.hpp"
+#include "mesh/loaded_mesh.hpp"
 #include "pipeline/loaded_cloud.hpp"
 #include "pipeline/stage_log.hpp"
 #include "pointfair/pipeline.hpp"
@@ -41,6 +42,7 @@ struct Pipeline::State {
   void normals(const DeviceOutput& out, DeviceStream stream);
   void set_noise(std::span<const float> sigmas);
   void set_viewpoint(std::span<const Origin> places);
+  void set_faces(Polygons faces);
   void set_weights(std::shared_ptr<const NetWeights> weights) { weights_ = std::move(weights); }
   void noise(std::span<float> out, const Length& typical, const std::stop_token& stop);
 
@@ -61,6 +63,7 @@ struct Pipeline::State {
     std::function<OutlierCounts(int iteration, const Params& used, const DisplacementLimits&,
                                 std::span<std::uint8_t> outliers)>
         deliver;
+    std::span<Point> on_host{};  // where it goes, if it goes there
   };
 
   void start_load(const std::function<void()>& load);
@@ -97,6 +100,10 @@ struct Pipeline::State {
   void attempt(const std::function<void()>& work);
   const CloudSample& sample();
   const Frame& frame();
+  const LoadedMesh& mesh();
+  double sigma_of(const Params& used);
+  MeshReport finish_mesh(const Params& used, std::span<Point> out);
+  void follow_mesh(const Params& used, Settings& settings);
   KnownSensor known_sensor(const Params& used, const std::stop_token& stop);
   Noise noise() const;
   const std::shared_ptr<const NoiseLevels>& levels() const;
@@ -123,6 +130,8 @@ struct Pipeline::State {
   std::vector<Helper> helpers_;                          // beside the loaded cloud's backend, for many clouds
   std::optional<Frame> frame_;                           // of the loaded cloud, once it is needed
   std::optional<GivenNoise> given_noise_;                // of the loaded cloud, in place of what is measured
+  std::optional<Polygons> faces_;                        // of the loaded cloud, in place of its file's
+  std::shared_ptr<const LoadedMesh> mesh_;               // of those, once it is needed
   std::shared_ptr<const SensorPlaces> sensors_;          // of the loaded cloud; null: unknown
   std::optional<std::vector<BeamSample>> beam_samples_;  // of those, once they are measured
   std::optional<int> shown_;                     // the iteration whose results were delivered last, while they are held

@@ -39,17 +39,19 @@ bool seeks_mixed_pixels(const Params& p) {
 
 Settings settings_of(const Params& p, const FollowedNoise& followed, const KnownSensor& sensor) {
   Settings s;
-  s.neighbors.k = p.k;
+  s.neighbors.k = follows_rings(p) ? kMaxNeighbors : p.k;
+  s.neighbors.rings = follows_rings(p) ? p.rings : 0;
   s.neighbors.radius = p.radius.is_automatic() ? 0.0f : float(p.radius.value);
   s.neighbors.constraint = p.constraint;
   s.neighbors.reach = p.constraint ? float(p.rho.value + p.delta.value) : 0.0f;
   // the radius alone where one neighbour is enough
-  s.neighbors.min_neighbors = p.k == 0 && p.min_neighbors > 1 ? p.min_neighbors : 0;
+  s.neighbors.min_neighbors = sums_within_radius(p) && p.min_neighbors > 1 ? p.min_neighbors : 0;
   s.normals.filter_rounds = filter_rounds(p.normal_filter);
   s.normals.sigma = float(p.normal_sigma.value);
   s.normals.of_radius = p.normal_sigma.unit == Length::Unit::radius;
   s.normals.crease_angle = p.normal_filter == NormalFilter::on ? p.crease_angle : 0;
   if (sums_within_radius(p) && p.method == Method::bilateral) s.normals.flat_scale = float(p.flat_scale.value_or(1));
+  s.neighbors.mesh_growth = p.connectivity == Connectivity::mesh ? s.normals.flat_scale : 1;
   s.fairing.method = p.method;
   s.fairing.area_weight = p.area_weight;
   s.fairing.closeness_sigma = float(p.closeness_sigma.value);

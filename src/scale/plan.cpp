@@ -274,6 +274,10 @@ std::shared_ptr<Source> Inputs::open(std::size_t number) {
 
 void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
   check_job(job);
+  if (job.params.connectivity == Connectivity::mesh)
+    refuse(
+        "--connectivity mesh cannot be used with a run in tiles on disk, which reads no faces; give it the memory for "
+        "the whole mesh, or leave it out");
   if (job.params.method == Method::learned)
     refuse(
         "--method learned cannot be used with a run in tiles on disk: a point's result depends on points at any "

@@ -93,6 +93,9 @@ class Backend {
   // After Error(interrupted): the first stage that was given up after its call had returned, if any.
   virtual std::optional<StageOf> take_stopped() { return std::nullopt; }
 
+  // Whether it reads NeighborSettings::mesh and FairingSettings::kept_boundary.
+  virtual bool follows_meshes() const { return false; }
+
   virtual Sampling& sampling() = 0;
   virtual Exactness* exactness() { return nullptr; }         // null: cannot compute tiles
   virtual Overlap* overlap() { return nullptr; }             // null: copies nothing while it computes

@@ -10,6 +10,7 @@
 
 #include "pointfair/cloud.hpp"
 #include "pointfair/params.hpp"
+#include "seam/mesh_edges.hpp"
 
 namespace pointfair {
 
@@ -39,6 +40,11 @@ struct NeighborSettings {
   // Factors on the distance to the min_neighbors-th nearest point; null: 1 everywhere.
   std::shared_ptr<const NodeLevels> reach_levels{};
   float widest = std::numeric_limits<float>::infinity();  // reach_levels and flat places enlarge no radius beyond it
+  // Neighbours are those that edges reach; null: all. With k they are up to `rings` edges away, k of them at most; else
+  // the edges stay within `mesh_growth` radii.
+  std::shared_ptr<const MeshEdges> mesh{};
+  int rings = 0;
+  float mesh_growth = 1;
   friend bool operator==(const NeighborSettings&, const NeighborSettings&) = default;
 };
 
@@ -73,8 +79,9 @@ struct FairingSettings {
   float outlier_distance = 0;        // of an outlier to its neighbours (src/point/outliers.h); 0: none are looked for
   float level_outlier_distance = 0;  // times the level of the noise; the larger distance of both counts
   float outlier_radius = std::numeric_limits<float>::infinity();  // of larger neighbourhoods more must agree
-  bool pull_outliers = false;                     // outliers move to the mean of their neighbours; else they become NaN
-  std::shared_ptr<const SensorPlaces> sensors{};  // null: what follows is off
+  bool pull_outliers = false;  // outliers move to the mean of their neighbours; else they become NaN
+  std::shared_ptr<const MeshEdges> kept_boundary{};  // whose boundary keeps its place; null: none does
+  std::shared_ptr<const SensorPlaces> sensors{};     // null: what follows is off
   float beam_width = 0;           // of the pattern of rays, in radians (point/sensor.h); 0: not looked at
   bool along_ray = false;         // points move along their rays (point/sensor.h)
   float farthest = 0;             // along_ray: soft limit of one displacement along the normal; 0: none

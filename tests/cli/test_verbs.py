@@ -8,9 +8,10 @@ import unittest
 from program import (CUBE_FACES, CUBE_VERTICES, Case, positions, radius_error, read_ply, sphere_points, write_off,
                      write_ply)
 
-PARAMS = ["noise", "k", "radius", "min_neighbors", "constraint", "rho", "delta", "normal_sigma", "normal_filter",
-          "crease_angle", "flat_scale", "method", "along", "closeness_sigma", "similarity_sigma", "area_weight", "offset",
-          "relaxation", "outliers", "outlier_distance", "outlier_radius", "iterations", "displacement_limit"]
+PARAMS = ["noise", "k", "radius", "min_neighbors", "constraint", "rho", "delta", "connectivity", "rings", "normal_sigma",
+          "normal_filter", "crease_angle", "flat_scale", "method", "along", "keep_boundary", "closeness_sigma",
+          "similarity_sigma", "area_weight", "offset", "relaxation", "outliers", "outlier_distance", "outlier_radius",
+          "iterations", "displacement_limit", "tangential"]
 USUAL = ["noise", "strength", "k", "radius", "iterations", "method", "along", "outliers", "preset", "constraint",
          "similarity_sigma"]
 VERBS = ["run", "view", "info", "compare", "noise", "bench", "doctor"]

@@ -1,0 +1,307 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Meshes with known truth, noise on their vertices, and what pointfair and peers leave of it.
+
+    python bench/meshes.py build/bin/pointfair [--noise .1 .3 .5] [--methods NAME ...] [--peers]
+
+Noise is white, of a standard deviation in mean edge lengths on each axis. One row for each mesh, noise and method:
+distance   mean distance of the vertices to the true surface, in mean edges
+normals    mean angle between faces' normals and the true ones, degrees
+folds      faces whose normal is more than 90 degrees off the true one
+volume     over that of the mesh without noise; - for open meshes
+pymeshlab, trimesh and open3d are compared where they are installed, with --peers. --table prints one row for each mesh
+and noise instead, with distance, normals and folds of each method.
+"""
+import argparse
+import pathlib
+import subprocess
+import tempfile
+import time
+
+import numpy as np
+
+POINTFAIR = {  # arguments of pointfair run
+    "points": [],
+    "mesh": ["--connectivity", "mesh"],
+    "mesh, border moves": ["--connectivity", "mesh", "--keep-boundary", "off"],
+    "mesh laplacian": ["--connectivity", "mesh", "--method", "laplacian"],
+    "mesh taubin": ["--connectivity", "mesh", "--method", "taubin"],
+    "mesh hc": ["--connectivity", "mesh", "--method", "hc-laplacian"],
+    "mesh, 2 rings": ["--connectivity", "mesh", "--rings", "2"],
+    "mesh mollified": ["--connectivity", "mesh", "--method", "mollified"],
+}
+
+
+# --- meshes: (name, vertices, faces, distance and normal of the truth, whether it is closed) -------------------------
+def grid(rows, columns, wrap_rows=False, wrap_columns=False, quads=False):
+    """Faces over rows x columns vertices, row after row."""
+    i, j = np.meshgrid(np.arange(rows - (not wrap_rows)), np.arange(columns - (not wrap_columns)), indexing="ij")
+    a = i * columns + j
+    b = i * columns + (j + 1) % columns
+    c = (i + 1) % rows * columns + (j + 1) % columns
+    d = (i + 1) % rows * columns + j
+    quad = np.stack([a, b, c, d], -1).reshape(-1, 4)
+    return quad if quads else np.concatenate([quad[:, [0, 1, 2]], quad[:, [0, 2, 3]]])
+
+
+def cube_surface(n):
+    """A cube of [-1, 1]^3 with n x n quads a side, each cut in two; vertices welded."""
+    t = np.linspace(-1, 1, n + 1)
+    u, v = (m.ravel() for m in np.meshgrid(t, t, indexing="ij"))
+    points, faces = [], []
+    for axis in range(3):
+        for side in (-1, 1):
+            p = np.empty((len(u), 3))
+            p[:, axis], p[:, (axis + 1) % 3], p[:, (axis + 2) % 3] = side, u, v
+            f = grid(n + 1, n + 1)
+            faces.append((f[:, ::-1] if side > 0 else f) + len(points) * len(u))
+            points.append(p)
+    points, faces = np.concatenate(points), np.concatenate(faces)
+    _, first, inverse = np.unique(np.round(points, 9), axis=0, return_index=True, return_inverse=True)
+    return points[first], inverse.reshape(-1)[faces]
+
+
+def sphere():
+    points, faces = cube_surface(40)
+    points = np.tan(points * np.pi / 4)
+    points /= np.linalg.norm(points, axis=1)[:, None]
+    return points, faces, lambda p: (np.linalg.norm(p, axis=1) - 1, p / np.linalg.norm(p, axis=1)[:, None])
+
+
+def torus():
+    u, v = np.meshgrid(np.arange(200) * 2 * np.pi / 200, np.arange(80) * 2 * np.pi / 80, indexing="ij")
+    ring = 1 + 0.4 * np.cos(v)
+    points = np.stack([ring * np.cos(u), ring * np.sin(u), 0.4 * np.sin(v)], -1).reshape(-1, 3)
+
+    def truth(p):
+        radius = np.linalg.norm(p[:, :2], axis=1)
+        middle = np.c_[p[:, :2] / radius[:, None], np.zeros(len(p))]
+        offset = p - middle
+        length = np.linalg.norm(offset, axis=1)
+        return length - 0.4, offset / length[:, None]
+    return points, grid(200, 80, True, True)[:, ::-1], truth
+
+
+def box_truth(half, radius):
+    """A box rounded by `radius`; `half` is that of the box without it."""
+    def truth(p):
+        q = np.abs(p) - half
+        outside = np.maximum(q, 0)
+        length = np.linalg.norm(outside, axis=1)
+        inner = np.minimum(q.max(axis=1), 0)
+        axis = np.eye(3)[np.argmax(q, axis=1)]
+        normal = np.where((length > 1e-9)[:, None], outside / np.maximum(length, 1e-9)[:, None], axis) * np.sign(p)
+        return length + inner - radius, normal
+    return truth
+
+
+def rounded_box():
+    points, faces = cube_surface(48)
+    half, radius = np.array([0.8, 0.5, 0.3]), 0.15
+    points = points * (half + radius)
+    inner = np.clip(points, -half, half)
+    offset = points - inner
+    return inner + radius * offset / np.linalg.norm(offset, axis=1)[:, None], faces, box_truth(half, radius)
+
+
+def sharp_box():
+    points, faces = cube_surface(40)
+    half = np.array([1.0, 0.8, 0.6])
+    return points * half, faces, box_truth(half, 0)
+
+
+def two_sheets():
+    """Two open sheets, 1.5 edges apart, of one file."""
+    t = np.linspace(-1, 1, 70)
+    u, v = (m.ravel() for m in np.meshgrid(t, t, indexing="ij"))
+    gap = 1.5 * (t[1] - t[0])
+    lower, upper = np.c_[u, v, np.zeros(len(u))], np.c_[u, v, np.full(len(u), gap)]
+    f = grid(70, 70)[:, ::-1]
+
+    def truth(p):
+        half = len(p) // 2  # vertices, then faces, come in the order of the sheets
+        z = np.r_[np.zeros(half), np.full(len(p) - half, gap)]
+        return p[:, 2] - z, np.tile([0.0, 0.0, 1.0], (len(p), 1))
+    return np.concatenate([lower, upper]), np.concatenate([f, f + len(u)]), truth
+
+
+def height(x, y):
+    return 0.12 * np.sin(3 * x) * np.cos(4 * y) + 0.03 * np.sin(11 * x + 5 * y)
+
+
+def relief():
+    """A grid of quads."""
+    t = np.linspace(-1, 1, 110)
+    u, v = (m.ravel() for m in np.meshgrid(t, t, indexing="ij"))
+
+    def truth(p):
+        x, y = p[:, 0], p[:, 1]
+        dx = 0.36 * np.cos(3 * x) * np.cos(4 * y) + 0.33 * np.cos(11 * x + 5 * y)
+        dy = -0.48 * np.sin(3 * x) * np.sin(4 * y) + 0.15 * np.cos(11 * x + 5 * y)
+        normal = np.c_[-dx, -dy, np.ones(len(x))]
+        length = np.linalg.norm(normal, axis=1)
+        return (p[:, 2] - height(x, y)) / length, normal / length[:, None]
+    return np.c_[u, v, height(u, v)], grid(110, 110, quads=True)[:, ::-1], truth
+
+
+def open_sheet():
+    """A part of a cylinder, triangles."""
+    angle, z = (m.ravel() for m in np.meshgrid(np.linspace(-1.2, 1.2, 120), np.linspace(-1, 1, 100), indexing="ij"))
+
+    def truth(p):
+        radius = np.linalg.norm(p[:, :2], axis=1)
+        return radius - 1, np.c_[p[:, :2] / radius[:, None], np.zeros(len(p))]
+    return np.c_[np.cos(angle), np.sin(angle), z], grid(120, 100)[:, ::-1], truth
+
+
+MESHES = {"sphere": sphere, "torus": torus, "rounded box": rounded_box, "sharp box": sharp_box, "relief, quads": relief,
+          "open sheet": open_sheet, "two sheets": two_sheets}
+
+
+# --- files -----------------------------------------------------------------------------------------------------------
+def write_ply(path, points, faces):
+    sides = faces.shape[1]
+    head = (f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\nproperty float x\nproperty float y\n"
+            f"property float z\nelement face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n")
+    rows = np.empty(len(faces), [("n", "u1"), ("v", "<i4", (sides,))])
+    rows["n"], rows["v"] = sides, faces
+    path.write_bytes(head.encode() + points.astype("<f4").tobytes() + rows.tobytes())
+
+
+def read_points(path, count):
+    data = path.read_bytes()
+    begin = data.index(b"end_header\n") + len(b"end_header\n")
+    return np.frombuffer(data, "<f4", 3 * count, begin).reshape(-1, 3).astype(float)
+
+
+# --- measures --------------------------------------------------------------------------------------------------------
+def triangles_of(faces):
+    return faces if faces.shape[1] == 3 else np.concatenate([faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]])
+
+
+def face_normals(points, faces):
+    diagonal = faces.shape[1] == 4
+    a, b, c = (points[faces[:, i]] for i in range(3))
+    normal = np.cross(c - a, points[faces[:, 3]] - b) if diagonal else np.cross(b - a, c - a)
+    return normal / np.maximum(np.linalg.norm(normal, axis=1), 1e-30)[:, None]
+
+
+def volume(points, faces):
+    a, b, c = (points[triangles_of(faces)[:, i]] for i in range(3))
+    return np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6
+
+
+def mean_edge(points, faces):
+    return np.mean([np.linalg.norm(points[faces[:, i]] - points[faces[:, i - 1]], axis=1).mean()
+                    for i in range(faces.shape[1])])
+
+
+def measure(points, clean, faces, truth, edge):
+    distance = np.abs(truth(points)[0]).mean() / edge
+    true_normal = truth(points[faces].mean(axis=1))[1]
+    cosine = np.einsum("ij,ij->i", face_normals(points, faces), true_normal)
+    angle = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+    counts = np.unique(np.sort(np.stack([faces, np.roll(faces, 1, 1)], -1).reshape(-1, 2), axis=1), axis=0,
+                       return_counts=True)[1]
+    size = f"{volume(points, faces) / volume(clean, faces):.4f}" if counts.min() == 2 else "-"
+    return distance, angle.mean(), int((angle > 90).sum()), size
+
+
+# --- methods ---------------------------------------------------------------------------------------------------------
+def with_pointfair(program, arguments, points, faces, folder):
+    write_ply(folder / "in.ply", points, faces)
+    start = time.perf_counter()
+    subprocess.run([program, "run", folder / "in.ply", folder / "out.ply", "--force", "-q", *arguments], check=True)
+    return read_points(folder / "out.ply", len(points)), time.perf_counter() - start
+
+
+def pymeshlab_peers():
+    import pymeshlab
+
+    def peer(name, **arguments):
+        def run(points, faces):
+            meshes = pymeshlab.MeshSet()
+            meshes.add_mesh(pymeshlab.Mesh(points, triangles_of(faces)))
+            getattr(meshes, name)(**arguments)
+            return meshes.current_mesh().vertex_matrix()
+        return run
+    return {"MeshLab laplacian": peer("apply_coord_laplacian_smoothing"),
+            "MeshLab taubin": peer("apply_coord_taubin_smoothing"),
+            "MeshLab hc": peer("apply_coord_hc_laplacian_smoothing"),
+            "MeshLab two-step": peer("apply_coord_two_steps_smoothing")}
+
+
+def trimesh_peers():
+    import trimesh
+
+    def peer(function):
+        def run(points, faces):
+            mesh = trimesh.Trimesh(points, triangles_of(faces), process=False)
+            return np.asarray(function(mesh).vertices)
+        return run
+    smoothing = trimesh.smoothing
+    return {"trimesh laplacian": peer(smoothing.filter_laplacian), "trimesh taubin": peer(smoothing.filter_taubin),
+            "trimesh humphrey": peer(smoothing.filter_humphrey)}
+
+
+def open3d_peers():
+    import open3d
+
+    def peer(name, iterations):
+        def run(points, faces):
+            mesh = open3d.geometry.TriangleMesh(open3d.utility.Vector3dVector(points),
+                                                open3d.utility.Vector3iVector(triangles_of(faces).astype(np.int32)))
+            return np.asarray(getattr(mesh, name)(number_of_iterations=iterations).vertices)
+        return run
+    return {"Open3D laplacian 10": peer("filter_smooth_laplacian", 10), "Open3D taubin 10": peer("filter_smooth_taubin", 10)}
+
+
+def print_table(rows, methods):
+    """Of rows (mesh, noise, method, distance, normals, folds, volume)."""
+    print("| mesh | noise | " + " | ".join(methods) + " |\n|---|---|" + "---|" * len(methods))
+    for mesh, noise in dict.fromkeys((row[0], row[1]) for row in rows):
+        cells = {row[2]: f"{row[3]:.3f} {row[4]:.1f} {row[5]}".replace("0.", ".", 1) if np.isfinite(row[3]) else "-"
+                 for row in rows if row[:2] == (mesh, noise)}
+        print(f"| {mesh} | {noise} | " + " | ".join(cells[method] for method in methods) + " |")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("program")
+    parser.add_argument("--noise", type=float, nargs="+", default=[0.1, 0.3, 0.5])
+    parser.add_argument("--methods", nargs="+", choices=list(POINTFAIR), default=list(POINTFAIR))
+    parser.add_argument("--meshes", nargs="+", choices=list(MESHES), default=list(MESHES))
+    parser.add_argument("--peers", action="store_true")
+    parser.add_argument("--table", action="store_true")
+    options = parser.parse_args()
+    rows, peers = [], {}
+    for load in (pymeshlab_peers, trimesh_peers, open3d_peers) if options.peers else ():
+        try:
+            peers.update(load())
+        except ImportError as error:
+            print(f"{error.name} is not installed")
+    if not options.table:
+        print("| mesh | noise | method | distance | normals | folds | volume |\n|---|---|---|---|---|---|---|")
+    with tempfile.TemporaryDirectory() as name:
+        folder = pathlib.Path(name)
+        for mesh in options.meshes:
+            clean, faces, truth = MESHES[mesh]()
+            edge = mean_edge(clean, faces)
+            for noise in options.noise:
+                noisy = clean + np.random.default_rng(1).normal(0, noise * edge, clean.shape)
+                results = {"noisy": noisy}
+                for method in options.methods:
+                    results[method] = with_pointfair(options.program, POINTFAIR[method], noisy, faces, folder)[0]
+                for peer, run in peers.items():
+                    results[peer] = run(noisy, faces)
+                for method, points in results.items():
+                    distance, normals, folds, size = measure(points, clean, faces, truth, edge)
+                    rows.append((mesh, noise, method, distance, normals, folds, size))
+                    if options.table:
+                        continue
+                    print(f"| {mesh} | {noise} | {method} | {distance:.4f} | {normals:.2f} | {folds} | {size} |", flush=True)
+    if options.table:
+        print_table(rows, list(dict.fromkeys(row[2] for row in rows)))
+
+
+if __name__ == "__main__":
+    main()

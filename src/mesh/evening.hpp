@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+// Vertices that even out along the surface.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "mesh/folds.hpp"
+
+namespace pointfair {
+
+// In each round, all vertices at once go towards the middle of their ring, m from where they are, by the step
+//   share e (T + e I)^-1 m,   T = sum_f A_f n_f n_f^T / sum_f A_f over the faces at the vertex,
+//   e = min(sigma^2 / l^2, 0.5), where l^2 is the mean square of the vertex's edges as they were (Eq. 27).
+// T is 1 across a smooth surface, 0 along it, and what noise turns the normals by about sigma^2 / l^2: so along the
+// surface the step is nearly all of m, across it the less the less noise there is, and at an edge it is along the edge
+// alone. Orientations of faces do not matter. Vertices with `stays` do not move, and none ends farther than 3 sigma
+// from where it began.
+void even_out(const OrderedFaces& faces, std::span<const std::uint32_t> vertex, std::span<const std::uint8_t> stays,
+              double share, double sigma, std::span<Point> points);
+
+// Corners of folded faces (OrderedFaces::folded) make such steps with e = 0.5, all at once, in up to ten rounds, until
+// no face is folded.
+void untangle(const OrderedFaces& faces, std::span<const std::uint32_t> vertex, std::span<const std::uint8_t> stays,
+              std::span<Point> points);
+
+}  // namespace pointfair

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+// The corners of faces as vertices, and which faces are degenerate.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "pointfair/cloud.hpp"
+#include "seam/cloud_sample.hpp"
+
+namespace pointfair {
+
+// `vertex`: of each point, as MeshEdges. What is passed must outlive this.
+class FaceCorners {
+ public:
+  FaceCorners(std::span<const Point> points, const Polygons& faces, std::span<const std::uint32_t> vertex)
+      : points_(points), faces_(faces), vertex_(vertex) {}
+
+  // Calls visit(corners) for each face that is not degenerate, and returns how many are. A corner at the place of the
+  // one before it is no corner; a face is degenerate if fewer than three are left, if it meets a place twice, or if a
+  // corner is not finite.
+  template <class Visit>
+  std::uint64_t for_each(const Visit& visit) {
+    std::uint64_t degenerate = 0, begin = 0;
+    for (const std::uint64_t end : faces_.ends) {
+      if (take(begin, end)) {
+        visit(std::span<const std::uint32_t>(corners_));
+      } else {
+        ++degenerate;
+      }
+      begin = end;
+    }
+    return degenerate;
+  }
+
+ private:
+  bool take(std::uint64_t begin, std::uint64_t end) {
+    corners_.clear();
+    for (std::uint64_t c = begin; c < end; ++c) {
+      const std::uint32_t at = vertex_[faces_.corners[c]];
+      if (!is_indexed(points_[at])) return false;
+      if (corners_.empty() || corners_.back() != at) corners_.push_back(at);
+    }
+    while (corners_.size() > 1 && corners_.back() == corners_.front()) corners_.pop_back();
+    sorted_ = corners_;
+    std::sort(sorted_.begin(), sorted_.end());
+    return corners_.size() >= 3 && std::adjacent_find(sorted_.begin(), sorted_.end()) == sorted_.end();
+  }
+
+  std::span<const Point> points_;
+  const Polygons& faces_;
+  std::span<const std::uint32_t> vertex_;
+  std::vector<std::uint32_t> corners_, sorted_;
+};
+
+}  // namespace pointfair

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+// Runs along the faces of the loaded cloud.
+#include <algorithm>
+#include <utility>
+
+#include "mesh/evening.hpp"
+#include "pipeline/run_state.hpp"
+
+namespace pointfair {
+void Pipeline::State::set_faces(Polygons faces) {
+  check_faces(faces, cloud.points());
+  faces_ = std::move(faces);
+  mesh_.reset();
+}
+
+const LoadedMesh& Pipeline::State::mesh() {
+  if (mesh_) return *mesh_;
+  const Polygons faces = faces_ ? *faces_ : polygons(shell);
+  if (faces.size() == 0)
+    throw Error(ErrorKind::usage,
+                "--connectivity mesh needs faces, and this cloud has none: leave it out, or give a mesh");
+  check_faces(faces, cloud.points());
+  std::vector<Point> points(cloud.points());
+  cloud.backend().download_input(points);
+  mesh_ = std::make_shared<const LoadedMesh>(std::move(points), faces);
+  return *mesh_;
+}
+
+// With used.connectivity mesh.
+void Pipeline::State::follow_mesh(const Params& used, Settings& settings) {
+  if (!cloud.backend().follows_meshes())
+    throw Error(ErrorKind::usage,
+                "mesh connectivity runs on the CPU, with the whole cloud in memory: add --device cpu");
+  const MeshEdges& edges = mesh().topology.edges;
+  settings.neighbors.mesh = {mesh_, &edges};
+  if (used.keep_boundary) settings.fairing.kept_boundary = {mesh_, &edges};
+}
+
+// Of the noise.
+double Pipeline::State::sigma_of(const Params& used) {
+  if (!used.noise.is_automatic()) return used.noise.value;
+  measure(false, true, last_order_, {});
+  return noise().sigma;
+}
+
+// What a run does to its result by the faces: vertices that it moved even out along the surface, and steps that fold
+// faces are shortened. Points that kept their place, as outliers and the boundary do, stay.
+MeshReport Pipeline::State::finish_mesh(const Params& used, std::span<Point> out) {
+  const LoadedMesh& its = mesh();
+  const std::vector<std::uint32_t>& vertex = its.topology.edges.vertex;
+  const auto start = Clock::now();
+  if (const double share = used.tangential.value_or(0); share > 0) {
+    std::vector<std::uint8_t> stays = its.topology.edges.is_boundary;
+    for (std::size_t i = 0; i < out.size(); ++i)
+      if (out[i].x == its.points[i].x && out[i].y == its.points[i].y && out[i].z == its.points[i].z) stays[i] = 1;
+    even_out(its.faces, vertex, stays, share, sigma_of(used), out);
+    untangle(its.faces, vertex, stays, out);
+  }
+  const std::vector<std::uint8_t> folded = unfold(its.faces, vertex, its.folded, its.points, out);
+  log_.note("faces", milliseconds_since(start));
+  MeshReport found = its.topology.found;
+  found.folded_before = std::uint64_t(std::count(its.folded.begin(), its.folded.end(), 1));
+  found.folded_after = std::uint64_t(std::count(folded.begin(), folded.end(), 1));
+  return found;
+}
+
+}  // namespace pointfair

@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: Apache-2.0
+// Folded faces, steps along the surface and shortened steps against the plainest code.
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <cmath>
+#include <map>
+#include <numeric>
+#include <set>
+#include <utility>
+#include <vector>
+
+#include "mesh/evening.hpp"
+#include "mesh/folds.hpp"
+#include "meshes.h"
+#include "pointfair/pipeline.hpp"
+
+namespace pointfair {
+namespace {
+
+using meshes::Face;
+using meshes::Mesh;
+using meshes::Sides;
+using shapes::Points;
+using Vec = Eigen::Vector3d;
+
+Vec at(const Points& points, std::uint32_t i) { return {points[i].x, points[i].y, points[i].z}; }
+
+// Newell's, twice the area long.
+Vec normal_of(const Points& points, const Face& face) {
+  Vec sum = Vec::Zero();
+  for (std::size_t i = 0; i < face.size(); ++i)
+    sum += at(points, face[i]).cross(at(points, face[(i + 1) % face.size()]));
+  return sum;
+}
+
+// By the rule of docs/methods.md, from faces that all run round the same way.
+std::set<Face> folded_of(const Mesh& mesh) {
+  std::map<std::pair<std::uint32_t, std::uint32_t>, std::vector<std::size_t>> faces_of;
+  std::vector<Vec> normals;
+  for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
+    const Face& face = mesh.faces[f];
+    for (std::size_t i = 0; i < face.size(); ++i)
+      faces_of[std::minmax(face[i], face[(i + 1) % face.size()])].push_back(f);
+    normals.push_back(normal_of(mesh.points, face));
+  }
+  std::vector<Vec> wide = normals;
+  for (int round = 0; round < 2; ++round) {
+    std::vector<Vec> sums = wide;
+    for (const auto& [edge, its] : faces_of)
+      if (its.size() == 2) sums[its[0]] += wide[its[1]], sums[its[1]] += wide[its[0]];
+    wide = sums;
+  }
+  std::set<Face> folded;
+  for (std::size_t f = 0; f < mesh.faces.size(); ++f)
+    if (normals[f].dot(wide[f]) < 0) folded.insert(mesh.faces[f]);
+  return folded;
+}
+
+Mesh noisy(int n, Sides sides, double noise, std::uint64_t seed = 9) {
+  Mesh mesh = meshes::sheet(n, sides);
+  shapes::Random random(seed);
+  for (Point& p : mesh.points)
+    for (float* c : {&p.x, &p.y, &p.z}) *c += float(noise / n * random.normal());
+  return mesh;
+}
+
+std::vector<std::uint32_t> own_vertices(const Mesh& mesh) {
+  std::vector<std::uint32_t> vertex(mesh.points.size());
+  std::iota(vertex.begin(), vertex.end(), 0u);
+  return vertex;
+}
+
+// Of a face of `faces`, as the mesh has it.
+Face as_given(std::span<const std::uint32_t> corners, const Mesh& mesh) {
+  const std::set<std::uint32_t> wanted(corners.begin(), corners.end());
+  for (const Face& face : mesh.faces)
+    if (std::set<std::uint32_t>(face.begin(), face.end()) == wanted) return face;
+  return {};
+}
+
+TEST(Folds, are_faces_turned_from_those_around_them) {
+  for (const Sides sides : {Sides::triangles, Sides::quads, Sides::mixed}) {
+    const Mesh mesh = noisy(24, sides, 0.45);
+    const OrderedFaces faces(mesh.points, own_vertices(mesh), meshes::polygons_of(mesh.faces));
+    const std::vector<std::uint8_t> folded = faces.folded(mesh.points);
+    const std::set<Face> expected = folded_of(mesh);
+    EXPECT_GT(expected.size(), 10u);
+    std::set<Face> found;
+    for (std::size_t f = 0; f < faces.size(); ++f)
+      if (folded[f] != 0) found.insert(as_given(faces.corners(f), mesh));
+    EXPECT_EQ(found, expected);
+  }
+}
+
+// One vertex of a fan, by matrices.
+TEST(Evening, steps_along_the_surface_and_little_across) {
+  const Mesh mesh = noisy(8, Sides::triangles, 0.3);
+  const auto rings = meshes::rings_of(mesh);
+  const double sigma = 0.3 / 8, share = 0.8;
+  std::vector<std::uint8_t> stays(mesh.points.size(), 1);
+  const std::uint32_t v = 4 * 9 + 4;
+  stays[v] = 0;
+  Points moved = mesh.points;
+  even_out(OrderedFaces(mesh.points, own_vertices(mesh), meshes::polygons_of(mesh.faces)), own_vertices(mesh), stays,
+           share, sigma, moved);
+  Points expected = mesh.points;
+  double e = 0;
+  for (int round = 0; round < 5; ++round) {
+    Eigen::Matrix3d t = Eigen::Matrix3d::Zero();
+    double area = 0, squares = 0;
+    for (const Face& face : mesh.faces) {
+      if (std::find(face.begin(), face.end(), v) == face.end()) continue;
+      const Vec normal = normal_of(expected, face);
+      t += normal * normal.transpose() / normal.norm();
+      area += normal.norm();
+    }
+    Vec middle = Vec::Zero();
+    for (const std::uint32_t j : rings[v]) {
+      middle += at(expected, j) / double(rings[v].size());
+      squares += (at(expected, j) - at(expected, v)).squaredNorm() / double(rings[v].size());
+    }
+    if (round == 0) e = std::min(sigma * sigma / squares, 0.5);
+    const Eigen::Matrix3d matrix = t / area + e * Eigen::Matrix3d::Identity();
+    const Vec there = at(expected, v) + share * e * matrix.inverse() * (middle - at(expected, v));
+    ASSERT_LT((there - at(mesh.points, v)).norm(), 3 * sigma);
+    expected[v] = shapes::make_point(there.x(), there.y(), there.z());
+  }
+  for (std::uint32_t i = 0; i < moved.size(); ++i)
+    EXPECT_LT((at(moved, i) - at(expected, i)).norm(), 1e-6) << "point " << i;
+  EXPECT_GT((at(moved, v) - at(mesh.points, v)).norm(), 1e-3);
+}
+
+TEST(Evening, no_vertex_goes_farther_than_three_sigma) {
+  const Mesh mesh = noisy(10, Sides::triangles, 0.5);
+  const std::vector<std::uint8_t> stays(mesh.points.size(), 0);
+  Points moved = mesh.points;
+  even_out(OrderedFaces(mesh.points, own_vertices(mesh), meshes::polygons_of(mesh.faces)), own_vertices(mesh), stays, 1,
+           0.01, moved);
+  double farthest = 0;
+  for (std::uint32_t i = 0; i < moved.size(); ++i)
+    farthest = std::max(farthest, (at(moved, i) - at(mesh.points, i)).norm());
+  EXPECT_LT(farthest, 0.03 * (1 + 1e-5));
+  EXPECT_GT(farthest, 0.0299);
+}
+
+TEST(Unfold, halves_steps_until_no_face_is_folded_that_was_not) {
+  const Mesh before = noisy(20, Sides::triangles, 0.1), after = noisy(20, Sides::triangles, 0.5, 77);
+  const OrderedFaces faces(before.points, own_vertices(before), meshes::polygons_of(before.faces));
+  const std::vector<std::uint8_t> at_first = faces.folded(before.points);
+  Points points = after.points;
+  const std::vector<std::uint8_t> left = unfold(faces, own_vertices(before), at_first, before.points, points);
+  EXPECT_EQ(left, faces.folded(points));
+  std::size_t folded = 0, whole = 0;
+  for (const std::uint8_t one : faces.folded(after.points)) folded += one;
+  EXPECT_GT(folded, 20u);
+  for (std::size_t f = 0; f < left.size(); ++f) EXPECT_LE(left[f], at_first[f]);
+  for (std::uint32_t i = 0; i < points.size(); ++i) {
+    const Vec step = at(after.points, i) - at(before.points, i), made = at(points, i) - at(before.points, i);
+    const double share = made.dot(step) / step.squaredNorm();
+    ASSERT_LT((made - share * step).norm(), 1e-6);
+    if (share < 1e-6) continue;
+    const double halvings = -std::log2(share);
+    ASSERT_NEAR(halvings, std::round(halvings), 1e-2) << "point " << i;
+    ASSERT_LT(halvings, 6.5);
+    whole += halvings < 0.5;
+  }
+  EXPECT_GT(whole, points.size() / 4);
+}
+
+// As a whole.
+TEST(Mesh, faces_unfold_and_clean_meshes_stay) {
+  const auto run = [](const Mesh& mesh, Points& points) {
+    Pipeline pipeline(Device(Device::cpu, 0, 2));
+    pipeline.load(mesh.points);
+    pipeline.set_faces(meshes::polygons_of(mesh.faces));
+    Params params;
+    params.connectivity = Connectivity::mesh;
+    points.resize(mesh.points.size());
+    pipeline.run(params, points);
+    return pipeline.report().mesh;
+  };
+  Points points;
+  const MeshReport found = run(noisy(40, Sides::triangles, 0.45), points);
+  EXPECT_GT(found.folded_before, 100u);
+  EXPECT_LT(found.folded_after, found.folded_before / 10);
+  const Mesh clean = meshes::sheet(40, Sides::triangles);
+  EXPECT_EQ(run(clean, points).folded_after, 0u);
+  for (std::uint32_t i = 0; i < points.size(); ++i)
+    ASSERT_LT((at(points, i) - at(clean.points, i)).norm(), 1e-4 / 40) << "point " << i;
+}
+
+}  // namespace
+}  // namespace pointfair
