@@ -126,7 +126,14 @@ void PtxSource::find_types() const {
   std::vector<Narrowest> all(own);
   for (const std::vector<Narrowest>& block : seen)
     for (std::size_t c = 0; c < own; ++c) all[c].merge(block[c]);
-  for (std::size_t c = 0; c < own; ++c) columns_[c].type = type_of(columns_[c].name, all[c]);
+  for (std::size_t c = 0; c < own; ++c) {
+    const auto lacks = [&](const Scan& scan) {
+      return scan.count() > 0 &&
+             std::find(scan.value_names.begin(), scan.value_names.end(), columns_[c].name) == scan.value_names.end();
+    };
+    if (std::any_of(layout_.scans.begin(), layout_.scans.end(), lacks)) all[c].see({});  // no number is there: not 0
+    columns_[c].type = type_of(columns_[c].name, all[c]);
+  }
   if (layout_.scans.size() > 1) columns_.push_back({kScanColumn, NativeType::uint32, 1});
 }
 
