@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "io/column_names.hpp"
 #include "io/file_bytes.hpp"
 #include "io/text.hpp"
 #include "io/text_source.hpp"
@@ -189,11 +190,11 @@ class FrontReader {
       // R leaves the column with the numbers of the rows without a name
       if (front_.separator == ' ' && words.size() == front_.names.size() + 1 && words[0].data()[-1] == '"')
         front_.names.insert(front_.names.begin(), "row");
-    } else if (remark_.names.size() == words.size()) {
+    } else if (names_columns(remark_.names, words.size())) {
       take(remark_, remark_.line);
     } else {
       for (const std::string_view line : front_lines_) check_title(line, words.size());
-      front_.has_titles = front_.has_titles || !front_lines_.empty();
+      front_.has_titles = front_.has_titles || !front_lines_.empty() || !remark_.names.empty();
       front_.names = usual_names(format_, name_, words.size());
     }
     front_.named = front_.names.size();
@@ -203,6 +204,15 @@ class FrontReader {
     if (!axes) fail_nameless(front_.names);
     front_.coordinates = *axes;
     make_distinct(front_.names);
+  }
+
+  // A remark that has a word for each column; but normals or colours that the extension tells of go before others.
+  bool names_columns(const std::vector<std::string>& names, std::size_t columns) const {
+    constexpr std::size_t kCoordinates = 3;
+    if (names.size() != columns) return false;
+    const std::vector<std::string> usual = usual_names(format_, name_, columns);
+    if (format_ == Format::pts || usual.size() == kCoordinates) return true;
+    return std::any_of(names.begin(), names.end(), [&](const auto& name) { return ply_name(name) == usual.back(); });
   }
 
   void take(const Names& names, std::string_view line) {
