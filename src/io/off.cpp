@@ -142,6 +142,10 @@ class OffSource : public TextSource {
     const std::string_view text = bytes().substr(std::min(layout().end, row_begin(header_.points)));
     OffWords words(text, header_.line_end);
     ReadFaces result;
+    constexpr std::size_t kLeastFace = 4, kUsualCorners = 3;  // in bytes: "0 0\n"
+    const std::size_t expected = std::min<std::uint64_t>(header_.faces, text.size() / kLeastFace);
+    result.faces.ends.reserve(expected);
+    result.faces.corners.reserve(kUsualCorners * expected);
     while (result.faces.ends.size() < header_.faces) {
       add_face(words, result.faces);
       if (!header_.faces_have_lines) continue;
