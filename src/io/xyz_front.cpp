@@ -47,7 +47,7 @@ Names names_in(std::string_view line, char separator) {
 // Names that contain the coordinates; with none of them where the line has no such.
 Names coordinates_named_in(std::string_view line) {
   std::vector<char> separators = {separator_of(line)};
-  if (tabs_in(line) >= 2) separators.insert(separators.begin(), '\t');
+  if (tabs_in(line) >= 2) separators.insert(separators[0] == ' ' ? separators.begin() : separators.end(), '\t');
   for (const char separator : separators) {
     Names names = names_in(line, separator);
     if (find_coordinates(names.names)) return names;
@@ -162,16 +162,42 @@ class FrontReader {
     if (front_lines_.size() == kFrontLines) fail_without_rows();
     front_lines_.push_back(line);
     if (!names_.names.empty()) {
+      front_.is_doubtful = front_.is_doubtful || !is_of_units(trimmed(line));
       front_.has_titles = true;
     } else {
       names_ = coordinates_named_in(trimmed(line));
     }
   }
 
+  // Behind the names, a line with as many words is one of units, with letters for the coordinates, and no digits. Else
+  // it is a row with something wrong, which must not be passed over.
+  bool is_of_units(std::string_view line) const {
+    const Words words = words_of(line, names_.separator);
+    const auto axes = find_coordinates(names_.names);
+    if (!axes || words.size() != names_.names.size()) return false;
+    const auto has = [&](auto is_it) {
+      return std::any_of(axes->begin(), axes->end(),
+                         [&](std::size_t axis) { return std::any_of(words[axis].begin(), words[axis].end(), is_it); });
+    };
+    const bool digits = has([](char c) { return c >= '0' && c <= '9'; });
+    const bool letters = has([](char c) { return static_cast<unsigned char>(c | 32) >= 'a'; });
+    if (!digits && letters) return true;
+    for (const std::size_t axis : *axes)
+      if (!is_number(words[axis], names_.separator)) fail_row(line, words[axis]);
+    return false;
+  }
+
+  [[noreturn]] void fail_row(std::string_view line, std::string_view word) const {
+    fail(name_, "line " + std::to_string(line_number(text_, line.data())) + ": " + quoted(word) +
+                    " is not a number; repair or remove the line");
+  }
+
   void take_first_row(std::string_view line) {
     front_.separator = separator_of(line);
     const Names& named = names_.names.empty() ? remark_ : names_;
-    if (named.separator == '\t' && tabs_in(line) == tabs_in(named.line)) front_.separator = '\t';
+    const bool by_tabs = named.separator == '\t' && tabs_in(line) > 0;
+    if (by_tabs && tabs_in(line) == tabs_in(named.line)) front_.separator = '\t';
+    front_.is_doubtful = front_.is_doubtful || (by_tabs && front_.separator != '\t');
     const Words words = words_of(line, front_.separator);
     front_.columns = words.size();
     take_names(words);
@@ -221,13 +247,18 @@ class FrontReader {
     front_.names_separator = names.separator;
   }
 
-  // As many words as there are columns, and no number among them, are names.
+  // As many words as there are columns, and no number among them, are names; two coordinates and a third that is none
+  // are a row.
   void check_title(std::string_view line, std::size_t columns) const {
     for (const char separator : {front_.separator, separator_of(line)}) {
       const Words words = words_of(line, separator);
       const bool numbers =
           std::any_of(words.begin(), words.end(), [](auto word) { return to_number(word).has_value(); });
       if (words.size() == columns && !numbers) fail_nameless(names_in(line, separator).names);
+      if (words.size() != columns || columns < 3) continue;
+      const auto first = words.begin(), end = words.begin() + 3;
+      const auto is_word = [&](std::string_view word) { return !is_number(word, separator); };
+      if (std::count_if(first, end, is_word) == 1) fail_row(line, *std::find_if(first, end, is_word));
     }
   }
 
