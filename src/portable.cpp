@@ -94,6 +94,7 @@ struct Turn {
 Turn turn_of(double x) {
   // 33 bits each, so that n times the first is exact
   constexpr double kFirst = 0x1.921fb54400000p+0, kSecond = 0x1.0b4611a600000p-34, kThird = 0x1.3198a2e037073p-69;
+  if (!std::isfinite(x)) return {{x - x, 0}, 0};  // not a number
   if (!(std::abs(x) < 1e5)) x = std::fmod(x, 2 * std::numbers::pi);
   const double n = std::nearbyint(x * (2 / std::numbers::pi));
   const double first = x - n * kFirst, second = n * kSecond, high = first - second;

@@ -243,9 +243,53 @@ inline const std::vector<Given>& habits() {
   return all;
 }
 
+// Found by trying what else could go wrong.
+inline const std::vector<Given>& finds() {
+  const std::string csv = "x,y,z\n1.5,2,3\n4,5.25,6\n", with_i = "x,y,z,i\n1.5,2,3,7\n4,5.25,6,8\n",
+                    first_missing = "x,y,z\nnan,nan,nan\n4,5.25,6\n";
+  const std::string pcd = "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 2\nHEIGHT 1\n",
+                    ptx = "1\n1\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n";
+  static const std::vector<Given> all = {
+      {"pandas_none.csv", "x,y,z\nNone,None,None\n4,5.25,6\n", first_missing},
+      {"excel_na.csv", "x;y;z\n#N/A;#N/A;#N/A\n4;5.25;6\n", first_missing},
+      {"tabs_behind_commas.csv", "x,\ty,\tz\n1.5,\t2,\t3\n4,\t5.25,\t6\n", csv},
+      {"remarks.obj", "v 1.5 2 3 # first\nv 4 5.25 6\n", csv},
+      {"remarks_behind_colors.obj", "v 1 2 3 1 0 0.2 # a\nv 4 5 6 0 1 0 # b\n",
+       "x,y,z,red,green,blue\n1,2,3,255,0,51\n4,5,6,0,255,0\n"},
+      {"long_remarks.obj", "v 1.5 2 3 # a remark of many words\nv 4 5.25 6 #b\n", csv},
+      {"weights.obj", "v 1.5 2 3 1 # a\nv 4 5.25 6 0.5\n", "x,y,z,w\n1.5,2,3,1\n4,5.25,6,0.5\n"},
+      {"points.obj", "o a\nv 1.5 2 3\no b\nv 4 5.25 6\np 1 2\n", csv},
+      {"without_points.pcd", pcd + "DATA ascii\n1.5 2 3\n4 5.25 6\n", csv},
+      {"padding.pcd",
+       "VERSION 0.7\nFIELDS x y z _ i\nSIZE 4 4 4 1 4\nTYPE F F F U F\nCOUNT 1 1 1 4 1\nWIDTH 2\nHEIGHT 1\nPOINTS 2\n"
+       "DATA ascii\n1.5 2 3 0 0 0 0 7\n4 5.25 6 0 0 0 0 8\n",
+       with_i},
+      {"faces_first.ply",
+       "ply\nformat ascii 1.0\nelement face 1\nproperty list uchar int vertex_indices\nelement vertex 2\n" + kXyz +
+           "end_header\n3 0 1 0\n1.5 2 3\n4 5.25 6\n",
+       csv},
+      {"list_first.ply", ply("property list uchar int a\n" + kXyz, "2 7 7 1.5 2 3\n0 4 5.25 6\n"), csv},
+      {"blank_lines_at_the_end.ply", ply(kXyz, "1.5 2 3\n4 5.25 6\n\n\n"), csv},
+      {"without_intensity.ptx", replaced(ptx, "1\n1\n0", "2\n1\n0") + "1.5 2 3\n4 5.25 6\n", csv},
+      {"blank_lines.ptx", "\n" + ptx + "1.5 2 3 0.5\n\n\n" + ptx + "4 5.25 6 0.5\n\n",
+       "x,y,z,intensity,scan\n1.5,2,3,0.5,0\n4,5.25,6,0.5,1\n"},
+      {"without_count.pts", "1.5 2 3 7\n4 5.25 6 8\n", "x,y,z,intensity\n1.5,2,3,7\n4,5.25,6,8\n"},
+      {"remark_and_count.pts", "# made\n2\n1.5 2 3 7\n4 5.25 6 8\n", "x,y,z,intensity\n1.5,2,3,7\n4,5.25,6,8\n"},
+      {"count_and_blank.xyz", "2\n\n1.5 2 3\n4 5.25 6\n", csv},
+      {"separators_at_the_end.txt", "1.5;2;3;\n4;5.25;6;\n", csv},
+      {"zeros.txt", "001.500 002.000 +003\n4 5.25 6\n", csv},
+      {"names_in_capitals.csv", "XCOORD,YCOORD,ZCOORD\n1.5,2,3\n4,5.25,6\n", csv},
+      {"positions.csv", "position_x,position_y,position_z,i\n1.5,2,3,7\n4,5.25,6,8\n", with_i},
+      {"names_with_blanks.txt", "\"X coord\" \"Y coord\" \"Z coord\" i\n1.5 2 3 7\n4 5.25 6 8\n", with_i},
+      {"empty_row.csv", "x;y;z\n1.5;2;3\n;;\n4;5.25;6\n", "x,y,z\n1.5,2,3\nnan,nan,nan\n4,5.25,6\n"},
+  };
+  return all;
+}
+
 inline std::vector<Given> all_given() {
   std::vector<Given> all;
-  for (const auto* table : {&marks_and_line_ends(), &fronts(), &spellings(), &shapes(), &further(), &habits()})
+  for (const auto* table :
+       {&marks_and_line_ends(), &fronts(), &spellings(), &shapes(), &further(), &habits(), &finds()})
     all.insert(all.end(), table->begin(), table->end());
   return all;
 }

@@ -277,6 +277,12 @@ TEST(E57New, EveryAttributeOfAnyCloudIsReadBack) {
   for (std::size_t i = 0; i < count; ++i) ASSERT_EQ(x[i], normals[3 * i]);
 }
 
+TEST(E57New, IntegersBeyondThoseOfE57AreDoubles) {
+  const Cloud csv = parse("x,y,z,t\n1,2,3,18446744073709551615\n4,5,6,7\n", "a.csv");
+  const Cloud cloud = parse(image(csv, Format::e57), "a.e57");
+  EXPECT_EQ(values<double>(cloud, "t"), (std::vector<double>{18446744073709551616.0, 7}));
+}
+
 TEST(E57New, SmallCloudsAndFloatsStayWhatTheyAre) {
   for (const std::size_t count :
        {std::size_t{1}, std::size_t{7}, std::size_t{8}, std::size_t{5461}, std::size_t{5462}}) {

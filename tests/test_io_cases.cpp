@@ -73,6 +73,28 @@ TEST(FilesCases, WhatIsMissingAtTheEndOfALineIsWrittenThere) {
   EXPECT_EQ(image(cloud, Format::csv), "x;y;z;n\r\n8;9;7;1\r\n4;5;6;2\r\n");
 }
 
+// Found by the fuzzer: words that moved had the decimal sign of another row, and were taken for two.
+TEST(FilesCases, AWordThatMovedKeepsItsDecimalSign) {
+  Cloud cloud = parse("1.5\t2\t3\t0\n4\t4\t1,5\t0\n", "a.txt");
+  cloud.points[0].x = 2.5F;
+  cloud.points[1].z = 2.5F;
+  EXPECT_EQ(image(cloud, Format::txt), "2.5\t2\t3\t0\n4\t4\t2,5\t0\n");
+}
+
+// Found by the fuzzer: with one more name, a line that passed for a title had as many words as there are names.
+TEST(FilesCases, NoColumnIsAddedWhereLinesMightPassForRows) {
+  for (const char* text : {"x\ty\tz\tname\ti\n1.52\t\t3\toak\toak\t7\n4\t5.25\t6\tash\t8\n",
+                           "x\ty\tz\ti\n\t4\t5.25\t=\tash\n1.5\t2\t3\t7\n"}) {
+    Cloud cloud = parse(text, "a.csv");
+    EXPECT_EQ(image(cloud, Format::csv), text);
+    cloud.added = {
+        make_attribute<std::uint8_t>("n", ScalarType::uint8, std::vector<std::uint8_t>(cloud.points.size()))};
+    const Thrown thrown = thrown_by([&] { image(cloud, Format::csv); });
+    EXPECT_EQ(thrown.kind, ErrorKind::file);
+    EXPECT_NE(thrown.message.find("so no column is added"), std::string::npos) << thrown.message;
+  }
+}
+
 TEST(FilesCases, NegativeZeroStays) {
   for (const char* zero : {"-0.0000", "-0", "-0.0e0"}) {
     Cloud cloud = parse(std::string(zero) + " 2.5 3\n1 2 3\n", "a.txt");
@@ -104,6 +126,13 @@ TEST(FilesCases, WhatIsMeantIsSaidWhereAFileIsRefused) {
       {"a.xyz", "PK\x03\x04 packed", "is a ZIP archive"},
       {"a.ply", "version https://git-lfs.github.com/spec/v1\noid sha256:1\n", "Git LFS"},
       {"a.csv", "x,y,z\n1,2,3\nx,y,z\n4,5,6\n", "line 3: 'x' is not a number"},
+      // first rows that would pass for titles
+      {"a.csv", "x,y,z\n\"1,234.5\",\"2\",\"3\"\n4,5,6\n",
+       "line 2: '1,234.5' is not a number; repair or remove the line"},
+      {"a.csv", "x,y,z\n1,2,3 # first\n4,5,6\n", "line 2: '3 # first' is not a number"},
+      {"a.csv", "x,y,z\n***,***,***\n4,5,6\n", "line 2: '***' is not a number"},
+      {"a.csv", "x,y,z\n-,-,-\n4,5,6\n", "line 2: '-' is not a number"},
+      {"a.txt", "0x1.8p0 2 3\n4 5 6\n", "line 1: '0x1.8p0' is not a number"},
   };
   for (const Bad& bad : all) {
     SCOPED_TRACE(cut(bad.bytes));
@@ -152,6 +181,16 @@ TEST(FilesCases, IntegersKeepTheirDigitsInEveryEncoding) {
     const Cloud pcd = parse(image(csv, Format::pcd, encoding), "a.pcd");
     EXPECT_NE(image(pcd, Format::csv).find("1234567890123456789\n"), std::string::npos);
   }
+}
+
+TEST(FilesCases, DigitsThatAreLostForAMissingNumberAreTold) {
+  const Cloud cloud = parse("x,y,z,t\n1,2,3,1234567890123456789\n4,5,6,\n", "a.csv");
+  for (const Format format : {Format::ply, Format::pcd, Format::npy}) {
+    const std::vector<std::string> notes = losses(cloud, format);
+    ASSERT_EQ(notes.size(), 1U);
+    EXPECT_NE(notes[0].find("the last digits of the column 't'"), std::string::npos) << notes[0];
+  }
+  EXPECT_TRUE(losses(parse("x,y,z,t\n1,2,3,1234567890.5\n4,5,6,\n", "a.csv"), Format::pcd).empty());
 }
 
 TEST(FilesCases, ColoursKeepTheirMeaning) {

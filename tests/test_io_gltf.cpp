@@ -2,7 +2,7 @@
 // glTF meshes, made by hand: containers, transforms, shared points, strips, and what is damaged.
 #include <cmath>
 
-#include "io_files.h"
+#include "gltf_files.h"
 
 namespace pointfair::test {
 namespace {
@@ -30,13 +30,7 @@ std::string document(const std::string& nodes, const std::string& primitive, con
 
 const std::string kPrimitive = R"({"attributes":{"POSITION":0,"NORMAL":1,"COLOR_0":2},"indices":3})";
 
-std::string glb(std::string json, std::string binary = buffer()) {
-  json.resize((json.size() + 3) / 4 * 4, ' ');
-  binary.resize((binary.size() + 3) / 4 * 4);
-  const auto number = [](std::size_t value) { return packed<std::uint32_t>({static_cast<std::uint32_t>(value)}); };
-  return "glTF" + number(2) + number(28 + json.size() + binary.size()) + number(json.size()) + "JSON" + json +
-         number(binary.size()) + std::string("BIN\0", 4) + binary;
-}
+std::string glb(const std::string& json) { return test::glb(json, buffer()); }
 
 std::string base64(const std::string& bytes) {
   const char* const digits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
@@ -69,7 +63,8 @@ TEST(Gltf, VerticesArePointsAndTrianglesFaces) {
     EXPECT_EQ(values<std::uint8_t>(cloud, "green"), (std::vector<std::uint8_t>{0, 255, 0, 8}));
     EXPECT_NE(image(cloud, Format::ply).find("property float x\n"), std::string::npos);
     EXPECT_EQ(triangles(parse(image(cloud, Format::stl), "a.stl")).size(), 2U);
-    EXPECT_FALSE(losses(cloud, Format::ply).empty());
+    EXPECT_EQ(values<std::uint8_t>(cloud, "alpha"), (std::vector<std::uint8_t>{255, 255, 255, 255}));
+    EXPECT_EQ(losses(cloud, Format::ply), std::vector<std::string>());
   }
 }
 
@@ -104,6 +99,41 @@ TEST(Gltf, PrimitivesShareTheirPointsAndMayBeStripsAndFans) {
   EXPECT_EQ(triangles(strip), (std::vector<std::array<std::uint32_t, 3>>{{0, 1, 2}, {2, 1, 3}}));
   const Cloud fan = parse(glb(document(node, "{" + attributes + R"(,"mode":6})")), "a.glb");
   EXPECT_EQ(triangles(fan), (std::vector<std::array<std::uint32_t, 3>>{{0, 1, 2}, {0, 2, 3}}));
+}
+
+TEST(Gltf, PointsOfMeshesWithoutColoursAreWhite) {
+  const std::string node = R"([{"mesh":0}])", colored = R"({"attributes":{"POSITION":0,"COLOR_0":2}})",
+                    plain = R"({"attributes":{"POSITION":0}})", bytes = "\xFF\xFF\xFF\xFF";
+  const auto greens = [&](const std::string& primitives) {
+    const Cloud cloud = parse(glb(document(node, primitives)), "a.glb");
+    const auto green = values<std::uint8_t>(cloud, "green");
+    return std::string(green.begin(), green.end());
+  };
+  const std::string own("\0\xFF\0\x08", 4);
+  EXPECT_EQ(greens(colored + "," + plain), own + bytes);
+  EXPECT_EQ(greens(plain + "," + colored), bytes + own);
+}
+
+TEST(Gltf, WhatIsNotReadIsTold) {
+  const auto told = [](const std::string& nodes, const std::string& primitive, const std::string& more = "") {
+    std::string json = document(nodes, primitive);
+    json.back() = ',';
+    std::string all;
+    for (const std::string& note : losses(parse(glb(json + "\"extras\":1" + more + "}"), "a.glb"), Format::ply))
+      all += note + "\n";
+    return all;
+  };
+  const std::string front = "PLY files have no place for ", node = R"([{"mesh":0}])";
+  EXPECT_EQ(told(node, kPrimitive), "");
+  EXPECT_EQ(told(R"([{"mesh":0,"name":"door"}])", kPrimitive), front + "1 name of a part\n");
+  EXPECT_EQ(told(node, kPrimitive, R"(,"materials":[{},{}],"images":[{}])"), front + "2 materials, 1 image\n");
+  EXPECT_EQ(told(node, kPrimitive, R"(,"animations":[{}],"extensionsUsed":["KHR_lights_punctual"])"),
+            front + "1 animation, the extension KHR_lights_punctual\n");
+  EXPECT_EQ(told(node, R"({"attributes":{"POSITION":0,"TANGENT":1},"targets":[{}]})"),
+            front + "1 further shape of a mesh, the attribute TANGENT\n");
+  EXPECT_EQ(told(node, R"({"attributes":{"POSITION":0},"mode":3})"), front + "1 mesh of lines\n");
+  EXPECT_EQ(told(node, R"({"attributes":{"POSITION":0}}]},{"primitives":[{"attributes":{"POSITION":0}})"),
+            front + "1 mesh that is not in the scene\n");
 }
 
 TEST(Gltf, DamagedFilesAreRefusedInOneLine) {

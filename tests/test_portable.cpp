@@ -24,6 +24,14 @@ void for_each_number(double low, double high, const Check& check) {
   for (int i = 0; i < 50000; ++i) check(low + (high - low) * double(random() >> 11) * 0x1p-53);
 }
 
+// Found by the fuzzer, as a spherical coordinate: no integer is the quarter of such an angle.
+TEST(Portable, AnglesThatAreNoneHaveNoSine) {
+  for (const double angle : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+    EXPECT_TRUE(std::isnan(portable::sin(angle)));
+    EXPECT_TRUE(std::isnan(portable::cos(-angle)));
+  }
+}
+
 TEST(Portable, ExponentialIsWithinThreeHalvesOfALastPlace) {
   for_each_number(-690, 690, [](double x) {
     ASSERT_LT(error_of(portable::exp_within_700(x), std::exp(Real(x))), 3e-16) << x;

@@ -112,16 +112,21 @@ TEST(Ptx, ThePointsOfAllScansAreInOneFrame) {
 TEST(Ptx, IntensityColoursAndScansAreAttributes) {
   const Cloud cloud = parse(ptx(two_scans()), "scan.ptx");
   const std::vector<float> intensity = values<float>(cloud, "intensity");
-  const std::vector<std::uint8_t> red = values<std::uint8_t>(cloud, "red"), blue = values<std::uint8_t>(cloud, "blue");
+  const std::vector<float> red = values<float>(cloud, "red"), blue = values<float>(cloud, "blue");
   const std::vector<std::uint32_t> scan = values<std::uint32_t>(cloud, "scan");
   for (std::size_t i = 0; i < 1000; ++i) {
     const bool second = i >= 600;
     const std::size_t place = second ? i - 600 : i;
     EXPECT_EQ(intensity[i], static_cast<float>(static_cast<double>(place % 100) / 100));
-    EXPECT_EQ(red[i], second ? place % 256 : 0);
-    EXPECT_EQ(blue[i], second ? 255 : 0);
     EXPECT_EQ(scan[i], second ? 1U : 0U);
+    if (second) {
+      EXPECT_EQ(red[i], static_cast<float>(place % 256));
+      EXPECT_EQ(blue[i], 255);
+    } else {  // not black: it has none
+      EXPECT_TRUE(std::isnan(red[i]) && std::isnan(blue[i]));
+    }
   }
+  EXPECT_EQ(losses(cloud, Format::ply)[0].find("600 points without a colour become white"), 0U);
 }
 
 TEST(Ptx, TheScannersStoodWhereTheHeadersSay) {

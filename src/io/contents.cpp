@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstring>
 
@@ -93,15 +94,14 @@ class Attributes {
     if (!names.empty()) to.push_back({ContentKind::wide_integers, names});
   }
 
-  // Whether a double would be another number.
+  // Whether some value has more than the 53 bits of a double between its first and last one that is set.
   static bool is_wide(NativeType type, const std::vector<char>& values) {
-    return with_type(type, [&](auto tag) {
-      for (std::size_t at = 0; at < values.size(); at += sizeof tag) {
-        const auto value = load<decltype(tag)>(values.data() + at, false);
-        if (narrow<decltype(tag)>(static_cast<double>(value)) != value) return true;
-      }
-      return false;
-    });
+    for (std::size_t at = 0; at < values.size(); at += sizeof(std::uint64_t)) {
+      auto bits = load<std::uint64_t>(values.data() + at, false);
+      if (type == NativeType::int64 && bits >> 63 != 0) bits = 0 - bits;
+      if (bits != 0 && bits >> std::countr_zero(bits) >> 53 != 0) return true;
+    }
+    return false;
   }
 
   const Cloud& cloud_;

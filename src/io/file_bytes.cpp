@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cstdint>
 #include <cstdlib>
 #include <cstring>
 #include <new>
@@ -88,7 +89,7 @@ FileBytes FileBytes::open(const std::filesystem::path& path) {
     void* start = ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE, file.get(), 0);
     if (start == MAP_FAILED) fail(name, "cannot map: " + system_message());
     std::shared_ptr<const void> owner(start, [size](const void* p) { ::munmap(const_cast<void*>(p), size); });
-    return FileBytes(std::move(owner), {static_cast<const char*>(start), size});
+    return FileBytes(std::move(owner), {static_cast<const char*>(start), size}, true);
   }
 
   auto buffer = std::make_shared<Buffer>(std::size_t{1} << 16);
@@ -103,6 +104,28 @@ FileBytes FileBytes::open(const std::filesystem::path& path) {
   }
   const std::string_view view(buffer->data, size);
   return FileBytes(std::move(buffer), view);
+}
+
+void FileBytes::release_all() const {
+  if (!is_mapped_) return;
+#ifdef MADV_NOHUGEPAGE
+  ::madvise(const_cast<char*>(view_.data()), view_.size(), MADV_NOHUGEPAGE);
+#endif
+  release(view_);
+}
+
+void FileBytes::release(std::string_view part) const {
+  // Around a place the system maps all pages of a window of addresses at once, or of a large folio. Windows are
+  // released with each part, so that neighbours that share one read it again; folios when a part goes beyond their end.
+  constexpr std::uintptr_t kWindow = std::uintptr_t{1} << 16, kFolio = std::uintptr_t{1} << 21;
+  if (!is_mapped_ || part.empty()) return;
+  const auto first = reinterpret_cast<std::uintptr_t>(view_.data()), last = first + view_.size();
+  const auto begin = reinterpret_cast<std::uintptr_t>(part.data()), end = begin + part.size();
+  const bool ends_folio = begin / kFolio != end / kFolio || end == last;
+  const std::uintptr_t unit = ends_folio ? kFolio : kWindow;
+  const std::uintptr_t from = std::max(first, begin / unit * unit);
+  const std::uintptr_t to = std::min(last, (end + kWindow - 1) / kWindow * kWindow);
+  ::madvise(const_cast<char*>(view_.data()) + (from - first), to - from, MADV_DONTNEED);
 }
 
 }  // namespace pointfair::io

@@ -28,12 +28,19 @@ class FileBytes {
   static FileBytes copy(std::span<const std::byte> bytes);
 
   std::string_view view() const { return view_; }
+  /// Gives the memory of a mapped file back to the system, which reads it again when it is asked for: from now on in
+  /// small pages, so that release() is worth something.
+  void release_all() const;
+  /// The same of a part.
+  void release(std::string_view part) const;
 
  private:
-  FileBytes(std::shared_ptr<const void> owner, std::string_view view) : owner_(std::move(owner)), view_(view) {}
+  FileBytes(std::shared_ptr<const void> owner, std::string_view view, bool is_mapped = false)
+      : owner_(std::move(owner)), view_(view), is_mapped_(is_mapped) {}
 
   std::shared_ptr<const void> owner_;
   std::string_view view_;
+  bool is_mapped_ = false;
 };
 
 /// How a path is named in messages: as given, "-" as "standard input" or "standard output".

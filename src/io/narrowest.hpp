@@ -22,6 +22,7 @@ struct Narrowest {
   bool numbers = true, integers = true, fits_float = true;
   bool filled = false;  ///< some word is not empty
   bool fits_int64 = true, fits_uint64 = true;
+  bool has_wide = false;  ///< some whole number has more digits than a double
   double low = 0, high = 0;
 
   /// `decimal`: what stands before the decimals.
@@ -47,7 +48,10 @@ struct Narrowest {
     low = std::min(low, *value);
     high = std::max(high, *value);
     if (!std::isfinite(*value)) return;
-    if (integers && std::abs(*value) > kExactIntegers) see_digits(word);
+    if (decimals == 0 && std::abs(*value) > kExactIntegers) {
+      has_wide = true;
+      see_digits(word);
+    }
     // A float suffices if, printed with as many decimals, it gives the same word.
     const double error = std::abs(static_cast<double>(static_cast<float>(*value)) - *value);
     fits_float = fits_float && (error == 0 || (decimals >= 0 && error < 0.5 * portable::power_of_ten(-decimals)) ||
@@ -60,6 +64,7 @@ struct Narrowest {
     filled = filled || other.filled;
     fits_int64 = fits_int64 && other.fits_int64;
     fits_uint64 = fits_uint64 && other.fits_uint64;
+    has_wide = has_wide || other.has_wide;
     low = std::min(low, other.low);
     high = std::max(high, other.high);
   }

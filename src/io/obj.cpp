@@ -71,6 +71,7 @@ class ObjSource : public TextSource {
       std::atomic<bool> found{false};
       for_each_block(block_count(), [&](std::size_t block) {
         if (!found && has_obj_normals(block_text(block), layout().shape)) found = true;
+        release(block_text(block));
       });
       has_normals_ = found;
     });
@@ -98,7 +99,7 @@ std::shared_ptr<Source> read_obj(FileBytes bytes, const std::string& name) {
   layout.columns = {ColumnKind::other, ColumnKind::x, ColumnKind::y, ColumnKind::z};
   std::string_view rest = body.substr(begin_of_row(body, layout.rows, layout.shape, 0)), first;
   next_row(rest, first, layout.shape);
-  if (words_of(first).size() == 5) {
+  if (words_of(first.substr(0, first.find('#'))).size() == 5) {
     layout.attributes.push_back({{"w", NativeType::float32, 1}, 4, true, true});
   } else {  // some points may have no colour
     constexpr const char* kNames[] = {"red", "green", "blue", "alpha"};

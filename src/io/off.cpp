@@ -74,22 +74,26 @@ class HeaderReader {
   }
 
  private:
-  // The number of edges is often left out; it stands on the line of the others, or alone on the next.
+  // The number of edges follows, unless the line of the others ends, and the next one has more than one word.
   void take_edges() {
     std::string_view rest = text_.substr(mark_ + words_.position()), line;
     next_line(rest, line, header_.line_end);
     std::size_t words = words_of(without_remark(line)).size();
-    while (words == 0 && next_line(rest, line, header_.line_end)) {
-      words = words_of(without_remark(line)).size();
-      if (words > 1) return;
-    }
-    for (; words > 0 && words < 3; --words) words_.next();
+    const bool ends = words == 0;
+    while (words == 0 && next_line(rest, line, header_.line_end)) words = words_of(without_remark(line)).size();
+    if (ends && words > 1) return;
+    words_.next();
     line = text_.substr(mark_ + words_.position());
     line = line.substr(0, line.find(header_.line_end));
     if (words_of(without_remark(line)).empty()) words_.skip_line();
   }
 
-  void keyword(std::string_view word) {
+  void keyword(std::string_view written) {
+    std::string upper(written);
+    if (lower_case(written) == written)  // but "nOFF" is not "NOFF"
+      std::transform(upper.begin(), upper.end(), upper.begin(),
+                     [](char c) { return c >= 'a' && c <= 'z' ? char(c - 32) : c; });
+    std::string_view word = upper;
     const auto take = [&](std::string_view prefix) {
       const bool there = word.starts_with(prefix) && lower_case(word) != "off";
       if (there) word.remove_prefix(prefix.size());
@@ -138,6 +142,10 @@ class OffSource : public TextSource {
     const std::string_view text = bytes().substr(std::min(layout().end, row_begin(header_.points)));
     OffWords words(text, header_.line_end);
     ReadFaces result;
+    constexpr std::size_t kLeastFace = 4, kUsualCorners = 3;  // in bytes: "0 0\n"
+    const std::size_t expected = std::min<std::uint64_t>(header_.faces, text.size() / kLeastFace);
+    result.faces.ends.reserve(expected);
+    result.faces.corners.reserve(kUsualCorners * expected);
     while (result.faces.ends.size() < header_.faces) {
       add_face(words, result.faces);
       if (!header_.faces_have_lines) continue;

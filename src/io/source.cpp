@@ -49,9 +49,14 @@ std::vector<Position> Source::some_positions() const {
   return rows;
 }
 
-// A guess saves a second pass: it is nearly always what the sample shows.
+// A guess saves a second pass: it is nearly always what the sample shows. Of a damaged file, it might name another
+// place than the first one.
 std::vector<Point> Source::place() {
-  origin_ = io::choose_origin(some_positions());
+  try {
+    origin_ = io::choose_origin(some_positions());
+  } catch (const Error&) {
+    origin_ = {};
+  }
   std::vector<Point> points = new_points(static_cast<std::size_t>(size()));
   sample_ = place_at_origin(points);
   const Position origin = io::choose_origin(sample_);
@@ -101,6 +106,22 @@ void Source::extract(std::size_t index, std::span<char> out) const {
     extract_block(index, block,
                   out.subspan(static_cast<std::size_t>(block_begin(block)) * size, block_size(block) * size));
   });
+}
+
+void Source::extract_all(std::span<const std::span<char>> out) const {
+  const std::vector<io::Column> all = columns();
+  io::for_each_block(block_count(), [&](std::size_t block) {
+    std::vector<std::span<char>> of_block;
+    for (std::size_t c = 0; c < all.size(); ++c) {
+      const std::size_t size = io::column_bytes(all[c]);
+      of_block.push_back(out[c].subspan(static_cast<std::size_t>(block_begin(block)) * size, block_size(block) * size));
+    }
+    extract_all_of_block(block, of_block);
+  });
+}
+
+void Source::extract_all_of_block(std::size_t block, std::span<const std::span<char>> out) const {
+  for (std::size_t c = 0; c < out.size(); ++c) extract_block(c, block, out[c]);
 }
 
 Moves Source::moves(std::size_t block, const io::Edits& edits) const {

@@ -87,6 +87,10 @@ class Source {
   void extract(std::size_t index, std::span<char> out) const;
   /// Those of the points of `block`; after columns() was called.
   virtual void extract_block(std::size_t index, std::size_t block, std::span<char> out) const = 0;
+  /// The values of all attributes, each in its place of `out`: for a text in one pass.
+  void extract_all(std::span<const std::span<char>> out) const;
+  /// Those of the points of `block`; after columns() was called.
+  virtual void extract_all_of_block(std::size_t block, std::span<const std::span<char>> out) const;
   virtual Faces faces() const { return {}; }
 
   /// Writes the file in its own format with the edits.
@@ -139,6 +143,9 @@ class Source {
   virtual std::string_view tail() const { return {}; }
 
   std::string_view bytes() const { return bytes_.view(); }
+  /// What was read of a text is not held in memory beside what was made of it.
+  void release_all() const { bytes_.release_all(); }
+  void release(std::string_view part) const { bytes_.release(part); }
 
  private:
   static Point offset_of(const Position& value, const Position& origin);

@@ -20,6 +20,12 @@ void take_positions(const Cloud& cloud, Table& table) {
   positions(cloud, table.positions);
 }
 
+std::vector<std::span<char>> places_of(std::vector<TableColumn>& columns) {
+  std::vector<std::span<char>> places;
+  for (TableColumn& column : columns) places.emplace_back(column.data);
+  return places;
+}
+
 // Splits a column into one for each component.
 void split_components(const TableColumn& column, std::vector<TableColumn>& to) {
   const std::size_t size = size_of(column.type), stride = column_bytes(column), rows = column.data.size() / stride;
@@ -93,14 +99,13 @@ Table make_table(const Cloud& cloud) {
   Table table;
   take_positions(cloud, table);
   if (cloud.source) {
-    const std::vector<Column> columns = cloud.source->columns();
-    for (std::size_t c = 0; c < columns.size(); ++c) {
+    for (const Column& its : cloud.source->columns()) {
       TableColumn column;
-      static_cast<Column&>(column) = columns[c];
+      static_cast<Column&>(column) = its;
       column.data.resize(table.size() * column_bytes(column));
-      cloud.source->extract(c, column.data);
       table.columns.push_back(std::move(column));
     }
+    cloud.source->extract_all(places_of(table.columns));
     table.faces = cloud.source->faces();
   }
   for (const Attribute& attribute : cloud.added) {

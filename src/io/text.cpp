@@ -140,7 +140,8 @@ namespace {
 // What C libraries of Microsoft print, "1.#QNAN", "-1.#IND00", "1.#INF", and what stands for a missing number.
 std::optional<double> not_finite(std::string_view word) {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN(), kInfinite = std::numeric_limits<double>::infinity();
-  if (word == "NA" || word == "N/A" || word == "null" || word == "NULL") return kNan;
+  constexpr std::string_view kMissing[] = {"NA", "N/A", "n/a", "#N/A", "null", "NULL", "None"};
+  if (std::find(std::begin(kMissing), std::end(kMissing), word) != std::end(kMissing)) return kNan;
   const bool negative = word.starts_with('-');
   if (negative || word.starts_with('+')) word.remove_prefix(1);
   if (!word.starts_with("1.#")) return std::nullopt;

@@ -56,7 +56,8 @@ void TextSource::append_coordinate(std::string& to, std::string_view word, doubl
                                    bool exact) const {
   if (layout_.integers) return append_as(to, value, NativeType::int64);
   if (exact) return append_as(to, value, NativeType::float64);
-  if (layout_.decimal != ',') return append_moved(to, word, value, static_cast<float>(value - origin()[axis]));
+  const bool has_point = layout_.decimal != ',' || word.find('.') != std::string_view::npos;
+  if (has_point) return append_moved(to, word, value, static_cast<float>(value - origin()[axis]));
   std::string plain(word), text;
   std::replace(plain.begin(), plain.end(), ',', '.');
   append_moved(text, plain, value, static_cast<float>(value - origin()[axis]));

@@ -8,7 +8,11 @@
 namespace pointfair::io {
 namespace {
 
-constexpr std::size_t kChunkBytes = std::size_t{1} << 18;
+// What threads hold of their chunks, decoded, is little beside the file.
+std::size_t chunk_bytes(std::size_t text) {
+  constexpr std::size_t kLeast = std::size_t{1} << 14, kMost = std::size_t{1} << 18, kChunks = 256;
+  return std::clamp(text / kChunks, kLeast, kMost);
+}
 
 }  // namespace
 
@@ -75,9 +79,10 @@ std::size_t end_of_chunk(std::string_view text, std::size_t from, const RowShape
 TextRows find_rows(std::string_view text, const RowShape& shape) {
   if (shape.rule == RowRule::words) return find_rows_of_words(text, shape);
   TextRows rows;
+  const std::size_t bytes = chunk_bytes(text.size());
   for (std::size_t at = 0; at < text.size();) {
     rows.chunks.push_back({at, 0});
-    at = end_of_chunk(text, std::min(at + kChunkBytes, text.size()) - 1, shape);
+    at = end_of_chunk(text, std::min(at + bytes, text.size()) - 1, shape);
   }
   const std::size_t count = rows.chunks.size();
   rows.chunks.push_back({text.size(), 0});

@@ -54,7 +54,8 @@ inline bool is_row(std::string_view line, RowRule rule) {
   if (at == end) return false;
   if (rule == RowRule::vertices) return *at == 'v' && at + 1 != end && is_blank(at[1]);
   if (rule == RowRule::filled || rule == RowRule::words) return true;
-  if (*at == '#' || *at == '%' || (*at == '/' && at + 1 != end && at[1] == '/')) return false;
+  if (*at == '#') return std::string_view(at, static_cast<std::size_t>(end - at)).starts_with("#N/A");  // of Excel
+  if (*at == '%' || (*at == '/' && at + 1 != end && at[1] == '/')) return false;
   return rule != RowRule::counted || has_several_words({at, static_cast<std::size_t>(end - at)});
 }
 

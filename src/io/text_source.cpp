@@ -25,6 +25,7 @@ void words_from(std::string_view line, const TextLayout& layout, std::size_t fir
   for (std::size_t c = 0; c < first + words.size() && row.next(kind, word); ++c) {
     if (c >= first) words[c - first] = word;
   }
+  end_at_remark(layout.shape, words);
 }
 
 TextSource::TextSource(FileBytes bytes, std::string name, Format format, TextLayout layout)
@@ -45,6 +46,10 @@ TextSource::TextSource(FileBytes bytes, std::string name, Format format, TextLay
   const bool in_row = has(x + 1, ColumnKind::y) && has(x + 2, ColumnKind::z);
   plain_ = std::find(layout_.columns.begin(), layout_.columns.end(), ColumnKind::list) == layout_.columns.end();
   if (plain_ && in_row) plain_lead_ = x;
+  const auto may_be_left_out = [&](const TextColumn& column) { return column.optional && column.first >= x + 3; };
+  if (!attributes_.empty() && std::all_of(attributes_.begin(), attributes_.end(), may_be_left_out))
+    ends_with_z_ = std::vector<std::atomic<bool>>(block_count());
+  release_all();  // which was read for its rows
 }
 
 // What is read stays in proportion to the file, whatever its first lines promise.
@@ -123,15 +128,19 @@ std::optional<double> TextSource::number_with_comma(std::string_view word) const
   return is_comma_number(word) ? to_number(plain) : std::nullopt;
 }
 
-bool TextSource::take_plain_position(std::string_view line, Position& position) const {
+bool TextSource::take_plain_position(std::string_view line, Position& position, bool& ends_with_z) const {
   if (plain_lead_ == kNotPlain) return false;
   PlainRow row(line, layout_.separator);
-  return row.skip(plain_lead_) && row.position(position) && ends_as_declared(row);
+  if (!row.skip(plain_lead_) || !row.position(position)) return false;
+  ends_with_z = ends_with_z && row.is_at_end();
+  return ends_as_declared(row);
 }
 
 void TextSource::positions(std::size_t block, std::span<Position> out) const {
+  bool ends_with_z = true;
   for_each_line(block, [&](std::string_view line, std::ptrdiff_t point) {
-    if (point < 0 || take_plain_position(line, out[static_cast<std::size_t>(point)])) return;
+    if (point < 0 || take_plain_position(line, out[static_cast<std::size_t>(point)], ends_with_z)) return;
+    ends_with_z = false;  // not looked at
     const auto words = coordinate_words(line);
     for (std::size_t axis = 0; axis < 3; ++axis) {
       const std::optional<double> value = number(words[axis]);
@@ -139,13 +148,12 @@ void TextSource::positions(std::size_t block, std::span<Position> out) const {
       out[static_cast<std::size_t>(point)][axis] = *value;
     }
   });
+  if (!ends_with_z_.empty()) ends_with_z_[block] = ends_with_z;
 }
 
-// The numbers of an attribute in one row. False: look closer.
-bool TextSource::take_plain_numbers(std::string_view line, const TextColumn& column, char* to) const {
+// The numbers of an attribute, with which the rest of a row begins. False: look closer.
+bool TextSource::take_plain_numbers(PlainRow& row, const TextColumn& column, char* to) {
   const bool is_wide = size_of(column.type) == 8 && is_integer(column.type);
-  PlainRow row(line, layout_.separator);
-  if (!plain_ || !row.skip(column.first)) return false;
   for (std::uint32_t c = 0; c < column.components; ++c, to += size_of(column.type)) {
     std::string_view word;
     double value = 0;
@@ -156,28 +164,49 @@ bool TextSource::take_plain_numbers(std::string_view line, const TextColumn& col
   return true;
 }
 
+// The numbers of an attribute in any row.
+void TextSource::take_numbers(std::string_view line, const TextColumn& column, std::vector<std::string_view>& words,
+                              char* to) const {
+  column_words(line, layout_, column, words);
+  for (const std::string_view word : words) {
+    const std::optional<double> value = number(word);
+    const bool exact = size_of(column.type) == 8 && is_integer(column.type) && to_integer(word, column.type, to);
+    if (!exact) store_double(to, column.type, false, value.value_or(0));
+    if (!value) fail_at(line.data(), quoted(word) + " in column " + column.name + " is not a number; repair the line");
+    to += size_of(column.type);
+  }
+}
+
 void TextSource::extract_block(std::size_t index, std::size_t block, std::span<char> out) const {
   const TextColumn& column = attributes_[index];
-  const std::size_t size = size_of(column.type);
   std::vector<std::string_view> words;
   char* to = out.data();
   for_each_line(block, [&](std::string_view line, std::ptrdiff_t point) {
     if (point < 0) return;
-    if (take_plain_numbers(line, column, to)) {
-      to += size * column.components;
-      return;
-    }
-    column_words(line, layout_, column, words);
-    for (const std::string_view word : words) {
-      const std::optional<double> value = number(word);
-      const bool exact = size_of(column.type) == 8 && is_integer(column.type) && to_integer(word, column.type, to);
-      if (!exact) store_double(to, column.type, false, value.value_or(0));
-      if (!value) {
-        fail_at(line.data(), quoted(word) + " in column " + column.name + " is not a number; repair the line");
-      }
-      to += size;
+    PlainRow row(line, layout_.separator);
+    if (!plain_ || !row.skip(column.first) || !take_plain_numbers(row, column, to))
+      take_numbers(line, column, words, to);
+    to += column_bytes(column);
+  });
+}
+
+// The attributes stand in a row in their order, so that one walk along it finds them all.
+void TextSource::extract_all_of_block(std::size_t block, std::span<const std::span<char>> out) const {
+  std::vector<std::string_view> words;
+  for_each_line(block, [&](std::string_view line, std::ptrdiff_t point) {
+    if (point < 0) return;
+    PlainRow row(line, layout_.separator);
+    bool is_plain = plain_;
+    std::size_t at = 0;
+    for (std::size_t a = 0; a < attributes_.size(); ++a) {
+      const TextColumn& column = attributes_[a];
+      char* const to = out[a].data() + static_cast<std::size_t>(point) * column_bytes(column);
+      is_plain = is_plain && column.first >= at && row.skip(column.first - at) && take_plain_numbers(row, column, to);
+      if (!is_plain) take_numbers(line, column, words, to);
+      at = column.first + column.components;
     }
   });
+  for (std::size_t c = attributes_.size(); c < out.size(); ++c) extract_block(c, block, out[c]);  // not in the rows
 }
 
 }  // namespace pointfair::io

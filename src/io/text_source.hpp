@@ -2,6 +2,7 @@
 // Points in lines of text. Every line that is no point is kept as it is.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <mutex>
 #include <string>
@@ -44,6 +45,15 @@ struct TextLayout {
   bool extendable = true;              ///< columns may be appended
 };
 
+/// Of a vertex of OBJ: leaves the words behind it empty from the remark on that may follow.
+inline void end_at_remark(const RowShape& shape, std::vector<std::string_view>& words) {
+  bool is_remark = false;
+  for (std::size_t w = 0; w < words.size() && shape.rule == RowRule::vertices; ++w) {
+    is_remark = is_remark || words[w].starts_with('#');
+    if (is_remark) words[w] = {};
+  }
+}
+
 class TextSource : public Source {
  public:
   TextSource(FileBytes bytes, std::string name, Format format, TextLayout layout);
@@ -54,6 +64,7 @@ class TextSource : public Source {
   ScalarType coordinate_type() const override;
   std::vector<Column> columns() const override;
   void extract_block(std::size_t index, std::size_t block, std::span<char> out) const override;
+  void extract_all_of_block(std::size_t block, std::span<const std::span<char>> out) const override;
   std::vector<Content> contents() const override;
 
  protected:
@@ -71,8 +82,10 @@ class TextSource : public Source {
   void for_each_line(std::size_t block, const Visit& visit) const;
   std::array<std::string_view, 3> coordinate_words(std::string_view line) const;
   // Of usual rows; false for another.
-  bool take_plain_position(std::string_view line, Position& position) const;
-  bool take_plain_numbers(std::string_view line, const TextColumn& column, char* to) const;
+  bool take_plain_position(std::string_view line, Position& position, bool& ends_with_z) const;
+  static bool take_plain_numbers(PlainRow& row, const TextColumn& column, char* to);
+  void take_numbers(std::string_view line, const TextColumn& column, std::vector<std::string_view>& words,
+                    char* to) const;
   bool take_plain_words(std::string_view line, std::size_t first, std::vector<std::string_view>& words) const;
   bool ends_as_declared(PlainRow& row) const;
   [[noreturn]] void fail_at(const char* place, const std::string& message) const;
@@ -91,9 +104,11 @@ class TextSource : public Source {
   TextLayout layout_;
   bool plain_ = false;                  ///< rows have no lists
   std::size_t plain_lead_ = kNotPlain;  ///< columns before x, of plain rows where y and z follow it
+  /// Of each block: whether positions() found no word behind the coordinates, where attributes are optional.
+  mutable std::vector<std::atomic<bool>> ends_with_z_;
   mutable std::once_flag types_found_;
   mutable std::vector<TextColumn> attributes_;
-  mutable std::vector<std::string> text_columns_;
+  mutable std::vector<std::string> text_columns_, rounded_columns_;
 };
 
 /// Appends the values of `added` at `point` as words, each with `separator` before it.
@@ -111,6 +126,7 @@ void TextSource::for_each_line(std::size_t block, const Visit& visit) const {
     row += data;
     visit(line, is_point ? point++ : -1);
   }
+  release(block_text(block));
 }
 
 }  // namespace pointfair::io

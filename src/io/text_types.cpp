@@ -34,12 +34,14 @@ bool TextSource::take_plain_words(std::string_view line, std::size_t first,
     if (!row.is_at_end()) return false;
     word = {};
   }
+  end_at_remark(layout_.shape, words);
   return true;
 }
 
 // What the words of each column have in common, of those whose type is unknown.
 std::vector<Narrowest> TextSource::see_columns(std::size_t block) const {
   std::vector<Narrowest> seen(attributes_.size());
+  if (!ends_with_z_.empty() && ends_with_z_[block]) return seen;
   std::vector<std::size_t> owner;  // the attribute in each column, or as many as there are for none
   for (std::size_t a = 0; a < attributes_.size(); ++a) {
     if (attributes_[a].typed && !attributes_[a].optional) continue;
@@ -74,6 +76,7 @@ void TextSource::find_types() const {
       if (!all.filled || (!all.numbers && !column.typed)) continue;
       if (!column.typed) column.type = all.type();
       column.guessed = !column.typed;
+      if (column.guessed && all.has_wide && !is_integer(column.type)) rounded_columns_.push_back(column.name);
     }
     kept.push_back(column);
   }
@@ -91,6 +94,8 @@ std::vector<Content> TextSource::contents() const {
   std::vector<Content> result;
   for (const std::string& column : text_columns_)
     result.push_back({ContentKind::text, "the column of words '" + column + "'"});
+  for (const std::string& column : rounded_columns_)
+    result.push_back({ContentKind::text, "the last digits of the column '" + column + "', in which some are missing"});
   if (layout_.shape.rule == RowRule::filled || layout_.shape.rule == RowRule::words) return result;
   std::vector<std::uint64_t> remarks(block_count());
   for_each_block(remarks.size(), [&](std::size_t block) {

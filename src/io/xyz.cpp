@@ -25,6 +25,10 @@ class XyzSource : public TextSource {
   std::string header(const AddedAttributes& added) const override {
     std::string text(bytes().substr(0, front_.end));
     if (front_.names_end == 0 || added.empty()) return text;
+    if (front_.is_doubtful)
+      fail(name(),
+           "between its names and its first row are lines that are neither, or its rows have more values than "
+           "names, so no column is added; repair it, or choose PLY");
     std::string names;
     for (std::size_t c = front_.named; c < front_.names.size(); ++c)
       names += front_.names_separator + one_word(front_.names[c]);

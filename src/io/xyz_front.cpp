@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "io/column_names.hpp"
 #include "io/file_bytes.hpp"
 #include "io/text.hpp"
 #include "io/text_source.hpp"
@@ -46,7 +47,7 @@ Names names_in(std::string_view line, char separator) {
 // Names that contain the coordinates; with none of them where the line has no such.
 Names coordinates_named_in(std::string_view line) {
   std::vector<char> separators = {separator_of(line)};
-  if (tabs_in(line) >= 2) separators.insert(separators.begin(), '\t');
+  if (tabs_in(line) >= 2) separators.insert(separators[0] == ' ' ? separators.begin() : separators.end(), '\t');
   for (const char separator : separators) {
     Names names = names_in(line, separator);
     if (find_coordinates(names.names)) return names;
@@ -161,16 +162,42 @@ class FrontReader {
     if (front_lines_.size() == kFrontLines) fail_without_rows();
     front_lines_.push_back(line);
     if (!names_.names.empty()) {
+      front_.is_doubtful = front_.is_doubtful || !is_of_units(trimmed(line));
       front_.has_titles = true;
     } else {
       names_ = coordinates_named_in(trimmed(line));
     }
   }
 
+  // Behind the names, a line with as many words is one of units, with letters for the coordinates, and no digits. Else
+  // it is a row with something wrong, which must not be passed over.
+  bool is_of_units(std::string_view line) const {
+    const Words words = words_of(line, names_.separator);
+    const auto axes = find_coordinates(names_.names);
+    if (!axes || words.size() != names_.names.size()) return false;
+    const auto has = [&](auto is_it) {
+      return std::any_of(axes->begin(), axes->end(),
+                         [&](std::size_t axis) { return std::any_of(words[axis].begin(), words[axis].end(), is_it); });
+    };
+    const bool digits = has([](char c) { return c >= '0' && c <= '9'; });
+    const bool letters = has([](char c) { return static_cast<unsigned char>(c | 32) >= 'a'; });
+    if (!digits && letters) return true;
+    for (const std::size_t axis : *axes)
+      if (!is_number(words[axis], names_.separator)) fail_row(line, words[axis]);
+    return false;
+  }
+
+  [[noreturn]] void fail_row(std::string_view line, std::string_view word) const {
+    fail(name_, "line " + std::to_string(line_number(text_, line.data())) + ": " + quoted(word) +
+                    " is not a number; repair or remove the line");
+  }
+
   void take_first_row(std::string_view line) {
     front_.separator = separator_of(line);
     const Names& named = names_.names.empty() ? remark_ : names_;
-    if (named.separator == '\t' && tabs_in(line) == tabs_in(named.line)) front_.separator = '\t';
+    const bool by_tabs = named.separator == '\t' && tabs_in(line) > 0;
+    if (by_tabs && tabs_in(line) == tabs_in(named.line)) front_.separator = '\t';
+    front_.is_doubtful = front_.is_doubtful || (by_tabs && front_.separator != '\t');
     const Words words = words_of(line, front_.separator);
     front_.columns = words.size();
     take_names(words);
@@ -189,11 +216,11 @@ class FrontReader {
       // R leaves the column with the numbers of the rows without a name
       if (front_.separator == ' ' && words.size() == front_.names.size() + 1 && words[0].data()[-1] == '"')
         front_.names.insert(front_.names.begin(), "row");
-    } else if (remark_.names.size() == words.size()) {
+    } else if (names_columns(remark_.names, words.size())) {
       take(remark_, remark_.line);
     } else {
       for (const std::string_view line : front_lines_) check_title(line, words.size());
-      front_.has_titles = front_.has_titles || !front_lines_.empty();
+      front_.has_titles = front_.has_titles || !front_lines_.empty() || !remark_.names.empty();
       front_.names = usual_names(format_, name_, words.size());
     }
     front_.named = front_.names.size();
@@ -205,19 +232,33 @@ class FrontReader {
     make_distinct(front_.names);
   }
 
+  // A remark that has a word for each column; but normals or colours that the extension tells of go before others.
+  bool names_columns(const std::vector<std::string>& names, std::size_t columns) const {
+    constexpr std::size_t kCoordinates = 3;
+    if (names.size() != columns) return false;
+    const std::vector<std::string> usual = usual_names(format_, name_, columns);
+    if (format_ == Format::pts || usual.size() == kCoordinates) return true;
+    return std::any_of(names.begin(), names.end(), [&](const auto& name) { return ply_name(name) == usual.back(); });
+  }
+
   void take(const Names& names, std::string_view line) {
     front_.names = names.names;
     front_.names_end = static_cast<std::size_t>(trimmed(line).data() + trimmed(line).size() - text_.data());
     front_.names_separator = names.separator;
   }
 
-  // As many words as there are columns, and no number among them, are names.
+  // As many words as there are columns, and no number among them, are names; two coordinates and a third that is none
+  // are a row.
   void check_title(std::string_view line, std::size_t columns) const {
     for (const char separator : {front_.separator, separator_of(line)}) {
       const Words words = words_of(line, separator);
       const bool numbers =
           std::any_of(words.begin(), words.end(), [](auto word) { return to_number(word).has_value(); });
       if (words.size() == columns && !numbers) fail_nameless(names_in(line, separator).names);
+      if (words.size() != columns || columns < 3) continue;
+      const auto first = words.begin(), end = words.begin() + 3;
+      const auto is_word = [&](std::string_view word) { return !is_number(word, separator); };
+      if (std::count_if(first, end, is_word) == 1) fail_row(line, *std::find_if(first, end, is_word));
     }
   }
 

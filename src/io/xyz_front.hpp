@@ -26,6 +26,7 @@ struct XyzFront {
   char names_separator = ' ';
   std::optional<std::uint64_t> count;  ///< of rows, as a line of one number says
   bool has_titles = false;             ///< lines that say nothing about the columns
+  bool is_doubtful = false;            ///< with one more name, lines that are none of rows might pass for some
 };
 
 /// Throws Error(file) in the name of `name` if no row of numbers is found, or if it is not known which columns are the

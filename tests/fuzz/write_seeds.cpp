@@ -4,6 +4,7 @@
 #include <fstream>
 
 #include "e57_sample.h"
+#include "io_cases.h"
 #include "laz_parts.h"
 
 namespace {
@@ -24,6 +25,7 @@ void put_las(const fs::path& folder) {
         std::to_string(spec.minor) + "_" + std::to_string(spec.format) + (spec.described ? "x" : "");
     const std::string las = test::make_las(spec);
     put(folder / "fuzz_las", name + ".las", las);
+    put(folder / "fuzz_copc", name, las);
     const auto laz = write_bytes(fuzz::read_as(fuzz::as_bytes(las), Format::las), Format::laz);
     put(folder / "fuzz_las", name + ".laz", {reinterpret_cast<const char*>(laz.data()), laz.size()});
   }
@@ -70,6 +72,23 @@ void put_scans_and_meshes(const fs::path& folder) {
       R"("buffers":[{"byteLength":12,"uri":"data:a;base64,AAAAAQAAAAEAAAAA"}]})");
 }
 
+// As people write them; the formats of tables are fuzzed with all of those.
+void put_cases(const fs::path& folder) {
+  int number = 0;
+  for (const test::Given& given : test::all_given()) {
+    const std::string name = std::to_string(number++), extension = fs::path(given.name).extension().string();
+    const bool is_table =
+        extension == ".asc" || extension == ".csv" || extension == ".txt" || extension.starts_with(".xyz");
+    if (is_table) {
+      for (const char* const target : {"fuzz_csv", "fuzz_xyz", "fuzz_new_files"})
+        put(folder / target, name, given.bytes);
+    } else {
+      put(folder / ("fuzz_" + extension.substr(1)), name, given.bytes);
+    }
+    put(folder / "fuzz_new_files", "written_" + name, given.csv);
+  }
+}
+
 }  // namespace
 
 int main(int count, char** arguments) {
@@ -77,4 +96,5 @@ int main(int count, char** arguments) {
   put_las(arguments[1]);
   put_e57(arguments[1]);
   put_scans_and_meshes(arguments[1]);
+  put_cases(arguments[1]);
 }

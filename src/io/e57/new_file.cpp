@@ -94,7 +94,7 @@ std::string field_name(const std::string& name) {
 }
 
 // Integers have the range of their type, those of 64 bits that of their values.
-void set_range(NewField& field, std::size_t count) {
+void set_range(NewField& field) {
   with_type(field.type, [&](auto tag) {
     using T = decltype(tag);
     if constexpr (std::is_integral_v<T> && sizeof(T) < 8) {
@@ -105,9 +105,21 @@ void set_range(NewField& field, std::size_t count) {
       field.maximum = std::numeric_limits<std::int64_t>::max();
     }
   });
-  if (field.type != NativeType::uint64) return;
-  for (std::size_t i = 0; i < count; ++i)  // beyond int64 only as doubles
-    if (load<std::uint64_t>(field.values + i * field.stride, false) >> 63 != 0) field.type = NativeType::float64;
+}
+
+// E57 has integers up to those of int64.
+void use_doubles_beyond_int64(TableColumn& column) {
+  constexpr std::size_t kSize = 8;
+  if (column.type != NativeType::uint64) return;
+  bool is_beyond = false;
+  for (std::size_t at = 0; at < column.data.size(); at += kSize)
+    is_beyond = is_beyond || load<std::uint64_t>(column.data.data() + at, false) >> 63 != 0;
+  if (!is_beyond) return;
+  for (std::size_t at = 0; at < column.data.size(); at += kSize) {
+    const double value = load_double(column.data.data() + at, column.type, false);
+    store_double(column.data.data() + at, NativeType::float64, false, value);
+  }
+  column.type = NativeType::float64;
 }
 
 class NewFile {
@@ -127,7 +139,10 @@ class NewFile {
     const bool all_valid = std::all_of(table_.positions.begin(), table_.positions.end(),
                                        [](const Position& p) { return std::isfinite(p[0] + p[1] + p[2]); });
     if (!all_valid) add_state();
-    for (const TableColumn& column : table_.columns) add_column(column);
+    for (TableColumn& column : table_.columns) {
+      use_doubles_beyond_int64(column);
+      add_column(column);
+    }
     records_ = static_cast<std::size_t>((kMostOfPacket - kPacketHeader - 2 * fields_.size() - 4) * 8 / bits()) / 8 * 8;
     if (records_ == 0)
       throw Error(ErrorKind::usage, "the cloud has too many attributes for an E57 file; leave some out");
@@ -190,7 +205,7 @@ class NewFile {
     field.type = column.type;
     field.values = column.data.data();
     field.stride = column_bytes(column);
-    set_range(field, table_.size());
+    set_range(field);
     fields_.push_back(field);
   }
 

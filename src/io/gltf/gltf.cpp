@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "io/formats.hpp"
+#include "io/gltf/contents.hpp"
 #include "io/gltf/document.hpp"
 #include "io/held_source.hpp"
 
@@ -90,11 +91,14 @@ struct Wanted {
   std::vector<const char*> names;
 };
 const std::array<Wanted, 3> kWanted = {
-    {{"NORMAL", {"nx", "ny", "nz"}}, {"TEXCOORD_0", {"s", "t"}}, {"COLOR_0", {"red", "green", "blue"}}}};
+    {{"NORMAL", {"nx", "ny", "nz"}}, {"TEXCOORD_0", {"s", "t"}}, {"COLOR_0", {"red", "green", "blue", "alpha"}}}};
 
 class Scene {
  public:
   explicit Scene(const Document& document) : document_(document) {}
+
+  /// Which nodes belong to it, once it was read.
+  const std::vector<bool>& visited() const { return visited_; }
 
   Table read() {
     const Json& json = document_.json();
@@ -107,8 +111,7 @@ class Scene {
       for (const std::size_t root : roots(nodes)) visit(Json(root), {}, 0);
     }
     if (table_.positions.empty()) fail(document_.name(), "has no meshes with points; choose another file");
-    for (TableColumn& column : table_.columns)  // of meshes behind the last that has it
-      column.data.resize(table_.size() * size_of(column.type));
+    for (TableColumn& column : table_.columns) fill_up(column, table_.size());
     table_.coordinate_type = is_moved_ ? ScalarType::float64 : ScalarType::float32;
     return std::move(table_);
   }
@@ -161,9 +164,10 @@ class Scene {
     for (const Wanted& wanted : kWanted) {
       if (!attributes.contains(wanted.attribute)) continue;
       const Values values = document_.values(attributes.at(wanted.attribute));
-      if (values.count != positions.count || values.components < wanted.names.size()) throw std::out_of_range("count");
-      const bool is_normal = wanted.names.size() == 3 && wanted.names[0] == std::string_view("nx");
-      for (std::size_t c = 0; c < wanted.names.size(); ++c)
+      const std::size_t least = std::min<std::size_t>(wanted.names.size(), 3);  // colours may be without alpha
+      if (values.count != positions.count || values.components < least) throw std::out_of_range("count");
+      const bool is_normal = wanted.names[0] == std::string_view("nx");
+      for (std::size_t c = 0; c < std::min(wanted.names.size(), values.components); ++c)
         add_values(wanted.names[c], values, first, c, is_normal ? &transform : nullptr);
     }
   }
@@ -180,13 +184,26 @@ class Scene {
       column = table_.columns.insert(column, std::move(added));
     }
     const std::size_t size = size_of(column->type);
+    fill_up(*column, first);
     column->data.resize((first + values.count) * size);
-    const double factor = column->type == NativeType::uint8 ? 255 : 1;
+    const double factor = full(*column);
     for (std::size_t i = 0; i < values.count; ++i) {
       double value = values.at(i, component);
       if (transform) value = transform->normal({values.at(i, 0), values.at(i, 1), values.at(i, 2)})[component];
       store_double(column->data.data() + (first + i) * size, column->type, false, factor * value);
     }
+  }
+
+  static double full(const TableColumn& column) { return column.type == NativeType::uint8 ? 255 : 1; }
+  // For the points of meshes without the attribute: no normal, no texture, and white, as glTF says.
+  static void fill_up(TableColumn& column, std::size_t points) {
+    const std::vector<const char*>& colors = kWanted.back().names;
+    const bool is_color = std::find(colors.begin(), colors.end(), column.name) != colors.end();
+    const std::size_t size = size_of(column.type);
+    std::size_t at = column.data.size();
+    column.data.resize(points * size);
+    for (; is_color && at < column.data.size(); at += size)
+      store_double(column.data.data() + at, column.type, false, full(column));
   }
 
   void add_faces(const Json& primitive, std::size_t first, std::size_t points) {
@@ -223,10 +240,12 @@ class Scene {
 
 class GltfSource final : public HeldSource {
  public:
-  using HeldSource::HeldSource;
-  std::vector<Content> contents() const override {
-    return {{ContentKind::records, "what else the glTF file has, such as materials, images and animations"}};
-  }
+  GltfSource(std::string name, Table table, std::vector<Content> contents)
+      : HeldSource(std::move(name), Format::glb, Encoding::binary, std::move(table)), contents_(std::move(contents)) {}
+  std::vector<Content> contents() const override { return contents_; }
+
+ private:
+  std::vector<Content> contents_;
 };
 
 }  // namespace
@@ -235,7 +254,10 @@ class GltfSource final : public HeldSource {
 std::shared_ptr<Source> read_gltf(FileBytes bytes, const std::string& name) {
   const gltf::Document document(std::move(bytes), name);
   try {
-    return std::make_shared<gltf::GltfSource>(name, Format::glb, Encoding::binary, gltf::Scene(document).read());
+    gltf::Scene scene(document);
+    Table table = scene.read();
+    return std::make_shared<gltf::GltfSource>(name, std::move(table),
+                                              gltf::further_contents(document.json(), scene.visited()));
   } catch (const gltf::Json::exception&) {
     fail(name, "this glTF file is damaged: its JSON is not that of glTF; export it again");
   } catch (const std::out_of_range& error) {

@@ -17,6 +17,7 @@ namespace ptx {
 namespace {
 
 constexpr const char* kScanColumn = "scan";
+constexpr double kMissing = std::numeric_limits<double>::quiet_NaN();
 
 // A scanner writes zeros where nothing came back.
 bool is_invalid(const Position& own) { return own[0] == 0 && own[1] == 0 && own[2] == 0; }
@@ -46,6 +47,7 @@ PtxSource::PtxSource(FileBytes bytes, std::string name, Layout layout)
         columns_.push_back({value, NativeType::float32, 1, true});
     }
   }
+  release_all();  // which was read for its rows
 }
 
 // Calls visit(row, point), the point counted from the first of the block.
@@ -56,6 +58,7 @@ void PtxSource::for_each_row(std::size_t block, const Visit& visit) const {
   std::size_t point = 0;
   while (next_line(rest, line))
     if (is_row(line, RowRule::filled)) visit(line, point++);
+  release(bytes().substr(where.begin, where.end - where.begin));
 }
 
 void PtxSource::fail_at(const char* place, const std::string& message) const {
@@ -126,7 +129,14 @@ void PtxSource::find_types() const {
   std::vector<Narrowest> all(own);
   for (const std::vector<Narrowest>& block : seen)
     for (std::size_t c = 0; c < own; ++c) all[c].merge(block[c]);
-  for (std::size_t c = 0; c < own; ++c) columns_[c].type = type_of(columns_[c].name, all[c]);
+  for (std::size_t c = 0; c < own; ++c) {
+    const auto lacks = [&](const Scan& scan) {
+      return scan.count() > 0 &&
+             std::find(scan.value_names.begin(), scan.value_names.end(), columns_[c].name) == scan.value_names.end();
+    };
+    if (std::any_of(layout_.scans.begin(), layout_.scans.end(), lacks)) all[c].see({});  // no number is there: not 0
+    columns_[c].type = type_of(columns_[c].name, all[c]);
+  }
   if (layout_.scans.size() > 1) columns_.push_back({kScanColumn, NativeType::uint32, 1});
 }
 
@@ -135,25 +145,60 @@ std::vector<Column> PtxSource::columns() const {
   return columns_;
 }
 
+std::optional<double> PtxSource::number_at(std::string_view row, std::size_t index, const Column& column) const {
+  const std::string_view word = word_at(row, index);
+  const std::optional<double> value = to_number(word);
+  if (!value && !word.empty())
+    fail_at(row.data(), quoted(word) + " in column " + column.name + " is not a number; repair the line");
+  return value;
+}
+
 void PtxSource::extract_block(std::size_t index, std::size_t block, std::span<char> out) const {
   const Column& column = columns_[index];
   const std::size_t size = size_of(column.type);
   const std::vector<std::string>& names = scan_of(block).value_names;
   const auto found = std::find(names.begin(), names.end(), column.name);
+  if (found == names.end()) return fill_absent(column, block, out);
   const std::size_t word_index = 3 + static_cast<std::size_t>(found - names.begin());
-  // What a scan does not have is not a number, or 0.
-  const double absent = column.name == kScanColumn && found == names.end()
-                            ? static_cast<double>(layout_.blocks[block].scan)
-                            : std::numeric_limits<double>::quiet_NaN();
   for_each_row(block, [&](std::string_view row, std::size_t point) {
     PlainRow plain(row, ' ');
-    if (double number = 0; found != names.end() && plain.skip(word_index) && plain.number(number))
-      return store_double(out.data() + point * size, column.type, false, number);
-    const std::string_view word = found == names.end() ? std::string_view() : word_at(row, word_index);
-    const std::optional<double> value = to_number(word);
-    if (!value && !word.empty())
-      fail_at(row.data(), quoted(word) + " in column " + column.name + " is not a number; repair the line");
-    store_double(out.data() + point * size, column.type, false, value.value_or(absent));
+    double number = 0;
+    if (!plain.skip(word_index) || !plain.number(number))
+      number = number_at(row, word_index, column).value_or(kMissing);
+    store_double(out.data() + point * size, column.type, false, number);
+  });
+}
+
+// What a scan does not have is not a number, or 0.
+void PtxSource::fill_absent(const Column& column, std::size_t block, std::span<char> out) const {
+  const double absent = column.name == kScanColumn ? static_cast<double>(layout_.blocks[block].scan) : kMissing;
+  for (std::size_t at = 0; at < out.size(); at += size_of(column.type))
+    store_double(out.data() + at, column.type, false, absent);
+}
+
+// In one walk along each row.
+void PtxSource::extract_all_of_block(std::size_t block, std::span<const std::span<char>> out) const {
+  const std::vector<std::string>& names = scan_of(block).value_names;
+  std::vector<std::size_t> columns(names.size());  // of the words behind the coordinates
+  std::vector<bool> has(out.size());
+  for (std::size_t v = 0; v < names.size(); ++v) {
+    columns[v] = static_cast<std::size_t>(
+        std::find_if(columns_.begin(), columns_.end(), [&](const Column& c) { return c.name == names[v]; }) -
+        columns_.begin());
+    has[columns[v]] = true;
+  }
+  for (std::size_t c = 0; c < out.size(); ++c)
+    if (!has[c]) fill_absent(columns_[c], block, out[c]);
+  for_each_row(block, [&](std::string_view row, std::size_t point) {
+    PlainRow plain(row, ' ');
+    bool is_plain = plain.skip(3);
+    for (std::size_t v = 0; v < columns.size(); ++v) {
+      const Column& column = columns_[columns[v]];
+      double number = 0;
+      is_plain = is_plain && plain.number(number);
+      if (!is_plain) number = number_at(row, 3 + v, column).value_or(kMissing);
+      store_double(out[columns[v]].data() + point * size_of(column.type), column.type, false, number);
+    }
   });
 }
 

@@ -23,6 +23,7 @@ class PtxSource final : public Source {
   ScalarType coordinate_type() const override;
   std::vector<Column> columns() const override;
   void extract_block(std::size_t index, std::size_t block, std::span<char> out) const override;
+  void extract_all_of_block(std::size_t block, std::span<const std::span<char>> out) const override;
   void write(const Edits& edits, Encoding encoding, Output& out) const override;
   std::optional<Position> sensor(std::size_t block) const override;
   FileInfo info() const override;
@@ -37,6 +38,9 @@ class PtxSource final : public Source {
   /// The coordinates in the scan's own system; zeros for an invalid point.
   Position own_position(std::string_view row) const;
   void find_types() const;
+  /// The number at `index` of a row that is not usual; nothing where the row is too short.
+  std::optional<double> number_at(std::string_view row, std::size_t index, const Column& column) const;
+  void fill_absent(const Column& column, std::size_t block, std::span<char> out) const;
   void append_edited(std::size_t block, const Edits& edits, std::string& to) const;
   [[noreturn]] void fail_at(const char* place, const std::string& message) const;
 
