@@ -74,10 +74,11 @@ class Attributes {
   }
 
   void tell_intensity(const AttributeInfo& info, std::vector<Content>& to) const {
-    const TableColumn* found = nullptr;
-    TableColumn column;
-    if (lower_case(info.name) == "intensity" && info.components == 1) found = &(column = column_of(cloud_, info.name));
-    if (found && !is_las_intensity(found->data, found->type)) to.push_back({ContentKind::intensity, info.name});
+    if (lower_case(info.name) != "intensity" || info.components != 1) return;
+    const Attribute values = attribute(cloud_, info.name);
+    const auto* const data = reinterpret_cast<const char*>(values.data.data());
+    if (!is_las_intensity({data, values.data.size()}, native(values.type)))
+      to.push_back({ContentKind::intensity, info.name});
   }
 
   // Those of the file; attributes that were added have no 64-bit integers.

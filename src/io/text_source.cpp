@@ -149,6 +149,7 @@ void TextSource::positions(std::size_t block, std::span<Position> out) const {
     }
   });
   if (!ends_with_z_.empty()) ends_with_z_[block] = ends_with_z;
+  release(block_text(block));
 }
 
 // The numbers of an attribute, with which the rest of a row begins. False: look closer.

@@ -126,7 +126,6 @@ void TextSource::for_each_line(std::size_t block, const Visit& visit) const {
     row += data;
     visit(line, is_point ? point++ : -1);
   }
-  release(block_text(block));
 }
 
 }  // namespace pointfair::io

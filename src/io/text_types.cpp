@@ -19,6 +19,7 @@ ScalarType TextSource::coordinate_type() const {
       if (point < 0) return;
       for (const std::string_view word : coordinate_words(line)) seen[block].see(word, layout_.decimal);
     });
+    release(block_text(block));
   });
   const bool all = std::all_of(seen.begin(), seen.end(), [](const Narrowest& n) { return n.fits_float; });
   return all ? ScalarType::float32 : ScalarType::float64;
@@ -102,6 +103,7 @@ std::vector<Content> TextSource::contents() const {
     for_each_line(block, [&](std::string_view line, std::ptrdiff_t) {
       remarks[block] += is_row(line, RowRule::filled) && !is_row(line, RowRule::uncommented);
     });
+    release(block_text(block));
   });
   const std::uint64_t all = std::accumulate(remarks.begin(), remarks.end(), std::uint64_t{0});
   if (all > 0) result.push_back({ContentKind::comments, counted(all, "comment")});

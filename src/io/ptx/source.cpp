@@ -58,7 +58,6 @@ void PtxSource::for_each_row(std::size_t block, const Visit& visit) const {
   std::size_t point = 0;
   while (next_line(rest, line))
     if (is_row(line, RowRule::filled)) visit(line, point++);
-  release(bytes().substr(where.begin, where.end - where.begin));
 }
 
 void PtxSource::fail_at(const char* place, const std::string& message) const {
@@ -88,6 +87,8 @@ void PtxSource::positions(std::size_t block, std::span<Position> out) const {
       out[point] = pose.is_identity ? own : pose.to_shared(own);
     }
   });
+  const Block& where = layout_.blocks[block];
+  release(bytes().substr(where.begin, where.end - where.begin));
 }
 
 ScalarType PtxSource::coordinate_type() const {
