@@ -77,11 +77,17 @@ std::vector<std::uint8_t> reasons_of(std::span<const std::uint8_t> outliers, std
   return reasons;
 }
 
-std::string faces_note(const Params& params, const Cloud& cloud) {
-  if (params.connectivity != Connectivity::automatic) return {};
-  const std::size_t faces = polygons(cloud).size();
-  if (faces == 0) return {};
-  return fmt::format("the {} faces of the file are ignored and kept; --connectivity mesh follows their edges", faces);
+// Where a run takes a mesh as a cloud: most points are corners of its faces.
+std::string faces_note(const Params& params, const Limits& limits, const Cloud& cloud) {
+  if (params.connectivity != Connectivity::automatic || limits.strength == 0) return {};
+  const Polygons faces = polygons(cloud);
+  std::vector<std::uint8_t> is_corner(cloud.points.size(), 0);
+  for (const std::uint32_t corner : faces.corners)
+    if (corner < is_corner.size()) is_corner[corner] = 1;
+  const auto corners = std::count(is_corner.begin(), is_corner.end(), 1);
+  if (faces.size() == 0 || 2 * corners < std::ptrdiff_t(is_corner.size())) return {};
+  return fmt::format("the {} faces of the file are kept and not followed; --connectivity mesh follows their edges",
+                     faces.size());
 }
 
 }  // namespace
@@ -139,7 +145,7 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
     const std::string far_away =
         far_viewpoint_note(arguments.viewpoint.empty() ? file_viewpoints(cloud) : viewpoints, cloud);
     if (!far_away.empty()) findings.notes.push_back(far_away);
-    if (const std::string faces = faces_note(params, cloud); !faces.empty()) findings.notes.push_back(faces);
+    if (const std::string faces = faces_note(params, limits, cloud); !faces.empty()) findings.notes.push_back(faces);
     if (remaining) findings.removed = cloud.points.size() - remaining->points.size();
     for (const std::string& note : acted)
       if (std::ranges::find(findings.notes, note) == findings.notes.end()) findings.notes.push_back(note);

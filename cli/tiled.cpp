@@ -115,6 +115,7 @@ Json report_json(const TiledReport& report, const DeviceInfo& device, const Cost
           {"outliers", outliers_json(report.unmoved.outliers_by_reason)},
           {"removed", 0},
           {"short_neighborhoods", report.short_neighborhoods},
+          {"mesh", nullptr},
           {"displacement", statistics_json({moved.mean, moved.rms, moved.p95, moved.max})},
           {"stages", costs ? stages_json(costs->steps) : Json()},
           {"tiles", report.tiles},
