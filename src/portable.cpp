@@ -59,7 +59,7 @@ double small_atan(double t) {
   return t + t * series;
 }
 
-// atan(y / x) for 0 <= y <= x, x > 0.
+// atan(y / x) for 0 <= y <= x, x > 0; NaN if one of them is.
 double first_octant(double y, double x) {
   static constexpr std::array kTable{// atan(n / 16)
                                      0.0,
@@ -79,22 +79,23 @@ double first_octant(double y, double x) {
                                      0.7188299996216245,
                                      0.7531512809621944,
                                      0.7853981633974483};
-  const double ratio = y / x;
+  const double ratio = y == x ? 1 : y / x;  // of infinite ones too
+  if (ratio != ratio) return ratio;
   const int n = int(ratio * 16);
   if (n == 0) return small_atan(ratio);
   const double middle = n / 16.0;
   return kTable[std::size_t(n)] + small_atan((ratio - middle) / (1 + ratio * middle));
 }
 
-// x less the nearest multiple of pi / 2, and that multiple modulo 4.
+// x less the nearest multiple of pi / 2, and that multiple modulo 4; NaN unless x is finite.
 struct Turn {
   Pair rest;
   int quarter;
 };
 Turn turn_of(double x) {
+  if (!std::isfinite(x)) return {{kNaN, kNaN}, 0};
   // 33 bits each, so that n times the first is exact
   constexpr double kFirst = 0x1.921fb54400000p+0, kSecond = 0x1.0b4611a600000p-34, kThird = 0x1.3198a2e037073p-69;
-  if (!std::isfinite(x)) return {{x - x, 0}, 0};  // not a number
   if (!(std::abs(x) < 1e5)) x = std::fmod(x, 2 * std::numbers::pi);
   const double n = std::nearbyint(x * (2 / std::numbers::pi));
   const double first = x - n * kFirst, second = n * kSecond, high = first - second;
@@ -211,7 +212,7 @@ double cos(double x) {
 
 double atan2(double y, double x) {
   const double up = std::abs(y), along = std::abs(x);
-  if (up == 0) return std::signbit(x) ? std::copysign(std::numbers::pi, y) : y;
+  if (up == 0 && x == x) return std::signbit(x) ? std::copysign(std::numbers::pi, y) : y;
   constexpr double kHalfPi = std::numbers::pi / 2, kHalfPiLow = 0x1.1a62633145c07p-54;  // the rest of it
   const bool is_back = std::signbit(x);
   const double turn = up <= along ? first_octant(up, along) : first_octant(along, up);

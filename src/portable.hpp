@@ -61,11 +61,11 @@ double power_of_two_above(double x);
 double hypot(double x, double y);
 double hypot(double x, double y, double z);
 
-// Error below 3e-16 for |x| < 1e5; beyond, of x modulo 2 pi in double precision.
+// Error below 3e-16 for |x| < 1e5; beyond, of x modulo 2 pi in double precision. NaN unless x is finite.
 double sin(double x);
 double cos(double x);
 
-// As std::atan2, of finite numbers. Error below 6e-16.
+// As std::atan2. Error below 6e-16.
 double atan2(double y, double x);
 
 }  // namespace pointfair::portable

@@ -175,11 +175,14 @@ TEST(FilesErrors, BadFacesAreRefusedWhenTheyAreAskedFor) {
            {"a.off", "OFF\n1 1 0\n0 0 0\n3 0 0\n"},
            {"a.obj", "v 0 0 0\nf 1 1 2\n"},
            {"a.obj", "v 0 0 0\nf 1 -2 1\n"},
-           {"a.obj", "v 0 0 0\nf 1 x 1\n"}}) {
+           {"a.obj", "v 0 0 0\nf 1 x 1\n"},
+           {"a.obj", "v 0 0 0\nvt 0 0\nvn 0 0 1\nf 1/1/1 1/1/1 1.5\n"}}) {
     SCOPED_TRACE(bytes);
     const Cloud cloud = parse(bytes, name);
+    EXPECT_TRUE(attributes(cloud).empty());
     EXPECT_EQ(image(cloud, *format_of(name)), bytes);
     EXPECT_EQ(thrown_by([&] { triangles(cloud); }).kind, ErrorKind::file);
+    EXPECT_EQ(thrown_by([&] { image(cloud, Format::stl); }).kind, ErrorKind::file);
   }
 }
 

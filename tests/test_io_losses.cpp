@@ -101,6 +101,16 @@ TEST(FilesLosses, AFileOfTrianglesHasSome) {
   }
 }
 
+TEST(FilesLosses, AFileOfTrianglesInAnotherEncodingIsANewOne) {
+  const std::string facet = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1.5 ";
+  const std::string end = "\nendloop\nendfacet\n";
+  const Cloud cloud = parse("solid a\n" + facet + "0" + end + facet + "nan" + end + "endsolid a\n", "a.stl");
+  EXPECT_TRUE(losses(cloud, Format::stl).empty());
+  EXPECT_TRUE(losses(cloud, Format::stl, Encoding::ascii).empty());
+  EXPECT_TRUE(told(losses(cloud, Format::stl, Encoding::binary), "points without finite coordinates"));
+  EXPECT_EQ(parse(image(cloud, Format::stl, Encoding::binary), "a.stl").points.size(), 3U);
+}
+
 TEST(FilesLosses, StrictMakesALossAnError) {
   const Folder folder;
   const Cloud cloud = parse("x,y,z,label\n1,2,3,oak\n", "a.csv");

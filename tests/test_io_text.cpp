@@ -210,4 +210,12 @@ TEST(FilesText, ReadingTakesNoMoreThanThreeTimesTheFile) {
   expect_three_times(files_of(kShortRows, "1", "2", "3"), kShortRows);  // hardly longer than the points
 }
 
+TEST(FilesText, AColumnMoreStandsBehindEmptyWords) {
+  Cloud cloud = parse("x\ty\tz\tname\ti\t\n1\t2\t3\toak\t7\t\n4\t5\t6\t\t\t\n7\t8\t9\t\t\n", "a.csv");
+  cloud.added = {make_attribute<std::uint8_t>("more", ScalarType::uint8, {11, 12, 13})};
+  const std::string text = image(cloud, Format::csv);
+  EXPECT_EQ(text, "x\ty\tz\tname\ti\tmore\t\n1\t2\t3\toak\t7\t11\t\n4\t5\t6\t\t\t12\t\n7\t8\t9\t\t\t13\n");
+  EXPECT_EQ(values<std::uint8_t>(parse(text, "a.csv"), "more"), (std::vector<std::uint8_t>{11, 12, 13}));
+}
+
 }  // namespace pointfair::test

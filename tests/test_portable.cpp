@@ -142,11 +142,15 @@ TEST(Portable, DirectionsOfAllQuadrants) {
     for (const double x : {-5.0, -1e-9, 1e-3, 0.7, 40.0})
       ASSERT_LT(error_of(portable::atan2(y, x), std::atan2(Real(y), Real(x))), 6e-16) << y << ' ' << x;
   });
-  for (const double y : {-1.0, -0.0, 0.0, 1.0})
-    for (const double x : {-1.0, -0.0, 0.0, 1.0}) {
+  for (const double y : {-kInfinite, -1.0, -0.0, 0.0, 1.0, kInfinite})
+    for (const double x : {-kInfinite, -1.0, -0.0, 0.0, 1.0, kInfinite}) {
       EXPECT_EQ(portable::atan2(y, x), std::atan2(y, x)) << y << ' ' << x;
       EXPECT_EQ(std::signbit(portable::atan2(y, x)), std::signbit(std::atan2(y, x))) << y << ' ' << x;
     }
+  for (const double x : {-1.0, 0.0, kInfinite, std::nan("")}) {
+    EXPECT_TRUE(std::isnan(portable::atan2(std::nan(""), x))) << x;
+    EXPECT_TRUE(std::isnan(portable::atan2(x, std::nan("")))) << x;
+  }
 }
 
 }  // namespace

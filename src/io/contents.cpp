@@ -10,6 +10,7 @@
 #include "io/colors.hpp"
 #include "io/column_names.hpp"
 #include "io/coordinate_names.hpp"
+#include "io/edits.hpp"
 #include "io/intensity.hpp"
 #include "io/source.hpp"
 #include "pointfair/normals.hpp"
@@ -166,8 +167,11 @@ Format family(Format format) {
   return format == Format::txt ? Format::xyz : format == Format::laz ? Format::las : format;
 }
 
-bool is_copied(const Cloud& cloud, Format format) {
-  return cloud.source && family(cloud.source->format()) == family(format) && cloud.source->holds_its_positions();
+bool is_copied(const Cloud& cloud, Format format, std::optional<Encoding> encoding) {
+  if (!cloud.source || family(cloud.source->format()) != family(format) || !cloud.source->holds_its_positions())
+    return false;
+  if (format == Format::stl) return !encoding || *encoding == cloud.source->encoding();
+  return format != Format::npy || make_edits(cloud, {}).added.empty();
 }
 
 }  // namespace pointfair::io

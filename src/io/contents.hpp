@@ -59,8 +59,9 @@ std::vector<Content> contents_of(const Cloud& cloud);
 enum class Keeps : std::uint8_t { kept, noted, refused };
 Keeps keeps(Format format, ContentKind kind);
 
-/// Whether the cloud is written to this format as a copy of its file.
-bool is_copied(const Cloud& cloud, Format format);
+/// Whether the cloud is written to this format, in this encoding or its file's, as a copy of its file. STL files in
+/// another encoding are new ones, and NumPy arrays with further attributes.
+bool is_copied(const Cloud& cloud, Format format, std::optional<Encoding> encoding = {});
 /// Formats that are one: plain columns of numbers may go by either name, and LAZ is compressed LAS.
 Format family(Format format);
 

@@ -126,12 +126,6 @@ void write_new(const Plan& plan, const Cloud& cloud, io::Output& out) {
   }
 }
 
-// Whether a file of the cloud's own format cannot be a copy, because of another encoding or further attributes.
-bool is_written_anew(const Cloud& cloud, Format format, std::optional<Encoding> encoding) {
-  if (format == Format::stl) return encoding && *encoding != cloud.source->encoding();
-  return format == Format::npy && !io::make_edits(cloud, {}).added.empty();
-}
-
 // Refuses what no new file of the format can be made of.
 void check_new(const Cloud& cloud, Format format) {
   if (format == Format::stl) io::check_new_stl(cloud);
@@ -143,7 +137,7 @@ void check_new(const Cloud& cloud, Format format) {
 Plan plan(const Cloud& cloud, Format format, std::optional<Encoding> encoding, std::optional<double> las_scale) {
   const bool same = cloud.source && io::family(cloud.source->format()) == io::family(format);
   const bool keeps = same && has_encoding(format, cloud.source->encoding());
-  const bool copy = io::is_copied(cloud, format) && !is_written_anew(cloud, format, encoding);
+  const bool copy = io::is_copied(cloud, format, encoding);
   if (format == Format::glb) refuse("glTF files are read, not written; choose PLY, OBJ or STL");
   if (!copy) check_new(cloud, format);
   const Plan result{format, encoding.value_or(keeps ? cloud.source->encoding() : usual_encoding(format)), copy,

@@ -134,11 +134,12 @@ std::vector<std::string> losses(const Cloud& cloud, std::optional<Format> format
   std::vector<std::string> result;
   if (cloud.source && io::family(cloud.source->format()) == io::family(to))
     result = cloud.source->losses(encoding.value_or(cloud.source->encoding()));
-  const std::vector<Content> lost = io::is_copied(cloud, to) ? lost_of_copy(cloud, to) : lost_of_new(cloud, to);
+  const bool copied = io::is_copied(cloud, to, encoding);
+  const std::vector<Content> lost = copied ? lost_of_copy(cloud, to) : lost_of_new(cloud, to);
   for (std::string& sentence : sentences(lost, to)) result.push_back(std::move(sentence));
   if (to == Format::copc)
     result.push_back("COPC files keep their points in the order of an octree, so the order of the points changes");
-  if (to == Format::stl && !io::is_copied(cloud, to))
+  if (to == Format::stl && !copied)
     for (std::string& sentence : io::losses_in_new_stl(cloud)) result.push_back(std::move(sentence));
   return result;
 }

@@ -19,7 +19,11 @@ class ObjSource : public TextSource {
  public:
   using TextSource::TextSource;
 
-  Faces faces() const override { return parts().faces; }
+  // Lines of faces that are damaged pass through where nothing asks for faces.
+  Faces faces() const override {
+    if (!parts().damage.empty()) fail(name(), parts().damage);
+    return parts().faces;
+  }
 
   std::vector<Column> columns() const override {
     std::vector<Column> columns = TextSource::columns();
@@ -59,7 +63,7 @@ class ObjSource : public TextSource {
  private:
   const ObjParts& parts() const {
     std::call_once(parsed_, [this] {
-      parts_ = parse_obj_parts(bytes().substr(layout().begin), bytes(), layout().shape, layout().count, name());
+      parts_ = parse_obj_parts(bytes().substr(layout().begin), bytes(), layout().shape, layout().count);
     });
     return parts_;
   }

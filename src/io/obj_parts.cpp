@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <charconv>
 #include <map>
+#include <optional>
 
-#include "io/file_bytes.hpp"
 #include "io/text.hpp"
 
 namespace pointfair::io {
@@ -18,9 +18,8 @@ struct Corner {
 
 class Parser {
  public:
-  Parser(std::string_view text, std::string_view file, const RowShape& shape, std::uint64_t points,
-         const std::string& name)
-      : text_(text), file_(file), shape_(shape), points_(points), name_(name) {}
+  Parser(std::string_view text, std::string_view file, const RowShape& shape, std::uint64_t points)
+      : text_(text), file_(file), shape_(shape), points_(points) {}
 
   ObjParts parse() {
     std::string_view rest = text_, line;
@@ -29,8 +28,12 @@ class Parser {
       if (next_word(words, word)) take(word, words, line);
     }
     parts_.normals = normals_.size();
-    give_normals();
-    give_texture();
+    if (parts_.damage.empty()) {
+      give_normals();
+      give_texture();
+    } else {
+      parts_.faces = {};
+    }
     tell();
     return std::move(parts_);
   }
@@ -44,7 +47,7 @@ class Parser {
     } else if (key == "vt") {
       textures_.push_back(numbers(words));
     } else if (key == "f") {
-      take_face(words, line);
+      if (parts_.damage.empty()) take_face(words, line);
     } else if (key == "usemtl" || key == "mtllib") {
       std::string_view material;
       if (next_word(words, material)) ++materials_[std::string(material)];
@@ -67,10 +70,15 @@ class Parser {
     for (std::string_view word; next_word(words, word);) {
       while (word.ends_with('\\')) word.remove_suffix(1);  // the row goes on in the next line
       if (word.empty()) continue;
-      const Corner corner = corner_of(word, line);
-      parts_.faces.corners.push_back(static_cast<std::uint32_t>(corner.point));
-      note(corner.texture, corner_textures_);
-      note(corner.normal, corner_normals_);
+      const std::optional<Corner> corner = corner_of(word);
+      if (!corner) {
+        parts_.damage = "line " + std::to_string(line_number(file_, line.data())) + ": " + quoted(word) +
+                        " is no point of the file; repair the line";
+        return;
+      }
+      parts_.faces.corners.push_back(static_cast<std::uint32_t>(corner->point));
+      note(corner->texture, corner_textures_);
+      note(corner->normal, corner_normals_);
     }
     parts_.faces.ends.push_back(parts_.faces.corners.size());
   }
@@ -83,7 +91,7 @@ class Parser {
   }
 
   // "7", "7/1", "7//3", "7/1/3", and "-1" for the last so far.
-  Corner corner_of(std::string_view word, std::string_view line) const {
+  std::optional<Corner> corner_of(std::string_view word) const {
     Corner corner;
     std::int64_t* const indices[] = {&corner.point, &corner.texture, &corner.normal};
     const std::uint64_t so_far[] = {seen_, textures_.size(), normals_.size()};
@@ -97,18 +105,13 @@ class Parser {
       if (number < 0) number += static_cast<std::int64_t>(so_far[i]) + 1;
       const bool sound = error == std::errc() && number >= 1 && static_cast<std::uint64_t>(number) <= most[i] &&
                          (stop == end || *stop == '/');
-      if (!sound && !left_out) fail_at(line, word);
+      if (!sound && !left_out) return std::nullopt;
       *indices[i] = left_out ? -1 : number - 1;
       at = stop;
       if (at == end) break;
       ++at;
     }
     return corner;
-  }
-
-  [[noreturn]] void fail_at(std::string_view line, std::string_view word) const {
-    fail(name_, "line " + std::to_string(line_number(file_, line.data())) + ": " + quoted(word) +
-                    " is no point of the file; repair the line");
   }
 
   // Normals are those of points if all corners of a point have the same one.
@@ -161,7 +164,6 @@ class Parser {
   std::string_view text_, file_;
   const RowShape& shape_;
   std::uint64_t points_, seen_ = 0, groups_ = 0, others_ = 0;
-  const std::string& name_;
   ObjParts parts_;
   std::vector<std::array<float, 3>> normals_, textures_;
   std::vector<std::int32_t> corner_textures_, corner_normals_;
@@ -170,9 +172,8 @@ class Parser {
 
 }  // namespace
 
-ObjParts parse_obj_parts(std::string_view text, std::string_view file, const RowShape& shape, std::uint64_t points,
-                         const std::string& name) {
-  return Parser(text, file, shape, points, name).parse();
+ObjParts parse_obj_parts(std::string_view text, std::string_view file, const RowShape& shape, std::uint64_t points) {
+  return Parser(text, file, shape, points).parse();
 }
 
 bool has_obj_normals(std::string_view text, const RowShape& shape) {

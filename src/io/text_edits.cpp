@@ -13,6 +13,17 @@ char added_separator(std::string_view line, char separator) {
   return separator == ' ' && line.find('\t') != std::string_view::npos ? '\t' : separator;
 }
 
+// Where values that are added to a row go: behind its last word, or, where tabs separate the words, behind the empty
+// ones that follow it in the columns of the file.
+std::size_t end_of_words(std::string_view line, const TextLayout& layout) {
+  std::size_t end = line.size();
+  while (end > 0 && is_blank(line[end - 1])) --end;
+  if (layout.separator != '\t') return end;
+  auto tabs = static_cast<std::size_t>(std::count(line.begin(), line.begin() + static_cast<std::ptrdiff_t>(end), '\t'));
+  for (; end < line.size() && line[end] == '\t' && tabs + 1 < layout.columns.size(); ++end) ++tabs;
+  return end;
+}
+
 // Whether a value read from a word as `type` is this one, so that the word may stay as it is.
 bool is_same(std::optional<double> own, double value, ScalarType type) {
   if (!own) return false;
@@ -112,9 +123,7 @@ void TextSource::append_block(std::size_t block, const Moves& moves, const Edits
       copied = edit.word.data() + edit.word.size();
     }
     if (layout_.extendable && !edits.added.empty()) {
-      std::size_t end = line.size();
-      while (end > 0 && is_blank(line[end - 1])) --end;
-      copy_up_to(line.data() + end);
+      copy_up_to(line.data() + end_of_words(line, layout_));
       append_added_words(edits.added, point, added_separator(line, layout_.separator), layout_.decimal, to);
     }
   });
