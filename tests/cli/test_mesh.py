@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""run --connectivity mesh: what is said of faces, and where a mesh is refused."""
+import random
+import unittest
+
+from program import Case, write_off, write_ply
+
+
+def sheet(n=24, noise=0.3):
+    """Vertices over a grid with noise, and its quads."""
+    generator = random.Random(3)
+    vertices = [tuple(c + generator.gauss(0, noise) for c in (float(i), float(j), 0.0)) for i in range(n) for j in range(n)]
+    faces = [(i * n + j, i * n + j + n, i * n + j + n + 1, i * n + j + 1) for i in range(n - 1) for j in range(n - 1)]
+    return vertices, faces
+
+
+class Mesh(Case):
+    def setUp(self):
+        super().setUp()
+        self.vertices, self.faces = sheet()
+        self.mesh = write_off(self.path("mesh.off"), self.vertices, self.faces)
+
+    def test_faces_that_are_ignored_are_told_and_kept(self):
+        says = self.ok("run", self.mesh, self.path("out.off")).stderr.decode()
+        self.assertIn(f"the {len(self.faces)} faces of the file are ignored and kept; --connectivity mesh", says)
+        said = self.ok("run", self.mesh, self.path("asked.off"), "--connectivity", "points").stderr.decode()
+        self.assertNotIn("faces", said)
+        self.assertEqual(self.path("out.off").read_bytes(), self.path("asked.off").read_bytes())
+
+    def test_the_mesh_and_its_folds_are_told_and_reported(self):
+        says = self.ok("run", self.mesh, self.path("out.off"), "--connectivity", "mesh").stderr.decode()
+        self.assertIn(f"mesh of {24 * 24} vertices and {len(self.faces)} faces, {4 * 23} vertices on its boundary", says)
+        found = self.report("run", self.mesh, self.path("again.off"), "--connectivity", "mesh")["mesh"]
+        self.assertIn(f"{found['folded_before']} faces folded before, {found['folded_after']} after", says)
+        self.assertLessEqual(found["folded_after"], found["folded_before"])
+        before, after = self.mesh.read_text().splitlines(), self.path("out.off").read_text().splitlines()
+        self.assertEqual(before[-len(self.faces):], after[-len(self.faces):])
+        self.assertNotEqual(before, after)
+        self.assertIsNone(self.report("run", self.mesh, self.path("points.off"))["mesh"])
+
+    def test_what_cannot_be(self):
+        cloud = write_ply(self.path("cloud.ply"), self.vertices)
+        out, mesh = self.path("out.ply"), ["--connectivity", "mesh"]
+        self.fails(2, "run", cloud, out, *mesh, says="needs faces")
+        self.fails(2, "run", self.mesh, out, *mesh, "--k", "8", says="--rings")
+        self.fails(2, "run", self.mesh, out, "--rings", "2", says="--connectivity mesh")
+        self.fails(2, "run", self.mesh, out, *mesh, "--method", "learned", says="learned")
+        self.fails(2, "run", self.mesh, out, *mesh, "--tiles", "2", says="tiles on disk")
+
+
+if __name__ == "__main__":
+    unittest.main()
