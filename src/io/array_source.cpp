@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "pointfair/positions.hpp"
-
 #include <algorithm>
 #include <string>
 #include <utility>
@@ -10,6 +8,7 @@
 #include "io/origin_sample.hpp"
 #include "io/parallel.hpp"
 #include "io/source.hpp"
+#include "pointfair/positions.hpp"
 
 namespace pointfair {
 namespace {
