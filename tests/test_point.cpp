@@ -55,7 +55,9 @@ TEST(CompactGaussian, is_within_three_percent_of_exp_up_to_two_and_zero_far_out_
   for (float t = 0; t < 15.9f; t += 1e-3f) {
     const double base = 1 - double(t) / 17, exact = std::pow(base, 16);
     ASSERT_NEAR(of(t), exact, exact * (1e-6 + 2e-6 / base)) << t;
-    if (t < 2) ASSERT_NEAR(exact / std::exp(-double(t)), 1, 0.031) << t;
+    if (t < 2) {
+      ASSERT_NEAR(exact / std::exp(-double(t)), 1, 0.031) << t;
+    }
   }
   EXPECT_EQ(of(0.0f), 1.0f);
   EXPECT_FLOAT_EQ(CompactGaussian::kRootScale * CompactGaussian::kRootScale, CompactGaussian::kScale);
