@@ -101,8 +101,7 @@ bool same_bits(const Points& a, const Points& b) {
   return std::memcmp(a.data(), b.data(), a.size() * sizeof(Point)) == 0;
 }
 
-RC_GTEST_PROP(Properties, shuffling_the_input_shuffles_the_output_bit_for_bit,
-              (std::uint64_t seed, bool with_list)) {
+RC_GTEST_PROP(Properties, shuffling_the_input_shuffles_the_output_bit_for_bit, (std::uint64_t seed, bool with_list)) {
   const Sample sample = make_sample(seed, with_list);
   const auto order = shapes::shuffle_order(sample.points.size(), seed);
   RC_ASSERT(same_bits(fair(shapes::permuted(sample.points, order), sample.params),
