@@ -79,7 +79,14 @@ def params(draw):
             given_values[p.name] = draw(st.booleans())
         else:
             given_values[p.name] = draw(st.sampled_from(p.values))
-    given_values.setdefault("k", 8)
+    if given_values.get("connectivity") == "mesh":
+        for of_points in ("k", "constraint"):
+            given_values.pop(of_points, None)
+        if given_values.get("method") == "learned":
+            del given_values["method"]
+    else:
+        given_values.pop("rings", None)
+        given_values.setdefault("k", 8)
     if given_values.get("along") == "ray":
         given_values["method"] = draw(st.sampled_from(("bilateral", "mls", "wiener")))
     return pf.Params(**given_values)
