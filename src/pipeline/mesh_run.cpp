@@ -7,6 +7,7 @@
 #include "pipeline/run_state.hpp"
 
 namespace pointfair {
+
 void Pipeline::State::set_faces(Polygons faces) {
   check_faces(faces, cloud.points());
   faces_ = std::move(faces);
@@ -36,7 +37,7 @@ void Pipeline::State::follow_mesh(const Params& used, Settings& settings) {
   if (used.keep_boundary) settings.fairing.kept_boundary = {mesh_, &edges};
 }
 
-// Of the noise.
+// The standard deviation of the noise, given or measured.
 double Pipeline::State::sigma_of(const Params& used) {
   if (!used.noise.is_automatic()) return used.noise.value;
   measure(false, true, last_order_, {});
