@@ -306,8 +306,7 @@ class PageMaker {
     Pairs used;
     const bool is_mesh = job_.run->params.connectivity == Connectivity::mesh;
     for (const ParamInfo& info : kParams) {
-      const bool is_of_mesh = info.name == "rings" || info.name == "keep_boundary" || info.name == "tangential";
-      if (is_of_mesh && !is_mesh) continue;
+      if (is_of_meshes(info) && !is_mesh) continue;
       const std::string text = param_text(job_.run->params, info);
       const bool is_chosen = param_text(job_.asked, info) == "auto";
       used.emplace_back(info.name, is_chosen && text != "auto" ? fmt::format("auto ({})", text) : text);

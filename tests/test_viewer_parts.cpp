@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <random>
 #include <set>
 
@@ -160,9 +161,9 @@ TEST(ViewerGate, DecodesQueries) {
   EXPECT_EQ(path_of("/a/b?c=/d"), "/a/b");
 }
 
-TEST(ViewerRecipe, EveryParameterIsDescribedAndReadsBack) {
+TEST(ViewerRecipe, EveryParameterOfPointsIsDescribedAndReadsBack) {
   const Json rows = describe_params();
-  ASSERT_EQ(rows.size(), kParams.size());
+  ASSERT_EQ(rows.size(), std::size_t(std::ranges::count_if(kParams, std::not_fn(needs_faces))));
   for (const Json& row : rows) {
     const Json message{{"params", {{row["name"].get<std::string>(), row["default"]}}}};
     EXPECT_EQ(read_recipe(message), Recipe{}) << row;

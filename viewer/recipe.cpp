@@ -140,6 +140,7 @@ Json describe_params() {
   Json rows = Json::array();
   const Params defaults;
   for (const ParamInfo& info : kParams) {
+    if (needs_faces(info)) continue;
     rows.push_back({{"name", info.name},
                     {"flag", flag_of(info.name)},
                     {"stage", kStageNames[static_cast<std::size_t>(info.stage)]},

@@ -22,7 +22,10 @@ struct Recipe {
 /// From {"params": {name: text}, "limits": {name: text}}; what is not named keeps its default. Throws ErrorKind::usage.
 Recipe read_recipe(const Json& json);
 
-/// The rows of kParams, and the limits, as the page builds its controls from.
+/// Whether the row is about the edges of faces, which the viewer does not follow.
+constexpr bool needs_faces(const ParamInfo& info) { return info.name == "connectivity" || is_of_meshes(info); }
+
+/// The rows of kParams but those that need faces, and the limits, as the page builds its controls from.
 Json describe_params();
 
 /// {name: text} of every parameter.

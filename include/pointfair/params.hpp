@@ -212,6 +212,11 @@ constexpr bool moves_along_normal(Method method) {
   return method == Method::bilateral || method == Method::mls || method == Method::wiener;
 }
 
+/// Whether the row says something only where neighbours follow the edges of faces (Params::connectivity).
+constexpr bool is_of_meshes(const ParamInfo& info) {
+  return info.name == "rings" || info.name == "keep_boundary" || info.name == "tangential";
+}
+
 /// Throws ErrorKind::usage if a value is out of its range or if two contradict each other.
 POINTFAIR_EXPORT void check_params(const Params& params);
 
