@@ -50,6 +50,7 @@ build:
 
 test:
 	@$(install) build test python docs
+	@scripts/fetch_laszip.sh
 	cmake --preset $(preset) -DPOINTFAIR_TESTS=ON $(CMAKE_OPTIONS)
 	cmake --build build
 	ctest --test-dir build -j $(jobs) --output-on-failure
@@ -192,6 +193,7 @@ docs:
 
 asan:
 	@$(install) build test
+	@scripts/fetch_laszip.sh
 	cmake --preset asan
 	cmake --build build/asan
 	ctest --test-dir build/asan -j $(jobs) --output-on-failure

@@ -25,7 +25,6 @@ std::uint64_t differing(const Attribute& a, const Attribute& b, std::size_t poin
 }
 
 void compare_attributes(const Cloud& before, const Cloud& after, Comparison& result) {
-  if (!file_info(before).has_attributes || !file_info(after).has_attributes) return;
   const std::vector<AttributeInfo> its = attributes(before), others = attributes(after);
   const auto find = [](const std::vector<AttributeInfo>& all, const std::string& name) {
     return std::find_if(all.begin(), all.end(), [&](const AttributeInfo& info) { return info.name == name; });

@@ -45,7 +45,7 @@ Counts counts_of(const Cloud& cloud, std::string_view name) {
   const bool has = std::any_of(all.begin(), all.end(), [&](const AttributeInfo& info) {
     return info.name == name && info.type == ScalarType::uint8 && info.components == 1;
   });
-  if (!has || !file_info(cloud).has_attributes) return counts;
+  if (!has) return counts;
   std::array<std::uint64_t, 256> of_value{};
   for (const std::byte value : attribute(cloud, name).data) ++of_value[std::to_integer<unsigned>(value)];
   for (unsigned value = 0; value < of_value.size(); ++value) {

@@ -178,7 +178,6 @@ class PageMaker {
   // By class, or by scan.
   std::string parts_table() const {
     const std::vector<AttributeInfo> infos = attributes(before_);
-    if (!file_info(before_).has_attributes) return {};
     for (const std::string_view name : {"classification", "scan"}) {
       const auto info =
           std::find_if(infos.begin(), infos.end(), [&](const AttributeInfo& i) { return i.name == name; });

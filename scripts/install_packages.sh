@@ -7,8 +7,8 @@ set -euo pipefail
 
 packages_for() {
   case "$1" in
-    build) echo g++ cmake ninja-build libtbb-dev libcli11-dev libfmt-dev libfast-float-dev libnanoflann-dev nlohmann-json3-dev libpugixml-dev libboost-dev nodejs npm python3-pip ;;
-    test) echo libgtest-dev librapidcheck-dev libnanoflann-dev libeigen3-dev python3 chromium ;;
+    build) echo g++ cmake ninja-build libtbb-dev libcli11-dev libfmt-dev libfast-float-dev libnanoflann-dev nlohmann-json3-dev libpugixml-dev libboost-dev nodejs npm ;;
+    test) echo libgtest-dev librapidcheck-dev libnanoflann-dev libeigen3-dev python3 python3-pip chromium ;;
     python) echo python3-dev python3-venv ;;
     demo) echo libcgal-demo libpng-dev python3 ;;
     bench) echo libnanoflann-dev libeigen3-dev libcgal-dev libcgal-demo libpcl-dev python3 ;;

@@ -118,10 +118,10 @@ void expect_the_same_blocks(const las::PointStore& kept, const las::PointStore& 
     kept.grid(block, a, of_kept);
     unkept.grid(block, b, of_unkept);
     EXPECT_TRUE(a == b);
-    for (const std::uint32_t layers : {std::uint32_t{0}, std::uint32_t{las::kAllLayers}}) {
+    for (const las::ByteRange wanted : {las::ByteRange{14, 15}, las::ByteRange{0, 65535}}) {
       las::Decoded fresh;
-      EXPECT_TRUE(kept.records(block, layers, of_kept) == unkept.records(block, layers, of_unkept));
-      EXPECT_TRUE(kept.records(block, layers, of_kept) == unkept.records(block, layers, fresh));
+      EXPECT_TRUE(kept.records(block, wanted, of_kept) == unkept.records(block, wanted, of_unkept));
+      EXPECT_TRUE(kept.records(block, wanted, of_kept) == unkept.records(block, wanted, fresh));
     }
     std::string moved_a, moved_b;
     a[0][2] = b[0][2] += 5;
@@ -185,13 +185,14 @@ TEST(LazFiles, LayersAreCodedAsLaszipCodesThem) {
   }
 }
 
-TEST(LazFiles, InterleavedPointsAreCodedAsLaszipCodesThem) {
-  for (const unsigned format : {0U, 1U, 2U, 3U}) {
+TEST(LazFiles, PointsAreCodedAsLaszipCodesThem) {
+  for (unsigned format = 0; format <= 10; ++format) {
     for (const bool wild : {false, true}) {
       for (unsigned seed = 1; seed <= 4; ++seed) {
         LasSpec spec;
         spec.format = format;
-        spec.minor = 2;
+        spec.minor = format >= 6 ? 4 : format >= 4 ? 3 : 2;
+        spec.extended = false;
         spec.count = seed == 4 ? 1 : 4000;
         spec.wild = wild;
         spec.plain_extra = seed == 3 ? 5 : 0;
@@ -203,6 +204,42 @@ TEST(LazFiles, InterleavedPointsAreCodedAsLaszipCodesThem) {
       }
     }
   }
+}
+
+// A file's points keep the version of their items; one that was compressed so is compressed so again.
+TEST(LazFiles, PointsInOtherVersionsAreCodedAsLaszipCodesThem) {
+  for (unsigned format = 0; format <= 10; ++format) {
+    for (const bool wild : {false, true}) {
+      LasSpec spec;
+      spec.format = format;
+      spec.minor = format >= 6 ? 4 : 3;
+      spec.extended = false;
+      spec.count = 3000;
+      spec.plain_extra = 3;
+      spec.wild = wild;
+      const std::string las = make_las(spec), laz = make_laz(las, {format < 6 ? 1U : 4U, 700, false});
+      Cloud cloud = parse(laz, "a.laz");
+      const std::vector<float> marks(spec.count, 1);
+      cloud.added = {make_attribute("mark", ScalarType::float32, marks)};
+      const std::string marked = image(cloud, Format::laz);
+      Cloud plain = parse(las, "a.las");
+      plain.added = cloud.added;
+      const std::string marked_las = image(plain, Format::las);
+      EXPECT_TRUE(laz_records(marked) == records_of(marked_las)) << format << wild;
+      const std::string again = make_laz(marked_las, {format < 6 ? 1U : 4U, 700, false});
+      EXPECT_TRUE(marked.substr(las_points_begin(marked)) == again.substr(las_points_begin(again))) << format << wild;
+    }
+  }
+}
+
+TEST(LazFiles, TheSignOfATimeOfZeroIsKept) {
+  LasSpec spec;
+  spec.format = 6;
+  spec.minor = 4;
+  std::string las = make_las(spec);
+  const std::size_t begin = las_points_begin(las), length = las_record_length(las);
+  for (std::size_t i = 0; i < spec.count; ++i) las_put(las, begin + i * length + 22, i % 2 == 0 ? 0.0 : -0.0);
+  EXPECT_TRUE(laz_records(image(parse(las, "a.las"), Format::laz)) == records_of(las));
 }
 
 TEST(LazFiles, TheTableOfChunksIsAsLaszipWritesIt) {

@@ -21,7 +21,6 @@ struct FileInfo {
   std::optional<double> metres_per_unit;  ///< of the coordinates, where the file says so
   double step = 0;               ///< between coordinates that are stored as integers, on the coarsest axis; else 0
   std::optional<Format> format;  ///< of the file; unset for a cloud made in memory
-  bool has_attributes = true;    ///< false: this build cannot read their values (LAZ without LASzip)
   bool is_geographic = false;    ///< X and Y are longitude and latitude in degrees, so distances mean nothing
 };
 

@@ -100,8 +100,8 @@ class Build:
         shutil.rmtree(self.prefix, ignore_errors=True)
         run("cmake", "--install", self.work / "build", "--prefix", self.prefix)
 
-    def collect_licenses(self, sources, downloads, nanobind):
-        collect_licenses(self.licenses, sources, downloads, self.work / "build/viewer/web", self.zig, nanobind)
+    def collect_licenses(self, sources, nanobind):
+        collect_licenses(self.licenses, sources, self.work / "build/viewer/web", self.zig, nanobind)
 
     def make_archive(self, version, dist):
         """pointfair-VERSION-TARGET.tar.gz with a folder of that name, and its checksum beside it."""
@@ -185,7 +185,7 @@ def main():
     for name in args.targets:
         build = Build(name, work, zig)
         build.make_program(sources)
-        build.collect_licenses(sources, downloads, folder_of(next(iter(pythons.values())), "nanobind"))
+        build.collect_licenses(sources, folder_of(next(iter(pythons.values())), "nanobind"))
         write_checksum(build.make_archive(version_of_pointfair(), dist))
         for version, programs in pythons.items():
             write_checksum(build.make_wheel(version, programs, dist))

@@ -79,22 +79,14 @@ def license_of_header(header):
     return "\n\n".join(part for part in text.split("\n\n") if part.startswith("License:"))
 
 
-def license_in_archive(archive):
-    with tarfile.open(archive) as files:
-        name, = (name for name in files.getnames() if name.endswith("/COPYING.txt"))
-        return files.extractfile(name).read().decode()
-
-
-def collect_licenses(into, sources, downloads, page, zig, nanobind):
+def collect_licenses(into, sources, page, zig, nanobind):
     """Writes the licence of everything that is linked in or served into a folder, one file each. `page`: the folder that
     the viewer's page is built in. Stops where one is missing: a file without it must not be given away."""
-    laszip, = downloads.glob("laszip-*.tar.gz")
     robin_map = (nanobind / "ext/robin_map/include/tsl/robin_map.h").read_text()
     nanobind_license, = nanobind.parent.glob("nanobind-*.dist-info/licenses/LICENSE")
     found = {
         "oneTBB": (sources["onetbb"] / "LICENSE.txt").read_text(),
         "pugixml": (sources["pugixml"] / "LICENSE.md").read_text(),
-        "LASzip": license_in_archive(laszip),
         "nanobind": nanobind_license.read_text(),
         "robin_map": robin_map[:robin_map.index("*/") + 3],
         "three.js": (page / "node_modules/three/LICENSE").read_text(),

@@ -69,7 +69,6 @@ class CopcFile {
       throw Error(ErrorKind::usage, "a COPC file is written of at most 4294967295 points; cut the cloud");
     compression_ = usual_compression(format_, record_length_);
     compression_.chunk_points = 0;
-    require_codec(compression_, "writing a COPC file needs");
     see_points();
     nodes_ = make_octree(cube_, static_cast<std::size_t>(header_.count), [this](std::size_t i) { return position(i); });
   }

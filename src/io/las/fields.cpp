@@ -19,16 +19,15 @@ constexpr NativeType kExtraTypes[] = {NativeType::uint8,   NativeType::int8,   N
 
 class FieldList {
  public:
-  void add(const char* name, NativeType type, std::size_t offset, std::uint32_t layer) {
+  void add(const char* name, NativeType type, std::size_t offset) {
     Field field;
     static_cast<Column&>(field) = {name, type, 1};
     field.offset = offset;
     field.stored = type;
-    field.layer = layer;
     add_unique(std::move(field));
   }
-  void add_bits(const char* name, std::size_t offset, unsigned shift, unsigned bits, std::uint32_t layer) {
-    add(name, NativeType::uint8, offset, layer);
+  void add_bits(const char* name, std::size_t offset, unsigned shift, unsigned bits) {
+    add(name, NativeType::uint8, offset);
     fields_.back().shift = shift;
     fields_.back().bits = bits;
   }
@@ -48,66 +47,66 @@ class FieldList {
 };
 
 void add_old_base(FieldList& list) {
-  list.add("intensity", NativeType::uint16, 12, 0);
-  list.add_bits("return_number", 14, 0, 3, 0);
-  list.add_bits("number_of_returns", 14, 3, 3, 0);
-  list.add_bits("scan_direction_flag", 14, 6, 1, 0);
-  list.add_bits("edge_of_flight_line", 14, 7, 1, 0);
-  list.add_bits("classification", 15, 0, 5, 0);
-  list.add_bits("synthetic", 15, 5, 1, 0);
-  list.add_bits("key_point", 15, 6, 1, 0);
-  list.add_bits("withheld", 15, 7, 1, 0);
-  list.add("scan_angle_rank", NativeType::int8, 16, 0);
-  list.add("user_data", NativeType::uint8, 17, 0);
-  list.add("point_source_id", NativeType::uint16, 18, 0);
+  list.add("intensity", NativeType::uint16, 12);
+  list.add_bits("return_number", 14, 0, 3);
+  list.add_bits("number_of_returns", 14, 3, 3);
+  list.add_bits("scan_direction_flag", 14, 6, 1);
+  list.add_bits("edge_of_flight_line", 14, 7, 1);
+  list.add_bits("classification", 15, 0, 5);
+  list.add_bits("synthetic", 15, 5, 1);
+  list.add_bits("key_point", 15, 6, 1);
+  list.add_bits("withheld", 15, 7, 1);
+  list.add("scan_angle_rank", NativeType::int8, 16);
+  list.add("user_data", NativeType::uint8, 17);
+  list.add("point_source_id", NativeType::uint16, 18);
 }
 
 void add_new_base(FieldList& list) {
-  list.add("intensity", NativeType::uint16, 12, kLayerIntensity);
-  list.add_bits("return_number", 14, 0, 4, 0);
-  list.add_bits("number_of_returns", 14, 4, 4, 0);
-  list.add_bits("synthetic", 15, 0, 1, kLayerFlags);
-  list.add_bits("key_point", 15, 1, 1, kLayerFlags);
-  list.add_bits("withheld", 15, 2, 1, kLayerFlags);
-  list.add_bits("overlap", 15, 3, 1, kLayerFlags);
-  list.add_bits("scanner_channel", 15, 4, 2, 0);
-  list.add_bits("scan_direction_flag", 15, 6, 1, kLayerFlags);
-  list.add_bits("edge_of_flight_line", 15, 7, 1, kLayerFlags);
-  list.add("classification", NativeType::uint8, 16, kLayerClassification);
-  list.add("user_data", NativeType::uint8, 17, kLayerUserData);
-  list.add("scan_angle", NativeType::int16, 18, kLayerScanAngle);
-  list.add("point_source_id", NativeType::uint16, 20, kLayerPointSource);
-  list.add("gps_time", NativeType::float64, 22, kLayerTime);
+  list.add("intensity", NativeType::uint16, 12);
+  list.add_bits("return_number", 14, 0, 4);
+  list.add_bits("number_of_returns", 14, 4, 4);
+  list.add_bits("synthetic", 15, 0, 1);
+  list.add_bits("key_point", 15, 1, 1);
+  list.add_bits("withheld", 15, 2, 1);
+  list.add_bits("overlap", 15, 3, 1);
+  list.add_bits("scanner_channel", 15, 4, 2);
+  list.add_bits("scan_direction_flag", 15, 6, 1);
+  list.add_bits("edge_of_flight_line", 15, 7, 1);
+  list.add("classification", NativeType::uint8, 16);
+  list.add("user_data", NativeType::uint8, 17);
+  list.add("scan_angle", NativeType::int16, 18);
+  list.add("point_source_id", NativeType::uint16, 20);
+  list.add("gps_time", NativeType::float64, 22);
 }
 
 void add_color(FieldList& list, std::size_t offset) {
-  list.add("red", NativeType::uint16, offset, kLayerColor);
-  list.add("green", NativeType::uint16, offset + 2, kLayerColor);
-  list.add("blue", NativeType::uint16, offset + 4, kLayerColor);
+  list.add("red", NativeType::uint16, offset);
+  list.add("green", NativeType::uint16, offset + 2);
+  list.add("blue", NativeType::uint16, offset + 4);
 }
 
 void add_wave_packet(FieldList& list, std::size_t offset) {
-  list.add("wavepacket_index", NativeType::uint8, offset, kLayerWavePacket);
-  list.add("wavepacket_offset", NativeType::uint64, offset + 1, kLayerWavePacket);
-  list.add("wavepacket_size", NativeType::uint32, offset + 9, kLayerWavePacket);
-  list.add("return_point_wave_location", NativeType::float32, offset + 13, kLayerWavePacket);
-  list.add("x_t", NativeType::float32, offset + 17, kLayerWavePacket);
-  list.add("y_t", NativeType::float32, offset + 21, kLayerWavePacket);
-  list.add("z_t", NativeType::float32, offset + 25, kLayerWavePacket);
+  list.add("wavepacket_index", NativeType::uint8, offset);
+  list.add("wavepacket_offset", NativeType::uint64, offset + 1);
+  list.add("wavepacket_size", NativeType::uint32, offset + 9);
+  list.add("return_point_wave_location", NativeType::float32, offset + 13);
+  list.add("x_t", NativeType::float32, offset + 17);
+  list.add("y_t", NativeType::float32, offset + 21);
+  list.add("z_t", NativeType::float32, offset + 25);
 }
 
 void add_standard(FieldList& list, unsigned format) {
   if (format < 6) {
     add_old_base(list);
     const bool time = format == 1 || format >= 3;
-    if (time) list.add("gps_time", NativeType::float64, 20, 0);
+    if (time) list.add("gps_time", NativeType::float64, 20);
     if (format == 2 || format == 3 || format == 5) add_color(list, time ? 28 : 20);
     if (format >= 4) add_wave_packet(list, format == 4 ? 28 : 34);
     return;
   }
   add_new_base(list);
   if (format == 7 || format == 8 || format == 10) add_color(list, 30);
-  if (format == 8 || format == 10) list.add("nir", NativeType::uint16, 36, kLayerNearInfrared);
+  if (format == 8 || format == 10) list.add("nir", NativeType::uint16, 36);
   if (format >= 9) add_wave_packet(list, format == 9 ? 30 : 38);
 }
 
@@ -120,7 +119,6 @@ Field extra_field(std::string_view text, std::size_t offset, std::size_t room) {
   field.components = type == 0 ? options : type <= 30 ? 1U + (type - 1U) / 10 : 0;
   field.type = field.stored = type == 0 ? NativeType::uint8 : kExtraTypes[(type - 1U) % 10];
   field.offset = offset;
-  field.layer = kLayerExtraBytes;
   if (column_bytes(field) > room) field.components = 0;
   if (type == 0) return field;
   for (std::size_t c = 0; c < std::min<std::size_t>(field.components, 3); ++c) {
@@ -173,7 +171,7 @@ std::vector<Field> record_fields(const Header& header) {
   const std::size_t end = end_of(described, header);
   for (Field& field : described) list.add_unique(std::move(field));
   if (end < header.record_length) {
-    list.add("extra_bytes", NativeType::uint8, end, kLayerExtraBytes);
+    list.add("extra_bytes", NativeType::uint8, end);
     list.last().components = static_cast<std::uint32_t>(header.record_length - end);
   }
   return list.take();

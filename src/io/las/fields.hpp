@@ -7,27 +7,10 @@
 #include <vector>
 
 #include "io/las/header.hpp"
+#include "io/las/record_bytes.hpp"
 #include "io/source.hpp"
 
 namespace pointfair::io::las {
-
-/// The parts of a record that LAZ files of point formats 6 to 10 keep apart, as bits of a set. X, Y and the numbers of
-/// returns are always there.
-enum Layer : std::uint32_t {
-  kLayerZ = 1,
-  kLayerClassification = 2,
-  kLayerFlags = 4,
-  kLayerIntensity = 8,
-  kLayerScanAngle = 16,
-  kLayerUserData = 32,
-  kLayerPointSource = 64,
-  kLayerTime = 128,
-  kLayerColor = 256,
-  kLayerNearInfrared = 512,
-  kLayerWavePacket = 1024,
-  kLayerExtraBytes = 0xFFFF0000,
-  kAllLayers = 0xFFFFFFFF
-};
 
 struct Field : Column {
   std::size_t offset = 0;                       ///< of the field in the record
@@ -35,7 +18,8 @@ struct Field : Column {
   unsigned shift = 0, bits = 0;                 ///< of a part of a byte; bits 0: the whole
   std::array<double, 3> scale{1, 1, 1}, add{};  ///< of a component, where `scaled`
   bool scaled = false;
-  std::uint32_t layer = 0;  ///< what must be decoded for it
+
+  ByteRange bytes() const { return {offset, offset + components * size_of(stored)}; }  ///< of the record
 };
 
 /// The fields of the file's records in their order, coordinates excluded, extra bytes included.

@@ -8,72 +8,30 @@
 #include <vector>
 
 #include "io/las/byte_coding.hpp"
+#include "io/las/color_item.hpp"
+#include "io/las/first_items.hpp"
 #include "io/las/point_item.hpp"
 #include "io/las/time_item.hpp"
+#include "io/las/wave_item.hpp"
 
 namespace pointfair::io::las {
 namespace {
 
-// Item RGB12: the lower bytes of three channels, and the upper ones, each predicted from the channel before.
-class ColorItem {
+// An item that is predicted from the last point's bytes.
+template <class Bytes, std::size_t kSize>
+class ItemAfterLast {
  public:
-  explicit ColorItem(const char* first) : last_(read(first)) {}
+  explicit ItemAfterLast(const char* first) { std::copy_n(first, kSize, last_.data()); }
 
   template <class Coder>
   void code(Coder& coder, char* record) {
-    Color now = Coder::kWrites ? read(record) : last_;
-    const std::uint32_t changes = coder.code(changes_, Coder::kWrites ? changes_of(now) : 0);
-    for (std::uint32_t half = 0; half < 2; ++half) {
-      if ((changes >> half & 1) != 0) now[0][half] = code_difference(coder, bytes_[half], last_[0][half], now[0][half]);
-    }
-    for (std::uint32_t half = 0; half < 2; ++half) {
-      if ((changes & kColored) != 0) {
-        code_others(coder, changes >> half, half, now);
-      } else {
-        now[1][half] = now[2][half] = now[0][half];
-      }
-    }
-    last_ = now;
-    if constexpr (!Coder::kWrites) {
-      for (std::size_t c = 0; c < 3; ++c)
-        for (std::size_t half = 0; half < 2; ++half) record[2 * c + half] = static_cast<char>(now[c][half]);
-    }
+    bytes_.code(coder, last_.data(), record);
+    std::copy_n(record, kSize, last_.data());
   }
 
  private:
-  using Color = std::array<std::array<std::uint8_t, 2>, 3>;  // of a channel the lower byte, then the upper
-  static constexpr std::uint32_t kColored = 64;              // the channels are not all alike
-
-  static Color read(const char* record) {
-    Color color;
-    for (std::size_t c = 0; c < 3; ++c)
-      for (std::size_t half = 0; half < 2; ++half) color[c][half] = static_cast<std::uint8_t>(record[2 * c + half]);
-    return color;
-  }
-
-  std::uint32_t changes_of(const Color& now) const {
-    std::uint32_t changes = now[0] != now[1] || now[0] != now[2] ? kColored : 0;
-    for (std::uint32_t c = 0; c < 3; ++c)
-      for (std::uint32_t half = 0; half < 2; ++half)
-        changes |= static_cast<std::uint32_t>(now[c][half] != last_[c][half]) << (2 * c + half);
-    return changes;
-  }
-
-  // Bits 2 and 4 of `changes` say whether the second and the third channel changed.
-  template <class Coder>
-  void code_others(Coder& coder, std::uint32_t changes, std::uint32_t half, Color& now) {
-    const auto near = [](int value) { return static_cast<std::uint32_t>(std::clamp(value, 0, 255)); };
-    int difference = now[0][half] - last_[0][half];
-    if ((changes & 4) != 0)
-      now[1][half] = code_difference(coder, bytes_[2 + half], near(difference + last_[1][half]), now[1][half]);
-    difference = (difference + now[1][half] - last_[1][half]) / 2;
-    if ((changes & 16) != 0)
-      now[2][half] = code_difference(coder, bytes_[4 + half], near(difference + last_[2][half]), now[2][half]);
-  }
-
-  Color last_;
-  SymbolModel changes_{128};
-  std::vector<SymbolModel> bytes_ = std::vector(6, SymbolModel(256));
+  Bytes bytes_;
+  std::array<char, kSize> last_;
 };
 
 // Item BYTE: each as its difference from the last point's.
@@ -95,17 +53,33 @@ class BytesItem {
   std::vector<SymbolModel> models_;
 };
 
+struct FirstVersion {
+  using Point = FirstPointItem;
+  using Time = FirstTimeItem;
+  using Color = ItemAfterLast<FirstColorCoder, 6>;
+  using Bytes = FirstBytesItem;
+};
+struct SecondVersion {
+  using Point = PointItem;
+  using Time = TimeItem;
+  using Color = ItemAfterLast<ColorCoder, 6>;
+  using Bytes = BytesItem;
+};
+
 // All items of a point, one point after the other, each in a few steps: with a Decoder records are filled, with an
 // Encoder read.
+template <class Version>
 class RecordCoder {
  public:
-  using Steps = std::make_integer_sequence<int, PointItem::kSteps + 3>;
+  static constexpr int kPointSteps = Version::Point::kSteps;
+  using Steps = std::make_integer_sequence<int, kPointSteps + 4>;
 
   RecordCoder(const Compression& compression, const char* first) : point_(first) {
     std::size_t offset = 0;
     for (const Item& item : compression.items) {
       if (item.type == Item::time11) time_.emplace(first + (time_at_ = offset));
       if (item.type == Item::color12) color_.emplace(first + (color_at_ = offset));
+      if (item.type == Item::wave13) wave_.emplace(first + (wave_at_ = offset));
       if (item.type == Item::bytes) bytes_.emplace(first + (bytes_at_ = offset), item.size);
       offset += item.size;
     }
@@ -113,12 +87,14 @@ class RecordCoder {
 
   template <int kStep, class Coder>
   void code_step(Coder& coder, char* record) {
-    if constexpr (kStep < PointItem::kSteps) {
-      point_.code_step<kStep>(coder, record);
-    } else if constexpr (kStep == PointItem::kSteps) {
+    if constexpr (kStep < kPointSteps) {
+      point_.template code_step<kStep>(coder, record);
+    } else if constexpr (kStep == kPointSteps) {
       if (time_) time_->code(coder, record + time_at_);
-    } else if constexpr (kStep == PointItem::kSteps + 1) {
+    } else if constexpr (kStep == kPointSteps + 1) {
       if (color_) color_->code(coder, record + color_at_);
+    } else if constexpr (kStep == kPointSteps + 2) {
+      if (wave_) wave_->code(coder, record + wave_at_);
     } else {
       if (bytes_) bytes_->code(coder, record + bytes_at_);
     }
@@ -127,11 +103,12 @@ class RecordCoder {
   bool is_damaged() const { return time_ && time_->is_damaged(); }
 
  private:
-  PointItem point_;
-  std::optional<TimeItem> time_;
-  std::optional<ColorItem> color_;
-  std::optional<BytesItem> bytes_;
-  std::size_t time_at_ = 0, color_at_ = 0, bytes_at_ = 0;
+  typename Version::Point point_;
+  std::optional<typename Version::Time> time_;
+  std::optional<typename Version::Color> color_;
+  std::optional<ItemAfterLast<WaveCoder, 29>> wave_;
+  std::optional<typename Version::Bytes> bytes_;
+  std::size_t time_at_ = 0, color_at_ = 0, wave_at_ = 0, bytes_at_ = 0;
 };
 
 std::size_t record_length(const Compression& compression) {
@@ -141,8 +118,11 @@ std::size_t record_length(const Compression& compression) {
 }
 
 // A chunk on its way into records, of which the first one stands in it as it is.
+template <class Version>
 class ChunkDecoder {
  public:
+  using Steps = typename RecordCoder<Version>::Steps;
+
   ChunkDecoder(const Compression& compression, const CodedChunk& chunk)
       : length_(record_length(compression)),
         decoder_(chunk.bytes.substr(length_)),
@@ -156,7 +136,7 @@ class ChunkDecoder {
 
   template <int kStep>
   void decode_step() {
-    coder_.code_step<kStep>(decoder_, record_);
+    coder_.template code_step<kStep>(decoder_, record_);
   }
   // False: the bytes are damaged.
   bool go_on() {
@@ -167,7 +147,7 @@ class ChunkDecoder {
  private:
   std::size_t length_;
   Decoder decoder_;
-  RecordCoder coder_;
+  RecordCoder<Version> coder_;
   char *record_, *end_;
 };
 
@@ -184,51 +164,62 @@ bool decode_records(std::integer_sequence<int, kStep...>, Chunks&... chunks) {
   return is_sound;
 }
 
-template <int... kStep>
-void encode_record(std::integer_sequence<int, kStep...>, RecordCoder& coder, Encoder& encoder, char* record) {
-  (coder.code_step<kStep>(encoder, record), ...);
-}
-
-bool decode_rest(ChunkDecoder& chunk) {
+template <class Version>
+bool decode_rest(ChunkDecoder<Version>& chunk) {
   while (!chunk.is_done()) {
-    if (!decode_records(RecordCoder::Steps{}, chunk)) return false;
+    if (!decode_records(typename ChunkDecoder<Version>::Steps{}, chunk)) return false;
   }
   return true;
 }
 
-}  // namespace
-
-bool is_interleaved(const Compression& compression) {
-  return std::all_of(compression.items.begin(), compression.items.end(), [](const Item& item) {
-    const bool known = item.type == Item::point10 || item.type == Item::time11 || item.type == Item::color12 ||
-                       item.type == Item::bytes;
-    return known && item.version == 2;
-  });
-}
-
-bool decode_interleaved(const Compression& compression, const CodedChunk& chunk) {
-  if (chunk.bytes.size() < record_length(compression)) return false;
-  ChunkDecoder decoder(compression, chunk);
+template <class Version>
+bool decode(const Compression& compression, const CodedChunk& chunk) {
+  ChunkDecoder<Version> decoder(compression, chunk);
   return decode_rest(decoder);
 }
 
+template <int... kStep, class Records>
+void encode_record(std::integer_sequence<int, kStep...>, Records& coder, Encoder& encoder, char* record) {
+  (coder.template code_step<kStep>(encoder, record), ...);
+}
+
+template <class Version>
+void encode(const Compression& compression, std::span<const char> records, Encoder& encoder) {
+  const std::size_t length = record_length(compression);
+  RecordCoder<Version> coder(compression, records.data());
+  for (std::size_t at = length; at < records.size(); at += length) {
+    char* const record = const_cast<char*>(records.data()) + at;  // which an encoder only reads
+    encode_record(typename RecordCoder<Version>::Steps{}, coder, encoder, record);
+  }
+}
+
+bool is_first_version(const Compression& compression) { return compression.items.front().version == 1; }
+
+}  // namespace
+
+bool decode_interleaved(const Compression& compression, const CodedChunk& chunk) {
+  if (chunk.bytes.size() < record_length(compression)) return false;
+  return is_first_version(compression) ? decode<FirstVersion>(compression, chunk)
+                                       : decode<SecondVersion>(compression, chunk);
+}
+
 bool decode_two_interleaved(const Compression& compression, const CodedChunk& one, const CodedChunk& other) {
-  if (std::min(one.bytes.size(), other.bytes.size()) < record_length(compression)) return false;
-  ChunkDecoder a(compression, one), b(compression, other);
+  if (is_first_version(compression) || std::min(one.bytes.size(), other.bytes.size()) < record_length(compression))
+    return false;
+  ChunkDecoder<SecondVersion> a(compression, one), b(compression, other);
   while (!a.is_done() && !b.is_done()) {
-    if (!decode_records(RecordCoder::Steps{}, a, b)) return false;
+    if (!decode_records(RecordCoder<SecondVersion>::Steps{}, a, b)) return false;
   }
   return decode_rest(a) && decode_rest(b);
 }
 
 void encode_interleaved(const Compression& compression, std::span<const char> records, std::string& to) {
-  const std::size_t length = record_length(compression);
-  to.append(records.data(), length);
+  to.append(records.data(), record_length(compression));
   Encoder encoder(to);
-  RecordCoder coder(compression, records.data());
-  for (std::size_t at = length; at < records.size(); at += length) {
-    char* const record = const_cast<char*>(records.data()) + at;  // which an encoder only reads
-    encode_record(RecordCoder::Steps{}, coder, encoder, record);
+  if (is_first_version(compression)) {
+    encode<FirstVersion>(compression, records, encoder);
+  } else {
+    encode<SecondVersion>(compression, records, encoder);
   }
   encoder.finish();
 }

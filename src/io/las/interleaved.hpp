@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The points of a LAZ chunk of point format 0 to 3, whose fields are all in one code, as version 2 of LASzip's items
-// has them. What is coded is written once for both directions.
+// The points of a LAZ chunk of point format 0 to 5, whose fields are all in one code. What is coded is written once for
+// both directions.
 #pragma once
 
 #include <cstdint>
@@ -12,9 +12,6 @@
 
 namespace pointfair::io::las {
 
-/// Whether all items of such points are known here: not waveforms, and not version 1.
-bool is_interleaved(const Compression& compression);
-
 /// The bytes of a chunk and the room for its records: that of at least one.
 struct CodedChunk {
   std::string_view bytes;
@@ -24,7 +21,8 @@ struct CodedChunk {
 /// Decodes as many records of a chunk as there is room for. False: the bytes are damaged.
 bool decode_interleaved(const Compression& compression, const CodedChunk& chunk);
 
-/// The same of two chunks at once, in about a tenth less time than one after the other. False: one is damaged.
+/// The same of two chunks at once, in about a tenth less time than one after the other. False: one is damaged, or the
+/// items are of the first version, which are decoded a chunk at a time.
 bool decode_two_interleaved(const Compression& compression, const CodedChunk& one, const CodedChunk& other);
 
 /// Appends the records as a chunk: the bytes that LASzip writes.

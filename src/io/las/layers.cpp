@@ -4,13 +4,12 @@
 #include <cstdlib>
 #include <memory>
 
+#include "io/las/header.hpp"
 #include "io/las/integer_coder.hpp"
-#include "io/scalar.hpp"
+#include "io/las/record_bytes.hpp"
 
 namespace pointfair::io::las {
 namespace {
-
-constexpr bool kSwap = std::endian::native == std::endian::big;
 
 // Six contexts for a point's place among its pulse's returns: row = number of returns, column = number of this one.
 constexpr std::array<std::string_view, 16> kReturnContexts = {
@@ -149,25 +148,18 @@ class PointCoder {
 Grid first_grid(const LayeredChunk& chunk) {
   Grid grid{};
   for (std::size_t axis = 0; axis < 3; ++axis)
-    grid[axis] = load<std::int32_t>(chunk.first_point.data() + 4 * axis, kSwap);
+    grid[axis] = load_little<std::int32_t>(chunk.first_point.data() + 4 * axis);
   return grid;
 }
 
 Returns first_returns(const LayeredChunk& chunk) {
-  const unsigned numbers = load<std::uint8_t>(chunk.first_point.data() + 14, false);
-  const unsigned flags = load<std::uint8_t>(chunk.first_point.data() + 15, false);
+  const unsigned numbers = load_little<std::uint8_t>(chunk.first_point.data() + 14);
+  const unsigned flags = load_little<std::uint8_t>(chunk.first_point.data() + 15);
   Returns returns{};
   returns.number = numbers & 15U;
   returns.count = (numbers >> 4) & 15U;
   returns.channel = (flags >> 4) & 3U;
   return returns;
-}
-
-void append_size(std::string& to, std::size_t size) {
-  const auto value = static_cast<std::uint32_t>(size);
-  char bytes[4];
-  copy_scalar(bytes, reinterpret_cast<const char*>(&value), sizeof value, kSwap);
-  to.append(bytes, sizeof bytes);
 }
 
 }  // namespace
@@ -179,10 +171,10 @@ std::optional<LayeredChunk> split_layers(std::string_view chunk, std::size_t rec
   LayeredChunk result;
   result.first_point = chunk.substr(0, record_length);
   result.sizes = chunk.substr(record_length + 4, 4 * layers);
-  if (load<std::uint32_t>(chunk.data() + record_length, kSwap) != points) return std::nullopt;
+  if (load_little<std::uint32_t>(chunk.data() + record_length) != points) return std::nullopt;
   std::string_view rest = chunk.substr(head);
   for (std::size_t layer = 0; layer < layers; ++layer) {
-    const std::size_t size = load<std::uint32_t>(result.sizes.data() + 4 * layer, kSwap);
+    const std::size_t size = load_little<std::uint32_t>(result.sizes.data() + 4 * layer);
     if (size > rest.size() || is_impossible_code(rest.substr(0, size))) return std::nullopt;
     if (layer == 0) result.returns_xy = rest.substr(0, size);
     if (layer == 1) result.z = rest.substr(0, size);
@@ -204,12 +196,11 @@ bool decode_layers(const LayeredChunk& chunk, std::span<Grid> points, std::span<
   return true;
 }
 
-void encode_layers(const LayeredChunk& chunk, std::span<const Grid> points, std::span<const Returns> returns,
-                   std::string& to) {
-  std::string xy_bytes, z_bytes;
-  xy_bytes.reserve(chunk.returns_xy.size() + chunk.returns_xy.size() / 8 + 64);
-  z_bytes.reserve(chunk.z.size() + chunk.z.size() / 8 + 64);
-  Encoder xy(xy_bytes), z(z_bytes);
+CoordinateCodes encode_coordinates(std::span<const Grid> points, std::span<const Returns> returns) {
+  CoordinateCodes codes;
+  codes.returns_xy.reserve(5 * points.size() + 64);
+  codes.z.reserve(3 * points.size() + 64);
+  Encoder xy(codes.returns_xy), z(codes.z);
   PointCoder<Encoder> coder(xy, &z, points[0], returns[0]);
   for (std::size_t i = 1; i < points.size(); ++i) {
     Grid grid = points[i];
@@ -218,16 +209,19 @@ void encode_layers(const LayeredChunk& chunk, std::span<const Grid> points, std:
   }
   xy.finish();
   z.finish();
+  return codes;
+}
 
+void encode_layers(const LayeredChunk& chunk, std::span<const Grid> points, std::span<const Returns> returns,
+                   std::string& to) {
+  const CoordinateCodes codes = encode_coordinates(points, returns);
   const std::size_t begin = to.size();
   to.append(chunk.first_point);
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    copy_scalar(to.data() + begin + 4 * axis, reinterpret_cast<const char*>(&points[0][axis]), 4, kSwap);
-  }
-  append_size(to, points.size());
-  append_size(to, xy_bytes.size());
-  append_size(to, z_bytes.size());
-  to.append(chunk.sizes.substr(8)).append(xy_bytes).append(z_bytes).append(chunk.others);
+  for (std::size_t axis = 0; axis < 3; ++axis) store_little(to.data() + begin + 4 * axis, points[0][axis]);
+  append<std::uint32_t>(to, static_cast<std::uint32_t>(points.size()));
+  append<std::uint32_t>(to, static_cast<std::uint32_t>(codes.returns_xy.size()));
+  append<std::uint32_t>(to, static_cast<std::uint32_t>(codes.z.size()));
+  to.append(chunk.sizes.substr(8)).append(codes.returns_xy).append(codes.z).append(chunk.others);
 }
 
 }  // namespace pointfair::io::las

@@ -35,6 +35,12 @@ std::optional<LayeredChunk> split_layers(std::string_view chunk, std::size_t rec
 /// Decodes the coordinates of all points of the chunk. False: the bytes are damaged.
 bool decode_layers(const LayeredChunk& chunk, std::span<Grid> points, std::span<Returns> returns);
 
+/// The codes of the two first layers, of the points and returns of a chunk.
+struct CoordinateCodes {
+  std::string returns_xy, z;
+};
+CoordinateCodes encode_coordinates(std::span<const Grid> points, std::span<const Returns> returns);
+
 /// Appends the chunk with these coordinates instead of its own.
 void encode_layers(const LayeredChunk& chunk, std::span<const Grid> points, std::span<const Returns> returns,
                    std::string& to);

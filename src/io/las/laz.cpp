@@ -51,6 +51,8 @@ void check_items(const Compression& compression, const Header& header, const std
       fail_compression(name, "its points are compressed in version " + std::to_string(item.version) + " of item " +
                                  std::to_string(item.type) + ", which is not known");
     }
+    if (item.version != compression.version() && item.type != Item::wave13)
+      fail_compression(name, "the parts of its points are compressed in more than one version");
   }
 }
 
@@ -80,6 +82,12 @@ std::size_t Compression::layers() const {
                                               : 1;
   }
   return count;
+}
+
+void Compression::set_version(unsigned version) {
+  for (Item& item : items) {
+    if (item.type != Item::wave13) item.version = static_cast<std::uint16_t>(version);
+  }
 }
 
 Compression usual_compression(unsigned point_format, std::size_t record_length) {

@@ -39,6 +39,9 @@ struct Compression {
   bool pointwise = false;  ///< all points are one chunk without a table, as LASzip wrote before 2.0
 
   bool layered() const { return items.front().type == Item::point14; }
+  /// Of all items; waveforms of formats 4 and 5 have version 1 alone.
+  unsigned version() const { return items.front().version; }
+  void set_version(unsigned version);
   /// Layers of a chunk, where there are such.
   std::size_t layers() const;
 };

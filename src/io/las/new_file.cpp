@@ -100,9 +100,7 @@ class NewFile {
     format_ = !color ? 6 : table.find("nir") ? 8 : 7;
     record_length_ = least_record_length(format_);
     map_columns();
-    if (!compress) return;
-    compression_ = usual_compression(format_, record_length_);
-    require_codec(*compression_, "writing a new LAZ file needs");
+    if (compress) compression_ = usual_compression(format_, record_length_);
   }
 
   void write() {

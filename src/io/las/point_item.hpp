@@ -7,7 +7,6 @@
 #include <array>
 #include <cstdint>
 #include <cstdlib>
-#include <memory>
 #include <string_view>
 #include <vector>
 
@@ -17,19 +16,6 @@
 #include "io/las/record_bytes.hpp"
 
 namespace pointfair::io::las {
-
-// A model for each value that a byte had before; most are never needed.
-class ByteModels {
- public:
-  SymbolModel& after(std::uint8_t last) {
-    std::unique_ptr<SymbolModel>& model = models_[last];
-    if (!model) model = std::make_unique<SymbolModel>(256);
-    return *model;
-  }
-
- private:
-  std::array<std::unique_ptr<SymbolModel>, 256> models_;
-};
 
 class PointItem {
  public:

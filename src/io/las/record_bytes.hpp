@@ -3,10 +3,18 @@
 #pragma once
 
 #include <bit>
+#include <cstddef>
 
 #include "io/scalar.hpp"
 
 namespace pointfair::io::las {
+
+/// Bytes of a record, from `begin` up to `end`.
+struct ByteRange {
+  std::size_t begin = 0, end = 0;
+
+  bool meets(const ByteRange& other) const { return begin < other.end && other.begin < end; }
+};
 
 template <class T>
 T load_little(const char* from) {

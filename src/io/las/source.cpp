@@ -7,7 +7,6 @@
 
 #include "io/file_bytes.hpp"
 #include "io/formats.hpp"
-#include "io/las/codec.hpp"
 #include "io/las/coordinate_system.hpp"
 #include "io/parallel.hpp"
 
@@ -34,7 +33,7 @@ void LasSource::positions(std::size_t block, std::span<Position> out) const {
 void LasSource::extract_block(std::size_t index, std::size_t block, std::span<char> out) const {
   const Field& field = fields_[index];
   Decoded decoded;
-  const std::string_view records = store_->records(block, field.layer, decoded);
+  const std::string_view records = store_->records(block, field.bytes(), decoded);
   extract_field(field, records.data(), layout_.header.record_length, block_size(block), out.data());
 }
 
@@ -95,8 +94,6 @@ FileInfo LasSource::info() const {
                  {"software", std::string(get_text(bytes(), place::software, 32))},
                  {"system", std::string(get_text(bytes(), place::system, 32))}};
   if (layout_.is_copc()) result.rows.front().value += ", COPC";
-  result.has_attributes = !layout_.compression || can_code(*layout_.compression);
-  if (!result.has_attributes) result.rows.push_back({"attributes", "not read, since this build lacks LASzip"});
   return result;
 }
 
@@ -135,7 +132,6 @@ std::shared_ptr<Source> read_las(FileBytes bytes, const std::string& name, Resid
     return std::make_shared<LasSource>(std::move(bytes), name, std::move(layout), std::move(store));
   }
   layout.compression = read_compression(layout.header, name);
-  if (!layout.compression->layered()) require_codec(*layout.compression, name + ": such points need");
   if (layout.compression->pointwise) {
     std::size_t end = view.size();  // nothing says where the points end
     for (const std::size_t begin : {layout.header.extended_begin, layout.header.waveform_begin})

@@ -6,9 +6,8 @@
 #include <limits>
 
 #include "io/file_bytes.hpp"
-#include "io/las/codec.hpp"
-#include "io/las/fields.hpp"
-#include "io/las/layers.hpp"
+#include "io/las/interleaved.hpp"
+#include "io/las/layered.hpp"
 #include "io/parallel.hpp"
 #include "platform/large_pages.hpp"
 
@@ -42,9 +41,9 @@ class FileRecords : public PointStore {
     return std::min<std::uint64_t>(std::uint64_t{block} * kUsualChunk, count_);
   }
   void grid(std::size_t block, std::span<Grid> out, Decoded& unused) const override {
-    read_grid(records(block, 0, unused).data(), record_length_, out);
+    read_grid(records(block, {}, unused).data(), record_length_, out);
   }
-  std::string_view records(std::size_t block, std::uint32_t, Decoded&) const override {
+  std::string_view records(std::size_t block, ByteRange, Decoded&) const override {
     return points_.substr(static_cast<std::size_t>(block_begin(block)) * record_length_,
                           block_size(block) * record_length_);
   }
@@ -85,10 +84,6 @@ class Chunks : public PointStore {
   void require(bool decoded, std::size_t block) const {
     if (!decoded) fail(name_, "chunk " + std::to_string(block) + " of its points is damaged; copy the file again");
   }
-  bool decode(std::size_t block, std::uint32_t layers, std::span<char> records) const {
-    require_codec(compression_, name_ + ": attributes of such points need");
-    return decode_chunk(compression_, {chunk(block), records}, static_cast<std::uint32_t>(block_size(block)), layers);
-  }
   const Compression& compression() const { return compression_; }
   std::size_t record_length() const { return record_length_; }
 
@@ -111,15 +106,15 @@ class DecodedRecords : public Chunks {
     const std::size_t at_once = block_count() >= 4 * concurrency() ? 2 : 1;
     for_each_block((block_count() + at_once - 1) / at_once, [&](std::size_t group) {
       const std::size_t first = group * at_once, last = std::min(first + at_once, block_count());
-      if (last - first == 2 && decode_two_chunks(compression, coded(first), coded(first + 1))) return;
+      if (last - first == 2 && decode_two_interleaved(compression, coded(first), coded(first + 1))) return;
       for (std::size_t block = first; block < last; ++block) decode_into(block, coded(block).records);
     });
   }
 
   void grid(std::size_t block, std::span<Grid> out, Decoded& decoded) const override {
-    read_grid(records(block, kAllLayers, decoded).data(), record_length(), out);
+    read_grid(records(block, {}, decoded).data(), record_length(), out);
   }
-  std::string_view records(std::size_t block, std::uint32_t, Decoded& decoded) const override {
+  std::string_view records(std::size_t block, ByteRange, Decoded& decoded) const override {
     const std::size_t size = block_size(block) * record_length();
     if (records_) return {records_.get() + begin(block), size};
     if (decoded.block != block) {
@@ -137,7 +132,7 @@ class DecodedRecords : public Chunks {
     return {chunk(block), {records_.get() + begin(block), block_size(block) * record_length()}};
   }
   void decode_into(std::size_t block, std::span<char> records) const {
-    require(decode(block, kAllLayers, records), block);
+    require(decode_interleaved(compression(), {chunk(block), records}), block);
   }
 
   std::unique_ptr<char[]> records_;
@@ -145,6 +140,8 @@ class DecodedRecords : public Chunks {
 
 // Points in layers. All that may be held is their coordinates and what else coding them again needs.
 class DecodedLayers : public Chunks {
+  static constexpr std::size_t kGridBytes = 12;  // of the coordinates, with which a record begins
+
  public:
   DecodedLayers(std::vector<Chunk> chunks, const Compression& compression, std::size_t record_length,
                 const std::string& name, bool holds)
@@ -167,13 +164,15 @@ class DecodedLayers : public Chunks {
     }
   }
 
-  std::string_view records(std::size_t block, std::uint32_t layers, Decoded& decoded) const override {
+  std::string_view records(std::size_t block, ByteRange wanted, Decoded& decoded) const override {
     decoded.records.assign(block_size(block) * record_length(), '\0');
-    if (layers == 0) {
-      fill_returns(returns(block, decoded), decoded.records);
-    } else {
-      require(decode(block, layers, decoded.records), block);
+    if (wanted.meets({0, kGridBytes})) {
+      std::vector<Grid> own(block_size(block));
+      grid(block, own, decoded);
+      put_grid(own, decoded.records);
     }
+    const auto layers = split(block);
+    require(layers && decode_layered(compression(), *layers, returns(block, decoded), wanted, decoded.records), block);
     return decoded.records;
   }
 
@@ -209,11 +208,10 @@ class DecodedLayers : public Chunks {
     return decoded.returns;
   }
 
-  void fill_returns(std::span<const Returns> from, std::string& records) const {
+  void put_grid(std::span<const Grid> grid, std::string& records) const {
     char* to = records.data();
-    for (const Returns& returns : from) {
-      to[14] = static_cast<char>(returns.number | returns.count << 4);
-      to[15] = static_cast<char>(returns.channel << 4);
+    for (const Grid& point : grid) {
+      for (std::size_t axis = 0; axis < 3; ++axis) store_little(to + 4 * axis, point[axis]);
       to += record_length();
     }
   }
@@ -244,7 +242,7 @@ std::unique_ptr<PointStore> decode_pointwise(std::string_view chunk, const Heade
   check_plausible(header.count, 0, header.record_length, file_size, name);
   const std::size_t size = static_cast<std::size_t>(header.count) * header.record_length;
   auto records = make_large<char>(size);
-  if (!decode_chunk(compression, {chunk, {records.get(), size}}, static_cast<std::uint32_t>(header.count), kAllLayers))
+  if (!decode_interleaved(compression, {chunk, {records.get(), size}}))
     fail(name, "its points are damaged, or the file ends before the last; copy it again");
   return std::make_unique<PointwiseRecords>(std::move(records), header.record_length, header.count);
 }

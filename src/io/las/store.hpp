@@ -14,6 +14,7 @@
 #include "io/las/header.hpp"
 #include "io/las/layers.hpp"
 #include "io/las/laz.hpp"
+#include "io/las/record_bytes.hpp"
 #include "io/source.hpp"
 
 namespace pointfair::io::las {
@@ -37,8 +38,8 @@ class PointStore {
   }
 
   virtual void grid(std::size_t block, std::span<Grid> out, Decoded& decoded) const = 0;
-  /// The records of the block; `decoded` may hold them. Where layers are apart, only `layers` are right.
-  virtual std::string_view records(std::size_t block, std::uint32_t layers, Decoded& decoded) const = 0;
+  /// The records of the block; `decoded` may hold them. Where layers are apart, only the bytes `wanted` are right.
+  virtual std::string_view records(std::size_t block, ByteRange wanted, Decoded& decoded) const = 0;
   /// The block compressed, as it is in the file; empty if it is not.
   virtual std::string_view chunk(std::size_t) const { return {}; }
   /// Appends the block compressed with these coordinates and all else as it is. False: it must be compressed anew.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Item GPSTIME11 of LAZ, version 2: the bits of a double, as differences within up to four sequences of times. `code`
-// reads a record with an Encoder and fills it with a Decoder.
+// Item GPSTIME11 of LAZ, version 2, and the GPS time of POINT14: the bits of a double, as differences within up to four
+// sequences of times. `code` reads a record with an Encoder and fills it with a Decoder.
 #pragma once
 
 #include <algorithm>
@@ -12,9 +12,12 @@
 
 namespace pointfair::io::las {
 
-class TimeItem {
+/// `kMayStay`: there are symbols for a time that is the last point's. Where there are layers, the first of them says
+/// so.
+template <bool kMayStay>
+class BasicTimeItem {
  public:
-  explicit TimeItem(const char* first) { times_[0] = load_little<std::uint64_t>(first); }
+  explicit BasicTimeItem(const char* first) { times_[0] = load_little<std::uint64_t>(first); }
 
   template <class Coder>
   void code(Coder& coder, char* record) {
@@ -33,9 +36,11 @@ class TimeItem {
   bool is_damaged() const { return damaged_; }
 
  private:
-  static constexpr std::int32_t kMost = 500, kLeast = -10;                       // multiples of the last difference
-  static constexpr std::uint32_t kUnchanged = 511, kNew = 512, kSymbols = 516;   // above kNew: other sequences
-  static constexpr std::uint32_t kFirstSame = 0, kFirstStep = 1, kFirstNew = 2;  // above: other sequences
+  static constexpr std::int32_t kMost = 500, kLeast = -10;  // multiples of the last difference
+  static constexpr std::uint32_t kUnchanged = 511, kNew = kMayStay ? 512 : 511,
+                                 kSymbols = kNew + 4;  // above kNew: other sequences
+  static constexpr std::uint32_t kFirstSame = 0, kFirstStep = kMayStay ? 1 : 0, kFirstNew = kFirstStep + 1,
+                                 kFirstSymbols = kFirstNew + 4;  // above kFirstNew: other sequences
 
   std::int64_t step_from(std::uint32_t sequence, std::uint64_t time) const {
     return static_cast<std::int64_t>(time - times_[sequence]);
@@ -52,14 +57,14 @@ class TimeItem {
 
   std::uint32_t first_symbol(std::uint64_t time) const {
     const std::int64_t step = step_from(at_, time);
-    if (is_short(step)) return step == 0 ? kFirstSame : kFirstStep;
+    if (is_short(step)) return kMayStay && step == 0 ? kFirstSame : kFirstStep;
     return kFirstNew + other_sequence(time);
   }
 
   std::uint32_t multiple_symbol(std::uint64_t time) const {
     const std::int64_t step = step_from(at_, time);
     if (!is_short(step)) return kNew + other_sequence(time);
-    if (step == 0) return kUnchanged;
+    if (kMayStay && step == 0) return kUnchanged;
     const double ratio = static_cast<float>(step) / static_cast<float>(steps_[at_]);
     const double bounded = std::clamp(ratio, 2.0 * kLeast, 2.0 * kMost);
     const auto multiple = static_cast<std::int32_t>(bounded + (ratio >= 0 ? 0.5 : -0.5));
@@ -83,7 +88,7 @@ class TimeItem {
     } else if (first && symbol == kFirstStep) {
       steps_[at_] = code_step(coder, time, 0, 0);
       extremes_[at_] = 0;
-    } else if (!first && symbol != kUnchanged) {
+    } else if (!first && !(kMayStay && symbol == kUnchanged)) {
       code_multiple(coder, time, static_cast<std::int32_t>(symbol));
     }
     return false;
@@ -133,9 +138,12 @@ class TimeItem {
   std::array<std::uint64_t, 4> times_{};
   std::array<std::int32_t, 4> steps_{}, extremes_{};
   BasicSymbolModel<kSymbols> multiples_{kSymbols};
-  SymbolModel first_{6};
+  SymbolModel first_{kFirstSymbols};
   IntegerCoder integers_{9};
   bool damaged_ = false;
 };
+
+using TimeItem = BasicTimeItem<true>;
+using LayeredTimeItem = BasicTimeItem<false>;
 
 }  // namespace pointfair::io::las

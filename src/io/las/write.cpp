@@ -180,13 +180,9 @@ class LasWriter {
 
   void choose_compression() {
     compression_ = usual_compression(layout_.header.point_format, record_length_);
-    if (!has_chunks()) return require_codec(*compression_, "writing such points as LAZ needs");
+    if (!has_chunks()) return;
     compression_->chunk_points = layout_.compression->chunk_points;
-    for (std::size_t i = 0; i < layout_.compression->items.size(); ++i) {
-      compression_->items[i].version = layout_.compression->items[i].version;
-    }
-    // added bytes go by the version of the others
-    if (compression_->layered()) compression_->items.back().version = compression_->items.front().version;
+    compression_->set_version(layout_.compression->version());
   }
 
   void write_points() {
@@ -279,7 +275,7 @@ class LasWriter {
                       std::string& buffer) const {
     thread_local std::string points;  // as above
     points.clear();
-    const std::string_view own = source_.store_->records(block, kAllLayers, decoded);
+    const std::string_view own = source_.store_->records(block, {0, layout_.header.record_length}, decoded);
     if (edits_.added.empty()) {
       points = own;
     } else {
