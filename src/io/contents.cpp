@@ -144,9 +144,9 @@ std::vector<Content> contents_of(const Cloud& cloud) {
   });
   if (!finite) result.push_back({ContentKind::invalid_points, "points without finite coordinates"});
   if (!cloud.source) return result;
-  const Faces faces = cloud.source->faces();
-  if (!faces.ends.empty()) result.push_back({ContentKind::faces, counted(faces.ends.size(), "face")});
-  if (!faces.texture.empty()) result.push_back({ContentKind::texture_coordinates, "the texture coordinates"});
+  const FaceSummary faces = cloud.source->face_summary();
+  if (faces.faces > 0) result.push_back({ContentKind::faces, counted(faces.faces, "face")});
+  if (faces.textured) result.push_back({ContentKind::texture_coordinates, "the texture coordinates"});
   for (Content& content : cloud.source->contents()) result.push_back(std::move(content));
   std::stable_sort(result.begin(), result.end(), [](const Content& a, const Content& b) { return a.kind < b.kind; });
   return result;

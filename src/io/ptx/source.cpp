@@ -178,7 +178,7 @@ void PtxSource::fill_absent(const Column& column, std::size_t block, std::span<c
 }
 
 // In one walk along each row.
-void PtxSource::extract_all_of_block(std::size_t block, std::span<const std::span<char>> out) const {
+void PtxSource::extract_several_of_block(std::size_t block, std::span<const std::span<char>> out) const {
   const std::vector<std::string>& names = scan_of(block).value_names;
   std::vector<std::size_t> columns(names.size());  // of the words behind the coordinates
   std::vector<bool> has(out.size());
@@ -189,13 +189,17 @@ void PtxSource::extract_all_of_block(std::size_t block, std::span<const std::spa
     has[columns[v]] = true;
   }
   for (std::size_t c = 0; c < out.size(); ++c)
-    if (!has[c]) fill_absent(columns_[c], block, out[c]);
+    if (!has[c]) fill_absent(columns_[c], block, out[c]);  // nothing, where the place is empty
   for_each_row(block, [&](std::string_view row, std::size_t point) {
     PlainRow plain(row, ' ');
     bool is_plain = plain.skip(3);
     for (std::size_t v = 0; v < columns.size(); ++v) {
       const Column& column = columns_[columns[v]];
       double number = 0;
+      if (out[columns[v]].empty()) {
+        is_plain = is_plain && plain.skip(1);
+        continue;
+      }
       is_plain = is_plain && plain.number(number);
       if (!is_plain) number = number_at(row, 3 + v, column).value_or(kMissing);
       store_double(out[columns[v]].data() + point * size_of(column.type), column.type, false, number);
