@@ -67,9 +67,7 @@ class ObjSource : public TextSource {
 
  private:
   const ObjParts& parts() const {
-    std::call_once(parsed_, [this] {
-      parts_ = read_obj_parts(text());
-    });
+    std::call_once(parsed_, [this] { parts_ = read_obj_parts(text()); });
     return parts_;
   }
 

@@ -122,7 +122,8 @@ class Corners {
     at_ += from_last;
     const char* const begin = at_;
     std::int64_t number = 0;
-    for (; at_ != end_ && *at_ >= '0' && *at_ <= '9' && at_ - begin < kDigits; ++at_) number = 10 * number + (*at_ - '0');
+    for (; at_ != end_ && *at_ >= '0' && *at_ <= '9' && at_ - begin < kDigits; ++at_)
+      number = 10 * number + (*at_ - '0');
     if (at_ == begin) return false;
     if (number == 0) return false;
     if (from_last) number = static_cast<std::int64_t>(so_far) + 1 - number;
@@ -241,8 +242,7 @@ class PartsReader {
   void tell_texture() {
     const std::uint64_t count = so_far_.textures;
     if (count == 0) return;
-    parts_.textured =
-        parts_.faces.corners > 0 && !without_texture_ && last_texture_ < static_cast<std::int64_t>(count);
+    parts_.textured = parts_.faces.corners > 0 && !without_texture_ && last_texture_ < static_cast<std::int64_t>(count);
     if (!parts_.textured)
       parts_.contents.push_back({ContentKind::texture_coordinates,
                                  io::counted(count, "texture coordinate") + ", which some corners do not have"});

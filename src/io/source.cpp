@@ -109,6 +109,11 @@ void Source::extract(std::size_t index, std::span<char> out) const {
 }
 
 void Source::extract_several(std::span<const std::span<char>> out) const {
+  const auto is_wanted = [](std::span<char> place) { return !place.empty(); };
+  const auto first = std::find_if(out.begin(), out.end(), is_wanted);
+  if (first == out.end()) return;
+  if (std::count_if(first, out.end(), is_wanted) == 1)
+    return extract(static_cast<std::size_t>(first - out.begin()), *first);
   const std::vector<io::Column> all = columns();
   io::for_each_block(block_count(), [&](std::size_t block) {
     std::vector<std::span<char>> of_block;
