@@ -163,7 +163,7 @@ class PlainRow {
     }
     return false;
   }
-  void skip_blanks() {
+  [[gnu::always_inline]] void skip_blanks() {
     while (at_ != end_ && is_blank(*at_) && (by_blanks_ || *at_ != separator_)) ++at_;
   }
   void end_word() {
