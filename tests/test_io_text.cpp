@@ -264,10 +264,13 @@ TEST(FilesText, NumbersInARowAreThoseOfTheirWords) {
       EXPECT_EQ(next, 7) << line;
     }
   }
-  for (const std::string word : {"1.2.3", "--1", "1-2", "1:2", "1/2", ".", "-", "12\"3"}) {
+  for (const std::string word : {"0..5", "1.2.3", "--1", "1-2", "1:2", "1/2", ".", "-", "12\"3"}) {
     const std::string line = word + " 7 some words behind it";
+    io::PlainRow row(line, ' ');
     double value = 0;
-    EXPECT_FALSE(io::PlainRow(line, ' ').number(value)) << word;
+    std::string_view first;
+    EXPECT_FALSE(row.number(value)) << word;
+    EXPECT_TRUE(row.word(first) && first == word) << word << ": is passed";
   }
 }
 
@@ -314,6 +317,16 @@ TEST(FilesText, SeveralAttributesAreReadAtOnce) {
     EXPECT_TRUE(attribute_values(cloud, {}).empty());
     all.emplace_back("none");
     EXPECT_EQ(thrown_by([&] { attribute_values(cloud, all); }).kind, ErrorKind::usage);
+  }
+}
+
+TEST(FilesText, AWordThatIsNoNumberIsRefusedAmongSeveralAttributes) {
+  const std::string scan = "2\n1\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n1 2 3 0.5 1 2 3\n";
+  const std::vector<std::string> all = {"intensity", "red", "green", "blue"};
+  for (const std::string row :
+       {"4 5 6 0..5 1 2 3 and more words", "4 5 6 0..5 1 2 3", "4 5 6 0.5 1 2 0x3", "4 5 6 0.5 1-2 3 4"}) {
+    const Cloud cloud = parse(scan + row + "\n", "a.ptx");
+    EXPECT_NE(thrown_by([&] { attribute_values(cloud, all); }).message.find("line 12: "), std::string::npos) << row;
   }
 }
 

@@ -66,15 +66,19 @@ class PlainRow {
   }
 
   bool number(double& value) {
+    const char* const begin = at_;
     if (!short_number(value)) {
       const auto [stop, error] = fast_float::from_chars(at_, end_, value);
       if (error != std::errc()) return false;
       at_ = stop;
     }
     if (at_ == end_) return true;
-    if (by_blanks_ && !is_blank(*at_)) return false;
+    const bool has_blank = is_blank(*at_);
     skip_blanks();
-    if (!by_blanks_ && at_ != end_ && *at_ != separator_) return false;
+    if (by_blanks_ ? !has_blank : at_ != end_ && *at_ != separator_) {
+      at_ = begin;  // it is no number
+      return false;
+    }
     end_word();
     return true;
   }

@@ -213,13 +213,15 @@ void PtxSource::extract_several_of_block(std::size_t block, std::span<const std:
       double number = 0;
       if (its.column.type == NativeType::uint8 && is_plain && plain.short_count(count)) {
         *its.to = static_cast<char>(count);  // the type holds it
-      } else if (its.column.type == NativeType::float32 && is_plain && plain.number(number)) {
-        const auto value = static_cast<float>(number);
-        std::memcpy(its.to, &value, sizeof value);
       } else {
         is_plain = is_plain && plain.number(number);
         if (!is_plain) number = number_at(row, 3 + its.word, its.column).value_or(kMissing);
-        store_double(its.to, its.column.type, false, number);
+        if (its.column.type == NativeType::float32) {
+          const auto value = static_cast<float>(number);
+          std::memcpy(its.to, &value, sizeof value);
+        } else {
+          store_double(its.to, its.column.type, false, number);
+        }
       }
       its.to += size_of(its.column.type);
     }
