@@ -2,13 +2,14 @@
 // From each format to each other: points, order, colours, normals, faces, scalars.
 #include <cmath>
 
+#include "io_cases.h"
 #include "io_files.h"
 
 namespace pointfair::test {
 namespace {
 
-const Format kFormats[] = {Format::ply, Format::pcd, Format::xyz, Format::txt,
-                           Format::csv, Format::pts, Format::off, Format::obj, Format::ptx};
+const Format kFormats[] = {Format::ply, Format::pcd, Format::xyz, Format::txt, Format::csv,
+                           Format::pts, Format::off, Format::obj, Format::ptx};
 constexpr const char* kNames[] = {"a.ply", "a.pcd", "a.xyz", "a.txt", "a.csv", "a.pts", "a.off", "a.obj", "a.ptx"};
 
 // A mesh of four points with everything that formats share.
@@ -59,6 +60,22 @@ TEST(FilesConvert, AttributesGoWhereverTheyHaveAPlace) {
     for (const char* channel : {"red", "green", "blue"}) {
       EXPECT_EQ(values<std::uint8_t>(back, channel), values<std::uint8_t>(mesh, channel));
     }
+  }
+}
+
+// By their places, since there are no names.
+TEST(FilesConvert, IntensityStandsBeforeColoursInPts) {
+  for (const std::string names : {"red,green,blue,intensity", "Intensity,blue,red,green", "green,red,intensity,blue",
+                                  "red,q,green,blue", "blue,green,red"}) {
+    const std::string values =
+        replaced(replaced(replaced(replaced(names, "red", "1"), "green", "2"), "blue", "3"), "q", "7");
+    const std::string row = replaced(replaced(values, "intensity", "7"), "Intensity", "7");
+    const Cloud cloud = parse("x,y,z," + names + "\n4,5,6," + row + "\n", "a.csv");
+    const std::string text = image(cloud, Format::pts);
+    EXPECT_EQ(text, names == "blue,green,red" ? "1\n4 5 6 1 2 3\n" : "1\n4 5 6 7 1 2 3\n") << names;
+    const Cloud again = parse(text, "a.pts");
+    EXPECT_EQ(test::values<std::uint8_t>(again, "red"), std::vector<std::uint8_t>{1}) << names;
+    EXPECT_EQ(test::values<std::uint8_t>(again, "blue"), std::vector<std::uint8_t>{3}) << names;
   }
 }
 

@@ -3,8 +3,11 @@
 #include <malloc.h>
 #include <tbb/task_arena.h>
 
+#include <bit>
 #include <cmath>
+#include <random>
 
+#include "io/plain_row.hpp"
 #include "io/source.hpp"
 #include "io/text.hpp"
 #include "io_files.h"
@@ -172,6 +175,26 @@ std::vector<NamedBytes> files_of(std::size_t points, const std::string& x, const
 // Each thread holds up to 2 MiB of the file.
 constexpr int kThreads = 2;
 
+// Meshes whose lines are hardly longer than what is made of them.
+std::vector<NamedBytes> short_meshes(std::size_t faces) {
+  const std::string points = repeated("v 1 2 3\n", 10), many = repeated("v 1 2 3\n", faces / 2),
+                    count = std::to_string(faces), rows = repeated("1 2 3\n", 10),
+                    normals = repeated("vn 0 0 1\n", faces / 2);
+  const std::string ply =
+      "ply\nformat ascii 1.0\nelement vertex 10\nproperty float x\nproperty float y\nproperty float z\n"
+      "element face " +
+      count + "\nproperty list uchar int vertex_indices\nend_header\n";
+  return {{"triangles.obj", points + repeated("f 1 2 3\n", faces)},
+          {"quads.obj", points + repeated("f 1 2 3 4\n", faces)},
+          {"both.obj", points + repeated("f 1 2 3\n", faces) + repeated("f 1 2 3 4\n", faces)},
+          {"texture.obj", points + "vt 0 0\n" + repeated("f 1/1 2/1 3/1\n", faces)},
+          {"normals.obj", many + normals + repeated("f 1//1 2//1 3//1\n", faces)},
+          {"as_many_points.obj", many + repeated("f 1 2 3\n", faces)},
+          {"triangles.off", "OFF\n10 " + count + " 0\n" + rows + repeated("3 1 2 3\n", faces)},
+          {"quads.off", "OFF\n10 " + count + " 0\n" + rows + repeated("4 1 2 3 4\n", faces)},
+          {"triangles.ply", ply + rows + repeated("3 1 2 3\n", faces)}};
+}
+
 void expect_three_times(const std::vector<NamedBytes>& files, std::size_t points) {
   const Folder folder;
   for (const auto& [name, bytes] : files) {
@@ -185,6 +208,9 @@ void expect_three_times(const std::vector<NamedBytes>& files, std::size_t points
       const Cloud cloud = read(folder / name, options);
       for (const AttributeInfo& info : attributes(cloud)) attribute(cloud, info.name);
       losses(cloud, Format::npy);
+      polygons(cloud);
+      ::malloc_trim(0);  // or what the polygons took stays with the heap beside the triangles
+      triangles(cloud);
     });
     const std::size_t peak = memory_status("VmHWM:");
     EXPECT_GE(peak, before + 12 * points);  // the points, at least
@@ -208,6 +234,120 @@ TEST(FilesText, ReadingTakesNoMoreThanThreeTimesTheFile) {
   files.emplace_back("faces.obj", repeated("v " + row, kRows) + repeated("f 17 18 19\n", kRows));
   expect_three_times(files, kRows);
   expect_three_times(files_of(kShortRows, "1", "2", "3"), kShortRows);  // hardly longer than the points
+  expect_three_times(short_meshes(kShortRows), 0);
+}
+
+// Of a row of blanks and of one of commas, in the middle, where eight characters are read at once, and at the end.
+TEST(FilesText, NumbersInARowAreThoseOfTheirWords) {
+  std::mt19937 random(7);
+  const auto below = [&](unsigned count) { return static_cast<unsigned>(random() % count); };
+  const auto digits = [&](unsigned count) {
+    std::string text;
+    for (; count > 0; --count) text += static_cast<char>('0' + below(10));
+    return text;
+  };
+  std::vector<std::string> words = {"0",        "-0",       "-0.0",      ".5",  "-.5",   "5.",
+                                    "00000001", "99999999", "9999999.9", "1e3", "-1E-3", "1.5e2"};
+  for (int i = 0; i < 20000; ++i) {
+    const std::string whole = digits(below(11)), fraction = digits(below(11));
+    if (whole.empty() && fraction.empty()) continue;
+    words.push_back((below(2) == 0 ? "-" : "") + whole + (fraction.empty() && below(2) == 0 ? "" : "." + fraction));
+  }
+  for (const std::string& word : words) {
+    const double expected = io::to_number(word).value();
+    for (const std::string& line :
+         {word + " 7 some words behind it", word + "  7", word + "\t7 and more of the row", word + ",7"}) {
+      io::PlainRow row(line, line.ends_with(",7") ? ',' : ' ');
+      double value = 0, next = 0;
+      ASSERT_TRUE(row.number(value) && row.number(next)) << line;
+      EXPECT_EQ(std::bit_cast<std::uint64_t>(value), std::bit_cast<std::uint64_t>(expected)) << line;
+      EXPECT_EQ(next, 7) << line;
+    }
+  }
+  for (const std::string word : {"0..5", "1.2.3", "--1", "1-2", "1:2", "1/2", ".", "-", "12\"3"}) {
+    const std::string line = word + " 7 some words behind it";
+    io::PlainRow row(line, ' ');
+    double value = 0;
+    std::string_view first;
+    EXPECT_FALSE(row.number(value)) << word;
+    EXPECT_TRUE(row.word(first) && first == word) << word << ": is passed";
+  }
+}
+
+TEST(FilesText, WordsArePassedHoweverTheyAreSeparated) {
+  const auto behind = [](const std::string& line, std::size_t passed) {
+    io::PlainRow row(line, ' ');
+    std::string_view word;
+    return row.skip(passed) && row.word(word) ? std::string(word) : "none";
+  };
+  EXPECT_EQ(behind("1.25 -17.123456 3 0.5 and more words", 3), "0.5");
+  EXPECT_EQ(behind("1.25  -17.123456\t3\t \t0.5 and more words", 3), "0.5");
+  EXPECT_EQ(behind("1 2 3 4", 3), "4");
+  EXPECT_EQ(behind("1 2 3 ", 3), "none");
+  EXPECT_EQ(behind("1 2 3", 3), "none");
+  EXPECT_EQ(behind("1 \"2 3\" 4 5 6 and more words", 3), "none");  // a row that PlainRow leaves to others
+  EXPECT_EQ(behind("1 2\\\n3 4 5 and more words of the row", 3), "none");
+}
+
+TEST(FilesText, SeveralAttributesAreReadAtOnce) {
+  const std::string scan = "\n1\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n";
+  for (const auto& [name, bytes] : std::vector<NamedBytes>{
+           {"a.csv", "x,y,z,i,\"a b\",t\n1,2,3,0.5,7,9\n4,5,6,,\"8\",10\n"},
+           {"a.ptx", "2" + scan + "1 2 3 0.5 1 2 3\n4 5 6 0.25 400 5 6.5\n1" + scan + "1 2 3 0.5\n"},
+           {"a.obj", "v 1 2 3 0.5 0.25 1\nv 4 5 6\nvn 0 0 1\nvn 0 1 0\nf 1//2 2//1 1//2\n"},
+           {"a.ply",
+            "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty uchar q\nproperty float y\nproperty "
+            "float z\nproperty short r\nend_header\n1 7 2 3 -4\n"}}) {
+    Cloud cloud = parse(bytes, name);
+    Attribute added = make_attribute<std::uint8_t>("more", ScalarType::uint8, {});
+    added.data.resize(cloud.points.size());
+    cloud.added = {added};
+    Names all = names(cloud);
+    ASSERT_GE(all.size(), 3U) << name;
+    std::swap(all.front(), all.back());
+    all.push_back(all[1]);  // twice
+    const std::vector<Attribute> values = attribute_values(cloud, all);
+    ASSERT_EQ(values.size(), all.size());
+    for (std::size_t a = 0; a < all.size(); ++a) {
+      const Attribute one = attribute(cloud, all[a]);
+      EXPECT_EQ(values[a].name, all[a]) << name;
+      EXPECT_EQ(values[a].type, one.type) << name << all[a];
+      EXPECT_EQ(values[a].data, one.data) << name << all[a];
+    }
+    EXPECT_TRUE(attribute_values(cloud, {}).empty());
+    all.emplace_back("none");
+    EXPECT_EQ(thrown_by([&] { attribute_values(cloud, all); }).kind, ErrorKind::usage);
+  }
+}
+
+TEST(FilesText, AWordThatIsNoNumberIsRefusedAmongSeveralAttributes) {
+  const std::string scan = "2\n1\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n1 2 3 0.5 1 2 3\n";
+  const std::vector<std::string> all = {"intensity", "red", "green", "blue"};
+  for (const std::string row :
+       {"4 5 6 0..5 1 2 3 and more words", "4 5 6 0..5 1 2 3", "4 5 6 0.5 1 2 0x3", "4 5 6 0.5 1-2 3 4"}) {
+    const Cloud cloud = parse(scan + row + "\n", "a.ptx");
+    EXPECT_NE(thrown_by([&] { attribute_values(cloud, all); }).message.find("line 12: "), std::string::npos) << row;
+  }
+}
+
+TEST(FilesText, CornersOfAFaceMayBeWrittenInManyWays) {
+  const auto corners = [](const std::string& faces) {
+    return polygons(parse("v 1 2 3\nv 4 5 6\nvt 0 0\nvn 0 0 1\nv 7 8 9\n" + faces, "a.obj")).corners;
+  };
+  using Corners = std::vector<std::uint32_t>;
+  EXPECT_EQ(corners("f 1 2 3\n"), (Corners{0, 1, 2}));
+  EXPECT_EQ(corners("f -3 -2\t-1 \r\n"), (Corners{0, 1, 2}));
+  EXPECT_EQ(corners("f 1/1 2//1 3/1/1\n"), (Corners{0, 1, 2}));
+  EXPECT_EQ(corners("f 1/ 2// 3/1/1/7\n"), (Corners{0, 1, 2}));
+  EXPECT_EQ(corners("f 1 2 \\\n3\n"), (Corners{0, 1, 2}));
+  EXPECT_EQ(corners("f 1 2\\\n3\n"), (Corners{0, 1, 2}));
+  EXPECT_EQ(corners("f\n"), Corners{});
+  for (const std::string word :
+       {"0", "-0", "4", "-4", "1x", "+1", "1/x", "/1", "1.5", "99999999999999999999", "\"\"x", "1\\2"}) {
+    const Thrown thrown = thrown_by([&] { corners("f 1 " + word + " 3\n"); });
+    EXPECT_EQ(thrown.kind, ErrorKind::file) << word;
+    EXPECT_NE(thrown.message.find("line 6: "), std::string::npos) << thrown.message;
+  }
 }
 
 TEST(FilesText, AColumnMoreStandsBehindEmptyWords) {

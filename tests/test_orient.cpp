@@ -92,6 +92,58 @@ Shape box(const std::array<double, 3>& size, bool inside) {
   return shape;
 }
 
+using Vec = std::array<double, 3>;
+struct Block {
+  Vec low, high;
+};
+
+// Whether something of a block is between two places.
+bool is_between(const Block& block, const Vec& from, const Vec& to) {
+  constexpr double kNear = 1e-6;
+  double enters = 0, leaves = 1 - kNear;
+  for (std::size_t a = 0; a < 3; ++a) {
+    const double way = to[a] - from[a], first = (block.low[a] - from[a]) / way,
+                 second = (block.high[a] - from[a]) / way;
+    enters = std::max(enters, std::min(first, second));
+    leaves = std::min(leaves, std::max(first, second));
+  }
+  return enters < leaves - kNear;
+}
+
+// A table of 1.6 x 0.8 in a room of 6 x 4 x 2.5, its top so thick, or down to the floor: what a scanner sees from a
+// place.
+Shape room_with_a_table(double thickness, unsigned seed, const Vec& sensor) {
+  constexpr double kHeight = 0.75, kLeg = 0.1;
+  Random random(seed);
+  const double x = random.uniform(0.5, 2.5), y = random.uniform(0.5, 2.5);
+  const Block room{{0, 0, 0}, {6, 4, 2.5}};
+  std::vector<Block> blocks{{{x, y, kHeight - thickness}, {x + 1.6, y + 0.8, kHeight}}};
+  for (const double dx : {0.0, 1.6 - kLeg})
+    for (const double dy : {0.0, 0.8 - kLeg})
+      if (thickness < kHeight)
+        blocks.push_back({{x + dx, y + dy, 0}, {x + dx + kLeg, y + dy + kLeg, kHeight - thickness}});
+  Shape shape;
+  const auto add_sides = [&](const Block& block, bool inside) {
+    constexpr double kPerArea = 200;
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      for (const bool high : {false, true}) {
+        const std::size_t u = (axis + 1) % 3, v = (axis + 2) % 3;
+        const double area = (block.high[u] - block.low[u]) * (block.high[v] - block.low[v]);
+        for (int i = 0; i < int(kPerArea * area); ++i) {
+          Vec p, n{};
+          for (std::size_t a = 0; a < 3; ++a) p[a] = random.uniform(block.low[a], block.high[a]);
+          p[axis] = high ? block.high[axis] : block.low[axis];
+          n[axis] = high != inside ? 1 : -1;
+          if (std::none_of(blocks.begin(), blocks.end(), [&](const Block& b) { return is_between(b, sensor, p); }))
+            shape.add(p, n);
+        }
+      }
+  };
+  add_sides(room, true);
+  for (const Block& block : blocks) add_sides(block, false);
+  return shape;
+}
+
 double spacing_of_plate(double side) { return side / std::sqrt(kPoints / 2.0); }
 
 Shape plate() { return box({10, 10, 3 * spacing_of_plate(10)}, false); }
@@ -152,6 +204,17 @@ TEST(Orient, NormalsOfARoomLookInWhereTheScannerStoodThere) {
   EXPECT_GE(after_run(room, inside), 0.98);
   const double outside = after_run(room);  // consistent all the same
   EXPECT_GE(std::max(outside, 1 - outside), 0.98);
+}
+
+TEST(Orient, ATableStandsInARoomAsAScannerSeesIt) {
+  for (const double thickness : {0.03, 0.1, 0.75})
+    for (const unsigned seed : {1U, 2U}) {
+      const Vec sensor{0.8 + seed, 3.3, 1.5};
+      const Shape room = noisy(room_with_a_table(thickness, seed, sensor), 0.01);
+      EXPECT_GE(after_run(room, std::vector<Position>{sensor}), 0.98) << thickness << " " << seed;
+      const double unknown = after_run(room);
+      EXPECT_GE(std::max(unknown, 1 - unknown), 0.98) << thickness << " " << seed;
+    }
 }
 
 TEST(Orient, GroundLooksUpAndEveryPartHasItsOwnSide) {

@@ -145,11 +145,11 @@ std::vector<std::uint8_t> colours(const Cloud& cloud, const Order& order, std::s
     }
     return result;
   }
+  const std::vector<Attribute> channels = attribute_values(cloud, std::span(names).first(3));
   for (std::size_t c = 0; c < 3; ++c) {
-    const Attribute channel = attribute(cloud, names[c]);
-    const double white = white_of(channel, cloud.points.size());
+    const double white = white_of(channels[c], cloud.points.size());
     for (std::size_t place = 0; place < count; ++place)
-      result[4 * place + c] = brightness(value_at(channel, order.index(place), 0), white);
+      result[4 * place + c] = brightness(value_at(channels[c], order.index(place), 0), white);
   }
   return result;
 }

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -75,6 +76,10 @@ POINTFAIR_EXPORT std::vector<AttributeInfo> attributes(const Cloud& cloud);
 
 /// The values of the attribute `name`. Throws ErrorKind::usage if there is none. O(N).
 POINTFAIR_EXPORT Attribute attribute(const Cloud& cloud, std::string_view name);
+
+/// The values of several attributes, in the order of `names`. A text file is read once for all of them, where
+/// `attribute` reads it once for each. Throws ErrorKind::usage if the cloud lacks one. O(N) for each.
+POINTFAIR_EXPORT std::vector<Attribute> attribute_values(const Cloud& cloud, std::span<const std::string> names);
 
 /// Faces over the points of a cloud: face f has the corners [ends[f - 1], ends[f]), point indices, the first from 0.
 struct Polygons {

@@ -103,17 +103,25 @@ Rows attribute_list(const Cloud& cloud) {
 }
 
 // (the type's name, components, the bytes)
-Row attribute_values(const Cloud& cloud, const std::string& name) {
-  auto values = std::make_unique<Attribute>();
-  {
-    nb::gil_scoped_release release;
-    *values = attribute(cloud, name);
-  }
+Row row_of(Attribute&& attribute) {
+  auto values = std::make_unique<Attribute>(std::move(attribute));
   const std::size_t size = values->data.size();
   Attribute* const raw = values.get();
   nb::capsule owner(values.release(), [](void* pointer) noexcept { delete static_cast<Attribute*>(pointer); });
   const nb::ndarray<nb::numpy, std::uint8_t, nb::ndim<1>> bytes(raw->data.data(), {size}, owner);
   return nb::make_tuple(name_of(raw->type), raw->components, bytes);
+}
+
+// One for each name.
+Rows values_of(const Cloud& cloud, const std::vector<std::string>& names) {
+  std::vector<Attribute> values;
+  {
+    nb::gil_scoped_release release;
+    values = attribute_values(cloud, names);
+  }
+  Rows rows;
+  for (Attribute& attribute : values) rows.append(row_of(std::move(attribute)));
+  return rows;
 }
 
 void set_attribute(Cloud& cloud, const std::string& name, const std::string& type, std::uint32_t components,
@@ -156,7 +164,7 @@ void bind_clouds(nb::module_& module) {
       .def("positions", &copy_positions, nb::arg("out").noconvert())
       .def("replace_positions", &replace_positions, nb::arg("coordinates").noconvert())
       .def("attributes", &attribute_list)
-      .def("attribute", &attribute_values, nb::arg("name"))
+      .def("values", &values_of, nb::arg("names"))
       .def("set_attribute", &set_attribute, nb::arg("name"), nb::arg("type"), nb::arg("components"),
            nb::arg("bytes").noconvert())
       .def("triangles", &triangle_array)

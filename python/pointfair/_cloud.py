@@ -76,9 +76,17 @@ class Cloud:
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         """The values of an attribute, (N,) or (N, C): a copy. Raises UsageError if there is none. O(N)."""
-        kind, components, values = self._native.attribute(as_text(name, "the name of an attribute"))
-        typed: NDArray[Any] = values.view(kind)
-        return typed.reshape(-1, components) if components > 1 else typed
+        return self.values(name)[name]
+
+    def values(self, *names: str) -> dict[str, NDArray[Any]]:
+        """The values of several attributes, by name; without names, of all: copies. A text file is read once for all of
+        them. Raises UsageError if there is none of a name. O(N) for each."""
+        wanted = [as_text(name, "the name of an attribute") for name in names] or list(self.attributes)
+        found: dict[str, NDArray[Any]] = {}
+        for name, (kind, components, values) in zip(wanted, self._native.values(wanted)):
+            typed = values.view(kind)
+            found[name] = typed.reshape(-1, components) if components > 1 else typed
+        return found
 
     def __setitem__(self, name: str, values: Any) -> None:
         """Adds an attribute, or replaces an added one: one value or one row for each point."""

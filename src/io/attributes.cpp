@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <utility>
 
 #include "io/scalar.hpp"
 #include "io/source.hpp"
@@ -43,26 +44,56 @@ static void show(io::NativeType type, std::vector<std::byte>& data) {
   }
 }
 
-Attribute attribute(const Cloud& cloud, std::string_view name) {
-  const auto added =
-      std::find_if(cloud.added.begin(), cloud.added.end(), [&](const auto& a) { return a.name == name; });
-  if (added != cloud.added.end()) return *added;
-  const std::vector<io::Column> columns = cloud.source ? cloud.source->columns() : std::vector<io::Column>{};
-  const auto named = [&](const auto& candidate) { return candidate.name == name; };
-  const auto column = std::find_if(columns.begin(), columns.end(), named);
-  if (column != columns.end()) {
-    Attribute result;
-    static_cast<AttributeInfo&>(result) = {column->name, io::shown_as(column->type), column->components};
-    result.data.resize(static_cast<std::size_t>(cloud.source->size()) * io::column_bytes(*column));
-    cloud.source->extract(static_cast<std::size_t>(column - columns.begin()),
-                          {reinterpret_cast<char*>(result.data.data()), result.data.size()});
-    show(column->type, result.data);
-    return result;
-  }
+[[noreturn]] static void fail_without(const Cloud& cloud, std::string_view name) {
   std::string known;
   for (const AttributeInfo& info : attributes(cloud)) known += (known.empty() ? "" : ", ") + info.name;
   throw Error(ErrorKind::usage,
               "the cloud has no attribute '" + std::string(name) + "'; it has " + (known.empty() ? "none" : known));
+}
+
+template <class Named>
+static auto find_named(const std::vector<Named>& all, std::string_view name) {
+  return std::find_if(all.begin(), all.end(), [&](const Named& candidate) { return candidate.name == name; });
+}
+
+Attribute attribute(const Cloud& cloud, std::string_view name) {
+  const std::string names[] = {std::string(name)};
+  return std::move(attribute_values(cloud, names).front());
+}
+
+std::vector<Attribute> attribute_values(const Cloud& cloud, std::span<const std::string> names) {
+  const std::vector<io::Column> columns = cloud.source ? cloud.source->columns() : std::vector<io::Column>{};
+  constexpr std::size_t kAdded = static_cast<std::size_t>(-1);
+  std::vector<Attribute> result(names.size());
+  std::vector<std::size_t> columns_of(names.size(), kAdded);
+  std::vector<std::span<char>> places(columns.size());
+  for (std::size_t n = 0; n < names.size(); ++n) {
+    const auto added = find_named(cloud.added, names[n]);
+    if (added != cloud.added.end()) {
+      result[n] = *added;
+      continue;
+    }
+    const auto column = find_named(columns, names[n]);
+    if (column == columns.end()) fail_without(cloud, names[n]);
+    columns_of[n] = static_cast<std::size_t>(column - columns.begin());
+    static_cast<AttributeInfo&>(result[n]) = {column->name, io::shown_as(column->type), column->components};
+    if (!places[columns_of[n]].empty()) continue;  // named before
+    std::vector<std::byte>& data = result[n].data;
+    data.resize(static_cast<std::size_t>(cloud.source->size()) * io::column_bytes(*column));
+    places[columns_of[n]] = {reinterpret_cast<char*>(data.data()), data.size()};
+  }
+  if (cloud.source) cloud.source->extract_several(places);
+  for (std::size_t n = 0; n < names.size(); ++n) {
+    if (columns_of[n] == kAdded) continue;
+    const auto first = std::find(columns_of.begin(), columns_of.end(), columns_of[n]);
+    const auto same = static_cast<std::size_t>(first - columns_of.begin());
+    if (same == n) {
+      show(columns[columns_of[n]].type, result[n].data);
+    } else {
+      result[n].data = result[same].data;
+    }
+  }
+  return result;
 }
 
 FileInfo file_info(const Cloud& cloud) {
@@ -78,22 +109,16 @@ void check_not_geographic(const Cloud& cloud) {
 
 Polygons polygons(const Cloud& cloud) {
   if (!cloud.source) return {};
-  Faces faces = cloud.source->faces();
+  io::FaceCollector collector;
+  cloud.source->visit_faces(collector);
+  Faces faces = std::move(collector).finish();
   return {std::move(faces.ends), std::move(faces.corners)};
 }
 
 std::vector<std::array<std::uint32_t, 3>> triangles(const Cloud& cloud) {
-  std::vector<std::array<std::uint32_t, 3>> result;
-  if (!cloud.source) return result;
-  const Faces faces = cloud.source->faces();
-  std::uint64_t begin = 0;
-  for (const std::uint64_t end : faces.ends) {
-    for (std::uint64_t c = begin + 2; c < end; ++c) {
-      result.push_back({faces.corners[begin], faces.corners[c - 1], faces.corners[c]});
-    }
-    begin = end;
-  }
-  return result;
+  io::TriangleCollector collector;
+  if (cloud.source) cloud.source->visit_faces(collector);
+  return std::move(collector).finish();
 }
 
 }  // namespace pointfair

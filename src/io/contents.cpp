@@ -6,6 +6,7 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <span>
 
 #include "io/colors.hpp"
 #include "io/column_names.hpp"
@@ -22,10 +23,9 @@ bool is_in(const std::vector<std::string>& names, const std::string& name) {
   return std::find(names.begin(), names.end(), name) != names.end();
 }
 
-TableColumn column_of(const Cloud& cloud, const std::string& name) {
-  const Attribute values = attribute(cloud, name);
+TableColumn column_of(const Attribute& values) {
   TableColumn column;
-  static_cast<Column&>(column) = {name, native(values.type), values.components};
+  static_cast<Column&>(column) = {values.name, native(values.type), values.components};
   column.data.resize(values.data.size());
   if (!values.data.empty()) std::memcpy(column.data.data(), values.data.data(), values.data.size());
   return column;
@@ -41,7 +41,10 @@ class Attributes {
       constexpr std::array<const char*, 3> kChannels = {"red", "green", "blue"};
       const auto channel =
           static_cast<std::size_t>(std::find(kChannels.begin(), kChannels.end(), plain) - kChannels.begin());
-      if (channel < 3 && info.components == 1 && channels[channel].empty()) channels[channel] = info.name;
+      if (channel < 3 && info.components == 1 && channels[channel].empty()) {
+        channels[channel] = info.name;
+        has_bytes_ = has_bytes_ && info.type == ScalarType::uint8;
+      }
       packed_ =
           packed_ || ((info.name == "rgb" || info.name == "rgba") && info.components == 1 && size_of(info.type) == 4);
       if ((info.name == "rgb" || info.name == "rgba") && packed_) colors_.push_back(info.name);
@@ -66,9 +69,9 @@ class Attributes {
  private:
   void tell_colors(std::vector<Content>& to) const {
     to.push_back({ContentKind::colors, "the colours"});
-    if (!has_channels_) return;
-    const TableColumn red = column_of(cloud_, colors_[0]), green = column_of(cloud_, colors_[1]),
-                      blue = column_of(cloud_, colors_[2]);
+    if (!has_channels_ || has_bytes_) return;
+    const std::vector<Attribute> values = attribute_values(cloud_, std::span(colors_).first(3));
+    const TableColumn red = column_of(values[0]), green = column_of(values[1]), blue = column_of(values[2]);
     const ColorRange range = color_range({&red, &green, &blue});
     if (range.fine) to.push_back({ContentKind::fine_colors, "the colours"});
     if (range.missing > 0) to.push_back({ContentKind::some_colors, counted(range.missing, "point")});
@@ -109,6 +112,7 @@ class Attributes {
   const Cloud& cloud_;
   std::vector<std::string> normals_, colors_;
   bool packed_ = false, has_channels_ = false;
+  bool has_bytes_ = true;  // the channels are bytes
 };
 
 // What a new file of each format does with the kinds, in their order: k keeps them, n notes that they are lost, r means
@@ -144,9 +148,9 @@ std::vector<Content> contents_of(const Cloud& cloud) {
   });
   if (!finite) result.push_back({ContentKind::invalid_points, "points without finite coordinates"});
   if (!cloud.source) return result;
-  const Faces faces = cloud.source->faces();
-  if (!faces.ends.empty()) result.push_back({ContentKind::faces, counted(faces.ends.size(), "face")});
-  if (!faces.texture.empty()) result.push_back({ContentKind::texture_coordinates, "the texture coordinates"});
+  const FaceSummary faces = cloud.source->face_summary();
+  if (faces.faces > 0) result.push_back({ContentKind::faces, counted(faces.faces, "face")});
+  if (faces.textured) result.push_back({ContentKind::texture_coordinates, "the texture coordinates"});
   for (Content& content : cloud.source->contents()) result.push_back(std::move(content));
   std::stable_sort(result.begin(), result.end(), [](const Content& a, const Content& b) { return a.kind < b.kind; });
   return result;

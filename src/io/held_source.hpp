@@ -29,7 +29,7 @@ class HeldSource : public Source {
     std::copy_n(column.data.begin() + std::ptrdiff_t(block_begin(block) * column_bytes(column)), out.size(),
                 out.begin());
   }
-  Faces faces() const override { return table_.faces; }
+  void visit_faces(FaceVisitor& visitor) const override { visit(table_.faces, visitor); }
 
  private:
   static constexpr std::size_t kBlock = 4096;

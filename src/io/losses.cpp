@@ -17,9 +17,11 @@ using io::ContentKind;
 using io::Keeps;
 
 constexpr std::pair<Format, const char*> kFormatNames[] = {
-    {Format::ply, "PLY"}, {Format::pcd, "PCD"}, {Format::las, "LAS"}, {Format::laz, "LAZ"}, {Format::e57, "E57"},
-    {Format::xyz, "XYZ"}, {Format::txt, "TXT"}, {Format::csv, "CSV"}, {Format::pts, "PTS"}, {Format::off, "OFF"},
-    {Format::obj, "OBJ"}, {Format::ptx, "PTX"}, {Format::stl, "STL"}, {Format::npy, "NPY"}, {Format::copc, "COPC"}};
+    {Format::ply, "PLY"},     {Format::pcd, "PCD"},          {Format::las, "LAS"},   {Format::laz, "LAZ"},
+    {Format::e57, "E57"},     {Format::xyz, "XYZ"},          {Format::txt, "TXT"},   {Format::csv, "CSV"},
+    {Format::pts, "PTS"},     {Format::off, "OFF"},          {Format::obj, "OBJ"},   {Format::ptx, "PTX"},
+    {Format::stl, "STL"},     {Format::npy, "NPY"},          {Format::copc, "COPC"}, {Format::glb, "glTF"},
+    {Format::kitti, "KITTI"}, {Format::nuscenes, "nuScenes"}};
 
 // In the order of ContentKind.
 constexpr std::array<const char*, io::kContentKinds> kKindNames = {"colours",

@@ -32,7 +32,7 @@ struct Narrowest {
       return;
     }
     filled = true;
-    if (see_short_count(word)) return;
+    if (see_short_number(word)) return;
     if (decimal != '.' && word.find(decimal) != std::string_view::npos) {
       std::string plain(word);
       std::replace(plain.begin(), plain.end(), decimal, '.');
@@ -57,6 +57,11 @@ struct Narrowest {
     fits_float = fits_float && (error == 0 || (decimals >= 0 && error < 0.5 * portable::power_of_ten(-decimals)) ||
                                 (decimals < 0 && error <= 5e-8 * std::abs(*value)));
   }
+  /// The same for a word that is known to be a small whole number.
+  void see_count(unsigned value) {
+    filled = true;
+    high = std::max<double>(high, value);
+  }
   void merge(const Narrowest& other) {
     numbers = numbers && other.numbers;
     integers = integers && other.integers;
@@ -80,16 +85,28 @@ struct Narrowest {
  private:
   static constexpr double kExactIntegers = 9007199254740992.0;  // 2^53, beyond which doubles leave some out
 
-  // The usual words of colours and classes, for which nothing else is at stake. False: look closer.
-  bool see_short_count(std::string_view word) {
-    constexpr std::size_t kExactDigits = 7;  // of a float
-    if (word.size() > kExactDigits) return false;
+  // The usual words of colours, classes and intensities. False: look closer. With fewer than 2^23 units of its last
+  // decimal, a number is less than half a unit from a float; then nothing but that it is no integer is at stake.
+  bool see_short_number(std::string_view word) {
+    constexpr std::size_t kMostDigits = 7;
+    constexpr int kUnits = 1 << 23;
     int value = 0;
-    for (const char c : word) {
-      if (c < '0' || c > '9') return false;
-      value = 10 * value + (c - '0');
+    std::size_t digits = 0, point = word.size();
+    for (std::size_t i = word.starts_with('-'); i < word.size(); ++i) {
+      if (word[i] == '.' && point == word.size()) {
+        point = i;
+        continue;
+      }
+      if (word[i] < '0' || word[i] > '9' || ++digits > kMostDigits) return false;
+      value = 10 * value + (word[i] - '0');
     }
-    high = std::max<double>(high, value);
+    if (point == word.size()) {
+      if (word[0] == '-' || digits == 0) return false;
+      high = std::max<double>(high, value);
+      return true;
+    }
+    if (value >= kUnits || point + 1 == word.size() || digits == 0) return false;
+    integers = false;
     return true;
   }
 

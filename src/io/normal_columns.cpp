@@ -54,7 +54,7 @@ Attribute as_floats(Attribute from) {
 class Holder {
  public:
   Holder(const Cloud& cloud, const std::vector<std::string>& names) {
-    for (const std::string& name : names) attributes_.push_back(as_floats(attribute(cloud, name)));
+    for (Attribute& values : attribute_values(cloud, names)) attributes_.push_back(as_floats(std::move(values)));
     if (names.empty()) {
       Attribute added;
       static_cast<AttributeInfo&>(added) = {"normal", ScalarType::float32, 3};

@@ -20,9 +20,14 @@ class ObjSource : public TextSource {
   using TextSource::TextSource;
 
   // Lines of faces that are damaged pass through where nothing asks for faces.
-  Faces faces() const override {
+  void visit_faces(FaceVisitor& visitor) const override {
     if (!parts().damage.empty()) fail(name(), parts().damage);
-    return parts().faces;
+    visit_obj_faces(text(), parts(), visitor);
+  }
+
+  FaceSummary face_summary() const override {
+    if (!parts().damage.empty()) fail(name(), parts().damage);
+    return {parts().faces.faces, parts().textured};
   }
 
   std::vector<Column> columns() const override {
@@ -38,7 +43,7 @@ class ObjSource : public TextSource {
     if (index < own_columns_) return TextSource::extract_block(index, block, out);
     const std::size_t first = static_cast<std::size_t>(block_begin(block));
     for (std::size_t i = 0; i < block_size(block); ++i) {
-      const float value = point_normals()[first + i][index - own_columns_];
+      const float value = point_normals().of(first + i)[index - own_columns_];
       std::copy_n(reinterpret_cast<const char*>(&value), sizeof value, out.data() + i * sizeof value);
     }
   }
@@ -62,15 +67,18 @@ class ObjSource : public TextSource {
 
  private:
   const ObjParts& parts() const {
-    std::call_once(parsed_, [this] {
-      parts_ = parse_obj_parts(bytes().substr(layout().begin), bytes(), layout().shape, layout().count);
-    });
+    std::call_once(parsed_, [this] { parts_ = read_obj_parts(text()); });
     return parts_;
   }
 
+  ObjText text() const {
+    return {bytes().substr(layout().begin), bytes(), layout().shape, layout().count,
+            [this](std::string_view part) { release(part); }};
+  }
+
   // Files without normals are not parsed for them.
-  const std::vector<std::array<float, 3>>& point_normals() const {
-    static const std::vector<std::array<float, 3>> kNone;
+  const ObjNormals& point_normals() const {
+    static const ObjNormals kNone;
     std::call_once(looked_, [this] {
       std::atomic<bool> found{false};
       for_each_block(block_count(), [&](std::size_t block) {

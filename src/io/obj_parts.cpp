@@ -2,155 +2,250 @@
 #include "io/obj_parts.hpp"
 
 #include <algorithm>
-#include <charconv>
 #include <map>
 #include <optional>
 
+#include "io/plain_row.hpp"
 #include "io/text.hpp"
 
 namespace pointfair::io {
 namespace {
+
+enum class ObjLine : std::uint8_t { point, normal, texture, face, other };
+
+// By the first characters of a line that is not blank; their number is 0 for other lines.
+inline ObjLine kind_of(const char* at, const char* end, std::ptrdiff_t& characters) {
+  const bool one = at + 1 == end || is_blank(at[1]), two = !one && (at + 2 == end || is_blank(at[2]));
+  characters = one ? 1 : 2;
+  if (one && *at == 'f') return ObjLine::face;
+  if (one && *at == 'v') return ObjLine::point;
+  if (two && *at == 'v' && at[1] == 'n') return ObjLine::normal;
+  if (two && *at == 'v' && at[1] == 't') return ObjLine::texture;
+  characters = 0;
+  return ObjLine::other;
+}
+
+// Calls take(kind, words, line) for each line that is not blank; `words` follow the key, unless the kind is other.
+template <class Take>
+void for_each_line(const ObjText& text, const Take& take) {
+  constexpr std::ptrdiff_t kPassed = std::ptrdiff_t{1} << 20;  // bytes at a time
+  std::string_view rest = text.rows, line;
+  const char* passed = rest.data();
+  while (next_row(rest, line, text.shape)) {
+    const char* at = line.data();
+    const char* const end = at + line.size();
+    while (at != end && is_blank(*at)) ++at;
+    if (at != end) {
+      std::ptrdiff_t key = 0;
+      const ObjLine kind = kind_of(at, end, key);
+      take(kind, std::string_view(at + key, static_cast<std::size_t>(end - at - key)), line);
+    }
+    if (rest.data() - passed < kPassed) continue;
+    text.passed({passed, static_cast<std::size_t>(rest.data() - passed)});
+    passed = rest.data();
+  }
+}
+
+// The lines before a face, from which negative indices count.
+struct LinesSoFar {
+  std::uint64_t points = 0, normals = 0, textures = 0;
+
+  void take(ObjLine kind) {
+    points += kind == ObjLine::point;
+    normals += kind == ObjLine::normal;
+    textures += kind == ObjLine::texture;
+  }
+};
 
 // One corner of a face, from 0; none is -1.
 struct Corner {
   std::int64_t point = -1, texture = -1, normal = -1;
 };
 
-class Parser {
+// The corners of one face: "7", "7/1", "7//3", "7/1/3", and "-1" for the last so far.
+class Corners {
  public:
-  Parser(std::string_view text, std::string_view file, const RowShape& shape, std::uint64_t points)
-      : text_(text), file_(file), shape_(shape), points_(points) {}
+  Corners(std::string_view words, const LinesSoFar& so_far, std::uint64_t points)
+      : at_(words.data()), end_(at_ + words.size()), so_far_(so_far), points_(points) {}
 
-  ObjParts parse() {
-    std::string_view rest = text_, line;
-    while (next_row(rest, line, shape_)) {
-      std::string_view words = line, word;
-      if (next_word(words, word)) take(word, words, line);
-    }
+  // False: there is none left, or the next one is damaged.
+  bool next(Corner& corner) {
+    skip_blanks();
+    if (at_ == end_) return false;
+    constexpr std::uint64_t kMost = std::uint64_t{1} << 31;
+    word_ = at_;
+    corner = {};
+    if (!index(so_far_.points, points_, corner.point)) return damage();
+    if (take_slash() && !is_left_out() && !index(so_far_.textures, kMost, corner.texture)) return damage();
+    if (take_slash() && !is_left_out() && !index(so_far_.normals, kMost, corner.normal)) return damage();
+    if (take_slash()) skip_word();  // what else may stand there
+    while (at_ != end_ && *at_ == '\\') ++at_;
+    return at_ == end_ || is_blank(*at_) || damage();
+  }
+
+  // The word that is no corner, if there is one.
+  std::optional<std::string_view> damaged() const {
+    if (!damaged_) return std::nullopt;
+    std::string_view rest(word_, static_cast<std::size_t>(end_ - word_)), word;
+    next_word(rest, word);
+    while (word.size() > 1 && word.ends_with('\\')) word.remove_suffix(1);
+    return word;
+  }
+
+ private:
+  bool damage() {
+    damaged_ = true;
+    return false;
+  }
+  // A backslash says that the row goes on in the next line.
+  void skip_blanks() {
+    while (at_ != end_ && is_blank(*at_)) ++at_;
+    const char* at = at_;
+    while (at != end_ && *at == '\\') ++at;
+    if (at == at_ || (at != end_ && !is_blank(*at))) return;
+    at_ = at;
+    skip_blanks();
+  }
+  void skip_word() {
+    while (at_ != end_ && !is_blank(*at_)) ++at_;
+  }
+  bool take_slash() {
+    if (at_ == end_ || *at_ != '/') return false;
+    ++at_;
+    return true;
+  }
+  bool is_left_out() const { return at_ == end_ || *at_ == '/' || *at_ == '\\' || is_blank(*at_); }
+
+  bool index(std::uint64_t so_far, std::uint64_t most, std::int64_t& to) {
+    constexpr std::ptrdiff_t kDigits = 18;  // fit
+    const bool from_last = at_ != end_ && *at_ == '-';
+    at_ += from_last;
+    const char* const begin = at_;
+    std::int64_t number = 0;
+    for (; at_ != end_ && *at_ >= '0' && *at_ <= '9' && at_ - begin < kDigits; ++at_)
+      number = 10 * number + (*at_ - '0');
+    if (at_ == begin) return false;
+    if (number == 0) return false;
+    if (from_last) number = static_cast<std::int64_t>(so_far) + 1 - number;
+    to = number - 1;
+    return number >= 1 && static_cast<std::uint64_t>(number) <= most;
+  }
+
+  const char* at_;
+  const char* end_;
+  const LinesSoFar& so_far_;
+  std::uint64_t points_;
+  const char* word_ = nullptr;
+  bool damaged_ = false;
+};
+
+// The first numbers among the words.
+template <std::size_t kCount>
+std::array<float, kCount> numbers(std::string_view words) {
+  std::array<float, kCount> result{};
+  PlainRow row(words, ' ');
+  double plain = 0;
+  std::size_t found = 0;
+  for (; found < kCount && row.number(plain); ++found) result[found] = static_cast<float>(plain);
+  if (found == kCount) return result;
+  result = {};
+  std::string_view word;
+  for (std::size_t i = 0; i < kCount && next_word(words, word);)
+    if (const auto value = to_number(word)) result[i++] = static_cast<float>(*value);
+  return result;
+}
+
+// Collects all but the faces.
+class PartsReader {
+ public:
+  explicit PartsReader(const ObjText& text) : text_(text) {}
+
+  ObjParts read() {
+    for_each_line(text_, [&](ObjLine kind, std::string_view words, std::string_view line) {
+      so_far_.take(kind);
+      if (kind == ObjLine::normal) normals_.push_back(numbers<3>(words));
+      if (kind == ObjLine::face && parts_.damage.empty()) take_face(words, line);
+      if (kind == ObjLine::other) take_other(words);
+    });
     parts_.normals = normals_.size();
     if (parts_.damage.empty()) {
       give_normals();
-      give_texture();
-    } else {
-      parts_.faces = {};
+      tell_texture();
     }
     tell();
     return std::move(parts_);
   }
 
  private:
-  void take(std::string_view key, std::string_view words, std::string_view line) {
-    if (key == "v") {
-      ++seen_;
-    } else if (key == "vn") {
-      normals_.push_back(numbers(words));
-    } else if (key == "vt") {
-      textures_.push_back(numbers(words));
-    } else if (key == "f") {
-      if (parts_.damage.empty()) take_face(words, line);
-    } else if (key == "usemtl" || key == "mtllib") {
+  void take_face(std::string_view words, std::string_view line) {
+    Corners corners(words, so_far_, text_.points);
+    for (Corner corner; corners.next(corner);) {
+      ++parts_.faces.corners;
+      without_texture_ = without_texture_ || corner.texture < 0;
+      last_texture_ = std::max(last_texture_, corner.texture);
+      if (corner.normal >= 0) take_normal(corner);
+    }
+    ++parts_.faces.faces;
+    if (const auto word = corners.damaged())
+      parts_.damage = "line " + std::to_string(line_number(text_.file, line.data())) + ": " + quoted(*word) +
+                      " is no point of the file; repair the line";
+  }
+
+  void take_other(std::string_view words) {
+    std::string_view key;
+    next_word(words, key);
+    if (key == "usemtl" || key == "mtllib") {
       std::string_view material;
       if (next_word(words, material)) ++materials_[std::string(material)];
     } else if (key == "g" || key == "o" || key == "s") {
       ++groups_;
-    } else if (key[0] != '#') {
+    } else if (key.empty() || key[0] != '#') {
       ++others_;
     }
   }
 
-  static std::array<float, 3> numbers(std::string_view words) {
-    std::array<float, 3> result{};
-    std::string_view word;
-    for (std::size_t i = 0; i < 3 && next_word(words, word);)
-      if (const auto value = to_number(word)) result[i++] = static_cast<float>(*value);
-    return result;
+  // Which normal the corners of each point have, as long as no two of them differ.
+  void take_normal(const Corner& corner) {
+    const auto normal = static_cast<std::size_t>(corner.normal);
+    names_later_ = names_later_ || normal >= normals_.size();
+    if (differ_ || names_later_) return;
+    if (of_points_.empty()) of_points_.assign(static_cast<std::size_t>(text_.points), ObjNormals::kNone);
+    std::uint32_t& known = of_points_[static_cast<std::size_t>(corner.point)];
+    differ_ = known != ObjNormals::kNone && normals_[known] != normals_[normal];
+    known = static_cast<std::uint32_t>(normal);
   }
 
-  void take_face(std::string_view words, std::string_view line) {
-    for (std::string_view word; next_word(words, word);) {
-      while (word.ends_with('\\')) word.remove_suffix(1);  // the row goes on in the next line
-      if (word.empty()) continue;
-      const std::optional<Corner> corner = corner_of(word);
-      if (!corner) {
-        parts_.damage = "line " + std::to_string(line_number(file_, line.data())) + ": " + quoted(word) +
-                        " is no point of the file; repair the line";
-        return;
-      }
-      parts_.faces.corners.push_back(static_cast<std::uint32_t>(corner->point));
-      note(corner->texture, corner_textures_);
-      note(corner->normal, corner_normals_);
-    }
-    parts_.faces.ends.push_back(parts_.faces.corners.size());
-  }
-
-  // Which texture or normal the last corner has; files without any take no memory for them.
-  void note(std::int64_t index, std::vector<std::int32_t>& of_corners) const {
-    if (index < 0 && of_corners.empty()) return;
-    of_corners.resize(parts_.faces.corners.size() - 1, -1);
-    of_corners.push_back(static_cast<std::int32_t>(index));
-  }
-
-  // "7", "7/1", "7//3", "7/1/3", and "-1" for the last so far.
-  std::optional<Corner> corner_of(std::string_view word) const {
-    Corner corner;
-    std::int64_t* const indices[] = {&corner.point, &corner.texture, &corner.normal};
-    const std::uint64_t so_far[] = {seen_, textures_.size(), normals_.size()};
-    const std::uint64_t most[] = {points_, std::uint64_t{1} << 31, std::uint64_t{1} << 31};
-    const char* at = word.data();
-    const char* const end = at + word.size();
-    for (std::size_t i = 0; i < 3; ++i) {
-      std::int64_t number = 0;
-      const auto [stop, error] = std::from_chars(at, end, number);
-      const bool left_out = i > 0 && stop == at && (at == end || *at == '/');
-      if (number < 0) number += static_cast<std::int64_t>(so_far[i]) + 1;
-      const bool sound = error == std::errc() && number >= 1 && static_cast<std::uint64_t>(number) <= most[i] &&
-                         (stop == end || *stop == '/');
-      if (!sound && !left_out) return std::nullopt;
-      *indices[i] = left_out ? -1 : number - 1;
-      at = stop;
-      if (at == end) break;
-      ++at;
-    }
-    return corner;
+  // Where some face stands before its normals, once all normals are known.
+  void take_normals_again() {
+    names_later_ = false;
+    of_points_.clear();
+    LinesSoFar so_far;
+    for_each_line(text_, [&](ObjLine kind, std::string_view words, std::string_view) {
+      so_far.take(kind);
+      if (kind != ObjLine::face) return;
+      Corners corners(words, so_far, text_.points);
+      for (Corner corner; corners.next(corner);)
+        if (corner.normal >= 0) take_normal(corner);
+    });
   }
 
   // Normals are those of points if all corners of a point have the same one.
   void give_normals() {
-    if (normals_.empty()) return;
-    std::vector<std::array<float, 3>> of_points(points_);
-    std::vector<bool> has(points_);
-    bool named = false;
-    for (std::size_t c = 0; c < corner_normals_.size(); ++c) {
-      const std::int32_t normal = corner_normals_[c];
-      if (normal < 0) continue;
-      named = true;
-      if (static_cast<std::size_t>(normal) >= normals_.size()) return;
-      const std::uint32_t point = parts_.faces.corners[c];
-      if (has[point] && of_points[point] != normals_[static_cast<std::size_t>(normal)]) return;
-      has[point] = true;
-      of_points[point] = normals_[static_cast<std::size_t>(normal)];
-    }
-    const bool one_each = normals_.size() == points_;
-    if (!named && !one_each) return;
-    for (std::size_t i = 0; i < has.size() && one_each; ++i)
-      if (!has[i]) of_points[i] = normals_[i];
-    parts_.point_normals = std::move(of_points);
+    if (names_later_ && !differ_) take_normals_again();
+    const bool one_each = normals_.size() == text_.points;
+    if (normals_.empty() || differ_ || names_later_ || (of_points_.empty() && !one_each)) return;
+    for (std::size_t i = 0; i < of_points_.size() && one_each; ++i)
+      if (of_points_[i] == ObjNormals::kNone) of_points_[i] = static_cast<std::uint32_t>(i);
+    parts_.point_normals = {std::move(normals_), std::move(of_points_)};
   }
 
-  void give_texture() {
-    if (textures_.empty()) return;
-    const bool all = !corner_textures_.empty() && corner_textures_.size() == parts_.faces.corners.size() &&
-                     std::all_of(corner_textures_.begin(), corner_textures_.end(),
-                                 [&](auto t) { return t >= 0 && static_cast<std::size_t>(t) < textures_.size(); });
-    if (!all) {
-      parts_.contents.push_back({ContentKind::texture_coordinates, io::counted(textures_.size(), "texture coordinate") +
-                                                                       ", which some corners do not have"});
-      return;
-    }
-    for (const std::int32_t t : corner_textures_) {
-      parts_.faces.texture.push_back(textures_[static_cast<std::size_t>(t)][0]);
-      parts_.faces.texture.push_back(textures_[static_cast<std::size_t>(t)][1]);
-    }
+  void tell_texture() {
+    const std::uint64_t count = so_far_.textures;
+    if (count == 0) return;
+    parts_.textured = parts_.faces.corners > 0 && !without_texture_ && last_texture_ < static_cast<std::int64_t>(count);
+    if (!parts_.textured)
+      parts_.contents.push_back({ContentKind::texture_coordinates,
+                                 io::counted(count, "texture coordinate") + ", which some corners do not have"});
   }
 
   void tell() {
@@ -161,19 +256,57 @@ class Parser {
     if (groups_ > 0) parts_.contents.push_back({ContentKind::groups, counted(groups_, "line") + " that name parts"});
   }
 
-  std::string_view text_, file_;
-  const RowShape& shape_;
-  std::uint64_t points_, seen_ = 0, groups_ = 0, others_ = 0;
+  const ObjText& text_;
+  LinesSoFar so_far_;
   ObjParts parts_;
-  std::vector<std::array<float, 3>> normals_, textures_;
-  std::vector<std::int32_t> corner_textures_, corner_normals_;
+  bool without_texture_ = false, differ_ = false, names_later_ = false;
+  std::int64_t last_texture_ = -1;
+  std::uint64_t groups_ = 0, others_ = 0;
+  std::vector<ObjNormals::Normal> normals_;
+  std::vector<std::uint32_t> of_points_;
   std::map<std::string, std::uint64_t> materials_;
 };
 
+// Faces may stand before the texture coordinates that they name.
+std::vector<std::array<float, 2>> textures_of(const ObjText& text) {
+  std::vector<std::array<float, 2>> textures;
+  for_each_line(text, [&](ObjLine kind, std::string_view words, std::string_view) {
+    if (kind == ObjLine::texture) textures.push_back(numbers<2>(words));
+  });
+  return textures;
+}
+
 }  // namespace
 
-ObjParts parse_obj_parts(std::string_view text, std::string_view file, const RowShape& shape, std::uint64_t points) {
-  return Parser(text, file, shape, points).parse();
+ObjParts read_obj_parts(const ObjText& text) {
+  ObjParts parts = PartsReader(text).read();
+  parts.faces.exact = true;
+  return parts;
+}
+
+void visit_obj_faces(const ObjText& text, const ObjParts& parts, FaceVisitor& visitor) {
+  if (parts.faces.faces == 0) return;
+  std::vector<std::array<float, 2>> textures;
+  if (parts.textured && visitor.with_texture()) textures = textures_of(text);
+  visitor.expect(parts.faces);
+  LinesSoFar so_far;
+  std::vector<std::uint32_t> face;
+  std::vector<float> texture;
+  for_each_line(text, [&](ObjLine kind, std::string_view words, std::string_view) {
+    so_far.take(kind);
+    if (kind != ObjLine::face) return;
+    face.clear();
+    texture.clear();
+    Corners corners(words, so_far, text.points);
+    for (Corner corner; corners.next(corner);) {
+      face.push_back(static_cast<std::uint32_t>(corner.point));
+      if (!textures.empty()) {
+        const auto& at = textures[static_cast<std::size_t>(corner.texture)];
+        texture.insert(texture.end(), at.begin(), at.end());
+      }
+    }
+    visitor.take(face, texture);
+  });
 }
 
 bool has_obj_normals(std::string_view text, const RowShape& shape) {

@@ -1,28 +1,64 @@
 // SPDX-License-Identifier: Apache-2.0
-// What an OBJ file holds beside its points.
+// What an OBJ file holds beside its points. Faces are not held, since they take more memory than their lines: they are
+// read when they are asked for.
 #pragma once
 
 #include <array>
+#include <functional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "io/contents.hpp"
-#include "io/source.hpp"
-#include "io/text_source.hpp"
+#include "io/faces.hpp"
+#include "io/text_rows.hpp"
 
 namespace pointfair::io {
 
-struct ObjParts {
-  Faces faces;
-  std::string damage;  ///< what is wrong with the first face that names no point: there are no faces then; or empty
-  std::uint64_t normals = 0;                        ///< lines of them
-  std::vector<std::array<float, 3>> point_normals;  ///< one for each point; empty if the corners of a point differ
-  std::vector<Content> contents;                    ///< all but faces and normals
+/// Of the points.
+class ObjNormals {
+ public:
+  using Normal = std::array<float, 3>;
+
+  ObjNormals() = default;
+  /// `of_points`: which normal a point has, kNone for none; empty if each has its own.
+  ObjNormals(std::vector<Normal> values, std::vector<std::uint32_t> of_points)
+      : values_(std::move(values)), of_points_(std::move(of_points)) {}
+
+  bool empty() const { return values_.empty(); }
+  Normal of(std::size_t point) const {
+    const std::size_t normal = of_points_.empty() ? point : of_points_[point];
+    return normal == kNone ? Normal{} : values_[normal];
+  }
+
+  static constexpr std::uint32_t kNone = ~std::uint32_t{0};
+
+ private:
+  std::vector<Normal> values_;
+  std::vector<std::uint32_t> of_points_;
 };
 
-/// `text` has the rows, `file` is the whole file, for line numbers.
-ObjParts parse_obj_parts(std::string_view text, std::string_view file, const RowShape& shape, std::uint64_t points);
+struct ObjParts {
+  std::string damage;         ///< what is wrong with the first face that names no point; or empty
+  std::uint64_t normals = 0;  ///< lines of them
+  ObjNormals point_normals;   ///< empty if the corners of a point differ
+  ExpectedFaces faces;
+  bool textured = false;          ///< every corner has texture coordinates
+  std::vector<Content> contents;  ///< all but faces and normals
+};
+
+/// The lines of an OBJ file.
+struct ObjText {
+  std::string_view rows, file;  ///< the rows of the whole file, which has the numbers of lines
+  RowShape shape;
+  std::uint64_t points = 0;
+  std::function<void(std::string_view)> passed;  ///< is called for each part of the rows that was read
+};
+
+ObjParts read_obj_parts(const ObjText& text);
+
+/// Gives the faces to the visitor, unless one is damaged.
+void visit_obj_faces(const ObjText& text, const ObjParts& parts, FaceVisitor& visitor);
 
 /// Whether some line of the text is a normal.
 bool has_obj_normals(std::string_view text, const RowShape& shape);

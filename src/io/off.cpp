@@ -118,12 +118,16 @@ class OffSource : public TextSource {
   OffSource(OffHeader header, FileBytes bytes, const std::string& name, TextLayout layout)
       : TextSource(std::move(bytes), name, Format::off, std::move(layout)), header_(header) {}
 
-  Faces faces() const override { return read_faces().faces; }
-  bool ends_with_faces() const { return read_faces().ends; }
+  void visit_faces(FaceVisitor& visitor) const override { read_faces(visitor); }
+  bool ends_with_faces() const {
+    FaceCounter counter;
+    return read_faces(counter).ends;
+  }
 
   std::vector<Content> contents() const override {
     std::vector<Content> result = TextSource::contents();
-    if (read_faces().has_values) result.push_back({ContentKind::face_values, "the colours of faces"});
+    FaceCounter counter;
+    if (read_faces(counter).has_values) result.push_back({ContentKind::face_values, "the colours of faces"});
     return result;
   }
 
@@ -131,49 +135,56 @@ class OffSource : public TextSource {
   std::string header(const AddedAttributes&) const override { return std::string(bytes().substr(0, layout().begin)); }
 
  private:
-  struct ReadFaces {
-    Faces faces;
-    bool has_values = false;  // behind the corners
-    bool ends = false;        // and nothing follows them
+  struct BehindCorners {
+    bool has_values = false;  // in the lines of faces
+    bool ends = false;        // and nothing follows the faces
   };
 
   // Colours may follow the corners up to the end of the line, unless several faces share one.
-  ReadFaces read_faces() const {
+  BehindCorners read_faces(FaceVisitor& visitor) const {
+    constexpr std::size_t kPassed = std::size_t{1} << 20;  // bytes at a time
     const std::string_view text = bytes().substr(std::min(layout().end, row_begin(header_.points)));
     OffWords words(text, header_.line_end);
-    ReadFaces result;
-    constexpr std::size_t kLeastFace = 4, kUsualCorners = 3;  // in bytes: "0 0\n"
-    const std::size_t expected = std::min<std::uint64_t>(header_.faces, text.size() / kLeastFace);
-    result.faces.ends.reserve(expected);
-    result.faces.corners.reserve(kUsualCorners * expected);
-    while (result.faces.ends.size() < header_.faces) {
-      add_face(words, result.faces);
-      if (!header_.faces_have_lines) continue;
-      const std::string_view line = text.substr(words.position());
-      const std::size_t more = line.find_first_not_of(" \t");
-      result.has_values =
-          result.has_values || (more < line.size() && line[more] != '\r' && line[more] != '\n' && line[more] != '#');
-      words.skip_line();
+    BehindCorners result;
+    constexpr std::size_t kLeastFace = 2, kLeastCorner = 2;  // in bytes: "0\n", "0 "
+    const std::uint64_t faces = std::min<std::uint64_t>(header_.faces, text.size() / kLeastFace);
+    visitor.expect({faces, (text.size() - kLeastFace * faces) / kLeastCorner, false});
+    std::vector<std::uint32_t> corners;
+    std::size_t passed = 0;
+    for (std::uint64_t face = 0; face < header_.faces; ++face) {
+      read_face(words, corners);
+      visitor.take(corners, {});
+      if (header_.faces_have_lines) {
+        const std::string_view line = text.substr(words.position());
+        const std::size_t more = line.find_first_not_of(" \t");
+        result.has_values =
+            result.has_values || (more < line.size() && line[more] != '\r' && line[more] != '\n' && line[more] != '#');
+        words.skip_line();
+      }
+      if (words.position() - passed >= kPassed) {
+        release(text.substr(passed, words.position() - passed));
+        passed = words.position();
+      }
     }
     result.ends = words.next().empty();
     return result;
   }
 
-  void add_face(OffWords& words, Faces& faces) const {
+  void read_face(OffWords& words, std::vector<std::uint32_t>& corners) const {
+    corners.clear();
     const std::string_view first = words.next();
-    const auto corners = to_count(first);
-    bool sound = corners.has_value();
-    for (std::uint64_t c = 0; sound && c < *corners; ++c) {
+    const auto count = to_count(first);
+    bool sound = count.has_value();
+    for (std::uint64_t c = 0; sound && c < *count; ++c) {
       const auto corner = to_count(words.next());
       sound = corner && *corner < header_.points;
-      if (sound) faces.corners.push_back(static_cast<std::uint32_t>(*corner));
+      if (sound) corners.push_back(static_cast<std::uint32_t>(*corner));
     }
     if (!sound) {
       const char* const at = first.empty() ? bytes().data() + bytes().size() : first.data();
       fail(name(), "line " + std::to_string(line_number(bytes(), at)) +
                        ": a face needs a count and so many points of the file; repair the line");
     }
-    faces.ends.push_back(faces.corners.size());
   }
 
   OffHeader header_;

@@ -21,7 +21,10 @@ class PlacedSource final : public Source {
   ScalarType coordinate_type() const override { return type_; }
   std::vector<Column> columns() const override;
   void extract_block(std::size_t index, std::size_t block, std::span<char> out) const override;
-  Faces faces() const override { return file_ ? file_->faces() : Faces{}; }
+  void visit_faces(FaceVisitor& visitor) const override {
+    if (file_) file_->visit_faces(visitor);
+  }
+  FaceSummary face_summary() const override { return file_ ? file_->face_summary() : FaceSummary{}; }
   void write(const Edits& edits, Encoding encoding, Output& out) const override;
   bool holds_its_positions() const override;
   void check_las_scale(double scale) const override { file_->check_las_scale(scale); }

@@ -84,7 +84,11 @@ class PlySource : public Base {
   PlySource(PlyFile file, Arguments&&... arguments)
       : Base(std::forward<Arguments>(arguments)...), file_(std::move(file)) {}
 
-  Faces faces() const override { return read_faces(file_, this->bytes(), this->name()); }
+  void visit_faces(FaceVisitor& visitor) const override {
+    io::visit_faces(file_, this->bytes(), this->name(), visitor, [this](std::size_t begin, std::size_t end) {
+      if (this->encoding() == Encoding::ascii) this->release(this->bytes().substr(begin, end - begin));
+    });
+  }
 
   std::vector<Content> contents() const override {
     std::vector<Content> result = Base::contents();

@@ -20,39 +20,56 @@ std::optional<FaceList> find_faces(const PlyFile& file) {
 
 bool is_texture(const PlyProperty& property) { return property.list_count && property.name == "texcoord"; }
 
-Faces read_faces(const PlyFile& file, std::string_view bytes, const std::string& name) {
-  Faces faces;
+namespace {
+
+// The corners or the texture coordinates of one face.
+template <class T, class Next>
+void read_list(PlyCursor& cursor, const PlyProperty& property, std::vector<T>& to, const Next& next) {
+  to.clear();
+  for (std::uint64_t left = cursor.next_list_size(property); left > 0; --left) to.push_back(next());
+}
+
+}  // namespace
+
+void visit_faces(const PlyFile& file, std::string_view bytes, const std::string& name, FaceVisitor& visitor,
+                 const std::function<void(std::size_t, std::size_t)>& passed) {
+  constexpr std::size_t kPassed = std::size_t{1} << 20;  // bytes at a time
   const std::optional<FaceList> found = find_faces(file);
-  if (!found) return faces;
+  if (!found) return;
   const PlyElement* const face = &file.header.elements[found->element];
   const std::size_t list = found->property;
-  PlyCursor cursor(bytes, file.begins[found->element], file.header, file.wrapped, name);
+  std::size_t begin = file.begins[found->element];
+  const std::size_t left = file.begins[found->element + 1] - begin;
+  PlyCursor cursor(bytes, begin, file.header, file.wrapped, name);
   const double points = static_cast<double>(file.vertex().count);
+  visitor.expect({face->count, left / (file.header.encoding == Encoding::ascii ? 2 : 1), false});
+  std::vector<std::uint32_t> corners;
+  std::vector<float> texture;
   for (std::uint64_t row = 0; row < face->count; ++row) {
     cursor.begin_row();
+    texture.clear();
     for (std::size_t p = 0; p < face->properties.size(); ++p) {
       const PlyProperty& property = face->properties[p];
-      if (is_texture(property)) {
-        for (std::uint64_t left = cursor.next_list_size(property); left > 0; --left)
-          faces.texture.push_back(static_cast<float>(cursor.next(property.type)));
-        continue;
-      }
-      if (p != list) {
+      if (p == list) {
+        read_list(cursor, property, corners, [&] {
+          const double corner = cursor.next(property.type);
+          if (!(corner >= 0 && corner < points))
+            fail(name, "face " + std::to_string(row) + " names a point that is not there; repair the faces");
+          return static_cast<std::uint32_t>(corner);
+        });
+      } else if (is_texture(property) && visitor.with_texture()) {
+        read_list(cursor, property, texture, [&] { return static_cast<float>(cursor.next(property.type)); });
+      } else {
         cursor.skip(property);
-        continue;
-      }
-      for (std::uint64_t left = cursor.next_list_size(property); left > 0; --left) {
-        const double corner = cursor.next(property.type);
-        if (!(corner >= 0 && corner < points)) {
-          fail(name, "face " + std::to_string(row) + " names a point that is not there; repair the faces");
-        }
-        faces.corners.push_back(static_cast<std::uint32_t>(corner));
       }
     }
-    faces.ends.push_back(faces.corners.size());
+    const bool textured = texture.size() == 2 * corners.size();
+    visitor.take(corners, textured ? std::span<const float>(texture) : std::span<const float>());
+    if (cursor.position() - begin >= kPassed) {
+      passed(begin, cursor.position());
+      begin = cursor.position();
+    }
   }
-  if (faces.texture.size() != 2 * faces.corners.size()) faces.texture.clear();
-  return faces;
 }
 
 }  // namespace pointfair::io

@@ -2,6 +2,7 @@
 // The faces of a PLY file.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -30,7 +31,8 @@ std::optional<FaceList> find_faces(const PlyFile& file);
 /// Texture coordinates of corners, as MeshLab writes them.
 bool is_texture(const PlyProperty& property);
 
-/// Throws Error(file) for a corner that is no point.
-Faces read_faces(const PlyFile& file, std::string_view bytes, const std::string& name);
+/// Calls passed(begin, end) for the parts of the file that were read. Throws Error(file) for a corner that is no point.
+void visit_faces(const PlyFile& file, std::string_view bytes, const std::string& name, FaceVisitor& visitor,
+                 const std::function<void(std::size_t, std::size_t)>& passed);
 
 }  // namespace pointfair::io

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cstring>
-#include <iterator>
 #include <string>
 #include <utility>
 
@@ -51,26 +50,39 @@ void RemainingSource::extract_block(std::size_t index, std::size_t block, std::s
   }
 }
 
-Faces RemainingSource::faces() const {
-  constexpr std::uint32_t kGone = ~std::uint32_t{0};
-  const Faces all = file_->faces();
+namespace {
+
+constexpr std::uint32_t kGone = ~std::uint32_t{0};
+
+// Passes those faces on of which no corner is gone.
+class RemainingFaces final : public FaceVisitor {
+ public:
+  RemainingFaces(const std::vector<std::uint32_t>& now, FaceVisitor& to)
+      : FaceVisitor(to.with_texture()), now_(now), to_(to) {}
+
+  void expect(const ExpectedFaces& expected) override { to_.expect({expected.faces, expected.corners, false}); }
+  void take(std::span<const std::uint32_t> corners, std::span<const float> texture) override {
+    remaining_.clear();
+    for (const std::uint32_t corner : corners) {
+      if (now_[corner] == kGone) return;
+      remaining_.push_back(now_[corner]);
+    }
+    to_.take(remaining_, texture);
+  }
+
+ private:
+  const std::vector<std::uint32_t>& now_;
+  FaceVisitor& to_;
+  std::vector<std::uint32_t> remaining_;
+};
+
+}  // namespace
+
+void RemainingSource::visit_faces(FaceVisitor& visitor) const {
   std::vector<std::uint32_t> now(static_cast<std::size_t>(file_->size()), kGone);
   for (std::size_t i = 0; i < kept_.size(); ++i) now[kept_[i]] = static_cast<std::uint32_t>(i);
-  Faces result;
-  std::uint64_t begin = 0;
-  for (const std::uint64_t end : all.ends) {
-    const auto first = all.corners.begin() + std::ptrdiff_t(begin), last = all.corners.begin() + std::ptrdiff_t(end);
-    if (std::none_of(first, last, [&](std::uint32_t corner) { return now[corner] == kGone; })) {
-      std::transform(first, last, std::back_inserter(result.corners),
-                     [&](std::uint32_t corner) { return now[corner]; });
-      result.ends.push_back(result.corners.size());
-      if (!all.texture.empty())
-        result.texture.insert(result.texture.end(), all.texture.begin() + 2 * std::ptrdiff_t(begin),
-                              all.texture.begin() + 2 * std::ptrdiff_t(end));
-    }
-    begin = end;
-  }
-  return result;
+  RemainingFaces remaining(now, visitor);
+  file_->visit_faces(remaining);
 }
 
 }  // namespace io

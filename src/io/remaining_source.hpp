@@ -21,7 +21,7 @@ class RemainingSource final : public Source {
   ScalarType coordinate_type() const override { return file_->coordinate_type(); }
   std::vector<Column> columns() const override { return columns_; }
   void extract_block(std::size_t index, std::size_t block, std::span<char> out) const override;
-  Faces faces() const override;
+  void visit_faces(FaceVisitor& visitor) const override;
   bool holds_its_positions() const override { return false; }
   void check_las_scale(double scale) const override { file_->check_las_scale(scale); }
   std::optional<Position> sensor(std::size_t block) const override { return file_->sensor(block); }

@@ -108,20 +108,38 @@ void Source::extract(std::size_t index, std::span<char> out) const {
   });
 }
 
-void Source::extract_all(std::span<const std::span<char>> out) const {
+void Source::extract_several(std::span<const std::span<char>> out) const {
+  const auto is_wanted = [](std::span<char> place) { return !place.empty(); };
+  const auto first = std::find_if(out.begin(), out.end(), is_wanted);
+  if (first == out.end()) return;
+  if (std::count_if(first, out.end(), is_wanted) == 1)
+    return extract(static_cast<std::size_t>(first - out.begin()), *first);
   const std::vector<io::Column> all = columns();
   io::for_each_block(block_count(), [&](std::size_t block) {
     std::vector<std::span<char>> of_block;
     for (std::size_t c = 0; c < all.size(); ++c) {
-      const std::size_t size = io::column_bytes(all[c]);
-      of_block.push_back(out[c].subspan(static_cast<std::size_t>(block_begin(block)) * size, block_size(block) * size));
+      const std::size_t size = io::column_bytes(all[c]), begin = static_cast<std::size_t>(block_begin(block)) * size;
+      of_block.push_back(out[c].empty() ? out[c] : out[c].subspan(begin, block_size(block) * size));
     }
-    extract_all_of_block(block, of_block);
+    extract_several_of_block(block, of_block);
   });
 }
 
-void Source::extract_all_of_block(std::size_t block, std::span<const std::span<char>> out) const {
-  for (std::size_t c = 0; c < out.size(); ++c) extract_block(c, block, out[c]);
+void Source::extract_several_of_block(std::size_t block, std::span<const std::span<char>> out) const {
+  for (std::size_t c = 0; c < out.size(); ++c)
+    if (!out[c].empty()) extract_block(c, block, out[c]);
+}
+
+io::FaceSummary Source::face_summary() const {
+  io::FaceCounter counter;
+  visit_faces(counter);
+  return counter.finish();
+}
+
+Faces Source::faces() const {
+  io::FaceCollector collector(true);
+  visit_faces(collector);
+  return std::move(collector).finish();
 }
 
 Moves Source::moves(std::size_t block, const io::Edits& edits) const {

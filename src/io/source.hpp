@@ -13,6 +13,7 @@
 
 #include "io/contents.hpp"
 #include "io/edits.hpp"
+#include "io/faces.hpp"
 #include "io/file_bytes.hpp"
 #include "io/origin_sample.hpp"
 #include "io/output.hpp"
@@ -39,13 +40,6 @@ enum class Residence : std::uint8_t { memory, file };
 inline std::size_t column_bytes(const Column& column) { return column.components * size_of(column.type); }
 
 }  // namespace io
-
-/// Polygons: face f has the corners [ends[f - 1], ends[f]), the first from 0.
-struct Faces {
-  std::vector<std::uint64_t> ends;
-  std::vector<std::uint32_t> corners;
-  std::vector<float> texture;  ///< two for each corner, or none at all
-};
 
 /// Where the points of one block are now, and which of their coordinates differ from the file's.
 struct Moves {
@@ -87,11 +81,17 @@ class Source {
   void extract(std::size_t index, std::span<char> out) const;
   /// Those of the points of `block`; after columns() was called.
   virtual void extract_block(std::size_t index, std::size_t block, std::span<char> out) const = 0;
-  /// The values of all attributes, each in its place of `out`: for a text in one pass.
-  void extract_all(std::span<const std::span<char>> out) const;
+  /// The values of several attributes, each in its place of `out`, which has one for each of `columns()`: for a text in
+  /// one pass. What has an empty place is not wanted.
+  void extract_several(std::span<const std::span<char>> out) const;
   /// Those of the points of `block`; after columns() was called.
-  virtual void extract_all_of_block(std::size_t block, std::span<const std::span<char>> out) const;
-  virtual Faces faces() const { return {}; }
+  virtual void extract_several_of_block(std::size_t block, std::span<const std::span<char>> out) const;
+  /// Gives all faces to the visitor, in their order.
+  virtual void visit_faces(io::FaceVisitor&) const {}
+  /// Throws Error(file) where visit_faces() does.
+  virtual io::FaceSummary face_summary() const;
+  /// All of them in memory, with texture coordinates.
+  Faces faces() const;
 
   /// Writes the file in its own format with the edits.
   virtual void write(const io::Edits& edits, Encoding encoding, io::Output& out) const;

@@ -105,7 +105,7 @@ Table make_table(const Cloud& cloud) {
       column.data.resize(table.size() * column_bytes(column));
       table.columns.push_back(std::move(column));
     }
-    cloud.source->extract_all(places_of(table.columns));
+    cloud.source->extract_several(places_of(table.columns));
     table.faces = cloud.source->faces();
   }
   for (const Attribute& attribute : cloud.added) {

@@ -192,7 +192,7 @@ void TextSource::extract_block(std::size_t index, std::size_t block, std::span<c
 }
 
 // The attributes stand in a row in their order, so that one walk along it finds them all.
-void TextSource::extract_all_of_block(std::size_t block, std::span<const std::span<char>> out) const {
+void TextSource::extract_several_of_block(std::size_t block, std::span<const std::span<char>> out) const {
   std::vector<std::string_view> words;
   for_each_line(block, [&](std::string_view line, std::ptrdiff_t point) {
     if (point < 0) return;
@@ -200,6 +200,7 @@ void TextSource::extract_all_of_block(std::size_t block, std::span<const std::sp
     bool is_plain = plain_;
     std::size_t at = 0;
     for (std::size_t a = 0; a < attributes_.size(); ++a) {
+      if (out[a].empty()) continue;
       const TextColumn& column = attributes_[a];
       char* const to = out[a].data() + static_cast<std::size_t>(point) * column_bytes(column);
       is_plain = is_plain && column.first >= at && row.skip(column.first - at) && take_plain_numbers(row, column, to);
@@ -207,7 +208,8 @@ void TextSource::extract_all_of_block(std::size_t block, std::span<const std::sp
       at = column.first + column.components;
     }
   });
-  for (std::size_t c = attributes_.size(); c < out.size(); ++c) extract_block(c, block, out[c]);  // not in the rows
+  for (std::size_t c = attributes_.size(); c < out.size(); ++c)  // not in the rows
+    if (!out[c].empty()) extract_block(c, block, out[c]);
 }
 
 }  // namespace pointfair::io

@@ -64,7 +64,7 @@ class TextSource : public Source {
   ScalarType coordinate_type() const override;
   std::vector<Column> columns() const override;
   void extract_block(std::size_t index, std::size_t block, std::span<char> out) const override;
-  void extract_all_of_block(std::size_t block, std::span<const std::span<char>> out) const override;
+  void extract_several_of_block(std::size_t block, std::span<const std::span<char>> out) const override;
   std::vector<Content> contents() const override;
 
  protected:

@@ -87,6 +87,21 @@ void check_count(const XyzFront& front, const TextLayout& layout, std::string_vi
                  "; copy the file again or correct the first line");
 }
 
+// PTS has no names: by their places, readers take an intensity, then colours.
+void order_as_pts(Table& table) {
+  const bool has_colors = table.find("red") && table.find("green") && table.find("blue");
+  constexpr std::size_t kOneAndColors = 4;
+  const bool one_beside_colors = has_colors && table.columns.size() == kOneAndColors;
+  const auto place = [&](const TableColumn& column) {
+    if (column.name == "red") return 1;
+    if (column.name == "green") return 2;
+    if (column.name == "blue") return 3;
+    return lower_case(column.name) == "intensity" || one_beside_colors ? 0 : 4;
+  };
+  std::stable_sort(table.columns.begin(), table.columns.end(),
+                   [&](const TableColumn& a, const TableColumn& b) { return place(a) < place(b); });
+}
+
 }  // namespace
 
 std::shared_ptr<Source> read_xyz(FileBytes bytes, const std::string& name, Format format, const ReadOptions& options) {
@@ -100,6 +115,7 @@ std::shared_ptr<Source> read_xyz(FileBytes bytes, const std::string& name, Forma
 void write_xyz(Table table, Format format, Output& out) {
   use_ply_names(table, format == Format::csv || format == Format::txt ? ColorDepth::any : ColorDepth::bytes);
   const char separator = format == Format::csv ? ',' : ' ';
+  if (format == Format::pts) order_as_pts(table);
   if (format == Format::pts) out.write(std::to_string(table.size()) + "\n");
   if (format == Format::csv || (format == Format::txt && !table.columns.empty())) {
     std::string names = std::string("x") + separator + "y" + separator + "z";

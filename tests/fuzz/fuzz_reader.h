@@ -73,16 +73,30 @@ inline bool same_points(const Cloud& a, const Cloud& b) {
          (a.points.empty() || std::memcmp(a.points.data(), b.points.data(), a.points.size() * sizeof(Point)) == 0);
 }
 
+/// Attributes have the same values one by one and all at once, or both are refused.
+inline void require_same_values(const Cloud& cloud) {
+  std::vector<AttributeInfo> infos;
+  if (!accepted([&] { infos = attributes(cloud); })) return;  // what follows the points is damaged
+  std::vector<std::string> names;
+  for (const AttributeInfo& info : infos) names.push_back(info.name);
+  std::vector<Attribute> each(names.size()), all;
+  bool sound = true;
+  for (std::size_t n = 0; n < names.size(); ++n)
+    sound = accepted([&] { each[n] = attribute(cloud, names[n]); }) && sound;
+  require(accepted([&] { all = attribute_values(cloud, names); }) == sound);
+  for (std::size_t n = 0; sound && n < names.size(); ++n) require(each[n].data == all[n].data);
+}
+
 /// `same_bytes`: an unchanged cloud must be written as the bytes that it was read from; else as the same points, where
 /// its points can be written at all.
 inline int run(const std::vector<std::byte>& bytes, Format format, bool same_bytes = true) {
   Cloud cloud;
   if (!accepted([&] { cloud = read_as(bytes, format); })) return 0;
   require(!cloud.points.empty() && (!same_bytes || cloud.points.size() <= bytes.size() * 100));
-  std::vector<AttributeInfo> names;
-  if (!accepted([&] { names = attributes(cloud); })) return 0;  // what follows the points is damaged
-  for (const AttributeInfo& info : names) accepted([&] { attribute(cloud, info.name); });
-  accepted([&] { triangles(cloud); });
+  if (!accepted([&] { attributes(cloud); })) return 0;  // what follows the points is damaged
+  require_same_values(cloud);
+  const bool has_faces = accepted([&] { polygons(cloud); });
+  require(accepted([&] { triangles(cloud); }) == has_faces);
   file_info(cloud);
   normal_attributes(cloud);
   if (same_bytes) {

@@ -43,6 +43,19 @@ def test_attributes_of_each_type_survive_a_file(tmp_path, kind):
     assert same_bits(pf.read(tmp_path / "a.ply")["level"], expected)
 
 
+def test_several_attributes_are_read_at_once(tmp_path):
+    (tmp_path / "a.csv").write_text("x,y,z,i,red,name\n1,2,3,0.5,7,oak\n4,5,6,0.25,8,ash\n")
+    cloud = pf.read(tmp_path / "a.csv")
+    cloud["normal"] = np.ones((2, 3), np.float32)
+    assert list(cloud.values()) == ["i", "red", "normal"]
+    some = cloud.values("normal", "i")
+    assert list(some) == ["normal", "i"] and some["normal"].shape == (2, 3)
+    for name, values in cloud.values().items():
+        assert same_bits(values, cloud[name])
+    with pytest.raises(pf.UsageError, match="no attribute 'name'"):
+        cloud.values("i", "name")
+
+
 def test_attributes_may_have_several_values_a_point():
     cloud = pf.Cloud(waves(50))
     cloud["normal"] = np.ones((50, 3), np.float32)

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <limits>
 
 #include "io/colors.hpp"
@@ -121,6 +122,11 @@ void PtxSource::find_types() const {
       bool is_plain = plain.skip(3);
       for (std::size_t v = 0; v < owner.size(); ++v) {
         std::string_view word;
+        unsigned count = 0;
+        if (is_plain && plain.short_count(count)) {
+          seen[block][owner[v]].see_count(count);
+          continue;
+        }
         is_plain = is_plain && plain.word(word);
         if (!is_plain) word = word_at(row, 3 + v);
         seen[block][owner[v]].see(word);
@@ -178,27 +184,46 @@ void PtxSource::fill_absent(const Column& column, std::size_t block, std::span<c
 }
 
 // In one walk along each row.
-void PtxSource::extract_all_of_block(std::size_t block, std::span<const std::span<char>> out) const {
+void PtxSource::extract_several_of_block(std::size_t block, std::span<const std::span<char>> out) const {
   const std::vector<std::string>& names = scan_of(block).value_names;
-  std::vector<std::size_t> columns(names.size());  // of the words behind the coordinates
-  std::vector<bool> has(out.size());
-  for (std::size_t v = 0; v < names.size(); ++v) {
-    columns[v] = static_cast<std::size_t>(
-        std::find_if(columns_.begin(), columns_.end(), [&](const Column& c) { return c.name == names[v]; }) -
-        columns_.begin());
-    has[columns[v]] = true;
+  struct Wanted {
+    std::size_t word;  // behind the coordinates
+    Column column;
+    char* to;
+  };
+  std::vector<Wanted> wanted;
+  for (std::size_t c = 0; c < out.size(); ++c) {
+    if (out[c].empty()) continue;
+    const auto word = static_cast<std::size_t>(std::find(names.begin(), names.end(), columns_[c].name) - names.begin());
+    if (word == names.size()) {
+      fill_absent(columns_[c], block, out[c]);
+    } else {
+      wanted.push_back({word, columns_[c], out[c].data()});
+    }
   }
-  for (std::size_t c = 0; c < out.size(); ++c)
-    if (!has[c]) fill_absent(columns_[c], block, out[c]);
-  for_each_row(block, [&](std::string_view row, std::size_t point) {
+  std::sort(wanted.begin(), wanted.end(), [](const Wanted& a, const Wanted& b) { return a.word < b.word; });
+  for_each_row(block, [&](std::string_view row, std::size_t) {
     PlainRow plain(row, ' ');
     bool is_plain = plain.skip(3);
-    for (std::size_t v = 0; v < columns.size(); ++v) {
-      const Column& column = columns_[columns[v]];
+    std::size_t word = 0;
+    for (Wanted& its : wanted) {
+      is_plain = is_plain && plain.skip(its.word - word);
+      word = its.word + 1;
+      unsigned count = 0;
       double number = 0;
-      is_plain = is_plain && plain.number(number);
-      if (!is_plain) number = number_at(row, 3 + v, column).value_or(kMissing);
-      store_double(out[columns[v]].data() + point * size_of(column.type), column.type, false, number);
+      if (its.column.type == NativeType::uint8 && is_plain && plain.short_count(count)) {
+        *its.to = static_cast<char>(count);  // the type holds it
+      } else {
+        is_plain = is_plain && plain.number(number);
+        if (!is_plain) number = number_at(row, 3 + its.word, its.column).value_or(kMissing);
+        if (its.column.type == NativeType::float32) {
+          const auto value = static_cast<float>(number);
+          std::memcpy(its.to, &value, sizeof value);
+        } else {
+          store_double(its.to, its.column.type, false, number);
+        }
+      }
+      its.to += size_of(its.column.type);
     }
   });
 }

@@ -23,7 +23,7 @@ class PtxSource final : public Source {
   ScalarType coordinate_type() const override;
   std::vector<Column> columns() const override;
   void extract_block(std::size_t index, std::size_t block, std::span<char> out) const override;
-  void extract_all_of_block(std::size_t block, std::span<const std::span<char>> out) const override;
+  void extract_several_of_block(std::size_t block, std::span<const std::span<char>> out) const override;
   void write(const Edits& edits, Encoding encoding, Output& out) const override;
   std::optional<Position> sensor(std::size_t block) const override;
   FileInfo info() const override;

@@ -36,7 +36,7 @@ class BinarySource final : public Source {
   ScalarType coordinate_type() const override { return ScalarType::float32; }
   std::vector<Column> columns() const override { return {}; }
   void extract_block(std::size_t, std::size_t, std::span<char>) const override {}
-  Faces faces() const override { return faces_of(facets_); }
+  void visit_faces(FaceVisitor& visitor) const override { visit_facets(facets_, visitor); }
   std::vector<Content> contents() const override {
     if (!has_words()) return {};
     return {{ContentKind::face_values, "the attribute words of facets, in which some programs keep colours"}};
@@ -87,13 +87,13 @@ std::uint64_t facet_count(std::string_view bytes) { return load<std::uint32_t>(b
 
 }  // namespace
 
-Faces faces_of(std::uint64_t facets) {
-  Faces faces;
-  faces.ends.resize(static_cast<std::size_t>(facets));
-  faces.corners.resize(static_cast<std::size_t>(3 * facets));
-  for (std::size_t f = 0; f < faces.ends.size(); ++f) faces.ends[f] = 3 * (f + 1);
-  for (std::size_t c = 0; c < faces.corners.size(); ++c) faces.corners[c] = static_cast<std::uint32_t>(c);
-  return faces;
+void visit_facets(std::uint64_t facets, FaceVisitor& visitor) {
+  visitor.expect({facets, 3 * facets, true});
+  for (std::uint64_t f = 0; f < facets; ++f) {
+    const auto first = static_cast<std::uint32_t>(3 * f);
+    const std::uint32_t corners[] = {first, first + 1, first + 2};
+    visitor.take(corners, {});
+  }
 }
 
 std::array<float, 3> normal_of(std::span<const Position> corners, std::size_t first) {

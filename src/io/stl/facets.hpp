@@ -13,7 +13,7 @@
 namespace pointfair::io::stl {
 
 /// The corners of a facet are the points 3 f, 3 f + 1 and 3 f + 2.
-Faces faces_of(std::uint64_t facets);
+void visit_facets(std::uint64_t facets, FaceVisitor& visitor);
 
 /// The unit normal of the three corners from `first` on, as floats; zero for a facet without an area.
 std::array<float, 3> normal_of(std::span<const Position> corners, std::size_t first);

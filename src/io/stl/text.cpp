@@ -80,7 +80,7 @@ class TextStl final : public Source {
   }
   std::vector<Column> columns() const override { return {}; }
   void extract_block(std::size_t, std::size_t, std::span<char>) const override {}
-  Faces faces() const override { return faces_of(chunks_.back().first_facet); }
+  void visit_faces(FaceVisitor& visitor) const override { visit_facets(chunks_.back().first_facet, visitor); }
 
  protected:
   void append_block(std::size_t block, const Moves& moves, const Edits& edits, std::string& to) const override {

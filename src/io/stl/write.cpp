@@ -66,20 +66,29 @@ void write_text(const std::vector<Corners>& triangles, NativeType type, Output& 
   out.write("endsolid pointfair\n");
 }
 
+// Looks for a face that STL files can hold.
+class FiniteFaceFinder final : public FaceVisitor {
+ public:
+  explicit FiniteFaceFinder(std::span<const Point> points) : points_(points) {}
+
+  void take(std::span<const std::uint32_t> corners, std::span<const float>) override {
+    found = found || (corners.size() >= 3 && std::all_of(corners.begin(), corners.end(), [&](std::uint32_t corner) {
+                        const Point& p = points_[corner];
+                        return std::isfinite(p.x + p.y + p.z);
+                      }));
+  }
+  bool found = false;
+
+ private:
+  std::span<const Point> points_;
+};
+
 }  // namespace
 
 void check_new_stl(const Cloud& cloud) {
-  const Faces faces = cloud.source ? cloud.source->faces() : Faces{};
-  const auto is_finite = [&](std::uint32_t corner) {
-    const Point& p = cloud.points[corner];
-    return std::isfinite(p.x + p.y + p.z);
-  };
-  auto begin = faces.corners.begin();
-  for (const std::uint64_t face_end : faces.ends) {
-    const auto end = faces.corners.begin() + static_cast<std::ptrdiff_t>(face_end);
-    if (end - begin >= 3 && std::all_of(begin, end, is_finite)) return;
-    begin = end;
-  }
+  FiniteFaceFinder finder(cloud.points);
+  if (cloud.source) cloud.source->visit_faces(finder);
+  if (finder.found) return;
   throw Error(ErrorKind::usage,
               "STL files hold triangles, and this cloud has no faces of finite points; choose PLY or another format");
 }
