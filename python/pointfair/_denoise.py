@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
 import numpy as np
 
 from . import _card, _native
-from ._arrays import Layout, Result, as_box, as_faces, as_mask, as_numpy, as_strength, check_positions, rows
+from ._arrays import Layout, Result, as_box, as_faces, as_mask, as_numpy, as_strength, check_positions, grid_of, rows
 from ._cloud import Cloud
 from ._errors import UsageError
 from ._params import Params
@@ -51,7 +51,9 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
         points: positions, (N, 3) float32 or float64: a NumPy array, a tensor of torch, jax or Open3D, or a Cloud.
             Any strides, byte order and memory order work. Of an (N, 4) array the last column stays as it is. A tensor
             of torch or CuPy on a CUDA card is computed there, after the work of the current stream, without a copy
-            through the host.
+            through the host. An image of points in host memory, (H, W, 3) or (H, W, 4), is one cloud: `mask` may be
+            (H, W), the report's arrays are. Its pixels that are NaN or (0, 0, 0), where the camera measured nothing, keep
+            their place, and report.unmoved.non_finite counts them.
         params: the parameters; by default all are chosen from the data. Lengths are in the unit of the points.
         mask: (N,) booleans, True for each point that may move. The others still count as neighbours.
         where: only points of a Cloud whose attribute has one of these integers move, as in "classification=2,6-9".
@@ -114,7 +116,7 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
                                          strength=strength, box=box, viewpoint=viewpoint, show=show))
         else:
             result = _denoise_array(pipeline, points, chosen, strength, box, mask, viewpoint, faces, out, show)
-        return (result, _full_report(pipeline, normals)) if return_report else result
+        return (result, _full_report(pipeline, normals, grid_of(result))) if return_report else result
 
 
 def _check_kind(points: Any, layout: _card.CardLayout | None, *, by_attribute: bool, in_part: bool, out: Any) -> None:
@@ -149,27 +151,33 @@ def _denoise_on_card(pipeline: _native.Pipeline, points: Any, layout: _card.Card
 def _denoise_array(pipeline: _native.Pipeline, points: Any, params: Params, strength: float, box: Any, mask: Any,
                    viewpoint: Any, faces: Any, out: Any, show: Any) -> Any:
     array = as_numpy(points)
-    check_positions(array)
-    bytes_ = as_mask(mask, len(array))
-    result = Result(Layout(array, points), out)
-    pipeline.load(rows(array), strength != 1 or box is not None or bytes_ is not None)
+    check_positions(array, images=True)
+    layout = Layout(array, points)
+    positions = layout.without_empty_pixels(rows(array))
+    bytes_ = as_mask(mask, len(positions), layout.grid)
+    result = Result(layout, out)
+    pipeline.load(positions, strength != 1 or box is not None or bytes_ is not None)
     if viewpoint is not None:
-        set_viewpoint(pipeline, viewpoint)
+        set_viewpoint(pipeline, viewpoint, layout.grid)
     if faces is not None:
         pipeline.set_faces(as_faces(faces))
     pipeline.run(params._native, result.rows, strength, box, bytes_, "", show)
     return result.finish()
 
 
-def _full_report(pipeline: _native.Pipeline, with_normals: bool) -> Report:
+def _full_report(pipeline: _native.Pipeline, with_normals: bool, grid: tuple[int, ...]) -> Report:
+    """`grid` is the shape of an image of points, which the arrays of the report get."""
     measured = Estimates(*pipeline.estimates())
     normals = None
     if with_normals:
         normals = np.empty((pipeline.points, 3), np.float32)
         pipeline.normals(normals)
+        normals = normals.reshape(*grid, 3) if grid else normals
     row = pipeline.report()
     outliers = pipeline.outliers()
     marked = outliers if len(outliers) == row[1] and row[1] > 0 else None
+    if marked is not None and grid:
+        marked = marked.reshape(grid)
     return report_of(row, noise=measured.noise, spacing=measured.spacing, normals=normals, outliers=marked)
 
 
@@ -192,8 +200,8 @@ def estimate(points: Any, *, device: str = "auto", threads: int = 0) -> Estimate
             pipeline.load_on_card(_card.card_array(points, stream), stream)
         else:
             array = as_numpy(points)
-            check_positions(array)
-            pipeline.load(rows(array), False)
+            check_positions(array, images=True)
+            pipeline.load(Layout(array, points).without_empty_pixels(rows(array)), False)
         return Estimates(*pipeline.estimates())
 
 
