@@ -41,10 +41,15 @@ def as_numpy(points: Any, name: str = "points") -> np.ndarray[Any, Any]:
         raise UsageError(f"{name} is a {type(points).__name__}, which NumPy cannot see as an array: {error}") from None
 
 
-def check_positions(array: np.ndarray[Any, Any], name: str = "points", images: bool = False) -> None:
-    """Raises UsageError unless the array has N rows, or with `images` H x W pixels, of 3 or 4 float32 or float64."""
+def check_floats(array: np.ndarray[Any, Any], name: str) -> None:
+    """Raises UsageError unless the array is float32 or float64."""
     if array.dtype.kind != "f" or array.dtype.itemsize not in (4, 8):
         raise UsageError(f"{name} has the type {array.dtype}: give float32 or float64, {name}.astype('float32') for instance")
+
+
+def check_positions(array: np.ndarray[Any, Any], name: str = "points", images: bool = False) -> None:
+    """Raises UsageError unless the array has N rows, or with `images` H x W pixels, of 3 or 4 float32 or float64."""
+    check_floats(array, name)
     if array.ndim not in ((2, 3) if images else (2,)) or array.shape[-1] not in (3, 4):
         advice = "; reshape(-1, 3) makes one of an image" if array.ndim == 3 else ""
         image = ", or an image of points, (H, W, 3)" if images else ""
@@ -72,7 +77,7 @@ class Layout:
         self.grid = array.shape[:-1]
         self.order: Literal["C", "F"] = "F" if abs(array.strides[0]) < abs(array.strides[-1]) else "C"
         self.last = array[..., 3] if array.shape[-1] == 4 else None
-        self.wrap = _wrapper(like)
+        self.wrap = wrapper(like)
         self._empty: np.ndarray[Any, Any] | None = None
 
     def without_empty_pixels(self, points: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
@@ -103,7 +108,7 @@ class Result:
 
     def __init__(self, layout: Layout, out: Any = None) -> None:
         self.layout, self.given = layout, out
-        self.array = np.empty(layout.shape, layout.dtype, layout.order) if out is None else _writable(out, layout)
+        self.array = np.empty(layout.shape, layout.dtype, layout.order) if out is None else writable(out, layout)
         fits = layout.last is None and self.array.flags.c_contiguous and self.array.flags.aligned and layout.dtype.isnative
         self.rows = rows(self.array) if fits else np.empty((math.prod(layout.grid), 3), layout.dtype.newbyteorder("="))
         self.fits = fits
@@ -120,16 +125,17 @@ class Result:
         return self.array if self.layout.wrap is None else self.layout.wrap(self.array)
 
 
-def _writable(out: Any, layout: Layout) -> np.ndarray[Any, Any]:
+def writable(out: Any, like: Layout | np.ndarray[Any, Any], name: str = "points") -> np.ndarray[Any, Any]:
+    """`out` as NumPy sees it. Raises UsageError unless it can take a result of the shape and type of the input."""
     target = as_numpy(out, "out")
-    if target.shape != layout.shape or target.dtype != layout.dtype:
-        raise UsageError(f"out is {target.shape} of {target.dtype}, points {layout.shape} of {layout.dtype}: they must agree")
+    if target.shape != like.shape or target.dtype != like.dtype:
+        raise UsageError(f"out is {target.shape} of {target.dtype}, {name} {like.shape} of {like.dtype}: they must agree")
     if not target.flags.writeable:
         raise UsageError("out is read-only: give an array that can be written")
     return target
 
 
-def _wrapper(like: Any) -> Callable[[Any], Any] | None:
+def wrapper(like: Any) -> Callable[[Any], Any] | None:
     """What makes an array of the kind of `like` from NumPy's memory; None for NumPy's own."""
     kind = type(like)
     if kind is np.ndarray or isinstance(like, np.ndarray):

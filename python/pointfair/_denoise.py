@@ -14,11 +14,13 @@ from ._params import Params
 from ._progress import Progress, progress_function
 from ._report import DeviceStatus, Estimates, Report, device_of, report_of
 from ._runs import borrowed, make_params, run_cloud, set_viewpoint
+from ._step import denoise_by_step
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
     from ._params import ParamArguments
+    from ._step import Step
 
 Points = TypeVar("Points")
 
@@ -26,25 +28,25 @@ Points = TypeVar("Points")
 @overload
 def denoise(points: Points, params: Params | None = None, *, mask: Any = None, where: str | None = None,
             ignore: str | None = None, strength: float = 1.0, box: Any = None, viewpoint: Any = None,
-            faces: Any = None, weights: Any = None, normals: bool = False, device: str = "auto", threads: int = 0,
-            out: Any = None, progress: Progress = False, return_report: Literal[False] = False,
+            faces: Any = None, weights: Any = None, step: Step | None = None, normals: bool = False,
+            device: str = "auto", threads: int = 0, out: Any = None, progress: Progress = False, return_report: Literal[False] = False,
             **parameters: Unpack[ParamArguments]) -> Points: ...
 @overload
 def denoise(points: Points, params: Params | None = None, *, mask: Any = None, where: str | None = None,
             ignore: str | None = None, strength: float = 1.0, box: Any = None, viewpoint: Any = None,
-            faces: Any = None, weights: Any = None, normals: bool = False, device: str = "auto", threads: int = 0,
-            out: Any = None, progress: Progress = False, return_report: Literal[True],
+            faces: Any = None, weights: Any = None, step: Step | None = None, normals: bool = False,
+            device: str = "auto", threads: int = 0, out: Any = None, progress: Progress = False, return_report: Literal[True],
             **parameters: Unpack[ParamArguments]) -> tuple[Points, Report]: ...
 @overload
 def denoise(points: Points, params: Params | None = None, *, mask: Any = None, where: str | None = None,
             ignore: str | None = None, strength: float = 1.0, box: Any = None, viewpoint: Any = None,
-            faces: Any = None, weights: Any = None, normals: bool = False, device: str = "auto", threads: int = 0,
-            out: Any = None, progress: Progress = False, return_report: bool,
+            faces: Any = None, weights: Any = None, step: Step | None = None, normals: bool = False,
+            device: str = "auto", threads: int = 0, out: Any = None, progress: Progress = False, return_report: bool,
             **parameters: Unpack[ParamArguments]) -> Points | tuple[Points, Report]: ...
 def denoise(points: Any, params: Params | None = None, *, mask: Any = None, where: str | None = None,
             ignore: str | None = None, strength: float = 1.0, box: Any = None, viewpoint: Any = None,
-            faces: Any = None, weights: Any = None, normals: bool = False, device: str = "auto", threads: int = 0,
-            out: Any = None, progress: Progress = False, return_report: bool = False, **parameters: Unpack[ParamArguments]) -> Any:
+            faces: Any = None, weights: Any = None, step: Step | None = None, normals: bool = False,
+            device: str = "auto", threads: int = 0, out: Any = None, progress: Progress = False, return_report: bool = False, **parameters: Unpack[ParamArguments]) -> Any:
     """Removes the noise of a cloud and keeps its shape. No point is added or removed.
 
     Args:
@@ -67,6 +69,13 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
         faces: for connectivity="mesh", the numbers of the points of each face, (F, 3) for triangles, (F, 4) for quads; a
             Cloud has those of its file. Runs on the CPU.
         weights: for method="learned", a file of weights in place of the program's own: its path, or its bytes.
+        step: a function of one's own that moves the points in place of the library's step, for research: step(points,
+            neighbors, normals, noise) returns the new points. It gets the finite points, (M, 3) float64; the rows of
+            the k nearest other points of each, (M, k), nearest first, k = 24 where it is "auto"; their normals, (M, 3),
+            zero where there is none; and the standard deviation of their noise, (M,). It is called once an iteration,
+            once where that is "auto", each time with what is measured on the moved points. A row that is not finite
+            leaves its point where it is. Of the parameters, k, iterations and those of noise and normals count; mask,
+            box and strength act on the result.
         normals: whether the report has the normals; needs return_report.
         device: "auto" is where a tensor lies, else a CUDA card if there is one, else the CPU; or "cpu", "cuda",
             "cuda:N"; or several cards, "cuda:0,2" or "cuda:all", which share clouds of 4 million points and more.
@@ -103,6 +112,13 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
     if chosen.connectivity == "mesh" and device == "auto" and _card.layout_of(points) is None:
         device = "cpu"
     strength, box = as_strength(strength), as_box(box)
+    if step is not None:
+        given = dict(where=where, ignore=ignore, viewpoint=viewpoint, faces=faces, weights=weights, out=out)
+        refused = [name for name, value in given.items() if value is not None]
+        refused += [name for name, value in (("progress", progress), ("return_report", return_report)) if value]
+        if refused:
+            raise UsageError(f"{refused[0]} does not go with step: leave it out")
+        return denoise_by_step(points, step, chosen, mask=mask, box=box, strength=strength, device=device, threads=threads)
     layout = _card.layout_of(points)
     _check_kind(points, layout, by_attribute=where is not None or ignore is not None,
                 in_part=mask is not None or box is not None or strength != 1, out=out)
