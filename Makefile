@@ -137,6 +137,7 @@ figures:
 	cmake --build build
 	cmake --build build --target picture
 	scripts/figures.py
+	scripts/chart.py
 
 gallery:
 	@$(install) build python demo

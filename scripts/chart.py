@@ -16,7 +16,7 @@ NOISE = "even 0.3 %"
 SHAPES = {"armadillo": "Armadillo", "fandisk": "Fandisk"}
 ROWS = {"noisy": "noisy", "CGAL bilateral, best of 5": "CGAL bilateral, best setting", "CGAL jet, best of 4": "CGAL jet, best setting",
         "PCL MLS, best of 4": "PCL MLS, best setting", "pointfair": "pointfair, default run"}
-WIDTH, LEFT, PANEL, LINE, TOP = 920, 200, 290, 30, 64
+WIDTH, LEFT, PANEL, LINE, TOP = 940, 220, 290, 30, 64
 
 
 def column(page, shape):
