@@ -2,6 +2,7 @@
 // Images of depth cameras: planes, jumps, pixels without a measurement, and the mean of pairs by a plain loop.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -48,6 +49,74 @@ double mean_error(const Depths& a, const Depths& b, std::size_t first_column = 0
 
 bool same_bits(const Depths& a, const Depths& b) {
   return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(float)) == 0;
+}
+
+// The same by plain loops over pixels in double precision (docs/how-it-works.md).
+struct Reference {
+  std::vector<double> w;  // NaN where nothing was measured
+
+  double at(int y, int x) const {
+    const bool inside = y >= 0 && x >= 0 && y < int(kHeight) && x < int(kWidth);
+    return inside ? w[std::size_t(y) * kWidth + std::size_t(x)] : std::nan("");
+  }
+  double noise(int s) const {
+    std::vector<double> all;
+    for (int y = s; y < int(kHeight) - s; y += 2) {
+      for (int x = s; x < int(kWidth) - s; x += 2) {
+        const auto bend = [&](int column) { return at(y - s, column) + at(y + s, column) - 2 * at(y, column); };
+        const double value = std::abs(bend(x - s) + bend(x + s) - 2 * bend(x)) / 6;
+        if (!std::isnan(value)) all.push_back(value);
+      }
+    }
+    std::sort(all.begin(), all.end());
+    return all[all.size() * 3 / 5] / 0.841621;
+  }
+  void average(int s, double sigma) {
+    const Reference before = *this;
+    for (int y = 0; y < int(kHeight); ++y) {
+      for (int x = 0; x < int(kWidth); ++x) {
+        double moment = 0, sum = 0.5;
+        for (int dy = 0; dy <= 2; ++dy) {
+          for (int dx = -2; dx <= 2; ++dx) {
+            if (dy == 0 && dx <= 0) continue;
+            const double pair = before.at(y + dy * s, x + dx * s) + before.at(y - dy * s, x - dx * s);
+            const double q = pair / 2 - before.at(y, x), near = 1 - q * q / (9 * sigma * sigma);
+            if (!(near > 0)) continue;
+            const double weight = std::exp(-(dy * dy + dx * dx) / (2 * 16 / 9.0)) * near * near;
+            moment += weight * q;
+            sum += weight;
+          }
+        }
+        w[std::size_t(y) * kWidth + std::size_t(x)] += moment / sum;
+      }
+    }
+  }
+};
+
+TEST(Depth, TheResultIsThatOfPlainLoops) {
+  Depths depth = noisy(plane_with_jump(0.5), 0.002);
+  depth[1234] = depth[2345] = 0;
+  Reference reference;
+  for (const float z : depth) reference.w.push_back(z == 0 ? std::nan("") : 1 / double(z));
+  double most = 1e9;
+  for (const int stride : {1, 2, 4, 8, 12}) {
+    const double sigma = std::min(reference.noise(stride), most);
+    reference.average(stride, sigma);
+    most = 4 * sigma;
+  }
+  const Depths out = denoised(depth);
+  for (std::size_t i = 0; i < out.size(); ++i)
+    if (depth[i] != 0) ASSERT_NEAR(1 / out[i], reference.w[i], 2e-6) << i;
+}
+
+// Over wide strides, shape bends more than the noise of such an image can.
+TEST(Depth, RipplesWithoutNoiseStay) {
+  Depths clean;
+  for (std::size_t y = 0; y < kHeight; ++y) {
+    for (std::size_t x = 0; x < kWidth; ++x)
+      clean.push_back(float(1 / (0.5 + 0.02 * std::sin(0.12 * double(x)) * std::sin(0.12 * double(y)))));
+  }
+  EXPECT_LT(mean_error(denoised(clean), clean), 0.002);
 }
 
 TEST(Depth, MostNoiseOfAPlaneGoes) {
