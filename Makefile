@@ -31,7 +31,7 @@ help:
 	@echo "make train-net  draw pieces and train the net of method learned for nine minutes, from where it stopped; PyTorch"
 	@echo "make paper-tables  the paper's table II and figures 6 and 7 on this machine, in build/paper"
 	@echo "make figures  every picture of the documents and the numbers under them, in docs"
-	@echo "make gallery  run the examples in Python and draw what they did, in docs; laspy, PyVista and torch from PyPI"
+	@echo "make gallery  run the examples in Python and scans of twelve simulated sensors, and draw them, in docs; packages from PyPI"
 	@echo "make estimates  judge the program on random clouds and on cases; numpy and scipy from PyPI (ESTIMATES='--help')"
 	@echo "make gpu      on a machine with a card: build, test, sanitize and benchmark, in build/gpu-report"
 	@echo "make release  the program with machine code for all cards, build/release/bin/pointfair"
@@ -138,6 +138,7 @@ figures:
 	cmake --build build
 	cmake --build build --target picture
 	scripts/figures.py
+	scripts/chart.py
 
 gallery:
 	@$(install) build python demo
@@ -146,6 +147,7 @@ gallery:
 	cmake --build build --target picture
 	scripts/wheel.py --build build --dist build/python/dist
 	scripts/gallery.py --dist build/python/dist
+	build/gallery/bin/python scripts/sensors.py build/bin/pointfair build/bin/picture
 
 # ESTIMATES: options of training/judge.py, as ESTIMATES='--baseline other/pointfair --clouds 5'
 estimates:

@@ -17,7 +17,7 @@ import venv
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 PICTURES, WORK = ROOT / "docs/pictures", ROOT / "build/gallery"
 PICTURE = ROOT / "build/bin/picture"
-REQUIREMENTS = ["laspy", "pillow", "pyvista", "torch"]
+REQUIREMENTS = ["laspy", "pillow", "pyvista", "scipy", "torch"]
 GROUND, VEGETATION, BUILDING = 2, 5, 6
 
 

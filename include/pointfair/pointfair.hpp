@@ -3,12 +3,14 @@
 #pragma once
 
 #include "pointfair/cloud.hpp"
+#include "pointfair/depth.hpp"
 #include "pointfair/device.hpp"
 #include "pointfair/device_points.hpp"
 #include "pointfair/export.hpp"
 #include "pointfair/file_info.hpp"
 #include "pointfair/io.hpp"
 #include "pointfair/limits.hpp"
+#include "pointfair/neighbors.hpp"
 #include "pointfair/normals.hpp"
 #include "pointfair/params.hpp"
 #include "pointfair/pipeline.hpp"

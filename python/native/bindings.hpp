@@ -13,6 +13,7 @@ namespace pointfair::python {
 void bind_params(nanobind::module_& module);
 void bind_clouds(nanobind::module_& module);
 void bind_pipelines(nanobind::module_& module);
+void bind_functions(nanobind::module_& module);
 
 /// As Python's types have them.
 using Row = nanobind::typed<nanobind::tuple, nanobind::any, nanobind::ellipsis>;

@@ -76,4 +76,5 @@ NB_MODULE(_native, module) {
   bind_params(module);
   bind_clouds(module);
   bind_pipelines(module);
+  bind_functions(module);
 }

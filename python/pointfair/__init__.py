@@ -10,11 +10,13 @@ from ._batch import denoise_batch
 from ._cloud import Cloud, read, write
 from ._compare import Comparison, compare
 from ._denoise import denoise, devices, estimate
+from ._depth import denoise_depth
 from ._errors import DeviceError, Error, FileError, OutOfMemory, UsageError
 from ._native import version as _version
 from ._params import PARAMETERS, ParamArguments, Params
 from ._pipeline import Pipeline
 from ._report import DeviceInfo, DeviceStatus, Estimates, Mesh, Report, Stage, Unmoved
+from ._step import nearest_neighbors
 from ._values import Parameter
 
 __version__ = _version()
@@ -23,5 +25,6 @@ __all__ = [
     "Cloud", "Comparison", "DeviceError", "DeviceInfo", "DeviceStatus", "Error", "Estimates", "FileError", "Mesh",
     "OutOfMemory",
     "PARAMETERS", "ParamArguments", "Parameter", "Params", "Pipeline", "Report", "Stage", "Unmoved", "UsageError",
-    "__version__", "compare", "denoise", "denoise_batch", "devices", "estimate", "read", "write",
+    "__version__", "compare", "denoise", "denoise_batch", "denoise_depth", "devices", "estimate",
+    "nearest_neighbors", "read", "write",
 ]

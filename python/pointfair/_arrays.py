@@ -2,6 +2,7 @@
 """Arrays of every kind as contiguous NumPy rows of x, y, z, and results in the kind that came in."""
 from __future__ import annotations
 
+import math
 import sys
 from typing import Any, Callable, Literal
 
@@ -40,20 +41,32 @@ def as_numpy(points: Any, name: str = "points") -> np.ndarray[Any, Any]:
         raise UsageError(f"{name} is a {type(points).__name__}, which NumPy cannot see as an array: {error}") from None
 
 
-def check_positions(array: np.ndarray[Any, Any], name: str = "points") -> None:
-    """Raises UsageError unless the array has N rows of 3 or 4 float32 or float64."""
+def check_floats(array: np.ndarray[Any, Any], name: str) -> None:
+    """Raises UsageError unless the array is float32 or float64."""
     if array.dtype.kind != "f" or array.dtype.itemsize not in (4, 8):
         raise UsageError(f"{name} has the type {array.dtype}: give float32 or float64, {name}.astype('float32') for instance")
-    if array.ndim != 2 or array.shape[1] not in (3, 4):
-        advice = "; denoise_batch takes many clouds, reshape(-1, 3) makes one of an image" if array.ndim == 3 else ""
-        raise UsageError(f"{name} has the shape {array.shape}: give (N, 3), or (N, 4) whose last column stays{advice}")
+
+
+def check_positions(array: np.ndarray[Any, Any], name: str = "points", images: bool = False) -> None:
+    """Raises UsageError unless the array has N rows, or with `images` H x W pixels, of 3 or 4 float32 or float64."""
+    check_floats(array, name)
+    if array.ndim not in ((2, 3) if images else (2,)) or array.shape[-1] not in (3, 4):
+        advice = "; reshape(-1, 3) makes one of an image" if array.ndim == 3 else ""
+        image = ", or an image of points, (H, W, 3)" if images else ""
+        raise UsageError(f"{name} has the shape {array.shape}: give (N, 3), or (N, 4) whose last column stays{image}{advice}")
 
 
 def rows(array: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """x, y, z as contiguous rows in native byte order; the array itself where it is that."""
-    if array.dtype.isnative and array.flags.c_contiguous and array.flags.aligned and array.shape[1] == 3:
-        return array
-    return np.array(array[:, :3], array.dtype.newbyteorder("="), order="C")
+    """x, y, z as contiguous rows in native byte order; the array's own memory where it is that."""
+    if array.dtype.isnative and array.flags.c_contiguous and array.flags.aligned and array.shape[-1] == 3:
+        return array if array.ndim == 2 else array.reshape(-1, 3)
+    return np.array(array[..., :3], array.dtype.newbyteorder("="), order="C").reshape(-1, 3)
+
+
+def grid_of(array: Any) -> tuple[int, ...]:
+    """(H, W) of an image of points, () of all else."""
+    shape = tuple(getattr(array, "shape", ()))
+    return shape[:2] if len(shape) == 3 else ()
 
 
 class Layout:
@@ -61,9 +74,27 @@ class Layout:
 
     def __init__(self, array: np.ndarray[Any, Any], like: Any) -> None:
         self.shape, self.dtype = array.shape, array.dtype
-        self.order: Literal["C", "F"] = "F" if abs(array.strides[0]) < abs(array.strides[1]) else "C"
-        self.last = array[:, 3] if array.shape[1] == 4 else None
-        self.wrap = _wrapper(like)
+        self.grid = array.shape[:-1]
+        self.order: Literal["C", "F"] = "F" if abs(array.strides[0]) < abs(array.strides[-1]) else "C"
+        self.last = array[..., 3] if array.shape[-1] == 4 else None
+        self.wrap = wrapper(like)
+        self._empty: np.ndarray[Any, Any] | None = None
+
+    def without_empty_pixels(self, points: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+        """The rows of an image with NaN at its pixels (0, 0, 0), where the camera measured nothing; other rows as they are."""
+        if len(self.grid) == 1:
+            return points
+        empty = (points == 0).all(axis=1)
+        if not empty.any():
+            return points
+        self._empty, points = empty, points.copy()
+        points[empty] = np.nan
+        return points
+
+    def restore_empty_pixels(self, moved: np.ndarray[Any, Any]) -> None:
+        """Puts them back into the rows of a result."""
+        if self._empty is not None:
+            moved[self._empty] = 0
 
     def keep(self) -> Layout:
         """The same when the caller's array changes later."""
@@ -77,31 +108,34 @@ class Result:
 
     def __init__(self, layout: Layout, out: Any = None) -> None:
         self.layout, self.given = layout, out
-        self.array = np.empty(layout.shape, layout.dtype, layout.order) if out is None else _writable(out, layout)
+        self.array = np.empty(layout.shape, layout.dtype, layout.order) if out is None else writable(out, layout)
         fits = layout.last is None and self.array.flags.c_contiguous and self.array.flags.aligned and layout.dtype.isnative
-        self.rows = self.array if fits else np.empty((layout.shape[0], 3), layout.dtype.newbyteorder("="))
+        self.rows = rows(self.array) if fits else np.empty((math.prod(layout.grid), 3), layout.dtype.newbyteorder("="))
+        self.fits = fits
 
     def finish(self) -> Any:
         """`out` itself, or a new array of the caller's kind."""
-        if self.array is not self.rows:
+        self.layout.restore_empty_pixels(self.rows)
+        if not self.fits:
             if self.layout.last is not None:
-                self.array[:, 3] = self.layout.last
-            self.array[:, :3] = self.rows
+                self.array[..., 3] = self.layout.last
+            self.array[..., :3] = self.rows.reshape(*self.layout.grid, 3)
         if self.given is not None:
             return self.given
         return self.array if self.layout.wrap is None else self.layout.wrap(self.array)
 
 
-def _writable(out: Any, layout: Layout) -> np.ndarray[Any, Any]:
+def writable(out: Any, like: Layout | np.ndarray[Any, Any], name: str = "points") -> np.ndarray[Any, Any]:
+    """`out` as NumPy sees it. Raises UsageError unless it can take a result of the shape and type of the input."""
     target = as_numpy(out, "out")
-    if target.shape != layout.shape or target.dtype != layout.dtype:
-        raise UsageError(f"out is {target.shape} of {target.dtype}, points {layout.shape} of {layout.dtype}: they must agree")
+    if target.shape != like.shape or target.dtype != like.dtype:
+        raise UsageError(f"out is {target.shape} of {target.dtype}, {name} {like.shape} of {like.dtype}: they must agree")
     if not target.flags.writeable:
         raise UsageError("out is read-only: give an array that can be written")
     return target
 
 
-def _wrapper(like: Any) -> Callable[[Any], Any] | None:
+def wrapper(like: Any) -> Callable[[Any], Any] | None:
     """What makes an array of the kind of `like` from NumPy's memory; None for NumPy's own."""
     kind = type(like)
     if kind is np.ndarray or isinstance(like, np.ndarray):
@@ -116,32 +150,37 @@ def _wrapper(like: Any) -> Callable[[Any], Any] | None:
     return None
 
 
-def as_mask(mask: Any, points: int) -> np.ndarray[Any, np.dtype[np.uint8]] | None:
-    """A mask as bytes, 1 for each point that may move."""
+def _of_each(array: np.ndarray[Any, Any], points: int, grid: tuple[int, ...]) -> bool:
+    """Whether the array has one element for each point, in a row or in the grid of an image."""
+    return array.shape in ((points,), grid)
+
+
+def as_mask(mask: Any, points: int, grid: tuple[int, ...] = ()) -> np.ndarray[Any, np.dtype[np.uint8]] | None:
+    """A mask as bytes, 1 for each point that may move; `grid` is the shape of an image of points."""
     if mask is None:
         return None
     array = as_numpy(mask, "mask")
     if array.dtype != np.bool_:
         raise UsageError(f"mask has the type {array.dtype}: give booleans, True for each point that may move")
-    if array.shape != (points,):
+    if not _of_each(array, points, grid):
         raise UsageError(f"mask has the shape {array.shape}: give one boolean for each of the {points} points")
-    return np.ascontiguousarray(array).view(np.uint8)
+    return np.ascontiguousarray(array).view(np.uint8).reshape(-1)
 
 
-def as_sigmas(sigmas: Any, points: int) -> np.ndarray[Any, np.dtype[np.float32]]:
+def as_sigmas(sigmas: Any, points: int, grid: tuple[int, ...] = ()) -> np.ndarray[Any, np.dtype[np.float32]]:
     """One number for each point, as float32; no numbers for None."""
     if sigmas is None:
         return np.empty(0, np.float32)
     array = as_numpy(sigmas, "sigmas")
     if array.dtype.kind not in "fiu":
         raise UsageError(f"sigmas has the type {array.dtype}: give numbers, a standard deviation for each point")
-    if array.shape != (points,):
+    if not _of_each(array, points, grid):
         raise UsageError(f"sigmas has the shape {array.shape}: give one number for each of the {points} points")
     with np.errstate(over="ignore"):
-        return np.ascontiguousarray(array, np.float32)
+        return np.ascontiguousarray(array, np.float32).reshape(-1)
 
 
-def as_viewpoint(viewpoint: Any, points: int) -> np.ndarray[Any, np.dtype[np.float64]]:
+def as_viewpoint(viewpoint: Any, points: int, grid: tuple[int, ...] = ()) -> np.ndarray[Any, np.dtype[np.float64]]:
     """One position, or one for each point, as rows of doubles; no rows for None."""
     if viewpoint is None:
         return np.empty((0, 3))
@@ -149,7 +188,7 @@ def as_viewpoint(viewpoint: Any, points: int) -> np.ndarray[Any, np.dtype[np.flo
         array = np.asarray(viewpoint, float) if isinstance(viewpoint, (list, tuple)) else as_numpy(viewpoint, "viewpoint")
     except (TypeError, ValueError):
         raise UsageError(f"viewpoint cannot be {viewpoint!r}: give where the sensor stood, (x, y, z)") from None
-    if array.dtype.kind not in "fiu" or array.shape not in ((3,), (1, 3), (points, 3)):
+    if array.dtype.kind not in "fiu" or array.shape not in ((3,), (1, 3), (points, 3), (*grid, 3)):
         raise UsageError(f"viewpoint has the shape {array.shape} and the type {array.dtype}: give where the sensor stood, "
                          f"(3,), or a position for each of the {points} points, ({points}, 3)")
     return np.ascontiguousarray(array.reshape(-1, 3), np.float64)

@@ -7,18 +7,20 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
 import numpy as np
 
 from . import _card, _native
-from ._arrays import Layout, Result, as_box, as_faces, as_mask, as_numpy, as_strength, check_positions, rows
+from ._arrays import Layout, Result, as_box, as_faces, as_mask, as_numpy, as_strength, check_positions, grid_of, rows
 from ._cloud import Cloud
 from ._errors import UsageError
 from ._params import Params
 from ._progress import Progress, progress_function
 from ._report import DeviceStatus, Estimates, Report, device_of, report_of
 from ._runs import borrowed, make_params, run_cloud, set_viewpoint
+from ._step import denoise_by_step
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
     from ._params import ParamArguments
+    from ._step import Step
 
 Points = TypeVar("Points")
 
@@ -26,32 +28,34 @@ Points = TypeVar("Points")
 @overload
 def denoise(points: Points, params: Params | None = None, *, mask: Any = None, where: str | None = None,
             ignore: str | None = None, strength: float = 1.0, box: Any = None, viewpoint: Any = None,
-            faces: Any = None, weights: Any = None, normals: bool = False, device: str = "auto", threads: int = 0,
-            out: Any = None, progress: Progress = False, return_report: Literal[False] = False,
+            faces: Any = None, weights: Any = None, step: Step | None = None, normals: bool = False,
+            device: str = "auto", threads: int = 0, out: Any = None, progress: Progress = False, return_report: Literal[False] = False,
             **parameters: Unpack[ParamArguments]) -> Points: ...
 @overload
 def denoise(points: Points, params: Params | None = None, *, mask: Any = None, where: str | None = None,
             ignore: str | None = None, strength: float = 1.0, box: Any = None, viewpoint: Any = None,
-            faces: Any = None, weights: Any = None, normals: bool = False, device: str = "auto", threads: int = 0,
-            out: Any = None, progress: Progress = False, return_report: Literal[True],
+            faces: Any = None, weights: Any = None, step: Step | None = None, normals: bool = False,
+            device: str = "auto", threads: int = 0, out: Any = None, progress: Progress = False, return_report: Literal[True],
             **parameters: Unpack[ParamArguments]) -> tuple[Points, Report]: ...
 @overload
 def denoise(points: Points, params: Params | None = None, *, mask: Any = None, where: str | None = None,
             ignore: str | None = None, strength: float = 1.0, box: Any = None, viewpoint: Any = None,
-            faces: Any = None, weights: Any = None, normals: bool = False, device: str = "auto", threads: int = 0,
-            out: Any = None, progress: Progress = False, return_report: bool,
+            faces: Any = None, weights: Any = None, step: Step | None = None, normals: bool = False,
+            device: str = "auto", threads: int = 0, out: Any = None, progress: Progress = False, return_report: bool,
             **parameters: Unpack[ParamArguments]) -> Points | tuple[Points, Report]: ...
 def denoise(points: Any, params: Params | None = None, *, mask: Any = None, where: str | None = None,
             ignore: str | None = None, strength: float = 1.0, box: Any = None, viewpoint: Any = None,
-            faces: Any = None, weights: Any = None, normals: bool = False, device: str = "auto", threads: int = 0,
-            out: Any = None, progress: Progress = False, return_report: bool = False, **parameters: Unpack[ParamArguments]) -> Any:
+            faces: Any = None, weights: Any = None, step: Step | None = None, normals: bool = False,
+            device: str = "auto", threads: int = 0, out: Any = None, progress: Progress = False, return_report: bool = False, **parameters: Unpack[ParamArguments]) -> Any:
     """Removes the noise of a cloud and keeps its shape. No point is added or removed.
 
     Args:
         points: positions, (N, 3) float32 or float64: a NumPy array, a tensor of torch, jax or Open3D, or a Cloud.
             Any strides, byte order and memory order work. Of an (N, 4) array the last column stays as it is. A tensor
             of torch or CuPy on a CUDA card is computed there, after the work of the current stream, without a copy
-            through the host.
+            through the host. An image of points in host memory, (H, W, 3) or (H, W, 4), is one cloud: `mask` may be
+            (H, W), the report's arrays are. Its pixels that are NaN or (0, 0, 0), where the camera measured nothing, keep
+            their place, and report.unmoved.non_finite counts them.
         params: the parameters; by default all are chosen from the data. Lengths are in the unit of the points.
         mask: (N,) booleans, True for each point that may move. The others still count as neighbours.
         where: only points of a Cloud whose attribute has one of these integers move, as in "classification=2,6-9".
@@ -65,6 +69,13 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
         faces: for connectivity="mesh", the numbers of the points of each face, (F, 3) for triangles, (F, 4) for quads; a
             Cloud has those of its file. Runs on the CPU.
         weights: for method="learned", a file of weights in place of the program's own: its path, or its bytes.
+        step: a function of one's own that moves the points in place of the library's step, for research: step(points,
+            neighbors, normals, noise) returns the new points. It gets the finite points, (M, 3) float64; the rows of
+            the k nearest other points of each, (M, k), nearest first, k = 24 where it is "auto"; their normals, (M, 3),
+            zero where there is none; and the standard deviation of their noise, (M,). It is called once an iteration,
+            once where that is "auto", each time with what is measured on the moved points. A row that is not finite
+            leaves its point where it is. Of the parameters, k, iterations and those of noise and normals count; mask,
+            box and strength act on the result.
         normals: whether the report has the normals; needs return_report.
         device: "auto" is where a tensor lies, else a CUDA card if there is one, else the CPU; or "cpu", "cuda",
             "cuda:N"; or several cards, "cuda:0,2" or "cuda:all", which share clouds of 4 million points and more.
@@ -101,6 +112,13 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
     if chosen.connectivity == "mesh" and device == "auto" and _card.layout_of(points) is None:
         device = "cpu"
     strength, box = as_strength(strength), as_box(box)
+    if step is not None:
+        given = dict(where=where, ignore=ignore, viewpoint=viewpoint, faces=faces, weights=weights, out=out)
+        refused = [name for name, value in given.items() if value is not None]
+        refused += [name for name, value in (("progress", progress), ("return_report", return_report)) if value]
+        if refused:
+            raise UsageError(f"{refused[0]} does not go with step: leave it out")
+        return denoise_by_step(points, step, chosen, mask=mask, box=box, strength=strength, device=device, threads=threads)
     layout = _card.layout_of(points)
     _check_kind(points, layout, by_attribute=where is not None or ignore is not None,
                 in_part=mask is not None or box is not None or strength != 1, out=out)
@@ -114,7 +132,7 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
                                          strength=strength, box=box, viewpoint=viewpoint, show=show))
         else:
             result = _denoise_array(pipeline, points, chosen, strength, box, mask, viewpoint, faces, out, show)
-        return (result, _full_report(pipeline, normals)) if return_report else result
+        return (result, _full_report(pipeline, normals, grid_of(result))) if return_report else result
 
 
 def _check_kind(points: Any, layout: _card.CardLayout | None, *, by_attribute: bool, in_part: bool, out: Any) -> None:
@@ -149,27 +167,33 @@ def _denoise_on_card(pipeline: _native.Pipeline, points: Any, layout: _card.Card
 def _denoise_array(pipeline: _native.Pipeline, points: Any, params: Params, strength: float, box: Any, mask: Any,
                    viewpoint: Any, faces: Any, out: Any, show: Any) -> Any:
     array = as_numpy(points)
-    check_positions(array)
-    bytes_ = as_mask(mask, len(array))
-    result = Result(Layout(array, points), out)
-    pipeline.load(rows(array), strength != 1 or box is not None or bytes_ is not None)
+    check_positions(array, images=True)
+    layout = Layout(array, points)
+    positions = layout.without_empty_pixels(rows(array))
+    bytes_ = as_mask(mask, len(positions), layout.grid)
+    result = Result(layout, out)
+    pipeline.load(positions, strength != 1 or box is not None or bytes_ is not None)
     if viewpoint is not None:
-        set_viewpoint(pipeline, viewpoint)
+        set_viewpoint(pipeline, viewpoint, layout.grid)
     if faces is not None:
         pipeline.set_faces(as_faces(faces))
     pipeline.run(params._native, result.rows, strength, box, bytes_, "", show)
     return result.finish()
 
 
-def _full_report(pipeline: _native.Pipeline, with_normals: bool) -> Report:
+def _full_report(pipeline: _native.Pipeline, with_normals: bool, grid: tuple[int, ...]) -> Report:
+    """`grid` is the shape of an image of points, which the arrays of the report get."""
     measured = Estimates(*pipeline.estimates())
     normals = None
     if with_normals:
         normals = np.empty((pipeline.points, 3), np.float32)
         pipeline.normals(normals)
+        normals = normals.reshape(*grid, 3) if grid else normals
     row = pipeline.report()
     outliers = pipeline.outliers()
     marked = outliers if len(outliers) == row[1] and row[1] > 0 else None
+    if marked is not None and grid:
+        marked = marked.reshape(grid)
     return report_of(row, noise=measured.noise, spacing=measured.spacing, normals=normals, outliers=marked)
 
 
@@ -192,8 +216,8 @@ def estimate(points: Any, *, device: str = "auto", threads: int = 0) -> Estimate
             pipeline.load_on_card(_card.card_array(points, stream), stream)
         else:
             array = as_numpy(points)
-            check_positions(array)
-            pipeline.load(rows(array), False)
+            check_positions(array, images=True)
+            pipeline.load(Layout(array, points).without_empty_pixels(rows(array)), False)
         return Estimates(*pipeline.estimates())
 
 

@@ -2,7 +2,7 @@
 """A cloud on a device, with the results of all stages."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 import numpy as np
 
@@ -17,14 +17,18 @@ from ._runs import make_params, native_pipeline, set_viewpoint, set_weights
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+    from typing_extensions import TypeVar as TypeVarWithDefault
     from typing_extensions import Unpack
 
     from ._params import ParamArguments
 
+    Points = TypeVarWithDefault("Points", default=NDArray[Any])
+else:
+    Points = TypeVar("Points")
 T = TypeVar("T")
 
 
-class Pipeline:
+class Pipeline(Generic[Points]):
     """Holds one cloud on one device, together with the results of all stages: a run repeats only the stages whose
     parameters changed. One thread at a time may use it; runs of different pipelines go on side by side.
 
@@ -33,6 +37,9 @@ class Pipeline:
             cards, "cuda:0,2" or "cuda:all", which share clouds of 4 million points and more.
         threads: CPU threads; 0: all cores.
         weights: for method="learned", as in pointfair.denoise; of all clouds.
+
+    For type checkers a pipeline is of the kind of its points, which `load` takes and `run` returns: NumPy arrays unless
+    it says otherwise, as in Pipeline[pointfair.Cloud]("cpu") or Pipeline[torch.Tensor]().
 
     Raises:
         DeviceError: the device cannot be used.
@@ -53,8 +60,8 @@ class Pipeline:
         self._on_card: Any = None  # the array that lies on the card
         self._last_params: Params | None = None
 
-    def load(self, points: Any, *, ignore: str | None = None) -> None:
-        """Copies an array of positions, (N, 3) or (N, 4), or a Cloud to the device. The next run starts with the first
+    def load(self, points: Points, *, ignore: str | None = None) -> None:
+        """Copies an array of positions, (N, 3) or (N, 4), an image of them, (H, W, 3) or (H, W, 4), or a Cloud to the device. The next run starts with the first
         stage. O(N). A tensor on a card must be on the pipeline's card, and is copied there. `ignore` chooses points of a
         Cloud that are nobody's neighbours, as in pointfair.denoise. A load that is refused leaves everything as it was;
         one that fails on the way, for lack of memory for instance, leaves a pipeline that holds no cloud."""
@@ -71,9 +78,9 @@ class Pipeline:
             self._layout, self._on_card = None, points
             return
         array = as_numpy(points)
-        check_positions(array)
+        check_positions(array, images=True)
         layout = Layout(array, points).keep()
-        self._native.load(rows(array), True)
+        self._native.load(layout.without_empty_pixels(rows(array)), True)
         self._layout, self._on_card = layout, None
 
     def run(
@@ -87,27 +94,28 @@ class Pipeline:
         out: Any = None,
         progress: Progress = False,
         **parameters: Unpack[ParamArguments],
-    ) -> Any:
+    ) -> Points:
         """Denoises the loaded cloud. Arguments are those of pointfair.denoise. Returns what was loaded, an array of the
         same type, shape and order or a Cloud, with the moved positions."""
         chosen = make_params(params, parameters)
         holds = self._native.holds  # after a load that failed, nothing, whatever the fields say
         if holds == "nothing":
             raise UsageError("the pipeline holds no cloud: call load first")
-        limits = (as_strength(strength), as_box(box), as_mask(mask, len(self)), as_selections(where, "where"))
+        limits = (as_strength(strength), as_box(box), as_mask(mask, len(self), self._grid), as_selections(where, "where"))
         with progress_function(progress) as show:
             if holds == "cloud":
                 if out is not None:
                     raise UsageError("out= takes arrays, and a Cloud was loaded: leave it out")
-                return Cloud._of(self._native.run_cloud(chosen._native, *limits, show))
+                moved: Any = Cloud._of(self._native.run_cloud(chosen._native, *limits, show))
+                return moved  # type: ignore[no-any-return]
             if holds == "array on card":
                 if limits != (1.0, None, None, ""):
                     raise UsageError("mask, where, box and strength take arrays in host memory: blend the tensors instead")
-                return self._run_on_card(chosen, out, show)
+                return self._run_on_card(chosen, out, show)  # type: ignore[no-any-return]
             assert self._layout is not None
             result = Result(self._layout, out)
             self._native.run(chosen._native, result.rows, *limits, show)
-            return result.finish()
+            return result.finish()  # type: ignore[no-any-return]
 
     def _run_on_card(self, params: Params, out: Any, show: Any) -> Any:
         layout = _card.CardLayout(self._on_card)
@@ -144,14 +152,14 @@ class Pipeline:
             return out
         out = np.empty((len(self), 3), np.float32)
         self._native.normals(out)
-        return out
+        return out.reshape(*self._grid, 3) if self._grid else out
 
     def noise(self, params: Params | None = None, **parameters: Unpack[ParamArguments]) -> NDArray[np.float32]:
         """The standard deviation of the noise at each point of the loaded cloud, (N,), in its unit; NaN for an invalid
         point. Of the parameters only `noise` is read: where it is given, it is the noise of a typical place. O(N)."""
         out = np.empty(len(self), np.float32)
         self._native.noise(out, make_params(params, parameters)._native)
-        return out
+        return out.reshape(self._grid) if self._grid else out
 
     def set_noise(self, sigmas: Any) -> None:
         """Gives the standard deviation of the noise at each point of the loaded cloud, (N,), in its unit, in place of
@@ -169,7 +177,7 @@ class Pipeline:
             >>> round(pipeline.estimates().noise, 3)
             0.01
         """
-        self._native.set_noise(as_sigmas(sigmas, len(self)))
+        self._native.set_noise(as_sigmas(sigmas, len(self), self._grid))
 
     def set_viewpoint(self, viewpoint: Any) -> None:
         """Gives the place where the sensor stood, in the coordinates of the loaded points: (3,), or (N, 3) with a
@@ -187,7 +195,7 @@ class Pipeline:
             >>> bool(np.abs(np.cross(moved, rays)).max() < 1e-6)
             True
         """
-        set_viewpoint(self._native, viewpoint)
+        set_viewpoint(self._native, viewpoint, self._grid)
 
     def set_faces(self, faces: Any) -> None:
         """Gives the faces of the loaded points for connectivity="mesh": the numbers of their points, (F, 3) for
@@ -209,7 +217,14 @@ class Pipeline:
     def outliers(self) -> NDArray[np.bool_] | None:
         """True for each outlier of the last run; None unless it had outliers="mark"."""
         found: NDArray[np.bool_] = self._native.outliers()
-        return found if len(found) == len(self) and len(self) > 0 else None
+        if len(found) != len(self) or len(self) == 0:
+            return None
+        return found.reshape(self._grid) if self._grid else found
+
+    @property
+    def _grid(self) -> tuple[int, ...]:
+        """(H, W) of an image of points, () of all else."""
+        return self._layout.grid if self._layout is not None and len(self._layout.grid) == 2 else ()
 
     @property
     def report(self) -> Report:

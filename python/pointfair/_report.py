@@ -80,7 +80,7 @@ class Unmoved:
     """How many points kept their place, by reason."""
 
     non_finite: int
-    """A coordinate is NaN or infinite, or its square would overflow."""
+    """A coordinate is NaN or infinite, or its square would overflow; in an image of points also pixels at (0, 0, 0)."""
     too_few_neighbors: int
     """Fewer than 3 neighbours."""
     no_normal: int

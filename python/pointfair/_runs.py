@@ -84,12 +84,12 @@ def _give_back(pipeline: _native.Pipeline, device: str, threads: int) -> None:
             waiting.append(pipeline)
 
 
-def set_viewpoint(pipeline: _native.Pipeline, viewpoint: Any) -> None:
+def set_viewpoint(pipeline: _native.Pipeline, viewpoint: Any, grid: tuple[int, ...] = ()) -> None:
     """Where the sensor stood: an array, or a text where a cloud was loaded."""
     if isinstance(viewpoint, str):
         pipeline.set_viewpoint_text(viewpoint)
     else:
-        pipeline.set_viewpoint(as_viewpoint(viewpoint, pipeline.points))
+        pipeline.set_viewpoint(as_viewpoint(viewpoint, pipeline.points, grid))
 
 
 def set_weights(pipeline: _native.Pipeline, weights: Any) -> None:

@@ -120,7 +120,7 @@ def test_few_points(count, dtype):
     (POINTS.astype(int), "float32 or float64"), (POINTS.astype(np.float16), "float32 or float64"),
     (POINTS.astype(np.longdouble), "float32 or float64"), (POINTS.astype(complex), "float32 or float64"),
     (POINTS.astype(object), "float32 or float64"), (POINTS > 0, "float32 or float64"), (POINTS[:, :2], r"\(N, 3\)"),
-    (POINTS[0], r"\(N, 3\)"), (POINTS.reshape(4, 100, 3), "denoise_batch"), (np.empty(()), r"\(N, 3\)"),
+    (POINTS[0], r"\(N, 3\)"), (POINTS.reshape(2, 2, 100, 3), r"\(H, W, 3\)"), (np.empty(()), r"\(N, 3\)"),
     (np.empty((5, 5)), r"\(N, 3\)"), (np.zeros(3, "f4,f4,f4"), "float32 or float64"),
 ])
 def test_what_is_no_array_of_positions_is_refused_with_advice(wrong, advice):
@@ -203,7 +203,7 @@ def arrays(draw):
 @given(arrays(), st.sampled_from([{}, {"k": 5}, {"radius": 0.5}, {"iterations": 2, "k": 7}, {"strength": 0.5}]), st.booleans())
 def test_random_arrays_give_the_result_of_a_plain_copy_or_a_sentence(array, arguments, in_place):
     before = array.copy()
-    good = array.dtype.kind == "f" and array.dtype.itemsize in (4, 8) and array.ndim == 2 and array.shape[1] in (3, 4)
+    good = array.dtype.kind == "f" and array.dtype.itemsize in (4, 8) and array.ndim in (2, 3) and array.shape[-1] in (3, 4)
     try:
         result = pf.denoise(array, **arguments, out=array if in_place else None)
     except pf.UsageError as error:
@@ -213,9 +213,13 @@ def test_random_arrays_give_the_result_of_a_plain_copy_or_a_sentence(array, argu
         return
     assert good
     assert result.shape == array.shape and result.dtype == array.dtype
-    plain = np.ascontiguousarray(before[:, :3]).astype(before.dtype.newbyteorder("="))
-    assert same_bits(np.ascontiguousarray(result[:, :3]).astype(plain.dtype), pf.denoise(plain, **arguments))
-    broken = ~np.isfinite(plain).all(axis=1)
+    plain = before[..., :3].astype(before.dtype.newbyteorder("=")).reshape(-1, 3)
+    empty = (plain == 0).all(axis=1) & (array.ndim == 3)
+    expected = pf.denoise(np.where(empty[:, None], plain.dtype.type(np.nan), plain), **arguments)
+    expected[empty] = 0
+    assert same_bits(abs(result[..., :3].reshape(-1, 3)).astype(plain.dtype)[empty], expected[empty])
+    assert same_bits(result[..., :3].reshape(-1, 3).astype(plain.dtype)[~empty], expected[~empty])
+    broken = ~np.isfinite(before[..., :3]).all(axis=-1)
     assert same_bits(result[broken], before[broken])
     if not in_place:
         assert same_bits(array, before)
@@ -244,3 +248,71 @@ def test_arrays_without_memory_are_refused(call):
 
     with pytest.raises(pf.UsageError, match="no memory that can be read.*give an array"):
         call(Meta())
+
+
+def image(dtype, columns=3):
+    """40 x 30 pixels of a camera that looks at a noisy sheet, some without a measurement."""
+    rng = np.random.default_rng(1)
+    y, x = np.mgrid[:40, :30] / 30.0
+    points = np.stack([x, y, 2 + 0.1 * np.sin(6 * x) + rng.normal(0, 0.01, x.shape), 7 * x][:columns], -1).astype(dtype)
+    points[3, 5:9, :3], points[20:24, 10, :3] = np.nan, 0
+    return points
+
+
+INVALID = np.zeros((40, 30), bool)
+INVALID[3, 5:9] = INVALID[20:24, 10] = True
+
+
+@pytest.mark.parametrize("columns", [3, 4])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_an_image_of_points_keeps_its_shape_and_its_invalid_pixels(dtype, columns):
+    points = image(dtype, columns)
+    before = points.copy()
+    result, report = pf.denoise(points, k=10, outliers="mark", normals=True, return_report=True)
+    assert same_bits(points, before)
+    assert same_bits(result[INVALID], points[INVALID]) and result.shape == points.shape and result.dtype == dtype
+    assert report.unmoved.non_finite == 8 and report.points == 1200
+    assert report.normals.shape == (40, 30, 3) and report.outliers.shape == (40, 30)
+    rows = np.where(INVALID[..., None], np.nan, points[..., :3]).astype(dtype).reshape(-1, 3)
+    expected = pf.denoise(rows, k=10, outliers="mark").reshape(40, 30, 3)
+    assert same_bits(result[~INVALID][:, :3], expected[~INVALID])
+    assert same_bits(result[..., 3:], points[..., 3:])
+    assert pf.estimate(points).finite == 1192
+
+
+def test_images_of_any_layout_and_a_mask_of_their_shape():
+    points = image(np.float32)
+    expected = pf.denoise(points, k=10)
+    planes = np.moveaxis(np.ascontiguousarray(np.moveaxis(points, 2, 0)), 0, 2)
+    for layout in (np.asfortranarray(points), planes, points[::-1][::-1], byte_swapped(points), unaligned(points)):
+        assert same_bits(pf.denoise(layout, k=10).astype(np.float32), expected)
+        out = layout.copy()
+        assert pf.denoise(layout, k=10, out=out) is out and same_bits(out.astype(np.float32), expected)
+    mask = np.arange(30) < 15
+    half = pf.denoise(points, k=10, mask=np.broadcast_to(mask, (40, 30)))
+    assert same_bits(half, np.where(mask[:, None], expected, points))
+    with pytest.raises(pf.UsageError, match="mask has the shape"):
+        pf.denoise(points, mask=np.ones((30, 40), bool))
+
+
+def test_a_pipeline_of_images():
+    points = image(np.float32)
+    pipeline = pf.Pipeline("cpu")
+    pipeline.load(points)
+    result = pipeline.run(k=10, outliers="mark")
+    assert same_bits(result, pf.denoise(points, k=10, outliers="mark"))
+    assert pipeline.report.unmoved.non_finite == 8 and pipeline.outliers().shape == (40, 30)
+    assert pipeline.normals().shape == (40, 30, 3) and pipeline.noise().shape == (40, 30)
+    pipeline.set_noise(np.full((40, 30), 0.02))
+    pipeline.set_viewpoint(np.zeros((40, 30, 3)))
+    assert abs(pipeline.estimates().noise - 0.02) < 1e-6
+    moved = pipeline.run(along="ray")
+    assert np.abs(np.cross(moved, points)[~INVALID]).max() < 1e-5
+    pipeline.load(POINTS)
+    assert pipeline.run(k=10).shape == (400, 3) and pipeline.normals().shape == (400, 3)
+
+
+def test_files_and_batches_take_rows_and_say_how():
+    for call in (pf.Cloud, lambda points: pf.denoise_batch([points])):
+        with pytest.raises(pf.UsageError, match=r"reshape\(-1, 3\)"):
+            call(image(np.float32))

@@ -45,7 +45,14 @@ def test_wrong_uses_are_found(mypy, tmp_path):
         "report.unmoved.strays\n"                 # 10
         "flag: bool = bool(len(points))\n"
         "both = pf.denoise(points, return_report=flag)\n"
-        "many = pf.denoise_batch([points], return_report=flag)\n")
+        "many = pf.denoise_batch([points], return_report=flag)\n"
+        "pipeline = pf.Pipeline('cpu')\n"
+        "pipeline.load(points)\n"
+        "count = pipeline.run(k=8)\n"             # 16
+        "pipeline.run(k=8).shape, pipeline.run(k='x')\n"  # 17
+        "clouds = pf.Pipeline[pf.Cloud]('cpu')\n"
+        "clouds.load(points)\n"                   # 19
+        "clouds.run().write('out.ply')\n")
     done = mypy(tmp_path / "wrong.py")
     lines = {int(line.split(":")[1]) for line in done.stdout.splitlines() if ": error:" in line}
-    assert lines == {4, 5, 6, 8, 10}, done.stdout
+    assert lines == {4, 5, 6, 8, 10, 16, 17, 19}, done.stdout

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Frames of depth cameras, fast."""
+from __future__ import annotations
+
+from typing import Any, TypeVar
+
+import numpy as np
+
+from . import _native
+from ._arrays import as_numpy, check_floats, wrapper, writable
+from ._errors import UsageError
+from ._values import as_threads
+
+Frame = TypeVar("Frame")
+
+
+def denoise_depth(frame: Frame, *, out: Any = None, threads: int = 0) -> Frame:
+    """Denoises a frame of a depth camera in a few milliseconds: an image of depths, or of points in the camera's own
+    coordinates, whose z is the depth. Each pixel moves along its ray to the mean of what pairs of pixels around it
+    say, but for pairs beyond a jump or an edge. The noise is measured in the frame. On the correlated noise of stereo
+    and structured light it leaves no more than denoise; on independent noise and on time of flight, denoise leaves less.
+
+    Args:
+        frame: depths, (H, W), or points, (H, W, 3) or (H, W, 4), float32 or float64: a NumPy array, or a tensor in
+            host memory. Pixels whose depth is 0 or not finite, where nothing was measured, keep their bits.
+        out: an array for the result, of the same shape and type; it may be `frame` itself.
+        threads: CPU threads; 0: all cores.
+
+    Returns:
+        The frame with moved pixels, in the type, shape and kind that came in; the same bits for any number of threads.
+
+    Raises:
+        UsageError: an argument has a wrong shape, type or value.
+
+    Examples:
+        >>> noise = np.random.default_rng(1).normal(0, 0.01, (120, 160))
+        >>> smooth = denoise_depth(2 + noise)
+        >>> bool(smooth.std() < 0.4 * noise.std())
+        True
+    """
+    array = as_numpy(frame, "frame")
+    check_floats(array, "frame")
+    if array.ndim != 2 and (array.ndim != 3 or array.shape[2] not in (3, 4)):
+        raise UsageError(f"frame has the shape {array.shape}: give depths, (H, W), or points, (H, W, 3)")
+    threads = as_threads(threads)
+    result = np.empty(array.shape, array.dtype) if out is None else writable(out, array, "frame")
+    if array.ndim == 2:
+        np.multiply(array, _factors(array, threads), out=result)
+    else:
+        measured = np.isfinite(array[..., 0]) & np.isfinite(array[..., 1])
+        factors, last = _factors(np.where(measured, array[..., 2], 0), threads), array[..., 3:].copy()
+        np.multiply(array[..., :3], factors[..., None], out=result[..., :3])
+        result[..., 3:] = last
+    if out is not None:
+        return out  # type: ignore[no-any-return]
+    wrap = wrapper(frame)
+    done: Any = result if wrap is None else wrap(result)
+    return done  # type: ignore[no-any-return]
+
+
+def _factors(depths: np.ndarray[Any, Any], threads: int) -> np.ndarray[Any, np.dtype[np.float32]]:
+    """What the depths are to be multiplied by; 1 where they stay."""
+    with np.errstate(over="ignore"):
+        before = np.ascontiguousarray(depths, np.float32)
+    after = np.empty_like(before)
+    _native.denoise_depth(before, after, threads)
+    return np.divide(after, before, out=np.ones_like(before), where=(after != before) & np.isfinite(before))

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A method of one's own in NumPy, in place of the step that moves points."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Callable
+
+import numpy as np
+
+from . import _native
+from ._arrays import Layout, as_mask, as_numpy, check_positions, rows
+from ._cloud import Cloud
+from ._errors import UsageError
+from ._params import Params
+from ._runs import borrowed
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Step = Callable[[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]], Any]
+
+_NEIGHBORS = 24  # where k is "auto"
+
+
+def nearest_neighbors(points: Any, k: int) -> NDArray[np.int64]:
+    """The `k` nearest other points of each point, (N, k) row numbers, nearest first; -1 where there are fewer. A point
+    that is not finite has no neighbours and is nobody's. O(N log N).
+
+    Examples:
+        >>> nearest_neighbors(np.array([[0.0, 0, 0], [1, 0, 0], [3, 0, 0]]), 2).tolist()
+        [[1, 2], [0, 2], [1, 0]]
+    """
+    array = as_numpy(points)
+    check_positions(array)
+    if isinstance(k, (bool, np.bool_)) or not isinstance(k, (int, np.integer)) or not 1 <= k <= 512:
+        raise UsageError(f"k cannot be {k!r}: give a whole number from 1 to 512")
+    found = np.empty((len(array), int(k)), np.int64)
+    _native.nearest_neighbors(_in_float(rows(array)), found)
+    return found
+
+
+def denoise_by_step(points: Any, step: Step, params: Params, *, mask: Any, box: Any, strength: float, device: str,
+                    threads: int) -> Any:
+    """What denoise does where it was given a step; `box` and `strength` as as_box and as_strength give them."""
+    if not callable(step):
+        raise UsageError(f"step is a {type(step).__name__}: give a function of points, neighbors, normals and noise")
+    if isinstance(points, Cloud):
+        moved = points.copy()
+        moved.xyz = denoise_by_step(points.xyz, step, params, mask=mask, box=box, strength=strength, device=device, threads=threads)
+        return moved
+    array = as_numpy(points)
+    check_positions(array, images=True)
+    layout = Layout(array, points)
+    given = rows(array)
+    before = layout.without_empty_pixels(given).astype(np.float64)
+    movable = np.isfinite(before).all(axis=1)
+    after = before.copy()
+    after[movable] = _iterate(before[movable], step, params, device, threads)
+    movable &= _within(before, as_mask(mask, len(before), layout.grid), box) & np.isfinite(after).all(axis=1)
+    result = given.copy()
+    result[movable] = before[movable] + strength * (after[movable] - before[movable])
+    out = array.copy()
+    out[..., :3] = result.reshape(*layout.grid, 3)
+    return out if layout.wrap is None else layout.wrap(out)
+
+
+def _within(points: NDArray[np.float64], mask: Any, box: list[float] | None) -> NDArray[np.bool_]:
+    within = np.ones(len(points), bool) if mask is None else mask.astype(bool)
+    if box is not None:
+        within &= ((points >= box[:3]) & (points <= box[3:])).all(axis=1)
+    return within
+
+
+def _iterate(points: NDArray[np.float64], step: Step, params: Params, device: str, threads: int) -> NDArray[np.float64]:
+    """The finite points after all iterations."""
+    k = _NEIGHBORS if params.k == "auto" else int(params.k)
+    if len(points) < 4:
+        return points
+    centre = np.round(points.mean(axis=0))
+    points = points - centre
+    once = params.replace(iterations=1)
+    with borrowed(device, threads) as pipeline:
+        for _ in range(1 if params.iterations == "auto" else int(params.iterations)):
+            normals, noise = np.empty(points.shape, np.float32), np.empty(len(points), np.float32)
+            pipeline.load(points, False)
+            pipeline.run(once._native, np.empty_like(points), 1.0, None, None, "", None)
+            pipeline.normals(normals)
+            pipeline.noise(noise, once._native)
+            neighbors = nearest_neighbors(points, min(k, len(points) - 1))
+            moved = np.asarray(step(points.copy(), neighbors, normals.astype(float), noise.astype(float)))
+            if moved.shape != points.shape or moved.dtype.kind != "f":
+                raise UsageError(f"step returned {moved.shape} of {moved.dtype}: return the new points, {points.shape} of float64")
+            points = np.where(np.isfinite(moved).all(axis=1)[:, None], moved, points)
+    result: NDArray[np.float64] = points + centre
+    return result
+
+
+def _in_float(points: NDArray[Any]) -> NDArray[np.float32]:
+    """Positions around the middle of the finite ones, which floats hold with most digits."""
+    if points.dtype.itemsize == 4:
+        return points
+    finite = points[np.isfinite(points).all(axis=1)]
+    with np.errstate(over="ignore"):
+        around: NDArray[np.float32] = (points - (finite.mean(axis=0) if len(finite) else 0)).astype(np.float32)
+    return around

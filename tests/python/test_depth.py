@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Frames of a depth camera: depths and points, what comes back, and how much noise goes."""
+import numpy as np
+import pytest
+from clouds import same_bits
+
+import pointfair as pf
+
+HEIGHT, WIDTH, FOCAL = 60, 80, 70.0
+
+
+def frames(dtype=np.float32, windowed=False):
+    """True and measured points of a slanted wall with a box in front, whose error in disparity is alike in windows."""
+    v, u = np.indices((HEIGHT, WIDTH)) - np.array([HEIGHT / 2, WIDTH / 2])[:, None, None]
+    depth = 1 / (0.5 + 0.001 * u)
+    depth[20:40, 25:50] = 1.4
+    error = np.random.default_rng(3).normal(0, 0.004, depth.shape)
+    if windowed:
+        padded = np.pad(error, 2, mode="wrap")
+        error = sum(padded[i:i + HEIGHT, j:j + WIDTH] for i in range(5) for j in range(5)) / 5
+    rays = np.stack([u / FOCAL, v / FOCAL, np.ones_like(depth)], -1)
+    return (depth[..., None] * rays).astype(dtype), (rays / (1 / depth + error)[..., None]).astype(dtype)
+
+
+def error(points, truth):
+    return np.abs(points[..., 2].astype(float) - truth[..., 2]).mean()
+
+
+@pytest.mark.parametrize("windowed, share", [(False, 0.35), (True, 0.6)])
+def test_most_noise_goes_and_pixels_stay_on_their_rays(windowed, share):
+    truth, measured = frames(np.float64, windowed)
+    result = pf.denoise_depth(measured)
+    assert error(result, truth) < share * error(measured, truth)
+    assert np.abs(np.cross(result, measured)).max() < 1e-12
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_depths_and_points_agree_and_keep_what_was_not_measured(dtype):
+    points = frames(dtype)[1]
+    points[3, 5:9], points[30:34, 60] = np.nan, 0
+    points[9, 9, 0] = np.inf
+    before = points.copy()
+    result = pf.denoise_depth(points)
+    assert same_bits(points, before) and result.dtype == dtype and result.shape == points.shape
+    kept = ~np.isfinite(points).all(axis=2) | (points == 0).all(axis=2)
+    assert kept.sum() == 9 and same_bits(result[kept], points[kept])
+    depth = np.where(kept, 0, points[..., 2])
+    assert same_bits(pf.denoise_depth(depth)[~kept], result[..., 2][~kept])
+    fourth = np.concatenate([points, np.full((HEIGHT, WIDTH, 1), 7, dtype)], -1)
+    assert same_bits(pf.denoise_depth(fourth), np.concatenate([result, fourth[..., 3:]], -1))
+    assert same_bits(pf.denoise_depth(np.asfortranarray(points), threads=1), result)
+    assert pf.denoise_depth(points, out=points) is points and same_bits(points, result)
+
+
+@pytest.mark.parametrize("wrong, advice", [
+    (np.zeros(5, np.float32), r"\(H, W\)"), (np.zeros((4, 5, 2)), r"\(H, W, 3\)"), (np.zeros((4, 5), np.uint16), "float32 or float64"),
+    ([[1.0]], "array"),
+])
+def test_what_is_no_frame_is_refused_with_advice(wrong, advice):
+    with pytest.raises(pf.UsageError, match=advice):
+        pf.denoise_depth(wrong)
+    with pytest.raises(pf.UsageError, match="out is"):
+        pf.denoise_depth(np.zeros((4, 5), np.float32), out=np.zeros((4, 6), np.float32))
