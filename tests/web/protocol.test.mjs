@@ -49,12 +49,26 @@ test("state survives the URL, and nonsense in it does not", async (t) => {
   const recipe = { params: { k: "24", iterations: "auto" }, limits: { strength: "0.5", box: "0,0,0,1,1,1" } };
   const view = { ...defaultView(), mode: "wipe", wipe: 0.25, colour: "attribute:a&b=c", camera: [1, 2, 3, 0, 0, -1.5] };
   const fragment = writeFragment("a b.ply", recipe, defaults, view);
-  assert.deepEqual(readFragment(fragment, "a b.ply", defaults), { recipe, view });
+  assert.deepEqual(readFragment(fragment, "a b.ply", defaults), { recipe, view, hasLook: true });
   const other = readFragment(fragment, "other.ply", defaults);
   assert.deepEqual(other.recipe, { params: recipe.params, limits: defaults.limits });
   assert.deepEqual(other.view.camera, []);
   for (const bad of ["", "#", "#%", "#view.mode=up&view.wipe=7&view.size=x&kk=3&limit.lid=1&view.camera=1,2", "#__proto__=1"])
-    assert.deepEqual(readFragment(bad, "a b.ply", defaults), { recipe: defaults, view: defaultView() }, bad);
+    assert.deepEqual(readFragment(bad, "a b.ply", defaults), { recipe: defaults, view: defaultView(), hasLook: bad.includes("view.mode") }, bad);
+});
+
+test("a cloud stands on its ground, or as its format says", async (t) => {
+  const { upAxis } = await pageModule(t, "upright");
+  const box = (x, y, z) => Float32Array.from({ length: 3000 }, (_, i) => [x, y, z][i % 3] * ((Math.floor(i / 3) * 0.618) % 1));
+  const none = [0, 0, 0];
+  assert.equal(upAxis("a.las", none, box(9, 1, 9)), "z");
+  assert.equal(upAxis("a.obj", none, box(9, 9, 1)), "y");
+  assert.equal(upAxis("ground.ply", none, box(9, 1, 9)), "y");
+  assert.equal(upAxis("ground.ply", none, box(9, 9, 1)), "z");
+  assert.equal(upAxis("statue.ply", none, box(3, 9, 3)), "y");
+  assert.equal(upAxis("statue.ply", none, box(3, 3, 9)), "z");
+  assert.equal(upAxis("map.ply", [500000, 5400000, 0], box(9, 1, 9)), "z");
+  assert.equal(upAxis("nothing.ply", none, new Float32Array()), "z");
 });
 
 test("history goes back and forth and forgets what was left", async (t) => {

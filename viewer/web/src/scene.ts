@@ -6,12 +6,13 @@ import * as THREE from "three";
 import { CloudPoints } from "./cloud_points";
 import type { Colours } from "./colours";
 import { Detail } from "./detail";
-import { Eye } from "./eye";
+import { Eye, pixelsPerUnit } from "./eye";
 import { Motion } from "./motion";
 import { type ColourMode, Picture, type Shot } from "./picture";
 import type { CloudHead, Numbers, Result } from "./protocol";
 import type { Box } from "./region";
 import type { View } from "./state";
+import { upAxis } from "./upright";
 
 const kRestDelay = 350; // ms
 const kPicked = 400000; // points looked at for one under the pointer
@@ -72,6 +73,7 @@ export class Scene {
   setCloud(head: CloudHead, arrays: Record<string, Numbers>): void {
     this.cloud = head;
     this.positions = arrays.positions as Float32Array;
+    if (this.view.up === "auto") this.view.up = upAxis(head.name, head.origin, this.positions);
     this.motion = new Motion(head.shown);
     this.points.reset(this.positions);
     this.setShading(arrays.normals, ["normal_before", "normal_after"]);
@@ -148,7 +150,7 @@ export class Scene {
   applyView(): void {
     this.eye.zoomsToPointer = this.view.mode !== "side";
     if (this.view.camera.length === 0 && this.aspect !== this.fittedAspect) this.placeCamera();
-    const up = new THREE.Vector3(0, this.view.up === "y" ? 1 : 0, this.view.up === "z" ? 1 : 0);
+    const up = new THREE.Vector3(0, this.view.up === "y" ? 1 : 0, this.view.up === "y" ? 0 : 1);
     this.eye.setUp(up);
     this.picture.setLook(this.view.shade, this.view.edl, this.view.hide, up);
     this.touch();
@@ -181,6 +183,11 @@ export class Scene {
 
   height(place: number): number {
     return this.positions[3 * place + (this.view.up === "y" ? 1 : 2)];
+  }
+
+  /** How many pixels a length in the middle of the picture takes. */
+  pixels(length: number): number {
+    return (length * pixelsPerUnit(this.canvas.clientHeight)) / Math.max(1e-30, this.eye.distance);
   }
 
   /** Where the picture's point (x, y), -1 to 1, meets the cloud, relative to the origin; null if nowhere near. */
