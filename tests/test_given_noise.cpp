@@ -11,10 +11,10 @@
 #include <vector>
 
 #include "estimate/automatic.hpp"
+#include "seam/backend.hpp"
 #include "forwarding_backend.h"
 #include "pipeline/pipeline_access.hpp"
 #include "pointfair/pointfair.hpp"
-#include "seam/backend.hpp"
 #include "shapes.h"
 
 namespace pointfair {

@@ -7,8 +7,8 @@
 namespace pointfair::test {
 namespace {
 
-const Format kFormats[] = {Format::ply, Format::pcd, Format::xyz, Format::txt, Format::csv,
-                           Format::pts, Format::off, Format::obj, Format::ptx};
+const Format kFormats[] = {Format::ply, Format::pcd, Format::xyz, Format::txt,
+                           Format::csv, Format::pts, Format::off, Format::obj, Format::ptx};
 constexpr const char* kNames[] = {"a.ply", "a.pcd", "a.xyz", "a.txt", "a.csv", "a.pts", "a.off", "a.obj", "a.ptx"};
 
 // A mesh of four points with everything that formats share.

@@ -76,8 +76,7 @@ TEST(LittleMemory, is_what_becomes_of_a_cloud_that_memory_does_not_hold) {
     expect_the_same_in_little_memory(Device::cpu, [room] { return std::make_unique<SmallBackend>(room); });
   const auto cards = list_cuda_devices();
   if (std::none_of(cards.begin(), cards.end(), [](const DeviceStatus& card) { return card.usable; })) return;
-  // the second holds the points, but not their index; with 8 MB tiles of 3,000 points and what lies around them do not
-  // fit
+  // the second holds the points, but not their index; with 8 MB tiles of 3,000 points and what lies around them do not fit
   for (const std::uint64_t bytes : {18'000'000, 10'000'000})
     expect_the_same_in_little_memory(Device::cuda, [bytes] { return make_cuda_backend(0, {.memory = bytes}); });
 }

@@ -48,7 +48,8 @@ export class Header {
 
   setCloud(head: CloudHead): void {
     const shown = head.shown < head.points ? `, ${grouped(head.shown)} shown` : "";
-    this.file.replaceChildren(h("b", { title: head.path }, head.name), h("span", { class: "count" }, ` · ${grouped(head.points)} points${shown}`));
+    const faces = head.faces ? `, ${grouped(head.faces)} faces` : "";
+    this.file.replaceChildren(h("b", { title: head.path }, head.name), h("span", { class: "count" }, ` · ${grouped(head.points)} points${shown}${faces}`));
   }
 
   setMode(mode: Mode): void {

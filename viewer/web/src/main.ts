@@ -179,7 +179,7 @@ class Page {
     this.scene.setCloud(head, arrays);
     this.colouring.setCloud(head);
     this.pointer.setCloud(head);
-    this.panel!.setCloud(head);
+    this.panel!.setCloud(head, this.scene.hasFaces);
     this.panel!.show(this.recipe);
     this.header.setCloud(head);
     document.title = `${head.name} · pointfair`;

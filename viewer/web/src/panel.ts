@@ -5,7 +5,7 @@ import { type Control, makeControl, type Scale } from "./controls";
 import { choice, h, lengthInWords } from "./dom";
 import type { CloudHead, Hello, Param, Recipe, Result, Texts } from "./protocol";
 import { type Box, boxText, parseBox } from "./region";
-import { copyRecipe, type View } from "./state";
+import { copyRecipe, type Draw, type View } from "./state";
 
 export interface PanelActions {
   changeRecipe(recipe: Recipe, done: boolean): void;
@@ -54,6 +54,11 @@ export class Panel {
   private readonly findings = h("p", { class: "note", id: "findings" });
   private readonly extensions: string[];
   private readonly viewSliders: [keyof View, HTMLInputElement][] = [];
+  private readonly draw = choice<Draw>("Draw",
+    [["smooth", "Smooth"], ["flat", "Flat"], ["wireframe", "Wireframe"], ["points", "Points"]], (draw) => {
+      this.view.draw = draw;
+      this.actions.changeView();
+    });
   private readonly up = choice<"y" | "z">("Up", [["z", "z up"], ["y", "y up"]], (up) => {
     this.view.up = up;
     this.actions.changeView();
@@ -80,7 +85,8 @@ export class Panel {
     return this.encoding.value;
   }
 
-  setCloud(cloud: CloudHead): void {
+  setCloud(cloud: CloudHead, drawsFaces: boolean): void {
+    this.draw.element.hidden = !drawsFaces;
     this.cloud = cloud;
     this.used = {};
     for (const row of this.ofMeshes) row.hidden = cloud.faces === 0;
@@ -137,6 +143,7 @@ export class Panel {
     for (const [key, slider] of this.viewSliders) slider.value = String(this.view[key]);
     this.colour.value = this.view.colour;
     this.hideSwitch.checked = this.view.hide;
+    this.draw.set(this.view.draw);
     if (this.view.up !== "auto") this.up.set(this.view.up);
   }
 
@@ -282,6 +289,7 @@ export class Panel {
       return this.field(label, `view-${key}`, input);
     };
     return [
+      this.draw.element,
       this.field("Colour by", "colour", this.colour),
       slider("Point size", "size", 0.4, 5, 0.1),
       slider("Eye-dome lighting", "edl", 0, 1, 0.02),
