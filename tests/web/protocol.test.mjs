@@ -160,3 +160,17 @@ test("displacements are those that the server meant, whichever way they came", a
   motion.take({ step: 0.25, along_normals: false }, { ...none, displacements: Int16Array.of(1, 2, 3, -4, -5, -6) });
   assert.deepEqual([motion.of(0), motion.of(1)], [[0.25, 0.5, 0.75], [-1, -1.25, -1.5]]);
 });
+
+test("faces are fans of triangles, edges are there once, and seams have one normal", async (t) => {
+  const { triangles, edges, welded, vertexNormals } = await pageModule(t, "faces");
+  const positions = Float32Array.from([0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 1, 0, 0, NaN, 0, 0, 2, 0, 0]);
+  const faces = { ends: Uint32Array.of(4, 7, 10), corners: Uint32Array.of(0, 1, 2, 3, 4, 6, 2, 0, 5, 1) };
+  const indices = triangles(faces, positions);
+  assert.deepEqual([...indices], [0, 1, 2, 0, 2, 3, 4, 6, 2]); // none with a corner that has no place
+  assert.equal(edges({ ends: faces.ends.subarray(0, 1), corners: faces.corners }, positions).length, 8, "a quad has no diagonal");
+  const vertex = welded(positions);
+  assert.equal(vertex[4], 1);
+  const normals = vertexNormals(indices, vertex, positions);
+  assert.deepEqual([...normals.subarray(4, 8)], [0, 0, 32767, 0]);
+  assert.deepEqual(normals.subarray(4, 8), normals.subarray(16, 20));
+});
