@@ -77,6 +77,14 @@ test("a cloud is denoised, compared and saved with the keyboard alone", models, 
   const fitted = difference(before, await blocks(page, await picture(page)));
   assert.ok(fitted < 1, `the same as before the keys: ${fitted}`);
 
+  await canvas(page).focus();
+  await keys("m", "Enter", "ArrowLeft", "ArrowLeft", "ArrowLeft");
+  await page.locator(".hint", { hasText: "second" }).waitFor();
+  await page.waitForFunction(() => document.body.dataset.still === "true");
+  await keys("Enter");
+  await page.locator(".toast", { hasText: /^Distance in the original: [1-9][\d.]* units$/ }).waitFor();
+  await keys("f");
+
   await keys("2");
   await tabTo(page, "wipe");
   await keys("ArrowRight", "ArrowRight", "ArrowRight");
