@@ -52,6 +52,8 @@ void open_browser(std::string url) {
 void view(const ViewArguments& arguments, std::stop_token stop) {
   if (arguments.input == "-")
     throw Error(ErrorKind::usage, "view needs a file and cannot read standard input; write the cloud to a file first");
+  if (arguments.input.empty() && !arguments.viewpoint.empty())
+    throw Error(ErrorKind::usage, "--viewpoint says where the sensor of a file stood; name the file");
   if (!std::filesystem::is_directory(arguments.save_folder))
     throw Error(ErrorKind::file,
                 "--save-folder " + arguments.save_folder + ": is no folder; create it or name another");
@@ -89,7 +91,7 @@ void view(const ViewArguments&, std::stop_token) {
 Verb add_view(CLI::App& app) {
   const auto arguments = std::make_shared<ViewArguments>();
   CLI::App& command = *app.add_subcommand("view", "Denoise a cloud interactively, in the browser.");
-  command.add_option("IN", arguments->input, "cloud to read")->required();
+  command.add_option("IN", arguments->input, "cloud to read; without it, the page asks for a file");
   command
       .add_option("--port", arguments->port, "port to listen on; 0: any free one; default: 7373, or any if it is taken")
       ->type_name("N");

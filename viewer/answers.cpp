@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "answers.hpp"
 
-#include "attributes.hpp"
-
 namespace pointfair::viewer {
 namespace {
 
@@ -42,7 +40,7 @@ Json reasons_json(const UnmovedCounts& unmoved) {
 
 }  // namespace
 
-Json hello_answer(const std::optional<DeviceInfo>& device, const std::string& save_folder) {
+Json hello_answer(const std::optional<DeviceInfo>& device, const std::string& save_folder, bool has_cloud) {
   return {{"type", "hello"},
           {"protocol", kProtocol},
           {"version", version()},
@@ -52,7 +50,8 @@ Json hello_answer(const std::optional<DeviceInfo>& device, const std::string& sa
                                    {{"name", "paper"}, {"params", params_texts(paper_preset())}}})},
           {"limits", kLimitNames},
           {"formats", formats_json()},
-          {"save_folder", save_folder}};
+          {"save_folder", save_folder},
+          {"has_cloud", has_cloud}};
 }
 
 Json cloud_answer(const Cloud& cloud, const CloudFacts& facts) {
@@ -72,7 +71,8 @@ Json cloud_answer(const Cloud& cloud, const CloudFacts& facts) {
           {"noise", estimates.noise},
           {"step", facts.step},
           {"metres_per_unit", metres ? Json(*metres) : Json(nullptr)},
-          {"colours", colour_choices(cloud)},
+          {"colours", facts.colours},
+          {"faces", facts.faces},
           {"settles", facts.settles}};
 }
 

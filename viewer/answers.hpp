@@ -15,12 +15,15 @@
 namespace pointfair::viewer {
 
 /// The first message: what the program can do. `device` once it is known; `save_folder` as it is shown.
-Json hello_answer(const std::optional<DeviceInfo>& device, const std::string& save_folder);
+/// `has_cloud`: a cloud follows; without one the page asks for a file.
+Json hello_answer(const std::optional<DeviceInfo>& device, const std::string& save_folder, bool has_cloud);
 
 /// A cloud as it was read, of which the page holds `shown` points.
 struct CloudFacts {
   std::string name, path;  ///< the path is empty for a cloud that came through the page
   Estimates estimates;
+  Json colours;             ///< what there is to colour by
+  std::uint64_t faces = 0;  ///< of the file, drawn or not
   std::size_t shown = 0;
   float step = 1;        ///< of displacements, file units
   bool settles = false;  ///< whether shading normals of results will come

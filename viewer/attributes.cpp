@@ -86,6 +86,13 @@ std::uint8_t brightness(double value, double white) {
   return static_cast<std::uint8_t>(std::clamp(255 * value / white, 0.0, 255.0) + 0.5);
 }
 
+bool is_zero_everywhere(const Attribute& attribute, std::uint32_t component, std::size_t points) {
+  for (std::size_t i = 0; i < points; ++i) {
+    if (value_at(attribute, i, component) != 0) return false;
+  }
+  return true;
+}
+
 struct Choice {
   std::string_view name;
   std::uint32_t component = 0;
@@ -111,7 +118,9 @@ Json colour_choices(const Cloud& cloud) {
   };
   for (const AttributeInfo& info : infos) {
     if (is_channel(info)) continue;
+    const Attribute values = attribute(cloud, info.name);
     for (std::uint32_t c = 0; c < info.components; ++c) {
+      if (is_zero_everywhere(values, c, cloud.points.size())) continue;
       const std::string name = info.components == 1 ? info.name : fmt::format("{}[{}]", info.name, c);
       choices.push_back({{"name", name}, {"kind", "scalar"}});
     }

@@ -13,7 +13,8 @@
 namespace pointfair::viewer {
 
 /// What the page offers to colour by: [{"name", "kind": "rgb" | "scalar"}]. Colours come first, as "rgb"; an attribute
-/// of several components is offered as name[0], name[1], ...
+/// of several components is offered as name[0], name[1], ... What is zero everywhere, as most fields of a LAS file are,
+/// is left out. O(N) for each attribute.
 Json colour_choices(const Cloud& cloud);
 
 /// A scalar attribute of the places [0, count), NaN where a value is none. Throws ErrorKind::usage for an unknown name.

@@ -8,6 +8,7 @@
 #include <mutex>
 
 #include "attributes.hpp"
+#include "drawn_faces.hpp"
 #include "pointfair/file_info.hpp"
 #include "quantise.hpp"
 
@@ -52,7 +53,12 @@ void Document::open(Cloud cloud, const std::string& name, std::string path) {
   cloud_ = std::move(cloud);
   const std::size_t count = cloud_.points.size();
   pipeline_->load(cloud_);
-  facts_ = {name, std::move(path), pipeline_->estimates(), std::min<std::size_t>(count, options_.point_budget)};
+  facts_ = {.name = name,
+            .path = std::move(path),
+            .estimates = pipeline_->estimates(),
+            .colours = colour_choices(cloud_),
+            .faces = polygons(cloud_).size(),
+            .shown = std::min<std::size_t>(count, options_.point_budget)};
   facts_.step = displacement_step(facts_.estimates.spacing, facts_.estimates.diagonal);
   facts_.settles = count <= kMaxShaded;
   place_sensor();
@@ -60,6 +66,7 @@ void Document::open(Cloud cloud, const std::string& name, std::string path) {
   normals_ = pipeline_->host_buffer(count);
   order_ = Order(count);
   expectation_.reset(count);
+  last_params_ = {};
   limits_ = Limits{};
   movable_.clear();
   without_ignored_.clear();
@@ -76,7 +83,7 @@ void Document::open(Cloud cloud, const std::string& name, std::string path) {
 
 void Document::greet() {
   const std::optional<DeviceInfo> device = pipeline_ ? std::optional(pipeline_->device()) : std::nullopt;
-  send_(pack(hello_answer(device, shown_path(options_.save_folder))));
+  send_(pack(hello_answer(device, shown_path(options_.save_folder), has_cloud_)));
   send_cloud();
 }
 
@@ -90,8 +97,10 @@ void Document::send_cloud() {
     positions[3 * place + 1] = p.y;
     positions[3 * place + 2] = p.z;
   }
-  send_(
-      pack(cloud_answer(cloud_, facts_), {make_array("positions", positions), make_array("normals", start_shading_)}));
+  const DrawnFaces faces = drawn_faces(polygons(cloud_), order_, facts_.shown);
+  send_(pack(cloud_answer(cloud_, facts_),
+             {make_array("positions", positions), make_array("normals", start_shading_),
+              make_array("face_ends", faces.ends), make_array("face_corners", faces.corners)}));
 }
 
 // None where nothing can be measured; the run says itself what is wrong with parameters.
@@ -112,6 +121,7 @@ void Document::run(const Request& request, std::stop_token stop) {
   const bool has_parts = used && used->connectivity == Connectivity::points;
   if (has_parts && expectation_.milliseconds(*used) > kSlowMilliseconds) show_preview(request, *used, stop);
   pipeline_->run(request.recipe.params, result_.points(), stop, progress_for(request.id));
+  last_params_ = request.recipe.params;
   expectation_.learn(pipeline_->report());
   apply_limits(request.recipe.limits, movable_, cloud_.points, result_.points());
   show_result(request);
@@ -265,6 +275,21 @@ void Document::send_noise(const Json& id, std::stop_token stop) {
   pipeline_->noise(of_points, {}, stop);
   for (std::size_t place = 0; place < of_places.size(); ++place) of_places[place] = of_points[order_.index(place)];
   send_(pack({{"type", "colours"}, {"id", id}, {"name", "noise"}}, {make_array("noise", of_places)}));
+}
+
+void Document::send_outliers(const Json& id, std::stop_token stop) {
+  if (!has_cloud_) return;
+  Params marking = last_params_;
+  marking.outliers = Outliers::mark;
+  std::vector<Point> unused(cloud_.points.size());
+  pipeline_->run(marking, unused, stop);
+  const std::span<const std::uint8_t> of_points = pipeline_->outliers();
+  std::vector<float> of_places(facts_.shown);
+  for (std::size_t place = 0; place < of_places.size(); ++place) {
+    const std::uint32_t i = order_.index(place);
+    of_places[place] = movable_.empty() || movable_[i] ? of_points[i] : 0;
+  }
+  send_(pack({{"type", "colours"}, {"id", id}, {"name", "outliers"}}, {make_array("outliers", of_places)}));
 }
 
 void Document::send_cancelled(const Json& id, double milliseconds) {

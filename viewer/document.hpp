@@ -45,6 +45,10 @@ class Document {
   /// Sends the noise at each point, as it was estimated of the cloud as loaded.
   void send_noise(const Json& id, std::stop_token stop);
 
+  /// Sends why each point is an outlier of the last run, also where that run did not mark them. Throws what
+  /// Pipeline::run throws.
+  void send_outliers(const Json& id, std::stop_token stop);
+
   void send_error(const Json& id, std::string_view words) { send_(pack(error_answer(id, words))); }
   void send_cancelled(const Json& id, double milliseconds);
 
@@ -78,6 +82,7 @@ class Document {
   Expectation expectation_;
   HostBuffer result_, normals_;              // of all points
   std::vector<std::int16_t> start_shading_;  // normals that the cloud as loaded is shaded with
+  Params last_params_;                       // of the last run, as asked for
   std::vector<std::int16_t> motion_;         // normals that the page has for displacements along them; empty if none
   Params motion_params_;                     // that they came from
   std::optional<Limits> limits_;             // of movable_ and of what the pipeline holds; none: it holds nothing

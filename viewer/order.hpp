@@ -22,6 +22,7 @@ class Order {
     inverse_ = inverse_of(stride_, n);
   }
 
+  std::uint64_t size() const { return n_; }
   /// The index in the file of the point at `place`.
   std::uint32_t index(std::uint64_t place) const { return static_cast<std::uint32_t>(place * stride_ % n_); }
   /// The index at the place after that of `index`, without a division.

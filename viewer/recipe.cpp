@@ -140,7 +140,6 @@ Json describe_params() {
   Json rows = Json::array();
   const Params defaults;
   for (const ParamInfo& info : kParams) {
-    if (needs_faces(info)) continue;
     rows.push_back({{"name", info.name},
                     {"flag", flag_of(info.name)},
                     {"stage", kStageNames[static_cast<std::size_t>(info.stage)]},
@@ -151,7 +150,8 @@ Json describe_params() {
                     {"values", words_json(info.values)},
                     {"default", param_text(defaults, info)},
                     {"help", info.help},
-                    {"expert", info.expert}});
+                    {"expert", info.expert},
+                    {"needs_faces", needs_faces(info)}});
   }
   return rows;
 }

@@ -22,10 +22,10 @@ struct Recipe {
 /// From {"params": {name: text}, "limits": {name: text}}; what is not named keeps its default. Throws ErrorKind::usage.
 Recipe read_recipe(const Json& json);
 
-/// Whether the row is about the edges of faces, which the viewer does not follow.
+/// Whether the row says something only of clouds with faces.
 constexpr bool needs_faces(const ParamInfo& info) { return info.name == "connectivity" || is_of_meshes(info); }
 
-/// The rows of kParams but those that need faces, and the limits, as the page builds its controls from.
+/// The rows of kParams, as the page builds its controls from.
 Json describe_params();
 
 /// {name: text} of every parameter.

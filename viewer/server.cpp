@@ -309,11 +309,13 @@ void serve(const std::filesystem::path& input, const ServerOptions& options,
            const std::function<void(const std::string& url)>& ready, std::stop_token stop) {
   Server server(options, read_page(page_folder(std::filesystem::read_symlink("/proc/self/exe"))));
   server.listen();
-  ReadOptions read_options = options.reading;
-  read_options.threads = options.device.threads;
-  Cloud cloud = read(input, read_options);
-  check_not_geographic(cloud);
-  server.open(std::move(cloud), input);
+  if (!input.empty()) {
+    ReadOptions read_options = options.reading;
+    read_options.threads = options.device.threads;
+    Cloud cloud = read(input, read_options);
+    check_not_geographic(cloud);
+    server.open(std::move(cloud), input);
+  }
   ready(server.url());
   server.run(stop);
 }

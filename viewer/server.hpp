@@ -25,9 +25,9 @@ struct ServerOptions {
   std::uint64_t upload_limit = std::uint64_t{1} << 30;  ///< bytes of a file that the page sends
 };
 
-/// Shows the cloud at `input` until `stop`. Calls `ready` with the page's URL once the server listens.
-/// Throws ErrorKind::file if the cloud cannot be read, ErrorKind::failed if the page is not there or the address cannot
-/// be used, ErrorKind::device.
+/// Shows the cloud at `input`, or where that is empty asks for a file, until `stop`. Calls `ready` with the page's URL
+/// once the server listens. Throws ErrorKind::file if the cloud cannot be read, ErrorKind::failed if the page is not
+/// there or the address cannot be used, ErrorKind::device.
 void serve(const std::filesystem::path& input, const ServerOptions& options,
            const std::function<void(const std::string& url)>& ready, std::stop_token stop);
 

@@ -51,6 +51,8 @@ bool Session::Parts::take(const Json& message, Clock::time_point received) {
         [this, id, name = string_in(message, "name")](std::stop_token) { document.send_colours(id, name); });
   } else if (type == "noise") {
     return worker.post([this, id](std::stop_token stop) { document.send_noise(id, stop); });
+  } else if (type == "outliers") {
+    return worker.post([this, id](std::stop_token stop) { document.send_outliers(id, stop); });
   } else if (type == "save") {
     const bool overwrite = message.contains("overwrite") && message["overwrite"] == true;
     return worker.post([this, overwrite, request = read_request(message, received)](std::stop_token stop) {

@@ -15,7 +15,7 @@ test("pictures are as they were", models, async (t) => {
   const noisy = noisyArmadillo(temporaryFolder(t), 30000, kModels);
   const { url } = await view(t, [noisy, "--port", 0]);
   const browser = await openBrowser(t);
-  const { page, faults } = await openPage(t, browser, `${url}#k=24&iterations=1&view.up=y`, { viewport: { width: 988, height: 490 } });
+  const { page, faults } = await openPage(t, browser, `${url}#k=24&iterations=1&view.up=y&view.mode=after`, { viewport: { width: 988, height: 490 } });
   await settled(page);
   await page.waitForFunction(() => document.body.dataset.settled); // and with it the normals of the result
   await assertPicture(page, "denoised");

@@ -49,12 +49,26 @@ test("state survives the URL, and nonsense in it does not", async (t) => {
   const recipe = { params: { k: "24", iterations: "auto" }, limits: { strength: "0.5", box: "0,0,0,1,1,1" } };
   const view = { ...defaultView(), mode: "wipe", wipe: 0.25, colour: "attribute:a&b=c", camera: [1, 2, 3, 0, 0, -1.5] };
   const fragment = writeFragment("a b.ply", recipe, defaults, view);
-  assert.deepEqual(readFragment(fragment, "a b.ply", defaults), { recipe, view });
+  assert.deepEqual(readFragment(fragment, "a b.ply", defaults), { recipe, view, hasLook: true });
   const other = readFragment(fragment, "other.ply", defaults);
   assert.deepEqual(other.recipe, { params: recipe.params, limits: defaults.limits });
   assert.deepEqual(other.view.camera, []);
   for (const bad of ["", "#", "#%", "#view.mode=up&view.wipe=7&view.size=x&kk=3&limit.lid=1&view.camera=1,2", "#__proto__=1"])
-    assert.deepEqual(readFragment(bad, "a b.ply", defaults), { recipe: defaults, view: defaultView() }, bad);
+    assert.deepEqual(readFragment(bad, "a b.ply", defaults), { recipe: defaults, view: defaultView(), hasLook: bad.includes("view.mode") }, bad);
+});
+
+test("a cloud stands on its ground, or as its format says", async (t) => {
+  const { upAxis } = await pageModule(t, "upright");
+  const box = (x, y, z) => Float32Array.from({ length: 3000 }, (_, i) => [x, y, z][i % 3] * ((Math.floor(i / 3) * 0.618) % 1));
+  const none = [0, 0, 0];
+  assert.equal(upAxis("a.las", none, box(9, 1, 9)), "z");
+  assert.equal(upAxis("a.obj", none, box(9, 9, 1)), "y");
+  assert.equal(upAxis("ground.ply", none, box(9, 1, 9)), "y");
+  assert.equal(upAxis("ground.ply", none, box(9, 9, 1)), "z");
+  assert.equal(upAxis("statue.ply", none, box(3, 9, 3)), "y");
+  assert.equal(upAxis("statue.ply", none, box(3, 3, 9)), "z");
+  assert.equal(upAxis("map.ply", [500000, 5400000, 0], box(9, 1, 9)), "z");
+  assert.equal(upAxis("nothing.ply", none, new Float32Array()), "z");
 });
 
 test("history goes back and forth and forgets what was left", async (t) => {
@@ -145,4 +159,18 @@ test("displacements are those that the server meant, whichever way they came", a
   assert.deepEqual([motion.of(0), motion.of(1)], [[0, 0, 1.5], [9, 8, 7]]);
   motion.take({ step: 0.25, along_normals: false }, { ...none, displacements: Int16Array.of(1, 2, 3, -4, -5, -6) });
   assert.deepEqual([motion.of(0), motion.of(1)], [[0.25, 0.5, 0.75], [-1, -1.25, -1.5]]);
+});
+
+test("faces are fans of triangles, edges are there once, and seams have one normal", async (t) => {
+  const { triangles, edges, welded, vertexNormals } = await pageModule(t, "faces");
+  const positions = Float32Array.from([0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 1, 0, 0, NaN, 0, 0, 2, 0, 0]);
+  const faces = { ends: Uint32Array.of(4, 7, 10), corners: Uint32Array.of(0, 1, 2, 3, 4, 6, 2, 0, 5, 1) };
+  const indices = triangles(faces, positions);
+  assert.deepEqual([...indices], [0, 1, 2, 0, 2, 3, 4, 6, 2]); // none with a corner that has no place
+  assert.equal(edges({ ends: faces.ends.subarray(0, 1), corners: faces.corners }, positions).length, 8, "a quad has no diagonal");
+  const vertex = welded(positions);
+  assert.equal(vertex[4], 1);
+  const normals = vertexNormals(indices, vertex, positions);
+  assert.deepEqual([...normals.subarray(4, 8)], [0, 0, 32767, 0]);
+  assert.deepEqual(normals.subarray(4, 8), normals.subarray(16, 20));
 });

@@ -9,7 +9,7 @@ import { dataset, entry, kModels, noisyArmadillo, openBrowser, openPage, settled
 
 const models = withModels();
 
-async function start(t, options, hash = "", folder = temporaryFolder(t)) {
+async function start(t, options, hash = "#view.mode=after", folder = temporaryFolder(t)) {
   const small = noisyArmadillo(folder, 3000, kModels);
   const { url } = await view(t, [small, "--port", 0, "--save-folder", folder]);
   const opened = await openPage(t, await openBrowser(t), url + hash, options);
@@ -44,7 +44,7 @@ test("every control is reached with the tabulator, has a name, and shows that it
     assert.notEqual(focus.outline, "none", focus.name);
     reached.add(focus.name);
   }
-  const names = ["Denoised", "Fit", "Screenshot", "Keyboard", "Settings", "Noise", "Neighbours", "Neighbours auto", "Iterations", "Method", "Strength", "Clip box",
+  const names = ["Denoised", "Open a file", "Fit", "Measure", "Screenshot", "Keyboard", "Settings", "Noise", "Neighbours", "Neighbours auto", "Iterations", "Method", "Strength", "Clip box",
     "Only points in view", "Colour by", "Point size", "Eye-dome lighting", "Save", "Copy as command", "Copy as C++", "Copy link"];
   for (const name of names) assert.ok(reached.has(name), `${name} cannot be reached`);
   assert.deepEqual(faults, []);
@@ -52,7 +52,7 @@ test("every control is reached with the tabulator, has a name, and shows that it
 
 test("a cloud is denoised, compared and saved with the keyboard alone", models, async (t) => {
   const folder = temporaryFolder(t);
-  const { page, faults } = await start(t, {}, "", folder);
+  const { page, faults } = await start(t, {}, "#view.mode=after", folder);
   const keys = async (...names) => {
     for (const name of names) await page.keyboard.press(name);
   };
@@ -76,6 +76,14 @@ test("a cloud is denoised, compared and saved with the keyboard alone", models, 
   await keys("f");
   const fitted = difference(before, await blocks(page, await picture(page)));
   assert.ok(fitted < 1, `the same as before the keys: ${fitted}`);
+
+  await canvas(page).focus();
+  await keys("m", "Enter", "ArrowLeft", "ArrowLeft", "ArrowLeft");
+  await page.locator(".hint", { hasText: "second" }).waitFor();
+  await page.waitForFunction(() => document.body.dataset.still === "true");
+  await keys("Enter");
+  await page.locator(".toast", { hasText: /^Distance in the original: [1-9][\d.]* units$/ }).waitFor();
+  await keys("f");
 
   await keys("2");
   await tabTo(page, "wipe");

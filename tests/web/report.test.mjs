@@ -58,5 +58,11 @@ test("the viewer has no serious fault of accessibility", async (t) => {
   await settled(page);
   await page.locator(".expert > summary").click();
   assert.deepEqual(await seriousFindings(page), []);
+  await page.keyboard.press("?");
+  await page.getByRole("dialog").waitFor();
+  assert.deepEqual(await seriousFindings(page), []);
   assert.deepEqual(faults, []);
+  const empty = await openPage(t, page.context().browser(), (await view(t, ["--port", 0])).url);
+  await empty.page.getByRole("heading", { name: "Open a scan" }).waitFor();
+  assert.deepEqual(await seriousFindings(empty.page), [], "without a file");
 });

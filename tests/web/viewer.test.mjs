@@ -25,7 +25,7 @@ test("a scan is loaded, denoised, compared, saved, and all of it comes back", mo
   run(["noise", path.join(kModels, "building.ply"), scan, "--sigma", 0.05, "--seed", 1, "-q"]);
   const { url } = await view(t, [scan, "--port", 0, "--save-folder", folder]);
   const browser = await openBrowser(t);
-  const { page, faults, context } = await openPage(t, browser, url);
+  const { page, faults, context } = await openPage(t, browser, `${url}#view.mode=after`);
   await context.grantPermissions(["clipboard-read", "clipboard-write"]);
   await settled(page);
   assert.equal(await dataset(page, "cloud"), "building.ply");

@@ -6,7 +6,9 @@
 
 import * as THREE from "three";
 import type { Attribute } from "./motion";
+import type { Polygons } from "./faces";
 import type { Numbers } from "./protocol";
+import { Surface } from "./surface";
 
 const kShared = { position: 3, normal_before: 2, normal_after: 2, rgb: 4, scalar: 1, inside: 1 }; // by cloud and part
 
@@ -19,17 +21,20 @@ export interface Ball {
 export class CloudPoints {
   readonly all: THREE.Points;
   readonly part: THREE.Points;
+  readonly surface: Surface; // over the points of the cloud
   ball: Ball | null = null; // of the part; null if there is none
   private places: Uint32Array = new Uint32Array();
 
-  constructor(material: THREE.Material) {
+  constructor(material: THREE.RawShaderMaterial) {
+    this.surface = new Surface(material);
     this.all = new THREE.Points(new THREE.BufferGeometry(), material);
     this.part = new THREE.Points(new THREE.BufferGeometry(), material);
     this.all.frustumCulled = this.part.frustumCulled = false;
   }
 
   /** Forgets everything but the new positions. */
-  reset(positions: Float32Array): void {
+  reset(positions: Float32Array, faces: Polygons): void {
+    this.surface.reset(positions, faces);
     this.all.geometry.dispose();
     this.all.geometry = new THREE.BufferGeometry();
     this.set({ name: "position", array: positions, size: 3 });
@@ -37,7 +42,7 @@ export class CloudPoints {
   }
 
   set({ name, array, size }: Attribute, normalized = false): void {
-    put(this.all.geometry, name, array, size, normalized);
+    this.surface.share(name, put(this.all.geometry, name, array, size, normalized));
     if (this.ball && name in kShared) this.gather(name);
   }
 
@@ -76,12 +81,14 @@ export class CloudPoints {
   }
 }
 
-function put(geometry: THREE.BufferGeometry, name: string, array: Numbers, size: number, normalized: boolean): void {
+function put(geometry: THREE.BufferGeometry, name: string, array: Numbers, size: number, normalized: boolean): THREE.BufferAttribute {
   const old = geometry.getAttribute(name) as THREE.BufferAttribute | undefined;
   if (old && old.array.length === array.length && old.array.constructor === array.constructor) {
     old.array = array;
     old.needsUpdate = true;
-  } else {
-    geometry.setAttribute(name, new THREE.BufferAttribute(array, size, normalized));
+    return old;
   }
+  const fresh = new THREE.BufferAttribute(array, size, normalized);
+  geometry.setAttribute(name, fresh);
+  return fresh;
 }

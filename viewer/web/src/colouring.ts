@@ -13,6 +13,7 @@ const kQuickRms = 200000; // up to so many points it is computed while a slider 
 const kRmsDelay = 400; // ms
 const kPrefix = "attribute:"; // of the choices that are the file's own
 const kNoiseTitle = "noise (standard deviation)";
+const kOutliersTitle = "outliers of this run";
 
 export class Colouring {
   private cloud: CloudHead | null = null;
@@ -22,12 +23,13 @@ export class Colouring {
   private scalar: Float32Array = new Float32Array(); // of the attribute that is here, or the noise
   private timer = 0;
 
-  /** `askColours` sends for colours of the file, `askNoise` for the noise at each point. */
+  /** `askColours` sends for colours of the file, `askNoise` for the noise at each point, `askOutliers` for the reasons of the last run's. */
   constructor(
     private readonly scene: Scene,
     private readonly legend: Legend,
     private readonly askColours: (name: string) => void,
     private readonly askNoise: () => void,
+    private readonly askOutliers: () => void,
   ) {}
 
   setCloud(cloud: CloudHead): void {
@@ -39,16 +41,18 @@ export class Colouring {
   /** Displacements have come. */
   setMoved(rms: number): void {
     this.rms = rms;
+    delete this.has.outliers;
+    if (this.choice === "outliers") return this.showOutliersSoon();
     if (["displacement", "rms", "height"].includes(this.choice)) this.apply(this.choice);
   }
 
   /** Colours of the file have come, or the noise. */
   setColours(name: string, arrays: Record<string, Numbers>): void {
-    const choice = arrays.rgb ? "rgb" : arrays.noise ? "noise" : kPrefix + name;
+    const choice = arrays.rgb ? "rgb" : arrays.noise ? "noise" : arrays.outliers ? "outliers" : kPrefix + name;
     if (arrays.rgb) this.scene.setColours(arrays.rgb as Uint8Array);
     else {
       this.forgetScalar();
-      this.scalar = (arrays.noise ?? arrays.scalar) as Float32Array;
+      this.scalar = (arrays.noise ?? arrays.outliers ?? arrays.scalar) as Float32Array;
       this.scene.setScalar(this.scalar);
     }
     this.has[choice] = "here";
@@ -62,7 +66,7 @@ export class Colouring {
     if (choice === "displacement") return this.showDisplacement(this.cloud);
     if (choice === "height") return this.show("height", "sequential", this.spread((place) => this.scene.height(place)), "height", true);
     if (choice === "rms") return this.showRmsSoon(this.cloud);
-    if (choice === "rgb" || choice === "noise" || choice.startsWith(kPrefix)) return this.showSent(choice);
+    if (choice === "rgb" || choice === "noise" || choice === "outliers" || choice.startsWith(kPrefix)) return this.showSent(choice);
     this.legend.hide();
     this.scene.setColourMode(choice === "normal" ? "normal" : "plain", [0, 1], "sequential");
   }
@@ -92,10 +96,16 @@ export class Colouring {
     this.show("scalar", "sequential", this.spread((place) => rms[place], "amount"), "rms displacement nearby", true);
   }
 
+  // A run that comes soon has others.
+  private showOutliersSoon(): void {
+    clearTimeout(this.timer);
+    this.timer = window.setTimeout(() => this.showSent("outliers"), kRmsDelay);
+  }
+
   private showSent(choice: string): void {
-    const name = choice === "noise" ? kNoiseTitle : choice.slice(kPrefix.length);
+    const name = choice === "noise" ? kNoiseTitle : choice === "outliers" ? kOutliersTitle : choice.slice(kPrefix.length);
     if (this.has[choice] === "here") {
-      const kinds = choice.startsWith(kPrefix) ? kindsOf(name) : null;
+      const kinds = this.kindsIn(choice);
       if (kinds) return this.showKinds(kinds, name);
       const isNoise = choice === "noise";
       if (choice !== "rgb")
@@ -107,7 +117,12 @@ export class Colouring {
     if (this.has[choice]) return;
     this.has[choice] = "asked";
     if (choice === "noise") this.askNoise();
+    else if (choice === "outliers") this.askOutliers();
     else this.askColours(choice === "rgb" ? "rgb" : name);
+  }
+
+  private kindsIn(choice: string): string[] | null {
+    return choice === "outliers" ? kindsOf("outlier") : choice.startsWith(kPrefix) ? kindsOf(choice.slice(kPrefix.length)) : null;
   }
 
   // The scene has room for one.
@@ -143,8 +158,8 @@ export class Colouring {
     if (this.has[this.choice] !== "here" || this.choice === "rgb") return "";
     const value = this.scalar[place];
     if (this.choice === "noise") return `noise ${lengthInWords(value, metres)}`;
-    const name = this.choice.slice(kPrefix.length);
-    const kinds = kindsOf(name);
+    const name = this.choice === "outliers" ? "outlier" : this.choice.slice(kPrefix.length);
+    const kinds = this.kindsIn(this.choice);
     return kinds ? `${name} ${value} ${kindName(kinds, value)}` : `${name} ${short(value, 6)}`;
   }
 }

@@ -9,24 +9,34 @@ import { wordsFor } from "./words";
 export interface Scale {
   spacing: number;
   diagonal: number;
+  metres: number | null; // per unit of the file; null: it does not say
 }
 
-type Unit = "s" | "%" | "r" | "";
-const kUnits: [Unit, string][] = [["s", "spacings"], ["%", "% of size"], ["r", "radii"], ["", "file units"]];
+type Unit = "mm" | "s" | "%" | "r" | "";
+const kUnits: [Unit, string][] = [["mm", "mm"], ["s", "spacings"], ["%", "% of size"], ["r", "radii"], ["", "file units"]];
+const kMetric: Record<string, number> = { mm: 0.001, cm: 0.01, m: 1, ft: 0.3048 }; // metres
 const kSteps = 1000;
 const kLengthRange = [0.05, 50]; // of a slider, in spacings
 
-const unitOf = (text: string): Unit => (text.endsWith("s") ? "s" : text.endsWith("%") ? "%" : text.endsWith("r") ? "r" : "");
-const perUnit = (unit: Unit, scale: Scale) =>
-  unit === "s" ? scale.spacing || 1
+/** A length's digits and its unit, as the flags take them. */
+function parsed(text: string): [string, string] {
+  const [, digits, unit] = /^\s*(.*?)(mm|cm|m|ft|s|%|r)?\s*$/.exec(text)!;
+  return [digits, unit ?? ""];
+}
+const unitOf = (text: string): Unit => {
+  const [, unit] = parsed(text);
+  return unit in kMetric ? "mm" : (unit as Unit);
+};
+const perUnit = (unit: string, scale: Scale) =>
+  unit in kMetric ? kMetric[unit] / (scale.metres ?? NaN)
+  : unit === "s" ? scale.spacing || 1
   : unit === "%" ? scale.diagonal / 100 || 1
   : unit === "r" ? 2.26 * scale.spacing || 1 // of 16 points without noise; each point has its own
   : 1;
 
 /** A length's text in file units; NaN for none. */
 export function lengthOf(text: string, scale: Scale): number {
-  const unit = unitOf(text);
-  const digits = unit ? text.slice(0, -1) : text;
+  const [digits, unit] = parsed(text);
   return digits.trim() === "" ? NaN : Number(digits) * perUnit(unit, scale);
 }
 
@@ -76,7 +86,7 @@ function wordControl(param: Param, change: (text: string, done: boolean) => void
 
 /** A number's texts, its values and the places of its slider. */
 class NumberTexts {
-  scale: Scale = { spacing: 1, diagonal: 1 };
+  scale: Scale = { spacing: 1, diagonal: 1, metres: null };
   unit: Unit = "s";
   readonly isLength: boolean;
 
@@ -102,7 +112,7 @@ class NumberTexts {
     return String(this.param.kind === "int" ? Math.round(value) : Number(value.toPrecision(3)));
   }
   valueOf = (text: string) => (this.isLength ? lengthOf(text, this.scale) : Number(text));
-  spoken = (text: string) => (this.isLength ? `${text.replace(/[s%r]$/, "")} ${unitName(unitOf(text))}` : text);
+  spoken = (text: string) => (this.isLength ? `${parsed(text)[0]} ${unitName(unitOf(text))}` : text);
 }
 
 function makeSlider(
@@ -183,6 +193,8 @@ function numberControl(param: Param, change: (text: string, done: boolean) => vo
     if (isLength) units.value = texts.unit;
   };
   const show = (text: string, used: string | undefined, scale: Scale) => {
+    if (scale.metres !== texts.scale.metres) texts.unit = scale.metres ? "mm" : "s";
+    units.options[0].hidden = units.options[0].disabled = !scale.metres;
     texts.scale = scale;
     shown = text;
     usedText = used ?? usedText;

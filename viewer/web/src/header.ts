@@ -11,6 +11,8 @@ export interface HeaderActions {
   redo(): void;
   fit(): void;
   screenshot(): void;
+  measure(): void;
+  open(): void;
   help(): void;
 }
 
@@ -35,8 +37,10 @@ export class Header {
     this.element = h("header", {},
       h("div", { class: "brand" }, h("img", { src: "./icon.svg", alt: "" }), h("span", {}, "pointfair")),
       this.file, h("div", { class: "spacer" }), this.modes.element, h("div", { class: "spacer" }),
-      h("div", { class: "tools", role: "toolbar", "aria-label": "Tools" }, this.undo, this.redo,
+      h("div", { class: "tools", role: "toolbar", "aria-label": "Tools" },
+        iconButton("Open a file", "M2.5 15.5v-11h5l1.5 2h7v2M2.5 15.5l2.5-7h13l-2.5 7z", actions.open, "O"), this.undo, this.redo,
         iconButton("Fit", "M3 7V3h4M13 3h4v4M17 13v4h-4M7 17H3v-4M7 7h6v6H7z", actions.fit, "F"),
+        iconButton("Measure", "M3.5 13 13 3.5l3.5 3.5L7 16.5zM6.2 10.3l1.6 1.6M8.7 7.8l2.4 2.4M11.2 5.3l1.6 1.6", actions.measure, "M"),
         iconButton("Screenshot", "M3 6h3l1.5-2h5L14 6h3v10H3zM10 8a3 3 0 1 0 0 6 3 3 0 0 0 0-6z", actions.screenshot, "S"),
         iconButton("Keyboard", "M2.5 5.5h15v9h-15zM5 8.5h.01M8 8.5h.01M11 8.5h.01M14 8.5h.01M6 11.5h8", actions.help, "?"),
         this.panel));
@@ -44,7 +48,8 @@ export class Header {
 
   setCloud(head: CloudHead): void {
     const shown = head.shown < head.points ? `, ${grouped(head.shown)} shown` : "";
-    this.file.replaceChildren(h("b", { title: head.path }, head.name), h("span", { class: "count" }, ` · ${grouped(head.points)} points${shown}`));
+    const faces = head.faces ? `, ${grouped(head.faces)} faces` : "";
+    this.file.replaceChildren(h("b", { title: head.path }, head.name), h("span", { class: "count" }, ` · ${grouped(head.points)} points${shown}${faces}`));
   }
 
   setMode(mode: Mode): void {

@@ -7,7 +7,7 @@ const kHelp: [string, string][] = [
   ["drag", "turn"], ["right drag, Shift drag", "move"], ["wheel, pinch", "zoom to the pointer"],
   ["double click", "turn about that point"], ["← → ↑ ↓", "turn, if the picture has the focus"], ["Shift ← → ↑ ↓", "move"],
   ["+ −", "zoom"], ["F", "fit"], ["B, held", "show the original"], ["1 2 3 4", "denoised, wipe, side by side, original"],
-  ["Ctrl Z, Ctrl Shift Z", "undo, redo"], ["L", "draw a lasso"], ["M", "measure a distance"], ["S", "screenshot"], ["P", "settings"], ["?", "this list"],
+  ["Ctrl Z, Ctrl Shift Z", "undo, redo"], ["L", "draw a lasso"], ["M", "measure a distance"], ["S", "screenshot"], ["O", "open a file"], ["P", "settings"], ["?", "this list"],
 ];
 
 export function helpDialog(): HTMLDialogElement {

@@ -11,6 +11,7 @@ export interface KeyActions {
   fit(): void;
   drawLasso(): void;
   measure(): void;
+  open(): void;
   togglePanel(): void;
   screenshot(): void;
   setMode(mode: Mode): void;
@@ -60,7 +61,8 @@ function keyTable(actions: KeyActions): Record<string, () => void> {
   const zoom = (factor: number) => () => actions.nudge([0, 0], [0, 0], factor);
   return {
     "+": zoom(1 / kZoom), "=": zoom(1 / kZoom), "-": zoom(kZoom),
-    b: () => actions.hold(true), f: actions.fit, l: actions.drawLasso, m: actions.measure, p: actions.togglePanel, s: actions.screenshot, "?": actions.help,
+    b: () => actions.hold(true), f: actions.fit, l: actions.drawLasso, m: actions.measure, o: actions.open, p: actions.togglePanel,
+    s: actions.screenshot, "?": actions.help,
     "1": () => actions.setMode("after"), "2": () => actions.setMode("wipe"), "3": () => actions.setMode("side"),
     "4": () => actions.setMode("before"),
   };

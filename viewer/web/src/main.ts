@@ -17,10 +17,12 @@ import { Scene } from "./scene";
 import { Stage } from "./stage";
 import { copyRecipe, defaultView, equalRecipes, History, type Mode, readFragment, type View, writeFragment } from "./state";
 import { Status } from "./status";
+import { chooseFile } from "./welcome";
 
 const kUrlDelay = 250;
 const kProtocol = 1;
 const kToastOfNotes = 20000; // ms
+const kSeenMotion = 2; // pixels; a typical move that is less does not show
 
 class Page {
   private readonly view: View = defaultView();
@@ -39,6 +41,7 @@ class Page {
     nudge: (turn: [number, number], move: [number, number], zoom: number) => this.scene.nudge(turn, move, zoom),
     drawLasso: () => void this.drawLasso(),
     measure: () => this.pointer.measure(),
+    open: () => chooseFile((file) => void this.upload(file)),
     togglePanel: () => this.header.togglePanel(),
   };
   private readonly header = new Header(this.actions);
@@ -48,6 +51,7 @@ class Page {
     this.legend,
     (name) => this.connection.send({ type: "colours", id: this.connection.nextId(), name }),
     () => this.connection.send({ type: "noise", id: this.connection.nextId() }),
+    () => this.connection.send({ type: "outliers", id: this.connection.nextId() }),
   );
   private readonly pointer = new Pointer(this.scene, this.stage, this.colouring);
   private readonly connection: Connection;
@@ -60,6 +64,7 @@ class Page {
   private snapshots: { name: string; recipe: Recipe }[] = [];
   private result: Result | null = null; // that is shown; null: the original is
   private held = false; // a key shows the original
+  private isFirstLook = false; // nobody has said how the next result is shown
   private shownRecipe: Recipe | null = null; // that the shown result came from
   private asked: Recipe = this.recipe;
   private focus: number[] | undefined;
@@ -119,6 +124,7 @@ class Page {
         this.status.hideProgress();
         document.body.dataset.error = head.message;
         if (this.cloud && head.id !== null && head.id === this.connection.lastRun) return this.noResult(head.message, true);
+        if (!this.cloud) this.stage.welcome.ask();
         return this.stage.say(head.message, true);
     }
   }
@@ -126,6 +132,8 @@ class Page {
   private greet(hello: Hello): void {
     if (hello.protocol !== kProtocol) return this.stage.say("This page belongs to another version of pointfair. Reload it.", true);
     this.stage.showHint("");
+    if (!hello.has_cloud) this.stage.welcome.ask();
+    document.body.classList.toggle("empty", !hello.has_cloud);
     if (this.panel && JSON.stringify(hello) === JSON.stringify(this.hello)) return;
     this.hello = hello;
     this.defaults = {
@@ -156,8 +164,9 @@ class Page {
   private setCloud(head: CloudHead, arrays: Message["arrays"]): void {
     const again = this.cloud && this.cloud.name === head.name && this.cloud.points === head.points;
     if (!again) {
-      const { recipe, view } = readFragment(location.hash, head.name, this.defaults);
+      const { recipe, view, hasLook } = readFragment(location.hash, head.name, this.defaults);
       Object.assign(this.view, view);
+      this.isFirstLook = !hasLook;
       this.recipe = recipe;
       this.history = new History(recipe);
       this.snapshots = [];
@@ -170,12 +179,12 @@ class Page {
     this.scene.setCloud(head, arrays);
     this.colouring.setCloud(head);
     this.pointer.setCloud(head);
-    this.panel!.setCloud(head);
+    this.panel!.setCloud(head, this.scene.hasFaces);
     this.panel!.show(this.recipe);
     this.header.setCloud(head);
     document.title = `${head.name} · pointfair`;
     document.body.dataset.cloud = head.name;
-    this.stage.ready();
+    this.stage.welcome.hide();
     this.header.setMode(this.view.mode);
     this.viewChanged(false);
     this.ask();
@@ -192,6 +201,18 @@ class Page {
     this.status.showResult(head, this.cloud!.points);
     this.colouring.setMoved(head.moved.rms);
     this.fresh = { kind: "result", serverMs: head.server_ms };
+    if (this.isFirstLook) this.showDifference(head.moved.rms);
+  }
+
+  // The first view shows what the run did: original and result under a wipe, or where that is too little to be seen in the
+  // picture, how far each point moved.
+  private showDifference(rms: number): void {
+    this.isFirstLook = false;
+    if (!(rms > 0)) return;
+    if (this.scene.pixels(rms) < kSeenMotion) this.view.colour = "displacement";
+    else this.view.mode = "wipe";
+    this.header.setMode(this.view.mode);
+    this.viewChanged(true);
   }
 
   // A run failed or was stopped. What is shown is still the last result, so the parameters are those that it came from;
@@ -311,12 +332,17 @@ class Page {
     const query = new URLSearchParams({ name: file.name });
     const token = new URLSearchParams(location.search).get("token");
     if (token) query.set("token", token);
-    this.stage.say(`Sending ${file.name}…`);
+    if (this.cloud) this.stage.say(`Sending ${file.name}…`);
+    else this.stage.welcome.wait(`Reading ${file.name}…`);
+    const failed = (words: string) => {
+      if (!this.cloud) this.stage.welcome.ask();
+      this.stage.say(words, true);
+    };
     try {
       const response = await fetch(`/upload?${query}`, { method: "POST", body: file });
-      if (!response.ok) this.stage.say(await response.text(), true);
+      if (!response.ok) failed(await response.text());
     } catch {
-      this.stage.say(`${file.name} could not be sent.`, true);
+      failed(`${file.name} could not be sent.`);
     }
   }
 
@@ -353,7 +379,9 @@ class Page {
     this.showLimits();
     this.scene.applyView();
     this.colour();
-    if (done) this.writeUrl();
+    if (!done) return;
+    this.isFirstLook = false;
+    this.writeUrl();
   }
 
   private hold(original: boolean): void {

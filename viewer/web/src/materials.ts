@@ -3,7 +3,7 @@
 
 import * as THREE from "three";
 import { mapTexels } from "./colours";
-import { pointFragment, pointVertex, screenFragment, screenVertex } from "./shaders";
+import { faceFragment, pointFragment, pointVertex, screenFragment, screenVertex } from "./shaders";
 
 export function pointMaterial(): THREE.RawShaderMaterial {
   const map = new THREE.DataTexture(mapTexels("sequential"), 256, 1);
@@ -20,8 +20,23 @@ export function pointMaterial(): THREE.RawShaderMaterial {
       uRange: { value: new THREE.Vector2(0, 1) }, uHeightAxis: { value: new THREE.Vector3(0, 0, 1) },
       uMap: { value: map }, uBoxMin: { value: new THREE.Vector3() }, uBoxMax: { value: new THREE.Vector3() },
       uHide: { value: false }, uHasNormals: { value: false }, uDim: { value: false },
-      uHole: { value: new THREE.Vector4(0, 0, 0, -1) },
+      uHole: { value: new THREE.Vector4(0, 0, 0, -1) }, uSmooth: { value: true }, uTone: { value: 1 },
     },
+  });
+}
+
+/** Of faces, or with LINES of their edges. It has the uniforms of the points. */
+export function faceMaterial({ uniforms }: THREE.RawShaderMaterial, defines: Record<string, string>): THREE.RawShaderMaterial {
+  return new THREE.RawShaderMaterial({
+    glslVersion: THREE.GLSL3,
+    vertexShader: pointVertex,
+    fragmentShader: faceFragment,
+    defines: { FACES: "", ...defines },
+    uniforms,
+    side: THREE.DoubleSide,
+    polygonOffset: !("LINES" in defines), // edges lie in front
+    polygonOffsetFactor: 1,
+    polygonOffsetUnits: 1,
   });
 }
 

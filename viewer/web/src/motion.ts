@@ -50,10 +50,16 @@ export class Motion {
     return [this.values[3 * place] * scale, this.values[3 * place + 1] * scale, this.values[3 * place + 2] * scale];
   }
 
+  /** Of all places, file units, three each. */
+  all(): Float32Array {
+    const all = new Float32Array(3 * this.count);
+    for (let place = 0; place < this.count; ++place) all.set(this.of(place), 3 * place);
+    return all;
+  }
+
   // Some displacements cannot be said in steps: all become plain numbers.
   private setFar(places: Uint32Array, exceptions: Float32Array): void {
-    const far = new Float32Array(3 * this.count);
-    for (let place = 0; place < this.count; ++place) far.set(this.of(place), 3 * place);
+    const far = this.all();
     for (let i = 0; i < places.length; ++i) far.set(exceptions.subarray(3 * i, 3 * i + 3), 3 * places[i]);
     this.values = far;
     this.kind = kMotion.far;

@@ -5,7 +5,7 @@ import { type Control, makeControl, type Scale } from "./controls";
 import { choice, h, lengthInWords } from "./dom";
 import type { CloudHead, Hello, Param, Recipe, Result, Texts } from "./protocol";
 import { type Box, boxText, parseBox } from "./region";
-import { copyRecipe, type View } from "./state";
+import { copyRecipe, type Draw, type View } from "./state";
 
 export interface PanelActions {
   changeRecipe(recipe: Recipe, done: boolean): void;
@@ -50,9 +50,15 @@ export class Panel {
   private readonly folder = h("p", { class: "note" });
   private readonly expert = h("details", { class: "expert" });
   private expertDefaults: [string, string][] = [];
+  private readonly ofMeshes: HTMLElement[] = []; // rows of parameters
   private readonly findings = h("p", { class: "note", id: "findings" });
   private readonly extensions: string[];
   private readonly viewSliders: [keyof View, HTMLInputElement][] = [];
+  private readonly draw = choice<Draw>("Draw",
+    [["smooth", "Smooth"], ["flat", "Flat"], ["wireframe", "Wireframe"], ["points", "Points"]], (draw) => {
+      this.view.draw = draw;
+      this.actions.changeView();
+    });
   private readonly up = choice<"y" | "z">("Up", [["z", "z up"], ["y", "y up"]], (up) => {
     this.view.up = up;
     this.actions.changeView();
@@ -79,12 +85,14 @@ export class Panel {
     return this.encoding.value;
   }
 
-  setCloud(cloud: CloudHead): void {
+  setCloud(cloud: CloudHead, drawsFaces: boolean): void {
+    this.draw.element.hidden = !drawsFaces;
     this.cloud = cloud;
     this.used = {};
+    for (const row of this.ofMeshes) row.hidden = cloud.faces === 0;
     this.output.value = this.defaultOutput(cloud.name);
     const computed: [string, string][] = [["plain", "plain"], ["displacement", "displacement"], ["rms", "rms displacement nearby"],
-      ["height", "height"], ["normal", "normal"], ["noise", "noise"]];
+      ["height", "height"], ["normal", "normal"], ["noise", "noise"], ["outliers", "outliers of this run"]];
     const own = cloud.colours.map(({ name, kind }): [string, string] => [kind === "rgb" ? "rgb" : `attribute:${name}`, name]);
     this.colour.replaceChildren(...[...computed, ...own].map(([value, text]) => h("option", { value }, text)));
     const known = [...this.colour.options].some((option) => option.value === this.view.colour);
@@ -118,7 +126,8 @@ export class Panel {
   /** Shows a recipe without asking for anything. */
   show(recipe: Recipe): void {
     this.recipe = copyRecipe(recipe);
-    const scale: Scale = { spacing: this.cloud?.spacing ?? 1, diagonal: this.cloud?.diagonal ?? 1 };
+    const scale: Scale = { spacing: this.cloud?.spacing ?? 1, diagonal: this.cloud?.diagonal ?? 1,
+      metres: this.cloud?.metres_per_unit ?? null };
     for (const [name, control] of this.controls) control.show(recipe.params[name] ?? "", this.used[name], scale);
     if (this.expertDefaults.some(([name, value]) => (recipe.params[name] ?? value) !== value)) this.expert.open = true;
     const strength = recipe.limits.strength || "1";
@@ -134,7 +143,8 @@ export class Panel {
     for (const [key, slider] of this.viewSliders) slider.value = String(this.view[key]);
     this.colour.value = this.view.colour;
     this.hideSwitch.checked = this.view.hide;
-    this.up.set(this.view.up);
+    this.draw.set(this.view.draw);
+    if (this.view.up !== "auto") this.up.set(this.view.up);
   }
 
   showSnapshots(names: string[]): void {
@@ -179,6 +189,7 @@ export class Panel {
     return params.map((param) => {
       const control = makeControl(param, (text, done) => this.change((recipe) => (recipe.params[param.name] = text), done));
       this.controls.push([param.name, control]);
+      if (param.needs_faces) this.ofMeshes.push(control.element);
       return control.element;
     });
   }
@@ -278,6 +289,7 @@ export class Panel {
       return this.field(label, `view-${key}`, input);
     };
     return [
+      this.draw.element,
       this.field("Colour by", "colour", this.colour),
       slider("Point size", "size", 0.4, 5, 0.1),
       slider("Eye-dome lighting", "edl", 0, 1, 0.02),

@@ -10,10 +10,11 @@ import { pointMaterial, screenMaterial } from "./materials";
 import { kMotion, type Motion } from "./motion";
 import type { Box } from "./region";
 import { kColourModes } from "./shaders";
-import type { Mode } from "./state";
+import type { Draw, Mode } from "./state";
 
 export type ColourMode = keyof typeof kColourModes;
 const kRoundFrom = 4.5; // pixels; smaller points are squares
+const kToneUnderEdges = 0.22; // of the faces of a wireframe, so that edges behind are hidden
 const kLookAgain = 3; // ms between looks whether a frame is there
 const kSmallestPoint = 1.7, kLargestPoint = 40; // pixels of the screen
 
@@ -25,6 +26,7 @@ export interface Shot {
   pointSize: number; // file units
   partSize: number; // of the points of a part
   exaggerate: number; // factor on displacements
+  draw: Draw;
 }
 
 export class Picture {
@@ -36,6 +38,8 @@ export class Picture {
   private readonly partScene = new THREE.Scene();
   private readonly screenScene = new THREE.Scene();
   private readonly lineScene = new THREE.Scene();
+  private readonly fillScene = new THREE.Scene();
+  private readonly edgeScene = new THREE.Scene();
   private readonly boxLines: THREE.LineSegments;
   private target = new THREE.WebGLRenderTarget(1, 1);
 
@@ -59,7 +63,9 @@ export class Picture {
     this.lineScene.add(this.boxLines);
   }
 
-  setPoints({ all, part }: CloudPoints): void {
+  setPoints({ all, part, surface }: CloudPoints): void {
+    this.fillScene.add(surface.fill);
+    this.edgeScene.add(surface.lines);
     this.pointScene.add(all);
     this.partScene.add(part);
   }
@@ -121,6 +127,7 @@ export class Picture {
     eye.setAspect((beside ? width / 2 : width) / height);
     const half = beside ? divider : width;
     const draw = (after: number) => {
+      if (shot.draw !== "points") return this.drawFaces(points, motion, eye, after, shot);
       this.drawAll(points, motion, eye, after, shot.pointSize);
       if (withPart && points.ball) this.drawPart(motion, eye, after, shot.partSize);
     };
@@ -191,6 +198,16 @@ export class Picture {
     const { ball } = points;
     this.material.uniforms.uHole.value.set(...(ball?.center ?? [0, 0, 0]), ball ? ball.radius : -1);
     this.drawScene(this.pointScene, eye, after, motion.kind, motion.step, size);
+  }
+
+  private drawFaces({ surface }: CloudPoints, motion: Motion, eye: Eye, after: number, shot: Shot): void {
+    const { uniforms } = this.material;
+    const kind = surface.hasOwnMotion ? kMotion.far : motion.kind;
+    uniforms.uSmooth.value = shot.draw === "smooth";
+    uniforms.uTone.value = shot.draw === "wireframe" ? kToneUnderEdges : 1;
+    surface.fill.material.uniformsNeedUpdate = surface.lines.material.uniformsNeedUpdate = true;
+    this.drawScene(this.fillScene, eye, after, kind, motion.step, shot.pointSize);
+    if (shot.draw === "wireframe") this.drawScene(this.edgeScene, eye, after, kind, motion.step, shot.pointSize);
   }
 
   private drawPart(motion: Motion, eye: Eye, after: number, size: number): void {

@@ -25,7 +25,7 @@ export class Pointer {
     scene.canvas.addEventListener("click", (event) => this.measureAt(event));
     scene.canvas.addEventListener("pointermove", (event) => this.showUnder(event));
     scene.canvas.addEventListener("pointerleave", () => stage.showReadout(""));
-    window.addEventListener("keydown", (event) => this.stopMeasuring(event));
+    window.addEventListener("keydown", (event) => this.measureWithKeys(event));
   }
 
   setCloud(cloud: CloudHead | null): void {
@@ -35,25 +35,38 @@ export class Pointer {
   // The next two points that are clicked.
   measure(): void {
     this.measured = [];
-    this.stage.showHint("Click two points to measure the distance between them. Escape cancels.");
+    this.stage.showHint("Click two points to measure their distance, or press Enter for the one in the middle. Escape cancels.");
+    this.showCross();
   }
 
   private measureAt(event: MouseEvent): void {
     if (!this.measured || !this.cloud) return;
-    const place = this.placeUnder(event);
-    if (place < 0) return;
+    this.measureFrom(this.placeUnder(event));
+  }
+
+  // The middle of the picture is marked while keys choose points.
+  private showCross(): void {
+    this.stage.element.classList.toggle("measuring", this.measured !== null);
+  }
+
+  private measureFrom(place: number): void {
+    if (place < 0 || !this.measured || !this.cloud) return;
     this.measured.push(this.scene.position(place));
-    if (this.measured.length < 2) return this.stage.showHint("Click the second point. Escape cancels.");
+    if (this.measured.length < 2) return this.stage.showHint("Now the second point. Escape cancels.");
     const distance = lengthInWords(this.measured[0].distanceTo(this.measured[1]), this.cloud.metres_per_unit);
     this.measured = null;
+    this.showCross();
     document.body.dataset.distance = distance;
     this.stage.showHint("");
     this.stage.say(`Distance in the original: ${distance}`, false, kToastOfDistance);
   }
 
-  private stopMeasuring(event: KeyboardEvent): void {
-    if (event.key !== "Escape" || !this.measured) return;
+  private measureWithKeys(event: KeyboardEvent): void {
+    if (!this.measured) return;
+    if (event.key === "Enter" && event.target === this.scene.canvas) return this.measureFrom(this.scene.pickPlace(0, 0));
+    if (event.key !== "Escape") return;
     this.measured = null;
+    this.showCross();
     this.stage.showHint("");
   }
 

@@ -56,6 +56,7 @@ export interface Param {
   default: string;
   help: string;
   expert: boolean; // folded away unless asked for
+  needs_faces: boolean; // says nothing of clouds without faces
 }
 
 export interface Hello {
@@ -68,6 +69,7 @@ export interface Hello {
   limits: string[];
   formats: { extensions: string[]; encodings: string[] };
   save_folder: string;
+  has_cloud: boolean; // one follows
 }
 
 export interface CloudHead {
@@ -86,6 +88,7 @@ export interface CloudHead {
   step: number;
   metres_per_unit: number | null; // null: the file does not say
   colours: { name: string; kind: "rgb" | "scalar" }[];
+  faces: number; // of the file; those that are drawn come with the head
   settles: boolean;
 }
 
@@ -144,4 +147,5 @@ export type Request =
   | ({ type: "save"; id: number; output: string; encoding: string; overwrite: boolean } & Recipe)
   | { type: "colours"; id: number; name: string }
   | { type: "noise"; id: number } // answered by colours whose array is "noise"
+  | { type: "outliers"; id: number } // by colours whose array is "outliers", reasons
   | { type: "cancel"; id: number };

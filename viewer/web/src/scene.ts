@@ -6,12 +6,13 @@ import * as THREE from "three";
 import { CloudPoints } from "./cloud_points";
 import type { Colours } from "./colours";
 import { Detail } from "./detail";
-import { Eye } from "./eye";
+import { Eye, pixelsPerUnit } from "./eye";
 import { Motion } from "./motion";
 import { type ColourMode, Picture, type Shot } from "./picture";
 import type { CloudHead, Numbers, Result } from "./protocol";
 import type { Box } from "./region";
-import type { View } from "./state";
+import type { Draw, View } from "./state";
+import { upAxis } from "./upright";
 
 const kRestDelay = 350; // ms
 const kPicked = 400000; // points looked at for one under the pointer
@@ -23,6 +24,7 @@ export class Scene {
   private readonly detail = new Detail();
   private readonly eye: Eye;
   private motion = new Motion();
+  private previewed: Float32Array | null = null; // displacements that faces show until a whole result comes
   private cloud: CloudHead | null = null;
   private positions: Float32Array = new Float32Array();
   private frame = 0;
@@ -72,8 +74,9 @@ export class Scene {
   setCloud(head: CloudHead, arrays: Record<string, Numbers>): void {
     this.cloud = head;
     this.positions = arrays.positions as Float32Array;
+    if (this.view.up === "auto") this.view.up = upAxis(head.name, head.origin, this.positions);
     this.motion = new Motion(head.shown);
-    this.points.reset(this.positions);
+    this.points.reset(this.positions, { ends: arrays.face_ends as Uint32Array, corners: arrays.face_corners as Uint32Array });
     this.setShading(arrays.normals, ["normal_before", "normal_after"]);
     this.picture.material.uniforms.uHasNormals.value = arrays.normals.length > 0;
     this.applyView();
@@ -83,8 +86,9 @@ export class Scene {
 
   /** Shows the displacements of a whole run. */
   setResult(head: Result, arrays: Record<string, Numbers>): void {
-    this.points.clearPart();
+    this.endPreview();
     for (const attribute of this.motion.take(head, arrays)) this.points.set(attribute);
+    this.points.surface.moved();
     if (arrays.motion_normals && !this.cloud?.settles) {
       this.setShading(arrays.motion_normals, ["normal_before", "normal_after"]);
       this.picture.material.uniforms.uHasNormals.value = true;
@@ -94,14 +98,38 @@ export class Scene {
 
   /** Shows displacements, in file units, of the places in a ball, until a whole result comes. */
   setPreview(places: Uint32Array, displacements: Float32Array, center: [number, number, number], radius: number): void {
-    this.points.setPart(places, displacements, { center, radius });
+    if (this.draw === "points") this.points.setPart(places, displacements, { center, radius });
+    else {
+      const all = this.motion.all();
+      places.forEach((place, i) => all.set(displacements.subarray(3 * i, 3 * i + 3), 3 * place));
+      this.previewed = all;
+      this.points.surface.showMotion(all);
+    }
     this.touch();
   }
 
   /** Back to the last whole result. */
   clearPreview(): void {
-    this.points.clearPart();
+    this.endPreview();
     this.touch();
+  }
+
+  private endPreview(): void {
+    this.points.clearPart();
+    if (!this.previewed) return;
+    this.previewed = null;
+    this.points.surface.moved();
+    const far = this.points.all.geometry.getAttribute("far_move");
+    if (far) this.points.surface.share("far_move", far as THREE.BufferAttribute);
+  }
+
+  /** Whether there are faces to draw. */
+  get hasFaces(): boolean {
+    return this.points.surface.isThere;
+  }
+
+  private get draw(): Draw {
+    return this.hasFaces ? this.view.draw : "points";
   }
 
   /** Normals of the result, for shading. */
@@ -148,7 +176,7 @@ export class Scene {
   applyView(): void {
     this.eye.zoomsToPointer = this.view.mode !== "side";
     if (this.view.camera.length === 0 && this.aspect !== this.fittedAspect) this.placeCamera();
-    const up = new THREE.Vector3(0, this.view.up === "y" ? 1 : 0, this.view.up === "z" ? 1 : 0);
+    const up = new THREE.Vector3(0, this.view.up === "y" ? 1 : 0, this.view.up === "y" ? 0 : 1);
     this.eye.setUp(up);
     this.picture.setLook(this.view.shade, this.view.edl, this.view.hide, up);
     this.touch();
@@ -181,6 +209,11 @@ export class Scene {
 
   height(place: number): number {
     return this.positions[3 * place + (this.view.up === "y" ? 1 : 2)];
+  }
+
+  /** How many pixels a length in the middle of the picture takes. */
+  pixels(length: number): number {
+    return (length * pixelsPerUnit(this.canvas.clientHeight)) / Math.max(1e-30, this.eye.distance);
   }
 
   /** Where the picture's point (x, y), -1 to 1, meets the cloud, relative to the origin; null if nowhere near. */
@@ -336,13 +369,14 @@ export class Scene {
     const shot = this.shot(this.count, 1);
     if (this.drawn === null) this.picture.clear();
     const from = this.drawn ?? 0;
-    const portion = this.detail.completing(this.count - from);
+    const portion = shot.draw === "points" ? this.detail.completing(this.count - from) : this.count - from; // faces at once
     const complete = from + portion >= this.count;
     this.drawn = from + portion;
     this.drawPoints(shot, from, portion, complete);
     if (complete) this.picture.show(this.eye, shot);
     else this.schedule();
-    this.detail.learnCompleting(portion, await this.picture.finished());
+    const time = await this.picture.finished();
+    if (shot.draw === "points") this.detail.learnCompleting(portion, time);
     if (complete) this.onShown();
   }
 
@@ -356,6 +390,7 @@ export class Scene {
 
   private drawPoints(shot: Shot, from: number, count: number, withPart: boolean): void {
     if (!this.cloud) return;
+    if (shot.draw !== "points") this.points.surface.prepare(shot.draw, () => this.previewed ?? this.motion.all());
     this.eye.setClipPlanes(this.cloud);
     this.picture.draw(this.points, this.motion, this.eye, shot, from, count, withPart);
   }
@@ -366,7 +401,7 @@ export class Scene {
     const { points, spacing, diagonal, shown } = this.cloud ?? { points: 1, spacing: 1, diagonal: 1, shown: 1 };
     const whole = size * (spacing || diagonal / 500 || 1);
     return {
-      mode: this.holding ? "before" : mode, wipe, fineness, exaggerate,
+      mode: this.holding ? "before" : mode, wipe, fineness, exaggerate, draw: this.draw,
       pointSize: whole * Math.sqrt(points / Math.max(1, drawn)),
       partSize: whole * Math.sqrt(points / Math.max(1, shown)),
     };

@@ -4,6 +4,17 @@
 /** What a point is coloured by; the numbers that the shader knows. */
 export const kColourModes = { plain: 0, rgb: 1, normal: 2, height: 3, displacement: 4, scalar: 5 } as const;
 
+// The light that falls on a surface that faces along n, in the eye's coordinates.
+const kLight = /* glsl */ `
+float light(vec3 n) {
+  float key = max(dot(n, normalize(vec3(-0.45, 0.55, 0.70))), 0.0);
+  float fill = max(dot(n, normalize(vec3(0.75, -0.15, 0.45))), 0.0);
+  return mix(1.0, 0.18 + 0.78 * key + 0.22 * fill, uShade);
+}
+vec3 dimmed(vec3 colour) { return mix(vec3(dot(colour, vec3(0.3, 0.59, 0.11))), vec3(0.10, 0.12, 0.15), 0.55); }
+`;
+
+/** Of points, and with FACES of the corners of faces, whose light each pixel has itself. */
 export const pointVertex = /* glsl */ `
 precision highp float;
 in vec3 position;
@@ -12,6 +23,11 @@ in vec2 motion;      // octahedral
 in vec3 move;        // steps
 in vec3 far_move;    // file units: displacements that no steps can say
 in vec2 normal_before, normal_after;
+#ifdef FACES
+in vec4 face_before, face_after;
+out vec3 vAt, vView, vNormal;
+out float vInside;
+#endif
 in vec3 rgb;
 in float scalar;
 in float inside;     // 1 where the limits let a point move
@@ -44,6 +60,7 @@ vec3 displacement() {
   return vec3(0.0);
 }
 
+${kLight}
 vec3 mapped(float value) { return texture(uMap, vec2(clamp(value, 0.0, 1.0) * 255.0 / 256.0 + 0.5 / 256.0, 0.5)).rgb; }
 float share(float value) { return (value - uRange.x) / max(uRange.y - uRange.x, 1e-30); }
 
@@ -54,11 +71,18 @@ void main() {
   gl_Position = projectionMatrix * view;
   gl_PointSize = clamp(uPointSize * uPixelsPerUnit / max(-view.z, 1e-20), max(uMinSize, 1.0), uMaxSize);
   bool finite = all(lessThan(abs(position), vec3(1e37)));
+#ifdef FACES
+  vAt = at;
+  vView = view.xyz;
+  vNormal = (modelViewMatrix * vec4(uAfter > 0.5 ? face_after.xyz : face_before.xyz, 0.0)).xyz;
+  vInside = inside;
+#else
   bool replaced = distance(position, uHole.xyz) <= uHole.w;
   if (!finite || replaced || (uHide && (any(lessThan(at, uBoxMin)) || any(greaterThan(at, uBoxMax))))) {
     gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
     gl_PointSize = 1.0;
   }
+#endif
 
   vec3 n = oct(uAfter > 0.5 ? normal_after : normal_before);
   vec3 seen = (modelViewMatrix * vec4(n, 0.0)).xyz;
@@ -74,14 +98,12 @@ void main() {
   }
   if (uColour == 5) base = isnan(scalar) ? vec3(0.35) : mapped(share(scalar));
 
-  float lit = 1.0;
-  if (uHasNormals && dot(n, n) > 0.5) {
-    float key = max(dot(seen, normalize(vec3(-0.45, 0.55, 0.70))), 0.0);
-    float fill = max(dot(seen, normalize(vec3(0.75, -0.15, 0.45))), 0.0);
-    lit = mix(1.0, 0.18 + 0.78 * key + 0.22 * fill, uShade);
-  }
-  vColour = base * lit;
-  if (uDim && inside < 0.5) vColour = mix(vec3(dot(vColour, vec3(0.3, 0.59, 0.11))), vec3(0.10, 0.12, 0.15), 0.55);
+#ifdef FACES
+  vColour = base;
+#else
+  vColour = base * (uHasNormals && dot(n, n) > 0.5 ? light(seen) : 1.0);
+  if (uDim && inside < 0.5) vColour = dimmed(vColour);
+#endif
 }
 `;
 
@@ -95,6 +117,28 @@ void main() {
   if (dot(c, c) > 0.25) discard;
 #endif
   colour = vec4(vColour, 1.0);
+}
+`;
+
+export const faceFragment = /* glsl */ `
+precision highp float;
+in vec3 vColour, vAt, vView, vNormal;
+in float vInside;
+uniform float uShade, uTone;
+uniform bool uSmooth, uHide, uDim;
+uniform vec3 uBoxMin, uBoxMax;
+out vec4 colour;
+${kLight}
+void main() {
+  if (uHide && (any(lessThan(vAt, uBoxMin)) || any(greaterThan(vAt, uBoxMax)))) discard;
+#ifdef LINES
+  vec3 base = vColour;
+#else
+  bool smoothly = uSmooth && dot(vNormal, vNormal) > 0.01;
+  vec3 n = normalize(smoothly ? vNormal : cross(dFdx(vView), dFdy(vView)));
+  vec3 base = vColour * light(dot(n, vView) > 0.0 ? -n : n) * uTone;
+#endif
+  colour = vec4(uDim && vInside < 0.5 ? dimmed(base) : base, 1.0);
 }
 `;
 

@@ -3,6 +3,7 @@
 
 import { h } from "./dom";
 import type { View } from "./state";
+import { kReads, Welcome } from "./welcome";
 
 export class Stage {
   readonly element = h("main", { class: "stage" });
@@ -12,13 +13,14 @@ export class Stage {
   private readonly handle = h("button", { class: "wipe", type: "button", role: "slider", "aria-label": "wipe",
     "aria-valuemin": "0", "aria-valuemax": "100", hidden: true });
   private readonly hint = h("div", { class: "hint", role: "status", hidden: true });
-  private readonly drop = h("div", { class: "drop", hidden: true }, "Drop a point cloud: PLY, PCD, XYZ, TXT, CSV, PTS, OFF or OBJ");
+  private readonly drop = h("div", { class: "drop", hidden: true }, `Drop a scan: ${kReads}`);
   private readonly readout = h("div", { class: "readout", hidden: true });
   private readonly toasts = h("div", { class: "toasts", role: "alert", "aria-live": "assertive" });
-  private readonly welcome = h("div", { class: "welcome" }, "Reading…");
+  readonly welcome: Welcome;
 
   constructor(private readonly view: View, private readonly wiped: (done: boolean) => void, dropped: (file: File) => void) {
-    this.element.append(this.seam, this.handle, this.left, this.right, this.readout, this.hint, this.welcome, this.toasts, this.drop);
+    this.welcome = new Welcome(dropped);
+    this.element.append(this.seam, this.handle, this.left, this.right, this.readout, this.hint, this.welcome.element, this.toasts, this.drop);
     this.listenToWipe();
     this.listenToDrops(dropped);
   }
@@ -37,10 +39,6 @@ export class Stage {
     this.right.hidden = !both;
     this.handle.style.left = `${100 * this.view.wipe}%`;
     this.handle.setAttribute("aria-valuenow", String(Math.round(100 * this.view.wipe)));
-  }
-
-  ready(): void {
-    this.welcome.hidden = true;
   }
 
   /** What is under the pointer; empty: nothing. */

@@ -4,6 +4,7 @@
 import type { Recipe } from "./protocol";
 
 export type Mode = "after" | "wipe" | "side" | "before";
+export type Draw = "smooth" | "flat" | "wireframe" | "points";
 
 export interface View {
   mode: Mode;
@@ -13,13 +14,14 @@ export interface View {
   edl: number; // strength of eye-dome lighting
   shade: number; // strength of shading by normals
   exaggerate: number; // factor on displacements in the picture
-  up: "y" | "z";
+  draw: Draw; // of a cloud with faces; of others the points are drawn
+  up: "auto" | "y" | "z"; // auto: as the cloud looks upright
   hide: boolean; // points outside the clip box
   camera: number[]; // position and target, relative to the cloud's origin; empty: fitted
 }
 
 export const defaultView = (): View => ({
-  mode: "after", wipe: 0.5, colour: "auto", size: 2, edl: 0.4, shade: 0.8, exaggerate: 1, up: "z", hide: false, camera: [],
+  mode: "after", wipe: 0.5, colour: "auto", size: 2, edl: 0.4, shade: 0.8, exaggerate: 1, draw: "smooth", up: "auto", hide: false, camera: [],
 });
 
 export const equalRecipes = (a: Recipe, b: Recipe) => recipeKey(a) === recipeKey(b);
@@ -81,22 +83,28 @@ export function writeFragment(cloud: string, recipe: Recipe, defaults: Recipe, v
   return "#" + words.toString();
 }
 
-/** Reads a fragment into copies of the defaults. What names no parameter of the table, or is no sound value, is left. */
+const kOfCloud = ["view.mode", "view.up"]; // what a cloud of another name does not take over
+
+/**
+ * Reads a fragment into copies of the defaults. What names no parameter of the table, or is no sound value, is left. `hasLook`:
+ * it says how the cloud is compared or coloured.
+ */
 export function readFragment(
   fragment: string,
   cloud: string,
   defaults: Recipe,
-): { recipe: Recipe; view: View } {
+): { recipe: Recipe; view: View; hasLook: boolean } {
   const recipe = copyRecipe(defaults);
   const view = defaultView();
   const words = new URLSearchParams(fragment.replace(/^#/, ""));
   const same = words.get("cloud") === cloud;
+  const other = words.has("cloud") && !same;
   for (const [key, text] of words) {
     if (key in defaults.params) recipe.params[key] = text;
     else if (same && key.startsWith("limit.") && key.slice(6) in defaults.limits) recipe.limits[key.slice(6)] = text;
-    else if (key.startsWith("view.")) readView(view, key.slice(5), text, same);
+    else if (key.startsWith("view.") && !(other && kOfCloud.includes(key))) readView(view, key.slice(5), text, same);
   }
-  return { recipe, view };
+  return { recipe, view, hasLook: !other && (words.has("view.mode") || words.has("view.colour")) };
 }
 
 function readView(view: View, key: string, text: string, same: boolean): void {
@@ -110,6 +118,7 @@ function readView(view: View, key: string, text: string, same: boolean): void {
   if (key === "shade" && inRange(0, 1)) view.shade = number;
   if (key === "exaggerate" && inRange(1, 10)) view.exaggerate = number;
   if (key === "up" && (text === "y" || text === "z")) view.up = text;
+  if (key === "draw" && ["smooth", "flat", "wireframe", "points"].includes(text)) view.draw = text as Draw;
   if (key === "hide") view.hide = text === "true";
   if (key === "camera" && same) {
     const camera = text.split(",").map(Number);

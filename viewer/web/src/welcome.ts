@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// What is there before a cloud is: a place to drop a file, and a button to choose one.
+
+import { h } from "./dom";
+
+export const kReads = "PLY, LAS, LAZ, COPC, E57, PCD, PTX, PTS, XYZ, TXT, CSV, NPY, STL, OFF, OBJ, GLB";
+
+/** Lets the user choose a file of this machine. */
+export function chooseFile(chosen: (file: File) => void): void {
+  const input = h("input", { type: "file", onchange: () => {
+    const file = input.files?.[0];
+    if (file) chosen(file);
+  } });
+  input.click();
+}
+
+export class Welcome {
+  private readonly words = h("p", {}, "Reading…");
+  private readonly door: HTMLElement;
+  readonly element: HTMLElement;
+
+  constructor(chosen: (file: File) => void) {
+    this.door = h("div", { class: "door", hidden: true },
+      h("h1", {}, "Open a scan"),
+      h("p", {}, "Drop a file here, or choose one of this machine."),
+      h("button", { type: "button", class: "plain primary", id: "choose", onclick: () => chooseFile(chosen) }, "Choose a file"),
+      h("p", { class: "note" }, kReads));
+    this.element = h("div", { class: "welcome" }, this.words, this.door);
+  }
+
+  /** Until a cloud comes. */
+  wait(words: string): void {
+    this.words.textContent = words;
+    this.show(false);
+  }
+
+  /** Asks for a file. */
+  ask(): void {
+    this.show(true);
+  }
+
+  hide(): void {
+    this.element.hidden = true;
+  }
+
+  private show(asks: boolean): void {
+    this.element.hidden = false;
+    this.door.hidden = !asks;
+    this.words.hidden = asks;
+  }
+}
