@@ -54,8 +54,8 @@ def average(states):
     return {kind: [sum(v) / len(v) for v in zip(*rows)] for kind, rows in sorted(table.items())}
 
 
-def validate(net, pieces, together):
-    """Per kind of cloud: geometric means of the ratios of mean, rms and Chamfer distance to the default run."""
+def ratios_of(net, pieces, together):
+    """The kind of each piece, and the logarithms of its ratios of mean, rms and Chamfer distance to the default run."""
     rows = []
     with torch.no_grad():
         for start in range(0, len(pieces), together):
@@ -63,6 +63,12 @@ def validate(net, pieces, together):
             batch = data.Batch(some + some[:1] * (together - len(some)))  # one shape, for which it was compiled
             ratios = torch.stack(batch.ratios(net(batch.geometry)), 1).tolist()
             rows += [(piece[0], its) for piece, its in zip(some, ratios)]
+    return rows
+
+
+def validate(net, pieces, together):
+    """Geometric means of the ratios, of all pieces and of each kind."""
+    rows = ratios_of(net, pieces, together)
     overall = [sum(v) / len(v) for v in zip(*(values for _, values in rows))]
     show = lambda values: " ".join(f"{math.exp(v):.3f}" for v in values)
     parts = [f"{kind} {show(values)}" for kind, values in average(rows).items()]
@@ -73,10 +79,10 @@ GROUPS = ("objects", "scans", "objects", "scans", "objects", "special", "objects
 
 
 class Training:
-    def __init__(self, a):
+    def __init__(self, a, kind_of_net=model.Net):
         self.a, self.step, self.trained = a, 0, 0.0
         torch.manual_seed(a.seed)
-        self.net, self.smooth = model.Net().to(a.device), model.Net().to(a.device)
+        self.net, self.smooth = kind_of_net().to(a.device), kind_of_net().to(a.device)
         self.smooth.load_state_dict(self.net.state_dict())
         weights = self.net.parameters()
         self.optimiser = torch.optim.AdamW(weights, lr=a.rate, betas=(0.9, 0.98), weight_decay=1e-3)
