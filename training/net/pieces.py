@@ -87,8 +87,8 @@ def pieces_of(cloud, program, scratch, rng):
 
 
 def whole_cloud(cloud, program, scratch, rng):
-    """The columns of a cloud smaller than a piece, in a unit in which the default run leaves an error of about 1, so that
-    clouds that share a piece count alike."""
+    """The columns of a cloud smaller than a piece, in a unit in which the default run leaves an error of about 1, so
+    that clouds that share a piece count alike."""
     measured, true = cloud.points.astype(float), cloud.clean.astype(float)
     places, normals, noise = default_run(program, measured, scratch)
     left = np.sqrt(np.mean(np.sum((places - true) ** 2, axis=1)[cloud.surface]))

@@ -30,7 +30,7 @@ def arguments():
     parser.add_argument("--rate", type=float, default=2e-3)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--most", type=int, default=10**9, help="files to load at most")
-    parser.add_argument("--without", default="", help="beginnings of kinds to leave out, with commas: scans_stereo,clean")
+    parser.add_argument("--without", default="", help="beginnings of kinds to leave out: scans_stereo,clean")
     parser.add_argument("--restart", action="store_true", help="count --total anew, with a fresh optimiser")
     parser.add_argument("--compile", action="store_true", help="compile the net if that is faster")
     parser.add_argument("--look", type=float, default=60, help="seconds between two validations")
