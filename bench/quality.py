@@ -58,7 +58,7 @@ class Contender:
 
 NOISY = Contender("noisy", "noisy", ((),))
 ON_MESH = Contender("noisy, put onto the mesh", "on_mesh", ((),))  # about what the best move along the normals leaves
-METHODS = ("laplacian", "taubin", "hc-laplacian", "mls", "wiener", "mollified")
+METHODS = ("laplacian", "taubin", "hc-laplacian", "mls", "wiener", "mollified", "learned")
 PEERS = (  # the quick ones first
     Contender("PCL MLS, default", "pcl_mls", (("--k", "48"),)),
     Contender("PCL MLS, best of 4", "pcl_mls", tuple(("--k", str(k)) for k in (24, 48, 96, 192))),

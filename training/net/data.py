@@ -4,8 +4,10 @@
 A file NAME.npz holds some pieces of one cloud, each of as many points as every other: arr_0 measured places, arr_1 what
 the default run made of them, arr_2 its normals, arr_3 the noise at each point, arr_4 the true places, arr_5 true
 normals, arr_6 which points are sound, arr_7 which lie well within the piece, arr_8 the lists of neighbours (points,
-scales, 16); and kind, a word.
+scales, 16); and kind, the group and the name of the family, as in training/families.py.
 """
+import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +19,9 @@ FLOOR = 0.01  # spacings, below which errors do not count
 
 
 class Pieces:
-    def __init__(self, device):
-        self.device, self.seen, self.training, self.held_out = device, set(), [], []
+    def __init__(self, device, without=()):
+        """`without` names beginnings of kinds that are left out."""
+        self.device, self.without, self.seen, self.training, self.held_out = device, tuple(without), set(), [], []
 
     def load(self, folder, most=10**9):
         for path in sorted(Path(folder).glob("*.npz")):
@@ -27,11 +30,23 @@ class Pieces:
             self.seen.add(path.name)
             with np.load(path) as file:
                 kind, columns = str(file["kind"]), [file[f"arr_{i}"] for i in range(9)]
+            if kind.startswith(self.without):
+                continue
+            columns[8] = columns[8].astype(np.int16)  # below 32,768 points
+            columns = [torch.as_tensor(column).to(self.device) for column in columns]
             number = int("".join(c for c in path.stem if c.isdigit()))
             for piece in zip(*columns):
-                tensors = [torch.as_tensor(column).to(self.device) for column in piece[:8]]
-                lists = torch.as_tensor(piece[8].astype(np.int16)).to(self.device)  # below 32,768 points
-                (self.held_out if number % 25 == 0 else self.training).append((kind, tensors, lists))
+                (self.held_out if number % 25 == 0 else self.training).append((kind, list(piece[:8]), piece[8]))
+
+    def keep_loading(self, folder, most=10**9, pause=5.0):
+        """Loads in a thread of its own what comes into the folder."""
+
+        def work():
+            while True:
+                self.load(folder, most)
+                time.sleep(pause)
+
+        threading.Thread(target=work, daemon=True).start()
 
 
 class Batch:

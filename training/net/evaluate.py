@@ -22,7 +22,7 @@ def main(folder, states):
     for state in states:
         net = model.Net().to(device)
         net.load_state_dict(torch.load(state, map_location=device)["smooth"])
-        print(f"{state}: {len(chosen)} pieces: {train.validate(net, chosen)}", flush=True)
+        print(f"{state}: {len(chosen)} pieces: {train.validate(net, chosen, 1)}", flush=True)
 
 
 if __name__ == "__main__":

@@ -64,7 +64,8 @@ class Layer(nn.Module):
 
     def forward(self, state, index, features):
         there = Rounded.apply(self.other(state) * spec.STORED, -32768.0, 32767.0) / spec.STORED
-        hidden = activation(self.own(state)[:, None] + there[index] + self.edge(features))
+        there = there.index_select(0, index.flatten()).view(*index.shape, -1)  # its gradient needs no sorting
+        hidden = activation(self.own(state)[:, None] + there + self.edge(features))
         mean = activation(hidden.mean(1))
         state = activation(self.update(torch.cat([state, mean, hidden.amax(1)], 1)))
         return state, self.gate(hidden) if self.gate is not None else None

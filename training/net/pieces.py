@@ -3,12 +3,13 @@
 
     python pieces.py OUT PROGRAM SECONDS [WORKER WORKERS [FIRST]]
 
-Each worker takes every WORKERS-th seed from FIRST on, until SECONDS have passed.
+Each worker takes every WORKERS-th seed from FIRST on, until SECONDS have passed. Clouds smaller than a piece share one.
 """
 import os
 import subprocess
 import sys
 import time
+from collections import defaultdict
 from pathlib import Path
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -56,6 +57,9 @@ def lists_of(points, rng):
     lists, own = [], np.arange(len(points))[:, None]
     for stride in spec.STRIDES:
         members = np.sort(rng.permutation(len(points))[: len(points) // stride])
+        if len(members) <= spec.NEIGHBORS:  # as in the program: the list of the finer scale again
+            lists.append(lists[-1])
+            continue
         found = members[cKDTree(points[members]).query(points, spec.NEIGHBORS + 1)[1]]
         is_own = found == own
         is_own[~is_own.any(1), spec.NEIGHBORS] = True
@@ -82,25 +86,72 @@ def pieces_of(cloud, program, scratch, rng):
     return pieces
 
 
+def whole_cloud(cloud, program, scratch, rng):
+    """The columns of a cloud smaller than a piece, in a unit in which the default run leaves an error of about 1, so
+    that clouds that share a piece count alike."""
+    measured, true = cloud.points.astype(float), cloud.clean.astype(float)
+    places, normals, noise = default_run(program, measured, scratch)
+    left = np.sqrt(np.mean(np.sum((places - true) ** 2, axis=1)[cloud.surface]))
+    scale = 1 / max(left, 0.02 * float(np.median(cloud.spacing)))
+    off = lambda a: ((a - true[0]) * scale).astype(np.float32)
+    lists = lists_of(off(places), rng)
+    columns = [off(measured), off(places.astype(float)), normals, noise * np.float32(scale), off(true)]
+    return columns + [cloud.normal.astype(np.float32), cloud.surface, np.ones(len(true), bool), lists]
+
+
+class Pile:
+    """Small clouds side by side, until no further one fits into a piece; repeats of a point, not judged, fill it."""
+
+    def __init__(self):
+        self.clouds, self.count = [], 0
+
+    def add(self, columns):
+        """The columns of a piece, if the cloud did not fit any more and begins another."""
+        full = self.piece() if self.count + len(columns[0]) > SIZE else None
+        if full:
+            self.clouds, self.count = [], 0
+        columns[8] = columns[8] + np.uint16(self.count)
+        self.clouds.append(columns)
+        self.count += len(columns[0])
+        return full
+
+    def piece(self):
+        columns = [np.concatenate(parts) for parts in zip(*self.clouds)]
+        rows = np.minimum(np.arange(SIZE), self.count - 1)
+        columns = [column[rows] for column in columns]
+        columns[7][self.count :] = False
+        return columns
+
+
 def kind_of(family):
     group = families.FAMILIES[family].group
-    return "obj" if group == "objects" else f"clean_{family}" if group == "clean" else family
+    return f"{group}_{family}"
+
+
+def write(out, seed, pieces, kind):
+    np.savez(f"{out}/{seed}.tmp.npz", *[np.stack(c) for c in zip(*pieces)], kind=kind)
+    os.replace(f"{out}/{seed}.tmp.npz", f"{out}/{seed}.npz")
 
 
 def main(out, program, seconds, worker=0, workers=1, first=1_000_000):
     Path(out).mkdir(parents=True, exist_ok=True)
     end, seed, names = time.time() + float(seconds), int(first) + int(worker), sorted(families.FAMILIES)
-    objects = [name for name in names if kind_of(name) == "obj"]
+    objects = [name for name in names if families.FAMILIES[name].group == "objects"]
+    piles, scratch = defaultdict(Pile), f"{out}/scratch{worker}"
     while time.time() < end:
         rng = np.random.default_rng(seed)
         among = objects if rng.random() < OBJECTS else names
         family = among[rng.integers(len(among))]
         cloud = families.draw(family, seed)
         if len(cloud.points) >= SIZE:
-            pieces = pieces_of(cloud, program, f"{out}/scratch{worker}", rng)
-            if pieces:
-                np.savez(f"{out}/{seed}.tmp.npz", *[np.stack(c) for c in zip(*pieces)], kind=kind_of(family))
-                os.replace(f"{out}/{seed}.tmp.npz", f"{out}/{seed}.npz")
+            pieces = pieces_of(cloud, program, scratch, rng)
+        else:
+            columns = whole_cloud(cloud, program, scratch, rng)
+            sound = all(np.isfinite(column).all() for column in columns[:6]) and cloud.surface.mean() > 0.6
+            full = piles[family].add(columns) if sound else None
+            pieces = [full] if full else []
+        if pieces:
+            write(out, seed, pieces, kind_of(family))
         seed += int(workers)
 
 

@@ -4,10 +4,12 @@
     python train.py DATA STATE --seconds 540 --total 3600
 
 DATA is a folder of pieces (data.py), to which files may be added meanwhile. STATE is the file to go on from and to
-save to. The rate of learning falls over --total seconds.
+save to. The rate of learning falls over --total seconds, counted from --restart on if the state was trained before.
 """
 import argparse
+import copy
 import math
+import random
 import time
 from collections import defaultdict
 from pathlib import Path
@@ -28,7 +30,10 @@ def arguments():
     parser.add_argument("--rate", type=float, default=2e-3)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--most", type=int, default=10**9, help="files to load at most")
-    parser.add_argument("--compile", action="store_true")
+    parser.add_argument("--without", default="", help="beginnings of kinds to leave out: scans_stereo,clean")
+    parser.add_argument("--restart", action="store_true", help="count --total anew, with a fresh optimiser")
+    parser.add_argument("--compile", action="store_true", help="compile the net if that is faster")
+    parser.add_argument("--look", type=float, default=60, help="seconds between two validations")
     parser.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
     return parser.parse_args()
 
@@ -37,7 +42,7 @@ def loss_of(batch, points):
     """Logarithms of ratios to the default run; what is worse than it counts three times, and clean clouds twice."""
     mean, rms, chamfer = batch.ratios(points)
     worse = torch.relu(mean + 0.005) + torch.relu(rms + 0.005)
-    of_object = torch.tensor([kind == "obj" for kind in batch.kinds], device=mean.device).float()
+    of_object = torch.tensor([kind.startswith("objects") for kind in batch.kinds], device=mean.device).float()
     is_clean = torch.tensor([kind.startswith("clean") for kind in batch.kinds], device=mean.device).float()
     return ((1 + is_clean) * (mean + rms + 2 * worse + of_object * chamfer)).mean()
 
@@ -49,24 +54,35 @@ def average(states):
     return {kind: [sum(v) / len(v) for v in zip(*rows)] for kind, rows in sorted(table.items())}
 
 
-def validate(net, pieces):
-    """Per kind of cloud: geometric means of the ratios of mean, rms and Chamfer distance to the default run."""
+def ratios_of(net, pieces, together):
+    """The kind of each piece, and the logarithms of its ratios of mean, rms and Chamfer distance to the default run."""
     rows = []
     with torch.no_grad():
-        for piece in pieces:
-            batch = data.Batch([piece])
-            rows.append((piece[0], [float(r) for r in batch.ratios(net(batch.geometry))]))
+        for start in range(0, len(pieces), together):
+            some = pieces[start : start + together]
+            batch = data.Batch(some + some[:1] * (together - len(some)))  # one shape, for which it was compiled
+            ratios = torch.stack(batch.ratios(net(batch.geometry)), 1).tolist()
+            rows += [(piece[0], its) for piece, its in zip(some, ratios)]
+    return rows
+
+
+def validate(net, pieces, together):
+    """Geometric means of the ratios, of all pieces and of each kind."""
+    rows = ratios_of(net, pieces, together)
     overall = [sum(v) / len(v) for v in zip(*(values for _, values in rows))]
     show = lambda values: " ".join(f"{math.exp(v):.3f}" for v in values)
     parts = [f"{kind} {show(values)}" for kind, values in average(rows).items()]
     return f"all {show(overall)} | " + " | ".join(parts)
 
 
+GROUPS = ("objects", "scans", "objects", "scans", "objects", "special", "objects", "scans", "clean", "special")
+
+
 class Training:
-    def __init__(self, a):
+    def __init__(self, a, kind_of_net=model.Net):
         self.a, self.step, self.trained = a, 0, 0.0
         torch.manual_seed(a.seed)
-        self.net, self.smooth = model.Net().to(a.device), model.Net().to(a.device)
+        self.net, self.smooth = kind_of_net().to(a.device), kind_of_net().to(a.device)
         self.smooth.load_state_dict(self.net.state_dict())
         weights = self.net.parameters()
         self.optimiser = torch.optim.AdamW(weights, lr=a.rate, betas=(0.9, 0.98), weight_decay=1e-3)
@@ -76,11 +92,36 @@ class Training:
             self.net.load_state_dict(saved["net"])
             self.smooth.load_state_dict(saved["smooth"])
             self.optimiser.load_state_dict(saved["optimiser"])
+            if a.restart:
+                self.trained, self.optimiser.state = 0.0, defaultdict(dict)
+        self.warm = self.step + 200
+        self.start = copy.deepcopy(self.smooth)
         self.generator = torch.Generator(device=a.device).manual_seed(a.seed + self.step)
-        if a.compile:
-            torch._dynamo.config.suppress_errors = True
-            self.net.core = torch.compile(self.net.core, dynamic=False)
-            model.of_scale = torch.compile(model.of_scale, dynamic=False)
+        self.by_group, self.sorted = defaultdict(lambda: defaultdict(list)), 0
+        self.dice = random.Random(a.seed + self.step)
+
+    def compile(self, pieces):
+        """Keeps the compiled net if a step with it takes less time; the steps taken meanwhile count."""
+
+        def seconds_of_step():
+            for warm in range(3):
+                self.train_once(pieces)
+            start = time.time()
+            for step in range(10):
+                self.train_once(pieces)
+            self.net.input.weight.detach()[0, 0].item()
+            return (time.time() - start) / 10
+
+        plain, core, of_scale = seconds_of_step(), self.net.core, model.of_scale
+        compiled = math.inf
+        try:
+            self.net.core, model.of_scale = (torch.compile(f, dynamic=False) for f in (core, of_scale))
+            compiled = seconds_of_step()
+        except Exception as error:  # whatever a compiler may meet: training goes on without
+            print(f"not compiled: {str(error)[:300]}", flush=True)
+        if not compiled < plain:
+            self.net.core, model.of_scale = core, of_scale
+        print(f"a step takes {plain:.4f} s, compiled {compiled:.4f} s", flush=True)
 
     def save(self):
         held = {"step": self.step, "trained": self.trained}
@@ -90,21 +131,21 @@ class Training:
         self.a.state.with_suffix(".new").replace(self.a.state)
 
     def choose(self, pieces):
-        """Half of the pieces from objects, the rest from sensors; kinds alike among these."""
-        by_kind = defaultdict(list)
-        for i, (kind, _, _) in enumerate(pieces):
-            by_kind[kind].append(i)
-        sensors = [kind for kind in by_kind if kind != "obj"]
-        draw = lambda n: int(torch.randint(n, (1,), generator=self.generator, device=self.a.device))
-        chosen = []
+        """Groups take turns (GROUPS), kinds in a group are alike."""
+        by_group, chosen = self.by_group, []
+        while self.sorted < len(pieces):
+            kind = pieces[self.sorted][0]
+            by_group[kind.split("_")[0]][kind].append(self.sorted)
+            self.sorted += 1
         for place in range(self.a.pieces):
-            is_object = "obj" in by_kind and (place % 2 == 0 or not sensors)
-            kind = "obj" if is_object else sensors[draw(len(sensors))]
-            chosen.append(pieces[by_kind[kind][draw(len(by_kind[kind]))]])
+            group = GROUPS[(self.step * self.a.pieces + place) % len(GROUPS)]
+            kinds = by_group[group if group in by_group else sorted(by_group)[place % len(by_group)]]
+            of_kind = kinds[self.dice.choice(sorted(kinds))]
+            chosen.append(pieces[self.dice.choice(of_kind)])
         return chosen
 
     def rate(self):
-        warm = min(1.0, (self.step + 1) / 200)
+        warm = min(1.0, 1 - (self.warm - self.step) / 200)
         done = min(1.0, self.trained / self.a.total)
         return self.a.rate * warm * (0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * done)))
 
@@ -119,7 +160,8 @@ class Training:
         if torch.isfinite(norm):
             self.optimiser.step()
         self.step += 1
-        keep = min(0.998, self.step / (self.step + 20))
+        recent = self.step - self.warm + 200
+        keep = min(0.998, recent / (recent + 20))
         with torch.no_grad():
             for kept, now in zip(self.smooth.parameters(), self.net.parameters()):
                 kept.lerp_(now, 1 - keep)
@@ -130,26 +172,31 @@ def main():
     a = arguments()
     end = time.time() + a.seconds
     torch.backends.cuda.matmul.allow_tf32 = True
-    pieces = data.Pieces(a.device)
+    pieces = data.Pieces(a.device, filter(None, a.without.split(",")))
     pieces.load(a.data, a.most)
     training = Training(a)
+    pieces.keep_loading(a.data, a.most)
     print(f"{len(pieces.training)} pieces, {len(pieces.held_out)} held out, from step {training.step}", flush=True)
+    if a.compile:
+        training.compile(pieces.training)
     looked = now = time.time()
     while now < end:
         loss = training.train_once(pieces.training)
         training.trained += time.time() - now
         now = time.time()
         if loss is not None and training.step % 200 == 0:
-            print(f"step {training.step} loss {loss:.4f}, {end - time.time():.0f} s left", flush=True)
-        if now > looked + 60:
-            pieces.load(a.data, a.most)
+            count = len(pieces.training)
+            print(f"step {training.step} loss {loss:.4f}, {count} pieces, {end - now:.0f} s left", flush=True)
+        if now > looked + a.look:
             training.save()
             if pieces.held_out:
-                print(f"step {training.step}: {validate(training.smooth, pieces.held_out[:100])}", flush=True)
+                print(f"step {training.step}: {validate(training.smooth, pieces.held_out[:96], a.pieces)}", flush=True)
             looked = now = time.time()
     training.save()
     if pieces.held_out:
-        print(f"end, step {training.step}: {validate(training.smooth, pieces.held_out)}", flush=True)
+        some = list(pieces.held_out)
+        print(f"start: {validate(training.start, some, a.pieces)}", flush=True)
+        print(f"end, step {training.step}: {validate(training.smooth, some, a.pieces)}", flush=True)
 
 
 if __name__ == "__main__":
