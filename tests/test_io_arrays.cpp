@@ -268,6 +268,10 @@ TEST(PlainFloats, KittiAndNuscenesAreReadWhereTheyAreNamed) {
   EXPECT_EQ(image(cloud, Format::kitti), kitti);
   cloud.points[1].z = 7;
   EXPECT_EQ(image(cloud, Format::kitti), packed<float>({1, 2, 3, 0.5F, 4, 5, 7, 0.25F}));
+  cloud.added = {make_attribute("mark", ScalarType::uint8, std::vector<std::uint8_t>{1, 2})};
+  EXPECT_EQ(image(cloud, Format::kitti), packed<float>({1, 2, 3, 0.5F, 4, 5, 7, 0.25F}));
+  ASSERT_EQ(losses(cloud, Format::kitti).size(), 1);
+  EXPECT_NE(losses(cloud, Format::kitti)[0].find("mark"), std::string::npos);
   const Cloud frame = parse(nuscenes, "0.bin", Format::nuscenes);
   EXPECT_EQ(values<float>(frame, "ring"), (std::vector<float>{7, 8}));
   refusal(nuscenes, "0.bin", Format::kitti);

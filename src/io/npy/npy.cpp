@@ -160,7 +160,16 @@ void write_npy(const Table& table, Output& out) {
 // Plain floats, as the data sets KITTI (x, y, z, intensity) and nuScenes (the same, and the ring) have them.
 std::shared_ptr<Source> read_floats(FileBytes bytes, const std::string& name, Format format) {
   class Floats final : public RecordSource {
+   public:
     using RecordSource::RecordSource;
+
+   protected:
+    // Without what was added: nothing in such a file says how many floats a point has.
+    void append_block(std::size_t block, const Moves& moves, const Edits& edits, std::string& to) const override {
+      const std::size_t begin = record_begin(block_begin(block)), end = record_begin(block_begin(block + 1));
+      to.append(points().substr(begin, end - begin));
+      patch(block, moves, edits.replaced, to.data(), begin, 0);
+    }
   };
   static constexpr std::array<const char*, 5> kNames = {"x", "y", "z", "intensity", "ring"};
   RecordLayout layout;
