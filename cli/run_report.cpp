@@ -135,7 +135,7 @@ void find_out(bool keeps_normals, const WriteOptions& options, const Cloud& befo
   findings.step = written_step(before, options);
   findings.float_step = estimates.float_step;
   findings.displacement = displacement(before, after);
-  findings.notes = notes(keeps_normals, options, before, findings);
+  findings.notes = notes(keeps_normals, options, after, findings);
   const UnmovedCounts& unmoved = pipeline.report().unmoved;
   const Statistics& moved = findings.displacement;
   const std::vector<std::string> doubtful =

@@ -122,9 +122,7 @@ std::vector<Content> lost_of_copy(const Cloud& cloud, Format format) {
     if (std::none_of(own.begin(), own.end(), named)) added += (added.empty() ? "" : ", ") + attribute.name;
   }
   if (added.empty()) return {};
-  const bool takes_none =
-      format == Format::off || format == Format::obj || format == Format::kitti || format == Format::nuscenes;
-  if (takes_none) return {{ContentKind::numbers, added}};
+  if (!takes_attributes(format)) return {{ContentKind::numbers, added}};
   if (io::keeps(format, ContentKind::names) == Keeps::noted) return {{ContentKind::names, added}};
   return {};
 }

@@ -26,6 +26,15 @@ class Losses(Case):
         self.assertEqual(notes, ["note: PCD files have no place for 1 face", "note: PCD files have no place for 1 comment"])
         self.assertEqual(self.notes(mesh, self.path("b.ply")), [])
 
+    def test_a_mark_that_the_file_has_no_place_for_is_a_note(self):
+        rows = ROWS.splitlines()
+        texts = {"a.obj": "".join(f"v {row}\n" for row in rows), "a.off": "OFF\n100 0 0\n" + ROWS,
+                 "a.ptx": "100\n1\n0 0 9\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n" + "".join(f"{row} 0.5\n" for row in rows)}
+        for name, text in texts.items():
+            notes = self.notes(self.put(name, text), self.path("b" + name[1:]), "--outliers", "mark")
+            self.assertEqual([note for note in notes if "no place for the attributes outlier" in note], notes[:1], name)
+            self.assertEqual(len(notes), 1, name)
+
     def test_strict_refuses_a_loss_before_the_run(self):
         mesh = self.put("a.obj", "".join("v " + row + "\n" for row in ROWS.splitlines()) + "f 1 2 12\n")
         self.fails(3, "run", mesh, self.path("b.pcd"), "--strict", "--device", "cpu", says=["b.pcd", "no place for 1 face", "--strict"])
