@@ -111,12 +111,6 @@ class RecordCoder {
   std::size_t time_at_ = 0, color_at_ = 0, wave_at_ = 0, bytes_at_ = 0;
 };
 
-std::size_t record_length(const Compression& compression) {
-  std::size_t length = 0;
-  for (const Item& item : compression.items) length += item.size;
-  return length;
-}
-
 // A chunk on its way into records, of which the first one stands in it as it is.
 template <class Version>
 class ChunkDecoder {
@@ -124,7 +118,7 @@ class ChunkDecoder {
   using Steps = typename RecordCoder<Version>::Steps;
 
   ChunkDecoder(const Compression& compression, const CodedChunk& chunk)
-      : length_(record_length(compression)),
+      : length_(compression.record_length()),
         decoder_(chunk.bytes.substr(length_)),
         coder_(compression, chunk.bytes.data()),
         record_(chunk.records.data() + length_),
@@ -185,7 +179,7 @@ void encode_record(std::integer_sequence<int, kStep...>, Records& coder, Encoder
 
 template <class Version>
 void encode(const Compression& compression, std::span<const char> records, Encoder& encoder) {
-  const std::size_t length = record_length(compression);
+  const std::size_t length = compression.record_length();
   RecordCoder<Version> coder(compression, records.data());
   for (std::size_t at = length; at < records.size(); at += length) {
     char* const record = const_cast<char*>(records.data()) + at;  // which an encoder only reads
@@ -198,13 +192,13 @@ bool is_first_version(const Compression& compression) { return compression.items
 }  // namespace
 
 bool decode_interleaved(const Compression& compression, const CodedChunk& chunk) {
-  if (chunk.bytes.size() < record_length(compression)) return false;
+  if (chunk.bytes.size() < compression.record_length()) return false;
   return is_first_version(compression) ? decode<FirstVersion>(compression, chunk)
                                        : decode<SecondVersion>(compression, chunk);
 }
 
 bool decode_two_interleaved(const Compression& compression, const CodedChunk& one, const CodedChunk& other) {
-  if (is_first_version(compression) || std::min(one.bytes.size(), other.bytes.size()) < record_length(compression))
+  if (is_first_version(compression) || std::min(one.bytes.size(), other.bytes.size()) < compression.record_length())
     return false;
   ChunkDecoder<SecondVersion> a(compression, one), b(compression, other);
   while (!a.is_done() && !b.is_done()) {
@@ -214,7 +208,7 @@ bool decode_two_interleaved(const Compression& compression, const CodedChunk& on
 }
 
 void encode_interleaved(const Compression& compression, std::span<const char> records, std::string& to) {
-  to.append(records.data(), record_length(compression));
+  to.append(records.data(), compression.record_length());
   Encoder encoder(to);
   if (is_first_version(compression)) {
     encode<FirstVersion>(compression, records, encoder);

@@ -73,6 +73,12 @@ std::size_t find_table(std::string_view bytes, const Header& header, const std::
 
 }  // namespace
 
+std::size_t Compression::record_length() const {
+  std::size_t length = 0;
+  for (const Item& item : items) length += item.size;
+  return length;
+}
+
 std::size_t Compression::layers() const {
   std::size_t count = 0;
   for (const Item& item : items) {

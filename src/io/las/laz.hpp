@@ -42,6 +42,8 @@ struct Compression {
   /// Of all items; waveforms of formats 4 and 5 have version 1 alone.
   unsigned version() const { return items.front().version; }
   void set_version(unsigned version);
+  /// Bytes of a record: of all items.
+  std::size_t record_length() const;
   /// Layers of a chunk, where there are such.
   std::size_t layers() const;
 };
