@@ -15,7 +15,7 @@ endif
 FUZZ_SECONDS ?= 60
 FUZZ_TARGETS = $(notdir $(wildcard build/fuzz/bin/fuzz_*))
 
-.PHONY: help demo build test wheel wheels golden bench quality bench-laz bench-viewer train-net paper-tables figures gallery estimates gpu release fuzz format docs asan tsan clean install
+.PHONY: help demo build test wheel wheels golden bench quality bench-laz bench-viewer train-net paper-tables figures gallery estimates gpu release source recipes deb fuzz format docs asan tsan clean install
 
 help:
 	@echo "make build    the program, build/bin/pointfair"
@@ -23,6 +23,9 @@ help:
 	@echo "make test     all tests"
 	@echo "make wheel    the Python package with the program, dist/*.whl"
 	@echo "make wheels   wheels and archives for several systems with a pinned compiler, in dist (WHEELS='$(WHEELS)')"
+	@echo "make source   the source archive with the viewer's page, in dist, from which packages are made"
+	@echo "make recipes URL=...  recipes for conda-forge, vcpkg, Homebrew, Docker and Apptainer, in dist/recipes"
+	@echo "make deb      Debian packages from the source archive, in dist"
 	@echo "make golden   small clouds of all kinds give the known bytes, in every way that this processor has"
 	@echo "make bench    time every stage and the peers"
 	@echo "make quality  measure the noise that is left by each method and peer, into docs; some hours, goes on if stopped"
@@ -165,6 +168,19 @@ release:
 	cmake --preset release
 	cmake --build build/release
 	scripts/check_architectures.sh build/release/bin/pointfair
+
+source:
+	@$(install) build
+	cmake --preset $(preset) -DPOINTFAIR_TESTS=OFF
+	cmake --build build --target pointfair_page
+	packaging/make.sh source
+
+recipes:
+	packaging/make.sh recipes $(URL)
+
+deb:
+	@$(install) build deb
+	packaging/make.sh deb
 
 fuzz:
 	@$(install) build test fuzz

@@ -1,6 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 # Builds the viewer's page in a copy of its sources, if they changed: cmake -DSOURCE=... -DWORK=... -DPAGE=... -P this.
 # Where that is not possible the build goes on: the program then says that its page is missing.
+# A source archive (packaging/make.sh) brings the page, so that neither node nor a network connection is needed.
+if(EXISTS ${SOURCE}/../page/index.html)
+  file(COPY ${SOURCE}/../page/ DESTINATION ${PAGE})
+  return()
+endif()
 file(GLOB_RECURSE sources LIST_DIRECTORIES false RELATIVE ${SOURCE} ${SOURCE}/*)
 list(FILTER sources EXCLUDE REGEX "^(node_modules|dist)/")
 set(hashes "")

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # Installs the Debian or Ubuntu packages that the named jobs need and this machine lacks, and says which.
 # A machine that has them all is left alone: no network, no root.
-# Usage: scripts/install_packages.sh build|test|python|demo|bench|plots|fuzz|format|docs...
+# Usage: scripts/install_packages.sh build|test|python|demo|bench|plots|fuzz|format|docs|deb...
 set -euo pipefail
 
 packages_for() {
@@ -16,7 +16,8 @@ packages_for() {
     fuzz) echo clang-16 libclang-rt-16-dev ;;
     format) echo clang-format-16 ;;
     docs) echo doxygen ;;
-    *) echo "$0: unknown job '$1': use build, test, python, demo, bench, plots, fuzz, format or docs" >&2; exit 2 ;;
+    deb) echo dpkg-dev debhelper ;;
+    *) echo "$0: unknown job '$1': use build, test, python, demo, bench, plots, fuzz, format, docs or deb" >&2; exit 2 ;;
   esac
 }
 
