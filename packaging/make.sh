@@ -36,7 +36,7 @@ make_recipes() {
   rm -rf dist/recipes
   for recipe in conda/recipe.yaml vcpkg/vcpkg.json vcpkg/portfile.cmake vcpkg/usage homebrew/pointfair.rb docker/Dockerfile docker/pointfair.def; do
     mkdir -p "dist/recipes/${recipe%/*}"
-    sed "s|@URL@|$url|g; s|@VERSION@|$version|g; s|@SHA256@|${sha256%% *}|g; s|@SHA512@|${sha512%% *}|g" \
+    sed "s|@URL@|$url|g; s|@HOMEPAGE@|${url%/releases/*}|g; s|@VERSION@|$version|g; s|@SHA256@|${sha256%% *}|g; s|@SHA512@|${sha512%% *}|g" \
       "packaging/$recipe" > "dist/recipes/$recipe"
   done
   for recipe in conda docker; do cp packaging/smoke.sh dist/recipes/$recipe; done

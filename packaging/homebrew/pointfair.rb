@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 class Pointfair < Formula
   desc "Removes the noise of 3D scans and keeps their shape"
-  homepage "@URL@"
+  homepage "@HOMEPAGE@"
   url "@URL@"
   sha256 "@SHA256@"
   license "Apache-2.0"
