@@ -95,8 +95,8 @@ void check_files(const RunArguments& arguments) {
   if (!arguments.more.empty())
     throw Error(ErrorKind::usage, "several inputs need a folder for their results; give --out-dir");
   if (is_survey(arguments.input))
-    throw Error(ErrorKind::file, described_survey(arguments.input) +
-                                     "; give --out-dir DIR for their results, and --each if they are not one cloud");
+    throw Error(ErrorKind::file, described_survey(arguments.input) + "; give --out-dir DIR for their results" +
+                                     (arguments.each ? "" : ", and --each if they are not one cloud"));
   if (arguments.each || arguments.skip_existing)
     throw Error(ErrorKind::usage,
                 "--each and --skip-existing are for many files; give --out-dir DIR for their results");

@@ -290,6 +290,8 @@ TEST(FilesErrors, CheckWriteRefusesWhatWriteWouldAndWritesNothing) {
   expect(folder / "out.glb", {}, ErrorKind::usage, "glTF files are read, not written");
   expect(folder / "out.kitti", {}, ErrorKind::usage, "written from such files only");
   expect(folder / "out.foo", {}, ErrorKind::file, "unknown extension");
+  const Thrown unknown = thrown_by([&] { check_write(folder / "out.foo", cloud, {}); });
+  EXPECT_EQ(unknown.message.find(".glb"), std::string::npos) << "offered, and then refused: " << unknown.message;
   check_write(folder / "out.ply", cloud, binary);
   EXPECT_EQ(folder.names(), std::vector<std::string>{"in.xyz"});
 }

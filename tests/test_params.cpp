@@ -160,7 +160,14 @@ TEST(InFileUnits, divides_metres_by_the_unit_and_refuses_them_where_there_is_non
   params.radius = {2, Length::Unit::spacing};
   EXPECT_EQ(in_file_units(params, 0.3048).noise, Length(1.0));
   EXPECT_EQ(in_file_units(params, 0.3048).radius, params.radius);
-  EXPECT_THROW(in_file_units(params, std::nullopt), Error);
+  try {
+    in_file_units(params, std::nullopt);
+    FAIL() << "metres of a file without a unit";
+  } catch (const Error& error) {
+    const std::string said = error.what();
+    EXPECT_EQ(said.find("0.3048"), std::string::npos) << "1ft was typed: " << said;
+    EXPECT_EQ(said.find("--noise: "), 0u) << said;
+  }
   params.noise = 5.0;
   EXPECT_EQ(in_file_units(params, std::nullopt), params);
 }

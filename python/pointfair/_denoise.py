@@ -14,7 +14,7 @@ from ._params import Params
 from ._progress import Progress, progress_function
 from ._report import DeviceStatus, Estimates, Report, device_of, report_of
 from ._runs import borrowed, make_params, run_cloud, set_viewpoint
-from ._step import denoise_by_step
+from ._step import denoise_by_step, refuse_with_step
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -113,11 +113,8 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
         device = "cpu"
     strength, box = as_strength(strength), as_box(box)
     if step is not None:
-        given = dict(where=where, ignore=ignore, viewpoint=viewpoint, faces=faces, weights=weights, out=out)
-        refused = [name for name, value in given.items() if value is not None]
-        refused += [name for name, value in (("progress", progress), ("return_report", return_report)) if value]
-        if refused:
-            raise UsageError(f"{refused[0]} does not go with step: leave it out")
+        refuse_with_step(where=where, ignore=ignore, viewpoint=viewpoint, faces=faces, weights=weights, out=out,
+                         progress=progress or None, return_report=return_report or None)
         return denoise_by_step(points, step, chosen, mask=mask, box=box, strength=strength, device=device, threads=threads)
     layout = _card.layout_of(points)
     _check_kind(points, layout, by_attribute=where is not None or ignore is not None,

@@ -14,6 +14,7 @@ from ._params import Params
 from ._progress import Progress, progress_function
 from ._report import DeviceInfo, Estimates, Report, device_of, report_of
 from ._runs import make_params, native_pipeline, set_viewpoint, set_weights
+from ._step import denoise_by_step, refuse_with_step
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from typing_extensions import Unpack
 
     from ._params import ParamArguments
+    from ._step import Step
 
     Points = TypeVarWithDefault("Points", default=NDArray[Any])
 else:
@@ -54,10 +56,12 @@ class Pipeline(Generic[Points]):
 
     def __init__(self, device: str = "auto", *, threads: int = 0, weights: Any = None) -> None:
         self._native = native_pipeline(device, threads)
+        self._where = device, threads
         if weights is not None:
             set_weights(self._native, weights)
         self._layout: Layout | None = None
         self._on_card: Any = None  # the array that lies on the card
+        self._given: set[str] = set()  # beside the points, since the last load
         self._last_params: Params | None = None
 
     def load(self, points: Points, *, ignore: str | None = None) -> None:
@@ -67,7 +71,7 @@ class Pipeline(Generic[Points]):
         one that fails on the way, for lack of memory for instance, leaves a pipeline that holds no cloud."""
         if isinstance(points, Cloud):
             self._native.load_cloud(points._native, as_selections(ignore, "ignore"))
-            self._layout, self._on_card = None, None
+            self._layout, self._on_card, self._given = None, None, set() if ignore is None else {"ignore"}
             return
         if ignore is not None:
             raise UsageError("ignore needs a Cloud, whose attributes it names")
@@ -75,13 +79,13 @@ class Pipeline(Generic[Points]):
             card_layout = _card.CardLayout(points)
             stream = _card.current_stream(card_layout)
             self._native.load_on_card(_card.card_array(points, stream), stream)
-            self._layout, self._on_card = None, points
+            self._layout, self._on_card, self._given = None, points, set()
             return
         array = as_numpy(points)
         check_positions(array, images=True)
         layout = Layout(array, points).keep()
         self._native.load(layout.without_empty_pixels(rows(array)), True)
-        self._layout, self._on_card = layout, None
+        self._layout, self._on_card, self._given = layout, None, set()
 
     def run(
         self,
@@ -92,15 +96,20 @@ class Pipeline(Generic[Points]):
         strength: float = 1.0,
         box: Any = None,
         out: Any = None,
+        step: Step | None = None,
         progress: Progress = False,
         **parameters: Unpack[ParamArguments],
     ) -> Points:
         """Denoises the loaded cloud. Arguments are those of pointfair.denoise. Returns what was loaded, an array of the
-        same type, shape and order or a Cloud, with the moved positions."""
+        same type, shape and order or a Cloud, with the moved positions. After a run with `step`, `report`, `normals` and
+        `outliers` are those of one iteration of the library on the loaded cloud."""
         chosen = make_params(params, parameters)
         holds = self._native.holds  # after a load that failed, nothing, whatever the fields say
         if holds == "nothing":
             raise UsageError("the pipeline holds no cloud: call load first")
+        if step is not None:
+            refuse_with_step(where=where, out=out, progress=progress or None, **dict.fromkeys(self._given, True))
+            return self._run_step(step, chosen, as_strength(strength), as_box(box), mask)
         limits = (as_strength(strength), as_box(box), as_mask(mask, len(self), self._grid), as_selections(where, "where"))
         with progress_function(progress) as show:
             if holds == "cloud":
@@ -116,6 +125,14 @@ class Pipeline(Generic[Points]):
             result = Result(self._layout, out)
             self._native.run(chosen._native, result.rows, *limits, show)
             return result.finish()  # type: ignore[no-any-return]
+
+    def _run_step(self, step: Step, params: Params, strength: float, box: list[float] | None, mask: Any) -> Points:
+        if self._on_card is not None:
+            raise UsageError("step takes arrays in host memory: load a copy that lies there")
+        held: Any = self.run(params.replace(iterations=1), strength=0.0)  # the points as they were loaded
+        device, threads = self._where
+        moved = denoise_by_step(held, step, params, mask=mask, box=box, strength=strength, device=device, threads=threads)
+        return moved  # type: ignore[no-any-return]
 
     def _run_on_card(self, params: Params, out: Any, show: Any) -> Any:
         layout = _card.CardLayout(self._on_card)
@@ -178,6 +195,7 @@ class Pipeline(Generic[Points]):
             0.01
         """
         self._native.set_noise(as_sigmas(sigmas, len(self), self._grid))
+        self._note("noise of each point", sigmas)
 
     def set_viewpoint(self, viewpoint: Any) -> None:
         """Gives the place where the sensor stood, in the coordinates of the loaded points: (3,), or (N, 3) with a
@@ -196,6 +214,7 @@ class Pipeline(Generic[Points]):
             True
         """
         set_viewpoint(self._native, viewpoint, self._grid)
+        self._note("viewpoint", viewpoint)
 
     def set_faces(self, faces: Any) -> None:
         """Gives the faces of the loaded points for connectivity="mesh": the numbers of their points, (F, 3) for
@@ -213,6 +232,14 @@ class Pipeline(Generic[Points]):
             (True, 116)
         """
         self._native.set_faces(as_faces(faces))
+        self._note("faces", faces)
+
+    def _note(self, name: str, value: Any) -> None:
+        """What a run with a step of one's own would leave unread."""
+        if value is None:
+            self._given.discard(name)
+        else:
+            self._given.add(name)
 
     def outliers(self) -> NDArray[np.bool_] | None:
         """True for each outlier of the last run; None unless it had outliers="mark"."""

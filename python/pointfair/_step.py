@@ -38,6 +38,13 @@ def nearest_neighbors(points: Any, k: int) -> NDArray[np.int64]:
     return found
 
 
+def refuse_with_step(**given: Any) -> None:
+    """Raises UsageError for the first thing given, not None, that a run with a step would leave unread."""
+    for name, value in given.items():
+        if value is not None:
+            raise UsageError(f"{name} does not go with step: leave it out")
+
+
 def denoise_by_step(points: Any, step: Step, params: Params, *, mask: Any, box: Any, strength: float, device: str,
                     threads: int) -> Any:
     """What denoise does where it was given a step; `box` and `strength` as as_box and as_strength give them."""

@@ -9,9 +9,11 @@
 
 namespace pointfair::io {
 
-/// What a name may end in, in words.
+/// What the name of a file that is read may end in, and of one that is written, in words.
 inline constexpr const char* kKnownExtensions =
     ".ply, .pcd, .las, .laz, .e57, .ptx, .stl, .npy, .glb, .xyz, .txt, .csv, .pts, .off or .obj";
+inline constexpr const char* kWrittenExtensions =
+    ".ply, .pcd, .las, .laz, .e57, .ptx, .stl, .npy, .xyz, .txt, .csv, .pts, .off or .obj";
 
 /// The format that the content shows by itself: ply, pcd, off or obj; nothing for plain numbers.
 std::optional<Format> format_of_content(std::string_view bytes);

@@ -166,8 +166,9 @@ Plan plan(const std::filesystem::path& path, const Cloud& cloud, const WriteOpti
   const std::optional<Format> own = cloud.source ? std::optional(cloud.source->format()) : std::nullopt;
   const Format format = options.format ? *options.format : format_to_write(path, own);
   check(cloud);
+  const Plan chosen = plan(cloud, format, options.encoding, options.las_scale);  // a file that cannot be loses nothing
   if (options.strict) refuse_losses(path, cloud, format, options.encoding);
-  return plan(cloud, format, options.encoding, options.las_scale);
+  return chosen;
 }
 
 void carry_out(const Plan& plan, const Cloud& cloud, unsigned threads, io::Output& out) {
@@ -238,8 +239,8 @@ Cloud shell_of(const std::shared_ptr<const Source>& source) {
 Plan streamed_plan(const Cloud& shell, const std::filesystem::path& path, const WriteOptions& options) {
   const Source& source = *shell.source;
   const Format format = options.format ? *options.format : format_to_write(path, source.format());
-  if (options.strict) refuse_losses(path, shell, format, options.encoding);
   const Plan chosen = plan(shell, format, options.encoding, options.las_scale);
+  if (options.strict) refuse_losses(path, shell, format, options.encoding);
   const bool transcodes =
       chosen.encoding != source.encoding() && io::family(format) != Format::las && format != Format::ply;
   if (!chosen.copy || transcodes)
@@ -277,7 +278,7 @@ Format format_to_write(const std::filesystem::path& path, std::optional<Format> 
   const bool are_floats = source == Format::kitti || source == Format::nuscenes;
   const bool is_nameless = !path.has_extension() || (are_floats && io::lower_case(path.extension().string()) == ".bin");
   if (!format && is_nameless) format = source;
-  if (!format) io::fail(name, std::string("unknown extension; name the file ") + io::kKnownExtensions);
+  if (!format) io::fail(name, std::string("unknown extension; name the file ") + io::kWrittenExtensions);
   return *format;
 }
 

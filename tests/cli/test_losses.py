@@ -39,6 +39,11 @@ class Losses(Case):
         mesh = self.put("a.obj", "".join("v " + row + "\n" for row in ROWS.splitlines()) + "f 1 2 12\n")
         self.fails(3, "run", mesh, self.path("b.pcd"), "--strict", "--device", "cpu", says=["b.pcd", "no place for 1 face", "--strict"])
         self.ok("run", mesh, self.path("b.ply"), "--strict", "--device", "cpu")
+        self.fails(2, "run", mesh, self.path("b.glb"), "--strict", "--device", "cpu", says="read, not written")
+
+    def test_a_length_in_metres_is_not_repeated_in_a_unit_that_nobody_typed(self):
+        said = self.fails(2, "run", self.put("a.xyz", ROWS), self.path("b.xyz"), "--noise", "3mm", says="how long its unit is")
+        self.assertNotIn("0.003m", said)
 
     def test_new_normals_are_refused_where_the_old_ones_stay(self):
         mesh = self.put("a.obj", "".join(f"v {row}\nvn 0 0 1\n" for row in ROWS.splitlines()))

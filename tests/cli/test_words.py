@@ -47,7 +47,9 @@ class Words(Case):
         folder.mkdir()
         for name in ("a.ply", "b.ply"):
             write_ply(folder / name, sphere_points(100, 0.01))
-        self.fails(3, "run", folder, self.path("out.ply"), says=["is a folder of 2 point clouds", "--out-dir"])
+        self.fails(3, "run", folder, self.path("out.ply"), says=["is a folder of 2 point clouds", "--out-dir", "--each"])
+        said = self.fails(3, "run", folder, self.path("out"), "--each", says="--out-dir")
+        self.assertNotIn("and --each", said)
         write_ply(self.path("in.ply"), sphere_points(100, 0.01))
         self.fails(3, "run", self.path("in.ply"), folder, says="is a folder")
 

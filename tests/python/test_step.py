@@ -86,6 +86,34 @@ def test_wrong_steps_are_refused(arguments, message):
         pf.denoise(POINTS, **arguments)
 
 
+@pytest.mark.parametrize("points", [POINTS, POINTS.astype(np.float32).reshape(40, 50, 3), pf.Cloud(POINTS)], ids=["array", "image", "cloud"])
+def test_a_pipeline_takes_a_step_and_keeps_its_cloud(points):
+    pipeline = pf.Pipeline("cpu")
+    pipeline.load(points)
+    arguments = dict(k=12, iterations=2, strength=0.5, box=((0, 0, -1), (0.5, 1, 1)))
+    first, second = pipeline.run(step=laplacian, **arguments), pipeline.run(step=laplacian, **arguments)
+    expected = pf.denoise(points, step=laplacian, **arguments)
+    as_array = [getattr(one, "xyz", one) for one in (first, second, expected)]
+    assert same_bits(as_array[0], as_array[2]) and same_bits(as_array[1], as_array[2])
+    assert type(first) is type(points) and len(pipeline.normals().reshape(-1, 3)) == 2000
+
+
+def test_a_step_leaves_nothing_unread_that_a_pipeline_was_given():
+    pipeline = pf.Pipeline("cpu")
+    pipeline.load(POINTS)
+    pipeline.set_viewpoint((0, 0, 5))
+    with pytest.raises(pf.UsageError, match="viewpoint does not go with step"):
+        pipeline.run(step=laplacian)
+    pipeline.set_viewpoint(None)
+    pipeline.set_noise(np.full(2000, 0.01))
+    with pytest.raises(pf.UsageError, match="noise of each point does not go with step"):
+        pipeline.run(step=laplacian)
+    pipeline.load(POINTS)
+    assert pipeline.run(step=laplacian, k=12).shape == (2000, 3)
+    with pytest.raises(pf.UsageError, match="where does not go with step"):
+        pipeline.run(step=laplacian, where="x > 1")
+
+
 @pytest.mark.parametrize("count", [0, 1, 3, 4])
 def test_few_points(count):
     assert pf.denoise(POINTS[:count], step=lambda points, *more: points + 1).shape == (count, 3)

@@ -52,7 +52,9 @@ def test_wrong_uses_are_found(mypy, tmp_path):
         "pipeline.run(k=8).shape, pipeline.run(k='x')\n"  # 17
         "clouds = pf.Pipeline[pf.Cloud]('cpu')\n"
         "clouds.load(points)\n"                   # 19
-        "clouds.run().write('out.ply')\n")
+        "clouds.run().write('out.ply')\n"
+        "pipeline.run(step=lambda points, neighbors, normals, noise: points)\n"
+        "pipeline.run(step='mean')\n")  # 22
     done = mypy(tmp_path / "wrong.py")
     lines = {int(line.split(":")[1]) for line in done.stdout.splitlines() if ": error:" in line}
-    assert lines == {4, 5, 6, 8, 10, 16, 17, 19}, done.stdout
+    assert lines == {4, 5, 6, 8, 10, 16, 17, 19, 22}, done.stdout

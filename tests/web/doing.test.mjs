@@ -99,6 +99,15 @@ test("only what the box and the lasso hold moves, and by the strength's share", 
   assert.ok(counts.all > 3500 && counts.box > 100 && counts.box < 0.95 * counts.half);
   assert.ok(counts.lasso > 50 && counts.lasso < 0.9 * counts.box);
   await page.getByRole("button", { name: "Clear lasso" }).click();
+  const face = page.getByLabel("coordinate of the box, x from");
+  assert.ok(Math.abs(Number(await face.inputValue()) - limit) < 1e-6 * Math.abs(limit) + 1e-9, "the face that was moved says where it is");
+  const typed = Number((limit + 0.01).toPrecision(6));
+  await face.fill(String(typed));
+  await face.press("Enter");
+  await page.waitForFunction((x) => Number(new URLSearchParams(location.hash.slice(1)).get("limit.box").split(",")[0]) === x, typed);
+  await face.fill("abc");
+  await face.press("Enter");
+  await page.waitForFunction((x) => Number(document.querySelector('[aria-label="coordinate of the box, x from"]').value) === x, typed);
   await page.locator("#box").uncheck();
   await page.waitForFunction(() => !location.hash.includes("limit.box") && !location.hash.includes("limit.lasso"));
   assert.deepEqual(faults, []);

@@ -27,6 +27,22 @@ export async function blocks(page, png, width = 64, height = 40) {
     return Array.from(sums, (sum, i) => sum / Math.max(1, counts[Math.floor(i / 3)]));
   }, [png.toString("base64"), width, height]);
 }
+
+/** How many pixels of a picture have the colour of a measured distance. */
+export async function pixelsOfDistance(page, png) {
+  return page.evaluate(async (base64) => {
+    const image = new Image();
+    image.src = `data:image/png;base64,${base64}`;
+    await image.decode();
+    const context = new OffscreenCanvas(image.width, image.height).getContext("2d", { willReadFrequently: true });
+    context.drawImage(image, 0, 0);
+    const { data } = context.getImageData(0, 0, image.width, image.height);
+    let count = 0;
+    for (let at = 0; at < data.length; at += 4) count += data[at] > 220 && data[at + 1] > 140 && data[at + 2] < 120;
+    return count;
+  }, png.toString("base64"));
+}
+
 export const difference = (a, b) => a.reduce((sum, v, i) => sum + Math.abs(v - b[i]), 0) / a.length;
 
 /** The picture once it is whole, as a PNG. */

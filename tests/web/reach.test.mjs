@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import { existsSync } from "node:fs";
 import path from "node:path";
 import test from "node:test";
-import { blocks, canvas, difference, faintTexts, picture } from "./looks.mjs";
+import { blocks, canvas, difference, faintTexts, picture, pixelsOfDistance } from "./looks.mjs";
 import { dataset, entry, kModels, noisyArmadillo, openBrowser, openPage, settled, slider, temporaryFolder, view, withModels } from "./program.mjs";
 
 const models = withModels();
@@ -83,6 +83,16 @@ test("a cloud is denoised, compared and saved with the keyboard alone", models, 
   await page.waitForFunction(() => document.body.dataset.still === "true");
   await keys("Enter");
   await page.locator(".toast", { hasText: /^Distance in the original: [1-9][\d.]* units$/ }).waitFor();
+  const pixelsOfLine = async () => {
+    await page.waitForFunction(() => document.body.dataset.still === "true");
+    return pixelsOfDistance(page, await picture(page));
+  };
+  const drawn = await pixelsOfLine();
+  assert.ok(drawn > 60, `the distance is drawn: ${drawn} pixels`);
+  await canvas(page).focus();
+  await keys("Escape");
+  await page.waitForTimeout(300);
+  assert.ok((await pixelsOfLine()) < 10, "Escape takes the line away");
   await keys("f");
 
   await keys("2");

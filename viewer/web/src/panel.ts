@@ -26,6 +26,7 @@ const kStageTitles: Record<string, string> = {
 };
 const kAxes = ["x", "y", "z"];
 const kBoxSteps = 200;
+const kCoordinateDigits = 10; // of UTM northings in tenths of a millimetre
 
 export class Panel {
   readonly element = h("aside", { class: "panel", "aria-label": "Settings" });
@@ -42,6 +43,7 @@ export class Panel {
   private readonly hideSwitch = h("input", { type: "checkbox", class: "switch", role: "switch", id: "hide" });
   private readonly axes = h("div", { class: "axes" });
   private readonly sliders: HTMLInputElement[] = [];
+  private readonly coordinates: HTMLInputElement[] = []; // the box's faces, as numbers; order of the sliders
   private readonly selections: [string, HTMLInputElement][] = [];
   private readonly lassoNote = h("p", { class: "note" });
   private readonly clearLasso = h("button", { type: "button", class: "plain" }, "Clear lasso");
@@ -214,7 +216,11 @@ export class Panel {
         this.sliders[2 * i + end] = slider;
         slider.addEventListener("input", () => this.moveBox(i, end, false));
         slider.addEventListener("change", () => this.moveBox(i, end, true));
-        this.axes.append(slider);
+        const number = h("input", { class: "text", inputMode: "decimal", spellcheck: false, autocomplete: "off",
+          "aria-label": `coordinate of the box, ${axis} ${end ? "to" : "from"}` });
+        this.coordinates[2 * i + end] = number;
+        number.addEventListener("change", () => this.typeBox(i, end));
+        this.axes.append(h("div", {}, slider, number));
       }
     });
     this.clearLasso.addEventListener("click", () => this.change((recipe) => (recipe.limits.lasso = ""), true));
@@ -256,7 +262,20 @@ export class Panel {
     const [low, high] = this.bounds(axis);
     const place = this.sliders[2 * axis + end].valueAsNumber / kBoxSteps;
     const value = Number((low + place * (high - low)).toPrecision(9));
-    (end ? box.max : box.min)[axis] = place === 0 ? low : place === 1 ? high : value;
+    this.setFace(box, axis, end, place === 0 ? low : place === 1 ? high : value, done);
+  }
+
+  private typeBox(axis: number, end: number): void {
+    const box = parseBox(this.recipe.limits.box) ?? this.wholeBox();
+    const text = this.coordinates[2 * axis + end].value.trim();
+    const value = Number(text);
+    if (text === "" || !Number.isFinite(value)) return this.showBox(box);
+    this.setFace(box, axis, end, value, true);
+  }
+
+  // Moves the opposite face along where this one would pass it.
+  private setFace(box: Box, axis: number, end: number, value: number, done: boolean): void {
+    (end ? box.max : box.min)[axis] = value;
     if (end) box.min[axis] = Math.min(box.min[axis], box.max[axis]);
     else box.max[axis] = Math.max(box.min[axis], box.max[axis]);
     this.change((recipe) => (recipe.limits.box = boxText(box)), done);
@@ -270,6 +289,7 @@ export class Panel {
       const [low, high] = this.bounds(axis);
       [box.min[axis], box.max[axis]].forEach((value, end) => {
         this.sliders[2 * axis + end].value = String(Math.round((kBoxSteps * (value - low)) / (high - low || 1)));
+        this.coordinates[2 * axis + end].value = String(Number(value.toPrecision(kCoordinateDigits)));
       });
     });
   }

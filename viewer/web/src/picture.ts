@@ -16,6 +16,7 @@ export type ColourMode = keyof typeof kColourModes;
 const kRoundFrom = 4.5; // pixels; smaller points are squares
 const kToneUnderEdges = 0.22; // of the faces of a wireframe, so that edges behind are hidden
 const kLookAgain = 3; // ms between looks whether a frame is there
+const kEndOfDistance = 7; // pixels of the screen
 const kSmallestPoint = 1.7, kLargestPoint = 40; // pixels of the screen
 
 /** What is drawn, and how. */
@@ -41,6 +42,10 @@ export class Picture {
   private readonly fillScene = new THREE.Scene();
   private readonly edgeScene = new THREE.Scene();
   private readonly boxLines: THREE.LineSegments;
+  private readonly distanceLine = new THREE.Line(new THREE.BufferGeometry(),
+    new THREE.LineBasicMaterial({ color: 0xffd166, depthTest: false }));
+  private readonly distanceEnds = new THREE.Points(this.distanceLine.geometry,
+    new THREE.PointsMaterial({ color: 0xffd166, size: kEndOfDistance, sizeAttenuation: false, depthTest: false }));
   private target = new THREE.WebGLRenderTarget(1, 1);
 
   constructor() {
@@ -61,6 +66,11 @@ export class Picture {
     );
     this.boxLines.visible = false;
     this.lineScene.add(this.boxLines);
+    this.setDistance([]);
+    for (const object of [this.distanceLine, this.distanceEnds]) {
+      object.frustumCulled = false;
+      this.lineScene.add(object);
+    }
   }
 
   setPoints({ all, part, surface }: CloudPoints): void {
@@ -93,6 +103,13 @@ export class Picture {
     this.boxLines.scale.subVectors(high, low);
     this.material.uniforms.uBoxMin.value.copy(low);
     this.material.uniforms.uBoxMax.value.copy(high);
+  }
+
+  /** The points between which a line is drawn, over all others: none, one or two, relative to the origin. */
+  setDistance(ends: THREE.Vector3[]): void {
+    this.distanceLine.visible = ends.length > 1;
+    this.distanceEnds.visible = ends.length > 0;
+    this.distanceLine.geometry.setAttribute("position", new THREE.Float32BufferAttribute(ends.flatMap((end) => end.toArray()), 3));
   }
 
   setLook(shade: number, edl: number, hide: boolean, up: THREE.Vector3): void {
@@ -153,7 +170,7 @@ export class Picture {
     uniforms.uSize.value.set(width, height);
     this.renderer.setRenderTarget(null);
     this.renderer.render(this.screenScene, eye.camera);
-    if (this.boxLines.visible) this.drawLines(eye, shot.mode === "side");
+    if (this.boxLines.visible || this.distanceEnds.visible) this.drawLines(eye, shot.mode === "side");
   }
 
   /** Resolves once all that was drawn is there, with the milliseconds from now until then. */

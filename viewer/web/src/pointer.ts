@@ -30,11 +30,13 @@ export class Pointer {
 
   setCloud(cloud: CloudHead | null): void {
     this.cloud = cloud;
+    this.scene.setDistance([]);
   }
 
   // The next two points that are clicked.
   measure(): void {
     this.measured = [];
+    this.scene.setDistance([]);
     this.stage.showHint("Click two points to measure their distance, or press Enter for the one in the middle. Escape cancels.");
     this.showCross();
   }
@@ -52,6 +54,7 @@ export class Pointer {
   private measureFrom(place: number): void {
     if (place < 0 || !this.measured || !this.cloud) return;
     this.measured.push(this.scene.position(place));
+    this.scene.setDistance(this.measured);
     if (this.measured.length < 2) return this.stage.showHint("Now the second point. Escape cancels.");
     const distance = lengthInWords(this.measured[0].distanceTo(this.measured[1]), this.cloud.metres_per_unit);
     this.measured = null;
@@ -62,6 +65,7 @@ export class Pointer {
   }
 
   private measureWithKeys(event: KeyboardEvent): void {
+    if (event.key === "Escape") this.scene.setDistance([]);
     if (!this.measured) return;
     if (event.key === "Enter" && event.target === this.scene.canvas) return this.measureFrom(this.scene.pickPlace(0, 0));
     if (event.key !== "Escape") return;

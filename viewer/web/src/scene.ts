@@ -167,6 +167,12 @@ export class Scene {
     this.applyView();
   }
 
+  /** Between two points that were picked, and the first of them alone; none: nothing is drawn. */
+  setDistance(ends: THREE.Vector3[]): void {
+    this.picture.setDistance(ends);
+    this.render();
+  }
+
   setColourMode(mode: ColourMode, range: [number, number], map: Colours): void {
     this.picture.setColourMode(mode, range, map);
     this.render();
