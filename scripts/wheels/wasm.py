@@ -14,7 +14,7 @@ import pathlib
 import shutil
 import subprocess
 
-from parts import unpack
+from parts import licenses_of_module, unpack
 from tools import folder_of, make_environment, run
 
 HERE = pathlib.Path(__file__).resolve().parent
@@ -32,8 +32,7 @@ def configure(zig, source, build, **values):
         env=environment)
 
 
-def compile_targets(zig, targets):
-    pugixml = unpack("pugixml", ROOT / "build/downloads", ROOT / "build/wheels")
+def compile_targets(zig, pugixml, targets):
     configure(zig, ROOT / "cmake/wasm", WORK / "build-parts", CMAKE_INSTALL_PREFIX=WORK / "parts", PARTS_PUGIXML=pugixml)
     run("cmake", "--build", WORK / "build-parts", "--target", "install", stdout=subprocess.DEVNULL)
     configure(zig, ROOT, WORK / "build", CMAKE_PREFIX_PATH=WORK / "parts", POINTFAIR_CUDA="OFF", POINTFAIR_TESTS="OFF",
@@ -41,12 +40,14 @@ def compile_targets(zig, targets):
     run("cmake", "--build", WORK / "build", "--target", *targets)
 
 
-def make_page():
+def make_page(zig, pugixml):
     """The page's files beside the module, and how large they are."""
     page = WORK / "page"
     run("cmake", f"-DSOURCE={ROOT / 'viewer/web'}", f"-DWORK={WORK / 'web'}", f"-DPAGE={page}", "-DMODE=serverless", "-P",
         ROOT / "cmake/build_page.cmake")
     shutil.copyfile(WORK / "build/bin/pointfair_module.wasm", page / "pointfair.wasm")
+    licenses = {"pointfair": (ROOT / "LICENSE").read_text(), **licenses_of_module(pugixml, WORK / "web", zig)}
+    (page / "licenses.txt").write_text("\n\n".join(f"==== {name}\n\n{text}" for name, text in licenses.items()))
     files = [path for path in page.rglob("*") if path.is_file()]
     packed = sum(len(gzip.compress(path.read_bytes(), 9)) for path in files)
     print(f"{page}: {sum(path.stat().st_size for path in files) / 1e6:.1f} MB, {packed / 1e6:.2f} MB compressed by gzip")
@@ -58,9 +59,10 @@ def main():
     wanted = parser.parse_args().wanted
     WORK.mkdir(parents=True, exist_ok=True)
     zig = folder_of(make_environment(ROOT / "build/wheels/tools", HERE / "tools.txt"), "ziglang") / "zig"
-    compile_targets(zig, [TARGETS[name] for name in wanted])
+    pugixml = unpack("pugixml", ROOT / "build/downloads", ROOT / "build/wheels")
+    compile_targets(zig, pugixml, [TARGETS[name] for name in wanted])
     if "page" in wanted:
-        make_page()
+        make_page(zig, pugixml)
 
 
 main()

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What pointfair uses of oneTBB, on one thread: a browser's page has no others. Each call does all of its work before it
-// returns, in the order of the items.
+// What pointfair uses of oneTBB, on one thread: a browser's page has no others. Each call does all of its work before
+// it returns, in the order of the items.
 #pragma once
 
 #include <algorithm>

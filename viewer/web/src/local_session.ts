@@ -74,13 +74,15 @@ export class LocalSession implements Transport {
 
   private start(): void {
     this.worker?.terminate();
-    this.worker = new Worker(new URL("./module_worker.js", document.baseURI), { type: "module" });
-    this.worker.onmessage = ({ data }: MessageEvent<ArrayBuffer | Notice>) => {
+    const worker = new Worker(new URL("./module_worker.js", document.baseURI), { type: "module" });
+    this.worker = worker;
+    worker.onmessage = ({ data }: MessageEvent<ArrayBuffer | Notice>) => {
+      if (worker !== this.worker) return; // sent before it was ended
       if (data instanceof ArrayBuffer) this.arrived(data);
       else if ("idle" in data) this.busy = false;
       else this.broke(data.failed);
     };
-    this.worker.onerror = (event) => this.broke(event.message);
+    worker.onerror = (event) => this.broke(event.message);
     this.order({ module: this.module! });
   }
 
