@@ -15,7 +15,7 @@ export type Order =
   | { file: ArrayBuffer; name: string };
 
 /** What the worker tells its page; anything else is a message of the session. */
-export type Notice = { idle: true } | { failed: string };
+export type Notice = { busy: boolean } | { failed: string };
 
 // Lets the service worker (offline.ts) keep what the page consists of. Where a page may have none, it needs its network.
 async function keepForLater(): Promise<void> {
@@ -32,7 +32,7 @@ export class LocalSession implements Transport {
   isOpen = false;
   private module: WebAssembly.Module | null = null;
   private worker: Worker | null = null;
-  private busy = false;
+  private busy = false; // an order is on its way, or a step
   private unseen = false; // until the cloud is read again
   private shown: File | null = null; // the cloud that the page has
   private coming: File | null = null;
@@ -79,7 +79,7 @@ export class LocalSession implements Transport {
     worker.onmessage = ({ data }: MessageEvent<ArrayBuffer | Notice>) => {
       if (worker !== this.worker) return; // sent before it was ended
       if (data instanceof ArrayBuffer) this.arrived(data);
-      else if ("idle" in data) this.busy = false;
+      else if ("busy" in data) this.busy = data.busy;
       else this.broke(data.failed);
     };
     worker.onerror = (event) => this.broke(event.message);

@@ -79,10 +79,11 @@ function obey(order: Order): void {
 
 function turn(): void {
   clearTimeout(timer);
+  tell({ busy: true });
   const wait = module.step();
-  if (wait < 0) tell({ idle: true });
-  else if (wait === 0) turns.port2.postMessage(null);
-  else timer = self.setTimeout(() => turns.port2.postMessage(null), wait);
+  tell({ busy: wait === 0 });
+  if (wait === 0) turns.port2.postMessage(null);
+  if (wait > 0) timer = self.setTimeout(() => turns.port2.postMessage(null), wait);
 }
 
 function guarded(act: () => void): void {
