@@ -15,7 +15,7 @@ endif
 FUZZ_SECONDS ?= 60
 FUZZ_TARGETS = $(notdir $(wildcard build/fuzz/bin/fuzz_*))
 
-.PHONY: help demo build test wheel wheels golden bench quality bench-laz bench-viewer train-net paper-tables figures gallery estimates gpu release source recipes deb fuzz format docs asan tsan clean install
+.PHONY: help demo build test wheel wheels wasm site test-site golden bench quality bench-laz bench-viewer train-net paper-tables figures gallery estimates gpu release source recipes deb fuzz format docs asan tsan clean install
 
 help:
 	@echo "make build    the program, build/bin/pointfair"
@@ -26,6 +26,9 @@ help:
 	@echo "make source   the source archive with the viewer's page, in dist, from which packages are made"
 	@echo "make recipes URL=...  recipes for conda-forge, vcpkg, Homebrew, Docker and Apptainer, in dist/recipes"
 	@echo "make deb      Debian packages from the source archive, in dist"
+	@echo "make wasm     the program as WebAssembly, which gives the known bytes in Node; the compiler comes from PyPI"
+	@echo "make site     the site with the page that needs no installation, build/docs/site/app; build/docs/site is served by any host"
+	@echo "make test-site  that page in Chromium: files are dropped, denoised and saved with the program's bytes, without a network"
 	@echo "make golden   small clouds of all kinds give the known bytes, in every way that this processor has"
 	@echo "make bench    time every stage and the peers"
 	@echo "make quality  measure the noise that is left by each method and peer, into docs; some hours, goes on if stopped"
@@ -71,6 +74,23 @@ WHEELS ?= linux-x86_64
 wheels:
 	@$(install) build
 	scripts/wheels/make.py $(WHEELS) --dist dist
+
+wasm:
+	@$(install) build python
+	scripts/wheels/wasm.py program
+	tests/golden/golden.py --runner $(CURDIR)/scripts/wheels/run_wasm.mjs --isa '' --threads 1 --tiles 0 build/wasm/build/bin/pointfair.wasm
+
+site: docs
+	scripts/wheels/wasm.py page
+	rm -rf build/docs/site/app
+	cp -r build/wasm/page build/docs/site/app
+
+test-site:
+	@$(install) build test python
+	scripts/wheels/wasm.py page
+	cmake --preset $(preset) -DPOINTFAIR_TESTS=ON
+	cmake --build build
+	ctest --test-dir build -R web.serverless --output-on-failure
 
 golden: build
 	tests/golden/golden.py build/bin/pointfair

@@ -85,13 +85,17 @@ void run_task(TiledRun& run, const std::string& name, std::stop_token stop) {
 void end_with_parent(int parent) {
 #ifdef __linux__
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
-#else
+#elif !defined(__wasi__)
   std::thread([parent] {
     while (::getppid() == parent) std::this_thread::sleep_for(std::chrono::milliseconds(200));
     ::_exit(kExitInterrupted);
   }).detach();
 #endif
+#ifdef __wasi__
+  (void)parent;  // no process has another
+#else
   if (::getppid() != parent) throw Error(ErrorKind::interrupted, "interrupted");  // it is gone already
+#endif
 }
 
 void run_tasks(const TileArguments& arguments, std::stop_token stop) {

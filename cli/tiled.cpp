@@ -62,8 +62,10 @@ class StepClock {
     end_step();
     Costs costs{std::move(steps_)};
     for (const StageTime& step : costs.steps) costs.milliseconds += step.milliseconds;
+#ifndef __wasi__  // does not count it
     rusage usage{};
     if (::getrusage(RUSAGE_SELF, &usage) == 0) costs.peak_bytes = std::uint64_t(usage.ru_maxrss) << 10;
+#endif
     return costs;
   }
 

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // pointfair view IN: the interactive page in the browser.
 #include <fmt/format.h>
-#include <spawn.h>
-#include <sys/wait.h>
 
 #include <cstdlib>
 #include <memory>
@@ -13,6 +11,9 @@
 #include "pointfair/pointfair.hpp"
 #include "verbs.hpp"
 #if POINTFAIR_VIEWER
+#include <spawn.h>
+#include <sys/wait.h>
+
 #include "viewer/server.hpp"
 #endif
 

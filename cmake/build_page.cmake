@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 # Builds the viewer's page in a copy of its sources, if they changed: cmake -DSOURCE=... -DWORK=... -DPAGE=... -P this.
+# With -DMODE=serverless it is the page that needs no server (vite.config.js).
 # Where that is not possible the build goes on: the program then says that its page is missing.
-# A source archive (packaging/make.sh) brings the page, so that neither node nor a network connection is needed.
-if(EXISTS ${SOURCE}/../page/index.html)
+if(NOT MODE)
+  set(MODE production)
+endif()
+# A source archive (packaging/make.sh) brings the page that a server serves: neither node nor a network connection is needed.
+if(MODE STREQUAL production AND EXISTS ${SOURCE}/../page/index.html)
   file(COPY ${SOURCE}/../page/ DESTINATION ${PAGE})
   return()
 endif()
@@ -48,7 +52,7 @@ if(NOT installed STREQUAL lock)
   endif()
   file(WRITE ${WORK}/node_modules/.pointfair_lock ${lock})
 endif()
-execute_process(COMMAND ${npm} run build --silent -- --outDir ${PAGE} --emptyOutDir WORKING_DIRECTORY ${WORK}
+execute_process(COMMAND ${npm} run build --silent -- --mode ${MODE} --outDir ${PAGE} --emptyOutDir WORKING_DIRECTORY ${WORK}
                 RESULT_VARIABLE failed OUTPUT_VARIABLE output ERROR_VARIABLE output)
 if(failed)
   file(REMOVE_RECURSE ${PAGE})

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 # Toolchain file: zig's clang as a compiler for any system, with its own libc++, which is linked statically.
 #   -DPOINTFAIR_ZIG=FILE              the program zig
-#   -DPOINTFAIR_ZIG_TARGET=TRIPLE     in zig's words: x86_64-linux-gnu.2.28 is Linux with glibc 2.28 and later
+#   -DPOINTFAIR_ZIG_TARGET=TRIPLE     in zig's words: x86_64-linux-gnu.2.28 is Linux with glibc 2.28 and later;
+#                                     wasm32-wasi is WebAssembly, for which CMAKE_PREFIX_PATH must have cmake/wasm
 list(APPEND CMAKE_TRY_COMPILE_PLATFORM_VARIABLES POINTFAIR_ZIG POINTFAIR_ZIG_TARGET)
 string(REGEX MATCH "^([^-]+)-([^-]+)" _ "${POINTFAIR_ZIG_TARGET}")
 set(CMAKE_SYSTEM_PROCESSOR ${CMAKE_MATCH_1})
@@ -9,6 +10,8 @@ if(CMAKE_MATCH_2 STREQUAL "macos")
   set(CMAKE_SYSTEM_NAME Darwin)
 elseif(CMAKE_MATCH_2 STREQUAL "windows")
   set(CMAKE_SYSTEM_NAME Windows)
+elseif(CMAKE_MATCH_2 STREQUAL "wasi")
+  set(CMAKE_SYSTEM_NAME Generic)
 else()
   set(CMAKE_SYSTEM_NAME Linux)
 endif()
@@ -41,3 +44,21 @@ endforeach()
 # Nothing of this machine but programs, Python and what CMAKE_PREFIX_PATH names.
 set(CMAKE_FIND_USE_CMAKE_SYSTEM_PATH OFF)
 set(CMAKE_FIND_USE_SYSTEM_PACKAGE_REGISTRY OFF)
+
+# Exceptions of WebAssembly, for which zig's own libc++ is not built; the calls of threads are there and fail.
+if(POINTFAIR_ZIG_TARGET STREQUAL "wasm32-wasi")
+  set(pointfair_features "-mcpu=generic+exception_handling+simd128+bulk_memory+nontrapping_fptoint+sign_ext -fwasm-exceptions \
+-D_WASI_EMULATED_SIGNAL -D_WASI_EMULATED_MMAN -D_WASI_EMULATED_PROCESS_CLOCKS -D_WASI_EMULATED_GETPID -fno-sanitize=undefined")
+  set(CMAKE_C_FLAGS_INIT "-g0 ${pointfair_features}")
+  set(CMAKE_ASM_FLAGS_INIT "--target=wasm32-wasi -mcpu=generic+exception_handling")
+  set(CMAKE_ASM_COMPILER ${pointfair_tools}/cc)
+  set(CMAKE_CXX_FLAGS_INIT "-g0 ${pointfair_features} -U_LIBCPP_HAS_THREADS -D_LIBCPP_HAS_THREADS=1 \
+-U_LIBCPP_HAS_FILESYSTEM -D_LIBCPP_HAS_FILESYSTEM=1 -D_LIBCPP_HAS_TIME_ZONE_DATABASE=0")
+  set(CMAKE_TRY_COMPILE_TARGET_TYPE STATIC_LIBRARY)
+  set(CMAKE_EXECUTABLE_SUFFIX_CXX .wasm)
+  # by the compiler of C, which brings no libc++ along
+  set(CMAKE_CXX_LINK_EXECUTABLE "${pointfair_tools}/cc --target=wasm32-wasi -O2 -s -Wl,--gc-sections -Wl,-z,stack-size=4194304 \
+<LINK_FLAGS> <OBJECTS> -o <TARGET> <LINK_LIBRARIES> -L${CMAKE_PREFIX_PATH}/lib -lpointfair_wasm -lwasi-emulated-signal -lwasi-emulated-mman \
+-lwasi-emulated-process-clocks -lwasi-emulated-getpid")
+  set(CMAKE_HAVE_LIBC_PTHREAD TRUE)
+endif()

@@ -32,7 +32,7 @@ RULES = {
     "include/pointfair/": (["include/pointfair/"], ()),
     "src/point/": (["src/point/"], ()),
     "src/seam/": (["src/seam/", "src/point/", *DATA, PORTABLE], ("tbb/",)),
-    "src/platform/": (["src/platform/"], ("sys/", "fcntl.h", "unistd.h", "mach/")),
+    "src/platform/": (["src/platform/"], ("sys/", "fcntl.h", "unistd.h", "signal.h", "mach/")),
     "src/cpu/": (["src/cpu/", PLATFORM, "src/point/", "src/seam/", *DATA], ("tbb/", "immintrin.h", "cpuid.h")),
     **{f"src/cuda/{room}/": ([f"src/cuda/{below}/" for below in rooms] + ["src/point/", "src/seam/", *DATA], ON_CARD)
        for room, rooms in CUDA_ROOMS.items()},
@@ -46,7 +46,7 @@ RULES = {
                    ("sys/", "fcntl.h", "unistd.h", "signal.h")),
     "src/depth/": ([PUBLIC], ("tbb/",)),
     "src/orient/": (["src/orient/", PUBLIC, PORTABLE], ("tbb/",)),
-    "src/io/": (["src/io/", *FILES, PLATFORM, PORTABLE], ("tbb/", "sys/", "fcntl.h", "unistd.h", "signal.h", "fast_float/", "las", "pugixml", "nlohmann/", "emmintrin.h")),
+    "src/io/": (["src/io/", *FILES, PLATFORM, PORTABLE], ("tbb/", "sys/", "fcntl.h", "unistd.h", "fast_float/", "las", "pugixml", "nlohmann/", "emmintrin.h")),
     "src/": (["src/point/", PORTABLE, PUBLIC], ()),
     "cli/": (["cli/", "viewer/server.hpp", PUBLIC], None),
     "bench/paper/": (["bench/paper/", "src/point/", PUBLIC], None),

@@ -14,7 +14,8 @@
 
 namespace pointfair::viewer {
 
-/// The first message: what the program can do. `device` once it is known; `save_folder` as it is shown.
+/// The first message: what the program can do. `device` once it is known; `save_folder` as it is shown; empty: saved
+/// files go to the page.
 /// `has_cloud`: a cloud follows; without one the page asks for a file.
 Json hello_answer(const std::optional<DeviceInfo>& device, const std::string& save_folder, bool has_cloud);
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "document.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -27,15 +29,25 @@ double milliseconds_since(Clock::time_point start) {
   return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
 }
 
+[[noreturn]] void interrupt() { throw Error(ErrorKind::interrupted, "interrupted"); }
+
 // Throws ErrorKind::interrupted if stopped meanwhile.
 void wait_for(std::chrono::milliseconds time, const std::stop_token& stop) {
   std::mutex mutex;
   std::unique_lock lock(mutex);
   std::condition_variable_any().wait_for(lock, stop, time, [] { return false; });
-  if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+  if (stop.stop_requested()) interrupt();
 }
 
 std::string shown_path(const fs::path& path) { return fs::absolute(path).lexically_normal().string(); }
+
+void check_size(const Cloud& cloud, const std::string& name, std::uint64_t most_points) {
+  if (most_points == 0 || cloud.points.size() <= most_points) return;
+  throw Error(ErrorKind::usage,
+              fmt::format("{} has {} points and this page takes up to {}: install pointfair, whose viewer and program "
+                          "take any number",
+                          name, cloud.points.size(), most_points));
+}
 
 }  // namespace
 
@@ -47,6 +59,7 @@ Document::Document(Session::Options options, Session::Send send)
 
 void Document::open(Cloud cloud, const std::string& name, std::string path) {
   check_not_geographic(cloud);
+  check_size(cloud, name, options_.most_points);
   has_cloud_ = false;
   preview_.reset();
   if (!pipeline_) pipeline_.emplace(options_.make_pipeline());
@@ -83,7 +96,7 @@ void Document::open(Cloud cloud, const std::string& name, std::string path) {
 
 void Document::greet() {
   const std::optional<DeviceInfo> device = pipeline_ ? std::optional(pipeline_->device()) : std::nullopt;
-  send_(pack(hello_answer(device, shown_path(options_.save_folder), has_cloud_)));
+  send_(pack(hello_answer(device, options_.saves_to_page ? "" : shown_path(options_.save_folder), has_cloud_)));
   send_cloud();
 }
 
@@ -196,7 +209,9 @@ void Document::show_preview(const Request& request, const Params& used, std::sto
                [&](const Preview::Result& part) {
                  send_part(request, part);
                  // a page on this machine draws meanwhile, with the same processors
-                 if (request.held && !part.more) wait_for(kHeld, stop);
+                 if (!request.held || part.more) return;
+                 if (!options_.own_thread) interrupt();  // newer parameters are heard after this turn
+                 wait_for(kHeld, stop);
                });
 }
 
@@ -324,17 +339,27 @@ void Document::write_file(const Request& request, const WriteOptions& write_opti
   if (!has_cloud_) throw Error(ErrorKind::usage, "there is no cloud to save");
   check_file_name(request.output);
   const fs::path path = options_.save_folder / request.output;
-  if (fs::is_symlink(path)) throw Error(ErrorKind::file, request.output + " is a link; choose another name");
+  if (!options_.saves_to_page && fs::is_symlink(path))
+    throw Error(ErrorKind::file, request.output + " is a link; choose another name");
   update_movable(request.recipe.limits);
   Cloud denoised = pipeline_->run(request.recipe.params, stop, progress_for(request.id));
   apply_limits(request.recipe.limits, cloud_, denoised);
-  write(path, denoised, write_options);
-  send_(pack({{"type", "saved"},
-              {"id", request.id},
-              {"path", shown_path(path)},
-              {"bytes", fs::file_size(path)},
-              {"notes", losses(denoised, format_to_write(path, file_info(denoised).format), write_options.encoding)},
-              {"command", as_command(request.recipe, errand_of(request))}}));
+  const Format format = format_to_write(path, file_info(denoised).format);
+  Json saved{{"type", "saved"},
+             {"id", request.id},
+             {"notes", losses(denoised, format, write_options.encoding)},
+             {"command", as_command(request.recipe, errand_of(request))}};
+  if (options_.saves_to_page) {
+    const std::vector<std::byte> bytes = write_bytes(denoised, format, write_options.encoding);
+    saved["path"] = request.output;
+    saved["bytes"] = bytes.size();
+    send_(pack(std::move(saved), {{"file", kTypeName<std::uint8_t>, bytes.size(), bytes}}));
+  } else {
+    write(path, denoised, write_options);
+    saved["path"] = shown_path(path);
+    saved["bytes"] = fs::file_size(path);
+    send_(pack(std::move(saved)));
+  }
 }
 
 }  // namespace pointfair::viewer

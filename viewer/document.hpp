@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The open cloud, the pipelines that denoise it, and what the page is told of both. Used by the worker's thread only.
+// The open cloud, the pipelines that denoise it, and what the page is told of both. Used by the worker only.
 #pragma once
 
 #include <cstdint>

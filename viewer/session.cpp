@@ -12,16 +12,17 @@ namespace pointfair::viewer {
 
 using Clock = std::chrono::steady_clock;
 
-// The document is touched by the worker's thread only, which ends before it.
+// The document is touched by the worker only, which ends before it.
 struct Session::Parts {
   Document document;
   Worker worker;
 
-  Parts(Options options, Send send)
-      : document(std::move(options), std::move(send)),
+  Parts(const Options& options, Send send)
+      : document(options, std::move(send)),
         worker({[this](const Request& request, std::stop_token stop) { document.run(request, stop); },
                 [this](std::stop_token stop) { document.send_shading(stop); },
-                [this](const Json& id, std::string_view words) { document.send_error(id, words); }}) {}
+                [this](const Json& id, std::string_view words) { document.send_error(id, words); }},
+               options.own_thread ? Worker::Turns::own_thread : Worker::Turns::of_caller) {}
 
   void open(Cloud cloud, const std::string& name, std::string path) {
     worker.forget_rest();
@@ -62,7 +63,7 @@ bool Session::Parts::take(const Json& message, Clock::time_point received) {
   return refuse(id, "unknown type of message");
 }
 
-Session::Session(Options options, Send send) : parts_(std::make_unique<Parts>(std::move(options), std::move(send))) {}
+Session::Session(Options options, Send send) : parts_(std::make_unique<Parts>(options, std::move(send))) {}
 Session::~Session() = default;
 
 void Session::open(Cloud cloud, const std::filesystem::path& path) {
@@ -85,6 +86,8 @@ bool Session::greet() {
   parts_->worker.forget_requests();
   return parts_->worker.post([parts = parts_.get()](std::stop_token) { parts->document.greet(); });
 }
+
+std::optional<std::chrono::milliseconds> Session::step() { return parts_->worker.step(); }
 
 bool Session::receive(std::string_view text) {
   const auto received = Clock::now();

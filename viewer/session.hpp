@@ -1,15 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// One cloud and one user. A worker thread runs the pipeline; new parameters stop the run that is under way and
-// replace those that wait. Knows nothing of networks: messages of the page come in as text, answers go out through a
-// function.
+// One cloud and one user. A worker thread runs the pipeline, or the caller does in steps; new parameters stop the run
+// that is under way and replace those that wait. Knows nothing of networks: messages of the page come in as text,
+// answers go out through a function.
 //
 // Memory beside the pipeline's own, a point of the cloud: 36 bytes (the cloud, the result, normals), 1 with a box or
 // lasso; beside the message on its way, 4 a point that the page holds. Shading has a second pipeline (shading.hpp).
 #pragma once
 
+#include <chrono>
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -29,6 +31,9 @@ class Session {
     std::filesystem::path save_folder = ".";  ///< the only folder that saving writes to
     std::uint64_t point_budget = 3'000'000;   ///< points that the page gets of a larger cloud
     std::string viewpoint{};                  ///< of the cloud that the server opens, as parse_viewpoints reads it
+    std::uint64_t most_points = 0;            ///< of a cloud that is opened; 0: any number
+    bool saves_to_page = false;               ///< a saved file goes to the page, and not into a folder
+    bool own_thread = true;                   ///< false: the session works in step() only
   };
 
   Session(Options options, Send send);
@@ -50,6 +55,10 @@ class Session {
 
   /// A message of the page. Never throws: what is wrong with it is sent back. Cheap, for a network thread.
   [[nodiscard]] bool receive(std::string_view text);
+
+  /// Without a thread of its own: does the next task that is due. Returns the time until the next one is; none: nothing
+  /// is left to do. Later calls of the others are heard between two steps only, so that nothing stops a run.
+  std::optional<std::chrono::milliseconds> step();
 
  private:
   struct Parts;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "worker.hpp"
 
+#include <algorithm>
 #include <new>
 #include <utility>
 
@@ -13,7 +14,9 @@ constexpr std::chrono::milliseconds kRest{200};  // without a message before at_
 
 }  // namespace
 
-Worker::Worker(Duties duties) : duties_(std::move(duties)), thread_([this] { work(); }) {}
+Worker::Worker(Duties duties, Turns turns) : duties_(std::move(duties)), turns_(turns) {
+  if (turns_ == Turns::own_thread) thread_ = std::thread([this] { work(); });
+}
 
 Worker::~Worker() {
   {
@@ -22,12 +25,12 @@ Worker::~Worker() {
     stop_.request_stop();
   }
   changed_.notify_all();
-  thread_.join();
+  if (thread_.joinable()) thread_.join();
 }
 
 void Worker::submit(Request request) {
   const std::lock_guard lock(mutex_);
-  waiting_ = Waiting{std::move(request), page_};
+  waiting_ = Waiting{std::move(request), page_, {}};
   if (running_) stop_.request_stop();
   changed_.notify_all();
 }
@@ -73,6 +76,18 @@ void Worker::wait_for_work(std::unique_lock<std::mutex>& lock) {
     changed_.wait_until(lock, *rest_at_, asked);
   else
     changed_.wait(lock, asked);
+}
+
+std::optional<std::chrono::milliseconds> Worker::step() {
+  std::unique_lock lock(mutex_);
+  const auto next_due = [this]() -> std::optional<Clock::time_point> {
+    if (!jobs_.empty()) return Clock::time_point{};
+    return waiting_ ? std::optional(waiting_->due) : rest_at_;
+  };
+  if (const auto due = next_due(); due && *due <= Clock::now()) take_turn(lock);
+  const auto due = next_due();
+  if (!due) return std::nullopt;
+  return std::max(std::chrono::milliseconds(0), std::chrono::ceil<std::chrono::milliseconds>(*due - Clock::now()));
 }
 
 // One job, or else the run that waits, or else the rest; unlocked meanwhile.
@@ -130,7 +145,11 @@ void Worker::do_run(Waiting waiting, const std::stop_token& stop) {
     if (complain(waiting.request.id)) return;
     // a job came between: the run goes on after it, unless newer parameters are there
     const std::lock_guard lock(mutex_);
-    if (!waiting_ && !cancelled_ && waiting.page == page_) waiting_ = std::move(waiting);
+    if (waiting_ || cancelled_ || waiting.page != page_) return;
+    waiting_ = std::move(waiting);
+    if (turns_ == Turns::own_thread) return;
+    waiting_->due = Clock::now() + kRest;
+    waiting_->request.held = false;
   }
 }
 

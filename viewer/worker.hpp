@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The thread that works for a page. Jobs are done in order and before anything else; kMaxWaitingJobs can wait. Runs
-// have one place to wait: newer parameters replace those that wait and stop the run under way. After a run and a short
-// rest, `at_rest` adds what takes too long for every run.
+// What works for a page, on a thread of its own or, where there is one thread only, in steps of its caller. Jobs are
+// done in order and before anything else; kMaxWaitingJobs can wait. Runs have one place to wait: newer parameters
+// replace those that wait and stop the run under way. After a run and a short rest, `at_rest` adds what takes too long
+// for every run.
 #pragma once
 
 #include <chrono>
@@ -33,8 +34,14 @@ class Worker {
     std::function<void(const Json& id, std::string_view words)> complain;
   };
 
-  explicit Worker(Duties duties);
+  enum class Turns { own_thread, of_caller };
+
+  explicit Worker(Duties duties, Turns turns = Turns::own_thread);
   ~Worker();  ///< stops what runs and waits for it
+
+  /// With Turns::of_caller: takes the next turn if one is due. Returns the time until the next one is; none: nothing is
+  /// left to do. A run that ends as interrupted goes on after a rest, no longer `held`, unless newer parameters come.
+  std::optional<std::chrono::milliseconds> step();
 
   /// The newest parameters win: they take the one place there is, and stop what runs.
   void submit(Request request);
@@ -57,6 +64,7 @@ class Worker {
   struct Waiting {
     Request request;
     std::uint64_t page;  // which of the pages, one after the other
+    Clock::time_point due{};
   };
 
   void work();
@@ -77,7 +85,8 @@ class Worker {
   bool running_ = false;  // what may be stopped and goes on later
   bool cancelled_ = false, quit_ = false;
   std::optional<Clock::time_point> rest_at_;  // of the worker's thread only
-  std::thread thread_;                        // last: starts when all else is there
+  const Turns turns_;
+  std::thread thread_;  // last: starts when all else is there
 };
 
 }  // namespace pointfair::viewer

@@ -13,10 +13,10 @@ import os
 import pathlib
 import shutil
 import subprocess
-import sys
 import tarfile
 
 from parts import SOURCES, collect_licenses, unpack
+from tools import folder_of, make_environment, run
 
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
@@ -39,11 +39,6 @@ TARGETS = {
 PYTHONS = {"3.12": "cp312", "3.11": "", "3.10": ""}
 
 
-def run(*command, **options):
-    if subprocess.run([str(part) for part in command], **options).returncode != 0:
-        sys.exit(f"failed: {' '.join(map(str, command))}")
-
-
 def find_python(version):
     """The program of that version: on the path, or pyenv's; None."""
     found = [shutil.which(f"python{version}")]
@@ -55,22 +50,6 @@ def find_python(version):
         if said.stdout.strip() == version:
             return python
     return None
-
-
-def make_environment(folder, requirements, python=None):
-    """A virtual environment with the pinned packages; the folder of its programs."""
-    done = folder / "installed"
-    if not done.exists() or done.read_text() != requirements.read_text():
-        run(python or sys.executable, "-m", "venv", "--clear", folder)
-        run(folder / "bin/pip", "install", "--quiet", "--disable-pip-version-check", "--require-hashes", "-r", requirements)
-        done.write_text(requirements.read_text())
-    return folder / "bin"
-
-
-def folder_of(bin_folder, module):
-    """Where a module of a virtual environment is."""
-    folder, = bin_folder.parent.glob(f"lib/python3*/site-packages/{module}")
-    return folder
 
 
 class Build:

@@ -79,6 +79,25 @@ def license_of_header(header):
     return "\n\n".join(part for part in text.split("\n\n") if part.startswith("License:"))
 
 
+def licenses_of_zig(zig):
+    """Of the parts that zig links in, by their names."""
+    return {"zig": (zig.parent / "LICENSE").read_text(),
+            **{name: (zig.parent / f"lib/{name.replace('+', 'x')}/LICENSE.TXT").read_text()
+               for name in ("libc++", "libc++abi", "libunwind")}}
+
+
+def licenses_of_module(source, page, zig):
+    """Of what is in the page that needs no server, by the names of its parts. `source`: pugixml's; `page`: the folder that the
+    page is built in."""
+    return {
+        "pugixml": (source / "LICENSE.md").read_text(),
+        "three.js": (page / "node_modules/three/LICENSE").read_text(),
+        "wasi-libc": (zig.parent / "lib/libc/wasi/LICENSE").read_text() + (zig.parent / "lib/libc/wasi/LICENSE-MIT").read_text(),
+        **licenses_of_zig(zig),
+        **{name: license_of_header(HEADERS[name]) for name in ("fast_float", "fmt", "JSON_for_Modern_C++")},
+    }
+
+
 def collect_licenses(into, sources, page, zig, nanobind):
     """Writes the licence of everything that is linked in or served into a folder, one file each. `page`: the folder that
     the viewer's page is built in. Stops where one is missing: a file without it must not be given away."""
@@ -90,9 +109,7 @@ def collect_licenses(into, sources, page, zig, nanobind):
         "nanobind": nanobind_license.read_text(),
         "robin_map": robin_map[:robin_map.index("*/") + 3],
         "three.js": (page / "node_modules/three/LICENSE").read_text(),
-        "zig": (zig.parent / "LICENSE").read_text(),
-        **{name: (zig.parent / f"lib/{name.replace('+', 'x')}/LICENSE.TXT").read_text()
-           for name in ("libc++", "libc++abi", "libunwind")},
+        **licenses_of_zig(zig),
         **{name: license_of_header(header) for name, header in HEADERS.items()},
     }
     shutil.rmtree(into, ignore_errors=True)

@@ -186,7 +186,7 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
   void build_first_index(const std::optional<Frame>& frame, const std::stop_token& stop) {
     located_.clear();
     if (upload_is_indexed_) restore_upload();
-    first_.build_index({uploaded_.data(), points_}, {}, frame, space_, kernels_, stop);
+    first_.build_index({uploaded_.data(), std::size_t(points_)}, {}, frame, space_, kernels_, stop);
     first_.swap_faired(uploaded_);
     upload_is_indexed_ = true;
   }

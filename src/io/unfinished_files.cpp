@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/unfinished_files.hpp"
 
-#include <signal.h>
 #include <unistd.h>
 
 #include <array>
 #include <atomic>
-#include <cerrno>
 #include <charconv>
 #include <system_error>
+
+#include "platform/process.hpp"
 
 namespace pointfair::io {
 namespace fs = std::filesystem;
@@ -32,7 +32,7 @@ bool is_abandoned(std::string_view owner) {
   if (error != std::errc() || process <= 0 || at == end || *at != '-') return false;
   if (std::from_chars(at + 1, end, number).ec != std::errc()) return false;
   if (process == ::getpid()) return number >= next_number;
-  return ::kill(process, 0) != 0 && errno == ESRCH;
+  return !platform::is_alive(process);
 }
 
 }  // namespace

@@ -13,6 +13,12 @@ namespace {
 #ifdef __APPLE__
 int rename_in_one_step(const char* from, const char* to) { return ::renamex_np(from, to, RENAME_EXCL); }
 constexpr int kUnknownToFileSystem = ENOTSUP;
+#elif defined(__wasi__)
+int rename_in_one_step(const char*, const char*) {
+  errno = EINVAL;
+  return -1;
+}
+constexpr int kUnknownToFileSystem = EINVAL;
 #else
 int rename_in_one_step(const char* from, const char* to) {
   return ::renameat2(AT_FDCWD, from, AT_FDCWD, to, RENAME_NOREPLACE);

@@ -4,7 +4,7 @@
 #ifdef __APPLE__
 #include <mach/mach.h>
 #include <unistd.h>
-#else
+#elif !defined(__wasi__)
 #include <sys/resource.h>
 #endif
 
@@ -28,6 +28,11 @@ std::uint64_t free_memory() {
   // inactive pages are given back when others need them
   return (std::uint64_t{pages.free_count} + pages.inactive_count) * static_cast<std::uint64_t>(::getpagesize());
 }
+
+#elif defined(__wasi__)
+
+// Addresses of WebAssembly have 32 bits.
+std::uint64_t free_memory() { return std::uint64_t{3} << 30; }
 
 #else
 

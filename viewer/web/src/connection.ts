@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// The WebSocket: one run at a time on its way. Newer parameters wait until the server has shown something for the last
+// What is asked of the session: one run at a time on its way. Newer parameters wait until the server has shown something for the last
 // ones, so that a drag is a row of answers and not a row of cancelled runs; the server then stops what it still does.
 
 import { decode, type Message, type Recipe, type Request } from "./protocol";
+import { startTransport, type Transport } from "./transport";
 
 const kPatience = 400; // ms without an answer after which newer parameters are sent all the same
-const kRetry = 1500;
 
 export interface Asked extends Recipe {
   focus?: number[];
@@ -15,7 +15,8 @@ export interface Asked extends Recipe {
 }
 
 export class Connection {
-  private socket: WebSocket | null = null;
+  private readonly transport: Transport;
+  private taken = false; // by another page; two would take it from each other for ever
   private ids = 0;
   private waiting: Asked | null = null;
   private answered = true;
@@ -27,7 +28,19 @@ export class Connection {
     private readonly receive: (message: Message) => void,
     private readonly changed: (state: "open" | "closed" | "taken") => void,
   ) {
-    this.open();
+    this.transport = startTransport({
+      opened: () => {
+        this.answered = true;
+        this.taken = false;
+        this.changed("open");
+      },
+      arrived: (frame) => this.take(decode(frame)),
+      failed: (words) => this.take({ head: { type: "error", id: this.busy ? this.lastRun : null, message: words }, arrays: {} }),
+      closed: () => {
+        this.changed(this.taken ? "taken" : "closed");
+        return !this.taken;
+      },
+    });
   }
 
   run(asked: Asked): void {
@@ -42,40 +55,25 @@ export class Connection {
   private lastDone = 0;
 
   send(request: Request): void {
-    if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(request));
+    this.transport.send(JSON.stringify(request));
   }
   nextId(): number {
     return ++this.ids;
   }
   cancel(): void {
     this.waiting = null;
-    this.send({ type: "cancel", id: this.nextId() });
+    this.transport.cancel(JSON.stringify({ type: "cancel", id: this.nextId() } satisfies Request));
   }
 
-  private open(): void {
-    const scheme = location.protocol === "https:" ? "wss:" : "ws:";
-    const token = new URLSearchParams(location.search).get("token");
-    const socket = new WebSocket(
-      `${scheme}//${location.host}/session${token ? `?token=${encodeURIComponent(token)}` : ""}`,
-    );
-    socket.binaryType = "arraybuffer";
-    socket.onopen = () => {
-      this.answered = true;
-      this.changed("open");
-    };
-    let taken = false;
-    socket.onmessage = (event) => {
-      const message = decode(event.data as ArrayBuffer);
-      taken ||= message.head.type === "taken";
-      this.note(message);
-      this.receive(message);
-    };
-    socket.onclose = () => {
-      this.socket = null;
-      this.changed(taken ? "taken" : "closed");
-      if (!taken) setTimeout(() => this.open(), kRetry); // two pages would take it from each other for ever
-    };
-    this.socket = socket;
+  /** Gives a file to the session, which answers with its cloud or an error. Throws with why it cannot be given. */
+  open(file: File): Promise<void> {
+    return this.transport.open(file);
+  }
+
+  private take(message: Message): void {
+    this.taken ||= message.head.type === "taken";
+    this.note(message);
+    this.receive(message);
   }
 
   private note({ head }: Message): void {
@@ -92,7 +90,7 @@ export class Connection {
 
   private flush(): void {
     clearTimeout(this.timer);
-    if (!this.waiting || this.socket?.readyState !== WebSocket.OPEN) return;
+    if (!this.waiting || !this.transport.isOpen) return;
     const age = performance.now() - this.sent;
     if (!this.answered && age < kPatience) {
       this.timer = window.setTimeout(() => this.flush(), kPatience - age);

@@ -17,6 +17,7 @@ import { Scene } from "./scene";
 import { Stage } from "./stage";
 import { copyRecipe, defaultView, equalRecipes, History, type Mode, readFragment, type View, writeFragment } from "./state";
 import { Status } from "./status";
+import { kIsLocal } from "./transport";
 import { chooseFile } from "./welcome";
 
 const kUrlDelay = 250;
@@ -113,6 +114,7 @@ class Page {
         return this.status.showProgress(head.stage, head.share);
       case "saved":
         this.status.hideProgress();
+        if (arrays.file) this.download(new Blob([arrays.file as Uint8Array<ArrayBuffer>]), head.path);
         document.body.dataset.saved = head.path;
         return this.stage.say([`Saved ${head.path}, ${grouped(head.bytes)} bytes`, ...head.notes].join(". Note: "), false,
           head.notes.length ? kToastOfNotes : undefined);
@@ -329,27 +331,25 @@ class Page {
   }
 
   private async upload(file: File): Promise<void> {
-    const query = new URLSearchParams({ name: file.name });
-    const token = new URLSearchParams(location.search).get("token");
-    if (token) query.set("token", token);
-    if (this.cloud) this.stage.say(`Sending ${file.name}…`);
+    if (this.cloud) this.stage.say(`${kIsLocal ? "Reading" : "Sending"} ${file.name}…`);
     else this.stage.welcome.wait(`Reading ${file.name}…`);
-    const failed = (words: string) => {
-      if (!this.cloud) this.stage.welcome.ask();
-      this.stage.say(words, true);
-    };
     try {
-      const response = await fetch(`/upload?${query}`, { method: "POST", body: file });
-      if (!response.ok) failed(await response.text());
-    } catch {
-      failed(`${file.name} could not be sent.`);
+      await this.connection.open(file);
+    } catch (error) {
+      if (!this.cloud) this.stage.welcome.ask();
+      this.stage.say((error as Error).message, true);
     }
   }
 
   private async screenshot(): Promise<void> {
-    const url = URL.createObjectURL(await this.withLegend(await this.scene.screenshot()));
+    const picture = await this.withLegend(await this.scene.screenshot());
     const name = (this.cloud?.name ?? "cloud").replace(/\.[^.]*$/, "");
-    h("a", { href: url, download: `${name}.png` }).click();
+    this.download(picture, `${name}.png`);
+  }
+
+  private download(file: Blob, name: string): void {
+    const url = URL.createObjectURL(file);
+    h("a", { href: url, download: name }).click();
     setTimeout(() => URL.revokeObjectURL(url), 10000);
   }
 

@@ -70,7 +70,7 @@ export class Panel {
     this.extensions = hello.formats.extensions;
     this.encoding.append(h("option", { value: "" }, "as in the input"),
       ...hello.formats.encodings.map((name) => h("option", { value: name }, name)));
-    this.folder.textContent = `Saves into ${hello.save_folder}`;
+    this.folder.textContent = hello.save_folder ? `Saves into ${hello.save_folder}` : "Saves among the browser's downloads";
     this.element.append(
       this.section("Parameters", true, ...this.paramGroups(hello)),
       this.section("Which points move", true, ...this.limitFields()),
@@ -78,6 +78,7 @@ export class Panel {
       this.section("Snapshots", false, ...this.snapshotFields()),
       this.section("Save and share", true, ...this.saveFields(hello)),
     );
+    this.overwrite.closest<HTMLElement>(".field")!.hidden = !hello.save_folder;
   }
 
   get outputName(): string {

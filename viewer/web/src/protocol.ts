@@ -68,7 +68,7 @@ export interface Hello {
   presets: { name: string; params: Texts }[];
   limits: string[];
   formats: { extensions: string[]; encodings: string[] };
-  save_folder: string;
+  save_folder: string; // empty: files come with their message
   has_cloud: boolean; // one follows
 }
 
@@ -131,7 +131,7 @@ export type Head =
   | { type: "settled" }
   | { type: "colours"; id: number; name: string }
   | { type: "progress"; id: number; share: number; stage: string }
-  | { type: "saved"; id: number; path: string; bytes: number; notes: string[]; command: string }
+  | { type: "saved"; id: number; path: string; bytes: number; notes: string[]; command: string } // with an array "file" where there is no folder
   | { type: "cancelled"; id: number; ms: number }
   | { type: "taken" }
   | { type: "error"; id: number | null; message: string };

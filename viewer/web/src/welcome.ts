@@ -2,6 +2,7 @@
 // What is there before a cloud is: a place to drop a file, and a button to choose one.
 
 import { h } from "./dom";
+import { kIsLocal } from "./transport";
 
 export const kReads = "PLY, LAS, LAZ, COPC, E57, PCD, PTX, PTS, XYZ, TXT, CSV, NPY, STL, OFF, OBJ, GLB";
 
@@ -24,7 +25,8 @@ export class Welcome {
       h("h1", {}, "Open a scan"),
       h("p", {}, "Drop a file here, or choose one of this machine."),
       h("button", { type: "button", class: "plain primary", id: "choose", onclick: () => chooseFile(chosen) }, "Choose a file"),
-      h("p", { class: "note" }, kReads));
+      h("p", { class: "note" }, kReads),
+      kIsLocal ? h("p", { class: "note" }, "Up to 1\u202f000\u202f000 points. The file does not leave this machine: pointfair runs in this page.") : null);
     this.element = h("div", { class: "welcome" }, this.words, this.door);
   }
 

@@ -1,0 +1,13 @@
+// SPDX-License-Identifier: Apache-2.0
+// In place of interrupts.cpp where there are no signals.
+#include "interrupts.hpp"
+
+namespace pointfair::cli {
+
+Interrupts::Interrupts() = default;
+Interrupts::~Interrupts() = default;
+void Interrupts::finish() {}
+void remove_if_ended(const std::filesystem::path&) {}
+bool pipe_is_broken() { return false; }
+
+}  // namespace pointfair::cli

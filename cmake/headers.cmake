@@ -1,0 +1,22 @@
+# SPDX-License-Identifier: Apache-2.0
+# Headers of this machine as packages of a prefix, without the rest of its /usr/include.
+
+# The package NAME with the target NAME::TARGET over headers of this machine, to which the prefix has links.
+set(headers boost fast_float)  # found without a package of their own
+function(add_headers name target header)
+  add_library(${target} INTERFACE)
+  target_include_directories(${target} INTERFACE $<INSTALL_INTERFACE:include>)
+  install(TARGETS ${target} EXPORT ${name})
+  install(EXPORT ${name} NAMESPACE ${name}:: FILE ${name}Config.cmake DESTINATION lib/cmake/${name})
+  set(headers ${headers} ${header} PARENT_SCOPE)
+endfunction()
+add_headers(CLI11 CLI11 CLI)
+add_headers(fmt fmt fmt)
+add_headers(nlohmann_json nlohmann_json nlohmann)
+add_headers(nanoflann nanoflann nanoflann.hpp)
+target_compile_definitions(fmt INTERFACE FMT_HEADER_ONLY)
+foreach(header IN LISTS headers)
+  find_path(folder_of_${header} ${header} PATHS /usr/include /usr/local/include REQUIRED NO_DEFAULT_PATH)
+  install(CODE "file(MAKE_DIRECTORY \${CMAKE_INSTALL_PREFIX}/include)
+    file(CREATE_LINK ${folder_of_${header}}/${header} \${CMAKE_INSTALL_PREFIX}/include/${header} SYMBOLIC)")
+endforeach()

@@ -1,0 +1,177 @@
+// SPDX-License-Identifier: Apache-2.0
+// The page without a server: files of several formats are dropped, denoised and saved by pointfair as WebAssembly, without a
+// network, and the saved files are the program's, byte for byte. `make site` and `make wasm` build the page.
+import assert from "node:assert/strict";
+import { existsSync, readdirSync, readFileSync, writeFileSync } from "node:fs";
+import http from "node:http";
+import path from "node:path";
+import test from "node:test";
+import { gzipSync } from "node:zlib";
+import { dataset, entry, openBrowser, openPage, run, settled, temporaryFolder } from "./program.mjs";
+
+const kPage = process.env.POINTFAIR_SERVERLESS;
+const built = existsSync(path.join(kPage, "pointfair.wasm"))
+  ? {} : { skip: `${kPage} is not there: make wasm builds it, with a compiler from PyPI` };
+const kTypes = { html: "text/html", js: "text/javascript", css: "text/css", svg: "image/svg+xml", wasm: "application/wasm" };
+
+/** Serves the page's files as any host of static files does; resolves with the URL. */
+async function serve(t) {
+  const server = http.createServer((request, response) => {
+    const name = new URL(request.url, "http://x").pathname.replace(/\/$/, "/index.html");
+    const file = path.join(kPage, name.replace("/app/", ""));
+    if (!existsSync(file)) return response.writeHead(404).end();
+    response.writeHead(200, { "Content-Type": kTypes[name.split(".").at(-1)], "Cache-Control": "no-store" }).end(readFileSync(file));
+  });
+  await new Promise((resolve) => server.listen(0, "127.0.0.1", resolve));
+  t.after(() => server.closeAllConnections?.() ?? server.close());
+  t.after(() => server.close());
+  return { url: `http://127.0.0.1:${server.address().port}/app/`, server };
+}
+
+async function open(t) {
+  const { url, server } = await serve(t);
+  const opened = await openPage(t, await openBrowser(t), url);
+  await opened.page.getByRole("heading", { name: "Open a scan" }).waitFor();
+  await opened.page.waitForFunction(() => document.body.dataset.offline === "true");
+  return { ...opened, server };
+}
+
+/** Drops a file onto the page, and waits until it has its result. */
+async function drop(page, file, comes = true) {
+  const data = await page.evaluateHandle(([bytes, name]) => {
+    const transfer = new DataTransfer();
+    transfer.items.add(new File([Uint8Array.from(atob(bytes), (c) => c.charCodeAt(0))], name));
+    return transfer;
+  }, [readFileSync(file).toString("base64"), path.basename(file)]);
+  await page.dispatchEvent("body", "drop", { dataTransfer: data });
+  if (!comes) return;
+  await page.waitForFunction((name) => document.body.dataset.cloud === name, path.basename(file));
+  await settled(page);
+}
+
+/** A waving sheet with `across` x `across` points and noise. */
+function sheet(folder, name, across) {
+  const rows = Array.from({ length: across * across }, (_, i) => {
+    const [x, y] = [i % across, Math.floor(i / across)];
+    return `${x} ${y} ${Math.sin(x / 6) + ((i * 7919) % 101) / 101 - 0.5}`;
+  });
+  const file = path.join(folder, name);
+  writeFileSync(file, rows.join("\n"));
+  return file;
+}
+
+/** The bytes that the page gives for a file of that name. */
+async function save(page, name) {
+  await page.locator("#output").fill(name);
+  const coming = page.waitForEvent("download");
+  await page.locator("#save").click();
+  const download = await coming;
+  assert.equal(download.suggestedFilename(), name);
+  return readFileSync(await download.path());
+}
+
+test("what is dropped is denoised without a network, and saved as the program saves it", built, async (t) => {
+  const folder = temporaryFolder(t);
+  const xyz = sheet(folder, "sheet.xyz", 60);
+  const files = ["ply", "las", "laz", "obj"].map((ending) => path.join(folder, `sheet.${ending}`));
+  for (const file of files) run(["run", xyz, file, "--strength", 0, "-q"]);
+  const { page, faults, context } = await open(t);
+  await context.setOffline(true);
+  const asked = [];
+  page.on("request", (request) => asked.push(new URL(request.url())));
+  for (const file of files) {
+    await drop(page, file);
+    const denoised = `denoised${path.extname(file)}`;
+    const [mine, theirs] = [await save(page, denoised), path.join(folder, denoised)];
+    run(["run", file, theirs, "--device", "cpu", "-q"]);
+    assert.ok(mine.equals(readFileSync(theirs)), `${file}: the same bytes`);
+  }
+  await entry(page, "k").fill("16");
+  await page.keyboard.press("Enter");
+  await settled(page);
+  const mine = await save(page, "k16.ply");
+  run(["run", files[3], path.join(folder, "k16.ply"), "--k", 16, "--device", "cpu", "-q"]);
+  assert.ok(mine.equals(readFileSync(path.join(folder, "k16.ply"))), "--k 16: the same bytes");
+  // files of the page, which a service worker keeps
+  assert.deepEqual(asked.filter((url) => url.protocol !== "blob:" && !existsSync(path.join(kPage, url.pathname.replace("/app/", "")))), []);
+  assert.deepEqual(faults, []);
+});
+
+test("the page opens again without a network", built, async (t) => {
+  const { page, faults, context, server } = await open(t);
+  await context.setOffline(true);
+  server.closeAllConnections();
+  server.close();
+  await page.reload();
+  await page.getByRole("heading", { name: "Open a scan" }).waitFor();
+  await drop(page, sheet(temporaryFolder(t), "later.xyz", 40));
+  assert.equal(await dataset(page, "cloud"), "later.xyz");
+  assert.deepEqual(faults.filter((fault) => !fault.includes("ERR_")), []);
+});
+
+test("a run is stopped, and the cloud is there for the next one", built, async (t) => {
+  const folder = temporaryFolder(t);
+  const file = sheet(folder, "sheet.xyz", 300);
+  const { page, faults } = await open(t);
+  await drop(page, file);
+  await entry(page, "iterations").fill("30");
+  await page.keyboard.press("Enter");
+  await page.getByRole("button", { name: "Stop" }).click();
+  await page.locator(".toast", { hasText: "Stopped" }).waitFor();
+  assert.equal(await dataset(page, "busy"), "false");
+  await entry(page, "k").fill("12");
+  await page.keyboard.press("Enter");
+  await settled(page);
+  const mine = await save(page, "out.xyz");
+  run(["run", file, path.join(folder, "out.xyz"), "--k", 12, "--device", "cpu", "-q"]);
+  assert.ok(mine.equals(readFileSync(path.join(folder, "out.xyz"))));
+  assert.deepEqual(faults, []);
+});
+
+test("a slider that is pulled shows previews and ends with the whole result", built, async (t) => {
+  const { page, faults } = await open(t);
+  await drop(page, sheet(temporaryFolder(t), "sheet.xyz", 200));
+  const range = page.locator('[data-param="k"] input[type=range]');
+  await range.scrollIntoViewIfNeeded();
+  const box = await range.boundingBox();
+  await page.mouse.move(box.x + 10, box.y + box.height / 2);
+  await page.mouse.down();
+  for (const share of [0.2, 0.3, 0.4, 0.5]) {
+    await page.mouse.move(box.x + share * box.width, box.y + box.height / 2);
+    await page.waitForTimeout(100);
+  }
+  await page.mouse.up();
+  await settled(page);
+  assert.equal(await dataset(page, "error"), undefined);
+  assert.deepEqual(faults, []);
+});
+
+test("what the page cannot take is refused in one line, and the cloud before stays", built, async (t) => {
+  const folder = temporaryFolder(t);
+  const [large, broken] = ["large.xyz", "broken.ply"].map((name) => path.join(folder, name));
+  writeFileSync(large, Array.from({ length: 1000001 }, (_, i) => `${i % 1000} ${Math.floor(i / 1000)} 0`).join("\n"));
+  writeFileSync(broken, "ply\nformat ascii 1.0\n");
+  const { page, faults } = await open(t);
+  await drop(page, sheet(folder, "sheet.xyz", 40));
+  for (const [file, words] of [[large, /large\.xyz has 1000001 points and this page takes up to 1000000: install pointfair/], [broken, /broken\.ply/]]) {
+    await drop(page, file, false);
+    await page.locator(".toast.error", { hasText: words }).waitFor();
+  }
+  await entry(page, "k").fill("12");
+  await page.keyboard.press("Enter");
+  await settled(page);
+  assert.equal(await dataset(page, "cloud"), "sheet.xyz");
+  assert.deepEqual(faults, []);
+});
+
+test("the page may ask no other host, and is less than 3 MB compressed", built, async (t) => {
+  const { page } = await open(t);
+  const refused = await page.evaluate(() => new Promise((resolve) => {
+    document.addEventListener("securitypolicyviolation", (event) => resolve(event.violatedDirective));
+    void fetch("https://pointfair.invalid/").catch(() => undefined);
+  }));
+  assert.equal(refused, "connect-src");
+  const files = readdirSync(kPage, { recursive: true, withFileTypes: true }).filter((entry) => entry.isFile());
+  const bytes = files.reduce((sum, { path: folder, name }) => sum + gzipSync(readFileSync(path.join(folder, name))).length, 0);
+  assert.ok(bytes < 3e6, `${bytes} bytes`);
+});
