@@ -44,7 +44,7 @@ def loss_of(batch, points):
     worse = torch.relu(mean + 0.005) + torch.relu(rms + 0.005)
     of_object = torch.tensor([kind.startswith("objects") for kind in batch.kinds], device=mean.device).float()
     is_clean = torch.tensor([kind.startswith("clean") for kind in batch.kinds], device=mean.device).float()
-    return ((1 + is_clean) * (mean + rms + 2 * worse + of_object * chamfer)).mean()
+    return ((1 + is_clean) * (mean + rms + 2 * worse + 3 * of_object * chamfer)).mean()
 
 
 def average(states):
