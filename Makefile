@@ -113,7 +113,7 @@ train-net: build
 	first=$$(($$(ls $(TRAIN_DATA) | wc -l) * 100 + 1000000)); for worker in $$(seq 0 $$(($(jobs) - 1))); do \
 	  python3 training/net/pieces.py $(TRAIN_DATA) build/bin/pointfair $$(($(TRAIN_SECONDS) / 4)) $$worker $(jobs) $$first & done; wait
 	python3 training/net/train.py $(TRAIN_DATA) $(TRAIN_STATE) --seconds $(TRAIN_SECONDS) --total $(TRAIN_TOTAL)
-	python3 training/net/export.py $(TRAIN_STATE) src/learned/weights.bin
+	python3 training/net/export.py $(TRAIN_STATE) src/learned/weights.bin --trust 1
 	python3 training/net/golden.py src/learned/weights.bin tests/learned
 
 bench:

@@ -19,9 +19,10 @@ FLOOR = 0.01  # spacings, below which errors do not count
 
 
 class Pieces:
-    def __init__(self, device, without=()):
-        """`without` names beginnings of kinds that are left out."""
-        self.device, self.without, self.seen, self.training, self.held_out = device, tuple(without), set(), [], []
+    def __init__(self, device, without=(), every=25):
+        """`without` names beginnings of kinds that are left out; every so-manieth cloud is held out."""
+        self.device, self.without, self.every = device, tuple(without), every
+        self.seen, self.training, self.held_out = set(), [], []
 
     def load(self, folder, most=10**9):
         for path in sorted(Path(folder).glob("*.npz")):
@@ -36,7 +37,7 @@ class Pieces:
             columns = [torch.as_tensor(column).to(self.device) for column in columns]
             number = int("".join(c for c in path.stem if c.isdigit()))
             for piece in zip(*columns):
-                (self.held_out if number % 25 == 0 else self.training).append((kind, list(piece[:8]), piece[8]))
+                (self.held_out if number % self.every == 0 else self.training).append((kind, list(piece[:8]), piece[8]))
 
     def keep_loading(self, folder, most=10**9, pause=5.0):
         """Loads in a thread of its own what comes into the folder."""

@@ -19,6 +19,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 import families
+import reference
 import spec
 
 SIZE = 8192  # points of a piece; clouds of 10,000 points are common
@@ -52,11 +53,12 @@ def default_run(program, points, scratch):
     return column("x", "y", "z"), column("nx", "ny", "nz"), rows["noise"].astype(np.float32)
 
 
-def lists_of(points, rng):
-    """Neighbours in each scale; a random choice stands for the program's hash."""
-    lists, own = [], np.arange(len(points))[:, None]
+def lists_of(points):
+    """Neighbours in each scale. Which points a scale holds follows from their positions, so that it holds all copies of a
+    point or none, as in the program."""
+    share, lists, own = reference.share_of_hash(points, points.min(0)), [], np.arange(len(points))[:, None]
     for stride in spec.STRIDES:
-        members = np.sort(rng.permutation(len(points))[: len(points) // stride])
+        members = np.flatnonzero(share < 1 / stride)
         if len(members) <= spec.NEIGHBORS:  # as in the program: the list of the finer scale again
             lists.append(lists[-1])
             continue
@@ -81,12 +83,13 @@ def pieces_of(cloud, program, scratch, rng):
         off = lambda a: (a[chosen] - true[middle]).astype(np.float32)
         away = np.linalg.norm(off(true), axis=1)
         within = away < (0.9 * away.max() if len(measured) > 1.3 * SIZE else np.inf)
-        columns = [off(measured), off(places.astype(float)), normals[chosen], noise[chosen], off(true)]
-        pieces.append(columns + [cloud.normal[chosen].astype(np.float32), sound, within, lists_of(off(places), rng)])
+        classical = off(places.astype(float))
+        columns = [off(measured), classical, normals[chosen], noise[chosen], off(true)]
+        pieces.append(columns + [cloud.normal[chosen].astype(np.float32), sound, within, lists_of(classical)])
     return pieces
 
 
-def whole_cloud(cloud, program, scratch, rng):
+def whole_cloud(cloud, program, scratch):
     """The columns of a cloud smaller than a piece, in a unit in which the default run leaves an error of about 1, so
     that clouds that share a piece count alike."""
     measured, true = cloud.points.astype(float), cloud.clean.astype(float)
@@ -94,9 +97,9 @@ def whole_cloud(cloud, program, scratch, rng):
     left = np.sqrt(np.mean(np.sum((places - true) ** 2, axis=1)[cloud.surface]))
     scale = 1 / max(left, 0.02 * float(np.median(cloud.spacing)))
     off = lambda a: ((a - true[0]) * scale).astype(np.float32)
-    lists = lists_of(off(places), rng)
-    columns = [off(measured), off(places.astype(float)), normals, noise * np.float32(scale), off(true)]
-    return columns + [cloud.normal.astype(np.float32), cloud.surface, np.ones(len(true), bool), lists]
+    classical = off(places.astype(float))
+    columns = [off(measured), classical, normals, noise * np.float32(scale), off(true)]
+    return columns + [cloud.normal.astype(np.float32), cloud.surface, np.ones(len(true), bool), lists_of(classical)]
 
 
 class Pile:
@@ -146,7 +149,7 @@ def main(out, program, seconds, worker=0, workers=1, first=1_000_000):
         if len(cloud.points) >= SIZE:
             pieces = pieces_of(cloud, program, scratch, rng)
         else:
-            columns = whole_cloud(cloud, program, scratch, rng)
+            columns = whole_cloud(cloud, program, scratch)
             sound = all(np.isfinite(column).all() for column in columns[:6]) and cloud.surface.mean() > 0.6
             full = piles[family].add(columns) if sound else None
             pieces = [full] if full else []

@@ -75,7 +75,7 @@ def validate(net, pieces, together):
     return f"all {show(overall)} | " + " | ".join(parts)
 
 
-GROUPS = ("objects", "scans", "objects", "scans", "objects", "special", "objects", "scans", "clean", "special")
+GROUPS = ("objects", "scans", "special", "scans", "objects", "scans", "clean", "special", "objects", "scans")
 
 
 class Training:
