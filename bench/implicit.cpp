@@ -42,7 +42,8 @@ Matrix system_of(const pointfair::Polygons& faces, std::size_t points, double la
     }
     begin = end;
   }
-  Matrix ring(Eigen::Index(points), Eigen::Index(points));
+  const auto count = Eigen::Index(points);
+  Matrix ring(count, count);
   ring.setFromTriplets(entries.begin(), entries.end(), [](double, double) { return -1.0; });
   const Eigen::VectorXd degree = -(ring * Eigen::VectorXd::Ones(ring.cols()));
   Matrix diagonal(ring.rows(), ring.cols());

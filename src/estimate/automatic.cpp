@@ -208,7 +208,7 @@ class Resolver {
       used_.normal_filter = within_radius_ || its_.filter == NormalFilter::mollify ? its_.filter : NormalFilter::off;
     if (asked_.connectivity == Connectivity::automatic) used_.connectivity = Connectivity::points;
     if (!asked_.tangential && asked_.connectivity == Connectivity::mesh)
-      used_.tangential = is_of_rings(asked_.method) ? 0 : constants::kTangential;
+      used_.tangential = is_of_rings(asked_.method) && asked_.method != Method::implicit ? 0 : constants::kTangential;
     if (asked_.offset == Offset::automatic) used_.offset = within_radius_ ? Offset::symmetric : Offset::point;
     if (asked_.crease_angle == kAutomatic) used_.crease_angle = automatic_crease_angle(noise_, s_);
     if (!asked_.flat_scale)
