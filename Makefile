@@ -137,6 +137,12 @@ bench-laz:
 	cmake --build build --target bench_laz
 	bench/laz.py
 
+bench-implicit:
+	@$(install) build bench
+	cmake --preset $(preset) -DPOINTFAIR_TESTS=OFF
+	cmake --build build --target bench_implicit
+	build/bin/bench_implicit $(mesh)
+
 bench-viewer:
 	@$(install) build
 	cmake --preset $(preset) -DPOINTFAIR_TESTS=OFF

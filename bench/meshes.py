@@ -26,6 +26,7 @@ POINTFAIR = {  # arguments of pointfair run
     "mesh laplacian": ["--connectivity", "mesh", "--method", "laplacian"],
     "mesh taubin": ["--connectivity", "mesh", "--method", "taubin"],
     "mesh hc": ["--connectivity", "mesh", "--method", "hc-laplacian"],
+    "mesh implicit": ["--connectivity", "mesh", "--method", "implicit"],
     "mesh, 2 rings": ["--connectivity", "mesh", "--rings", "2"],
     "mesh mollified": ["--connectivity", "mesh", "--method", "mollified"],
 }

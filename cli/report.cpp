@@ -111,6 +111,7 @@ std::string reasons_kept(const UnmovedCounts& unmoved, std::uint64_t ignored) {
   add(outliers.isolated, "isolated");
   add(outliers.off_surface, "off the surface");
   add(outliers.mixed_pixels, "mixed pixels");
+  add(unmoved.boundary, "on the border of the mesh");
   add(ignored, "ignored");
   return reasons;
 }

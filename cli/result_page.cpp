@@ -255,6 +255,7 @@ class PageMaker {
                        {"mixed pixels, between two surfaces", share_of(by_reason.mixed_pixels, all)},
                        {"fewer than three neighbours", share_of(unmoved.too_few_neighbors, all)},
                        {"no normal", share_of(unmoved.no_normal, all)},
+                       {"on the border of the mesh", share_of(unmoved.boundary, all)},
                        {"not finite, or ignored", share_of(unmoved.non_finite, all)}});
     } else if (!job_.outliers.empty()) {
       const auto marked = job_.outliers.size() - std::size_t(std::count(job_.outliers.begin(), job_.outliers.end(), 0));

@@ -52,7 +52,7 @@ bool needs_tiles(const RunArguments& arguments, const Params& params) {
 
 std::string why_tiles(const RunArguments& arguments, const Params& params, const Device& device) {
   if (!arguments.tiled.memory.empty() || arguments.input == "-" || arguments.output == "-") return {};
-  if (needs_memory(arguments) || params.connectivity == Connectivity::mesh) return {};
+  if (needs_memory(arguments) || needs_cpu_and_memory(params)) return {};
   constexpr std::uint64_t kLeastBytesOfRecord = 2, kBytesOnCard = 64;  // of a point, in a file and beside a card
   std::error_code failed;
   const std::uint64_t size = std::filesystem::file_size(arguments.input, failed), free = TiledRun::free_memory();

@@ -29,9 +29,13 @@ UnmovedCounts without(UnmovedCounts unmoved, std::uint64_t ignored) {
 }
 
 Json unmoved_json(const UnmovedCounts& unmoved, const Findings& findings) {
-  return {{"non_finite", unmoved.non_finite}, {"too_few_neighbors", unmoved.too_few_neighbors},
-          {"no_normal", unmoved.no_normal},   {"outliers", unmoved.outliers},
-          {"ignored", findings.ignored},      {"held", findings.held}};
+  return {{"non_finite", unmoved.non_finite},
+          {"too_few_neighbors", unmoved.too_few_neighbors},
+          {"no_normal", unmoved.no_normal},
+          {"outliers", unmoved.outliers},
+          {"boundary", unmoved.boundary},
+          {"ignored", findings.ignored},
+          {"held", findings.held}};
 }
 
 Json mesh_json(const MeshReport& mesh) {
@@ -45,6 +49,11 @@ Json mesh_json(const MeshReport& mesh) {
           {"isolated_points", mesh.isolated_points},
           {"folded_before", mesh.folded_before},
           {"folded_after", mesh.folded_after}};
+}
+
+Json solver_json(const SolverReport& solver) {
+  if (solver.iterations == 0) return nullptr;
+  return {{"iterations", solver.iterations}, {"residual", solver.residual}};
 }
 
 // "mesh of 1000 vertices and 1996 faces, 3 of them degenerate; 12 faces folded before, 4 after"
@@ -164,6 +173,7 @@ Json run_json(const Report& report, const Findings& findings) {
           {"removed", findings.removed},
           {"short_neighborhoods", report.short_neighborhoods},
           {"mesh", mesh_json(report.mesh)},
+          {"solver", solver_json(report.solver)},
           {"displacement", statistics_json(findings.displacement)},
           {"stages", stages_json(report.stages)},
           {"tiles", report.tiles},
@@ -174,8 +184,7 @@ Json run_json(const Report& report, const Findings& findings) {
 void print_summary(const Report& report, const Findings& findings, bool with_details) {
   if (with_details) print_details(report, findings.asked);
   const UnmovedCounts unmoved = without(report.unmoved, findings.ignored);
-  const std::uint64_t kept =
-      unmoved.non_finite + unmoved.too_few_neighbors + unmoved.no_normal + unmoved.outliers + findings.ignored;
+  const std::uint64_t kept = unmoved.total() + findings.ignored;
   fmt::print(stderr, "{} points denoised on {} in {:.1f} ms, {} kept as they were{}\n",
              count_denoised(report.points, kept, findings.held), device_name(report.device.kind),
              report.total_milliseconds, kept, reasons_kept(unmoved, findings.ignored));
@@ -189,6 +198,9 @@ void print_summary(const Report& report, const Findings& findings, bool with_det
                              findings.displacement.max),
              rounding_text(findings.step));
   fmt::print(stderr, "{}", mesh_told(report.mesh));
+  if (const SolverReport& solver = report.solver; solver.iterations > 0)
+    fmt::print(stderr, "equations solved by {} iterations to a residual of {:.1g}\n", solver.iterations,
+               solver.residual);
   const std::string none = nothing_selected(report.points, unmoved.non_finite, findings.ignored, findings.held);
   if (!none.empty()) fmt::print(stderr, "note: {}\n", none);
   for (const std::string& note : findings.notes) fmt::print(stderr, "note: {}\n", note);

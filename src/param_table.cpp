@@ -231,6 +231,8 @@ void check_params(const Params& params) {
   if (params.connectivity == Connectivity::mesh) {
     if (params.k != kAutomatic || params.constraint)
       throw Error(ErrorKind::usage, "--connectivity mesh takes --rings or --radius, not --k or --constraint");
+    if (params.method == Method::implicit && params.rings > 1)
+      throw Error(ErrorKind::usage, "--method implicit joins the first ring of a mesh; leave out --rings");
     if (params.method == Method::learned)
       throw Error(ErrorKind::usage,
                   "--method learned knows points alone; choose another method for "

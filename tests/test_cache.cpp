@@ -101,6 +101,7 @@ Params settled() {  // nothing automatic, so that a change of one value changes 
   params.flat_scale = 1.5;
   params.offset = Offset::symmetric;
   params.relaxation = 0.9;
+  params.implicit_lambda = 2;
   params.iterations = 1;
   params.outliers = Outliers::keep;
   params.outlier_distance = 0.3;
@@ -151,6 +152,7 @@ void change(Params& params, const ParamInfo& info) {
         if constexpr (std::is_same_v<Field, Method>) params.*field = Method::mls;
         if constexpr (std::is_same_v<Field, Outliers>) params.*field = Outliers::off;
         if constexpr (std::is_same_v<Field, Along>) params.*field = Along::ray;
+        if constexpr (std::is_same_v<Field, ImplicitWeights>) params.*field = ImplicitWeights::uniform;
         if constexpr (std::is_same_v<Field, Connectivity>) params.*field = Connectivity::mesh;
       },
       info.field);
@@ -167,9 +169,10 @@ TEST(Cache, a_changed_parameter_runs_again_from_the_stage_of_its_row_and_no_earl
     Recorded recorded;
     const bool is_of_radii = info.name == "min_neighbors" || info.name == "flat_scale" || info.name == "outlier_radius";
     const bool is_of_mesh = info.name == "rings" || info.name == "keep_boundary" || info.name == "tangential";
-    const Params before = is_of_mesh                                   ? settled_on_mesh()
-                          : is_of_radii || info.name == "connectivity" ? settled_without_list()
-                                                                       : settled();
+    Params before = is_of_mesh                                   ? settled_on_mesh()
+                    : is_of_radii || info.name == "connectivity" ? settled_without_list()
+                                                                 : settled();
+    if (info.name.starts_with("implicit")) before.method = Method::implicit;
     recorded.pipeline.set_faces(strip(recorded.points.size()));
     const std::array<double, 3> above{0.5, 0.5, 5};
     if (info.name == "along") recorded.pipeline.set_viewpoint({&above, 1});

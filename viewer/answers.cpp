@@ -26,16 +26,13 @@ Json formats_json() {
   return {{"extensions", formats}, {"encodings", encodings}};
 }
 
-std::uint64_t all_of(const UnmovedCounts& unmoved) {
-  return unmoved.non_finite + unmoved.too_few_neighbors + unmoved.no_normal + unmoved.outliers;
-}
-
 // Ignored points go into a run as points that are not finite.
 Json reasons_json(const UnmovedCounts& unmoved) {
   const OutlierCounts& outliers = unmoved.outliers_by_reason;
   return {{"not finite, or ignored", unmoved.non_finite}, {"with too few neighbours", unmoved.too_few_neighbors},
           {"without a normal", unmoved.no_normal},        {"isolated", outliers.isolated},
-          {"off the surface", outliers.off_surface},      {"mixed pixels", outliers.mixed_pixels}};
+          {"off the surface", outliers.off_surface},      {"mixed pixels", outliers.mixed_pixels},
+          {"on the border of the mesh", unmoved.boundary}};
 }
 
 }  // namespace
@@ -84,7 +81,7 @@ Json result_answer(const Request& request, const Report& report, const Displacem
           {"step", step},
           {"used", params_texts(report.params)},
           {"moved", {{"mean", moved.mean}, {"rms", moved.rms}, {"max", moved.max}}},
-          {"unmoved", all_of(report.unmoved)},
+          {"unmoved", report.unmoved.total()},
           {"reasons", reasons_json(report.unmoved)},
           {"stages", stages_json(report.stages)},
           {"total_ms", report.total_milliseconds},

@@ -130,8 +130,8 @@ void Document::run(const Request& request, std::stop_token stop) {
   if (!has_cloud_) return;
   update_movable(request.recipe.limits);
   const std::optional<Params> used = resolved(request.recipe.params, stop);
-  // a part of a mesh has no faces
-  const bool has_parts = used && used->connectivity == Connectivity::points;
+  // a part of a mesh has no faces, and the equations of a part are others
+  const bool has_parts = used && !needs_cpu_and_memory(*used);
   if (has_parts && expectation_.milliseconds(*used) > kSlowMilliseconds) show_preview(request, *used, stop);
   pipeline_->run(request.recipe.params, result_.points(), stop, progress_for(request.id));
   last_params_ = request.recipe.params;

@@ -38,7 +38,20 @@ struct Length {
 enum class Stage : std::uint8_t { index, neighbors, normals, fairing, iterations };
 
 /// How a point moves; docs/methods.md has a section on each.
-enum class Method : std::uint8_t { bilateral, laplacian, taubin, hc_laplacian, mls, wiener, mollified, learned };
+enum class Method : std::uint8_t {
+  bilateral,
+  laplacian,
+  taubin,
+  hc_laplacian,
+  mls,
+  wiener,
+  mollified,
+  learned,
+  implicit
+};
+/// Of method implicit: the weight of each edge. uniform: 1. scale: 1 / its length. curvature: cotangents on a mesh, a
+/// Gaussian of the length on a cloud. automatic: curvature.
+enum class ImplicitWeights : std::uint8_t { automatic, uniform, scale, curvature };
 /// The weight of a neighbour by the area that it stands for, paper eq. 6.
 enum class AreaWeight : std::uint8_t { none, length, squared };
 /// on: two rounds of a bilateral filter, which keeps edges; mollify: one Gaussian mean, which does not (Jones 2003).
@@ -90,6 +103,8 @@ struct Params {
   AreaWeight area_weight = AreaWeight::none;
   Offset offset = Offset::automatic;
   std::optional<double> relaxation;  ///< the factor on each displacement
+  ImplicitWeights implicit_weights = ImplicitWeights::automatic;
+  std::optional<double> implicit_lambda;  ///< with method implicit: how far a step smooths, in squared edge lengths
   // Points off the surface.
   Outliers outliers = Outliers::automatic;
   Length outlier_distance;
@@ -109,7 +124,7 @@ POINTFAIR_EXPORT Params paper_preset();
 /// A pointer to the field that a row of the table describes.
 using ParamField = std::variant<int Params::*, bool Params::*, std::optional<double> Params::*, Length Params::*,
                                 Method Params::*, AreaWeight Params::*, NormalFilter Params::*, Offset Params::*,
-                                Outliers Params::*, Along Params::*, Connectivity Params::*>;
+                                Outliers Params::*, Along Params::*, Connectivity Params::*, ImplicitWeights Params::*>;
 
 /// One row of the table. `name` is the field's name; a flag writes it with '-' for '_'.
 struct ParamInfo {
@@ -142,8 +157,8 @@ inline constexpr std::array kParams = {
     ParamInfo{"connectivity", Stage::neighbors, &Params::connectivity, 0, 0, true, "points|mesh",
               "what makes points neighbours. points: their distance; mesh: the edges of the file's faces", true},
     ParamInfo{"rings", Stage::neighbors, &Params::rings, 1, kMaxRings, true, "",
-              "with --connectivity mesh: how many edges away neighbours are; auto: 1 in laplacian, taubin and "
-              "hc-laplacian, else all within --radius",
+              "with --connectivity mesh: how many edges away neighbours are; auto: 1 in laplacian, taubin, "
+              "hc-laplacian and implicit, else all within --radius",
               true},
     ParamInfo{"normal_sigma", Stage::normals, &Params::normal_sigma, 0, 1e30, true, "",
               "sigma of the weights by distance in the normals", true},
@@ -154,7 +169,7 @@ inline constexpr std::array kParams = {
     ParamInfo{"flat_scale", Stage::normals, &Params::flat_scale, 1, 2, true, "",
               "with --normal-filter on and without --k: factor on the radius where the surface is flat", true},
     ParamInfo{"method", Stage::fairing, &Params::method, 0, 0, false,
-              "bilateral|laplacian|taubin|hc-laplacian|mls|wiener|mollified|learned",
+              "bilateral|laplacian|taubin|hc-laplacian|mls|wiener|mollified|learned|implicit",
               "how points move; bilateral keeps edges best, learned refines its result by a net (docs/methods.md)"},
     ParamInfo{"along", Stage::fairing, &Params::along, 0, 0, false, "normal|ray",
               "direction in which points move. ray: towards the sensor or away from it, so that organised clouds keep "
@@ -176,6 +191,12 @@ inline constexpr std::array kParams = {
         true},
     ParamInfo{"relaxation", Stage::fairing, &Params::relaxation, 0, 2, true, "",
               "factor on each displacement; with --method taubin: lambda", true},
+    ParamInfo{"implicit_weights", Stage::fairing, &Params::implicit_weights, 0, 0, true, "uniform|scale|curvature",
+              "with --method implicit: weight of an edge. uniform: 1; scale: 1 / length; curvature: cotangents on a "
+              "mesh, a Gaussian on a cloud",
+              true},
+    ParamInfo{"implicit_lambda", Stage::fairing, &Params::implicit_lambda, 0, 1e6, true, "",
+              "with --method implicit: how far a step smooths, in squared mean edge lengths; auto: by the noise", true},
     ParamInfo{"outliers", Stage::fairing, &Params::outliers, 0, 0, true, "off|move|keep|mark",
               "points off the surface. off: do not look for them; move: pull them in; keep: leave them; mark: leave "
               "and mark"},
@@ -215,6 +236,12 @@ constexpr bool moves_along_normal(Method method) {
 /// Whether the row says something only where neighbours follow the edges of faces (Params::connectivity).
 constexpr bool is_of_meshes(const ParamInfo& info) {
   return info.name == "rings" || info.name == "keep_boundary" || info.name == "tangential";
+}
+
+/// Whether a run computes on the CPU alone, with the whole cloud in memory: along the edges of faces, and where one
+/// system of equations holds all points.
+constexpr bool needs_cpu_and_memory(const Params& params) {
+  return params.connectivity == Connectivity::mesh || params.method == Method::implicit;
 }
 
 /// Throws ErrorKind::usage if a value is out of its range or if two contradict each other.

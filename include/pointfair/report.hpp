@@ -45,6 +45,8 @@ struct UnmovedCounts {
   std::uint64_t no_normal = 0;          ///< neighbours identical or on a line
   std::uint64_t outliers = 0;           ///< off the surface (Params::outliers)
   OutlierCounts outliers_by_reason{};   ///< of those
+  std::uint64_t boundary = 0;           ///< on the border of a mesh (Params::keep_boundary)
+  std::uint64_t total() const { return non_finite + too_few_neighbors + no_normal + outliers + boundary; }
   friend bool operator==(const UnmovedCounts&, const UnmovedCounts&) = default;
 };
 
@@ -67,6 +69,12 @@ struct MeshReport {
   std::uint64_t folded_before = 0, folded_after = 0;
 };
 
+/// The solution of the linear systems of Method::implicit.
+struct SolverReport {
+  std::uint64_t iterations = 0;  ///< of conjugate gradients, over all iterations of the run
+  double residual = 0;           ///< the largest that was left, relative to the right-hand side
+};
+
 /// What a run did.
 struct Report {
   DeviceInfo device;
@@ -80,7 +88,8 @@ struct Report {
   /// If one kernel does normals and fairing there, its time is divided three to two, as two kernels would take it.
   /// `upload` to a card lasts until the caller may change the array again; the index begins before that.
   std::vector<StageTime> stages;
-  MeshReport mesh;  ///< zeros without Connectivity::mesh
+  MeshReport mesh;      ///< zeros without Connectivity::mesh
+  SolverReport solver;  ///< zeros without Method::implicit
   /// Number of tiles that the cloud was cut into because it does not fit into the card's memory; 1: not cut. A cloud in
   /// tiles stays in host memory, and its stages are `cut`, `tiles` and `download`.
   std::uint64_t tiles = 1;

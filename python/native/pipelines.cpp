@@ -290,8 +290,10 @@ Row as_tuple(const Report& report) {
       as_tuple(report.device), report.points, report.params,
       nb::make_tuple(unmoved.non_finite, unmoved.too_few_neighbors, unmoved.no_normal, unmoved.outliers,
                      nb::make_tuple(unmoved.outliers_by_reason.isolated, unmoved.outliers_by_reason.off_surface,
-                                    unmoved.outliers_by_reason.mixed_pixels)),
-      report.short_neighborhoods, stages, mesh_row(report.mesh), report.tiles, report.total_milliseconds,
+                                    unmoved.outliers_by_reason.mixed_pixels),
+                     unmoved.boundary),
+      report.short_neighborhoods, stages, mesh_row(report.mesh),
+      nb::make_tuple(report.solver.iterations, report.solver.residual), report.tiles, report.total_milliseconds,
       report.peak_host_bytes, report.peak_device_bytes);
 }
 

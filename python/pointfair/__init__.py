@@ -15,7 +15,7 @@ from ._errors import DeviceError, Error, FileError, OutOfMemory, UsageError
 from ._native import version as _version
 from ._params import PARAMETERS, ParamArguments, Params
 from ._pipeline import Pipeline
-from ._report import DeviceInfo, DeviceStatus, Estimates, Mesh, Report, Stage, Unmoved
+from ._report import DeviceInfo, DeviceStatus, Estimates, Mesh, Report, Solver, Stage, Unmoved
 from ._step import nearest_neighbors
 from ._values import Parameter
 
@@ -24,7 +24,8 @@ __version__ = _version()
 __all__ = [
     "Cloud", "Comparison", "DeviceError", "DeviceInfo", "DeviceStatus", "Error", "Estimates", "FileError", "Mesh",
     "OutOfMemory",
-    "PARAMETERS", "ParamArguments", "Parameter", "Params", "Pipeline", "Report", "Stage", "Unmoved", "UsageError",
+    "PARAMETERS", "ParamArguments", "Parameter", "Params", "Pipeline", "Report", "Solver", "Stage", "Unmoved",
+    "UsageError",
     "__version__", "compare", "denoise", "denoise_batch", "denoise_depth", "devices", "estimate",
     "nearest_neighbors", "read", "write",
 ]

@@ -109,7 +109,7 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
         raise UsageError("normals=True needs return_report=True, since report.normals has them")
     if faces is not None and (isinstance(points, Cloud) or _card.layout_of(points) is not None):
         raise UsageError("faces go with arrays in host memory; a Cloud has those of its file: leave faces out")
-    if chosen.connectivity == "mesh" and device == "auto" and _card.layout_of(points) is None:
+    if (chosen.connectivity == "mesh" or chosen.method == "implicit") and device == "auto" and _card.layout_of(points) is None:
         device = "cpu"
     strength, box = as_strength(strength), as_box(box)
     if step is not None:

@@ -89,11 +89,13 @@ class Unmoved:
     """Off the surface."""
     outliers_by_reason: Outliers
     """The outliers by reason."""
+    boundary: int
+    """On the border of a mesh, which keep_boundary holds."""
 
     @property
     def total(self) -> int:
         """All points that kept their place."""
-        return self.non_finite + self.too_few_neighbors + self.no_normal + self.outliers
+        return self.non_finite + self.too_few_neighbors + self.no_normal + self.outliers + self.boundary
 
 
 @dataclasses.dataclass(frozen=True)
@@ -131,6 +133,16 @@ class Mesh:
 
 
 @dataclasses.dataclass(frozen=True)
+class Solver:
+    """The solution of the equations of method="implicit"."""
+
+    iterations: int
+    """Of conjugate gradients, over all iterations of the run."""
+    residual: float
+    """The largest that was left, relative to the right-hand side."""
+
+
+@dataclasses.dataclass(frozen=True)
 class Report:
     """What a run did."""
 
@@ -150,6 +162,8 @@ class Report:
     """The stages that ran, in order."""
     mesh: Mesh | None
     """The mesh that the run followed; None without connectivity="mesh"."""
+    solver: Solver | None
+    """Of method="implicit"; None with others."""
     tiles: int
     """Number of tiles that the cloud was cut into; 1: not cut."""
     milliseconds: float
@@ -175,8 +189,9 @@ def device_of(row: tuple[Any, ...]) -> DeviceInfo:
 
 def report_of(row: tuple[Any, ...], **more: Any) -> Report:
     """A Report of the native module's tuple."""
-    device, points, params, unmoved, short, stages, mesh, *rest = row
-    non_finite, too_few_neighbors, no_normal, outliers, reasons = unmoved
-    kept = Unmoved(non_finite, too_few_neighbors, no_normal, outliers, Outliers(*reasons))
+    device, points, params, unmoved, short, stages, mesh, solver, *rest = row
+    non_finite, too_few_neighbors, no_normal, outliers, reasons, boundary = unmoved
+    kept = Unmoved(non_finite, too_few_neighbors, no_normal, outliers, Outliers(*reasons), boundary)
     return Report(device_of(device), points, Params._of(params), kept, short,
-                  tuple(Stage(*stage) for stage in stages), Mesh(*mesh) if mesh[0] else None, *rest, **more)
+                  tuple(Stage(*stage) for stage in stages), Mesh(*mesh) if mesh[0] else None,
+                  Solver(*solver) if solver[0] else None, *rest, **more)

@@ -78,6 +78,8 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
   }
   void fair(int iteration, const FairingSettings& settings, bool, std::stop_token stop) override {
     arena_.execute([&] { chain(iteration).fair(settings, kernels_, stop); });
+    solved_.resize(std::size_t(iteration) + 1);
+    solved_.back() = chain(iteration).solver_report();
   }
 
   OutlierCounts download(int iteration, std::span<Point> points, const DisplacementLimits& limits,
@@ -127,7 +129,16 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
   }
   Costs take_costs() override { return {{}, meter_.peak, 0, 1}; }
 
-  bool follows_meshes() const override { return true; }
+  SolverReport solver_report(int iteration) override {
+    SolverReport all;
+    for (const SolverReport& one : std::span(solved_).first(std::size_t(iteration) + 1)) {
+      all.iterations += one.iterations;
+      all.residual = std::max(all.residual, one.residual);
+    }
+    return all;
+  }
+
+  bool holds_all_on_host() const override { return true; }
   Sampling& sampling() override { return *this; }
   Exactness* exactness() override { return this; }
 
@@ -296,6 +307,7 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
     InvalidPoint point;
   };
   std::vector<Lost> lost_;
+  std::vector<SolverReport> solved_;          // of each iteration
   std::unordered_map<Index, Index> located_;  // upload index to sorted position, of the points that were asked for
 };
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "cpu/constrained.h"
+#include "cpu/implicit.h"
 #include "cpu/parallel.h"
 #include "seam/noise_levels.hpp"
 #include "seam/rules.hpp"
@@ -263,7 +264,11 @@ void Chain::fair(const FairingSettings& settings, const Kernels& kernels, const 
   fairing_settings_ = settings;
   const AreaView area{mean_distance_.data(), area_power(settings.area_weight)};
   faired_.resize(std::size_t(index_.view().leaves) * kLeafSize);
-  if (settings.method == Method::bilateral) {
+  solver_ = {};
+  counts_.unmoved.boundary = 0;
+  if (settings.method == Method::implicit) {
+    solver_ = fair_at_once(settings, stop);
+  } else if (settings.method == Method::bilateral) {
     fair_bilaterally(settings, area, kernels, stop);
   } else {
     fair_otherwise(settings, area, kernels, stop);
@@ -271,12 +276,25 @@ void Chain::fair(const FairingSettings& settings, const Kernels& kernels, const 
   if (settings.kept_boundary) keep_boundary(*settings.kept_boundary, stop);
 }
 
+SolverReport Chain::fair_at_once(const FairingSettings& settings, const std::stop_token& stop) {
+  const IndexView index = index_.view();
+  const GraphSource source{index, neighborhoods().lists, neighbors_.mesh.get(), settings.faces.get()};
+  return fair_implicitly(source, settings, {faired_.data(), index.points}, stop);
+}
+
 void Chain::keep_boundary(const MeshEdges& mesh, const std::stop_token& stop) {
   const IndexView index = index_.view();
+  std::atomic<std::uint64_t> held = 0;
   for_blocks(index.points, kLeavesABlock * kLeafSize, stop, [&](std::size_t first, std::size_t last, std::size_t) {
-    for (std::size_t i = first; i < last; ++i)
-      if (mesh.is_boundary[index.original[i]] != 0) faired_[i] = {index.x[i], index.y[i], index.z[i]};
+    std::uint64_t held_here = 0;
+    for (std::size_t i = first; i < last; ++i) {
+      if (mesh.is_boundary[index.original[i]] == 0) continue;
+      faired_[i] = {index.x[i], index.y[i], index.z[i]};
+      held_here += normal_x_[i] != 0 || normal_y_[i] != 0 || normal_z_[i] != 0;  // others are counted by their reason
+    }
+    held += held_here;
   });
+  counts_.unmoved.boundary = held;
 }
 
 void Chain::fair_bilaterally(const FairingSettings& settings, AreaView area, const Kernels& kernels,

@@ -24,6 +24,7 @@ class Chain {
   void find_neighbors(const NeighborSettings& settings, const Kernels& kernels, const std::stop_token& stop);
   void estimate_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop);
   void fair(const FairingSettings& settings, const Kernels& kernels, const std::stop_token& stop);
+  const SolverReport& solver_report() const { return solver_; }  // of the last fair() by Method::implicit
 
   // As Exactness::outcomes.
   void outcomes(const point::Region& loaded, const Kernels& kernels, std::span<unsigned char> out) const;
@@ -60,6 +61,7 @@ class Chain {
                         const std::stop_token& stop);
   void fair_otherwise(const FairingSettings& settings, AreaView area, const Kernels& kernels,
                       const std::stop_token& stop);
+  SolverReport fair_at_once(const FairingSettings& settings, const std::stop_token& stop);
   void count_short(const std::stop_token& stop);
 
   SpatialIndex index_;
@@ -78,6 +80,7 @@ class Chain {
   int stored_k_ = 0;        // length of the stored lists; a smaller k is a prefix of them
   bool has_lists_ = false;  // of the present index
   Counts counts_;
+  SolverReport solver_;
 };
 
 }  // namespace pointfair::cpu

@@ -32,7 +32,8 @@ bool follows_noise(const Params& p, const Noise& noise) {
 
 // Methods that are defined on the first ring of a mesh.
 bool is_of_rings(Method method) {
-  return method == Method::laplacian || method == Method::taubin || method == Method::hc_laplacian;
+  return method == Method::laplacian || method == Method::taubin || method == Method::hc_laplacian ||
+         method == Method::implicit;
 }
 
 // Of a vertex, in a mesh of triangles of which six meet at each.
@@ -52,7 +53,10 @@ bool follows_rings(const Params& p) {
   return p.connectivity == Connectivity::mesh && (p.rings != kAutomatic || is_of_rings(p.method));
 }
 
-bool sums_within_radius(const Params& p) { return p.k == kAutomatic && !p.constraint && !follows_rings(p); }
+// The system of method implicit is over lists, which hold an edge of its graph each.
+bool sums_within_radius(const Params& p) {
+  return p.k == kAutomatic && !p.constraint && !follows_rings(p) && p.method != Method::implicit;
+}
 
 FollowedNoise followed_noise(const Params& asked, const Params& used, const Noise& noise,
                              std::shared_ptr<const NoiseLevels> levels,
@@ -77,8 +81,8 @@ bool needs_noise(const Params& p) {
       sums_within_radius(p) ? p.radius.is_automatic() || p.min_neighbors == kAutomatic || !p.flat_scale || !p.relaxation
                             : p.k == kAutomatic && p.radius.is_automatic() && !follows_rings(p);
   const auto of_density = [&](const Length& l) { return l.is_automatic() || is_of_list(p, l); };
-  return neighbors_follow || of_density(p.normal_sigma) || of_density(p.closeness_sigma) ||
-         p.similarity_sigma.is_automatic() ||
+  return neighbors_follow || (p.method == Method::implicit && !p.implicit_lambda) || of_density(p.normal_sigma) ||
+         of_density(p.closeness_sigma) || p.similarity_sigma.is_automatic() ||
          (p.constraint && p.delta.is_automatic() && p.noise.is_automatic()) ||  // sigma is all that it reads
          (seeks_outliers(p) && (p.displacement_limit.is_automatic() || p.outlier_distance.is_automatic() ||
                                 (reads_outlier_radius(p) && p.outlier_radius.is_automatic())));
@@ -89,9 +93,10 @@ bool needs_spacing(const Params& p) {
     return l.unit == Length::Unit::spacing || l.is_automatic() || is_of_list(p, l);
   };
   const bool has_radius = sums_within_radius(p) && !p.radius.is_automatic() && p.crease_angle != kAutomatic;
-  return (p.k == kAutomatic && !has_radius) || p.noise.unit == Length::Unit::spacing || of_spacing(p.normal_sigma) ||
-         of_spacing(p.closeness_sigma) || of_spacing(p.similarity_sigma) || p.radius.unit == Length::Unit::spacing ||
-         (p.constraint && (of_spacing(p.rho) || of_spacing(p.delta))) ||
+  const bool seeks_lambda = p.method == Method::implicit && !p.implicit_lambda;
+  return (p.k == kAutomatic && !has_radius) || seeks_lambda || p.noise.unit == Length::Unit::spacing ||
+         of_spacing(p.normal_sigma) || of_spacing(p.closeness_sigma) || of_spacing(p.similarity_sigma) ||
+         p.radius.unit == Length::Unit::spacing || (p.constraint && (of_spacing(p.rho) || of_spacing(p.delta))) ||
          (seeks_outliers(p) && (of_spacing(p.displacement_limit) || of_spacing(p.outlier_distance))) ||
          (reads_outlier_radius(p) && of_spacing(p.outlier_radius));
 }
@@ -169,7 +174,8 @@ class Resolver {
     } else {
       const bool rings = follows_rings(asked_);
       if (rings && asked_.rings == kAutomatic) used_.rings = 1;
-      if (!rings && asked_.k == kAutomatic) used_.k = automatic_k(noise_, s_);
+      const bool is_graph = asked_.method == Method::implicit;
+      if (!rings && asked_.k == kAutomatic) used_.k = is_graph ? constants::kGraphNeighbors : automatic_k(noise_, s_);
       list_radius_ = radius_of(rings ? points_of_rings(used_.rings) : used_.k, s_);
       if (!used_.radius.is_automatic()) list_radius_ = std::min(list_radius_, used_.radius.value);
     }
@@ -202,12 +208,15 @@ class Resolver {
       used_.normal_filter = within_radius_ || its_.filter == NormalFilter::mollify ? its_.filter : NormalFilter::off;
     if (asked_.connectivity == Connectivity::automatic) used_.connectivity = Connectivity::points;
     if (!asked_.tangential && asked_.connectivity == Connectivity::mesh)
-      used_.tangential = is_of_rings(asked_.method) ? 0 : constants::kTangential;
+      used_.tangential = is_of_rings(asked_.method) && asked_.method != Method::implicit ? 0 : constants::kTangential;
     if (asked_.offset == Offset::automatic) used_.offset = within_radius_ ? Offset::symmetric : Offset::point;
     if (asked_.crease_angle == kAutomatic) used_.crease_angle = automatic_crease_angle(noise_, s_);
     if (!asked_.flat_scale)
       used_.flat_scale = its_.fits_radius && within_radius_ ? automatic_flat_scale(noise_, s_) : 1;
     if (asked_.iterations == kAutomatic) used_.iterations = its_.iterations;
+    if (asked_.implicit_weights == ImplicitWeights::automatic) used_.implicit_weights = ImplicitWeights::curvature;
+    if (asked_.method == Method::implicit && !asked_.implicit_lambda)
+      used_.implicit_lambda = automatic_lambda(noise_, s_);
     if (asked_.outliers == Outliers::automatic)
       used_.outliers = seeks_outliers(asked_) ? Outliers::keep : Outliers::off;
   }

@@ -45,6 +45,9 @@ MethodDefaults defaults_of(Method method) {
       its.similarity_width = 1;  // the noise itself
       its.least_similarity = 0;
       break;
+    case Method::implicit:
+      its.iterations = 1;
+      break;
     case Method::mollified:
       its.closeness_width = 0.5;
       its.filter = NormalFilter::mollify;
@@ -97,6 +100,11 @@ double automatic_relaxation(int whole_percent, int iterations, const Noise& nois
                                               1 - smallness * smallness * smallness * smallness);
   const double share = 1 - portable::pow(1 - of_noise, 1.0 / iterations);
   return double(std::max(1l, std::lround(whole_percent * share / (1 + ratio * ratio * ratio * ratio)))) / 100;
+}
+
+double automatic_lambda(const Noise& noise, double spacing) {
+  const double lambda = kLambda * portable::pow(level_of(noise, spacing), kLambdaPower);
+  return std::clamp(double(std::lround(lambda * 100)) / 100, 0.01, kMostLambda);
 }
 
 double share_damage(const Noise& noise, int iterations) {

@@ -41,6 +41,8 @@ int automatic_crease_angle(const Noise& noise, double spacing);
 // not to hold 16 points, damage less, so the share has a least value that grows with the noise. All `iterations`
 // together make it.
 double automatic_relaxation(int whole_percent, int iterations, const Noise& noise, double spacing, bool by_share);
+// Of method implicit, rounded to hundredths.
+double automatic_lambda(const Noise& noise, double spacing);
 // c p of Eq. 22. Neighbourhoods that are wide because of the noise damage the shape less than those that hold just 16
 // points. Steps of depth only look like shape, so c is 0 there.
 double share_damage(const Noise& noise, int iterations);

@@ -120,6 +120,9 @@ inline constexpr double kNormalWidth = 1.4, kClosenessWidth = 0.6;  // of R; (3)
 inline constexpr double kListCloseness = 0.5;                       // of a list's radius; Fleishman 2003
 inline constexpr double kUniformCloseness = 1e6;                    // of a ring's radius: all weights are 1; 170
 inline constexpr double kTangential = 1;                            // of the way along the surface; 170
+inline constexpr int kGraphNeighbors = 8;                           // of method implicit; 170
+inline constexpr double kLambda = 5.5, kLambdaPower = 0.5;          // of method implicit, noise in spacings; 170
+inline constexpr double kMostLambda = 100;                          // squared edges; 170
 inline constexpr double kSimilarityWidth = 3;                       // sigmas; (4); quality
 inline constexpr double kLeastSimilarity = 0.05;                    // spacings; low
 inline constexpr double kSheetSimilarity = 1.0 / 6;                 // of the gap; sheets

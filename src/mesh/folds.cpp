@@ -49,15 +49,15 @@ OrderedFaces::OrderedFaces(std::span<const Point> points, std::span<const std::u
   });
   std::sort(of_faces.begin(), of_faces.end());
   for (const std::vector<std::uint32_t>& ranks : of_faces) {
-    for (const std::uint32_t r : ranks) corners_.push_back(order[r]);
-    ends_.push_back(corners_.size());
+    for (const std::uint32_t r : ranks) faces_.corners.push_back(order[r]);
+    faces_.ends.push_back(faces_.corners.size());
   }
   find_neighbors();
 }
 
 void OrderedFaces::find_neighbors() {
   std::vector<Side> sides;
-  sides.reserve(corners_.size());
+  sides.reserve(faces_.corners.size());
   for (std::size_t f = 0; f < size(); ++f) {
     const auto its = corners(f);
     for (std::size_t i = 0; i < its.size(); ++i) {
@@ -72,11 +72,16 @@ void OrderedFaces::find_neighbors() {
     Across across;
   };
   std::vector<Pair> pairs;
+  faces_.encloses = size() > 0;
   for (std::size_t begin = 0, end = 0; begin < sides.size(); begin = end) {
     while (end < sides.size() && sides[end].low == sides[begin].low && sides[end].high == sides[begin].high) ++end;
-    if (end - begin != 2) continue;  // a border, or an edge of many faces: nothing lies across
+    if (end - begin != 2) {  // a border, or an edge of many faces: nothing lies across
+      faces_.encloses = false;
+      continue;
+    }
     const Side &s = sides[begin], &t = sides[begin + 1];
     const bool is_opposite = s.is_forward == t.is_forward;
+    if (is_opposite) faces_.encloses = false;
     pairs.push_back({s.face, {t.face, is_opposite}});
     pairs.push_back({t.face, {s.face, is_opposite}});
   }

@@ -8,6 +8,7 @@
 
 #include "point/vec.h"
 #include "pointfair/cloud.hpp"
+#include "seam/mesh_edges.hpp"
 
 namespace pointfair {
 
@@ -18,12 +19,10 @@ class OrderedFaces {
   // `points` give the order, `vertex` as MeshEdges. Degenerate faces are left out, as by topology_of().
   OrderedFaces(std::span<const Point> points, std::span<const std::uint32_t> vertex, const Polygons& faces);
 
-  std::size_t size() const { return ends_.size(); }
+  std::size_t size() const { return faces_.size(); }
   // Vertices, by the first point at each place.
-  std::span<const std::uint32_t> corners(std::size_t face) const {
-    const std::size_t begin = face == 0 ? 0 : ends_[face - 1];
-    return {corners_.data() + begin, ends_[face] - begin};
-  }
+  std::span<const std::uint32_t> corners(std::size_t face) const { return faces_.of(face); }
+  const MeshFaces& faces() const { return faces_; }
 
   // Whether each face is folded: its normal is more than 90 degrees off its filtered normal. That is the mean of its
   // normal and those of the faces across its edges, weighted by area, twice over; normals of faces that run round the
@@ -40,8 +39,7 @@ class OrderedFaces {
   std::vector<point::Vec3<double>> area_normals(std::span<const Point> points) const;
   std::vector<point::Vec3<double>> filtered(const std::vector<point::Vec3<double>>& normals) const;
 
-  std::vector<std::size_t> ends_;
-  std::vector<std::uint32_t> corners_;
+  MeshFaces faces_;
   std::vector<std::size_t> across_begin_;
   std::vector<Across> across_;  // of each face, those that share an edge
 };

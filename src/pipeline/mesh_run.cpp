@@ -29,12 +29,10 @@ const LoadedMesh& Pipeline::State::mesh() {
 
 // With used.connectivity mesh.
 void Pipeline::State::follow_mesh(const Params& used, Settings& settings) {
-  if (!cloud.backend().follows_meshes())
-    throw Error(ErrorKind::usage,
-                "mesh connectivity runs on the CPU, with the whole cloud in memory: add --device cpu");
   const MeshEdges& edges = mesh().topology.edges;
   settings.neighbors.mesh = {mesh_, &edges};
   if (used.keep_boundary) settings.fairing.kept_boundary = {mesh_, &edges};
+  if (used.method == Method::implicit) settings.fairing.faces = {mesh_, &mesh_->faces.faces()};
 }
 
 // The standard deviation of the noise, given or measured.

@@ -22,7 +22,8 @@ constexpr std::uint64_t kWorthChunks = 1 << 18;  // points; whose copy takes lon
 std::string_view name_of(Stage stage) { return kStageNames[std::size_t(stage)]; }
 
 IndexOrder order_for(const Params& params) {
-  return sums_within_radius(params) ? IndexOrder::along_curve : IndexOrder::fastest;
+  const bool sums_over_all = params.method == Method::implicit;
+  return sums_within_radius(params) || sums_over_all ? IndexOrder::along_curve : IndexOrder::fastest;
 }
 
 FairingSettings of_iteration(FairingSettings settings, int iteration) {
@@ -232,6 +233,10 @@ void Pipeline::State::run_to_end(const Params& params, const Delivery& to, const
   followed =
       needs_noise(params) ? followed_noise(params, used, noise(), levels(), cloud.reach_levels) : FollowedNoise{};
   Settings settings = settings_of(used, followed, known_sensor(used, stop));
+  if (needs_cpu_and_memory(used) && !backend.holds_all_on_host())
+    throw Error(ErrorKind::usage,
+                "mesh connectivity and --method implicit run on the CPU, with the whole cloud in memory: add --device "
+                "cpu");
   if (used.connectivity == Connectivity::mesh) follow_mesh(used, settings);
   const int last = used.iterations - 1;
   execute(plan(cloud.cached, {settings, last_order_, used.iterations}), std::size_t(4) * std::size_t(used.iterations),
@@ -255,6 +260,7 @@ void Pipeline::State::run_to_end(const Params& params, const Delivery& to, const
             counts.short_neighborhoods,
             log_.stages(),
             mesh_found,
+            backend.solver_report(last),
             costs.tiles,
             upload + milliseconds_since(start),
             costs.peak_host_bytes,

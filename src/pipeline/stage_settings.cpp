@@ -60,6 +60,10 @@ Settings settings_of(const Params& p, const FollowedNoise& followed, const Known
   s.fairing.symmetric = p.offset == Offset::symmetric;
   s.fairing.turn_angle = s.fairing.symmetric ? kFacingAngle : 0;
   s.fairing.strength = float(p.relaxation.value_or(1));
+  if (p.method == Method::implicit) {
+    s.fairing.implicit_weights = p.implicit_weights;
+    s.fairing.implicit_lambda = p.implicit_lambda.value_or(0);
+  }
   if (p.outliers != Outliers::off) {
     s.fairing.outlier_distance = float(p.outlier_distance.value);
     if (sums_within_radius(p)) s.fairing.outlier_radius = float(p.outlier_radius.value);

@@ -278,6 +278,10 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
     refuse(
         "--connectivity mesh cannot be used with a run in tiles on disk, which reads no faces; give it the memory for "
         "the whole mesh, or leave it out");
+  if (job.params.method == Method::implicit)
+    refuse(
+        "--method implicit cannot be used with a run in tiles on disk: one system of equations holds all points; give "
+        "it the memory for the whole cloud, or use another method");
   if (job.params.method == Method::learned)
     refuse(
         "--method learned cannot be used with a run in tiles on disk: a point's result depends on points at any "

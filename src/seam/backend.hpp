@@ -88,13 +88,16 @@ class Backend {
   virtual void download_input(std::span<Point> points) = 0;
   // After fairing. Waits for stages.
   virtual Counts counts(int iteration) = 0;
+  // Of Method::implicit, of all iterations up to that one.
+  virtual SolverReport solver_report(int) { return {}; }
   // Waits for stages whose times are the device's own. Empty stages: they are done when their calls return.
   virtual Costs take_costs() = 0;
   // After Error(interrupted): the first stage that was given up after its call had returned, if any.
   virtual std::optional<StageOf> take_stopped() { return std::nullopt; }
 
-  // Whether it reads NeighborSettings::mesh and FairingSettings::kept_boundary.
-  virtual bool follows_meshes() const { return false; }
+  // Whether it does what needs_cpu_and_memory() names: it reads NeighborSettings::mesh and
+  // FairingSettings::kept_boundary, and knows Method::implicit.
+  virtual bool holds_all_on_host() const { return false; }
 
   virtual Sampling& sampling() = 0;
   virtual Exactness* exactness() { return nullptr; }         // null: cannot compute tiles

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The edges of a mesh over the uploaded points. Points at one place are one vertex, which is named by the first of them
-// in upload order; the others have no edges of their own.
+// The edges and faces of a mesh over the uploaded points. Points at one place are one vertex, which is named by the
+// first of them in upload order; the others have no edges of their own.
 #pragma once
 
 #include <cstdint>
@@ -17,6 +17,19 @@ struct MeshEdges {
 
   std::span<const std::uint32_t> neighbors_of(std::uint32_t its_vertex) const {
     return {neighbors.data() + begin[its_vertex], neighbors.data() + begin[its_vertex + 1]};
+  }
+};
+
+// Faces one after the other, in an order that depends on the places of their corners alone.
+struct MeshFaces {
+  std::vector<std::size_t> ends;       // of each face, in `corners`
+  std::vector<std::uint32_t> corners;  // vertices
+  bool encloses = false;               // every edge has two faces, which run round alike: there is a volume
+
+  std::size_t size() const { return ends.size(); }
+  std::span<const std::uint32_t> of(std::size_t face) const {
+    const std::size_t begin = face == 0 ? 0 : ends[face - 1];
+    return {corners.data() + begin, ends[face] - begin};
   }
 };
 

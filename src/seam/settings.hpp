@@ -68,11 +68,13 @@ struct FairingSettings {
   AreaWeight area_weight = AreaWeight::none;
   float closeness_sigma = 0;
   float similarity_sigma = 0;
-  bool similarity_follows = false;   // the level of the noise at the point
-  bool closeness_of_radius = false;  // as in NormalSettings
-  bool symmetric = false;            // Eq. 10 instead of the paper's step
-  int turn_angle = 0;                // degrees, of Eq. 10; 0: normals do not weigh
-  float strength = 1;                // share of the displacement that is made
+  bool similarity_follows = false;                                // the level of the noise at the point
+  bool closeness_of_radius = false;                               // as in NormalSettings
+  bool symmetric = false;                                         // Eq. 10 instead of the paper's step
+  int turn_angle = 0;                                             // degrees, of Eq. 10; 0: normals do not weigh
+  float strength = 1;                                             // share of the displacement that is made
+  ImplicitWeights implicit_weights = ImplicitWeights::automatic;  // of Method::implicit
+  double implicit_lambda = 0;
   float noise = 0;                   // at level 1; Wiener's share of the step (Eq. 22) follows from it; 0: a whole step
   float damage = 0;                  // c of Eq. 22
   bool is_further = false;           // the points come from an iteration before
@@ -81,6 +83,7 @@ struct FairingSettings {
   float outlier_radius = std::numeric_limits<float>::infinity();  // of larger neighbourhoods more must agree
   bool pull_outliers = false;  // outliers move to the mean of their neighbours; else they become NaN
   std::shared_ptr<const MeshEdges> kept_boundary{};  // whose boundary keeps its place; null: none does
+  std::shared_ptr<const MeshFaces> faces{};          // of Method::implicit along a mesh
   std::shared_ptr<const SensorPlaces> sensors{};     // null: what follows is off
   float beam_width = 0;           // of the pattern of rays, in radians (point/sensor.h); 0: not looked at
   bool along_ray = false;         // points move along their rays (point/sensor.h)

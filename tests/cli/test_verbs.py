@@ -10,8 +10,8 @@ from program import (CUBE_FACES, CUBE_VERTICES, Case, positions, radius_error, r
 
 PARAMS = ["noise", "k", "radius", "min_neighbors", "constraint", "rho", "delta", "connectivity", "rings", "normal_sigma",
           "normal_filter", "crease_angle", "flat_scale", "method", "along", "keep_boundary", "closeness_sigma",
-          "similarity_sigma", "area_weight", "offset", "relaxation", "outliers", "outlier_distance", "outlier_radius",
-          "iterations", "displacement_limit", "tangential"]
+          "similarity_sigma", "area_weight", "offset", "relaxation", "implicit_weights", "implicit_lambda", "outliers",
+          "outlier_distance", "outlier_radius", "iterations", "displacement_limit", "tangential"]
 USUAL = ["noise", "strength", "k", "radius", "iterations", "method", "along", "outliers", "preset", "constraint",
          "similarity_sigma"]
 VERBS = ["run", "view", "info", "compare", "noise", "bench", "doctor"]
@@ -99,7 +99,8 @@ class Run(Case):
         self.assertEqual(list(report["peak_bytes"]), ["host", "device"])
         self.assertEqual([list(stage) for stage in report["stages"]], [["name", "ms"]] * len(report["stages"]))
         self.assertEqual(report["points"], 500)
-        self.assertEqual(set(report["unmoved"]), {"non_finite", "too_few_neighbors", "no_normal", "outliers", "ignored", "held"})
+        self.assertEqual(set(report["unmoved"]), {"non_finite", "too_few_neighbors", "no_normal", "outliers", "boundary", "ignored",
+                                                   "held"})
         params = report["params"]
         self.assertEqual((params["k"], params["iterations"], params["constraint"], params["area_weight"]),
                          (8, 1, True, "squared"))

@@ -7,7 +7,7 @@ const kWords: Record<string, string> = {
   rho: "Gap: sampling", delta: "Gap: noise", normal_sigma: "Width for normals", normal_filter: "Filter normals",
   crease_angle: "Angle of edges", flat_scale: "Wider where flat", method: "Method", along: "Move along",
   closeness_sigma: "Closeness sigma", similarity_sigma: "Similarity sigma", area_weight: "Weight by area", offset: "Heights over",
-  relaxation: "Share of each step", outliers: "Outliers", outlier_distance: "Outliers: distance", outlier_radius: "Outliers: radius",
+  relaxation: "Share of each step", implicit_weights: "Weight of edges", implicit_lambda: "Lambda", outliers: "Outliers", outlier_distance: "Outliers: distance", outlier_radius: "Outliers: radius",
   iterations: "Iterations", displacement_limit: "Longest move",
 };
 
