@@ -16,7 +16,7 @@
 namespace pointfair::viewer {
 namespace {
 
-// They take 0.6 GB in a default run and 0.9 GB by the learned method; there are 4 GB of addresses.
+// They take 0.6 GB in a default run and 0.9 GB with k = 32; there are 4 GB of addresses.
 constexpr std::uint64_t kMostPoints = 1'000'000;
 
 extern "C" __attribute__((import_module("page"), import_name("send"))) void page_send(const void* bytes,

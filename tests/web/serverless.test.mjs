@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page without a server: files of several formats are dropped, denoised and saved by pointfair as WebAssembly, without a
-// network, and the saved files are the program's, byte for byte. `make site` and `make wasm` build the page.
+// network, and the saved files are the program's, byte for byte. `make site` and `make test-site` build the page.
 import assert from "node:assert/strict";
 import { existsSync, readdirSync, readFileSync, writeFileSync } from "node:fs";
 import http from "node:http";
@@ -11,7 +11,7 @@ import { dataset, entry, openBrowser, openPage, run, settled, temporaryFolder } 
 
 const kPage = process.env.POINTFAIR_SERVERLESS;
 const built = existsSync(path.join(kPage, "pointfair.wasm"))
-  ? {} : { skip: `${kPage} is not there: make wasm builds it, with a compiler from PyPI` };
+  ? {} : { skip: `${kPage} is not there: make test-site builds it, with a compiler from PyPI` };
 const kTypes = { html: "text/html", js: "text/javascript", css: "text/css", svg: "image/svg+xml", wasm: "application/wasm" };
 
 /** Serves the page's files as any host of static files does; resolves with the URL. */
