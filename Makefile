@@ -15,7 +15,7 @@ endif
 FUZZ_SECONDS ?= 60
 FUZZ_TARGETS = $(notdir $(wildcard build/fuzz/bin/fuzz_*))
 
-.PHONY: help demo build test wheel wheels wasm site test-site golden bench quality bench-laz bench-viewer train-net paper-tables figures gallery estimates gpu release source recipes deb fuzz format docs asan tsan clean install
+.PHONY: help demo build test wheel wheels wasm site test-site golden bench quality bench-laz bench-viewer bench-implicit train-net paper-tables figures gallery estimates gpu release source recipes deb fuzz format docs asan tsan clean install
 
 help:
 	@echo "make build    the program, build/bin/pointfair"
@@ -34,6 +34,7 @@ help:
 	@echo "make quality  measure the noise that is left by each method and peer, into docs; some hours, goes on if stopped"
 	@echo "make bench-laz  time LAZ against lazrs, which pip fetches from PyPI"
 	@echo "make bench-viewer  time the viewer over its WebSocket, 100,000 and 1M points, and its page in Chromium"
+	@echo "make bench-implicit mesh=FILE  time method implicit beside Eigen's solvers"
 	@echo "make train-net  draw pieces and train the net of method learned for nine minutes, from where it stopped; PyTorch"
 	@echo "make paper-tables  the paper's table II and figures 6 and 7 on this machine, in build/paper"
 	@echo "make figures  every picture of the documents and the numbers under them, in docs"

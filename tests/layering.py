@@ -33,7 +33,7 @@ RULES = {
     "src/point/": (["src/point/"], ()),
     "src/seam/": (["src/seam/", "src/point/", *DATA, PORTABLE], ("tbb/",)),
     "src/platform/": (["src/platform/"], ("sys/", "fcntl.h", "unistd.h", "signal.h", "mach/")),
-    "src/cpu/": (["src/cpu/", PLATFORM, "src/point/", "src/seam/", *DATA], ("tbb/", "immintrin.h", "cpuid.h")),
+    "src/cpu/": (["src/cpu/", PLATFORM, "src/point/", "src/seam/", *DATA, PORTABLE], ("tbb/", "immintrin.h", "cpuid.h")),
     **{f"src/cuda/{room}/": ([f"src/cuda/{below}/" for below in rooms] + ["src/point/", "src/seam/", *DATA], ON_CARD)
        for room, rooms in CUDA_ROOMS.items()},
     "src/cuda/": (["src/cuda/", "src/point/", "src/seam/", *DATA], ON_CARD),
