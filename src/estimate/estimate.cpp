@@ -298,10 +298,11 @@ Measured measured(const Samples& samples, const CoordinateSteps& steps, std::uin
 }
 
 // Whether the nearest points share an error that farther ones do not have.
-bool has_shared_error(Sampling& from, std::span<const std::uint32_t> for_noise, const Measured& its,
+bool has_shared_error(Sampling& from, std::span<const std::uint32_t> for_noise, int repeats, const Measured& its,
                       const CoordinateSteps& steps, const std::stop_token& stop) {
   if (its.noise.depth_has_steps || !its.residuals || !residuals_jump(*its.residuals)) return false;
-  const Samples thinned = take(from, {}, for_noise.first(std::min(for_noise.size(), kNoiseSamples)), kThinning, stop);
+  const Samples thinned = from.take_thinned_samples({}, for_noise.first(std::min(for_noise.size(), kNoiseSamples)),
+                                                    kThinning * repeats, stop);
   std::vector<point::ResidualSample> residuals = thinned.residuals();
   cover_rounding(steps, residuals);
   return residuals_stay(residuals, its.noise.surface_spacing);
@@ -359,8 +360,9 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
     from.for_each_on_host(count, body);
   };
   Measured its = measured(samples, steps, sample.bounds.valid / std::uint64_t(repeats));
-  if (repeats == 1 && has_shared_error(from, for_noise, its, steps, stop)) {
-    repeats = kSharedError;
+  const bool has_room = sample.bounds.valid >= kSharedError * kPointsOfGrowth;  // else long rows hold whole parts
+  if (has_room && has_shared_error(from, for_noise, repeats, its, steps, stop)) {
+    repeats = std::min(kSharedError * repeats, kMostRepeats);
     samples = take(from, {}, for_noise, repeats, stop);
     cover_rounding(steps, samples.noise);
     its = measured(samples, steps, sample.bounds.valid / std::uint64_t(repeats));

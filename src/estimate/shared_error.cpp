@@ -36,7 +36,7 @@ bool residuals_jump(const std::vector<point::ResidualSample>& residuals) {
 bool residuals_stay(const std::vector<point::ResidualSample>& thinned, double spacing) {
   const double wide = typical(thinned, &point::ResidualSample::wide),
                widest = typical(thinned, &point::ResidualSample::widest);
-  return wide > kTrustedNoise * spacing && widest < kStay * wide;
+  return wide > kTrustedNoise * spacing && widest > 0 && widest < kStay * wide;
 }
 
 }  // namespace pointfair
