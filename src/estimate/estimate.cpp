@@ -301,11 +301,12 @@ Measured measured(const Samples& samples, const CoordinateSteps& steps, std::uin
 bool has_shared_error(Sampling& from, std::span<const std::uint32_t> for_noise, int repeats, const Measured& its,
                       const CoordinateSteps& steps, const std::stop_token& stop) {
   if (its.noise.depth_has_steps || !its.residuals || !residuals_jump(*its.residuals)) return false;
-  const Samples thinned = from.take_thinned_samples({}, for_noise.first(std::min(for_noise.size(), kNoiseSamples)),
-                                                    kThinning * repeats, stop);
-  std::vector<point::ResidualSample> residuals = thinned.residuals();
-  cover_rounding(steps, residuals);
-  return residuals_stay(residuals, its.noise.surface_spacing);
+  Samples samples = from.take_thinned_samples({}, for_noise.first(std::min(for_noise.size(), kNoiseSamples)),
+                                              kThinning * repeats, stop);
+  cover_rounding(steps, samples.noise);
+  const Measured thinned = measured(samples, steps, kPointsOfGrowth);
+  // residuals of two sheets jump as well, from that of one to half the gap; over many rings no gap shows
+  return thinned.noise.gap == 0 && thinned.residuals && residuals_stay(*thinned.residuals, its.noise.surface_spacing);
 }
 
 // Where the cloud hides a surface among what is none: the noise of that surface, and next to none elsewhere, so that
