@@ -111,7 +111,6 @@ Known look_at(const InfoArguments& arguments, const std::string& input, Pipeline
   known.cloud = read(input, make_read_options(arguments.in, arguments.device.threads));
   pipeline.load(known.cloud);
   known.estimates = pipeline.estimates(stop);
-  if (const double step = TiledRun::float_step_in_zones(known.cloud); step > 0) known.estimates.float_step = step;
   known.typical = typical_params(pipeline, stop);
   return known;
 }

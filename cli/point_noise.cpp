@@ -137,13 +137,27 @@ void write_noise_attribute(Pipeline& pipeline, const Params& params, const std::
   add_floats(name, values, cloud);
 }
 
-void write_displacement_attribute(std::span<const Point> before, const std::string& name, Cloud& cloud) {
-  std::vector<float> values(before.size());
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    const Point &p = before[i], &q = cloud.points[i];
-    const double length = std::hypot(double{q.x} - p.x, double{q.y} - p.y, double{q.z} - p.z);
-    values[i] = std::isfinite(length) ? static_cast<float>(length) : std::numeric_limits<float>::quiet_NaN();
+std::vector<double> displacements(const Cloud& before, const Cloud& after) {
+  std::vector<double> lengths(before.points.size());
+  if (after.source == before.source) {
+    for (std::size_t i = 0; i < lengths.size(); ++i) {
+      const Point &p = before.points[i], &q = after.points[i];
+      lengths[i] = std::hypot(double{q.x} - p.x, double{q.y} - p.y, double{q.z} - p.z);
+    }
+    return lengths;
   }
+  std::vector<Position> from(lengths.size()), to(lengths.size());
+  positions(before, from);
+  positions(after, to);
+  for (std::size_t i = 0; i < lengths.size(); ++i)
+    lengths[i] = std::hypot(to[i][0] - from[i][0], to[i][1] - from[i][1], to[i][2] - from[i][2]);
+  return lengths;
+}
+
+void write_displacement_attribute(const Cloud& before, const std::string& name, Cloud& cloud) {
+  std::vector<float> values;
+  for (const double length : displacements(before, cloud))
+    values.push_back(std::isfinite(length) ? static_cast<float>(length) : std::numeric_limits<float>::quiet_NaN());
   add_floats(name, values, cloud);
 }
 

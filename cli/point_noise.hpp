@@ -5,6 +5,7 @@
 #include <span>
 #include <stop_token>
 #include <string>
+#include <vector>
 
 #include "arguments.hpp"
 #include "pointfair/pointfair.hpp"
@@ -29,6 +30,9 @@ void write_noise_attribute(Pipeline& pipeline, const Params& params, const std::
                            Cloud& cloud);
 
 /// Adds how far each point moved from `before`, as an attribute of floats, NaN for an invalid point.
-void write_displacement_attribute(std::span<const Point> before, const std::string& name, Cloud& cloud);
+void write_displacement_attribute(const Cloud& before, const std::string& name, Cloud& cloud);
+
+/// How far each point moved, with all digits of the positions; not finite for an invalid point.
+std::vector<double> displacements(const Cloud& before, const Cloud& after);
 
 }  // namespace pointfair::cli

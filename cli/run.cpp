@@ -64,10 +64,8 @@ std::optional<Findings> run_file(const RunArguments& arguments, Findings finding
     run_tiled(arguments, params, limits, findings.noise_attribute, {}, stop);
     return std::nullopt;
   }
-  const auto takes_tiles = [&](const std::string& why) {
-    return is_run_tiled(arguments, params, limits, findings.noise_attribute, why, stop);
-  };
-  if (takes_tiles(why_tiles(arguments, params, device))) return std::nullopt;
+  if (is_run_tiled(arguments, params, limits, findings.noise_attribute, why_tiles(arguments, params, device), stop))
+    return std::nullopt;
   check_paths(arguments);
   Pipeline pipeline(device);
   if (!arguments.weights.empty()) pipeline.set_weights(weights_of(arguments.weights), arguments.weights);
@@ -78,14 +76,8 @@ std::optional<Findings> run_file(const RunArguments& arguments, Findings finding
     return *own;
   };
   progress().show(0, "reading");
-  std::optional<Cloud> cloud = read_input(arguments);
-  if (const std::string why = why_zones(arguments, *cloud); !why.empty()) {
-    own.reset();
-    cloud.reset();
-    if (takes_tiles(why)) return std::nullopt;
-    cloud = read_input(arguments);
-  }
-  run_in_memory(arguments, params, limits, *cloud, pipeline, progress(), findings, stop);
+  const Cloud cloud = read_input(arguments);
+  run_in_memory(arguments, params, limits, cloud, pipeline, progress(), findings, stop);
   return findings;
 }
 

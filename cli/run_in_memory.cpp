@@ -117,14 +117,14 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
   if (marks) with_marks.outliers = Outliers::mark;
   Cloud denoised =
       pipeline.run(with_marks, stop, [&](double share, std::string_view stage) { progress.show(share, stage); });
-  denoised.source = cloud.source;
+  if (!denoised.source) denoised.source = cloud.source;
   const bool acts = arguments.outlier_action.kind != OutlierAction::Kind::none;
   if (marks || acts) denoised.added.pop_back();  // the file gets classes, flags or no attribute
-  apply_limits(limits, movable, cloud.points, denoised.points);
+  apply_limits(limits, movable, cloud, denoised);
   if (arguments.normals != "keep") give_normals(pipeline, arguments.orient, movable, viewpoints, stop, denoised);
   if (!arguments.write_noise.empty()) write_noise_attribute(pipeline, params, arguments.write_noise, stop, denoised);
   if (!arguments.write_displacement.empty())
-    write_displacement_attribute(cloud.points, arguments.write_displacement, denoised);
+    write_displacement_attribute(cloud, arguments.write_displacement, denoised);
   std::vector<std::string> acted;
   std::optional<Cloud> remaining;
   if (acts) {

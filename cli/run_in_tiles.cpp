@@ -67,23 +67,6 @@ std::string why_tiles(const RunArguments& arguments, const Params& params, const
       points, double(needed) * 1e-9, double(free) * 1e-9, but_without_sensors(arguments));
 }
 
-std::string why_zones(const RunArguments& arguments, const Cloud& cloud) {
-  if (arguments.input == "-" || arguments.output == "-") return {};
-  if (needs_memory(arguments)) return {};
-  const double step = TiledRun::float_step_in_zones(cloud);
-  if (!(step > 0)) return {};
-  try {
-    TiledRun::count_points(arguments.input);
-  } catch (const Error&) {
-    return {};  // it can only be decoded as a whole
-  }
-  return fmt::format(
-      "the cloud is too wide and dense for floats around one origin, so it is computed in tiles on disk, in zones "
-      "where "
-      "floats step by {:.4g}{}",
-      step, but_without_sensors(arguments));
-}
-
 void run_tiled(const RunArguments& arguments, const Params& params, const Limits& limits,
                const std::string& noise_attribute, const std::string& note, std::stop_token stop) {
   check_tiled(arguments);

@@ -16,10 +16,6 @@ bool needs_tiles(const RunArguments& arguments, const Params& params);
 /// is free. Empty if it would not.
 std::string why_tiles(const RunArguments& arguments, const Params& params, const Device& device);
 
-/// Why a cloud that fits into memory is computed in tiles on disk: it is so wide that it needs zones. Empty if it does
-/// not, or if tiles cannot do what is asked for.
-std::string why_zones(const RunArguments& arguments, const Cloud& cloud);
-
 /// `note`: why, where nobody asked for tiles.
 void run_tiled(const RunArguments& arguments, const Params& params, const Limits& limits,
                const std::string& noise_attribute, const std::string& note, std::stop_token stop);

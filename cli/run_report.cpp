@@ -7,18 +7,15 @@
 #include <cmath>
 #include <optional>
 
+#include "point_noise.hpp"
+
 namespace pointfair::cli {
 namespace {
 
 // Of the finite points, in file units.
 Statistics displacement(const Cloud& before, const Cloud& after) {
-  std::vector<double> lengths;
-  lengths.reserve(before.points.size());
-  for (std::size_t i = 0; i < before.points.size(); ++i) {
-    const Point &p = before.points[i], &q = after.points[i];
-    const double length = std::hypot(double{q.x} - p.x, double{q.y} - p.y, double{q.z} - p.z);
-    if (std::isfinite(length)) lengths.push_back(length);
-  }
+  std::vector<double> lengths = displacements(before, after);
+  std::erase_if(lengths, [](double length) { return !std::isfinite(length); });
   return summarize(lengths);
 }
 
@@ -107,6 +104,15 @@ double written_step(const Cloud& cloud, const WriteOptions& options) {
   return keeps ? info.step : 0;
 }
 
+// Where a run was done in zones.
+std::string zones_note(const Cloud& cloud, const Report& report, const Estimates& estimates) {
+  if (report.stages.empty() || report.stages[0].name != "zones") return {};
+  return fmt::format(
+      "the cloud is too wide and dense for floats around one origin, so it is computed in zones where floats step by "
+      "{:.4g}{}",
+      estimates.float_step, file_viewpoints(cloud).size() > 1 ? ", and mixed pixels are not looked for" : "");
+}
+
 std::vector<std::string> notes(bool keeps_normals, const WriteOptions& options, const Cloud& cloud,
                                const Findings& findings) {
   std::vector<std::string> result = losses(cloud, options.format, options.encoding);
@@ -145,6 +151,8 @@ void find_out(bool keeps_normals, const WriteOptions& options, const Cloud& befo
   findings.float_step = estimates.float_step;
   findings.displacement = displacement(before, after);
   findings.notes = notes(keeps_normals, options, after, findings);
+  if (const std::string zones = zones_note(before, pipeline.report(), estimates); !zones.empty())
+    findings.notes.push_back(zones);
   const UnmovedCounts& unmoved = pipeline.report().unmoved;
   const Statistics& moved = findings.displacement;
   const std::vector<std::string> doubtful =

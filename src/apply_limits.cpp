@@ -202,8 +202,4 @@ void apply_limits(const Limits& limits, std::span<const std::uint8_t> movable, s
   }
 }
 
-void apply_limits(const Limits& limits, const Cloud& before, Cloud& after) {
-  apply_limits(limits, movable_points(limits, before), before.points, after.points);
-}
-
 }  // namespace pointfair

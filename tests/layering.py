@@ -44,6 +44,7 @@ RULES = {
     "src/pipeline/": (["src/pipeline/", "src/mesh/", "src/estimate/", "src/tiles/", "src/seam/", PUBLIC], ()),
     "src/scale/": (["src/scale/", "src/pipeline/", "src/mesh/", "src/estimate/", "src/tiles/", "src/seam/", "src/point/", "src/io/", PUBLIC, PLATFORM, PORTABLE],
                    ("sys/", "fcntl.h", "unistd.h", "signal.h")),
+    "src/facade/": (["src/facade/", "src/scale/", "src/pipeline/", "src/estimate/", "src/seam/", "src/io/", PUBLIC, PLATFORM], ()),
     "src/depth/": ([PUBLIC], ("tbb/",)),
     "src/orient/": (["src/orient/", PUBLIC, PORTABLE], ("tbb/",)),
     "src/io/": (["src/io/", *FILES, PLATFORM, PORTABLE], ("tbb/", "sys/", "fcntl.h", "unistd.h", "fast_float/", "las", "pugixml", "nlohmann/", "emmintrin.h")),

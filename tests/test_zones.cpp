@@ -6,12 +6,16 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <limits>
 #include <map>
 #include <random>
 #include <set>
+#include <string>
 #include <tuple>
 
+#include "pointfair/pointfair.hpp"
 #include "scale/kept_leaves.hpp"
 #include "scale/stored_cloud.hpp"
 #include "scale/zones.hpp"
@@ -251,6 +255,82 @@ TEST(Zones, settings_of_a_zone_hold_at_the_same_places) {
   EXPECT_FALSE(moved.frame.has_value());
   const TileStages same = relative_to(zones.origin, stages, zones);
   EXPECT_EQ(same.neighbors.levels, stages.neighbors.levels);
+}
+
+std::string bytes_of(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+// A run in tiles on disk, which is what the program does with a survey, is the oracle of one in memory.
+TEST(Zones, a_pipeline_and_a_run_in_tiles_write_the_same_bytes) {
+  const fs::path folder = fs::temp_directory_path() / ("pointfair-doors-" + std::to_string(::getpid()));
+  fs::create_directories(folder);
+  int tried = 0, in_zones = 0;
+  for (const double spacings : {1e4, 1e5, 1e6, 1e7}) {
+    const double spacing = 0.25;
+    std::vector<Position> points = towns(spacings * spacing, spacing);
+    points[7] = {std::numeric_limits<double>::quiet_NaN(), 5.4e6, 100};
+    std::shuffle(points.begin(), points.end(), std::mt19937(4));
+    for (const char* const extension : {".ply", ".las"}) {
+      SCOPED_TRACE(std::to_string(spacings) + extension);
+      const auto named = [&](const char* name) { return folder / (name + std::string(extension)); };
+      std::vector<Position> written = points;
+      if (extension == std::string(".las")) std::erase_if(written, [](const Position& p) { return !(p[0] == p[0]); });
+      Cloud cloud = make_cloud(written);
+      WriteOptions options;
+      options.overwrite = true;
+      write(named("in"), cloud, options);
+      cloud = read(named("in"));
+      Pipeline pipeline(Device::cpu);
+      pipeline.load(cloud);
+      const Cloud denoised = pipeline.run({});
+      write(named("memory"), denoised, options);
+      TiledJob job;
+      job.inputs = {named("in")};
+      job.output = named("tiles");
+      job.write.overwrite = true;
+      job.least_tiles = 5;
+      TiledRun::plan(job, folder / "work");
+      TiledRun(folder / "work", Device::cpu).run_all();
+      fs::remove_all(folder / "work");
+      EXPECT_TRUE(bytes_of(named("memory")) == bytes_of(named("tiles")));
+      EXPECT_TRUE(bytes_of(named("memory")) != bytes_of(named("in")));
+      std::vector<Position> now(written.size());
+      positions(denoised, now);
+      EXPECT_EQ(denoised.points.size(), written.size());
+      ++tried;
+      in_zones += TiledRun::float_step_in_zones(cloud) > 0;
+    }
+  }
+  EXPECT_EQ(tried, 8);
+  EXPECT_GE(in_zones, 4);
+  fs::remove_all(folder);
+}
+
+TEST(Zones, arrays_of_doubles_give_what_a_file_of_them_gives) {
+  const std::vector<Position> points = towns(4e5, 0.25);
+  const fs::path path = fs::temp_directory_path() / ("pointfair-array-" + std::to_string(::getpid()) + ".ply");
+  const Cloud array = make_cloud(points);
+  write(path, array);
+  const Cloud file = read(path);
+  fs::remove(path);
+  std::vector<std::vector<Position>> results;
+  for (const Cloud* const cloud : {&array, &file}) {
+    Pipeline pipeline(Device::cpu);
+    pipeline.load(*cloud);
+    EXPECT_LT(pipeline.estimates().float_step, 0.002);
+    Cloud moved = pipeline.run({});
+    Limits half;
+    half.box = Box{{5e5 - 10, 0, 0}, {5e5 + 10, 6e6, 200}};
+    apply_limits(half, *cloud, moved);
+    positions(moved, results.emplace_back(points.size()));
+  }
+  EXPECT_EQ(results[0], results[1]);
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) kept += results[0][i] == points[i];
+  EXPECT_GE(kept, points.size() / 2);
+  EXPECT_LT(kept, points.size());
 }
 
 }  // namespace

@@ -67,6 +67,10 @@ POINTFAIR_EXPORT std::vector<std::uint8_t> movable_points(const Limits& limits, 
 POINTFAIR_EXPORT void apply_limits(const Limits& limits, std::span<const std::uint8_t> movable,
                                    std::span<const Point> before, std::span<Point> after);
 
+/// The same of whole clouds, with all digits of their positions.
+POINTFAIR_EXPORT void apply_limits(const Limits& limits, std::span<const std::uint8_t> movable, const Cloud& before,
+                                   Cloud& after);
+
 /// movable_points and apply_limits in one call.
 POINTFAIR_EXPORT void apply_limits(const Limits& limits, const Cloud& before, Cloud& after);
 

@@ -50,6 +50,7 @@ void ArrayPipeline::load(std::span<const float> coordinates, bool for_limits) {
     own_.resize(points.size());
     std::transform(points.begin(), points.end(), own_.begin(), in_double);
     before_ = make_cloud(own_);
+    before_.source.reset();  // floats have no more digits
     pipeline_.load(before_.points);
   }
   hold(Kind::floats, points.size());
@@ -60,7 +61,7 @@ void ArrayPipeline::load(std::span<const double> coordinates, bool) {
   forget();
   own_.assign(positions.begin(), positions.end());
   before_ = make_cloud(own_);
-  pipeline_.load(before_.points);
+  before_.source ? pipeline_.load(before_) : pipeline_.load(before_.points);
   hold(Kind::doubles, positions.size());
 }
 
@@ -85,7 +86,7 @@ void ArrayPipeline::load(const Cloud& cloud, const Limits& limits) {
 }
 
 void ArrayPipeline::set_viewpoint(std::span<const Position> positions) {
-  if (kind_ != Kind::floats && kind_ != Kind::doubles) return pipeline_.set_viewpoint(positions);
+  if (before_.source || (kind_ != Kind::floats && kind_ != Kind::doubles)) return pipeline_.set_viewpoint(positions);
   std::vector<Position> relative(positions.begin(), positions.end());  // as the pipeline got the points
   for (Position& position : relative)
     for (std::size_t axis = 0; axis < 3; ++axis) position[axis] -= before_.origin[axis];
@@ -142,8 +143,14 @@ void ArrayPipeline::run(const Params& params, const Limits& limits, std::span<fl
 
 void ArrayPipeline::run(const Params& params, const Limits& limits, std::span<double> out, const Watch& watch) {
   check(Kind::doubles, out.size());
-  const std::vector<Point> after = moved(params, limits, watch);
   const std::span<Position> result = as_positions(out);
+  if (before_.source) {
+    Cloud after = pipeline_.run(params, watch.stop, watch.progress);
+    apply_limits(limits, before_, after);
+    positions(after, result);
+    return;
+  }
+  const std::vector<Point> after = moved(params, limits, watch);
   std::copy(own_.begin(), own_.end(), result.begin());
   move_positions(before_, after, result);
 }
@@ -158,7 +165,7 @@ Cloud ArrayPipeline::run_cloud(const Params& params, const Limits& limits, const
   Cloud after = pipeline_.run(params, watch.stop, watch.progress);
   Limits with_ignored = limits;
   with_ignored.ignore = ignored_;
-  apply(with_ignored, after.points);
+  if (with_ignored != Limits{}) apply_limits(with_ignored, before_, after);
   return after;
 }
 

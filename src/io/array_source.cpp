@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "io/array_source.hpp"
+
 #include <algorithm>
 #include <string>
 #include <utility>
@@ -66,12 +68,13 @@ std::vector<Position> choose_origins(std::span<const Point> positions, std::span
 
 Position choose_origin_by_sample(std::vector<Position> sample) { return io::choose_origin(std::move(sample)); }
 
-Cloud make_cloud(std::span<const Position> positions) {
+io::PlacedArray io::place_array(std::span<const Position> positions) {
   View<Position> view(positions);
-  Cloud cloud;
-  cloud.points = view.place();
-  cloud.origin = view.origin();
-  return cloud;
+  PlacedArray placed;
+  placed.cloud.points = view.place();
+  placed.cloud.origin = view.origin();
+  placed.sample = view.sample();
+  return placed;
 }
 
 void positions(const Cloud& cloud, std::span<Position> out) {

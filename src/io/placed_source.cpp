@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "io/offset.hpp"
+#include "io/parallel.hpp"
 
 namespace pointfair {
 namespace io {
@@ -48,11 +49,17 @@ bool has_positions(const Cloud& cloud, std::span<const Position> wanted) {
 
 }  // namespace
 
-PlacedSource::PlacedSource(std::shared_ptr<const Source> file, std::vector<Position> positions)
+PlacedSource::PlacedSource(std::shared_ptr<const Source> file, std::vector<Position> positions,
+                           std::optional<ScalarType> type)
     : Source(FileBytes::copy({}), file ? file->name() : "array", file ? file->format() : Format::xyz,
              file ? file->encoding() : Encoding::ascii),
       file_(std::move(file)),
-      positions_(std::move(positions)) {
+      positions_(std::move(positions)),
+      type_(ScalarType::float64) {
+  if (type) {
+    type_ = *type;
+    return;
+  }
   const bool was_float = !file_ || file_->coordinate_type() == ScalarType::float32;
   type_ = was_float && fit_floats(positions_) ? ScalarType::float32 : ScalarType::float64;
 }
@@ -117,6 +124,21 @@ Moves PlacedSource::moves_of_file(std::uint64_t first, std::vector<Position> of_
       if (!same_value(of_file[i][axis], result.values[i][axis]))
         result.changed[i] |= static_cast<std::uint8_t>(1U << axis);
   }
+  return result;
+}
+
+Cloud placed(const Cloud& cloud, std::vector<Position> positions, std::optional<ScalarType> type) {
+  const auto* const before = dynamic_cast<const PlacedSource*>(cloud.source.get());
+  const auto source =
+      std::make_shared<PlacedSource>(before ? before->file() : cloud.source, std::move(positions), type);
+  Cloud result{cloud.origin, source->place(), cloud.added, source};
+  if (source->origin() == cloud.origin) return result;
+  source->place_at(cloud.origin);
+  for_each_block(source->block_count(), [&](std::size_t block) {
+    OriginSample unused(source->size());
+    const auto begin = static_cast<std::size_t>(source->block_begin(block));
+    source->place_block(block, std::span(result.points).subspan(begin, source->block_size(block)), unused);
+  });
   return result;
 }
 

@@ -12,8 +12,10 @@ namespace pointfair::io {
 
 class PlacedSource final : public Source {
  public:
-  /// `file` may be null: then there is nothing but positions.
-  PlacedSource(std::shared_ptr<const Source> file, std::vector<Position> positions);
+  /// `file` may be null: then there is nothing but positions. `type`: coordinate_type(), chosen by what holds them
+  /// without it.
+  PlacedSource(std::shared_ptr<const Source> file, std::vector<Position> positions,
+               std::optional<ScalarType> type = {});
 
   std::size_t block_count() const override;
   std::uint64_t block_begin(std::size_t block) const override;
@@ -44,5 +46,8 @@ class PlacedSource final : public Source {
   std::vector<Position> positions_;
   ScalarType type_;
 };
+
+/// The cloud with these positions around the origin that it has, and all else of its file.
+Cloud placed(const Cloud& cloud, std::vector<Position> positions, std::optional<ScalarType> type = {});
 
 }  // namespace pointfair::io

@@ -49,6 +49,9 @@ void Pipeline::State::load(const DevicePoints& points, DeviceStream stream) {
 }
 
 void Pipeline::State::start_load(const std::function<void()>& load) {
+  wide.reset();
+  wide_viewpoints.clear();
+  wide_run.reset();
   frame_.reset();
   given_noise_.reset();
   sensors_.reset();

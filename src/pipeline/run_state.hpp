@@ -19,6 +19,9 @@
 #include "seam/net_weights.hpp"
 
 namespace pointfair {
+namespace scale {
+class WideCloud;
+}
 
 struct Pipeline::State {
   State(std::unique_ptr<Backend> backend, DeviceInfo its_device, MakeWorkers workers)
@@ -53,6 +56,17 @@ struct Pipeline::State {
   std::vector<std::uint8_t> outliers;  // of the last run, if they are to be marked
   std::optional<Estimates> estimates;  // as they were told
   FollowedNoise followed;              // in the last run
+
+  // Of a cloud that needs zones (facade/zones_of_pipeline.cpp). All else of this state has it around one origin.
+  void find_zones(const Cloud& loaded);
+  bool runs_in_zones(const Params& params) const;
+  Cloud run_in_zones(const Params& params, const std::stop_token& stop, const ProgressFunction& progress);
+  void measure_in_zones(const std::stop_token& stop);
+  void run_for_normals(const std::stop_token& stop);  // around one origin, if the last run was in zones
+  std::shared_ptr<scale::WideCloud> wide;             // null: it needs none
+  std::vector<Origin> wide_viewpoints;
+  MakeBackend make_backend_of_zones;  // null: all clouds lie around one origin
+  std::optional<Params> wide_run;     // the last run, if it was in zones and its normals were not asked for
 
  private:
   // Where the result of an iteration goes; as Backend::download.

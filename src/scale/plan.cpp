@@ -102,25 +102,6 @@ Params in_units_of_file(const Params& params, const Source& source) {
   return in_file_units(params, source.info().metres_per_unit);
 }
 
-// Blocks of the file that follow each other, up to `most` points of them together.
-void cut_into_chunks(const Source& source, std::size_t number, const InputFile& file, std::uint64_t most,
-                     std::vector<InputChunk>& chunks) {
-  InputChunk chunk{number, 0, 0, file.first_point, 0};
-  for (std::size_t block = 0; block < source.block_count(); ++block) {
-    const std::uint64_t size = source.block_size(block);
-    if (size > 4 * most)
-      io::fail(file.path.string(),
-               "holds " + std::to_string(size) + " points in one piece that cannot be read in parts; give more memory");
-    if (chunk.points > 0 && chunk.points + size > most) {
-      chunks.push_back(chunk);
-      chunk = {number, block, block, chunk.first_point + chunk.points, 0};
-    }
-    chunk.end_block = block + 1;
-    chunk.points += size;
-  }
-  if (chunk.points > 0) chunks.push_back(chunk);
-}
-
 // A box of positions.
 struct Extent {
   Position min{kInfinite, kInfinite, kInfinite}, max{-kInfinite, -kInfinite, -kInfinite};
@@ -266,10 +247,46 @@ std::string fingerprint_of(const fs::path& path) {
 std::shared_ptr<Source> Inputs::open(std::size_t number) {
   std::shared_ptr<Source>& source = open_[number];
   const InputFile& file = files_[number];
+  if (source && file.path.empty()) return source;
   if (fingerprint_of(file.path) != file.fingerprint)
     io::fail(file.path.string(), "has changed since this run was planned; plan it again in another work folder");
   if (!source) source = io::open_source(file.path, threads_);
   return source;
+}
+
+// Blocks that follow each other.
+void add_chunks(const Source& source, Plan& plan) {
+  const std::uint64_t most = std::min(kMostOfChunk, points_in_memory(plan.memory, kBytesOfChunkPoint));
+  const std::size_t number = plan.files.size() - 1;
+  const InputFile& file = plan.files.back();
+  InputChunk chunk{number, 0, 0, file.first_point, 0};
+  for (std::size_t block = 0; block < source.block_count(); ++block) {
+    const std::uint64_t size = source.block_size(block);
+    if (size > 4 * most)
+      io::fail(file.path.string(),
+               "holds " + std::to_string(size) + " points in one piece that cannot be read in parts; give more memory");
+    if (chunk.points > 0 && chunk.points + size > most) {
+      plan.chunks.push_back(chunk);
+      chunk = {number, block, block, chunk.first_point + chunk.points, 0};
+    }
+    chunk.end_block = block + 1;
+    chunk.points += size;
+  }
+  if (chunk.points > 0) plan.chunks.push_back(chunk);
+}
+
+LeafTree cut_into_tiles(Plan& plan, std::span<Point> sample, std::uint64_t least_tiles) {
+  const double of_tile = kCoreShare * double(points_in_memory(plan.memory, bytes_of_tile_point(plan.params)));
+  const auto tiles = std::max<std::uint64_t>(least_tiles, std::uint64_t(std::ceil(double(plan.points) / of_tile)));
+  const std::uint64_t leaves =
+      std::clamp(plan.points / kPointsOfLeaf, kLeastLeaves * tiles, std::max(kMostLeaves, kLeastLeaves * tiles));
+  LeafTree tree(sample, tiles, leaves / tiles);
+  plan.tiles = tree.tiles();
+  return tree;
+}
+
+int iterations_of(const Params& params) {
+  return params.iterations == kAutomatic ? resolve_params(params, {}, {}, 1).iterations : params.iterations;
 }
 
 void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
@@ -287,16 +304,14 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
         "--method learned cannot be used with a run in tiles on disk: a point's result depends on points at any "
         "distance; give it the memory for the whole cloud, 760 bytes a point, or use another method");
   Plan plan;
-  plan.files = files_of(job);
   plan.write = job.write;
   plan.limits = job.limits;
   plan.noise_attribute = job.noise_attribute;
   plan.viewpoint = job.viewpoint;
   plan.coordinate_step = kInfinite;
   plan.memory = memory_of_task(job);
-  const std::uint64_t most_of_chunk = std::min(kMostOfChunk, points_in_memory(plan.memory, kBytesOfChunkPoint));
   std::vector<std::shared_ptr<Source>> sources;
-  for (InputFile& file : plan.files) {
+  for (InputFile file : files_of(job)) {
     file.fingerprint = fingerprint_of(file.path);
     const auto& source = sources.emplace_back(io::open_source(file.path, threads));
     io::check_streamed_options(*source, file.output, job.write, job.params.outliers == Outliers::mark);
@@ -310,21 +325,16 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
     file.first_point = plan.points;
     file.points = source->size();
     plan.points += file.points;
-    cut_into_chunks(*source, static_cast<std::size_t>(&file - plan.files.data()), file, most_of_chunk, plan.chunks);
+    plan.files.push_back(std::move(file));
+    add_chunks(*source, plan);
   }
   plan.sensor = sensor_of(job, sources);
-  plan.iterations = plan.params.iterations;
-  if (plan.iterations == kAutomatic) plan.iterations = resolve_params(plan.params, {}, {}, 1).iterations;
+  plan.iterations = iterations_of(plan.params);
   Survey seen = io::with_threads(threads, [&] { return survey(sources, plan.points, plan.coordinate_step); });
   plan.origin = seen.zones.origin;
   plan.zone_side = seen.zones.side;
   if (!plan.zones().are_several()) refuse_stray_files(plan.files, seen.extents);
-  const double of_tile = kCoreShare * double(points_in_memory(plan.memory, bytes_of_tile_point(plan.params)));
-  const auto tiles = std::max<std::uint64_t>(job.least_tiles, std::uint64_t(std::ceil(double(plan.points) / of_tile)));
-  const std::uint64_t leaves =
-      std::clamp(plan.points / kPointsOfLeaf, kLeastLeaves * tiles, std::max(kMostLeaves, kLeastLeaves * tiles));
-  const LeafTree tree(seen.sample, tiles, leaves / tiles);
-  plan.tiles = tree.tiles();
+  const LeafTree tree = cut_into_tiles(plan, seen.sample, job.least_tiles);
   fs::create_directories(work);
   tree.save(work / kTreeName);
   const std::string text = text_of(plan);

@@ -8,11 +8,14 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "io/source.hpp"
 #include "pointfair/tiled_run.hpp"
+#include "scale/leaf_tree.hpp"
 #include "scale/zones.hpp"
 
 namespace pointfair::scale {
@@ -43,6 +46,7 @@ struct Plan {
   Position origin{};           ///< as guessed; the first measurement corrects it
   double zone_side = 0;        ///< the same
   double coordinate_step = 0;  ///< the least of the files'
+  bool is_settled = false;     ///< origin and zones are known, and not guessed
   std::vector<InputFile> files;
   std::vector<InputChunk> chunks;
 
@@ -63,6 +67,8 @@ class Inputs {
  public:
   Inputs(const std::vector<InputFile>& files, unsigned threads)
       : files_(files), threads_(threads), open_(files.size()) {}
+  /// In place of what a path leads to.
+  void give(std::size_t file, std::shared_ptr<Source> source) { open_[file] = std::move(source); }
   /// Throws Error(file) if the file is not the one that was planned with.
   std::shared_ptr<Source> open(std::size_t file);
 
@@ -71,6 +77,13 @@ class Inputs {
   unsigned threads_;
   std::vector<std::shared_ptr<Source>> open_;
 };
+
+/// Cuts the last file of the plan, from its first point on, into chunks.
+void add_chunks(const Source& source, Plan& plan);
+/// Cuts the plan's points, of which these are a sample, into tiles, and sets their number.
+LeafTree cut_into_tiles(Plan& plan, std::span<Point> sample, std::uint64_t least_tiles);
+/// As often as the parameters say: what is automatic does not depend on the cloud.
+int iterations_of(const Params& params);
 
 /// Reads the inputs' headers and some of their points. Throws as TiledRun::plan. Writes the tree of leaves and, last,
 /// the plan.

@@ -23,10 +23,21 @@ Tasks::Tasks(const fs::path& work, const std::vector<Device>& devices)
     : folder_(work), tree_(work / "leaves"), inputs_(folder_.plan.files, devices[0].threads) {
   for (const Device& device : devices) workers_.push_back({device, nullptr});
   remove_abandoned_files(work);
-  if (fs::exists(work / "origin")) use_zones(load_zones());
+  if (is_stored(work / "origin")) use_zones(load_zones());
+}
+
+Tasks::Tasks(const MemoryFolder& work, Plan plan, LeafTree tree, std::shared_ptr<Source> source,
+             std::optional<GivenNoise> noise, Backend& backend)
+    : folder_(work.path(), std::move(plan)),
+      tree_(std::move(tree)),
+      inputs_(folder_.plan.files, 0),
+      noise_(std::move(noise)) {
+  workers_.push_back({{}, nullptr, &backend});
+  inputs_.give(0, std::move(source));
 }
 
 Backend& Tasks::Worker::backend() {
+  if (given) return *given;
   DeviceInfo info;
   if (!made) made = make_backend(device, info);
   return *made;
@@ -85,7 +96,7 @@ void Tasks::run_tiles(const WorkStep& step, const std::stop_token& stop,
 
 // What the tasks of a step share, and only read.
 void Tasks::get_ready(const WorkStep& step) {
-  if (!folder_.is_recut && fs::exists(folder_.path / "origin")) use_zones(load_zones());
+  if (!folder_.is_recut && is_stored(folder_.path / "origin")) use_zones(load_zones());
   if (step.kind != WorkStep::Kind::denoise) return;
   settled_settings();
   if (input_ && input_iteration_ == step.iteration) return;
@@ -118,11 +129,11 @@ void Tasks::run_ingest(const WorkStep& step, std::size_t task, const std::stop_t
 void Tasks::run_measure(const WorkStep& step, const std::stop_token& stop) {
   const WorkStep before{WorkStep::Kind::ingest};
   const auto take_in_again = [&] {
-    for (const fs::path& path : folder_.files_before_recut()) fs::remove(path);
+    for (const fs::path& path : folder_.files_before_recut()) remove_stored(path);
     for (std::size_t task = 0; task < folder_.plan.chunks.size(); ++task) run(before, task, stop);
   };
   if (folder_.is_recut) take_in_again();  // what a process that was killed meanwhile has left to do
-  const Zones zones = zones_of(folder_.files_of(before), folder_.plan);
+  const Zones zones = folder_.plan.is_settled ? folder_.plan.zones() : zones_of(folder_.files_of(before), folder_.plan);
   if (zones != folder_.plan.zones()) {
     if (folder_.is_recut) throw Error(ErrorKind::failed, "the input shows another origin each time; plan again");
     NewFile file(folder_.path / "origin", sizeof zones);
@@ -132,7 +143,7 @@ void Tasks::run_measure(const WorkStep& step, const std::stop_token& stop) {
     take_in_again();
   }
   const StoredCloud cloud(folder_.files_of(before), tree_.leaves(), zones);
-  std::optional<GivenNoise> given;
+  std::optional<GivenNoise> given = noise_;
   if (!folder_.plan.noise_attribute.empty()) given = noise_of_attribute(inputs_, folder_.plan, threads(), stop);
   save(measure(cloud, folder_.plan, given, workers_[0].backend(), stop), folder_.file_of(step, 0));
 }
@@ -170,10 +181,7 @@ void Tasks::run_emit(const WorkStep& step, std::size_t task, const std::stop_tok
   mark(begun);
   const auto source = inputs_.open(task);
   source->place_at(folder_.plan.origin);
-  const Settings& settings = settled_settings();
-  const Settling settling{settings.limits, settings.limits.farthest > 0 || folder_.plan.iterations > 1};
-  TileResults results(folder_.files_of({WorkStep::Kind::denoise, folder_.plan.iterations - 1}), folder_.plan, task,
-                      source, settling, stop);
+  const TileResults results = this->results(task, source, stop);
   std::vector<Attribute> added;
   if (folder_.plan.params.outliers == Outliers::mark)
     added.push_back(outlier_marks(part_of(source, 0, {}), results.find_outliers(threads())));
@@ -194,6 +202,48 @@ void Tasks::run_emit(const WorkStep& step, std::size_t task, const std::stop_tok
   const std::vector<double> moves = results.moves().numbers();
   numbers.insert(numbers.end(), moves.begin(), moves.end());
   PointsWriter(folder_.file_of(step, task), header, {}, numbers).finish();
+}
+
+TileResults Tasks::results(std::size_t file, std::shared_ptr<const Source> source, const std::stop_token& stop) {
+  const Settings& settings = settled_settings();
+  const Settling settling{settings.limits, settings.limits.farthest > 0 || folder_.plan.iterations > 1};
+  return {folder_.files_of({WorkStep::Kind::denoise, folder_.plan.iterations - 1}),
+          folder_.plan,
+          file,
+          std::move(source),
+          settling,
+          stop};
+}
+
+Counts Tasks::counts() const {
+  Counts all;
+  for (const fs::path& path : folder_.files_of({WorkStep::Kind::denoise, folder_.plan.iterations - 1})) {
+    const TaskCounts counts = PointsFile(path).header().counts;
+    all.unmoved.too_few_neighbors += counts[kTooFewCount];
+    all.unmoved.no_normal += counts[kNoNormalCount];
+    all.short_neighborhoods += counts[kShortCount];
+  }
+  if (resolved_ && !moves_along_normal(resolved_->params.method)) all.unmoved.no_normal = 0;
+  all.unmoved.non_finite = folder_.plan.points - measured_->bounds.valid - measured_->ignored;
+  return all;
+}
+
+void Tasks::run_steps(WorkStep::Kind last, const std::stop_token& stop, const ProgressFunction& progress) {
+  const std::vector<WorkStep> steps = folder_.steps();
+  for (std::size_t s = 0; s < steps.size() && steps[s].kind <= last; ++s) {
+    const std::size_t tasks = folder_.tasks_of(steps[s]);
+    folder_.check_room(steps[s]);
+    run_all(steps[s], stop, [&](std::size_t task) {
+      if (progress) progress((double(s) + double(task) / double(tasks)) / double(steps.size()), steps[s].name());
+    });
+    if (steps[s].kind != WorkStep::Kind::denoise) continue;
+    // what this step read is not needed any more
+    const WorkStep before = steps[s].iteration == 0 ? steps[0] : steps[s - 1];
+    if (!is_stored(folder_.end_mark(before)))
+      mark(folder_.end_mark(before));  // after it, all names of this step are on the disk
+    close_input();
+    for (const fs::path& path : folder_.files_of(before)) remove_stored(path);
+  }
 }
 
 void Tasks::use_zones(const Zones& zones) {

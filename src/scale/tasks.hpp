@@ -12,6 +12,7 @@
 
 #include "pointfair/pipeline.hpp"
 #include "scale/denoise.hpp"
+#include "scale/emit.hpp"
 #include "scale/leaf_tree.hpp"
 #include "scale/measure.hpp"
 #include "scale/plan.hpp"
@@ -24,6 +25,10 @@ namespace pointfair::scale {
 class Tasks {
  public:
   Tasks(const std::filesystem::path& work, const std::vector<Device>& devices);
+  // Of a cloud in memory, whose work folder is there too: `plan` has one file, `source` in place of its path. `noise`:
+  // of the points, where it is given.
+  Tasks(const MemoryFolder& work, Plan plan, LeafTree tree, std::shared_ptr<Source> source,
+        std::optional<GivenNoise> noise, Backend& backend);
 
   const WorkFolder& folder() const { return folder_; }
   // Does the task; returns at once if it is done.
@@ -31,19 +36,24 @@ class Tasks {
   // All that are left. Tiles are shared by the workers; the calling thread is that of the first, and tells how many
   // were begun.
   void run_all(const WorkStep& step, const std::stop_token& stop, const std::function<void(std::size_t)>& begin);
-  // Closes what the tiles were read from.
-  void close_input();
+  // All steps up to the last of this kind. Removes files that no task needs any more.
+  void run_steps(WorkStep::Kind last, const std::stop_token& stop, const ProgressFunction& progress);
 
   // Once the step `measure` is done.
   const Settings& settled_settings();
   const Measured& measured() const { return *measured_; }
   const Params& params() const { return resolved_->params; }
+  // Where the points of a file are after the last iteration.
+  TileResults results(std::size_t file, std::shared_ptr<const Source> source, const std::stop_token& stop);
+  // Those of the first iteration that kept their place, and points with short neighbourhoods.
+  Counts counts() const;
 
  private:
   // What computes tiles, one at a time.
   struct Worker {
     Device device;
     std::unique_ptr<Backend> made;
+    Backend* given = nullptr;  // in place of it
     Backend& backend();
   };
 
@@ -55,6 +65,7 @@ class Tasks {
   void run_emit(const WorkStep& step, std::size_t task, const std::stop_token& stop);
   void run_tiles(const WorkStep& step, const std::stop_token& stop, const std::function<void(std::size_t)>& begin);
   TileWork tile_work(const WorkStep& step, std::size_t task) const;
+  void close_input();
   void use_zones(const Zones& zones);
   Zones load_zones() const;
   unsigned threads() const { return workers_[0].device.threads; }
@@ -63,6 +74,7 @@ class Tasks {
   std::vector<Worker> workers_{};
   LeafTree tree_;
   Inputs inputs_;
+  std::optional<GivenNoise> noise_;  // where no attribute of the files has it
   std::optional<Measured> measured_;
   std::optional<Resolved> resolved_;
   std::optional<StoredCloud> input_;  // of the tiles

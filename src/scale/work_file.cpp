@@ -6,7 +6,11 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cerrno>
+#include <cstring>
+#include <map>
+#include <mutex>
 #include <system_error>
 #include <utility>
 
@@ -25,6 +29,43 @@ std::string message_of(int error) { return std::system_category().message(error)
   throw Error(ErrorKind::file, path.string() + ": " + why);
 }
 
+// Finished files of all folders in memory, by their paths.
+class FilesInMemory {
+ public:
+  static bool has(const fs::path& path) { return path.native().starts_with(kRoot); }
+  static fs::path new_folder() {
+    static std::atomic<std::uint64_t> number = 0;
+    return kRoot + std::to_string(number++);
+  }
+  static FilesInMemory& all() {
+    static FilesInMemory files;
+    return files;
+  }
+
+  void put(const fs::path& path, std::shared_ptr<const FileContent> content) {
+    const std::lock_guard lock(mutex_);
+    files_[path] = std::move(content);
+  }
+  std::shared_ptr<const FileContent> find(const fs::path& path) const {
+    const std::lock_guard lock(mutex_);
+    const auto its = files_.find(path);
+    return its == files_.end() ? nullptr : its->second;
+  }
+  void remove(const fs::path& path) {
+    const std::lock_guard lock(mutex_);
+    files_.erase(path);
+  }
+  void remove_folder(const fs::path& folder) {
+    const std::lock_guard lock(mutex_);
+    std::erase_if(files_, [&](const auto& file) { return file.first.parent_path() == folder; });
+  }
+
+ private:
+  inline static const std::string kRoot = "/dev/null/pointfair-memory-";  // where no disk has a file
+  mutable std::mutex mutex_;
+  std::map<fs::path, std::shared_ptr<const FileContent>> files_;
+};
+
 // The name is on the disk, too.
 void sync_folder(const fs::path& folder) {
   const int fd = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
@@ -35,7 +76,15 @@ void sync_folder(const fs::path& folder) {
 
 }  // namespace
 
+MemoryFolder::MemoryFolder() : path_(FilesInMemory::new_folder()) {}
+MemoryFolder::~MemoryFolder() { FilesInMemory::all().remove_folder(path_); }
+
 NewFile::NewFile(const fs::path& path, std::uint64_t size) : path_(path), size_(size) {
+  if (FilesInMemory::has(path)) {
+    content_ = std::make_unique<FileContent>();
+    content_->reserve(static_cast<std::size_t>(size));
+    return;
+  }
   temporary_ = path.parent_path() / io::unfinished_name(kUnfinished);
   fd_ = ::open(temporary_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
   if (fd_ < 0) fail(errno);
@@ -59,6 +108,11 @@ void NewFile::fail(int error) const {
 
 void NewFile::write(const void* data, std::size_t bytes) {
   const char* from = static_cast<const char*>(data);
+  if (content_) {
+    const auto* const begin = reinterpret_cast<const std::byte*>(from);
+    content_->insert(content_->end(), begin, begin + bytes);
+    return;
+  }
   while (bytes > 0) {
     const ssize_t done = ::write(fd_, from, bytes);
     if (done < 0 && errno == EINTR) continue;
@@ -70,20 +124,34 @@ void NewFile::write(const void* data, std::size_t bytes) {
 }
 
 void NewFile::finish(bool name_too) {
+  if (content_) return FilesInMemory::all().put(path_, std::move(content_));
   if (::fsync(fd_) != 0) fail(errno);
   if (::close(std::exchange(fd_, -1)) != 0) fail(errno);
   if (::rename(temporary_.c_str(), path_.c_str()) != 0) fail(errno);
   if (name_too) sync_folder(path_.parent_path());
 }
 
-StoredFile::StoredFile(const fs::path& path) : path_(path), fd_(::open(path.c_str(), O_RDONLY | O_CLOEXEC)) {
+StoredFile::StoredFile(const fs::path& path) : path_(path) {
+  if (FilesInMemory::has(path)) {
+    content_ = FilesInMemory::all().find(path);
+    if (!content_) fail_to_read(path, "is not there");
+    return;
+  }
+  fd_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (fd_ < 0) fail_to_read(path, "cannot open: " + message_of(errno));
 }
 
-StoredFile::~StoredFile() { ::close(fd_); }
+StoredFile::~StoredFile() {
+  if (fd_ >= 0) ::close(fd_);
+}
 
 void StoredFile::read(std::uint64_t at, void* data, std::size_t bytes) const {
   char* to = static_cast<char*>(data);
+  if (content_) {
+    if (at > content_->size() || bytes > content_->size() - at) fail_to_read(path_, "ends early");
+    if (bytes > 0) std::memcpy(to, content_->data() + at, bytes);
+    return;
+  }
   while (bytes > 0) {
     const ssize_t got = ::pread(fd_, to, bytes, static_cast<off_t>(at));
     if (got < 0 && errno == EINTR) continue;
@@ -96,12 +164,23 @@ void StoredFile::read(std::uint64_t at, void* data, std::size_t bytes) const {
 }
 
 std::uint64_t StoredFile::size() const {
+  if (content_) return content_->size();
   struct stat status {};
   if (::fstat(fd_, &status) != 0) fail_to_read(path_, "cannot read: " + message_of(errno));
   return static_cast<std::uint64_t>(status.st_size);
 }
 
-void remove_abandoned_files(const fs::path& folder) { io::remove_abandoned(folder, kUnfinished); }
+bool is_stored(const fs::path& path) {
+  return FilesInMemory::has(path) ? FilesInMemory::all().find(path) != nullptr : fs::exists(path);
+}
+void remove_stored(const fs::path& path) {
+  if (FilesInMemory::has(path)) return FilesInMemory::all().remove(path);
+  fs::remove(path);
+}
+
+void remove_abandoned_files(const fs::path& folder) {
+  if (!FilesInMemory::has(folder)) io::remove_abandoned(folder, kUnfinished);
+}
 
 void mark(const fs::path& path) { NewFile(path).finish(); }
 

@@ -1,14 +1,32 @@
 // SPDX-License-Identifier: Apache-2.0
-// Files of a work folder: written once, and there only when they are complete.
+// Files of a work folder: written once, and there only when they are complete. The folder is on disk, or in memory.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <span>
 #include <string>
 #include <type_traits>
+#include <vector>
 
 namespace pointfair::scale {
+
+using FileContent = std::vector<std::byte>;
+
+/// A work folder in this process's memory. Its files have paths like others, and go when it goes.
+class MemoryFolder {
+ public:
+  MemoryFolder();
+  ~MemoryFolder();
+  MemoryFolder(const MemoryFolder&) = delete;
+  MemoryFolder& operator=(const MemoryFolder&) = delete;
+  const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
+};
 
 /// A file that gets its name, and is on the disk, once it is finished. Any number of processes may write the same one:
 /// the last to finish it wins, and what they write is the same.
@@ -37,6 +55,7 @@ class NewFile {
   std::filesystem::path path_, temporary_;
   std::uint64_t size_, written_ = 0;
   int fd_ = -1;
+  std::unique_ptr<FileContent> content_;  // of a file in memory
 };
 
 /// A finished file. Throws Error(file) if it cannot be read, or ends early.
@@ -58,7 +77,12 @@ class StoredFile {
  private:
   std::filesystem::path path_;
   int fd_ = -1;
+  std::shared_ptr<const FileContent> content_;  // of a file in memory
 };
+
+/// Whether a finished file has this path; and takes it away.
+bool is_stored(const std::filesystem::path& path);
+void remove_stored(const std::filesystem::path& path);
 
 /// Removes what processes of this machine that are no more left half-written in the folder.
 void remove_abandoned_files(const std::filesystem::path& folder);

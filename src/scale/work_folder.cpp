@@ -5,6 +5,7 @@
 
 #include "io/file_bytes.hpp"
 #include "platform/free_memory.hpp"
+#include "scale/work_file.hpp"
 
 namespace pointfair::scale {
 namespace fs = std::filesystem;
@@ -78,17 +79,18 @@ fs::path WorkFolder::begun_mark(std::size_t output) const { return path / number
 fs::path WorkFolder::end_mark(const WorkStep& step) const { return path / ("done-" + step.name()); }
 
 bool WorkFolder::is_done(const WorkStep& step, std::size_t task) const {
-  return fs::exists(file_of(step, task)) || fs::exists(end_mark(step));
+  return is_stored(file_of(step, task)) || is_stored(end_mark(step));
 }
 std::size_t WorkFolder::count_done(const WorkStep& step) const {
-  if (fs::exists(end_mark(step))) return tasks_of(step);
+  if (is_stored(end_mark(step))) return tasks_of(step);
   std::size_t done = 0;
-  for (std::size_t task = 0; task < tasks_of(step); ++task) done += fs::exists(file_of(step, task));
+  for (std::size_t task = 0; task < tasks_of(step); ++task) done += is_stored(file_of(step, task));
   return done;
 }
 
 void WorkFolder::check_room(const WorkStep& step) const {
   if (step.kind != WorkStep::Kind::ingest && step.kind != WorkStep::Kind::denoise) return;
+  if (!fs::exists(path)) return;  // in memory
   const double left = 1 - double(count_done(step)) / double(tasks_of(step));
   const std::uint64_t bytes_of_point =
       step.kind == WorkStep::Kind::ingest || step.iteration + 1 == plan.iterations ? 16 : 20;

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <filesystem>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "scale/plan.hpp"
@@ -23,7 +24,8 @@ struct WorkStep {
 // each output begun-... and written-..., which are marks. What is called done-... says that a step was finished whose
 // files are not needed any more.
 struct WorkFolder {
-  explicit WorkFolder(const std::filesystem::path& folder) : path(folder), plan(read_plan(folder)) {}
+  explicit WorkFolder(const std::filesystem::path& folder) : WorkFolder(folder, read_plan(folder)) {}
+  WorkFolder(const std::filesystem::path& folder, Plan its_plan) : path(folder), plan(std::move(its_plan)) {}
 
   std::vector<WorkStep> steps() const;  // in order
   std::size_t tasks_of(const WorkStep& step) const;

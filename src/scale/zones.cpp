@@ -103,6 +103,12 @@ double zone_side(std::vector<Position> sample, std::uint64_t points, const Posit
   return portable::power_of_two_below(0x1p25 / kFiner * coarse);
 }
 
+Zones zones_of(const Cloud& cloud) {
+  if (!cloud.source) return {cloud.origin};
+  const Source& source = *cloud.source;
+  return {cloud.origin, zone_side(source.sample(), source.size(), cloud.origin, coordinate_step(source))};
+}
+
 TileStages relative_to(const Position& origin, const TileStages& stages, const Zones& zones) {
   if (origin == zones.origin) return stages;
   const Position shift = difference(zones.origin, origin);

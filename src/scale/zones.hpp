@@ -46,6 +46,9 @@ double coordinate_step(const Source& source);
 /// `sample`: all of so many points, or io::kSampledPositions of them by their hashes. O(sample^2) at worst.
 double zone_side(std::vector<Position> sample, std::uint64_t points, const Position& origin, double coordinate_step);
 
+/// Those of a cloud in memory; one where there is no file behind it, whose points are floats.
+Zones zones_of(const Cloud& cloud);
+
 /// What the stages read, where the settings hold for offsets from the cloud's origin, for offsets from another one: the
 /// middle of a zone.
 TileStages relative_to(const Position& origin, const TileStages& stages, const Zones& zones);

@@ -113,10 +113,17 @@ class Zones(Case):
         self.assertEqual(len(set(steps)), 1)
         self.assertLess(steps[0], 0.0003)
 
-    def test_what_tiles_cannot_do_is_done_around_one_origin(self):
-        for words in (["out.las", "--normals", "write"], ["out.ply"], ["out2.las", "--write-noise"]):
-            result = self.ok("run", self.wide, self.path(words[0]), "--k", 8, *words[1:])
-            self.assertNotIn("in zones where", result.stderr.decode())
+    def test_what_else_is_written_changes_no_position(self):
+        self.ok("run", self.wide, self.path("alone.las"), "--k", 8, "-q")
+        for words in (["--write-noise"], ["--write-displacement"]):
+            result = self.ok("run", self.wide, self.path("more.las"), "--force", "--k", 8, *words)
+            self.assertIn("in zones where", result.stderr.decode())
+            self.assertEqual(las_grid(self.path("more.las")), las_grid(self.path("alone.las")))
+        self.ok("run", self.wide, self.path("normals.ply"), "--k", 8, "--normals", "write", "-q")
+
+    def test_what_follows_no_zones_is_done_around_one_origin(self):
+        result = self.ok("run", self.wide, self.path("out.las"), "--method", "learned")
+        self.assertNotIn("in zones where", result.stderr.decode())
 
     def test_files_that_lie_far_apart_are_one_run(self):
         near, far = ([(x + 5e5 + apart, y + 5.4e6, z) for x, y, z in ground(900)] for apart in (0, 4e6))

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The public face of a pipeline: one kind of error, and clouds with their attributes.
+// The public face of a pipeline: one kind of error, clouds with their attributes, and the choice of zones.
+#include "pointfair/pipeline.hpp"
+
 #include <algorithm>
 #include <new>
 #include <utility>
@@ -9,7 +11,6 @@
 #include "pipeline/pipeline_access.hpp"
 #include "pipeline/run_state.hpp"
 #include "pointfair/file_info.hpp"
-#include "pointfair/pipeline.hpp"
 #include "pointfair/viewpoint.hpp"
 
 namespace pointfair {
@@ -43,6 +44,10 @@ Pipeline::Pipeline(Device device) {
     std::unique_ptr<Backend> backend = make_backend(device, info);
     MakeWorkers workers = make_workers(device, info.kind);
     state_ = std::make_unique<State>(std::move(backend), std::move(info), std::move(workers));
+    state_->make_backend_of_zones = [device] {
+      DeviceInfo same;
+      return make_backend(device, same);
+    };
     state_->load({});
   });
 }
@@ -70,11 +75,16 @@ void Pipeline::load(const Cloud& cloud) {
     state_->load(cloud.points);
     state_->shell = Cloud{cloud.origin, {}, cloud.added, cloud.source};
     state_->set_viewpoint(viewpoints);
+    state_->find_zones(cloud);
+    state_->wide_viewpoints = viewpoints;
   });
 }
 
 void Pipeline::set_viewpoint(std::span<const std::array<double, 3>> positions) {
-  with_one_kind_of_error([&] { state_->set_viewpoint(positions); });
+  with_one_kind_of_error([&] {
+    state_->set_viewpoint(positions);
+    state_->wide_viewpoints.assign(positions.begin(), positions.end());
+  });
 }
 
 void Pipeline::set_faces(Polygons faces) {
@@ -108,15 +118,27 @@ void Pipeline::set_weights(std::span<const std::byte> file, const std::string& n
 Cloud Pipeline::run(const Params& params, std::stop_token stop, const ProgressFunction& progress) {
   return with_one_kind_of_error([&] {
     Cloud result = state_->shell;
+    const Params in_units = params_for(result, params);
+    if (state_->runs_in_zones(in_units)) return state_->run_in_zones(in_units, stop, progress);
+    state_->wide_run.reset();
     result.points.resize(state_->cloud.points());
-    state_->run(params_for(result, params), result.points, stop, progress);
+    state_->run(in_units, result.points, stop, progress);
     if (!state_->outliers.empty()) result.added.push_back(outlier_marks(result, state_->outliers));
     return result;
   });
 }
 
 void Pipeline::run(const Params& params, std::span<Point> out, std::stop_token stop, const ProgressFunction& progress) {
-  with_one_kind_of_error([&] { state_->run(params_for(state_->shell, params), out, stop, progress); });
+  with_one_kind_of_error([&] {
+    const Params in_units = params_for(state_->shell, params);
+    if (state_->runs_in_zones(in_units) && out.size() == state_->cloud.points()) {
+      const Cloud result = state_->run_in_zones(in_units, stop, progress);
+      std::copy(result.points.begin(), result.points.end(), out.begin());
+      return;
+    }
+    state_->wide_run.reset();
+    state_->run(in_units, out, stop, progress);
+  });
 }
 
 void Pipeline::run(std::span<const Point> points, const Params& params, std::span<Point> out, std::stop_token stop,
@@ -132,7 +154,10 @@ void Pipeline::run(std::span<const Point> points, const Params& params, std::spa
 
 void Pipeline::run(const Params& params, const DeviceOutput& out, DeviceStream stream, std::stop_token stop,
                    const ProgressFunction& progress) {
-  with_one_kind_of_error([&] { state_->run(params_for(state_->shell, params), out, stream, stop, progress); });
+  with_one_kind_of_error([&] {
+    state_->wide_run.reset();
+    state_->run(params_for(state_->shell, params), out, stream, stop, progress);
+  });
 }
 
 void Pipeline::run_many(std::span<const Point> points, std::span<const std::uint64_t> offsets, const Params& params,
@@ -156,7 +181,7 @@ bool Pipeline::runs_together(const Params& params) const {
 }
 
 const Estimates& Pipeline::estimates(std::stop_token stop) {
-  with_one_kind_of_error([&] { state_->measure_all(stop); });
+  with_one_kind_of_error([&] { state_->wide ? state_->measure_in_zones(stop) : state_->measure_all(stop); });
   return *state_->estimates;
 }
 
@@ -175,7 +200,10 @@ DeviceInfo Pipeline::device() const { return state_->device; }
 std::span<const std::uint8_t> Pipeline::outliers() const { return state_->outliers; }
 
 void Pipeline::normals(std::span<Point> out, std::stop_token stop) {
-  with_one_kind_of_error([&] { state_->normals(out, stop); });
+  with_one_kind_of_error([&] {
+    state_->run_for_normals(stop);
+    state_->normals(out, stop);
+  });
 }
 
 void Pipeline::normals(const DeviceOutput& out, DeviceStream stream) {

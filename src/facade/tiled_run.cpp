@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The public calls of a run in tiles.
+#include "pointfair/tiled_run.hpp"
+
 #include <algorithm>
 #include <new>
 #include <utility>
@@ -10,7 +12,6 @@
 #include "io/unfinished_files.hpp"
 #include "pipeline/devices.hpp"
 #include "platform/free_memory.hpp"
-#include "pointfair/tiled_run.hpp"
 #include "scale/emit.hpp"
 #include "scale/points_file.hpp"
 #include "scale/tasks.hpp"
@@ -64,12 +65,7 @@ std::uint64_t TiledRun::bytes_in_memory(std::uint64_t points, const Params& para
   return points * (bytes_of_tile_point(params) + 2 * sizeof(Point));
 }
 
-double TiledRun::float_step_in_zones(const Cloud& cloud) {
-  if (!cloud.source) return 0;
-  const Source& source = *cloud.source;
-  const std::vector<Position>& sample = source.sample();
-  return Zones{cloud.origin, zone_side(sample, source.size(), cloud.origin, coordinate_step(source))}.float_step();
-}
+double TiledRun::float_step_in_zones(const Cloud& cloud) { return zones_of(cloud).float_step(); }
 
 std::uint64_t TiledRun::free_memory() { return platform::free_memory(); }
 
@@ -144,24 +140,7 @@ void TiledRun::run(const std::string& name, std::size_t task, std::stop_token st
 }
 
 void TiledRun::run_all(std::stop_token stop, const ProgressFunction& progress) {
-  with_one_kind_of_error([&] {
-    const WorkFolder& folder = state_->folder();
-    const std::vector<WorkStep> steps = folder.steps();
-    for (std::size_t s = 0; s < steps.size(); ++s) {
-      const std::size_t tasks = folder.tasks_of(steps[s]);
-      folder.check_room(steps[s]);
-      state_->run_all(steps[s], stop, [&](std::size_t task) {
-        if (progress) progress((double(s) + double(task) / double(tasks)) / double(steps.size()), steps[s].name());
-      });
-      if (steps[s].kind != WorkStep::Kind::denoise) continue;
-      // what this step read is not needed any more
-      const WorkStep before = steps[s].iteration == 0 ? steps[0] : steps[s - 1];
-      if (!fs::exists(folder.end_mark(before)))
-        mark(folder.end_mark(before));  // after it, all names of this step are on the disk
-      state_->close_input();
-      for (const fs::path& path : folder.files_of(before)) fs::remove(path);
-    }
-  });
+  with_one_kind_of_error([&] { state_->run_steps(WorkStep::Kind::emit, stop, progress); });
 }
 
 TiledReport TiledRun::report() const {
@@ -189,15 +168,10 @@ TiledReport TiledRun::report() const {
     report.float_step =
         zones.are_several() ? zones.float_step() : float_step_of(state_->measured().bounds, state_->measured().origin);
     report.ignored = state_->measured().ignored;
-    report.unmoved.non_finite = folder.plan.points - state_->measured().bounds.valid - report.ignored;
-    for (const fs::path& path : folder.files_of(steps[steps.size() - 2])) {
-      const TaskCounts counts = PointsFile(path).header().counts;
-      report.unmoved.too_few_neighbors += counts[kTooFewCount];
-      report.unmoved.no_normal += counts[kNoNormalCount];
-      report.short_neighborhoods += counts[kShortCount];
-    }
+    const Counts counts = state_->counts();
+    report.unmoved = counts.unmoved;
+    report.short_neighborhoods = counts.short_neighborhoods;
     add_written(folder.files_of(steps.back()), report);
-    if (!moves_along_normal(report.params.method)) report.unmoved.no_normal = 0;
     return report;
   });
 }

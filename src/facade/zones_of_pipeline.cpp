@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a pipeline does with a cloud that is too wide for floats around one origin.
+#include <cmath>
+#include <utility>
+
+#include "io/placed_source.hpp"
+#include "pipeline/outlier_marks.hpp"
+#include "pipeline/run_state.hpp"
+#include "scale/wide_cloud.hpp"
+
+namespace pointfair {
+namespace {
+
+std::optional<Position> sensor_of(const std::vector<Position>& viewpoints) {
+  if (viewpoints.size() != 1 || !std::isfinite(viewpoints[0][0] + viewpoints[0][1] + viewpoints[0][2]))
+    return std::nullopt;
+  return viewpoints[0];
+}
+
+}  // namespace
+
+void Pipeline::State::find_zones(const Cloud& loaded) {
+  const scale::Zones zones = scale::zones_of(loaded);
+  if (zones.are_several() && make_backend_of_zones)
+    wide = std::make_shared<scale::WideCloud>(loaded, zones, make_backend_of_zones());
+}
+
+bool Pipeline::State::runs_in_zones(const Params& params) const {
+  return wide != nullptr && scale::WideCloud::can_run(params, sensor_of(wide_viewpoints).has_value());
+}
+
+Cloud Pipeline::State::run_in_zones(const Params& params, const std::stop_token& stop,
+                                    const ProgressFunction& progress) {
+  check_params(params);
+  const auto start = Clock::now();
+  wide_run.reset();
+  shown_.reset();
+  scale::WideResult found = wide->run({params, sensor_of(wide_viewpoints), given_noise_}, stop, progress);
+  Cloud result = io::placed(shell, std::move(found.positions));
+  outliers = std::move(found.outliers);
+  if (!outliers.empty()) result.added.push_back(outlier_marks(result, outliers));
+  report = {};
+  report.device = device;
+  report.points = cloud.points();
+  report.params = found.params;
+  report.unmoved = found.counts.unmoved;
+  report.unmoved.outliers = found.outlier_counts.total();
+  report.unmoved.outliers_by_reason = found.outlier_counts;
+  report.short_neighborhoods = found.counts.short_neighborhoods;
+  report.tiles = found.tiles;
+  report.total_milliseconds = milliseconds_since(start);
+  report.stages = {{"zones", report.total_milliseconds}};
+  wide_run = params;
+  return result;
+}
+
+void Pipeline::State::measure_in_zones(const std::stop_token& stop) {
+  if (estimates) return;
+  const scale::Measured found = wide->measure({{}, {}, given_noise_}, stop);
+  const Bounds& b = found.bounds;
+  estimates = Estimates{{b.min.x, b.min.y, b.min.z},
+                        {b.max.x, b.max.y, b.max.z},
+                        diagonal_of(b),
+                        found.spacing.mean,
+                        found.noise.sigma,
+                        cloud.points(),
+                        b.valid,
+                        {},
+                        wide->zones().float_step(),
+                        found.noise.without_surface};
+  for (std::size_t q = 0; q < estimates->noise_quantiles.size(); ++q)
+    estimates->noise_quantiles[q] = found.noise.sigma * (found.levels ? found.levels->quantiles[q] : 1.0);
+}
+
+void Pipeline::State::run_for_normals(const std::stop_token& stop) {
+  if (!wide_run) return;
+  const Report of_zones = report;
+  std::vector<std::uint8_t> marks = outliers;
+  std::vector<Point> unused(cloud.points());
+  run(*std::exchange(wide_run, std::nullopt), unused, stop, {});
+  report = of_zones;
+  outliers = std::move(marks);
+}
+
+}  // namespace pointfair
