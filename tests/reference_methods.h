@@ -135,6 +135,7 @@ inline std::vector<Vec> displacements(const Surroundings& s) {
   switch (s.settings.method) {
     case Method::bilateral:
     case Method::learned:
+    case Method::implicit:  // test_implicit.cpp
       break;
     case Method::laplacian:
       each(result, [&](std::size_t i) { return step * umbrella(s, i); });
