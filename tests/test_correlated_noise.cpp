@@ -56,18 +56,6 @@ double correlation(const Points& points) {
       .noise.correlation;
 }
 
-// Lines across which points are five times as far apart as along, as a lidar's rings; each line is off by a constant.
-Points rings(double offset, double own) {
-  shapes::Random random(5);
-  Points points;
-  for (int ring = 0; ring < 60; ++ring) {
-    const double off = offset * random.normal();
-    for (int i = 0; i < 400; ++i)
-      points.push_back({float(0.004 * (i + random.uniform())), float(0.02 * ring), float(off + own * random.normal())});
-  }
-  return points;
-}
-
 double rms_height_after_a_run(const Points& points, const Params& params) {
   Pipeline pipeline(Device::cpu);
   pipeline.load(points);
@@ -94,17 +82,6 @@ TEST(CorrelatedNoise, is_averaged_over_wider_neighbourhoods) {
   const double left = rms_height_after_a_run(noisy, {});
   EXPECT_LT(left, 0.5 * kSigma);
   EXPECT_LT(left, 0.85 * rms_height_after_a_run(noisy, narrow));
-}
-
-// Neighbours along a ring agree within a fiftieth of what the rings are off by.
-TEST(CorrelatedNoise, of_rings_is_averaged_over_other_rings) {
-  constexpr double kOffset = 0.005;
-  EXPECT_LT(rms_height_after_a_run(rings(kOffset, 0.0001), {}), 0.6 * kOffset);
-}
-
-TEST(CorrelatedNoise, is_not_taken_for_that_of_rings_where_rings_agree) {
-  constexpr double kOwn = 0.0002;
-  EXPECT_LT(rms_height_after_a_run(rings(0, kOwn), {}), 0.3 * kOwn);
 }
 
 }  // namespace

@@ -26,13 +26,6 @@ inline constexpr int kRepeatNeighbors = 64, kMostRepeats = 16;  // points; 141
 inline constexpr double kEvenDistances = 0.4;                   // of squared distance over rank; chance is 0.69; 141
 inline constexpr std::size_t kThinnedSamples = 2000;            // whose rows are long; 141
 
-// Noise that the nearest points have in common.
-inline constexpr int kThinning = 4;         // of the points that show whether residuals stay; 075
-inline constexpr int kSharedError = 8;      // points that then count as one measurement; 075
-inline constexpr double kJump = 2.15;       // of a residual over that of half the points; shape's is mostly less; 075
-inline constexpr double kFirstJump = 1.56;  // of that of 30 points over that of 20; 075
-inline constexpr double kStay = 1.27;       // of the residual of 460 points over that of 240; shape's is more; 075
-
 // A surface among what is none.
 inline constexpr double kMessyNoise = 0.4;       // spacings; of more, the nearest points may hide a surface; 165
 inline constexpr double kHiddenNoise = 0.01;     // of the distance to the 16th nearest; chance is below 0.1 %; 165

@@ -18,7 +18,6 @@
 #include "estimate/reach_levels.hpp"
 #include "estimate/repeats.hpp"
 #include "estimate/share_between.hpp"
-#include "estimate/shared_error.hpp"
 #include "pointfair/params.hpp"
 #include "portable.hpp"
 
@@ -273,40 +272,8 @@ Samples take(Sampling& from, std::span<const std::uint32_t> for_spacing, std::sp
   if (repeats == 1) return from.take_samples(for_spacing, for_noise, stop);
   Samples samples =
       from.take_thinned_samples({}, for_noise.first(std::min(for_noise.size(), kThinnedSamples)), repeats, stop);
-  if (!for_spacing.empty()) samples.spacing = from.take_samples(for_spacing, {}, stop).spacing;
+  samples.spacing = from.take_samples(for_spacing, {}, stop).spacing;
   return samples;
-}
-
-// The noise of the cloud by what was taken of it at some stride, and the residuals if they were read for that.
-struct Measured {
-  Noise noise;
-  std::optional<std::vector<point::ResidualSample>> residuals;  // of all places
-};
-
-Measured measured(const Samples& samples, const CoordinateSteps& steps, std::uint64_t points) {
-  Measured its;
-  const auto all_residuals = [&] {
-    if (!its.residuals) cover_rounding(steps, its.residuals.emplace(samples.residuals()));
-  };
-  const std::size_t first = std::min(samples.noise.size(), kNoiseSamples);
-  its.noise = noise_of(std::span(samples.noise).first(first), points, steps.kind == CoordinateSteps::Kind::depth, [&] {
-    all_residuals();
-    return std::vector(its.residuals->begin(), its.residuals->begin() + std::ptrdiff_t(first));
-  });
-  if (its.noise.sigma < kBeyondResiduals * its.noise.surface_spacing) all_residuals();
-  return its;
-}
-
-// Whether the nearest points share an error that farther ones do not have.
-bool has_shared_error(Sampling& from, std::span<const std::uint32_t> for_noise, int repeats, const Measured& its,
-                      const CoordinateSteps& steps, const std::stop_token& stop) {
-  if (its.noise.depth_has_steps || !its.residuals || !residuals_jump(*its.residuals)) return false;
-  Samples samples = from.take_thinned_samples({}, for_noise.first(std::min(for_noise.size(), kNoiseSamples)),
-                                              kThinning * repeats, stop);
-  cover_rounding(steps, samples.noise);
-  const Measured thinned = measured(samples, steps, kPointsOfGrowth);
-  // residuals of two sheets jump as well, from that of one to half the gap; over many rings no gap shows
-  return thinned.noise.gap == 0 && thinned.residuals && residuals_stay(*thinned.residuals, its.noise.surface_spacing);
 }
 
 // Where the cloud hides a surface among what is none: the noise of that surface, and next to none elsewhere, so that
@@ -351,29 +318,32 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
     from.sample_neighborhoods(for_noise.first(count), neighbors, rows);
     return rows;
   });
-  int repeats = wanted.noise ? repeats_among(nearest) : 1;
+  const int repeats = wanted.noise ? repeats_among(nearest) : 1;
   Samples samples = take(from, wanted.spacing ? queries : queries.first(0), for_noise, repeats, stop);
   Estimate result{spacing_of(samples.spacing), {}};
   if (!wanted.noise) return result;
   const CoordinateSteps steps = coordinate_steps(nearest);
   cover_rounding(steps, samples.noise);
+  std::optional<std::vector<point::ResidualSample>> residuals;  // of all places
+  const auto all_residuals = [&] {
+    if (!residuals) cover_rounding(steps, residuals.emplace(samples.residuals()));
+    return *residuals;
+  };
+  const bool depth_has_steps = steps.kind == CoordinateSteps::Kind::depth;
   const ForEach for_each = [&from](std::size_t count, const std::function<void(std::size_t)>& body) {
     from.for_each_on_host(count, body);
   };
-  Measured its = measured(samples, steps, sample.bounds.valid / std::uint64_t(repeats));
-  const bool has_room = sample.bounds.valid >= kSharedError * kPointsOfGrowth;  // else long rows hold whole parts
-  if (has_room && has_shared_error(from, for_noise, repeats, its, steps, stop)) {
-    repeats = std::min(kSharedError * repeats, kMostRepeats);
-    samples = take(from, {}, for_noise, repeats, stop);
-    cover_rounding(steps, samples.noise);
-    its = measured(samples, steps, sample.bounds.valid / std::uint64_t(repeats));
-  }
   if (repeats == 1 && steps.at.empty() && estimate_hidden_surface(result, nearest, samples.noise, sample, for_each))
     return result;
-  result.noise = its.noise;
+  const std::size_t noises = samples.noise.size(), first = std::min(noises, kNoiseSamples);
+  result.noise = noise_of(std::span(samples.noise).first(first), sample.bounds.valid / std::uint64_t(repeats),
+                          depth_has_steps, [&] {
+                            std::vector<point::ResidualSample> of_first = all_residuals();
+                            of_first.resize(first);
+                            return of_first;
+                          });
   result.noise.repeats = repeats;
-  const std::optional<std::vector<point::ResidualSample>>& residuals = its.residuals;
-  const std::size_t noises = samples.noise.size();
+  if (result.noise.sigma < kBeyondResiduals * result.noise.surface_spacing) all_residuals();
   LocalSamples local;
   for (std::size_t i = 0; i < noises; ++i) {
     if (!samples.noise[i].shows_noise) continue;
