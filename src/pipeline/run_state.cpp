@@ -178,8 +178,13 @@ Params Pipeline::State::resolve_once(const Params& params, const std::stop_token
   const bool with_spacing = needs_spacing(params), with_noise = needs_noise(params);
   measure(with_spacing, with_noise, order_for(params), stop);
   // what a run sees must not depend on what was measured before it
-  return resolve_params(params, with_spacing ? *cloud.spacing : Spacing{}, with_noise ? noise() : Noise{},
-                        needs_diagonal(params) ? diagonal_of(sample().bounds) : 0.0);
+  const Params used = resolve_params(params, with_spacing ? *cloud.spacing : Spacing{}, with_noise ? noise() : Noise{},
+                                     needs_diagonal(params) ? diagonal_of(sample().bounds) : 0.0);
+  if (needs_cpu_and_memory(used) && !cloud.backend().holds_all_on_host())
+    throw Error(ErrorKind::usage,
+                "mesh connectivity and --method implicit run on the CPU, with the whole cloud in memory: add --device "
+                "cpu");
+  return used;
 }
 
 void Pipeline::State::run(const Params& params, std::span<Point> out, const std::stop_token& stop,
@@ -236,10 +241,6 @@ void Pipeline::State::run_to_end(const Params& params, const Delivery& to, const
   followed =
       needs_noise(params) ? followed_noise(params, used, noise(), levels(), cloud.reach_levels) : FollowedNoise{};
   Settings settings = settings_of(used, followed, known_sensor(used, stop));
-  if (needs_cpu_and_memory(used) && !backend.holds_all_on_host())
-    throw Error(ErrorKind::usage,
-                "mesh connectivity and --method implicit run on the CPU, with the whole cloud in memory: add --device "
-                "cpu");
   if (used.connectivity == Connectivity::mesh) follow_mesh(used, settings);
   const int last = used.iterations - 1;
   execute(plan(cloud.cached, {settings, last_order_, used.iterations}), std::size_t(4) * std::size_t(used.iterations),
