@@ -16,12 +16,6 @@
 
 namespace pointfair {
 
-static void PrintTo(Method method, std::ostream* out) {
-  Params params;
-  params.method = method;
-  *out << param_text(params, *find_param("method"));
-}
-
 namespace {
 
 using reference::Vec;
@@ -103,7 +97,9 @@ class Methods : public testing::TestWithParam<Method> {
 };
 
 INSTANTIATE_TEST_SUITE_P(All, Methods, testing::ValuesIn(kMethods), [](const auto& method) {
-  std::string name = testing::PrintToString(method.param);
+  Params params;
+  params.method = method.param;
+  std::string name = param_text(params, *find_param("method"));
   std::replace(name.begin(), name.end(), '-', '_');
   return name;
 });
