@@ -214,7 +214,8 @@ void expect_three_times(const std::vector<NamedBytes>& files, std::size_t points
     });
     const std::size_t peak = memory_status("VmHWM:");
     EXPECT_GE(peak, before + 12 * points);  // the points, at least
-    EXPECT_LE(static_cast<double>(peak - before), 3.0 * static_cast<double>(bytes.size())) << name;
+    // the half of a piece more is what a thread still holds that has to wait on a busy machine
+    EXPECT_LE(static_cast<double>(peak - before), 3.0 * static_cast<double>(bytes.size()) + (1 << 20)) << name;
     std::filesystem::remove(folder / name);
   }
 }
