@@ -21,7 +21,7 @@ import tempfile
 from clouds import CLOUDS
 
 HASHES = pathlib.Path(__file__).with_name("hashes.txt")
-METHODS = ["laplacian", "taubin", "hc-laplacian", "mls", "wiener", "mollified", "learned"]
+METHODS = ["laplacian", "taubin", "hc-laplacian", "mls", "wiener", "mollified", "learned", "implicit"]
 # a few of each kind
 SOME = ["sphere.ply", "waves_large.ply", "cube.ply", "plate.ply", "sweep.pcd", "depth_image.pcd", "repeated.ply",
         "far_off.ply", "holes.ply", "nine.ply"]
@@ -34,7 +34,7 @@ MORE_WORDS = {
     "las": [],  # written in that format
     "e57": [],
 }
-NOT_IN_TILES = {"learned", "normals", "noise", "las", "e57"}  # refused there
+NOT_IN_TILES = {"learned", "implicit", "normals", "noise", "las", "e57"}  # refused there
 RAY = {"ray": ["--along", "ray", "--viewpoint", "0,0,0"]}
 OUTPUT = {"las": "las", "e57": "e57", "normals": "ply", "noise": "ply"}
 
