@@ -305,7 +305,7 @@ def test_weights_of_the_method_learned(tmp_path):
     assert same_bits(expected, pf.Cloud(POINTS).denoise(method="learned", weights=str(own)).xyz)
     content = own.read_bytes()
     other = bytearray(content)
-    other[24:28] = np.float32(1).tobytes()  # steps of one noise at most
+    other[24:28] = np.float32(.5).tobytes()  # steps of half a noise at most
     held = pf.denoise(POINTS, method="learned", weights=bytes(other))
     assert not same_bits(expected, held) and same_bits(expected, pf.denoise(POINTS, method="learned"))
     pipeline = pf.Pipeline("cpu", weights=bytes(other))

@@ -39,6 +39,23 @@ def test_python_gives_the_bits_of_the_program(tmp_path, program, dtype, centre, 
     assert same_bits(pf.denoise(pf.Cloud(xyz), device="cpu", **parameters).xyz, expected)
 
 
+@pytest.mark.parametrize("offset", [(0, 0, 0), (5e5, 5.4e6, 100)])
+@pytest.mark.parametrize("extent", [1e4, 1e5, 1e6, 1e7])
+def test_clouds_too_wide_for_floats_have_the_bits_of_the_program(tmp_path, extent, offset):
+    """Ten patches with a spacing of 1, as far apart as `extent`."""
+    rng = np.random.default_rng(1)
+    across = rng.uniform(0, 40, (10, 1600, 2)) + rng.uniform(0, extent, (10, 1, 2))
+    x, y = across.reshape(-1, 2).T
+    points = np.stack([x, y, 3 * np.sin(x / 9) + 2 * np.cos(y / 11) + rng.normal(0, .3, x.shape)], 1) + offset
+    pf.write(tmp_path / "in.ply", points)
+    done = run(PROGRAMS[0], "run", tmp_path / "in.ply", tmp_path / "out.ply", "--device", "cpu")
+    assert done.returncode == 0, done.stderr
+    of_program = pf.read(tmp_path / "out.ply").xyz
+    assert same_bits(of_program, pf.denoise(points, device="cpu"))
+    assert same_bits(of_program, pf.read(tmp_path / "in.ply").denoise(device="cpu").xyz)
+    assert np.abs(of_program - points).mean() > .05
+
+
 def test_the_program_passes_on_words_and_exit_codes(tmp_path):
     assert re.fullmatch(r"pointfair [0-9.]+\n", run(PROGRAM, "--version").stdout)
     assert run(PROGRAM, "run", tmp_path / "no.ply", tmp_path / "out.ply").returncode == 3
