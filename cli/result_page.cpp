@@ -305,8 +305,10 @@ class PageMaker {
     if (!job_.run) return html;
     Pairs used;
     const bool is_mesh = job_.run->params.connectivity == Connectivity::mesh;
+    const bool is_implicit = job_.run->params.method == Method::implicit;
     for (const ParamInfo& info : kParams) {
       if (is_of_meshes(info) && !is_mesh) continue;
+      if (info.name.starts_with("implicit_") && !is_implicit) continue;
       const std::string text = param_text(job_.run->params, info);
       const bool is_chosen = param_text(job_.asked, info) == "auto";
       used.emplace_back(info.name, is_chosen && text != "auto" ? fmt::format("auto ({})", text) : text);
