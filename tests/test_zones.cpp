@@ -308,6 +308,18 @@ TEST(Zones, a_pipeline_and_a_run_in_tiles_write_the_same_bytes) {
   fs::remove_all(folder);
 }
 
+TEST(Zones, one_system_of_equations_holds_the_points_of_all) {
+  const Cloud cloud = make_cloud(towns(1e7, 0.25));
+  Pipeline pipeline(Device::cpu);
+  pipeline.load(cloud);
+  pipeline.run(Params{});
+  EXPECT_EQ(pipeline.report().stages.front().name, "zones");
+  Params params;
+  params.method = Method::implicit;
+  pipeline.run(params);
+  EXPECT_GT(pipeline.report().solver.iterations, 0u);
+}
+
 TEST(Zones, arrays_of_doubles_give_what_a_file_of_them_gives) {
   const std::vector<Position> points = towns(4e5, 0.25);
   const fs::path path = fs::temp_directory_path() / ("pointfair-array-" + std::to_string(::getpid()) + ".ply");

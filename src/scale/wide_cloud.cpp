@@ -39,7 +39,7 @@ WideCloud::WideCloud(const Cloud& cloud, const Zones& zones, std::unique_ptr<Bac
 }
 
 bool WideCloud::can_run(const Params& params, bool has_one_sensor) {
-  return params.connectivity != Connectivity::mesh && params.method != Method::learned &&
+  return !needs_cpu_and_memory(params) && params.method != Method::learned &&
          (params.along != Along::ray || has_one_sensor);
 }
 
