@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "pointfair/cloud.hpp"
+#include "pointfair/pipeline.hpp"
 #include "shapes.h"
 
 namespace pointfair::meshes {
@@ -127,6 +128,22 @@ inline std::vector<std::uint32_t> ball_of(const Points& points, const std::vecto
   }
   seen.erase(start);
   return {seen.begin(), seen.end()};
+}
+
+struct Result {
+  Points points;
+  Report report;
+};
+
+// On the CPU; a mesh without faces is a cloud.
+inline Result run(const Mesh& mesh, const Params& params, unsigned threads = 0) {
+  Pipeline pipeline(Device(Device::cpu, 0, threads));
+  pipeline.load(mesh.points);
+  if (!mesh.faces.empty()) pipeline.set_faces(polygons_of(mesh.faces));
+  Result result{Points(mesh.points.size()), {}};
+  pipeline.run(params, result.points);
+  result.report = pipeline.report();
+  return result;
 }
 
 }  // namespace pointfair::meshes

@@ -19,24 +19,10 @@ namespace pointfair {
 namespace {
 
 using meshes::Mesh;
+using meshes::Result;
 using meshes::Sides;
 using reference::Vec;
 using shapes::Points;
-
-struct Result {
-  Points points;
-  Report report;
-};
-
-Result run(const Mesh& mesh, const Params& params, unsigned threads = 0) {
-  Pipeline pipeline(Device(Device::cpu, 0, threads));
-  pipeline.load(mesh.points);
-  if (!mesh.faces.empty()) pipeline.set_faces(meshes::polygons_of(mesh.faces));
-  Result result{Points(mesh.points.size()), {}};
-  pipeline.run(params, result.points);
-  result.report = pipeline.report();
-  return result;
-}
 
 Params implicit(ImplicitWeights weights, double lambda, Connectivity connectivity) {
   Params params;

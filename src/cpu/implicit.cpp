@@ -61,9 +61,7 @@ class ConjugateGradients {
  private:
   static double largest(const Vec& v) { return std::max({v.x, v.y, v.z}); }
   bool stays(std::size_t i) const { return !(graph_.mass[i] > 0); }
-  double inverse_diagonal(std::size_t i) const {
-    return kPreconditioned ? 1 / (graph_.mass[i] + lambda_ * graph_.weight_sum[i]) : 1;
-  }
+  double inverse_diagonal(std::size_t i) const { return 1 / (graph_.mass[i] + lambda_ * graph_.weight_sum[i]); }
 
   // Returns the squares of what is left, plain and by the diagonal.
   Sums start(const IndexView& index) {
@@ -112,8 +110,6 @@ class ConjugateGradients {
         if (!stays(i)) way_[i] = inverse_diagonal(i) * rest_[i] + scaled(share, way_[i]);
     });
   }
-
-  static constexpr bool kPreconditioned = true;
 
   const WeightedGraph& graph_;
   double lambda_;
