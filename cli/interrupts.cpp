@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "interrupts.hpp"
 
-#include <pthread.h>
-#include <unistd.h>
-
 #include <chrono>
 
 #include "output.hpp"
+#include "platform/system.hpp"
 #include "pointfair/io.hpp"
 
 namespace pointfair::cli {
@@ -14,16 +12,6 @@ namespace {
 
 // The library answers a stop request within 200 ms at worst and far sooner as a rule.
 constexpr std::chrono::milliseconds kGrace{100};
-
-volatile std::sig_atomic_t broken_pipe = 0;
-
-void note_broken_pipe(int) { broken_pipe = 1; }
-
-// A shell sets SIGINT to "ignore" for what runs in the background; that wish is kept.
-bool is_ignored(int signal) {
-  struct sigaction action {};
-  return sigaction(signal, nullptr, &action) == 0 && action.sa_handler == SIG_IGN;
-}
 
 std::mutex scratch_mutex;
 std::filesystem::path scratch;
@@ -44,20 +32,13 @@ void remove_if_ended(const std::filesystem::path& folder) {
 }
 
 Interrupts::Interrupts() {
-  struct sigaction pipe {};
-  pipe.sa_handler = note_broken_pipe;  // the write then fails with EPIPE
-  sigaction(SIGPIPE, &pipe, nullptr);
-  std::signal(SIGXFSZ, SIG_IGN);  // beyond the limit of a file's size: EFBIG
-  sigemptyset(&signals_);
-  sigaddset(&signals_, SIGTERM);
-  if (!is_ignored(SIGINT)) sigaddset(&signals_, SIGINT);
-  pthread_sigmask(SIG_BLOCK, &signals_, nullptr);
+  system::catch_interrupts();
   watcher_ = std::thread([this] { watch(); });
 }
 
 Interrupts::~Interrupts() {
   finish();
-  pthread_kill(watcher_.native_handle(), SIGTERM);  // ends its sigwait
+  system::end_wait(watcher_);
   watcher_.join();
 }
 
@@ -68,8 +49,7 @@ void Interrupts::finish() {
 }
 
 void Interrupts::watch() {
-  int signal = 0;
-  sigwait(&signals_, &signal);
+  system::wait_for_interrupt();
   source_.request_stop();
   std::unique_lock lock(mutex_);
   changed_.wait_for(lock, kGrace, [this] { return finished_; });
@@ -77,9 +57,7 @@ void Interrupts::watch() {
   remove_unfinished_files();
   remove_scratch();
   print_error("interrupted");
-  _exit(kExitInterrupted);
+  system::end_process(kExitInterrupted);
 }
-
-bool pipe_is_broken() { return broken_pipe != 0; }
 
 }  // namespace pointfair::cli

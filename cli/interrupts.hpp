@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Signals: interrupts, and writes that fail.
+// Interrupts, as by Ctrl-C.
 #pragma once
 
 #include <condition_variable>
-#include <csignal>
 #include <filesystem>
 #include <mutex>
 #include <stop_token>
@@ -29,7 +28,6 @@ class Interrupts {
   void watch();
 
   std::stop_source source_;
-  sigset_t signals_{};
   std::mutex mutex_;
   std::condition_variable changed_;
   bool finished_ = false;
@@ -39,8 +37,5 @@ class Interrupts {
 /// A folder that is removed, with all that is in it, where the program is ended because nothing answered in time. One
 /// at a time; empty: none.
 void remove_if_ended(const std::filesystem::path& folder);
-
-/// Whether a write met a pipe that nobody reads any more.
-bool pipe_is_broken();
 
 }  // namespace pointfair::cli

@@ -8,6 +8,5 @@ Interrupts::Interrupts() = default;
 Interrupts::~Interrupts() = default;
 void Interrupts::finish() {}
 void remove_if_ended(const std::filesystem::path&) {}
-bool pipe_is_broken() { return false; }
 
 }  // namespace pointfair::cli

@@ -16,6 +16,7 @@
 #include "command_line.hpp"
 #include "interrupts.hpp"
 #include "output.hpp"
+#include "platform/system.hpp"
 #include "pointfair/pointfair.hpp"
 #include "verbs.hpp"
 
@@ -154,7 +155,7 @@ void run_verb(std::vector<std::string> words, std::stop_token stop) {
 
 int fail(Interrupts& interrupts, std::string_view message, int code) {
   interrupts.finish();
-  if (pipe_is_broken()) return kExitFailed;  // the reader of the pipe left, so nobody reads a message
+  if (system::pipe_is_broken()) return kExitFailed;  // the reader of the pipe left, so nobody reads a message
   print_error(message);
   return code;
 }
@@ -164,6 +165,7 @@ int fail(Interrupts& interrupts, std::string_view message, int code) {
 
 int main(int count, char** words) {
   using namespace pointfair;
+  cli::system::prepare_streams();
   cli::Interrupts interrupts;
   try {
     cli::run_verb({words + 1, words + count}, interrupts.token());

@@ -2,7 +2,6 @@
 #include "output.hpp"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -10,6 +9,8 @@
 #include <cstring>
 #include <fstream>
 #include <system_error>
+
+#include "platform/system.hpp"
 
 namespace pointfair::cli {
 namespace fs = std::filesystem;
@@ -50,7 +51,7 @@ int exit_code(ErrorKind kind) {
 void print_error(std::string_view message) {
   std::string line = fmt::format("pointfair: {}", message);
   std::replace(line.begin(), line.end(), '\n', ' ');
-  if (isatty(STDERR_FILENO)) line.insert(0, "\r\x1b[K");  // over a progress bar
+  if (system::errors_go_to_terminal()) line.insert(0, "\r\x1b[K");  // over a progress bar
   fmt::print(stderr, "{}\n", line);
 }
 
@@ -68,14 +69,14 @@ void check_writable(const fs::path& path, bool overwrite) {
   if (fs::is_directory(status)) fail(path, "is a folder; name a file in it");
   if (fs::exists(status)) {
     if (!overwrite) fail(path, "exists already; add --force to replace it");
-    if (access(path.c_str(), W_OK) != 0) fail(path, fmt::format("cannot replace it: {}", std::strerror(errno)));
+    if (const std::string why = system::why_not_writable(path); !why.empty())
+      fail(path, fmt::format("cannot replace it: {}", why));
     if (!fs::is_regular_file(status)) return;  // a pipe or a device is written in place
   }
   const fs::path folder = path.has_parent_path() ? path.parent_path() : fs::path(".");
   if (!fs::is_directory(folder, error)) fail(path, fmt::format("there is no folder {}", folder.string()));
-  if (access(folder.c_str(), W_OK | X_OK) != 0) {
-    fail(path, fmt::format("cannot create files in {}: {}", folder.string(), std::strerror(errno)));
-  }
+  if (const std::string why = system::why_no_files_in(folder); !why.empty())
+    fail(path, fmt::format("cannot create files in {}: {}", folder.string(), why));
 }
 
 void check_not_same(const fs::path& input, const fs::path& output, std::string_view advice) {
@@ -91,7 +92,7 @@ void write_text(const fs::path& path, std::string_view text) {
   std::error_code error;
   if (fs::exists(path, error) && !fs::is_regular_file(path, error)) return write_stream(path, text);
   fs::path temporary = path;
-  temporary += fmt::format(".{}.tmp", getpid());
+  temporary += fmt::format(".{}.tmp", system::process_id());
   try {
     write_stream(temporary, text);
     fs::rename(temporary, path);

@@ -2,10 +2,11 @@
 #include "progress.hpp"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
+
+#include "platform/system.hpp"
 
 namespace pointfair::cli {
 namespace {
@@ -21,7 +22,7 @@ std::string bar(double share) {
 }  // namespace
 
 Progress::Progress(std::string_view mode) {
-  if (mode == "auto") mode = isatty(STDERR_FILENO) ? "bar" : "none";
+  if (mode == "auto") mode = system::errors_go_to_terminal() ? "bar" : "none";
   if (mode == "bar") mode_ = Mode::bar;
   if (mode == "plain") mode_ = Mode::plain;
   if (mode == "json") mode_ = Mode::json;

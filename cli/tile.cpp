@@ -1,21 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // pointfair tile plan|run|status|merge: a run over a folder, in tasks that any number of processes may do.
 #include <fmt/format.h>
-#include <signal.h>
-#ifdef __linux__
-#include <sys/prctl.h>
-#endif
-#include <unistd.h>
 
 #include <charconv>
-#include <chrono>
 #include <memory>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "arguments.hpp"
 #include "output.hpp"
+#include "platform/system.hpp"
 #include "point_noise.hpp"
 #include "pointfair/pointfair.hpp"
 #include "progress.hpp"
@@ -80,27 +74,11 @@ void run_task(TiledRun& run, const std::string& name, std::stop_token stop) {
   run.run(step, task, stop);
 }
 
-// A worker of an engine that is killed must not leave its task running. In a container the worker may be process 1, to
-// which orphans go elsewhere: so it says its own number.
-void end_with_parent(int parent) {
-#ifdef __linux__
-  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
-#elif !defined(__wasi__)
-  std::thread([parent] {
-    while (::getppid() == parent) std::this_thread::sleep_for(std::chrono::milliseconds(200));
-    ::_exit(kExitInterrupted);
-  }).detach();
-#endif
-#ifdef __wasi__
-  (void)parent;  // no process has another
-#else
-  if (::getppid() != parent) throw Error(ErrorKind::interrupted, "interrupted");  // it is gone already
-#endif
-}
-
 void run_tasks(const TileArguments& arguments, std::stop_token stop) {
-  if (arguments.parent > 0) end_with_parent(arguments.parent);
-  keep_no_freed_memory();
+  // a worker of an engine that is killed must not leave its task running
+  if (arguments.parent > 0 && !system::end_with_parent(arguments.parent))
+    throw Error(ErrorKind::interrupted, "interrupted");
+  system::keep_no_freed_memory();
   if (arguments.all == !arguments.task.empty()) throw Error(ErrorKind::usage, "give either --task or --all");
   TiledRun run(arguments.folder, make_device(arguments.device));
   if (!arguments.all) return run_task(run, arguments.task, stop);
@@ -120,7 +98,7 @@ void status(const TileArguments& arguments) {
 }
 
 void merge(const TileArguments& arguments, std::stop_token stop) {
-  keep_no_freed_memory();
+  system::keep_no_freed_memory();
   TiledRun run(arguments.folder, make_device(arguments.device));
   run_task(run, "emit", stop);
   finish_tiles(run, make_device(arguments.device), {arguments.report, "none", arguments.quiet});

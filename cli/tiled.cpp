@@ -2,10 +2,6 @@
 #include "tiled.hpp"
 
 #include <fmt/format.h>
-#ifdef __GLIBC__
-#include <malloc.h>
-#endif
-#include <sys/resource.h>
 
 #include <charconv>
 #include <chrono>
@@ -13,6 +9,7 @@
 #include <optional>
 
 #include "interrupts.hpp"
+#include "platform/system.hpp"
 #include "pointfair/pointfair.hpp"
 #include "progress.hpp"
 #include "report.hpp"
@@ -62,10 +59,7 @@ class StepClock {
     end_step();
     Costs costs{std::move(steps_)};
     for (const StageTime& step : costs.steps) costs.milliseconds += step.milliseconds;
-#ifndef __wasi__  // does not count it
-    rusage usage{};
-    if (::getrusage(RUSAGE_SELF, &usage) == 0) costs.peak_bytes = std::uint64_t(usage.ru_maxrss) << 10;
-#endif
+    costs.peak_bytes = system::peak_memory();
     return costs;
   }
 
@@ -175,18 +169,11 @@ std::uint64_t memory_to_use(const TiledArguments& arguments) {
   return arguments.memory.empty() ? 0 : parse_bytes("--memory", arguments.memory);
 }
 
-// Otherwise glibc keeps freed arrays of up to 32 MB, which those of a tile mostly are: twice the memory.
-void keep_no_freed_memory() {
-#ifdef __GLIBC__
-  ::mallopt(M_MMAP_THRESHOLD, 1 << 20);
-#endif
-}
-
 void run_in_tiles(const TiledJob& job, const fs::path& work, const Device& device, const TiledOutput& output,
                   std::stop_token stop) {
   StepClock clock;
   clock.enter("plan");
-  keep_no_freed_memory();
+  system::keep_no_freed_memory();
   std::optional<ScratchFolder> scratch;
   if (work.empty()) {
     fs::path beside = job.output_folder.empty() ? job.output.parent_path() : job.output_folder;

@@ -31,9 +31,6 @@ struct TiledOutput {
   std::string note{};  // that is printed once the run is planned
 };
 
-/// Has freed memory returned to the system at once. To be called before anything large is allocated.
-void keep_no_freed_memory();
-
 /// Does the whole job. Without a work folder, one beside the output that is removed whatever happens.
 void run_in_tiles(const TiledJob& job, const std::filesystem::path& work, const Device& device,
                   const TiledOutput& output, std::stop_token stop);

@@ -2,22 +2,16 @@
 // pointfair view IN: the interactive page in the browser.
 #include <fmt/format.h>
 
-#include <cstdlib>
 #include <memory>
-#include <thread>
 
 #include "arguments.hpp"
 #include "output.hpp"
+#include "platform/system.hpp"
 #include "pointfair/pointfair.hpp"
 #include "verbs.hpp"
 #if POINTFAIR_VIEWER
-#include <spawn.h>
-#include <sys/wait.h>
-
 #include "viewer/server.hpp"
 #endif
-
-extern char** environ;
 
 namespace pointfair::cli {
 namespace {
@@ -35,20 +29,6 @@ struct ViewArguments {
 #if POINTFAIR_VIEWER
 
 constexpr std::uint16_t kUsualPort = 7373;
-
-// Only where there is a screen; its own output would disturb ours.
-void open_browser(std::string url) {
-  if (!std::getenv("DISPLAY") && !std::getenv("WAYLAND_DISPLAY")) return;
-  std::string program = "xdg-open";
-  char* words[] = {program.data(), url.data(), nullptr};
-  posix_spawn_file_actions_t actions;
-  posix_spawn_file_actions_init(&actions);
-  for (const int stream : {0, 1, 2}) posix_spawn_file_actions_addopen(&actions, stream, "/dev/null", 2, 0);
-  pid_t child = 0;
-  const bool started = posix_spawnp(&child, words[0], &actions, nullptr, words, environ) == 0;
-  posix_spawn_file_actions_destroy(&actions);
-  if (started) std::thread([child] { waitpid(child, nullptr, 0); }).detach();
-}
 
 void view(const ViewArguments& arguments, std::stop_token stop) {
   if (arguments.input == "-")
@@ -69,7 +49,7 @@ void view(const ViewArguments& arguments, std::stop_token stop) {
   check_viewpoint(options.viewpoint);
   const auto ready = [&](const std::string& url) {
     print_output(url + "\n");
-    if (!arguments.no_open) open_browser(url);
+    if (!arguments.no_open) system::open_browser(url);
   };
   options.port = arguments.port.value_or(kUsualPort);
   options.other_port = !arguments.port;

@@ -9,6 +9,8 @@ root = pathlib.Path(sys.argv[1])
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]', re.M)
 MODULE = re.compile(r"^\s*from \.(\w+) import", re.M)
 CUDA = re.compile(r"__CUDA|__global__|__device__|__host__|__launch_bounds__|\bcuda[A-Z]\w*|cuda_runtime|cub/")
+# what compilers say of the system and its C library; only folders called platform may ask
+SYSTEM = re.compile(r"^\s*#.*\b(_WIN32|_WIN64|__linux__|__APPLE__|__unix__|__wasi__|__GLIBC__|__MINGW\w*|_MSC_VER|MADV_\w+)\b", re.M)
 SOURCE = {".cpp", ".hpp", ".h", ".cu", ".cuh"}
 
 # folder: (folders or files of ours that it may include, third-party headers that it may include)
@@ -32,8 +34,8 @@ RULES = {
     "include/pointfair/": (["include/pointfair/"], ()),
     "src/point/": (["src/point/"], ()),
     "src/seam/": (["src/seam/", "src/point/", *DATA, PORTABLE], ("tbb/",)),
-    "src/platform/": (["src/platform/"], ("sys/", "fcntl.h", "unistd.h", "signal.h", "mach/")),
-    "src/cpu/": (["src/cpu/", PLATFORM, "src/point/", "src/seam/", *DATA, PORTABLE], ("tbb/", "immintrin.h", "cpuid.h")),
+    "src/platform/": (["src/platform/"], None),
+    "src/cpu/": (["src/cpu/", PLATFORM, "src/point/", "src/seam/", *DATA, PORTABLE], ("tbb/", "immintrin.h", "arm_neon.h", "cpuid.h")),
     **{f"src/cuda/{room}/": ([f"src/cuda/{below}/" for below in rooms] + ["src/point/", "src/seam/", *DATA], ON_CARD)
        for room, rooms in CUDA_ROOMS.items()},
     "src/cuda/": (["src/cuda/", "src/point/", "src/seam/", *DATA], ON_CARD),
@@ -42,12 +44,11 @@ RULES = {
     "src/mesh/": (["src/mesh/", "src/point/", "src/seam/", *DATA, PORTABLE], ()),
     "src/tiles/": (["src/tiles/", "src/point/", "src/seam/", *DATA, PORTABLE], ()),
     "src/pipeline/": (["src/pipeline/", "src/mesh/", "src/estimate/", "src/tiles/", "src/seam/", PUBLIC], ()),
-    "src/scale/": (["src/scale/", "src/pipeline/", "src/mesh/", "src/estimate/", "src/tiles/", "src/seam/", "src/point/", "src/io/", PUBLIC, PLATFORM, PORTABLE],
-                   ("sys/", "fcntl.h", "unistd.h", "signal.h")),
+    "src/scale/": (["src/scale/", "src/pipeline/", "src/mesh/", "src/estimate/", "src/tiles/", "src/seam/", "src/point/", "src/io/", PUBLIC, PLATFORM, PORTABLE], ()),
     "src/facade/": (["src/facade/", "src/scale/", "src/pipeline/", "src/estimate/", "src/seam/", "src/io/", PUBLIC, PLATFORM], ()),
     "src/depth/": ([PUBLIC], ("tbb/",)),
     "src/orient/": (["src/orient/", PUBLIC, PORTABLE], ("tbb/",)),
-    "src/io/": (["src/io/", *FILES, PLATFORM, PORTABLE], ("tbb/", "sys/", "fcntl.h", "unistd.h", "fast_float/", "las", "pugixml", "nlohmann/", "emmintrin.h")),
+    "src/io/": (["src/io/", *FILES, PLATFORM, PORTABLE], ("tbb/", "fast_float/", "las", "pugixml", "nlohmann/", "emmintrin.h")),
     "src/": (["src/point/", PORTABLE, PUBLIC], ()),
     "cli/": (["cli/", "viewer/server.hpp", PUBLIC], None),
     "bench/paper/": (["bench/paper/", "src/point/", PUBLIC], None),
@@ -90,6 +91,8 @@ def violations(path):
         elif relative.startswith("src/point/") or not is_standard(name):
             if third_party is not None and not name.startswith(tuple(third_party)):
                 yield f"{relative} includes <{name}>"
+    if "platform" not in path.parent.name and "platform" not in path.parent.parent.name and SYSTEM.search(text):
+        yield f"{relative} asks for the system, which only src/platform and cli/platform do: {SYSTEM.search(text).group().strip()}"
     on_card = relative.startswith("src/cuda/") or relative.startswith("bench/paper/") and path.suffix in (".cu", ".cuh")
     if not on_card and relative != "src/point/vec.h" and CUDA.search(text):
         yield f"{relative} mentions CUDA's own names: {CUDA.search(text).group()}"

@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <cstdlib>
 #include <string>
 #include <utility>
 
+#include "platform/aligned_memory.hpp"
 #include "platform/large_pages.hpp"
 #include "pointfair/cloud.hpp"
 
@@ -51,7 +51,7 @@ class Buffer {
   }
   void release() {
     if (!data_) return;
-    std::free(data_);
+    platform::free_aligned(data_);
     meter_->remove(capacity_ * sizeof(T));
     data_ = nullptr;
     size_ = capacity_ = 0;
@@ -69,7 +69,7 @@ class Buffer {
     const std::size_t wanted = size * sizeof(T);
     const std::size_t alignment = wanted >= kHugePage ? kHugePage : 64;
     const std::size_t bytes = (wanted + alignment - 1) / alignment * alignment;
-    data_ = static_cast<T*>(std::aligned_alloc(alignment, bytes));
+    data_ = static_cast<T*>(platform::allocate_aligned(alignment, bytes));
     if (!data_)
       throw Error(ErrorKind::memory, "out of memory: cannot allocate " + std::to_string(wanted >> 20) +
                                          " MiB beside the " + std::to_string(meter_->held >> 20) +

@@ -1,31 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/file_bytes.hpp"
 
-#include <fcntl.h>
-#include <sys/mman.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <cerrno>
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
 #include <new>
-#include <system_error>
 
+#include "platform/files.hpp"
 #include "pointfair/cloud.hpp"
 
 namespace pointfair::io {
 namespace {
 
-std::string system_message() { return std::system_category().message(errno); }
+std::string system_message() { return platform::message_of(errno); }
 
 class Descriptor {
  public:
   explicit Descriptor(int fd) : fd_(fd) {}
   ~Descriptor() {
-    if (fd_ > STDERR_FILENO) ::close(fd_);
+    if (fd_ >= 0) platform::close_file(fd_);
   }
   Descriptor(const Descriptor&) = delete;
   Descriptor& operator=(const Descriptor&) = delete;
@@ -78,26 +73,26 @@ FileBytes FileBytes::copy(std::span<const std::byte> bytes) {
 
 FileBytes FileBytes::open(const std::filesystem::path& path) {
   const std::string name = shown_name(path, true);
-  const Descriptor file(path == "-" ? STDIN_FILENO : ::open(path.c_str(), O_RDONLY | O_CLOEXEC));
-  struct stat status {};
-  if (file.get() < 0 || ::fstat(file.get(), &status) != 0) fail(name, "cannot open: " + system_message());
-  if (S_ISDIR(status.st_mode)) fail(name, "is a directory; name a file in it");
+  const Descriptor file(path == "-" ? platform::standard_input() : platform::open_file(path, platform::Opening::read));
+  if (file.get() < 0) fail(name, "cannot open: " + system_message());
+  const auto status = platform::status_of(file.get());
+  if (!status) fail(name, "cannot open: " + system_message());
+  if (status->kind == platform::FileStatus::Kind::folder) fail(name, "is a directory; name a file in it");
 
-  const bool whole = S_ISREG(status.st_mode) && ::lseek(file.get(), 0, SEEK_CUR) == 0;
-  if (whole && status.st_size > 0) {
-    const auto size = static_cast<std::size_t>(status.st_size);
-    void* start = ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE, file.get(), 0);
-    if (start == MAP_FAILED) fail(name, "cannot map: " + system_message());
-    std::shared_ptr<const void> owner(start, [size](const void* p) { ::munmap(const_cast<void*>(p), size); });
-    return FileBytes(std::move(owner), {static_cast<const char*>(start), size}, true);
+  const bool whole = status->kind == platform::FileStatus::Kind::regular && platform::is_at_begin(file.get());
+  if (whole && status->size > 0) {
+    const auto size = static_cast<std::size_t>(status->size);
+    std::shared_ptr<const void> start = platform::map_file(file.get(), size);
+    if (!start) fail(name, "cannot map: " + system_message());
+    const std::string_view view(static_cast<const char*>(start.get()), size);
+    return FileBytes(std::move(start), view, true);
   }
 
   auto buffer = std::make_shared<Buffer>(std::size_t{1} << 16);
   std::size_t size = 0;
   for (;;) {
     if (size == buffer->capacity) buffer->grow(2 * size);
-    const ssize_t got = ::read(file.get(), buffer->data + size, buffer->capacity - size);
-    if (got < 0 && errno == EINTR) continue;
+    const std::ptrdiff_t got = platform::read_some(file.get(), buffer->data + size, buffer->capacity - size);
     if (got < 0) fail(name, "cannot read: " + system_message());
     if (got == 0) break;
     size += static_cast<std::size_t>(got);
@@ -108,9 +103,7 @@ FileBytes FileBytes::open(const std::filesystem::path& path) {
 
 void FileBytes::release_all() const {
   if (!is_mapped_) return;
-#ifdef MADV_NOHUGEPAGE
-  ::madvise(const_cast<char*>(view_.data()), view_.size(), MADV_NOHUGEPAGE);
-#endif
+  platform::prefer_small_pages(view_.data(), view_.size());
   release(view_);
 }
 
@@ -125,7 +118,7 @@ void FileBytes::release(std::string_view part) const {
   const std::uintptr_t unit = ends_folio ? kFolio : kWindow;
   const std::uintptr_t from = std::max(first, begin / unit * unit);
   const std::uintptr_t to = std::min(last, (end + kWindow - 1) / kWindow * kWindow);
-  ::madvise(const_cast<char*>(view_.data()) + (from - first), to - from, MADV_DONTNEED);
+  platform::give_back(view_.data() + (from - first), to - from);
 }
 
 }  // namespace pointfair::io

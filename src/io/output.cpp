@@ -1,16 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/output.hpp"
 
-#include <fcntl.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cerrno>
-#include <climits>
 #include <cstdio>
-#include <cstring>
 #include <optional>
 #include <system_error>
 #include <utility>
@@ -25,23 +20,25 @@ namespace io {
 namespace {
 
 namespace fs = std::filesystem;
+using platform::Opening;
 
 // Paths of the temporary files that exist now, in static memory so that a signal handler may read them.
 struct UnfinishedFile {
   enum State : int { free, claimed, live };
+  static constexpr std::size_t kMostCharacters = 4096;
   std::atomic<int> state{free};
-  std::array<char, PATH_MAX> path{};
+  std::array<fs::path::value_type, kMostCharacters> path{};
 };
 std::array<UnfinishedFile, 16> unfinished;
 static_assert(std::atomic<int>::is_always_lock_free);
 
 // Null if all places are taken or the path is too long; the file is then only removed by its owner.
-UnfinishedFile* remember(const std::string& path) {
-  if (path.size() >= PATH_MAX) return nullptr;
+UnfinishedFile* remember(const fs::path::string_type& path) {
+  if (path.size() >= UnfinishedFile::kMostCharacters) return nullptr;
   for (UnfinishedFile& file : unfinished) {
     int expected = UnfinishedFile::free;
     if (!file.state.compare_exchange_strong(expected, UnfinishedFile::claimed)) continue;
-    std::memcpy(file.path.data(), path.c_str(), path.size() + 1);
+    std::copy_n(path.c_str(), path.size() + 1, file.path.data());
     file.state = UnfinishedFile::live;
     return &file;
   }
@@ -49,7 +46,7 @@ UnfinishedFile* remember(const std::string& path) {
 }
 
 [[noreturn]] void fail_to_write(const std::string& name, int error) {
-  fail(name, "cannot write: " + std::system_category().message(error));
+  fail(name, "cannot write: " + platform::message_of(error));
 }
 
 // Writes to a descriptor. Once there is no room left, it only counts, so that the error can say how much is needed.
@@ -60,13 +57,12 @@ class Writer {
   void write(std::string_view bytes) {
     total_ += bytes.size();
     while (!bytes.empty() && full_ == 0) {
-      const ssize_t done = ::write(fd_, bytes.data(), bytes.size());
-      if (done < 0 && errno == EINTR) continue;
-      if (done < 0 && errno != ENOSPC && errno != EDQUOT && errno != EFBIG) fail_to_write(name_, errno);
+      const std::ptrdiff_t done = platform::write_some(fd_, bytes.data(), bytes.size());
+      if (done < 0 && !platform::is_full(errno) && errno != EFBIG) fail_to_write(name_, errno);
       if (done <= 0) {
         full_ = done < 0 ? errno : ENOSPC;
         room_ = total_ - bytes.size();
-        (void)!::ftruncate(fd_, 0);  // others may need the room meanwhile
+        platform::make_empty(fd_);  // others may need the room meanwhile
         return;
       }
       bytes.remove_prefix(static_cast<std::size_t>(done));
@@ -75,17 +71,17 @@ class Writer {
 
   void patch(std::uint64_t at, std::string_view bytes) {
     if (full_ != 0) return;
-    if (::lseek(fd_, static_cast<off_t>(at), SEEK_SET) < 0) fail_to_write(name_, errno);
+    if (!platform::go_to(fd_, at)) fail_to_write(name_, errno);
     const std::uint64_t total = total_;
     write(bytes);
     total_ = total;
-    if (full_ == 0 && ::lseek(fd_, 0, SEEK_END) < 0) fail_to_write(name_, errno);
+    if (full_ == 0 && !platform::go_to_end(fd_)) fail_to_write(name_, errno);
   }
 
   void require_room() const {
     if (full_ == 0) return;
-    fail(name_, "cannot write: " + std::system_category().message(full_) + "; the output needs " +
-                    std::to_string(total_) + " bytes, " + std::to_string(total_ - room_) +
+    fail(name_, "cannot write: " + platform::message_of(full_) + "; the output needs " + std::to_string(total_) +
+                    " bytes, " + std::to_string(total_ - room_) +
                     " more than there is room for: free some space or write elsewhere");
   }
 
@@ -100,9 +96,7 @@ class Writer {
 class StreamOutput : public Output {
  public:
   StreamOutput(int fd, std::string name) : fd_(fd), name_(std::move(name)), writer_(fd_, name_) {}
-  ~StreamOutput() override {
-    if (fd_ > STDERR_FILENO) ::close(fd_);
-  }
+  ~StreamOutput() override { platform::close_file(fd_); }
   StreamOutput(const StreamOutput&) = delete;
   StreamOutput& operator=(const StreamOutput&) = delete;
 
@@ -124,17 +118,17 @@ class AtomicOutput : public Output {
       : target_(target), name_(std::move(name)), overwrite_(overwrite), sync_(sync) {
     do {
       temporary_ = target_.parent_path() / unfinished_name(kUnfinishedOutput);
-      slot_ = remember(temporary_.string());
-      fd_ = ::open(temporary_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+      slot_ = remember(temporary_.native());
+      fd_ = platform::open_file(temporary_, Opening::create);
       if (fd_ < 0) forget();
     } while (fd_ < 0 && errno == EEXIST);
-    if (fd_ < 0) fail(name_, "cannot create a file in its folder: " + std::system_category().message(errno));
+    if (fd_ < 0) fail(name_, "cannot create a file in its folder: " + platform::message_of(errno));
     writer_.emplace(fd_, name_);
   }
 
   ~AtomicOutput() override {
-    if (fd_ >= 0) ::close(fd_);
-    if (!finished_) ::unlink(temporary_.c_str());
+    if (fd_ >= 0) platform::close_file(fd_);
+    if (!finished_) platform::remove_file(temporary_.c_str());
     forget();
   }
   AtomicOutput(const AtomicOutput&) = delete;
@@ -147,14 +141,13 @@ class AtomicOutput : public Output {
 
   void finish() override {
     require_room();
-    struct stat status {};
-    if (overwrite_ && ::stat(target_.c_str(), &status) == 0) (void)::fchmod(fd_, status.st_mode & 07777);
-    if (sync_ && ::fsync(fd_) != 0) fail_to_write(name_, errno);
-    const int closed = ::close(std::exchange(fd_, -1));
+    if (overwrite_) platform::take_permissions(fd_, target_);
+    if (sync_ && platform::sync_file(fd_) != 0) fail_to_write(name_, errno);
+    const int closed = platform::close_file(std::exchange(fd_, -1));
     if (closed != 0) fail_to_write(name_, errno);
     // Without overwrite the name must still be free at this moment, not only when the writing began.
     const int renamed =
-        overwrite_ ? ::rename(temporary_.c_str(), target_.c_str()) : platform::rename_to_free_name(temporary_, target_);
+        overwrite_ ? platform::rename_over(temporary_, target_) : platform::rename_to_free_name(temporary_, target_);
     if (renamed != 0) fail_to_write(name_, errno);
     finished_ = true;
   }
@@ -177,19 +170,19 @@ class AtomicOutput : public Output {
 
 std::unique_ptr<Output> open_output(const fs::path& path, bool overwrite, bool sync) {
   const std::string name = shown_name(path, false);
-  if (path == "-") return std::make_unique<StreamOutput>(STDOUT_FILENO, name);
-  struct stat status {};
-  const bool exists = ::stat(path.c_str(), &status) == 0;
-  if (exists && S_ISDIR(status.st_mode)) fail(name, "is a directory; name a file in it");
-  if (exists && !S_ISREG(status.st_mode)) {
-    const int fd = ::open(path.c_str(), O_WRONLY | O_CLOEXEC);
+  if (path == "-") return std::make_unique<StreamOutput>(platform::standard_output(), name);
+  using Kind = platform::FileStatus::Kind;
+  const auto status = platform::status_of(path);
+  if (status && status->kind == Kind::folder) fail(name, "is a directory; name a file in it");
+  if (status && status->kind == Kind::other) {
+    const int fd = platform::open_file(path, Opening::device);
     if (fd < 0) fail_to_write(name, errno);
     return std::make_unique<StreamOutput>(fd, name);
   }
-  if (exists && !overwrite) fail(name, "exists already; choose another name or allow overwriting");
+  if (status && !overwrite) fail(name, "exists already; choose another name or allow overwriting");
   // The file that a symbolic link names is replaced, not the link.
   std::error_code ignored;
-  const fs::path target = exists ? fs::canonical(path, ignored) : fs::absolute(path, ignored);
+  const fs::path target = status ? fs::canonical(path, ignored) : fs::absolute(path, ignored);
   return std::make_unique<AtomicOutput>(target.empty() ? path : target, name, overwrite, sync);
 }
 
@@ -197,7 +190,7 @@ std::unique_ptr<Output> open_output(const fs::path& path, bool overwrite, bool s
 
 void remove_unfinished_files() noexcept {
   for (const io::UnfinishedFile& file : io::unfinished) {
-    if (file.state == io::UnfinishedFile::live) ::unlink(file.path.data());
+    if (file.state == io::UnfinishedFile::live) platform::remove_file(file.path.data());
   }
 }
 

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/unfinished_files.hpp"
 
-#include <unistd.h>
-
-#include <array>
 #include <atomic>
 #include <charconv>
 #include <system_error>
@@ -16,11 +13,7 @@ namespace {
 
 std::atomic<unsigned> next_number{0};
 
-std::string of_this_machine(std::string_view prefix) {
-  std::array<char, 256> name{};
-  ::gethostname(name.data(), name.size() - 1);
-  return std::string(prefix) + name.data() + "-";
-}
+std::string of_this_machine(std::string_view prefix) { return std::string(prefix) + platform::machine_name() + "-"; }
 
 // Of "PROCESS-NUMBER". A process of the same id may have been here before: its numbers were not given out yet, or the
 // file would be this process's own.
@@ -31,14 +24,14 @@ bool is_abandoned(std::string_view owner) {
   const auto [at, error] = std::from_chars(owner.data(), end, process);
   if (error != std::errc() || process <= 0 || at == end || *at != '-') return false;
   if (std::from_chars(at + 1, end, number).ec != std::errc()) return false;
-  if (process == ::getpid()) return number >= next_number;
+  if (process == platform::process_id()) return number >= next_number;
   return !platform::is_alive(process);
 }
 
 }  // namespace
 
 std::string unfinished_name(std::string_view prefix) {
-  return of_this_machine(prefix) + std::to_string(::getpid()) + "-" + std::to_string(next_number++);
+  return of_this_machine(prefix) + std::to_string(platform::process_id()) + "-" + std::to_string(next_number++);
 }
 
 void remove_abandoned(const fs::path& folder, std::string_view prefix) noexcept {

@@ -1,8 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <string>
+
 namespace pointfair::platform {
 
+// Of this process.
+int process_id();
+// Of this machine in its network.
+std::string machine_name();
 // Whether a process of this machine has that id and lives; true where the system does not say.
 bool is_alive(int process);
 

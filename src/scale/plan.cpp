@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "scale/plan.hpp"
 
-#include <sys/stat.h>
-
 #include <algorithm>
+#include <cerrno>
 #include <charconv>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <map>
 #include <set>
@@ -65,11 +63,11 @@ void check_job(const TiledJob& job) {
 
 // One file by two names would give each of its points twice.
 void refuse_same_files(const std::vector<fs::path>& inputs) {
-  std::map<std::pair<dev_t, ino_t>, const fs::path*> seen;
+  std::map<platform::FileIdentity, const fs::path*> seen;
   for (const fs::path& input : inputs) {
-    struct stat status {};
-    if (::stat(input.c_str(), &status) != 0) continue;  // said when it is opened
-    const auto [other, is_new] = seen.try_emplace({status.st_dev, status.st_ino}, &input);
+    const auto identity = platform::identity_of(input);
+    if (!identity) continue;  // said when it is opened
+    const auto [other, is_new] = seen.try_emplace(*identity, &input);
     if (!is_new)
       refuse(input.string() + ": is the same file as the input " + other->second->string() +
              ", so its points would count twice; name it once");
@@ -224,8 +222,8 @@ std::uint64_t bytes_of_tile(const Plan& plan) {
 }
 
 std::string fingerprint_of(const fs::path& path) {
-  struct stat status {};
-  if (::stat(path.c_str(), &status) != 0) io::fail(path.string(), "cannot open: " + std::string(std::strerror(errno)));
+  const auto status = platform::status_of(path);
+  if (!status) io::fail(path.string(), "cannot open: " + platform::message_of(errno));
   const StoredFile file(path);
   const std::uint64_t size = file.size();
   constexpr std::uint64_t kPieces = 64, kBytes = 4096;
@@ -236,11 +234,10 @@ std::string fingerprint_of(const fs::path& path) {
     file.read((size - bytes.size()) / (kPieces - 1) * piece, std::span(bytes));
     for (const unsigned char byte : bytes) hash = (hash ^ byte) * 0x100000001b3u;
   }
-  const std::timespec changed = platform::time_of_change(status);
   char text[80];
   std::snprintf(text, sizeof text, "%llx-%llx.%lx-%016llx", static_cast<unsigned long long>(size),
-                static_cast<unsigned long long>(changed.tv_sec), static_cast<unsigned long>(changed.tv_nsec),
-                static_cast<unsigned long long>(hash));
+                static_cast<unsigned long long>(status->changed_seconds),
+                static_cast<unsigned long>(status->changed_nanoseconds), static_cast<unsigned long long>(hash));
   return text;
 }
 

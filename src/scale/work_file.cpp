@@ -1,20 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "scale/work_file.hpp"
 
-#include <fcntl.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <atomic>
 #include <cerrno>
 #include <cstring>
 #include <map>
 #include <mutex>
-#include <system_error>
 #include <utility>
 
 #include "io/unfinished_files.hpp"
+#include "platform/files.hpp"
 #include "pointfair/cloud.hpp"
 
 namespace pointfair::scale {
@@ -23,7 +19,7 @@ namespace {
 
 constexpr std::string_view kUnfinished = ".unfinished-";
 
-std::string message_of(int error) { return std::system_category().message(error); }
+using platform::message_of;
 
 [[noreturn]] void fail_to_read(const fs::path& path, const std::string& why) {
   throw Error(ErrorKind::file, path.string() + ": " + why);
@@ -32,7 +28,7 @@ std::string message_of(int error) { return std::system_category().message(error)
 // Finished files of all folders in memory, by their paths.
 class FilesInMemory {
  public:
-  static bool has(const fs::path& path) { return path.native().starts_with(kRoot); }
+  static bool has(const fs::path& path) { return path.string().starts_with(kRoot); }
   static fs::path new_folder() {
     static std::atomic<std::uint64_t> number = 0;
     return kRoot + std::to_string(number++);
@@ -66,14 +62,6 @@ class FilesInMemory {
   std::map<fs::path, std::shared_ptr<const FileContent>> files_;
 };
 
-// The name is on the disk, too.
-void sync_folder(const fs::path& folder) {
-  const int fd = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (fd < 0) return;
-  (void)::fsync(fd);
-  ::close(fd);
-}
-
 }  // namespace
 
 MemoryFolder::MemoryFolder() : path_(FilesInMemory::new_folder()) {}
@@ -86,19 +74,19 @@ NewFile::NewFile(const fs::path& path, std::uint64_t size) : path_(path), size_(
     return;
   }
   temporary_ = path.parent_path() / io::unfinished_name(kUnfinished);
-  fd_ = ::open(temporary_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+  fd_ = platform::open_file(temporary_, platform::Opening::replace);
   if (fd_ < 0) fail(errno);
 }
 
 NewFile::~NewFile() {
   if (fd_ < 0) return;
-  ::close(fd_);
-  ::unlink(temporary_.c_str());
+  platform::close_file(fd_);
+  platform::remove_file(temporary_.c_str());
 }
 
 void NewFile::fail(int error) const {
   std::string message = path_.string() + ": cannot write: " + message_of(error);
-  if (error == ENOSPC || error == EDQUOT) {
+  if (platform::is_full(error)) {
     const std::uint64_t missing = std::max<std::uint64_t>(size_, written_ + 1) - written_;
     message += "; this file needs " + std::to_string(missing) +
                " bytes more: free some space and run again, what is finished is kept";
@@ -114,8 +102,7 @@ void NewFile::write(const void* data, std::size_t bytes) {
     return;
   }
   while (bytes > 0) {
-    const ssize_t done = ::write(fd_, from, bytes);
-    if (done < 0 && errno == EINTR) continue;
+    const std::ptrdiff_t done = platform::write_some(fd_, from, bytes);
     if (done <= 0) fail(done < 0 ? errno : ENOSPC);
     from += done;
     bytes -= static_cast<std::size_t>(done);
@@ -125,10 +112,10 @@ void NewFile::write(const void* data, std::size_t bytes) {
 
 void NewFile::finish(bool name_too) {
   if (content_) return FilesInMemory::all().put(path_, std::move(content_));
-  if (::fsync(fd_) != 0) fail(errno);
-  if (::close(std::exchange(fd_, -1)) != 0) fail(errno);
-  if (::rename(temporary_.c_str(), path_.c_str()) != 0) fail(errno);
-  if (name_too) sync_folder(path_.parent_path());
+  if (platform::sync_file(fd_) != 0) fail(errno);
+  if (platform::close_file(std::exchange(fd_, -1)) != 0) fail(errno);
+  if (platform::rename_over(temporary_, path_) != 0) fail(errno);
+  if (name_too) platform::sync_folder(path_.parent_path());
 }
 
 StoredFile::StoredFile(const fs::path& path) : path_(path) {
@@ -137,12 +124,12 @@ StoredFile::StoredFile(const fs::path& path) : path_(path) {
     if (!content_) fail_to_read(path, "is not there");
     return;
   }
-  fd_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  fd_ = platform::open_file(path, platform::Opening::read);
   if (fd_ < 0) fail_to_read(path, "cannot open: " + message_of(errno));
 }
 
 StoredFile::~StoredFile() {
-  if (fd_ >= 0) ::close(fd_);
+  if (fd_ >= 0) platform::close_file(fd_);
 }
 
 void StoredFile::read(std::uint64_t at, void* data, std::size_t bytes) const {
@@ -153,8 +140,7 @@ void StoredFile::read(std::uint64_t at, void* data, std::size_t bytes) const {
     return;
   }
   while (bytes > 0) {
-    const ssize_t got = ::pread(fd_, to, bytes, static_cast<off_t>(at));
-    if (got < 0 && errno == EINTR) continue;
+    const std::ptrdiff_t got = platform::read_some_at(fd_, to, bytes, at);
     if (got < 0) fail_to_read(path_, "cannot read: " + message_of(errno));
     if (got == 0) fail_to_read(path_, "ends early; remove it and run again");
     to += got;
@@ -165,9 +151,9 @@ void StoredFile::read(std::uint64_t at, void* data, std::size_t bytes) const {
 
 std::uint64_t StoredFile::size() const {
   if (content_) return content_->size();
-  struct stat status {};
-  if (::fstat(fd_, &status) != 0) fail_to_read(path_, "cannot read: " + message_of(errno));
-  return static_cast<std::uint64_t>(status.st_size);
+  const auto status = platform::status_of(fd_);
+  if (!status) fail_to_read(path_, "cannot read: " + message_of(errno));
+  return status->size;
 }
 
 bool is_stored(const fs::path& path) {

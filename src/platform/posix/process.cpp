@@ -2,10 +2,20 @@
 #include "platform/process.hpp"
 
 #include <signal.h>
+#include <unistd.h>
 
+#include <array>
 #include <cerrno>
 
 namespace pointfair::platform {
+
+int process_id() { return ::getpid(); }
+
+std::string machine_name() {
+  std::array<char, 256> name{};
+  ::gethostname(name.data(), name.size() - 1);
+  return name.data();
+}
 
 #ifdef __wasi__
 

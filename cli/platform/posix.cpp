@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+// Linux and macOS.
+#include <fcntl.h>
+#include <pthread.h>
+#include <spawn.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+#ifdef __linux__
+#include <sys/prctl.h>
+#endif
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
+
+#include <cerrno>
+#include <chrono>
+#include <csignal>
+#include <cstdlib>
+#include <cstring>
+
+#include "system.hpp"
+
+extern char** environ;
+
+namespace pointfair::cli::system {
+namespace fs = std::filesystem;
+namespace {
+
+volatile std::sig_atomic_t broken_pipe = 0;
+sigset_t interrupts;
+
+void note_broken_pipe(int) { broken_pipe = 1; }
+
+// A shell sets SIGINT to "ignore" for what runs in the background; that wish is kept.
+bool is_ignored(int signal) {
+  struct sigaction action {};
+  return sigaction(signal, nullptr, &action) == 0 && action.sa_handler == SIG_IGN;
+}
+
+std::string why_not(const fs::path& path, int rights) {
+  return ::access(path.c_str(), rights) == 0 ? std::string() : std::strerror(errno);
+}
+
+}  // namespace
+
+void prepare_streams() {}
+bool errors_go_to_terminal() { return ::isatty(STDERR_FILENO) != 0; }
+int process_id() { return ::getpid(); }
+
+std::string why_not_writable(const fs::path& file) { return why_not(file, W_OK); }
+std::string why_no_files_in(const fs::path& folder) { return why_not(folder, W_OK | X_OK); }
+
+std::uint64_t peak_memory() {
+  rusage usage{};
+  if (::getrusage(RUSAGE_SELF, &usage) != 0) return 0;
+#ifdef __APPLE__
+  return static_cast<std::uint64_t>(usage.ru_maxrss);
+#else
+  return static_cast<std::uint64_t>(usage.ru_maxrss) << 10;
+#endif
+}
+
+// glibc keeps freed arrays of up to 32 MB, which those of a tile mostly are: twice the memory.
+void keep_no_freed_memory() {
+#ifdef __GLIBC__
+  ::mallopt(M_MMAP_THRESHOLD, 1 << 20);
+#endif
+}
+
+// In a container this process may be process 1, to which orphans go elsewhere: so the id of the parent is given.
+bool end_with_parent(int parent) {
+#ifdef __linux__
+  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+#else
+  std::thread([parent] {
+    while (::getppid() == parent) std::this_thread::sleep_for(std::chrono::milliseconds(200));
+    ::_exit(128 + SIGKILL);
+  }).detach();
+#endif
+  return ::getppid() == parent;
+}
+
+// Its own output would disturb ours.
+void open_browser(std::string url) {
+#ifdef __APPLE__
+  std::string program = "open";
+#else
+  if (!std::getenv("DISPLAY") && !std::getenv("WAYLAND_DISPLAY")) return;
+  std::string program = "xdg-open";
+#endif
+  char* words[] = {program.data(), url.data(), nullptr};
+  posix_spawn_file_actions_t actions;
+  posix_spawn_file_actions_init(&actions);
+  for (const int stream : {0, 1, 2}) posix_spawn_file_actions_addopen(&actions, stream, "/dev/null", O_RDWR, 0);
+  pid_t child = 0;
+  const bool started = posix_spawnp(&child, words[0], &actions, nullptr, words, environ) == 0;
+  posix_spawn_file_actions_destroy(&actions);
+  if (started) std::thread([child] { waitpid(child, nullptr, 0); }).detach();
+}
+
+// Threads inherit the blocked signals.
+void catch_interrupts() {
+  struct sigaction pipe {};
+  pipe.sa_handler = note_broken_pipe;  // the write then fails with EPIPE
+  sigaction(SIGPIPE, &pipe, nullptr);
+  std::signal(SIGXFSZ, SIG_IGN);  // beyond the limit of a file's size: EFBIG
+  sigemptyset(&interrupts);
+  sigaddset(&interrupts, SIGTERM);
+  if (!is_ignored(SIGINT)) sigaddset(&interrupts, SIGINT);
+  pthread_sigmask(SIG_BLOCK, &interrupts, nullptr);
+}
+void wait_for_interrupt() {
+  int signal = 0;
+  sigwait(&interrupts, &signal);
+}
+void end_wait(std::thread& waiting) { pthread_kill(waiting.native_handle(), SIGTERM); }
+bool pipe_is_broken() { return broken_pipe != 0; }
+void end_process(int code) { ::_exit(code); }
+
+}  // namespace pointfair::cli::system

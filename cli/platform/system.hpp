@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the program asks of the system, which systems call differently.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <thread>
+
+namespace pointfair::cli::system {
+
+/// Bytes of standard output go out as they are, and text on terminals is UTF-8.
+void prepare_streams();
+
+/// Whether standard error is shown to somebody.
+bool errors_go_to_terminal();
+
+int process_id();
+
+/// Why the program may not write to the file, or create files in the folder; empty if it may.
+std::string why_not_writable(const std::filesystem::path& file);
+std::string why_no_files_in(const std::filesystem::path& folder);
+
+/// Memory that the process held at most so far, in bytes; 0 where the system does not count it.
+std::uint64_t peak_memory();
+
+/// Has freed memory returned to the system at once. To be called before anything large is allocated.
+void keep_no_freed_memory();
+
+/// From now on this process ends when the one that started it ends. False if that, which has the id `parent`, is gone.
+bool end_with_parent(int parent);
+
+/// Opens the address in a browser, if there is a screen.
+void open_browser(std::string url);
+
+/// Interrupts no longer end the process: they are what the next call waits for. Before any other thread is made.
+void catch_interrupts();
+void wait_for_interrupt();
+/// Ends the wait of that thread.
+void end_wait(std::thread& waiting);
+/// Whether a write met a pipe that nobody reads any more, which ends no process after catch_interrupts().
+bool pipe_is_broken();
+/// Ends the process without any further step.
+[[noreturn]] void end_process(int code);
+
+}  // namespace pointfair::cli::system
