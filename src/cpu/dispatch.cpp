@@ -85,6 +85,14 @@ static const NetKernels& choose_net_kernels() {
   if (has_avx2() && may_use("avx2")) return avx2::kNetKernels;
   return sse2::kNetKernels;
 }
+#elif defined(__aarch64__)
+namespace neon {  // of every such processor
+extern const Kernels kKernels;
+extern const NetKernels kNetKernels;
+}  // namespace neon
+
+static const Kernels& choose_kernels() { return neon::kKernels; }
+static const NetKernels& choose_net_kernels() { return neon::kNetKernels; }
 #else
 namespace generic {
 extern const Kernels kKernels;

@@ -7,6 +7,8 @@
 
 #if defined(__SSE2__)
 #include <immintrin.h>
+#elif defined(__aarch64__)
+#include <arm_neon.h>
 #endif
 
 #include "point/neighbors.h"
@@ -78,6 +80,9 @@ POINTFAIR_INLINE unsigned bits(Mask m) {
   return unsigned(_mm256_movemask_ps(__m256(m.v)));
 #elif defined(__SSE2__)
   return unsigned(_mm_movemask_ps(__m128(m.v)));
+#elif defined(__aarch64__)
+  const uint32x4_t of_lanes = {1, 2, 4, 8};
+  return vaddvq_u32(vandq_u32(uint32x4_t(m.v), of_lanes));
 #else
   unsigned result = 0;
   for (int lane = 0; lane < kLanes; ++lane) result |= unsigned(m.v[lane] & 1) << lane;
@@ -99,6 +104,8 @@ POINTFAIR_INLINE Floats broadcast(float x) {
   return {_mm256_set1_ps(x)};
 #elif defined(__SSE2__)
   return {_mm_set1_ps(x)};
+#elif defined(__aarch64__)
+  return {FloatVector(vdupq_n_f32(x))};
 #else
   Floats result;
   for (int lane = 0; lane < kLanes; ++lane) result.v[lane] = x;
@@ -158,7 +165,11 @@ POINTFAIR_INLINE Floats larger(Floats a, Floats b) { return select(a < b, b, a);
 POINTFAIR_INLINE Ints smaller(Ints a, Ints b) { return select(b < a, b, a); }
 POINTFAIR_INLINE Ints larger(Ints a, Ints b) { return select(a < b, b, a); }
 #endif
+#if defined(__aarch64__)
+POINTFAIR_INLINE bool any(Mask m) { return vmaxvq_u32(uint32x4_t(m.v)) != 0; }
+#else
 POINTFAIR_INLINE bool any(Mask m) { return bits(m) != 0; }
+#endif
 
 POINTFAIR_INLINE Floats load(const float* p) { return {FloatVector(*reinterpret_cast<const LooseFloatVector*>(p))}; }
 POINTFAIR_INLINE Ints load(const int* p) { return {IntVector(*reinterpret_cast<const LooseIntVector*>(p))}; }
@@ -185,6 +196,8 @@ POINTFAIR_INLINE Floats square_root(Floats a) {
   return {_mm256_sqrt_ps(a.v)};
 #elif defined(__SSE2__)
   return {_mm_sqrt_ps(a.v)};
+#elif defined(__aarch64__)
+  return {FloatVector(vsqrtq_f32(float32x4_t(a.v)))};
 #else
   Floats root;
   for (int lane = 0; lane < kLanes; ++lane) root.v[lane] = __builtin_sqrtf(a.v[lane]);
@@ -229,6 +242,7 @@ POINTFAIR_INLINE Ints gather(const int* base, Ints index) {
   return result;
 }
 
+// No lane may be NaN, which instruction sets treat differently.
 POINTFAIR_INLINE float largest(Floats a) {
 #if defined(__AVX512F__)
   return _mm512_reduce_max_ps(a.v);
@@ -240,6 +254,8 @@ POINTFAIR_INLINE float largest(Floats a) {
 #endif
   const __m128 two = _mm_max_ps(four, _mm_movehl_ps(four, four));
   return _mm_cvtss_f32(_mm_max_ss(two, _mm_shuffle_ps(two, two, 1)));
+#elif defined(__aarch64__)
+  return vmaxvq_f32(float32x4_t(a.v));
 #else
   float result = a.v[0];
   for (int lane = 1; lane < kLanes; ++lane) result = a.v[lane] > result ? a.v[lane] : result;
