@@ -145,6 +145,7 @@ const Verb* parse(CLI::App& app, const std::vector<Verb>& verbs, std::vector<std
 
 void run_verb(std::vector<std::string> words, std::stop_token stop) {
   CLI::App app("", "pointfair");
+  app.allow_windows_style_options(false);  // a path may begin with a slash everywhere
   app.set_version_flag("--version", "");
   app.require_subcommand(1);
   const std::vector<Verb> verbs = {add_run(app),   add_tile(app),    add_view(app),  add_info(app),  add_compare(app),

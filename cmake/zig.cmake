@@ -25,13 +25,13 @@ if(NOT EXISTS ${pointfair_tools}/ranlib)
   endforeach()
 endif()
 # oneTBB's static library asks for a description of a DLL, which is left out: the last word is the file to write.
-if(CMAKE_SYSTEM_NAME STREQUAL "Windows" AND NOT EXISTS ${pointfair_tools}/no-resources)
-  file(WRITE ${pointfair_tools}/no-resources "#!/bin/sh\nfor object; do :; done\n\
+if(CMAKE_SYSTEM_NAME STREQUAL "Windows" AND NOT EXISTS ${pointfair_tools}/windres)
+  file(WRITE ${pointfair_tools}/windres "#!/bin/sh\nfor object; do :; done\n\
 exec '${POINTFAIR_ZIG}' cc --target=${POINTFAIR_ZIG_TARGET} -x c -c /dev/null -o \"$object\"\n")
-  file(CHMOD ${pointfair_tools}/no-resources PERMISSIONS OWNER_READ OWNER_WRITE OWNER_EXECUTE)
+  file(CHMOD ${pointfair_tools}/windres PERMISSIONS OWNER_READ OWNER_WRITE OWNER_EXECUTE)
 endif()
 if(CMAKE_SYSTEM_NAME STREQUAL "Windows")
-  set(CMAKE_RC_COMPILER ${pointfair_tools}/no-resources)
+  set(CMAKE_RC_COMPILER ${pointfair_tools}/windres)
 endif()
 foreach(language C CXX)
   set(CMAKE_${language}_COMPILER_TARGET ${POINTFAIR_ZIG_TARGET})
