@@ -15,7 +15,7 @@ endif
 FUZZ_SECONDS ?= 60
 FUZZ_TARGETS = $(notdir $(wildcard build/fuzz/bin/fuzz_*))
 
-.PHONY: help demo build test wheel wheels wasm site test-site golden bench quality bench-laz bench-viewer bench-implicit train-net paper-tables figures gallery estimates gpu release source recipes deb fuzz format docs asan tsan clean install
+.PHONY: help demo build test wheel wheels golden-aarch64 wasm site test-site golden bench quality bench-laz bench-viewer bench-implicit train-net paper-tables figures gallery estimates gpu release source recipes deb fuzz format docs asan tsan clean install
 
 help:
 	@echo "make build    the program, build/bin/pointfair"
@@ -23,6 +23,7 @@ help:
 	@echo "make test     all tests"
 	@echo "make wheel    the Python package with the program, dist/*.whl"
 	@echo "make wheels   wheels and archives for several systems with a pinned compiler, in dist (WHEELS='$(WHEELS)')"
+	@echo "make golden-aarch64  the program that make wheels WHEELS='linux-x86_64 linux-aarch64' made gives the known bytes in qemu"
 	@echo "make source   the source archive with the viewer's page, in dist, from which packages are made"
 	@echo "make recipes URL=...  recipes for conda-forge, vcpkg, Homebrew, Docker and Apptainer, in dist/recipes"
 	@echo "make deb      Debian packages from the source archive, in dist"
@@ -75,6 +76,11 @@ WHEELS ?= linux-x86_64
 wheels:
 	@$(install) build
 	scripts/wheels/make.py $(WHEELS) --dist dist
+
+# in the emulator qemu, with the C library of Debian's libc6-arm64-cross
+golden-aarch64:
+	@command -v qemu-aarch64-static > /dev/null && [ -d /usr/aarch64-linux-gnu ] || { echo "install qemu-user-static and libc6-arm64-cross first"; exit 1; }
+	tests/golden/golden.py --runner 'qemu-aarch64-static -L /usr/aarch64-linux-gnu' --isa '' --threads 2 build/wheels/linux-aarch64/prefix/bin/pointfair
 
 wasm:
 	@$(install) build python

@@ -13,6 +13,7 @@ import os
 import pathlib
 import shutil
 import subprocess
+import sys
 import tarfile
 
 from parts import SOURCES, collect_licenses, unpack
@@ -124,9 +125,11 @@ class Build:
         run(tools / "python", "-m", "wheel", "pack", "--dest-dir", work, folder)
         packed, = work.glob("*.whl")
         environment = {**os.environ, "PATH": f"{tools}:{os.environ['PATH']}"}
-        run(tools / "auditwheel", "repair", packed, "--plat", self.target.wheel, "--only-plat", "--wheel-dir", work / "tagged",
-            env=environment)
+        # auditwheel takes the name of a tag for this machine's processor only; "auto" is the oldest system that the wheel runs on
+        run(tools / "auditwheel", "repair", packed, "--plat", "auto", "--only-plat", "--wheel-dir", work / "tagged", env=environment)
         tagged, = (work / "tagged").glob("*.whl")
+        if not tagged.stem.endswith(self.target.wheel):
+            sys.exit(f"{tagged.name} is not for {self.target.wheel}: it asks for another C library than it is built for")
         return shutil.copyfile(tagged, dist / tagged.name)
 
 
