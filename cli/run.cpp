@@ -59,13 +59,11 @@ std::vector<std::byte> weights_of(const std::string& path) {
 // null: to one of its own.
 std::optional<Findings> run_file(const RunArguments& arguments, Findings findings, const Limits& limits,
                                  const Device& device, Progress* shown, std::stop_token stop) {
-  const Params params = findings.asked;
-  if (needs_tiles(arguments, params)) {
-    run_tiled(arguments, params, limits, findings.noise_attribute, {}, stop);
+  const TiledJob job = make_tiled_job(arguments, findings.asked, limits, findings.noise_attribute, device);
+  if (const TiledChoice choice = choose(arguments, job, device); choice.in_tiles) {
+    run_tiled(arguments, job, choice, device, stop);
     return std::nullopt;
   }
-  if (is_run_tiled(arguments, params, limits, findings.noise_attribute, why_tiles(arguments, params, device), stop))
-    return std::nullopt;
   check_paths(arguments);
   Pipeline pipeline(device);
   if (!arguments.weights.empty()) pipeline.set_weights(weights_of(arguments.weights), arguments.weights);
@@ -77,7 +75,7 @@ std::optional<Findings> run_file(const RunArguments& arguments, Findings finding
   };
   progress().show(0, "reading");
   const Cloud cloud = read_input(arguments);
-  run_in_memory(arguments, params, limits, cloud, pipeline, progress(), findings, stop);
+  run_in_memory(arguments, findings.asked, limits, cloud, pipeline, progress(), findings, stop);
   return findings;
 }
 

@@ -13,6 +13,7 @@
 #include "estimate/automatic.hpp"
 #include "estimate/beam_width.hpp"
 #include "scale/candidates.hpp"
+#include "scale/choice.hpp"
 #include "scale/ingest.hpp"
 #include "scale/kept_leaves.hpp"
 #include "seam/cloud_sample.hpp"
