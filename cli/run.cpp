@@ -157,7 +157,8 @@ Verb add_run(CLI::App& app) {
       ->type_name("STEP")
       ->group(kOutputGroup);
   add_choice(command, "--normals", arguments->normals, {"keep", "update", "write"},
-             "keep: those in the file stay; update: new ones replace them; write: also where the file has none");
+             "keep: those in the file stay; update: new ones replace them; write: also where the file has none")
+      ->group(kOutputGroup);
   command
       .add_flag("--orient", arguments->orient,
                 "new normals look to one side: to the sensor where its place is known, else out of closed shapes")
@@ -197,7 +198,9 @@ Verb add_run(CLI::App& app) {
       ->group(kMoreGroup);
   command.add_flag("--force", arguments->force, "replace OUT if it exists");
   command.add_flag("-q,--quiet", arguments->quiet, "print errors only");
-  command.add_flag("-v,--verbose", arguments->verbose, "print the device, the parameters and each stage's time");
+  command.add_flag("-v,--verbose", arguments->verbose, "print the device, the parameters and each stage's time")
+      ->group(kMoreGroup);
+  command.get_option("--threads")->group(kMoreGroup);
   return {&command, [arguments](std::stop_token stop) { run(*arguments, stop); }};
 }
 
