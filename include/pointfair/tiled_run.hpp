@@ -75,9 +75,9 @@ struct TiledReport {
 
 /// A run over a work folder, which holds the plan and the results of finished tasks. Tasks are idempotent: a task that
 /// is done is not done again, one that was killed leaves nothing, and two processes that do the same one leave the same
-/// file. The result has the bits of Pipeline::run on the whole cloud, unless the cloud is so wide that it needs zones:
-/// cubes whose points are computed as floats relative to the middle of the cube. Zones follow from the set of points,
-/// so that tiles, memory and workers change no bit of the result there either.
+/// file. The result has the bits of Pipeline::run on the whole cloud. A cloud that is too wide for floats around one
+/// origin has zones in both: cubes whose points are computed as floats relative to the middle of the cube. Zones follow
+/// from the set of points, so that tiles, memory and workers change no bit of the result there either.
 ///
 /// Calls throw Error: ErrorKind::file if a file cannot be read or written, if the disk is full, or if an input is not
 /// the one that was planned with; ErrorKind::memory if a task or the neighbourhood of one point does not fit;
