@@ -59,13 +59,11 @@ std::vector<std::byte> weights_of(const std::string& path) {
 // null: to one of its own.
 std::optional<Findings> run_file(const RunArguments& arguments, Findings findings, const Limits& limits,
                                  const Device& device, Progress* shown, std::stop_token stop) {
-  const Params params = findings.asked;
-  if (needs_tiles(arguments, params)) {
-    run_tiled(arguments, params, limits, findings.noise_attribute, {}, stop);
+  const TiledJob job = make_tiled_job(arguments, findings.asked, limits, findings.noise_attribute, device);
+  if (const TiledChoice choice = choose(arguments, job, device); choice.in_tiles) {
+    run_tiled(arguments, job, choice, device, stop);
     return std::nullopt;
   }
-  if (is_run_tiled(arguments, params, limits, findings.noise_attribute, why_tiles(arguments, params, device), stop))
-    return std::nullopt;
   check_paths(arguments);
   Pipeline pipeline(device);
   if (!arguments.weights.empty()) pipeline.set_weights(weights_of(arguments.weights), arguments.weights);
@@ -77,7 +75,7 @@ std::optional<Findings> run_file(const RunArguments& arguments, Findings finding
   };
   progress().show(0, "reading");
   const Cloud cloud = read_input(arguments);
-  run_in_memory(arguments, params, limits, cloud, pipeline, progress(), findings, stop);
+  run_in_memory(arguments, findings.asked, limits, cloud, pipeline, progress(), findings, stop);
   return findings;
 }
 
@@ -159,7 +157,8 @@ Verb add_run(CLI::App& app) {
       ->type_name("STEP")
       ->group(kOutputGroup);
   add_choice(command, "--normals", arguments->normals, {"keep", "update", "write"},
-             "keep: those in the file stay; update: new ones replace them; write: also where the file has none");
+             "keep: those in the file stay; update: new ones replace them; write: also where the file has none")
+      ->group(kOutputGroup);
   command
       .add_flag("--orient", arguments->orient,
                 "new normals look to one side: to the sensor where its place is known, else out of closed shapes")
@@ -199,7 +198,9 @@ Verb add_run(CLI::App& app) {
       ->group(kMoreGroup);
   command.add_flag("--force", arguments->force, "replace OUT if it exists");
   command.add_flag("-q,--quiet", arguments->quiet, "print errors only");
-  command.add_flag("-v,--verbose", arguments->verbose, "print the device, the parameters and each stage's time");
+  command.add_flag("-v,--verbose", arguments->verbose, "print the device, the parameters and each stage's time")
+      ->group(kMoreGroup);
+  command.get_option("--threads")->group(kMoreGroup);
   return {&command, [arguments](std::stop_token stop) { run(*arguments, stop); }};
 }
 

@@ -28,12 +28,6 @@ struct RunArguments {
   bool force = false, quiet = false, verbose = false, orient = false, each = false, skip_existing = false;
 };
 
-/// Whether a run in tiles on disk cannot do what is asked for.
-inline bool needs_memory(const RunArguments& arguments) {
-  return arguments.normals != "keep" || !arguments.write_noise.empty() || !arguments.write_displacement.empty() ||
-         arguments.outlier_action.kind != OutlierAction::Kind::none || arguments.in.any() || is_page(arguments.report);
-}
-
 /// Refuses the input and the output of one run in memory, or the output and the report of any, before the work. Throws
 /// ErrorKind::usage or file.
 void check_paths(const RunArguments& arguments);

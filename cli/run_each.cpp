@@ -88,7 +88,9 @@ void run_row(const RunArguments& arguments, const RunFile& run_file, Progress& p
 
 void print_row(const Row& row, std::size_t number, std::size_t all) {
   const std::string place = fmt::format("[{}/{}] {}", number, all, row.input.string());
-  if (row.findings)
+  if (row.findings && row.findings->is_copied)
+    fmt::print(stderr, "{}: {} points, written as they were\n", place, row.findings->report.points);
+  else if (row.findings)
     fmt::print(stderr, "{}: {} points, noise {:.4g}, moved {:.4g} on average, {:.4g} at most, {} outliers\n", place,
                row.findings->report.points, row.findings->noise, row.findings->displacement.mean,
                row.findings->displacement.max, row.findings->report.unmoved.outliers);

@@ -59,6 +59,13 @@ void load(const Limits& limits, const Cloud& cloud, Pipeline& pipeline) {
   pipeline.load(without_ignored(limits, cloud));
 }
 
+// Whether the output has the points of the input and nothing that a run finds.
+bool only_copies(const RunArguments& arguments, const Params& params, const Limits& limits) {
+  return limits.strength == 0 && params.outliers != Outliers::mark && arguments.normals == "keep" &&
+         arguments.write_noise.empty() && arguments.outlier_action.kind == OutlierAction::Kind::none &&
+         !is_page(arguments.report);
+}
+
 // Whether a run that keeps outliers is to mark them, for the pictures of a page. The moved points have the same bits.
 bool marks_for_page(const Params& params, Pipeline& pipeline, std::stop_token stop) {
   try {
@@ -115,8 +122,10 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
                      marks_for_page(params, pipeline, stop);
   Params with_marks = params;
   if (marks) with_marks.outliers = Outliers::mark;
-  Cloud denoised =
-      pipeline.run(with_marks, stop, [&](double share, std::string_view stage) { progress.show(share, stage); });
+  const bool copies = only_copies(arguments, params, limits);
+  Cloud denoised = copies ? cloud : pipeline.run(with_marks, stop, [&](double share, std::string_view stage) {
+    progress.show(share, stage);
+  });
   if (!denoised.source) denoised.source = cloud.source;
   const bool acts = arguments.outlier_action.kind != OutlierAction::Kind::none;
   if (marks || acts) denoised.added.pop_back();  // the file gets classes, flags or no attribute
@@ -141,6 +150,7 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
   if (!arguments.quiet || !arguments.report.empty() || arguments.each) {
     progress.show(1, "measuring");
     count_limited(cloud, limits, movable, findings);
+    if (copies) return find_copied(write_options, denoised, pipeline, findings);
     find_out(arguments.normals == "keep", write_options, cloud, denoised, pipeline, stop, findings);
     const std::string far_away =
         far_viewpoint_note(arguments.viewpoint.empty() ? file_viewpoints(cloud) : viewpoints, cloud);

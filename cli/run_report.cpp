@@ -72,6 +72,7 @@ bool is_noise_given(const Findings& findings) {
 }
 
 Json noise_json(const Report& report, const Findings& findings) {
+  if (findings.is_copied) return {{"before", nullptr}, {"quantiles", nullptr}};
   Json json{{"before", findings.noise}, {"quantiles", findings.noise_quantiles}};
   if (!findings.noise_attribute.empty()) json["attribute"] = findings.noise_attribute;
   if (is_noise_given(findings)) json["given"] = report.params.noise.value;
@@ -167,12 +168,20 @@ void find_out(bool keeps_normals, const WriteOptions& options, const Cloud& befo
   findings.notes.insert(findings.notes.end(), doubtful.begin(), doubtful.end());
 }
 
+void find_copied(const WriteOptions& options, const Cloud& cloud, const Pipeline& pipeline, Findings& findings) {
+  findings.is_copied = true;
+  findings.report.device = pipeline.device();
+  findings.report.points = cloud.points.size();
+  findings.step = written_step(cloud, options);
+  findings.notes = losses(cloud, options.format, options.encoding);
+}
+
 Json run_json(const Report& report, const Findings& findings) {
   return {{"version", version()},
           {"device", device_json(report.device)},
           {"points", report.points},
-          {"params", params_json(report.params)},
-          {"spacing", findings.spacing},
+          {"params", findings.is_copied ? Json() : params_json(report.params)},
+          {"spacing", findings.is_copied ? Json() : Json(findings.spacing)},
           {"noise", noise_json(report, findings)},
           {"rounding", rounding_json(findings.step)},
           {"float_step", findings.float_step},
@@ -190,6 +199,12 @@ Json run_json(const Report& report, const Findings& findings) {
 }
 
 void print_summary(const Report& report, const Findings& findings, bool with_details) {
+  if (findings.is_copied) {
+    fmt::print(stderr, "{} points written as they were: --strength 0 moves none, so nothing was computed\n",
+               report.points);
+    for (const std::string& note : findings.notes) fmt::print(stderr, "note: {}\n", note);
+    return;
+  }
   if (with_details) print_details(report, findings.asked);
   const UnmovedCounts unmoved = without(report.unmoved, findings.ignored);
   const std::uint64_t kept = unmoved.total() + findings.ignored;

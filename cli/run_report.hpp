@@ -18,6 +18,7 @@ namespace pointfair::cli {
 // What is said about a run beside the library's own report.
 struct Findings {
   Params asked;                                 // before anything was estimated
+  bool is_copied = false;                       // no point may move, so nothing was computed or measured
   Report report;                                // the library's own
   double spacing = 0, noise = 0, diagonal = 0;  // of the input
   std::string noise_attribute;                  // that the noise comes from; empty: it is estimated
@@ -36,6 +37,8 @@ void count_limited(const Cloud& cloud, const Limits& limits, std::span<const std
 // The estimates are of the points that were not ignored. `keeps_normals`: those in the file stay.
 void find_out(bool keeps_normals, const WriteOptions& options, const Cloud& before, const Cloud& after,
               Pipeline& pipeline, std::stop_token stop, Findings& findings);
+// Of a run at strength 0, whose points are written as they were.
+void find_copied(const WriteOptions& options, const Cloud& cloud, const Pipeline& pipeline, Findings& findings);
 
 Json run_json(const Report& report, const Findings& findings);
 void print_summary(const Report& report, const Findings& findings, bool with_details);

@@ -31,8 +31,8 @@ using ProgressFunction = std::function<void(double share, std::string_view stage
 /// Holds one cloud on one device together with the results of all stages, so that a run repeats only the stages whose
 /// parameters changed. One thread at a time may use it. Memory on the CPU: at most 100 + 8k bytes a point.
 ///
-/// All floats are relative to the cloud's one origin (Estimates::float_step says how finely they step). A cloud that is
-/// too wide for that has zones in a TiledRun, where each has an origin of its own, and other bits there.
+/// Floats are relative to the cloud's one origin (Estimates::float_step says how finely they step). A Cloud that is too
+/// wide for that is computed in zones, each around its own origin, with the bits of a TiledRun (docs/scale.md).
 ///
 /// Every call may throw Error, and nothing else: ErrorKind::memory if the host or the device has too little memory,
 /// ErrorKind::device if a card is lost, ErrorKind::interrupted after its stop token was triggered, and what is named at

@@ -46,6 +46,15 @@ struct Displacement {
   double max = 0;
 };
 
+/// How a job is best computed on this machine.
+struct TiledChoice {
+  bool in_tiles = false;            ///< on disk; else by a Pipeline, in memory
+  std::uint64_t points = 0;         ///< where memory decided; else 0
+  std::uint64_t needed_bytes = 0;   ///< at most, by a run in memory; the same
+  std::uint64_t free_bytes = 0;     ///< that this process can take now; the same
+  bool is_without_sensors = false;  ///< the file says several places of the sensor, and tiles look at none
+};
+
 /// What a finished run did.
 struct TiledReport {
   std::uint64_t points = 0;
@@ -66,9 +75,9 @@ struct TiledReport {
 
 /// A run over a work folder, which holds the plan and the results of finished tasks. Tasks are idempotent: a task that
 /// is done is not done again, one that was killed leaves nothing, and two processes that do the same one leave the same
-/// file. The result has the bits of Pipeline::run on the whole cloud, unless the cloud is so wide that it needs zones:
-/// cubes whose points are computed as floats relative to the middle of the cube. Zones follow from the set of points,
-/// so that tiles, memory and workers change no bit of the result there either.
+/// file. The result has the bits of Pipeline::run on the whole cloud. A cloud that is too wide for floats around one
+/// origin has zones in both: cubes whose points are computed as floats relative to the middle of the cube. Zones follow
+/// from the set of points, so that tiles, memory and workers change no bit of the result there either.
 ///
 /// Calls throw Error: ErrorKind::file if a file cannot be read or written, if the disk is full, or if an input is not
 /// the one that was planned with; ErrorKind::memory if a task or the neighbourhood of one point does not fit;
@@ -76,13 +85,11 @@ struct TiledReport {
 /// there.
 class POINTFAIR_EXPORT TiledRun {
  public:
-  /// An upper bound on the memory that a Pipeline needs for so many points, with the cloud and the result. A cloud that
-  /// needs more than there is must run in tiles.
-  static std::uint64_t bytes_in_memory(std::uint64_t points, const Params& params);
-  /// Bytes of memory that this process can take now without taking them from others.
-  static std::uint64_t free_memory();
-  /// The number of points of a file. O(1), but for text formats, which are scanned.
-  static std::uint64_t count_points(const std::filesystem::path& path);
+  /// Whether a job is computed in tiles or by a Pipeline: in tiles if it asks for them by a work folder, an output
+  /// folder or least_tiles, or if the cloud takes more memory than it gives or, where it gives none, than half of what
+  /// is free, unless tiles cannot do it. Opens the input only if the cloud may take so much; a text is scanned then.
+  /// Throws ErrorKind::usage for standard input with a memory.
+  static TiledChoice choose(const TiledJob& job, const std::filesystem::path& work, Device device = {});
 
   /// What an input is called in an output folder: as before, but ".laz" for ".copc.laz", since a COPC file is written
   /// in the format of its points, without its octree.

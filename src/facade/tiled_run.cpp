@@ -7,11 +7,13 @@
 #include <utility>
 
 #include "estimate/automatic.hpp"
+#include "io/sensor_place.hpp"
 #include "io/streamed.hpp"
 #include "io/text.hpp"
 #include "io/unfinished_files.hpp"
 #include "pipeline/devices.hpp"
 #include "platform/free_memory.hpp"
+#include "scale/choice.hpp"
 #include "scale/emit.hpp"
 #include "scale/points_file.hpp"
 #include "scale/tasks.hpp"
@@ -55,19 +57,48 @@ void add_written(const std::vector<fs::path>& files, TiledReport& report) {
   report.displacement = moves.displacement();
 }
 
+constexpr std::uint64_t kLeastBytesOfRecord = 2;  // of a point, in any file
+
+bool says_several_sensors(const Source& source) {
+  for (std::size_t block = 0; block < source.block_count(); ++block)
+    if (source.sensor(block)) return !io::common_sensor(source);
+  return false;
+}
+
 }  // namespace
 
 struct TiledRun::State : Tasks {
   using Tasks::Tasks;
 };
 
-std::uint64_t TiledRun::bytes_in_memory(std::uint64_t points, const Params& params) {
-  return points * (bytes_of_tile_point(params) + 2 * sizeof(Point));
+TiledChoice TiledRun::choose(const TiledJob& job, const fs::path& work, Device device) {
+  if (!work.empty() || !job.output_folder.empty() || job.least_tiles > 1) return {.in_tiles = true};
+  const bool is_memory_given = job.memory != 0;
+  if (job.inputs.size() != 1 || job.inputs.front() == "-") {
+    if (!is_memory_given) return {};
+    throw Error(ErrorKind::usage, "standard input is read into memory as a whole; leave out --memory, or name a file");
+  }
+  return with_one_kind_of_error([&]() -> TiledChoice {
+    const HostMemory memory{job.memory, platform::free_memory()};
+    std::error_code unknown;
+    const std::uint64_t size = fs::file_size(job.inputs.front(), unknown);
+    if (!is_memory_given && (unknown || !needs_tiles(size / kLeastBytesOfRecord, job.params, Device::cpu, memory)))
+      return {};
+    const std::shared_ptr<Source> source = io::open_source(job.inputs.front(), 0);
+    TiledChoice choice{.points = source->size(), .free_bytes = memory.free};
+    if (!needs_tiles(choice.points, job.params, Device::cpu, memory)) return {};
+    DeviceInfo found;
+    make_backend(device, found);
+    choice.needed_bytes = scale::bytes_in_memory(choice.points, job.params, found.kind);
+    // Where the memory is given, planning says what tiles cannot do.
+    choice.in_tiles =
+        needs_tiles(choice.points, job.params, found.kind, memory) && (is_memory_given || can_be_planned(job, source));
+    choice.is_without_sensors = job.viewpoint.empty() && says_several_sensors(*source);
+    return choice;
+  });
 }
 
 double TiledRun::float_step_in_zones(const Cloud& cloud) { return zones_of(cloud).float_step(); }
-
-std::uint64_t TiledRun::free_memory() { return platform::free_memory(); }
 
 fs::path TiledRun::output_name(const fs::path& input) {
   std::string name = input.filename().string();
@@ -75,8 +106,6 @@ fs::path TiledRun::output_name(const fs::path& input) {
   if (io::lower_case(name).ends_with(kOctree)) name.resize(name.size() - kOctree.size());
   return name.size() == input.filename().string().size() ? name : name + ".laz";
 }
-
-std::uint64_t TiledRun::count_points(const fs::path& path) { return io::open_source(path, 0)->size(); }
 
 fs::path TiledRun::make_scratch_folder(const fs::path& beside) {
   constexpr std::string_view kScratch = ".pointfair-work-";

@@ -237,27 +237,31 @@ Cloud shell_of(const std::shared_ptr<const Source>& source) {
 }
 
 Plan streamed_plan(const Cloud& shell, const std::filesystem::path& path, const WriteOptions& options) {
-  const Source& source = *shell.source;
-  const Format format = options.format ? *options.format : format_to_write(path, source.format());
+  const Format format = options.format ? *options.format : format_to_write(path, shell.source->format());
   const Plan chosen = plan(shell, format, options.encoding, options.las_scale);
   if (options.strict) refuse_losses(path, shell, format, options.encoding);
-  const bool transcodes =
-      chosen.encoding != source.encoding() && io::family(format) != Format::las && format != Format::ply;
-  if (!chosen.copy || transcodes)
-    refuse(path.string() +
-           ": a cloud that is computed in tiles on disk is written in the format of its file; name the "
-           "output so, and convert it afterwards");
   return chosen;
+}
+
+std::string why_not_streamed(const Plan& chosen, const Source& source, const std::filesystem::path& path) {
+  const bool transcodes =
+      chosen.encoding != source.encoding() && io::family(chosen.format) != Format::las && chosen.format != Format::ply;
+  if (chosen.copy && !transcodes) return {};
+  return path.string() +
+         ": a cloud that is computed in tiles on disk is written in the format of its file; name the "
+         "output so, and convert it afterwards";
 }
 
 }  // namespace
 
-void check_streamed_options(const Source& source, const std::filesystem::path& path, const WriteOptions& options,
-                            bool adds_attribute) {
+std::string why_not_streamed(const Source& source, const std::filesystem::path& path, const WriteOptions& options,
+                             bool adds_attribute) {
   const std::shared_ptr<const Source> unowned(std::shared_ptr<const Source>(), &source);
-  const Format format = streamed_plan(shell_of(unowned), path, options).format;
-  if (adds_attribute && !takes_attributes(format))
-    refuse("files of this format take no further attributes, so outliers cannot be marked; use --outliers keep");
+  const Plan chosen = streamed_plan(shell_of(unowned), path, options);
+  const std::string why = why_not_streamed(chosen, source, path);
+  if (why.empty() && adds_attribute && !takes_attributes(chosen.format))
+    return "files of this format take no further attributes, so outliers cannot be marked; use --outliers keep";
+  return why;
 }
 
 void write_moved(const std::filesystem::path& path, const std::shared_ptr<Source>& source, const MovedPoints& moved,
@@ -265,6 +269,7 @@ void write_moved(const std::filesystem::path& path, const std::shared_ptr<Source
   Cloud shell = shell_of(source);
   shell.added = std::move(added);
   Plan chosen = streamed_plan(shell, path, options);
+  if (const std::string why = why_not_streamed(chosen, *source, path); !why.empty()) refuse(why);
   chosen.edits.moved = &moved;
   write_all(chosen, shell, path, options);
 }

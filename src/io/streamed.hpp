@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <string>
 
 #include "io/source.hpp"
 
@@ -13,9 +14,10 @@ namespace pointfair::io {
 /// for a file that can only be decoded as a whole.
 std::shared_ptr<Source> open_source(const std::filesystem::path& path, unsigned threads);
 
-/// Throws Error(usage) if write_moved() would refuse these options, or an attribute that is added.
-void check_streamed_options(const Source& source, const std::filesystem::path& path, const WriteOptions& options,
-                            bool adds_attribute);
+/// Why write_moved() would refuse these options for this source, or an attribute that is added; empty if it would not.
+/// Throws as write() does for options that contradict each other.
+std::string why_not_streamed(const Source& source, const std::filesystem::path& path, const WriteOptions& options,
+                             bool adds_attribute);
 
 /// As write() of a cloud of this source whose points are where `moved` says, relative to the source's origin, with the
 /// attributes that are added.

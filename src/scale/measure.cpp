@@ -13,6 +13,7 @@
 #include "estimate/automatic.hpp"
 #include "estimate/beam_width.hpp"
 #include "scale/candidates.hpp"
+#include "scale/choice.hpp"
 #include "scale/ingest.hpp"
 #include "scale/kept_leaves.hpp"
 #include "seam/cloud_sample.hpp"
@@ -250,13 +251,13 @@ static_assert(sizeof(Fixed) == sizeof(Position) + sizeof(Bounds) + sizeof(Spacin
                                    sizeof(double) + sizeof(Frame) + sizeof(std::uint32_t));
 
 std::array<double, 11> values_of(const Noise& noise) {
-  const auto& [sigma, surface_spacing, shape_to_noise, gap, alikeness, depth_has_steps, confined, bend, surface_points,
-               repeats, without_surface] = noise;
+  const auto& [sigma, surface_spacing, shape_to_noise, gap, correlation, depth_has_steps, confined, bend,
+               surface_points, repeats, without_surface] = noise;
   return {sigma,
           surface_spacing,
           shape_to_noise,
           gap,
-          alikeness,
+          correlation,
           depth_has_steps ? 1.0 : 0.0,
           confined,
           bend,

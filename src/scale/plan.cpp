@@ -17,9 +17,11 @@
 #include "io/sensor_place.hpp"
 #include "io/streamed.hpp"
 #include "platform/files.hpp"
+#include "platform/free_memory.hpp"
 #include "pointfair/file_info.hpp"
 #include "pointfair/tiled_run.hpp"
 #include "portable.hpp"
+#include "scale/choice.hpp"
 #include "scale/given.hpp"
 #include "scale/leaf_tree.hpp"
 #include "scale/plan_text.hpp"
@@ -44,7 +46,7 @@ const fs::path kPlanName = "plan.txt", kTreeName = "leaves";
 [[noreturn]] void refuse(const std::string& message) { throw Error(ErrorKind::usage, message); }
 
 std::uint64_t memory_of_task(const TiledJob& job) {
-  const std::uint64_t all = job.memory != 0 ? job.memory : TiledRun::free_memory() / 2;
+  const std::uint64_t all = HostMemory{job.memory, platform::free_memory()}.usable();
   return std::max(kLeastMemory, all / std::max(1u, job.workers));
 }
 
@@ -143,17 +145,24 @@ void refuse_stray_files(const std::vector<InputFile>& files, const std::vector<E
 
 // The place that is asked for, or that all inputs say.
 std::optional<Position> sensor_of(const TiledJob& job, const std::vector<std::shared_ptr<Source>>& sources) {
-  std::optional<Position> sensor = io::named_place(job.viewpoint);
-  if (!job.viewpoint.empty() && job.viewpoint != "none" && !sensor)
-    refuse("--viewpoint " + job.viewpoint + ": a run in tiles on disk takes one place for all points; give x,y,z");
-  if (job.viewpoint.empty()) {
-    sensor = io::common_sensor(*sources.front());
-    for (const auto& source : sources)
-      if (io::common_sensor(*source) != sensor) sensor.reset();
-  }
-  if (job.params.along == Along::ray && !sensor)
-    refuse("--along ray needs the place of the sensor, which is not known: give --viewpoint x,y,z");
+  if (!job.viewpoint.empty()) return io::named_place(job.viewpoint);
+  const std::optional<Position> sensor = io::common_sensor(*sources.front());
+  for (const auto& source : sources)
+    if (io::common_sensor(*source) != sensor) return std::nullopt;
   return sensor;
+}
+
+// Why the sensor of the job is not one that tiles can take; empty if it is.
+std::string why_not_this_sensor(const TiledJob& job, const std::optional<Position>& sensor) {
+  if (!job.viewpoint.empty() && job.viewpoint != "none" && !sensor)
+    return "--viewpoint " + job.viewpoint + ": a run in tiles on disk takes one place for all points; give x,y,z";
+  if (job.params.along == Along::ray && !sensor)
+    return "--along ray needs the place of the sensor, which is not known: give --viewpoint x,y,z";
+  return {};
+}
+
+void refuse_if(const std::string& why) {
+  if (!why.empty()) refuse(why);
 }
 
 // Positions from all over the inputs, and the zones that they show.
@@ -206,12 +215,6 @@ Survey survey(const std::vector<std::shared_ptr<Source>>& sources, std::uint64_t
 std::uint64_t points_in_memory(std::uint64_t memory, std::uint64_t bytes_per_point) {
   const std::uint64_t free = memory > 2 * kProcess ? memory - kProcess : memory / 2;
   return std::max<std::uint64_t>(1000, free / bytes_per_point);
-}
-
-// What a pipeline holds (pipeline.hpp), and beside it the input, the result and what became of each point.
-std::uint64_t bytes_of_tile_point(const Params& params) {
-  const int k = params.k == kAutomatic ? 0 : params.k;
-  return 150 + 8 * static_cast<std::uint64_t>(k);
 }
 
 std::uint64_t bytes_of_chunk(const InputChunk& chunk) { return kProcess + chunk.points * kBytesOfChunkPoint; }
@@ -286,20 +289,17 @@ int iterations_of(const Params& params) {
   return params.iterations == kAutomatic ? resolve_params(params, {}, {}, 1).iterations : params.iterations;
 }
 
+bool can_be_planned(const TiledJob& job, const std::shared_ptr<Source>& source) {
+  if (job.output == "-" || !why_not_in_parts(job.params).empty()) return false;
+  std::error_code ignored;
+  if (fs::equivalent(job.inputs.front(), job.output, ignored)) return false;
+  return why_not_this_sensor(job, sensor_of(job, {source})).empty() &&
+         io::why_not_streamed(*source, job.output, job.write, job.params.outliers == Outliers::mark).empty();
+}
+
 void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
   check_job(job);
-  if (job.params.connectivity == Connectivity::mesh)
-    refuse(
-        "--connectivity mesh cannot be used with a run in tiles on disk, which reads no faces; give it the memory for "
-        "the whole mesh, or leave it out");
-  if (job.params.method == Method::implicit)
-    refuse(
-        "--method implicit cannot be used with a run in tiles on disk: one system of equations holds all points; give "
-        "it the memory for the whole cloud, or use another method");
-  if (job.params.method == Method::learned)
-    refuse(
-        "--method learned cannot be used with a run in tiles on disk: a point's result depends on points at any "
-        "distance; give it the memory for the whole cloud, 760 bytes a point, or use another method");
+  refuse_if(why_not_in_parts(job.params));
   Plan plan;
   plan.write = job.write;
   plan.limits = job.limits;
@@ -311,7 +311,7 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
   for (InputFile file : files_of(job)) {
     file.fingerprint = fingerprint_of(file.path);
     const auto& source = sources.emplace_back(io::open_source(file.path, threads));
-    io::check_streamed_options(*source, file.output, job.write, job.params.outliers == Outliers::mark);
+    refuse_if(io::why_not_streamed(*source, file.output, job.write, job.params.outliers == Outliers::mark));
     if (job.limits.strength > 0) io::check_not_geographic(*source);
     check_attributes(source, job.limits, job.noise_attribute);
     const Params params = in_units_of_file(job.params, *source);
@@ -326,6 +326,7 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
     add_chunks(*source, plan);
   }
   plan.sensor = sensor_of(job, sources);
+  refuse_if(why_not_this_sensor(job, plan.sensor));
   plan.iterations = iterations_of(plan.params);
   Survey seen = io::with_threads(threads, [&] { return survey(sources, plan.points, plan.coordinate_step); });
   plan.origin = seen.zones.origin;

@@ -55,8 +55,6 @@ struct Plan {
 
 /// How many points may be in memory at once, each with everything that a task needs for it.
 std::uint64_t points_in_memory(std::uint64_t memory, std::uint64_t bytes_per_point);
-/// Of a tile, on the host.
-std::uint64_t bytes_of_tile_point(const Params& params);
 
 /// What a task takes of the memory: one that takes a chunk in, and one of a tile with what lies around it.
 std::uint64_t bytes_of_chunk(const InputChunk& chunk);
@@ -85,6 +83,8 @@ LeafTree cut_into_tiles(Plan& plan, std::span<Point> sample, std::uint64_t least
 /// As often as the parameters say: what is automatic does not depend on the cloud.
 int iterations_of(const Params& params);
 
+/// Whether tiles can do a job of one file, which this is: not every format, place of the sensor and method can be.
+bool can_be_planned(const TiledJob& job, const std::shared_ptr<Source>& source);
 /// Reads the inputs' headers and some of their points. Throws as TiledRun::plan. Writes the tree of leaves and, last,
 /// the plan.
 void make_plan(const TiledJob& job, const std::filesystem::path& work, unsigned threads);

@@ -10,6 +10,7 @@
 #include "pipeline/devices.hpp"
 #include "pipeline/outlier_marks.hpp"
 #include "pipeline/stage_settings.hpp"
+#include "scale/choice.hpp"
 #include "scale/denoise.hpp"
 #include "scale/emit.hpp"
 #include "scale/given.hpp"

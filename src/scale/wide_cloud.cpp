@@ -9,6 +9,7 @@
 #include "io/parallel.hpp"
 #include "io/placed_source.hpp"
 #include "platform/free_memory.hpp"
+#include "scale/choice.hpp"
 
 namespace pointfair::scale {
 namespace {
@@ -39,15 +40,14 @@ WideCloud::WideCloud(const Cloud& cloud, const Zones& zones, std::unique_ptr<Bac
 }
 
 bool WideCloud::can_run(const Params& params, bool has_one_sensor) {
-  return !needs_cpu_and_memory(params) && params.method != Method::learned &&
-         (params.along != Along::ray || has_one_sensor);
+  return why_not_in_parts(params).empty() && (params.along != Along::ray || has_one_sensor);
 }
 
 std::unique_ptr<Tasks> WideCloud::tasks_of(const WideJob& job, const MemoryFolder& work) {
   Plan plan;
   plan.params = job.params;
   plan.sensor = job.sensor;
-  plan.memory = platform::free_memory() / 2;
+  plan.memory = HostMemory{.free = platform::free_memory()}.usable();
   plan.points = source_->size();
   plan.iterations = iterations_of(job.params);
   plan.origin = zones_.origin;

@@ -42,13 +42,25 @@ class Usage(Case):
         self.assertEqual((every - usual) & known, known - {"--" + name.replace("_", "-") for name in USUAL})
         self.assertLessEqual({"--" + name.replace("_", "-") for name in USUAL}, usual)
         self.assertLessEqual(known, every)
-        self.assertLessEqual(len(usual), 24)
         self.assertLessEqual(usual | {"--format", "--columns", "--work"}, every)
+
+    def test_the_help_of_run_has_at_most_24_flags(self):
+        text = self.ok("run", "--help").stdout.decode()
+        self.assertLessEqual(len(re.findall(r"^  -", text, re.M)), 24, text)
 
     def test_a_mistyped_verb_is_guessed(self):
         self.fails(2, "rnu", "a", "b", says="did you mean run?")
         self.fails(2, "compaer", "a", "b", says="did you mean compare?")
         self.fails(2, "sharpen", says="--help")
+
+    def test_at_strength_0_a_run_copies_and_says_so(self):
+        cloud = write_ply(self.path("in.ply"), sphere_points(500, 0.01))
+        out, report = self.path("out.ply"), self.path("report.json")
+        said = self.ok("run", cloud, out, "--strength", 0, "--report", report).stderr.decode()
+        self.assertEqual(out.read_bytes(), cloud.read_bytes())
+        self.assertIn("500 points written as they were: --strength 0 moves none", said)
+        found = json.loads(report.read_text())
+        self.assertEqual((found["stages"], found["noise"]["before"], found["points"]), ([], None, 500))
 
     def test_wrong_command_lines(self):
         cloud = write_ply(self.path("in.ply"), sphere_points(20, 0.01))

@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+// Whether a cloud is computed in memory or in tiles on disk: the rule, and what jobs ask for.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+
+#include "pointfair/pointfair.hpp"
+#include "scale/choice.hpp"
+#include "shapes.h"
+
+namespace pointfair::scale {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::uint64_t kGiB = std::uint64_t{1} << 30;
+
+TEST(Choice, is_tiles_where_a_cloud_takes_more_than_half_of_what_is_free) {
+  const std::uint64_t points = 10'000'000;
+  const std::uint64_t needed = bytes_in_memory(points, {}, Device::cpu);
+  EXPECT_GE(needed, points * 174);
+  EXPECT_FALSE(needs_tiles(points, {}, Device::cpu, {.free = 2 * needed}));
+  EXPECT_TRUE(needs_tiles(points, {}, Device::cpu, {.free = 2 * needed - 2}));
+}
+
+TEST(Choice, goes_by_the_memory_that_is_given_whatever_is_free) {
+  const std::uint64_t needed = bytes_in_memory(1'000'000, {}, Device::cpu);
+  EXPECT_FALSE(needs_tiles(1'000'000, {}, Device::cpu, {.given = needed, .free = 1}));
+  EXPECT_TRUE(needs_tiles(1'000'000, {}, Device::cpu, {.given = needed - 1, .free = 1000 * kGiB}));
+}
+
+TEST(Choice, counts_lists_of_neighbours_and_what_a_card_holds_in_its_own_memory) {
+  Params list;
+  list.k = 100;
+  EXPECT_GT(bytes_in_memory(1000, list, Device::cpu), bytes_in_memory(1000, {}, Device::cpu) + 799'999);
+  EXPECT_LT(bytes_in_memory(1000, list, Device::cuda), bytes_in_memory(1000, {}, Device::cpu));
+}
+
+TEST(Choice, says_which_parameters_need_the_whole_cloud) {
+  Params mesh, implicit, learned;
+  mesh.connectivity = Connectivity::mesh;
+  implicit.method = Method::implicit;
+  learned.method = Method::learned;
+  for (const auto& [params, flag] : {std::pair(mesh, "--connectivity mesh"), std::pair(implicit, "--method implicit"),
+                                     std::pair(learned, "--method learned")})
+    EXPECT_TRUE(why_not_in_parts(params).starts_with(flag)) << why_not_in_parts(params);
+  EXPECT_EQ(why_not_in_parts({}), "");
+}
+
+class ChoiceOfJobs : public testing::Test {
+ protected:
+  ChoiceOfJobs() : folder_(fs::temp_directory_path() / ("pointfair_choice_" + std::to_string(::getpid()))) {
+    fs::create_directories(folder_);
+    Cloud cloud;
+    cloud.points = shapes::sphere(2000, 3);
+    write(folder_ / "in.ply", cloud);
+    job_.inputs = {folder_ / "in.ply"};
+    job_.output = folder_ / "out.ply";
+  }
+  ~ChoiceOfJobs() override { fs::remove_all(folder_); }
+
+  bool in_tiles(const fs::path& work = {}) const { return TiledRun::choose(job_, work, Device(Device::cpu)).in_tiles; }
+
+  fs::path folder_;
+  TiledJob job_;
+};
+
+TEST_F(ChoiceOfJobs, a_small_file_is_computed_in_memory) { EXPECT_FALSE(in_tiles()); }
+
+TEST_F(ChoiceOfJobs, tiles_that_are_asked_for_are_used) {
+  EXPECT_TRUE(in_tiles(folder_ / "work"));
+  job_.least_tiles = 2;
+  EXPECT_TRUE(in_tiles());
+}
+
+TEST_F(ChoiceOfJobs, a_memory_that_does_not_suffice_means_tiles) {
+  job_.memory = 2000 * 100;
+  EXPECT_TRUE(in_tiles());
+  job_.memory = 2000 * 1000;
+  EXPECT_FALSE(in_tiles());
+}
+
+TEST_F(ChoiceOfJobs, standard_input_has_no_size_that_a_memory_could_be_compared_with) {
+  job_.inputs = {"-"};
+  EXPECT_FALSE(in_tiles());
+  job_.memory = kGiB;
+  EXPECT_THROW(in_tiles(), Error);
+}
+
+}  // namespace
+}  // namespace pointfair::scale
