@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "estimate/beam_width.hpp"
 
-#include <algorithm>
 #include <cmath>
 
 #include "estimate/constants.hpp"
+#include "estimate/quantile.hpp"
 #include "point/sensor.h"
 #include "portable.hpp"
 
@@ -17,14 +17,10 @@ double distance(const Point& a, const Point& b) {
   return portable::hypot(double{a.x} - b.x, double{a.y} - b.y, double{a.z} - b.z);
 }
 
-double quantile(std::vector<double>& values, double share) {
-  const auto place = values.begin() + std::ptrdiff_t(share * double(values.size() - 1));
-  std::nth_element(values.begin(), place, values.end());
-  return *place;
-}
-
 // Of the logarithms of the middle four fifths.
-double spread(std::vector<double>& values) { return portable::log(quantile(values, 0.9) / quantile(values, 0.1)); }
+double spread(const std::vector<double>& values) {
+  return portable::log(quantile(values, 0.9) / quantile(values, 0.1));
+}
 
 }  // namespace
 

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "estimate/constants.hpp"
+#include "estimate/quantile.hpp"
 #include "point/sample.h"
 
 namespace pointfair {
@@ -59,9 +60,7 @@ double grid_step(std::span<const Point> rows, int axis, double rounding) {
   if (values.size() * kRepeats > all) return 0;
   std::vector<double> gaps;
   for (std::size_t i = 0; i < values.size(); ++i) gaps.push_back(values[i] - (i > 0 ? values[i - 1] : 0));
-  const auto middle = gaps.begin() + std::ptrdiff_t(gaps.size() / 2);
-  std::nth_element(gaps.begin(), middle, gaps.end());
-  const double step = *middle;
+  const double step = median(gaps);
   const auto alike =
       std::count_if(gaps.begin(), gaps.end(), [step](double gap) { return std::abs(gap - step) < kSameStep * step; });
   return 2 * std::size_t(alike) > gaps.size() && rounding < kSameStep * step ? step : 0;
@@ -150,12 +149,6 @@ std::optional<Offset> common_direction(std::span<const Point> rows, double round
       heights.push_back(point::dot(point::offset_between(rows[0], planes[j].place), direction));
   if (distinct(std::move(heights), kLevelGap * extent_of(rows)).size() < kSpans) return std::nullopt;
   return direction;
-}
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 // The gaps between the depths of whole disparities, which widen with the square of the distance.

@@ -15,6 +15,7 @@
 #include "estimate/coordinate_steps.hpp"
 #include "estimate/hidden_surface.hpp"
 #include "estimate/noise_levels.hpp"
+#include "estimate/quantile.hpp"
 #include "estimate/reach_levels.hpp"
 #include "estimate/repeats.hpp"
 #include "estimate/share_between.hpp"
@@ -22,17 +23,7 @@
 #include "portable.hpp"
 
 namespace pointfair {
-namespace {
-
 using namespace constants;
-
-double quantile(std::vector<double> values, double share) {
-  const auto place = values.begin() + std::ptrdiff_t(share * double(values.size() - 1));
-  std::nth_element(values.begin(), place, values.end());
-  return *place;
-}
-
-}  // namespace
 
 Frame frame_of(const CloudSample& sample) {
   if (sample.points.empty()) return {};
@@ -222,18 +213,17 @@ void cover_rounding(const CoordinateSteps& steps, std::vector<point::ResidualSam
 }
 
 // Adds the levels of the noise and of the reach, if there are enough samples.
-void add_local(Estimate& result, const LocalSamples& samples, std::vector<std::uint32_t> rows,
-               const ForEach& for_each) {
+void add_local(Estimate& result, LocalSamples& samples, const ForEach& for_each) {
   if (!(result.noise.sigma > 0) || samples.places.size() < kFewestSamples) return;
-  const Pools pools = rows.empty() ? Pools(samples.places, for_each) : Pools(std::move(rows));
-  LocalNoise noise = local_noise(samples, result.noise.sigma, pools, for_each);
+  if (samples.pools.empty()) samples.pools = pools_of(samples.places, for_each);
+  LocalNoise noise = local_noise(samples, result.noise.sigma, for_each);
   // between two sheets, places show both
   if (result.noise.gap == 0) result.noise.sigma = noise.typical;
   for_each(samples.residuals.empty() ? 1 : 2, [&](std::size_t which) {  // at the same time, since each has serial parts
     if (which == 0)
       result.levels = noise_levels(samples.places, std::move(noise.log_levels), for_each);
     else
-      result.reach_levels = reach_levels(samples, noise.at_samples, result.noise, pools, for_each);
+      result.reach_levels = reach_levels(samples, noise.at_samples, result.noise, for_each);
   });
 }
 
@@ -351,7 +341,8 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
     local.noise.push_back(samples.noise[i]);
     if (residuals) local.residuals.push_back((*residuals)[i]);
   }
-  add_local(result, local, pools_of_shown(samples), for_each);
+  local.pools = pools_of_shown(samples);
+  add_local(result, local, for_each);
   // min_neighbors end with kMaxMinNeighbors
   result.reach_levels = times(std::move(result.reach_levels),
                               std::sqrt(std::max(1.0, double(kMinNeighbors) * repeats / kMaxMinNeighbors)));

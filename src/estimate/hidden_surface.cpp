@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "estimate/constants.hpp"
+#include "estimate/quantile.hpp"
 
 namespace pointfair {
 namespace {
@@ -95,12 +96,11 @@ std::vector<bool> find_hidden_surface(NearestRows& rows, std::vector<point::Nois
   });
   std::copy_if(found.begin(), found.end(), std::back_inserter(hidden), [](double noise) { return noise < kEndless; });
   if (hidden.size() < std::max(kFewestHidden, std::size_t(kHiddenShare * double(looked_at)))) return {};
-  const auto middle = hidden.begin() + std::ptrdiff_t(hidden.size() / 2);
-  std::nth_element(hidden.begin(), middle, hidden.end());
+  const double typical = median(std::move(hidden));
   std::vector<bool> on_surface(samples.size(), true);
   for (std::size_t i = 0; i < samples.size(); ++i)
     if (i >= looked_at || found[i] == kEndless)
-      on_surface[i] = !(is_messy(samples[i]) && samples[i].sigma > kNoSurface * *middle);
+      on_surface[i] = !(is_messy(samples[i]) && samples[i].sigma > kNoSurface * typical);
   if (2 * std::count(on_surface.begin(), on_surface.end(), true) > std::ptrdiff_t(samples.size())) return {};
   for (std::size_t i = 0; i < looked_at; ++i)
     if (found[i] < kEndless) samples[i].sigma = found[i];

@@ -11,6 +11,7 @@
 
 #include "estimate/constants.hpp"
 #include "estimate/node_grid.hpp"
+#include "estimate/quantile.hpp"
 #include "portable.hpp"
 
 namespace pointfair {
@@ -40,45 +41,38 @@ const Curve& chance_medians() {
   return all;
 }
 
-// What the samples show whose neighbourhood is wide against the noise. The others show no noise.
+// What the samples show whose neighbourhood is wide against the noise; NaN of the others, which show no noise.
 struct Shown {
-  std::vector<Ranked> residuals;  // variances of each size of neighbourhood
-  Ranked spacings{{}};            // of the wide neighbourhoods
+  std::array<std::vector<double>, kSizes> variances;  // of each size of neighbourhood
+  std::vector<double> spacings;                       // of the wide neighbourhoods
 };
 
-Shown shown_by(const LocalSamples& samples, const ForEach& for_each) {
+Shown shown_by(const LocalSamples& samples) {
   const std::size_t count = samples.places.size();
-  std::array<std::vector<double>, kSizes + 1> values;  // the residuals of each size, then spacings
-  for (std::vector<double>& of_one : values) of_one.assign(count, kUnknown);
+  Shown shown;
+  shown.spacings.assign(count, kUnknown);
+  shown.variances.fill(shown.spacings);
   for (std::size_t i = 0; i < count; ++i) {
     if (!samples.noise[i].is_wide) continue;
-    values[kSizes][i] = samples.noise[i].spacing;
+    shown.spacings[i] = samples.noise[i].spacing;
     if (samples.residuals.empty()) continue;
     const point::ResidualSample& its = samples.residuals[i];
     const double found[] = {its.least, its.narrow, its.wide, its.widest};
     for (std::size_t size = 0; size < kSizes; ++size)
-      if (found[size] >= 0) values[size][i] = found[size] * found[size];
+      if (found[size] >= 0) shown.variances[size][i] = found[size] * found[size];
   }
-  Shown shown{std::vector<Ranked>(kSizes, Ranked({}))};
-  for_each(values.size(), [&](std::size_t which) {
-    (which == kSizes ? shown.spacings : shown.residuals[which]) = Ranked(values[which]);
-  });
   return shown;
-}
-
-// The median of the known values in a pool; unknown where fewer than half are known.
-double middle(std::span<const std::uint32_t> pool, const Ranked& values) {
-  return values.among(pool, [&](std::size_t known) { return 2 * known < pool.size() ? Ranked::kNoPlace : known / 2; });
 }
 
 // The variances at the place of the pool's first sample. A narrow neighbourhood cuts off what lies far from the
 // surface, so its variance is a lower bound. One that is below the typical noise is therefore unknown.
 Curve curve_of(std::span<const std::uint32_t> pool, const Shown& shown, double typical) {
-  const double spacing = middle(pool, shown.spacings);
+  const std::size_t half = (pool.size() + 1) / 2;  // as many must be known
+  const double spacing = median_known(pool, shown.spacings, half);
   Curve curve;
   curve.fill(kUnknown);
   for (std::size_t size = 0; size < kSizes; ++size) {
-    const double variance = middle(pool, shown.residuals[size]) / chance_medians()[size];
+    const double variance = median_known(pool, shown.variances[size], half) / chance_medians()[size];
     const double radius = spacing * std::sqrt(kCounts[size] / std::numbers::pi);
     const bool cut_off = variance < typical * typical && radius < kWideAgainstResiduals * std::sqrt(variance);
     if (!cut_off) curve[size] = variance;
@@ -164,25 +158,19 @@ void shrink(std::vector<double>& log_levels) {
   for (double& log_level : log_levels) log_level *= share;
 }
 
-double median_of(std::vector<double> values) {
-  const auto middle = values.begin() + std::ptrdiff_t((values.size() - 1) / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 }  // namespace
 
-LocalNoise local_noise(const LocalSamples& samples, double typical, const Pools& pools, const ForEach& for_each) {
-  const Shown shown = shown_by(samples, for_each);
+LocalNoise local_noise(const LocalSamples& samples, double typical, const ForEach& for_each) {
+  const Shown shown = shown_by(samples);
   std::vector<double> noise(samples.places.size()), log_levels(noise.size());
-  for_each(noise.size(), [&](std::size_t i) { noise[i] = noise_of(curve_of(pools.of(i), shown, typical), typical); });
-  const Ranked noises(noise);
+  for_each(noise.size(),
+           [&](std::size_t i) { noise[i] = noise_of(curve_of(samples.pool(i), shown, typical), typical); });
   for_each(noise.size(), [&](std::size_t i) {
-    const double median = median_known(pools.of(i).first(kSmoothed), noises).value_or(typical);
-    log_levels[i] = portable::log(median / typical);
+    const double median = median_known(samples.near(i), noise);
+    log_levels[i] = std::isnan(median) ? 0 : portable::log(median / typical);
   });
   shrink(log_levels);
-  const double log_typical = median_of(log_levels);
+  const double log_typical = quantile(log_levels, 0.5);
   const double largest = portable::log(kLargestLevel);
   for (double& log_level : log_levels) log_level = std::clamp(log_level - log_typical, -largest, largest);
   typical *= portable::exp(log_typical);
@@ -192,7 +180,7 @@ LocalNoise local_noise(const LocalSamples& samples, double typical, const Pools&
 
 std::shared_ptr<const NoiseLevels> noise_levels(const std::vector<Point>& places, std::vector<double> log_levels,
                                                 const ForEach& for_each) {
-  const auto levels = shared(NoiseLevels{levels_between(places, log_levels, for_each)});
+  auto levels = std::make_shared<NoiseLevels>(NoiseLevels{levels_between(places, log_levels, for_each)});
   levels->quantiles = quantiles_of(std::move(log_levels));
   return levels;
 }

@@ -52,7 +52,7 @@ double log_best_count(const Risks& risks) {
 }  // namespace
 
 std::shared_ptr<const NodeLevels> reach_levels(const LocalSamples& samples, const std::vector<double>& noise,
-                                               const Noise& typical, const Pools& pools, const ForEach& for_each) {
+                                               const Noise& typical, const ForEach& for_each) {
   const std::size_t count = samples.places.size();
   std::vector<Risks> risks(count);
   std::vector<double> log_levels(count), smooth(count);
@@ -61,13 +61,12 @@ std::shared_ptr<const NodeLevels> reach_levels(const LocalSamples& samples, cons
                unchanged = portable::log(std::max<double>(kReachPoints, typical.surface_points));
   for_each(count, [&](std::size_t i) {
     // a neighbourhood holds as many points as its area is large
-    const double log_level = (log_best_count(mean_of(pools.of(i), risks)) - unchanged) / 2;
+    const double log_level = (log_best_count(mean_of(samples.pool(i), risks)) - unchanged) / 2;
     const double fading = share_between(0, kNoiseOfWidth, noise[i] / samples.noise[i].spacing);
     log_levels[i] = (1 - typical.correlation) * (1 - fading) * std::clamp(log_level, -farthest, farthest);
   });
-  const Ranked ranked(log_levels);
-  for_each(count, [&](std::size_t i) { smooth[i] = *median_known(pools.of(i).first(kSmoothed), ranked); });
-  return shared(levels_between(samples.places, smooth, for_each));
+  for_each(count, [&](std::size_t i) { smooth[i] = median_known(samples.near(i), log_levels); });
+  return std::make_shared<const NodeLevels>(levels_between(samples.places, smooth, for_each));
 }
 
 }  // namespace pointfair

@@ -14,6 +14,6 @@ namespace pointfair {
 // K of Eq. 23: levels of the distance to the kMinNeighbors-th nearest. `noise`: standard deviations at the samples, all
 // of which have residuals; `typical`: that of the cloud. Noise that is fully correlated leaves all levels at 1.
 std::shared_ptr<const NodeLevels> reach_levels(const LocalSamples& samples, const std::vector<double>& noise,
-                                               const Noise& typical, const Pools& pools, const ForEach& for_each);
+                                               const Noise& typical, const ForEach& for_each);
 
 }  // namespace pointfair

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "estimate/constants.hpp"
+#include "estimate/quantile.hpp"
 #include "point/sample.h"
 
 namespace pointfair {
@@ -25,9 +26,7 @@ std::vector<double> squared_distances_by_rank(std::span<const Point> rows, int n
       of_rank.push_back(point::squared_length(point::offset_between(rows[first], rows[first + k])) / double(k));
     }
     if (of_rank.empty()) return {};
-    const auto middle = of_rank.begin() + std::ptrdiff_t(of_rank.size() / 2);
-    std::nth_element(of_rank.begin(), middle, of_rank.end());
-    result.push_back(*middle);
+    result.push_back(median(of_rank));
   }
   return result;
 }
