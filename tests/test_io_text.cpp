@@ -300,9 +300,7 @@ TEST(FilesText, SeveralAttributesAreReadAtOnce) {
             "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty uchar q\nproperty float y\nproperty "
             "float z\nproperty short r\nend_header\n1 7 2 3 -4\n"}}) {
     Cloud cloud = parse(bytes, name);
-    Attribute added = make_attribute<std::uint8_t>("more", ScalarType::uint8, {});
-    added.data.resize(cloud.points.size());
-    cloud.added = {added};
+    cloud.added = {make_attribute("more", ScalarType::uint8, std::vector<std::uint8_t>(cloud.points.size()))};
     Names all = names(cloud);
     ASSERT_GE(all.size(), 3U) << name;
     std::swap(all.front(), all.back());
