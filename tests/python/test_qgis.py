@@ -169,7 +169,8 @@ def qgis_process(tmp_path):
         (site / name).symlink_to(pathlib.Path(importlib.import_module(name).__file__).parent)
     own = {"HOME": tmp_path, "XDG_RUNTIME_DIR": tmp_path, "QGIS_CUSTOM_CONFIG_PATH": tmp_path / "settings",
            "QGIS_PLUGINPATH": FOLDER, "PYTHONPATH": site, "QT_QPA_PLATFORM": "offscreen"}
-    environment = {**os.environ, **{name: str(value) for name, value in own.items()}}
+    own["PATH"] = os.defpath  # QGIS takes the first python3 of the path for its own
+    environment = {name: str(value) for name, value in own.items()}
 
     def run(*words):
         return subprocess.run([program, *words], env=environment, capture_output=True, text=True, timeout=300)
