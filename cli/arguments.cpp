@@ -107,8 +107,8 @@ void add_limits(CLI::App& command, LimitArguments& arguments) {
     CLI::Option* const option =
         command.add_option_function<std::string>("--" + std::string(kLimitNames[i]), store, kHelp[i][1]);
     option->type_name(kHelp[i][0])->group("Limits")->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
-    const bool is_drawn =
-        kLimitNames[i] == "box" || kLimitNames[i] == "lasso";  // in the viewer, which writes the words
+    // These are drawn in the viewer, which writes the words.
+    const bool is_drawn = kLimitNames[i] == "box" || kLimitNames[i] == "lasso";
     if (is_drawn) option->group(kMoreGroup);
     const bool several = kLimitNames[i] == "where" || kLimitNames[i] == "ignore";
     if (several) option->multi_option_policy(CLI::MultiOptionPolicy::Join)->delimiter(';');

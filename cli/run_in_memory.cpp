@@ -123,6 +123,7 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
   Params with_marks = params;
   if (marks) with_marks.outliers = Outliers::mark;
   const bool copies = only_copies(arguments, params, limits);
+  if (copies) in_file_units(params, file_info(cloud).metres_per_unit);  // throws as a run does
   Cloud denoised = copies ? cloud : pipeline.run(with_marks, stop, [&](double share, std::string_view stage) {
     progress.show(share, stage);
   });

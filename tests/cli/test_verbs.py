@@ -61,6 +61,8 @@ class Usage(Case):
         self.assertIn("500 points written as they were: --strength 0 moves none", said)
         found = json.loads(report.read_text())
         self.assertEqual((found["stages"], found["noise"]["before"], found["points"]), ([], None, 500))
+        self.fails(2, "run", cloud, self.path("mm.ply"), "--strength", 0, "--noise", "5mm", says="unit")
+        self.assertFalse(self.path("mm.ply").exists())
 
     def test_wrong_command_lines(self):
         cloud = write_ply(self.path("in.ply"), sphere_points(20, 0.01))
