@@ -202,15 +202,17 @@ std::string refusal(const std::vector<std::byte>& bytes) {
 TEST(Learned, weights_that_do_not_fit_give_one_clear_line) {
   const std::vector<std::byte> sound = bytes_of(kWeightsFile);
   EXPECT_EQ(refusal(sound), "none");
-  std::vector<std::byte> cut(sound.begin(), sound.end() - 100), foreign(5000, std::byte('x')), newer = sound,
-                                                                                               damaged = sound;
-  newer[8] = std::byte(2);
+  std::vector<std::byte> cut(sound.begin(), sound.end() - 100), foreign(5000, std::byte('x')),
+      newer = sound, older = sound, damaged = sound;
+  newer[8] = std::byte(3);
+  older[8] = std::byte(1);
   damaged[5000] ^= std::byte(1);
   EXPECT_EQ(refusal(cut), "net.bin: the file of weights has 89504 bytes instead of 89604: it is cut or damaged");
   EXPECT_EQ(refusal({sound.begin(), sound.begin() + 20}), "net.bin: the file of weights is cut after 20 bytes");
   EXPECT_EQ(refusal(foreign), "net.bin: this is no file of weights for --method learned");
   EXPECT_EQ(refusal(newer),
-            "net.bin: the weights have version 2, and this program reads version 1; use a newer program");
+            "net.bin: the weights have version 3, and this program reads version 2; use a newer program");
+  EXPECT_EQ(refusal(older), "net.bin: the weights have version 1, and this program reads version 2: train them anew");
   EXPECT_EQ(refusal(damaged), "net.bin: the weights are damaged: their fingerprint does not fit");
 }
 

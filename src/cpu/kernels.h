@@ -106,7 +106,15 @@ struct NetCloud {
   float* sizes[point::net::kScales];
   std::uint8_t* states;       // rows of point::net::kChannels, as the next
   std::int16_t* stored[2];    // of every other layer
-  point::Vec3<float>* steps;  // in noises
+  point::Vec3<float>* steps;  // from where the default run put the point, in noises
+};
+
+// One round in which points slide apart (src/point/net.h).
+struct NetSlide {
+  const point::net::Place* starts;
+  const Index* list;  // of the finest scale
+  const point::Vec3<float>* from;
+  point::Vec3<float>* to;
 };
 
 // Each kernel treats the 16 points of one leaf.
@@ -156,6 +164,7 @@ struct Kernels {
 // Of the net, for the points from `first` to before `last`.
 struct NetKernels {
   const char* name;
+  void (*slide)(const NetSlide&, Index first, Index last);
   void (*begin)(const NetCloud&, const point::net::Weights&, Index first, Index last);
   void (*layer)(const NetCloud&, const point::net::Weights&, int layer, Index first, Index last);
 };

@@ -30,6 +30,45 @@ inline const Index* list_of(const NetCloud& cloud, int scale, Index i) {
   return cloud.lists[scale] + std::size_t(i) * net::kNeighbors;
 }
 
+inline void net_slide(const NetSlide& cloud, Index first, Index last) {
+  struct alignas(64) {
+    float x[net::kNeighbors], y[net::kNeighbors], z[net::kNeighbors], square[net::kNeighbors];
+  } of;
+  for (Index i = first; i < last; ++i) {
+    const net::Place& start = cloud.starts[i];
+    const point::Vec3<float> here = cloud.from[i];
+    cloud.to[i] = here;
+    if (!net::can_move(start)) continue;
+    const Index* const list = cloud.list + std::size_t(i) * net::kNeighbors;
+    for (int e = 0; e < net::kNeighbors; ++e) {
+      const point::Vec3<float>& there = cloud.from[list[e]];
+      of.x[e] = there.x;
+      of.y[e] = there.y;
+      of.z[e] = there.z;
+    }
+    const auto store_offset = [&](int at, point::Vec3<Floats> offset) {
+      store(of.x + at, offset.x);
+      store(of.y + at, offset.y);
+      store(of.z + at, offset.z);
+    };
+    for (int at = 0; at < net::kNeighbors; at += kLanes) {
+      const point::Vec3<Floats> there = {load(of.x + at), load(of.y + at), load(of.z + at)};
+      const auto offset = net::along_plane(there - net::spread_of<Floats>(here), net::spread_of<Floats>(start.normal));
+      store_offset(at, offset);
+      store(of.square + at, point::squared_length(offset));
+    }
+    float squares = 0;
+    for (const float square : of.square) squares = squares + square;
+    const Floats per_mean_square = broadcast(net::per_mean_square(squares));
+    for (int at = 0; at < net::kNeighbors; at += kLanes)
+      store_offset(
+          at, net::push_of(point::Vec3<Floats>{load(of.x + at), load(of.y + at), load(of.z + at)}, per_mean_square));
+    point::Vec3<float> pushes{};
+    for (int e = 0; e < net::kNeighbors; ++e) pushes = pushes + point::Vec3<float>{of.x[e], of.y[e], of.z[e]};
+    cloud.to[i] = net::slid(start, here, pushes);
+  }
+}
+
 // Means over a scale; with the normal as it is, so its heights may have the other sign.
 inline net::Scale measure_scale(const net::Place& here, const NeighborRows& rows) {
   struct alignas(64) {
@@ -79,7 +118,6 @@ inline void net_begin(const NetCloud& cloud, const net::Weights& weights, Index 
     here.normal = sides.up;
     cloud.places[i] = here;
     cloud.sides[i] = sides.side;
-    cloud.steps[i] = {0, 0, 0};
     int words[net::kPointWords];
     net::point_words(here, scales, words);
     SumRow sums(weights.input_bias, kRounding);
@@ -131,7 +169,7 @@ POINTFAIR_INLINE void summarise(const std::uint8_t (*hidden)[net::kChannels], st
   __builtin_memcpy(largest, most, sizeof most);
 }
 
-// One layer of points [first, last), and after the last one their steps in noises.
+// One layer of points [first, last), and after the last one their whole steps, within the trust.
 inline void net_layer(const NetCloud& cloud, const net::Weights& weights, int layer, Index first, Index last) {
   const net::Layer& its = weights.layers[layer];
   const int scale = net::kPlan[layer];

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
+#include <utility>
 #include <vector>
 
 #include "cpu/index.h"
@@ -49,9 +49,9 @@ class Net {
       for (std::size_t i = first; i < last; ++i) {
         const Index at = cloud.original[i];
         const net::Place& here = places_[i];
-        const bool moves = here.noise > 0 && std::isfinite(here.noise) && point::squared_length(here.normal) > 0;
-        if (!moves || classical_.held[at] != 0) continue;
-        const point::Vec3<float> moved = here.classical + here.noise * steps_[i];
+        if (!net::can_move(here) || classical_.held[at] != 0) continue;
+        const point::Vec3<float> moved =
+            point::Vec3<float>{cloud.x[i], cloud.y[i], cloud.z[i]} + here.noise * steps_[i];
         if (point::is_indexable(moved.x, moved.y, moved.z)) out[at] = {moved.x, moved.y, moved.z};
       }
     });
@@ -135,6 +135,7 @@ class Net {
                                classical_.noise[at]};
       }
     });
+    slide();
     const NetCloud view{measured_places_.data(),
                         {lists_of_[0], lists_of_[1], lists_of_[2], lists_of_[3]},
                         places_.data(),
@@ -146,6 +147,27 @@ class Net {
     for_points([&](Index first, Index last) { net_kernels_.begin(view, weights_, first, last); });
     for (int layer = 0; layer < net::kLayers; ++layer)
       for_points([&](Index first, Index last) { net_kernels_.layer(view, weights_, layer, first, last); });
+  }
+
+  // Moves what the net reads as the classical places, and begins the steps with that.
+  void slide() {
+    for_points([&](Index first, Index last) {
+      for (Index i = first; i < last; ++i) steps_[i] = measured_places_[i].classical;
+    });
+    point::Vec3<float>*from = steps_.data(), *to = sides_.data();
+    for (int round = 0; round < net::kSlides; ++round) {
+      const NetSlide slide{measured_places_.data(), lists_of_[0], from, to};
+      for_points([&](Index first, Index last) { net_kernels_.slide(slide, first, last); });
+      std::swap(from, to);
+    }
+    for_points([&](Index first, Index last) {
+      for (Index i = first; i < last; ++i) {
+        net::Place& here = measured_places_[i];
+        const point::Vec3<float> slid = from[i], way = slid - here.classical;
+        steps_[i] = net::can_move(here) ? net::in_noises(here, way) : point::Vec3<float>{};
+        here.classical = slid;
+      }
+    });
   }
 
   template <class Body>

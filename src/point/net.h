@@ -17,7 +17,7 @@ inline constexpr int kSumShift = 6;     // from sums to activations
 inline constexpr int kStoredShift = 3;  // from sums to what is kept of each neighbour, in 16 bits
 inline constexpr float kSumStep = 1.0f / 2048;
 inline constexpr float kClip = 4.0f;  // noises, of heights that gates weigh
-inline constexpr float kLeast = 1e-30f;
+inline constexpr float kLeast = 1e-30f, kLargest = 0x1.fffffep127f;
 
 // How a value becomes a whole number from 0 to 127: floor(factor * value + offset + 1/2).
 struct Coding {
@@ -45,6 +45,39 @@ struct Place {
   Vec3<float> classical, normal, measured;
   float noise;
 };
+
+// Others keep the place that the default run gave them.
+POINTFAIR_INLINE bool can_move(const Place& here) {
+  return here.noise > 0 && here.noise <= kLargest && squared_length(here.normal) > 0;
+}
+
+// Before the net reads them, points slide apart along the surface. In each of kSlides rounds neighbours push a point
+// along its plane, each by its offset o in that plane times (1 - o^2 / m)^4, 0 beyond, where m is the mean of o^2; the
+// point goes kSlide times the sum, at most kFarthestSlide noises away from where the default run put it.
+inline constexpr int kSlides = 4;
+inline constexpr float kSlide = 0.4f, kFarthestSlide = 1.0f;
+
+template <class F>
+POINTFAIR_INLINE Vec3<F> along_plane(Vec3<F> offset, Vec3<F> normal) {
+  return offset - dot(offset, normal) * normal;
+}
+template <class F>
+POINTFAIR_INLINE Vec3<F> push_of(Vec3<F> offset, F per_mean_square) {
+  const F near = larger(F(0.0f), F(1.0f) - squared_length(offset) * per_mean_square), square = near * near;
+  return (square * square) * offset;
+}
+POINTFAIR_INLINE float per_mean_square(float sum_of_squares) {
+  return 1.0f / larger(sum_of_squares * (1.0f / kNeighbors), kLeast);
+}
+// The way of a point from where the default run put it, in noises.
+POINTFAIR_INLINE Vec3<float> in_noises(const Place& start, Vec3<float> way) {
+  return {way.x / start.noise, way.y / start.noise, way.z / start.noise};
+}
+POINTFAIR_INLINE Vec3<float> slid(const Place& start, Vec3<float> place, Vec3<float> pushes) {
+  const Vec3<float> way = in_noises(start, (place - start.classical) - kSlide * pushes);
+  const float length = square_root(squared_length(way));
+  return start.classical + start.noise * ((kFarthestSlide / larger(length, kFarthestSlide)) * way);
+}
 
 // A neighbour, or a pack of them.
 template <class F>
@@ -178,7 +211,7 @@ struct Weights {
   float squared_trust;  // noises
 };
 
-// A step in noises: one longer than the trust becomes trust^2 over its length.
+// A way in noises: one longer than the trust becomes trust^2 over its length.
 POINTFAIR_INLINE Vec3<float> trusted(Vec3<float> step, float squared_trust) {
   const float square = squared_length(step);
   return square > squared_trust ? (squared_trust / square) * step : step;

@@ -18,7 +18,7 @@ namespace {
 namespace net = point::net;
 
 constexpr std::string_view kMagic = "pfweight";
-constexpr std::uint32_t kVersion = 1;
+constexpr std::uint32_t kVersion = 2;
 constexpr std::size_t kHeader = 28;
 constexpr std::size_t kWord = 4;  // weights of an output that lie together
 
@@ -101,7 +101,7 @@ NetWeights::NetWeights(std::span<const std::byte> file, const std::string& name)
   const auto version = number_at<std::uint32_t>(file, 8);
   if (version != kVersion)
     refuse("the weights have version " + std::to_string(version) + ", and this program reads version " +
-           std::to_string(kVersion) + (version > kVersion ? "; use a newer program" : ""));
+           std::to_string(kVersion) + (version > kVersion ? "; use a newer program" : ": train them anew"));
   const std::span<const std::byte> payload = file.subspan(kHeader);
   if (number_at<std::uint32_t>(file, 12) != kPayload || payload.size() != kPayload)
     refuse("the file of weights has " + std::to_string(file.size()) + " bytes instead of " +

@@ -2,7 +2,7 @@
 // The weights of method learned: a file of whole numbers, as training/net/export.py writes it.
 //
 //   bytes 0-7    "pfweight"
-//   8-11         version, of the net's shape (src/point/net.h) and of this layout
+//   8-11         version, of the net (src/point/net.h) and of this layout
 //   12-15        bytes of the weights
 //   16-23        fingerprint of the weights: FNV-1a, 64 bits
 //   24-27        trust, float

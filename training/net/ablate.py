@@ -37,18 +37,19 @@ EVERY = 8  # clouds, of which one is held out
 class AlongNormal(model.Net):
     """What the step has across the normal is left out."""
 
-    def core(self, points, edges, vectors, lists, normal, back):
+    def core(self, points, edges, vectors, lists, normal, back, slide):
         normals = [normal[:, None, None] * (v * normal[:, None, None]).sum(3, keepdim=True) for v in vectors]
-        return super().core(points, edges, normals, lists, normal, model.dot(back, normal)[:, None] * normal)
+        back = model.dot(back, normal)[:, None] * normal
+        return super().core(points, edges, normals, lists, normal, back, torch.zeros_like(slide))
 
 
 class ThreeScales(model.Net):
     """The list of every 16th point stands in for that of every 64th."""
 
-    def core(self, points, edges, vectors, lists, normal, back):
+    def core(self, points, edges, vectors, lists, normal, back, slide):
         finer = lambda scales: [*scales[:3], scales[2]]
         points = torch.cat([points[:, :18], points[:, 12:18], points[:, 24:27], points[:, 26:27]], 1)
-        return super().core(points, finer(edges), finer(vectors), finer(lists), normal, back)
+        return super().core(points, finer(edges), finer(vectors), finer(lists), normal, back, slide)
 
 
 NETS = {"along the normal": AlongNormal, "three scales": ThreeScales}

@@ -11,7 +11,7 @@ import torch
 
 import spec
 
-MAGIC, VERSION = b"pfweight", 1
+MAGIC, VERSION = b"pfweight", 2
 
 
 def fingerprint(data):

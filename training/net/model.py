@@ -124,13 +124,30 @@ def of_scale(measured, y, n, noise, index, side):
     return features, vectors, of_point, size
 
 
+def slid(start, normal, noise, index):
+    """Where points lie after they slid apart along the surface, at most one noise each; `noise` is positive."""
+    place, own, unit = start, normal[:, None], noise[:, None]
+    moves = (dot(normal, normal) > 0)[:, None]
+    for _ in range(spec.SLIDES):
+        offset = place[index] - place[:, None]
+        across = offset - dot(offset, own)[..., None] * own
+        square = dot(across, across)
+        near = (1 - square / square.mean(1, keepdim=True).clamp_min(1e-30)).clamp_min(0) ** 4
+        way = ((place - start) - spec.SLIDE * (near[..., None] * across).sum(1)) / unit
+        way = way * (spec.FARTHEST_SLIDE / dot(way, way).sqrt().clamp_min(spec.FARTHEST_SLIDE))[:, None]
+        place = torch.where(moves, start + unit * way, start)
+    return place
+
+
 class Geometry:
     """All that the net reads of a cloud, without gradients: features of points and edges, and the vectors that gates
-    weigh. `lists` holds the neighbours of each point, scale by scale."""
+    weigh. `lists` holds the neighbours of each point, scale by scale, among the places where it starts."""
 
-    def __init__(self, measured, classical, normal, noise, lists):
+    def __init__(self, measured, start, normal, noise, lists):
         self.lists = lists
-        self.classical, self.noise = classical, noise
+        classical = slid(start, normal, noise, lists[0])
+        self.start, self.noise = start, noise
+        self.slide = (classical - start) / noise[:, None]
         self.back = (measured - classical) / noise[:, None]
         offset = classical[lists[1]].sub(classical[:, None]).mean(1)
         up = torch.where(dot(offset, normal) < 0, -1.0, 1.0)
@@ -157,10 +174,10 @@ class Net(nn.Module):
         self.layers = nn.ModuleList(Layer(i >= spec.GATED) for i in range(len(spec.PLAN)))
         self.output = Linear(spec.CHANNELS, spec.OUTPUTS, gain=0.1)
 
-    def core(self, points, edges, vectors, lists, normal, back):
-        """The step of each point, in noises."""
+    def core(self, points, edges, vectors, lists, normal, back, slide):
+        """The way of each point, in noises."""
         state = activation(self.input(points))
-        step = torch.zeros_like(normal)
+        step = slide
         for layer, scale in zip(self.layers, spec.PLAN):
             state, gate = layer(state, lists[scale], edges[scale])
             if gate is not None:
@@ -172,4 +189,5 @@ class Net(nn.Module):
         return step * torch.where(square > trust, trust / square.clamp_min(trust), torch.ones_like(square))
 
     def forward(self, g):
-        return g.classical + g.noise[:, None] * self.core(g.points, g.edges, g.vectors, g.lists, g.normal, g.back)
+        way = self.core(g.points, g.edges, g.vectors, g.lists, g.normal, g.back, g.slide)
+        return g.start + g.noise[:, None] * way

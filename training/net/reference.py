@@ -23,7 +23,7 @@ class Weights:
         data = open(path, "rb").read()
         assert data[:8] == b"pfweight"
         version, size, _, self.trust = struct.unpack("<IIQf", data[8:28])
-        assert version == 1 and size == len(data) - 28
+        assert version == 2 and size == len(data) - 28
         self.data, self.at = data, 28
         c = spec.CHANNELS
         self.input, self.input_bias = self.matrix(c, spec.POINT_FEATURES), self.bias(c)
@@ -98,6 +98,29 @@ def activations(sums):
     return np.clip((sums + 32) >> 6, 0, 127)
 
 
+def can_move(normal, noise):
+    return ((noise > 0) & np.isfinite(noise) & (dot(normal, normal) > 0))[:, None]
+
+
+def slid(start, normal, noise, index):
+    """Where points lie after they slid apart along the surface."""
+    moves, place, own = can_move(normal, noise), start, normal[:, None]
+    unit = np.where(moves, noise[:, None], F(1))
+    for _ in range(spec.SLIDES):
+        offset = place[index] - place[:, None]
+        across = offset - dot(offset, own)[..., None] * own
+        square = dot(across, across)
+        per_mean = F(1) / np.fmax(summed(square) * (F(1) / F(K)), F(1e-30))
+        near = np.fmax(F(0), F(1) - square * per_mean[:, None])
+        near = near * near
+        push = summed((near * near)[..., None] * across)
+        way = ((place - start) - F(spec.SLIDE) * push) / unit
+        length = np.sqrt(dot(way, way))[:, None]
+        way = (F(spec.FARTHEST_SLIDE) / np.fmax(length, F(spec.FARTHEST_SLIDE))) * way
+        place = np.where(moves, start + unit * way, start)
+    return place
+
+
 class Edges:
     def __init__(self, classical, normal, measured, noise, index):
         own = normal[:, None]
@@ -167,15 +190,18 @@ def point_features(scales, up, turned, back, noise):
     return np.stack(columns, 1)
 
 
-def refine(weights, measured, classical, normal, noise, corner):
-    measured, classical, normal, noise = (np.ascontiguousarray(a, F) for a in (measured, classical, normal, noise))
-    lists = lists_of(classical, corner)
+def refine(weights, measured, start, normal, noise, corner):
+    measured, start, normal, noise = (np.ascontiguousarray(a, F) for a in (measured, start, normal, noise))
+    lists = lists_of(start, corner)
+    classical = slid(start, normal, noise, lists[0])
     scales = [Edges(classical, normal, measured, noise, index).scale() for index in lists]
     up, side = sides_of(normal, scales[1][0])
     turned = dot(scales[1][0], normal) < 0
     back = measured - classical
     state = activations(point_features(scales, up, turned, back, noise) @ weights.input.T + weights.input_bias)
-    step = np.zeros_like(classical)
+    moves = can_move(normal, noise)
+    unit = np.where(moves, noise[:, None], F(1))
+    step = (classical - start) / unit
     for layer, s in zip(weights.layers, spec.PLAN):
         edges, index, size = Edges(classical, up, measured, noise, lists[s]), lists[s], scales[s][1]
         there = np.clip((state @ layer["other"].T + 4) >> 3, -32768, 32767)
@@ -193,8 +219,7 @@ def refine(weights, measured, classical, normal, noise, corner):
     step = (step + out[:, :1] * up) + (out[:, 1] / noise)[:, None] * back
     square, trust = dot(step, step)[:, None], F(weights.trust) * F(weights.trust)
     step = np.where(square > trust, (trust / np.where(square > 0, square, F(1))) * step, step)
-    moves = (noise > 0) & (dot(normal, normal) > 0)
-    return np.where(moves[:, None], classical + noise[:, None] * step, classical)
+    return np.where(moves, start + unit * step, start)
 
 
 if __name__ == "__main__":

@@ -13,7 +13,11 @@ GATES = 3  # vectors of an edge that a gated layer weighs
 POINT_FEATURES = 28
 EDGE_FEATURES = 12
 OUTPUTS = 2  # coefficients of the normal, and of the way back to the measured place
-TRUST = 2.0  # noises; a longer step d becomes TRUST^2 / d
+TRUST = 1.0  # noises; a longer way d from the default run becomes TRUST^2 / d
+
+SLIDES = 4  # rounds in which points slide apart along the surface, before the net
+SLIDE = 0.4  # of the weighted sum of offsets
+FARTHEST_SLIDE = 1.0  # noises
 
 ACTIVATION = 32.0  # steps of an activation in 1
 WEIGHT = 64.0

@@ -13,12 +13,12 @@ namespace net = point::net;
 // nothing, and no list names them.
 struct NetCloud {
   Index places;
-  float4* classical;           // and the noise
+  float4* classical;           // and the noise; from slide_apart() on where the point slid
   const float4* given_normal;  // and x of the measured position
   float4* normal;              // the same, the normal on the side of the neighbours
   const float2* measured;      // y and z
   Vec* side;
-  Vec* step;  // noises
+  Vec* step;  // from where the default run put the point, in noises
   float* size[net::kScales];
   net::Scale* scale[net::kScales];  // until the first state is made
   unsigned* state;                  // kChannelWords of each

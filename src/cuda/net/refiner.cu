@@ -76,23 +76,36 @@ void Refiner::run(const NetWeights& weights, const std::uint8_t* held, Point* ou
   end_net(context_, cloud, its, index_.tree(), held, out);
 }
 
-// From coarse to fine, so that the lists of the first layers are there.
 void Refiner::begin(const net::Weights& weights, const std::stop_token& stop) {
   const std::size_t places = index_.leaves() * kLeafSize;
+  side_.resize(places);
+  step_.resize(places);
+  slide_apart();
   size_.resize(net::kScales * places);
   scale_.resize(net::kScales * places);
-  for (int s = net::kScales - 1; s >= 0; --s) {
+  for (const int s :
+       {3, 2, 0, 1}) {  // so that the lists of the first layers are there, and that of 0 is not found again
     measure_scale(context_, view(), s, list_of(s));
     pace(stop);
   }
   normal_.resize(places);
-  side_.resize(places);
-  step_.resize(places);
   state_.resize(places * net::kChannelWords);
   begin_net(context_, view(), weights);
   scale_.release();
   given_normal_.release();
   stored_.resize(places * net::kChannelWords);
+}
+
+void Refiner::slide_apart() {
+  const NetCloud cloud = view();
+  const Index* const list = list_of(0);
+  begin_slides(context_, cloud);
+  static_assert(net::kSlides % 2 == 0);
+  for (int round = 0; round < net::kSlides; round += 2) {
+    slide(context_, cloud, list, step_.data(), side_.data());
+    slide(context_, cloud, list, side_.data(), step_.data());
+  }
+  end_slides(context_, cloud);
 }
 
 const Index* Refiner::list_of(int scale) {

@@ -42,6 +42,7 @@ class Refiner {
   };
 
   void begin(const net::Weights& weights, const std::stop_token& stop);
+  void slide_apart();
   const Index* list_of(int scale);
   void find_list(int scale, Index* list);
   void find_nearest(Index* list);
