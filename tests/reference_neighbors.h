@@ -28,7 +28,7 @@ inline double length(Vec a) { return std::sqrt(dot(a, a)); }
 inline Vec to_vec(Point p) { return {p.x, p.y, p.z}; }
 inline Point to_point(Vec v) { return {float(v.x), float(v.y), float(v.z)}; }
 
-// A run with every value settled; lengths in file units, 0 for "no limit".
+// A run with nothing automatic; lengths in file units, 0 for "no limit".
 struct Settings {
   int k = 0;
   double radius = 0;

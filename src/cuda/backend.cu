@@ -82,9 +82,9 @@ OutlierCounts CudaBackend::download(int iteration, std::span<Point> points, cons
   leaving_.begin();
   if (Leaving::holds_back(iteration, limits)) {
     from.join();
-    DeviceArray<Point> settled(context_);
-    leaving_.hold_back(uploaded_, from, limits, outliers, settled);
-    copy_out(settled.data(), points);
+    DeviceArray<Point> limited(context_);
+    leaving_.hold_back(uploaded_, from, limits, outliers, limited);
+    copy_out(limited.data(), points);
   } else {
     std::fill(outliers.begin(), outliers.end(), std::uint8_t(0));
     if (links_.any()) {
@@ -189,7 +189,7 @@ void CudaBackend::forget_cloud(std::size_t points) {
   arrived_ = nullptr;
   batch_.reset();
   clouds_.clear();
-  settled_.resize(0);
+  limited_.resize(0);
 }
 
 void CudaBackend::begin_upload(std::span<const Point> points, IndexOrder expected, bool timed) {

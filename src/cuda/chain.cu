@@ -145,7 +145,7 @@ point::Sensors Chain::sensors(const std::shared_ptr<const SensorPlaces>& places)
 }
 
 void Chain::measure_levels() {
-  if (!neighbors_.levels && index_.tree().rules == nullptr) return squared_level_.release();
+  if (!neighbors_.levels && index_.tree().settings == nullptr) return squared_level_.release();
   squared_level_.resize(index_.leaves() * kLeafSize);
   cuda::measure_levels(context_, index_.tree(), noise_levels_.of(neighbors_.levels), squared_level_.data());
 }
@@ -232,11 +232,10 @@ void Chain::run_waiting_normals(const std::stop_token& stop) {
   if (!normals_wait_) return;
   clear_unmoved();
   if (neighbors_.k > 0) {
-    cuda::estimate_normals(context_, index_.tree(), index_.state(), lists(), normal_rule(normal_settings_).weights,
-                           normals());
+    cuda::estimate_normals(context_, index_.tree(), index_.state(), lists(),
+                           point::normal_weights(normal_settings_.sigma), normals());
   } else {
-    estimate_wide_normals(context_, index_.tree(), index_.state(), surroundings(stop_), normal_rule(normal_settings_),
-                          normals());
+    estimate_wide_normals(context_, index_.tree(), index_.state(), surroundings(stop_), normal_settings_, normals());
   }
   filter_normals(stop);
   normals_wait_ = false;
@@ -250,11 +249,9 @@ void Chain::filter_normals(const std::stop_token& stop) {
     pace(stop);
     filtered.resize(3 * places);
     const bool is_last = round + 1 == normal_settings_.filter_rounds;
-    cuda::filter_normals(
-        context_, index_.tree(), surroundings(stop_), normal_rule(normal_settings_),
-        point::inverse_turn(normal_settings_.crease_angle), normals(), further_shares(),
-        {filtered.data(), filtered.data() + places, filtered.data() + 2 * places},
-        {growth_rule(neighbors_, normal_settings_), is_last && radii_grow() ? squared_growth_.data() : nullptr});
+    cuda::filter_normals(context_, index_.tree(), surroundings(stop_), normal_settings_, normals(), further_shares(),
+                         {filtered.data(), filtered.data() + places, filtered.data() + 2 * places},
+                         is_last && radii_grow() ? squared_growth_.data() : nullptr);
     normals_.swap(filtered);
   }
 }
@@ -290,15 +287,15 @@ void Chain::fair(const FairingSettings& settings, bool leaving, std::stop_token 
   if (settings.method != Method::bilateral) return fair_by_method(settings, areas, faired, stop);
   if (!plain) {
     run_waiting_normals(stop);
-    fair_widely(context_, index_.tree(), grown_surroundings(stop_), normals(), areas,
-                fairing_rule(settings, neighbors_.k > 0), sensors(settings.sensors),
-                {squared_levels(), settings.is_further ? further_shares() : nullptr}, faired);
+    fair_widely(context_, index_.tree(), grown_surroundings(stop_), normals(), areas, settings,
+                sensors(settings.sensors), {squared_levels(), settings.is_further ? further_shares() : nullptr},
+                faired);
   } else if (normals_wait_) {
     clear_unmoved();
     normals_wait_ = false;
     if (leaving && power == 0 && faired.staged == nullptr) return fair_first_part_first(weights, faired);
     estimate_normals_and_fair(context_, index_.tree(), index_.state(), index_.all_leaves(), lists(),
-                              normal_rule(normal_settings_).weights, normals(), areas, weights, faired);
+                              point::normal_weights(normal_settings_.sigma), normals(), areas, weights, faired);
   } else {
     cuda::fair(context_, index_.tree(), lists(), normals(), areas, weights, faired);
   }
@@ -309,7 +306,8 @@ void Chain::fair_first_part_first(point::BilateralWeights weights, const FairedP
   first_part_ = index_.points() / 4;
   const auto fair_between = [&](std::size_t begin, std::size_t end) {
     estimate_normals_and_fair_between(context_, index_.tree(), index_.state(), lists(),
-                                      normal_rule(normal_settings_).weights, normals(), weights, faired, begin, end);
+                                      point::normal_weights(normal_settings_.sigma), normals(), weights, faired, begin,
+                                      end);
   };
   fair_between(0, first_part_);
   first_part_done_.record(context_.stream());
@@ -322,7 +320,7 @@ void Chain::fair_by_parts(point::BilateralWeights weights) {
   const FairedPoints faired{faired_.data(), input_, index_.points(), nullptr, nullptr, nullptr};
   overlap_.fair([&](LeafRange leaves) {
     estimate_normals_and_fair(context_, index_.tree(), index_.state(), leaves, lists(),
-                              normal_rule(normal_settings_).weights, normals(), {}, weights, faired);
+                              point::normal_weights(normal_settings_.sigma), normals(), {}, weights, faired);
   });
   normals_wait_ = false;
 }

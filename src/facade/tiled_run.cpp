@@ -180,7 +180,7 @@ TiledReport TiledRun::report() const {
     for (const WorkStep& step : steps)
       if (folder.count_done(step) < folder.tasks_of(step))
         throw Error(ErrorKind::usage, "step " + step.name() + " is not finished");
-    state_->settled_settings();
+    state_->settings();
     report.points = folder.plan.points;
     report.tiles = folder.plan.tiles;
     report.params = state_->params();

@@ -150,13 +150,10 @@ void Pipeline::State::run_groups(const std::vector<Group>& groups, std::size_t w
 }
 
 void Pipeline::State::run_stages_of_all(Backend& backend, const Params& used, const std::stop_token& stop) {
-  Settings settings = settings_of(used, {});
+  FramedSettings settings{settings_of(used, {}), {}};
   for (int iteration = 0; iteration < used.iterations; ++iteration) {
-    backend.build_index(iteration, std::nullopt, stop);
-    backend.find_neighbors(iteration, settings.neighbors, stop);
-    backend.estimate_normals(iteration, settings.normals, stop);
     settings.fairing.is_further = iteration > 0;
-    backend.fair(iteration, settings.fairing, false, stop);
+    run_stages(backend, iteration, settings, stop);
   }
 }
 

@@ -28,7 +28,7 @@ struct OneCloud {
   std::uint32_t first = 0, end = 0;  // of its points in upload order
   CloudSample sample;
   std::size_t spacing_at = 0, spacings = 0, noise_at = 0, noises = 0;  // its queries among those of all
-  ManyClouds::OfCloud settings;
+  FramedSettings settings;
   int iterations = 1;
   bool is_alone = false;
 };
@@ -153,10 +153,7 @@ class Measuring {
     Settings settings = settings_of(used, followed);
     // radii of clouds that run together follow the levels of the noise; those that are given do not
     cloud.is_alone = cloud.is_alone || (settings.neighbors.levels && !settings.neighbors.radius_follows);
-    cloud.settings.neighbors = std::move(settings.neighbors);
-    cloud.settings.normals = settings.normals;
-    cloud.settings.fairing = settings.fairing;
-    cloud.settings.limits = std::move(settings.limits);
+    static_cast<Settings&>(cloud.settings) = std::move(settings);
     cloud.iterations = used.iterations;
   }
 
@@ -176,7 +173,7 @@ int kind_of_list(int neighbors) {
 
 // What must be alike of clouds that run together.
 auto kind_of(const OneCloud& cloud) {
-  const ManyClouds::OfCloud& its = cloud.settings;
+  const FramedSettings& its = cloud.settings;
   return std::tuple(kind_of_list(its.neighbors.min_neighbors), its.normals.filter_rounds, its.normals.crease_angle > 0,
                     its.normals.flat_scale > 1, its.fairing.noise > 0, its.fairing.outlier_distance > 0,
                     its.limits.farthest > 0, cloud.iterations);
@@ -197,7 +194,7 @@ std::vector<std::uint32_t> run_by_estimates(Backend& backend, std::span<const Po
     (clouds[i].is_alone ? alone : kinds[kind_of(clouds[i])]).push_back(i);
   }
   for (const auto& [kind, numbers] : kinds) {
-    std::vector<ManyClouds::OfCloud> settings;
+    std::vector<FramedSettings> settings;
     for (const std::uint32_t i : numbers) settings.push_back(clouds[i].settings);
     backend.many_clouds()->run(numbers, settings, clouds[numbers[0]].iterations, stop);
   }

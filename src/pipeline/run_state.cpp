@@ -117,7 +117,7 @@ void Pipeline::State::measure(bool with_spacing, bool with_noise, IndexOrder ord
 void Pipeline::State::look_at_neighbors(IndexOrder order, const std::stop_token& stop,
                                         const std::function<void(Sampling&)>& estimate) {
   execute(plan_index(cloud.cached, order), 1, false, stop, {});
-  log_.settle(cloud.backend());  // waits for the index, which has its own time
+  log_.collect(cloud.backend());  // waits for the index, which has its own time
   const auto start = Clock::now();
   estimate(cloud.backend().sampling());
   log_.note("estimate", milliseconds_since(start));
@@ -252,7 +252,7 @@ void Pipeline::State::run_to_end(const Params& params, const Delivery& to, const
   Counts counts = backend.counts(last);
   // who moved once and lost its neighbours or its normal in a further iteration did not keep its place
   if (last > 0) counts.unmoved = backend.counts(0).unmoved;
-  const Costs costs = log_.settle(backend);
+  const Costs costs = log_.collect(backend);
 
   unfinished_ = false;
   outliers = std::move(marks);
@@ -314,7 +314,7 @@ void Pipeline::State::run_stage(const Step& step, bool leaves, const std::stop_t
 }
 
 void Pipeline::State::drop_times_of_failed_run() {
-  if (std::exchange(unfinished_, false)) log_.settle(cloud.backend());
+  if (std::exchange(unfinished_, false)) log_.collect(cloud.backend());
 }
 
 // The iteration whose normals can be told.

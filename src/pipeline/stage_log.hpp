@@ -31,7 +31,7 @@ class StageLog {
   // A call of a backend; counts only if the backend has no clock of its own.
   void note_call(std::string_view name, double milliseconds) { calls_.push_back({std::string(name), milliseconds}); }
   // Takes the times of the calls since the last time. Waits for them.
-  Costs settle(Backend& backend) {
+  Costs collect(Backend& backend) {
     Costs costs = backend.take_costs();
     for (const StageTime& stage : costs.stages.empty() ? calls_ : costs.stages) note(stage.name, stage.milliseconds);
     calls_.clear();

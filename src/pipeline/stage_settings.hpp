@@ -10,14 +10,6 @@
 
 namespace pointfair {
 
-struct Settings {
-  NeighborSettings neighbors;
-  NormalSettings normals;
-  FairingSettings fairing;
-  DisplacementLimits limits;  // of the download: no stage reads them
-  friend bool operator==(const Settings&, const Settings&) = default;
-};
-
 // What is known of the sensor, where a run reads it.
 struct KnownSensor {
   std::shared_ptr<const SensorPlaces> places;  // null: nothing

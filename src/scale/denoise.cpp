@@ -182,7 +182,7 @@ class Denoising::Tile {
     if (!std::exchange(is_loaded_, false)) fits_ = load(region);
     if (!fits_) return split(wanted, halo);
     try {
-      run_stages();
+      denoise();
       return take_results(wanted, region, halo);
     } catch (const Error& error) {
       if (error.kind() != ErrorKind::memory || loaded_.size() < kLeastSplit) throw;
@@ -207,13 +207,9 @@ class Denoising::Tile {
     return loaded_.size() <= work_.most_points && seen_->append(region, leaves_, work_.most_points, loaded_);
   }
 
-  void run_stages() {
-    const TileStages& stages = stages_;
-    backend_->upload(loaded_, stages.frame ? IndexOrder::along_curve : IndexOrder::fastest);
-    backend_->build_index(0, stages.frame, stop_);
-    backend_->find_neighbors(0, stages.neighbors, stop_);
-    backend_->estimate_normals(0, stages.normals, stop_);
-    backend_->fair(0, stages.fairing, false, stop_);
+  void denoise() {
+    backend_->upload(loaded_, stages_.frame ? IndexOrder::along_curve : IndexOrder::fastest);
+    run_stages(*backend_, 0, stages_, stop_);
     if (stop_.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
   }
 
@@ -322,7 +318,7 @@ class Denoising::Tile {
   std::vector<Position> origins_;
   Position origin_{};  // that is computed around; what follows is relative to it
   std::optional<StoredCloud> seen_;
-  TileStages stages_;
+  FramedSettings stages_;
   Bounds bounds_;                          // of the tile's points that are computed now
   bool is_loaded_ = false, fits_ = false;  // what the first attempt needs
   std::vector<Point> own_;                 // all of the tile

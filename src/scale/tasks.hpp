@@ -40,7 +40,7 @@ class Tasks {
   void run_steps(WorkStep::Kind last, const std::stop_token& stop, const ProgressFunction& progress);
 
   // Once the step `measure` is done.
-  const Settings& settled_settings();
+  const Settings& settings();
   const Measured& measured() const { return *measured_; }
   const Params& params() const { return resolved_->params; }
   // Where the points of a file are after the last iteration.

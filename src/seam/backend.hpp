@@ -108,6 +108,9 @@ class Backend {
   virtual Refinement* refinement() { return nullptr; }       // null: results are refined on the host's cores
 };
 
+// All stages of an iteration; `settings.fairing` is of that iteration.
+void run_stages(Backend& backend, int iteration, const FramedSettings& settings, const std::stop_token& stop);
+
 std::unique_ptr<Backend> make_cpu_backend(unsigned threads);
 DeviceStatus cpu_status();
 

@@ -27,7 +27,7 @@ double reach_of_nearest(const Bounds& whole, double k, const Bounds& b) {
   return std::max(2.5 * std::sqrt((k + 1) / std::numbers::pi) * spacing, 1e-6 * diagonal);
 }
 
-double first_halo(const Bounds& whole, const TileStages& stages, const Bounds& b) {
+double first_halo(const Bounds& whole, const FramedSettings& stages, const Bounds& b) {
   const NeighborSettings& n = stages.neighbors;
   double nearest = reach_of_nearest(whole, n.k > 0 ? n.k : n.min_neighbors, b);
   if (n.reach_levels) nearest *= *std::max_element(n.reach_levels->levels.begin(), n.reach_levels->levels.end());

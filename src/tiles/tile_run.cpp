@@ -21,13 +21,14 @@ void add(Counts& counts, unsigned char outcome) {
 
 }  // namespace
 
-FairingSettings fairing_of(const FairingSettings& settings, std::span<const std::uint32_t> indices) {
-  if (!settings.sensors || settings.sensors->places.size() < 2) return settings;
+FramedSettings settings_for(const FramedSettings& settings, std::span<const std::uint32_t> indices) {
+  const auto& sensors = settings.fairing.sensors;
+  if (!sensors || sensors->places.size() < 2) return settings;
   SensorPlaces its;
   its.places.reserve(indices.size());
-  for (const std::uint32_t i : indices) its.places.push_back(settings.sensors->places[i]);
-  FairingSettings of_tile = settings;
-  of_tile.sensors = std::make_shared<const SensorPlaces>(std::move(its));
+  for (const std::uint32_t i : indices) its.places.push_back(sensors->places[i]);
+  FramedSettings of_tile = settings;
+  of_tile.fairing.sensors = std::make_shared<const SensorPlaces>(std::move(its));
   return of_tile;
 }
 
@@ -86,7 +87,7 @@ void TileWorker::finish_upload() {
 struct TileRun::Job {
   const Cut& cut;
   std::span<const Point> input;
-  const TileStages& stages;
+  const FramedSettings& stages;
   TaskQueue<TileTask> tasks{};
   std::mutex mutex{};  // of what follows; results of points have one writer each
   Results& results;
@@ -100,7 +101,7 @@ struct TileRun::Job {
   }
 };
 
-void TileRun::run(const Cut& cut, std::span<const Point> input, const TileStages& stages, Results& results,
+void TileRun::run(const Cut& cut, std::span<const Point> input, const FramedSettings& stages, Results& results,
                   const std::stop_token& stop) {
   Job job{.cut = cut, .input = input, .stages = stages, .results = results, .halo_factor = tiling_.first_halo};
   for (TileWorker& worker : workers_) worker.task.reset();  // of a run that failed
@@ -144,10 +145,7 @@ void TileRun::start(Job& job, TileWorker& worker, TileTask task, const std::stop
   if (worker.indices.size() > tiling_.most_points) return split(job, worker, std::move(task));
   worker.upload(job.input, for_each_);
   Backend& backend = *worker.backend;
-  backend.build_index(0, job.stages.frame, stop);
-  backend.find_neighbors(0, job.stages.neighbors, stop);
-  backend.estimate_normals(0, job.stages.normals, stop);
-  backend.fair(0, fairing_of(job.stages.fairing, worker.indices), false, stop);
+  run_stages(backend, 0, settings_for(job.stages, worker.indices), stop);
   worker.task = std::move(task);
 }
 

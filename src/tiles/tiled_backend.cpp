@@ -48,7 +48,7 @@ class Room {
 // What is held of one iteration. Stages up to the normals only note what they are to do; fairing does it all.
 struct Iteration {
   std::optional<Cut> cut;  // of its input
-  TileStages stages;
+  FramedSettings stages;
   Room faired;
   Counts counts;
 };
@@ -108,7 +108,7 @@ class CloudInTiles final : public TiledBackend, public Sampling {
     const Room& faired = held(iteration).faired;
     std::fill(outliers.begin(), outliers.end(), std::uint8_t(0));
     const bool is_limited = limits.farthest > 0, may_hold_back = is_limited || iteration > 0;
-    const DisplacementLimits used = is_limited ? limits : DisplacementLimits{kUnbounded, kUnbounded};
+    const DisplacementLimits used = limits.or_endless();
     const point::NodeField field = field_of(used.levels.get());
     OutlierTally held_back;
     for_tile_blocks(points.size(), for_each(), [&](std::size_t first, std::size_t last) {
@@ -120,12 +120,11 @@ class CloudInTiles final : public TiledBackend, public Sampling {
       for (std::size_t i = first; i < last; ++i) {
         points[i] = faired[i];
         if (!is_indexed(cloud_[i])) continue;
-        const auto [farthest, outlier_distance] =
-            point::limits_at(limit_rule(used), point::node_value(field, to_vec3(cloud_[i])));
-        const auto settled = point::settled(to_vec3(cloud_[i]), to_vec3(faired[i]), farthest, outlier_distance);
-        points[i] = {settled.place.x, settled.place.y, settled.place.z};
-        count(settled.outlier, here);
-        if (!outliers.empty()) outliers[i] = settled.outlier != point::Outlier::none;
+        const float level = point::node_value(field, to_vec3(cloud_[i]));
+        const auto limited = point::limited(to_vec3(cloud_[i]), to_vec3(faired[i]), used, level);
+        points[i] = {limited.place.x, limited.place.y, limited.place.z};
+        count(limited.outlier, here);
+        if (!outliers.empty()) outliers[i] = limited.outlier != point::Outlier::none;
       }
       held_back.add(here);
     });
