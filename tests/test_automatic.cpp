@@ -18,7 +18,7 @@ using shapes::Points;
 Params resolved(const Noise& noise, Method method = Method::bilateral) {
   Params params;
   params.method = method;
-  return resolve_params(params, {1, 1}, noise, 100);
+  return resolve(params, {{1, 1}, noise}, 100).params;
 }
 
 // Noise in spacings of 1.
@@ -72,9 +72,9 @@ TEST(Automatic, a_given_radius_changes_nothing_else) {
   const Params automatic = resolved(noise);
   Params params;
   params.radius = automatic.radius;
-  EXPECT_EQ(resolve_params(params, {1, 1}, noise, 100), automatic);
+  EXPECT_EQ(resolve(params, {{1, 1}, noise}, 100).params, automatic);
   params.radius = 2 * automatic.radius.value;
-  const Params wider = resolve_params(params, {1, 1}, noise, 100);
+  const Params wider = resolve(params, {{1, 1}, noise}, 100).params;
   EXPECT_EQ(wider.min_neighbors, automatic.min_neighbors);
   EXPECT_EQ(wider.flat_scale, automatic.flat_scale);
   EXPECT_EQ(wider.relaxation, automatic.relaxation);

@@ -58,7 +58,7 @@ void Pipeline::State::run_learned(const Params& params, const Delivery& to, cons
                                   const ProgressFunction& progress) {
   shown_.reset();
   check_params(params);
-  attempt([&] { measure(false, true, IndexOrder::along_curve, stop); });
+  attempt([&] { measure({false, true}, IndexOrder::along_curve, stop); });
   run(of_stages(params), to, stop, progress);
   report.params.method = params.method;
 }

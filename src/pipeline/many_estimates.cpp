@@ -80,11 +80,7 @@ class SamplesTaken final : public Sampling {
 class Measuring {
  public:
   Measuring(Backend& backend, std::span<const Point> points, const Params& params, const std::stop_token& stop)
-      : backend_(backend),
-        points_(points),
-        params_(params),
-        stop_(stop),
-        wanted_{needs_spacing(params), needs_noise(params)} {}
+      : backend_(backend), points_(points), params_(params), stop_(stop), needed_(needed_by(params)) {}
 
   std::vector<OneCloud> measure(std::span<const std::uint32_t> ends) {
     std::vector<OneCloud> clouds(ends.size());
@@ -110,8 +106,8 @@ class Measuring {
     const auto point_at = [its](std::size_t i) { return std::pair(its[i], static_cast<std::uint32_t>(i)); };
     cloud.sample = sample_points(its.size(), point_at, kSampledPoints, one_after_the_other);
     cloud.settings.frame = frame_of(cloud.sample);
-    cloud.spacings = wanted_.spacing ? cloud.sample.indices.size() : 0;
-    cloud.noises = wanted_.noise ? noise_queries(cloud.sample) : 0;
+    cloud.spacings = needed_.estimates.spacing ? cloud.sample.indices.size() : 0;
+    cloud.noises = needed_.estimates.noise ? noise_queries(cloud.sample) : 0;
   }
 
   ManyClouds::Taken take(std::vector<OneCloud>& clouds) {
@@ -140,28 +136,24 @@ class Measuring {
 
   void resolve(OneCloud& cloud, const ManyClouds::Taken& taken) const {
     Estimate found;
-    if (wanted_.spacing || wanted_.noise) {
+    if (needed_.estimates.spacing || needed_.estimates.noise) {
       SamplesTaken samples(taken, cloud);
-      found = estimate(samples, cloud.sample, wanted_, stop_);
+      found = estimate(samples, cloud.sample, needed_.estimates, stop_);
       cloud.is_alone = samples.lacks_something();
     }
-    const Params used = resolve_params(params_, found.spacing, found.noise,
-                                       needs_diagonal(params_) ? diagonal_of(cloud.sample.bounds) : 0.0);
-    const FollowedNoise followed = wanted_.noise ? followed_noise(params_, used, found.noise, std::move(found.levels),
-                                                                  std::move(found.reach_levels))
-                                                 : FollowedNoise{};
-    Settings settings = settings_of(used, followed);
+    const Resolved used = pointfair::resolve(params_, std::move(found), diagonal_of(cloud.sample.bounds));
+    Settings settings = settings_of(used);
     // radii of clouds that run together follow the levels of the noise; those that are given do not
     cloud.is_alone = cloud.is_alone || (settings.neighbors.levels && !settings.neighbors.radius_follows);
     static_cast<Settings&>(cloud.settings) = std::move(settings);
-    cloud.iterations = used.iterations;
+    cloud.iterations = used.params.iterations;
   }
 
   Backend& backend_;
   std::span<const Point> points_;
   const Params& params_;
   const std::stop_token& stop_;
-  WantedEstimates wanted_;
+  Needed needed_;
 };
 
 // Lists of so many take about as long, or less than kernels of their own would.

@@ -102,8 +102,9 @@ void Pipeline::State::attempt(const std::function<void()>& work) {
 }
 
 // Queries leave what is cached as it is, but for an index where there is none.
-void Pipeline::State::measure(bool with_spacing, bool with_noise, IndexOrder order, const std::stop_token& stop) {
-  const WantedEstimates wanted{with_spacing && !cloud.spacing, with_noise && !cloud.noise};
+void Pipeline::State::measure(WantedEstimates wanted, IndexOrder order, const std::stop_token& stop) {
+  if (cloud.spacing) wanted.spacing = false;
+  if (cloud.noise) wanted.noise = false;
   if (!wanted.spacing && !wanted.noise) return;
   sample();
   look_at_neighbors(order, stop, [&](Sampling& sampling) {
@@ -124,7 +125,7 @@ void Pipeline::State::look_at_neighbors(IndexOrder order, const std::stop_token&
 }
 
 void Pipeline::State::measure_all(const std::stop_token& stop) {
-  attempt([&] { measure(true, true, IndexOrder::along_curve, stop); });  // as the default run's
+  attempt([&] { measure({true, true}, IndexOrder::along_curve, stop); });  // as the default run's
   const Bounds& b = cloud.sample->bounds;
   estimates = Estimates{{b.min.x, b.min.y, b.min.z},
                         {b.max.x, b.max.y, b.max.z},
@@ -150,7 +151,7 @@ const std::shared_ptr<const NoiseLevels>& Pipeline::State::levels() const {
 Params Pipeline::State::resolve(const Params& params, const std::stop_token& stop) {
   check_params(params);
   Params used;
-  attempt([&] { used = resolve_once(of_stages(params), stop); });
+  attempt([&] { used = resolve_once(of_stages(params), stop).params; });
   used.method = params.method;
   if (!is_measured(of_stages(params))) {
     throw Error(ErrorKind::usage, "nothing to measure in this cloud: no surface shows in its " +
@@ -165,22 +166,24 @@ Params Pipeline::State::resolve(const Params& params, const std::stop_token& sto
 // Whether what the parameters follow from was found where it was sought. A noise of 0 was found, on points that lie
 // exactly on a surface; where no sample shows any, there is no surface either.
 bool Pipeline::State::is_measured(const Params& params) const {
-  if (needs_spacing(params) && !(cloud.spacing->mean > 0)) return false;
-  const bool seeks_noise = needs_noise(params) && params.noise.is_automatic() && !given_noise_;
+  const auto [with_spacing, with_noise] = needed_by(params).estimates;
+  if (with_spacing && !(cloud.spacing->mean > 0)) return false;
+  const bool seeks_noise = with_noise && params.noise.is_automatic() && !given_noise_;
   return !seeks_noise || cloud.noise->surface_spacing > 0;
 }
 
-Params Pipeline::State::resolve_once(const Params& params, const std::stop_token& stop) {
+Resolved Pipeline::State::resolve_once(const Params& params, const std::stop_token& stop) {
   check_params(params);
   if (params.along == Along::ray && !sensors_)
     throw Error(ErrorKind::usage,
                 "--along ray needs the place of the sensor, which the cloud does not tell: give --viewpoint x,y,z");
-  const bool with_spacing = needs_spacing(params), with_noise = needs_noise(params);
-  measure(with_spacing, with_noise, order_for(params), stop);
-  // what a run sees must not depend on what was measured before it
-  const Params used = resolve_params(params, with_spacing ? *cloud.spacing : Spacing{}, with_noise ? noise() : Noise{},
-                                     needs_diagonal(params) ? diagonal_of(sample().bounds) : 0.0);
-  if (needs_cpu_and_memory(used) && !cloud.backend().holds_all_on_host())
+  const Needed needed = needed_by(params);
+  measure(needed.estimates, order_for(params), stop);
+  Estimate found;
+  if (needed.estimates.spacing) found.spacing = *cloud.spacing;
+  if (needed.estimates.noise) found = {found.spacing, noise(), levels(), cloud.reach_levels};
+  Resolved used = pointfair::resolve(params, std::move(found), needed.diagonal ? diagonal_of(sample().bounds) : 0.0);
+  if (needs_cpu_and_memory(used.params) && !cloud.backend().holds_all_on_host())
     throw Error(ErrorKind::usage,
                 "mesh connectivity and --method implicit run on the CPU, with the whole cloud in memory: add --device "
                 "cpu");
@@ -236,11 +239,11 @@ void Pipeline::State::run_to_end(const Params& params, const Delivery& to, const
   log_ = {};
   if (upload > 0 && !std::exchange(upload_times_itself_, false)) log_.note("upload", upload);
 
-  const Params used = resolve_once(params, stop);
+  const Resolved resolved = resolve_once(params, stop);
+  const Params& used = resolved.params;
   last_order_ = order_for(params);
-  followed =
-      needs_noise(params) ? followed_noise(params, used, noise(), levels(), cloud.reach_levels) : FollowedNoise{};
-  Settings settings = settings_of(used, followed, known_sensor(used, stop));
+  followed = resolved.followed;
+  Settings settings = settings_of(resolved, known_sensor(used, stop));
   if (used.connectivity == Connectivity::mesh) follow_mesh(used, settings);
   const int last = used.iterations - 1;
   execute(plan(cloud.cached, {settings, last_order_, used.iterations}), std::size_t(4) * std::size_t(used.iterations),

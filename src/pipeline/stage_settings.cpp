@@ -37,7 +37,9 @@ bool seeks_mixed_pixels(const Params& p) {
          (sums_within_radius(p) || (p.k != 1 && !p.constraint && p.radius.is_automatic()));
 }
 
-Settings settings_of(const Params& p, const FollowedNoise& followed, const KnownSensor& sensor) {
+Settings settings_of(const Resolved& used, const KnownSensor& sensor) {
+  const Params& p = used.params;
+  const FollowedNoise& followed = used.followed;
   Settings s;
   s.neighbors.k = follows_rings(p) ? kMaxNeighbors : p.k;
   s.neighbors.rings = follows_rings(p) ? p.rings : 0;

@@ -16,8 +16,7 @@ struct KnownSensor {
   double beam_width = 0;                       // of the pattern of rays, in radians; 0: not measured
 };
 
-// Of parameters of which none is automatic and every length is in file units, and of what follows the noise.
-Settings settings_of(const Params& params, const FollowedNoise& followed, const KnownSensor& sensor = {});
+Settings settings_of(const Resolved& used, const KnownSensor& sensor = {});
 
 // Whether a run looks for mixed pixels, if it knows the place of the sensor: where outliers are looked for and the two
 // nearest neighbours are known.

@@ -203,7 +203,7 @@ Measured measure(const StoredCloud& cloud, const Plan& plan, const std::optional
                  const std::stop_token& stop) {
   Measured measured{plan.origin, cloud.bounds(), {}, {}, {}};
   measured.ignored = cloud.counts()[kIgnored];
-  const WantedEstimates wanted{needs_spacing(plan.params), needs_noise(plan.params)};
+  const WantedEstimates wanted = needed_by(plan.params).estimates;
   const bool may_seek = plan.sensor && plan.params.outliers != Outliers::off;
   if (!wanted.spacing && !wanted.noise && !sums_within_radius(plan.params) && !may_seek) return measured;
   StoredSampling sampling(cloud, plan, backend);
@@ -312,14 +312,10 @@ Measured load_measured(const std::filesystem::path& path) {
   return m;
 }
 
-Resolved resolve(const Plan& plan, const Measured& measured) {
-  const Params& params = plan.params;
-  const Params used = resolve_params(params, measured.spacing, measured.noise,
-                                     needs_diagonal(params) ? diagonal_of(measured.bounds) : 0.0);
-  const FollowedNoise followed =
-      needs_noise(params) ? followed_noise(params, used, measured.noise, measured.levels, measured.reach_levels)
-                          : FollowedNoise{};
-  return {used, settings_of(used, followed, {sensor_of(plan, measured.origin), measured.beam_width})};
+RunSettings resolve(const Plan& plan, const Measured& measured) {
+  const Estimate found{measured.spacing, measured.noise, measured.levels, measured.reach_levels};
+  const Resolved used = pointfair::resolve(plan.params, found, diagonal_of(measured.bounds));
+  return {used.params, settings_of(used, {sensor_of(plan, measured.origin), measured.beam_width})};
 }
 
 }  // namespace pointfair::scale

@@ -286,7 +286,7 @@ LeafTree cut_into_tiles(Plan& plan, std::span<Point> sample, std::uint64_t least
 }
 
 int iterations_of(const Params& params) {
-  return params.iterations == kAutomatic ? resolve_params(params, {}, {}, 1).iterations : params.iterations;
+  return params.iterations == kAutomatic ? pointfair::resolve(params, {}, 1).params.iterations : params.iterations;
 }
 
 bool can_be_planned(const TiledJob& job, const std::shared_ptr<Source>& source) {

@@ -76,7 +76,7 @@ class Tasks {
   Inputs inputs_;
   std::optional<GivenNoise> noise_;  // where no attribute of the files has it
   std::optional<Measured> measured_;
-  std::optional<Resolved> resolved_;
+  std::optional<RunSettings> resolved_;
   std::optional<StoredCloud> input_;  // of the tiles
   int input_iteration_ = -1;
 };
