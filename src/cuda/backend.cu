@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cuda/backend.cuh"
+#include "seam/stop.hpp"
 
 namespace pointfair::cuda {
 
@@ -38,7 +39,7 @@ void CudaBackend::finish_upload() {
 
 void CudaBackend::build_index(int iteration, const std::optional<Frame>& frame, std::stop_token stop) {
   context_.enter();
-  if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+  throw_if_stopped(stop);
   if (iteration == 0) {
     if (!std::exchange(is_index_begun_, false) || frame) begin_first_index(frame, nullptr, stop);
   } else {

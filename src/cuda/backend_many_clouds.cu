@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Many clouds at once, as a batch.
 #include "cuda/backend.cuh"
+#include "seam/stop.hpp"
 
 namespace pointfair::cuda {
 
@@ -34,7 +35,7 @@ std::vector<std::uint8_t> CudaBackend::surely_have_no_origin(const DevicePoints&
 
 ManyClouds::Taken CudaBackend::take_samples(const Queries& for_spacing, const Queries& for_noise,
                                             std::stop_token stop) {
-  if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+  throw_if_stopped(stop);
   context_.enter();
   const Taken taken =
       many_samples_.take(first_.sampled_tree(), first_.input(), clouds_.size(), for_spacing, for_noise, stop);

@@ -12,13 +12,10 @@
 #include "pipeline/stage_settings.hpp"
 #include "seam/cloud_sample.hpp"
 #include "seam/many_clouds.hpp"
+#include "seam/stop.hpp"
 
 namespace pointfair {
 namespace {
-
-void throw_if_stopped(const std::stop_token& stop) {
-  if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
-}
 
 void one_after_the_other(std::size_t count, const std::function<void(std::size_t)>& body) {
   for (std::size_t i = 0; i < count; ++i) body(i);

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "seam/exactness.hpp"
+#include "seam/stop.hpp"
 #include "tiles/halo.hpp"
 
 namespace pointfair::scale {
@@ -210,7 +211,7 @@ class Denoising::Tile {
   void denoise() {
     backend_->upload(loaded_, stages_.frame ? IndexOrder::along_curve : IndexOrder::fastest);
     run_stages(*backend_, 0, stages_, stop_);
-    if (stop_.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+    throw_if_stopped(stop_);
   }
 
   std::vector<Wanted> take_results(const Wanted& wanted, const point::Region& region, double halo) {

@@ -13,6 +13,7 @@
 #include "scale/points_file.hpp"
 #include "seam/cloud_sample.hpp"
 #include "seam/noise_levels.hpp"
+#include "seam/stop.hpp"
 
 namespace pointfair::scale {
 namespace {
@@ -168,7 +169,7 @@ std::vector<std::uint8_t> TileResults::find_outliers(unsigned threads) const {
 void TileResults::limit(std::uint64_t first, const Before& before, std::span<Point> now,
                         std::span<point::Outlier> outliers) const {
   const std::vector<InputChunk>& chunks = plan_.chunks;
-  if (stop_.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+  throw_if_stopped(stop_);
   std::uint64_t index = first_point_ + first;
   for (std::size_t done = 0; done < now.size();) {
     const auto after = std::upper_bound(chunks.begin(), chunks.end(), index,

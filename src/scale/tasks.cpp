@@ -15,6 +15,7 @@
 #include "scale/emit.hpp"
 #include "scale/given.hpp"
 #include "scale/ingest.hpp"
+#include "seam/stop.hpp"
 #include "tiles/feeders.hpp"
 
 namespace pointfair::scale {
@@ -45,7 +46,7 @@ Backend& Tasks::Worker::backend() {
 }
 
 void Tasks::run(const WorkStep& step, std::size_t task, const std::stop_token& stop) {
-  if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+  throw_if_stopped(stop);
   if (folder_.is_done(step, task)) return;
   try {
     get_ready(step);
@@ -73,7 +74,7 @@ void Tasks::run_tiles(const WorkStep& step, const std::stop_token& stop,
   const auto next = [&](bool tells) -> std::unique_ptr<Denoising> {
     while (const auto task = queue.take(false)) {
       if (tells) begin(*task);
-      if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+      throw_if_stopped(stop);
       if (!folder_.is_done(step, *task))
         return std::make_unique<Denoising>(tile_work(step, *task), folder_.file_of(step, *task), stop);
     }

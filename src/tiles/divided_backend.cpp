@@ -11,6 +11,7 @@
 #include "seam/device_memory.hpp"
 #include "seam/device_tiles.hpp"
 #include "seam/sampling.hpp"
+#include "seam/stop.hpp"
 #include "tiles/cut.hpp"
 #include "tiles/feeders.hpp"
 #include "tiles/halo.hpp"
@@ -212,7 +213,7 @@ class DividedCloud final : public Backend, public Sampling, public DeviceMemory 
     Counts counts;
     tiles().begin_tiles(iteration);
     while (!tasks.empty() && bounds().valid > 0) {
-      if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+      throw_if_stopped(stop);
       const std::size_t at_once = std::min(tasks.size(), workers_.size());
       std::vector<DeviceTile> now;
       for (std::size_t i = 0; i < at_once; ++i)

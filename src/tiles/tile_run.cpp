@@ -7,6 +7,7 @@
 
 #include "seam/exactness.hpp"
 #include "seam/overlap.hpp"
+#include "seam/stop.hpp"
 
 namespace pointfair {
 namespace {
@@ -123,7 +124,7 @@ void TileRun::feed(Job& job, std::span<TileWorker> workers, const std::stop_toke
     return std::any_of(workers.begin(), workers.end(), [](const TileWorker& w) { return w.task.has_value(); });
   };
   for (std::size_t turn = 0;; ++turn) {
-    if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+    throw_if_stopped(stop);
     if (job.tasks.is_closed()) return;
     TileWorker& worker = workers[turn % workers.size()];
     if (worker.task) collect(job, worker);
