@@ -91,6 +91,11 @@ Settings settings_of(const Resolved& used, const KnownSensor& sensor) {
   return s;
 }
 
+IndexOrder order_for(const Params& params) {
+  return sums_within_radius(params) || params.method == Method::implicit ? IndexOrder::along_curve
+                                                                         : IndexOrder::fastest;
+}
+
 Stage first_difference(const Settings& a, const Settings& b) {
   if (a.neighbors != b.neighbors) return Stage::neighbors;
   if (a.normals != b.normals) return Stage::normals;
