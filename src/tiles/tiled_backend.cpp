@@ -124,7 +124,7 @@ class CloudInTiles final : public TiledBackend, public Sampling {
         const auto limited = point::limited(to_vec3(cloud_[i]), to_vec3(faired[i]), used, level);
         points[i] = {limited.place.x, limited.place.y, limited.place.z};
         count(limited.outlier, here);
-        if (!outliers.empty()) outliers[i] = limited.outlier != point::Outlier::none;
+        if (!outliers.empty()) outliers[i] = static_cast<std::uint8_t>(limited.outlier);
       }
       held_back.add(here);
     });
