@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <vector>
 
 #include "pointfair/pipeline.hpp"
@@ -16,7 +15,7 @@ namespace pointfair {
 namespace {
 
 using reference::Vec;
-using shapes::Points;
+using shapes::Points, shapes::same_bits;
 
 struct Sample {
   Points points;
@@ -95,10 +94,6 @@ double share_beyond(const Points& a, const Points& b, double limit, const std::v
   for (std::size_t i = 0; i < a.size(); ++i)
     beyond += compared[i] && !(reference::length(reference::to_vec(a[i]) - reference::to_vec(b[i])) <= limit);
   return double(beyond) / double(a.size());
-}
-
-bool same_bits(const Points& a, const Points& b) {
-  return std::memcmp(a.data(), b.data(), a.size() * sizeof(Point)) == 0;
 }
 
 RC_GTEST_PROP(Properties, shuffling_the_input_shuffles_the_output_bit_for_bit, (std::uint64_t seed, bool with_list)) {

@@ -2,20 +2,14 @@
 // How long stages took, by the device's clock where it has one.
 #pragma once
 
-#include <chrono>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "seam/backend.hpp"
+#include "seam/clock.hpp"
 
 namespace pointfair {
-
-using Clock = std::chrono::steady_clock;
-
-inline double milliseconds_since(Clock::time_point start) {
-  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-}
 
 class StageLog {
  public:

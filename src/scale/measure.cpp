@@ -17,6 +17,7 @@
 #include "scale/ingest.hpp"
 #include "scale/kept_leaves.hpp"
 #include "seam/cloud_sample.hpp"
+#include "tiles/exact_rows.hpp"
 #include "tiles/halo.hpp"
 
 namespace pointfair::scale {
@@ -147,29 +148,13 @@ class StoredSampling final : public Sampling {
       return {{{rows.asked.begin(), middle}, rows.halo}, {{middle, rows.asked.end()}, rows.halo}};
     }
     backend_.upload(loaded, IndexOrder::fastest);
-    backend_.build_index(0, std::nullopt, {});
     std::vector<std::uint32_t> places;
     for (const std::size_t q : rows.asked)
       places.push_back(
           std::uint32_t(std::find_if(loaded.begin(), loaded.end(),
                                      [&](const Point& p) { return same_place(p, queries_[queries[q]].place); }) -
                         loaded.begin()));
-    const std::size_t row_size = std::size_t(k) + 1;
-    std::vector<Point> found(places.size() * row_size);
-    backend_.sampling().sample_neighborhoods(places, k, found);
-    Rows left{{}, 2 * rows.halo};
-    for (std::size_t r = 0; r < places.size(); ++r) {
-      const Point* row = &found[r * row_size];
-      const auto here = to_vec3(row[0]), last = to_vec3(row[k]);
-      const bool full = is_indexed(row[k]);
-      if (point::is_exact_list({k, kUnbounded, false, 0}, full ? k : 0,
-                               full ? point::squared_length(last - here) : 0.0f,
-                               point::squared_gap_to_outside(region, here))) {
-        std::copy_n(row, row_size, &out[rows.asked[r] * row_size]);
-      } else {
-        left.asked.push_back(rows.asked[r]);
-      }
-    }
+    Rows left{sample_exact_rows(backend_, region, places, rows.asked, k, out), 2 * rows.halo};
     if (left.asked.empty()) return {};
     return {std::move(left)};
   }

@@ -2,12 +2,12 @@
 #include "tiles/divided_backend.hpp"
 
 #include <algorithm>
-#include <chrono>
 #include <deque>
 #include <optional>
 #include <string>
 #include <utility>
 
+#include "seam/clock.hpp"
 #include "seam/device_memory.hpp"
 #include "seam/device_tiles.hpp"
 #include "seam/sampling.hpp"
@@ -20,14 +20,8 @@
 namespace pointfair {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
 constexpr std::size_t kSampled = 4096;      // points of which the cells are made
 constexpr std::uint64_t kLeastTile = 2000;  // points; smaller tiles do not need less memory
-
-double milliseconds_since(Clock::time_point start) {
-  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-}
 
 // What is held of one iteration. Stages up to the normals only note what they are to do; fairing does it all.
 struct Iteration {

@@ -11,6 +11,10 @@ namespace pointfair {
 // `wanted` grown by the halo, without an end where the cloud, whose bounds are `whole`, ends.
 point::Region region_around(const Bounds& whole, const Bounds& wanted, double halo);
 
+// Whether all points with these bounds lie in the region, and whether any may.
+bool lies_inside(const point::Region& region, const Bounds& b);
+bool may_overlap(const point::Region& region, const Bounds& b);
+
 // How far the k nearest of a surface with the points of `b` should reach, and then some.
 double reach_of_nearest(const Bounds& whole, double k, const Bounds& b);
 
