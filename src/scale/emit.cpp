@@ -172,9 +172,7 @@ void TileResults::limit(std::uint64_t first, const Before& before, std::span<Poi
   throw_if_stopped(stop_);
   std::uint64_t index = first_point_ + first;
   for (std::size_t done = 0; done < now.size();) {
-    const auto after = std::upper_bound(chunks.begin(), chunks.end(), index,
-                                        [](std::uint64_t i, const InputChunk& c) { return i < c.first_point; });
-    const auto chunk = std::size_t(after - chunks.begin()) - 1;
+    const std::size_t chunk = chunk_of(chunks, index);
     const auto held = hold(chunk);
     const std::size_t from = index - chunks[chunk].first_point;
     const std::size_t count = std::min(now.size() - done, held->points.size() - from);

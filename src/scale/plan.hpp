@@ -32,6 +32,9 @@ struct InputChunk {
   std::uint64_t first_point = 0, points = 0;  ///< in the whole input
 };
 
+/// The number of the chunk that has a point of the whole input.
+std::size_t chunk_of(std::span<const InputChunk> chunks, std::uint64_t point);
+
 struct Plan {
   Params params;  ///< as asked for, lengths in file units or relative
   Limits limits;

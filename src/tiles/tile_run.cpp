@@ -8,17 +8,12 @@
 #include "seam/exactness.hpp"
 #include "seam/overlap.hpp"
 #include "seam/stop.hpp"
+#include "tiles/halves.hpp"
 
 namespace pointfair {
 namespace {
 
 constexpr std::size_t kBlock = 1 << 14;
-
-void add(Counts& counts, unsigned char outcome) {
-  counts.unmoved.too_few_neighbors += (outcome & point::kTooFew) != 0;
-  counts.unmoved.no_normal += (outcome & point::kNoNormal) != 0;
-  counts.short_neighborhoods += (outcome & point::kShort) != 0;
-}
 
 }  // namespace
 
@@ -160,14 +155,8 @@ void TileRun::split(Job& job, const TileWorker& worker, TileTask task) {
                 "point " + std::to_string(task.listed.empty() ? 0 : task.listed[0]) +
                     " lies so far from others that its neighbourhood does not fit the device's memory; remove "
                     "outliers, or run on the CPU");
-  const Bounds& b = task.bounds;
-  const float x = b.max.x - b.min.x, y = b.max.y - b.min.y, z = b.max.z - b.min.z;
-  const auto axis = x >= y && x >= z ? &Point::x : y >= z ? &Point::y : &Point::z;
-  const auto middle = task.listed.begin() + std::ptrdiff_t(task.listed.size() / 2);
-  std::nth_element(task.listed.begin(), middle, task.listed.end(),
-                   [&](std::uint32_t a, std::uint32_t c) { return job.input[a].*axis < job.input[c].*axis; });
-  job.tasks.put(job.listed({task.listed.begin(), middle}, task.halo));
-  job.tasks.put(job.listed({middle, task.listed.end()}, task.halo));
+  for (Indices& half : halves_of(std::move(task.listed), job.input, task.bounds))
+    job.tasks.put(job.listed(std::move(half), task.halo));
   job.tasks.finish_one();
 }
 
