@@ -21,7 +21,6 @@ struct Sample {
   Points points;
   Params params;
   double sigma;  // width of the weights, about the size of a neighbourhood
-  double spacing;
 };
 
 // A random noisy cloud without exact ties, in about the unit cube, and settled parameters that suit it.
@@ -33,7 +32,6 @@ Sample make_sample(std::uint64_t seed, bool with_list) {
                           shapes::uneven(count, 30, seed)};
   Sample sample;
   sample.points = shapes::with_noise(clean[random.below(4)], noise, seed + 1);
-  sample.spacing = spacing;
   sample.sigma = spacing * random.uniform(1, 3);
   sample.params.iterations = 1;
   sample.params.outliers = Outliers::off;  // limits by the noise, which is estimated anew for every cloud
