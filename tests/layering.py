@@ -40,7 +40,6 @@ RULES = {
     **{f"src/cuda/{room}/": ([f"src/cuda/{below}/" for below in rooms] + ["src/point/", "src/seam/", *DATA], ON_CARD)
        for room, rooms in CUDA_ROOMS.items()},
     "src/cuda/": (["src/cuda/", "src/point/", "src/seam/", *DATA], ON_CARD),
-    "src/cuda_absent.cpp": (["src/seam/"], ()),
     "src/estimate/": (["src/estimate/", "src/point/", "src/seam/", *DATA, PORTABLE], ()),
     "src/mesh/": (["src/mesh/", "src/point/", "src/seam/", *DATA, PORTABLE], ()),
     "src/tiles/": (["src/tiles/", "src/point/", "src/seam/", *DATA, PORTABLE], ()),
@@ -50,7 +49,8 @@ RULES = {
     "src/depth/": ([PUBLIC], ("tbb/",)),
     "src/orient/": (["src/orient/", PUBLIC, PORTABLE], ("tbb/",)),
     "src/io/": (["src/io/", *FILES, PLATFORM, PORTABLE], ("tbb/", "fast_float/", "las", "pugixml", "nlohmann/", "emmintrin.h")),
-    "src/": (["src/point/", PORTABLE, PUBLIC], ()),
+    "src/options/": ([PUBLIC], ()),
+    "src/": (["src/point/", PORTABLE], ()),
     "cli/": (["cli/", "viewer/server.hpp", PUBLIC], None),
     "bench/paper/": (["bench/paper/", "src/point/", PUBLIC], None),
     "bench/": (["bench/", PUBLIC], None),

@@ -119,7 +119,7 @@ struct CudaOptions {
   std::size_t upload_chunk = 0;  // points that are copied at once, 1,024 or a multiple; 0: as suits the cloud
   std::uint64_t memory = std::numeric_limits<std::uint64_t>::max();  // bytes of the card that are used at most
 };
-// src/cuda, or src/cuda_absent.cpp in a build without CUDA. `make_cuda_backend` throws Error(device) with the reason.
+// src/cuda, or seam/cuda_absent.cpp in a build without CUDA. `make_cuda_backend` throws Error(device) with the reason.
 std::unique_ptr<Backend> make_cuda_backend(int card, const CudaOptions& options = {});
 std::vector<DeviceStatus> list_cuda_devices();
 
