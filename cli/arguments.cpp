@@ -36,12 +36,6 @@ auto find_value(const Table& table, std::string_view name) {
   return row == std::end(table) ? std::optional<std::remove_const_t<Value>>() : row->second;
 }
 
-std::string flag_of(const ParamInfo& info) {
-  std::string flag = "--" + std::string(info.name);
-  std::replace(flag.begin(), flag.end(), '_', '-');
-  return flag;
-}
-
 constexpr const char* kParamGroup = "Parameters";
 
 std::string value_hint(const ParamInfo& info) {
@@ -55,7 +49,7 @@ std::string value_hint(const ParamInfo& info) {
 
 void add_param(CLI::App& command, const ParamInfo& info, ParamArguments& arguments) {
   const auto store = [&arguments, &info](const std::string& text) { arguments.given.emplace_back(&info, text); };
-  CLI::Option* option = command.add_option_function<std::string>(flag_of(info), store, std::string(info.help));
+  CLI::Option* option = command.add_option_function<std::string>(flag_of(info.name), store, std::string(info.help));
   option->type_name(value_hint(info))
       ->group(info.expert ? kExpertGroup : kParamGroup)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
@@ -220,7 +214,7 @@ std::vector<std::string> format_names() { return names(kFormats); }
 std::vector<std::string> complete_switches(std::vector<std::string> words) {
   for (std::size_t i = 0; i < words.size(); ++i) {
     const bool bare = std::any_of(kParams.begin(), kParams.end(), [&](const ParamInfo& info) {
-      return std::holds_alternative<bool Params::*>(info.field) && words[i] == flag_of(info);
+      return std::holds_alternative<bool Params::*>(info.field) && words[i] == flag_of(info.name);
     });
     const bool valued = i + 1 < words.size() && (words[i + 1] == "on" || words[i + 1] == "off");
     if (bare && !valued) words[i] += "=on";

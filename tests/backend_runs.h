@@ -20,8 +20,8 @@ namespace pointfair {
 
 struct StageSettings {
   NeighborSettings neighbors{8, 0, false, 0};
-  NormalSettings normals{0.1f};
-  FairingSettings fairing{Method::bilateral, AreaWeight::none, 0.1f, 0.05f};
+  NormalSettings normals{{0.1f}};
+  FairingSettings fairing{{0.1f, 0.05f}};
   int iterations = 1;
   DisplacementLimits limits;
   std::optional<Frame> frame;

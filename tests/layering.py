@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Checks who includes whom (CONTRIBUTING.md) by reading the #include and import lines of the tree given as argument."""
+"""Checks who includes whom (CONTRIBUTING.md) by reading the #include and import lines of the tree given as argument, and
+that no file but the table lists parameters."""
 import pathlib
 import re
 import sys
@@ -39,7 +40,6 @@ RULES = {
     **{f"src/cuda/{room}/": ([f"src/cuda/{below}/" for below in rooms] + ["src/point/", "src/seam/", *DATA], ON_CARD)
        for room, rooms in CUDA_ROOMS.items()},
     "src/cuda/": (["src/cuda/", "src/point/", "src/seam/", *DATA], ON_CARD),
-    "src/cuda_absent.cpp": (["src/seam/"], ()),
     "src/estimate/": (["src/estimate/", "src/point/", "src/seam/", *DATA, PORTABLE], ()),
     "src/mesh/": (["src/mesh/", "src/point/", "src/seam/", *DATA, PORTABLE], ()),
     "src/tiles/": (["src/tiles/", "src/point/", "src/seam/", *DATA, PORTABLE], ()),
@@ -49,7 +49,8 @@ RULES = {
     "src/depth/": ([PUBLIC], ("tbb/",)),
     "src/orient/": (["src/orient/", PUBLIC, PORTABLE], ("tbb/",)),
     "src/io/": (["src/io/", *FILES, PLATFORM, PORTABLE], ("tbb/", "fast_float/", "las", "pugixml", "nlohmann/", "emmintrin.h")),
-    "src/": (["src/point/", PORTABLE, PUBLIC], ()),
+    "src/options/": ([PUBLIC], ()),
+    "src/": (["src/point/", PORTABLE], ()),
     "cli/": (["cli/", "viewer/server.hpp", PUBLIC], None),
     "bench/paper/": (["bench/paper/", "src/point/", PUBLIC], None),
     "bench/": (["bench/", PUBLIC], None),
@@ -98,6 +99,12 @@ def violations(path):
         yield f"{relative} mentions CUDA's own names: {CUDA.search(text).group()}"
 
 
+def lists_parameters(path):
+    """Names of parameters that the code quotes. A word such as noise means other things too, so names of several words."""
+    code = re.sub(r"//.*", "", path.read_text())
+    return [name for name in PARAMETERS if f'"{name}"' in code or f'"{name.replace("_", "-")}"' in code]
+
+
 def circle(imports):
     """Names that import each other in a circle, of {name: those that it imports}; empty if there is none."""
     left = dict(imports)
@@ -114,10 +121,17 @@ def package_circle():
                    for name, path in modules.items()})
 
 
+TABLE = root / PUBLIC / "params.hpp"
+PARAMETERS = [name for name in re.findall(r'ParamInfo\{\s*"(\w+)"', TABLE.read_text()) if "_" in name]
+PRODUCT = [f for folder in ("include", "src", "cli", "python", "viewer") for f in sorted((root / folder).rglob("*"))
+           if f.suffix in {*SOURCE, ".py", ".pyi", ".ts"} and "node_modules" not in f.parts]
+assert lists_parameters(TABLE) == PARAMETERS and len(PARAMETERS) > 10
 assert circle({"a": {"b"}, "b": {"a"}, "c": {"a"}}) == ["a", "b", "c"] and circle({"a": {"b"}, "b": set()}) == []
 files = [f for folder in {r.split("/")[0] for r in RULES} for f in sorted((root / folder).rglob("*"))
          if f.suffix in SOURCE and "node_modules" not in f.parts]
 found = [line for f in files for line in violations(f)]
+found += [f"{f.relative_to(root)} names the parameter {name}, which its row of kParams should say"
+          for f in PRODUCT if f != TABLE for name in lists_parameters(f)]
 if modules := package_circle():
     found.append(f"python/pointfair: imports run in a circle through {', '.join(modules)}")
 print("\n".join(found) if found else f"{len(files)} files keep the include rules")

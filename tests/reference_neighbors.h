@@ -26,9 +26,18 @@ inline Vec operator*(double s, Vec a) { return {s * a.x, s * a.y, s * a.z}; }
 inline double dot(Vec a, Vec b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 inline double length(Vec a) { return std::sqrt(dot(a, a)); }
 inline Vec to_vec(Point p) { return {p.x, p.y, p.z}; }
+inline double distance(Point a, Point b) { return length(to_vec(a) - to_vec(b)); }
+
+// Root of the mean square of a per-point error.
+template <class Error>
+double rms(const std::vector<Point>& points, Error error) {
+  double sum = 0;
+  for (const Point& p : points) sum += error(p) * error(p);
+  return std::sqrt(sum / double(points.size()));
+}
 inline Point to_point(Vec v) { return {float(v.x), float(v.y), float(v.z)}; }
 
-// A run with every value settled; lengths in file units, 0 for "no limit".
+// A run with nothing automatic; lengths in file units, 0 for "no limit".
 struct Settings {
   int k = 0;
   double radius = 0;

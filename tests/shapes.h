@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <cstring>
 #include <limits>
 #include <utility>
 #include <vector>
@@ -14,6 +15,10 @@
 namespace pointfair::shapes {
 
 using Points = std::vector<Point>;
+
+inline bool same_bits(const Points& a, const Points& b) {
+  return a.size() == b.size() && (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(Point)) == 0);
+}
 
 // splitmix64 (Steele, Lea, Flood 2014).
 class Random {

@@ -51,7 +51,7 @@ class SharingBackend : public ForwardingBackend, public DeviceTiles {
   OutlierCounts download(int iteration, std::span<Point> points, const DisplacementLimits& limits,
                          std::span<std::uint8_t> outliers) override {
     if (results_ == nullptr) return ForwardingBackend::download(iteration, points, limits, outliers);
-    const DisplacementLimits used = limits.farthest > 0 ? limits : DisplacementLimits{kUnbounded, kUnbounded};
+    const DisplacementLimits used = limits.or_endless();
     const point::NodeField field = field_of(used.levels.get());
     const std::vector<Point>& faired = iteration == 0 ? first_ : further_;
     OutlierCounts counts;
@@ -60,11 +60,10 @@ class SharingBackend : public ForwardingBackend, public DeviceTiles {
       points[i] = faired[i];
       if (!is_indexed(uploaded_[i])) continue;
       const auto here = to_vec3(uploaded_[i]);
-      const auto [farthest, distance] = point::limits_at(limit_rule(used), point::node_value(field, here));
-      const auto settled = point::settled(here, to_vec3(faired[i]), farthest, distance);
-      points[i] = {settled.place.x, settled.place.y, settled.place.z};
-      count(settled.outlier, counts);
-      if (!outliers.empty()) outliers[i] = static_cast<std::uint8_t>(settled.outlier);
+      const auto limited = point::limited(here, to_vec3(faired[i]), used, point::node_value(field, here));
+      points[i] = {limited.place.x, limited.place.y, limited.place.z};
+      count(limited.outlier, counts);
+      if (!outliers.empty()) outliers[i] = static_cast<std::uint8_t>(limited.outlier);
     }
     return counts;
   }

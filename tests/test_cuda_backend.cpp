@@ -163,7 +163,7 @@ TEST_F(CudaBackendTest, equals_the_cpu_on_outliers) {
     settings.iterations = iterations;
     settings.fairing.outlier_distance = 0.01f;
     settings.fairing.pull_outliers = iterations == 2;
-    settings.limits = {0.006f, 0.01f};
+    settings.limits = {{0.006f, 0.01f}};
     expect_same(points, settings, "held back");
   }
 }
@@ -193,7 +193,7 @@ TEST_F(CudaBackendTest, equals_the_cpu_where_a_sensor_is_known) {
         settings.fairing.farthest = along ? 0.006f : 0.0f;
         settings.fairing.beam_width = 0.004f;
         settings.fairing.outlier_distance = 0.01f;
-        settings.limits = {0.03f, 0.05f};
+        settings.limits = {{0.03f, 0.05f}};
         expect_same(points, settings, listed ? "lists" : "radius");
         settings.fairing.outlier_distance = 0;
         expect_same(points, settings, "without outliers");

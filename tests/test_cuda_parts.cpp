@@ -21,7 +21,7 @@ TEST_F(CudaBackendTest, in_parts_equals_the_cpu_where_parts_lie_apart) {
   settings.iterations = 2;
   expect_same(even, settings, "filtered, both planes, area weight, two iterations");
   settings = with_neighbors(8);
-  settings.limits = {0.001f, 0.002f};
+  settings.limits = {{0.001f, 0.002f}};
   expect_same(even, settings, "limits");
 }
 

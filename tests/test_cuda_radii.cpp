@@ -59,7 +59,7 @@ TEST_F(CudaRadii, of_strays_equal_the_cpu) {
   StageSettings settings = within_radius(0.02f, 16);
   settings.fairing.outlier_distance = 0.012f;
   settings.fairing.outlier_radius = 0.1f;
-  settings.limits = {0.008f, 0.012f};
+  settings.limits = {{0.008f, 0.012f}};
   settings.iterations = 2;
   expect_same(points, settings, "held back");
   settings.fairing.pull_outliers = true;
@@ -71,7 +71,7 @@ TEST_F(CudaRadii, that_follow_the_noise_equal_the_cpu) {
   StageSettings settings = within_radius(0.008f, 16);
   settings.fairing.outlier_distance = 0.01f;
   settings.fairing.outlier_radius = 0.1f;
-  settings.limits = {0.006f, 0.01f};
+  settings.limits = {{0.006f, 0.01f}};
   for (const int iterations : {1, 3}) {
     settings.iterations = iterations;
     follow_noise(settings, {-0.9f, -0.8f, -0.7f}, 1.5f, 0.003f);

@@ -15,7 +15,7 @@
 namespace pointfair {
 namespace {
 
-using shapes::Points;
+using shapes::Points, shapes::same_bits;
 
 struct Result {
   Points points;
@@ -43,10 +43,6 @@ std::vector<Params> all_kinds() {
   spacings.radius = Length(3, Length::Unit::spacing);
   spacings.closeness_sigma = spacings.normal_sigma = spacings.similarity_sigma = Length(1, Length::Unit::spacing);
   return {Params{}, list, constrained, radius, share_of_diagonal, spacings};
-}
-
-bool same_bits(const Points& a, const Points& b) {
-  return a.size() == b.size() && (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(Point)) == 0);
 }
 
 std::uint64_t unmoved(const Report& report) {

@@ -59,7 +59,7 @@ TEST(Denoise, a_tile_is_computed_when_all_that_were_computed_before_are_on_the_d
     const StoredCloud input({folder / "input"}, kTiles);
     const auto path_of = [&](std::uint32_t tile) { return folder / std::to_string(tile); };
     std::uint32_t given = 0, done = 0;
-    TileStages stages;
+    FramedSettings stages;
     stages.neighbors.k = 8;
     stages.normals.sigma = stages.fairing.closeness_sigma = stages.fairing.similarity_sigma = 2;
     const auto next = [&]() -> std::unique_ptr<Denoising> {

@@ -12,7 +12,7 @@
 namespace pointfair {
 namespace {
 
-using shapes::Points;
+using shapes::Points, shapes::same_bits;
 
 struct Result {
   Points points, normals;
@@ -23,10 +23,6 @@ Result run(Pipeline& pipeline, const Points& points, const Params& params) {
   pipeline.run(params, result.points);
   pipeline.normals(result.normals);
   return result;
-}
-
-bool same_bits(const Points& a, const Points& b) {
-  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(Point)) == 0;
 }
 
 Pipeline loaded(const Points& points, unsigned threads) {

@@ -22,7 +22,7 @@ using meshes::Mesh;
 using meshes::Result;
 using meshes::Sides;
 using reference::Vec;
-using shapes::Points;
+using shapes::Points, shapes::same_bits;
 
 Params implicit(ImplicitWeights weights, double lambda, Connectivity connectivity) {
   Params params;
@@ -83,10 +83,6 @@ double volume_of(const Mesh& mesh, const Points& points) {
       sum += (a.x * (b.y * c.z - b.z * c.y) + a.y * (b.z * c.x - b.x * c.z) + a.z * (b.x * c.y - b.y * c.x)) / 6;
     }
   return sum;
-}
-
-bool same_bits(const Points& a, const Points& b) {
-  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(Point)) == 0;
 }
 
 // S of the docs' Eq. 28 as dense rows of weights, and M.

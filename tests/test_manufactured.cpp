@@ -12,6 +12,7 @@
 namespace pointfair {
 namespace {
 
+using reference::distance, reference::rms;
 using shapes::Points;
 
 struct Result {
@@ -27,16 +28,6 @@ Result fair(const Points& points, const Params& params) {
   pipeline.normals(result.normals);
   result.report = pipeline.report();
   return result;
-}
-
-double distance(Point a, Point b) { return reference::length(reference::to_vec(a) - reference::to_vec(b)); }
-
-// Root of the mean square of a per-point error.
-template <class Error>
-double rms(const Points& points, Error error) {
-  double sum = 0;
-  for (const Point& p : points) sum += error(p) * error(p);
-  return std::sqrt(sum / double(points.size()));
 }
 
 Params one_iteration(int k) {

@@ -54,24 +54,20 @@ class OneByOne final : public ForwardingBackend, public ManyClouds {
     if (++times_sampled_ % 2 == 0) pool(for_noise);
     return {spacing_, noise_, residuals_, heads_, pools_};
   }
-  void run(std::span<const std::uint32_t> clouds, std::span<const OfCloud> settings, int iterations,
+  void run(std::span<const std::uint32_t> clouds, std::span<const FramedSettings> settings, int iterations,
            std::stop_token stop) override {
     ++runs;
     ASSERT_EQ(clouds.size(), settings.size());
     for (std::size_t n = 0; n < clouds.size(); ++n) {
-      const OfCloud& its = settings[n];
+      FramedSettings its = settings[n];
       EXPECT_EQ(its.normals.flat_scale > 1, settings[0].normals.flat_scale > 1);
       EXPECT_EQ(its.fairing.noise > 0, settings[0].fairing.noise > 0);
       EXPECT_EQ(its.fairing.outlier_distance > 0, settings[0].fairing.outlier_distance > 0);
       EXPECT_EQ(its.limits.farthest > 0, settings[0].limits.farthest > 0);
       to().upload(points_of(points_, clouds[n]), IndexOrder::along_curve);
-      FairingSettings fairing = its.fairing;
       for (int iteration = 0; iteration < iterations; ++iteration) {
-        to().build_index(iteration, its.frame, stop);
-        to().find_neighbors(iteration, its.neighbors, stop);
-        to().estimate_normals(iteration, its.normals, stop);
-        fairing.is_further = iteration > 0;
-        to().fair(iteration, fairing, false, stop);
+        its.fairing.is_further = iteration > 0;
+        run_stages(to(), iteration, its, stop);
       }
       to().download(iterations - 1, points_of(moved_, clouds[n]), its.limits, {});
     }

@@ -20,7 +20,7 @@ using meshes::Mesh;
 using meshes::Result;
 using meshes::Sides;
 using reference::Vec;
-using shapes::Points;
+using shapes::Points, shapes::same_bits;
 
 // Along the mesh, and nothing afterwards.
 Params along_mesh(Method method = Method::bilateral) {
@@ -39,10 +39,6 @@ Mesh hill(int n, Sides sides, double noise = 0.15) {
     for (float* c : {&p.x, &p.y, &p.z}) *c += float(noise / n * random.normal());
   }
   return mesh;
-}
-
-bool same_bits(const Points& a, const Points& b) {
-  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(Point)) == 0;
 }
 
 void expect_near(const Points& found, const std::vector<Vec>& expected, double tolerance, const std::string& what) {

@@ -18,6 +18,7 @@ namespace pointfair {
 namespace {
 
 using reference::Vec;
+using reference::distance, reference::rms;
 using shapes::Points;
 
 constexpr Method kMethods[] = {Method::laplacian, Method::taubin, Method::hc_laplacian,
@@ -41,15 +42,6 @@ Params with(Method method) {
   Params params;
   params.method = method;
   return params;
-}
-
-double distance(Point a, Point b) { return reference::length(reference::to_vec(a) - reference::to_vec(b)); }
-
-template <class Error>
-double rms(const Points& points, Error error) {
-  double sum = 0;
-  for (const Point& p : points) sum += error(p) * error(p);
-  return std::sqrt(sum / double(points.size()));
 }
 
 double radial(Point p) { return reference::length(reference::to_vec(p)) - 1; }

@@ -3,6 +3,7 @@
 // in tiles.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <memory>
@@ -116,6 +117,20 @@ TEST(Order, of_the_points_changes_no_bit_of_the_marks) {
   Params params;
   params.outliers = Outliers::mark;
   expect_any_order(params);
+}
+
+TEST(Order, marks_tell_the_same_reason_in_tiles_and_on_every_device) {
+  Params params;
+  params.outliers = Outliers::mark;
+  std::uint8_t last_reason = 0;
+  for (const Named& cloud : clouds()) {
+    const auto all = places();
+    const std::vector<std::uint8_t> expected = run(all[0], cloud.points, params).outliers;
+    for (const std::uint8_t reason : expected) last_reason = std::max(last_reason, reason);
+    for (const Place& place : all)
+      EXPECT_EQ(run(place, cloud.points, params).outliers, expected) << cloud.name << ", " << place.name;
+  }
+  EXPECT_GT(last_reason, 1);  // there are reasons to be told apart
 }
 
 TEST(Order, of_the_points_changes_no_bit_over_lists) {

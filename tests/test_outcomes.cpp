@@ -18,8 +18,8 @@ using shapes::Points;
 
 std::vector<std::pair<const char*, StageSettings>> several_settings() {
   StageSettings listed;
-  listed.normals = {0.02f};
-  listed.fairing = {Method::bilateral, AreaWeight::length, 0.02f, 0.01f};
+  listed.normals = {{0.02f}};
+  listed.fairing = {{0.02f, 0.01f}, Method::bilateral, AreaWeight::length};
   StageSettings filtered = listed;
   filtered.normals.filter_rounds = 2;
   filtered.normals.crease_angle = 20;
@@ -29,7 +29,7 @@ std::vector<std::pair<const char*, StageSettings>> several_settings() {
   wide.neighbors = {0, 0.02f, false, 0, 16};
   wide.normals.sigma = 1.4f;
   wide.normals.of_radius = true;
-  wide.fairing = {Method::bilateral, AreaWeight::none, 0.6f, 0.01f};
+  wide.fairing = {{0.6f, 0.01f}};
   wide.fairing.closeness_of_radius = wide.fairing.symmetric = true;
   wide.fairing.turn_angle = 40;
   wide.frame = frame_over({-1.5f, -1.5f, -1.5f}, 3);

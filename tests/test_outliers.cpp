@@ -15,6 +15,7 @@
 namespace pointfair {
 namespace {
 
+using reference::distance;
 using shapes::Points;
 
 constexpr double kSigma = 0.006;
@@ -63,8 +64,6 @@ Params with(Outliers outliers) {
   params.outliers = outliers;
   return params;
 }
-
-double distance(Point a, Point b) { return reference::length(reference::to_vec(a) - reference::to_vec(b)); }
 
 bool same_bits(Point a, Point b) { return std::memcmp(&a, &b, sizeof a) == 0; }
 

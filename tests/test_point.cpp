@@ -296,10 +296,9 @@ TEST(Radii, are_enlarged_up_to_the_widest_and_never_cut) {
   EXPECT_EQ(radius_of(400, 0.1f), 201);  // the eighth nearest stays inside
 
   point::MeanTurn<float> flat{0, 10};
-  const point::GrowthRule rule{2.5f, widest};
-  EXPECT_EQ(flat.squared_growth(rule, 10), 2.5f);
-  EXPECT_EQ(flat.squared_growth(rule, 80), 1.25f);
-  EXPECT_EQ(flat.squared_growth(rule, 400), 1);
+  EXPECT_EQ(flat.squared_growth(2.5f, 10, widest), 2.5f);
+  EXPECT_EQ(flat.squared_growth(2.5f, 80, widest), 1.25f);
+  EXPECT_EQ(flat.squared_growth(2.5f, 400, widest), 1);
 }
 
 }  // namespace

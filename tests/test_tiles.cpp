@@ -51,8 +51,8 @@ std::vector<Place> places() {
 
 StageSettings usual() {
   StageSettings settings;
-  settings.normals = {0.02f};
-  settings.fairing = {Method::bilateral, AreaWeight::none, 0.02f, 0.01f};
+  settings.normals = {{0.02f}};
+  settings.fairing = {{0.02f, 0.01f}};
   return settings;
 }
 
@@ -90,7 +90,7 @@ TEST(Tiles, has_the_outliers_of_the_whole) {
   settings.neighbors.min_neighbors = 16;
   settings.fairing.outlier_distance = 0.012f;
   settings.fairing.outlier_radius = 0.05f;
-  settings.limits = {0.008f, 0.012f};
+  settings.limits = {{0.008f, 0.012f}};
   for (const int iterations : {1, 2}) {
     settings.iterations = iterations;
     settings.fairing.pull_outliers = false;
@@ -106,7 +106,7 @@ TEST(Tiles, knows_the_sensor_of_each_point) {
   settings.neighbors = {0, 0.02f};
   settings.neighbors.min_neighbors = 16;
   settings.fairing.outlier_distance = 0.012f;
-  settings.limits = {0.04f, 0.06f};
+  settings.limits = {{0.04f, 0.06f}};
   settings.iterations = 2;
   settings.fairing.beam_width = 0.004f;
   settings.fairing.along_ray = true;
@@ -169,7 +169,7 @@ TEST(Tiles, has_the_bits_of_the_whole_within_a_radius) {
   settings.neighbors = {0, 0.04f, false, 0};
   settings.iterations = 2;
   expect_the_same_in_tiles(points, settings, "one radius");
-  settings.normals = {1.4f, true, 2, 20};
+  settings.normals = {{1.4f, true, 20}, 2};
   settings.fairing.closeness_sigma = 0.6f;
   settings.fairing.closeness_of_radius = settings.fairing.symmetric = true;
   settings.fairing.turn_angle = 40;
@@ -184,12 +184,12 @@ TEST(Tiles, has_the_bits_of_the_whole_within_a_radius) {
 TEST(Tiles, has_the_bits_of_the_whole_where_lengths_follow_the_noise) {
   StageSettings settings = usual();
   settings.neighbors = {0, 0.012f, false, 0, 16};
-  settings.normals = {1.4f, true, 2, 20, 1.6f};
+  settings.normals = {{1.4f, true, 20, 1.6f}, 2};
   settings.fairing.closeness_sigma = 0.6f;
   settings.fairing.closeness_of_radius = settings.fairing.symmetric = true;
   settings.fairing.turn_angle = 40;
   settings.fairing.outlier_distance = 0.01f;
-  settings.limits = {0.006f, 0.01f};
+  settings.limits = {{0.006f, 0.01f}};
   settings.iterations = 2;
   follow_noise(settings, {-0.9f, -0.8f, -0.7f}, 1.5f, 0.003f);
   expect_the_same_in_tiles(shapes::with_noise(shapes::sphere(10000), 0.006), settings, "levels");
@@ -198,7 +198,7 @@ TEST(Tiles, has_the_bits_of_the_whole_where_lengths_follow_the_noise) {
 TEST(Tiles, has_the_bits_of_the_whole_over_thinned_neighbourhoods) {
   StageSettings settings = usual();
   settings.neighbors = {0, 0.2f, false, 0, 8};
-  settings.normals = {1.4f, true, 1, 20};
+  settings.normals = {{1.4f, true, 20}, 1};
   settings.fairing.closeness_sigma = 0.6f;
   settings.fairing.closeness_of_radius = settings.fairing.symmetric = true;
   settings.fairing.turn_angle = 40;

@@ -238,7 +238,7 @@ TEST_F(WideCloud, keeps_the_bits_of_a_zone_that_is_seen_from_its_middle) {
 
 TEST(Zones, settings_of_a_zone_hold_at_the_same_places) {
   const Zones zones{{5e5, 5.4e6, 0}, 8192};
-  TileStages stages;
+  FramedSettings stages;
   NoiseLevels levels;
   levels.levels.assign(8, 2.0f);
   levels.nodes = 2;
@@ -247,13 +247,13 @@ TEST(Zones, settings_of_a_zone_hold_at_the_same_places) {
   stages.neighbors.levels = std::make_shared<const NoiseLevels>(levels);
   stages.fairing.sensors = std::make_shared<const SensorPlaces>(SensorPlaces{{{100, 200, 2}}});
   const Position middle = zones.middle_of(zones.zone_of({7e5, 5.2e6, 0}));
-  const TileStages moved = relative_to(middle, stages, zones);
+  const FramedSettings moved = relative_to(middle, stages, zones);
   EXPECT_NEAR(moved.neighbors.levels->first.x + middle[0], 5e5 - 1000, 0.02);
   EXPECT_NEAR(moved.fairing.sensors->places[0].y + middle[1], 5.4e6 + 200, 0.02);
   EXPECT_EQ(moved.neighbors.levels->levels, levels.levels);
   EXPECT_EQ(stages.neighbors.levels->first.x, -1000);
   EXPECT_FALSE(moved.frame.has_value());
-  const TileStages same = relative_to(zones.origin, stages, zones);
+  const FramedSettings same = relative_to(zones.origin, stages, zones);
   EXPECT_EQ(same.neighbors.levels, stages.neighbors.levels);
 }
 

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <functional>
 #include <map>
 #include <string>
@@ -18,7 +17,7 @@
 
 namespace pointfair {
 
-using shapes::Points;
+using shapes::Points, shapes::same_bits;
 
 // What a run delivers, or why it does not.
 struct Outcome {
@@ -29,10 +28,6 @@ struct Outcome {
   std::uint64_t short_neighborhoods = 0;
   Params used;
 };
-
-inline bool same_bits(const Points& a, const Points& b) {
-  return a.size() == b.size() && (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(Point)) == 0);
-}
 
 inline Outcome of_last_run(Pipeline& pipeline, Points points) {
   const Report& report = pipeline.report();

@@ -136,6 +136,7 @@ struct ParamInfo {
   std::string_view values;  ///< the words allowed, separated by '|'; empty for numbers
   std::string_view help;    ///< one line
   bool expert = false;      ///< whether `--help` leaves it to `--help-all` and the viewer folds it away
+  bool in_radii = false;    ///< whether a length may be a multiple of each point's radius, "0.6r"
 };
 
 inline constexpr std::array kParams = {
@@ -161,7 +162,7 @@ inline constexpr std::array kParams = {
               "hc-laplacian and implicit, else all within --radius",
               true},
     ParamInfo{"normal_sigma", Stage::normals, &Params::normal_sigma, 0, 1e30, true, "",
-              "sigma of the weights by distance in the normals", true},
+              "sigma of the weights by distance in the normals", true, true},
     ParamInfo{"normal_filter", Stage::normals, &Params::normal_filter, 0, 0, true, "off|on|mollify",
               "filter the normals before points move. on: bilateral, keeps edges; mollify: Gaussian mean", true},
     ParamInfo{"crease_angle", Stage::normals, &Params::crease_angle, 1, 90, true, "",
@@ -177,7 +178,7 @@ inline constexpr std::array kParams = {
     ParamInfo{"keep_boundary", Stage::fairing, &Params::keep_boundary, 0, 0, false, "on|off",
               "with --connectivity mesh: vertices on the border of an open mesh stay where they are", true},
     ParamInfo{"closeness_sigma", Stage::fairing, &Params::closeness_sigma, 0, 1e30, true, "",
-              "closeness (spatial) sigma: of the weights by distance", true},
+              "closeness (spatial) sigma: of the weights by distance", true, true},
     ParamInfo{"similarity_sigma", Stage::fairing, &Params::similarity_sigma, 0, 1e30, true, "",
               "similarity (range) sigma: of the weights by height above the tangent plane; smaller keeps more detail"},
     ParamInfo{
@@ -220,6 +221,9 @@ inline constexpr std::array kParams = {
 
 /// The row called `name`, in which '-' and '_' are alike, or null if there is none.
 POINTFAIR_EXPORT const ParamInfo* find_param(std::string_view name);
+
+/// The flag of the parameter of that name: "--similarity-sigma".
+POINTFAIR_EXPORT std::string flag_of(std::string_view name);
 
 /// Sets a field from the text that the command line takes: "8", "auto", "0.02", "0.5%", "2s", "on", "squared". Throws
 /// ErrorKind::usage with name, value and range.

@@ -96,7 +96,7 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
     for (const InvalidPoint& p : first_.index().invalid()) points[p.original] = p.position;
     std::fill(outliers.begin(), outliers.end(), std::uint8_t(0));
     if (limits.farthest > 0) return hold_back(points, limits, outliers);
-    return may_miss_some ? hold_back(points, {kInfinity, kInfinity}, outliers) : OutlierCounts{};
+    return may_miss_some ? hold_back(points, limits.or_endless(), outliers) : OutlierCounts{};
   }
 
   void download_normals(int iteration, std::span<Point> normals, std::stop_token) override {
@@ -260,11 +260,10 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
       for (std::size_t i = first; i < last; ++i) {
         Point& p = points[index.original[i]];
         const point::Vec3<float> from{index.x[i], index.y[i], index.z[i]};
-        const auto [farthest, outlier_distance] = point::limits_at(limit_rule(limits), point::node_value(field, from));
-        const auto settled = point::settled(from, {p.x, p.y, p.z}, farthest, outlier_distance);
-        p = {settled.place.x, settled.place.y, settled.place.z};
-        count(settled.outlier, here);
-        if (!outliers.empty()) outliers[index.original[i]] = static_cast<std::uint8_t>(settled.outlier);
+        const auto limited = point::limited(from, {p.x, p.y, p.z}, limits, point::node_value(field, from));
+        p = {limited.place.x, limited.place.y, limited.place.z};
+        count(limited.outlier, here);
+        if (!outliers.empty()) outliers[index.original[i]] = static_cast<std::uint8_t>(limited.outlier);
       }
       tally.add(here);
     });

@@ -209,7 +209,6 @@ void Chain::measure_radii(const Kernels& kernels, const std::stop_token& stop) {
 void Chain::estimate_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop) {
   normal_settings_ = settings;
   const IndexView index = index_.view();
-  const point::NormalRule rule = normal_rule(settings);
   for (Buffer<float>* axis : {&normal_x_, &normal_y_, &normal_z_}) axis->resize(std::size_t(index.leaves) * kLeafSize);
   const VectorsOut out{normal_x_.data(), normal_y_.data(), normal_z_.data()};
   std::atomic<std::uint64_t> too_few = 0, no_normal = 0;
@@ -217,7 +216,7 @@ void Chain::estimate_normals(const NormalSettings& settings, const Kernels& kern
     std::uint64_t too_few_here = 0, no_normal_here = 0;
     unsigned found[kLeafSize];
     for (std::size_t leaf = first; leaf < last; ++leaf) {
-      kernels.normals(index, Index(leaf), neighborhoods(), rule, out, found);
+      kernels.normals(index, Index(leaf), neighborhoods(), settings, out, found);
       const Index points = std::min<Index>(kLeafSize, index.points - Index(leaf) * kLeafSize);
       for (Index lane = 0; lane < points; ++lane) {
         const std::size_t i = leaf * kLeafSize + lane;
@@ -239,19 +238,16 @@ void Chain::estimate_normals(const NormalSettings& settings, const Kernels& kern
 void Chain::filter_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop) {
   if (settings.filter_rounds == 0) return;
   const IndexView index = index_.view();
-  const point::NormalRule rule = normal_rule(settings);
-  const float inverse_turn = point::inverse_turn(settings.crease_angle);
   for (Buffer<float>* axis : {&spare_x_, &spare_y_, &spare_z_}) axis->resize(normal_x_.size());
   if (radii_grow()) squared_growth_.resize(normal_x_.size());
   for (int round = 0; round < settings.filter_rounds; ++round) {
     const bool is_last = round + 1 == settings.filter_rounds;
-    const GrowthOut growth{growth_rule(neighbors_, settings),
-                           is_last && radii_grow() ? squared_growth_.data() : nullptr};
+    float* const squared_growth = is_last && radii_grow() ? squared_growth_.data() : nullptr;
     const VectorsOut out{spare_x_.data(), spare_y_.data(), spare_z_.data()};
     for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
       for (std::size_t leaf = first; leaf < last; ++leaf)
-        kernels.filter_normals(index, Index(leaf), neighborhoods(), rule, inverse_turn, normals(), further_shares(),
-                               out, growth);
+        kernels.filter_normals(index, Index(leaf), neighborhoods(), settings, normals(), further_shares(), out,
+                               squared_growth);
     });
     std::swap(normal_x_, spare_x_);
     std::swap(normal_y_, spare_y_);
@@ -300,12 +296,11 @@ void Chain::keep_boundary(const MeshEdges& mesh, const std::stop_token& stop) {
 void Chain::fair_bilaterally(const FairingSettings& settings, AreaView area, const Kernels& kernels,
                              const std::stop_token& stop) {
   const IndexView index = index_.view();
-  const point::FairingRule rule = fairing_rule(settings, by_list());
   const point::Sensors sensors = sensors_of(settings.sensors.get());
   const point::Levels levels{squared_levels(), settings.is_further ? further_shares() : nullptr};
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     for (std::size_t leaf = first; leaf < last; ++leaf)
-      kernels.fair(index, Index(leaf), grown_neighborhoods(), normals(), area, rule, sensors, levels,
+      kernels.fair(index, Index(leaf), grown_neighborhoods(), normals(), area, settings, sensors, levels,
                    &faired_[leaf * kLeafSize].x);
   });
 }

@@ -7,30 +7,11 @@
 #include <cstdlib>
 #include <string_view>
 
-#include "cpu/kernels.h"
+#include "cpu/instruction_sets.h"
 
 namespace pointfair::cpu {
 
 #if defined(__x86_64__)
-namespace sse2 {
-extern const Kernels kKernels;
-extern const NetKernels kNetKernels;
-}  // namespace sse2
-namespace avx2 {
-extern const Kernels kKernels;
-extern const NetKernels kNetKernels;
-}  // namespace avx2
-namespace avxvnni {
-extern const NetKernels kNetKernels;
-}
-namespace avx512 {
-extern const Kernels kKernels;
-extern const NetKernels kNetKernels;
-}  // namespace avx512
-namespace avx512vnni {
-extern const NetKernels kNetKernels;
-}
-
 // What the processor has and the system keeps the registers of (Intel's manual, volume 1, 14.3). Not by
 // __builtin_cpu_supports: it asks the compiler's run time library, and that of zig always says no.
 struct Processor {

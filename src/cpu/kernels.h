@@ -91,12 +91,6 @@ struct VectorsView {
   const float *x, *y, *z;
 };
 
-// What Eq. 20 multiplies R_i^2 by.
-struct GrowthOut {
-  point::GrowthRule rule;
-  float* squared_growth;  // of each sorted point; null: not asked for
-};
-
 // What the net of method learned reads and writes of each sorted point.
 struct NetCloud {
   const point::net::Place* measured_places;  // with normals as they are
@@ -139,20 +133,20 @@ struct Kernels {
   // Mean distance to the first `count` entries of a list of k, or as many as it holds.
   void (*mean_distances)(const IndexView&, Index leaf, const Index* list, int count, float* out);
   // neighbor_counts receives how many neighbours each point has.
-  void (*normals)(const IndexView&, Index leaf, Neighborhoods, point::NormalRule, VectorsOut,
+  void (*normals)(const IndexView&, Index leaf, Neighborhoods, const point::NormalSettings&, VectorsOut,
                   unsigned* neighbor_counts);
-  // One round of Eq. 9, of which each point takes its share (null: all); `growth` receives what Eq. 20 multiplies
-  // R_i^2 by, unless its array is null.
-  void (*filter_normals)(const IndexView&, Index leaf, Neighborhoods, point::NormalRule, float inverse_turn,
-                         VectorsView, const float* further_share, VectorsOut, GrowthOut growth);
+  // One round of Eq. 9, of which each point takes its share (null: all); `squared_growth` receives what Eq. 20
+  // multiplies R_i^2 of each sorted point by, unless it is null.
+  void (*filter_normals)(const IndexView&, Index leaf, Neighborhoods, const point::NormalSettings&, VectorsView,
+                         const float* further_share, VectorsOut, float* squared_growth);
   // The bilateral method: moved positions, point after point.
-  void (*fair)(const IndexView&, Index leaf, Neighborhoods, VectorsView, AreaView, point::FairingRule, point::Sensors,
-               point::Levels, float* xyz);
+  void (*fair)(const IndexView&, Index leaf, Neighborhoods, VectorsView, AreaView, const point::FairingSettings&,
+               point::Sensors, point::Levels, float* xyz);
   // The other methods: the displacements of all points, then from them the moved positions.
-  void (*displacements)(const IndexView&, Index leaf, Neighborhoods, VectorsView, AreaView, point::MethodRule,
+  void (*displacements)(const IndexView&, Index leaf, Neighborhoods, VectorsView, AreaView, const point::MethodRule&,
                         VectorsOut);
-  void (*move)(const IndexView&, Index leaf, Neighborhoods, VectorsView displacements, AreaView, point::MethodRule,
-               point::Sensors, float* xyz);
+  void (*move)(const IndexView&, Index leaf, Neighborhoods, VectorsView displacements, AreaView,
+               const point::MethodRule&, point::Sensors, float* xyz);
   // How many neighbours each point has, and the least of `values` over it and them.
   void (*survey)(const IndexView&, Index leaf, Neighborhoods, const float* values, float* counts, float* least);
   // The k nearest points in another index for those of a leaf, as `nearest` gives them; `own`: where each of the leaf's

@@ -19,7 +19,7 @@ void displace_leaf(const IndexView& index, Index leaf, const Neighborhoods& neig
 }
 
 inline void displacements(const IndexView& index, Index leaf, Neighborhoods neighborhoods, VectorsView normals,
-                          AreaView area, point::MethodRule rule, VectorsOut out) {
+                          AreaView area, const point::MethodRule& rule, VectorsOut out) {
   using point::Displacement;
   const auto displace = rule.displacement == Displacement::to_quadric  ? displace_leaf<Displacement::to_quadric>
                         : rule.displacement == Displacement::to_planes ? displace_leaf<Displacement::to_planes>
@@ -38,14 +38,14 @@ void move_leaf(const IndexView& index, Index leaf, const Neighborhoods& neighbor
     if constexpr (kBy != point::Adjustment::none)
       d = point::adjusted<kBy>(neighbors, rule, d, areas.of(Own{start}), of_points, areas);
     const point::Vec3<Floats> here = load_vector(index.x, index.y, index.z, start);
-    if (rule.along_ray) d = point::along_ray(d, to_sensors(index, sensors, start, here));
+    if (rule.settings.along_ray) d = point::along_ray(d, to_sensors(index, sensors, start, here));
     store_points(here + d, xyz + 3 * (start % kLeafSize));
   });
 }
 
 // Moved positions, point after point into `xyz`.
 inline void move(const IndexView& index, Index leaf, Neighborhoods neighborhoods, VectorsView displacements,
-                 AreaView area, point::MethodRule rule, point::Sensors sensors, float* xyz) {
+                 AreaView area, const point::MethodRule& rule, point::Sensors sensors, float* xyz) {
   using point::Adjustment;
   const auto move_points = rule.adjustment == Adjustment::relaxation ? move_leaf<Adjustment::relaxation>
                            : rule.adjustment == Adjustment::wiener   ? move_leaf<Adjustment::wiener>

@@ -54,6 +54,7 @@ class ListWalk {
  public:
   using Number = Floats;
   using Kernel = point::Gaussian;
+  static constexpr bool kListed = true;
   using Count = Floats;
 
   // list[slot * 16] is the first lane's entry
@@ -96,6 +97,7 @@ class MeshWalk {
   using Number = Floats;
   using Count = Floats;
   using Kernel = point::CompactGaussian;
+  static constexpr bool kListed = false;
 
   POINTFAIR_INLINE MeshWalk(const IndexView& index, Index start, const Index* list, const LeafLists& lists,
                             const point::Radii& radii)
@@ -136,6 +138,7 @@ class RadiusWalk {
  public:
   using Number = Floats;
   using Kernel = point::CompactGaussian;
+  static constexpr bool kListed = false;
   using Count = Floats;
 
   POINTFAIR_INLINE RadiusWalk(const IndexView& index, Index start, const point::Radii& radii) : index_(index) {

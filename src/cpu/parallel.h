@@ -11,12 +11,9 @@
 #include <stop_token>
 
 #include "pointfair/cloud.hpp"
+#include "seam/stop.hpp"
 
 namespace pointfair::cpu {
-
-inline void throw_if_stopped(const std::stop_token& stop) {
-  if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
-}
 
 // Calls body(first, last, block) for consecutive blocks of `block_size` items.
 template <class Body>

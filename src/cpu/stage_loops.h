@@ -69,10 +69,10 @@ POINTFAIR_INLINE void store_points(point::Vec3<Floats> p, float* xyz) {
   }
 }
 
-inline void normals(const IndexView& index, Index leaf, Neighborhoods neighborhoods, point::NormalRule rule,
-                    VectorsOut out, unsigned* neighbor_counts) {
+inline void normals(const IndexView& index, Index leaf, Neighborhoods neighborhoods,
+                    const point::NormalSettings& settings, VectorsOut out, unsigned* neighbor_counts) {
   for_packs(index, leaf, neighborhoods, [&](Index start, const auto& neighbors) {
-    const auto normal = point::normal_of(neighbors, point::weights_of(rule, neighbors));
+    const auto normal = point::normal_of(neighbors, point::weights_of(settings, neighbors));
     store_vector(out, start, normal.unit);
     for (int lane = 0; lane < kLanes; ++lane)
       neighbor_counts[start % kLeafSize + Index(lane)] = unsigned(normal.found.v[lane]);
@@ -81,23 +81,23 @@ inline void normals(const IndexView& index, Index leaf, Neighborhoods neighborho
 
 template <bool kGrows>
 __attribute__((noinline)) void filter_leaf(const IndexView& index, Index leaf, const Neighborhoods& neighborhoods,
-                                           const point::NormalRule& rule, float inverse_turn, VectorsView from,
-                                           const float* further_share, VectorsOut out, GrowthOut growth) {
+                                           const point::NormalSettings& settings, VectorsView from,
+                                           const float* further_share, VectorsOut out, float* squared_growth) {
   for_packs(index, leaf, neighborhoods, [&](Index start, const auto& neighbors) {
     const Vectors normals{from};
     const point::OwnNormal<Floats> own{normals.at(Own{start}), value_or_one(further_share, start)};
     const point::FilteredOfPoint<Floats> filtered =
-        point::filtered_normal_of<kGrows>(neighbors, rule, inverse_turn, own, normals, growth.rule);
+        point::filtered_normal_of<kGrows>(neighbors, settings, own, normals, neighborhoods.radii.squared_widest);
     store_vector(out, start, filtered.unit);
-    if constexpr (kGrows) store(growth.squared_growth + start, filtered.squared_growth);
+    if constexpr (kGrows) store(squared_growth + start, filtered.squared_growth);
   });
 }
 
-inline void filter_normals(const IndexView& index, Index leaf, Neighborhoods neighborhoods, point::NormalRule rule,
-                           float inverse_turn, VectorsView from, const float* further_share, VectorsOut out,
-                           GrowthOut growth) {
-  const auto filter = growth.squared_growth == nullptr ? filter_leaf<false> : filter_leaf<true>;
-  filter(index, leaf, neighborhoods, rule, inverse_turn, from, further_share, out, growth);
+inline void filter_normals(const IndexView& index, Index leaf, Neighborhoods neighborhoods,
+                           const point::NormalSettings& settings, VectorsView from, const float* further_share,
+                           VectorsOut out, float* squared_growth) {
+  const auto filter = squared_growth == nullptr ? filter_leaf<false> : filter_leaf<true>;
+  filter(index, leaf, neighborhoods, settings, from, further_share, out, squared_growth);
 }
 
 inline void survey(const IndexView& index, Index leaf, Neighborhoods neighborhoods, const float* values, float* counts,
@@ -124,7 +124,7 @@ POINTFAIR_INLINE point::Vec3<Floats> to_sensors(const IndexView& index, const po
 
 template <bool kSeeksOutliers, bool kShares, bool kSees>
 __attribute__((noinline)) void fair_leaf(const IndexView& index, Index leaf, const Neighborhoods& neighborhoods,
-                                         VectorsView normals, AreaView area, const point::FairingRule& rule,
+                                         VectorsView normals, AreaView area, const point::FairingSettings& settings,
                                          const point::Sensors& sensors, point::Levels levels, float* xyz) {
   for_packs(index, leaf, neighborhoods, [&](Index start, const auto& neighbors) {
     const Vectors of_points{normals};
@@ -135,23 +135,23 @@ __attribute__((noinline)) void fair_leaf(const IndexView& index, Index leaf, con
                                 {}};
     if constexpr (kSees) own.to_sensor = to_sensors(index, sensors, start, own.here);
     const point::Vec3<Floats> there = point::faired_point<kSeeksOutliers, kShares, kSees>(
-        neighbors, rule, own, of_points, Areas{area}, Scalars{neighborhoods.radii.squared_radius});
+        neighbors, settings, own, of_points, Areas{area}, Scalars{neighborhoods.radii.squared_radius});
     store_points(there, xyz + 3 * (start % kLeafSize));
   });
 }
 
 template <bool kSees>
-POINTFAIR_INLINE auto fairing_of(const point::FairingRule& rule) {
-  const bool shares = rule.noise_variance > 0;
-  return rule.squared_outlier_distance > 0 ? (shares ? fair_leaf<true, true, kSees> : fair_leaf<true, false, kSees>)
-                                           : (shares ? fair_leaf<false, true, kSees> : fair_leaf<false, false, kSees>);
+POINTFAIR_INLINE auto fairing_of(const point::FairingSettings& settings) {
+  const bool shares = settings.shares();
+  return settings.seeks_outliers() ? (shares ? fair_leaf<true, true, kSees> : fair_leaf<true, false, kSees>)
+                                   : (shares ? fair_leaf<false, true, kSees> : fair_leaf<false, false, kSees>);
 }
 
 // Moved positions, point after point into `xyz`; a zero normal leaves a point where it is.
 inline void fair(const IndexView& index, Index leaf, Neighborhoods neighborhoods, VectorsView normals, AreaView area,
-                 point::FairingRule rule, point::Sensors sensors, point::Levels levels, float* xyz) {
-  const auto fair_points = rule.sees() ? fairing_of<true>(rule) : fairing_of<false>(rule);
-  fair_points(index, leaf, neighborhoods, normals, area, rule, sensors, levels, xyz);
+                 const point::FairingSettings& settings, point::Sensors sensors, point::Levels levels, float* xyz) {
+  const auto fair_points = settings.reads_sensor() ? fairing_of<true>(settings) : fairing_of<false>(settings);
+  fair_points(index, leaf, neighborhoods, normals, area, settings, sensors, levels, xyz);
 }
 
 }  // namespace pointfair::cpu::POINTFAIR_ISA

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cuda/backend.cuh"
+#include "seam/stop.hpp"
 
 namespace pointfair::cuda {
 
@@ -38,7 +39,7 @@ void CudaBackend::finish_upload() {
 
 void CudaBackend::build_index(int iteration, const std::optional<Frame>& frame, std::stop_token stop) {
   context_.enter();
-  if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+  throw_if_stopped(stop);
   if (iteration == 0) {
     if (!std::exchange(is_index_begun_, false) || frame) begin_first_index(frame, nullptr, stop);
   } else {
@@ -82,9 +83,9 @@ OutlierCounts CudaBackend::download(int iteration, std::span<Point> points, cons
   leaving_.begin();
   if (Leaving::holds_back(iteration, limits)) {
     from.join();
-    DeviceArray<Point> settled(context_);
-    leaving_.hold_back(uploaded_, from, limits, outliers, settled);
-    copy_out(settled.data(), points);
+    DeviceArray<Point> limited(context_);
+    leaving_.hold_back(uploaded_, from, limits, outliers, limited);
+    copy_out(limited.data(), points);
   } else {
     std::fill(outliers.begin(), outliers.end(), std::uint8_t(0));
     if (links_.any()) {
@@ -189,7 +190,7 @@ void CudaBackend::forget_cloud(std::size_t points) {
   arrived_ = nullptr;
   batch_.reset();
   clouds_.clear();
-  settled_.resize(0);
+  limited_.resize(0);
 }
 
 void CudaBackend::begin_upload(std::span<const Point> points, IndexOrder expected, bool timed) {

@@ -61,7 +61,7 @@ class CudaBackend final : public Backend,
                                                   std::span<const Index> ends) override;
 
   Taken take_samples(const Queries& for_spacing, const Queries& for_noise, std::stop_token stop) override;
-  void run(std::span<const Index> clouds, std::span<const OfCloud> settings, int iterations,
+  void run(std::span<const Index> clouds, std::span<const FramedSettings> settings, int iterations,
            std::stop_token stop) override;
   void download(std::span<Point> points) override;
   void download(const DeviceOutput& points, DeviceStream stream) override;
@@ -170,7 +170,7 @@ class CudaBackend final : public Backend,
   std::optional<CloudBatch> batch_;  // of all of them, or of some
   BatchStorage batch_storage_{context_};
   ManySampler many_samples_{context_};
-  DeviceArray<Point> settled_{context_};  // of many clouds
+  DeviceArray<Point> limited_{context_};  // of many clouds
   DeviceArray<Point> input_{context_};    // of iterations from the third on
   GatheredTiles tiles_{context_};
   Leaving leaving_{context_};

@@ -32,9 +32,9 @@ OutlierCounts CudaBackend::download(int iteration, const DeviceOutput& points, D
   from.join();
   let_wait(stream);
   if (Leaving::holds_back(iteration, limits)) {
-    DeviceArray<Point> settled(context_);
-    leaving_.hold_back(uploaded_, from, limits, outliers, settled);
-    callers_.give(uploaded_.data(), settled.data(), points);
+    DeviceArray<Point> limited(context_);
+    leaving_.hold_back(uploaded_, from, limits, outliers, limited);
+    callers_.give(uploaded_.data(), limited.data(), points);
   } else {
     std::fill(outliers.begin(), outliers.end(), std::uint8_t(0));
     callers_.give(uploaded_.data(), from.faired().data(), points);

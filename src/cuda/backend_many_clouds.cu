@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Many clouds at once, as a batch.
 #include "cuda/backend.cuh"
+#include "seam/stop.hpp"
 
 namespace pointfair::cuda {
 
@@ -34,7 +35,7 @@ std::vector<std::uint8_t> CudaBackend::surely_have_no_origin(const DevicePoints&
 
 ManyClouds::Taken CudaBackend::take_samples(const Queries& for_spacing, const Queries& for_noise,
                                             std::stop_token stop) {
-  if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+  throw_if_stopped(stop);
   context_.enter();
   const Taken taken =
       many_samples_.take(first_.sampled_tree(), first_.input(), clouds_.size(), for_spacing, for_noise, stop);
@@ -42,14 +43,14 @@ ManyClouds::Taken CudaBackend::take_samples(const Queries& for_spacing, const Qu
   return taken;
 }
 
-void CudaBackend::run(std::span<const Index> clouds, std::span<const OfCloud> settings, int iterations,
+void CudaBackend::run(std::span<const Index> clouds, std::span<const FramedSettings> settings, int iterations,
                       std::stop_token stop) {
   context_.enter();
   context_.finish();  // with the nodes of clouds before
-  OfCloud common = settings[0];
+  FramedSettings common = settings[0];
   common.neighbors.levels.reset();
   common.neighbors.reach_levels.reset();
-  for (const OfCloud& its : settings)
+  for (const FramedSettings& its : settings)
     common.neighbors.min_neighbors = std::max(common.neighbors.min_neighbors, its.neighbors.min_neighbors);
   batch_ = batch_storage_.plan(clouds_, clouds, settings, uploaded_.size(),
                                [this](std::size_t count, const auto& body) { for_each_on_host(count, body); });
@@ -64,20 +65,20 @@ void CudaBackend::run(std::span<const Index> clouds, std::span<const OfCloud> se
     common.fairing.is_further = iteration > 0;
     fair(iteration, common.fairing, false, stop);
   }
-  if (settled_.size() == 0) {
-    settled_.resize(uploaded_.size());
-    check(cudaMemcpyAsync(settled_.data(), uploaded_.data(), uploaded_.size() * sizeof(Point), cudaMemcpyDeviceToDevice,
+  if (limited_.size() == 0) {
+    limited_.resize(uploaded_.size());
+    check(cudaMemcpyAsync(limited_.data(), uploaded_.data(), uploaded_.size() * sizeof(Point), cudaMemcpyDeviceToDevice,
                           context_.stream()),
-          "settling clouds");
+          "limiting clouds");
   }
-  settle(context_, *batch_,
-         {uploaded_.data(), chain(iterations - 1).faired().data(), settled_.data(),
-          Leaving::holds_back(iterations - 1, common.limits)});
+  limit(context_, *batch_,
+        {uploaded_.data(), chain(iterations - 1).faired().data(), limited_.data(),
+         Leaving::holds_back(iterations - 1, common.limits)});
 }
 
 void CudaBackend::download(std::span<Point> points) {
   context_.enter();
-  leaving_.copy(settled_.size() > 0 ? settled_.data() : uploaded_.data(), points);
+  leaving_.copy(limited_.size() > 0 ? limited_.data() : uploaded_.data(), points);
   deliver();
 }
 
@@ -85,7 +86,7 @@ void CudaBackend::download(const DeviceOutput& points, DeviceStream stream) {
   context_.enter();
   require_on_card(points.data, points.count, points.type, points.card, card_);
   let_wait(stream);
-  callers_.give(uploaded_.data(), settled_.size() > 0 ? settled_.data() : uploaded_.data(), points);
+  callers_.give(uploaded_.data(), limited_.size() > 0 ? limited_.data() : uploaded_.data(), points);
   deliver();
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What estimates are made of, and which points of a tile are exact.
 #include "cuda/backend.cuh"
+#include "seam/stop.hpp"
 
 namespace pointfair::cuda {
 
@@ -27,7 +28,7 @@ void CudaBackend::sample_neighborhoods(std::span<const std::uint32_t> queries, i
 
 Samples CudaBackend::take_samples(std::span<const Index> for_spacing, std::span<const Index> for_noise,
                                   std::stop_token stop) {
-  if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+  throw_if_stopped(stop);
   context_.enter();
   const std::size_t spacings = for_spacing.size(), noises = for_noise.size();
   queries_.resize(spacings + noises);
@@ -38,7 +39,7 @@ Samples CudaBackend::take_samples(std::span<const Index> for_spacing, std::span<
   first_.take_samples(
       {queries_.get(), spacings, noises, spacing_samples_.get(), noise_samples_.get(), residual_samples_.get()});
   wait();
-  if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+  throw_if_stopped(stop);
   std::vector residuals(residual_samples_.get(), residual_samples_.get() + noises);
   return {{spacing_samples_.get(), spacing_samples_.get() + spacings},
           {noise_samples_.get(), noise_samples_.get() + noises},

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
-#include <limits>
 
 #include "cuda/batch_storage.cuh"
 #include "seam/noise_levels.hpp"
@@ -14,24 +13,21 @@ Vec vec(const Point& p) { return {p.x, p.y, p.z}; }
 std::size_t nodes_of(const NodeLevels* levels) { return levels == nullptr ? 0 : levels->levels.size(); }
 
 // As a chain has them for one cloud (chain.cu). `nodes`: of the noise, then of the reach.
-CloudRules rules_of(const ManyClouds::OfCloud& its, const float* nodes) {
-  constexpr float kInfinity = std::numeric_limits<float>::infinity();
-  CloudRules rules{};
-  rules.cube = point::curve_cube(vec(its.frame.reference), its.frame.side);
-  rules.corner = vec(its.frame.corner);
-  rules.squared_base = squared_base(its.neighbors.radius);
-  rules.squared_widest = squared_widest(its.neighbors);
-  rules.min_neighbors = its.neighbors.min_neighbors;
-  rules.noise_levels = field_of(its.neighbors.levels.get());
-  if (its.neighbors.levels) rules.noise_levels.values = nodes;
-  rules.reach_levels = field_of(its.neighbors.reach_levels.get());
-  if (its.neighbors.reach_levels) rules.reach_levels.values = nodes + nodes_of(its.neighbors.levels.get());
-  rules.normal = normal_rule(its.normals);
-  rules.inverse_turn = point::inverse_turn(its.normals.crease_angle);
-  rules.growth = growth_rule(its.neighbors, its.normals);
-  rules.fairing = fairing_rule(its.fairing, false);
-  rules.limits = limit_rule(its.limits.farthest > 0 ? its.limits : DisplacementLimits{kInfinity, kInfinity});
-  return rules;
+CloudSettings on_card(const FramedSettings& its, const float* nodes) {
+  CloudSettings result{};
+  result.cube = point::curve_cube(vec(its.frame->reference), its.frame->side);
+  result.corner = vec(its.frame->corner);
+  result.squared_base = squared_base(its.neighbors.radius);
+  result.squared_widest = squared_widest(its.neighbors);
+  result.min_neighbors = its.neighbors.min_neighbors;
+  result.noise_levels = field_of(its.neighbors.levels.get());
+  if (its.neighbors.levels) result.noise_levels.values = nodes;
+  result.reach_levels = field_of(its.neighbors.reach_levels.get());
+  if (its.neighbors.reach_levels) result.reach_levels.values = nodes + nodes_of(its.neighbors.levels.get());
+  result.normals = its.normals;
+  result.fairing = its.fairing;
+  result.limits = its.limits.or_endless();
+  return result;
 }
 
 CloudBatch batch_of(const std::vector<CloudSpan>& spans, std::size_t uploaded) {
@@ -62,10 +58,9 @@ CloudBatch BatchStorage::plan(std::span<const CloudSpan> clouds, std::size_t upl
 }
 
 CloudBatch BatchStorage::plan(std::span<const CloudSpan> clouds, std::span<const Index> which,
-                              std::span<const ManyClouds::OfCloud> settings, std::size_t uploaded,
-                              const ForEach& for_each) {
+                              std::span<const FramedSettings> settings, std::size_t uploaded, const ForEach& for_each) {
   std::vector<CloudSpan> spans;
-  std::vector<CloudRules> rules;
+  std::vector<CloudSettings> of_clouds;
   Index place = 0;
   for (const Index cloud : which) {
     spans.push_back({clouds[cloud].first, clouds[cloud].end, place});
@@ -79,7 +74,7 @@ CloudBatch BatchStorage::plan(std::span<const CloudSpan> clouds, std::span<const
   }
   nodes_.resize(begins.back());
   pinned_nodes_.resize(begins.back());
-  for (std::size_t n = 0; n < which.size(); ++n) rules.push_back(rules_of(settings[n], nodes_.data() + begins[n]));
+  for (std::size_t n = 0; n < which.size(); ++n) of_clouds.push_back(on_card(settings[n], nodes_.data() + begins[n]));
   for_each(which.size(), [&](std::size_t n) {
     float* to = pinned_nodes_.get() + begins[n];
     const auto append = [&to](const NodeLevels* levels) {
@@ -88,16 +83,16 @@ CloudBatch BatchStorage::plan(std::span<const CloudSpan> clouds, std::span<const
     append(settings[n].neighbors.levels.get());
     append(settings[n].neighbors.reach_levels.get());
   });
-  rules_.resize(rules.size());
-  check(cudaMemcpyAsync(rules_.data(), rules.data(), rules.size() * sizeof(CloudRules), cudaMemcpyHostToDevice,
-                        context_.stream()),
-        "uploading rules");
+  settings_.resize(of_clouds.size());
+  check(cudaMemcpyAsync(settings_.data(), of_clouds.data(), of_clouds.size() * sizeof(CloudSettings),
+                        cudaMemcpyHostToDevice, context_.stream()),
+        "uploading settings");
   check(cudaMemcpyAsync(nodes_.data(), pinned_nodes_.get(), begins.back() * sizeof(float), cudaMemcpyHostToDevice,
                         context_.stream()),
         "uploading levels");
   CloudBatch batch = batch_of(spans, uploaded);
   batch.spans = spans_.data();
-  batch.rules = rules_.data();
+  batch.settings = settings_.data();
   return batch;
 }
 

@@ -15,21 +15,21 @@ namespace pointfair::cuda {
 
 class BatchStorage {
  public:
-  explicit BatchStorage(Context& context) : context_(context), spans_(context), rules_(context), nodes_(context) {}
+  explicit BatchStorage(Context& context) : context_(context), spans_(context), settings_(context), nodes_(context) {}
 
-  // A batch of all clouds, with one rule for all. Each call replaces the batch before.
+  // A batch of all clouds, with the same settings for all. Each call replaces the batch before.
   CloudBatch plan(std::span<const CloudSpan> clouds, std::size_t uploaded);
   // A batch of some clouds, by their numbers, each with settings of its own. The card must have no work left that reads
   // the batch before.
   CloudBatch plan(std::span<const CloudSpan> clouds, std::span<const Index> which,
-                  std::span<const ManyClouds::OfCloud> settings, std::size_t uploaded, const ForEach& for_each);
+                  std::span<const FramedSettings> settings, std::size_t uploaded, const ForEach& for_each);
 
  private:
   void upload(const std::vector<CloudSpan>& spans);
 
   Context& context_;
   DeviceArray<CloudSpan> spans_;
-  DeviceArray<CloudRules> rules_;
+  DeviceArray<CloudSettings> settings_;
   DeviceArray<float> nodes_;  // of all levels of noise
   Pinned<float> pinned_nodes_;
 };

@@ -1,17 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cuda/chain.cuh"
 #include "cuda/stages/methods.cuh"
+#include "seam/stop.hpp"
 
 namespace pointfair::cuda {
 namespace {
 
 constexpr std::size_t kLargeCloud = 3'000'000;  // points; random writes to all of it miss the cache
-constexpr float kNoLimit = __builtin_inff();
-constexpr std::size_t kLargestCollection = 1024;  // bytes a point
-
-void stop_if_asked(const std::stop_token& stop) {
-  if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
-}
 
 }  // namespace
 
@@ -37,17 +32,17 @@ Chain::Chain(Context& context, StopLine& stop_line, unsigned first_call)
 // Between the kernels of long stages, and between further iterations: the host stays one of them ahead of the card, so
 // that a stop is heard in time and the card never waits.
 void Chain::pace(const std::stop_token& stop) {
-  stop_if_asked(stop);
+  throw_if_stopped(stop);
   if (!stop.stop_possible()) return;
   check(cudaEventSynchronize(paced_.get()), "computing");
   paced_.record(context_.stream());
-  stop_if_asked(stop);
+  throw_if_stopped(stop);
 }
 
 void Chain::begin_stage(Stage stage, const std::stop_token& stop) {
-  stop_if_asked(stop);
+  throw_if_stopped(stop);
   stop_ = stop_line_.listen(stop, first_call_ + unsigned(stage));
-  if (index_.points() < kLargeCloud) return stop_if_asked(stop);
+  if (index_.points() < kLargeCloud) return throw_if_stopped(stop);
   pace(stop);
 }
 
@@ -70,63 +65,10 @@ void Chain::build_index(const Point* points, const CloudBatch& batch, std::stop_
 
 void Chain::begin_index(const Point* points, const std::stop_token& stop) {
   if (is_further()) pace(stop);  // iterations of short kernels that hear no stop
-  stop_if_asked(stop);
+  throw_if_stopped(stop);
   join();
   input_ = points;
   areas_measured_ = normals_wait_ = false;
-}
-
-void Chain::find_neighbors(const NeighborSettings& settings, bool arriving, std::stop_token stop) {
-  const bool by_parts = overlap_.can_search(settings);
-  if (!by_parts) join();
-  begin_stage(Stage::neighbors, stop);
-  neighbors_ = settings;
-  areas_measured_ = false;
-  // one launch for all counts of this stage and the next
-  if (!std::exchange(counts_clear_, false)) clear(offsetof(CloudState, leaf_retries), sizeof(CloudState));
-  unmoved_clear_ = true;
-  normals_wait_ = false;
-  measure_levels();
-  if (settings.k == 0) {
-    measure_radii(stop);
-    collector_.collect(index_.tree(), radii(), index_.points() * kLargestCollection, stop_);
-    return stop_if_asked(stop);  // it has waited
-  }
-  collector_.release();
-  lists_.resize(index_.leaves() * kLeafSize * settings.k);
-  if (settings.constraint) return grow_constrained(stop);
-  if (by_parts) return overlap_.search(nearest_query(), lists_.data(), arriving, stop);
-  DeviceArray<Index> retries(context_);
-  find_nearest(context_, index_.tree(), index_.state(), nearest_query(), lists_.data(), make_room(retries), stop_);
-}
-
-void Chain::restore_neighborhoods(const std::stop_token& stop) {
-  if (!collector_.is_aside()) return;
-  collector_.collect(index_.tree(), radii(), index_.points() * kLargestCollection, stop_);
-  if (stop.stop_requested()) collector_.set_aside();  // some may be missing
-  stop_if_asked(stop);
-}
-
-void Chain::measure_radii(const std::stop_token& stop) {
-  lists_.release();
-  const std::size_t places = index_.leaves() * kLeafSize;
-  squared_radius_.resize(places);
-  if (shares_further()) {
-    further_share_.resize(places);
-  } else {
-    further_share_.release();
-  }
-  const int min_neighbors = neighbors_.min_neighbors;
-  DeviceArray<Index> nearest(context_), retries(context_);
-  if (min_neighbors > 0) {
-    nearest.resize(places * min_neighbors);
-    find_nearest(context_, index_.tree(), index_.state(), {min_neighbors, kNoLimit}, nearest.data(), make_room(retries),
-                 stop_);
-    pace(stop);
-  }
-  cuda::measure_radii(context_, index_.tree(), {min_neighbors, nearest.data()}, radii(),
-                      reach_levels_.of(neighbors_.reach_levels), squared_radius_.data(),
-                      shares_further() ? further_share_.data() : nullptr);
 }
 
 point::Sensors Chain::sensors(const std::shared_ptr<const SensorPlaces>& places) {
@@ -144,28 +86,6 @@ point::Sensors Chain::sensors(const std::shared_ptr<const SensorPlaces>& places)
   return sensors;
 }
 
-void Chain::measure_levels() {
-  if (!neighbors_.levels && index_.tree().rules == nullptr) return squared_level_.release();
-  squared_level_.resize(index_.leaves() * kLeafSize);
-  cuda::measure_levels(context_, index_.tree(), noise_levels_.of(neighbors_.levels), squared_level_.data());
-}
-
-void Chain::grow_constrained(const std::stop_token& stop) {
-  // Most neighbourhoods are the nearest points themselves, and show that they are from these alone.
-  const int pool = std::min(std::max(point::kAreaNeighbors, neighbors_.k), kLargestList);
-  const NearestQuery query = nearest_query();
-  DeviceArray<Index> retries(context_), candidates(context_);
-  const Retries room = make_room(retries);
-  candidates.resize(index_.leaves() * kLeafSize * pool);
-  const Lists pools{pool, candidates.data()};
-  find_nearest(context_, index_.tree(), index_.state(), {pool, query.squared_limit}, candidates.data(), room, stop_);
-  pace(stop);
-  areas_measured_ = neighbors_.radius == 0;  // with a radius the candidates are not the nearest of all
-  if (areas_measured_) mean_distance_.resize(index_.leaves() * kLeafSize);
-  grow_neighborhoods(context_, index_.tree(), index_.state(), query, neighbors_.reach, pools, lists_.data(),
-                     room.queries, areas_measured_ ? mean_distance_.data() : nullptr, stop_);
-}
-
 void Chain::clear(std::size_t first, std::size_t end) {
   check(cudaMemsetAsync(reinterpret_cast<std::byte*>(index_.state()) + first, 0, end - first, context_.stream()),
         "clearing counts");
@@ -175,42 +95,6 @@ void Chain::clear(std::size_t first, std::size_t end) {
 void Chain::clear_unmoved() {
   if (!unmoved_clear_) clear(offsetof(CloudState, too_few_neighbors), offsetof(CloudState, short_neighborhoods));
   unmoved_clear_ = false;
-}
-
-NearestQuery Chain::nearest_query() const {
-  return {neighbors_.k, neighbors_.radius > 0 ? neighbors_.radius * neighbors_.radius : kNoLimit};
-}
-
-Retries Chain::make_room(DeviceArray<Index>& retries) const {
-  const std::size_t places = index_.leaves() * kLeafSize;
-  constexpr std::size_t kOfLeaf = sizeof(HardLeaf) / sizeof(Index);
-  retries.resize(kOfLeaf * index_.leaves() + places);
-  return {reinterpret_cast<HardLeaf*>(retries.data()), retries.data() + kOfLeaf * index_.leaves()};
-}
-
-// The mean distances are to the nearest of all points, whatever the lists are limited to. Only some runs need them.
-void Chain::measure_areas() {
-  if (areas_measured_) return;
-  const std::size_t places = index_.leaves() * kLeafSize;
-  mean_distance_.resize(places);
-  const bool listed = neighbors_.k >= point::kAreaNeighbors && neighbors_.radius == 0 && !neighbors_.constraint;
-  if (listed) {
-    measure_mean_distances(context_, index_.tree(), lists(), mean_distance_.data());
-  } else {
-    DeviceArray<Index> nearest(context_), retries(context_);
-    nearest.resize(places * point::kAreaNeighbors);
-    clear(offsetof(CloudState, leaf_retries), offsetof(CloudState, too_few_neighbors));
-    find_nearest(context_, index_.tree(), index_.state(), {point::kAreaNeighbors, kNoLimit}, nearest.data(),
-                 make_room(retries), stop_);
-    measure_mean_distances(context_, index_.tree(), {point::kAreaNeighbors, nearest.data()}, mean_distance_.data());
-  }
-  areas_measured_ = true;
-}
-
-Surroundings Chain::grown_surroundings(const Stop& stop) const {
-  Surroundings result = surroundings(stop);
-  if (radii_grow()) result.radii.squared_growth = squared_growth_.data();
-  return result;
 }
 
 Normals Chain::normals() const {
@@ -232,11 +116,10 @@ void Chain::run_waiting_normals(const std::stop_token& stop) {
   if (!normals_wait_) return;
   clear_unmoved();
   if (neighbors_.k > 0) {
-    cuda::estimate_normals(context_, index_.tree(), index_.state(), lists(), normal_rule(normal_settings_).weights,
-                           normals());
+    cuda::estimate_normals(context_, index_.tree(), index_.state(), lists(),
+                           point::normal_weights(normal_settings_.sigma), normals());
   } else {
-    estimate_wide_normals(context_, index_.tree(), index_.state(), surroundings(stop_), normal_rule(normal_settings_),
-                          normals());
+    estimate_wide_normals(context_, index_.tree(), index_.state(), surroundings(stop_), normal_settings_, normals());
   }
   filter_normals(stop);
   normals_wait_ = false;
@@ -250,11 +133,9 @@ void Chain::filter_normals(const std::stop_token& stop) {
     pace(stop);
     filtered.resize(3 * places);
     const bool is_last = round + 1 == normal_settings_.filter_rounds;
-    cuda::filter_normals(
-        context_, index_.tree(), surroundings(stop_), normal_rule(normal_settings_),
-        point::inverse_turn(normal_settings_.crease_angle), normals(), further_shares(),
-        {filtered.data(), filtered.data() + places, filtered.data() + 2 * places},
-        {growth_rule(neighbors_, normal_settings_), is_last && radii_grow() ? squared_growth_.data() : nullptr});
+    cuda::filter_normals(context_, index_.tree(), surroundings(stop_), normal_settings_, normals(), further_shares(),
+                         {filtered.data(), filtered.data() + places, filtered.data() + 2 * places},
+                         is_last && radii_grow() ? squared_growth_.data() : nullptr);
     normals_.swap(filtered);
   }
 }
@@ -290,15 +171,15 @@ void Chain::fair(const FairingSettings& settings, bool leaving, std::stop_token 
   if (settings.method != Method::bilateral) return fair_by_method(settings, areas, faired, stop);
   if (!plain) {
     run_waiting_normals(stop);
-    fair_widely(context_, index_.tree(), grown_surroundings(stop_), normals(), areas,
-                fairing_rule(settings, neighbors_.k > 0), sensors(settings.sensors),
-                {squared_levels(), settings.is_further ? further_shares() : nullptr}, faired);
+    fair_widely(context_, index_.tree(), grown_surroundings(stop_), normals(), areas, settings,
+                sensors(settings.sensors), {squared_levels(), settings.is_further ? further_shares() : nullptr},
+                faired);
   } else if (normals_wait_) {
     clear_unmoved();
     normals_wait_ = false;
     if (leaving && power == 0 && faired.staged == nullptr) return fair_first_part_first(weights, faired);
     estimate_normals_and_fair(context_, index_.tree(), index_.state(), index_.all_leaves(), lists(),
-                              normal_rule(normal_settings_).weights, normals(), areas, weights, faired);
+                              point::normal_weights(normal_settings_.sigma), normals(), areas, weights, faired);
   } else {
     cuda::fair(context_, index_.tree(), lists(), normals(), areas, weights, faired);
   }
@@ -309,7 +190,8 @@ void Chain::fair_first_part_first(point::BilateralWeights weights, const FairedP
   first_part_ = index_.points() / 4;
   const auto fair_between = [&](std::size_t begin, std::size_t end) {
     estimate_normals_and_fair_between(context_, index_.tree(), index_.state(), lists(),
-                                      normal_rule(normal_settings_).weights, normals(), weights, faired, begin, end);
+                                      point::normal_weights(normal_settings_.sigma), normals(), weights, faired, begin,
+                                      end);
   };
   fair_between(0, first_part_);
   first_part_done_.record(context_.stream());
@@ -322,7 +204,7 @@ void Chain::fair_by_parts(point::BilateralWeights weights) {
   const FairedPoints faired{faired_.data(), input_, index_.points(), nullptr, nullptr, nullptr};
   overlap_.fair([&](LeafRange leaves) {
     estimate_normals_and_fair(context_, index_.tree(), index_.state(), leaves, lists(),
-                              normal_rule(normal_settings_).weights, normals(), {}, weights, faired);
+                              point::normal_weights(normal_settings_.sigma), normals(), {}, weights, faired);
   });
   normals_wait_ = false;
 }

@@ -93,10 +93,10 @@ class Chain {
   Lists lists() const { return {neighbors_.k, lists_.data()}; }
   void measure_levels();
   const float* squared_levels() const {
-    return neighbors_.levels || index_.tree().rules != nullptr ? squared_level_.data() : nullptr;
+    return neighbors_.levels || index_.tree().settings != nullptr ? squared_level_.data() : nullptr;
   }
   bool shares_further() const {
-    return neighbors_.k == 0 && (neighbors_.reach_levels || index_.tree().rules != nullptr);
+    return neighbors_.k == 0 && (neighbors_.reach_levels || index_.tree().settings != nullptr);
   }
   const float* further_shares() const { return shares_further() ? further_share_.data() : nullptr; }
   void measure_radii(const std::stop_token& stop);
@@ -111,7 +111,7 @@ class Chain {
     return {squared_radius_.data(),
             squared_base(),
             neighbors_.min_neighbors,
-            neighbors_.radius_follows || index_.tree().rules != nullptr ? squared_levels() : nullptr,
+            neighbors_.radius_follows || index_.tree().settings != nullptr ? squared_levels() : nullptr,
             nullptr,
             squared_widest(neighbors_)};
   }

@@ -8,23 +8,22 @@ namespace pointfair::cuda {
 static constexpr float kInfinity = __builtin_inff();
 
 void Leaving::hold_back(const DeviceArray<Point>& uploaded, Chain& from, const DisplacementLimits& limits,
-                        std::span<std::uint8_t> outliers, DeviceArray<Point>& settled, std::uint8_t* marks) {
+                        std::span<std::uint8_t> outliers, DeviceArray<Point>& out, std::uint8_t* marks) {
   const bool limited = limits.farthest > 0;
   if (!limited) std::fill(outliers.begin(), outliers.end(), std::uint8_t(0));
   const std::span<std::uint8_t> marked = limited ? outliers : std::span<std::uint8_t>{};
   DeviceArray<std::uint8_t> own_marks(context_);
   DeviceArray<OutlierTotals> total(context_);
-  settled.resize(uploaded.size());
+  out.resize(uploaded.size());
   if (marks == nullptr && !marked.empty()) {
     own_marks.resize(marked.size());
     marks = own_marks.data();
   }
   total.resize(1);
   check(cudaMemsetAsync(total.data(), 0, sizeof(OutlierTotals), context_.stream()), "clearing a count");
-  const DisplacementLimits its = limited ? limits : DisplacementLimits{kInfinity, kInfinity};
-  cuda::hold_back(
-      context_, {uploaded.data(), from.faired().data(), uploaded.size(), limit_rule(its), from.noise_field(its.levels)},
-      settled.data(), marks, total.data());
+  const DisplacementLimits its = limits.or_endless();
+  cuda::hold_back(context_, {uploaded.data(), from.faired().data(), uploaded.size(), its, from.noise_field(its.levels)},
+                  out.data(), marks, total.data());
   check(
       cudaMemcpyAsync(held_back_.get(), total.data(), sizeof(OutlierTotals), cudaMemcpyDeviceToHost, context_.stream()),
       "reading a count");
@@ -39,8 +38,7 @@ void Leaving::limit(const DeviceArray<Point>& uploaded, Chain& from, const Displ
   its.outlier_distance = kInfinity;
   DeviceArray<OutlierTotals> none(context_);
   none.resize(1);
-  cuda::hold_back(context_,
-                  {uploaded.data(), points.data(), points.size(), limit_rule(its), from.noise_field(its.levels)},
+  cuda::hold_back(context_, {uploaded.data(), points.data(), points.size(), its, from.noise_field(its.levels)},
                   points.data(), nullptr, none.data());
 }
 

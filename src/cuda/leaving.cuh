@@ -20,10 +20,10 @@ class Leaving {
   static bool holds_back(int iteration, const DisplacementLimits& limits) {
     return limits.farthest > 0 || iteration > 0;
   }
-  // Starts to write all points within their limits (point::settled). held_back() and `outliers` are valid once the
+  // Starts to write all points within their limits (point::limited). held_back() and `outliers` are valid once the
   // context's stream is done. `marks`, unless null, gets the same as `outliers` on the card.
   void hold_back(const DeviceArray<Point>& uploaded, Chain& from, const DisplacementLimits& limits,
-                 std::span<std::uint8_t> outliers, DeviceArray<Point>& settled, std::uint8_t* marks = nullptr);
+                 std::span<std::uint8_t> outliers, DeviceArray<Point>& out, std::uint8_t* marks = nullptr);
   // Starts to limit the way of points that are no outliers.
   void limit(const DeviceArray<Point>& uploaded, Chain& from, const DisplacementLimits& limits,
              DeviceArray<Point>& points);

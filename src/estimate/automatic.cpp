@@ -58,17 +58,18 @@ bool sums_within_radius(const Params& p) {
   return p.k == kAutomatic && !p.constraint && !follows_rings(p) && p.method != Method::implicit;
 }
 
-FollowedNoise followed_noise(const Params& asked, const Params& used, const Noise& noise,
-                             std::shared_ptr<const NoiseLevels> levels,
-                             std::shared_ptr<const NodeLevels> reach_levels) {
+namespace {
+
+FollowedNoise followed_noise(const Params& asked, const Params& used, Estimate found) {
+  const Noise& noise = found.noise;
   FollowedNoise followed;
   if (sums_within_radius(asked) && asked.method == Method::bilateral && noise.surface_spacing > 0)
     followed.widest = constants::kOutlierRadius * typical_radius(used, noise.surface_spacing);
   if (!follows_noise(asked, noise)) return followed;
-  if (asked.min_neighbors == kAutomatic) followed.reach_levels = std::move(reach_levels);
+  if (asked.min_neighbors == kAutomatic) followed.reach_levels = std::move(found.reach_levels);
   if (!asked.relaxation) followed.damage = share_damage(of_sigma(noise, used.noise.value), used.iterations);
-  if (!levels) return followed;
-  followed.levels = std::move(levels);
+  if (!found.levels) return followed;
+  followed.levels = std::move(found.levels);
   followed.radius = asked.radius.is_automatic();
   followed.similarity = asked.similarity_sigma.is_automatic();
   followed.limit = asked.displacement_limit.is_automatic();
@@ -115,8 +116,6 @@ bool needs_diagonal(const Params& p) {
                          (given(p.displacement_limit) || is_unread(p.displacement_limit));
   return !all_given;
 }
-
-namespace {
 
 // Turns parameters into what a run uses, group by group; later groups read earlier ones.
 class Resolver {
@@ -253,8 +252,15 @@ class Resolver {
 
 }  // namespace
 
-Params resolve_params(const Params& params, const Spacing& spacing, const Noise& noise, double diagonal) {
-  return Resolver(params, spacing, noise, diagonal).resolved();
+Needed needed_by(const Params& asked) { return {{needs_spacing(asked), needs_noise(asked)}, needs_diagonal(asked)}; }
+
+Resolved resolve(const Params& asked, Estimate found, double diagonal) {
+  const Needed needed = needed_by(asked);
+  if (!needed.estimates.spacing) found.spacing = {};
+  if (!needed.estimates.noise) found.noise = {};
+  Resolved result{Resolver(asked, found.spacing, found.noise, needed.diagonal ? diagonal : 0).resolved(), {}};
+  if (needed.estimates.noise) result.followed = followed_noise(asked, result.params, std::move(found));
+  return result;
 }
 
 }  // namespace pointfair

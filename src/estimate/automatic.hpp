@@ -10,9 +10,6 @@
 
 namespace pointfair {
 
-// Replaces each `auto` by what follows from the spacing and noise, and every length by file units.
-Params resolve_params(const Params& params, const Spacing& spacing, const Noise& noise, double diagonal);
-
 // What follows the noise and the shape from place to place: what was automatic, in the bilateral method over radius
 // neighbourhoods.
 struct FollowedNoise {
@@ -23,18 +20,26 @@ struct FollowedNoise {
   double outlier_distance = 0;                              // of level 1
   double damage = 0;  // of the share of each displacement (point/noise_field.h); 0: all is made
 };
-FollowedNoise followed_noise(const Params& asked, const Params& used, const Noise& noise,
-                             std::shared_ptr<const NoiseLevels> levels, std::shared_ptr<const NodeLevels> reach_levels);
+
+// What the automatic values of parameters follow from, so that nothing else need be measured.
+struct Needed {
+  WantedEstimates estimates;
+  bool diagonal = false;
+};
+Needed needed_by(const Params& asked);
+
+// What a run uses: no value of the parameters is automatic, and every length is in file units.
+struct Resolved {
+  Params params;
+  FollowedNoise followed;
+};
+// Reads what needed_by() names and no more, so that a result does not depend on what else was measured.
+Resolved resolve(const Params& asked, Estimate found, double diagonal);
 
 // Whether neighbours are those of Params::rings.
 bool follows_rings(const Params& params);
 
 // Whether sums run over all points within a radius, and not over lists.
 bool sums_within_radius(const Params& params);
-
-// Whether `resolve_params` would look at the spacing, at the noise, at the diagonal.
-bool needs_spacing(const Params& params);
-bool needs_noise(const Params& params);
-bool needs_diagonal(const Params& params);
 
 }  // namespace pointfair

@@ -180,12 +180,13 @@ TiledReport TiledRun::report() const {
     for (const WorkStep& step : steps)
       if (folder.count_done(step) < folder.tasks_of(step))
         throw Error(ErrorKind::usage, "step " + step.name() + " is not finished");
-    state_->settled_settings();
+    state_->settings();
     report.points = folder.plan.points;
     report.tiles = folder.plan.tiles;
     report.params = state_->params();
-    if (needs_spacing(folder.plan.params)) report.spacing = state_->measured().spacing.mean;
-    if (needs_noise(folder.plan.params)) {
+    const auto [with_spacing, with_noise] = needed_by(folder.plan.params).estimates;
+    if (with_spacing) report.spacing = state_->measured().spacing.mean;
+    if (with_noise) {
       report.noise = state_->measured().noise.sigma;
       report.without_surface = state_->measured().noise.without_surface;
       for (std::size_t q = 0; q < report.noise_quantiles.size(); ++q)

@@ -17,13 +17,14 @@ constexpr std::size_t kBlock = 1 << 14;  // points that one core takes at once
 // The whole way of a point is limited as that of any method. Outliers were found before.
 void limit(std::span<const Point> measured, const DisplacementLimits& limits, Sampling& by, std::span<Point> out) {
   if (!(limits.farthest > 0)) return;
+  DisplacementLimits its = limits;
+  its.outlier_distance = kUnbounded;
   by.for_each_on_host((out.size() + kBlock - 1) / kBlock, [&](std::size_t block) {
     for (std::size_t i = block * kBlock; i < std::min(out.size(), (block + 1) * kBlock); ++i) {
       if (!is_indexed(measured[i]) || !is_indexed(out[i])) continue;
       const point::Vec3<float> from = to_vec3(measured[i]);
       const float level = noise_level_at(limits.levels.get(), measured[i]);
-      const float farthest = point::limits_at(limit_rule(limits), level).farthest;
-      const point::Vec3<float> place = point::settled(from, to_vec3(out[i]), farthest, kUnbounded).place;
+      const point::Vec3<float> place = point::limited(from, to_vec3(out[i]), its, level).place;
       out[i] = {place.x, place.y, place.z};
     }
   });
@@ -57,7 +58,7 @@ void Pipeline::State::run_learned(const Params& params, const Delivery& to, cons
                                   const ProgressFunction& progress) {
   shown_.reset();
   check_params(params);
-  attempt([&] { measure(false, true, IndexOrder::along_curve, stop); });
+  attempt([&] { measure({false, true}, IndexOrder::along_curve, stop); });
   run(of_stages(params), to, stop, progress);
   report.params.method = params.method;
 }

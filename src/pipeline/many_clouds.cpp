@@ -57,8 +57,9 @@ void copy(Sampling& by, std::span<const Point> from, std::span<Point> to) {
 
 // Whether lists are found and all lengths are given.
 bool is_alike(const Params& params) {
-  return !sums_within_radius(params) && !params.constraint && !needs_spacing(params) && !needs_noise(params) &&
-         !needs_diagonal(params);
+  const Needed needed = needed_by(params);
+  return !sums_within_radius(params) && !params.constraint && !needed.estimates.spacing && !needed.estimates.noise &&
+         !needed.diagonal;
 }
 
 template <class Memory>
@@ -150,13 +151,10 @@ void Pipeline::State::run_groups(const std::vector<Group>& groups, std::size_t w
 }
 
 void Pipeline::State::run_stages_of_all(Backend& backend, const Params& used, const std::stop_token& stop) {
-  Settings settings = settings_of(used, {});
+  FramedSettings settings{settings_of({used, {}}), {}};
   for (int iteration = 0; iteration < used.iterations; ++iteration) {
-    backend.build_index(iteration, std::nullopt, stop);
-    backend.find_neighbors(iteration, settings.neighbors, stop);
-    backend.estimate_normals(iteration, settings.normals, stop);
     settings.fairing.is_further = iteration > 0;
-    backend.fair(iteration, settings.fairing, false, stop);
+    run_stages(backend, iteration, settings, stop);
   }
 }
 
@@ -166,7 +164,7 @@ void Pipeline::State::run_many(std::span<const Point> points, std::span<const st
   check_clouds(offsets, points.size(), out.size());
   load({});
   const bool at_once = runs_together(params), alike = is_alike(params);
-  const Params used = at_once && alike ? resolve_params(params, {}, {}, 0) : params;
+  const Params used = at_once && alike ? pointfair::resolve(params, {}, 0).params : params;
   const auto run_together = [&](Backend& backend, HostBuffer& buffer, const Group& group) {
     ManyClouds& many = *backend.many_clouds();
     const auto its = offsets.subspan(group.first, group.end - group.first + 1);
@@ -178,7 +176,7 @@ void Pipeline::State::run_many(std::span<const Point> points, std::span<const st
     std::vector<std::size_t> alone;
     if (alike) {
       run_stages_of_all(backend, used, stop);
-      backend.download(used.iterations - 1, staged, settings_of(used, {}).limits, {});
+      backend.download(used.iterations - 1, staged, settings_of({used, {}}).limits, {});
     } else {
       for (const std::uint32_t one : run_by_estimates(backend, staged, ends, params, stop))
         alone.push_back(group.first + one);
@@ -203,7 +201,7 @@ void Pipeline::State::run_many(const DevicePoints& points, DeviceStream stream, 
   device_memory();  // throws where there is none
   load({});
   const bool at_once = runs_together(params), alike = is_alike(params);
-  const Params used = at_once && alike ? resolve_params(params, {}, {}, 0) : params;
+  const Params used = at_once && alike ? pointfair::resolve(params, {}, 0).params : params;
   std::vector<std::uint8_t> joins(offsets.size() - 1);
   if (at_once) joins = cloud.backend().many_clouds()->surely_have_no_origin(points, stream, ends_of(offsets));
   const auto run_together = [&](Backend& backend, HostBuffer& buffer, const Group& group) {
@@ -216,7 +214,7 @@ void Pipeline::State::run_many(const DevicePoints& points, DeviceStream stream, 
     std::vector<std::size_t> alone;
     if (alike) {
       run_stages_of_all(backend, used, stop);
-      backend.device_memory()->download(used.iterations - 1, to, stream, settings_of(used, {}).limits, {});
+      backend.device_memory()->download(used.iterations - 1, to, stream, settings_of({used, {}}).limits, {});
     } else {
       const std::span<Point> staged = stage(backend, buffer, size);
       backend.download_input(staged);

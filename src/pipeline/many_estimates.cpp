@@ -12,13 +12,10 @@
 #include "pipeline/stage_settings.hpp"
 #include "seam/cloud_sample.hpp"
 #include "seam/many_clouds.hpp"
+#include "seam/stop.hpp"
 
 namespace pointfair {
 namespace {
-
-void throw_if_stopped(const std::stop_token& stop) {
-  if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
-}
 
 void one_after_the_other(std::size_t count, const std::function<void(std::size_t)>& body) {
   for (std::size_t i = 0; i < count; ++i) body(i);
@@ -28,7 +25,7 @@ struct OneCloud {
   std::uint32_t first = 0, end = 0;  // of its points in upload order
   CloudSample sample;
   std::size_t spacing_at = 0, spacings = 0, noise_at = 0, noises = 0;  // its queries among those of all
-  ManyClouds::OfCloud settings;
+  FramedSettings settings;
   int iterations = 1;
   bool is_alone = false;
 };
@@ -80,11 +77,7 @@ class SamplesTaken final : public Sampling {
 class Measuring {
  public:
   Measuring(Backend& backend, std::span<const Point> points, const Params& params, const std::stop_token& stop)
-      : backend_(backend),
-        points_(points),
-        params_(params),
-        stop_(stop),
-        wanted_{needs_spacing(params), needs_noise(params)} {}
+      : backend_(backend), points_(points), params_(params), stop_(stop), needed_(needed_by(params)) {}
 
   std::vector<OneCloud> measure(std::span<const std::uint32_t> ends) {
     std::vector<OneCloud> clouds(ends.size());
@@ -110,8 +103,8 @@ class Measuring {
     const auto point_at = [its](std::size_t i) { return std::pair(its[i], static_cast<std::uint32_t>(i)); };
     cloud.sample = sample_points(its.size(), point_at, kSampledPoints, one_after_the_other);
     cloud.settings.frame = frame_of(cloud.sample);
-    cloud.spacings = wanted_.spacing ? cloud.sample.indices.size() : 0;
-    cloud.noises = wanted_.noise ? noise_queries(cloud.sample) : 0;
+    cloud.spacings = needed_.estimates.spacing ? cloud.sample.indices.size() : 0;
+    cloud.noises = needed_.estimates.noise ? noise_queries(cloud.sample) : 0;
   }
 
   ManyClouds::Taken take(std::vector<OneCloud>& clouds) {
@@ -140,31 +133,24 @@ class Measuring {
 
   void resolve(OneCloud& cloud, const ManyClouds::Taken& taken) const {
     Estimate found;
-    if (wanted_.spacing || wanted_.noise) {
+    if (needed_.estimates.spacing || needed_.estimates.noise) {
       SamplesTaken samples(taken, cloud);
-      found = estimate(samples, cloud.sample, wanted_, stop_);
+      found = estimate(samples, cloud.sample, needed_.estimates, stop_);
       cloud.is_alone = samples.lacks_something();
     }
-    const Params used = resolve_params(params_, found.spacing, found.noise,
-                                       needs_diagonal(params_) ? diagonal_of(cloud.sample.bounds) : 0.0);
-    const FollowedNoise followed = wanted_.noise ? followed_noise(params_, used, found.noise, std::move(found.levels),
-                                                                  std::move(found.reach_levels))
-                                                 : FollowedNoise{};
-    Settings settings = settings_of(used, followed);
+    const Resolved used = pointfair::resolve(params_, std::move(found), diagonal_of(cloud.sample.bounds));
+    Settings settings = settings_of(used);
     // radii of clouds that run together follow the levels of the noise; those that are given do not
     cloud.is_alone = cloud.is_alone || (settings.neighbors.levels && !settings.neighbors.radius_follows);
-    cloud.settings.neighbors = std::move(settings.neighbors);
-    cloud.settings.normals = settings.normals;
-    cloud.settings.fairing = settings.fairing;
-    cloud.settings.limits = std::move(settings.limits);
-    cloud.iterations = used.iterations;
+    static_cast<Settings&>(cloud.settings) = std::move(settings);
+    cloud.iterations = used.params.iterations;
   }
 
   Backend& backend_;
   std::span<const Point> points_;
   const Params& params_;
   const std::stop_token& stop_;
-  WantedEstimates wanted_;
+  Needed needed_;
 };
 
 // Lists of so many take about as long, or less than kernels of their own would.
@@ -176,7 +162,7 @@ int kind_of_list(int neighbors) {
 
 // What must be alike of clouds that run together.
 auto kind_of(const OneCloud& cloud) {
-  const ManyClouds::OfCloud& its = cloud.settings;
+  const FramedSettings& its = cloud.settings;
   return std::tuple(kind_of_list(its.neighbors.min_neighbors), its.normals.filter_rounds, its.normals.crease_angle > 0,
                     its.normals.flat_scale > 1, its.fairing.noise > 0, its.fairing.outlier_distance > 0,
                     its.limits.farthest > 0, cloud.iterations);
@@ -197,7 +183,7 @@ std::vector<std::uint32_t> run_by_estimates(Backend& backend, std::span<const Po
     (clouds[i].is_alone ? alone : kinds[kind_of(clouds[i])]).push_back(i);
   }
   for (const auto& [kind, numbers] : kinds) {
-    std::vector<ManyClouds::OfCloud> settings;
+    std::vector<FramedSettings> settings;
     for (const std::uint32_t i : numbers) settings.push_back(clouds[i].settings);
     backend.many_clouds()->run(numbers, settings, clouds[numbers[0]].iterations, stop);
   }

@@ -38,7 +38,7 @@ void Pipeline::State::follow_mesh(const Params& used, Settings& settings) {
 // The standard deviation of the noise, given or measured.
 double Pipeline::State::sigma_of(const Params& used) {
   if (!used.noise.is_automatic()) return used.noise.value;
-  measure(false, true, last_order_, {});
+  measure({false, true}, last_order_, {});
   return noise().sigma;
 }
 

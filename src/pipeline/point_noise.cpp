@@ -26,8 +26,8 @@ void Pipeline::State::noise(std::span<float> out, const Length& typical, const s
   params.noise = typical;
   check_params(params);
   attempt([&] {
-    measure(false, true, IndexOrder::along_curve, stop);
-    const double sigma = typical.is_automatic() ? noise().sigma : resolve_once(params, stop).noise.value;
+    measure({false, true}, IndexOrder::along_curve, stop);
+    const double sigma = typical.is_automatic() ? noise().sigma : resolve_once(params, stop).params.noise.value;
     std::vector<Point> points(out.size());
     cloud.backend().download_input(points);
     tell_noise(points, sigma, out);

@@ -81,7 +81,7 @@ struct Pipeline::State {
   };
 
   void start_load(const std::function<void()>& load);
-  Params resolve_once(const Params& params, const std::stop_token& stop);
+  Resolved resolve_once(const Params& params, const std::stop_token& stop);
   bool is_measured(const Params& params) const;
   void run(const Params& params, const Delivery& to, const std::stop_token& stop, const ProgressFunction& progress);
   void run_learned(const Params& params, std::span<Point> out, const std::stop_token& stop,
@@ -122,7 +122,7 @@ struct Pipeline::State {
   Noise noise() const;
   const std::shared_ptr<const NoiseLevels>& levels() const;
   void look_at_neighbors(IndexOrder order, const std::stop_token& stop, const std::function<void(Sampling&)>& estimate);
-  void measure(bool with_spacing, bool with_noise, IndexOrder order, const std::stop_token& stop);
+  void measure(WantedEstimates wanted, IndexOrder order, const std::stop_token& stop);
   void execute(const std::vector<Step>& steps, std::size_t all, bool leaves, const std::stop_token& stop,
                const ProgressFunction& progress);
   void drop_times_of_failed_run();

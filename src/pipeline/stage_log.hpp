@@ -2,20 +2,14 @@
 // How long stages took, by the device's clock where it has one.
 #pragma once
 
-#include <chrono>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "seam/backend.hpp"
+#include "seam/clock.hpp"
 
 namespace pointfair {
-
-using Clock = std::chrono::steady_clock;
-
-inline double milliseconds_since(Clock::time_point start) {
-  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-}
 
 class StageLog {
  public:
@@ -31,7 +25,7 @@ class StageLog {
   // A call of a backend; counts only if the backend has no clock of its own.
   void note_call(std::string_view name, double milliseconds) { calls_.push_back({std::string(name), milliseconds}); }
   // Takes the times of the calls since the last time. Waits for them.
-  Costs settle(Backend& backend) {
+  Costs collect(Backend& backend) {
     Costs costs = backend.take_costs();
     for (const StageTime& stage : costs.stages.empty() ? calls_ : costs.stages) note(stage.name, stage.milliseconds);
     calls_.clear();

@@ -37,7 +37,9 @@ bool seeks_mixed_pixels(const Params& p) {
          (sums_within_radius(p) || (p.k != 1 && !p.constraint && p.radius.is_automatic()));
 }
 
-Settings settings_of(const Params& p, const FollowedNoise& followed, const KnownSensor& sensor) {
+Settings settings_of(const Resolved& used, const KnownSensor& sensor) {
+  const Params& p = used.params;
+  const FollowedNoise& followed = used.followed;
   Settings s;
   s.neighbors.k = follows_rings(p) ? kMaxNeighbors : p.k;
   s.neighbors.rings = follows_rings(p) ? p.rings : 0;
@@ -87,6 +89,11 @@ Settings settings_of(const Params& p, const FollowedNoise& followed, const Known
   s.fairing.farthest_follows = p.along == Along::ray && followed.limit;
   if (p.along == Along::ray) s.limits.level_outlier_distance *= point::kMostStretch;
   return s;
+}
+
+IndexOrder order_for(const Params& params) {
+  return sums_within_radius(params) || params.method == Method::implicit ? IndexOrder::along_curve
+                                                                         : IndexOrder::fastest;
 }
 
 Stage first_difference(const Settings& a, const Settings& b) {

@@ -6,17 +6,10 @@
 
 #include "estimate/automatic.hpp"
 #include "pointfair/params.hpp"
+#include "seam/backend.hpp"
 #include "seam/settings.hpp"
 
 namespace pointfair {
-
-struct Settings {
-  NeighborSettings neighbors;
-  NormalSettings normals;
-  FairingSettings fairing;
-  DisplacementLimits limits;  // of the download: no stage reads them
-  friend bool operator==(const Settings&, const Settings&) = default;
-};
 
 // What is known of the sensor, where a run reads it.
 struct KnownSensor {
@@ -24,12 +17,14 @@ struct KnownSensor {
   double beam_width = 0;                       // of the pattern of rays, in radians; 0: not measured
 };
 
-// Of parameters of which none is automatic and every length is in file units, and of what follows the noise.
-Settings settings_of(const Params& params, const FollowedNoise& followed, const KnownSensor& sensor = {});
+Settings settings_of(const Resolved& used, const KnownSensor& sensor = {});
 
 // Whether a run looks for mixed pixels, if it knows the place of the sensor: where outliers are looked for and the two
 // nearest neighbours are known.
 bool seeks_mixed_pixels(const Params& params);
+
+// Of the index that a run reads. Sums within radii, and those of method implicit, run along the curve.
+IndexOrder order_for(const Params& params);
 
 // The first stage that reads something that differs; `iterations` if none does.
 Stage first_difference(const Settings& a, const Settings& b);

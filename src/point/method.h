@@ -7,6 +7,7 @@
 #include "point/laplacian.h"
 #include "point/mls.h"
 #include "point/mollified.h"
+#include "point/settings.h"
 #include "point/wiener.h"
 
 namespace pointfair::point {
@@ -21,21 +22,20 @@ enum class Displacement : unsigned char {
 enum class Adjustment : unsigned char { none, relaxation, wiener };
 
 struct MethodRule {
-  Displacement displacement;
-  Adjustment adjustment;
-  BilateralWeights weights;
-  bool of_radius;         // the closeness sigma is a multiple of the radius of the point's neighbourhood
-  float strength;         // factor of the displacement before the adjustment
-  Relaxation relaxation;  // `own` also of Adjustment::wiener
-  float noise_variance;   // of Adjustment::wiener
-  bool along_ray;         // points move along the ray; only where displacements are along the normal
+  Displacement displacement = Displacement::to_mean;
+  Adjustment adjustment = Adjustment::none;
+  float strength = 1;                 // factor of the displacement before the adjustment
+  Relaxation relaxation{1.0f, 0.0f};  // `own` also of Adjustment::wiener
+  FairingSettings settings;           // its widths, and whether points move along the ray, which others do not read
 };
 
 // The weights of one point, whose neighbourhood has that radius.
 template <class F>
 POINTFAIR_INLINE LocalBilateralWeights<F, Gaussian> weights_of(const MethodRule& rule, F squared_radius) {
-  const F closeness = F(rule.weights.inverse_two_closeness2);
-  return {rule.of_radius ? closeness / squared_radius : closeness, F(rule.weights.inverse_two_similarity2)};
+  const BilateralWeights weights = bilateral_weights(rule.settings.closeness_sigma, rule.settings.similarity_sigma);
+  const F closeness = F(weights.inverse_two_closeness2);
+  return {rule.settings.closeness_of_radius ? closeness / squared_radius : closeness,
+          F(weights.inverse_two_similarity2)};
 }
 
 }  // namespace pointfair::point

@@ -101,7 +101,7 @@ POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> shrunk(const Neighbors& neighb
       [&](Vec3<F> offset, const WithArea<F>& there, auto inside) {
         sum.add(there.vector, offset, there.area, inside, weights);
       });
-  return (F(rule.relaxation.own) * sum.share(rule.noise_variance)) * own;
+  return (F(rule.relaxation.own) * sum.share(rule.settings.similarity_sigma * rule.settings.similarity_sigma)) * own;
 }
 
 // The second round: what remains of the point's displacement `own`. `kBy` is rule.adjustment, and not none.

@@ -7,6 +7,7 @@
 //   using Kernel                how a weight is made of an exponent (vec.h): Gaussian for lists, CompactGaussian within
 //                               a radius
 //   using Count                 a number of neighbours, to which counted(count, inside) adds one
+//   kListed                     whether it is a list
 //   neighbors(load, visit)      calls visit(offset, loaded, inside) for each neighbour, always in the same order.
 //                               offset is v_j - v_i; `loaded` is what load(there) gave, at most 16 bytes, where `there`
 //                               is the neighbour's handle, which the arrays of the same backend understand; where

@@ -113,11 +113,6 @@ POINTFAIR_INLINE Vec3<F> turned(Vec3<F> from, Vec3<F> to, F share) {
   return select<F>(share < F(1.0f), inverse * between, to);
 }
 
-// What squared radii of flat places grow by, and how far (Radii::squared_widest).
-struct GrowthRule {
-  float most, squared_widest;
-};
-
 // How far the normals of a neighbourhood turn from that of its point, and what its radius grows by where that is next
 // to nothing: Eq. 20 of docs/how-it-works.md.
 template <class F>
@@ -130,11 +125,12 @@ struct MeanTurn {
     sum = sum + select(inside, F(1.0f) - absolute(cosine), F{});
     count = count + select(inside, F(1.0f), F{});
   }
-  POINTFAIR_INLINE F squared_growth(const GrowthRule& rule, F squared_radius) const {
+  // Up to `most`, and to a squared radius of `squared_widest` (Radii::squared_widest).
+  POINTFAIR_INLINE F squared_growth(float most, F squared_radius, float squared_widest) const {
     constexpr float kFlat = 0.001f, kBent = 0.003f;  // 1 - cosine: of 2.6 and of 4.4 degrees
     const F share = (F(kBent) * count - sum) / (F(kBent - kFlat) * larger(count, F(1.0f)));
-    const F growth = F(1.0f) + F(rule.most - 1.0f) * smaller(larger(share, F{}), F(1.0f));
-    return larger(F(1.0f), smaller(growth, F(rule.squared_widest) / squared_radius));
+    const F growth = F(1.0f) + F(most - 1.0f) * smaller(larger(share, F{}), F(1.0f));
+    return larger(F(1.0f), smaller(growth, F(squared_widest) / squared_radius));
   }
 };
 

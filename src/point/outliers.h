@@ -4,6 +4,7 @@
 #pragma once
 
 #include "point/normal.h"
+#include "point/settings.h"
 #include "point/vec.h"
 
 namespace pointfair::point {
@@ -106,36 +107,25 @@ struct PullSum {
   }
 };
 
-// The limits of `settled` at a place, by the level of the noise there.
-struct LimitRule {
-  float farthest, outlier_distance;
-  float level_outlier_distance;  // where this times the level is more, that counts
-  bool farthest_follows;
-};
-struct Limits {
-  float farthest, outlier_distance;
-};
-POINTFAIR_INLINE Limits limits_at(const LimitRule& rule, float level) {
-  const float farthest = rule.farthest_follows ? rule.farthest * level : rule.farthest;
-  return {farthest, larger(larger(rule.outlier_distance, rule.level_outlier_distance * level), farthest)};
-}
-
-struct Settled {
+struct Limited {
   Vec3<float> place;
   Outlier outlier;
 };
 
-// Where a point ends whose step leads from `before` to `after`. A step d up to `limit` is made as it is. A longer one
-// becomes limit^2 / d: noise does not go so far, but edges do that neighbourhoods reach across. A point with a step
-// beyond `outlier_distance` is an outlier and stays at `before`, and so is one whose neighbours did not agree with it
-// (`after` is NaN then). 0 < limit <= outlier_distance.
-POINTFAIR_INLINE Settled settled(Vec3<float> before, Vec3<float> after, float limit, float outlier_distance) {
-  const Vec3<float> step = after - before;
-  const float squared = squared_length(step);
+// Where a point ends whose displacements lead from `before` to `after`, where the noise has that level. A way d up to
+// the limit is made as it is. A longer one becomes limit^2 / d: noise does not go so far, but edges do that
+// neighbourhoods reach across. A point whose way is longer than the outlier distance is an outlier and stays at
+// `before`, and so is one whose neighbours did not agree with it (`after` is NaN then). There is a limit, and the
+// outlier distance is no less.
+POINTFAIR_INLINE Limited limited(Vec3<float> before, Vec3<float> after, const DisplacementLimits& limits, float level) {
+  const float limit = limits.farthest_follows ? limits.farthest * level : limits.farthest;
+  const float outlier_distance = larger(larger(limits.outlier_distance, limits.level_outlier_distance * level), limit);
+  const Vec3<float> way = after - before;
+  const float squared = squared_length(way);
   if (!(squared <= outlier_distance * outlier_distance))
     return {before, after.x != after.x ? outlier_at(after.x) : Outlier::off_surface};
   if (squared <= limit * limit) return {after, Outlier::none};
-  return {before + (limit * limit / squared) * step, Outlier::none};
+  return {before + (limit * limit / squared) * way, Outlier::none};
 }
 
 }  // namespace pointfair::point

@@ -9,6 +9,7 @@
 #include "point/normal.h"
 #include "point/outliers.h"
 #include "point/sensor.h"
+#include "point/settings.h"
 
 namespace pointfair::point {
 
@@ -18,54 +19,28 @@ using NumberOf = typename Neighbors::Number;
 template <class Neighbors>
 using KernelOf = typename Neighbors::Kernel;
 
-struct NormalRule {
-  NormalWeights weights;
-  bool of_radius;  // sigma is a multiple of the neighbourhood's radius
-};
-
 template <class Neighbors>
-POINTFAIR_INLINE auto weights_of(const NormalRule& rule, const Neighbors& neighbors) {
+POINTFAIR_INLINE auto weights_of(const NormalSettings& settings, const Neighbors& neighbors) {
   using F = NumberOf<Neighbors>;
   constexpr float kScale = KernelOf<Neighbors>::kScale;
-  const F own = F(rule.weights.inverse_two_sigma2 * kScale), twice = F(rule.weights.inverse_sigma2 * kScale);
+  const NormalWeights weights = normal_weights(settings.sigma);
+  const F own = F(weights.inverse_two_sigma2 * kScale), twice = F(weights.inverse_sigma2 * kScale);
   using Weights = LocalNormalWeights<F, KernelOf<Neighbors>>;
-  if (!rule.of_radius) return Weights{own, twice};
+  if (!settings.of_radius) return Weights{own, twice};
   return Weights{own / neighbors.squared_radius(), twice / neighbors.squared_radius()};
 }
 
-struct FairingRule {
-  BilateralWeights weights;
-  bool of_radius;                        // the closeness sigma is a multiple of the neighbourhood's radius
-  bool symmetric;                        // Eq. 10 of docs/how-it-works.md instead of the paper's step
-  float inverse_turn;                    // of Eq. 10
-  bool similarity_follows;               // the level of the noise at the point
-  float strength;                        // share of the displacement that is made
-  float noise_variance;                  // at level 1, for noise_share(); 0: steps are made whole
-  float noise_left, damage;              // for noise_share()
-  float squared_outlier_distance;        // 0: outliers are not looked for
-  float squared_level_outlier_distance;  // times the squared level; the larger of both counts
-  float squared_sparse_core;             // of a neighbourhood of the outlier radius
-  bool pull_outliers;                    // else they become NaN
-  bool pull_by_density;                  // else by closeness
-  float squared_beam_width;              // point/sensor.h; 0: mixed pixels are not looked for
-  bool along_ray;                        // points move along the ray, else along the normal
-  float farthest;                        // along_ray: soft limit of a displacement along the normal; 0: none
-  bool farthest_follows;                 // the level of the noise
-
-  // Whether the sensor's place is read.
-  POINTFAIR_INLINE bool sees() const { return along_ray || squared_beam_width > 0; }
-};
-
 template <class Neighbors>
-POINTFAIR_INLINE auto weights_of(const FairingRule& rule, const Neighbors& neighbors,
+POINTFAIR_INLINE auto weights_of(const FairingSettings& settings, const Neighbors& neighbors,
                                  NumberOf<Neighbors> squared_level) {
   using F = NumberOf<Neighbors>;
   constexpr float kScale = KernelOf<Neighbors>::kScale;
-  const F closeness = F(rule.weights.inverse_two_closeness2 * kScale),
-          similarity = F(rule.weights.inverse_two_similarity2 * kScale);
+  const BilateralWeights weights = bilateral_weights(settings.closeness_sigma, settings.similarity_sigma);
+  const F closeness = F(weights.inverse_two_closeness2 * kScale),
+          similarity = F(weights.inverse_two_similarity2 * kScale);
   return LocalBilateralWeights<F, KernelOf<Neighbors>>{
-      rule.of_radius ? closeness / neighbors.squared_radius() : closeness,
-      rule.similarity_follows ? similarity / squared_level : similarity};
+      settings.closeness_of_radius ? closeness / neighbors.squared_radius() : closeness,
+      settings.similarity_follows ? similarity / squared_level : similarity};
 }
 
 // The normal by Eq. 3 to 5.
@@ -100,7 +75,7 @@ struct OwnNormal {
   F share;  // share of the filter that the point takes (further_share)
 };
 
-// Eq. 9, and what Eq. 20 multiplies the squared radius by.
+// Eq. 9, and what Eq. 20 multiplies the squared radius by, up to a radius of the square `squared_widest`.
 template <class F>
 struct FilteredOfPoint {
   Vec3<F> unit;
@@ -108,12 +83,14 @@ struct FilteredOfPoint {
 };
 
 template <bool kGrows, class Neighbors, class Vectors>
-POINTFAIR_DEVICE_INLINE FilteredOfPoint<NumberOf<Neighbors>> filtered_normal_of(
-    const Neighbors& neighbors, const NormalRule& rule, float inverse_turn, OwnNormal<NumberOf<Neighbors>> own,
-    const Vectors& normals, const GrowthRule& growth) {
+POINTFAIR_DEVICE_INLINE FilteredOfPoint<NumberOf<Neighbors>> filtered_normal_of(const Neighbors& neighbors,
+                                                                                const NormalSettings& settings,
+                                                                                OwnNormal<NumberOf<Neighbors>> own,
+                                                                                const Vectors& normals,
+                                                                                float squared_widest) {
   using F = NumberOf<Neighbors>;
-  const auto weights = weights_of(rule, neighbors);
-  inverse_turn *= KernelOf<Neighbors>::kRootScale;
+  const auto weights = weights_of(settings, neighbors);
+  const float inverse_turn = point::inverse_turn(settings.crease_angle) * KernelOf<Neighbors>::kRootScale;
   FilteredNormal<F> filtered(own.unit);
   MeanTurn<F> turn;
   neighbors([&](auto there) { return normals.at(there); },
@@ -121,7 +98,8 @@ POINTFAIR_DEVICE_INLINE FilteredOfPoint<NumberOf<Neighbors>> filtered_normal_of(
               filtered.add(offset, normal, inside, weights, inverse_turn);
               if constexpr (kGrows) turn.add(dot(own.unit, normal), inside);
             });
-  return {turned(own.unit, filtered.unit(), own.share), turn.squared_growth(growth, neighbors.squared_radius())};
+  return {turned(own.unit, filtered.unit(), own.share),
+          turn.squared_growth(settings.flat_scale * settings.flat_scale, neighbors.squared_radius(), squared_widest)};
 }
 
 // What the sums read of a neighbour beside its place: a vector, and its area's weight.
@@ -149,11 +127,11 @@ POINTFAIR_DEVICE_INLINE NumberOf<Neighbors> paper_distance(const Neighbors& neig
 // d_i of Eq. 10.
 template <class Neighbors, class Weights, class Vectors, class Areas, class Visited>
 POINTFAIR_DEVICE_INLINE NumberOf<Neighbors> symmetric_distance(const Neighbors& neighbors, Weights weights,
-                                                               float inverse_turn, Vec3<NumberOf<Neighbors>> normal,
+                                                               int turn_angle, Vec3<NumberOf<Neighbors>> normal,
                                                                const Vectors& normals, const Areas& areas,
                                                                Visited visited) {
   using F = NumberOf<Neighbors>;
-  inverse_turn *= KernelOf<Neighbors>::kRootScale;
+  const float inverse_turn = point::inverse_turn(turn_angle) * KernelOf<Neighbors>::kRootScale;
   SymmetricSum<F> sum;
   neighbors(
       [&](auto there) {
@@ -169,22 +147,23 @@ POINTFAIR_DEVICE_INLINE NumberOf<Neighbors> symmetric_distance(const Neighbors& 
 // The distance of Eq. 6 or of Eq. 10. GCC 12 would call a lambda of the caller for each pack, with its arguments in
 // memory, so this is a function of its own.
 template <class Neighbors, class Weights, class Vectors, class Areas, class Visited>
-POINTFAIR_DEVICE_INLINE NumberOf<Neighbors> bilateral_distance(const Neighbors& neighbors, const FairingRule& rule,
-                                                               Weights weights, Vec3<NumberOf<Neighbors>> normal,
-                                                               const Vectors& normals, const Areas& areas,
-                                                               Visited visited) {
-  return rule.symmetric ? symmetric_distance(neighbors, weights, rule.inverse_turn, normal, normals, areas, visited)
-                        : paper_distance(neighbors, weights, normal, areas, visited);
+POINTFAIR_DEVICE_INLINE NumberOf<Neighbors> bilateral_distance(const Neighbors& neighbors,
+                                                               const FairingSettings& settings, Weights weights,
+                                                               Vec3<NumberOf<Neighbors>> normal, const Vectors& normals,
+                                                               const Areas& areas, Visited visited) {
+  return settings.symmetric
+             ? symmetric_distance(neighbors, weights, settings.turn_angle, normal, normals, areas, visited)
+             : paper_distance(neighbors, weights, normal, areas, visited);
 }
 
-// A mean of an outlier's neighbours (PullSum). `squared_radii` are not read without pull_by_density.
+// A mean of an outlier's neighbours (PullSum). `squared_radii` are not read for lists.
 template <class Neighbors, class Scalars>
 POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> pull_of(const Neighbors& neighbors,
                                                           NumberOf<Neighbors> inverse_two_closeness2,
-                                                          const FairingRule& rule, const Scalars& squared_radii) {
+                                                          const Scalars& squared_radii) {
   using F = NumberOf<Neighbors>;
   PullSum<F> sum;
-  if (rule.pull_by_density) {
+  if constexpr (!Neighbors::kListed) {
     const F own = neighbors.squared_radius();
     neighbors([&](auto there) { return squared_radii.of(there); },
               [&](Vec3<F> offset, F there, auto inside) { sum.add_by_density(offset, inside, own, there); });
@@ -196,7 +175,7 @@ POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> pull_of(const Neighbors& neigh
   return sum.mean();
 }
 
-// A displacement d > limit becomes limit^2 / d, as that of `settled`.
+// A displacement d > limit becomes limit^2 / d, as in limited() of outliers.h.
 template <class F>
 POINTFAIR_INLINE F softly_limited(F distance, F limit) {
   return select(distance * distance > limit * limit, limit * limit / distance, distance);
@@ -208,7 +187,7 @@ struct OwnPlace {
   F squared_level;  // of the noise
   F further_share;  // of the displacement, in iterations after the first; else 1
   Vec3<F> here, normal;
-  Vec3<F> to_sensor;  // read where rule.sees()
+  Vec3<F> to_sensor;  // read where settings.reads_sensor()
 };
 
 // Whether a point is an outlier, and why.
@@ -221,21 +200,21 @@ struct Verdict {
 
 // `distance` along the normal; `squared_distance` is that of outliers at the point.
 template <bool kSees, class Neighbors, class F = NumberOf<Neighbors>>
-POINTFAIR_DEVICE_INLINE Verdict<F> verdict_of(const Neighbors& neighbors, const FairingRule& rule,
+POINTFAIR_DEVICE_INLINE Verdict<F> verdict_of(const Neighbors& neighbors, const FairingSettings& settings,
                                               const Agreement<F>& agreement, const BeamNeighbors<F>& beam_neighbors,
                                               F distance, F squared_distance) {
-  const auto is_sparse = neighbors.squared_core() > F(rule.squared_sparse_core);
+  const auto is_sparse = neighbors.squared_core() > F(squared_core(settings.outlier_radius * settings.outlier_radius));
   Verdict<F> verdict{
       typename Verdict<F>::Mask(agreement.is_missing(is_sparse)),
       select(agreement.is_isolated(is_sparse), F(place_of(Outlier::isolated)), F(place_of(Outlier::off_surface)))};
   if constexpr (kSees) {
-    if (rule.along_ray) {  // what settled() sees of points that move along the normal
+    if (settings.along_ray) {  // what limited() sees of points that move along the normal
       verdict.reason = select(verdict.is_outlier, verdict.reason, F(place_of(Outlier::off_surface)));
       verdict.is_outlier = verdict.is_outlier | (distance * distance > squared_distance);
     }
-    if (rule.squared_beam_width > 0) {
+    if (settings.seeks_mixed_pixels()) {
       // lists have all neighbours up to their last
-      const F horizon = rule.pull_by_density ? neighbors.squared_horizon() : beam_neighbors.squared_farthest;
+      const F horizon = Neighbors::kListed ? beam_neighbors.squared_farthest : neighbors.squared_horizon();
       const auto is_mixed = beam_neighbors.is_mixed_pixel(horizon);
       verdict.reason = select(is_mixed, F(place_of(Outlier::mixed_pixel)), verdict.reason);
       verdict.is_outlier = verdict.is_outlier | is_mixed;
@@ -246,13 +225,14 @@ POINTFAIR_DEVICE_INLINE Verdict<F> verdict_of(const Neighbors& neighbors, const 
 
 // Where a point is after its step of `distance`.
 template <bool kSees, class F>
-POINTFAIR_DEVICE_INLINE Vec3<F> place_after(const FairingRule& rule, const OwnPlace<F>& own, F distance) {
-  const F strength = own.further_share * rule.strength;
+POINTFAIR_DEVICE_INLINE Vec3<F> place_after(const FairingSettings& settings, const OwnPlace<F>& own, F distance) {
+  const F strength = own.further_share * settings.strength;
   if constexpr (kSees) {
-    if (rule.along_ray) {
-      if (rule.farthest > 0)
-        distance = softly_limited(
-            distance, rule.farthest_follows ? square_root(own.squared_level) * rule.farthest : F(rule.farthest));
+    if (settings.along_ray) {
+      if (settings.farthest > 0)
+        distance =
+            softly_limited(distance, settings.farthest_follows ? square_root(own.squared_level) * settings.farthest
+                                                               : F(settings.farthest));
       return own.here + along_ray((F{} - distance * strength) * own.normal, own.to_sensor);
     }
   }
@@ -263,44 +243,47 @@ POINTFAIR_DEVICE_INLINE Vec3<F> place_after(const FairingRule& rule, const OwnPl
 // outlier becomes NaN or goes to a mean of its neighbours. More than one instance: what outliers, shares and sensors
 // need would take registers from the loop that does without.
 template <bool kSeeksOutliers, bool kShares, bool kSees, class Neighbors, class Vectors, class Areas, class Scalars>
-POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> faired_point(const Neighbors& neighbors, const FairingRule& rule,
+POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> faired_point(const Neighbors& neighbors,
+                                                               const FairingSettings& settings,
                                                                const OwnPlace<NumberOf<Neighbors>>& own,
                                                                const Vectors& normals, const Areas& areas,
                                                                const Scalars& squared_radii) {
   using F = NumberOf<Neighbors>;
   const F squared_level = own.squared_level;
   const Vec3<F> normal = own.normal;
-  const auto weights = weights_of(rule, neighbors, squared_level);
+  const auto weights = weights_of(settings, neighbors, squared_level);
   Agreement<F> agreement;
   HeightSpread<F> spread;
   const F squared_outlier_distance =
-      larger(F(rule.squared_outlier_distance), squared_level * rule.squared_level_outlier_distance);
+      larger(F(settings.outlier_distance * settings.outlier_distance),
+             squared_level * (settings.level_outlier_distance * settings.level_outlier_distance));
   const F squared_core = larger(neighbors.squared_core(), squared_outlier_distance);
-  BeamNeighbors<F> beam_neighbors(own.to_sensor, rule.squared_beam_width, squared_outlier_distance);
-  F distance = bilateral_distance(neighbors, rule, weights, normal, normals, areas, [&](Vec3<F> offset, auto inside) {
-    if constexpr (kSeeksOutliers && kSees) beam_neighbors.add(offset, inside);
-    if constexpr (kSeeksOutliers || kShares) {
-      const F height = dot(normal, offset);
-      if constexpr (kShares) spread.add(height, inside);
-      if constexpr (kSeeksOutliers) agreement.add(offset, height, inside, squared_outlier_distance, squared_core);
-    }
-  });
+  BeamNeighbors<F> beam_neighbors(own.to_sensor, settings.beam_width * settings.beam_width, squared_outlier_distance);
+  F distance =
+      bilateral_distance(neighbors, settings, weights, normal, normals, areas, [&](Vec3<F> offset, auto inside) {
+        if constexpr (kSeeksOutliers && kSees) beam_neighbors.add(offset, inside);
+        if constexpr (kSeeksOutliers || kShares) {
+          const F height = dot(normal, offset);
+          if constexpr (kShares) spread.add(height, inside);
+          if constexpr (kSeeksOutliers) agreement.add(offset, height, inside, squared_outlier_distance, squared_core);
+        }
+      });
   if constexpr (kShares)
-    distance =
-        distance * noise_share(spread.variance(), squared_level * rule.noise_variance, rule.noise_left, rule.damage);
-  const Vec3<F> there = place_after<kSees>(rule, own, distance);
+    distance = distance * noise_share(spread.variance(), squared_level * (settings.noise * settings.noise),
+                                      settings.is_further ? kNoiseLeft : 1.0f, settings.damage);
+  const Vec3<F> there = place_after<kSees>(settings, own, distance);
   if constexpr (!kSeeksOutliers) {
     return there;
   } else {
     const Verdict<F> verdict =
-        verdict_of<kSees>(neighbors, rule, agreement, beam_neighbors, distance, squared_outlier_distance);
+        verdict_of<kSees>(neighbors, settings, agreement, beam_neighbors, distance, squared_outlier_distance);
     // a point without a normal keeps its place
     const auto is_outlier = verdict.is_outlier & (squared_length(normal) > F{});
     if (!neighbors.any(is_outlier)) return there;
-    if (!rule.pull_outliers) return select<F>(is_outlier, {verdict.reason, verdict.reason, verdict.reason}, there);
+    if (!settings.pull_outliers) return select<F>(is_outlier, {verdict.reason, verdict.reason, verdict.reason}, there);
     const Vec3<F> pull =
-        pull_of(neighbors, weights.inverse_two_closeness2 * F(1 / KernelOf<Neighbors>::kScale), rule, squared_radii);
-    return select<F>(is_outlier, own.here + F(rule.strength) * pull, there);
+        pull_of(neighbors, weights.inverse_two_closeness2 * F(1 / KernelOf<Neighbors>::kScale), squared_radii);
+    return select<F>(is_outlier, own.here + F(settings.strength) * pull, there);
   }
 }
 

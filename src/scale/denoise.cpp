@@ -11,7 +11,9 @@
 #include <utility>
 
 #include "seam/exactness.hpp"
+#include "seam/stop.hpp"
 #include "tiles/halo.hpp"
+#include "tiles/halves.hpp"
 
 namespace pointfair::scale {
 namespace {
@@ -182,7 +184,7 @@ class Denoising::Tile {
     if (!std::exchange(is_loaded_, false)) fits_ = load(region);
     if (!fits_) return split(wanted, halo);
     try {
-      run_stages();
+      denoise();
       return take_results(wanted, region, halo);
     } catch (const Error& error) {
       if (error.kind() != ErrorKind::memory || loaded_.size() < kLeastSplit) throw;
@@ -207,14 +209,10 @@ class Denoising::Tile {
     return loaded_.size() <= work_.most_points && seen_->append(region, leaves_, work_.most_points, loaded_);
   }
 
-  void run_stages() {
-    const TileStages& stages = stages_;
-    backend_->upload(loaded_, stages.frame ? IndexOrder::along_curve : IndexOrder::fastest);
-    backend_->build_index(0, stages.frame, stop_);
-    backend_->find_neighbors(0, stages.neighbors, stop_);
-    backend_->estimate_normals(0, stages.normals, stop_);
-    backend_->fair(0, stages.fairing, false, stop_);
-    if (stop_.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+  void denoise() {
+    backend_->upload(loaded_, stages_.frame ? IndexOrder::along_curve : IndexOrder::fastest);
+    run_stages(*backend_, 0, stages_, stop_);
+    throw_if_stopped(stop_);
   }
 
   std::vector<Wanted> take_results(const Wanted& wanted, const point::Region& region, double halo) {
@@ -232,9 +230,7 @@ class Denoising::Tile {
         continue;
       }
       results_[place] = moved(results_[place], own_[place], loaded_[i]);
-      counts_.unmoved.too_few_neighbors += (outcomes_[i] & point::kTooFew) != 0;
-      counts_.unmoved.no_normal += (outcomes_[i] & point::kNoNormal) != 0;
-      counts_.short_neighborhoods += (outcomes_[i] & point::kShort) != 0;
+      add(counts_, outcomes_[i]);
     }
     if (left.places.empty()) return {};
     return {std::move(left)};
@@ -247,15 +243,10 @@ class Denoising::Tile {
     const float x = b.max.x - b.min.x, y = b.max.y - b.min.y, z = b.max.z - b.min.z;
     // where nearly all of the region is halo, halves would have hardly smaller ones
     if (places.size() < 2 || std::max({x, y, z}) < halo / 8) fail_at(places.front());
-    const auto axis = x >= y && x >= z ? &Point::x : y >= z ? &Point::y : &Point::z;
-    const auto middle = places.begin() + std::ptrdiff_t(places.size() / 2);
-    std::nth_element(places.begin(), middle, places.end(),
-                     [&](std::uint32_t i, std::uint32_t j) { return own_[i].*axis < own_[j].*axis; });
     std::vector<Wanted> halves;
-    for (const std::span<std::uint32_t> half : {std::span(places.begin(), middle), std::span(middle, places.end())}) {
-      std::sort(half.begin(), half.end());
-      Wanted part{false, {half.begin(), half.end()}, kNoBounds, wanted.halo > 0 ? halo : 0};
-      for (const std::uint32_t place : half) include(part.bounds, own_[place]);
+    for (Places& half : halves_of(std::move(places), own_, b)) {
+      Wanted part{false, std::move(half), kNoBounds, wanted.halo > 0 ? halo : 0};
+      for (const std::uint32_t place : part.places) include(part.bounds, own_[place]);
       halves.push_back(std::move(part));
     }
     return halves;
@@ -292,24 +283,19 @@ class Denoising::Tile {
   // By chunk of the input, with indices in it, for the last step.
   void write_by_chunk(const std::vector<std::uint64_t>& indices, const std::filesystem::path& path) const {
     const std::vector<InputChunk>& chunks = *work_.chunks;
-    const auto chunk_of = [&](std::uint64_t index) {
-      const auto after = std::upper_bound(chunks.begin(), chunks.end(), index,
-                                          [](std::uint64_t i, const InputChunk& c) { return i < c.first_point; });
-      return std::size_t(after - chunks.begin()) - 1;
-    };
     std::vector<std::uint64_t> next(chunks.size() + 1, 0);
-    for (const std::uint64_t index : indices) ++next[chunk_of(index) + 1];
+    for (const std::uint64_t index : indices) ++next[chunk_of(chunks, index) + 1];
     std::vector<Section> sections;
     for (std::size_t c = 0; c < chunks.size(); ++c) {
       if (next[c + 1] > 0) sections.push_back({std::uint32_t(c), {}, next[c + 1], {}, {}});
       next[c + 1] += next[c];
     }
     Places order(next.back());
-    for (std::size_t i = 0; i < results_.size(); ++i) order[next[chunk_of(indices[i])]++] = std::uint32_t(i);
+    for (std::size_t i = 0; i < results_.size(); ++i) order[next[chunk_of(chunks, indices[i])]++] = std::uint32_t(i);
     PointsWriter writer(path, header_of(counts_, work_.first_counts), sections, {});
     write_in_order<Point>(writer, order, [&](std::uint32_t i) { return results_[i]; });
     write_in_order<std::uint32_t>(writer, order, [&](std::uint32_t i) {
-      return std::uint32_t(indices[i] - chunks[chunk_of(indices[i])].first_point);
+      return std::uint32_t(indices[i] - chunks[chunk_of(chunks, indices[i])].first_point);
     });
     writer.finish();
   }
@@ -322,7 +308,7 @@ class Denoising::Tile {
   std::vector<Position> origins_;
   Position origin_{};  // that is computed around; what follows is relative to it
   std::optional<StoredCloud> seen_;
-  TileStages stages_;
+  FramedSettings stages_;
   Bounds bounds_;                          // of the tile's points that are computed now
   bool is_loaded_ = false, fits_ = false;  // what the first attempt needs
   std::vector<Point> own_;                 // all of the tile

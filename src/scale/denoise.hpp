@@ -23,7 +23,7 @@ inline constexpr std::size_t kTooFewCount = 1, kNoNormalCount = 2, kShortCount =
 struct TileWork {
   const StoredCloud& input;
   LeafRange leaves;                                 ///< of the tree
-  TileStages stages;                                ///< for offsets from the cloud's origin
+  FramedSettings stages;                            ///< for offsets from the cloud's origin
   std::uint64_t most_points = 0;                    ///< that are loaded at once
   const std::vector<InputChunk>* chunks = nullptr;  ///< if given, results are written by chunk, for the last step
   std::optional<TaskCounts> first_counts{};         ///< the tile's in the first iteration, if this is a further one

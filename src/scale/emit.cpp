@@ -13,6 +13,7 @@
 #include "scale/points_file.hpp"
 #include "seam/cloud_sample.hpp"
 #include "seam/noise_levels.hpp"
+#include "seam/stop.hpp"
 
 namespace pointfair::scale {
 namespace {
@@ -24,13 +25,13 @@ bool is_finite(const Point& p) { return std::isfinite(p.x) && std::isfinite(p.y)
 }  // namespace
 
 TileResults::TileResults(const std::vector<std::filesystem::path>& tiles, const Plan& plan, std::size_t file,
-                         std::shared_ptr<const Source> source, const Settling& settling, std::stop_token stop)
+                         std::shared_ptr<const Source> source, const FinalLimits& limits, std::stop_token stop)
     : plan_(plan),
       first_point_(plan.files[file].first_point),
       source_(std::move(source)),
-      settling_(settling),
+      limits_(limits),
       stop_(std::move(stop)) {
-  if (!(settling_.limits.farthest > 0)) settling_.limits = {kUnbounded, kUnbounded};
+  limits_.limits = limits_.limits.or_endless();
   for (const std::filesystem::path& path : tiles) {
     TileFile its{path, std::vector<std::uint64_t>(plan.chunks.size() + 1, 0)};
     for (const Section& section : PointsFile(path).sections()) its.begins[section.key + 1] = section.count;
@@ -65,17 +66,16 @@ std::shared_ptr<const TileResults::Held> TileResults::hold(std::size_t chunk) co
   return held;
 }
 
-void TileResults::settle_some(const Before& whence, const Point* faired, Point* now, point::Outlier* outliers) const {
+void TileResults::limit_some(const Before& whence, const Point* faired, Point* now, point::Outlier* outliers) const {
   const std::span<const Point> before = whence.in_zones;
-  const point::NodeField field = field_of(settling_.limits.levels.get());
+  const point::NodeField field = field_of(limits_.limits.levels.get());
   for (std::size_t i = 0; i < before.size(); ++i) {
     now[i] = is_indexed(before[i]) ? faired[i] : before[i];
-    if (!settling_.may_hold_back || !is_indexed(before[i])) continue;
-    const auto [farthest, outlier_distance] =
-        point::limits_at(limit_rule(settling_.limits), point::node_value(field, to_vec3(whence.in_cloud[i])));
-    const auto settled = point::settled(to_vec3(before[i]), to_vec3(faired[i]), farthest, outlier_distance);
-    now[i] = {settled.place.x, settled.place.y, settled.place.z};
-    outliers[i] = settled.outlier;
+    if (!limits_.may_hold_back || !is_indexed(before[i])) continue;
+    const float level = point::node_value(field, to_vec3(whence.in_cloud[i]));
+    const auto limited = point::limited(to_vec3(before[i]), to_vec3(faired[i]), limits_.limits, level);
+    now[i] = {limited.place.x, limited.place.y, limited.place.z};
+    outliers[i] = limited.outlier;
   }
 }
 
@@ -105,14 +105,14 @@ void TileResults::take(std::uint64_t first, std::span<const Position> own, std::
   std::vector<point::Outlier> outliers(now.size(), point::Outlier::none);
   std::vector<std::uint8_t> held;
   if (limits == Limits{}) {
-    settle(first, {before, around_origin}, now, outliers);
+    limit(first, {before, around_origin}, now, outliers);
   } else {
     const Cloud here = part_of(source_, first, around_origin);
     const std::vector<std::uint8_t> ignored = held_by_any(limits.ignore, here);
     std::vector<Point> seen(before.begin(), before.end());
     for (std::size_t i = 0; are_some_ignored && i < seen.size(); ++i)
       if (ignored[i]) seen[i] = {kNan, kNan, kNan};
-    settle(first, {seen, around_origin}, now, outliers);
+    limit(first, {seen, around_origin}, now, outliers);
     const std::vector<std::uint8_t> movable = movable_points(limits, here);
     apply_limits(limits, movable, before, now);
     held.resize(movable.size());
@@ -159,27 +159,25 @@ std::vector<std::uint8_t> TileResults::find_outliers(unsigned threads) const {
           if (!is_indexed(points[i])) in_zones[i] = points[i];
       }
       std::vector<point::Outlier> found(points.size(), point::Outlier::none);
-      settle(first, {in_zones, points}, now, found);
+      limit(first, {in_zones, points}, now, found);
       for (std::size_t i = 0; i < found.size(); ++i) outliers[first + i] = static_cast<std::uint8_t>(found[i]);
     });
   });
   return outliers;
 }
 
-void TileResults::settle(std::uint64_t first, const Before& before, std::span<Point> now,
-                         std::span<point::Outlier> outliers) const {
+void TileResults::limit(std::uint64_t first, const Before& before, std::span<Point> now,
+                        std::span<point::Outlier> outliers) const {
   const std::vector<InputChunk>& chunks = plan_.chunks;
-  if (stop_.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+  throw_if_stopped(stop_);
   std::uint64_t index = first_point_ + first;
   for (std::size_t done = 0; done < now.size();) {
-    const auto after = std::upper_bound(chunks.begin(), chunks.end(), index,
-                                        [](std::uint64_t i, const InputChunk& c) { return i < c.first_point; });
-    const auto chunk = std::size_t(after - chunks.begin()) - 1;
+    const std::size_t chunk = chunk_of(chunks, index);
     const auto held = hold(chunk);
     const std::size_t from = index - chunks[chunk].first_point;
     const std::size_t count = std::min(now.size() - done, held->points.size() - from);
     const Before some{before.in_zones.subspan(done, count), before.in_cloud.subspan(done, count)};
-    settle_some(some, &held->points[from], &now[done], &outliers[done]);
+    limit_some(some, &held->points[from], &now[done], &outliers[done]);
     done += count;
     index += count;
   }

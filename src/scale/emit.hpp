@@ -21,7 +21,7 @@ namespace pointfair::scale {
 inline constexpr std::size_t kIsolatedCount = 0, kHeldCount = 1, kOffSurfaceCount = 2, kMixedCount = 3;
 
 /// What becomes of the results of the last iteration: as a backend's download() does.
-struct Settling {
+struct FinalLimits {
   DisplacementLimits limits;
   bool may_hold_back = false;  ///< limits are set, or an iteration before may have left points out
 };
@@ -30,7 +30,7 @@ struct Settling {
 class TileResults final : public io::MovedPoints {
  public:
   TileResults(const std::vector<std::filesystem::path>& tiles, const Plan& plan, std::size_t file,
-              std::shared_ptr<const Source> source, const Settling& settling, std::stop_token stop);
+              std::shared_ptr<const Source> source, const FinalLimits& limits, std::stop_token stop);
   Position origin_at(const Position& own, const Position& of_file) const override;
   void take(std::uint64_t first, std::span<const Position> own, std::span<const Point> before,
             std::span<Point> now) const override;
@@ -52,9 +52,8 @@ class TileResults final : public io::MovedPoints {
   struct Before {
     std::span<const Point> in_zones, in_cloud;
   };
-  void settle(std::uint64_t first, const Before& before, std::span<Point> now,
-              std::span<point::Outlier> outliers) const;
-  void settle_some(const Before& before, const Point* faired, Point* now, point::Outlier* outliers) const;
+  void limit(std::uint64_t first, const Before& before, std::span<Point> now, std::span<point::Outlier> outliers) const;
+  void limit_some(const Before& before, const Point* faired, Point* now, point::Outlier* outliers) const;
   void tally(std::span<const Point> before, std::span<const Point> now, std::span<const point::Outlier> outliers) const;
   std::vector<Point> offsets(std::span<const Position> own, bool in_zones) const;
 
@@ -66,7 +65,7 @@ class TileResults final : public io::MovedPoints {
   const Plan& plan_;
   std::uint64_t first_point_;  ///< of the file
   std::shared_ptr<const Source> source_;
-  Settling settling_;
+  FinalLimits limits_;
   std::stop_token stop_;
   mutable std::mutex mutex_;
   mutable std::vector<std::shared_ptr<const Held>> held_;  ///< the last two

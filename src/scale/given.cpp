@@ -13,6 +13,7 @@
 #include "io/parallel.hpp"
 #include "io/points_of_source.hpp"
 #include "io/scalar.hpp"
+#include "seam/stop.hpp"
 
 namespace pointfair::scale {
 namespace {
@@ -122,7 +123,7 @@ GivenNoise noise_of_attribute(Inputs& inputs, const Plan& plan, unsigned threads
       const std::size_t column = column_of(*source, plan.noise_attribute);
       io::with_threads(threads, [&] {
         io::for_each_block(chunk.end_block - chunk.first_block, [&](std::size_t i) {
-          if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+          throw_if_stopped(stop);
           const Known known = known_of(source, column, chunk.first_block + i, plan.limits);
           const std::lock_guard lock(mutex);
           visit(known);

@@ -13,6 +13,7 @@
 #include "scale/given.hpp"
 #include "scale/points_file.hpp"
 #include "seam/cloud_sample.hpp"
+#include "seam/stop.hpp"
 
 namespace pointfair::scale {
 namespace {
@@ -81,7 +82,7 @@ Taken take(const std::shared_ptr<Source>& source, const InputChunk& chunk, const
   const std::uint64_t first = source->block_begin(chunk.first_block);
   std::atomic<std::uint64_t> ignored = 0;
   io::for_each_block(blocks, [&](std::size_t i) {
-    if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+    throw_if_stopped(stop);
     const std::size_t block = chunk.first_block + i;
     const std::size_t at = source->block_begin(block) - first, count = source->block_size(block);
     const auto points = std::span(taken.points).subspan(at, count);

@@ -17,6 +17,7 @@
 #include "scale/ingest.hpp"
 #include "scale/kept_leaves.hpp"
 #include "seam/cloud_sample.hpp"
+#include "tiles/exact_rows.hpp"
 #include "tiles/halo.hpp"
 
 namespace pointfair::scale {
@@ -147,29 +148,13 @@ class StoredSampling final : public Sampling {
       return {{{rows.asked.begin(), middle}, rows.halo}, {{middle, rows.asked.end()}, rows.halo}};
     }
     backend_.upload(loaded, IndexOrder::fastest);
-    backend_.build_index(0, std::nullopt, {});
     std::vector<std::uint32_t> places;
     for (const std::size_t q : rows.asked)
       places.push_back(
           std::uint32_t(std::find_if(loaded.begin(), loaded.end(),
                                      [&](const Point& p) { return same_place(p, queries_[queries[q]].place); }) -
                         loaded.begin()));
-    const std::size_t row_size = std::size_t(k) + 1;
-    std::vector<Point> found(places.size() * row_size);
-    backend_.sampling().sample_neighborhoods(places, k, found);
-    Rows left{{}, 2 * rows.halo};
-    for (std::size_t r = 0; r < places.size(); ++r) {
-      const Point* row = &found[r * row_size];
-      const auto here = to_vec3(row[0]), last = to_vec3(row[k]);
-      const bool full = is_indexed(row[k]);
-      if (point::is_exact_list({k, kUnbounded, false, 0}, full ? k : 0,
-                               full ? point::squared_length(last - here) : 0.0f,
-                               point::squared_gap_to_outside(region, here))) {
-        std::copy_n(row, row_size, &out[rows.asked[r] * row_size]);
-      } else {
-        left.asked.push_back(rows.asked[r]);
-      }
-    }
+    Rows left{sample_exact_rows(backend_, region, places, rows.asked, k, out), 2 * rows.halo};
     if (left.asked.empty()) return {};
     return {std::move(left)};
   }
@@ -203,7 +188,7 @@ Measured measure(const StoredCloud& cloud, const Plan& plan, const std::optional
                  const std::stop_token& stop) {
   Measured measured{plan.origin, cloud.bounds(), {}, {}, {}};
   measured.ignored = cloud.counts()[kIgnored];
-  const WantedEstimates wanted{needs_spacing(plan.params), needs_noise(plan.params)};
+  const WantedEstimates wanted = needed_by(plan.params).estimates;
   const bool may_seek = plan.sensor && plan.params.outliers != Outliers::off;
   if (!wanted.spacing && !wanted.noise && !sums_within_radius(plan.params) && !may_seek) return measured;
   StoredSampling sampling(cloud, plan, backend);
@@ -312,14 +297,10 @@ Measured load_measured(const std::filesystem::path& path) {
   return m;
 }
 
-Resolved resolve(const Plan& plan, const Measured& measured) {
-  const Params& params = plan.params;
-  const Params used = resolve_params(params, measured.spacing, measured.noise,
-                                     needs_diagonal(params) ? diagonal_of(measured.bounds) : 0.0);
-  const FollowedNoise followed =
-      needs_noise(params) ? followed_noise(params, used, measured.noise, measured.levels, measured.reach_levels)
-                          : FollowedNoise{};
-  return {used, settings_of(used, followed, {sensor_of(plan, measured.origin), measured.beam_width})};
+RunSettings resolve(const Plan& plan, const Measured& measured) {
+  const Estimate found{measured.spacing, measured.noise, measured.levels, measured.reach_levels};
+  const Resolved used = pointfair::resolve(plan.params, found, diagonal_of(measured.bounds));
+  return {used.params, settings_of(used, {sensor_of(plan, measured.origin), measured.beam_width})};
 }
 
 }  // namespace pointfair::scale

@@ -37,10 +37,10 @@ void save(const Measured& measured, const std::filesystem::path& path);
 Measured load_measured(const std::filesystem::path& path);
 
 /// The parameters with what was measured, and what every iteration reads.
-struct Resolved {
+struct RunSettings {
   Params params;
   Settings settings;
 };
-Resolved resolve(const Plan& plan, const Measured& measured);
+RunSettings resolve(const Plan& plan, const Measured& measured);
 
 }  // namespace pointfair::scale

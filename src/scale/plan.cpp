@@ -212,6 +212,12 @@ Survey survey(const std::vector<std::shared_ptr<Source>>& sources, std::uint64_t
 
 }  // namespace
 
+std::size_t chunk_of(std::span<const InputChunk> chunks, std::uint64_t point) {
+  const auto after = std::upper_bound(chunks.begin(), chunks.end(), point,
+                                      [](std::uint64_t i, const InputChunk& c) { return i < c.first_point; });
+  return std::size_t(after - chunks.begin()) - 1;
+}
+
 std::uint64_t points_in_memory(std::uint64_t memory, std::uint64_t bytes_per_point) {
   const std::uint64_t free = memory > 2 * kProcess ? memory - kProcess : memory / 2;
   return std::max<std::uint64_t>(1000, free / bytes_per_point);
@@ -286,7 +292,7 @@ LeafTree cut_into_tiles(Plan& plan, std::span<Point> sample, std::uint64_t least
 }
 
 int iterations_of(const Params& params) {
-  return params.iterations == kAutomatic ? resolve_params(params, {}, {}, 1).iterations : params.iterations;
+  return params.iterations == kAutomatic ? pointfair::resolve(params, {}, 1).params.iterations : params.iterations;
 }
 
 bool can_be_planned(const TiledJob& job, const std::shared_ptr<Source>& source) {

@@ -32,6 +32,9 @@ struct InputChunk {
   std::uint64_t first_point = 0, points = 0;  ///< in the whole input
 };
 
+/// The number of the chunk that has a point of the whole input.
+std::size_t chunk_of(std::span<const InputChunk> chunks, std::uint64_t point);
+
 struct Plan {
   Params params;  ///< as asked for, lengths in file units or relative
   Limits limits;
@@ -46,7 +49,7 @@ struct Plan {
   Position origin{};           ///< as guessed; the first measurement corrects it
   double zone_side = 0;        ///< the same
   double coordinate_step = 0;  ///< the least of the files'
-  bool is_settled = false;     ///< origin and zones are known, and not guessed
+  bool is_placed = false;      ///< origin and zones are known, and not guessed
   std::vector<InputFile> files;
   std::vector<InputChunk> chunks;
 

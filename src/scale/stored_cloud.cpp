@@ -9,16 +9,6 @@
 
 namespace pointfair::scale {
 
-bool lies_inside(const point::Region& r, const Bounds& b) {
-  return b.min.x >= r.min.x && b.max.x <= r.max.x && b.min.y >= r.min.y && b.max.y <= r.max.y && b.min.z >= r.min.z &&
-         b.max.z <= r.max.z;
-}
-
-bool may_overlap(const point::Region& r, const Bounds& b) {
-  return b.valid > 0 && b.min.x <= r.max.x && b.max.x >= r.min.x && b.min.y <= r.max.y && b.max.y >= r.min.y &&
-         b.min.z <= r.max.z && b.max.z >= r.min.z;
-}
-
 std::shared_ptr<const StoredCloud::Stored> StoredCloud::open(const std::vector<std::filesystem::path>& files,
                                                              std::size_t leaves, const Zones& zones) {
   constexpr std::size_t kMostOpen = 256;

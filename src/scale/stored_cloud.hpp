@@ -94,8 +94,4 @@ class StoredCloud {
   Bounds bounds_ = kNoBounds;
 };
 
-/// Whether all points of `b` lie in the region, and whether some may.
-bool lies_inside(const point::Region& region, const Bounds& b);
-bool may_overlap(const point::Region& region, const Bounds& b);
-
 }  // namespace pointfair::scale

@@ -15,6 +15,7 @@
 #include "scale/emit.hpp"
 #include "scale/given.hpp"
 #include "scale/ingest.hpp"
+#include "seam/stop.hpp"
 #include "tiles/feeders.hpp"
 
 namespace pointfair::scale {
@@ -45,7 +46,7 @@ Backend& Tasks::Worker::backend() {
 }
 
 void Tasks::run(const WorkStep& step, std::size_t task, const std::stop_token& stop) {
-  if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+  throw_if_stopped(stop);
   if (folder_.is_done(step, task)) return;
   try {
     get_ready(step);
@@ -73,7 +74,7 @@ void Tasks::run_tiles(const WorkStep& step, const std::stop_token& stop,
   const auto next = [&](bool tells) -> std::unique_ptr<Denoising> {
     while (const auto task = queue.take(false)) {
       if (tells) begin(*task);
-      if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+      throw_if_stopped(stop);
       if (!folder_.is_done(step, *task))
         return std::make_unique<Denoising>(tile_work(step, *task), folder_.file_of(step, *task), stop);
     }
@@ -99,7 +100,7 @@ void Tasks::run_tiles(const WorkStep& step, const std::stop_token& stop,
 void Tasks::get_ready(const WorkStep& step) {
   if (!folder_.is_recut && is_stored(folder_.path / "origin")) use_zones(load_zones());
   if (step.kind != WorkStep::Kind::denoise) return;
-  settled_settings();
+  settings();
   if (input_ && input_iteration_ == step.iteration) return;
   const WorkStep before =
       step.iteration == 0 ? WorkStep{WorkStep::Kind::ingest} : WorkStep{WorkStep::Kind::denoise, step.iteration - 1};
@@ -134,7 +135,7 @@ void Tasks::run_measure(const WorkStep& step, const std::stop_token& stop) {
     for (std::size_t task = 0; task < folder_.plan.chunks.size(); ++task) run(before, task, stop);
   };
   if (folder_.is_recut) take_in_again();  // what a process that was killed meanwhile has left to do
-  const Zones zones = folder_.plan.is_settled ? folder_.plan.zones() : zones_of(folder_.files_of(before), folder_.plan);
+  const Zones zones = folder_.plan.is_placed ? folder_.plan.zones() : zones_of(folder_.files_of(before), folder_.plan);
   if (zones != folder_.plan.zones()) {
     if (folder_.is_recut) throw Error(ErrorKind::failed, "the input shows another origin each time; plan again");
     NewFile file(folder_.path / "origin", sizeof zones);
@@ -157,18 +158,16 @@ void Tasks::run_denoise(const WorkStep& step, std::size_t task, const std::stop_
 }
 
 TileWork Tasks::tile_work(const WorkStep& step, std::size_t task) const {
-  const Settings& settings = resolved_->settings;
-  std::optional<Frame> frame;
-  if (sums_within_radius(folder_.plan.params)) frame = measured_->frame;
-  FairingSettings fairing = settings.fairing;
-  fairing.is_further = step.iteration > 0;
+  FramedSettings settings{resolved_->settings, {}};
+  if (sums_within_radius(folder_.plan.params)) settings.frame = measured_->frame;
+  settings.fairing.is_further = step.iteration > 0;
   const bool is_last = step.iteration + 1 == folder_.plan.iterations;
   std::optional<TaskCounts> first_counts;
   if (step.iteration > 0)
     first_counts = PointsFile(folder_.file_of({step.kind, step.iteration - 1}, task)).header().counts;
   return {*input_,
           {tree_.tile_begin(task), tree_.tile_begin(task + 1)},
-          {frame, settings.neighbors, settings.normals, fairing},
+          settings,
           points_in_memory(folder_.plan.memory, bytes_of_tile_point(folder_.plan.params)),
           is_last ? &folder_.plan.chunks : nullptr,
           first_counts};
@@ -206,13 +205,13 @@ void Tasks::run_emit(const WorkStep& step, std::size_t task, const std::stop_tok
 }
 
 TileResults Tasks::results(std::size_t file, std::shared_ptr<const Source> source, const std::stop_token& stop) {
-  const Settings& settings = settled_settings();
-  const Settling settling{settings.limits, settings.limits.farthest > 0 || folder_.plan.iterations > 1};
+  const DisplacementLimits& of_run = settings().limits;
+  const FinalLimits limits{of_run, of_run.farthest > 0 || folder_.plan.iterations > 1};
   return {folder_.files_of({WorkStep::Kind::denoise, folder_.plan.iterations - 1}),
           folder_.plan,
           file,
           std::move(source),
-          settling,
+          limits,
           stop};
 }
 
@@ -264,7 +263,7 @@ void Tasks::close_input() {
   input_iteration_ = -1;
 }
 
-const Settings& Tasks::settled_settings() {
+const Settings& Tasks::settings() {
   if (!resolved_) {
     measured_ = load_measured(folder_.path / "measured");
     resolved_ = resolve(folder_.plan, *measured_);

@@ -40,7 +40,7 @@ class Tasks {
   void run_steps(WorkStep::Kind last, const std::stop_token& stop, const ProgressFunction& progress);
 
   // Once the step `measure` is done.
-  const Settings& settled_settings();
+  const Settings& settings();
   const Measured& measured() const { return *measured_; }
   const Params& params() const { return resolved_->params; }
   // Where the points of a file are after the last iteration.
@@ -76,7 +76,7 @@ class Tasks {
   Inputs inputs_;
   std::optional<GivenNoise> noise_;  // where no attribute of the files has it
   std::optional<Measured> measured_;
-  std::optional<Resolved> resolved_;
+  std::optional<RunSettings> resolved_;
   std::optional<StoredCloud> input_;  // of the tiles
   int input_iteration_ = -1;
 };

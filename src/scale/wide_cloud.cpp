@@ -53,7 +53,7 @@ std::unique_ptr<Tasks> WideCloud::tasks_of(const WideJob& job, const MemoryFolde
   plan.origin = zones_.origin;
   plan.zone_side = zones_.side;
   plan.coordinate_step = coordinate_step_;
-  plan.is_settled = true;
+  plan.is_placed = true;
   plan.files.push_back({{}, {}, {}, plan.points, 0});
   add_chunks(*source_, plan);
   std::vector<Point> sample = sample_;  // which the tree sorts
@@ -65,7 +65,7 @@ Measured WideCloud::measure(const WideJob& job, const std::stop_token& stop) {
   const MemoryFolder work;
   const std::unique_ptr<Tasks> tasks = tasks_of(job, work);
   tasks->run_steps(WorkStep::Kind::measure, stop, {});
-  tasks->settled_settings();
+  tasks->settings();
   return tasks->measured();
 }
 

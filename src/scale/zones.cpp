@@ -109,7 +109,7 @@ Zones zones_of(const Cloud& cloud) {
   return {cloud.origin, zone_side(source.sample(), source.size(), cloud.origin, coordinate_step(source))};
 }
 
-TileStages relative_to(const Position& origin, const TileStages& stages, const Zones& zones) {
+FramedSettings relative_to(const Position& origin, const FramedSettings& stages, const Zones& zones) {
   if (origin == zones.origin) return stages;
   const Position shift = difference(zones.origin, origin);
   const auto move = [&](auto levels) {
@@ -119,7 +119,7 @@ TileStages relative_to(const Position& origin, const TileStages& stages, const Z
     moved->first = shifted(moved->first, shift);
     return decltype(levels)(moved);
   };
-  TileStages moved = stages;
+  FramedSettings moved = stages;
   moved.neighbors.levels = move(stages.neighbors.levels);
   moved.neighbors.reach_levels = move(stages.neighbors.reach_levels);
   if (const auto& sensors = stages.fairing.sensors) {

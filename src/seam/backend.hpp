@@ -108,6 +108,9 @@ class Backend {
   virtual Refinement* refinement() { return nullptr; }       // null: results are refined on the host's cores
 };
 
+// All stages of an iteration; `settings.fairing` is of that iteration.
+void run_stages(Backend& backend, int iteration, const FramedSettings& settings, const std::stop_token& stop);
+
 std::unique_ptr<Backend> make_cpu_backend(unsigned threads);
 DeviceStatus cpu_status();
 
@@ -116,7 +119,7 @@ struct CudaOptions {
   std::size_t upload_chunk = 0;  // points that are copied at once, 1,024 or a multiple; 0: as suits the cloud
   std::uint64_t memory = std::numeric_limits<std::uint64_t>::max();  // bytes of the card that are used at most
 };
-// src/cuda, or src/cuda_absent.cpp in a build without CUDA. `make_cuda_backend` throws Error(device) with the reason.
+// src/cuda, or seam/cuda_absent.cpp in a build without CUDA. `make_cuda_backend` throws Error(device) with the reason.
 std::unique_ptr<Backend> make_cuda_backend(int card, const CudaOptions& options = {});
 std::vector<DeviceStatus> list_cuda_devices();
 

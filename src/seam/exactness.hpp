@@ -5,6 +5,7 @@
 #include <span>
 
 #include "point/region.h"
+#include "seam/backend.hpp"
 
 namespace pointfair {
 
@@ -15,5 +16,11 @@ class Exactness {
   // point::Outcome a point, in upload order; 0 for invalid points.
   virtual void outcomes(const point::Region& loaded, std::span<unsigned char> out) = 0;
 };
+
+inline void add(Counts& counts, unsigned char outcome) {
+  counts.unmoved.too_few_neighbors += (outcome & point::kTooFew) != 0;
+  counts.unmoved.no_normal += (outcome & point::kNoNormal) != 0;
+  counts.short_neighborhoods += (outcome & point::kShort) != 0;
+}
 
 }  // namespace pointfair

@@ -53,18 +53,11 @@ class ManyClouds {
   // As Sampling::take_samples, of uploaded clouds.
   virtual Taken take_samples(const Queries& for_spacing, const Queries& for_noise, std::stop_token stop) = 0;
 
-  // What the stages of one cloud read.
-  struct OfCloud {
-    Frame frame;
-    NeighborSettings neighbors;
-    NormalSettings normals;
-    FairingSettings fairing;  // of the first iteration
-    DisplacementLimits limits;
-  };
-  // All stages of all iterations of some uploaded clouds, by their numbers, none of them empty. One launch computes all
+  // All stages of all iterations of some uploaded clouds, by their numbers, none of them empty. Settings are those of
+  // the first iteration, with a frame. One launch computes all
   // of them, so their settings switch the same things on: a number is 0 in all of them or in none, a flat scale is
   // above 1 in all or in none, and settings that are no numbers are equal.
-  virtual void run(std::span<const std::uint32_t> clouds, std::span<const OfCloud> settings, int iterations,
+  virtual void run(std::span<const std::uint32_t> clouds, std::span<const FramedSettings> settings, int iterations,
                    std::stop_token stop) = 0;
   // What run() has computed, of all uploaded points; clouds that did not run stay as they are.
   virtual void download(std::span<Point> points) = 0;

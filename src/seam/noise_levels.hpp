@@ -22,8 +22,4 @@ inline float noise_level_at(const NoiseLevels* levels, const Point& p) {
   return point::node_value(field_of(levels), {p.x, p.y, p.z});
 }
 
-inline point::LimitRule limit_rule(const DisplacementLimits& limits) {
-  return {limits.farthest, limits.outlier_distance, limits.level_outlier_distance, limits.farthest_follows};
-}
-
 }  // namespace pointfair

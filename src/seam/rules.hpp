@@ -15,36 +15,6 @@ inline float squared_base(float radius) { return std::min(radius * radius, 1e37f
 
 inline float squared_widest(const NeighborSettings& neighbors) { return neighbors.widest * neighbors.widest; }
 
-inline point::GrowthRule growth_rule(const NeighborSettings& neighbors, const NormalSettings& normals) {
-  return {normals.flat_scale * normals.flat_scale, squared_widest(neighbors)};
-}
-
-inline point::NormalRule normal_rule(const NormalSettings& settings) {
-  return {point::normal_weights(settings.sigma), settings.of_radius};
-}
-
-// `by_list`: neighbourhoods are lists. settings.method is Method::bilateral.
-inline point::FairingRule fairing_rule(const FairingSettings& settings, bool by_list) {
-  return {point::bilateral_weights(settings.closeness_sigma, settings.similarity_sigma),
-          settings.closeness_of_radius,
-          settings.symmetric,
-          point::inverse_turn(settings.turn_angle),
-          settings.similarity_follows,
-          settings.strength,
-          settings.noise * settings.noise,
-          settings.is_further ? point::kNoiseLeft : 1.0f,
-          settings.damage,
-          settings.outlier_distance * settings.outlier_distance,
-          settings.level_outlier_distance * settings.level_outlier_distance,
-          point::squared_core(settings.outlier_radius * settings.outlier_radius),
-          settings.pull_outliers,
-          !by_list,
-          settings.is_further ? 0.0f : settings.beam_width * settings.beam_width,
-          settings.along_ray,
-          settings.farthest,
-          settings.farthest_follows};
-}
-
 // The power of the mean distance in W_a.
 inline int area_power(AreaWeight area_weight) {
   return area_weight == AreaWeight::squared ? 2 : area_weight == AreaWeight::length ? 1 : 0;
@@ -70,14 +40,9 @@ inline point::Sensors sensors_of(const SensorPlaces* sensors) {
 // settings.method is not Method::bilateral.
 inline point::MethodRule method_rule(const FairingSettings& settings) {
   using point::Adjustment, point::Displacement;
-  point::MethodRule rule{Displacement::to_mean,
-                         Adjustment::none,
-                         point::bilateral_weights(settings.closeness_sigma, settings.similarity_sigma),
-                         settings.closeness_of_radius,
-                         settings.strength,
-                         {1.0f, 0.0f},
-                         settings.similarity_sigma * settings.similarity_sigma,
-                         settings.along_ray};
+  point::MethodRule rule;
+  rule.strength = settings.strength;
+  rule.settings = settings;
   switch (settings.method) {
     case Method::bilateral:
     case Method::learned:   // its stages are those of the method bilateral

@@ -10,6 +10,8 @@
 #include <memory>
 #include <vector>
 
+#include "seam/stop.hpp"
+
 namespace pointfair {
 namespace {
 
@@ -51,10 +53,6 @@ struct OneThread {
     std::array<std::array<double, point::kStrides>, N> partial_{};
   };
 };
-
-void throw_if_stopped(const std::stop_token& stop) {
-  if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
-}
 
 // The rows of `queries`, one after the other: each of them and every `stride`-th of its nearest, k of these. Megabytes,
 // all written at once.

@@ -6,8 +6,10 @@
 #include <cstdint>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <vector>
 
+#include "point/settings.h"
 #include "pointfair/cloud.hpp"
 #include "pointfair/params.hpp"
 #include "seam/mesh_edges.hpp"
@@ -48,12 +50,8 @@ struct NeighborSettings {
   friend bool operator==(const NeighborSettings&, const NeighborSettings&) = default;
 };
 
-struct NormalSettings {
-  float sigma = 0;
-  bool of_radius = false;  // sigma is a multiple of the point's radius; only without a list
+struct NormalSettings : point::NormalSettings {
   int filter_rounds = 0;
-  int crease_angle = 0;  // degrees; 0: a plain Gaussian mean
-  float flat_scale = 1;  // multiplies the radius of the bilateral step where the surface is flat
   friend bool operator==(const NormalSettings&, const NormalSettings&) = default;
 };
 
@@ -63,44 +61,27 @@ struct SensorPlaces {
   std::vector<Point> places;
 };
 
-struct FairingSettings {
+struct FairingSettings : point::FairingSettings {
   Method method = Method::bilateral;  // method_rule (seam/rules.hpp) has the others
   AreaWeight area_weight = AreaWeight::none;
-  float closeness_sigma = 0;
-  float similarity_sigma = 0;
-  bool similarity_follows = false;                                // the level of the noise at the point
-  bool closeness_of_radius = false;                               // as in NormalSettings
-  bool symmetric = false;                                         // Eq. 10 instead of the paper's step
-  int turn_angle = 0;                                             // degrees, of Eq. 10; 0: normals do not weigh
-  float strength = 1;                                             // share of the displacement that is made
   ImplicitWeights implicit_weights = ImplicitWeights::automatic;  // of Method::implicit
   double implicit_lambda = 0;
-  float noise = 0;                   // at level 1; Wiener's share of the step (Eq. 22) follows from it; 0: a whole step
-  float damage = 0;                  // c of Eq. 22
-  bool is_further = false;           // the points come from an iteration before
-  float outlier_distance = 0;        // of an outlier to its neighbours (src/point/outliers.h); 0: none are looked for
-  float level_outlier_distance = 0;  // times the level of the noise; the larger distance of both counts
-  float outlier_radius = std::numeric_limits<float>::infinity();  // of larger neighbourhoods more must agree
-  bool pull_outliers = false;  // outliers move to the mean of their neighbours; else they become NaN
   std::shared_ptr<const MeshEdges> kept_boundary{};  // whose boundary keeps its place; null: none does
   std::shared_ptr<const MeshFaces> faces{};          // of Method::implicit along a mesh
-  std::shared_ptr<const SensorPlaces> sensors{};     // null: what follows is off
-  float beam_width = 0;           // of the pattern of rays, in radians (point/sensor.h); 0: not looked at
-  bool along_ray = false;         // points move along their rays (point/sensor.h)
-  float farthest = 0;             // along_ray: soft limit of one displacement along the normal; 0: none
-  bool farthest_follows = false;  // as in DisplacementLimits
+  std::shared_ptr<const SensorPlaces> sensors{};     // null: reads_sensor() is false
   friend bool operator==(const FairingSettings&, const FairingSettings&) = default;
 };
 
-// Limits of the whole way of a point since upload.
-struct DisplacementLimits {
-  float farthest = 0;          // a soft limit (point::settled); 0: no limits at all
-  float outlier_distance = 0;  // a point that would move farther than this, or became NaN, keeps its place
+struct DisplacementLimits : point::DisplacementLimits {
   // Of the noise where the point was uploaded; null: 1 everywhere.
   std::shared_ptr<const NoiseLevels> levels{};
-  bool farthest_follows = false;
-  float level_outlier_distance = 0;  // as in FairingSettings
   friend bool operator==(const DisplacementLimits&, const DisplacementLimits&) = default;
+
+  // Where there are none, those by which outliers keep their places and all else goes as far as it does.
+  DisplacementLimits or_endless() const {
+    constexpr float kInfinity = std::numeric_limits<float>::infinity();
+    return farthest > 0 ? *this : DisplacementLimits{{kInfinity, kInfinity}};
+  }
 };
 
 // What is fixed by a cloud as it was loaded, for all its iterations and tiles. It depends on the set of points alone,
@@ -113,6 +94,20 @@ struct Frame {
     const auto same = [](const Point& p, const Point& q) { return p.x == q.x && p.y == q.y && p.z == q.z; };
     return same(a.corner, b.corner) && same(a.reference, b.reference) && a.side == b.side;
   }
+};
+
+// What the stages of an iteration read.
+struct Settings {
+  NeighborSettings neighbors;
+  NormalSettings normals;
+  FairingSettings fairing;
+  DisplacementLimits limits;  // of the download: no stage reads them
+  friend bool operator==(const Settings&, const Settings&) = default;
+};
+
+// The same with what the index reads.
+struct FramedSettings : Settings {
+  std::optional<Frame> frame;  // null: the index is in the fastest order
 };
 
 }  // namespace pointfair

@@ -7,6 +7,7 @@
 #include <numeric>
 #include <optional>
 
+#include "tiles/halo.hpp"
 #include "tiles/halves.hpp"
 
 namespace pointfair {
@@ -36,16 +37,6 @@ std::uint64_t bits_inside(const point::Region& r, std::span<const Point> points)
     bits |= std::uint64_t(in) << i;
   }
   return bits;
-}
-
-bool holds(const point::Region& r, const Bounds& b) {
-  return b.min.x >= r.min.x && b.max.x <= r.max.x && b.min.y >= r.min.y && b.max.y <= r.max.y && b.min.z >= r.min.z &&
-         b.max.z <= r.max.z;
-}
-
-bool overlap(const Bounds& b, const point::Region& r) {
-  return b.valid > 0 && b.min.x <= r.max.x && b.max.x >= r.min.x && b.min.y <= r.max.y && b.max.y >= r.min.y &&
-         b.min.z <= r.max.z && b.max.z >= r.min.z;
 }
 
 void split(std::span<Point> sample, std::size_t parts, const Cell& cell, std::vector<Cell>& cells) {
@@ -113,14 +104,14 @@ Cut::Cut(std::span<const Point> points, std::size_t tiles, const ForEach& for_ea
 void Cut::find(const point::Region& region, const ForEach& for_each, std::vector<std::uint32_t>& indices) const {
   std::vector<std::size_t> blocks;
   for (std::size_t block = 0; block < block_bounds_.size(); ++block)
-    if (overlap(block_bounds_[block], region)) blocks.push_back(block);
+    if (may_overlap(region, block_bounds_[block])) blocks.push_back(block);
   constexpr std::size_t kWords = kBlock / kWordBits;
   const auto inside = std::make_unique_for_overwrite<std::uint64_t[]>(blocks.size() * kWords);
   std::vector<std::size_t> start(blocks.size() + 1, 0);
   for_each(blocks.size(), [&](std::size_t b) {
     const std::span<const Point> points = block_of(points_, blocks[b]);
     const Bounds& bounds = block_bounds_[blocks[b]];
-    if (bounds.valid == points.size() && holds(region, bounds)) {
+    if (bounds.valid == points.size() && lies_inside(region, bounds)) {
       start[b + 1] = points.size();
       return;
     }

@@ -2,15 +2,16 @@
 #include "tiles/divided_backend.hpp"
 
 #include <algorithm>
-#include <chrono>
 #include <deque>
 #include <optional>
 #include <string>
 #include <utility>
 
+#include "seam/clock.hpp"
 #include "seam/device_memory.hpp"
 #include "seam/device_tiles.hpp"
 #include "seam/sampling.hpp"
+#include "seam/stop.hpp"
 #include "tiles/cut.hpp"
 #include "tiles/feeders.hpp"
 #include "tiles/halo.hpp"
@@ -19,18 +20,12 @@
 namespace pointfair {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
 constexpr std::size_t kSampled = 4096;      // points of which the cells are made
 constexpr std::uint64_t kLeastTile = 2000;  // points; smaller tiles do not need less memory
 
-double milliseconds_since(Clock::time_point start) {
-  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-}
-
 // What is held of one iteration. Stages up to the normals only note what they are to do; fairing does it all.
 struct Iteration {
-  TileStages stages;
+  FramedSettings stages;
   Counts counts;
 };
 
@@ -170,7 +165,7 @@ class DividedCloud final : public Backend, public Sampling, public DeviceMemory 
     is_indexed_ = true;
   }
   void estimate_whole(int iteration, const std::stop_token& stop) {
-    const TileStages& stages = held(iteration).stages;
+    const FramedSettings& stages = held(iteration).stages;
     try {
       whole_->build_index(iteration, stages.frame, stop);
       whole_->find_neighbors(iteration, stages.neighbors, stop);
@@ -203,7 +198,7 @@ class DividedCloud final : public Backend, public Sampling, public DeviceMemory 
   Counts compute(int iteration, const std::stop_token& stop) {
     make_workers();
     if (cells_.empty()) divide();
-    const TileStages& stages = held(iteration).stages;
+    const FramedSettings& stages = held(iteration).stages;
     std::deque<Task> tasks;
     for (const point::Cell& cell : cells_) {
       const Bounds wanted = within(bounds(), cell, cells_.size());
@@ -212,7 +207,7 @@ class DividedCloud final : public Backend, public Sampling, public DeviceMemory 
     Counts counts;
     tiles().begin_tiles(iteration);
     while (!tasks.empty() && bounds().valid > 0) {
-      if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+      throw_if_stopped(stop);
       const std::size_t at_once = std::min(tasks.size(), workers_.size());
       std::vector<DeviceTile> now;
       for (std::size_t i = 0; i < at_once; ++i)
@@ -220,8 +215,8 @@ class DividedCloud final : public Backend, public Sampling, public DeviceMemory 
       const auto start = Clock::now();
       tiles().gather(now);
       cut_milliseconds_ += milliseconds_since(start);
-      const std::vector<FairingSettings> fairing = fairing_of_tiles(stages.fairing, at_once);
-      on_feeders(at_once, [&](std::size_t i) { compute_tile(i, stages, fairing[i], stop); });
+      const std::vector<FramedSettings> of_tiles = settings_of_tiles(stages, at_once);
+      on_feeders(at_once, [&](std::size_t i) { compute_tile(i, of_tiles[i], stop); });
       const auto back = Clock::now();
       const std::vector<TileTally> tallies = tiles().scatter();
       cut_milliseconds_ += milliseconds_since(back);
@@ -234,22 +229,19 @@ class DividedCloud final : public Backend, public Sampling, public DeviceMemory 
     return counts;
   }
 
-  std::vector<FairingSettings> fairing_of_tiles(const FairingSettings& settings, std::size_t tiles_now) {
-    std::vector<FairingSettings> result(tiles_now, settings);
-    if (!settings.sensors || settings.sensors->places.size() < 2) return result;
-    for (std::size_t i = 0; i < tiles_now; ++i) result[i] = fairing_of(settings, tiles().gathered(i));
+  std::vector<FramedSettings> settings_of_tiles(const FramedSettings& settings, std::size_t tiles_now) {
+    std::vector<FramedSettings> result(tiles_now, settings);
+    const auto& sensors = settings.fairing.sensors;
+    if (!sensors || sensors->places.size() < 2) return result;
+    for (std::size_t i = 0; i < tiles_now; ++i) result[i] = settings_for(settings, tiles().gathered(i));
     return result;
   }
-  void compute_tile(std::size_t tile, const TileStages& stages, const FairingSettings& fairing,
-                    const std::stop_token& stop) {
+  void compute_tile(std::size_t tile, const FramedSettings& stages, const std::stop_token& stop) {
     Backend& worker = *workers_[tile];
     DeviceTiles& its = *worker.device_tiles();
     try {
       its.take(tiles(), tile);
-      worker.build_index(0, stages.frame, stop);
-      worker.find_neighbors(0, stages.neighbors, stop);
-      worker.estimate_normals(0, stages.normals, stop);
-      worker.fair(0, fairing, false, stop);
+      run_stages(worker, 0, stages, stop);
       its.give(tiles(), tile);
     } catch (const Error& error) {
       if (error.kind() == ErrorKind::interrupted) worker.take_stopped();

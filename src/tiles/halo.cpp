@@ -17,6 +17,16 @@ point::Region region_around(const Bounds& whole, const Bounds& wanted, double ha
           {above(wanted.max.x, whole.max.x), above(wanted.max.y, whole.max.y), above(wanted.max.z, whole.max.z)}};
 }
 
+bool lies_inside(const point::Region& r, const Bounds& b) {
+  return b.min.x >= r.min.x && b.max.x <= r.max.x && b.min.y >= r.min.y && b.max.y <= r.max.y && b.min.z >= r.min.z &&
+         b.max.z <= r.max.z;
+}
+
+bool may_overlap(const point::Region& r, const Bounds& b) {
+  return b.valid > 0 && b.min.x <= r.max.x && b.max.x >= r.min.x && b.min.y <= r.max.y && b.max.y >= r.min.y &&
+         b.min.z <= r.max.z && b.max.z >= r.min.z;
+}
+
 double reach_of_nearest(const Bounds& whole, double k, const Bounds& b) {
   double sides[] = {double(b.max.x) - b.min.x, double(b.max.y) - b.min.y, double(b.max.z) - b.min.z};
   std::sort(std::begin(sides), std::end(sides));
@@ -27,7 +37,7 @@ double reach_of_nearest(const Bounds& whole, double k, const Bounds& b) {
   return std::max(2.5 * std::sqrt((k + 1) / std::numbers::pi) * spacing, 1e-6 * diagonal);
 }
 
-double first_halo(const Bounds& whole, const TileStages& stages, const Bounds& b) {
+double first_halo(const Bounds& whole, const FramedSettings& stages, const Bounds& b) {
   const NeighborSettings& n = stages.neighbors;
   double nearest = reach_of_nearest(whole, n.k > 0 ? n.k : n.min_neighbors, b);
   if (n.reach_levels) nearest *= *std::max_element(n.reach_levels->levels.begin(), n.reach_levels->levels.end());

@@ -3,8 +3,6 @@
 
 #include <algorithm>
 
-#include "seam/cloud_sample.hpp"
-
 namespace pointfair {
 namespace {
 
@@ -39,6 +37,17 @@ std::optional<Halves> halve(std::span<Point> sample, std::size_t parts) {
       std::partition(sample.begin(), sample.end(), [&](const Point& p) { return p.*coordinate < plane; });
   const auto left = std::size_t(bound - sample.begin());
   return Halves{axis, plane, sample.first(left), sample.subspan(left), left_parts};
+}
+
+std::array<std::vector<std::uint32_t>, 2> halves_of(std::vector<std::uint32_t> some, std::span<const Point> points,
+                                                    const Bounds& bounds) {
+  const auto axis = kAxes[longest_axis(bounds)];
+  const auto middle = some.begin() + std::ptrdiff_t(some.size() / 2);
+  std::nth_element(some.begin(), middle, some.end(),
+                   [&](std::uint32_t a, std::uint32_t b) { return points[a].*axis < points[b].*axis; });
+  std::sort(some.begin(), middle);
+  std::sort(middle, some.end());
+  return {std::vector(some.begin(), middle), std::vector(middle, some.end())};
 }
 
 }  // namespace pointfair

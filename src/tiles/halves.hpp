@@ -2,11 +2,15 @@
 // Divides a sample of a cloud at a plane, for trees that follow any density.
 #pragma once
 
+#include <array>
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <span>
+#include <vector>
 
 #include "pointfair/cloud.hpp"
+#include "seam/cloud_sample.hpp"
 
 namespace pointfair {
 
@@ -19,5 +23,9 @@ struct Halves {
 // Reorders `sample` and divides it at the rank that shares it as `parts` are shared: half of them to the left. Nothing
 // for one part, and where all points are at one place.
 std::optional<Halves> halve(std::span<Point> sample, std::size_t parts);
+
+// Some of the points, by their numbers, in two halves along the longest side of their bounds. Each ascends.
+std::array<std::vector<std::uint32_t>, 2> halves_of(std::vector<std::uint32_t> some, std::span<const Point> points,
+                                                    const Bounds& bounds);
 
 }  // namespace pointfair

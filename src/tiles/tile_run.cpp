@@ -7,27 +7,24 @@
 
 #include "seam/exactness.hpp"
 #include "seam/overlap.hpp"
+#include "seam/stop.hpp"
+#include "tiles/halves.hpp"
 
 namespace pointfair {
 namespace {
 
 constexpr std::size_t kBlock = 1 << 14;
 
-void add(Counts& counts, unsigned char outcome) {
-  counts.unmoved.too_few_neighbors += (outcome & point::kTooFew) != 0;
-  counts.unmoved.no_normal += (outcome & point::kNoNormal) != 0;
-  counts.short_neighborhoods += (outcome & point::kShort) != 0;
-}
-
 }  // namespace
 
-FairingSettings fairing_of(const FairingSettings& settings, std::span<const std::uint32_t> indices) {
-  if (!settings.sensors || settings.sensors->places.size() < 2) return settings;
+FramedSettings settings_for(const FramedSettings& settings, std::span<const std::uint32_t> indices) {
+  const auto& sensors = settings.fairing.sensors;
+  if (!sensors || sensors->places.size() < 2) return settings;
   SensorPlaces its;
   its.places.reserve(indices.size());
-  for (const std::uint32_t i : indices) its.places.push_back(settings.sensors->places[i]);
-  FairingSettings of_tile = settings;
-  of_tile.sensors = std::make_shared<const SensorPlaces>(std::move(its));
+  for (const std::uint32_t i : indices) its.places.push_back(sensors->places[i]);
+  FramedSettings of_tile = settings;
+  of_tile.fairing.sensors = std::make_shared<const SensorPlaces>(std::move(its));
   return of_tile;
 }
 
@@ -86,7 +83,7 @@ void TileWorker::finish_upload() {
 struct TileRun::Job {
   const Cut& cut;
   std::span<const Point> input;
-  const TileStages& stages;
+  const FramedSettings& stages;
   TaskQueue<TileTask> tasks{};
   std::mutex mutex{};  // of what follows; results of points have one writer each
   Results& results;
@@ -100,7 +97,7 @@ struct TileRun::Job {
   }
 };
 
-void TileRun::run(const Cut& cut, std::span<const Point> input, const TileStages& stages, Results& results,
+void TileRun::run(const Cut& cut, std::span<const Point> input, const FramedSettings& stages, Results& results,
                   const std::stop_token& stop) {
   Job job{.cut = cut, .input = input, .stages = stages, .results = results, .halo_factor = tiling_.first_halo};
   for (TileWorker& worker : workers_) worker.task.reset();  // of a run that failed
@@ -122,7 +119,7 @@ void TileRun::feed(Job& job, std::span<TileWorker> workers, const std::stop_toke
     return std::any_of(workers.begin(), workers.end(), [](const TileWorker& w) { return w.task.has_value(); });
   };
   for (std::size_t turn = 0;; ++turn) {
-    if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+    throw_if_stopped(stop);
     if (job.tasks.is_closed()) return;
     TileWorker& worker = workers[turn % workers.size()];
     if (worker.task) collect(job, worker);
@@ -144,10 +141,7 @@ void TileRun::start(Job& job, TileWorker& worker, TileTask task, const std::stop
   if (worker.indices.size() > tiling_.most_points) return split(job, worker, std::move(task));
   worker.upload(job.input, for_each_);
   Backend& backend = *worker.backend;
-  backend.build_index(0, job.stages.frame, stop);
-  backend.find_neighbors(0, job.stages.neighbors, stop);
-  backend.estimate_normals(0, job.stages.normals, stop);
-  backend.fair(0, fairing_of(job.stages.fairing, worker.indices), false, stop);
+  run_stages(backend, 0, settings_for(job.stages, worker.indices), stop);
   worker.task = std::move(task);
 }
 
@@ -161,14 +155,8 @@ void TileRun::split(Job& job, const TileWorker& worker, TileTask task) {
                 "point " + std::to_string(task.listed.empty() ? 0 : task.listed[0]) +
                     " lies so far from others that its neighbourhood does not fit the device's memory; remove "
                     "outliers, or run on the CPU");
-  const Bounds& b = task.bounds;
-  const float x = b.max.x - b.min.x, y = b.max.y - b.min.y, z = b.max.z - b.min.z;
-  const auto axis = x >= y && x >= z ? &Point::x : y >= z ? &Point::y : &Point::z;
-  const auto middle = task.listed.begin() + std::ptrdiff_t(task.listed.size() / 2);
-  std::nth_element(task.listed.begin(), middle, task.listed.end(),
-                   [&](std::uint32_t a, std::uint32_t c) { return job.input[a].*axis < job.input[c].*axis; });
-  job.tasks.put(job.listed({task.listed.begin(), middle}, task.halo));
-  job.tasks.put(job.listed({middle, task.listed.end()}, task.halo));
+  for (Indices& half : halves_of(std::move(task.listed), job.input, task.bounds))
+    job.tasks.put(job.listed(std::move(half), task.halo));
   job.tasks.finish_one();
 }
 

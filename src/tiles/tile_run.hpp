@@ -25,7 +25,7 @@ namespace pointfair {
 using Indices = std::vector<std::uint32_t>;
 
 // The same for some of the points, by their indices in the cloud.
-FairingSettings fairing_of(const FairingSettings& settings, std::span<const std::uint32_t> indices);
+FramedSettings settings_for(const FramedSettings& settings, std::span<const std::uint32_t> indices);
 
 // Points whose results are wanted: those of a cell, or those listed.
 struct TileTask {
@@ -67,7 +67,7 @@ class TileRun {
     std::uint64_t peak_host_bytes = 0, peak_device_bytes = 0;  // of the workers
   };
   // Writes the results of all valid points of `input`, which `cut` has cut.
-  void run(const Cut& cut, std::span<const Point> input, const TileStages& stages, Results& results,
+  void run(const Cut& cut, std::span<const Point> input, const FramedSettings& stages, Results& results,
            const std::stop_token& stop);
 
  private:

@@ -2,23 +2,22 @@
 #include "tiles/tiled_backend.hpp"
 
 #include <algorithm>
-#include <chrono>
 #include <limits>
 #include <mutex>
 #include <utility>
 
 #include "point/outliers.h"
+#include "seam/clock.hpp"
 #include "seam/exactness.hpp"
 #include "seam/noise_levels.hpp"
 #include "seam/outlier_tally.hpp"
 #include "seam/sampling.hpp"
 #include "tiles/cut.hpp"
+#include "tiles/exact_rows.hpp"
 #include "tiles/tile_run.hpp"
 
 namespace pointfair {
 namespace {
-
-using Clock = std::chrono::steady_clock;
 
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
@@ -48,7 +47,7 @@ class Room {
 // What is held of one iteration. Stages up to the normals only note what they are to do; fairing does it all.
 struct Iteration {
   std::optional<Cut> cut;  // of its input
-  TileStages stages;
+  FramedSettings stages;
   Room faired;
   Counts counts;
 };
@@ -108,7 +107,7 @@ class CloudInTiles final : public TiledBackend, public Sampling {
     const Room& faired = held(iteration).faired;
     std::fill(outliers.begin(), outliers.end(), std::uint8_t(0));
     const bool is_limited = limits.farthest > 0, may_hold_back = is_limited || iteration > 0;
-    const DisplacementLimits used = is_limited ? limits : DisplacementLimits{kUnbounded, kUnbounded};
+    const DisplacementLimits used = limits.or_endless();
     const point::NodeField field = field_of(used.levels.get());
     OutlierTally held_back;
     for_tile_blocks(points.size(), for_each(), [&](std::size_t first, std::size_t last) {
@@ -120,12 +119,11 @@ class CloudInTiles final : public TiledBackend, public Sampling {
       for (std::size_t i = first; i < last; ++i) {
         points[i] = faired[i];
         if (!is_indexed(cloud_[i])) continue;
-        const auto [farthest, outlier_distance] =
-            point::limits_at(limit_rule(used), point::node_value(field, to_vec3(cloud_[i])));
-        const auto settled = point::settled(to_vec3(cloud_[i]), to_vec3(faired[i]), farthest, outlier_distance);
-        points[i] = {settled.place.x, settled.place.y, settled.place.z};
-        count(settled.outlier, here);
-        if (!outliers.empty()) outliers[i] = settled.outlier != point::Outlier::none;
+        const float level = point::node_value(field, to_vec3(cloud_[i]));
+        const auto limited = point::limited(to_vec3(cloud_[i]), to_vec3(faired[i]), used, level);
+        points[i] = {limited.place.x, limited.place.y, limited.place.z};
+        count(limited.outlier, here);
+        if (!outliers.empty()) outliers[i] = static_cast<std::uint8_t>(limited.outlier);
       }
       held_back.add(here);
     });
@@ -191,9 +189,7 @@ class CloudInTiles final : public TiledBackend, public Sampling {
   std::span<const Point> input_of(int iteration) const {
     return (iteration == 0 ? cloud_ : iteration == 1 ? first_.faired : input_).points();
   }
-  void note(const char* name, Clock::time_point start) {
-    times_.push_back({name, std::chrono::duration<double, std::milli>(Clock::now() - start).count()});
-  }
+  void note(const char* name, Clock::time_point start) { times_.push_back({name, milliseconds_since(start)}); }
 
   void run(int iteration, TileRun::Results& results, const std::stop_token& stop) {
     const Iteration& its = held(iteration);
@@ -233,32 +229,16 @@ class CloudInTiles final : public TiledBackend, public Sampling {
               std::span<Point> out) {
     worker.find(*first_.cut, region_around(first_.cut->bounds(), rows.bounds, rows.halo), for_each());
     worker.upload(cloud_.points(), for_each());
-    worker.backend->build_index(0, std::nullopt, {});
     std::vector<std::uint32_t> places;
     for (const std::size_t q : rows.asked)
       places.push_back(std::uint32_t(std::lower_bound(worker.indices.begin(), worker.indices.end(), queries[q]) -
                                      worker.indices.begin()));
-    const std::size_t row_size = std::size_t(k) + 1;
-    std::vector<Point> found(places.size() * row_size);
-    worker.backend->sampling().sample_neighborhoods(places, k, found);
+    Rows left{sample_exact_rows(*worker.backend, worker.loaded, places, rows.asked, k, out), kNoBounds, 2 * rows.halo};
+    for (const std::size_t q : left.asked) include(left.bounds, cloud_[queries[q]]);
     const Costs costs = worker.backend->take_costs();
     const std::lock_guard lock(peaks_);
     peak_device_ = std::max(peak_device_, costs.peak_device_bytes * workers_.size());
     peak_of_workers_ = std::max(peak_of_workers_, costs.peak_host_bytes * workers_.size());
-    Rows left{{}, kNoBounds, 2 * rows.halo};
-    for (std::size_t r = 0; r < places.size(); ++r) {
-      const Point* row = &found[r * row_size];
-      const auto here = to_vec3(row[0]), last = to_vec3(row[k]);
-      const bool full = is_indexed(row[k]);
-      if (point::is_exact_list({k, kUnbounded, false, 0}, full ? k : 0,
-                               full ? point::squared_length(last - here) : 0.0f,
-                               point::squared_gap_to_outside(worker.loaded, here))) {
-        std::copy_n(row, row_size, &out[rows.asked[r] * row_size]);
-      } else {
-        left.asked.push_back(rows.asked[r]);
-        include(left.bounds, row[0]);
-      }
-    }
     return left;
   }
 

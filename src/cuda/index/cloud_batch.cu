@@ -7,6 +7,7 @@
 #include "cuda/index/curve_cells.cuh"
 #include "cuda/index/hilbert.cuh"
 #include "cuda/index/sort_keys.cuh"
+#include "point/outliers.h"
 #include "point/position.h"
 
 namespace pointfair::cuda {
@@ -100,15 +101,15 @@ constexpr int kCloudBit = kKeyBits<kCurveBits>;  // above the bits of a key
 
 // The key of each point along the curve of its cloud, its place, and its cloud.
 __global__ void __launch_bounds__(kBlock)
-    make_curve_keys(const Point* points, const CloudSpan* spans, Index groups, const CloudRules* rules, CurveKey* keys,
-                    Index* places, Index* clouds) {
+    make_curve_keys(const Point* points, const CloudSpan* spans, Index groups, const CloudSettings* settings,
+                    CurveKey* keys, Index* places, Index* clouds) {
   __shared__ HilbertTable table;
   bring(table);
   const Place place(spans, groups);
   if (!place.exists()) return;
   const Point p = points[place.uploaded()];
   CurveKey key = kInvalid<CurveKey, kCurveBits>;
-  if (is_valid(p)) key = curve_key<CurveKey>(table.entry, {p.x, p.y, p.z}, rules[place.cloud].cube);
+  if (is_valid(p)) key = curve_key<CurveKey>(table.entry, {p.x, p.y, p.z}, settings[place.cloud].cube);
   keys[place.compact()] = key;
   places[place.compact()] = static_cast<Index>(place.compact());
   clouds[place.compact()] = place.cloud;
@@ -174,12 +175,12 @@ __global__ void __launch_bounds__(kBlock)
 
 __global__ void __launch_bounds__(kBlock) find_shares(const __grid_constant__ Tree tree, float* share) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;  // whole groups
-  const Vec corner = tree.rules_over(static_cast<Index>(at / kLeafSize))->corner;
+  const Vec corner = tree.settings_over(static_cast<Index>(at / kLeafSize))->corner;
   share[at] = point::share_of_hash(point::position_hash(position_of(tree.points[at]), corner));
 }
 
 __global__ void __launch_bounds__(kBlock)
-    settle_points(const CloudSpan* spans, Index groups, const CloudRules* rules, const Moved moved) {
+    limit_points(const CloudSpan* spans, Index groups, const CloudSettings* settings, const Moved moved) {
   const Place place(spans, groups);
   if (!place.exists()) return;
   const std::size_t i = place.uploaded();
@@ -188,10 +189,10 @@ __global__ void __launch_bounds__(kBlock)
   if (moved.holds_back) {
     result = before;
     if (is_valid(before)) {
-      const CloudRules& its = rules[place.cloud];
+      const CloudSettings& its = settings[place.cloud];
       const Vec from = {before.x, before.y, before.z};
-      const point::Limits limits = point::limits_at(its.limits, point::node_value(its.noise_levels, from));
-      const Vec to = point::settled(from, {after.x, after.y, after.z}, limits.farthest, limits.outlier_distance).place;
+      const float level = point::node_value(its.noise_levels, from);
+      const Vec to = point::limited(from, {after.x, after.y, after.z}, its.limits, level).place;
       result = {to.x, to.y, to.z};
     }
   }
@@ -257,7 +258,7 @@ void order_along_curves(Context& context, const Point* points, const CloudBatch&
   Pairs<Index> by_cloud(context, count);
   order.resize(count);
   make_curve_keys<<<batch.clouds * groups, kBlock, 0, stream>>>(
-      points, batch.spans, groups, batch.rules, by_curve.keys[0].data(), by_curve.values[0].data(), order.data());
+      points, batch.spans, groups, batch.settings, by_curve.keys[0].data(), by_curve.values[0].data(), order.data());
   check(cudaGetLastError(), "indexing clouds");
   by_curve.sort(context, kCloudBit);
   look_up_clouds<<<blocks, kBlock, 0, stream>>>(count, by_curve.values[0].data(), order.data(), by_cloud.keys[0].data(),
@@ -282,7 +283,7 @@ void build_batch_index(Context& context, const Point* points, const CloudBatch& 
   check(cudaMemsetAsync(to.valid_of_clouds, 0, batch.clouds * sizeof(Index), stream), "indexing clouds");
   const Index groups = static_cast<Index>(batch.groups_of_cloud());
   DeviceArray<Index> order(context);
-  if (batch.rules == nullptr) {
+  if (batch.settings == nullptr) {
     order_fast(context, points, batch, order);
   } else {
     order_along_curves(context, points, batch, to.state, order);
@@ -297,10 +298,10 @@ void hash_positions(Context& context, const Tree& tree, float* share) {
   check(cudaGetLastError(), "hashing positions");
 }
 
-void settle(Context& context, const CloudBatch& batch, const Moved& moved) {
+void limit(Context& context, const CloudBatch& batch, const Moved& moved) {
   if (batch.clouds == 0) return;
   const Index groups = static_cast<Index>(batch.groups_of_cloud());
-  settle_points<<<batch.clouds * groups, kBlock, 0, context.stream()>>>(batch.spans, groups, batch.rules, moved);
+  limit_points<<<batch.clouds * groups, kBlock, 0, context.stream()>>>(batch.spans, groups, batch.settings, moved);
   check(cudaGetLastError(), "holding back outliers");
 }
 

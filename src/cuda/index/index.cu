@@ -42,7 +42,7 @@ Tree DeviceIndex::without_top() const {
             groups_of_cloud_ == 0 ? Index{kLeafSize} : groups_of_cloud_,
             leaves_of_cloud_,
             valid_of_clouds_.data(),
-            rules_};
+            settings_};
   std::copy_n(levels_.first_group, kMaxLevels, tree.first_group);
   return tree;
 }
@@ -61,7 +61,7 @@ void DeviceIndex::make_room(std::size_t count) {
   points_.resize(leaves_ * kLeafSize);
   share_.release();
   leaves_of_cloud_ = groups_of_cloud_ = 0;
-  rules_ = nullptr;
+  settings_ = nullptr;
 }
 
 void DeviceIndex::lay_out_levels(int own_levels, std::size_t tops, std::size_t whole_top) {
@@ -102,7 +102,7 @@ void DeviceIndex::build(const Point* points, const CloudBatch& batch) {
   const std::size_t groups = std::size_t(batch.clouds) * batch.groups_of_cloud();
   make_room(groups * kGroupPoints);
   count_ = batch.uploaded;
-  rules_ = batch.rules;
+  settings_ = batch.settings;
   valid_of_clouds_.resize(std::max<std::size_t>(batch.clouds, 1));
   leaves_of_cloud_ = static_cast<Index>(batch.groups_of_cloud() * kLeafSize);
   groups_of_cloud_ = static_cast<Index>(batch.groups_of_cloud());
@@ -112,7 +112,7 @@ void DeviceIndex::build(const Point* points, const CloudBatch& batch) {
   levels_.groups[1] = batch.clouds;
   groups_.resize(groups + (groups_of_cloud_ > 1 ? batch.clouds : 0));
   build_batch_index(context_, points, batch, tree(), {points_.data(), state_.data(), valid_of_clouds_.data()});
-  if (batch.rules == nullptr) return;
+  if (batch.settings == nullptr) return;
   share_.resize(points_.size());
   cuda::hash_positions(context_, tree(), share_.data());
 }

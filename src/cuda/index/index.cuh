@@ -60,9 +60,9 @@ class DeviceIndex {
   Index leaves_of_cloud_ = 0, groups_of_cloud_ = 0;  // of a batch
   DeviceArray<CloudState> state_;
   DeviceArray<float4> points_;
-  DeviceArray<float> share_;            // with a frame, or rules
+  DeviceArray<float> share_;            // with a frame, or settings of clouds
   DeviceArray<Index> valid_of_clouds_;  // of a batch
-  const CloudRules* rules_ = nullptr;
+  const CloudSettings* settings_ = nullptr;
   DeviceArray<BoxGroup> groups_;
   Levels levels_;
 };

@@ -6,7 +6,7 @@
 
 #include <cstddef>
 
-#include "cuda/index/cloud_rules.cuh"
+#include "cuda/index/cloud_settings.cuh"
 #include "cuda/runtime/warp.cuh"
 #include "point/neighbors.h"
 
@@ -67,15 +67,15 @@ struct Tree {
   Index children;               // of a node above the groups of leaves: kLeafSize, or all groups of a batch's cloud
   // Of a batch (src/cuda/index/cloud_batch.cuh): every cloud has so many leaves, and a root of its own; 0 of one cloud.
   Index leaves_of_cloud;
-  const Index* valid_of_clouds;  // of a batch
-  const CloudRules* rules;       // of each cloud of a batch where stages differ from cloud to cloud, else null
+  const Index* valid_of_clouds;   // of a batch
+  const CloudSettings* settings;  // of each cloud of a batch where stages differ from cloud to cloud, else null
 
   __device__ bool holds(std::size_t at) const { return is_present(points[at]); }  // a valid point
   __device__ BoxGroup& group(int level, Index number) const { return groups[first_group[level] + number]; }
   // The group of the highest level over a leaf.
   __device__ Index root_over(Index leaf) const { return leaves_of_cloud == 0 ? 0 : leaf / leaves_of_cloud; }
-  __device__ const CloudRules* rules_over(Index leaf) const {
-    return rules == nullptr ? nullptr : rules + root_over(leaf);
+  __device__ const CloudSettings* settings_over(Index leaf) const {
+    return settings == nullptr ? nullptr : settings + root_over(leaf);
   }
   // Valid points of the cloud with that root.
   __device__ Index valid_under(Index root) const { return leaves_of_cloud == 0 ? state->valid : valid_of_clouds[root]; }

@@ -4,6 +4,7 @@
 #include "cuda/net/layers.cuh"
 #include "cuda/net/refiner.cuh"
 #include "cuda/search/search.cuh"
+#include "seam/stop.hpp"
 
 namespace pointfair::cuda {
 namespace {
@@ -177,7 +178,7 @@ net::Weights Refiner::upload(const NetWeights& weights) {
 void Refiner::pace(const std::stop_token& stop) {
   if (!stop.stop_possible()) return;
   if (index_.points() >= kLargeCloud) context_.finish();
-  if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+  throw_if_stopped(stop);
 }
 
 }  // namespace pointfair::cuda

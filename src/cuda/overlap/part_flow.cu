@@ -2,6 +2,7 @@
 #include <algorithm>
 
 #include "cuda/overlap/part_flow.cuh"
+#include "seam/stop.hpp"
 
 namespace pointfair::cuda {
 namespace {
@@ -38,7 +39,7 @@ void PartFlow::search(const PartedIndex& index, NearestQuery query, Index* lists
   const auto is_early = [&](std::size_t part) { return until(part) + 1 < parts; };
   for (std::size_t part = 0; part < parts; ++part) {
     if (stop.stop_possible() && part >= 2) check(cudaEventSynchronize(looked_[part - 2]), "computing");
-    if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
+    throw_if_stopped(stop);
     search_part(search, part, until(part));
   }
   for (std::size_t part = 0; is_early(part); ++part) search_again(search, part, until(part));

@@ -4,15 +4,12 @@
 
 #include "cuda/sampling/many_sampler.cuh"
 #include "cuda/sampling/pools.cuh"
+#include "seam/stop.hpp"
 
 namespace pointfair::cuda {
 namespace {
 
 constexpr std::size_t kFartherAtOnce = 1 << 14;  // queries, of 7 KB each
-
-void stop_if_asked(const std::stop_token& stop) {
-  if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
-}
 
 }  // namespace
 
@@ -106,7 +103,7 @@ void ManySampler::look_farther(const Tree& tree, const Point* points, const Many
     if (noise[n].is_short) short_ones.push_back(n);
   std::vector<point::NoiseSample> found;
   for (std::size_t first = 0; first < short_ones.size(); first += kFartherAtOnce) {
-    stop_if_asked(stop);
+    throw_if_stopped(stop);
     const std::size_t count = std::min(kFartherAtOnce, short_ones.size() - first);
     ManyClouds::Queries queries;
     for (std::size_t n = first; n < first + count; ++n) {

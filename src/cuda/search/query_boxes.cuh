@@ -68,7 +68,6 @@ class LeafOrder {
     } while (leaf >= first_ && leaf <= last_);
     return leaf;
   }
-  __device__ bool is_beside(Index leaf) const { return leaf >= first_ && leaf <= last_; }
 
  private:
   Walk walk_;

@@ -39,7 +39,7 @@ __global__ void __launch_bounds__(kBlock)
     d = point::adjusted<kBy>(neighbors, rule, d, valid ? areas.of(Index(at)) : 0.0f, displacements, areas);
   }
   const float4 p = tree.points[at];
-  if (rule.along_ray) d = point::along_ray(d, to_sensor(sensors, p, valid));
+  if (rule.settings.along_ray) d = point::along_ray(d, to_sensor(sensors, p, valid));
   store_faired(faired, at, p, valid, position_of(p) + d);
 }
 

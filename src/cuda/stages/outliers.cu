@@ -9,18 +9,17 @@ namespace {
 constexpr int kBlock = 256;
 
 __global__ void __launch_bounds__(kBlock)
-    settle_points(HeldBack points, Point* out, std::uint8_t* outliers, OutlierTotals* totals) {
+    limit_points(HeldBack points, Point* out, std::uint8_t* outliers, OutlierTotals* totals) {
   const std::size_t i = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   point::Outlier outlier = point::Outlier::none;
   if (i < points.count) {
     const Point before = points.before[i], after = points.after[i];
     if (point::is_indexable(before.x, before.y, before.z)) {
       const point::Vec3<float> from = {before.x, before.y, before.z};
-      const point::Limits limits = point::limits_at(points.limits, point::node_value(points.field, from));
-      const point::Settled settled =
-          point::settled(from, {after.x, after.y, after.z}, limits.farthest, limits.outlier_distance);
-      out[i] = {settled.place.x, settled.place.y, settled.place.z};
-      outlier = settled.outlier;
+      const float level = point::node_value(points.field, from);
+      const point::Limited limited = point::limited(from, {after.x, after.y, after.z}, points.limits, level);
+      out[i] = {limited.place.x, limited.place.y, limited.place.z};
+      outlier = limited.outlier;
     } else {
       out[i] = before;
     }
@@ -38,7 +37,7 @@ __global__ void __launch_bounds__(kBlock)
 
 void hold_back(Context& context, HeldBack points, Point* out, std::uint8_t* outliers, OutlierTotals* totals) {
   if (points.count == 0) return;
-  settle_points<<<blocks_for(points.count, kBlock), kBlock, 0, context.stream()>>>(points, out, outliers, totals);
+  limit_points<<<blocks_for(points.count, kBlock), kBlock, 0, context.stream()>>>(points, out, outliers, totals);
   check(cudaGetLastError(), "holding back outliers");
 }
 

@@ -12,7 +12,7 @@ namespace pointfair::cuda {
 struct HeldBack {
   const Point *before, *after;  // in upload order
   std::size_t count;
-  point::LimitRule limits;
+  point::DisplacementLimits limits;
   point::NodeField field;  // nodes on the card
 };
 
@@ -20,8 +20,8 @@ struct OutlierTotals {
   unsigned long long of_reason[point::kOutlierReasons];
 };
 
-// Settled positions into `out`, which may be `after`; 1 or 0 for each point into `outliers` unless it is null; adds the
-// outliers to *totals. Invalid points stay as they are and are none.
+// Positions within the limits into `out`, which may be `after`; 1 or 0 for each point into `outliers` unless it is
+// null; adds the outliers to *totals. Invalid points stay as they are and are none.
 void hold_back(Context& context, HeldBack points, Point* out, std::uint8_t* outliers, OutlierTotals* totals);
 
 }  // namespace pointfair::cuda

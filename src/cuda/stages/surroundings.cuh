@@ -24,6 +24,7 @@ class Listed {
  public:
   using Number = float;
   using Kernel = point::Gaussian;
+  static constexpr bool kListed = true;
   using Count = int;
   struct Shared {};
   __device__ __forceinline__ Listed(const Tree& tree, const Surroundings& from, Index at, bool, Shared&)
@@ -59,6 +60,7 @@ class WalkedRadius {
  public:
   using Number = float;
   using Kernel = point::CompactGaussian;
+  static constexpr bool kListed = false;
   using Count = int;
   struct Shared {
     float4 place[kWarp];
@@ -77,7 +79,7 @@ class WalkedRadius {
     const float own = active ? radii.squared_radius[at] : -1.0f;
     squared_radius_ = active && radii.squared_growth != nullptr ? own * radii.squared_growth[at] : own;
     farthest_ = unordered(warp_max(ordered(squared_radius_)));
-    const point::Radii its = radii_of(tree.rules_over(at / kLeafSize), radii);
+    const point::Radii its = radii_of(tree.settings_over(at / kLeafSize), radii);
     if (its.min_neighbors > 0)
       share_ = active ? point::kept_share(its, value_or_one(its.squared_level, at), own, squared_radius_) : 0.0f;
     is_thinned_ = __any_sync(kAllLanes, active && share_ < 1);
@@ -166,6 +168,7 @@ class CollectedRadius {
  public:
   using Number = float;
   using Kernel = point::CompactGaussian;
+  static constexpr bool kListed = false;
   using Count = int;
   struct Shared {
     float4 place[kWarp], loaded[kWarp];

@@ -31,9 +31,9 @@ __global__ void __launch_bounds__(kBlock)
     }
     return 0.0f;
   };
-  const CloudRules* const rules = tree.rules_over(static_cast<Index>(at / kLeafSize));
-  const point::Radii its = radii_of(rules, radii);
-  const float reach_level = point::node_value(rules == nullptr ? reach_levels : rules->reach_levels, here);
+  const CloudSettings* const of_cloud = tree.settings_over(static_cast<Index>(at / kLeafSize));
+  const point::Radii its = radii_of(of_cloud, radii);
+  const float reach_level = point::node_value(of_cloud == nullptr ? reach_levels : of_cloud->reach_levels, here);
   if (further_share != nullptr) further_share[at] = point::further_share(reach_level * reach_level);
   const int all = its.min_neighbors, least = all < point::kLeastReached ? all : point::kLeastReached;
   const float squared_reach = farthest_of(all);
@@ -47,22 +47,23 @@ __global__ void __launch_bounds__(kBlock)
     levels(const __grid_constant__ Tree tree, point::NodeField field, float* squared_level) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
-  const CloudRules* const rules = tree.rules_over(static_cast<Index>(at / kLeafSize));
-  const float level = point::node_value(rules == nullptr ? field : rules->noise_levels, position_of(tree.points[at]));
+  const CloudSettings* const its = tree.settings_over(static_cast<Index>(at / kLeafSize));
+  const float level = point::node_value(its == nullptr ? field : its->noise_levels, position_of(tree.points[at]));
   squared_level[at] = level * level;
 }
 
 template <class Neighbors>
 __global__ void __launch_bounds__(kBlock)
     wide_normals(const __grid_constant__ Tree tree, CloudState* state, Surroundings surroundings,
-                 point::NormalRule rule, Normals normals) {
+                 point::NormalSettings settings, Normals normals) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;  // whole leaves, so whole warps
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   __shared__ typename Neighbors::Shared shared[kWarps];
   const bool valid = tree.holds(at);
   const Neighbors neighbors(tree, surroundings, Index(at), valid, shared[threadIdx.x / kWarp]);
-  if (const CloudRules* const its = tree.rules_over(Index(at / kLeafSize)); its != nullptr) rule = its->normal;
-  const auto normal = point::normal_of(neighbors, point::weights_of(rule, neighbors));
+  if (const CloudSettings* const its = tree.settings_over(Index(at / kLeafSize)); its != nullptr)
+    settings = its->normals;
+  const auto normal = point::normal_of(neighbors, point::weights_of(settings, neighbors));
   normals.set(at, valid ? normal.unit : Vec{});
   count_unmoved(state, valid, normal);
 }
@@ -70,44 +71,42 @@ __global__ void __launch_bounds__(kBlock)
 template <class Neighbors, bool kGrows>
 __global__ void __launch_bounds__(kBlock)
     filtered_normals(const __grid_constant__ Tree tree, const __grid_constant__ Surroundings surroundings,
-                     point::NormalRule rule, float inverse_turn, Normals from, const float* further_share, Normals to,
-                     GrowthOut growth) {
+                     point::NormalSettings settings, Normals from, const float* further_share, Normals to,
+                     float* squared_growth) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   __shared__ typename Neighbors::Shared shared[kWarps];
   const Neighbors neighbors(tree, surroundings, Index(at), tree.holds(at), shared[threadIdx.x / kWarp]);
-  if (const CloudRules* const its = tree.rules_over(Index(at / kLeafSize)); its != nullptr) {
-    rule = its->normal;
-    inverse_turn = its->inverse_turn;
-    growth.rule = its->growth;
-  }
+  const CloudSettings* const its = tree.settings_over(Index(at / kLeafSize));
+  if (its != nullptr) settings = its->normals;
   const point::OwnNormal<float> own{from.at(at), value_or_one(further_share, at)};
-  const auto filtered = point::filtered_normal_of<kGrows>(neighbors, rule, inverse_turn, own, from, growth.rule);
-  if constexpr (kGrows) growth.squared_growth[at] = filtered.squared_growth;
+  const auto filtered = point::filtered_normal_of<kGrows>(neighbors, settings, own, from,
+                                                          radii_of(its, surroundings.radii).squared_widest);
+  if constexpr (kGrows) squared_growth[at] = filtered.squared_growth;
   to.set(at, filtered.unit);
 }
 
 enum class Leaves { all, grown, others };  // where the radius of a point grows, and where none does
 
-// What fairing reads of a point's cloud.
+// The settings of a point's cloud.
 struct OfAll {
-  point::FairingRule rule;
-  __device__ __forceinline__ const point::FairingRule& of(const Tree&, Index) const { return rule; }
+  point::FairingSettings settings;
+  __device__ __forceinline__ const point::FairingSettings& of(const Tree&, Index) const { return settings; }
 };
 struct OfItsCloud {
-  float noise_left;  // of this iteration
-  __device__ __forceinline__ point::FairingRule of(const Tree& tree, Index leaf) const {
-    point::FairingRule rule = tree.rules_over(leaf)->fairing;
-    rule.noise_left = noise_left;
-    return rule;
+  bool is_further;
+  __device__ __forceinline__ point::FairingSettings of(const Tree& tree, Index leaf) const {
+    point::FairingSettings its = tree.settings_over(leaf)->fairing;
+    its.is_further = is_further;
+    return its;
   }
 };
 
-template <class Neighbors, bool kSeeksOutliers, bool kShares, bool kSees, class Rules>
+template <class Neighbors, bool kSeeksOutliers, bool kShares, bool kSees, class FairingOf>
 __global__ void __launch_bounds__(kBlock)
     wide_fairing(const __grid_constant__ Tree tree, const __grid_constant__ Surroundings surroundings, Leaves leaves,
-                 Normals normals, AreaWeights areas, const Rules rules, point::Sensors sensors, point::Levels levels,
-                 FairedPoints faired) {
+                 Normals normals, AreaWeights areas, const FairingOf fairing, point::Sensors sensors,
+                 point::Levels levels, FairedPoints faired) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
   __shared__ typename Neighbors::Shared shared[kWarps];
@@ -118,14 +117,14 @@ __global__ void __launch_bounds__(kBlock)
   }
   const Neighbors neighbors(tree, surroundings, Index(at), valid, shared[threadIdx.x / kWarp]);
   const float4 p = tree.points[at];
-  const auto& rule = rules.of(tree, Index(at / kLeafSize));
+  const auto& settings = fairing.of(tree, Index(at / kLeafSize));
   point::OwnPlace<float> own{value_or_one(levels.squared_noise, at),
                              value_or_one(levels.further_share, at),
                              position_of(p),
                              normals.at(at),
                              {}};
   if constexpr (kSees) own.to_sensor = to_sensor(sensors, p, valid);
-  const Vec moved = point::faired_point<kSeeksOutliers, kShares, kSees>(neighbors, rule, own, normals, areas,
+  const Vec moved = point::faired_point<kSeeksOutliers, kShares, kSees>(neighbors, settings, own, normals, areas,
                                                                         Scalars{surroundings.radii.squared_radius});
   store_faired(faired, at, p, valid, moved);
 }
@@ -148,30 +147,31 @@ __global__ void __launch_bounds__(kBlock)
   least[at] = survey.least;
 }
 
-template <class Neighbors, bool kSees, class Rules>
-auto fairing_of(const point::FairingRule& rule) {
-  const bool shares = rule.noise_variance > 0;
-  return rule.squared_outlier_distance > 0 ? (shares ? wide_fairing<Neighbors, true, true, kSees, Rules>
-                                                     : wide_fairing<Neighbors, true, false, kSees, Rules>)
-                                           : (shares ? wide_fairing<Neighbors, false, true, kSees, Rules>
-                                                     : wide_fairing<Neighbors, false, false, kSees, Rules>);
+template <class Neighbors, bool kSees, class FairingOf>
+auto fairing_by(const point::FairingSettings& settings) {
+  const bool shares = settings.shares();
+  return settings.seeks_outliers() ? (shares ? wide_fairing<Neighbors, true, true, kSees, FairingOf>
+                                             : wide_fairing<Neighbors, true, false, kSees, FairingOf>)
+                                   : (shares ? wide_fairing<Neighbors, false, true, kSees, FairingOf>
+                                             : wide_fairing<Neighbors, false, false, kSees, FairingOf>);
 }
 
-template <class Rules>
+// `settings`: of all clouds, or of any where they switch the same things on.
+template <class FairingOf>
 void launch_fairing(Context& context, const Tree& tree, const Surroundings& surroundings, Normals normals,
-                    AreaWeights areas, const point::FairingRule& rule, const Rules& rules,
+                    AreaWeights areas, const point::FairingSettings& settings, const FairingOf& fairing,
                     const point::Sensors& sensors, point::Levels levels, const FairedPoints& faired) {
   const auto launch = [&]<class Neighbors>(By<Neighbors>, Leaves leaves) {
-    auto fair_points = fairing_of<Neighbors, false, Rules>(rule);
-    if constexpr (std::is_same_v<Rules, OfAll>)  // of many clouds no sensor is known
-      if (rule.sees()) fair_points = fairing_of<Neighbors, true, Rules>(rule);
+    auto fair_points = fairing_by<Neighbors, false, FairingOf>(settings);
+    if constexpr (std::is_same_v<FairingOf, OfAll>)  // of many clouds no sensor is known
+      if (settings.reads_sensor()) fair_points = fairing_by<Neighbors, true, FairingOf>(settings);
     fair_points<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(
-        tree, surroundings, leaves, normals, areas, rules, sensors, levels, faired);
+        tree, surroundings, leaves, normals, areas, fairing, sensors, levels, faired);
   };
   if (surroundings.collected.parts != nullptr && surroundings.radii.squared_growth != nullptr) {
     launch(By<CollectedRadius>{}, Leaves::others);
     launch(By<WalkedRadius>{}, Leaves::grown);
-  } else if constexpr (std::is_same_v<Rules, OfItsCloud>) {
+  } else if constexpr (std::is_same_v<FairingOf, OfItsCloud>) {
     for_radius(surroundings, [&](auto way) { launch(way, Leaves::all); });
   } else {
     for_way(surroundings, [&](auto way) { launch(way, Leaves::all); });
@@ -203,33 +203,34 @@ void measure_radii(Context& context, const Tree& tree, Lists nearest, const poin
 }
 
 void estimate_wide_normals(Context& context, const Tree& tree, CloudState* state, Surroundings surroundings,
-                           const point::NormalRule& rule, Normals normals) {
+                           const point::NormalSettings& settings, Normals normals) {
   for_way(surroundings, [&]<class Neighbors>(By<Neighbors>) {
-    wide_normals<Neighbors>
-        <<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, state, surroundings, rule, normals);
+    wide_normals<Neighbors><<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, state, surroundings,
+                                                                                              settings, normals);
   });
   check(cudaGetLastError(), "estimating normals");
 }
 
-void filter_normals(Context& context, const Tree& tree, Surroundings surroundings, const point::NormalRule& rule,
-                    float inverse_turn, Normals from, const float* further_share, Normals to, GrowthOut growth) {
+void filter_normals(Context& context, const Tree& tree, Surroundings surroundings,
+                    const point::NormalSettings& settings, Normals from, const float* further_share, Normals to,
+                    float* squared_growth) {
   for_way(surroundings, [&]<class Neighbors>(By<Neighbors>) {
     const auto filter =
-        growth.squared_growth == nullptr ? filtered_normals<Neighbors, false> : filtered_normals<Neighbors, true>;
-    filter<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, surroundings, rule, inverse_turn,
-                                                                             from, further_share, to, growth);
+        squared_growth == nullptr ? filtered_normals<Neighbors, false> : filtered_normals<Neighbors, true>;
+    filter<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, surroundings, settings, from,
+                                                                             further_share, to, squared_growth);
   });
   check(cudaGetLastError(), "filtering normals");
 }
 
 void fair_widely(Context& context, const Tree& tree, Surroundings surroundings, Normals normals, AreaWeights areas,
-                 const point::FairingRule& rule, const point::Sensors& sensors, point::Levels levels,
+                 const point::FairingSettings& settings, const point::Sensors& sensors, point::Levels levels,
                  FairedPoints faired) {
-  if (tree.rules != nullptr) {
-    launch_fairing(context, tree, surroundings, normals, areas, rule, OfItsCloud{rule.noise_left}, sensors, levels,
-                   faired);
+  if (tree.settings != nullptr) {
+    launch_fairing(context, tree, surroundings, normals, areas, settings, OfItsCloud{settings.is_further}, sensors,
+                   levels, faired);
   } else {
-    launch_fairing(context, tree, surroundings, normals, areas, rule, OfAll{rule}, sensors, levels, faired);
+    launch_fairing(context, tree, surroundings, normals, areas, settings, OfAll{settings}, sensors, levels, faired);
   }
   bring_into_order(context, faired);
 }

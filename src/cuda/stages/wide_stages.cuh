@@ -8,7 +8,7 @@
 
 namespace pointfair::cuda {
 
-// Where the tree has rules of its clouds, every function here reads those in place of its arguments.
+// Where the tree has settings of its clouds, every function here reads those in place of its arguments.
 
 // Squares of the field's levels, of each sorted point.
 void measure_levels(Context& context, const Tree& tree, point::NodeField field, float* squared_level);
@@ -20,17 +20,13 @@ void measure_radii(Context& context, const Tree& tree, Lists nearest, const poin
 
 // Adds to state->too_few_neighbors and state->no_normal.
 void estimate_wide_normals(Context& context, const Tree& tree, CloudState* state, Surroundings surroundings,
-                           const point::NormalRule& rule, Normals normals);
+                           const point::NormalSettings& settings, Normals normals);
 
-// What Eq. 20 of docs/how-it-works.md multiplies R_i^2 by.
-struct GrowthOut {
-  point::GrowthRule rule;
-  float* squared_growth;  // of each sorted point; null: not asked for
-};
-
-// One round of Eq. 9, of which each point takes its share (null: all).
-void filter_normals(Context& context, const Tree& tree, Surroundings surroundings, const point::NormalRule& rule,
-                    float inverse_turn, Normals from, const float* further_share, Normals to, GrowthOut growth);
+// One round of Eq. 9, of which each point takes its share (null: all). `squared_growth` receives what Eq. 20 of
+// docs/how-it-works.md multiplies R_i^2 of each sorted point by; null: not asked for.
+void filter_normals(Context& context, const Tree& tree, Surroundings surroundings,
+                    const point::NormalSettings& settings, Normals from, const float* further_share, Normals to,
+                    float* squared_growth);
 
 // Leaves are surveyed unless they end deeper than the deepest 0; both as ordered() floats, on the card.
 struct SurveyedLeaves {
@@ -42,7 +38,7 @@ void survey(Context& context, const Tree& tree, Surroundings surroundings, const
 
 // `sensors` on the card. Collected neighbourhoods must be without growth; those of leaves where any grows are walked.
 void fair_widely(Context& context, const Tree& tree, Surroundings surroundings, Normals normals, AreaWeights areas,
-                 const point::FairingRule& rule, const point::Sensors& sensors, point::Levels levels,
+                 const point::FairingSettings& settings, const point::Sensors& sensors, point::Levels levels,
                  FairedPoints faired);
 
 }  // namespace pointfair::cuda

@@ -65,10 +65,6 @@ export class CloudPoints {
     this.part.geometry = new THREE.BufferGeometry();
   }
 
-  get partCount(): number {
-    return this.places.length;
-  }
-
   private gather(name: string): void {
     const whole = this.all.geometry.getAttribute(name) as THREE.BufferAttribute | undefined;
     if (!whole) return;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The box and the lasso as the flags write them. The same rules as src/apply_limits.cpp, for showing what they hold.
+// The box and the lasso as the flags write them. The same rules as src/options/apply_limits.cpp, for showing what they hold.
 
 export interface Box {
   min: number[];

@@ -24,14 +24,8 @@ std::vector<std::string_view> words_of(std::string_view values) {
   return words;
 }
 
-std::string flag_of(const ParamInfo& info) {
-  std::string flag = "--" + std::string(info.name);
-  std::replace(flag.begin(), flag.end(), '_', '-');
-  return flag;
-}
-
 [[noreturn]] void refuse(const ParamInfo& info, std::string_view text, const std::string& wanted) {
-  throw Error(ErrorKind::usage, flag_of(info) + " cannot be '" + std::string(text) + "': give " + wanted);
+  throw Error(ErrorKind::usage, flag_of(info.name) + " cannot be '" + std::string(text) + "': give " + wanted);
 }
 
 std::string number_text(double value) {
@@ -47,9 +41,6 @@ std::optional<double> number_of(std::string_view text) {
   return value;
 }
 
-// The sigmas of Gaussians over distance.
-bool may_be_of_radius(const ParamInfo& info) { return info.name == "normal_sigma" || info.name == "closeness_sigma"; }
-
 std::string wanted_values(const ParamInfo& info) {
   const std::string automatic = info.automatic ? " or auto" : "";
   if (!info.values.empty()) return "one of " + std::string(info.values) + automatic;
@@ -57,7 +48,7 @@ std::string wanted_values(const ParamInfo& info) {
     return "a whole number from " + number_text(info.min) + " to " + number_text(info.max) + automatic;
   if (std::holds_alternative<std::optional<double> Params::*>(info.field))
     return "a number from " + number_text(info.min) + " to " + number_text(info.max) + automatic;
-  const std::string of_radius = may_be_of_radius(info) ? ", 0.6r (radii of the neighbourhood)" : "";
+  const std::string of_radius = info.in_radii ? ", 0.6r (radii of the neighbourhood)" : "";
   return "a positive length: 0.02 (file units), 0.5% (of the diagonal), 2s (mean spacings)" + of_radius + automatic;
 }
 
@@ -74,7 +65,7 @@ Length length_of(const ParamInfo& info, std::string_view text) {
   } else if (digits.ends_with('s')) {
     unit = Length::Unit::spacing;
     digits.remove_suffix(1);
-  } else if (digits.ends_with('r') && may_be_of_radius(info)) {
+  } else if (digits.ends_with('r') && info.in_radii) {
     unit = Length::Unit::radius;
     digits.remove_suffix(1);
   }
@@ -184,8 +175,7 @@ struct CheckField {
   void operator()(Length Params::*field) const {
     const Length length = params.*field;
     if (length.is_automatic()) return;
-    if (!(length.value > 0) || !(length.value <= info.max) ||
-        (length.unit == Length::Unit::radius && !may_be_of_radius(info)))
+    if (!(length.value > 0) || !(length.value <= info.max) || (length.unit == Length::Unit::radius && !info.in_radii))
       refuse(info, length_text(length), wanted_values(info));
   }
   template <class Other>
@@ -214,6 +204,12 @@ const ParamInfo* find_param(std::string_view name) {
   };
   const auto found = std::find_if(kParams.begin(), kParams.end(), same);
   return found == kParams.end() ? nullptr : &*found;
+}
+
+std::string flag_of(std::string_view name) {
+  std::string flag = "--" + std::string(name);
+  std::replace(flag.begin(), flag.end(), '_', '-');
+  return flag;
 }
 
 void set_param(Params& params, const ParamInfo& info, std::string_view text) {
@@ -250,7 +246,7 @@ Params in_file_units(const Params& params, std::optional<double> metres_per_unit
     const auto* const field = std::get_if<Length Params::*>(&info.field);
     if (field == nullptr || (params.*(*field)).unit != Length::Unit::metre) continue;
     if (!metres_per_unit) {
-      throw Error(ErrorKind::usage, flag_of(info) +
+      throw Error(ErrorKind::usage, flag_of(info.name) +
                                         ": the cloud's file does not say how long its unit is; give the length in "
                                         "file units, without mm, cm, m or ft");
     }

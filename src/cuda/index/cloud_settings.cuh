@@ -6,33 +6,30 @@
 #include "point/curve.h"
 #include "point/neighborhoods.h"
 #include "point/node_field.h"
-#include "point/outliers.h"
-#include "point/stages.h"
+#include "point/settings.h"
 
 namespace pointfair::cuda {
 
 using point::Index;
 using Vec = point::Vec3<float>;
 
-struct CloudRules {
+struct CloudSettings {
   point::CurveCube cube;
   Vec corner;  // positions are hashed relative to it
   float squared_base, squared_widest;
   int min_neighbors;
   point::NodeField noise_levels, reach_levels;  // nodes on the card
-  point::NormalRule normal;
-  float inverse_turn;  // of filtered normals
-  point::GrowthRule growth;
-  point::FairingRule fairing;  // of the first iteration
-  point::LimitRule limits;
+  point::NormalSettings normals;
+  point::FairingSettings fairing;  // of the first iteration
+  point::DisplacementLimits limits;
 };
 
-// `common`, as the cloud has it where there are such rules.
-POINTFAIR_INLINE point::Radii radii_of(const CloudRules* rules, point::Radii common) {
-  if (rules == nullptr) return common;
-  common.squared_base = rules->squared_base;
-  common.min_neighbors = rules->min_neighbors;
-  common.squared_widest = rules->squared_widest;
+// `common`, as the cloud has it where clouds have settings of their own.
+POINTFAIR_INLINE point::Radii radii_of(const CloudSettings* its, point::Radii common) {
+  if (its == nullptr) return common;
+  common.squared_base = its->squared_base;
+  common.min_neighbors = its->min_neighbors;
+  common.squared_widest = its->squared_widest;
   return common;
 }
 

@@ -1,0 +1,174 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a pipeline knows of its loaded cloud, measured or given, and the parameters that follow from it.
+#include <algorithm>
+#include <string>
+#include <utility>
+
+#include "estimate/automatic.hpp"
+#include "pipeline/learned_run.hpp"
+#include "pipeline/run_state.hpp"
+#include "seam/cloud_sample.hpp"
+#include "seam/sampling.hpp"
+
+namespace pointfair {
+namespace {
+
+std::array<double, 3> noise_quantiles(double sigma, const NoiseLevels* levels) {
+  std::array<double, 3> result{sigma, sigma, sigma};
+  if (levels != nullptr)
+    for (std::size_t q = 0; q < result.size(); ++q) result[q] *= levels->quantiles[q];
+  return result;
+}
+
+}  // namespace
+
+const CloudSample& Pipeline::State::sample() {
+  if (!cloud.sample) cloud.sample = cloud.backend().sampling().sample_cloud(kSampledPoints);
+  return *cloud.sample;
+}
+
+const Frame& Pipeline::State::frame() {
+  if (!frame_) frame_ = frame_of(sample());
+  return *frame_;
+}
+
+// Queries leave what is cached as it is, but for an index where there is none.
+void Pipeline::State::measure(WantedEstimates wanted, IndexOrder order, const std::stop_token& stop) {
+  if (cloud.spacing) wanted.spacing = false;
+  if (cloud.noise) wanted.noise = false;
+  if (!wanted.spacing && !wanted.noise) return;
+  sample();
+  look_at_neighbors(order, stop, [&](Sampling& sampling) {
+    const Estimate found = estimate(sampling, *cloud.sample, wanted, stop);
+    if (wanted.spacing) cloud.spacing = found.spacing;
+    if (wanted.noise) cloud.noise = found.noise, cloud.levels = found.levels, cloud.reach_levels = found.reach_levels;
+  });
+}
+
+// Needs the index of the first iteration, and builds it if there is none.
+void Pipeline::State::look_at_neighbors(IndexOrder order, const std::stop_token& stop,
+                                        const std::function<void(Sampling&)>& estimate) {
+  execute(plan_index(cloud.cached, order), 1, false, stop, {});
+  log_.collect(cloud.backend());  // waits for the index, which has its own time
+  const auto start = Clock::now();
+  estimate(cloud.backend().sampling());
+  log_.note("estimate", milliseconds_since(start));
+}
+
+void Pipeline::State::measure_all(const std::stop_token& stop) {
+  attempt([&] { measure({true, true}, IndexOrder::along_curve, stop); });  // as the default run's
+  const Bounds& b = cloud.sample->bounds;
+  estimates = Estimates{{b.min.x, b.min.y, b.min.z},
+                        {b.max.x, b.max.y, b.max.z},
+                        diagonal_of(b),
+                        cloud.spacing->mean,
+                        noise().sigma,
+                        cloud.points(),
+                        b.valid,
+                        noise_quantiles(noise().sigma, levels().get()),
+                        float_step_of(b, shell.origin),
+                        noise().without_surface};
+}
+
+// What is believed of the noise, once it was measured.
+Noise Pipeline::State::noise() const {
+  return given_noise_ ? of_sigma(*cloud.noise, given_noise_->sigma) : *cloud.noise;
+}
+
+const std::shared_ptr<const NoiseLevels>& Pipeline::State::levels() const {
+  return given_noise_ ? given_noise_->levels : cloud.levels;
+}
+
+Params Pipeline::State::resolve(const Params& params, const std::stop_token& stop) {
+  check_params(params);
+  Params used;
+  attempt([&] { used = resolve_once(of_stages(params), stop).params; });
+  used.method = params.method;
+  if (!is_measured(of_stages(params))) {
+    throw Error(ErrorKind::usage, "nothing to measure in this cloud: no surface shows in its " +
+                                      std::to_string(cloud.points()) + " points, " +
+                                      std::to_string(sample().bounds.valid) +
+                                      " of them finite; resolve the parameters on a cloud that shows one, or leave "
+                                      "them automatic");
+  }
+  return used;
+}
+
+// Whether what the parameters follow from was found where it was sought. A noise of 0 was found, on points that lie
+// exactly on a surface; where no sample shows any, there is no surface either.
+bool Pipeline::State::is_measured(const Params& params) const {
+  const auto [with_spacing, with_noise] = needed_by(params).estimates;
+  if (with_spacing && !(cloud.spacing->mean > 0)) return false;
+  const bool seeks_noise = with_noise && params.noise.is_automatic() && !given_noise_;
+  return !seeks_noise || cloud.noise->surface_spacing > 0;
+}
+
+Resolved Pipeline::State::resolve_once(const Params& params, const std::stop_token& stop) {
+  check_params(params);
+  if (params.along == Along::ray && !sensors_)
+    throw Error(ErrorKind::usage,
+                "--along ray needs the place of the sensor, which the cloud does not tell: give --viewpoint x,y,z");
+  const Needed needed = needed_by(params);
+  measure(needed.estimates, order_for(params), stop);
+  Estimate found;
+  if (needed.estimates.spacing) found.spacing = *cloud.spacing;
+  if (needed.estimates.noise) found = {found.spacing, noise(), levels(), cloud.reach_levels};
+  Resolved used = pointfair::resolve(params, std::move(found), needed.diagonal ? diagonal_of(sample().bounds) : 0.0);
+  if (needs_cpu_and_memory(used.params) && !cloud.backend().holds_all_on_host())
+    throw Error(ErrorKind::usage,
+                "mesh connectivity and --method implicit run on the CPU, with the whole cloud in memory: add --device "
+                "cpu");
+  return used;
+}
+
+void Pipeline::State::set_noise(std::span<const float> sigmas) {
+  if (!sigmas.empty() && sigmas.size() != cloud.points())
+    throw Error(ErrorKind::usage, "set_noise: there are " + std::to_string(sigmas.size()) +
+                                      " values, and the loaded cloud has " + std::to_string(cloud.points()) +
+                                      " points; give one for each");
+  std::optional<GivenNoise> given;
+  if (!sigmas.empty()) {
+    attempt([&] {
+      std::vector<Point> points(sigmas.size());
+      cloud.backend().download_input(points);
+      Sampling& sampling = cloud.backend().sampling();
+      given = given_noise(sigmas, points,
+                          [&](std::size_t count, const auto& body) { sampling.for_each_on_host(count, body); });
+    });
+    if (!given) throw Error(ErrorKind::usage, "set_noise: no value is positive, so none is a standard deviation");
+  }
+  given_noise_ = std::move(given);
+  estimates.reset();
+}
+
+void Pipeline::State::set_viewpoint(std::span<const Origin> places) {
+  if (places.size() > 1 && places.size() != cloud.points())
+    throw Error(ErrorKind::usage, "set_viewpoint: there are " + std::to_string(places.size()) +
+                                      " positions, and the loaded cloud has " + std::to_string(cloud.points()) +
+                                      " points; give one, or one for each");
+  SensorPlaces its;
+  its.places.reserve(places.size());
+  bool any_known = false;
+  for (const Origin& p : places) {
+    its.places.push_back({float(p[0] - shell.origin[0]), float(p[1] - shell.origin[1]), float(p[2] - shell.origin[2])});
+    any_known = any_known || is_indexed(its.places.back());
+  }
+  beam_samples_.reset();
+  sensors_ = any_known ? std::make_shared<const SensorPlaces>(std::move(its)) : nullptr;
+}
+
+// Of what a run with these parameters reads.
+KnownSensor Pipeline::State::known_sensor(const Params& used, const std::stop_token& stop) {
+  if (!sensors_) return {};
+  KnownSensor known{sensors_};
+  if (!seeks_mixed_pixels(used)) return known;
+  if (!beam_samples_) {
+    const CloudSample& its = sample();
+    look_at_neighbors(order_for(used), stop,
+                      [&](Sampling& sampling) { beam_samples_ = beam_samples(sampling, its, *sensors_); });
+  }
+  known.beam_width = beam_width(*beam_samples_);
+  return known;
+}
+
+}  // namespace pointfair
