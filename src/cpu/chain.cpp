@@ -55,8 +55,7 @@ void Chain::release_small_results() {
 }
 
 Neighborhoods Chain::neighborhoods() const {
-  const bool within_radius = neighbors_.mesh && !by_list();
-  return {{within_radius ? kMaxNeighbors : neighbors_.k, stored_k_, lists_.data(), mesh_lists_.leaves(), within_radius},
+  return {{neighbors_.k, stored_k_, lists_.data(), mesh_lists_.rings(), mesh_lists_.balls()},
           {squared_radius_.data(), neighbors_.radius * neighbors_.radius, neighbors_.min_neighbors,
            neighbors_.radius_follows ? squared_levels() : nullptr, nullptr, squared_widest(neighbors_)}};
 }
@@ -106,11 +105,10 @@ void Chain::find_neighbors(const NeighborSettings& settings, const Kernels& kern
   measure_levels(stop);
   if (!by_list()) {
     measure_radii(kernels, stop);
-  } else if (neighbors_.mesh) {
-    measure_areas(kernels, stop);
-  } else {
+  } else if (!neighbors_.mesh) {
     find_lists(kernels, stop);
   }
+  has_areas_ = !by_list() || !neighbors_.mesh;
   if (neighbors_.mesh) mesh_lists_.find(index_.view(), neighbors_, neighborhoods().radii, stop);
   count_short(stop);
   has_lists_ = true;
@@ -144,8 +142,9 @@ void Chain::find_lists(const Kernels& kernels, const std::stop_token& stop) {
   });
 }
 
-// Of W_a, which knows no mesh.
+// Of W_a, which knows no mesh: along one it is the only reader of what lies nearest.
 void Chain::measure_areas(const Kernels& kernels, const std::stop_token& stop) {
+  has_areas_ = true;
   const IndexView index = index_.view();
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     Index nearest[point::kAreaNeighbors * kLeafSize];
@@ -266,6 +265,7 @@ void Chain::fair(const FairingSettings& settings, const Kernels& kernels, const 
   faired_.resize(std::size_t(index_.view().leaves) * kLeafSize);
   solver_ = {};
   counts_.unmoved.boundary = 0;
+  if (area.power != 0 && !has_areas_) measure_areas(kernels, stop);
   if (settings.method == Method::implicit) {
     solver_ = fair_at_once(settings, stop);
   } else if (settings.method == Method::bilateral) {

@@ -79,6 +79,7 @@ class Chain {
   FairingSettings fairing_settings_;
   int stored_k_ = 0;        // length of the stored lists; a smaller k is a prefix of them
   bool has_lists_ = false;  // of the present index
+  bool has_areas_ = false;  // the lengths of W_a, with those
   Counts counts_;
   SolverReport solver_;
 };

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Runs along the faces of the loaded cloud.
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 #include "mesh/evening.hpp"
@@ -14,6 +15,13 @@ void Pipeline::State::set_faces(Polygons faces) {
   mesh_.reset();
 }
 
+// Loops over the mesh run where the stages do.
+ForEach Pipeline::State::on_host() {
+  return [this](std::size_t count, const std::function<void(std::size_t)>& body) {
+    cloud.backend().sampling().for_each_on_host(count, body);
+  };
+}
+
 const LoadedMesh& Pipeline::State::mesh() {
   if (mesh_) return *mesh_;
   const Polygons faces = faces_ ? *faces_ : polygons(shell);
@@ -23,7 +31,9 @@ const LoadedMesh& Pipeline::State::mesh() {
   check_faces(faces, cloud.points());
   std::vector<Point> points(cloud.points());
   cloud.backend().download_input(points);
-  mesh_ = std::make_shared<const LoadedMesh>(std::move(points), faces);
+  const auto start = Clock::now();
+  mesh_ = std::make_shared<const LoadedMesh>(std::move(points), faces, on_host());
+  log_.note("faces", milliseconds_since(start));
   return *mesh_;
 }
 
@@ -48,18 +58,21 @@ MeshReport Pipeline::State::finish_mesh(const Params& used, std::span<Point> out
   const LoadedMesh& its = mesh();
   const std::vector<std::uint32_t>& vertex = its.topology.edges.vertex;
   const auto start = Clock::now();
+  std::optional<Folds> folds;
   if (const double share = used.tangential.value_or(0); share > 0) {
     std::vector<std::uint8_t> stays = its.topology.edges.is_boundary;
     for (std::size_t i = 0; i < out.size(); ++i)
       if (out[i].x == its.points[i].x && out[i].y == its.points[i].y && out[i].z == its.points[i].z) stays[i] = 1;
-    even_out(its.faces, vertex, stays, share, sigma_of(used), out);
-    untangle(its.faces, vertex, stays, out);
+    even_out(its.faces, vertex, stays, share, sigma_of(used), out, on_host());
+    folds.emplace(its.faces, out, on_host());
+    untangle(*folds, vertex, stays, out);
   }
-  const std::vector<std::uint8_t> folded = unfold(its.faces, vertex, its.folded, its.points, out);
+  if (!folds) folds.emplace(its.faces, out, on_host());
+  unfold(*folds, vertex, its.folded, its.points, out);
   log_.note("faces", milliseconds_since(start));
   MeshReport found = its.topology.found;
   found.folded_before = std::uint64_t(std::count(its.folded.begin(), its.folded.end(), 1));
-  found.folded_after = std::uint64_t(std::count(folded.begin(), folded.end(), 1));
+  found.folded_after = std::uint64_t(std::count(folds->folded().begin(), folds->folded().end(), 1));
   return found;
 }
 

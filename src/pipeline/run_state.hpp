@@ -114,6 +114,7 @@ struct Pipeline::State {
   void attempt(const std::function<void()>& work);
   const CloudSample& sample();
   const Frame& frame();
+  ForEach on_host();
   const LoadedMesh& mesh();
   double sigma_of(const Params& used);
   MeshReport finish_mesh(const Params& used, std::span<Point> out);

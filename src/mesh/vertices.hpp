@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+// Which points are one vertex.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "seam/cloud_sample.hpp"
+
+namespace pointfair {
+
+struct Vertices {
+  std::vector<std::uint32_t> of_point;  // the first point at its place; a point that is not indexed: itself
+  std::vector<std::uint32_t> in_order;  // those that are indexed, in the order of point::lies_before
+};
+
+// O(n log n).
+Vertices vertices_of(std::span<const Point> points, const ForEach& for_each);
+
+}  // namespace pointfair
