@@ -29,6 +29,7 @@ POINTFAIR = {  # arguments of pointfair run
     "mesh implicit": ["--connectivity", "mesh", "--method", "implicit"],
     "mesh, 2 rings": ["--connectivity", "mesh", "--rings", "2"],
     "mesh mollified": ["--connectivity", "mesh", "--method", "mollified"],
+    "mesh fleishman": ["--connectivity", "mesh", "--method", "fleishman"],
 }
 
 

@@ -78,15 +78,17 @@ class RingSearch {
  public:
   RingSearch(const IndexView& index, const SortedEdges& edges) : index_(index), edges_(edges), seen_(index.points) {}
 
-  // Those up to `rings` edges away that lie within `squared_limit`: at most kMaxNeighbors, nearest first.
+  // Those up to `rings` edges away that lie within `squared_limit`, or with 0 rings those that paths reach which stay
+  // within it: at most kMaxNeighbors, nearest first.
   const std::vector<Key>& find(Index at, int rings, float squared_limit) {
     begin(at);
     std::size_t ring_begin = 0;
     for (int ring = 0; ring < rings; ++ring) {
       const std::size_t ring_end = reached_.size();
-      for (std::size_t i = ring_begin; i < ring_end; ++i) step(i);
+      for (std::size_t i = ring_begin; i < ring_end; ++i) step(i, std::numeric_limits<float>::infinity());
       ring_begin = ring_end;
     }
+    for (std::size_t i = 0; rings == 0 && i < reached_.size(); ++i) step(i, squared_limit);
     reached_.erase(reached_.begin());
     std::erase_if(reached_, [&](Key key) { return !(point::key_squared_distance(key) <= squared_limit); });
     keep_nearest(index_, reached_);
@@ -104,13 +106,15 @@ class RingSearch {
     reached_.assign(1, point::neighbor_key(0, at));
   }
 
-  void step(std::size_t from) {
+  void step(std::size_t from, float squared_limit) {
     const std::span<const Index> around = edges_.of(point::key_index(reached_[from]));
     if (from > 0 && around.size() > kMostEdges) return;
     for (const Index there : around) {
       if (seen_[there] == round_) continue;
+      const float squared = point::squared_length(position_of(index_, there) - here_);
+      if (!(squared <= squared_limit)) continue;
       seen_[there] = round_;
-      reached_.push_back(point::neighbor_key(point::squared_length(position_of(index_, there) - here_), there));
+      reached_.push_back(point::neighbor_key(squared, there));
     }
   }
 

@@ -5,9 +5,16 @@
 #include <utility>
 
 #include "mesh/evening.hpp"
+#include "mesh/neighborhoods.hpp"
 #include "pipeline/run_state.hpp"
+#include "seam/cloud_sample.hpp"
 
 namespace pointfair {
+namespace {
+
+constexpr double kLeastDeviation = 1e-6;  // of the heights, in radii; a plane without noise has none
+
+}  // namespace
 
 void Pipeline::State::set_faces(Polygons faces) {
   check_faces(faces, cloud.points());
@@ -42,7 +49,35 @@ void Pipeline::State::follow_mesh(const Params& used, Settings& settings) {
   const MeshEdges& edges = mesh().topology.edges;
   settings.neighbors.mesh = {mesh_, &edges};
   if (used.keep_boundary) settings.fairing.kept_boundary = {mesh_, &edges};
+  if (used.method == Method::fleishman) settings.normals.faces = {mesh_, &mesh_->faces.faces()};
   if (used.method == Method::implicit) settings.fairing.faces = {mesh_, &mesh_->faces.faces()};
+}
+
+double Pipeline::State::in_file_units(const Length& length, IndexOrder order, const std::stop_token& stop) {
+  if (length.unit == Length::Unit::percent) return length.value * diagonal_of(sample().bounds) / 100;
+  if (length.unit != Length::Unit::spacing) return length.value;
+  measure(true, false, order, stop);
+  return length.value * cloud.spacing->mean;
+}
+
+// What method fleishman measures along the faces; other parameters stay as they are.
+Params Pipeline::State::with_mesh_values(const Params& params, IndexOrder order, const std::stop_token& stop) {
+  Params result = params;
+  if (params.method != Method::fleishman) return result;
+  const MeshNeighborhoods around(mesh());
+  Length &radius = result.radius, &sigma = result.closeness_sigma;
+  if (!sigma.is_automatic()) sigma = in_file_units(sigma, order, stop);
+  if (!radius.is_automatic()) {
+    radius = in_file_units(radius, order, stop);
+  } else {
+    radius = sigma.is_automatic() ? around.two_ring_radius() : 2 * sigma.value;
+  }
+  if (!(radius.value > 0)) radius = 1;  // no vertex has neighbours
+  if (sigma.is_automatic()) sigma = radius.value / 2;
+  if (result.similarity_sigma.is_automatic())
+    result.similarity_sigma = std::max(around.height_deviation(radius.value), kLeastDeviation * radius.value);
+  if (result.normal_sigma.is_automatic()) result.normal_sigma = sigma;  // not read
+  return result;
 }
 
 // The standard deviation of the noise, given or measured.

@@ -150,9 +150,13 @@ const std::shared_ptr<const NoiseLevels>& Pipeline::State::levels() const {
 Params Pipeline::State::resolve(const Params& params, const std::stop_token& stop) {
   check_params(params);
   Params used;
-  attempt([&] { used = resolve_once(of_stages(params), stop); });
+  Params asked = of_stages(params);
+  attempt([&] {
+    asked = with_mesh_values(asked, order_for(asked), stop);
+    used = resolve_once(asked, stop);
+  });
   used.method = params.method;
-  if (!is_measured(of_stages(params))) {
+  if (!is_measured(asked)) {
     throw Error(ErrorKind::usage, "nothing to measure in this cloud: no surface shows in its " +
                                       std::to_string(cloud.points()) + " points, " +
                                       std::to_string(sample().bounds.valid) +
@@ -236,10 +240,11 @@ void Pipeline::State::run_to_end(const Params& params, const Delivery& to, const
   log_ = {};
   if (upload > 0 && !std::exchange(upload_times_itself_, false)) log_.note("upload", upload);
 
-  const Params used = resolve_once(params, stop);
-  last_order_ = order_for(params);
-  followed =
-      needs_noise(params) ? followed_noise(params, used, noise(), levels(), cloud.reach_levels) : FollowedNoise{};
+  check_params(params);
+  const Params asked = with_mesh_values(params, order_for(params), stop);
+  const Params used = resolve_once(asked, stop);
+  last_order_ = order_for(asked);
+  followed = needs_noise(asked) ? followed_noise(asked, used, noise(), levels(), cloud.reach_levels) : FollowedNoise{};
   Settings settings = settings_of(used, followed, known_sensor(used, stop));
   if (used.connectivity == Connectivity::mesh) follow_mesh(used, settings);
   const int last = used.iterations - 1;

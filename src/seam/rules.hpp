@@ -80,8 +80,9 @@ inline point::MethodRule method_rule(const FairingSettings& settings) {
                          settings.along_ray};
   switch (settings.method) {
     case Method::bilateral:
-    case Method::learned:   // its stages are those of the method bilateral
-    case Method::implicit:  // solves for all points at once (cpu/implicit.h)
+    case Method::learned:    // its stages are those of the method bilateral
+    case Method::implicit:   // solves for all points at once (cpu/implicit.h)
+    case Method::fleishman:  // its stages are those of the method bilateral
     case Method::laplacian:
       break;
     case Method::taubin:

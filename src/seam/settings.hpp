@@ -40,8 +40,8 @@ struct NeighborSettings {
   // Factors on the distance to the min_neighbors-th nearest point; null: 1 everywhere.
   std::shared_ptr<const NodeLevels> reach_levels{};
   float widest = std::numeric_limits<float>::infinity();  // reach_levels and flat places enlarge no radius beyond it
-  // Neighbours are those that edges reach; null: all. With k they are up to `rings` edges away, k of them at most; else
-  // the edges stay within `mesh_growth` radii.
+  // Neighbours are those that edges reach; null: all. With k they are up to `rings` edges away, or with 0 what edges
+  // reach within `radius`, k of them at most; else the edges stay within `mesh_growth` radii.
   std::shared_ptr<const MeshEdges> mesh{};
   int rings = 0;
   float mesh_growth = 1;
@@ -54,6 +54,9 @@ struct NormalSettings {
   int filter_rounds = 0;
   int crease_angle = 0;  // degrees; 0: a plain Gaussian mean
   float flat_scale = 1;  // multiplies the radius of the bilateral step where the surface is flat
+  // Normals are means of those of the faces at a vertex, weighted by area, and sigma is not read; null: they are those
+  // of planes through neighbours. Needs NeighborSettings::mesh.
+  std::shared_ptr<const MeshFaces> faces{};
   friend bool operator==(const NormalSettings&, const NormalSettings&) = default;
 };
 
