@@ -12,7 +12,9 @@ namespace pointfair {
 
 struct Vertices {
   std::vector<std::uint32_t> of_point;  // the first point at its place; a point that is not indexed: itself
-  std::vector<std::uint32_t> in_order;  // those that are indexed, in the order of point::lies_before
+  // Those that are indexed, along a Z-curve over their bounds, and then by point::lies_before: an order of the places
+  // alone, in which neighbours lie close together.
+  std::vector<std::uint32_t> in_order;
 };
 
 // O(n log n).
