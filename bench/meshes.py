@@ -32,6 +32,7 @@ POINTFAIR = {  # arguments of pointfair run
     "mesh, 2 rings": ["--connectivity", "mesh", "--rings", "2"],
     "mesh mollified": ["--connectivity", "mesh", "--method", "mollified"],
     "mesh fleishman": ["--connectivity", "mesh", "--method", "fleishman"],
+    "mesh jones": ["--connectivity", "mesh", "--method", "jones"],
 }
 
 

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "cpu/constrained.h"
+#include "cpu/facets.h"
 #include "cpu/implicit.h"
 #include "cpu/parallel.h"
 #include "cpu/weighted_graph.h"
@@ -320,6 +321,10 @@ void Chain::fair(const FairingSettings& settings, const Kernels& kernels, const 
   if (area.power != 0 && !has_areas_) measure_areas(kernels, stop);
   if (settings.method == Method::implicit) {
     solver_ = fair_at_once(settings, stop);
+  } else if (settings.method == Method::jones) {
+    const IndexView index = index_.view();
+    fair_by_facets({index, neighborhoods().lists, *neighbors_.mesh, *settings.faces}, settings,
+                   {faired_.data(), index.points}, stop);
   } else if (settings.method == Method::bilateral) {
     fair_bilaterally(settings, area, kernels, stop);
   } else {

@@ -38,11 +38,8 @@ bool is_of_rings(Method method) {
 
 // Methods after which vertices do not even out, as none do where they were published.
 bool is_as_published(Method method) {
-  return (is_of_rings(method) && method != Method::implicit) || method == Method::fleishman;
+  return (is_of_rings(method) && method != Method::implicit) || is_of_faces(method);
 }
-
-// Methods that take what edges reach within one radius for all.
-bool is_of_one_radius(Method method) { return method == Method::fleishman; }
 
 // Of a vertex, in a mesh of triangles of which six meet at each.
 int points_of_rings(int rings) { return 3 * rings * (rings + 1); }
@@ -59,7 +56,7 @@ double typical_radius(const Params& used, double s) {
 
 bool follows_rings(const Params& p) {
   return p.connectivity == Connectivity::mesh &&
-         (p.rings != kAutomatic || is_of_rings(p.method) || is_of_one_radius(p.method));
+         (p.rings != kAutomatic || is_of_rings(p.method) || is_of_faces(p.method));
 }
 
 // The system of method implicit is over lists, which hold an edge of its graph each.
@@ -182,7 +179,7 @@ class Resolver {
             kMaxMinNeighbors, noise_.repeats * int(std::lround(factor * factor * automatic_min_neighbors(noise_, s_))));
     } else {
       const bool rings = follows_rings(asked_);
-      if (rings && asked_.rings == kAutomatic && !is_of_one_radius(asked_.method)) used_.rings = 1;
+      if (rings && asked_.rings == kAutomatic && !is_of_faces(asked_.method)) used_.rings = 1;
       const bool is_graph = asked_.method == Method::implicit;
       if (!rings && asked_.k == kAutomatic) used_.k = is_graph ? constants::kGraphNeighbors : automatic_k(noise_, s_);
       list_radius_ = radius_of(rings ? points_of_rings(used_.rings) : used_.k, s_);

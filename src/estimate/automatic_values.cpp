@@ -50,6 +50,9 @@ MethodDefaults defaults_of(Method method) {
       break;
     case Method::fleishman:  // its sigmas are measured on the mesh
       break;
+    case Method::jones:  // the same
+      its.iterations = 1;
+      break;
     case Method::mollified:
       its.closeness_width = 0.5;
       its.filter = NormalFilter::mollify;

@@ -49,8 +49,9 @@ void Pipeline::State::follow_mesh(const Params& used, Settings& settings) {
   const MeshEdges& edges = mesh().topology.edges;
   settings.neighbors.mesh = {mesh_, &edges};
   if (used.keep_boundary) settings.fairing.kept_boundary = {mesh_, &edges};
-  if (used.method == Method::fleishman) settings.normals.faces = {mesh_, &mesh_->faces.faces()};
-  if (used.method == Method::implicit) settings.fairing.faces = {mesh_, &mesh_->faces.faces()};
+  if (is_of_faces(used.method)) settings.normals.faces = {mesh_, &mesh_->faces.faces()};
+  if (used.method == Method::implicit || used.method == Method::jones)
+    settings.fairing.faces = {mesh_, &mesh_->faces.faces()};
 }
 
 double Pipeline::State::in_file_units(const Length& length, IndexOrder order, const std::stop_token& stop) {
@@ -60,10 +61,10 @@ double Pipeline::State::in_file_units(const Length& length, IndexOrder order, co
   return length.value * cloud.spacing->mean;
 }
 
-// What method fleishman measures along the faces; other parameters stay as they are.
+// What methods fleishman and jones measure along the faces; other parameters stay as they are.
 Params Pipeline::State::with_mesh_values(const Params& params, IndexOrder order, const std::stop_token& stop) {
   Params result = params;
-  if (params.method != Method::fleishman) return result;
+  if (!is_of_faces(params.method)) return result;
   const MeshNeighborhoods around(mesh());
   Length &radius = result.radius, &sigma = result.closeness_sigma;
   if (!sigma.is_automatic()) sigma = in_file_units(sigma, order, stop);

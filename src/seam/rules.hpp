@@ -82,6 +82,7 @@ inline point::MethodRule method_rule(const FairingSettings& settings) {
     case Method::bilateral:
     case Method::learned:    // its stages are those of the method bilateral
     case Method::implicit:   // solves for all points at once (cpu/implicit.h)
+    case Method::jones:      // looks at faces (cpu/facets.h)
     case Method::fleishman:  // its stages are those of the method bilateral
     case Method::laplacian:
       break;

@@ -86,7 +86,7 @@ struct FairingSettings {
   float outlier_radius = std::numeric_limits<float>::infinity();  // of larger neighbourhoods more must agree
   bool pull_outliers = false;  // outliers move to the mean of their neighbours; else they become NaN
   std::shared_ptr<const MeshEdges> kept_boundary{};  // whose boundary keeps its place; null: none does
-  std::shared_ptr<const MeshFaces> faces{};          // of Method::implicit along a mesh
+  std::shared_ptr<const MeshFaces> faces{};          // of Method::implicit and jones along a mesh
   std::shared_ptr<const SensorPlaces> sensors{};     // null: what follows is off
   float beam_width = 0;           // of the pattern of rays, in radians (point/sensor.h); 0: not looked at
   bool along_ray = false;         // points move along their rays (point/sensor.h)

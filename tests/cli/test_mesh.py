@@ -56,7 +56,8 @@ class Mesh(Case):
         self.fails(2, "run", self.mesh, out, "--rings", "2", says="--connectivity mesh")
         self.fails(2, "run", self.mesh, out, *mesh, "--method", "learned", says="learned")
         self.fails(2, "run", self.mesh, out, *mesh, "--tiles", "2", says="tiles on disk")
-        self.fails(2, "run", self.mesh, out, "--method", "fleishman", says="add --connectivity mesh")
+        for method in ("fleishman", "jones"):
+            self.fails(2, "run", self.mesh, out, "--method", method, says=f"--method {method} reads faces: add --connectivity mesh")
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Method::fleishman against the algorithm of its paper in the plainest code: nothing is shared with src.
+// Method::fleishman and Method::jones against the algorithms of their papers in the plainest code: nothing is shared
+// with src.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -216,6 +217,99 @@ TEST(Fleishman, a_plane_without_noise_stays) {
   EXPECT_EQ(std::memcmp(after.data(), plane.points.data(), after.size() * sizeof(Point)), 0);
 }
 
+Params jones() {
+  Params params;
+  params.connectivity = Connectivity::mesh;
+  params.method = Method::jones;
+  return params;
+}
+
+// Predictions of faces with a corner among what edges reach within 2 sigma_f, whose middles lie as near.
+std::vector<Vec> predicted(const Mesh& mesh, double sigma_f, double sigma_g) {
+  const std::vector<Vec> places = places_of(mesh);
+  const auto around = neighborhoods(places, mesh, 2 * sigma_f);
+  const std::vector<bool> boundary = meshes::boundary_of(mesh);
+  std::vector<Vec> middles, normals;
+  std::vector<double> areas;
+  for (const Face& face : mesh.faces) {
+    Vec sum{};
+    for (const std::uint32_t v : face) sum = sum + places[v];
+    middles.push_back(1 / double(face.size()) * sum);
+    areas.push_back(reference::length(normal_of(places, face)) / 2);
+  }
+  const auto for_faces = [&](std::size_t v, double reach, const auto& visit) {
+    std::set<std::uint32_t> near(around[v].begin(), around[v].end());
+    near.insert(std::uint32_t(v));
+    for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
+      const bool meets = std::any_of(mesh.faces[f].begin(), mesh.faces[f].end(),
+                                     [&](std::uint32_t corner) { return near.count(corner) > 0; });
+      if (meets && reference::length(middles[f] - places[v]) <= reach) visit(f);
+    }
+  };
+  const auto gauss = [](double x, double sigma) { return std::exp(-x * x / (2 * sigma * sigma)); };
+  std::vector<Vec> smooth = places, result = places;
+  for (std::size_t v = 0; v < places.size(); ++v) {
+    Vec sum{};
+    double weights = 0;
+    for_faces(v, sigma_f, [&](std::size_t f) {
+      const double w = areas[f] * gauss(reference::length(middles[f] - places[v]), sigma_f / 2);
+      sum = sum + w * middles[f];
+      weights += w;
+    });
+    if (weights > 0) smooth[v] = 1 / weights * sum;
+  }
+  for (const Face& face : mesh.faces) {
+    const Vec normal = normal_of(smooth, face);
+    normals.push_back(1 / reference::length(normal) * normal);
+  }
+  for (std::size_t v = 0; v < places.size(); ++v) {
+    if (boundary[v]) continue;
+    Vec sum{};
+    double weights = 0;
+    for_faces(v, 2 * sigma_f, [&](std::size_t f) {
+      const double height = dot(normals[f], middles[f] - places[v]);
+      const Vec projection = places[v] + height * normals[f];
+      const double w = areas[f] * gauss(reference::length(middles[f] - places[v]), sigma_f) * gauss(height, sigma_g);
+      sum = sum + w * projection;
+      weights += w;
+    });
+    result[v] = 1 / weights * sum;
+  }
+  return result;
+}
+
+TEST(Jones, is_the_published_algorithm) {
+  for (const Sides sides : {Sides::triangles, Sides::quads, Sides::mixed}) {
+    const Mesh mesh = waves(14, sides);
+    Params params = jones();
+    params.closeness_sigma = 0.1;
+    params.similarity_sigma = 0.02;
+    const Result result = run(mesh, params);
+    EXPECT_EQ(result.report.mesh.folded_after, 0u);
+    const std::vector<Vec> expected = predicted(mesh, 0.1, 0.02);
+    double farthest = 0;
+    for (std::size_t i = 0; i < expected.size(); ++i) {
+      ASSERT_LT(reference::length(reference::to_vec(result.points[i]) - expected[i]), 1e-6) << "point " << i;
+      farthest = std::max(farthest, reference::length(expected[i] - reference::to_vec(mesh.points[i])));
+    }
+    EXPECT_GT(farthest, 1e-3);
+  }
+}
+
+TEST(Jones, the_order_of_faces_seams_and_threads_change_no_bit) {
+  const Mesh mesh = waves(20, Sides::mixed, 0.3);
+  Mesh turned = mesh;
+  std::reverse(turned.faces.begin(), turned.faces.end());
+  for (Face& face : turned.faces) std::rotate(face.begin(), face.begin() + 1, face.end());
+  const Result one = run(mesh, jones(), 1), other = run(turned, jones(), 3);
+  EXPECT_EQ(std::memcmp(one.points.data(), other.points.data(), one.points.size() * sizeof(Point)), 0);
+  const shapes::Points parts = run(meshes::unwelded(mesh), jones(), 2).points;
+  std::size_t at = 0;
+  for (const Face& face : mesh.faces)
+    for (const std::uint32_t corner : face)
+      ASSERT_EQ(std::memcmp(&one.points[corner], &parts[at++], sizeof(Point)), 0) << "point " << at - 1;
+}
+
 TEST(Fleishman, what_cannot_be_is_said_in_one_line) {
   const auto expect_error = [](Params params, const std::string& text) {
     try {
@@ -229,6 +323,8 @@ TEST(Fleishman, what_cannot_be_is_said_in_one_line) {
   Params as_cloud = fleishman(1);
   as_cloud.connectivity = Connectivity::points;
   expect_error(as_cloud, "add --connectivity mesh");
+  as_cloud.method = Method::jones;
+  expect_error(as_cloud, "--method jones reads faces");
   Params in_radii = fleishman(1);
   in_radii.closeness_sigma = Length(0.5, Length::Unit::radius);
   expect_error(in_radii, "other than r");
