@@ -1,15 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Meshes with known truth, noise on their vertices, and what pointfair and peers leave of it.
 
-    python bench/meshes.py build/bin/pointfair [--noise .1 .3 .5] [--methods NAME ...] [--peers]
+    python bench/meshes.py build/bin/pointfair [--noise .1 .3 .5] [--kind white correlated] [--methods NAME ...] [--peers]
 
-Noise is white, of a standard deviation in mean edge lengths on each axis. One row for each mesh, noise and method:
+Noise has a standard deviation in mean edge lengths on each axis. It is white, or correlated: white noise averaged over
+the rings of vertices four times. One row for each mesh, noise and method:
 distance   mean distance of the vertices to the true surface, in mean edges
 normals    mean angle between faces' normals and the true ones, degrees
 folds      faces whose normal is more than 90 degrees off the true one
 volume     over that of the mesh without noise; - for open meshes
 pymeshlab, trimesh and open3d are compared where they are installed, with --peers. --table prints one row for each mesh
-and noise instead, with distance, normals and folds of each method.
+and noise instead, with distance, normals and folds of each method; --summary the means over all meshes, and on how many
+meshes each peer and the default method along the mesh have the least distance and the least angle.
 """
 import argparse
 import pathlib
@@ -29,6 +31,8 @@ POINTFAIR = {  # arguments of pointfair run
     "mesh implicit": ["--connectivity", "mesh", "--method", "implicit"],
     "mesh, 2 rings": ["--connectivity", "mesh", "--rings", "2"],
     "mesh mollified": ["--connectivity", "mesh", "--method", "mollified"],
+    "mesh fleishman": ["--connectivity", "mesh", "--method", "fleishman"],
+    "mesh jones": ["--connectivity", "mesh", "--method", "jones"],
 }
 
 
@@ -154,8 +158,92 @@ def open_sheet():
     return np.c_[np.cos(angle), np.sin(angle), z], grid(120, 100)[:, ::-1], truth
 
 
+def uneven_sphere():
+    """Vertices three times as dense at one pole as at the other."""
+    points, faces, truth = sphere()
+    height = points[:, 2]
+    moved = np.c_[points[:, :2], height + 0.45 * (1 - height**2)]
+    return moved / np.linalg.norm(moved, axis=1)[:, None], faces, truth
+
+
+def torus_of_quads():
+    points, _, truth = torus()
+    return points, grid(200, 80, True, True, quads=True)[:, ::-1], truth
+
+
+def wedge():
+    """The sides of a prism over a hexagon that is not convex: sharp edges, flat faces, steps of two lengths."""
+    corners = np.array([[0, 0], [2.0, 0], [2.0, 0.7], [0.8, 0.7], [0.8, 1.6], [0, 1.6]])
+    side = np.concatenate([a + (b - a) * np.linspace(0, 1, int(30 * np.linalg.norm(b - a)), endpoint=False)[:, None]
+                           for a, b in zip(corners, np.roll(corners, -1, 0))])
+    levels = np.concatenate([np.linspace(0, 0.3, 14, endpoint=False), np.linspace(0.3, 1.2, 21)])
+    points = np.concatenate([np.c_[side, np.full(len(side), z)] for z in levels])
+    faces = grid(len(levels), len(side), wrap_columns=True)
+
+    def truth(p):
+        best, normal = np.full(len(p), np.inf), np.zeros((len(p), 3))
+        for a, b in zip(corners, np.roll(corners, -1, 0)):
+            t = np.clip(((p[:, :2] - a) @ (b - a)) / ((b - a) @ (b - a)), 0, 1)
+            offset = p[:, :2] - (a + t[:, None] * (b - a))
+            length = np.linalg.norm(offset, axis=1)
+            nearer = length < best
+            best[nearer] = length[nearer]
+            out = np.array([(b - a)[1], -(b - a)[0], 0]) / np.linalg.norm(b - a)
+            normal[nearer] = out
+        return best, normal
+    return points, faces, truth
+
+
+def relief_with_holes():
+    """Triangles, of which those in nine discs are missing."""
+    points, faces, truth = relief()
+    faces = triangles_of(faces)
+    middle = points[faces].mean(axis=1)
+    holes = [(x, y) for x in (-0.6, 0, 0.6) for y in (-0.6, 0, 0.6)]
+    kept = np.all([np.hypot(middle[:, 0] - x, middle[:, 1] - y) > 0.12 for x, y in holes], axis=0)
+    used, number = np.unique(faces[kept], return_inverse=True)
+    return points[used], number.reshape(-1, 3), truth
+
+
+def photogrammetry():
+    """Irregular triangles over the relief, in charts of a texture: vertices are repeated along their seams."""
+    n, random = 100, np.random.default_rng(7)
+    t = np.linspace(-1, 1, n)
+    u, v = (m.ravel() for m in np.meshgrid(t, t, indexing="ij"))
+    inside = (np.abs(u) < 1) & (np.abs(v) < 1)
+    u, v = u + inside * random.uniform(-0.22, 0.22, len(u)) * 2 / n, v + inside * random.uniform(-0.22, 0.22, len(v)) * 2 / n
+    quads = grid(n, n, quads=True)[:, ::-1]
+    turned = random.random(len(quads)) < 0.5
+    faces = np.concatenate([quads[turned][:, [0, 1, 2]], quads[turned][:, [0, 2, 3]], quads[~turned][:, [0, 1, 3]],
+                            quads[~turned][:, [1, 2, 3]]])
+    points = np.c_[u, v, height(u, v)]
+    middle = points[faces].mean(axis=1)
+    chart = np.floor(2 * (middle[:, 0] + 1)) * 4 + np.floor(2 * (middle[:, 1] + 1))
+    own, number = np.unique(faces + len(points) * chart[:, None].astype(int), return_inverse=True)
+    return points[own % len(points)], number.reshape(-1, 3), relief()[2]
+
+
 MESHES = {"sphere": sphere, "torus": torus, "rounded box": rounded_box, "sharp box": sharp_box, "relief, quads": relief,
-          "open sheet": open_sheet, "two sheets": two_sheets}
+          "open sheet": open_sheet, "two sheets": two_sheets, "uneven sphere": uneven_sphere, "torus, quads": torus_of_quads,
+          "wedge": wedge, "relief with holes": relief_with_holes, "photogrammetry": photogrammetry}
+
+
+# --- noise -----------------------------------------------------------------------------------------------------------
+def noise_of(points, faces, sigma, kind):
+    """Points at one place have the same."""
+    places, vertex = np.unique(points, axis=0, return_inverse=True)
+    vertex = vertex.reshape(-1)
+    random = np.random.default_rng(1)
+    if kind == "white":
+        return random.normal(0, sigma, points.shape)[np.unique(vertex, return_index=True)[1]][vertex]
+    noise = random.normal(0, 1, places.shape)
+    sides = np.stack([faces, np.roll(faces, 1, 1)], -1).reshape(-1, 2)
+    sides = vertex[np.concatenate([sides, sides[:, ::-1]])]
+    count = np.bincount(sides[:, 0], minlength=len(places)) + 1.0
+    for _ in range(4):
+        noise = np.stack([(noise[:, axis] + np.bincount(sides[:, 0], noise[sides[:, 1], axis], len(places))) / count
+                          for axis in range(3)], -1)
+    return (sigma * noise / noise.std())[vertex]
 
 
 # --- files -----------------------------------------------------------------------------------------------------------
@@ -265,14 +353,36 @@ def print_table(rows, methods):
         print(f"| {mesh} | {noise} | " + " | ".join(cells[method] for method in methods) + " |")
 
 
+def print_summary(rows):
+    """Means over the meshes; 1000 edges or 180 degrees stand for a result that is not finite."""
+    noises, methods = (list(dict.fromkeys(row[i] for row in rows)) for i in (1, 2))
+    print("| method | " + " | ".join(str(noise) for noise in noises) + " |\n|---|" + "---|" * len(noises))
+    for method in methods:
+        cells = []
+        for noise in noises:
+            its = np.array([row[3:6] for row in rows if row[1:3] == (noise, method)], float)
+            its = np.where(np.isfinite(its), its, [1000, 180, 0])
+            cells.append(f"{its[:, 0].mean():.3f} {its[:, 1].mean():.1f} {its[:, 2].mean():.0f}".replace("0.", ".", 1))
+        print(f"| {method} | " + " | ".join(cells) + " |")
+    cases = list(dict.fromkeys(row[:2] for row in rows))
+    rivals = [row for row in rows if row[2] == "mesh" or (row[2] not in POINTFAIR and row[2] != "noisy")]
+    for at, name in ((3, "distance"), (4, "normals")):
+        for noise in noises:
+            best = [min((row for row in rivals if row[:2] == case and np.isfinite(row[at])), key=lambda row: row[at])[2]
+                    for case in cases if case[1] == noise]
+            print(f"least {name} at {noise}: " + ", ".join(f"{method} {best.count(method)}" for method in dict.fromkeys(best)))
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("program")
     parser.add_argument("--noise", type=float, nargs="+", default=[0.1, 0.3, 0.5])
+    parser.add_argument("--kind", nargs="+", choices=["white", "correlated"], default=["white"])
     parser.add_argument("--methods", nargs="+", choices=list(POINTFAIR), default=list(POINTFAIR))
     parser.add_argument("--meshes", nargs="+", choices=list(MESHES), default=list(MESHES))
     parser.add_argument("--peers", action="store_true")
     parser.add_argument("--table", action="store_true")
+    parser.add_argument("--summary", action="store_true")
     options = parser.parse_args()
     rows, peers = [], {}
     for load in (pymeshlab_peers, trimesh_peers, open3d_peers) if options.peers else ():
@@ -280,15 +390,16 @@ def main():
             peers.update(load())
         except ImportError as error:
             print(f"{error.name} is not installed")
-    if not options.table:
+    if not options.table and not options.summary:
         print("| mesh | noise | method | distance | normals | folds | volume |\n|---|---|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         for mesh in options.meshes:
             clean, faces, truth = MESHES[mesh]()
             edge = mean_edge(clean, faces)
-            for noise in options.noise:
-                noisy = clean + np.random.default_rng(1).normal(0, noise * edge, clean.shape)
+            for noise, kind in [(noise, kind) for kind in options.kind for noise in options.noise]:
+                noisy = clean + noise_of(clean, faces, noise * edge, kind)
+                told = noise if kind == "white" else f"{noise}, {kind}"
                 results = {"noisy": noisy}
                 for method in options.methods:
                     results[method] = with_pointfair(options.program, POINTFAIR[method], noisy, faces, folder)[0]
@@ -296,12 +407,14 @@ def main():
                     results[peer] = run(noisy, faces)
                 for method, points in results.items():
                     distance, normals, folds, size = measure(points, clean, faces, truth, edge)
-                    rows.append((mesh, noise, method, distance, normals, folds, size))
-                    if options.table:
+                    rows.append((mesh, told, method, distance, normals, folds, size))
+                    if options.table or options.summary:
                         continue
-                    print(f"| {mesh} | {noise} | {method} | {distance:.4f} | {normals:.2f} | {folds} | {size} |", flush=True)
+                    print(f"| {mesh} | {told} | {method} | {distance:.4f} | {normals:.2f} | {folds} | {size} |", flush=True)
     if options.table:
         print_table(rows, list(dict.fromkeys(row[2] for row in rows)))
+    if options.summary:
+        print_summary(rows)
 
 
 if __name__ == "__main__":

@@ -29,6 +29,18 @@ std::string line(std::string_view name, double value, double diagonal) {
   return fmt::format("{:<10}{:<12.6g}{}\n", name, value, percent);
 }
 
+std::string faces_text(const FaceComparison& faces, double diagonal) {
+  std::string text = fmt::format("{} faces against those of the mesh\n", faces.faces);
+  fmt::format_to(std::back_inserter(text), "{:<10}{:.3f} degrees\n{:<10}{}\n", "normals", faces.normal_error, "folded",
+                 faces.folded);
+  text += line("back mean", faces.back.mean, diagonal);
+  text += line("back max", faces.back.max, diagonal);
+  if (faces.volume && faces.reference)
+    fmt::format_to(std::back_inserter(text), "{:<10}{:<12.6g}  {:.4f} %\n", "volume", *faces.volume,
+                   100 * *faces.volume / *faces.reference);
+  return text;
+}
+
 std::string comparison_text(const Comparison& comparison) {
   const double diagonal = comparison.diagonal;
   std::string text = fmt::format("{} points against a {}, diagonal {:.6g}\n", comparison.points,
@@ -45,7 +57,18 @@ std::string comparison_text(const Comparison& comparison) {
   if (comparison.normal_error) {
     fmt::format_to(std::back_inserter(text), "{:<10}{:.3f} degrees\n", "normals", *comparison.normal_error);
   }
+  if (comparison.faces) text += faces_text(*comparison.faces, diagonal);
   return text;
+}
+
+Json faces_json(const FaceComparison& faces) {
+  const auto or_null = [](const std::optional<double>& value) { return value ? Json(*value) : Json(); };
+  return {{"faces", faces.faces},
+          {"folded", faces.folded},
+          {"normal_error", faces.normal_error},
+          {"back", statistics_json(faces.back)},
+          {"volume", or_null(faces.volume)},
+          {"reference_volume", or_null(faces.reference)}};
 }
 
 Json comparison_json(const Comparison& comparison) {
@@ -55,6 +78,7 @@ Json comparison_json(const Comparison& comparison) {
   json["edge_rms"] = comparison.edge_rms ? Json(*comparison.edge_rms) : Json();
   json["edge_points"] = comparison.edge_points;
   json["normal_error"] = comparison.normal_error ? Json(*comparison.normal_error) : Json();
+  json["faces"] = comparison.faces ? faces_json(*comparison.faces) : Json();
   return json;
 }
 
@@ -104,6 +128,11 @@ Verb add_compare(CLI::App& app) {
       "Distances are in the file's unit and in % of the diagonal of B's bounding box. chamfer is the mean squared\n"
       "distance to the nearest point from A to B plus that from B to A, where B's bounding sphere has radius 1.\n"
       "normal_error is the mean angle in degrees to the normal of the nearest face, without its sign.\n"
+      "Where A has faces too, and B is taken as a mesh: the mean angle between the faces' normals and B's, folded "
+      "faces\n"
+      "(by more than 90 degrees), the distances of B's vertices to A's faces, and the volume in % of B's where both "
+      "are\n"
+      "closed. Faces of the same corners are compared with each other, others with the nearest face of B.\n"
       "Options of the input are for A, and for B if its name has the same extension.");
   return {&command, [arguments](std::stop_token) { compare(*arguments); }};
 }

@@ -16,8 +16,6 @@
 namespace pointfair::cli {
 namespace {
 
-using Faces = std::vector<std::array<std::uint32_t, 3>>;
-
 // All measuring happens where B's bounding sphere, as the standard test set defines it (the centre of its bounding box,
 // the largest distance to it), is the unit sphere, whatever the files' units.
 struct Frame {
@@ -101,16 +99,6 @@ double mean(const std::vector<double>& values) {
   return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
 }
 
-std::vector<Triangle> finite_triangles(const std::vector<Vec3>& vertices, const Faces& faces) {
-  std::vector<Triangle> result;
-  for (const auto& [a, b, c] : faces) {
-    if (is_finite(vertices[a]) && is_finite(vertices[b]) && is_finite(vertices[c])) {
-      result.push_back({vertices[a], vertices[b], vertices[c]});
-    }
-  }
-  return result;
-}
-
 // Squared distance and foot of every point; the feet decide which points lie near an edge.
 std::vector<double> measure_surface(const std::vector<Vec3>& points, const Surface& surface, std::vector<Foot>& feet) {
   feet.resize(points.size());
@@ -180,21 +168,6 @@ struct HalfEdge {
   bool same_edge(const HalfEdge& other) const { return low == other.low && high == other.high; }
 };
 
-// For every vertex the first of those at its place.
-std::vector<std::uint32_t> weld(std::span<const Vec3> vertices) {
-  const auto key = [&](std::uint32_t i) { return std::array{vertices[i].x, vertices[i].y, vertices[i].z}; };
-  std::vector<std::uint32_t> order(vertices.size()), first(vertices.size());
-  std::iota(order.begin(), order.end(), 0u);
-  std::erase_if(order, [&](std::uint32_t i) { return !is_finite(vertices[i]); });
-  std::sort(order.begin(), order.end(),
-            [&](std::uint32_t i, std::uint32_t j) { return key(i) != key(j) ? key(i) < key(j) : i < j; });
-  for (std::size_t n = 0; n < order.size(); ++n) {
-    const bool same = n > 0 && key(order[n]) == key(order[n - 1]);
-    first[order[n]] = same ? first[order[n - 1]] : order[n];
-  }
-  return first;
-}
-
 std::vector<HalfEdge> half_edges(std::span<const Vec3> vertices, std::span<const std::array<std::uint32_t, 3>> faces) {
   const std::vector<std::uint32_t> welded = weld(vertices);
   std::vector<HalfEdge> result;
@@ -212,6 +185,14 @@ std::vector<HalfEdge> half_edges(std::span<const Vec3> vertices, std::span<const
   std::sort(result.begin(), result.end(),
             [](const HalfEdge& x, const HalfEdge& y) { return x.low != y.low ? x.low < y.low : x.high < y.high; });
   return result;
+}
+
+FaceComparison in_file_units(FaceComparison faces, const Frame& frame) {
+  const double unit = 1 / frame.scale();
+  for (double* value : {&faces.back.mean, &faces.back.rms, &faces.back.p95, &faces.back.max}) *value *= unit;
+  for (std::optional<double>* volume : {&faces.volume, &faces.reference})
+    if (*volume) **volume *= unit * unit * unit;
+  return faces;
 }
 
 }  // namespace
@@ -241,7 +222,7 @@ Comparison compare_clouds(const Cloud& a, const Cloud& b, const CompareOptions& 
     if (points->empty())
       throw Error(ErrorKind::file, *name + ": has no finite point, so there is no distance; choose another file");
 
-  const Faces faces = options.as_cloud ? Faces() : triangles(b);
+  const Polygons faces = options.as_cloud ? Polygons() : polygons(b);
   const std::vector<Triangle> mesh = finite_triangles(vertices, faces);
   if ((options.edge_degrees || options.normal_neighbors) && mesh.empty()) {
     throw Error(ErrorKind::usage, std::string(options.edge_degrees ? "--edges" : "--normals") +
@@ -255,10 +236,13 @@ Comparison compare_clouds(const Cloud& a, const Cloud& b, const CompareOptions& 
   result.chamfer = mean(squared) + mean(squared_distances(to, from));
   if (result.mesh) {
     std::vector<Foot> feet;
-    squared = measure_surface(from, Surface(mesh), feet);
+    const Surface surface(mesh);
+    squared = measure_surface(from, surface, feet);
     if (options.edge_degrees) {
-      measure_edges(squared, feet, sharp_edges(vertices, faces, *options.edge_degrees), frame, result);
+      measure_edges(squared, feet, sharp_edges(vertices, triangles(b), *options.edge_degrees), frame, result);
     }
+    if (const Polygons own = polygons(a); own.size() > 0)
+      result.faces = in_file_units(compare_faces(places(a, frame), own, vertices, faces, surface), frame);
     if (options.normal_neighbors) {
       result.normal_error =
           mean_normal_error(a, plane_normals(a, *options.normal_neighbors, options.threads), feet, mesh);

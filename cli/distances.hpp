@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "mesh_distances.hpp"
 #include "pointfair/cloud.hpp"
 #include "statistics.hpp"
 #include "surface.hpp"
@@ -31,8 +32,9 @@ struct Comparison {
   Statistics distance;       ///< of A's points to B
   double chamfer = 0;        ///< squared, both ways, where B's bounding sphere has radius 1
   std::optional<double> edge_rms;
-  std::uint64_t edge_points = 0;       ///< points that edge_rms is about
-  std::optional<double> normal_error;  ///< mean angle to the nearest face's normal, signs left out, degrees
+  std::uint64_t edge_points = 0;        ///< points that edge_rms is about
+  std::optional<double> normal_error;   ///< mean angle to the nearest face's normal, signs left out, degrees
+  std::optional<FaceComparison> faces;  ///< where both are meshes, and B was taken as one
 };
 
 /// Throws ErrorKind::file where there is nothing to measure, ErrorKind::usage for edges or normals of a cloud.

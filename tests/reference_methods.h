@@ -135,7 +135,9 @@ inline std::vector<Vec> displacements(const Surroundings& s) {
   switch (s.settings.method) {
     case Method::bilateral:
     case Method::learned:
-    case Method::implicit:  // test_implicit.cpp
+    case Method::implicit:   // test_implicit.cpp
+    case Method::fleishman:  // test_mesh_methods.cpp
+    case Method::jones:      // the same
       break;
     case Method::laplacian:
       each(result, [&](std::size_t i) { return step * umbrella(s, i); });

@@ -71,6 +71,19 @@ std::vector<std::uint32_t> own_vertices(const Mesh& mesh) {
   return vertex;
 }
 
+const ForEach one_after_the_other = [](std::size_t count, const std::function<void(std::size_t)>& body) {
+  for (std::size_t i = 0; i < count; ++i) body(i);
+};
+
+OrderedFaces faces_of(const Mesh& mesh) {
+  return OrderedFaces(mesh.points, vertices_of(mesh.points, one_after_the_other), meshes::polygons_of(mesh.faces),
+                      one_after_the_other);
+}
+
+std::vector<std::uint8_t> folded_of(const OrderedFaces& faces, const Points& points) {
+  return Folds(faces, points, one_after_the_other).folded();
+}
+
 // Of a face of `faces`, as the mesh has it.
 Face as_given(std::span<const std::uint32_t> corners, const Mesh& mesh) {
   const std::set<std::uint32_t> wanted(corners.begin(), corners.end());
@@ -82,8 +95,8 @@ Face as_given(std::span<const std::uint32_t> corners, const Mesh& mesh) {
 TEST(Folds, are_faces_turned_from_those_around_them) {
   for (const Sides sides : {Sides::triangles, Sides::quads, Sides::mixed}) {
     const Mesh mesh = noisy(24, sides, 0.45);
-    const OrderedFaces faces(mesh.points, own_vertices(mesh), meshes::polygons_of(mesh.faces));
-    const std::vector<std::uint8_t> folded = faces.folded(mesh.points);
+    const OrderedFaces faces = faces_of(mesh);
+    const std::vector<std::uint8_t> folded = folded_of(faces, mesh.points);
     const std::set<Face> expected = folded_of(mesh);
     EXPECT_GT(expected.size(), 10u);
     std::set<Face> found;
@@ -102,8 +115,7 @@ TEST(Evening, steps_along_the_surface_and_little_across) {
   const std::uint32_t v = 4 * 9 + 4;
   stays[v] = 0;
   Points moved = mesh.points;
-  even_out(OrderedFaces(mesh.points, own_vertices(mesh), meshes::polygons_of(mesh.faces)), own_vertices(mesh), stays,
-           share, sigma, moved);
+  even_out(faces_of(mesh), own_vertices(mesh), stays, share, sigma, moved, one_after_the_other);
   Points expected = mesh.points;
   double e = 0;
   for (int round = 0; round < 5; ++round) {
@@ -135,8 +147,7 @@ TEST(Evening, no_vertex_goes_farther_than_three_sigma) {
   const Mesh mesh = noisy(10, Sides::triangles, 0.5);
   const std::vector<std::uint8_t> stays(mesh.points.size(), 0);
   Points moved = mesh.points;
-  even_out(OrderedFaces(mesh.points, own_vertices(mesh), meshes::polygons_of(mesh.faces)), own_vertices(mesh), stays, 1,
-           0.01, moved);
+  even_out(faces_of(mesh), own_vertices(mesh), stays, 1, 0.01, moved, one_after_the_other);
   double farthest = 0;
   for (std::uint32_t i = 0; i < moved.size(); ++i)
     farthest = std::max(farthest, (at(moved, i) - at(mesh.points, i)).norm());
@@ -146,13 +157,15 @@ TEST(Evening, no_vertex_goes_farther_than_three_sigma) {
 
 TEST(Unfold, halves_steps_until_no_face_is_folded_that_was_not) {
   const Mesh before = noisy(20, Sides::triangles, 0.1), after = noisy(20, Sides::triangles, 0.5, 77);
-  const OrderedFaces faces(before.points, own_vertices(before), meshes::polygons_of(before.faces));
-  const std::vector<std::uint8_t> at_first = faces.folded(before.points);
+  const OrderedFaces faces = faces_of(before);
+  const std::vector<std::uint8_t> at_first = folded_of(faces, before.points);
   Points points = after.points;
-  const std::vector<std::uint8_t> left = unfold(faces, own_vertices(before), at_first, before.points, points);
-  EXPECT_EQ(left, faces.folded(points));
+  Folds folds(faces, points, one_after_the_other);
+  unfold(folds, own_vertices(before), at_first, before.points, points);
+  const std::vector<std::uint8_t> left = folds.folded();
+  EXPECT_EQ(left, folded_of(faces, points));
   std::size_t folded = 0, whole = 0;
-  for (const std::uint8_t one : faces.folded(after.points)) folded += one;
+  for (const std::uint8_t one : folded_of(faces, after.points)) folded += one;
   EXPECT_GT(folded, 20u);
   for (std::size_t f = 0; f < left.size(); ++f) EXPECT_LE(left[f], at_first[f]);
   for (std::uint32_t i = 0; i < points.size(); ++i) {

@@ -47,7 +47,9 @@ enum class Method : std::uint8_t {
   wiener,
   mollified,
   learned,
-  implicit
+  implicit,
+  fleishman,
+  jones
 };
 /// Of method implicit: the weight of each edge. uniform: 1. scale: 1 / its length. curvature: cotangents on a mesh, a
 /// Gaussian of the length on a cloud. automatic: curvature.
@@ -170,7 +172,7 @@ inline constexpr std::array kParams = {
     ParamInfo{"flat_scale", Stage::normals, &Params::flat_scale, 1, 2, true, "",
               "with --normal-filter on and without --k: factor on the radius where the surface is flat", true},
     ParamInfo{"method", Stage::fairing, &Params::method, 0, 0, false,
-              "bilateral|laplacian|taubin|hc-laplacian|mls|wiener|mollified|learned|implicit",
+              "bilateral|laplacian|taubin|hc-laplacian|mls|wiener|mollified|learned|implicit|fleishman|jones",
               "how points move; bilateral keeps edges best, learned refines its result by a net (docs/methods.md)"},
     ParamInfo{"along", Stage::fairing, &Params::along, 0, 0, false, "normal|ray",
               "direction in which points move. ray: towards the sensor or away from it, so that organised clouds keep "
@@ -234,8 +236,12 @@ POINTFAIR_EXPORT std::string param_text(const Params& params, const ParamInfo& i
 
 /// Whether the method moves each point along its normal only. A point without a normal then keeps its place.
 constexpr bool moves_along_normal(Method method) {
-  return method == Method::bilateral || method == Method::mls || method == Method::wiener;
+  return method == Method::bilateral || method == Method::mls || method == Method::wiener ||
+         method == Method::fleishman;
 }
+
+/// Whether the method is defined on the faces of a mesh alone, and so needs Connectivity::mesh.
+constexpr bool is_of_faces(Method method) { return method == Method::fleishman || method == Method::jones; }
 
 /// Whether the row says something only where neighbours follow the edges of faces (Params::connectivity).
 constexpr bool is_of_meshes(const ParamInfo& info) {

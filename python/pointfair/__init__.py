@@ -8,7 +8,7 @@
 """
 from ._batch import denoise_batch
 from ._cloud import Cloud, read, write
-from ._compare import Comparison, compare
+from ._compare import Comparison, FaceComparison, compare
 from ._denoise import denoise, devices, estimate
 from ._depth import denoise_depth
 from ._errors import DeviceError, Error, FileError, OutOfMemory, UsageError
@@ -22,8 +22,8 @@ from ._values import Parameter
 __version__ = _version()
 
 __all__ = [
-    "Cloud", "Comparison", "DeviceError", "DeviceInfo", "DeviceStatus", "Error", "Estimates", "FileError", "Mesh",
-    "OutOfMemory",
+    "Cloud", "Comparison", "DeviceError", "DeviceInfo", "DeviceStatus", "Error", "Estimates", "FaceComparison",
+    "FileError", "Mesh", "OutOfMemory",
     "PARAMETERS", "ParamArguments", "Parameter", "Params", "Pipeline", "Report", "Solver", "Stage", "Unmoved",
     "UsageError",
     "__version__", "compare", "denoise", "denoise_batch", "denoise_depth", "devices", "estimate",

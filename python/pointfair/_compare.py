@@ -13,6 +13,29 @@ from ._values import as_threads
 
 
 @dataclasses.dataclass(frozen=True)
+class FaceComparison:
+    """How the faces of mesh A differ from mesh B, in the unit of the coordinates. Where both have the same faces, each is
+    compared with its own, else with the nearest one of B."""
+
+    faces: int
+    """Number of faces of A that have an area."""
+    folded: int
+    """How many of them are turned by more than 90 degrees from B's."""
+    normal_error: float
+    """Mean angle between the normals of A's and of B's faces, in degrees."""
+    back_mean: float
+    """Mean distance of B's vertices to A's faces."""
+    back_rms: float
+    """Root mean square of those."""
+    back_max: float
+    """The largest of those."""
+    volume: float | None
+    """Of A; None if it is not closed."""
+    reference_volume: float | None
+    """Of B."""
+
+
+@dataclasses.dataclass(frozen=True)
 class Comparison:
     """Distances of cloud A to cloud or mesh B, in the unit of the coordinates."""
 
@@ -36,6 +59,8 @@ class Comparison:
     """Number of those points."""
     normal_error: float | None
     """Mean angle to the normal of the nearest face in degrees; None without `normals`."""
+    faces: FaceComparison | None
+    """Where both are meshes; else None."""
 
 
 def compare(a: Any, b: Any, *, as_cloud: bool = False, edges: float | None = None, normals: int | None = None,
@@ -65,7 +90,11 @@ def compare(a: Any, b: Any, *, as_cloud: bool = False, edges: float | None = Non
         message = done.stderr.strip().splitlines()[-1:] or ["no reason given"]
         kind = {2: UsageError, 3: FileError}.get(done.returncode, Error)
         raise kind(_in_python(message[0].removeprefix("pointfair: ").removeprefix("error: ")))
-    return Comparison(**json.loads(done.stdout))
+    found = json.loads(done.stdout)
+    if (faces := found["faces"]) is not None:
+        back = faces.pop("back")
+        found["faces"] = FaceComparison(**faces, **{f"back_{name}": back[name] for name in ("mean", "rms", "max")})
+    return Comparison(**found)
 
 
 def _in_python(message: str) -> str:

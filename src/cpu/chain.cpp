@@ -3,12 +3,15 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <limits>
 #include <vector>
 
 #include "cpu/constrained.h"
+#include "cpu/facets.h"
 #include "cpu/implicit.h"
 #include "cpu/parallel.h"
+#include "cpu/weighted_graph.h"
 #include "seam/noise_levels.hpp"
 #include "seam/rules.hpp"
 
@@ -55,8 +58,7 @@ void Chain::release_small_results() {
 }
 
 Neighborhoods Chain::neighborhoods() const {
-  const bool within_radius = neighbors_.mesh && !by_list();
-  return {{within_radius ? kMaxNeighbors : neighbors_.k, stored_k_, lists_.data(), mesh_lists_.leaves(), within_radius},
+  return {{neighbors_.k, stored_k_, lists_.data(), mesh_lists_.rings(), mesh_lists_.balls()},
           {squared_radius_.data(), neighbors_.radius * neighbors_.radius, neighbors_.min_neighbors,
            neighbors_.radius_follows ? squared_levels() : nullptr, nullptr, squared_widest(neighbors_)}};
 }
@@ -106,11 +108,10 @@ void Chain::find_neighbors(const NeighborSettings& settings, const Kernels& kern
   measure_levels(stop);
   if (!by_list()) {
     measure_radii(kernels, stop);
-  } else if (neighbors_.mesh) {
-    measure_areas(kernels, stop);
-  } else {
+  } else if (!neighbors_.mesh) {
     find_lists(kernels, stop);
   }
+  has_areas_ = !by_list() || !neighbors_.mesh;
   if (neighbors_.mesh) mesh_lists_.find(index_.view(), neighbors_, neighborhoods().radii, stop);
   count_short(stop);
   has_lists_ = true;
@@ -144,8 +145,9 @@ void Chain::find_lists(const Kernels& kernels, const std::stop_token& stop) {
   });
 }
 
-// Of W_a, which knows no mesh.
+// Of W_a, which knows no mesh: along one it is the only reader of what lies nearest.
 void Chain::measure_areas(const Kernels& kernels, const std::stop_token& stop) {
+  has_areas_ = true;
   const IndexView index = index_.view();
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     Index nearest[point::kAreaNeighbors * kLeafSize];
@@ -208,8 +210,18 @@ void Chain::measure_radii(const Kernels& kernels, const std::stop_token& stop) {
 
 void Chain::estimate_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop) {
   normal_settings_ = settings;
+  for (Buffer<float>* axis : {&normal_x_, &normal_y_, &normal_z_})
+    axis->resize(std::size_t(index_.view().leaves) * kLeafSize);
+  if (settings.faces) {
+    face_normals(*settings.faces, stop);
+  } else {
+    plane_normals(settings, kernels, stop);
+  }
+  filter_normals(settings, kernels, stop);
+}
+
+void Chain::plane_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop) {
   const IndexView index = index_.view();
-  for (Buffer<float>* axis : {&normal_x_, &normal_y_, &normal_z_}) axis->resize(std::size_t(index.leaves) * kLeafSize);
   const VectorsOut out{normal_x_.data(), normal_y_.data(), normal_z_.data()};
   std::atomic<std::uint64_t> too_few = 0, no_normal = 0;
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
@@ -232,7 +244,47 @@ void Chain::estimate_normals(const NormalSettings& settings, const Kernels& kern
   });
   counts_.unmoved.too_few_neighbors = too_few;
   counts_.unmoved.no_normal = no_normal;
-  filter_normals(settings, kernels, stop);
+}
+
+// A face that has lost a corner does not count; a vertex of no face has too few neighbours.
+void Chain::face_normals(const MeshFaces& faces, const std::stop_token& stop) {
+  using Vec = point::Vec3<double>;
+  const IndexView index = index_.view();
+  const std::vector<Index> at = sorted_positions(index, neighbors_.mesh->vertex.size());
+  const auto normal_of = [&](std::uint32_t face) {  // twice the area long
+    const auto corners = faces.of(face);
+    const auto place = [&](std::size_t c) {
+      const Index i = at[corners[c]];
+      return Vec{index.x[i], index.y[i], index.z[i]};
+    };
+    Vec sum{};
+    if (std::any_of(corners.begin(), corners.end(), [&](std::uint32_t c) { return at[c] == point::kNoNeighbor; }))
+      return sum;
+    for (std::size_t c = 2; c < corners.size(); ++c) sum = sum + cross(place(c - 1) - place(0), place(c) - place(0));
+    return sum;
+  };
+  std::atomic<std::uint64_t> too_few = 0, no_normal = 0;
+  for_blocks(normal_x_.size(), kLeavesABlock * kLeafSize, stop, [&](std::size_t first, std::size_t last, std::size_t) {
+    for (std::size_t i = first; i < last; ++i) {
+      if (i >= index.points) {
+        normal_x_[i] = normal_y_[i] = normal_z_[i] = 0;
+        continue;
+      }
+      const auto around = faces.around(neighbors_.mesh->vertex[index.original[i]]);
+      Vec sum{};
+      for (const std::uint32_t face : around) sum = sum + normal_of(face);
+      const double length = std::sqrt(point::squared_length(sum));
+      const Vec unit = length > 0 ? (1 / length) * sum : Vec{};
+      normal_x_[i] = float(unit.x), normal_y_[i] = float(unit.y), normal_z_[i] = float(unit.z);
+      if (around.empty()) {
+        ++too_few;
+      } else if (!(length > 0)) {
+        ++no_normal;
+      }
+    }
+  });
+  counts_.unmoved.too_few_neighbors = too_few;
+  counts_.unmoved.no_normal = no_normal;
 }
 
 void Chain::filter_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop) {
@@ -262,8 +314,13 @@ void Chain::fair(const FairingSettings& settings, const Kernels& kernels, const 
   faired_.resize(std::size_t(index_.view().leaves) * kLeafSize);
   solver_ = {};
   counts_.unmoved.boundary = 0;
+  if (area.power != 0 && !has_areas_) measure_areas(kernels, stop);
   if (settings.method == Method::implicit) {
     solver_ = fair_at_once(settings, stop);
+  } else if (settings.method == Method::jones) {
+    const IndexView index = index_.view();
+    fair_by_facets({index, neighborhoods().lists, *neighbors_.mesh, *settings.faces}, settings,
+                   {faired_.data(), index.points}, stop);
   } else if (settings.method == Method::bilateral) {
     fair_bilaterally(settings, area, kernels, stop);
   } else {

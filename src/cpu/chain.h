@@ -56,6 +56,8 @@ class Chain {
   void keep_boundary(const MeshEdges& mesh, const std::stop_token& stop);
   void find_lists(const Kernels& kernels, const std::stop_token& stop);
   void measure_radii(const Kernels& kernels, const std::stop_token& stop);
+  void plane_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop);
+  void face_normals(const MeshFaces& faces, const std::stop_token& stop);
   void filter_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop);
   void fair_bilaterally(const FairingSettings& settings, AreaView area, const Kernels& kernels,
                         const std::stop_token& stop);
@@ -79,6 +81,7 @@ class Chain {
   FairingSettings fairing_settings_;
   int stored_k_ = 0;        // length of the stored lists; a smaller k is a prefix of them
   bool has_lists_ = false;  // of the present index
+  bool has_areas_ = false;  // the lengths of W_a, with those
   Counts counts_;
   SolverReport solver_;
 };

@@ -50,29 +50,36 @@ POINTFAIR_INLINE point::Vec3<float> low_corner(const BoxGroup& group, int child)
   return {group.min_x[child], group.min_y[child], group.min_z[child]};
 }
 
-// The lists of one leaf: list[slot * 16 + lane], sorted positions, kNoNeighbor at the end; nearest first but for balls
-// along a mesh.
+// The lists of one leaf: list[slot * 16 + lane], sorted positions, kNoNeighbor at the end; nearest first.
 struct LeafLists {
   const Index* list;
   int k;
-  int near = 0;  // of balls: slots that hold all within each point's radius, before it grows
 };
 
-// A neighbour list per point, as LeafLists at list + leaf * stored * 16; or those of each leaf along a mesh.
+// What edges of a mesh reach from the points of one leaf, in sorted order: bit l of lanes[i] is set where the point at
+// sorted position at[i] belongs to lane l, of near[i] where it also lies within that point's radius before it grows.
+struct LeafBalls {
+  const Index* at;
+  const std::uint16_t *lanes, *near;
+  int count;
+};
+
+// A neighbour list per point, as LeafLists at list + leaf * stored * 16. Along a mesh, those of each leaf, or balls of
+// each leaf; null: there are none.
 struct NeighborView {
   int k;       // entries to use
   int stored;  // entries a point that the lists hold, at least k
   const Index* list;
-  const LeafLists* along_mesh = nullptr;  // null: there is no mesh
-  bool within_radius = false;             // of them, those within each point's radius
+  const LeafLists* rings = nullptr;
+  const LeafBalls* balls = nullptr;
 
   POINTFAIR_INLINE LeafLists of_leaf(Index leaf) const {
-    if (along_mesh != nullptr) return along_mesh[leaf];
-    return {list + std::size_t(leaf) * std::size_t(stored) * kLeafSize, k, k};
+    if (rings != nullptr) return rings[leaf];
+    return {list + std::size_t(leaf) * std::size_t(stored) * kLeafSize, k};
   }
 };
 
-// Where the neighbours of a pack come from: lists, or everything within a radius if lists.k is 0.
+// Where the neighbours of a pack come from: balls along a mesh, lists, or everything within a radius if lists.k is 0.
 struct Neighborhoods {
   NeighborView lists;
   point::Radii radii;

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <limits>
 #include <numeric>
 
@@ -64,38 +65,35 @@ class SortedEdges {
   std::vector<Index> neighbors_, vertex_;
 };
 
-// The vertices around one, found along edges. Memory: 4 bytes a point.
-class MeshSearch {
- public:
-  MeshSearch(const IndexView& index, const SortedEdges& edges) : index_(index), edges_(edges), seen_(index.points) {}
+// Points that are neighbours of none but lanes of one leaf, at most kMaxNeighbors of each.
+void keep_nearest(const IndexView& index, std::vector<Key>& keys) {
+  std::sort(keys.begin(), keys.end(), [&](Key a, Key b) {
+    return point::precedes(a, b, [&](Index there) { return position_of(index, there); });
+  });
+  keys.resize(std::min(keys.size(), std::size_t(kMaxNeighbors)));
+}
 
-  // Those up to `rings` edges away that lie within `squared_limit`.
-  void find_rings(Index at, int rings, float squared_limit) {
+// The vertices around one, found along edges. Memory: 4 bytes a point.
+class RingSearch {
+ public:
+  RingSearch(const IndexView& index, const SortedEdges& edges) : index_(index), edges_(edges), seen_(index.points) {}
+
+  // Those up to `rings` edges away that lie within `squared_limit`, or with 0 rings those that paths reach which stay
+  // within it: at most kMaxNeighbors, nearest first.
+  const std::vector<Key>& find(Index at, int rings, float squared_limit) {
     begin(at);
     std::size_t ring_begin = 0;
     for (int ring = 0; ring < rings; ++ring) {
       const std::size_t ring_end = reached_.size();
-      for (std::size_t i = ring_begin; i < ring_end; ++i) step(i, [](float) { return true; });
+      for (std::size_t i = ring_begin; i < ring_end; ++i) step(i, std::numeric_limits<float>::infinity());
       ring_begin = ring_end;
     }
+    for (std::size_t i = 0; rings == 0 && i < reached_.size(); ++i) step(i, squared_limit);
     reached_.erase(reached_.begin());
     std::erase_if(reached_, [&](Key key) { return !(point::key_squared_distance(key) <= squared_limit); });
-    keep_nearest();
+    keep_nearest(index_, reached_);
+    return reached_;
   }
-  // Those that paths reach which stay within `squared_limit`, of which points with a hash below `share` are listed.
-  // First come those within `squared_near`, which are counted. Their order follows from the index's alone.
-  std::size_t find_ball(Index at, float squared_near, float squared_limit, float share) {
-    begin(at);
-    for (std::size_t i = 0; i < reached_.size(); ++i) step(i, [&](float squared) { return squared <= squared_limit; });
-    reached_.erase(reached_.begin());
-    if (share < 1) std::erase_if(reached_, [&](Key key) { return !(index_.share[point::key_index(key)] < share); });
-    if (reached_.size() > std::size_t(kMaxNeighbors)) keep_nearest();
-    const auto is_near = [&](Key key) { return point::key_squared_distance(key) <= squared_near; };
-    return std::size_t(std::stable_partition(reached_.begin(), reached_.end(), is_near) - reached_.begin());
-  }
-
-  // At most kMaxNeighbors; in rings nearest first.
-  std::span<const Key> found() const { return reached_; }
 
  private:
   void begin(Index at) {
@@ -108,24 +106,16 @@ class MeshSearch {
     reached_.assign(1, point::neighbor_key(0, at));
   }
 
-  template <class MayEnter>
-  void step(std::size_t from, const MayEnter& may_enter) {
+  void step(std::size_t from, float squared_limit) {
     const std::span<const Index> around = edges_.of(point::key_index(reached_[from]));
     if (from > 0 && around.size() > kMostEdges) return;
     for (const Index there : around) {
       if (seen_[there] == round_) continue;
       const float squared = point::squared_length(position_of(index_, there) - here_);
-      if (!may_enter(squared)) continue;
+      if (!(squared <= squared_limit)) continue;
       seen_[there] = round_;
       reached_.push_back(point::neighbor_key(squared, there));
     }
-  }
-
-  void keep_nearest() {
-    std::sort(reached_.begin(), reached_.end(), [&](Key a, Key b) {
-      return point::precedes(a, b, [&](Index there) { return position_of(index_, there); });
-    });
-    reached_.resize(std::min(reached_.size(), std::size_t(kMaxNeighbors)));
   }
 
   const IndexView& index_;
@@ -147,11 +137,208 @@ Ball ball_of(const point::Radii& radii, Index at, float growth) {
   return {own, widest, point::kept_share(radii, level, own, widest)};
 }
 
+// The balls of the points of a leaf at once, since they hold mostly the same vertices: from each vertex, the lanes that
+// reached it go on to those of its neighbours that lie within their limits. Which lanes reach a vertex does not depend
+// on the order of the visits, and that order follows from the index's alone. Memory: 8 bytes a point.
+class BallSearch {
+ public:
+  BallSearch(const IndexView& index, const SortedEdges& edges) : index_(index), edges_(edges), marks_(index.points) {}
+
+  struct Reached {
+    Index at;
+    std::uint16_t lanes = 0;      // that reached it
+    std::uint16_t within = 0;     // whose limit holds it
+    std::uint16_t near = 0;       // whose radius holds it, before it grows
+    std::uint16_t unchanged = 0;  // those of `lanes` that have gone on from here
+    std::uint16_t own = 0;        // whose vertex it is
+  };
+
+  // What the leaf's points reach, in sorted order.
+  const std::vector<Reached>& find(Index leaf, const point::Radii& radii, float growth) {
+    begin(leaf, radii, growth);
+    for (Index lane = 0; lane < kLeafSize; ++lane)
+      if (const Index at = leaf * kLeafSize + lane; at < index_.points)
+        for (const Index there : edges_.of(at)) enter(there, std::uint16_t(1u << lane));
+    for (std::size_t next = 0; next < waiting_.size(); ++next) go_on(waiting_[next]);
+    for (Reached& its : reached_) its.lanes &= std::uint16_t(~its.own);
+    thin();
+    if (reached_.size() > std::size_t(kMaxNeighbors)) keep_nearest_of_lanes();
+    std::erase_if(reached_, [](const Reached& its) { return its.lanes == 0; });
+    std::sort(reached_.begin(), reached_.end(), [](const Reached& a, const Reached& b) { return a.at < b.at; });
+    return reached_;
+  }
+
+ private:
+  static constexpr unsigned kBit[kLeafSize] = {1,      1 << 1, 1 << 2,  1 << 3,  1 << 4,  1 << 5,  1 << 6,  1 << 7,
+                                               1 << 8, 1 << 9, 1 << 10, 1 << 11, 1 << 12, 1 << 13, 1 << 14, 1 << 15};
+  struct Mark {
+    std::uint32_t round = 0, place = 0;  // in `reached_`
+  };
+
+  void begin(Index leaf, const point::Radii& radii, float growth) {
+    if (++round_ == 0) {  // the rounds begin again
+      std::fill(marks_.begin(), marks_.end(), Mark{});
+      round_ = 1;
+    }
+    reached_.clear();
+    waiting_.clear();
+    share_.fill(1);
+    squared_near_.fill(-1);
+    squared_limit_.fill(-1);
+    for (Index lane = 0; lane < kLeafSize; ++lane) {
+      const Index at = leaf * kLeafSize + lane;
+      x_[lane] = index_.x[at], y_[lane] = index_.y[at], z_[lane] = index_.z[at];  // NaN beyond the last point
+      if (at >= index_.points) continue;
+      const Ball ball = ball_of(radii, at, growth);
+      squared_near_[lane] = ball.squared_near, squared_limit_[lane] = ball.squared_limit, share_[lane] = ball.share;
+    }
+    for (Index lane = 0; lane < kLeafSize; ++lane) {
+      const Index at = leaf * kLeafSize + lane;
+      if (at >= index_.points || edges_.vertex_of(at) == point::kNoNeighbor) continue;
+      Reached& its = reached_[place_of(edges_.vertex_of(at))];
+      its.own = std::uint16_t(its.own | 1u << lane);
+      its.lanes = its.unchanged = its.own;  // not to be reached again
+    }
+  }
+
+  std::uint32_t place_of(Index at) {
+    Mark& mark = marks_[at];
+    if (mark.round == round_) return mark.place;
+    mark = {round_, std::uint32_t(reached_.size())};
+    Reached its{at};
+    const float x = index_.x[at], y = index_.y[at], z = index_.z[at];
+    unsigned within = 0, near = 0;
+    for (int lane = 0; lane < kLeafSize; ++lane) {  // without a branch, so that compilers make vectors of it
+      const float squared = point::squared_length(point::Vec3<float>{x - x_[lane], y - y_[lane], z - z_[lane]});
+      within |= squared <= squared_limit_[lane] ? kBit[lane] : 0;
+      near |= squared <= squared_near_[lane] ? kBit[lane] : 0;
+    }
+    its.within = std::uint16_t(within);
+    its.near = std::uint16_t(near);
+    reached_.push_back(its);
+    return mark.place;
+  }
+
+  void enter(Index there, std::uint16_t lanes) {
+    const std::uint32_t place = place_of(there);
+    Reached& its = reached_[place];
+    const unsigned fresh = lanes & its.within & ~unsigned(its.lanes);
+    if (fresh == 0) return;
+    if (its.lanes == its.unchanged) waiting_.push_back(place);
+    its.lanes = std::uint16_t(its.lanes | fresh);
+  }
+
+  void go_on(std::uint32_t place) {
+    const Index at = reached_[place].at;
+    const std::uint16_t lanes = std::uint16_t(reached_[place].lanes & ~reached_[place].unchanged);
+    reached_[place].unchanged = reached_[place].lanes;
+    const std::span<const Index> around = edges_.of(at);
+    if (around.size() > kMostEdges) return;
+    for (const Index there : around) enter(there, lanes);
+  }
+
+  void thin() {
+    for (Index lane = 0; lane < kLeafSize; ++lane) {
+      const float share = share_[lane];
+      if (!(share < 1)) continue;
+      for (Reached& its : reached_)
+        if (!(index_.share[its.at] < share)) its.lanes &= std::uint16_t(~(1u << lane));
+    }
+  }
+
+  void keep_nearest_of_lanes() {
+    for (Index lane = 0; lane < kLeafSize; ++lane) {
+      std::vector<Key> keys;
+      for (const Reached& its : reached_) {
+        if ((its.lanes >> lane & 1) == 0) continue;
+        const point::Vec3<float> offset{index_.x[its.at] - x_[lane], index_.y[its.at] - y_[lane],
+                                        index_.z[its.at] - z_[lane]};
+        keys.push_back(point::neighbor_key(point::squared_length(offset), its.at));
+      }
+      if (keys.size() <= std::size_t(kMaxNeighbors)) continue;
+      keep_nearest(index_, keys);
+      for (Reached& its : reached_) its.lanes &= std::uint16_t(~(1u << lane));
+      for (const Key key : keys) {
+        Reached& its = reached_[marks_[point::key_index(key)].place];
+        its.lanes = std::uint16_t(its.lanes | 1u << lane);
+      }
+    }
+  }
+
+  const IndexView& index_;
+  const SortedEdges& edges_;
+  std::array<float, kLeafSize> x_{}, y_{}, z_{};
+  std::array<float, kLeafSize> squared_near_{}, squared_limit_{}, share_{};
+  std::vector<Mark> marks_;
+  std::uint32_t round_ = 0;
+  std::vector<Reached> reached_;
+  std::vector<std::uint32_t> waiting_;
+};
+
+std::vector<LeafLists> find_rings(const IndexView& index, const NeighborSettings& settings, const SortedEdges& edges,
+                                  std::vector<MeshBlock>& blocks, const std::stop_token& stop) {
+  tbb::enumerable_thread_specific<RingSearch> searches([&] { return RingSearch(index, edges); });
+  const float limit = settings.radius > 0 ? settings.radius * settings.radius : std::numeric_limits<float>::infinity();
+  std::vector<LeafLists> leaves(index.leaves);
+  for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t block) {
+    RingSearch& search = searches.local();
+    std::vector<Index>& lists = blocks[block].at;
+    std::vector<std::size_t> begins;
+    for (std::size_t leaf = first; leaf < last; ++leaf) {
+      begins.push_back(lists.size());
+      for (Index lane = 0; lane < kLeafSize; ++lane) {
+        const Index at = Index(leaf) * kLeafSize + lane;
+        if (at >= index.points) break;
+        const std::vector<Key>& found = search.find(at, settings.rings, limit);
+        const std::size_t room = begins.back() + found.size() * kLeafSize;
+        if (lists.size() < room) lists.resize(room, point::kNoNeighbor);
+        Index* const list = lists.data() + begins.back() + lane;
+        for (std::size_t slot = 0; slot < found.size(); ++slot) list[slot * kLeafSize] = point::key_index(found[slot]);
+      }
+      leaves[leaf].k = int((lists.size() - begins.back()) / kLeafSize);
+    }
+    lists.shrink_to_fit();
+    for (std::size_t leaf = first; leaf < last; ++leaf) leaves[leaf].list = lists.data() + begins[leaf - first];
+  });
+  return leaves;
+}
+
+std::vector<LeafBalls> find_balls(const IndexView& index, const NeighborSettings& settings, const SortedEdges& edges,
+                                  const point::Radii& radii, std::vector<MeshBlock>& blocks,
+                                  const std::stop_token& stop) {
+  tbb::enumerable_thread_specific<BallSearch> searches([&] { return BallSearch(index, edges); });
+  std::vector<LeafBalls> leaves(index.leaves);
+  for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t block) {
+    BallSearch& search = searches.local();
+    auto& [at, lanes, near] = blocks[block];
+    for (std::size_t leaf = first; leaf < last; ++leaf) {
+      const std::vector<BallSearch::Reached>& found = search.find(Index(leaf), radii, settings.mesh_growth);
+      leaves[leaf].count = int(found.size());
+      for (const BallSearch::Reached& its : found) {
+        at.push_back(its.at);
+        lanes.push_back(its.lanes);
+        near.push_back(its.lanes & its.near);
+      }
+    }
+    at.shrink_to_fit();
+    lanes.shrink_to_fit();
+    near.shrink_to_fit();
+    std::size_t begin = 0;
+    for (std::size_t leaf = first; leaf < last; begin += std::size_t(leaves[leaf++].count)) {
+      leaves[leaf].at = at.data() + begin;
+      leaves[leaf].lanes = lanes.data() + begin;
+      leaves[leaf].near = near.data() + begin;
+    }
+  });
+  return leaves;
+}
+
 }  // namespace
 
 void MeshLists::clear() noexcept {
   blocks_.clear();
-  leaves_.clear();
+  rings_.clear();
+  balls_.clear();
   meter_->remove(std::exchange(bytes_, 0));
 }
 
@@ -159,45 +346,14 @@ void MeshLists::find(const IndexView& index, const NeighborSettings& settings, c
                      const std::stop_token& stop) {
   clear();
   const SortedEdges edges(index, *settings.mesh, stop);
-  tbb::enumerable_thread_specific<MeshSearch> searches([&] { return MeshSearch(index, edges); });
-  const float limit = settings.radius > 0 ? settings.radius * settings.radius : std::numeric_limits<float>::infinity();
-  std::vector<LeafLists> leaves(index.leaves);
-  std::vector<std::vector<Index>> blocks((index.leaves + kLeavesABlock - 1) / kLeavesABlock);
-  for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t block) {
-    MeshSearch& search = searches.local();
-    std::array<std::vector<Key>, kLeafSize> found;
-    std::vector<std::size_t> begins;
-    std::vector<Index>& lists = blocks[block];
-    for (std::size_t leaf = first; leaf < last; ++leaf) {
-      std::size_t longest = 0, nearest = 0;
-      for (Index lane = 0; lane < kLeafSize; ++lane) {
-        const Index at = Index(leaf) * kLeafSize + lane;
-        found[lane].clear();
-        if (at >= index.points) continue;
-        if (settings.k > 0) {
-          search.find_rings(at, settings.rings, limit);
-        } else {
-          const Ball ball = ball_of(radii, at, settings.mesh_growth);
-          nearest = std::max(nearest, search.find_ball(at, ball.squared_near, ball.squared_limit, ball.share));
-        }
-        found[lane].assign(search.found().begin(), search.found().end());
-        longest = std::max(longest, found[lane].size());
-      }
-      begins.push_back(lists.size());
-      leaves[leaf].k = int(longest);
-      leaves[leaf].near = int(nearest);
-      lists.resize(lists.size() + longest * kLeafSize, point::kNoNeighbor);
-      Index* const rows = lists.data() + begins.back();
-      for (Index lane = 0; lane < kLeafSize; ++lane)
-        for (std::size_t slot = 0; slot < found[lane].size(); ++slot)
-          rows[slot * kLeafSize + lane] = point::key_index(found[lane][slot]);
-    }
-    lists.shrink_to_fit();
-    for (std::size_t leaf = first; leaf < last; ++leaf) leaves[leaf].list = lists.data() + begins[leaf - first];
-  });
-  blocks_ = std::move(blocks);
-  leaves_ = std::move(leaves);
-  for (const std::vector<Index>& lists : blocks_) bytes_ += lists.size() * sizeof(Index);
+  blocks_.resize((index.leaves + kLeavesABlock - 1) / kLeavesABlock);
+  if (settings.k > 0) {
+    rings_ = find_rings(index, settings, edges, blocks_, stop);
+  } else {
+    balls_ = find_balls(index, settings, edges, radii, blocks_, stop);
+  }
+  for (const MeshBlock& its : blocks_)
+    bytes_ += its.at.size() * sizeof(Index) + its.lanes.size() * 2 * sizeof(std::uint16_t);
   meter_->add(bytes_);
 }
 

@@ -90,27 +90,38 @@ POINTFAIR_INLINE Floats value_or_one(const float* values, Index start) {
   return values == nullptr ? broadcast(1.0f) : load(values + start);
 }
 
-// Those of a list along a mesh that lie within the radius of each point. A list need not hold all points that do, so no
-// horizon is known.
-class MeshWalk {
+// Those that edges reach within the radius of each point. Thinned balls do not hold all points that do, so no horizon
+// is known.
+class BallWalk {
  public:
   using Number = Floats;
   using Count = Floats;
   using Kernel = point::CompactGaussian;
   static constexpr bool kListed = false;
 
-  POINTFAIR_INLINE MeshWalk(const IndexView& index, Index start, const Index* list, const LeafLists& lists,
-                            const point::Radii& radii)
-      : listed_(index, start, list, radii.squared_growth == nullptr ? lists.near : lists.k),
+  POINTFAIR_INLINE BallWalk(const IndexView& index, Index start, const LeafBalls& balls, const point::Radii& radii)
+      : index_(index),
+        start_(start),
+        at_(balls.at),
+        lanes_(radii.squared_growth == nullptr ? balls.near : balls.lanes),
+        count_(balls.count),
+        own_bits_(Ints{1 << (lane_numbers().v + int(start % kLeafSize))}),
         limit_(radii.squared_growth == nullptr
                    ? load(radii.squared_radius + start)
                    : load(radii.squared_radius + start) * load(radii.squared_growth + start)) {}
 
   template <class Load, class Visit>
   POINTFAIR_INLINE void operator()(Load load_there, Visit visit) const {
-    listed_(load_there, [&](point::Vec3<Floats> offset, const auto& loaded, Mask listed) {
-      visit(offset, loaded, listed & (point::squared_length(offset) <= limit_));
-    });
+    const point::Vec3<Floats> here = {load(index_.x + start_), load(index_.y + start_), load(index_.z + start_)};
+    const unsigned pack = ((1u << kLanes) - 1) << (start_ % kLeafSize);
+    for (int i = 0; i < count_; ++i) {
+      const unsigned lanes = lanes_[i];
+      if ((lanes & pack) == 0) continue;
+      const Index at = at_[i];
+      const point::Vec3<Floats> offset = spread(index_.x[at], index_.y[at], index_.z[at]) - here;
+      const Mask reached = Ints{broadcast(int(lanes)).v & own_bits_.v} == own_bits_;
+      visit(offset, load_there(Shared{at}), reached & (point::squared_length(offset) <= limit_));
+    }
   }
   POINTFAIR_INLINE Floats squared_radius() const { return limit_; }
   POINTFAIR_INLINE Floats squared_core() const { return point::squared_core(limit_); }
@@ -118,7 +129,12 @@ class MeshWalk {
   POINTFAIR_INLINE static bool any(Mask mask) { return cpu::POINTFAIR_ISA::any(mask); }
 
  private:
-  ListWalk listed_;
+  const IndexView& index_;
+  Index start_;
+  const Index* at_;
+  const std::uint16_t* lanes_;
+  int count_;
+  Ints own_bits_;
   Floats limit_;
 };
 
@@ -285,13 +301,11 @@ template <class Body>
 POINTFAIR_INLINE void for_packs(const IndexView& index, Index leaf, const Neighborhoods& neighborhoods, Body body) {
   for (int part = 0; part < kLeafSize; part += kLanes) {
     const Index start = leaf * kLeafSize + Index(part);
-    if (neighborhoods.lists.k > 0) {
+    if (neighborhoods.lists.balls != nullptr) {
+      body(start, BallWalk(index, start, neighborhoods.lists.balls[leaf], neighborhoods.radii));
+    } else if (neighborhoods.lists.k > 0) {
       const LeafLists lists = neighborhoods.lists.of_leaf(leaf);
-      if (neighborhoods.lists.within_radius) {
-        body(start, MeshWalk(index, start, lists.list + part, lists, neighborhoods.radii));
-      } else {
-        body(start, ListWalk(index, start, lists.list + part, lists.k));
-      }
+      body(start, ListWalk(index, start, lists.list + part, lists.k));
     } else if (start < index.points) {
       body(start, RadiusWalk(index, start, neighborhoods.radii));
     }

@@ -36,6 +36,11 @@ bool is_of_rings(Method method) {
          method == Method::implicit;
 }
 
+// Methods after which vertices do not even out, as none do where they were published.
+bool is_as_published(Method method) {
+  return (is_of_rings(method) && method != Method::implicit) || is_of_faces(method);
+}
+
 // Of a vertex, in a mesh of triangles of which six meet at each.
 int points_of_rings(int rings) { return 3 * rings * (rings + 1); }
 
@@ -50,7 +55,8 @@ double typical_radius(const Params& used, double s) {
 }  // namespace
 
 bool follows_rings(const Params& p) {
-  return p.connectivity == Connectivity::mesh && (p.rings != kAutomatic || is_of_rings(p.method));
+  return p.connectivity == Connectivity::mesh &&
+         (p.rings != kAutomatic || is_of_rings(p.method) || is_of_faces(p.method));
 }
 
 // The system of method implicit is over lists, which hold an edge of its graph each.
@@ -172,10 +178,11 @@ class Resolver {
             kMaxMinNeighbors, noise_.repeats * int(std::lround(factor * factor * automatic_min_neighbors(noise_, s_))));
     } else {
       const bool rings = follows_rings(asked_);
-      if (rings && asked_.rings == kAutomatic) used_.rings = 1;
+      if (rings && asked_.rings == kAutomatic && !is_of_faces(asked_.method)) used_.rings = 1;
       const bool is_graph = asked_.method == Method::implicit;
       if (!rings && asked_.k == kAutomatic) used_.k = is_graph ? constants::kGraphNeighbors : automatic_k(noise_, s_);
       list_radius_ = radius_of(rings ? points_of_rings(used_.rings) : used_.k, s_);
+      if (rings && used_.rings == kAutomatic) list_radius_ = used_.radius.value;
       if (!used_.radius.is_automatic()) list_radius_ = std::min(list_radius_, used_.radius.value);
     }
     used_.rho = in_file_units(asked_.rho, spacing_.rho);
@@ -207,7 +214,7 @@ class Resolver {
       used_.normal_filter = within_radius_ || its_.filter == NormalFilter::mollify ? its_.filter : NormalFilter::off;
     if (asked_.connectivity == Connectivity::automatic) used_.connectivity = Connectivity::points;
     if (!asked_.tangential && asked_.connectivity == Connectivity::mesh)
-      used_.tangential = is_of_rings(asked_.method) && asked_.method != Method::implicit ? 0 : constants::kTangential;
+      used_.tangential = is_as_published(asked_.method) ? 0 : constants::kTangential;
     if (asked_.offset == Offset::automatic) used_.offset = within_radius_ ? Offset::symmetric : Offset::point;
     if (asked_.crease_angle == kAutomatic) used_.crease_angle = automatic_crease_angle(noise_, s_);
     if (!asked_.flat_scale)

@@ -48,6 +48,11 @@ MethodDefaults defaults_of(Method method) {
     case Method::implicit:
       its.iterations = 1;
       break;
+    case Method::fleishman:  // its sigmas are measured on the mesh
+      break;
+    case Method::jones:  // the same
+      its.iterations = 1;
+      break;
     case Method::mollified:
       its.closeness_width = 0.5;
       its.filter = NormalFilter::mollify;

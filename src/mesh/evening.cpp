@@ -5,6 +5,7 @@
 #include <cmath>
 #include <vector>
 
+#include "mesh/blocks.hpp"
 #include "seam/cloud_sample.hpp"
 
 namespace pointfair {
@@ -16,6 +17,17 @@ constexpr int kRounds = 5, kMostRounds = 10;      // of untangle()
 constexpr double kFarthest = 3;                   // sigmas
 constexpr double kAcross = 1, kMostAcross = 0.5;  // of e
 
+// All zero for a face without area. `normal` is as long as the area.
+struct FaceMoment {
+  Vec normal{}, unit{};
+  double area = 0;
+};
+FaceMoment face_moment(std::span<const std::uint32_t> corners, std::span<const Point> points) {
+  const Vec normal = area_normal(corners, points);
+  const double area = std::sqrt(squared_length(normal));
+  return area > 0 ? FaceMoment{normal, (1 / area) * normal, area} : FaceMoment{};
+}
+
 // Of one vertex: the sums of A n n^T, of A, of the ring and of its squared edges. An edge within a mesh has two faces,
 // so each neighbour counts twice.
 struct Around {
@@ -23,12 +35,10 @@ struct Around {
   Vec ring{};
   double sides = 0, squares = 0;
 
-  // `normal` is as long as the area.
-  void add_face(Vec normal, double its_area) {
-    const Vec unit = (1 / its_area) * normal;
-    xx += unit.x * normal.x, xy += unit.x * normal.y, xz += unit.x * normal.z;
-    yy += unit.y * normal.y, yz += unit.y * normal.z, zz += unit.z * normal.z;
-    area += its_area;
+  void add_face(const FaceMoment& face) {
+    xx += face.unit.x * face.normal.x, xy += face.unit.x * face.normal.y, xz += face.unit.x * face.normal.z;
+    yy += face.unit.y * face.normal.y, yz += face.unit.y * face.normal.z, zz += face.unit.z * face.normal.z;
+    area += face.area;
   }
   void add_side(Vec here, Vec there) {
     ring = ring + there;
@@ -50,77 +60,84 @@ struct Around {
   }
 };
 
-Vec place(std::span<const Point> points, std::uint32_t at) { return {points[at].x, points[at].y, points[at].z}; }
-
-std::vector<Around> look_around(const OrderedFaces& faces, std::span<const Point> points) {
-  std::vector<Around> around(points.size());
-  for (std::size_t f = 0; f < faces.size(); ++f) {
+// The sums go in the order of the faces.
+template <class MomentOf>
+Around look_around(const OrderedFaces& faces, std::span<const Point> points, std::uint32_t v,
+                   const MomentOf& moment_of) {
+  Around its;
+  const Vec here = place_of(points, v);
+  for (const std::uint32_t f : faces.around(v)) {
     const auto corners = faces.corners(f);
-    const Vec first = place(points, corners[0]);
-    Vec normal{};
-    for (std::size_t i = 2; i < corners.size(); ++i)
-      normal = normal + cross(place(points, corners[i - 1]) - first, place(points, corners[i]) - first);
-    const double area = std::sqrt(squared_length(normal));
-    for (std::size_t i = 0; i < corners.size(); ++i) {
-      Around& its = around[corners[i]];
-      const Vec here = place(points, corners[i]);
-      if (area > 0) its.add_face(normal, area);
-      its.add_side(here, place(points, corners[i + 1 < corners.size() ? i + 1 : 0]));
-      its.add_side(here, place(points, corners[i > 0 ? i - 1 : corners.size() - 1]));
-    }
+    const auto own = std::size_t(std::find(corners.begin(), corners.end(), v) - corners.begin());
+    its.add_face(moment_of(f));
+    its.add_side(here, place_of(points, corners[own + 1 < corners.size() ? own + 1 : 0]));
+    its.add_side(here, place_of(points, corners[own > 0 ? own - 1 : corners.size() - 1]));
   }
-  return around;
+  return its;
 }
 
 // Where a vertex is after its step.
 Vec stepped(const Around& around, std::span<const Point> points, std::uint32_t v, double share, double across) {
-  const Vec here = place(points, v);
+  const Vec here = place_of(points, v);
   return here + share * around.step(here, across);
 }
 
 Point to_point(Vec v) { return {float(v.x), float(v.y), float(v.z)}; }
 
-// Points at one place have the place of their vertex.
-void follow_vertices(std::span<const std::uint32_t> vertex, std::span<const std::uint8_t> stays,
-                     std::span<Point> points) {
+}  // namespace
+
+void even_out(const OrderedFaces& faces, std::span<const std::uint32_t> vertex, std::span<const std::uint8_t> stays,
+              double share, double sigma, std::span<Point> points, const ForEach& for_each) {
+  const std::vector<Point> start(points.begin(), points.end());
+  std::vector<Point> before(points.size());
+  const double farthest = kFarthest * sigma;
+  const std::span<const std::uint32_t> order = faces.vertices();
+  std::vector<double> across(points.size());
+  std::vector<FaceMoment> moments(faces.size());
+  for (int round = 0; round < kRounds; ++round) {
+    std::copy(points.begin(), points.end(), before.begin());
+    for_mesh_blocks(faces.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t) {
+      for (std::size_t f = first; f < last; ++f) moments[f] = face_moment(faces.corners(f), before);
+    });
+    for_mesh_blocks(order.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t) {
+      for (const std::uint32_t v : order.subspan(first, last - first)) {
+        if (stays[v] != 0 || !is_indexed(before[v])) continue;
+        const Around around = look_around(faces, before, v, [&](std::uint32_t f) { return moments[f]; });
+        if (round == 0) across[v] = around.across(sigma);
+        const Vec from = place_of(start, v), way = stepped(around, before, v, share, across[v]) - from;
+        const double length = std::sqrt(squared_length(way));
+        points[v] = to_point(from + (length > farthest ? farthest / length : 1.0) * way);
+      }
+    });
+  }
   for (std::size_t i = 0; i < points.size(); ++i)
     if (stays[i] == 0) points[i] = points[vertex[i]];
 }
 
-}  // namespace
-
-void even_out(const OrderedFaces& faces, std::span<const std::uint32_t> vertex, std::span<const std::uint8_t> stays,
-              double share, double sigma, std::span<Point> points) {
-  const std::vector<Point> start(points.begin(), points.end());
-  const double farthest = kFarthest * sigma;
-  std::vector<double> across;
-  for (int round = 0; round < kRounds; ++round) {
-    const std::vector<Around> around = look_around(faces, points);
-    if (round == 0)
-      for (const Around& its : around) across.push_back(its.across(sigma));
-    for (std::uint32_t v = 0; v < points.size(); ++v) {
-      if (stays[v] != 0 || vertex[v] != v || !is_indexed(points[v])) continue;
-      const Vec from = place(start, v), way = stepped(around[v], points, v, share, across[v]) - from;
-      const double length = std::sqrt(squared_length(way));
-      points[v] = to_point(from + (length > farthest ? farthest / length : 1.0) * way);
-    }
-    follow_vertices(vertex, stays, points);
-  }
-}
-
-void untangle(const OrderedFaces& faces, std::span<const std::uint32_t> vertex, std::span<const std::uint8_t> stays,
+void untangle(Folds& folds, std::span<const std::uint32_t> vertex, std::span<const std::uint8_t> stays,
               std::span<Point> points) {
+  const OrderedFaces& faces = folds.faces();
+  std::vector<std::uint8_t> moves(points.size());
   for (int round = 0; round < kMostRounds; ++round) {
-    const std::vector<std::uint8_t> folded = faces.folded(points);
-    std::vector<std::uint8_t> moves(points.size());
-    for (std::size_t f = 0; f < faces.size(); ++f)
-      for (const std::uint32_t v : faces.corners(f)) moves[v] |= folded[f];
-    if (std::find(moves.begin(), moves.end(), 1) == moves.end()) return;
-    const std::vector<Around> around = look_around(faces, points);
-    for (std::uint32_t v = 0; v < points.size(); ++v)
-      if (moves[v] != 0 && stays[v] == 0) points[v] = to_point(stepped(around[v], points, v, 1, kMostAcross));
-    follow_vertices(vertex, stays, points);
+    std::vector<std::uint32_t> moved;
+    for (std::size_t f = 0; f < faces.size(); ++f) {
+      if (folds.folded()[f] == 0) continue;
+      for (const std::uint32_t v : faces.corners(f)) {
+        if (stays[v] != 0 || moves[v] != 0) continue;
+        moves[v] = 1;
+        moved.push_back(v);
+      }
+    }
+    if (moved.empty()) break;
+    std::vector<Point> places;
+    const auto moment_of = [&](std::uint32_t f) { return face_moment(faces.corners(f), points); };
+    for (const std::uint32_t v : moved)
+      places.push_back(to_point(stepped(look_around(faces, points, v, moment_of), points, v, 1, kMostAcross)));
+    for (std::size_t i = 0; i < moved.size(); ++i) points[moved[i]] = places[i], moves[moved[i]] = 0;
+    folds.update(points, moved);
   }
+  for (std::size_t i = 0; i < points.size(); ++i)
+    if (stays[i] == 0) points[i] = points[vertex[i]];
 }
 
 }  // namespace pointfair

@@ -17,11 +17,11 @@ namespace pointfair {
 // alone. Orientations of faces do not matter. Vertices with `stays` do not move, and none ends farther than 3 sigma
 // from where it began.
 void even_out(const OrderedFaces& faces, std::span<const std::uint32_t> vertex, std::span<const std::uint8_t> stays,
-              double share, double sigma, std::span<Point> points);
+              double share, double sigma, std::span<Point> points, const ForEach& for_each);
 
-// Corners of folded faces (OrderedFaces::folded) make such steps with e = 0.5, all at once, in up to ten rounds, until
-// no face is folded.
-void untangle(const OrderedFaces& faces, std::span<const std::uint32_t> vertex, std::span<const std::uint8_t> stays,
+// Corners of folded faces make such steps with e = 0.5, all at once, in up to ten rounds, until no face is folded.
+// `folds` are those of `points`, before and after the call.
+void untangle(Folds& folds, std::span<const std::uint32_t> vertex, std::span<const std::uint8_t> stays,
               std::span<Point> points);
 
 }  // namespace pointfair

@@ -18,15 +18,16 @@ class FaceCorners {
   FaceCorners(std::span<const Point> points, const Polygons& faces, std::span<const std::uint32_t> vertex)
       : points_(points), faces_(faces), vertex_(vertex) {}
 
-  // Calls visit(corners) for each face that is not degenerate, and returns how many are. A corner at the place of the
-  // one before it is no corner; a face is degenerate if fewer than three are left, if it meets a place twice, or if a
-  // corner is not finite.
+  // Calls visit(corners) for each face from `first` to before `last` that is not degenerate, and returns how many are.
+  // A corner at the place of the one before it is no corner; a face is degenerate if fewer than three are left, if it
+  // meets a place twice, or if a corner is not finite.
   template <class Visit>
-  std::uint64_t for_each(const Visit& visit) {
-    std::uint64_t degenerate = 0, begin = 0;
-    for (const std::uint64_t end : faces_.ends) {
+  std::uint64_t for_each(std::size_t first, std::size_t last, const Visit& visit) {
+    std::uint64_t degenerate = 0, begin = first == 0 ? 0 : faces_.ends[first - 1];
+    for (std::size_t face = first; face < last; ++face) {
+      const std::uint64_t end = faces_.ends[face];
       if (take(begin, end)) {
-        visit(std::span<const std::uint32_t>(corners_));
+        visit(std::span<std::uint32_t>(corners_));
       } else {
         ++degenerate;
       }
@@ -44,9 +45,13 @@ class FaceCorners {
       if (corners_.empty() || corners_.back() != at) corners_.push_back(at);
     }
     while (corners_.size() > 1 && corners_.back() == corners_.front()) corners_.pop_back();
+    return corners_.size() >= 3 && all_differ();
+  }
+  bool all_differ() {
+    if (corners_.size() == 3) return true;  // those beside each other do
     sorted_ = corners_;
     std::sort(sorted_.begin(), sorted_.end());
-    return corners_.size() >= 3 && std::adjacent_find(sorted_.begin(), sorted_.end()) == sorted_.end();
+    return std::adjacent_find(sorted_.begin(), sorted_.end()) == sorted_.end();
   }
 
   std::span<const Point> points_;

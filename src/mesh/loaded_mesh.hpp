@@ -12,15 +12,17 @@
 namespace pointfair {
 
 struct LoadedMesh {
-  LoadedMesh(std::vector<Point> its_points, const Polygons& polygons)
+  LoadedMesh(std::vector<Point> its_points, const Polygons& polygons, const ForEach& for_each)
       : points(std::move(its_points)),
-        topology(topology_of(points, polygons)),
-        faces(points, topology.edges.vertex, polygons),
-        folded(faces.folded(points)) {}
+        vertices(vertices_of(points, for_each)),
+        faces(points, vertices, polygons, for_each),
+        topology(topology_of(vertices, faces, for_each)),
+        folded(Folds(faces, points, for_each).folded()) {}
 
   std::vector<Point> points;
-  MeshTopology topology;
+  Vertices vertices;
   OrderedFaces faces;
+  MeshTopology topology;
   std::vector<std::uint8_t> folded;  // of those faces
 };
 

@@ -235,7 +235,18 @@ void check_params(const Params& params) {
                   "--connectivity mesh");
   } else if (params.rings != kAutomatic) {
     throw Error(ErrorKind::usage, "--rings are of a mesh; add --connectivity mesh");
+  } else if (is_of_faces(params.method)) {
+    throw Error(ErrorKind::usage,
+                params.method == Method::jones
+                    ? "--method jones reads faces: add --connectivity mesh; on a cloud, --method "
+                      "mollified takes planes of points"
+                    : "--method fleishman reads faces: add --connectivity mesh; on a cloud, --k 8 with "
+                      "--offset point is its step");
   }
+  if (is_of_faces(params.method) && params.closeness_sigma.unit == Length::Unit::radius)
+    throw Error(ErrorKind::usage,
+                "--method " + param_text(params, *find_param("method")) +
+                    " has a radius of twice --closeness-sigma; give that sigma in a unit other than r");
   if (params.along == Along::ray && !moves_along_normal(params.method))
     throw Error(ErrorKind::usage, "--along ray needs a method that moves along the normal: bilateral, mls or wiener");
 }

@@ -82,9 +82,13 @@ const std::shared_ptr<const NoiseLevels>& Pipeline::State::levels() const {
 Params Pipeline::State::resolve(const Params& params, const std::stop_token& stop) {
   check_params(params);
   Params used;
-  attempt([&] { used = resolve_once(of_stages(params), stop).params; });
+  Params asked = of_stages(params);
+  attempt([&] {
+    asked = with_mesh_values(asked, order_for(asked), stop);
+    used = resolve_once(asked, stop).params;
+  });
   used.method = params.method;
-  if (!is_measured(of_stages(params))) {
+  if (!is_measured(asked)) {
     throw Error(ErrorKind::usage, "nothing to measure in this cloud: no surface shows in its " +
                                       std::to_string(cloud.points()) + " points, " +
                                       std::to_string(sample().bounds.valid) +

@@ -1,17 +1,32 @@
 // SPDX-License-Identifier: Apache-2.0
 // Runs along the faces of the loaded cloud.
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 #include "mesh/evening.hpp"
+#include "mesh/neighborhoods.hpp"
 #include "pipeline/run_state.hpp"
+#include "seam/cloud_sample.hpp"
 
 namespace pointfair {
+namespace {
+
+constexpr double kLeastDeviation = 1e-6;  // of the heights, in radii; a plane without noise has none
+
+}  // namespace
 
 void Pipeline::State::set_faces(Polygons faces) {
   check_faces(faces, cloud.points());
   faces_ = std::move(faces);
   mesh_.reset();
+}
+
+// Loops over the mesh run where the stages do.
+ForEach Pipeline::State::on_host() {
+  return [this](std::size_t count, const std::function<void(std::size_t)>& body) {
+    cloud.backend().sampling().for_each_on_host(count, body);
+  };
 }
 
 const LoadedMesh& Pipeline::State::mesh() {
@@ -23,7 +38,9 @@ const LoadedMesh& Pipeline::State::mesh() {
   check_faces(faces, cloud.points());
   std::vector<Point> points(cloud.points());
   cloud.backend().download_input(points);
-  mesh_ = std::make_shared<const LoadedMesh>(std::move(points), faces);
+  const auto start = Clock::now();
+  mesh_ = std::make_shared<const LoadedMesh>(std::move(points), faces, on_host());
+  log_.note("faces", milliseconds_since(start));
   return *mesh_;
 }
 
@@ -32,7 +49,36 @@ void Pipeline::State::follow_mesh(const Params& used, Settings& settings) {
   const MeshEdges& edges = mesh().topology.edges;
   settings.neighbors.mesh = {mesh_, &edges};
   if (used.keep_boundary) settings.fairing.kept_boundary = {mesh_, &edges};
-  if (used.method == Method::implicit) settings.fairing.faces = {mesh_, &mesh_->faces.faces()};
+  if (is_of_faces(used.method)) settings.normals.faces = {mesh_, &mesh_->faces.faces()};
+  if (used.method == Method::implicit || used.method == Method::jones)
+    settings.fairing.faces = {mesh_, &mesh_->faces.faces()};
+}
+
+double Pipeline::State::in_file_units(const Length& length, IndexOrder order, const std::stop_token& stop) {
+  if (length.unit == Length::Unit::percent) return length.value * diagonal_of(sample().bounds) / 100;
+  if (length.unit != Length::Unit::spacing) return length.value;
+  measure(true, false, order, stop);
+  return length.value * cloud.spacing->mean;
+}
+
+// What methods fleishman and jones measure along the faces; other parameters stay as they are.
+Params Pipeline::State::with_mesh_values(const Params& params, IndexOrder order, const std::stop_token& stop) {
+  Params result = params;
+  if (!is_of_faces(params.method)) return result;
+  const MeshNeighborhoods around(mesh());
+  Length &radius = result.radius, &sigma = result.closeness_sigma;
+  if (!sigma.is_automatic()) sigma = in_file_units(sigma, order, stop);
+  if (!radius.is_automatic()) {
+    radius = in_file_units(radius, order, stop);
+  } else {
+    radius = sigma.is_automatic() ? around.two_ring_radius() : 2 * sigma.value;
+  }
+  if (!(radius.value > 0)) radius = 1;  // no vertex has neighbours
+  if (sigma.is_automatic()) sigma = radius.value / 2;
+  if (result.similarity_sigma.is_automatic())
+    result.similarity_sigma = std::max(around.height_deviation(radius.value), kLeastDeviation * radius.value);
+  if (result.normal_sigma.is_automatic()) result.normal_sigma = sigma;  // not read
+  return result;
 }
 
 // The standard deviation of the noise, given or measured.
@@ -48,18 +94,21 @@ MeshReport Pipeline::State::finish_mesh(const Params& used, std::span<Point> out
   const LoadedMesh& its = mesh();
   const std::vector<std::uint32_t>& vertex = its.topology.edges.vertex;
   const auto start = Clock::now();
+  std::optional<Folds> folds;
   if (const double share = used.tangential.value_or(0); share > 0) {
     std::vector<std::uint8_t> stays = its.topology.edges.is_boundary;
     for (std::size_t i = 0; i < out.size(); ++i)
       if (out[i].x == its.points[i].x && out[i].y == its.points[i].y && out[i].z == its.points[i].z) stays[i] = 1;
-    even_out(its.faces, vertex, stays, share, sigma_of(used), out);
-    untangle(its.faces, vertex, stays, out);
+    even_out(its.faces, vertex, stays, share, sigma_of(used), out, on_host());
+    folds.emplace(its.faces, out, on_host());
+    untangle(*folds, vertex, stays, out);
   }
-  const std::vector<std::uint8_t> folded = unfold(its.faces, vertex, its.folded, its.points, out);
+  if (!folds) folds.emplace(its.faces, out, on_host());
+  unfold(*folds, vertex, its.folded, its.points, out);
   log_.note("faces", milliseconds_since(start));
   MeshReport found = its.topology.found;
   found.folded_before = std::uint64_t(std::count(its.folded.begin(), its.folded.end(), 1));
-  found.folded_after = std::uint64_t(std::count(folded.begin(), folded.end(), 1));
+  found.folded_after = std::uint64_t(std::count(folds->folded().begin(), folds->folded().end(), 1));
   return found;
 }
 

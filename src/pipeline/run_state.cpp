@@ -121,9 +121,11 @@ void Pipeline::State::run_to_end(const Params& params, const Delivery& to, const
   log_ = {};
   if (upload > 0 && !std::exchange(upload_times_itself_, false)) log_.note("upload", upload);
 
-  const Resolved resolved = resolve_once(params, stop);
+  check_params(params);
+  const Params asked = with_mesh_values(params, order_for(params), stop);
+  const Resolved resolved = resolve_once(asked, stop);
   const Params& used = resolved.params;
-  last_order_ = order_for(params);
+  last_order_ = order_for(asked);
   followed = resolved.followed;
   Settings settings = settings_of(resolved, known_sensor(used, stop));
   if (used.connectivity == Connectivity::mesh) follow_mesh(used, settings);

@@ -114,9 +114,12 @@ struct Pipeline::State {
   void attempt(const std::function<void()>& work);
   const CloudSample& sample();
   const Frame& frame();
+  ForEach on_host();
   const LoadedMesh& mesh();
   double sigma_of(const Params& used);
   MeshReport finish_mesh(const Params& used, std::span<Point> out);
+  double in_file_units(const Length& length, IndexOrder order, const std::stop_token& stop);
+  Params with_mesh_values(const Params& params, IndexOrder order, const std::stop_token& stop);
   void follow_mesh(const Params& used, Settings& settings);
   KnownSensor known_sensor(const Params& used, const std::stop_token& stop);
   Noise noise() const;

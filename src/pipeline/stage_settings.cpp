@@ -54,7 +54,7 @@ Settings settings_of(const Resolved& used, const KnownSensor& sensor) {
   s.normals.crease_angle = p.normal_filter == NormalFilter::on ? p.crease_angle : 0;
   if (sums_within_radius(p) && p.method == Method::bilateral) s.normals.flat_scale = float(p.flat_scale.value_or(1));
   s.neighbors.mesh_growth = p.connectivity == Connectivity::mesh ? s.normals.flat_scale : 1;
-  s.fairing.method = p.method;
+  s.fairing.method = p.method == Method::fleishman ? Method::bilateral : p.method;  // but for its normals and sigmas
   s.fairing.area_weight = p.area_weight;
   s.fairing.closeness_sigma = float(p.closeness_sigma.value);
   s.fairing.similarity_sigma = float(p.similarity_sigma.value);

@@ -22,14 +22,20 @@ struct MeshEdges {
 
 // Faces one after the other, in an order that depends on the places of their corners alone.
 struct MeshFaces {
-  std::vector<std::size_t> ends;       // of each face, in `corners`
-  std::vector<std::uint32_t> corners;  // vertices
-  bool encloses = false;               // every edge has two faces, which run round alike: there is a volume
+  std::vector<std::size_t> ends;          // of each face, in `corners`
+  std::vector<std::uint32_t> corners;     // vertices
+  bool encloses = false;                  // every edge has two faces, which run round alike: there is a volume
+  std::vector<std::size_t> around_begin;  // of each vertex, in `around_faces`; one more at the end
+  std::vector<std::uint32_t> around_faces;
 
   std::size_t size() const { return ends.size(); }
   std::span<const std::uint32_t> of(std::size_t face) const {
     const std::size_t begin = face == 0 ? 0 : ends[face - 1];
     return {corners.data() + begin, ends[face] - begin};
+  }
+  // The faces at a vertex, ascending.
+  std::span<const std::uint32_t> around(std::uint32_t vertex) const {
+    return {around_faces.data() + around_begin[vertex], around_faces.data() + around_begin[vertex + 1]};
   }
 };
 

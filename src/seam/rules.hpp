@@ -45,8 +45,10 @@ inline point::MethodRule method_rule(const FairingSettings& settings) {
   rule.settings = settings;
   switch (settings.method) {
     case Method::bilateral:
-    case Method::learned:   // its stages are those of the method bilateral
-    case Method::implicit:  // solves for all points at once (cpu/implicit.h)
+    case Method::learned:    // its stages are those of the method bilateral
+    case Method::implicit:   // solves for all points at once (cpu/implicit.h)
+    case Method::jones:      // looks at faces (cpu/facets.h)
+    case Method::fleishman:  // its stages are those of the method bilateral
     case Method::laplacian:
       break;
     case Method::taubin:

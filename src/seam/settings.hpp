@@ -42,8 +42,8 @@ struct NeighborSettings {
   // Factors on the distance to the min_neighbors-th nearest point; null: 1 everywhere.
   std::shared_ptr<const NodeLevels> reach_levels{};
   float widest = std::numeric_limits<float>::infinity();  // reach_levels and flat places enlarge no radius beyond it
-  // Neighbours are those that edges reach; null: all. With k they are up to `rings` edges away, k of them at most; else
-  // the edges stay within `mesh_growth` radii.
+  // Neighbours are those that edges reach; null: all. With k they are up to `rings` edges away, or with 0 what edges
+  // reach within `radius`, k of them at most; else the edges stay within `mesh_growth` radii.
   std::shared_ptr<const MeshEdges> mesh{};
   int rings = 0;
   float mesh_growth = 1;
@@ -52,6 +52,9 @@ struct NeighborSettings {
 
 struct NormalSettings : point::NormalSettings {
   int filter_rounds = 0;
+  // Normals are means of those of the faces at a vertex, weighted by area, and sigma is not read; null: they are those
+  // of planes through neighbours. Needs NeighborSettings::mesh.
+  std::shared_ptr<const MeshFaces> faces{};
   friend bool operator==(const NormalSettings&, const NormalSettings&) = default;
 };
 
@@ -67,7 +70,7 @@ struct FairingSettings : point::FairingSettings {
   ImplicitWeights implicit_weights = ImplicitWeights::automatic;  // of Method::implicit
   double implicit_lambda = 0;
   std::shared_ptr<const MeshEdges> kept_boundary{};  // whose boundary keeps its place; null: none does
-  std::shared_ptr<const MeshFaces> faces{};          // of Method::implicit along a mesh
+  std::shared_ptr<const MeshFaces> faces{};          // of Method::implicit and jones along a mesh
   std::shared_ptr<const SensorPlaces> sensors{};     // null: reads_sensor() is false
   friend bool operator==(const FairingSettings&, const FairingSettings&) = default;
 };

@@ -223,6 +223,110 @@ class Edges(Case):
         self.fails(2, "compare", cloud, cloud, "--edges", 40, says="mesh")
 
 
+def cross(u, v):
+    return u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
+
+
+def face_normal(vertices, face):
+    """Newell's, twice the area long."""
+    sides = zip(face, face[1:] + face[:1])
+    return tuple(sum(parts) for parts in zip(*(cross(vertices[i], vertices[j]) for i, j in sides)))
+
+
+def angle(u, v):
+    return math.degrees(math.acos(max(-1.0, min(1.0, dot(u, v) / math.sqrt(dot(u, u) * dot(v, v))))))
+
+
+def volume(vertices, faces):
+    return sum(dot(vertices[f[0]], cross(vertices[f[i - 1]], vertices[f[i]])) for f in faces for i in range(2, len(f))) / 6
+
+
+class Faces(Case):
+    def quads(self, n=4):
+        """The cube's surface in n x n quads a side, which run round outwards."""
+        number, faces = {}, []
+        for axis in range(3):
+            for side in (0, n):
+                def vertex(u, v):
+                    p = [0, 0, 0]
+                    p[axis], p[(axis + 1) % 3], p[(axis + 2) % 3] = side, u, v
+                    return number.setdefault(tuple(p), len(number))
+                for u in range(n):
+                    for v in range(n):
+                        face = (vertex(u, v), vertex(u + 1, v), vertex(u + 1, v + 1), vertex(u, v + 1))
+                        faces.append(face if side else face[::-1])
+        return [tuple(c / n for c in p) for p in number], faces
+
+    def noisy(self, vertices, sigma=0.03):
+        generator = random.Random(2)
+        moved = [tuple(c + generator.gauss(0, sigma) for c in p) for p in vertices]
+        moved[9] = tuple(c + 0.6 for c in moved[40])  # folds faces
+        return moved
+
+    def compared(self, vertices, faces, *words):
+        mesh = write_off(self.path("a.off"), vertices, faces)
+        return self.report("compare", mesh, self.path("b.off"), *words)["faces"]
+
+    def test_faces_of_other_corners_equal_brute_force(self):
+        clean, faces = self.quads()
+        vertices = self.noisy(clean)
+        write_off(self.path("b.off"), CUBE_VERTICES, CUBE_FACES)
+        sign = 1 if volume(CUBE_VERTICES, CUBE_FACES) > 0 else -1
+        angles = []
+        for face in faces:
+            place = tuple(sum(vertices[i][axis] for i in face) / len(face) for axis in range(3))
+            nearest_face = min(CUBE_FACES, key=lambda f: math.dist(place, triangle_foot(place, *(CUBE_VERTICES[i] for i in f))))
+            reference = face_normal(CUBE_VERTICES, nearest_face)
+            angles.append(angle(face_normal(vertices, face), tuple(sign * c for c in reference)))
+        found = self.compared(vertices, faces)
+        self.assertEqual(found["faces"], len(faces))
+        self.assertEqual(found["folded"], sum(a > 90 for a in angles))
+        self.assertGreater(found["folded"], 0)
+        self.assertAlmostEqual(found["normal_error"], sum(angles) / len(angles), delta=1e-4)
+        triangles = [(f[0], f[i - 1], f[i]) for f in faces for i in range(2, len(f))]
+        back = [math.dist(p, q) for p, q in zip(CUBE_VERTICES, feet_on_mesh(CUBE_VERTICES, vertices, triangles))]
+        self.assertAlmostEqual(found["back"]["mean"], sum(back) / len(back), delta=1e-6)
+        self.assertAlmostEqual(found["back"]["max"], max(back), delta=1e-6)
+        self.assertAlmostEqual(found["volume"], volume(vertices, faces), delta=1e-6)
+        self.assertAlmostEqual(found["reference_volume"], 1, delta=1e-6)
+
+    def test_faces_of_the_same_corners_are_compared_with_their_own(self):
+        clean, faces = self.quads()
+        write_off(self.path("b.off"), clean, faces)
+        vertices = self.noisy(clean)
+        angles = [angle(face_normal(vertices, f), face_normal(clean, f)) for f in faces]
+        found = self.compared(vertices, faces)
+        self.assertAlmostEqual(found["normal_error"], sum(angles) / len(angles), delta=1e-4)
+        self.assertEqual(found["folded"], sum(a > 90 for a in angles))
+        itself = self.compared(clean, faces)
+        self.assertEqual((itself["folded"], itself["back"]["max"]), (0, 0))
+        self.assertAlmostEqual(itself["normal_error"], 0, delta=1e-5)
+
+    def test_meshes_may_run_round_the_other_way_and_be_open(self):
+        clean, faces = self.quads()
+        write_off(self.path("b.off"), CUBE_VERTICES, CUBE_FACES)
+        vertices = self.noisy(clean)
+        turned = self.compared(vertices, [f[:1] + f[:0:-1] for f in faces])
+        found = self.compared(vertices, faces)
+        for key in ("faces", "folded", "volume"):
+            self.assertAlmostEqual(turned[key], found[key], delta=1e-9)
+        self.assertAlmostEqual(turned["normal_error"], found["normal_error"], delta=1e-4)
+        self.assertIsNone(self.compared(vertices, faces[1:])["volume"])
+        one_turned = self.compared(vertices, [faces[0][::-1], *faces[1:]])
+        self.assertIsNone(one_turned["volume"])
+        self.assertEqual(one_turned["folded"], found["folded"] + 1)
+
+    def test_only_two_meshes_have_faces_to_compare(self):
+        clean, faces = self.quads()
+        write_off(self.path("b.off"), clean, faces)
+        cloud = write_ply(self.path("cloud.ply"), clean)
+        self.assertIsNone(self.report("compare", cloud, self.path("b.off"))["faces"])
+        self.assertIsNone(self.report("compare", self.path("b.off"), cloud)["faces"])
+        self.assertIsNone(self.compared(clean, faces, "--as", "cloud"))
+        text = self.ok("compare", self.path("b.off"), self.path("b.off")).stdout.decode()
+        self.assertIn("folded    0", text)
+
+
 class Text(Case):
     def test_text_holds_units_and_percent(self):
         write_ply(self.path("cloud.ply"), [(0.5, 0.5, 2.0)])

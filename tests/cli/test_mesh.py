@@ -38,6 +38,16 @@ class Mesh(Case):
         self.assertNotEqual(before, after)
         self.assertIsNone(self.report("run", self.mesh, self.path("points.off"))["mesh"])
 
+    def test_fleishman_tells_what_it_measured(self):
+        words = ["--connectivity", "mesh", "--method", "fleishman"]
+        used = self.report("run", self.mesh, self.path("out.off"), *words)["params"]
+        self.assertAlmostEqual(float(used["radius"]), 2 * float(used["closeness_sigma"]), delta=1e-5)
+        self.assertGreater(float(used["radius"]), 2)  # two diagonals of unit quads, with noise
+        self.assertLess(float(used["similarity_sigma"]), 0.6)
+        given = [f"--{name.replace('_', '-')}={used[name]}" for name in ("radius", "closeness_sigma", "similarity_sigma")]
+        self.ok("run", self.mesh, self.path("given.off"), *words, *given)
+        self.assertEqual(self.path("out.off").read_bytes(), self.path("given.off").read_bytes())
+
     def test_what_cannot_be(self):
         cloud = write_ply(self.path("cloud.ply"), self.vertices)
         out, mesh = self.path("out.ply"), ["--connectivity", "mesh"]
@@ -46,6 +56,8 @@ class Mesh(Case):
         self.fails(2, "run", self.mesh, out, "--rings", "2", says="--connectivity mesh")
         self.fails(2, "run", self.mesh, out, *mesh, "--method", "learned", says="learned")
         self.fails(2, "run", self.mesh, out, *mesh, "--tiles", "2", says="tiles on disk")
+        for method in ("fleishman", "jones"):
+            self.fails(2, "run", self.mesh, out, "--method", method, says=f"--method {method} reads faces: add --connectivity mesh")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Small clouds that are the same bytes on every machine: integers, + - * / and sqrt, which IEEE 754 rounds in one way.
-CLOUDS: {file name: function that returns the file's bytes}."""
+CLOUDS, MESHES: {file name: function that returns the file's bytes}."""
 import math
 import struct
 
@@ -186,13 +186,15 @@ def scaled(points, by):
     return [[c * by for c in p] for p in points]
 
 
-def ply(points, kind="f", extra=()):
-    """Binary PLY; kind: f or d; `extra`: (name, values) of further float columns."""
+def ply(points, kind="f", extra=(), faces=()):
+    """Binary PLY; kind: f or d; `extra`: (name, values) of further float columns; `faces`: tuples of corners."""
     name = {"f": "float", "d": "double"}[kind]
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(points)}"]
     header += [f"property {name} {axis}" for axis in "xyz"] + [f"property float {other}" for other, _ in extra]
     rows = b"".join(struct.pack("<3" + kind, *p) + struct.pack(f"<{len(extra)}f", *(values[i] for _, values in extra))
                     for i, p in enumerate(points))
+    header += [f"element face {len(faces)}", "property list uchar int vertex_indices"] if faces else []
+    rows += b"".join(struct.pack(f"<B{len(face)}i", len(face), *face) for face in faces)
     return "\n".join(header + ["end_header", ""]).encode() + rows
 
 
@@ -263,4 +265,56 @@ CLOUDS = {
     "nowhere.ply": lambda: ply([[NAN] * 3] * 20),
     "empty.ply": lambda: ply([]),
     "attributes.ply": lambda: ply(waves(n=900), extra=[("intensity", [i * 0.5 for i in range(900)])]),
+}
+
+
+def sheet_faces(n):
+    """Of n x n vertices, row after row: now a quad, now two triangles."""
+    corners = [(i * n + j, i * n + n + j, i * n + n + j + 1, i * n + j + 1) for i in range(n - 1) for j in range(n - 1)]
+    return [face for at, (a, b, c, d) in enumerate(corners) for face in ([(a, b, c, d)] if at % 3 else [(a, b, c), (a, c, d)])]
+
+
+def mesh_waves(n=32, sigma=0.3, seed=20):
+    """An open sheet of quads and triangles, with noise in spacings on each axis."""
+    random = Random(seed)
+    step = 2.0 / n
+    places = [(step * i - 1, step * j - 1) for i in range(n) for j in range(n)]
+    points = [[x + sigma * step * random.bell(), y + sigma * step * random.bell(),
+               0.1 * wave(x) * wave(0.75 * y) + sigma * step * random.bell()] for x, y in places]
+    return points, sheet_faces(n)
+
+
+def mesh_cube(n=12, sigma=0.2, seed=21):
+    """A closed cube of triangles."""
+    random = Random(seed)
+    number, faces = {}, []
+    for axis in range(3):
+        for side in (0, n):
+            def vertex(u, v):
+                p = [0, 0, 0]
+                p[axis], p[(axis + 1) % 3], p[(axis + 2) % 3] = side, u, v
+                return number.setdefault(tuple(p), len(number))
+            for u in range(n):
+                for v in range(n):
+                    a, b, c, d = vertex(u, v), vertex(u + 1, v), vertex(u + 1, v + 1), vertex(u, v + 1)
+                    faces += [(a, b, c), (a, c, d)] if side else [(a, c, b), (a, d, c)]
+    return [[(c + sigma * random.bell()) / n for c in p] for p in number], faces
+
+
+def unwelded(points, faces):
+    """Each face with corners of its own."""
+    corners = [corner for face in faces for corner in face]
+    numbers = iter(range(len(corners)))
+    return [points[corner] for corner in corners], [tuple(next(numbers) for _ in face) for face in faces]
+
+
+def as_ply(points, faces):
+    return ply(points, faces=faces)
+
+
+MESHES = {
+    "mesh_waves.ply": lambda: as_ply(*mesh_waves()),
+    "mesh_cube.ply": lambda: as_ply(*mesh_cube()),
+    "mesh_folded.ply": lambda: as_ply(*mesh_waves(n=24, sigma=0.6, seed=22)),
+    "mesh_seams.ply": lambda: as_ply(*unwelded(*mesh_cube(n=8, seed=23))),
 }

@@ -18,7 +18,7 @@ import subprocess
 import sys
 import tempfile
 
-from clouds import CLOUDS
+from clouds import CLOUDS, MESHES
 
 HASHES = pathlib.Path(__file__).with_name("hashes.txt")
 METHODS = ["laplacian", "taubin", "hc-laplacian", "mls", "wiener", "mollified", "learned", "implicit"]
@@ -34,7 +34,9 @@ MORE_WORDS = {
     "las": [],  # written in that format
     "e57": [],
 }
-NOT_IN_TILES = {"learned", "implicit", "normals", "noise", "las", "e57"}  # refused there
+ALONG_MESH = {"mesh": [], "mesh_rings": ["--rings", "2"], **{f"mesh_{method}": ["--method", method] for method in
+              ["laplacian", "taubin", "hc-laplacian", "mollified", "implicit", "fleishman", "jones"]}}
+NOT_IN_TILES = {"learned", "implicit", "normals", "noise", "las", "e57", *ALONG_MESH}  # refused there
 RAY = {"ray": ["--along", "ray", "--viewpoint", "0,0,0"]}
 OUTPUT = {"las": "las", "e57": "e57", "normals": "ply", "noise": "ply"}
 
@@ -46,6 +48,8 @@ def cases():
                           (MORE_WORDS, SOME), (RAY, ["sweep.pcd", "depth_image.pcd"])]:
         for (name, options), cloud in itertools.product(words.items(), clouds):
             found[f"{cloud} {name}"] = (cloud, options, OUTPUT.get(name, cloud.rpartition(".")[2]))
+    for (name, options), mesh in itertools.product(ALONG_MESH.items(), MESHES):
+        found[f"{mesh} {name}"] = (mesh, ["--connectivity", "mesh", *options], "ply")
     return found
 
 
@@ -93,7 +97,7 @@ def main():
     with tempfile.TemporaryDirectory() as folder, concurrent.futures.ThreadPoolExecutor(args.jobs) as pool:
         folder = pathlib.Path(folder)
         for name in {cloud for cloud, _, _ in wanted.values()}:
-            (folder / name).write_bytes(CLOUDS[name]())
+            (folder / name).write_bytes({**CLOUDS, **MESHES}[name]())
         runs = {(case, way): pool.submit(hash_of, program, folder, wanted[case], *all_ways[way])
                 for case in wanted for way in all_ways if not (case.split()[1] in NOT_IN_TILES and "--tiles" in all_ways[way][1])}
         got = {key: run.result() for key, run in runs.items()}

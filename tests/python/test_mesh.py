@@ -42,3 +42,20 @@ def test_quads_and_triangles_of_one_pipeline():
 def test_wrong_faces(faces, text):
     with pytest.raises(pf.UsageError, match=text):
         pf.denoise(sheet()[0], faces=faces, connectivity="mesh")
+
+
+def write_off(path, points, faces):
+    rows = [f"OFF\n{len(points)} {len(faces)} 0"] + [" ".join(map(repr, map(float, p))) for p in points]
+    path.write_text("\n".join(rows + [" ".join(map(str, (len(f), *f))) for f in faces]) + "\n")
+    return path
+
+
+def test_compare_of_two_meshes(tmp_path):
+    points, faces = sheet()
+    flat = points * (1, 1, 0)
+    noisy, clean = write_off(tmp_path / "noisy.off", points, faces), write_off(tmp_path / "clean.off", flat, faces)
+    found = pf.compare(noisy, clean)
+    assert found.faces.faces == len(faces) and found.faces.volume is None
+    assert 5 < found.faces.normal_error < 60 and found.faces.back_max <= np.abs(points[:, 2]).max() + 1e-5
+    assert pf.compare(clean, clean).faces.normal_error < 1e-4
+    assert pf.compare(points, clean).faces is None

@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "mesh_distances.hpp"
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+#include <utility>
+
+namespace pointfair::cli {
+namespace {
+
+using Corners = std::span<const std::uint32_t>;
+
+// Calls visit(corners) for each face.
+template <class Visit>
+void for_faces(const Polygons& faces, const Visit& visit) {
+  std::uint64_t begin = 0;
+  for (const std::uint64_t end : faces.ends) {
+    visit(Corners(faces.corners.data() + begin, end - begin));
+    begin = end;
+  }
+}
+
+// Twice the area long; zero for a face without area, or with a corner that is not finite.
+Vec3 area_normal(std::span<const Vec3> vertices, Corners corners) {
+  Vec3 sum;
+  for (std::size_t i = 2; i < corners.size(); ++i)
+    sum = sum + cross(vertices[corners[i - 1]] - vertices[corners[0]], vertices[corners[i]] - vertices[corners[0]]);
+  return is_finite(sum) ? sum : Vec3{};
+}
+
+Vec3 middle(std::span<const Vec3> vertices, Corners corners) {
+  Vec3 sum;
+  for (const std::uint32_t corner : corners) sum = sum + vertices[corner];
+  return (1 / static_cast<double>(corners.size())) * sum;
+}
+
+// Of one face of A: its normal, and B's there.
+struct NormalPair {
+  Vec3 own, reference;
+};
+
+std::vector<NormalPair> normals_by_number(std::span<const Vec3> a, std::span<const Vec3> b, const Polygons& faces) {
+  std::vector<NormalPair> pairs;
+  for_faces(faces, [&](Corners corners) { pairs.push_back({area_normal(a, corners), area_normal(b, corners)}); });
+  return pairs;
+}
+
+std::vector<NormalPair> normals_by_place(std::span<const Vec3> a, const Polygons& faces,
+                                         const std::vector<Triangle>& mesh, const Surface& surface) {
+  std::vector<NormalPair> pairs;
+  std::vector<Vec3> places;
+  for_faces(faces, [&](Corners corners) {
+    const Vec3 normal = area_normal(a, corners);
+    if (!(squared_length(normal) > 0)) return;
+    pairs.push_back({normal, {}});
+    places.push_back(middle(a, corners));
+  });
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, pairs.size(), 1024), [&](const auto& range) {
+    for (std::size_t i = range.begin(); i != range.end(); ++i) {
+      const auto& [p, q, r] = mesh[surface.closest(places[i]).triangle];
+      pairs[i].reference = cross(q - p, r - p);
+    }
+  });
+  return pairs;
+}
+
+void compare_normals(const std::vector<NormalPair>& pairs, FaceComparison& result) {
+  double alike = 0;  // by the area of A's faces
+  for (const auto& [own, reference] : pairs)
+    if (const double size = length(reference); size > 0) alike += dot(own, reference) / size;
+  double sum = 0;
+  for (const auto& [own, reference] : pairs) {
+    const double sizes = length(own) * length(reference);
+    if (!(sizes > 0)) continue;
+    const double cosine = std::clamp((alike < 0 ? -1 : 1) * dot(own, reference) / sizes, -1.0, 1.0);
+    sum += std::acos(cosine);
+    ++result.faces;
+    result.folded += cosine < 0;
+  }
+  if (result.faces > 0) result.normal_error = sum / static_cast<double>(result.faces) * 180 / std::numbers::pi;
+}
+
+// A side of a face, from one place to another.
+using Side = std::pair<std::uint32_t, std::uint32_t>;
+
+// Whether each side has one in the opposite direction, and none is there twice.
+bool encloses(std::vector<Side> sides) {
+  std::vector<Side> back;
+  for (const auto& [from, to] : sides) back.emplace_back(to, from);
+  std::sort(sides.begin(), sides.end());
+  std::sort(back.begin(), back.end());
+  return sides == back && std::adjacent_find(sides.begin(), sides.end()) == sides.end();
+}
+
+std::optional<double> volume_of(std::span<const Vec3> vertices, const Polygons& faces) {
+  const std::vector<std::uint32_t> welded = weld(vertices);
+  std::vector<Side> sides;
+  double sum = 0;
+  bool all_finite = true;
+  for_faces(faces, [&](Corners corners) {
+    for (std::size_t i = 0; i < corners.size(); ++i) {
+      all_finite = all_finite && is_finite(vertices[corners[i]]);
+      const std::uint32_t from = welded[corners[i]], to = welded[corners[(i + 1) % corners.size()]];
+      if (from != to) sides.emplace_back(from, to);
+    }
+    for (std::size_t i = 2; i < corners.size(); ++i)
+      sum += dot(vertices[corners[0]], cross(vertices[corners[i - 1]], vertices[corners[i]])) / 6;
+  });
+  if (!all_finite || sides.empty() || !encloses(std::move(sides))) return std::nullopt;
+  return std::abs(sum);
+}
+
+}  // namespace
+
+std::vector<Triangle> finite_triangles(std::span<const Vec3> vertices, const Polygons& faces) {
+  std::vector<Triangle> result;
+  for_faces(faces, [&](Corners corners) {
+    for (std::size_t i = 2; i < corners.size(); ++i) {
+      const Triangle t = {vertices[corners[0]], vertices[corners[i - 1]], vertices[corners[i]]};
+      if (is_finite(t.a) && is_finite(t.b) && is_finite(t.c)) result.push_back(t);
+    }
+  });
+  return result;
+}
+
+std::vector<std::uint32_t> weld(std::span<const Vec3> vertices) {
+  const auto key = [&](std::uint32_t i) { return std::array{vertices[i].x, vertices[i].y, vertices[i].z}; };
+  std::vector<std::uint32_t> order(vertices.size()), first(vertices.size());
+  std::iota(order.begin(), order.end(), 0u);
+  std::erase_if(order, [&](std::uint32_t i) { return !is_finite(vertices[i]); });
+  std::sort(order.begin(), order.end(),
+            [&](std::uint32_t i, std::uint32_t j) { return key(i) != key(j) ? key(i) < key(j) : i < j; });
+  for (std::size_t n = 0; n < order.size(); ++n) {
+    const bool same = n > 0 && key(order[n]) == key(order[n - 1]);
+    first[order[n]] = same ? first[order[n - 1]] : order[n];
+  }
+  return first;
+}
+
+FaceComparison compare_faces(std::span<const Vec3> a, const Polygons& faces_a, std::span<const Vec3> b,
+                             const Polygons& faces_b, const Surface& surface) {
+  FaceComparison result;
+  const bool same = a.size() == b.size() && faces_a.ends == faces_b.ends && faces_a.corners == faces_b.corners;
+  compare_normals(
+      same ? normals_by_number(a, b, faces_a) : normals_by_place(a, faces_a, finite_triangles(b, faces_b), surface),
+      result);
+  const Surface own(finite_triangles(a, faces_a));
+  std::vector<Vec3> from(b.begin(), b.end());
+  std::erase_if(from, [](Vec3 p) { return !is_finite(p); });
+  std::vector<double> back(from.size());
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, from.size(), 1024), [&](const auto& range) {
+    for (std::size_t i = range.begin(); i != range.end(); ++i)
+      back[i] = std::sqrt(own.closest(from[i]).squared_distance);
+  });
+  result.back = summarize(back);
+  result.volume = volume_of(a, faces_a);
+  result.reference = volume_of(b, faces_b);
+  return result;
+}
+
+}  // namespace pointfair::cli
