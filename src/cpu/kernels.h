@@ -55,7 +55,7 @@ POINTFAIR_INLINE point::Vec3<float> low_corner(const BoxGroup& group, int child)
 struct LeafLists {
   const Index* list;
   int k;
-  int near = 0;  // of balls: slots that hold all within each point's radius, before it grows
+  int in_radius = 0;  // of balls: slots that hold all within each point's radius, before it grows
 };
 
 // A neighbour list per point, as LeafLists at list + leaf * stored * 16; or those of each leaf along a mesh.

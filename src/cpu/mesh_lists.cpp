@@ -185,7 +185,7 @@ void MeshLists::find(const IndexView& index, const NeighborSettings& settings, c
       }
       begins.push_back(lists.size());
       leaves[leaf].k = int(longest);
-      leaves[leaf].near = int(nearest);
+      leaves[leaf].in_radius = int(nearest);
       lists.resize(lists.size() + longest * kLeafSize, point::kNoNeighbor);
       Index* const rows = lists.data() + begins.back();
       for (Index lane = 0; lane < kLeafSize; ++lane)

@@ -99,7 +99,7 @@ class MeshWalk {
 
   POINTFAIR_INLINE MeshWalk(const IndexView& index, Index start, const Index* list, const LeafLists& lists,
                             const point::Radii& radii)
-      : listed_(index, start, list, radii.squared_growth == nullptr ? lists.near : lists.k),
+      : listed_(index, start, list, radii.squared_growth == nullptr ? lists.in_radius : lists.k),
         limit_(radii.squared_growth == nullptr
                    ? load(radii.squared_radius + start)
                    : load(radii.squared_radius + start) * load(radii.squared_growth + start)) {}
