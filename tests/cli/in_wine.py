@@ -1,0 +1,49 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Runs the tests of the command line with the program for Windows, in wine: `make test-windows`.
+
+    tests/cli/in_wine.py build/wheels/windows-x86_64/prefix/bin/pointfair.exe [test_verbs ...]
+
+What wine or Windows cannot do is named in NOT_THERE, with the reason."""
+import importlib
+import os
+import pathlib
+import shlex
+import sys
+import tempfile
+import unittest
+
+HERE = pathlib.Path(__file__).resolve().parent
+NOT_THERE = {
+    "test_pages.Pages.test_names_are_text": "Windows has no names of files with <",
+}
+
+
+def tests_of(suite):
+    for test in suite:
+        yield from tests_of(test) if isinstance(test, unittest.TestSuite) else [test]
+
+
+def main():
+    program, *names = sys.argv[1:]
+    sys.path.insert(0, str(HERE))
+    with tempfile.TemporaryDirectory() as folder:
+        start = pathlib.Path(folder, "pointfair")
+        start.write_text(f"#!/bin/sh\nexec wine {shlex.quote(str(pathlib.Path(program).resolve()))} \"$@\"\n")
+        start.chmod(0o755)
+        os.environ.update(POINTFAIR_BIN=str(start), WINEDEBUG="-all")
+        suite, left_out = unittest.TestSuite(), 0
+        for name in names or sorted(path.stem for path in HERE.glob("test_*.py")):
+            for test in tests_of(unittest.defaultTestLoader.loadTestsFromModule(importlib.import_module(name))):
+                reason = NOT_THERE.get(name) or NOT_THERE.get(test.id())
+                if reason:
+                    left_out += 1
+                    print(f"not run: {test.id()}: {reason}")
+                else:
+                    suite.addTest(test)
+        result = unittest.TextTestRunner().run(suite)
+        print(f"{result.testsRun - len(result.failures) - len(result.errors)} of {result.testsRun} tests pass, {left_out} not run")
+        sys.exit(0 if result.wasSuccessful() else 1)
+
+
+main()
