@@ -15,6 +15,8 @@ import unittest
 
 HERE = pathlib.Path(__file__).resolve().parent
 NOT_THERE = {
+    "test_interrupt": "it waits until Linux says that the process blocks a signal, and sends SIGTERM, which Windows lacks",
+    "test_view.View.test_saving_stays_in_its_folder": "whole paths begin with the letter of a drive",
     "test_pages.Pages.test_names_are_text": "Windows has no names of files with <",
 }
 
@@ -28,8 +30,10 @@ def main():
     program, *names = sys.argv[1:]
     sys.path.insert(0, str(HERE))
     with tempfile.TemporaryDirectory() as folder:
-        start = pathlib.Path(folder, "pointfair")
-        start.write_text(f"#!/bin/sh\nexec wine {shlex.quote(str(pathlib.Path(program).resolve()))} \"$@\"\n")
+        program, start = pathlib.Path(program).resolve(), pathlib.Path(folder, "bin/pointfair")
+        start.parent.mkdir()
+        start.parent.with_name("share").symlink_to(program.parent.parent / "share")  # the page, where the tests look for it
+        start.write_text(f"#!/bin/sh\nexec wine {shlex.quote(str(program))} \"$@\"\n")
         start.chmod(0o755)
         os.environ.update(POINTFAIR_BIN=str(start), WINEDEBUG="-all")
         suite, left_out = unittest.TestSuite(), 0
@@ -42,7 +46,8 @@ def main():
                 else:
                     suite.addTest(test)
         result = unittest.TextTestRunner().run(suite)
-        print(f"{result.testsRun - len(result.failures) - len(result.errors)} of {result.testsRun} tests pass, {left_out} not run")
+        skipped, wrong = len(result.skipped), len(result.failures) + len(result.errors)
+        print(f"{result.testsRun - skipped - wrong} of {result.testsRun - skipped} tests pass, {left_out + skipped} not run")
         sys.exit(0 if result.wasSuccessful() else 1)
 
 

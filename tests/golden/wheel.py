@@ -30,8 +30,8 @@ def check_module(python, folder):
     for cloud, arguments, case in RUNS:
         source, out = folder / cloud, folder / f"out.{'e57' if case == 'e57' else cloud.rpartition('.')[2]}"
         source.write_bytes(CLOUDS[cloud]())
-        run(python, "-c", f"import pointfair as pf; pf.read({str(source)!r}).denoise(device='cpu', {arguments}).write({str(out)!r})",
-            cwd=folder)
+        code = f"pf.read({str(source)!r}).denoise(device='cpu', {arguments}).write({str(out)!r}, overwrite=True)"
+        run(python, "-c", f"import pointfair as pf; {code}", cwd=folder)
         got = hashlib.sha256(out.read_bytes()).hexdigest()[:32]
         if got != known[f"{cloud} {case}"]:
             sys.exit(f"the module's result of {cloud} {case} is {got}, not {known[f'{cloud} {case}']}")
