@@ -162,14 +162,14 @@ class Build:
                                  capture_output=True, text=True, check=True).stdout.strip()
         run(self.shared / "tools/bin/python", HERE / "windows_python.py", headers, self.zig, into)
         return {"Python_INCLUDE_DIR": into / "include", "Python_SABI_LIBRARY": into / "python3.lib",
-                "Python_LIBRARY": into / "python3.lib"}
+                "Python_LIBRARY": into / "python312.lib"}
 
     def check_wheel_of_windows(self, wheel):
         """That it needs no DLL but Python's and Windows's, and has the right tag."""
-        found = subprocess.run([self.shared / "tools/bin/delvewheel", "show", "--analyze-existing-exes", wheel],
-                               capture_output=True, text=True, check=True).stdout
-        if "no external dependencies" not in found.lower():
-            sys.exit(f"{wheel.name} needs DLLs that neither Windows nor Python has:\n{found}")
+        words = [self.shared / "tools/bin/delvewheel", "show", "--analyze-existing-exes", wheel]
+        found = subprocess.run(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        if found.returncode != 0 or "will be copied into the wheel.\n    None" not in found.stdout:
+            sys.exit(f"{wheel.name} needs DLLs that neither Windows nor Python has:\n{found.stdout}")
         if not wheel.stem.endswith(f"cp312-abi3-{self.target.wheel}"):
             sys.exit(f"{wheel.name} is not for {self.target.wheel} and CPython 3.12 and later")
 

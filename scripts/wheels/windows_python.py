@@ -32,6 +32,8 @@ def main(headers, zig, into):
     exported = ["LIBRARY python3.dll", "EXPORTS", *names(abi3info.FUNCTIONS), *names(abi3info.DATAS, " DATA")]
     (into / "python3.def").write_text("\n".join(exported) + "\n")
     subprocess.run([zig, "dlltool", "-m", "i386:x86-64", "-d", into / "python3.def", "-l", into / "python3.lib"], check=True)
+    # CMake looks for the library of one version, too, which nothing is linked with
+    shutil.copyfile(into / "python3.lib", into / "python312.lib")
 
 
 main(*sys.argv[1:])
