@@ -15,7 +15,7 @@ endif
 FUZZ_SECONDS ?= 60
 FUZZ_TARGETS = $(notdir $(wildcard build/fuzz/bin/fuzz_*))
 
-.PHONY: help demo build test wheel wheels golden-aarch64 wasm site test-site golden bench quality bench-laz bench-viewer bench-implicit train-net paper-tables figures gallery estimates gpu release source recipes deb fuzz format docs asan tsan clean install
+.PHONY: help demo build test wheel wheels golden-aarch64 golden-windows golden-wheel test-windows wasm site test-site golden bench quality bench-laz bench-viewer bench-implicit train-net paper-tables figures gallery estimates gpu release source recipes deb fuzz format docs asan tsan clean install
 
 help:
 	@echo "make build    the program, build/bin/pointfair"
@@ -24,6 +24,9 @@ help:
 	@echo "make wheel    the Python package with the program, dist/*.whl"
 	@echo "make wheels   wheels and archives for several systems with a pinned compiler, in dist (WHEELS='$(WHEELS)')"
 	@echo "make golden-aarch64  the program that make wheels WHEELS='linux-x86_64 linux-aarch64' made gives the known bytes in qemu"
+	@echo "make golden-windows  the same for the program of windows-x86_64, in wine"
+	@echo "make test-windows  the tests of the command line with that program, in wine"
+	@echo "make golden-wheel  the wheel of dist for this system, installed alone: its module and its program give the known bytes"
 	@echo "make source   the source archive with the viewer's page, in dist, from which packages are made"
 	@echo "make recipes URL=...  recipes for conda-forge, vcpkg, Homebrew, Docker and Apptainer, in dist/recipes"
 	@echo "make deb      Debian packages from the source archive, in dist"
@@ -81,6 +84,18 @@ wheels:
 golden-aarch64:
 	@command -v qemu-aarch64-static > /dev/null && [ -d /usr/aarch64-linux-gnu ] || { echo "install qemu-user-static and libc6-arm64-cross first"; exit 1; }
 	tests/golden/golden.py --runner 'qemu-aarch64-static -L /usr/aarch64-linux-gnu' --isa '' --threads 2 build/wheels/linux-aarch64/prefix/bin/pointfair
+
+# in wine: one process after the other on each core, each a second and a half
+golden-windows:
+	@command -v wine > /dev/null || { echo "install wine first"; exit 1; }
+	WINEDEBUG=-all tests/golden/golden.py --runner wine --isa '' --threads 2 build/wheels/windows-x86_64/prefix/bin/pointfair.exe
+
+test-windows:
+	@command -v wine > /dev/null || { echo "install wine first"; exit 1; }
+	tests/cli/in_wine.py build/wheels/windows-x86_64/prefix/bin/pointfair.exe
+
+golden-wheel:
+	tests/golden/wheel.py dist
 
 wasm:
 	@$(install) build python

@@ -42,6 +42,8 @@ void view(const ViewArguments& arguments, std::stop_token stop) {
   options.host = arguments.host;
   options.token = arguments.token;
   options.device = make_device(arguments.device);
+  // in the build as where it is installed
+  options.page = system::program_file().parent_path().parent_path() / "share/pointfair/web";
   options.save_folder = arguments.save_folder;
   options.point_budget = arguments.points;
   options.viewpoint = arguments.viewpoint;

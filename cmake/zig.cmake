@@ -4,7 +4,7 @@
 #   -DPOINTFAIR_ZIG_TARGET=TRIPLE     in zig's words: x86_64-linux-gnu.2.28 is Linux with glibc 2.28 and later;
 #                                     wasm32-wasi is WebAssembly, for which CMAKE_PREFIX_PATH must have cmake/wasm
 list(APPEND CMAKE_TRY_COMPILE_PLATFORM_VARIABLES POINTFAIR_ZIG POINTFAIR_ZIG_TARGET)
-string(REGEX MATCH "^([^-]+)-([^-]+)" _ "${POINTFAIR_ZIG_TARGET}")
+string(REGEX MATCH "^([^-]+)-([^-.]+)" _ "${POINTFAIR_ZIG_TARGET}")
 set(CMAKE_SYSTEM_PROCESSOR ${CMAKE_MATCH_1})
 if(CMAKE_MATCH_2 STREQUAL "macos")
   set(CMAKE_SYSTEM_NAME Darwin)
@@ -24,10 +24,10 @@ if(NOT EXISTS ${pointfair_tools}/ranlib)
     file(CHMOD ${pointfair_tools}/${verb} PERMISSIONS OWNER_READ OWNER_WRITE OWNER_EXECUTE)
   endforeach()
 endif()
-# oneTBB's static library asks for a description of a DLL, which is left out: the last word is the file to write.
+# zig's compiler of resources, called as windres is: all that is asked of it is FILE.rc into an object, the last two words.
 if(CMAKE_SYSTEM_NAME STREQUAL "Windows" AND NOT EXISTS ${pointfair_tools}/windres)
-  file(WRITE ${pointfair_tools}/windres "#!/bin/sh\nfor object; do :; done\n\
-exec '${POINTFAIR_ZIG}' cc --target=${POINTFAIR_ZIG_TARGET} -x c -c /dev/null -o \"$object\"\n")
+  file(WRITE ${pointfair_tools}/windres "#!/bin/sh\n\
+while [ $# -gt 2 ]; do shift; done\nexec '${POINTFAIR_ZIG}' rc /:output-format coff -- \"$1\" \"$2\"\n")
   file(CHMOD ${pointfair_tools}/windres PERMISSIONS OWNER_READ OWNER_WRITE OWNER_EXECUTE)
 endif()
 if(CMAKE_SYSTEM_NAME STREQUAL "Windows")

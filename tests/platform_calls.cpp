@@ -10,6 +10,7 @@
 #include "platform/files.hpp"
 #include "platform/free_memory.hpp"
 #include "platform/large_pages.hpp"
+#include "platform/path_text.hpp"
 #include "platform/process.hpp"
 #include "platform/processor.hpp"
 
@@ -40,6 +41,14 @@ static void write_file(const fs::path& path, const std::string& text) {
   CHECK(file >= 0);
   CHECK(platform::write_some(file, text.data(), text.size()) == static_cast<std::ptrdiff_t>(text.size()));
   CHECK(platform::close_file(file) == 0);
+}
+
+static void check_text_of_paths(const fs::path& folder) {
+  const std::string name = "gr\xc3\xb6\xc3\x9f\x65-\xe7\x82\xb9.bin";
+  CHECK(platform::text_of(fs::path(u8"größe-点.bin")) == name);
+  CHECK(platform::path_of(name) == fs::path(u8"größe-点.bin"));
+  write_file(folder / platform::path_of(name), "x");
+  CHECK(fs::exists(folder / u8"größe-点.bin"));
 }
 
 static void check_bytes(const fs::path& folder) {
@@ -126,6 +135,7 @@ static void check_machine() {
 int main() {
   const fs::path folder = fs::temp_directory_path() / ("pointfair-platform-" + std::to_string(platform::process_id()));
   fs::create_directory(folder);
+  check_text_of_paths(folder);
   check_bytes(folder);
   check_offsets(folder);
   check_names(folder);

@@ -25,8 +25,6 @@ std::string_view type_of(const fs::path& path) {
 
 }  // namespace
 
-fs::path page_folder(const fs::path& program) { return program.parent_path().parent_path() / "share/pointfair/web"; }
-
 PageFiles read_page(const fs::path& folder) {
   PageFiles files;
   std::error_code missing;

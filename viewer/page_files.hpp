@@ -17,9 +17,6 @@ struct PageFile {
 /// By path, "/index.html", ...
 using PageFiles = std::map<std::string, PageFile, std::less<>>;
 
-/// Where the page lies for a program at `program`: ../share/pointfair/web, in the build as where it is installed.
-std::filesystem::path page_folder(const std::filesystem::path& program);
-
 /// Throws ErrorKind::failed with what to do if there is no page in the folder.
 PageFiles read_page(const std::filesystem::path& folder);
 

@@ -307,7 +307,7 @@ net::awaitable<void> Server::take_page(beast::tcp_stream& stream, HeaderParser& 
 
 void serve(const std::filesystem::path& input, const ServerOptions& options,
            const std::function<void(const std::string& url)>& ready, std::stop_token stop) {
-  Server server(options, read_page(page_folder(std::filesystem::read_symlink("/proc/self/exe"))));
+  Server server(options, read_page(options.page));
   server.listen();
   if (!input.empty()) {
     ReadOptions read_options = options.reading;

@@ -18,6 +18,7 @@ struct ServerOptions {
   bool other_port = false;         ///< take any that is free where `port` is taken
   bool token = false;              ///< ask for a token on loopback too; elsewhere it is always asked for
   Device device;
+  std::filesystem::path page;  ///< the folder of the page's files
   std::filesystem::path save_folder = ".";
   std::uint64_t point_budget = 3'000'000;
   std::string viewpoint;                                ///< of the cloud at `input`, as parse_viewpoints reads it

@@ -9,12 +9,16 @@
 #ifdef __linux__
 #include <sys/prctl.h>
 #endif
+#ifdef __APPLE__
+#include <mach-o/dyld.h>
+#endif
 #ifdef __GLIBC__
 #include <malloc.h>
 #endif
 
 #include <cerrno>
 #include <chrono>
+#include <climits>
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
@@ -47,6 +51,16 @@ std::string why_not(const fs::path& path, int rights) {
 void prepare_streams() {}
 bool errors_go_to_terminal() { return ::isatty(STDERR_FILENO) != 0; }
 int process_id() { return ::getpid(); }
+#ifdef __APPLE__
+fs::path program_file() {
+  std::string name(PATH_MAX, '\0');
+  auto size = static_cast<std::uint32_t>(name.size());
+  if (::_NSGetExecutablePath(name.data(), &size) != 0) return {};
+  return fs::canonical(name.c_str());  // without links, as on Linux
+}
+#else
+fs::path program_file() { return fs::read_symlink("/proc/self/exe"); }
+#endif
 
 std::string why_not_writable(const fs::path& file) { return why_not(file, W_OK); }
 std::string why_no_files_in(const fs::path& folder) { return why_not(folder, W_OK | X_OK); }

@@ -16,6 +16,8 @@ void prepare_streams();
 bool errors_go_to_terminal();
 
 int process_id();
+/// The file of this program.
+std::filesystem::path program_file();
 
 /// Why the program may not write to the file, or create files in the folder; empty if it may.
 std::string why_not_writable(const std::filesystem::path& file);

@@ -55,6 +55,11 @@ void prepare_streams() {
 }
 bool errors_go_to_terminal() { return ::_isatty(2) != 0; }
 int process_id() { return static_cast<int>(::GetCurrentProcessId()); }
+fs::path program_file() {
+  std::wstring name(1 << 15, L'\0');  // no path is longer
+  name.resize(::GetModuleFileNameW(nullptr, name.data(), static_cast<DWORD>(name.size())));
+  return name;
+}
 
 std::string why_not_writable(const fs::path& file) { return why_not(file, GENERIC_WRITE); }
 std::string why_no_files_in(const fs::path& folder) { return why_not(folder, FILE_ADD_FILE); }

@@ -52,7 +52,8 @@ def native_pipeline(device: str, threads: int) -> _native.Pipeline:
 # longer than denoising a few points, on a card a million.
 _KEPT_POINTS, _KEPT_ON_CARD = 100_000, 2_000_000
 _idle: dict[tuple[str, int], list[_native.Pipeline]] = {}
-os.register_at_fork(after_in_child=_idle.clear)
+if hasattr(os, "register_at_fork"):  # Windows has no fork
+    os.register_at_fork(after_in_child=_idle.clear)
 
 
 def _take(device: str, threads: int) -> _native.Pipeline:

@@ -15,6 +15,7 @@ import shutil
 import subprocess
 import sys
 import tarfile
+import zipfile
 
 from parts import SOURCES, collect_licenses, unpack
 from tools import folder_of, make_environment, run
@@ -29,11 +30,17 @@ class Target:
     wheel: str  # the tag of its wheels
     python: str  # what CPython calls it
     runs_here: bool = False
+    pythons: tuple = ("3.12", "3.11", "3.10")
+
+    @property
+    def is_windows(self):
+        return self.python.startswith("win")
 
 
 TARGETS = {
     "linux-x86_64": Target("x86_64-linux-gnu.2.28", "manylinux_2_28_x86_64", "linux-x86_64", runs_here=True),
     "linux-aarch64": Target("aarch64-linux-gnu.2.28", "manylinux_2_28_aarch64", "linux-aarch64"),
+    "windows-x86_64": Target("x86_64-windows-gnu", "win_amd64", "win-amd64", pythons=("3.12",)),
 }
 # Version of CPython: what scikit-build-core calls the stable interface that its extension is for. nanobind linked in has
 # one from 3.12 on, so that the wheel of 3.12 is for all later ones.
@@ -81,16 +88,24 @@ class Build:
         run("cmake", "--install", self.work / "build", "--prefix", self.prefix)
 
     def collect_licenses(self, sources, nanobind):
-        collect_licenses(self.licenses, sources, self.work / "build/viewer/web", self.zig, nanobind)
+        collect_licenses(self.licenses, sources, self.work / "build/viewer/web", self.zig, nanobind, self.target.is_windows)
 
     def make_archive(self, version, dist):
-        """pointfair-VERSION-TARGET.tar.gz with a folder of that name, and its checksum beside it."""
+        """pointfair-VERSION-TARGET.tar.gz, or .zip for Windows, with a folder of that name."""
         name = f"pointfair-{version}-{self.name}"
+        parts = {"bin": self.prefix / "bin", "share/pointfair": self.prefix / "share/pointfair", "LICENSE": ROOT / "LICENSE",
+                 "licenses": self.licenses}
+        if self.target.is_windows:
+            path = dist / f"{name}.zip"
+            with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+                for inside, part in parts.items():
+                    for file in [part] if part.is_file() else sorted(part.rglob("*")):
+                        archive.write(file, pathlib.PurePosixPath(name, inside, file.relative_to(part)))
+            return path
         path = dist / f"{name}.tar.gz"
         with tarfile.open(path, "w:gz") as archive:
-            for folder, inside in [(self.prefix / "bin", "bin"), (self.prefix / "share/pointfair", "share/pointfair"),
-                                   (ROOT / "LICENSE", "LICENSE"), (self.licenses, "licenses")]:
-                archive.add(folder, f"{name}/{inside}", filter=without_owner)
+            for inside, part in parts.items():
+                archive.add(part, f"{name}/{inside}", filter=without_owner)
         return path
 
     def make_wheel(self, version, programs, dist):
@@ -103,6 +118,9 @@ class Build:
         environment = {**os.environ, "PATH": f"{programs}:{os.environ['PATH']}", "_PYTHON_HOST_PLATFORM": self.target.python}
         if not self.target.runs_here:
             values["POINTFAIR_PYTHON_GENERATED"] = self.shared / "linux-x86_64" / f"python{version}/build/generated"
+        if self.target.is_windows:
+            values |= self.windows_python(programs, work / "windows")
+        elif not self.target.runs_here:
             system, processor = self.target.python.split("-")
             environment["SETUPTOOLS_EXT_SUFFIX"] = f".cpython-{version.replace('.', '')}-{processor}-{system}-gnu.so"
         settings = {"cmake.source-dir": "python", "build-dir": work / "build", "wheel.py-api": PYTHONS[version],
@@ -122,8 +140,14 @@ class Build:
         metadata, = folder.glob("*.dist-info/METADATA")
         kept = [line for line in metadata.read_text().splitlines() if not line.startswith("Requires-Dist: nanobind-backend")]
         metadata.write_text("\n".join(kept) + "\n")
+        if self.target.is_windows:  # pip makes a program of it
+            with (folder / f"{metadata.parent.name}/entry_points.txt").open("a") as entries:
+                entries.write("\n[console_scripts]\npointfair = pointfair._program:main\n")
         run(tools / "python", "-m", "wheel", "pack", "--dest-dir", work, folder)
         packed, = work.glob("*.whl")
+        if self.target.is_windows:
+            self.check_wheel_of_windows(packed)
+            return shutil.copyfile(packed, dist / packed.name)
         environment = {**os.environ, "PATH": f"{tools}:{os.environ['PATH']}"}
         # auditwheel takes the name of a tag for this machine's processor only; "auto" is the oldest system that the wheel runs on
         run(tools / "auditwheel", "repair", packed, "--plat", "auto", "--only-plat", "--wheel-dir", work / "tagged", env=environment)
@@ -131,6 +155,23 @@ class Build:
         if not tagged.stem.endswith(self.target.wheel):
             sys.exit(f"{tagged.name} is not for {self.target.wheel}: it asks for another C library than it is built for")
         return shutil.copyfile(tagged, dist / tagged.name)
+
+    def windows_python(self, programs, into):
+        """What CMake is told of a Python for Windows."""
+        headers = subprocess.run([programs / "python", "-c", "import sysconfig; print(sysconfig.get_path('include'))"],
+                                 capture_output=True, text=True, check=True).stdout.strip()
+        run(self.shared / "tools/bin/python", HERE / "windows_python.py", headers, self.zig, into)
+        return {"Python_INCLUDE_DIR": into / "include", "Python_SABI_LIBRARY": into / "python3.lib",
+                "Python_LIBRARY": into / "python312.lib"}
+
+    def check_wheel_of_windows(self, wheel):
+        """That it needs no DLL but Python's and Windows's, and has the right tag."""
+        words = [self.shared / "tools/bin/delvewheel", "show", "--analyze-existing-exes", wheel]
+        found = subprocess.run(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        if found.returncode != 0 or "will be copied into the wheel.\n    None" not in found.stdout:
+            sys.exit(f"{wheel.name} needs DLLs that neither Windows nor Python has:\n{found.stdout}")
+        if not wheel.stem.endswith(f"cp312-abi3-{self.target.wheel}"):
+            sys.exit(f"{wheel.name} is not for {self.target.wheel} and CPython 3.12 and later")
 
 
 def without_owner(info):
@@ -169,8 +210,9 @@ def main():
         build.make_program(sources)
         build.collect_licenses(sources, folder_of(next(iter(pythons.values())), "nanobind"))
         write_checksum(build.make_archive(version_of_pointfair(), dist))
-        for version, programs in pythons.items():
-            write_checksum(build.make_wheel(version, programs, dist))
+        for version in build.target.pythons:
+            if version in pythons:
+                write_checksum(build.make_wheel(version, pythons[version], dist))
 
 
 main()

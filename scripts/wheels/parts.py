@@ -79,11 +79,12 @@ def license_of_header(header):
     return "\n\n".join(part for part in text.split("\n\n") if part.startswith("License:"))
 
 
-def licenses_of_zig(zig):
+def licenses_of_zig(zig, for_windows=False):
     """Of the parts that zig links in, by their names."""
     return {"zig": (zig.parent / "LICENSE").read_text(),
             **{name: (zig.parent / f"lib/{name.replace('+', 'x')}/LICENSE.TXT").read_text()
-               for name in ("libc++", "libc++abi", "libunwind")}}
+               for name in ("libc++", "libc++abi", "libunwind")},
+            **({"mingw-w64": (zig.parent / "lib/libc/mingw/COPYING").read_text()} if for_windows else {})}
 
 
 def licenses_of_module(source, page, zig):
@@ -98,7 +99,7 @@ def licenses_of_module(source, page, zig):
     }
 
 
-def collect_licenses(into, sources, page, zig, nanobind):
+def collect_licenses(into, sources, page, zig, nanobind, for_windows):
     """Writes the licence of everything that is linked in or served into a folder, one file each. `page`: the folder that
     the viewer's page is built in. Stops where one is missing: a file without it must not be given away."""
     robin_map = (nanobind / "ext/robin_map/include/tsl/robin_map.h").read_text()
@@ -109,7 +110,7 @@ def collect_licenses(into, sources, page, zig, nanobind):
         "nanobind": nanobind_license.read_text(),
         "robin_map": robin_map[:robin_map.index("*/") + 3],
         "three.js": (page / "node_modules/three/LICENSE").read_text(),
-        **licenses_of_zig(zig),
+        **licenses_of_zig(zig, for_windows),
         **{name: license_of_header(header) for name, header in HEADERS.items()},
     }
     shutil.rmtree(into, ignore_errors=True)

@@ -57,10 +57,11 @@ struct LeafLists {
 };
 
 // What edges of a mesh reach from the points of one leaf, in sorted order: bit l of lanes[i] is set where the point at
-// sorted position at[i] belongs to lane l, of near[i] where it also lies within that point's radius before it grows.
+// sorted position at[i] belongs to lane l, of in_radius[i] where it also lies within that point's radius before it
+// grows.
 struct LeafBalls {
   const Index* at;
-  const std::uint16_t *lanes, *near;
+  const std::uint16_t *lanes, *in_radius;
   int count;
 };
 

@@ -148,7 +148,7 @@ class BallSearch {
     Index at;
     std::uint16_t lanes = 0;      // that reached it
     std::uint16_t within = 0;     // whose limit holds it
-    std::uint16_t near = 0;       // whose radius holds it, before it grows
+    std::uint16_t in_radius = 0;  // whose radius holds it, before it grows
     std::uint16_t unchanged = 0;  // those of `lanes` that have gone on from here
     std::uint16_t own = 0;        // whose vertex it is
   };
@@ -207,14 +207,14 @@ class BallSearch {
     mark = {round_, std::uint32_t(reached_.size())};
     Reached its{at};
     const float x = index_.x[at], y = index_.y[at], z = index_.z[at];
-    unsigned within = 0, near = 0;
+    unsigned within = 0, in_radius = 0;
     for (int lane = 0; lane < kLeafSize; ++lane) {  // without a branch, so that compilers make vectors of it
       const float squared = point::squared_length(point::Vec3<float>{x - x_[lane], y - y_[lane], z - z_[lane]});
       within |= squared <= squared_limit_[lane] ? kBit[lane] : 0;
-      near |= squared <= squared_near_[lane] ? kBit[lane] : 0;
+      in_radius |= squared <= squared_near_[lane] ? kBit[lane] : 0;
     }
     its.within = std::uint16_t(within);
-    its.near = std::uint16_t(near);
+    its.in_radius = std::uint16_t(in_radius);
     reached_.push_back(its);
     return mark.place;
   }
@@ -310,24 +310,24 @@ std::vector<LeafBalls> find_balls(const IndexView& index, const NeighborSettings
   std::vector<LeafBalls> leaves(index.leaves);
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t block) {
     BallSearch& search = searches.local();
-    auto& [at, lanes, near] = blocks[block];
+    auto& [at, lanes, in_radius] = blocks[block];
     for (std::size_t leaf = first; leaf < last; ++leaf) {
       const std::vector<BallSearch::Reached>& found = search.find(Index(leaf), radii, settings.mesh_growth);
       leaves[leaf].count = int(found.size());
       for (const BallSearch::Reached& its : found) {
         at.push_back(its.at);
         lanes.push_back(its.lanes);
-        near.push_back(its.lanes & its.near);
+        in_radius.push_back(its.lanes & its.in_radius);
       }
     }
     at.shrink_to_fit();
     lanes.shrink_to_fit();
-    near.shrink_to_fit();
+    in_radius.shrink_to_fit();
     std::size_t begin = 0;
     for (std::size_t leaf = first; leaf < last; begin += std::size_t(leaves[leaf++].count)) {
       leaves[leaf].at = at.data() + begin;
       leaves[leaf].lanes = lanes.data() + begin;
-      leaves[leaf].near = near.data() + begin;
+      leaves[leaf].in_radius = in_radius.data() + begin;
     }
   });
   return leaves;

@@ -17,8 +17,8 @@ namespace pointfair::cpu {
 
 // Of leaves that were found together.
 struct MeshBlock {
-  std::vector<Index> at;                   // lists, or what is reached
-  std::vector<std::uint16_t> lanes, near;  // of balls
+  std::vector<Index> at;                        // lists, or what is reached
+  std::vector<std::uint16_t> lanes, in_radius;  // of balls
 };
 
 class MeshLists {

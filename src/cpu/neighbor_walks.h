@@ -103,7 +103,7 @@ class BallWalk {
       : index_(index),
         start_(start),
         at_(balls.at),
-        lanes_(radii.squared_growth == nullptr ? balls.near : balls.lanes),
+        lanes_(radii.squared_growth == nullptr ? balls.in_radius : balls.lanes),
         count_(balls.count),
         own_bits_(Ints{1 << (lane_numbers().v + int(start % kLeafSize))}),
         limit_(radii.squared_growth == nullptr

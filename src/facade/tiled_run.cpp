@@ -13,6 +13,7 @@
 #include "io/unfinished_files.hpp"
 #include "pipeline/devices.hpp"
 #include "platform/free_memory.hpp"
+#include "platform/path_text.hpp"
 #include "scale/choice.hpp"
 #include "scale/emit.hpp"
 #include "scale/points_file.hpp"
@@ -101,10 +102,10 @@ TiledChoice TiledRun::choose(const TiledJob& job, const fs::path& work, Device d
 double TiledRun::float_step_in_zones(const Cloud& cloud) { return zones_of(cloud).float_step(); }
 
 fs::path TiledRun::output_name(const fs::path& input) {
-  std::string name = input.filename().string();
+  std::string name = platform::text_of(input.filename());
   constexpr std::string_view kOctree = ".copc.laz";
   if (io::lower_case(name).ends_with(kOctree)) name.resize(name.size() - kOctree.size());
-  return name.size() == input.filename().string().size() ? name : name + ".laz";
+  return name.size() == platform::text_of(input.filename()).size() ? name : name + ".laz";
 }
 
 fs::path TiledRun::make_scratch_folder(const fs::path& beside) {
@@ -115,8 +116,8 @@ fs::path TiledRun::make_scratch_folder(const fs::path& beside) {
   fs::create_directory(folder, error);
   if (!error) fs::permissions(folder, fs::perms::owner_all, error);
   if (error)
-    throw Error(ErrorKind::file,
-                beside.string() + ": cannot create a work folder: " + error.message() + "; name one with --work");
+    throw Error(ErrorKind::file, platform::text_of(beside) + ": cannot create a work folder: " + error.message() +
+                                     "; name one with --work");
   return folder;
 }
 
@@ -125,7 +126,7 @@ void TiledRun::plan(const TiledJob& job, const fs::path& work, unsigned threads)
     if (!has_plan(work)) return make_plan(job, work, threads);
     const std::string other = difference(job, read_plan(work));
     if (!other.empty())
-      throw Error(ErrorKind::usage, work.string() + ": was planned with " + other +
+      throw Error(ErrorKind::usage, platform::text_of(work) + ": was planned with " + other +
                                         "; go on with what it was planned with, or name another work folder");
   });
 }

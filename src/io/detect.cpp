@@ -9,6 +9,7 @@
 #include "io/stl/facets.hpp"
 #include "io/text.hpp"
 #include "io/text_source.hpp"
+#include "platform/path_text.hpp"
 
 namespace pointfair {
 namespace io {
@@ -86,7 +87,7 @@ std::optional<Format> format_of(const std::filesystem::path& path) {
       {".npy", Format::npy},           {".glb", Format::glb}, {".gltf", Format::glb}, {".kitti", Format::kitti},
       {".nuscenes", Format::nuscenes},
   }};
-  const std::string extension = io::lower_case(path.extension().string());
+  const std::string extension = io::lower_case(platform::text_of(path.extension()));
   for (const auto& [known, format] : kExtensions) {
     if (extension == known) return format;
   }

@@ -9,6 +9,7 @@
 #include <new>
 
 #include "platform/files.hpp"
+#include "platform/path_text.hpp"
 #include "pointfair/cloud.hpp"
 
 namespace pointfair::io {
@@ -61,7 +62,7 @@ void check_plausible(std::uint64_t points, std::uint64_t others, std::size_t byt
 
 std::string shown_name(const std::filesystem::path& path, bool input) {
   if (path == "-") return input ? "standard input" : "standard output";
-  return path.string();
+  return platform::text_of(path);
 }
 
 FileBytes FileBytes::copy(std::span<const std::byte> bytes) {

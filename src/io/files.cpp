@@ -9,6 +9,7 @@
 #include "io/parallel.hpp"
 #include "io/streamed.hpp"
 #include "io/text.hpp"
+#include "platform/path_text.hpp"
 #include "pointfair/io.hpp"
 
 namespace pointfair {
@@ -159,7 +160,7 @@ void refuse_losses(const std::filesystem::path& path, const Cloud& cloud, Format
   const std::vector<std::string> lost = losses(cloud, format, encoding);
   if (lost.empty()) return;
   const std::string more = lost.size() > 1 ? " (and " + std::to_string(lost.size() - 1) + " more)" : "";
-  io::fail(path.string(), lost.front() + more + "; choose another format, or leave out --strict");
+  io::fail(platform::text_of(path), lost.front() + more + "; choose another format, or leave out --strict");
 }
 
 Plan plan(const std::filesystem::path& path, const Cloud& cloud, const WriteOptions& options) {
@@ -216,7 +217,8 @@ void check_write(const std::filesystem::path& path, const Cloud& cloud, const Wr
     io::check_new_las(cloud, options.las_scale);
   for (const auto& [from, to] : companions(chosen, cloud, path)) {
     if (!options.overwrite && std::filesystem::exists(to))
-      io::fail(to.string(), "exists already, and " + from.string() + " is to be copied there; choose another name");
+      io::fail(platform::text_of(to),
+               "exists already, and " + platform::text_of(from) + " is to be copied there; choose another name");
   }
 }
 
@@ -247,7 +249,7 @@ std::string why_not_streamed(const Plan& chosen, const Source& source, const std
   const bool transcodes =
       chosen.encoding != source.encoding() && io::family(chosen.format) != Format::las && chosen.format != Format::ply;
   if (chosen.copy && !transcodes) return {};
-  return path.string() +
+  return platform::text_of(path) +
          ": a cloud that is computed in tiles on disk is written in the format of its file; name the "
          "output so, and convert it afterwards";
 }
@@ -278,10 +280,11 @@ void write_moved(const std::filesystem::path& path, const std::shared_ptr<Source
 
 Format format_to_write(const std::filesystem::path& path, std::optional<Format> source) {
   const std::string name = io::shown_name(path, false);
-  if (io::lower_case(path.filename().string()).ends_with(".copc.laz")) return Format::copc;
+  if (io::lower_case(platform::text_of(path.filename())).ends_with(".copc.laz")) return Format::copc;
   std::optional<Format> format = format_of(path);
   const bool are_floats = source == Format::kitti || source == Format::nuscenes;
-  const bool is_nameless = !path.has_extension() || (are_floats && io::lower_case(path.extension().string()) == ".bin");
+  const bool is_nameless =
+      !path.has_extension() || (are_floats && io::lower_case(platform::text_of(path.extension())) == ".bin");
   if (!format && is_nameless) format = source;
   if (!format) io::fail(name, std::string("unknown extension; name the file ") + io::kWrittenExtensions);
   return *format;

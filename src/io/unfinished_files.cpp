@@ -5,6 +5,7 @@
 #include <charconv>
 #include <system_error>
 
+#include "platform/path_text.hpp"
 #include "platform/process.hpp"
 
 namespace pointfair::io {
@@ -38,7 +39,7 @@ void remove_abandoned(const fs::path& folder, std::string_view prefix) noexcept 
   std::error_code error;
   const std::string ours = of_this_machine(prefix);
   for (fs::directory_iterator at(folder, error), end; !error && at != end; at.increment(error)) {
-    const std::string name = at->path().filename().string();
+    const std::string name = platform::text_of(at->path().filename());
     std::error_code ignored;
     if (name.starts_with(ours) && is_abandoned(std::string_view(name).substr(ours.size())))
       fs::remove_all(at->path(), ignored);

@@ -8,6 +8,7 @@
 #include "io/file_bytes.hpp"
 #include "io/text.hpp"
 #include "io/text_source.hpp"
+#include "platform/path_text.hpp"
 
 namespace pointfair::io {
 namespace {
@@ -62,7 +63,7 @@ std::string_view without_remark_sign(std::string_view line) {
 
 // What the columns behind the coordinates are called where no line tells.
 std::vector<std::string> usual_names(Format format, const std::string& file, std::size_t columns) {
-  const std::string extension = lower_case(std::filesystem::path(file).extension().string());
+  const std::string extension = lower_case(platform::text_of(platform::path_of(file).extension()));
   std::vector<std::string> names = {"x", "y", "z"};
   if (format == Format::pts && (columns == 4 || columns == 7)) names.emplace_back("intensity");
   if ((format == Format::pts && (columns == 6 || columns == 7)) || (extension == ".xyzrgb" && columns == 6))

@@ -18,6 +18,7 @@
 #include "io/streamed.hpp"
 #include "platform/files.hpp"
 #include "platform/free_memory.hpp"
+#include "platform/path_text.hpp"
 #include "pointfair/file_info.hpp"
 #include "pointfair/tiled_run.hpp"
 #include "portable.hpp"
@@ -71,7 +72,7 @@ void refuse_same_files(const std::vector<fs::path>& inputs) {
     if (!identity) continue;  // said when it is opened
     const auto [other, is_new] = seen.try_emplace(*identity, &input);
     if (!is_new)
-      refuse(input.string() + ": is the same file as the input " + other->second->string() +
+      refuse(platform::text_of(input) + ": is the same file as the input " + platform::text_of(*other->second) +
              ", so its points would count twice; name it once");
   }
 }
@@ -86,13 +87,14 @@ std::vector<InputFile> files_of(const TiledJob& job) {
     InputFile file;
     file.path = whole_path(input);
     file.output = whole_path(job.output_folder.empty() ? job.output : job.output_folder / TiledRun::output_name(input));
-    if (file.path.string().find('\n') != std::string::npos || file.output.string().find('\n') != std::string::npos)
-      refuse(input.string() + ": its name has more than one line; rename it");
+    if (platform::text_of(file.path).find('\n') != std::string::npos ||
+        platform::text_of(file.output).find('\n') != std::string::npos)
+      refuse(platform::text_of(input) + ": its name has more than one line; rename it");
     if (!outputs.insert(file.output).second)
-      refuse(input.string() + ": two inputs have this name, so their results would be one file; rename one");
+      refuse(platform::text_of(input) + ": two inputs have this name, so their results would be one file; rename one");
     std::error_code ignored;
     if (fs::equivalent(file.path, file.output, ignored))
-      refuse(file.output.string() + ": is input and output at once; name another output");
+      refuse(platform::text_of(file.output) + ": is input and output at once; name another output");
     files.push_back(std::move(file));
   }
   return files;
@@ -137,7 +139,7 @@ void refuse_stray_files(const std::vector<InputFile>& files, const std::vector<E
     if (others.is_empty() || nearest <= kFar * std::max(others.diagonal(), extents[i].diagonal())) continue;
     char distance[32];
     std::snprintf(distance, sizeof distance, "%.4g", nearest);
-    refuse(files[i].path.string() + ": lies " + distance +
+    refuse(platform::text_of(files[i].path) + ": lies " + distance +
            " from the other inputs, far more than they are wide: it belongs to another place or has other coordinates; "
            "run it by itself");
   }
@@ -232,7 +234,7 @@ std::uint64_t bytes_of_tile(const Plan& plan) {
 
 std::string fingerprint_of(const fs::path& path) {
   const auto status = platform::status_of(path);
-  if (!status) io::fail(path.string(), "cannot open: " + platform::message_of(errno));
+  if (!status) io::fail(platform::text_of(path), "cannot open: " + platform::message_of(errno));
   const StoredFile file(path);
   const std::uint64_t size = file.size();
   constexpr std::uint64_t kPieces = 64, kBytes = 4096;
@@ -255,7 +257,8 @@ std::shared_ptr<Source> Inputs::open(std::size_t number) {
   const InputFile& file = files_[number];
   if (source && file.path.empty()) return source;
   if (fingerprint_of(file.path) != file.fingerprint)
-    io::fail(file.path.string(), "has changed since this run was planned; plan it again in another work folder");
+    io::fail(platform::text_of(file.path),
+             "has changed since this run was planned; plan it again in another work folder");
   if (!source) source = io::open_source(file.path, threads_);
   return source;
 }
@@ -269,7 +272,7 @@ void add_chunks(const Source& source, Plan& plan) {
   for (std::size_t block = 0; block < source.block_count(); ++block) {
     const std::uint64_t size = source.block_size(block);
     if (size > 4 * most)
-      io::fail(file.path.string(),
+      io::fail(platform::text_of(file.path),
                "holds " + std::to_string(size) + " points in one piece that cannot be read in parts; give more memory");
     if (chunk.points > 0 && chunk.points + size > most) {
       plan.chunks.push_back(chunk);
@@ -322,7 +325,8 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
     check_attributes(source, job.limits, job.noise_attribute);
     const Params params = in_units_of_file(job.params, *source);
     if (sources.size() > 1 && params != plan.params)
-      refuse(file.path.string() + ": its unit is not that of the other inputs; give lengths without m, mm or cm");
+      refuse(platform::text_of(file.path) +
+             ": its unit is not that of the other inputs; give lengths without m, mm or cm");
     plan.params = params;
     plan.coordinate_step = std::min(plan.coordinate_step, coordinate_step(*source));
     file.first_point = plan.points;
@@ -350,7 +354,7 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
 bool has_plan(const fs::path& work) { return fs::exists(work / kPlanName); }
 
 Plan read_plan(const fs::path& work) {
-  const std::string name = (work / kPlanName).string();
+  const std::string name = platform::text_of(work / kPlanName);
   if (!has_plan(work)) io::fail(name, "there is no plan here; make one with: pointfair tile plan");
   return plan_of(read_text(name), name);
 }

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "io/file_bytes.hpp"
+#include "platform/path_text.hpp"
 #include "pointfair/version.hpp"
 
 namespace pointfair::scale {
@@ -70,11 +71,11 @@ void read_line(const std::string& line, Plan& plan) {
   if (key == "file") {
     InputFile file;
     in >> file.points >> file.fingerprint;
-    file.path = rest();
+    file.path = platform::path_of(rest());
     if (!plan.files.empty()) file.first_point = plan.files.back().first_point + plan.files.back().points;
     plan.files.push_back(std::move(file));
   }
-  if (key == "output") plan.files.back().output = rest();
+  if (key == "output") plan.files.back().output = platform::path_of(rest());
   if (key == "chunk") {
     InputChunk c;
     in >> c.file >> c.first_block >> c.end_block >> c.first_point >> c.points;
@@ -108,8 +109,8 @@ std::string text_of(const Plan& plan) {
     out << "\n";
   }
   for (const InputFile& file : plan.files)
-    out << "file " << file.points << " " << file.fingerprint << " " << file.path.string() << "\noutput "
-        << file.output.string() << "\n";
+    out << "file " << file.points << " " << file.fingerprint << " " << platform::text_of(file.path) << "\noutput "
+        << platform::text_of(file.output) << "\n";
   for (const InputChunk& c : plan.chunks)
     out << "chunk " << c.file << " " << c.first_block << " " << c.end_block << " " << c.first_point << " " << c.points
         << "\n";

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "platform/path_text.hpp"
+
 namespace pointfair::scale {
 
 PointsWriter::PointsWriter(const std::filesystem::path& path, PointsHeader header, const std::vector<Section>& sections,
@@ -22,7 +24,7 @@ PointsWriter::PointsWriter(const std::filesystem::path& path, PointsHeader heade
 PointsFile::PointsFile(const std::filesystem::path& path) : file_(path) {
   file_.read(0, &header_, sizeof header_);
   if (header_.magic != PointsHeader().magic || header_.size() != file_.size())
-    throw Error(ErrorKind::file, path.string() + ": is damaged; remove it and run again");
+    throw Error(ErrorKind::file, platform::text_of(path) + ": is damaged; remove it and run again");
 }
 
 std::vector<Section> PointsFile::sections() const {

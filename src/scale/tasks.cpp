@@ -10,6 +10,7 @@
 #include "pipeline/devices.hpp"
 #include "pipeline/outlier_marks.hpp"
 #include "pipeline/stage_settings.hpp"
+#include "platform/path_text.hpp"
 #include "scale/choice.hpp"
 #include "scale/denoise.hpp"
 #include "scale/emit.hpp"
@@ -177,7 +178,7 @@ void Tasks::run_emit(const WorkStep& step, std::size_t task, const std::stop_tok
   const InputFile& file = folder_.plan.files[task];
   const fs::path begun = folder_.begun_mark(task);
   if (!folder_.plan.write.overwrite && fs::exists(file.output) && !fs::exists(begun))
-    io::fail(file.output.string(), "exists already; add --force to the plan to replace it");
+    io::fail(platform::text_of(file.output), "exists already; add --force to the plan to replace it");
   mark(begun);
   const auto source = inputs_.open(task);
   source->place_at(folder_.plan.origin);

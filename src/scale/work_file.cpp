@@ -11,6 +11,7 @@
 
 #include "io/unfinished_files.hpp"
 #include "platform/files.hpp"
+#include "platform/path_text.hpp"
 #include "pointfair/cloud.hpp"
 
 namespace pointfair::scale {
@@ -22,13 +23,13 @@ constexpr std::string_view kUnfinished = ".unfinished-";
 using platform::message_of;
 
 [[noreturn]] void fail_to_read(const fs::path& path, const std::string& why) {
-  throw Error(ErrorKind::file, path.string() + ": " + why);
+  throw Error(ErrorKind::file, platform::text_of(path) + ": " + why);
 }
 
 // Finished files of all folders in memory, by their paths.
 class FilesInMemory {
  public:
-  static bool has(const fs::path& path) { return path.string().starts_with(kRoot); }
+  static bool has(const fs::path& path) { return platform::text_of(path).starts_with(kRoot); }
   static fs::path new_folder() {
     static std::atomic<std::uint64_t> number = 0;
     return kRoot + std::to_string(number++);
@@ -85,7 +86,7 @@ NewFile::~NewFile() {
 }
 
 void NewFile::fail(int error) const {
-  std::string message = path_.string() + ": cannot write: " + message_of(error);
+  std::string message = platform::text_of(path_) + ": cannot write: " + message_of(error);
   if (platform::is_full(error)) {
     const std::uint64_t missing = std::max<std::uint64_t>(size_, written_ + 1) - written_;
     message += "; this file needs " + std::to_string(missing) +

@@ -5,6 +5,7 @@
 
 #include "io/file_bytes.hpp"
 #include "platform/free_memory.hpp"
+#include "platform/path_text.hpp"
 #include "scale/work_file.hpp"
 
 namespace pointfair::scale {
@@ -97,9 +98,10 @@ void WorkFolder::check_room(const WorkStep& step) const {
   const auto needed = static_cast<std::uint64_t>(left * double(plan.points * bytes_of_point));
   const std::uint64_t free = fs::space(path).available;
   if (free < needed)
-    io::fail(path.string(), "step " + step.name() + " needs " + std::to_string(needed) + " bytes, which is " +
-                                std::to_string(needed - free) +
-                                " bytes more than are free: free some space and run again, what is finished is kept");
+    io::fail(platform::text_of(path),
+             "step " + step.name() + " needs " + std::to_string(needed) + " bytes, which is " +
+                 std::to_string(needed - free) +
+                 " bytes more than are free: free some space and run again, what is finished is kept");
 }
 
 void WorkFolder::check_memory(const WorkStep& step, std::size_t task) const {

@@ -22,6 +22,13 @@ def run(program, *words, **options):
     return subprocess.run([str(program), *map(str, words)], capture_output=True, text=True, **options)
 
 
+def test_what_pip_starts_on_windows_runs_the_program(tmp_path):
+    start = "import sys; from pointfair._program import main; sys.exit(main())"
+    for words in (["--version"], ["run", tmp_path / "missing.ply", tmp_path / "out.ply"], ["cluster", "--help"]):
+        through, expected = run(sys.executable, "-c", start, *words), run(PROGRAM, *words)
+        assert (through.returncode, through.stdout, through.stderr) == (expected.returncode, expected.stdout, expected.stderr)
+
+
 @pytest.mark.parametrize("program", PROGRAMS)
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("centre", [(0, 0, 0), (500000.1, 5.8e6, 120)])

@@ -7,6 +7,8 @@
 #include <limits>
 #include <optional>
 
+#include "platform/path_text.hpp"
+
 namespace pointfair::io::gltf {
 namespace {
 
@@ -145,10 +147,10 @@ void Document::read_buffers() {
         if (!decoded) damaged("a buffer is no base64");
         files_.push_back(FileBytes::copy(std::as_bytes(std::span(*decoded))));
       } else {
-        const std::filesystem::path path(without_escapes(text));
+        const std::filesystem::path path = platform::path_of(without_escapes(text));
         if (path.is_absolute() || text.find("://") != std::string::npos)
           fail(name_, "its buffer " + text.substr(0, 80) + " is not a file beside it; export it as .glb");
-        files_.push_back(FileBytes::open(std::filesystem::path(name_).parent_path() / path));
+        files_.push_back(FileBytes::open(platform::path_of(name_).parent_path() / path));
         file_size_ += files_.back().view().size();
       }
       bytes = files_.back().view();

@@ -9,6 +9,7 @@
 #include "io/formats.hpp"
 #include "io/las/coordinate_system.hpp"
 #include "io/parallel.hpp"
+#include "platform/path_text.hpp"
 
 namespace pointfair::io {
 namespace las {
@@ -63,7 +64,7 @@ std::vector<std::string> LasSource::losses(Encoding) const {
   std::error_code ignored;
   std::filesystem::path index(name());
   if (std::filesystem::exists(index.replace_extension(".lax"), ignored)) {
-    result.push_back(index.string() +
+    result.push_back(platform::text_of(index) +
                      " does not fit points that moved, so it was not copied; lasindex makes a new one");
   }
   return result;
