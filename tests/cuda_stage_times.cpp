@@ -88,8 +88,8 @@ struct Case {
 void measure(Backend& backend, const Points& points, const Case& c, int repeat) {
   const double spacing = std::sqrt(1.2 / double(points.size()));
   const NeighborSettings neighbors{c.k, 0, c.constraint, float(2.5 * spacing)};
-  const NormalSettings normals{float(2 * spacing)};
-  const FairingSettings fairing{Method::bilateral, c.area, float(2 * spacing), float(spacing)};
+  const NormalSettings normals{{float(2 * spacing)}};
+  const FairingSettings fairing{{float(2 * spacing), float(spacing)}, Method::bilateral, c.area};
   const auto upload_start = Clock::now();
   backend.upload(points, IndexOrder::fastest);
   const double upload = std::chrono::duration<double, std::milli>(Clock::now() - upload_start).count();
