@@ -9,6 +9,7 @@
 
 #include "arguments.hpp"
 #include "output.hpp"
+#include "platform/system.hpp"
 #include "point_noise.hpp"
 #include "pointfair/pointfair.hpp"
 #include "progress.hpp"
@@ -27,7 +28,10 @@ void check_paths(const RunArguments& arguments) {
   if (arguments.report == "-" && arguments.output == "-") {
     throw Error(ErrorKind::usage, "the cloud and the report cannot both go to standard output; give --report a file");
   }
-  if (!arguments.force) {
+  if (!system::replaces_what_is_read()) {
+    check_not_same(arguments.input, arguments.output,
+                   "name another output: this system replaces no file that is being read");
+  } else if (!arguments.force) {
     check_not_same(arguments.input, arguments.output, "name another output, or add --force to replace the input");
   }
   make_read_options(arguments.in, 0);

@@ -65,6 +65,8 @@ fs::path program_file() { return fs::read_symlink("/proc/self/exe"); }
 std::string why_not_writable(const fs::path& file) { return why_not(file, W_OK); }
 std::string why_no_files_in(const fs::path& folder) { return why_not(folder, W_OK | X_OK); }
 
+bool replaces_what_is_read() { return true; }
+
 std::uint64_t peak_memory() {
   rusage usage{};
   if (::getrusage(RUSAGE_SELF, &usage) != 0) return 0;

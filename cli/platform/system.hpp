@@ -23,6 +23,9 @@ std::filesystem::path program_file();
 std::string why_not_writable(const std::filesystem::path& file);
 std::string why_no_files_in(const std::filesystem::path& folder);
 
+/// Whether a file can be replaced while it is read.
+bool replaces_what_is_read();
+
 /// Memory that the process held at most so far, in bytes; 0 where the system does not count it.
 std::uint64_t peak_memory();
 

@@ -19,6 +19,7 @@ bool errors_go_to_terminal() { return ::isatty(STDERR_FILENO) != 0; }
 int process_id() { return ::getpid(); }
 std::string why_not_writable(const fs::path& file) { return why_not(file, W_OK); }
 std::string why_no_files_in(const fs::path& folder) { return why_not(folder, W_OK | X_OK); }
+bool replaces_what_is_read() { return true; }
 std::uint64_t peak_memory() { return 0; }
 void keep_no_freed_memory() {}
 bool end_with_parent(int) { return true; }

@@ -64,6 +64,8 @@ fs::path program_file() {
 std::string why_not_writable(const fs::path& file) { return why_not(file, GENERIC_WRITE); }
 std::string why_no_files_in(const fs::path& folder) { return why_not(folder, FILE_ADD_FILE); }
 
+bool replaces_what_is_read() { return false; }  // it is mapped
+
 std::uint64_t peak_memory() {
   PROCESS_MEMORY_COUNTERS counters{};
   return ::GetProcessMemoryInfo(::GetCurrentProcess(), &counters, sizeof counters) ? counters.PeakWorkingSetSize : 0;

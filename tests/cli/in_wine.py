@@ -15,6 +15,9 @@ import unittest
 
 HERE = pathlib.Path(__file__).resolve().parent
 NOT_THERE = {
+    "test_bad_input.Files.test_no_permission": "wine runs for the user only that its folder belongs to",
+    "test_bad_input.Outputs.test_disk_full": "a limit of Linux",
+    "test_bad_input.Outputs.test_output_equal_to_input": "Windows replaces no file that is being read, and the program says so",
     "test_interrupt": "it waits until Linux says that the process blocks a signal, and sends SIGTERM, which Windows lacks",
     "test_kills": "limits of Linux, and moments of a run that are over before wine has started",
     "test_tiled.Bits.test_a_cloud_that_would_not_fit_is_computed_in_tiles_and_one_line_says_so": "a limit of Linux",
