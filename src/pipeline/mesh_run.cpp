@@ -57,7 +57,7 @@ void Pipeline::State::follow_mesh(const Params& used, Settings& settings) {
 double Pipeline::State::in_file_units(const Length& length, IndexOrder order, const std::stop_token& stop) {
   if (length.unit == Length::Unit::percent) return length.value * diagonal_of(sample().bounds) / 100;
   if (length.unit != Length::Unit::spacing) return length.value;
-  measure(true, false, order, stop);
+  measure({true, false}, order, stop);
   return length.value * cloud.spacing->mean;
 }
 
