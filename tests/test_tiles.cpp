@@ -153,6 +153,7 @@ TEST(Tiles, has_the_bits_of_the_whole_with_every_method) {
       start += word.size() + 1;
       Params params;
       set_param(params, info, word);
+      if (is_of_faces(params.method)) continue;  // this cloud has none
       StageSettings settings = usual();
       settings.neighbors.k = 12;
       settings.fairing.method = params.method;
