@@ -103,6 +103,12 @@ test("only what the box and the lasso hold moves, and by the strength's share", 
   assert.ok(Math.abs(Number(await face.inputValue()) - limit) < 1e-6 * Math.abs(limit) + 1e-9, "the face that was moved says where it is");
   const typed = Number((limit + 0.01).toPrecision(6));
   await face.fill(String(typed));
+  await page.locator("#strength").evaluate((element) => {
+    element.value = "0.6";
+    element.dispatchEvent(new Event("change", { bubbles: true }));
+  });
+  await settled(page);
+  assert.equal(await face.inputValue(), String(typed), "no answer replaces what is being typed");
   await face.press("Enter");
   await page.waitForFunction((x) => Number(new URLSearchParams(location.hash.slice(1)).get("limit.box").split(",")[0]) === x, typed);
   await face.fill("abc");

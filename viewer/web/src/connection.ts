@@ -3,7 +3,14 @@
 // ones, so that a drag is a row of answers and not a row of cancelled runs; the server then stops what it still does.
 
 import { decode, type Message, type Recipe, type Request } from "./protocol";
-import { startTransport, type Transport } from "./transport";
+import { LocalSession } from "./local_session";
+import { Server } from "./server";
+import type { Listener, Transport } from "./transport";
+
+/** Whether files, runs and results stay in this browser: the build decides (vite.config.js). */
+export const kIsLocal = import.meta.env.MODE === "serverless";
+
+const startTransport = (listener: Listener): Transport => (kIsLocal ? new LocalSession(listener) : new Server(listener));
 
 const kPatience = 400; // ms without an answer after which newer parameters are sent all the same
 

@@ -3,7 +3,7 @@
 
 import "./style.css";
 import { Colouring } from "./colouring";
-import { Connection } from "./connection";
+import { Connection, kIsLocal } from "./connection";
 import { grouped, h } from "./dom";
 import { Header } from "./header";
 import { helpDialog } from "./help";
@@ -17,7 +17,6 @@ import { Scene } from "./scene";
 import { Stage } from "./stage";
 import { copyRecipe, defaultView, equalRecipes, History, type Mode, readFragment, type View, writeFragment } from "./state";
 import { Status } from "./status";
-import { kIsLocal } from "./transport";
 import { chooseFile } from "./welcome";
 
 const kUrlDelay = 250;

@@ -220,6 +220,8 @@ export class Panel {
         const number = h("input", { class: "text", inputMode: "decimal", spellcheck: false, autocomplete: "off",
           "aria-label": `coordinate of the box, ${axis} ${end ? "to" : "from"}` });
         this.coordinates[2 * i + end] = number;
+        number.addEventListener("input", () => (number.dataset.typed = "yes")); // which no answer may replace
+        number.addEventListener("blur", () => delete number.dataset.typed);
         number.addEventListener("change", () => this.typeBox(i, end));
         this.axes.append(h("div", {}, slider, number));
       }
@@ -268,7 +270,9 @@ export class Panel {
 
   private typeBox(axis: number, end: number): void {
     const box = parseBox(this.recipe.limits.box) ?? this.wholeBox();
-    const text = this.coordinates[2 * axis + end].value.trim();
+    const field = this.coordinates[2 * axis + end];
+    const text = field.value.trim();
+    delete field.dataset.typed;
     const value = Number(text);
     if (text === "" || !Number.isFinite(value)) return this.showBox(box);
     this.setFace(box, axis, end, value, true);
@@ -290,7 +294,8 @@ export class Panel {
       const [low, high] = this.bounds(axis);
       [box.min[axis], box.max[axis]].forEach((value, end) => {
         this.sliders[2 * axis + end].value = String(Math.round((kBoxSteps * (value - low)) / (high - low || 1)));
-        this.coordinates[2 * axis + end].value = String(Number(value.toPrecision(kCoordinateDigits)));
+        const field = this.coordinates[2 * axis + end];
+        if (!field.dataset.typed) field.value = String(Number(value.toPrecision(kCoordinateDigits)));
       });
     });
   }

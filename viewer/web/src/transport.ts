@@ -1,8 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How the page reaches its session: a server over a WebSocket, or a worker of this browser. The build decides (vite.config.js).
-
-import { Server } from "./server";
-import { LocalSession } from "./local_session";
+// How the page reaches its session: a server over a WebSocket (server.ts), or a worker of this browser (local_session.ts).
 
 /** What a transport tells. */
 export interface Listener {
@@ -23,9 +20,3 @@ export interface Transport {
   /** Gives a file to the session. Throws with what is wrong, in words. */
   open(file: File): Promise<void>;
 }
-
-/** Whether files, runs and results stay in this browser. */
-export const kIsLocal = import.meta.env.MODE === "serverless";
-
-export const startTransport = (listener: Listener): Transport =>
-  kIsLocal ? new LocalSession(listener) : new Server(listener);

@@ -2,7 +2,7 @@
 // What is there before a cloud is: a place to drop a file, and a button to choose one.
 
 import { h } from "./dom";
-import { kIsLocal } from "./transport";
+import { kIsLocal } from "./connection";
 
 export const kReads = "PLY, LAS, LAZ, COPC, E57, PCD, PTX, PTS, XYZ, TXT, CSV, NPY, STL, OFF, OBJ, GLB";
 
