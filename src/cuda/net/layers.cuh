@@ -12,11 +12,6 @@
 
 namespace pointfair::cuda {
 
-// A round in which points slide apart along the surface, `from` one place `to` the next; the list of the finest scale.
-void slide(Context& context, const NetCloud& cloud, const Index* list, const Vec* from, Vec* to);
-// Where points begin to slide, to cloud.step; and from there the end, which the net reads as classical places.
-void begin_slides(Context& context, const NetCloud& cloud);
-void end_slides(Context& context, const NetCloud& cloud);
 // What the points read of a scale.
 void measure_scale(Context& context, const NetCloud& cloud, int scale, const Index* list);
 // Normals on the side of the neighbours, sides, and the first state, from all scales.

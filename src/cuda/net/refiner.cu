@@ -3,6 +3,7 @@
 
 #include "cuda/net/layers.cuh"
 #include "cuda/net/refiner.cuh"
+#include "cuda/net/slides.cuh"
 #include "cuda/search/search.cuh"
 #include "seam/stop.hpp"
 
