@@ -71,14 +71,14 @@ std::vector<NormalPair> normals_by_place(std::span<const Vec3> a, const Polygons
 }
 
 void compare_normals(const std::vector<NormalPair>& pairs, FaceComparison& result) {
-  double alike = 0;  // by the area of A's faces
+  double agreement = 0;  // by the area of A's faces
   for (const auto& [own, reference] : pairs)
-    if (const double size = length(reference); size > 0) alike += dot(own, reference) / size;
+    if (const double size = length(reference); size > 0) agreement += dot(own, reference) / size;
   double sum = 0;
   for (const auto& [own, reference] : pairs) {
     const double sizes = length(own) * length(reference);
     if (!(sizes > 0)) continue;
-    const double cosine = std::clamp((alike < 0 ? -1 : 1) * dot(own, reference) / sizes, -1.0, 1.0);
+    const double cosine = std::clamp((agreement < 0 ? -1 : 1) * dot(own, reference) / sizes, -1.0, 1.0);
     sum += std::acos(cosine);
     ++result.faces;
     result.folded += cosine < 0;

@@ -24,7 +24,7 @@ struct MeshEdges {
 struct MeshFaces {
   std::vector<std::size_t> ends;          // of each face, in `corners`
   std::vector<std::uint32_t> corners;     // vertices
-  bool encloses = false;                  // every edge has two faces, which run round alike: there is a volume
+  bool encloses = false;                  // every edge has two faces, of one orientation: there is a volume
   std::vector<std::size_t> around_begin;  // of each vertex, in `around_faces`; one more at the end
   std::vector<std::uint32_t> around_faces;
 
