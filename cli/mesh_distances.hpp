@@ -29,8 +29,8 @@ struct FaceComparison {
 };
 
 /// B's normal is that of the face of the same number where both meshes have the same faces, else of the face of B that
-/// is nearest to the middle of A's corners. All of B's normals are
-/// turned round where that suits most of A's area. `surface` is of finite_triangles(b). O((A + B) log(A + B)).
+/// is nearest to the middle of A's corners. All of B's normals are turned round where that suits most of A's area.
+/// `surface` is of finite_triangles(b). O((A + B) log(A + B)).
 FaceComparison compare_faces(std::span<const Vec3> a, const Polygons& faces_a, std::span<const Vec3> b,
                              const Polygons& faces_b, const Surface& surface);
 
