@@ -11,10 +11,10 @@
 #include <vector>
 
 #include "estimate/automatic.hpp"
-#include "seam/backend.hpp"
 #include "forwarding_backend.h"
 #include "pipeline/pipeline_access.hpp"
 #include "pointfair/pointfair.hpp"
+#include "seam/backend.hpp"
 #include "shapes.h"
 
 namespace pointfair {
@@ -85,11 +85,9 @@ TEST(GivenNoise, sets_what_is_automatic_and_leaves_what_is_given) {
 
 TEST(GivenNoise, that_differs_from_the_estimate_leaves_the_shape_that_was_measured) {
   Noise measured{0.02, 0.05};
-  measured.bend = 0.9;
   measured.gap = 0.3;
   const Noise less = of_sigma(measured, 0.01);
   EXPECT_DOUBLE_EQ(less.sigma, 0.01);
-  EXPECT_DOUBLE_EQ(less.bend, 0.9 * 4);  // the same variance over a plane, against a quarter of the noise's
   EXPECT_DOUBLE_EQ(less.gap, 0.3);
   EXPECT_DOUBLE_EQ(less.surface_spacing, 0.05);
 }

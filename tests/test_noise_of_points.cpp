@@ -121,7 +121,7 @@ class NoRoomForAll : public ForwardingBackend {
  public:
   NoRoomForAll() : ForwardingBackend(make_cpu_backend(0)) {}
   void upload(std::span<const Point> points, IndexOrder expected) override {
-    if (points.size() > 4 * kPoints / 5) throw Error(ErrorKind::memory, "no room");
+    if (points.size() > 9 * kPoints / 10) throw Error(ErrorKind::memory, "no room");
     ForwardingBackend::upload(points, expected);
   }
 };

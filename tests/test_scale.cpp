@@ -241,7 +241,7 @@ TEST(Scale, what_was_measured_is_loaded_as_it_was_and_its_file_has_the_same_byte
   EXPECT_EQ(loaded.noise.sigma, 0.5);
   EXPECT_EQ(loaded.noise.correlation, 5);
   EXPECT_TRUE(loaded.noise.depth_has_steps);
-  EXPECT_EQ(loaded.noise.bend, 7);
+  EXPECT_EQ(loaded.noise.surface_points, 7);
   EXPECT_EQ(loaded.origin, (Position{1, 2, 3}));
   EXPECT_EQ(loaded.frame.side, 8);
   EXPECT_EQ(loaded.spacing.rho, 9);

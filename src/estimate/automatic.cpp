@@ -99,7 +99,7 @@ bool needs_spacing(const Params& p) {
   const auto of_spacing = [&](const Length& l) {
     return l.unit == Length::Unit::spacing || l.is_automatic() || is_of_list(p, l);
   };
-  const bool has_radius = sums_within_radius(p) && !p.radius.is_automatic() && p.crease_angle != kAutomatic;
+  const bool has_radius = sums_within_radius(p) && !p.radius.is_automatic();
   const bool seeks_lambda = p.method == Method::implicit && !p.implicit_lambda;
   return (p.k == kAutomatic && !has_radius) || seeks_lambda || p.noise.unit == Length::Unit::spacing ||
          of_spacing(p.normal_sigma) || of_spacing(p.closeness_sigma) || of_spacing(p.similarity_sigma) ||
@@ -205,7 +205,7 @@ class Resolver {
     double similarity = its_.similarity_width * noise_.sigma;
     if (noise_.gap > 0)
       similarity = std::min(similarity, std::max(noise_.sigma, constants::kSheetSimilarity * noise_.gap));
-    used_.similarity_sigma = in_file_units(asked_.similarity_sigma, std::max(similarity, its_.least_similarity * s_));
+    used_.similarity_sigma = in_file_units(asked_.similarity_sigma, similarity);
   }
 
   // A list is the paper's road: what the paper does not have is off unless asked for.
@@ -216,7 +216,7 @@ class Resolver {
     if (!asked_.tangential && asked_.connectivity == Connectivity::mesh)
       used_.tangential = is_as_published(asked_.method) ? 0 : constants::kTangential;
     if (asked_.offset == Offset::automatic) used_.offset = within_radius_ ? Offset::symmetric : Offset::point;
-    if (asked_.crease_angle == kAutomatic) used_.crease_angle = automatic_crease_angle(noise_, s_);
+    if (asked_.crease_angle == kAutomatic) used_.crease_angle = constants::kCreaseAngle;
     if (!asked_.flat_scale)
       used_.flat_scale = its_.fits_radius && within_radius_ ? automatic_flat_scale(noise_, s_) : 1;
     if (asked_.iterations == kAutomatic) used_.iterations = its_.iterations;

@@ -43,7 +43,6 @@ MethodDefaults defaults_of(Method method) {
     case Method::wiener:
       its.closeness_width = 0.4;
       its.similarity_width = 1;  // the noise itself
-      its.least_similarity = 0;
       break;
     case Method::implicit:
       its.iterations = 1;
@@ -66,19 +65,12 @@ double radius_factor(const Noise& noise, double spacing) {
   if (!(level > 0) || noise.gap > 0) return 1;
   if (noise.depth_has_steps) return kDepthWidening;
   const double room = portable::pow(kRoominess, share_between(kRoomyNoise, level));
-  const double shape = portable::pow(kConfinement, noise.confined) *
-                       portable::pow(std::max(1.0, noise.bend), -kBendPower * share_between(kBendingNoise, level));
-  return portable::pow(std::max(kLeastFactor, room * shape), 1 - share_between(kUnseenNoise, level));
+  return portable::pow(room * portable::pow(kConfinement, noise.confined), 1 - share_between(kUnseenNoise, level));
 }
 
 double automatic_flat_scale(const Noise& noise, double spacing) {
   const double share = share_between(kFlatNoise, level_of(noise, spacing));
   return double(std::lround(std::lerp(kFlatPercent[0], kFlatPercent[1], share))) / 100;
-}
-
-int automatic_crease_angle(const Noise& noise, double spacing) {
-  const double share = share_between(kTurningNoise, level_of(noise, spacing));
-  return int(std::lround(std::lerp(kCreaseAngle, kCreaseAngleOfNoise, share)));
 }
 
 int automatic_k(const Noise& noise, double spacing) {

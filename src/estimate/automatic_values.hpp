@@ -12,7 +12,6 @@ namespace pointfair {
 struct MethodDefaults {
   double noise_radius = constants::kNoiseRadius, closeness_width = constants::kClosenessWidth;
   double similarity_width = constants::kSimilarityWidth;  // sigmas
-  double least_similarity = constants::kLeastSimilarity;  // spacings
   int relaxation_percent = 100, iterations = constants::kIterations;
   NormalFilter filter = NormalFilter::off;
   bool fits_radius = false;  // to the shape; without filtered normals a larger one rounds edges
@@ -31,8 +30,6 @@ int automatic_min_neighbors(const Noise& noise, double spacing);
 int automatic_k(const Noise& noise, double spacing);
 // The flat scale, rounded to hundredths: smaller where there is little noise, since nothing is to be gained there.
 double automatic_flat_scale(const Noise& noise, double spacing);
-// Degrees. Little noise tilts normals by little, so a smaller angle suffices.
-int automatic_crease_angle(const Noise& noise, double spacing);
 
 // The relaxation, rounded to hundredths. It is next to 0 where the noise is very small against the spacing, so that
 // clean clouds stay clean. With `by_share`, the share of each step follows from its place (Eq. 22), and this is all.

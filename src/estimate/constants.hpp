@@ -39,7 +39,6 @@ inline constexpr double kNoiseQuantile =
     0.35;  // of the samples: edges and outliers only raise a residual; (8); estimates
 inline constexpr double kLeastQuantile = 0.15;  // of the samples, where they spread; (8); estimates
 inline constexpr double kMostOverLeast = 1.2;   // of the residual at that quantile; (8); estimates
-inline constexpr double kPlaneQuartile = 1.02;  // of a plane's own variances over the median sample's; (18); 028
 inline constexpr double kSheetShare = 0.1;      // of the samples; fewer that see two sheets are corners; sheets
 inline constexpr double kGapQuantile = 0.25;    // of the gaps between sheets; sheets
 inline constexpr double kShownBySix = 0.784;    // of the noise, by the deviation of six points from their plane; (25)
@@ -97,9 +96,7 @@ inline constexpr double kNoiseRadius = 2.5;                      // sigmas; R of
 inline constexpr int kMinNeighbors = 16;                         // points; quality
 inline constexpr int kMinNeighborsIfCorrelated = 48;             // points; 075
 inline constexpr double kRoominess = 1.15, kConfinement = 0.67;  // of R; (18); 052
-inline constexpr double kBendPower = 0.06, kLeastFactor = 0.75;  // exponent; of R; (18); 052
 inline constexpr double kRoomyNoise[] = {0.5, 0.85};             // spacings; (18); 052
-inline constexpr double kBendingNoise[] = {0.25, 0.45};          // spacings; (18); 052
 inline constexpr double kUnseenNoise[] = {3.6, 4.4};             // spacings; (18); 052
 inline constexpr double kDepthWidening = 3;                      // of R: a matcher's windows are nine pixels wide; 075
 inline constexpr double kFlatPercent[] = {130, 160};         // of R, with little noise and with more; (20); 052, 143
@@ -124,10 +121,8 @@ inline constexpr int kGraphNeighbors = 8;                           // of method
 inline constexpr double kLambda = 5.5, kLambdaPower = 0.5;          // of method implicit, noise in spacings; 170
 inline constexpr double kMostLambda = 100;                          // squared edges; 170
 inline constexpr double kSimilarityWidth = 3;                       // sigmas; (4); quality
-inline constexpr double kLeastSimilarity = 0.05;                    // spacings; low
 inline constexpr double kSheetSimilarity = 1.0 / 6;                 // of the gap; sheets
-inline constexpr int kCreaseAngle = 15, kCreaseAngleOfNoise = 20;   // degrees; quality
-inline constexpr double kTurningNoise[] = {0.45, 1};                // spacings; quality
+inline constexpr int kCreaseAngle = 15;                             // degrees; quality
 
 // The step.
 inline constexpr int kIterations = 2;                   // quality

@@ -144,13 +144,12 @@ int surface_points(std::span<const point::ResidualSample> samples) {
 // `residuals` are asked for where they are read, which is not where depths have steps.
 Noise noise_of(std::span<const point::NoiseSample> samples, std::uint64_t points, bool depth_has_steps,
                const std::function<std::vector<point::ResidualSample>()>& residuals) {
-  std::vector<double> sigmas, spacings, gaps, plane_variances;
+  std::vector<double> sigmas, spacings, gaps;
   std::size_t confined = 0;
   for (const point::NoiseSample& sample : samples) {
     if (!sample.shows_noise) continue;
     sigmas.push_back(sample.sigma);
     spacings.push_back(sample.spacing);
-    plane_variances.push_back(sample.plane_variance);
     if (!sample.is_wide) ++confined;
     if (sample.gap > 0) gaps.push_back(sample.gap);
   }
@@ -179,8 +178,6 @@ Noise noise_of(std::span<const point::NoiseSample> samples, std::uint64_t points
       if (noise.gap == 0) noise.shape_to_noise = (1 - noise.correlation) * shape_to_noise(growth.typical);
     }
   }
-  const double median = quantile(sigmas, 0.5);
-  if (median > 0) noise.bend = quantile(plane_variances, 0.75) / (kPlaneQuartile * median * median);
   return noise;
 }
 
@@ -197,7 +194,6 @@ void cover_rounding(const CoordinateSteps& steps, std::vector<point::NoiseSample
     if (!samples[i].shows_noise) continue;
     const double added = noise_of_steps(steps.kind) * steps.at[i];
     samples[i].sigma = std::max(samples[i].sigma, added);
-    samples[i].plane_variance = std::max(samples[i].plane_variance, added * added);
     if (samples[i].gap < kStepsOfGap * steps.at[i]) samples[i].gap = 0;
   }
 }
@@ -243,7 +239,6 @@ std::vector<std::uint32_t> pools_of_shown(const Samples& samples) {
 }  // namespace
 
 Noise of_sigma(Noise noise, double sigma) {
-  if (noise.sigma > 0) noise.bend *= (noise.sigma / sigma) * (noise.sigma / sigma);
   noise.sigma = sigma;
   return noise;
 }

@@ -43,9 +43,6 @@ struct Noise {
   // Share of the samples around which no neighbourhood gets wide against the noise, however large: the shape is too
   // thin or bends too much there.
   double confined = 0;
-  // The variances over a plane in the widest neighbourhoods: their upper quartile, divided by that quartile on a plane
-  // with the same noise. 1 on a plane, more where the shape bends or ends within the neighbourhoods.
-  double bend = 1;
   // The number of nearest points that lie in a plane and not along a line, at most samples; 0 where it is not known.
   int surface_points = 0;
   // The number of neighbouring points that make one measurement, being copies or sharing one error. Lengths here are

@@ -17,7 +17,7 @@ struct NoiseSample {
   bool is_short = false;  // the whole row is not wide enough, and a longer row could be
   bool shows_noise = false;
   bool is_wide = false;  // against the noise; else the neighbourhood is as large as it may get
-  double sigma = 0, spacing = 0, gap = 0, plane_variance = 0;
+  double sigma = 0, spacing = 0, gap = 0;
 };
 
 // The sizes of neighbourhoods that planes are fitted to: each has 1.8 times as many points as the one before.
@@ -62,7 +62,7 @@ struct Look {
   bool is_last = true;   // there are no more, or more are not looked at
   bool is_cut = true;    // there are fewer
   double noise = -1;     // negative: they show none
-  double spacing = 0, gap = 0, plane_variance = 0;
+  double spacing = 0, gap = 0;
 };
 
 template <class P>
@@ -135,7 +135,6 @@ POINTFAIR_INLINE Look look_at(GrowingNeighborhood<Team, kMost>& neighborhood, Ro
   look.noise = neighborhood.noise();
   look.spacing = neighborhood.spacing();
   look.gap = neighborhood.gap();
-  look.plane_variance = neighborhood.plane_variance();
   return look;
 }
 
@@ -146,7 +145,7 @@ POINTFAIR_INLINE NoiseSample noise_sample(int first, int end, const LookIn& look
     const Look look = look_in(round);
     if (!look.is_wide && !look.is_last) continue;
     if (look.noise < 0) return {};
-    return {false, true, look.is_wide, look.noise, look.spacing, look.gap, look.plane_variance};
+    return {false, true, look.is_wide, look.noise, look.spacing, look.gap};
   }
   return {true};
 }

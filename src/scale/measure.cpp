@@ -222,7 +222,7 @@ struct Fixed {
   Position origin{};
   Bounds bounds;
   Spacing spacing;
-  std::array<double, 11> noise{};
+  std::array<double, 10> noise{};
   FixedLevels of_noise, of_reach;
   std::array<double, 3> quantiles{};  // of the levels of the noise
   std::uint64_t ignored = 0;
@@ -231,27 +231,21 @@ struct Fixed {
   std::uint32_t unused = 0;
 };
 static_assert(std::is_trivially_copyable_v<Fixed>);
-static_assert(sizeof(Fixed) == sizeof(Position) + sizeof(Bounds) + sizeof(Spacing) + 11 * sizeof(double) +
+static_assert(sizeof(Fixed) == sizeof(Position) + sizeof(Bounds) + sizeof(Spacing) + 10 * sizeof(double) +
                                    2 * sizeof(FixedLevels) + 3 * sizeof(double) + sizeof(std::uint64_t) +
                                    sizeof(double) + sizeof(Frame) + sizeof(std::uint32_t));
 
-std::array<double, 11> values_of(const Noise& noise) {
-  const auto& [sigma, surface_spacing, shape_to_noise, gap, correlation, depth_has_steps, confined, bend,
-               surface_points, repeats, without_surface] = noise;
-  return {sigma,
-          surface_spacing,
-          shape_to_noise,
-          gap,
-          correlation,
-          depth_has_steps ? 1.0 : 0.0,
-          confined,
-          bend,
-          double(surface_points),
-          double(repeats),
-          without_surface};
+std::array<double, 10> values_of(const Noise& noise) {
+  const auto& [sigma, surface_spacing, shape_to_noise, gap, correlation, depth_has_steps, confined, surface_points,
+               repeats, without_surface] = noise;
+  return {sigma,           surface_spacing,
+          shape_to_noise,  gap,
+          correlation,     depth_has_steps ? 1.0 : 0.0,
+          confined,        double(surface_points),
+          double(repeats), without_surface};
 }
-Noise noise_of(const std::array<double, 11>& v) {
-  return {v[0], v[1], v[2], v[3], v[4], v[5] != 0, v[6], v[7], int(v[8]), int(v[9]), v[10]};
+Noise noise_of(const std::array<double, 10>& v) {
+  return {v[0], v[1], v[2], v[3], v[4], v[5] != 0, v[6], int(v[7]), int(v[8]), v[9]};
 }
 
 FixedLevels fixed_of(const NodeLevels* levels) {
