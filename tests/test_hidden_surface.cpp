@@ -86,5 +86,28 @@ TEST(HiddenSurface, is_not_seen_in_noise_however_large) {
     }
 }
 
+// Of a scanner that is driven past, whose beam turns in a plane: noise lies in that plane too, and reaches over the
+// next profile's points.
+TEST(HiddenSurface, is_no_plane_of_a_profile) {
+  constexpr int kPoints = 40000, kProfiles = 200;
+  const auto height = [](double x, double y) { return 0.05 * std::sin(3 * x) + 0.03 * y; };
+  for (const double noise : {0.005, 0.01}) {
+    shapes::Random random(3);
+    Points points;
+    for (int i = 0; i < kPoints; ++i) {
+      const double x = random.uniform(), y = double(i % kProfiles) / kProfiles;
+      points.push_back({float(x), float(y), float(height(x, y) + noise * random.normal())});
+    }
+    Pipeline pipeline(Device::cpu);
+    pipeline.load(points);
+    Points after(points.size());
+    pipeline.run({}, after);
+    double squares = 0;
+    for (const Point& p : after) squares += std::pow(p.z - height(p.x, p.y), 2) / kPoints;
+    EXPECT_LT(std::sqrt(squares), 0.25 * noise);
+    EXPECT_EQ(pipeline.estimates().without_surface, 0) << noise;
+  }
+}
+
 }  // namespace
 }  // namespace pointfair

@@ -27,8 +27,10 @@ inline constexpr double kEvenDistances = 0.4;                   // of squared di
 inline constexpr std::size_t kThinnedSamples = 2000;            // whose rows are long; 141
 
 // A surface among what is none.
-inline constexpr double kMessyNoise = 0.4;       // spacings; of more, the nearest points may hide a surface; 165
-inline constexpr double kHiddenNoise = 0.01;     // of the distance to the 16th nearest; chance is below 0.1 %; 165
+inline constexpr double kMessyNoise = 0.4;    // spacings; of more, the nearest points may hide a surface; 165
+inline constexpr double kHiddenNoise = 0.01;  // of the distance to the 16th nearest; chance is below 0.1 %; 165
+inline constexpr double kFurtherNoise = 3, kFurtherShare = 0.125;  // of that; of the next 16 points; 165
+inline constexpr double kSameSurface = 0.2;      // sine of an angle; of one surface .1 at most, of others .35; 165
 inline constexpr double kNoSurface = 10;         // of the hidden surface's noise; 165
 inline constexpr double kHiddenShare = 0.02;     // of the samples; 165
 inline constexpr std::size_t kFewestHidden = 8;  // samples; 165

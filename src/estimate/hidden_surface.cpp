@@ -5,8 +5,8 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
-#include <iterator>
 #include <optional>
+#include <span>
 
 #include "estimate/constants.hpp"
 #include "estimate/quantile.hpp"
@@ -17,25 +17,23 @@ namespace {
 using namespace constants;
 
 constexpr std::size_t kNearest = 16, kHalf = kNearest / 2, kRow = 2 * kNearest;
-using Offsets = std::array<point::Offset, kNearest>;
+using Offsets = std::span<const point::Offset, kNearest>;
 
-// Of a row, other than the sample's own; points at one place follow each other. None where there are fewer.
-std::optional<Offsets> distinct_places(const Point* row) {
-  Offsets offsets;
-  std::size_t found = 0;
+// Of a row, other than the sample's own, by distance; points at one place follow each other.
+std::vector<point::Offset> distinct_places(const Point* row) {
+  std::vector<point::Offset> places;
   point::Offset before{0, 0, 0};
-  for (std::size_t i = 1; i <= kRow && found < kNearest && !std::isnan(row[i].x); ++i) {
+  for (std::size_t i = 1; i <= kRow && !std::isnan(row[i].x); ++i) {
     const point::Offset o = point::offset_between(row[0], row[i]);
     if (o.x == before.x && o.y == before.y && o.z == before.z) continue;
-    before = offsets[found++] = o;
+    places.push_back(before = o);
   }
-  if (found < kNearest) return std::nullopt;
-  return offsets;
+  return places;
 }
 
 // Standard deviation of the sample and those within `most` of the plane through it, over their own plane; endless where
 // they lie along a line, as points of one row do.
-double deviation_of(const Offsets& offsets, const point::Offset& normal, double most) {
+double deviation_of(Offsets offsets, const point::Offset& normal, double most) {
   point::Terms<point::kMoments> sums{};
   double n = 1;  // the sample adds nothing to the sums
   for (const point::Offset& o : offsets) {
@@ -48,10 +46,17 @@ double deviation_of(const Offsets& offsets, const point::Offset& normal, double 
   return plane.exists && plane.roundness >= point::kRound ? std::sqrt(plane.variance * n / (n - 3)) : kEndless;
 }
 
+// Half of the nearest points, which lie nearly in one plane.
+struct Half {
+  double noise = kEndless;  // how far they lie off it
+  point::Offset normal{0, 0, 0};
+};
+
 // Of the planes through a sample and two of its nearest points, the one that half of these are nearest to (least median
-// of squares, Rousseeuw 1984): how far they lie off it.
-double noise_of_best_half(const Offsets& offsets) {
-  double least = kEndless, result = kEndless;
+// of squares, Rousseeuw 1984).
+Half best_half(Offsets offsets) {
+  Half result;
+  double least = kEndless;
   std::array<double, kNearest> x, y, z;
   for (std::size_t i = 0; i < kNearest; ++i) x[i] = offsets[i].x, y[i] = offsets[i].y, z[i] = offsets[i].z;
   for (std::size_t a = 1; a < kNearest; ++a)
@@ -72,9 +77,61 @@ double noise_of_best_half(const Offsets& offsets) {
       const double deviation = deviation_of(offsets, normal, heights[kHalf - 1]);
       if (deviation == kEndless) continue;
       least = heights[kHalf - 1];
-      result = deviation;
+      result = {deviation, normal};
     }
   return result;
+}
+
+// A sample through which there may be a surface.
+struct Found {
+  std::size_t sample;
+  Point at;
+  Half half;
+  bool is_exact;
+  std::size_t further, further_met;  // points beyond the nearest; those that lie near the plane
+};
+
+std::optional<Found> surface_at(std::size_t sample, const Point* row) {
+  const std::vector<point::Offset> places = distinct_places(row);
+  if (places.size() < kNearest) return std::nullopt;
+  const Half half = best_half(std::span(places).first<kNearest>());
+  const double size = point::length(places[kNearest - 1]);
+  if (!(half.noise < kHiddenNoise * size)) return std::nullopt;
+  const auto met = std::count_if(places.begin() + kNearest, places.end(), [&](const point::Offset& o) {
+    return std::abs(dot(o, half.normal)) < kFurtherNoise * kHiddenNoise * size;
+  });
+  return Found{sample, row[0], half, half.noise < kExactPlane * size, places.size() - kNearest, std::size_t(met)};
+}
+
+// Half of sixteen points lie in a plane by chance here and there, but further ones then do not.
+bool further_points_agree(const std::vector<Found>& found) {
+  std::size_t further = 0, met = 0;
+  for (const Found& one : found) further += one.further, met += one.further_met;
+  return double(met) >= kFurtherShare * double(further);
+}
+
+// Whether most planes meet the nearest other place that has one.
+bool meet_each_other(const std::vector<Found>& found) {
+  std::size_t meeting = 0;
+  for (const Found& one : found) {
+    point::Offset nearest{0, 0, 0};
+    double squared = kEndless;
+    for (const Found& other : found) {
+      const point::Offset o = point::offset_between(one.at, other.at);
+      if (other.sample == one.sample || !(point::squared_length(o) < squared)) continue;
+      squared = point::squared_length(o);
+      nearest = o;
+    }
+    const double height = dot(nearest, one.half.normal);
+    meeting += height * height < kSameSurface * kSameSurface * squared ? 1 : 0;
+  }
+  return 2 * meeting > found.size();
+}
+
+// The profiles of a scanner that is driven past are exact planes, but of no surface.
+bool are_profiles(const std::vector<Found>& found) {
+  const auto exact = std::count_if(found.begin(), found.end(), [](const Found& one) { return one.is_exact; });
+  return 2 * std::size_t(exact) > found.size() && !meet_each_other(found);
 }
 
 }  // namespace
@@ -86,24 +143,24 @@ std::vector<bool> find_hidden_surface(NearestRows& rows, std::vector<point::Nois
   const auto messy = std::count_if(samples.begin(), samples.begin() + std::ptrdiff_t(looked_at), is_messy);
   if (2 * std::size_t(messy) < looked_at) return {};  // the surface is there for all to see
   const std::vector<Point> nearest = rows.of(looked_at, int(kRow));
-  std::vector<double> found(looked_at, kEndless), hidden;
+  std::vector<std::optional<Found>> at_samples(looked_at);
   for_each(looked_at, [&](std::size_t i) {
-    const std::optional<Offsets> offsets =
-        is_messy(samples[i]) ? distinct_places(&nearest[i * (kRow + 1)]) : std::nullopt;
-    if (!offsets) return;
-    const double noise = noise_of_best_half(*offsets);
-    if (noise < kHiddenNoise * point::length(offsets->back())) found[i] = noise;
+    if (is_messy(samples[i])) at_samples[i] = surface_at(i, &nearest[i * (kRow + 1)]);
   });
-  std::copy_if(found.begin(), found.end(), std::back_inserter(hidden), [](double noise) { return noise < kEndless; });
-  if (hidden.size() < std::max(kFewestHidden, std::size_t(kHiddenShare * double(looked_at)))) return {};
-  const double typical = median(std::move(hidden));
-  std::vector<bool> on_surface(samples.size(), true);
+  std::vector<Found> found;
+  for (const std::optional<Found>& one : at_samples)
+    if (one) found.push_back(*one);
+  if (found.size() < std::max(kFewestHidden, std::size_t(kHiddenShare * double(looked_at)))) return {};
+  if (!further_points_agree(found) || are_profiles(found)) return {};
+  std::vector<double> noise;
+  for (const Found& one : found) noise.push_back(one.half.noise);
+  const double typical = median(std::move(noise));
+  std::vector<bool> on_surface(samples.size());
   for (std::size_t i = 0; i < samples.size(); ++i)
-    if (i >= looked_at || found[i] == kEndless)
-      on_surface[i] = !(is_messy(samples[i]) && samples[i].sigma > kNoSurface * typical);
+    on_surface[i] =
+        (i < looked_at && at_samples[i]) || !is_messy(samples[i]) || samples[i].sigma <= kNoSurface * typical;
   if (2 * std::count(on_surface.begin(), on_surface.end(), true) > std::ptrdiff_t(samples.size())) return {};
-  for (std::size_t i = 0; i < looked_at; ++i)
-    if (found[i] < kEndless) samples[i].sigma = found[i];
+  for (const Found& one : found) samples[one.sample].sigma = one.half.noise;
   return on_surface;
 }
 
