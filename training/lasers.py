@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import lfilter
 
 from errors import Random
 from scene import Scene
@@ -116,3 +117,45 @@ def airborne(scene: Scene, rng: Random, lines, half: float, height: float, count
         mixed[mixed] = scene.caster.distance(points[valid][mixed]) > 5 * sigma
         views.append(kept(scene, valid, points, exact, normal, origin, triangle, mixed, near))
     return together(views)
+
+
+def rosette(scene: Scene, rng: Random, origin, heading: float, half: float, petals: float, strokes: int, count: int, sigma: float,
+            drift: float, ripple: float, jitter: float, reach: float = 60.0) -> Rows:
+    """A beam that two turning prisms lead along a rosette of `half` radians: noise of sigma along the ray, more with distance and
+    at grazing angles; `drift`, in sigmas, of the range along a stroke, and `ripple` with the turn of the prisms; jitter in degrees."""
+    shots = 2 * count                                # some meet nothing
+    turn = 2 * np.pi * strokes * np.arange(shots) / shots
+    away = half * np.abs(np.sin(petals * turn + rng.uniform(0, 6)))
+    azimuth, elevation = heading + away * np.cos(turn), rng.uniform(-.25, .1) + away * np.sin(turn)
+    told = np.stack([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)], -1)[None]
+    true = unit(told + np.radians(jitter) * rng.normal(size=told.shape))
+    ranges, normal, triangle = scene.caster.cast(np.asarray(origin), true)
+    sine = np.abs((normal * true).sum(-1))
+    keep = (ranges < reach) & (sine > .06)
+    ranges = np.where(keep, ranges, np.nan)
+    memory = np.exp(-1 / rng.uniform(8, 60))         # from shot to shot
+    slow = lfilter([np.sqrt(1 - memory * memory)], [1, -memory], rng.normal(size=shots))
+    late = (rng.random(shots) < .04) * rng.exponential(3, shots)
+    error = (1 + ranges / 20) / np.sqrt(np.maximum(sine, .15)) * rng.normal(size=ranges.shape)
+    error = error + drift * slow + ripple * np.sin(rng.integers(3, 40) * turn) + late
+    exact, points = origin + ranges[..., None] * true, origin + (ranges + sigma * error)[..., None] * told
+    return kept(scene, keep, points, exact, normal, np.asarray(origin, float), triangle, np.zeros(keep.sum(), bool), np.zeros(keep.shape, bool))
+
+
+def profiles(scene: Scene, rng: Random, start, length: float, lines: int, count: int, sigma: float, wobble: float, reach: float = 40.0) -> Rows:
+    """A scanner that is driven `length` along x and whose beam turns in the plane across it: noise sigma along the ray, which
+    stays in the plane but for `wobble` of the beam in degrees."""
+    step = 2 * np.pi * lines / (2 * count)           # half of the shots meet nothing
+    angles = np.arange(0, 2 * np.pi, step)
+    x, angle = np.meshgrid(np.linspace(0, length, lines), angles, indexing="ij")
+    origin = np.asarray(start) + x[..., None] * [1, 0, 0]
+    told = np.stack([np.zeros_like(angle), np.cos(angle), np.sin(angle)], -1)
+    true = unit(told + np.radians(wobble) * rng.normal(size=told.shape))
+    ranges, normal, triangle = scene.caster.cast(origin, true)
+    sine = np.abs((normal * true).sum(-1))
+    keep = (ranges < reach) & (sine > .06)
+    ranges = np.where(keep, ranges, np.nan)
+    exact = origin + ranges[..., None] * true
+    points = origin + (ranges + sigma / np.sqrt(np.maximum(sine, .15)) * rng.normal(size=ranges.shape))[..., None] * told
+    near = jumps(exact, normal, keep, np.nan_to_num(ranges * step, nan=1))
+    return kept(scene, keep, points, exact, normal, origin, triangle, np.zeros(keep.sum(), bool), near)

@@ -284,6 +284,31 @@ def rounded(rng: Random) -> Drawn:
     return drawn
 
 
+@family("scans")
+def rosette(rng: Random) -> Drawn:
+    """A lidar whose beam draws a rosette, for a second or so, with noise of up to some spacings."""
+    scene = indoors(rng) if rng.random() < .6 else grounds.street(rng)
+    origin = inside(rng, scene) if scene.size[2] > 0 else np.asarray(street_station(rng, scene).place)
+    count = usual_count(rng)
+    settings = dict(sigma=log_uniform(rng, .002, .02), drift=rng.uniform(0, .8), ripple=rng.uniform(0, .6), jitter=rng.uniform(.002, .02))
+    rows = lasers.rosette(scene, rng, origin, rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(19, 38)), rng.uniform(1.6, 5.3),
+                          int(count / rng.uniform(90, 220)), count, **settings)
+    return Drawn(scene, rows, settings)
+
+
+@family("scans")
+def profiles(rng: Random) -> Drawn:
+    """A scanner that is driven past, whose beam turns in a plane across the way."""
+    scene = grounds.street(rng)
+    length, width, _ = scene.size
+    start = free_place(rng, scene, [2, 3, 1.5], [6, width - 3, 2.5])
+    settings = dict(sigma=log_uniform(rng, .003, .06), wobble=float(rng.choice([0, rng.uniform(0, .05)])))
+    count = usual_count(rng)
+    lines = int(np.sqrt(count) * log_uniform(rng, .3, 1.5))
+    rows = lasers.profiles(scene, rng, start, rng.uniform(3, min(15, length - 8)), lines, count, **settings)
+    return Drawn(scene, rows, settings | {"lines": lines})
+
+
 @family("clean")
 def clean_terrestrial(rng: Random) -> Drawn:
     """A tripod in a room, no noise."""
