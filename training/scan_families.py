@@ -285,6 +285,16 @@ def rounded(rng: Random) -> Drawn:
 
 
 @family("scans")
+def terrestrial_close(rng: Random) -> Drawn:
+    """A tripod that looks at a small part of a room: points nearer to each other than the noise is large."""
+    scene = indoors(rng)
+    start, low, wide = rng.uniform(0, 360), rng.uniform(-40, 20), rng.uniform(5, 20)
+    field = Station(tuple(inside(rng, scene)), (start, start + wide), (low, low + wide * rng.uniform(.5, 1)))
+    settings = laser_settings(rng) | dict(sigma=log_uniform(rng, .002, .015))
+    return Drawn(scene, lasers.terrestrial(scene, rng, [field], usual_count(rng), **settings), settings)
+
+
+@family("scans")
 def rosette(rng: Random) -> Drawn:
     """A lidar whose beam draws a rosette, for a second or so, with noise of up to some spacings."""
     scene = indoors(rng) if rng.random() < .6 else grounds.street(rng)
