@@ -22,6 +22,10 @@ namespace {
 // where lists are as long as they can be under the constraint, which then takes up to 10 ms a leaf.
 constexpr std::size_t kLeavesABlock = 32, kConstrainedLeavesABlock = 2;
 
+// For the notes of a block of leaves: 12 bytes a point, about three for each of 64 leaves that a leaf's neighbourhoods
+// meet. They are 45 where the noise is as large as the spacing.
+constexpr std::size_t kNotesABlock = std::size_t(12) * kLeafSize * kLeavesABlock;
+
 }  // namespace
 
 Chain::Chain(MemoryMeter& meter)
@@ -39,12 +43,14 @@ Chain::Chain(MemoryMeter& meter)
       spare_x_(meter),
       spare_y_(meter),
       spare_z_(meter),
+      notes_(meter),
       faired_(meter) {}
 
 void Chain::build_index(std::span<const Point> points, std::span<const Index> originals,
                         const std::optional<Frame>& frame, SortSpace& space, const Kernels& kernels,
                         const std::stop_token& stop) {
   has_lists_ = false;
+  notes_.release();
   mesh_lists_.clear();
   index_.build(points, originals, frame, space, kernels, stop);
   counts_ = {};
@@ -55,6 +61,13 @@ void Chain::release_small_results() {
   for (Buffer<float>* values : {&mean_distance_, &normal_x_, &normal_y_, &normal_z_, &squared_level_, &further_share_,
                                 &squared_radius_, &squared_growth_, &spare_x_, &spare_y_, &spare_z_})
     values->release();
+  notes_.release();
+}
+
+Notes Chain::notes_of(std::size_t block) {
+  if (notes_.size() == 0) return {};
+  std::uint8_t* const begin = notes_.data() + block * kNotesABlock;
+  return {begin, begin + kNotesABlock - kLeavesABlock * kBytesOfNoNotes};
 }
 
 Neighborhoods Chain::neighborhoods() const {
@@ -212,6 +225,7 @@ void Chain::estimate_normals(const NormalSettings& settings, const Kernels& kern
   normal_settings_ = settings;
   for (Buffer<float>* axis : {&normal_x_, &normal_y_, &normal_z_})
     axis->resize(std::size_t(index_.view().leaves) * kLeafSize);
+  notes_.release();
   if (settings.faces) {
     face_normals(*settings.faces, stop);
   } else {
@@ -223,12 +237,14 @@ void Chain::estimate_normals(const NormalSettings& settings, const Kernels& kern
 void Chain::plane_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop) {
   const IndexView index = index_.view();
   const VectorsOut out{normal_x_.data(), normal_y_.data(), normal_z_.data()};
+  if (!by_list() && !neighbors_.mesh) notes_.resize((index.leaves + kLeavesABlock - 1) / kLeavesABlock * kNotesABlock);
   std::atomic<std::uint64_t> too_few = 0, no_normal = 0;
-  for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
+  for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t block) {
     std::uint64_t too_few_here = 0, no_normal_here = 0;
+    Notes notes = notes_of(block);
     unsigned found[kLeafSize];
     for (std::size_t leaf = first; leaf < last; ++leaf) {
-      kernels.normals(index, Index(leaf), neighborhoods(), settings, out, found);
+      kernels.normals(index, Index(leaf), neighborhoods(), settings, out, found, notes);
       const Index points = std::min<Index>(kLeafSize, index.points - Index(leaf) * kLeafSize);
       for (Index lane = 0; lane < points; ++lane) {
         const std::size_t i = leaf * kLeafSize + lane;
@@ -296,10 +312,11 @@ void Chain::filter_normals(const NormalSettings& settings, const Kernels& kernel
     const bool is_last = round + 1 == settings.filter_rounds;
     float* const squared_growth = is_last && radii_grow() ? squared_growth_.data() : nullptr;
     const VectorsOut out{spare_x_.data(), spare_y_.data(), spare_z_.data()};
-    for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
+    for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t block) {
+      Notes notes = notes_of(block);
       for (std::size_t leaf = first; leaf < last; ++leaf)
         kernels.filter_normals(index, Index(leaf), neighborhoods(), settings, normals(), further_shares(), out,
-                               squared_growth);
+                               squared_growth, notes);
     });
     std::swap(normal_x_, spare_x_);
     std::swap(normal_y_, spare_y_);
@@ -314,6 +331,7 @@ void Chain::fair(const FairingSettings& settings, const Kernels& kernels, const 
   faired_.resize(std::size_t(index_.view().leaves) * kLeafSize);
   solver_ = {};
   counts_.unmoved.boundary = 0;
+  if (settings.method != Method::bilateral) notes_.release();
   if (area.power != 0 && !has_areas_) measure_areas(kernels, stop);
   if (settings.method == Method::implicit) {
     solver_ = fair_at_once(settings, stop);
@@ -355,11 +373,13 @@ void Chain::fair_bilaterally(const FairingSettings& settings, AreaView area, con
   const IndexView index = index_.view();
   const point::Sensors sensors = sensors_of(settings.sensors.get());
   const point::Levels levels{squared_levels(), settings.is_further ? further_shares() : nullptr};
-  for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
+  for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t block) {
+    Notes notes = notes_of(block);
     for (std::size_t leaf = first; leaf < last; ++leaf)
-      kernels.fair(index, Index(leaf), grown_neighborhoods(), normals(), area, settings, sensors, levels,
+      kernels.fair(index, Index(leaf), grown_neighborhoods(), normals(), area, settings, sensors, levels, notes,
                    &faired_[leaf * kLeafSize].x);
   });
+  notes_.release();
 }
 
 void Chain::fair_otherwise(const FairingSettings& settings, AreaView area, const Kernels& kernels,

@@ -2,7 +2,7 @@
 // The results of every stage of one iteration. Memory, bytes a point: index 18, lists 4 k, W_a lengths 4, normals 12,
 // faired positions 12; 46 + 4 k in all. Without lists squared radii 4, and 4 more where they grow; where something
 // follows the noise, its levels 4, and where the reach differs, shares 4. While normals are filtered, or a method other
-// than the bilateral one runs, 12 more.
+// than the bilateral one runs, 12 more; within a radius, 12 for notes from the normals to the bilateral step.
 #pragma once
 
 #include "cpu/index.h"
@@ -61,6 +61,7 @@ class Chain {
   void filter_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop);
   void fair_bilaterally(const FairingSettings& settings, AreaView area, const Kernels& kernels,
                         const std::stop_token& stop);
+  Notes notes_of(std::size_t block);  // of leaves
   void fair_otherwise(const FairingSettings& settings, AreaView area, const Kernels& kernels,
                       const std::stop_token& stop);
   SolverReport fair_at_once(const FairingSettings& settings, const std::stop_token& stop);
@@ -75,6 +76,7 @@ class Chain {
   Buffer<float> squared_radius_;               // without a list
   Buffer<float> squared_growth_;               // of those, where those of flat places grow
   Buffer<float> spare_x_, spare_y_, spare_z_;  // filtered normals, then displacements
+  Buffer<std::uint8_t> notes_;                 // of what the walks for the normals met, until the points are faired
   Buffer<Point> faired_;
   NeighborSettings neighbors_;
   NormalSettings normal_settings_;
