@@ -310,7 +310,7 @@ class NotedWalk {
   using Count = Floats;
 
   POINTFAIR_INLINE NotedWalk(const IndexView& index, Index start, const point::Radii& radii, Note note)
-      : index_(index), position_{load(index.x + start), load(index.y + start), load(index.z + start)} {
+      : index_(index), start_(start), position_{load(index.x + start), load(index.y + start), load(index.z + start)} {
     const Mask active = lane_numbers() < broadcast(int(index.points - start));
     limit_ = select(active, load(radii.squared_radius + start), broadcast(-1.0f));
     own_ = Ints{lane_numbers().v + int(start)};
@@ -322,7 +322,9 @@ class NotedWalk {
     for (int i = 0; i < count_; ++i) {
       const Index at = Index(at_[i]);
       const point::Vec3<Floats> offset = spread(index_.x[at], index_.y[at], index_.z[at]) - position_;
-      const Mask inside = (point::squared_length(offset) <= limit_) & (own_ != broadcast(int(at)));
+      Mask inside = point::squared_length(offset) <= limit_;
+      if (at - start_ < Index(kLanes)) [[unlikely]]
+        inside = inside & (own_ != broadcast(int(at)));
       visit(offset, load_there(Shared{at}), inside);
     }
   }
@@ -333,6 +335,7 @@ class NotedWalk {
 
  private:
   const IndexView& index_;
+  Index start_;
   point::Vec3<Floats> position_;
   Floats limit_;
   Ints own_;
