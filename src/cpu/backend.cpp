@@ -32,6 +32,11 @@ constexpr float kNan = std::numeric_limits<float>::quiet_NaN(), kInfinity = std:
 
 unsigned available_threads() { return std::max(1u, std::thread::hardware_concurrency()); }
 
+void prefetch(std::span<Point> points, std::span<const Index> originals, std::size_t sorted) {
+  const std::size_t ahead = sorted + kPrefetchedAhead;
+  if (ahead < originals.size() && originals[ahead] < points.size()) __builtin_prefetch(&points[originals[ahead]], 1);
+}
+
 class CpuBackend final : public Backend, public Sampling, public Exactness {
  public:
   explicit CpuBackend(unsigned threads)
@@ -91,7 +96,10 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
     const std::span<const Point> faired = from.faired();
     const std::span<const Index> originals = from.index().originals();
     for_copies(faired.size(), [&](std::size_t first, std::size_t last) {
-      for (std::size_t i = first; i < last; ++i) points[originals[i]] = faired[i];
+      for (std::size_t i = first; i < last; ++i) {
+        prefetch(points, originals, i);
+        points[originals[i]] = faired[i];
+      }
     });
     for (const InvalidPoint& p : first_.index().invalid()) points[p.original] = p.position;
     std::fill(outliers.begin(), outliers.end(), std::uint8_t(0));
@@ -105,7 +113,10 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
     const std::span<const Index> originals = from.index().originals();
     fill(normals, Point{0, 0, 0});
     for_copies(from.faired().size(), [&](std::size_t first, std::size_t last) {
-      for (std::size_t i = first; i < last; ++i) normals[originals[i]] = {vectors.x[i], vectors.y[i], vectors.z[i]};
+      for (std::size_t i = first; i < last; ++i) {
+        prefetch(normals, originals, i);
+        normals[originals[i]] = {vectors.x[i], vectors.y[i], vectors.z[i]};
+      }
     });
   }
   void download_input(std::span<Point> points) override {
@@ -258,6 +269,7 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
     for_copies(index.points, [&](std::size_t first, std::size_t last) {
       OutlierCounts here;
       for (std::size_t i = first; i < last; ++i) {
+        prefetch(points, first_.index().originals(), i);
         Point& p = points[index.original[i]];
         const point::Vec3<float> from{index.x[i], index.y[i], index.z[i]};
         const auto limited = point::limited(from, {p.x, p.y, p.z}, limits, point::node_value(field, from));

@@ -22,6 +22,17 @@ namespace {
 // where lists are as long as they can be under the constraint, which then takes up to 10 ms a leaf.
 constexpr std::size_t kLeavesABlock = 32, kConstrainedLeavesABlock = 2;
 
+// For the notes of a block of leaves: 12 bytes a point, about three for each of 64 leaves that a leaf's neighbourhoods
+// meet. They are 45 where the noise is as large as the spacing.
+constexpr std::size_t kNotesABlock = std::size_t(12) * kLeafSize * kLeavesABlock;
+
+// The memory of so many points as three arrays.
+VectorsOut three_arrays(Buffer<Point>& points) {
+  static_assert(sizeof(Point) == 3 * sizeof(float));
+  float* const x = reinterpret_cast<float*>(points.data());
+  return {x, x + points.size(), x + 2 * points.size()};
+}
+
 }  // namespace
 
 Chain::Chain(MemoryMeter& meter)
@@ -29,22 +40,22 @@ Chain::Chain(MemoryMeter& meter)
       lists_(meter),
       mesh_lists_(meter),
       mean_distance_(meter),
-      normal_x_(meter),
-      normal_y_(meter),
-      normal_z_(meter),
       squared_level_(meter),
       further_share_(meter),
       squared_radius_(meter),
       squared_growth_(meter),
-      spare_x_(meter),
-      spare_y_(meter),
-      spare_z_(meter),
+      displaced_x_(meter),
+      displaced_y_(meter),
+      displaced_z_(meter),
+      notes_(meter),
+      normals_(meter),
       faired_(meter) {}
 
 void Chain::build_index(std::span<const Point> points, std::span<const Index> originals,
                         const std::optional<Frame>& frame, SortSpace& space, const Kernels& kernels,
                         const std::stop_token& stop) {
   has_lists_ = false;
+  notes_.release();
   mesh_lists_.clear();
   index_.build(points, originals, frame, space, kernels, stop);
   counts_ = {};
@@ -52,9 +63,22 @@ void Chain::build_index(std::span<const Point> points, std::span<const Index> or
 }
 
 void Chain::release_small_results() {
-  for (Buffer<float>* values : {&mean_distance_, &normal_x_, &normal_y_, &normal_z_, &squared_level_, &further_share_,
-                                &squared_radius_, &squared_growth_, &spare_x_, &spare_y_, &spare_z_})
+  for (Buffer<float>* values : {&mean_distance_, &squared_level_, &further_share_, &squared_radius_, &squared_growth_,
+                                &displaced_x_, &displaced_y_, &displaced_z_})
     values->release();
+  normals_.release();
+  notes_.release();
+}
+
+VectorsView Chain::normals() const {
+  const float* const x = reinterpret_cast<const float*>(normals_.data());
+  return {x, x + normals_.size(), x + 2 * normals_.size()};
+}
+
+Notes Chain::notes_of(std::size_t block) {
+  if (notes_.size() == 0) return {};
+  std::uint8_t* const begin = notes_.data() + block * kNotesABlock;
+  return {begin, begin + kNotesABlock - kLeavesABlock * kBytesOfNoNotes};
 }
 
 Neighborhoods Chain::neighborhoods() const {
@@ -210,8 +234,8 @@ void Chain::measure_radii(const Kernels& kernels, const std::stop_token& stop) {
 
 void Chain::estimate_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop) {
   normal_settings_ = settings;
-  for (Buffer<float>* axis : {&normal_x_, &normal_y_, &normal_z_})
-    axis->resize(std::size_t(index_.view().leaves) * kLeafSize);
+  normals_.resize(std::size_t(index_.view().leaves) * kLeafSize);
+  notes_.release();
   if (settings.faces) {
     face_normals(*settings.faces, stop);
   } else {
@@ -222,13 +246,15 @@ void Chain::estimate_normals(const NormalSettings& settings, const Kernels& kern
 
 void Chain::plane_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop) {
   const IndexView index = index_.view();
-  const VectorsOut out{normal_x_.data(), normal_y_.data(), normal_z_.data()};
+  const VectorsOut out = three_arrays(normals_);
+  if (!by_list() && !neighbors_.mesh) notes_.resize((index.leaves + kLeavesABlock - 1) / kLeavesABlock * kNotesABlock);
   std::atomic<std::uint64_t> too_few = 0, no_normal = 0;
-  for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
+  for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t block) {
     std::uint64_t too_few_here = 0, no_normal_here = 0;
+    Notes notes = notes_of(block);
     unsigned found[kLeafSize];
     for (std::size_t leaf = first; leaf < last; ++leaf) {
-      kernels.normals(index, Index(leaf), neighborhoods(), settings, out, found);
+      kernels.normals(index, Index(leaf), neighborhoods(), settings, out, found, notes);
       const Index points = std::min<Index>(kLeafSize, index.points - Index(leaf) * kLeafSize);
       for (Index lane = 0; lane < points; ++lane) {
         const std::size_t i = leaf * kLeafSize + lane;
@@ -263,11 +289,12 @@ void Chain::face_normals(const MeshFaces& faces, const std::stop_token& stop) {
     for (std::size_t c = 2; c < corners.size(); ++c) sum = sum + cross(place(c - 1) - place(0), place(c) - place(0));
     return sum;
   };
+  const VectorsOut out = three_arrays(normals_);
   std::atomic<std::uint64_t> too_few = 0, no_normal = 0;
-  for_blocks(normal_x_.size(), kLeavesABlock * kLeafSize, stop, [&](std::size_t first, std::size_t last, std::size_t) {
+  for_blocks(normals_.size(), kLeavesABlock * kLeafSize, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     for (std::size_t i = first; i < last; ++i) {
       if (i >= index.points) {
-        normal_x_[i] = normal_y_[i] = normal_z_[i] = 0;
+        out.x[i] = out.y[i] = out.z[i] = 0;
         continue;
       }
       const auto around = faces.around(neighbors_.mesh->vertex[index.original[i]]);
@@ -275,7 +302,7 @@ void Chain::face_normals(const MeshFaces& faces, const std::stop_token& stop) {
       for (const std::uint32_t face : around) sum = sum + normal_of(face);
       const double length = std::sqrt(point::squared_length(sum));
       const Vec unit = length > 0 ? (1 / length) * sum : Vec{};
-      normal_x_[i] = float(unit.x), normal_y_[i] = float(unit.y), normal_z_[i] = float(unit.z);
+      out.x[i] = float(unit.x), out.y[i] = float(unit.y), out.z[i] = float(unit.z);
       if (around.empty()) {
         ++too_few;
       } else if (!(length > 0)) {
@@ -290,22 +317,20 @@ void Chain::face_normals(const MeshFaces& faces, const std::stop_token& stop) {
 void Chain::filter_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop) {
   if (settings.filter_rounds == 0) return;
   const IndexView index = index_.view();
-  for (Buffer<float>* axis : {&spare_x_, &spare_y_, &spare_z_}) axis->resize(normal_x_.size());
-  if (radii_grow()) squared_growth_.resize(normal_x_.size());
+  faired_.resize(normals_.size());  // the rounds' memory: no point is faired yet
+  if (radii_grow()) squared_growth_.resize(normals_.size());
   for (int round = 0; round < settings.filter_rounds; ++round) {
     const bool is_last = round + 1 == settings.filter_rounds;
     float* const squared_growth = is_last && radii_grow() ? squared_growth_.data() : nullptr;
-    const VectorsOut out{spare_x_.data(), spare_y_.data(), spare_z_.data()};
-    for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
+    const VectorsOut out = three_arrays(faired_);
+    for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t block) {
+      Notes notes = notes_of(block);
       for (std::size_t leaf = first; leaf < last; ++leaf)
         kernels.filter_normals(index, Index(leaf), neighborhoods(), settings, normals(), further_shares(), out,
-                               squared_growth);
+                               squared_growth, notes);
     });
-    std::swap(normal_x_, spare_x_);
-    std::swap(normal_y_, spare_y_);
-    std::swap(normal_z_, spare_z_);
+    std::swap(normals_, faired_);
   }
-  for (Buffer<float>* axis : {&spare_x_, &spare_y_, &spare_z_}) axis->release();
 }
 
 void Chain::fair(const FairingSettings& settings, const Kernels& kernels, const std::stop_token& stop) {
@@ -314,6 +339,7 @@ void Chain::fair(const FairingSettings& settings, const Kernels& kernels, const 
   faired_.resize(std::size_t(index_.view().leaves) * kLeafSize);
   solver_ = {};
   counts_.unmoved.boundary = 0;
+  if (settings.method != Method::bilateral) notes_.release();
   if (area.power != 0 && !has_areas_) measure_areas(kernels, stop);
   if (settings.method == Method::implicit) {
     solver_ = fair_at_once(settings, stop);
@@ -337,13 +363,14 @@ SolverReport Chain::fair_at_once(const FairingSettings& settings, const std::sto
 
 void Chain::keep_boundary(const MeshEdges& mesh, const std::stop_token& stop) {
   const IndexView index = index_.view();
+  const VectorsView its_normals = normals();
   std::atomic<std::uint64_t> held = 0;
   for_blocks(index.points, kLeavesABlock * kLeafSize, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     std::uint64_t held_here = 0;
     for (std::size_t i = first; i < last; ++i) {
       if (mesh.is_boundary[index.original[i]] == 0) continue;
       faired_[i] = {index.x[i], index.y[i], index.z[i]};
-      held_here += normal_x_[i] != 0 || normal_y_[i] != 0 || normal_z_[i] != 0;  // others are counted by their reason
+      held_here += its_normals.x[i] != 0 || its_normals.y[i] != 0 || its_normals.z[i] != 0;  // others: by their reason
     }
     held += held_here;
   });
@@ -355,11 +382,13 @@ void Chain::fair_bilaterally(const FairingSettings& settings, AreaView area, con
   const IndexView index = index_.view();
   const point::Sensors sensors = sensors_of(settings.sensors.get());
   const point::Levels levels{squared_levels(), settings.is_further ? further_shares() : nullptr};
-  for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
+  for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t block) {
+    Notes notes = notes_of(block);
     for (std::size_t leaf = first; leaf < last; ++leaf)
-      kernels.fair(index, Index(leaf), grown_neighborhoods(), normals(), area, settings, sensors, levels,
+      kernels.fair(index, Index(leaf), grown_neighborhoods(), normals(), area, settings, sensors, levels, notes,
                    &faired_[leaf * kLeafSize].x);
   });
+  notes_.release();
 }
 
 void Chain::fair_otherwise(const FairingSettings& settings, AreaView area, const Kernels& kernels,
@@ -367,18 +396,19 @@ void Chain::fair_otherwise(const FairingSettings& settings, AreaView area, const
   const IndexView index = index_.view();
   const point::MethodRule rule = method_rule(settings);
   const point::Sensors sensors = sensors_of(settings.sensors.get());
-  for (Buffer<float>* axis : {&spare_x_, &spare_y_, &spare_z_}) axis->resize(std::size_t(index.leaves) * kLeafSize);
-  const VectorsOut displacements{spare_x_.data(), spare_y_.data(), spare_z_.data()};
+  for (Buffer<float>* axis : {&displaced_x_, &displaced_y_, &displaced_z_})
+    axis->resize(std::size_t(index.leaves) * kLeafSize);
+  const VectorsOut displacements{displaced_x_.data(), displaced_y_.data(), displaced_z_.data()};
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     for (std::size_t leaf = first; leaf < last; ++leaf)
       kernels.displacements(index, Index(leaf), neighborhoods(), normals(), area, rule, displacements);
   });
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     for (std::size_t leaf = first; leaf < last; ++leaf)
-      kernels.move(index, Index(leaf), neighborhoods(), {spare_x_.data(), spare_y_.data(), spare_z_.data()}, area, rule,
-                   sensors, &faired_[leaf * kLeafSize].x);
+      kernels.move(index, Index(leaf), neighborhoods(), {displaced_x_.data(), displaced_y_.data(), displaced_z_.data()},
+                   area, rule, sensors, &faired_[leaf * kLeafSize].x);
   });
-  for (Buffer<float>* axis : {&spare_x_, &spare_y_, &spare_z_}) axis->release();
+  for (Buffer<float>* axis : {&displaced_x_, &displaced_y_, &displaced_z_}) axis->release();
 }
 
 }  // namespace pointfair::cpu

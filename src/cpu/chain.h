@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The results of every stage of one iteration. Memory, bytes a point: index 18, lists 4 k, W_a lengths 4, normals 12,
 // faired positions 12; 46 + 4 k in all. Without lists squared radii 4, and 4 more where they grow; where something
-// follows the noise, its levels 4, and where the reach differs, shares 4. While normals are filtered, or a method other
-// than the bilateral one runs, 12 more.
+// follows the noise, its levels 4, and where the reach differs, shares 4. While a method other than the bilateral one
+// runs, 12 more; within a radius, 12 for notes from the normals to the bilateral step.
 #pragma once
 
 #include "cpu/index.h"
@@ -32,7 +32,7 @@ class Chain {
   // In sorted order, one for each valid point.
   std::span<const Point> faired() const { return {faired_.data(), std::size_t(index_.view().points)}; }
   const SpatialIndex& index() const { return index_; }
-  VectorsView normals() const { return {normal_x_.data(), normal_y_.data(), normal_z_.data()}; }
+  VectorsView normals() const;
   const Counts& counts() const { return counts_; }
 
   // Gives back what only the stages after the index fill, so that a further iteration never holds more than two chains.
@@ -61,6 +61,7 @@ class Chain {
   void filter_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop);
   void fair_bilaterally(const FairingSettings& settings, AreaView area, const Kernels& kernels,
                         const std::stop_token& stop);
+  Notes notes_of(std::size_t block);  // of leaves
   void fair_otherwise(const FairingSettings& settings, AreaView area, const Kernels& kernels,
                       const std::stop_token& stop);
   SolverReport fair_at_once(const FairingSettings& settings, const std::stop_token& stop);
@@ -69,12 +70,14 @@ class Chain {
   SpatialIndex index_;
   Buffer<Index> lists_;
   MeshLists mesh_lists_;  // in place of those, where neighbours follow a mesh
-  Buffer<float> mean_distance_, normal_x_, normal_y_, normal_z_;
-  Buffer<float> squared_level_;                // of the noise, where something follows it
-  Buffer<float> further_share_;                // of the levels of reach, where there are any
-  Buffer<float> squared_radius_;               // without a list
-  Buffer<float> squared_growth_;               // of those, where those of flat places grow
-  Buffer<float> spare_x_, spare_y_, spare_z_;  // filtered normals, then displacements
+  Buffer<float> mean_distance_;
+  Buffer<float> squared_level_;                            // of the noise, where something follows it
+  Buffer<float> further_share_;                            // of the levels of reach, where there are any
+  Buffer<float> squared_radius_;                           // without a list
+  Buffer<float> squared_growth_;                           // of those, where those of flat places grow
+  Buffer<float> displaced_x_, displaced_y_, displaced_z_;  // displacements
+  Buffer<std::uint8_t> notes_;  // of what the walks for the normals met, until the points are faired
+  Buffer<Point> normals_;       // three arrays; each round of their filter goes into the memory of the faired positions
   Buffer<Point> faired_;
   NeighborSettings neighbors_;
   NormalSettings normal_settings_;

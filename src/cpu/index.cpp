@@ -158,8 +158,8 @@ void SpatialIndex::gather(std::span<const Point> points, std::span<const Index> 
   original_.resize(padded);
   for_blocks(padded, kBlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     for (std::size_t i = first; i < last; ++i) {
-      constexpr std::size_t kAhead = 64;  // the points lie scattered in memory
-      if (i + kAhead < points_) __builtin_prefetch(&points[std::uint32_t(space.elements[i + kAhead])]);
+      if (i + kPrefetchedAhead < points_)
+        __builtin_prefetch(&points[std::uint32_t(space.elements[i + kPrefetchedAhead])]);
       const bool real = i < points_;
       const std::size_t from = real ? std::uint32_t(space.elements[i]) : 0;
       const Point p = real ? points[from] : Point{kNan, kNan, kNan};

@@ -99,6 +99,14 @@ struct VectorsView {
   const float *x, *y, *z;
 };
 
+// Where the notes of the packs of some leaves are written, and read in the same order (src/cpu/notes.h): none if `next`
+// is null. Behind `end` there is room for the kBytesOfNoNotes of each leaf.
+struct Notes {
+  std::uint8_t* next;
+  const std::uint8_t* end;
+};
+inline constexpr std::size_t kBytesOfNoNotes = 8;  // two for each pack of four
+
 // What the net of method learned reads and writes of each sorted point.
 struct NetCloud {
   const point::net::Place* measured_places;  // with normals as they are
@@ -140,16 +148,16 @@ struct Kernels {
                         const float* squared_reach_level, float* out);
   // Mean distance to the first `count` entries of a list of k, or as many as it holds.
   void (*mean_distances)(const IndexView&, Index leaf, const Index* list, int count, float* out);
-  // neighbor_counts receives how many neighbours each point has.
+  // neighbor_counts receives how many neighbours each point has; what walks within a radius met is noted.
   void (*normals)(const IndexView&, Index leaf, Neighborhoods, const point::NormalSettings&, VectorsOut,
-                  unsigned* neighbor_counts);
+                  unsigned* neighbor_counts, Notes&);
   // One round of Eq. 9, of which each point takes its share (null: all); `squared_growth` receives what Eq. 20
   // multiplies R_i^2 of each sorted point by, unless it is null.
   void (*filter_normals)(const IndexView&, Index leaf, Neighborhoods, const point::NormalSettings&, VectorsView,
-                         const float* further_share, VectorsOut, float* squared_growth);
+                         const float* further_share, VectorsOut, float* squared_growth, Notes&);
   // The bilateral method: moved positions, point after point.
   void (*fair)(const IndexView&, Index leaf, Neighborhoods, VectorsView, AreaView, const point::FairingSettings&,
-               point::Sensors, point::Levels, float* xyz);
+               point::Sensors, point::Levels, Notes&, float* xyz);
   // The other methods: the displacements of all points, then from them the moved positions.
   void (*displacements)(const IndexView&, Index leaf, Neighborhoods, VectorsView, AreaView, const point::MethodRule&,
                         VectorsOut);

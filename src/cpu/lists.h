@@ -29,12 +29,13 @@ class FastLists {
   static constexpr bool kOrdersTies = false;
   static constexpr int kBatch = 48;  // candidates to collect before they are offered
 
+  POINTFAIR_INLINE explicit FastLists(int k) : k_(k) {}
   POINTFAIR_INLINE void clear() {
     for (Ints& entry : entry_) entry = broadcast(kEmpty);
     candidates_ = 0;
   }
-  // The K-th distance, or a little more.
-  POINTFAIR_INLINE Floats last() const { return as_floats(entry_[K - 1] | kNumber); }
+  // The k-th distance, or a little more.
+  POINTFAIR_INLINE Floats last() const { return as_floats(entry_[k_ - 1] | kNumber); }
   POINTFAIR_INLINE bool all_identical() const { return any(entry_[K - 1] < broadcast(kNumber + 1)); }
   // There are more candidates than numbers, so entries no longer name one.
   POINTFAIR_INLINE bool overflown() const { return candidates_ > kNumber; }
@@ -155,6 +156,7 @@ class FastLists {
     entry_[s].v[lane] = entry;
   }
 
+  int k_;  // entries that are asked for, at most K
   Ints entry_[kSlots];
   int position_[kNumber + 1];  // of each candidate, by its number
   int candidates_;

@@ -22,6 +22,9 @@ struct MemoryMeter {
   void reset_peak() { peak = held; }
 };
 
+// So many elements before they are needed, a loop over places that lie scattered in memory prefetches them.
+inline constexpr std::size_t kPrefetchedAhead = 64;
+
 // An array of trivial T whose elements start undefined. Growing drops the contents; shrinking keeps the allocation, so
 // that a pipeline that is loaded again does not fault its pages in again.
 template <class T>

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "cpu/kernels.h"
+#include "cpu/notes.h"
 #include "cpu/pack.h"
 #include "cpu/search.h"
 #include "point/neighborhoods.h"
@@ -191,10 +192,13 @@ class RadiusWalk {
   }
   POINTFAIR_INLINE static bool any(Mask mask) { return cpu::POINTFAIR_ISA::any(mask); }
 
+  // After a walk.
+  void note(Notes& notes) const { Note::write(notes, found_.at, found_.has_all && !is_thinned_ ? found_.count : 0); }
+
  private:
   // Some of the neighbours of the pack's points, in sorted order: position and lanes.
   struct Found {
-    static constexpr int kRoom = 512;
+    static constexpr int kRoom = Note::kMostPoints;
     Index at[kRoom];
     Mask inside[kRoom];
     int count = 0;
@@ -296,6 +300,49 @@ class RadiusWalk {
   mutable Place place_;
 };
 
+// What RadiusWalk met, in the same order, so that sums are the same. Lanes that a neighbour belongs to are found anew:
+// a visit needs the distance anyway.
+class NotedWalk {
+ public:
+  using Number = Floats;
+  using Kernel = point::CompactGaussian;
+  static constexpr bool kListed = false;
+  using Count = Floats;
+
+  POINTFAIR_INLINE NotedWalk(const IndexView& index, Index start, const point::Radii& radii, Note note)
+      : index_(index), start_(start), position_{load(index.x + start), load(index.y + start), load(index.z + start)} {
+    const Mask active = lane_numbers() < broadcast(int(index.points - start));
+    limit_ = select(active, load(radii.squared_radius + start), broadcast(-1.0f));
+    own_ = Ints{lane_numbers().v + int(start)};
+    count_ = note.unpack(at_);
+  }
+
+  template <class Load, class Visit>
+  POINTFAIR_INLINE void operator()(Load load_there, Visit visit) const {
+    for (int i = 0; i < count_; ++i) {
+      const Index at = Index(at_[i]);
+      const point::Vec3<Floats> offset = spread(index_.x[at], index_.y[at], index_.z[at]) - position_;
+      Mask inside = point::squared_length(offset) <= limit_;
+      if (at - start_ < Index(kLanes)) [[unlikely]]
+        inside = inside & (own_ != broadcast(int(at)));
+      visit(offset, load_there(Shared{at}), inside);
+    }
+  }
+  POINTFAIR_INLINE Floats squared_radius() const { return limit_; }
+  POINTFAIR_INLINE Floats squared_core() const { return point::squared_core(limit_); }
+  POINTFAIR_INLINE Floats squared_horizon() const { return limit_; }
+  POINTFAIR_INLINE static bool any(Mask mask) { return cpu::POINTFAIR_ISA::any(mask); }
+
+ private:
+  const IndexView& index_;
+  Index start_;
+  point::Vec3<Floats> position_;
+  Floats limit_;
+  Ints own_;
+  int count_;
+  int at_[Note::kMostPoints + kLanes];
+};
+
 // Calls body(start, neighbours) for each pack of the leaf.
 template <class Body>
 POINTFAIR_INLINE void for_packs(const IndexView& index, Index leaf, const Neighborhoods& neighborhoods, Body body) {
@@ -307,6 +354,28 @@ POINTFAIR_INLINE void for_packs(const IndexView& index, Index leaf, const Neighb
       const LeafLists lists = neighborhoods.lists.of_leaf(leaf);
       body(start, ListWalk(index, start, lists.list + part, lists.k));
     } else if (start < index.points) {
+      body(start, RadiusWalk(index, start, neighborhoods.radii));
+    }
+  }
+}
+
+// Whether every point of the pack has the radius that it had for its normal.
+POINTFAIR_INLINE bool is_not_grown(const IndexView& index, Index start, const point::Radii& radii) {
+  if (radii.squared_growth == nullptr) return true;
+  const Mask active = lane_numbers() < broadcast(int(index.points - start));
+  return !any(active & ~(load(radii.squared_growth + start) == broadcast(1.0f)));
+}
+
+// The same, without a search where there are notes of the same radius.
+template <class Body>
+POINTFAIR_INLINE void for_noted_packs(const IndexView& index, Index leaf, const Neighborhoods& neighborhoods,
+                                      Notes& notes, Body body) {
+  if (notes.next == nullptr) return for_packs(index, leaf, neighborhoods, body);
+  for (Index start = leaf * kLeafSize; start < (leaf + 1) * kLeafSize && start < index.points; start += kLanes) {
+    const Note note(notes);
+    if (note.exists() && is_not_grown(index, start, neighborhoods.radii)) {
+      body(start, NotedWalk(index, start, neighborhoods.radii, note));
+    } else {
       body(start, RadiusWalk(index, start, neighborhoods.radii));
     }
   }

@@ -288,21 +288,21 @@ inline constexpr BitNumbers kBitNumbers;
 #endif
 
 // Appends the numbers first + lane of the chosen lanes to `out`, which has room for a whole pack; returns how many.
-POINTFAIR_INLINE int append(int* out, int first, Mask chosen) {
+POINTFAIR_INLINE int append_lanes(int* out, int first, unsigned lanes) {
 #if defined(__AVX512F__)
-  _mm512_storeu_si512(out, _mm512_maskz_compress_epi32(chosen.v, __m512i(lane_numbers().v + first)));
-  return __builtin_popcount(chosen.v);
+  _mm512_storeu_si512(out, _mm512_maskz_compress_epi32(__mmask16(lanes), __m512i(lane_numbers().v + first)));
+  return __builtin_popcount(lanes);
 #elif defined(__AVX2__)  // without a branch that is hard to guess
-  const unsigned lanes = bits(chosen);
   const __m256i numbers =
       _mm256_cvtepu8_epi32(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(&kBitNumbers.of[lanes])));
   _mm256_storeu_si256(reinterpret_cast<__m256i*>(out), _mm256_add_epi32(numbers, _mm256_set1_epi32(first)));
   return __builtin_popcount(lanes);
 #else
   int count = 0;
-  for (unsigned lanes = bits(chosen); lanes != 0; lanes &= lanes - 1) out[count++] = first + __builtin_ctz(lanes);
+  for (; lanes != 0; lanes &= lanes - 1) out[count++] = first + __builtin_ctz(lanes);
   return count;
 #endif
 }
+POINTFAIR_INLINE int append(int* out, int first, Mask chosen) { return append_lanes(out, first, bits(chosen)); }
 
 }  // namespace pointfair::cpu::POINTFAIR_ISA

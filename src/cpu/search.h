@@ -226,7 +226,7 @@ void search_pack(const IndexView& index, Index start, int first_lane, int last_l
   const Mask active = lanes_between(first_lane, last_lane) & (lane_numbers() < broadcast(int(index.points - start)));
   if (!any(active)) return;
   if (last_lane - first_lane == 1) return search_alone(index, start, first_lane, k, limit, out);
-  FastLists<K> lists;
+  FastLists<K> lists(k);
   const Queries queries = make_queries(index, start, active, limit);
   GroupSearch<FastLists<K>> search(index, queries, lists, leaf_budget(k));
   const bool whole = search.run(start / kLeafSize, leaves_beside(K)) && !lists.overflown();

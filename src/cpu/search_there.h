@@ -36,7 +36,7 @@ void search_there(const IndexView& here, Index first, const int* own, const Quer
   const Mask active = lanes_between(first_lane, last_lane) & (lane_numbers() < broadcast(int(here.points - first)));
   if (!any(active)) return;
   const QueriesThere q = only_lanes(of_all, active, here, first, own);
-  FastLists<K> lists;
+  FastLists<K> lists(q.k);
   GroupSearch<FastLists<K>, true> search(q.there, q.queries, lists, leaf_budget(q.k));
   const bool is_whole = search.run(q.start, leaves_beside(K)) && !lists.overflown();
   if (is_whole && lists.finish(q.there, q.queries, q.k, active)) return copy_lists(lists, q.k, active, out);

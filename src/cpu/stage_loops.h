@@ -70,20 +70,23 @@ POINTFAIR_INLINE void store_points(point::Vec3<Floats> p, float* xyz) {
 }
 
 inline void normals(const IndexView& index, Index leaf, Neighborhoods neighborhoods,
-                    const point::NormalSettings& settings, VectorsOut out, unsigned* neighbor_counts) {
+                    const point::NormalSettings& settings, VectorsOut out, unsigned* neighbor_counts, Notes& notes) {
   for_packs(index, leaf, neighborhoods, [&](Index start, const auto& neighbors) {
     const auto normal = point::normal_of(neighbors, point::weights_of(settings, neighbors));
     store_vector(out, start, normal.unit);
     for (int lane = 0; lane < kLanes; ++lane)
       neighbor_counts[start % kLeafSize + Index(lane)] = unsigned(normal.found.v[lane]);
+    if constexpr (requires { neighbors.note(notes); })
+      if (notes.next != nullptr) neighbors.note(notes);
   });
 }
 
 template <bool kGrows>
 __attribute__((noinline)) void filter_leaf(const IndexView& index, Index leaf, const Neighborhoods& neighborhoods,
                                            const point::NormalSettings& settings, VectorsView from,
-                                           const float* further_share, VectorsOut out, float* squared_growth) {
-  for_packs(index, leaf, neighborhoods, [&](Index start, const auto& neighbors) {
+                                           const float* further_share, VectorsOut out, float* squared_growth,
+                                           Notes& notes) {
+  for_noted_packs(index, leaf, neighborhoods, notes, [&](Index start, const auto& neighbors) {
     const Vectors normals{from};
     const point::OwnNormal<Floats> own{normals.at(Own{start}), value_or_one(further_share, start)};
     const point::FilteredOfPoint<Floats> filtered =
@@ -95,9 +98,9 @@ __attribute__((noinline)) void filter_leaf(const IndexView& index, Index leaf, c
 
 inline void filter_normals(const IndexView& index, Index leaf, Neighborhoods neighborhoods,
                            const point::NormalSettings& settings, VectorsView from, const float* further_share,
-                           VectorsOut out, float* squared_growth) {
+                           VectorsOut out, float* squared_growth, Notes& notes) {
   const auto filter = squared_growth == nullptr ? filter_leaf<false> : filter_leaf<true>;
-  filter(index, leaf, neighborhoods, settings, from, further_share, out, squared_growth);
+  filter(index, leaf, neighborhoods, settings, from, further_share, out, squared_growth, notes);
 }
 
 inline void survey(const IndexView& index, Index leaf, Neighborhoods neighborhoods, const float* values, float* counts,
@@ -125,8 +128,9 @@ POINTFAIR_INLINE point::Vec3<Floats> to_sensors(const IndexView& index, const po
 template <bool kSeeksOutliers, bool kShares, bool kSees>
 __attribute__((noinline)) void fair_leaf(const IndexView& index, Index leaf, const Neighborhoods& neighborhoods,
                                          VectorsView normals, AreaView area, const point::FairingSettings& settings,
-                                         const point::Sensors& sensors, point::Levels levels, float* xyz) {
-  for_packs(index, leaf, neighborhoods, [&](Index start, const auto& neighbors) {
+                                         const point::Sensors& sensors, point::Levels levels, Notes& notes,
+                                         float* xyz) {
+  for_noted_packs(index, leaf, neighborhoods, notes, [&](Index start, const auto& neighbors) {
     const Vectors of_points{normals};
     point::OwnPlace<Floats> own{value_or_one(levels.squared_noise, start),
                                 value_or_one(levels.further_share, start),
@@ -149,9 +153,10 @@ POINTFAIR_INLINE auto fairing_of(const point::FairingSettings& settings) {
 
 // Moved positions, point after point into `xyz`; a zero normal leaves a point where it is.
 inline void fair(const IndexView& index, Index leaf, Neighborhoods neighborhoods, VectorsView normals, AreaView area,
-                 const point::FairingSettings& settings, point::Sensors sensors, point::Levels levels, float* xyz) {
+                 const point::FairingSettings& settings, point::Sensors sensors, point::Levels levels, Notes& notes,
+                 float* xyz) {
   const auto fair_points = settings.reads_sensor() ? fairing_of<true>(settings) : fairing_of<false>(settings);
-  fair_points(index, leaf, neighborhoods, normals, area, settings, sensors, levels, xyz);
+  fair_points(index, leaf, neighborhoods, normals, area, settings, sensors, levels, notes, xyz);
 }
 
 }  // namespace pointfair::cpu::POINTFAIR_ISA

@@ -7,7 +7,7 @@ namespace pointfair::scale {
 
 std::uint64_t bytes_of_tile_point(const Params& params) {
   const int k = params.k == kAutomatic ? 0 : params.k;
-  return 150 + 8 * static_cast<std::uint64_t>(k);
+  return 162 + 8 * static_cast<std::uint64_t>(k);
 }
 
 std::uint64_t bytes_in_memory(std::uint64_t points, const Params& params, Device::Kind device) {
