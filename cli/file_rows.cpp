@@ -73,6 +73,8 @@ std::string file_text(const Cloud& cloud) {
   for (const auto& [name, value] : info.rows) {
     if (!value.empty()) fmt::format_to(out, "  {:<18} {}\n", name, value);
   }
+  if (info.grid_width > 0)
+    fmt::format_to(out, "  {:<18} {} x {} points, organised\n", "grid", info.grid_width, info.grid_height);
   if (info.metres_per_unit) fmt::format_to(out, "  {:<18} {:.10g} m\n", "unit", *info.metres_per_unit);
   if (info.is_geographic) fmt::format_to(out, "  {:<18} degrees: project it to metres before denoising\n", "unit");
   if (!text.empty()) text = "file\n" + text;
@@ -90,6 +92,7 @@ Json file_json(const Cloud& cloud) {
   const FileInfo info = file_info(cloud);
   Json json = Json::object();
   for (const auto& [name, value] : info.rows) json[name] = value;
+  if (info.grid_width > 0) json["grid"] = {info.grid_width, info.grid_height};
   json["metres_per_unit"] = info.metres_per_unit ? Json(*info.metres_per_unit) : Json(nullptr);
   json["geographic"] = info.is_geographic;
   json["step"] = info.step;

@@ -110,6 +110,30 @@ Attribute values_of(const Cloud& cloud, const std::string& name) {
   return fresh;
 }
 
+// Classes of LAS that thin things have: vegetation, wires and their towers.
+bool is_thin(std::byte kind) {
+  const auto value = std::to_integer<unsigned>(kind);
+  return (value >= 3 && value <= 5) || (value >= 13 && value <= 16);
+}
+
+// What to say where more than a tenth of the outliers had such a class before; else empty.
+std::string note_on_thin(std::span<const std::uint8_t> reasons, const Cloud& cloud) {
+  const std::optional<AttributeInfo> info = find_info(cloud, "classification");
+  if (!info || info->type != ScalarType::uint8 || info->components != 1) return {};
+  const Attribute kinds = attribute(cloud, "classification");
+  std::size_t outliers = 0, thin = 0;
+  for (std::size_t i = 0; i < reasons.size(); ++i) {
+    if (reasons[i] == 0) continue;
+    ++outliers;
+    thin += is_thin(kinds.data[i]) ? 1 : 0;
+  }
+  if (thin * 10 <= outliers) return {};
+  return fmt::format(
+      "; {} of them had a class of vegetation or wires (3 to 5, 13 to 16), where outliers cannot be told: --ignore "
+      "classification=3-5,13-16 leaves these out",
+      thin);
+}
+
 }  // namespace
 
 OutlierAction take_outlier_action(ParamArguments& params) {
@@ -151,12 +175,14 @@ void check_outlier_action(const OutlierAction& action, const Cloud& cloud, const
 
 std::string act_on_outliers(const OutlierAction& action, std::span<const std::uint8_t> reasons,
                             std::span<const Point> before, Cloud& cloud) {
+  const std::string thin = note_on_thin(reasons, cloud);
   if (action.kind == Kind::remove) {
     std::array<std::size_t, 4> of_reason{};
     for (const std::uint8_t reason : reasons) ++of_reason[std::min<std::size_t>(reason, 3)];
     return fmt::format(
-        "{} points are removed as outliers ({} isolated, {} off the surface, {} mixed pixels), {} are left",
-        reasons.size() - of_reason[0], of_reason[1], of_reason[2], of_reason[3], of_reason[0]);
+               "{} points are removed as outliers ({} isolated, {} off the surface, {} mixed pixels), {} are left",
+               reasons.size() - of_reason[0], of_reason[1], of_reason[2], of_reason[3], of_reason[0]) +
+           thin;
   }
   const std::string name = attribute_of(action);
   Attribute values = values_of(cloud, name);
@@ -174,10 +200,11 @@ std::string act_on_outliers(const OutlierAction& action, std::span<const std::ui
   }
   std::erase_if(cloud.added, [&](const Attribute& other) { return other.name == name; });
   cloud.added.push_back(std::move(values));
-  if (action.kind == Kind::withhold) return fmt::format("{} outliers are flagged as withheld", counts[1]);
-  if (action.value) return fmt::format("{} outliers are in class {}", counts[*action.value], *action.value);
+  if (action.kind == Kind::withhold) return fmt::format("{} outliers are flagged as withheld", counts[1]) + thin;
+  if (action.value) return fmt::format("{} outliers are in class {}", counts[*action.value], *action.value) + thin;
   return fmt::format("{} outliers are in class 7 (low noise), {} in class 18 (high noise)", counts[kLowNoise],
-                     counts[kHighNoise]);
+                     counts[kHighNoise]) +
+         thin;
 }
 
 }  // namespace pointfair::cli

@@ -4,7 +4,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
+#include <fstream>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "command_line.hpp"
@@ -97,6 +100,29 @@ std::string faces_note(const Params& params, const Limits& limits, const Cloud& 
                      faces.size());
 }
 
+// Of an OBJ file that is written into another folder: that the file of its materials, which it names before its first
+// vertex, is not there; else empty.
+std::string materials_note(const RunArguments& arguments, const Cloud& cloud, const WriteOptions& options) {
+  const std::filesystem::path from(arguments.input), to(arguments.output);
+  if (file_info(cloud).format != Format::obj || options.format != Format::obj || arguments.input == "-" ||
+      arguments.output == "-")
+    return {};
+  std::ifstream file(from);
+  std::error_code ignored;
+  for (std::string line; std::getline(file, line) && !line.starts_with("v ");) {
+    if (!line.starts_with("mtllib ")) continue;
+    const std::string name = line.substr(7, line.find_last_not_of(" \t\r") - 6);
+    if (std::filesystem::exists(to.parent_path() / name, ignored) ||
+        !std::filesystem::exists(from.parent_path() / name, ignored))
+      return {};
+    return fmt::format(
+        "the result names {}, which lies beside the input only: copy it and the pictures that it names "
+        "to the result, or it is shown without its texture",
+        name);
+  }
+  return {};
+}
+
 }  // namespace
 
 Cloud read_input(const RunArguments& arguments) {
@@ -157,6 +183,8 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
         far_viewpoint_note(arguments.viewpoint.empty() ? file_viewpoints(cloud) : viewpoints, cloud);
     if (!far_away.empty()) findings.notes.push_back(far_away);
     if (const std::string faces = faces_note(params, limits, cloud); !faces.empty()) findings.notes.push_back(faces);
+    if (const std::string left = materials_note(arguments, cloud, write_options); !left.empty())
+      findings.notes.push_back(left);
     if (remaining) findings.removed = cloud.points.size() - remaining->points.size();
     for (const std::string& note : acted)
       if (std::ranges::find(findings.notes, note) == findings.notes.end()) findings.notes.push_back(note);

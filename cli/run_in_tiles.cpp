@@ -27,11 +27,12 @@ std::string flag_for_memory(const RunArguments& arguments) {
 }
 
 [[noreturn]] void refuse(const std::string& flag) {
-  throw Error(
-      ErrorKind::usage,
-      flag.starts_with("--report")
-          ? flag + ": a run in tiles on disk writes JSON; make the page afterwards with pointfair certify IN OUT"
-          : flag + " cannot be used with a run in tiles on disk (--memory, --work, --out-dir)");
+  std::string text = flag + " cannot be used with a run in tiles on disk (--memory, --work, --out-dir)";
+  if (flag.starts_with("--report"))
+    text = flag + ": a run in tiles on disk writes JSON; make the page afterwards with pointfair certify IN OUT";
+  if (flag.starts_with("--outliers"))
+    text += "; --outliers mark writes the reasons there, and --each treats every file on its own";
+  throw Error(ErrorKind::usage, text);
 }
 
 // Why a cloud is computed in tiles, where nobody asked for them.

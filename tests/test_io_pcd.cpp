@@ -8,6 +8,7 @@
 
 #include "io/lzf.hpp"
 #include "io_files.h"
+#include "pointfair/file_info.hpp"
 
 namespace pointfair::test {
 namespace {
@@ -101,6 +102,22 @@ TEST(FilesPcd, PackedColorsAndNormalsTurnIntoThoseOfPlyAndBack) {
   const Cloud back = parse(image(ply, Format::pcd), "b.pcd");
   EXPECT_EQ(values<std::uint32_t>(back, "rgb"), (std::vector<std::uint32_t>{16711935, 66051}));
   EXPECT_EQ(values<float>(back, "normal_y"), (std::vector<float>{0, 1}));
+}
+
+TEST(FilesPcd, AnOrganisedFileTellsItsGridUntilPointsAreRemoved) {
+  const std::string head = "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\n", data = "DATA ascii\n";
+  const std::string rows = "0 0 1\n1 0 1\n2 0 1\nnan nan nan\n1 1 1\n2 1 1\n";
+  const auto grid_of = [](const Cloud& cloud) {
+    const FileInfo info = file_info(cloud);
+    return std::pair(info.grid_width, info.grid_height);
+  };
+  using Grid = std::pair<std::uint64_t, std::uint64_t>;
+  const Cloud cloud = parse(head + "WIDTH 3\nHEIGHT 2\nPOINTS 6\n" + data + rows, "a.pcd");
+  EXPECT_EQ(grid_of(cloud), Grid(3, 2));
+  EXPECT_EQ(grid_of(parse(image(cloud, Format::pcd, Encoding::binary), "b.pcd")), Grid(3, 2));
+  EXPECT_EQ(grid_of(parse(image(cloud, Format::ply))), Grid(0, 0));
+  EXPECT_EQ(grid_of(without_points(cloud, std::vector<std::uint8_t>{0, 1, 0, 0, 0, 0})), Grid(0, 0));
+  EXPECT_EQ(grid_of(parse(head + "WIDTH 6\nHEIGHT 1\nPOINTS 6\n" + data + rows, "c.pcd")), Grid(0, 0));
 }
 
 }  // namespace pointfair::test

@@ -124,28 +124,38 @@ Points grid_of_rays(int rows, double row_step, int columns, double column_step, 
   return points;
 }
 
-// Along the border of a board, groups of five rays that end at one depth between it and the wall.
-TEST(Viewpoint, shows_mixed_pixels_that_have_others_beside_them) {
+// Behind one border of a board at 3 m, `together` of every `period` rays end at one depth between `low` and `high`.
+Shares found_behind_board(int together, int period, double low, double high, double wall) {
   constexpr int kHalf = 90, kBoard = 40;
-  const auto is_mixed = [](int row, int column) { return column == kBoard + 1 && std::abs(row) <= kBoard; };
+  const auto is_mixed = [&](int row, int column) {
+    return column == kBoard + 1 && std::abs(row) <= kBoard && (row + kBoard) % period < together;
+  };
   shapes::Random random(11);
-  std::vector<double> depth_of_group(40);
-  for (double& depth : depth_of_group) depth = random.uniform(3.2, 3.8);
-  const Points points = grid_of_rays(kHalf, kStep, kHalf, kStep, [&](int row, int column) {
-    if (is_mixed(row, column)) return depth_of_group[std::size_t(row + kBoard) / 5];
-    return std::abs(row) <= kBoard && std::abs(column) <= kBoard ? 3.0 : 4.0;
+  std::vector<double> depth_of_group(2 * kBoard + 1);
+  for (double& depth : depth_of_group) depth = random.uniform(low, high);
+  Scan scan;
+  scan.points = grid_of_rays(kHalf, kStep, kHalf, kStep, [&](int row, int column) {
+    scan.is_mixed.push_back(is_mixed(row, column));
+    if (is_mixed(row, column)) return depth_of_group[std::size_t((row + kBoard) / period)];
+    return std::abs(row) <= kBoard && std::abs(column) <= kBoard ? 3.0 : wall;
   });
   const Position origin{};
-  const std::vector<std::uint8_t> marks = run(points, {&origin, 1}, marking()).marks;
-  int mixed = 0, found = 0, all = 0;
-  for (int row = -kHalf, i = 0; row <= kHalf; ++row)
-    for (int column = -kHalf; column <= kHalf; ++column, ++i) {
-      mixed += is_mixed(row, column);
-      found += is_mixed(row, column) && marks[std::size_t(i)] != 0;
-      all += marks[std::size_t(i)] != 0;
-    }
-  EXPECT_GT(found, 0.8 * mixed);
-  EXPECT_LT(all - found, 0.001 * double(points.size()));
+  return shares(scan, run(scan.points, {&origin, 1}, marking()).marks);
+}
+
+TEST(Viewpoint, shows_mixed_pixels_that_have_others_beside_them) {
+  const Shares groups_of_five = found_behind_board(5, 5, 3.2, 3.8, 4.0);
+  EXPECT_GT(groups_of_five.found, 0.8);
+  EXPECT_LT(groups_of_five.wrong, 0.001);
+}
+
+// Each has two others within two steps of the rays, and twelve points with those of the board; the middle of three has
+// two beside it.
+TEST(Viewpoint, shows_mixed_pixels_in_groups_close_to_a_surface) {
+  constexpr double kStepAtBoard = 3 * kStep;
+  const Shares groups_of_three = found_behind_board(3, 5, 3 + 3 * kStepAtBoard, 3 + 6 * kStepAtBoard, 3.3);
+  EXPECT_GT(groups_of_three.found, 0.9);
+  EXPECT_LT(groups_of_three.wrong, 0.001);
 }
 
 // The rings of a spinning lidar lie four times as far apart as the points along one. Of upright bars two points wide,

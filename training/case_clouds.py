@@ -10,10 +10,12 @@ from scipy.spatial import cKDTree
 
 import cloud as clouds
 import families
+import lasers
 import objects
 from errors import blurred
 from rays import Caster
-from shapes import Mesh, box, sheet, unit
+from scene import LEAF, Scene
+from shapes import Mesh, box, leaves, pipe, rod, sheet, unit
 from special_families import grid_cube
 
 Files = pathlib.Path | None
@@ -318,3 +320,42 @@ def between_walls(files: Files) -> Iterator[tuple[str, Walls]]:
         depth = np.where(mixed, near + share * (far - near), depth)
         points = np.stack([(column - 100) * .004 * depth, (row - 150) * .004 * depth, depth], -1).reshape(-1, 3)
         yield f"{near} and {far} m, noise {noise}", Walls(points.astype(np.float32), mixed.ravel())
+
+
+@dataclass
+class Garden:
+    points: np.ndarray
+    mixed: np.ndarray
+    part: np.ndarray                              # names
+    place: np.ndarray                             # of the sensor
+
+
+def garden(seed: int) -> Garden:
+    """A terrestrial scan of one or two trees of loose leaves, three wires, a board and a post before a wall; trees of even
+    seeds are large."""
+    rng, scene = np.random.default_rng(seed), Scene()
+    scene.add("wall", box([-6, 8, 0], [6, 8.2, 5]))
+    scene.add("ground", box([-8, .3, -.2], [8, 8.2, 0]))
+    scene.add("board", box([-2.5 + rng.uniform(-.5, .5), 5, .5], [-.8, 5.04, 2.2]))
+    scene.add("post", rod(1.0, 5.5 + rng.uniform(-.5, .5), 0, 3, .06))
+    for _ in range(3):
+        a, b = [np.array([x, rng.uniform(3.5, 7.5), rng.uniform(2.2, 4)]) for x in (-5, 5)]
+        t = np.linspace(0, 1, 60)[:, None]
+        scene.add("wire", pipe(a + t * (b - a) - [0, 0, .3] * (4 * t * (1 - t)), rng.uniform(.006, .02), 12))
+    large = seed % 2 == 0
+    for k in range(int(rng.integers(1, 3)) if large else 1):
+        centre = np.array([rng.uniform(1.6, 3.5) - 5.5 * k, rng.uniform(3.5, 6.5), rng.uniform(1.8, 2.8)])
+        radius = rng.uniform(.9, 1.5) if large else rng.uniform(.4, .8)
+        count = int(rng.integers(600, 2000) if large else rng.integers(100, 500))
+        scene.add(LEAF, leaves(rng, centre, radius, count, rng.uniform(.03, .08)))
+        scene.add("trunk", rod(centre[0], centre[1], 0, centre[2], .08))
+    scene.finish()
+    place = np.array([rng.uniform(-1, 1), rng.uniform(-2, 1), 1.6])
+    sigma, count = float(np.exp(rng.uniform(np.log(.0006), np.log(.004)))), int(rng.integers(30_000, 60_000))
+    rows = lasers.terrestrial(scene, rng, [lasers.Station(tuple(place), (40, 140), (-35, 30))], count, sigma, 1e-5,
+                              radius=rng.uniform(.002, .005), divergence=rng.uniform(.0003, .0012))
+    return Garden(rows.points.astype(np.float32), rows.mixed, np.array(scene.names)[rows.part], place)
+
+
+def gardens(files: Files) -> Iterator[tuple[str, list[Garden]]]:
+    yield "twelve gardens", [garden(seed) for seed in range(20, 32)]

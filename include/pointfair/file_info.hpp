@@ -2,6 +2,7 @@
 // What a cloud's file says beside its points.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -19,9 +20,11 @@ struct FileInfo {
   };
   std::vector<Row> rows;                  ///< for people: version, software, coordinate system, ...
   std::optional<double> metres_per_unit;  ///< of the coordinates, where the file says so
-  double step = 0;               ///< between coordinates that are stored as integers, on the coarsest axis; else 0
-  std::optional<Format> format;  ///< of the file; unset for a cloud made in memory
-  bool is_geographic = false;    ///< X and Y are longitude and latitude in degrees, so distances mean nothing
+  double step = 0;                ///< between coordinates that are stored as integers, on the coarsest axis; else 0
+  std::optional<Format> format;   ///< of the file; unset for a cloud made in memory
+  std::uint64_t grid_width = 0;   ///< of an organised PCD file: points a row, row by row; else 0
+  std::uint64_t grid_height = 0;  ///< rows of that grid
+  bool is_geographic = false;     ///< X and Y are longitude and latitude in degrees, so distances mean nothing
 };
 
 /// What the cloud's file says. O(1) in the points.

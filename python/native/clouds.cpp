@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Files and clouds with attributes.
 #include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
 #include <algorithm>
 #include <filesystem>
+#include <utility>
 
 #include "bindings.hpp"
 
@@ -95,6 +97,13 @@ void replace_positions(Cloud& cloud, const Input<double>& coordinates) {
   set_positions(cloud, wanted);
 }
 
+// Rows and points a row of an organised cloud.
+std::optional<std::pair<std::uint64_t, std::uint64_t>> grid_of(const Cloud& cloud) {
+  const FileInfo info = file_info(cloud);
+  if (info.grid_width == 0) return std::nullopt;
+  return std::pair(info.grid_height, info.grid_width);
+}
+
 Rows attribute_list(const Cloud& cloud) {
   Rows rows;
   for (const AttributeInfo& info : attributes(cloud))
@@ -167,6 +176,7 @@ void bind_clouds(nb::module_& module) {
       .def("values", &values_of, nb::arg("names"))
       .def("set_attribute", &set_attribute, nb::arg("name"), nb::arg("type"), nb::arg("components"),
            nb::arg("bytes").noconvert())
+      .def_prop_ro("grid", &grid_of)
       .def("triangles", &triangle_array)
       .def("write", &write_file, nb::arg("path"), nb::arg("format").none(), nb::arg("encoding").none(),
            nb::arg("overwrite"), nb::arg("strict"), nb::arg("threads"))

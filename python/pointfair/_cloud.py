@@ -108,6 +108,13 @@ class Cloud:
         return name in self.attributes
 
     @property
+    def grid(self) -> tuple[int, int] | None:
+        """Rows and columns of the image that the points are, row by row, where an organised PCD file says so; else None.
+        With it, `cloud.xyz.reshape(*cloud.grid, 3)` is that image."""
+        found: tuple[int, int] | None = self._native.grid
+        return found
+
+    @property
     def triangles(self) -> NDArray[np.uint32]:
         """The faces of the file as triangles of point indices, (M, 3); polygons as fans."""
         found: NDArray[np.uint32] = self._native.triangles()

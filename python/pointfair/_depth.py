@@ -8,6 +8,7 @@ import numpy as np
 
 from . import _native
 from ._arrays import as_numpy, check_floats, wrapper, writable
+from ._cloud import Cloud
 from ._errors import UsageError
 from ._values import as_threads
 
@@ -21,13 +22,14 @@ def denoise_depth(frame: Frame, *, out: Any = None, threads: int = 0) -> Frame:
     and structured light it leaves no more than denoise; on independent noise and on time of flight, denoise leaves less.
 
     Args:
-        frame: depths, (H, W), or points, (H, W, 3) or (H, W, 4), float32 or float64: a NumPy array, or a tensor in
-            host memory. Pixels whose depth is 0 or not finite, where nothing was measured, keep their bits.
-        out: an array for the result, of the same shape and type; it may be `frame` itself.
+        frame: depths, (H, W), or points, (H, W, 3) or (H, W, 4), float32 or float64: a NumPy array, a tensor in host
+            memory, or a Cloud of an organised PCD file. Pixels whose depth is 0 or not finite, where nothing was
+            measured, keep their bits.
+        out: an array for the result, of the same shape and type; it may be `frame` itself. None for a Cloud.
         threads: CPU threads; 0: all cores.
 
     Returns:
-        The frame with moved pixels, in the type, shape and kind that came in; the same bits for any number of threads.
+        The frame with moved pixels, in the type, shape and kind that came in, of a Cloud with all its attributes; the same bits for any number of threads.
 
     Raises:
         UsageError: an argument has a wrong shape, type or value.
@@ -38,6 +40,8 @@ def denoise_depth(frame: Frame, *, out: Any = None, threads: int = 0) -> Frame:
         >>> bool(smooth.std() < 0.4 * noise.std())
         True
     """
+    if isinstance(frame, Cloud):
+        return _of_cloud(frame, out, threads)  # type: ignore[return-value]
     array = as_numpy(frame, "frame")
     check_floats(array, "frame")
     if array.ndim != 2 and (array.ndim != 3 or array.shape[2] not in (3, 4)):
@@ -56,6 +60,16 @@ def denoise_depth(frame: Frame, *, out: Any = None, threads: int = 0) -> Frame:
     wrap = wrapper(frame)
     done: Any = result if wrap is None else wrap(result)
     return done  # type: ignore[no-any-return]
+
+
+def _of_cloud(cloud: Cloud, out: Any, threads: int) -> Cloud:
+    if cloud.grid is None:
+        raise UsageError("the cloud is no image: give one of an organised PCD file (HEIGHT above 1), or an array (H, W, 3)")
+    if out is not None:
+        raise UsageError("out is for arrays: of a Cloud the result is a new Cloud")
+    result = cloud.copy()
+    result.xyz = denoise_depth(cloud.xyz.reshape(*cloud.grid, 3), threads=threads).reshape(-1, 3)
+    return result
 
 
 def _factors(depths: np.ndarray[Any, Any], threads: int) -> np.ndarray[Any, np.dtype[np.float32]]:

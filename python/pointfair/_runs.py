@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import difflib
 import functools
 import os
 from typing import Any, Iterator
@@ -14,6 +15,11 @@ from ._params import Params
 from ._values import as_text, as_threads
 
 _DEFAULT = Params()
+
+
+# What calls take beside parameters, to be guessed where a name is mistyped.
+_OF_CALLS = ("box", "device", "faces", "ignore", "mask", "normals", "out", "progress", "return_report", "step", "strength",
+             "threads", "viewpoint", "weights", "where")
 
 
 def make_params(params: Params | None, changes: Any) -> Params:
@@ -39,7 +45,9 @@ def _params_of(changes: tuple[tuple[str, type, Any], ...]) -> Params:
 def _known(changes: dict[str, Any]) -> dict[str, Any]:
     for name in changes:
         if name not in Params.__dataclass_fields__:
-            raise UsageError(f"there is no parameter '{name}': help(pointfair.Params) lists them")
+            alike = difflib.get_close_matches(name, [*Params.__dataclass_fields__, *_OF_CALLS], 1)
+            guess = f"did you mean {alike[0]}? " if alike else ""
+            raise UsageError(f"there is no parameter '{name}': {guess}help(pointfair.Params) lists them")
     return changes
 
 

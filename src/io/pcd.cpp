@@ -97,6 +97,12 @@ class PcdSource : public Base {
     return place == Position{} ? std::nullopt : std::optional(place);
   }
 
+  FileInfo info() const override {
+    FileInfo result = Base::info();
+    if (header_.height > 1) result.grid_width = header_.width, result.grid_height = header_.height;
+    return result;
+  }
+
   std::vector<Content> contents() const override {
     std::vector<Content> result = Base::contents();
     if (header_.height > 1)

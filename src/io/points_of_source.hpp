@@ -30,7 +30,7 @@ class PointsOfSource final : public Source {
   void extract_block(std::size_t index, std::size_t, std::span<char> out) const override {
     for_blocks(out, [&](std::size_t block, std::span<char> all) { whole_->extract_block(index, block, all); });
   }
-  FileInfo info() const override { return whole_->info(); }
+  FileInfo info() const override { return of_some_points(whole_->info()); }
 
  private:
   // Calls get(block, values) for each block that has some of the points, and takes theirs.

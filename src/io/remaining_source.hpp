@@ -25,7 +25,7 @@ class RemainingSource final : public Source {
   bool holds_its_positions() const override { return false; }
   void check_las_scale(double scale) const override { file_->check_las_scale(scale); }
   std::optional<Position> sensor(std::size_t block) const override { return file_->sensor(block); }
-  FileInfo info() const override { return file_->info(); }
+  FileInfo info() const override { return of_some_points(file_->info()); }
   std::vector<Content> contents() const override { return file_->contents(); }
 
  private:

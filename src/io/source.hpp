@@ -37,6 +37,12 @@ struct Column {
 /// Where a file's points are kept that must be decoded: in memory, or in the file, to be decoded when asked for.
 enum class Residence : std::uint8_t { memory, file };
 
+/// What a file says that has only some of the points that it was about: they stand in no grid.
+inline FileInfo of_some_points(FileInfo info) {
+  info.grid_width = info.grid_height = 0;
+  return info;
+}
+
 inline std::size_t column_bytes(const Column& column) { return column.components * size_of(column.type); }
 
 }  // namespace io

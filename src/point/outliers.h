@@ -43,6 +43,8 @@ POINTFAIR_INLINE Outlier outlier_at(float x) {
 // outlier radius, points are so sparse that strays may be each other's neighbours: they fill the sphere, so seven
 // tenths of them must lie near the plane.
 inline constexpr float kLeastNearPlane = 0.1f, kLeastOfSparse = 0.7f, kLeastNear = 0.05f, kNearSquaredRadius = 0.75f;
+// Of the neighbours of a point of one surface, so many lie near its plane.
+inline constexpr float kPlane = 0.9f;
 
 // Of 0.87 R.
 template <class F>
@@ -68,6 +70,8 @@ struct Agreement {
     const F least = select(is_sparse, F(kLeastOfSparse), F(kLeastNearPlane));
     return (near_plane < all * least) | (near < all * F(kLeastNear));
   }
+  // Whether the neighbours show more than one surface, or none.
+  POINTFAIR_INLINE auto lacks_plane() const { return near_plane < all * F(kPlane); }
   // Of those that are missing: whether they lack neighbours, and not a surface.
   template <class Mask>
   POINTFAIR_INLINE auto is_isolated(Mask is_sparse) const {

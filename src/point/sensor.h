@@ -37,32 +37,37 @@ POINTFAIR_INLINE Vec3<F> along_ray(Vec3<F> displacement, Vec3<F> to_sensor) {
 // however steep, has two neighbours within about that angle times its range, along a row of rays, and twelve within a
 // few times that distance. Noise adds up to three standard deviations, half of the outlier distance. A point without
 // two such neighbours lies alone between two surfaces. A point without the twelve lies in a veil or a row of such
-// points.
+// points. Only a steep surface has steps as wide as that, and then its points agree on a plane. Where they do not, the
+// two must lie within the diagonal of a cell of the grid of rays, whose width is about two steps.
 inline constexpr int kPatternNeighbors = 12;
-inline constexpr float kWidthsToTwo = 1.1f, kWidthsToTwelve = 3.5f;
+inline constexpr float kWidthsToTwo = 1.1f, kWidthsToTwelve = 3.5f, kWidthsToDiagonal = 0.7f;
 
-// Counts the neighbours of one point within both distances.
+// Counts the neighbours of one point within each of these distances.
 template <class F>
 struct BeamNeighbors {
-  F squared_reach_of_two, squared_reach_of_twelve;
-  F near{}, far{}, squared_farthest{};
+  F squared_reach_of_two, squared_reach_of_twelve, squared_diagonal;
+  F near{}, far{}, within_diagonal{}, squared_farthest{};
 
   // `squared_width`: the squared angle
   POINTFAIR_INLINE BeamNeighbors(Vec3<F> to_sensor, float squared_width, F squared_outlier_distance) {
     const F squared = squared_length(to_sensor) * F(squared_width), of_noise = squared_outlier_distance * F(0.25f);
     squared_reach_of_two = squared * F(kWidthsToTwo * kWidthsToTwo) + of_noise;
     squared_reach_of_twelve = squared * F(kWidthsToTwelve * kWidthsToTwelve) + of_noise;
+    squared_diagonal = squared * F(kWidthsToDiagonal * kWidthsToDiagonal) + of_noise;
   }
   template <class Mask>
   POINTFAIR_INLINE void add(Vec3<F> offset, Mask inside) {
     const F squared = squared_length(offset), one = select(inside, F(1.0f), F{});
     near = near + select(squared <= squared_reach_of_two, one, F{});
     far = far + select(squared <= squared_reach_of_twelve, one, F{});
+    within_diagonal = within_diagonal + select(squared <= squared_diagonal, one, F{});
     squared_farthest = larger(squared_farthest, select(inside, squared, F{}));
   }
-  // `squared_horizon`: within it, all neighbours were added.
-  POINTFAIR_INLINE auto is_mixed_pixel(F squared_horizon) const {
+  // `squared_horizon`: within it, all neighbours were added. `lacks_plane`: they agree on none.
+  template <class Mask>
+  POINTFAIR_INLINE auto is_mixed_pixel(F squared_horizon, Mask lacks_plane) const {
     return ((near < F(2.0f)) & (squared_reach_of_two <= squared_horizon)) |
+           ((within_diagonal < F(2.0f)) & (squared_diagonal <= squared_horizon) & lacks_plane) |
            ((far < F(float(kPatternNeighbors))) & (squared_reach_of_twelve <= squared_horizon));
   }
 };

@@ -215,7 +215,7 @@ POINTFAIR_DEVICE_INLINE Verdict<F> verdict_of(const Neighbors& neighbors, const 
     if (settings.seeks_mixed_pixels()) {
       // lists have all neighbours up to their last
       const F horizon = Neighbors::kListed ? beam_neighbors.squared_farthest : neighbors.squared_horizon();
-      const auto is_mixed = beam_neighbors.is_mixed_pixel(horizon);
+      const auto is_mixed = beam_neighbors.is_mixed_pixel(horizon, agreement.lacks_plane());
       verdict.reason = select(is_mixed, F(place_of(Outlier::mixed_pixel)), verdict.reason);
       verdict.is_outlier = verdict.is_outlier | is_mixed;
     }

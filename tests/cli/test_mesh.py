@@ -27,6 +27,21 @@ class Mesh(Case):
         self.assertNotIn("faces", said)
         self.assertEqual(self.path("out.off").read_bytes(), self.path("asked.off").read_bytes())
 
+    def test_materials_that_stay_beside_the_input_are_told(self):
+        lines = ["mtllib my statue.mtl", *("v {} {} {}".format(*v) for v in self.vertices), "usemtl skin",
+                 *("f {} {} {} {}".format(*(i + 1 for i in face)) for face in self.faces)]
+        source, folder = self.path("in.obj"), self.path("results")
+        source.write_text("\n".join(lines) + "\n")
+        self.path("my statue.mtl").write_text("newmtl skin\nmap_Kd skin.png\n")
+        folder.mkdir()
+
+        def said(out):
+            return self.ok("run", source, out, "--force", "--connectivity", "mesh").stderr.decode()
+        self.assertIn("note: the result names my statue.mtl, which lies beside the input only", said(folder / "out.obj"))
+        self.assertNotIn("beside the input only", said(self.path("beside.obj")))
+        (folder / "my statue.mtl").write_text("")
+        self.assertNotIn("beside the input only", said(folder / "out.obj"))
+
     def test_the_mesh_and_its_folds_are_told_and_reported(self):
         says = self.ok("run", self.mesh, self.path("out.off"), "--connectivity", "mesh").stderr.decode()
         self.assertIn(f"mesh of {24 * 24} vertices and {len(self.faces)} faces, {4 * 23} vertices on its boundary", says)

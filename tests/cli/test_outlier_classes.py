@@ -67,6 +67,16 @@ class Classes(Case):
         after = [record[KINDS] for record in records(self.out)]
         self.assertEqual({i for i, kind in enumerate(after) if kind == 7}, set(self.high))  # odd places are of class 5
 
+    def test_noise_among_vegetation_is_told_with_what_to_do(self):
+        for words in ("classify", "classify=7", "withheld", "remove"):
+            said = self.run_with(words)
+            self.assertIn("25 of them had a class of vegetation", said)  # odd places are of class 5
+            self.assertIn("--ignore classification=3-5,13-16", said)
+            again = self.ok("run", self.las, self.out, "--force", "--outliers", words, "--ignore", "classification=3-5,13-16").stderr.decode()
+            self.assertNotIn("vegetation", again)
+        write_las(self.las, self.points, [2] * 3600)
+        self.assertNotIn("vegetation", self.run_with("classify"))
+
     def test_other_formats_get_an_attribute(self):
         write_ply(self.path("in.ply"), self.points)
         self.ok("run", self.path("in.ply"), self.path("out.ply"), "--outliers", "classify", "-q")
@@ -123,7 +133,7 @@ class Classes(Case):
     def test_what_cannot_be_is_refused(self):
         for words, says in (("classify=x", "0 to 255"), ("classify=256", "0 to 255"), ("classify=", "0 to 255"), ("classified", "--outliers")):
             self.fails(2, "run", self.las, self.out, "--outliers", words, says=says)
-        self.fails(2, "run", self.las, self.out, "--outliers", "classify", "--tiles", "2", says="classify")
+        self.fails(2, "run", self.las, self.out, "--outliers", "classify", "--tiles", "2", says=["classify", "--outliers mark", "--each"])
         self.fails(2, "run", self.las, self.out, "--outliers", "remove", "--tiles", "2", says="remove")
         self.fails(2, "run", self.las, self.path("o.off"), "--outliers", "classify", says="--outliers")
 

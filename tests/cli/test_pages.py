@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page on a result: what it says is so, its pictures are pictures, and it fetches nothing."""
 import base64
+import datetime
 import hashlib
 import random
 import re
@@ -96,9 +97,12 @@ class Pages(Case):
             self.assertEqual(page.rows["bytes"][row], [f"{path.stat().st_size:,}"])
         self.assertIn(f"pointfair run {self.scan} {self.out}", page.rows["command"][0][0])
         self.assertRegex(page.rows["program"][0][0], r"^pointfair \d")
+        made = datetime.datetime.strptime(page.rows["date of this page"][0][0], "%Y-%m-%d %H:%M UTC")
+        self.assertLess(abs((datetime.datetime.now(datetime.timezone.utc).replace(tzinfo=None) - made).total_seconds()), 300)
         self.assertEqual(page.rows["red"], [["the same, byte for byte"]])
         self.assertIn("4,000, as many as before", page.rows["points"][-1][0] + page.rows["points"][0][0])
         report = self.report("run", self.scan, self.path("again.ply"))
+        self.assertIn(f"on {report['device']['kind']}, {report['device']['name']}", "on " + page.rows["computed on"][0][0])
         self.assertEqual(payload(self.out), payload(self.path("again.ply")))  # marks for the page change no bit
         self.assertIn(f"{report['noise']['before']:.4g} units (estimated)", page.rows["typical"][0][0])
         self.assertAlmostEqual(float(page.rows["mean"][0][0].split()[0]), report["displacement"]["mean"], delta=1e-3 * report["displacement"]["mean"])

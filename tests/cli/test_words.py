@@ -7,6 +7,14 @@ import unittest
 from program import Case, sphere_points, write_ply
 
 
+def shared_noise(window, side=90):
+    """A plane whose noise, of 0.3 spacings, is the mean over a window."""
+    rng = random.Random(4)
+    white = [[rng.gauss(0, 0.3 * window) for _ in range(side + window)] for _ in range(side + window)]
+    rows = [[sum(row[j:j + window]) / window for j in range(side)] for row in white]
+    return [(x, y, sum(rows[x + i][y] for i in range(window)) / window) for x in range(side) for y in range(side)]
+
+
 class Words(Case):
     def said(self, *words):
         """What a run with these words says."""
@@ -63,6 +71,26 @@ class Words(Case):
         rng = random.Random(1)
         write_ply(self.path("in.ply"), [[rng.uniform(0, 1000) for _ in range(3)] for _ in range(300)])
         self.assertIn("large against the cloud", self.said())
+
+    def test_noise_that_neighbours_share_is_told(self):
+        write_ply(self.path("in.ply"), shared_noise(1))
+        self.assertNotIn("long-wave", self.said())
+        write_ply(self.path("in.ply"), shared_noise(7))
+        said = self.said("--report", self.path("r.html"))
+        self.assertRegex(said, r"note: the noise is long-wave: neighbouring points share it, so averaging \d+ of them removes a part of it only")
+        self.assertIn("the noise is long-wave", self.path("r.html").read_text())
+
+    def test_points_that_show_no_surface_are_told(self):
+        rng = random.Random(2)
+        ground = [(rng.uniform(0, 40), rng.uniform(0, 40), rng.gauss(0, 0.02)) for _ in range(6000)]
+        write_ply(self.path("in.ply"), ground)
+        self.assertNotIn("show no surface", self.said())
+        write_ply(self.path("in.ply"), ground + [[rng.uniform(0, 40), rng.uniform(0, 40), rng.uniform(3, 12)] for _ in range(2000)])
+        said = self.said("--report", self.path("r.html"))
+        percent = re.search(r"note: (\d+) % of the points show no surface", said)
+        kept = re.search(r", (\d+) kept as they were", said)
+        self.assertAlmostEqual(int(percent.group(1)), 100 * int(kept.group(1)) / 8000, delta=2)
+        self.assertIn(percent.group(0)[6:], self.path("r.html").read_text())
 
     def test_a_plain_scan_gets_no_note(self):
         write_ply(self.path("in.ply"), sphere_points(5000, 0.01))

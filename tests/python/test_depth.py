@@ -52,6 +52,37 @@ def test_depths_and_points_agree_and_keep_what_was_not_measured(dtype):
     assert pf.denoise_depth(points, out=points) is points and same_bits(points, result)
 
 
+def organised(path, image, intensity):
+    """An organised PCD file with a column beside the points."""
+    height, width, _ = image.shape
+    rows = np.zeros(height * width, [("xyz", "<f4", 3), ("intensity", "<u2")])
+    rows["xyz"], rows["intensity"] = image.reshape(-1, 3), intensity
+    path.write_bytes(f"VERSION 0.7\nFIELDS x y z intensity\nSIZE 4 4 4 2\nTYPE F F F U\nCOUNT 1 1 1 1\nWIDTH {width}\nHEIGHT {height}\n"
+                     f"VIEWPOINT 0 0 0 1 0 0 0\nPOINTS {len(rows)}\nDATA binary\n".encode() + rows.tobytes())
+
+
+def test_an_organised_file_is_an_image(tmp_path):
+    points = frames()[1]
+    points[3, 5:9], points[30:34, 60] = np.nan, 0
+    organised(tmp_path / "in.pcd", points, np.arange(HEIGHT * WIDTH) % 1000)
+    cloud = pf.read(tmp_path / "in.pcd")
+    assert cloud.grid == (HEIGHT, WIDTH)
+    smooth = pf.denoise_depth(cloud)
+    expected = pf.denoise_depth(points)
+    assert not same_bits(expected, points) and same_bits(smooth.xyz.reshape(points.shape), expected)
+    assert same_bits(cloud.xyz.reshape(points.shape), points)
+    smooth.write(tmp_path / "out.pcd")
+    organised(tmp_path / "expected.pcd", expected, np.arange(HEIGHT * WIDTH) % 1000)
+    assert (tmp_path / "out.pcd").read_bytes() == (tmp_path / "expected.pcd").read_bytes()
+    assert cloud.denoise(k=8, outliers="keep").grid == cloud.grid
+    with pytest.raises(pf.UsageError, match="new Cloud"):
+        pf.denoise_depth(cloud, out=points)
+    rows = pf.Cloud(points.reshape(-1, 3))
+    assert rows.grid is None
+    with pytest.raises(pf.UsageError, match="organised PCD"):
+        pf.denoise_depth(rows)
+
+
 @pytest.mark.parametrize("wrong, advice", [
     (np.zeros(5, np.float32), r"\(H, W\)"), (np.zeros((4, 5, 2)), r"\(H, W, 3\)"), (np.zeros((4, 5), np.uint16), "float32 or float64"),
     ([[1.0]], "array"),

@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pointfair as pf
+from pointfair import _runs
 
 HEADER = pathlib.Path(__file__).parents[2] / "include/pointfair/params.hpp"
 
@@ -60,6 +61,16 @@ def test_an_unknown_name_is_refused():
     for call in (lambda: pf.denoise(np.zeros((4, 3)), sigma=3), lambda: pf.Pipeline("cpu").resolve(sigma=3)):
         with pytest.raises(pf.UsageError, match="no parameter 'sigma'"):
             call()
+
+
+def test_a_mistyped_name_is_guessed():
+    for wrong, right in (("iteration", "iterations"), ("viewpont", "viewpoint"), ("normal_sima", "normal_sigma")):
+        with pytest.raises(pf.UsageError, match=f"did you mean {right}\\?"):
+            pf.denoise(np.zeros((4, 3)), **{wrong: 3})
+    with pytest.raises(pf.UsageError, match="no parameter 'zzz': help"):
+        pf.denoise(np.zeros((4, 3)), zzz=3)
+    taken = set(inspect.signature(pf.denoise).parameters) | set(inspect.signature(pf.Pipeline.run).parameters)
+    assert set(_runs._OF_CALLS) <= taken
 
 
 @st.composite

@@ -71,6 +71,18 @@ test("a cloud stands on its ground, or as its format says", async (t) => {
   assert.equal(upAxis("nothing.ply", none, new Float32Array()), "z");
 });
 
+test("a few large values do not bleach a map", async (t) => {
+  const { quantileRange } = await pageModule(t, "colours");
+  const value = (i) => (i % 100 === 99 ? 1000 : (i * 7919) % 1000 / 1000); // one of a hundred is far off
+  for (const [kind, low, high] of [["amount", 0, 0.99], ["level", 0.02, 0.99], ["any", 0.01, 1]]) {
+    const range = quantileRange(value, 100000, kind);
+    assert.ok(Math.abs(range[0] - low) < 0.02 && Math.abs(range[1] - high) < 0.03, `${kind}: ${range}`);
+  }
+  assert.deepEqual(quantileRange(() => 7, 100, "level"), [7, 7]);
+  assert.deepEqual(quantileRange((i) => (i === 99 ? 5 : 0), 100, "amount"), [0, 5]); // all but one stayed
+  assert.deepEqual(quantileRange(() => NaN, 100, "amount"), [0, 1]);
+});
+
 test("history goes back and forth and forgets what was left", async (t) => {
   const { History } = await pageModule(t, "state");
   const recipe = (k) => ({ params: { k }, limits: {} });
