@@ -205,7 +205,7 @@ class Resolver {
     double similarity = its_.similarity_width * noise_.sigma;
     if (noise_.gap > 0)
       similarity = std::min(similarity, std::max(noise_.sigma, constants::kSheetSimilarity * noise_.gap));
-    used_.similarity_sigma = in_file_units(asked_.similarity_sigma, similarity);
+    used_.similarity_sigma = in_file_units(asked_.similarity_sigma, std::max(similarity, its_.least_similarity * s_));
   }
 
   // A list is the paper's road: what the paper does not have is off unless asked for.

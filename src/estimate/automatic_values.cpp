@@ -43,6 +43,7 @@ MethodDefaults defaults_of(Method method) {
     case Method::wiener:
       its.closeness_width = 0.4;
       its.similarity_width = 1;  // the noise itself
+      its.least_similarity = 0;
       break;
     case Method::implicit:
       its.iterations = 1;

@@ -12,6 +12,7 @@ namespace pointfair {
 struct MethodDefaults {
   double noise_radius = constants::kNoiseRadius, closeness_width = constants::kClosenessWidth;
   double similarity_width = constants::kSimilarityWidth;  // sigmas
+  double least_similarity = constants::kLeastSimilarity;  // spacings
   int relaxation_percent = 100, iterations = constants::kIterations;
   NormalFilter filter = NormalFilter::off;
   bool fits_radius = false;  // to the shape; without filtered normals a larger one rounds edges

@@ -123,6 +123,7 @@ inline constexpr int kGraphNeighbors = 8;                           // of method
 inline constexpr double kLambda = 5.5, kLambdaPower = 0.5;          // of method implicit, noise in spacings; 170
 inline constexpr double kMostLambda = 100;                          // squared edges; 170
 inline constexpr double kSimilarityWidth = 3;                       // sigmas; (4); quality
+inline constexpr double kLeastSimilarity = 0.05;                    // spacings; low
 inline constexpr double kSheetSimilarity = 1.0 / 6;                 // of the gap; sheets
 inline constexpr int kCreaseAngle = 15;                             // degrees; quality
 
