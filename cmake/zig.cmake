@@ -48,6 +48,9 @@ set(CMAKE_C_FLAGS_INIT "-g0")
 set(CMAKE_CXX_FLAGS_INIT "-g0")
 foreach(kind EXE SHARED MODULE)
   set(CMAKE_${kind}_LINKER_FLAGS_RELEASE_INIT "-s")
+  if(CMAKE_SYSTEM_NAME STREQUAL "Darwin")
+    string(APPEND CMAKE_${kind}_LINKER_FLAGS_RELEASE_INIT " -Wl,-x")  # the names of what is not exported, which -s keeps there
+  endif()
 endforeach()
 
 # Nothing of this machine but programs, Python and what CMAKE_PREFIX_PATH names.
