@@ -44,10 +44,19 @@ set(CMAKE_AR ${pointfair_tools}/ar)
 set(CMAKE_RANLIB ${pointfair_tools}/ranlib)
 
 # Without notes for debuggers, which zig adds unasked; stripped as they are linked, for lack of a strip for other systems.
-set(CMAKE_C_FLAGS_INIT "-g0")
-set(CMAKE_CXX_FLAGS_INIT "-g0")
+# zig makes -O2 of every -O above it, and keeps frame pointers, which macOS asks for.
+foreach(language C CXX)
+  set(CMAKE_${language}_FLAGS_INIT "-g0")
+  if(NOT CMAKE_SYSTEM_NAME STREQUAL "Darwin")
+    string(APPEND CMAKE_${language}_FLAGS_INIT " -fomit-frame-pointer")
+  endif()
+  set(CMAKE_${language}_FLAGS_RELEASE_INIT "-Xclang -O3")
+endforeach()
 foreach(kind EXE SHARED MODULE)
   set(CMAKE_${kind}_LINKER_FLAGS_RELEASE_INIT "-s")
+  if(CMAKE_SYSTEM_NAME STREQUAL "Darwin")
+    string(APPEND CMAKE_${kind}_LINKER_FLAGS_RELEASE_INIT " -Wl,-x")  # the names of what is not exported, which -s keeps there
+  endif()
 endforeach()
 
 # Nothing of this machine but programs, Python and what CMAKE_PREFIX_PATH names.
@@ -59,6 +68,8 @@ if(POINTFAIR_ZIG_TARGET STREQUAL "wasm32-wasi")
   set(pointfair_features "-mcpu=generic+exception_handling+simd128+bulk_memory+nontrapping_fptoint+sign_ext -fwasm-exceptions \
 -D_WASI_EMULATED_SIGNAL -D_WASI_EMULATED_MMAN -D_WASI_EMULATED_PROCESS_CLOCKS -D_WASI_EMULATED_GETPID -fno-sanitize=undefined")
   set(CMAKE_C_FLAGS_INIT "-g0 ${pointfair_features}")
+  unset(CMAKE_C_FLAGS_RELEASE_INIT)
+  unset(CMAKE_CXX_FLAGS_RELEASE_INIT)
   set(CMAKE_ASM_FLAGS_INIT "--target=wasm32-wasi -mcpu=generic+exception_handling")
   set(CMAKE_ASM_COMPILER ${pointfair_tools}/cc)
   set(CMAKE_CXX_FLAGS_INIT "-g0 ${pointfair_features} -U_LIBCPP_HAS_THREADS -D_LIBCPP_HAS_THREADS=1 \

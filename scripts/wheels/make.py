@@ -36,10 +36,15 @@ class Target:
     def is_windows(self):
         return self.python.startswith("win")
 
+    @property
+    def is_macos(self):
+        return self.python.startswith("macosx")
+
 
 TARGETS = {
     "linux-x86_64": Target("x86_64-linux-gnu.2.28", "manylinux_2_28_x86_64", "linux-x86_64", runs_here=True),
     "linux-aarch64": Target("aarch64-linux-gnu.2.28", "manylinux_2_28_aarch64", "linux-aarch64"),
+    "macos-arm64": Target("aarch64-macos.11.0", "macosx_11_0_arm64", "macosx-11.0-arm64", pythons=("3.12",)),
     "windows-x86_64": Target("x86_64-windows-gnu", "win_amd64", "win-amd64", pythons=("3.12",)),
 }
 # Version of CPython: what scikit-build-core calls the stable interface that its extension is for. nanobind linked in has
@@ -120,7 +125,7 @@ class Build:
             values["POINTFAIR_PYTHON_GENERATED"] = self.shared / "linux-x86_64" / f"python{version}/build/generated"
         if self.target.is_windows:
             values |= self.windows_python(programs, work / "windows")
-        elif not self.target.runs_here:
+        elif not self.target.runs_here and not self.target.is_macos:
             system, processor = self.target.python.split("-")
             environment["SETUPTOOLS_EXT_SUFFIX"] = f".cpython-{version.replace('.', '')}-{processor}-{system}-gnu.so"
         settings = {"cmake.source-dir": "python", "build-dir": work / "build", "wheel.py-api": PYTHONS[version],
@@ -145,8 +150,13 @@ class Build:
                 entries.write("\n[console_scripts]\npointfair = pointfair._program:main\n")
         run(tools / "python", "-m", "wheel", "pack", "--dest-dir", work, folder)
         packed, = work.glob("*.whl")
-        if self.target.is_windows:
-            self.check_wheel_of_windows(packed)
+        if self.target.is_windows or self.target.is_macos:
+            if self.target.is_windows:
+                self.check_libraries_of_windows(packed)
+            else:
+                self.check_programs_of_macos(folder)
+            if not packed.stem.endswith(f"cp312-abi3-{self.target.wheel}"):
+                sys.exit(f"{packed.name} is not for {self.target.wheel} and CPython 3.12 and later")
             return shutil.copyfile(packed, dist / packed.name)
         environment = {**os.environ, "PATH": f"{tools}:{os.environ['PATH']}"}
         # auditwheel takes the name of a tag for this machine's processor only; "auto" is the oldest system that the wheel runs on
@@ -164,14 +174,17 @@ class Build:
         return {"Python_INCLUDE_DIR": into / "include", "Python_SABI_LIBRARY": into / "python3.lib",
                 "Python_LIBRARY": into / "python312.lib"}
 
-    def check_wheel_of_windows(self, wheel):
-        """That it needs no DLL but Python's and Windows's, and has the right tag."""
+    def check_libraries_of_windows(self, wheel):
+        """That it needs no DLL but Python's and Windows's."""
         words = [self.shared / "tools/bin/delvewheel", "show", "--analyze-existing-exes", wheel]
         found = subprocess.run(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         if found.returncode != 0 or "will be copied into the wheel.\n    None" not in found.stdout:
             sys.exit(f"{wheel.name} needs DLLs that neither Windows nor Python has:\n{found.stdout}")
-        if not wheel.stem.endswith(f"cp312-abi3-{self.target.wheel}"):
-            sys.exit(f"{wheel.name} is not for {self.target.wheel} and CPython 3.12 and later")
+
+    def check_programs_of_macos(self, folder):
+        oldest = self.target.python.split("-")[1]
+        run(self.shared / "tools/bin/python", HERE / "macos_programs.py", oldest, folder / "pointfair/bin/pointfair",
+            *folder.glob("pointfair/_native*.so"))
 
 
 def without_owner(info):

@@ -6,6 +6,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <system_error>
@@ -48,6 +49,9 @@ FileStatus status_from(const struct stat& status) {
           static_cast<std::uint32_t>(changed.tv_nsec)};
 }
 
+// macOS refuses to read or write 2 GiB at once.
+std::size_t at_once(std::size_t bytes) { return std::min(bytes, std::size_t{1} << 30); }
+
 template <class Call>
 std::ptrdiff_t repeated(const Call& call) {
   ssize_t done = 0;
@@ -76,20 +80,26 @@ Descriptor standard_output() { return STDOUT_FILENO; }
 int close_file(Descriptor file) { return file > STDERR_FILENO ? ::close(file) : 0; }
 
 std::ptrdiff_t read_some(Descriptor file, void* to, std::size_t bytes) {
-  return repeated([&] { return ::read(file, to, bytes); });
+  return repeated([&] { return ::read(file, to, at_once(bytes)); });
 }
 std::ptrdiff_t read_some_at(Descriptor file, void* to, std::size_t bytes, std::uint64_t at) {
-  return repeated([&] { return ::pread(file, to, bytes, static_cast<off_t>(at)); });
+  return repeated([&] { return ::pread(file, to, at_once(bytes), static_cast<off_t>(at)); });
 }
 std::ptrdiff_t write_some(Descriptor file, const void* from, std::size_t bytes) {
-  return repeated([&] { return ::write(file, from, bytes); });
+  return repeated([&] { return ::write(file, from, at_once(bytes)); });
 }
 
 bool is_at_begin(Descriptor file) { return ::lseek(file, 0, SEEK_CUR) == 0; }
 bool go_to(Descriptor file, std::uint64_t at) { return ::lseek(file, static_cast<off_t>(at), SEEK_SET) >= 0; }
 bool go_to_end(Descriptor file) { return ::lseek(file, 0, SEEK_END) >= 0; }
 void make_empty(Descriptor file) { (void)!::ftruncate(file, 0); }
-int sync_file(Descriptor file) { return ::fsync(file); }
+int sync_file(Descriptor file) {
+#ifdef F_FULLFSYNC
+  // fsync of macOS leaves bytes in the drive's cache; not every file system there knows better
+  if (::fcntl(file, F_FULLFSYNC) == 0) return 0;
+#endif
+  return ::fsync(file);
+}
 void sync_folder(const fs::path& folder) {
   const int file = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   if (file < 0) return;
