@@ -32,7 +32,8 @@ void check_outlier_action(const OutlierAction& action, const Cloud& cloud, const
                           const WriteOptions& options);
 
 /// Puts outliers into their classes, or sets their flag. `reasons` as Pipeline::outliers, `before` where points were.
-/// Returns a sentence on what was done, and what to do where much of it were vegetation and wires. Removes none: without_points() does. O(N).
+/// Returns a sentence on what was done and, where many of the outliers were vegetation or wires, on how to leave these
+/// out. Removes none: without_points() does. O(N).
 std::string act_on_outliers(const OutlierAction& action, std::span<const std::uint8_t> reasons,
                             std::span<const Point> before, Cloud& cloud);
 

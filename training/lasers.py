@@ -139,10 +139,12 @@ def rosette(scene: Scene, rng: Random, origin, heading: float, half: float, peta
     error = (1 + ranges / 20) / np.sqrt(np.maximum(sine, .15)) * rng.normal(size=ranges.shape)
     error = error + drift * slow + ripple * np.sin(rng.integers(3, 40) * turn) + late
     exact, points = origin + ranges[..., None] * true, origin + (ranges + sigma * error)[..., None] * told
-    return kept(scene, keep, points, exact, normal, np.asarray(origin, float), triangle, np.zeros(keep.sum(), bool), np.zeros(keep.shape, bool))
+    none = np.zeros(keep.shape, bool)
+    return kept(scene, keep, points, exact, normal, np.asarray(origin, float), triangle, none[keep], none)
 
 
-def profiles(scene: Scene, rng: Random, start, length: float, lines: int, count: int, sigma: float, wobble: float, reach: float = 40.0) -> Rows:
+def profiles(scene: Scene, rng: Random, start, length: float, lines: int, count: int, sigma: float, wobble: float,
+             reach: float = 40.0) -> Rows:
     """A scanner that is driven `length` along x and whose beam turns in the plane across it: noise sigma along the ray, which
     stays in the plane but for `wobble` of the beam in degrees."""
     step = 2 * np.pi * lines / (2 * count)           # half of the shots meet nothing

@@ -29,7 +29,8 @@ def denoise_depth(frame: Frame, *, out: Any = None, threads: int = 0) -> Frame:
         threads: CPU threads; 0: all cores.
 
     Returns:
-        The frame with moved pixels, in the type, shape and kind that came in, of a Cloud with all its attributes; the same bits for any number of threads.
+        The frame with moved pixels, in the type, shape and kind that came in; of a Cloud, a new one with all its
+        attributes. The same bits for any number of threads.
 
     Raises:
         UsageError: an argument has a wrong shape, type or value.

@@ -45,8 +45,8 @@ def _params_of(changes: tuple[tuple[str, type, Any], ...]) -> Params:
 def _known(changes: dict[str, Any]) -> dict[str, Any]:
     for name in changes:
         if name not in Params.__dataclass_fields__:
-            alike = difflib.get_close_matches(name, [*Params.__dataclass_fields__, *_OF_CALLS], 1)
-            guess = f"did you mean {alike[0]}? " if alike else ""
+            near = difflib.get_close_matches(name, [*Params.__dataclass_fields__, *_OF_CALLS], 1)
+            guess = f"did you mean {near[0]}? " if near else ""
             raise UsageError(f"there is no parameter '{name}': {guess}help(pointfair.Params) lists them")
     return changes
 
