@@ -2,7 +2,6 @@
 // pointfair certify IN OUT: the page on a result that is there.
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <memory>
 #include <optional>
 
@@ -32,8 +31,8 @@ std::vector<std::uint8_t> marks_in(const std::string& path, unsigned threads) {
   for (const AttributeInfo& info : attributes(cloud)) {
     if (info.name != "outlier" || info.type != ScalarType::uint8 || info.components != 1) continue;
     const Attribute marks = attribute(cloud, "outlier");
-    std::vector<std::uint8_t> result(marks.data.size());
-    std::transform(marks.data.begin(), marks.data.end(), result.begin(), std::to_integer<std::uint8_t>);
+    std::vector<std::uint8_t> result;
+    for (const std::byte mark : marks.data) result.push_back(std::to_integer<std::uint8_t>(mark));
     return result;
   }
   return {};
