@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The radius neighbourhoods of a leaf's 32 points, found once and read by every sum over them that follows.
+// The radius neighbourhoods of each group of eight points, found once and read by every sum over them that follows.
 #pragma once
 
 #include "cuda/index/tree.cuh"
@@ -9,21 +9,28 @@
 
 namespace pointfair::cuda {
 
-// Up to 32 points that lie in a neighbourhood of the leaf, in sorted order, and in whose.
+// Points that follow each other along the curve. The neighbourhoods of eight together hold half to two thirds as many
+// points as those of a leaf, so more of what a lane visits is its neighbour.
+inline constexpr int kGroup = 8, kGroups = kWarp / kGroup;  // points; groups of a leaf
+__device__ __forceinline__ unsigned group_of_lane() { return lane_number() / kGroup; }
+__device__ __forceinline__ unsigned lane_in_group() { return lane_number() % kGroup; }
+
+// Up to 32 points that lie in a neighbourhood of a group, in sorted order, and in whose.
 struct NeighborPart {
-  Index position[kWarp];   // kNoNeighbor behind the last
-  unsigned inside[kWarp];  // by lane: bit i says that position[i] lies in its neighbourhood
+  Index position[kWarp];    // kNoNeighbor behind the last
+  unsigned inside[kGroup];  // of each of the group: bit i says that position[i] lies in its neighbourhood
 };
 
-// The parts of each leaf, chained in sorted order; `parts` is null where there are none and the tree is walked instead.
+// The parts of each group, chained in sorted order; `parts` is null where there are none and the tree is walked
+// instead.
 struct CollectedNeighbors {
   const NeighborPart* parts;
   const Index* next;   // of each part, kNoNeighbor behind the last
-  const Index* first;  // of each leaf, kNoNeighbor if its neighbourhoods are empty
+  const Index* first;  // of each group, kNoNeighbor if its neighbourhoods are empty
 };
 
-// Collects the parts of a cloud. Memory: 260 bytes a part; a leaf has a part for each 32 points that its neighbourhoods
-// hold.
+// Collects the parts of a cloud. Memory: 164 bytes a part; a group has a part for each 32 points that its
+// neighbourhoods hold.
 class NeighborCollector {
  public:
   explicit NeighborCollector(Context& context);

@@ -55,69 +55,44 @@ __device__ __forceinline__ float value_or_one(const float* values, std::size_t a
   return values == nullptr ? 1.0f : values[at];
 }
 
-// The warp walks the tree for its leaf.
-class WalkedRadius {
- public:
-  using Number = float;
-  using Kernel = point::CompactGaussian;
-  static constexpr bool kListed = false;
-  using Count = int;
-  struct Shared {
-    float4 place[kWarp];
-  };
-  __device__ __forceinline__ WalkedRadius(const Tree& tree, const Surroundings& from, Index at, bool active,
-                                          Shared& shared)
-      : WalkedRadius(tree, from.radii, from.stop, at, active, shared) {}
-  __device__ __forceinline__ WalkedRadius(const Tree& tree, const point::Radii& radii, const Stop& stop, Index at,
-                                          bool active, Shared& shared)
-      : tree_(tree),
-        stop_(stop),
-        at_(at),
-        here_(position_of(tree.points[at])),
-        box_(warp_box(here_, active)),
-        shared_(shared) {
+// The neighbourhood of one point; of one that is not `active` it is empty.
+struct Reach {
+  __device__ __forceinline__ Reach(const Tree& tree, const point::Radii& radii, Index at, bool active) {
     const float own = active ? radii.squared_radius[at] : -1.0f;
-    squared_radius_ = active && radii.squared_growth != nullptr ? own * radii.squared_growth[at] : own;
-    farthest_ = unordered(warp_max(ordered(squared_radius_)));
+    squared_radius = active && radii.squared_growth != nullptr ? own * radii.squared_growth[at] : own;
     const point::Radii its = radii_of(tree.settings_over(at / kLeafSize), radii);
     if (its.min_neighbors > 0)
-      share_ = active ? point::kept_share(its, value_or_one(its.squared_level, at), own, squared_radius_) : 0.0f;
-    is_thinned_ = __any_sync(kAllLanes, active && share_ < 1);
+      share = active ? point::kept_share(its, value_or_one(its.squared_level, at), own, squared_radius) : 0.0f;
+    is_thinned = __any_sync(kAllLanes, active && share < 1);
   }
 
-  // visit(leaf, inside) for each leaf with a point within a radius, in sorted order: bit i of `inside` says that the
-  // leaf's i-th point lies in that of this lane. The points are in `place` meanwhile.
-  template <class Visit>
-  __device__ __forceinline__ void for_leaves(Visit visit) const {
-    const auto is_near = [&](const BoxGroup& group) { return this->is_near(box_of_lane(group)); };
-    Walk walk(tree_, tree_.root_over(at_ / kLeafSize));
-    unsigned visited = 0;
-    for (Index leaf = walk.next(is_near); leaf != point::kNoNeighbor; leaf = walk.next(is_near)) {
-      if (visited++ % kBetweenLooks == 0 && stop_.is_heard(at_ / kLeafSize + visited / kBetweenLooks)) return;
-      const float4 mine = tree_.points[leaf * kLeafSize + lane_number()];
-      shared_.place[lane_number()] = mine;
-      __syncwarp();
-      unsigned inside = points_inside();
-      if (at_ / kLeafSize == leaf) inside &= ~(1u << lane_number());  // none is its own neighbour
-      if (is_thinned_) inside = thinned(inside, tree_.share[leaf * kLeafSize + lane_number()]);
-      if (__any_sync(kAllLanes, inside != 0)) visit(leaf, inside);
-      __syncwarp();
-    }
-  }
+  float squared_radius;
+  float share = 1;  // points with a hash below it are neighbours
+  bool is_thinned;  // in any lane
+};
 
-  template <class Load, class Visit>
-  __device__ __forceinline__ void operator()(Load load, Visit visit) const {
-    for_leaves([&](Index leaf, unsigned inside) {
-      for (unsigned all = warp_or(inside); all != 0; all &= all - 1) {
-        const int i = __ffs(static_cast<int>(all)) - 1;
-        visit(position_of(shared_.place[i]) - here_, load(leaf * kLeafSize + Index(i)), (inside >> i & 1u) != 0);
-      }
-    });
+// The leaves that a radius of the warp reaches, in sorted order.
+class ReachedLeaves {
+ public:
+  __device__ __forceinline__ ReachedLeaves(const Tree& tree, const Stop& stop, Index at, bool active,
+                                           float squared_radius)
+      : stop_(stop),
+        at_(at),
+        here_(position_of(tree.points[at])),
+        squared_radius_(squared_radius),
+        farthest_(unordered(warp_max(ordered(squared_radius)))),
+        box_(warp_box(here_, active)),
+        walk_(tree, tree.root_over(at / kLeafSize)) {}
+
+  // The next, kNoNeighbor after the last, and after a stop that is heard; not to be called again then.
+  __device__ __forceinline__ Index next() {
+    const Index leaf = walk_.next([this](const BoxGroup& group) { return is_near(box_of_lane(group)); });
+    if (visited_++ % kBetweenLooks == 0 && stop_.is_heard(at_ / kLeafSize + visited_ / kBetweenLooks))
+      return point::kNoNeighbor;
+    return leaf;
   }
-  __device__ __forceinline__ float squared_radius() const { return squared_radius_; }
-  __device__ __forceinline__ float squared_core() const { return point::squared_core(squared_radius_); }
-  __device__ __forceinline__ float squared_horizon() const { return share_ < 1 ? 0 : squared_radius_; }
-  __device__ __forceinline__ static bool any(bool mask) { return __any_sync(kAllLanes, mask); }
+  // Whether a point is as near to the warp's as its farthest radius.
+  __device__ __forceinline__ bool is_near(Vec point) const { return squared_gap({point, point}, box_) <= farthest_; }
 
  private:
   // Whether a radius of the warp reaches this lane's box. Most boxes are near that of the whole warp or they are not; a
@@ -135,36 +110,20 @@ class WalkedRadius {
   __device__ __forceinline__ static Vec from_lane(Vec v, int lane) {
     return {__shfl_sync(kAllLanes, v.x, lane), __shfl_sync(kAllLanes, v.y, lane), __shfl_sync(kAllLanes, v.z, lane)};
   }
-  __device__ __forceinline__ unsigned points_inside() const {
-    unsigned inside = 0;
-#pragma unroll
-    for (int i = 0; i < kWarp; ++i)
-      if (point::squared_length(position_of(shared_.place[i]) - here_) <= squared_radius_) inside |= 1u << i;
-    return inside;
-  }
-  __device__ __forceinline__ unsigned thinned(unsigned inside, float hash) const {
-    for (unsigned all = warp_or(inside); all != 0; all &= all - 1) {
-      const int i = __ffs(static_cast<int>(all)) - 1;
-      if (!(__shfl_sync(kAllLanes, hash, i) < share_)) inside &= ~(1u << i);
-    }
-    return inside;
-  }
 
   static constexpr unsigned kBetweenLooks = 32;  // leaves
 
-  const Tree& tree_;
   const Stop& stop_;
   Index at_;
   Vec here_;
-  Box box_;
-  Shared& shared_;
   float squared_radius_, farthest_;
-  float share_ = 1;
-  bool is_thinned_;
+  Box box_;
+  Walk walk_;
+  unsigned visited_ = 0;
 };
 
-// The warp reads the parts of its leaf.
-class CollectedRadius {
+// The warp walks the tree for its leaf.
+class WalkedRadius {
  public:
   using Number = float;
   using Kernel = point::CompactGaussian;
@@ -172,6 +131,80 @@ class CollectedRadius {
   using Count = int;
   struct Shared {
     float4 place[kWarp], loaded[kWarp];
+    float hash[kWarp];
+  };
+  __device__ __forceinline__ WalkedRadius(const Tree& tree, const Surroundings& from, Index at, bool active,
+                                          Shared& shared)
+      : tree_(tree),
+        stop_(from.stop),
+        at_(at),
+        here_(position_of(tree.points[at])),
+        active_(active),
+        reach_(tree, from.radii, at, active),
+        shared_(shared) {}
+
+  template <class Load, class Visit>
+  __device__ __forceinline__ void operator()(Load load, Visit visit) const {
+    using Loaded = decltype(load(Index{}));
+    static_assert(sizeof(Loaded) <= sizeof(float4));
+    constexpr bool kLoads = !std::is_empty_v<Loaded>;
+    const auto loaded = reinterpret_cast<Loaded*>(shared_.loaded);
+    ReachedLeaves leaves(tree_, stop_, at_, active_, reach_.squared_radius);
+    for (Index leaf = leaves.next(); leaf != point::kNoNeighbor; leaf = leaves.next()) {
+      // each lane asks whether its point of the leaf is near the warp's, before all lanes look at it
+      const Index mine = leaf * kLeafSize + lane_number();
+      const float4 p = tree_.points[mine];
+      const bool near = leaves.is_near(position_of(p));
+      const unsigned all = __ballot_sync(kAllLanes, near);
+      const int place = __popc(all & lanes_below()), count = __popc(all);
+      if (near) {
+        shared_.place[place] = p;
+        if constexpr (kLoads) loaded[place] = load(mine);
+        if (reach_.is_thinned) shared_.hash[place] = tree_.share[mine];
+      }
+      const int own = at_ / kLeafSize == leaf ? place : kWarp;  // none is its own neighbour
+      __syncwarp();
+#pragma unroll(kAtOnce)
+      for (int i = 0; i < count; ++i) {
+        const Vec offset = position_of(shared_.place[i]) - here_;
+        bool inside = i != own && point::squared_length(offset) <= reach_.squared_radius;
+        if (reach_.is_thinned) inside = inside && shared_.hash[i] < reach_.share;
+        if constexpr (kLoads) {
+          visit(offset, loaded[i], inside);
+        } else {
+          visit(offset, Loaded{}, inside);
+        }
+      }
+      __syncwarp();
+    }
+  }
+  __device__ __forceinline__ float squared_radius() const { return reach_.squared_radius; }
+  __device__ __forceinline__ float squared_core() const { return point::squared_core(reach_.squared_radius); }
+  __device__ __forceinline__ float squared_horizon() const { return reach_.share < 1 ? 0 : reach_.squared_radius; }
+  __device__ __forceinline__ static bool any(bool mask) { return __any_sync(kAllLanes, mask); }
+
+ private:
+  static constexpr int kAtOnce = 4;  // points
+
+  const Tree& tree_;
+  const Stop& stop_;
+  Index at_;
+  Vec here_;
+  bool active_;
+  Reach reach_;
+  Shared& shared_;
+};
+
+// The warp reads the parts of its groups, one of each at a time.
+class CollectedRadius {
+ public:
+  using Number = float;
+  using Kernel = point::CompactGaussian;
+  static constexpr bool kListed = false;
+  using Count = int;
+  struct Shared {
+    // of each group, with one unused, so that those of different groups lie in different banks
+    float4 place[kGroups][kWarp + 1], loaded[kGroups][kWarp + 1];
   };
   __device__ __forceinline__ CollectedRadius(const Tree& tree, const Surroundings& from, Index at, bool active,
                                              Shared& shared)
@@ -190,26 +223,41 @@ class CollectedRadius {
     using Loaded = decltype(load(Index{}));
     static_assert(sizeof(Loaded) <= sizeof(float4));
     constexpr bool kLoads = !std::is_empty_v<Loaded>;
-    const auto loaded = reinterpret_cast<Loaded*>(shared_.loaded);
+    struct alignas(sizeof(float4)) Slot {
+      Loaded value;
+    };
+    float4* const place = shared_.place[group_of_lane()];
+    Slot* const loaded = reinterpret_cast<Slot*>(shared_.loaded[group_of_lane()]);
+    const Index any_valid = at_ - lane_number();  // of a part's empty places, which add nothing
     unsigned read = 0;
-    for (Index part = collected_.first[at_ / kLeafSize]; part != point::kNoNeighbor;) {
+    for (Index part = collected_.first[at_ / kGroup]; __any_sync(kAllLanes, part != point::kNoNeighbor);) {
       if (read++ % kBetweenLooks == 0 && stop_.is_heard(at_ / kLeafSize + read / kBetweenLooks)) return;
-      const unsigned lane = lane_number();
-      const Index next = collected_.next[part], position = collected_.parts[part].position[lane];
-      const unsigned inside = collected_.parts[part].inside[lane];
-      const bool held = position != point::kNoNeighbor;
-      const int count = __popc(__ballot_sync(kAllLanes, held));
-      const Index from = held ? position : at_ - lane;  // any valid point: what no lane holds adds nothing
-      shared_.place[lane] = points_[from];
-      if constexpr (kLoads) loaded[lane] = load(from);
-      __syncwarp();
-      for (int first = 0; first < count; first += kAtOnce) {
-        const unsigned bits = inside >> first;
+      const bool has = part != point::kNoNeighbor;
+      const NeighborPart& its = collected_.parts[has ? part : 0];
+      const unsigned inside = has ? its.inside[lane_in_group()] : 0;
+      const Index next = has ? collected_.next[part] : part;
+      int rows = 0;
 #pragma unroll
-        for (int i = 0; i < kAtOnce; ++i) {
-          const Vec offset = position_of(shared_.place[first + i]) - here_;
+      for (int row = 0; row < kRows; ++row) {
+        const unsigned slot = row * kGroup + lane_in_group();
+        const Index position = has ? its.position[slot] : point::kNoNeighbor;
+        const bool held = position != point::kNoNeighbor;
+        const Index there = held ? position : any_valid;
+        place[slot] = points_[there];
+        if constexpr (kLoads) loaded[slot].value = load(there);
+        if (__any_sync(kAllLanes, held)) rows = row + 1;
+      }
+      __syncwarp();
+#pragma unroll 1
+      for (int row = 0; row < rows; ++row) {
+        const float4* const places = place + row * kGroup;
+        const Slot* const values = loaded + row * kGroup;
+        const unsigned bits = inside >> (row * kGroup);
+#pragma unroll
+        for (int i = 0; i < kGroup; ++i) {
+          const Vec offset = position_of(places[i]) - here_;
           if constexpr (kLoads) {
-            visit(offset, loaded[first + i], (bits >> i & 1u) != 0);
+            visit(offset, values[i].value, (bits >> i & 1u) != 0);
           } else {
             visit(offset, Loaded{}, (bits >> i & 1u) != 0);
           }
@@ -230,7 +278,7 @@ class CollectedRadius {
   __device__ __forceinline__ static bool any(bool mask) { return __any_sync(kAllLanes, mask); }
 
  private:
-  static constexpr int kAtOnce = 4;              // independent until they are added up
+  static constexpr int kRows = kWarp / kGroup;   // of a part
   static constexpr unsigned kBetweenLooks = 32;  // parts
 
   const Surroundings& from_;
