@@ -49,7 +49,7 @@ CoordinateSteps steps_of(const Points& points) {
     }
     return rows;
   });
-  return coordinate_steps(nearest);
+  return coordinate_steps(steps_in_heads(nearest.heads(), nearest.samples()), nearest);
 }
 
 // What a depth camera sees of a wall that leans away from it: disparities in whole steps, so that depths z lie

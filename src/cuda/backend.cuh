@@ -161,6 +161,7 @@ class CudaBackend final : public Backend,
   Pinned<point::SpacingSample> spacing_samples_;
   Pinned<point::NoiseSample> noise_samples_;
   Pinned<point::ResidualSample> residual_samples_;
+  Pinned<Index> pools_;
   bool is_index_begun_ = false;    // by an upload
   bool is_arriving_ = false;       // the uploaded cloud
   cudaEvent_t arrived_ = nullptr;  // after which all of it is there

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What estimates are made of, and which points of a tile are exact.
 #include "cuda/backend.cuh"
+#include "cuda/sampling/pools.cuh"
 #include "seam/stop.hpp"
 
 namespace pointfair::cuda {
@@ -35,15 +36,18 @@ Samples CudaBackend::take_samples(std::span<const Index> for_spacing, std::span<
   spacing_samples_.resize(spacings);
   noise_samples_.resize(noises);
   residual_samples_.resize(noises);
+  const std::size_t pooled = noises <= kMostOfOne ? noises * point::kPool : 0;
+  pools_.resize(pooled);
   std::copy(for_noise.begin(), for_noise.end(), std::copy(for_spacing.begin(), for_spacing.end(), queries_.get()));
-  first_.take_samples(
-      {queries_.get(), spacings, noises, spacing_samples_.get(), noise_samples_.get(), residual_samples_.get()});
+  first_.take_samples({queries_.get(), spacings, noises, spacing_samples_.get(), noise_samples_.get(),
+                       residual_samples_.get(), pooled > 0 ? pools_.get() : nullptr});
   wait();
   throw_if_stopped(stop);
   std::vector residuals(residual_samples_.get(), residual_samples_.get() + noises);
   return {{spacing_samples_.get(), spacing_samples_.get() + spacings},
           {noise_samples_.get(), noise_samples_.get() + noises},
-          [residuals = std::move(residuals)] { return residuals; }};
+          [residuals = std::move(residuals)] { return residuals; },
+          {pools_.get(), pools_.get() + pooled}};
 }
 
 void CudaBackend::outcomes(const point::Region& loaded, std::span<unsigned char> out) {

@@ -213,15 +213,18 @@ std::vector<Point> known_rows(std::span<const Point> rows, std::size_t row_size)
 
 }  // namespace
 
-CoordinateSteps coordinate_steps(NearestRows& nearest) {
-  const std::vector<Point> rows = known_rows(nearest.heads(), kRow);
+StepsInHeads steps_in_heads(std::span<const Point> heads, std::size_t samples) {
+  const std::vector<Point> rows = known_rows(heads, kRow);
   const double rounding = kRounding * extent_of(rows);
   if (const double step = step_of_grid(rows, rounding); step > 0)
-    return {CoordinateSteps::Kind::grid, std::vector<double>(nearest.samples(), step)};
-  const auto direction = common_direction(rows, rounding);
-  if (!direction) return {};
+    return {{CoordinateSteps::Kind::grid, std::vector<double>(samples, step)}, std::nullopt};
+  return {{}, common_direction(rows, rounding)};
+}
+
+CoordinateSteps coordinate_steps(StepsInHeads in_heads, const NearestRows& nearest) {
+  if (!in_heads.direction) return std::move(in_heads.steps);
   std::vector<double> steps =
-      steps_along(*direction, nearest.of(nearest.samples(), kLevelNeighbors), kLevelNeighbors + 1);
+      steps_along(*in_heads.direction, nearest.of(nearest.samples(), kLevelNeighbors), kLevelNeighbors + 1);
   return {steps.empty() ? CoordinateSteps::Kind::none : CoordinateSteps::Kind::depth, std::move(steps)};
 }
 

@@ -3,9 +3,12 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
+#include <span>
 #include <vector>
 
 #include "estimate/nearest_rows.hpp"
+#include "point/sample.h"
 
 namespace pointfair {
 
@@ -20,9 +23,16 @@ struct CoordinateSteps {
   std::vector<double> at;  // the step at each sample; empty without steps
 };
 
-// Asks for the rows of some samples, and for the rows of all where the first show planes of one depth. Those planes
-// give the direction to the sensor. Depths have steps if the gaps between levels widen with the square of the distance,
-// as those of whole disparities do.
-CoordinateSteps coordinate_steps(NearestRows& nearest);
+// What the first samples' rows of nearest points show (NearestRows::heads): steps along the axes, of `samples` samples,
+// or that planes of one depth face a direction, that of the sensor.
+struct StepsInHeads {
+  CoordinateSteps steps;
+  std::optional<point::Offset> direction;
+};
+StepsInHeads steps_in_heads(std::span<const Point> heads, std::size_t samples);
+
+// Asks for the rows of all samples where there is such a direction. Depths have steps if the gaps between levels widen
+// with the square of the distance, as those of whole disparities do.
+CoordinateSteps coordinate_steps(StepsInHeads in_heads, const NearestRows& nearest);
 
 }  // namespace pointfair

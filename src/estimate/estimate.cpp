@@ -262,27 +262,24 @@ Samples take(Sampling& from, std::span<const std::uint32_t> for_spacing, std::sp
 }
 
 // Where the cloud hides a surface among what is none: the noise of that surface, and next to none elsewhere, so that
-// what is no surface keeps its place. Whether it does.
-bool estimate_hidden_surface(Estimate& result, NearestRows& nearest, std::vector<point::NoiseSample>& samples,
-                             const CloudSample& sample, const ForEach& for_each) {
-  const std::vector<bool> on_surface = find_hidden_surface(nearest, samples, for_each);
-  if (on_surface.empty()) return false;
+// what is no surface keeps its place.
+void add_hidden_surface(Estimate& result, const HiddenSurface& hidden, const CloudSample& sample,
+                        const ForEach& for_each) {
   std::vector<point::NoiseSample> of_surface;
   std::vector<Point> places;
   std::vector<double> noise;  // at these; 0 where no surface shows
-  for (std::size_t i = 0; i < on_surface.size(); ++i) {
-    if (!samples[i].shows_noise) continue;
-    if (on_surface[i]) of_surface.push_back(samples[i]);
+  for (std::size_t i = 0; i < hidden.samples.size(); ++i) {
+    if (!hidden.samples[i].shows_noise) continue;
+    if (hidden.on_surface[i]) of_surface.push_back(hidden.samples[i]);
     places.push_back(sample.points[i]);
-    noise.push_back(on_surface[i] ? samples[i].sigma : 0);
+    noise.push_back(hidden.on_surface[i] ? hidden.samples[i].sigma : 0);
   }
   result.noise = noise_of(of_surface, sample.bounds.valid, false, [] { return std::vector<point::ResidualSample>(); });
   result.noise.without_surface = 1 - double(of_surface.size()) / double(places.size());
-  if (!(result.noise.sigma > 0)) return true;
+  if (!(result.noise.sigma > 0)) return;
   for (double& level : noise)
     level = portable::log(std::clamp(level / result.noise.sigma, 1 / kLargestLevel, kLargestLevel));
   result.levels = noise_levels(places, std::move(noise), for_each);
-  return true;
 }
 
 // Levels times a factor.
@@ -293,33 +290,15 @@ std::shared_ptr<const NodeLevels> times(std::shared_ptr<const NodeLevels> levels
   return std::make_shared<const NodeLevels>(std::move(scaled));
 }
 
-}  // namespace
-
-Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wanted, const std::stop_token& stop) {
-  const std::span<const std::uint32_t> queries = sample.indices;
-  const std::span<const std::uint32_t> for_noise = queries.first(wanted.noise ? noise_queries(sample) : 0);
-  NearestRows nearest(for_noise.size(), [&](std::size_t count, int neighbors) {
-    std::vector<Point> rows(count * std::size_t(neighbors + 1));
-    from.sample_neighborhoods(for_noise.first(count), neighbors, rows);
-    return rows;
-  });
-  const int repeats = wanted.noise ? repeats_among(nearest) : 1;
-  Samples samples = take(from, wanted.spacing ? queries : queries.first(0), for_noise, repeats, stop);
-  Estimate result{spacing_of(samples.spacing), {}};
-  if (!wanted.noise) return result;
-  const CoordinateSteps steps = coordinate_steps(nearest);
-  cover_rounding(steps, samples.noise);
+// The noise, and its levels and those of the reach, of a cloud whose surface is there for all to see.
+void add_noise_of(Estimate& result, const Samples& samples, const CoordinateSteps& steps, const CloudSample& sample,
+                  int repeats, const ForEach& for_each) {
   std::optional<std::vector<point::ResidualSample>> residuals;  // of all places
   const auto all_residuals = [&] {
     if (!residuals) cover_rounding(steps, residuals.emplace(samples.residuals()));
     return *residuals;
   };
   const bool depth_has_steps = steps.kind == CoordinateSteps::Kind::depth;
-  const ForEach for_each = [&from](std::size_t count, const std::function<void(std::size_t)>& body) {
-    from.for_each_on_host(count, body);
-  };
-  if (repeats == 1 && steps.at.empty() && estimate_hidden_surface(result, nearest, samples.noise, sample, for_each))
-    return result;
   const std::size_t noises = samples.noise.size(), first = std::min(noises, kNoiseSamples);
   result.noise = noise_of(std::span(samples.noise).first(first), sample.bounds.valid / std::uint64_t(repeats),
                           depth_has_steps, [&] {
@@ -341,7 +320,53 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
   // min_neighbors end with kMaxMinNeighbors
   result.reach_levels = times(std::move(result.reach_levels),
                               std::sqrt(std::max(1.0, double(kMinNeighbors) * repeats / kMaxMinNeighbors)));
-  return result;
+}
+
+}  // namespace
+
+Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wanted, const std::stop_token& stop) {
+  const std::span<const std::uint32_t> queries = sample.indices;
+  const std::span<const std::uint32_t> for_noise = queries.first(wanted.noise ? noise_queries(sample) : 0);
+  NearestRows nearest(for_noise.size(), [&](std::size_t count, int neighbors) {
+    std::vector<Point> rows(count * std::size_t(neighbors + 1));
+    from.sample_neighborhoods(for_noise.first(count), neighbors, rows);
+    return rows;
+  });
+  const int repeats = wanted.noise ? repeats_among(nearest) : 1;
+  const ForEach for_each = [&from](std::size_t count, const std::function<void(std::size_t)>& body) {
+    from.for_each_on_host(count, body);
+  };
+  Samples samples;
+  StepsInHeads in_heads;
+  for_each(2, [&](std::size_t which) {  // at the same time, since samples may be taken on a card
+    if (which == 0)
+      samples = take(from, wanted.spacing ? queries : queries.first(0), for_noise, repeats, stop);
+    else if (wanted.noise)
+      in_heads = steps_in_heads(nearest.heads(), nearest.samples());
+  });
+  const Spacing spacing = spacing_of(samples.spacing);
+  if (!wanted.noise) return {spacing, {}};
+  const CoordinateSteps steps = coordinate_steps(std::move(in_heads), nearest);
+  cover_rounding(steps, samples.noise);
+  Estimate result{spacing, {}};
+  const auto add_noise = [&] { add_noise_of(result, samples, steps, sample, repeats, for_each); };
+  const bool may_hide = repeats == 1 && steps.at.empty();
+  const std::vector<Point> rows = may_hide ? rows_of_hidden(nearest, samples.noise) : std::vector<Point>();
+  if (rows.empty()) {
+    add_noise();
+    return result;
+  }
+  HiddenSurface hidden;
+  for_each(2, [&](std::size_t which) {  // at the same time, since few clouds hide one
+    if (which == 0)
+      hidden = find_hidden_surface(rows, samples.noise, for_each);
+    else
+      add_noise();
+  });
+  if (hidden.on_surface.empty()) return result;
+  Estimate of_hidden{spacing, {}};
+  add_hidden_surface(of_hidden, hidden, sample, for_each);
+  return of_hidden;
 }
 
 }  // namespace pointfair

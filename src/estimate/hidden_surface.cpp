@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <optional>
 #include <span>
+#include <utility>
 
 #include "estimate/constants.hpp"
 #include "estimate/quantile.hpp"
@@ -134,18 +135,25 @@ bool are_profiles(const std::vector<Found>& found) {
   return 2 * std::size_t(exact) > found.size() && !meet_each_other(found);
 }
 
+// Whether the nearest points may hide a surface.
+bool is_messy(const point::NoiseSample& sample) {
+  return sample.shows_noise && sample.sigma > kMessyNoise * sample.spacing;
+}
+
 }  // namespace
 
-std::vector<bool> find_hidden_surface(NearestRows& rows, std::vector<point::NoiseSample>& samples,
-                                      const ForEach& for_each) {
+std::vector<Point> rows_of_hidden(const NearestRows& rows, std::span<const point::NoiseSample> samples) {
   const std::size_t looked_at = std::min(rows.looked_at(), samples.size());
-  const auto is_messy = [](const point::NoiseSample& s) { return s.shows_noise && s.sigma > kMessyNoise * s.spacing; };
   const auto messy = std::count_if(samples.begin(), samples.begin() + std::ptrdiff_t(looked_at), is_messy);
-  if (2 * std::size_t(messy) < looked_at) return {};  // the surface is there for all to see
-  const std::vector<Point> nearest = rows.of(looked_at, int(kRow));
+  return 2 * std::size_t(messy) < looked_at ? std::vector<Point>() : rows.of(looked_at, int(kRow));
+}
+
+HiddenSurface find_hidden_surface(std::span<const Point> rows, std::vector<point::NoiseSample> samples,
+                                  const ForEach& for_each) {
+  const std::size_t looked_at = rows.size() / (kRow + 1);
   std::vector<std::optional<Found>> at_samples(looked_at);
   for_each(looked_at, [&](std::size_t i) {
-    if (is_messy(samples[i])) at_samples[i] = surface_at(i, &nearest[i * (kRow + 1)]);
+    if (is_messy(samples[i])) at_samples[i] = surface_at(i, &rows[i * (kRow + 1)]);
   });
   std::vector<Found> found;
   for (const std::optional<Found>& one : at_samples)
@@ -161,7 +169,7 @@ std::vector<bool> find_hidden_surface(NearestRows& rows, std::vector<point::Nois
         (i < looked_at && at_samples[i]) || !is_messy(samples[i]) || samples[i].sigma <= kNoSurface * typical;
   if (2 * std::count(on_surface.begin(), on_surface.end(), true) > std::ptrdiff_t(samples.size())) return {};
   for (const Found& one : found) samples[one.sample].sigma = one.half.noise;
-  return on_surface;
+  return {std::move(on_surface), std::move(samples)};
 }
 
 }  // namespace pointfair

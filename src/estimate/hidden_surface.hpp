@@ -11,10 +11,20 @@
 
 namespace pointfair {
 
-// Which samples lie on a surface; empty for a cloud that hides none, as nearly all. The noise of a sample on a hidden
-// surface becomes the deviation of the best half of its 16 nearest points from a plane. Samples with far more noise
-// than that, about as much as their neighbourhood is wide, show no surface. `rows` are those of the first samples.
-std::vector<bool> find_hidden_surface(NearestRows& rows, std::vector<point::NoiseSample>& samples,
-                                      const ForEach& for_each);
+// A hidden surface, if there is one, as the samples show it.
+struct HiddenSurface {
+  std::vector<bool> on_surface;             // of each sample; empty for a cloud that hides none, as nearly all
+  std::vector<point::NoiseSample> samples;  // with the noise of those on the surface; read where there is one
+};
+
+// Rows of the first samples' nearest points, as far as a hidden surface asks for them; none where the surface is there
+// for all to see.
+std::vector<Point> rows_of_hidden(const NearestRows& rows, std::span<const point::NoiseSample> samples);
+
+// The noise of a sample on a hidden surface becomes the deviation of the best half of its 16 nearest points from a
+// plane. Samples with far more noise than that, about as much as their neighbourhood is wide, show no surface. `rows`:
+// of rows_of_hidden().
+HiddenSurface find_hidden_surface(std::span<const Point> rows, std::vector<point::NoiseSample> samples,
+                                  const ForEach& for_each);
 
 }  // namespace pointfair

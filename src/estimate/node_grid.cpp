@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <memory>
 
 #include "estimate/constants.hpp"
 #include "point/node_field.h"
@@ -17,20 +19,34 @@ using constants::kMostNodes;
 
 // Sums over the cells of a cube of n cells an axis, and their means once they are known.
 struct Level {
-  explicit Level(int cells) : n(cells), weight(std::size_t(n) * n * n), sum(weight.size()), mean(weight.size()) {}
+  explicit Level(int cells)
+      : n(cells),
+        weight(std::size_t(n) * n * n),
+        sum(weight.size()),
+        mean(std::make_unique_for_overwrite<double[]>(weight.size())) {}
   std::size_t at(int x, int y, int z) const { return (std::size_t(z) * n + y) * n + x; }
   int n;
-  std::vector<double> weight, sum, mean;
+  std::vector<double> weight, sum;
+  std::unique_ptr<double[]> mean;
 };
 
+// Calls body(z) for the slabs of a level, many at once where that is worth it.
+void for_slabs(int slabs, const ForEach& for_each, const std::function<void(std::size_t)>& body) {
+  constexpr int kWorthIt = 8;
+  if (slabs >= kWorthIt) return for_each(std::size_t(slabs), body);
+  for (std::size_t z = 0; z < std::size_t(slabs); ++z) body(z);
+}
+
 // Gortler and others 1996: sums are pushed to ever wider cells, and means are pulled back.
-void push(const Level& from, Level& to) {
-  for (int z = 0; z < from.n; ++z)
-    for (int y = 0; y < from.n; ++y)
-      for (int x = 0; x < from.n; ++x) {
-        to.weight[to.at(x / 2, y / 2, z / 2)] += from.weight[from.at(x, y, z)];
-        to.sum[to.at(x / 2, y / 2, z / 2)] += from.sum[from.at(x, y, z)];
-      }
+void push(const Level& from, Level& to, const ForEach& for_each) {
+  for_slabs(to.n, for_each, [&](std::size_t slab) {
+    for (int z = 2 * int(slab); z < 2 * int(slab) + 2; ++z)
+      for (int y = 0; y < from.n; ++y)
+        for (int x = 0; x < from.n; ++x) {
+          to.weight[to.at(x / 2, y / 2, z / 2)] += from.weight[from.at(x, y, z)];
+          to.sum[to.at(x / 2, y / 2, z / 2)] += from.sum[from.at(x, y, z)];
+        }
+  });
 }
 
 // The means of `fine` from its own sums and from the means of cells twice as wide, trilinear between their middles: the
@@ -38,7 +54,7 @@ void push(const Level& from, Level& to) {
 void pull(const Level& coarse, Level& fine, const ForEach& for_each) {
   const auto beside = [&](int i) { return std::clamp(i / 2 + (i % 2 == 0 ? -1 : 1), 0, coarse.n - 1); };
   const auto between = [](double own, double next) { return own + (next - own) / 4; };
-  for_each(std::size_t(fine.n), [&](std::size_t slab) {
+  for_slabs(fine.n, for_each, [&](std::size_t slab) {
     const int z = int(slab);
     const auto along_z = [&](int x, int y) {
       return between(coarse.mean[coarse.at(x, y, z / 2)], coarse.mean[coarse.at(x, y, beside(z))]);
@@ -103,14 +119,14 @@ NodeLevels levels_between(const std::vector<Point>& places, const std::vector<do
   std::vector<Level> levels;  // the finest first
   for (int n = result.nodes; n > 0; n /= 2) levels.emplace_back(n);
   for (std::size_t i = 0; i < places.size(); ++i) add(levels[0], field, places[i], log_levels[i]);
-  for (std::size_t level = 1; level < levels.size(); ++level) push(levels[level - 1], levels[level]);
+  for (std::size_t level = 1; level < levels.size(); ++level) push(levels[level - 1], levels[level], for_each);
   levels.back().mean[0] = levels.back().sum[0] / levels.back().weight[0];
   for (std::size_t level = levels.size() - 1; level > 0; --level) pull(levels[level], levels[level - 1], for_each);
-  const std::vector<double>& mean = levels[0].mean;
-  result.levels.resize(mean.size());
+  result.levels.resize(levels[0].sum.size());
   for_each(std::size_t(result.nodes), [&](std::size_t z) {
-    const std::size_t slab = mean.size() / std::size_t(result.nodes);
-    for (std::size_t i = z * slab; i < (z + 1) * slab; ++i) result.levels[i] = float(portable::exp_within_700(mean[i]));
+    const std::size_t slab = result.levels.size() / std::size_t(result.nodes);
+    for (std::size_t i = z * slab; i < (z + 1) * slab; ++i)
+      result.levels[i] = float(portable::exp_within_700(levels[0].mean[i]));
   });
   return result;
 }

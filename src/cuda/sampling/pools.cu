@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "cuda/runtime/launch.cuh"
+#include "cuda/runtime/warp.cuh"
 #include "cuda/sampling/pools.cuh"
 #include "point/sample.h"
 
@@ -45,11 +47,51 @@ __global__ void __launch_bounds__(kBlock) fill_pools(const Poolable samples, Ind
   }
 }
 
+// A warp to each sample, which has the distances to all in shared memory, and takes the least of them after each other.
+__global__ void __launch_bounds__(kWarp)
+    fill_pool(const Point* rows, std::size_t row, const unsigned char* shows, Index samples, Index* pools) {
+  extern __shared__ double squared[];
+  const Index sample = blockIdx.x, lane = lane_number();
+  if (shows[sample] == 0) return;
+  constexpr double kInfinity = __builtin_inf();
+  const Point from = rows[sample * row];
+  double least = kInfinity;
+  Index at = lane;
+  for (Index i = lane; i < samples; i += kWarp) {
+    const double its = shows[i] == 0 ? kInfinity : point::squared_length(point::offset_between(from, rows[i * row]));
+    squared[i] = its;
+    if (its < least) least = its, at = i;
+  }
+  for (int n = 0; n < kPool; ++n) {
+    double least_of_all = least;
+    Index nearest = at;
+    for (int step = kWarp / 2; step > 0; step /= 2) {
+      const double its = __shfl_xor_sync(kAllLanes, least_of_all, step);
+      const Index whose = __shfl_xor_sync(kAllLanes, nearest, step);
+      if (its < least_of_all || (its == least_of_all && whose < nearest)) least_of_all = its, nearest = whose;
+    }
+    if (lane == 0) pools[std::size_t(sample) * kPool + n] = least_of_all < kInfinity ? nearest : 0;
+    if (at != nearest) continue;
+    squared[at] = kInfinity;
+    least = kInfinity;
+    for (Index i = lane; i < samples; i += kWarp)
+      if (squared[i] < least) least = squared[i], at = i;
+  }
+}
+
 }  // namespace
 
 void find_pools(Context& context, const Poolable& samples, Index* pools) {
   if (samples.clouds == 0) return;
   fill_pools<<<static_cast<unsigned>(samples.clouds), kBlock, 0, context.stream()>>>(samples, pools);
+  check(cudaGetLastError(), "pooling samples");
+}
+
+void find_pools(Context& context, const Point* rows, std::size_t row, const unsigned char* shows, std::size_t samples,
+                Index* pools) {
+  if (samples == 0) return;
+  fill_pool<<<static_cast<unsigned>(samples), kWarp, samples * sizeof(double), context.stream()>>>(
+      rows, row, shows, static_cast<Index>(samples), pools);
   check(cudaGetLastError(), "pooling samples");
 }
 

@@ -21,4 +21,10 @@ struct Poolable {
 // card.
 void find_pools(Context& context, const Poolable& samples, Index* pools);
 
+// Of the samples of one cloud, whose rows begin with their places: the same rows. `shows` says of each whether it shows
+// noise. At most kMostOfOne samples.
+inline constexpr std::size_t kMostOfOne = 6000;
+void find_pools(Context& context, const Point* rows, std::size_t row, const unsigned char* shows, std::size_t samples,
+                Index* pools);
+
 }  // namespace pointfair::cuda

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cuda/runtime/launch.cuh"
+#include "cuda/sampling/pools.cuh"
 #include "cuda/sampling/samples.cuh"
 
 namespace pointfair::cuda {
@@ -103,27 +104,31 @@ __global__ void __launch_bounds__(kWarp) look_at_last_rows(const Point* rows, co
   if (lane_number() == 0) looks[blockIdx.x] = found;
 }
 
-// `again`: the queries whose first row is too short, or none.
-__global__ void __launch_bounds__(kBlock) conclude_first(SampleArrays samples, FirstLooks from, Index* again) {
+// `again`: the queries whose first row is too short, or none; `shows`: whether samples show noise.
+__global__ void __launch_bounds__(kBlock)
+    conclude_first(SampleArrays samples, FirstLooks from, Index* again, unsigned char* shows) {
   begin_kernel();
   const std::size_t n = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (n >= samples.for_noise) return;
   const point::Look* const its = from.looks + n * kFirstLooks;
   const point::NoiseSample noise = point::noise_sample(0, point::kFirstRounds, [its](int round) { return its[round]; });
   samples.noise[n] = noise;
+  shows[n] = noise.shows_noise;
   samples.residuals[n] = point::residual_sample(its[point::kFirstRounds + 1], its[0], its[point::kFirstRounds],
                                                 its[point::kFirstRounds - 1], from.planes[n]);
   again[n] = noise.is_short ? samples.queries[samples.for_spacing + n] : point::kNoNeighbor;
 }
 
 __global__ void __launch_bounds__(kBlock)
-    conclude_last(SampleArrays samples, const Index* again, const point::Look* looks) {
+    conclude_last(SampleArrays samples, const Index* again, const point::Look* looks, unsigned char* shows) {
   begin_kernel();
   const std::size_t n = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (n >= samples.for_noise || again[n] == point::kNoNeighbor) return;
   const point::Look* const its = looks + n * kLastLooks;
-  samples.noise[n] = point::noise_sample(point::kFirstRounds, point::kRounds,
-                                         [its](int round) { return its[round - point::kFirstRounds]; });
+  const point::NoiseSample noise = point::noise_sample(point::kFirstRounds, point::kRounds,
+                                                       [its](int round) { return its[round - point::kFirstRounds]; });
+  samples.noise[n] = noise;
+  shows[n] = noise.shows_noise;
 }
 
 // The looks of a sample in the order in which its neighbourhood grows, and what they are for.
@@ -225,6 +230,7 @@ void take_samples(Context& context, const Tree& tree, const Point* points, const
   DeviceArray<point::Look> first_looks(context), last_looks(context);
   DeviceArray<point::PlaneSample> planes(context);
   DeviceArray<Index> again(context);
+  DeviceArray<unsigned char> shows(context);
   spacing_rows.resize(spacings * kSpacingRow);
   first_rows.resize(noises * kFirstRow);
   last_rows.resize(noises * kLastRow);
@@ -232,17 +238,20 @@ void take_samples(Context& context, const Tree& tree, const Point* points, const
   last_looks.resize(noises * kLastLooks);
   planes.resize(noises);
   again.resize(noises);
+  shows.resize(noises);
   find_rows(context, tree, points, {samples.queries, spacings, point::kSpacingNeighbors, spacing_rows.data()},
             {samples.queries + spacings, noises, point::kFirstRow, first_rows.data()});
   const FirstLooks seen{first_looks.data(), planes.data()};
   start(context, look_at_first_rows, noises * kFirstBlocks + (spacings + kWarp - 1) / kWarp, kWarp, samples,
         spacing_rows.data(), first_rows.data(), seen);
   if (noises == 0) return;
-  start(context, conclude_first, blocks_for(noises, kBlock), kBlock, samples, seen, again.data());
+  start(context, conclude_first, blocks_for(noises, kBlock), kBlock, samples, seen, again.data(), shows.data());
   find_rows(context, tree, points, {},
             {again.data(), noises, point::kLastRow, last_rows.data(), first_rows.data(), point::kFirstRow});
   start(context, look_at_last_rows, noises * kLastLooks, kWarp, last_rows.data(), again.data(), last_looks.data());
-  start(context, conclude_last, blocks_for(noises, kBlock), kBlock, samples, again.data(), last_looks.data());
+  start(context, conclude_last, blocks_for(noises, kBlock), kBlock, samples, again.data(), last_looks.data(),
+        shows.data());
+  if (samples.pools != nullptr) find_pools(context, first_rows.data(), kFirstRow, shows.data(), noises, samples.pools);
 }
 
 }  // namespace pointfair::cuda

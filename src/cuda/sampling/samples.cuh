@@ -14,6 +14,7 @@ struct SampleArrays {
   point::SpacingSample* spacing;
   point::NoiseSample* noise;
   point::ResidualSample* residuals;  // of the queries for noise
+  Index* pools;                      // Samples::pools; null: not looked for
 };
 
 // Of many clouds, all on the card: numbers of points in upload order, and the clouds of a batch that they are of.
