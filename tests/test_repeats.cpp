@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
+#include <vector>
 
 #include "pointfair/pointfair.hpp"
 #include "shapes.h"
@@ -100,6 +102,47 @@ TEST(Repeats, are_none_in_a_cube_of_a_regular_mesh_which_stays_as_it_is) {
   const Points out = run(cube);
   for (std::size_t i = 0; i < cube.size(); ++i)
     ASSERT_LT(std::hypot(out[i].x - cube[i].x, out[i].y - cube[i].y, out[i].z - cube[i].z), 0.05) << i;
+}
+
+// Rows along x, each with one height of its own and with noise of its points.
+Points in_rows(const std::function<double(int)>& height, double noise) {
+  constexpr int kRows = 60, kOfRow = 500;
+  Points points;
+  shapes::Random random(8);
+  for (int row = 0; row < kRows; ++row)
+    for (int i = 0; i < kOfRow; ++i)
+      points.push_back(shapes::make_point((i + random.uniform()) / kOfRow, double(row) / kRows,
+                                          height(row) + noise * random.normal()));
+  return points;
+}
+
+// Of the points whose neighbourhoods have rows on both sides.
+double rms_off(const Points& points, const std::function<double(int)>& height) {
+  double sum = 0;
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const int row = int(i / 500);
+    if (row < 5 || row >= 55) continue;
+    const double off = points[i].z - height(row);
+    sum += off * off;
+    ++count;
+  }
+  return std::sqrt(sum / double(count));
+}
+
+TEST(Repeats, include_points_of_a_row_that_share_an_error) {
+  shapes::Random random(9);
+  std::vector<double> error(60);
+  for (double& its : error) its = 0.003 * random.normal();
+  const Points noisy = in_rows([&](int row) { return error[std::size_t(row)]; }, 0.0005);
+  const auto flat = [](int) { return 0.0; };
+  EXPECT_LT(rms_off(run(noisy), flat), 0.7 * rms_off(noisy, flat));
+}
+
+TEST(Repeats, are_no_waves_across_rows) {
+  const auto waves = [](int row) { return 0.003 * std::sin(row * 2 * 3.14159265 / 7); };
+  const Points noisy = in_rows(waves, 0.0005);
+  EXPECT_LT(rms_off(run(noisy), waves), 1.1 * rms_off(noisy, waves));
 }
 
 }  // namespace

@@ -26,6 +26,15 @@ inline constexpr int kRepeatNeighbors = 64, kMostRepeats = 16;  // points; 141
 inline constexpr double kEvenDistances = 0.4;                   // of squared distance over rank; chance is 0.69; 141
 inline constexpr std::size_t kThinnedSamples = 2000;            // whose rows are long; 141
 
+// Rows of points that share an error.
+inline constexpr std::size_t kRowSamples = 150;                    // samples; 141
+inline constexpr int kRowNeighbors = 512;                          // points; 141
+inline constexpr double kRowShare = 0.1;                           // of the samples; 141
+inline constexpr double kGapOfRows = 8, kMostRows = 50;            // median gaps; rows across a neighbourhood; 141
+inline constexpr std::size_t kFewestOfRow = 8, kFewestRows = 6;    // points; rows; 141
+inline constexpr double kLeastRowOffset = 1, kMostRowOffset = 20;  // of what a row's points lie off; others .8; 141
+inline constexpr double kRowJump = 2;                              // chance is 2 or more, shape less; 141
+
 // A surface among what is none.
 inline constexpr double kMessyNoise = 0.4;    // spacings; of more, the nearest points may hide a surface; 165
 inline constexpr double kHiddenNoise = 0.01;  // of the distance to the 16th nearest; chance is below 0.1 %; 165

@@ -332,10 +332,10 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
     from.sample_neighborhoods(for_noise.first(count), neighbors, rows);
     return rows;
   });
-  const int repeats = wanted.noise ? repeats_among(nearest) : 1;
   const ForEach for_each = [&from](std::size_t count, const std::function<void(std::size_t)>& body) {
     from.for_each_on_host(count, body);
   };
+  const int repeats = wanted.noise ? repeats_among(nearest, for_each) : 1;
   Samples samples;
   StepsInHeads in_heads;
   for_each(2, [&](std::size_t which) {  // at the same time, since samples may be taken on a card

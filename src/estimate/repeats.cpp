@@ -8,6 +8,7 @@
 
 #include "estimate/constants.hpp"
 #include "estimate/quantile.hpp"
+#include "estimate/row_offsets.hpp"
 #include "point/sample.h"
 
 namespace pointfair {
@@ -42,7 +43,8 @@ int first_even(const std::vector<double>& by_rank) {
 
 }  // namespace
 
-int repeats_among(NearestRows& nearest) {
+int repeats_among(NearestRows& nearest, const ForEach& for_each) {
+  if (rows_share_errors(nearest, for_each)) return kMostRepeats;
   if (first_even(squared_distances_by_rank(nearest.heads(), kStepNeighbors)) == 1) return 1;
   const std::vector<Point> rows = nearest.of(nearest.looked_at(), kRepeatNeighbors);
   return std::min(first_even(squared_distances_by_rank(rows, kRepeatNeighbors)), kMostRepeats);

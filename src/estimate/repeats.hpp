@@ -1,15 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // Points that lie together and are no measurements of their own: copies, copies that were rounded otherwise, the
-// corners of unwelded faces, what a sensor emits several times, a scanner's dense lines.
+// corners of unwelded faces, what a sensor emits several times, a scanner's dense lines, rows that share an error each.
 #pragma once
 
 #include "estimate/nearest_rows.hpp"
+#include "seam/cloud_sample.hpp"
 
 namespace pointfair {
 
 // How many nearest points make one measurement at most samples, 1 to kMostRepeats. Of points spread over a surface, the
 // squared distance to the k-th nearest grows with k from the first one on; where it is far smaller before some k, as
-// many lie together. Asks for rows of eight, and for longer ones where these are uneven.
-int repeats_among(NearestRows& nearest);
+// many lie together. Of rows that are off from each other (row_offsets.hpp), the most. Asks for rows of eight, and for
+// longer ones where these are uneven or along lines.
+int repeats_among(NearestRows& nearest, const ForEach& for_each);
 
 }  // namespace pointfair
