@@ -39,9 +39,9 @@ class RecordingBackend : public ForwardingBackend {
     note("normals");
     ForwardingBackend::estimate_normals(iteration, settings, stop);
   }
-  void fair(int iteration, const FairingSettings& settings, bool leaves, std::stop_token stop) override {
+  void fair(int iteration, const FairingSettings& settings, std::stop_token stop) override {
     note("fairing");
-    ForwardingBackend::fair(iteration, settings, leaves, stop);
+    ForwardingBackend::fair(iteration, settings, stop);
   }
   void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override {
     ForwardingBackend::sample_neighborhoods(queries, k, out);

@@ -27,9 +27,9 @@ Points cloud(int count) { return shapes::with_noise(shapes::sphere(count), 0.002
 class CountingBackend : public ForwardingBackend {
  public:
   explicit CountingBackend(std::atomic<int>& runs) : ForwardingBackend(make_cpu_backend(0)), runs_(runs) {}
-  void fair(int iteration, const FairingSettings& settings, bool leaves, std::stop_token stop) override {
+  void fair(int iteration, const FairingSettings& settings, std::stop_token stop) override {
     ++runs_;
-    ForwardingBackend::fair(iteration, settings, leaves, stop);
+    ForwardingBackend::fair(iteration, settings, stop);
   }
 
  private:

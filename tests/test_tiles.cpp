@@ -269,7 +269,7 @@ TEST(Tiles, runs_a_stage_again_without_the_others) {
   run(*cut, points, settings);
   settings.fairing.similarity_sigma = 0.005f;
   settings.iterations = 1;
-  cut->fair(0, settings.fairing, false, {});
+  cut->fair(0, settings.fairing, {});
   Points again(points.size());
   cut->download(0, again, {}, {});
   EXPECT_EQ(difference(again, run(*make_cpu_backend(0), points, settings).points), "");
@@ -286,7 +286,7 @@ TEST(Tiles, stops_when_asked_and_then_runs_again) {
     cut->estimate_normals(0, {0.02f}, {});
     stop.request_stop();
     try {
-      cut->fair(0, usual().fairing, false, stop.get_token());
+      cut->fair(0, usual().fairing, stop.get_token());
       FAIL() << "not interrupted";
     } catch (const Error& error) {
       EXPECT_EQ(error.kind(), ErrorKind::interrupted);
