@@ -75,7 +75,7 @@ __global__ void __launch_bounds__(kPrepareBlock)
 #pragma unroll
   for (int i = 0; i < Sample::kHeld; ++i) {
     const Point p = points[i];
-    const bool valid = i * kWarp + lane_number() < size && is_valid(p);
+    const bool valid = i * kWarp + lane_number() < size && point::is_indexable(p);
     const float value = axis == 0 ? p.x : axis == 1 ? p.y : p.z;
     sample.values[i] = valid ? ordered(upper ? -value : value) : Sample::kNothing;
     found += __popc(__ballot_sync(kAllLanes, valid));
@@ -187,7 +187,7 @@ __global__ void __launch_bounds__(kKeyBlock)
     for (int n = 0; n < kKeysAtOnce; ++n) {
       const std::size_t i = first + n * kKeyBlock + threadIdx.x;
       Key key = kInvalid<Key, kBits>;
-      if (is_valid(p[n])) {
+      if (point::is_indexable(p[n])) {
         key = key_of<Key, kBits>(table.entry, p[n], origin, scale);
         bounds.add(p[n]);
       }

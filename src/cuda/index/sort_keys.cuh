@@ -38,8 +38,6 @@ inline constexpr int kRefinedBits = 6;
 template <class Key, int kBits>
 inline constexpr Key kInvalid = (Key(1) << kKeyBits<kBits>)-1;
 
-__device__ inline bool is_valid(Point p) { return point::is_indexable(p.x, p.y, p.z); }
-
 // Lays the key's cube, of `steps` an axis, over most points: between the 2 % and the 98 % quantile of a sample on each
 // axis, widened by the longest side, and no wider than the sample itself. A stray point far away does not stretch it;
 // points outside are clamped for the key only. `fresh`, if not null, is made that of an empty cloud.

@@ -38,7 +38,7 @@ bool lie_apart(std::span<const Point> points, const Parts& parts) {
   for (std::size_t part = 0; part < parts.count(); ++part)
     for (std::size_t i = 0; i < kSampled; ++i) {
       const Point& p = points[parts.begin(part) + (2 * i + 1) * parts.size(part) / (2 * kSampled)];
-      if (point::is_indexable(p.x, p.y, p.z)) sampled[part].add(p);
+      if (point::is_indexable(p)) sampled[part].add(p);
     }
   std::size_t asked = 0, others = 0;
   for (const SampledPart& its : sampled) {
