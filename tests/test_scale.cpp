@@ -12,6 +12,7 @@
 #include "io/unfinished_files.hpp"
 #include "pointfair/positions.hpp"
 #include "pointfair/tiled_run.hpp"
+#include "runs.h"
 #include "scale/kept_leaves.hpp"
 #include "scale/leaf_tree.hpp"
 #include "scale/measure.hpp"
@@ -25,21 +26,7 @@ namespace pointfair::scale {
 namespace {
 
 namespace fs = std::filesystem;
-
-class Folder {
- public:
-  Folder() : path_(fs::temp_directory_path() / ("pointfair-test-" + std::to_string(::getpid()))) {
-    fs::create_directories(path_);
-  }
-  ~Folder() { fs::remove_all(path_); }
-  fs::path operator/(const char* name) const { return path_ / name; }
-  std::size_t files() const {
-    return static_cast<std::size_t>(std::distance(fs::directory_iterator(path_), fs::directory_iterator()));
-  }
-
- private:
-  fs::path path_;
-};
+using test::Folder;
 
 std::vector<Point> random_points(std::size_t count, unsigned seed) {
   std::mt19937 generator(seed);
@@ -192,13 +179,13 @@ TEST(Scale, what_dead_processes_left_unfinished_is_removed_and_what_live_ones_wr
                                          "out.ply"};
   const std::vector<std::string> removed = {named(dead, 0), named(std::to_string(::getpid()), 1U << 31)};
   for (const auto& names : {kept, removed})
-    for (const std::string& name : names) std::ofstream(folder / name.c_str()) << "some";
-  fs::create_directory(folder / named(dead, 7).c_str());
-  std::ofstream(folder / named(dead, 7).c_str() / "plan.txt") << "some";
+    for (const std::string& name : names) std::ofstream(folder / name) << "some";
+  fs::create_directory(folder / named(dead, 7));
+  std::ofstream(folder / named(dead, 7) / "plan.txt") << "some";
   io::remove_abandoned(folder / "", ".pointfair-");
-  for (const std::string& name : kept) EXPECT_TRUE(fs::exists(folder / name.c_str())) << name;
-  for (const std::string& name : removed) EXPECT_FALSE(fs::exists(folder / name.c_str())) << name;
-  EXPECT_EQ(folder.files(), kept.size());
+  for (const std::string& name : kept) EXPECT_TRUE(fs::exists(folder / name)) << name;
+  for (const std::string& name : removed) EXPECT_FALSE(fs::exists(folder / name)) << name;
+  EXPECT_EQ(folder.names().size(), kept.size());
 }
 
 TEST(Scale, a_file_that_is_not_finished_never_appears) {
@@ -208,7 +195,7 @@ TEST(Scale, a_file_that_is_not_finished_never_appears) {
     file.write("text", 4);
     EXPECT_FALSE(fs::exists(folder / "a"));
   }
-  EXPECT_EQ(folder.files(), 0u);
+  EXPECT_EQ(folder.names().size(), 0u);
   NewFile file(folder / "a");
   file.write("text", 4);
   file.finish();
@@ -283,9 +270,7 @@ TEST(Scale, the_origin_is_that_of_the_whole_file_where_the_guess_is_another) {
   job.least_tiles = 3;
   TiledRun::plan(job, folder / "work");
   // as if another had been guessed
-  const std::string plan = read_text(folder /
-                                     "work"
-                                     "/plan.txt");
+  const std::string plan = read_text(folder / "work/plan.txt");
   std::string other = plan;
   const auto at = other.find("\norigin ") + 8;
   other.replace(at, other.find('\n', at) - at, "0x1.f4p+9 0x1.388p+12 0x0p+0");
@@ -345,11 +330,11 @@ TEST(Scale, outliers_keep_their_reason_over_iterations) {
     Pipeline pipeline(Device::cpu);
     pipeline.load(read(folder / "in.ply"));
     const std::string tag = std::to_string(iterations);
-    const fs::path whole = folder / ("whole" + tag + ".ply").c_str(), work = folder / ("work" + tag).c_str();
+    const fs::path whole = folder / ("whole" + tag + ".ply"), work = folder / ("work" + tag);
     write(whole, pipeline.run(params));
     TiledJob job;
     job.inputs = {folder / "in.ply"};
-    job.output = folder / ("out" + tag + ".ply").c_str();
+    job.output = folder / ("out" + tag + ".ply");
     job.params = params;
     job.least_tiles = 4;
     TiledRun::plan(job, work);
@@ -378,13 +363,7 @@ TEST(Scale, a_place_with_more_points_than_fit_is_an_error_that_names_one_of_them
   job.params.outliers = Outliers::off;
   TiledRun::plan(job, folder / "work");
   TiledRun run(folder / "work", Device::cpu);
-  try {
-    run.run_all();
-    FAIL() << "fitted";
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::memory);
-    EXPECT_NE(std::string(error.what()).find("point "), std::string::npos) << error.what();
-  }
+  expect_error(ErrorKind::memory, "point ", [&] { run.run_all(); });
   EXPECT_FALSE(fs::exists(folder / "out.ply"));
 }
 

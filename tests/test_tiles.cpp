@@ -8,6 +8,7 @@
 
 #include "backend_runs.h"
 #include "pointfair/pipeline.hpp"
+#include "runs.h"
 #include "seam/sampling.hpp"
 #include "shapes.h"
 #include "tiles/tiled_backend.hpp"
@@ -227,12 +228,7 @@ TEST(Tiles, has_the_bits_of_the_whole_where_little_may_be_uploaded) {
 TEST(Tiles, that_a_far_point_keeps_from_being_cut_is_an_error_and_no_wrong_cloud) {
   const Points points = shapes::with_stray(cloud(20000), 1e6f);
   const auto backend = Place{Device::cpu, 1}.make_tiled({4, 12000});
-  try {
-    run(*backend, points, usual());
-    FAIL() << "fitted";
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::memory);
-  }
+  expect_error(ErrorKind::memory, "", [&] { run(*backend, points, usual()); });
 }
 
 TEST(Tiles, has_the_estimates_of_the_whole) {
@@ -285,12 +281,7 @@ TEST(Tiles, stops_when_asked_and_then_runs_again) {
     cut->find_neighbors(0, {8, 0, false, 0}, {});
     cut->estimate_normals(0, {0.02f}, {});
     stop.request_stop();
-    try {
-      cut->fair(0, usual().fairing, stop.get_token());
-      FAIL() << "not interrupted";
-    } catch (const Error& error) {
-      EXPECT_EQ(error.kind(), ErrorKind::interrupted);
-    }
+    expect_error(ErrorKind::interrupted, "", [&] { cut->fair(0, usual().fairing, stop.get_token()); });
     EXPECT_EQ(difference(run(*cut, points, usual()).points, run(*place.make(), points, usual()).points), "");
   }
 }
