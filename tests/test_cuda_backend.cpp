@@ -298,18 +298,6 @@ TEST_F(CudaBackendTest, bounds_and_samples_equal_the_cpu) {
   }
 }
 
-TEST_F(CudaBackendTest, runs_repeat_to_the_bit_and_stages_repeat_alone) {
-  const std::vector<Point> points = noisy_sphere(100000, 15, 0.002);
-  StageSettings settings;
-  const StageResults once = run(*cuda_, points, settings), again = run(*cuda_, points, settings);
-  EXPECT_EQ(difference(once.points, again.points), "");
-  settings.fairing.similarity_sigma = 0.01f;
-  cuda_->fair(0, settings.fairing, {});
-  std::vector<Point> changed(points.size());
-  cuda_->download(0, changed, {}, {});
-  EXPECT_EQ(difference(changed, run(*cpu_, points, settings).points), "");
-}
-
 TEST(CudaDevices, a_card_that_is_not_there_is_refused_with_a_reason) {
   try {
     make_cuda_backend(99);

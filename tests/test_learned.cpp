@@ -47,20 +47,6 @@ TEST(Learned, every_instruction_set_gives_the_bits_of_the_integer_reference) {
   }
 }
 
-TEST(Learned, the_order_of_points_does_not_change_a_bit_of_the_reference) {
-  for (const learned_clouds::Golden& cloud : learned_clouds::golden_clouds()) {
-    const auto order = shapes::shuffle_order(cloud.measured.size(), 9);
-    learned_clouds::Golden other = cloud;
-    for (Points learned_clouds::Golden::*rows : {&learned_clouds::Golden::measured, &learned_clouds::Golden::classical,
-                                                 &learned_clouds::Golden::normals, &learned_clouds::Golden::refined})
-      other.*rows = shapes::permuted(cloud.*rows, order);
-    for (std::size_t i = 0; i < order.size(); ++i) other.noise[i] = cloud.noise[order[i]];
-    Points out(order.size());
-    refine(other.input(), *own_net_weights(), other.frame, out, {});
-    EXPECT_TRUE(same_bits(out, other.refined));
-  }
-}
-
 TEST(Learned, threads_and_the_order_of_points_do_not_change_a_bit) {
   for (const Points& points :
        {shapes::with_noise(shapes::waves(12000), 0.004), shapes::with_noise(shapes::uneven(9000, 1000), 0.0005),

@@ -2,16 +2,9 @@
 // The noise from place to place, and what follows it.
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <cmath>
-#include <functional>
-#include <limits>
 
-#include "estimate/node_grid.hpp"
-#include "estimate/noise_levels.hpp"
 #include "pipeline/pipeline_access.hpp"
-#include "point/node_field.h"
-#include "point/noise_field.h"
 #include "pointfair/pointfair.hpp"
 #include "reference.h"
 #include "runs.h"
@@ -25,10 +18,6 @@ using shapes::Points;
 constexpr int kPoints = 20000;  // over the unit square: the spacing is 0.007
 constexpr double kSpacing = 0.0071;
 constexpr double kQuiet = 0.1 * kSpacing, kLoud = 0.6 * kSpacing;
-
-void one_after_the_other(std::size_t count, const std::function<void(std::size_t)>& body) {
-  for (std::size_t i = 0; i < count; ++i) body(i);
-}
 
 double sigma_at(double x) { return x < 0.5 ? kQuiet : kLoud; }
 
@@ -171,60 +160,6 @@ TEST(NoiseLevels, without_noise_hardly_a_point_moves) {
   double moved = 0;
   for (std::size_t i = 0; i < points.size(); ++i) moved += std::abs(double(outcome.points[i].z) - points[i].z);
   EXPECT_LT(moved / double(points.size()), 0.001 * kSpacing);
-}
-
-// Against the reference's own interpolation, at nodes, between them, outside and nowhere.
-TEST(NodeField, is_trilinear_and_beyond_its_border_as_on_it) {
-  NoiseLevels levels;
-  shapes::Random random(3);
-  const std::size_t nodes = 8;
-  levels.nodes = int(nodes);
-  for (std::size_t i = 0; i < nodes * nodes * nodes; ++i) levels.levels.push_back(float(random.uniform(0.2, 4)));
-  levels.first = {-1, 2, 3};
-  levels.nodes_per_unit = 4;
-  reference::Settings settings;
-  settings.levels = std::make_shared<const NoiseLevels>(levels);
-  const point::NodeField field{levels.levels.data(), levels.nodes, {-1, 2, 3}, 4};
-  for (int i = 0; i < 2000; ++i) {
-    const Point p{float(random.uniform(-3, 3)), float(random.uniform(0, 6)), float(random.uniform(1, 7))};
-    ASSERT_NEAR(point::node_value(field, {p.x, p.y, p.z}), reference::noise_level(settings, p), 1e-4);
-  }
-  EXPECT_EQ(point::node_value(field, {-1, 2, 3}), levels.levels[0]);
-  EXPECT_EQ(point::node_value(field, {-0.75f, 2, 3}), levels.levels[1]);
-  EXPECT_EQ(point::node_value(field, {-1, 2.25f, 3}), levels.levels[nodes]);
-  const float nan = std::numeric_limits<float>::quiet_NaN(), far = std::numeric_limits<float>::infinity();
-  EXPECT_EQ(point::node_value(field, {nan, nan, nan}), levels.levels[0]);
-  EXPECT_EQ(point::node_value(field, {far, far, far}), levels.levels.back());
-  EXPECT_EQ(point::node_value({}, {1, 2, 3}), 1);
-}
-
-TEST(NodeField, of_one_value_has_it_everywhere) {
-  const Points places = shapes::sphere(300);
-  const NodeLevels levels =
-      levels_between(places, std::vector<double>(places.size(), std::log(2.5)), one_after_the_other);
-  ASSERT_EQ(levels.nodes, 32);
-  ASSERT_EQ(levels.levels.size(), std::size_t(32 * 32 * 32));
-  for (const float level : levels.levels) ASSERT_NEAR(level, 2.5, 1e-5);
-}
-
-// Few places do not need as fine a grid.
-TEST(NodeField, has_about_as_many_nodes_along_an_axis_as_places_on_a_surface_have) {
-  for (const auto& [places, nodes] : {std::pair(64, 8), {65, 16}, {256, 16}, {257, 32}, {5000, 32}}) {
-    const NodeLevels levels =
-        levels_between(shapes::plane(places), std::vector<double>(std::size_t(places), 0.0), one_after_the_other);
-    EXPECT_EQ(levels.nodes, nodes) << places;
-    EXPECT_EQ(levels.levels.size(), std::size_t(nodes * nodes * nodes));
-  }
-}
-
-TEST(NodeField, passes_near_the_values_that_it_lies_between) {
-  const Points places = shapes::plane(2000);
-  std::vector<double> logs;
-  for (const Point& p : places) logs.push_back(std::sin(3 * double(p.x)) * double(p.y));
-  reference::Settings settings;
-  settings.levels = std::make_shared<const NoiseLevels>(NoiseLevels{levels_between(places, logs, one_after_the_other)});
-  for (std::size_t i = 0; i < places.size(); ++i)
-    ASSERT_NEAR(std::log(reference::noise_level(settings, places[i])), logs[i], 0.12) << i;
 }
 
 }  // namespace

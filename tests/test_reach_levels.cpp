@@ -8,8 +8,6 @@
 #include <vector>
 
 #include "pipeline/pipeline_access.hpp"
-#include "point/neighborhoods.h"
-#include "point/normal.h"
 #include "pointfair/pointfair.hpp"
 #include "reference.h"
 #include "runs.h"
@@ -80,27 +78,6 @@ TEST(ReachLevels, keep_rough_ground_from_being_averaged_on) {
   once.iterations = 1;
   once.normal_filter = NormalFilter::off;
   EXPECT_LT(left(Outcome(points).points), 1.15 * left(Outcome(points, once).points));
-}
-
-TEST(FurtherShare, is_none_at_eight_points_of_least_error_and_whole_from_fourteen) {
-  const auto of_points = [](float points) { return point::further_share(points / point::kReachPoints); };
-  EXPECT_EQ(of_points(5), 0);
-  EXPECT_EQ(of_points(8), 0);
-  EXPECT_NEAR(of_points(11), 0.5, 1e-6);
-  EXPECT_EQ(of_points(15), 1);
-  EXPECT_EQ(point::further_share(1), 1);
-}
-
-TEST(Turned, goes_a_share_of_the_way_and_keeps_length_one) {
-  const point::Vec3<float> from{1, 0, 0}, to{0.6f, 0.8f, 0};
-  const auto all = point::turned(from, to, 1.0f), none = point::turned(from, to, 0.0f),
-             half = point::turned(from, to, 0.5f);
-  EXPECT_EQ(all.x, to.x);
-  EXPECT_EQ(all.y, to.y);
-  EXPECT_EQ(none.x, 1);
-  EXPECT_NEAR(half.y / half.x, 0.5, 1e-6);
-  EXPECT_NEAR(point::squared_length(half), 1, 1e-6);
-  EXPECT_EQ(point::squared_length(point::turned(point::Vec3<float>{}, point::Vec3<float>{}, 0.5f)), 0);
 }
 
 TEST(ReachLevels, are_followed_where_the_number_of_neighbors_is_automatic_only) {

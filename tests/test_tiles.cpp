@@ -257,34 +257,5 @@ TEST(Tiles, has_the_estimates_of_the_whole) {
   }
 }
 
-TEST(Tiles, runs_a_stage_again_without_the_others) {
-  const Points points = cloud(20000);
-  StageSettings settings = usual();
-  settings.iterations = 2;
-  const auto cut = Place{Device::cpu, 1}.make_tiled({3});
-  run(*cut, points, settings);
-  settings.fairing.similarity_sigma = 0.005f;
-  settings.iterations = 1;
-  cut->fair(0, settings.fairing, {});
-  Points again(points.size());
-  cut->download(0, again, {}, {});
-  EXPECT_EQ(difference(again, run(*make_cpu_backend(0), points, settings).points), "");
-}
-
-TEST(Tiles, stops_when_asked_and_then_runs_again) {
-  const Points points = cloud(20000);
-  for (const Place& place : places()) {
-    const auto cut = place.make_tiled({4});
-    std::stop_source stop;
-    cut->upload(points, IndexOrder::fastest);
-    cut->build_index(0, {}, {});
-    cut->find_neighbors(0, {8, 0, false, 0}, {});
-    cut->estimate_normals(0, {0.02f}, {});
-    stop.request_stop();
-    expect_error(ErrorKind::interrupted, "", [&] { cut->fair(0, usual().fairing, stop.get_token()); });
-    EXPECT_EQ(difference(run(*cut, points, usual()).points, run(*place.make(), points, usual()).points), "");
-  }
-}
-
 }  // namespace
 }  // namespace pointfair
