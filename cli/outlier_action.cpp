@@ -33,12 +33,6 @@ const char* attribute_of(const OutlierAction& action) {
   return action.kind == Kind::classify ? "classification" : "withheld";
 }
 
-std::optional<AttributeInfo> find_info(const Cloud& cloud, const std::string& name) {
-  for (const AttributeInfo& info : attributes(cloud))
-    if (info.name == name) return info;
-  return std::nullopt;
-}
-
 // The mean height of the points that are no outliers, in cells of the plane that hold some 16 of them.
 class Ground {
  public:

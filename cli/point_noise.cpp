@@ -54,12 +54,6 @@ std::vector<float> floats_of(const Attribute& attribute) {
   return {};
 }
 
-std::optional<AttributeInfo> find_info(const Cloud& cloud, const std::string& name) {
-  for (const AttributeInfo& info : attributes(cloud))
-    if (info.name == name) return info;
-  return std::nullopt;
-}
-
 // Those that a noise can be read from.
 std::string scalar_names(const Cloud& cloud) {
   std::string names;
@@ -71,6 +65,12 @@ std::string scalar_names(const Cloud& cloud) {
 [[noreturn]] void refuse(const std::string& message) { throw Error(ErrorKind::usage, message); }
 
 }  // namespace
+
+std::optional<AttributeInfo> find_info(const Cloud& cloud, const std::string& name) {
+  for (const AttributeInfo& info : attributes(cloud))
+    if (info.name == name) return info;
+  return std::nullopt;
+}
 
 std::string take_noise_attribute(ParamArguments& params) {
   const auto its = std::find_if(params.given.begin(), params.given.end(),

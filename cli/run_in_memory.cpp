@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <optional>
@@ -15,7 +16,6 @@
 #include "point_noise.hpp"
 #include "pointfair/pointfair.hpp"
 #include "result_page.hpp"
-#include "viewpoint_note.hpp"
 
 namespace pointfair::cli {
 namespace {
@@ -100,6 +100,27 @@ std::string faces_note(const Params& params, const Limits& limits, const Cloud& 
                      faces.size());
 }
 
+// A sentence if a sensor stood more than a hundred diagonals outside the bounds of the cloud, as where its place is in
+// another unit or another coordinate system; else empty.
+std::string far_viewpoint_note(std::span<const Position> viewpoints, const Cloud& cloud, const Estimates& estimates) {
+  constexpr double kFar = 100;  // diagonals; a crop of a flight has some dozens
+  if (!(estimates.diagonal > 0)) return {};
+  double farthest = 0;
+  for (const Position& place : viewpoints) {
+    double squares = 0;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const double offset = place[axis] - cloud.origin[axis];
+      squares += std::pow(std::max({0.0, estimates.min[axis] - offset, offset - estimates.max[axis]}), 2);
+    }
+    if (std::isfinite(squares)) farthest = std::max(farthest, std::sqrt(squares));
+  }
+  if (farthest <= kFar * estimates.diagonal) return {};
+  return fmt::format(
+      "the sensor stood {:.0f} diagonals outside the bounds of the cloud, so its place may be in another unit or "
+      "coordinate system; --viewpoint x,y,z gives another, --viewpoint none gives none",
+      farthest / estimates.diagonal);
+}
+
 // Of an OBJ file that is written into another folder: that the file of its materials, which it names before its first
 // vertex, is not there; else empty.
 std::string materials_note(const RunArguments& arguments, const Cloud& cloud, const WriteOptions& options) {
@@ -179,8 +200,8 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
     count_limited(cloud, limits, movable, findings);
     if (copies) return find_copied(write_options, denoised, pipeline, findings);
     find_out(arguments.normals == "keep", write_options, cloud, denoised, pipeline, stop, findings);
-    const std::string far_away =
-        far_viewpoint_note(arguments.viewpoint.empty() ? file_viewpoints(cloud) : viewpoints, cloud);
+    const std::string far_away = far_viewpoint_note(arguments.viewpoint.empty() ? file_viewpoints(cloud) : viewpoints,
+                                                    cloud, pipeline.estimates(stop));
     if (!far_away.empty()) findings.notes.push_back(far_away);
     if (const std::string faces = faces_note(params, limits, cloud); !faces.empty()) findings.notes.push_back(faces);
     if (const std::string left = materials_note(arguments, cloud, write_options); !left.empty())

@@ -25,7 +25,6 @@ struct StageSettings {
   int iterations = 1;
   DisplacementLimits limits;
   std::optional<Frame> frame;
-  bool leaving = false;  // the download is announced
 
   IndexOrder order() const { return frame ? IndexOrder::along_curve : IndexOrder::fastest; }
 };
@@ -50,7 +49,7 @@ inline StageResults run(Backend& backend, const std::vector<Point>& points, cons
     backend.estimate_normals(iteration, settings.normals, {});
     FairingSettings fairing = settings.fairing;
     fairing.is_further = iteration > 0;
-    backend.fair(iteration, fairing, settings.leaving, {});
+    backend.fair(iteration, fairing, {});
   }
   const int last = settings.iterations - 1;
   StageResults result{std::vector<Point>(points.size()), std::vector<Point>(points.size()), {}, {}};

@@ -99,11 +99,11 @@ void measure(Backend& backend, const Points& points, const Case& c, int repeat) 
     const double t[] = {milliseconds(backend, [&] { backend.build_index(0, {}, {}); }),
                         milliseconds(backend, [&] { backend.find_neighbors(0, neighbors, {}); }),
                         milliseconds(backend, [&] { backend.estimate_normals(0, normals, {}); }),
-                        milliseconds(backend, [&] { backend.fair(0, fairing, false, {}); }), milliseconds(backend, [&] {
+                        milliseconds(backend, [&] { backend.fair(0, fairing, {}); }), milliseconds(backend, [&] {
                           backend.build_index(0, {}, {});
                           backend.find_neighbors(0, neighbors, {});
                           backend.estimate_normals(0, normals, {});
-                          backend.fair(0, fairing, false, {});
+                          backend.fair(0, fairing, {});
                         })};
     for (int i = 0; i < 5 && n >= 2; ++i) times[i].push_back(t[i] - wait);
     if (n >= 2) times[5].push_back(wait);

@@ -27,8 +27,8 @@ class ForwardingBackend : public Backend, public Sampling {
   void estimate_normals(int iteration, const NormalSettings& settings, std::stop_token stop) override {
     to_->estimate_normals(iteration, settings, stop);
   }
-  void fair(int iteration, const FairingSettings& settings, bool leaves, std::stop_token stop) override {
-    to_->fair(iteration, settings, leaves, stop);
+  void fair(int iteration, const FairingSettings& settings, std::stop_token stop) override {
+    to_->fair(iteration, settings, stop);
   }
   OutlierCounts download(int iteration, std::span<Point> points, const DisplacementLimits& limits,
                          std::span<std::uint8_t> outliers) override {

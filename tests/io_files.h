@@ -7,16 +7,13 @@
 
 #include <algorithm>
 #include <csignal>
-#include <cstdlib>
 #include <cstring>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "pointfair/io.hpp"
+#include "runs.h"
 
 namespace pointfair::test {
 
@@ -32,22 +29,6 @@ inline Cloud parse(const std::string& bytes, const std::string& name = "cloud.pl
 inline std::string image(const Cloud& cloud, Format format, std::optional<Encoding> encoding = {}) {
   const std::vector<std::byte> bytes = write_bytes(cloud, format, encoding);
   return std::string(reinterpret_cast<const char*>(bytes.data()), bytes.size());
-}
-
-/// The error that `call` throws: its kind and its message. Fails the test if there is none.
-struct Thrown {
-  ErrorKind kind = ErrorKind::failed;
-  std::string message;
-};
-template <class Call>
-Thrown thrown_by(const Call& call) {
-  try {
-    call();
-  } catch (const Error& error) {
-    return {error.kind(), error.what()};
-  }
-  ADD_FAILURE() << "no error was thrown";
-  return {};
 }
 
 /// What `call` throws while files may have at most so many bytes, which is as a disk that is full.
@@ -94,36 +75,6 @@ std::string packed(std::initializer_list<T> numbers, bool big_endian = false) {
     bytes.append(one, sizeof(T));
   }
   return bytes;
-}
-
-/// A folder that goes away with the test.
-class Folder {
- public:
-  Folder() {
-    std::string pattern = (std::filesystem::temp_directory_path() / "pointfair-test-XXXXXX").string();
-    path_ = ::mkdtemp(pattern.data());
-  }
-  ~Folder() { std::filesystem::remove_all(path_); }
-  std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
-  /// Names of all that is in it.
-  std::vector<std::string> names() const {
-    std::vector<std::string> found;
-    for (const auto& entry : std::filesystem::directory_iterator(path_)) found.push_back(entry.path().filename());
-    std::sort(found.begin(), found.end());
-    return found;
-  }
-
- private:
-  std::filesystem::path path_;
-};
-
-inline void put_file(const std::filesystem::path& path, const std::string& bytes) {
-  std::ofstream(path, std::ios::binary) << bytes;
-}
-
-inline std::string file_bytes(const std::filesystem::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  return std::string(std::istreambuf_iterator<char>(file), {});
 }
 
 struct Sample {

@@ -55,9 +55,9 @@ class MeddlingBackend final : public ForwardingBackend {
     meddling_.at_call();
     ForwardingBackend::estimate_normals(iteration, settings, stop);
   }
-  void fair(int iteration, const FairingSettings& settings, bool leaves, std::stop_token stop) override {
+  void fair(int iteration, const FairingSettings& settings, std::stop_token stop) override {
     meddling_.at_call();
-    ForwardingBackend::fair(iteration, settings, leaves, stop);
+    ForwardingBackend::fair(iteration, settings, stop);
   }
   OutlierCounts download(int iteration, std::span<Point> points, const DisplacementLimits& limits,
                          std::span<std::uint8_t> outliers) override {

@@ -7,6 +7,8 @@
 
 #include "estimate/automatic.hpp"
 #include "pointfair/pointfair.hpp"
+#include "reference.h"
+#include "runs.h"
 #include "shapes.h"
 
 namespace pointfair {
@@ -64,39 +66,25 @@ TEST(Automatic, a_given_radius_changes_nothing_else) {
   EXPECT_EQ(wider.relaxation, automatic.relaxation);
 }
 
-// Root mean square of how far points lie off the sphere of radius 1, or off the plane z = 0.
-double off_sphere(const Points& points) {
-  double sum = 0;
-  for (const Point& p : points) sum += std::pow(std::hypot(double(p.x), double(p.y), double(p.z)) - 1, 2);
-  return std::sqrt(sum / double(points.size()));
-}
-double off_plane(const Points& points) {
-  double sum = 0;
-  for (const Point& p : points) sum += double(p.z) * double(p.z);
-  return std::sqrt(sum / double(points.size()));
-}
-
-// With nothing set, and with radii of 2.5 sigma and the 16th neighbour whatever the shape.
+// With nothing set, and with radii of 2.5 sigma and the 16th neighbour whatever the shape; `off`: a point's distance to
+// the true surface.
 struct Left {
   double automatic, of_one_width;
 };
-Left left(const Points& noisy, double (*off)(const Points&)) {
-  Pipeline pipeline(Device::cpu);
-  pipeline.load(noisy);
-  Points out(noisy.size());
+Left left(const Points& noisy, double (*off)(Point)) {
+  Ran automatic(noisy);
   Params params;
-  pipeline.run(params, out);
-  const double automatic = off(out);
-  params.radius = 2.5 * pipeline.estimates().noise;
+  params.radius = 2.5 * automatic.pipeline.estimates().noise;
   params.min_neighbors = 16;
-  pipeline.run(params, out);
-  return {automatic, off(out)};
+  return {reference::rms(automatic.points, off), reference::rms(Ran(noisy, params).points, off)};
 }
 
 TEST(Automatic, less_noise_is_left_than_by_one_radius_for_all_shapes) {
-  const Left plane = left(shapes::with_noise(shapes::plane(10000), 0.02), off_plane);  // two spacings
+  const Left plane =
+      left(shapes::with_noise(shapes::plane(10000), 0.02), [](Point p) { return double{p.z}; });  // two spacings
   EXPECT_LT(plane.automatic, 0.85 * plane.of_one_width);
-  const Left round = left(shapes::with_noise(shapes::sphere(4000), 0.18), off_sphere);  // a sixth of the radius
+  const Left round = left(shapes::with_noise(shapes::sphere(4000), 0.18),
+                          [](Point p) { return std::hypot(double{p.x}, p.y, p.z) - 1; });  // a sixth of the radius
   EXPECT_LT(round.automatic, round.of_one_width);
 }
 

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Whether a cloud is computed in memory or in tiles on disk: the rule, and what jobs ask for.
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cstdint>
 #include <filesystem>
 #include <string>
 
 #include "pointfair/pointfair.hpp"
+#include "runs.h"
 #include "scale/choice.hpp"
 #include "shapes.h"
 
@@ -52,19 +52,17 @@ TEST(Choice, says_which_parameters_need_the_whole_cloud) {
 
 class ChoiceOfJobs : public testing::Test {
  protected:
-  ChoiceOfJobs() : folder_(fs::temp_directory_path() / ("pointfair_choice_" + std::to_string(::getpid()))) {
-    fs::create_directories(folder_);
+  ChoiceOfJobs() {
     Cloud cloud;
     cloud.points = shapes::sphere(2000, 3);
     write(folder_ / "in.ply", cloud);
     job_.inputs = {folder_ / "in.ply"};
     job_.output = folder_ / "out.ply";
   }
-  ~ChoiceOfJobs() override { fs::remove_all(folder_); }
 
   bool in_tiles(const fs::path& work = {}) const { return TiledRun::choose(job_, work, Device(Device::cpu)).in_tiles; }
 
-  fs::path folder_;
+  const test::Folder folder_;
   TiledJob job_;
 };
 

@@ -7,6 +7,8 @@
 
 #include "estimate/coordinate_steps.hpp"
 #include "pointfair/pointfair.hpp"
+#include "reference.h"
+#include "runs.h"
 #include "shapes.h"
 
 namespace pointfair {
@@ -23,10 +25,7 @@ Points rounded(Points points, double step) {
   return points;
 }
 
-double squared_distance(const Point& a, const Point& b) {
-  return (double(a.x) - b.x) * (double(a.x) - b.x) + (double(a.y) - b.y) * (double(a.y) - b.y) +
-         (double(a.z) - b.z) * (double(a.z) - b.z);
-}
+double squared_distance(const Point& a, const Point& b) { return std::pow(reference::distance(a, b), 2); }
 
 // Of every n-th point, so that there are 300.
 std::vector<std::size_t> sampled(const Points& points) {
@@ -133,17 +132,10 @@ TEST(CoordinateSteps, do_not_depend_on_where_the_cloud_lies) {
 
 double mean_distance_to_sphere(const Points& points) {
   double sum = 0;
-  for (const Point& p : points)
-    sum += std::abs(std::sqrt(double(p.x) * p.x + double(p.y) * p.y + double(p.z) * p.z) - 1);
+  for (const Point& p : points) sum += std::abs(reference::length(reference::to_vec(p)) - 1);
   return sum / double(points.size());
 }
-Points denoised(const Points& points) {
-  Pipeline pipeline(Device::cpu);
-  pipeline.load(points);
-  Points out(points.size());
-  pipeline.run({}, out);
-  return out;
-}
+Points denoised(const Points& points) { return Ran(points).points; }
 
 // Where steps were not known, rounding to three sigmas and more left the input as it was.
 // Points of a wall then lie on two or three values, like on the sides of a thin part.

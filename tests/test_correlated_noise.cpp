@@ -8,6 +8,8 @@
 
 #include "estimate/estimate.hpp"
 #include "pointfair/pointfair.hpp"
+#include "reference.h"
+#include "runs.h"
 #include "seam/backend.hpp"
 #include "shapes.h"
 
@@ -57,13 +59,7 @@ double correlation(const Points& points) {
 }
 
 double rms_height_after_a_run(const Points& points, const Params& params) {
-  Pipeline pipeline(Device::cpu);
-  pipeline.load(points);
-  Points out(points.size());
-  pipeline.run(params, out);
-  double squares = 0;
-  for (const Point& p : out) squares += double(p.z) * p.z;
-  return std::sqrt(squares / double(out.size()));
+  return reference::rms(Ran(points, params).points, [](Point p) { return double{p.z}; });
 }
 
 TEST(CorrelatedNoise, is_told_from_other_noise_and_from_shape) {

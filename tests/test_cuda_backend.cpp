@@ -81,20 +81,6 @@ TEST_F(CudaBackendTest, equals_the_cpu_with_a_radius) {
   expect_same(points, with_area, "radius and area weight");
 }
 
-TEST_F(CudaBackendTest, equals_the_cpu_where_points_leave_in_parts) {
-  std::vector<Point> cloud = noisy_sphere(100000, 19, 0.002);
-  for (std::size_t i = 0; i < cloud.size(); i += 9) cloud[i].z = kNan;
-  StageSettings settings;
-  settings.leaving = true;
-  for (const int count : {100000, 257, 5, 1, 0})
-    for (const int k : {2, 8, 12, 40}) {
-      settings.neighbors.k = k;
-      expect_same({cloud.begin(), cloud.begin() + count}, settings, "in parts");
-    }
-  settings.fairing.area_weight = AreaWeight::squared;
-  expect_same(cloud, settings, "an area weight, at once");
-}
-
 TEST_F(CudaBackendTest, equals_the_cpu_with_every_switch) {
   const std::vector<Point> points = noisy_sphere(100000, 8, 0.002);
   for (const AreaWeight area : {AreaWeight::length, AreaWeight::squared}) {
@@ -310,18 +296,6 @@ TEST_F(CudaBackendTest, bounds_and_samples_equal_the_cpu) {
     }
     EXPECT_EQ(difference(rows, expected), "") << k;
   }
-}
-
-TEST_F(CudaBackendTest, runs_repeat_to_the_bit_and_stages_repeat_alone) {
-  const std::vector<Point> points = noisy_sphere(100000, 15, 0.002);
-  StageSettings settings;
-  const StageResults once = run(*cuda_, points, settings), again = run(*cuda_, points, settings);
-  EXPECT_EQ(difference(once.points, again.points), "");
-  settings.fairing.similarity_sigma = 0.01f;
-  cuda_->fair(0, settings.fairing, false, {});
-  std::vector<Point> changed(points.size());
-  cuda_->download(0, changed, {}, {});
-  EXPECT_EQ(difference(changed, run(*cpu_, points, settings).points), "");
 }
 
 TEST(CudaDevices, a_card_that_is_not_there_is_refused_with_a_reason) {

@@ -65,7 +65,7 @@ TEST_F(CudaBackendTest, in_parts_stages_repeat_alone) {
   expect_equal(run(backend, points, settings), first, "after the upload");
   std::vector<Point> out(points.size());
   const auto fair = [&] {
-    backend.fair(0, settings.fairing, false, {});
+    backend.fair(0, settings.fairing, {});
     backend.download(0, out, {}, {});
     return out;
   };
@@ -75,7 +75,7 @@ TEST_F(CudaBackendTest, in_parts_stages_repeat_alone) {
   backend.build_index(0, {}, {});
   backend.find_neighbors(0, settings.neighbors, {});
   backend.estimate_normals(0, settings.normals, {});
-  backend.fair(0, settings.fairing, false, {});
+  backend.fair(0, settings.fairing, {});
   settings.fairing.similarity_sigma = 0.02f;
   backend.estimate_normals(0, settings.normals, {});
   EXPECT_EQ(difference(fair(), run(*cpu_, points, settings).points), "");
@@ -98,7 +98,7 @@ TEST_F(CudaBackendTest, in_parts_a_stop_is_an_interruption_and_the_next_run_is_w
   backend.overlap()->finish_upload();
   backend.find_neighbors(0, settings.neighbors, std::stop_source().get_token());
   backend.estimate_normals(0, settings.normals, {});
-  backend.fair(0, settings.fairing, false, {});
+  backend.fair(0, settings.fairing, {});
   std::vector<Point> out(points.size());
   backend.download(0, out, {}, {});
   EXPECT_EQ(difference(out, run(*cpu_, points, settings).points), "");
@@ -107,7 +107,7 @@ TEST_F(CudaBackendTest, in_parts_a_stop_is_an_interruption_and_the_next_run_is_w
   backend.build_index(0, {}, unused.get_token());
   backend.find_neighbors(0, settings.neighbors, unused.get_token());
   backend.estimate_normals(0, settings.normals, unused.get_token());
-  backend.fair(0, settings.fairing, false, unused.get_token());
+  backend.fair(0, settings.fairing, unused.get_token());
   backend.download(0, out, {}, {});
   backend.overlap()->finish_upload();
   EXPECT_EQ(difference(out, run(*cpu_, points, settings).points), "");

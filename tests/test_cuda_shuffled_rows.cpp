@@ -111,7 +111,7 @@ TEST_F(CudaShuffledRows, of_parts_that_are_merged_along_the_curve_equal_the_whol
   cuda_->build_index(0, settings.frame, {});
   cuda_->find_neighbors(0, settings.neighbors, {});
   cuda_->estimate_normals(0, settings.normals, {});
-  cuda_->fair(0, settings.fairing, false, {});
+  cuda_->fair(0, settings.fairing, {});
   std::vector<Point> at_once(points.size()), normals(points.size());
   cuda_->download(0, at_once, {}, {});
   cuda_->download_normals(0, normals, {});

@@ -6,18 +6,6 @@
 namespace pointfair {
 namespace {
 
-TEST_F(CudaBackendTest, a_stop_is_an_interruption) {
-  cuda_->upload(shapes::sphere(1000), IndexOrder::fastest);
-  std::stop_source stop;
-  stop.request_stop();
-  try {
-    cuda_->build_index(0, {}, stop.get_token());
-    FAIL() << "not interrupted";
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::interrupted);
-  }
-}
-
 // Kernels that run when a stop comes give up.
 TEST_F(CudaBackendTest, a_stop_ends_kernels_that_run) {
   const std::vector<Point> points = cut(noisy_sphere(100000, 17, 0.002));

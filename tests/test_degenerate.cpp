@@ -10,28 +10,13 @@
 
 #include "pointfair/pipeline.hpp"
 #include "reference.h"
+#include "runs.h"
 #include "shapes.h"
 
 namespace pointfair {
 namespace {
 
 using shapes::Points, shapes::same_bits;
-
-struct Result {
-  Points points;
-  Report report;
-  Estimates estimates;
-};
-
-Result fair(const Points& points, const Params& params = {}) {
-  Pipeline pipeline(Device(Device::cpu, 0, 2));
-  pipeline.load(points);
-  Result result{Points(points.size()), {}, {}};
-  pipeline.run(params, result.points);
-  result.report = pipeline.report();
-  result.estimates = pipeline.estimates();
-  return result;
-}
 
 std::vector<Params> all_kinds() {
   Params list, constrained = paper_preset(), radius, share_of_diagonal, spacings;
@@ -57,11 +42,11 @@ bool all_finite(const Points& points) {
 
 TEST(Degenerate, no_points_are_no_points_with_every_kind_of_neighborhood) {
   for (const Params& params : all_kinds()) {
-    const Result result = fair({}, params);
+    Ran result(Points{}, params);
     EXPECT_EQ(result.report.points, 0u);
     EXPECT_EQ(unmoved(result.report), 0u);
-    EXPECT_EQ(result.estimates.diagonal, 0);
-    EXPECT_EQ(result.estimates.spacing, 0);
+    EXPECT_EQ(result.pipeline.estimates().diagonal, 0);
+    EXPECT_EQ(result.pipeline.estimates().spacing, 0);
   }
 }
 
@@ -69,7 +54,7 @@ TEST(Degenerate, one_two_and_three_points_keep_their_places_and_are_counted) {
   for (int count = 1; count <= 3; ++count)
     for (const Params& params : all_kinds()) {
       const Points points = shapes::sphere(count);
-      const Result result = fair(points, params);
+      Ran result(points, params);
       EXPECT_TRUE(same_bits(result.points, points));
       EXPECT_EQ(result.report.unmoved.too_few_neighbors, std::uint64_t(count));
     }
@@ -83,13 +68,8 @@ TEST(Degenerate, no_parameters_are_resolved_where_nothing_can_be_measured) {
     pipeline.load(points);
     const std::vector<Params> of_three = {Params{}};  // others need the spacing alone, which three points have
     for (const Params& params : points.size() == 3 ? of_three : all_kinds()) {
-      try {
-        pipeline.resolve(params);
-        ADD_FAILURE() << points.size() << " points";
-      } catch (const Error& error) {
-        EXPECT_EQ(error.kind(), ErrorKind::usage);
-        EXPECT_NE(std::string(error.what()).find("nothing to measure"), std::string::npos) << error.what();
-      }
+      SCOPED_TRACE(points.size());
+      expect_error(ErrorKind::usage, "nothing to measure", [&] { pipeline.resolve(params); });
     }
     Points out(points.size());
     pipeline.run({}, out);
@@ -115,7 +95,7 @@ TEST(Degenerate, lengths_in_percent_or_spacings_of_nothing_are_reported_as_lengt
     for (const Length length : {Length(1, Length::Unit::percent), Length(2, Length::Unit::spacing)}) {
       Params params;
       params.*(*field) = length;
-      const Params used = fair(shapes::identical(300), params).report.params;
+      const Params used = Ran(shapes::identical(300), params).report.params;
       EXPECT_GT((used.*(*field)).value, 0) << info.name;
       EXPECT_NO_THROW(check_params(used)) << info.name;
     }
@@ -127,30 +107,19 @@ TEST(Degenerate, k_points_and_one_more_are_faired_with_all_there_are) {
     for (const int k : {16, 512}) {
       Params params;
       params.k = k;
-      const Result result = fair(shapes::with_noise(shapes::sphere(count), 0.05), params);
+      Ran result(shapes::with_noise(shapes::sphere(count), 0.05), params);
       EXPECT_TRUE(all_finite(result.points));
       EXPECT_EQ(result.report.unmoved.too_few_neighbors, 0u);
     }
 }
 
-TEST(Degenerate, one_and_two_neighbors_are_too_few_for_every_point) {
-  for (const int k : {1, 2}) {
-    Params params;
-    params.k = k;
-    const Points points = shapes::sphere(500);
-    const Result result = fair(points, params);
-    EXPECT_TRUE(same_bits(result.points, points));
-    EXPECT_EQ(result.report.unmoved.too_few_neighbors, points.size());
-  }
-}
-
-TEST(Degenerate, identical_points_keep_their_place_and_are_counted) {
-  const Points points = shapes::identical(3000);
-  for (const Params& params : all_kinds()) {
-    const Result result = fair(points, params);
-    EXPECT_TRUE(same_bits(result.points, points));
-    EXPECT_EQ(unmoved(result.report), points.size());
-  }
+TEST(Degenerate, identical_points_and_points_on_a_line_keep_their_places_and_are_counted) {
+  for (const Points& points : {shapes::identical(3000), shapes::line(3000)})
+    for (const Params& params : all_kinds()) {
+      Ran result(points, params);
+      EXPECT_TRUE(same_bits(result.points, points));
+      EXPECT_EQ(unmoved(result.report), points.size());
+    }
 }
 
 // As where a sensor writes the origin for what it did not see: the others are treated as if these were not there.
@@ -161,7 +130,7 @@ TEST(Degenerate, a_crowd_at_one_place_stays_and_is_counted_and_the_others_are_tr
     const Point place = {3, 3, 3};
     for (int i = 0; i < crowd; ++i) points.insert(points.begin() + std::ptrdiff_t(i * 2), place);
     for (const Params& params : all_kinds()) {
-      const Result result = fair(points, params);
+      Ran result(points, params);
       std::uint64_t moved = 0;
       for (std::size_t i = 0; i < points.size(); ++i) {
         ASSERT_TRUE(std::isfinite(result.points[i].x));
@@ -177,21 +146,12 @@ TEST(Degenerate, a_crowd_at_one_place_stays_and_is_counted_and_the_others_are_tr
   }
 }
 
-TEST(Degenerate, points_on_a_line_keep_their_places_and_are_counted) {
-  const Points points = shapes::line(3000);
-  for (const Params& params : all_kinds()) {
-    const Result result = fair(points, params);
-    EXPECT_TRUE(same_bits(result.points, points));
-    EXPECT_EQ(unmoved(result.report), points.size());
-  }
-}
-
 TEST(Degenerate, doubled_points_move_alike) {
   Points points = shapes::with_noise(shapes::waves(1000), 0.004);
   points.insert(points.end(), points.begin(), points.end());
   Params params;
   params.radius = 0.1;
-  const Points out = fair(points, params).points;
+  const Points out = Ran(points, params).points;
   for (std::size_t i = 0; i < 1000; ++i)
     ASSERT_LT(reference::length(reference::to_vec(out[i]) - reference::to_vec(out[i + 1000])), 1e-5);
 }
@@ -199,23 +159,16 @@ TEST(Degenerate, doubled_points_move_alike) {
 TEST(Degenerate, nan_infinite_and_overflowing_points_keep_their_bits_and_are_counted) {
   const Points points = shapes::with_invalid(shapes::with_noise(shapes::waves(3000), 0.004), 6);
   for (const Params& params : all_kinds()) {
-    const Result result = fair(points, params);
+    Ran result(points, params);
     EXPECT_EQ(result.report.unmoved.non_finite, 500u);
-    EXPECT_EQ(result.estimates.points, 3000u);
-    EXPECT_EQ(result.estimates.finite, 2500u);
+    EXPECT_EQ(result.pipeline.estimates().points, 3000u);
+    EXPECT_EQ(result.pipeline.estimates().finite, 2500u);
     for (std::size_t i = 0; i < points.size(); ++i)
       if (!reference::is_valid(points[i]))
         ASSERT_EQ(std::memcmp(&result.points[i], &points[i], sizeof(Point)), 0);
       else
         ASSERT_TRUE(std::isfinite(result.points[i].x + result.points[i].y + result.points[i].z));
   }
-}
-
-TEST(Degenerate, only_invalid_points_come_back_as_they_are) {
-  const Points points = shapes::with_invalid(shapes::sphere(50), 1);
-  const Result result = fair(points);
-  EXPECT_TRUE(same_bits(result.points, points));
-  EXPECT_EQ(result.report.unmoved.non_finite, 50u);
 }
 
 TEST(Degenerate, invalid_points_do_not_change_the_others) {
@@ -226,9 +179,9 @@ TEST(Degenerate, invalid_points_do_not_change_the_others) {
   Params params;
   params.k = 16;
   params.normal_sigma = params.closeness_sigma = params.similarity_sigma = 0.05;
-  Points out = fair(mixed, params).points;
+  Points out = Ran(mixed, params).points;
   out.resize(points.size());
-  EXPECT_TRUE(same_bits(out, fair(points, params).points));
+  EXPECT_TRUE(same_bits(out, Ran(points, params).points));
 }
 
 TEST(Degenerate, a_stray_point_stays_and_does_not_change_the_others) {
@@ -236,9 +189,9 @@ TEST(Degenerate, a_stray_point_stays_and_does_not_change_the_others) {
   Params params;
   params.k = 16;
   params.normal_sigma = params.closeness_sigma = params.similarity_sigma = 0.05;
-  const Points expected = fair(points, params).points;
+  const Points expected = Ran(points, params).points;
   for (const float distance : {1e3f, 1e6f, 1e12f, 9e17f}) {
-    Points out = fair(shapes::with_stray(points, distance), params).points;
+    Points out = Ran(shapes::with_stray(points, distance), params).points;
     EXPECT_EQ(out.back().x, distance);
     EXPECT_EQ(out.back().y, distance);
     EXPECT_EQ(out.back().z, distance);
@@ -251,21 +204,14 @@ TEST(Degenerate, coordinates_from_tiny_to_1e17_stay_finite) {
   for (const float factor : {1e-30f, 1e-20f, 1e-15f, 1e-6f, 1e6f, 1e15f, 9e17f})
     for (Params params : {Params{}, paper_preset()}) {
       const Points points = shapes::scaled(shapes::with_noise(shapes::sphere(1000), 0.01), factor * 0.9f);
-      EXPECT_TRUE(all_finite(fair(points, params).points)) << factor;
+      EXPECT_TRUE(all_finite(Ran(points, params).points)) << factor;
     }
-}
-
-TEST(Degenerate, coordinates_of_1e30_pass_through_and_are_counted) {
-  const Points points = shapes::scaled(shapes::sphere(200), 1e30f);
-  const Result result = fair(points);
-  EXPECT_TRUE(same_bits(result.points, points));
-  EXPECT_EQ(result.report.unmoved.non_finite, 200u);
 }
 
 TEST(Degenerate, offsets_as_large_as_float_coordinates_of_utm_do_not_spoil_the_normals) {
   // 5e6 leaves steps of 0.5: what a float file of such coordinates holds is a lattice, whose plane is still level
   const Points points = shapes::shifted(shapes::scaled(shapes::plane(3000), 100), {448000, 5411000, 300});
-  const Result result = fair(points);
+  Ran result(points);
   for (std::size_t i = 0; i < points.size(); ++i) ASSERT_EQ(result.points[i].z, points[i].z);
 }
 
@@ -275,9 +221,9 @@ TEST(Degenerate, widths_far_below_the_spacing_leave_every_point_in_place) {
     Params params;
     params.k = 12;
     params.closeness_sigma = sigma;
-    EXPECT_TRUE(same_bits(fair(points, params).points, points)) << sigma;
+    EXPECT_TRUE(same_bits(Ran(points, params).points, points)) << sigma;
     params.normal_sigma = params.similarity_sigma = sigma;
-    EXPECT_TRUE(same_bits(fair(points, params).points, points)) << sigma;
+    EXPECT_TRUE(same_bits(Ran(points, params).points, points)) << sigma;
   }
 }
 
@@ -287,35 +233,31 @@ TEST(Degenerate, widths_far_above_the_cloud_stay_finite) {
     Params params;
     params.k = 12;
     params.normal_sigma = params.closeness_sigma = params.similarity_sigma = sigma;
-    EXPECT_TRUE(all_finite(fair(points, params).points)) << sigma;
+    EXPECT_TRUE(all_finite(Ran(points, params).points)) << sigma;
     params.radius = sigma;
-    EXPECT_TRUE(all_finite(fair(points, params).points)) << sigma;
+    EXPECT_TRUE(all_finite(Ran(points, params).points)) << sigma;
   }
 }
 
-TEST(Degenerate, a_radius_without_neighbors_leaves_every_point_in_place_and_counts_it) {
+TEST(Degenerate, points_with_fewer_than_three_neighbors_keep_their_places_and_are_counted) {
   const Points points = shapes::waves(1000);
-  for (const double radius : {1e-4, 1e-25}) {
-    Params params;
-    params.radius = radius;
-    params.min_neighbors = 1;
-    params.flat_scale = 1;
-    const Result result = fair(points, params);
+  std::vector<Params> kinds(5);
+  kinds[0].k = 1;
+  kinds[1].k = 2;
+  for (const std::size_t kind : {2, 3}) {
+    kinds[kind].radius = kind == 2 ? 1e-4 : 1e-25;
+    kinds[kind].min_neighbors = 1;
+    kinds[kind].flat_scale = 1;
+  }
+  kinds[4].k = 8;
+  kinds[4].constraint = true;
+  kinds[4].rho = kinds[4].delta = 1e-5;
+  for (const Params& params : kinds) {
+    const Ran result(points, params);
     EXPECT_TRUE(same_bits(result.points, points));
     EXPECT_EQ(result.report.unmoved.too_few_neighbors, points.size());
+    EXPECT_EQ(result.report.short_neighborhoods, params.constraint ? points.size() : 0);
   }
-}
-
-TEST(Degenerate, a_constraint_that_nothing_meets_counts_every_point) {
-  Params params;
-  params.k = 8;
-  params.constraint = true;
-  params.rho = params.delta = 1e-5;
-  const Points points = shapes::waves(1000);
-  const Result result = fair(points, params);
-  EXPECT_TRUE(same_bits(result.points, points));
-  EXPECT_EQ(result.report.unmoved.too_few_neighbors, points.size());
-  EXPECT_EQ(result.report.short_neighborhoods, points.size());
 }
 
 TEST(Degenerate, a_run_before_any_load_returns_no_points) {
@@ -331,14 +273,10 @@ TEST(Degenerate, more_points_than_a_pipeline_holds_are_refused_with_the_limit) {
     pipeline.load(shapes::sphere(100));
     Point point{};
     const std::span<const Point> too_many(&point, kMaxPoints + 1);
-    try {
-      pipeline.load(too_many);
-      ADD_FAILURE() << "nothing was thrown";
-    } catch (const Error& error) {
-      EXPECT_EQ(error.kind(), ErrorKind::usage);
-      EXPECT_NE(std::string(error.what()).find(std::to_string(kMaxPoints)), std::string::npos) << error.what();
-      EXPECT_NE(std::string(error.what()).find(std::to_string(kMaxPoints + 1)), std::string::npos) << error.what();
-    }
+    const test::Thrown thrown = test::thrown_by([&] { pipeline.load(too_many); });
+    EXPECT_EQ(thrown.kind, ErrorKind::usage);
+    for (const std::size_t count : {kMaxPoints, kMaxPoints + 1})
+      EXPECT_NE(thrown.message.find(std::to_string(count)), std::string::npos) << thrown.message;
     EXPECT_TRUE(pipeline.run().points.empty()) << "the cloud before is gone, as after any load that fails";
   }
 }
@@ -347,14 +285,8 @@ TEST(Degenerate, an_output_of_another_size_is_refused_with_both_counts) {
   Pipeline pipeline(Device::cpu);
   pipeline.load(shapes::sphere(100));
   Points out(99);
-  try {
-    pipeline.run({}, out);
-    ADD_FAILURE() << "nothing was thrown";
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::usage);
-    EXPECT_NE(std::string(error.what()).find("99"), std::string::npos);
-    EXPECT_NE(std::string(error.what()).find("100"), std::string::npos);
-  }
+  expect_error(ErrorKind::usage, "99", [&] { pipeline.run({}, out); });
+  expect_error(ErrorKind::usage, "100", [&] { pipeline.run({}, out); });
 }
 
 }  // namespace

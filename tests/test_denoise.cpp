@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tiles one after the other: what a kill may cost.
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <filesystem>
 #include <functional>
 
 #include "forwarding_backend.h"
+#include "runs.h"
 #include "scale/denoise.hpp"
 #include "scale/points_file.hpp"
 #include "shapes.h"
@@ -52,29 +52,25 @@ void store_strips(const fs::path& path, std::uint32_t strips) {
 
 TEST(Denoise, a_tile_is_computed_when_all_that_were_computed_before_are_on_the_disk) {
   constexpr std::uint32_t kTiles = 12;
-  const fs::path folder = fs::temp_directory_path() / ("pointfair-denoise-" + std::to_string(::getpid()));
-  fs::create_directories(folder);
+  const test::Folder folder;
   store_strips(folder / "input", kTiles);
-  {
-    const StoredCloud input({folder / "input"}, kTiles);
-    const auto path_of = [&](std::uint32_t tile) { return folder / std::to_string(tile); };
-    std::uint32_t given = 0, done = 0;
-    FramedSettings stages;
-    stages.neighbors.k = 8;
-    stages.normals.sigma = stages.fairing.closeness_sigma = stages.fairing.similarity_sigma = 2;
-    const auto next = [&]() -> std::unique_ptr<Denoising> {
-      if (given == kTiles) return nullptr;
-      const TileWork work{input, {given, given + 1}, stages, 1 << 20};
-      return std::make_unique<Denoising>(work, path_of(given++), std::stop_token());
-    };
-    Watched backend([&] {
-      while (done < kTiles && fs::exists(path_of(done))) ++done;
-      EXPECT_EQ(given, std::min(kTiles, done + 2));  // this one, and one that is read
-    });
-    denoise_all(next, backend);
-    for (std::uint32_t tile = 0; tile < kTiles; ++tile) EXPECT_TRUE(fs::exists(path_of(tile)));
-  }
-  fs::remove_all(folder);
+  const StoredCloud input({folder / "input"}, kTiles);
+  const auto path_of = [&](std::uint32_t tile) { return folder / std::to_string(tile); };
+  std::uint32_t given = 0, done = 0;
+  FramedSettings stages;
+  stages.neighbors.k = 8;
+  stages.normals.sigma = stages.fairing.closeness_sigma = stages.fairing.similarity_sigma = 2;
+  const auto next = [&]() -> std::unique_ptr<Denoising> {
+    if (given == kTiles) return nullptr;
+    const TileWork work{input, {given, given + 1}, stages, 1 << 20};
+    return std::make_unique<Denoising>(work, path_of(given++), std::stop_token());
+  };
+  Watched backend([&] {
+    while (done < kTiles && fs::exists(path_of(done))) ++done;
+    EXPECT_EQ(given, std::min(kTiles, done + 2));  // this one, and one that is read
+  });
+  denoise_all(next, backend);
+  for (std::uint32_t tile = 0; tile < kTiles; ++tile) EXPECT_TRUE(fs::exists(path_of(tile)));
 }
 
 }  // namespace

@@ -3,29 +3,16 @@
 #include <gtest/gtest.h>
 
 #include "pointfair/pointfair.hpp"
+#include "runs.h"
 #include "shapes.h"
 
 namespace pointfair {
 namespace {
 
-template <class Call>
-std::string usage_error_of(const Call& call) {
-  try {
-    call();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::usage);
-    return error.what();
-  }
-  return "";
-}
-
 TEST(DevicePoints, of_a_card_are_refused_by_a_pipeline_on_the_cpu) {
   float place[3] = {};
   Pipeline pipeline(Device::cpu);
-  EXPECT_NE(usage_error_of([&] {
-              pipeline.load(DevicePoints{place, 1}, {});
-            }).find("computes on the CPU"),
-            std::string::npos);
+  expect_error(ErrorKind::usage, "computes on the CPU", [&] { pipeline.load(DevicePoints{place, 1}, {}); });
 }
 
 TEST(DevicePoints, an_output_on_a_card_is_refused_by_a_pipeline_on_the_cpu_which_keeps_its_cloud) {
@@ -36,11 +23,10 @@ TEST(DevicePoints, an_output_on_a_card_is_refused_by_a_pipeline_on_the_cpu_which
   Pipeline pipeline(Device::cpu);
   pipeline.load(points);
   const DeviceOutput out{place.data(), points.size()};
-  EXPECT_NE(usage_error_of([&] { pipeline.run(params, out, {}); }).find("make it with Device::cuda"),
-            std::string::npos);
+  expect_error(ErrorKind::usage, "make it with Device::cuda", [&] { pipeline.run(params, out, {}); });
   std::vector<Point> expected(points.size()), result(points.size());
   pipeline.run(params, result);
-  EXPECT_NE(usage_error_of([&] { pipeline.normals(out, {}); }).find("computes on the CPU"), std::string::npos);
+  expect_error(ErrorKind::usage, "computes on the CPU", [&] { pipeline.normals(out, {}); });
   Pipeline other(Device::cpu);
   other.load(points);
   other.run(params, expected);
@@ -50,10 +36,7 @@ TEST(DevicePoints, an_output_on_a_card_is_refused_by_a_pipeline_on_the_cpu_which
 TEST(DevicePoints, an_output_of_another_size_is_refused_first) {
   Pipeline pipeline(Device::cpu);
   pipeline.load(shapes::sphere(500));
-  EXPECT_NE(usage_error_of([&] {
-              pipeline.run({}, DeviceOutput{nullptr, 499}, {});
-            }).find("holds 499 points"),
-            std::string::npos);
+  expect_error(ErrorKind::usage, "holds 499 points", [&] { pipeline.run({}, DeviceOutput{nullptr, 499}, {}); });
 }
 
 // The sample of few positions is all of them.

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "pointfair/pointfair.hpp"
+#include "runs.h"
 #include "shapes.h"
 
 namespace pointfair {
@@ -50,10 +51,8 @@ double distance(const Point& a, const Point& b) { return std::hypot(a.x - b.x, a
 TEST(HiddenSurface, ground_between_crowns_gets_no_worse_and_crowns_stay) {
   for (const unsigned seed : {1u, 2u, 3u}) {
     const Forest made = forest(400, 3200, seed);
-    Pipeline pipeline(Device::cpu);
-    pipeline.load(made.points);
-    Points after(made.points.size());
-    pipeline.run({}, after);
+    Ran run(made.points);
+    const Points& after = run.points;
     double before_squares = 0, squares = 0, most = 0;
     for (std::size_t i = 0; i < made.ground; ++i) {
       before_squares += std::pow(height_of(made.points[i]), 2);
@@ -62,18 +61,16 @@ TEST(HiddenSurface, ground_between_crowns_gets_no_worse_and_crowns_stay) {
     for (std::size_t i = made.ground; i < after.size(); ++i) most = std::max(most, distance(after[i], made.points[i]));
     EXPECT_LT(squares, 1.05 * 1.05 * before_squares) << seed;
     EXPECT_LT(most, 0.2) << seed;  // crown points are 1 apart
-    EXPECT_GT(pipeline.estimates().without_surface, 0.5) << seed;
+    EXPECT_GT(run.pipeline.estimates().without_surface, 0.5) << seed;
   }
 }
 
 TEST(HiddenSurface, without_noise_stays_as_it_is) {
   const Forest made = forest(400, 3200, 1, 0);
-  Pipeline pipeline(Device::cpu);
-  pipeline.load(made.points);
-  Points after(made.points.size());
-  pipeline.run({}, after);
+  Ran run(made.points);
+  const Points& after = run.points;
   for (std::size_t i = 0; i < after.size(); ++i) ASSERT_LT(distance(after[i], made.points[i]), 1e-3) << i;
-  EXPECT_GT(pipeline.estimates().without_surface, 0.5);
+  EXPECT_GT(run.pipeline.estimates().without_surface, 0.5);
 }
 
 TEST(HiddenSurface, is_not_seen_in_noise_however_large) {
@@ -98,14 +95,11 @@ TEST(HiddenSurface, is_no_plane_of_a_profile) {
       const double x = random.uniform(), y = double(i % kProfiles) / kProfiles;
       points.push_back({float(x), float(y), float(height(x, y) + noise * random.normal())});
     }
-    Pipeline pipeline(Device::cpu);
-    pipeline.load(points);
-    Points after(points.size());
-    pipeline.run({}, after);
+    Ran run(points);
     double squares = 0;
-    for (const Point& p : after) squares += std::pow(p.z - height(p.x, p.y), 2) / kPoints;
+    for (const Point& p : run.points) squares += std::pow(p.z - height(p.x, p.y), 2) / kPoints;
     EXPECT_LT(std::sqrt(squares), 0.25 * noise);
-    EXPECT_EQ(pipeline.estimates().without_surface, 0) << noise;
+    EXPECT_EQ(run.pipeline.estimates().without_surface, 0) << noise;
   }
 }
 

@@ -194,7 +194,7 @@ TEST(FilesRoundTrip, PublicScansComeBackByteForByte) {
   for (const auto& entry : std::filesystem::recursive_directory_iterator(data)) {
     const auto format = format_of(entry.path());
     if (!entry.is_regular_file() || !format || *format >= Format::las) continue;
-    if (entry.path().parent_path().filename() == "cases") continue;  // FilesCases has them, some are refused
+    if (entry.path().parent_path().filename() == "cases") continue;  // some are to be refused
     SCOPED_TRACE(entry.path());
     const Cloud cloud = read(entry.path());
     EXPECT_EQ(image(cloud, cloud.source ? *format : Format::ply), file_bytes(entry.path()));

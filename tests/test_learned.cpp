@@ -11,6 +11,7 @@
 #include "every_kernel.h"
 #include "learned_clouds.h"
 #include "pointfair/pipeline.hpp"
+#include "runs.h"
 #include "shapes.h"
 
 namespace pointfair {
@@ -25,19 +26,9 @@ bool same_bits(const Points& a, const Points& b) { return learned_clouds::differ
 
 Points learned(const Points& points, unsigned threads = 1, Params params = {}) {
   params.method = Method::learned;
-  Pipeline pipeline(Device(Device::cpu, 0, threads));
-  pipeline.load(points);
-  Points result(points.size());
-  pipeline.run(params, result);
-  return result;
+  return Ran(points, params, threads).points;
 }
-Points classical(const Points& points) {
-  Pipeline pipeline(Device(Device::cpu, 0, 1));
-  pipeline.load(points);
-  Points result(points.size());
-  pipeline.run(Params{}, result);
-  return result;
-}
+Points classical(const Points& points) { return Ran(points, {}, 1).points; }
 
 double distance(const Point& a, const Point& b) { return std::hypot(a.x - b.x, a.y - b.y, a.z - b.z); }
 
@@ -53,20 +44,6 @@ TEST(Learned, every_instruction_set_gives_the_bits_of_the_integer_reference) {
     };
     for (const cpu::Kernels* kernels : available_kernels()) expect_same(*kernels, cpu::best_net_kernels());
     for (const cpu::NetKernels* net_kernels : available_net_kernels()) expect_same(cpu::best_kernels(), *net_kernels);
-  }
-}
-
-TEST(Learned, the_order_of_points_does_not_change_a_bit_of_the_reference) {
-  for (const learned_clouds::Golden& cloud : learned_clouds::golden_clouds()) {
-    const auto order = shapes::shuffle_order(cloud.measured.size(), 9);
-    learned_clouds::Golden other = cloud;
-    for (Points learned_clouds::Golden::*rows : {&learned_clouds::Golden::measured, &learned_clouds::Golden::classical,
-                                                 &learned_clouds::Golden::normals, &learned_clouds::Golden::refined})
-      other.*rows = shapes::permuted(cloud.*rows, order);
-    for (std::size_t i = 0; i < order.size(); ++i) other.noise[i] = cloud.noise[order[i]];
-    Points out(order.size());
-    refine(other.input(), *own_net_weights(), other.frame, out, {});
-    EXPECT_TRUE(same_bits(out, other.refined));
   }
 }
 
@@ -101,15 +78,17 @@ TEST(Learned, no_point_leaves_the_default_run_by_more_than_one_noise) {
   }
 }
 
+// Mean distance to the unit sphere.
+double left(const Points& points) {
+  double sum = 0;
+  for (const Point& p : points) sum += std::abs(std::hypot(p.x, p.y, p.z) - 1);
+  return sum / double(points.size());
+}
+
 TEST(Learned, leaves_less_noise_than_the_default_run_and_stays_near_its_result) {
   const double sigma = 0.02;
   const Points noisy = shapes::with_noise(shapes::sphere(20000), sigma);
   const Points before = classical(noisy), after = learned(noisy);
-  const auto left = [](const Points& points) {
-    double sum = 0;
-    for (const Point& p : points) sum += std::abs(std::hypot(p.x, p.y, p.z) - 1);
-    return sum / double(points.size());
-  };
   EXPECT_LT(left(after), left(before));
   double farthest = 0;
   for (std::size_t i = 0; i < noisy.size(); ++i) farthest = std::max(farthest, distance(before[i], after[i]));
@@ -162,11 +141,6 @@ TEST(Learned, turning_the_cloud_turns_the_net) {
 
 TEST(Learned, a_turned_cloud_keeps_as_little_noise) {
   const Points points = shapes::with_noise(shapes::sphere(20000), 0.02);
-  const auto left = [](const Points& of) {
-    double sum = 0;
-    for (const Point& p : of) sum += std::abs(std::hypot(p.x, p.y, p.z) - 1);
-    return sum / double(of.size());
-  };
   EXPECT_NEAR(left(learned(turned(points))) / left(learned(points)), 1, 0.1);
 }
 
@@ -190,18 +164,13 @@ TEST(Learned, the_displacement_limit_holds_for_the_whole_way) {
 
 std::string refusal(const std::vector<std::byte>& bytes) {
   Pipeline pipeline(Device(Device::cpu));
-  try {
-    pipeline.set_weights(bytes, "net.bin");
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::file);
-    return error.what();
-  }
-  return "none";
+  const test::Thrown thrown = test::thrown_by([&] { pipeline.set_weights(bytes, "net.bin"); });
+  EXPECT_EQ(thrown.kind, ErrorKind::file);
+  return thrown.message;
 }
 
 TEST(Learned, weights_that_do_not_fit_give_one_clear_line) {
   const std::vector<std::byte> sound = bytes_of(kWeightsFile);
-  EXPECT_EQ(refusal(sound), "none");
   std::vector<std::byte> cut(sound.begin(), sound.end() - 100), foreign(5000, std::byte('x')),
       newer = sound, older = sound, damaged = sound;
   newer[8] = std::byte(3);

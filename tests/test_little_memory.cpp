@@ -8,6 +8,7 @@
 #include "forwarding_backend.h"
 #include "pipeline/pipeline_access.hpp"
 #include "pointfair/pipeline.hpp"
+#include "runs.h"
 #include "shapes.h"
 
 namespace pointfair {
@@ -76,7 +77,8 @@ TEST(LittleMemory, is_what_becomes_of_a_cloud_that_memory_does_not_hold) {
     expect_the_same_in_little_memory(Device::cpu, [room] { return std::make_unique<SmallBackend>(room); });
   const auto cards = list_cuda_devices();
   if (std::none_of(cards.begin(), cards.end(), [](const DeviceStatus& card) { return card.usable; })) return;
-  // the second holds the points, but not their index; with 8 MB tiles of 3,000 points and what lies around them do not fit
+  // the second holds the points, but not their index; with 8 MB tiles of 3,000 points and what lies around them do not
+  // fit
   for (const std::uint64_t bytes : {18'000'000, 10'000'000})
     expect_the_same_in_little_memory(Device::cuda, [bytes] { return make_cuda_backend(0, {.memory = bytes}); });
 }
@@ -84,13 +86,10 @@ TEST(LittleMemory, is_what_becomes_of_a_cloud_that_memory_does_not_hold) {
 TEST(LittleMemory, that_never_fits_is_an_error) {
   const auto small = [] { return std::make_unique<SmallBackend>(100); };
   Pipeline pipeline = PipelineAccess::make(small(), {Device::cpu, "small", "test"}, small);
-  try {
+  expect_error(ErrorKind::memory, "", [&] {
     pipeline.load(cloud(100000));
     pipeline.run();
-    FAIL() << "fitted";
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::memory);
-  }
+  });
 }
 
 // No more workers are to be had: the cloud is lost, and said to be; the next load is as any.
@@ -101,23 +100,15 @@ TEST(LittleMemory, without_workers_is_an_error_and_the_next_cloud_is_sound) {
     return std::make_unique<SmallBackend>(60000);
   };
   const Points points = cloud(100000), few = cloud(5000);
-  const auto error_of = [](const auto& work) {
-    try {
-      work();
-    } catch (const Error& error) {
-      return error.kind();
-    }
-    return ErrorKind::interrupted;  // none
-  };
   Pipeline pipeline =
       PipelineAccess::make(std::make_unique<SmallBackend>(60000), {Device::cpu, "small", "test"}, small);
   pipeline.load(points);
   Points out(points.size());
-  EXPECT_EQ(error_of([&] { pipeline.run({}, out); }), ErrorKind::device) << "it is to be cut";
-  EXPECT_EQ(error_of([&] { pipeline.run({}, out); }), ErrorKind::device) << "there is still no device";
-  EXPECT_EQ(error_of([&] { pipeline.load(few); }), ErrorKind::device);
+  expect_error(ErrorKind::device, "", [&] { pipeline.run({}, out); });  // it is to be cut
+  expect_error(ErrorKind::device, "", [&] { pipeline.run({}, out); });  // there is still no device
+  expect_error(ErrorKind::device, "", [&] { pipeline.load(few); });
   lost = false;
-  EXPECT_EQ(error_of([&] { pipeline.run({}, out); }), ErrorKind::usage) << "no cloud is loaded";
+  expect_error(ErrorKind::usage, "", [&] { pipeline.run({}, out); });  // no cloud is loaded
   EXPECT_EQ(pipeline.run().points.size(), 0u);
   EXPECT_EQ(pipeline.estimates().points, 0u) << "of the cloud that was lost";
   out.resize(few.size());

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "pointfair/pointfair.hpp"
+#include "runs.h"
 #include "shapes.h"
 
 namespace pointfair {
@@ -36,20 +37,7 @@ double mean_distance(const Points& points) {
   return sum / double(points.size());
 }
 
-struct Outcome {
-  Points points;
-  Params used;
-};
-
-Outcome run(const Points& points) {
-  Pipeline pipeline(Device::cpu);
-  pipeline.load(points);
-  Points out(points.size());
-  pipeline.run({}, out);
-  return {out, pipeline.report().params};
-}
-
-double left_by_a_run(const Points& points) { return mean_distance(run(points).points); }
+double left_by_a_run(const Points& points) { return mean_distance(Ran(points).points); }
 
 // A roof of right angle, its crest along x = 0.5.
 double roof(double x) { return -std::abs(x - 0.5); }
@@ -89,14 +77,14 @@ TEST(LowNoise, is_not_raised_at_a_crest) {
   const Points clean = roofs();
   for (const double sigma : {0.00007, 0.0002, 0.0005, 0.001, 0.002}) {  // 0.01 to 0.28 spacings
     const Points noisy = shapes::with_noise(clean, sigma);
-    EXPECT_LT(rms_at_the_crest(run(noisy).points, noisy), rms_at_the_crest(noisy, noisy)) << sigma;
+    EXPECT_LT(rms_at_the_crest(Ran(noisy).points, noisy), rms_at_the_crest(noisy, noisy)) << sigma;
   }
 }
 
 // As of a terrestrial scanner outdoors: noise of 1 mm, points 7 cm apart.
 TEST(LowNoise, of_a_seventieth_of_the_spacing_is_removed) {
   const Points noisy = shapes::with_noise(roofs(), 0.0001);
-  EXPECT_LT(mean_over_the_roof(run(noisy).points), 0.6 * mean_over_the_roof(noisy));
+  EXPECT_LT(mean_over_the_roof(Ran(noisy).points), 0.6 * mean_over_the_roof(noisy));
 }
 
 TEST(LowNoise, grows_into_much_noise_without_a_jump_of_the_relaxation) {
@@ -104,7 +92,7 @@ TEST(LowNoise, grows_into_much_noise_without_a_jump_of_the_relaxation) {
   for (Point& p : steep) p.z *= 10;
   double last = 0;
   for (double level = 0.2; level < 0.78; level += 0.02) {  // spacings
-    const double relaxation = run(shapes::with_noise(steep, 0.007 * level)).used.relaxation.value();
+    const double relaxation = Ran(shapes::with_noise(steep, 0.007 * level)).report.params.relaxation.value();
     if (last > 0) {
       EXPECT_LE(std::abs(relaxation - last), 0.12) << level;
     }

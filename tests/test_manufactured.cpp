@@ -7,6 +7,7 @@
 
 #include "pointfair/pipeline.hpp"
 #include "reference.h"
+#include "runs.h"
 #include "shapes.h"
 
 namespace pointfair {
@@ -14,21 +15,6 @@ namespace {
 
 using reference::distance, reference::rms;
 using shapes::Points;
-
-struct Result {
-  Points points, normals;
-  Report report;
-};
-
-Result fair(const Points& points, const Params& params) {
-  Pipeline pipeline(Device::cpu);
-  pipeline.load(points);
-  Result result{Points(points.size()), Points(points.size()), {}};
-  pipeline.run(params, result.points);
-  pipeline.normals(result.normals);
-  result.report = pipeline.report();
-  return result;
-}
 
 Params one_iteration(int k) {
   Params params;
@@ -46,13 +32,14 @@ std::vector<Params> all_kinds() {
 TEST(CleanPlane, parallel_to_the_axes_does_not_move_by_a_bit) {
   const Points points = shapes::plane(5000);
   for (const Params& params : all_kinds()) {
-    const Result result = fair(points, params);
+    Ran result(points, params);
+    const Points normals = result.normals();
     std::uint64_t without_normal = 0;
     for (std::size_t i = 0; i < points.size(); ++i) {
       ASSERT_EQ(distance(result.points[i], points[i]), 0);
-      without_normal += result.normals[i].z == 0;
-      if (result.normals[i].z != 0) {
-        ASSERT_NEAR(std::abs(result.normals[i].z), 1, 2e-7);
+      without_normal += normals[i].z == 0;
+      if (normals[i].z != 0) {
+        ASSERT_NEAR(std::abs(normals[i].z), 1, 2e-7);
       }
     }
     const UnmovedCounts unmoved = result.report.unmoved;
@@ -66,7 +53,7 @@ TEST(CleanPlane, in_any_position_moves_by_rounding_only) {
   for (const Point& p : shapes::plane(5000))
     points.push_back(shapes::make_point(p.x + 0.3 * p.y, 0.7 * p.y - 0.2 * p.x, 0.5 * p.x - 0.9 * p.y));
   for (const Params& params : all_kinds()) {
-    const Result result = fair(points, params);
+    const Ran result(points, params);
     for (std::size_t i = 0; i < points.size(); ++i) ASSERT_LT(distance(result.points[i], points[i]), 5e-7);
   }
 }
@@ -76,7 +63,7 @@ TEST(CleanPlane, on_the_border_of_every_cell_does_not_move) {
   for (const float z : {0.0f, 32.0f, -64.0f}) {
     for (Point& p : points) p.z = z;
     for (const Params& params : all_kinds()) {
-      const Result result = fair(points, params);
+      const Ran result(points, params);
       for (std::size_t i = 0; i < points.size(); ++i) ASSERT_EQ(distance(result.points[i], points[i]), 0);
     }
   }
@@ -85,9 +72,10 @@ TEST(CleanPlane, on_the_border_of_every_cell_does_not_move) {
 TEST(Sphere, normals_are_radial) {
   const Points points = shapes::sphere(20000);
   for (const Params& params : {one_iteration(16), one_iteration(64)}) {
-    const Result result = fair(points, params);
+    Ran result(points, params);
+    const Points normals = result.normals();
     for (std::size_t i = 0; i < points.size(); ++i) {
-      const double cosine = reference::dot(reference::to_vec(points[i]), reference::to_vec(result.normals[i]));
+      const double cosine = reference::dot(reference::to_vec(points[i]), reference::to_vec(normals[i]));
       ASSERT_GT(std::abs(cosine), std::cos(0.06))
           << "point " << i;  // k = 64 spans 0.11; an uneven sample leans a little
     }
@@ -97,19 +85,19 @@ TEST(Sphere, normals_are_radial) {
 TEST(Sphere, noise_on_it_shrinks_to_less_than_half) {
   const auto radial = [](Point p) { return reference::length(reference::to_vec(p)) - 1; };
   const Points noisy = shapes::with_noise(shapes::sphere(20000), 0.01);
-  EXPECT_LT(rms(fair(noisy, Params{}).points, radial), 0.5 * rms(noisy, radial));
+  EXPECT_LT(rms(Ran(noisy, Params{}).points, radial), 0.5 * rms(noisy, radial));
 }
 
 TEST(Plane, noise_on_it_shrinks_to_less_than_half) {
   const auto height = [](Point p) { return double(p.z); };
   const Points noisy = shapes::with_noise(shapes::plane(20000), 0.005);
-  EXPECT_LT(rms(fair(noisy, Params{}).points, height), 0.5 * rms(noisy, height));
+  EXPECT_LT(rms(Ran(noisy, Params{}).points, height), 0.5 * rms(noisy, height));
 }
 
 TEST(Plane, uneven_50_to_1_becomes_fair_at_both_ends) {
   Points noisy = shapes::with_noise(shapes::uneven(20000, 50), 0.003);
   for (Point& p : noisy) p.z = float(p.z - 1.6 * p.x * (1 - p.x) * (p.y - 0.5));
-  const Points fair_points = fair(noisy, Params{}).points;
+  const Points fair_points = Ran(noisy, Params{}).points;
   for (const bool dense : {false, true}) {
     const auto height = [&](Point p) { return (p.x > 0.5f) == dense ? double(p.z) : 0; };
     EXPECT_LT(rms(fair_points, height), 0.6 * rms(noisy, height));
@@ -126,7 +114,7 @@ double off_cube(Point p) {
 TEST(Cube, clean_edges_stay_within_a_fraction_of_the_spacing) {
   const Points points = shapes::cube(20000);
   const double spacing = reference::spacing(shapes::cube(2000)) / std::sqrt(10);
-  const Points out = fair(points, paper_preset()).points;
+  const Points out = Ran(points, paper_preset()).points;
   EXPECT_LT(rms(out, off_cube), 0.05 * spacing);
   for (const Point& p : out) ASSERT_LT(off_cube(p), spacing);
 }
@@ -140,9 +128,9 @@ TEST(Constraint, keeps_a_sheet_from_being_drawn_to_one_nearby) {
   params.rho = 0.04;
   params.delta = 0.004;
   const auto off_sheets = [](Point p) { return std::min(std::abs(double(p.z)), std::abs(p.z - kGap)); };
-  const double without = rms(fair(points, params).points, off_sheets);
+  const double without = rms(Ran(points, params).points, off_sheets);
   params.constraint = true;
-  const double with = rms(fair(points, params).points, off_sheets);
+  const double with = rms(Ran(points, params).points, off_sheets);
   EXPECT_LT(with, 0.001);
   EXPECT_GT(without, 5 * with);
 }
@@ -168,7 +156,7 @@ TEST(AreaWeight, makes_the_shift_of_a_place_depend_on_the_surface_and_less_on_ho
     params.similarity_sigma = 1.0;
     params.outliers = Outliers::off;  // the shifts are larger than the noise, of which there is none
     params.area_weight = area;
-    const Points even = fair(striped_waves(1), params).points, uneven = fair(striped_waves(20), params).points;
+    const Points even = Ran(striped_waves(1), params).points, uneven = Ran(striped_waves(20), params).points;
     double sum = 0;
     for (std::size_t i = 0; i < 400; ++i) sum += distance(even[i], uneven[i]) / 400;
     return sum;
@@ -186,7 +174,7 @@ TEST(Sample, far_from_zero_is_faired_as_near_zero) {
   pipeline.load(cloud);
   const Cloud out = pipeline.run();
   EXPECT_EQ(out.origin, cloud.origin);
-  const Points near = fair(points, Params{}).points;
+  const Points near = Ran(points, Params{}).points;
   for (std::size_t i = 0; i < points.size(); ++i) ASSERT_EQ(distance(out.points[i], near[i]), 0);
 }
 

@@ -9,6 +9,7 @@
 #include "many_shapes.h"
 #include "pipeline/pipeline_access.hpp"
 #include "pointfair/pointfair.hpp"
+#include "runs.h"
 #include "seam/many_clouds.hpp"
 
 namespace pointfair {
@@ -160,12 +161,8 @@ TEST(ManyEstimates, stop_when_asked) {
   std::vector<Point> result(clouds.points.size());
   std::stop_source source;
   source.request_stop();
-  try {
-    many.run_many(clouds.points, clouds.offsets, {}, result, source.get_token());
-    FAIL();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::interrupted);
-  }
+  expect_error(ErrorKind::interrupted, "",
+               [&] { many.run_many(clouds.points, clouds.offsets, {}, result, source.get_token()); });
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include "meshes.h"
 #include "pointfair/pipeline.hpp"
 #include "reference.h"
+#include "runs.h"
 
 namespace pointfair {
 namespace {
@@ -246,29 +247,22 @@ TEST(Mesh, a_face_may_run_round_the_other_way) {
   EXPECT_EQ(other.report.mesh.folded_before, one.report.mesh.folded_before);
 }
 
-void expect_error(const Mesh& mesh, const Params& params, const std::string& text) {
-  try {
-    run(mesh, params);
-    FAIL() << "no error";
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::usage);
-    EXPECT_NE(std::string(error.what()).find(text), std::string::npos) << error.what();
-  }
-}
-
 TEST(Mesh, what_cannot_be_is_said_in_one_line) {
+  const auto refused = [](const Mesh& of, const Params& params, const std::string& part) {
+    expect_error(ErrorKind::usage, part, [&] { run(of, params); });
+  };
   Mesh mesh = hill(4, Sides::triangles);
   Params with_k = along_mesh();
   with_k.k = 8;
-  expect_error(mesh, with_k, "--rings");
+  refused(mesh, with_k, "--rings");
   Params without_mesh;
   without_mesh.rings = 2;
-  expect_error(mesh, without_mesh, "--connectivity mesh");
+  refused(mesh, without_mesh, "--connectivity mesh");
   Mesh without_faces = mesh;
   without_faces.faces.clear();
-  expect_error(without_faces, along_mesh(), "needs faces");
+  refused(without_faces, along_mesh(), "needs faces");
   mesh.faces[3][1] = 25;
-  expect_error(mesh, along_mesh(), "face 3 has the corner 25");
+  refused(mesh, along_mesh(), "face 3 has the corner 25");
 }
 
 }  // namespace

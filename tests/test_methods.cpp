@@ -11,32 +11,19 @@
 
 #include "pointfair/pipeline.hpp"
 #include "reference.h"
+#include "runs.h"
 #include "shapes.h"
 
 namespace pointfair {
 
 namespace {
 
-using reference::Vec;
 using reference::distance, reference::rms;
+using reference::Vec;
 using shapes::Points;
 
 constexpr Method kMethods[] = {Method::laplacian, Method::taubin, Method::hc_laplacian,
                                Method::mls,       Method::wiener, Method::mollified};
-
-struct Result {
-  Points points;
-  Report report;
-};
-
-Result fair(const Points& points, const Params& params, unsigned threads = 0) {
-  Pipeline pipeline(Device(Device::cpu, 0, threads));
-  pipeline.load(points);
-  Result result{Points(points.size()), {}};
-  pipeline.run(params, result.points);
-  result.report = pipeline.report();
-  return result;
-}
 
 Params with(Method method) {
   Params params;
@@ -61,7 +48,7 @@ class Methods : public testing::TestWithParam<Method> {
 
   // A wrong neighbour, weight or sign shows by far more: displacements are about a tenth of sigma_c.
   void expect_like_reference(const Points& points, const Params& params, const std::string& what) const {
-    const Result result = fair(points, params);
+    const Ran result(points, params);
     const reference::Settings settings = reference::settings_of(result.report.params);
     const std::vector<reference::Faired> expected = reference::fair(points, settings);
     std::size_t compared = 0, too_few = 0, without_normal = 0;
@@ -145,15 +132,9 @@ TEST_P(Methods, agree_with_the_reference_beside_invalid_and_lonely_points) {
   params.radius = 0.2;
   params.min_neighbors = 1;
   params.closeness_sigma = 0.1;
-  const Result result = fair(points, params);
+  const Ran result(points, params);
   EXPECT_EQ(distance(result.points.back(), points.back()), 0) << "it has one neighbour";
   expect_like_reference(points, params, "invalid and lonely");
-}
-
-TEST_P(Methods, give_the_same_bits_on_one_thread_and_many) {
-  const Points points = shapes::with_noise(shapes::cube(20000), 0.01);
-  const Points a = fair(points, with(method()), 1).points, b = fair(points, with(method()), 4).points;
-  EXPECT_EQ(std::memcmp(a.data(), b.data(), a.size() * sizeof(Point)), 0);
 }
 
 TEST_P(Methods, commute_with_scaling_and_moving) {
@@ -163,12 +144,12 @@ TEST_P(Methods, commute_with_scaling_and_moving) {
   params.closeness_sigma = 0.1;
   params.normal_sigma = 0.1;
   params.similarity_sigma = 0.01;
-  const Points once = fair(hills(), params).points;
+  const Points once = Ran(hills(), params).points;
 
   Params larger = params;
   for (Length* length : {&larger.closeness_sigma, &larger.normal_sigma, &larger.similarity_sigma})
     length->value *= 1024;
-  const Points scaled = fair(shapes::scaled(hills(), 1024), larger).points, wanted = shapes::scaled(once, 1024);
+  const Points scaled = Ran(shapes::scaled(hills(), 1024), larger).points, wanted = shapes::scaled(once, 1024);
   EXPECT_EQ(std::memcmp(scaled.data(), wanted.data(), wanted.size() * sizeof(Point)), 0);
 
   const auto turned = [](const Points& points) {  // by the angle of a 3-4-5 triangle, axes exchanged, and away
@@ -177,7 +158,7 @@ TEST_P(Methods, commute_with_scaling_and_moving) {
       result.push_back(shapes::make_point(0.6 * p.x - 0.8 * p.y + 2, p.z - 1, 0.8 * p.x + 0.6 * p.y + 3));
     return result;
   };
-  const Points a = fair(turned(hills()), params).points, b = turned(once);
+  const Points a = Ran(turned(hills()), params).points, b = turned(once);
   std::size_t apart = 0;
   for (std::size_t i = 0; i < a.size(); ++i) apart += distance(a[i], b[i]) > 2e-5;
   EXPECT_LT(apart, a.size() / 100);  // normals that the data hardly determines, and ties
@@ -188,16 +169,16 @@ TEST_P(Methods, leave_a_clean_plane_plane) {
     Params params = with(method());
     if (list) params.k = 20;
     const Points points = shapes::plane(5000);
-    for (const Point& p : fair(points, params).points) ASSERT_EQ(p.z, 0);
+    for (const Point& p : Ran(points, params).points) ASSERT_EQ(p.z, 0);
     Points leaning;
     for (const Point& p : points) leaning.push_back(shapes::make_point(p.x, p.y, 0.5 * p.x - 0.25 * p.y));
-    for (const Point& p : fair(leaning, params).points) ASSERT_NEAR(p.z, 0.5 * p.x - 0.25 * p.y, 1e-6);
+    for (const Point& p : Ran(leaning, params).points) ASSERT_NEAR(p.z, 0.5 * p.x - 0.25 * p.y, 1e-6);
   }
 }
 
 TEST_P(Methods, with_nothing_set_leave_clean_clouds_nearly_as_they_are) {
   for (const Points& points : {shapes::sphere(20000), shapes::waves(20000)}) {
-    const Result result = fair(points, with(method()));
+    const Ran result(points, with(method()));
     double moved = 0;
     for (std::size_t i = 0; i < points.size(); ++i) moved += distance(result.points[i], points[i]);
     EXPECT_LT(moved / double(points.size()), 0.05 * reference::spacing(shapes::sphere(2000)) / std::sqrt(10));
@@ -206,10 +187,10 @@ TEST_P(Methods, with_nothing_set_leave_clean_clouds_nearly_as_they_are) {
 
 TEST_P(Methods, with_nothing_set_halve_the_noise_of_a_sphere_and_of_a_plane) {
   const Points sphere = shapes::with_noise(shapes::sphere(20000), 0.01);
-  EXPECT_LT(rms(fair(sphere, with(method())).points, radial), 0.5 * rms(sphere, radial));
+  EXPECT_LT(rms(Ran(sphere, with(method())).points, radial), 0.5 * rms(sphere, radial));
   const Points plane = shapes::with_noise(shapes::plane(20000), 0.005);
   const auto height = [](Point p) { return double(p.z); };
-  EXPECT_LT(rms(fair(plane, with(method())).points, height), 0.5 * rms(plane, height));
+  EXPECT_LT(rms(Ran(plane, with(method())).points, height), 0.5 * rms(plane, height));
 }
 
 TEST_P(Methods, move_points_without_a_normal_unless_they_need_one) {
@@ -217,7 +198,7 @@ TEST_P(Methods, move_points_without_a_normal_unless_they_need_one) {
   params.k = 8;
   params.iterations = 1;
   const Points points = shapes::line(500);
-  const Result result = fair(points, params);
+  const Ran result(points, params);
   double moved = 0;
   for (std::size_t i = 0; i < points.size(); ++i) moved += distance(result.points[i], points[i]);
   const bool needs_normals = moves_along_normal(method()) || method() == Method::mollified;
@@ -232,7 +213,7 @@ double shrinkage(Method method) {
   params.iterations = 5;
   params.relaxation = method == Method::taubin ? 0.63 : 1;
   double sum = 0;
-  const Points points = fair(shapes::sphere(5000), params).points;
+  const Points points = Ran(shapes::sphere(5000), params).points;
   for (const Point& p : points) sum -= radial(p);
   return sum / double(points.size());
 }
@@ -252,10 +233,10 @@ TEST(MovingLeastSquares, leaves_a_paraboloid_where_it_is_which_planes_do_not) {
   Params params = with(Method::mls);
   params.k = 60;
   params.iterations = 1;
-  const double mls = rms(fair(points, params).points, error);
+  const double mls = rms(Ran(points, params).points, error);
   params.method = Method::wiener;
   params.similarity_sigma = 1;  // all is noise: projects onto planes
-  const double planes = rms(fair(points, params).points, error);
+  const double planes = rms(Ran(points, params).points, error);
   EXPECT_LT(mls, 0.03 * planes);
   EXPECT_LT(mls, 2e-5);
 }
@@ -268,7 +249,7 @@ TEST(Wiener, keeps_heights_beyond_what_noise_explains) {
   params.k = 40;
   const auto mean_move = [&](double noise) {
     params.similarity_sigma = noise;
-    const Points out = fair(points, params).points;
+    const Points out = Ran(points, params).points;
     double sum = 0;
     for (std::size_t i = 0; i < out.size(); ++i) sum += distance(out[i], points[i]);
     return sum / double(out.size());
@@ -290,9 +271,9 @@ TEST(Mollified, keeps_an_edge_that_the_laplacian_rounds) {
   params.iterations = 1;
   params.similarity_sigma = 0.005;
   params.method = Method::laplacian;
-  const double laplacian = rms(fair(points, params).points, off_cube);
+  const double laplacian = rms(Ran(points, params).points, off_cube);
   params.method = Method::mollified;
-  EXPECT_LT(rms(fair(points, params).points, off_cube), 0.5 * laplacian);
+  EXPECT_LT(rms(Ran(points, params).points, off_cube), 0.5 * laplacian);
 }
 
 }  // namespace

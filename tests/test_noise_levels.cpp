@@ -2,21 +2,12 @@
 // The noise from place to place, and what follows it.
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <cmath>
-#include <cstring>
-#include <functional>
-#include <limits>
-#include <numeric>
-#include <random>
 
-#include "estimate/node_grid.hpp"
-#include "estimate/noise_levels.hpp"
 #include "pipeline/pipeline_access.hpp"
-#include "point/node_field.h"
-#include "point/noise_field.h"
 #include "pointfair/pointfair.hpp"
 #include "reference.h"
+#include "runs.h"
 #include "shapes.h"
 
 namespace pointfair {
@@ -27,10 +18,6 @@ using shapes::Points;
 constexpr int kPoints = 20000;  // over the unit square: the spacing is 0.007
 constexpr double kSpacing = 0.0071;
 constexpr double kQuiet = 0.1 * kSpacing, kLoud = 0.6 * kSpacing;
-
-void one_after_the_other(std::size_t count, const std::function<void(std::size_t)>& body) {
-  for (std::size_t i = 0; i < count; ++i) body(i);
-}
 
 double sigma_at(double x) { return x < 0.5 ? kQuiet : kLoud; }
 
@@ -46,27 +33,18 @@ Points two_parts(int count, double share, double quiet, double loud) {
 // The right half is six times as noisy as the left.
 Points two_halves() { return two_parts(kPoints, 0.5, kQuiet, kLoud); }
 
-struct Outcome {
-  Points points;
-  Report report;
+struct Outcome : Ran {
+  explicit Outcome(const Points& cloud, const Params& params = {})
+      : Ran(cloud, params), settings(reference::settings_of(report.params, PipelineAccess::followed_noise(pipeline))) {}
   reference::Settings settings;
 };
-Outcome run(const Points& points, const Params& params = {}) {
-  Pipeline pipeline(Device::cpu);
-  pipeline.load(points);
-  Outcome outcome{Points(points.size()), {}, {}};
-  pipeline.run(params, outcome.points);
-  outcome.report = pipeline.report();
-  outcome.settings = reference::settings_of(pipeline.report().params, PipelineAccess::followed_noise(pipeline));
-  return outcome;
-}
 double sigma_said(const Outcome& outcome, const Point& p) {
   return outcome.report.params.noise.value * reference::noise_level(outcome.settings, p);
 }
 
 TEST(NoiseLevels, tell_the_noise_of_each_half_within_a_quarter) {
   const Points points = two_halves();
-  const Outcome outcome = run(points);
+  const Outcome outcome(points);
   std::size_t good = 0, looked_at = 0;
   for (const Point& p : points) {
     if (std::abs(p.x - 0.5) < 0.1) continue;  // the field is smooth
@@ -80,7 +58,7 @@ TEST(NoiseLevels, tell_the_noise_of_each_half_within_a_quarter) {
 TEST(NoiseLevels, stand_over_the_noise_of_a_typical_place) {
   constexpr int kMany = 50000;
   const double spacing = 1 / std::sqrt(kMany), loud = 0.6 * spacing;
-  const Outcome outcome = run(two_parts(kMany, 0.3, 0.1 * spacing, loud));
+  const Outcome outcome(two_parts(kMany, 0.3, 0.1 * spacing, loud));
   EXPECT_NEAR(outcome.report.params.noise.value, loud, 0.15 * loud);
 }
 
@@ -89,7 +67,7 @@ TEST(NoiseLevels, stand_over_the_noise_of_a_typical_place) {
 TEST(NoiseLevels, follow_noise_that_is_forty_times_as_large_elsewhere) {
   const double spacing = 0.0041, quiet = 0.01 * spacing, loud = 0.4 * spacing;
   const Points points = two_parts(60000, 0.25, quiet, loud);
-  const Outcome outcome = run(points);
+  const Outcome outcome(points);
   std::size_t good = 0, looked_at = 0;
   for (const Point& p : points) {
     if (p.x < 0.35) continue;
@@ -107,7 +85,7 @@ TEST(NoiseLevels, let_a_run_leave_less_than_the_noise_of_one_half_or_one_between
     for (const Point& p : of) sum += std::abs(p.z);
     return sum / double(of.size());
   };
-  const double followed = left(run(points).points);
+  const double followed = left(Outcome(points).points);
   for (const double sigma : {kQuiet, std::sqrt(kQuiet * kLoud)}) {
     Params params;
     params.radius = 2.5 * sigma;  // given lengths follow nothing
@@ -116,7 +94,7 @@ TEST(NoiseLevels, let_a_run_leave_less_than_the_noise_of_one_half_or_one_between
     params.displacement_limit = 4 * sigma;
     params.outlier_distance = 6 * kLoud;
     params.relaxation = 1;
-    EXPECT_LT(followed, left(run(points, params).points)) << sigma;
+    EXPECT_LT(followed, left(Outcome(points, params).points)) << sigma;
   }
 }
 
@@ -124,7 +102,7 @@ TEST(NoiseLevels, of_the_same_noise_everywhere_are_next_to_one) {
   const Points flat = shapes::with_noise(shapes::plane(kPoints), kQuiet);
   const Points round = shapes::with_noise(shapes::sphere(kPoints), 0.3 * 0.025);
   for (const Points& points : {flat, round}) {
-    const Outcome outcome = run(points);
+    const Outcome outcome(points);
     for (const Point& p : points) ASSERT_NEAR(reference::noise_level(outcome.settings, p), 1, 0.15);
   }
 }
@@ -136,22 +114,8 @@ TEST(NoiseLevels, of_the_same_noise_at_different_densities_are_next_to_one) {
   for (Point& p : points)
     p.x = p.x < kShare ? p.x * kWidth / kShare : kWidth + (p.x - kShare) * (1 - kWidth) / (1 - kShare);
   points = shapes::with_noise(points, 3 * std::sqrt(kWidth / (kShare * kPoints)));
-  const Outcome outcome = run(points);
+  const Outcome outcome(points);
   for (const Point& p : points) ASSERT_NEAR(reference::noise_level(outcome.settings, p), 1, 0.15);
-}
-
-TEST(NoiseLevels, do_not_depend_on_the_order_of_the_points) {
-  const Points points = two_halves();
-  std::vector<std::size_t> order(points.size());
-  std::iota(order.begin(), order.end(), std::size_t(0));
-  std::shuffle(order.begin(), order.end(), std::mt19937(5));
-  Points shuffled;
-  for (const std::size_t i : order) shuffled.push_back(points[i]);
-  const Outcome a = run(points), b = run(shuffled);
-  ASSERT_TRUE(a.settings.levels && b.settings.levels);
-  EXPECT_EQ(a.settings.levels->levels, b.settings.levels->levels);
-  for (std::size_t i = 0; i < order.size(); ++i)
-    ASSERT_EQ(std::memcmp(&a.points[order[i]], &b.points[i], sizeof(Point)), 0) << i;
 }
 
 TEST(NoiseLevels, are_followed_by_what_is_automatic_only) {
@@ -160,22 +124,22 @@ TEST(NoiseLevels, are_followed_by_what_is_automatic_only) {
   params.similarity_sigma = 0.01;
   params.displacement_limit = 0.02;
   params.outlier_distance = 0.1;
-  const Outcome outcome = run(points, params);
+  const Outcome outcome(points, params);
   EXPECT_TRUE(outcome.settings.levels);
   EXPECT_TRUE(outcome.settings.radius_follows);
   EXPECT_FALSE(outcome.settings.similarity_follows);
   EXPECT_FALSE(outcome.settings.farthest_follows);
   EXPECT_EQ(outcome.settings.level_outlier_distance, 0);
   params.radius = 0.03;
-  EXPECT_FALSE(run(points, params).settings.radius_follows);
+  EXPECT_FALSE(Outcome(points, params).settings.radius_follows);
 }
 
 TEST(NoiseLevels, keep_to_a_noise_that_is_given) {
   const Points points = two_halves();
   Params params;
-  params.noise = 2 * run(points).report.params.noise.value;
-  const Outcome outcome = run(points, params);
-  EXPECT_NEAR(sigma_said(outcome, {0.8f, 0.5f, 0}) / sigma_said(run(points), {0.8f, 0.5f, 0}), 2, 1e-6);
+  params.noise = 2 * Outcome(points).report.params.noise.value;
+  const Outcome outcome(points, params);
+  EXPECT_NEAR(sigma_said(outcome, {0.8f, 0.5f, 0}) / sigma_said(Outcome(points), {0.8f, 0.5f, 0}), 2, 1e-6);
 }
 
 TEST(NoiseLevels, are_told_as_quantiles) {
@@ -192,73 +156,10 @@ TEST(NoiseLevels, are_told_as_quantiles) {
 TEST(NoiseLevels, without_noise_hardly_a_point_moves) {
   Points points = shapes::plane(kPoints);
   for (Point& p : points) p.z = float(0.2 * kSpacing * std::sin(p.x / kSpacing) * std::sin(p.y / kSpacing));
-  const Outcome outcome = run(points);
+  const Outcome outcome(points);
   double moved = 0;
   for (std::size_t i = 0; i < points.size(); ++i) moved += std::abs(double(outcome.points[i].z) - points[i].z);
   EXPECT_LT(moved / double(points.size()), 0.001 * kSpacing);
-}
-
-// Against the reference's own interpolation, at nodes, between them, outside and nowhere.
-TEST(NodeField, is_trilinear_and_beyond_its_border_as_on_it) {
-  NoiseLevels levels;
-  shapes::Random random(3);
-  const std::size_t nodes = 8;
-  levels.nodes = int(nodes);
-  for (std::size_t i = 0; i < nodes * nodes * nodes; ++i) levels.levels.push_back(float(random.uniform(0.2, 4)));
-  levels.first = {-1, 2, 3};
-  levels.nodes_per_unit = 4;
-  reference::Settings settings;
-  settings.levels = std::make_shared<const NoiseLevels>(levels);
-  const point::NodeField field{levels.levels.data(), levels.nodes, {-1, 2, 3}, 4};
-  for (int i = 0; i < 2000; ++i) {
-    const Point p{float(random.uniform(-3, 3)), float(random.uniform(0, 6)), float(random.uniform(1, 7))};
-    ASSERT_NEAR(point::node_value(field, {p.x, p.y, p.z}), reference::noise_level(settings, p), 1e-4);
-  }
-  EXPECT_EQ(point::node_value(field, {-1, 2, 3}), levels.levels[0]);
-  EXPECT_EQ(point::node_value(field, {-0.75f, 2, 3}), levels.levels[1]);
-  EXPECT_EQ(point::node_value(field, {-1, 2.25f, 3}), levels.levels[nodes]);
-  const float nan = std::numeric_limits<float>::quiet_NaN(), far = std::numeric_limits<float>::infinity();
-  EXPECT_EQ(point::node_value(field, {nan, nan, nan}), levels.levels[0]);
-  EXPECT_EQ(point::node_value(field, {far, far, far}), levels.levels.back());
-  EXPECT_EQ(point::node_value({}, {1, 2, 3}), 1);
-}
-
-TEST(NodeField, of_one_value_has_it_everywhere) {
-  const Points places = shapes::sphere(300);
-  const NodeLevels levels =
-      levels_between(places, std::vector<double>(places.size(), std::log(2.5)), one_after_the_other);
-  ASSERT_EQ(levels.nodes, 32);
-  ASSERT_EQ(levels.levels.size(), std::size_t(32 * 32 * 32));
-  for (const float level : levels.levels) ASSERT_NEAR(level, 2.5, 1e-5);
-}
-
-// Few places do not need as fine a grid.
-TEST(NodeField, has_about_as_many_nodes_along_an_axis_as_places_on_a_surface_have) {
-  for (const auto& [places, nodes] : {std::pair(64, 8), {65, 16}, {256, 16}, {257, 32}, {5000, 32}}) {
-    const NodeLevels levels =
-        levels_between(shapes::plane(places), std::vector<double>(std::size_t(places), 0.0), one_after_the_other);
-    EXPECT_EQ(levels.nodes, nodes) << places;
-    EXPECT_EQ(levels.levels.size(), std::size_t(nodes * nodes * nodes));
-  }
-}
-
-TEST(NodeField, passes_near_the_values_that_it_lies_between) {
-  const Points places = shapes::plane(2000);
-  std::vector<double> logs;
-  for (const Point& p : places) logs.push_back(std::sin(3 * double(p.x)) * double(p.y));
-  reference::Settings settings;
-  settings.levels = std::make_shared<const NoiseLevels>(NoiseLevels{levels_between(places, logs, one_after_the_other)});
-  for (std::size_t i = 0; i < places.size(); ++i)
-    ASSERT_NEAR(std::log(reference::noise_level(settings, places[i])), logs[i], 0.12) << i;
-}
-
-TEST(NoiseShare, is_all_of_noise_and_little_of_shape) {
-  EXPECT_EQ(point::noise_share(1.0f, 1.0f, 1.0f, 1.2f), 1);
-  EXPECT_EQ(point::noise_share(1.3f, 1.0f, 1.0f, 1.2f), 1);
-  EXPECT_NEAR(point::noise_share(11.3f, 1.0f, 1.0f, 0.4f), 0.2, 1e-6);
-  EXPECT_NEAR(point::noise_share(10.4f, 1.0f, point::kNoiseLeft, 0.4f), 0.2, 1e-6);
-  EXPECT_EQ(point::noise_share(1.0f, 0.0f, 1.0f, 0.4f), 0);
-  EXPECT_EQ(point::noise_share(0.0f, 0.0f, 1.0f, 0.4f), 0);
 }
 
 }  // namespace

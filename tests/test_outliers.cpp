@@ -10,6 +10,7 @@
 #include "pipeline/pipeline_access.hpp"
 #include "pointfair/pointfair.hpp"
 #include "reference.h"
+#include "runs.h"
 #include "shapes.h"
 
 namespace pointfair {
@@ -41,24 +42,6 @@ Lifted with_outliers(Points points) {
   return {std::move(points), std::move(is_lifted)};
 }
 
-struct Outcome {
-  Points points;
-  Report report;
-  std::vector<std::uint8_t> outliers;
-  FollowedNoise followed;
-};
-
-Outcome run(const Points& points, const Params& params) {
-  Pipeline pipeline(Device::cpu);
-  pipeline.load(points);
-  Outcome outcome{Points(points.size()), {}, {}, {}};
-  pipeline.run(params, outcome.points);
-  outcome.report = pipeline.report();
-  outcome.outliers.assign(pipeline.outliers().begin(), pipeline.outliers().end());
-  outcome.followed = PipelineAccess::followed_noise(pipeline);
-  return outcome;
-}
-
 Params with(Outliers outliers) {
   Params params;
   params.outliers = outliers;
@@ -77,7 +60,7 @@ double mean_height(const Points& points, const std::vector<bool>& is_lifted) {
 
 TEST(Outliers, keep_their_bits_and_are_counted) {
   const Lifted cloud = with_outliers(noisy_plane());
-  const Outcome outcome = run(cloud.points, with(Outliers::keep));
+  const Ran outcome(cloud.points, with(Outliers::keep));
   std::uint64_t kept = 0;
   for (std::size_t i = 0; i < cloud.points.size(); ++i)
     kept += cloud.is_lifted[i] && same_bits(outcome.points[i], cloud.points[i]);
@@ -88,19 +71,19 @@ TEST(Outliers, keep_their_bits_and_are_counted) {
 
 TEST(Outliers, are_kept_without_being_asked_for_within_radii_and_not_in_lists) {
   const Lifted cloud = with_outliers(noisy_plane());
-  EXPECT_EQ(run(cloud.points, {}).report.params.outliers, Outliers::keep);
+  EXPECT_EQ(Ran(cloud.points, {}).report.params.outliers, Outliers::keep);
   Params lists;
   lists.k = 12;
-  const Outcome outcome = run(cloud.points, lists);
+  const Ran outcome(cloud.points, lists);
   EXPECT_EQ(outcome.report.params.outliers, Outliers::off);
   EXPECT_EQ(outcome.report.unmoved.outliers, 0u);
   lists.outliers = Outliers::keep;
-  EXPECT_GT(run(cloud.points, lists).report.unmoved.outliers, 0u);
+  EXPECT_GT(Ran(cloud.points, lists).report.unmoved.outliers, 0u);
 }
 
 TEST(Outliers, are_marked_and_no_other_point_is) {
   const Lifted cloud = with_outliers(noisy_plane());
-  const Outcome outcome = run(cloud.points, with(Outliers::mark));
+  const Ran outcome(cloud.points, with(Outliers::mark));
   ASSERT_EQ(outcome.outliers.size(), cloud.points.size());
   std::uint64_t marked = 0;
   std::array<std::uint64_t, 4> by_reason{};
@@ -113,7 +96,7 @@ TEST(Outliers, are_marked_and_no_other_point_is) {
   EXPECT_EQ(outcome.report.unmoved.outliers, marked);
   const OutlierCounts& counts = outcome.report.unmoved.outliers_by_reason;
   EXPECT_EQ(counts, (OutlierCounts{by_reason[1], by_reason[2], by_reason[3]}));
-  const Outcome kept = run(cloud.points, with(Outliers::keep));
+  const Ran kept(cloud.points, with(Outliers::keep));
   for (std::size_t i = 0; i < cloud.points.size(); ++i) ASSERT_TRUE(same_bits(kept.points[i], outcome.points[i])) << i;
 }
 
@@ -136,7 +119,7 @@ TEST(Outliers, are_marked_in_an_attribute_of_a_free_name) {
 
 TEST(Outliers, are_pulled_in) {
   const Lifted cloud = with_outliers(noisy_plane());
-  const Outcome outcome = run(cloud.points, with(Outliers::move));
+  const Ran outcome(cloud.points, with(Outliers::move));
   EXPECT_EQ(outcome.report.unmoved.outliers, 0u);
   std::uint64_t near = 0;
   for (std::size_t i = 0; i < cloud.points.size(); ++i)
@@ -155,7 +138,7 @@ TEST(Outliers, that_have_each_other_for_neighbours_are_pulled_onto_the_surface) 
       const double x = random.uniform(0.1, 0.9), y = random.uniform(0.1, 0.9), height = random.uniform(0.06, 0.3);
       points.push_back(shapes::make_point(x, y, i % 2 == 0 ? height : -height));
     }
-    const Outcome outcome = run(points, with(Outliers::move));
+    const Ran outcome(points, with(Outliers::move));
     for (std::size_t i = on_plane; i < points.size(); ++i) far += std::abs(outcome.points[i].z) > 8 * kSigma;
   }
   EXPECT_LE(far, 15) << "of 180";
@@ -164,9 +147,9 @@ TEST(Outliers, that_have_each_other_for_neighbours_are_pulled_onto_the_surface) 
 TEST(Outliers, cost_the_other_points_no_more_than_a_tenth) {
   const Points clean = noisy_plane();
   const Lifted cloud = with_outliers(clean);
-  const double without = mean_height(run(clean, {}).points, cloud.is_lifted);
+  const double without = mean_height(Ran(clean, {}).points, cloud.is_lifted);
   for (const Outliers choice : {Outliers::off, Outliers::keep, Outliers::move, Outliers::mark})
-    EXPECT_LT(mean_height(run(cloud.points, with(choice)).points, cloud.is_lifted), 1.1 * without);
+    EXPECT_LT(mean_height(Ran(cloud.points, with(choice)).points, cloud.is_lifted), 1.1 * without);
 }
 
 TEST(DisplacementLimit, holds_for_every_point) {
@@ -174,7 +157,7 @@ TEST(DisplacementLimit, holds_for_every_point) {
   for (const double limit : {0.5 * kSigma, 2 * kSigma, 10 * kSigma}) {
     Params params = with(Outliers::keep);
     params.displacement_limit = limit;
-    const Outcome outcome = run(cloud.points, params);
+    const Ran outcome(cloud.points, params);
     std::size_t at_limit = 0;
     for (std::size_t i = 0; i < cloud.points.size(); ++i) {
       const double moved = distance(outcome.points[i], cloud.points[i]);
@@ -185,29 +168,11 @@ TEST(DisplacementLimit, holds_for_every_point) {
   }
 }
 
-// As told by a run whose limit nothing reaches.
-TEST(DisplacementLimit, leaves_the_less_of_a_way_the_longer_it_would_be) {
-  const Points points = noisy_plane();
-  Params params = with(Outliers::keep);
-  params.outlier_distance = 100 * kSigma;
-  params.displacement_limit = 100 * kSigma;
-  const Outcome whole = run(points, params);
-  params.displacement_limit = 0.5 * kSigma;
-  const Outcome limited = run(points, params);
-  std::size_t beyond = 0;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const double way = distance(whole.points[i], points[i]), limit = 0.5 * kSigma;
-    beyond += way > limit;
-    EXPECT_NEAR(distance(limited.points[i], points[i]), way > limit ? limit * limit / way : way, 1e-6) << i;
-  }
-  EXPECT_GT(beyond, points.size() / 4);
-}
-
 // Of noise above half a spacing, and of a seventh; the spacing is 0.014. What edges would move of little noise, its
 // share of the step holds back (LowNoise.is_not_raised_at_a_crest).
 TEST(DisplacementLimit, is_six_times_the_noise_by_itself_however_little) {
   const auto in_sigmas = [](double sigma) {
-    const Params used = run(shapes::with_noise(shapes::plane(5000), sigma), {}).report.params;
+    const Params used = Ran(shapes::with_noise(shapes::plane(5000), sigma), {}).report.params;
     return std::pair(used.displacement_limit.value / sigma, used.outlier_distance.value / sigma);
   };
   const auto [farthest, outlier] = in_sigmas(0.012);
@@ -219,7 +184,7 @@ TEST(DisplacementLimit, is_six_times_the_noise_by_itself_however_little) {
 TEST(DisplacementLimit, lets_no_noise_stand_out_of_a_plane) {
   constexpr double kNoise = 0.002;  // half a spacing
   double squares = 0, farthest = 0;
-  const Points faired = run(shapes::with_noise(shapes::plane(60000), kNoise), {}).points;
+  const Points faired = Ran(shapes::with_noise(shapes::plane(60000), kNoise), {}).points;
   for (const Point& p : faired) {
     squares += double(p.z) * p.z;
     farthest = std::max(farthest, std::abs(double(p.z)));
@@ -234,7 +199,7 @@ TEST(DisplacementLimit, may_be_in_percent_where_nothing_else_asks_for_the_diagon
   params.radius = params.normal_sigma = params.closeness_sigma = params.similarity_sigma = 0.05;
   params.outlier_distance = 0.1;
   params.displacement_limit = Length(0.1, Length::Unit::percent);
-  const double limit = run(noisy_plane(), params).report.params.displacement_limit.value;
+  const double limit = Ran(noisy_plane(), params).report.params.displacement_limit.value;
   EXPECT_NEAR(limit, 0.001 * std::sqrt(2.0), 0.0001);
 }
 
@@ -248,7 +213,7 @@ TEST(Outliers, are_not_the_points_of_a_rough_terrain) {
     shapes::Random random(std::uint64_t(p.x / cell) * 1000 + std::uint64_t(p.y / cell));
     if (random.uniform() < 0.5) p.z = float(4 * spacing * random.uniform());
   }
-  EXPECT_LT(run(points, {}).report.unmoved.outliers, std::uint64_t(kCount / 100));
+  EXPECT_LT(Ran(points, {}).report.unmoved.outliers, std::uint64_t(kCount / 100));
 }
 
 // Each has others nearer than the plane, so their neighbourhoods hold hardly anything else and are wide.
@@ -258,7 +223,7 @@ TEST(Outliers, are_recognised_where_they_are_each_others_neighbours) {
   shapes::Random random(11);
   for (std::size_t i = 0; i < points.size(); i += 100)
     points[i].z = float((random.uniform() < 0.5 ? -1 : 1) * random.uniform(10 * kNoise, 0.5));
-  const Outcome outcome = run(points, with(Outliers::mark));
+  const Ran outcome(points, with(Outliers::mark));
   std::size_t recognised = 0;
   for (std::size_t i = 0; i < points.size(); ++i) {
     if (i % 100 == 0)
@@ -269,7 +234,7 @@ TEST(Outliers, are_recognised_where_they_are_each_others_neighbours) {
   EXPECT_GE(recognised, 190u);
   Params any_width = with(Outliers::mark);
   any_width.outlier_radius = 10;
-  EXPECT_LT(run(points, any_width).report.unmoved.outliers, 150u);
+  EXPECT_LT(Ran(points, any_width).report.unmoved.outliers, 150u);
 }
 
 // Points that have a neighbour at the rim of their neighbourhood, grown or not, in the second iteration: the library
@@ -297,8 +262,9 @@ TEST(Outliers, agree_with_the_reference) {
   Lifted cloud = with_outliers(shapes::with_noise(shapes::plane(1200), kSigma));
   cloud.points[3].x = std::numeric_limits<float>::quiet_NaN();
   for (const Outliers choice : {Outliers::keep, Outliers::move}) {
-    const Outcome outcome = run(cloud.points, with(choice));
-    const auto settings = reference::settings_of(outcome.report.params, outcome.followed);
+    Ran outcome(cloud.points, with(choice));
+    const auto settings =
+        reference::settings_of(outcome.report.params, PipelineAccess::followed_noise(outcome.pipeline));
     const auto expected = reference::fair(cloud.points, settings);
     const std::vector<bool> at_rim = at_rim_in_second_iteration(cloud.points, settings);
     EXPECT_LE(std::count(at_rim.begin(), at_rim.end(), true), 2);

@@ -45,20 +45,20 @@ TEST(Parts, of_one_size_cover_the_cloud) {
   for (const std::size_t count : {0, 1, 1023, 1024, 1025, 5000}) {
     const Parts parts = Parts::of(count, 1024);
     expect_whole(parts, count);
-    EXPECT_EQ(parts.apart, count > 1024);
+    EXPECT_EQ(parts.count(), count == 0 ? 1 : (count + 1023) / 1024);
     for (std::size_t part = 0; part + 1 < parts.count(); ++part) EXPECT_EQ(parts.size(part), 1024u);
   }
 }
 
 TEST(Parts, lie_apart_in_spatial_order_only) {
   const Points sphere = shuffled(shapes::sphere(1000000));
-  EXPECT_FALSE(plan_parts(sphere, true).apart);
+  EXPECT_EQ(plan_parts(sphere, true).count(), 1u);
   for (const Points& cloud : {along_z(sphere), in_morton_order(sphere)}) {
     const Parts parts = plan_parts(cloud, true);
-    EXPECT_TRUE(parts.apart);
+    EXPECT_GT(parts.count(), 1u);
     expect_whole(parts, cloud.size());
     for (std::size_t part = 0; part + 1 < parts.count(); ++part) EXPECT_EQ(parts.size(part) % (1 << 15), 0u);
-    EXPECT_FALSE(plan_parts(cloud, false).apart);
+    EXPECT_EQ(plan_parts(cloud, false).count(), 1u);
   }
   Points twice = along_z(Points(sphere.begin(), sphere.begin() + 500000));
   twice.insert(twice.end(), twice.begin(), twice.begin() + 500000);
@@ -70,10 +70,10 @@ TEST(Parts, of_small_and_of_invalid_clouds_are_not_apart) {
   for (const int count : {0, 1, 1000, 300000}) {
     const Parts parts = plan_parts(along_z(shapes::sphere(count)), true);
     expect_whole(parts, std::size_t(count));
-    EXPECT_FALSE(parts.apart);
+    EXPECT_EQ(parts.count(), 1u);
   }
   expect_whole(plan_parts(Points(1000000, Point{nan, 0, 0}), true), 1000000);
-  EXPECT_FALSE(plan_parts(Points(1000000, Point{1, 2, 3}), true).apart);
+  EXPECT_EQ(plan_parts(Points(1000000, Point{1, 2, 3}), true).count(), 1u);
 }
 
 }  // namespace

@@ -6,9 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <cstring>
 #include <limits>
-#include <stdexcept>
 #include <vector>
 
 #include "point/fairing.h"
@@ -136,73 +134,16 @@ TEST(SquaredGap, of_boxes_is_never_above_the_distance_of_points_inside) {
   }
 }
 
-TEST(NeighborKey, orders_by_distance_and_gives_both_back) {
-  const float rising[] = {0.0f, 1e-45f, 1e-38f, 1e-10f, 1.0f, std::nextafter(1.0f, 2.0f), 1e37f};
-  const auto nowhere = [](point::Index) -> Vec3<float> { throw std::logic_error("distances differ"); };
-  for (std::size_t i = 1; i < std::size(rising); ++i) {
-    const auto nearer = point::neighbor_key(rising[i - 1], 0xfffffffeu), farther = point::neighbor_key(rising[i], 0);
-    EXPECT_TRUE(point::precedes(nearer, farther, nowhere));
-    EXPECT_FALSE(point::precedes(farther, nearer, nowhere));
-  }
-  EXPECT_EQ(point::key_squared_distance(point::neighbor_key(2.5f, 7)), 2.5f);
-  EXPECT_EQ(point::key_index(point::neighbor_key(2.5f, 7)), 7u);
-}
-
-TEST(NeighborKey, orders_equal_distances_by_position_and_identical_points_by_index) {
-  // by x, then y, then z, as numbers
-  const Vec3<float> rising[] = {{-2, 9, 9},    {-1, 9, 9}, {-0.0f, -3, 1}, {0, -2, 9}, {0, 1, -9},
-                                {-0.0f, 1, 4}, {0, 1, 4},  {1e-40f, 0, 0}, {3, -9, -9}};
-  const auto position_of = [&](point::Index at) { return rising[at]; };
-  for (point::Index a = 0; a < std::size(rising); ++a)
-    for (point::Index b = 0; b < std::size(rising); ++b) {
-      EXPECT_EQ(point::precedes(point::neighbor_key(2, a), point::neighbor_key(2, b), position_of), a < b);
-      const bool identical = a == 5 && b == 6;
-      EXPECT_EQ(point::lies_before(rising[a], rising[b]), a < b && !identical) << a << ", " << b;
-    }
-  const auto last = point::neighbor_key(2, point::kNoNeighbor);
-  EXPECT_TRUE(point::precedes(point::neighbor_key(2, 8), last, position_of));
-  EXPECT_FALSE(point::precedes(last, point::neighbor_key(2, 8), position_of));
-  EXPECT_FALSE(point::precedes(last, last, position_of));
-}
-
-struct Grown {
+reference::List grow(const shapes::Points& points, const reference::List& candidates, int k, float reach) {
   reference::List members;
-  bool complete;
-};
-
-Grown grow(const shapes::Points& points, const reference::List& candidates, int k, float reach) {
-  Grown grown{};
   const auto offset = [&](std::uint32_t j) {
     return Vec3<float>{points[j].x - points[0].x, points[j].y - points[0].y, points[j].z - points[0].z};
   };
-  const auto result = point::grow_constrained(
+  point::grow_constrained(
       int(candidates.size()), k, reach, candidates.size() + 1 == points.size(),
-      [&](int i) { return offset(candidates[i]); }, [&](int i) { grown.members.push_back(candidates[i]); },
-      [&](int i) { return offset(grown.members[i]); });
-  grown.complete = result.complete;
-  EXPECT_EQ(result.accepted, int(grown.members.size()));
-  return grown;
-}
-
-TEST(GrowConstrained, agrees_with_the_rule_over_all_points_whenever_it_says_complete) {
-  Random random(11);
-  int complete_early = 0;
-  for (std::uint64_t seed = 0; seed < 400; ++seed) {
-    const shapes::Points points = shapes::with_noise(shapes::two_sheets(120, 0.12, seed), 0.01, seed + 1);
-    const int k = 1 + int(random.below(24));
-    const float reach = float(random.uniform(0.03, 0.25));
-    const reference::List all = reference::nearest(points, 0, points.size());
-    const reference::List expected = reference::constrained(points, 0, all, k, reach);
-    for (const std::size_t given : {std::size_t(4), std::size_t(k), std::size_t(2 * k + 8), all.size()}) {
-      const reference::List candidates(all.begin(), all.begin() + std::ptrdiff_t(std::min(given, all.size())));
-      const Grown grown = grow(points, candidates, k, reach);
-      if (!grown.complete) continue;
-      EXPECT_EQ(grown.members, expected) << "seed " << seed << " k " << k << " reach " << reach;
-      complete_early += candidates.size() < all.size();
-    }
-    EXPECT_TRUE(grow(points, all, k, reach).complete);
-  }
-  EXPECT_GT(complete_early, 400);
+      [&](int i) { return offset(candidates[i]); }, [&](int i) { members.push_back(candidates[i]); },
+      [&](int i) { return offset(members[i]); });
+  return members;
 }
 
 TEST(GrowConstrained, does_not_cross_to_a_sheet_farther_than_the_reach_though_it_is_nearer_than_its_own) {
@@ -211,30 +152,8 @@ TEST(GrowConstrained, does_not_cross_to_a_sheet_farther_than_the_reach_though_it
   for (int i = 1; i <= 4; ++i) points.push_back({0.1f * float(i), 0, 0});
   for (int i = 0; i <= 4; ++i) points.push_back({0.1f * float(i), 0, 0.15f});
   const reference::List all = reference::nearest(points, 0, points.size());
-  EXPECT_EQ(grow(points, all, 4, 0.12f).members, (reference::List{1, 2, 3, 4}));
-  EXPECT_GE(grow(points, all, 4, 0.2f).members[1], 5u);
-}
-
-TEST(BilateralSum, of_no_weight_moves_nothing) {
-  point::BilateralSum<float> sum;
-  sum.add({1, 0, 0}, {1, 0, 0}, 1.0f, true, point::bilateral_weights(0.01f, 0.01f));
-  EXPECT_EQ(sum.distance(), 0.0f);
-}
-
-TEST(BilateralSum, does_not_see_the_sign_of_the_normal) {
-  Random random(13);
-  for (int trial = 0; trial < 1000; ++trial) {
-    const Vec3<float> n = random_vector(random), here = random_vector(random);
-    point::BilateralSum<float> plus, minus;
-    for (int j = 0; j < 8; ++j) {
-      const Vec3<float> offset = random_vector(random);
-      plus.add(offset, n, 1.0f, true, point::bilateral_weights(1, 1));
-      minus.add(offset, -1.0f * n, 1.0f, true, point::bilateral_weights(1, 1));
-    }
-    const Vec3<float> a = point::moved(here, n, plus.distance());
-    const Vec3<float> b = point::moved(here, -1.0f * n, minus.distance());
-    EXPECT_EQ(std::memcmp(&a, &b, sizeof a), 0);
-  }
+  EXPECT_EQ(grow(points, all, 4, 0.12f), (reference::List{1, 2, 3, 4}));
+  EXPECT_GE(grow(points, all, 4, 0.2f)[1], 5u);
 }
 
 // Of what repeats along an array the sample sees about its share, also where every stretch holds whole periods.
@@ -282,23 +201,6 @@ TEST(KeptShare, is_small_where_points_are_far_nearer_than_the_radius) {
   }
   const float own = point::squared_radius(0.0f, 0.0f, 1.0f, radii.squared_base, INFINITY);  // nothing is known
   EXPECT_GE(point::kept_share(radii, 1.0f, own, own), 1.0f);
-}
-
-TEST(Radii, are_enlarged_up_to_the_widest_and_never_cut) {
-  const float base = 1, widest = 100;
-  const auto radius_of = [&](float reach, float level) {
-    return point::squared_radius(reach, reach / 2, level, base, widest);
-  };
-  EXPECT_EQ(radius_of(10, 4), 41);    // what the level asks for
-  EXPECT_EQ(radius_of(40, 4), 101);   // no more than the widest
-  EXPECT_EQ(radius_of(400, 4), 401);  // the nearest points lie farther away: these and no others
-  EXPECT_EQ(radius_of(400, 0.7f), 0.7f * 400 + 1);
-  EXPECT_EQ(radius_of(400, 0.1f), 201);  // the eighth nearest stays inside
-
-  point::MeanTurn<float> flat{0, 10};
-  EXPECT_EQ(flat.squared_growth(2.5f, 10, widest), 2.5f);
-  EXPECT_EQ(flat.squared_growth(2.5f, 80, widest), 1.25f);
-  EXPECT_EQ(flat.squared_growth(2.5f, 400, widest), 1);
 }
 
 }  // namespace

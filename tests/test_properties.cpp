@@ -9,12 +9,12 @@
 
 #include "pointfair/pipeline.hpp"
 #include "reference.h"
+#include "runs.h"
 #include "shapes.h"
 
 namespace pointfair {
 namespace {
 
-using reference::Vec;
 using shapes::Points, shapes::same_bits;
 
 struct Sample {
@@ -55,13 +55,7 @@ Sample make_sample(std::uint64_t seed, bool with_list) {
   return sample;
 }
 
-Points fair(const Points& points, const Params& params) {
-  Pipeline pipeline(Device(Device::cpu, 0, 1));
-  pipeline.load(points);
-  Points out(points.size());
-  pipeline.run(params, out);
-  return out;
-}
+Points fair(const Points& points, const Params& params) { return Ran(points, params, 1).points; }
 
 // Those of `sound` whose moves read sound normals only: each round of the filter and a step over both planes read those
 // of neighbours.
@@ -130,33 +124,6 @@ RC_GTEST_PROP(Properties, rotating_commutes_within_rounding, (std::uint64_t seed
   const std::vector<bool> compared = well_determined(sample);
   RC_PRE(std::count(compared.begin(), compared.end(), true) > std::ptrdiff_t(a.size()) / 2);
   RC_ASSERT(share_beyond(a, b, 1e-6 + 2e-3 * sample.sigma, compared) < 0.01);
-}
-
-RC_GTEST_PROP(Properties, no_point_moves_farther_than_its_neighborhood_reaches, (std::uint64_t seed)) {
-  const Sample sample = make_sample(seed, true);
-  const Points out = fair(sample.points, sample.params);
-  const reference::Settings settings = reference::settings_of(sample.params);
-  for (std::size_t i = 0; i < out.size(); ++i) {
-    const reference::List list = reference::neighborhood(sample.points, i, settings);
-    const Vec here = reference::to_vec(sample.points[i]);
-    double reach = 0;
-    for (const std::uint32_t j : list)
-      reach = std::max(reach, reference::length(reference::to_vec(sample.points[j]) - here));
-    RC_ASSERT(reference::length(reference::to_vec(out[i]) - here) <= 1.00001 * reach + 1e-7);
-  }
-}
-
-RC_GTEST_PROP(Properties, moves_are_along_the_normal, (std::uint64_t seed)) {
-  const Sample sample = make_sample(seed, true);
-  Pipeline pipeline(Device(Device::cpu, 0, 1));
-  pipeline.load(sample.points);
-  Points out(sample.points.size()), normals(sample.points.size());
-  pipeline.run(sample.params, out);
-  pipeline.normals(normals);
-  for (std::size_t i = 0; i < out.size(); ++i) {
-    const Vec move = reference::to_vec(out[i]) - reference::to_vec(sample.points[i]), n = reference::to_vec(normals[i]);
-    RC_ASSERT(reference::length(move - reference::dot(move, n) * n) < 4e-7 + 1e-6 * reference::length(move));
-  }
 }
 
 // Over lists: sums within radii run in the order of the index, which is another one for moved points.

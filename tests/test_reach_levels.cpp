@@ -8,10 +8,9 @@
 #include <vector>
 
 #include "pipeline/pipeline_access.hpp"
-#include "point/neighborhoods.h"
-#include "point/normal.h"
 #include "pointfair/pointfair.hpp"
 #include "reference.h"
+#include "runs.h"
 #include "shapes.h"
 
 namespace pointfair {
@@ -35,23 +34,16 @@ Points half_rough() {
   return shapes::with_noise(points, kNoise);
 }
 
-struct Outcome {
-  Points points;
+struct Outcome : Ran {
+  explicit Outcome(const Points& cloud, const Params& params = {})
+      : Ran(cloud, params), levels(PipelineAccess::followed_noise(pipeline).reach_levels) {}
   std::shared_ptr<const NodeLevels> levels;
 };
-Outcome run(const Points& points, const Params& params = {}) {
-  Pipeline pipeline(Device::cpu);
-  pipeline.load(points);
-  Outcome outcome{Points(points.size()), {}};
-  pipeline.run(params, outcome.points);
-  outcome.levels = PipelineAccess::followed_noise(pipeline).reach_levels;
-  return outcome;
-}
 
 double level_at(const Outcome& outcome, Point p) { return reference::level_at(outcome.levels.get(), p); }
 
 TEST(ReachLevels, are_below_one_on_rough_ground_and_above_on_a_plane) {
-  const Outcome outcome = run(half_rough());
+  const Outcome outcome(half_rough());
   ASSERT_TRUE(outcome.levels);
   EXPECT_LT(level_at(outcome, {0.8f, 0.5f, 0}), 0.85);
   EXPECT_GT(level_at(outcome, {0.2f, 0.5f, 0}), 1.3);
@@ -68,7 +60,7 @@ TEST(ReachLevels, let_a_run_leave_less_on_either_than_one_width_everywhere) {
   };
   Params params;
   params.min_neighbors = 16;
-  const Points followed = run(points).points, same = run(points, params).points;
+  const Points followed = Outcome(points).points, same = Outcome(points, params).points;
   EXPECT_LT(left(followed, true), 0.97 * left(same, true));
   EXPECT_LT(left(followed, false), 0.9 * left(same, false));
 }
@@ -85,37 +77,16 @@ TEST(ReachLevels, keep_rough_ground_from_being_averaged_on) {
   Params once;
   once.iterations = 1;
   once.normal_filter = NormalFilter::off;
-  EXPECT_LT(left(run(points).points), 1.15 * left(run(points, once).points));
-}
-
-TEST(FurtherShare, is_none_at_eight_points_of_least_error_and_whole_from_fourteen) {
-  const auto of_points = [](float points) { return point::further_share(points / point::kReachPoints); };
-  EXPECT_EQ(of_points(5), 0);
-  EXPECT_EQ(of_points(8), 0);
-  EXPECT_NEAR(of_points(11), 0.5, 1e-6);
-  EXPECT_EQ(of_points(15), 1);
-  EXPECT_EQ(point::further_share(1), 1);
-}
-
-TEST(Turned, goes_a_share_of_the_way_and_keeps_length_one) {
-  const point::Vec3<float> from{1, 0, 0}, to{0.6f, 0.8f, 0};
-  const auto all = point::turned(from, to, 1.0f), none = point::turned(from, to, 0.0f),
-             half = point::turned(from, to, 0.5f);
-  EXPECT_EQ(all.x, to.x);
-  EXPECT_EQ(all.y, to.y);
-  EXPECT_EQ(none.x, 1);
-  EXPECT_NEAR(half.y / half.x, 0.5, 1e-6);
-  EXPECT_NEAR(point::squared_length(half), 1, 1e-6);
-  EXPECT_EQ(point::squared_length(point::turned(point::Vec3<float>{}, point::Vec3<float>{}, 0.5f)), 0);
+  EXPECT_LT(left(Outcome(points).points), 1.15 * left(Outcome(points, once).points));
 }
 
 TEST(ReachLevels, are_followed_where_the_number_of_neighbors_is_automatic_only) {
   Params params;
   params.min_neighbors = 16;
-  EXPECT_FALSE(run(half_rough(), params).levels);
+  EXPECT_FALSE(Outcome(half_rough(), params).levels);
   params = {};
   params.method = Method::mls;
-  EXPECT_FALSE(run(half_rough(), params).levels);
+  EXPECT_FALSE(Outcome(half_rough(), params).levels);
 }
 
 // Six points of one line of a scanner tell no plane.
@@ -125,7 +96,7 @@ TEST(ReachLevels, do_not_shrink_to_single_lines_of_a_scanner) {
     for (int i = 0; i < 1000; ++i)
       points.push_back({float(i) / 1000, float(line) / 100, float(0.02 * std::sin(60.0 * line / 100))});
   points = shapes::with_noise(points, 0.0005);
-  const Outcome outcome = run(points);
+  const Outcome outcome(points);
   ASSERT_TRUE(outcome.levels);
   for (const float level : outcome.levels->levels) ASSERT_GE(level, 0.99f);
 }
@@ -144,14 +115,15 @@ TEST(Neighbourhoods, reach_the_next_profile_however_far_apart_profiles_are) {
         points.push_back(shapes::make_point(x, y, height(x, y) + kSigma * random.normal()));
       }
     double squares = 0;
-    for (const Point& p : run(points).points) squares += std::pow(p.z - height(p.x, p.y), 2) / double(points.size());
+    for (const Point& p : Outcome(points).points)
+      squares += std::pow(p.z - height(p.x, p.y), 2) / double(points.size());
     EXPECT_LT(std::sqrt(squares), 0.35 * kSigma) << spacings;
   }
 }
 
 TEST(ReachLevels, are_above_one_on_a_plane_where_noise_is_nearly_the_spacing) {
   const Points points = shapes::with_noise(shapes::plane(kPoints), 0.7 * kSpacing);
-  const Outcome followed = run(points);
+  const Outcome followed(points);
   ASSERT_TRUE(followed.levels);
   EXPECT_GT(level_at(followed, {0.5f, 0.5f, 0}), 1.2);
   const auto left = [](const Points& of) {
@@ -161,18 +133,18 @@ TEST(ReachLevels, are_above_one_on_a_plane_where_noise_is_nearly_the_spacing) {
   };
   Params params;
   params.min_neighbors = 16;
-  EXPECT_LT(left(followed.points), 0.9 * left(run(points, params).points));
+  EXPECT_LT(left(followed.points), 0.9 * left(Outcome(points, params).points));
 }
 
 TEST(ReachLevels, are_not_below_one_where_the_noise_sets_the_radius) {
-  const Outcome outcome = run(shapes::with_noise(shapes::plane(kPoints), 1.2 * kSpacing));
+  const Outcome outcome(shapes::with_noise(shapes::plane(kPoints), 1.2 * kSpacing));
   ASSERT_TRUE(outcome.levels);
   for (const float level : outcome.levels->levels) ASSERT_GE(level, 0.98);
 }
 
 // At the border of the plane the spacing seems larger, and the noise smaller against it.
 TEST(ReachLevels, are_one_where_the_noise_sets_the_radius) {
-  const Outcome outcome = run(shapes::with_noise(shapes::plane(kPoints), 1.5 * kSpacing));
+  const Outcome outcome(shapes::with_noise(shapes::plane(kPoints), 1.5 * kSpacing));
   ASSERT_TRUE(outcome.levels);
   for (const float x : {0.2f, 0.5f, 0.8f})
     for (const float y : {0.2f, 0.5f, 0.8f}) EXPECT_NEAR(level_at(outcome, {x, y, 0}), 1, 0.02);

@@ -7,6 +7,8 @@
 #include <vector>
 
 #include "pointfair/pointfair.hpp"
+#include "reference.h"
+#include "runs.h"
 #include "shapes.h"
 
 namespace pointfair {
@@ -37,36 +39,26 @@ Points repeated(const Points& points, int times, double rounding) {
   return all;
 }
 
-Points run(const Points& points, const Params& params = {}) {
-  Pipeline pipeline(Device::cpu);
-  pipeline.load(points);
-  Points out(points.size());
-  pipeline.run(params, out);
-  return out;
-}
-
 double rms_height(const Points& points) {
-  double sum = 0;
-  for (const Point& p : points) sum += double{p.z} * p.z;
-  return std::sqrt(sum / double(points.size()));
+  return reference::rms(points, [](Point p) { return double{p.z}; });
 }
 
 TEST(Repeats, leave_as_little_noise_as_one_copy) {
-  const double once = rms_height(run(noisy_plane()));
+  const double once = rms_height(Ran(noisy_plane()).points);
   ASSERT_LT(once, 0.15 * kNoise);
   for (const int times : {2, 3, 5, 7})
-    EXPECT_LT(rms_height(run(repeated(noisy_plane(), times, 0))), 1.1 * once) << times << " copies";
-  EXPECT_LT(rms_height(run(repeated(noisy_plane(), 10, 0))), 1.4 * once);
+    EXPECT_LT(rms_height(Ran(repeated(noisy_plane(), times, 0)).points), 1.1 * once) << times << " copies";
+  EXPECT_LT(rms_height(Ran(repeated(noisy_plane(), 10, 0)).points), 1.4 * once);
 }
 
 TEST(Repeats, that_differ_by_their_rounding_count_once) {
-  const double once = rms_height(run(noisy_plane()));
+  const double once = rms_height(Ran(noisy_plane()).points);
   for (const int times : {2, 5})
-    EXPECT_LT(rms_height(run(repeated(noisy_plane(), times, 1e-6))), 1.1 * once) << times << " copies";
+    EXPECT_LT(rms_height(Ran(repeated(noisy_plane(), times, 1e-6)).points), 1.1 * once) << times << " copies";
 }
 
 TEST(Repeats, stay_together) {
-  const Points out = run(repeated(noisy_plane(), 5, 0));
+  const Points out = Ran(repeated(noisy_plane(), 5, 0)).points;
   for (std::size_t i = 0; i < out.size(); ++i) {
     const Point& first = out[i / 5 * 5];
     ASSERT_TRUE(out[i].x == first.x && out[i].y == first.y && out[i].z == first.z) << i;
@@ -81,14 +73,9 @@ TEST(Repeats, of_unwelded_faces_leave_as_little_noise_as_welded_ones) {
     p = {float(radius * p.x), float(radius * p.y), float(radius * p.z)};
   }
   const auto off_the_sphere = [](const Points& points) {
-    double sum = 0;
-    for (const Point& p : points) {
-      const double off = std::sqrt(double{p.x} * p.x + double{p.y} * p.y + double{p.z} * p.z) - 1;
-      sum += off * off;
-    }
-    return std::sqrt(sum / double(points.size()));
+    return reference::rms(points, [](Point p) { return reference::length(reference::to_vec(p)) - 1; });
   };
-  EXPECT_LT(off_the_sphere(run(repeated(vertices, 6, 0))), 1.2 * off_the_sphere(run(vertices)));
+  EXPECT_LT(off_the_sphere(Ran(repeated(vertices, 6, 0)).points), 1.2 * off_the_sphere(Ran(vertices).points));
 }
 
 // The nodes of a mesh lie on multiples of its step, and none of them was rounded.
@@ -99,7 +86,7 @@ TEST(Repeats, are_none_in_a_cube_of_a_regular_mesh_which_stays_as_it_is) {
     for (int y = 0; y <= kCells; ++y)
       for (int z = 0; z <= kCells; ++z)
         if (x % kCells == 0 || y % kCells == 0 || z % kCells == 0) cube.push_back({float(x), float(y), float(z)});
-  const Points out = run(cube);
+  const Points out = Ran(cube).points;
   for (std::size_t i = 0; i < cube.size(); ++i)
     ASSERT_LT(std::hypot(out[i].x - cube[i].x, out[i].y - cube[i].y, out[i].z - cube[i].z), 0.05) << i;
 }

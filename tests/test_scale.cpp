@@ -12,6 +12,7 @@
 #include "io/unfinished_files.hpp"
 #include "pointfair/positions.hpp"
 #include "pointfair/tiled_run.hpp"
+#include "runs.h"
 #include "scale/kept_leaves.hpp"
 #include "scale/leaf_tree.hpp"
 #include "scale/measure.hpp"
@@ -25,21 +26,7 @@ namespace pointfair::scale {
 namespace {
 
 namespace fs = std::filesystem;
-
-class Folder {
- public:
-  Folder() : path_(fs::temp_directory_path() / ("pointfair-test-" + std::to_string(::getpid()))) {
-    fs::create_directories(path_);
-  }
-  ~Folder() { fs::remove_all(path_); }
-  fs::path operator/(const char* name) const { return path_ / name; }
-  std::size_t files() const {
-    return static_cast<std::size_t>(std::distance(fs::directory_iterator(path_), fs::directory_iterator()));
-  }
-
- private:
-  fs::path path_;
-};
+using test::Folder;
 
 std::vector<Point> random_points(std::size_t count, unsigned seed) {
   std::mt19937 generator(seed);
@@ -99,45 +86,6 @@ TEST(Scale, a_tree_of_identical_points_is_one_leaf_and_a_saved_tree_is_the_same)
   for (const Point& p : points) ASSERT_EQ(loaded.leaf_of(p), tree.leaf_of(p));
 }
 
-TEST(Scale, a_stored_cloud_gives_all_points_of_a_region_and_the_indices_of_a_tile) {
-  const Folder folder;
-  std::vector<Point> sample = random_points(3000, 3);
-  const LeafTree tree(sample, 4, 8);
-  const std::vector<Point> first = random_points(4000, 4), second = random_points(2500, 5);
-  store(folder / "a", tree, first, 0);
-  store(folder / "b", tree, second, first.size());
-  const StoredCloud cloud({folder / "a", folder / "b"}, tree.leaves());
-  std::vector<Point> all = first;
-  all.insert(all.end(), second.begin(), second.end());
-  EXPECT_EQ(cloud.bounds().valid, all.size());
-
-  std::vector<bool> met(all.size());
-  for (std::size_t t = 0; t < tree.tiles(); ++t) {
-    const LeafRange tile{tree.tile_begin(t), tree.tile_begin(t + 1)};
-    std::vector<Point> points;
-    std::vector<std::uint64_t> indices;
-    cloud.read(tile, &points, &indices);
-    ASSERT_EQ(points.size(), cloud.count_of(tile));
-    for (std::size_t i = 0; i < points.size(); ++i) {
-      ASSERT_TRUE(same(points[i], all.at(indices[i])));
-      ASSERT_TRUE(tile.holds(tree.leaf_of(points[i])));
-      ASSERT_FALSE(met[indices[i]]);
-      met[indices[i]] = true;
-    }
-    const point::Region region = {{-0.3f, -0.2f, -kUnbounded}, {0.7f, 0.25f, 0.05f}};
-    std::vector<Point> found, expected;
-    ASSERT_TRUE(cloud.append(region, tile, all.size(), found));
-    for (const Point& p : all)
-      if (point::is_inside(region, to_vec3(p)) && !tile.holds(tree.leaf_of(p))) expected.push_back(p);
-    std::sort(found.begin(), found.end(), before);
-    std::sort(expected.begin(), expected.end(), before);
-    EXPECT_TRUE(std::equal(found.begin(), found.end(), expected.begin(), expected.end(), same));
-    found.clear();
-    EXPECT_FALSE(cloud.append(region, tile, expected.size() - 1, found));
-  }
-  EXPECT_TRUE(std::all_of(met.begin(), met.end(), [](bool m) { return m; }));
-}
-
 TEST(Scale, leaves_that_are_kept_give_the_same_points_and_are_not_read_again) {
   const Folder folder;
   std::vector<Point> sample = random_points(3000, 3);
@@ -192,13 +140,13 @@ TEST(Scale, what_dead_processes_left_unfinished_is_removed_and_what_live_ones_wr
                                          "out.ply"};
   const std::vector<std::string> removed = {named(dead, 0), named(std::to_string(::getpid()), 1U << 31)};
   for (const auto& names : {kept, removed})
-    for (const std::string& name : names) std::ofstream(folder / name.c_str()) << "some";
-  fs::create_directory(folder / named(dead, 7).c_str());
-  std::ofstream(folder / named(dead, 7).c_str() / "plan.txt") << "some";
+    for (const std::string& name : names) std::ofstream(folder / name) << "some";
+  fs::create_directory(folder / named(dead, 7));
+  std::ofstream(folder / named(dead, 7) / "plan.txt") << "some";
   io::remove_abandoned(folder / "", ".pointfair-");
-  for (const std::string& name : kept) EXPECT_TRUE(fs::exists(folder / name.c_str())) << name;
-  for (const std::string& name : removed) EXPECT_FALSE(fs::exists(folder / name.c_str())) << name;
-  EXPECT_EQ(folder.files(), kept.size());
+  for (const std::string& name : kept) EXPECT_TRUE(fs::exists(folder / name)) << name;
+  for (const std::string& name : removed) EXPECT_FALSE(fs::exists(folder / name)) << name;
+  EXPECT_EQ(folder.names().size(), kept.size());
 }
 
 TEST(Scale, a_file_that_is_not_finished_never_appears) {
@@ -208,7 +156,7 @@ TEST(Scale, a_file_that_is_not_finished_never_appears) {
     file.write("text", 4);
     EXPECT_FALSE(fs::exists(folder / "a"));
   }
-  EXPECT_EQ(folder.files(), 0u);
+  EXPECT_EQ(folder.names().size(), 0u);
   NewFile file(folder / "a");
   file.write("text", 4);
   file.finish();
@@ -283,9 +231,7 @@ TEST(Scale, the_origin_is_that_of_the_whole_file_where_the_guess_is_another) {
   job.least_tiles = 3;
   TiledRun::plan(job, folder / "work");
   // as if another had been guessed
-  const std::string plan = read_text(folder /
-                                     "work"
-                                     "/plan.txt");
+  const std::string plan = read_text(folder / "work/plan.txt");
   std::string other = plan;
   const auto at = other.find("\norigin ") + 8;
   other.replace(at, other.find('\n', at) - at, "0x1.f4p+9 0x1.388p+12 0x0p+0");
@@ -332,36 +278,6 @@ TEST(Scale, several_workers_share_the_tiles_and_leave_the_bits_of_one) {
   EXPECT_EQ(run.report().tiles, 9u);
 }
 
-TEST(Scale, outliers_keep_their_reason_over_iterations) {
-  const Folder folder;
-  Cloud cloud;
-  cloud.points = shapes::with_noise(shapes::plane(20000), 0.003);
-  for (std::size_t i = 500; i < cloud.points.size(); i += 1000) cloud.points[i].z = i % 2000 == 500 ? 0.06f : -0.06f;
-  for (int i = 0; i < 5; ++i) cloud.points[std::size_t(i)] = {float(20 * i + 30), float(i), 50};
-  write(folder / "in.ply", cloud);
-  for (const int iterations : {1, 3}) {
-    Params params;
-    params.iterations = iterations;
-    Pipeline pipeline(Device::cpu);
-    pipeline.load(read(folder / "in.ply"));
-    const std::string tag = std::to_string(iterations);
-    const fs::path whole = folder / ("whole" + tag + ".ply").c_str(), work = folder / ("work" + tag).c_str();
-    write(whole, pipeline.run(params));
-    TiledJob job;
-    job.inputs = {folder / "in.ply"};
-    job.output = folder / ("out" + tag + ".ply").c_str();
-    job.params = params;
-    job.least_tiles = 4;
-    TiledRun::plan(job, work);
-    TiledRun run(work, Device::cpu);
-    run.run_all();
-    const OutlierCounts reasons = run.report().unmoved.outliers_by_reason;
-    EXPECT_EQ(reasons, pipeline.report().unmoved.outliers_by_reason) << iterations;
-    EXPECT_GE(reasons.isolated, 5u) << iterations;
-    EXPECT_EQ(read_text(job.output), read_text(whole));
-  }
-}
-
 // As it would otherwise be tried again with ever smaller parts of the tile.
 TEST(Scale, a_place_with_more_points_than_fit_is_an_error_that_names_one_of_them) {
   const Folder folder;
@@ -378,13 +294,7 @@ TEST(Scale, a_place_with_more_points_than_fit_is_an_error_that_names_one_of_them
   job.params.outliers = Outliers::off;
   TiledRun::plan(job, folder / "work");
   TiledRun run(folder / "work", Device::cpu);
-  try {
-    run.run_all();
-    FAIL() << "fitted";
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::memory);
-    EXPECT_NE(std::string(error.what()).find("point "), std::string::npos) << error.what();
-  }
+  expect_error(ErrorKind::memory, "point ", [&] { run.run_all(); });
   EXPECT_FALSE(fs::exists(folder / "out.ply"));
 }
 

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "pointfair/pointfair.hpp"
+#include "runs.h"
 #include "shapes.h"
 
 namespace pointfair {
@@ -26,38 +27,27 @@ double mean_height(const Points& points, double gap) {
   return sum / count;
 }
 
-Points faired(const Points& points) {
-  Pipeline pipeline(Device::cpu);
-  pipeline.load(points);
-  Points out(points.size());
-  pipeline.run({}, out);
-  return out;
-}
-
 // From gaps of 1.1 spacings, and 6 sigmas, on.
 TEST(Sheets, stay_apart_and_lose_noise) {
   for (const double gap : {0.011, 0.015, 0.018, 0.022, 0.03, 0.05})
     for (const double sigma : {0.0005, 0.001, 0.0018}) {
       const Points noisy = shapes::with_noise(shapes::two_sheets(kPoints, gap), sigma);
-      EXPECT_LT(mean_height(faired(noisy), gap), 0.6 * mean_height(noisy, gap)) << gap << ' ' << sigma;
+      EXPECT_LT(mean_height(Ran(noisy).points, gap), 0.6 * mean_height(noisy, gap)) << gap << ' ' << sigma;
     }
 }
 
 // Residuals that grow since the other sheet comes into sight are not taken for shape.
 TEST(Sheets, are_no_shape_to_be_spared) {
   for (const double gap : {0.011, 0.015, 0.022}) {
-    Pipeline pipeline(Device::cpu);
-    pipeline.load(shapes::with_noise(shapes::two_sheets(kPoints, gap), 0.001));
-    Points out(kPoints);
-    pipeline.run({}, out);
-    EXPECT_GT(pipeline.report().params.relaxation.value(), 0.75) << gap;
+    const Ran run(shapes::with_noise(shapes::two_sheets(kPoints, gap), 0.001));
+    EXPECT_GT(run.report.params.relaxation.value(), 0.75) << gap;
   }
 }
 
 TEST(Sheets, without_noise_stay_where_they_are) {
   for (const double gap : {0.011, 0.015, 0.022}) {
     const Points clean = shapes::two_sheets(kPoints, gap);
-    EXPECT_LT(mean_height(faired(clean), gap), 0.0001) << gap;
+    EXPECT_LT(mean_height(Ran(clean).points, gap), 0.0001) << gap;
   }
 }
 

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "pointfair/pointfair.hpp"
+#include "runs.h"
 #include "shapes.h"
 
 namespace pointfair {
@@ -64,26 +65,13 @@ double mean_height(const Points& points, const std::vector<int>& plane) {
   return sum;
 }
 
-struct Outcome {
-  Points points;
-  double noise;
-};
-Outcome run(const Points& points) {
-  Pipeline pipeline(Device::cpu);
-  pipeline.load(points);
-  Outcome outcome{Points(points.size()), 0};
-  pipeline.run({}, outcome.points);
-  outcome.noise = pipeline.report().params.noise.value;
-  return outcome;
-}
-
 // A cubic through two or three rows meets their points whatever the noise, and one through more does not.
 TEST(Sweeps, of_few_beams_are_denoised_and_their_noise_is_known) {
   for (const int beams : {16, 32}) {
     const Sweep sweep = sweep_of(beams, 0.012);
-    const Outcome outcome = run(sweep.points);
+    const Ran outcome(sweep.points);
     const double typical = median_height(sweep.points, sweep.plane) / 0.6745;
-    EXPECT_NEAR(outcome.noise / typical, 1, 0.35) << beams;
+    EXPECT_NEAR(outcome.report.params.noise.value / typical, 1, 0.35) << beams;
     EXPECT_LT(mean_height(outcome.points, sweep.plane), 0.6 * mean_height(sweep.points, sweep.plane)) << beams;
   }
 }
@@ -91,7 +79,7 @@ TEST(Sweeps, of_few_beams_are_denoised_and_their_noise_is_known) {
 TEST(Sweeps, without_noise_stay_as_they_are) {
   for (const int beams : {16, 32}) {
     const Sweep sweep = sweep_of(beams, 0);
-    const Points points = run(sweep.points).points;
+    const Points points = Ran(sweep.points).points;
     double moved = 0;
     for (std::size_t i = 0; i < points.size(); ++i)
       moved += std::hypot(points[i].x - sweep.points[i].x, points[i].y - sweep.points[i].y,

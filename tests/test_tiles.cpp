@@ -8,6 +8,7 @@
 
 #include "backend_runs.h"
 #include "pointfair/pipeline.hpp"
+#include "runs.h"
 #include "seam/sampling.hpp"
 #include "shapes.h"
 #include "tiles/tiled_backend.hpp"
@@ -227,12 +228,7 @@ TEST(Tiles, has_the_bits_of_the_whole_where_little_may_be_uploaded) {
 TEST(Tiles, that_a_far_point_keeps_from_being_cut_is_an_error_and_no_wrong_cloud) {
   const Points points = shapes::with_stray(cloud(20000), 1e6f);
   const auto backend = Place{Device::cpu, 1}.make_tiled({4, 12000});
-  try {
-    run(*backend, points, usual());
-    FAIL() << "fitted";
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::memory);
-  }
+  expect_error(ErrorKind::memory, "", [&] { run(*backend, points, usual()); });
 }
 
 TEST(Tiles, has_the_estimates_of_the_whole) {
@@ -258,40 +254,6 @@ TEST(Tiles, has_the_estimates_of_the_whole) {
     EXPECT_EQ(difference({a.bounds.min, a.bounds.max}, {b.bounds.min, b.bounds.max}), "");
     EXPECT_EQ(a.bounds.valid, b.bounds.valid);
     EXPECT_EQ(difference(a.points, b.points), "");
-  }
-}
-
-TEST(Tiles, runs_a_stage_again_without_the_others) {
-  const Points points = cloud(20000);
-  StageSettings settings = usual();
-  settings.iterations = 2;
-  const auto cut = Place{Device::cpu, 1}.make_tiled({3});
-  run(*cut, points, settings);
-  settings.fairing.similarity_sigma = 0.005f;
-  settings.iterations = 1;
-  cut->fair(0, settings.fairing, false, {});
-  Points again(points.size());
-  cut->download(0, again, {}, {});
-  EXPECT_EQ(difference(again, run(*make_cpu_backend(0), points, settings).points), "");
-}
-
-TEST(Tiles, stops_when_asked_and_then_runs_again) {
-  const Points points = cloud(20000);
-  for (const Place& place : places()) {
-    const auto cut = place.make_tiled({4});
-    std::stop_source stop;
-    cut->upload(points, IndexOrder::fastest);
-    cut->build_index(0, {}, {});
-    cut->find_neighbors(0, {8, 0, false, 0}, {});
-    cut->estimate_normals(0, {0.02f}, {});
-    stop.request_stop();
-    try {
-      cut->fair(0, usual().fairing, false, stop.get_token());
-      FAIL() << "not interrupted";
-    } catch (const Error& error) {
-      EXPECT_EQ(error.kind(), ErrorKind::interrupted);
-    }
-    EXPECT_EQ(difference(run(*cut, points, usual()).points, run(*place.make(), points, usual()).points), "");
   }
 }
 

@@ -3,9 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 
+#include "runs.h"
 #include "viewer_seat.h"
 
 namespace pointfair::viewer {
@@ -13,22 +12,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct Folder {
-  fs::path path = fs::temp_directory_path() / ("pointfair-viewer-" + std::to_string(::getpid()));
-  Folder() { fs::create_directories(path); }
-  ~Folder() { fs::remove_all(path); }
-};
-
-std::string content(const fs::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
+using test::file_bytes;
 
 TEST(ViewerSession, SavesWhatTheLibraryWrites) {
-  const Folder folder;
+  const test::Folder folder;
   const Cloud cloud = cloud_of(noisy(2000));
   Session::Options options = cpu_options();
-  options.save_folder = folder.path;
+  options.save_folder = folder / "";
   FakePage page;
   Session session(options, page.send());
   session.open(cloud, "scan.ply");
@@ -43,8 +33,8 @@ TEST(ViewerSession, SavesWhatTheLibraryWrites) {
   Limits limits;
   limits.strength = 0.5;
   apply_limits(limits, cloud, fair);
-  write(folder.path / "expected.ply", fair);
-  EXPECT_EQ(content(folder.path / "denoised.ply"), content(folder.path / "expected.ply"));
+  write(folder / "expected.ply", fair);
+  EXPECT_EQ(file_bytes(folder / "denoised.ply"), file_bytes(folder / "expected.ply"));
 
   EXPECT_TRUE(session.receive(R"({"type":"save","id":2,"output":"denoised.ply"})"));
   EXPECT_NE(std::string(page.wait_for("error", 2).head["message"]).find("exists already"), std::string::npos);
@@ -53,11 +43,11 @@ TEST(ViewerSession, SavesWhatTheLibraryWrites) {
 }
 
 TEST(ViewerSession, SavesNowhereElse) {
-  const Folder folder;
+  const test::Folder folder;
   Session::Options options = cpu_options();
-  options.save_folder = folder.path / "inner";
+  options.save_folder = folder / "inner";
   fs::create_directories(options.save_folder);
-  fs::create_symlink(folder.path / "outside.ply", options.save_folder / "link.ply");
+  fs::create_symlink(folder / "outside.ply", options.save_folder / "link.ply");
   FakePage page;
   Session session(options, page.send());
   session.open(cloud_of(noisy(200)), "scan.ply");
@@ -67,8 +57,8 @@ TEST(ViewerSession, SavesNowhereElse) {
     EXPECT_TRUE(session.receive(Json{{"type", "save"}, {"id", ++id}, {"output", name}, {"overwrite", true}}.dump()));
     page.wait_for("error", id);
   }
-  EXPECT_FALSE(fs::exists(folder.path / "a.ply"));
-  EXPECT_FALSE(fs::exists(folder.path / "outside.ply"));
+  EXPECT_FALSE(fs::exists(folder / "a.ply"));
+  EXPECT_FALSE(fs::exists(folder / "outside.ply"));
   EXPECT_EQ(std::distance(fs::directory_iterator(options.save_folder), {}), 1);
 }
 

@@ -159,9 +159,9 @@ TEST(ViewerSession, EveryTaskThatIsTakenIsAnsweredAndTheOthersAreRefused) {
 class FailingBackend : public ForwardingBackend {
  public:
   explicit FailingBackend(const std::atomic<bool>& fails) : ForwardingBackend(make_cpu_backend(1)), fails_(fails) {}
-  void fair(int iteration, const FairingSettings& settings, bool leaves, std::stop_token stop) override {
+  void fair(int iteration, const FairingSettings& settings, std::stop_token stop) override {
     if (fails_) throw Error(ErrorKind::memory, "no memory for fairing");
-    ForwardingBackend::fair(iteration, settings, leaves, stop);
+    ForwardingBackend::fair(iteration, settings, stop);
   }
 
  private:

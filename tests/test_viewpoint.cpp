@@ -12,6 +12,7 @@
 #include "backend_runs.h"
 #include "pointfair/pointfair.hpp"
 #include "reference.h"
+#include "runs.h"
 #include "shapes.h"
 
 namespace pointfair {
@@ -58,21 +59,8 @@ Scan scan(double noise = kNoise) {
   return result;
 }
 
-struct Outcome {
-  Points points;
-  Report report;
-  std::vector<std::uint8_t> marks;
-};
-
-Outcome run(const Points& points, std::span<const Position> viewpoint, Params params = {}) {
-  Pipeline pipeline(Device::cpu);
-  pipeline.load(points);
-  pipeline.set_viewpoint(viewpoint);
-  Outcome outcome{Points(points.size()), {}, {}};
-  pipeline.run(params, outcome.points);
-  outcome.report = pipeline.report();
-  outcome.marks.assign(pipeline.outliers().begin(), pipeline.outliers().end());
-  return outcome;
+Ran run(const Points& points, std::span<const Position> viewpoint, const Params& params = {}) {
+  return Ran(points, params, 0, viewpoint);
 }
 
 Params marking() {
@@ -95,8 +83,8 @@ Shares shares(const Scan& scan, const std::vector<std::uint8_t>& marks) {
 
 TEST(Viewpoint, shows_mixed_pixels) {
   const Scan cloud = scan();
-  const Outcome seen = run(cloud.points, {&kSensor, 1}, marking()), blind = run(cloud.points, {}, marking());
-  const Shares with = shares(cloud, seen.marks), without = shares(cloud, blind.marks);
+  const Ran seen = run(cloud.points, {&kSensor, 1}, marking()), blind = run(cloud.points, {}, marking());
+  const Shares with = shares(cloud, seen.outliers), without = shares(cloud, blind.outliers);
   EXPECT_GT(with.found, 0.8);
   EXPECT_LT(with.wrong, 0.001);
   EXPECT_GT(with.found, without.found);
@@ -105,8 +93,8 @@ TEST(Viewpoint, shows_mixed_pixels) {
   EXPECT_GT(reasons.mixed_pixels, 100u);
   EXPECT_EQ(reasons.total(), seen.report.unmoved.outliers);
   EXPECT_EQ(seen.report.unmoved.outliers,
-            std::uint64_t(seen.marks.size() - std::count(seen.marks.begin(), seen.marks.end(), 0)));
-  EXPECT_EQ(reasons.mixed_pixels, std::uint64_t(std::count(seen.marks.begin(), seen.marks.end(), 3)));
+            std::uint64_t(seen.outliers.size() - std::count(seen.outliers.begin(), seen.outliers.end(), 0)));
+  EXPECT_EQ(reasons.mixed_pixels, std::uint64_t(std::count(seen.outliers.begin(), seen.outliers.end(), 3)));
 }
 
 // Of a grid of rays about the sensor at the origin, `depth` along the y axis of each, with noise along it.
@@ -140,7 +128,7 @@ Shares found_behind_board(int together, int period, double low, double high, dou
     return std::abs(row) <= kBoard && std::abs(column) <= kBoard ? 3.0 : wall;
   });
   const Position origin{};
-  return shares(scan, run(scan.points, {&origin, 1}, marking()).marks);
+  return shares(scan, run(scan.points, {&origin, 1}, marking()).outliers);
 }
 
 TEST(Viewpoint, shows_mixed_pixels_that_have_others_beside_them) {
@@ -168,7 +156,7 @@ TEST(Viewpoint, takes_no_bars_across_coarse_rings_for_mixed_pixels) {
   const Position origin{};
   Params params = marking();
   params.noise = kNoise;
-  const std::vector<std::uint8_t> marks = run(points, {&origin, 1}, params).marks;
+  const std::vector<std::uint8_t> marks = run(points, {&origin, 1}, params).outliers;
   int bars = 0, marked = 0;
   for (int ring = -kRings, i = 0; ring <= kRings; ++ring)
     for (int column = -kHalf; column <= kHalf; ++column, ++i) {
@@ -208,12 +196,12 @@ TEST(Viewpoint, may_be_told_for_each_point) {
   for (const Along along : {Along::normal, Along::ray}) {
     Params params = marking();
     params.along = along;
-    const Outcome one = run(cloud.points, {&kSensor, 1}, params), many = run(cloud.points, each, params);
+    const Ran one = run(cloud.points, {&kSensor, 1}, params), many = run(cloud.points, each, params);
     EXPECT_EQ(difference(one.points, many.points), "");
-    EXPECT_EQ(one.marks, many.marks);
+    EXPECT_EQ(one.outliers, many.outliers);
   }
   // unknown places are as if there were none
-  const Outcome unknown = run(cloud.points, std::vector<Position>(each.size(), Position{kNan, kNan, kNan}), marking());
+  const Ran unknown = run(cloud.points, std::vector<Position>(each.size(), Position{kNan, kNan, kNan}), marking());
   EXPECT_EQ(difference(unknown.points, run(cloud.points, {}, marking()).points), "");
   const std::vector<Position> too_few(each.begin(), each.begin() + 7);
   EXPECT_THROW(run(cloud.points, too_few), Error);
@@ -235,8 +223,6 @@ TEST(Viewpoint, is_forgotten_by_the_next_load) {
   pipeline.run({}, out);
   EXPECT_EQ(pipeline.report().unmoved.outliers_by_reason.mixed_pixels, 0u);
 }
-
-Vec cross(Vec a, Vec b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; }
 
 double angle(const Point& p, const Point& q) {
   const Vec a = to_vec(p) - Vec{kSensor[0], kSensor[1], kSensor[2]},
@@ -261,9 +247,9 @@ TEST(AlongRay, keeps_each_pixel_and_removes_as_much_noise) {
   for (const Method method : {Method::bilateral, Method::mls, Method::wiener}) {
     Params params;
     params.method = method;
-    const Outcome normal = run(cloud.points, {&kSensor, 1}, params);
+    const Ran normal = run(cloud.points, {&kSensor, 1}, params);
     params.along = Along::ray;
-    const Outcome ray = run(cloud.points, {&kSensor, 1}, params);
+    const Ran ray = run(cloud.points, {&kSensor, 1}, params);
     double most = 0, most_normal = 0;
     for (std::size_t i = 0; i < cloud.points.size(); ++i) {
       most = std::max(most, angle(cloud.points[i], ray.points[i]));
@@ -357,7 +343,7 @@ TEST(Outliers, are_counted_by_reason) {
     for (int i = 0; i < 5; ++i) points[std::size_t(i)] = {float(20 * i + 30), float(i), 50};
     Params params = marking();
     params.iterations = iterations;
-    const Outcome outcome = run(points, {}, params);
+    const Ran outcome = run(points, {}, params);
     const OutlierCounts& reasons = outcome.report.unmoved.outliers_by_reason;
     EXPECT_EQ(reasons.total(), outcome.report.unmoved.outliers);
     EXPECT_GE(reasons.isolated, 5u) << iterations;

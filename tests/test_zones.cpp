@@ -1,13 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Zones of wide clouds: which clouds need them, and that a cloud is the same points from wherever it is seen.
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <limits>
 #include <map>
 #include <random>
@@ -16,6 +13,7 @@
 #include <tuple>
 
 #include "pointfair/pointfair.hpp"
+#include "runs.h"
 #include "scale/kept_leaves.hpp"
 #include "scale/stored_cloud.hpp"
 #include "scale/zones.hpp"
@@ -103,14 +101,12 @@ TEST(Zones, neither_the_order_of_points_nor_a_few_strays_decide) {
 class WideCloud : public testing::Test {
  protected:
   WideCloud() {
-    fs::create_directories(folder_);
     std::mt19937 generator(3);
     std::uniform_real_distribution<double> coordinate(-300, 300);
     for (int i = 0; i < 3000; ++i)
       points_.push_back({5e5 + coordinate(generator), 5.4e6 + coordinate(generator), coordinate(generator)});
     for (std::size_t half = 0; half < 2; ++half) store(half);
   }
-  ~WideCloud() override { fs::remove_all(folder_); }
 
   fs::path path(std::size_t half) const { return folder_ / std::to_string(half); }
   StoredCloud cloud() const { return StoredCloud({path(0), path(1)}, 2, zones_); }
@@ -124,6 +120,7 @@ class WideCloud : public testing::Test {
     return shifted(stored(i), difference(zones_.middle_of(zones_.zone_of(points_[i])), origin));
   }
 
+  const test::Folder folder_;
   const Zones zones_{{500000, 5400000, 0}, 256};
   std::vector<Position> points_;
 
@@ -149,8 +146,6 @@ class WideCloud : public testing::Test {
     writer.write(std::span(order));
     writer.finish();
   }
-
-  const fs::path folder_ = fs::temp_directory_path() / ("pointfair-zones-" + std::to_string(::getpid()));
 };
 
 using Set = std::multiset<std::tuple<float, float, float>>;
@@ -257,15 +252,9 @@ TEST(Zones, settings_of_a_zone_hold_at_the_same_places) {
   EXPECT_EQ(same.neighbors.levels, stages.neighbors.levels);
 }
 
-std::string bytes_of(const fs::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
-
 // A run in tiles on disk, which is what the program does with a survey, is the oracle of one in memory.
 TEST(Zones, a_pipeline_and_a_run_in_tiles_write_the_same_bytes) {
-  const fs::path folder = fs::temp_directory_path() / ("pointfair-doors-" + std::to_string(::getpid()));
-  fs::create_directories(folder);
+  const test::Folder folder;
   int tried = 0, in_zones = 0;
   for (const double spacings : {1e4, 1e5, 1e6, 1e7}) {
     const double spacing = 0.25;
@@ -294,8 +283,8 @@ TEST(Zones, a_pipeline_and_a_run_in_tiles_write_the_same_bytes) {
       TiledRun::plan(job, folder / "work");
       TiledRun(folder / "work", Device::cpu).run_all();
       fs::remove_all(folder / "work");
-      EXPECT_TRUE(bytes_of(named("memory")) == bytes_of(named("tiles")));
-      EXPECT_TRUE(bytes_of(named("memory")) != bytes_of(named("in")));
+      EXPECT_TRUE(test::file_bytes(named("memory")) == test::file_bytes(named("tiles")));
+      EXPECT_TRUE(test::file_bytes(named("memory")) != test::file_bytes(named("in")));
       std::vector<Position> now(written.size());
       positions(denoised, now);
       EXPECT_EQ(denoised.points.size(), written.size());
@@ -305,7 +294,6 @@ TEST(Zones, a_pipeline_and_a_run_in_tiles_write_the_same_bytes) {
   }
   EXPECT_EQ(tried, 8);
   EXPECT_GE(in_zones, 4);
-  fs::remove_all(folder);
 }
 
 TEST(Zones, one_system_of_equations_holds_the_points_of_all) {
@@ -322,11 +310,11 @@ TEST(Zones, one_system_of_equations_holds_the_points_of_all) {
 
 TEST(Zones, arrays_of_doubles_give_what_a_file_of_them_gives) {
   const std::vector<Position> points = towns(4e5, 0.25);
-  const fs::path path = fs::temp_directory_path() / ("pointfair-array-" + std::to_string(::getpid()) + ".ply");
+  const test::Folder folder;
+  const fs::path path = folder / "array.ply";
   const Cloud array = make_cloud(points);
   write(path, array);
   const Cloud file = read(path);
-  fs::remove(path);
   std::vector<std::vector<Position>> results;
   for (const Cloud* const cloud : {&array, &file}) {
     Pipeline pipeline(Device::cpu);

@@ -81,7 +81,7 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
   void estimate_normals(int iteration, const NormalSettings& settings, std::stop_token stop) override {
     arena_.execute([&] { chain(iteration).estimate_normals(settings, kernels_, stop); });
   }
-  void fair(int iteration, const FairingSettings& settings, bool, std::stop_token stop) override {
+  void fair(int iteration, const FairingSettings& settings, std::stop_token stop) override {
     arena_.execute([&] { chain(iteration).fair(settings, kernels_, stop); });
     solved_.resize(std::size_t(iteration) + 1);
     solved_.back() = chain(iteration).solver_report();

@@ -4,23 +4,16 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <limits>
 #include <vector>
 
-#include "cpu/constrained.h"
 #include "cpu/facets.h"
 #include "cpu/implicit.h"
 #include "cpu/parallel.h"
 #include "cpu/weighted_graph.h"
-#include "seam/noise_levels.hpp"
 #include "seam/rules.hpp"
 
 namespace pointfair::cpu {
 namespace {
-
-// Between two looks at the stop token: at most about 10 ms of work where neighbourhoods are as wide as they can be, and
-// where lists are as long as they can be under the constraint, which then takes up to 10 ms a leaf.
-constexpr std::size_t kLeavesABlock = 32, kConstrainedLeavesABlock = 2;
 
 // For the notes of a block of leaves: 12 bytes a point, about three for each of 64 leaves that a leaf's neighbourhoods
 // meet. They are 45 where the noise is as large as the spacing.
@@ -93,145 +86,6 @@ Neighborhoods Chain::grown_neighborhoods() const {
   return result;
 }
 
-bool Chain::prefix_suffices(const NeighborSettings& settings) const {
-  NeighborSettings longer = settings;
-  longer.k = neighbors_.k;
-  return has_lists_ && settings.k > 0 && settings.k <= stored_k_ && longer == neighbors_;
-}
-
-// Neighbourhoods of fewer than k, where the constraint may have cut them.
-void Chain::count_short(const std::stop_token& stop) {
-  counts_.short_neighborhoods = 0;
-  if (!neighbors_.constraint) return;
-  const IndexView index = index_.view();
-  std::atomic<std::uint64_t> total = 0;
-  for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
-    std::uint64_t here = 0;
-    for (std::size_t i = first * kLeafSize; i < std::min<std::size_t>(last * kLeafSize, index.points); ++i) {
-      const std::size_t last_slot = i / kLeafSize * stored_k_ + std::size_t(neighbors_.k) - 1;
-      here += lists_[last_slot * kLeafSize + i % kLeafSize] == point::kNoNeighbor;
-    }
-    total += here;
-  });
-  counts_.short_neighborhoods = total;
-}
-
-void Chain::find_neighbors(const NeighborSettings& settings, const Kernels& kernels, const std::stop_token& stop) {
-  if (prefix_suffices(settings)) {
-    neighbors_ = settings;
-    return count_short(stop);
-  }
-  has_lists_ = false;
-  neighbors_ = settings;
-  stored_k_ = settings.k;
-  if (!by_list() && index_.view().points > 0 && index_.view().share == nullptr)
-    throw Error(ErrorKind::failed, "sums over radius neighbourhoods need an index along a frame's curve");
-  mesh_lists_.clear();
-  lists_.resize(neighbors_.mesh ? 0 : index_.view().leaves * list_row());
-  mean_distance_.resize(std::size_t(index_.view().leaves) * kLeafSize);
-  measure_levels(stop);
-  if (!by_list()) {
-    measure_radii(kernels, stop);
-  } else if (!neighbors_.mesh) {
-    find_lists(kernels, stop);
-  }
-  has_areas_ = !by_list() || !neighbors_.mesh;
-  if (neighbors_.mesh) mesh_lists_.find(index_.view(), neighbors_, neighborhoods().radii, stop);
-  count_short(stop);
-  has_lists_ = true;
-}
-
-void Chain::find_lists(const Kernels& kernels, const std::stop_token& stop) {
-  const IndexView index = index_.view();
-  const float limit =
-      neighbors_.radius > 0 ? neighbors_.radius * neighbors_.radius : std::numeric_limits<float>::infinity();
-  const std::size_t block_size = neighbors_.constraint ? kConstrainedLeavesABlock : kLeavesABlock;
-  for_blocks(index.leaves, block_size, stop, [&](std::size_t first, std::size_t last, std::size_t) {
-    ConstrainedSearch constrained(kernels, neighbors_, limit);
-    Index area_list[point::kAreaNeighbors * kLeafSize];
-    for (std::size_t leaf = first; leaf < last; ++leaf) {
-      Index* const list = lists_.data() + leaf * list_row();
-      const Index* nearest = list;
-      int nearest_count = neighbors_.k;
-      if (neighbors_.constraint) {
-        nearest = constrained.find(index, Index(leaf), list);
-        nearest_count = point::kAreaNeighbors;
-      } else {
-        kernels.nearest(index, Index(leaf), neighbors_.k, limit, list);
-      }
-      if (nearest_count < point::kAreaNeighbors || neighbors_.radius > 0) {  // W_a knows no radius
-        kernels.nearest(index, Index(leaf), point::kAreaNeighbors, std::numeric_limits<float>::infinity(), area_list);
-        nearest = area_list;
-      }
-      kernels.mean_distances(index, Index(leaf), nearest, point::kAreaNeighbors,
-                             mean_distance_.data() + leaf * kLeafSize);
-    }
-  });
-}
-
-// Of W_a, which knows no mesh: along one it is the only reader of what lies nearest.
-void Chain::measure_areas(const Kernels& kernels, const std::stop_token& stop) {
-  has_areas_ = true;
-  const IndexView index = index_.view();
-  for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
-    Index nearest[point::kAreaNeighbors * kLeafSize];
-    for (std::size_t leaf = first; leaf < last; ++leaf) {
-      kernels.nearest(index, Index(leaf), point::kAreaNeighbors, std::numeric_limits<float>::infinity(), nearest);
-      kernels.mean_distances(index, Index(leaf), nearest, point::kAreaNeighbors,
-                             mean_distance_.data() + leaf * kLeafSize);
-    }
-  });
-}
-
-namespace {
-
-// Of the points of a leaf.
-void squared_levels_of(const IndexView& index, std::size_t leaf, const point::NodeField& field, float* out) {
-  for (std::size_t lane = 0; lane < kLeafSize; ++lane) {
-    const std::size_t i = leaf * kLeafSize + lane;
-    const float level = point::node_value(field, {index.x[i], index.y[i], index.z[i]});
-    out[lane] = level * level;
-  }
-}
-
-}  // namespace
-
-void Chain::measure_levels(const std::stop_token& stop) {
-  if (!neighbors_.levels) return squared_level_.release();
-  const IndexView index = index_.view();
-  const point::NodeField field = field_of(neighbors_.levels.get());
-  squared_level_.resize(std::size_t(index.leaves) * kLeafSize);
-  for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
-    for (std::size_t leaf = first; leaf < last; ++leaf)
-      squared_levels_of(index, leaf, field, squared_level_.data() + leaf * kLeafSize);
-  });
-}
-
-void Chain::measure_radii(const Kernels& kernels, const std::stop_token& stop) {
-  const IndexView index = index_.view();
-  squared_radius_.resize(std::size_t(index.leaves) * kLeafSize);
-  const int count = std::max(neighbors_.min_neighbors, point::kAreaNeighbors);  // of which both take the first ones
-  const point::NodeField reach = field_of(neighbors_.reach_levels.get());
-  if (reach.values == nullptr) further_share_.release();
-  if (reach.values != nullptr) further_share_.resize(squared_radius_.size());
-  for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
-    std::vector<Index> nearest(std::size_t(count) * kLeafSize);
-    float reach_level[kLeafSize];
-    for (std::size_t leaf = first; leaf < last; ++leaf) {
-      kernels.nearest(index, Index(leaf), count, std::numeric_limits<float>::infinity(), nearest.data());
-      kernels.mean_distances(index, Index(leaf), nearest.data(), point::kAreaNeighbors,
-                             mean_distance_.data() + leaf * kLeafSize);
-      if (reach.values != nullptr) {
-        squared_levels_of(index, leaf, reach, reach_level);
-        std::transform(reach_level, reach_level + kLeafSize, further_share_.data() + leaf * kLeafSize,
-                       [](float level) { return point::further_share(level); });
-      }
-      kernels.squared_radii(index, Index(leaf), nearest.data(), neighborhoods().radii,
-                            reach.values != nullptr ? reach_level : nullptr, squared_radius_.data() + leaf * kLeafSize);
-    }
-  });
-}
-
 void Chain::estimate_normals(const NormalSettings& settings, const Kernels& kernels, const std::stop_token& stop) {
   normal_settings_ = settings;
   normals_.resize(std::size_t(index_.view().leaves) * kLeafSize);
@@ -279,15 +133,9 @@ void Chain::face_normals(const MeshFaces& faces, const std::stop_token& stop) {
   const std::vector<Index> at = sorted_positions(index, neighbors_.mesh->vertex.size());
   const auto normal_of = [&](std::uint32_t face) {  // twice the area long
     const auto corners = faces.of(face);
-    const auto place = [&](std::size_t c) {
-      const Index i = at[corners[c]];
-      return Vec{index.x[i], index.y[i], index.z[i]};
-    };
-    Vec sum{};
     if (std::any_of(corners.begin(), corners.end(), [&](std::uint32_t c) { return at[c] == point::kNoNeighbor; }))
-      return sum;
-    for (std::size_t c = 2; c < corners.size(); ++c) sum = sum + cross(place(c - 1) - place(0), place(c) - place(0));
-    return sum;
+      return Vec{};
+    return area_normal(corners, [&](std::uint32_t c) { return Vec{index.x[at[c]], index.y[at[c]], index.z[at[c]]}; });
   };
   const VectorsOut out = three_arrays(normals_);
   std::atomic<std::uint64_t> too_few = 0, no_normal = 0;

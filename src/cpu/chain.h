@@ -15,6 +15,10 @@
 
 namespace pointfair::cpu {
 
+// Leaves between two looks at the stop token: at most about 10 ms of work where neighbourhoods are as wide as they can
+// be.
+inline constexpr std::size_t kLeavesABlock = 32;
+
 class Chain {
  public:
   explicit Chain(MemoryMeter& meter);

@@ -90,16 +90,6 @@ class Facets {
  private:
   Vec place(std::size_t i) const { return {source_.index.x[i], source_.index.y[i], source_.index.z[i]}; }
 
-  // Twice the area long; `place_of` tells where a vertex is.
-  template <class PlaceOf>
-  static Vec area_normal(std::span<const std::uint32_t> corners, const PlaceOf& place_of) {
-    const Vec first = place_of(corners[0]);
-    Vec sum{};
-    for (std::size_t c = 2; c < corners.size(); ++c)
-      sum = sum + cross(place_of(corners[c - 1]) - first, place_of(corners[c]) - first);
-    return sum;
-  }
-
   // 0 beyond twice the sigma.
   static double closeness(Vec offset, double sigma) {
     const double squared = squared_length(offset) / (sigma * sigma);

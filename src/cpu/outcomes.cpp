@@ -11,7 +11,7 @@
 namespace pointfair::cpu {
 namespace {
 
-constexpr std::size_t kLeavesABlock = 64;
+constexpr std::size_t kLeavesAtOnce = 64;
 
 template <class View>
 point::Vec3<float> vector_at(const View& view, std::size_t at) {
@@ -20,7 +20,7 @@ point::Vec3<float> vector_at(const View& view, std::size_t at) {
 
 template <class Body>
 void for_points(const IndexView& index, const Body& body) {
-  for_blocks(index.leaves, kLeavesABlock, {}, [&](std::size_t first, std::size_t last, std::size_t) {
+  for_blocks(index.leaves, kLeavesAtOnce, {}, [&](std::size_t first, std::size_t last, std::size_t) {
     for (std::size_t i = first * kLeafSize; i < std::min<std::size_t>(last * kLeafSize, index.points); ++i) body(i);
   });
 }
@@ -113,7 +113,7 @@ void Chain::outcomes(const point::Region& loaded, const Kernels& kernels, std::s
   const auto least_of = [&](const Neighborhoods& neighborhoods, const std::vector<float>& values) {
     std::vector<float> least(places, 1.0f);
     const float deepest = depths.deepest_zero(values);
-    for_blocks(index.leaves, kLeavesABlock, {}, [&](std::size_t first, std::size_t last, std::size_t) {
+    for_blocks(index.leaves, kLeavesAtOnce, {}, [&](std::size_t first, std::size_t last, std::size_t) {
       for (std::size_t leaf = first; leaf < last; ++leaf)
         if (!depths.ends_deeper(leaf, deepest))
           kernels.survey(index, Index(leaf), neighborhoods, values.data(), counts.data(), least.data());

@@ -52,7 +52,7 @@ class Net {
         if (!net::can_move(here) || classical_.held[at] != 0) continue;
         const point::Vec3<float> moved =
             point::Vec3<float>{cloud.x[i], cloud.y[i], cloud.z[i]} + here.noise * steps_[i];
-        if (point::is_indexable(moved.x, moved.y, moved.z)) out[at] = {moved.x, moved.y, moved.z};
+        if (point::is_indexable(moved)) out[at] = {moved.x, moved.y, moved.z};
       }
     });
   }

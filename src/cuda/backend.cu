@@ -68,11 +68,11 @@ void CudaBackend::estimate_normals(int iteration, const NormalSettings& settings
   if (!its.normals_wait()) clock_.note("normals", start, its.stream());
 }
 
-void CudaBackend::fair(int iteration, const FairingSettings& settings, bool leaves, std::stop_token stop) {
+void CudaBackend::fair(int iteration, const FairingSettings& settings, std::stop_token stop) {
   Chain& its = chain(iteration);
   const bool with_normals = its.normals_wait();
   const cudaEvent_t start = start_stage();
-  its.fair(settings, leaves, stop);
+  its.fair(settings, stop);
   clock_.note(with_normals ? kBoth : "fairing", start, its.stream());
 }
 

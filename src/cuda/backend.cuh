@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The CUDA backend: the seam's calls over two chains on one card. Stage calls start their work and return; the host
-// waits only where data crosses. The first iteration's index is begun while its points arrive, and where the cloud is
-// in spatial order, stages and download of its parts overlap (part_flow.cuh). Memory beside the chains, bytes a point:
+// waits only where data crosses. The first iteration's index is started with the upload, and where the cloud is in
+// spatial order, copies, stages and download of its parts overlap (part_flow.cuh). Memory beside the chains, bytes a point:
 // the uploaded points 12, and 12 from the third iteration on.
 #pragma once
 
@@ -69,7 +69,7 @@ class CudaBackend final : public Backend,
   void build_index(int iteration, const std::optional<Frame>& frame, std::stop_token stop) override;
   void find_neighbors(int iteration, const NeighborSettings& settings, std::stop_token stop) override;
   void estimate_normals(int iteration, const NormalSettings& settings, std::stop_token stop) override;
-  void fair(int iteration, const FairingSettings& settings, bool leaves, std::stop_token stop) override;
+  void fair(int iteration, const FairingSettings& settings, std::stop_token stop) override;
 
   OutlierCounts download(int iteration, std::span<Point> points, const DisplacementLimits& limits,
                          std::span<std::uint8_t> outliers) override;

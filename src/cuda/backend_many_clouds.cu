@@ -63,7 +63,7 @@ void CudaBackend::run(std::span<const Index> clouds, std::span<const FramedSetti
     find_neighbors(iteration, common.neighbors, stop);
     estimate_normals(iteration, common.normals, stop);
     common.fairing.is_further = iteration > 0;
-    fair(iteration, common.fairing, false, stop);
+    fair(iteration, common.fairing, stop);
   }
   if (limited_.size() == 0) {
     limited_.resize(uploaded_.size());

@@ -14,8 +14,7 @@ __global__ void __launch_bounds__(kBlock)
   const std::size_t i = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (i >= count) return;
   const Point p = measured[i];
-  noise[i] = point::is_indexable(p.x, p.y, p.z) ? sigma * point::node_value(levels, {p.x, p.y, p.z})
-                                                : __int_as_float(0x7fffffff);
+  noise[i] = point::is_indexable(p) ? sigma * point::node_value(levels, {p.x, p.y, p.z}) : __int_as_float(0x7fffffff);
 }
 
 template <class T>

@@ -52,7 +52,8 @@ void Chain::build_index(const Point* points, std::size_t count, const std::optio
   if (Overlapped::suits(arrival, frame)) {
     overlap_.build(points, count, *arrival);
   } else {
-    index_.build(points, count, frame, arrival);
+    if (arrival != nullptr) context_.wait_for(arrival->all());
+    index_.build(points, count, frame);
   }
   counts_clear_ = true;
 }
@@ -140,10 +141,9 @@ void Chain::filter_normals(const std::stop_token& stop) {
   }
 }
 
-void Chain::fair(const FairingSettings& settings, bool leaving, std::stop_token stop) {
+void Chain::fair(const FairingSettings& settings, std::stop_token stop) {
   begin_stage(Stage::fairing, stop);
   restore_neighborhoods(stop);
-  first_part_ = 0;
   fairing_settings_ = settings;
   const int power = area_power(settings.area_weight);
   if (power > 0) {
@@ -177,25 +177,11 @@ void Chain::fair(const FairingSettings& settings, bool leaving, std::stop_token 
   } else if (normals_wait_) {
     clear_unmoved();
     normals_wait_ = false;
-    if (leaving && power == 0 && faired.staged == nullptr) return fair_first_part_first(weights, faired);
     estimate_normals_and_fair(context_, index_.tree(), index_.state(), index_.all_leaves(), lists(),
                               point::normal_weights(normal_settings_.sigma), normals(), areas, weights, faired);
   } else {
     cuda::fair(context_, index_.tree(), lists(), normals(), areas, weights, faired);
   }
-}
-
-// While the first part leaves the second is computed, and is done before the first has left.
-void Chain::fair_first_part_first(point::BilateralWeights weights, const FairedPoints& faired) {
-  first_part_ = index_.points() / 4;
-  const auto fair_between = [&](std::size_t begin, std::size_t end) {
-    estimate_normals_and_fair_between(context_, index_.tree(), index_.state(), lists(),
-                                      point::normal_weights(normal_settings_.sigma), normals(), weights, faired, begin,
-                                      end);
-  };
-  fair_between(0, first_part_);
-  first_part_done_.record(context_.stream());
-  fair_between(first_part_, index_.points());
 }
 
 // Normals, too. In spatial order a part's points go to places near each other, so nothing is staged.
@@ -207,11 +193,6 @@ void Chain::fair_by_parts(point::BilateralWeights weights) {
                               point::normal_weights(normal_settings_.sigma), normals(), {}, weights, faired);
   });
   normals_wait_ = false;
-}
-
-std::vector<FairedPart> Chain::faired_parts() const {
-  if (first_part_ > 0) return {{first_part_, first_part_done_.get()}};
-  return overlap_.faired_parts();
 }
 
 void Chain::fair_by_method(const FairingSettings& settings, AreaWeights areas, const FairedPoints& faired,

@@ -40,9 +40,7 @@ class Chain {
   // `arriving`: parts of the cloud may not be on the card yet.
   void find_neighbors(const NeighborSettings& settings, bool arriving, std::stop_token stop);
   void estimate_normals(const NormalSettings& settings, std::stop_token stop);
-  // With `leaving` the faired points of the paper's stages over lists may come in parts although the index is not in
-  // parts.
-  void fair(const FairingSettings& settings, bool leaving, std::stop_token stop);
+  void fair(const FairingSettings& settings, std::stop_token stop);
 
   bool normals_wait() const { return normals_wait_; }
   // Work that the context's stream gets from now on waits for all parts.
@@ -55,7 +53,7 @@ class Chain {
     collector_.set_aside();
   }
   // The parts of faired(). Work behind the last part is done in the order of the context's stream.
-  std::vector<FairedPart> faired_parts() const;
+  std::vector<FairedPart> faired_parts() const { return overlap_.faired_parts(); }
   // The stream of the stage started last.
   cudaStream_t stream() const { return overlap_.stream(); }
 
@@ -102,7 +100,6 @@ class Chain {
   void measure_radii(const std::stop_token& stop);
   void restore_neighborhoods(const std::stop_token& stop);
   void filter_normals(const std::stop_token& stop);
-  void fair_first_part_first(point::BilateralWeights weights, const FairedPoints& faired);
   void fair_by_parts(point::BilateralWeights weights);
   void fair_by_method(const FairingSettings& settings, AreaWeights areas, const FairedPoints& faired,
                       const std::stop_token& stop);
@@ -125,8 +122,6 @@ class Chain {
   const unsigned first_call_;
   Stop stop_;    // of the last stage call
   Event paced_;  // what was started before the last pace()
-  Event first_part_done_;
-  std::size_t first_part_ = 0;  // is faired before the others; 0: none is
   const Point* input_ = nullptr;
   DeviceIndex index_;
   Overlapped overlap_;  // of the index

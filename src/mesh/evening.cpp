@@ -23,7 +23,7 @@ struct FaceMoment {
   double area = 0;
 };
 FaceMoment face_moment(std::span<const std::uint32_t> corners, std::span<const Point> points) {
-  const Vec normal = area_normal(corners, points);
+  const Vec normal = face_normal(corners, points);
   const double area = std::sqrt(squared_length(normal));
   return area > 0 ? FaceMoment{normal, (1 / area) * normal, area} : FaceMoment{};
 }

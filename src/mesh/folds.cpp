@@ -21,7 +21,7 @@ Folds::Folds(const OrderedFaces& faces, std::span<const Point> points, const For
       for (std::size_t f = first; f < last; ++f) body(f);
     });
   };
-  for_faces([&](std::size_t f) { normals_[f] = area_normal(faces_.corners(f), points); });
+  for_faces([&](std::size_t f) { normals_[f] = face_normal(faces_.corners(f), points); });
   for_faces([&](std::size_t f) { once_[f] = filtered(normals_, f); });
   for_faces([&](std::size_t f) { set_fold(f); });
 }
@@ -49,7 +49,7 @@ void Folds::add_neighbors(std::size_t end) {
 void Folds::update(std::span<const Point> points, std::span<const std::uint32_t> moved) {
   for (const std::uint32_t v : moved)
     for (const std::uint32_t face : faces_.around(v)) add(face);
-  for (const std::uint32_t face : stale_) normals_[face] = area_normal(faces_.corners(face), points);
+  for (const std::uint32_t face : stale_) normals_[face] = face_normal(faces_.corners(face), points);
   add_neighbors(stale_.size());
   for (const std::uint32_t face : stale_) once_[face] = filtered(normals_, face);
   add_neighbors(stale_.size());

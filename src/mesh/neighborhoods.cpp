@@ -56,7 +56,7 @@ double MeshNeighborhoods::height_deviation(double radius) const {
     const Vec here = place_of(mesh_.points, v);
     Vec normal{};
     for (const std::uint32_t f : mesh_.faces.around(v))
-      normal = normal + area_normal(mesh_.faces.corners(f), mesh_.points);
+      normal = normal + face_normal(mesh_.faces.corners(f), mesh_.points);
     const double length = std::sqrt(squared_length(normal));
     if (!(length > 0)) continue;
     std::vector<std::uint32_t> reached{v};

@@ -18,12 +18,8 @@ inline point::Vec3<double> place_of(std::span<const Point> points, std::uint32_t
 }
 
 // Of a face, twice the area long.
-inline point::Vec3<double> area_normal(std::span<const std::uint32_t> corners, std::span<const Point> points) {
-  const point::Vec3<double> first = place_of(points, corners[0]);
-  point::Vec3<double> sum{};
-  for (std::size_t i = 2; i < corners.size(); ++i)
-    sum = sum + cross(place_of(points, corners[i - 1]) - first, place_of(points, corners[i]) - first);
-  return sum;
+inline point::Vec3<double> face_normal(std::span<const std::uint32_t> corners, std::span<const Point> points) {
+  return area_normal(corners, [&](std::uint32_t at) { return place_of(points, at); });
 }
 
 // The faces of a mesh in an order that depends on the places of their corners alone, so that sums over them have the

@@ -74,7 +74,7 @@ void Pipeline::State::run_learned(const Params& params, std::span<Point> out, co
     return on_device->download_refined(iteration, out, limits, marks, {*weights, frame(), float(sigma), levels()},
                                        stop);
   };
-  run_learned(params, {out.size(), false, deliver}, stop, progress);
+  run_learned(params, {out.size(), deliver}, stop, progress);
 }
 
 void Pipeline::State::run_learned(const Params& params, const DeviceOutput& out, DeviceStream stream,
@@ -93,7 +93,7 @@ void Pipeline::State::run_learned(const Params& params, const DeviceOutput& out,
     return on_device->download_refined(iteration, out, stream, limits, marks,
                                        {*weights, frame(), float(sigma), levels()}, stop);
   };
-  run_learned(params, {out.count, false, deliver}, stop, progress);
+  run_learned(params, {out.count, deliver}, stop, progress);
 }
 
 OutlierCounts Pipeline::State::refine_outside(int iteration, double sigma, std::span<Point> out,

@@ -48,7 +48,7 @@ void Pipeline::State::measure(WantedEstimates wanted, IndexOrder order, const st
 // Needs the index of the first iteration, and builds it if there is none.
 void Pipeline::State::look_at_neighbors(IndexOrder order, const std::stop_token& stop,
                                         const std::function<void(Sampling&)>& estimate) {
-  execute(plan_index(cloud.cached, order), 1, false, stop, {});
+  execute(plan_index(cloud.cached, order), 1, stop, {});
   log_.collect(cloud.backend());  // waits for the index, which has its own time
   const auto start = Clock::now();
   estimate(cloud.backend().sampling());

@@ -15,7 +15,6 @@ namespace pointfair {
 namespace {
 
 constexpr std::array<std::string_view, 4> kStageNames{"index", "neighbors", "normals", "fairing"};
-constexpr std::uint64_t kWorthChunks = 1 << 18;  // points; whose copy takes longer than what it costs to start early
 
 std::string_view name_of(Stage stage) { return kStageNames[std::size_t(stage)]; }
 
@@ -79,7 +78,7 @@ void Pipeline::State::run(const Params& params, std::span<Point> out, const std:
                            std::span<std::uint8_t> marks) {
     return timed("download", [&] { return cloud.backend().download(iteration, out, limits, marks); });
   };
-  run(params, {out.size(), true, deliver, out}, stop, progress);
+  run(params, {out.size(), deliver, out}, stop, progress);
 }
 
 void Pipeline::State::run(const Params& params, const DeviceOutput& out, DeviceStream stream,
@@ -89,7 +88,7 @@ void Pipeline::State::run(const Params& params, const DeviceOutput& out, DeviceS
                            std::span<std::uint8_t> marks) {
     return timed("download", [&] { return device_memory().download(iteration, out, stream, limits, marks); });
   };
-  run(params, {out.count, false, deliver}, stop, progress);
+  run(params, {out.count, deliver}, stop, progress);
 }
 
 void Pipeline::State::run(const Params& params, const Delivery& to, const std::stop_token& stop,
@@ -131,7 +130,7 @@ void Pipeline::State::run_to_end(const Params& params, const Delivery& to, const
   if (used.connectivity == Connectivity::mesh) follow_mesh(used, settings);
   const int last = used.iterations - 1;
   execute(plan(cloud.cached, {settings, last_order_, used.iterations}), std::size_t(4) * std::size_t(used.iterations),
-          to.by_parts && last == 0 && cloud.points() >= kWorthChunks, stop, progress);
+          stop, progress);
 
   std::vector<std::uint8_t> marks(used.outliers == Outliers::mark ? cloud.points() : 0);
   const OutlierCounts outlier_counts = to.deliver(last, used, settings.limits, marks);
@@ -162,20 +161,20 @@ void Pipeline::State::run_to_end(const Params& params, const Delivery& to, const
 }
 
 // The last of `all` stages that a run has in all; those before were cached.
-void Pipeline::State::execute(const std::vector<Step>& steps, std::size_t all, bool leaves, const std::stop_token& stop,
+void Pipeline::State::execute(const std::vector<Step>& steps, std::size_t all, const std::stop_token& stop,
                               const ProgressFunction& progress) {
   std::size_t done = all - std::min(all, steps.size());
   for (const Step& step : steps) {
     if (progress) progress(double(done++) / double(all), name_of(step.stage.stage));
     throw_if_stopped(stop);
     cloud.cached = step.meanwhile;
-    run_stage(step, leaves, stop);
+    run_stage(step, stop);
     cloud.cached = step.after;
   }
   if (progress) progress(1, name_of(Stage::fairing));
 }
 
-void Pipeline::State::run_stage(const Step& step, bool leaves, const std::stop_token& stop) {
+void Pipeline::State::run_stage(const Step& step, const std::stop_token& stop) {
   Backend& backend = cloud.backend();
   const auto [iteration, stage] = step.stage;
   const Settings& settings = cloud.cached.settings;
@@ -194,7 +193,7 @@ void Pipeline::State::run_stage(const Step& step, bool leaves, const std::stop_t
     case Stage::fairing: {
       FairingSettings fairing = settings.fairing;
       fairing.is_further = iteration > 0;
-      backend.fair(iteration, fairing, leaves, stop);
+      backend.fair(iteration, fairing, stop);
       break;
     }
     case Stage::iterations:

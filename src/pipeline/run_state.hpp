@@ -72,7 +72,6 @@ struct Pipeline::State {
   // Where the result of an iteration goes; as Backend::download.
   struct Delivery {
     std::size_t room;  // points
-    bool by_parts;     // some may leave before all are done
     // `used`: the parameters of the run, resolved. Notes its times.
     std::function<OutlierCounts(int iteration, const Params& used, const DisplacementLimits&,
                                 std::span<std::uint8_t> outliers)>
@@ -126,7 +125,7 @@ struct Pipeline::State {
   const std::shared_ptr<const NoiseLevels>& levels() const;
   void look_at_neighbors(IndexOrder order, const std::stop_token& stop, const std::function<void(Sampling&)>& estimate);
   void measure(WantedEstimates wanted, IndexOrder order, const std::stop_token& stop);
-  void execute(const std::vector<Step>& steps, std::size_t all, bool leaves, const std::stop_token& stop,
+  void execute(const std::vector<Step>& steps, std::size_t all, const std::stop_token& stop,
                const ProgressFunction& progress);
   void drop_times_of_failed_run();
   template <class Work>
@@ -136,7 +135,7 @@ struct Pipeline::State {
     log_.note_call(name, milliseconds_since(start));
     return result;
   }
-  void run_stage(const Step& step, bool leaves, const std::stop_token& stop);
+  void run_stage(const Step& step, const std::stop_token& stop);
 
   struct Helper {
     std::unique_ptr<Backend> backend;

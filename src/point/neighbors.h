@@ -15,9 +15,13 @@ inline constexpr int kLeastNeighbors = 3;  // fewer span no plane
 // Squared distances of this size and above are not distances any more; points beyond kCoordinateLimit are not indexed.
 inline constexpr float kCoordinateLimit = 1e18f;
 
-POINTFAIR_INLINE bool is_indexable(float x, float y, float z) {
-  return x > -kCoordinateLimit && x < kCoordinateLimit && y > -kCoordinateLimit && y < kCoordinateLimit &&
-         z > -kCoordinateLimit && z < kCoordinateLimit;  // false for NaN
+POINTFAIR_INLINE bool is_coordinate(float value) {
+  return value > -kCoordinateLimit && value < kCoordinateLimit;  // false for NaN
+}
+// `p`: anything with x, y and z.
+template <class P>
+POINTFAIR_INLINE bool is_indexable(const P& p) {
+  return is_coordinate(p.x) && is_coordinate(p.y) && is_coordinate(p.z);
 }
 
 // The order of points at equal distances: by x, then by y, then by z, as numbers. So no list depends on the order of

@@ -137,11 +137,6 @@ class GrowingNeighborhood {
   POINTFAIR_INLINE bool is_wide() const {
     return shows_a_surface() && radius_ >= kWideRadius * square_root(plane_variance());
   }
-  // The variance of the own sheet's heights over their plane, unbiased: n - 3 for n.
-  POINTFAIR_INLINE double plane_variance() const {
-    const double n = own_count_;
-    return plane_.variance * n / (n - 3);
-  }
   // The gap between the two sheets of a thin part that these points belong to; 0 where there is one sheet.
   POINTFAIR_INLINE double gap() const { return gap_; }
   // Side of the square that holds one point of the sheet.
@@ -167,6 +162,11 @@ class GrowingNeighborhood {
   }
 
  private:
+  // The variance of the own sheet's heights over their plane, unbiased: n - 3 for n.
+  POINTFAIR_INLINE double plane_variance() const {
+    const double n = own_count_;
+    return plane_.variance * n / (n - 3);
+  }
   static constexpr int kFewest = 15;  // points of a sheet
   // Of the radius from a quarter of the points to all of them: 2 on a plane, 4 on a line.
   static constexpr double kSurfaceGrowth = 2.6;

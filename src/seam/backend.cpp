@@ -11,7 +11,7 @@ void run_stages(Backend& backend, int iteration, const FramedSettings& settings,
   backend.build_index(iteration, settings.frame, stop);
   backend.find_neighbors(iteration, settings.neighbors, stop);
   backend.estimate_normals(iteration, settings.normals, stop);
-  backend.fair(iteration, settings.fairing, false, stop);
+  backend.fair(iteration, settings.fairing, stop);
 }
 
 }  // namespace pointfair

@@ -74,9 +74,7 @@ class Backend {
   virtual void build_index(int iteration, const std::optional<Frame>& frame, std::stop_token stop) = 0;
   virtual void find_neighbors(int iteration, const NeighborSettings& settings, std::stop_token stop) = 0;
   virtual void estimate_normals(int iteration, const NormalSettings& settings, std::stop_token stop) = 0;
-  // If `leaves`, the faired points are downloaded next, without limits: they may be faired in the order in which they
-  // leave.
-  virtual void fair(int iteration, const FairingSettings& settings, bool leaves, std::stop_token stop) = 0;
+  virtual void fair(int iteration, const FairingSettings& settings, std::stop_token stop) = 0;
 
   // Faired points in upload order. Returns how many outliers were held back; `outliers`, unless empty, gets the reason
   // of them and 0 for others.

@@ -22,7 +22,7 @@ struct SampleCandidate {
   Point point;
 };
 
-inline bool is_indexed(const Point& p) { return point::is_indexable(p.x, p.y, p.z); }
+inline bool is_indexed(const Point& p) { return point::is_indexable(p); }
 inline point::Vec3<float> to_vec3(const Point& p) { return {p.x, p.y, p.z}; }
 
 inline constexpr float kUnbounded = __builtin_inff();

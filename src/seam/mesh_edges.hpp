@@ -7,6 +7,8 @@
 #include <span>
 #include <vector>
 
+#include "point/vec.h"
+
 namespace pointfair {
 
 struct MeshEdges {
@@ -38,5 +40,15 @@ struct MeshFaces {
     return {around_faces.data() + around_begin[vertex], around_faces.data() + around_begin[vertex + 1]};
   }
 };
+
+// Of a face, twice the area long; `place_of` tells where a corner is.
+template <class PlaceOf>
+point::Vec3<double> area_normal(std::span<const std::uint32_t> corners, const PlaceOf& place_of) {
+  const point::Vec3<double> first = place_of(corners[0]);
+  point::Vec3<double> sum{};
+  for (std::size_t c = 2; c < corners.size(); ++c)
+    sum = sum + cross(place_of(corners[c - 1]) - first, place_of(corners[c]) - first);
+  return sum;
+}
 
 }  // namespace pointfair

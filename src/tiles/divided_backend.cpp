@@ -73,7 +73,7 @@ class DividedCloud final : public Backend, public Sampling, public DeviceMemory 
   void estimate_normals(int iteration, const NormalSettings& settings, std::stop_token) override {
     held(iteration).stages.normals = settings;
   }
-  void fair(int iteration, const FairingSettings& settings, bool, std::stop_token stop) override {
+  void fair(int iteration, const FairingSettings& settings, std::stop_token stop) override {
     const auto start = Clock::now();
     cut_milliseconds_ = 0;
     Iteration& its = held(iteration);

@@ -88,7 +88,7 @@ class CloudInTiles final : public TiledBackend, public Sampling {
   void estimate_normals(int iteration, const NormalSettings& settings, std::stop_token) override {
     held(iteration).stages.normals = settings;
   }
-  void fair(int iteration, const FairingSettings& settings, bool, std::stop_token stop) override {
+  void fair(int iteration, const FairingSettings& settings, std::stop_token stop) override {
     const auto start = Clock::now();
     Iteration& its = held(iteration);
     its.stages.fairing = settings;

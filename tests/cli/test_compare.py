@@ -1,10 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """pointfair compare against brute force."""
 import math
+import pathlib
 import random
+import sys
 import unittest
 
 from program import CUBE_FACES, CUBE_VERTICES, Case, write_off, write_ply
+
+sys.path.insert(0, str(pathlib.Path(__file__).parents[1] / "golden"))
+from clouds import cube_quads  # noqa: E402
 
 KEYS = ["points", "diagonal", "mean", "rms", "p95", "max", "chamfer", "edge_rms"]
 
@@ -243,19 +248,9 @@ def volume(vertices, faces):
 
 class Faces(Case):
     def quads(self, n=4):
-        """The cube's surface in n x n quads a side, which run round outwards."""
-        number, faces = {}, []
-        for axis in range(3):
-            for side in (0, n):
-                def vertex(u, v):
-                    p = [0, 0, 0]
-                    p[axis], p[(axis + 1) % 3], p[(axis + 2) % 3] = side, u, v
-                    return number.setdefault(tuple(p), len(number))
-                for u in range(n):
-                    for v in range(n):
-                        face = (vertex(u, v), vertex(u + 1, v), vertex(u + 1, v + 1), vertex(u, v + 1))
-                        faces.append(face if side else face[::-1])
-        return [tuple(c / n for c in p) for p in number], faces
+        """The unit cube's surface in n x n quads a side, which run round outwards."""
+        vertices, quads = cube_quads(n)
+        return [tuple(c / n for c in p) for p in vertices], [face if outwards else face[::-1] for face, outwards in quads]
 
     def noisy(self, vertices, sigma=0.03):
         generator = random.Random(2)

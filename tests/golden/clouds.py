@@ -284,21 +284,27 @@ def mesh_waves(n=32, sigma=0.3, seed=20):
     return points, sheet_faces(n)
 
 
-def mesh_cube(n=12, sigma=0.2, seed=21):
-    """A closed cube of triangles."""
-    random = Random(seed)
-    number, faces = {}, []
+def cube_quads(n):
+    """The surface of a cube of side n: vertices at whole numbers, and n x n quads a side as (corners, whether they run
+    round outwards)."""
+    number, quads = {}, []
     for axis in range(3):
         for side in (0, n):
             def vertex(u, v):
                 p = [0, 0, 0]
                 p[axis], p[(axis + 1) % 3], p[(axis + 2) % 3] = side, u, v
                 return number.setdefault(tuple(p), len(number))
-            for u in range(n):
-                for v in range(n):
-                    a, b, c, d = vertex(u, v), vertex(u + 1, v), vertex(u + 1, v + 1), vertex(u, v + 1)
-                    faces += [(a, b, c), (a, c, d)] if side else [(a, c, b), (a, d, c)]
-    return [[(c + sigma * random.bell()) / n for c in p] for p in number], faces
+            quads += [((vertex(u, v), vertex(u + 1, v), vertex(u + 1, v + 1), vertex(u, v + 1)), side > 0)
+                      for u in range(n) for v in range(n)]
+    return list(number), quads
+
+
+def mesh_cube(n=12, sigma=0.2, seed=21):
+    """A closed cube of triangles."""
+    random = Random(seed)
+    vertices, quads = cube_quads(n)
+    faces = [face for (a, b, c, d), outwards in quads for face in ([(a, b, c), (a, c, d)] if outwards else [(a, c, b), (a, d, c)])]
+    return [[(c + sigma * random.bell()) / n for c in p] for p in vertices], faces
 
 
 def unwelded(points, faces):

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Habits of Python: Ctrl-C, threads, progress, exceptions."""
+import contextlib
 import os
 import signal
 import subprocess
@@ -18,48 +19,39 @@ SLOW = {"k": 512, "iterations": 100, "noise": 0.01}
 POINTS = waves(30000)
 
 
-class Interrupt:
-    """Sends a signal to this process after a while, and notes when."""
+@contextlib.contextmanager
+def signal_after(seconds, number=signal.SIGINT):
+    timer = threading.Timer(seconds, os.kill, [os.getpid(), number])
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+        timer.join()
 
-    def __init__(self, after, number=signal.SIGINT):
-        self.timer = threading.Timer(after, self.send, [number])
 
-    def send(self, number):
-        self.at = time.monotonic()
-        os.kill(os.getpid(), number)
-
-    def __enter__(self):
-        self.timer.start()
-        return self
-
-    def __exit__(self, *error):
-        self.timer.cancel()
-        self.timer.join()
+FEW = waves(6000)
 
 
 @pytest.mark.parametrize("call", [
-    lambda: pf.denoise(POINTS, **SLOW), lambda: pf.denoise(pf.Cloud(POINTS), **SLOW),
-    lambda: pf.denoise_batch([POINTS] * 50, **SLOW), lambda: pf.denoise(POINTS, progress=lambda share, stage: None, **SLOW),
+    lambda: pf.denoise(POINTS, threads=2, **SLOW), lambda: pf.denoise(pf.Cloud(POINTS), threads=2, **SLOW),
+    lambda: pf.denoise_batch([POINTS] * 50, threads=2, **SLOW),
+    lambda: pf.denoise(POINTS, threads=2, progress=lambda share, stage: None, **SLOW),
+    lambda: pf.denoise(FEW, threads=1, k=512, iterations=100),
+    lambda: pf.denoise(FEW, threads=1, radius=10.0, min_neighbors=1, iterations=100),
 ])
 def test_ctrl_c_stops_a_run(call):
-    with Interrupt(0.4) as interrupt, pytest.raises(KeyboardInterrupt):
+    before = time.process_time()
+    with signal_after(0.4), pytest.raises(KeyboardInterrupt):
         call()
-    # 200 ms are promised; this only tells a run that was stopped from one that went on to its end after minutes
-    assert time.monotonic() - interrupt.at < 5
-
-
-@pytest.mark.parametrize("parameters", [{"k": 512, "iterations": 100}, {"radius": 10.0, "min_neighbors": 1, "iterations": 100}])
-def test_ctrl_c_stops_a_long_run_of_few_points(parameters):
-    few = waves(2000)
-    with Interrupt(0.4) as interrupt, pytest.raises(KeyboardInterrupt):
-        pf.denoise(few, threads=1, **parameters)
-    assert time.monotonic() - interrupt.at < 2
+    # seconds of all threads, so that another program takes no part; to their end the runs take more than 10
+    assert time.process_time() - before < 5
 
 
 def test_a_pipeline_goes_on_after_ctrl_c():
     pipeline = pf.Pipeline("cpu")
     pipeline.load(POINTS)
-    with Interrupt(0.4), pytest.raises(KeyboardInterrupt):
+    with signal_after(0.4), pytest.raises(KeyboardInterrupt):
         pipeline.run(**SLOW)
     assert same_bits(pipeline.run(k=8, iterations=1), pf.denoise(POINTS, k=8, iterations=1))
 
@@ -75,7 +67,7 @@ def test_a_handler_that_raises_stops_a_run_and_one_that_does_not_lets_it_go_on()
     for handler, parameters in ((fail, SLOW), (lambda *_: heard.append(1), {"k": 300, "iterations": 3, "noise": 0.01})):
         before = signal.signal(signal.SIGUSR1, handler)
         try:
-            with Interrupt(0.1, signal.SIGUSR1):
+            with signal_after(0.1, signal.SIGUSR1):
                 if handler is fail:
                     with pytest.raises(Alarm):
                         pf.denoise(POINTS, **parameters)
@@ -127,23 +119,6 @@ def test_other_threads_go_on_during_a_run():
     done.set()
     counter.join()
     assert during > 10
-
-
-def test_pipelines_of_two_threads_do_not_disturb_each_other():
-    clouds = [waves(4000, seed=seed) for seed in (5, 6)]
-    expected = [pf.denoise(cloud, k=15) for cloud in clouds]
-    results = [[], []]
-
-    def work(i):
-        for _ in range(5):
-            results[i].append(pf.denoise(clouds[i], k=15))
-
-    threads = [threading.Thread(target=work, args=[i]) for i in range(2)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert all(same_bits(result, expected[i]) for i in range(2) for result in results[i]) and len(results[1]) == 5
 
 
 def test_a_pipeline_refuses_a_second_thread():

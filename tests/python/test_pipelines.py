@@ -233,10 +233,6 @@ def test_a_card_that_is_not_there_is_a_device_error():
         pf.Pipeline(f"cuda:{len(cards)}")
 
 
-def test_threads_change_no_bit():
-    assert same_bits(pf.denoise(POINTS, threads=1), pf.denoise(POINTS, threads=2))
-
-
 def test_reports_survive_pickling_and_have_nothing_left_to_choose():
     smooth, report = pf.denoise(POINTS, normals=True, outliers="mark", device="cpu", return_report=True)
     again = pickle.loads(pickle.dumps(report))

@@ -58,7 +58,7 @@ __global__ void __launch_bounds__(kBlock)
   Index original = i < end ? order[in_order] : point::kNoNeighbor;
   if (coarse != nullptr) refine(coarse, in_order, end - first, original);
   Point p = i < end ? points[original] : Point{kInfinity, kInfinity, kInfinity};
-  const bool valid = is_valid(p);
+  const bool valid = point::is_indexable(p);
   if (!valid) p = {kInfinity, kInfinity, kInfinity};
   if (i / kLeafSize < tree.leaves) sorted[i] = {p.x, p.y, p.z, __uint_as_float(original)};
   const Box box = warp_box({p.x, p.y, p.z}, valid);

@@ -48,7 +48,7 @@ __global__ void __launch_bounds__(kBlock) lay_grids(const Point* points, const C
   Box box = nothing();
   for (Index i = span.first + threadIdx.x; i < span.end; i += kBlock) {
     const Point p = points[i];
-    if (!is_valid(p)) continue;
+    if (!point::is_indexable(p)) continue;
     box.min = {fminf(box.min.x, p.x), fminf(box.min.y, p.y), fminf(box.min.z, p.z)};
     box.max = {fmaxf(box.max.x, p.x), fmaxf(box.max.y, p.y), fmaxf(box.max.z, p.z)};
   }
@@ -86,7 +86,7 @@ __global__ void __launch_bounds__(kBlock) make_keys(const Point* points, const C
   const Point p = points[place.uploaded()];
   const KeyGrid grid = grids[place.cloud];
   unsigned key = kInvalidKey;
-  if (is_valid(p)) {
+  if (point::is_indexable(p)) {
     key = hilbert_key<unsigned, kBits>(table.entry, step_of(p.x, grid.origin[0], grid.steps_per_unit),
                                        step_of(p.y, grid.origin[1], grid.steps_per_unit),
                                        step_of(p.z, grid.origin[2], grid.steps_per_unit));
@@ -109,7 +109,7 @@ __global__ void __launch_bounds__(kBlock)
   if (!place.exists()) return;
   const Point p = points[place.uploaded()];
   CurveKey key = kInvalid<CurveKey, kCurveBits>;
-  if (is_valid(p)) key = curve_key<CurveKey>(table.entry, {p.x, p.y, p.z}, settings[place.cloud].cube);
+  if (point::is_indexable(p)) key = curve_key<CurveKey>(table.entry, {p.x, p.y, p.z}, settings[place.cloud].cube);
   keys[place.compact()] = key;
   places[place.compact()] = static_cast<Index>(place.compact());
   clouds[place.compact()] = place.cloud;
@@ -148,7 +148,7 @@ __global__ void __launch_bounds__(kBlock)
   const Place place(spans, groups);
   const Index original = place.exists() ? order[place.compact()] : point::kNoNeighbor;
   Point p = place.exists() ? points[original] : Point{kInfinity, kInfinity, kInfinity};
-  const bool valid = is_valid(p);
+  const bool valid = point::is_indexable(p);
   if (!valid) p = {kInfinity, kInfinity, kInfinity};
   to.sorted[std::size_t(blockIdx.x) * kBlock + threadIdx.x] = {p.x, p.y, p.z, __uint_as_float(original)};
   const Box box = warp_box({p.x, p.y, p.z}, valid);
@@ -188,7 +188,7 @@ __global__ void __launch_bounds__(kBlock)
   Point result = after;
   if (moved.holds_back) {
     result = before;
-    if (is_valid(before)) {
+    if (point::is_indexable(before)) {
       const CloudSettings& its = settings[place.cloud];
       const Vec from = {before.x, before.y, before.z};
       const float level = point::node_value(its.noise_levels, from);

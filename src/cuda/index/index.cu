@@ -80,19 +80,18 @@ void DeviceIndex::lay_out_levels(int own_levels, std::size_t tops, std::size_t w
   groups_.resize(all + (has_tops ? tops - 1 : 0) * levels_.groups_of_top);
 }
 
-void DeviceIndex::build(const Point* points, std::size_t count, const std::optional<Frame>& frame,
-                        const Arrival* arrival) {
+void DeviceIndex::build(const Point* points, std::size_t count, const std::optional<Frame>& frame) {
   make_room(count);
   Sorted sorted(context_);
   constexpr std::size_t kManyPoints = 1 << 24;  // from here on cells of 2^10 steps an axis hold too many points each
   if (frame) {
     const auto [x, y, z] = frame->reference;
     lay_grid(context_, point::curve_cube({x, y, z}, frame->side), state_.data());
-    sort<std::uint64_t, kCurveBits>(points, arrival, sorted);
+    sort<std::uint64_t, kCurveBits>(points, sorted);
   } else if (count < kManyPoints) {
-    sort<CoarseKey, 10>(points, arrival, sorted);
+    sort<CoarseKey, 10>(points, sorted);
   } else {
-    sort<std::uint64_t, 13>(points, arrival, sorted);
+    sort<std::uint64_t, 13>(points, sorted);
   }
   build_boxes(points, sorted);
   if (frame) hash_positions(*frame);
@@ -124,38 +123,24 @@ void DeviceIndex::hash_positions(const Frame& frame) {
   check(cudaGetLastError(), "hashing positions");
 }
 
-// While the second part of a cloud arrives, the first gets its keys, and is sorted if that takes longer than the
-// latency of a second sort and a merge, which at 1M points are as long as a sort of the whole.
 template <class Key, int kBits>
-void DeviceIndex::sort(const Point* points, const Arrival* arrival, Sorted& sorted) {
-  constexpr std::size_t kWorthMerging = 1 << 24;
+void DeviceIndex::sort(const Point* points, Sorted& sorted) {
   KeyGrid* const grid = &state_.data()->grid;
-  if constexpr (kBits != kCurveBits)
-    lay_grid(context_, points, count_, arrival, float(1 << kBits), grid, state_.data());
+  if constexpr (kBits != kCurveBits) lay_grid(context_, points, count_, float(1 << kBits), grid, state_.data());
   if (count_ == 0) return;
   KeySort<Key, kBits> sorter(context_, points, count_, state_.data());
-  const std::size_t first_part = arrival != nullptr && arrival->parts.count() > 1 ? arrival->parts.ends[0] : 0;
-  const bool merges = first_part > 0 && count_ >= kWorthMerging;
-  typename KeySort<Key, kBits>::Part first{};
-  if (first_part > 0) {
-    context_.wait_for(arrival->there[0]);
-    sorter.find_keys(0, first_part, grid);
-    if (merges) first = sorter.sort(0, first_part);
-  }
-  if (arrival != nullptr) context_.wait_for(arrival->all());
-  sorter.find_keys(first_part, count_, grid);
-  if (merges) {
-    sorter.merge(first, sorter.sort(first_part, count_), sorted);
-    return;
-  }
+  sorter.find_keys(0, count_, grid);
   if constexpr (std::is_same_v<Key, CoarseKey>) {
-    if (count_ < kFewPoints) return sorter.take_coarse(sorter.sort(0, count_, kRefinedBits), sorted);
+    if (count_ < kFewPoints) {
+      sorter.sort(count_, kRefinedBits);
+      return sorter.take_coarse(sorted);
+    }
   }
-  const auto whole = sorter.sort(0, count_);
+  sorter.sort(count_);
   if constexpr (kBits == kCurveBits) {
-    sorter.take_ordered(whole, sorted);
+    sorter.take_ordered(count_, sorted);
   } else {
-    sorter.take(whole, sorted);
+    sorter.take(sorted);
   }
 }
 

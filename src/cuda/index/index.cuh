@@ -7,7 +7,6 @@
 
 #include "cuda/index/tree.cuh"
 #include "cuda/runtime/memory.cuh"
-#include "cuda/runtime/transfer.cuh"
 #include "pointfair/cloud.hpp"
 #include "seam/settings.hpp"
 
@@ -28,9 +27,8 @@ class DeviceIndex {
  public:
   explicit DeviceIndex(Context& context);
 
-  // `points` on the card, in upload order; `frame` as Backend::build_index. Only starts the work, so far as `arrival`,
-  // if not null, allows.
-  void build(const Point* points, std::size_t count, const std::optional<Frame>& frame, const Arrival* arrival);
+  // `points` on the card, in upload order; `frame` as Backend::build_index. Only starts the work.
+  void build(const Point* points, std::size_t count, const std::optional<Frame>& frame);
   // Of many clouds at once (src/cuda/index/cloud_batch.cuh).
   void build(const Point* points, const CloudBatch& batch);
   Tree tree() const { return tree_with_top(whole_top_); }
@@ -51,7 +49,7 @@ class DeviceIndex {
 
  private:
   template <class Key, int kBits>
-  void sort(const Point* points, const Arrival* arrival, Sorted& sorted);
+  void sort(const Point* points, Sorted& sorted);
   void build_boxes(const Point* points, const Sorted& from);
   void hash_positions(const Frame& frame);
 

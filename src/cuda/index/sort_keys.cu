@@ -1,10 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <thrust/iterator/discard_iterator.h>
-
 #include <algorithm>
-#include <cub/device/device_merge.cuh>
 #include <cub/device/device_radix_sort.cuh>
-#include <cuda/std/functional>
 
 #include "cuda/index/curve_cells.cuh"
 #include "cuda/index/dense_cells.cuh"
@@ -51,15 +47,11 @@ struct Sample {
   }
 };
 
-// The points that are sampled: one of each stretch of those on the card, or those of a cloud that is not there yet.
+// One of each stretch of the points.
 struct OfStretches {
   const Point* points;
   std::size_t length;
   __device__ Point operator[](unsigned i) const { return points[point::place_in_stretch(i, length)]; }
-};
-struct Brought {
-  Point points[kSample];
-  __device__ Point operator[](unsigned i) const { return points[i]; }
 };
 
 __device__ void clear(CloudState& state) {
@@ -69,9 +61,8 @@ __device__ void clear(CloudState& state) {
 
 // See lay_grid().
 constexpr int kPrepareBlock = 6 * kWarp;  // a warp for each end of each axis
-template <class Sampled>
 __global__ void __launch_bounds__(kPrepareBlock)
-    prepare(const __grid_constant__ Sampled sampled, unsigned size, float steps, KeyGrid* grid, CloudState* fresh) {
+    prepare(OfStretches sampled, unsigned size, float steps, KeyGrid* grid, CloudState* fresh) {
   __shared__ float first[3], last[3], low[3], high[3];  // by axis: ends and quantiles
   begin_kernel();
   const unsigned axis = threadIdx.x / kWarp % 3;
@@ -84,7 +75,7 @@ __global__ void __launch_bounds__(kPrepareBlock)
 #pragma unroll
   for (int i = 0; i < Sample::kHeld; ++i) {
     const Point p = points[i];
-    const bool valid = i * kWarp + lane_number() < size && is_valid(p);
+    const bool valid = i * kWarp + lane_number() < size && point::is_indexable(p);
     const float value = axis == 0 ? p.x : axis == 1 ? p.y : p.z;
     sample.values[i] = valid ? ordered(upper ? -value : value) : Sample::kNothing;
     found += __popc(__ballot_sync(kAllLanes, valid));
@@ -171,12 +162,11 @@ __device__ __forceinline__ Key key_of(const std::uint16_t* table, Point p, const
   }
 }
 
-// Invalid points get the last key, so they end up behind all others. Keys and order of point
-// `offset` come first in their arrays.
+// Invalid points get the last key, so they end up behind all others.
 template <class Key, int kBits>
 __global__ void __launch_bounds__(kKeyBlock)
-    make_keys(const Point* points, std::size_t begin, std::size_t end, const KeyGrid* grid, std::size_t offset,
-              CloudState* state, Key* keys, Index* order) {
+    make_keys(const Point* points, std::size_t begin, std::size_t end, const KeyGrid* grid, CloudState* state,
+              Key* keys, Index* order) {
   __shared__ HilbertTable table;
   constexpr int kParts = sizeof(HilbertTable) / sizeof(uint4);
   for (int i = threadIdx.x; i < kParts; i += kKeyBlock)
@@ -197,13 +187,13 @@ __global__ void __launch_bounds__(kKeyBlock)
     for (int n = 0; n < kKeysAtOnce; ++n) {
       const std::size_t i = first + n * kKeyBlock + threadIdx.x;
       Key key = kInvalid<Key, kBits>;
-      if (is_valid(p[n])) {
+      if (point::is_indexable(p[n])) {
         key = key_of<Key, kBits>(table.entry, p[n], origin, scale);
         bounds.add(p[n]);
       }
       if (i < end) {
-        keys[i - offset] = key;
-        order[i - offset] = static_cast<Index>(i);
+        keys[i - begin] = key;
+        order[i - begin] = static_cast<Index>(i);
       }
     }
   }
@@ -212,17 +202,10 @@ __global__ void __launch_bounds__(kKeyBlock)
 
 }  // namespace
 
-void lay_grid(Context& context, const Point* points, std::size_t count, const Arrival* arrival, float steps,
-              KeyGrid* grid, CloudState* fresh) {
+void lay_grid(Context& context, const Point* points, std::size_t count, float steps, KeyGrid* grid, CloudState* fresh) {
   const unsigned size = static_cast<unsigned>(std::min(count, std::size_t(kSample)));
   const std::size_t length = count / std::max(size, 1u);  // of a stretch
-  if (arrival == nullptr) {
-    prepare<<<1, kPrepareBlock, 0, context.stream()>>>(OfStretches{points, length}, size, steps, grid, fresh);
-  } else {
-    Brought brought;
-    for (unsigned i = 0; i < size; ++i) brought.points[i] = arrival->source[point::place_in_stretch(i, length)];
-    prepare<<<1, kPrepareBlock, 0, context.stream()>>>(brought, size, steps, grid, fresh);
-  }
+  prepare<<<1, kPrepareBlock, 0, context.stream()>>>(OfStretches{points, length}, size, steps, grid, fresh);
   check(cudaGetLastError(), "laying out the index");
 }
 
@@ -247,96 +230,46 @@ KeySort<Key, kBits>::KeySort(Context& context, const Point* points, std::size_t 
 
 template <class Key, int kBits>
 void KeySort<Key, kBits>::reserve(std::size_t count) {
-  scratch_.resize(sort_bytes({0, count}, 0));
+  std::size_t bytes = 0;
+  call_sort(count, 0, nullptr, bytes);
+  scratch_.resize(bytes);
 }
 
 template <class Key, int kBits>
-void KeySort<Key, kBits>::find_keys(std::size_t begin, std::size_t end, const KeyGrid* grid, std::size_t offset) {
+void KeySort<Key, kBits>::find_keys(std::size_t begin, std::size_t end, const KeyGrid* grid) {
   const unsigned blocks = std::min(blocks_for(end - begin, kKeysOfBlock), unsigned(context_.processors()) * 8);
   launch_early(context_, "making sort keys", make_keys<Key, kBits>, blocks, kKeyBlock, points_, begin, end, grid,
-               offset, state_, keys_[0].data(), order_[0].data());
+               state_, keys_[0].data(), order_[0].data());
 }
 
 template <class Key, int kBits>
-auto KeySort<Key, kBits>::sort(std::size_t begin, std::size_t end, int lowest_bit) -> Part {
-  Part part{begin, end};
-  std::size_t bytes = sort_bytes(part, lowest_bit);
+void KeySort<Key, kBits>::sort(std::size_t count, int lowest_bit) {
+  std::size_t bytes = 0;
+  call_sort(count, lowest_bit, nullptr, bytes);
   scratch_.resize(bytes);
-  call_sort(part, lowest_bit, scratch_.data(), bytes);
+  call_sort(count, lowest_bit, scratch_.data(), bytes);
   if constexpr (kBits != kCurveBits)
-    order_dense_cells<Key, kBits>(context_, points_, part.count(), lowest_bit, keys_[part.place].data() + begin,
-                                  order_[part.place].data() + begin, order_[1 - part.place].data() + begin);
-  return part;
+    order_dense_cells<Key, kBits>(context_, points_, count, lowest_bit, keys_[place_].data(), order_[place_].data(),
+                                  order_[1 - place_].data());
 }
 
 template <class Key, int kBits>
-void KeySort<Key, kBits>::merge(const Part& a, const Part& b, Sorted& sorted) {
-  sorted.order.resize(std::size_t(a.count()) + b.count());
-  if constexpr (kBits == kCurveBits) {  // needs the merged keys, which go to the other place
-    Part beside = b;
-    bring(beside, a.place);
-    Key* const keys = keys_[1 - a.place].data();
-    call_merge(a, beside, keys, sorted.order.data());
-    order_cells(context_, points_, keys, sorted.order.size(), sorted.order.data(), state_, order_[1 - a.place].data());
-  } else {
-    call_merge(a, b, thrust::make_discard_iterator(), sorted.order.data());
-  }
-}
-
-template <class Key, int kBits>
-void KeySort<Key, kBits>::take_ordered(const Part& whole, Sorted& sorted)
+void KeySort<Key, kBits>::take_ordered(std::size_t count, Sorted& sorted)
   requires(kBits == kCurveBits)
 {
-  order_cells(context_, points_, keys(whole), whole.count(), order_[whole.place].data(), state_,
-              order_[1 - whole.place].data());
-  take(whole, sorted);
+  order_cells(context_, points_, keys(), count, order_[place_].data(), state_, order_[1 - place_].data());
+  take(sorted);
 }
 
+// CUB's way: called without memory it says how much it needs. Counts of 64 bits make its tiles smaller.
 template <class Key, int kBits>
-void KeySort<Key, kBits>::bring(Part& part, int place) {
-  if (part.place == place) return;
-  const auto copy = [&](auto& arrays) {
-    check(cudaMemcpyAsync(arrays[place].data() + part.begin, arrays[part.place].data() + part.begin,
-                          part.count() * sizeof(*arrays[place].data()), cudaMemcpyDeviceToDevice, context_.stream()),
-          "merging sorted parts");
-  };
-  copy(keys_);
-  copy(order_);
-  part.place = place;
-}
-
-template <class Key, int kBits>
-template <class KeysOut>
-void KeySort<Key, kBits>::call_merge(const Part& a, const Part& b, KeysOut keys, Index* order) {
-  const auto call = [&](void* scratch, std::size_t& bytes) {
-    check(
-        cub::DeviceMerge::MergePairs(scratch, bytes, keys_[a.place].data() + a.begin, order_[a.place].data() + a.begin,
-                                     a.count(), keys_[b.place].data() + b.begin, order_[b.place].data() + b.begin,
-                                     b.count(), keys, order, ::cuda::std::less<Key>{}, context_.stream()),
-        "merging sorted parts");
-  };
-  std::size_t bytes = 0;
-  call(nullptr, bytes);
-  scratch_.resize(bytes);
-  call(scratch_.data(), bytes);
-}
-
-// CUB's way: called without memory it says how much it needs.
-template <class Key, int kBits>
-std::size_t KeySort<Key, kBits>::sort_bytes(Part part, int lowest_bit) {
-  std::size_t bytes = 0;
-  call_sort(part, lowest_bit, nullptr, bytes);
-  return bytes;
-}
-
-template <class Key, int kBits>
-void KeySort<Key, kBits>::call_sort(Part& part, int lowest_bit, void* scratch, std::size_t& bytes) {
-  cub::DoubleBuffer<Key> keys(keys_[0].data() + part.begin, keys_[1].data() + part.begin);
-  cub::DoubleBuffer<Index> order(order_[0].data() + part.begin, order_[1].data() + part.begin);
-  check(cub::DeviceRadixSort::SortPairs(scratch, bytes, keys, order, part.count(), lowest_bit, kKeyBits<kBits>,
-                                        context_.stream()),
+void KeySort<Key, kBits>::call_sort(std::size_t count, int lowest_bit, void* scratch, std::size_t& bytes) {
+  cub::DoubleBuffer<Key> keys(keys_[0].data(), keys_[1].data());
+  cub::DoubleBuffer<Index> order(order_[0].data(), order_[1].data());
+  check(cub::DeviceRadixSort::SortPairs(scratch, bytes, keys, order, static_cast<Index>(count), lowest_bit,
+                                        kKeyBits<kBits>, context_.stream()),
         "sorting");
-  part.place = keys.selector;
+  place_ = keys.selector;
 }
 
 template class KeySort<CoarseKey, 10>;

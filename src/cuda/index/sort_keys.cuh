@@ -7,7 +7,6 @@
 
 #include "cuda/index/tree.cuh"
 #include "cuda/runtime/memory.cuh"
-#include "cuda/runtime/transfer.cuh"
 #include "point/curve.h"
 #include "pointfair/cloud.hpp"
 
@@ -39,14 +38,10 @@ inline constexpr int kRefinedBits = 6;
 template <class Key, int kBits>
 inline constexpr Key kInvalid = (Key(1) << kKeyBits<kBits>)-1;
 
-__device__ inline bool is_valid(Point p) { return point::is_indexable(p.x, p.y, p.z); }
-
 // Lays the key's cube, of `steps` an axis, over most points: between the 2 % and the 98 % quantile of a sample on each
 // axis, widened by the longest side, and no wider than the sample itself. A stray point far away does not stretch it;
-// points outside are clamped for the key only. The sample is taken from `points` on the card, or from what `arrival`,
-// if not null, will bring. `fresh`, if not null, is made that of an empty cloud.
-void lay_grid(Context& context, const Point* points, std::size_t count, const Arrival* arrival, float steps,
-              KeyGrid* grid, CloudState* fresh);
+// points outside are clamped for the key only. `fresh`, if not null, is made that of an empty cloud.
+void lay_grid(Context& context, const Point* points, std::size_t count, float steps, KeyGrid* grid, CloudState* fresh);
 
 // The cube of the curve of src/point/curve.h, and `fresh` that of an empty cloud.
 void lay_grid(Context& context, point::CurveCube cube, CloudState* fresh);
@@ -56,46 +51,36 @@ void lay_grid(Context& context, point::CurveCube cube, CloudState* fresh);
 template <class Key, int kBits>
 class KeySort {
  public:
-  struct Part {
-    std::size_t begin, end;
-    int place = 0;                                                   // where it is sorted
-    Index count() const { return static_cast<Index>(end - begin); }  // 32 bits, else CUB takes smaller tiles
-  };
-
+  // Room for `count` points.
   KeySort(Context& context, const Point* points, std::size_t count, CloudState* state);
 
-  void reserve(std::size_t count);  // all memory that sort(0, count) takes
-  // Point `offset` gets the first place. Bounds and number of valid points are added to the state.
-  void find_keys(std::size_t begin, std::size_t end, const KeyGrid* grid, std::size_t offset = 0);
-  // Those places by their keys, but for the lowest bits; equal ones as uploaded, or where there are many along a curve
-  // of their own (dense_cells.cuh).
-  Part sort(std::size_t begin, std::size_t end, int lowest_bit = 0);
-  // Two parts that follow each other and are all; on the curve of src/point/curve.h as take_ordered().
-  void merge(const Part& a, const Part& b, Sorted& sorted);
+  void reserve(std::size_t count);  // all memory that sort(count) takes
+  // Of points [begin, end), as upload order has them. Bounds and number of valid points are added to the state.
+  void find_keys(std::size_t begin, std::size_t end, const KeyGrid* grid);
+  // The first `count` by their keys, but for the lowest bits; equal ones as uploaded, or where there are many along a
+  // curve of their own (dense_cells.cuh).
+  void sort(std::size_t count, int lowest_bit = 0);
 
-  const Index* order(const Part& part) const { return order_[part.place].data() + part.begin; }
-  const Key* keys(const Part& part) const { return keys_[part.place].data() + part.begin; }
-  void take(const Part& whole, Sorted& sorted) { sorted.order.swap(order_[whole.place]); }
+  const Index* order() const { return order_[place_].data(); }
+  const Key* keys() const { return keys_[place_].data(); }
+  void take(Sorted& sorted) { sorted.order.swap(order_[place_]); }
   // With points of one cell by position (curve_cells.cuh).
-  void take_ordered(const Part& whole, Sorted& sorted)
+  void take_ordered(std::size_t count, Sorted& sorted)
     requires(kBits == kCurveBits);
-  void take_coarse(const Part& whole, Sorted& sorted)
+  void take_coarse(Sorted& sorted)
     requires std::same_as<Key, CoarseKey>
   {
-    take(whole, sorted);
-    sorted.coarse.swap(keys_[whole.place]);
+    take(sorted);
+    sorted.coarse.swap(keys_[place_]);
   }
 
  private:
-  void bring(Part& part, int place);
-  template <class KeysOut>
-  void call_merge(const Part& a, const Part& b, KeysOut keys, Index* order);
-  std::size_t sort_bytes(Part part, int lowest_bit);
-  void call_sort(Part& part, int lowest_bit, void* scratch, std::size_t& bytes);
+  void call_sort(std::size_t count, int lowest_bit, void* scratch, std::size_t& bytes);
 
   Context& context_;
   const Point* points_;
   CloudState* state_;
+  int place_ = 0;  // which of two holds what sort() made
   DeviceArray<Key> keys_[2];
   DeviceArray<Index> order_[2];
   DeviceArray<std::byte> scratch_;

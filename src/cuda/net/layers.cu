@@ -362,7 +362,7 @@ __global__ void __launch_bounds__(kBlock)
   const float along = output_of(weights, 0, state), back = output_of(weights, 1, state) / here.noise;
   const Vec step = (cloud.step[at] + along * here.normal) + back * (here.measured - here.classical);
   const Vec moved = position_of(p) + here.noise * net::trusted(step, weights.squared_trust);
-  if (point::is_indexable(moved.x, moved.y, moved.z)) out[original] = {moved.x, moved.y, moved.z};
+  if (point::is_indexable(moved)) out[original] = {moved.x, moved.y, moved.z};
 }
 
 }  // namespace

@@ -23,7 +23,7 @@ class Overlapped {
 
   // Whether a cloud is to be indexed part by part; `arrival` is null once it is on the card.
   static bool suits(const Arrival* arrival, const std::optional<Frame>& frame) {
-    return arrival != nullptr && arrival->parts.apart && !frame;
+    return arrival != nullptr && arrival->parts.count() > 1 && !frame;
   }
   void build(const Point* points, std::size_t count, const Arrival& arrival) { index_.build(points, count, arrival); }
 

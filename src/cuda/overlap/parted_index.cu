@@ -68,13 +68,12 @@ void PartedIndex::build_part(const Point* points, std::size_t part) {
   const std::size_t begin = parts_.begin(part), end = parts_.ends[part];
   const Levels& levels = index_.levels();
   KeyGrid* const grid = sort_->grids.data() + part;
-  lay_grid(context_, points + begin, end - begin, nullptr, PartSort::kSteps, grid,
-           part == 0 ? index_.state() : nullptr);
-  sort_->keys.find_keys(begin, end, grid, begin);
+  lay_grid(context_, points + begin, end - begin, PartSort::kSteps, grid, part == 0 ? index_.state() : nullptr);
+  sort_->keys.find_keys(begin, end, grid);
   const bool refines = end - begin < kFewPoints;
-  const auto sorted = sort_->keys.sort(0, end - begin, refines ? kRefinedBits : 0);
+  sort_->keys.sort(end - begin, refines ? kRefinedBits : 0);
   const Index first = static_cast<Index>(begin / kGroupPoints), last = blocks_for(end, kGroupPoints);
-  gather_points(context_, points, begin, end, sort_->keys.order(sorted), refines ? sort_->keys.keys(sorted) : nullptr,
+  gather_points(context_, points, begin, end, sort_->keys.order(), refines ? sort_->keys.keys() : nullptr,
                 index_.without_top(), index_.sorted_points());
   if (levels.own > 1) build_upper_levels(context_, index_.without_top(), first, last);
   Index until = blocks_for(leaves_of(part).end, kLeafSize);

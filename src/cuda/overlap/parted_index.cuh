@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "cuda/index/index.cuh"
+#include "cuda/runtime/transfer.cuh"
 
 namespace pointfair::cuda {
 

@@ -10,7 +10,6 @@ namespace pointfair {
 namespace {
 
 constexpr std::size_t kUnit = 1 << 15, kLargeUnit = 1 << 20;  // points; whole subtrees
-constexpr std::size_t kSmall = 1 << 18;                       // not worth a second part
 constexpr std::size_t kLeastApart = 24 * kUnit;               // not worth trees of their own
 constexpr std::size_t kLarge = 1 << 24;
 constexpr std::size_t kLargestPart = 1 << 24;  // more are too many for sort keys of 10 bits an axis
@@ -39,7 +38,7 @@ bool lie_apart(std::span<const Point> points, const Parts& parts) {
   for (std::size_t part = 0; part < parts.count(); ++part)
     for (std::size_t i = 0; i < kSampled; ++i) {
       const Point& p = points[parts.begin(part) + (2 * i + 1) * parts.size(part) / (2 * kSampled)];
-      if (point::is_indexable(p.x, p.y, p.z)) sampled[part].add(p);
+      if (point::is_indexable(p)) sampled[part].add(p);
     }
   std::size_t asked = 0, others = 0;
   for (const SampledPart& its : sampled) {
@@ -63,7 +62,6 @@ Parts Parts::of(std::size_t points, std::size_t each) {
   Parts parts;
   for (std::size_t end = each; end < points; end += each) parts.ends.push_back(end);
   parts.ends.push_back(points);
-  parts.apart = parts.count() > 1;
   return parts;
 }
 
@@ -73,12 +71,7 @@ Parts plan_parts(std::span<const Point> points, bool may_lie_apart) {
     Parts parts = parts_to_lie_apart(count);
     if (lie_apart(points, parts)) return parts;
   }
-  // As much as can be sorted while the rest arrives, at the 54 GB/s of PCIe 5 and the speed of an H200; on a slower bus
-  // it only waits less.
-  Parts parts;
-  if (count >= kSmall) parts.ends.push_back(count / 5 * 4);
-  parts.ends.push_back(count);
-  return parts;
+  return Parts{{count}};
 }
 
 }  // namespace pointfair

@@ -14,7 +14,6 @@ namespace pointfair {
 
 struct Parts {
   std::vector<std::size_t> ends;  // of consecutive parts; the last is the number of points
-  bool apart = false;             // whether each is to get a tree of its own
 
   std::size_t count() const { return ends.size(); }
   std::size_t begin(std::size_t part) const { return part == 0 ? 0 : ends[part - 1]; }
@@ -23,8 +22,7 @@ struct Parts {
   static Parts of(std::size_t points, std::size_t each);
 };
 
-// Parts that lie apart, if `may_lie_apart` and a sample says so; else a first
-// part that can be sorted while the second arrives, or a single part of a small cloud.
+// Parts that lie apart, if `may_lie_apart` and a sample says so; else a single one.
 Parts plan_parts(std::span<const Point> points, bool may_lie_apart);
 
 }  // namespace pointfair

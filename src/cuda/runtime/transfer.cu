@@ -19,7 +19,7 @@ Arrival Upload::start(std::span<const Point> from, Parts parts, Point* to) {
     events_.record(part + 1, side_.stream());
     there_.push_back(events_[part + 1]);
   }
-  return {std::move(parts), there_, events_[0], from};
+  return {std::move(parts), there_, events_[0]};
 }
 
 void Upload::finish() const {

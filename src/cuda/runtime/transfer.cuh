@@ -41,7 +41,6 @@ struct Arrival {
   Parts parts;
   std::span<const cudaEvent_t> there;
   cudaEvent_t begun;
-  std::span<const Point> source;  // the cloud in host memory
   cudaEvent_t all() const { return there.back(); }
 };
 

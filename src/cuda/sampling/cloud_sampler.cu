@@ -11,8 +11,6 @@ constexpr int kBlock = 256, kWarps = kBlock / kWarp;
 constexpr int kBlocks = 8;                // of a processor
 constexpr std::size_t kLeastRoom = 4096;  // candidates
 
-__device__ bool is_valid(Point p) { return point::is_indexable(p.x, p.y, p.z); }
-
 __global__ void clear_sample(SampleState* state) {
   if (threadIdx.x < 3) {
     state->min[threadIdx.x] = ~0u;
@@ -26,7 +24,7 @@ __global__ void __launch_bounds__(kBlock) find_bounds(const Point* points, std::
   for (std::size_t i = std::size_t(blockIdx.x) * kBlock + threadIdx.x; i < count;
        i += std::size_t(gridDim.x) * kBlock) {
     const Point p = points[i];
-    if (!is_valid(p)) continue;
+    if (!point::is_indexable(p)) continue;
     const unsigned v[3] = {ordered(p.x), ordered(p.y), ordered(p.z)};
 #pragma unroll
     for (int axis = 0; axis < 3; ++axis) {
@@ -66,7 +64,7 @@ __global__ void __launch_bounds__(kBlock)
   for (std::size_t i = std::size_t(blockIdx.x) * kBlock + threadIdx.x; i < count;
        i += std::size_t(gridDim.x) * kBlock) {
     const Point p = points[i];
-    if (!is_valid(p)) continue;
+    if (!point::is_indexable(p)) continue;
     const unsigned hash = point::cell_hash({p.x, p.y, p.z}, corner, cells);
     if (hash > wanted.limit) continue;
     const unsigned place = atomicAdd(&state->candidates, 1u);

@@ -16,7 +16,6 @@ union SearchMemory {
   SingleWalk walks[kWarps];
 };
 
-__device__ bool is_valid(Point p) { return point::is_indexable(p.x, p.y, p.z); }
 __device__ Point no_point() {
   const float nan = __int_as_float(0x7fc00000);
   return {nan, nan, nan};
@@ -37,7 +36,7 @@ __device__ void fill_row_by_block(const Tree& tree, const Point* points, const R
   if (query == point::kNoNeighbor) return;
   const int k = request.k, known_k = request.known_k;
   const Point p = points[query];
-  const bool exists = is_valid(p);
+  const bool exists = point::is_indexable(p);
   if (exists) {
     const Vec position = {p.x, p.y, p.z};
     Search search(tree, root_of(request, n), memory, position, query, k);
@@ -59,11 +58,11 @@ __device__ void fill_row_by_warp(const Tree& tree, const Point* points, const Ro
   const Index query = request.queries[n];
   const Point p = points[query];
   RegisterList list(tree.points);
-  if (is_valid(p))
+  if (point::is_indexable(p))
     SingleSearch<RegisterList>(tree, walk, list, {p.x, p.y, p.z}, query, request.k, __int_as_float(0x7f800000))
         .run(root_of(request, n));
   Point* const row = request.rows + n * (std::size_t(request.k) + 1);
-  if (lane_number() == 0) row[0] = is_valid(p) ? p : no_point();
+  if (lane_number() == 0) row[0] = point::is_indexable(p) ? p : no_point();
   list.for_each(request.k, [&](int place, Key key) { row[place + 1] = point_of(tree, key); });
 }
 

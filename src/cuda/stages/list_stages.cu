@@ -103,49 +103,6 @@ __global__ void __launch_bounds__(kBlock)
       moved_point(neighbors, position_of(p), normal.unit, kAreas ? areas : AreaWeights{nullptr, 0}, fairing_weights));
 }
 
-// Both stages for those points of a block's kPoolOfBlock whose places in upload order are in [begin, end). These are
-// brought together first, so that hardly any lane is idle.
-constexpr int kPoolOfBlock = 256;
-template <int kHeld>
-__global__ void __launch_bounds__(kBlock, resident_blocks(kHeld == 8 ? 8 : 4, kBlock))
-    listed_normals_and_fairing_between(const __grid_constant__ Tree tree, CloudState* state, Lists lists,
-                                       point::NormalWeights weights, Normals normals,
-                                       point::BilateralWeights fairing_weights, FairedPoints faired, Index begin,
-                                       Index end) {
-  __shared__ unsigned short chosen[kPoolOfBlock];
-  __shared__ unsigned chosen_count;
-  begin_kernel();
-  const std::size_t first = std::size_t(blockIdx.x) * kPoolOfBlock;
-  if (threadIdx.x == 0) chosen_count = 0;
-  __syncthreads();
-  for (unsigned i = threadIdx.x; i < kPoolOfBlock; i += kBlock) {
-    const Index original = first + i < faired.count ? original_of(tree.points[first + i]) : point::kNoNeighbor;
-    const bool mine = original >= begin && original < end;
-    const unsigned all = __ballot_sync(kAllLanes, mine);
-    unsigned place = 0;
-    if (lane_number() == 0) place = atomicAdd(&chosen_count, static_cast<unsigned>(__popc(all)));
-    place = __shfl_sync(kAllLanes, place, 0);
-    if (mine) chosen[place + __popc(all & lanes_below())] = static_cast<unsigned short>(i);
-  }
-  __syncthreads();
-  const unsigned count = chosen_count;
-  for (unsigned i = threadIdx.x; i - lane_number() < count; i += kBlock) {  // whole warps
-    const std::size_t at = first + chosen[min(i, count - 1)];
-    const float4 p = tree.points[at];
-    const bool mine = i < count, valid = mine && is_present(p);
-    const HeldList<kHeld> neighbors(tree, lists, at, position_of(p));
-    const auto normal = point::normal_of(neighbors, weights);
-    if (mine) normals.set(at, valid ? normal.unit : Vec{});
-    count_unmoved(state, valid, normal);
-    Vec moved = moved_point(neighbors, position_of(p), normal.unit, {nullptr, 0}, fairing_weights);
-    if (mine && !valid) {
-      const Point same = faired.input[original_of(p)];
-      moved = {same.x, same.y, same.z};
-    }
-    scatter(faired.in_order, mine ? original_of(p) : point::kNoNeighbor, moved);
-  }
-}
-
 template <int kHeld, bool kAreas>
 __global__ void __launch_bounds__(kBlock)
     listed_fairing(const __grid_constant__ Tree tree, Lists lists, Normals normals, AreaWeights areas,
@@ -226,17 +183,6 @@ void estimate_normals_and_fair(Context& context, const Tree& tree, CloudState* s
   launch_early(context, "estimating normals and fairing", kernel, blocks_for(leaves.count(), kWarps), kBlock, tree,
                state, leaves, lists, weights, normals, areas, fairing_weights, faired);
   bring_into_order(context, faired);
-}
-
-void estimate_normals_and_fair_between(Context& context, const Tree& tree, CloudState* state, Lists lists,
-                                       point::NormalWeights weights, Normals normals,
-                                       point::BilateralWeights fairing_weights, FairedPoints faired, std::size_t begin,
-                                       std::size_t end) {
-  const auto kernel = lists.k <= 8    ? listed_normals_and_fairing_between<8>
-                      : lists.k <= 16 ? listed_normals_and_fairing_between<16>
-                                      : listed_normals_and_fairing_between<0>;
-  launch_early(context, "estimating normals and fairing", kernel, blocks_for(tree.leaves, kPoolOfBlock / kLeafSize),
-               kBlock, tree, state, lists, weights, normals, fairing_weights, faired, Index(begin), Index(end));
 }
 
 void restore_order(Context& context, const Tree& tree, Normals normals, std::size_t count, Point* out) {

@@ -37,13 +37,6 @@ void estimate_normals_and_fair(Context& context, const Tree& tree, CloudState* s
                                point::NormalWeights weights, Normals normals, AreaWeights areas,
                                point::BilateralWeights fairing_weights, FairedPoints faired);
 
-// The same without area weights, only for the points whose places in upload order are in [begin, end), straight to
-// their places.
-void estimate_normals_and_fair_between(Context& context, const Tree& tree, CloudState* state, Lists lists,
-                                       point::NormalWeights weights, Normals normals,
-                                       point::BilateralWeights fairing_weights, FairedPoints faired, std::size_t begin,
-                                       std::size_t end);
-
 // Normals in upload order.
 void restore_order(Context& context, const Tree& tree, Normals normals, std::size_t count, Point* out);
 

@@ -14,7 +14,7 @@ __global__ void __launch_bounds__(kBlock)
   point::Outlier outlier = point::Outlier::none;
   if (i < points.count) {
     const Point before = points.before[i], after = points.after[i];
-    if (point::is_indexable(before.x, before.y, before.z)) {
+    if (point::is_indexable(before)) {
       const point::Vec3<float> from = {before.x, before.y, before.z};
       const float level = point::node_value(points.field, from);
       const point::Limited limited = point::limited(from, {after.x, after.y, after.z}, points.limits, level);

@@ -25,15 +25,13 @@ struct Starts {
 };
 
 __device__ Vec to_vec(Point p) { return {p.x, p.y, p.z}; }
-__device__ bool is_valid(Point p) { return point::is_indexable(p.x, p.y, p.z); }
-
 // Invalid points keep their places, and need nothing.
 __global__ void __launch_bounds__(kBlock)
     begin_all(const Point* input, std::size_t count, Point* results, unsigned char* done) {
   const std::size_t i = std::size_t(blockIdx.x) * kBlock + threadIdx.x;
   if (i >= count) return;
   const Point p = input[i];
-  const bool valid = is_valid(p);
+  const bool valid = point::is_indexable(p);
   done[i] = !valid;
   if (!valid) results[i] = p;
 }
@@ -47,7 +45,7 @@ __global__ void __launch_bounds__(kBlock)
   for (int item = 0; item < kItems; ++item) {
     const std::size_t i = first + std::size_t(item) * kBlock;
     const Point p = i < count ? input[i] : Point{};
-    const bool valid = i < count && is_valid(p);
+    const bool valid = i < count && point::is_indexable(p);
     for (int tile = 0; tile < regions.count; ++tile) {
       const unsigned ballot = __ballot_sync(kAllLanes, valid && point::is_inside(regions.of[tile], to_vec(p)));
       if (lane_number() == 0 && ballot != 0) atomicAdd(&inside[tile], static_cast<unsigned>(__popc(ballot)));
@@ -86,7 +84,7 @@ __global__ void __launch_bounds__(kBlock)
   for (int item = 0; item < kItems; ++item) {
     const std::size_t i = first + std::size_t(item) * kBlock;
     own[item] = i < count ? input[i] : Point{};
-    valid |= unsigned(i < count && is_valid(own[item])) << item;
+    valid |= unsigned(i < count && point::is_indexable(own[item])) << item;
   }
   for (int tile = 0; tile < regions.count; ++tile) {
     unsigned ballots[kItems], any = 0;
