@@ -148,7 +148,7 @@ void Chain::find_lists(const Kernels& kernels, const std::stop_token& stop) {
   const std::size_t block_size = neighbors_.constraint ? kConstrainedLeavesABlock : kLeavesABlock;
   for_blocks(index.leaves, block_size, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     ConstrainedSearch constrained(kernels, neighbors_, limit);
-    Index area_list[point::kAreaNeighbors * kLeafSize];
+    float squared[point::kAreaNeighbors * kLeafSize];
     for (std::size_t leaf = first; leaf < last; ++leaf) {
       Index* const list = lists_.data() + leaf * list_row();
       const Index* nearest = list;
@@ -160,11 +160,11 @@ void Chain::find_lists(const Kernels& kernels, const std::stop_token& stop) {
         kernels.nearest(index, Index(leaf), neighbors_.k, limit, list);
       }
       if (nearest_count < point::kAreaNeighbors || neighbors_.radius > 0) {  // W_a knows no radius
-        kernels.nearest(index, Index(leaf), point::kAreaNeighbors, std::numeric_limits<float>::infinity(), area_list);
-        nearest = area_list;
+        kernels.nearest_distances(index, Index(leaf), point::kAreaNeighbors, squared);
+      } else {
+        kernels.listed_distances(index, Index(leaf), nearest, point::kAreaNeighbors, squared);
       }
-      kernels.mean_distances(index, Index(leaf), nearest, point::kAreaNeighbors,
-                             mean_distance_.data() + leaf * kLeafSize);
+      kernels.mean_distances(squared, point::kAreaNeighbors, mean_distance_.data() + leaf * kLeafSize);
     }
   });
 }
@@ -174,11 +174,10 @@ void Chain::measure_areas(const Kernels& kernels, const std::stop_token& stop) {
   has_areas_ = true;
   const IndexView index = index_.view();
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
-    Index nearest[point::kAreaNeighbors * kLeafSize];
+    float squared[point::kAreaNeighbors * kLeafSize];
     for (std::size_t leaf = first; leaf < last; ++leaf) {
-      kernels.nearest(index, Index(leaf), point::kAreaNeighbors, std::numeric_limits<float>::infinity(), nearest);
-      kernels.mean_distances(index, Index(leaf), nearest, point::kAreaNeighbors,
-                             mean_distance_.data() + leaf * kLeafSize);
+      kernels.nearest_distances(index, Index(leaf), point::kAreaNeighbors, squared);
+      kernels.mean_distances(squared, point::kAreaNeighbors, mean_distance_.data() + leaf * kLeafSize);
     }
   });
 }
@@ -215,18 +214,17 @@ void Chain::measure_radii(const Kernels& kernels, const std::stop_token& stop) {
   if (reach.values == nullptr) further_share_.release();
   if (reach.values != nullptr) further_share_.resize(squared_radius_.size());
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
-    std::vector<Index> nearest(std::size_t(count) * kLeafSize);
+    std::vector<float> squared(std::size_t(count) * kLeafSize);
     float reach_level[kLeafSize];
     for (std::size_t leaf = first; leaf < last; ++leaf) {
-      kernels.nearest(index, Index(leaf), count, std::numeric_limits<float>::infinity(), nearest.data());
-      kernels.mean_distances(index, Index(leaf), nearest.data(), point::kAreaNeighbors,
-                             mean_distance_.data() + leaf * kLeafSize);
+      kernels.nearest_distances(index, Index(leaf), count, squared.data());
+      kernels.mean_distances(squared.data(), point::kAreaNeighbors, mean_distance_.data() + leaf * kLeafSize);
       if (reach.values != nullptr) {
         squared_levels_of(index, leaf, reach, reach_level);
         std::transform(reach_level, reach_level + kLeafSize, further_share_.data() + leaf * kLeafSize,
                        [](float level) { return point::further_share(level); });
       }
-      kernels.squared_radii(index, Index(leaf), nearest.data(), neighborhoods().radii,
+      kernels.squared_radii(index, Index(leaf), squared.data(), neighborhoods().radii,
                             reach.values != nullptr ? reach_level : nullptr, squared_radius_.data() + leaf * kLeafSize);
     }
   });

@@ -3,6 +3,7 @@
 // functions could be shared with code for a lesser processor.
 #include "cpu/kernels.h"
 
+#include "cpu/distances.h"
 #include "cpu/growth.h"
 #include "cpu/hilbert.h"
 #include "cpu/method_loops.h"
@@ -23,8 +24,9 @@ static void nearest(const IndexView& index, Index leaf, int k, float squared_lim
 }
 
 extern const Kernels kKernels;
-const Kernels kKernels = {POINTFAIR_ISA_LABEL, hilbert_keys,   curve_keys, nearest,        grow,
-                          squared_radii,       mean_distances, normals,    filter_normals, fair,
-                          displacements,       move,           survey,     nearest_there};
+const Kernels kKernels = {POINTFAIR_ISA_LABEL, hilbert_keys, curve_keys,    nearest,        nearest_distances,
+                          listed_distances,    grow,         squared_radii, mean_distances, normals,
+                          filter_normals,      fair,         displacements, move,           survey,
+                          nearest_there};
 
 }  // namespace pointfair::cpu::POINTFAIR_ISA

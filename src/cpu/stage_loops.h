@@ -9,29 +9,42 @@
 
 namespace pointfair::cpu::POINTFAIR_ISA {
 
-inline void mean_distances(const IndexView& index, Index leaf, const Index* list, int count, float* out) {
+// Squared distances to what is listed for each point of a leaf, as nearest_distances gives them.
+inline void listed_distances(const IndexView& index, Index leaf, const Index* list, int count, float* out) {
+  for (int part = 0; part < kLeafSize; part += kLanes) {
+    const Vectors positions{{index.x, index.y, index.z}};
+    const point::Vec3<Floats> here = positions.at(Own{leaf * kLeafSize + Index(part)});
+    for (int slot = 0; slot < count; ++slot) {
+      const Ints listed = load(list + slot * kLeafSize + part);
+      const Mask exists = listed != broadcast(int(point::kNoNeighbor));
+      const Floats squared = point::squared_length(positions.at(Gathered{select(exists, listed, broadcast(0))}) - here);
+      store(out + slot * kLeafSize + part, select(exists, squared, broadcast(kInfinity)));
+    }
+  }
+}
+
+inline void mean_distances(const float* squared, int count, float* out) {
   for (int part = 0; part < kLeafSize; part += kLanes) {
     Floats sum = broadcast(0.0f), found = broadcast(0.0f);
-    const ListWalk listed(index, leaf * kLeafSize + Index(part), list + part, count);
-    listed(point::LoadNothing{}, [&](point::Vec3<Floats> offset, point::Nothing, Mask inside) {
-      sum = sum + select(inside, square_root(point::squared_length(offset)), broadcast(0.0f));
-      found = found + select(inside, broadcast(1.0f), broadcast(0.0f));
-    });
+    for (int slot = 0; slot < count; ++slot) {
+      const Floats here = load(squared + slot * kLeafSize + part);
+      const Mask exists = here < broadcast(kInfinity);
+      sum = sum + select(exists, square_root(here), broadcast(0.0f));
+      found = counted(found, exists);
+    }
     store(out + part, point::mean_distance(sum, larger(found, broadcast(1.0f))));
   }
 }
 
-inline void squared_radii(const IndexView& index, Index leaf, const Index* list, const point::Radii& radii,
+inline void squared_radii(const IndexView& index, Index leaf, const float* squared, const point::Radii& radii,
                           const float* squared_reach_level, float* out) {
-  const auto farthest_of = [&](int part, int count) {  // the last entry of each lane's list
-    const Index start = leaf * kLeafSize + Index(part);
-    Ints last = Ints{lane_numbers().v + int(start)};
+  const auto farthest_of = [&](int part, int count) {  // the last of each lane's that exists
+    Floats last = broadcast(0.0f);
     for (int slot = 0; slot < count; ++slot) {
-      const Ints listed = load(list + slot * kLeafSize + part);
-      last = select(listed != broadcast(int(point::kNoNeighbor)), listed, last);
+      const Floats here = load(squared + slot * kLeafSize + part);
+      last = select(here < broadcast(kInfinity), here, last);
     }
-    const Vectors positions{{index.x, index.y, index.z}};
-    return point::squared_length(positions.at(Gathered{last}) - positions.at(Own{start}));
+    return last;
   };
   const auto is_crowded = [&](Index at) {
     return at < index.points && point::is_crowded(at, 0, index.points, [&](Index i) {
