@@ -9,6 +9,7 @@
 #include "cpu/method_loops.h"
 #include "cpu/pack.h"
 #include "cpu/search.h"
+#include "cpu/search_alone.h"
 #include "cpu/search_there.h"
 #include "cpu/stage_loops.h"
 
@@ -27,6 +28,6 @@ extern const Kernels kKernels;
 const Kernels kKernels = {POINTFAIR_ISA_LABEL, hilbert_keys, curve_keys,    nearest,        nearest_distances,
                           listed_distances,    grow,         squared_radii, mean_distances, normals,
                           filter_normals,      fair,         displacements, move,           survey,
-                          nearest_there};
+                          nearest_there,       child_gaps,   leaf_distances};
 
 }  // namespace pointfair::cpu::POINTFAIR_ISA

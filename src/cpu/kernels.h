@@ -173,6 +173,10 @@ struct Kernels {
   // points lies there, which does not count, -1 where it does not. `start`: a leaf near them there. k <= 64.
   void (*nearest_there)(const IndexView& here, Index leaf, const IndexView& there, const int* own, Index start, int k,
                         Index* out);
+  // For the search of one place. Squared distances from it to the boxes of a node's children, or to the points of a
+  // leaf; bit i of the result is set if number i exists and is at most `limit`.
+  unsigned (*child_gaps)(const BoxGroup&, point::Vec3<float> place, float limit, float* gaps);
+  unsigned (*leaf_distances)(const IndexView&, Index leaf, point::Vec3<float> place, float limit, float* squared);
 };
 
 // Of the net, for the points from `first` to before `last`.
