@@ -49,9 +49,12 @@ std::vector<reference::List> all_lists(const cpu::SpatialIndex& index, const cpu
 void expect_distances(const Points& points, const cpu::SpatialIndex& index, const cpu::Kernels& kernels, int k,
                       const std::vector<reference::List>& expected, std::size_t step) {
   const cpu::IndexView view = index.view();
-  std::vector<float> block(std::size_t(k) * cpu::kLeafSize);
+  std::vector<float> block(std::size_t(k) * cpu::kLeafSize, std::numeric_limits<float>::infinity());
   for (Index i = 0; i < view.points; ++i) {
-    if (i % cpu::kLeafSize == 0) kernels.nearest_distances(view, i / cpu::kLeafSize, k, block.data());
+    if (i % cpu::kLeafSize == 0) {  // whatever is said to be likely: a place of the leaf before
+      const float likely = block[i / cpu::kLeafSize % block.size()];
+      kernels.nearest_distances(view, i / cpu::kLeafSize, k, likely, block.data());
+    }
     const Index query = view.original[i];
     for (std::size_t s = 0; s < std::size_t(k) && query % step == 0; ++s) {
       const auto& list = expected[query];

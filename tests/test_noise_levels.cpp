@@ -12,6 +12,7 @@
 
 #include "estimate/node_grid.hpp"
 #include "estimate/noise_levels.hpp"
+#include "every_kernel.h"
 #include "pipeline/pipeline_access.hpp"
 #include "point/node_field.h"
 #include "point/noise_field.h"
@@ -221,6 +222,35 @@ TEST(NodeField, is_trilinear_and_beyond_its_border_as_on_it) {
   EXPECT_EQ(point::node_value(field, {nan, nan, nan}), levels.levels[0]);
   EXPECT_EQ(point::node_value(field, {far, far, far}), levels.levels.back());
   EXPECT_EQ(point::node_value({}, {1, 2, 3}), 1);
+}
+
+// Inside, outside, on nodes and nowhere.
+TEST(NodeField, has_the_same_bits_in_every_kernel) {
+  constexpr int kNodes = 5, kLeaves = 40, kPlaces = kLeaves * cpu::kLeafSize;
+  shapes::Random random(4);
+  std::vector<float> values;
+  for (int i = 0; i < kNodes * kNodes * kNodes; ++i) values.push_back(float(random.uniform(0.2, 4)));
+  const point::NodeField field{values.data(), kNodes, {-1, 2, 3}, 1.7f};
+  std::vector<float> x, y, z;
+  for (int i = 0; i < kPlaces; ++i) {
+    x.push_back(i % 7 == 0 ? -1 + float(i % 6) / 1.7f : float(random.uniform(-3, 3)));
+    y.push_back(i % 5 == 0 ? 2 + float(i % 6) / 1.7f : float(random.uniform(1, 6)));
+    z.push_back(float(random.uniform(2, 7)));
+  }
+  for (int i = kPlaces - 5; i < kPlaces; ++i) x[i] = y[i] = z[i] = std::numeric_limits<float>::quiet_NaN();
+  cpu::IndexView index{};
+  index.x = x.data(), index.y = y.data(), index.z = z.data();
+  index.points = kPlaces - 5, index.leaves = kLeaves;
+  for (const cpu::Kernels* kernels : available_kernels())
+    for (cpu::Index leaf = 0; leaf < cpu::Index(kLeaves); ++leaf) {
+      float squared[cpu::kLeafSize];
+      kernels->squared_levels(index, leaf, field, squared);
+      for (cpu::Index lane = 0; lane < cpu::Index(cpu::kLeafSize); ++lane) {
+        const cpu::Index i = leaf * cpu::kLeafSize + lane;
+        const float level = point::node_value(field, {x[i], y[i], z[i]});
+        ASSERT_EQ(squared[lane], level * level) << "point " << i << ", " << kernels->name;
+      }
+    }
 }
 
 TEST(NodeField, of_one_value_has_it_everywhere) {

@@ -105,16 +105,28 @@ void search_distances(const IndexView& index, Index start, int first_lane, int l
   search_distances<K>(index, start, middle, last_lane, k, lists.last(), out);
 }
 
-static void nearest_distances(const IndexView& index, Index leaf, int k, float* out) {
-  const auto search = k <= 8    ? search_distances<8>
-                      : k <= 16 ? search_distances<16>
-                      : k <= 20 ? search_distances<20>
-                      : k <= 32 ? search_distances<32>
-                                : search_distances<64>;
+// As search_distances, after a try within `likely` of each point: then few others are looked at.
+template <int K>
+void search_likely(const IndexView& index, Index start, int k, float likely, float* out) {
+  const Mask active = lane_numbers() < broadcast(int(index.points - start));
+  const Queries queries = make_queries(index, start, active, broadcast(likely));
+  DistanceLists<K> lists(k, queries.limit);
+  GroupSearch<DistanceLists<K>> search(index, queries, lists, leaf_budget(k));
+  if (!search.run(start / kLeafSize, leaves_beside(K)) || any(active & ~(lists.last() < queries.limit)))
+    return search_distances<K>(index, start, 0, kLanes, k, broadcast(kInfinity), out);
+  for (int s = 0; s < k; ++s) copy_distances(lists.at(s), active, out + s * kLeafSize);
+}
+
+inline void nearest_distances(const IndexView& index, Index leaf, int k, float likely, float* out) {
+  const auto search = k <= 8    ? search_likely<8>
+                      : k <= 16 ? search_likely<16>
+                      : k <= 20 ? search_likely<20>
+                      : k <= 32 ? search_likely<32>
+                                : search_likely<64>;
   for (int s = 0; s < k * kLeafSize; s += kLanes) store(out + s, broadcast(kInfinity));
   for (int part = 0; part < kLeafSize; part += kLanes) {
     const Index start = leaf * kLeafSize + Index(part);
-    if (start < index.points) search(index, start, 0, kLanes, k, broadcast(kInfinity), out + part);
+    if (start < index.points) search(index, start, k, likely, out + part);
   }
 }
 

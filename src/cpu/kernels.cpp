@@ -25,9 +25,24 @@ static void nearest(const IndexView& index, Index leaf, int k, float squared_lim
 }
 
 extern const Kernels kKernels;
-const Kernels kKernels = {POINTFAIR_ISA_LABEL, hilbert_keys, curve_keys,    nearest,        nearest_distances,
-                          listed_distances,    grow,         squared_radii, mean_distances, normals,
-                          filter_normals,      fair,         displacements, move,           survey,
-                          nearest_there,       child_gaps,   leaf_distances};
+const Kernels kKernels = {POINTFAIR_ISA_LABEL,
+                          hilbert_keys,
+                          curve_keys,
+                          nearest,
+                          nearest_distances,
+                          listed_distances,
+                          grow,
+                          squared_levels,
+                          squared_radii,
+                          mean_distances,
+                          normals,
+                          filter_normals,
+                          fair,
+                          displacements,
+                          move,
+                          survey,
+                          nearest_there,
+                          child_gaps,
+                          leaf_distances};
 
 }  // namespace pointfair::cpu::POINTFAIR_ISA

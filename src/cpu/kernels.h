@@ -11,6 +11,7 @@
 #include "point/curve.h"
 #include "point/method.h"
 #include "point/net.h"
+#include "point/node_field.h"
 #include "point/sensor.h"
 #include "point/stages.h"
 
@@ -140,12 +141,15 @@ struct Kernels {
   // The k nearest other points within `squared_limit`: out[slot * 16 + lane]. k <= 1024.
   void (*nearest)(const IndexView&, Index leaf, int k, float squared_limit, Index* out);
   // Squared distances to the k nearest other points, ascending: out[slot * 16 + lane], infinite at the end. k <= 64.
-  void (*nearest_distances)(const IndexView&, Index leaf, int k, float* out);
+  // They are found faster where all are below `likely`, which may be infinite.
+  void (*nearest_distances)(const IndexView&, Index leaf, int k, float likely, float* out);
   // The same of lists that `nearest` gave.
   void (*listed_distances)(const IndexView&, Index leaf, const Index* list, int count, float* out);
   // Constrained neighbourhoods of the leaf's points among the `count` nearest of each, as `nearest` gives them; bit l
   // of the result is set if no candidate beyond those could join that of lane l. count <= 1024.
   unsigned (*grow)(const IndexView&, Index leaf, const Index* candidates, int count, int k, float reach, Index* list);
+  // The squares of point::node_value at the leaf's points; `values` of the field are not null.
+  void (*squared_levels)(const IndexView&, Index leaf, const point::NodeField&, float* out);
   // R_i^2, from such distances to the `min_neighbors` nearest; what it is made of is in `radii`. `squared_reach_level`:
   // K_i^2 of the leaf's points; null: 1.
   void (*squared_radii)(const IndexView&, Index leaf, const float* squared_distances, const point::Radii& radii,

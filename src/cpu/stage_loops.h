@@ -65,6 +65,38 @@ inline void squared_radii(const IndexView& index, Index leaf, const float* squar
   }
 }
 
+// As point::NodePlace of each lane.
+struct NodePlaces {
+  Ints below;
+  Floats above;
+};
+POINTFAIR_INLINE NodePlaces node_places(const point::NodeField& field, Floats coordinate, float first) {
+  Floats place = (coordinate - first) * field.nodes_per_unit;
+  place = select(place > broadcast(0.0f), place, broadcast(0.0f));
+  place = smaller(place, broadcast(float(field.nodes - 1)));
+  const Ints below = smaller(truncated(place), broadcast(field.nodes - 2));
+  return {below, place - as_numbers(below)};
+}
+
+// The squares of point::node_value.
+inline void squared_levels(const IndexView& index, Index leaf, const point::NodeField& field, float* out) {
+  const auto between = [](Floats from, Floats to, Floats share) { return from + share * (to - from); };
+  const int row = field.nodes, face = row * row;
+  for (int part = 0; part < kLeafSize; part += kLanes) {
+    const Index start = leaf * kLeafSize + Index(part);
+    const NodePlaces x = node_places(field, load(index.x + start), field.first.x),
+                     y = node_places(field, load(index.y + start), field.first.y),
+                     z = node_places(field, load(index.z + start), field.first.z);
+    const Ints corner{(z.below.v * row + y.below.v) * row + x.below.v};
+    const auto along_x = [&](const float* values) {
+      return between(gather(values, corner), gather(values + 1, corner), x.above);
+    };
+    const auto in_face = [&](const float* values) { return between(along_x(values), along_x(values + row), y.above); };
+    const Floats level = between(in_face(field.values), in_face(field.values + face), z.above);
+    store(out + part, level * level);
+  }
+}
+
 POINTFAIR_INLINE point::Vec3<Floats> load_vector(const float* x, const float* y, const float* z, Index start) {
   return {load(x + start), load(y + start), load(z + start)};
 }
