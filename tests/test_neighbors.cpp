@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Neighbour lists of the CPU backend: exact set and order, against brute force and nanoflann, on every instruction set
-// that this processor has.
+// Neighbour lists and distances of the CPU backend: exact set and order, against brute force and nanoflann, on every
+// instruction set that this processor has.
 #include <gtest/gtest.h>
 #include <pthread.h>
 
@@ -45,6 +45,27 @@ std::vector<reference::List> all_lists(const cpu::SpatialIndex& index, const cpu
   return lists;
 }
 
+// Whether the kernel gives the squared distances to the points of these lists, bit for bit.
+void expect_distances(const Points& points, const cpu::SpatialIndex& index, const cpu::Kernels& kernels, int k,
+                      const std::vector<reference::List>& expected, std::size_t step) {
+  const cpu::IndexView view = index.view();
+  std::vector<float> block(std::size_t(k) * cpu::kLeafSize, std::numeric_limits<float>::infinity());
+  for (Index i = 0; i < view.points; ++i) {
+    if (i % cpu::kLeafSize == 0) {  // whatever is said to be likely: a place of the leaf before
+      const float likely = block[i / cpu::kLeafSize % block.size()];
+      kernels.nearest_distances(view, i / cpu::kLeafSize, k, likely, block.data());
+    }
+    const Index query = view.original[i];
+    for (std::size_t s = 0; s < std::size_t(k) && query % step == 0; ++s) {
+      const auto& list = expected[query];
+      const float squared = s < list.size() ? reference::squared_distance(points[query], points[list[s]])
+                                            : std::numeric_limits<float>::infinity();
+      ASSERT_EQ(block[s * cpu::kLeafSize + i % cpu::kLeafSize], squared)
+          << "point " << query << ", place " << s << " of " << k << ", " << kernels.name;
+    }
+  }
+}
+
 // The same positions in the same order. Of identical points any may be listed, but none twice, and not the query.
 std::string difference(const Points& points, std::size_t query, reference::List found,
                        const reference::List& expected) {
@@ -75,10 +96,11 @@ void expect_exact_lists(const Points& points, int k, float radius = 0, std::size
     for (std::size_t i = 0; i < points.size(); i += step)
       ASSERT_EQ(difference(points, i, found[i], expected[i]), "")
           << "point " << i << ", k " << k << ", radius " << radius << ", " << kernels->name;
+    if (k <= 64 && radius == 0) expect_distances(points, index, *kernels, k, expected, step);
   }
 }
 
-constexpr int kEveryK[] = {1, 2, 3, 5, 8, 16, 32, 64, 512};
+constexpr int kEveryK[] = {1, 2, 3, 5, 8, 16, 20, 32, 64, 512};
 
 TEST(Neighbors, are_exact_for_every_k_on_a_noisy_surface) {
   const Points points = shapes::with_noise(shapes::waves(1500), 0.01);

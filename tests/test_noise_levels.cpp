@@ -3,7 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
+#include <vector>
 
+#include "every_kernel.h"
 #include "pipeline/pipeline_access.hpp"
 #include "pointfair/pointfair.hpp"
 #include "reference.h"
@@ -160,6 +163,35 @@ TEST(NoiseLevels, without_noise_hardly_a_point_moves) {
   double moved = 0;
   for (std::size_t i = 0; i < points.size(); ++i) moved += std::abs(double(outcome.points[i].z) - points[i].z);
   EXPECT_LT(moved / double(points.size()), 0.001 * kSpacing);
+}
+
+// Inside, outside, on nodes and nowhere.
+TEST(NodeField, has_the_same_bits_in_every_kernel) {
+  constexpr int kNodes = 5, kLeaves = 40, kPlaces = kLeaves * cpu::kLeafSize;
+  shapes::Random random(4);
+  std::vector<float> values;
+  for (int i = 0; i < kNodes * kNodes * kNodes; ++i) values.push_back(float(random.uniform(0.2, 4)));
+  const point::NodeField field{values.data(), kNodes, {-1, 2, 3}, 1.7f};
+  std::vector<float> x, y, z;
+  for (int i = 0; i < kPlaces; ++i) {
+    x.push_back(i % 7 == 0 ? -1 + float(i % 6) / 1.7f : float(random.uniform(-3, 3)));
+    y.push_back(i % 5 == 0 ? 2 + float(i % 6) / 1.7f : float(random.uniform(1, 6)));
+    z.push_back(float(random.uniform(2, 7)));
+  }
+  for (int i = kPlaces - 5; i < kPlaces; ++i) x[i] = y[i] = z[i] = std::numeric_limits<float>::quiet_NaN();
+  cpu::IndexView index{};
+  index.x = x.data(), index.y = y.data(), index.z = z.data();
+  index.points = kPlaces - 5, index.leaves = kLeaves;
+  for (const cpu::Kernels* kernels : available_kernels())
+    for (cpu::Index leaf = 0; leaf < cpu::Index(kLeaves); ++leaf) {
+      float squared[cpu::kLeafSize];
+      kernels->squared_levels(index, leaf, field, squared);
+      for (cpu::Index lane = 0; lane < cpu::Index(cpu::kLeafSize); ++lane) {
+        const cpu::Index i = leaf * cpu::kLeafSize + lane;
+        const float level = point::node_value(field, {x[i], y[i], z[i]});
+        ASSERT_EQ(squared[lane], level * level) << "point " << i << ", " << kernels->name;
+      }
+    }
 }
 
 }  // namespace

@@ -123,13 +123,13 @@ TEST(Repeats, include_points_of_a_row_that_share_an_error) {
   for (double& its : error) its = 0.003 * random.normal();
   const Points noisy = in_rows([&](int row) { return error[std::size_t(row)]; }, 0.0005);
   const auto flat = [](int) { return 0.0; };
-  EXPECT_LT(rms_off(run(noisy), flat), 0.7 * rms_off(noisy, flat));
+  EXPECT_LT(rms_off(Ran(noisy).points, flat), 0.7 * rms_off(noisy, flat));
 }
 
 TEST(Repeats, are_no_waves_across_rows) {
   const auto waves = [](int row) { return 0.003 * std::sin(row * 2 * 3.14159265 / 7); };
   const Points noisy = in_rows(waves, 0.0005);
-  EXPECT_LT(rms_off(run(noisy), waves), 1.1 * rms_off(noisy, waves));
+  EXPECT_LT(rms_off(Ran(noisy).points, waves), 1.1 * rms_off(noisy, waves));
 }
 
 }  // namespace

@@ -174,7 +174,7 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
       locate(queries);
       const IndexView index = first_.index().view();
       for_blocks(queries.size(), 4, {}, [&](std::size_t first, std::size_t last, std::size_t) {
-        SingleSearch search;
+        SingleSearch search(kernels_);
         std::vector<Index> list(std::size_t(k), 0);
         for (std::size_t q = first; q < last; ++q) {
           const Index at_query = located_.at(queries[q]);

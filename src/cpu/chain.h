@@ -50,7 +50,7 @@ class Chain {
   bool radii_grow() const { return pointfair::radii_grow(neighbors_, normal_settings_); }
   bool by_list() const { return neighbors_.k > 0; }
   bool prefix_suffices(const NeighborSettings& settings) const;
-  void measure_levels(const std::stop_token& stop);
+  void measure_levels(const Kernels& kernels, const std::stop_token& stop);
   const float* squared_levels() const { return neighbors_.levels ? squared_level_.data() : nullptr; }
   const float* further_shares() const {
     return neighbors_.reach_levels && !by_list() ? further_share_.data() : nullptr;

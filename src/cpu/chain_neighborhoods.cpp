@@ -16,14 +16,26 @@ namespace {
 // Of leaves, where lists are as long as they can be under the constraint, which then takes up to 10 ms a leaf.
 constexpr std::size_t kConstrainedLeavesABlock = 2;
 
-// Of the points of a leaf.
-void squared_levels_of(const IndexView& index, std::size_t leaf, const point::NodeField& field, float* out) {
-  for (std::size_t lane = 0; lane < kLeafSize; ++lane) {
-    const std::size_t i = leaf * kLeafSize + lane;
-    const float level = point::node_value(field, {index.x[i], index.y[i], index.z[i]});
-    out[lane] = level * level;
+// Distances of the leaves along the curve, each with the k-th nearest of the leaf before, and a quarter of that more,
+// as what is likely.
+class DistanceSearch {
+ public:
+  DistanceSearch(const Kernels& kernels, const IndexView& index, int k)
+      : kernels_(kernels), index_(index), k_(k), squared_(std::size_t(k) * kLeafSize) {}
+  const float* find(Index leaf) {
+    kernels_.nearest_distances(index_, leaf, k_, likely_, squared_.data());
+    constexpr float kRoom = 1.25f * 1.25f;
+    likely_ = kRoom * *std::max_element(squared_.end() - kLeafSize, squared_.end());
+    return squared_.data();
   }
-}
+
+ private:
+  const Kernels& kernels_;
+  const IndexView& index_;
+  int k_;
+  float likely_ = std::numeric_limits<float>::infinity();
+  std::vector<float> squared_;
+};
 
 }  // namespace
 
@@ -63,7 +75,7 @@ void Chain::find_neighbors(const NeighborSettings& settings, const Kernels& kern
   mesh_lists_.clear();
   lists_.resize(neighbors_.mesh ? 0 : index_.view().leaves * list_row());
   mean_distance_.resize(std::size_t(index_.view().leaves) * kLeafSize);
-  measure_levels(stop);
+  measure_levels(kernels, stop);
   if (!by_list()) {
     measure_radii(kernels, stop);
   } else if (!neighbors_.mesh) {
@@ -82,7 +94,7 @@ void Chain::find_lists(const Kernels& kernels, const std::stop_token& stop) {
   const std::size_t block_size = neighbors_.constraint ? kConstrainedLeavesABlock : kLeavesABlock;
   for_blocks(index.leaves, block_size, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     ConstrainedSearch constrained(kernels, neighbors_, limit);
-    Index area_list[point::kAreaNeighbors * kLeafSize];
+    float squared[point::kAreaNeighbors * kLeafSize];
     for (std::size_t leaf = first; leaf < last; ++leaf) {
       Index* const list = lists_.data() + leaf * list_row();
       const Index* nearest = list;
@@ -94,11 +106,12 @@ void Chain::find_lists(const Kernels& kernels, const std::stop_token& stop) {
         kernels.nearest(index, Index(leaf), neighbors_.k, limit, list);
       }
       if (nearest_count < point::kAreaNeighbors || neighbors_.radius > 0) {  // W_a knows no radius
-        kernels.nearest(index, Index(leaf), point::kAreaNeighbors, std::numeric_limits<float>::infinity(), area_list);
-        nearest = area_list;
+        kernels.nearest_distances(index, Index(leaf), point::kAreaNeighbors, std::numeric_limits<float>::infinity(),
+                                  squared);
+      } else {
+        kernels.listed_distances(index, Index(leaf), nearest, point::kAreaNeighbors, squared);
       }
-      kernels.mean_distances(index, Index(leaf), nearest, point::kAreaNeighbors,
-                             mean_distance_.data() + leaf * kLeafSize);
+      kernels.mean_distances(squared, point::kAreaNeighbors, mean_distance_.data() + leaf * kLeafSize);
     }
   });
 }
@@ -108,23 +121,22 @@ void Chain::measure_areas(const Kernels& kernels, const std::stop_token& stop) {
   has_areas_ = true;
   const IndexView index = index_.view();
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
-    Index nearest[point::kAreaNeighbors * kLeafSize];
+    DistanceSearch nearest(kernels, index, point::kAreaNeighbors);
     for (std::size_t leaf = first; leaf < last; ++leaf) {
-      kernels.nearest(index, Index(leaf), point::kAreaNeighbors, std::numeric_limits<float>::infinity(), nearest);
-      kernels.mean_distances(index, Index(leaf), nearest, point::kAreaNeighbors,
+      kernels.mean_distances(nearest.find(Index(leaf)), point::kAreaNeighbors,
                              mean_distance_.data() + leaf * kLeafSize);
     }
   });
 }
 
-void Chain::measure_levels(const std::stop_token& stop) {
+void Chain::measure_levels(const Kernels& kernels, const std::stop_token& stop) {
   if (!neighbors_.levels) return squared_level_.release();
   const IndexView index = index_.view();
   const point::NodeField field = field_of(neighbors_.levels.get());
   squared_level_.resize(std::size_t(index.leaves) * kLeafSize);
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     for (std::size_t leaf = first; leaf < last; ++leaf)
-      squared_levels_of(index, leaf, field, squared_level_.data() + leaf * kLeafSize);
+      kernels.squared_levels(index, Index(leaf), field, squared_level_.data() + leaf * kLeafSize);
   });
 }
 
@@ -136,18 +148,17 @@ void Chain::measure_radii(const Kernels& kernels, const std::stop_token& stop) {
   if (reach.values == nullptr) further_share_.release();
   if (reach.values != nullptr) further_share_.resize(squared_radius_.size());
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
-    std::vector<Index> nearest(std::size_t(count) * kLeafSize);
+    DistanceSearch nearest(kernels, index, count);
     float reach_level[kLeafSize];
     for (std::size_t leaf = first; leaf < last; ++leaf) {
-      kernels.nearest(index, Index(leaf), count, std::numeric_limits<float>::infinity(), nearest.data());
-      kernels.mean_distances(index, Index(leaf), nearest.data(), point::kAreaNeighbors,
-                             mean_distance_.data() + leaf * kLeafSize);
+      const float* const squared = nearest.find(Index(leaf));
+      kernels.mean_distances(squared, point::kAreaNeighbors, mean_distance_.data() + leaf * kLeafSize);
       if (reach.values != nullptr) {
-        squared_levels_of(index, leaf, reach, reach_level);
+        kernels.squared_levels(index, Index(leaf), reach, reach_level);
         std::transform(reach_level, reach_level + kLeafSize, further_share_.data() + leaf * kLeafSize,
                        [](float level) { return point::further_share(level); });
       }
-      kernels.squared_radii(index, Index(leaf), nearest.data(), neighborhoods().radii,
+      kernels.squared_radii(index, Index(leaf), squared, neighborhoods().radii,
                             reach.values != nullptr ? reach_level : nullptr, squared_radius_.data() + leaf * kLeafSize);
     }
   });

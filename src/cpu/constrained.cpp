@@ -11,7 +11,11 @@ constexpr int kLargestPool = 1024;
 }  // namespace
 
 ConstrainedSearch::ConstrainedSearch(const Kernels& kernels, const NeighborSettings& settings, float squared_limit)
-    : kernels_(kernels), settings_(settings), squared_limit_(squared_limit), first_pool_(std::max(16, 2 * settings.k)) {
+    : kernels_(kernels),
+      settings_(settings),
+      squared_limit_(squared_limit),
+      first_pool_(std::max(16, 2 * settings.k)),
+      single_(kernels) {
   if (!settings.constraint) return;
   candidates_.resize(std::size_t(first_pool_) * kLeafSize);
   more_candidates_.resize(kLargestPool);

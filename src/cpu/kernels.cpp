@@ -3,11 +3,13 @@
 // functions could be shared with code for a lesser processor.
 #include "cpu/kernels.h"
 
+#include "cpu/distances.h"
 #include "cpu/growth.h"
 #include "cpu/hilbert.h"
 #include "cpu/method_loops.h"
 #include "cpu/pack.h"
 #include "cpu/search.h"
+#include "cpu/search_alone.h"
 #include "cpu/search_there.h"
 #include "cpu/stage_loops.h"
 
@@ -23,8 +25,24 @@ static void nearest(const IndexView& index, Index leaf, int k, float squared_lim
 }
 
 extern const Kernels kKernels;
-const Kernels kKernels = {POINTFAIR_ISA_LABEL, hilbert_keys,   curve_keys, nearest,        grow,
-                          squared_radii,       mean_distances, normals,    filter_normals, fair,
-                          displacements,       move,           survey,     nearest_there};
+const Kernels kKernels = {POINTFAIR_ISA_LABEL,
+                          hilbert_keys,
+                          curve_keys,
+                          nearest,
+                          nearest_distances,
+                          listed_distances,
+                          grow,
+                          squared_levels,
+                          squared_radii,
+                          mean_distances,
+                          normals,
+                          filter_normals,
+                          fair,
+                          displacements,
+                          move,
+                          survey,
+                          nearest_there,
+                          child_gaps,
+                          leaf_distances};
 
 }  // namespace pointfair::cpu::POINTFAIR_ISA

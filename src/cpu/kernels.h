@@ -11,6 +11,7 @@
 #include "point/curve.h"
 #include "point/method.h"
 #include "point/net.h"
+#include "point/node_field.h"
 #include "point/sensor.h"
 #include "point/stages.h"
 
@@ -139,15 +140,22 @@ struct Kernels {
   void (*curve_keys)(const float* xyz, std::uint64_t* elements, std::size_t count, point::CurveCube, bool second);
   // The k nearest other points within `squared_limit`: out[slot * 16 + lane]. k <= 1024.
   void (*nearest)(const IndexView&, Index leaf, int k, float squared_limit, Index* out);
+  // Squared distances to the k nearest other points, ascending: out[slot * 16 + lane], infinite at the end. k <= 64.
+  // They are found faster where all are below `likely`, which may be infinite.
+  void (*nearest_distances)(const IndexView&, Index leaf, int k, float likely, float* out);
+  // The same of lists that `nearest` gave.
+  void (*listed_distances)(const IndexView&, Index leaf, const Index* list, int count, float* out);
   // Constrained neighbourhoods of the leaf's points among the `count` nearest of each, as `nearest` gives them; bit l
   // of the result is set if no candidate beyond those could join that of lane l. count <= 1024.
   unsigned (*grow)(const IndexView&, Index leaf, const Index* candidates, int count, int k, float reach, Index* list);
-  // R_i^2, from lists of the `min_neighbors` nearest (or as many as there are); what it is made of is in `radii`.
-  // `squared_reach_level`: K_i^2 of the leaf's points; null: 1.
-  void (*squared_radii)(const IndexView&, Index leaf, const Index* list, const point::Radii& radii,
+  // The squares of point::node_value at the leaf's points; `values` of the field are not null.
+  void (*squared_levels)(const IndexView&, Index leaf, const point::NodeField&, float* out);
+  // R_i^2, from such distances to the `min_neighbors` nearest; what it is made of is in `radii`. `squared_reach_level`:
+  // K_i^2 of the leaf's points; null: 1.
+  void (*squared_radii)(const IndexView&, Index leaf, const float* squared_distances, const point::Radii& radii,
                         const float* squared_reach_level, float* out);
-  // Mean distance to the first `count` entries of a list of k, or as many as it holds.
-  void (*mean_distances)(const IndexView&, Index leaf, const Index* list, int count, float* out);
+  // The mean of the first `count` distances, or of as many as there are.
+  void (*mean_distances)(const float* squared_distances, int count, float* out);
   // neighbor_counts receives how many neighbours each point has; what walks within a radius met is noted.
   void (*normals)(const IndexView&, Index leaf, Neighborhoods, const point::NormalSettings&, VectorsOut,
                   unsigned* neighbor_counts, Notes&);
@@ -169,6 +177,10 @@ struct Kernels {
   // points lies there, which does not count, -1 where it does not. `start`: a leaf near them there. k <= 64.
   void (*nearest_there)(const IndexView& here, Index leaf, const IndexView& there, const int* own, Index start, int k,
                         Index* out);
+  // For the search of one place. Squared distances from it to the boxes of a node's children, or to the points of a
+  // leaf; bit i of the result is set if number i exists and is at most `limit`.
+  unsigned (*child_gaps)(const BoxGroup&, point::Vec3<float> place, float limit, float* gaps);
+  unsigned (*leaf_distances)(const IndexView&, Index leaf, point::Vec3<float> place, float limit, float* squared);
 };
 
 // Of the net, for the points from `first` to before `last`.

@@ -26,7 +26,7 @@ struct Queries {
 template <int K>
 class FastLists {
  public:
-  static constexpr bool kOrdersTies = false;
+  static constexpr bool kOrdersTies = false, kTakesEquals = true;
   static constexpr int kBatch = 48;  // candidates to collect before they are offered
 
   POINTFAIR_INLINE explicit FastLists(int k) : k_(k) {}
@@ -165,7 +165,7 @@ class FastLists {
 // Any k, in the order of point::lies_before where distances are equal.
 class ExactLists {
  public:
-  static constexpr bool kOrdersTies = true;
+  static constexpr bool kOrdersTies = true, kTakesEquals = true;
   static constexpr int kBatch = 1;  // every candidate excludes others
   static constexpr int kMaxBatch = kBatch + kLeafSize;
   static constexpr int kCapacity = 1024;

@@ -13,7 +13,6 @@ namespace net = point::net;
 
 POINTFAIR_INLINE Ints operator+(Ints a, Ints b) { return {a.v + b.v}; }
 POINTFAIR_INLINE Ints operator<<(Ints a, int bits) { return {IntVector(UnsignedVector(a.v) << unsigned(bits))}; }
-POINTFAIR_INLINE Ints truncated(Floats a) { return {__builtin_convertvector(a.v, IntVector)}; }
 
 // One sum for each channel.
 struct alignas(64) Sums {

@@ -7,15 +7,16 @@
 
 namespace pointfair::cpu::POINTFAIR_ISA {
 
-POINTFAIR_INLINE void order_pair(Ints& a, Ints& b) {
-  const Ints low = smaller(a, b);
+template <class T>
+POINTFAIR_INLINE void order_pair(T& a, T& b) {
+  const T low = smaller(a, b);
   b = larger(a, b);
   a = low;
 }
 
 // Odd-even merge of the elements kFirst, kFirst + kStep, ... of a run of kSize whose halves are sorted.
-template <int kFirst, int kSize, int kStep>
-POINTFAIR_INLINE void merge_halves(Ints* v) {
+template <int kFirst, int kSize, int kStep, class T>
+POINTFAIR_INLINE void merge_halves(T* v) {
   if constexpr (2 * kStep < kSize) {
     merge_halves<kFirst, kSize, 2 * kStep>(v);
     merge_halves<kFirst + kStep, kSize, 2 * kStep>(v);
@@ -26,8 +27,8 @@ POINTFAIR_INLINE void merge_halves(Ints* v) {
   }
 }
 
-template <int kFirst, int kSize>
-POINTFAIR_INLINE void sort_run(Ints* v) {
+template <int kFirst, int kSize, class T>
+POINTFAIR_INLINE void sort_run(T* v) {
   if constexpr (kSize > 1) {
     sort_run<kFirst, kSize / 2>(v);
     sort_run<kFirst + kSize / 2, kSize / 2>(v);
@@ -35,14 +36,15 @@ POINTFAIR_INLINE void sort_run(Ints* v) {
   }
 }
 
-// Sorts a sequence that first rises and then falls.
-template <int kSize>
-POINTFAIR_INLINE void sort_bitonic(Ints* v) {
+// Sorts a sequence of kSize - kBefore elements that first rises and then falls, as if kBefore lesser ones stood before
+// it, which need no exchange.
+template <int kSize, int kBefore = 0, class T>
+POINTFAIR_INLINE void sort_bitonic(T* v) {
 #pragma GCC unroll 8
   for (int stride = kSize / 2; stride > 0; stride /= 2) {
 #pragma GCC unroll 64
-    for (int i = 0; i < kSize; ++i)
-      if ((i & stride) == 0) order_pair(v[i], v[i + stride]);
+    for (int i = kBefore; i < kSize; ++i)
+      if ((i & stride) == 0) order_pair(v[i - kBefore], v[i + stride - kBefore]);
   }
 }
 

@@ -142,6 +142,8 @@ POINTFAIR_INLINE Ints operator&(Ints a, int b) { return {a.v & b}; }
 POINTFAIR_INLINE Ints operator|(Ints a, int b) { return {a.v | b}; }
 POINTFAIR_INLINE Ints as_ints(Floats a) { return {IntVector(a.v)}; }
 POINTFAIR_INLINE Floats as_floats(Ints a) { return {FloatVector(a.v)}; }
+POINTFAIR_INLINE Ints truncated(Floats a) { return {__builtin_convertvector(a.v, IntVector)}; }
+POINTFAIR_INLINE Floats as_numbers(Ints a) { return {__builtin_convertvector(a.v, FloatVector)}; }
 
 // As point::smaller and point::larger, in one instruction: `a` where neither is smaller, or one is NaN.
 #if defined(__AVX512F__)

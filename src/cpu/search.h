@@ -60,6 +60,12 @@ class GroupSearch {
     farthest_ = largest(bound_);
   }
 
+  // Whether points behind a gap may be candidates.
+  static POINTFAIR_INLINE Mask are_near(Floats gap, Floats farthest) {
+    if constexpr (Lists::kTakesEquals) return gap <= farthest;
+    return gap < farthest;
+  }
+
   // Bit c is set if child c of the group may hold a neighbour; gaps receives the squared distance to each child.
   POINTFAIR_INLINE unsigned near_children(const BoxGroup& group, float* gaps) const {
     unsigned result = 0;
@@ -69,7 +75,7 @@ class GroupSearch {
       const point::Vec3<Floats> max = {load(group.max_x + c), load(group.max_y + c), load(group.max_z + c)};
       const Floats gap = point::squared_gap(min, max, q_.min, q_.max);
       store(gaps + c, gap);
-      result |= bits(gap <= farthest) << c;
+      result |= bits(are_near(gap, farthest)) << c;
     }
     return result;
   }
@@ -78,7 +84,7 @@ class GroupSearch {
   POINTFAIR_INLINE bool still_near(const BoxGroup& group, const float* gaps, int c) const {
     if constexpr (Lists::kOrdersTies)  // of many equals, the first ones visited exclude the rest
       if (gaps[c] == farthest_) return lists_.is_open_at(index_, farthest_, low_corner(group, c), bound_);
-    return gaps[c] <= farthest_;
+    return Lists::kTakesEquals ? gaps[c] <= farthest_ : gaps[c] < farthest_;
   }
 
   bool visit_children(int level, Index group_number, Index skipped) {
@@ -108,7 +114,7 @@ class GroupSearch {
     for (int c = 0; c < kLeafSize; c += kLanes) {
       const Index first = leaf * kLeafSize + Index(c);
       const point::Vec3<Floats> p = {load(index_.x + first), load(index_.y + first), load(index_.z + first)};
-      const Mask near = point::squared_gap(p, p, q_.min, q_.max) <= broadcast(farthest_);
+      const Mask near = are_near(point::squared_gap(p, p, q_.min, q_.max), broadcast(farthest_));
       waiting_count_ += append(waiting_ + waiting_count_, int(first), near);
     }
   }

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 
 namespace pointfair::cpu {
 
@@ -20,14 +21,15 @@ void SingleSearch::find(const IndexView& index, Index at, int k, float squared_l
     node /= kLeafSize;
   }
   keep_nearest();
-  std::sort(found_.begin(), found_.end(), [this](Key a, Key b) { return precedes(a, b); });
+  std::sort(found_.begin(), found_.end());
+  order_ties();
   for (std::size_t slot = 0; slot < k_; ++slot)
     out[slot] = slot < found_.size() ? point::key_index(found_[slot]) : point::kNoNeighbor;
 }
 
 void find_alone(const IndexView& index, Index at, int k, float squared_limit, Index* list) {
   std::vector<Index> nearest(std::size_t(k), 0);
-  SingleSearch().find(index, at, k, squared_limit, nearest.data());
+  SingleSearch(best_kernels()).find(index, at, k, squared_limit, nearest.data());
   for (std::size_t slot = 0; slot < nearest.size(); ++slot) list[slot * kLeafSize] = nearest[slot];
 }
 
@@ -44,25 +46,20 @@ bool SingleSearch::may_hold_neighbors(float gap, point::Vec3<float> corner) cons
 
 // Nearest child first, of equally near ones the one whose points may lie before the others'.
 void SingleSearch::visit_children(int level, Index group_number, Index skipped) {
-  struct Child {
-    float gap;
-    point::Vec3<float> corner;
-    Index number;
-  };
   const BoxGroup& group = index_->level[level][group_number];
-  std::array<Child, kLeafSize> children;
-  std::size_t near = 0;
-  for (int c = 0; c < kLeafSize; ++c) {
-    const point::Vec3<float> low = low_corner(group, c), high = {group.max_x[c], group.max_y[c], group.max_z[c]};
-    const float gap = point::squared_gap(low, high, here_, here_);
-    const bool exists = low.x <= high.x;
-    if (exists && Index(c) != skipped && may_hold_neighbors(gap, low)) children[near++] = {gap, low, Index(c)};
-  }
-  std::sort(children.begin(), children.begin() + near, [](const Child& a, const Child& b) {
-    return a.gap != b.gap ? a.gap < b.gap : point::lies_before(a.corner, b.corner);
-  });
-  for (std::size_t i = 0; i < near && may_hold_neighbors(children[i].gap, children[i].corner); ++i) {
-    const Index child = group_number * kLeafSize + children[i].number;
+  float gaps[kLeafSize];
+  unsigned left = kernels_.child_gaps(group, here_, point::key_squared_distance(last_), gaps) & ~(1u << skipped);
+  const auto precedes = [&](int a, int b) {
+    return gaps[a] < gaps[b] || (gaps[a] == gaps[b] && point::lies_before(low_corner(group, a), low_corner(group, b)));
+  };
+  prefetch_children(level, group_number, left);
+  while (left != 0) {
+    int next = std::countr_zero(left);
+    for (unsigned others = left & (left - 1); others != 0; others &= others - 1)
+      if (const int other = std::countr_zero(others); precedes(other, next)) next = other;
+    left &= ~(1u << next);
+    if (!may_hold_neighbors(gaps[next], low_corner(group, next))) return;
+    const Index child = group_number * kLeafSize + Index(next);
     if (level > 0) {
       visit_children(level - 1, child, kLeafSize);
     } else {
@@ -71,23 +68,51 @@ void SingleSearch::visit_children(int level, Index group_number, Index skipped) 
   }
 }
 
+// Places are far from each other, so little of what a search visits is in a cache.
+void SingleSearch::prefetch_children(int level, Index group_number, unsigned children) const {
+  for (; children != 0; children &= children - 1) {
+    const Index child = group_number * kLeafSize + Index(std::countr_zero(children));
+    if (level > 0) {
+      const BoxGroup& group = index_->level[level - 1][child];
+      for (const float* line : {group.min_x, group.min_y, group.min_z, group.max_x, group.max_y, group.max_z})
+        __builtin_prefetch(line);
+    } else {
+      for (const float* axis : {index_->x, index_->y, index_->z}) __builtin_prefetch(axis + child * kLeafSize);
+    }
+  }
+}
+
 void SingleSearch::visit_leaf(Index leaf) {
-  const Index first = leaf * kLeafSize, count = std::min<Index>(kLeafSize, index_->points - first);
-  std::array<float, kLeafSize> squared;
-  for (Index i = 0; i < kLeafSize; ++i) squared[i] = point::squared_length(position_of(*index_, first + i) - here_);
-  for (Index i = 0; i < count; ++i) {
-    const Key key = point::neighbor_key(squared[i], first + i);
-    if (first + i != at_ && precedes(key, last_)) found_.push_back(key);
+  float squared[kLeafSize];  // NaN behind the last point
+  unsigned near = kernels_.leaf_distances(*index_, leaf, here_, point::key_squared_distance(last_), squared);
+  for (; near != 0; near &= near - 1) {
+    const int i = std::countr_zero(near);
+    const Key key = point::neighbor_key(squared[i], leaf * kLeafSize + Index(i));
+    if (point::key_index(key) != at_ && precedes(key, last_)) found_.push_back(key);
   }
   if (found_.size() >= 2 * k_) keep_nearest();
 }
 
+// Keys order by distance and then by index, which is faster to compare and differs where distances tie.
 void SingleSearch::keep_nearest() {
   if (found_.size() <= k_) return;
   const auto kth = found_.begin() + std::ptrdiff_t(k_) - 1;
-  std::nth_element(found_.begin(), kth, found_.end(), [this](Key a, Key b) { return precedes(a, b); });
+  std::nth_element(found_.begin(), kth, found_.end());
+  const auto as_far = [distance = distance_bits(*kth)](Key key) { return distance_bits(key) == distance; };
+  if (std::count_if(found_.begin(), found_.end(), as_far) > 1)
+    std::nth_element(found_.begin(), kth, found_.end(), [this](Key a, Key b) { return precedes(a, b); });
   found_.resize(k_);
   last_ = found_.back();
+}
+
+// Of keys that are sorted as numbers.
+void SingleSearch::order_ties() {
+  for (auto begin = found_.begin(); begin != found_.end();) {
+    const auto end =
+        std::find_if(begin + 1, found_.end(), [begin](Key key) { return distance_bits(key) != distance_bits(*begin); });
+    if (end - begin > 1) std::sort(begin, end, [this](Key a, Key b) { return precedes(a, b); });
+    begin = end;
+  }
 }
 
 }  // namespace pointfair::cpu

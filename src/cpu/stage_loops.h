@@ -9,29 +9,42 @@
 
 namespace pointfair::cpu::POINTFAIR_ISA {
 
-inline void mean_distances(const IndexView& index, Index leaf, const Index* list, int count, float* out) {
+// Squared distances to what is listed for each point of a leaf, as nearest_distances gives them.
+inline void listed_distances(const IndexView& index, Index leaf, const Index* list, int count, float* out) {
+  for (int part = 0; part < kLeafSize; part += kLanes) {
+    const Vectors positions{{index.x, index.y, index.z}};
+    const point::Vec3<Floats> here = positions.at(Own{leaf * kLeafSize + Index(part)});
+    for (int slot = 0; slot < count; ++slot) {
+      const Ints listed = load(list + slot * kLeafSize + part);
+      const Mask exists = listed != broadcast(int(point::kNoNeighbor));
+      const Floats squared = point::squared_length(positions.at(Gathered{select(exists, listed, broadcast(0))}) - here);
+      store(out + slot * kLeafSize + part, select(exists, squared, broadcast(kInfinity)));
+    }
+  }
+}
+
+inline void mean_distances(const float* squared, int count, float* out) {
   for (int part = 0; part < kLeafSize; part += kLanes) {
     Floats sum = broadcast(0.0f), found = broadcast(0.0f);
-    const ListWalk listed(index, leaf * kLeafSize + Index(part), list + part, count);
-    listed(point::LoadNothing{}, [&](point::Vec3<Floats> offset, point::Nothing, Mask inside) {
-      sum = sum + select(inside, square_root(point::squared_length(offset)), broadcast(0.0f));
-      found = found + select(inside, broadcast(1.0f), broadcast(0.0f));
-    });
+    for (int slot = 0; slot < count; ++slot) {
+      const Floats here = load(squared + slot * kLeafSize + part);
+      const Mask exists = here < broadcast(kInfinity);
+      sum = sum + select(exists, square_root(here), broadcast(0.0f));
+      found = counted(found, exists);
+    }
     store(out + part, point::mean_distance(sum, larger(found, broadcast(1.0f))));
   }
 }
 
-inline void squared_radii(const IndexView& index, Index leaf, const Index* list, const point::Radii& radii,
+inline void squared_radii(const IndexView& index, Index leaf, const float* squared, const point::Radii& radii,
                           const float* squared_reach_level, float* out) {
-  const auto farthest_of = [&](int part, int count) {  // the last entry of each lane's list
-    const Index start = leaf * kLeafSize + Index(part);
-    Ints last = Ints{lane_numbers().v + int(start)};
+  const auto farthest_of = [&](int part, int count) {  // the last of each lane's that exists
+    Floats last = broadcast(0.0f);
     for (int slot = 0; slot < count; ++slot) {
-      const Ints listed = load(list + slot * kLeafSize + part);
-      last = select(listed != broadcast(int(point::kNoNeighbor)), listed, last);
+      const Floats here = load(squared + slot * kLeafSize + part);
+      last = select(here < broadcast(kInfinity), here, last);
     }
-    const Vectors positions{{index.x, index.y, index.z}};
-    return point::squared_length(positions.at(Gathered{last}) - positions.at(Own{start}));
+    return last;
   };
   const auto is_crowded = [&](Index at) {
     return at < index.points && point::is_crowded(at, 0, index.points, [&](Index i) {
@@ -49,6 +62,38 @@ inline void squared_radii(const IndexView& index, Index leaf, const Index* list,
       const Index lane = Index(__builtin_ctz(left));
       if (is_crowded(start + lane)) out[Index(part) + lane] = point::kNoSquaredRadius;
     }
+  }
+}
+
+// As point::NodePlace of each lane.
+struct NodePlaces {
+  Ints below;
+  Floats above;
+};
+POINTFAIR_INLINE NodePlaces node_places(const point::NodeField& field, Floats coordinate, float first) {
+  Floats place = (coordinate - first) * field.nodes_per_unit;
+  place = select(place > broadcast(0.0f), place, broadcast(0.0f));
+  place = smaller(place, broadcast(float(field.nodes - 1)));
+  const Ints below = smaller(truncated(place), broadcast(field.nodes - 2));
+  return {below, place - as_numbers(below)};
+}
+
+// The squares of point::node_value.
+inline void squared_levels(const IndexView& index, Index leaf, const point::NodeField& field, float* out) {
+  const auto between = [](Floats from, Floats to, Floats share) { return from + share * (to - from); };
+  const int row = field.nodes, face = row * row;
+  for (int part = 0; part < kLeafSize; part += kLanes) {
+    const Index start = leaf * kLeafSize + Index(part);
+    const NodePlaces x = node_places(field, load(index.x + start), field.first.x),
+                     y = node_places(field, load(index.y + start), field.first.y),
+                     z = node_places(field, load(index.z + start), field.first.z);
+    const Ints corner{(z.below.v * row + y.below.v) * row + x.below.v};
+    const auto along_x = [&](const float* values) {
+      return between(gather(values, corner), gather(values + 1, corner), x.above);
+    };
+    const auto in_face = [&](const float* values) { return between(along_x(values), along_x(values + row), y.above); };
+    const Floats level = between(in_face(field.values), in_face(field.values + face), z.above);
+    store(out + part, level * level);
   }
 }
 
