@@ -15,7 +15,7 @@ endif
 FUZZ_SECONDS ?= 60
 FUZZ_TARGETS = $(notdir $(wildcard build/fuzz/bin/fuzz_*))
 
-.PHONY: help demo build test wheel wheels golden-aarch64 golden-windows golden-wheel test-windows wasm site test-site golden bench quality bench-laz bench-viewer bench-implicit train-net paper-tables figures gallery estimates gpu release source recipes deb fuzz format docs asan tsan clean install
+.PHONY: help demo build test wheel wheels golden-aarch64 golden-windows golden-wheel golden-windows-wheel test-windows wasm site test-site golden bench quality bench-laz bench-viewer bench-implicit train-net paper-tables figures gallery estimates gpu release source recipes deb fuzz format docs asan tsan clean install
 
 help:
 	@echo "make build    the program, build/bin/pointfair"
@@ -27,6 +27,7 @@ help:
 	@echo "make golden-windows  the same for the program of windows-x86_64, in wine"
 	@echo "make test-windows  the tests of the command line with that program, in wine"
 	@echo "make golden-wheel  the wheel of dist for this system, installed alone: its module and its program give the known bytes"
+	@echo "make golden-windows-wheel  the module of the wheel for Windows gives the known bytes in wine, in CPython for Windows"
 	@echo "make source   the source archive with the viewer's page, in dist, from which packages are made"
 	@echo "make recipes URL=...  recipes for conda-forge, vcpkg, Homebrew, Docker and Apptainer, in dist/recipes"
 	@echo "make deb      Debian packages from the source archive, in dist"
@@ -96,6 +97,11 @@ test-windows:
 
 golden-wheel:
 	tests/golden/wheel.py dist
+
+# in the CPython 3.12 that make wheels made the module with
+golden-windows-wheel:
+	@command -v wine > /dev/null && command -v x86_64-w64-mingw32-gcc-win32 > /dev/null || { echo "install wine and gcc-mingw-w64-x86-64-win32 first"; exit 1; }
+	build/wheels/environment3.12/bin/python tests/golden/wheel_in_wine.py dist build/wheels/windows-x86_64/python3.12/windows/python3.def
 
 wasm:
 	@$(install) build python

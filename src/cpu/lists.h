@@ -45,10 +45,11 @@ class FastLists {
   template <bool kOwn>
   void offer(const IndexView& index, const Queries& queries, Floats bound, const int* positions, int count) {
     Ints useful[kMaxBatch];
+    const point::Vec3<Floats> here = queries.position;  // not read again at each candidate, as clang would
     int n = 0;
     for (int i = 0; i < count; ++i) {
       const int at = positions[i];
-      const Floats distance = point::squared_length(spread(index.x[at], index.y[at], index.z[at]) - queries.position);
+      const Floats distance = point::squared_length(spread(index.x[at], index.y[at], index.z[at]) - here);
       Mask hit = distance <= bound;
       if constexpr (kOwn) hit = hit & (queries.at != broadcast(at));
       const int number = (candidates_ + n) & kNumber;
@@ -61,7 +62,14 @@ class FastLists {
       for (int i = 0; i < n; ++i) insert(useful[i]);
     } else {
       for (; n % kRound != 0; ++n) useful[n] = broadcast(kEmpty);
-      for (int i = 0; i < n; i += kRound) merge(useful + i);
+#if defined(__clang__)  // of a member it would write back each comparison; g++ does not, and copies take it longer
+      Ints entries[kSlots];
+      __builtin_memcpy(entries, entry_, sizeof entries);
+      for (int i = 0; i < n; i += kRound) merge(entries, useful + i);
+      __builtin_memcpy(entry_, entries, sizeof entries);
+#else
+      for (int i = 0; i < n; i += kRound) merge(entry_, useful + i);
+#endif
     }
   }
 
@@ -126,16 +134,16 @@ class FastLists {
 
   // From 32 slots on cheaper than one insertion after the other. A sorted list and the reverse of a sorted round,
   // element by element, leave a bitonic sequence.
-  POINTFAIR_INLINE void merge(Ints* round) {
+  static POINTFAIR_INLINE void merge(Ints* entries, Ints* round) {
     sort_run<0, kRound>(round);
     for (int i = 0; i < kRound; ++i) {
-      Ints& kept = entry_[K - kRound + i];
+      Ints& kept = entries[K - kRound + i];
       const Ints candidate = round[kRound - 1 - i], evicted = larger(kept, candidate);
       kept = smaller(kept, candidate);
-      entry_[K + 1] = smaller(entry_[K + 1], larger(entry_[K], evicted));
-      entry_[K] = smaller(entry_[K], evicted);
+      entries[K + 1] = smaller(entries[K + 1], larger(entries[K], evicted));
+      entries[K] = smaller(entries[K], evicted);
     }
-    sort_bitonic<K>(entry_);
+    sort_bitonic<K>(entries);
   }
 
   // Moves a lane's entry s before those of the same shortened distance that it precedes.

@@ -204,12 +204,7 @@ class RadiusWalk {
     int count = 0;
     bool has_all = false;  // a further walk visits them again
   };
-  // Points that may be neighbours, by sorted position.
-  struct Waiting {
-    static constexpr int kRoom = 128;
-    int at[kRoom + kLanes];
-    int count = 0;
-  };
+  static constexpr int kWaiting = 128;  // points that may be neighbours, at most
   // What of the tree is still to be seen: on each level from the lowest, a group and its children that are near.
   struct Place {
     Index group[kMaxLevels];
@@ -223,66 +218,78 @@ class RadiusWalk {
     if (begins) {
       place_.levels = index_.levels;
       place_.level = index_.levels - 1;
-      enter(place_.level, 0);
+      enter(queries_, broadcast(farthest_), place_.level, 0);
     }
     found_.count = 0;
-    while (!place_.is_end() && found_.count <= Found::kRoom - Waiting::kRoom) {
-      Waiting waiting;
-      collect(waiting);
-      is_thinned_ ? keep_inside<true>(waiting) : keep_inside<false>(waiting);
+    while (!place_.is_end() && found_.count <= Found::kRoom - kWaiting) {
+      int waiting[kWaiting + kLanes];
+      const int count = collect(waiting);
+      is_thinned_ ? keep_inside<true>(waiting, count) : keep_inside<false>(waiting, count);
     }
     found_.has_all = begins && place_.is_end();
   }
 
-  // Points that are near the pack, until no further leaf may fit.
-  void collect(Waiting& waiting) const {
-    while (!place_.is_end() && waiting.count <= Waiting::kRoom - kLeafSize) {
-      unsigned& near = place_.near[place_.level];
+  // The loops below read members that do not change from copies: to clang, every store of packs may change a member.
+
+  // Points that are near the pack, by sorted position, until no further leaf may fit; returns how many.
+  POINTFAIR_INLINE int collect(int* waiting) const {
+    const Queries queries = queries_;
+    const Floats farthest = broadcast(farthest_);
+    int count = 0, level = place_.level;
+    while (level < place_.levels && count <= kWaiting - kLeafSize) {
+      unsigned& near = place_.near[level];
       if (near == 0) {
-        ++place_.level;
+        ++level;
         continue;
       }
-      const Index child = place_.group[place_.level] * kLeafSize + Index(__builtin_ctz(near));
+      const Index child = place_.group[level] * kLeafSize + Index(__builtin_ctz(near));
       near &= near - 1;
-      if (place_.level > 0) {
-        enter(--place_.level, child);
+      if (level > 0) {
+        enter(queries, farthest, --level, child);
       } else {
-        collect_leaf(child, waiting);
+        count += collect_leaf(queries, farthest, child, waiting + count);
       }
     }
+    place_.level = level;
+    return count;
   }
 
-  void enter(int level, Index group_number) const {
+  POINTFAIR_INLINE void enter(const Queries& queries, Floats farthest, int level, Index group_number) const {
     const BoxGroup& group = index_.level[level][group_number];
     unsigned near = 0;
     for (int c = 0; c < kLeafSize; c += kLanes) {
       const point::Vec3<Floats> min = {load(group.min_x + c), load(group.min_y + c), load(group.min_z + c)};
       const point::Vec3<Floats> max = {load(group.max_x + c), load(group.max_y + c), load(group.max_z + c)};
-      near |= bits(point::squared_gap(min, max, queries_.min, queries_.max) <= broadcast(farthest_)) << c;
+      near |= bits(point::squared_gap(min, max, queries.min, queries.max) <= farthest) << c;
     }
     place_.group[level] = group_number;
     place_.near[level] = near;
   }
 
-  void collect_leaf(Index leaf, Waiting& waiting) const {
+  POINTFAIR_INLINE int collect_leaf(const Queries& queries, Floats farthest, Index leaf, int* waiting) const {
+    int count = 0;
     for (int c = 0; c < kLeafSize; c += kLanes) {
       const Index first = leaf * kLeafSize + Index(c);
       const point::Vec3<Floats> p = {load(index_.x + first), load(index_.y + first), load(index_.z + first)};
-      Mask near = point::squared_gap(p, p, queries_.min, queries_.max) <= broadcast(farthest_);
+      Mask near = point::squared_gap(p, p, queries.min, queries.max) <= farthest;
       if (is_thinned_) near = near & (load(index_.share + first) < broadcast(largest_share_));
-      waiting.count += append(waiting.at + waiting.count, int(first), near);
+      count += append(waiting + count, int(first), near);
     }
+    return count;
   }
 
   // Those of them that are neighbours of a point of the pack.
   template <bool kThinned>
-  void keep_inside(const Waiting& waiting) const {
+  POINTFAIR_INLINE void keep_inside(const int* waiting, int waiting_count) const {
+    const Queries queries = queries_;
+    const Floats share = share_;
+    const VectorsView points = {index_.x, index_.y, index_.z};
     int count = found_.count;
-    for (int i = 0; i < waiting.count; ++i) {
-      const int at = waiting.at[i];
-      const point::Vec3<Floats> offset = spread(index_.x[at], index_.y[at], index_.z[at]) - queries_.position;
-      Mask inside = (point::squared_length(offset) <= queries_.limit) & ~(queries_.at == broadcast(at));
-      if constexpr (kThinned) inside = inside & (broadcast(index_.share[at]) < share_);
+    for (int i = 0; i < waiting_count; ++i) {
+      const int at = waiting[i];
+      const point::Vec3<Floats> offset = spread(points.x[at], points.y[at], points.z[at]) - queries.position;
+      Mask inside = (point::squared_length(offset) <= queries.limit) & ~(queries.at == broadcast(at));
+      if constexpr (kThinned) inside = inside & (broadcast(index_.share[at]) < share);
       found_.at[count] = Index(at);
       found_.inside[count] = inside;
       count += any(inside);
