@@ -165,7 +165,9 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
   std::optional<Cloud> remaining;
   if (acts) {
     const std::vector<std::uint8_t> reasons = reasons_of(pipeline.outliers(), movable);
-    acted.push_back(act_on_outliers(arguments.outlier_action, reasons, cloud.points, denoised));
+    const std::vector<Point> seen = limits.ignore.empty() ? cloud.points : without_ignored(limits, cloud).points;
+    acted.push_back(
+        outcome_text(arguments.outlier_action, act_on_outliers(arguments.outlier_action, reasons, seen, denoised)));
     if (arguments.outlier_action.kind == OutlierAction::Kind::remove) {
       remaining = without_points(denoised, reasons);
       for (const std::string& loss : losses(*remaining, write_options.format, write_options.encoding))

@@ -104,6 +104,8 @@ class Source {
 
   /// Whether the file's own format holds the positions as well as they are known.
   virtual bool holds_its_positions() const { return true; }
+  /// Whether write() leaves out the points of Edits::removed.
+  virtual bool leaves_points_out() const { return false; }
   /// Throws Error(usage) if the coordinates cannot be written in steps of `scale`: LAS files only are asked.
   virtual void check_las_scale(double) const {}
 
