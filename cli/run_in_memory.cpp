@@ -184,6 +184,8 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
     const std::string far_away =
         far_viewpoint_note(arguments.viewpoint.empty() ? file_viewpoints(cloud) : viewpoints, cloud);
     if (!far_away.empty()) findings.notes.push_back(far_away);
+    const std::string by_grid = arguments.viewpoint.empty() ? grid_viewpoint_note(cloud) : "";
+    if (!by_grid.empty()) findings.notes.push_back(by_grid);
     if (const std::string faces = faces_note(params, limits, cloud); !faces.empty()) findings.notes.push_back(faces);
     if (const std::string left = materials_note(arguments, cloud, write_options); !left.empty())
       findings.notes.push_back(left);

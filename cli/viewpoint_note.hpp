@@ -13,4 +13,7 @@ namespace pointfair::cli {
 /// another unit or another coordinate system; else empty. O(N).
 std::string far_viewpoint_note(std::span<const Position> viewpoints, const Cloud& cloud);
 
+/// Of an organised cloud without a given viewpoint: where the sensor stood by its grid, or how to say it; else empty.
+std::string grid_viewpoint_note(const Cloud& cloud);
+
 }  // namespace pointfair::cli

@@ -27,6 +27,7 @@ class RemainingSource final : public Source {
   bool holds_its_positions() const override { return file_->leaves_points_out(); }
   void check_las_scale(double scale) const override { file_->check_las_scale(scale); }
   std::optional<Position> sensor(std::size_t block) const override { return file_->sensor(block); }
+  bool says_sensor() const override { return file_->says_sensor(); }
   FileInfo info() const override { return of_some_points(file_->info()); }
   std::vector<Content> contents() const override { return file_->contents(); }
   std::string why_fixed(std::size_t column) const override { return file_->why_fixed(column); }

@@ -111,6 +111,8 @@ class Source {
 
   /// Where the sensor of the points of `block` stood, in the file's coordinates, if the file says so.
   virtual std::optional<Position> sensor(std::size_t) const { return std::nullopt; }
+  /// False: that place was found by the points alone.
+  virtual bool says_sensor() const { return true; }
   /// What the file says beside its points.
   virtual FileInfo info() const { return {}; }
   /// Why a copy of the file cannot have new values of an attribute; empty if it can.
