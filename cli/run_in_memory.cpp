@@ -166,9 +166,10 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
   if (acts) {
     const std::vector<std::uint8_t> reasons = reasons_of(pipeline.outliers(), movable);
     const std::vector<Point> seen = limits.ignore.empty() ? cloud.points : without_ignored(limits, cloud).points;
-    acted.push_back(
-        outcome_text(arguments.outlier_action, act_on_outliers(arguments.outlier_action, reasons, seen, denoised)));
-    if (arguments.outlier_action.kind == OutlierAction::Kind::remove) {
+    const OutlierOutcome outcome = act_on_outliers(arguments.outlier_action, reasons, seen, denoised);
+    acted.push_back(outcome_text(arguments.outlier_action, outcome));
+    // without one, the file stays a copy, whatever its format
+    if (arguments.outlier_action.kind == OutlierAction::Kind::remove && outcome.outliers() > 0) {
       remaining = without_points(denoised, reasons);
       for (const std::string& loss : losses(*remaining, write_options.format, write_options.encoding))
         acted.push_back(loss);

@@ -121,6 +121,16 @@ class Classes(Case):
         self.assertEqual(counts[:2], [len(kept), len(left)])
         self.assertEqual([tuple(map(int, line.split()[1:])) for line in lines[-len(left):]], left)
 
+    def test_a_file_without_outliers_is_copied_as_ever(self):
+        corners = [(i, i + 1, i + 60) for i in range(1, 3541) if i % 60]
+        text = "mtllib a.mtl\nusemtl skin\n" + "".join("v %f %f %f\n" % p for p in ground(3600)) + "".join("f %d %d %d\n" % c for c in corners)
+        self.path("in.obj").write_text(text)
+        said = self.ok("run", self.path("in.obj"), self.path("out.obj"), "--outliers", "remove").stderr.decode()
+        self.assertIn("0 points are removed", said)
+        self.assertNotIn("no place for", said)
+        self.ok("run", self.path("in.obj"), self.path("kept.obj"), "-q")
+        self.assertEqual(self.path("out.obj").read_bytes(), self.path("kept.obj").read_bytes())
+
     def test_las_files_lose_points_and_nothing_else(self):
         self.ok("run", self.las, self.path("kept.las"), "-q")
         said = self.run_with("remove")
