@@ -74,7 +74,8 @@ void check_writable(const fs::path& path, bool overwrite) {
     if (!fs::is_regular_file(status)) return;  // a pipe or a device is written in place
   }
   const fs::path folder = path.has_parent_path() ? path.parent_path() : fs::path(".");
-  if (!fs::is_directory(folder, error)) fail(path, fmt::format("there is no folder {}", folder.string()));
+  if (!fs::is_directory(folder, error))
+    fail(path, fmt::format("there is no folder {}; make it, or name another", folder.string()));
   if (const std::string why = system::why_no_files_in(folder); !why.empty())
     fail(path, fmt::format("cannot create files in {}: {}", folder.string(), why));
 }

@@ -121,7 +121,7 @@ std::vector<std::string> doubts(const Look& look) {
   constexpr double kFewPoints = 0.003;  // of the diagonal: a surface of some 100,000 points
   constexpr double kLarge = 0.02;       // of the diagonal; noise that anyone measured is a tenth of that
   constexpr double kMuch = 0.05;        // of the points
-  constexpr int kOfCorrelated = 40;     // neighbours; 48 or 64 are chosen for correlated noise, else at most 21
+  constexpr int kOfCorrelated = 40;     // neighbours; 48 or 64 are chosen for correlated noise, rows and copies
   std::vector<std::string> result;
   const bool is_sparse = look.diagonal > 0 && look.spacing > kFewPoints * look.diagonal;
   if (is_sparse && look.noise > 0 && look.spacing > kFarApart * look.noise)
@@ -136,8 +136,9 @@ std::vector<std::string> doubts(const Look& look) {
         look.noise, look.moved.max, look.diagonal, look.spacing));
   if (look.min_neighbors >= kOfCorrelated)
     result.push_back(
-        fmt::format("the noise is long-wave: neighbouring points share it, so averaging {} of them removes "
-                    "a part of it only",
+        fmt::format("neighbourhoods of {} points were chosen, as for long-wave noise, which neighbouring points share, "
+                    "and for rows or copies of points; of shared noise, averaging removes a part only: measure a flat "
+                    "place before and after",
                     look.min_neighbors));
   if (double(look.without_surface) > kMuch * double(look.finite))
     result.push_back(

@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <optional>
@@ -16,6 +15,7 @@
 #include "point_noise.hpp"
 #include "pointfair/pointfair.hpp"
 #include "result_page.hpp"
+#include "viewpoint_note.hpp"
 
 namespace pointfair::cli {
 namespace {
@@ -100,27 +100,6 @@ std::string faces_note(const Params& params, const Limits& limits, const Cloud& 
                      faces.size());
 }
 
-// A sentence if a sensor stood more than a hundred diagonals outside the bounds of the cloud, as where its place is in
-// another unit or another coordinate system; else empty.
-std::string far_viewpoint_note(std::span<const Position> viewpoints, const Cloud& cloud, const Estimates& estimates) {
-  constexpr double kFar = 100;  // diagonals; a crop of a flight has some dozens
-  if (!(estimates.diagonal > 0)) return {};
-  double farthest = 0;
-  for (const Position& place : viewpoints) {
-    double squares = 0;
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      const double offset = place[axis] - cloud.origin[axis];
-      squares += std::pow(std::max({0.0, estimates.min[axis] - offset, offset - estimates.max[axis]}), 2);
-    }
-    if (std::isfinite(squares)) farthest = std::max(farthest, std::sqrt(squares));
-  }
-  if (farthest <= kFar * estimates.diagonal) return {};
-  return fmt::format(
-      "the sensor stood {:.0f} diagonals outside the bounds of the cloud, so its place may be in another unit or "
-      "coordinate system; --viewpoint x,y,z gives another, --viewpoint none gives none",
-      farthest / estimates.diagonal);
-}
-
 // Of an OBJ file that is written into another folder: that the file of its materials, which it names before its first
 // vertex, is not there; else empty.
 std::string materials_note(const RunArguments& arguments, const Cloud& cloud, const WriteOptions& options) {
@@ -186,8 +165,11 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
   std::optional<Cloud> remaining;
   if (acts) {
     const std::vector<std::uint8_t> reasons = reasons_of(pipeline.outliers(), movable);
-    acted.push_back(act_on_outliers(arguments.outlier_action, reasons, cloud.points, denoised));
-    if (arguments.outlier_action.kind == OutlierAction::Kind::remove) {
+    const std::vector<Point> seen = limits.ignore.empty() ? cloud.points : without_ignored(limits, cloud).points;
+    const OutlierOutcome outcome = act_on_outliers(arguments.outlier_action, reasons, seen, denoised);
+    acted.push_back(outcome_text(arguments.outlier_action, outcome));
+    // without one, the file stays a copy, whatever its format
+    if (arguments.outlier_action.kind == OutlierAction::Kind::remove && outcome.outliers() > 0) {
       remaining = without_points(denoised, reasons);
       for (const std::string& loss : losses(*remaining, write_options.format, write_options.encoding))
         acted.push_back(loss);
@@ -203,6 +185,8 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
     const std::string far_away = far_viewpoint_note(arguments.viewpoint.empty() ? file_viewpoints(cloud) : viewpoints,
                                                     cloud, pipeline.estimates(stop));
     if (!far_away.empty()) findings.notes.push_back(far_away);
+    const std::string by_grid = arguments.viewpoint.empty() ? grid_viewpoint_note(cloud) : "";
+    if (!by_grid.empty()) findings.notes.push_back(by_grid);
     if (const std::string faces = faces_note(params, limits, cloud); !faces.empty()) findings.notes.push_back(faces);
     if (const std::string left = materials_note(arguments, cloud, write_options); !left.empty())
       findings.notes.push_back(left);

@@ -20,7 +20,6 @@ std::string flag_for_memory(const RunArguments& arguments) {
   if (!arguments.write_noise.empty()) return "--write-noise";
   if (!arguments.write_displacement.empty()) return "--write-displacement";
   if (is_page(arguments.report)) return "--report " + arguments.report;
-  if (arguments.outlier_action.kind != OutlierAction::Kind::none) return "--outliers classify, withheld and remove";
   if (!arguments.weights.empty()) return "--weights";
   if (arguments.in.any()) return "--in-format, --columns and --skip";
   return {};
@@ -30,8 +29,6 @@ std::string flag_for_memory(const RunArguments& arguments) {
   std::string text = flag + " cannot be used with a run in tiles on disk (--memory, --work, --out-dir)";
   if (flag.starts_with("--report"))
     text = flag + ": a run in tiles on disk writes JSON; make the page afterwards with pointfair certify IN OUT";
-  if (flag.starts_with("--outliers"))
-    text += "; --outliers mark writes the reasons there, and --each treats every file on its own";
   throw Error(ErrorKind::usage, text);
 }
 
@@ -74,6 +71,7 @@ TiledJob make_tiled_job(const RunArguments& arguments, const Params& params, con
   job.limits = limits;
   job.noise_attribute = noise_attribute;
   job.viewpoint = arguments.viewpoint;
+  job.outlier_action = arguments.outlier_action;
   job.inputs = {arguments.input};
   if (arguments.tiled.out_dir.empty()) {
     job.output = arguments.output;

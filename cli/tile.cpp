@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "arguments.hpp"
+#include "outlier_action.hpp"
 #include "output.hpp"
 #include "platform/system.hpp"
 #include "point_noise.hpp"
@@ -38,6 +39,7 @@ using Shared = std::shared_ptr<TileArguments>;
 void plan(TileArguments arguments) {
   TiledJob job;
   job.noise_attribute = take_noise_attribute(arguments.params);
+  job.outlier_action = take_outlier_action(arguments.params);
   job.limits = make_limits(arguments.limits);
   job.viewpoint = arguments.viewpoint;
   job.inputs = files_of_survey(arguments.inputs);

@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "interrupts.hpp"
+#include "outlier_action.hpp"
 #include "platform/system.hpp"
 #include "pointfair/pointfair.hpp"
 #include "progress.hpp"
@@ -110,7 +111,7 @@ Json report_json(const TiledReport& report, const DeviceInfo& device, const Cost
             {"ignored", report.ignored},
             {"held", report.held}}},
           {"outliers", outliers_json(report.unmoved.outliers_by_reason)},
-          {"removed", 0},
+          {"removed", report.outlier_action.kind == OutlierAction::Kind::remove ? report.outcome.outliers() : 0},
           {"short_neighborhoods", report.short_neighborhoods},
           {"mesh", nullptr},
           {"solver", nullptr},
@@ -141,6 +142,8 @@ void print_summary(const TiledReport& report) {
            {report.spacing.value_or(0), noise, 0, report.displacement, finite,
             u.too_few_neighbors + u.no_normal + u.outliers + std::uint64_t(report.without_surface * double(finite))}))
     notes.push_back(doubt);
+  if (report.outlier_action.kind != OutlierAction::Kind::none)
+    notes.push_back(outcome_text(report.outlier_action, report.outcome));
   for (const std::string& note : notes)
     if (!note.empty()) fmt::print(stderr, "note: {}\n", note);
 }

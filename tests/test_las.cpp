@@ -33,6 +33,13 @@ std::vector<std::array<double, 3>> move_points(Cloud& cloud) {
   return moves;
 }
 
+// Not 0 for points that are to be left out.
+std::vector<std::uint8_t> some_removed(std::size_t count, unsigned seed) {
+  std::vector<std::uint8_t> removed(count);
+  for (std::size_t i = 0; i < count; ++i) removed[i] = (i * 7 + seed) % 5 == 0 || i + 1 == count ? 1 : 0;
+  return removed;
+}
+
 }  // namespace
 
 TEST(LasFiles, StrengthZeroIsTheSameFile) {
@@ -64,6 +71,62 @@ TEST(LasFiles, OnlyCoordinatesOfMovedPointsAndBoundsChange) {
     las_summarize(wanted, begin, spec, length);
     EXPECT_TRUE(after == wanted);
     EXPECT_FALSE(after == before);
+  }
+}
+
+TEST(LasFiles, PointsThatAreLeftOutAreGoneAndAllElseStays) {
+  for (const LasSpec& spec : all_las_specs()) {
+    SCOPED_TRACE(shown(spec));
+    const std::string before = make_las(spec);
+    Cloud cloud = parse(before, "a.las");
+    move_points(cloud);
+    const std::string moved = image(cloud, Format::las);
+    const std::size_t begin = las_points_begin(before), length = las_record_length(before);
+    const std::vector<std::uint8_t> removed = some_removed(spec.count, spec.seed);
+    std::string wanted = moved.substr(0, begin);
+    LasSpec left = spec;
+    left.count = 0;
+    for (std::size_t i = 0; i < spec.count; ++i) {
+      if (removed[i]) continue;
+      wanted += moved.substr(begin + i * length, length);
+      ++left.count;
+    }
+    const std::size_t gone = (spec.count - left.count) * length;
+    wanted += moved.substr(begin + spec.count * length);
+    if (las_get<std::uint32_t>(before, 107) != 0) las_put(wanted, 107, left.count);
+    if (spec.minor >= 4) {
+      las_put<std::uint64_t>(wanted, 247, left.count);
+      for (const std::size_t at : {227U, 235U})
+        las_put<std::uint64_t>(wanted, at, las_get<std::uint64_t>(before, at) - gone);
+    }
+    las_summarize(wanted, begin, left, length);
+    EXPECT_TRUE(image(without_points(cloud, removed), Format::las) == wanted);
+    EXPECT_TRUE(losses(without_points(cloud, removed), Format::las).empty());
+  }
+}
+
+TEST(LasFiles, PointsThatAreLeftOutTakeTheirNewAttributesAlong) {
+  for (const LasSpec& spec : all_las_specs()) {
+    SCOPED_TRACE(shown(spec));
+    Cloud cloud = parse(make_las(spec), "a.las");
+    Attribute kinds = attribute(cloud, "classification"), number;
+    number.name = "number_of_point";
+    number.type = ScalarType::uint8;
+    for (std::size_t i = 0; i < cloud.points.size(); ++i) {
+      kinds.data[i] = std::byte(i % 30);
+      number.data.push_back(std::byte(i));
+    }
+    cloud.added = {kinds, number};
+    const std::vector<std::uint8_t> removed = some_removed(spec.count, spec.seed);
+    const Cloud after = parse(image(without_points(cloud, removed), Format::las), "b.las");
+    std::vector<std::byte> kinds_left, numbers_left;
+    for (std::size_t i = 0; i < removed.size(); ++i) {
+      if (removed[i]) continue;
+      kinds_left.push_back(kinds.data[i]);
+      numbers_left.push_back(number.data[i]);
+    }
+    EXPECT_EQ(attribute(after, "classification").data, kinds_left);
+    EXPECT_EQ(attribute(after, "number_of_point").data, numbers_left);
   }
 }
 

@@ -110,6 +110,36 @@ TEST(LazFiles, AfterAMoveLaszipReadsTheRecordsOfTheUncompressedFile) {
   }
 }
 
+// Of chunks of 40 points the first is left out, the second stays, and of the others every fifth point goes.
+TEST(LazFiles, WithoutSomePointsLaszipReadsTheOthersAndOtherChunksStay) {
+  for (const Case& c : cases()) {
+    SCOPED_TRACE(c.name);
+    const std::string las = make_las(c.las), laz = make_laz(las, c.laz);
+    const Cloud plain = parse(las, "a.las"), packed = parse(laz, "a.laz");
+    std::vector<std::uint8_t> removed(plain.points.size());
+    for (std::size_t i = 0; i < removed.size(); ++i) removed[i] = i < 40 || (i >= 80 && i % 5 == 0) ? 1 : 0;
+    const std::string plain_after = image(without_points(plain, removed), Format::las),
+                      after = image(without_points(packed, removed), Format::laz);
+    EXPECT_TRUE(laz_records(after) == records_of(plain_after));
+    EXPECT_LT(las_count(after), las_count(laz));
+    EXPECT_TRUE(after.substr(179, 48) == plain_after.substr(179, 48));
+    EXPECT_TRUE(after.substr(107, 24) == plain_after.substr(107, 24));
+    if (c.las.minor >= 4) {
+      EXPECT_TRUE(after.substr(247, 128) == plain_after.substr(247, 128));
+    }
+    const Cloud read = parse(after, "b.laz");
+    for (const AttributeInfo& info : attributes(read))
+      EXPECT_EQ(attribute(read, info.name).data, attribute(parse(plain_after, "b.las"), info.name).data) << info.name;
+    if (c.laz.chunk_points == 40) {
+      const auto chunks_of = [](const std::string& file) {
+        const las::Header header = las::parse_header(file, "test");
+        return las::read_chunk_table(file, header, las::read_compression(header, "test"), "test").chunks;
+      };
+      EXPECT_TRUE(chunks_of(after)[0].bytes == chunks_of(laz)[1].bytes);
+    }
+  }
+}
+
 // Of large clouds nothing is held; chunks are decoded again.
 void expect_the_same_blocks(const las::PointStore& kept, const las::PointStore& unkept) {
   for (std::size_t block = 0; block < kept.block_count(); ++block) {

@@ -27,7 +27,8 @@ struct FileInfo {
   bool is_geographic = false;     ///< X and Y are longitude and latitude in degrees, so distances mean nothing
 };
 
-/// What the cloud's file says. O(1) in the points.
+/// What the cloud's file says. O(1) in the points, but the first time for an organised file without a place of the
+/// sensor, O(N).
 POINTFAIR_EXPORT FileInfo file_info(const Cloud& cloud);
 
 /// Throws ErrorKind::file if the cloud's file says that its coordinates are geographic. Pipeline::run does so.

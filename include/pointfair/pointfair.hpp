@@ -12,6 +12,7 @@
 #include "pointfair/limits.hpp"
 #include "pointfair/neighbors.hpp"
 #include "pointfair/normals.hpp"
+#include "pointfair/outliers.hpp"
 #include "pointfair/params.hpp"
 #include "pointfair/pipeline.hpp"
 #include "pointfair/positions.hpp"

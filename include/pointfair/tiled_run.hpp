@@ -15,6 +15,7 @@
 #include "pointfair/export.hpp"
 #include "pointfair/io.hpp"
 #include "pointfair/limits.hpp"
+#include "pointfair/outliers.hpp"
 #include "pointfair/params.hpp"
 #include "pointfair/pipeline.hpp"
 #include "pointfair/report.hpp"
@@ -33,8 +34,9 @@ struct TiledJob {
   /// Where the sensor stood, as parse_viewpoints reads it, but one place for all points: "x,y,z", or "none"; empty:
   /// what the inputs say, unknown if they say several places.
   std::string viewpoint;
-  WriteOptions write;        ///< formats other than the input's own are refused
-  std::uint64_t memory = 0;  ///< bytes that a task may take, without the mapped input; 0: half of the free memory
+  OutlierAction outlier_action;  ///< with Outliers::mark, in place of its attribute; `remove`: LAS and LAZ only
+  WriteOptions write;            ///< formats other than the input's own are refused
+  std::uint64_t memory = 0;      ///< bytes that a task may take, without the mapped input; 0: half of the free memory
   std::uint64_t least_tiles = 1;
   unsigned workers = 1;  ///< tasks that run at once, as several cards do, and share the memory
 };
@@ -69,6 +71,8 @@ struct TiledReport {
   double without_surface = 0;               ///< as in Estimates
   std::string noise_attribute;              ///< with the given noise; empty: it was estimated
   double float_step = 0;                    ///< as in Estimates; in zones, the largest step in one
+  OutlierAction outlier_action;             ///< as asked for
+  OutlierOutcome outcome;                   ///< what it came to
   Displacement displacement;
   double step = 0;  ///< between coordinates that an output stores as integers, the largest; else 0
 };
@@ -118,7 +122,7 @@ class POINTFAIR_EXPORT TiledRun {
 
   /// Tasks of one step do not depend on each other; a step needs all tasks of the step before.
   struct Step {
-    std::string name;  ///< "ingest", "measure", "denoise-1", .., "emit"
+    std::string name;  ///< "ingest", "measure", "denoise-1", .., "heights" where the outlier action asks them, "emit"
     std::size_t tasks = 0, done = 0;
   };
   std::vector<Step> steps() const;

@@ -13,7 +13,8 @@ namespace pointfair {
 
 /// Where the sensor stood, as the cloud's file says it (the VIEWPOINT of PCD unless it is the default, the poses of
 /// E57), in the file's coordinates: one position for all points, or one for each, or none where the file does not say.
-/// The position of a point whose scan has no pose is NaN. O(N) for several scans, else O(1).
+/// An organised PCD file that is the image of a camera shows it: there its rays meet. The position of a point whose
+/// scan has no pose is NaN. O(N) for several scans, and the first time for an image, else O(1).
 POINTFAIR_EXPORT std::vector<Position> file_viewpoints(const Cloud& cloud);
 
 /// The same as a user gives it: "x,y,z" in the file's coordinates; or the names of three attributes, "vx,vy,vz", that

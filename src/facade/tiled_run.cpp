@@ -16,6 +16,7 @@
 #include "platform/path_text.hpp"
 #include "scale/choice.hpp"
 #include "scale/emit.hpp"
+#include "scale/outlier_edits.hpp"
 #include "scale/points_file.hpp"
 #include "scale/tasks.hpp"
 #include "scale/tiled_run_access.hpp"
@@ -52,7 +53,8 @@ void add_written(const std::vector<fs::path>& files, TiledReport& report) {
     const std::vector<double> numbers = written.numbers();
     if (numbers.empty()) continue;
     report.step = std::max(report.step, numbers[0]);
-    moves.add_numbers(std::span(numbers).subspan(1));
+    add_numbers(std::span(numbers).subspan(1, kOutcomeNumbers), report.outcome);
+    moves.add_numbers(std::span(numbers).subspan(1 + kOutcomeNumbers));
   }
   report.unmoved.outliers = outliers.total();
   report.displacement = moves.displacement();
@@ -195,6 +197,7 @@ TiledReport TiledRun::report() const {
             *report.noise * (state_->measured().levels ? state_->measured().levels->quantiles[q] : 1.0);
     }
     report.noise_attribute = folder.plan.noise_attribute;
+    report.outlier_action = folder.plan.outlier_action;
     const Zones zones = folder.plan.zones();
     report.float_step =
         zones.are_several() ? zones.float_step() : float_step_of(state_->measured().bounds, state_->measured().origin);

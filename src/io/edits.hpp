@@ -47,6 +47,7 @@ struct Edits {
   std::optional<double> las_scale;       ///< of the coordinates of a LAS file
   const MovedPoints* moved = nullptr;    ///< if given, it tells where the points are, and the cloud only its origin
   const PlacedSource* placed = nullptr;  ///< if given, the cloud's points were moved from its positions, not the file's
+  std::span<const std::uint8_t> removed{};  ///< not 0 for each point of the file that is left out; empty: none is
 
   bool changes_attributes() const { return !added.empty() || !replaced.empty(); }
 };

@@ -267,12 +267,13 @@ std::string why_not_streamed(const Source& source, const std::filesystem::path& 
 }
 
 void write_moved(const std::filesystem::path& path, const std::shared_ptr<Source>& source, const MovedPoints& moved,
-                 const WriteOptions& options, std::vector<Attribute> added) {
+                 const WriteOptions& options, std::vector<Attribute> added, std::span<const std::uint8_t> removed) {
   Cloud shell = shell_of(source);
   shell.added = std::move(added);
   Plan chosen = streamed_plan(shell, path, options);
   if (const std::string why = why_not_streamed(chosen, *source, path); !why.empty()) refuse(why);
   chosen.edits.moved = &moved;
+  chosen.edits.removed = removed;
   write_all(chosen, shell, path, options);
 }
 

@@ -154,7 +154,7 @@ void set_normals(Cloud& cloud, std::span<const Point> normals, std::span<const P
   std::optional<Position> sensor;
   for (std::size_t i = 0; i < normals.size(); ++i) {
     for (; cloud.source && block < cloud.source->block_count() && i == cloud.source->block_begin(block); ++block) {
-      sensor = cloud.source->sensor(block);
+      sensor = cloud.source->says_sensor() ? cloud.source->sensor(block) : std::nullopt;
     }
     Point normal = normals[i];
     if (normal.x == 0 && normal.y == 0 && normal.z == 0) continue;

@@ -2,9 +2,12 @@
 // Reading and writing PCD.
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
 #include <limits>
+#include <mutex>
 
+#include "io/camera_centre.hpp"
 #include "io/colors.hpp"
 #include "io/column_names.hpp"
 #include "io/formats.hpp"
@@ -85,8 +88,15 @@ class PcdSource : public Base {
   PcdSource(PcdHeader header, std::shared_ptr<const char[]> unpacked, Arguments&&... arguments)
       : Base(std::forward<Arguments>(arguments)...), header_(std::move(header)), unpacked_(std::move(unpacked)) {}
 
-  // The default says nothing: many programs write it where they do not know.
+  // The default says nothing: many programs write it where they do not know. The rays of a camera's image do.
   std::optional<Position> sensor(std::size_t) const override {
+    const std::optional<Position> told = told_sensor();
+    return told || header_.height <= 1 ? told : camera();
+  }
+
+  bool says_sensor() const override { return header_.height <= 1 || told_sensor().has_value(); }
+
+  std::optional<Position> told_sensor() const {
     const std::vector<std::string_view> words = words_of(header_.viewpoint);
     Position place{};
     for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -99,7 +109,12 @@ class PcdSource : public Base {
 
   FileInfo info() const override {
     FileInfo result = Base::info();
-    if (header_.height > 1) result.grid_width = header_.width, result.grid_height = header_.height;
+    if (header_.height <= 1) return result;
+    result.grid_width = header_.width, result.grid_height = header_.height;
+    if (told_sensor() || !camera()) return result;
+    std::string place;
+    for (const double value : *camera()) append_number(value, place);
+    result.rows.push_back({"sensor", place + ", where the rays of the grid meet"});
     return result;
   }
 
@@ -139,6 +154,17 @@ class PcdSource : public Base {
   }
 
  private:
+  const std::optional<Position>& camera() const {
+    std::call_once(is_fitted_, [&] { camera_ = camera_centre(*this, header_.width); });
+    return camera_;
+  }
+
+  static void append_number(double value, std::string& list) {
+    char digits[32];
+    const int length = std::snprintf(digits, sizeof digits, "%s%.6g", list.empty() ? "" : ", ", value);
+    list.append(digits, static_cast<std::size_t>(length));
+  }
+
   void write_as(const Cloud& cloud, Encoding encoding, Output& out) const {
     Table table = make_table(cloud);
     std::vector<TableColumn> columns;
@@ -178,6 +204,8 @@ class PcdSource : public Base {
   }
 
   PcdHeader header_;
+  mutable std::once_flag is_fitted_;
+  mutable std::optional<Position> camera_;  // where the rays of an image meet, once asked for
   std::shared_ptr<const char[]> unpacked_;
 };
 

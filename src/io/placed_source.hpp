@@ -31,6 +31,7 @@ class PlacedSource final : public Source {
   bool holds_its_positions() const override;
   void check_las_scale(double scale) const override { file_->check_las_scale(scale); }
   std::optional<Position> sensor(std::size_t block) const override;
+  bool says_sensor() const override { return !file_ || file_->says_sensor(); }
   FileInfo info() const override { return file_ ? file_->info() : FileInfo{}; }
   std::vector<std::string> losses(Encoding to) const override;
   std::vector<Content> contents() const override { return file_ ? file_->contents() : std::vector<Content>{}; }

@@ -50,6 +50,63 @@ void RemainingSource::extract_block(std::size_t index, std::size_t block, std::s
   }
 }
 
+// Values of all points of the file; those that are left out have zeros.
+Attribute RemainingSource::of_all(const Attribute& remaining) const {
+  Attribute all;
+  static_cast<AttributeInfo&>(all) = remaining;
+  const std::size_t bytes = remaining.data.size() / std::max<std::size_t>(1, kept_.size());
+  all.data.resize(static_cast<std::size_t>(file_->size()) * bytes);
+  for (std::size_t k = 0; k < kept_.size(); ++k)
+    std::copy_n(remaining.data.begin() + std::ptrdiff_t(k * bytes), bytes,
+                all.data.begin() + std::ptrdiff_t(kept_[k] * bytes));
+  return all;
+}
+
+std::vector<std::string> RemainingSource::losses(Encoding to) const {
+  return file_->leaves_points_out() ? file_->losses(to) : std::vector<std::string>{};
+}
+
+std::vector<std::string> RemainingSource::companions() const {
+  return file_->leaves_points_out() ? file_->companions() : std::vector<std::string>{};
+}
+
+namespace {
+
+// Where the points of a file are, of which a cloud has some.
+class MovedRemaining final : public MovedPoints {
+ public:
+  MovedRemaining(std::span<const std::uint32_t> kept, const std::vector<Point>& now) : kept_(kept), now_(now) {}
+  void take(std::uint64_t first, std::span<const Position>, std::span<const Point> before,
+            std::span<Point> now) const override {
+    std::ranges::copy(before, now.begin());
+    const auto from = std::ranges::lower_bound(kept_, first);
+    for (auto its = from; its != kept_.end() && *its < first + now.size(); ++its)
+      now[static_cast<std::size_t>(*its - first)] = now_[static_cast<std::size_t>(its - kept_.begin())];
+  }
+
+ private:
+  std::span<const std::uint32_t> kept_;
+  const std::vector<Point>& now_;
+};
+
+}  // namespace
+
+void RemainingSource::write(const Edits& edits, Encoding encoding, Output& out) const {
+  std::vector<std::uint8_t> removed(static_cast<std::size_t>(file_->size()), 1);
+  for (const std::uint32_t kept : kept_) removed[kept] = 0;
+  Cloud shell;
+  shell.origin = edits.cloud.origin;
+  std::vector<Attribute> values;
+  values.reserve(edits.added.size() + edits.replaced.size());
+  const MovedRemaining moved(kept_, edits.cloud.points);
+  Edits of_file{shell, {}, {}, edits.las_scale, &moved};
+  of_file.removed = removed;
+  for (const Attribute* added : edits.added) of_file.added.push_back(&values.emplace_back(of_all(*added)));
+  for (const Replacement& its : edits.replaced)
+    of_file.replaced.push_back({its.column, &values.emplace_back(of_all(*its.values))});
+  file_->write(of_file, encoding, out);
+}
+
 namespace {
 
 constexpr std::uint32_t kGone = ~std::uint32_t{0};

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A file without some of its points. A copy of its bytes cannot have fewer, so it is always written anew.
+// A file without some of its points. Written by its own format where that can leave points out, else anew: a copy of
+// its bytes cannot have fewer.
 #pragma once
 
 #include <memory>
@@ -22,14 +23,20 @@ class RemainingSource final : public Source {
   std::vector<Column> columns() const override { return columns_; }
   void extract_block(std::size_t index, std::size_t block, std::span<char> out) const override;
   void visit_faces(FaceVisitor& visitor) const override;
-  bool holds_its_positions() const override { return false; }
+  void write(const Edits& edits, Encoding encoding, Output& out) const override;
+  bool holds_its_positions() const override { return file_->leaves_points_out(); }
   void check_las_scale(double scale) const override { file_->check_las_scale(scale); }
   std::optional<Position> sensor(std::size_t block) const override { return file_->sensor(block); }
+  bool says_sensor() const override { return file_->says_sensor(); }
   FileInfo info() const override { return of_some_points(file_->info()); }
   std::vector<Content> contents() const override { return file_->contents(); }
+  std::string why_fixed(std::size_t column) const override { return file_->why_fixed(column); }
+  std::vector<std::string> losses(Encoding to) const override;
+  std::vector<std::string> companions() const override;
 
  private:
   std::span<const std::uint32_t> kept_of(std::size_t block) const;
+  Attribute of_all(const Attribute& remaining) const;
 
   std::shared_ptr<const Source> file_;
   std::vector<Column> columns_;

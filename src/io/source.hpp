@@ -104,11 +104,15 @@ class Source {
 
   /// Whether the file's own format holds the positions as well as they are known.
   virtual bool holds_its_positions() const { return true; }
+  /// Whether write() leaves out the points of Edits::removed.
+  virtual bool leaves_points_out() const { return false; }
   /// Throws Error(usage) if the coordinates cannot be written in steps of `scale`: LAS files only are asked.
   virtual void check_las_scale(double) const {}
 
   /// Where the sensor of the points of `block` stood, in the file's coordinates, if the file says so.
   virtual std::optional<Position> sensor(std::size_t) const { return std::nullopt; }
+  /// False: that place was found by the points alone.
+  virtual bool says_sensor() const { return true; }
   /// What the file says beside its points.
   virtual FileInfo info() const { return {}; }
   /// Why a copy of the file cannot have new values of an attribute; empty if it can.

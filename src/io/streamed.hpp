@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <span>
 #include <string>
 
 #include "io/source.hpp"
@@ -20,8 +21,8 @@ std::string why_not_streamed(const Source& source, const std::filesystem::path& 
                              bool adds_attribute);
 
 /// As write() of a cloud of this source whose points are where `moved` says, relative to the source's origin, with the
-/// attributes that are added.
+/// attributes that are added, and without the points of which `removed` is not 0; empty: with all.
 void write_moved(const std::filesystem::path& path, const std::shared_ptr<Source>& source, const MovedPoints& moved,
-                 const WriteOptions& options, std::vector<Attribute> added);
+                 const WriteOptions& options, std::vector<Attribute> added, std::span<const std::uint8_t> removed = {});
 
 }  // namespace pointfair::io

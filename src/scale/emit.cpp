@@ -142,8 +142,7 @@ void TileResults::tally(std::span<const Point> before, std::span<const Point> no
   moves_.add(lengths);
 }
 
-std::vector<std::uint8_t> TileResults::find_outliers(unsigned threads) const {
-  std::vector<std::uint8_t> outliers(source_->size(), 0);
+void TileResults::visit_outliers(unsigned threads, const std::function<void(const SomeOutliers&)>& visit) const {
   io::with_threads(threads, [&] {
     io::for_each_block(source_->block_count(), [&](std::size_t block) {
       std::vector<Point> points(source_->block_size(block)), now(points.size());
@@ -160,10 +159,15 @@ std::vector<std::uint8_t> TileResults::find_outliers(unsigned threads) const {
       }
       std::vector<point::Outlier> found(points.size(), point::Outlier::none);
       limit(first, {in_zones, points}, now, found);
-      for (std::size_t i = 0; i < found.size(); ++i) outliers[first + i] = static_cast<std::uint8_t>(found[i]);
+      std::vector<std::uint8_t> marks(found.size()), movable;
+      std::ranges::transform(found, marks.begin(), [](point::Outlier its) { return static_cast<std::uint8_t>(its); });
+      if (plan_.limits != Limits{}) movable = movable_points(plan_.limits, part_of(source_, first, points));
+      std::vector<std::uint8_t> reasons = marks;
+      for (std::size_t i = 0; i < movable.size(); ++i)
+        if (!movable[i]) reasons[i] = 0;
+      visit({first, points, marks, reasons});
     });
   });
-  return outliers;
 }
 
 void TileResults::limit(std::uint64_t first, const Before& before, std::span<Point> now,

@@ -3,8 +3,10 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <mutex>
+#include <span>
 #include <stop_token>
 #include <vector>
 
@@ -18,12 +20,21 @@
 namespace pointfair::scale {
 
 /// What the counts of a written file are. Its numbers are the step between its coordinates and those of a MoveTally.
+/// After these, the numbers of an OutlierOutcome follow.
 inline constexpr std::size_t kIsolatedCount = 0, kHeldCount = 1, kOffSurfaceCount = 2, kMixedCount = 3;
 
 /// What becomes of the results of the last iteration: as a backend's download() does.
 struct FinalLimits {
   DisplacementLimits limits;
   bool may_hold_back = false;  ///< limits are set, or an iteration before may have left points out
+};
+
+/// Points of a file that follow each other, and why they are outliers.
+struct SomeOutliers {
+  std::uint64_t first = 0;          ///< in the file
+  std::span<const Point> points{};  ///< relative to the cloud's origin; ignored ones are NaN
+  std::span<const std::uint8_t> marks{},
+      reasons{};  ///< 0: it is none; in `reasons`, those that the limits hold are none
 };
 
 /// The results of all tiles for the points of one file. Holds two chunks of the input at most.
@@ -34,8 +45,8 @@ class TileResults final : public io::MovedPoints {
   Position origin_at(const Position& own, const Position& of_file) const override;
   void take(std::uint64_t first, std::span<const Position> own, std::span<const Point> before,
             std::span<Point> now) const override;
-  /// 1 for each outlier of the file, else 0. Counts nothing.
-  std::vector<std::uint8_t> find_outliers(unsigned threads) const;
+  /// All points of the file, block by block, from many threads. Counts nothing.
+  void visit_outliers(unsigned threads, const std::function<void(const SomeOutliers&)>& visit) const;
   /// Of the points that were taken so far, each counted once: outliers that were held back, points that the limits
   /// held, and how far points moved.
   OutlierCounts held_back() const { return held_back_.counts(); }

@@ -16,6 +16,7 @@
 #include "io/parallel.hpp"
 #include "io/sensor_place.hpp"
 #include "io/streamed.hpp"
+#include "options/outlier_values.hpp"
 #include "platform/files.hpp"
 #include "platform/free_memory.hpp"
 #include "platform/path_text.hpp"
@@ -25,6 +26,7 @@
 #include "scale/choice.hpp"
 #include "scale/given.hpp"
 #include "scale/leaf_tree.hpp"
+#include "scale/outlier_edits.hpp"
 #include "scale/plan_text.hpp"
 #include "scale/work_file.hpp"
 #include "seam/cloud_sample.hpp"
@@ -163,6 +165,12 @@ std::string why_not_this_sensor(const TiledJob& job, const std::optional<Positio
   return {};
 }
 
+std::string why_not_written(const TiledJob& job, const Source& source, const fs::path& output) {
+  const bool adds = adds_outlier_attribute(job.outlier_action, job.params, source);
+  const std::string why = io::why_not_streamed(source, output, job.write, adds);
+  return why.empty() ? why_no_outlier_action(job.outlier_action, source) : why;
+}
+
 void refuse_if(const std::string& why) {
   if (!why.empty()) refuse(why);
 }
@@ -265,7 +273,8 @@ std::shared_ptr<Source> Inputs::open(std::size_t number) {
 
 // Blocks that follow each other.
 void add_chunks(const Source& source, Plan& plan) {
-  const std::uint64_t most = std::min(kMostOfChunk, points_in_memory(plan.memory, kBytesOfChunkPoint));
+  const std::uint64_t beside = needs_heights(plan.outlier_action) ? HeightGrid::kMostBytes : 0;
+  const std::uint64_t most = std::min(kMostOfChunk, points_in_memory(plan.memory - beside, kBytesOfChunkPoint));
   const std::size_t number = plan.files.size() - 1;
   const InputFile& file = plan.files.back();
   InputChunk chunk{number, 0, 0, file.first_point, 0};
@@ -303,7 +312,7 @@ bool can_be_planned(const TiledJob& job, const std::shared_ptr<Source>& source) 
   std::error_code ignored;
   if (fs::equivalent(job.inputs.front(), job.output, ignored)) return false;
   return why_not_this_sensor(job, sensor_of(job, {source})).empty() &&
-         io::why_not_streamed(*source, job.output, job.write, job.params.outliers == Outliers::mark).empty();
+         why_not_written(job, *source, job.output).empty();
 }
 
 void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
@@ -314,13 +323,14 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
   plan.limits = job.limits;
   plan.noise_attribute = job.noise_attribute;
   plan.viewpoint = job.viewpoint;
+  plan.outlier_action = job.outlier_action;
   plan.coordinate_step = kInfinite;
   plan.memory = memory_of_task(job);
   std::vector<std::shared_ptr<Source>> sources;
   for (InputFile file : files_of(job)) {
     file.fingerprint = fingerprint_of(file.path);
     const auto& source = sources.emplace_back(io::open_source(file.path, threads));
-    refuse_if(io::why_not_streamed(*source, file.output, job.write, job.params.outliers == Outliers::mark));
+    refuse_if(why_not_written(job, *source, file.output));
     if (job.limits.strength > 0) io::check_not_geographic(*source);
     check_attributes(source, job.limits, job.noise_attribute);
     const Params params = in_units_of_file(job.params, *source);
@@ -371,6 +381,7 @@ std::string difference(const TiledJob& job, const Plan& plan) {
   if (job.limits != plan.limits) return "other limits";
   if (job.noise_attribute != plan.noise_attribute) return "another --noise";
   if (job.viewpoint != plan.viewpoint) return "another --viewpoint";
+  if (job.outlier_action != plan.outlier_action) return "another --outliers";
   const bool has_metres = in_file_units(job.params, 1.0) != job.params;
   const Params params = has_metres ? in_units_of_file(job.params, *io::open_source(files.front().path, 0)) : job.params;
   if (params != plan.params) return "other parameters";

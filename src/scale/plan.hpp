@@ -41,6 +41,7 @@ struct Plan {
   std::string noise_attribute;
   std::string viewpoint;           ///< as asked for
   std::optional<Position> sensor;  ///< what that says, in the coordinates of the files
+  OutlierAction outlier_action;
   WriteOptions write;
   std::uint64_t memory = 0;
   std::uint64_t points = 0;

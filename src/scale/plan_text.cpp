@@ -64,6 +64,12 @@ void read_line(const std::string& line, Plan& plan) {
     in >> word;
     set_limit(plan.limits, word, rest());
   }
+  if (key == "outliers") {
+    int kind = 0, value = -1;
+    in >> kind >> value;
+    plan.outlier_action.kind = OutlierAction::Kind(kind);
+    if (value >= 0) plan.outlier_action.value = static_cast<std::uint8_t>(value);
+  }
   if (key == "noise") plan.noise_attribute = rest();
   if (key == "viewpoint") plan.viewpoint = rest();
   if (key == "sensor")
@@ -101,6 +107,8 @@ std::string text_of(const Plan& plan) {
     const std::string text = limit_text(plan.limits, name);
     if (!text.empty()) out << "limit " << name << " " << text << "\n";
   }
+  if (const OutlierAction& action = plan.outlier_action; action.kind != OutlierAction::Kind::none)
+    out << "outliers " << int(action.kind) << " " << (action.value ? int(*action.value) : -1) << "\n";
   if (!plan.noise_attribute.empty()) out << "noise " << plan.noise_attribute << "\n";
   if (!plan.viewpoint.empty()) out << "viewpoint " << plan.viewpoint << "\n";
   if (plan.sensor) {

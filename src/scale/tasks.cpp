@@ -7,8 +7,8 @@
 #include "io/file_bytes.hpp"
 #include "io/streamed.hpp"
 #include "io/unfinished_files.hpp"
+#include "options/outlier_values.hpp"
 #include "pipeline/devices.hpp"
-#include "pipeline/outlier_marks.hpp"
 #include "pipeline/stage_settings.hpp"
 #include "platform/path_text.hpp"
 #include "scale/choice.hpp"
@@ -16,6 +16,7 @@
 #include "scale/emit.hpp"
 #include "scale/given.hpp"
 #include "scale/ingest.hpp"
+#include "scale/outlier_edits.hpp"
 #include "seam/stop.hpp"
 #include "tiles/feeders.hpp"
 
@@ -118,6 +119,8 @@ void Tasks::do_task(const WorkStep& step, std::size_t task, const std::stop_toke
       return run_measure(step, stop);
     case WorkStep::Kind::denoise:
       return run_denoise(step, task, stop);
+    case WorkStep::Kind::heights:
+      return run_heights(step, stop);
     case WorkStep::Kind::emit:
       return run_emit(step, task, stop);
   }
@@ -174,6 +177,17 @@ TileWork Tasks::tile_work(const WorkStep& step, std::size_t task) const {
           first_counts};
 }
 
+void Tasks::run_heights(const WorkStep& step, const std::stop_token& stop) {
+  HeightGrid heights(folder_.plan.points);
+  for (std::size_t file = 0; file < folder_.plan.files.size(); ++file) {
+    const auto source = inputs_.open(file);
+    source->place_at(folder_.plan.origin);
+    add_heights(results(file, source, stop), threads(), heights);
+  }
+  heights.finish();
+  save(heights, folder_.file_of(step, 0));
+}
+
 void Tasks::run_emit(const WorkStep& step, std::size_t task, const std::stop_token& stop) {
   const InputFile& file = folder_.plan.files[task];
   const fs::path begun = folder_.begun_mark(task);
@@ -183,16 +197,17 @@ void Tasks::run_emit(const WorkStep& step, std::size_t task, const std::stop_tok
   const auto source = inputs_.open(task);
   source->place_at(folder_.plan.origin);
   const TileResults results = this->results(task, source, stop);
-  std::vector<Attribute> added;
-  if (folder_.plan.params.outliers == Outliers::mark)
-    added.push_back(outlier_marks(part_of(source, 0, {}), results.find_outliers(threads())));
+  const HeightGrid heights = needs_heights(folder_.plan.outlier_action)
+                                 ? load_heights(folder_.file_of({WorkStep::Kind::heights}, 0))
+                                 : HeightGrid(0);
+  OutlierEdits outliers = outlier_edits(results, folder_.plan, source, heights, threads());
   WriteOptions options = folder_.plan.write;
   options.overwrite = true;
   options.sync = true;
   options.threads = threads();
   fs::create_directories(file.output.parent_path());
   io::remove_abandoned(file.output.parent_path(), io::kUnfinishedOutput);
-  io::write_moved(file.output, source, results, options, std::move(added));
+  io::write_moved(file.output, source, results, options, std::move(outliers.added), outliers.removed);
   PointsHeader header;
   const OutlierCounts held_back = results.held_back();
   header.counts[kIsolatedCount] = held_back.isolated;
@@ -200,6 +215,8 @@ void Tasks::run_emit(const WorkStep& step, std::size_t task, const std::stop_tok
   header.counts[kMixedCount] = held_back.mixed_pixels;
   header.counts[kHeldCount] = results.held_by_limits();
   std::vector<double> numbers{options.las_scale.value_or(source->info().step)};
+  const std::vector<double> acted = numbers_of(outliers.outcome);
+  numbers.insert(numbers.end(), acted.begin(), acted.end());
   const std::vector<double> moves = results.moves().numbers();
   numbers.insert(numbers.end(), moves.begin(), moves.end());
   PointsWriter(folder_.file_of(step, task), header, {}, numbers).finish();

@@ -62,6 +62,7 @@ class Tasks {
   void run_ingest(const WorkStep& step, std::size_t task, const std::stop_token& stop);
   void run_measure(const WorkStep& step, const std::stop_token& stop);
   void run_denoise(const WorkStep& step, std::size_t task, const std::stop_token& stop);
+  void run_heights(const WorkStep& step, const std::stop_token& stop);
   void run_emit(const WorkStep& step, std::size_t task, const std::stop_token& stop);
   void run_tiles(const WorkStep& step, const std::stop_token& stop, const std::function<void(std::size_t)>& begin);
   TileWork tile_work(const WorkStep& step, std::size_t task) const;

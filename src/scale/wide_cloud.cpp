@@ -76,7 +76,12 @@ WideResult WideCloud::run(const WideJob& job, const std::stop_token& stop, const
   const TileResults moved = tasks->results(0, source_, stop);
   WideResult result;
   result.params = tasks->params();
-  if (result.params.outliers == Outliers::mark) result.outliers = moved.find_outliers(0);
+  if (result.params.outliers == Outliers::mark) {
+    result.outliers.resize(static_cast<std::size_t>(source_->size()));
+    moved.visit_outliers(0, [&](const SomeOutliers& some) {
+      std::ranges::copy(some.marks, result.outliers.begin() + std::ptrdiff_t(some.first));
+    });
+  }
   Cloud shell;
   shell.origin = zones_.origin;
   io::Edits edits{shell, {}, {}, {}};

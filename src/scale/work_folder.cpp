@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "io/file_bytes.hpp"
+#include "options/outlier_values.hpp"
 #include "platform/free_memory.hpp"
 #include "platform/path_text.hpp"
 #include "scale/work_file.hpp"
@@ -28,6 +29,8 @@ std::string WorkStep::name() const {
       return "measure";
     case Kind::denoise:
       return "denoise-" + std::to_string(iteration + 1);
+    case Kind::heights:
+      return "heights";
     case Kind::emit:
       break;
   }
@@ -37,6 +40,7 @@ std::string WorkStep::name() const {
 std::vector<WorkStep> WorkFolder::steps() const {
   std::vector<WorkStep> steps{{WorkStep::Kind::ingest}, {WorkStep::Kind::measure}};
   for (int i = 0; i < plan.iterations; ++i) steps.push_back({WorkStep::Kind::denoise, i});
+  if (needs_heights(plan.outlier_action)) steps.push_back({WorkStep::Kind::heights});
   steps.push_back({WorkStep::Kind::emit});
   return steps;
 }
@@ -45,6 +49,7 @@ std::size_t WorkFolder::tasks_of(const WorkStep& step) const {
     case WorkStep::Kind::ingest:
       return plan.chunks.size();
     case WorkStep::Kind::measure:
+    case WorkStep::Kind::heights:
       return 1;
     case WorkStep::Kind::denoise:
       return plan.tiles;
@@ -61,6 +66,8 @@ fs::path WorkFolder::file_of(const WorkStep& step, std::size_t task) const {
       return path / "measured";
     case WorkStep::Kind::denoise:
       return path / numbered(("tile-" + std::to_string(step.iteration + 1)).c_str(), task);
+    case WorkStep::Kind::heights:
+      return path / "heights";
     case WorkStep::Kind::emit:
       break;
   }

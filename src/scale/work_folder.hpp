@@ -14,14 +14,14 @@
 namespace pointfair::scale {
 
 struct WorkStep {
-  enum class Kind { ingest, measure, denoise, emit };
+  enum class Kind { ingest, measure, denoise, heights, emit };
   Kind kind;
   int iteration = 0;  // of denoise
   std::string name() const;
 };
 
-// The names in the folder: chunk-..., of each chunk of the input; measured; tile-<iteration>-..., of each tile; and of
-// each output begun-... and written-..., which are marks. What is called done-... says that a step was finished whose
+// The names in the folder: chunk-..., of each chunk of the input; measured; tile-<iteration>-..., of each tile; heights,
+// where outliers are told apart by them; and of each output begun-... and written-..., which are marks. What is called done-... says that a step was finished whose
 // files are not needed any more.
 struct WorkFolder {
   explicit WorkFolder(const std::filesystem::path& folder) : WorkFolder(folder, read_plan(folder)) {}

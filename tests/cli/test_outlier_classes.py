@@ -5,7 +5,7 @@ import random
 import struct
 import unittest
 
-from program import Case, read_ply, write_ply
+from program import Case, read_ply, run, write_ply
 from survey_files import ground, las_grid, write_las
 
 KINDS, FLAGS = 16, 15  # places in a record of point format 6
@@ -121,8 +121,28 @@ class Classes(Case):
         self.assertEqual(counts[:2], [len(kept), len(left)])
         self.assertEqual([tuple(map(int, line.split()[1:])) for line in lines[-len(left):]], left)
 
-    def test_las_files_lose_points_and_say_what_else(self):
+    def test_a_file_without_outliers_is_copied_as_ever(self):
+        corners = [(i, i + 1, i + 60) for i in range(1, 3541) if i % 60]
+        text = "mtllib a.mtl\nusemtl skin\n" + "".join("v %f %f %f\n" % p for p in ground(3600)) + "".join("f %d %d %d\n" % c for c in corners)
+        self.path("in.obj").write_text(text)
+        said = self.ok("run", self.path("in.obj"), self.path("out.obj"), "--outliers", "remove").stderr.decode()
+        self.assertIn("0 points are removed", said)
+        self.assertNotIn("no place for", said)
+        self.ok("run", self.path("in.obj"), self.path("kept.obj"), "-q")
+        self.assertEqual(self.path("out.obj").read_bytes(), self.path("kept.obj").read_bytes())
+
+    def test_las_files_lose_points_and_nothing_else(self):
+        self.ok("run", self.las, self.path("kept.las"), "-q")
         said = self.run_with("remove")
+        gone = set(self.low + self.high)
+        self.assertEqual(records(self.out), [row for i, row in enumerate(records(self.path("kept.las"))) if i not in gone])
+        begin = struct.unpack_from("<I", self.las.read_bytes(), 96)[0]
+        before, after = self.las.read_bytes()[:begin], self.out.read_bytes()[:begin]
+        self.assertEqual(before[:179] + before[375:], after[:179] + after[375:])  # all but bounds and counts; the coordinate system
+        self.assertEqual(struct.unpack_from("<QQ", after, 247), (3560, 3560))     # points, and first returns
+        self.assertNotIn("no place for", said)
+        self.ok("run", self.las, self.path("s.las"), "--outliers", "remove", "--strict", "-q")
+        self.assertEqual(self.path("s.las").read_bytes(), self.out.read_bytes())
         self.assertEqual(len(records(self.out)), 3560)
         self.assertEqual([record[KINDS] for record in records(self.out)],
                          [kind for i, kind in enumerate(self.classes) if i not in self.low + self.high])
@@ -130,11 +150,82 @@ class Classes(Case):
         self.ok("run", self.las, self.path("h.las"), "--outliers", "remove", "--where", "classification=5", "-q")
         self.assertEqual(len(records(self.path("h.las"))), 3600 - len(self.high))
 
+    # the words, each with what the run in memory has, in one tile or in several
+    ACTIONS = (["classify"], ["classify=9"], ["withheld"], ["remove"], ["mark"],
+               ["classify", "--where", "classification=5"], ["classify", "--ignore", "classification=5"], ["remove", "--where", "classification=5"],
+               ["classify", "--strength", "0.5", "--box", "500000,5400000,-1000,500008,5400011,1000"])
+
+    def test_tiles_have_the_bytes_and_the_report_of_the_run_in_memory(self):
+        sources = [self.las, self.path("in.laz")]
+        if run("run", self.las, sources[1], "-q", "--strength", 0).returncode != 0:
+            sources.pop()
+        for source in sources:
+            for words in self.ACTIONS:
+                whole = self.report("run", source, self.path("whole" + source.suffix), "--force", "--outliers", *words)
+                cut = self.report("run", source, self.path("cut" + source.suffix), "--force", "--tiles", 3, "--outliers", *words)
+                self.assertEqual(self.path("whole" + source.suffix).read_bytes(), self.path("cut" + source.suffix).read_bytes(), words)
+                for key in ("outliers", "removed", "unmoved", "points"):
+                    self.assertEqual(whole[key], cut[key], words)
+                self.assertGreater(sum(cut["outliers"].values()), 10)
+                said = [self.ok("run", source, self.path("o" + source.suffix), "--force", "--outliers", *words, *more).stderr.decode()
+                        for more in ([], ["--tiles", 3])]
+                notes = [[line for line in text.splitlines() if "outlier" in line or "class 18" in line] for text in said]
+                self.assertEqual(notes[0], notes[1])
+        write_ply(self.path("in.ply"), self.points)
+        for words in ("classify", "withheld"):
+            self.ok("run", self.path("in.ply"), self.path("whole.ply"), "--force", "--outliers", words, "-q")
+            self.ok("run", self.path("in.ply"), self.path("cut.ply"), "--force", "--outliers", words, "-q", "--tiles", 3)
+            self.assertEqual(self.path("whole.ply").read_bytes(), self.path("cut.ply").read_bytes())
+
+    def test_many_files_are_treated_as_one_cloud(self):
+        joined = write_las(self.path("joined.las"), self.points, self.classes)
+        order = sorted(range(3600), key=lambda i: (self.points[i][0] > 6, self.points[i][1] > 8))
+        cuts = [0, 700, 1900, 2600, 3600]
+        files = []
+        for n, (first, last) in enumerate(zip(cuts, cuts[1:])):
+            part = order[first:last]
+            files.append(write_las(self.path(f"part{n}.las"), [self.points[i] for i in part], [self.classes[i] for i in part]))
+        write_las(joined, [self.points[i] for i in order], [self.classes[i] for i in order])
+        for words in self.ACTIONS[:4]:
+            whole = self.report("run", joined, self.path("whole.las"), "--force", "--outliers", *words)
+            seen = lambda path: [(row[:12], row[FLAGS], row[KINDS]) for row in records(path)]  # times and intensities count from each file's start
+            wanted, many = seen(self.path("whole.las")), []
+            job = ["run", *files, "--out-dir", self.path("out"), "--force", "--outliers", *words]
+            cut = self.report(*job)
+            for n in range(4):
+                many += seen(self.path("out") / f"part{n}.las")
+            self.assertEqual(many, wanted, words)
+            for key in ("outliers", "removed", "points"):
+                self.assertEqual(cut[key], whole[key])
+
+    def test_a_run_goes_on_with_the_same_action_only(self):
+        job = ["--out", self.out, "--work", self.path("work"), "--tiles", 2, "--outliers"]
+        self.ok("tile", "plan", self.las, *job, "classify")
+        steps = self.report("tile", "status", self.path("work"))["steps"]
+        self.assertEqual([step["step"] for step in steps], ["ingest", "measure", "denoise-1", "denoise-2", "heights", "emit"])
+        for step in steps:
+            for task in range(step["tasks"]):
+                self.ok("tile", "run", self.path("work"), "--task", f"{step['step']}:{task}")
+        self.ok("run", self.las, self.path("whole.las"), "--outliers", "classify", "-q")
+        self.assertEqual(self.out.read_bytes(), self.path("whole.las").read_bytes())
+        again = ["run", self.las, self.out, "--work", self.path("work"), "--tiles", 2, "--outliers"]
+        said = self.ok(*again, "classify").stderr.decode()
+        self.assertIn("15 outliers are in class 7 (low noise), 25 in class 18 (high noise)", said)
+        for other in ("classify=7", "remove", "mark"):
+            self.fails(2, *again, other, says="--outliers")
+
+    def test_a_file_of_nothing_but_outliers_is_refused_with_its_name(self):
+        parts = [self.low + self.high, [i for i in range(3600) if i not in self.low + self.high]]
+        files = [write_las(self.path(f"part{n}.las"), [self.points[i] for i in part], [2] * len(part)) for n, part in enumerate(parts)]
+        result = run("run", *files, "--out-dir", self.path("out"), "--outliers", "remove")
+        self.assertNotEqual(result.returncode, 0)
+        self.assertIn("part0.las: none of its points would be left", result.stderr.decode())
+
     def test_what_cannot_be_is_refused(self):
         for words, says in (("classify=x", "0 to 255"), ("classify=256", "0 to 255"), ("classify=", "0 to 255"), ("classified", "--outliers")):
             self.fails(2, "run", self.las, self.out, "--outliers", words, says=says)
-        self.fails(2, "run", self.las, self.out, "--outliers", "classify", "--tiles", "2", says=["classify", "--outliers mark", "--each"])
-        self.fails(2, "run", self.las, self.out, "--outliers", "remove", "--tiles", "2", says="remove")
+        write_ply(self.path("in.ply"), self.points)
+        self.fails(2, "run", self.path("in.ply"), self.path("o.ply"), "--outliers", "remove", "--tiles", "2", says=["in.ply", "LAS and LAZ", "--outliers mark", "--each"])
         self.fails(2, "run", self.las, self.path("o.off"), "--outliers", "classify", says="--outliers")
 
 

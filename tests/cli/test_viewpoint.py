@@ -11,14 +11,17 @@ SENSOR = (500.5, -1.0, 0.25)
 HALF, BOARD, STEP, NOISE = 50, 22, 0.006, 0.002
 
 
-def scan():
-    """A board before a wall on a grid of rays; points between both along every other ray of the board's border."""
+def scan(is_camera=False):
+    """A board before a wall on a grid of rays, of a scanner that turns or a camera; points between both along every other ray of the
+    board's border."""
     generator = random.Random(5)
     points, mixed = [], []
     for row in range(-HALF, HALF + 1):
         for column in range(-HALF, HALF + 1):
             a, e = STEP * column, STEP * row
             ray = (math.cos(e) * math.sin(a), math.cos(e) * math.cos(a), math.sin(e))
+            if is_camera:
+                ray = tuple(v / math.hypot(a, 1, e) for v in (a, 1, e))
             board, wall = 3 / ray[1], 5 / ray[1]
             border = max(abs(row), abs(column))
             mixed.append(border == BOARD + 1 and (row + column) % 2 == 0)
@@ -77,6 +80,34 @@ class Viewpoint(Case):
         for row in read_ply(self.path("out.ply")):
             normal = [row[name] for name in ("nx", "ny", "nz")]
             self.assertGreaterEqual(sum(n * (s - row[axis]) for n, s, axis in zip(normal, SENSOR, "xyz")), 0)
+
+    def organised(self, name, points):
+        side = 2 * HALF + 1
+        head = (f"VERSION 0.7\nFIELDS x y z\nSIZE 8 8 8\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {side}\nHEIGHT {side}\n"
+                f"VIEWPOINT 0 0 0 1 0 0 0\nPOINTS {len(points)}\nDATA binary\n")
+        self.path(name).write_bytes(head.encode() + b"".join(struct.pack("<3d", *p) for p in points))
+        return self.path(name)
+
+    def test_the_image_of_a_camera_tells_it(self):
+        points, mixed = scan(is_camera=True)
+        image = self.organised("image.pcd", points)
+        given = self.report("run", image, self.path("given.pcd"), "--viewpoint", self.at)
+        found = self.report("run", image, self.path("found.pcd"))
+        self.assertGreater(found["outliers"]["mixed_pixels"], 0.2 * sum(mixed))
+        self.assertEqual(found["outliers"], given["outliers"])
+        self.assertEqual(self.report("run", image, self.path("none.pcd"), "--viewpoint", "none")["outliers"]["mixed_pixels"], 0)
+        cut = self.report("run", image, self.path("cut.pcd"), "--tiles", 3)
+        self.assertEqual(self.path("cut.pcd").read_bytes(), self.path("found.pcd").read_bytes())
+        self.assertEqual(cut["outliers"], found["outliers"])
+        for words in (["run", image, self.path("o.pcd")], ["info", image]):
+            done = self.ok(*words)
+            self.assertIn("500.5, -1, 0.25, where the rays of the grid meet", (done.stdout + done.stderr).decode())
+
+    def test_the_grid_of_a_scanner_that_turns_asks_for_it(self):
+        turned = self.organised("turned.pcd", self.points)
+        self.assertIn("--viewpoint x,y,z finds points between two surfaces", self.ok("run", turned, self.path("a.pcd")).stderr.decode())
+        self.assertNotIn("--viewpoint", self.ok("run", turned, self.path("b.pcd"), "--viewpoint", self.at).stderr.decode())
+        self.assertNotIn("--viewpoint", self.ok("run", self.cloud, self.path("c.ply")).stderr.decode())
 
     def test_a_pcd_file_tells_it(self):
         def pcd(name, viewpoint):

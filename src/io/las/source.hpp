@@ -37,6 +37,7 @@ class LasSource : public Source {
   std::vector<Column> columns() const override { return {fields_.begin(), fields_.end()}; }
   void extract_block(std::size_t index, std::size_t block, std::span<char> out) const override;
   void write(const Edits& edits, Encoding encoding, Output& out) const override;
+  bool leaves_points_out() const override { return true; }
   void check_las_scale(double scale) const override;
   std::vector<std::string> losses(Encoding) const override;
   std::vector<Content> contents() const override;

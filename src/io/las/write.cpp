@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writing a LAS or LAZ file back with moved points.
+// Writing a LAS or LAZ file back with moved points, or without some of them.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 
@@ -8,6 +9,7 @@
 #include "io/las/codec.hpp"
 #include "io/las/frame.hpp"
 #include "io/las/source.hpp"
+#include "io/las/summary.hpp"
 #include "io/parallel.hpp"
 #include "io/record_source.hpp"
 
@@ -52,30 +54,6 @@ Grid steps_of(const Scaling& own, std::optional<double> wanted) {
   return steps;
 }
 
-// Whether the header's bounds are numbers and hold all points, up to what rounding the doubles costs.
-bool are_right(const Scaling& scaling, const GridBounds& bounds, std::string_view front) {
-  constexpr double kRounding = 1e-6;  // of a step
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    const auto max = get<double>(front, place::bounds + 16 * axis),
-               min = get<double>(front, place::bounds + 16 * axis + 8);
-    const double slack = kRounding * scaling.scale[axis];
-    if (!std::isfinite(min) || !std::isfinite(max) || scaling.value(axis, bounds.max[axis]) > max + slack ||
-        scaling.value(axis, bounds.min[axis]) < min - slack)
-      return false;
-  }
-  return true;
-}
-
-// A bound that is the same as before keeps its bytes, unless the file had wrong ones: then all are written.
-void put_bounds(const Scaling& scaling, const GridBounds& before, const GridBounds& now, std::string& front) {
-  const bool all = !are_right(scaling, before, front);
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    const std::size_t at = place::bounds + 16 * axis;
-    if (all || now.max[axis] != before.max[axis]) put(front, at, scaling.value(axis, now.max[axis]));
-    if (all || now.min[axis] != before.min[axis]) put(front, at + 8, scaling.value(axis, now.min[axis]));
-  }
-}
-
 // Puts other values into a field of the records of points from `first` on.
 void replace_field(const Field& field, const Replacement& replacement, std::uint64_t first, std::size_t record_length,
                    std::string& records) {
@@ -107,14 +85,15 @@ class LasWriter {
         frame_(source.bytes(), layout_.header, layout_.points_end, source.name()),
         record_length_(layout_.header.record_length),
         steps_(steps_of(layout_.header.scaling, edits.las_scale)),
-        scaling_(layout_.header.scaling) {
+        scaling_(layout_.header.scaling),
+        removes_(std::ranges::any_of(edits.removed, [](std::uint8_t gone) { return gone != 0; })) {
     for (std::size_t axis = 0; axis < 3; ++axis) {
       if (steps_[axis] > 1) scaling_.scale[axis] = *edits.las_scale;
     }
     add_attributes();
     if (compress) choose_compression();
     if (!compress && layout_.compression) drop(kLaszipUser, kLaszipId);
-    if (compress && (!has_chunks() || !edits.added.empty())) {
+    if (compress && (!has_chunks() || !edits.added.empty() || removes_)) {
       frame_.put_record(kLaszipUser, kLaszipId, "by LASzip of pointfair", compression_record(*compression_));
     }
     if (compress || layout_.compression) {
@@ -136,6 +115,7 @@ class LasWriter {
     if (is_copy()) return out_.write(file().substr(layout_.chunks_end));
     if (compression_) end = write_table(front.size(), end);
     for (const std::string_view piece : frame_.tail()) out_.write(piece);
+    put_counts(front);
     put_all_bounds(front);
     frame_.place_tail(front, end);
     out_.patch(0, std::string_view(front).substr(0, layout_.header.size));
@@ -150,7 +130,7 @@ class LasWriter {
   bool has_chunks() const { return layout_.compression && !layout_.compression->pointwise; }
 
   bool changes_nothing() const {
-    if (edits_.changes_attributes() || is_refined()) return false;
+    if (edits_.changes_attributes() || is_refined() || removes_) return false;
     for (std::size_t block = 0; block < source_.block_count(); ++block) {
       const Moves moves = source_.moves(block, edits_);
       if (std::any_of(moves.changed.begin(), moves.changed.end(), [](std::uint8_t axes) { return axes != 0; }))
@@ -180,9 +160,11 @@ class LasWriter {
 
   void choose_compression() {
     compression_ = usual_compression(layout_.header.point_format, record_length_);
-    if (!has_chunks()) return;
-    compression_->chunk_points = layout_.compression->chunk_points;
-    compression_->set_version(layout_.compression->version());
+    if (has_chunks()) {
+      compression_->chunk_points = layout_.compression->chunk_points;
+      compression_->set_version(layout_.compression->version());
+    }
+    if (removes_) compression_->chunk_points = 0;  // so that the other chunks stay as they are
   }
 
   void write_points() {
@@ -192,6 +174,8 @@ class LasWriter {
     now_.resize(blocks);
     kept_.assign(blocks, 0);
     moved_.assign(blocks, 0);
+    gone_.assign(blocks, {});
+    left_.resize(blocks);
     write_blocks(out_, blocks, [&](std::size_t block, std::string& buffer) {
       append_block(block, buffer);
       sizes_[block] = buffer.size();
@@ -210,6 +194,8 @@ class LasWriter {
     }
     const bool moved = move(block, grid) || is_refined();
     moved_[block] = moved;
+    left_[block] = static_cast<std::uint32_t>(grid.size());
+    if (loses_points(block)) return append_remaining(block, grid, moved, decoded, buffer);
     for (const Grid& point : grid) now_[block].add(point, point);
     if (compression_ && !edits_.changes_attributes()) {
       const std::string_view own = source_.store_->chunk(block);
@@ -221,7 +207,35 @@ class LasWriter {
       buffer.reserve(own.size() + own.size() / 8);
       if (source_.store_->append_moved_chunk(block, grid, decoded, buffer)) return;
     }
-    append_records(block, grid, moved, decoded, buffer);
+    append_coded(make_records(block, grid, moved, decoded), buffer);
+  }
+
+  bool loses_points(std::size_t block) const {
+    if (!removes_) return false;
+    const auto its = edits_.removed.subspan(static_cast<std::size_t>(source_.block_begin(block)), left_[block]);
+    return std::ranges::any_of(its, [](std::uint8_t gone) { return gone != 0; });
+  }
+
+  void append_remaining(std::size_t block, const std::vector<Grid>& grid, bool moved, Decoded& decoded,
+                        std::string& buffer) {
+    std::string& points = make_records(block, grid, moved, decoded);
+    const auto number = std::ranges::find(source_.fields_, "return_number", &Field::name);
+    std::vector<std::uint8_t> numbers(grid.size());
+    extract_field(*number, points.data(), record_length_, grid.size(), reinterpret_cast<char*>(numbers.data()));
+    const std::size_t first = static_cast<std::size_t>(source_.block_begin(block));
+    char* to = points.data();
+    for (std::size_t i = 0; i < grid.size(); ++i) {
+      if (edits_.removed[first + i] != 0) {
+        ++gone_[block][numbers[i] % gone_[block].size()];
+        continue;
+      }
+      now_[block].add(grid[i], grid[i]);
+      std::copy_n(points.data() + i * record_length_, record_length_, to);
+      to += record_length_;
+    }
+    points.resize(static_cast<std::size_t>(to - points.data()));
+    left_[block] = static_cast<std::uint32_t>(points.size() / record_length_);
+    if (!points.empty()) append_coded(points, buffer);
   }
 
   bool is_refined() const { return steps_ != Grid{1, 1, 1}; }
@@ -271,9 +285,9 @@ class LasWriter {
     return moved;
   }
 
-  void append_records(std::size_t block, const std::vector<Grid>& grid, bool moved, Decoded& decoded,
-                      std::string& buffer) const {
-    thread_local std::string points;  // as above
+  // The records as they will be, but for those that are removed. They are the thread's until its next block.
+  std::string& make_records(std::size_t block, const std::vector<Grid>& grid, bool moved, Decoded& decoded) const {
+    thread_local std::string points;
     points.clear();
     const std::string_view own = source_.store_->records(block, {0, layout_.header.record_length}, decoded);
     if (edits_.added.empty()) {
@@ -291,6 +305,10 @@ class LasWriter {
       replace_field(source_.fields_[replacement.column], replacement, source_.block_begin(block), record_length_,
                     points);
     }
+    return points;
+  }
+
+  void append_coded(std::string& points, std::string& buffer) const {
     if (compression_) {
       encode_chunk(*compression_, points, buffer);
     } else {
@@ -300,7 +318,7 @@ class LasWriter {
 
   // All chunks are as they were, and nothing else changes.
   bool is_copy() const {
-    return compression_ && !edits_.changes_attributes() && !is_refined() && !layout_.is_copc() &&
+    return compression_ && !edits_.changes_attributes() && !is_refined() && !removes_ && !layout_.is_copc() &&
            std::all_of(kept_.begin(), kept_.end(), [](char kept) { return kept != 0; });
   }
 
@@ -308,11 +326,14 @@ class LasWriter {
   std::uint64_t write_table(std::uint64_t chunks_place, std::uint64_t chunks_end) {
     const std::string_view gap = file().substr(layout_.chunks_end, layout_.table_begin - layout_.chunks_end);
     out_.write(gap);
-    std::vector<std::uint32_t> points(sizes_.size());
-    for (std::size_t block = 0; block < points.size(); ++block) {
-      points[block] = static_cast<std::uint32_t>(source_.block_size(block));
+    std::vector<std::size_t> sizes;
+    std::vector<std::uint32_t> points;
+    for (std::size_t block = 0; block < sizes_.size(); ++block) {
+      if (left_[block] == 0) continue;
+      sizes.push_back(sizes_[block]);
+      points.push_back(left_[block]);
     }
-    const std::string table = chunk_table(*compression_, sizes_, points);
+    const std::string table = chunk_table(*compression_, sizes, points);
     out_.write(table);
     std::string place;
     append<std::uint64_t>(place, chunks_end + gap.size());
@@ -320,9 +341,22 @@ class LasWriter {
     return chunks_end + gap.size() + table.size();
   }
 
+  void put_counts(std::string& front) const {
+    if (!removes_) return;
+    ReturnCounts gone{};
+    std::uint64_t left = 0;
+    for (std::size_t block = 0; block < gone_.size(); ++block) {
+      left += left_[block];
+      for (std::size_t r = 0; r < gone.size(); ++r) gone[r] += gone_[block][r];
+    }
+    if (left == 0)
+      fail(source_.name(), "none of its points would be left; leave out this file, or remove fewer points");
+    take_off_counts(gone, layout_.header.count - left, layout_.header, front);
+  }
+
   // Where no coordinate changes, wrong bounds are not this writer's to repair.
   void put_all_bounds(std::string& front) const {
-    if (std::none_of(moved_.begin(), moved_.end(), [](char moved) { return moved != 0; })) return;
+    if (!removes_ && std::none_of(moved_.begin(), moved_.end(), [](char moved) { return moved != 0; })) return;
     GridBounds before, now;
     for (const GridBounds& bounds : before_) before.add(bounds);
     for (const GridBounds& bounds : now_) now.add(bounds);
@@ -337,8 +371,11 @@ class LasWriter {
   std::size_t record_length_;               // as written
   Grid steps_;                              // as written, of a step of the file's own scale
   Scaling scaling_;                         // as written
+  bool removes_;                            // some points are left out
   std::optional<Compression> compression_;  // as written; none: uncompressed
   std::vector<std::size_t> sizes_;          // of the blocks, and below what becomes of each
+  std::vector<std::uint32_t> left_;         // points
+  std::vector<ReturnCounts> gone_;
   std::vector<GridBounds> before_, now_;
   std::vector<char> kept_, moved_;  // its chunk is copied; coordinates in it change
 };

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "options/outlier_values.hpp"
+
+namespace pointfair {
+namespace {
+
+using Kind = OutlierAction::Kind;
+
+constexpr std::uint8_t kLowNoise = 7, kHighNoise = 18;
+
+bool is_finite(const Point& p) { return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z); }
+
+bool is_thin(std::byte of_class) {
+  const auto value = std::to_integer<unsigned>(of_class);
+  return (value >= 3 && value <= 5) || (value >= 13 && value <= 16);
+}
+
+std::optional<AttributeInfo> find_info(const Cloud& cloud, const std::string& name) {
+  for (const AttributeInfo& info : attributes(cloud))
+    if (info.name == name) return info;
+  return std::nullopt;
+}
+
+bool is_one_byte(const AttributeInfo& info) { return info.type == ScalarType::uint8 && info.components == 1; }
+
+// The cloud's own values, or zeros.
+Attribute values_of(const Cloud& cloud, const std::string& name) {
+  if (const std::optional<AttributeInfo> info = find_info(cloud, name)) {
+    check_outlier_attribute(*info);
+    return attribute(cloud, name);
+  }
+  Attribute fresh;
+  fresh.name = name;
+  fresh.type = ScalarType::uint8;
+  fresh.data.resize(cloud.points.size());
+  return fresh;
+}
+
+}  // namespace
+
+std::string attribute_of(const OutlierAction& action) {
+  if (action.kind == Kind::classify) return "classification";
+  return action.kind == Kind::withhold ? "withheld" : "";
+}
+
+void check_outlier_attribute(const AttributeInfo& info) {
+  if (!is_one_byte(info))
+    throw Error(ErrorKind::usage, "--outliers: the attribute '" + info.name +
+                                      "' of this cloud is not one byte a point, so it can hold no class; use "
+                                      "--outliers mark");
+}
+
+void put_outlier_values(const OutlierAction& action, std::span<const std::uint8_t> reasons,
+                        std::span<const Point> before, const HeightGrid& heights, std::span<const std::byte> classes,
+                        std::span<std::byte> values, OutlierOutcome& outcome) {
+  for (std::size_t i = 0; i < reasons.size(); ++i) {
+    ++outcome.of_reason[std::min<std::size_t>(reasons[i], outcome.of_reason.size() - 1)];
+    if (reasons[i] == 0) continue;
+    if (!classes.empty() && is_thin(classes[i])) ++outcome.thin;
+    if (values.empty()) continue;
+    std::uint8_t value = action.value.value_or(1);
+    if (needs_heights(action)) {
+      const std::optional<double> height = heights.height_at(before[i]);
+      const bool is_above = height && before[i].z > *height;
+      value = is_above ? kHighNoise : kLowNoise;
+      ++(is_above ? outcome.high : outcome.low);
+    }
+    values[i] = std::byte{value};
+  }
+}
+
+OutlierOutcome act_on_outliers(const OutlierAction& action, std::span<const std::uint8_t> reasons,
+                               std::span<const Point> before, Cloud& cloud) {
+  if (reasons.size() != cloud.points.size() || before.size() != cloud.points.size())
+    throw Error(ErrorKind::usage, "outliers: there are " + std::to_string(reasons.size()) + " reasons and " +
+                                      std::to_string(before.size()) + " points before, and the cloud has " +
+                                      std::to_string(cloud.points.size()) + " points");
+  OutlierOutcome outcome;
+  HeightGrid heights(before.size());
+  for (std::size_t i = 0; needs_heights(action) && i < before.size(); ++i)
+    if (reasons[i] == 0 && is_finite(before[i])) heights.add(before[i]);
+  heights.finish();
+  std::vector<std::byte> classes;
+  if (const auto info = find_info(cloud, "classification"); info && is_one_byte(*info))
+    classes = attribute(cloud, "classification").data;
+  const std::string name = attribute_of(action);
+  Attribute values;
+  if (!name.empty()) values = values_of(cloud, name);
+  put_outlier_values(action, reasons, before, heights, classes, values.data, outcome);
+  if (name.empty()) return outcome;
+  std::erase_if(cloud.added, [&](const Attribute& other) { return other.name == name; });
+  cloud.added.push_back(std::move(values));
+  return outcome;
+}
+
+}  // namespace pointfair

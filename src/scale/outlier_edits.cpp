@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "scale/outlier_edits.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <utility>
+
+#include "options/outlier_values.hpp"
+#include "pipeline/outlier_marks.hpp"
+#include "scale/given.hpp"
+#include "scale/work_file.hpp"
+
+namespace pointfair::scale {
+namespace {
+
+using Kind = OutlierAction::Kind;
+
+std::optional<std::size_t> find_column(const Source& source, const std::string& name) {
+  const std::vector<io::Column> columns = source.columns();
+  const auto its = std::ranges::find(columns, name, &io::Column::name);
+  return its == columns.end() ? std::nullopt : std::optional(static_cast<std::size_t>(its - columns.begin()));
+}
+
+// The file's own values, or zeros.
+Attribute values_of(const Source& source, const std::string& name) {
+  Attribute values;
+  values.name = name;
+  values.type = ScalarType::uint8;
+  values.data.resize(static_cast<std::size_t>(source.size()));
+  if (const auto column = find_column(source, name))
+    source.extract(*column, {reinterpret_cast<char*>(values.data.data()), values.data.size()});
+  return values;
+}
+
+bool has_classes(const Source& source) {
+  const auto column = find_column(source, "classification");
+  return column && source.columns()[*column].type == io::NativeType::uint8 && source.columns()[*column].components == 1;
+}
+
+}  // namespace
+
+std::string why_no_outlier_action(const OutlierAction& action, const Source& source) {
+  if (action.kind == Kind::remove && !source.leaves_points_out())
+    return source.name() +
+           ": a run in tiles on disk leaves points out of LAS and LAZ files only; use --outliers mark, or --each to "
+           "treat every file on its own";
+  const std::string name = attribute_of(action);
+  const auto column = find_column(source, name);
+  if (name.empty() || !column) return {};
+  check_outlier_attribute(attributes(part_of({std::shared_ptr<const Source>(), &source}, 0, {}))[*column]);
+  return source.why_fixed(*column);
+}
+
+bool adds_outlier_attribute(const OutlierAction& action, const Params& params, const Source& source) {
+  if (action.kind == Kind::none) return params.outliers == Outliers::mark;
+  const std::string name = attribute_of(action);
+  return !name.empty() && !find_column(source, name);
+}
+
+void add_heights(const TileResults& results, unsigned threads, HeightGrid& heights) {
+  std::mutex mutex;
+  results.visit_outliers(threads, [&](const SomeOutliers& some) {
+    const std::lock_guard lock(mutex);
+    for (std::size_t i = 0; i < some.points.size(); ++i)
+      if (some.reasons[i] == 0 && is_indexed(some.points[i])) heights.add(some.points[i]);
+  });
+}
+
+void save(const HeightGrid& heights, const std::filesystem::path& path) {
+  const std::int64_t exponent = heights.exponent();
+  NewFile file(path, sizeof exponent + heights.cells().size() * sizeof(HeightGrid::Cell));
+  file.write(&exponent, sizeof exponent);
+  file.write(std::span(heights.cells()));
+  file.finish();
+}
+
+HeightGrid load_heights(const std::filesystem::path& path) {
+  const StoredFile file(path);
+  std::int64_t exponent = 0;
+  file.read(0, &exponent, sizeof exponent);
+  std::vector<HeightGrid::Cell> cells((file.size() - sizeof exponent) / sizeof(HeightGrid::Cell));
+  file.read(sizeof exponent, std::span(cells));
+  return {static_cast<int>(exponent), std::move(cells)};
+}
+
+std::vector<double> numbers_of(const OutlierOutcome& outcome) {
+  std::vector<double> numbers(outcome.of_reason.begin(), outcome.of_reason.end());
+  for (const std::uint64_t more : {outcome.low, outcome.high, outcome.thin}) numbers.push_back(double(more));
+  return numbers;
+}
+
+void add_numbers(std::span<const double> numbers, OutlierOutcome& to) {
+  std::size_t at = 0;
+  for (std::uint64_t& count : to.of_reason) count += static_cast<std::uint64_t>(numbers[at++]);
+  for (std::uint64_t* const more : {&to.low, &to.high, &to.thin}) *more += static_cast<std::uint64_t>(numbers[at++]);
+}
+
+OutlierEdits outlier_edits(const TileResults& results, const Plan& plan, const std::shared_ptr<const Source>& source,
+                           const HeightGrid& heights, unsigned threads) {
+  const OutlierAction& action = plan.outlier_action;
+  OutlierEdits edits;
+  if (action.kind == Kind::none && plan.params.outliers != Outliers::mark) return edits;
+  const bool marks = action.kind == Kind::none;
+  Attribute classes, values;
+  if (!marks && has_classes(*source)) classes = values_of(*source, "classification");
+  if (const std::string name = attribute_of(action); !name.empty())
+    values = name == classes.name ? classes : values_of(*source, name);
+  std::vector<std::uint8_t> reasons(values.name.empty() ? static_cast<std::size_t>(source->size()) : 0);
+  std::mutex mutex;
+  results.visit_outliers(threads, [&](const SomeOutliers& some) {
+    const auto part = [&](Attribute& all) {
+      return all.data.empty() ? std::span<std::byte>() : std::span(all.data).subspan(some.first, some.points.size());
+    };
+    if (!reasons.empty())
+      std::ranges::copy(marks ? some.marks : some.reasons, reasons.begin() + std::ptrdiff_t(some.first));
+    if (marks) return;
+    OutlierOutcome outcome;
+    put_outlier_values(action, some.reasons, some.points, heights, part(classes), part(values), outcome);
+    const std::lock_guard lock(mutex);
+    add_numbers(numbers_of(outcome), edits.outcome);
+  });
+  if (marks) edits.added.push_back(outlier_marks(part_of(source, 0, {}), reasons));
+  if (!values.name.empty()) edits.added.push_back(std::move(values));
+  if (action.kind == Kind::remove) edits.removed = std::move(reasons);
+  return edits;
+}
+
+}  // namespace pointfair::scale

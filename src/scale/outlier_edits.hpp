@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a run in tiles does to the outliers of its files beside leaving them where they are.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "options/height_grid.hpp"
+#include "scale/emit.hpp"
+
+namespace pointfair::scale {
+
+/// Why tiles cannot do it to this file; empty if they can. Throws ErrorKind::usage for an attribute that holds no
+/// classes.
+std::string why_no_outlier_action(const OutlierAction& action, const Source& source);
+
+/// Whether the file gets an attribute that it does not have.
+bool adds_outlier_attribute(const OutlierAction& action, const Params& params, const Source& source);
+
+/// Adds the points of the file that are no outliers.
+void add_heights(const TileResults& results, unsigned threads, HeightGrid& heights);
+
+void save(const HeightGrid& heights, const std::filesystem::path& path);
+HeightGrid load_heights(const std::filesystem::path& path);
+
+/// What one file is written with, and what it came to.
+struct OutlierEdits {
+  std::vector<Attribute> added;
+  std::vector<std::uint8_t> removed;  ///< of each point; empty: none is
+  OutlierOutcome outcome;
+};
+
+/// An outcome as numbers, of which there are kOutcomeNumbers, and back: they are added to what `to` has.
+inline constexpr std::size_t kOutcomeNumbers = 7;
+std::vector<double> numbers_of(const OutlierOutcome& outcome);
+void add_numbers(std::span<const double> numbers, OutlierOutcome& to);
+
+/// Of the file that the results are of. `heights`: of all files, where the action needs them. Two bytes a point of the
+/// file.
+OutlierEdits outlier_edits(const TileResults& results, const Plan& plan, const std::shared_ptr<const Source>& source,
+                           const HeightGrid& heights, unsigned threads);
+
+}  // namespace pointfair::scale
