@@ -112,7 +112,7 @@ void CoarsePoints::choose(const Tree& cloud, int scale, Index count, const Frame
   choose_points<<<blocks_for(places, kBlock), kBlock, 0, stream>>>(cloud, share_of_scale(scale), points_.data(),
                                                                    members_.data(), chosen);
   check(cudaGetLastError(), "choosing coarse points");
-  index_.build(points_.data(), count, frame, nullptr);
+  index_.build(points_.data(), count, frame);
   check(cudaMemsetAsync(own_.data(), 0xff, places * sizeof(Index), stream), "choosing coarse points");
   link_places<<<blocks_for(count, kBlock), kBlock, 0, stream>>>(index_.tree(), count, members_.data(), place_.data(),
                                                                 own_.data());

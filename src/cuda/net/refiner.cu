@@ -53,7 +53,7 @@ Refiner::Refiner(Context& context)
 void Refiner::take(const RefinedCloud& cloud, const Frame& frame) {
   if (cloud.count == 0) return;
   frame_ = frame;
-  index_.build(cloud.classical, cloud.count, frame, nullptr);
+  index_.build(cloud.classical, cloud.count, frame);
   const std::size_t places = index_.leaves() * kLeafSize;
   classical_.resize(places);
   given_normal_.resize(places);

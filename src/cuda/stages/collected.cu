@@ -225,7 +225,9 @@ __global__ void __launch_bounds__(kBlock)
   __shared__ Collection::Shared shared[kWarps];
   const bool valid = tree.holds(at);
   const Reach reach(tree, radii, Index(at), valid);
-  ReachedLeaves leaves(tree, stop, Index(at), valid, reach.squared_radius);
+  const Vec here = position_of(tree.points[at]);
+  const WarpReach warp(here, valid, reach.squared_radius);
+  ReachedLeaves leaves(tree, stop, Index(at), here, reach.squared_radius, warp);
   Collection collection(tree, room, reach, Index(at), valid, shared[threadIdx.x / kWarp]);
   for (Index leaf = leaves.next(); leaf != point::kNoNeighbor; leaf = leaves.next()) collection.add(leaf);
   collection.finish();

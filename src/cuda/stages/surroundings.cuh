@@ -71,17 +71,25 @@ struct Reach {
   bool is_thinned;  // in any lane
 };
 
+// The box of a warp's points and the largest of their squared radii.
+struct WarpReach {
+  __device__ __forceinline__ WarpReach(Vec here, bool active, float squared_radius)
+      : box(warp_box(here, active)), farthest(unordered(warp_max(ordered(squared_radius)))) {}
+
+  Box box;
+  float farthest;
+};
+
 // The leaves that a radius of the warp reaches, in sorted order.
 class ReachedLeaves {
  public:
-  __device__ __forceinline__ ReachedLeaves(const Tree& tree, const Stop& stop, Index at, bool active,
-                                           float squared_radius)
+  __device__ __forceinline__ ReachedLeaves(const Tree& tree, const Stop& stop, Index at, Vec here, float squared_radius,
+                                           const WarpReach& warp)
       : stop_(stop),
         at_(at),
-        here_(position_of(tree.points[at])),
+        here_(here),
         squared_radius_(squared_radius),
-        farthest_(unordered(warp_max(ordered(squared_radius)))),
-        box_(warp_box(here_, active)),
+        warp_(warp),
         walk_(tree, tree.root_over(at / kLeafSize)) {}
 
   // The next, kNoNeighbor after the last, and after a stop that is heard; not to be called again then.
@@ -92,14 +100,17 @@ class ReachedLeaves {
     return leaf;
   }
   // Whether a point is as near to the warp's as its farthest radius.
-  __device__ __forceinline__ bool is_near(Vec point) const { return squared_gap({point, point}, box_) <= farthest_; }
+  __device__ __forceinline__ bool is_near(Vec point) const {
+    return squared_gap({point, point}, warp_.box) <= warp_.farthest;
+  }
 
  private:
   // Whether a radius of the warp reaches this lane's box. Most boxes are near that of the whole warp or they are not; a
   // leaf that the curve has torn apart is wide, and its points are asked one by one.
   __device__ __forceinline__ bool is_near(const Box& box) const {
     bool result = false;
-    for (unsigned near = __ballot_sync(kAllLanes, squared_gap(box, box_) <= farthest_); near != 0; near &= near - 1) {
+    for (unsigned near = __ballot_sync(kAllLanes, squared_gap(box, warp_.box) <= warp_.farthest); near != 0;
+         near &= near - 1) {
       const int child = __ffs(static_cast<int>(near)) - 1;
       const Box its_box = {from_lane(box.min, child), from_lane(box.max, child)};
       const bool reached = __any_sync(kAllLanes, squared_gap(its_box, {here_, here_}) <= squared_radius_);
@@ -116,8 +127,8 @@ class ReachedLeaves {
   const Stop& stop_;
   Index at_;
   Vec here_;
-  float squared_radius_, farthest_;
-  Box box_;
+  float squared_radius_;
+  const WarpReach& warp_;
   Walk walk_;
   unsigned visited_ = 0;
 };
@@ -139,8 +150,8 @@ class WalkedRadius {
         stop_(from.stop),
         at_(at),
         here_(position_of(tree.points[at])),
-        active_(active),
         reach_(tree, from.radii, at, active),
+        warp_(here_, active, reach_.squared_radius),
         shared_(shared) {}
 
   template <class Load, class Visit>
@@ -149,7 +160,7 @@ class WalkedRadius {
     static_assert(sizeof(Loaded) <= sizeof(float4));
     constexpr bool kLoads = !std::is_empty_v<Loaded>;
     const auto loaded = reinterpret_cast<Loaded*>(shared_.loaded);
-    ReachedLeaves leaves(tree_, stop_, at_, active_, reach_.squared_radius);
+    ReachedLeaves leaves(tree_, stop_, at_, here_, reach_.squared_radius, warp_);
     for (Index leaf = leaves.next(); leaf != point::kNoNeighbor; leaf = leaves.next()) {
       // each lane asks whether its point of the leaf is near the warp's, before all lanes look at it
       const Index mine = leaf * kLeafSize + lane_number();
@@ -190,8 +201,8 @@ class WalkedRadius {
   const Stop& stop_;
   Index at_;
   Vec here_;
-  bool active_;
   Reach reach_;
+  WarpReach warp_;
   Shared& shared_;
 };
 
