@@ -44,14 +44,6 @@ __device__ inline unsigned warp_sum(unsigned value) {
   return value;
 #endif
 }
-__device__ inline unsigned warp_or(unsigned value) {
-#if __CUDA_ARCH__ >= 800
-  return __reduce_or_sync(kAllLanes, value);
-#else
-  for (int step = kWarp / 2; step > 0; step /= 2) value |= __shfl_xor_sync(kAllLanes, value, step);
-  return value;
-#endif
-}
 __device__ inline unsigned warp_min(unsigned value) { return ~warp_max(~value); }
 
 // Floats as integers of the same order, so that integer reductions and atomics serve them. Exact, NaN excluded.
