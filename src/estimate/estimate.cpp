@@ -336,13 +336,14 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
     from.for_each_on_host(count, body);
   };
   const int repeats = wanted.noise ? repeats_among(nearest, for_each) : 1;
+  const std::span<const Point> heads = wanted.noise ? std::span(nearest.heads()) : std::span<const Point>();
   Samples samples;
   StepsInHeads in_heads;
   for_each(2, [&](std::size_t which) {  // at the same time, since samples may be taken on a card
     if (which == 0)
       samples = take(from, wanted.spacing ? queries : queries.first(0), for_noise, repeats, stop);
     else if (wanted.noise)
-      in_heads = steps_in_heads(nearest.heads(), nearest.samples());
+      in_heads = steps_in_heads(heads, nearest.samples());
   });
   const Spacing spacing = spacing_of(samples.spacing);
   if (!wanted.noise) return {spacing, {}};
