@@ -13,7 +13,9 @@ inline int max_concurrency() { return concurrency; }
 
 class task_arena {
  public:
-  explicit task_arena(int concurrency) : concurrency_(concurrency) {}
+  static constexpr int automatic = -1;  // as many threads as around it
+  explicit task_arena(int concurrency)
+      : concurrency_(concurrency == automatic ? this_task_arena::concurrency : concurrency) {}
   int max_concurrency() const { return concurrency_; }
 
   template <class Body>
