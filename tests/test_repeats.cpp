@@ -127,9 +127,11 @@ TEST(Repeats, include_points_of_a_row_that_share_an_error) {
 }
 
 TEST(Repeats, are_no_waves_across_rows) {
-  const auto waves = [](int row) { return 0.003 * std::sin(row * 2 * 3.14159265 / 7); };
-  const Points noisy = in_rows(waves, 0.0005);
-  EXPECT_LT(rms_off(Ran(noisy).points, waves), 1.1 * rms_off(noisy, waves));
+  for (const double period : {4, 5, 7}) {
+    const auto waves = [&](int row) { return 0.008 * std::sin(row * 2 * 3.14159265 / period + 0.3); };
+    const Points noisy = in_rows(waves, 0.0005);
+    EXPECT_LT(rms_off(Ran(noisy).points, waves), 1.1 * rms_off(noisy, waves)) << period << " rows";
+  }
 }
 
 }  // namespace

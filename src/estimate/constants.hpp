@@ -33,7 +33,7 @@ inline constexpr double kRowShare = 0.1;                           // of the sam
 inline constexpr double kGapOfRows = 8, kMostRows = 50;            // median gaps; rows across a neighbourhood; 141
 inline constexpr std::size_t kFewestOfRow = 8, kFewestRows = 6;    // points; rows; 141
 inline constexpr double kLeastRowOffset = 1, kMostRowOffset = 20;  // of what a row's points lie off; others .8; 141
-inline constexpr double kRowJump = 2;                              // chance is 2 or more, shape less; 141
+inline constexpr double kRowJump = 2.2;  // chance is 2.3 or more over a parabola, waves of four rows 2; 141
 
 // A surface among what is none.
 inline constexpr double kMessyNoise = 0.4;    // spacings; of more, the nearest points may hide a surface; 165

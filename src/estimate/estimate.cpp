@@ -294,20 +294,18 @@ std::shared_ptr<const NodeLevels> times(std::shared_ptr<const NodeLevels> levels
 void add_noise_of(Estimate& result, const Samples& samples, const CoordinateSteps& steps, const CloudSample& sample,
                   int repeats, const ForEach& for_each) {
   std::optional<std::vector<point::ResidualSample>> residuals;  // of all places
-  const auto all_residuals = [&] {
+  const auto measure_residuals = [&] {
     if (!residuals) cover_rounding(steps, residuals.emplace(samples.residuals()));
-    return *residuals;
   };
   const bool depth_has_steps = steps.kind == CoordinateSteps::Kind::depth;
   const std::size_t noises = samples.noise.size(), first = std::min(noises, kNoiseSamples);
   result.noise = noise_of(std::span(samples.noise).first(first), sample.bounds.valid / std::uint64_t(repeats),
                           depth_has_steps, [&] {
-                            std::vector<point::ResidualSample> of_first = all_residuals();
-                            of_first.resize(first);
-                            return of_first;
+                            measure_residuals();
+                            return std::vector(residuals->begin(), residuals->begin() + std::ptrdiff_t(first));
                           });
   result.noise.repeats = repeats;
-  if (result.noise.sigma < kBeyondResiduals * result.noise.surface_spacing) all_residuals();
+  if (result.noise.sigma < kBeyondResiduals * result.noise.surface_spacing) measure_residuals();
   LocalSamples local;
   for (std::size_t i = 0; i < noises; ++i) {
     if (!samples.noise[i].shows_noise) continue;
