@@ -15,7 +15,7 @@ endif
 FUZZ_SECONDS ?= 60
 FUZZ_TARGETS = $(notdir $(wildcard build/fuzz/bin/fuzz_*))
 
-.PHONY: help demo build test wheel wheels golden-aarch64 golden-windows golden-wheel golden-windows-wheel test-windows wasm site test-site golden bench quality bench-laz bench-viewer bench-implicit train-net paper-tables figures gallery estimates gpu release source recipes deb fuzz format docs asan tsan clean install
+.PHONY: help demo build test wheel wheels golden-aarch64 golden-windows golden-wheel golden-windows-wheel test-windows wasm site test-site test-integrations golden bench quality bench-laz bench-viewer bench-implicit train-net paper-tables figures gallery estimates gpu release source recipes deb fuzz format docs asan tsan clean install
 
 help:
 	@echo "make build    the program, build/bin/pointfair"
@@ -34,6 +34,7 @@ help:
 	@echo "make wasm     the program as WebAssembly, which gives the known bytes in Node; the compiler comes from PyPI"
 	@echo "make site     the site with the page that needs no installation, build/docs/site/app; build/docs/site is served by any host"
 	@echo "make test-site  that page in Chromium: files are dropped, denoised and saved with the program's bytes, without a network"
+	@echo "make test-integrations  the add-on in Blender and the provider in QGIS; installs both, 2 GB, for the Python of Debian 12"
 	@echo "make golden   small clouds of all kinds give the known bytes, in every way that this processor has"
 	@echo "make bench    time every stage and the peers"
 	@echo "make quality  measure the noise that is left by each method and peer, into docs; some hours, goes on if stopped"
@@ -119,6 +120,11 @@ test-site:
 	cmake --preset $(preset) -DPOINTFAIR_TESTS=ON
 	cmake --build build
 	ctest --test-dir build -R web.serverless --output-on-failure
+
+# QGIS and what it needs take a gigabyte, bpy another: no other word installs them
+test-integrations: wheel
+	@$(install) integrations
+	python3 tests/python/run.py --dist dist --work build/python/tests --integrations -rs
 
 golden: build
 	tests/golden/golden.py build/bin/pointfair

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # Installs the Debian or Ubuntu packages that the named jobs need and this machine lacks, and says which.
 # A machine that has them all is left alone: no network, no root.
-# Usage: scripts/install_packages.sh build|test|python|demo|bench|plots|fuzz|format|docs|deb...
+# Usage: scripts/install_packages.sh build|test|python|demo|bench|plots|fuzz|format|docs|integrations|deb...
 set -euo pipefail
 
 packages_for() {
@@ -16,8 +16,9 @@ packages_for() {
     fuzz) echo clang-16 libclang-rt-16-dev ;;
     format) echo clang-format-16 ;;
     docs) echo doxygen ;;
+    integrations) echo qgis qgis-providers libgl1 libice6 libsm6 libxfixes3 libxi6 libxkbcommon0 libxrender1 ;;
     deb) echo dpkg-dev debhelper ;;
-    *) echo "$0: unknown job '$1': use build, test, python, demo, bench, plots, fuzz, format, docs or deb" >&2; exit 2 ;;
+    *) echo "$0: unknown job '$1': use build, test, python, demo, bench, plots, fuzz, format, docs, integrations or deb" >&2; exit 2 ;;
   esac
 }
 

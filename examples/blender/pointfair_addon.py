@@ -63,6 +63,9 @@ class OBJECT_OT_pointfair_denoise(bpy.types.Operator):
             self.report({"ERROR"}, "pointfair is not installed in Blender's Python: the add-on's file says how")
             return {"CANCELLED"}
         data = context.active_object.data
+        if context.active_object.type == "MESH" and data.shape_keys:
+            self.report({"ERROR"}, "the object has shape keys, which hold its shape in place of the mesh: apply or remove them first")
+            return {"CANCELLED"}
         parameters = {"strength": self.strength}
         if self.noise > 0:
             parameters["noise"] = self.noise
@@ -80,7 +83,11 @@ class OBJECT_OT_pointfair_denoise(bpy.types.Operator):
         data.update_tag()
         if context.active_object.type == "MESH":
             data.update()
-        self.report({"INFO"}, f"{report.points} points denoised, {report.unmoved.total} kept as they were; noise {report.noise:.4g}")
+        told = f"{report.points} points denoised, {report.unmoved.total} kept as they were; noise {report.noise:.4g}"
+        if context.active_object.type == "MESH" and data.has_custom_normals:  # of the noisy surface, as importers set them
+            bpy.ops.mesh.customdata_custom_splitnormals_clear()
+            told += "; the normals of the input were removed, Blender computes them"
+        self.report({"INFO"}, told)
         return {"FINISHED"}
 
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Installs the wheel, or of several each one's own, into fresh environments, without a compiler, and runs the tests there.
 
-    tests/python/run.py --dist build/python/dist --work build/python/tests [--program build/bin/pointfair]
+    tests/python/run.py --dist build/python/dist --work build/python/tests [--program build/bin/pointfair] [--integrations]
 
 The whole suite runs on the Python that runs this; every other CPython from 3.10 on that is found (python3.N, pyenv's, and
 those of POINTFAIR_PYTHONS, separated by ':') installs the wheel, runs the examples of the documentation and removes it
@@ -101,6 +101,7 @@ def main():
     parser.add_argument("--dist", type=pathlib.Path, required=True, help="where the wheel is")
     parser.add_argument("--work", type=pathlib.Path, required=True, help="a folder for the environments")
     parser.add_argument("--program", type=pathlib.Path, help="the build's own pointfair, whose results must be the same")
+    parser.add_argument("--integrations", action="store_true", help="the tests of the add-on for Blender, with bpy of PyPI (370 MB), and of the provider for QGIS, alone")
     args, more = parser.parse_known_args()
     # the highest version first: a wheel for one version is closer to it than one for all from an older one on
     wheels = sorted(args.dist.glob("pointfair-*.whl"), key=lambda path: int(path.name.split("-cp3")[1].split("-")[0]), reverse=True)
@@ -108,10 +109,14 @@ def main():
     if not wheel:
         print("skipped: there is no wheel for this Python; python.wheel makes one")
         sys.exit(77)
+    pytest = ["-m", "pytest", "-c", HERE.parent.parent / "pyproject.toml", "--rootdir", HERE, "-p", "no:cacheprovider"]
+    if args.integrations:
+        programs = make_environment(args.work / "integrations", sys.executable, wheel, "bpy", "pytest")
+        call(programs / "python", *pytest, HERE / "test_blender.py", HERE / "test_qgis.py", *more, check=True)
+        return
     programs = make_environment(args.work / "whole", sys.executable, wheel, "-r", HERE / "requirements.txt")
     variables = {"POINTFAIR_BIN": str(args.program.resolve())} if args.program else {}
-    call(programs / "python", "-m", "pytest", "-c", HERE.parent.parent / "pyproject.toml", "--rootdir", HERE, "-p",
-         "no:cacheprovider", HERE, *more, env=variables, check=True)
+    call(programs / "python", *pytest, HERE, *more, env=variables, check=True)
     call(programs / "python", "-m", "pytest", "-q", "-p", "no:cacheprovider", "--doctest-modules",
          "--doctest-ignore-import-errors", "--pyargs", "pointfair",
          cwd=args.work, check=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The add-on of Blender, in Blender as a Python module (bpy of PyPI, 370 MB, which the tests do not install)."""
+"""The add-on of Blender, in Blender as a Python module (bpy of PyPI, 370 MB, which make test-integrations installs)."""
 import importlib
 import pathlib
 import sys
@@ -10,7 +10,7 @@ from clouds import same_bits
 
 import pointfair as pf
 
-bpy = pytest.importorskip("bpy", reason="bpy is not installed")
+bpy = pytest.importorskip("bpy", reason="bpy is not installed: make test-integrations installs it")
 
 
 @pytest.fixture
@@ -57,6 +57,47 @@ def test_vertices_without_faces_are_a_cloud_and_parameters_act(addon):
     assert bpy.ops.object.pointfair_denoise(noise=0.004, iterations=1, strength=0.5) == {"FINISHED"}
     noise = np.float32(0.004).item()  # Blender's numbers are floats
     assert same_bits(addon.positions_of(mesh), pf.denoise(points, noise=noise, iterations=1, strength=0.5))
+
+
+def test_a_point_cloud_is_denoised(addon):
+    points, _ = noisy_sheet()
+    add(points)
+    bpy.context.active_object.select_set(True)
+    assert bpy.ops.object.convert(target="POINTCLOUD") == {"FINISHED"}
+    scan = bpy.context.active_object
+    assert scan.type == "POINTCLOUD" and bpy.ops.object.pointfair_denoise() == {"FINISHED"}
+    assert same_bits(addon.positions_of(scan.data), pf.denoise(points))
+
+
+@pytest.mark.parametrize("importer, name", [("ply_import", "scan.ply"), ("obj_import", "scan.obj")])
+def test_an_imported_scan_is_not_shaded_with_the_normals_of_its_noise(addon, tmp_path, importer, name):
+    points, quads = noisy_sheet()
+    normals = np.random.default_rng(2).normal(0, 0.3, points.shape) + [0, 0, 1]
+    corners = ["%d//%d" % (i, i) for i in range(1, len(points) + 1)]
+    lines = ["v %.9g %.9g %.9g" % tuple(p) for p in points] + ["vn %.4f %.4f %.4f" % tuple(n) for n in normals]
+    (tmp_path / "scan.obj").write_text("\n".join(lines + ["f " + " ".join(corners[i] for i in quad) for quad in quads]) + "\n")
+    if name != "scan.obj":
+        pf.read(tmp_path / "scan.obj").write(tmp_path / name)
+    assert getattr(bpy.ops.wm, importer)(filepath=str(tmp_path / name), forward_axis="Y", up_axis="Z") == {"FINISHED"}
+    scan = bpy.context.view_layer.objects.active = bpy.context.selected_objects[0]
+    assert scan.data.has_custom_normals and len(scan.data.polygons) == len(quads)
+    assert bpy.ops.object.pointfair_denoise() == {"FINISHED"} and not scan.data.has_custom_normals
+    moved = addon.positions_of(scan.data)
+    slope = 0.6 * np.cos(6 * moved[:, 0])  # of the waves
+    true = np.c_[-slope, 0 * slope, 1 + 0 * slope] / np.sqrt(1 + slope**2)[:, None]
+    shaded = np.array([corner.vector for corner in scan.data.corner_normals])
+    of_corner = np.array([loop.vertex_index for loop in scan.data.loops])
+    inner = (moved[of_corner, :2] > 0.1).all(1) & (moved[of_corner, :2] < 0.9).all(1)
+    assert np.sqrt(np.mean(np.sum((shaded - true[of_corner])[inner] ** 2, 1))) < 0.1  # those of the file are off by 0.4
+
+
+def test_an_object_with_shape_keys_is_refused_with_what_to_do(addon):
+    points, faces = noisy_sheet()
+    mesh = add(points, faces)
+    bpy.context.active_object.shape_key_add(name="Basis")
+    with pytest.raises(RuntimeError, match="apply or remove"):
+        bpy.ops.object.pointfair_denoise()
+    assert same_bits(addon.positions_of(mesh), points)
 
 
 def test_it_is_not_offered_where_nothing_can_be_denoised(addon):

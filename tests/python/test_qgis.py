@@ -162,7 +162,11 @@ def qgis_process(tmp_path):
     # Debian's script of that name adds an option that the program refuses
     program = shutil.which("qgis_process.bin") or shutil.which("qgis_process")
     if not program:
-        pytest.skip("qgis_process is not installed")
+        pytest.skip("qgis_process is not installed: make test-integrations installs it")
+    ask = "import sys; print(*sys.version_info[:2], sep='.')"
+    its = subprocess.run([shutil.which("python3", path=os.defpath), "-c", ask], capture_output=True, text=True).stdout.strip()
+    if its != "{}.{}".format(*sys.version_info):
+        pytest.skip(f"qgis_process has Python {its}: run the tests with that")
     site = tmp_path / "site"
     site.mkdir()
     for name in ("pointfair", "nanobind_backend"):  # whatever else this Python has need not suit that of QGIS
@@ -186,6 +190,19 @@ def test_qgis_process_writes_what_the_library_writes(qgis_process, scan, tmp_pat
     assert "POINTS:\t3000\nUNMOVED:\t0\n" in ended.stdout
     pf.read(scan).denoise(noise=0.01, outliers="keep").write(tmp_path / "expected.ply")
     assert output.read_bytes() == (tmp_path / "expected.ply").read_bytes()
+
+
+def test_qgis_process_keeps_a_las_file_but_for_the_coordinates_that_moved(qgis_process, tmp_path):
+    classes = np.where(np.arange(3000) % 3 == 0, 2, 6).astype(np.uint8)
+    pf.Cloud(waves(3000) + [500000, 5400000, 100], {"classification": classes}).write(tmp_path / "tile.las")
+    given = [f"--INPUT={tmp_path / 'tile.las'}", "--WHERE=classification=6", f"--OUTPUT={tmp_path / 'out.las'}"]
+    ended = qgis_process("run", "pointfair:denoise", *given)
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+    before, after = pf.read(tmp_path / "tile.las"), pf.read(tmp_path / "out.las")
+    before.denoise(where="classification=6").write(tmp_path / "expected.las")
+    assert (tmp_path / "out.las").read_bytes() == (tmp_path / "expected.las").read_bytes()
+    moved = (before.xyz != after.xyz).any(1)
+    assert 1500 < moved.sum() <= 2000 and not moved[classes == 2].any() and np.array_equal(after["classification"], classes)
 
 
 def test_qgis_process_tells_a_fault_in_one_line(qgis_process, tmp_path):

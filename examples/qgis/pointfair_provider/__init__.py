@@ -5,6 +5,9 @@
     cp -r pointfair_provider ~/.local/share/QGIS/QGIS3/profiles/default/python/plugins/
     qgis_process plugins enable pointfair_provider
     qgis_process run pointfair:denoise --INPUT=tile.laz --OUTPUT=tile_denoised.laz
+
+Where the Python of QGIS is that of the system, as on Debian and Ubuntu, pip wants --user --break-system-packages: it adds
+pointfair and nanobind-backend to your own folder and leaves the packages of the system as they are.
 """
 from qgis.core import QgsApplication
 
