@@ -79,7 +79,7 @@ class StepClock {
 std::optional<double> given_noise(const TiledReport& report) {
   const Length& noise = report.params.noise;
   const bool is_given =
-      report.noise_attribute.empty() && noise.unit == Length::Unit::file && report.noise != noise.value;
+      report.noise_attribute.empty() && !report.asked.noise.is_automatic() && noise.unit == Length::Unit::file;
   return is_given ? std::optional(noise.value) : std::nullopt;
 }
 
@@ -130,7 +130,7 @@ void print_summary(const TiledReport& report) {
              reasons_kept(u, report.ignored));
   if (report.held > 0) fmt::print(stderr, "limits, such as --where and --box, held {} points in place\n", report.held);
   const std::optional<double> given = given_noise(report);
-  const std::string source = given ? "given" : noise_source({}, report.noise_attribute);
+  const std::string source = noise_source(report.asked, report.noise_attribute);
   fmt::print(stderr, "{}{}",
              noise_and_moves(given ? given : report.noise, source, report.displacement.mean, report.displacement.max),
              rounding_text(report.step));
@@ -138,10 +138,11 @@ void print_summary(const TiledReport& report) {
   std::vector<std::string> notes = {nothing_selected(report.points, u.non_finite, report.ignored, report.held),
                                     coarse_steps(report.step, noise), coarse_floats(report.float_step, noise)};
   const std::uint64_t finite = report.points - std::min(report.points, u.non_finite + report.ignored);
-  for (const std::string& doubt : doubts(
-           {report.spacing.value_or(0), noise, 0, report.displacement, finite,
-            u.too_few_neighbors + u.no_normal + u.outliers + std::uint64_t(report.without_surface * double(finite))}))
-    notes.push_back(doubt);
+  const std::vector<std::string> doubtful =
+      doubts({report.spacing.value_or(0), noise, report.diagonal, report.displacement, finite,
+              u.too_few_neighbors + u.no_normal + u.outliers + std::uint64_t(report.without_surface * double(finite)),
+              report.asked.min_neighbors == kAutomatic ? report.params.min_neighbors : 0});
+  notes.insert(notes.end(), doubtful.begin(), doubtful.end());
   if (report.outlier_action.kind != OutlierAction::Kind::none)
     notes.push_back(outcome_text(report.outlier_action, report.outcome));
   for (const std::string& note : notes)

@@ -61,6 +61,7 @@ struct TiledChoice {
 struct TiledReport {
   std::uint64_t points = 0;
   std::uint64_t tiles = 0;
+  Params asked;   ///< as planned: what is automatic is, and lengths are in file units or relative
   Params params;  ///< as used
   UnmovedCounts unmoved;
   std::uint64_t ignored = 0;  ///< finite points that Limits::ignore left out
@@ -70,6 +71,7 @@ struct TiledReport {
   std::array<double, 3> noise_quantiles{};  ///< as in Estimates, where there is a noise
   double without_surface = 0;               ///< as in Estimates
   std::string noise_attribute;              ///< with the given noise; empty: it was estimated
+  double diagonal = 0;                      ///< as in Estimates
   double float_step = 0;                    ///< as in Estimates; in zones, the largest step in one
   OutlierAction outlier_action;             ///< as asked for
   OutlierOutcome outcome;                   ///< what it came to

@@ -186,7 +186,9 @@ TiledReport TiledRun::report() const {
     state_->settings();
     report.points = folder.plan.points;
     report.tiles = folder.plan.tiles;
+    report.asked = folder.plan.params;
     report.params = state_->params();
+    report.diagonal = diagonal_of(state_->measured().bounds);
     const auto [with_spacing, with_noise] = needed_by(folder.plan.params).estimates;
     if (with_spacing) report.spacing = state_->measured().spacing.mean;
     if (with_noise) {

@@ -65,20 +65,24 @@ class Words(Case):
         rng = random.Random(1)
         ground = [(x, y, (x * y) / 4000 + rng.gauss(0, 0.02)) for x, y in ((rng.uniform(0, 1000), rng.uniform(0, 1000)) for _ in range(3000))]
         write_ply(self.path("in.ply"), ground)
-        self.assertRegex(self.said(), r"note: points are 1\d\.\d+ apart, \d+ times the noise")
+        for tiles in ([], ["--tiles", "2"]):
+            self.assertRegex(self.said(*tiles), r"note: points are 1\d\.\d+ apart, \d+ times the noise")
 
     def test_moves_that_are_large_against_the_cloud_are_told(self):
         rng = random.Random(1)
         write_ply(self.path("in.ply"), [[rng.uniform(0, 1000) for _ in range(3)] for _ in range(300)])
-        self.assertIn("large against the cloud", self.said())
+        for tiles in ([], ["--tiles", "2"]):
+            self.assertIn("large against the cloud", self.said(*tiles))
 
     def test_noise_that_neighbours_share_is_told(self):
         write_ply(self.path("in.ply"), shared_noise(1))
         self.assertNotIn("long-wave", self.said())
         write_ply(self.path("in.ply"), shared_noise(7))
-        said = self.said("--report", self.path("r.html"))
-        self.assertRegex(said, r"note: neighbourhoods of \d+ points were chosen, as for long-wave noise, .*: measure a flat place before and after")
+        for words in (["--report", self.path("r.html")], ["--tiles", "2"]):
+            self.assertRegex(self.said(*words), r"note: neighbourhoods of \d+ points were chosen, as for long-wave noise, .*: measure a flat place before and after")
         self.assertIn("long-wave noise", self.path("r.html").read_text())
+        for words in ([], ["--tiles", "2"]):
+            self.assertNotIn("long-wave", self.said("--min-neighbors", "48", *words))
 
     def test_points_that_show_no_surface_are_told(self):
         rng = random.Random(2)
@@ -92,9 +96,16 @@ class Words(Case):
         self.assertAlmostEqual(int(percent.group(1)), 100 * int(kept.group(1)) / 8000, delta=2)
         self.assertIn(percent.group(0)[6:], self.path("r.html").read_text())
 
+    def test_many_files_as_one_cloud_get_the_notes_of_the_cloud(self):
+        for name, points in zip(("a.ply", "b.ply"), (shared_noise(7)[:4000], shared_noise(7)[4000:])):
+            write_ply(self.path(name), points)
+        said = self.ok("run", self.path("a.ply"), self.path("b.ply"), "--out-dir", self.path("out")).stderr.decode()
+        self.assertIn("as for long-wave noise", said)
+
     def test_a_plain_scan_gets_no_note(self):
         write_ply(self.path("in.ply"), sphere_points(5000, 0.01))
-        self.assertNotIn("note", self.said())
+        for tiles in ([], ["--tiles", "2"]):
+            self.assertNotIn("note", self.said(*tiles))
 
 
 if __name__ == "__main__":
