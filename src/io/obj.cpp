@@ -3,10 +3,13 @@
 #include <algorithm>
 #include <atomic>
 #include <mutex>
+#include <numeric>
 
 #include "io/colors.hpp"
 #include "io/formats.hpp"
+#include "io/obj_lines.hpp"
 #include "io/obj_parts.hpp"
+#include "io/obj_removal.hpp"
 #include "io/parallel.hpp"
 #include "io/text_source.hpp"
 
@@ -53,6 +56,22 @@ class ObjSource : public TextSource {
     return "OBJ files have normals on lines of their own, which are not renewed; choose PLY, or leave them as they are";
   }
 
+  bool leaves_points_out() const override { return parts().can_lose_points; }
+
+  void write(const Edits& edits, Encoding encoding, Output& out) const override {
+    if (edits.removed.empty()) return TextSource::write(edits, encoding, out);
+    if (!parts().damage.empty()) fail(name(), parts().damage);
+    const ObjRemoval removal(edits.removed, parts().own_normals, layout().shape);
+    const std::vector<std::uint64_t> normals = normals_before_blocks();
+    out.write(header(edits.added));
+    write_blocks(out, block_count(), [&](std::size_t block, std::string& buffer) {
+      std::string whole;
+      append_block(block, moves(block, edits), edits, whole);
+      removal.append(whole, block_begin(block), normals[block], buffer);
+    });
+    out.write(tail());
+  }
+
   std::vector<Content> contents() const override {
     std::vector<Content> result = TextSource::contents();
     const ObjParts& all = parts();
@@ -69,6 +88,20 @@ class ObjSource : public TextSource {
   const ObjParts& parts() const {
     std::call_once(parsed_, [this] { parts_ = read_obj_parts(text()); });
     return parts_;
+  }
+
+  // Of the file, where its normals go with its points; else none counts.
+  std::vector<std::uint64_t> normals_before_blocks() const {
+    std::vector<std::uint64_t> before(block_count() + 1);
+    if (!parts().own_normals) return before;
+    for_each_block(block_count(), [&](std::size_t block) {
+      LinesSoFar so_far;
+      io::for_each_line({block_text(block), bytes(), layout().shape, layout().count, [](std::string_view) {}},
+                        [&](ObjLine kind, std::string_view, std::string_view) { so_far.take(kind); });
+      before[block + 1] = so_far.normals;
+    });
+    std::partial_sum(before.begin(), before.end(), before.begin());
+    return before;
   }
 
   ObjText text() const {

@@ -3,141 +3,12 @@
 
 #include <algorithm>
 #include <map>
-#include <optional>
 
+#include "io/obj_lines.hpp"
 #include "io/plain_row.hpp"
-#include "io/text.hpp"
 
 namespace pointfair::io {
 namespace {
-
-enum class ObjLine : std::uint8_t { point, normal, texture, face, other };
-
-// By the first characters of a line that is not blank; their number is 0 for other lines.
-inline ObjLine kind_of(const char* at, const char* end, std::ptrdiff_t& characters) {
-  const bool one = at + 1 == end || is_blank(at[1]), two = !one && (at + 2 == end || is_blank(at[2]));
-  characters = one ? 1 : 2;
-  if (one && *at == 'f') return ObjLine::face;
-  if (one && *at == 'v') return ObjLine::point;
-  if (two && *at == 'v' && at[1] == 'n') return ObjLine::normal;
-  if (two && *at == 'v' && at[1] == 't') return ObjLine::texture;
-  characters = 0;
-  return ObjLine::other;
-}
-
-// Calls take(kind, words, line) for each line that is not blank; `words` follow the key, unless the kind is other.
-template <class Take>
-void for_each_line(const ObjText& text, const Take& take) {
-  constexpr std::ptrdiff_t kPassed = std::ptrdiff_t{1} << 20;  // bytes at a time
-  std::string_view rest = text.rows, line;
-  const char* passed = rest.data();
-  while (next_row(rest, line, text.shape)) {
-    const char* at = line.data();
-    const char* const end = at + line.size();
-    while (at != end && is_blank(*at)) ++at;
-    if (at != end) {
-      std::ptrdiff_t key = 0;
-      const ObjLine kind = kind_of(at, end, key);
-      take(kind, std::string_view(at + key, static_cast<std::size_t>(end - at - key)), line);
-    }
-    if (rest.data() - passed < kPassed) continue;
-    text.passed({passed, static_cast<std::size_t>(rest.data() - passed)});
-    passed = rest.data();
-  }
-}
-
-// The lines before a face, from which negative indices count.
-struct LinesSoFar {
-  std::uint64_t points = 0, normals = 0, textures = 0;
-
-  void take(ObjLine kind) {
-    points += kind == ObjLine::point;
-    normals += kind == ObjLine::normal;
-    textures += kind == ObjLine::texture;
-  }
-};
-
-// One corner of a face, from 0; none is -1.
-struct Corner {
-  std::int64_t point = -1, texture = -1, normal = -1;
-};
-
-// The corners of one face: "7", "7/1", "7//3", "7/1/3", and "-1" for the last so far.
-class Corners {
- public:
-  Corners(std::string_view words, const LinesSoFar& so_far, std::uint64_t points)
-      : at_(words.data()), end_(at_ + words.size()), so_far_(so_far), points_(points) {}
-
-  // False: there is none left, or the next one is damaged.
-  bool next(Corner& corner) {
-    skip_blanks();
-    if (at_ == end_) return false;
-    constexpr std::uint64_t kMost = std::uint64_t{1} << 31;
-    word_ = at_;
-    corner = {};
-    if (!index(so_far_.points, points_, corner.point)) return damage();
-    if (take_slash() && !is_left_out() && !index(so_far_.textures, kMost, corner.texture)) return damage();
-    if (take_slash() && !is_left_out() && !index(so_far_.normals, kMost, corner.normal)) return damage();
-    if (take_slash()) skip_word();  // what else may stand there
-    while (at_ != end_ && *at_ == '\\') ++at_;
-    return at_ == end_ || is_blank(*at_) || damage();
-  }
-
-  // The word that is no corner, if there is one.
-  std::optional<std::string_view> damaged() const {
-    if (!damaged_) return std::nullopt;
-    std::string_view rest(word_, static_cast<std::size_t>(end_ - word_)), word;
-    next_word(rest, word);
-    while (word.size() > 1 && word.ends_with('\\')) word.remove_suffix(1);
-    return word;
-  }
-
- private:
-  bool damage() {
-    damaged_ = true;
-    return false;
-  }
-  // A backslash says that the row goes on in the next line.
-  void skip_blanks() {
-    while (at_ != end_ && is_blank(*at_)) ++at_;
-    const char* at = at_;
-    while (at != end_ && *at == '\\') ++at;
-    if (at == at_ || (at != end_ && !is_blank(*at))) return;
-    at_ = at;
-    skip_blanks();
-  }
-  void skip_word() {
-    while (at_ != end_ && !is_blank(*at_)) ++at_;
-  }
-  bool take_slash() {
-    if (at_ == end_ || *at_ != '/') return false;
-    ++at_;
-    return true;
-  }
-  bool is_left_out() const { return at_ == end_ || *at_ == '/' || *at_ == '\\' || is_blank(*at_); }
-
-  bool index(std::uint64_t so_far, std::uint64_t most, std::int64_t& to) {
-    constexpr std::ptrdiff_t kDigits = 18;  // fit
-    const bool from_last = at_ != end_ && *at_ == '-';
-    at_ += from_last;
-    const char* const begin = at_;
-    std::int64_t number = 0;
-    for (; at_ != end_ && *at_ >= '0' && *at_ <= '9' && at_ - begin < kDigits; ++at_)
-      number = 10 * number + (*at_ - '0');
-    if (at_ == begin) return false;
-    if (number == 0) return false;
-    if (from_last) number = static_cast<std::int64_t>(so_far) + 1 - number;
-    to = number - 1;
-    return number >= 1 && static_cast<std::uint64_t>(number) <= most;
-  }
-
-  const char* at_;
-  const char* end_;
-  const LinesSoFar& so_far_;
-  std::uint64_t points_;
-  const char* word_ = nullptr;
-  bool damaged_ = false;
-};
 
 // The first numbers among the words.
 template <std::size_t kCount>
@@ -183,7 +54,9 @@ class PartsReader {
       ++parts_.faces.corners;
       without_texture_ = without_texture_ || corner.texture < 0;
       last_texture_ = std::max(last_texture_, corner.texture);
-      if (corner.normal >= 0) take_normal(corner);
+      if (corner.normal < 0) continue;
+      names_others_ = names_others_ || corner.normal != corner.point;
+      take_normal(corner);
     }
     ++parts_.faces.faces;
     if (const auto word = corners.damaged())
@@ -194,6 +67,7 @@ class PartsReader {
   void take_other(std::string_view words) {
     std::string_view key;
     next_word(words, key);
+    parts_.can_lose_points = parts_.can_lose_points && !names_points_otherwise(key, words);
     if (key == "usemtl" || key == "mtllib") {
       std::string_view material;
       if (next_word(words, material)) ++materials_[std::string(material)];
@@ -202,6 +76,16 @@ class PartsReader {
     } else if (key.empty() || key[0] != '#') {
       ++others_;
     }
+  }
+
+  // Curves and surfaces, and colours that follow the points in remarks, name them in ways that are not read.
+  bool names_points_otherwise(std::string_view key, std::string_view words) const {
+    constexpr std::string_view kKeys[] = {"curv", "surf", "fo", "bzp", "bsp", "cdc", "cdp", "#MRGB"};
+    if (key != "l" && key != "p") return std::ranges::find(kKeys, key) != std::end(kKeys);
+    Corners corners(words, so_far_, text_.points);
+    bool has_normals = false;
+    for (Corner corner; corners.next(corner);) has_normals = has_normals || corner.normal >= 0;
+    return has_normals || corners.damaged();
   }
 
   // Which normal the corners of each point have, as long as no two of them differ.
@@ -232,7 +116,7 @@ class PartsReader {
   // Normals are those of points if all corners of a point have the same one.
   void give_normals() {
     if (names_later_ && !differ_) take_normals_again();
-    const bool one_each = normals_.size() == text_.points;
+    const bool one_each = parts_.own_normals = normals_.size() == text_.points && !names_others_;
     if (normals_.empty() || differ_ || names_later_ || (of_points_.empty() && !one_each)) return;
     for (std::size_t i = 0; i < of_points_.size() && one_each; ++i)
       if (of_points_[i] == ObjNormals::kNone) of_points_[i] = static_cast<std::uint32_t>(i);
@@ -259,7 +143,7 @@ class PartsReader {
   const ObjText& text_;
   LinesSoFar so_far_;
   ObjParts parts_;
-  bool without_texture_ = false, differ_ = false, names_later_ = false;
+  bool without_texture_ = false, differ_ = false, names_later_ = false, names_others_ = false;
   std::int64_t last_texture_ = -1;
   std::uint64_t groups_ = 0, others_ = 0;
   std::vector<ObjNormals::Normal> normals_;

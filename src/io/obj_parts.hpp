@@ -44,6 +44,8 @@ struct ObjParts {
   ObjNormals point_normals;   ///< empty if the corners of a point differ
   ExpectedFaces faces;
   bool textured = false;          ///< every corner has texture coordinates
+  bool own_normals = false;       ///< there is one for each point, in the same order, and corners name that one
+  bool can_lose_points = true;    ///< nothing but faces, lines and points names points
   std::vector<Content> contents;  ///< all but faces and normals
 };
 

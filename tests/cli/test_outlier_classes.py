@@ -131,6 +131,30 @@ class Classes(Case):
         self.ok("run", self.path("in.obj"), self.path("kept.obj"), "-q")
         self.assertEqual(self.path("out.obj").read_bytes(), self.path("kept.obj").read_bytes())
 
+    def test_obj_files_lose_points_and_their_faces_and_nothing_else(self):
+        corners = [(i, i + 1, i + 60) for i in range(3540) if i % 60 < 59]
+        def text(points, faces):
+            lines = ["# a scan", "mtllib scan.mtl", "o ground"] + ["v " + p for p in points] + ["vt %d 0.5" % i for i in range(9)]
+            for n, face in faces:
+                lines += ["usemtl skin%d" % n] * (n % 500 == 0) + ["f " + " ".join("%d/%d" % (i + 1, n % 9 + 1) for i in face)]
+            return "\n".join(lines) + "\n"
+        faces = list(enumerate(corners))
+        self.path("in.obj").write_text(text(["%.9g %.9g %.9g" % p for p in self.points], faces))
+        self.ok("run", self.path("in.obj"), self.path("kept.obj"), "-q")
+        kept = [line[2:] for line in self.path("kept.obj").read_text().splitlines() if line.startswith("v ")]
+        gone = set(self.low + self.high)
+        place = {i: number for number, i in enumerate(i for i in range(3600) if i not in gone)}
+        left = [(n, [place[i] for i in face]) for n, face in faces if not gone & set(face)]
+        lost = {n for n, face in faces if gone & set(face)}
+        wanted = text([p for i, p in enumerate(kept) if i not in gone], left)
+        for n in lost:  # the line stays where its first face goes
+            self.assertNotEqual(n % 500, 0)
+        said = self.ok("run", self.path("in.obj"), self.path("out.obj"), "--outliers", "remove", "--strict").stderr.decode()
+        self.assertIn("40 points are removed", said)
+        self.assertEqual(self.path("out.obj").read_text(), wanted)
+        self.ok("run", self.path("in.obj"), self.path("cut.obj"), "--outliers", "remove", "--tiles", 3, "-q")
+        self.assertEqual(self.path("cut.obj").read_bytes(), self.path("out.obj").read_bytes())
+
     def test_las_files_lose_points_and_nothing_else(self):
         self.ok("run", self.las, self.path("kept.las"), "-q")
         said = self.run_with("remove")
@@ -225,7 +249,7 @@ class Classes(Case):
         for words, says in (("classify=x", "0 to 255"), ("classify=256", "0 to 255"), ("classify=", "0 to 255"), ("classified", "--outliers")):
             self.fails(2, "run", self.las, self.out, "--outliers", words, says=says)
         write_ply(self.path("in.ply"), self.points)
-        self.fails(2, "run", self.path("in.ply"), self.path("o.ply"), "--outliers", "remove", "--tiles", "2", says=["in.ply", "LAS and LAZ", "--outliers mark", "--each"])
+        self.fails(2, "run", self.path("in.ply"), self.path("o.ply"), "--outliers", "remove", "--tiles", "2", says=["in.ply", "LAS, LAZ and OBJ", "--outliers mark", "--each"])
         self.fails(2, "run", self.las, self.path("o.off"), "--outliers", "classify", says="--outliers")
 
 

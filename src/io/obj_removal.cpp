@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "io/obj_removal.hpp"
+
+#include "io/obj_lines.hpp"
+
+namespace pointfair::io {
+
+ObjRemoval::ObjRemoval(std::span<const std::uint8_t> removed, bool own_normals, const RowShape& shape)
+    : left_before_{0}, own_normals_(own_normals), shape_(shape) {
+  left_before_.reserve(removed.size() + 1);
+  for (const std::uint8_t gone : removed) left_before_.push_back(left_before_.back() + (gone == 0));
+}
+
+// A walk over lines of the file.
+struct ObjRemoval::Lines {
+  const ObjRemoval& removal;
+  LinesSoFar so_far;
+  std::string& to;
+
+  std::uint32_t left_before(std::uint64_t point) const { return removal.left_before_[point]; }
+
+  // The new number of what had `text` as its number, of which there were `before` lines before.
+  std::string number(std::int64_t index, std::string_view text, std::uint64_t before) const {
+    const std::int64_t now = left_before(static_cast<std::uint64_t>(index));
+    if (now == index && !text.starts_with('-')) return std::string(text);  // as it is written
+    return std::to_string(text.starts_with('-') ? now - std::int64_t{left_before(before)} : now + 1);
+  }
+
+  // `words`: the corners in the line. A list has points that do not depend on each other.
+  void append_corners(std::string_view line, std::string_view words, bool is_list) {
+    const std::size_t begin = to.size();
+    const char* copied = line.data();
+    const auto copy_up_to = [&](const char* end) {
+      to.append(copied, end);
+      copied = end;
+    };
+    std::size_t left = 0;
+    Corners corners(words, so_far, removal.left_before_.size() - 1);
+    for (Corner corner; corners.next(corner);) {
+      copy_up_to(corner.point_text.data());
+      copied += corner.point_text.size();
+      if (!removal.is_removed(static_cast<std::uint64_t>(corner.point))) {
+        ++left;
+        to += number(corner.point, corner.point_text, so_far.points);
+        if (!removal.own_normals_ || corner.normal < 0) continue;
+        copy_up_to(corner.normal_text.data());
+        copied += corner.normal_text.size();
+        to += number(corner.normal, corner.normal_text, so_far.normals);
+      } else if (!is_list) {
+        return to.resize(begin);
+      }
+    }
+    if (left == 0) return to.resize(begin);
+    to.append(copied, line.data() + line.size());
+  }
+
+  // `line` with its end.
+  void append(std::string_view line) {
+    const char* at = line.data();
+    const char* const end = at + line.size();
+    while (at != end && is_blank(*at)) ++at;
+    if (at == end) {
+      to += line;
+      return;
+    }
+    std::ptrdiff_t key = 0;
+    const ObjLine kind = kind_of(at, end, key);
+    const bool is_element = kind == ObjLine::other && (*at == 'l' || *at == 'p') && at + 1 != end && is_blank(at[1]);
+    if (kind == ObjLine::face || is_element) {
+      append_corners(line, {at + 1, static_cast<std::size_t>(end - at - 1)}, *at == 'p');
+    } else if (!(kind == ObjLine::point && removal.is_removed(so_far.points)) &&
+               !(kind == ObjLine::normal && removal.own_normals_ && removal.is_removed(so_far.normals))) {
+      to += line;
+    }
+    so_far.take(kind);
+  }
+};
+
+void ObjRemoval::append(std::string_view text, std::uint64_t points, std::uint64_t normals, std::string& to) const {
+  constexpr std::uint64_t kMany = std::uint64_t{1} << 30;  // so that what is counted from the end, and kept, is read
+  Lines lines{*this, {points, own_normals_ ? normals : kMany, kMany}, to};
+  std::string_view line;
+  while (next_row(text, line, shape_)) lines.append({line.data(), static_cast<std::size_t>(text.data() - line.data())});
+}
+
+}  // namespace pointfair::io
