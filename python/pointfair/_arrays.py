@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+import warnings
 from typing import Any, Callable, Literal
 
 import numpy as np
@@ -44,7 +45,7 @@ def as_numpy(points: Any, name: str = "points") -> np.ndarray[Any, Any]:
 def check_floats(array: np.ndarray[Any, Any], name: str) -> None:
     """Raises UsageError unless the array is float32 or float64."""
     if array.dtype.kind != "f" or array.dtype.itemsize not in (4, 8):
-        raise UsageError(f"{name} has the type {array.dtype}: give float32 or float64, {name}.astype('float32') for instance")
+        raise UsageError(f"{name} has the type {array.dtype}: give float32 or float64, {name}.astype('float32') of an array or {name}.float() of a tensor")
 
 
 def check_positions(array: np.ndarray[Any, Any], name: str = "points", images: bool = False) -> None:
@@ -54,6 +55,21 @@ def check_positions(array: np.ndarray[Any, Any], name: str = "points", images: b
         advice = "; reshape(-1, 3) makes one of an image" if array.ndim == 3 else ""
         image = ", or an image of points, (H, W, 3)" if images else ""
         raise UsageError(f"{name} has the shape {array.shape}: give (N, 3), or (N, 4) whose last column stays{image}{advice}")
+    if array.ndim == 3 and _is_no_image(array):
+        warnings.warn(f"{name} has the shape {array.shape} and is taken as one image of points, but the points of its rows are in no order: "
+                      "denoise_batch takes a batch of clouds, each for itself", stacklevel=3)
+
+
+def _is_no_image(array: np.ndarray[Any, Any]) -> bool:
+    """Whether neighbours in rows are about as far apart as other points of the row, as in a batch of clouds: from a sample."""
+    fewest, rows_looked_at, pixels = 64, 32, 256
+    some = array[:: max(1, array.shape[0] // rows_looked_at), :pixels, :3]
+    some = np.where((some == 0).all(axis=-1, keepdims=True), np.nan, some)  # a camera measured nothing there
+    with np.errstate(all="ignore"):
+        near = np.linalg.norm(some[:, 1:] - some[:, :-1], axis=-1)
+        far = np.linalg.norm(some - np.roll(some, some.shape[1] // 2, axis=1), axis=-1)
+    near, far = near[np.isfinite(near)], far[np.isfinite(far)]
+    return some.shape[1] >= 16 and min(len(near), len(far)) >= fewest and bool(np.median(near) > np.median(far) / 2)
 
 
 def rows(array: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Arrays of every kind: the right result, or the right exception with a sentence."""
+import warnings
+
 import numpy as np
 import pytest
 from clouds import same_bits, waves
@@ -293,6 +295,21 @@ def test_images_of_any_layout_and_a_mask_of_their_shape():
     assert same_bits(half, np.where(mask[:, None], expected, points))
     with pytest.raises(pf.UsageError, match="mask has the shape"):
         pf.denoise(points, mask=np.ones((30, 40), bool))
+
+
+def test_a_batch_in_place_of_an_image_is_told():
+    batch = np.stack([waves(500, seed) for seed in range(4)]).astype(np.float32)
+    pipeline = pf.Pipeline("cpu")
+    for call in (pf.denoise, pf.estimate, pipeline.load):
+        with pytest.warns(UserWarning, match=r"\(4, 500, 3\).*denoise_batch"):
+            call(batch)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        pf.denoise_batch(batch)
+        frame = np.full((480, 640, 3), np.nan, np.float32)  # a camera that measured little
+        frame[::7, ::9] = np.stack(np.broadcast_arrays(np.arange(0, 640, 9.0), np.arange(0, 480, 7.0)[:, None], 500.0), -1)
+        for image_of_points in (image(np.float32), image(np.float64, 4), image(np.float32)[:1], frame, np.zeros((20, 30, 3)), batch[:, :5]):
+            pf.denoise(image_of_points)
 
 
 def test_a_pipeline_of_images():
