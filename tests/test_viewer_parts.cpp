@@ -3,12 +3,14 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
 #include <random>
 #include <set>
 
 #include "shapes.h"
+#include "viewer/attributes.hpp"
 #include "viewer/gate.hpp"
 #include "viewer/order.hpp"
 #include "viewer/preview.hpp"
@@ -46,6 +48,26 @@ TEST(ViewerOrder, TheLargestCloudDoesNotOverflow) {
   const Order order(n);
   for (const std::uint64_t place : {std::uint64_t{0}, std::uint64_t{1}, n / 2, n - 1})
     EXPECT_EQ(order.place(order.index(place)), place);
+}
+
+TEST(ViewerAttributes, ColoursAreOfferedAsColoursWhateverTheirNames) {
+  const std::array<const char*, 3> named[] = {
+      {"red", "green", "blue"}, {"r", "g", "b"}, {"colorRed", "colorGreen", "colorBlue"}};
+  for (const auto& names : named) {
+    Cloud cloud;
+    cloud.points = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+    for (std::size_t c = 0; c < 3; ++c) {
+      Attribute& channel = cloud.added.emplace_back();
+      channel.name = names[c];
+      channel.type = ScalarType::uint8;
+      for (std::size_t i = 0; i < 3; ++i) channel.data.push_back(std::byte(10 * i + c));
+    }
+    EXPECT_EQ(colour_choices(cloud), Json::parse(R"([{"name": "rgb", "kind": "rgb"}])"));
+    const Order order(3);
+    const std::vector<std::uint8_t> shown = colours(cloud, order, 3);
+    for (std::size_t place = 0; place < 3; ++place)
+      for (std::size_t c = 0; c < 3; ++c) EXPECT_EQ(shown[4 * place + c], 10 * order.index(place) + c);
+  }
 }
 
 TEST(ViewerQuantise, NormalsComeBackWithinATenThousandth) {

@@ -11,8 +11,11 @@
 namespace pointfair::viewer {
 namespace {
 
-constexpr std::array<std::array<std::string_view, 3>, 3> kColourNames{
-    {{"red", "green", "blue"}, {"r", "g", "b"}, {"diffuse_red", "diffuse_green", "diffuse_blue"}}};
+// The last ones are of E57.
+constexpr std::array<std::array<std::string_view, 3>, 4> kColourNames{{{"red", "green", "blue"},
+                                                                       {"r", "g", "b"},
+                                                                       {"diffuse_red", "diffuse_green", "diffuse_blue"},
+                                                                       {"colorRed", "colorGreen", "colorBlue"}}};
 constexpr std::array<std::string_view, 2> kPackedNames{"rgb", "rgba"};  // of PCD: 0xRRGGBB in 4 bytes, often as a float
 
 // How a file says its colours.
