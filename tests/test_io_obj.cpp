@@ -139,12 +139,12 @@ TEST(ObjFiles, WhatIsLeftOfOneThatLosesPointsNamesTheSame) {
 TEST(ObjFiles, LinesKeepWhatDoesNotChange) {
   Cloud cloud = parse(
       "mtllib a.mtl\r\nv 1 2 3 # first\r\nv 4 5 6\r\nv 7.50 8 9\r\nv 1 1 1\r\nusemtl bark\r\nf 01 3 \\\r\n  4\r\n"
-      "f 1 2 3\r\ns off\r\n  f\t-1 -2 -4\r\np 2\r\np 4 2 1\r\n# 4 points",
+      "f 1 2 3\r\nf\r\ns off\r\n  f\t-1 -2 -4\r\np 2\r\np 4 2 1\r\n# 4 points",
       "a.obj");
   cloud.points[0].y = 2.5F;
   EXPECT_EQ(image(without_points(cloud, std::vector<std::uint8_t>{0, 1, 0, 0}), Format::obj),
             "mtllib a.mtl\r\nv 1 2.5 3 # first\r\nv 7.50 8 9\r\nv 1 1 1\r\nusemtl bark\r\nf 01 2 \\\r\n  3\r\n"
-            "s off\r\n  f\t-1 -2 -3\r\np 3  1\r\n# 4 points");
+            "f\r\ns off\r\n  f\t-1 -2 -3\r\np 3  1\r\n# 4 points");
   EXPECT_EQ(image(without_points(cloud, std::vector<std::uint8_t>(4)), Format::obj), image(cloud, Format::obj));
 }
 

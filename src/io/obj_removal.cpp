@@ -34,9 +34,9 @@ struct ObjRemoval::Lines {
       to.append(copied, end);
       copied = end;
     };
-    std::size_t left = 0;
+    std::size_t corners_seen = 0, left = 0;
     Corners corners(words, so_far, removal.left_before_.size() - 1);
-    for (Corner corner; corners.next(corner);) {
+    for (Corner corner; corners.next(corner); ++corners_seen) {
       copy_up_to(corner.point_text.data());
       copied += corner.point_text.size();
       if (!removal.is_removed(static_cast<std::uint64_t>(corner.point))) {
@@ -50,7 +50,7 @@ struct ObjRemoval::Lines {
         return to.resize(begin);
       }
     }
-    if (left == 0) return to.resize(begin);
+    if (left == 0 && corners_seen > 0) return to.resize(begin);
     to.append(copied, line.data() + line.size());
   }
 
