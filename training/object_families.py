@@ -67,6 +67,35 @@ def object_white(rng: Random) -> Drawn:
     return with_error(rng, lambda clean, sigma: rng.normal(size=clean.shape))
 
 
+def in_sight(scene: Scene, rng: Random, clean: np.ndarray) -> np.ndarray:
+    """Which points see out in one of sixteen directions: parts that run into each other hide some of their surface."""
+    seen = np.zeros(len(clean), bool)
+    for _ in range(16):
+        left, way = np.flatnonzero(~seen), direction(rng)
+        seen[left] = ~np.isfinite(scene.caster.cast(clean[left] + 1e-5 * way, np.broadcast_to(way, (len(left), 3)))[0])
+    return seen
+
+
+def full_points(scene: Scene, rng: Random, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Poisson-disk samples with hardly room for another, about so many, and their triangles."""
+    points, triangle = cameras.surface_points(scene, rng, 24 * count)
+    a, b, c = (scene.vertices[scene.triangles[:, k]] for k in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+    keep = rays.spread(points, .82 * np.sqrt(area / count))
+    return points[keep], triangle[keep]
+
+
+@family("objects")
+def object_even(rng: Random) -> Drawn:
+    """Very even points on the outside of an object, isotropic noise of .8 to 3.2 % of the bounding radius."""
+    scene = objects.one_object(rng)
+    clean, triangle = full_points(scene, rng, int(log_uniform(rng, 9_000, 60_000)))
+    keep = in_sight(scene, rng, clean)
+    clean, triangle = clean[keep], triangle[keep]
+    radius = np.linalg.norm(clean - (clean.min(0) + clean.max(0)) / 2, axis=1).max()
+    return white(scene, rng, clean, triangle, rng.uniform(.008, .032) * radius)
+
+
 @family("objects")
 def object_anisotropic(rng: Random) -> Drawn:
     """Noise along one direction mostly, at times in steps, or growing towards one side."""

@@ -8,7 +8,7 @@ import numpy as np
 
 import cloud
 from scene import Scene
-from shapes import Mesh, box, hull, joined, lathe, on_floor, pebble, pipe, rod, scaled, sheet, turned
+from shapes import Mesh, box, hull, joined, lathe, level_set, on_floor, pebble, pipe, rod, scaled, sheet, turned, unit
 
 Random = np.random.Generator
 KEPT_APART = ("egea", "joint", "bumpy_torus", "block", "nicolo", "screwdriver")     # shapes of other tests
@@ -131,7 +131,71 @@ def vase(rng: Random) -> Mesh:
     return lathe([(0, 0), *outside, (radius[-1] - wall, 2), *inside, (0, wall)], sides=120)
 
 
-MADE = (supershape, gear, blob, torus, machined, vase)
+def polyhedron(rng: Random) -> Mesh:
+    """Few plane faces: a prism, an octahedron, an icosahedron or a hull of random points, at times with a pyramid on each
+    triangle."""
+    kind = rng.integers(4)
+    if kind == 0:
+        angle = np.linspace(0, 2 * np.pi, int(rng.integers(3, 13)), endpoint=False)
+        ring, half = np.stack([np.cos(angle), np.sin(angle)], 1), rng.uniform(.2, 1.5)
+        corners = np.concatenate([np.insert(ring, 2, half, axis=1), np.insert(ring * rng.uniform(.5, 1), 2, -half, axis=1)])
+    elif kind == 1:
+        corners = np.concatenate([np.eye(3), -np.eye(3)])
+    elif kind == 2:
+        golden, signs = (1 + 5 ** .5) / 2, np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
+        corners = np.concatenate([np.roll(np.c_[np.zeros(4), signs * [1, golden]], k, axis=1) for k in range(3)])
+    else:
+        corners = rng.normal(size=(int(rng.integers(5, 30)), 3))
+        corners /= np.linalg.norm(corners, axis=1, keepdims=True)
+    vertices, triangles = hull(corners * rng.uniform(.6, 1, 3))
+    if rng.random() < .4:
+        tips = vertices[triangles].mean(1) * rng.uniform(1.1, 2.2)
+        tip = len(vertices) + np.arange(len(triangles))
+        a, b, c = triangles.T
+        triangles = np.concatenate([np.stack(side, 1) for side in ((a, b, tip), (b, c, tip), (c, a, tip))])
+        vertices = np.concatenate([vertices, tips])
+    return vertices, triangles
+
+
+def limbed(rng: Random) -> Mesh:
+    """Thick and thin limbs that grow out of each other with rounded joints, as of figures and castings; few or many, at
+    times with an uneven skin or cut by planes."""
+    count = int(rng.integers(3, 13))
+    ends, thick = [rng.normal(size=3) * .2], [rng.uniform(.2, .45)]
+    limbs = []
+    for _ in range(count):
+        base = rng.integers(len(ends))
+        tip = ends[base] + rng.uniform(.3, 1) * unit(rng.normal(size=3))
+        radius = thick[base] * rng.uniform(.35, 1)
+        limbs.append((ends[base], tip, thick[base], max(radius, .05)))
+        ends.append(tip)
+        thick.append(max(radius, .05))
+    spots = np.array(ends)
+    margin = max(thick) + .15
+    low, high = spots.min(0) - margin, spots.max(0) + margin
+    step = (high - low).max() / rng.integers(60, 110)
+    axes = [np.arange(a, b + step, step) for a, b in zip(low, high)]
+    at = np.stack(np.meshgrid(*axes, indexing="ij"), -1)
+    width, total = log_uniform(rng, .01, .12), 0.0
+    for a, b, of_a, of_b in limbs:
+        share = np.clip((at - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1)
+        off = at - a - share[..., None] * (b - a)
+        distance = np.sqrt((off * off).sum(-1)) - of_a - share * (of_b - of_a)
+        total = total + np.exp(np.clip(-distance / width, -60, 60))
+    field = -width * np.log(np.maximum(total, 1e-26))
+    if rng.random() < .5:
+        for octave in range(2):
+            for _ in range(4):
+                wave = unit(rng.normal(size=3)) * rng.uniform(6, 14) * 2 ** octave
+                field += .012 / 2 ** octave * np.cos(at @ wave + rng.uniform(0, 2 * np.pi))
+    for _ in range(int(rng.integers(0, 3)) if rng.random() < .4 else 0):
+        way = unit(rng.normal(size=3))
+        heights = spots @ way
+        field = np.maximum(field, at @ way - rng.uniform(np.median(heights), heights.max() + .1))
+    return level_set(field, axes)
+
+
+MADE = (supershape, gear, blob, torus, machined, vase, polyhedron, limbed, limbed)
 
 
 def any_mesh(rng: Random, diagonal: float) -> Mesh:

@@ -143,6 +143,42 @@ def pebble(rng: np.random.Generator, centre, half, bumps: float = .08, rings: in
     return vertices * radius[:, None] * half + centre, triangles
 
 
+def level_set(field: np.ndarray, axes) -> Mesh:
+    """The surface where a field over a lattice is 0, faces towards larger values: each cell is six tetrahedra, and in each
+    the field is linear. `axes` are the coordinates of the lattice; triangles do not share vertices."""
+    shape = np.array(field.shape)
+    value = field.ravel()
+    value = np.where(value == 0, 1e-12, value)
+    start = np.stack(np.meshgrid(*[np.arange(n - 1) for n in shape], indexing="ij"), -1).reshape(-1, 3)
+    stride = np.array([shape[1] * shape[2], shape[2], 1])
+    corner = (start @ stride)[:, None] + [stride @ [k >> 2, k >> 1 & 1, k & 1] for k in range(8)]
+    inside = value[corner] < 0
+    corner = corner[inside.any(1) & ~inside.all(1)]
+    ways = ((4, 6), (4, 5), (2, 6), (2, 3), (1, 5), (1, 3))
+    tetrahedra = np.concatenate([corner[:, [0, first, second, 7]] for first, second in ways])
+    order = np.argsort(value[tetrahedra], axis=1)              # those inside come first
+    tetrahedra = np.take_along_axis(tetrahedra, order, 1)
+    count = (value[tetrahedra] < 0).sum(1)
+    faces = []
+    for below, pairs in ((1, ((0, 1), (0, 2), (0, 3))), (3, ((0, 3), (1, 3), (2, 3))), (2, ((0, 2), (0, 3), (1, 3), (1, 2)))):
+        these = tetrahedra[count == below]
+        ends = these[:, np.array(pairs)]                       # (n, edges, 2)
+        places = np.stack([axes[k][ends // stride[k] % shape[k]] for k in range(3)], -1)
+        f = value[ends]
+        share = f[..., 0] / (f[..., 0] - f[..., 1])
+        crossing = places[:, :, 0] + share[..., None] * (places[:, :, 1] - places[:, :, 0])
+        spots = np.stack([axes[k][these // stride[k] % shape[k]] for k in range(3)], -1)
+        out = spots[:, below:].mean(1) - spots[:, :below].mean(1)
+        for three in ((0, 1, 2), (0, 2, 3))[:len(pairs) - 2]:
+            faces.append((crossing[:, three], out))
+    corners, out = (np.concatenate(parts) for parts in zip(*faces))
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    back = (normal * out).sum(1) < 0
+    corners[back] = corners[back][:, ::-1]
+    corners = corners[(normal * normal).sum(1) > 0]
+    return corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3)
+
+
 def leaves(rng: np.random.Generator, centre, radius: float, count: int, size: float) -> Mesh:
     """Loose triangles within a ball."""
     at = np.asarray(centre) + radius * unit(rng.normal(size=(count, 3))) * rng.uniform(.3, 1, (count, 1))

@@ -16,12 +16,15 @@ if not shutil.which("g++"):
     print("skipped: no g++ for rays.cpp")
     sys.exit(77)
 
+import cameras
 import errors
 import families
+import object_families
 import rays
 import shapes
 import tables
 from measure import Truth, agreement
+from scene import Scene
 
 ARRAYS = ("points", "clean", "normal", "surface", "edge", "part", "spacing", "vertices", "triangles")
 
@@ -65,6 +68,30 @@ class Rays(unittest.TestCase):
         self.assertLess(cKDTree(kept).query(points)[0].max(), .05)
 
 
+class Shapes(unittest.TestCase):
+    def test_a_level_set_of_a_ball_has_its_size_and_faces_outwards(self):
+        axes = [np.linspace(-1.2, 1.2, n) for n in (40, 45, 50)]
+        field = np.linalg.norm(np.stack(np.meshgrid(*axes, indexing="ij"), -1), axis=-1) - 1
+        vertices, triangles = shapes.level_set(field, axes)
+        a, b, c = (vertices[triangles[:, k]] for k in range(3))
+        normal = np.cross(b - a, c - a)
+        self.assertTrue(((normal * (a + b + c)).sum(1) > 0).all())
+        np.testing.assert_allclose(np.linalg.norm(vertices, axis=1), 1, atol=2e-3)
+        self.assertAlmostEqual(np.linalg.norm(normal, axis=1).sum() / 2 / (4 * np.pi), 1, delta=.005)
+        self.assertAlmostEqual((a * normal).sum() / 6 / (4 / 3 * np.pi), 1, delta=.005)
+
+    def test_points_inside_of_another_part_are_out_of_sight(self):
+        scene = Scene()
+        scene.add("object", shapes.joined([shapes.box([-1, -1, -1], [1, 1, 1]), shapes.box([0, -.5, -.5], [2, .5, .5])]))
+        scene.finish()
+        rng = np.random.default_rng(6)
+        points, _ = cameras.surface_points(scene, rng, 4000)
+        in_first = (np.abs(points) < 1 - 1e-6).all(1)
+        within = in_first | (np.abs(points - [1, 0, 0]) < np.array([1, .5, .5]) - 1e-6).all(1)
+        np.testing.assert_array_equal(object_families.in_sight(scene, rng, points)[within], False)
+        self.assertGreater(object_families.in_sight(scene, rng, points)[~within].mean(), .99)
+
+
 class Families(unittest.TestCase):
     def test_every_family_gives_a_cloud_whose_truth_is_true(self):
         for name, family in families.FAMILIES.items():
@@ -92,7 +119,7 @@ class Families(unittest.TestCase):
             self.assertFalse(np.array_equal(first.points, other.points))
 
     def test_noise_is_as_asked(self):
-        for name in ("object_white", "grid_noisy", "wires"):
+        for name in ("object_white", "object_even", "grid_noisy", "wires"):
             cloud = families.draw(name, 8)
             sigma = cloud.settings["sigma"]
             self.assertAlmostEqual(float(cloud.signed_error()[cloud.surface].std()) / sigma, 1, delta=.12)

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes a trained net as the file of whole numbers that the program reads (src/seam/net_weights.hpp).
 
-    python export.py STATE WEIGHTS [--trust 2]
+    python export.py STATE... WEIGHTS [--trust 2]
+
+Of several states, each trained on from the one before, the file has the mean: it keeps more of what the first knew.
 """
 import argparse
 import struct
@@ -39,11 +41,12 @@ def payload(state):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("state")
+    parser.add_argument("states", nargs="+", metavar="state")
     parser.add_argument("weights")
     parser.add_argument("--trust", type=float, default=spec.TRUST)
     a = parser.parse_args()
-    data = payload(torch.load(a.state, map_location="cpu")["smooth"])
+    states = [torch.load(state, map_location="cpu")["smooth"] for state in a.states]
+    data = payload({name: sum(state[name].double() for state in states) / len(states) for name in states[0]})
     mark = fingerprint(data)
     with open(a.weights, "wb") as file:
         file.write(MAGIC + struct.pack("<IIQf", VERSION, len(data), mark, a.trust) + data)

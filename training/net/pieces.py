@@ -24,7 +24,8 @@ import spec
 
 SIZE = 8192  # points of a piece; clouds of 10,000 points are common
 MOST = 3  # pieces of a cloud
-OBJECTS = 0.4  # of the clouds; training draws half of its pieces from them
+EVEN, OBJECTS = 0.3, 0.15  # of the clouds: object_even, any object; the others from all families
+SOUND = 0.05  # of a piece's points at least lie on a surface; there are forests with 15 leaves for a point of the ground
 TYPES = {"float": "<f4", "double": "<f8", "uchar": "u1", "int": "<i4"}
 
 
@@ -77,7 +78,7 @@ def pieces_of(cloud, program, scratch, rng):
     for middle in rng.permutation(len(measured))[: 6 * MOST]:
         chosen = np.sort(tree.query(measured[middle], SIZE)[1])
         sound = cloud.surface[chosen]
-        if len(pieces) == MOST or used[middle] or sound.mean() < 0.6 or not finite[chosen].all():
+        if len(pieces) == MOST or used[middle] or sound.mean() < SOUND or not finite[chosen].all():
             continue
         used[chosen[: SIZE // 2]] = True
         off = lambda a: (a[chosen] - true[middle]).astype(np.float32)
@@ -143,14 +144,15 @@ def main(out, program, seconds, worker=0, workers=1, first=1_000_000):
     piles, scratch = defaultdict(Pile), f"{out}/scratch{worker}"
     while time.time() < end:
         rng = np.random.default_rng(seed)
-        among = objects if rng.random() < OBJECTS else names
+        dice = rng.random()
+        among = ["object_even"] if dice < EVEN else objects if dice < EVEN + OBJECTS else names
         family = among[rng.integers(len(among))]
         cloud = families.draw(family, seed)
         if len(cloud.points) >= SIZE:
             pieces = pieces_of(cloud, program, scratch, rng)
         else:
             columns = whole_cloud(cloud, program, scratch)
-            sound = all(np.isfinite(column).all() for column in columns[:6]) and cloud.surface.mean() > 0.6
+            sound = all(np.isfinite(column).all() for column in columns[:6]) and cloud.surface.mean() > SOUND
             full = piles[family].add(columns) if sound else None
             pieces = [full] if full else []
         if pieces:

@@ -75,7 +75,9 @@ def validate(net, pieces, together):
     return f"all {show(overall)} | " + " | ".join(parts)
 
 
-GROUPS = ("objects", "scans", "special", "scans", "objects", "scans", "clean", "special", "objects", "scans")
+EVEN = "objects_object_even"
+GROUPS = (EVEN, "scans", "special", "objects", "scans", EVEN, "scans", "clean", EVEN, "scans", "special", EVEN)
+GROUPS += ("scans", "objects", EVEN, "scans", "special", EVEN, "scans", "objects")
 
 
 class Training:
@@ -112,15 +114,16 @@ class Training:
             self.net.input.weight.detach()[0, 0].item()
             return (time.time() - start) / 10
 
-        plain, core, of_scale = seconds_of_step(), self.net.core, model.of_scale
+        plain, core, of_scale, slid = seconds_of_step(), self.net.core, model.of_scale, model.slid
         compiled = math.inf
         try:
-            self.net.core, model.of_scale = (torch.compile(f, dynamic=False) for f in (core, of_scale))
+            functions = (core, of_scale, slid)
+            self.net.core, model.of_scale, model.slid = (torch.compile(f, dynamic=False) for f in functions)
             compiled = seconds_of_step()
         except Exception as error:  # whatever a compiler may meet: training goes on without
             print(f"not compiled: {str(error)[:300]}", flush=True)
         if not compiled < plain:
-            self.net.core, model.of_scale = core, of_scale
+            self.net.core, model.of_scale, model.slid = core, of_scale, slid
         print(f"a step takes {plain:.4f} s, compiled {compiled:.4f} s", flush=True)
 
     def save(self):
@@ -131,11 +134,12 @@ class Training:
         self.a.state.with_suffix(".new").replace(self.a.state)
 
     def choose(self, pieces):
-        """Groups take turns (GROUPS), kinds in a group are alike."""
+        """Groups and kinds take turns (GROUPS), kinds in a group are alike."""
         by_group, chosen = self.by_group, []
         while self.sorted < len(pieces):
             kind = pieces[self.sorted][0]
-            by_group[kind.split("_")[0]][kind].append(self.sorted)
+            for group in (kind.split("_")[0], kind):
+                by_group[group][kind].append(self.sorted)
             self.sorted += 1
         for place in range(self.a.pieces):
             group = GROUPS[(self.step * self.a.pieces + place) % len(GROUPS)]
@@ -154,11 +158,12 @@ class Training:
         loss = loss_of(batch, self.net(batch.geometry))
         self.optimiser.zero_grad(set_to_none=True)
         loss.backward()
-        norm = torch.nn.utils.clip_grad_norm_(self.net.parameters(), 1.0)
+        torch.nn.utils.clip_grad_norm_(self.net.parameters(), 1.0)
+        for weight in self.net.parameters():  # all are NaN if one is; asking would wait for the card
+            weight.grad.nan_to_num_(0.0, 0.0, 0.0)
         for group in self.optimiser.param_groups:
             group["lr"] = self.rate()
-        if torch.isfinite(norm):
-            self.optimiser.step()
+        self.optimiser.step()
         self.step += 1
         recent = self.step - self.warm + 200
         keep = min(0.998, recent / (recent + 20))
