@@ -63,7 +63,7 @@ TEST(Denoise, a_tile_is_computed_when_all_that_were_computed_before_are_on_the_d
   const auto next = [&]() -> std::unique_ptr<Denoising> {
     if (given == kTiles) return nullptr;
     const TileWork work{input, {given, given + 1}, stages, 1 << 20};
-    return std::make_unique<Denoising>(work, path_of(given++), std::stop_token());
+    return make_denoising(work, path_of(given++), std::stop_token());
   };
   Watched backend([&] {
     while (done < kTiles && fs::exists(path_of(done))) ++done;

@@ -3,8 +3,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
-#include <deque>
 #include <limits>
 #include <map>
 #include <type_traits>
@@ -23,13 +21,11 @@
 namespace pointfair::scale {
 namespace {
 
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-
 bool same_place(const Point& a, const Point& b) { return a.x == b.x && a.y == b.y && a.z == b.z; }
 
 // The calls of Sampling over stored points: the sample by passing over all of them, and what lies around its points by
 // loading the regions around them.
-class StoredSampling final : public Sampling {
+class StoredSampling final : public Sampling, private PointStore {
  public:
   StoredSampling(const StoredCloud& cloud, const Plan& plan, Backend& backend)
       : cloud_(cloud),
@@ -55,30 +51,33 @@ class StoredSampling final : public Sampling {
   void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override {
     std::fill(out.begin(), out.end(), Point{kNan, kNan, kNan});
     std::map<Position, std::vector<std::size_t>> of_origin;
-    for (std::size_t q = 0; q < queries.size(); ++q) of_origin[queries_[queries[q]].origin].push_back(q);
+    std::vector<Point> places;
+    for (std::size_t q = 0; q < queries.size(); ++q) {
+      of_origin[queries_[queries[q]].origin].push_back(q);
+      places.push_back(queries_[queries[q]].place);
+    }
+    const ExactRows rows{
+        k, places, out, [&](const TileWorker& worker, std::size_t q) {
+          return std::uint32_t(
+              std::ranges::find_if(worker.points, [&](const Point& p) { return same_place(p, places[q]); }) -
+              worker.points.begin());
+        }};
+    TileWorker worker(backend_);
     for (const auto& [origin, around] : of_origin) {
       const StoredCloud seen = cloud_.seen_from(origin);
       seen_ = &seen;
       std::map<std::size_t, std::vector<std::size_t>> of_leaf;
-      for (const std::size_t q : around) of_leaf[leaf_near(queries_[queries[q]].place)].push_back(q);
-      for (auto& [leaf, asked] : of_leaf) {
-        std::deque<Rows> left{{std::move(asked), reach_of_nearest(seen.bounds(), k, seen.leaves()[leaf])}};
-        for (; !left.empty(); left.pop_front())
-          for (Rows& rows : sample(queries, k, left.front(), out)) left.push_back(std::move(rows));
-      }
+      for (const std::size_t q : around) of_leaf[leaf_near(places[q])].push_back(q);
+      for (auto& [leaf, asked] : of_leaf)
+        rows.fill(*this, worker, std::move(asked), reach_of_nearest(seen.bounds(), k, seen.leaves()[leaf]));
     }
+    loaded_ = {};
   }
   void for_each_on_host(std::size_t count, const std::function<void(std::size_t)>& body) override {
     backend_.sampling().for_each_on_host(count, body);
   }
 
  private:
-  // Rows of neighbourhoods that are not known yet.
-  struct Rows {
-    std::vector<std::size_t> asked;
-    double halo;
-  };
-
   // A point of the sample.
   struct Query {
     Point place;
@@ -132,39 +131,21 @@ class StoredSampling final : public Sampling {
     return leaf;
   }
 
-  // Fills the rows that are exact, and returns the others, to be sampled farther out, or in halves where all together
-  // do not fit.
-  std::vector<Rows> sample(std::span<const std::uint32_t> queries, int k, const Rows& rows, std::span<Point> out) {
-    Bounds bounds = kNoBounds;
-    for (const std::size_t q : rows.asked) include(bounds, queries_[queries[q]].place);
-    const point::Region region = region_around(seen_->bounds(), bounds, rows.halo);
-    std::vector<Point> loaded;
-    if (!load(region, loaded)) {
-      if (rows.asked.size() == 1)
-        throw Error(ErrorKind::memory,
-                    "what lies around a point that the noise is measured at does not fit into "
-                    "--memory; give more");
-      const auto middle = rows.asked.begin() + std::ptrdiff_t(rows.asked.size() / 2);
-      return {{{rows.asked.begin(), middle}, rows.halo}, {{middle, rows.asked.end()}, rows.halo}};
-    }
-    backend_.upload(loaded, IndexOrder::fastest);
-    std::vector<std::uint32_t> places;
-    for (const std::size_t q : rows.asked)
-      places.push_back(
-          std::uint32_t(std::find_if(loaded.begin(), loaded.end(),
-                                     [&](const Point& p) { return same_place(p, queries_[queries[q]].place); }) -
-                        loaded.begin()));
-    Rows left{sample_exact_rows(backend_, region, places, rows.asked, k, out), 2 * rows.halo};
-    if (left.asked.empty()) return {};
-    return {std::move(left)};
-  }
-
+  const Bounds& bounds() const override { return seen_->bounds(); }
   // Leaves that are kept make room where the region needs it.
-  bool load(const point::Region& region, std::vector<Point>& loaded) {
+  bool load(const point::Region& region, TileWorker& worker) override {
     const std::uint64_t kept = leaves_.kept() * sizeof(Point) / bytes_of_point_;
-    if (leaves_.load(*seen_, region, most_ - std::min(most_, kept), loaded)) return true;
-    loaded = {};
-    return seen_->append(region, {}, most_, loaded);
+    bool fits = leaves_.load(*seen_, region, most_ - std::min(most_, kept), loaded_);
+    if (!fits) {
+      loaded_ = {};
+      fits = seen_->append(region, {}, most_, loaded_);
+    }
+    worker.points = loaded_;
+    return fits;
+  }
+  Error does_not_fit(std::size_t) const override {
+    return {ErrorKind::memory,
+            "what lies around a point that the noise is measured at does not fit into --memory; give more"};
   }
 
   const StoredCloud& cloud_;
@@ -172,14 +153,14 @@ class StoredSampling final : public Sampling {
   std::uint64_t bytes_of_point_, most_;  // points that are loaded at once
   KeptLeaves leaves_;
   std::vector<Query> queries_;
+  std::vector<Point> loaded_;
   const StoredCloud* seen_ = nullptr;  // from the origin that is sampled around
 };
 
 // Relative to the cloud's origin; null: unknown.
 std::shared_ptr<const SensorPlaces> sensor_of(const Plan& plan, const Position& origin) {
   if (!plan.sensor) return nullptr;
-  const auto offset = [&](std::size_t axis) { return float((*plan.sensor)[axis] - origin[axis]); };
-  return std::make_shared<const SensorPlaces>(SensorPlaces{{{offset(0), offset(1), offset(2)}}});
+  return std::make_shared<const SensorPlaces>(SensorPlaces{{offset(*plan.sensor, origin)}});
 }
 
 }  // namespace

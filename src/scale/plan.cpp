@@ -12,7 +12,6 @@
 
 #include "estimate/automatic.hpp"
 #include "io/file_bytes.hpp"
-#include "io/offset.hpp"
 #include "io/parallel.hpp"
 #include "io/sensor_place.hpp"
 #include "io/streamed.hpp"
@@ -211,8 +210,7 @@ Survey survey(const std::vector<std::shared_ptr<Source>>& sources, std::uint64_t
                 std::vector<Extent>(sources.size())};
   for (std::size_t i = 0; i < count; ++i)
     for (const Position& value : kept[i]) {
-      const Point p{io::to_offset(value[0], origin[0]), io::to_offset(value[1], origin[1]),
-                    io::to_offset(value[2], origin[2])};
+      const Point p = offset(value, origin);
       if (!is_indexed(p)) continue;
       result.sample.push_back(p);
       result.extents[blocks[i * blocks.size() / count].file].unite({value, value});

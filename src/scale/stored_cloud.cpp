@@ -125,15 +125,15 @@ class Opened {
 
 }  // namespace
 
+void StoredCloud::read_stored(const LeafRange& range, std::vector<Point>& points) const {
+  read_files(range, &points, nullptr);
+}
+
 void StoredCloud::read(const LeafRange& range, std::vector<Point>* points, std::vector<std::uint64_t>* indices) const {
   read_files(range, points, indices);
   std::uint64_t at = 0;
   for (std::uint32_t leaf = range.begin; points && leaf < range.end; at += leaf_bounds_[leaf++].valid)
     bring(leaf, std::span(*points).subspan(at, leaf_bounds_[leaf].valid));
-}
-
-void StoredCloud::read_stored(std::uint32_t leaf, std::vector<Point>& points) const {
-  read_files({leaf, leaf + 1}, &points, nullptr);
 }
 
 void StoredCloud::read_files(const LeafRange& range, std::vector<Point>* points,
@@ -165,7 +165,7 @@ bool StoredCloud::append(const point::Region& region, const LeafRange& except, s
   std::size_t certain = points.size();
   for (std::uint32_t leaf = 0; leaf < leaf_bounds_.size(); ++leaf) {
     const Bounds& b = leaf_bounds_[leaf];
-    if (except.holds(leaf) || !may_overlap(region, b)) continue;
+    if (!may_overlap(region, b) || (except.holds(leaf) && origin_for(leaf) == origin_)) continue;
     wanted[leaf] = lies_inside(region, b) ? 2 : 1;
     if (wanted[leaf] == 2) certain += b.valid;
   }

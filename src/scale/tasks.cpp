@@ -78,7 +78,7 @@ void Tasks::run_tiles(const WorkStep& step, const std::stop_token& stop,
       if (tells) begin(*task);
       throw_if_stopped(stop);
       if (!folder_.is_done(step, *task))
-        return std::make_unique<Denoising>(tile_work(step, *task), folder_.file_of(step, *task), stop);
+        return make_denoising(tile_work(step, *task), folder_.file_of(step, *task), stop);
     }
     return nullptr;
   };
@@ -155,10 +155,10 @@ void Tasks::run_measure(const WorkStep& step, const std::stop_token& stop) {
 }
 
 void Tasks::run_denoise(const WorkStep& step, std::size_t task, const std::stop_token& stop) {
-  Denoising denoising(tile_work(step, task), folder_.file_of(step, task), stop);
-  denoising.read();
-  denoising.compute(workers_[0].backend());
-  denoising.write();
+  const std::unique_ptr<Denoising> tile = make_denoising(tile_work(step, task), folder_.file_of(step, task), stop);
+  tile->read();
+  tile->compute(workers_[0].backend());
+  tile->write();
 }
 
 TileWork Tasks::tile_work(const WorkStep& step, std::size_t task) const {

@@ -23,10 +23,6 @@ std::vector<Position> positions_of(const Cloud& cloud) {
   return result;
 }
 
-Point offset(const Position& p, const Position& origin) {
-  return {io::to_offset(p[0], origin[0]), io::to_offset(p[1], origin[1]), io::to_offset(p[2], origin[2])};
-}
-
 }  // namespace
 
 WideCloud::WideCloud(const Cloud& cloud, const Zones& zones, std::unique_ptr<Backend> backend)
