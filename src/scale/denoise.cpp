@@ -8,6 +8,7 @@
 #include <span>
 #include <utility>
 
+#include "tiles/choice.hpp"
 #include "tiles/halo.hpp"
 #include "tiles/tile_run.hpp"
 
@@ -63,7 +64,7 @@ class Tile final : public Denoising, private PointStore {
       if (origin != origins_.front()) enter(origin);
       if (!has_points()) continue;
       const point::Cell all{{-kUnbounded, -kUnbounded, -kUnbounded}, {kUnbounded, kUnbounded, kUnbounded}};
-      add(counts_, run_tiles({.store = *this, .stages = stages_, .for_each = for_each, .least_split = kLeastSplit},
+      add(counts_, run_tiles({.store = *this, .stages = stages_, .for_each = for_each, .least_split = kLeastTile},
                              {&worker, 1}, {{all, {}, bounds_}}, stop_));
     }
     seen_.reset();
@@ -184,7 +185,6 @@ class Tile final : public Denoising, private PointStore {
     writer.finish();
   }
 
-  static constexpr std::size_t kLeastSplit = 2000;
   TileWork work_;
   std::filesystem::path path_;
   std::stop_token stop_;

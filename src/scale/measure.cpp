@@ -11,10 +11,10 @@
 #include "estimate/automatic.hpp"
 #include "estimate/beam_width.hpp"
 #include "scale/candidates.hpp"
-#include "scale/choice.hpp"
 #include "scale/ingest.hpp"
 #include "scale/kept_leaves.hpp"
 #include "seam/cloud_sample.hpp"
+#include "tiles/choice.hpp"
 #include "tiles/exact_rows.hpp"
 #include "tiles/halo.hpp"
 
@@ -31,7 +31,7 @@ class StoredSampling final : public Sampling, private PointStore {
       : cloud_(cloud),
         backend_(backend),
         bytes_of_point_(bytes_of_tile_point(plan.params)),
-        most_(points_in_memory(plan.memory, bytes_of_point_)),
+        most_(points_of_tile(plan.memory, plan.params)),
         leaves_(cloud, most_ * bytes_of_point_ / 2 / sizeof(Point)) {}
 
   CloudSample sample_cloud(std::size_t count) override {

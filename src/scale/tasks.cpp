@@ -11,13 +11,13 @@
 #include "pipeline/devices.hpp"
 #include "pipeline/stage_settings.hpp"
 #include "platform/path_text.hpp"
-#include "scale/choice.hpp"
 #include "scale/denoise.hpp"
 #include "scale/emit.hpp"
 #include "scale/given.hpp"
 #include "scale/ingest.hpp"
 #include "scale/outlier_edits.hpp"
 #include "seam/stop.hpp"
+#include "tiles/choice.hpp"
 #include "tiles/feeders.hpp"
 
 namespace pointfair::scale {
@@ -172,7 +172,7 @@ TileWork Tasks::tile_work(const WorkStep& step, std::size_t task) const {
   return {*input_,
           {tree_.tile_begin(task), tree_.tile_begin(task + 1)},
           settings,
-          points_in_memory(folder_.plan.memory, bytes_of_tile_point(folder_.plan.params)),
+          points_of_tile(folder_.plan.memory, folder_.plan.params),
           is_last ? &folder_.plan.chunks : nullptr,
           first_counts};
 }

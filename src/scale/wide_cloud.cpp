@@ -9,7 +9,7 @@
 #include "io/parallel.hpp"
 #include "io/placed_source.hpp"
 #include "platform/free_memory.hpp"
-#include "scale/choice.hpp"
+#include "tiles/choice.hpp"
 
 namespace pointfair::scale {
 namespace {

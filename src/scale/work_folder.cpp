@@ -8,6 +8,7 @@
 #include "platform/free_memory.hpp"
 #include "platform/path_text.hpp"
 #include "scale/work_file.hpp"
+#include "tiles/choice.hpp"
 
 namespace pointfair::scale {
 namespace fs = std::filesystem;
@@ -114,7 +115,7 @@ void WorkFolder::check_room(const WorkStep& step) const {
 void WorkFolder::check_memory(const WorkStep& step, std::size_t task) const {
   std::uint64_t needed = 0;
   if (step.kind == WorkStep::Kind::ingest) needed = bytes_of_chunk(plan.chunks[task]);
-  if (step.kind == WorkStep::Kind::denoise) needed = bytes_of_tile(plan);
+  if (step.kind == WorkStep::Kind::denoise) needed = bytes_of_tile(plan.points, plan.tiles, plan.params, plan.memory);
   const std::uint64_t free = platform::free_memory();
   if (free < needed)
     throw Error(ErrorKind::memory, "step " + step.name() + ", task " + std::to_string(task) + ": needs about " +

@@ -12,6 +12,7 @@
 #include "seam/device_tiles.hpp"
 #include "seam/sampling.hpp"
 #include "seam/stop.hpp"
+#include "tiles/choice.hpp"
 #include "tiles/cut.hpp"
 #include "tiles/feeders.hpp"
 #include "tiles/halo.hpp"
@@ -20,8 +21,7 @@
 namespace pointfair {
 namespace {
 
-constexpr std::size_t kSampled = 4096;      // points of which the cells are made
-constexpr std::uint64_t kLeastTile = 2000;  // points; smaller tiles do not need less memory
+constexpr std::size_t kSampled = 4096;  // points of which the cells are made
 
 // What is held of one iteration. Stages up to the normals only note what they are to do; fairing does it all.
 struct Iteration {
@@ -83,8 +83,9 @@ class DividedCloud final : public Backend, public Sampling, public DeviceMemory 
         break;
       } catch (const Error& error) {
         workers_.clear();  // their memory is needed
-        if (error.kind() != ErrorKind::memory || bounds().valid / (2 * cells_wanted_) < kLeastTile) throw;
-        cells_wanted_ *= 2;
+        const std::uint64_t more = more_tiles({}, bounds().valid, cells_wanted_);
+        if (error.kind() != ErrorKind::memory || more == 0) throw;
+        cells_wanted_ = more;
         cells_.clear();
       }
     times_.push_back({"cut", cut_milliseconds_});
