@@ -2,7 +2,6 @@
 #include "scale/measure.hpp"
 
 #include <algorithm>
-#include <array>
 #include <limits>
 #include <map>
 #include <type_traits>
@@ -189,86 +188,60 @@ Measured measure(const StoredCloud& cloud, const Plan& plan, const std::optional
 
 namespace {
 
-// The levels themselves follow.
-struct FixedLevels {
-  Point first{};
-  float nodes_per_unit = 0;
-  std::uint64_t nodes = 0;  // along each axis
-  std::uint64_t count() const { return nodes * nodes * nodes; }
-};
-
-// What a file begins with; the levels of the noise follow, and those of the reach. Without gaps, whose bytes would be
-// anything: tasks that are done twice leave the same bytes.
-struct Fixed {
-  Position origin{};
-  Bounds bounds;
-  Spacing spacing;
-  std::array<double, 10> noise{};
-  FixedLevels of_noise, of_reach;
-  std::array<double, 3> quantiles{};  // of the levels of the noise
-  std::uint64_t ignored = 0;
-  double beam_width = 0;
-  Frame frame{};
-  std::uint32_t unused = 0;
-};
-static_assert(std::is_trivially_copyable_v<Fixed>);
-static_assert(sizeof(Fixed) == sizeof(Position) + sizeof(Bounds) + sizeof(Spacing) + 10 * sizeof(double) +
-                                   2 * sizeof(FixedLevels) + 3 * sizeof(double) + sizeof(std::uint64_t) +
-                                   sizeof(double) + sizeof(Frame) + sizeof(std::uint32_t));
-
-std::array<double, 10> values_of(const Noise& noise) {
-  const auto& [sigma, surface_spacing, shape_to_noise, gap, correlation, depth_has_steps, confined, surface_points,
-               repeats, without_surface] = noise;
-  return {sigma,           surface_spacing,
-          shape_to_noise,  gap,
-          correlation,     depth_has_steps ? 1.0 : 0.0,
-          confined,        double(surface_points),
-          double(repeats), without_surface};
-}
-Noise noise_of(const std::array<double, 10>& v) {
-  return {v[0], v[1], v[2], v[3], v[4], v[5] != 0, v[6], int(v[7]), int(v[8]), v[9]};
-}
-
-FixedLevels fixed_of(const NodeLevels* levels) {
-  if (levels == nullptr) return {};
-  return {levels->first, levels->nodes_per_unit, std::uint64_t(levels->nodes)};
-}
-
-NodeLevels read_levels(const StoredFile& file, std::uint64_t at, const FixedLevels& fixed) {
-  NodeLevels levels{std::vector<float>(fixed.count()), int(fixed.nodes), fixed.first, fixed.nodes_per_unit};
-  file.read(at, std::span(levels.levels));
-  return levels;
+// Calls visit(number) for all that is measured but the levels themselves, whose files have the numbers in this order,
+// as doubles, then the levels of the noise and those of the reach.
+template <class Visit>
+void visit_numbers(Measured& m, NoiseLevels& levels, NodeLevels& reach_levels, const Visit& visit) {
+  auto& [sigma, surface_spacing, shape_to_noise, gap, correlation, depth_has_steps, confined, surface_points, repeats,
+         without_surface] = m.noise;
+  const auto visit_all = [&](auto&... numbers) { (visit(numbers), ...); };
+  visit_all(m.origin[0], m.origin[1], m.origin[2], m.bounds.valid, m.frame.side, m.spacing.mean, m.spacing.rho, sigma,
+            surface_spacing, shape_to_noise, gap, correlation, depth_has_steps, confined, surface_points, repeats,
+            without_surface, m.ignored, m.beam_width);
+  for (Point* p :
+       {&m.bounds.min, &m.bounds.max, &m.frame.corner, &m.frame.reference, &levels.first, &reach_levels.first})
+    visit_all(p->x, p->y, p->z);
+  for (double& quantile : levels.quantiles) visit(quantile);
+  for (NodeLevels* its : {static_cast<NodeLevels*>(&levels), &reach_levels}) visit_all(its->nodes, its->nodes_per_unit);
 }
 
 }  // namespace
 
-void save(const Measured& m, const std::filesystem::path& path) {
-  Fixed fixed{
-      m.origin, m.bounds, m.spacing, values_of(m.noise), fixed_of(m.levels.get()), fixed_of(m.reach_levels.get())};
-  fixed.ignored = m.ignored;
-  fixed.beam_width = m.beam_width;
-  fixed.frame = m.frame;
-  if (m.levels) fixed.quantiles = m.levels->quantiles;
-  NewFile file(path, sizeof fixed + (fixed.of_noise.count() + fixed.of_reach.count()) * sizeof(float));
-  file.write(&fixed, sizeof fixed);
-  if (m.levels) file.write(std::span(m.levels->levels));
-  if (m.reach_levels) file.write(std::span(m.reach_levels->levels));
+void save(const Measured& measured, const std::filesystem::path& path) {
+  Measured m = measured;
+  NoiseLevels levels = m.levels ? *m.levels : NoiseLevels{};
+  NodeLevels reach_levels = m.reach_levels ? *m.reach_levels : NodeLevels{};
+  std::vector<double> numbers;
+  visit_numbers(m, levels, reach_levels, [&](const auto& number) { numbers.push_back(double(number)); });
+  NewFile file(path,
+               numbers.size() * sizeof(double) + (levels.levels.size() + reach_levels.levels.size()) * sizeof(float));
+  file.write(std::span(numbers));
+  file.write(std::span(levels.levels));
+  file.write(std::span(reach_levels.levels));
   file.finish();
 }
 
 Measured load_measured(const std::filesystem::path& path) {
   const StoredFile file(path);
-  Fixed fixed;
-  file.read(0, &fixed, sizeof fixed);
-  Measured m{fixed.origin, fixed.bounds, fixed.frame, fixed.spacing, noise_of(fixed.noise)};
-  m.ignored = fixed.ignored;
-  m.beam_width = fixed.beam_width;
-  const std::uint64_t at = sizeof fixed;
-  if (fixed.of_noise.nodes > 0)
-    m.levels = std::make_shared<NoiseLevels>(NoiseLevels{read_levels(file, at, fixed.of_noise), fixed.quantiles});
-  if (fixed.of_reach.nodes > 0)
-    m.reach_levels =
-        std::make_shared<NodeLevels>(read_levels(file, at + fixed.of_noise.count() * sizeof(float), fixed.of_reach));
+  std::uint64_t at = 0;
+  const auto read = [&]<class T>(std::span<T> values) {
+    file.read(at, values);
+    at += values.size_bytes();
+  };
+  Measured m;
+  NoiseLevels levels;
+  NodeLevels reach_levels;
+  visit_numbers(m, levels, reach_levels, [&](auto& number) {
+    double value = 0;
+    read(std::span(&value, 1));
+    number = static_cast<std::remove_reference_t<decltype(number)>>(value);
+  });
+  for (NodeLevels* its : {static_cast<NodeLevels*>(&levels), &reach_levels}) {
+    its->levels.resize(std::size_t(its->nodes) * std::size_t(its->nodes) * std::size_t(its->nodes));
+    read(std::span(its->levels));
+  }
+  if (levels.nodes > 0) m.levels = std::make_shared<NoiseLevels>(std::move(levels));
+  if (reach_levels.nodes > 0) m.reach_levels = std::make_shared<NodeLevels>(std::move(reach_levels));
   return m;
 }
 

@@ -85,6 +85,9 @@ class StoredCloud {
                                             const Zones& zones);
   static void choose_origins(std::vector<Leaf>& leaves, const Zones& zones);
   Position shift_of(std::uint32_t leaf) const;
+  // Calls visit(file, leaf, first, count) for what the files have of the wanted leaves of the range, until it is false.
+  template <class IsWanted, class Visit>
+  void for_pieces(const LeafRange& range, const IsWanted& is_wanted, const Visit& visit) const;
   void read_files(const LeafRange& range, std::vector<Point>* points, std::vector<std::uint64_t>* indices) const;
 
   std::shared_ptr<const Stored> stored_;

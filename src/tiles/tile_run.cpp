@@ -78,12 +78,10 @@ class Engine {
   void collect(TileWorker& worker) {
     Backend& backend = *worker.backend;
     const bool is_there = within_memory(worker, [&] {
-      if (run_.result == TileRun::Result::normals)
-        backend.download_normals(0, worker.results, {});
-      else
-        backend.download(0, worker.results, {}, {});
+      backend.download(0, worker.results, {}, {});
       worker.outcomes.resize(worker.points.size());
       backend.exactness()->outcomes(worker.loaded, worker.outcomes);
+      if (run_.result == TileRun::Result::normals) backend.download_normals(0, worker.results, {});
       worker.note_costs();
     });
     if (!is_there) return;
@@ -191,9 +189,10 @@ std::span<Point> TileWorker::room(HostBuffer& buffer, std::size_t count) {
   return buffer.points().first(count);
 }
 
+// Beside other workers, an index gains nothing from being begun before all points are there.
 void TileWorker::upload(IndexOrder expected) {
   Overlap* const overlap = overlaps ? backend->overlap() : nullptr;
-  overlap ? overlap->start_upload(points, expected) : backend->upload(points, expected);
+  overlap ? overlap->start_upload(points, IndexOrder::along_curve) : backend->upload(points, expected);
 }
 
 void TileWorker::finish_upload() {

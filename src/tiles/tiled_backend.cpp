@@ -199,11 +199,10 @@ class CloudInTiles final : public TiledBackend, public Sampling {
   }
   void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override {
     std::fill(out.begin(), out.end(), Point{kNan, kNan, kNan});
-    Room places;
-    places.resize(queries.size());
-    for (std::size_t q = 0; q < queries.size(); ++q) places.points()[q] = cloud_[queries[q]];
+    std::vector<Point> places;
+    for (const std::uint32_t query : queries) places.push_back(cloud_[query]);
     const ExactRows rows{
-        k, places.points(), out, [&](const TileWorker& worker, std::size_t q) {
+        k, places, out, [&](const TileWorker& worker, std::size_t q) {
           return std::uint32_t(std::ranges::lower_bound(worker.numbers, queries[q]) - worker.numbers.begin());
         }};
     TaskQueue<const Cut::Tile*> tiles;
