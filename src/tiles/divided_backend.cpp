@@ -29,13 +29,6 @@ struct Iteration {
   Counts counts;
 };
 
-// A cell, and how far around what is left of it is loaded.
-struct Task {
-  point::Cell cell;
-  Bounds wanted;
-  double halo;
-};
-
 // The bounds of a cell within a cloud of many times as many points.
 Bounds within(const Bounds& whole, const point::Cell& cell, std::uint64_t cells) {
   return {{std::max(cell.min.x, whole.min.x), std::max(cell.min.y, whole.min.y), std::max(cell.min.z, whole.min.z)},
@@ -200,10 +193,10 @@ class DividedCloud final : public Backend, public Sampling, public DeviceMemory 
     make_workers();
     if (cells_.empty()) divide();
     const FramedSettings& stages = held(iteration).stages;
-    std::deque<Task> tasks;
+    std::deque<Wanted> tasks;
     for (const point::Cell& cell : cells_) {
-      const Bounds wanted = within(bounds(), cell, cells_.size());
-      tasks.push_back({cell, wanted, first_halo(bounds(), stages, wanted)});
+      const Bounds its = within(bounds(), cell, cells_.size());
+      tasks.push_back({cell, {}, its, first_halo(bounds(), stages, its)});
     }
     Counts counts;
     tiles().begin_tiles(iteration);
@@ -212,7 +205,7 @@ class DividedCloud final : public Backend, public Sampling, public DeviceMemory 
       const std::size_t at_once = std::min(tasks.size(), workers_.size());
       std::vector<DeviceTile> now;
       for (std::size_t i = 0; i < at_once; ++i)
-        now.push_back({tasks[i].cell, region_around(bounds(), tasks[i].wanted, tasks[i].halo)});
+        now.push_back({*tasks[i].cell, region_around(bounds(), tasks[i].bounds, tasks[i].halo)});
       const auto start = Clock::now();
       tiles().gather(now);
       cut_milliseconds_ += milliseconds_since(start);
@@ -223,7 +216,7 @@ class DividedCloud final : public Backend, public Sampling, public DeviceMemory 
       cut_milliseconds_ += milliseconds_since(back);
       for (const TileTally& tally : tallies) {
         add(counts, tally.counts);
-        if (tally.left.valid > 0) tasks.push_back({tasks.front().cell, tally.left, 2 * tasks.front().halo});
+        if (tally.left.valid > 0) tasks.push_back({tasks.front().cell, {}, tally.left, 2 * tasks.front().halo});
         tasks.pop_front();
       }
     }
