@@ -8,10 +8,10 @@
 
 #include "pointfair/pointfair.hpp"
 #include "runs.h"
-#include "scale/choice.hpp"
 #include "shapes.h"
+#include "tiles/choice.hpp"
 
-namespace pointfair::scale {
+namespace pointfair {
 namespace {
 
 namespace fs = std::filesystem;
@@ -48,6 +48,34 @@ TEST(Choice, says_which_parameters_need_the_whole_cloud) {
                                      std::pair(learned, "--method learned")})
     EXPECT_TRUE(why_not_in_parts(params).starts_with(flag)) << why_not_in_parts(params);
   EXPECT_EQ(why_not_in_parts({}), "");
+}
+
+TEST(Choice, is_several_cards_for_clouds_that_are_worth_it) {
+  const Cards two{2, 1000};
+  EXPECT_FALSE(share({1, 1000}, 5000));
+  EXPECT_FALSE(share(two, 999));
+  EXPECT_TRUE(share(two, 1000));
+  EXPECT_EQ(tiles_of(two, 1000), 4u);   // two for each card at least
+  EXPECT_EQ(tiles_of(two, 2500), 10u);  // else four of as many points as are worth dividing
+  EXPECT_EQ(tiles_of(two, 1 << 20), 16u);
+}
+
+TEST(Choice, is_more_tiles_until_they_are_too_small_to_help) {
+  EXPECT_EQ(more_tiles({}, 8000, 1), 4u);
+  EXPECT_EQ(more_tiles({}, 7999, 1), 0u);
+  EXPECT_EQ(more_tiles({}, 1 << 20, 4), 8u);
+  EXPECT_EQ(more_tiles({}, 15999, 4), 0u);
+  EXPECT_EQ(more_tiles({3}, 1 << 20, 1), 24u);  // of several cards, as many as they are fed with
+}
+
+TEST(Choice, is_as_many_tiles_on_disk_as_the_memory_holds_with_their_halos) {
+  const std::uint64_t points = 10'000'000, memory = std::uint64_t{200} << 20;
+  const std::uint64_t tiles = tiles_on_disk(points, {}, memory);
+  EXPECT_LE(bytes_of_tile(points, tiles, {}, memory), memory);
+  EXPECT_EQ(bytes_of_tile(points, tiles - 1, {}, memory), memory) << "fewer tiles would fit";
+  Params list;
+  list.k = 100;
+  EXPECT_GT(tiles_on_disk(points, list, memory), 4 * tiles);
 }
 
 class ChoiceOfJobs : public testing::Test {
@@ -89,4 +117,4 @@ TEST_F(ChoiceOfJobs, standard_input_has_no_size_that_a_memory_could_be_compared_
 }
 
 }  // namespace
-}  // namespace pointfair::scale
+}  // namespace pointfair

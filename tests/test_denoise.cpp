@@ -30,6 +30,28 @@ class Watched : public ForwardingBackend {
   std::function<void()> begin_;
 };
 
+// Has room for so many points.
+class Small : public ForwardingBackend {
+ public:
+  explicit Small(std::size_t room) : ForwardingBackend(make_cpu_backend(2)), room_(room) {}
+  void upload(std::span<const Point> points, IndexOrder expected) override {
+    if (points.size() > room_) throw Error(ErrorKind::memory, "no room");
+    ++uploads;
+    ForwardingBackend::upload(points, expected);
+  }
+  int uploads = 0;
+
+ private:
+  std::size_t room_;
+};
+
+FramedSettings list_stages() {
+  FramedSettings stages;
+  stages.neighbors.k = 8;
+  stages.normals.sigma = stages.fairing.closeness_sigma = stages.fairing.similarity_sigma = 2;
+  return stages;
+}
+
 // Points of a plane in strips, each a leaf and a tile.
 void store_strips(const fs::path& path, std::uint32_t strips) {
   std::vector<Point> points;
@@ -57,13 +79,11 @@ TEST(Denoise, a_tile_is_computed_when_all_that_were_computed_before_are_on_the_d
   const StoredCloud input({folder / "input"}, kTiles);
   const auto path_of = [&](std::uint32_t tile) { return folder / std::to_string(tile); };
   std::uint32_t given = 0, done = 0;
-  FramedSettings stages;
-  stages.neighbors.k = 8;
-  stages.normals.sigma = stages.fairing.closeness_sigma = stages.fairing.similarity_sigma = 2;
+  const FramedSettings stages = list_stages();
   const auto next = [&]() -> std::unique_ptr<Denoising> {
     if (given == kTiles) return nullptr;
     const TileWork work{input, {given, given + 1}, stages, 1 << 20};
-    return std::make_unique<Denoising>(work, path_of(given++), std::stop_token());
+    return make_denoising(work, path_of(given++), std::stop_token());
   };
   Watched backend([&] {
     while (done < kTiles && fs::exists(path_of(done))) ++done;
@@ -71,6 +91,26 @@ TEST(Denoise, a_tile_is_computed_when_all_that_were_computed_before_are_on_the_d
   });
   denoise_all(next, backend);
   for (std::uint32_t tile = 0; tile < kTiles; ++tile) EXPECT_TRUE(fs::exists(path_of(tile)));
+}
+
+TEST(Denoise, a_tile_that_the_device_has_no_room_for_is_computed_in_halves) {
+  const test::Folder folder;
+  store_strips(folder / "input", 3);
+  const StoredCloud input({folder / "input"}, 3);
+  const auto denoise = [&](Small& backend, const fs::path& path) {
+    const auto tile = make_denoising({input, {1, 2}, list_stages(), 1 << 20}, path, {});
+    tile->read();
+    tile->compute(backend);
+    tile->write();
+  };
+  Small large(1 << 20), small(3000), tiny(500);
+  denoise(large, folder / "whole");
+  denoise(small, folder / "halves");
+  EXPECT_EQ(large.uploads, 1);
+  EXPECT_GT(small.uploads, 1);
+  EXPECT_EQ(read_text(folder / "whole"), read_text(folder / "halves"));
+  // smaller parts than these need as much
+  expect_error(ErrorKind::memory, "no room", [&] { denoise(tiny, folder / "none"); });
 }
 
 }  // namespace

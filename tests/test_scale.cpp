@@ -104,7 +104,7 @@ TEST(Scale, leaves_that_are_kept_give_the_same_points_and_are_not_read_again) {
     KeptLeaves leaves(cloud, most);
     for (int look = 0; look < 2; ++look) {
       std::vector<Point> found;
-      ASSERT_TRUE(leaves.load(region, expected.size(), found));
+      ASSERT_TRUE(leaves.load(cloud, region, expected.size(), found));
       std::sort(found.begin(), found.end(), before);
       EXPECT_TRUE(std::equal(found.begin(), found.end(), expected.begin(), expected.end(), same));
       std::uint64_t met = 0;
@@ -119,9 +119,9 @@ TEST(Scale, leaves_that_are_kept_give_the_same_points_and_are_not_read_again) {
       fs::resize_file(folder / "a", 100);
       fs::resize_file(folder / "b", 100);
       std::vector<Point> found;
-      EXPECT_TRUE(leaves.load(region, expected.size(), found));
+      EXPECT_TRUE(leaves.load(cloud, region, expected.size(), found));
       EXPECT_EQ(found.size(), expected.size());
-      EXPECT_FALSE(leaves.load(region, expected.size() - 1, found));
+      EXPECT_FALSE(leaves.load(cloud, region, expected.size() - 1, found));
       EXPECT_EQ(leaves.kept(), 0U);
     }
   }

@@ -225,7 +225,7 @@ TEST_F(WideCloud, keeps_the_bits_of_a_zone_that_is_seen_from_its_middle) {
   for (std::uint32_t leaf = 0; leaf < cloud.leaves().size(); ++leaf) {
     const StoredCloud here = cloud.seen_from(zones_.middle_of(cloud.zone_of(leaf)));
     std::vector<Point> stored, points;
-    here.read_stored(leaf, stored);
+    here.read_stored({leaf, leaf + 1}, stored);
     here.read({leaf, leaf + 1}, &points, nullptr);
     EXPECT_EQ(set_of(stored), set_of(points));
   }

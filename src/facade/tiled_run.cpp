@@ -14,7 +14,6 @@
 #include "pipeline/devices.hpp"
 #include "platform/free_memory.hpp"
 #include "platform/path_text.hpp"
-#include "scale/choice.hpp"
 #include "scale/emit.hpp"
 #include "scale/outlier_edits.hpp"
 #include "scale/points_file.hpp"
@@ -22,6 +21,7 @@
 #include "scale/tiled_run_access.hpp"
 #include "scale/work_file.hpp"
 #include "seam/cloud_sample.hpp"
+#include "tiles/choice.hpp"
 
 namespace pointfair {
 namespace fs = std::filesystem;
@@ -92,7 +92,7 @@ TiledChoice TiledRun::choose(const TiledJob& job, const fs::path& work, Device d
     if (!needs_tiles(choice.points, job.params, Device::cpu, memory)) return {};
     DeviceInfo found;
     make_backend(device, found);
-    choice.needed_bytes = scale::bytes_in_memory(choice.points, job.params, found.kind);
+    choice.needed_bytes = bytes_in_memory(choice.points, job.params, found.kind);
     // Where the memory is given, planning says what tiles cannot do.
     choice.in_tiles =
         needs_tiles(choice.points, job.params, found.kind, memory) && (is_memory_given || can_be_planned(job, source));

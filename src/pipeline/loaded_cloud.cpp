@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pipeline/loaded_cloud.hpp"
 
-#include <algorithm>
 #include <utility>
 
 #include "pointfair/pipeline.hpp"
@@ -12,10 +11,7 @@
 namespace pointfair {
 namespace {
 
-constexpr std::uint64_t kFirstTiles = 4;    // of a cloud that does not fit
-constexpr std::uint64_t kLeastTile = 2000;  // points; if so few do not fit, tiles do not help
-constexpr std::size_t kWorkersOfCard = 2;   // one is copied to and from while the other computes
-constexpr std::uint64_t kTilesOfCard = 8;   // of several: while cards wait for the last tile, few points are left
+constexpr std::size_t kWorkersOfCard = 2;  // one is copied to and from while the other computes
 
 }  // namespace
 
@@ -54,16 +50,10 @@ void LoadedCloud::reset() noexcept {
   is_divided_ = false;
 }
 
-// Whether several cards are to share so many points.
-bool LoadedCloud::is_shared(std::uint64_t points) const {
-  return workers_.of_cards.size() > 1 && points >= workers_.worth_dividing;
-}
-
 // A backend for a cloud of so many points, the present one if it suits.
 void LoadedCloud::hold(std::uint64_t points) {
-  const std::uint64_t cards = workers_.of_cards.size();
-  if (!is_shared(points)) return cut_into(1);
-  if (!divide()) cut_into(std::clamp(4 * points / workers_.worth_dividing, 2 * cards, kTilesOfCard * cards));
+  if (!share(cards(), points)) return cut_into(1);
+  if (!divide()) cut_into(tiles_of(cards(), points));
 }
 
 // A backend whose devices share a cloud on the first of them; false if they cannot.
@@ -134,8 +124,10 @@ void LoadedCloud::upload(std::span<const Point> points, IndexOrder expected, boo
       if (overlap != nullptr) return overlap->start_upload(points, expected);
       return backend_->upload(points, expected);
     } catch (const Error& error) {
-      if (!may_tile(error)) throw;
-      make_tiled();
+      const std::uint64_t tiles = tiles_after(error);
+      if (tiles == 0) throw;
+      reset();
+      cut_into(tiles);
     }
 }
 
@@ -147,16 +139,9 @@ void LoadedCloud::finish_load() noexcept {
   }
 }
 
-bool LoadedCloud::may_tile(const Error& error) const {
-  return error.kind() == ErrorKind::memory && !workers_.of_cards.empty() &&
-         points_ / std::max(kFirstTiles, 2 * tiles_) >= kLeastTile;
-}
-
-// An empty backend, of twice as many tiles as before.
-void LoadedCloud::make_tiled() {
-  reset();
-  const std::uint64_t cards = workers_.of_cards.size();
-  cut_into(std::max({kFirstTiles, 2 * tiles_, cards > 1 ? kTilesOfCard * cards : 1}));
+// How many tiles there will be where the memory does not suffice; 0: they do not help.
+std::uint64_t LoadedCloud::tiles_after(const Error& error) const {
+  return error.kind() != ErrorKind::memory || workers_.of_cards.empty() ? 0 : more_tiles(cards(), points_, tiles_);
 }
 
 void LoadedCloud::within_memory(const std::function<void()>& work) {
@@ -164,11 +149,13 @@ void LoadedCloud::within_memory(const std::function<void()>& work) {
   for (;;) try {
       return work();
     } catch (const Error& error) {
-      if (!may_tile(error)) throw;
+      const std::uint64_t tiles = tiles_after(error);
+      if (tiles == 0) throw;
       std::vector<Point> input(points_);
       backend_->download_input(input);
       try {
-        make_tiled();
+        reset();
+        cut_into(tiles);
         upload(input, cached.order, false);
       } catch (...) {
         drop();

@@ -13,6 +13,7 @@
 #include "estimate/estimate.hpp"
 #include "pipeline/plan.hpp"
 #include "seam/device_memory.hpp"
+#include "tiles/choice.hpp"
 #include "tiles/tiled_backend.hpp"
 
 namespace pointfair {
@@ -22,8 +23,7 @@ using MakeBackend = std::function<std::unique_ptr<Backend>()>;
 // What computes tiles.
 struct MakeWorkers {
   std::vector<MakeBackend> of_cards{};  // one each; none: a cloud that does not fit is an error
-  // Points, from which on several cards share a cloud that fits into one (docs/decisions/128).
-  std::uint64_t worth_dividing = 1 << 22;
+  std::uint64_t worth_dividing = Cards{}.worth_dividing;
 };
 
 class LoadedCloud {
@@ -64,12 +64,11 @@ class LoadedCloud {
   void drop() noexcept;
   void reset() noexcept;
   void upload(std::span<const Point> points, IndexOrder expected, bool overlapped);
-  bool may_tile(const Error& error) const;
-  bool is_shared(std::uint64_t points) const;
+  Cards cards() const { return {workers_.of_cards.size(), workers_.worth_dividing}; }
+  std::uint64_t tiles_after(const Error& error) const;
   void hold(std::uint64_t points);
   bool divide();
   void cut_into(std::uint64_t tiles);
-  void make_tiled();
 
   std::unique_ptr<Backend> backend_;  // null: must be made again
   TiledBackend* tiled_ = nullptr;     // the same, if it computes tiles of a cloud in host memory

@@ -29,24 +29,19 @@ struct TileWork {
   std::optional<TaskCounts> first_counts{};         ///< the tile's in the first iteration, if this is a further one
 };
 
-/// A tile on its way to `path`. One call after the other, each on any thread.
+/// A tile on its way to its file. One call after the other, each on any thread.
 class Denoising {
  public:
-  Denoising(const TileWork& work, std::filesystem::path path, std::stop_token stop);
-  ~Denoising();
-
+  virtual ~Denoising() = default;
   /// The tile and what is likely to be needed around it.
-  void read();
+  virtual void read() = 0;
   /// Throws Error(memory) if what a point needs does not fit.
-  void compute(Backend& backend);
+  virtual void compute(Backend& backend) = 0;
   /// Where the tile's points are after the iteration. Outliers are the NaN that tells the reason.
-  void write();
-
- private:
-  class Tile;
-  std::unique_ptr<Tile> tile_;
-  std::filesystem::path path_;
+  virtual void write() = 0;
 };
+std::unique_ptr<Denoising> make_denoising(const TileWork& work, const std::filesystem::path& path,
+                                          std::stop_token stop);
 
 /// Does the tiles that next() gives, until it gives none: one is computed and written while the next one is read. So
 /// who is killed has one tile to do again.

@@ -3,10 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <utility>
 
-#include "io/offset.hpp"
 #include "io/parallel.hpp"
 #include "point/outliers.h"
 #include "scale/given.hpp"
@@ -16,13 +14,6 @@
 #include "seam/stop.hpp"
 
 namespace pointfair::scale {
-namespace {
-
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-
-bool is_finite(const Point& p) { return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z); }
-
-}  // namespace
 
 TileResults::TileResults(const std::vector<std::filesystem::path>& tiles, const Plan& plan, std::size_t file,
                          std::shared_ptr<const Source> source, const FinalLimits& limits, std::stop_token stop)
@@ -87,10 +78,7 @@ Position TileResults::origin_at(const Position& own, const Position& of_file) co
 std::vector<Point> TileResults::offsets(std::span<const Position> own, bool in_zones) const {
   std::vector<Point> points;
   points.reserve(own.size());
-  for (const Position& p : own) {
-    const Position origin = in_zones ? origin_at(p, plan_.origin) : plan_.origin;
-    points.push_back({io::to_offset(p[0], origin[0]), io::to_offset(p[1], origin[1]), io::to_offset(p[2], origin[2])});
-  }
+  for (const Position& p : own) points.push_back(offset(p, in_zones ? origin_at(p, plan_.origin) : plan_.origin));
   return points;
 }
 

@@ -6,7 +6,6 @@
 #include <bit>
 #include <cmath>
 #include <functional>
-#include <limits>
 #include <mutex>
 
 #include "estimate/constants.hpp"
@@ -17,10 +16,6 @@
 
 namespace pointfair::scale {
 namespace {
-
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-
-bool is_finite(const Point& p) { return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z); }
 
 std::size_t column_of(const Source& source, const std::string& name) {
   const std::vector<io::Column> columns = source.columns();

@@ -3,9 +3,7 @@
 
 #include <algorithm>
 #include <atomic>
-#include <limits>
 #include <map>
-#include <numeric>
 #include <tuple>
 #include <utility>
 
@@ -18,8 +16,6 @@
 namespace pointfair::scale {
 namespace {
 
-constexpr std::uint32_t kNoGroup = std::numeric_limits<std::uint32_t>::max();
-
 // Points that are stored together: those of one leaf of the tree in one zone, in this order.
 struct Group {
   std::uint32_t leaf;
@@ -31,7 +27,7 @@ using Numbers = std::map<Group, std::uint32_t>;
 struct Taken {
   std::vector<Point> points;
   std::vector<Group> groups;
-  std::vector<std::uint32_t> group_of;  // of each point; kNoGroup: not valid
+  std::vector<std::uint32_t> group_of;  // of each point; Grouped::kNone: not valid
   std::vector<double> shown;            // of the origin: io::OriginSample::state()
   std::uint64_t ignored = 0;
 };
@@ -43,12 +39,11 @@ Numbers group_block(const Source& source, std::size_t block, const Zones& zones,
   std::vector<Position> values(points.size());
   source.positions(block, values);
   for (std::size_t i = 0; i < points.size(); ++i) {
-    group_of[i] = kNoGroup;
+    group_of[i] = Grouped::kNone;
     if (!is_indexed(points[i])) continue;
     const Group group{tree.leaf_of(points[i]), zones.zone_of(values[i])};
     group_of[i] = numbers.try_emplace(group, std::uint32_t(numbers.size())).first->second;
-    const Position offset = difference(values[i], zones.middle_of(group.zone));
-    points[i] = {float(offset[0]), float(offset[1]), float(offset[2])};
+    points[i] = offset(values[i], zones.middle_of(group.zone));
   }
   return numbers;
 }
@@ -67,7 +62,7 @@ void number_groups(const std::vector<Numbers>& of_blocks, const Source& source, 
     std::vector<std::uint32_t> renumbered(of_blocks[b].size());
     for (const auto& [group, number] : of_blocks[b]) renumbered[number] = all[group];
     for (const std::size_t end = at + source.block_size(chunk.first_block + b); at < end; ++at)
-      if (taken.group_of[at] != kNoGroup) taken.group_of[at] = renumbered[taken.group_of[at]];
+      if (taken.group_of[at] != Grouped::kNone) taken.group_of[at] = renumbered[taken.group_of[at]];
   }
 }
 
@@ -93,7 +88,7 @@ Taken take(const std::shared_ptr<Source>& source, const InputChunk& chunk, const
       return;
     }
     for (std::size_t p = at; p < at + count; ++p)
-      taken.group_of[p] = is_indexed(taken.points[p]) ? tree.leaf_of(taken.points[p]) : kNoGroup;
+      taken.group_of[p] = is_indexed(taken.points[p]) ? tree.leaf_of(taken.points[p]) : Grouped::kNone;
   });
   taken.ignored = ignored;
   if (numbers.empty()) {
@@ -110,25 +105,13 @@ Taken take(const std::shared_ptr<Source>& source, const InputChunk& chunk, const
 std::vector<Section> sections_of(const Taken& taken) {
   std::vector<Bounds> bounds(taken.groups.size(), kNoBounds);
   for (std::size_t i = 0; i < taken.points.size(); ++i)
-    if (taken.group_of[i] != kNoGroup) include(bounds[taken.group_of[i]], taken.points[i]);
+    if (taken.group_of[i] != Grouped::kNone) include(bounds[taken.group_of[i]], taken.points[i]);
   std::vector<Section> sections;
   for (std::size_t g = 0; g < bounds.size(); ++g) {
     const auto& [leaf, zone] = taken.groups[g];
     if (bounds[g].valid > 0) sections.push_back({leaf, zone, bounds[g].valid, bounds[g].min, bounds[g].max});
   }
   return sections;
-}
-
-// Places of the points, group after group, in their order within each.
-std::vector<std::uint32_t> order_by_group(const Taken& taken) {
-  std::vector<std::uint64_t> next(taken.groups.size() + 1, 0);
-  for (const std::uint32_t group : taken.group_of)
-    if (group != kNoGroup) ++next[group + 1];
-  std::partial_sum(next.begin(), next.end(), next.begin());
-  std::vector<std::uint32_t> order(next.back());
-  for (std::size_t i = 0; i < taken.group_of.size(); ++i)
-    if (taken.group_of[i] != kNoGroup) order[next[taken.group_of[i]]++] = static_cast<std::uint32_t>(i);
-  return order;
 }
 
 }  // namespace
@@ -138,19 +121,13 @@ void ingest(const std::shared_ptr<Source>& source, const InputChunk& chunk, cons
   source->place_at(plan.origin);
   const Taken taken = io::with_threads(threads, [&] { return take(source, chunk, plan, tree, stop); });
   const std::vector<Section> sections = sections_of(taken);
-  const std::vector<std::uint32_t> order = order_by_group(taken);
+  const std::vector<std::uint32_t> order = Grouped(taken.group_of, taken.groups.size()).order;
   PointsHeader header;
   header.first_index = chunk.first_point;
   header.counts[kNonFinite] = chunk.points - order.size();
   header.counts[kIgnored] = taken.ignored;
   PointsWriter writer(path, header, sections, taken.shown);
-  std::vector<Point> some;
-  constexpr std::size_t kSome = 1 << 16;
-  for (std::size_t begin = 0; begin < order.size(); begin += kSome) {
-    some.clear();
-    for (std::size_t i = begin; i < std::min(order.size(), begin + kSome); ++i) some.push_back(taken.points[order[i]]);
-    writer.write(std::span(some));
-  }
+  writer.write<Point>(order, [&](std::uint32_t i) { return taken.points[i]; });
   writer.write(std::span(order));
   writer.finish();
 }

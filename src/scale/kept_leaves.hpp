@@ -21,11 +21,8 @@ class KeptLeaves {
   std::uint64_t kept() const { return kept_; }
   /// Keeps nothing any more.
   void forget();
-  /// The points of the region, if they are at most `most`; else nothing is kept any more, and false.
-  bool load(const point::Region& region, std::uint64_t most, std::vector<Point>& points) {
-    return load(cloud_, region, most, points);
-  }
-  /// The same of the cloud as it is seen from another origin.
+  /// The points of the region, if they are at most `most`, of the cloud as it is seen from some origin; else nothing is
+  /// kept any more, and false.
   bool load(const StoredCloud& seen, const point::Region& region, std::uint64_t most, std::vector<Point>& points);
   /// The points of a leaf, relative to the middle of its zone. Valid until the next call.
   std::span<const Point> leaf(std::uint32_t number);

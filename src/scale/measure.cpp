@@ -2,9 +2,6 @@
 #include "scale/measure.hpp"
 
 #include <algorithm>
-#include <array>
-#include <cmath>
-#include <deque>
 #include <limits>
 #include <map>
 #include <type_traits>
@@ -13,29 +10,27 @@
 #include "estimate/automatic.hpp"
 #include "estimate/beam_width.hpp"
 #include "scale/candidates.hpp"
-#include "scale/choice.hpp"
 #include "scale/ingest.hpp"
 #include "scale/kept_leaves.hpp"
 #include "seam/cloud_sample.hpp"
+#include "tiles/choice.hpp"
 #include "tiles/exact_rows.hpp"
 #include "tiles/halo.hpp"
 
 namespace pointfair::scale {
 namespace {
 
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-
 bool same_place(const Point& a, const Point& b) { return a.x == b.x && a.y == b.y && a.z == b.z; }
 
 // The calls of Sampling over stored points: the sample by passing over all of them, and what lies around its points by
 // loading the regions around them.
-class StoredSampling final : public Sampling {
+class StoredSampling final : public Sampling, private PointStore {
  public:
   StoredSampling(const StoredCloud& cloud, const Plan& plan, Backend& backend)
       : cloud_(cloud),
         backend_(backend),
         bytes_of_point_(bytes_of_tile_point(plan.params)),
-        most_(points_in_memory(plan.memory, bytes_of_point_)),
+        most_(points_of_tile(plan.memory, plan.params)),
         leaves_(cloud, most_ * bytes_of_point_ / 2 / sizeof(Point)) {}
 
   CloudSample sample_cloud(std::size_t count) override {
@@ -55,30 +50,33 @@ class StoredSampling final : public Sampling {
   void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override {
     std::fill(out.begin(), out.end(), Point{kNan, kNan, kNan});
     std::map<Position, std::vector<std::size_t>> of_origin;
-    for (std::size_t q = 0; q < queries.size(); ++q) of_origin[queries_[queries[q]].origin].push_back(q);
+    std::vector<Point> places;
+    for (std::size_t q = 0; q < queries.size(); ++q) {
+      of_origin[queries_[queries[q]].origin].push_back(q);
+      places.push_back(queries_[queries[q]].place);
+    }
+    const ExactRows rows{
+        k, places, out, [&](const TileWorker& worker, std::size_t q) {
+          return std::uint32_t(
+              std::ranges::find_if(worker.points, [&](const Point& p) { return same_place(p, places[q]); }) -
+              worker.points.begin());
+        }};
+    TileWorker worker(backend_);
     for (const auto& [origin, around] : of_origin) {
       const StoredCloud seen = cloud_.seen_from(origin);
       seen_ = &seen;
       std::map<std::size_t, std::vector<std::size_t>> of_leaf;
-      for (const std::size_t q : around) of_leaf[leaf_near(queries_[queries[q]].place)].push_back(q);
-      for (auto& [leaf, asked] : of_leaf) {
-        std::deque<Rows> left{{std::move(asked), reach_of_nearest(seen.bounds(), k, seen.leaves()[leaf])}};
-        for (; !left.empty(); left.pop_front())
-          for (Rows& rows : sample(queries, k, left.front(), out)) left.push_back(std::move(rows));
-      }
+      for (const std::size_t q : around) of_leaf[leaf_near(places[q])].push_back(q);
+      for (auto& [leaf, asked] : of_leaf)
+        rows.fill(*this, worker, std::move(asked), reach_of_nearest(seen.bounds(), k, seen.leaves()[leaf]));
     }
+    loaded_ = {};
   }
   void for_each_on_host(std::size_t count, const std::function<void(std::size_t)>& body) override {
     backend_.sampling().for_each_on_host(count, body);
   }
 
  private:
-  // Rows of neighbourhoods that are not known yet.
-  struct Rows {
-    std::vector<std::size_t> asked;
-    double halo;
-  };
-
   // A point of the sample.
   struct Query {
     Point place;
@@ -132,39 +130,21 @@ class StoredSampling final : public Sampling {
     return leaf;
   }
 
-  // Fills the rows that are exact, and returns the others, to be sampled farther out, or in halves where all together
-  // do not fit.
-  std::vector<Rows> sample(std::span<const std::uint32_t> queries, int k, const Rows& rows, std::span<Point> out) {
-    Bounds bounds = kNoBounds;
-    for (const std::size_t q : rows.asked) include(bounds, queries_[queries[q]].place);
-    const point::Region region = region_around(seen_->bounds(), bounds, rows.halo);
-    std::vector<Point> loaded;
-    if (!load(region, loaded)) {
-      if (rows.asked.size() == 1)
-        throw Error(ErrorKind::memory,
-                    "what lies around a point that the noise is measured at does not fit into "
-                    "--memory; give more");
-      const auto middle = rows.asked.begin() + std::ptrdiff_t(rows.asked.size() / 2);
-      return {{{rows.asked.begin(), middle}, rows.halo}, {{middle, rows.asked.end()}, rows.halo}};
-    }
-    backend_.upload(loaded, IndexOrder::fastest);
-    std::vector<std::uint32_t> places;
-    for (const std::size_t q : rows.asked)
-      places.push_back(
-          std::uint32_t(std::find_if(loaded.begin(), loaded.end(),
-                                     [&](const Point& p) { return same_place(p, queries_[queries[q]].place); }) -
-                        loaded.begin()));
-    Rows left{sample_exact_rows(backend_, region, places, rows.asked, k, out), 2 * rows.halo};
-    if (left.asked.empty()) return {};
-    return {std::move(left)};
-  }
-
+  const Bounds& bounds() const override { return seen_->bounds(); }
   // Leaves that are kept make room where the region needs it.
-  bool load(const point::Region& region, std::vector<Point>& loaded) {
+  bool load(const point::Region& region, TileWorker& worker) override {
     const std::uint64_t kept = leaves_.kept() * sizeof(Point) / bytes_of_point_;
-    if (leaves_.load(*seen_, region, most_ - std::min(most_, kept), loaded)) return true;
-    loaded = {};
-    return seen_->append(region, {}, most_, loaded);
+    bool fits = leaves_.load(*seen_, region, most_ - std::min(most_, kept), loaded_);
+    if (!fits) {
+      loaded_ = {};
+      fits = seen_->append(region, {}, most_, loaded_);
+    }
+    worker.points = loaded_;
+    return fits;
+  }
+  Error does_not_fit(std::size_t) const override {
+    return {ErrorKind::memory,
+            "what lies around a point that the noise is measured at does not fit into --memory; give more"};
   }
 
   const StoredCloud& cloud_;
@@ -172,14 +152,14 @@ class StoredSampling final : public Sampling {
   std::uint64_t bytes_of_point_, most_;  // points that are loaded at once
   KeptLeaves leaves_;
   std::vector<Query> queries_;
+  std::vector<Point> loaded_;
   const StoredCloud* seen_ = nullptr;  // from the origin that is sampled around
 };
 
 // Relative to the cloud's origin; null: unknown.
 std::shared_ptr<const SensorPlaces> sensor_of(const Plan& plan, const Position& origin) {
   if (!plan.sensor) return nullptr;
-  const auto offset = [&](std::size_t axis) { return float((*plan.sensor)[axis] - origin[axis]); };
-  return std::make_shared<const SensorPlaces>(SensorPlaces{{{offset(0), offset(1), offset(2)}}});
+  return std::make_shared<const SensorPlaces>(SensorPlaces{{offset(*plan.sensor, origin)}});
 }
 
 }  // namespace
@@ -208,86 +188,60 @@ Measured measure(const StoredCloud& cloud, const Plan& plan, const std::optional
 
 namespace {
 
-// The levels themselves follow.
-struct FixedLevels {
-  Point first{};
-  float nodes_per_unit = 0;
-  std::uint64_t nodes = 0;  // along each axis
-  std::uint64_t count() const { return nodes * nodes * nodes; }
-};
-
-// What a file begins with; the levels of the noise follow, and those of the reach. Without gaps, whose bytes would be
-// anything: tasks that are done twice leave the same bytes.
-struct Fixed {
-  Position origin{};
-  Bounds bounds;
-  Spacing spacing;
-  std::array<double, 10> noise{};
-  FixedLevels of_noise, of_reach;
-  std::array<double, 3> quantiles{};  // of the levels of the noise
-  std::uint64_t ignored = 0;
-  double beam_width = 0;
-  Frame frame{};
-  std::uint32_t unused = 0;
-};
-static_assert(std::is_trivially_copyable_v<Fixed>);
-static_assert(sizeof(Fixed) == sizeof(Position) + sizeof(Bounds) + sizeof(Spacing) + 10 * sizeof(double) +
-                                   2 * sizeof(FixedLevels) + 3 * sizeof(double) + sizeof(std::uint64_t) +
-                                   sizeof(double) + sizeof(Frame) + sizeof(std::uint32_t));
-
-std::array<double, 10> values_of(const Noise& noise) {
-  const auto& [sigma, surface_spacing, shape_to_noise, gap, correlation, depth_has_steps, confined, surface_points,
-               repeats, without_surface] = noise;
-  return {sigma,           surface_spacing,
-          shape_to_noise,  gap,
-          correlation,     depth_has_steps ? 1.0 : 0.0,
-          confined,        double(surface_points),
-          double(repeats), without_surface};
-}
-Noise noise_of(const std::array<double, 10>& v) {
-  return {v[0], v[1], v[2], v[3], v[4], v[5] != 0, v[6], int(v[7]), int(v[8]), v[9]};
-}
-
-FixedLevels fixed_of(const NodeLevels* levels) {
-  if (levels == nullptr) return {};
-  return {levels->first, levels->nodes_per_unit, std::uint64_t(levels->nodes)};
-}
-
-NodeLevels read_levels(const StoredFile& file, std::uint64_t at, const FixedLevels& fixed) {
-  NodeLevels levels{std::vector<float>(fixed.count()), int(fixed.nodes), fixed.first, fixed.nodes_per_unit};
-  file.read(at, std::span(levels.levels));
-  return levels;
+// Calls visit(number) for all that is measured but the levels themselves, whose files have the numbers in this order,
+// as doubles, then the levels of the noise and those of the reach.
+template <class Visit>
+void visit_numbers(Measured& m, NoiseLevels& levels, NodeLevels& reach_levels, const Visit& visit) {
+  auto& [sigma, surface_spacing, shape_to_noise, gap, correlation, depth_has_steps, confined, surface_points, repeats,
+         without_surface] = m.noise;
+  const auto visit_all = [&](auto&... numbers) { (visit(numbers), ...); };
+  visit_all(m.origin[0], m.origin[1], m.origin[2], m.bounds.valid, m.frame.side, m.spacing.mean, m.spacing.rho, sigma,
+            surface_spacing, shape_to_noise, gap, correlation, depth_has_steps, confined, surface_points, repeats,
+            without_surface, m.ignored, m.beam_width);
+  for (Point* p :
+       {&m.bounds.min, &m.bounds.max, &m.frame.corner, &m.frame.reference, &levels.first, &reach_levels.first})
+    visit_all(p->x, p->y, p->z);
+  for (double& quantile : levels.quantiles) visit(quantile);
+  for (NodeLevels* its : {static_cast<NodeLevels*>(&levels), &reach_levels}) visit_all(its->nodes, its->nodes_per_unit);
 }
 
 }  // namespace
 
-void save(const Measured& m, const std::filesystem::path& path) {
-  Fixed fixed{
-      m.origin, m.bounds, m.spacing, values_of(m.noise), fixed_of(m.levels.get()), fixed_of(m.reach_levels.get())};
-  fixed.ignored = m.ignored;
-  fixed.beam_width = m.beam_width;
-  fixed.frame = m.frame;
-  if (m.levels) fixed.quantiles = m.levels->quantiles;
-  NewFile file(path, sizeof fixed + (fixed.of_noise.count() + fixed.of_reach.count()) * sizeof(float));
-  file.write(&fixed, sizeof fixed);
-  if (m.levels) file.write(std::span(m.levels->levels));
-  if (m.reach_levels) file.write(std::span(m.reach_levels->levels));
+void save(const Measured& measured, const std::filesystem::path& path) {
+  Measured m = measured;
+  NoiseLevels levels = m.levels ? *m.levels : NoiseLevels{};
+  NodeLevels reach_levels = m.reach_levels ? *m.reach_levels : NodeLevels{};
+  std::vector<double> numbers;
+  visit_numbers(m, levels, reach_levels, [&](const auto& number) { numbers.push_back(double(number)); });
+  NewFile file(path,
+               numbers.size() * sizeof(double) + (levels.levels.size() + reach_levels.levels.size()) * sizeof(float));
+  file.write(std::span(numbers));
+  file.write(std::span(levels.levels));
+  file.write(std::span(reach_levels.levels));
   file.finish();
 }
 
 Measured load_measured(const std::filesystem::path& path) {
   const StoredFile file(path);
-  Fixed fixed;
-  file.read(0, &fixed, sizeof fixed);
-  Measured m{fixed.origin, fixed.bounds, fixed.frame, fixed.spacing, noise_of(fixed.noise)};
-  m.ignored = fixed.ignored;
-  m.beam_width = fixed.beam_width;
-  const std::uint64_t at = sizeof fixed;
-  if (fixed.of_noise.nodes > 0)
-    m.levels = std::make_shared<NoiseLevels>(NoiseLevels{read_levels(file, at, fixed.of_noise), fixed.quantiles});
-  if (fixed.of_reach.nodes > 0)
-    m.reach_levels =
-        std::make_shared<NodeLevels>(read_levels(file, at + fixed.of_noise.count() * sizeof(float), fixed.of_reach));
+  std::uint64_t at = 0;
+  const auto read = [&]<class T>(std::span<T> values) {
+    file.read(at, values);
+    at += values.size_bytes();
+  };
+  Measured m;
+  NoiseLevels levels;
+  NodeLevels reach_levels;
+  visit_numbers(m, levels, reach_levels, [&](auto& number) {
+    double value = 0;
+    read(std::span(&value, 1));
+    number = static_cast<std::remove_reference_t<decltype(number)>>(value);
+  });
+  for (NodeLevels* its : {static_cast<NodeLevels*>(&levels), &reach_levels}) {
+    its->levels.resize(std::size_t(its->nodes) * std::size_t(its->nodes) * std::size_t(its->nodes));
+    read(std::span(its->levels));
+  }
+  if (levels.nodes > 0) m.levels = std::make_shared<NoiseLevels>(std::move(levels));
+  if (reach_levels.nodes > 0) m.reach_levels = std::make_shared<NodeLevels>(std::move(reach_levels));
   return m;
 }
 

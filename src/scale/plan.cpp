@@ -12,7 +12,6 @@
 
 #include "estimate/automatic.hpp"
 #include "io/file_bytes.hpp"
-#include "io/offset.hpp"
 #include "io/parallel.hpp"
 #include "io/sensor_place.hpp"
 #include "io/streamed.hpp"
@@ -23,24 +22,22 @@
 #include "pointfair/file_info.hpp"
 #include "pointfair/tiled_run.hpp"
 #include "portable.hpp"
-#include "scale/choice.hpp"
 #include "scale/given.hpp"
 #include "scale/leaf_tree.hpp"
 #include "scale/outlier_edits.hpp"
 #include "scale/plan_text.hpp"
 #include "scale/work_file.hpp"
 #include "seam/cloud_sample.hpp"
+#include "tiles/choice.hpp"
 
 namespace pointfair::scale {
 namespace fs = std::filesystem;
 namespace {
 
-constexpr std::uint64_t kProcess = std::uint64_t{40} << 20;  // bytes of the program itself, its threads and tables
 constexpr std::uint64_t kLeastMemory = std::uint64_t{64} << 20;
 constexpr std::uint64_t kBytesOfChunkPoint = 26;  // position, leaf, place in the order, and what is copied
 constexpr std::uint64_t kMostOfChunk = std::uint64_t{1} << 25;
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
-constexpr double kCoreShare = 0.7;  // of a tile's points; the rest is halo
 constexpr std::uint64_t kPointsOfLeaf = 1 << 12, kLeastLeaves = 16, kMostLeaves = 1 << 16;
 constexpr std::uint64_t kSampledPoints = 1 << 24, kKeptSamples = 1 << 18;
 
@@ -211,8 +208,7 @@ Survey survey(const std::vector<std::shared_ptr<Source>>& sources, std::uint64_t
                 std::vector<Extent>(sources.size())};
   for (std::size_t i = 0; i < count; ++i)
     for (const Position& value : kept[i]) {
-      const Point p{io::to_offset(value[0], origin[0]), io::to_offset(value[1], origin[1]),
-                    io::to_offset(value[2], origin[2])};
+      const Point p = offset(value, origin);
       if (!is_indexed(p)) continue;
       result.sample.push_back(p);
       result.extents[blocks[i * blocks.size() / count].file].unite({value, value});
@@ -228,17 +224,7 @@ std::size_t chunk_of(std::span<const InputChunk> chunks, std::uint64_t point) {
   return std::size_t(after - chunks.begin()) - 1;
 }
 
-std::uint64_t points_in_memory(std::uint64_t memory, std::uint64_t bytes_per_point) {
-  const std::uint64_t free = memory > 2 * kProcess ? memory - kProcess : memory / 2;
-  return std::max<std::uint64_t>(1000, free / bytes_per_point);
-}
-
-std::uint64_t bytes_of_chunk(const InputChunk& chunk) { return kProcess + chunk.points * kBytesOfChunkPoint; }
-
-std::uint64_t bytes_of_tile(const Plan& plan) {
-  const double points = double(plan.points) / double(plan.tiles) / kCoreShare;
-  return std::min(plan.memory, kProcess + static_cast<std::uint64_t>(points) * bytes_of_tile_point(plan.params));
-}
+std::uint64_t bytes_of_chunk(const InputChunk& chunk) { return kProcessBytes + chunk.points * kBytesOfChunkPoint; }
 
 std::string fingerprint_of(const fs::path& path) {
   const auto status = platform::status_of(path);
@@ -294,8 +280,7 @@ void add_chunks(const Source& source, Plan& plan) {
 }
 
 LeafTree cut_into_tiles(Plan& plan, std::span<Point> sample, std::uint64_t least_tiles) {
-  const double of_tile = kCoreShare * double(points_in_memory(plan.memory, bytes_of_tile_point(plan.params)));
-  const auto tiles = std::max<std::uint64_t>(least_tiles, std::uint64_t(std::ceil(double(plan.points) / of_tile)));
+  const std::uint64_t tiles = std::max(least_tiles, tiles_on_disk(plan.points, plan.params, plan.memory));
   const std::uint64_t leaves =
       std::clamp(plan.points / kPointsOfLeaf, kLeastLeaves * tiles, std::max(kMostLeaves, kLeastLeaves * tiles));
   LeafTree tree(sample, tiles, leaves / tiles);

@@ -57,12 +57,8 @@ struct Plan {
   Zones zones() const { return {origin, zone_side}; }
 };
 
-/// How many points may be in memory at once, each with everything that a task needs for it.
-std::uint64_t points_in_memory(std::uint64_t memory, std::uint64_t bytes_per_point);
-
-/// What a task takes of the memory: one that takes a chunk in, and one of a tile with what lies around it.
+/// What a task that takes a chunk in takes of the memory.
 std::uint64_t bytes_of_chunk(const InputChunk& chunk);
-std::uint64_t bytes_of_tile(const Plan& plan);
 
 /// The files of a plan, opened when they are first needed.
 class Inputs {

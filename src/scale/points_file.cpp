@@ -2,10 +2,21 @@
 #include "scale/points_file.hpp"
 
 #include <algorithm>
+#include <numeric>
 
 #include "platform/path_text.hpp"
 
 namespace pointfair::scale {
+
+Grouped::Grouped(std::span<const std::uint32_t> group_of, std::size_t groups) : begins(groups + 1, 0) {
+  for (const std::uint32_t group : group_of)
+    if (group != kNone) ++begins[group + 1];
+  std::partial_sum(begins.begin(), begins.end(), begins.begin());
+  order.resize(begins.back());
+  std::vector<std::uint64_t> next = begins;
+  for (std::size_t i = 0; i < group_of.size(); ++i)
+    if (group_of[i] != kNone) order[next[group_of[i]]++] = static_cast<std::uint32_t>(i);
+}
 
 PointsWriter::PointsWriter(const std::filesystem::path& path, PointsHeader header, const std::vector<Section>& sections,
                            const std::vector<double>& numbers)

@@ -4,6 +4,7 @@
 // indices count from a first one, else 20.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <filesystem>
@@ -39,6 +40,15 @@ struct PointsHeader {
   std::uint64_t size() const { return indices_at() + points * index_bytes; }
 };
 
+/// The numbers of points group after group, in their order within each. Points of no group are left out.
+struct Grouped {
+  Grouped(std::span<const std::uint32_t> group_of, std::size_t groups);
+  static constexpr std::uint32_t kNone = ~std::uint32_t{0};
+  std::uint64_t count(std::size_t group) const { return begins[group + 1] - begins[group]; }
+  std::vector<std::uint64_t> begins;  ///< of the groups in the order, and past the last
+  std::vector<std::uint32_t> order;
+};
+
 /// Writes a file from its beginning to its end.
 class PointsWriter {
  public:
@@ -48,6 +58,18 @@ class PointsWriter {
   template <class T>
   void write(std::span<T> values) {
     file_.write(values);
+  }
+  /// The values of some points, by their numbers.
+  template <class T, class ValueAt>
+  void write(std::span<const std::uint32_t> numbers, const ValueAt& value_at) {
+    constexpr std::size_t kSome = 1 << 16;
+    std::vector<T> some;
+    for (std::size_t begin = 0; begin < numbers.size(); begin += kSome) {
+      some.clear();
+      for (const std::uint32_t i : numbers.subspan(begin, std::min(kSome, numbers.size() - begin)))
+        some.push_back(value_at(i));
+      write(std::span(some));
+    }
   }
   /// The step's end mark brings the names of its files to the disk.
   void finish() { file_.finish(false); }

@@ -2,12 +2,18 @@
 #include "scale/stored_cloud.hpp"
 
 #include <algorithm>
-#include <functional>
+#include <iterator>
+#include <limits>
 #include <map>
 #include <tuple>
 #include <utility>
 
 namespace pointfair::scale {
+namespace {
+
+constexpr LeafRange kAll{0, std::numeric_limits<std::uint32_t>::max()};
+
+}  // namespace
 
 std::shared_ptr<const StoredCloud::Stored> StoredCloud::open(const std::vector<std::filesystem::path>& files,
                                                              std::size_t leaves, const Zones& zones) {
@@ -109,31 +115,30 @@ Bounds StoredCloud::bounds_of(const LeafRange& range) const {
   return all;
 }
 
-namespace {
+template <class IsWanted, class Visit>
+void StoredCloud::for_pieces(const LeafRange& range, const IsWanted& is_wanted, const Visit& visit) const {
+  for (std::size_t p = 0; p < stored_->parts.size(); ++p) {
+    const auto& [open, leaves, begins] = stored_->parts[p];
+    std::unique_ptr<PointsFile> opened;  // for as long as it is used, where too many files would stay open
+    const auto first = std::lower_bound(leaves.begin(), leaves.end(), range.begin);
+    for (auto leaf = first; leaf != leaves.end() && range.holds(*leaf); ++leaf) {
+      if (!is_wanted(*leaf)) continue;
+      if (!open && !opened) opened = std::make_unique<PointsFile>(stored_->files[p]);
+      const auto i = static_cast<std::size_t>(leaf - leaves.begin());
+      if (!visit(open ? *open : *opened, *leaf, begins[i], begins[i + 1] - begins[i])) return;
+    }
+  }
+}
 
-// Opened for as long as it is used, where too many files would stay open.
-class Opened {
- public:
-  Opened(const std::unique_ptr<PointsFile>& open, const std::filesystem::path& path)
-      : own_(open ? nullptr : std::make_unique<PointsFile>(path)), file_(open ? *open : *own_) {}
-  const PointsFile* operator->() const { return &file_; }
-
- private:
-  std::unique_ptr<PointsFile> own_;
-  const PointsFile& file_;
-};
-
-}  // namespace
+void StoredCloud::read_stored(const LeafRange& range, std::vector<Point>& points) const {
+  read_files(range, &points, nullptr);
+}
 
 void StoredCloud::read(const LeafRange& range, std::vector<Point>* points, std::vector<std::uint64_t>* indices) const {
   read_files(range, points, indices);
   std::uint64_t at = 0;
   for (std::uint32_t leaf = range.begin; points && leaf < range.end; at += leaf_bounds_[leaf++].valid)
     bring(leaf, std::span(*points).subspan(at, leaf_bounds_[leaf].valid));
-}
-
-void StoredCloud::read_stored(std::uint32_t leaf, std::vector<Point>& points) const {
-  read_files({leaf, leaf + 1}, &points, nullptr);
 }
 
 void StoredCloud::read_files(const LeafRange& range, std::vector<Point>* points,
@@ -143,20 +148,14 @@ void StoredCloud::read_files(const LeafRange& range, std::vector<Point>* points,
     next[leaf - range.begin + 1] = next[leaf - range.begin] + leaf_bounds_[leaf].valid;
   if (points) points->resize(next.back());
   if (indices) indices->resize(next.back());
-  for (std::size_t p = 0; p < stored_->parts.size(); ++p) {
-    const Part& part = stored_->parts[p];
-    const auto first = std::lower_bound(part.leaves.begin(), part.leaves.end(), range.begin);
-    if (first == part.leaves.end() || !range.holds(*first)) continue;
-    const Opened file(part.file, stored_->files[p]);
-    for (auto at = first; at != part.leaves.end() && range.holds(*at); ++at) {
-      const auto i = static_cast<std::size_t>(at - part.leaves.begin());
-      const std::size_t count = part.begins[i + 1] - part.begins[i];
-      std::uint64_t& to = next[*at - range.begin];
-      if (points) file->positions(part.begins[i], std::span(*points).subspan(to, count));
-      if (indices) file->indices(part.begins[i], std::span(*indices).subspan(to, count));
-      to += count;
-    }
-  }
+  const auto all = [](std::uint32_t) { return true; };
+  for_pieces(range, all, [&](const PointsFile& file, std::uint32_t leaf, std::uint64_t first, std::size_t count) {
+    std::uint64_t& to = next[leaf - range.begin];
+    if (points) file.positions(first, std::span(*points).subspan(to, count));
+    if (indices) file.indices(first, std::span(*indices).subspan(to, count));
+    to += count;
+    return true;
+  });
 }
 
 bool StoredCloud::append(const point::Region& region, const LeafRange& except, std::size_t most,
@@ -165,55 +164,43 @@ bool StoredCloud::append(const point::Region& region, const LeafRange& except, s
   std::size_t certain = points.size();
   for (std::uint32_t leaf = 0; leaf < leaf_bounds_.size(); ++leaf) {
     const Bounds& b = leaf_bounds_[leaf];
-    if (except.holds(leaf) || !may_overlap(region, b)) continue;
+    if (!may_overlap(region, b) || (except.holds(leaf) && origin_for(leaf) == origin_)) continue;
     wanted[leaf] = lies_inside(region, b) ? 2 : 1;
     if (wanted[leaf] == 2) certain += b.valid;
   }
   if (certain > most) return false;
   points.reserve(certain + certain / 4);
   std::vector<Point> some;
-  for (std::size_t p = 0; p < stored_->parts.size(); ++p) {
-    const Part& part = stored_->parts[p];
-    if (std::none_of(part.leaves.begin(), part.leaves.end(), [&](std::uint32_t leaf) { return wanted[leaf] != 0; }))
-      continue;
-    const Opened file(part.file, stored_->files[p]);
-    for (std::size_t i = 0; i < part.leaves.size(); ++i) {
-      const std::uint8_t want = wanted[part.leaves[i]];
-      if (want == 0) continue;
-      some.resize(part.begins[i + 1] - part.begins[i]);
-      file->positions(part.begins[i], some);
-      bring(part.leaves[i], some);
-      if (want == 2) {
-        points.insert(points.end(), some.begin(), some.end());
-      } else {
-        for (const Point& q : some)
-          if (point::is_inside(region, to_vec3(q))) points.push_back(q);
-      }
-      if (points.size() > most) return false;
-    }
-  }
-  return true;
+  const auto is_wanted = [&](std::uint32_t leaf) { return wanted[leaf] != 0; };
+  for_pieces(kAll, is_wanted, [&](const PointsFile& file, std::uint32_t leaf, std::uint64_t first, std::size_t count) {
+    some.resize(count);
+    file.positions(first, some);
+    bring(leaf, some);
+    std::copy_if(some.begin(), some.end(), std::back_inserter(points),
+                 [&](const Point& p) { return wanted[leaf] == 2 || point::is_inside(region, to_vec3(p)); });
+    return points.size() <= most;
+  });
+  return points.size() <= most;
 }
 
 void StoredCloud::for_all(const std::function<void(std::span<const Point>)>& visit) const {
-  constexpr std::uint64_t kSome = 1 << 20;
+  constexpr std::size_t kSome = 1 << 20;
   std::vector<Point> some;
-  for (std::size_t p = 0; p < stored_->parts.size(); ++p) {
-    const Part& part = stored_->parts[p];
-    const Opened file(part.file, stored_->files[p]);
-    std::size_t leaf = 0;
-    for (std::uint64_t first = 0; first < part.begins.back(); first += kSome) {
-      some.resize(std::min(kSome, part.begins.back() - first));
-      file->positions(first, some);
-      for (std::uint64_t at = first; at < first + some.size();) {
-        while (part.begins[leaf + 1] <= at) ++leaf;
-        const std::uint64_t end = std::min(first + some.size(), part.begins[leaf + 1]);
-        bring(part.leaves[leaf], std::span(some).subspan(at - first, end - at));
-        at = end;
-      }
+  some.reserve(std::min<std::uint64_t>(kSome, bounds_.valid));
+  const auto all = [](std::uint32_t) { return true; };
+  for_pieces(kAll, all, [&](const PointsFile& file, std::uint32_t leaf, std::uint64_t first, std::size_t count) {
+    if (!some.empty() && some.size() + count > kSome) {
       visit(some);
+      some.clear();
     }
-  }
+    const std::size_t at = some.size();
+    some.resize(at + count);
+    const std::span<Point> its = std::span(some).subspan(at);
+    file.positions(first, its);
+    bring(leaf, its);
+    return true;
+  });
+  if (!some.empty()) visit(some);
 }
 
 }  // namespace pointfair::scale

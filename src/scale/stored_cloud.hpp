@@ -51,11 +51,11 @@ class StoredCloud {
   /// The points of the leaves, leaf after leaf, and in the same order their indices in the input; of both, what is
   /// given.
   void read(const LeafRange& range, std::vector<Point>* points, std::vector<std::uint64_t>* indices) const;
-  /// Those of one leaf, relative to the middle of its zone; and such points as read() gives them.
-  void read_stored(std::uint32_t leaf, std::vector<Point>& points) const;
+  /// The same points relative to the middles of their zones; and such points of a leaf as read() gives them.
+  void read_stored(const LeafRange& range, std::vector<Point>& points) const;
   void bring(std::uint32_t leaf, std::span<Point> points) const;
-  /// Appends the points of the region, those of the leaves in `except` left out. At most `most` of them are wanted:
-  /// false as soon as there are more.
+  /// Appends the points of the region; of the leaves in `except`, only those that are computed around another origin.
+  /// At most `most` of all are wanted: false as soon as there are more.
   bool append(const point::Region& region, const LeafRange& except, std::size_t most, std::vector<Point>& points) const;
   /// Calls visit(points) for all points, a few at a time.
   void for_all(const std::function<void(std::span<const Point>)>& visit) const;
@@ -85,6 +85,9 @@ class StoredCloud {
                                             const Zones& zones);
   static void choose_origins(std::vector<Leaf>& leaves, const Zones& zones);
   Position shift_of(std::uint32_t leaf) const;
+  // Calls visit(file, leaf, first, count) for what the files have of the wanted leaves of the range, until it is false.
+  template <class IsWanted, class Visit>
+  void for_pieces(const LeafRange& range, const IsWanted& is_wanted, const Visit& visit) const;
   void read_files(const LeafRange& range, std::vector<Point>* points, std::vector<std::uint64_t>* indices) const;
 
   std::shared_ptr<const Stored> stored_;

@@ -11,13 +11,13 @@
 #include "pipeline/devices.hpp"
 #include "pipeline/stage_settings.hpp"
 #include "platform/path_text.hpp"
-#include "scale/choice.hpp"
 #include "scale/denoise.hpp"
 #include "scale/emit.hpp"
 #include "scale/given.hpp"
 #include "scale/ingest.hpp"
 #include "scale/outlier_edits.hpp"
 #include "seam/stop.hpp"
+#include "tiles/choice.hpp"
 #include "tiles/feeders.hpp"
 
 namespace pointfair::scale {
@@ -78,7 +78,7 @@ void Tasks::run_tiles(const WorkStep& step, const std::stop_token& stop,
       if (tells) begin(*task);
       throw_if_stopped(stop);
       if (!folder_.is_done(step, *task))
-        return std::make_unique<Denoising>(tile_work(step, *task), folder_.file_of(step, *task), stop);
+        return make_denoising(tile_work(step, *task), folder_.file_of(step, *task), stop);
     }
     return nullptr;
   };
@@ -155,10 +155,10 @@ void Tasks::run_measure(const WorkStep& step, const std::stop_token& stop) {
 }
 
 void Tasks::run_denoise(const WorkStep& step, std::size_t task, const std::stop_token& stop) {
-  Denoising denoising(tile_work(step, task), folder_.file_of(step, task), stop);
-  denoising.read();
-  denoising.compute(workers_[0].backend());
-  denoising.write();
+  const std::unique_ptr<Denoising> tile = make_denoising(tile_work(step, task), folder_.file_of(step, task), stop);
+  tile->read();
+  tile->compute(workers_[0].backend());
+  tile->write();
 }
 
 TileWork Tasks::tile_work(const WorkStep& step, std::size_t task) const {
@@ -172,7 +172,7 @@ TileWork Tasks::tile_work(const WorkStep& step, std::size_t task) const {
   return {*input_,
           {tree_.tile_begin(task), tree_.tile_begin(task + 1)},
           settings,
-          points_in_memory(folder_.plan.memory, bytes_of_tile_point(folder_.plan.params)),
+          points_of_tile(folder_.plan.memory, folder_.plan.params),
           is_last ? &folder_.plan.chunks : nullptr,
           first_counts};
 }

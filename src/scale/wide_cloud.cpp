@@ -9,7 +9,7 @@
 #include "io/parallel.hpp"
 #include "io/placed_source.hpp"
 #include "platform/free_memory.hpp"
-#include "scale/choice.hpp"
+#include "tiles/choice.hpp"
 
 namespace pointfair::scale {
 namespace {
@@ -21,10 +21,6 @@ std::vector<Position> positions_of(const Cloud& cloud) {
   std::vector<Position> result(cloud.points.size());
   positions(cloud, result);
   return result;
-}
-
-Point offset(const Position& p, const Position& origin) {
-  return {io::to_offset(p[0], origin[0]), io::to_offset(p[1], origin[1]), io::to_offset(p[2], origin[2])};
 }
 
 }  // namespace

@@ -8,33 +8,24 @@
 #include "platform/free_memory.hpp"
 #include "platform/path_text.hpp"
 #include "scale/work_file.hpp"
+#include "tiles/choice.hpp"
 
 namespace pointfair::scale {
 namespace fs = std::filesystem;
 namespace {
 
-std::string numbered(const char* name, std::size_t number) {
+std::string numbered(const std::string& name, std::size_t number) {
   std::string digits = std::to_string(number);
   if (digits.size() < 5) digits.insert(0, 5 - digits.size(), '0');
-  return name + ("-" + digits);
+  return name + "-" + digits;
 }
 
 }  // namespace
 
 std::string WorkStep::name() const {
-  switch (kind) {
-    case Kind::ingest:
-      return "ingest";
-    case Kind::measure:
-      return "measure";
-    case Kind::denoise:
-      return "denoise-" + std::to_string(iteration + 1);
-    case Kind::heights:
-      return "heights";
-    case Kind::emit:
-      break;
-  }
-  return "emit";
+  constexpr const char* kNames[] = {"ingest", "measure", "denoise-", "heights", "emit"};
+  const std::string name = kNames[static_cast<std::size_t>(kind)];
+  return kind == Kind::denoise ? name + std::to_string(iteration + 1) : name;
 }
 
 std::vector<WorkStep> WorkFolder::steps() const {
@@ -45,33 +36,16 @@ std::vector<WorkStep> WorkFolder::steps() const {
   return steps;
 }
 std::size_t WorkFolder::tasks_of(const WorkStep& step) const {
-  switch (step.kind) {
-    case WorkStep::Kind::ingest:
-      return plan.chunks.size();
-    case WorkStep::Kind::measure:
-    case WorkStep::Kind::heights:
-      return 1;
-    case WorkStep::Kind::denoise:
-      return plan.tiles;
-    case WorkStep::Kind::emit:
-      break;
-  }
-  return plan.files.size();
+  if (step.kind == WorkStep::Kind::ingest) return plan.chunks.size();
+  if (step.kind == WorkStep::Kind::denoise) return plan.tiles;
+  return step.kind == WorkStep::Kind::emit ? plan.files.size() : 1;
 }
 fs::path WorkFolder::file_of(const WorkStep& step, std::size_t task) const {
-  switch (step.kind) {
-    case WorkStep::Kind::ingest:
-      return path / numbered(is_recut ? "recut" : "chunk", task);
-    case WorkStep::Kind::measure:
-      return path / "measured";
-    case WorkStep::Kind::denoise:
-      return path / numbered(("tile-" + std::to_string(step.iteration + 1)).c_str(), task);
-    case WorkStep::Kind::heights:
-      return path / "heights";
-    case WorkStep::Kind::emit:
-      break;
-  }
-  return path / numbered("written", task);
+  if (step.kind == WorkStep::Kind::measure) return path / "measured";
+  if (step.kind == WorkStep::Kind::heights) return path / "heights";
+  if (step.kind == WorkStep::Kind::ingest) return path / numbered(is_recut ? "recut" : "chunk", task);
+  if (step.kind == WorkStep::Kind::emit) return path / numbered("written", task);
+  return path / numbered("tile-" + std::to_string(step.iteration + 1), task);
 }
 std::vector<fs::path> WorkFolder::files_of(const WorkStep& step) const {
   std::vector<fs::path> files;
@@ -114,7 +88,7 @@ void WorkFolder::check_room(const WorkStep& step) const {
 void WorkFolder::check_memory(const WorkStep& step, std::size_t task) const {
   std::uint64_t needed = 0;
   if (step.kind == WorkStep::Kind::ingest) needed = bytes_of_chunk(plan.chunks[task]);
-  if (step.kind == WorkStep::Kind::denoise) needed = bytes_of_tile(plan);
+  if (step.kind == WorkStep::Kind::denoise) needed = bytes_of_tile(plan.points, plan.tiles, plan.params, plan.memory);
   const std::uint64_t free = platform::free_memory();
   if (free < needed)
     throw Error(ErrorKind::memory, "step " + step.name() + ", task " + std::to_string(task) + ": needs about " +

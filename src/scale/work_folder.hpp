@@ -20,9 +20,9 @@ struct WorkStep {
   std::string name() const;
 };
 
-// The names in the folder: chunk-..., of each chunk of the input; measured; tile-<iteration>-..., of each tile; heights,
-// where outliers are told apart by them; and of each output begun-... and written-..., which are marks. What is called done-... says that a step was finished whose
-// files are not needed any more.
+// The names in the folder: chunk-..., of each chunk of the input; measured; tile-<iteration>-..., of each tile;
+// heights, where outliers are told apart by them; and of each output begun-... and written-..., which are marks. What
+// is called done-... says that a step was finished whose files are not needed any more.
 struct WorkFolder {
   explicit WorkFolder(const std::filesystem::path& folder) : WorkFolder(folder, read_plan(folder)) {}
   WorkFolder(const std::filesystem::path& folder, Plan its_plan) : path(folder), plan(std::move(its_plan)) {}

@@ -5,9 +5,12 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
+#include "io/offset.hpp"
 #include "io/source.hpp"
 #include "tiles/halo.hpp"
 
@@ -33,6 +36,13 @@ struct Zones {
 inline float shifted(float offset, double shift) { return static_cast<float>(offset + shift); }
 inline Point shifted(const Point& p, const Position& shift) {
   return {shifted(p.x, shift[0]), shifted(p.y, shift[1]), shifted(p.z, shift[2])};
+}
+inline constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+inline bool is_finite(const Point& p) { return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z); }
+
+/// The offset of a point from an origin.
+inline Point offset(const Position& p, const Position& origin) {
+  return {io::to_offset(p[0], origin[0]), io::to_offset(p[1], origin[1]), io::to_offset(p[2], origin[2])};
 }
 inline Position difference(const Position& a, const Position& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
 

@@ -12,6 +12,7 @@
 #include "seam/device_tiles.hpp"
 #include "seam/sampling.hpp"
 #include "seam/stop.hpp"
+#include "tiles/choice.hpp"
 #include "tiles/cut.hpp"
 #include "tiles/feeders.hpp"
 #include "tiles/halo.hpp"
@@ -20,20 +21,12 @@
 namespace pointfair {
 namespace {
 
-constexpr std::size_t kSampled = 4096;      // points of which the cells are made
-constexpr std::uint64_t kLeastTile = 2000;  // points; smaller tiles do not need less memory
+constexpr std::size_t kSampled = 4096;  // points of which the cells are made
 
 // What is held of one iteration. Stages up to the normals only note what they are to do; fairing does it all.
 struct Iteration {
   FramedSettings stages;
   Counts counts;
-};
-
-// A cell, and how far around what is left of it is loaded.
-struct Task {
-  point::Cell cell;
-  Bounds wanted;
-  double halo;
 };
 
 // The bounds of a cell within a cloud of many times as many points.
@@ -83,8 +76,9 @@ class DividedCloud final : public Backend, public Sampling, public DeviceMemory 
         break;
       } catch (const Error& error) {
         workers_.clear();  // their memory is needed
-        if (error.kind() != ErrorKind::memory || bounds().valid / (2 * cells_wanted_) < kLeastTile) throw;
-        cells_wanted_ *= 2;
+        const std::uint64_t more = more_tiles({}, bounds().valid, cells_wanted_);
+        if (error.kind() != ErrorKind::memory || more == 0) throw;
+        cells_wanted_ = more;
         cells_.clear();
       }
     times_.push_back({"cut", cut_milliseconds_});
@@ -199,10 +193,10 @@ class DividedCloud final : public Backend, public Sampling, public DeviceMemory 
     make_workers();
     if (cells_.empty()) divide();
     const FramedSettings& stages = held(iteration).stages;
-    std::deque<Task> tasks;
+    std::deque<Wanted> tasks;
     for (const point::Cell& cell : cells_) {
-      const Bounds wanted = within(bounds(), cell, cells_.size());
-      tasks.push_back({cell, wanted, first_halo(bounds(), stages, wanted)});
+      const Bounds its = within(bounds(), cell, cells_.size());
+      tasks.push_back({cell, {}, its, first_halo(bounds(), stages, its)});
     }
     Counts counts;
     tiles().begin_tiles(iteration);
@@ -211,7 +205,7 @@ class DividedCloud final : public Backend, public Sampling, public DeviceMemory 
       const std::size_t at_once = std::min(tasks.size(), workers_.size());
       std::vector<DeviceTile> now;
       for (std::size_t i = 0; i < at_once; ++i)
-        now.push_back({tasks[i].cell, region_around(bounds(), tasks[i].wanted, tasks[i].halo)});
+        now.push_back({*tasks[i].cell, region_around(bounds(), tasks[i].bounds, tasks[i].halo)});
       const auto start = Clock::now();
       tiles().gather(now);
       cut_milliseconds_ += milliseconds_since(start);
@@ -222,7 +216,7 @@ class DividedCloud final : public Backend, public Sampling, public DeviceMemory 
       cut_milliseconds_ += milliseconds_since(back);
       for (const TileTally& tally : tallies) {
         add(counts, tally.counts);
-        if (tally.left.valid > 0) tasks.push_back({tasks.front().cell, tally.left, 2 * tasks.front().halo});
+        if (tally.left.valid > 0) tasks.push_back({tasks.front().cell, {}, tally.left, 2 * tasks.front().halo});
         tasks.pop_front();
       }
     }

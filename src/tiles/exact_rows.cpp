@@ -2,29 +2,57 @@
 #include "tiles/exact_rows.hpp"
 
 #include <algorithm>
+#include <deque>
+#include <utility>
 
-#include "seam/cloud_sample.hpp"
 #include "seam/sampling.hpp"
 
 namespace pointfair {
 
-std::vector<std::size_t> sample_exact_rows(Backend& backend, const point::Region& loaded,
-                                           std::span<const std::uint32_t> places, std::span<const std::size_t> rows,
-                                           int k, std::span<Point> out) {
-  backend.build_index(0, std::nullopt, {});
+void ExactRows::fill(PointStore& store, TileWorker& worker, std::vector<std::size_t> some, double halo) const {
+  struct Asked {
+    std::vector<std::size_t> queries;
+    double halo;
+  };
+  std::deque<Asked> left;
+  for (left.push_back({std::move(some), halo}); !left.empty(); left.pop_front()) {
+    const auto& [asked, its_halo] = left.front();
+    if (asked.empty()) continue;
+    Bounds bounds = kNoBounds;
+    for (const std::size_t q : asked) include(bounds, queries[q]);
+    worker.finish_upload();
+    worker.loaded = region_around(store.bounds(), bounds, its_halo);
+    if (!store.load(worker.loaded, worker)) {
+      if (asked.size() == 1) throw store.does_not_fit(asked.front());
+      const auto middle = asked.begin() + std::ptrdiff_t(asked.size() / 2);
+      left.push_back({{asked.begin(), middle}, its_halo});
+      left.push_back({{middle, asked.end()}, its_halo});
+      continue;
+    }
+    worker.upload(IndexOrder::fastest);
+    left.push_back({fill_exact(worker, asked), 2 * its_halo});
+    worker.note_costs();
+  }
+}
+
+// Returns those of the queries whose rows are not exact.
+std::vector<std::size_t> ExactRows::fill_exact(const TileWorker& worker, const std::vector<std::size_t>& asked) const {
+  std::vector<std::uint32_t> places;
+  for (const std::size_t q : asked) places.push_back(find(worker, q));
   const std::size_t row_size = std::size_t(k) + 1;
   std::vector<Point> found(places.size() * row_size);
-  backend.sampling().sample_neighborhoods(places, k, found);
+  worker.backend->build_index(0, std::nullopt, {});
+  worker.backend->sampling().sample_neighborhoods(places, k, found);
   std::vector<std::size_t> left;
   for (std::size_t r = 0; r < places.size(); ++r) {
     const Point* row = &found[r * row_size];
     const auto here = to_vec3(row[0]), last = to_vec3(row[k]);
     const bool full = is_indexed(row[k]);
     if (point::is_exact_list({k, kUnbounded, false, 0}, full ? k : 0, full ? point::squared_length(last - here) : 0.0f,
-                             point::squared_gap_to_outside(loaded, here))) {
-      std::copy_n(row, row_size, &out[rows[r] * row_size]);
+                             point::squared_gap_to_outside(worker.loaded, here))) {
+      std::copy_n(row, row_size, &out[asked[r] * row_size]);
     } else {
-      left.push_back(rows[r]);
+      left.push_back(asked[r]);
     }
   }
   return left;

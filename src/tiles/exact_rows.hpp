@@ -1,22 +1,31 @@
 // SPDX-License-Identifier: Apache-2.0
-// Samples of neighbourhoods where a part of a cloud is loaded.
+// Samples of neighbourhoods of a cloud of which only parts are loaded.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
-#include "point/region.h"
-#include "seam/backend.hpp"
+#include "tiles/tile_run.hpp"
 
 namespace pointfair {
 
-// Rows of the k nearest as Sampling::sample_neighborhoods() gives them, of the uploaded points at `places`, where all
-// points of a larger cloud in `loaded` were uploaded. Copies each row that would be the same with the whole cloud to
-// its place among `out`, which `rows` has; returns which of `rows` would not.
-std::vector<std::size_t> sample_exact_rows(Backend& backend, const point::Region& loaded,
-                                           std::span<const std::uint32_t> places, std::span<const std::size_t> rows,
-                                           int k, std::span<Point> out);
+// Rows of the k nearest as Sampling::sample_neighborhoods() gives them.
+struct ExactRows {
+  int k;
+  std::span<const Point> queries;
+  std::span<Point> out;
+  // Where a query is among the points that the worker has loaded.
+  std::function<std::uint32_t(const TileWorker& worker, std::size_t query)> find;
+
+  // Fills the rows of some queries, with what lies so far around them at first, and twice as far around those whose
+  // rows would not be the same with the whole cloud. Where what lies around all of them does not fit, halves follow.
+  void fill(PointStore& store, TileWorker& worker, std::vector<std::size_t> some, double halo) const;
+
+ private:
+  std::vector<std::size_t> fill_exact(const TileWorker& worker, const std::vector<std::size_t>& asked) const;
+};
 
 }  // namespace pointfair

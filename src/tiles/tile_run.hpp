@@ -1,91 +1,105 @@
 // SPDX-License-Identifier: Apache-2.0
-// One iteration over a cloud in host memory, tile by tile.
+// One iteration over the points of a store, tile by tile: what a run in memory and one on disk have in common.
 //
-// Exact halos. A tile is uploaded with a halo, and its worker tells of each point whether the result would be the same
+// Exact halos. A tile is loaded with a halo, and its worker tells of each point whether the result would be the same
 // with the whole cloud loaded (point/region.h): its neighbourhood lies inside what is loaded, and so do those of all
 // whose normals or mean distances it reads. Points of which that is not sure are done again with a halo twice as wide.
-// Nothing that a result depends on is a matter of which other points are loaded: ties go by position, large
-// neighbourhoods are thinned by position, and sums over them run along a curve that is laid over the whole cloud.
+// Where more is loaded than fits, the wanted points are halved. Nothing that a result depends on is a matter of which
+// other points are loaded: ties go by position, large neighbourhoods are thinned by position, and sums over them run
+// along a curve that is laid over the whole cloud.
 #pragma once
 
-#include <mutex>
+#include <limits>
+#include <memory>
 #include <optional>
 #include <span>
 #include <stop_token>
 #include <vector>
 
+#include "point/region.h"
 #include "seam/backend.hpp"
-#include "tiles/cut.hpp"
+#include "seam/cloud_sample.hpp"
 #include "tiles/feeders.hpp"
 #include "tiles/halo.hpp"
-#include "tiles/tiled_backend.hpp"
 
 namespace pointfair {
 
 using Indices = std::vector<std::uint32_t>;
 
-// The same for some of the points, by their indices in the cloud.
+// Points whose results are wanted: those of a cell, or those listed.
+struct Wanted {
+  std::optional<point::Cell> cell;
+  Indices listed;   // ascending
+  Bounds bounds;    // of them
+  double halo = 0;  // around these that is loaded; 0: as first_halo() says
+};
+
+// A backend, and what it computes.
+struct TileWorker {
+  explicit TileWorker(Backend& its_backend) : backend(&its_backend) {}
+
+  // What a store loads.
+  Indices numbers;  // of the first of the points; the others only lie around them
+  std::span<const Point> points;
+  std::span<Point> results;  // room for theirs, which may be where they are
+  bool overlaps = false;     // whether the points stay until finish_upload(): stages may begin before all are copied
+
+  // For stores whose points lie elsewhere: as much of a buffer, which is page-locked where the backend is a card.
+  std::span<Point> room(HostBuffer& buffer, std::size_t count);
+  HostBuffer in, out;
+
+  void upload(IndexOrder expected);
+  void finish_upload();
+  // Keeps the most that the backend took.
+  void note_costs();
+
+  Backend* backend;
+  std::uint64_t peak_host_bytes = 0, peak_device_bytes = 0;
+  std::optional<Wanted> task;  // that it is at
+  point::Region loaded{};
+  double halo = 0;  // with which it was loaded
+  std::vector<unsigned char> outcomes;
+};
+
+// Where the points of a cloud are loaded from, and their results go. Several workers may load, and hand back results of
+// different points, at once. Where only neighbourhoods are sampled, no result comes.
+class PointStore {
+ public:
+  virtual ~PointStore() = default;
+  virtual const Bounds& bounds() const = 0;  // of the whole cloud
+  // All valid points of the region, into the worker. False if they are more than fit; the numbers are told even so.
+  virtual bool load(const point::Region& region, TileWorker& worker) = 0;
+  // That what lies around a point, of which nothing else is wanted, does not fit.
+  virtual Error does_not_fit(std::size_t number) const = 0;
+  // Those whose results may be wanted, by their numbers.
+  virtual std::span<const Point> points() const { return {}; }
+  // Keeps those of the results whose outcome is not 0.
+  virtual void keep(std::span<const std::uint32_t> /*numbers*/, std::span<const Point> /*results*/,
+                    std::span<const unsigned char> /*outcomes*/) {}
+};
+
+struct TileRun {
+  enum class Result { points, normals };
+
+  PointStore& store;
+  const FramedSettings& stages;
+  ForEach for_each;
+  Result result = Result::points;
+  std::size_t feeders = 1;  // threads that hand tiles to workers, each to as many of them
+  double first_halo = 1;    // of the width that is thought to suffice
+  // Wanted points are halved, too, if the memory does not suffice for so many that are loaded; for fewer, and without
+  // such a number, the error is the caller's.
+  std::size_t least_split = std::numeric_limits<std::size_t>::max();
+};
+// Hands the results of all points of `first` to the store. Throws Error(memory) if one does not fit.
+Counts run_tiles(const TileRun& run, std::span<TileWorker> workers, std::vector<Wanted> first,
+                 const std::stop_token& stop);
+
+// The settings for some of the points, by their indices in the cloud.
 FramedSettings settings_for(const FramedSettings& settings, std::span<const std::uint32_t> indices);
 
-// Points whose results are wanted: those of a cell, or those listed.
-struct TileTask {
-  std::optional<Cell> cell;
-  Indices listed;
-  Bounds bounds;
-  double halo;
-
-  bool wants(std::uint32_t index, const Point& p) const;
-};
-
-// A backend, and the task that it is about.
-struct TileWorker {
-  explicit TileWorker(std::unique_ptr<Backend> its_backend) : backend(std::move(its_backend)) {}
-
-  std::optional<TileTask> task;
-  point::Region loaded{};
-  Indices indices;  // of the uploaded points
-  HostBuffer in, out;
-  std::vector<unsigned char> outcomes;
-  std::unique_ptr<Backend> backend;  // goes first, since it may still read `in`
-
-  std::span<Point> room(HostBuffer& buffer, std::size_t count);
-  // All of `input` that lies in the region.
-  void find(const Cut& cut, const point::Region& region, const ForEach& for_each);
-  // What was found. Goes on until the backend is asked for a result, or finish_upload().
-  void upload(std::span<const Point> input, const ForEach& for_each);
-  void finish_upload();
-};
-
-class TileRun {
- public:
-  TileRun(std::vector<TileWorker>& workers, const Tiling& tiling, ForEach for_each)
-      : workers_(workers), tiling_(tiling), for_each_(std::move(for_each)) {}
-
-  struct Results {
-    std::span<Point> points, normals;  // of the whole cloud; either may be empty
-    Counts counts;
-    std::uint64_t peak_host_bytes = 0, peak_device_bytes = 0;  // of the workers
-  };
-  // Writes the results of all valid points of `input`, which `cut` has cut.
-  void run(const Cut& cut, std::span<const Point> input, const FramedSettings& stages, Results& results,
-           const std::stop_token& stop);
-
- private:
-  struct Job;
-  void feed(Job& job, std::span<TileWorker> workers, const std::stop_token& stop);
-  void start(Job& job, TileWorker& worker, TileTask task, const std::stop_token& stop);
-  void split(Job& job, const TileWorker& worker, TileTask task);
-  void collect(Job& job, TileWorker& worker);
-  Indices take_results(Job& job, const TileWorker& worker, const TileTask& task, std::span<const Point> out,
-                       std::span<const Point> normals);
-
-  std::vector<TileWorker>& workers_;
-  const Tiling& tiling_;
-  ForEach for_each_;
-};
-
 // The workers of each feeder.
-std::span<TileWorker> workers_of(std::vector<TileWorker>& workers, std::size_t feeder, std::size_t feeders);
+std::span<TileWorker> workers_of(std::span<TileWorker> workers, std::size_t feeder, std::size_t feeders);
 
 void add(Counts& counts, const Counts& more);
 

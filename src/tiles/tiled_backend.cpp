@@ -3,12 +3,10 @@
 
 #include <algorithm>
 #include <limits>
-#include <mutex>
 #include <utility>
 
 #include "point/outliers.h"
 #include "seam/clock.hpp"
-#include "seam/exactness.hpp"
 #include "seam/noise_levels.hpp"
 #include "seam/outlier_tally.hpp"
 #include "seam/sampling.hpp"
@@ -44,6 +42,46 @@ class Room {
   std::size_t count_ = 0, capacity_ = 0;
 };
 
+// The points of a cut cloud, and room for the results of all of them.
+class HostStore final : public PointStore {
+ public:
+  HostStore(const Cut& cut, std::span<const Point> input, std::span<Point> results, std::uint64_t most_points,
+            const ForEach& for_each)
+      : cut_(cut), input_(input), results_(results), most_points_(most_points), for_each_(for_each) {}
+
+  const Bounds& bounds() const override { return cut_.bounds(); }
+  std::span<const Point> points() const override { return input_; }
+  bool load(const point::Region& region, TileWorker& worker) override {
+    cut_.find(region, for_each_, worker.numbers);
+    const std::span<const std::uint32_t> numbers = worker.numbers;
+    if (numbers.size() > most_points_) return false;
+    const std::span<Point> to = worker.room(worker.in, numbers.size());
+    for_tile_blocks(to.size(), for_each_, [&](std::size_t first, std::size_t last) {
+      for (std::size_t i = first; i < last; ++i) to[i] = input_[numbers[i]];
+    });
+    worker.points = to;
+    if (!results_.empty()) worker.results = worker.room(worker.out, numbers.size());
+    return true;
+  }
+  void keep(std::span<const std::uint32_t> numbers, std::span<const Point> results,
+            std::span<const unsigned char> outcomes) override {
+    for (std::size_t i = 0; i < numbers.size(); ++i)
+      if (outcomes[i] != 0) results_[numbers[i]] = results[i];
+  }
+  Error does_not_fit(std::size_t number) const override {
+    return {ErrorKind::memory, "point " + std::to_string(number) +
+                                   " lies so far from others that its neighbourhood does not fit the device's memory; "
+                                   "remove outliers, or run on the CPU"};
+  }
+
+ private:
+  const Cut& cut_;
+  std::span<const Point> input_;
+  std::span<Point> results_;
+  std::uint64_t most_points_;
+  const ForEach& for_each_;
+};
+
 // What is held of one iteration. Stages up to the normals only note what they are to do; fairing does it all.
 struct Iteration {
   std::optional<Cut> cut;  // of its input
@@ -55,17 +93,20 @@ struct Iteration {
 class CloudInTiles final : public TiledBackend, public Sampling {
  public:
   CloudInTiles(std::vector<std::unique_ptr<Backend>> workers, Tiling tiling) : tiling_(tiling) {
-    for (auto& backend : workers) workers_.emplace_back(std::move(backend));
+    for (auto& backend : workers) {
+      workers_.emplace_back(*backend).overlaps = true;
+      backends_.push_back(std::move(backend));
+    }
   }
 
   void cut_into(std::uint64_t tiles) override { tiling_.tiles = tiles; }
-  DeviceInfo device() const override { return workers_[0].backend->device(); }
-  HostBuffer host_buffer(std::size_t count) override { return workers_[0].backend->host_buffer(count); }
+  DeviceInfo device() const override { return backends_[0]->device(); }
+  HostBuffer host_buffer(std::size_t count) override { return backends_[0]->host_buffer(count); }
 
   void upload(std::span<const Point> points, IndexOrder) override {
     cloud_.resize(points.size());
     copy(points, cloud_.points());
-    peak_device_ = peak_of_workers_ = 0;
+    for (TileWorker& worker : workers_) worker.peak_host_bytes = worker.peak_device_bytes = 0;
     first_.cut.reset();
     further_.cut.reset();
     further_iteration_ = 0;
@@ -94,10 +135,8 @@ class CloudInTiles final : public TiledBackend, public Sampling {
     its.stages.fairing = settings;
     its.faired.resize(cloud_.size());
     copy_invalid(input_of(iteration), its.faired.points());
-    TileRun::Results results{its.faired.points(), {}, {}};
-    results.counts.unmoved.non_finite = cloud_.size() - first_.cut->bounds().valid;
-    run(iteration, results, stop);
-    its.counts = results.counts;
+    its.counts = run(iteration, TileRun::Result::points, its.faired.points(), stop);
+    its.counts.unmoved.non_finite = cloud_.size() - first_.cut->bounds().valid;
     note("tiles", start);
   }
 
@@ -134,21 +173,22 @@ class CloudInTiles final : public TiledBackend, public Sampling {
   // Normals are not kept: the tiles are computed again.
   void download_normals(int iteration, std::span<Point> normals, std::stop_token stop) override {
     std::fill(normals.begin(), normals.end(), Point{0, 0, 0});
-    TileRun::Results results{{}, normals, {}};
-    run(iteration, results, stop);
+    run(iteration, TileRun::Result::normals, normals, stop);
   }
 
   Counts counts(int iteration) override { return held(iteration).counts; }
   Costs take_costs() override {
-    std::uint64_t bytes = peak_of_workers_;
+    std::uint64_t bytes = 0, of_worker = 0, of_device = 0;
     for (const Room* points : {&cloud_, &input_, &first_.faired, &further_.faired})
       bytes += points->capacity() * sizeof(Point);
     for (const TileWorker& worker : workers_) {
       bytes += (worker.in.points().size() + worker.out.points().size()) * sizeof(Point);
-      bytes += worker.indices.capacity() * sizeof(std::uint32_t);
+      bytes += worker.numbers.capacity() * sizeof(std::uint32_t);
+      of_worker = std::max(of_worker, worker.peak_host_bytes);
+      of_device = std::max(of_device, worker.peak_device_bytes);
     }
     const std::uint64_t tiles = first_.cut ? std::max<std::uint64_t>(1, first_.cut->tiles().size()) : 1;
-    return {std::exchange(times_, {}), bytes, peak_device_, tiles};
+    return {std::exchange(times_, {}), bytes + of_worker * workers_.size(), of_device * workers_.size(), tiles};
   }
 
   Sampling& sampling() override { return *this; }
@@ -159,25 +199,32 @@ class CloudInTiles final : public TiledBackend, public Sampling {
   }
   void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override {
     std::fill(out.begin(), out.end(), Point{kNan, kNan, kNan});
+    std::vector<Point> places;
+    for (const std::uint32_t query : queries) places.push_back(cloud_[query]);
+    const ExactRows rows{
+        k, places, out, [&](const TileWorker& worker, std::size_t q) {
+          return std::uint32_t(std::ranges::lower_bound(worker.numbers, queries[q]) - worker.numbers.begin());
+        }};
     TaskQueue<const Cut::Tile*> tiles;
     for (const Cut::Tile& tile : first_.cut->tiles()) tiles.put(&tile);
+    const ForEach each = for_each();
+    HostStore store(*first_.cut, cloud_.points(), {}, tiling_.most_points, each);
     on_feeders(tiling_.feeders, [&](std::size_t feeder) {
       TileWorker& worker = workers_of(workers_, feeder, tiling_.feeders).front();
-      while (const auto tile = tiles.take(false)) sample_tile(**tile, worker, queries, k, out);
+      while (const auto tile = tiles.take(false)) {
+        std::vector<std::size_t> asked;
+        for (std::size_t q = 0; q < queries.size(); ++q)
+          if (is_indexed(places[q]) && is_in_cell((*tile)->cell, to_vec3(places[q]))) asked.push_back(q);
+        const double halo = reach_of_nearest(first_.cut->bounds(), k, (*tile)->core);
+        rows.fill(store, worker, std::move(asked), tiling_.first_halo * halo);
+      }
     });
   }
   void for_each_on_host(std::size_t count, const std::function<void(std::size_t)>& body) override {
-    workers_[0].backend->sampling().for_each_on_host(count, body);
+    backends_[0]->sampling().for_each_on_host(count, body);
   }
 
  private:
-  // Rows of neighbourhoods that are not known yet.
-  struct Rows {
-    std::vector<std::size_t> asked;
-    Bounds bounds;  // of their queries
-    double halo;
-  };
-
   ForEach for_each() {
     return [this](std::size_t count, const std::function<void(std::size_t)>& body) { for_each_on_host(count, body); };
   }
@@ -191,11 +238,15 @@ class CloudInTiles final : public TiledBackend, public Sampling {
   }
   void note(const char* name, Clock::time_point start) { times_.push_back({name, milliseconds_since(start)}); }
 
-  void run(int iteration, TileRun::Results& results, const std::stop_token& stop) {
+  Counts run(int iteration, TileRun::Result result, std::span<Point> results, const std::stop_token& stop) {
     const Iteration& its = held(iteration);
-    TileRun(workers_, tiling_, for_each()).run(*its.cut, input_of(iteration), its.stages, results, stop);
-    peak_device_ = std::max(peak_device_, results.peak_device_bytes);
-    peak_of_workers_ = std::max(peak_of_workers_, results.peak_host_bytes);
+    std::vector<Wanted> tiles;
+    for (const Cut::Tile& tile : its.cut->tiles())
+      if (tile.core.valid > 0) tiles.push_back({tile.cell, {}, tile.core});
+    const ForEach each = for_each();
+    HostStore store(*its.cut, input_of(iteration), results, tiling_.most_points, each);
+    return run_tiles({store, its.stages, each, result, tiling_.feeders, tiling_.first_halo}, workers_, std::move(tiles),
+                     stop);
   }
 
   // By all threads.
@@ -211,45 +262,13 @@ class CloudInTiles final : public TiledBackend, public Sampling {
     });
   }
 
-  // Fills the rows of the queries in the tile.
-  void sample_tile(const Cut::Tile& tile, TileWorker& worker, std::span<const std::uint32_t> queries, int k,
-                   std::span<Point> out) {
-    Rows rows{{}, kNoBounds, tiling_.first_halo * reach_of_nearest(first_.cut->bounds(), k, tile.core)};
-    for (std::size_t q = 0; q < queries.size(); ++q) {
-      const Point& p = cloud_[queries[q]];
-      if (!is_indexed(p) || !is_in_cell(tile.cell, to_vec3(p))) continue;
-      rows.asked.push_back(q);
-      include(rows.bounds, p);
-    }
-    while (!rows.asked.empty()) rows = sample(worker, queries, k, rows, out);
-  }
-
-  // Fills the rows that are exact, and returns the others, to be sampled farther out.
-  Rows sample(TileWorker& worker, std::span<const std::uint32_t> queries, int k, const Rows& rows,
-              std::span<Point> out) {
-    worker.find(*first_.cut, region_around(first_.cut->bounds(), rows.bounds, rows.halo), for_each());
-    worker.upload(cloud_.points(), for_each());
-    std::vector<std::uint32_t> places;
-    for (const std::size_t q : rows.asked)
-      places.push_back(std::uint32_t(std::lower_bound(worker.indices.begin(), worker.indices.end(), queries[q]) -
-                                     worker.indices.begin()));
-    Rows left{sample_exact_rows(*worker.backend, worker.loaded, places, rows.asked, k, out), kNoBounds, 2 * rows.halo};
-    for (const std::size_t q : left.asked) include(left.bounds, cloud_[queries[q]]);
-    const Costs costs = worker.backend->take_costs();
-    const std::lock_guard lock(peaks_);
-    peak_device_ = std::max(peak_device_, costs.peak_device_bytes * workers_.size());
-    peak_of_workers_ = std::max(peak_of_workers_, costs.peak_host_bytes * workers_.size());
-    return left;
-  }
-
   std::vector<TileWorker> workers_;
-  std::mutex peaks_;  // of the two at the end, while several feeders work
+  std::vector<std::unique_ptr<Backend>> backends_;  // of the workers; go first, since they may still read their buffers
   Tiling tiling_;
   Room cloud_, input_;  // as uploaded; of iterations from the third on
   Iteration first_, further_;
   int further_iteration_ = 0;  // which further_ is; 0: none
   std::vector<StageTime> times_;
-  std::uint64_t peak_device_ = 0, peak_of_workers_ = 0;
 };
 
 }  // namespace
