@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include "estimate/coordinate_steps.hpp"
 #include "pointfair/pointfair.hpp"
@@ -34,7 +35,7 @@ std::vector<std::size_t> sampled(const Points& points) {
   return indices;
 }
 CoordinateSteps steps_of(const Points& points) {
-  NearestRows nearest(points.empty() ? 0 : 300, [&points](std::size_t count, int neighbors) {
+  const NearestRows nearest(points.empty() ? 0 : 300, {}, [&points](std::size_t count, int neighbors) {
     std::vector<Point> rows;
     Points others = points;
     for (const std::size_t i : sampled(points)) {
@@ -48,7 +49,10 @@ CoordinateSteps steps_of(const Points& points) {
     }
     return rows;
   });
-  return coordinate_steps(steps_in_heads(nearest.heads(), nearest.samples()), nearest);
+  const ForEach one_after_the_other = [](std::size_t count, const std::function<void(std::size_t)>& body) {
+    for (std::size_t i = 0; i < count; ++i) body(i);
+  };
+  return coordinate_steps(steps_in_heads(nearest.heads(), nearest.samples(), one_after_the_other), nearest);
 }
 
 // What a depth camera sees of a wall that leans away from it: disparities in whole steps, so that depths z lie

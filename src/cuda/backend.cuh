@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The CUDA backend: the seam's calls over two chains on one card. Stage calls start their work and return; the host
 // waits only where data crosses. The first iteration's index is started with the upload, and where the cloud is in
-// spatial order, copies, stages and download of its parts overlap (part_flow.cuh). Memory beside the chains, bytes a point:
-// the uploaded points 12, and 12 from the third iteration on.
+// spatial order, copies, stages and download of its parts overlap (part_flow.cuh). Memory beside the chains, bytes a
+// point: the uploaded points 12, and 12 from the third iteration on.
 #pragma once
 
 #include "cuda/batch_storage.cuh"
@@ -104,6 +104,7 @@ class CudaBackend final : public Backend,
   void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override;
   Samples take_samples(std::span<const Index> for_spacing, std::span<const Index> for_noise,
                        std::stop_token stop) override;
+  void foresee_nearest(int count) override;
 
   void outcomes(const point::Region& loaded, std::span<unsigned char> out) override;
 
@@ -162,6 +163,7 @@ class CudaBackend final : public Backend,
   Pinned<point::NoiseSample> noise_samples_;
   Pinned<point::ResidualSample> residual_samples_;
   Pinned<Index> pools_;
+  Pinned<Point> near_;
   bool is_index_begun_ = false;    // by an upload
   bool is_arriving_ = false;       // the uploaded cloud
   cudaEvent_t arrived_ = nullptr;  // after which all of it is there

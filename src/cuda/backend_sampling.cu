@@ -38,16 +38,24 @@ Samples CudaBackend::take_samples(std::span<const Index> for_spacing, std::span<
   residual_samples_.resize(noises);
   const std::size_t pooled = noises <= kMostOfOne ? noises * point::kPool : 0;
   pools_.resize(pooled);
+  const std::size_t near = std::min(noises, std::size_t(point::kNearRows)) * point::kNearRow;
+  near_.resize(near);
   std::copy(for_noise.begin(), for_noise.end(), std::copy(for_spacing.begin(), for_spacing.end(), queries_.get()));
   first_.take_samples({queries_.get(), spacings, noises, spacing_samples_.get(), noise_samples_.get(),
-                       residual_samples_.get(), pooled > 0 ? pools_.get() : nullptr});
+                       residual_samples_.get(), pooled > 0 ? pools_.get() : nullptr, near_.get()});
   wait();
   throw_if_stopped(stop);
   std::vector residuals(residual_samples_.get(), residual_samples_.get() + noises);
   return {{spacing_samples_.get(), spacing_samples_.get() + spacings},
           {noise_samples_.get(), noise_samples_.get() + noises},
           [residuals = std::move(residuals)] { return residuals; },
-          {pools_.get(), pools_.get() + pooled}};
+          {pools_.get(), pools_.get() + pooled},
+          {{near_.get(), near_.get() + near}, point::kNearRow - 1}};
+}
+
+void CudaBackend::foresee_nearest(int count) {
+  context_.enter();
+  first_.foresee_nearest(count);
 }
 
 void CudaBackend::outcomes(const point::Region& loaded, std::span<unsigned char> out) {

@@ -27,6 +27,7 @@ Chain::Chain(Context& context, StopLine& stop_line, unsigned first_call)
       squared_radius_(context),
       squared_growth_(context),
       collector_(context),
+      foreseen_(context),
       faired_(context) {}
 
 // Between the kernels of long stages, and between further iterations: the host stays one of them ahead of the card, so
@@ -70,6 +71,7 @@ void Chain::begin_index(const Point* points, const std::stop_token& stop) {
   join();
   input_ = points;
   areas_measured_ = normals_wait_ = false;
+  forget_foreseen();
 }
 
 point::Sensors Chain::sensors(const std::shared_ptr<const SensorPlaces>& places) {

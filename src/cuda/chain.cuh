@@ -62,6 +62,9 @@ class Chain {
   void find_outcomes(const point::Region& loaded, unsigned char* out);  // on the card
   void sample_neighborhoods(const RowRequest& request);
   void take_samples(const SampleArrays& samples);
+  // The search that find_neighbors() begins with where it measures radii by as many nearest points or fewer. Not at all
+  // where memory is short.
+  void foresee_nearest(int count);
   // The tree that samples of many clouds are taken by.
   Tree sampled_tree() {
     join();
@@ -98,6 +101,11 @@ class Chain {
   }
   const float* further_shares() const { return shares_further() ? further_share_.data() : nullptr; }
   void measure_radii(const std::stop_token& stop);
+  void forget_foreseen() {
+    foreseen_count_ = 0;
+    foreseen_.release();
+  }
+  void find_all_nearest(int count, DeviceArray<Index>& nearest, const Stop& stop);
   void restore_neighborhoods(const std::stop_token& stop);
   void filter_normals(const std::stop_token& stop);
   void fair_by_parts(point::BilateralWeights weights);
@@ -142,6 +150,8 @@ class Chain {
   DeviceArray<float> squared_growth_;  // of those, where those of flat places grow
   NeighborCollector collector_;
   bool areas_measured_ = false;
+  DeviceArray<Index> foreseen_;  // the nearest points of each, so many
+  int foreseen_count_ = 0;
   DeviceArray<Point> faired_;
 };
 

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The neighbourhoods of a chain: lists, or radii and what lies within them.
+#include <utility>
+
 #include "cuda/chain.cuh"
 #include "seam/stop.hpp"
 
@@ -28,6 +30,7 @@ void Chain::find_neighbors(const NeighborSettings& settings, bool arriving, std:
     return throw_if_stopped(stop);  // it has waited
   }
   collector_.release();
+  forget_foreseen();
   lists_.resize(index_.leaves() * kLeafSize * settings.k);
   if (settings.constraint) return grow_constrained(stop);
   if (by_parts) return overlap_.search(nearest_query(), lists_.data(), arriving, stop);
@@ -52,16 +55,38 @@ void Chain::measure_radii(const std::stop_token& stop) {
     further_share_.release();
   }
   const int min_neighbors = neighbors_.min_neighbors;
-  DeviceArray<Index> nearest(context_), retries(context_);
-  if (min_neighbors > 0) {
-    nearest.resize(places * min_neighbors);
-    find_nearest(context_, index_.tree(), index_.state(), {min_neighbors, kNoLimit}, nearest.data(), make_room(retries),
-                 stop_);
+  DeviceArray<Index> nearest(context_);
+  int found = min_neighbors;
+  if (min_neighbors > 0 && foreseen_count_ >= min_neighbors) {
+    found = foreseen_count_;
+    nearest.swap(foreseen_);
+  } else if (min_neighbors > 0) {
+    find_all_nearest(min_neighbors, nearest, stop_);
     pace(stop);
   }
-  cuda::measure_radii(context_, index_.tree(), {min_neighbors, nearest.data()}, radii(),
+  forget_foreseen();
+  cuda::measure_radii(context_, index_.tree(), {found, nearest.data()}, radii(),
                       reach_levels_.of(neighbors_.reach_levels), squared_radius_.data(),
                       shares_further() ? further_share_.data() : nullptr);
+}
+
+void Chain::find_all_nearest(int count, DeviceArray<Index>& nearest, const Stop& stop) {
+  DeviceArray<Index> retries(context_);
+  nearest.resize(index_.leaves() * kLeafSize * count);
+  find_nearest(context_, index_.tree(), index_.state(), {count, kNoLimit}, nearest.data(), make_room(retries), stop);
+}
+
+// It hears no stop: a later run may use what it finds.
+void Chain::foresee_nearest(int count) {
+  join();
+  if (!std::exchange(counts_clear_, false)) clear(offsetof(CloudState, leaf_retries), sizeof(CloudState));
+  try {
+    find_all_nearest(count, foreseen_, {});
+    foreseen_count_ = count;
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::memory) throw;
+    forget_foreseen();
+  }
 }
 
 void Chain::measure_levels() {

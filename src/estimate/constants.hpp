@@ -83,7 +83,7 @@ inline constexpr std::size_t kMostGivenPlaces = 32768;         // points whose n
 inline constexpr std::array kReportedQuantiles{0.05, 0.5, 0.95};
 
 // Steps of coordinates and of depth.
-inline constexpr std::size_t kLookedAt = 500;                   // samples; 075
+inline constexpr std::size_t kLookedAt = point::kNearRows;      // samples; 075
 inline constexpr int kStepNeighbors = 8, kLevelNeighbors = 60;  // points; 075
 inline constexpr double kRounding = 2.4e-7;                     // extents: 4 units in the last place of a float
 inline constexpr std::size_t kRepeats = 20;                     // of each value, on average, if there are steps; 075

@@ -125,10 +125,12 @@ std::optional<ExactPlane> exact_plane(std::span<const Point> row, double roundin
 
 // The direction that most exact planes face. None where these planes are few or lie on few levels: a flat face without
 // noise is one level, and a scan without noise has a few of them.
-std::optional<Offset> common_direction(std::span<const Point> rows, double rounding) {
+std::optional<Offset> common_direction(std::span<const Point> rows, double rounding, const ForEach& for_each) {
+  std::vector<std::optional<ExactPlane>> of_rows(rows.size() / kRow);
+  for_each(of_rows.size(), [&](std::size_t n) { of_rows[n] = exact_plane(rows.subspan(n * kRow, kRow), rounding); });
   std::vector<ExactPlane> planes;
-  for (std::size_t first = 0; first < rows.size() && planes.size() < kMostPlanes; first += kRow)
-    if (const auto plane = exact_plane(rows.subspan(first, kRow), rounding)) planes.push_back(*plane);
+  for (const auto& plane : of_rows)
+    if (plane && planes.size() < kMostPlanes) planes.push_back(*plane);
   const auto is_alike = [&planes](std::size_t i, std::size_t j) {
     return std::abs(point::dot(planes[i].normal, planes[j].normal)) > kSameDirection;
   };
@@ -213,12 +215,12 @@ std::vector<Point> known_rows(std::span<const Point> rows, std::size_t row_size)
 
 }  // namespace
 
-StepsInHeads steps_in_heads(std::span<const Point> heads, std::size_t samples) {
+StepsInHeads steps_in_heads(std::span<const Point> heads, std::size_t samples, const ForEach& for_each) {
   const std::vector<Point> rows = known_rows(heads, kRow);
   const double rounding = kRounding * extent_of(rows);
   if (const double step = step_of_grid(rows, rounding); step > 0)
     return {{CoordinateSteps::Kind::grid, std::vector<double>(samples, step)}, std::nullopt};
-  return {{}, common_direction(rows, rounding)};
+  return {{}, common_direction(rows, rounding, for_each)};
 }
 
 CoordinateSteps coordinate_steps(StepsInHeads in_heads, const NearestRows& nearest) {

@@ -9,6 +9,7 @@
 
 #include "estimate/nearest_rows.hpp"
 #include "point/sample.h"
+#include "seam/cloud_sample.hpp"
 
 namespace pointfair {
 
@@ -29,7 +30,7 @@ struct StepsInHeads {
   CoordinateSteps steps;
   std::optional<point::Offset> direction;
 };
-StepsInHeads steps_in_heads(std::span<const Point> heads, std::size_t samples);
+StepsInHeads steps_in_heads(std::span<const Point> heads, std::size_t samples, const ForEach& for_each);
 
 // Asks for the rows of all samples where there is such a direction. Depths have steps if the gaps between levels widen
 // with the square of the distance, as those of whole disparities do.

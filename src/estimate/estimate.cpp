@@ -224,15 +224,16 @@ void add_local(Estimate& result, LocalSamples& samples, const ForEach& for_each)
 }
 
 // The rows of pools, with samples numbered among those that show noise; empty if there are no rows.
-std::vector<std::uint32_t> pools_of_shown(const Samples& samples) {
+std::vector<std::uint32_t> pools_of_shown(const Samples& samples, const ForEach& for_each) {
   if (samples.pools.empty()) return {};
-  std::vector<std::uint32_t> number, rows;
+  std::vector<std::uint32_t> number;
   std::uint32_t shown = 0;
   for (const point::NoiseSample& sample : samples.noise) number.push_back(sample.shows_noise ? shown++ : 0);
-  rows.reserve(shown * kPool);
-  for (std::size_t i = 0; i < samples.noise.size(); ++i)
+  std::vector<std::uint32_t> rows(shown * kPool);
+  for_each(samples.noise.size(), [&](std::size_t i) {
     for (std::size_t n = 0; n < kPool && samples.noise[i].shows_noise; ++n)
-      rows.push_back(number[samples.pools[i * kPool + n]]);
+      rows[number[i] * kPool + n] = number[samples.pools[i * kPool + n]];
+  });
   return rows;
 }
 
@@ -250,16 +251,6 @@ std::size_t noise_queries(const CloudSample& sample) {
 }
 
 namespace {
-
-// What is asked of the backend at once, by every `repeats`-th of the nearest points where there are repeats.
-Samples take(Sampling& from, std::span<const std::uint32_t> for_spacing, std::span<const std::uint32_t> for_noise,
-             int repeats, const std::stop_token& stop) {
-  if (repeats == 1) return from.take_samples(for_spacing, for_noise, stop);
-  Samples samples =
-      from.take_thinned_samples({}, for_noise.first(std::min(for_noise.size(), kThinnedSamples)), repeats, stop);
-  samples.spacing = from.take_samples(for_spacing, {}, stop).spacing;
-  return samples;
-}
 
 // Where the cloud hides a surface among what is none: the noise of that surface, and next to none elsewhere, so that
 // what is no surface keeps its place.
@@ -313,7 +304,7 @@ void add_noise_of(Estimate& result, const Samples& samples, const CoordinateStep
     local.noise.push_back(samples.noise[i]);
     if (residuals) local.residuals.push_back((*residuals)[i]);
   }
-  local.pools = pools_of_shown(samples);
+  local.pools = pools_of_shown(samples, for_each);
   add_local(result, local, for_each);
   // min_neighbors end with kMaxMinNeighbors
   result.reach_levels = times(std::move(result.reach_levels),
@@ -325,7 +316,10 @@ void add_noise_of(Estimate& result, const Samples& samples, const CoordinateStep
 Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wanted, const std::stop_token& stop) {
   const std::span<const std::uint32_t> queries = sample.indices;
   const std::span<const std::uint32_t> for_noise = queries.first(wanted.noise ? noise_queries(sample) : 0);
-  NearestRows nearest(for_noise.size(), [&](std::size_t count, int neighbors) {
+  Samples samples = from.take_samples(wanted.spacing ? queries : queries.first(0), for_noise, stop);
+  if (!wanted.noise) return {spacing_of(samples.spacing), {}};
+  if (wanted.nearest > 0) from.foresee_nearest(wanted.nearest);
+  const NearestRows nearest(for_noise.size(), std::move(samples.near), [&](std::size_t count, int neighbors) {
     std::vector<Point> rows(count * std::size_t(neighbors + 1));
     from.sample_neighborhoods(for_noise.first(count), neighbors, rows);
     return rows;
@@ -333,18 +327,17 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
   const ForEach for_each = [&from](std::size_t count, const std::function<void(std::size_t)>& body) {
     from.for_each_on_host(count, body);
   };
-  const int repeats = wanted.noise ? repeats_among(nearest, for_each) : 1;
-  const std::span<const Point> heads = wanted.noise ? std::span(nearest.heads()) : std::span<const Point>();
-  Samples samples;
+  Spacing spacing;
+  int repeats = 1;
   StepsInHeads in_heads;
-  for_each(2, [&](std::size_t which) {  // at the same time, since samples may be taken on a card
-    if (which == 0)
-      samples = take(from, wanted.spacing ? queries : queries.first(0), for_noise, repeats, stop);
-    else if (wanted.noise)
-      in_heads = steps_in_heads(heads, nearest.samples());
+  for_each(3, [&](std::size_t which) {  // at the same time, since each has serial parts
+    if (which == 0) repeats = repeats_among(nearest, for_each);
+    if (which == 1) in_heads = steps_in_heads(nearest.heads(), nearest.samples(), for_each);
+    if (which == 2) spacing = spacing_of(samples.spacing);
   });
-  const Spacing spacing = spacing_of(samples.spacing);
-  if (!wanted.noise) return {spacing, {}};
+  if (repeats > 1)
+    samples =
+        from.take_thinned_samples({}, for_noise.first(std::min(for_noise.size(), kThinnedSamples)), repeats, stop);
   const CoordinateSteps steps = coordinate_steps(std::move(in_heads), nearest);
   cover_rounding(steps, samples.noise);
   Estimate result{spacing, {}};

@@ -60,6 +60,7 @@ std::size_t noise_queries(const CloudSample& sample);
 
 struct WantedEstimates {
   bool spacing = false, noise = false;
+  int nearest = 0;  // points, of each, that the stages will probably begin with; 0: unknown
 };
 struct Estimate {
   Spacing spacing;

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <cstdint>
 #include <functional>
 #include <span>
 #include <utility>
@@ -11,6 +10,7 @@
 
 #include "estimate/constants.hpp"
 #include "pointfair/cloud.hpp"
+#include "seam/sampling.hpp"
 
 namespace pointfair {
 
@@ -21,19 +21,27 @@ class NearestRows {
   // Returns the rows of the first `samples` samples, `neighbors` + 1 points each.
   using Ask = std::function<std::vector<Point>(std::size_t samples, int neighbors)>;
 
-  NearestRows(std::size_t samples, Ask ask) : samples_(samples), ask_(std::move(ask)) {}
+  // `near`: rows of the first samples that are known; the others are asked for.
+  NearestRows(std::size_t samples, NearRows near, Ask ask)
+      : samples_(samples), near_(std::move(near)), ask_(std::move(ask)) {
+    heads_ = of(looked_at(), constants::kStepNeighbors);
+  }
 
   std::size_t samples() const { return samples_; }
   std::size_t looked_at() const { return std::min(samples_, constants::kLookedAt); }
-  std::vector<Point> of(std::size_t samples, int neighbors) const { return ask_(samples, neighbors); }
-  // The rows of eight nearest points of the samples that are looked at first, asked for once.
-  const std::vector<Point>& heads() {
-    if (heads_.empty()) heads_ = ask_(looked_at(), constants::kStepNeighbors);
-    return heads_;
+  std::vector<Point> of(std::size_t samples, int neighbors) const {
+    const std::size_t row = std::size_t(neighbors) + 1, known = std::size_t(near_.neighbors) + 1;
+    if (row > known || samples * known > near_.points.size()) return ask_(samples, neighbors);
+    std::vector<Point> rows(samples * row);
+    for (std::size_t i = 0; i < samples; ++i) std::copy_n(&near_.points[i * known], row, &rows[i * row]);
+    return rows;
   }
+  // The rows of eight nearest points of the samples that are looked at first.
+  const std::vector<Point>& heads() const { return heads_; }
 
  private:
   std::size_t samples_;
+  NearRows near_;
   Ask ask_;
   std::vector<Point> heads_;
 };

@@ -94,18 +94,20 @@ int nodes_for(std::size_t places) {
   return nodes;
 }
 
-NodeLevels grid_around(const std::vector<Point>& places) {
-  float low[3], widest = 0;
-  for (int axis = 0; axis < 3; ++axis) {
+NodeLevels grid_around(const std::vector<Point>& places, const ForEach& for_each) {
+  float low[3], wide[3];
+  for_each(3, [&](std::size_t axis) {
     std::vector<float> values;
+    values.reserve(places.size());
     for (const Point& p : places) values.push_back(axis == 0 ? p.x : axis == 1 ? p.y : p.z);
     const auto aside = std::ptrdiff_t(kAside * double(values.size()));
     const auto least = values.begin() + aside, most = values.end() - 1 - aside;
     std::nth_element(values.begin(), least, values.end());
     low[axis] = *least;
     std::nth_element(least, most, values.end());
-    widest = std::max(widest, *most - low[axis]);
-  }
+    wide[axis] = *most - low[axis];
+  });
+  const float widest = std::max({0.0f, wide[0], wide[1], wide[2]});
   const int nodes = nodes_for(places.size());
   return {{}, nodes, {low[0], low[1], low[2]}, widest > 0 ? float(nodes - 1) / widest : 0};
 }
@@ -114,7 +116,7 @@ NodeLevels grid_around(const std::vector<Point>& places) {
 
 NodeLevels levels_between(const std::vector<Point>& places, const std::vector<double>& log_levels,
                           const ForEach& for_each) {
-  NodeLevels result = grid_around(places);
+  NodeLevels result = grid_around(places, for_each);
   const point::NodeField field = field_of(&result);
   std::vector<Level> levels;  // the finest first
   for (int n = result.nodes; n > 0; n /= 2) levels.emplace_back(n);

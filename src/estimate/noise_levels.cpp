@@ -140,13 +140,19 @@ double noise_of(const Curve& curve, double typical) {
     log_noise[n] = first / all;
   }
   const double best = *std::min_element(misfit.begin(), misfit.end());
-  double sum = 0, likelihood = 0;
+  // one thing a loop, so that compilers make vectors of each
+  std::array<double, kModels>&likelihood = misfit, &noise = log_noise;
+  constexpr double kNextToNone = -690;  // its exponential is lost beside the best one's, which is 1
+  for (double& its : likelihood) its = -0.5 * (its - best);
+  for (double& its : likelihood) its = its < kNextToNone ? kNextToNone : its;
+  for (double& its : likelihood) its = portable::exp_within_700(its);
+  for (double& its : noise) its = portable::exp_within_700(0.5 * its);
+  double sum = 0, all_likelihoods = 0;
   for (std::size_t n = 0; n < kModels; ++n) {
-    const double its = portable::exp(-0.5 * (misfit[n] - best));
-    sum += its * portable::exp(0.5 * log_noise[n]);
-    likelihood += its;
+    sum += likelihood[n] * noise[n];
+    all_likelihoods += likelihood[n];
   }
-  return sum / likelihood;
+  return sum / all_likelihoods;
 }
 
 // Shrinks the logarithms of levels by the share of their spread that chance makes.
@@ -187,9 +193,13 @@ std::shared_ptr<const NoiseLevels> noise_levels(const std::vector<Point>& places
 
 std::array<double, 3> quantiles_of(std::vector<double> log_levels) {
   std::array<double, 3> result{};
-  std::sort(log_levels.begin(), log_levels.end());
-  for (std::size_t q = 0; q < result.size(); ++q)
-    result[q] = portable::exp(log_levels[std::size_t(kReportedQuantiles[q] * double(log_levels.size() - 1))]);
+  auto first = log_levels.begin();
+  for (std::size_t q = 0; q < result.size(); ++q) {  // in rising order
+    const auto at = log_levels.begin() + std::ptrdiff_t(kReportedQuantiles[q] * double(log_levels.size() - 1));
+    std::nth_element(first, at, log_levels.end());
+    result[q] = portable::exp(*at);
+    first = at;
+  }
   return result;
 }
 

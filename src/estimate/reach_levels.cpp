@@ -56,7 +56,7 @@ std::shared_ptr<const NodeLevels> reach_levels(const LocalSamples& samples, cons
   const std::size_t count = samples.places.size();
   std::vector<Risks> risks(count);
   std::vector<double> log_levels(count), smooth(count);
-  for (std::size_t i = 0; i < count; ++i) risks[i] = risks_of(samples.residuals[i].planes, noise[i] * noise[i]);
+  for_each(count, [&](std::size_t i) { risks[i] = risks_of(samples.residuals[i].planes, noise[i] * noise[i]); });
   const double farthest = portable::log(kWidestReach),
                unchanged = portable::log(std::max<double>(kReachPoints, typical.surface_points));
   for_each(count, [&](std::size_t i) {

@@ -43,7 +43,7 @@ int first_even(const std::vector<double>& by_rank) {
 
 }  // namespace
 
-int repeats_among(NearestRows& nearest, const ForEach& for_each) {
+int repeats_among(const NearestRows& nearest, const ForEach& for_each) {
   if (rows_share_errors(nearest, for_each)) return kMostRepeats;
   if (first_even(squared_distances_by_rank(nearest.heads(), kStepNeighbors)) == 1) return 1;
   const std::vector<Point> rows = nearest.of(nearest.looked_at(), kRepeatNeighbors);

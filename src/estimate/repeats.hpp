@@ -12,6 +12,6 @@ namespace pointfair {
 // squared distance to the k-th nearest grows with k from the first one on; where it is far smaller before some k, as
 // many lie together. Of rows that are off from each other (row_offsets.hpp), the most. Asks for rows of eight, and for
 // longer ones where these are uneven or along lines.
-int repeats_among(NearestRows& nearest, const ForEach& for_each);
+int repeats_among(const NearestRows& nearest, const ForEach& for_each);
 
 }  // namespace pointfair

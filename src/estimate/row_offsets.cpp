@@ -162,7 +162,7 @@ RowJumps jumps_around(std::span<const Point> row, Offset line) {
 
 }  // namespace
 
-bool rows_share_errors(NearestRows& nearest, const ForEach& for_each) {
+bool rows_share_errors(const NearestRows& nearest, const ForEach& for_each) {
   const std::vector<Point>& heads = nearest.heads();
   constexpr std::size_t kHead = kStepNeighbors + 1, kLong = kRowNeighbors + 1;
   const std::size_t looked_at = std::min(heads.size() / kHead, kRowSamples);

@@ -9,6 +9,6 @@ namespace pointfair {
 
 // Whether rows lie off a smooth surface by more than their own points do, each row by an error of its own: from row to
 // row these jump, where shape goes on. Asks for few long rows of neighbours, where the nearest points lie along lines.
-bool rows_share_errors(NearestRows& nearest, const ForEach& for_each);
+bool rows_share_errors(const NearestRows& nearest, const ForEach& for_each);
 
 }  // namespace pointfair

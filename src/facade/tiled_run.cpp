@@ -189,9 +189,9 @@ TiledReport TiledRun::report() const {
     report.asked = folder.plan.params;
     report.params = state_->params();
     report.diagonal = diagonal_of(state_->measured().bounds);
-    const auto [with_spacing, with_noise] = needed_by(folder.plan.params).estimates;
-    if (with_spacing) report.spacing = state_->measured().spacing.mean;
-    if (with_noise) {
+    const WantedEstimates needed = needed_by(folder.plan.params).estimates;
+    if (needed.spacing) report.spacing = state_->measured().spacing.mean;
+    if (needed.noise) {
       report.noise = state_->measured().noise.sigma;
       report.without_surface = state_->measured().noise.without_surface;
       for (std::size_t q = 0; q < report.noise_quantiles.size(); ++q)

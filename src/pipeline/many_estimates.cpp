@@ -49,13 +49,10 @@ class SamplesTaken final : public Sampling {
     return {{spacing_.begin(), spacing_.end()},
             {noise_.begin(), noise_.end()},
             [this] { return std::vector<point::ResidualSample>(residuals_.begin(), residuals_.end()); },
-            {pools_.begin(), pools_.end()}};
+            {pools_.begin(), pools_.end()},
+            {{heads_.begin(), heads_.end()}, point::kHeadRow - 1}};
   }
-  void sample_neighborhoods(std::span<const std::uint32_t>, int k, std::span<Point> out) override {
-    if (k + 1 == point::kHeadRow) {
-      std::copy_n(heads_.begin(), out.size(), out.begin());
-      return;
-    }
+  void sample_neighborhoods(std::span<const std::uint32_t>, int, std::span<Point> out) override {
     constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
     std::fill(out.begin(), out.end(), Point{kNaN, kNaN, kNaN});
     lacks_something_ = true;

@@ -101,9 +101,9 @@ Params Pipeline::State::resolve(const Params& params, const std::stop_token& sto
 // Whether what the parameters follow from was found where it was sought. A noise of 0 was found, on points that lie
 // exactly on a surface; where no sample shows any, there is no surface either.
 bool Pipeline::State::is_measured(const Params& params) const {
-  const auto [with_spacing, with_noise] = needed_by(params).estimates;
-  if (with_spacing && !(cloud.spacing->mean > 0)) return false;
-  const bool seeks_noise = with_noise && params.noise.is_automatic() && !given_noise_;
+  const WantedEstimates needed = needed_by(params).estimates;
+  if (needed.spacing && !(cloud.spacing->mean > 0)) return false;
+  const bool seeks_noise = needed.noise && params.noise.is_automatic() && !given_noise_;
   return !seeks_noise || cloud.noise->surface_spacing > 0;
 }
 

@@ -46,6 +46,8 @@ inline constexpr int kSpacingNeighbors = 6;
 inline constexpr int kLeastFit = 20, kFirstFit = 30, kFirstRow = 115, kLastRow = 600;
 // Of a row: the sample and those that show steps of coordinates (src/estimate/coordinate_steps.cpp).
 inline constexpr int kHeadRow = 9;
+// The same with those that may hide a surface (src/estimate/hidden_surface.cpp), and of how many rows, the first ones.
+inline constexpr int kNearRow = 33, kNearRows = 500;
 // Samples whose residuals stand for one place (src/estimate/noise_levels.cpp).
 inline constexpr int kPool = 16;
 inline constexpr int kFirstRounds = 5, kRounds = 10;

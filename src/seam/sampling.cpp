@@ -84,6 +84,14 @@ std::shared_ptr<Point[]> rows_of(Sampling& from, std::span<const std::uint32_t> 
   return rows;
 }
 
+// The first points of the first rows, of so many points each.
+NearRows near_rows(const Point* rows, std::size_t count, std::size_t row) {
+  NearRows near{{}, point::kNearRow - 1};
+  for (std::size_t q = 0; q < std::min(count, std::size_t(point::kNearRows)); ++q)
+    near.points.insert(near.points.end(), rows + q * row, rows + q * row + point::kNearRow);
+  return near;
+}
+
 // By the neighbourhoods of some rounds, in a row of kMost.
 template <int kMost>
 point::NoiseSample grown(const Point* row, int first_round, int end_round) {
@@ -129,6 +137,7 @@ Samples Sampling::take_thinned_samples(std::span<const std::uint32_t> for_spacin
   });
 
   const auto first_rows = rows_of(*this, for_noise, kFirstRow, stride, stop);
+  if (stride == 1) samples.near = near_rows(first_rows.get(), for_noise.size(), kFirstRow + 1);
   for_each_on_host(for_noise.size(), [&](std::size_t q) {
     throw_if_stopped(stop);
     samples.noise[q] = grown<kFirstRow>(first_rows.get() + q * (kFirstRow + 1), 0, kFirstRounds);

@@ -26,6 +26,12 @@ struct CloudSample {
   std::vector<std::uint32_t> indices;  // of each of them in upload order; of points at one place, any
 };
 
+// Rows of queries and their nearest points, as Sampling::sample_neighborhoods() has them.
+struct NearRows {
+  std::vector<Point> points;
+  int neighbors = 0;  // of each query
+};
+
 // What samples of a cloud show, each list in the order of its queries.
 struct Samples {
   std::vector<point::SpacingSample> spacing;
@@ -35,6 +41,7 @@ struct Samples {
   // Of the queries for noise that show it: rows of the point::kPool nearest of them, by their numbers, the query's own
   // among them, nearest first, and equally far ones in their order. Empty: the estimate looks for them.
   std::vector<std::uint32_t> pools{};
+  NearRows near{};  // of the first point::kNearRows queries for noise; thinned samples have none
 };
 
 class Sampling {
@@ -59,6 +66,8 @@ class Sampling {
   Samples take_thinned_samples(std::span<const std::uint32_t> for_spacing, std::span<const std::uint32_t> for_noise,
                                int stride, const std::stop_token& stop);
   static constexpr int kLongestRow = 1024;
+  // Says that the stages will probably ask for so many nearest points of each; a device may find them meanwhile.
+  virtual void foresee_nearest(int) {}
   // Calls body(i) for each i below count on the host's cores, as many at once as this backend may use.
   virtual void for_each_on_host(std::size_t count, const std::function<void(std::size_t)>& body);
 };

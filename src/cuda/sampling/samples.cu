@@ -46,7 +46,7 @@ struct WarpTeam {
   };
 };
 
-constexpr std::size_t kHead = point::kHeadRow;  // points
+constexpr std::size_t kHead = point::kHeadRow, kNear = point::kNearRow;  // points
 constexpr std::size_t kSpacingRow = point::kSpacingNeighbors + 1, kFirstRow = point::kFirstRow + 1,
                       kLastRow = point::kLastRow + 1;  // points
 // Of each row: one a round, and after those of a first row two more, for its residuals, and one at its planes.
@@ -81,6 +81,8 @@ __global__ void __launch_bounds__(kWarp)
   const int round = static_cast<int>(blockIdx.x % kFirstBlocks);
   const Point* const row = rows + sample * kFirstRow;
   if (round == kFirstLooks) {
+    for (std::size_t i = lane_number(); i < kNear && sample < std::size_t(point::kNearRows); i += kWarp)
+      samples.near[sample * kNear + i] = row[i];
     const point::RowTaken taken = point::take_row(WarpTeam{}, space, row);
     const point::PlaneSample planes = point::plane_sample(WarpTeam{}, space, taken.there);
     if (lane_number() == 0) to.planes[sample] = planes;

@@ -15,6 +15,7 @@ struct SampleArrays {
   point::NoiseSample* noise;
   point::ResidualSample* residuals;  // of the queries for noise
   Index* pools;                      // Samples::pools; null: not looked for
+  Point* near;                       // of the first point::kNearRows rows for the noise, point::kNearRow points each
 };
 
 // Of many clouds, all on the card: numbers of points in upload order, and the clouds of a batch that they are of.
