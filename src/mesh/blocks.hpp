@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <utility>
 #include <vector>
@@ -61,7 +62,7 @@ ByNumber<Item> sort_by_number(std::size_t sources, std::size_t numbers, const Fo
   }
   range_begin[ranges] = items;
 
-  std::vector<Numbered> dealt(items);
+  const auto dealt = std::make_unique_for_overwrite<Numbered[]>(items);  // its pages are met on all threads
   for_each(parts, [&](std::size_t part) {
     std::size_t* const places = next.data() + part * ranges;
     for_part(part, [&](std::uint32_t number, const Item& item) { dealt[places[number / width]++] = {number, item}; });
@@ -69,7 +70,7 @@ ByNumber<Item> sort_by_number(std::size_t sources, std::size_t numbers, const Fo
   ByNumber<Item> sorted{std::vector<std::size_t>(numbers + 1, items), std::vector<Item>(items)};
   for_each(ranges, [&](std::size_t range) {
     const std::size_t first = range * width, last = std::min(numbers, first + width);
-    const std::span<const Numbered> its(dealt.data() + range_begin[range], dealt.data() + range_begin[range + 1]);
+    const std::span<const Numbered> its(dealt.get() + range_begin[range], dealt.get() + range_begin[range + 1]);
     std::vector<std::size_t> places(last - first + 1);
     for (const Numbered& one : its) ++places[one.number - first + 1];
     places[0] = range_begin[range];

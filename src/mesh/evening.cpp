@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <vector>
 
 #include "mesh/blocks.hpp"
@@ -19,7 +20,7 @@ constexpr double kAcross = 1, kMostAcross = 0.5;  // of e
 
 // Of a face: the products A n n^T, which are symmetric, and A; all zero for a face without area.
 struct alignas(64) FaceMoment {
-  double xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0, area = 0;
+  double xx, xy, xz, yy, yz, zz, area;
 };
 FaceMoment face_moment(std::span<const std::uint32_t> corners, std::span<const Point> places) {
   const Vec normal = face_normal(corners, places);
@@ -97,7 +98,7 @@ void even_out(const OrderedFaces& faces, std::span<const std::uint8_t> stays, do
   std::vector<Point> before(places.size());
   const double farthest = kFarthest * sigma;
   std::vector<double> across(places.size());
-  std::vector<FaceMoment> moments(faces.size());
+  const auto moments = std::make_unique_for_overwrite<FaceMoment[]>(faces.size());  // met on all threads first
   for (int round = 0; round < kRounds; ++round) {
     std::copy(places.begin(), places.end(), before.begin());
     for_mesh_blocks(faces.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t) {
