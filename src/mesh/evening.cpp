@@ -36,23 +36,15 @@ FaceMoment face_moment(std::span<const std::uint32_t> corners, std::span<const P
           area};
 }
 
-// Of one vertex: the sums of A n n^T, of A, of the ring and of its squared edges. An edge within a mesh has two faces,
-// so each neighbour counts twice.
+// Of one vertex: the sums of A n n^T, of A and of the ring. An edge within a mesh has two faces, so each neighbour
+// counts twice.
 struct Around {
   double xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0, area = 0;
   Vec ring{};
-  double sides = 0, squares = 0;
+  double sides = 0;
 
   void add_face(const FaceMoment& face) {
     xx += face.xx, xy += face.xy, xz += face.xz, yy += face.yy, yz += face.yz, zz += face.zz, area += face.area;
-  }
-  void add_side(Vec here, Vec there) {
-    ring = ring + there;
-    squares += squared_length(there - here);
-    ++sides;
-  }
-  double across(double sigma) const {
-    return squares > 0 ? std::min(kAcross * sigma * sigma * sides / squares, kMostAcross) : kMostAcross;
   }
   // w (T + w I)^-1 m, by the adjoint matrix: T is never negative, so the determinant is at least w^3.
   Vec step(Vec here, double w) const {
@@ -71,15 +63,28 @@ template <class MomentOf>
 Around look_around(const OrderedFaces& faces, std::span<const Point> places, std::uint32_t v,
                    const MomentOf& moment_of) {
   Around its;
-  const Vec here = place_of(places, v);
   const std::span<const std::uint32_t> around = faces.around(v);
   const std::span<const OrderedFaces::Beside> beside = faces.beside(v);
   for (std::size_t i = 0; i < around.size(); ++i) {
     its.add_face(moment_of(around[i]));
-    its.add_side(here, place_of(places, beside[i].after));
-    its.add_side(here, place_of(places, beside[i].before));
+    its.ring = its.ring + place_of(places, beside[i].after);
+    its.ring = its.ring + place_of(places, beside[i].before);
   }
+  its.sides = 2 * double(around.size());
   return its;
+}
+
+// The e of a vertex.
+double across_at(const OrderedFaces& faces, std::span<const Point> places, std::uint32_t v, double sigma) {
+  const Vec here = place_of(places, v);
+  const std::span<const OrderedFaces::Beside> beside = faces.beside(v);
+  double squares = 0;
+  for (const OrderedFaces::Beside& its : beside) {
+    squares += squared_length(place_of(places, its.after) - here);
+    squares += squared_length(place_of(places, its.before) - here);
+  }
+  const double sides = 2 * double(beside.size());
+  return squares > 0 ? std::min(kAcross * sigma * sigma * sides / squares, kMostAcross) : kMostAcross;
 }
 
 // Where a vertex is after its step.
@@ -109,7 +114,7 @@ void even_out(const OrderedFaces& faces, std::span<const std::uint8_t> stays, do
         if (stays[v] != 0 || !is_indexed(before[v])) continue;
         const Around around =
             look_around(faces, before, v, [&](std::uint32_t f) -> const FaceMoment& { return moments[f]; });
-        if (round == 0) across[v] = around.across(sigma);
+        if (round == 0) across[v] = across_at(faces, before, v, sigma);
         const Vec from = place_of(start, v), way = stepped(around, before, v, share, across[v]) - from;
         const double length = std::sqrt(squared_length(way));
         places[v] = to_point(from + (length > farthest ? farthest / length : 1.0) * way);
