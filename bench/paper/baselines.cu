@@ -231,7 +231,9 @@ struct CudaBaseline::State {
 
   template <int kLength>
   void search_in_turns() {
-    const std::size_t most = queries_at_a_time(count);
+    std::size_t free = 0, total = 0;
+    check(cudaMemGetInfo(&free, &total));
+    const std::size_t most = queries_at_a_time(count, total);
     distances.resized(most * count);
     for (std::size_t first = 0; first < count; first += most) {
       const auto queries = static_cast<unsigned>(std::min(most, count - first));

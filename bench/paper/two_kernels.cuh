@@ -4,6 +4,8 @@
 // thread merges these queues. The matrix of all distances fits into no card, so queries take turns.
 #pragma once
 
+#include <algorithm>
+
 #include "paper/nearest.cuh"
 
 namespace paper {
@@ -12,9 +14,10 @@ inline constexpr int kSharers = 128;                                 // threads 
 inline constexpr std::size_t kMostDistances = std::size_t(1) << 31;  // at a time, 8 GiB: enough blocks for a card
 inline constexpr std::size_t kMostQueries = 65535;                   // at a time: the second size of a CUDA grid
 
-inline std::size_t queries_at_a_time(std::size_t count) {
-  const std::size_t fit = kMostDistances / count, most = count < kMostQueries ? count : kMostQueries;
-  return fit < 1 ? 1 : fit < most ? fit : most;
+// `memory`: of the card, bytes; an eighth of it holds the matrix.
+inline std::size_t queries_at_a_time(std::size_t count, std::size_t memory) {
+  const std::size_t distances = std::min(kMostDistances, memory / 8 / sizeof(float));
+  return std::clamp(distances / count, std::size_t(1), std::min(count, kMostQueries));
 }
 
 // distances[row * count + point], of the query first + row: neighbouring threads write side by side
