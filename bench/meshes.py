@@ -9,7 +9,9 @@ distance   mean distance of the vertices to the true surface, in mean edges
 normals    mean angle between faces' normals and the true ones, degrees
 folds      faces whose normal is more than 90 degrees off the true one
 volume     over that of the mesh without noise; - for open meshes
-pymeshlab, trimesh and open3d are compared where they are installed, with --peers. --table prints one row for each mesh
+pymeshlab, trimesh, open3d and libigl (with scipy) are compared where they are installed, with --peers; --sweep adds for
+each the best of a small sweep, chosen for each mesh, noise and measure, and counts the rows that the default method along
+the mesh loses. --table prints one row for each mesh
 and noise instead, with distance, normals and folds of each method; --summary the means over all meshes, and on how many
 meshes each peer and the default method along the mesh have the least distance and the least angle.
 """
@@ -303,45 +305,88 @@ def with_pointfair(program, arguments, points, faces, folder):
     return read_points(folder / "out.ply", len(points)), time.perf_counter() - start
 
 
+# Of each peer, runs of points and faces: first its default, then a small sweep.
 def pymeshlab_peers():
     import pymeshlab
 
-    def peer(name, **arguments):
-        def run(points, faces):
-            meshes = pymeshlab.MeshSet()
-            meshes.add_mesh(pymeshlab.Mesh(points, triangles_of(faces)))
-            getattr(meshes, name)(**arguments)
-            return meshes.current_mesh().vertex_matrix()
-        return run
-    return {"MeshLab laplacian": peer("apply_coord_laplacian_smoothing"),
-            "MeshLab taubin": peer("apply_coord_taubin_smoothing"),
-            "MeshLab hc": peer("apply_coord_hc_laplacian_smoothing"),
-            "MeshLab two-step": peer("apply_coord_two_steps_smoothing")}
+    def peer(name, *settings, times=(1,)):
+        def with_settings(arguments, repeat):
+            def run(points, faces):
+                meshes = pymeshlab.MeshSet()
+                meshes.add_mesh(pymeshlab.Mesh(points, triangles_of(faces)))
+                for _ in range(repeat):
+                    getattr(meshes, name)(**arguments)
+                return meshes.current_mesh().vertex_matrix()
+            return run
+        return [with_settings(arguments, repeat) for arguments in ({}, *settings) for repeat in times]
+    steps = [{"stepsmoothnum": n} for n in (1, 2, 5, 10)]
+    return {"MeshLab laplacian": peer("apply_coord_laplacian_smoothing", *steps),
+            "MeshLab taubin": peer("apply_coord_taubin_smoothing", *({"stepsmoothnum": n} for n in (3, 5, 30, 100))),
+            "MeshLab hc": peer("apply_coord_hc_laplacian_smoothing", times=(1, 2, 3, 5)),
+            "MeshLab two-step": peer("apply_coord_two_steps_smoothing",
+                                     *({"stepsmoothnum": n, "normalthr": t} for n in (1, 8) for t in (30, 60)))}
 
 
 def trimesh_peers():
     import trimesh
 
-    def peer(function):
-        def run(points, faces):
-            mesh = trimesh.Trimesh(points, triangles_of(faces), process=False)
-            return np.asarray(function(mesh).vertices)
-        return run
+    def peer(function, *settings):
+        def with_settings(arguments):
+            def run(points, faces):
+                mesh = trimesh.Trimesh(points, triangles_of(faces), process=False)
+                return np.asarray(function(mesh, **arguments).vertices)
+            return run
+        return [with_settings(arguments) for arguments in ({}, *settings)]
     smoothing = trimesh.smoothing
-    return {"trimesh laplacian": peer(smoothing.filter_laplacian), "trimesh taubin": peer(smoothing.filter_taubin),
-            "trimesh humphrey": peer(smoothing.filter_humphrey)}
+    return {"trimesh laplacian": peer(smoothing.filter_laplacian, *({"iterations": n, "volume_constraint": False}
+                                                                    for n in (1, 2, 5, 10))),
+            "trimesh taubin": peer(smoothing.filter_taubin, *({"iterations": n} for n in (2, 4, 30, 100))),
+            "trimesh humphrey": peer(smoothing.filter_humphrey, *({"iterations": n, "alpha": alpha}
+                                                                  for n in (3, 10, 30) for alpha in (0, 0.1)))}
 
 
 def open3d_peers():
     import open3d
 
-    def peer(name, iterations):
+    def peer(name, *iterations):
+        def with_iterations(count):
+            def run(points, faces):
+                mesh = open3d.geometry.TriangleMesh(open3d.utility.Vector3dVector(points),
+                                                    open3d.utility.Vector3iVector(triangles_of(faces).astype(np.int32)))
+                return np.asarray(getattr(mesh, name)(number_of_iterations=count).vertices)
+            return run
+        return [with_iterations(count) for count in iterations]
+    return {"Open3D laplacian 10": peer("filter_smooth_laplacian", 10, 1, 2, 5, 20),
+            "Open3D taubin 10": peer("filter_smooth_taubin", 10, 3, 5, 30, 100)}
+
+
+def libigl_peers():
+    """The implicit flow of libigl's tutorial 205, one step; its delta is for a mesh of area 1."""
+    import igl
+    from scipy.sparse.linalg import splu
+
+    def with_delta(delta):
         def run(points, faces):
-            mesh = open3d.geometry.TriangleMesh(open3d.utility.Vector3dVector(points),
-                                                open3d.utility.Vector3iVector(triangles_of(faces).astype(np.int32)))
-            return np.asarray(getattr(mesh, name)(number_of_iterations=iterations).vertices)
+            triangles = triangles_of(faces).astype(np.int64)
+            a, b, c = (points[triangles[:, i]] for i in range(3))
+            area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+            mass = igl.massmatrix(points, triangles, igl.MASSMATRIX_TYPE_BARYCENTRIC)
+            return splu((mass - delta * area * igl.cotmatrix(points, triangles)).tocsc()).solve(mass @ points)
         return run
-    return {"Open3D laplacian 10": peer("filter_smooth_laplacian", 10), "Open3D taubin 10": peer("filter_smooth_taubin", 10)}
+    return {"libigl implicit": [with_delta(delta) for delta in (0.001, 0.00003, 0.0001, 0.0003, 0.003)]}
+
+
+def best_of(measures):
+    """Each measure by itself; what is not finite loses."""
+    distance, normals, folds = (min((m[i] for m in measures if np.isfinite(m[0])), default=np.inf) for i in range(3))
+    return distance, normals, folds, "-"
+
+
+BEST = ", best"
+
+
+def is_peer(method):
+    return method not in POINTFAIR and method != "noisy"
 
 
 def print_table(rows, methods):
@@ -365,12 +410,24 @@ def print_summary(rows):
             cells.append(f"{its[:, 0].mean():.3f} {its[:, 1].mean():.1f} {its[:, 2].mean():.0f}".replace("0.", ".", 1))
         print(f"| {method} | " + " | ".join(cells) + " |")
     cases = list(dict.fromkeys(row[:2] for row in rows))
-    rivals = [row for row in rows if row[2] == "mesh" or (row[2] not in POINTFAIR and row[2] != "noisy")]
+    rivals = [row for row in rows if row[2] == "mesh" or (is_peer(row[2]) and not row[2].endswith(BEST))]
     for at, name in ((3, "distance"), (4, "normals")):
         for noise in noises:
             best = [min((row for row in rivals if row[:2] == case and np.isfinite(row[at])), key=lambda row: row[at])[2]
                     for case in cases if case[1] == noise]
             print(f"least {name} at {noise}: " + ", ".join(f"{method} {best.count(method)}" for method in dict.fromkeys(best)))
+    for suffix, name in (("", "default"), (BEST, "best")):
+        lost = {at: [] for at in (3, 4)}
+        for case in cases:
+            own = next((row for row in rows if row[:2] == case and row[2] == "mesh"), None)
+            others = [row for row in rows if row[:2] == case and is_peer(row[2]) and row[2].endswith(BEST) == bool(suffix)]
+            for at in lost if own and others else ():
+                nearest = min(others, key=lambda row: row[at] if np.isfinite(row[at]) else np.inf)
+                if nearest[at] < own[at]:
+                    lost[at].append(f"{case[0]} {case[1]} to {nearest[2].removesuffix(BEST)} ({own[at]:.3f}, {nearest[at]:.3f})")
+        if any(is_peer(row[2]) and row[2].endswith(BEST) == bool(suffix) for row in rows):
+            for at, measure_name in ((3, "distance"), (4, "normals")):
+                print(f"lost to a peer's {name} in {measure_name}: {len(lost[at])} of {len(cases)}: " + "; ".join(lost[at]))
 
 
 def main():
@@ -381,11 +438,12 @@ def main():
     parser.add_argument("--methods", nargs="+", choices=list(POINTFAIR), default=list(POINTFAIR))
     parser.add_argument("--meshes", nargs="+", choices=list(MESHES), default=list(MESHES))
     parser.add_argument("--peers", action="store_true")
+    parser.add_argument("--sweep", action="store_true")
     parser.add_argument("--table", action="store_true")
     parser.add_argument("--summary", action="store_true")
     options = parser.parse_args()
     rows, peers = [], {}
-    for load in (pymeshlab_peers, trimesh_peers, open3d_peers) if options.peers else ():
+    for load in (pymeshlab_peers, trimesh_peers, open3d_peers, libigl_peers) if options.peers or options.sweep else ():
         try:
             peers.update(load())
         except ImportError as error:
@@ -403,10 +461,14 @@ def main():
                 results = {"noisy": noisy}
                 for method in options.methods:
                     results[method] = with_pointfair(options.program, POINTFAIR[method], noisy, faces, folder)[0]
-                for peer, run in peers.items():
-                    results[peer] = run(noisy, faces)
-                for method, points in results.items():
-                    distance, normals, folds, size = measure(points, clean, faces, truth, edge)
+                measures = {method: measure(points, clean, faces, truth, edge) for method, points in results.items()}
+                for peer, runs in peers.items():
+                    its = [measure(run(noisy, faces), clean, faces, truth, edge)
+                           for run in (runs if options.sweep else runs[:1])]
+                    measures[peer] = its[0]
+                    if options.sweep:
+                        measures[peer + BEST] = best_of(its)
+                for method, (distance, normals, folds, size) in measures.items():
                     rows.append((mesh, told, method, distance, normals, folds, size))
                     if options.table or options.summary:
                         continue

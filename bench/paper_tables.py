@@ -29,7 +29,7 @@ PAPER_SECONDS = {
 FIGURE_POINTS = 543652  # the Buddha of figures 6 and 7
 HARD_POINTS, STRAY = 1000000, 20
 PARTS = ("table2", "hard", "figures")
-DESIGN, BRUTE, CUDA, CPU = "paper's design", "brute force", "pointfair CUDA", "pointfair CPU"
+DESIGN, BRUTE, CUKNN, CUDA, CPU = "paper's design", "brute force", "CUKNN", "pointfair CUDA", "pointfair CPU"
 
 
 def bumpy_mesh(path, rings=200):
@@ -142,14 +142,15 @@ def comparison(rows, key, published):
         return lambda column: (shown(times[above, column] / times[below, column])
                                if (above, column) in times and (below, column) in times else "")
 
-    return [*((f"{name}, ms", time(name)) for name in (*PAPER_SECONDS, CPU, BRUTE)),
+    return [*((f"{name}, ms", time(name)) for name in (*PAPER_SECONDS, CPU, BRUTE, CUKNN)),
             ("the paper's design on this card, ms", time(DESIGN)),
             ("its best resolution", lambda column: best.get((DESIGN, column), {}).get("resolution", "")),
             (f"{CUDA}, ms", time(CUDA)),
             (f"{CPU}: times faster than the paper's CPU", ratio("the paper, CPU", CPU)),
             (f"{CUDA}: times faster than the paper's Tesla C1060", ratio("the paper, Tesla C1060", CUDA)),
             ("than the paper's design on this card", ratio(DESIGN, CUDA)),
-            ("than brute force on this card", ratio(BRUTE, CUDA))]
+            ("than brute force on this card", ratio(BRUTE, CUDA)),
+            ("than CUKNN on this card", ratio(CUKNN, CUDA))]
 
 
 def table2(rows):
@@ -172,7 +173,7 @@ def card_of(folder):
     return usable[-1] if usable else ""
 
 
-STYLES = {DESIGN: ("o-", "the paper's design"), BRUTE: ("-.", BRUTE), CPU: (":", CPU), CUDA: ("--", CUDA)}
+STYLES = {DESIGN: ("o-", "the paper's design"), BRUTE: ("-.", BRUTE), CUKNN: ("-", CUKNN), CPU: (":", CPU), CUDA: ("--", CUDA)}
 
 
 def plot(plt, rows, folder, name, title, colors):

@@ -5,7 +5,6 @@
 #include <Eigen/Dense>
 #include <cmath>
 #include <map>
-#include <numeric>
 #include <set>
 #include <utility>
 #include <vector>
@@ -65,27 +64,39 @@ Mesh noisy(int n, Sides sides, double noise, std::uint64_t seed = 9) {
   return mesh;
 }
 
-std::vector<std::uint32_t> own_vertices(const Mesh& mesh) {
-  std::vector<std::uint32_t> vertex(mesh.points.size());
-  std::iota(vertex.begin(), vertex.end(), 0u);
-  return vertex;
-}
-
 const ForEach one_after_the_other = [](std::size_t count, const std::function<void(std::size_t)>& body) {
   for (std::size_t i = 0; i < count; ++i) body(i);
 };
 
-OrderedFaces faces_of(const Mesh& mesh) {
-  return OrderedFaces(mesh.points, vertices_of(mesh.points, one_after_the_other), meshes::polygons_of(mesh.faces),
-                      one_after_the_other);
-}
+// A mesh whose points all differ, and its points in the order of the vertices and back.
+struct Prepared {
+  explicit Prepared(const Mesh& mesh)
+      : vertices(vertices_of(mesh.points, one_after_the_other)),
+        faces(vertices, meshes::polygons_of(mesh.faces), one_after_the_other),
+        topology(topology_of(vertices, faces, one_after_the_other)) {}
 
-std::vector<std::uint8_t> folded_of(const OrderedFaces& faces, const Points& points) {
-  return Folds(faces, points, one_after_the_other).folded();
-}
+  Points places(const Points& points) const { return vertices.places(points, one_after_the_other); }
+  Points points(const Points& places) const {
+    Points result(places.size());
+    for (std::size_t v = 0; v < places.size(); ++v) result[vertices.first[v]] = places[v];
+    return result;
+  }
+  std::vector<std::uint8_t> folded(const Points& points) const {
+    return Folds(faces, topology, places(points), one_after_the_other).folded();
+  }
+  Face corners(std::size_t face) const {
+    Face its;
+    for (const std::uint32_t v : faces.corners(face)) its.push_back(vertices.first[v]);
+    return its;
+  }
+
+  Vertices vertices;
+  OrderedFaces faces;
+  MeshTopology topology;
+};
 
 // Of a face of `faces`, as the mesh has it.
-Face as_given(std::span<const std::uint32_t> corners, const Mesh& mesh) {
+Face as_given(const Face& corners, const Mesh& mesh) {
   const std::set<std::uint32_t> wanted(corners.begin(), corners.end());
   for (const Face& face : mesh.faces)
     if (std::set<std::uint32_t>(face.begin(), face.end()) == wanted) return face;
@@ -95,13 +106,13 @@ Face as_given(std::span<const std::uint32_t> corners, const Mesh& mesh) {
 TEST(Folds, are_faces_turned_from_those_around_them) {
   for (const Sides sides : {Sides::triangles, Sides::quads, Sides::mixed}) {
     const Mesh mesh = noisy(24, sides, 0.45);
-    const OrderedFaces faces = faces_of(mesh);
-    const std::vector<std::uint8_t> folded = folded_of(faces, mesh.points);
+    const Prepared prepared(mesh);
+    const std::vector<std::uint8_t> folded = prepared.folded(mesh.points);
     const std::set<Face> expected = folded_of(mesh);
     EXPECT_GT(expected.size(), 10u);
     std::set<Face> found;
-    for (std::size_t f = 0; f < faces.size(); ++f)
-      if (folded[f] != 0) found.insert(as_given(faces.corners(f), mesh));
+    for (std::size_t f = 0; f < prepared.faces.size(); ++f)
+      if (folded[f] != 0) found.insert(as_given(prepared.corners(f), mesh));
     EXPECT_EQ(found, expected);
   }
 }
@@ -111,11 +122,13 @@ TEST(Evening, steps_along_the_surface_and_little_across) {
   const Mesh mesh = noisy(8, Sides::triangles, 0.3);
   const auto rings = meshes::rings_of(mesh);
   const double sigma = 0.3 / 8, share = 0.8;
+  const Prepared prepared(mesh);
   std::vector<std::uint8_t> stays(mesh.points.size(), 1);
   const std::uint32_t v = 4 * 9 + 4;
-  stays[v] = 0;
-  Points moved = mesh.points;
-  even_out(faces_of(mesh), own_vertices(mesh), stays, share, sigma, moved, one_after_the_other);
+  stays[prepared.vertices.of_point[v]] = 0;
+  Points places = prepared.places(mesh.points);
+  even_out(prepared.faces, stays, share, sigma, places, one_after_the_other);
+  const Points moved = prepared.points(places);
   Points expected = mesh.points;
   double e = 0;
   for (int round = 0; round < 5; ++round) {
@@ -146,8 +159,10 @@ TEST(Evening, steps_along_the_surface_and_little_across) {
 TEST(Evening, no_vertex_goes_farther_than_three_sigma) {
   const Mesh mesh = noisy(10, Sides::triangles, 0.5);
   const std::vector<std::uint8_t> stays(mesh.points.size(), 0);
-  Points moved = mesh.points;
-  even_out(faces_of(mesh), own_vertices(mesh), stays, 1, 0.01, moved, one_after_the_other);
+  const Prepared prepared(mesh);
+  Points places = prepared.places(mesh.points);
+  even_out(prepared.faces, stays, 1, 0.01, places, one_after_the_other);
+  const Points moved = prepared.points(places);
   double farthest = 0;
   for (std::uint32_t i = 0; i < moved.size(); ++i)
     farthest = std::max(farthest, (at(moved, i) - at(mesh.points, i)).norm());
@@ -157,15 +172,16 @@ TEST(Evening, no_vertex_goes_farther_than_three_sigma) {
 
 TEST(Unfold, halves_steps_until_no_face_is_folded_that_was_not) {
   const Mesh before = noisy(20, Sides::triangles, 0.1), after = noisy(20, Sides::triangles, 0.5, 77);
-  const OrderedFaces faces = faces_of(before);
-  const std::vector<std::uint8_t> at_first = folded_of(faces, before.points);
-  Points points = after.points;
-  Folds folds(faces, points, one_after_the_other);
-  unfold(folds, own_vertices(before), at_first, before.points, points);
+  const Prepared prepared(before);
+  const std::vector<std::uint8_t> at_first = prepared.folded(before.points);
+  Points places = prepared.places(after.points);
+  Folds folds(prepared.faces, prepared.topology, places, one_after_the_other);
+  unfold(folds, at_first, prepared.places(before.points), places);
+  const Points points = prepared.points(places);
   const std::vector<std::uint8_t> left = folds.folded();
-  EXPECT_EQ(left, folded_of(faces, points));
+  EXPECT_EQ(left, prepared.folded(points));
   std::size_t folded = 0, whole = 0;
-  for (const std::uint8_t one : folded_of(faces, after.points)) folded += one;
+  for (const std::uint8_t one : prepared.folded(after.points)) folded += one;
   EXPECT_GT(folded, 20u);
   for (std::size_t f = 0; f < left.size(); ++f) EXPECT_LE(left[f], at_first[f]);
   for (std::uint32_t i = 0; i < points.size(); ++i) {

@@ -10,6 +10,7 @@
 #include "paper/baselines.hpp"
 #include "paper/brute_force.cuh"
 #include "paper/dense_grid.cuh"
+#include "paper/two_kernels.cuh"
 #include "point/fairing.h"
 #include "point/normal.h"
 
@@ -169,7 +170,7 @@ struct CudaBaseline::State {
   enum Mark { start, uploaded, indexed, searched, normals_done, faired, downloaded, marks };
 
   Array<float3> points, normals, moved;
-  Array<float> mean_distances;
+  Array<float> mean_distances, distances;
   Array<Index> lists;
   Array<int> head, link;
   Array<Bounds> bounds;
@@ -220,16 +221,31 @@ struct CudaBaseline::State {
     with_length(settings.k, [&]<int kLength> {
       if (settings.search == Search::brute_force) {
         search_all_pairs<kLength><<<blocks_for(count, kTile), kTile>>>(points.data(), count, lists.data());
+      } else if (settings.search == Search::two_kernels) {
+        search_in_turns<kLength>();
       } else {
         search_grid<kLength><<<blocks_for(count), kBlock>>>(points.data(), static_cast<int>(count), grid, lists.data());
       }
     });
   }
 
+  template <int kLength>
+  void search_in_turns() {
+    std::size_t free = 0, total = 0;
+    check(cudaMemGetInfo(&free, &total));
+    const std::size_t most = queries_at_a_time(count, total);
+    distances.resized(most * count);
+    for (std::size_t first = 0; first < count; first += most) {
+      const auto queries = static_cast<unsigned>(std::min(most, count - first));
+      compute_distances<<<dim3(blocks_for(count, kSharers), queries), kSharers>>>(points.data(), count, first,
+                                                                                  distances.data());
+      select_nearest<kLength><<<queries, kSharers>>>(points.data(), count, first, distances.data(), lists.data());
+    }
+  }
+
   void move_points(const Settings& settings) {
     const Lists found = {lists.data(), count, settings.k};
-    estimate_normals<<<blocks_for(count), kBlock>>>(points.data(), found,
-                                                    point::normal_weights(settings.normal_sigma),
+    estimate_normals<<<blocks_for(count), kBlock>>>(points.data(), found, point::normal_weights(settings.normal_sigma),
                                                     normals.resized(count), mean_distances.resized(count));
     mark(normals_done);
     fair<<<blocks_for(count), kBlock>>>(points.data(), found, normals.data(), mean_distances.data(),

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What pointfair on a card is measured against, on the same card: the paper's own design and brute force. Only the
-// search differs: normals and fairing are the same formulas (src/point) in the same order, so that faired points agree
-// with pointfair's to the bit exactly where all neighbour lists agree.
+// What pointfair on a card is measured against, on the same card: the paper's own design and brute force in two ways.
+// Only the search differs: normals and fairing are the same formulas (src/point) in the same order, so that faired
+// points agree with pointfair's to the bit exactly where all neighbour lists agree.
 #pragma once
 
 #include <cstdint>
@@ -16,6 +16,7 @@ namespace paper {
 enum class Search {
   dense_grid,   // the paper, III.B and III.C: a grid over the bounding box, linked lists, a box grown per point
   brute_force,  // Garcia, Debreuve and Barlaud 2008: all distances, each query inserts into its own sorted list
+  two_kernels,  // Liang and others 2009 (CUKNN): a matrix of distances, then a block a query selects from its row
 };
 
 struct Settings {

@@ -130,7 +130,7 @@ void Chain::plane_normals(const NormalSettings& settings, const Kernels& kernels
 void Chain::face_normals(const MeshFaces& faces, const std::stop_token& stop) {
   using Vec = point::Vec3<double>;
   const IndexView index = index_.view();
-  const std::vector<Index> at = sorted_positions(index, neighbors_.mesh->vertex.size());
+  const std::vector<Index> at = sorted_positions(index, *neighbors_.mesh);
   const auto normal_of = [&](std::uint32_t face) {  // twice the area long
     const auto corners = faces.of(face);
     if (std::any_of(corners.begin(), corners.end(), [&](std::uint32_t c) { return at[c] == point::kNoNeighbor; }))
@@ -216,7 +216,7 @@ void Chain::keep_boundary(const MeshEdges& mesh, const std::stop_token& stop) {
   for_blocks(index.points, kLeavesABlock * kLeafSize, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     std::uint64_t held_here = 0;
     for (std::size_t i = first; i < last; ++i) {
-      if (mesh.is_boundary[index.original[i]] == 0) continue;
+      if (!mesh.is_on_boundary(index.original[i])) continue;
       faired_[i] = {index.x[i], index.y[i], index.z[i]};
       held_here += its_normals.x[i] != 0 || its_normals.y[i] != 0 || its_normals.z[i] != 0;  // others: by their reason
     }

@@ -27,7 +27,7 @@ class Facets {
       : source_(source),
         sigma_(sigma),
         stop_(stop),
-        at_(sorted_positions(source.index, source.mesh.vertex.size())),
+        at_(sorted_positions(source.index, source.mesh)),
         facets_(source.faces.size()) {
     for_facets([&](std::size_t f) {
       const auto corners = source_.faces.of(f);
@@ -129,7 +129,7 @@ class Facets {
   const FacetSource& source_;
   double sigma_;
   const std::stop_token& stop_;
-  std::vector<Index> at_;  // of each uploaded point
+  std::vector<Index> at_;  // of each vertex
   std::vector<Facet> facets_;
 };
 

@@ -119,12 +119,12 @@ class ConjugateGradients {
 
 void hold_boundary(const MeshEdges& mesh, const IndexView& index, WeightedGraph& graph) {
   for (std::size_t i = 0; i < graph.points(); ++i)
-    if (mesh.is_boundary[index.original[i]] != 0) graph.mass[i] = 0;
+    if (mesh.is_on_boundary(index.original[i])) graph.mass[i] = 0;
 }
 
 // Points at the place of a vertex go with it.
 void follow_vertices(const MeshEdges& mesh, const IndexView& index, std::vector<Vec>& displacements) {
-  const std::vector<Index> at = sorted_positions(index, mesh.vertex.size());
+  const std::vector<Index> at = sorted_positions(index, mesh);
   for (std::size_t i = 0; i < displacements.size(); ++i) {
     const Index its = at[mesh.vertex[index.original[i]]];
     if (its != point::kNoNeighbor) displacements[i] = displacements[its];
@@ -142,7 +142,7 @@ SolverReport fair_implicitly(const GraphSource& source, const FairingSettings& s
   const SolverReport report = solver.solve(index);
   std::vector<Vec>& displacements = solver.displacements();
   if (source.mesh != nullptr) {
-    if (source.faces->encloses) keep_volumes(source, displacements);
+    if (source.mesh->encloses) keep_volumes(source, displacements);
     follow_vertices(*source.mesh, index, displacements);
   }
   const double strength = settings.strength;

@@ -25,8 +25,11 @@ class SortedEdges {
  public:
   SortedEdges(const IndexView& index, const MeshEdges& mesh, const std::stop_token& stop)
       : begin_(std::size_t(index.points) + 1), vertex_(index.points) {
-    std::vector<Index> places(mesh.vertex.size(), point::kNoNeighbor);  // of each uploaded point
-    for_all(index, stop, [&](Index at) { places[index.original[at]] = at; });
+    std::vector<Index> places(mesh.vertices(), kLost);
+    for_all(index, stop, [&](Index at) {
+      const std::uint32_t point = index.original[at];
+      if (mesh.first[mesh.vertex[point]] == point) places[mesh.vertex[point]] = at;
+    });
     for_all(index, stop, [&](Index at) {
       vertex_[at] = places[mesh.vertex[index.original[at]]];
       for (const std::uint32_t there : neighbors_of(index, mesh, at)) begin_[at + 1] += places[there] != kLost;

@@ -43,7 +43,7 @@ double volume_under(const Vec& a, const Vec& b, const Vec& c) { return dot(a, cr
 
 void keep_volumes(const GraphSource& source, std::vector<Vec>& displacements) {
   const IndexView& index = source.index;
-  const std::vector<Index> at = sorted_positions(index, source.mesh->vertex.size());
+  const std::vector<Index> at = sorted_positions(index, *source.mesh);
   const MeshFaces& faces = *source.faces;
   Parts parts(index.points);
   std::vector<bool> is_vertex(index.points);

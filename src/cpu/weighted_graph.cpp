@@ -40,7 +40,7 @@ void for_listed(const GraphSource& source, const Visit& visit) {
 template <class Visit>
 void for_edges(const MeshEdges& mesh, const std::vector<Index>& at, const Visit& visit) {
   for (std::uint32_t v = 0; v < at.size(); ++v) {
-    if (at[v] == point::kNoNeighbor || mesh.vertex[v] != v) continue;
+    if (at[v] == point::kNoNeighbor) continue;
     for (const std::uint32_t there : mesh.neighbors_of(v))
       if (at[there] != point::kNoNeighbor) visit(at[v], at[there], 1.0f);
   }
@@ -188,9 +188,12 @@ WeightedGraph curvature_of_mesh(const GraphSource& source, const std::vector<Ind
 
 }  // namespace
 
-std::vector<Index> sorted_positions(const IndexView& index, std::size_t uploaded) {
-  std::vector<Index> at(uploaded, point::kNoNeighbor);
-  for (Index i = 0; i < index.points; ++i) at[index.original[i]] = i;
+std::vector<Index> sorted_positions(const IndexView& index, const MeshEdges& mesh) {
+  std::vector<Index> at(mesh.vertices(), point::kNoNeighbor);
+  for (Index i = 0; i < index.points; ++i) {
+    const std::uint32_t point = index.original[i];
+    if (mesh.first[mesh.vertex[point]] == point) at[mesh.vertex[point]] = i;
+  }
   return at;
 }
 
@@ -199,7 +202,7 @@ WeightedGraph weighted_graph(const GraphSource& source, const FairingSettings& s
   const ImplicitWeights by = settings.implicit_weights;
   WeightedGraph graph;
   std::vector<Index> at;
-  if (source.mesh != nullptr) at = sorted_positions(index, source.mesh->vertex.size());
+  if (source.mesh != nullptr) at = sorted_positions(index, *source.mesh);
   if (source.mesh != nullptr && by == ImplicitWeights::curvature) {
     graph = curvature_of_mesh(source, at, stop);
     const double length = mean_length(graph, index, stop);

@@ -40,7 +40,7 @@ struct WeightedGraph {
 // Rows of fewer than 3 neighbours, and along a mesh all points of a vertex but one, are left empty or without mass.
 WeightedGraph weighted_graph(const GraphSource& source, const FairingSettings& settings, const std::stop_token& stop);
 
-// Of each point in upload order its sorted position, kNoNeighbor where it is not in the index.
-std::vector<Index> sorted_positions(const IndexView& index, std::size_t uploaded);
+// Of each vertex the sorted position of its first point, kNoNeighbor where that is not in the index.
+std::vector<Index> sorted_positions(const IndexView& index, const MeshEdges& mesh);
 
 }  // namespace pointfair::cpu

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Loops and sorts over blocks of fixed size, so that no result depends on the number of threads.
+// Loops over blocks of fixed size and a sort by numbers, so that no result depends on the number of threads.
 #pragma once
 
 #include <algorithm>
 #include <cstddef>
-#include <iterator>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <utility>
 #include <vector>
 
 #include "seam/cloud_sample.hpp"
@@ -22,22 +25,60 @@ void for_mesh_blocks(std::size_t items, const ForEach& for_each, const Body& bod
            [&](std::size_t block) { body(block * kMeshBlock, std::min(items, (block + 1) * kMeshBlock), block); });
 }
 
-// By an order in which no two items are alike.
-template <class Item, class Less>
-void sort_in_parts(std::vector<Item>& items, const ForEach& for_each, const Less& less) {
-  constexpr std::size_t kParts = 16;
-  const auto bound = [&](std::size_t part) { return std::ptrdiff_t(items.size() * part / kParts); };
-  for_each(kParts, [&](std::size_t p) { std::sort(items.begin() + bound(p), items.begin() + bound(p + 1), less); });
-  std::vector<Item> merged(items.size());
-  for (std::size_t width = 1; width < kParts; width *= 2) {
-    for_each(kParts / (2 * width), [&](std::size_t pair) {
-      const auto first = bound(2 * width * pair), middle = bound(2 * width * pair + width),
-                 last = bound(2 * width * (pair + 1));
-      std::merge(items.begin() + first, items.begin() + middle, items.begin() + middle, items.begin() + last,
-                 merged.begin() + first, less);
-    });
-    std::swap(items, merged);
+// Items by their numbers; those of one number in the order in which they came.
+template <class Item>
+struct ByNumber {
+  std::vector<std::size_t> begin;  // of each number's; one more at the end
+  std::vector<Item> items;
+
+  std::span<Item> of(std::size_t number) { return {items.data() + begin[number], items.data() + begin[number + 1]}; }
+};
+
+// A counting sort on many threads: items are first dealt to ranges of numbers, each of which is then small enough for
+// its counts to stay in a cache. each(first, last, emit) calls emit(number, item) for what comes from the sources from
+// `first` to before `last`, and is called twice.
+template <class Item, class Each>
+ByNumber<Item> sort_by_number(std::size_t sources, std::size_t numbers, const ForEach& for_each, const Each& each) {
+  struct Numbered {
+    std::uint32_t number;
+    Item item;
+  };
+  constexpr std::size_t kMostParts = 64, kMostRanges = 256;
+  const std::size_t parts = std::min(sources, kMostParts), width = std::max(kMeshBlock, numbers / kMostRanges),
+                    ranges = (numbers + width - 1) / width;
+  const auto for_part = [&](std::size_t part, const auto& emit) {
+    each(sources * part / parts, sources * (part + 1) / parts, emit);
+  };
+  std::vector<std::size_t> next(parts * ranges), range_begin(ranges + 1);
+  for_each(parts, [&](std::size_t part) {
+    std::vector<std::size_t> counts(ranges);
+    for_part(part, [&](std::uint32_t number, const Item&) { ++counts[number / width]; });
+    std::copy(counts.begin(), counts.end(), next.begin() + std::ptrdiff_t(part * ranges));
+  });
+  std::size_t items = 0;
+  for (std::size_t range = 0; range < ranges; ++range) {
+    range_begin[range] = items;
+    for (std::size_t part = 0; part < parts; ++part) items += std::exchange(next[part * ranges + range], items);
   }
+  range_begin[ranges] = items;
+
+  const auto dealt = std::make_unique_for_overwrite<Numbered[]>(items);  // its pages are met on all threads
+  for_each(parts, [&](std::size_t part) {
+    std::size_t* const places = next.data() + part * ranges;
+    for_part(part, [&](std::uint32_t number, const Item& item) { dealt[places[number / width]++] = {number, item}; });
+  });
+  ByNumber<Item> sorted{std::vector<std::size_t>(numbers + 1, items), std::vector<Item>(items)};
+  for_each(ranges, [&](std::size_t range) {
+    const std::size_t first = range * width, last = std::min(numbers, first + width);
+    const std::span<const Numbered> its(dealt.get() + range_begin[range], dealt.get() + range_begin[range + 1]);
+    std::vector<std::size_t> places(last - first + 1);
+    for (const Numbered& one : its) ++places[one.number - first + 1];
+    places[0] = range_begin[range];
+    for (std::size_t i = 1; i < places.size(); ++i) places[i] += places[i - 1];
+    std::copy(places.begin(), places.end() - 1, sorted.begin.begin() + std::ptrdiff_t(first));
+    for (const Numbered& one : its) sorted.items[places[one.number - first]++] = one.item;
+  });
+  return sorted;
 }
 
 }  // namespace pointfair

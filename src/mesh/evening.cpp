@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <vector>
 
 #include "mesh/blocks.hpp"
@@ -17,36 +18,33 @@ constexpr int kRounds = 5, kMostRounds = 10;      // of untangle()
 constexpr double kFarthest = 3;                   // sigmas
 constexpr double kAcross = 1, kMostAcross = 0.5;  // of e
 
-// All zero for a face without area. `normal` is as long as the area.
-struct FaceMoment {
-  Vec normal{}, unit{};
-  double area = 0;
+// Of a face: the products A n n^T, which are symmetric, and A; all zero for a face without area.
+struct alignas(64) FaceMoment {
+  double xx, xy, xz, yy, yz, zz, area;
 };
-FaceMoment face_moment(std::span<const std::uint32_t> corners, std::span<const Point> points) {
-  const Vec normal = face_normal(corners, points);
+FaceMoment face_moment(std::span<const std::uint32_t> corners, std::span<const Point> places) {
+  const Vec normal = face_normal(corners, places);
   const double area = std::sqrt(squared_length(normal));
-  return area > 0 ? FaceMoment{normal, (1 / area) * normal, area} : FaceMoment{};
+  if (!(area > 0)) return {};
+  const Vec unit = (1 / area) * normal;
+  return {unit.x * normal.x,
+          unit.x * normal.y,
+          unit.x * normal.z,
+          unit.y * normal.y,
+          unit.y * normal.z,
+          unit.z * normal.z,
+          area};
 }
 
-// Of one vertex: the sums of A n n^T, of A, of the ring and of its squared edges. An edge within a mesh has two faces,
-// so each neighbour counts twice.
+// Of one vertex: the sums of A n n^T, of A and of the ring. An edge within a mesh has two faces, so each neighbour
+// counts twice.
 struct Around {
   double xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0, area = 0;
   Vec ring{};
-  double sides = 0, squares = 0;
+  double sides = 0;
 
   void add_face(const FaceMoment& face) {
-    xx += face.unit.x * face.normal.x, xy += face.unit.x * face.normal.y, xz += face.unit.x * face.normal.z;
-    yy += face.unit.y * face.normal.y, yz += face.unit.y * face.normal.z, zz += face.unit.z * face.normal.z;
-    area += face.area;
-  }
-  void add_side(Vec here, Vec there) {
-    ring = ring + there;
-    squares += squared_length(there - here);
-    ++sides;
-  }
-  double across(double sigma) const {
-    return squares > 0 ? std::min(kAcross * sigma * sigma * sides / squares, kMostAcross) : kMostAcross;
+    xx += face.xx, xy += face.xy, xz += face.xz, yy += face.yy, yz += face.yz, zz += face.zz, area += face.area;
   }
   // w (T + w I)^-1 m, by the adjoint matrix: T is never negative, so the determinant is at least w^3.
   Vec step(Vec here, double w) const {
@@ -62,23 +60,36 @@ struct Around {
 
 // The sums go in the order of the faces.
 template <class MomentOf>
-Around look_around(const OrderedFaces& faces, std::span<const Point> points, std::uint32_t v,
+Around look_around(const OrderedFaces& faces, std::span<const Point> places, std::uint32_t v,
                    const MomentOf& moment_of) {
   Around its;
-  const Vec here = place_of(points, v);
-  for (const std::uint32_t f : faces.around(v)) {
-    const auto corners = faces.corners(f);
-    const auto own = std::size_t(std::find(corners.begin(), corners.end(), v) - corners.begin());
-    its.add_face(moment_of(f));
-    its.add_side(here, place_of(points, corners[own + 1 < corners.size() ? own + 1 : 0]));
-    its.add_side(here, place_of(points, corners[own > 0 ? own - 1 : corners.size() - 1]));
+  const std::span<const std::uint32_t> around = faces.around(v);
+  const std::span<const OrderedFaces::Beside> beside = faces.beside(v);
+  for (std::size_t i = 0; i < around.size(); ++i) {
+    its.add_face(moment_of(around[i]));
+    its.ring = its.ring + place_of(places, beside[i].after);
+    its.ring = its.ring + place_of(places, beside[i].before);
   }
+  its.sides = 2 * double(around.size());
   return its;
 }
 
+// The e of a vertex.
+double across_at(const OrderedFaces& faces, std::span<const Point> places, std::uint32_t v, double sigma) {
+  const Vec here = place_of(places, v);
+  const std::span<const OrderedFaces::Beside> beside = faces.beside(v);
+  double squares = 0;
+  for (const OrderedFaces::Beside& its : beside) {
+    squares += squared_length(place_of(places, its.after) - here);
+    squares += squared_length(place_of(places, its.before) - here);
+  }
+  const double sides = 2 * double(beside.size());
+  return squares > 0 ? std::min(kAcross * sigma * sigma * sides / squares, kMostAcross) : kMostAcross;
+}
+
 // Where a vertex is after its step.
-Vec stepped(const Around& around, std::span<const Point> points, std::uint32_t v, double share, double across) {
-  const Vec here = place_of(points, v);
+Vec stepped(const Around& around, std::span<const Point> places, std::uint32_t v, double share, double across) {
+  const Vec here = place_of(places, v);
   return here + share * around.step(here, across);
 }
 
@@ -86,38 +97,35 @@ Point to_point(Vec v) { return {float(v.x), float(v.y), float(v.z)}; }
 
 }  // namespace
 
-void even_out(const OrderedFaces& faces, std::span<const std::uint32_t> vertex, std::span<const std::uint8_t> stays,
-              double share, double sigma, std::span<Point> points, const ForEach& for_each) {
-  const std::vector<Point> start(points.begin(), points.end());
-  std::vector<Point> before(points.size());
+void even_out(const OrderedFaces& faces, std::span<const std::uint8_t> stays, double share, double sigma,
+              std::span<Point> places, const ForEach& for_each) {
+  const std::vector<Point> start(places.begin(), places.end());
+  std::vector<Point> before(places.size());
   const double farthest = kFarthest * sigma;
-  const std::span<const std::uint32_t> order = faces.vertices();
-  std::vector<double> across(points.size());
-  std::vector<FaceMoment> moments(faces.size());
+  std::vector<double> across(places.size());
+  const auto moments = std::make_unique_for_overwrite<FaceMoment[]>(faces.size());  // met on all threads first
   for (int round = 0; round < kRounds; ++round) {
-    std::copy(points.begin(), points.end(), before.begin());
+    std::copy(places.begin(), places.end(), before.begin());
     for_mesh_blocks(faces.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t) {
       for (std::size_t f = first; f < last; ++f) moments[f] = face_moment(faces.corners(f), before);
     });
-    for_mesh_blocks(order.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t) {
-      for (const std::uint32_t v : order.subspan(first, last - first)) {
+    for_mesh_blocks(places.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t) {
+      for (auto v = std::uint32_t(first); v < last; ++v) {
         if (stays[v] != 0 || !is_indexed(before[v])) continue;
-        const Around around = look_around(faces, before, v, [&](std::uint32_t f) { return moments[f]; });
-        if (round == 0) across[v] = around.across(sigma);
+        const Around around =
+            look_around(faces, before, v, [&](std::uint32_t f) -> const FaceMoment& { return moments[f]; });
+        if (round == 0) across[v] = across_at(faces, before, v, sigma);
         const Vec from = place_of(start, v), way = stepped(around, before, v, share, across[v]) - from;
         const double length = std::sqrt(squared_length(way));
-        points[v] = to_point(from + (length > farthest ? farthest / length : 1.0) * way);
+        places[v] = to_point(from + (length > farthest ? farthest / length : 1.0) * way);
       }
     });
   }
-  for (std::size_t i = 0; i < points.size(); ++i)
-    if (stays[i] == 0) points[i] = points[vertex[i]];
 }
 
-void untangle(Folds& folds, std::span<const std::uint32_t> vertex, std::span<const std::uint8_t> stays,
-              std::span<Point> points) {
+void untangle(Folds& folds, std::span<const std::uint8_t> stays, std::span<Point> places) {
   const OrderedFaces& faces = folds.faces();
-  std::vector<std::uint8_t> moves(points.size());
+  std::vector<std::uint8_t> moves(places.size());
   for (int round = 0; round < kMostRounds; ++round) {
     std::vector<std::uint32_t> moved;
     for (std::size_t f = 0; f < faces.size(); ++f) {
@@ -129,15 +137,13 @@ void untangle(Folds& folds, std::span<const std::uint32_t> vertex, std::span<con
       }
     }
     if (moved.empty()) break;
-    std::vector<Point> places;
-    const auto moment_of = [&](std::uint32_t f) { return face_moment(faces.corners(f), points); };
+    std::vector<Point> there;
+    const auto moment_of = [&](std::uint32_t f) { return face_moment(faces.corners(f), places); };
     for (const std::uint32_t v : moved)
-      places.push_back(to_point(stepped(look_around(faces, points, v, moment_of), points, v, 1, kMostAcross)));
-    for (std::size_t i = 0; i < moved.size(); ++i) points[moved[i]] = places[i], moves[moved[i]] = 0;
-    folds.update(points, moved);
+      there.push_back(to_point(stepped(look_around(faces, places, v, moment_of), places, v, 1, kMostAcross)));
+    for (std::size_t i = 0; i < moved.size(); ++i) places[moved[i]] = there[i], moves[moved[i]] = 0;
+    folds.update(places, moved);
   }
-  for (std::size_t i = 0; i < points.size(); ++i)
-    if (stays[i] == 0) points[i] = points[vertex[i]];
 }
 
 }  // namespace pointfair

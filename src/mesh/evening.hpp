@@ -16,12 +16,11 @@ namespace pointfair {
 // surface the step is nearly all of m, across it the less the less noise there is, and at an edge it is along the edge
 // alone. Orientations of faces do not matter. Vertices with `stays` do not move, and none ends farther than 3 sigma
 // from where it began.
-void even_out(const OrderedFaces& faces, std::span<const std::uint32_t> vertex, std::span<const std::uint8_t> stays,
-              double share, double sigma, std::span<Point> points, const ForEach& for_each);
+void even_out(const OrderedFaces& faces, std::span<const std::uint8_t> stays, double share, double sigma,
+              std::span<Point> places, const ForEach& for_each);
 
 // Corners of folded faces make such steps with e = 0.5, all at once, in up to ten rounds, until no face is folded.
-// `folds` are those of `points`, before and after the call.
-void untangle(Folds& folds, std::span<const std::uint32_t> vertex, std::span<const std::uint8_t> stays,
-              std::span<Point> points);
+// `folds` are those of `places`, before and after the call.
+void untangle(Folds& folds, std::span<const std::uint8_t> stays, std::span<Point> places);
 
 }  // namespace pointfair

@@ -8,15 +8,14 @@
 #include <vector>
 
 #include "pointfair/cloud.hpp"
-#include "seam/cloud_sample.hpp"
+#include "seam/mesh_edges.hpp"
 
 namespace pointfair {
 
 // `vertex`: of each point, as MeshEdges. What is passed must outlive this.
 class FaceCorners {
  public:
-  FaceCorners(std::span<const Point> points, const Polygons& faces, std::span<const std::uint32_t> vertex)
-      : points_(points), faces_(faces), vertex_(vertex) {}
+  FaceCorners(const Polygons& faces, std::span<const std::uint32_t> vertex) : faces_(faces), vertex_(vertex) {}
 
   // Calls visit(corners) for each face from `first` to before `last` that is not degenerate, and returns how many are.
   // A corner at the place of the one before it is no corner; a face is degenerate if fewer than three are left, if it
@@ -41,7 +40,7 @@ class FaceCorners {
     corners_.clear();
     for (std::uint64_t c = begin; c < end; ++c) {
       const std::uint32_t at = vertex_[faces_.corners[c]];
-      if (!is_indexed(points_[at])) return false;
+      if (at == kNoVertex) return false;
       if (corners_.empty() || corners_.back() != at) corners_.push_back(at);
     }
     while (corners_.size() > 1 && corners_.back() == corners_.front()) corners_.pop_back();
@@ -54,7 +53,6 @@ class FaceCorners {
     return std::adjacent_find(sorted_.begin(), sorted_.end()) == sorted_.end();
   }
 
-  std::span<const Point> points_;
   const Polygons& faces_;
   std::span<const std::uint32_t> vertex_;
   std::vector<std::uint32_t> corners_, sorted_;

@@ -14,21 +14,27 @@ constexpr int kMostHalvings = 6;
 
 }  // namespace
 
-Folds::Folds(const OrderedFaces& faces, std::span<const Point> points, const ForEach& for_each)
-    : faces_(faces), normals_(faces.size()), once_(faces.size()), folded_(faces.size()), is_stale_(faces.size()) {
+Folds::Folds(const OrderedFaces& faces, const MeshTopology& mesh, std::span<const Point> places,
+             const ForEach& for_each)
+    : faces_(faces),
+      mesh_(mesh),
+      normals_(faces.size()),
+      once_(faces.size()),
+      folded_(faces.size()),
+      is_stale_(faces.size()) {
   const auto for_faces = [&](const auto& body) {
     for_mesh_blocks(faces.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t) {
       for (std::size_t f = first; f < last; ++f) body(f);
     });
   };
-  for_faces([&](std::size_t f) { normals_[f] = face_normal(faces_.corners(f), points); });
+  for_faces([&](std::size_t f) { normals_[f] = face_normal(faces_.corners(f), places); });
   for_faces([&](std::size_t f) { once_[f] = filtered(normals_, f); });
   for_faces([&](std::size_t f) { set_fold(f); });
 }
 
 Vec Folds::filtered(const std::vector<Vec>& normals, std::size_t face) const {
   Vec sum = normals[face];
-  for (const OrderedFaces::Across& across : faces_.across(face)) {
+  for (const MeshTopology::Across& across : mesh_.across_of(faces_, face)) {
     const Vec there = normals[across.face];
     sum = across.is_opposite ? sum - there : sum + there;
   }
@@ -43,13 +49,13 @@ void Folds::add(std::uint32_t face) {
 
 void Folds::add_neighbors(std::size_t end) {
   for (std::size_t i = 0; i < end; ++i)
-    for (const OrderedFaces::Across& across : faces_.across(stale_[i])) add(across.face);
+    for (const MeshTopology::Across& across : mesh_.across_of(faces_, stale_[i])) add(across.face);
 }
 
-void Folds::update(std::span<const Point> points, std::span<const std::uint32_t> moved) {
+void Folds::update(std::span<const Point> places, std::span<const std::uint32_t> moved) {
   for (const std::uint32_t v : moved)
     for (const std::uint32_t face : faces_.around(v)) add(face);
-  for (const std::uint32_t face : stale_) normals_[face] = face_normal(faces_.corners(face), points);
+  for (const std::uint32_t face : stale_) normals_[face] = face_normal(faces_.corners(face), places);
   add_neighbors(stale_.size());
   for (const std::uint32_t face : stale_) once_[face] = filtered(normals_, face);
   add_neighbors(stale_.size());
@@ -57,13 +63,13 @@ void Folds::update(std::span<const Point> points, std::span<const std::uint32_t>
   stale_.clear();
 }
 
-void unfold(Folds& folds, std::span<const std::uint32_t> vertex, std::span<const std::uint8_t> folded_before,
-            std::span<const Point> before, std::span<Point> after) {
+void unfold(Folds& folds, std::span<const std::uint8_t> folded_before, std::span<const Point> before,
+            std::span<Point> after) {
   const OrderedFaces& faces = folds.faces();
   std::vector<std::uint8_t> halvings(after.size()), shortens(after.size());
   const std::vector<Point> whole(after.begin(), after.end());
-  const auto shorten = [&](std::size_t i) {
-    const std::uint8_t its = halvings[vertex[i]];
+  const auto shorten = [&](std::uint32_t i) {
+    const std::uint8_t its = halvings[i];
     const float share = its > kMostHalvings ? 0.0f : 1.0f / float(1 << its);
     after[i] = {before[i].x + share * (whole[i].x - before[i].x), before[i].y + share * (whole[i].y - before[i].y),
                 before[i].z + share * (whole[i].z - before[i].z)};
@@ -86,8 +92,6 @@ void unfold(Folds& folds, std::span<const std::uint32_t> vertex, std::span<const
     }
     folds.update(after, moved);
   }
-  for (std::size_t i = 0; i < after.size(); ++i)
-    if (vertex[i] != i && halvings[vertex[i]] > 0) shorten(i);
 }
 
 }  // namespace pointfair

@@ -12,18 +12,20 @@
 namespace pointfair {
 
 struct LoadedMesh {
-  LoadedMesh(std::vector<Point> its_points, const Polygons& polygons, const ForEach& for_each)
-      : points(std::move(its_points)),
-        vertices(vertices_of(points, for_each)),
-        faces(points, vertices, polygons, for_each),
-        topology(topology_of(vertices, faces, for_each)),
-        folded(Folds(faces, points, for_each).folded()) {}
+  LoadedMesh(std::span<const Point> points, const Polygons& polygons, const ForEach& for_each)
+      : LoadedMesh(points, vertices_of(points, for_each), polygons, for_each) {}
 
-  std::vector<Point> points;
-  Vertices vertices;
+  std::vector<Point> places;  // of the vertices
   OrderedFaces faces;
   MeshTopology topology;
   std::vector<std::uint8_t> folded;  // of those faces
+
+ private:
+  LoadedMesh(std::span<const Point> points, Vertices vertices, const Polygons& polygons, const ForEach& for_each)
+      : places(vertices.places(points, for_each)),
+        faces(vertices, polygons, for_each),
+        topology(topology_of(std::move(vertices), faces, for_each)),
+        folded(Folds(faces, topology, places, for_each).folded()) {}
 };
 
 }  // namespace pointfair

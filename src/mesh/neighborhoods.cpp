@@ -25,7 +25,7 @@ MeshNeighborhoods::MeshNeighborhoods(const LoadedMesh& mesh) : mesh_(mesh) {
   const MeshEdges& edges = mesh.topology.edges;
   std::vector<std::uint32_t> all;
   for (const bool within : {true, false}) {
-    for (const std::uint32_t v : mesh.vertices.in_order)
+    for (std::uint32_t v = 0; v < edges.vertices(); ++v)
       if (!edges.neighbors_of(v).empty() && (edges.is_boundary[v] == 0 || !within)) all.push_back(v);
     if (!all.empty()) break;  // a mesh without any vertex within is all boundary
   }
@@ -37,12 +37,12 @@ double MeshNeighborhoods::two_ring_radius() const {
   const MeshEdges& edges = mesh_.topology.edges;
   std::vector<double> radii;
   for (const std::uint32_t v : measured_) {
-    const Vec here = place_of(mesh_.points, v);
+    const Vec here = place_of(mesh_.places, v);
     double farthest = 0;
     for (const std::uint32_t first : edges.neighbors_of(v)) {
-      farthest = std::max(farthest, squared_length(place_of(mesh_.points, first) - here));
+      farthest = std::max(farthest, squared_length(place_of(mesh_.places, first) - here));
       for (const std::uint32_t second : edges.neighbors_of(first))
-        farthest = std::max(farthest, squared_length(place_of(mesh_.points, second) - here));
+        farthest = std::max(farthest, squared_length(place_of(mesh_.places, second) - here));
     }
     radii.push_back(std::sqrt(farthest));
   }
@@ -53,10 +53,10 @@ double MeshNeighborhoods::height_deviation(double radius) const {
   const MeshEdges& edges = mesh_.topology.edges;
   std::vector<double> deviations;
   for (const std::uint32_t v : measured_) {
-    const Vec here = place_of(mesh_.points, v);
+    const Vec here = place_of(mesh_.places, v);
     Vec normal{};
     for (const std::uint32_t f : mesh_.faces.around(v))
-      normal = normal + face_normal(mesh_.faces.corners(f), mesh_.points);
+      normal = normal + face_normal(mesh_.faces.corners(f), mesh_.places);
     const double length = std::sqrt(squared_length(normal));
     if (!(length > 0)) continue;
     std::vector<std::uint32_t> reached{v};
@@ -65,7 +65,7 @@ double MeshNeighborhoods::height_deviation(double radius) const {
     double sum = 0;
     for (std::size_t i = 0; i < reached.size(); ++i)
       for (const std::uint32_t there : edges.neighbors_of(reached[i])) {
-        const Vec offset = place_of(mesh_.points, there) - here;
+        const Vec offset = place_of(mesh_.places, there) - here;
         if (squared_length(offset) > radius * radius || !seen.insert(there).second) continue;
         reached.push_back(there);
         heights.push_back(dot(offset, normal) / length);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The faces of a mesh in an order of their own, and which of them meet.
+// The faces of a mesh in an order of their own, and those around each vertex.
 #pragma once
 
 #include <cstdint>
@@ -13,53 +13,48 @@
 
 namespace pointfair {
 
-inline point::Vec3<double> place_of(std::span<const Point> points, std::uint32_t at) {
-  return {points[at].x, points[at].y, points[at].z};
+// `places`: of the vertices.
+inline point::Vec3<double> place_of(std::span<const Point> places, std::uint32_t vertex) {
+  return {places[vertex].x, places[vertex].y, places[vertex].z};
 }
 
 // Of a face, twice the area long.
-inline point::Vec3<double> face_normal(std::span<const std::uint32_t> corners, std::span<const Point> points) {
-  return area_normal(corners, [&](std::uint32_t at) { return place_of(points, at); });
+inline point::Vec3<double> face_normal(std::span<const std::uint32_t> corners, std::span<const Point> places) {
+  return area_normal(corners, [&](std::uint32_t vertex) { return place_of(places, vertex); });
 }
 
 // The faces of a mesh in an order that depends on the places of their corners alone, so that sums over them have the
 // same bits for any order of faces and points.
 class OrderedFaces {
  public:
-  // Degenerate faces (mesh/face_corners.hpp) are left out. O(n log n) in points and corners.
-  OrderedFaces(std::span<const Point> points, const Vertices& vertices, const Polygons& faces, const ForEach& for_each);
+  // Degenerate faces (mesh/face_corners.hpp) are left out. Linear in points and corners.
+  OrderedFaces(const Vertices& vertices, const Polygons& faces, const ForEach& for_each);
 
   std::size_t size() const { return faces_.size(); }
+  std::size_t vertices() const { return faces_.around_begin.size() - 1; }
   std::uint64_t degenerate() const { return degenerate_; }
   // Vertices.
   std::span<const std::uint32_t> corners(std::size_t face) const { return faces_.of(face); }
+  std::size_t first_corner(std::size_t face) const { return face == 0 ? 0 : faces_.ends[face - 1]; }
   const MeshFaces& faces() const { return faces_; }
-  // In the order of their places, as Vertices::in_order: loops over them meet faces and points that lie close together
-  // in memory, however a file orders them.
-  std::span<const std::uint32_t> vertices() const { return vertices_; }
   // The faces at a vertex, ascending.
   std::span<const std::uint32_t> around(std::uint32_t vertex) const { return faces_.around(vertex); }
 
-  struct Across {
-    std::uint32_t face;
-    bool is_opposite;  // runs round the other way
+  struct Beside {
+    std::uint32_t after, before;
   };
-  // The faces across the edges of a face that have no third one, ascending.
-  std::span<const Across> across(std::size_t face) const {
-    const std::size_t begin = face == 0 ? 0 : faces_.ends[face - 1];
-    return {across_.data() + begin, across_count_[face]};
+  // Of each face at a vertex, in the order of around(), its corners after and before the vertex.
+  std::span<const Beside> beside(std::uint32_t vertex) const {
+    return {beside_.data() + faces_.around_begin[vertex], beside_.data() + faces_.around_begin[vertex + 1]};
   }
 
  private:
-  void collect(std::span<const Point> points, const Vertices& vertices, const Polygons& faces, const ForEach& for_each);
-  void collect_around(std::size_t points);
-  bool find_across(std::size_t face);
+  void collect(const Vertices& vertices, const Polygons& faces, const ForEach& for_each);
+  void collect_around(std::size_t vertices, const ForEach& for_each);
 
   MeshFaces faces_;
-  std::vector<std::uint32_t> vertices_;
   std::uint64_t degenerate_ = 0;
-  std::vector<Across> across_;  // of each face from its first corner on
-  std::vector<std::uint32_t> across_count_;
+  std::vector<Beside> beside_;  // as faces_.around_faces
 };
 
 }  // namespace pointfair

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <numeric>
 #include <string>
+#include <tuple>
+#include <utility>
 #include <vector>
 
 #include "mesh/blocks.hpp"
@@ -11,30 +13,111 @@
 namespace pointfair {
 namespace {
 
-// The neighbours of one vertex, ascending, once for every face at their edge.
-void sides_of(std::uint32_t v, const OrderedFaces& faces, std::vector<std::uint32_t>& sides) {
-  sides.clear();
-  for (const std::uint32_t f : faces.around(v)) {
-    const auto corners = faces.corners(f);
-    const auto own = std::size_t(std::find(corners.begin(), corners.end(), v) - corners.begin());
-    sides.push_back(corners[own + 1 < corners.size() ? own + 1 : 0]);
-    sides.push_back(corners[own > 0 ? own - 1 : corners.size() - 1]);
-  }
-  std::sort(sides.begin(), sides.end());
-}
+// An edge from a vertex to a greater or lesser one, in one of its faces.
+struct Side {
+  std::uint32_t there, face;
+  bool is_forward;  // the face runs from here to there
+};
 
-// Calls visit(neighbour, faces at the edge) for each neighbour.
-template <class Visit>
-void for_each_edge(const std::vector<std::uint32_t>& sides, const Visit& visit) {
-  for (std::size_t i = 0, end = 0; i < sides.size(); i = end) {
-    while (end < sides.size() && sides[end] == sides[i]) ++end;
-    visit(sides[i], end - i);
+bool precedes(const Side& a, const Side& b) { return a.there != b.there ? a.there < b.there : a.face < b.face; }
+
+// Those of one vertex, by where they lead.
+void sides_of(std::uint32_t v, const OrderedFaces& faces, std::vector<Side>& sides) {
+  sides.clear();
+  const std::span<const OrderedFaces::Beside> beside = faces.beside(v);
+  const auto insert = [&](Side side) {
+    sides.push_back(side);
+    std::size_t at = sides.size() - 1;
+    for (; at > 0 && precedes(side, sides[at - 1]); --at) sides[at] = sides[at - 1];
+    sides[at] = side;
+  };
+  constexpr std::size_t kMostInserted = 32;
+  if (beside.size() <= kMostInserted) {
+    for (std::size_t i = 0; i < beside.size(); ++i)
+      insert({beside[i].after, faces.around(v)[i], true}), insert({beside[i].before, faces.around(v)[i], false});
+    return;
   }
+  for (std::size_t i = 0; i < beside.size(); ++i) {
+    sides.push_back({beside[i].after, faces.around(v)[i], true});
+    sides.push_back({beside[i].before, faces.around(v)[i], false});
+  }
+  std::sort(sides.begin(), sides.end(), precedes);
 }
 
 struct EdgeCounts {
-  std::uint64_t boundary = 0, non_manifold = 0;
+  std::uint64_t boundary = 0, non_manifold = 0, of_one_way = 0;  // the last with two faces that run the same way
 };
+
+constexpr std::uint32_t kNoFace = ~0u;
+
+// Edges from the vertices of one block.
+class Block {
+ public:
+  Block(const OrderedFaces& faces, MeshTopology& mesh) : faces_(faces), mesh_(mesh) {}
+
+  void add(std::uint32_t v) {
+    sides_of(v, faces_, sides_);
+    for (std::size_t i = 0, end = 0; i < sides_.size(); i = end) {
+      while (end < sides_.size() && sides_[end].there == sides_[i].there) ++end;
+      neighbors.push_back(sides_[i].there);
+      ++mesh_.edges.begin[v + 1];
+      if (end - i == 1) mesh_.edges.is_boundary[v] = 1;
+      if (v > sides_[i].there) continue;  // each edge is met from both its ends
+      counts.boundary += end - i == 1;
+      counts.non_manifold += end - i > 2;
+      if (end - i == 2) join(v, sides_[i], sides_[i + 1]);
+    }
+  }
+
+  std::vector<std::uint32_t> neighbors;
+  EdgeCounts counts;
+
+ private:
+  void join(std::uint32_t v, const Side& a, const Side& b) {
+    const bool is_opposite = a.is_forward == b.is_forward;
+    counts.of_one_way += is_opposite;
+    mesh_.across[slot(v, a)] = {b.face, is_opposite};
+    mesh_.across[slot(v, b)] = {a.face, is_opposite};
+  }
+  // Of the edge among those of its face: where it begins.
+  std::size_t slot(std::uint32_t v, const Side& side) const {
+    const auto corners = faces_.corners(side.face);
+    const std::uint32_t from = side.is_forward ? v : side.there;
+    return faces_.first_corner(side.face) +
+           std::size_t(std::find(corners.begin(), corners.end(), from) - corners.begin());
+  }
+
+  const OrderedFaces& faces_;
+  MeshTopology& mesh_;
+  std::vector<Side> sides_;
+};
+
+// Moves the faces across each face's edges to its first slots.
+void gather_across(const OrderedFaces& faces, const ForEach& for_each, MeshTopology& mesh) {
+  mesh.across_count.resize(faces.size());
+  for_mesh_blocks(faces.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t) {
+    for (std::size_t f = first; f < last; ++f) {
+      MeshTopology::Across* const its = mesh.across.data() + faces.first_corner(f);
+      MeshTopology::Across* const end =
+          std::remove_if(its, its + faces.corners(f).size(), [](const auto& across) { return across.face == kNoFace; });
+      std::sort(its, end, [](const auto& a, const auto& b) {
+        return std::tie(a.face, a.is_opposite) < std::tie(b.face, b.is_opposite);
+      });
+      mesh.across_count[f] = std::uint32_t(end - its);
+    }
+  });
+}
+
+void count_points(const MeshEdges& edges, MeshReport& found) {
+  std::vector<std::uint8_t> has_edges(edges.vertices());
+  for (std::size_t v = 0; v < edges.vertices(); ++v) {
+    if (edges.begin[v + 1] == edges.begin[v]) continue;
+    has_edges[v] = 1;
+    ++found.vertices;
+    found.boundary_vertices += edges.is_boundary[v];
+  }
+  for (const std::uint32_t v : edges.vertex) found.isolated_points += v == kNoVertex || has_edges[v] == 0;
+}
 
 }  // namespace
 
@@ -54,53 +137,38 @@ void check_faces(const Polygons& faces, std::size_t points) {
   }
 }
 
-MeshTopology topology_of(const Vertices& vertices, const OrderedFaces& faces, const ForEach& for_each) {
+MeshTopology topology_of(Vertices vertices, const OrderedFaces& faces, const ForEach& for_each) {
   MeshTopology mesh;
   MeshEdges& edges = mesh.edges;
-  const std::size_t points = vertices.of_point.size();
-  edges.vertex = vertices.of_point;
-  edges.is_boundary.assign(points, 0);
-  edges.begin.assign(points + 1, 0);
-  std::vector<EdgeCounts> counts(mesh_blocks(points));
-  std::vector<std::vector<std::uint32_t>> of_block(counts.size());
-  for_mesh_blocks(points, for_each, [&](std::size_t first, std::size_t last, std::size_t block) {
-    std::vector<std::uint32_t> sides;
-    for (auto v = std::uint32_t(first); v < last; ++v) {
-      sides_of(v, faces, sides);
-      for_each_edge(sides, [&](std::uint32_t there, std::size_t its_faces) {
-        ++edges.begin[v + 1];
-        of_block[block].push_back(there);
-        if (its_faces == 1) edges.is_boundary[v] = 1;
-        if (v > there) return;  // each edge is met from both its ends
-        counts[block].boundary += its_faces == 1;
-        counts[block].non_manifold += its_faces > 2;
-      });
-    }
+  const std::size_t count = vertices.size();
+  edges.vertex = std::move(vertices.of_point);
+  edges.first = std::move(vertices.first);
+  edges.is_boundary.assign(count, 0);
+  edges.begin.assign(count + 1, 0);
+  mesh.across.assign(faces.faces().corners.size(), {kNoFace, false});
+  std::vector<Block> blocks(mesh_blocks(count), Block(faces, mesh));
+  for_mesh_blocks(count, for_each, [&](std::size_t first, std::size_t last, std::size_t block) {
+    for (auto v = std::uint32_t(first); v < last; ++v) blocks[block].add(v);
   });
   std::partial_sum(edges.begin.begin(), edges.begin.end(), edges.begin.begin());
-  edges.neighbors.reserve(edges.begin.back());
-  for (const std::vector<std::uint32_t>& its : of_block)
-    edges.neighbors.insert(edges.neighbors.end(), its.begin(), its.end());
+  edges.neighbors.resize(edges.begin.back());
+  for_mesh_blocks(count, for_each, [&](std::size_t first, std::size_t, std::size_t block) {
+    std::copy(blocks[block].neighbors.begin(), blocks[block].neighbors.end(),
+              edges.neighbors.begin() + std::ptrdiff_t(edges.begin[first]));
+  });
+  gather_across(faces, for_each, mesh);
 
   MeshReport& found = mesh.found;
   found.degenerate_faces = faces.degenerate();
   found.faces = faces.size() + faces.degenerate();
-  for (const EdgeCounts& its : counts) {
-    found.boundary_edges += its.boundary;
-    found.non_manifold_edges += its.non_manifold;
+  std::uint64_t of_one_way = 0;
+  for (const Block& block : blocks) {
+    found.boundary_edges += block.counts.boundary;
+    found.non_manifold_edges += block.counts.non_manifold;
+    of_one_way += block.counts.of_one_way;
   }
-  for (std::size_t i = 0; i < points; ++i) {
-    const std::uint32_t v = edges.vertex[i];
-    const bool has_edges = edges.begin[v + 1] > edges.begin[v];
-    if (!has_edges) {
-      ++found.isolated_points;
-    } else if (v == i) {
-      ++found.vertices;
-      found.boundary_vertices += edges.is_boundary[v];
-    } else {
-      edges.is_boundary[i] = edges.is_boundary[v];
-    }
-  }
+  edges.encloses = faces.size() > 0 && found.boundary_edges == 0 && found.non_manifold_edges == 0 && of_one_way == 0;
+  count_points(edges, found);
   return mesh;
 }
 

@@ -2,31 +2,17 @@
 #include "mesh/vertices.hpp"
 
 #include <algorithm>
-#include <bit>
-#include <numeric>
+#include <tuple>
+#include <utility>
 
 #include "mesh/blocks.hpp"
 
 namespace pointfair {
 namespace {
 
-// A number that orders as the coordinate; -0 is 0.
-std::uint32_t key_of(float coordinate) {
-  const auto bits = std::bit_cast<std::uint32_t>(coordinate + 0.0f);
-  return bits >> 31 != 0 ? ~bits : bits | 0x80000000u;
-}
+constexpr int kStepBits = 21, kPartBits = 6;  // an axis
 
-// A point in the order of vertices; of those at one place, the first comes first.
-struct Placed {
-  std::uint64_t curve, x_y;
-  std::uint32_t z, point;
-  bool is_at(const Placed& other) const { return x_y == other.x_y && z == other.z; }
-};
-bool precedes(const Placed& a, const Placed& b) {
-  if (a.curve != b.curve) return a.curve < b.curve;
-  if (a.x_y != b.x_y) return a.x_y < b.x_y;
-  return a.z != b.z ? a.z < b.z : a.point < b.point;
-}
+bool are_at_one_place(const Point& a, const Point& b) { return a.x == b.x && a.y == b.y && a.z == b.z; }
 
 // The lowest 21 bits, two places apart.
 std::uint64_t spread(std::uint64_t bits) {
@@ -44,7 +30,7 @@ struct Curve {
 
   std::uint64_t place(const Point& p) const {
     const auto step = [&](float at, float from) {
-      return spread(std::uint64_t(std::min((double(at) - double(from)) * steps, double((1 << 21) - 1))));
+      return spread(std::uint64_t(std::min((double(at) - double(from)) * steps, double((1 << kStepBits) - 1))));
     };
     return step(p.x, least.x) | step(p.y, least.y) << 1 | step(p.z, least.z) << 2;
   }
@@ -57,28 +43,71 @@ Curve curve_of(std::span<const Point> points) {
   if (bounds.valid == 0) return {};
   const double side = std::max(
       {double(bounds.max.x) - bounds.min.x, double(bounds.max.y) - bounds.min.y, double(bounds.max.z) - bounds.min.z});
-  return {bounds.min, side > 0 ? double(1 << 21) / side : 0};
+  return {bounds.min, side > 0 ? double(1 << kStepBits) / side : 0};
+}
+
+struct Placed {
+  std::uint64_t curve;
+  std::uint32_t point;
+};
+
+// By the parts of the bounds, and in each by the curve; of those at one place, the first point comes first.
+std::vector<Placed> along_curve(std::span<const Point> points, const ForEach& for_each) {
+  const Curve curve = curve_of(points);
+  const std::size_t parts = std::size_t(1) << 3 * kPartBits;
+  ByNumber<Placed> by_part = sort_by_number<Placed>(
+      points.size(), parts, for_each, [&](std::size_t first, std::size_t last, const auto& emit) {
+        for (std::size_t i = first; i < last; ++i) {
+          if (!is_indexed(points[i])) continue;
+          const std::uint64_t place = curve.place(points[i]);
+          emit(std::uint32_t(place >> 3 * (kStepBits - kPartBits)), Placed{place, std::uint32_t(i)});
+        }
+      });
+  for_mesh_blocks(parts, for_each, [&](std::size_t first, std::size_t last, std::size_t) {
+    for (std::size_t part = first; part < last; ++part) {
+      const std::span<Placed> its = by_part.of(part);
+      std::sort(its.begin(), its.end(), [&](const Placed& a, const Placed& b) {
+        if (a.curve != b.curve) return a.curve < b.curve;
+        const Point &p = points[a.point], &q = points[b.point];
+        return std::tie(p.x, p.y, p.z, a.point) < std::tie(q.x, q.y, q.z, b.point);
+      });
+    }
+  });
+  return std::move(by_part.items);
 }
 
 }  // namespace
 
+std::vector<Point> Vertices::places(std::span<const Point> points, const ForEach& for_each) const {
+  std::vector<Point> result(size());
+  for_mesh_blocks(size(), for_each, [&](std::size_t begin, std::size_t last, std::size_t) {
+    for (std::size_t v = begin; v < last; ++v) result[v] = points[first[v]];
+  });
+  return result;
+}
+
 Vertices vertices_of(std::span<const Point> points, const ForEach& for_each) {
-  const Curve curve = curve_of(points);
-  std::vector<Placed> placed;
-  placed.reserve(points.size());
-  for (std::uint32_t i = 0; i < points.size(); ++i) {
-    const Point& p = points[i];
-    if (!is_indexed(p)) continue;
-    placed.push_back({curve.place(p), std::uint64_t(key_of(p.x)) << 32 | key_of(p.y), key_of(p.z), i});
-  }
-  sort_in_parts(placed, for_each, precedes);
+  const std::vector<Placed> placed = along_curve(points, for_each);
+  const auto is_new = [&](std::size_t i) {
+    return i == 0 || placed[i].curve != placed[i - 1].curve ||
+           !are_at_one_place(points[placed[i].point], points[placed[i - 1].point]);
+  };
+  std::vector<std::uint32_t> next(mesh_blocks(placed.size()) + 1);
+  for_mesh_blocks(placed.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t block) {
+    for (std::size_t i = first; i < last; ++i) next[block + 1] += is_new(i);
+  });
+  for (std::size_t block = 1; block < next.size(); ++block) next[block] += next[block - 1];
+
   Vertices vertices;
-  vertices.of_point.resize(points.size());
-  std::iota(vertices.of_point.begin(), vertices.of_point.end(), 0u);
-  for (std::size_t i = 0; i < placed.size(); ++i) {
-    if (i == 0 || !placed[i].is_at(placed[i - 1])) vertices.in_order.push_back(placed[i].point);
-    vertices.of_point[placed[i].point] = vertices.in_order.back();
-  }
+  vertices.of_point.assign(points.size(), kNoVertex);
+  vertices.first.resize(next.back());
+  for_mesh_blocks(placed.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t block) {
+    std::uint32_t count = next[block];
+    for (std::size_t i = first; i < last; ++i) {
+      if (is_new(i)) vertices.first[count++] = placed[i].point;
+      vertices.of_point[placed[i].point] = count - 1;
+    }
+  });
   return vertices;
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Runs along the faces of the loaded cloud.
 #include <algorithm>
+#include <cstring>
 #include <optional>
 #include <utility>
 
@@ -39,7 +40,7 @@ const LoadedMesh& Pipeline::State::mesh() {
   std::vector<Point> points(cloud.points());
   cloud.backend().download_input(points);
   const auto start = Clock::now();
-  mesh_ = std::make_shared<const LoadedMesh>(std::move(points), faces, on_host());
+  mesh_ = std::make_shared<const LoadedMesh>(points, faces, on_host());
   log_.note("faces", milliseconds_since(start));
   return *mesh_;
 }
@@ -92,19 +93,28 @@ double Pipeline::State::sigma_of(const Params& used) {
 // faces are shortened. Points that kept their place, as outliers and the boundary do, stay.
 MeshReport Pipeline::State::finish_mesh(const Params& used, std::span<Point> out) {
   const LoadedMesh& its = mesh();
-  const std::vector<std::uint32_t>& vertex = its.topology.edges.vertex;
+  const MeshEdges& edges = its.topology.edges;
+  const ForEach for_each = on_host();
   const auto start = Clock::now();
+  std::vector<Point> places(edges.vertices());
+  for (std::size_t v = 0; v < places.size(); ++v) places[v] = out[edges.first[v]];
+  const std::vector<Point> found_by_stages = places;
   std::optional<Folds> folds;
   if (const double share = used.tangential.value_or(0); share > 0) {
-    std::vector<std::uint8_t> stays = its.topology.edges.is_boundary;
-    for (std::size_t i = 0; i < out.size(); ++i)
-      if (out[i].x == its.points[i].x && out[i].y == its.points[i].y && out[i].z == its.points[i].z) stays[i] = 1;
-    even_out(its.faces, vertex, stays, share, sigma_of(used), out, on_host());
-    folds.emplace(its.faces, out, on_host());
-    untangle(*folds, vertex, stays, out);
+    std::vector<std::uint8_t> stays = edges.is_boundary;
+    for (std::size_t v = 0; v < places.size(); ++v)
+      if (places[v].x == its.places[v].x && places[v].y == its.places[v].y && places[v].z == its.places[v].z)
+        stays[v] = 1;
+    even_out(its.faces, stays, share, sigma_of(used), places, for_each);
+    folds.emplace(its.faces, its.topology, places, for_each);
+    untangle(*folds, stays, places);
   }
-  if (!folds) folds.emplace(its.faces, out, on_host());
-  unfold(*folds, vertex, its.folded, its.points, out);
+  if (!folds) folds.emplace(its.faces, its.topology, places, for_each);
+  unfold(*folds, its.folded, its.places, places);
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    const std::uint32_t v = edges.vertex[i];
+    if (v != kNoVertex && std::memcmp(&places[v], &found_by_stages[v], sizeof(Point)) != 0) out[i] = places[v];
+  }
   log_.note("faces", milliseconds_since(start));
   MeshReport found = its.topology.found;
   found.folded_before = std::uint64_t(std::count(its.folded.begin(), its.folded.end(), 1));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The edges and faces of a mesh over the uploaded points. Points at one place are one vertex, which is named by the
-// first of them in upload order; the others have no edges of their own.
+// The edges and faces of a mesh over the uploaded points. Points at one place are one vertex. Vertices have numbers of
+// their own, from 0, in an order that depends on the places alone.
 #pragma once
 
 #include <cstdint>
@@ -11,11 +11,20 @@
 
 namespace pointfair {
 
+inline constexpr std::uint32_t kNoVertex = ~0u;
+
 struct MeshEdges {
-  std::vector<std::uint32_t> vertex;      // of each point
-  std::vector<std::uint64_t> begin;       // of each point's neighbours; one more at the end
+  std::vector<std::uint32_t> vertex;      // of each point; kNoVertex of one that is not indexed
+  std::vector<std::uint32_t> first;       // of each vertex, the first point at its place, in upload order
+  std::vector<std::uint64_t> begin;       // of each vertex's neighbours; one more at the end
   std::vector<std::uint32_t> neighbors;   // vertices, ascending
-  std::vector<std::uint8_t> is_boundary;  // of each point
+  std::vector<std::uint8_t> is_boundary;  // of each vertex
+  bool encloses = false;                  // every edge has two faces, of one orientation: there is a volume
+
+  std::size_t vertices() const { return first.size(); }
+  bool is_on_boundary(std::uint32_t point) const {
+    return vertex[point] != kNoVertex && is_boundary[vertex[point]] != 0;
+  }
 
   std::span<const std::uint32_t> neighbors_of(std::uint32_t its_vertex) const {
     return {neighbors.data() + begin[its_vertex], neighbors.data() + begin[its_vertex + 1]};
@@ -26,7 +35,6 @@ struct MeshEdges {
 struct MeshFaces {
   std::vector<std::size_t> ends;          // of each face, in `corners`
   std::vector<std::uint32_t> corners;     // vertices
-  bool encloses = false;                  // every edge has two faces, of one orientation: there is a volume
   std::vector<std::size_t> around_begin;  // of each vertex, in `around_faces`; one more at the end
   std::vector<std::uint32_t> around_faces;
 
