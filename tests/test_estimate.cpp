@@ -117,6 +117,15 @@ TEST(Noise, of_bars_three_spacings_wide_has_no_gap) {
   EXPECT_EQ(measured_noise(shapes::with_noise(bars, 0.02 / 4.5)).gap, 0);
 }
 
+// Residuals that grow and then fall, since only wide neighbourhoods part the heights of bars, are no correlated noise.
+TEST(Noise, of_bars_is_not_correlated) {
+  for (const float width : {0.04f, 0.05f}) {
+    Points bars = shapes::plane(10000);
+    for (Point& p : bars) p.z = std::fmod(p.x, 2 * width) < width ? 0.02f : -0.02f;
+    EXPECT_EQ(measured_noise(shapes::with_noise(bars, 0.001)).correlation, 0) << width;
+  }
+}
+
 TEST(Noise, of_one_sheet_has_no_gap) {
   for (const double sigma : {0.0, 0.001, 0.01, 0.03}) {
     EXPECT_EQ(measured_noise(shapes::with_noise(shapes::plane(10000), sigma)).gap, 0) << sigma;
