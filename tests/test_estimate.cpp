@@ -92,6 +92,40 @@ TEST(Noise, of_two_sheets_is_that_of_each) {
   EXPECT_LT(measured_noise(shapes::two_sheets(20000, 0.015)).sigma, 1e-6);
 }
 
+// Half of what lies between such sheets is the noise of both together.
+TEST(Noise, of_sheets_four_to_five_sigmas_apart_is_that_of_each) {
+  for (const double gap : {0.011, 0.015, 0.022, 0.03}) {
+    const double sigma = gap / 4.5;
+    const Noise noise = measured_noise(shapes::with_noise(shapes::two_sheets(20000, gap), sigma));
+    EXPECT_NEAR(noise.sigma, sigma, 0.1 * sigma) << gap;
+    EXPECT_NEAR(noise.gap, gap, 0.2 * gap);
+  }
+}
+
+// As by a scanner that is off at its second sweep.
+TEST(Noise, of_a_surface_that_was_seen_twice_is_that_of_both) {
+  const double gap = 0.003;  // spacing 0.01
+  const Noise noise = measured_noise(shapes::with_noise(shapes::two_sheets(20000, gap), gap / 4.5));
+  EXPECT_EQ(noise.gap, 0);
+  EXPECT_GT(noise.sigma, 0.4 * gap);
+}
+
+// Their heights are those of two sheets, but beside each other.
+TEST(Noise, of_bars_three_spacings_wide_has_no_gap) {
+  Points bars = shapes::plane(10000);
+  for (Point& p : bars) p.z = std::fmod(p.x, 0.06f) < 0.03f ? 0.01f : -0.01f;
+  EXPECT_EQ(measured_noise(shapes::with_noise(bars, 0.02 / 4.5)).gap, 0);
+}
+
+// Residuals that grow and then fall, since only wide neighbourhoods part the heights of bars, are no correlated noise.
+TEST(Noise, of_bars_is_not_correlated) {
+  for (const float width : {0.04f, 0.05f}) {
+    Points bars = shapes::plane(10000);
+    for (Point& p : bars) p.z = std::fmod(p.x, 2 * width) < width ? 0.02f : -0.02f;
+    EXPECT_EQ(measured_noise(shapes::with_noise(bars, 0.001)).correlation, 0) << width;
+  }
+}
+
 TEST(Noise, of_one_sheet_has_no_gap) {
   for (const double sigma : {0.0, 0.001, 0.01, 0.03}) {
     EXPECT_EQ(measured_noise(shapes::with_noise(shapes::plane(10000), sigma)).gap, 0) << sigma;

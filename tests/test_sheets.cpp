@@ -36,6 +36,14 @@ TEST(Sheets, stay_apart_and_lose_noise) {
     }
 }
 
+// They were taken for one surface in their middle, and left with 2.7 times their error.
+TEST(Sheets, stay_apart_from_four_to_five_sigmas_on) {
+  for (const double gap : {0.011, 0.015}) {
+    const Points noisy = shapes::with_noise(shapes::two_sheets(kPoints, gap), gap / 4.5);
+    EXPECT_LT(mean_height(Ran(noisy).points, gap), 0.5 * mean_height(noisy, gap)) << gap;
+  }
+}
+
 // Residuals that grow since the other sheet comes into sight are not taken for shape.
 TEST(Sheets, are_no_shape_to_be_spared) {
   for (const double gap : {0.011, 0.015, 0.022}) {

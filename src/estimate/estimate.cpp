@@ -104,11 +104,11 @@ Growth residual_growth(const std::vector<point::ResidualSample>& samples) {
 }
 
 // How far the noise is correlated, 0 to 1. With the neighbourhood, residuals of shape grow faster and faster, and those
-// of correlated noise ever less.
+// of correlated noise ever less. Those that fall again saw another sheet or row before.
 double correlation(const Growth& growth) {
-  return growth.first > 0 ? share_between(kCorrelatedGrowth, growth.flat) *
-                                share_between(kCorrelatedSlowing, growth.second / growth.first)
-                          : 0;
+  return growth.first > 0 && growth.second > 0 ? share_between(kCorrelatedGrowth, growth.flat) *
+                                                     share_between(kCorrelatedSlowing, growth.second / growth.first)
+                                               : 0;
 }
 
 // Variances of noise stay, those of shape grow fourfold: g^2 = (1 + 4 x) / (1 + x).

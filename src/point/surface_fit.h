@@ -172,13 +172,17 @@ class GrowingNeighborhood {
   static constexpr double kSurfaceGrowth = 2.6;
   static constexpr int kGroupingRounds = 5;
   static constexpr double kSheetVariance = 0.12;  // of all variance, left within two groups of heights: two sheets
+  static constexpr double kMixedVariance = 0.2;   // the same, if the groups lie over each other
+  static constexpr double kLeastGap = 0.5;        // between these, of the spacing of one of two equal sheets
+  static constexpr int kAsked = 64;               // points, of which it is asked what lies beside them
   static constexpr double kVanishing = 1e-9;      // pivots, of the number of points
 
   POINTFAIR_INLINE bool has_enough() const { return own_count_ >= kFewest; }
 
   // The points on the sample's side where heights over the plane lie in two groups with a gap between, as those of two
   // sheets of a thin part do; all of them elsewhere. Groups by two-means: of Gaussian heights its groups keep 0.36 of
-  // the variance, of two sheets 6 sigmas apart 0.1.
+  // the variance, of two sheets 6 sigmas apart 0.1, of 4 sigmas 0.19. Waves of a shape keep so little, too, but lie
+  // beside each other. Sweeps of a scanner that are off from each other are one surface, and nearer.
   POINTFAIR_INLINE void find_own_sheet() {
     const Plane plane = plane_;
     FitSpace<kMost>& space = space_;
@@ -207,7 +211,12 @@ class GrowingNeighborhood {
       threshold = middle;
     }
     const double between = below * (n - below) / (n * n) * (high - low) * (high - low);
-    if (plane.variance - between >= kSheetVariance * plane.variance) return;
+    const double within = plane.variance - between;
+    if (within >= kMixedVariance * plane.variance) return;
+    if (within >= kSheetVariance * plane.variance &&
+        !(high - low >= kLeastGap * radius_ * square_root(2 * 3.141592653589793 / n) &&
+          lie_over_each_other(threshold, below / n)))
+      return;
     gap_ = high - low;
     const bool is_above = plane.height({0, 0, 0}) >= threshold;
     team_.for_each(count_, [&space, threshold, is_above](int i) {
@@ -216,6 +225,29 @@ class GrowingNeighborhood {
     typename Team::template Sums<1> own(team_);
     own.add(0, count_, [&space](int i) { return Terms<1>{{space.own[i]}}; });
     own_count_ = int(own.total().of[0]);
+  }
+
+  // Whether the groups of heights below and above `threshold` lie over each other, as sheets do: the points beside the
+  // points of one group are of either group, nearly as often as chance has it. `share`: of the points below. O(n).
+  POINTFAIR_INLINE bool lie_over_each_other(double threshold, double share) {
+    const FitSpace<kMost>& space = space_;
+    const int count = count_, asked = count < kAsked ? count : kAsked;
+    const Offset normal = plane_.normal;
+    typename Team::template Sums<1> alike(team_);
+    alike.add(0, asked, [&space, normal, threshold, count](int i) {
+      const Offset here = space.offset(i);
+      double nearest = 1e300;
+      bool is_alike = false;
+      for (int j = 0; j < count; ++j) {
+        const double squared = squared_length(cross(space.offset(j) - here, normal));
+        if (j == i || !(squared < nearest)) continue;
+        nearest = squared;
+        is_alike = (space.height[j] < threshold) == (space.height[i] < threshold);
+      }
+      return Terms<1>{{is_alike ? 1.0 : 0.0}};
+    });
+    const double chance = share * share + (1 - share) * (1 - share);
+    return alike.total().of[0] < (1 + chance) / 2 * asked;
   }
 
   // Coordinates of the own points in any frame of the plane, in radii, and their heights.
