@@ -50,7 +50,7 @@ inline constexpr double kNoiseQuantile =
     0.35;  // of the samples: edges and outliers only raise a residual; (8); estimates
 inline constexpr double kLeastQuantile = 0.15;  // of the samples, where they spread; (8); estimates
 inline constexpr double kMostOverLeast = 1.2;   // of the residual at that quantile; (8); estimates
-inline constexpr double kSheetShare = 0.1;      // of the samples; fewer that see two sheets are corners; sheets
+inline constexpr double kSheetShare = 0.15;     // of the samples; fewer that see two sheets are corners; sheets, 028
 inline constexpr double kGapQuantile = 0.25;    // of the gaps between sheets; sheets
 inline constexpr double kShownBySix = 0.784;    // of the noise, by the deviation of six points from their plane; (25)
 inline constexpr double kHiddenFromSix = 0.53;  // spacings; of more noise six points show less; (25); 028
