@@ -15,7 +15,7 @@ endif
 FUZZ_SECONDS ?= 60
 FUZZ_TARGETS = $(notdir $(wildcard build/fuzz/bin/fuzz_*))
 
-.PHONY: help demo build test wheel wheels golden-aarch64 golden-windows golden-wheel golden-windows-wheel test-windows wasm site test-site test-integrations golden bench quality bench-laz bench-viewer bench-implicit train-net paper-tables figures gallery estimates gpu release source recipes deb fuzz format docs asan tsan clean install
+.PHONY: help demo build test wheel wheels golden-aarch64 golden-windows golden-wheel golden-windows-wheel test-windows test-aarch64 wasm site test-site test-integrations golden bench quality bench-laz bench-viewer bench-implicit train-net paper-tables figures gallery estimates gpu release source recipes deb fuzz format docs asan tsan clean install
 
 help:
 	@echo "make build    the program, build/bin/pointfair"
@@ -24,6 +24,7 @@ help:
 	@echo "make wheel    the Python package with the program, dist/*.whl"
 	@echo "make wheels   wheels and archives for several systems with a pinned compiler, in dist (WHEELS='$(WHEELS)')"
 	@echo "make golden-aarch64  the program that make wheels WHEELS='linux-x86_64 linux-aarch64' made gives the known bytes in qemu"
+	@echo "make test-aarch64  the tests of the command line with that program, in qemu"
 	@echo "make golden-windows  the same for the program of windows-x86_64, in wine"
 	@echo "make test-windows  the tests of the command line with that program, in wine"
 	@echo "make golden-wheel  the wheel of dist for this system, installed alone: its module and its program give the known bytes"
@@ -87,6 +88,10 @@ golden-aarch64:
 	@command -v qemu-aarch64-static > /dev/null && [ -d /usr/aarch64-linux-gnu ] || { echo "install qemu-user-static and libc6-arm64-cross first"; exit 1; }
 	tests/golden/golden.py --runner 'qemu-aarch64-static -L /usr/aarch64-linux-gnu' --isa '' --threads 2 build/wheels/linux-aarch64/prefix/bin/pointfair
 
+test-aarch64:
+	@command -v qemu-aarch64-static > /dev/null && [ -d /usr/aarch64-linux-gnu ] || { echo "install qemu-user-static and libc6-arm64-cross first"; exit 1; }
+	tests/cli/emulated.py qemu build/wheels/linux-aarch64/prefix/bin/pointfair
+
 # in wine: one process after the other on each core, each a second and a half
 golden-windows:
 	@command -v wine > /dev/null || { echo "install wine first"; exit 1; }
@@ -94,7 +99,7 @@ golden-windows:
 
 test-windows:
 	@command -v wine > /dev/null || { echo "install wine first"; exit 1; }
-	tests/cli/in_wine.py build/wheels/windows-x86_64/prefix/bin/pointfair.exe
+	tests/cli/emulated.py wine build/wheels/windows-x86_64/prefix/bin/pointfair.exe
 
 golden-wheel:
 	tests/golden/wheel.py dist

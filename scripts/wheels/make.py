@@ -18,7 +18,7 @@ import tarfile
 import zipfile
 
 from parts import SOURCES, collect_licenses, unpack
-from tools import folder_of, make_environment, run
+from tools import folder_of, follow_processors, make_environment, run
 
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
@@ -209,6 +209,7 @@ def main():
     parser.add_argument("targets", nargs="+", choices=TARGETS, help="for which systems, linux-x86_64 first")
     parser.add_argument("--dist", type=pathlib.Path, required=True, help="where wheels and archives go")
     args = parser.parse_args()
+    follow_processors()
     work, downloads = ROOT / "build/wheels", ROOT / "build/downloads"
     sources = {package: unpack(package, downloads, work) for package in SOURCES}
     zig = folder_of(make_environment(work / "tools", HERE / "tools.txt"), "ziglang") / "zig"

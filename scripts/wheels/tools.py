@@ -1,7 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Virtual environments with pinned packages, and commands that must not fail."""
+import os
 import subprocess
 import sys
+
+
+def follow_processors():
+    """As many compilers at a time as there are processors, also under pip, unless the caller says another number: ninja alone
+    starts two more, each of which may take a gigabyte."""
+    os.environ.setdefault("CMAKE_BUILD_PARALLEL_LEVEL", str(len(os.sched_getaffinity(0))))
 
 
 def run(*command, **options):

@@ -15,7 +15,7 @@ import shutil
 import subprocess
 
 from parts import licenses_of_module, unpack
-from tools import folder_of, make_environment, run
+from tools import folder_of, follow_processors, make_environment, run
 
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
@@ -57,6 +57,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("wanted", nargs="+", choices=TARGETS)
     wanted = parser.parse_args().wanted
+    follow_processors()
     WORK.mkdir(parents=True, exist_ok=True)
     zig = folder_of(make_environment(ROOT / "build/wheels/tools", HERE / "tools.txt"), "ziglang") / "zig"
     pugixml = unpack("pugixml", ROOT / "build/downloads", ROOT / "build/wheels")

@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Runs the tests of the command line with the program for Windows, in wine: `make test-windows`.
+"""Runs the tests of the command line with a program for another system: `make test-windows`, `make test-aarch64`.
 
-    tests/cli/in_wine.py build/wheels/windows-x86_64/prefix/bin/pointfair.exe [test_verbs ...]
+    tests/cli/emulated.py wine build/wheels/windows-x86_64/prefix/bin/pointfair.exe [test_verbs ...]
+    tests/cli/emulated.py qemu build/wheels/linux-aarch64/prefix/bin/pointfair [test_verbs ...]
 
-What wine or Windows cannot do is named in NOT_THERE, with the reason."""
+What the emulator or the system cannot do is named in NOT_THERE, with the reason."""
 import importlib
 import os
 import pathlib
@@ -14,7 +15,9 @@ import tempfile
 import unittest
 
 HERE = pathlib.Path(__file__).resolve().parent
-NOT_THERE = {
+COMMANDS = {"wine": "wine", "qemu": "qemu-aarch64-static -L /usr/aarch64-linux-gnu"}
+BLOCKED = "it waits until Linux says that the process blocks a signal, which qemu does for the program without telling Linux"
+NOT_THERE = {"wine": {
     "test_bad_input.Files.test_no_permission": "wine runs for the user only that its folder belongs to",
     "test_bad_input.Outputs.test_disk_full": "a limit of Linux",
     "test_bad_input.Outputs.test_output_equal_to_input": "Windows replaces no file that is being read, and the program says so",
@@ -26,7 +29,13 @@ NOT_THERE = {
     "test_zones.Zones.test_a_run_that_was_killed_goes_on": "every run is killed before wine has started it",
     "test_view.View.test_saving_stays_in_its_folder": "whole paths begin with the letter of a drive",
     "test_pages.Pages.test_names_are_text": "Windows has no names of files with <",
-}
+}, "qemu": {
+    "test_interrupt.Interrupt.test_in_the_middle_of_a_run": BLOCKED,
+    "test_interrupt.Interrupt.test_while_reading_standard_input": BLOCKED,
+    "test_interrupt.Interrupt.test_while_writing_to_a_reader_that_waits": BLOCKED,
+    "test_interrupt.Interrupt.test_bench": BLOCKED,
+    "test_interrupt.Interrupt.test_an_ignored_interrupt_stays_ignored": BLOCKED,
+}}
 
 
 def tests_of(suite):
@@ -35,19 +44,19 @@ def tests_of(suite):
 
 
 def main():
-    program, *names = sys.argv[1:]
+    emulator, program, *names = sys.argv[1:]
     sys.path.insert(0, str(HERE))
     with tempfile.TemporaryDirectory() as folder:
         program, start = pathlib.Path(program).resolve(), pathlib.Path(folder, "bin/pointfair")
         start.parent.mkdir()
         start.parent.with_name("share").symlink_to(program.parent.parent / "share")  # the page, where the tests look for it
-        start.write_text(f"#!/bin/sh\nexec wine {shlex.quote(str(program))} \"$@\"\n")
+        start.write_text(f"#!/bin/sh\nexec {COMMANDS[emulator]} {shlex.quote(str(program))} \"$@\"\n")
         start.chmod(0o755)
         os.environ.update(POINTFAIR_BIN=str(start), WINEDEBUG="-all")
         suite, left_out = unittest.TestSuite(), 0
         for name in names or sorted(path.stem for path in HERE.glob("test_*.py")):
             for test in tests_of(unittest.defaultTestLoader.loadTestsFromModule(importlib.import_module(name))):
-                reason = NOT_THERE.get(name) or NOT_THERE.get(test.id())
+                reason = NOT_THERE[emulator].get(name) or NOT_THERE[emulator].get(test.id())
                 if reason:
                     left_out += 1
                     print(f"not run: {test.id()}: {reason}")
