@@ -5,12 +5,15 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "pointfair/pipeline.hpp"
 #include "reference.h"
 #include "runs.h"
+#include "seam/backend.hpp"
 #include "shapes.h"
 
 namespace pointfair {
@@ -169,6 +172,27 @@ TEST(Degenerate, nan_infinite_and_overflowing_points_keep_their_bits_and_are_cou
       else
         ASSERT_TRUE(std::isfinite(result.points[i].x + result.points[i].y + result.points[i].z));
   }
+}
+
+// One round of a filter of normals swaps their memory, which has room for the valid points alone, with the upload's.
+TEST(Degenerate, an_index_is_built_anew_of_a_cloud_of_mostly_invalid_points) {
+  Points points = shapes::waves(4000);
+  points.resize(400'000, Point{std::numeric_limits<float>::quiet_NaN(), 0, 0});
+  NeighborSettings nearest;
+  nearest.k = 8;
+  NormalSettings filtered;
+  filtered.sigma = 0.1f;
+  filtered.filter_rounds = 1;
+  const std::unique_ptr<Backend> backend = make_cpu_backend(2);
+  backend->upload(points, IndexOrder::fastest);
+  for (int times = 0; times < 2; ++times) {
+    backend->build_index(0, std::nullopt, {});
+    backend->find_neighbors(0, nearest, {});
+    backend->estimate_normals(0, filtered, {});
+  }
+  Points held(points.size());
+  backend->download_input(held);
+  EXPECT_TRUE(same_bits(held, points));
 }
 
 TEST(Degenerate, invalid_points_do_not_change_the_others) {

@@ -60,7 +60,7 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
     if (upload_is_indexed_) first_.swap_faired(uploaded_);
     upload_is_indexed_ = false;
     points_ = points.size();
-    uploaded_.resize((points.size() + kLeafSize - 1) / kLeafSize * kLeafSize);  // as many as faired positions
+    make_room_for_upload();
     for_copies(points.size(), [&](std::size_t first, std::size_t last) {
       std::copy(points.begin() + first, points.begin() + last, uploaded_.data() + first);
     });
@@ -213,9 +213,14 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
     upload_is_indexed_ = true;
   }
 
-  // An index that is built anew takes its points from the old one, which holds them all.
+  // As many as faired positions.
+  void make_room_for_upload() { uploaded_.resize((std::size_t(points_) + kLeafSize - 1) / kLeafSize * kLeafSize); }
+
+  // An index that is built anew takes its points from the old one, which holds them all. The chain may give other memory
+  // than it got, which has room for the valid points alone.
   void restore_upload() {
     first_.swap_faired(uploaded_);
+    make_room_for_upload();
     upload_is_indexed_ = false;
     const IndexView index = first_.index().view();
     for_copies(index.points, [&](std::size_t first, std::size_t last) {
